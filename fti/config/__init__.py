@@ -33,6 +33,7 @@ from fti.config.tables import (
     UdpLink,
     UnstatedSd,
     Vector,
+    altimeter_links,
     position_sources,
 )
 
@@ -62,6 +63,7 @@ __all__ = [
     "UdpLink",
     "UnstatedSd",
     "Vector",
+    "altimeter_links",
     "bind",
     "decode_text",
     "load",

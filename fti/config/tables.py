@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
@@ -342,6 +343,11 @@ def position_sources(nav: Nav) -> tuple[str, ...]:
     receiver = nav.radio.receiver if nav.radio else None
     aiding = (*(nav.filter.gnss if nav.filter else ()), *((receiver,) if receiver else ()))
     return tuple(dict.fromkeys((*nav.position, *aiding)))
+
+
+def altimeter_links(devices: Sequence[Device], nav: Nav) -> frozenset[str]:
+    """Links of the altimeters that navigation uses."""
+    return frozenset(device.link for device in devices if device.name in nav.altimeters)
 
 
 class Display(StrictModel):

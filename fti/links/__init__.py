@@ -23,6 +23,7 @@ class Link(Protocol):
     name: str
     status: LinkStatus
     on_sent: Sink | None
+    urgent: bool
 
     async def run(self) -> None:
         """Open, read, come back when lost; until cancelled, then everything is closed."""

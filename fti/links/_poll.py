@@ -3,6 +3,9 @@
 The kernel stamps what it queues, so nothing is gained by reading each datagram at once; and a process that wakes for
 each finds its memory cold and pays for that many times what the reading costs.  Where more was waiting than one call
 takes, the next look is soon, so that no receive buffer overflows.
+
+An urgent link has all sockets looked at when it receives: all that arrived before its bytes is handed on with them.
+That happens at most ``EARLY_LOOKS`` times between two beats: a busy bus must not wake the process for each frame.
 """
 
 from __future__ import annotations
@@ -16,19 +19,28 @@ from fti.types import TICK_PERIOD_NS
 
 BEAT_S = TICK_PERIOD_NS / 1e9
 SOON_S = 0.005
+EARLY_LOOKS = 4
 
 #: Reads what is there; true when there may be more.
 Read = Callable[[], bool]
 
 
 class SocketPoll:
-    """The sockets of one loop, and what is called with each beat, behind the look at them."""
+    """The sockets of one loop.
+
+    calls, early_calls : called behind the look at the sockets with each beat, and behind each look before it
+    """
 
     def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
         self._loop = loop
         self._epoll = select.epoll()
         self._reads: dict[int, Read] = {}
+        self._urgent: set[int] = set()
         self.calls: list[Callable[[], None]] = []
+        self.early_calls: list[Callable[[], None]] = []
+        self._early_left = EARLY_LOOKS
+        self._early: asyncio.Handle | None = None
+        self._reading = False
         self._beat_s = 0.0  # when the next one is due
         self._busy = False  # more was waiting than one call takes
         self._next: asyncio.Handle = loop.call_soon(self._look)
@@ -38,33 +50,71 @@ class SocketPoll:
         """No socket is left, and nobody else wants the beat."""
         return not (self._reads or self.calls)
 
-    def add(self, fd: int, read: Read) -> None:
-        """Look at this socket too."""
+    def add(self, fd: int, read: Read, *, urgent: bool = False) -> None:
+        """Look at this socket too.  urgent : as soon as it has something"""
         self._reads[fd] = read
         self._epoll.register(fd, select.EPOLLIN)
+        if urgent:
+            self._urgent.add(fd)
+            self._loop.add_reader(fd, self._look_early)
 
     def remove(self, fd: int) -> None:
         """Leave it alone, before it is closed."""
         if self._reads.pop(fd, None):
             self._epoll.unregister(fd)
+        if fd in self._urgent:
+            self._urgent.remove(fd)
+            self._loop.remove_reader(fd)
 
     def close(self) -> None:
         """End."""
         self._next.cancel()
+        if self._early:
+            self._early.cancel()
         self._epoll.close()
 
+    def look_soon(self) -> None:
+        """Look before the beat: called while a link receives, behind all that the loop has found ready."""
+        if not (self._reading or self._early):
+            self._early = self._loop.call_soon(self._look_early)
+
     def _look(self) -> None:
-        more = False
-        for fd, _ in self._epoll.poll(0):
-            if read := self._reads.get(fd):
-                more |= bool(self._safely(read))
+        more = self._read_all()
         now = self._loop.time()  # read once: what decides on the beat must plan the next one
         if now >= self._beat_s and not (more and now < self._beat_s + SOON_S):
             self._beat_s = next_beat(now, BEAT_S)
+            self._allow_early()
             for call in tuple(self.calls):
                 self._safely(call)
         if not self._epoll.closed:  # by one of them
             self._plan(more, now)
+
+    def _look_early(self) -> None:
+        self._early = None
+        if not self._early_left:
+            for fd in self._urgent:
+                self._loop.remove_reader(fd)
+            return
+        self._early_left -= 1
+        self._read_all()
+        for call in tuple(self.early_calls):
+            self._safely(call)
+
+    def _allow_early(self) -> None:
+        """As often as allowed until the next beat."""
+        if not self._early_left:
+            for fd in self._urgent:
+                self._loop.add_reader(fd, self._look_early)
+        self._early_left = EARLY_LOOKS
+
+    def _read_all(self) -> bool:
+        """Read every socket that has something; true when there may be more."""
+        more, self._reading = False, True
+        for fd, _ in self._epoll.poll(0):
+            if read := self._reads.get(fd):
+                more |= bool(self._safely(read))
+        self._reading = False
+        return more
 
     def _safely(self, call: Callable[[], bool | None]) -> bool | None:
         """Whatever one of them does, the others are looked at, and the beat goes on."""
@@ -100,9 +150,9 @@ def _close_empty() -> None:
         _polls.pop(loop).close()
 
 
-def watch(fd: int, read: Read) -> None:
-    """Call ``read`` with a beat when the socket has something, from the running loop."""
-    _poll().add(fd, read)
+def watch(fd: int, read: Read, *, urgent: bool = False) -> None:
+    """Call ``read`` with a beat when the socket has something, from the running loop; an urgent one before the beat."""
+    _poll().add(fd, read, urgent=urgent)
 
 
 def forget(fd: int) -> None:
@@ -111,12 +161,22 @@ def forget(fd: int) -> None:
     _close_empty()
 
 
-def with_beat(call: Callable[[], None]) -> None:
-    """Call this with every beat, behind the look at the sockets, from the running loop."""
-    _poll().calls.append(call)
+def look_soon() -> None:
+    """What is received now, in the running loop, does not wait for the beat."""
+    if poll := _polls.get(asyncio.get_running_loop()):
+        poll.look_soon()
 
 
-def without_beat(call: Callable[[], None]) -> None:
+def with_beat(call: Callable[[], None], early: Callable[[], None]) -> None:
+    """From the running loop, behind the look at the sockets: call this with every beat, and ``early`` before it."""
+    poll = _poll()
+    poll.calls.append(call)
+    poll.early_calls.append(early)
+
+
+def without_beat(call: Callable[[], None], early: Callable[[], None]) -> None:
     """No longer."""
-    _poll().calls.remove(call)
+    poll = _poll()
+    poll.calls.remove(call)
+    poll.early_calls.remove(early)
     _close_empty()

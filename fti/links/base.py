@@ -16,6 +16,7 @@ from typing import Any
 
 from fti.clock import SECOND_NS, Clock, next_beat
 from fti.errors import LinkError, SentInPart
+from fti.links._poll import look_soon
 from fti.types import LinkState
 
 #: Gets what arrived together, each one read, one datagram or one CAN frame, and their FTI times of arrival [ns].  At
@@ -86,6 +87,7 @@ class BaseLink(ABC):
     sink      : see ``Sink``
     on_connect: sent after every connect, when the link may send
     on_sent   : gets what was sent, and when; None until somebody wants to know
+    urgent    : what it receives does not wait for the beat; set before ``run``
     """
 
     def __init__(self, name: str, transmit: bool, clock: Clock, sink: Sink, on_connect: Sequence[bytes]) -> None:
@@ -95,6 +97,7 @@ class BaseLink(ABC):
         self._clock = clock
         self._sink = sink
         self.on_sent: Sink | None = None
+        self.urgent = False
         self._on_connect = tuple(on_connect)
         self._send_lock = asyncio.Lock()
         self._gone: list[str] = []  # what has gone out of that which is being written, should it be given up
@@ -217,6 +220,8 @@ class BaseLink(ABC):
         if status.state not in RECEIVING:
             status.state, status.hint = GOOD, ""
         self._sink(frames, times_ns)
+        if self.urgent:
+            look_soon()
 
     async def drain(self) -> None:
         """Read what the kernel still holds, before the link is cancelled; nothing is sent from now on."""

@@ -114,7 +114,7 @@ class BusLink(BaseLink):
         if self._queue:  # a bus of the library may be a socket with the usual queue, a quarter of a second
             enlarge(self._queue)
         if self._socket:
-            watch(self._fd, self._on_readable)
+            watch(self._fd, self._on_readable, urgent=self.urgent)
         elif self._fd >= 0:
             loop.add_reader(self._fd, self._on_readable)
         else:

@@ -10,6 +10,7 @@ from typing import Any
 from fti.buffers.ring import Ring
 from fti.buffers.triple import TripleBuffer
 from fti.clock import SystemClock, next_beat
+from fti.config import altimeter_links
 from fti.links import Link, open_link, with_beat, without_beat
 from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.session import Kind, Numbering, SessionFolder
@@ -50,6 +51,7 @@ class Recorder:
         self._tick = self._intake.sink(self._tick_index, self._ticks)
         self._places = order.places()
         self._log = self._make_log("raw", Numbering(order.first_number, order.given_up, self._tell_number))
+        self._urgent = altimeter_links(order.config.device, order.config.nav)
         self._units = [self._make_unit(i) for i in range(len(order.config.link))]
         links = {unit.link.name: unit.link for unit in self._units}
         self._sender = Sender(links, order.sending, clock, tell=channel.send, report=self._report)
@@ -90,6 +92,7 @@ class Recorder:
             on_connect=[bytes.fromhex(text) for text in orders.on_connect],
         )
         link.on_sent = self._intake.sink(self._tick_index + 1 + index, sent)
+        link.urgent = described.name in self._urgent
         return Unit(link, described.kind, index, received, sent)
 
     def _make_snapshot(self) -> SnapshotSink | None:
@@ -143,7 +146,7 @@ class Recorder:
         if self._snapshot:
             self._snapshot.start()
         readers = [self._start(unit.link.name, unit.link.run) for unit in self._units]
-        with_beat(self._beat)
+        with_beat(self._beat, self._hand_on_early)
         helpers = [self._start("health", self._watch), self._start("storage", self._tend_storage)]
         self._sender.start()
         await self._stop.wait()
@@ -161,6 +164,11 @@ class Recorder:
             self._tick((b"",), (now,))
             self._intake.hand_on()
             self._wake_writer()
+
+    def _hand_on_early(self) -> None:
+        """An altimeter has sent something: navigation gets it now, the file with the beat."""
+        with guarded("early frames", self._report):
+            self._intake.hand_on()
 
     def _notice_pause(self, now_ns: int) -> None:
         """A process that stood still has not waited for its medium."""
@@ -248,7 +256,7 @@ class Recorder:
         """Sending ended, kernel queues drained, readers stopped, buffers written, file closed, ring ended: in order."""
         await self._sender.stop()
         await asyncio.gather(*(self._drain(unit.link) for unit in self._units))
-        without_beat(self._beat)
+        without_beat(self._beat, self._hand_on_early)
         for task in (*readers, *helpers):
             task.cancel()
         await asyncio.gather(*readers, *helpers, return_exceptions=True)

@@ -32,8 +32,8 @@ class Port:
         self.then()
         return self.more
 
-    def watch(self) -> None:
-        _poll.watch(self.near.fileno(), self.read)
+    def watch(self, *, urgent: bool = False) -> None:
+        _poll.watch(self.near.fileno(), self.read, urgent=urgent)
 
     def forget(self) -> None:
         _poll.forget(self.near.fileno())
@@ -41,6 +41,10 @@ class Port:
     def close(self) -> None:
         self.near.close()
         self.far.close()
+
+
+def nothing() -> None:
+    """Nobody wants a look before the beat."""
 
 
 class Turns:
@@ -97,15 +101,102 @@ async def test_the_beat_calls_behind_the_look(ports: list[Port]) -> None:
     def beat() -> None:
         told.append(list(port.heard))
 
-    _poll.with_beat(beat)
+    _poll.with_beat(beat, nothing)
     await until_async(lambda: len(told) > 2)
     before = len(told)
     port.far.send(b"x")
     await until_async(lambda: len(told) > before)
     assert told[before] == [b"x"]
     port.forget()
-    _poll.without_beat(beat)
+    _poll.without_beat(beat, nothing)
     assert not _poll._polls
+
+
+class Recorder:
+    """What two ports had heard at each beat, and at each look before one, in order."""
+
+    def __init__(self, *ports: Port) -> None:
+        self._ports = ports
+        self.calls: list[tuple[str, tuple[int, ...]]] = []
+        _poll.with_beat(self._beat, self._early)
+
+    def _note(self, kind: str) -> None:
+        self.calls.append((kind, tuple(len(port.heard) for port in self._ports)))
+
+    def _beat(self) -> None:
+        self._note("beat")
+
+    def _early(self) -> None:
+        self._note("early")
+
+    async def next_beat(self) -> None:
+        count = [kind for kind, _ in self.calls].count("beat")
+        await until_async(lambda: [kind for kind, _ in self.calls].count("beat") > count)
+        self.calls.clear()
+
+    def close(self) -> None:
+        _poll.without_beat(self._beat, self._early)
+        for port in self._ports:
+            port.forget()
+        assert not _poll._polls
+
+
+async def test_an_urgent_socket_has_all_read_before_the_beat(ports: list[Port]) -> None:
+    """What the other socket has had for longer goes on with it."""
+    altimeter, attitude = ports[:2]
+    altimeter.watch(urgent=True)
+    attitude.watch()
+    recorder = Recorder(altimeter, attitude)
+    for turn in range(1, 4):
+        await recorder.next_beat()
+        attitude.far.send(b"a")
+        altimeter.far.send(b"h")
+        await until_async(lambda: recorder.calls)
+        assert recorder.calls[0] == ("early", (turn, turn))
+    recorder.close()
+
+
+async def test_a_link_without_a_socket_has_all_read_too_when_what_is_ready_was_received(ports: list[Port]) -> None:
+    """It asks while it receives, as often as it likes; a second line of the same turn is heard first."""
+    attitude, recorder = ports[0], None
+    attitude.watch()
+    recorder, loop, lines = Recorder(attitude), asyncio.get_running_loop(), list[str]()
+    await recorder.next_beat()
+    attitude.far.send(b"a")
+    for line in ("altimeter", "other"):
+        loop.call_soon(lines.append, line)
+        loop.call_soon(_poll.look_soon)
+    assert not lines
+    await until_async(lambda: recorder.calls)
+    assert lines == ["altimeter", "other"]
+    assert recorder.calls[0] == ("early", (1,))
+    await recorder.next_beat()
+    recorder.close()
+
+
+def test_a_busy_urgent_socket_waits_for_the_beat_in_the_end(ports: list[Port]) -> None:
+    """It wakes the loop so often and no more between two beats, and again after the next one; nothing stays behind."""
+    loop, bus, calls = Hands(), ports[0], list[str]()
+    loop.step_s = 0.0
+    bus.more = True  # before a beat all is read, one by one
+    poll = _poll.SocketPoll(loop)
+    poll.add(bus.near.fileno(), bus.read, urgent=True)
+    poll.calls.append(lambda: calls.append("beat"))
+    poll.early_calls.append(lambda: calls.append("early"))
+    for _ in range(3):
+        loop.now_s = poll._beat_s
+        for _ in range(20):
+            loop.run_until_complete(asyncio.sleep(0))
+        assert calls == ["beat"]
+        for _ in range(2 * _poll.EARLY_LOOKS):
+            bus.far.send(b"x")
+            for _ in range(20):
+                loop.run_until_complete(asyncio.sleep(0))
+        assert calls == ["beat"] + ["early"] * _poll.EARLY_LOOKS
+        calls.clear()
+    assert len(bus.heard) == 2 * 2 * _poll.EARLY_LOOKS + _poll.EARLY_LOOKS
+    poll.close()
+    loop.close()
 
 
 async def test_one_that_fails_is_nobody_elses_trouble(ports: list[Port]) -> None:
@@ -121,7 +212,7 @@ async def test_one_that_fails_is_nobody_elses_trouble(ports: list[Port]) -> None
     _poll.watch(sick.near.fileno(), fail)
     well.watch()
     beat = functools.partial(beats.append, 1)
-    _poll.with_beat(beat)
+    _poll.with_beat(beat, nothing)
     for turn in range(3):
         sick.far.send(b"x")
         well.far.send(b"y")
@@ -131,7 +222,7 @@ async def test_one_that_fails_is_nobody_elses_trouble(ports: list[Port]) -> None
     assert set(errors) == {"sick"}
     for port in (sick, well):
         port.forget()
-    _poll.without_beat(beat)
+    _poll.without_beat(beat, nothing)
 
 
 class Hands(asyncio.SelectorEventLoop):

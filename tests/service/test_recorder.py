@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import socket
 import time
 from collections.abc import Iterator
@@ -11,9 +12,9 @@ from typing import Any
 import pytest
 
 from fti.buffers.ring import Ring
-from fti.buffers.ring_reader import RingReader
+from fti.buffers.ring_reader import Record, RingReader
 from fti.clock import choose_epoch_ns
-from fti.config import Config, SerialLink, Session, UdpLink
+from fti.config import Altimeter, Config, Device, Nav, SerialLink, Session, UdpLink
 from fti.logger.reading.recording import Recording
 from fti.logger.session import SessionFolder
 from fti.service.children import Child
@@ -25,10 +26,27 @@ from tests.helpers import until
 pytestmark = pytest.mark.timeout(900)
 
 
-class Rig:
-    """A recorder with a serial line that it may send on, and a datagram link that it may not."""
+def _with_altimeter(link: str | None) -> dict[str, Any]:
+    """Tables of a configuration with a radar altimeter on that link."""
+    if link is None:
+        return {}
+    device = Device(
+        name="radar",
+        link=link,
+        driver="freeflight_ra4500",
+        max_age_ms=500,
+        altimeter=Altimeter(kind="radar", range_m=(0.5, 762.0)),
+    )
+    return {"device": (device,), "nav": Nav(altimeters=("radar",))}
 
-    def __init__(self, folder: Path, **more: Any) -> None:
+
+class Rig:
+    """A recorder with a serial line that it may send on, and a datagram link that it may not.
+
+    altimeter : the link of one
+    """
+
+    def __init__(self, folder: Path, altimeter: str | None = None, **more: Any) -> None:
         self.line = Line(folder / "line")
         self.port = free_udp_port()
         self.session = SessionFolder.create(folder / "out", "rig", 0)
@@ -38,7 +56,7 @@ class Rig:
             UdpLink(name="eth", kind="udp", bind=f"127.0.0.1:{self.port}"),
         )
         order = RecorderOrder(
-            config=Config(session=Session(name="rig"), link=links),
+            config=Config(session=Session(name="rig"), link=links, **_with_altimeter(altimeter)),
             folder=str(self.session.path),
             epoch_ns=choose_epoch_ns(),
             sending={"line": LinkOrder(on_connect=(b"hello\r".hex(),), polls=((0.2, b"ask\r".hex()),))},
@@ -72,6 +90,37 @@ def rig(tmp_path: Path) -> Iterator[Rig]:
     made = Rig(tmp_path)
     yield made
     made.close()
+
+
+@pytest.mark.parametrize("link", ["line", "eth"])
+def test_what_an_altimeter_sends_does_not_wait_for_the_beat(tmp_path: Path, link: str) -> None:
+    """With the beat, a tick comes with it; so it does when it is sent while one is due, which is seldom."""
+    alone, numbers = 0, range(100)
+    with (
+        contextlib.closing(Rig(tmp_path, altimeter=link)) as rig,
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender,
+    ):
+        until(lambda: rig.hear("ready"), what="ready")
+        until(lambda: rig.said().startswith(b"hello\r"), what="the line is open")
+        reader, index = RingReader(rig.ring), ("line", "eth").index(link)
+        for number in numbers:
+            data = b"%d" % number
+            if link == "eth":
+                sender.sendto(data, ("127.0.0.1", rig.port))
+            else:
+                rig.line.write(data)
+            alone += [record.link_index for record in _read_with(reader, data)] == [index]
+    assert alone > 0.7 * len(numbers)
+
+
+def _read_with(reader: RingReader, data: bytes) -> list[Record]:
+    """The frames that the recorder has put into the ring together with these bytes."""
+    while True:
+        found = reader.read(1)
+        if any(record.data == data for record in found):
+            return found
+        if not found:
+            reader.wait(30)
 
 
 def test_it_sends_what_it_was_told_and_records_it(rig: Rig) -> None:
