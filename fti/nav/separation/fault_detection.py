@@ -329,7 +329,8 @@ class FaultDetection:
         if len(devices) > 1 and watched.what == SATELLITES and (self.is_drawn or not finding.refused):
             devices = self._blamed(devices, watched)
         elif len(devices) > 1:
-            devices = tuple(d for d in devices if _contradicts(d, watched, finding, segment))
+            wrong = tuple(d for d in devices if _contradicts(d, watched, finding, segment))
+            devices = tuple(d for d in devices if d in wrong or _is_alike(d, wrong, watched, finding, segment))
         if devices:
             self._exclude(devices, watched.quantities, finding, segment, t_ns)
         else:
@@ -387,6 +388,7 @@ class FaultDetection:
         is_oldest = finding.copy is not None and finding.copy is satellites.monitor.ladder.oldest
         if is_oldest and self._aiding(satellites):
             satellites.go_on_from_oldest()
+            satellites.monitor.hold_oldest()
         else:
             satellites.clear()
 
@@ -528,6 +530,13 @@ def _contradiction(device: str, quantity: str, finding: Finding, segment: Segmen
             size = max(size, float(np.linalg.norm(entry.innovation)))
     is_real = size > 0.0
     return Contradiction(QUANTITY_AXES[quantity], size, segment.end.estimate.t_ns if is_real else None, is_real)
+
+
+def _is_alike(device: str, wrong: Iterable[str], watched: SourceClass, finding: Finding, segment: Segment) -> bool:
+    """Whether a receiver tells the filter the same as one that it refuses, though its own refusal has not lasted."""
+    names = receiver_names(device) & watched.tested
+    others = (receiver_names(other) & watched.tested for other in wrong)
+    return finding.refused and any(watched.refusals.is_alike(segment.end, other, names) for other in others)
 
 
 def _contradicts(device: str, watched: SourceClass, finding: Finding, segment: Segment) -> bool:

@@ -15,15 +15,20 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fti.nav.filter.gate import Judgement
 from fti.nav.filter.segment import Moment, Segment
 from fti.nav.separation.copies import Copy, Separation
 from fti.nav.separation.ladder import Ladder
 
+Array = NDArray[np.float64]
+
 K_FA = 5.3
 HOLD_NS = 2_000_000_000
 REFUSED_NS, REFUSED_COUNT = 5_000_000_000, 5
+#: An innovation is like that of a source that is refused when it differs from it by less than this share of it.
+ALIKE = 0.5
 #: A refusal that no other one has followed for so long is that of a source that has fallen silent [ns].
 SILENT_REFUSAL_NS = 10_000_000_000
 #: Copies begin so long after the filter: velocity and tilt of a filter that has just begun are less certain.
@@ -68,6 +73,7 @@ class SeparationMonitor:
         self._suspected_ns: int | None = None
         self._calm_ns: int | None = None  # d was last within its sigma
         self._settled_ns: int | None = None  # copies begin then
+        self._is_held = self._was_half = False
         self.ratio = 0.0
         self._worst = (0, 0)  # copy and axis of the largest ratio
 
@@ -75,6 +81,14 @@ class SeparationMonitor:
     def is_suspected(self) -> bool:
         """Whether d is larger than noise explains."""
         return self._suspected_ns is not None
+
+    def hold_oldest(self) -> None:
+        """Never replace the oldest copy if the filter separates from it by half of K_FA, now or later.
+
+        Behind the exclusion of one of several receivers it is all that tells of another one that lies alike.  When its
+        sigma has grown beyond the separation, that ends no contradiction.
+        """
+        self._is_held, self._was_half = True, False
 
     def follow(
         self, segment_end: Moment, *, may_renew: bool, is_comparable: bool = True, keep_oldest: bool = False
@@ -95,12 +109,13 @@ class SeparationMonitor:
             self._suspected_ns = None
         elif self._suspected_ns is None:
             self._suspected_ns = t_ns
+        self._was_half = self._is_held and (self._was_half or self.ratio >= 0.5 * K_FA)
         oldest = self.ladder.oldest
         is_outside = oldest is not None and oldest.outside_ns is not None
         if self._settled_ns is None:
             self._settled_ns = t_ns + SETTLE_NS
         if t_ns >= self._settled_ns and self.ratio < 0.5 * K_FA and may_renew and not is_outside:
-            self.ladder.renew(segment_end, keep_oldest=keep_oldest)
+            self.ladder.renew(segment_end, keep_oldest=keep_oldest or self._was_half)
 
     def _find_largest(self) -> None:
         self.ratio = 0.0
@@ -150,17 +165,22 @@ class Refusals:
     """Of a class by the filter without a break: times of the first and the last one [ns], and how many.
 
     newest_ns : of the last one of each source, by name
+    innovations : of the last measurement of each source, whatever the filter made of it, by name
     """
 
     first_ns: int | None = None
     last_ns: int = 0
     times: int = 0
     newest_ns: dict[str, int] = field(default_factory=dict)
+    innovations: dict[str, Array] = field(default_factory=dict)
 
     def follow(self, segment: Segment, names: frozenset[str]) -> None:
         """Take what the filter made of these sources in a segment."""
         refused = [e for e in segment.entries if e.aiding.name in names and e.judgement is Judgement.REFUSED]
         self.newest_ns.update((entry.aiding.name, entry.t_ns) for entry in refused)
+        self.innovations |= {
+            e.aiding.name: e.innovation for e in segment.entries if e.aiding.name in names and e.innovation is not None
+        }
         self.first_ns = self.since(segment.end, names)
         if self.first_ns is None:
             self.times = 0
@@ -177,6 +197,19 @@ class Refusals:
         newest = ((name, self.newest_ns[name]) for name in names if name in self.newest_ns and name in standings)
         since = (standings[name].refused_since_ns for name, then_ns in newest if t_ns - then_ns < SILENT_REFUSAL_NS)
         return min((then_ns for then_ns in since if then_ns is not None), default=None)
+
+    def is_alike(self, now: Moment, refused: frozenset[str], other: frozenset[str]) -> bool:
+        """Whether another source differs from the filter nearly as one does that it refuses now, in the same quantity.
+
+        refused, other : their names.  A source that is right differs from the filter otherwise than one that is wrong.
+        """
+        for name in refused:
+            twin = next(found for found in other if found.rpartition(".")[2] == name.rpartition(".")[2])
+            if self.since(now, (name,)) is not None and twin in self.innovations:
+                first, second = self.innovations[name], self.innovations[twin]
+                if np.linalg.norm(first - second) < ALIKE * np.linalg.norm(first):
+                    return True
+        return False
 
     @property
     def is_lasting(self) -> bool:
