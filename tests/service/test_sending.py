@@ -29,6 +29,7 @@ class FakeLink:
         self.name = "line"
         self.status = LinkStatus()
         self.on_sent: Sink | None = None
+        self.urgent = False
         self.taken: list[tuple[bytes, float]] = []
         self.takes = asyncio.Event()
         self.takes.set()
