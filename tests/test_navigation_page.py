@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+import json
 import re
 from dataclasses import dataclass
+from typing import Any
 
 import pytest
 
+from fti.clock import FakeClock
+from fti.config import Config, Session
 from fti.nav import navigation
+from fti.nav.alarm_conditions import OutputConditions
 from fti.nav.exclusion_events import describe_return
-from fti.web.alarms import Sight, find_alarms
-from fti.web.words import REASONS
+from fti.reason_texts import REASONS
+from fti.service.alarm_board import AlarmBoard
+from fti.types import NavSolution, Reason
 from tests.helpers import ROOT
+from tests.service.test_health_conditions import health
 
 PAGE = (ROOT / "docs" / "navigation.md").read_text()
 COLUMNS = 5
@@ -77,24 +84,34 @@ def test_an_event_is_one_that_navigation_tells(text: str) -> None:
     assert text in told
 
 
+def titles(*outputs: NavSolution) -> set[str]:
+    """Titles of the alarms that outputs raise."""
+    reports = OutputConditions(Config(session=Session(name="s"))).take(outputs)
+    return {report.condition.title for report in reports if report.condition}
+
+
 def alarms_of_sources() -> set[str]:
-    """Titles of the alarms that sources raise."""
-    had, roles = frozenset(("position", "attitude")), ("position", "attitude", "altitude")
-    found = set()
-    for source in (navigation.FILTER, navigation.RADIO, navigation.VERTICAL, None):
-        for role in roles:
-            solution = {**{f"{name}_source": "ins" for name in roles}, f"{role}_source": source}
-            sight = Sight({}, 0.0, 0.0, 0.0, {}, frozenset(), solution, had)
-            found |= {alarm["title"] for alarm in find_alarms(sight)}
-    return found
+    """Of a solution that a device gives, and then another source or none."""
+    good: dict[str, Any] = {"t_valid_ns": None, "valid": True, "reasons": (), "attitude_valid": True}
+    roles: dict[str, Any] = dict.fromkeys(("position_source", "attitude_source", "altitude_source"), "ins")
+    first, found = NavSolution(t_ns=0, **good, **roles), set[str]()
+    for role in roles:
+        for source in (navigation.FILTER, navigation.RADIO, navigation.VERTICAL):
+            found |= titles(first, NavSolution(t_ns=1, **good, **{**roles, role: source}))
+    lost = {**good, "valid": False, "attitude_valid": False, "reasons": (Reason.NO_POSITION,)}
+    return found | titles(first, NavSolution(t_ns=1, **lost))
 
 
 @pytest.mark.parametrize("text", [text for text in texts("alarm") if not text.startswith("NAVIGATION")])
-def test_an_alarm_is_one_that_the_page_shows(text: str) -> None:
+def test_an_alarm_is_one_that_navigation_raises(text: str) -> None:
     assert text in alarms_of_sources()
 
 
 def test_a_navigation_that_is_late_or_stopped_has_its_alarms() -> None:
-    late, stopped = (Sight({}, 0.0, silence, 5000.0, {}, frozenset()) for silence in (0.0, 5000.0))
-    titles = {alarm["title"] for sight in (late, stopped) for alarm in find_alarms(sight)}
-    assert titles == {text for text in texts("alarm") if text.startswith("NAVIGATION")}
+    shown, waits = list[dict[str, Any]](), [-5 * 10**9, None]  # arrival of the oldest frame, the last first
+    board = AlarmBoard(FakeClock(0), lambda _, payload: shown.append(json.loads(payload)), lambda *_: None, waits.pop)
+    for state in ("running", "restarting"):
+        board.take_health(health(processes={"navigation": {"state": state}}))
+        board.look_at_navigation()
+    found = {row["title"] for row in shown[-1]["alarms"] for row in (row, *row["consequences"])}
+    assert found == {text for text in texts("alarm") if text.startswith("NAVIGATION")}

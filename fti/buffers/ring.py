@@ -211,6 +211,19 @@ class Ring:
                 return int(FIELDS.unpack_from(head, RECORD.size)[0])
         return None
 
+    @property
+    def oldest_waiting_ns(self) -> int | None:
+        """Arrival of the oldest frame that the reader has not finished [ns]; None when it has finished all."""
+        for _ in range(ATTEMPTS):
+            writer = self.writer_state()
+            position = max(self.reader_state().position, writer.oldest)
+            if position == writer.end:
+                return None
+            first = self.load(position, HEAD + array(TIME).itemsize)
+            if self.writer_state().oldest <= position:
+                return int(array(TIME, first[HEAD:])[0])
+        return None
+
     def writer_state(self) -> WriterState:
         """What the writer published last."""
         return WriterState(*self._consistent(WRITER, 4))

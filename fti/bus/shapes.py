@@ -104,6 +104,21 @@ HEALTH: Table = {
     },
 }
 
+_ALARM: Table = {
+    "id": TEXT,
+    "severity": TEXT,
+    "title": TEXT,
+    "cause": TEXT,
+    "value": MAYBE_NUMBER,
+    **dict.fromkeys(("first_ns", "begin_ns", "count"), WHOLE),
+    **dict.fromkeys(("end_ns", "acknowledged_ns"), frozenset({int, NULL})),
+    "acknowledged_by": MAYBE_TEXT,
+}
+ALARMS: Table = {
+    "t_ns": WHOLE,
+    "alarms": [{**_ALARM, "is_acknowledged": FLAG, "consequences": [_ALARM]}],
+}
+
 #: Outputs whose topics have a name behind them, of an altimeter or a source.
 NAMED = (HeightAboveGround, SourceValidity, ProvisionalSolution)
 
@@ -111,7 +126,7 @@ NAMED = (HeightAboveGround, SourceValidity, ProvisionalSolution)
 @lru_cache(TOPICS_CACHED)
 def shape_of(topic: str) -> Shape | None:
     """What a topic's messages must look like; None for a topic that the bus does not have."""
-    fixed = {"/health": HEALTH, "/event": EVENT, "/hil": HIL}
+    fixed = {"/health": HEALTH, "/alarms": ALARMS, "/event": EVENT, "/hil": HIL}
     if topic in fixed:
         return fixed[topic]
     if not topic.startswith("/nav/"):

@@ -8,6 +8,7 @@ from dataclasses import asdict
 from datetime import UTC, datetime
 from typing import Any
 
+from fti.alarms.condition import Severity
 from fti.logger.raw_log import TICK_TOPIC
 from fti.logger.reading.about import remarks
 from fti.logger.reading.recording import RAW
@@ -20,7 +21,8 @@ USUAL_BAR = 6  # height of the median rate, and of what is hardly more or less
 LITTLE_LESS, LITTLE_MORE = 0.75, 1.3
 NARROWEST, WIDEST = 20, 160
 GAPS_SHOWN = 12
-EVENTS_SHOWN = 40
+EVENTS_SHOWN = ALARMS_SHOWN = 40
+SEVERITIES = [*Severity]
 JSON_CELLS = 64
 ORIGINS = {
     "hil": "HIL: emulated sensors, no flight",
@@ -36,6 +38,7 @@ def as_text(view: Overview) -> Iterator[str]:
     yield from _topics(view)
     yield from _pictures(view)
     yield from _gaps(view)
+    yield from _alarms(view)
     yield from _events(view)
 
 
@@ -165,6 +168,22 @@ def _silence(view: Overview, topic: TopicSurvey, gap: Gap) -> str:
     return f"{seconds} until its first message" if gap.begin_ns < topic.first_ns else seconds
 
 
+def _alarms(view: Overview) -> Iterator[str]:
+    """Alarms with their durations; when there are many, the most severe come first."""
+    alarms = view.survey.alarms
+    if not alarms.spans:
+        return
+    chosen = sorted(alarms.spans, key=lambda span: SEVERITIES.index(span.severity))[:ALARMS_SHOWN]
+    total = len(alarms.spans) + alarms.more
+    yield ""
+    yield "alarms" + ("" if len(chosen) == total else f", {len(chosen)} of {total}; --json has them all")
+    for span in sorted(chosen, key=lambda span: span.begin_ns):
+        lasted = "to the end" if span.end_ns is None else f"{(span.end_ns - span.begin_ns) / SECOND_NS:.1f} s"
+        who = f", acknowledged by {span.acknowledged_by}" if span.acknowledged_by else ""
+        cause = f": {span.cause}" if span.cause else ""
+        yield f"  {_when(view, span.begin_ns)}  {span.severity}: {span.title}{cause} ({lasted}{who})"
+
+
 def _events(view: Overview) -> Iterator[str]:
     """Marks and events; when there are many, the marks and what is worse than information come first."""
     events = view.survey.events
@@ -239,6 +258,8 @@ def as_json(view: Overview) -> dict[str, Any]:
         "links": recording.links,
         "files": [_file_json(file) for file in view.files],
         "topics": [_topic_json(view, topic) for topic in view.survey.topics],
+        "alarms": [{**asdict(span), "begin_s": view.since_begin_s(span.begin_ns)} for span in view.survey.alarms.spans],
+        "more_alarms": view.survey.alarms.more,
         "events": _events_json(view, view.survey.events),
         "more_events": view.survey.more_events,
     }

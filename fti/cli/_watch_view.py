@@ -11,6 +11,7 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from fti.alarms.texts import describe_times
 from fti.terminal_text import escape_tree
 from fti.web.words import CONTINUOUS, describe_mode
 
@@ -31,7 +32,12 @@ FALLBACKS = {
 PROVISIONAL = "/nav/provisional_solution/"
 STRUCK = "strike bright_black"
 UNKNOWN = "–"
-ALARM_STYLES = {"red": "bold white on red", "amber": "bold black on yellow"}
+ALARM_STYLES = {
+    "warning": "bold white on red",
+    "caution": "bold black on yellow",
+    "advisory": "bold black on cyan",
+}
+QUIET_STYLES = {"warning": "red", "caution": "yellow", "advisory": "cyan"}
 LINK_STYLES = {"good": "green", "silent": "yellow", "invalid": "yellow", "wrong rate": "yellow", "overflow": "yellow"}
 CLOCK_NAMES = {"gps": "GPS as UTC", "utc": "UTC", "boot": "own"}
 CLOCK_STATES = {"learning": "learning: arrival counts", "away": "does not fit: arrival counts"}
@@ -73,8 +79,14 @@ def _delay(navigation: Fields) -> str:
 
 
 def _alarms(alarms: list[Fields]) -> Iterator[Text]:
+    """Each with its times; one that was acknowledged or has ended is not bold."""
     for alarm in alarms:
-        yield Text(f" {alarm['title']} – {alarm['detail']} ", ALARM_STYLES[alarm["level"]])
+        is_urgent = alarm["end_ns"] is None and not alarm["is_acknowledged"]
+        style = (ALARM_STYLES if is_urgent else QUIET_STYLES).get(alarm["severity"], "")
+        more = f" (+{len(alarm['consequences'])})" if alarm["consequences"] else ""
+        yield Text(f" {alarm['title']}{more} – {alarm['cause']} – {describe_times(alarm)} ", style)
+    if any(not alarm["is_acknowledged"] for alarm in alarms):
+        yield Text(" fti acknowledge: you have seen them", "dim")
 
 
 def _laboratory(hil: Fields | None) -> Iterator[Text]:

@@ -184,6 +184,7 @@ async def _fly_once(
         await emulator.stdout.read()  # its report, which is in a file, too
         code = await emulator.wait()
     except asyncio.CancelledError:
+        supervisor.expect_end()
         await _end(emulator)
         raise
     if code:

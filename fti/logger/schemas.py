@@ -97,6 +97,14 @@ def _nullable(schema: Json, hint: Any, definitions: Json) -> Json:
 
 _INTEGER: Json = {"type": "integer"}
 _STRING: Json = {"type": "string"}
+_STRINGS: Json = {"type": "array", "items": _STRING}
+#: As in ``_nullable``: the type for viewers, and for validators a reference to the same or null.
+_OR_NULL: Json = {
+    f"{name}_or_null": {"anyOf": [{"type": name}, {"type": "null"}]} for name in ("string", "integer", "number")
+}
+_MAYBE_STRING, _MAYBE_INTEGER, _MAYBE_NUMBER = (
+    {"type": name.removesuffix("_or_null"), "$ref": f"#/definitions/{name}"} for name in _OR_NULL
+)
 _TABLE: Json = {"type": "object", "properties": {}}
 _COUNTS: Json = {f"{part}_{what}": _INTEGER for part in ("in", "recorded", "held") for what in ("frames", "bytes")}
 #: By reason; how many bytes the kernel dropped is not known: null.
@@ -153,11 +161,25 @@ _NOTES: dict[str, tuple[str, Json]] = {
     ),
     "/fti/readmission": ("fti.Readmission", {"t_ns": _INTEGER, "after_seq": _INTEGER, "source": _STRING}),
     "/fti/gap": ("fti.Gap", {"t_ns": _INTEGER, "text": _STRING}),
+    "/nav/alarm": (
+        "fti.AlarmReport",
+        {"t_ns": _INTEGER, "subject": _STRING, "id": _MAYBE_STRING, "severity": _MAYBE_STRING}
+        | {"title": _MAYBE_STRING, "cause": _MAYBE_STRING, "value": _MAYBE_NUMBER, "explained_by": _STRINGS}
+        | {"is_latched": {"type": "boolean"}},
+    ),
+    "/fti/alarm": (
+        "fti.Alarm",
+        {"t_ns": _INTEGER, "change": _STRING, "id": _STRING, "severity": _STRING, "title": _STRING, "cause": _STRING}
+        | {"value": _MAYBE_NUMBER, "first_ns": _INTEGER, "begin_ns": _INTEGER, "end_ns": _MAYBE_INTEGER}
+        | {"count": _INTEGER, "acknowledged_ns": _MAYBE_INTEGER, "acknowledged_by": _MAYBE_STRING},
+    ),
 }
 EVENT_TOPIC = "/fti/event"
 DEVICE_CLOCK_TOPIC = "/fti/device_clock"
 TERRAIN_TOPIC = "/fti/terrain"
 READMISSION_TOPIC = "/fti/readmission"
+#: What navigation finds wrong, in derived files; the alarms of the daemon, in raw files.
+ALARM_REPORT_TOPIC, ALARM_TOPIC = WITH_NULLS = "/nav/alarm", "/fti/alarm"
 
 
 @cache
@@ -169,6 +191,8 @@ def note_schema(topic: str) -> Schema:
         raise ValueError(f"no note is kept on {topic!r}; there are {EVENT_TOPIC}, {', '.join(_NOTES)}")
     name, properties = _NOTES[topic]
     table = {"$schema": DRAFT, "title": name, "type": "object", "properties": properties}
+    if topic in WITH_NULLS:
+        table["definitions"] = _OR_NULL
     return Schema(name, JSON_SCHEMA, json.dumps(table, separators=(",", ":")).encode())
 
 

@@ -9,9 +9,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from fti.alarms.condition import Report
 from fti.config import Config
 from fti.drivers import Counters, Decoder, Remembering
-from fti.logger.schemas import DEVICE_CLOCK_TOPIC, READMISSION_TOPIC, TERRAIN_TOPIC
+from fti.logger.schemas import ALARM_REPORT_TOPIC, DEVICE_CLOCK_TOPIC, READMISSION_TOPIC, TERRAIN_TOPIC
+from fti.nav.alarm_conditions import OutputConditions
 from fti.nav.carried_refusal import CarriedRefusal
 from fti.nav.ground import Ground
 from fti.nav.integrity.reference import Reference
@@ -67,7 +69,7 @@ class Chain:
             self._on_link.setdefault(listener.bound.device.link, []).append(listener)
         self._times, self._mountings = DeviceTimes(config.device), Mountings(config.device)
         self._config, self._reference = config, reference
-        self._pipeline = Pipeline(config, reference)
+        self._pipeline, self._conditions = Pipeline(config, reference), OutputConditions(config)
         self._given_ground: tuple[Ground | None] | None = None  # none was given yet
 
     def pass_gap(self) -> None:
@@ -85,6 +87,7 @@ class Chain:
         if ground:
             about = {"name": ground.name, "files": ground.files, "sha256": ground.digest}
         products.notes.append((TERRAIN_TOPIC, t_ns, {"t_ns": t_ns, "after_seq": after_seq, **about}))
+        products.notes.append(_alarm_note(self._conditions.judge_ground(t_ns, fault)))
         level, text = ("info", ground.name) if ground else ("error", f"there is none: {fault}")
         products.outputs.append(Event(t_ns=t_ns, level=level, source="terrain", text=text))
         return products
@@ -93,6 +96,7 @@ class Chain:
         """Behind frame ``after_seq`` at t_ns the operator has confirmed a source, or all.  Raises KeyError."""
         products = Products()
         if source == ALL_SOURCES:
+            products.notes += map(_alarm_note, self._conditions.end_all(t_ns))
             products.outputs.append(self._begin_anew(t_ns))
         else:
             products.outputs += self._pipeline.readmit(source, t_ns)
@@ -102,7 +106,7 @@ class Chain:
     def _begin_anew(self, t_ns: int) -> Event:
         """Discard all earlier measurements, the state of the filter, all refusals, and the device clocks."""
         self._times = DeviceTimes(self._config.device)
-        self._pipeline = Pipeline(self._config, self._reference)
+        self._pipeline, self._conditions = Pipeline(self._config, self._reference), OutputConditions(self._config)
         if self._given_ground:
             self._pipeline.give_ground(*self._given_ground)
         text = "begins anew: the operator readmits all sources"
@@ -128,6 +132,8 @@ class Chain:
         for listener in self._on_link.get(frame.link, ()):
             if found := self._decode(listener, frame, products):
                 self._navigate(listener.name, found, frame, products)
+        with _Telling("alarm conditions", frame, products):
+            products.notes += map(_alarm_note, self._conditions.take(products.outputs))
         return products
 
     def _navigate(self, device: str, found: list[Measurement], frame: RawFrame, products: Products) -> None:
@@ -163,6 +169,10 @@ class Chain:
             listener.messages += len(found)
             listener.last_ns = frame.t_rx_ns
         return found
+
+
+def _alarm_note(report: Report) -> tuple[str, int, dict[str, Any]]:
+    return ALARM_REPORT_TOPIC, report.t_ns, report.as_json()
 
 
 class _Telling(Guard):

@@ -9,14 +9,19 @@ from fti.clock import SECOND_NS, SystemClock
 
 #: Topic, FTI time [ns] and content of a note.
 Note = Callable[[str, int, dict[str, Any]], None]
+Send = Callable[[dict[str, Any]], object]
 #: Level, source and text of an event.
 Tell = Callable[[str, str, str], None]
 
 
-def report_clocks(clock: SystemClock, note: Note, tell: Tell) -> None:
-    """Note the clocks on ``/fti/clock``; tell each step of the real-time clock since the last call."""
+def report_clocks(clock: SystemClock, note: Note, tell: Tell, send: Send) -> None:
+    """Note the clocks on ``/fti/clock``; tell each step of the real-time clock since the last call.
+
+    send : tells the supervisor, whose alarm it is
+    """
     sample = clock.sample()
     note("/fti/clock", sample["t_ns"], sample)
     for step in clock.take_steps():
         text = f"the real-time clock was stepped by {step.by_ns / SECOND_NS:+.3f} s; FTI time goes on"
         tell("warning", "clock", text)
+        send({"clock_step": text})

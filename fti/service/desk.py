@@ -1,4 +1,4 @@
-"""What people ask of the daemon: marks, snapshots, commands to devices, readmission of sources."""
+"""What people ask of the daemon: marks, snapshots, commands to devices, readmission of sources, acknowledgement."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import Any
 
 from fti.clock import Clock
 from fti.config import Config, position_sources
+from fti.service.alarm_board import AlarmBoard
 from fti.service.bulletin import Bulletin
 from fti.service.commands import Commander
 from fti.service.control import Message
@@ -32,10 +33,11 @@ class Desk:
         bulletin: Bulletin,
         show: Callable[[Message], None],
         navigate: Callable[[Message], bool],
+        alarms: AlarmBoard,
     ) -> None:
         self._config, self._clock = config, clock
         self._commander, self._mail, self._bulletin, self._show = commander, mail, bulletin, show
-        self._navigate = navigate
+        self._navigate, self._alarms = navigate, alarms
 
     async def obey(self, command: dict[str, Any], who: str) -> Answer:
         """Do what came over the control socket, and say what became of it."""
@@ -45,6 +47,8 @@ class Desk:
             return {"devices": self._commander.catalogue.describe()}
         if "readmit" in command:
             return self._readmit(command["readmit"], who)
+        if "acknowledge" in command:
+            return self._acknowledge(command["acknowledge"], who)
         return self._mark(command, who)
 
     def hear_page(self, message: Message) -> None:
@@ -58,6 +62,14 @@ class Desk:
             self._bulletin.event("warning", "mark", fault)
         if "send" in message:
             self._commander.begin(message["send"], who)
+        if "acknowledge" in message:
+            self._acknowledge(message["acknowledge"], who)
+
+    def _acknowledge(self, alarm_id: Any, who: str) -> Answer:
+        """One alarm with its consequences, or all (None)."""
+        if not isinstance(alarm_id, str | None):
+            return {"fault": f"{alarm_id!r} is not the identity of an alarm"}
+        return {"acknowledged": self._alarms.acknowledge(who, alarm_id), "t_ns": self._clock.now_ns()}
 
     def _readmit(self, source: Any, who: str) -> Answer:
         """Have navigation readmit a source of position, or all sources; an event records who commanded it."""
@@ -67,6 +79,8 @@ class Desk:
         if not self._navigate({"readmit": source}):
             return {"fault": "navigation is being started again; repeat the command when it runs"}
         now = self._clock.now_ns()
+        if source == ALL_SOURCES:
+            self._alarms.begin_anew(who)
         text = "all sources; navigation begins anew" if source == ALL_SOURCES else str(source)
         self._bulletin.pass_on({"t_ns": now, "level": "info", "source": "readmit", "text": text}, who)
         return {"t_ns": now}

@@ -109,7 +109,7 @@ class Diagnosis:
             past.times_ns.append(self._counted_ns)
             past.counts.append(Count(counters.bytes_in, counters.framed, bad, dict(counters.messages)))
         rate = _rate_hz(past)
-        state, hint = self._judge(listener, past, rate, now_ns)
+        state, hint = self._judge(listener, past, rate)
         if state is LinkState.SILENT and listener.name in self._unasked:
             hint = f"{hint}; {UNASKED}"
         return {
@@ -130,10 +130,11 @@ class Diagnosis:
             ],
         }
 
-    def _judge(self, listener: Listener, past: Past, rate: float, now_ns: int) -> tuple[LinkState, str]:
+    def _judge(self, listener: Listener, past: Past, rate: float) -> tuple[LinkState, str]:
+        """By what navigation has taken: one that is behind does not know that a link is silent."""
         device = listener.bound.device
         heard = self._last_rx_ns.get(device.link)
-        if heard is None or now_ns - heard > SILENT_NS:
+        if heard is None or (self._counted_ns or 0) - heard > SILENT_NS:
             self._recent.pop(device.link, None)
             return LinkState.SILENT, "no bytes on the link; is the device powered, and the cable in?"
         first, last = past.counts[0], past.counts[-1]

@@ -87,6 +87,11 @@ class GroundLoading:
         return self._taken
 
     @property
+    def is_done(self) -> bool:
+        """It was found, or that there is none."""
+        return self._taken is not None
+
+    @property
     def state(self) -> str:
         """How it stands, for people."""
         if self._taken is None:

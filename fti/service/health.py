@@ -38,7 +38,7 @@ class HealthBoard:
         return {
             "t_ns": now_ns,
             "session": {**self.session, "state": "storage_error" if fault else self.session["state"]},
-            "processes": {c.name: {"state": c.state, "pid": c.pid, "restarts": c.restarts} for c in children},
+            "processes": {c.name: _describe(c) for c in children},
             "links": {name: merge_link(name, link, heard) for name, link in links.items()},
             "devices": devices,
             "storage": storage,
@@ -94,6 +94,11 @@ class HealthBoard:
         """That the recorder has said nothing for long; "" when it has."""
         silent_ns = now_ns - self.recorder.get("t_ns", now_ns)
         return f"the recorder has said nothing for {silent_ns / 1e9:.0f} s" if silent_ns > LATE_NS else ""
+
+
+def _describe(child: Child) -> dict[str, Any]:
+    counts = {"restarts": child.restarts, "early_deaths": child.early_deaths}
+    return {"state": child.state, "pid": child.pid, **counts}
 
 
 def merge_link(name: str, link: dict[str, Any], devices: dict[str, dict[str, Any]]) -> dict[str, Any]:

@@ -13,6 +13,7 @@ from fti.bus.client import Publisher
 from fti.bus.message import stamped
 from fti.clock import SystemClock
 from fti.logger.derived_log import DerivedLog, output_topic
+from fti.logger.schemas import ALARM_REPORT_TOPIC
 from fti.nav.carried_refusal import parse_refusals
 from fti.service import terrain_trial
 from fti.service.binding import bind_devices, parse_reference
@@ -163,8 +164,10 @@ class Navigator:
             self._derived.measurement(device, measurement)
             if isinstance(measurement, Ack):
                 self._tell_ack(device, measurement)
-        for note in products.notes:
-            self._derived.note(*note)
+        for topic, t_ns, content in products.notes:
+            self._derived.note(topic, t_ns, content)
+            if topic == ALARM_REPORT_TOPIC:
+                self._channel.send({"alarm": content})
         for output in products.outputs:
             self._derived.output(output)
             self._publish(output)
@@ -232,6 +235,7 @@ class Navigator:
                         "ring_lost_frames": self._reader.lost_frames,
                         "last_seq": self._last_seq,
                         "terrain": self._loading.state if self._loading else None,
+                        "is_terrain_loading": bool(self._loading and not self._loading.is_done),
                         "derived_lost": self._derived.lost,
                         "bus_lost": self._bus.lost,
                         "derived_fault": fault,

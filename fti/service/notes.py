@@ -9,7 +9,7 @@ from fti.logger.raw_log import RawLog
 from fti.service.guard import Report, guarded
 
 #: What happened and what was lost is kept longest.
-KEPT_TOPICS = ("/fti/event", "/fti/gap")
+KEPT_TOPICS = ("/fti/event", "/fti/alarm", "/fti/gap")
 #: While no medium takes them, so many events wait, and so many other notes; then the oldest go.
 MOST_EVENTS = 10_000
 MOST_OTHERS = 1_000

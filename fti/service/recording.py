@@ -190,7 +190,7 @@ class Recorder:
             self._channel.send({"health": self._health(now)})
             if turn % round(LEDGER_PERIOD_S / HEALTH_PERIOD_S) == 0:
                 self._writer.note("/fti/ledger", now, self._books.note(now))
-                report_clocks(self._clock, self._writer.note, self._tell)
+                report_clocks(self._clock, self._writer.note, self._tell, self._channel.send)
             turn += 1
             await _until_beat(HEALTH_PERIOD_S)
 

@@ -13,6 +13,7 @@ import os
 from pathlib import Path
 from typing import Any
 
+from fti.alarms.condition import Condition, Severity
 from fti.buffers.ring import Ring, ring_size
 from fti.bus.frame import SOCKET_NAME
 from fti.bus.hub import Hub
@@ -20,6 +21,7 @@ from fti.bus.loopback import choose_port, describe_endpoint
 from fti.clock import SystemClock, describe_wrong_time
 from fti.config import Config
 from fti.service import control, ending, rundir
+from fti.service.alarm_board import AlarmBoard
 from fti.service.bulletin import Announce, Bulletin
 from fti.service.bus_thread import serving
 from fti.service.catalogue import Catalogue
@@ -42,6 +44,7 @@ from fti.service.watchdog import Watchdog
 from fti.types import ALL_SOURCES
 
 HEALTH_PERIOD_S = 0.5
+LATENESS_PERIOD_S = 0.1
 MOST_STARTS = 2
 RECORDER = "recorder"
 NAVIGATION = "navigation"
@@ -93,6 +96,7 @@ class Supervisor:
         self._without_terrain: str | None = None
         self._refusals: tuple[dict[str, Any], ...] = ()  # of sources by navigation
         self._bulletin = Bulletin(self._clock, self._hub.publish, announce, self._mail.note)
+        self._alarms = AlarmBoard(self._clock, self._hub.publish, self._mail.note, lambda: self._ring.oldest_waiting_ns)
         self._commander = self._make_commander()
         self._desk = Desk(
             config,
@@ -102,6 +106,7 @@ class Supervisor:
             bulletin=self._bulletin,
             show=self._show,
             navigate=self._navigate,
+            alarms=self._alarms,
         )
         self._keeper = Keeper(
             self._children, hear=self._hear, started=self._on_started, died=self._on_died, report=self._bulletin.report
@@ -172,6 +177,10 @@ class Supervisor:
         """End the session in good order; called again, shorten what comes after the raw file."""
         (self._ending.hurry if self._stop.is_set() else self._stop).set()
 
+    def expect_end(self) -> None:
+        """The sensors end before the session does: that is no alarm."""
+        self._alarms.end()
+
     async def readmit_all(self, who: str) -> None:
         """Have navigation begin anew: what comes next is another flight."""
         await self._desk.obey({"readmit": ALL_SOURCES}, who)
@@ -194,13 +203,14 @@ class Supervisor:
         watching = asyncio.create_task(self._keeper.watch(), name="watch")
         watchdog = asyncio.create_task(self._watchdog.run(), name="watchdog")
         telling = asyncio.create_task(self._tell(), name="health")
+        looking = asyncio.create_task(self._look_at_navigation(), name="lateness")
         closing = asyncio.create_task(self._ending.close_killed_sessions(self.recording, self._bulletin), name="repair")
         try:
             await self._wait_for_end(duration_s)
         finally:
             await self._end()
             await self._finish_repair(closing)
-            await self._cancel(watching, watchdog, telling)
+            await self._cancel(watching, watchdog, telling, looking)
 
     async def _wait_for_end(self, duration_s: float | None) -> None:
         stopping = asyncio.create_task(self._stop.wait(), name="stop")
@@ -226,6 +236,8 @@ class Supervisor:
         if child.name in (RECORDER, NAVIGATION):
             self._commander.on_child_ended(child.name)
         if child.name == RECORDER:
+            cause = ending.describe_restart(child, code)
+            self._alarms.record(Condition("recorder", Severity.CAUTION, "RECORDER REPLACED", cause))
             self._result.add_dead_recorder(self._board.recorder)
             numbers = self._file_numbers
             child.order = self._preparation.recorder_order(self._places.all, numbers.next, numbers.given_up)
@@ -261,8 +273,7 @@ class Supervisor:
             self.displayed.set()
         if child.name == DISPLAY and "fault" in message:
             self._bulletin.event("error", DISPLAY, str(message["fault"]))
-        if "event" in message:
-            self._bulletin.pass_on(message["event"])
+        self._hear_news(message)
         if "sent" in message:
             self._commander.on_sent(message["sent"])
         if "ack" in message:
@@ -272,6 +283,16 @@ class Supervisor:
         if "stopped" in message:
             self._result.take(message["stopped"])
             self._ending.recorded.set()
+
+    def _hear_news(self, message: Message) -> None:
+        """Events, and what can become an alarm."""
+        if "event" in message:
+            self._bulletin.pass_on(message["event"])
+        if "alarm" in message:
+            self._alarms.take(message["alarm"])
+        if "clock_step" in message:
+            text = message["clock_step"]
+            self._alarms.record(Condition("clock_step", Severity.CAUTION, "COMPUTER CLOCK STEPPED", text))
 
     def _show(self, message: Message) -> None:
         display = self._child(DISPLAY)
@@ -317,11 +338,19 @@ class Supervisor:
             with guarded("health", self._bulletin.report):
                 health = self._board.compose(self._clock.now_ns(), self._children)
                 self._bulletin.health(health, record=turn % 2 == 0)
+                self._alarms.take_health(health)
             turn += 1
             await asyncio.sleep(HEALTH_PERIOD_S)
 
+    async def _look_at_navigation(self) -> None:
+        while not self._keeper.stopping:
+            with guarded("alarms", self._bulletin.report):
+                self._alarms.look_at_navigation()
+            await asyncio.sleep(LATENESS_PERIOD_S)
+
     async def _end(self) -> None:
         self._commander.close()
+        self._alarms.end()
         self._board.session["state"] = "stopping"
         await self._ending.end_children()
         self.loss = self._result.describe_loss(self.folder.path)

@@ -1,4 +1,4 @@
-"""What a page may ask for: a mark, a snapshot, which is a mark that triggers, or a command to a device.
+"""What a page may ask for: a mark, a snapshot (a mark that triggers), a command to a device, or to acknowledge alarms.
 
 Bounded in size and rate, and only with the key of this start, which the owner of the daemon alone can read.
 
@@ -68,7 +68,7 @@ class CommandGate:
             return fault
         if command["command"] == CHECK:
             return None
-        found = read_wish(command, client.user) if command["command"] == "send" else read_mark(command, client.user)
+        found = READERS.get(str(command["command"]), read_mark)(command, client.user)
         if isinstance(found, str):
             return found
         if not self._has_room():
@@ -112,6 +112,18 @@ def read_wish(command: Mapping[str, Any], user: str) -> dict[str, Any] | str:
     if not isinstance(args, dict) or not all(isinstance(text, str) for text in (*texts.values(), *args.values())):
         return NO_SUCH
     return {"send": {**texts, "args": args}, "who": user}
+
+
+def read_acknowledgement(command: Mapping[str, Any], user: str) -> dict[str, Any] | str:
+    """The identity of an alarm, or None for all, as the daemon takes it; or why it is none.  user : who has seen it"""
+    alarm_id = command.get("alarm")
+    if alarm_id is not None and not (isinstance(alarm_id, str) and len(alarm_id) <= LONGEST_TEXT):
+        return NO_SUCH
+    return {"acknowledge": alarm_id, "who": user}
+
+
+#: What reads a command; all others are marks.
+READERS = {"send": read_wish, "acknowledge": read_acknowledgement}
 
 
 def clean(text: object) -> str | None:

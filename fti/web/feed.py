@@ -1,6 +1,7 @@
 """What a display knows: the latest of every topic, how old it is now, and what a person must be told at once.
 
 Fed from any thread; without clock, port or thread of its own.  ``now_ns`` is monotonic time [ns] throughout.
+Alarms are the daemon's: a display decides none, but that it hears nothing from the daemon.
 A value that lies here grows older: ``age_ms`` = age when it was published + time since it arrived.  Above its own
 ``max_age_ms``, or when navigation or the daemon has stopped, it is late for every consumer, and late is not valid.
 """
@@ -10,13 +11,15 @@ from __future__ import annotations
 import math
 import threading
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from fti.web.alarms import Sight, find_alarms
+from fti.alarms.alarm_list import Alarm
+from fti.alarms.condition import Condition, Severity
+from fti.reason_texts import describe_reasons
 from fti.web.history import History
-from fti.web.words import STATES, describe_reasons
+from fti.web.words import STATES
 
 Fields = Mapping[str, Any]
 
@@ -24,11 +27,14 @@ NS_PER_MS = 1_000_000
 EVENTS_KEPT = 50
 TOPICS_KEPT = 256
 DEFAULT_MAX_AGE_MS = 1000.0
+#: The daemon publishes health twice a second; one that has been silent for longer has stopped, as far as is known here.
+HEALTH_LIMIT_MS = 2000.0
+#: While one of these alarms lasts, no output is in time.
+NO_OUTPUT = frozenset({"navigation", "daemon"})
 #: Without these a message is not of an emulator.
 HIL_FIELDS = frozenset(("scenario", "flight_s", "duration_s", "devices", "faults", "supply_v", "lateness", "holds"))
 #: Fields of the navigation solution that hold reasons of its attitude.
 OF_ATTITUDE = ("attitude_reasons", "attitude_unchecked")
-INTEGRITY_TOPIC, SOLUTION_TOPIC = "/nav/clearance_integrity", "/nav/nav_solution"
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +79,7 @@ class Feed:
         self._last_nav: Received | None = None
         self._events: deque[Fields] = deque(maxlen=EVENTS_KEPT)
         self._alive: dict[str, bool] = {}
-        self._had: set[str] = set()
+        self._alarms: list[Fields] = []
         self._history = History()
 
     def take(self, topic: str, fields: Fields, now_ns: int) -> None:
@@ -81,6 +87,8 @@ class Feed:
         with self._lock:
             if topic == "/health":
                 self._health = Received(fields, now_ns)
+            elif topic == "/alarms":
+                self._alarms = list(fields["alarms"])
             elif topic == "/event":
                 self._events.append(fields)
             elif topic == "/hil":
@@ -88,8 +96,6 @@ class Feed:
             elif topic in self._outputs or len(self._outputs) < TOPICS_KEPT:
                 self._last_nav = self._outputs[topic] = Received(fields, now_ns)
                 self._history.take(topic, fields)
-                if topic == SOLUTION_TOPIC:
-                    self._had |= {role for role in ("position", "attitude") if fields.get(f"{role}_source")}
 
     def warn(self, source: str, text: str, now_ns: int) -> None:
         """Show a warning of this display's own."""
@@ -105,8 +111,9 @@ class Feed:
     def state(self, now_ns: int) -> dict[str, Any]:
         """Everything that a display shows now, ready for JSON."""
         with self._lock:
-            alarms = find_alarms(self._sight(now_ns))
-            stopped = any(alarm["id"] in ("navigation_stopped", "daemon_stopped") for alarm in alarms)
+            alarms = [*self._judge_daemon(now_ns), *self._alarms]
+            stopped = any(alarm["id"] in NO_OUTPUT and alarm["end_ns"] is None for alarm in alarms)
+            stopped = stopped or not self._alive.get("navigation", True)
             health = self._health
             return {
                 "type": "state",
@@ -136,23 +143,15 @@ class Feed:
         last = max(r.at_ns for r in (self._started, self._health, self._last_nav) if r)
         return (now_ns - last) / NS_PER_MS
 
-    def _unless_late(self, topic: str, now_ns: int) -> Fields:
-        """The last of a topic; nothing when it is late."""
-        received = self._outputs.get(topic)
-        return received.fields if received and not received.is_late(now_ns) else {}
-
-    def _sight(self, now_ns: int) -> Sight:
-        last = self._last_nav
-        return Sight(
-            health=self._health.fields if self._health else {},
-            health_silence_ms=(self._health or self._started).held_ms(now_ns),
-            nav_silence_ms=(last or self._started).held_ms(now_ns),
-            nav_age_ms=last.age_ms(now_ns) if last else None,
-            integrity=self._unless_late(INTEGRITY_TOPIC, now_ns),
-            dead=frozenset(process for process, alive in self._alive.items() if not alive),
-            solution=self._unless_late(SOLUTION_TOPIC, now_ns),
-            had=frozenset(self._had),
-        )
+    def _judge_daemon(self, now_ns: int) -> Iterator[dict[str, Any]]:
+        """That the daemon says nothing any more, which it cannot say itself."""
+        silence_ms = (self._health or self._started).held_ms(now_ns)
+        if silence_ms <= HEALTH_LIMIT_MS and self._alive.get("supervisor", True):
+            return
+        cause = f"no health for {silence_ms / 1000:.1f} s; the state of the recording is unknown"
+        began_ns = (self._fti_time_ns(now_ns) or 0) - round(silence_ms * NS_PER_MS)
+        alarm = Alarm(Condition("daemon", Severity.WARNING, "DAEMON STOPPED", cause), began_ns, began_ns)
+        yield {**alarm.as_json(), "is_acknowledged": False, "consequences": []}
 
 
 def _aged(received: Received, now_ns: int) -> dict[str, Any]:

@@ -264,6 +264,23 @@ def test_a_wait_ends_without_a_frame(ring: Ring) -> None:
     assert check(reader.read()) == [1]
 
 
+def test_the_oldest_frame_that_waits_is_known_to_all(ring: Ring) -> None:
+    reader = RingReader(ring)
+    assert ring.oldest_waiting_ns is None
+    for seq in range(3):
+        put(ring, seq)
+    assert ring.oldest_waiting_ns == 0
+    for seq in range(3):
+        reader.read(1)
+        assert ring.oldest_waiting_ns == 10 * seq, "it is worked on"
+    reader.read()
+    assert ring.oldest_waiting_ns is None
+    put(ring, *range(3, 5000))
+    waiting = ring.oldest_waiting_ns
+    assert waiting is not None
+    assert waiting > 30, "what was overwritten does not wait"
+
+
 def test_end_mark(ring: Ring) -> None:
     reader = RingReader(ring)
     put(ring, 1)

@@ -13,6 +13,8 @@ import pytest
 from mcap.writer import Writer
 from rich.console import Console
 
+from fti.alarms.alarm_list import Alarm
+from fti.alarms.condition import Condition, Severity
 from fti.cli._printing import print_json, print_line, print_status
 from fti.cli._reading import bar_title
 from fti.cli._watch_view import render
@@ -133,7 +135,9 @@ def test_the_terminal_picture_takes_no_text_as_a_command_or_as_markup() -> None:
     feed.take("/health", health, 0)
     console = Console(width=400, force_terminal=False, record=True)
     with console.capture() as shown:
-        console.print(render(feed.state(0) | {"alarms": [{"level": "red", "title": EVIL, "detail": EVIL}]}))
+        alarm = Alarm(Condition(EVIL, Severity.WARNING, EVIL, EVIL), 0, 0, acknowledged_by=EVIL).as_json()
+        row = {**alarm, "severity": EVIL, "is_acknowledged": False, "consequences": []}
+        console.print(render(feed.state(0) | {"alarms": [row]}))
     assert "[bold red]m[/]" in shown.get()
     assert FORBIDDEN.search(shown.get()) is None
     with console.capture() as shown:

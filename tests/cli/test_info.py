@@ -10,6 +10,8 @@ from xml.etree import ElementTree as ET
 
 import pytest
 
+from fti.alarms.alarm_list import AlarmList
+from fti.alarms.condition import Condition, Report, Severity
 from fti.cli._info_view import activity_bar, size_text
 from fti.cli.main import main
 from fti.logger.derived_log import DerivedLog
@@ -308,3 +310,25 @@ def test_progress_never_mixes_with_json(folder: SessionFolder) -> None:
     command = [sys.executable, "-m", "fti.cli.main", "info", str(folder.path), "--json"]
     done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=120)
     assert json.loads(done.stdout)["origin"] == "hil" and done.stderr == ""
+
+
+def test_alarms_are_listed_with_their_durations(folder: SessionFolder, capsys: pytest.CaptureFixture[str]) -> None:
+    log, alarms = record_raw(folder, range(500)), AlarmList()
+    alert = Condition("integrity_alert", Severity.WARNING, "GROUND CLEARANCE ALERT", "obstacle")
+    silent = Condition("link:ins", Severity.CAUTION, "LINK INS SILENT")
+    alarms.report(Report(STARTED + 2 * SECOND, "integrity", alert))
+    alarms.report(Report(STARTED + 3 * SECOND, "link ins", silent))
+    alarms.report(Report(STARTED + 5 * SECOND, "integrity", None))
+    alarms.acknowledge("anna", STARTED + 6 * SECOND, "integrity_alert")
+    for change in alarms.take_changes():
+        log.json("/fti/alarm", change["t_ns"], change)
+    log.close()
+    assert info(folder) == 0
+    text = capsys.readouterr().out
+    assert "warning: GROUND CLEARANCE ALERT: obstacle (3.0 s, acknowledged by anna)" in text
+    assert "caution: LINK INS SILENT (to the end)" in text
+    found = told(folder, capsys)["alarms"]
+    assert [(alarm["id"], alarm["end_ns"]) for alarm in found] == [
+        ("integrity_alert", STARTED + 5 * SECOND),
+        ("link:ins", None),
+    ]

@@ -14,6 +14,8 @@ from typing import Any
 import pytest
 from rich.console import Console
 
+from fti.alarms.alarm_list import AlarmList
+from fti.alarms.condition import Condition, Report, Severity
 from fti.bus.frame import SOCKET_NAME
 from fti.cli._watch_view import render
 from fti.cli.main import main
@@ -59,10 +61,10 @@ def test_a_name_finds_it_too(
 def test_a_stopped_navigation_is_in_the_json(
     daemon: FakeDaemon, run_dir: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    daemon.change_health = lambda health: health["processes"]["navigation"].update(state="stopped")
+    daemon.change_health = lambda health: health["processes"]["navigation"].update(state="restarting")
     main(["watch", "--run-dir", str(run_dir), "--once", "--json"])
     found = json.loads(capsys.readouterr().out)
-    assert [alarm["id"] for alarm in found["alarms"]] == ["navigation_stopped"]
+    assert [alarm["id"] for alarm in found["alarms"]] == ["navigation"]
     assert all(output["late"] and not output["valid"] for output in found["outputs"].values())
 
 
@@ -162,7 +164,7 @@ def test_the_sources_of_navigation_are_shown_with_their_sigmas_and_nothing_known
     fields = {"t_ns": 0, "valid": False, "reasons": ["no_velocity"], **sources, **numbers}
     feed.take("/nav/nav_solution", fields, 0)
     text = rendered(feed, 0)
-    for words in ("position", "from radio", "from ahrs", "431.2 m", "± 222.00 m", "no velocity", "POSITION BY RADIO"):
+    for words in ("position", "from radio", "from ahrs", "431.2 m", "± 222.00 m", "no velocity"):
         assert words in text
     assert "HPL 1066 m" in text
     assert "VPL 11 m" in text
@@ -177,20 +179,38 @@ def test_stale_and_invalid_values_are_struck_out_with_the_reason() -> None:
     stale = rendered(make_feed(), 1_500_000_000)
     assert STRUCK in stale
     assert "STALE 1.5 s" in stale
-    assert "NAVIGATION STOPPED" in stale
     invalid = rendered(make_feed(valid=False, reasons=["roll"]), 0)
     assert STRUCK in invalid
     assert "roll limit" in invalid
 
 
-def test_a_snapshot_session_and_the_storage_are_said() -> None:
+def test_alarms_are_shown_with_their_times_and_whether_somebody_has_seen_them() -> None:
+    alarms, feed = AlarmList(), make_feed()
+    link = Condition("link:a", Severity.CAUTION, "LINK A SILENT", "is the device on?")
+    alert = Condition("integrity_alert", Severity.WARNING, "GROUND CLEARANCE ALERT", "obstacle")
+    for t_s, condition in ((1, link), (2, alert)):
+        alarms.report(Report(t_s * 10**9, condition.id, condition))
+    alarms.report(Report(4 * 10**9, alert.id, None))
+    alarms.report(Report(5 * 10**9, "device", Condition("device:a", Severity.CAUTION, "A", explained_by=("link:a",))))
+    feed.take("/alarms", {"t_ns": 0, "alarms": alarms.rows()}, 0)
+    text = rendered(feed, 0)
+    assert "GROUND CLEARANCE ALERT – obstacle – 00:00:02, ended after 2.0 s" in text
+    assert "LINK A SILENT (+1) – is the device on? – since 00:00:01" in text
+    assert "fti acknowledge" in text
+    alarms.acknowledge("anna", 6 * 10**9)
+    feed.take("/alarms", {"t_ns": 0, "alarms": alarms.rows()}, 0)
+    text = rendered(feed, 0)
+    assert "since 00:00:01, acknowledged by anna" in text
+    assert "GROUND" not in text
+    assert "fti acknowledge" not in text
+
+
+def test_a_snapshot_session_is_said() -> None:
     feed, health = make_feed(), make_health(10.0, 0, 0)
     health["session"]["mode"] = "snapshot"
-    health["storage"].update(state="slow", hint="nothing was taken for 1.2 s")
     feed.take("/health", health, 0)
     text = rendered(feed, 0)
     assert "SNAPSHOT: only what is around a trigger is recorded" in text
-    assert "STORAGE SLOW – nothing was taken for 1.2 s" in text
     assert "SNAPSHOT" not in rendered(make_feed(), 0)
 
 

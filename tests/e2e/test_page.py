@@ -58,10 +58,12 @@ async def test_the_page_shows_the_flight_and_every_end_of_it(tmp_path: Path) -> 
 
                 navigation = await asyncio.to_thread(running.pid_of, "navigation")
                 os.kill(navigation, signal.SIGSTOP)
-                await page.wait_for(f"!!{by_testid('alarm-navigation_stopped')}", LONG_S)
+                await page.wait_for(f"!!{by_testid('alarm-navigation_late')}", LONG_S)
                 await page.wait_for(_struck(HEIGHT))
                 os.kill(navigation, signal.SIGCONT)
-                await page.wait_for(f"!{by_testid('alarm-navigation_stopped')}", LONG_S)
+                await page.wait_for(f"{by_testid('alarm-navigation_late')}.classList.contains('ended')", LONG_S)
+                await page.press("a")
+                await page.wait_for(f"!{by_testid('alarm-navigation_late')}", LONG_S)
 
                 await page.press("m")
                 await page.type_text(MARK)

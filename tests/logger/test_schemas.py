@@ -24,7 +24,7 @@ from fti.types import (
 )
 
 CLASSES: list[type] = [*typing.get_args(Measurement), *typing.get_args(Output)]
-NOTES = ["/fti/clock", "/fti/ledger", "/fti/health", "/fti/gap", "/fti/event"]
+NOTES = ["/fti/clock", "/fti/ledger", "/fti/health", "/fti/gap", "/fti/event", "/fti/alarm", "/nav/alarm"]
 
 
 def check_for_viewer(schema: dict[str, Any], path: str) -> None:

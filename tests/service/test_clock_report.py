@@ -17,12 +17,16 @@ class Log:
     def __init__(self) -> None:
         self.notes: list[tuple[str, int, dict[str, Any]]] = []
         self.events: list[tuple[str, str, str]] = []
+        self.sent: list[dict[str, Any]] = []
 
     def note(self, topic: str, t_ns: int, content: dict[str, Any]) -> None:
         self.notes.append((topic, t_ns, content))
 
     def tell(self, level: str, source: str, text: str) -> None:
         self.events.append((level, source, text))
+
+    def send(self, message: dict[str, Any]) -> None:
+        self.sent.append(message)
 
 
 @pytest.mark.parametrize(("step_ns", "told"), [(3_200_000_000, "+3.200 s"), (-5_000_000_000, "-5.000 s")])
@@ -35,12 +39,13 @@ def test_a_step_is_told_once_and_fti_time_goes_on(monkeypatch: pytest.MonkeyPatc
 
     monkeypatch.setattr("fti.clock.time.clock_gettime_ns", read)
     clock, log = SystemClock(epoch_ns=7 * SECOND_NS), Log()
-    report_clocks(clock, log.note, log.tell)
+    report_clocks(clock, log.note, log.tell, log.send)
     assert log.events == []
     added = step_ns
-    report_clocks(clock, log.note, log.tell)
-    report_clocks(clock, log.note, log.tell)
+    report_clocks(clock, log.note, log.tell, log.send)
+    report_clocks(clock, log.note, log.tell, log.send)
     assert log.events == [("warning", "clock", f"the real-time clock was stepped by {told}; FTI time goes on")]
+    assert log.sent == [{"clock_step": log.events[0][2]}]
     assert [topic for topic, *_ in log.notes] == ["/fti/clock"] * 3
     times = [t_ns for _, t_ns, _ in log.notes]
     assert times == sorted(times)

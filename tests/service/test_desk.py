@@ -12,9 +12,11 @@ from typing import Any, cast
 
 import pytest
 
+from fti.alarms.condition import Condition, Severity
 from fti.clock import FakeClock
 from fti.config import Config, Nav, Session
 from fti.service import rundir
+from fti.service.alarm_board import AlarmBoard
 from fti.service.bulletin import Bulletin
 from fti.service.children import Child
 from fti.service.control_socket import serve_commands
@@ -33,6 +35,7 @@ class Rig:
         self.navigation: list[dict[str, Any]] = []
         self.navigation_runs = True
         clock = FakeClock(7)
+        self.alarms = AlarmBoard(clock, lambda topic, payload: None, lambda *_: None, lambda: None)
         self.desk = Desk(
             Config(session=Session(name="s"), nav=Nav(position=("ins", "gnss")), path="a.toml"),
             clock,
@@ -46,6 +49,7 @@ class Rig:
             ),
             show=self.shown.append,
             navigate=self.navigate,
+            alarms=self.alarms,
         )
 
     def navigate(self, message: dict[str, Any]) -> bool:
@@ -208,3 +212,20 @@ async def client(
         writer.close()
         server.close()
         made.withdraw()
+
+
+async def test_alarms_are_acknowledged_at_the_socket_and_on_the_page(rig: Rig) -> None:
+    """By whom is known."""
+    changes: list[tuple[str, Any]] = []
+    rig.alarms._note = lambda topic, t_ns, content: changes.append((content["change"], content["acknowledged_by"]))
+    condition = Condition("losses", Severity.CAUTION, "DATA LOST")
+    rig.alarms.record(condition)
+    assert await rig.desk.obey({"acknowledge": "losses"}, "anna") == {"acknowledged": 1, "t_ns": 7}
+    assert await rig.desk.obey({"acknowledge": None}, "anna") == {"acknowledged": 0, "t_ns": 7}
+    assert "fault" in await rig.desk.obey({"acknowledge": 3}, "anna")
+    rig.alarms.record(condition)
+    rig.desk.hear_page({"acknowledge": None, "who": "berta"})
+    assert [who for change, who in changes if change == "acknowledged"] == [
+        "anna",
+        "the page (the owner's key, berta)",
+    ]

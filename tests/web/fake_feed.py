@@ -15,12 +15,16 @@ import sys
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
 from fti.bus.client import Publisher
 from fti.bus.message import encode, stamped
+from fti.clock import SystemClock, choose_epoch_ns
+from fti.config import Config, Nav, Session
+from fti.nav.alarm_conditions import OutputConditions
+from fti.service.alarm_board import AlarmBoard
 from fti.types import (
     ClearanceIntegrity,
     Compensation,
@@ -51,6 +55,12 @@ SPEED = 45.0  # m/s
 START_S_M = 6500.0
 DEG = math.pi / 180
 PROVISIONAL = "/nav/provisional_solution/gnss"
+
+#: Roles of the fake daemon's devices.
+CONFIG = Config(
+    session=Session(name="fake"),
+    nav=Nav(position=("ins",), attitude=("ins",), altimeters=("radar_altimeter", "laser_altimeter")),
+)
 
 Messages = dict[str, dict[str, Any]]
 
@@ -316,6 +326,17 @@ EVENTS = (
 )
 
 
+def _as_output(output: Output, fields: dict[str, Any]) -> Output:
+    """The output with changed fields."""
+    changed = {name: fields[name] for name in fields if fields[name] != getattr(output, name)}
+    for name in ("reasons", "unchecked", "attitude_reasons", "attitude_unchecked"):
+        if name in changed:
+            changed[name] = tuple(map(Reason, changed[name]))
+    if "state" in changed:
+        changed["state"] = IntegrityState(changed["state"])
+    return replace(output, **changed)
+
+
 class FakeDaemon:
     """Publishes outputs at 10 Hz and health at 2 Hz from a thread, through a hub of its own.
 
@@ -323,6 +344,7 @@ class FakeDaemon:
     change_health, change_integrity : may rewrite each message
     solution : fields of the navigation solution that are other ones
     breakers : states of those that are not on, while an emulator plays the sensors; None: there is none
+    alarms : what keeps its alarms, as the supervisor does
     lead_s : how much of the approach has been flown at the start; path : of the socket, None for a temporary one
     """
 
@@ -338,6 +360,11 @@ class FakeDaemon:
         self._lead_s = lead_s
         self._approach = Approach()
         self._events = list(EVENTS)
+        self._conditions = OutputConditions(CONFIG)
+        self.alarms = AlarmBoard(
+            SystemClock(choose_epoch_ns()), self.hub.publish, lambda *_: None, oldest_waiting_ns=lambda: None
+        )
+        self.alarms._health.begin_anew(2**62)  # what is absent is expected
         self._ending = threading.Event()
         self._thread = threading.Thread(target=self._run, name="fake daemon")
         self._started_ns = time.time_ns() - round(lead_s * 1e9)
@@ -389,6 +416,8 @@ class FakeDaemon:
                 fields = {**fields, **self.solution}
             if navigation and topic not in self.muted:
                 navigation.publish(topic, stamped(fields, t_ns, t_ns + 4_000_000, MAX_AGE_MS))
+                for report in self._conditions.take((_as_output(output, fields),)):
+                    self.alarms.take(report.as_json())
 
     def _send_events(self, t: float) -> None:
         while self._events and self._events[0][0] <= t:
@@ -398,9 +427,12 @@ class FakeDaemon:
 
     def _send_health(self, t: float) -> None:
         health = make_health(t, self._started_ns + round(t * 1e9), self._started_ns)
+        if self._navigation is None:
+            health["processes"]["navigation"]["state"] = "restarting"
         self.change_health(health)
         if "/health" not in self.muted:
             self.hub.publish("/health", encode(health))
+            self.alarms.take_health(health)
 
     def _send_laboratory(self, t: float) -> None:
         if self.breakers is not None:

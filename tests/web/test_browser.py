@@ -22,7 +22,7 @@ WITHOUT_KEY = "view only; to control: fti page"
 WRONG_KEY = "the key is old; to control: fti page"
 LASER = "height-laser_altimeter"
 MAY_COMMAND = f"!{by_testid('mark-text')}.hidden"
-FRESH = f"document.body.className === '' && {by_testid('origin')}?.textContent === 'HIL'"
+FRESH = f"document.body?.className === '' && {by_testid('origin')}?.textContent === 'HIL'"
 #: Whose browser it is.
 ME = pwd.getpwuid(os.getuid()).pw_name
 
@@ -165,8 +165,8 @@ async def test_what_takes_the_place_of_devices_is_told_and_a_known_attitude_stay
     assert await page.text("attitude-speed") == "–"
     assert not await page.eval(is_struck("attitude-roll"))
     assert not await page.eval("document.querySelector('.horizon').classList.contains('unusable')")
-    await page.wait_for(f"{by_testid('alarm-position_source')} !== null")
-    assert "± 222 m" in await page.text("alarm-position_source")
+    await page.wait_for(shows("alarm-position", "POSITION NOT VALID"))
+    assert "no velocity" in await page.text("alarm-position")
 
 
 async def test_the_attitude_shows_its_protection_level_and_whether_it_is_valid(page: Page, daemon: FakeDaemon) -> None:
@@ -213,9 +213,9 @@ async def test_a_stopped_sensor_is_struck_out_and_the_others_are_not(page: Page,
 
 
 async def test_a_stopped_navigation_is_announced(page: Page, daemon: FakeDaemon) -> None:
-    assert await page.eval(f"{by_testid('alarm-navigation_stopped')} === null")
+    assert await page.eval(f"{by_testid('alarm-navigation')} === null")
     daemon.stop_navigation()
-    await page.wait_for(shows("alarm-navigation_stopped", "NAVIGATION STOPPED"))
+    await page.wait_for(shows("alarm-navigation", "NAVIGATION STOPPED"))
     values = (f"{LASER}-agl", "glide-deviation", "attitude-roll", "integrity-state", "t1")
     await page.wait_for(" && ".join(is_struck(testid) for testid in values))
     assert await page.eval(f"getComputedStyle({by_testid('glide-needle')}).display") == "none"
@@ -223,7 +223,7 @@ async def test_a_stopped_navigation_is_announced(page: Page, daemon: FakeDaemon)
 
 async def test_a_stopped_daemon_is_announced(page: Page, daemon: FakeDaemon) -> None:
     daemon.muted.add("/health")
-    await page.wait_for(shows("alarm-daemon_stopped", "DAEMON STOPPED"))
+    await page.wait_for(shows("alarm-daemon", "DAEMON STOPPED"))
     await page.wait_for(is_struck("recording"))
 
 
@@ -326,6 +326,99 @@ async def test_an_alert_is_a_red_block_and_an_alarm(page: Page, daemon: FakeDaem
     assert (tmp_path / "alert.png").stat().st_size > 20_000
 
 
+def lasts(testid: str, words: str) -> str:
+    """The alarm is there, and has not ended."""
+    return f"{shows(testid, words)} && !{by_testid(testid)}.classList.contains('ended')"
+
+
+async def test_an_alarm_that_has_ended_stays_until_it_is_acknowledged(
+    page: Page, daemon: FakeDaemon, display: DisplayProcess
+) -> None:
+    """By the key; the daemon is told by whom, and every page shows the same."""
+    tile = "alarm-integrity_alert"
+    daemon.change_integrity = make_alert
+    await page.wait_for(lasts(tile, "GROUND CLEARANCE ALERT"))
+    daemon.change_integrity = lambda fields: fields
+    await page.wait_for(f"{by_testid(tile)}.classList.contains('ended')")
+    assert "ended after" in await page.text(tile)
+    await page.eval("location.reload()")
+    await page.wait_for(f"{FRESH} && {shows(tile, 'ended after')} && {MAY_COMMAND}")
+    await page.press("a")
+    assert await asyncio.to_thread(display.read_message) == {"acknowledge": None, "who": ME}
+    daemon.alarms.acknowledge(ME, None)
+    await page.wait_for(f"{by_testid(tile)} === null && !{by_testid('no-alarms')}.hidden")
+
+
+async def test_an_alarm_that_lasts_is_acknowledged_alone_and_stays(
+    page: Page, daemon: FakeDaemon, display: DisplayProcess
+) -> None:
+    tile = "alarm-integrity_alert"
+    daemon.change_integrity = make_alert
+    await page.wait_for(lasts(tile, "GROUND CLEARANCE ALERT"))
+    await page.eval(f"{by_testid(tile)}.click()")
+    assert await asyncio.to_thread(display.read_message) == {"acknowledge": "integrity_alert", "who": ME}
+    daemon.alarms.acknowledge("berta", "integrity_alert")
+    await page.wait_for(f"{by_testid(tile)}.classList.contains('acknowledged')")
+    await page.eval(f"{by_testid('alarm-more')}.click()")
+    await page.wait_for(shows("alarm-list", "acknowledged by berta"))
+    assert await page.eval(f"{by_testid('acknowledge')}.hidden")
+
+
+@pytest.mark.parametrize("late_s", [0.5, 1.0, 5.0])
+async def test_outputs_that_are_late_in_an_alert_end_no_alarm(page: Page, daemon: FakeDaemon, late_s: float) -> None:
+    """What is struck out is what would have ended it."""
+    tile = "alarm-integrity_alert"
+    daemon.change_integrity = make_alert
+    await page.wait_for(lasts(tile, "GROUND CLEARANCE ALERT"))
+    daemon.muted.add("/nav/clearance_integrity")
+    end = asyncio.get_running_loop().time() + late_s
+    while asyncio.get_running_loop().time() < end:
+        assert await page.eval(lasts(tile, "GROUND CLEARANCE ALERT"))
+        await asyncio.sleep(0.05)
+    await page.wait_for(is_struck("integrity-state"))
+    assert await page.eval(lasts(tile, "GROUND CLEARANCE ALERT"))
+
+
+async def test_who_may_not_command_may_not_acknowledge(display: DisplayProcess, daemon: FakeDaemon) -> None:
+    daemon.change_integrity = make_alert
+    async with Chromium() as browser:
+        page = await browser.open(display.url)
+        await page.wait_for(lasts("alarm-integrity_alert", "GROUND CLEARANCE ALERT"))
+        await page.wait_for(f"{by_testid('acknowledge')}.title === '{WITHOUT_KEY}'")
+        assert await page.eval(f"{by_testid('acknowledge')}.disabled")
+
+
+async def test_alarms_outlast_a_display(page: Page, daemon: FakeDaemon, display: DisplayProcess) -> None:
+    daemon.change_integrity = make_alert
+    await page.wait_for(lasts("alarm-integrity_alert", "GROUND CLEARANCE ALERT"))
+    begun = await page.text("alarm-integrity_alert")
+    other = DisplayProcess(daemon)
+    try:
+        async with Chromium() as browser:
+            second = await browser.open(other.url)
+            await second.wait_for(lasts("alarm-integrity_alert", begun[: begun.index("·")]))
+    finally:
+        other.close()
+
+
+async def test_banner_and_alarms_stay_visible_on_a_small_screen(page: Page, daemon: FakeDaemon) -> None:
+    daemon.change_integrity = make_alert
+    await page.wait_for(lasts("alarm-integrity_alert", "GROUND CLEARANCE ALERT"))
+    await page.resize(1000, 700)
+    await page.eval("scrollTo(0, document.documentElement.scrollHeight)")
+    await page.wait_for("scrollY > 300")
+    for place in ("document.getElementById('banner')", by_testid("alarm-integrity_alert")):
+        box = await page.eval(f"(({{top, bottom}}) => [top, bottom])({place}.getBoundingClientRect())")
+        assert 0 <= box[0] < box[1] <= 700
+
+
+async def test_the_tone_is_chosen_and_remembered(page: Page) -> None:
+    assert await page.text("tone") == "TONE OFF"
+    await page.eval(f"{by_testid('tone')}.click()")
+    await page.eval("location.reload()")
+    await page.wait_for(f"{FRESH} && {shows('tone', 'TONE ON')}")
+
+
 def make_alert(fields: dict[str, Any]) -> dict[str, Any]:
     return fields | {"state": "alert", "reasons": ("obstacle",), "valid": False, "t4_ratio": 2.3}
 
@@ -361,8 +454,8 @@ async def test_a_fallback_medium_and_a_snapshot_session_are_said(
 ) -> None:
     assert await page.eval(f"{by_testid('mode')}.parentElement.hidden && {by_testid('snapshot-button')}.hidden")
     daemon.change_health = make_fallback_snapshot
-    await page.wait_for(shows("alarm-storage", "RECORDING TO THE FALLBACK"))
-    assert "/media/usb is full" in await page.text("alarm-storage")
+    await page.wait_for(shows("alarm-storage_fallback", "RECORDING TO THE FALLBACK"))
+    assert "/media/usb is full" in await page.text("alarm-storage_fallback")
     assert await page.text("mode") == "SNAPSHOT"
     assert await page.text("recording") == "WAITING"
     assert "gradient" in await page.eval(f"getComputedStyle({by_testid('mode')}.parentElement).backgroundImage")

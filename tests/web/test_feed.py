@@ -6,6 +6,8 @@ from typing import Any
 
 import pytest
 
+from fti.alarms.alarm_list import Alarm
+from fti.alarms.condition import Condition, Severity
 from fti.bus.message import stamped
 from fti.types import ClearanceIntegrity, HeightAboveGround, IntegrityState, Reason
 from fti.web.feed import EVENTS_KEPT, TOPICS_KEPT, Feed
@@ -15,6 +17,7 @@ MS = 1_000_000
 TOPIC = "/nav/height_above_ground/ra"
 INTEGRITY = "/nav/clearance_integrity"
 MAX_AGE_MS = 200.0
+OK: dict[str, Any] = {"state": IntegrityState.OK, "reasons": (), "valid": True}
 
 
 def make_height(t_ns: int = 0, now_ns: int = 0, **changes: Any) -> dict[str, Any]:
@@ -69,7 +72,41 @@ def test_a_dead_navigation_makes_fresh_values_late() -> None:
     assert not shown(feed, 0)["late"]
     feed.take_alive("navigation", False)
     assert shown(feed, 0)["late"]
-    assert "navigation_stopped" in alarm_ids(feed, 0)
+    assert alarm_ids(feed, 0) == [], "the daemon says so; a display decides nothing"
+
+
+def make_alarm(name: str, end_ns: int | None = None) -> dict[str, Any]:
+    condition = Condition(name, Severity.WARNING, name.upper())
+    return {**Alarm(condition, 1, 1, end_ns).as_json(), "is_acknowledged": False, "consequences": []}
+
+
+def test_alarms_are_those_of_the_daemon_however_late_the_outputs_are() -> None:
+    feed = Feed(0)
+    feed.take("/health", {"t_ns": 0}, 0)
+    feed.take(INTEGRITY, as_received(ClearanceIntegrity(t_ns=0, t_valid_ns=0, **OK)), 0)
+    feed.take("/alarms", {"t_ns": 0, "alarms": [make_alarm("integrity_alert")]}, 0)
+    for now_ns in (0, 550 * MS, 1500 * MS):
+        assert alarm_ids(feed, now_ns) == ["integrity_alert"]
+
+
+@pytest.mark.parametrize(("name", "end_ns", "is_late"), [("navigation", None, True), ("navigation", 3, False)])
+def test_outputs_are_late_while_the_daemon_says_that_navigation_has_stopped(
+    name: str, end_ns: int | None, is_late: bool
+) -> None:
+    feed = Feed(0)
+    feed.take("/health", {"t_ns": 0}, 0)
+    feed.take(TOPIC, make_height(), 0)
+    feed.take("/alarms", {"t_ns": 0, "alarms": [make_alarm(name, end_ns)]}, 0)
+    assert shown(feed, 0)["late"] is is_late
+
+
+@pytest.mark.parametrize("ends", ["silence", "connection"])
+def test_a_daemon_that_says_nothing_is_an_alarm_above_those_that_it_had(ends: str) -> None:
+    feed = Feed(0)
+    feed.take("/health", {"t_ns": 0}, 0)
+    feed.take("/alarms", {"t_ns": 0, "alarms": [make_alarm("integrity_alert")]}, 0)
+    feed.take_alive("supervisor", ends == "silence")
+    assert alarm_ids(feed, 2001 * MS) == ["daemon", "integrity_alert"]
 
 
 def test_fti_time_goes_on_from_the_last_health() -> None:
@@ -96,24 +133,6 @@ def test_events_and_topics_are_bounded() -> None:
     state = feed.state(0)
     assert [event["text"] for event in state["events"]] == [str(i) for i in range(5, EVENTS_KEPT + 5)]
     assert len(state["outputs"]) == TOPICS_KEPT
-
-
-def test_a_role_that_lost_its_source_is_an_alarm_and_one_that_never_had_any_is_none() -> None:
-    feed = Feed(0)
-    ours = {"t_ns": 0, "valid": True, "reasons": [], "position_source": "gnss", "altitude_source": "gnss"}
-    feed.take("/nav/nav_solution", {**ours, "attitude_source": None}, 0)
-    assert not any(alarm["id"].endswith("_source") for alarm in feed.state(0)["alarms"])
-    feed.take("/nav/nav_solution", {**ours, "position_source": None, "altitude_source": None}, 1)
-    assert [a["title"] for a in feed.state(1)["alarms"] if a["id"].endswith("_source")] == ["NO POSITION"]
-
-
-def test_an_alert_is_an_alarm_as_long_as_it_is_not_late() -> None:
-    feed = Feed(0)
-    fields = {"state": IntegrityState.ALERT, "reasons": (Reason.OBSTACLE,), "valid": False}
-    feed.take(INTEGRITY, as_received(ClearanceIntegrity(t_ns=0, t_valid_ns=0, **fields)), 0)  # type: ignore[arg-type]
-    alarm = next(a for a in feed.state(0)["alarms"] if a["id"] == "integrity_alert")
-    assert (alarm["level"], alarm["detail"]) == ("red", "obstacle")
-    assert "integrity_alert" not in alarm_ids(feed, 201 * MS)
 
 
 @pytest.mark.parametrize("nonsense", [{}, {"age_ms": "old", "max_age_ms": None, "reasons": 3, "state": 7, "t_ns": "x"}])

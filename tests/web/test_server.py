@@ -109,6 +109,11 @@ async def test_a_strange_origin_is_refused(site: Site, origin: str) -> None:
         await site.connect(Origin=origin)
 
 
+async def test_a_page_without_scripts_says_that_it_has_no_connection(site: Site) -> None:
+    async with site.client.get(f"http://127.0.0.1:{site.port}/") as response:
+        assert '<body class="disconnected">' in await response.text()
+
+
 async def test_the_socket_demands_an_origin(site: Site) -> None:
     with pytest.raises(aiohttp.WSServerHandshakeError, match="403"):
         await site.client.ws_connect(f"http://127.0.0.1:{site.port}/ws")
@@ -126,7 +131,7 @@ async def test_the_socket_sends_history_and_then_states(site: Site) -> None:
         while (later := await ws.receive_json())["t_ns"] == 7:
             pass
     assert later["outputs"]["/nav/glide_slope"]["late"]
-    assert [alarm["id"] for alarm in later["alarms"]] == ["daemon_stopped", "navigation_stopped"]
+    assert [alarm["id"] for alarm in later["alarms"]] == ["daemon"]
 
 
 # --------------------------------------------------------------------------------------------------------- commands

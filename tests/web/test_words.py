@@ -1,8 +1,8 @@
 """Every reason and state has words."""
 
-from fti.logger.storage import State
+from fti.reason_texts import REASONS, describe_reasons
 from fti.types import IntegrityState, Reason
-from fti.web.words import REASONS, STATES, STORAGE, describe_mode, describe_reasons, describe_storage
+from fti.web.words import STATES, describe_mode
 
 
 def test_every_reason_has_words_of_its_own() -> None:
@@ -17,11 +17,6 @@ def test_every_state_has_words() -> None:
 def test_an_unknown_reason_is_shown_as_it_is() -> None:
     assert describe_reasons(["of_the_future", "roll"]) == ["of the future", "roll limit"]
     assert describe_reasons(None) == []
-
-
-def test_every_state_of_the_storage_has_an_alarm() -> None:
-    assert set(STORAGE) == set(State) - {State.OK}
-    assert describe_storage("of_the_future") == ("amber", "STORAGE OF_THE_FUTURE")
 
 
 def test_a_mode_has_a_banner() -> None:

@@ -15,9 +15,10 @@ from fti.logger.reading.json_message import parse_table, whole_number
 from fti.logger.reading.limits import MAX_TEXT_LENGTH, check_topic_count
 from fti.logger.reading.mcap_file import Item
 from fti.logger.reading.recording import Recording
-from fti.logger.schemas import DEVICE_CLOCK_TOPIC, EVENT_TOPIC
+from fti.logger.schemas import ALARM_TOPIC, DEVICE_CLOCK_TOPIC, EVENT_TOPIC
 from fti.logger.session import Kind
 from fti.logger.survey.activity import Activity
+from fti.logger.survey.alarms import AlarmSpans
 from fti.logger.survey.intervals import Intervals
 
 SECOND_NS = 1_000_000_000
@@ -102,6 +103,7 @@ class Survey:
     topics: list[TopicSurvey]
     events: list[Note] = field(default_factory=list)
     more_events: int = 0
+    alarms: AlarmSpans = field(default_factory=AlarmSpans)
     clocks: list[Mapping[str, Any]] = field(default_factory=list)
     gnss: Mapping[str, Any] = field(default_factory=dict)
 
@@ -115,6 +117,11 @@ class Survey:
         level = _LEVELS.get(told, "unknown") if isinstance(told, int) else "unknown"
         source, text = (str(table.get(key, ""))[:MAX_TEXT_LENGTH] for key in ("name", "message"))
         self.events.append(Note(item.log_time, level, source, text))
+
+    def take_alarm(self, item: Item) -> None:
+        """A change of an alarm; nothing where it is none."""
+        with suppress(ValueError):
+            self.alarms.take(_table(item.data))
 
     def take_clock(self, item: Item) -> None:
         """A reading of the clocks; nothing where its times are no times."""
@@ -144,6 +151,7 @@ def look_through(recording: Recording) -> Survey:
     found = Survey([])
     takers = {
         EVENT_TOPIC: found.take_event,
+        ALARM_TOPIC: found.take_alarm,
         CLOCK_TOPIC: found.take_clock,
         DEVICE_CLOCK_TOPIC: found.take_device_clocks,
     }

@@ -1,30 +1,110 @@
-// The annunciator row: always there, so that nothing jumps when an alarm comes.
+// The alarms of the daemon: tiles of the most urgent, a list of all, and their acknowledgement.  Nothing is decided here.
 
-import { h, Keyed, setAttribute, setText } from "./dom.js";
+import { clock, duration } from "./format.js";
+import { h, Keyed, setAttribute, setClass, setText } from "./dom.js";
+import { Tone } from "./tone.js";
+
+const MOST_TILES = 3;
+
+const isLasting = (alarm) => alarm.end_ns === null;
+const isNew = (alarm) => !alarm.is_acknowledged;
+
+// When it began, for how long it has lasted or did last, and how often it has begun.
+function times(alarm, tNs) {
+  const lasted = duration((alarm.end_ns ?? tNs) - alarm.begin_ns);
+  const parts = [clock(alarm.begin_ns)];
+  if (isLasting(alarm)) parts.push(lasted);
+  else if (alarm.end_ns > alarm.begin_ns) parts.push(`ended after ${lasted}`);
+  if (alarm.count > 1) parts.push(`${alarm.count} times`);
+  return parts.join(" · ");
+}
 
 export class Alarms {
-  constructor(root) {
+  // command : gives a command to the daemon, resolves to a fault or null
+  constructor(root, command) {
+    this.command = command;
+    this.tone = new Tone();
     this.quiet = h("p", { class: "quiet", "data-testid": "no-alarms" }, "NO ALARMS");
-    const list = h("div", { class: "tiles" });
-    root.append(this.quiet, list);
-    this.tiles = new Keyed(list, makeTile);
+    const tiles = h("div", { class: "tiles" });
+    this.tiles = new Keyed(tiles, (id) => new Tile(id, () => this.#acknowledge(id)));
+    this.fault = h("span", { class: "alarm-fault", "data-testid": "alarm-fault" });
+    this.more = h("button", { type: "button", "data-testid": "alarm-more", "aria-expanded": "false" });
+    this.more.addEventListener("click", () => this.#toggleList());
+    this.button = h("button", { type: "button", "data-testid": "acknowledge", title: "key a" }, "ACKNOWLEDGE");
+    this.button.addEventListener("click", () => this.#acknowledge(null));
+    this.side = h("div", { class: "alarm-side" }, this.fault, this.more, this.button, this.tone.button);
+    this.list = h("ol", { class: "alarm-list", "data-testid": "alarm-list", hidden: "" });
+    root.append(this.quiet, tiles, this.side, this.list);
+    addEventListener("keydown", (event) => this.#onKey(event));
+    this.permitted = false;
   }
 
-  show({ alarms }) {
+  permit(fault) {
+    this.permitted = fault === null;
+    this.button.disabled = !this.permitted;
+    if (fault) setAttribute(this.button, "title", fault);
+  }
+
+  show({ alarms, t_ns: tNs }) {
     this.quiet.hidden = alarms.length > 0;
-    const tiles = this.tiles.sync(alarms.map((alarm) => alarm.id));
-    for (const alarm of alarms) {
-      const tile = tiles.get(alarm.id);
-      setAttribute(tile.root, "data-level", alarm.level);
-      setAttribute(tile.root, "title", alarm.detail);
-      setText(tile.title, alarm.title);
-      setText(tile.detail, alarm.detail);
-    }
+    this.button.hidden = !alarms.some(isNew);
+    const shown = alarms.slice(0, MOST_TILES);
+    const tiles = this.tiles.sync(shown.map((alarm) => alarm.id));
+    for (const alarm of shown) tiles.get(alarm.id).show(alarm, tNs);
+    setText(this.more, `${alarms.length} ${alarms.length === 1 ? "ALARM" : "ALARMS"}`);
+    this.more.hidden = alarms.length === 0;
+    if (!alarms.length) this.list.hidden = true;
+    if (!this.list.hidden) this.list.replaceChildren(...alarms.map((alarm) => makeItem(alarm, tNs)));
+    this.last = { alarms, t_ns: tNs };
+    this.tone.sound(alarms.some((alarm) => alarm.severity === "warning" && isLasting(alarm) && isNew(alarm)));
+  }
+
+  #toggleList() {
+    this.list.hidden = !this.list.hidden;
+    setAttribute(this.more, "aria-expanded", !this.list.hidden);
+    if (this.last) this.show(this.last);
+  }
+
+  #onKey(event) {
+    const isTyping = event.target instanceof HTMLElement && event.target.matches("input, textarea, select");
+    if (event.key === "a" && !isTyping && !event.ctrlKey && !event.altKey && !event.metaKey) this.#acknowledge(null);
+  }
+
+  async #acknowledge(id) {
+    if (!this.permitted) return;
+    setText(this.fault, (await this.command({ command: "acknowledge", alarm: id })) ?? "");
   }
 }
 
-function makeTile(id) {
-  const title = h("strong");
-  const detail = h("span");
-  return { root: h("div", { class: "tile", "data-testid": `alarm-${id}` }, title, detail), title, detail };
+class Tile {
+  constructor(id, press) {
+    [this.title, this.cause, this.times] = [h("strong"), h("span"), h("small")];
+    this.root = h("div", { class: "tile", "data-testid": `alarm-${id}` }, this.title, this.cause, this.times);
+    this.root.addEventListener("click", press);
+  }
+
+  show(alarm, tNs) {
+    const more = alarm.consequences.length ? ` +${alarm.consequences.length}` : "";
+    setAttribute(this.root, "data-severity", alarm.severity);
+    setAttribute(this.root, "title", [alarm.cause, ...alarm.consequences.map(({ title }) => title)].join("\n"));
+    setClass(this.root, "ended", !isLasting(alarm));
+    setClass(this.root, "acknowledged", !isNew(alarm));
+    setText(this.title, alarm.title + more);
+    setText(this.cause, alarm.cause);
+    setText(this.times, times(alarm, tNs));
+  }
+}
+
+function makeItem(alarm, tNs) {
+  const who = alarm.acknowledged_by ? `acknowledged by ${alarm.acknowledged_by}` : "not acknowledged";
+  const consequences = alarm.consequences.map((each) => h("li", {}, h("b", {}, each.title), ` ${each.cause}`));
+  return h(
+    "li",
+    { "data-severity": alarm.severity },
+    h("time", {}, times(alarm, tNs)),
+    h("b", {}, alarm.title),
+    h("span", {}, alarm.cause),
+    h("small", {}, who),
+    h("ul", {}, ...consequences),
+  );
 }

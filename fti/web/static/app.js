@@ -21,7 +21,7 @@ const command = (fields) => connection?.command(fields) ?? Promise.resolve("no c
 const links = new Links(place("links"));
 const panels = [
   new Banner(place("banner")),
-  new Alarms(place("alarms")),
+  new Alarms(place("alarms"), command),
   new Laboratory(place("laboratory"), command),
   new Heights(place("heights")),
   new Integrity(place("integrity")),
@@ -42,7 +42,7 @@ function onMessage(message) {
     for (const panel of panels) panel.take?.(message);
     return;
   }
-  const stopped = message.alarms.some((alarm) => alarm.id === "daemon_stopped");
+  const stopped = message.alarms.some((alarm) => alarm.id === "daemon");
   document.body.classList.toggle("daemon-stopped", stopped);
   for (const panel of panels) panel.show?.(message);
 }

@@ -73,8 +73,8 @@ def tolerate_every_rate(patch: pytest.MonkeyPatch) -> None:
 def never_hear_again(patch: pytest.MonkeyPatch) -> None:
     real, silent = Diagnosis._judge, set[str]()
 
-    def judge(self: Diagnosis, listener: Any, past: Any, rate: float, now_ns: int) -> tuple[LinkState, str]:
-        state, hint = real(self, listener, past, rate, now_ns)
+    def judge(self: Diagnosis, listener: Any, past: Any, rate: float) -> tuple[LinkState, str]:
+        state, hint = real(self, listener, past, rate)
         if state is LinkState.SILENT and listener.messages:
             silent.add(listener.name)
         return (LinkState.SILENT if listener.name in silent else state), hint

@@ -1,0 +1,197 @@
+"""The alarms of a session: each begins with its condition and stays until it has ended and was acknowledged.
+
+A condition ends only by a report about its subject: silence and lateness end nothing.  One that returns before its
+alarm was acknowledged counts one more; it must be acknowledged anew.  A consequence is shown with its cause while the
+cause lasts, or when both have ended.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any
+
+from fti.alarms.condition import Condition, Json, Report
+
+#: Without end, a list of alarms that nobody acknowledges must not fill the memory; names come from the configuration.
+MAX_ALARMS = 1000
+
+
+class Change(StrEnum):
+    """What became of an alarm."""
+
+    BEGINS = "begins"
+    CHANGES = "changes"
+    ENDS = "ends"
+    ACKNOWLEDGED = "acknowledged"
+
+
+@dataclass(slots=True)
+class Alarm:
+    """An alarm.
+
+    first_ns, begin_ns, end_ns : when it began first and last, and when it ended; None while it lasts [ns]
+    count           : how often it has begun since nobody acknowledged it
+    acknowledged_ns, acknowledged_by : when, and by whom; None before
+    """
+
+    condition: Condition
+    first_ns: int
+    begin_ns: int
+    end_ns: int | None = None
+    count: int = 1
+    acknowledged_ns: int | None = None
+    acknowledged_by: str | None = None
+
+    @property
+    def lasts(self) -> bool:
+        """Its condition has not ended."""
+        return self.end_ns is None
+
+    @property
+    def is_settled(self) -> bool:
+        """It has ended, and was acknowledged where it must be."""
+        return not self.lasts and (self.acknowledged_ns is not None or not self.condition.is_latched)
+
+    @property
+    def order(self) -> tuple[Any, ...]:
+        """What a person must see first: not acknowledged, severe, lasting, new."""
+        return self.acknowledged_ns is not None, self.condition.severity.rank, not self.lasts, -self.begin_ns
+
+    def as_json(self) -> Json:
+        """What is published and recorded of it."""
+        found = self.condition
+        return {
+            "id": found.id,
+            "severity": found.severity,
+            "title": found.title,
+            "cause": found.cause,
+            "value": found.value,
+            "first_ns": self.first_ns,
+            "begin_ns": self.begin_ns,
+            "end_ns": self.end_ns,
+            "count": self.count,
+            "acknowledged_ns": self.acknowledged_ns,
+            "acknowledged_by": self.acknowledged_by,
+        }
+
+
+class AlarmList:
+    """All alarms that last or were not acknowledged.  ``version`` grows with each change."""
+
+    def __init__(self) -> None:
+        self._alarms: dict[str, Alarm] = {}
+        self._present: dict[str, str] = {}  # identity of the condition of each subject
+        self._changes: list[Json] = []
+        self.version = 0
+
+    def report(self, report: Report) -> None:
+        """Take what is wrong with a subject now."""
+        before, now = self._present.get(report.subject), report.condition
+        if before is not None and (now is None or now.id != before):
+            del self._present[report.subject]
+            self._end(before, report.t_ns)
+        if now is not None:
+            self._present[report.subject] = now.id
+            self._begin(now, report.t_ns)
+
+    def record(self, condition: Condition, t_ns: int) -> None:
+        """Take what happened at a moment: it begins and ends."""
+        self._begin(condition, t_ns)
+        self._end(condition.id, t_ns)
+
+    def acknowledge(self, who: str, t_ns: int, alarm_id: str | None = None, begun_ns: int | None = None) -> int:
+        """Acknowledge an alarm with its consequences (alarm_id), those that have begun since (begun_ns), or all.
+
+        Returns how many were not acknowledged before.
+        """
+        chosen = {name for name, alarm in self._alarms.items() if begun_ns is None or alarm.begin_ns >= begun_ns}
+        if alarm_id is not None:
+            chosen = {name for name in chosen if alarm_id in (name, self._cause_of(name))}
+        open_alarms = [self._alarms[name] for name in sorted(chosen) if self._alarms[name].acknowledged_ns is None]
+        for alarm in open_alarms:
+            alarm.acknowledged_ns, alarm.acknowledged_by = t_ns, who
+            self._change(alarm, Change.ACKNOWLEDGED, t_ns)
+        return len(open_alarms)
+
+    def rows(self) -> list[Json]:
+        """The alarms, the most urgent first, each with its consequences; a row is as severe as what stands in it."""
+        causes = {name: self._cause_of(name) for name in self._alarms}
+        rows = []
+        for name, alarm in sorted(self._alarms.items(), key=lambda item: item[1].order):
+            if causes[name] == name:
+                folded = [self._alarms[other] for other, cause in causes.items() if cause == name != other]
+                rows.append(_row(alarm, sorted(folded, key=lambda other: other.order)))
+        return sorted(rows, key=lambda row: row.pop("order"))
+
+    def take_changes(self) -> list[Json]:
+        """What has changed since the last call, for the record: each alarm with its ``change`` at ``t_ns``."""
+        changes, self._changes = self._changes, []
+        return changes
+
+    def _begin(self, condition: Condition, t_ns: int) -> None:
+        alarm = self._alarms.get(condition.id)
+        if alarm and alarm.lasts:
+            changed = alarm.condition.severity is not condition.severity
+            is_shown = alarm.condition != condition
+            alarm.condition = condition
+            self.version += is_shown
+            if changed:
+                self._change(alarm, Change.CHANGES, t_ns)
+            return
+        if alarm:
+            alarm.condition, alarm.begin_ns, alarm.end_ns, alarm.count = condition, t_ns, None, alarm.count + 1
+            alarm.acknowledged_ns = alarm.acknowledged_by = None
+        elif len(self._alarms) < MAX_ALARMS:
+            alarm = self._alarms[condition.id] = Alarm(condition, t_ns, t_ns)
+        if alarm:
+            self._change(alarm, Change.BEGINS, t_ns)
+
+    def _end(self, name: str, t_ns: int) -> None:
+        if name in self._present.values():  # another subject has the same condition
+            return
+        alarm = self._alarms.get(name)
+        if alarm and alarm.lasts:
+            alarm.end_ns = max(t_ns, alarm.begin_ns)
+            self._change(alarm, Change.ENDS, t_ns)
+
+    def _change(self, alarm: Alarm, change: Change, t_ns: int) -> None:
+        self.version += 1
+        self._changes.append({"t_ns": t_ns, "change": change, **alarm.as_json()})
+        if alarm.is_settled:
+            del self._alarms[alarm.condition.id]
+
+    def _cause_of(self, name: str) -> str:
+        """The alarm with which this one is shown: the first cause of its causes, or itself."""
+        found = self._first_cause(name)
+        return found if self._first_cause(found) == found else name  # causes in a circle: each is shown
+
+    def _first_cause(self, name: str) -> str:
+        seen = {name}
+        while found := self._next_cause(name, seen):
+            seen.add(found)
+            name = found
+        return name
+
+    def _next_cause(self, name: str, seen: Iterable[str]) -> str | None:
+        alarm = self._alarms[name]
+        for other in alarm.condition.explained_by:
+            cause = self._alarms.get(other)
+            if cause and other not in seen and (cause.lasts or not alarm.lasts):
+                return other
+        return None
+
+
+def _row(alarm: Alarm, folded: list[Alarm]) -> Json:
+    all_of_it = [alarm, *folded]
+    is_open = any(each.acknowledged_ns is None for each in all_of_it)
+    severity = min((each.condition.severity for each in all_of_it), key=lambda severity: severity.rank)
+    order = not is_open, severity.rank, not any(each.lasts for each in all_of_it), -alarm.begin_ns
+    return {
+        **alarm.as_json(),
+        "severity": severity,
+        "is_acknowledged": not is_open,
+        "consequences": [each.as_json() for each in folded],
+        "order": order,
+    }

@@ -1,0 +1,24 @@
+"""What a person reads of an alarm in a terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from datetime import UTC, datetime
+from typing import Any
+
+SECOND_NS = 1_000_000_000
+
+
+def describe_times(alarm: Mapping[str, Any]) -> str:
+    """When it began, for how long it did last, how often it has begun, and who has acknowledged it."""
+    begin = f"{datetime.fromtimestamp(alarm['begin_ns'] // SECOND_NS, UTC):%H:%M:%S}"
+    parts = [f"since {begin}" if alarm["end_ns"] is None else f"{begin}, {_lasted(alarm)}"]
+    if alarm["count"] > 1:
+        parts.append(f"{alarm['count']} times")
+    if alarm["acknowledged_by"]:
+        parts.append(f"acknowledged by {alarm['acknowledged_by']}")
+    return ", ".join(parts)
+
+
+def _lasted(alarm: Mapping[str, Any]) -> str:
+    return f"ended after {(alarm['end_ns'] - alarm['begin_ns']) / SECOND_NS:.1f} s"

@@ -1,0 +1,286 @@
+"""Conditions that follow from outputs: what is wrong with heights, integrity, position, attitude and sources.
+
+A subject is reported when what is wrong with it has changed.  An output that cannot tell whether a condition has ended
+reports nothing: so none ends because navigation was started again, and what was never valid was never lost.
+Source: docs/alarms.md.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from typing import Any
+
+from fti.alarms.condition import Condition, Report, Severity
+from fti.config import Config, position_sources
+from fti.nav.series import SECOND_NS
+from fti.reason_texts import describe_reasons
+from fti.types import (
+    ClearanceIntegrity,
+    Event,
+    FilterSolution,
+    GlideSlope,
+    HeightAboveGround,
+    HeightBelowAircraft,
+    IntegrityState,
+    NavSolution,
+    Output,
+    Reason,
+    SourceValidity,
+)
+
+#: Altimeters that are outside their range say so; on an approach that is an alarm all the same.
+OUT_OF_RANGE = frozenset({Reason.ABOVE_RANGE, Reason.BELOW_RANGE, Reason.NO_RETURN, Reason.ROLL, Reason.PITCH})
+#: What is wrong with an altimeter itself.
+ALTIMETER_FAULTS = frozenset(
+    {
+        Reason.DEVICE_FLAG,
+        Reason.STUCK,
+        Reason.CHANGE_MISMATCH,
+        Reason.ALTIMETERS_DISAGREE,
+        Reason.DEVIATION,
+        Reason.EXCLUDED,
+    }
+)
+#: A single sample that deviates is no failure of its altimeter.
+ALTIMETER_FAULT_NS = SECOND_NS // 2
+#: A device that is silent is reported as such, and not as a source that contradicts others.
+SILENCE = frozenset({Reason.STALE, Reason.SILENT})
+#: An approach ends like this.
+EXPECTED_END = frozenset({Reason.END, Reason.GO_AROUND, Reason.NO_PROFILE})
+ON_APPROACH = frozenset(
+    {IntegrityState.ACQUIRE, IntegrityState.MONITOR, IntegrityState.OK, IntegrityState.CAUTION, IntegrityState.ALERT}
+)
+#: What gives a position, an attitude or an altitude where no device does.
+FALLBACKS = {"filter": "FILTER", "radio": "RADIO", "vertical": "VERTICAL CHANNEL"}
+#: A condition of which only the value changes is reported so often.
+VALUE_NS = SECOND_NS
+TERRAIN = "terrain"
+INTEGRITY_IDS = ("integrity_alert", "integrity_caution", "integrity_unavailable")
+
+
+def device_id(name: str) -> str:
+    """Identity of the alarm of a device that is silent or damaged, which the supervisor finds."""
+    return f"device:{name}"
+
+
+class OutputConditions:
+    """Looks at the outputs of navigation in order."""
+
+    def __init__(self, config: Config) -> None:
+        nav = config.nav
+        self._first_position = nav.position[0] if nav.position else None
+        self._explained = {
+            "position": tuple(device_id(name) for name in position_sources(nav)),
+            "attitude": tuple(device_id(name) for name in nav.attitude),
+            "height": tuple(f"{kind}:{name}" for name in nav.altimeters for kind in ("altimeter", "device")),
+        }
+        self._takers: dict[type, Callable[[Any], None]] = {
+            ClearanceIntegrity: self._take_integrity,
+            GlideSlope: self._take_glide_slope,
+            HeightAboveGround: self._take_altimeter,
+            HeightBelowAircraft: self._take_height,
+            NavSolution: self._take_solution,
+            FilterSolution: self._take_filter,
+            SourceValidity: self._take_source,
+        }
+        self._had: set[str] = set()  # what was valid before
+        self._is_on_approach = False
+        self._altimeters: dict[str, frozenset[Reason]] = {name: frozenset() for name in nav.altimeters}
+        self._fault_since_ns: dict[str, int] = {}
+        self._tested: dict[str, SourceValidity] = {}
+        self._excluded: frozenset[str] = frozenset()
+        self._reported: dict[str, Report] = {}
+        self._found: list[Report] = []
+
+    def take(self, outputs: Iterable[Output | Event]) -> list[Report]:
+        """What is another condition now than before these outputs."""
+        for output in outputs:
+            if taker := self._takers.get(type(output)):
+                taker(output)
+        found, self._found = self._found, []
+        return found
+
+    def judge_ground(self, t_ns: int, fault: str | None) -> Report:
+        """The terrain is known from now on, or ``fault`` says why it never will be."""
+        cause = f"{fault}; heights are not compared with it"
+        condition = Condition(TERRAIN, Severity.CAUTION, "NO TERRAIN", cause) if fault else None
+        return Report(t_ns, TERRAIN, condition)
+
+    def end_all(self, t_ns: int) -> list[Report]:
+        """Navigation begins anew: nothing that was before counts, but the terrain."""
+        lasting = [subject for subject, report in self._reported.items() if report.condition and subject != TERRAIN]
+        return [Report(t_ns, subject, None) for subject in lasting]
+
+    # ------------------------------------------------------------------------------------------------- each output
+
+    def _take_integrity(self, output: ClearanceIntegrity) -> None:
+        state, reasons = output.state, frozenset(output.reasons)
+        self._is_on_approach = state in ON_APPROACH
+        cause = _words(output.reasons)
+        if state is IntegrityState.ALERT:
+            found = Condition("integrity_alert", Severity.WARNING, "GROUND CLEARANCE ALERT", cause)
+        elif state is IntegrityState.CAUTION:
+            found = Condition("integrity_caution", Severity.CAUTION, "GROUND CLEARANCE CAUTION", cause)
+        elif state is IntegrityState.UNAVAILABLE and "integrity" in self._had and not reasons & EXPECTED_END:
+            found = Condition(
+                "integrity_unavailable",
+                Severity.CAUTION,
+                "GROUND CLEARANCE NOT MONITORED",
+                cause,
+                explained_by=("height", "position", *self._explained["height"], *self._explained["position"]),
+            )
+        else:
+            self._note_integrity(output, is_over=bool(reasons & EXPECTED_END))
+            return
+        self._had.add("integrity")
+        self._say("integrity", output.t_ns, found)
+
+    def _note_integrity(self, output: ClearanceIntegrity, *, is_over: bool) -> None:
+        """Nothing is wrong; where an approach is over, or the ground matches, that is known."""
+        if output.state is IntegrityState.OK:
+            self._had.add("integrity")
+        elif is_over:
+            self._had.discard("integrity")
+        if is_over or output.state in ON_APPROACH:
+            self._say("integrity", output.t_ns, None)
+
+    def _take_glide_slope(self, output: GlideSlope) -> None:
+        if output.valid:
+            self._had.add("glide slope")
+            self._say("glide slope", output.t_ns, None)
+        elif frozenset(output.reasons) & (EXPECTED_END | {Reason.BELOW_150_M, Reason.OUTSIDE_PROFILE}):
+            self._had.discard("glide slope")
+            self._say("glide slope", output.t_ns, None)
+        elif "glide slope" in self._had:
+            causes = (*INTEGRITY_IDS, "height", "position")
+            cause = _words(output.reasons)
+            flag = Condition("glide_slope", Severity.CAUTION, "GLIDE SLOPE FLAGGED", cause, explained_by=causes)
+            self._say("glide slope", output.t_ns, flag)
+
+    def _take_altimeter(self, output: HeightAboveGround) -> None:
+        name, reasons = output.sensor, frozenset(output.reasons)
+        self._altimeters[name] = reasons
+        faults = [reason for reason in output.reasons if reason in ALTIMETER_FAULTS]
+        if not faults or reasons & OUT_OF_RANGE:
+            self._fault_since_ns.pop(name, None)
+            if output.valid:
+                self._say(f"altimeter {name}", output.t_ns, None)
+        elif output.t_ns - self._fault_since_ns.setdefault(name, output.t_ns) >= ALTIMETER_FAULT_NS:
+            title = f"HEIGHT OF {name.upper().replace('_', ' ')} REFUSED"
+            found = Condition(f"altimeter:{name}", Severity.CAUTION, title, _words(faults))
+            self._say(f"altimeter {name}", output.t_ns, found)
+
+    def _take_height(self, output: HeightBelowAircraft) -> None:
+        is_expected = not self._is_on_approach and all(map(OUT_OF_RANGE.intersection, self._altimeters.values()))
+        if output.valid or is_expected:
+            self._had |= {"height"} if output.valid else set()
+            self._say("height", output.t_ns, None)
+        elif "height" in self._had:
+            reasons = sorted({reason for found in self._altimeters.values() for reason in found})
+            self._lose("height", "HEIGHT NOT VALID", output.t_ns, reasons or output.reasons)
+
+    def _take_solution(self, output: NavSolution) -> None:
+        if output.valid:
+            self._had.add("position")
+            self._say("position", output.t_ns, self._describe_position(output))
+        elif "position" in self._had:
+            reasons = [reason for reason in output.reasons if reason not in output.attitude_reasons]
+            self._lose("position", "POSITION NOT VALID", output.t_ns, reasons or output.reasons)
+        if output.attitude_valid:
+            self._had.add("attitude")
+            self._say("attitude", output.t_ns, _by_fallback("attitude", output.attitude_source, None))
+        elif "attitude" in self._had:
+            self._lose("attitude", "ATTITUDE NOT VALID", output.t_ns, output.attitude_reasons)
+        if output.altitude_source is not None:
+            own = None if output.altitude_source == output.position_source else output.altitude_source
+            self._say("altitude", output.t_ns, _by_fallback("altitude", own, output.vertical_sd))
+        for name in sorted(self._excluded.symmetric_difference(output.refused)):
+            self._excluded ^= {name}
+            self._judge_source(name, output.t_ns)
+        self._judge_comparison(output.t_ns, is_short=Reason.REACQUIRED in output.unchecked)
+
+    def _judge_comparison(self, t_ns: int, *, is_short: bool) -> None:
+        """Sources are compared for a short time only: expected until it has been long enough for the first time."""
+        if not is_short:
+            self._had |= {"comparison"} if "short comparison" in self._had else set()
+            self._say("comparison", t_ns, None)
+        elif "comparison" in self._had:
+            cause = _words((Reason.REACQUIRED,))
+            self._say("comparison", t_ns, Condition("reacquired", Severity.ADVISORY, "SOURCES REACQUIRED", cause))
+        else:
+            self._had.add("short comparison")
+
+    def _describe_position(self, output: NavSolution) -> Condition | None:
+        source, first = output.position_source, self._first_position
+        if source == first:
+            self._had.add("first position")
+        if source in FALLBACKS:
+            return _by_fallback("position", source, output.horizontal_sd)
+        if source == first or source is None or "first position" not in self._had:
+            return None
+        title = f"POSITION BY {source.upper().replace('_', ' ')}"
+        cause = f"{first} is not used"
+        return Condition(f"position_by:{source}", Severity.ADVISORY, title, cause, explained_by=(f"source:{first}",))
+
+    def _take_filter(self, output: FilterSolution) -> None:
+        is_drawn = Reason.CONTRADICTION in output.reasons
+        cause = "none of them is known to be right; the protection levels contain all"
+        found = Condition("contradiction", Severity.CAUTION, "SOURCES CONTRADICT EACH OTHER", cause)
+        self._say("contradiction", output.t_ns, found if is_drawn else None)
+
+    def _take_source(self, output: SourceValidity) -> None:
+        self._tested[output.source] = output
+        self._judge_source(output.source, output.t_ns)
+
+    def _judge_source(self, name: str, t_ns: int) -> None:
+        """By the tests of the source alone, and by its exclusion because it contradicts others."""
+        tested = self._tested.get(name)
+        reasons = [reason for reason in tested.reasons if reason not in SILENCE] if tested else []
+        cause = "; ".join(filter(None, (_words(reasons), tested.readmission if tested else "")))
+        if name in self._excluded:
+            cause = "; ".join(filter(None, (_words(reasons), "it contradicts the other sources")))
+        if reasons or name in self._excluded:
+            title = f"SOURCE {name.upper().replace('_', ' ')} REFUSED"
+            self._say(f"source {name}", t_ns, Condition(f"source:{name}", Severity.CAUTION, title, cause))
+        elif tested is None or tested.valid:
+            self._say(f"source {name}", t_ns, None)
+
+    # --------------------------------------------------------------------------------------------------- reporting
+
+    def _lose(self, role: str, title: str, t_ns: int, reasons: Iterable[Reason]) -> None:
+        """What was valid is not any more; on an approach a person must act at once."""
+        is_grave = self._is_on_approach and role != "attitude"
+        severity = Severity.WARNING if is_grave else Severity.CAUTION
+        causes = self._explained[role] + tuple(
+            known.replace("device:", "source:") for known in self._explained[role] if known.startswith("device:")
+        )
+        self._say(role, t_ns, Condition(role, severity, title, _words(reasons), explained_by=causes))
+
+    def _say(self, subject: str, t_ns: int, condition: Condition | None) -> None:
+        report, last = Report(t_ns, subject, condition), self._reported.get(subject)
+        if last is not None and _is_same(last, report):
+            return
+        self._reported[subject] = report
+        self._found.append(report)
+
+
+def _by_fallback(role: str, source: str | None, sd: float | None) -> Condition | None:
+    """No device gives it; the value is one sigma."""
+    if source not in FALLBACKS:
+        return None
+    title = f"{role.upper()} BY {FALLBACKS[source]}"
+    return Condition(f"{role}_by:{source}", Severity.CAUTION, title, "no device gives it", sd)
+
+
+def _words(reasons: Iterable[Reason]) -> str:
+    return ", ".join(describe_reasons(list(reasons)))
+
+
+def _is_same(last: Report, report: Report) -> bool:
+    """Nothing has changed, or nothing but the value a moment ago."""
+    if last.condition is None or report.condition is None:
+        return last.condition is report.condition
+    if report.t_ns - last.t_ns < VALUE_NS:
+        return last.condition == replace(report.condition, value=last.condition.value)
+    return last.condition == report.condition

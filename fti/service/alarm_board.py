@@ -1,0 +1,112 @@
+"""The daemon's alarms: what navigation and health report, latched until a person acknowledges it.
+
+The supervisor keeps them, so they outlast a restart of navigation and of every display.  Each change is recorded on
+``/fti/alarm``; the list is published on ``/alarms`` with each change, and with each health message.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from fti.alarms.alarm_list import AlarmList
+from fti.alarms.condition import Condition, Json, Report, Severity
+from fti.bus.message import encode
+from fti.clock import Clock
+from fti.logger.schemas import ALARM_TOPIC
+from fti.service.bulletin import Note, Publish
+from fti.service.health_conditions import HealthConditions, find_losses
+
+NS_PER_S = 1_000_000_000
+#: What waits for longer is late for every consumer; below the second limit navigation is in time again [ns].
+LATE_NS, IN_TIME_NS = 500_000_000, 250_000_000
+ALARMS = "/alarms"
+#: What falls silent so long before another flight begins belongs to the end of the last one [ns].
+FLIGHT_END_NS = 5_000_000_000
+
+
+class AlarmBoard:
+    """All alarms of a session.
+
+    oldest_waiting_ns : when the oldest frame arrived that navigation has not finished [ns]; None when there is none
+    """
+
+    def __init__(self, clock: Clock, publish: Publish, note: Note, oldest_waiting_ns: Callable[[], int | None]) -> None:
+        self._clock, self._publish, self._note = clock, publish, note
+        self._oldest_waiting_ns = oldest_waiting_ns
+        self._alarms = AlarmList()
+        self._health = HealthConditions(clock.now_ns())
+        self._last: Json | None = None
+        self._was_in_time = self._is_late = self._is_ending = False
+
+    def take(self, report: Json) -> None:
+        """What navigation reports."""
+        if self._is_ending:
+            return
+        self._alarms.report(Report.from_json(report))
+        self._tell_changes()
+
+    def take_health(self, health: Json) -> None:
+        """What follows from health; the list is published with it."""
+        for report in () if self._is_ending else self._health.reports(health):
+            self._alarms.report(report)
+        for lost in find_losses(self._last, health) if self._last else ():
+            self._alarms.record(lost, health["t_ns"])
+        self._last = health
+        self._record_changes()
+        self.publish()
+
+    def look_at_navigation(self) -> None:
+        """Is navigation late?  Until it was in time once, it is starting."""
+        if self._is_ending:
+            return
+        now = self._clock.now_ns()
+        oldest_ns = self._oldest_waiting_ns()
+        late_ns = 0 if oldest_ns is None else now - oldest_ns
+        self._was_in_time = self._was_in_time or late_ns < IN_TIME_NS
+        self._is_late = self._was_in_time and late_ns > (IN_TIME_NS if self._is_late else LATE_NS)
+        found = None
+        if self._is_late:
+            cause = "frames arrive, and navigation has not worked on them; its values are struck out"
+            late_s = round(late_ns / NS_PER_S, 1)
+            found = Condition(
+                "navigation_late", Severity.CAUTION, "NAVIGATION LATE", cause, late_s, explained_by=("navigation",)
+            )
+        self._alarms.report(Report(now, "navigation lateness", found))
+        self._tell_changes()
+
+    def record(self, condition: Condition) -> None:
+        """Something has happened now."""
+        self._alarms.record(condition, self._clock.now_ns())
+        self._tell_changes()
+
+    def begin_anew(self, who: str) -> None:
+        """Another flight begins, as ``who`` says, and has seen what the end of the last one was."""
+        now = self._clock.now_ns()
+        self._health.begin_anew(now)
+        self._alarms.acknowledge(who, now, begun_ns=now - FLIGHT_END_NS)
+        self._tell_changes()
+
+    def end(self) -> None:
+        """The session ends: what falls silent from now on is expected."""
+        self._is_ending = True
+
+    def acknowledge(self, who: str, alarm_id: str | None) -> int:
+        """A person has seen an alarm, or all of them; returns how many were not acknowledged before."""
+        count = self._alarms.acknowledge(who, self._clock.now_ns(), alarm_id)
+        self._tell_changes()
+        return count
+
+    def publish(self) -> None:
+        """Put the list on the bus."""
+        self._publish(ALARMS, encode({"t_ns": self._clock.now_ns(), "alarms": self._alarms.rows()}))
+
+    def _tell_changes(self) -> None:
+        if self._record_changes():
+            self.publish()
+
+    def _record_changes(self) -> bool:
+        changes: list[dict[str, Any]] = self._alarms.take_changes()
+        for change in changes:
+            self._note(ALARM_TOPIC, change["t_ns"], change)
+        return bool(changes)

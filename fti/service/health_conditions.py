@@ -1,0 +1,198 @@
+"""Conditions that follow from health: what is wrong with recording, processes, links and devices.
+
+What is expected is none: ports that open after the start, devices that are switched on with the computer, the end of
+the session.  Of a navigation that says nothing no device is judged: it may be the only one that is silent.
+Source: docs/alarms.md.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any
+
+from fti.alarms.condition import Condition, Report, Severity
+from fti.service.children import ProcessState
+from fti.types import LinkState
+
+Fields = Mapping[str, Any]
+
+SECOND_NS = 1_000_000_000
+#: So long after the start of the session, or of a new flight, a link or device that was never good is no alarm.
+START_NS = 10 * SECOND_NS
+#: States of the storage: severity and title.
+STORAGE: dict[str, tuple[Severity, str]] = {
+    "full": (Severity.CAUTION, "STORAGE ALMOST FULL"),
+    "overdue": (Severity.CAUTION, "NEXT FILE OVERDUE"),
+    "slow": (Severity.CAUTION, "STORAGE SLOW"),
+    "fallback": (Severity.CAUTION, "RECORDING TO THE FALLBACK"),
+    "gone": (Severity.WARNING, "RECORDING TO A LOST FILE"),
+    "error": (Severity.WARNING, "NOT RECORDING"),
+}
+STOPPED_LINK = frozenset({LinkState.ABSENT, LinkState.DENIED, LinkState.BUSY, LinkState.SILENT})
+#: A process that died so often soon after its start dies again.
+EARLY_DEATHS = 3
+#: Space for less time than this is an alarm [s]; the rate is that of the last minute.
+SPACE_S = 3600.0
+RATE_SPAN_NS, RATE_LEAST_NS = 60 * SECOND_NS, 10 * SECOND_NS
+#: Of these conditions that of a device or link may be a consequence.
+BY_RECORDER, BY_NAVIGATION = ("recording",), ("navigation", "navigation_late")
+
+
+class HealthConditions:
+    """Looks at health twice a second."""
+
+    def __init__(self, begin_ns: int) -> None:
+        self._begin_ns = begin_ns
+        self._were_good: set[str] = set()
+        self._space = SpaceForecast()
+        self._navigation_ran = False
+
+    def begin_anew(self, t_ns: int) -> None:
+        """Another flight begins: devices may be switched off and on."""
+        self._begin_ns, self._were_good = t_ns, set()
+
+    def reports(self, health: Fields) -> Iterator[Report]:
+        """What is wrong with each subject that the health tells of."""
+        if health["session"].get("state") == "stopping":
+            return
+        t_ns = health["t_ns"]
+        for subject, condition in self._conditions(health, t_ns):
+            yield Report(t_ns, subject, condition)
+
+    def _conditions(self, health: Fields, t_ns: int) -> Iterator[tuple[str, Condition | None]]:
+        yield "recording", _recording(health)
+        yield "space", self._space.judge(health["storage"], t_ns)
+        yield "navigation", self._judge_navigation(health["processes"])
+        yield "terrain loading", _terrain(health["navigation"])
+        for name, process in health["processes"].items():
+            yield f"process {name}", _crash_loop(name, process)
+        for name, link in health["links"].items():
+            yield f"link {name}", self._judge_link(name, link, t_ns)
+        if "hint" in health["navigation"]:  # it says nothing
+            return
+        for name, device in health["devices"].items():
+            yield f"device {name}", self._judge_device(name, device, t_ns)
+
+    def _judge_navigation(self, processes: Fields) -> Condition | None:
+        state = processes.get("navigation", {}).get("state")
+        if state == ProcessState.RUNNING:
+            self._navigation_ran = True
+            return None
+        if state in (None, ProcessState.STARTING, ProcessState.STOPPED) and not self._navigation_ran:
+            cause = "its methods are loaded, on a new machine compiled; recording already runs"
+            return Condition("navigation_starting", Severity.ADVISORY, "NAVIGATION STARTING", cause, is_latched=False)
+        cause = f"its process is {state}; its last values are struck out, recording goes on"
+        return Condition("navigation", Severity.WARNING, "NAVIGATION STOPPED", cause)
+
+    def _judge_link(self, name: str, link: Fields, t_ns: int) -> Condition | None:
+        state = link["state"]
+        if state not in STOPPED_LINK:
+            self._were_good.add(f"link:{name}")
+            return None
+        return self._unless_expected(
+            Condition(
+                f"link:{name}",
+                Severity.CAUTION,
+                f"LINK {_spoken(name)} {str(state).upper()}",
+                str(link.get("hint") or ""),
+                explained_by=BY_RECORDER,
+            ),
+            t_ns,
+        )
+
+    def _judge_device(self, name: str, device: Fields, t_ns: int) -> Condition | None:
+        state = device["state"]
+        if state == LinkState.GOOD:
+            self._were_good.add(f"device:{name}")
+            return None
+        return self._unless_expected(
+            Condition(
+                f"device:{name}",
+                Severity.CAUTION,
+                f"DEVICE {_spoken(name)} {str(state).upper()}",
+                str(device.get("hint") or ""),
+                explained_by=(f"link:{device.get('link')}", *BY_RECORDER, *BY_NAVIGATION),
+            ),
+            t_ns,
+        )
+
+    def _unless_expected(self, condition: Condition, t_ns: int) -> Condition | None:
+        is_start = condition.id not in self._were_good and t_ns - self._begin_ns < START_NS
+        return None if is_start else condition
+
+
+class SpaceForecast:
+    """For how long the medium has space, by the rate at which files have grown."""
+
+    def __init__(self) -> None:
+        self._free: deque[tuple[int, float]] = deque()
+
+    def judge(self, storage: Fields, t_ns: int) -> Condition | None:
+        """The condition that there is space for less than an hour; value : for so long [s]"""
+        free_mb = storage.get("free_mb")
+        if not isinstance(free_mb, int | float) or storage.get("state") != "ok":
+            self._free.clear()  # another medium, or none
+            return None
+        self._free.append((t_ns, float(free_mb)))
+        while t_ns - self._free[0][0] > RATE_SPAN_NS:
+            self._free.popleft()
+        begin_ns, begin_mb = self._free[0]
+        used_mb = begin_mb - free_mb
+        if t_ns - begin_ns < RATE_LEAST_NS or used_mb <= 0.0:
+            return None
+        left_s = free_mb / used_mb * (t_ns - begin_ns) / SECOND_NS
+        if left_s >= SPACE_S:
+            return None
+        cause = f"{free_mb:.0f} MB are free, {used_mb / (t_ns - begin_ns) * SECOND_NS:.2f} MB/s are used"
+        return Condition("space", Severity.CAUTION, "SPACE FOR LESS THAN AN HOUR", cause, left_s)
+
+
+def find_losses(before: Fields, health: Fields) -> Iterable[Condition]:
+    """What was lost between two health messages; it happened and does not last."""
+    counters = (
+        ("dropped_frames", "losses", "DATA LOST", "frames were dropped"),
+        ("stamp_refused", "stamps", "KERNEL STAMPS REFUSED", "frames have the time at which they were read"),
+    )
+    for key, name, title, text in counters:
+        found = {
+            link: int(fields.get(key) or 0) - int(before["links"].get(link, {}).get(key) or 0)
+            for link, fields in health["links"].items()
+        }
+        if more := {link: count for link, count in found.items() if count > 0}:
+            counts = ", ".join(f"{count} on {link}" for link, count in more.items())
+            yield Condition(name, Severity.CAUTION, title, f"{text}: {counts}", float(sum(more.values())))
+
+
+def _recording(health: Fields) -> Condition | None:
+    storage, session = health["storage"], health["session"]
+    state = "error" if session.get("state") == "storage_error" else str(storage.get("state", "ok"))
+    recorder = health["processes"].get("recorder", {}).get("state", ProcessState.RUNNING)
+    if state == "ok" and recorder in (ProcessState.RESTARTING, ProcessState.STOPPED):
+        return Condition("recording", Severity.WARNING, "NOT RECORDING", f"the recorder is {recorder}")
+    if state == "ok":
+        return None
+    severity, title = STORAGE.get(state, (Severity.CAUTION, f"STORAGE {state.upper()}"))
+    name = "recording" if severity is Severity.WARNING else f"storage_{state}"
+    return Condition(name, severity, title, str(storage.get("hint") or f"storage {state}"))
+
+
+def _crash_loop(name: str, process: Fields) -> Condition | None:
+    deaths = process.get("early_deaths", 0)
+    if deaths < EARLY_DEATHS:
+        return None
+    cause = f"{deaths} times in succession it ended soon after its start"
+    return Condition(
+        f"process:{name}", Severity.CAUTION, f"{_spoken(name)} FAILS AGAIN AND AGAIN", cause, float(deaths)
+    )
+
+
+def _terrain(navigation: Fields) -> Condition | None:
+    if not navigation.get("is_terrain_loading"):
+        return None
+    cause = "heights are not compared with it yet"
+    return Condition("terrain_loading", Severity.ADVISORY, "TERRAIN LOADING", cause, is_latched=False)
+
+
+def _spoken(name: str) -> str:
+    return name.upper().replace("_", " ")

@@ -1,0 +1,35 @@
+"""``fti acknowledge``: what reaches the daemon."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from fti.cli.main import main
+from fti.service.control_socket import serve_commands
+from fti.service.rundir import RunDir
+from tests.run_dirs import running_daemon
+
+
+@pytest.mark.parametrize(("arguments", "asked"), [([], None), (["integrity_alert"], "integrity_alert")])
+def test_it_asks_for_one_alarm_or_for_all(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], asked: str | None
+) -> None:
+    commands: list[dict[str, Any]] = []
+
+    async def obey(command: dict[str, Any], who: str) -> dict[str, Any]:
+        commands.append(command)
+        return {"acknowledged": 2, "t_ns": 1}
+
+    async def beside(made: RunDir) -> int:
+        server = await serve_commands(made.bind(), obey, lambda unit, error: pytest.fail(f"{unit}: {error}"))
+        async with server:
+            return await asyncio.to_thread(main, ["acknowledge", *arguments, "--run-dir", str(tmp_path)])
+
+    with running_daemon(tmp_path) as made:
+        assert asyncio.run(beside(made)) == 0
+    assert commands == [{"acknowledge": asked}]
+    assert capsys.readouterr().out == "2 alarms acknowledged\n"

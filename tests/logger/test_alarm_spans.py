@@ -1,0 +1,76 @@
+"""Alarms of a recording, from their changes: each with its begin, its end, and who has acknowledged it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fti.alarms.alarm_list import AlarmList
+from fti.alarms.condition import Condition, Report, Severity
+from fti.logger.survey.alarms import ALARMS_KEPT, AlarmSpans
+
+ALERT = Condition("integrity_alert", Severity.WARNING, "GROUND CLEARANCE ALERT", "obstacle")
+
+
+def spans_of(alarms: AlarmList) -> list[tuple[str, int, int | None, str | None]]:
+    found = AlarmSpans()
+    for change in alarms.take_changes():
+        found.take(change)
+    return [(span.id, span.begin_ns, span.end_ns, span.acknowledged_by) for span in found.spans]
+
+
+def test_each_begin_is_a_span_of_its_own() -> None:
+    alarms = AlarmList()
+    for begin in (10, 30):
+        alarms.report(Report(begin, "integrity", ALERT))
+        alarms.report(Report(begin + 16, "integrity", None))
+    alarms.acknowledge("anna", 50)
+    alarms.report(Report(60, "integrity", ALERT))
+    assert spans_of(alarms) == [
+        ("integrity_alert", 10, 26, None),
+        ("integrity_alert", 30, 46, "anna"),
+        ("integrity_alert", 60, None, None),
+    ]
+
+
+def test_one_that_was_acknowledged_while_it_lasted_has_its_end_too() -> None:
+    alarms = AlarmList()
+    alarms.report(Report(10, "integrity", ALERT))
+    alarms.acknowledge("anna", 12)
+    alarms.report(Report(20, "integrity", None))
+    assert spans_of(alarms) == [("integrity_alert", 10, 20, "anna")]
+
+
+def test_they_are_bounded() -> None:
+    alarms, found = AlarmList(), AlarmSpans()
+    for t_ns in range(0, 2 * ALARMS_KEPT + 20, 2):
+        alarms.record(ALERT, t_ns)
+    for change in alarms.take_changes():
+        found.take(change)
+    assert (len(found.spans), found.more) == (ALARMS_KEPT, 10)
+
+
+values = st.one_of(st.none(), st.integers(), st.floats(), st.text(max_size=5), st.lists(st.integers(), max_size=2))
+names = st.sampled_from(["id", "change", "t_ns", "severity", "title", "cause", "acknowledged_by"])
+right = {"id": "a", "change": "begins", "t_ns": 1, "severity": "warning", "title": "A", "cause": "", "x": 1}
+
+
+@given(st.dictionaries(names, values), st.sampled_from(["begins", "ends", "acknowledged", "changes", "else"]))
+def test_a_record_that_is_none_is_refused(wrong: dict[str, Any], change: str) -> None:
+    found = AlarmSpans()
+    found.take(right)
+    record = {**right, "change": change, **wrong}
+    try:
+        found.take(record)
+    except ValueError:
+        return
+    assert isinstance(record["t_ns"], int)
+
+
+@pytest.mark.parametrize("missing", ["id", "change", "t_ns", "severity"])
+def test_a_record_without_what_it_needs_is_refused(missing: str) -> None:
+    with pytest.raises((ValueError, TypeError)):
+        AlarmSpans().take({key: value for key, value in right.items() if key != missing})

@@ -1,0 +1,297 @@
+"""What is wrong follows from outputs alone, begins with them, and ends only by one that says so."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from fti.alarms.alarm_list import AlarmList
+from fti.alarms.condition import Report
+from fti.config import Config, Nav, Session
+from fti.nav.alarm_conditions import ALTIMETER_FAULT_NS, OutputConditions
+from fti.types import (
+    ClearanceIntegrity,
+    FilterMode,
+    FilterSolution,
+    GlideSlope,
+    HeightAboveGround,
+    HeightBelowAircraft,
+    IntegrityState,
+    NavSolution,
+    Output,
+    Reason,
+    SourceValidity,
+)
+
+CONFIG = Config(
+    session=Session(name="s"), nav=Nav(position=("ins", "gnss"), attitude=("ins",), altimeters=("radar", "laser"))
+)
+SECOND_NS = 10**9
+GOOD: dict[str, Any] = {
+    "valid": True,
+    "reasons": (),
+    "position_source": "ins",
+    "altitude_source": "ins",
+    "attitude_source": "ins",
+    "attitude_valid": True,
+}
+
+
+class Watched:
+    """The conditions of a stream of outputs, as a list of alarms keeps them."""
+
+    def __init__(self) -> None:
+        self.conditions, self.alarms = OutputConditions(CONFIG), AlarmList()
+        self.reports: list[Report] = []
+
+    def take(self, *outputs: Output) -> None:
+        for report in self.conditions.take(outputs):
+            self.reports.append(report)
+            self.alarms.report(report)
+
+    @property
+    def lasting(self) -> dict[str, str]:
+        """Severity of each alarm that lasts."""
+        rows = [each for row in self.alarms.rows() for each in (row, *row["consequences"])]
+        return {row["id"]: str(row["severity"]) for row in rows if row["end_ns"] is None}
+
+    def cause(self, name: str) -> str:
+        rows = [each for row in self.alarms.rows() for each in (row, *row["consequences"])]
+        return next(str(row["cause"]) for row in rows if row["id"] == name)
+
+
+@pytest.fixture
+def watched() -> Watched:
+    return Watched()
+
+
+def solution(t_s: float, **changes: Any) -> NavSolution:
+    return NavSolution(t_ns=round(t_s * SECOND_NS), t_valid_ns=None, **{**GOOD, **changes})
+
+
+def integrity(t_s: float, state: IntegrityState, *reasons: Reason) -> ClearanceIntegrity:
+    valid = state is IntegrityState.OK
+    return ClearanceIntegrity(t_ns=round(t_s * SECOND_NS), t_valid_ns=None, state=state, reasons=reasons, valid=valid)
+
+
+def altimeter(t_s: float, name: str, *reasons: Reason) -> HeightAboveGround:
+    height = None if reasons else 100.0
+    return HeightAboveGround(
+        t_ns=round(t_s * SECOND_NS),
+        t_valid_ns=None,
+        sensor=name,
+        raw=height,
+        height_agl=height,
+        sd=1.0,
+        valid=not reasons,
+        reasons=reasons,
+    )
+
+
+def height(t_s: float, *reasons: Reason) -> HeightBelowAircraft:
+    return HeightBelowAircraft(
+        t_ns=round(t_s * SECOND_NS),
+        t_valid_ns=None,
+        sensor="radar",
+        height_agl=None if reasons else 100.0,
+        sd=1.0,
+        valid=not reasons,
+        reasons=reasons,
+    )
+
+
+def source(t_s: float, name: str, *reasons: Reason) -> SourceValidity:
+    return SourceValidity(
+        t_ns=round(t_s * SECOND_NS),
+        t_valid_ns=None,
+        source=name,
+        valid=not reasons,
+        reasons=reasons,
+        readmission="fti readmit" if reasons else "",
+    )
+
+
+def test_an_alert_becomes_a_caution_and_ends_where_the_ground_matches(watched: Watched) -> None:
+    watched.take(integrity(1, IntegrityState.ALERT, Reason.OBSTACLE))
+    assert watched.lasting == {"integrity_alert": "warning"}
+    assert watched.cause("integrity_alert") == "obstacle"
+    watched.take(integrity(2, IntegrityState.CAUTION, Reason.SHIFTED))
+    assert watched.lasting == {"integrity_caution": "caution"}
+    watched.take(integrity(3, IntegrityState.OK))
+    assert watched.lasting == {}
+
+
+@pytest.mark.parametrize("before", [IntegrityState.OK, IntegrityState.ALERT])
+def test_a_monitor_that_does_not_judge_any_more_is_a_caution(watched: Watched, before: IntegrityState) -> None:
+    watched.take(integrity(1, before), integrity(2, IntegrityState.UNAVAILABLE, Reason.STALE))
+    assert watched.lasting == {"integrity_unavailable": "caution"}
+    watched.take(integrity(3, IntegrityState.UNAVAILABLE, Reason.END))
+    assert watched.lasting == {}, "the approach is over"
+
+
+@pytest.mark.parametrize("reason", [Reason.NO_PROFILE, Reason.STALE, Reason.OUTSIDE_PROFILE])
+def test_a_monitor_that_has_not_begun_to_judge_is_no_alarm(watched: Watched, reason: Reason) -> None:
+    watched.take(integrity(1, IntegrityState.UNAVAILABLE, reason))
+    assert watched.lasting == {}
+
+
+def test_lost_position_is_a_caution_and_on_an_approach_a_warning(watched: Watched) -> None:
+    watched.take(solution(1), solution(2, valid=False, position_source=None, reasons=(Reason.NO_POSITION,)))
+    assert watched.lasting == {"position": "caution"}
+    assert watched.cause("position") == "no position"
+    watched.take(integrity(3, IntegrityState.MONITOR), solution(4, valid=False, reasons=(Reason.PROTECTION_LEVEL,)))
+    assert watched.lasting == {"position": "warning"}
+    watched.take(solution(5))
+    assert watched.lasting == {}
+
+
+def test_what_was_never_valid_was_not_lost(watched: Watched) -> None:
+    """On a bench without devices, at the start, and for the process that takes the place of another."""
+    nothing = {"position_source": None, "altitude_source": None, "attitude_source": None, "attitude_valid": False}
+    watched.take(solution(1, valid=False, reasons=(Reason.NO_POSITION,), **nothing), height(1, Reason.NO_HEIGHT))
+    assert watched.lasting == {}
+    assert {report.subject for report in watched.reports}.isdisjoint({"position", "attitude", "height"}), (
+        "it cannot know that what was lost before has ended"
+    )
+
+
+@pytest.mark.parametrize(
+    ("changes", "name", "title"),
+    [
+        ({"position_source": "filter", "altitude_source": "filter"}, "position_by:filter", "POSITION BY FILTER"),
+        ({"position_source": "radio", "altitude_source": "radio"}, "position_by:radio", "POSITION BY RADIO"),
+        ({"altitude_source": "vertical"}, "altitude_by:vertical", "ALTITUDE BY VERTICAL CHANNEL"),
+        ({"attitude_source": "filter"}, "attitude_by:filter", "ATTITUDE BY FILTER"),
+    ],
+)
+def test_what_no_device_gives_is_told_with_who_has_taken_its_place(
+    watched: Watched, changes: dict[str, Any], name: str, title: str
+) -> None:
+    watched.take(solution(1), solution(2, **changes))
+    assert watched.lasting == {name: "caution"}
+    assert watched.alarms.rows()[0]["title"] == title
+
+
+def test_the_sigma_of_a_fallback_is_its_value_once_a_second(watched: Watched) -> None:
+    for k in range(51):
+        watched.take(solution(1 + 0.04 * k, position_source="filter", altitude_source="filter", horizontal_sd=5.0 + k))
+    values = [report.condition.value for report in watched.reports if report.condition]
+    assert values == [5.0, 30.0, 55.0]
+
+
+def test_the_second_source_of_position_is_an_advisory_when_the_first_was_used(watched: Watched) -> None:
+    watched.take(solution(1, position_source="gnss"))
+    assert watched.lasting == {}
+    watched.take(solution(2), solution(3, position_source="gnss"))
+    assert watched.lasting == {"position_by:gnss": "advisory"}
+
+
+def test_lost_attitude_names_its_own_reasons(watched: Watched) -> None:
+    lost = {"attitude_valid": False, "attitude_reasons": (Reason.ATTITUDE_LEVEL,), "reasons": (Reason.ATTITUDE_LEVEL,)}
+    watched.take(solution(1), solution(2, **lost))
+    assert watched.lasting == {"attitude": "caution"}
+    assert watched.cause("attitude") == "attitude protection level above alert limit"
+
+
+def test_an_altimeter_that_fails_for_half_a_second_is_refused(watched: Watched) -> None:
+    step_s = 0.4 * ALTIMETER_FAULT_NS / SECOND_NS
+    watched.take(altimeter(1, "radar"), altimeter(2, "radar", Reason.STUCK), altimeter(2 + step_s, "radar"))
+    assert watched.lasting == {}, "a single sample is none"
+    for k in range(4):
+        watched.take(altimeter(3 + k * step_s, "radar", Reason.STUCK))
+    assert watched.lasting == {"altimeter:radar": "caution"}
+    watched.take(altimeter(5, "laser"))
+    assert watched.lasting == {"altimeter:radar": "caution"}
+    watched.take(altimeter(6, "radar"))
+    assert watched.lasting == {}
+
+
+def test_an_altimeter_beyond_its_range_is_no_alarm_but_on_an_approach(watched: Watched) -> None:
+    watched.take(altimeter(1, "radar"), altimeter(1, "laser"), height(1))
+    watched.take(altimeter(2, "radar", Reason.NO_RETURN, Reason.DEVICE_FLAG), altimeter(2, "laser", Reason.ABOVE_RANGE))
+    watched.take(height(2, Reason.NO_HEIGHT))
+    assert watched.lasting == {}
+    watched.take(integrity(3, IntegrityState.ACQUIRE), height(3, Reason.NO_HEIGHT))
+    assert watched.lasting == {"height": "warning"}
+    assert watched.cause("height") == "above range, device says invalid, no return"
+
+
+def test_a_height_that_is_lost_stands_with_the_altimeter_that_failed(watched: Watched) -> None:
+    watched.take(altimeter(1, "radar"), height(1))
+    for t_s in (2.0, 2.3, 2.6):
+        watched.take(altimeter(t_s, "radar", Reason.STUCK), height(t_s, Reason.NO_HEIGHT))
+    (row,) = watched.alarms.rows()
+    assert (row["id"], [each["id"] for each in row["consequences"]]) == ("altimeter:radar", ["height"])
+
+
+def test_a_refused_source_says_what_would_readmit_it(watched: Watched) -> None:
+    watched.take(source(1, "gnss"), source(2, "gnss", Reason.JUMP, Reason.UNCONFIRMED))
+    assert watched.lasting == {"source:gnss": "caution"}
+    assert watched.cause("source:gnss") == "position jumped, not confirmed after a fault; fti readmit"
+    watched.take(source(3, "gnss"))
+    assert watched.lasting == {}
+
+
+def test_a_silent_source_is_not_refused(watched: Watched) -> None:
+    """That its device is silent is another alarm; a refusal that stood stands on."""
+    watched.take(source(1, "gnss"), source(2, "gnss", Reason.STALE))
+    assert watched.lasting == {}
+    watched.take(source(3, "gnss", Reason.JUMP), source(4, "gnss", Reason.STALE))
+    assert watched.lasting == {"source:gnss": "caution"}
+
+
+def test_an_excluded_source_is_refused_though_its_own_tests_pass(watched: Watched) -> None:
+    watched.take(source(1, "gnss"), solution(2, refused=("gnss",)))
+    assert watched.lasting == {"source:gnss": "caution"}
+    assert watched.cause("source:gnss") == "it contradicts the other sources"
+    watched.take(source(3, "gnss"))
+    assert watched.lasting == {"source:gnss": "caution"}
+    watched.take(solution(4))
+    assert watched.lasting == {}
+
+
+def test_sources_that_contradict_each_other_without_a_culprit(watched: Watched) -> None:
+    drawn: dict[str, Any] = {"t_valid_ns": None, "valid": True, "mode": FilterMode.AIDED}
+    watched.take(FilterSolution(t_ns=1, reasons=(Reason.CONTRADICTION,), **drawn))
+    assert watched.lasting == {"contradiction": "caution"}
+    watched.take(FilterSolution(t_ns=2, reasons=(), **drawn))
+    assert watched.lasting == {}
+
+
+def test_sources_that_are_compared_for_a_short_time_are_an_advisory(watched: Watched) -> None:
+    """At the start that is expected."""
+    short = {"unchecked": (Reason.REACQUIRED,)}
+    watched.take(solution(1), solution(2, **short))
+    assert watched.lasting == {}
+    watched.take(solution(3), solution(4, **short))
+    assert watched.lasting == {"reacquired": "advisory"}
+    watched.take(solution(5))
+    assert watched.lasting == {}
+
+
+def test_a_flagged_glide_slope_stands_with_the_alert_that_explains_it(watched: Watched) -> None:
+    shown = {"t_valid_ns": None}
+    watched.take(GlideSlope(t_ns=1, valid=True, reasons=(), **shown))  # type: ignore[arg-type]
+    watched.take(GlideSlope(t_ns=2, valid=False, reasons=(Reason.INTEGRITY,), **shown))  # type: ignore[arg-type]
+    assert watched.lasting == {"glide_slope": "caution"}
+    watched.take(integrity(2, IntegrityState.ALERT, Reason.OBSTACLE))
+    (row,) = watched.alarms.rows()
+    assert (row["id"], [each["id"] for each in row["consequences"]]) == ("integrity_alert", ["glide_slope"])
+    watched.take(GlideSlope(t_ns=3, valid=False, reasons=(Reason.END,), **shown))  # type: ignore[arg-type]
+    assert "glide_slope" not in watched.lasting
+
+
+def test_what_does_not_change_is_reported_once(watched: Watched) -> None:
+    for k in range(10):
+        watched.take(integrity(k, IntegrityState.ALERT, Reason.OBSTACLE), solution(k))
+    assert [report.subject for report in watched.reports].count("integrity") == 1
+    assert [report.subject for report in watched.reports].count("position") == 1
+
+
+def test_navigation_that_begins_anew_ends_all_but_the_terrain(watched: Watched) -> None:
+    watched.alarms.report(watched.conditions.judge_ground(0, "no.tif: cannot be read"))
+    watched.take(integrity(1, IntegrityState.ALERT), source(1, "gnss", Reason.JUMP))
+    for report in watched.conditions.end_all(2 * SECOND_NS):
+        watched.alarms.report(report)
+    assert watched.lasting == {"terrain": "caution"}

@@ -1,0 +1,125 @@
+"""The daemon's alarms: recorded with each change, published whole, and not ended by lateness."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import pytest
+
+from fti.alarms.condition import Condition, Report, Severity
+from fti.clock import FakeClock
+from fti.service.alarm_board import IN_TIME_NS, LATE_NS, AlarmBoard
+from tests.service.test_health_conditions import health
+
+ALERT = Condition("integrity_alert", Severity.WARNING, "GROUND CLEARANCE ALERT", "obstacle")
+START_NS = 1_000 * 10**9
+
+
+class Rig:
+    """A board, what it has published and recorded, and how long a frame has waited for navigation [ns]."""
+
+    def __init__(self) -> None:
+        self.clock = FakeClock(START_NS)
+        self.published: list[dict[str, Any]] = []
+        self.recorded: list[tuple[str, int, dict[str, Any]]] = []
+        self.waited_ns: int | None = None
+        self.board = AlarmBoard(
+            self.clock,
+            lambda topic, payload: self.published.append({"topic": topic, **json.loads(payload)}),
+            lambda topic, t_ns, content: self.recorded.append((topic, t_ns, content)),
+            lambda: None if self.waited_ns is None else self.clock.now_ns() - self.waited_ns,
+        )
+
+    def look(self, waited_ns: int | None) -> list[str]:
+        """The alarms that last when navigation is that late."""
+        self.waited_ns = waited_ns
+        self.board.look_at_navigation()
+        self.board.publish()
+        return [row["id"] for row in self.published[-1]["alarms"] if row["end_ns"] is None]
+
+
+@pytest.fixture
+def rig() -> Rig:
+    return Rig()
+
+
+def test_each_change_is_recorded_and_published(rig: Rig) -> None:
+    rig.board.take(Report(START_NS + 5, "integrity", ALERT).as_json())
+    assert [row["id"] for row in rig.published[-1]["alarms"]] == ["integrity_alert"]
+    rig.board.take(Report(START_NS + 9, "integrity", None).as_json())
+    assert rig.board.acknowledge("anna", None) == 1
+    assert rig.published[-1]["alarms"] == []
+    assert [(topic, content["change"]) for topic, _, content in rig.recorded] == [
+        ("/fti/alarm", change) for change in ("begins", "ends", "acknowledged")
+    ]
+    assert len(rig.published) == 3
+
+
+def test_a_health_publishes_the_list_also_when_nothing_has_changed(rig: Rig) -> None:
+    """A display that has just joined must not wait for a change."""
+    for count in (1, 2):
+        rig.board.take_health(health(1000.0 + count))
+        assert len(rig.published) == count
+    assert rig.published[-1]["alarms"] == []
+
+
+def test_what_was_lost_is_an_alarm_that_has_ended(rig: Rig) -> None:
+    rig.board.take_health(health(1001.0))
+    lost = {"line": {"state": "good", "hint": "", "dropped_frames": 3, "stamp_refused": 0}}
+    rig.board.take_health(health(1002.0, links=lost))
+    (row,) = rig.published[-1]["alarms"]
+    assert (row["id"], row["end_ns"], row["value"]) == ("losses", 1002 * 10**9, 3.0)
+
+
+def test_navigation_is_late_when_frames_wait_for_longer_than_a_value_may_be_old(rig: Rig) -> None:
+    assert rig.look(3 * LATE_NS) == [], "it starts"
+    assert rig.look(None) == []
+    assert rig.look(LATE_NS) == []
+    assert rig.look(LATE_NS + 1) == ["navigation_late"]
+    assert rig.look(IN_TIME_NS + 1) == ["navigation_late"]
+    assert rig.look(IN_TIME_NS) == []
+
+
+@pytest.mark.parametrize("late_s", [0.55, 1.0, 5.0])
+def test_lateness_in_an_alert_never_shows_fewer_alarms(rig: Rig, late_s: float) -> None:
+    rig.look(None)
+    rig.board.take(Report(START_NS, "integrity", ALERT).as_json())
+    waited_ns = 0
+    while waited_ns < late_s * 1e9:
+        rig.clock.advance(0.05)
+        waited_ns += 50_000_000
+        shown = rig.look(waited_ns)
+        assert "integrity_alert" in shown
+        assert ("navigation_late" in shown) == (waited_ns > LATE_NS)
+    assert rig.look(None) == ["integrity_alert"], "only a fresh judgement ends it"
+
+
+def test_a_navigation_that_was_started_again_ends_nothing_that_it_does_not_know(rig: Rig) -> None:
+    """Its first reports are of what it has judged; the alert stands until it says that the ground matches."""
+    rig.board.take(Report(START_NS, "integrity", ALERT).as_json())
+    rig.board.take(Report(START_NS + 10, "comparison", None).as_json())
+    assert "integrity_alert" in rig.look(None)
+    rig.board.take(Report(START_NS + 20, "integrity", None).as_json())
+    assert rig.look(None) == []
+
+
+def test_another_flight_acknowledges_what_the_end_of_the_last_one_was(rig: Rig) -> None:
+    rig.board.take(Report(START_NS, "integrity", ALERT).as_json())
+    rig.clock.advance(60.0)
+    lost = Condition("position", Severity.CAUTION, "POSITION NOT VALID")
+    rig.board.take(Report(rig.clock.now_ns(), "position", lost).as_json())
+    rig.clock.advance(1.0)
+    rig.board.begin_anew("the demonstration")
+    rig.board.take(Report(rig.clock.now_ns(), "position", None).as_json())
+    assert rig.look(None) == ["integrity_alert"]
+    assert [row["id"] for row in rig.published[-1]["alarms"]] == ["integrity_alert"]
+
+
+def test_what_falls_silent_at_the_end_of_a_session_is_no_alarm(rig: Rig) -> None:
+    rig.look(None)
+    rig.board.end()
+    rig.board.take(Report(START_NS, "integrity", ALERT).as_json())
+    rig.board.take_health(health(processes={"navigation": {"state": "stopped"}}))
+    assert rig.look(10 * LATE_NS) == []
+    assert rig.recorded == []
