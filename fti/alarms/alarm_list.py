@@ -1,8 +1,8 @@
 """The alarms of a session: each begins with its condition and stays until it has ended and was acknowledged.
 
 A condition ends only by a report about its subject: silence and lateness end nothing.  One that returns before its
-alarm was acknowledged counts one more; it must be acknowledged anew.  A consequence is shown with its cause while the
-cause lasts, or when both have ended.
+alarm was acknowledged counts one more; it must be acknowledged anew, and so must one that becomes more severe.  A
+consequence is shown with its cause while the cause lasts, or when both have ended.
 """
 
 from __future__ import annotations
@@ -13,9 +13,6 @@ from enum import StrEnum
 from typing import Any
 
 from fti.alarms.condition import Condition, Json, Report
-
-#: Without end, a list of alarms that nobody acknowledges must not fill the memory; names come from the configuration.
-MAX_ALARMS = 1000
 
 
 class Change(StrEnum):
@@ -78,7 +75,10 @@ class Alarm:
 
 
 class AlarmList:
-    """All alarms that last or were not acknowledged.  ``version`` grows with each change."""
+    """All alarms that last or were not acknowledged: at most one of each identity, which come from the configuration.
+
+    version : grows with each change
+    """
 
     def __init__(self) -> None:
         self._alarms: dict[str, Alarm] = {}
@@ -133,20 +133,24 @@ class AlarmList:
     def _begin(self, condition: Condition, t_ns: int) -> None:
         alarm = self._alarms.get(condition.id)
         if alarm and alarm.lasts:
-            changed = alarm.condition.severity is not condition.severity
-            is_shown = alarm.condition != condition
-            alarm.condition = condition
-            self.version += is_shown
-            if changed:
-                self._change(alarm, Change.CHANGES, t_ns)
+            self._update(alarm, condition, t_ns)
             return
         if alarm:
             alarm.condition, alarm.begin_ns, alarm.end_ns, alarm.count = condition, t_ns, None, alarm.count + 1
             alarm.acknowledged_ns = alarm.acknowledged_by = None
-        elif len(self._alarms) < MAX_ALARMS:
+        else:
             alarm = self._alarms[condition.id] = Alarm(condition, t_ns, t_ns)
-        if alarm:
-            self._change(alarm, Change.BEGINS, t_ns)
+        self._change(alarm, Change.BEGINS, t_ns)
+
+    def _update(self, alarm: Alarm, condition: Condition, t_ns: int) -> None:
+        """The same condition in other words, or of another severity: one that has become more severe is new."""
+        rise = alarm.condition.severity.rank - condition.severity.rank
+        self.version += alarm.condition != condition
+        alarm.condition = condition
+        if rise > 0:
+            alarm.acknowledged_ns = alarm.acknowledged_by = None
+        if rise:
+            self._change(alarm, Change.CHANGES, t_ns)
 
     def _end(self, name: str, t_ns: int) -> None:
         if name in self._present.values():  # another subject has the same condition

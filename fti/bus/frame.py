@@ -27,7 +27,7 @@ PUBLISH, SUBSCRIBE, ALIVE = "@publish", "@subscribe", "@alive/"
 EVENT = "/event"
 MAX_TOPIC_BYTES = 200
 #: Largest payload by topic [B]; health has a table for each link, a display keeps 256 outputs and 50 events.
-MAX_BYTES = {"/health": 4 * 2**20, "/alarms": 2**20, "/hil": 2**20}
+MAX_BYTES = {"/health": 4 * 2**20, "/alarms": 4 * 2**20, "/hil": 2**20}
 MAX_OTHER_BYTES = 2**16
 RECEIVE_BYTES = 2**18
 _HEAD = struct.Struct("<IHq")

@@ -102,6 +102,19 @@ def test_a_change_of_severity_is_recorded() -> None:
     assert alarms.changes_of(POSITION.id) == [(10, "begins"), (12, "changes")]
 
 
+def test_one_that_becomes_more_severe_must_be_acknowledged_anew() -> None:
+    alarms = Kept()
+    lesser = Condition(POSITION.id, Severity.CAUTION, POSITION.title)
+    for condition, is_acknowledged in ((lesser, True), (POSITION, False), (lesser, False)):
+        alarms.say(10, "position", condition)
+        if condition is lesser and is_acknowledged:
+            alarms.acknowledge("anna", 11)
+        assert [row["is_acknowledged"] for row in alarms.rows()] == [is_acknowledged]
+    alarms.acknowledge("anna", 12)
+    alarms.say(13, "position", lesser)
+    assert [row["is_acknowledged"] for row in alarms.rows()] == [True]
+
+
 def test_what_happened_at_a_moment_is_listed_until_it_is_acknowledged() -> None:
     alarms = Kept()
     for t_ns in (5, 9):
