@@ -67,6 +67,22 @@ def test_what_is_forgotten_is_not_held_any_more() -> None:
     assert not monitor._is_held
 
 
+def test_only_the_oldest_copy_is_held_for_what_it_shows(monkeypatch: pytest.MonkeyPatch) -> None:
+    ladder = Shown()
+    monitor = SeparationMonitor(ladder, HORIZONTAL_AXES)
+    monitor.hold_oldest()
+    shown = ladder.separations(None)
+
+    def separations(_: Any) -> list[Separation]:
+        ladder.ratio = 0.6 * K_FA
+        return [*shown, *Shown.separations(ladder, None)]
+
+    monkeypatch.setattr(ladder, "separations", separations)
+    moment: Any = SimpleNamespace(estimate=SimpleNamespace(t_ns=0))
+    monitor.follow(moment, may_renew=False)
+    assert not monitor._was_half
+
+
 def refusals_of(**innovations: tuple[Judgement, list[float]]) -> tuple[Refusals, Any]:
     """Refusals of velocities at one moment, by receiver."""
     entries = [

@@ -36,7 +36,7 @@ from fti.nav.separation.exclusions import (
     describe_unconfirmed,
     size_of,
 )
-from fti.nav.separation.monitor import DRAW_END_NS, K_FA, QUANTITY_AXES, REFUSED_NS, Finding
+from fti.nav.separation.monitor import DRAW_END_NS, QUANTITY_AXES, REFUSED_NS, Finding
 from fti.nav.separation.protection import Levels, of_filter, of_provisional
 from fti.nav.separation.provisional import Provisional, ProvisionalFilters
 from fti.nav.separation.readmission import Contradiction, Return
@@ -345,11 +345,11 @@ class FaultDetection:
         """
         if not watched.monitor.ladder.copies:
             return ()
-        ratios = {device: self._ratios_without(device, watched) for device in devices}
-        if self._agree(devices) and all(max(of_copies) >= K_FA for of_copies in ratios.values()):
+        ratios, k_fa = {device: self._ratios_without(device, watched) for device in devices}, watched.monitor.k_fa
+        if self._agree(devices) and all(max(of_copies) >= k_fa for of_copies in ratios.values()):
             return devices
-        still = tuple(device for device in devices if ratios[device][0] >= K_FA)
-        ending = tuple(device for device in devices if ratios[device][0] < 0.5 * K_FA)
+        still = tuple(device for device in devices if ratios[device][0] >= k_fa)
+        ending = tuple(device for device in devices if ratios[device][0] < 0.5 * k_fa)
         if len(still) == len(devices):
             return devices
         return ending if len(ending) == 1 and len(still) == len(devices) - 1 else ()
@@ -357,7 +357,7 @@ class FaultDetection:
     def _agree(self, devices: tuple[str, ...]) -> bool:
         """Whether receivers are compared with each other, and none contradicts."""
         monitors = [watched.monitor for watched in self._classes if watched.what in devices]
-        return all(monitor.separations and monitor.ratio < K_FA for monitor in monitors)
+        return all(monitor.separations and monitor.ratio < monitor.k_fa for monitor in monitors)
 
     def _ratios_without(self, device: str, watched: SourceClass) -> list[float]:
         """|d| over sigma of the filter without one receiver from copies without any; infinite while there is none."""
@@ -424,7 +424,7 @@ class FaultDetection:
 
     def _end_draw(self, t_ns: int) -> None:
         assert self._drawn_ns is not None
-        if any(watched.monitor.ratio > 0.5 * K_FA for watched in self._classes):
+        if any(watched.monitor.ratio > 0.5 * watched.monitor.k_fa for watched in self._classes):
             self._drawn_ns = self._end_ns
         elif (self._end_ns or 0) - self._drawn_ns >= DRAW_END_NS:
             self._drawn_ns = None

@@ -22,7 +22,15 @@ from fti.nav.exclusion_events import altitude_name
 from fti.nav.filter.segment import Moment, Piece, Segment
 from fti.nav.separation.absence import AbsenceMonitor
 from fti.nav.separation.ladder import Ladder, Rungs
-from fti.nav.separation.monitor import ALL_AXES, DOWN_AXIS, HORIZONTAL_AXES, Finding, Refusals, SeparationMonitor
+from fti.nav.separation.monitor import (
+    ALL_AXES,
+    DOWN_AXIS,
+    HORIZONTAL_AXES,
+    K_FA_SATELLITES,
+    Finding,
+    Refusals,
+    SeparationMonitor,
+)
 from fti.nav.separation.protection import Levels, of_copies
 
 SECOND_NS = 1_000_000_000
@@ -145,7 +153,8 @@ def make_classes(settings: Filter) -> list[SourceClass]:
     others = altimeters | aids | frozenset(altitude_name(device) for device in settings.baro)
     satellites = Ladder(names_of(receivers, QUANTITIES) | others, names_of(receivers, tested), ring)
     long_ns = long_absence_ns(settings.unit)
-    found = [SourceClass(SATELLITES, receivers, QUANTITIES, SeparationMonitor(satellites, axes), long_ns, aids)]
+    monitor = SeparationMonitor(satellites, axes, K_FA_SATELLITES)
+    found = [SourceClass(SATELLITES, receivers, QUANTITIES, monitor, long_ns, aids)]
     if settings.baro:
         names = names_of(receivers, HEIGHT)
         ladder = Ladder(names | altimeters, names, HEIGHT_RUNGS)
