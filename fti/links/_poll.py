@@ -90,13 +90,16 @@ class SocketPoll:
             self._plan(more, now)
 
     def _look_early(self) -> None:
-        self._early = None
+        if self._early:
+            self._early.cancel()  # a socket was quicker
+            self._early = None
         if not self._early_left:
             for fd in self._urgent:
                 self._loop.remove_reader(fd)
             return
         self._early_left -= 1
-        self._read_all()
+        if self._read_all():  # what still waits may be older: the beat hands it on in order
+            return
         for call in tuple(self.early_calls):
             self._safely(call)
 

@@ -178,16 +178,16 @@ def test_a_busy_urgent_socket_waits_for_the_beat_in_the_end(ports: list[Port]) -
     """It wakes the loop so often and no more between two beats, and again after the next one; nothing stays behind."""
     loop, bus, calls = Hands(), ports[0], list[str]()
     loop.step_s = 0.0
-    bus.more = True  # before a beat all is read, one by one
     poll = _poll.SocketPoll(loop)
     poll.add(bus.near.fileno(), bus.read, urgent=True)
     poll.calls.append(lambda: calls.append("beat"))
     poll.early_calls.append(lambda: calls.append("early"))
     for _ in range(3):
-        loop.now_s = poll._beat_s
+        loop.now_s, bus.more = poll._beat_s, True  # before a beat all is read, one by one
         for _ in range(20):
             loop.run_until_complete(asyncio.sleep(0))
         assert calls == ["beat"]
+        bus.more = False
         for _ in range(2 * _poll.EARLY_LOOKS):
             bus.far.send(b"x")
             for _ in range(20):
@@ -197,6 +197,22 @@ def test_a_busy_urgent_socket_waits_for_the_beat_in_the_end(ports: list[Port]) -
     assert len(bus.heard) == 2 * 2 * _poll.EARLY_LOOKS + _poll.EARLY_LOOKS
     poll.close()
     loop.close()
+
+
+async def test_what_one_call_does_not_take_is_handed_on_with_the_beat(ports: list[Port]) -> None:
+    """It may be older than the altimeter's frames: the order of arrival holds."""
+    altimeter, camera = ports[:2]
+    altimeter.watch(urgent=True)
+    camera.watch()
+    recorder = Recorder(altimeter, camera)
+    await recorder.next_beat()
+    camera.more = True
+    for _ in range(3):
+        camera.far.send(b"c")
+    altimeter.far.send(b"h")
+    await until_async(lambda: recorder.calls)
+    assert recorder.calls[0] == ("beat", (1, 3))
+    recorder.close()
 
 
 async def test_one_that_fails_is_nobody_elses_trouble(ports: list[Port]) -> None:
