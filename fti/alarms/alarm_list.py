@@ -101,12 +101,20 @@ class AlarmList:
         self._begin(condition, t_ns)
         self._end(condition.id, t_ns)
 
-    def acknowledge(self, who: str, t_ns: int, alarm_id: str | None = None, begun_ns: int | None = None) -> int:
+    def acknowledge(
+        self,
+        who: str,
+        t_ns: int,
+        alarm_id: str | None = None,
+        begun_ns: int | None = None,
+        spared: frozenset[str] = frozenset(),
+    ) -> int:
         """Acknowledge an alarm with its consequences (alarm_id), those that have begun since (begun_ns), or all.
 
-        Returns how many were not acknowledged before.
+        spared : identities that are not acknowledged.  Returns how many were not acknowledged before.
         """
-        chosen = {name for name, alarm in self._alarms.items() if begun_ns is None or alarm.begin_ns >= begun_ns}
+        begun = {name for name, alarm in self._alarms.items() if begun_ns is None or alarm.begin_ns >= begun_ns}
+        chosen = begun - spared
         if alarm_id is not None:
             chosen = {name for name in chosen if alarm_id in (name, self._cause_of(name))}
         open_alarms = [self._alarms[name] for name in sorted(chosen) if self._alarms[name].acknowledged_ns is None]

@@ -215,9 +215,10 @@ class Ring:
     def oldest_waiting_ns(self) -> int | None:
         """Arrival of the oldest frame that the reader has not finished [ns]; None when it has finished all."""
         for _ in range(ATTEMPTS):
+            reached = self.reader_state().position  # before the writer's: what is there cannot be less then
             writer = self.writer_state()
-            position = max(self.reader_state().position, writer.oldest)
-            if position == writer.end:
+            position = max(reached, writer.oldest)
+            if position >= writer.end:
                 return None
             first = self.load(position, HEAD + array(TIME).itemsize)
             if self.writer_state().oldest <= position:

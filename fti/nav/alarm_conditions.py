@@ -48,9 +48,10 @@ ALTIMETER_FAULT_NS = SECOND_NS // 2
 SILENCE = frozenset({Reason.STALE, Reason.SILENT})
 #: An approach ends like this.
 EXPECTED_END = frozenset({Reason.END, Reason.GO_AROUND, Reason.NO_PROFILE})
-ON_APPROACH = frozenset(
-    {IntegrityState.ACQUIRE, IntegrityState.MONITOR, IntegrityState.OK, IntegrityState.CAUTION, IntegrityState.ALERT}
-)
+#: There is none.
+NO_APPROACH = EXPECTED_END | {Reason.OUTSIDE_PROFILE, Reason.OFF_TRACK}
+#: The monitor judges.
+JUDGING = frozenset({IntegrityState.MONITOR, IntegrityState.OK, IntegrityState.CAUTION, IntegrityState.ALERT})
 #: What gives a position, an attitude or an altitude where no device does.
 FALLBACKS = {"filter": "FILTER", "radio": "RADIO", "vertical": "VERTICAL CHANNEL"}
 #: A condition of which only the value changes is reported so often.
@@ -85,7 +86,7 @@ class OutputConditions:
             SourceValidity: self._take_source,
         }
         self._had: set[str] = set()  # what was valid before
-        self._is_on_approach = False
+        self._is_on_approach = self._is_over = False
         self._altimeters: dict[str, frozenset[Reason]] = {name: frozenset() for name in nav.altimeters}
         self._fault_since_ns: dict[str, int] = {}
         self._tested: dict[str, SourceValidity] = {}
@@ -116,13 +117,13 @@ class OutputConditions:
 
     def _take_integrity(self, output: ClearanceIntegrity) -> None:
         state, reasons = output.state, frozenset(output.reasons)
-        self._is_on_approach = state in ON_APPROACH
+        self._follow_approach(state, reasons)
         cause = _words(output.reasons)
         if state is IntegrityState.ALERT:
             found = Condition("integrity_alert", Severity.WARNING, "GROUND CLEARANCE ALERT", cause)
         elif state is IntegrityState.CAUTION:
             found = Condition("integrity_caution", Severity.CAUTION, "GROUND CLEARANCE CAUTION", cause)
-        elif state is IntegrityState.UNAVAILABLE and "integrity" in self._had and not reasons & EXPECTED_END:
+        elif state is IntegrityState.UNAVAILABLE and "integrity" in self._had and not self._is_over:
             found = Condition(
                 "integrity_unavailable",
                 Severity.CAUTION,
@@ -131,25 +132,33 @@ class OutputConditions:
                 explained_by=("height", "position", *self._explained["height"], *self._explained["position"]),
             )
         else:
-            self._note_integrity(output, is_over=bool(reasons & EXPECTED_END))
+            self._note_integrity(output)
             return
         self._had.add("integrity")
         self._say("integrity", output.t_ns, found)
 
-    def _note_integrity(self, output: ClearanceIntegrity, *, is_over: bool) -> None:
-        """Nothing is wrong; where an approach is over, or the ground matches, that is known."""
+    def _follow_approach(self, state: IntegrityState, reasons: frozenset[Reason]) -> None:
+        """A monitor that cannot judge, because a height or a position is lost, does not end an approach."""
+        self._is_over = bool(reasons & EXPECTED_END) or state is IntegrityState.NO_PROFILE
+        if state in JUDGING or state is IntegrityState.ACQUIRE:
+            self._is_on_approach = True
+        elif self._is_over or reasons & NO_APPROACH:
+            self._is_on_approach = False
+
+    def _note_integrity(self, output: ClearanceIntegrity) -> None:
+        """Nothing is wrong where the monitor judges, or the approach is over; not while it collects its window."""
         if output.state is IntegrityState.OK:
             self._had.add("integrity")
-        elif is_over:
+        elif self._is_over:
             self._had.discard("integrity")
-        if is_over or output.state in ON_APPROACH:
+        if self._is_over or output.state in JUDGING:
             self._say("integrity", output.t_ns, None)
 
     def _take_glide_slope(self, output: GlideSlope) -> None:
         if output.valid:
             self._had.add("glide slope")
             self._say("glide slope", output.t_ns, None)
-        elif frozenset(output.reasons) & (EXPECTED_END | {Reason.BELOW_150_M, Reason.OUTSIDE_PROFILE}):
+        elif self._is_over or not self._is_on_approach or Reason.BELOW_150_M in output.reasons:
             self._had.discard("glide slope")
             self._say("glide slope", output.t_ns, None)
         elif "glide slope" in self._had:

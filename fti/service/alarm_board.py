@@ -15,11 +15,12 @@ from fti.bus.message import encode
 from fti.clock import Clock
 from fti.logger.schemas import ALARM_TOPIC
 from fti.service.bulletin import Note, Publish
-from fti.service.health_conditions import HealthConditions, find_losses
+from fti.service.health_conditions import NO_FLIGHT, HealthConditions, find_losses
 
 NS_PER_S = 1_000_000_000
 #: What waits for longer is late for every consumer; below the second limit navigation is in time again [ns].
 LATE_NS, IN_TIME_NS = 500_000_000, 250_000_000
+NEVER = -1
 ALARMS = "/alarms"
 #: What falls silent so long before another flight begins belongs to the end of the last one [ns].
 FLIGHT_END_NS = 5_000_000_000
@@ -28,7 +29,8 @@ FLIGHT_END_NS = 5_000_000_000
 class AlarmBoard:
     """All alarms of a session.
 
-    oldest_waiting_ns : when the oldest frame arrived that navigation has not finished [ns]; None when there is none
+    oldest_waiting_ns : when the oldest frame arrived that navigation has not finished [ns]; None when it has finished
+                        all, NEVER when it has taken none yet
     """
 
     def __init__(self, clock: Clock, publish: Publish, note: Note, oldest_waiting_ns: Callable[[], int | None]) -> None:
@@ -50,20 +52,20 @@ class AlarmBoard:
         """What follows from health; the list is published with it."""
         for report in () if self._is_ending else self._health.reports(health):
             self._alarms.report(report)
-        for lost in find_losses(self._last, health) if self._last else ():
+        for lost in find_losses(self._last or health, health):
             self._alarms.record(lost, health["t_ns"])
         self._last = health
         self._record_changes()
         self.publish()
 
     def look_at_navigation(self) -> None:
-        """Is navigation late?  Until it was in time once, it is starting."""
+        """Is navigation late?  Until it has taken frames and was in time once, it is starting."""
         if self._is_ending:
             return
         now = self._clock.now_ns()
         oldest_ns = self._oldest_waiting_ns()
         late_ns = 0 if oldest_ns is None else now - oldest_ns
-        self._was_in_time = self._was_in_time or late_ns < IN_TIME_NS
+        self._was_in_time = self._was_in_time or (oldest_ns != NEVER and late_ns < IN_TIME_NS)
         self._is_late = self._was_in_time and late_ns > (IN_TIME_NS if self._is_late else LATE_NS)
         found = None
         if self._is_late:
@@ -75,6 +77,11 @@ class AlarmBoard:
         self._alarms.report(Report(now, "navigation lateness", found))
         self._tell_changes()
 
+    def recorder_replaced(self, cause: str) -> None:
+        """Another recorder goes on, and counts from zero."""
+        self._last = None
+        self.record(Condition("recorder", Severity.CAUTION, "RECORDER REPLACED", cause))
+
     def record(self, condition: Condition) -> None:
         """Something has happened now."""
         self._alarms.record(condition, self._clock.now_ns())
@@ -84,7 +91,7 @@ class AlarmBoard:
         """Another flight begins, as ``who`` says, and has seen what the end of the last one was."""
         now = self._clock.now_ns()
         self._health.begin_anew(now)
-        self._alarms.acknowledge(who, now, begun_ns=now - FLIGHT_END_NS)
+        self._alarms.acknowledge(who, now, begun_ns=now - FLIGHT_END_NS, spared=NO_FLIGHT)
         self._tell_changes()
 
     def end(self) -> None:

@@ -19,6 +19,7 @@ WINDOW = 8
 #: Reports of a navigation that stood still in between hold less time than that: too little for a rate.
 LEAST_NS = 2_000_000_000
 SILENT_NS = 1_000_000_000
+KNOWN_NS = 3 * SILENT_NS
 #: Bytes of a link kept for trying other drivers on.
 KEPT_BYTES = 8192
 BAD_SHARE = 0.05
@@ -86,11 +87,13 @@ class Diagnosis:
         self._past = {listener.name: Past() for listener in chain.listeners}
         self._recent: dict[str, bytearray] = {}  # the last bytes of links on which something is unclear
         self._last_rx_ns: dict[str, int] = {}
-        self._counted_ns: int | None = None  # nothing has been counted yet
+        self._first_ns: int | None = None  # nothing has been counted yet
+        self._counted_ns: int | None = None
 
     def listen(self, frame: RawFrame) -> None:
         """Note that a frame arrived; keep its bytes when its link is unclear."""
         self._last_rx_ns[frame.link] = frame.t_rx_ns
+        self._first_ns = self._first_ns or frame.t_rx_ns
         self._counted_ns = max(self._counted_ns or 0, frame.t_rx_ns)
         recent = self._recent.get(frame.link)
         if recent is not None:
@@ -117,6 +120,7 @@ class Diagnosis:
             "driver": device.driver,
             "state": state,
             "hint": hint,
+            "is_known": self._is_known,
             "messages": listener.messages,
             "rate_hz": rate,
             "age_ms": None if listener.last_ns is None else (now_ns - listener.last_ns) / 1e6,
@@ -129,6 +133,11 @@ class Diagnosis:
                 for known in self._chain.clocks_of(listener.name, now_ns)
             ],
         }
+
+    @property
+    def _is_known(self) -> bool:
+        """Navigation has taken enough to know which devices are silent."""
+        return (self._counted_ns or 0) - (self._first_ns or 0) > KNOWN_NS
 
     def _judge(self, listener: Listener, past: Past, rate: float) -> tuple[LinkState, str]:
         """By what navigation has taken: one that is behind does not know that a link is silent."""

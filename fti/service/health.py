@@ -38,7 +38,7 @@ class HealthBoard:
         return {
             "t_ns": now_ns,
             "session": {**self.session, "state": "storage_error" if fault else self.session["state"]},
-            "processes": {c.name: _describe(c) for c in children},
+            "processes": {c.name: {"state": c.state, "pid": c.pid, "restarts": c.restarts} for c in children},
             "links": {name: merge_link(name, link, heard) for name, link in links.items()},
             "devices": devices,
             "storage": storage,
@@ -96,14 +96,13 @@ class HealthBoard:
         return f"the recorder has said nothing for {silent_ns / 1e9:.0f} s" if silent_ns > LATE_NS else ""
 
 
-def _describe(child: Child) -> dict[str, Any]:
-    counts = {"restarts": child.restarts, "early_deaths": child.early_deaths}
-    return {"state": child.state, "pid": child.pid, **counts}
-
-
 def merge_link(name: str, link: dict[str, Any], devices: dict[str, dict[str, Any]]) -> dict[str, Any]:
-    """A link that hears bytes is as good as the best of its devices; what the port says comes first."""
-    here = {n: d for n, d in devices.items() if d["link"] == name}
+    """A link that hears bytes is as good as the best of its devices; what the port says comes first.
+
+    port_state : what the port says
+    """
+    link = {**link, "port_state": link["state"]}
+    here = {n: d for n, d in devices.items() if d["link"] == name and d.get("is_known", True)}
     if link["state"] != LinkState.GOOD or not here:
         return link
     best = min(here.items(), key=lambda item: BEST_FIRST.index(LinkState(item[1]["state"])))

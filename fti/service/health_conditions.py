@@ -30,11 +30,16 @@ STORAGE: dict[str, tuple[Severity, str]] = {
     "error": (Severity.WARNING, "NOT RECORDING"),
 }
 STOPPED_LINK = frozenset({LinkState.ABSENT, LinkState.DENIED, LinkState.BUSY, LinkState.SILENT})
-#: A process that died so often soon after its start dies again.
-EARLY_DEATHS = 3
+#: A process that was started again so often within a minute fails again.
+MANY_RESTARTS, RESTARTS_SPAN_NS = 3, 60 * SECOND_NS
 #: Space for less time than this is an alarm [s]; the rate is that of the last minute.
-SPACE_S = 3600.0
+SPACE_S, ENOUGH_SPACE_S = 3600.0, 4000.0
 RATE_SPAN_NS, RATE_LEAST_NS = 60 * SECOND_NS, 10 * SECOND_NS
+#: What is wrong with the daemon and its media, whatever flies.
+NO_FLIGHT = frozenset(
+    {"recording", "space", "losses", "stamps", "clock_step", "recorder", "navigation", "navigation_late"}
+    | {f"storage_{state}" for state in STORAGE}
+)
 #: Of these conditions that of a device or link may be a consequence.
 BY_RECORDER, BY_NAVIGATION = ("recording",), ("navigation", "navigation_late")
 
@@ -47,6 +52,8 @@ class HealthConditions:
         self._were_good: set[str] = set()
         self._space = SpaceForecast()
         self._navigation_ran = False
+        self._restarts: dict[str, deque[int]] = {}
+        self._restarts_known: dict[str, int] = {}
 
     def begin_anew(self, t_ns: int) -> None:
         """Another flight begins: devices may be switched off and on."""
@@ -66,13 +73,14 @@ class HealthConditions:
         yield "navigation", self._judge_navigation(health["processes"])
         yield "terrain loading", _terrain(health["navigation"])
         for name, process in health["processes"].items():
-            yield f"process {name}", _crash_loop(name, process)
+            yield f"process {name}", self._judge_restarts(name, process, t_ns)
         for name, link in health["links"].items():
             yield f"link {name}", self._judge_link(name, link, t_ns)
         if "hint" in health["navigation"]:  # it says nothing
             return
         for name, device in health["devices"].items():
-            yield f"device {name}", self._judge_device(name, device, t_ns)
+            if device.get("is_known", True):
+                yield f"device {name}", self._judge_device(name, device, t_ns)
 
     def _judge_navigation(self, processes: Fields) -> Condition | None:
         state = processes.get("navigation", {}).get("state")
@@ -85,8 +93,21 @@ class HealthConditions:
         cause = f"its process is {state}; its last values are struck out, recording goes on"
         return Condition("navigation", Severity.WARNING, "NAVIGATION STOPPED", cause)
 
+    def _judge_restarts(self, name: str, process: Fields, t_ns: int) -> Condition | None:
+        """Has it been started again more than once in the last minute?"""
+        count, times = int(process.get("restarts") or 0), self._restarts.setdefault(name, deque())
+        times.extend([t_ns] * (count - self._restarts_known.get(name, 0)))
+        self._restarts_known[name] = count
+        while times and t_ns - times[0] > RESTARTS_SPAN_NS:
+            times.popleft()
+        if len(times) < MANY_RESTARTS:
+            return None
+        cause = f"it was started again {len(times)} times in the last minute"
+        title = f"{_spoken(name)} FAILS AGAIN AND AGAIN"
+        return Condition(f"process:{name}", Severity.CAUTION, title, cause, float(len(times)))
+
     def _judge_link(self, name: str, link: Fields, t_ns: int) -> Condition | None:
-        state = link["state"]
+        state = link.get("port_state", link["state"])
         if state not in STOPPED_LINK:
             self._were_good.add(f"link:{name}")
             return None
@@ -127,6 +148,7 @@ class SpaceForecast:
 
     def __init__(self) -> None:
         self._free: deque[tuple[int, float]] = deque()
+        self._is_short = False
 
     def judge(self, storage: Fields, t_ns: int) -> Condition | None:
         """The condition that there is space for less than an hour; value : for so long [s]"""
@@ -142,7 +164,8 @@ class SpaceForecast:
         if t_ns - begin_ns < RATE_LEAST_NS or used_mb <= 0.0:
             return None
         left_s = free_mb / used_mb * (t_ns - begin_ns) / SECOND_NS
-        if left_s >= SPACE_S:
+        self._is_short = left_s < (ENOUGH_SPACE_S if self._is_short else SPACE_S)
+        if not self._is_short:
             return None
         cause = f"{free_mb:.0f} MB are free, {used_mb / (t_ns - begin_ns) * SECOND_NS:.2f} MB/s are used"
         return Condition("space", Severity.CAUTION, "SPACE FOR LESS THAN AN HOUR", cause, left_s)
@@ -175,16 +198,6 @@ def _recording(health: Fields) -> Condition | None:
     severity, title = STORAGE.get(state, (Severity.CAUTION, f"STORAGE {state.upper()}"))
     name = "recording" if severity is Severity.WARNING else f"storage_{state}"
     return Condition(name, severity, title, str(storage.get("hint") or f"storage {state}"))
-
-
-def _crash_loop(name: str, process: Fields) -> Condition | None:
-    deaths = process.get("early_deaths", 0)
-    if deaths < EARLY_DEATHS:
-        return None
-    cause = f"{deaths} times in succession it ended soon after its start"
-    return Condition(
-        f"process:{name}", Severity.CAUTION, f"{_spoken(name)} FAILS AGAIN AND AGAIN", cause, float(deaths)
-    )
 
 
 def _terrain(navigation: Fields) -> Condition | None:

@@ -117,7 +117,7 @@ class Navigator:
                 orphaned = orphaned or now + ORPHAN_S
                 if now > orphaned:
                     return
-            self._patience.rest()
+            self._patience.rest(self._clock.now_ns())
             self._reader.wait(IDLE_S)
         self._reader.commit()
 

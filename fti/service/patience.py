@@ -13,8 +13,8 @@ from fti.types import Event
 SECOND_NS = 1_000_000_000
 #: What has waited for longer is late for every consumer, whatever is made of it.
 LONGEST_WAIT_NS = SECOND_NS // 2
-#: Navigation follows again when it has found the ring empty so often since the last skip: behind each tick of a second.
-ENOUGH_PAUSES = 50
+#: Navigation follows again when it has found the ring empty so often, and for so long, since the last skip.
+ENOUGH_PAUSES, ENOUGH_NS = 50, SECOND_NS
 #: A person is told at once, and then at most so often.
 TELL_NS = 30 * SECOND_NS
 
@@ -25,16 +25,19 @@ class Patience:
     def __init__(self) -> None:
         self._overrun = False
         self._pauses = 0
+        self._since_ns = 0  # of the first pause
 
     def lose(self) -> None:
         """Frames were skipped."""
         self._overrun = True
         self._pauses = 0
 
-    def rest(self) -> None:
+    def rest(self, t_ns: int) -> None:
         """The ring was found empty."""
+        if not self._pauses:
+            self._since_ns = t_ns
         self._pauses += 1
-        if self._pauses >= ENOUGH_PAUSES:
+        if self._pauses >= ENOUGH_PAUSES and t_ns - self._since_ns >= ENOUGH_NS:
             self._overrun = False
 
     def ends_at(self, waited_ns: int) -> bool:

@@ -21,7 +21,7 @@ from fti.bus.loopback import choose_port, describe_endpoint
 from fti.clock import SystemClock, describe_wrong_time
 from fti.config import Config
 from fti.service import control, ending, rundir
-from fti.service.alarm_board import AlarmBoard
+from fti.service.alarm_board import NEVER, AlarmBoard
 from fti.service.bulletin import Announce, Bulletin
 from fti.service.bus_thread import serving
 from fti.service.catalogue import Catalogue
@@ -96,7 +96,7 @@ class Supervisor:
         self._without_terrain: str | None = None
         self._refusals: tuple[dict[str, Any], ...] = ()  # of sources by navigation
         self._bulletin = Bulletin(self._clock, self._hub.publish, announce, self._mail.note)
-        self._alarms = AlarmBoard(self._clock, self._hub.publish, self._mail.note, lambda: self._ring.oldest_waiting_ns)
+        self._alarms = AlarmBoard(self._clock, self._hub.publish, self._mail.note, self._oldest_waiting_ns)
         self._commander = self._make_commander()
         self._desk = Desk(
             config,
@@ -236,8 +236,7 @@ class Supervisor:
         if child.name in (RECORDER, NAVIGATION):
             self._commander.on_child_ended(child.name)
         if child.name == RECORDER:
-            cause = ending.describe_restart(child, code)
-            self._alarms.record(Condition("recorder", Severity.CAUTION, "RECORDER REPLACED", cause))
+            self._alarms.recorder_replaced(ending.describe_restart(child, code))
             self._result.add_dead_recorder(self._board.recorder)
             numbers = self._file_numbers
             child.order = self._preparation.recorder_order(self._places.all, numbers.next, numbers.given_up)
@@ -341,6 +340,10 @@ class Supervisor:
                 self._alarms.take_health(health)
             turn += 1
             await asyncio.sleep(HEALTH_PERIOD_S)
+
+    def _oldest_waiting_ns(self) -> int | None:
+        """When the oldest frame arrived that navigation has not finished [ns]."""
+        return self._ring.oldest_waiting_ns if self._ring.reader_state().position else NEVER
 
     async def _look_at_navigation(self) -> None:
         while not self._keeper.stopping:

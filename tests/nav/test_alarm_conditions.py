@@ -272,14 +272,34 @@ def test_sources_that_are_compared_for_a_short_time_are_an_advisory(watched: Wat
 
 def test_a_flagged_glide_slope_stands_with_the_alert_that_explains_it(watched: Watched) -> None:
     shown = {"t_valid_ns": None}
+    watched.take(integrity(1, IntegrityState.OK))
     watched.take(GlideSlope(t_ns=1, valid=True, reasons=(), **shown))  # type: ignore[arg-type]
     watched.take(GlideSlope(t_ns=2, valid=False, reasons=(Reason.INTEGRITY,), **shown))  # type: ignore[arg-type]
     assert watched.lasting == {"glide_slope": "caution"}
     watched.take(integrity(2, IntegrityState.ALERT, Reason.OBSTACLE))
     (row,) = watched.alarms.rows()
     assert (row["id"], [each["id"] for each in row["consequences"]]) == ("integrity_alert", ["glide_slope"])
-    watched.take(GlideSlope(t_ns=3, valid=False, reasons=(Reason.END,), **shown))  # type: ignore[arg-type]
-    assert "glide_slope" not in watched.lasting
+    watched.take(integrity(3, IntegrityState.UNAVAILABLE, Reason.GO_AROUND))
+    watched.take(GlideSlope(t_ns=3, valid=False, reasons=(Reason.INTEGRITY,), **shown))  # type: ignore[arg-type]
+    assert watched.lasting == {}, "the approach is over"
+
+
+def test_a_lost_height_stays_a_warning_when_the_monitor_cannot_judge_because_of_it(watched: Watched) -> None:
+    watched.take(integrity(1, IntegrityState.OK), altimeter(1, "radar"), height(1))
+    watched.take(altimeter(2, "radar", Reason.NO_RETURN), altimeter(2, "laser", Reason.NO_RETURN))
+    watched.take(height(2, Reason.NO_HEIGHT), integrity(2.2, IntegrityState.UNAVAILABLE, Reason.NO_RETURN))
+    watched.take(height(3, Reason.NO_HEIGHT), solution(3), solution(4, valid=False, reasons=(Reason.NO_POSITION,)))
+    assert watched.lasting["height"] == watched.lasting["position"] == "warning"
+
+
+def test_an_alert_does_not_end_while_a_monitor_that_began_anew_collects_its_window(watched: Watched) -> None:
+    """Behind a change of the source, or in the process that takes the place of another."""
+    watched.take(integrity(1, IntegrityState.ALERT, Reason.OBSTACLE), integrity(2, IntegrityState.ACQUIRE))
+    assert watched.lasting == {"integrity_alert": "warning"}
+    successor = OutputConditions(CONFIG)
+    assert not successor.take([integrity(3, IntegrityState.ACQUIRE)])
+    watched.take(integrity(4, IntegrityState.MONITOR))
+    assert watched.lasting == {}
 
 
 def test_what_does_not_change_is_reported_once(watched: Watched) -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from fti.alarms.condition import Condition, Report, Severity
 from fti.clock import FakeClock
-from fti.service.alarm_board import IN_TIME_NS, LATE_NS, AlarmBoard
+from fti.service.alarm_board import IN_TIME_NS, LATE_NS, NEVER, AlarmBoard
 from tests.service.test_health_conditions import health
 
 ALERT = Condition("integrity_alert", Severity.WARNING, "GROUND CLEARANCE ALERT", "obstacle")
@@ -73,6 +73,9 @@ def test_what_was_lost_is_an_alarm_that_has_ended(rig: Rig) -> None:
 
 
 def test_navigation_is_late_when_frames_wait_for_longer_than_a_value_may_be_old(rig: Rig) -> None:
+    rig.board._oldest_waiting_ns = lambda: NEVER
+    assert rig.look(None) == [], "it has taken nothing yet"
+    rig.board._oldest_waiting_ns = lambda: None if rig.waited_ns is None else rig.clock.now_ns() - rig.waited_ns
     assert rig.look(3 * LATE_NS) == [], "it starts"
     assert rig.look(None) == []
     assert rig.look(LATE_NS) == []
@@ -114,6 +117,23 @@ def test_another_flight_acknowledges_what_the_end_of_the_last_one_was(rig: Rig) 
     rig.board.take(Report(rig.clock.now_ns(), "position", None).as_json())
     assert rig.look(None) == ["integrity_alert"]
     assert [row["id"] for row in rig.published[-1]["alarms"]] == ["integrity_alert"]
+
+
+def test_another_flight_acknowledges_nothing_of_the_recording(rig: Rig) -> None:
+    rig.board.record(Condition("losses", Severity.CAUTION, "DATA LOST"))
+    rig.board.begin_anew("the demonstration")
+    assert [row["id"] for row in rig.published[-1]["alarms"]] == ["losses"]
+
+
+def test_what_another_recorder_drops_counts_from_zero(rig: Rig) -> None:
+    def lost(count: int) -> dict[str, Any]:
+        return {"line": {"state": "good", "hint": "", "dropped_frames": count, "stamp_refused": 0}}
+
+    rig.board.take_health(health(1001.0, links=lost(9)))
+    rig.board.recorder_replaced("killed")
+    rig.board.take_health(health(1002.0, links=lost(0)))
+    rig.board.take_health(health(1003.0, links=lost(4)))
+    assert {row["id"]: row["value"] for row in rig.published[-1]["alarms"]} == {"recorder": None, "losses": 4.0}
 
 
 def test_what_falls_silent_at_the_end_of_a_session_is_no_alarm(rig: Rig) -> None:

@@ -36,7 +36,7 @@ def test_what_the_recorder_said_long_ago_is_not_true_any_more() -> None:
     said = {"t_ns": 0, "storage": {"state": "ok", "hint": ""}, "links": {"eth": link}}
     board = HealthBoard({"state": "recording"}, said)
     assert board.compose(LATE_NS, [])["session"]["state"] == "recording"
-    assert board.compose(LATE_NS, [])["links"] == {"eth": link}
+    assert board.compose(LATE_NS, [])["links"] == {"eth": {**link, "port_state": "good"}}
     late = board.compose(LATE_NS + 1, [])
     assert late["session"]["state"] == "storage_error"
     assert "said nothing" in late["storage"]["hint"]

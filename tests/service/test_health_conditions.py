@@ -7,13 +7,13 @@ from typing import Any
 import pytest
 
 from fti.logger.storage import State
-from fti.service.health_conditions import EARLY_DEATHS, START_NS, STORAGE, HealthConditions, find_losses
+from fti.service.health_conditions import MANY_RESTARTS, START_NS, STORAGE, HealthConditions, find_losses
 
 SECOND_NS = 10**9
 
 
 def health(t_s: float = 100.0, **changes: Any) -> dict[str, Any]:
-    running = {"state": "running", "early_deaths": 0}
+    running = {"state": "running", "restarts": 0}
     return {
         "t_ns": round(t_s * SECOND_NS),
         "session": {"state": "recording"},
@@ -73,9 +73,32 @@ def test_a_navigation_that_starts_is_an_advisory_and_one_that_ended_a_warning() 
     assert severity("restarting") == severity("starting") == {"navigation": "warning"}
 
 
-def test_a_process_that_fails_again_and_again() -> None:
-    processes = health()["processes"] | {"display": {"state": "running", "early_deaths": EARLY_DEATHS}}
-    assert list(found(HealthConditions(0), health(processes=processes))) == ["process:display"]
+def test_a_process_that_was_started_again_and_again_within_a_minute() -> None:
+    conditions = HealthConditions(0)
+
+    def names(t_s: float, restarts: int) -> list[str]:
+        processes = health()["processes"] | {"display": {"state": "running", "restarts": restarts}}
+        return list(found(conditions, health(t_s, processes=processes)))
+
+    for count in range(MANY_RESTARTS):
+        assert names(100.0 + count, count) == []
+    assert names(110.0, MANY_RESTARTS) == ["process:display"]
+    assert names(160.0, MANY_RESTARTS) == ["process:display"]
+    assert names(162.0, MANY_RESTARTS) == [], "the first one was more than a minute ago"
+
+
+def test_a_device_of_which_a_fresh_navigation_knows_nothing_yet_is_not_judged() -> None:
+    conditions = HealthConditions(0)
+    found(conditions, health())
+    unknown = {"ins": {"link": "line", "state": "silent", "hint": "", "is_known": False}}
+    assert found(conditions, health(devices=unknown)) == {}
+
+
+def test_a_link_with_bytes_is_not_silent_because_its_device_is() -> None:
+    conditions = HealthConditions(0)
+    found(conditions, health())
+    merged = {"line": {**link("silent")["line"], "port_state": "good"}}
+    assert list(found(conditions, health(links=merged, devices=device("silent")))) == ["device:ins"]
 
 
 @pytest.mark.parametrize("state", ["silent", "absent", "denied", "busy"])

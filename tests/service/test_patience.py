@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fti.service.patience import ENOUGH_PAUSES, LONGEST_WAIT_NS, SECOND_NS, TELL_NS, Patience, Skips
+from fti.service.patience import ENOUGH_NS, ENOUGH_PAUSES, LONGEST_WAIT_NS, SECOND_NS, TELL_NS, Patience, Skips
 
 
 def test_it_is_endless_before_anything_was_lost() -> None:
@@ -20,13 +20,13 @@ def test_it_ends_when_what_waits_is_late_after_an_overrun() -> None:
 def test_it_comes_back_with_enough_pauses_since_the_last_loss() -> None:
     patience = Patience()
     patience.lose()
-    for _ in range(ENOUGH_PAUSES - 1):
-        patience.rest()
+    for k in range(ENOUGH_PAUSES - 1):
+        patience.rest(k * ENOUGH_NS)
     patience.lose()
-    for _ in range(ENOUGH_PAUSES - 1):
-        patience.rest()
-    assert patience.ends_at(SECOND_NS)
-    patience.rest()
+    for k in range(2 * ENOUGH_PAUSES):
+        patience.rest(k * ENOUGH_NS // (2 * ENOUGH_PAUSES))
+    assert patience.ends_at(SECOND_NS), "often, but not for long"
+    patience.rest(ENOUGH_NS)
     assert not patience.ends_at(SECOND_NS)
 
 

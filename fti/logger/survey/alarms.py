@@ -15,7 +15,10 @@ ALARMS_KEPT = 1000
 
 @dataclass(slots=True)
 class AlarmSpan:
-    """An alarm from its begin to its end; end_ns None: it lasts at the end of the recording [ns]."""
+    """An alarm from its begin to its end; end_ns None: it lasts at the end of the recording [ns].
+
+    severity : the worst that it had
+    """
 
     id: str
     severity: Severity
@@ -50,12 +53,13 @@ class AlarmSpans:
             span.end_ns = t_ns
         elif change == "acknowledged":
             span.acknowledged_ns, span.acknowledged_by = t_ns, _text(record, "acknowledged_by")
-        else:
+        elif severity.rank < span.severity.rank:
             span.severity = severity
 
     def _begin(self, span: AlarmSpan) -> None:
         if len(self.spans) >= ALARMS_KEPT:
             self.more += 1
+            self._newest.pop(span.id, None)
             return
         self.spans.append(span)
         self._newest[span.id] = span

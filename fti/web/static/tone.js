@@ -6,18 +6,37 @@ const NAME = "fti-tone";
 const PERIOD_MS = 1000;
 const HERTZ = 880;
 
+// A browser without storage forgets the choice with the page.
+function remembered() {
+  try {
+    return localStorage.getItem(NAME) === "on";
+  } catch {
+    return false;
+  }
+}
+
+function remember(on) {
+  try {
+    localStorage.setItem(NAME, on ? "on" : "off");
+  } catch {
+    // it is chosen for this page alone
+  }
+}
+
 export class Tone {
   constructor() {
     this.button = h("button", { type: "button", "data-testid": "tone" });
     this.button.addEventListener("click", () => this.#choose(!this.on));
     this.due = 0;
-    this.#choose(localStorage.getItem(NAME) === "on");
+    this.on = remembered();
+    this.#show();
+    // A browser lets a page sound when a person has touched it.
+    for (const kind of ["pointerdown", "keydown"]) addEventListener(kind, () => this.#start());
   }
 
   sound(isDue) {
-    if (!isDue || !this.on || Date.now() < this.due) return;
+    if (!isDue || this.context?.state !== "running" || !this.on || Date.now() < this.due) return;
     this.due = Date.now() + PERIOD_MS;
-    this.context ??= new AudioContext();
     const tone = this.context.createOscillator();
     tone.frequency.value = HERTZ;
     tone.connect(this.context.destination);
@@ -25,10 +44,23 @@ export class Tone {
     tone.stop(this.context.currentTime + 0.2);
   }
 
+  async #start() {
+    if (!this.on || this.context?.state === "running") return;
+    this.context ??= new AudioContext();
+    await this.context.resume();
+    this.#show();
+  }
+
   #choose(on) {
     this.on = on;
-    localStorage.setItem(NAME, on ? "on" : "off");
-    setText(this.button, on ? "TONE ON" : "TONE OFF");
-    setAttribute(this.button, "aria-pressed", on);
+    remember(on);
+    this.#show();
+    this.#start();
+  }
+
+  #show() {
+    const isSilent = this.on && this.context?.state !== "running";
+    setText(this.button, isSilent ? "TONE: CLICK" : this.on ? "TONE ON" : "TONE OFF");
+    setAttribute(this.button, "aria-pressed", this.on);
   }
 }
