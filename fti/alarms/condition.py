@@ -53,7 +53,7 @@ class Report:
     condition: Condition | None
 
     def as_json(self) -> Json:
-        """The report as a record of ``/nav/alarm``."""
+        """The report as a record of ``/fti/alarm_report``."""
         found = self.condition
         return {
             "t_ns": self.t_ns,

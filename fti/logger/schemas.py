@@ -161,7 +161,7 @@ _NOTES: dict[str, tuple[str, Json]] = {
     ),
     "/fti/readmission": ("fti.Readmission", {"t_ns": _INTEGER, "after_seq": _INTEGER, "source": _STRING}),
     "/fti/gap": ("fti.Gap", {"t_ns": _INTEGER, "text": _STRING}),
-    "/nav/alarm": (
+    "/fti/alarm_report": (
         "fti.AlarmReport",
         {"t_ns": _INTEGER, "subject": _STRING, "id": _MAYBE_STRING, "severity": _MAYBE_STRING}
         | {"title": _MAYBE_STRING, "cause": _MAYBE_STRING, "value": _MAYBE_NUMBER, "explained_by": _STRINGS}
@@ -179,7 +179,7 @@ DEVICE_CLOCK_TOPIC = "/fti/device_clock"
 TERRAIN_TOPIC = "/fti/terrain"
 READMISSION_TOPIC = "/fti/readmission"
 #: What navigation finds wrong, in derived files; the alarms of the daemon, in raw files.
-ALARM_REPORT_TOPIC, ALARM_TOPIC = WITH_NULLS = "/nav/alarm", "/fti/alarm"
+ALARM_REPORT_TOPIC, ALARM_TOPIC = WITH_NULLS = "/fti/alarm_report", "/fti/alarm"
 
 
 @cache

@@ -43,7 +43,7 @@ async def test_an_emulator_that_stands_still_does_not_outlive_the_demonstration(
     monkeypatch.setattr(asyncio, "create_subprocess_exec", start)
     monkeypatch.setattr(demo, "EMULATOR_END_S", 0.01)
     folder = SimpleNamespace(next_path=lambda kind: tmp_path / f"{kind}.mcap")
-    supervisor = cast("Supervisor", SimpleNamespace(folder=folder, run_dir=tmp_path))
+    supervisor = cast("Supervisor", SimpleNamespace(folder=folder, run_dir=tmp_path, expect_end=lambda: None))
     scenario, config, begun = tmp_path / "s.toml", tmp_path / "c.toml", asyncio.Event()
     flying = asyncio.create_task(demo._fly_once(scenario, config, "links", supervisor, begun.set))
     await started.wait()

@@ -24,7 +24,7 @@ from fti.types import (
 )
 
 CLASSES: list[type] = [*typing.get_args(Measurement), *typing.get_args(Output)]
-NOTES = ["/fti/clock", "/fti/ledger", "/fti/health", "/fti/gap", "/fti/event", "/fti/alarm", "/nav/alarm"]
+NOTES = ["/fti/clock", "/fti/ledger", "/fti/health", "/fti/gap", "/fti/event", "/fti/alarm", "/fti/alarm_report"]
 
 
 def check_for_viewer(schema: dict[str, Any], path: str) -> None:

@@ -1,4 +1,4 @@
-"""What a monitor remembers of the oldest copy, and which receivers differ from the filter alike."""
+"""When a class of sources is suspected, and which receivers differ from the filter alike."""
 
 from __future__ import annotations
 
@@ -11,76 +11,47 @@ import pytest
 from fti.nav.filter.gate import Judgement
 from fti.nav.separation.copies import Separation
 from fti.nav.separation.ladder import Ladder, Rungs
-from fti.nav.separation.monitor import HORIZONTAL_AXES, K_FA, SETTLE_NS, Refusals, SeparationMonitor
+from fti.nav.separation.monitor import HORIZONTAL_AXES, K_FA, K_FA_SATELLITES, SETTLE_NS, Refusals, SeparationMonitor
 
 SECOND_NS = 10**9
 
 
 class Shown(Ladder):
-    """A ladder whose one copy differs from the filter by a ratio; notes what it is asked to keep."""
+    """A ladder whose one copy differs from the filter by a ratio; counts its renewals."""
 
     def __init__(self) -> None:
         super().__init__(frozenset(), frozenset(), Rungs(4, SECOND_NS))
         self.ratio = 0.0
-        self.kept: list[bool] = []
+        self.renewals = 0
 
     def separations(self, now: Any) -> list[Separation]:
         d, ones = np.array([self.ratio, 0.0, 0.0, 0.0, 0.0, 0.0]), np.ones(6)
         return [Separation(d, ones, ones, (self.ratio, 0.0), 1.0)]
 
     def renew(self, now: Any, *, keep_oldest: bool = False) -> None:
-        self.kept.append(keep_oldest)
-
-
-def kept_after(ratios: list[float], *, is_held: bool) -> list[bool]:
-    """Whether the oldest copy was kept at each renewal."""
-    ladder = Shown()
-    monitor = SeparationMonitor(ladder, HORIZONTAL_AXES)
-    if is_held:
-        monitor.hold_oldest()
-    for k, ratio in enumerate(ratios):
-        ladder.ratio = ratio
-        moment: Any = SimpleNamespace(estimate=SimpleNamespace(t_ns=k * 2 * SETTLE_NS))
-        monitor.follow(moment, may_renew=k > 0)
-    return ladder.kept
+        self.renewals += 1
 
 
 @pytest.mark.parametrize(
-    ("ratios", "is_held", "expected"),
+    ("ratio", "k_fa", "is_suspected", "is_renewed"),
     [
-        ([0.0, 0.4 * K_FA, 1.0], True, [False, False]),  # it never differed by half of K_FA
-        ([0.0, 0.6 * K_FA, 1.0], True, [True]),  # its sigma grew: that ends nothing
-        ([0.6 * K_FA, 1.0, 0.5, 0.1], True, [True] * 3),
-        ([0.0, 0.6 * K_FA, 1.0], False, [False]),
+        (4.0, K_FA_SATELLITES, False, False),
+        (4.4, K_FA_SATELLITES, True, False),
+        (4.4, K_FA, False, False),
+        (2.5, K_FA_SATELLITES, False, True),  # nominal: a copy that is not replaced grows old, and the levels with it
+        (2.5, K_FA, False, True),
     ],
 )
-def test_a_copy_that_is_held_and_has_contradicted_is_not_replaced(
-    ratios: list[float], is_held: bool, expected: list[bool]
+def test_a_class_has_a_limit_of_its_own_and_all_are_renewed_below_the_same(
+    ratio: float, k_fa: float, is_suspected: bool, is_renewed: bool
 ) -> None:
-    assert kept_after(ratios, is_held=is_held) == expected
-
-
-def test_what_is_forgotten_is_not_held_any_more() -> None:
-    monitor = SeparationMonitor(Shown(), HORIZONTAL_AXES)
-    monitor.hold_oldest()
-    monitor.clear()
-    assert not monitor._is_held
-
-
-def test_only_the_oldest_copy_is_held_for_what_it_shows(monkeypatch: pytest.MonkeyPatch) -> None:
     ladder = Shown()
-    monitor = SeparationMonitor(ladder, HORIZONTAL_AXES)
-    monitor.hold_oldest()
-    shown = ladder.separations(None)
-
-    def separations(_: Any) -> list[Separation]:
-        ladder.ratio = 0.6 * K_FA
-        return [*shown, *Shown.separations(ladder, None)]
-
-    monkeypatch.setattr(ladder, "separations", separations)
-    moment: Any = SimpleNamespace(estimate=SimpleNamespace(t_ns=0))
-    monitor.follow(moment, may_renew=False)
-    assert not monitor._was_half
+    monitor = SeparationMonitor(ladder, HORIZONTAL_AXES, k_fa)
+    for k, shown in enumerate((0.0, ratio)):
+        ladder.ratio = shown
+        moment: Any = SimpleNamespace(estimate=SimpleNamespace(t_ns=k * 2 * SETTLE_NS))
+        monitor.follow(moment, may_renew=k > 0)
+    assert (monitor.is_suspected, ladder.renewals == 1) == (is_suspected, is_renewed)
 
 
 def refusals_of(**innovations: tuple[Judgement, list[float]]) -> tuple[Refusals, Any]:

@@ -36,7 +36,7 @@ from fti.nav.separation.exclusions import (
     describe_unconfirmed,
     size_of,
 )
-from fti.nav.separation.monitor import DRAW_END_NS, QUANTITY_AXES, REFUSED_NS, Finding
+from fti.nav.separation.monitor import DRAW_END_NS, HALF_K_FA, QUANTITY_AXES, REFUSED_NS, Finding
 from fti.nav.separation.protection import Levels, of_filter, of_provisional
 from fti.nav.separation.provisional import Provisional, ProvisionalFilters
 from fti.nav.separation.readmission import Contradiction, Return
@@ -349,7 +349,7 @@ class FaultDetection:
         if self._agree(devices) and all(max(of_copies) >= k_fa for of_copies in ratios.values()):
             return devices
         still = tuple(device for device in devices if ratios[device][0] >= k_fa)
-        ending = tuple(device for device in devices if ratios[device][0] < 0.5 * k_fa)
+        ending = tuple(device for device in devices if ratios[device][0] < HALF_K_FA)
         if len(still) == len(devices):
             return devices
         return ending if len(ending) == 1 and len(still) == len(devices) - 1 else ()
@@ -388,7 +388,6 @@ class FaultDetection:
         is_oldest = finding.copy is not None and finding.copy is satellites.monitor.ladder.oldest
         if is_oldest and self._aiding(satellites):
             satellites.go_on_from_oldest()
-            satellites.monitor.hold_oldest()
         else:
             satellites.clear()
 
@@ -424,7 +423,7 @@ class FaultDetection:
 
     def _end_draw(self, t_ns: int) -> None:
         assert self._drawn_ns is not None
-        if any(watched.monitor.ratio > 0.5 * watched.monitor.k_fa for watched in self._classes):
+        if any(watched.monitor.ratio > HALF_K_FA for watched in self._classes):
             self._drawn_ns = self._end_ns
         elif (self._end_ns or 0) - self._drawn_ns >= DRAW_END_NS:
             self._drawn_ns = None

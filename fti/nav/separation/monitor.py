@@ -27,6 +27,8 @@ from fti.nav.separation.ladder import Ladder
 Array = NDArray[np.float64]
 
 K_FA, K_FA_SATELLITES = 5.3, 4.2
+#: No copy is replaced while the filter separates by more.
+HALF_K_FA = 0.5 * K_FA
 HOLD_NS = 2_000_000_000
 REFUSED_NS, REFUSED_COUNT = 5_000_000_000, 5
 #: An innovation is like that of a source that is refused when it differs from it by less than this share of it.
@@ -35,7 +37,7 @@ ALIKE = 0.5
 SILENT_REFUSAL_NS = 10_000_000_000
 #: Copies begin so long after the filter: velocity and tilt of a filter that has just begun are less certain.
 SETTLE_NS = 20_000_000_000
-#: A contradiction that nobody can attribute ends after so long below half of ``k_fa``.
+#: A contradiction that nobody can attribute ends after so long below half of K_FA.
 DRAW_END_NS = 60_000_000_000
 #: Axes of a separation, for texts.
 AXES = ("north", "east", "down", "velocity north", "velocity east", "velocity down")
@@ -76,22 +78,13 @@ class SeparationMonitor:
         self._suspected_ns: int | None = None
         self._calm_ns: int | None = None  # d was last within its sigma
         self._settled_ns: int | None = None  # copies begin then
-        self._is_held = self._was_half = False
-        self.ratio = self._oldest_ratio = 0.0
+        self.ratio = 0.0
         self._worst = (0, 0)  # copy and axis of the largest ratio
 
     @property
     def is_suspected(self) -> bool:
         """Whether d is larger than noise explains."""
         return self._suspected_ns is not None
-
-    def hold_oldest(self) -> None:
-        """Never replace the oldest copy if the filter separates from it by half of ``k_fa``, now or later.
-
-        Behind the exclusion of one of several receivers it is all that tells of another one that lies alike.  When its
-        sigma has grown beyond the separation, that ends no contradiction.
-        """
-        self._is_held, self._was_half = True, False
 
     def follow(
         self, segment_end: Moment, *, may_renew: bool, is_comparable: bool = True, keep_oldest: bool = False
@@ -112,23 +105,20 @@ class SeparationMonitor:
             self._suspected_ns = None
         elif self._suspected_ns is None:
             self._suspected_ns = t_ns
-        self._was_half = self._is_held and (self._was_half or self._oldest_ratio >= 0.5 * self.k_fa)
         oldest = self.ladder.oldest
         is_outside = oldest is not None and oldest.outside_ns is not None
         if self._settled_ns is None:
             self._settled_ns = t_ns + SETTLE_NS
-        if t_ns >= self._settled_ns and self.ratio < 0.5 * self.k_fa and may_renew and not is_outside:
-            self.ladder.renew(segment_end, keep_oldest=keep_oldest or self._was_half)
+        if t_ns >= self._settled_ns and self.ratio < HALF_K_FA and may_renew and not is_outside:
+            self.ladder.renew(segment_end, keep_oldest=keep_oldest)
 
     def _find_largest(self) -> None:
-        self.ratio = self._oldest_ratio = 0.0
+        self.ratio = 0.0
         for number, separation in enumerate(self.separations):
             ratios = separation.ratios.tolist()
             for first, level in zip(LEVEL_AXES, separation.level_ratios, strict=True):  # both axes in any direction
                 ratios[first if ratios[first] > ratios[first + 1] else first + 1] = level
             axis = max(self.axes, key=ratios.__getitem__)
-            if number == 0:
-                self._oldest_ratio = ratios[axis]
             if ratios[axis] > self.ratio:
                 self.ratio, self._worst = ratios[axis], (number, axis)
 
@@ -147,12 +137,10 @@ class SeparationMonitor:
         return None
 
     def _sizes(self) -> dict[str, float]:
-        """Of the quantities whose separation from any copy is beyond half of ``k_fa`` the largest [m, m/s]."""
+        """Of the quantities whose separation from any copy is beyond half of K_FA the largest [m, m/s]."""
         found = {}
         for quantity, axes in QUANTITY_AXES.items():
-            sizes = [
-                float(np.linalg.norm(s.d[axes])) for s in self.separations if max(s.ratios[axes]) > 0.5 * self.k_fa
-            ]
+            sizes = [float(np.linalg.norm(s.d[axes])) for s in self.separations if max(s.ratios[axes]) > HALF_K_FA]
             if sizes:
                 found[quantity] = max(sizes)
         return found
