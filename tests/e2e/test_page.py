@@ -17,6 +17,7 @@ from tests.web.chromium import Chromium, Page, by_testid
 
 pytestmark = [pytest.mark.e2e, pytest.mark.browser, pytest.mark.timeout(900)]
 HEIGHT = "height-altimeter-agl"
+LATE = "alarm-item-navigation_late"
 LONG_S = 40.0
 MARK = "over the threshold"
 
@@ -58,12 +59,14 @@ async def test_the_page_shows_the_flight_and_every_end_of_it(tmp_path: Path) -> 
 
                 navigation = await asyncio.to_thread(running.pid_of, "navigation")
                 os.kill(navigation, signal.SIGSTOP)
-                await page.wait_for(f"!!{by_testid('alarm-navigation_late')}", LONG_S)
+                await page.wait_for(f"!!{by_testid('alarm-more')}", LONG_S)
+                await page.eval(f"{by_testid('alarm-more')}.click()")
+                await page.wait_for(f"!!{by_testid(LATE)}", LONG_S)
                 await page.wait_for(_struck(HEIGHT))
                 os.kill(navigation, signal.SIGCONT)
-                await page.wait_for(f"{by_testid('alarm-navigation_late')}.classList.contains('ended')", LONG_S)
+                await page.wait_for(f"{by_testid(LATE)}?.textContent.includes('ended after')", LONG_S)
                 await page.press("a")
-                await page.wait_for(f"!{by_testid('alarm-navigation_late')}", LONG_S)
+                await page.wait_for(f"!{by_testid(LATE)}", LONG_S)
 
                 await page.press("m")
                 await page.type_text(MARK)

@@ -100,7 +100,7 @@ function makeItem(alarm, tNs) {
   const consequences = alarm.consequences.map((each) => h("li", {}, h("b", {}, each.title), ` ${each.cause}`));
   return h(
     "li",
-    { "data-severity": alarm.severity },
+    { "data-severity": alarm.severity, "data-testid": `alarm-item-${alarm.id}` },
     h("time", {}, times(alarm, tNs)),
     h("b", {}, alarm.title),
     h("span", {}, alarm.cause),
