@@ -5,7 +5,8 @@ each finds its memory cold and pays for that many times what the reading costs. 
 takes, the next look is soon, so that no receive buffer overflows.
 
 An urgent link has all sockets looked at when it receives: all that arrived before its bytes is handed on with them.
-That happens at most ``EARLY_LOOKS`` times between two beats: a busy bus must not wake the process for each frame.
+That happens once between two beats for each link: a busy bus must not wake the process for each frame.  A line brings a
+frame in pieces, so it is looked at a moment after the first one.
 """
 
 from __future__ import annotations
@@ -19,7 +20,8 @@ from fti.types import TICK_PERIOD_NS
 
 BEAT_S = TICK_PERIOD_NS / 1e9
 SOON_S = 0.005
-EARLY_LOOKS = 4
+#: A frame of a line comes within this time: 23 bytes at 115200 baud.
+PIECES_S = 0.002
 
 #: Reads what is there; true when there may be more.
 Read = Callable[[], bool]
@@ -38,7 +40,7 @@ class SocketPoll:
         self._urgent: set[int] = set()
         self.calls: list[Callable[[], None]] = []
         self.early_calls: list[Callable[[], None]] = []
-        self._early_left = EARLY_LOOKS
+        self._looked: set[object] = set()  # links that have had their early look since the last beat
         self._early: asyncio.Handle | None = None
         self._reading = False
         self._beat_s = 0.0  # when the next one is due
@@ -56,7 +58,7 @@ class SocketPoll:
         self._epoll.register(fd, select.EPOLLIN)
         if urgent:
             self._urgent.add(fd)
-            self._loop.add_reader(fd, self._look_early)
+            self._loop.add_reader(fd, self._wake, fd)
 
     def remove(self, fd: int) -> None:
         """Leave it alone, before it is closed."""
@@ -64,6 +66,7 @@ class SocketPoll:
             self._epoll.unregister(fd)
         if fd in self._urgent:
             self._urgent.remove(fd)
+            self._looked.discard(fd)
             self._loop.remove_reader(fd)
 
     def close(self) -> None:
@@ -73,10 +76,17 @@ class SocketPoll:
             self._early.cancel()
         self._epoll.close()
 
-    def look_soon(self) -> None:
-        """Look before the beat: called while a link receives, behind all that the loop has found ready."""
-        if not (self._reading or self._early):
-            self._early = self._loop.call_soon(self._look_early)
+    def look_soon(self, link: object) -> None:
+        """Look before the beat, when the rest of a frame has come: called while a link without a socket receives."""
+        if not self._reading and link not in self._looked:
+            self._looked.add(link)
+            self._early = self._early or self._loop.call_later(PIECES_S, self._look_early)
+
+    def _wake(self, fd: int) -> None:
+        """An urgent socket has something; until the next beat it does not wake the loop again."""
+        self._looked.add(fd)
+        self._loop.remove_reader(fd)
+        self._look_early()
 
     def _look(self) -> None:
         more = self._read_all()
@@ -93,22 +103,19 @@ class SocketPoll:
         if self._early:
             self._early.cancel()  # a socket was quicker
             self._early = None
-        if not self._early_left:
-            for fd in self._urgent:
-                self._loop.remove_reader(fd)
-            return
-        self._early_left -= 1
         if self._read_all():  # what still waits may be older: the beat hands it on in order
             return
         for call in tuple(self.early_calls):
             self._safely(call)
 
     def _allow_early(self) -> None:
-        """As often as allowed until the next beat."""
-        if not self._early_left:
-            for fd in self._urgent:
-                self._loop.add_reader(fd, self._look_early)
-        self._early_left = EARLY_LOOKS
+        """Once for each link until the next beat."""
+        for fd in self._urgent & self._looked:
+            self._loop.add_reader(fd, self._wake, fd)
+        self._looked.clear()
+        if self._early:  # what it is for is handed on now
+            self._early.cancel()
+            self._early = None
 
     def _read_all(self) -> bool:
         """Read every socket that has something; true when there may be more."""
@@ -164,10 +171,10 @@ def forget(fd: int) -> None:
     _close_empty()
 
 
-def look_soon() -> None:
-    """What is received now, in the running loop, does not wait for the beat."""
+def look_soon(link: object) -> None:
+    """What a link without a socket receives now, in the running loop, does not wait for the beat."""
     if poll := _polls.get(asyncio.get_running_loop()):
-        poll.look_soon()
+        poll.look_soon(link)
 
 
 def with_beat(call: Callable[[], None], early: Callable[[], None]) -> None:

@@ -221,7 +221,7 @@ class BaseLink(ABC):
             status.state, status.hint = GOOD, ""
         self._sink(frames, times_ns)
         if self.urgent:
-            look_soon()
+            look_soon(self)
 
     async def drain(self) -> None:
         """Read what the kernel still holds, before the link is cancelled; nothing is sent from now on."""

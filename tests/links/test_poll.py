@@ -157,7 +157,7 @@ async def test_an_urgent_socket_has_all_read_before_the_beat(ports: list[Port]) 
 
 
 async def test_a_link_without_a_socket_has_all_read_too_when_what_is_ready_was_received(ports: list[Port]) -> None:
-    """It asks while it receives, as often as it likes; a second line of the same turn is heard first."""
+    """It asks while it receives, as often as it likes; what other lines bring meanwhile is heard first."""
     attitude, recorder = ports[0], None
     attitude.watch()
     recorder, loop, lines = Recorder(attitude), asyncio.get_running_loop(), list[str]()
@@ -165,7 +165,7 @@ async def test_a_link_without_a_socket_has_all_read_too_when_what_is_ready_was_r
     attitude.far.send(b"a")
     for line in ("altimeter", "other"):
         loop.call_soon(lines.append, line)
-        loop.call_soon(_poll.look_soon)
+        loop.call_soon(_poll.look_soon, line)
     assert not lines
     await until_async(lambda: recorder.calls)
     assert lines == ["altimeter", "other"]
@@ -174,27 +174,40 @@ async def test_a_link_without_a_socket_has_all_read_too_when_what_is_ready_was_r
     recorder.close()
 
 
-def test_a_busy_urgent_socket_waits_for_the_beat_in_the_end(ports: list[Port]) -> None:
-    """It wakes the loop so often and no more between two beats, and again after the next one; nothing stays behind."""
+def test_a_busy_urgent_link_waits_for_the_beat_behind_its_first_look(ports: list[Port]) -> None:
+    """Each wakes the loop once between two beats, however often it receives, and a socket does not spin."""
     loop, bus, calls = Hands(), ports[0], list[str]()
     loop.step_s = 0.0
     poll = _poll.SocketPoll(loop)
     poll.add(bus.near.fileno(), bus.read, urgent=True)
     poll.calls.append(lambda: calls.append("beat"))
     poll.early_calls.append(lambda: calls.append("early"))
+
+    def turn(count: int = 20) -> None:
+        for _ in range(count):
+            loop.run_until_complete(asyncio.sleep(0))
+
     for _ in range(3):
         loop.now_s, bus.more = poll._beat_s, True  # before a beat all is read, one by one
-        for _ in range(20):
-            loop.run_until_complete(asyncio.sleep(0))
+        turn()
         assert calls == ["beat"]
         bus.more = False
-        for _ in range(2 * _poll.EARLY_LOOKS):
+        for _ in range(3):
             bus.far.send(b"x")
-            for _ in range(20):
-                loop.run_until_complete(asyncio.sleep(0))
-        assert calls == ["beat"] + ["early"] * _poll.EARLY_LOOKS
+            turn()
+        assert calls == ["beat", "early"]
+        for _ in range(3):
+            poll.look_soon("line")
+            turn()
+        assert calls == ["beat", "early"], "the rest of its frame may still come"
+        loop.now_s += _poll.PIECES_S
+        turn()
+        assert calls == ["beat", "early", "early"]
+        poll.look_soon("line")
+        loop.now_s += _poll.PIECES_S
+        turn()
+        assert calls == ["beat", "early", "early"]
         calls.clear()
-    assert len(bus.heard) == 2 * 2 * _poll.EARLY_LOOKS + _poll.EARLY_LOOKS
     poll.close()
     loop.close()
 

@@ -110,6 +110,7 @@ def test_what_an_altimeter_sends_does_not_wait_for_the_beat(tmp_path: Path, link
             else:
                 rig.line.write(data)
             alone += [record.link_index for record in _read_with(reader, data)] == [index]
+            _read_with(reader, b"")  # a tick: a link has one early look between two beats
     assert alone > 0.7 * len(numbers)
 
 
