@@ -29,6 +29,8 @@ STORAGE: dict[str, tuple[Severity, str]] = {
     "gone": (Severity.WARNING, "RECORDING TO A LOST FILE"),
     "error": (Severity.WARNING, "NOT RECORDING"),
 }
+#: A rate is counted over 4 s; that of a device that has just begun, or come back, is too low for so long.
+RATE_COUNTED_NS = 5 * SECOND_NS
 STOPPED_LINK = frozenset({LinkState.ABSENT, LinkState.DENIED, LinkState.BUSY, LinkState.SILENT})
 #: A process that was started again so often within a minute fails again.
 MANY_RESTARTS, RESTARTS_SPAN_NS = 3, 60 * SECOND_NS
@@ -52,6 +54,7 @@ class HealthConditions:
         self._were_good: set[str] = set()
         self._space = SpaceForecast()
         self._navigation_ran = False
+        self._wrong_rate_ns: dict[str, int] = {}
         self._restarts: dict[str, deque[int]] = {}
         self._restarts_known: dict[str, int] = {}
 
@@ -126,6 +129,10 @@ class HealthConditions:
         state = device["state"]
         if state == LinkState.GOOD:
             self._were_good.add(f"device:{name}")
+        if state != LinkState.WRONG_RATE:
+            self._wrong_rate_ns.pop(name, None)
+        is_counted = t_ns - self._wrong_rate_ns.setdefault(name, t_ns) >= RATE_COUNTED_NS
+        if state == LinkState.GOOD or (state == LinkState.WRONG_RATE and not is_counted):
             return None
         return self._unless_expected(
             Condition(

@@ -112,7 +112,22 @@ def test_a_link_without_bytes_explains_its_devices(state: str) -> None:
     assert "link:line" in of_device.explained_by
 
 
-@pytest.mark.parametrize("state", ["noise", "invalid", "wrong rate"])
+def test_a_rate_is_wrong_when_it_has_been_counted() -> None:
+    """A device that has just come back has too few messages in the last seconds."""
+    conditions = HealthConditions(0)
+
+    def names(t_s: float, state: str) -> list[str]:
+        return list(found(conditions, health(t_s, devices=device(state))))
+
+    assert [names(t_s, "wrong rate") for t_s in (100.0, 102.0, 104.5)] == [[], [], []]
+    assert names(105.0, "wrong rate") == ["device:ins"]
+    assert names(106.0, "good") == []
+    assert names(107.0, "wrong rate") == []
+    assert names(108.0, "silent") == ["device:ins"]
+    assert names(109.0, "wrong rate") == []
+
+
+@pytest.mark.parametrize("state", ["noise", "invalid"])
 def test_a_device_that_is_not_understood(state: str) -> None:
     message = health(links=link(state), devices=device(state))
     assert found(HealthConditions(0), message) == {"device:ins": ("caution", "why")}
