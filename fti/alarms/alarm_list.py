@@ -29,7 +29,7 @@ class Alarm:
     """An alarm.
 
     first_ns, begin_ns, end_ns : when it began first and last, and when it ended; None while it lasts [ns]
-    count           : how often it has begun since nobody acknowledged it
+    count           : how many times it has begun since the last acknowledgement
     acknowledged_ns, acknowledged_by : when, and by whom; None before
     """
 
@@ -75,16 +75,12 @@ class Alarm:
 
 
 class AlarmList:
-    """All alarms that last or were not acknowledged: at most one of each identity, which come from the configuration.
-
-    version : grows with each change
-    """
+    """All alarms that last or were not acknowledged: at most one of each identity, of those of the configuration."""
 
     def __init__(self) -> None:
         self._alarms: dict[str, Alarm] = {}
         self._present: dict[str, str] = {}  # identity of the condition of each subject
         self._changes: list[Json] = []
-        self.version = 0
 
     def report(self, report: Report) -> None:
         """Take what is wrong with a subject now."""
@@ -124,7 +120,7 @@ class AlarmList:
         return len(open_alarms)
 
     def rows(self) -> list[Json]:
-        """The alarms, the most urgent first, each with its consequences; a row is as severe as what stands in it."""
+        """The alarms, the most urgent first, each with its consequences; a row has the worst severity in it."""
         causes = {name: self._cause_of(name) for name in self._alarms}
         rows = []
         for name, alarm in sorted(self._alarms.items(), key=lambda item: item[1].order):
@@ -153,7 +149,6 @@ class AlarmList:
     def _update(self, alarm: Alarm, condition: Condition, t_ns: int) -> None:
         """The same condition in other words, or of another severity: one that has become more severe is new."""
         rise = alarm.condition.severity.rank - condition.severity.rank
-        self.version += alarm.condition != condition
         alarm.condition = condition
         if rise > 0:
             alarm.acknowledged_ns = alarm.acknowledged_by = None
@@ -169,7 +164,6 @@ class AlarmList:
             self._change(alarm, Change.ENDS, t_ns)
 
     def _change(self, alarm: Alarm, change: Change, t_ns: int) -> None:
-        self.version += 1
         self._changes.append({"t_ns": t_ns, "change": change, **alarm.as_json()})
         if alarm.is_settled:
             del self._alarms[alarm.condition.id]

@@ -11,6 +11,16 @@ from typing import Any
 Json = dict[str, Any]
 
 
+def device_id(name: str) -> str:
+    """Identity of the alarm of a device that is silent, damaged, or has the wrong rate."""
+    return f"device:{name}"
+
+
+def in_title(name: str) -> str:
+    """A name of the configuration as it stands in a title."""
+    return name.upper().replace("_", " ")
+
+
 class Severity(StrEnum):
     """What a person must do: act at once; know at once and act soon; know."""
 

@@ -127,7 +127,7 @@ class Ring:
 
     @classmethod
     def attach(cls, fds: tuple[int, int]) -> Ring:
-        """The ring behind inherited descriptors; a restarted writer goes on where the last one ended."""
+        """The ring behind inherited descriptors; a restarted writer continues where the last one ended."""
         return cls(fds)
 
     def close(self) -> None:

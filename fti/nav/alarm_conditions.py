@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import replace
 from typing import Any
 
-from fti.alarms.condition import Condition, Report, Severity
+from fti.alarms.condition import Condition, Report, Severity, device_id, in_title
 from fti.config import Config, position_sources
 from fti.nav.series import SECOND_NS
 from fti.reason_texts import describe_reasons
@@ -56,13 +56,7 @@ JUDGING = frozenset({IntegrityState.MONITOR, IntegrityState.OK, IntegrityState.C
 FALLBACKS = {"filter": "FILTER", "radio": "RADIO", "vertical": "VERTICAL CHANNEL"}
 #: A condition of which only the value changes is reported so often.
 VALUE_NS = SECOND_NS
-TERRAIN = "terrain"
 INTEGRITY_IDS = ("integrity_alert", "integrity_caution", "integrity_unavailable")
-
-
-def device_id(name: str) -> str:
-    """Identity of the alarm of a device that is silent or damaged, which the supervisor finds."""
-    return f"device:{name}"
 
 
 class OutputConditions:
@@ -74,7 +68,11 @@ class OutputConditions:
         self._explained = {
             "position": tuple(device_id(name) for name in position_sources(nav)),
             "attitude": tuple(device_id(name) for name in nav.attitude),
-            "height": tuple(f"{kind}:{name}" for name in nav.altimeters for kind in ("altimeter", "device")),
+            "height": tuple(known for name in nav.altimeters for known in (f"altimeter:{name}", device_id(name))),
+        }
+        roles = {"position": position_sources(nav), "attitude": nav.attitude, "height": nav.altimeters}
+        self._lost_by = {
+            role: (*self._explained[role], *(f"source:{name}" for name in names)) for role, names in roles.items()
         }
         self._takers: dict[type, Callable[[Any], None]] = {
             ClearanceIntegrity: self._take_integrity,
@@ -102,16 +100,16 @@ class OutputConditions:
         found, self._found = self._found, []
         return found
 
-    def judge_ground(self, t_ns: int, fault: str | None) -> Report:
+    @staticmethod
+    def judge_ground(t_ns: int, fault: str | None) -> Report:
         """The terrain is known from now on, or ``fault`` says why it never will be."""
         cause = f"{fault}; heights are not compared with it"
-        condition = Condition(TERRAIN, Severity.CAUTION, "NO TERRAIN", cause) if fault else None
-        return Report(t_ns, TERRAIN, condition)
+        condition = Condition("terrain", Severity.CAUTION, "NO TERRAIN", cause) if fault else None
+        return Report(t_ns, "terrain", condition)
 
     def end_all(self, t_ns: int) -> list[Report]:
-        """Navigation begins anew: nothing that was before counts, but the terrain."""
-        lasting = [subject for subject, report in self._reported.items() if report.condition and subject != TERRAIN]
-        return [Report(t_ns, subject, None) for subject in lasting]
+        """Navigation begins anew: nothing that was before counts, but the terrain, which no output tells of."""
+        return [Report(t_ns, subject, None) for subject, report in self._reported.items() if report.condition]
 
     # ------------------------------------------------------------------------------------------------- each output
 
@@ -176,7 +174,7 @@ class OutputConditions:
             if output.valid:
                 self._say(f"altimeter {name}", output.t_ns, None)
         elif output.t_ns - self._fault_since_ns.setdefault(name, output.t_ns) >= ALTIMETER_FAULT_NS:
-            title = f"HEIGHT OF {name.upper().replace('_', ' ')} REFUSED"
+            title = f"HEIGHT OF {in_title(name)} REFUSED"
             found = Condition(f"altimeter:{name}", Severity.CAUTION, title, _words(faults))
             self._say(f"altimeter {name}", output.t_ns, found)
 
@@ -228,7 +226,7 @@ class OutputConditions:
             return _by_fallback("position", source, output.horizontal_sd)
         if source == first or source is None or "first position" not in self._had:
             return None
-        title = f"POSITION BY {source.upper().replace('_', ' ')}"
+        title = f"POSITION BY {in_title(source)}"
         cause = f"{first} is not used"
         return Condition(f"position_by:{source}", Severity.ADVISORY, title, cause, explained_by=(f"source:{first}",))
 
@@ -250,7 +248,7 @@ class OutputConditions:
         if name in self._excluded:
             cause = "; ".join(filter(None, (_words(reasons), "it contradicts the other sources")))
         if reasons or name in self._excluded:
-            title = f"SOURCE {name.upper().replace('_', ' ')} REFUSED"
+            title = f"SOURCE {in_title(name)} REFUSED"
             self._say(f"source {name}", t_ns, Condition(f"source:{name}", Severity.CAUTION, title, cause))
         elif tested is None or tested.valid:
             self._say(f"source {name}", t_ns, None)
@@ -261,10 +259,7 @@ class OutputConditions:
         """What was valid is not any more; on an approach a person must act at once."""
         is_grave = self._is_on_approach and role != "attitude"
         severity = Severity.WARNING if is_grave else Severity.CAUTION
-        causes = self._explained[role] + tuple(
-            known.replace("device:", "source:") for known in self._explained[role] if known.startswith("device:")
-        )
-        self._say(role, t_ns, Condition(role, severity, title, _words(reasons), explained_by=causes))
+        self._say(role, t_ns, Condition(role, severity, title, _words(reasons), explained_by=self._lost_by[role]))
 
     def _say(self, subject: str, t_ns: int, condition: Condition | None) -> None:
         report, last = Report(t_ns, subject, condition), self._reported.get(subject)

@@ -12,12 +12,11 @@ from typing import Any
 from fti.alarms.alarm_list import AlarmList
 from fti.alarms.condition import Condition, Json, Report, Severity
 from fti.bus.message import encode
-from fti.clock import Clock
+from fti.clock import SECOND_NS, Clock
 from fti.logger.schemas import ALARM_TOPIC
 from fti.service.bulletin import Note, Publish
 from fti.service.health_conditions import NO_FLIGHT, HealthConditions, find_losses
 
-NS_PER_S = 1_000_000_000
 #: What waits for longer is late for every consumer; below the second limit navigation is in time again [ns].
 LATE_NS, IN_TIME_NS = 500_000_000, 250_000_000
 NEVER = -1
@@ -70,7 +69,7 @@ class AlarmBoard:
         found = None
         if self._is_late:
             cause = "frames arrive, and navigation has not worked on them; its values are struck out"
-            late_s = round(late_ns / NS_PER_S, 1)
+            late_s = round(late_ns / SECOND_NS, 1)
             found = Condition(
                 "navigation_late", Severity.CAUTION, "NAVIGATION LATE", cause, late_s, explained_by=("navigation",)
             )

@@ -132,9 +132,13 @@ class Chain:
         for listener in self._on_link.get(frame.link, ()):
             if found := self._decode(listener, frame, products):
                 self._navigate(listener.name, found, frame, products)
+        if products.outputs:  # of most frames there are none
+            self._report_conditions(frame, products)
+        return products
+
+    def _report_conditions(self, frame: RawFrame, products: Products) -> None:
         with _Telling("alarm conditions", frame, products):
             products.notes += map(_alarm_note, self._conditions.take(products.outputs))
-        return products
 
     def _navigate(self, device: str, found: list[Measurement], frame: RawFrame, products: Products) -> None:
         guard = _Telling("pipeline", frame, products)

@@ -11,13 +11,13 @@ from collections import deque
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
-from fti.alarms.condition import Condition, Report, Severity
+from fti.alarms.condition import Condition, Report, Severity, device_id, in_title
+from fti.clock import SECOND_NS
 from fti.service.children import ProcessState
 from fti.types import LinkState
 
 Fields = Mapping[str, Any]
 
-SECOND_NS = 1_000_000_000
 #: So long after the start of the session, or of a new flight, a link or device that was never good is no alarm.
 START_NS = 10 * SECOND_NS
 #: States of the storage: severity and title.
@@ -97,7 +97,7 @@ class HealthConditions:
         return Condition("navigation", Severity.WARNING, "NAVIGATION STOPPED", cause)
 
     def _judge_restarts(self, name: str, process: Fields, t_ns: int) -> Condition | None:
-        """Has it been started again more than once in the last minute?"""
+        """Has it been started again several times in the last minute?"""
         count, times = int(process.get("restarts") or 0), self._restarts.setdefault(name, deque())
         times.extend([t_ns] * (count - self._restarts_known.get(name, 0)))
         self._restarts_known[name] = count
@@ -106,7 +106,7 @@ class HealthConditions:
         if len(times) < MANY_RESTARTS:
             return None
         cause = f"it was started again {len(times)} times in the last minute"
-        title = f"{_spoken(name)} FAILS AGAIN AND AGAIN"
+        title = f"{in_title(name)} FAILS AGAIN AND AGAIN"
         return Condition(f"process:{name}", Severity.CAUTION, title, cause, float(len(times)))
 
     def _judge_link(self, name: str, link: Fields, t_ns: int) -> Condition | None:
@@ -114,40 +114,26 @@ class HealthConditions:
         if state not in STOPPED_LINK:
             self._were_good.add(f"link:{name}")
             return None
-        return self._unless_expected(
-            Condition(
-                f"link:{name}",
-                Severity.CAUTION,
-                f"LINK {_spoken(name)} {str(state).upper()}",
-                str(link.get("hint") or ""),
-                explained_by=BY_RECORDER,
-            ),
-            t_ns,
-        )
+        return self._find(f"link:{name}", f"LINK {in_title(name)} {state.upper()}", link, BY_RECORDER, t_ns)
 
     def _judge_device(self, name: str, device: Fields, t_ns: int) -> Condition | None:
         state = device["state"]
         if state == LinkState.GOOD:
-            self._were_good.add(f"device:{name}")
+            self._were_good.add(device_id(name))
         if state != LinkState.WRONG_RATE:
             self._wrong_rate_ns.pop(name, None)
         is_counted = t_ns - self._wrong_rate_ns.setdefault(name, t_ns) >= RATE_COUNTED_NS
         if state == LinkState.GOOD or (state == LinkState.WRONG_RATE and not is_counted):
             return None
-        return self._unless_expected(
-            Condition(
-                f"device:{name}",
-                Severity.CAUTION,
-                f"DEVICE {_spoken(name)} {str(state).upper()}",
-                str(device.get("hint") or ""),
-                explained_by=(f"link:{device.get('link')}", *BY_RECORDER, *BY_NAVIGATION),
-            ),
-            t_ns,
-        )
+        causes = (f"link:{device.get('link')}", *BY_RECORDER, *BY_NAVIGATION)
+        return self._find(device_id(name), f"DEVICE {in_title(name)} {state.upper()}", device, causes, t_ns)
 
-    def _unless_expected(self, condition: Condition, t_ns: int) -> Condition | None:
-        is_start = condition.id not in self._were_good and t_ns - self._begin_ns < START_NS
-        return None if is_start else condition
+    def _find(self, identity: str, title: str, fields: Fields, causes: tuple[str, ...], t_ns: int) -> Condition | None:
+        """The condition of a link or device that is not good; None where that is expected."""
+        if identity not in self._were_good and t_ns - self._begin_ns < START_NS:
+            return None
+        cause = str(fields.get("hint") or "")
+        return Condition(identity, Severity.CAUTION, title, cause, explained_by=causes)
 
 
 class SpaceForecast:
@@ -212,7 +198,3 @@ def _terrain(navigation: Fields) -> Condition | None:
         return None
     cause = "heights are not compared with it yet"
     return Condition("terrain_loading", Severity.ADVISORY, "TERRAIN LOADING", cause, is_latched=False)
-
-
-def _spoken(name: str) -> str:
-    return name.upper().replace("_", " ")

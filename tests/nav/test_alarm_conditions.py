@@ -51,14 +51,17 @@ class Watched:
             self.alarms.report(report)
 
     @property
+    def _rows(self) -> list[dict[str, Any]]:
+        """Alarms and consequences alike."""
+        return [each for row in self.alarms.rows() for each in (row, *row["consequences"])]
+
+    @property
     def lasting(self) -> dict[str, str]:
         """Severity of each alarm that lasts."""
-        rows = [each for row in self.alarms.rows() for each in (row, *row["consequences"])]
-        return {row["id"]: str(row["severity"]) for row in rows if row["end_ns"] is None}
+        return {row["id"]: str(row["severity"]) for row in self._rows if row["end_ns"] is None}
 
     def cause(self, name: str) -> str:
-        rows = [each for row in self.alarms.rows() for each in (row, *row["consequences"])]
-        return next(str(row["cause"]) for row in rows if row["id"] == name)
+        return next(str(row["cause"]) for row in self._rows if row["id"] == name)
 
 
 @pytest.fixture

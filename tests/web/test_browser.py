@@ -331,13 +331,17 @@ def lasts(testid: str, words: str) -> str:
     return f"{shows(testid, words)} && !{by_testid(testid)}.classList.contains('ended')"
 
 
+async def raise_alert(daemon: FakeDaemon, page: Page) -> None:
+    daemon.change_integrity = make_alert
+    await page.wait_for(lasts("alarm-integrity_alert", "GROUND CLEARANCE ALERT"))
+
+
 async def test_an_alarm_that_has_ended_stays_until_it_is_acknowledged(
     page: Page, daemon: FakeDaemon, display: DisplayProcess
 ) -> None:
     """By the key; the daemon is told by whom, and every page shows the same."""
     tile = "alarm-integrity_alert"
-    daemon.change_integrity = make_alert
-    await page.wait_for(lasts(tile, "GROUND CLEARANCE ALERT"))
+    await raise_alert(daemon, page)
     daemon.change_integrity = lambda fields: fields
     await page.wait_for(f"{by_testid(tile)}.classList.contains('ended')")
     assert "ended after" in await page.text(tile)
@@ -353,8 +357,7 @@ async def test_an_alarm_that_lasts_is_acknowledged_alone_and_stays(
     page: Page, daemon: FakeDaemon, display: DisplayProcess
 ) -> None:
     tile = "alarm-integrity_alert"
-    daemon.change_integrity = make_alert
-    await page.wait_for(lasts(tile, "GROUND CLEARANCE ALERT"))
+    await raise_alert(daemon, page)
     await page.eval(f"{by_testid(tile)}.click()")
     assert await asyncio.to_thread(display.read_message) == {"acknowledge": "integrity_alert", "who": ME}
     daemon.alarms.acknowledge("berta", "integrity_alert")
@@ -368,8 +371,7 @@ async def test_an_alarm_that_lasts_is_acknowledged_alone_and_stays(
 async def test_outputs_that_are_late_in_an_alert_end_no_alarm(page: Page, daemon: FakeDaemon, late_s: float) -> None:
     """What is struck out is what would have ended it."""
     tile = "alarm-integrity_alert"
-    daemon.change_integrity = make_alert
-    await page.wait_for(lasts(tile, "GROUND CLEARANCE ALERT"))
+    await raise_alert(daemon, page)
     daemon.muted.add("/nav/clearance_integrity")
     end = asyncio.get_running_loop().time() + late_s
     while asyncio.get_running_loop().time() < end:
@@ -389,8 +391,7 @@ async def test_who_may_not_command_may_not_acknowledge(display: DisplayProcess, 
 
 
 async def test_alarms_outlast_a_display(page: Page, daemon: FakeDaemon, display: DisplayProcess) -> None:
-    daemon.change_integrity = make_alert
-    await page.wait_for(lasts("alarm-integrity_alert", "GROUND CLEARANCE ALERT"))
+    await raise_alert(daemon, page)
     begun = await page.text("alarm-integrity_alert")
     other = DisplayProcess(daemon)
     try:
@@ -402,8 +403,7 @@ async def test_alarms_outlast_a_display(page: Page, daemon: FakeDaemon, display:
 
 
 async def test_banner_and_alarms_stay_visible_on_a_small_screen(page: Page, daemon: FakeDaemon) -> None:
-    daemon.change_integrity = make_alert
-    await page.wait_for(lasts("alarm-integrity_alert", "GROUND CLEARANCE ALERT"))
+    await raise_alert(daemon, page)
     await page.resize(1000, 700)
     await page.eval("scrollTo(0, document.documentElement.scrollHeight)")
     await page.wait_for("scrollY > 300")
