@@ -1,7 +1,7 @@
 """Conditions that follow from health: what is wrong with recording, processes, links and devices.
 
 What is expected is none: ports that open after the start, devices that are switched on with the computer, the end of
-the session.  Of a navigation that says nothing no device is judged: it may be the only one that is silent.
+the session.  Of a navigation that says nothing, or is behind, no device is judged: it may be the only one silent.
 Source: docs/alarms.md.
 """
 
@@ -14,6 +14,7 @@ from typing import Any
 from fti.alarms.condition import Condition, Report, Severity, device_id, in_title
 from fti.clock import SECOND_NS
 from fti.service.children import ProcessState
+from fti.service.health import BEHIND_MS
 from fti.types import LinkState
 
 Fields = Mapping[str, Any]
@@ -79,8 +80,8 @@ class HealthConditions:
             yield f"process {name}", self._judge_restarts(name, process, t_ns)
         for name, link in health["links"].items():
             yield f"link {name}", self._judge_link(name, link, t_ns)
-        if "hint" in health["navigation"]:  # it says nothing
-            return
+        if "hint" in health["navigation"] or (health["navigation"].get("lag_ms") or 0.0) > BEHIND_MS:
+            return  # it says nothing, or nothing of now
         for name, device in health["devices"].items():
             if device.get("is_known", True):
                 yield f"device {name}", self._judge_device(name, device, t_ns)

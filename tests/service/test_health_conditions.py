@@ -87,6 +87,14 @@ def test_a_process_that_was_started_again_and_again_within_a_minute() -> None:
     assert names(162.0, MANY_RESTARTS) == [], "the first one was more than a minute ago"
 
 
+@pytest.mark.parametrize(("lag_ms", "is_judged"), [(None, True), (500.0, True), (501.0, False), (50_000.0, False)])
+def test_of_a_navigation_that_is_behind_no_device_is_judged(lag_ms: float | None, is_judged: bool) -> None:
+    """It tells of a time at which an emulator had not begun, or a device was not switched on."""
+    message = health(devices=device("silent"), navigation={"lag_ms": lag_ms})
+    subjects = {report.subject for report in HealthConditions(0).reports(message)}
+    assert ("device ins" in subjects) is is_judged
+
+
 def test_a_device_of_which_a_fresh_navigation_knows_nothing_yet_is_not_judged() -> None:
     conditions = HealthConditions(0)
     found(conditions, health())
