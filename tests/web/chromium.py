@@ -129,10 +129,13 @@ class Page:
         self._session = session
         self.requests: list[str] = []
         self.problems: list[str] = []
+        self._has_loaded = asyncio.Event()
 
     def take(self, method: str, params: dict[str, Any]) -> None:
         """Take one DevTools event."""
         match method:
+            case "Page.loadEventFired":
+                self._has_loaded.set()
             case "Network.requestWillBeSent":
                 self.requests.append(params["request"]["url"])
             case "Network.webSocketCreated":
@@ -162,6 +165,12 @@ class Page:
             assert not late, f"waited {seconds:g} s for {expression}; console: {self.problems}"
             await asyncio.sleep(0.05)
         return found
+
+    async def reload(self) -> None:
+        """Load the page anew; nothing of the document before is there when this returns."""
+        self._has_loaded.clear()
+        await self.command("Page.reload")
+        await asyncio.wait_for(self._has_loaded.wait(), WAIT_S)
 
     async def text(self, testid: str) -> str:
         """Text of the element with that data-testid."""

@@ -345,7 +345,7 @@ async def test_an_alarm_that_has_ended_stays_until_it_is_acknowledged(
     daemon.change_integrity = lambda fields: fields
     await page.wait_for(f"{by_testid(tile)}.classList.contains('ended')")
     assert "ended after" in await page.text(tile)
-    await page.eval("location.reload()")
+    await page.reload()
     await page.wait_for(f"{FRESH} && {shows(tile, 'ended after')} && {MAY_COMMAND}")
     await page.press("a")
     assert await asyncio.to_thread(display.read_message) == {"acknowledge": None, "who": ME}
@@ -416,7 +416,7 @@ async def test_the_tone_is_chosen_and_remembered(page: Page) -> None:
     assert await page.text("tone") == "TONE OFF"
     await page.eval(f"{by_testid('tone')}.click()")
     await page.wait_for("localStorage.getItem('fti-tone') === 'on'")
-    await page.eval("location.reload()")
+    await page.reload()
     await page.wait_for(f"{FRESH} && ({shows('tone', 'TONE: CLICK')} || {shows('tone', 'TONE ON')})")
 
 
