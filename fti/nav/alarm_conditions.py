@@ -188,12 +188,11 @@ class OutputConditions:
             self._lose("height", "HEIGHT NOT VALID", output.t_ns, reasons or output.reasons)
 
     def _take_solution(self, output: NavSolution) -> None:
-        if output.valid:
+        if not (reasons := _reasons_of_position(output)):
             self._had.add("position")
             self._say("position", output.t_ns, self._describe_position(output))
         elif "position" in self._had:
-            reasons = [reason for reason in output.reasons if reason not in output.attitude_reasons]
-            self._lose("position", "POSITION NOT VALID", output.t_ns, reasons or output.reasons)
+            self._lose("position", "POSITION NOT VALID", output.t_ns, reasons)
         if output.attitude_valid:
             self._had.add("attitude")
             self._say("attitude", output.t_ns, _by_fallback("attitude", output.attitude_source, None))
@@ -267,6 +266,12 @@ class OutputConditions:
             return
         self._reported[subject] = report
         self._found.append(report)
+
+
+def _reasons_of_position(output: NavSolution) -> list[Reason]:
+    """Why it is not valid beside its attitude, which has an alarm of its own; "unchecked" is of the position alone."""
+    of_attitude = set(output.attitude_reasons).difference(output.unchecked)
+    return [reason for reason in output.reasons if reason not in of_attitude]
 
 
 def _by_fallback(role: str, source: str | None, sd: float | None) -> Condition | None:

@@ -190,11 +190,36 @@ def test_the_second_source_of_position_is_an_advisory_when_the_first_was_used(wa
     assert watched.lasting == {"position_by:gnss": "advisory"}
 
 
-def test_lost_attitude_names_its_own_reasons(watched: Watched) -> None:
-    lost = {"attitude_valid": False, "attitude_reasons": (Reason.ATTITUDE_LEVEL,), "reasons": (Reason.ATTITUDE_LEVEL,)}
-    watched.take(solution(1), solution(2, **lost))
+def test_lost_attitude_names_its_own_reasons_and_is_no_lost_position(watched: Watched) -> None:
+    why = (Reason.ATTITUDE_LEVEL,)
+    watched.take(solution(1), solution(2, valid=False, reasons=why, attitude_valid=False, attitude_reasons=why))
     assert watched.lasting == {"attitude": "caution"}
     assert watched.cause("attitude") == "attitude protection level above alert limit"
+
+
+def test_a_position_without_any_attitude_can_be_lost(watched: Watched) -> None:
+    """A solution without an attitude is never valid as a whole."""
+    why = (Reason.NO_ATTITUDE,)
+    none: dict[str, Any] = {"valid": False, "attitude_valid": False, "attitude_source": None, "attitude_reasons": why}
+    watched.take(solution(1, reasons=why, **none))
+    assert watched.lasting == {}
+    watched.take(solution(2, position_source="gnss", reasons=why, **none))
+    assert watched.lasting == {"position_by:gnss": "advisory"}
+    watched.take(solution(3, position_source=None, reasons=(Reason.NO_POSITION, *why), **none))
+    assert watched.lasting == {"position": "caution"}
+    assert watched.cause("position") == "no position"
+
+
+def test_a_position_that_nothing_confirms_is_lost_beside_an_attitude_that_nothing_confirms(watched: Watched) -> None:
+    why = (Reason.NOTHING_TO_COMPARE,)
+    watched.take(
+        solution(1),
+        solution(2, valid=False, reasons=why, unchecked=why, attitude_valid=False, attitude_reasons=why),
+        solution(3, valid=False, reasons=why, unchecked=(), attitude_valid=False, attitude_reasons=why),
+    )
+    ends = {report.subject: report.t_ns for report in watched.reports if report.condition is None}
+    assert {report.subject for report in watched.reports if report.condition} == {"position", "attitude"}
+    assert ends["position"] == 3 * SECOND_NS
 
 
 def test_an_altimeter_that_fails_for_half_a_second_is_refused(watched: Watched) -> None:
