@@ -168,6 +168,7 @@ async def _fly_once(
 
     from fti.errors import FtiError
 
+    supervisor.await_sensors()
     truth = supervisor.folder.next_path("truth")
     emulator = await asyncio.create_subprocess_exec(
         *(sys.executable, "-m", "fti.cli.main", "hil", str(scenario)),
@@ -180,6 +181,7 @@ async def _fly_once(
     assert emulator.stdout
     try:
         if await emulator.stdout.readline():
+            supervisor.sensors_begin()
             begun()
         await emulator.stdout.read()  # its report, which is in a file, too
         code = await emulator.wait()

@@ -51,13 +51,17 @@ class HealthConditions:
     """Looks at health twice a second."""
 
     def __init__(self, begin_ns: int) -> None:
-        self._begin_ns = begin_ns
+        self._begin_ns: int | None = begin_ns
         self._were_good: set[str] = set()
         self._space = SpaceForecast()
         self._navigation_ran = False
         self._wrong_rate_ns: dict[str, int] = {}
         self._restarts: dict[str, deque[int]] = {}
         self._restarts_known: dict[str, int] = {}
+
+    def await_devices(self) -> None:
+        """Until ``begin_anew`` no link or device is an alarm: somebody has yet to switch them on."""
+        self._begin_ns = None
 
     def begin_anew(self, t_ns: int) -> None:
         """Another flight begins: devices may be switched off and on."""
@@ -87,11 +91,13 @@ class HealthConditions:
                 yield f"device {name}", self._judge_device(name, device, t_ns)
 
     def _judge_navigation(self, processes: Fields) -> Condition | None:
-        state = processes.get("navigation", {}).get("state")
+        if "navigation" not in processes:  # it runs in this process: an accelerated flight
+            return None
+        state = processes["navigation"]["state"]
         if state == ProcessState.RUNNING:
             self._navigation_ran = True
             return None
-        if state in (None, ProcessState.STARTING, ProcessState.STOPPED) and not self._navigation_ran:
+        if state in (ProcessState.STARTING, ProcessState.STOPPED) and not self._navigation_ran:
             cause = "its methods are loaded, on a new machine compiled; recording already runs"
             return Condition("navigation_starting", Severity.ADVISORY, "NAVIGATION STARTING", cause, is_latched=False)
         cause = f"its process is {state}; its last values are struck out, recording goes on"
@@ -131,7 +137,7 @@ class HealthConditions:
 
     def _find(self, identity: str, title: str, fields: Fields, causes: tuple[str, ...], t_ns: int) -> Condition | None:
         """The condition of a link or device that is not good; None where that is expected."""
-        if identity not in self._were_good and t_ns - self._begin_ns < START_NS:
+        if self._begin_ns is None or (identity not in self._were_good and t_ns - self._begin_ns < START_NS):
             return None
         cause = str(fields.get("hint") or "")
         return Condition(identity, Severity.CAUTION, title, cause, explained_by=causes)

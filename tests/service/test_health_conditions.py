@@ -153,6 +153,18 @@ def test_a_device_that_is_not_switched_on_yet_is_expected_for_a_while() -> None:
     assert found(conditions, health(begin_s + 23.0, **silent)) == {}, "another flight begins"
 
 
+def test_devices_that_somebody_has_yet_to_switch_on_are_no_alarm() -> None:
+    """On a new machine an emulator compiles first; and behind a flight its devices fall silent one after the other."""
+    conditions = HealthConditions(0)
+    silent: dict[str, Any] = {"links": link("absent"), "devices": device("silent")}
+    assert found(conditions, health(1.0)) == {}
+    conditions.await_devices()
+    assert found(conditions, health(100.0, **silent)) == {}
+    conditions.begin_anew(101 * SECOND_NS)
+    assert found(conditions, health(110.9, **silent)) == {}
+    assert set(found(conditions, health(111.1, **silent))) == {"link:line", "device:ins"}
+
+
 def test_of_a_navigation_that_says_nothing_no_device_is_judged() -> None:
     """Frames arrive; the cable is not the reason."""
     conditions = HealthConditions(0)
