@@ -167,7 +167,7 @@ class Navigator:
         for topic, t_ns, content in products.notes:
             self._derived.note(topic, t_ns, content)
             if topic == ALARM_REPORT_TOPIC:
-                self._channel.send({"alarm": content})
+                self._channel.send({"alarm": content}, is_kept=True)
         for output in products.outputs:
             self._derived.output(output)
             self._publish(output)

@@ -31,11 +31,13 @@ def test_a_reader_that_does_not_read_costs_no_time_and_bounded_memory() -> None:
     while left.send({"n": sent, "text": "x" * 10_000}):
         sent += 1
         assert sent * 10_000 < 8 * MOST_PENDING
+    assert left.send({"n": sent}, is_kept=True), "what must arrive still waits"
+    assert not left.send({"n": -1})
     found: list[dict[str, object]] = []
-    while len(found) <= sent - 1 and not right.ended:
+    while len(found) <= sent and not right.ended:
         found += right.receive()
         left.flush()
-    assert [m["n"] for m in found] == list(range(sent))
+    assert [m["n"] for m in found] == list(range(sent + 1))
     left.close()
     right.close()
 
