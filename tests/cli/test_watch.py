@@ -20,6 +20,7 @@ from fti.bus.frame import SOCKET_NAME
 from fti.cli._watch_view import render
 from fti.cli.main import main
 from fti.web.feed import Feed
+from tests.every_alarm import CASES, Case, begun
 from tests.run_dirs import running_daemon
 from tests.web.fake_feed import SESSION, FakeDaemon, make_clock, make_health, make_laboratory
 
@@ -203,6 +204,24 @@ def test_alarms_are_shown_with_their_times_and_whether_somebody_has_seen_them() 
     assert "since 00:00:01, acknowledged by anna" in text
     assert "GROUND" not in text
     assert "fti acknowledge" not in text
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case.title.lower().replace(" ", "-"))
+def test_every_alarm_is_shown_until_it_has_ended_and_was_acknowledged(case: Case) -> None:
+    daemon, feed = begun(case), make_feed()
+
+    def shown() -> str:
+        feed.take("/alarms", {"t_ns": 0, "alarms": daemon.rows}, 0)
+        return rendered(feed, 0)
+
+    assert case.title in shown()
+    assert ("since" in shown()) is not case.is_moment
+    if case.ends:
+        case.ends(daemon)
+    assert (case.title in shown()) is case.is_latched
+    assert ("ended after" in shown()) is case.is_latched
+    daemon.board.acknowledge("anna", None)
+    assert case.title not in shown()
 
 
 def test_a_snapshot_session_is_said() -> None:

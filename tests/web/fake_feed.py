@@ -24,7 +24,7 @@ from fti.bus.message import encode, stamped
 from fti.clock import SystemClock, choose_epoch_ns
 from fti.config import Config, Nav, Session
 from fti.nav.alarm_conditions import OutputConditions
-from fti.service.alarm_board import AlarmBoard
+from fti.service.alarm_board import ALARMS, AlarmBoard
 from fti.types import (
     ClearanceIntegrity,
     Compensation,
@@ -416,6 +416,7 @@ class FakeDaemon:
                 fields = {**fields, **self.solution}
             if navigation and topic not in self.muted:
                 navigation.publish(topic, stamped(fields, t_ns, t_ns + 4_000_000, MAX_AGE_MS))
+            if navigation and not self.muted & {topic, ALARMS}:
                 for report in self._conditions.take((_as_output(output, fields),)):
                     self.alarms.take(report.as_json())
 
@@ -432,6 +433,7 @@ class FakeDaemon:
         self.change_health(health)
         if "/health" not in self.muted:
             self.hub.publish("/health", encode(health))
+        if not self.muted & {"/health", ALARMS}:
             self.alarms.take_health(health)
 
     def _send_laboratory(self, t: float) -> None:

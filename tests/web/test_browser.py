@@ -12,6 +12,9 @@ from urllib.parse import urlsplit
 
 import pytest
 
+from fti.bus.message import encode
+from fti.service.alarm_board import ALARMS
+from tests.every_alarm import CASES, Daemon, begun
 from tests.run_dirs import running_daemon
 from tests.web.chromium import Chromium, Page, by_testid
 from tests.web.fake_feed import KEY, PROVISIONAL, SESSION, DisplayProcess, FakeDaemon, make_clock
@@ -365,6 +368,29 @@ async def test_an_alarm_that_lasts_is_acknowledged_alone_and_stays(
     await page.eval(f"{by_testid('alarm-more')}.click()")
     await page.wait_for(shows("alarm-list", "acknowledged by berta"))
     assert await page.eval(f"{by_testid('acknowledge')}.hidden")
+
+
+async def test_every_alarm_is_shown_until_it_has_ended_and_was_acknowledged(page: Page, daemon: FakeDaemon) -> None:
+    daemon.muted.add(ALARMS)
+    for case in CASES:
+        told = begun(case)
+
+        def publish(told: Daemon = told) -> None:
+            daemon.hub.publish(ALARMS, encode({"t_ns": told.clock.time_ns, "alarms": told.rows}))
+
+        publish()
+        tile = f"alarm-{case.identity}"
+        await page.wait_for(shows(tile, case.title))
+        assert await page.eval(f"{by_testid(tile)}.dataset.severity") == case.severity
+        assert await page.eval(f"{by_testid(tile)}.classList.contains('ended')") is case.is_moment
+        if case.ends:
+            case.ends(told)
+            publish()
+        if case.is_latched:
+            await page.wait_for(f"{by_testid(tile)}?.classList.contains('ended')")
+            told.board.acknowledge(ME, None)
+            publish()
+        await page.wait_for(f"{by_testid(tile)} === null")
 
 
 @pytest.mark.parametrize("late_s", [0.5, 1.0, 5.0])
