@@ -27,6 +27,8 @@ from fti.hil.expected.duties import (
     SILENT_S,
     SOLUTION,
     SOURCE_REFUSED_S,
+    TRIAL_S,
+    UNCERTAIN_WORDS,
     UNIT_S,
     WINDOW_S,
     Case,
@@ -301,4 +303,7 @@ def consequences(case: Case, *in_health: str) -> Iterator[May]:
             yield May(f"{HEIGHT}/{other}", begin, end + age + craft.FIX_S + EXCLUDED_HEIGHT_S, ("excluded",))
             yield May(NAV_EVENT, begin, end + age + craft.FIX_S + EXCLUDED_HEIGHT_S)
     if name in craft.altimeters or name in craft.sources:
-        yield May(INTEGRITY, begin, end + age + craft.FIX_S + doubted_s(craft))
+        judged = end + age + craft.FIX_S + doubted_s(craft)
+        yield May(INTEGRITY, begin, judged)
+        if name in craft.filter_gnss:
+            yield May(INTEGRITY, begin, judged + TRIAL_S, UNCERTAIN_WORDS)

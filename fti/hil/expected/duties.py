@@ -49,6 +49,10 @@ BACK_IN_S, CLOSURE_M = 40.0, 200.0
 #: A source of position that contradicted itself is refused for so long after the fault [s]: 30 s in which all its tests
 #: pass, and what they look back.
 SOURCE_REFUSED_S = 45.0
+#: Receivers that come back after a long absence are on trial for so long [s]: levels are those of the filter without
+#: them, with which a place may be too uncertain for the integrity monitor.
+TRIAL_S = 30.0
+UNCERTAIN_WORDS = ("position_uncertain", "protection_level")
 #: What the memory of altimeters says: of one, and of two against each other.
 MEMORY_WORDS, DISAGREE_WORDS = ("stuck", "change_mismatch", "altimeters_disagree"), ("altimeters_disagree",)
 #: A value that repeats while the range changed by more is stuck: 4 steps of any altimeter, as a share of the range and
