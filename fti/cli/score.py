@@ -3,8 +3,9 @@
 SCENARIO is the name of a shipped one (fti hil --list), "all" of them, or a file.  SESSION is what the daemon recorded
 while it was flown.  Of several sessions the truth of each says which of the scenarios was flown.
 
-For each fault the flags that the daemon had to raise, whether they are in the session, after how long, and whether they
-went away again; then flags that no fault explains; then the scenario's own [[expect]] rows.
+For each fault the flags that the daemon had to raise, and the alarms that follow from them (/fti/alarm IDENTITY),
+whether they are in the session, after how long, and whether they went away again; then flags and alarms that no fault
+explains; then the scenario's own [[expect]] rows.
 
   fti hil altimeter_failure --links /tmp/links --truth flight_truth_000.mcap --wait &
   fti run configs/demo.toml --links /tmp/links --origin hil

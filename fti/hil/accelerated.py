@@ -30,7 +30,9 @@ from fti.hil.scheduler import Stream
 from fti.hil.world import World
 from fti.logger.derived_log import DerivedLog
 from fti.logger.raw_log import RawLog, RawTopic
+from fti.logger.schemas import ALARM_REPORT_TOPIC
 from fti.logger.session import CONFIG_ATTACHMENT, SessionFolder
+from fti.service.alarm_board import AlarmBoard
 from fti.service.binding import bind_devices, parse_reference, read_texts
 from fti.service.chain import Chain, Products
 from fti.service.diagnosis import Diagnosis
@@ -139,6 +141,7 @@ class Session:
         self._chain = Chain(config, devices, parse_reference(config, texts))
         self._diagnosis = Diagnosis(config, self._chain)
         self._board = HealthBoard({**metadata, "folder": folder.path.name, "started_ns": 0, "state": "recording"})
+        self._clock = FakeClock(BEGIN_NS)
         self._seq = self._ticks = self._told = 0
         self._frames: Counter[str] = Counter()
         self._bytes: Counter[str] = Counter()
@@ -153,12 +156,14 @@ class Session:
         }
         self._raw = RawLog(folder, [RawTopic(name, kind, {}) for name, kind in self._links.items()], **about)
         self._derived = DerivedLog(folder, decimate_hz=DECIMATE_HZ, **about)
+        self._alarms = AlarmBoard(self._clock, lambda topic, payload: None, self._raw.json, lambda: None)
         if config.nav.terrain:
             ground = load_ground(config.nav.terrain)
             self._keep(self._chain.give_ground(ground, None, -1, BEGIN_NS - BEFORE_TICKS * TICK_PERIOD_NS))
 
     def receive(self, link: str, data: bytes, t_ns: int) -> None:
         """A frame."""
+        self._clock.time_ns = t_ns
         self._frames[link] += 1
         self._bytes[link] += len(data)
         self._last_ns[link] = t_ns
@@ -168,6 +173,7 @@ class Session:
 
     def tick(self, t_ns: int) -> None:
         """A tick, and what falls due with it."""
+        self._clock.time_ns = t_ns
         frame = RawFrame(TICK_LINK, self._seq, t_ns, b"")
         self._raw.tick(frame.seq, t_ns)
         self._take(frame)
@@ -191,8 +197,10 @@ class Session:
     def _keep(self, products: Products) -> None:
         for device, measurement in products.measurements:
             self._derived.measurement(device, measurement)
-        for note in products.notes:
-            self._derived.note(*note)
+        for topic, t_ns, content in products.notes:
+            self._derived.note(topic, t_ns, content)
+            if topic == ALARM_REPORT_TOPIC:
+                self._alarms.take(content)
         for output in products.outputs:
             self._derived.output(output)
             if isinstance(output, Event):
@@ -202,9 +210,11 @@ class Session:
         """Told twice a second, recorded once a second, as the daemon does."""
         self._board.navigation = {"devices": self._diagnosis.devices(t_ns), "navigation": {"lag_ms": 0.0}}
         self._board.recorder = {"t_ns": t_ns, "links": {name: self._link(name, t_ns) for name in self._links}}
+        health = self._board.compose(t_ns, ())
+        self._alarms.take_health(health)
         self._told += 1
         if self._told % 2 == 0:
-            self._raw.json("/fti/health", t_ns, self._board.compose(t_ns, ()))
+            self._raw.json("/fti/health", t_ns, health)
 
     def _link(self, name: str, t_ns: int) -> dict[str, Any]:
         last_ns = self._last_ns.get(name)

@@ -13,6 +13,7 @@ place                                words
                                      "clock away" while its time does not fit
 /fti/health/links/L                  absent, denied, busy, silent
 /fti/ledger/L                        errors that the line counts: slcan_bus_error, can_bus_off ...
+/fti/alarm                           identities of alarms, which follow from other flags (``alarm_flags``)
 /D/device_status                     the conditions that a device names while it is not well
 /D/...                               invalid: a measurement that the device declares so
 

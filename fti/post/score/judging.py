@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 from fti.hil.expected.aircraft import Aircraft
+from fti.hil.expected.alarm_flags import alarms_of_flags
 from fti.hil.expected.flags import flags_of_faults
 from fti.hil.expected.of_flight import of_flight
 from fti.hil.scenario import Scenario
@@ -73,7 +75,8 @@ def judge(
     belongs = flags_of_faults(scenario.fault, craft, flown.truth)
     evidence = Evidence.of_flight(flown, said, scenario.limits)
     may = [*of_flight(craft, flown.truth), *allowed_flags([one for _, one in belongs], flown.pauses)]
-    rows = list(flag_rows(belongs, scenario.fault, craft.sources, evidence))
+    due = sorted([*belongs, *alarms_of_flags(belongs, craft)], key=operator.itemgetter(0))
+    rows = list(flag_rows(due, scenario.fault, craft.sources, evidence))
     if own:
         without = flags_of_faults(scenario.fault, Aircraft(own.config, own.devices, scenario), flown.truth)
         rows += vanished_rows(without, belongs, scenario.fault, evidence)
@@ -85,7 +88,7 @@ def judge(
         flown,
         said,
         tuple(rows),
-        tuple(unexpected_flags(evidence, may)),
+        tuple(unexpected_flags(evidence, may, craft)),
         expected,
         (*configuration, *unit_findings(evidence, start_limit_s(flown, scenario.limits))),
         truth_finding(flown.complete) or bench_finding(excused, [flag.verdict for flag in flags]),

@@ -11,7 +11,9 @@ from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
 
+from fti.alarms.alarm_list import Change
 from fti.config import Config
+from fti.hil.expected.alarm_flags import ALARM, OF_COMPUTER
 from fti.hil.expected.duties import DEVICES, HEIGHT, INTEGRITY, LEDGER, LINKS, SOLUTION
 from fti.logger.reading.json_message import parse_table, using_message
 from fti.logger.reading.note_states import NoteStates
@@ -107,6 +109,7 @@ class Reader:
         self._missing = {reason for role, reasons in NEEDED.items() for reason in reasons if not self._roles[role]}
         self._devices = {device.name for device in config.device}
         self._counts: dict[str, int] = {}
+        self._alarms = frozenset[str]()
         self._behind_s = math.inf
 
     def tick(self, t: float, said: Said) -> None:
@@ -136,11 +139,12 @@ class Reader:
         """What a message says, at each place that it tells of."""
         if topic.startswith("/nav/"):
             yield from self._navigation(topic, data)
-        elif topic in (HEALTH, LEDGER, EVENT):
+        elif topic in (HEALTH, LEDGER, EVENT, ALARM):
             rules: Mapping[str, Callable[[Any], Iterator[Statement]]] = {
                 HEALTH: self._health,
                 LEDGER: self._ledger,
                 EVENT: _event,
+                ALARM: self._alarm,
             }
             yield from rules[topic](parse_table(data))
         elif topic.split("/")[1] in self._devices:
@@ -186,6 +190,13 @@ class Reader:
             grown = [error for error, n in link.get("errors", {}).items() if self._grows(f"{place}/{error}", n)]
             lost = [reason for reason, n in link["dropped"].items() if self._grows(f"{place}/{reason}", n["frames"])]
             yield place, frozenset((*grown, *lost))
+
+    def _alarm(self, content: Mapping[str, Any]) -> Iterator[Statement]:
+        """The alarms of the flight whose conditions last."""
+        change, name = content["change"], content["id"]
+        if change in (Change.BEGINS, Change.ENDS) and name not in OF_COMPUTER:
+            self._alarms = self._alarms | {name} if change == Change.BEGINS else self._alarms - {name}
+            yield ALARM, self._alarms
 
     def _is_damaged(self, place: str, skipped: Mapping[str, int]) -> bool:
         """Were bytes refused?  One message in two pieces, with a pause between, is a machine that had no time."""

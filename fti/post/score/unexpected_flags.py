@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 
+from fti.hil.expected.aircraft import Aircraft
+from fti.hil.expected.alarm_flags import ALARM, explaining
 from fti.hil.expected.duties import DEVICES, INTEGRITY, May, Told
 from fti.post.score.evidence import Evidence
 from fti.post.score.flown import Pause
@@ -32,14 +34,15 @@ def allowed_flags(belongs: Sequence[Told], pauses: Sequence[Pause]) -> Iterator[
         yield May(DEVICES, pause.from_s, pause.until_s + LONG_AFTER_PAUSE_S, ("clock away",))
 
 
-def unexpected_flags(evidence: Evidence, may: Sequence[May]) -> Iterator[Unexpected]:
+def unexpected_flags(evidence: Evidence, may: Sequence[May], craft: Aircraft) -> Iterator[Unexpected]:
     """What is left of every word when all that explains it is taken away.
 
     Before the flight nothing is sent: a daemon that waits for it may say so.
     """
     begin_s = evidence.start_s + WINDOW_S
     for (place, word), spans in sorted(evidence.said.spans.items()):
-        allowed = sorted((m.from_s, m.until_s) for m in may if m.explains(place, word))
+        causes = explaining(word, may, craft) if place == ALARM else [m for m in may if m.explains(place, word)]
+        allowed = sorted((m.from_s, m.until_s) for m in causes)
         for span in spans:
             for from_s, until_s in _without(span, [(-math.inf, begin_s), *allowed]):
                 if from_s < evidence.end_s:

@@ -9,7 +9,10 @@ from typing import Any
 
 import pytest
 
+from fti.alarms.alarm_list import AlarmList
+from fti.alarms.condition import Condition, Severity
 from fti.drivers import freeflight_ra4500
+from fti.nav.alarm_conditions import OutputConditions
 from fti.nav.altimetry import validity
 from fti.nav.altimetry.heights import AltimeterChannel
 from fti.nav.sources import Source
@@ -21,12 +24,13 @@ from fti.post.score.rows import Verdict
 from fti.service import diagnosis
 from fti.service.diagnosis import Diagnosis
 from fti.service.health import HealthBoard
-from fti.types import LinkState, Reason
+from fti.types import LinkState, Reason, SourceValidity
 from tests.post.score.flying import score_of, session_of, short
 
 Break = Callable[[pytest.MonkeyPatch], None]
 HEIGHT = "/nav/height_above_ground/altimeter"
 HEALTH = "/fti/health/devices"
+POSITION_ALARM = "/fti/alarm position or position_by:spare or position_by:filter or position_by:radio"
 
 
 class Any_(int):
@@ -82,6 +86,18 @@ def never_hear_again(patch: pytest.MonkeyPatch) -> None:
     patch.setattr(Diagnosis, "_judge", judge)
 
 
+def raise_no_alarm(patch: pytest.MonkeyPatch) -> None:
+    patch.setattr(AlarmList, "report", lambda self, report: None)
+
+
+def alarm_of_every_source(patch: pytest.MonkeyPatch) -> None:
+    def take(self: OutputConditions, output: SourceValidity) -> None:
+        title = "SOURCE REFUSED"
+        self._say(f"source {output.source}", output.t_ns, Condition(f"source:{output.source}", Severity.CAUTION, title))
+
+    patch.setattr(OutputConditions, "_take_source", take)
+
+
 def be_behind(patch: pytest.MonkeyPatch) -> None:
     real = HealthBoard.compose
     late = {"navigation": {"lag_ms": 600.0}}
@@ -99,6 +115,7 @@ def be_behind(patch: pytest.MonkeyPatch) -> None:
         (believe_every_clock, f"{HEALTH}/gnss clock away", Verdict.MISSING),
         (tolerate_every_rate, f"{HEALTH}/spare wrong rate", Verdict.MISSING),
         (never_hear_again, f"{HEALTH}/altimeter silent or noise", Verdict.STAYS),
+        (raise_no_alarm, POSITION_ALARM, Verdict.MISSING),
     ],
 )
 def test_a_broken_daemon_fails_where_it_is_broken(
@@ -115,7 +132,13 @@ def test_a_daemon_that_raises_what_nothing_explains_fails(broken: Callable[[Brea
 
     score = broken(strict)
     assert not score.holds
-    assert {one.word for one in score.unexpected} == {"wrong rate"}
+    assert {one.word for one in score.unexpected} == {"wrong rate", "device:gnss", "device:spare"}
+
+
+def test_a_daemon_with_an_alarm_that_nothing_explains_fails(broken: Callable[[Break], Score]) -> None:
+    score = broken(alarm_of_every_source)
+    assert not score.holds
+    assert {(one.place, one.word) for one in score.unexpected} >= {("/fti/alarm", "source:gnss")}
 
 
 def test_a_daemon_whose_navigation_is_always_behind_fails(broken: Callable[[Break], Score]) -> None:

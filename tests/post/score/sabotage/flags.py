@@ -16,6 +16,7 @@ from tests.post.score.sabotage.falsification import Falsification, Sample, Targe
 from tests.post.score.sabotage.message_edits import Forgery, Table
 
 DEVICES, LINKS, LEDGER, EVENT = "/fti/health/devices/", "/fti/health/links/", "/fti/ledger/", "/fti/event"
+ALARM = "/fti/alarm"
 HEALTH = "/fti/health"
 STATES = ("silent", "noise", "invalid", "wrong rate")
 #: A flag that must have gone less than this before the end may stand to the end [s].
@@ -81,6 +82,8 @@ def hide(forgery: Forgery, flag: Flag) -> None:
         forgery.edit_notes("/fti/ledger", _hidden_in_ledger(flag))
     elif flag.place.startswith(EVENT):
         _hide_event(forgery, flag)
+    elif flag.place == ALARM:
+        _drop_changes(forgery, flag.words, ("begins", "changes", "ends", "acknowledged"))
     else:
         topics = forgery.session.topics("derived", flag.place)
         forgery.edit_tables("derived", topics, _hidden_by_device(flag))
@@ -165,6 +168,16 @@ def _hide_event(forgery: Forgery, flag: Flag) -> None:
         forgery.edit(kind, [EVENT], change)
 
 
+def _drop_changes(forgery: Forgery, alarms: Sequence[str], changes: Sequence[str]) -> None:
+    """Without what was recorded of these alarms."""
+
+    def change(item: Item) -> Iterable[Item]:
+        alarm = orjson.loads(item.data)
+        return [] if alarm["id"] in alarms and alarm["change"] in changes else [item]
+
+    forgery.edit("raw", [ALARM], change)
+
+
 def _hidden_by_device(flag: Flag) -> Callable[[Table, float], None]:
     def change(table: Table, t: float) -> None:
         if "flags" in table:
@@ -187,6 +200,8 @@ def keep(forgery: Forgery, flag: Flag) -> None:
         forgery.edit_notes(HEALTH, _kept_in_health(flag))
     elif flag.place.startswith(LEDGER):
         forgery.edit_notes("/fti/ledger", _kept_in_ledger(flag))
+    elif flag.place == ALARM:
+        _drop_changes(forgery, flag.words, ("ends",))
     elif not flag.place.startswith(EVENT):
         forgery.edit_tables("derived", forgery.session.topics("derived", flag.place), _kept_by_device(flag))
 

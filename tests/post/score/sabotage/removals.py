@@ -24,8 +24,8 @@ def links(sample: Sample) -> list[str]:
 
 
 def of_recorder(sample: Sample) -> list[str]:
-    """Ticks, health, ledger."""
-    return [topic for topic in sample.session.topics("raw", "/fti/") if topic != "/fti/event"]
+    """Ticks, health, ledger: what comes at a rate."""
+    return [topic for topic in sample.session.topics("raw", "/fti/") if topic not in ("/fti/event", "/fti/alarm")]
 
 
 def _keep(kind: str, when: Callable[[Forgery, float], bool]) -> Callable[[Forgery, str], None]:
