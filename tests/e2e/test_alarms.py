@@ -31,6 +31,10 @@ def _wait_for(running: Daemon, identity: str, *, lasts: bool) -> None:
     until(found, START_S, f"{identity} that {'lasts' if lasts else 'has ended'}")
 
 
+def _wait_for_restart(running: Daemon, process: str) -> None:
+    until(lambda: running.health()["processes"][process]["restarts"] == 1, START_S, f"a restart of {process}")
+
+
 def test_an_alarm_outlasts_navigation_and_display_and_is_recorded(tmp_path: Path) -> None:
     config, links = demo_config(tmp_path), tmp_path / "links"
     with emulator("nominal", config, links, "--wait") as flying:
@@ -42,7 +46,7 @@ def test_an_alarm_outlasts_navigation_and_display_and_is_recorded(tmp_path: Path
             _wait_for(running, LINK, lasts=True)
             for process in ("navigation", "display"):
                 os.kill(running.pid_of(process), signal.SIGKILL)
-                until(lambda name=process: running.health()["processes"][name]["restarts"] == 1, START_S, "a restart")
+                _wait_for_restart(running, process)
                 assert _alarms(running)[LINK]["end_ns"] is None
             _wait_for(running, STOPPED, lasts=False)
             flying.send_signal(signal.SIGCONT)
