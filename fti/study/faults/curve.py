@@ -4,9 +4,9 @@
 
 A fault of position and velocity moves the filter by m(t); a copy that began before the onset does not move.  Copies
 are renewed every quarter of the age T, so that one of an age of at most t + T/4 has seen the whole fault.  It suspects
-the fault at k_fa = 5.3 sigma of d, and misses it with 1e-3 where it is k_md = 3.09 sigma larger:
+the fault at k_fa = 4.2 sigma of d, and misses it with 1e-3 where it is k_md = 3.09 sigma larger:
 
-    smallest(T) = 8.39 / max over t <= 3T/4, position and velocity, of |m(t)| / sigma_d(t + T/4)     m : of a fault of 1
+    smallest(T) = 7.29 / max over t <= 3T/4, position and velocity, of |m(t)| / sigma_d(t + T/4)     m : of a fault of 1
 
 sigma_d : ``detectable.separation_sds``;  m : ``detectable.filter_response``.  A fault below the curve at the age of the
 oldest copy goes unseen, and is not in the protection level.  Measurements once a second, one receiver.
@@ -24,10 +24,10 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from fti.nav.separation.monitor import K_FA_SATELLITES
 from fti.study.faults.detectable import (
     AGE_OF_SEVERAL_S,
     AGE_S,
-    K_FA,
     K_MD,
     filter_response,
     level_ratio,
@@ -70,7 +70,7 @@ def smallest_seen(moved: Array, sds: Array, age_s: int) -> float:
     step = age_s // RENEWALS
     since = np.arange(1, age_s - step + 1)
     largest = float(np.max(np.abs(moved[since]) / sds[since + step - 1], initial=0.0))
-    return (K_FA + K_MD) / largest if largest > 0.0 else np.inf
+    return (K_FA_SATELLITES + K_MD) / largest if largest > 0.0 else np.inf
 
 
 def table() -> str:
