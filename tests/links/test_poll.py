@@ -7,6 +7,7 @@ import functools
 import socket
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
+from functools import partial
 
 import pytest
 
@@ -112,120 +113,144 @@ async def test_the_beat_calls_behind_the_look(ports: list[Port]) -> None:
     assert not _poll._polls
 
 
-class Recorder:
-    """What two ports had heard at each beat, and at each look before one, in order."""
+class Hands(asyncio.SelectorEventLoop):
+    """A loop whose clock goes on when it is read, or moved."""
 
-    def __init__(self, *ports: Port) -> None:
-        self._ports = ports
+    now_s, step_s = 0.0, 0.0002
+
+    def time(self) -> float:
+        self.now_s += self.step_s
+        return self.now_s
+
+
+class Driven:
+    """The look at the sockets in a time that stands where the test puts it.
+
+    calls : each beat, and each look before one, with how much each watched port had heard
+    """
+
+    def __init__(self) -> None:
+        self.loop = Hands()
+        self.loop.step_s = 1e-7  # a beat is over when its time is read again
+        self.poll = _poll.SocketPoll(self.loop)
         self.calls: list[tuple[str, tuple[int, ...]]] = []
-        _poll.with_beat(self._beat, self._early)
+        self._ports: list[Port] = []
+        self.poll.calls.append(partial(self._note, "beat"))
+        self.poll.early_calls.append(partial(self._note, "early"))
 
     def _note(self, kind: str) -> None:
         self.calls.append((kind, tuple(len(port.heard) for port in self._ports)))
 
-    def _beat(self) -> None:
-        self._note("beat")
+    @property
+    def kinds(self) -> list[str]:
+        return [kind for kind, _ in self.calls]
 
-    def _early(self) -> None:
-        self._note("early")
+    def watch(self, port: Port, *, urgent: bool = False) -> None:
+        self._ports.append(port)
+        self.poll.add(port.near.fileno(), port.read, urgent=urgent)
 
-    async def next_beat(self) -> None:
-        count = [kind for kind, _ in self.calls].count("beat")
-        await until_async(lambda: [kind for kind, _ in self.calls].count("beat") > count)
-        self.calls.clear()
+    def wait(self, seconds: float = 0.0) -> None:
+        """So much later everything that is ready is called."""
+        self.loop.now_s += seconds
+        for _ in range(20):
+            self.loop.run_until_complete(asyncio.sleep(0))
+
+    def wait_for_beat(self, before_s: float = 0.0) -> None:
+        self.wait(self.poll._beat_s - before_s - self.loop.now_s)
 
     def close(self) -> None:
-        _poll.without_beat(self._beat, self._early)
-        for port in self._ports:
-            port.forget()
-        assert not _poll._polls
+        self.poll.close()
+        self.loop.close()
 
 
-async def test_an_urgent_socket_has_all_read_before_the_beat(ports: list[Port]) -> None:
+@pytest.fixture
+def driven() -> Iterator[Driven]:
+    made = Driven()
+    yield made
+    made.close()
+
+
+def test_an_urgent_socket_has_all_read_before_the_beat(ports: list[Port], driven: Driven) -> None:
     """What the other socket has had for longer goes on with it."""
     altimeter, attitude = ports[:2]
-    altimeter.watch(urgent=True)
-    attitude.watch()
-    recorder = Recorder(altimeter, attitude)
+    driven.watch(altimeter, urgent=True)
+    driven.watch(attitude)
     for turn in range(1, 4):
-        await recorder.next_beat()
+        driven.wait_for_beat()
+        driven.calls.clear()
         attitude.far.send(b"a")
         altimeter.far.send(b"h")
-        await until_async(lambda: recorder.calls)
-        assert recorder.calls[0] == ("early", (turn, turn))
-    recorder.close()
+        driven.wait()
+        assert driven.calls == [("early", (turn, turn))]
 
 
-async def test_a_link_without_a_socket_has_all_read_too_when_what_is_ready_was_received(ports: list[Port]) -> None:
-    """It asks while it receives, as often as it likes; what other lines bring meanwhile is heard first."""
-    attitude, recorder = ports[0], None
-    attitude.watch()
-    recorder, loop, lines = Recorder(attitude), asyncio.get_running_loop(), list[str]()
-    await recorder.next_beat()
-    attitude.far.send(b"a")
-    for line in ("altimeter", "other"):
-        loop.call_soon(lines.append, line)
-        loop.call_soon(_poll.look_soon, line)
-    assert not lines
-    await until_async(lambda: recorder.calls)
-    assert lines == ["altimeter", "other"]
-    assert recorder.calls[0] == ("early", (1,))
-    await recorder.next_beat()
-    recorder.close()
+def test_a_link_without_a_socket_has_all_read_too_a_moment_later(ports: list[Port], driven: Driven) -> None:
+    """The rest of its frame may still come; what has come on a socket before goes on with it."""
+    driven.watch(ports[0])
+    driven.wait_for_beat()
+    driven.calls.clear()
+    ports[0].far.send(b"a")
+    for _ in range(3):  # it asks as often as it receives
+        driven.poll.look_soon("altimeter")
+        driven.wait(0.25 * _poll.PIECES_S)
+    assert driven.calls == []
+    driven.wait(0.25 * _poll.PIECES_S)
+    assert driven.calls == [("early", (1,))]
 
 
-def test_a_busy_urgent_link_waits_for_the_beat_behind_its_first_look(ports: list[Port]) -> None:
+def test_a_busy_urgent_link_waits_for_the_beat_behind_its_first_look(ports: list[Port], driven: Driven) -> None:
     """Each wakes the loop once between two beats, however often it receives, and a socket does not spin."""
-    loop, bus, calls = Hands(), ports[0], list[str]()
-    loop.step_s = 0.0
-    poll = _poll.SocketPoll(loop)
-    poll.add(bus.near.fileno(), bus.read, urgent=True)
-    poll.calls.append(lambda: calls.append("beat"))
-    poll.early_calls.append(lambda: calls.append("early"))
-
-    def turn(count: int = 20) -> None:
-        for _ in range(count):
-            loop.run_until_complete(asyncio.sleep(0))
-
+    bus = ports[0]
+    driven.watch(bus, urgent=True)
     for _ in range(3):
-        loop.now_s, bus.more = poll._beat_s, True  # before a beat all is read, one by one
-        turn()
-        assert calls == ["beat"]
+        bus.more = True  # before a beat all is read, one by one
+        driven.wait_for_beat()
+        assert driven.kinds == ["beat"]
         bus.more = False
         for _ in range(3):
             bus.far.send(b"x")
-            turn()
-        assert calls == ["beat", "early"]
-        for _ in range(3):
-            poll.look_soon("line")
-            turn()
-        assert calls == ["beat", "early"], "the rest of its frame may still come"
-        loop.now_s += _poll.PIECES_S
-        turn()
-        assert calls == ["beat", "early", "early"]
-        poll.look_soon("line")
-        loop.now_s += _poll.PIECES_S
-        turn()
-        assert calls == ["beat", "early", "early"]
-        calls.clear()
-    poll.close()
-    loop.close()
+            driven.wait()
+        assert driven.kinds == ["beat", "early"]
+        for _ in range(2):
+            driven.poll.look_soon("line")
+            driven.wait(_poll.PIECES_S)
+        assert driven.kinds == ["beat", "early", "early"]
+        driven.calls.clear()
 
 
-async def test_what_one_call_does_not_take_is_handed_on_with_the_beat(ports: list[Port]) -> None:
+def test_what_one_call_does_not_take_is_handed_on_with_the_beat(ports: list[Port], driven: Driven) -> None:
     """It may be older than the altimeter's frames: the order of arrival holds."""
     altimeter, camera = ports[:2]
-    altimeter.watch(urgent=True)
-    camera.watch()
-    recorder = Recorder(altimeter, camera)
-    await recorder.next_beat()
+    driven.watch(altimeter, urgent=True)
+    driven.watch(camera)
+    driven.wait_for_beat()
+    driven.calls.clear()
     camera.more = True
     for _ in range(3):
         camera.far.send(b"c")
     altimeter.far.send(b"h")
-    await until_async(lambda: recorder.calls)
-    assert recorder.calls[0] == ("beat", (1, 3))
-    recorder.close()
+    driven.wait()
+    assert driven.calls == []
+    driven.wait_for_beat()
+    assert driven.calls == [("beat", (1, 3))]
+
+
+@pytest.mark.parametrize(("before_s", "is_early"), [(0.0105, True), (0.0075, False)])
+def test_what_comes_shortly_before_the_beat_waits_for_it(
+    ports: list[Port], driven: Driven, before_s: float, is_early: bool
+) -> None:
+    """A socket, which does not spin then, and a line, whose frame has come 2 ms later."""
+    driven.watch(ports[0], urgent=True)
+    for arrive in (lambda: ports[0].far.send(b"x"), lambda: driven.poll.look_soon("line")):
+        driven.wait_for_beat()
+        driven.calls.clear()
+        driven.wait_for_beat(before_s)
+        arrive()
+        driven.wait()
+        driven.wait(_poll.PIECES_S)
+        assert driven.kinds == ["early"] * is_early
+        driven.wait_for_beat()
+        assert driven.kinds == ["early"] * is_early + ["beat"]
 
 
 async def test_one_that_fails_is_nobody_elses_trouble(ports: list[Port]) -> None:
@@ -252,16 +277,6 @@ async def test_one_that_fails_is_nobody_elses_trouble(ports: list[Port]) -> None
     for port in (sick, well):
         port.forget()
     _poll.without_beat(beat, nothing)
-
-
-class Hands(asyncio.SelectorEventLoop):
-    """A loop whose clock goes on when it is read, or moved."""
-
-    now_s, step_s = 0.0, 0.0002
-
-    def time(self) -> float:
-        self.now_s += self.step_s
-        return self.now_s
 
 
 def test_the_beat_waits_for_who_has_more(ports: list[Port]) -> None:
