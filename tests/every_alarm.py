@@ -28,8 +28,7 @@ class Daemon:
         self.waiting_ns: int | None = None
         self.recorded: list[dict[str, Any]] = []
         self.conditions = OutputConditions(CONFIG)
-        note, waiting = (lambda *note: self.recorded.append(note[2])), (lambda: self.waiting_ns)
-        self.board = AlarmBoard(self.clock, lambda topic, payload: None, note, waiting)
+        self.start_again()
         self.hear()
         self.be_late(0.0)
 
@@ -47,6 +46,11 @@ class Daemon:
         """The oldest frame has waited for navigation for so long."""
         self.waiting_ns = self.clock.time_ns - round(late_s * SECOND_NS)
         self.board.look_at_navigation()
+
+    def start_again(self) -> None:
+        """Another session, of which nothing is known."""
+        note, waiting = (lambda *note: self.recorded.append(note[2])), (lambda: self.waiting_ns)
+        self.board = AlarmBoard(self.clock, lambda topic, payload: None, note, waiting)
 
     @property
     def rows(self) -> list[dict[str, Any]]:
@@ -68,6 +72,11 @@ class Case:
     ends: Step | None
     before: Step = field(default=lambda daemon: None)
     is_latched: bool = True
+
+    @property
+    def is_of_outputs(self) -> bool:
+        """Its condition follows from outputs."""
+        return self.begins.__qualname__.startswith("_outputs")
 
     @property
     def is_moment(self) -> bool:
@@ -133,6 +142,16 @@ JUDGED, KNOWN = _outputs(integrity(1, OK)), _outputs(solution(1))
 #: A single sample that deviates is no failure: the altimeter deviates for half a second.
 STUCK = [altimeter(2 + 0.3 * k, "radar", Reason.STUCK) for k in range(3)]
 
+#: Of a navigation process that has taken the place of another and knows nothing yet.
+NOTHING: dict[str, Any] = {
+    "valid": False, "position_source": None, "attitude_source": None, "altitude_source": None, "attitude_valid": False,
+    "reasons": (Reason.NO_POSITION, Reason.NO_ATTITUDE), "attitude_reasons": (Reason.NO_ATTITUDE,),
+}  # fmt: skip
+FIRST_OUTPUTS: Sequence[Output] = (
+    solution(5, **NOTHING), integrity(5, STATES.UNAVAILABLE, Reason.STALE), height(5, Reason.NO_HEIGHT),
+    altimeter(5, "radar", Reason.STALE), _glide(5, valid=False), source(5, "gnss", Reason.STALE),
+)  # fmt: skip
+
 CASES: Sequence[Case] = (
     Case(
         "integrity_alert", WARNING, "GROUND CLEARANCE ALERT",
@@ -162,12 +181,20 @@ CASES: Sequence[Case] = (
         KNOWN,
     ),
     Case(
+        "position_by:radio", CAUTION, "POSITION BY RADIO", _outputs(solution(2, position_source="radio")),
+        _outputs(solution(3)), KNOWN,
+    ),
+    Case(
         "position_by:gnss", ADVISORY, "POSITION BY GNSS", _outputs(solution(2, position_source="gnss")),
         _outputs(solution(3)), KNOWN,
     ),
     Case("attitude", CAUTION, "ATTITUDE NOT VALID", _outputs(solution(2, **TILTED)), _outputs(solution(3)), KNOWN),
     Case(
         "attitude_by:filter", CAUTION, "ATTITUDE BY FILTER", _outputs(solution(2, attitude_source="filter")),
+        _outputs(solution(3)), KNOWN,
+    ),
+    Case(
+        "altitude_by:filter", CAUTION, "ALTITUDE BY FILTER", _outputs(solution(2, altitude_source="filter")),
         _outputs(solution(3)), KNOWN,
     ),
     Case(
@@ -191,6 +218,10 @@ CASES: Sequence[Case] = (
         "terrain_loading", ADVISORY, "TERRAIN LOADING", _health(navigation={"lag_ms": 1.0, "is_terrain_loading": True}),
         WELL, is_latched=False,
     ),
+    Case(
+        "navigation_starting", ADVISORY, "NAVIGATION STARTING", _processes(navigation={"state": "starting"}), WELL,
+        lambda daemon: daemon.start_again(), is_latched=False,
+    ),
     Case("recording", WARNING, "NOT RECORDING", _health(storage={"state": "error", "hint": "full"}), WELL),
     Case("recording", WARNING, "NOT RECORDING", _processes(recorder={"state": "restarting"}), WELL),
     Case("recording", WARNING, "RECORDING TO A LOST FILE", _health(storage={"state": "gone", "hint": "removed"}), WELL),
@@ -198,6 +229,8 @@ CASES: Sequence[Case] = (
         "storage_fallback", CAUTION, "RECORDING TO THE FALLBACK",
         _health(storage={"state": "fallback", "hint": "full"}), WELL,
     ),
+    Case("storage_full", CAUTION, "STORAGE ALMOST FULL", _health(storage={"state": "full", "hint": "90 MB"}), WELL),
+    Case("storage_overdue", CAUTION, "NEXT FILE OVERDUE", _health(storage={"state": "overdue", "hint": "5 s"}), WELL),
     Case("storage_slow", CAUTION, "STORAGE SLOW", _health(storage={"state": "slow", "hint": "2 s"}), WELL),
     Case("space", CAUTION, "SPACE FOR LESS THAN AN HOUR", _use_space, WELL),
     Case("navigation", WARNING, "NAVIGATION STOPPED", _processes(navigation={"state": "restarting"}), WELL),
@@ -224,7 +257,7 @@ CASES: Sequence[Case] = (
 )  # fmt: skip
 
 
-def begun(case: Case) -> Daemon:
+def daemon_with(case: Case) -> Daemon:
     """A daemon with this one alarm, which lasts, or has happened."""
     daemon = Daemon()
     case.before(daemon)

@@ -168,7 +168,7 @@ async def _fly_once(
 
     from fti.errors import FtiError
 
-    supervisor.await_sensors()
+    supervisor.expect_sensors()
     truth = supervisor.folder.next_path("truth")
     emulator = await asyncio.create_subprocess_exec(
         *(sys.executable, "-m", "fti.cli.main", "hil", str(scenario)),

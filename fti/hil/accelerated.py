@@ -2,7 +2,7 @@
 
 Nothing is opened, nobody waits: the emulator's streams run on a clock that jumps from instant to instant, each message
 is one frame, and what the daemon would record is written into a session: frames, ticks, measurements, outputs, events,
-health and ledger.  The same scenario and software give the same session, bit for bit.
+alarms, health and ledger.  The same scenario and software give the same session, bit for bit.
 
 What only real ports have is not there: what a line takes at its baud rate, what a controller or an adapter says of
 itself, what the kernel does to stamps, processes that end.

@@ -84,7 +84,8 @@ class OutputConditions:
             SourceValidity: self._take_source,
         }
         self._had: set[str] = set()  # what was valid before
-        self._is_on_approach = self._is_over = False
+        self._is_on_approach: bool | None = None if nav.approach else False  # None: not known yet
+        self._is_over = False
         self._altimeters: dict[str, frozenset[Reason]] = {name: frozenset() for name in nav.altimeters}
         self._fault_since_ns: dict[str, int] = {}
         self._tested: dict[str, SourceValidity] = {}
@@ -156,7 +157,7 @@ class OutputConditions:
         if output.valid:
             self._had.add("glide slope")
             self._say("glide slope", output.t_ns, None)
-        elif self._is_over or not self._is_on_approach or Reason.BELOW_150_M in output.reasons:
+        elif self._is_over or self._is_on_approach is False or Reason.BELOW_150_M in output.reasons:
             self._had.discard("glide slope")
             self._say("glide slope", output.t_ns, None)
         elif "glide slope" in self._had:
@@ -179,20 +180,22 @@ class OutputConditions:
             self._say(f"altimeter {name}", output.t_ns, found)
 
     def _take_height(self, output: HeightBelowAircraft) -> None:
-        is_expected = not self._is_on_approach and all(map(OUT_OF_RANGE.intersection, self._altimeters.values()))
-        if output.valid or is_expected:
+        is_far = all(map(OUT_OF_RANGE.intersection, self._altimeters.values()))
+        if output.valid or (is_far and self._is_on_approach is False):
             self._had |= {"height"} if output.valid else set()
             self._say("height", output.t_ns, None)
-        elif "height" in self._had:
+        elif "height" in self._had and not (is_far and self._is_on_approach is None):
             reasons = sorted({reason for found in self._altimeters.values() for reason in found})
             self._lose("height", "HEIGHT NOT VALID", output.t_ns, reasons or output.reasons)
 
     def _take_solution(self, output: NavSolution) -> None:
         if not (reasons := _reasons_of_position(output)):
             self._had.add("position")
-            self._say("position", output.t_ns, self._describe_position(output))
+            self._say("position", output.t_ns, None)
         elif "position" in self._had:
             self._lose("position", "POSITION NOT VALID", output.t_ns, reasons)
+        if "position" in self._had:
+            self._judge_position_source(output)
         if output.attitude_valid:
             self._had.add("attitude")
             self._say("attitude", output.t_ns, _by_fallback("attitude", output.attitude_source, None))
@@ -204,7 +207,8 @@ class OutputConditions:
         for name in sorted(self._excluded.symmetric_difference(output.refused)):
             self._excluded ^= {name}
             self._judge_source(name, output.t_ns)
-        self._judge_comparison(output.t_ns, is_short=Reason.REACQUIRED in output.unchecked)
+        if output.position_source is not None:
+            self._judge_comparison(output.t_ns, is_short=Reason.REACQUIRED in output.unchecked)
 
     def _judge_comparison(self, t_ns: int, *, is_short: bool) -> None:
         """Sources are compared for a short time only: expected until it has been long enough for the first time."""
@@ -217,17 +221,20 @@ class OutputConditions:
         else:
             self._had.add("short comparison")
 
-    def _describe_position(self, output: NavSolution) -> Condition | None:
+    def _judge_position_source(self, output: NavSolution) -> None:
+        """Another device than the first one is told once that was used: whether it was before is not known at first."""
         source, first = output.position_source, self._first_position
-        if source == first:
-            self._had.add("first position")
-        if source in FALLBACKS:
-            return _by_fallback("position", source, output.horizontal_sd)
-        if source == first or source is None or "first position" not in self._had:
-            return None
-        title = f"POSITION BY {in_title(source)}"
-        cause = f"{first} is not used"
-        return Condition(f"position_by:{source}", Severity.ADVISORY, title, cause, explained_by=(f"source:{first}",))
+        if source == first or source is None:
+            self._had |= {"first position"} if source else set()
+            self._say("position source", output.t_ns, None)
+        elif source in FALLBACKS:
+            found = _by_fallback("position", source, output.horizontal_sd)
+            self._say("position source", output.t_ns, found)
+        elif "first position" in self._had:
+            title, cause = f"POSITION BY {in_title(source)}", f"{first} is not used"
+            causes = (f"source:{first}", "position")
+            found = Condition(f"position_by:{source}", Severity.ADVISORY, title, cause, explained_by=causes)
+            self._say("position source", output.t_ns, found)
 
     def _take_filter(self, output: FilterSolution) -> None:
         is_drawn = Reason.CONTRADICTION in output.reasons
@@ -279,7 +286,8 @@ def _by_fallback(role: str, source: str | None, sd: float | None) -> Condition |
     if source not in FALLBACKS:
         return None
     title = f"{role.upper()} BY {FALLBACKS[source]}"
-    return Condition(f"{role}_by:{source}", Severity.CAUTION, title, "no device gives it", sd)
+    cause = "no device gives it"
+    return Condition(f"{role}_by:{source}", Severity.CAUTION, title, cause, sd, explained_by=(role,))
 
 
 def _words(reasons: Iterable[Reason]) -> str:

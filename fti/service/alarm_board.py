@@ -86,13 +86,13 @@ class AlarmBoard:
         self._alarms.record(condition, self._clock.now_ns())
         self._tell_changes()
 
-    def await_devices(self) -> None:
+    def expect_devices(self) -> None:
         """Links and devices are no alarm until ``devices_begin``."""
-        self._health.await_devices()
+        self._health.expect_devices()
 
     def devices_begin(self) -> None:
         """Somebody has switched all of them on."""
-        self._health.begin_anew(self._clock.now_ns())
+        self._health.devices_begin(self._clock.now_ns())
 
     def begin_anew(self, who: str) -> None:
         """Another flight begins, as ``who`` says, and has seen what the end of the last one was."""

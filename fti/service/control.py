@@ -20,8 +20,8 @@ Message = dict[str, Any]
 ORDER_MARK = b"\n"
 #: More than this is only waiting when the other side has stopped reading; it is then worth nothing any more.
 MOST_PENDING = 2**20
-#: What must arrive waits behind so much: alarm reports of a day.
-MOST_KEPT = 2**26
+#: What is sent once waits behind so much, before it is lost like all else: alarm reports of a day [B].
+MAX_KEPT_BYTES = 2**26
 
 
 class Channel:
@@ -42,11 +42,11 @@ class Channel:
     def send(self, message: Mapping[str, Any], *, is_kept: bool = False) -> bool:
         """Queue a message; False when the other side is gone or has stopped reading.
 
-        is_kept : it is sent once and must arrive, so it may wait behind more than others
+        is_kept : it is sent once, so it may wait behind more than others
         """
         line = json.dumps(message, separators=(",", ":")).encode() + b"\n"
         with self._sending:
-            if len(self._pending) > (MOST_KEPT if is_kept else MOST_PENDING):
+            if len(self._pending) > (MAX_KEPT_BYTES if is_kept else MOST_PENDING):
                 return False
             self._pending += line
             return self._hand_over()

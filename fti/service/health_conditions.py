@@ -59,13 +59,18 @@ class HealthConditions:
         self._restarts: dict[str, deque[int]] = {}
         self._restarts_known: dict[str, int] = {}
 
-    def await_devices(self) -> None:
-        """Until ``begin_anew`` no link or device is an alarm: somebody has yet to switch them on."""
+    def expect_devices(self) -> None:
+        """Until ``devices_begin`` no link or device is an alarm: somebody has yet to switch them on."""
         self._begin_ns = None
+
+    def devices_begin(self, t_ns: int) -> None:
+        """Somebody has switched all of them on."""
+        self._begin_ns, self._were_good = t_ns, set()
 
     def begin_anew(self, t_ns: int) -> None:
         """Another flight begins: devices may be switched off and on."""
-        self._begin_ns, self._were_good = t_ns, set()
+        if self._begin_ns is not None:
+            self.devices_begin(t_ns)
 
     def reports(self, health: Fields) -> Iterator[Report]:
         """What is wrong with each subject that the health tells of."""

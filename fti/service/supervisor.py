@@ -177,9 +177,9 @@ class Supervisor:
         """End the session in good order; called again, shorten what comes after the raw file."""
         (self._ending.hurry if self._stop.is_set() else self._stop).set()
 
-    def await_sensors(self) -> None:
+    def expect_sensors(self) -> None:
         """The caller starts the sensors: none is missed until ``sensors_begin``."""
-        self._alarms.await_devices()
+        self._alarms.expect_devices()
 
     def sensors_begin(self) -> None:
         """The sensors are there: one that is silent is an alarm after the usual time."""

@@ -20,7 +20,7 @@ from fti.bus.frame import SOCKET_NAME
 from fti.cli._watch_view import render
 from fti.cli.main import main
 from fti.web.feed import Feed
-from tests.every_alarm import CASES, Case, begun
+from tests.every_alarm import CASES, Case, daemon_with
 from tests.run_dirs import running_daemon
 from tests.web.fake_feed import SESSION, FakeDaemon, make_clock, make_health, make_laboratory
 
@@ -208,7 +208,7 @@ def test_alarms_are_shown_with_their_times_and_whether_somebody_has_seen_them() 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.title.lower().replace(" ", "-"))
 def test_every_alarm_is_shown_until_it_has_ended_and_was_acknowledged(case: Case) -> None:
-    daemon, feed = begun(case), make_feed()
+    daemon, feed = daemon_with(case), make_feed()
 
     def shown() -> str:
         feed.take("/alarms", {"t_ns": 0, "alarms": daemon.rows}, 0)

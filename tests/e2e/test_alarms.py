@@ -37,7 +37,7 @@ def _wait_for_restart(running: Daemon, process: str) -> None:
 
 def test_an_alarm_outlasts_navigation_and_display_and_is_recorded(tmp_path: Path) -> None:
     config, links = demo_config(tmp_path), tmp_path / "links"
-    with emulator("nominal", config, links, "--wait") as flying:
+    with emulator("gnss_degraded", config, links, "--wait") as flying:
         until(lambda: links.is_dir() or flying.poll() is not None, START_S, "the ports")
         with daemon(config, tmp_path / "out", "--links", str(links)) as running:
             session = running.session

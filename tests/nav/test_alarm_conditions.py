@@ -8,7 +8,7 @@ import pytest
 
 from fti.alarms.alarm_list import AlarmList
 from fti.alarms.condition import Report
-from fti.config import Config, Nav, Session
+from fti.config import Approach, Config, Nav, Session
 from fti.nav.alarm_conditions import ALTIMETER_FAULT_NS, OutputConditions
 from fti.types import (
     ClearanceIntegrity,
@@ -25,7 +25,10 @@ from fti.types import (
 )
 
 CONFIG = Config(
-    session=Session(name="s"), nav=Nav(position=("ins", "gnss"), attitude=("ins",), altimeters=("radar", "laser"))
+    session=Session(name="s"),
+    nav=Nav(
+        position=("ins", "gnss"), attitude=("ins",), altimeters=("radar", "laser"), approach=Approach(profile="unused")
+    ),
 )
 SECOND_NS = 10**9
 GOOD: dict[str, Any] = {

@@ -31,7 +31,7 @@ def test_a_reader_that_does_not_read_costs_no_time_and_bounded_memory() -> None:
     while left.send({"n": sent, "text": "x" * 10_000}):
         sent += 1
         assert sent * 10_000 < 8 * MOST_PENDING
-    assert left.send({"n": sent}, is_kept=True), "what must arrive still waits"
+    assert left.send({"n": sent}, is_kept=True), "what is sent once still waits"
     assert not left.send({"n": -1})
     found: list[dict[str, object]] = []
     while len(found) <= sent and not right.ended:

@@ -158,9 +158,11 @@ def test_devices_that_somebody_has_yet_to_switch_on_are_no_alarm() -> None:
     conditions = HealthConditions(0)
     silent: dict[str, Any] = {"links": link("absent"), "devices": device("silent")}
     assert found(conditions, health(1.0)) == {}
-    conditions.await_devices()
+    conditions.expect_devices()
     assert found(conditions, health(100.0, **silent)) == {}
-    conditions.begin_anew(101 * SECOND_NS)
+    conditions.begin_anew(100 * SECOND_NS)  # as a person does by `fti readmit --all`
+    assert found(conditions, health(120.0, **silent)) == {}
+    conditions.devices_begin(101 * SECOND_NS)
     assert found(conditions, health(110.9, **silent)) == {}
     assert set(found(conditions, health(111.1, **silent))) == {"link:line", "device:ins"}
 

@@ -14,7 +14,7 @@ import pytest
 
 from fti.bus.message import encode
 from fti.service.alarm_board import ALARMS
-from tests.every_alarm import CASES, Daemon, begun
+from tests.every_alarm import CASES, Daemon, daemon_with
 from tests.run_dirs import running_daemon
 from tests.web.chromium import Chromium, Page, by_testid
 from tests.web.fake_feed import KEY, PROVISIONAL, SESSION, DisplayProcess, FakeDaemon, make_clock
@@ -373,7 +373,7 @@ async def test_an_alarm_that_lasts_is_acknowledged_alone_and_stays(
 async def test_every_alarm_is_shown_until_it_has_ended_and_was_acknowledged(page: Page, daemon: FakeDaemon) -> None:
     daemon.muted.add(ALARMS)
     for case in CASES:
-        told = begun(case)
+        told = daemon_with(case)
 
         def publish(told: Daemon = told) -> None:
             daemon.hub.publish(ALARMS, encode({"t_ns": told.clock.time_ns, "alarms": told.rows}))

@@ -1,4 +1,4 @@
-"""The alarms that must follow from the flags of a fault, and the flags that explain an alarm.
+"""The alarms that must follow from the flags of a fault.
 
 An alarm is a flag at ``/fti/alarm``; its word is its identity (docs/alarms.md).  It stands while its condition lasts,
 whether or not a person has acknowledged it.
@@ -17,13 +17,10 @@ from fti.hil.expected.duties import (
     HEALTH_S,
     HEIGHT,
     INTEGRITY,
-    LEDGER,
     LINKS,
     MEMORY_S,
-    NAV_EVENT,
     SOLUTION,
     Duty,
-    May,
     Told,
     doubted_s,
 )
@@ -32,30 +29,19 @@ from fti.nav.navigation import FILTER, RADIO
 from fti.types import Reason
 
 ALARM = "/fti/alarm"
-#: From a flag to its alarm, and from the end of the one to that of the other [s]: an altimeter must be wrong for half a
-#: second; a wrong rate must last for 5 s; health is judged twice a second, and recorded every second time.
-FAULT_S, RATE_S, ENDS_S = 0.5, 5.0, 1.0
+#: From a flag to its alarm, and from the end of the one to that of the other [s]: health is judged twice a second, and
+#: recorded every second time; an altimeter must be wrong for half a second; a wrong rate must last for 5 s.
+JUDGED_S, FAULT_S, RATE_S = 1.0, 0.5, 5.0
+#: Devices that were never good are no alarm at first, and a position that was never valid was not lost [s].
+STARTED_S = 10.0
 #: What health says of a device that does not speak as it should.
 WRONG_RATE = "wrong rate"
-SILENCE = ("silent", "noise", WRONG_RATE)
+UNHEARD = ("silent", "noise", WRONG_RATE)
 #: Alarms that no fault of a sensor raises and that are no flags: of the start of the daemon, and of the computer on
 #: which it runs.  How late navigation is, is judged for the whole flight.
 OF_COMPUTER = frozenset(
     {"navigation_starting", "terrain_loading", "navigation_late", "space", "storage_full", "storage_slow"}
 )
-#: Where the flags stand that explain an alarm; behind the colon of its identity is the name of a device or link.
-OF_OUTPUTS = (NAV_EVENT, SOLUTION)
-ORIGINS: dict[str, tuple[str, ...]] = {
-    "device": (f"{DEVICES}/NAME",),
-    "link": (f"{LINKS}/NAME",),
-    "altimeter": (f"{HEIGHT}/NAME",),
-    "source": ("/fti/event/NAME", *OF_OUTPUTS),
-    "height": (HEIGHT,),
-    **dict.fromkeys(("position", "position_by", "attitude", "attitude_by", "altitude_by"), (SOLUTION,)),
-    **dict.fromkeys(("contradiction", "reacquired"), OF_OUTPUTS),
-    **dict.fromkeys((*INTEGRITY_IDS, "glide_slope"), (INTEGRITY,)),
-    **dict.fromkeys(("losses", "stamps"), (LEDGER,)),
-}
 
 
 class _Follows(NamedTuple):
@@ -69,19 +55,15 @@ class _Follows(NamedTuple):
 def alarms_of_flags(belongs: Sequence[tuple[int, Told]], craft: Aircraft) -> Iterator[tuple[int, Told]]:
     """The alarms that are due.  belongs : the flags that are due, with the index of their fault"""
     for index, one in belongs:
-        duties = [_alarm_duty(duty, follows) for duty in one.duties if (follows := _find_alarms(duty, craft))]
+        flags = [duty for duty in one.duties if duty.from_s >= STARTED_S]
+        duties = [_alarm_duty(duty, follows) for duty in flags if (follows := _find_alarms(duty, craft))]
         if due := Told.from_duties(one.subject, duties, ()).duties:
             yield index, Told(one.subject, due, ())
 
 
-def explaining(alarm: str, may: Sequence[May], craft: Aircraft) -> list[May]:
-    """The consequences that explain an alarm, which may last longer than they do: until its subject is judged again."""
-    kind, _, name = alarm.partition(":")
-    origins = [origin.replace("NAME", name) for origin in ORIGINS.get(kind, ())]
-    judged_s = {HEIGHT: MEMORY_S, INTEGRITY: doubted_s(craft)}
-    ends_s = max((judged_s.get(origin.removesuffix(f"/{name}"), ENDS_S) for origin in origins), default=ENDS_S)
-    found = [one for one in may if not one.place or any(_concerns(one.place, origin) for origin in origins)]
-    return [replace(one, until_s=one.until_s + ends_s, words=()) for one in found]
+def outlasts_s(alarm: str, craft: Aircraft) -> float:
+    """How long an alarm may last behind its state: the integrity monitor fills another window before it judges [s]."""
+    return doubted_s(craft) if alarm in INTEGRITY_IDS else 0.0
 
 
 def _alarm_duty(duty: Duty, follows: _Follows) -> Duty:
@@ -93,21 +75,15 @@ def _find_alarms(duty: Duty, craft: Aircraft) -> _Follows | None:
     """The alarms that follow from a flag: none from one that a person need not act upon."""
     above, _, name = duty.place.rpartition("/")
     words = set(duty.words)
-    if above == DEVICES and not words.isdisjoint(SILENCE):
-        return _Follows((device_id(name),), ENDS_S + (RATE_S if WRONG_RATE in words else 0.0), HEALTH_S)
+    if above == DEVICES and not words.isdisjoint(UNHEARD):
+        return _Follows((device_id(name),), JUDGED_S + (RATE_S if WRONG_RATE in words else 0.0), HEALTH_S)
     if above == LINKS:
-        return _Follows((f"link:{name}",), ENDS_S, HEALTH_S)
+        return _Follows((f"link:{name}",), JUDGED_S, HEALTH_S)
     if above == HEIGHT and words <= ALTIMETER_FAULTS:
-        return _Follows((f"altimeter:{name}",), FAULT_S + ENDS_S, MEMORY_S)
+        return _Follows((f"altimeter:{name}",), FAULT_S + JUDGED_S, MEMORY_S)
     if duty.place == INTEGRITY and words == {Reason.OBSTACLE}:
-        return _Follows(INTEGRITY_IDS[:2], ENDS_S, ENDS_S)
+        return _Follows(INTEGRITY_IDS[:2], JUDGED_S, JUDGED_S)
     if duty.place == SOLUTION and craft.positions and words == {f"position not from {craft.positions[0]}"}:
         others = (*craft.positions[1:], FILTER, RADIO)
-        return _Follows(("position", *(f"position_by:{other}" for other in others)), ENDS_S, ENDS_S)
+        return _Follows(("position", *(f"position_by:{other}" for other in others)), JUDGED_S, JUDGED_S)
     return None
-
-
-def _concerns(place: str, origin: str) -> bool:
-    """Is one of them the other, or above it?"""
-    one, other = f"{place.rstrip('/')}/", f"{origin}/"
-    return one.startswith(other) or other.startswith(one)

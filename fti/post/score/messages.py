@@ -19,6 +19,7 @@ from fti.logger.reading.json_message import parse_table, using_message
 from fti.logger.reading.note_states import NoteStates
 from fti.logger.reading.recording import Recording
 from fti.nav.navigation import FILTER, RADIO
+from fti.post.score.alarm_states import AlarmStates
 from fti.post.score.flown import PAUSE_S, Flown, Pause
 from fti.post.score.outputs.consistency import OF_PROFILE
 from fti.post.score.said import NOTHING, STATUS, Said, Words
@@ -110,6 +111,7 @@ class Reader:
         self._devices = {device.name for device in config.device}
         self._counts: dict[str, int] = {}
         self._alarms = frozenset[str]()
+        self._states = AlarmStates(config)
         self._behind_s = math.inf
 
     def tick(self, t: float, said: Said) -> None:
@@ -151,9 +153,10 @@ class Reader:
             yield topic, _device(topic, data)
 
     def _navigation(self, topic: str, data: bytes) -> Iterator[Statement]:
+        content = parse_table(data)
+        yield from self._states.read(topic, content)
         if topic not in (SOLUTION, INTEGRITY) and not topic.startswith(HEIGHT):
             return
-        content = parse_table(data)
         words = frozenset(content["reasons"]) - self._missing
         if topic == SOLUTION:
             words |= frozenset(self._sources(content))
@@ -173,6 +176,7 @@ class Reader:
                 yield f"{role} from {source}"
 
     def _health(self, content: Mapping[str, Any]) -> Iterator[Statement]:
+        yield from self._states.read_health(content)
         for name, device in content["devices"].items():
             place = f"{DEVICES}/{name}"
             words = {device["state"]} - {"good"}

@@ -1,4 +1,4 @@
-"""Which alarms follow from the flags of a fault, and which flags explain an alarm."""
+"""Which alarms follow from the flags of a fault."""
 
 from __future__ import annotations
 
@@ -6,10 +6,9 @@ import pytest
 
 from fti.hil import scenario as scenarios
 from fti.hil.expected.aircraft import Aircraft
-from fti.hil.expected.alarm_flags import ORIGINS, alarms_of_flags, explaining
-from fti.hil.expected.duties import Duty, May, Told
+from fti.hil.expected.alarm_flags import alarms_of_flags
+from fti.hil.expected.duties import Duty, Told
 from fti.service.binding import bind_devices
-from tests.helpers import ROOT
 
 
 @pytest.fixture(scope="module")
@@ -65,44 +64,7 @@ def test_a_fault_that_is_too_short_for_the_alarm_has_none(craft: Aircraft) -> No
     assert due(craft, place, "wrong rate", until_s=26.0) == []
 
 
-@pytest.mark.parametrize(
-    ("alarm", "place", "explains"),
-    [
-        ("device:ins", "/fti/health/devices/ins", True),
-        ("device:ins", "/fti/health/devices/gnss", False),
-        ("device:ins", "/fti/health/devices", True),  # of all devices
-        ("height", "/nav/height_above_ground/altimeter", True),  # of one of those on which it rests
-        ("integrity_alert", "/nav/clearance_integrity", True),
-        ("integrity_alert", "/nav/nav_solution", False),
-        ("recorder", "/fti/health", False),
-        ("recorder", "", True),  # the emulator was late
-    ],
-)
-def test_flags_explain_their_alarm_and_no_other(craft: Aircraft, alarm: str, place: str, explains: bool) -> None:
-    assert bool(explaining(alarm, [May(place, 20.0, 30.0, ("silent",))], craft)) is explains
-
-
-@pytest.mark.parametrize(
-    ("alarm", "place", "until_s"),
-    [
-        ("device:ins", "/fti/health/devices/ins", 31.0),
-        ("altimeter:radar", "/nav/height_above_ground/radar", 44.0),  # the agreement that ends a refusal
-        ("integrity_alert", "/nav/clearance_integrity", 32.0 + 2 * 400.0 / 35.0),  # another window of 400 m is full
-    ],
-)
-def test_an_alarm_may_last_until_its_subject_is_judged_again(
-    craft: Aircraft, alarm: str, place: str, until_s: float
-) -> None:
-    (one,) = explaining(alarm, [May(place, 20.0, 30.0)], craft)
-    assert (one.from_s, one.until_s) == pytest.approx((20.0, until_s))
-
-
-def test_every_alarm_of_the_page_about_alarms_is_explained_or_by_no_fault_of_a_sensor() -> None:
-    """The page has each identity once; what is not explained is of the daemon and its computer."""
-    page = (ROOT / "docs" / "alarms.md").read_text()
-    rows = [line.split("|")[2] for line in page.split("## Conditions")[1].splitlines() if line.startswith("| ")]
-    names = {part.strip(" `").partition(":")[0] for row in rows[1:] for part in row.split(",")}
-    assert names - set(ORIGINS) == {
-        *("terrain", "terrain_loading", "recording", "storage_...", "space", "navigation", "navigation_starting"),
-        *("navigation_late", "clock_step", "recorder", "process"),
-    }
+def test_a_fault_from_the_start_on_has_none(craft: Aircraft) -> None:
+    """A device that was never good is expected for 10 s, and a position that was never valid was not lost."""
+    told = Told("ins", (Duty("/nav/nav_solution", ("position not from ins",), 5.0, 60.0, 1.0, 2.0),), ())
+    assert list(alarms_of_flags([(0, told)], craft)) == []
