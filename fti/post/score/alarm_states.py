@@ -24,7 +24,7 @@ from fti.types import IntegrityState, LinkState, Reason
 
 MAY, MUST = "may be an alarm", "must be an alarm"
 #: Health is recorded once a second and judged twice: it may be so late, or so early, beside an alarm [s].
-HEALTH_S = 2.0
+HEALTH_S = 1.5
 #: What stands for less beyond what is allowed is a matter of rounding [s].
 MOMENT_S = 0.05
 NO_DEVICE = (BY_FILTER, RADIO, VERTICAL)

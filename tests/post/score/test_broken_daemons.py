@@ -86,10 +86,6 @@ def never_hear_again(patch: pytest.MonkeyPatch) -> None:
     patch.setattr(Diagnosis, "_judge", judge)
 
 
-def raise_no_alarm(patch: pytest.MonkeyPatch) -> None:
-    patch.setattr(AlarmList, "report", lambda self, report: None)
-
-
 def alarm_of_every_source(patch: pytest.MonkeyPatch) -> None:
     def take(self: OutputConditions, output: SourceValidity) -> None:
         title = "SOURCE REFUSED"
@@ -115,7 +111,6 @@ def be_behind(patch: pytest.MonkeyPatch) -> None:
         (believe_every_clock, f"{HEALTH}/gnss clock away", Verdict.MISSING),
         (tolerate_every_rate, f"{HEALTH}/spare wrong rate", Verdict.MISSING),
         (never_hear_again, f"{HEALTH}/altimeter silent or noise", Verdict.STAYS),
-        (raise_no_alarm, POSITION_ALARM, Verdict.MISSING),
     ],
 )
 def test_a_broken_daemon_fails_where_it_is_broken(
@@ -132,7 +127,17 @@ def test_a_daemon_that_raises_what_nothing_explains_fails(broken: Callable[[Brea
 
     score = broken(strict)
     assert not score.holds
-    assert {one.word for one in score.unexpected} == {"wrong rate", "device:gnss", "device:spare"}
+    assert {one.word for one in score.unexpected} == {"wrong rate"}
+
+
+def test_a_daemon_that_raises_no_alarm_fails(tmp_path: Path) -> None:
+    flight = short(({"kind": "gnss_outage", "devices": ("gnss",), "from_s": 15, "to_s": 20},))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(AlarmList, "report", lambda self, report: None)
+        session = session_of(flight, tmp_path)
+    score = score_of(flight, session)
+    assert {row.flag: row.verdict for row in score.rows}[POSITION_ALARM] is Verdict.MISSING
+    assert not score.holds
 
 
 def test_a_daemon_with_an_alarm_that_nothing_explains_fails(broken: Callable[[Break], Score]) -> None:
