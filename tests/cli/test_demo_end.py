@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import cast
@@ -43,17 +44,21 @@ async def test_an_emulator_that_stands_still_does_not_outlive_the_demonstration(
     monkeypatch.setattr(asyncio, "create_subprocess_exec", start)
     monkeypatch.setattr(demo, "EMULATOR_END_S", 0.01)
     folder = SimpleNamespace(next_path=lambda kind: tmp_path / f"{kind}.mcap")
-    supervisor = cast("Supervisor", SimpleNamespace(folder=folder, run_dir=tmp_path, expect_end=lambda: None))
+    told = list[str]()
+    calls = {name: partial(told.append, name) for name in ("expect_sensors", "sensors_begin", "expect_end")}
+    supervisor = cast("Supervisor", SimpleNamespace(folder=folder, run_dir=tmp_path, **calls))
     scenario, config, begun = tmp_path / "s.toml", tmp_path / "c.toml", asyncio.Event()
     flying = asyncio.create_task(demo._fly_once(scenario, config, "links", supervisor, begun.set))
     await started.wait()
     assert not begun.is_set()
+    assert told == ["expect_sensors"]
     emulator.stdout.feed_data(b"ready\n")
     await begun.wait()
     flying.cancel()
     with pytest.raises(asyncio.CancelledError):
         await flying
     assert emulator.ended.is_set()
+    assert told == ["expect_sensors", "sensors_begin", "expect_end"]
 
 
 async def test_the_time_runs_from_the_first_flight_on() -> None:
