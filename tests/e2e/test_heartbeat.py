@@ -22,7 +22,7 @@ def test_a_heart_that_was_stopped_tells_when_and_for_how_long(heartbeats: Heartb
     time.sleep(STOPPED_S)
     end_ns = time.monotonic_ns()
     os.kill(one, signal.SIGCONT)
-    time.sleep(0.1)
+    time.sleep(1.0)  # a busy machine lets it beat again only some time later
     heartbeats.stop()
     assert heartbeats.longest_pause_ns(begin_ns, end_ns) == pytest.approx(end_ns - begin_ns, abs=TOLERANCE_NS)
     assert heartbeats.longest_pause_ns(end_ns + 10**12, end_ns + 2 * 10**12) == 0

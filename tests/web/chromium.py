@@ -37,6 +37,8 @@ START_S = 120.0
 WAIT_S = 60.0  # met, it costs nothing
 #: A screenshot is a large message.
 LONGEST_MESSAGE = 64 * 2**20
+#: What Chromium answers while a page changes its document.
+NAVIGATED = "Inspected target navigated or closed"
 
 
 class BrowserError(Exception):
@@ -158,13 +160,22 @@ class Page:
         return found["result"].get("value")
 
     async def wait_for(self, expression: str, seconds: float = WAIT_S) -> Any:
-        """Poll until the expression is truthy; returns its value."""
+        """Poll until the expression is truthy; returns its value.  The page may load another document meanwhile."""
         end = asyncio.get_running_loop().time() + seconds
-        while not (found := await self.eval(expression)):
+        while not (found := await self._eval_if_there(expression)):
             late = asyncio.get_running_loop().time() > end
             assert not late, f"waited {seconds:g} s for {expression}; console: {self.problems}"
             await asyncio.sleep(0.05)
         return found
+
+    async def _eval_if_there(self, expression: str) -> Any:
+        """The value; None while another document takes the place of this one."""
+        try:
+            return await self.eval(expression)
+        except BrowserError as error:
+            if NAVIGATED not in str(error):
+                raise
+            return None
 
     async def reload(self) -> None:
         """Load the page anew; nothing of the document before is there when this returns."""

@@ -283,8 +283,8 @@ async def test_the_key_leaves_the_address_and_stays_in_its_tab(page: Page, displ
     assert await page.eval("location.href") == display.url
     assert await page.eval(f"document.documentElement.outerHTML.includes('{KEY}')") is False
     assert not any(KEY in url for url in page.requests if "#" not in url)
-    await page.command("Page.reload")
-    await page.wait_for(f"document.readyState === 'complete' && {FRESH} && {MAY_COMMAND}")
+    await page.reload()
+    await page.wait_for(f"{FRESH} && {MAY_COMMAND}")
 
 
 async def test_a_page_that_is_open_already_takes_the_key(display: DisplayProcess) -> None:
