@@ -38,7 +38,7 @@ class Daemon:
             self.board.take(report.as_json())
 
     def hear(self, **changes: Any) -> None:
-        """A health message, 20 s later, or at ``t_s``."""
+        """A health message, 20 s after the one before."""
         self.clock.time_ns += 20 * SECOND_NS
         self.board.take_health(health(self.clock.time_ns / SECOND_NS, **changes))
 
@@ -72,11 +72,6 @@ class Case:
     ends: Step | None
     before: Step = field(default=lambda daemon: None)
     is_latched: bool = True
-
-    @property
-    def is_of_outputs(self) -> bool:
-        """Its condition follows from outputs."""
-        return self.begins.__qualname__.startswith("_outputs")
 
     @property
     def is_moment(self) -> bool:
@@ -131,6 +126,7 @@ def _lose(**counts: int) -> Step:
 
 WARNING, CAUTION, ADVISORY = Severity
 OK, STATES = IntegrityState.OK, IntegrityState
+#: Nothing is wrong.
 WELL = _health()
 NO_DEVICE: dict[str, Any] = {"position_source": "filter", "altitude_source": "filter"}
 LOST: dict[str, Any] = {"valid": False, "position_source": None, "reasons": (Reason.NO_POSITION,)}
@@ -138,9 +134,21 @@ TILTED: dict[str, Any] = {
     "valid": False, "attitude_valid": False, "reasons": (Reason.ATTITUDE_LEVEL,),
     "attitude_reasons": (Reason.ATTITUDE_LEVEL,),
 }  # fmt: skip
-JUDGED, KNOWN = _outputs(integrity(1, OK)), _outputs(solution(1))
 #: A single sample that deviates is no failure: the altimeter deviates for half a second.
 STUCK = [altimeter(2 + 0.3 * k, "radar", Reason.STUCK) for k in range(3)]
+
+
+def _of_solution(identity: str, severity: Severity, title: str, **changes: Any) -> Case:
+    """Of a solution that was valid, has these other fields, and is as before again."""
+    begins, ends, before = solution(2, **changes), solution(3), solution(1)
+    return Case(identity, severity, title, _outputs(begins), _outputs(ends), _outputs(before))
+
+
+def _of_monitor(identity: str, severity: Severity, title: str, state: IntegrityState, reason: Reason) -> Case:
+    """Of a monitor that has judged."""
+    begins, ends, before = integrity(2, state, reason), integrity(3, OK), integrity(1, OK)
+    return Case(identity, severity, title, _outputs(begins), _outputs(ends), _outputs(before))
+
 
 #: Of a navigation process that has taken the place of another and knows nothing yet.
 NOTHING: dict[str, Any] = {
@@ -153,18 +161,9 @@ FIRST_OUTPUTS: Sequence[Output] = (
 )  # fmt: skip
 
 CASES: Sequence[Case] = (
-    Case(
-        "integrity_alert", WARNING, "GROUND CLEARANCE ALERT",
-        _outputs(integrity(2, STATES.ALERT, Reason.OBSTACLE)), _outputs(integrity(3, OK)), JUDGED,
-    ),
-    Case(
-        "integrity_caution", CAUTION, "GROUND CLEARANCE CAUTION",
-        _outputs(integrity(2, STATES.CAUTION, Reason.SHIFTED)), _outputs(integrity(3, OK)), JUDGED,
-    ),
-    Case(
-        "integrity_unavailable", CAUTION, "GROUND CLEARANCE NOT MONITORED",
-        _outputs(integrity(2, STATES.UNAVAILABLE, Reason.STALE)), _outputs(integrity(3, OK)), JUDGED,
-    ),
+    _of_monitor("integrity_alert", WARNING, "GROUND CLEARANCE ALERT", STATES.ALERT, Reason.OBSTACLE),
+    _of_monitor("integrity_caution", CAUTION, "GROUND CLEARANCE CAUTION", STATES.CAUTION, Reason.SHIFTED),
+    _of_monitor("integrity_unavailable", CAUTION, "GROUND CLEARANCE NOT MONITORED", STATES.UNAVAILABLE, Reason.STALE),
     Case(
         "glide_slope", CAUTION, "GLIDE SLOPE FLAGGED", _outputs(_glide(2, valid=False)),
         _outputs(_glide(3, valid=True)), _outputs(integrity(1, OK), _glide(1, valid=True)),
@@ -175,32 +174,14 @@ CASES: Sequence[Case] = (
         _outputs(altimeter(1, "radar"), height(1)),
     ),
     Case("altimeter:radar", CAUTION, "HEIGHT OF RADAR REFUSED", _outputs(*STUCK), _outputs(altimeter(3, "radar"))),
-    Case("position", CAUTION, "POSITION NOT VALID", _outputs(solution(2, **LOST)), _outputs(solution(3)), KNOWN),
-    Case(
-        "position_by:filter", CAUTION, "POSITION BY FILTER", _outputs(solution(2, **NO_DEVICE)), _outputs(solution(3)),
-        KNOWN,
-    ),
-    Case(
-        "position_by:radio", CAUTION, "POSITION BY RADIO", _outputs(solution(2, position_source="radio")),
-        _outputs(solution(3)), KNOWN,
-    ),
-    Case(
-        "position_by:gnss", ADVISORY, "POSITION BY GNSS", _outputs(solution(2, position_source="gnss")),
-        _outputs(solution(3)), KNOWN,
-    ),
-    Case("attitude", CAUTION, "ATTITUDE NOT VALID", _outputs(solution(2, **TILTED)), _outputs(solution(3)), KNOWN),
-    Case(
-        "attitude_by:filter", CAUTION, "ATTITUDE BY FILTER", _outputs(solution(2, attitude_source="filter")),
-        _outputs(solution(3)), KNOWN,
-    ),
-    Case(
-        "altitude_by:filter", CAUTION, "ALTITUDE BY FILTER", _outputs(solution(2, altitude_source="filter")),
-        _outputs(solution(3)), KNOWN,
-    ),
-    Case(
-        "altitude_by:vertical", CAUTION, "ALTITUDE BY VERTICAL CHANNEL",
-        _outputs(solution(2, altitude_source="vertical")), _outputs(solution(3)), KNOWN,
-    ),
+    _of_solution("position", CAUTION, "POSITION NOT VALID", **LOST),
+    _of_solution("position_by:filter", CAUTION, "POSITION BY FILTER", **NO_DEVICE),
+    _of_solution("position_by:radio", CAUTION, "POSITION BY RADIO", position_source="radio"),
+    _of_solution("position_by:gnss", ADVISORY, "POSITION BY GNSS", position_source="gnss"),
+    _of_solution("attitude", CAUTION, "ATTITUDE NOT VALID", **TILTED),
+    _of_solution("attitude_by:filter", CAUTION, "ATTITUDE BY FILTER", attitude_source="filter"),
+    _of_solution("altitude_by:filter", CAUTION, "ALTITUDE BY FILTER", altitude_source="filter"),
+    _of_solution("altitude_by:vertical", CAUTION, "ALTITUDE BY VERTICAL CHANNEL", altitude_source="vertical"),
     Case(
         "source:gnss", CAUTION, "SOURCE GNSS REFUSED", _outputs(source(2, "gnss", Reason.JUMP)),
         _outputs(source(3, "gnss")),

@@ -141,7 +141,6 @@ class Session:
         self._chain = Chain(config, devices, parse_reference(config, texts))
         self._diagnosis = Diagnosis(config, self._chain)
         self._board = HealthBoard({**metadata, "folder": folder.path.name, "started_ns": 0, "state": "recording"})
-        self._clock = FakeClock(BEGIN_NS)
         self._seq = self._ticks = self._told = 0
         self._frames: Counter[str] = Counter()
         self._bytes: Counter[str] = Counter()
@@ -156,14 +155,14 @@ class Session:
         }
         self._raw = RawLog(folder, [RawTopic(name, kind, {}) for name, kind in self._links.items()], **about)
         self._derived = DerivedLog(folder, decimate_hz=DECIMATE_HZ, **about)
-        self._alarms = AlarmBoard(self._clock, lambda topic, payload: None, self._raw.json, lambda: None)
+        # Reports and health have their own times, and nobody listens to the list: its clock may stand.
+        self._alarms = AlarmBoard(FakeClock(BEGIN_NS), lambda topic, payload: None, self._raw.json, lambda: None)
         if config.nav.terrain:
             ground = load_ground(config.nav.terrain)
             self._keep(self._chain.give_ground(ground, None, -1, BEGIN_NS - BEFORE_TICKS * TICK_PERIOD_NS))
 
     def receive(self, link: str, data: bytes, t_ns: int) -> None:
         """A frame."""
-        self._clock.time_ns = t_ns
         self._frames[link] += 1
         self._bytes[link] += len(data)
         self._last_ns[link] = t_ns
@@ -173,7 +172,6 @@ class Session:
 
     def tick(self, t_ns: int) -> None:
         """A tick, and what falls due with it."""
-        self._clock.time_ns = t_ns
         frame = RawFrame(TICK_LINK, self._seq, t_ns, b"")
         self._raw.tick(frame.seq, t_ns)
         self._take(frame)

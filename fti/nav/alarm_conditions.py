@@ -222,7 +222,7 @@ class OutputConditions:
             self._had.add("short comparison")
 
     def _judge_position_source(self, output: NavSolution) -> None:
-        """Another device than the first one is told once that was used: whether it was before is not known at first."""
+        """Report that another device gives the position, once the first one has: nobody knows what was before that."""
         source, first = output.position_source, self._first_position
         if source == first or source is None:
             self._had |= {"first position"} if source else set()

@@ -24,19 +24,18 @@ from fti.hil.expected.duties import (
     Told,
     doubted_s,
 )
+from fti.logger.schemas import ALARM_TOPIC
 from fti.nav.alarm_conditions import ALTIMETER_FAULTS, INTEGRITY_IDS
 from fti.nav.navigation import FILTER, RADIO
-from fti.types import Reason
+from fti.types import LinkState, Reason
 
-ALARM = "/fti/alarm"
 #: From a flag to its alarm, and from the end of the one to that of the other [s]: health is judged twice a second, and
 #: recorded every second time; an altimeter must be wrong for half a second; a wrong rate must last for 5 s.
 JUDGED_S, FAULT_S, RATE_S = 1.0, 0.5, 5.0
 #: Devices that were never good are no alarm at first, and a position that was never valid was not lost [s].
 STARTED_S = 10.0
 #: What health says of a device that does not speak as it should.
-WRONG_RATE = "wrong rate"
-UNHEARD = ("silent", "noise", WRONG_RATE)
+NOT_AS_CONFIGURED = (LinkState.SILENT, LinkState.NOISE, LinkState.WRONG_RATE)
 #: Alarms that no fault of a sensor raises and that are no flags: of the start of the daemon, and of the computer on
 #: which it runs.  How late navigation is, is judged for the whole flight.
 OF_COMPUTER = frozenset(
@@ -68,15 +67,15 @@ def outlasts_s(alarm: str, craft: Aircraft) -> float:
 
 def _alarm_duty(duty: Duty, follows: _Follows) -> Duty:
     within_s, clears_s = duty.within_s + follows.begins_s, duty.clears_s + follows.ends_s
-    return replace(duty, place=ALARM, words=follows.alarms, within_s=within_s, clears_s=clears_s)
+    return replace(duty, place=ALARM_TOPIC, words=follows.alarms, within_s=within_s, clears_s=clears_s)
 
 
 def _find_alarms(duty: Duty, craft: Aircraft) -> _Follows | None:
     """The alarms that follow from a flag: none from one that a person need not act upon."""
     above, _, name = duty.place.rpartition("/")
     words = set(duty.words)
-    if above == DEVICES and not words.isdisjoint(UNHEARD):
-        return _Follows((device_id(name),), JUDGED_S + (RATE_S if WRONG_RATE in words else 0.0), HEALTH_S)
+    if above == DEVICES and not words.isdisjoint(NOT_AS_CONFIGURED):
+        return _Follows((device_id(name),), JUDGED_S + (RATE_S if LinkState.WRONG_RATE in words else 0.0), HEALTH_S)
     if above == LINKS:
         return _Follows((f"link:{name}",), JUDGED_S, HEALTH_S)
     if above == HEIGHT and words <= ALTIMETER_FAULTS:

@@ -1,34 +1,29 @@
-"""What outputs and health say of the conditions of alarms: an alarm has its state, and what must be an alarm has one.
+"""What outputs and health say of alarms: each that is there has its state, and what must be an alarm is one.
 
-A state is a word at a place: the word is the identity of an alarm (docs/alarms.md), the place is the topic below
-``MAY`` or ``MUST``.  An alarm is there only while its state stands at a place below ``MAY``.  While one stands below
-``MUST`` the alarm must be there: an alarm of the integrity monitor, a monitor that stops to judge, a lost height on an
-approach, a lost position, a device or link that was good before.
+A state is a word at a topic: the identity of an alarm (docs/alarms.md).  An alarm is there only while its state stands
+in ``may_alarm``.  While one stands in ``must_alarm`` the alarm must be there: an alarm of the integrity monitor, a
+monitor that stops to judge, a lost height on an approach, a lost position, a device or link that was good before.
+
+The rules are stated here once more: what judges alarms does not ask what raises them.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from fti.config import Config
-from fti.hil.expected.alarm_flags import ALARM
 from fti.hil.expected.duties import HEIGHT, INTEGRITY, SOLUTION
 from fti.hil.expected.required_outputs import BELOW, FILTER, GLIDE, VALIDITY
-from fti.nav.navigation import FILTER as BY_FILTER
-from fti.nav.navigation import RADIO, VERTICAL
+from fti.logger.schemas import ALARM_TOPIC
+from fti.nav.alarm_conditions import FALLBACKS
 from fti.post.score.outputs.consistency import OF_PROFILE
-from fti.post.score.said import Said, Span, Words
+from fti.post.score.said import MOMENT_S, Said, Span, outside
+from fti.service.health_conditions import STOPPED_LINK
 from fti.types import IntegrityState, LinkState, Reason
 
-MAY, MUST = "may be an alarm", "must be an alarm"
 #: Health is recorded once a second and judged twice: it may be so late, or so early, beside an alarm [s].
-HEALTH_S = 1.5
-#: What stands for less beyond what is allowed is a matter of rounding [s].
-MOMENT_S = 0.05
-NO_DEVICE = (BY_FILTER, RADIO, VERTICAL)
-STOPPED = (LinkState.ABSENT, LinkState.DENIED, LinkState.BUSY, LinkState.SILENT)
+RECORDED_S = 1.5
 UNHEARD = (LinkState.SILENT, LinkState.NOISE)
 JUDGED = (IntegrityState.OK, IntegrityState.CAUTION, IntegrityState.ALERT)
 OF_INTEGRITY = {
@@ -36,27 +31,35 @@ OF_INTEGRITY = {
     IntegrityState.CAUTION: "integrity_caution",
     IntegrityState.UNAVAILABLE: "integrity_unavailable",
 }
+#: Outputs that have states, and those of which each device has one.
+OUTPUTS, OF_DEVICES = frozenset({INTEGRITY, SOLUTION, BELOW, FILTER, GLIDE}), frozenset({HEIGHT, VALIDITY})
 
 Content = Mapping[str, Any]
 
 
-class AlarmStates:
-    """Looks at messages in order."""
+def has_states(topic: str) -> bool:
+    """Is it an output that says something of an alarm?"""
+    return topic in OUTPUTS or topic.rpartition("/")[0] in OF_DEVICES
 
-    def __init__(self, config: Config) -> None:
+
+class AlarmStates:
+    """Looks at messages in order, and notes their states in ``said``."""
+
+    def __init__(self, config: Config, said: Said) -> None:
+        self._said = said
         self._first_position = next(iter(config.nav.position), None)
         self._had: set[str] = set()
         self._dropped: dict[str, tuple[int, int]] = {}
 
-    def read(self, topic: str, content: Content) -> Iterator[tuple[str, Words]]:
-        """The states of a message of navigation."""
+    def take_output(self, t: float, topic: str, content: Content) -> None:
+        """An output that has states, at t [s]."""
         may, must = self._of_output(topic, content)
-        yield from _stated(topic, may | must, must)
+        self._note(t, topic, may | must, must)
 
-    def read_health(self, content: Content) -> Iterator[tuple[str, Words]]:
-        """The states of devices and links, and what was lost since the last health."""
+    def take_health(self, t: float, content: Content) -> None:
+        """Devices and links, and what was lost since the last health, at t [s]."""
         may, must = set[str](), set[str]()
-        for kind, stopped in (("device", UNHEARD), ("link", STOPPED)):
+        for kind, stopped in (("device", UNHEARD), ("link", STOPPED_LINK)):
             for name, fields in content[f"{kind}s"].items():
                 identity, state = f"{kind}:{name}", fields.get("port_state", fields["state"])
                 self._had |= {identity} if state == LinkState.GOOD else set()
@@ -67,7 +70,11 @@ class AlarmStates:
             before = self._dropped.get(name, counts)
             self._dropped[name] = counts
             may |= {word for word, old, new in zip(("losses", "stamps"), before, counts, strict=True) if new > old}
-        yield from _stated("health", may, must)
+        self._note(t, "/fti/health", may, must)
+
+    def _note(self, t: float, topic: str, may: set[str], must: set[str]) -> None:
+        self._said.may_alarm.take(t, topic, frozenset(may))
+        self._said.must_alarm.take(t, topic, frozenset(must))
 
     def _of_output(self, topic: str, content: Content) -> tuple[set[str], set[str]]:
         """The alarms that may be there, and those that must."""
@@ -102,7 +109,7 @@ class AlarmStates:
         if content["position_source"] not in (None, self._first_position):
             may.add(f"position_by:{content['position_source']}")
         for role in ("attitude", "altitude"):
-            if content[f"{role}_source"] in NO_DEVICE:
+            if content[f"{role}_source"] in FALLBACKS:
                 may.add(f"{role}_by:{content[f'{role}_source']}")
         return may, self._lost("position", is_valid)
 
@@ -113,50 +120,27 @@ class AlarmStates:
         return {what} if is_due and not is_valid else set()
 
 
-def unexplained(said: Said, alarm: str, span: Span, ends_s: float) -> Iterator[tuple[float, float]]:
-    """The parts of an alarm in which its state did not stand.  ends_s : it may last for so long behind its state [s]"""
-    found = [spans for (place, word), spans in said.spans.items() if word == alarm and _is_at(place, MAY)]
-    is_of_health = alarm.startswith(("device:", "link:"))
-    before_s, behind_s = (HEALTH_S, ends_s + HEALTH_S) if is_of_health else (MOMENT_S, ends_s)
-    if is_of_health and span.until_s - span.from_s < HEALTH_S:  # between two health messages of the recording
-        return
-    yield from without(span, [(one.from_s - before_s, one.until_s + behind_s) for states in found for one in states])
+def explanations(said: Said, alarm: str, outlasts_s: float) -> Iterator[tuple[float, float]]:
+    """When an alarm may be there.  outlasts_s : it may last for so long behind its state [s]"""
+    before_s, behind_s = MOMENT_S, outlasts_s
+    if _is_of_health(alarm):
+        before_s = behind_s = RECORDED_S
+        alarms = said.at(ALARM_TOPIC, (alarm,))  # one may begin and end between two health messages of the recording
+        yield from ((one.from_s, one.until_s) for one in alarms if one.until_s - one.from_s < RECORDED_S)
+    for state in said.may_alarm.at("/", (alarm,)):
+        yield state.from_s - before_s, state.until_s + behind_s
 
 
 def missing_alarms(said: Said, begin_s: float, end_s: float) -> Iterator[tuple[str, float, float]]:
     """Identity, begin and end [s] of what must be an alarm and is none, from begin_s on."""
-    for (place, alarm), spans in sorted(said.spans.items()):
-        if not _is_at(place, MUST):
-            continue
-        margin_s = HEALTH_S if alarm.startswith(("device:", "link:")) else MOMENT_S
-        there = [(one.from_s, one.until_s) for one in said.at(ALARM, (alarm,))]
-        for span in spans:
-            due = Span(max(span.from_s + margin_s, begin_s), min(span.until_s - margin_s, end_s))
+    for (_, alarm), states in sorted(said.must_alarm.spans.items()):
+        margin_s = RECORDED_S if _is_of_health(alarm) else MOMENT_S
+        there = [(one.from_s, one.until_s) for one in said.at(ALARM_TOPIC, (alarm,))]
+        for state in states:
+            due = Span(max(state.from_s + margin_s, begin_s), min(state.until_s - margin_s, end_s))
             if due.until_s - due.from_s > margin_s:
-                yield from ((alarm, *part) for part in without(due, there))
+                yield from ((alarm, *part) for part in outside(due, there))
 
 
-def without(span: Span, covered: Sequence[tuple[float, float]]) -> Iterator[tuple[float, float]]:
-    """The parts of a span that no interval covers; what is shorter than a moment is none, unless the whole span is."""
-    least, at = min(MOMENT_S, span.until_s - span.from_s), span.from_s
-    for from_s, until_s in sorted(covered):
-        if until_s >= at and from_s <= span.until_s:
-            if from_s - at > least:
-                yield at, from_s
-            at = max(at, math.nextafter(until_s, math.inf))
-    if at <= span.until_s and span.until_s - at >= least:
-        yield at, span.until_s
-
-
-def is_state(place: str) -> bool:
-    """Is it a place of states, and of no flags?"""
-    return _is_at(place, MAY) or _is_at(place, MUST)
-
-
-def _is_at(place: str, kind: str) -> bool:
-    return place.startswith(f"{kind} ")
-
-
-def _stated(topic: str, may: set[str], must: set[str]) -> Iterator[tuple[str, Words]]:
-    yield f"{MAY} {topic}", frozenset(may)
-    yield f"{MUST} {topic}", frozenset(must)
+def _is_of_health(alarm: str) -> bool:
+    return alarm.startswith(("device:", "link:"))

@@ -13,13 +13,14 @@ from typing import Any
 
 from fti.alarms.alarm_list import Change
 from fti.config import Config
-from fti.hil.expected.alarm_flags import ALARM, OF_COMPUTER
+from fti.hil.expected.alarm_flags import OF_COMPUTER
 from fti.hil.expected.duties import DEVICES, HEIGHT, INTEGRITY, LEDGER, LINKS, SOLUTION
 from fti.logger.reading.json_message import parse_table, using_message
 from fti.logger.reading.note_states import NoteStates
 from fti.logger.reading.recording import Recording
+from fti.logger.schemas import ALARM_TOPIC
 from fti.nav.navigation import FILTER, RADIO
-from fti.post.score.alarm_states import AlarmStates
+from fti.post.score.alarm_states import AlarmStates, has_states
 from fti.post.score.flown import PAUSE_S, Flown, Pause
 from fti.post.score.outputs.consistency import OF_PROFILE
 from fti.post.score.said import NOTHING, STATUS, Said, Words
@@ -61,7 +62,7 @@ def read_said(recording: Recording, config: Config, flown: Flown, channels: Iter
     for channel in {*channels, *stated}:
         topic, _, name = channel.rpartition(".")
         wanted[topic].append(name)
-    reader, states = Reader(config), NoteStates()
+    reader, states, alarms = Reader(config), NoteStates(), AlarmStates(config, said)
     for topic, t_ns, record in _messages(recording):
         t = flown.seconds(t_ns)
         data = states.complete(topic, t_ns, record)
@@ -75,12 +76,16 @@ def read_said(recording: Recording, config: Config, flown: Flown, channels: Iter
                 reader.lag(t, data, said)
             statements = list(reader.read(topic, data))
             _check_words(statements)
-            content = parse_table(data) if topic in wanted and t >= 0.0 else {}
+            content = parse_table(data) if topic in wanted or topic == HEALTH or has_states(topic) else {}
+            if topic == HEALTH:
+                alarms.take_health(t, content)
+            elif has_states(topic):
+                alarms.take_output(t, topic, content)
         for place, words in statements:
             said.take(t, place, words - {CLOCK_KNOWN})
             if CLOCK_KNOWN in words:
                 said.clocks.setdefault(place.rpartition("/")[2], t)
-        if content:
+        if topic in wanted and t >= 0.0:
             for name in wanted[topic]:
                 said.values[f"{topic}.{name}"].append((t, content.get(name)))
     said.finish()
@@ -111,7 +116,6 @@ class Reader:
         self._devices = {device.name for device in config.device}
         self._counts: dict[str, int] = {}
         self._alarms = frozenset[str]()
-        self._states = AlarmStates(config)
         self._behind_s = math.inf
 
     def tick(self, t: float, said: Said) -> None:
@@ -141,22 +145,21 @@ class Reader:
         """What a message says, at each place that it tells of."""
         if topic.startswith("/nav/"):
             yield from self._navigation(topic, data)
-        elif topic in (HEALTH, LEDGER, EVENT, ALARM):
+        elif topic in (HEALTH, LEDGER, EVENT, ALARM_TOPIC):
             rules: Mapping[str, Callable[[Any], Iterator[Statement]]] = {
                 HEALTH: self._health,
                 LEDGER: self._ledger,
                 EVENT: _event,
-                ALARM: self._alarm,
+                ALARM_TOPIC: self._alarm,
             }
             yield from rules[topic](parse_table(data))
         elif topic.split("/")[1] in self._devices:
             yield topic, _device(topic, data)
 
     def _navigation(self, topic: str, data: bytes) -> Iterator[Statement]:
-        content = parse_table(data)
-        yield from self._states.read(topic, content)
         if topic not in (SOLUTION, INTEGRITY) and not topic.startswith(HEIGHT):
             return
+        content = parse_table(data)
         words = frozenset(content["reasons"]) - self._missing
         if topic == SOLUTION:
             words |= frozenset(self._sources(content))
@@ -176,7 +179,6 @@ class Reader:
                 yield f"{role} from {source}"
 
     def _health(self, content: Mapping[str, Any]) -> Iterator[Statement]:
-        yield from self._states.read_health(content)
         for name, device in content["devices"].items():
             place = f"{DEVICES}/{name}"
             words = {device["state"]} - {"good"}
@@ -200,7 +202,7 @@ class Reader:
         change, name = content["change"], content["id"]
         if change in (Change.BEGINS, Change.ENDS) and name not in OF_COMPUTER:
             self._alarms = self._alarms | {name} if change == Change.BEGINS else self._alarms - {name}
-            yield ALARM, self._alarms
+            yield ALARM_TOPIC, self._alarms
 
     def _is_damaged(self, place: str, skipped: Mapping[str, int]) -> bool:
         """Were bytes refused?  One message in two pieces, with a pause between, is a machine that had no time."""

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -17,6 +17,8 @@ from fti.post.score.flown import Pause
 STATUS, HOLD_S = "/device_status", 2.0
 #: The same word again after a shorter time has stood all along [s].
 MERGE_S = 1.0
+#: What stands for less beyond what is allowed is a matter of rounding [s].
+MOMENT_S = 0.05
 #: What is rounded on the wire is the same number within this share.
 NEAR = 0.1
 
@@ -33,26 +35,13 @@ class Span:
 
 
 @dataclass(slots=True)
-class Said:
-    """Everything that was said.
+class Flags:
+    """Words at places.
 
-    spans  : (place, word) -> when it stood, in order
-    values : what is asked for: channel -> (time [s], value)
-    clocks : device -> since when its clock is known [s]
-    ticks  : the first and the last tick of the recorder [s], which come every 20 ms; tick_gaps : where they did not
-    behind : in which navigation was later than it may be
-    began_s : when navigation said something of itself for the first time [s]; infinity when it never did
-    spoke_s : when it had said something lately for the last time [s]
+    spans : (place, word) -> when it stood, in order
     """
 
     spans: dict[tuple[str, str], list[Span]] = field(default_factory=lambda: defaultdict(list))
-    values: dict[str, list[tuple[float, Any]]] = field(default_factory=lambda: defaultdict(list))
-    clocks: dict[str, float] = field(default_factory=dict)
-    ticks: tuple[float, float] = (-math.inf, math.inf)
-    tick_gaps: list[Pause] = field(default_factory=list)
-    behind: list[Pause] = field(default_factory=list)
-    began_s: float = 0.0
-    spoke_s: float = math.inf
     _stand: dict[str, tuple[float, Words]] = field(default_factory=dict)
 
     def take(self, t: float, place: str, words: Words) -> None:
@@ -63,18 +52,6 @@ class Said:
             before = NOTHING
         self._change(t, place, before, words)
         self._stand[place] = t, words
-
-    def near(self, channel: str, value: float) -> list[Span]:
-        """When this number, or one within a tenth of it, stood at a channel of which the values are kept."""
-        spans = list[Span]()
-        for t, said in self.values[channel]:
-            is_near = isinstance(said, int | float) and abs(said - value) <= NEAR * abs(value)
-            stands = bool(spans) and math.isinf(spans[-1].until_s)
-            if is_near and not stands:
-                spans.append(Span(t))
-            elif stands and not is_near:
-                spans[-1].until_s = t
-        return spans
 
     def finish(self) -> None:
         """No message comes any more."""
@@ -95,15 +72,63 @@ class Said:
             else:
                 spans.append(Span(t))
 
-    def knows_clock(self, device: str, t: float) -> bool:
-        """Was the clock of a device known at t [s]?"""
-        return self.clocks.get(device, math.inf) <= t
-
     def at(self, place: str, words: Iterable[str]) -> list[Span]:
         """When one of these words stood at places that are this one, or below it when it ends with a slash."""
         wanted = set(words)
         found = [spans for (where, word), spans in self.spans.items() if word in wanted and _is_at(where, place)]
         return sorted((span for spans in found for span in spans), key=lambda span: span.from_s)
+
+
+@dataclass(slots=True)
+class Said(Flags):
+    """Everything that was said.
+
+    may_alarm, must_alarm : what outputs and health say of alarms (``alarm_states``); words are identities of alarms
+    values : what is asked for: channel -> (time [s], value)
+    clocks : device -> since when its clock is known [s]
+    ticks  : the first and the last tick of the recorder [s], which come every 20 ms; tick_gaps : where they did not
+    behind : in which navigation was later than it may be
+    began_s : when navigation said something of itself for the first time [s]; infinity when it never did
+    spoke_s : when it had said something lately for the last time [s]
+    """
+
+    may_alarm: Flags = field(default_factory=Flags)
+    must_alarm: Flags = field(default_factory=Flags)
+    values: dict[str, list[tuple[float, Any]]] = field(default_factory=lambda: defaultdict(list))
+    clocks: dict[str, float] = field(default_factory=dict)
+    ticks: tuple[float, float] = (-math.inf, math.inf)
+    tick_gaps: list[Pause] = field(default_factory=list)
+    behind: list[Pause] = field(default_factory=list)
+    began_s: float = 0.0
+    spoke_s: float = math.inf
+
+    def near(self, channel: str, value: float) -> list[Span]:
+        """When this number, or one within a tenth of it, stood at a channel of which the values are kept."""
+        spans = list[Span]()
+        for t, said in self.values[channel]:
+            is_near = isinstance(said, int | float) and abs(said - value) <= NEAR * abs(value)
+            stands = bool(spans) and math.isinf(spans[-1].until_s)
+            if is_near and not stands:
+                spans.append(Span(t))
+            elif stands and not is_near:
+                spans[-1].until_s = t
+        return spans
+
+    def knows_clock(self, device: str, t: float) -> bool:
+        """Was the clock of a device known at t [s]?"""
+        return self.clocks.get(device, math.inf) <= t
+
+
+def outside(span: Span, intervals: Iterable[tuple[float, float]]) -> Iterator[tuple[float, float]]:
+    """The parts of a span that no interval covers; what is shorter than a moment is none, unless the whole span is."""
+    least, at = min(MOMENT_S, span.until_s - span.from_s), span.from_s
+    for from_s, until_s in sorted(intervals):
+        if until_s >= at and from_s <= span.until_s:
+            if from_s - at > least:
+                yield at, from_s
+            at = max(at, math.nextafter(until_s, math.inf))
+    if at <= span.until_s and span.until_s - at >= least:
+        yield at, span.until_s
 
 
 def _is_at(where: str, place: str) -> bool:

@@ -6,12 +6,14 @@ import math
 from collections.abc import Iterator, Sequence
 
 from fti.hil.expected.aircraft import Aircraft
-from fti.hil.expected.alarm_flags import ALARM, outlasts_s
+from fti.hil.expected.alarm_flags import outlasts_s
 from fti.hil.expected.duties import DEVICES, INTEGRITY, May, Told
-from fti.post.score.alarm_states import is_state, unexplained, without
+from fti.logger.schemas import ALARM_TOPIC
+from fti.post.score.alarm_states import explanations
 from fti.post.score.evidence import Evidence
 from fti.post.score.flown import Pause
 from fti.post.score.rows import Unexpected
+from fti.post.score.said import outside
 
 #: After navigation's first word devices are judged over a window that is not full: its length, and a report [s].
 WINDOW_S = 5.0
@@ -39,13 +41,11 @@ def unexpected_flags(evidence: Evidence, may: Sequence[May], craft: Aircraft) ->
     """
     begin_s = evidence.start_s + WINDOW_S
     for (place, word), spans in sorted(evidence.said.spans.items()):
-        if is_state(place):
-            continue
-        allowed = [(m.from_s, m.until_s) for m in may if m.explains(place, word)]
+        if place == ALARM_TOPIC:
+            allowed = list(explanations(evidence.said, word, outlasts_s(word, craft)))
+        else:
+            allowed = [(m.from_s, m.until_s) for m in may if m.explains(place, word)]
         for span in spans:
-            parts = without(span, [(-math.inf, begin_s), *allowed])
-            if place == ALARM:
-                parts = unexplained(evidence.said, word, span, outlasts_s(word, craft))
-            for from_s, until_s in parts:
-                if from_s < evidence.end_s and until_s > begin_s:
-                    yield Unexpected(place, word, max(from_s, begin_s), until_s)
+            for from_s, until_s in outside(span, [(-math.inf, begin_s), *allowed]):
+                if from_s < evidence.end_s:
+                    yield Unexpected(place, word, from_s, until_s)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator
 
+from fti.hil.expected.alarm_flags import STARTED_S
 from fti.post.score.alarm_states import missing_alarms
 from fti.post.score.evidence import Evidence
 from fti.post.score.flown import Pause, length_s, merged, overlap_s
@@ -19,8 +20,6 @@ CATCH_UP_S = 5.0
 MAX_SILENT_S = 5.0
 #: The recorder ticks every 20 ms.  It may stand still so long at once, and for this part of a flight [s].
 MAX_TICK_GAP_S, MAX_TICK_GAP_SHARE = 1.0, 0.02
-#: Alarms are judged from so long after the start on: devices that were never good are expected for 10 s [s].
-SETTLED_S = 10.0
 #: A session may end so long before the truth does, where both are told to end [s].
 MAX_END_S = 3.0
 
@@ -84,7 +83,7 @@ def _ticks(evidence: Evidence, start_limit_s: float) -> Finding:
 
 def _alarms(evidence: Evidence) -> Finding:
     """Each output, and each device or link, of which an alarm must say that it is wrong has that alarm."""
-    missing = list(missing_alarms(evidence.said, evidence.start_s + SETTLED_S, evidence.end_s))
+    missing = list(missing_alarms(evidence.said, evidence.start_s + STARTED_S, evidence.end_s))
     parts = "; ".join(f"{alarm} from {from_s:.1f} to {until_s:.1f} s" for alarm, from_s, until_s in missing[:3])
     more = f" and {len(missing) - 3} more" if len(missing) > 3 else ""
     return _finding("alarms", not missing, f"alarms are missing: {parts}{more}" if missing else "no alarm is missing")

@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
-from fti.hil.expected.alarm_flags import ALARM
-from fti.post.score.alarm_states import HEALTH_S, AlarmStates, missing_alarms, unexplained
-from fti.post.score.said import Said, Span
+from fti.logger.schemas import ALARM_TOPIC
+from fti.post.score.alarm_states import RECORDED_S, AlarmStates, explanations, missing_alarms
+from fti.post.score.said import Said, Span, outside
 from fti.types import IntegrityState, NavSolution, Reason
 from tests.nav.test_alarm_conditions import CONFIG, altimeter, height, integrity, solution
 from tests.service.test_health_conditions import device, health, link
@@ -23,25 +23,24 @@ class Flight:
     """What was said, message by message."""
 
     def __init__(self) -> None:
-        self.said, self._states = Said(), AlarmStates(CONFIG)
+        self.said = Said()
+        self._states = AlarmStates(CONFIG, self.said)
 
     def output(self, t_s: float, topic: str, output: Any) -> None:
-        for place, words in self._states.read(topic, asdict(output)):
-            self.said.take(t_s, place, words)
+        self._states.take_output(t_s, topic, asdict(output))
 
     def health(self, t_s: float, **changes: Any) -> None:
-        for place, words in self._states.read_health(health(t_s, **changes)):
-            self.said.take(t_s, place, words)
+        self._states.take_health(t_s, health(t_s, **changes))
 
     def alarm(self, identity: str, from_s: float, until_s: float) -> None:
-        self.said.take(from_s, ALARM, frozenset({identity}))
-        self.said.take(until_s, ALARM, frozenset())
+        self.said.take(from_s, ALARM_TOPIC, frozenset({identity}))
+        self.said.take(until_s, ALARM_TOPIC, frozenset())
 
     def missing(self) -> list[Any]:
         return list(missing_alarms(self.said, 0.0, 100.0))
 
-    def unexplained(self, identity: str, from_s: float, until_s: float, ends_s: float = 0.0) -> list[Any]:
-        return list(unexplained(self.said, identity, Span(from_s, until_s), ends_s))
+    def unexplained(self, identity: str, from_s: float, until_s: float, outlasts_s: float = 0.0) -> list[Any]:
+        return list(outside(Span(from_s, until_s), explanations(self.said, identity, outlasts_s)))
 
 
 def alert() -> Flight:
@@ -68,8 +67,8 @@ def test_an_alarm_without_its_state_is_not_explained() -> None:
     flight = alert()
     assert flight.unexplained("integrity_alert", 20.0, 30.0) == []
     assert flight.unexplained("integrity_alert", 20.0, 40.0) == [(pytest.approx(30.0), 40.0)]
-    assert flight.unexplained("integrity_alert", 20.0, 40.0, ends_s=12.0) == [], "until the next window is full"
-    assert flight.unexplained("integrity_alert", 20.0, math.inf, ends_s=12.0) == [(pytest.approx(42.0), math.inf)]
+    assert flight.unexplained("integrity_alert", 20.0, 40.0, outlasts_s=12.0) == [], "until the next window is full"
+    assert flight.unexplained("integrity_alert", 20.0, math.inf, outlasts_s=12.0) == [(pytest.approx(42.0), math.inf)]
     assert flight.unexplained("integrity_caution", 20.0, 30.0) == [(20.0, 30.0)]
     assert flight.unexplained("recorder", 20.0, 20.0) == [(20.0, 20.0)], "no output and no health has it"
 
@@ -147,7 +146,7 @@ def test_what_was_good_and_is_silent_must_be_an_alarm(changes: dict[str, Any], a
         for t_s in (20.0, 40.0):
             flown.health(t_s, **changes)
     assert never_good.missing() == []
-    assert flight.missing() == [(alarm, pytest.approx(20.0 + HEALTH_S), 100.0)]
+    assert flight.missing() == [(alarm, pytest.approx(20.0 + RECORDED_S), 100.0)]
     flight.alarm(alarm, 20.5, 100.0)
     assert flight.missing() == []
 
