@@ -22,7 +22,7 @@ BEAT_S = TICK_PERIOD_NS / 1e9
 SOON_S = 0.005
 #: A frame of a line comes within this time: 23 bytes at 115200 baud.
 PIECES_S = 0.002
-#: A look that is earlier than the beat by less is not worth its cost; those that remain hold the median delay.
+#: A look that is earlier than the beat by less is not worth its cost (docs/decisions/0009-the-beat.md).
 LEAST_GAIN_S = 0.008
 
 #: Reads what is there; true when there may be more.
