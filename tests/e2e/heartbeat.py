@@ -89,8 +89,8 @@ def undisturbed(run: Callable[[int], T], holds: Callable[[T], bool]) -> T:
 def _beat(core: int) -> list[tuple[int, int]]:
     os.sched_setaffinity(0, {core})
     os.set_blocking(0, False)
-    print("begins", flush=True)
     pauses, before, is_over = [], time.monotonic_ns(), False
+    print("begins", flush=True)  # after the first look at the clock: whoever reads it may stop this process at once
     while not is_over:
         time.sleep(PERIOD_NS / 1e9)
         is_over = said() is not None
