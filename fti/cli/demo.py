@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING
 from fti.cli._arguments import seconds
 from fti.cli._printing import print_line
 from fti.cli.main import EXIT_INTERRUPTED
+from fti.interrupts import remembered_interrupts
 
 if TYPE_CHECKING:
     import asyncio
@@ -48,6 +49,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run emulator and daemon to their end."""
+    with remembered_interrupts():  # the imports build tables, and an interrupt within them can be lost
+        return _serve(args)
+
+
+def _serve(args: argparse.Namespace) -> int:
     import asyncio
     import tempfile
     from pathlib import Path

@@ -9,7 +9,7 @@ from collections.abc import Awaitable, Callable, Iterator
 from typing import TYPE_CHECKING
 
 from fti.errors import FtiError, RecordingError
-from fti.interrupts import InterruptHandler, remembered_interrupts
+from fti.interrupts import InterruptHandler
 from fti.service import limits
 from fti.service.children import Child
 
@@ -29,8 +29,7 @@ def early_recorder() -> Iterator[Child]:
     child = Child("recorder", has_stand_in=True)
     child.prepare()
     try:
-        with remembered_interrupts():
-            yield child
+        yield child
     finally:
         child.dismiss()
 

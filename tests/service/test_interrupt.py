@@ -5,9 +5,33 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
 
 from fti.interrupts import InterruptHandler
 from fti.service.daemon import _stop_on_signals
+from tests.e2e.feeder import CONFIG
+from tests.e2e.harness import free_udp_port
+
+#: ``fti run``; an interrupt comes when the module MODULE is about to be imported, and is lost there.
+INTERRUPTED = """
+import contextlib, signal, sys
+
+class Interrupt:
+    def find_spec(self, name, path, target=None):
+        if name == MODULE:
+            sys.meta_path.remove(self)
+            with contextlib.suppress(KeyboardInterrupt):
+                signal.raise_signal(signal.SIGINT)
+
+MODULE, *arguments = sys.argv[1:]
+sys.meta_path.insert(0, Interrupt())
+from fti.cli.main import main
+sys.exit(main(arguments))
+"""
 
 
 async def test_an_interrupt_that_a_library_has_swallowed_ends_the_daemon() -> None:
@@ -24,3 +48,18 @@ async def test_an_interrupt_that_a_library_has_swallowed_ends_the_daemon() -> No
         for number in (signal.SIGINT, signal.SIGTERM):
             asyncio.get_running_loop().remove_signal_handler(number)
         signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.parametrize("module", ["fti.cli.run", "fti.config.tables", "fti.service.supervisor"])
+def test_an_interrupt_that_an_import_has_swallowed_ends_the_command(module: str, tmp_path: Path) -> None:
+    config, left = tmp_path / "small.toml", tmp_path / "run"
+    config.write_text(CONFIG.format(port=free_udp_port()))
+    made = subprocess.run(
+        [sys.executable, "-c", INTERRUPTED, module, "run", str(config)]
+        + ["--out", str(tmp_path / "out"), "--run-dir", str(left), "--links", str(tmp_path)],
+        capture_output=True,
+        timeout=60,
+        check=False,
+    )
+    assert made.returncode == 130, made.stderr
+    assert not list(left.glob("*"))
