@@ -55,8 +55,20 @@ def test_an_interrupt_that_an_import_has_swallowed_ends_the_command(module: str,
     config, left = tmp_path / "small.toml", tmp_path / "run"
     config.write_text(CONFIG.format(port=free_udp_port()))
     made = subprocess.run(
-        [sys.executable, "-c", INTERRUPTED, module, "run", str(config)]
-        + ["--out", str(tmp_path / "out"), "--run-dir", str(left), "--links", str(tmp_path)],
+        [
+            sys.executable,
+            "-c",
+            INTERRUPTED,
+            module,
+            "run",
+            str(config),
+            "--out",
+            str(tmp_path / "out"),
+            "--run-dir",
+            str(left),
+            "--links",
+            str(tmp_path),
+        ],
         capture_output=True,
         timeout=60,
         check=False,
