@@ -47,6 +47,7 @@ _FULL = {errno.ENOSPC, errno.EDQUOT}
 class State(StrEnum):
     """What health says of the storage."""
 
+    OPENING = "opening"  # the first file is being opened, and may still come in time; the buffers hold all
     OK = "ok"
     FULL = "full"  # takes bytes, and less than min_free_mb is left: the derived file has stopped
     OVERDUE = "overdue"  # takes bytes, and the next split cannot be made
@@ -231,6 +232,8 @@ class StorageMachine:
         """State of the storage and a sentence on it."""
         if self.place is None:
             reasons = "; ".join(failure for failure in self._failures if failure)
+            if not reasons and now - self._begun < PATIENCE_S:
+                return State.OPENING, "the first file is being opened"
             return State.ERROR, reasons or f"no file has been opened for {now - self._begun:.1f} s"
         if self._refusal:
             return State.ERROR, f"{self._refusal.text} (for {now - self._refusal.since:.1f} s)"

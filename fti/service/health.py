@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
+from fti.logger.storage import State
 from fti.service.children import Child
 from fti.types import LinkState
 
@@ -15,6 +16,8 @@ LATE_NS = 3_000_000_000
 BEHIND_MS = 500.0
 #: Order in which the state of a link's devices becomes the state of the link: the best one counts.
 BEST_FIRST = (LinkState.GOOD, LinkState.WRONG_RATE, LinkState.INVALID, LinkState.NOISE, LinkState.SILENT)
+#: States of the storage in which nothing is recorded, and what they make of the session's.
+NOT_RECORDING: dict[str | None, str] = {State.OPENING: "waiting", State.ERROR: "storage_error"}
 
 
 @dataclass(slots=True)
@@ -34,10 +37,9 @@ class HealthBoard:
         heard = devices if silent_ns <= LATE_NS else {}
         storage = self._judge_storage(now_ns)
         links = self._judge_links(now_ns)
-        fault = storage.get("state", "ok") == "error"
         return {
             "t_ns": now_ns,
-            "session": {**self.session, "state": "storage_error" if fault else self.session["state"]},
+            "session": {**self.session, "state": NOT_RECORDING.get(storage.get("state"), self.session["state"])},
             "processes": {c.name: {"state": c.state, "pid": c.pid, "restarts": c.restarts} for c in children},
             "links": {name: merge_link(name, link, heard) for name, link in links.items()},
             "devices": devices,

@@ -21,13 +21,14 @@ Fields = Mapping[str, Any]
 
 #: So long after the start of the session, or of a new flight, a link or device that was never good is no alarm.
 START_NS = 10 * SECOND_NS
-#: States of the storage: severity and title.
+#: States of the storage: severity and title; "opening" only where it is not the session that begins.
 STORAGE: dict[str, tuple[Severity, str]] = {
     "full": (Severity.CAUTION, "STORAGE ALMOST FULL"),
     "overdue": (Severity.CAUTION, "NEXT FILE OVERDUE"),
     "slow": (Severity.CAUTION, "STORAGE SLOW"),
     "fallback": (Severity.CAUTION, "RECORDING TO THE FALLBACK"),
     "gone": (Severity.WARNING, "RECORDING TO A LOST FILE"),
+    "opening": (Severity.WARNING, "NOT RECORDING"),
     "error": (Severity.WARNING, "NOT RECORDING"),
 }
 #: A rate is counted over 4 s; that of a device that has just begun, or come back, is too low for so long.
@@ -196,6 +197,8 @@ def _recording(health: Fields) -> Condition | None:
     storage, session = health["storage"], health["session"]
     state = "error" if session.get("state") == "storage_error" else str(storage.get("state", "ok"))
     recorder = health["processes"].get("recorder", {}).get("state", ProcessState.RUNNING)
+    if state == "opening" and not health["processes"].get("recorder", {}).get("restarts"):
+        return None  # the session begins
     if state == "ok" and recorder in (ProcessState.RESTARTING, ProcessState.STOPPED):
         return Condition("recording", Severity.WARNING, "NOT RECORDING", f"the recorder is {recorder}")
     if state == "ok":

@@ -193,10 +193,14 @@ def test_a_file_that_is_let_go_leaves_every_place_open(rig: Rig) -> None:
 
 
 def test_a_place_that_hangs_keeps_nobody_from_the_other() -> None:
+    """While it may still come in time, that is the beginning and no error."""
     rig = Rig()
     assert rig.wanted() == (MAIN, False)
+    assert rig.state() is State.OPENING
     rig.at(PATIENCE_S - 0.1)
+    assert rig.state() is State.OPENING
     rig.now += 0.2
+    assert rig.machine.state(rig.now) == (State.ERROR, "no file has been opened for 2.1 s")
     assert rig.wanted() == (FALLBACK, False)
     assert rig.machine.opened(rig.now, FALLBACK)
     assert not rig.machine.opened(rig.now, MAIN)  # it answers, too late: whether there is space it was not asked

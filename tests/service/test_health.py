@@ -31,6 +31,14 @@ def test_the_hint_names_the_device() -> None:
     assert merge_link("a", {"state": "good", "hint": ""}, {"d": _device("noise", "baud?")})["hint"] == "d: baud?"
 
 
+@pytest.mark.parametrize(
+    ("storage", "expected"), [("opening", "waiting"), ("error", "storage_error"), ("fallback", "recording")]
+)
+def test_the_session_is_recorded_where_the_storage_takes_bytes(storage: str, expected: str) -> None:
+    board = HealthBoard({"state": "recording"}, {"t_ns": 0, "storage": {"state": storage, "hint": ""}})
+    assert board.compose(0, [])["session"]["state"] == expected
+
+
 def test_what_the_recorder_said_long_ago_is_not_true_any_more() -> None:
     link = {"state": "good", "hint": "", "rate_hz": 100.0, "frames": 7}
     said = {"t_ns": 0, "storage": {"state": "ok", "hint": ""}, "links": {"eth": link}}

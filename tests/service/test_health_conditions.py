@@ -46,8 +46,14 @@ def test_all_is_well() -> None:
 @pytest.mark.parametrize(("state", "severity"), [(state, severity.value) for state, (severity, _) in STORAGE.items()])
 def test_every_state_of_the_storage_but_ok_is_an_alarm(state: str, severity: str) -> None:
     name = "recording" if severity == "warning" else f"storage_{state}"
-    message = health(storage={"state": state, "hint": "why and what to do"})
+    restarted = {"recorder": {"state": "running", "restarts": 1}}
+    message = health(storage={"state": state, "hint": "why and what to do"}, processes=restarted)
     assert found(HealthConditions(0), message) == {name: (severity, "why and what to do")}
+
+
+def test_the_first_file_of_a_session_that_is_being_opened_is_expected() -> None:
+    message = health(storage={"state": "opening", "hint": "the first file is being opened"})
+    assert found(HealthConditions(0), message) == {}
 
 
 def test_the_storage_has_no_other_states() -> None:
