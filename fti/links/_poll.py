@@ -6,7 +6,9 @@ takes, the next look is soon, so that no receive buffer overflows.
 
 An urgent link has all sockets looked at when it receives: all that arrived before its bytes is handed on with them.
 That happens once between two beats for each link, and only where the beat is far away: a busy bus must not wake the
-process for each frame.  A line brings a frame in pieces, so it is looked at a moment after the first one.
+process for each frame.  Of a link that brings many messages it does not happen at all: the first one behind a beat
+would wake the process each time, and seldom be the altimeter's.  A line brings a frame in pieces, so it is looked at a
+moment after the first one.
 """
 
 from __future__ import annotations
@@ -39,10 +41,11 @@ class SocketPoll:
         self._loop = loop
         self._epoll = select.epoll()
         self._reads: dict[int, Read] = {}
-        self._urgent: set[int] = set()
+        self._urgent: dict[int, Callable[[], bool]] = {}
         self.calls: list[Callable[[], None]] = []
         self.early_calls: list[Callable[[], None]] = []
-        self._looked: set[object] = set()  # links that have had their early look since the last beat
+        self._lines_looked: set[object] = set()  # that have had their early look since the last beat
+        self._sockets_looked: set[int] = set()  # that do not wake the loop
         self._early: asyncio.Handle | None = None
         self._reading = False
         self._beat_s = 0.0  # when the next one is due
@@ -54,12 +57,15 @@ class SocketPoll:
         """No socket is left, and nobody else wants the beat."""
         return not (self._reads or self.calls)
 
-    def add(self, fd: int, read: Read, *, urgent: bool = False) -> None:
-        """Look at this socket too.  urgent : as soon as it has something"""
+    def add(self, fd: int, read: Read, *, is_early: Callable[[], bool] | None = None) -> None:
+        """Look at this socket too.
+
+        is_early : asked behind a beat whether the next look may be as soon as it has something; None: never
+        """
         self._reads[fd] = read
         self._epoll.register(fd, select.EPOLLIN)
-        if urgent:
-            self._urgent.add(fd)
+        if is_early:
+            self._urgent[fd] = is_early
             self._loop.add_reader(fd, self._wake, fd)
 
     def remove(self, fd: int) -> None:
@@ -67,8 +73,8 @@ class SocketPoll:
         if self._reads.pop(fd, None):
             self._epoll.unregister(fd)
         if fd in self._urgent:
-            self._urgent.remove(fd)
-            self._looked.discard(fd)
+            del self._urgent[fd]
+            self._sockets_looked.discard(fd)
             self._loop.remove_reader(fd)
 
     def close(self) -> None:
@@ -80,14 +86,14 @@ class SocketPoll:
 
     def look_soon(self, link: object) -> None:
         """Look before the beat, when the rest of a frame has come: called while a link without a socket receives."""
-        if not self._reading and link not in self._looked:
-            self._looked.add(link)
+        if not self._reading and link not in self._lines_looked:
+            self._lines_looked.add(link)
             if self._early is None and self._is_worth_it(PIECES_S):
                 self._early = self._loop.call_later(PIECES_S, self._look_early)
 
     def _wake(self, fd: int) -> None:
         """An urgent socket has something; until the next beat it does not wake the loop again."""
-        self._looked.add(fd)
+        self._sockets_looked.add(fd)
         self._loop.remove_reader(fd)
         if self._is_worth_it(0.0):
             self._look_early()
@@ -118,9 +124,10 @@ class SocketPoll:
 
     def _allow_early(self) -> None:
         """Once for each link until the next beat."""
-        for fd in self._urgent & self._looked:
+        self._lines_looked.clear()
+        for fd in [fd for fd in self._sockets_looked if self._urgent[fd]()]:
+            self._sockets_looked.remove(fd)
             self._loop.add_reader(fd, self._wake, fd)
-        self._looked.clear()
         if self._early:  # what it is for is handed on now
             self._early.cancel()
             self._early = None
@@ -168,9 +175,9 @@ def _close_empty() -> None:
         _polls.pop(loop).close()
 
 
-def watch(fd: int, read: Read, *, urgent: bool = False) -> None:
-    """Call ``read`` with a beat when the socket has something, from the running loop; an urgent one before the beat."""
-    _poll().add(fd, read, urgent=urgent)
+def watch(fd: int, read: Read, *, is_early: Callable[[], bool] | None = None) -> None:
+    """Call ``read`` with a beat when the socket has something, or before it (see ``add``), from the running loop."""
+    _poll().add(fd, read, is_early=is_early)
 
 
 def forget(fd: int) -> None:

@@ -28,6 +28,8 @@ GOOD = LinkState.GOOD
 FIRST_RETRY_S, LAST_RETRY_S = 0.1, 2.0
 #: How often an open link is looked at; all of them are with the same beat.
 WATCH_S = 0.5
+#: Of a link that brings more messages than these, the first one after a beat is seldom the altimeter's [Hz].
+MOST_EARLY_HZ = 100.0
 #: A link on which nothing came for so long is silent.
 SILENT_NS = 2 * SECOND_NS
 #: For so long after the kernel dropped frames, the link is not good.
@@ -87,7 +89,7 @@ class BaseLink(ABC):
     sink      : see ``Sink``
     on_connect: sent after every connect, when the link may send
     on_sent   : gets what was sent, and when; None until somebody wants to know
-    urgent    : what it receives does not wait for the beat; set before ``run``
+    urgent    : what it receives does not wait for the beat, unless it brings too much; set before ``run``
     """
 
     def __init__(self, name: str, transmit: bool, clock: Clock, sink: Sink, on_connect: Sequence[bytes]) -> None:
@@ -98,6 +100,8 @@ class BaseLink(ABC):
         self._sink = sink
         self.on_sent: Sink | None = None
         self.urgent = False
+        self._frames_judged = 0
+        self._rate_hz = 0.0
         self._on_connect = tuple(on_connect)
         self._send_lock = asyncio.Lock()
         self._gone: list[str] = []  # what has gone out of that which is being written, should it be given up
@@ -184,6 +188,8 @@ class BaseLink(ABC):
     def _judge(self) -> None:
         """Every ``WATCH_S`` while open.  Raises LinkError when the port is no longer the right one."""
         status, now = self.status, self._clock.now_ns()
+        self._rate_hz = (status.frames - self._frames_judged) / WATCH_S
+        self._frames_judged = status.frames
         if status.last_rx_ns is None or now - status.last_rx_ns >= SILENT_NS:
             status.state, status.hint = LinkState.SILENT, self._silent_hint()
         elif status.dropped_ns is not None and now - status.dropped_ns < OVERFLOW_NS:
@@ -220,8 +226,12 @@ class BaseLink(ABC):
         if status.state not in RECEIVING:
             status.state, status.hint = GOOD, ""
         self._sink(frames, times_ns)
-        if self.urgent:
+        if self._is_early():
             look_soon(self)
+
+    def _is_early(self) -> bool:
+        """May what it receives be handed on before the beat?"""
+        return self.urgent and self._rate_hz <= MOST_EARLY_HZ
 
     async def drain(self) -> None:
         """Read what the kernel still holds, before the link is cancelled; nothing is sent from now on."""

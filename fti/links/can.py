@@ -114,7 +114,7 @@ class BusLink(BaseLink):
         if self._queue:  # a bus of the library may be a socket with the usual queue, a quarter of a second
             enlarge(self._queue)
         if self._socket:
-            watch(self._fd, self._on_readable, urgent=self.urgent)
+            watch(self._fd, self._on_readable, is_early=self._is_early if self.urgent else None)
         elif self._fd >= 0:
             loop.add_reader(self._fd, self._on_readable)
         else:

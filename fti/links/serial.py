@@ -149,6 +149,10 @@ class SerialPortLink(BaseLink):
     def _deliver(self, data: bytes, t_rx_ns: int) -> None:
         self._receive((data,), (t_rx_ns,))
 
+    def _is_early(self) -> bool:
+        """A line brings its messages in pieces, so their number does not tell how much it brings."""
+        return self.urgent
+
     async def _write(self, data: bytes) -> None:
         sent = 0
         try:

@@ -82,7 +82,7 @@ class UdpLink(BaseLink):
                 sock.bind((host, port))
         except OSError as error:
             raise self._explained(error) from None
-        watch(self._fd, self._on_readable, urgent=self.urgent)
+        watch(self._fd, self._on_readable, is_early=self._is_early if self.urgent else None)
 
     def _join(self, sock: socket.socket, group: str) -> None:
         """Join the group on the interface of ``bind``, and send to groups through it, never beyond the first router."""

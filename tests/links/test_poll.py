@@ -33,8 +33,8 @@ class Port:
         self.then()
         return self.more
 
-    def watch(self, *, urgent: bool = False) -> None:
-        _poll.watch(self.near.fileno(), self.read, urgent=urgent)
+    def watch(self) -> None:
+        _poll.watch(self.near.fileno(), self.read)
 
     def forget(self) -> None:
         _poll.forget(self.near.fileno())
@@ -126,8 +126,11 @@ class Hands(asyncio.SelectorEventLoop):
 class Driven:
     """The look at the sockets in a time that stands where the test puts it.
 
-    calls : each beat, and each look before one, with how much each watched port had heard
+    calls    : each beat, and each look before one, with how much each watched port had heard
+    is_early : what an urgent port says of the next look
     """
+
+    is_early = True
 
     def __init__(self) -> None:
         self.loop = Hands()
@@ -147,7 +150,7 @@ class Driven:
 
     def watch(self, port: Port, *, urgent: bool = False) -> None:
         self._ports.append(port)
-        self.poll.add(port.near.fileno(), port.read, urgent=urgent)
+        self.poll.add(port.near.fileno(), port.read, is_early=(lambda: self.is_early) if urgent else None)
 
     def wait(self, seconds: float = 0.0) -> None:
         """So much later everything that is ready is called."""
@@ -216,6 +219,22 @@ def test_a_busy_urgent_link_waits_for_the_beat_behind_its_first_look(ports: list
             driven.wait(_poll.PIECES_S)
         assert driven.kinds == ["beat", "early", "early"]
         driven.calls.clear()
+
+
+def test_a_link_that_brings_too_much_waits_for_each_beat(ports: list[Port], driven: Driven) -> None:
+    """It is asked with each beat whether the next look may be early."""
+    bus = ports[0]
+    driven.watch(bus, urgent=True)
+    driven.wait_for_beat()
+    found = list[list[str]]()
+    for is_early in (False, False, True, True):
+        driven.is_early = is_early
+        driven.calls.clear()
+        bus.far.send(b"x")
+        driven.wait()
+        driven.wait_for_beat()
+        found.append(driven.kinds)
+    assert found == [["early", "beat"], ["beat"], ["beat"], ["early", "beat"]]
 
 
 def test_what_one_call_does_not_take_is_handed_on_with_the_beat(ports: list[Port], driven: Driven) -> None:

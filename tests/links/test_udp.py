@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import socket
 import time
 from collections.abc import Iterator
@@ -42,6 +43,19 @@ async def test_one_datagram_is_one_frame(device: socket.socket) -> None:
         await until_async(lambda: len(heard.frames) == len(sent))
     assert heard.frames == sent
     assert opened.status.state is LinkState.GOOD
+
+
+async def test_only_a_link_that_brings_little_is_looked_at_before_the_beat(device: socket.socket) -> None:
+    """Of many messages the first one behind a beat is seldom the altimeter's."""
+    async with running(link()) as (opened, _):
+        assert not opened._is_early()
+        opened.urgent = True
+        assert opened._is_early()
+        while opened._is_early():
+            for _ in range(20):
+                device.sendto(b"x", opened.address)
+            await asyncio.sleep(0.1)
+        await until_async(opened._is_early)
 
 
 async def test_stamp_is_when_the_datagram_arrived_not_when_it_was_read(device: socket.socket) -> None:
