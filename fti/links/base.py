@@ -226,7 +226,7 @@ class BaseLink(ABC):
         if status.state not in RECEIVING:
             status.state, status.hint = GOOD, ""
         self._sink(frames, times_ns)
-        if self._is_early():
+        if self.urgent and self._is_early():
             look_soon(self)
 
     def _is_early(self) -> bool:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass, field
 
 from fti.buffers.ring import Ring
 from fti.buffers.triple import TripleBuffer
@@ -14,8 +15,17 @@ MOST_BYTES = 2**16
 FRAME_BYTES = 8  # what a frame counts besides its payload
 #: So many frames are numbered in order of arrival; more too when they span more than a beat, but a flood link by link.
 MOST_SORTED = 256
-#: Index of a link, what it has brought (times of arrival [ns], frames, bytes of all), and the buffer that it goes into.
-Share = tuple[int, Sequence[int], Sequence[bytes], int, TripleBuffer]
+
+
+@dataclass(slots=True)
+class Share:
+    """What a link has brought since the last hand-over: times of arrival [ns], frames, bytes of all; and its buffer."""
+
+    index: int
+    buffer: TripleBuffer
+    times: list[int] = field(default_factory=list)
+    frames: list[bytes] = field(default_factory=list)
+    payload: int = 0
 
 
 class Intake:
@@ -31,7 +41,7 @@ class Intake:
         self._ring = ring
         self._soon = soon
         self._seq = ring.next_seq
-        self._arrived: list[Share] = []
+        self._arrived: dict[int, Share] = {}
         self._waiting_bytes = 0
 
     @property
@@ -45,7 +55,12 @@ class Intake:
 
         def accept(frames: Sequence[bytes], times_ns: Sequence[int]) -> None:
             payload = sum(map(len, frames))
-            self._arrived.append((index, times_ns, frames, payload, buffer))
+            share = self._arrived.get(index)
+            if share is None:
+                share = self._arrived[index] = Share(index, buffer)
+            share.times += times_ns
+            share.frames += frames
+            share.payload += payload
             before, self._waiting_bytes = self._waiting_bytes, self._waiting_bytes + payload + FRAME_BYTES * len(frames)
             if before < MOST_BYTES <= self._waiting_bytes:
                 self._soon(self.hand_on)
@@ -60,7 +75,7 @@ class Intake:
         """
         if not self._arrived:
             return
-        arrived, self._arrived, self._waiting_bytes = self._arrived, [], 0
+        arrived, self._arrived, self._waiting_bytes = self._arrived.values(), {}, 0
         links, times, frames = _flat(arrived)
         first, self._seq = self._seq, self._seq + len(frames)
         seqs: Sequence[int] = range(first, self._seq)
@@ -70,19 +85,19 @@ class Intake:
             links, times, frames = [links[i] for i in order], [times[i] for i in order], [frames[i] for i in order]
         self._ring.put_many(links, first, times, frames)
         at = 0
-        for _, times_ns, group, payload, buffer in arrived:
-            end = at + len(group)
-            buffer.put_burst((seqs[at:end], times_ns, group, payload))
+        for share in arrived:
+            end = at + len(share.frames)
+            share.buffer.put_burst((seqs[at:end], share.times, share.frames, share.payload))
             at = end
 
 
-def _flat(arrived: Sequence[Share]) -> tuple[list[int], list[int], list[bytes]]:
+def _flat(arrived: Collection[Share]) -> tuple[list[int], list[int], list[bytes]]:
     """Link, time of arrival and bytes of every frame, link by link."""
     links: list[int] = []
     times: list[int] = []
     frames: list[bytes] = []
-    for index, times_ns, group, _, _ in arrived:
-        links += [index] * len(group)
-        times += times_ns
-        frames += group
+    for share in arrived:
+        links += [share.index] * len(share.frames)
+        times += share.times
+        frames += share.frames
     return links, times, frames
