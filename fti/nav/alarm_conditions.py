@@ -169,6 +169,8 @@ class OutputConditions:
     def _take_altimeter(self, output: HeightAboveGround) -> None:
         name, reasons = output.sensor, frozenset(output.reasons)
         self._altimeters[name] = reasons
+        if Reason.STALE in reasons:  # its last height was judged when it came; that it is silent is another alarm
+            return
         faults = [reason for reason in output.reasons if reason in ALTIMETER_FAULTS]
         if not faults or reasons & OUT_OF_RANGE:
             self._fault_since_ns.pop(name, None)

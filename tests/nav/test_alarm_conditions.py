@@ -238,6 +238,18 @@ def test_an_altimeter_that_fails_for_half_a_second_is_refused(watched: Watched) 
     assert watched.lasting == {}
 
 
+def test_the_last_height_of_a_silent_altimeter_is_not_refused(watched: Watched) -> None:
+    """The ground below moves on; that its device is silent is another alarm, and a refusal that stood stands on."""
+    watched.take(altimeter(1, "radar"), height(1))
+    for t_s in (2.0, 3.0, 4.0):
+        watched.take(altimeter(t_s, "radar", Reason.STALE, Reason.DEVIATION), height(t_s, Reason.NO_HEIGHT))
+    assert watched.lasting == {"height": "caution"}
+    for t_s in (5.0, 6.0):
+        watched.take(altimeter(t_s, "radar", Reason.DEVIATION))
+    watched.take(altimeter(7, "radar", Reason.STALE))
+    assert watched.lasting == {"height": "caution", "altimeter:radar": "caution"}
+
+
 def test_an_altimeter_beyond_its_range_is_no_alarm_but_on_an_approach(watched: Watched) -> None:
     watched.take(altimeter(1, "radar"), altimeter(1, "laser"), height(1))
     watched.take(altimeter(2, "radar", Reason.NO_RETURN, Reason.DEVICE_FLAG), altimeter(2, "laser", Reason.ABOVE_RANGE))
