@@ -8,8 +8,8 @@ quick tests ptys and media stood still for a second now and then, which no score
 end-to-end tests that wait most of the time, three at a time, file by file; then those that judge moments or need both
 cores, one after another.  Only the files that have a marker are collected for it.
 
-A few quick tests that fail beside others are run again alone: a machine that stands still for a second is no defect.
-Their names are printed; one that fails beside others often has a race, in the test or in the product.
+A few tests that fail beside others, quick ones and end to end, are run again alone: a machine that stands still for a
+second is no defect.  Their names are printed; one that fails beside others often has a race, in test or product.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ class Part:
         return code
 
 
-def run_quick(part: Part) -> int:
+def run_beside(part: Part) -> int:
     """Run it; a few tests that fail are run again alone, and what they come to is the exit code."""
     with tempfile.TemporaryDirectory() as folder:
         part = replace(part, arguments=(*part.arguments, "-o", f"cache_dir={folder}"))
@@ -119,10 +119,13 @@ def main() -> int:
     others = "e2e and not flight and not replay and not alone"
     together = Part("end to end", (*WAITING, "-m", others, *marked("e2e")))
     moments = Part("one after another", ("-m", "alone", *marked("alone")))
-    codes = [run_quick(quick)]
+    codes = [run_beside(quick)]
     if not interrupts:
         codes += beside(flights, replays)
-    codes += [part.run() for part in (together, moments) if not interrupts]
+    if not interrupts:
+        codes.append(run_beside(together))
+    if not interrupts:
+        codes.append(moments.run())
     return INTERRUPTED if interrupts else next((code for code in codes if code), 0)
 
 
