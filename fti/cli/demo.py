@@ -172,6 +172,7 @@ async def _fly_once(
     """
     import asyncio
 
+    from fti.cli.hil import OVER
     from fti.errors import FtiError
 
     supervisor.expect_sensors()
@@ -189,7 +190,9 @@ async def _fly_once(
         if await emulator.stdout.readline():
             supervisor.sensors_begin()
             begun()
-        await emulator.stdout.read()  # its report, which is in a file, too
+        async for line in emulator.stdout:  # behind it its report, which is in a file, too
+            if line.decode().strip() == OVER:
+                supervisor.expect_sensors()
         code = await emulator.wait()
     except asyncio.CancelledError:
         supervisor.expect_end()

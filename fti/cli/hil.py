@@ -2,7 +2,8 @@
 
 The emulator reads the daemon's configuration (named in the scenario) and plays the other end of each link.  Serial
 and slcan ports appear as symlinks in a folder; give the same folder to the daemon.  It prints "ready" when every
-port exists.  [port.LINK] in the scenario takes a real port instead, for equipment outside.
+port exists, and "over" before it closes them.  [port.LINK] in the scenario takes a real port instead, for equipment
+outside.
 
 Bytes leave a port no faster than the baud or bit rate of its link.  At the end stands what each device was asked for,
 what it sent, and whether its rate was held: p99 of its lateness below half a period, nothing dropped by a slow line.
@@ -28,6 +29,9 @@ from fti.cli.main import EXIT_INTERRUPTED
 
 if TYPE_CHECKING:
     from fti.hil.emulator import Emulator
+
+#: Printed when the flight has ended, before the ports are closed.
+OVER = "over"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -144,7 +148,7 @@ def _fly(args: argparse.Namespace) -> int:
     async def fly(stop: asyncio.Event) -> Report:
         starting = asyncio.create_task(_start(emulator, args.wait), name="fti-hil-start")
         try:
-            return await emulator.run(args.duration, stop)
+            return await emulator.run(args.duration, stop, lambda: print_line(OVER, flush=True))
         finally:
             starting.cancel()
 

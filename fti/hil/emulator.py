@@ -141,8 +141,13 @@ class Emulator:
         for endpoint in self._endpoints.values():
             await endpoint.reader_ready()
 
-    async def run(self, duration_s: float | None = None, stop: asyncio.Event | None = None) -> Report:
-        """Open the endpoints, wait for ``start``, fly; at most duration_s [s] of the flight."""
+    async def run(
+        self, duration_s: float | None = None, stop: asyncio.Event | None = None, over: Callable[[], None] | None = None
+    ) -> Report:
+        """Open the endpoints, wait for ``start``, fly; at most duration_s [s] of the flight.
+
+        over : called when all has been sent, before the endpoints are closed
+        """
         self.prepare()
         assert self._sensors is not None
         ended = stop or asyncio.Event()
@@ -157,6 +162,8 @@ class Emulator:
                     await self._drained()
                 if truth is not None:
                     truth.note_end(self._sent_in_flight())
+                if over is not None:
+                    over()
         return self.report
 
     def _sent_in_flight(self) -> dict[str, Sent]:

@@ -21,6 +21,8 @@ from fti.service.health_conditions import NO_FLIGHT, HealthConditions, find_loss
 LATE_NS, IN_TIME_NS = 500_000_000, 250_000_000
 NEVER = -1
 ALARMS = "/alarms"
+#: Subjects of navigation that have nothing to do with devices.
+GROUND_SUBJECTS = frozenset({"terrain"})
 #: What falls silent so long before another flight begins belongs to the end of the last one [ns].
 FLIGHT_END_NS = 5_000_000_000
 
@@ -39,13 +41,20 @@ class AlarmBoard:
         self._health = HealthConditions(clock.now_ns())
         self._last: Json | None = None
         self._was_in_time = self._is_late = self._is_ending = False
+        self._expected_from_ns: int | None = None
 
     def take(self, report: Json) -> None:
         """What navigation reports."""
-        if self._is_ending:
+        found = Report.from_json(report)
+        if self._is_ending or (found.condition and self._is_expected(found)):
             return
-        self._alarms.report(Report.from_json(report))
+        self._alarms.report(found)
         self._tell_changes()
+
+    def _is_expected(self, report: Report) -> bool:
+        """Does it follow from devices that are switched off?  What is late may be of the time before."""
+        since_ns = self._expected_from_ns
+        return since_ns is not None and report.t_ns >= since_ns and report.subject not in GROUND_SUBJECTS
 
     def take_health(self, health: Json) -> None:
         """What follows from health; the list is published with it."""
@@ -87,11 +96,13 @@ class AlarmBoard:
         self._tell_changes()
 
     def expect_devices(self) -> None:
-        """Links and devices are no alarm until ``devices_begin``."""
+        """Links and devices, and what navigation makes of their silence, are no alarm until ``devices_begin``."""
+        self._expected_from_ns = self._clock.now_ns()
         self._health.expect_devices()
 
     def devices_begin(self) -> None:
         """Somebody has switched all of them on."""
+        self._expected_from_ns = None
         self._health.devices_begin(self._clock.now_ns())
 
     def begin_anew(self, who: str) -> None:

@@ -178,7 +178,7 @@ class Supervisor:
         (self._ending.hurry if self._stop.is_set() else self._stop).set()
 
     def expect_sensors(self) -> None:
-        """The caller starts the sensors: none is missed until ``sensors_begin``."""
+        """The caller starts the sensors, or has ended them: none is missed until ``sensors_begin``."""
         self._alarms.expect_devices()
 
     def sensors_begin(self) -> None:

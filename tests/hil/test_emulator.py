@@ -15,7 +15,7 @@ from mcap.reader import make_reader
 from fti import config as configuration
 from fti.canframe import unpack_can
 from fti.clock import FakeClock, choose_epoch_ns
-from fti.config import CanLink, Config
+from fti.config import CanLink, Config, SerialLink
 from fti.errors import ConfigError
 from fti.geodesy.wgs84 import SEMI_MAJOR
 from fti.hil.bench import Ports
@@ -103,7 +103,11 @@ async def test_the_truth_is_a_finished_file_with_every_quantity(tmp_path: Path) 
     config = demo_config(tmp_path)
     emulator, _ = make(tmp_path, config)
     emulator.start()
-    report = await emulator.run()
+    ports = [Path(link.port) for link in config.link if isinstance(link, SerialLink)]
+    at_the_end = list[bool]()
+    report = await emulator.run(over=lambda: at_the_end.extend(port.exists() for port in ports))
+    assert at_the_end == [True] * len(ports), "it is over before the ports are closed"
+    assert not any(port.exists() for port in ports)
     with (tmp_path / "truth.mcap").open("rb") as file:
         messages = make_reader(file, validate_crcs=True).iter_messages(topics=[TOPIC])
         rows = [(m.log_time, json.loads(m.data)) for _, _, m in messages]

@@ -56,6 +56,26 @@ def test_each_change_is_recorded_and_published(rig: Rig) -> None:
     assert len(rig.published) == 3
 
 
+def test_what_follows_from_devices_that_are_switched_off_is_no_alarm(rig: Rig) -> None:
+    """What navigation was late with is of the time before, and the terrain has nothing to do with devices."""
+    late = Condition("height", Severity.CAUTION, "HEIGHT NOT VALID", "stale")
+    terrain = Condition("terrain", Severity.CAUTION, "NO TERRAIN", "no file")
+    reports = [
+        Report(START_NS - 1, "integrity", ALERT),
+        Report(START_NS + 1, "height", late),
+        Report(START_NS + 1, "terrain", terrain),
+    ]
+    rig.board.expect_devices()
+    for report in reports:
+        rig.board.take(report.as_json())
+    assert {row["id"] for row in rig.published[-1]["alarms"]} == {"integrity_alert", "terrain"}
+    rig.board.take(Report(START_NS + 2, "integrity", None).as_json())
+    rig.board.devices_begin()
+    rig.board.take(Report(START_NS + 3, "height", late).as_json())
+    lasting = {row["id"] for row in rig.published[-1]["alarms"] if row["end_ns"] is None}
+    assert lasting == {"height", "terrain"}
+
+
 def test_a_health_publishes_the_list_also_when_nothing_has_changed(rig: Rig) -> None:
     """A display that has just joined must not wait for a change."""
     for count in (1, 2):
