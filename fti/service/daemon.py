@@ -60,7 +60,7 @@ async def serve(
 
     config = limits.fit(config, announce)
     supervisor = Supervisor(config, choose_epoch_ns(), run_dir, recorder, _never_failing(announce), shows_key=shows_key)
-    beside = asyncio.create_task(_accompany(supervisor, companion), name="companion") if companion else None
+    beside = _begin_beside(supervisor, companion) if companion else None
 
     def stop() -> None:
         if beside and not beside.cancelling() and not beside.done():
@@ -108,10 +108,13 @@ def _stop_on_signals(stop_supervisor: Callable[[], None]) -> asyncio.Event:
     return signalled
 
 
-async def _accompany(supervisor: Supervisor, companion: Companion) -> None:
-    """A companion that fails or ends takes the session with it."""
-    try:
+def _begin_beside(supervisor: Supervisor, companion: Companion) -> asyncio.Task[None]:
+    """A companion that fails or ends takes the session with it, also one that is cancelled before it begins."""
+
+    async def accompany() -> None:
         await supervisor.recording.wait()
         await companion(supervisor)
-    finally:
-        supervisor.stop()
+
+    task = asyncio.create_task(accompany(), name="companion")
+    task.add_done_callback(lambda _: supervisor.stop())
+    return task

@@ -51,24 +51,13 @@ async def test_an_interrupt_that_a_library_has_swallowed_ends_the_daemon() -> No
 
 
 @pytest.mark.parametrize("module", ["fti.cli.run", "fti.config.tables", "fti.service.supervisor"])
-def test_an_interrupt_that_an_import_has_swallowed_ends_the_command(module: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize("command", ["run", "demo"])
+def test_an_interrupt_that_an_import_has_swallowed_ends_the_command(command: str, module: str, tmp_path: Path) -> None:
     config, left = tmp_path / "small.toml", tmp_path / "run"
     config.write_text(CONFIG.format(port=free_udp_port()))
+    arguments = ["run", str(config), "--links", str(tmp_path)] if command == "run" else ["demo", "--headless"]
     made = subprocess.run(
-        [
-            sys.executable,
-            "-c",
-            INTERRUPTED,
-            module,
-            "run",
-            str(config),
-            "--out",
-            str(tmp_path / "out"),
-            "--run-dir",
-            str(left),
-            "--links",
-            str(tmp_path),
-        ],
+        [sys.executable, "-c", INTERRUPTED, module, *arguments, "--out", str(tmp_path / "out"), "--run-dir", str(left)],
         capture_output=True,
         timeout=60,
         check=False,
