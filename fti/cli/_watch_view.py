@@ -17,6 +17,8 @@ from fti.web.words import CONTINUOUS, describe_mode
 
 Fields = Mapping[str, Any]
 
+#: Of the states of a session that are well, or will be.
+SESSION_STYLES = {"recording": "green", "waiting": "yellow"}
 HEIGHT = "/nav/height_above_ground/"
 BELOW = "/nav/height_below_aircraft"
 INTEGRITY = "/nav/clearance_integrity"
@@ -66,7 +68,8 @@ def _banner(health: Fields) -> Text:
         word, explanation = describe_mode(mode)
         text.append(f" {word}: {explanation} ", "bold black on yellow")
     text.append(f"  {session.get('name', UNKNOWN)}  ", "bold")
-    text.append(str(session.get("state", UNKNOWN)), "green" if session.get("state") == "recording" else "bold red")
+    state = str(session.get("state", UNKNOWN))
+    text.append(state, SESSION_STYLES.get(state, "bold red"))
     size_mb = (storage.get("file_bytes") or 0) / 1e6
     text.append(f"  {size_mb:.1f} MB, {_number(storage.get('free_mb'), 0)} MB free")
     return text.append(_delay(health.get("navigation", {})))

@@ -57,6 +57,10 @@ class State(StrEnum):
     ERROR = "error"  # nothing is recorded; the buffers hold what they can
 
 
+#: States in which nothing is written: what the buffers hold ends with the recorder.
+NOT_RECORDING = frozenset({State.OPENING, State.ERROR})
+
+
 @dataclass(frozen=True, slots=True)
 class Attempt:
     """A file that is to be opened.  strict : only where there is min_free_mb, as the present file takes bytes."""
@@ -129,6 +133,7 @@ class StorageMachine:
     def paused(self, now: float, seconds: float) -> None:
         """The process stood still for so long, until now: in this time nobody asked the medium to take anything."""
         self.accepted_at = min(now, self.accepted_at + seconds)
+        self._begun = min(now, self._begun + seconds)
         if self._slow_since is not None:
             self._slow_since = min(now, self._slow_since + seconds)
 

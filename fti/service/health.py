@@ -16,8 +16,6 @@ LATE_NS = 3_000_000_000
 BEHIND_MS = 500.0
 #: Order in which the state of a link's devices becomes the state of the link: the best one counts.
 BEST_FIRST = (LinkState.GOOD, LinkState.WRONG_RATE, LinkState.INVALID, LinkState.NOISE, LinkState.SILENT)
-#: States of the storage in which nothing is recorded, and what they make of the session's.
-NOT_RECORDING: dict[str | None, str] = {State.OPENING: "waiting", State.ERROR: "storage_error"}
 
 
 @dataclass(slots=True)
@@ -39,7 +37,7 @@ class HealthBoard:
         links = self._judge_links(now_ns)
         return {
             "t_ns": now_ns,
-            "session": {**self.session, "state": NOT_RECORDING.get(storage.get("state"), self.session["state"])},
+            "session": {**self.session, "state": _session_state(self.session["state"], storage.get("state"))},
             "processes": {c.name: {"state": c.state, "pid": c.pid, "restarts": c.restarts} for c in children},
             "links": {name: merge_link(name, link, heard) for name, link in links.items()},
             "devices": devices,
@@ -96,6 +94,13 @@ class HealthBoard:
         """That the recorder has said nothing for long; "" when it has."""
         silent_ns = now_ns - self.recorder.get("t_ns", now_ns)
         return f"the recorder has said nothing for {silent_ns / 1e9:.0f} s" if silent_ns > LATE_NS else ""
+
+
+def _session_state(state: str, storage: str | None) -> str:
+    """The session as the storage lets it be: "waiting" for the first file, "storage_error"."""
+    if storage == State.ERROR:
+        return "storage_error"
+    return "waiting" if storage == State.OPENING and state == "recording" else state
 
 
 def merge_link(name: str, link: dict[str, Any], devices: dict[str, dict[str, Any]]) -> dict[str, Any]:

@@ -19,7 +19,7 @@ from fti.service.session_places import SessionPlaces
 NAVIGATION_END_S = 20.0
 DISPLAY_END_S = 3.0
 #: States of the storage in which a place may hold whoever looks at it.
-SICK = ("slow", "gone", "fallback", "error")
+SICK = ("opening", "slow", "gone", "fallback", "error")
 
 
 class SessionEnd:

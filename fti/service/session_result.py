@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from fti.logger.storage import NOT_RECORDING
+
 #: Reasons of dropped frames for which the storage is responsible; see ``fti.service.accounts``.
 STORAGE_REASONS = ("buffer_overflow", "snapshot_overflow")
-#: State of the storage in which nothing is written, so that what the buffers hold ends with the recorder.
-REFUSES = "error"
 Account = Mapping[str, Any]
 
 
@@ -47,12 +47,12 @@ class SessionResult:
     def add_dead_recorder(self, health: Mapping[str, Any]) -> None:
         """Count the losses of a recorder that died.  health : its last one; counted once.
 
-        Frames that it held are counted only when its storage refused: otherwise they may be in the file.
+        Frames that it held are counted only when no storage took them: otherwise they may be in the file.
         """
         if health is self._counted:
             return
         self._counted = health
-        refused = health.get("storage", {}).get("state") == REFUSES
+        refused = health.get("storage", {}).get("state") in NOT_RECORDING
         self._add_links((link["ledger"] for link in health.get("links", {}).values()), held_is_lost=refused)
 
     def take(self, report: Mapping[str, Any]) -> None:

@@ -130,6 +130,14 @@ def test_a_recorder_that_stood_still_does_not_blame_the_medium(rig: Rig, slow_be
     assert rig.state() is State.OK
 
 
+def test_a_process_that_stood_still_at_the_start_has_not_waited_for_its_first_file() -> None:
+    rig = Rig()
+    assert rig.wanted() == (MAIN, False)
+    rig.now += 60.0
+    rig.machine.paused(rig.now, 60.0)
+    assert rig.state() is State.OPENING
+
+
 def test_a_stuck_medium_without_another_is_waited_for() -> None:
     rig = Rig(places=1)
     rig.record()

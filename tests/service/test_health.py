@@ -32,10 +32,17 @@ def test_the_hint_names_the_device() -> None:
 
 
 @pytest.mark.parametrize(
-    ("storage", "expected"), [("opening", "waiting"), ("error", "storage_error"), ("fallback", "recording")]
+    ("session", "storage", "expected"),
+    [
+        ("recording", "opening", "waiting"),
+        ("stopping", "opening", "stopping"),
+        ("recording", "error", "storage_error"),
+        ("stopping", "error", "storage_error"),
+        ("recording", "fallback", "recording"),
+    ],
 )
-def test_the_session_is_recorded_where_the_storage_takes_bytes(storage: str, expected: str) -> None:
-    board = HealthBoard({"state": "recording"}, {"t_ns": 0, "storage": {"state": storage, "hint": ""}})
+def test_the_session_is_recorded_where_the_storage_takes_bytes(session: str, storage: str, expected: str) -> None:
+    board = HealthBoard({"state": session}, {"t_ns": 0, "storage": {"state": storage, "hint": ""}})
     assert board.compose(0, [])["session"]["state"] == expected
 
 

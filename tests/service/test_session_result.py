@@ -76,8 +76,10 @@ def test_what_is_missing_is_counted(last: dict[str, Any], sentence: str) -> None
 def test_a_recorder_that_died_while_the_medium_refused_has_lost_what_it_held() -> None:
     links = {"a": {"ledger": account(20, held=5, buffer_overflow=2)}}
     refusing = {"links": links, "storage": {"state": "error"}}
+    opening = {"links": links, "storage": {"state": "opening"}}
     well = {"links": links, "storage": {"state": "ok"}}
     assert "7 of 30 frames" in loss_of(report(account(10)), refusing)
+    assert "7 of 30 frames" in loss_of(report(account(10)), opening)
     assert "2 of 30 frames" in loss_of(report(account(10)), well)
     assert "7 of 30 frames" in loss_of(report(account(10)), refusing, refusing)  # the next one died before it reported
     assert loss_of(report(), {}) == ""
