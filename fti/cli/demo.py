@@ -191,7 +191,7 @@ async def _fly_once(
             supervisor.sensors_begin()
             begun()
         async for line in emulator.stdout:  # behind it its report, which is in a file, too
-            if line.decode().strip() == OVER:
+            if line.strip() == OVER.encode():
                 supervisor.expect_sensors()
         code = await emulator.wait()
     except asyncio.CancelledError:

@@ -135,6 +135,7 @@ def _prepared(args: argparse.Namespace) -> Emulator:
 
 def _fly(args: argparse.Namespace) -> int:
     import asyncio
+    import contextlib
     from pathlib import Path
 
     from fti.cli._playing import check_report, ports_in, print_report, until_stopped, write_report
@@ -145,10 +146,14 @@ def _fly(args: argparse.Namespace) -> int:
     check_report(args.report)
     emulator = _prepared(args)
 
+    def say_over() -> None:
+        with contextlib.suppress(OSError):  # the reader has had enough; the report is written all the same
+            print_line(OVER, flush=True)
+
     async def fly(stop: asyncio.Event) -> Report:
         starting = asyncio.create_task(_start(emulator, args.wait), name="fti-hil-start")
         try:
-            return await emulator.run(args.duration, stop, lambda: print_line(OVER, flush=True))
+            return await emulator.run(args.duration, stop, say_over)
         finally:
             starting.cancel()
 

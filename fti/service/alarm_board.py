@@ -7,6 +7,7 @@ The supervisor keeps them, so they outlast a restart of navigation and of every 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 from fti.alarms.alarm_list import AlarmList
@@ -41,20 +42,22 @@ class AlarmBoard:
         self._health = HealthConditions(clock.now_ns())
         self._last: Json | None = None
         self._was_in_time = self._is_late = self._is_ending = False
-        self._expected_from_ns: int | None = None
+        self._expected: tuple[int, int | None] | None = None  # devices are switched off from, until [ns]
 
     def take(self, report: Json) -> None:
         """What navigation reports."""
-        found = Report.from_json(report)
-        if self._is_ending or (found.condition and self._is_expected(found)):
+        if self._is_ending:
             return
-        self._alarms.report(found)
+        found = Report.from_json(report)
+        self._alarms.report(replace(found, condition=None) if self._is_expected(found) else found)
         self._tell_changes()
 
     def _is_expected(self, report: Report) -> bool:
-        """Does it follow from devices that are switched off?  What is late may be of the time before."""
-        since_ns = self._expected_from_ns
-        return since_ns is not None and report.t_ns >= since_ns and report.subject not in GROUND_SUBJECTS
+        """Does it follow from devices that are switched off?  What comes late is of its own time."""
+        if self._expected is None or report.subject in GROUND_SUBJECTS:
+            return False
+        from_ns, until_ns = self._expected
+        return report.t_ns >= from_ns and (until_ns is None or report.t_ns < until_ns)
 
     def take_health(self, health: Json) -> None:
         """What follows from health; the list is published with it."""
@@ -96,14 +99,20 @@ class AlarmBoard:
         self._tell_changes()
 
     def expect_devices(self) -> None:
-        """Links and devices, and what navigation makes of their silence, are no alarm until ``devices_begin``."""
-        self._expected_from_ns = self._clock.now_ns()
+        """Links and devices, and what navigation makes of their silence, are no alarm until ``devices_begin``.
+
+        Navigation must begin anew meanwhile: it reports changes, and what it has reported is not asked for again.
+        """
+        if self._expected is None or self._expected[1] is not None:
+            self._expected = self._clock.now_ns(), None
         self._health.expect_devices()
 
     def devices_begin(self) -> None:
         """Somebody has switched all of them on."""
-        self._expected_from_ns = None
-        self._health.devices_begin(self._clock.now_ns())
+        now = self._clock.now_ns()
+        if self._expected is not None:
+            self._expected = self._expected[0], now
+        self._health.devices_begin(now)
 
     def begin_anew(self, who: str) -> None:
         """Another flight begins, as ``who`` says, and has seen what the end of the last one was."""

@@ -13,6 +13,7 @@ import pytest
 
 from fti.cli import demo
 from fti.service.supervisor import Supervisor
+from tests.helpers import until_async
 
 
 class Stuck:
@@ -54,11 +55,13 @@ async def test_an_emulator_that_stands_still_does_not_outlive_the_demonstration(
     assert told == ["expect_sensors"]
     emulator.stdout.feed_data(b"ready\n")
     await begun.wait()
+    emulator.stdout.feed_data(b"gnss 3 messages\nover\n")
+    await until_async(lambda: len(told) == 3)
     flying.cancel()
     with pytest.raises(asyncio.CancelledError):
         await flying
     assert emulator.ended.is_set()
-    assert told == ["expect_sensors", "sensors_begin", "expect_end"]
+    assert told == ["expect_sensors", "sensors_begin", "expect_sensors", "expect_end"]
 
 
 async def test_the_time_runs_from_the_first_flight_on() -> None:

@@ -15,6 +15,7 @@ from pathlib import Path
 import pytest
 
 from fti.cli._playing import ports_in, until_stopped
+from fti.cli.hil import OVER
 from fti.cli.main import main
 from fti.errors import MissingError
 from fti.hil.rates import Rate
@@ -61,7 +62,7 @@ def test_a_flight_says_ready_flies_and_reports(tmp_path: Path) -> None:
     )
     lines = done.stdout.splitlines()
     assert done.returncode == 0, done.stderr
-    assert lines[0] == "ready"
+    assert lines[:2] == ["ready", OVER]
     assert any(line.startswith("ins_eth") and " bytes" in line for line in lines)
     assert lines[-1].startswith("lateness of ")
     assert "sensor ins" in done.stderr

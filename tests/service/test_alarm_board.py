@@ -69,11 +69,23 @@ def test_what_follows_from_devices_that_are_switched_off_is_no_alarm(rig: Rig) -
     for report in reports:
         rig.board.take(report.as_json())
     assert {row["id"] for row in rig.published[-1]["alarms"]} == {"integrity_alert", "terrain"}
-    rig.board.take(Report(START_NS + 2, "integrity", None).as_json())
+    unmonitored = Condition("integrity_unavailable", Severity.CAUTION, "GROUND CLEARANCE NOT MONITORED", "stale")
+    rig.board.take(Report(START_NS + 2, "integrity", unmonitored).as_json())
+    rig.clock.advance(1.0)
+    rig.board.expect_devices()  # again: it began before
+    rig.clock.advance(1.0)
     rig.board.devices_begin()
-    rig.board.take(Report(START_NS + 3, "height", late).as_json())
-    lasting = {row["id"] for row in rig.published[-1]["alarms"] if row["end_ns"] is None}
-    assert lasting == {"height", "terrain"}
+    begin_ns = rig.clock.now_ns()
+    for t_ns in (START_NS + 3, begin_ns - 1):
+        rig.board.take(Report(t_ns, "height", late).as_json())
+        assert lasting(rig) == {"terrain"}
+    rig.board.take(Report(begin_ns, "height", late).as_json())
+    assert lasting(rig) == {"height", "terrain"}
+
+
+def lasting(rig: Rig) -> set[str]:
+    """The alarms that last, as published."""
+    return {row["id"] for row in rig.published[-1]["alarms"] if row["end_ns"] is None}
 
 
 def test_a_health_publishes_the_list_also_when_nothing_has_changed(rig: Rig) -> None:
