@@ -244,7 +244,12 @@ def test_the_last_height_of_a_silent_altimeter_is_not_refused(watched: Watched) 
     for t_s in (2.0, 3.0, 4.0):
         watched.take(altimeter(t_s, "radar", Reason.STALE, Reason.DEVIATION), height(t_s, Reason.NO_HEIGHT))
     assert watched.lasting == {"height": "caution"}
-    for t_s in (5.0, 6.0):
+    watched.take(altimeter(4.3, "radar", Reason.DEVIATION))
+    for t_s in (4.5, 4.9, 5.3):
+        watched.take(altimeter(t_s, "radar", Reason.STALE))
+    watched.take(altimeter(5.4, "radar", Reason.DEVIATION))
+    assert watched.lasting == {"height": "caution"}, "two samples with silence between them"
+    for t_s in (5.6, 6.0):
         watched.take(altimeter(t_s, "radar", Reason.DEVIATION))
     watched.take(altimeter(7, "radar", Reason.STALE))
     assert watched.lasting == {"height": "caution", "altimeter:radar": "caution"}
