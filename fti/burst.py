@@ -1,7 +1,7 @@
-"""Frames of one link that arrived together: what goes from reader to writer as one thing.
+"""Frames of one link that go from reader to writer as one thing: what arrived between two hand-overs.
 
-A busy link brings dozens of frames with one call of the kernel.  Handing them on one by one would cost more than
-receiving them.
+A busy link brings dozens of frames with one call of the kernel, a serial line one message with several.  Handing them
+on one by one would cost more than receiving them.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 from fti.buffers.ring import Ring
@@ -15,11 +15,16 @@ MOST_BYTES = 2**16
 FRAME_BYTES = 8  # what a frame counts besides its payload
 #: So many frames are numbered in order of arrival; more too when they span more than a beat, but a flood link by link.
 MOST_SORTED = 256
+#: What a link brings with several calls of the kernel is one burst up to so many frames, as many as one call brings.
+MAX_MERGED = 64
 
 
 @dataclass(slots=True)
 class Share:
-    """What a link has brought since the last hand-over: times of arrival [ns], frames, bytes of all; and its buffer."""
+    """Frames that a link has brought since the last hand-over.
+
+    index, buffer : of the link; times : of arrival [ns]; payload : bytes of all frames
+    """
 
     index: int
     buffer: TripleBuffer
@@ -41,7 +46,8 @@ class Intake:
         self._ring = ring
         self._soon = soon
         self._seq = ring.next_seq
-        self._arrived: dict[int, Share] = {}
+        self._arrived: list[Share] = []
+        self._latest: dict[int, Share] = {}
         self._waiting_bytes = 0
 
     @property
@@ -55,9 +61,10 @@ class Intake:
 
         def accept(frames: Sequence[bytes], times_ns: Sequence[int]) -> None:
             payload = sum(map(len, frames))
-            share = self._arrived.get(index)
-            if share is None:
-                share = self._arrived[index] = Share(index, buffer)
+            share = self._latest.get(index)
+            if share is None or len(share.frames) + len(frames) > MAX_MERGED:
+                share = self._latest[index] = Share(index, buffer)
+                self._arrived.append(share)
             share.times += times_ns
             share.frames += frames
             share.payload += payload
@@ -75,7 +82,7 @@ class Intake:
         """
         if not self._arrived:
             return
-        arrived, self._arrived, self._waiting_bytes = self._arrived.values(), {}, 0
+        arrived, self._arrived, self._latest, self._waiting_bytes = self._arrived, [], {}, 0
         links, times, frames = _flat(arrived)
         first, self._seq = self._seq, self._seq + len(frames)
         seqs: Sequence[int] = range(first, self._seq)
@@ -91,7 +98,7 @@ class Intake:
             at = end
 
 
-def _flat(arrived: Collection[Share]) -> tuple[list[int], list[int], list[bytes]]:
+def _flat(arrived: Sequence[Share]) -> tuple[list[int], list[int], list[bytes]]:
     """Link, time of arrival and bytes of every frame, link by link."""
     links: list[int] = []
     times: list[int] = []

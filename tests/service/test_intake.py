@@ -13,7 +13,7 @@ from fti.buffers.ring import PAGE, Ring
 from fti.buffers.ring_reader import Record, RingReader
 from fti.buffers.triple import TripleBuffer
 from fti.burst import entries
-from fti.service.intake import FRAME_BYTES, MOST_BYTES, MOST_SORTED, Intake
+from fti.service.intake import FRAME_BYTES, MAX_MERGED, MOST_BYTES, MOST_SORTED, Intake
 
 
 @pytest.fixture
@@ -40,6 +40,19 @@ def test_what_arrives_before_a_beat_is_numbered_as_it_arrived_and_goes_on_with_i
     assert RingReader(ring).read() == [Record(*frame) for frame in frames]
     assert list(entries(one.take())) == [(0, 10, b"a"), (2, 20, b"cc"), (3, 30, b"d")]
     assert list(entries(two.take())) == [(1, 15, b"b")]
+
+
+def test_what_a_link_brings_piece_by_piece_is_one_burst_up_to_a_limit(ring: Ring) -> None:
+    intake, buffer = Intake(ring, at_once), TripleBuffer()
+    sink = intake.sink(0, buffer)
+    for n in range(MAX_MERGED + 1):
+        sink([b"x"], [n])
+    sink([b"y"] * (2 * MAX_MERGED), [MAX_MERGED + 1] * (2 * MAX_MERGED))  # divided by nobody
+    intake.hand_on()
+    assert [len(frames) for _, _, frames, _ in buffer.take()] == [MAX_MERGED, 1, 2 * MAX_MERGED]
+    sink([b"z"], [1000])
+    intake.hand_on()
+    assert [frames for _, _, frames, _ in buffer.take()][-1] == [b"z"]
 
 
 arrivals = st.lists(st.tuples(st.integers(0, 2), st.lists(st.integers(0, 50), min_size=1, max_size=8)), max_size=12)
