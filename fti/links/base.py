@@ -12,15 +12,15 @@ import contextlib
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, ClassVar
 
 from fti.clock import SECOND_NS, Clock, next_beat
 from fti.errors import LinkError, SentInPart
 from fti.links._poll import look_soon
 from fti.types import LinkState
 
-#: Gets what arrived together, each one read, one datagram or one CAN frame, and their FTI times of arrival [ns].  At
-#: least one; nobody changes them any more.  It must not raise.
+#: Gets what arrived together, each one read, one datagram or one CAN frame, and their FTI times of arrival [ns], which
+#: never go back, from call to call either.  At least one; nobody changes them any more.  It must not raise.
 Sink = Callable[[Sequence[bytes], Sequence[int]], None]
 
 NOT_OPENED = "not opened yet"
@@ -29,7 +29,7 @@ FIRST_RETRY_S, LAST_RETRY_S = 0.1, 2.0
 #: How often an open link is looked at; all of them are with the same beat.
 WATCH_S = 0.5
 #: Of a link that brings more messages than these, the first one after a beat is seldom the altimeter's [Hz].
-MOST_EARLY_HZ = 100.0
+MAX_EARLY_HZ = 120.0
 #: A link on which nothing came for so long is silent.
 SILENT_NS = 2 * SECOND_NS
 #: For so long after the kernel dropped frames, the link is not good.
@@ -90,7 +90,10 @@ class BaseLink(ABC):
     on_connect: sent after every connect, when the link may send
     on_sent   : gets what was sent, and when; None until somebody wants to know
     urgent    : what it receives does not wait for the beat, unless it brings too much; set before ``run``
+    receives_pieces : a reception is a piece of a message, so the number of receptions is not that of messages
     """
+
+    receives_pieces: ClassVar[bool] = False
 
     def __init__(self, name: str, transmit: bool, clock: Clock, sink: Sink, on_connect: Sequence[bytes]) -> None:
         self.name = name
@@ -100,8 +103,8 @@ class BaseLink(ABC):
         self._sink = sink
         self.on_sent: Sink | None = None
         self.urgent = False
-        self._frames_judged = 0
         self._rate_hz = 0.0
+        self._measured = 0, 0  # frames until then, FTI time [ns]
         self._on_connect = tuple(on_connect)
         self._send_lock = asyncio.Lock()
         self._gone: list[str] = []  # what has gone out of that which is being written, should it be given up
@@ -188,8 +191,7 @@ class BaseLink(ABC):
     def _judge(self) -> None:
         """Every ``WATCH_S`` while open.  Raises LinkError when the port is no longer the right one."""
         status, now = self.status, self._clock.now_ns()
-        self._rate_hz = (status.frames - self._frames_judged) / WATCH_S
-        self._frames_judged = status.frames
+        self._measure_rate(now)
         if status.last_rx_ns is None or now - status.last_rx_ns >= SILENT_NS:
             status.state, status.hint = LinkState.SILENT, self._silent_hint()
         elif status.dropped_ns is not None and now - status.dropped_ns < OVERFLOW_NS:
@@ -197,6 +199,13 @@ class BaseLink(ABC):
             status.state, status.hint = LinkState.OVERFLOW, f"{lost}: its queue was full before the recorder read it"
         else:
             status.state, status.hint = GOOD, ""
+
+    def _measure_rate(self, now_ns: int) -> None:
+        """Since the last time."""
+        frames, before_ns = self._measured
+        if now_ns > before_ns:
+            self._rate_hz = (self.status.frames - frames) * SECOND_NS / (now_ns - before_ns)
+            self._measured = self.status.frames, now_ns
 
     def _fail(self, error: LinkError) -> None:
         """The port is lost; ``run`` closes it and tries again."""
@@ -231,7 +240,7 @@ class BaseLink(ABC):
 
     def _is_early(self) -> bool:
         """May what it receives be handed on before the beat?"""
-        return self.urgent and self._rate_hz <= MOST_EARLY_HZ
+        return self.urgent and (self.receives_pieces or self._rate_hz <= MAX_EARLY_HZ)
 
     async def drain(self) -> None:
         """Read what the kernel still holds, before the link is cancelled; nothing is sent from now on."""

@@ -107,6 +107,8 @@ def _explained(config: SerialConfig, error: Exception) -> LinkError:
 class SerialPortLink(BaseLink):
     """The life of anything on a serial line; ``_deliver`` says what becomes of a read."""
 
+    receives_pieces = True
+
     def __init__(self, config: SerialConfig, clock: Clock, sink: Sink, on_connect: Sequence[bytes] = ()) -> None:
         super().__init__(config.name, config.transmit, clock, sink, on_connect)
         self._config = config
@@ -148,10 +150,6 @@ class SerialPortLink(BaseLink):
 
     def _deliver(self, data: bytes, t_rx_ns: int) -> None:
         self._receive((data,), (t_rx_ns,))
-
-    def _is_early(self) -> bool:
-        """A line brings its messages in pieces, so their number does not tell how much it brings."""
-        return self.urgent
 
     async def _write(self, data: bytes) -> None:
         sent = 0

@@ -201,6 +201,8 @@ class Lawicel:
 class SlcanLink(SerialPortLink):
     """A CAN bus behind a Lawicel adapter; ``settings``: tty_baudrate (115200), listen_only (false)."""
 
+    receives_pieces = False
+
     def __init__(self, config: CanLink, clock: Clock, sink: Sink, on_connect: Sequence[bytes] = ()) -> None:
         settings = dict(config.settings)
         baud, listen_only = settings.pop("tty_baudrate", DEFAULT_BAUD), settings.pop("listen_only", False)
