@@ -8,8 +8,8 @@ quick tests ptys and media stood still for a second now and then, which no score
 end-to-end tests that wait most of the time, three at a time, file by file; then those that judge moments or need both
 cores, one after another.  Only the files that have a marker are collected for it.
 
-A few tests that fail beside others, quick ones and end to end, are run again alone: a machine that stands still for a
-second is no defect.  Their names are printed; one that fails beside others often has a race, in test or product.
+A few tests that fail beside others are run again alone: a machine that stands still for a moment is no defect.  Their
+names are printed; one that fails beside others often has a race, in the test or in the product.
 """
 
 from __future__ import annotations
@@ -94,12 +94,15 @@ def marked(marker: str) -> list[str]:
 
 
 def beside(told: Part, *others: Part) -> list[int]:
-    """Several parts at a time; what the others say is printed in the end.  Returns exit codes."""
+    """Several parts at a time, the first as ``run_beside``; what the others say is printed in the end.
+
+    Returns exit codes.
+    """
     with contextlib.ExitStack() as stack:
         said = [stack.enter_context(tempfile.NamedTemporaryFile(suffix=".txt")) for _ in others]
         pool = stack.enter_context(ThreadPoolExecutor(len(others)))
         going_on = [pool.submit(other.run, file.file) for other, file in zip(others, said, strict=True)]
-        codes = [told.run(), *(other.result() for other in going_on)]
+        codes = [run_beside(told), *(other.result() for other in going_on)]
         for file in said:
             print(Path(file.name).read_text(), flush=True)
     return codes
