@@ -1,0 +1,119 @@
+"""Sessions that earlier versions have recorded: they are read, verified, and give the same outputs again.
+
+Bits may depend on the processor model, so numbers are compared in physical units: 1 mm of position, a millionth of any
+other quantity.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections import defaultdict
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from fti.cli.main import main
+from fti.logger.reading.recording import Recording
+from fti.post.reprocess import recorded_setup, reprocess
+
+FOLDER = Path(__file__).parent
+SESSIONS = sorted(path for path in FOLDER.glob("*/*/*_0") if path.is_dir())
+#: Kinds that are recorded with every version that changes what a file holds.
+KINDS = {"demonstration", "research_aircraft", "uav", "arinc429", "fallbacks"}
+ANGLE_RAD, RELATIVE = 1.5e-10, 1e-6
+#: Angles of a position on the ellipsoid: 1.5e-10 rad are 1 mm.
+ANGLES = frozenset({"lat", "lon"})
+#: Messages of the flight itself, which reprocessing does not repeat.
+NOT_REPEATED = ("/fti/gap",)
+Messages = dict[tuple[str, int], list[Any]]
+
+
+def version_and_kind(session: Path) -> str:
+    """As they are recorded: VERSION/KIND/SESSION."""
+    return "/".join(session.relative_to(FOLDER).parts[:2])
+
+
+def test_there_is_one_of_each_kind_of_each_version() -> None:
+    versions = {session.parent.parent.name for session in SESSIONS}
+    assert "0.1.0" in versions
+    assert {version_and_kind(session) for session in SESSIONS} == {f"{v}/{kind}" for v in versions for kind in KINDS}
+
+
+@pytest.mark.parametrize("session", SESSIONS, ids=version_and_kind)
+def test_it_is_read_and_verified(session: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert Recording.open(session).metadata["fti"]["software"] == session.parent.parent.name
+    assert main(["info", str(session)]) == 0
+    assert session.name in capsys.readouterr().out
+    assert main(["verify", str(session)]) == 0
+    assert capsys.readouterr().out.splitlines()[-1].startswith("all holds: 2 files, ")
+
+
+@pytest.mark.parametrize("session", SESSIONS, ids=version_and_kind)
+def test_it_gives_the_same_measurements_and_outputs_again(session: Path, tmp_path: Path) -> None:
+    recording = Recording.open(session)
+    again = reprocess(recording, recorded_setup(recording, session), tmp_path, as_flown=True, progress=lambda seq: None)
+    new, old = messages(Recording.open(again)), messages(recording)
+    assert sum(len(rows) for (topic, _), rows in old.items() if topic == "/nav/nav_solution") > 250
+    missing = [
+        difference(rows, new.get(key, []), key)
+        for key, rows in old.items()
+        if not all(any(is_same(row, other) for other in new.get(key, [])) for row in rows)
+    ]
+    assert not missing, missing[:3]
+    outputs = {key: len(rows) for key, rows in old.items() if key[0].startswith("/nav/")}
+    assert outputs == {key: len(rows) for key, rows in new.items() if key[0].startswith("/nav/")}
+
+
+def messages(recording: Recording) -> Messages:
+    """What the derived files hold, by topic and time [ns]."""
+    found: Messages = defaultdict(list)
+    for topic, t_ns, _, _, data in recording.messages():
+        if not topic.startswith(NOT_REPEATED):
+            found[topic, t_ns].append(json.loads(data))
+    return found
+
+
+def difference(rows: list[Any], others: list[Any], key: tuple[str, int]) -> str:
+    """Where the first message that is not there again differs from the one of the same time."""
+    row = next(row for row in rows if not any(is_same(row, other) for other in others))
+    found = "; ".join(unequal(row, others[0])) if others else "no message"
+    return f"{key[0]} at {key[1]}: {found}"
+
+
+def unequal(one: Any, other: Any, where: str = "") -> Iterator[str]:
+    """Keys whose values differ."""
+    if isinstance(one, dict) and isinstance(other, dict) and one.keys() == other.keys():
+        for key, value in one.items():
+            yield from unequal(value, other[key], f"{where}.{key}" if where else key)
+    elif isinstance(one, list) and isinstance(other, list) and len(one) == len(other):
+        for n, (mine, yours) in enumerate(zip(one, other, strict=True)):
+            yield from unequal(mine, yours, f"{where}[{n}]")
+    elif isinstance(one, float) and isinstance(other, float):
+        last = where.rpartition(".")[2]
+        tolerance = ANGLE_RAD if last in ANGLES else RELATIVE * max(1.0, abs(one))
+        if not math.isclose(one, other, rel_tol=0.0, abs_tol=tolerance):
+            yield f"{where}: {one!r}, now {other!r}"
+    elif one != other or isinstance(one, bool) is not isinstance(other, bool):
+        yield f"{where}: {one!r}, now {other!r}"
+
+
+def is_same(one: Any, other: Any) -> bool:
+    """No key differs."""
+    return next(unequal(one, other), None) is None
+
+
+def test_a_difference_is_seen() -> None:
+    row = {"lat": 0.6, "valid": True, "reasons": ["stale"], "sd": None, "height": 100.0}
+    assert is_same(row, {**row, "lat": 0.6 + 1e-10, "height": 100.00001})
+    changes: list[dict[str, Any]] = [
+        {"lat": 0.6 + 2e-10},
+        {"valid": 1},
+        {"reasons": []},
+        {"sd": 0.0},
+        {"height": 100.001},
+    ]
+    for change in changes:
+        assert not is_same(row, {**row, **change})
