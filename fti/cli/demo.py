@@ -18,9 +18,7 @@ import sys
 from typing import TYPE_CHECKING
 
 from fti.cli._arguments import seconds
-from fti.cli._printing import print_line
-from fti.cli.main import EXIT_INTERRUPTED
-from fti.interrupts import remembered_interrupts
+from fti.cli._daemon import early_recorder, serve
 
 if TYPE_CHECKING:
     import asyncio
@@ -49,20 +47,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run emulator and daemon to their end."""
-    with remembered_interrupts():  # the imports build tables, and an interrupt within them can be lost
-        return _serve(args)
-
-
-def _serve(args: argparse.Namespace) -> int:
-    import asyncio
     import tempfile
     from pathlib import Path
 
-    from fti.hil import scenario as scenarios
-    from fti.service.daemon import early_recorder, serve
-
-    scenario = scenarios.find(args.scenario)
     with early_recorder() as recorder, tempfile.TemporaryDirectory(prefix="fti-demo-") as links:
+        from fti.hil import scenario as scenarios
+
+        scenario = scenarios.find(args.scenario)
         file, text = _on_free_ports(Path(scenarios.load(scenario).config), Path(links))
         config = _configure(file, text, links, args.out)
 
@@ -74,17 +65,7 @@ def _serve(args: argparse.Namespace) -> int:
                 await _fly_once(scenario, file, links, supervisor, begun)
                 await supervisor.readmit_all("the demonstration, behind a flight")  # the next one begins far away
 
-        signalled = asyncio.run(
-            serve(
-                config,
-                recorder=recorder,
-                announce=lambda line: print_line(line, flush=True),
-                run_dir=args.run_dir,
-                companion=fly,
-                shows_key=sys.stdout.isatty(),
-            )
-        )
-    return EXIT_INTERRUPTED if signalled else 0
+        return serve(config, recorder, run_dir=args.run_dir, companion=fly)
 
 
 def _on_free_ports(file: Path, folder: Path) -> tuple[Path, str]:

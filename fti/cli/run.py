@@ -16,17 +16,10 @@ no storage target took them: a sentence says how many, and "fti verify" which.
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from fti.cli._arguments import seconds
-from fti.cli._printing import print_line
-from fti.cli.main import EXIT_INTERRUPTED
-from fti.interrupts import remembered_interrupts
-
-if TYPE_CHECKING:
-    from fti.service.children import Child
+from fti.cli._daemon import early_recorder, serve
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -41,34 +34,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run the daemon to its end."""
-    with remembered_interrupts():  # the imports build tables, and an interrupt within them can be lost
-        from fti.service.daemon import early_recorder
+    with early_recorder() as recorder:
+        from fti import config as configuration
+        from fti.service.private_folder import check_trusted
 
-        with early_recorder() as recorder:
-            return _serve(args, recorder)
-
-
-def _serve(args: argparse.Namespace, recorder: Child) -> int:
-    import asyncio
-
-    from fti import config as configuration
-    from fti.service.daemon import serve
-    from fti.service.private_folder import check_trusted
-
-    config = configuration.load(args.config)
-    changes = {"directory": args.out, "origin": args.origin}
-    config = configuration.with_session(config, **{k: v for k, v in changes.items() if v is not None})
-    if args.links:
-        check_trusted(Path(args.links))
-        config = configuration.with_links(config, args.links)
-    signalled = asyncio.run(
-        serve(
-            config,
-            recorder=recorder,
-            announce=lambda line: print_line(line, flush=True),
-            run_dir=args.run_dir,
-            duration_s=args.duration,
-            shows_key=sys.stdout.isatty(),
-        )
-    )
-    return EXIT_INTERRUPTED if signalled else 0
+        config = configuration.load(args.config)
+        changes = {"directory": args.out, "origin": args.origin}
+        config = configuration.with_session(config, **{k: v for k, v in changes.items() if v is not None})
+        if args.links:
+            check_trusted(Path(args.links))
+            config = configuration.with_links(config, args.links)
+        return serve(config, recorder, run_dir=args.run_dir, duration_s=args.duration)
