@@ -22,6 +22,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -122,13 +123,13 @@ def main() -> int:
     others = "e2e and not flight and not replay and not alone"
     together = Part("end to end", (*WAITING, "-m", others, *marked("e2e")))
     moments = Part("one after another", ("-m", "alone", *marked("alone")))
-    codes = [run_beside(quick)]
-    if not interrupts:
-        codes += beside(flights, replays)
-    if not interrupts:
-        codes.append(run_beside(together))
-    if not interrupts:
-        codes.append(moments.run())
+    steps: list[Callable[[], list[int]]] = [
+        lambda: [run_beside(quick)],
+        lambda: beside(flights, replays),
+        lambda: [run_beside(together)],
+        lambda: [moments.run()],
+    ]
+    codes = [code for step in steps if not interrupts for code in step()]
     return INTERRUPTED if interrupts else next((code for code in codes if code), 0)
 
 

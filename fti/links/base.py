@@ -19,8 +19,8 @@ from fti.errors import LinkError, SentInPart
 from fti.links._poll import look_soon
 from fti.types import LinkState
 
-#: Gets what arrived together, each one read, one datagram or one CAN frame, and their FTI times of arrival [ns], which
-#: never go back, from call to call either.  At least one; nobody changes them any more.  It must not raise.
+#: Gets frames that arrived together (each a read, a datagram or a CAN frame) and their FTI times of arrival [ns], at
+#: least one.  The times ascend, also from call to call.  Nobody changes either afterwards.  It must not raise.
 Sink = Callable[[Sequence[bytes], Sequence[int]], None]
 
 NOT_OPENED = "not opened yet"
@@ -201,7 +201,7 @@ class BaseLink(ABC):
             status.state, status.hint = GOOD, ""
 
     def _measure_rate(self, now_ns: int) -> None:
-        """Since the last time."""
+        """Rate of reception since the last measurement."""
         frames, before_ns = self._measured
         if now_ns > before_ns:
             self._rate_hz = (self.status.frames - frames) * SECOND_NS / (now_ns - before_ns)
@@ -235,7 +235,7 @@ class BaseLink(ABC):
         if status.state not in RECEIVING:
             status.state, status.hint = GOOD, ""
         self._sink(frames, times_ns)
-        if self.urgent and self._is_early():
+        if self._is_early():
             look_soon(self)
 
     def _is_early(self) -> bool:

@@ -171,7 +171,7 @@ class OutputConditions:
         self._altimeters[name] = reasons
         if Reason.STALE in reasons:  # its last height was judged when it came; that it is silent is another alarm
             if output.t_ns - self._fault_since_ns.get(name, output.t_ns) >= ALTIMETER_FAULT_NS:
-                del self._fault_since_ns[name]  # what it says when it is heard again is judged anew
+                del self._fault_since_ns[name]  # after a silence its heights are judged anew
             return
         faults = [reason for reason in output.reasons if reason in ALTIMETER_FAULTS]
         if not faults or reasons & OUT_OF_RANGE:

@@ -196,12 +196,11 @@ def find_losses(before: Fields, health: Fields) -> Iterable[Condition]:
 def _recording(health: Fields) -> Condition | None:
     storage, session = health["storage"], health["session"]
     state = "error" if session.get("state") == "storage_error" else str(storage.get("state", "ok"))
-    recorder = health["processes"].get("recorder", {}).get("state", ProcessState.RUNNING)
-    if state == "opening" and not health["processes"].get("recorder", {}).get("restarts"):
-        return None  # the session begins
-    if state == "ok" and recorder in (ProcessState.RESTARTING, ProcessState.STOPPED):
-        return Condition("recording", Severity.WARNING, "NOT RECORDING", f"the recorder is {recorder}")
-    if state == "ok":
+    recorder = health["processes"].get("recorder", {})
+    process = recorder.get("state", ProcessState.RUNNING)
+    if state == "ok" and process in (ProcessState.RESTARTING, ProcessState.STOPPED):
+        return Condition("recording", Severity.WARNING, "NOT RECORDING", f"the recorder is {process}")
+    if state == "ok" or (state == "opening" and not recorder.get("restarts")):  # the session begins
         return None
     severity, title = STORAGE.get(state, (Severity.CAUTION, f"STORAGE {state.upper()}"))
     name = "recording" if severity is Severity.WARNING else f"storage_{state}"
