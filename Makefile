@@ -33,7 +33,7 @@ bench: $(BESIDE)
 	$(BIN)/python -m benchmarks
 
 docs: $(READY)
-	$(BIN)/python -m fti.hil.expected.fault_page docs/faults.md
+	$(BIN)/python -m fti.hil.oracle.fault_page docs/faults.md
 
 soak: $(READY)
 	$(PYTEST) --scale full --timeout 3600

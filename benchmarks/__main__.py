@@ -14,14 +14,14 @@ import subprocess
 import sys
 from pathlib import Path
 
-HERE = Path(__file__).resolve().parent
-PAGE = HERE.parent / "docs" / "benchmarks.md"
-NAMES = sorted(path.stem for path in HERE.glob("*.py") if not path.stem.startswith("_"))
+FOLDER = Path(__file__).resolve().parent
+PAGE = FOLDER.parent / "docs" / "benchmarks.md"
+NAMES = sorted(path.stem for path in FOLDER.glob("*.py") if not path.stem.startswith("_"))
 
 
 def run(name: str) -> tuple[int, str]:
     """Exit code and output of a benchmark, which is shown as it comes."""
-    command = [sys.executable, "-u", str(HERE / f"{name}.py")]
+    command = [sys.executable, "-u", str(FOLDER / f"{name}.py")]
     printed = []
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout
@@ -31,7 +31,7 @@ def run(name: str) -> tuple[int, str]:
     return process.returncode, "".join(printed)
 
 
-def replaced(page: str, name: str, printed: str) -> str:
+def replace_block(page: str, name: str, printed: str) -> str:
     """The page with a new block.  Raises ValueError when it has no place for it."""
     begin, end = f"<!-- {name}: begin -->\n", f"<!-- {name}: end -->"
     found = re.compile(f"(?<={re.escape(begin)}).*?(?={re.escape(end)})", re.DOTALL)
@@ -53,7 +53,7 @@ def main() -> int:
     for name in names or NAMES:
         print(f"== {name}", flush=True)
         code, printed = run(name)
-        PAGE.write_text(replaced(PAGE.read_text(), name, printed))
+        PAGE.write_text(replace_block(PAGE.read_text(), name, printed))
         worst = max(worst, code)
     return worst
 

@@ -46,7 +46,7 @@ from fti.ranging.radar.dome import half_dome
 from fti.ranging.radar.edge import LeadingEdge
 from fti.ranging.radar.waveform import Waveform, delay_of_range
 from fti.ranging.sensor import Poses
-from fti.terrain.scenes import demo_scene, track_point
+from fti.terrain.demo_scene import demo_scene, track_point
 from fti.terrain.terrain import Terrain
 
 Array = NDArray[np.float64]
@@ -54,8 +54,8 @@ Contender = Callable[[Poses], Array]
 
 MAX_RANGE = 778.0
 STEP = 1.0
-MOST_MS = 1.5
-LEAST_RATIO = 10.0
+MAX_MS = 1.5
+MIN_RATIO = 10.0
 
 WAVE = Waveform()
 BEAM = make_beam(WIDE, half_dome(20), WAVE.wavelength, -400.0)
@@ -87,11 +87,11 @@ def contenders(terrain: Terrain) -> dict[str, Contender]:
         "fti, the altimeter": lambda poses: altimeter.measure(terrain, poses).slant_range,
         "fast sum of tones": lambda poses: one_ramp(terrain, poses, BASEBAND.beat_signal),
         "sum of cosines": lambda poses: one_ramp(terrain, poses, sum_of_cosines),
-        "numpy, marching": lambda poses: by_numpy(terrain, poses, marching),
+        "numpy, marching": lambda poses: numpy_edges(terrain, poses, march_rays),
     }
     if importlib.util.find_spec("embreex"):
         cast = make_embree(terrain, triangles(terrain))
-        found["Embree, numpy"] = lambda poses: by_numpy(
+        found["Embree, numpy"] = lambda poses: numpy_edges(
             terrain, poses, lambda _, o, rays: cast(np.tile(o, (len(rays), 1)), rays, 1)
         )
     return found
@@ -125,38 +125,40 @@ def sum_of_cosines(ranges: Array, powers: Array) -> Array:
     return signal
 
 
-def by_numpy(terrain: Terrain, poses: Poses, cast: Callable[[Terrain, Array, Array], Array]) -> Array:
+def numpy_edges(terrain: Terrain, poses: Poses, cast: Callable[[Terrain, Array, Array], Array]) -> Array:
     """Range, incidence and power in numpy, bins by ``Baseband.incoherent``."""
     spectra = []
     for origin, mat in zip(poses.origins_l, poses.mats_ls, strict=True):
         rays = BEAM.rays_s @ mat.T
         ranges = cast(terrain, origin, rays)
         points = origin + np.nan_to_num(ranges)[:, None] * rays
-        to_east, to_north = sampled_gradient(terrain, points)
+        to_east, to_north = sample_gradient(terrain, points)
         cosine = (rays[:, 0] * to_east + rays[:, 1] * to_north - rays[:, 2]) / np.sqrt(1.0 + to_east**2 + to_north**2)
         powers = BEAM.weights * np.maximum(cosine, 0.0) ** (GROUND.exponent - 1.0) / ranges**2
         spectra.append(BASEBAND.incoherent(ranges, powers))
     return edges(np.stack(spectra))
 
 
-def sampled_up(terrain: Terrain, east: Array, north: Array) -> Array:
+def sample_height(terrain: Terrain, east: Array, north: Array) -> Array:
     ground = terrain.finest
     places = [(north - ground.north0) / ground.cell_m, (east - ground.east0) / ground.cell_m]
     return np.asarray(map_coordinates(ground.heights, places, order=1, cval=np.nan))
 
 
-def sampled_gradient(terrain: Terrain, points: Array) -> tuple[Array, Array]:
+def sample_gradient(terrain: Terrain, points: Array) -> tuple[Array, Array]:
     """By differences over a tenth of a metre."""
     east, north = points[:, 0], points[:, 1]
-    up = sampled_up(terrain, east, north)
-    return (sampled_up(terrain, east + 0.1, north) - up) / 0.1, (sampled_up(terrain, east, north + 0.1) - up) / 0.1
+    up = sample_height(terrain, east, north)
+    return (sample_height(terrain, east + 0.1, north) - up) / 0.1, (
+        sample_height(terrain, east, north + 0.1) - up
+    ) / 0.1
 
 
-def marching(terrain: Terrain, origin: Array, rays: Array) -> Array:
+def march_rays(terrain: Terrain, origin: Array, rays: Array) -> Array:
     """The surface every metre along each ray; a straight line over the step in which it crosses."""
     t = np.arange(0.0, MAX_RANGE, STEP)
     points = origin + t[None, :, None] * rays[:, None, :]
-    above = points[..., 2] - sampled_up(terrain, points[..., 0], points[..., 1])
+    above = points[..., 2] - sample_height(terrain, points[..., 0], points[..., 1])
     first = np.argmax(above <= 0.0, axis=1)
     row = np.arange(len(rays))
     before, after = above[row, first - 1], above[row, first]
@@ -205,10 +207,10 @@ def judge(seconds: dict[str, float]) -> int:
     """The targets."""
     verdict = Verdict()
     ours = seconds.pop("fti, all rays")
-    verdict.judge(f"a beam of {len(BEAM)} rays in {1e3 * ours:.2f} ms; at most {MOST_MS}", 1e3 * ours <= MOST_MS)
+    verdict.judge(f"a beam of {len(BEAM)} rays in {1e3 * ours:.2f} ms; at most {MAX_MS}", 1e3 * ours <= MAX_MS)
     for name in ("sum of cosines", "numpy, marching"):
         ratio = seconds[name] / ours
-        verdict.judge(f"{ratio:.0f} x as fast as {name}; at least {LEAST_RATIO:g}", ratio >= LEAST_RATIO)
+        verdict.judge(f"{ratio:.0f} x as fast as {name}; at least {MIN_RATIO:g}", ratio >= MIN_RATIO)
     return verdict.code
 
 

@@ -177,7 +177,7 @@ def compare(rounds: int, seconds: float) -> int:
     print(f"{SUBSCRIBERS} subscribers, {SIZE} bytes a message, {rounds} rounds of {seconds:g} s each")
     for rate in RATES_HZ:
         for kind, name in NAMES.items():
-            tell(f"{rate} messages/s, {name}", results[rate, kind])
+            print_result(f"{rate} messages/s, {name}", results[rate, kind])
         ours, before = (percentile(sorted(results[rate, kind].delays), 0.5) for kind in ("unix", "zenoh"))
         verdict.judge(f"{rate} messages/s: p50 not above zenoh's", ours <= before)
         whole = results[rate, "unix"]
@@ -185,7 +185,7 @@ def compare(rounds: int, seconds: float) -> int:
     return verdict.code
 
 
-def tell(name: str, result: Result) -> None:
+def print_result(name: str, result: Result) -> None:
     """One line."""
     ordered = sorted(result.delays)
     p50, p99 = (percentile(ordered, share) / 1e6 for share in (0.5, 0.99))

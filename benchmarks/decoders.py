@@ -25,7 +25,7 @@ from benchmarks.parts import parsers
 from benchmarks.parts.machine import Verdict, machine
 from tests.drivers.vectorfiles import Vector, load
 
-MOST_OF_A_CORE = 10.0  # %
+MAX_CORE_PERCENT = 10.0  # %
 ROUNDS = 9
 SERIAL_READ = 64
 WORD_BYTES, WORDS_HZ = 4, 2778
@@ -112,7 +112,7 @@ class Bench:
         if self.case.parser:
             self.parsed = min(self.parsed, parse(self.case.parser, self._reads))
 
-    def tell(self, verdict: Verdict) -> None:
+    def print_row(self, verdict: Verdict) -> None:
         """Print a row."""
         case, (taken, count) = self.case, self.taken
         full, tenfold = 100 * taken / self.line_s, 100 * taken / count * 10 * case.rate_hz
@@ -121,7 +121,7 @@ class Bench:
             other = f"{1e6 * self.parsed[0] / self.parsed[1]:9.1f} {case.parser.__name__.removeprefix('run_')}"
         loads = f"{full:9.2f} % {case.rate_hz:6g}/s {tenfold:8.2f} %"
         print(f"{self.name:20} {case.line:14} {1e6 * taken / count:7.1f} {loads}  {other}".rstrip(), flush=True)
-        verdict.judge(f"{self.name}: at most {MOST_OF_A_CORE:g} % of a core", max(full, tenfold) <= MOST_OF_A_CORE)
+        verdict.judge(f"{self.name}: at most {MAX_CORE_PERCENT:g} % of a core", max(full, tenfold) <= MAX_CORE_PERCENT)
 
 
 def main() -> int:
@@ -140,7 +140,7 @@ def main() -> int:
     print(f"{'driver':20} {'line':14} {'us each':>7} {'full line':>11} {'rate':>8} {'10 x that':>10}  instead: us each")
     verdict = Verdict()
     for bench in benches:
-        bench.tell(verdict)
+        bench.print_row(verdict)
     return verdict.code
 
 

@@ -37,10 +37,10 @@ from fti.bus.frame import SOCKET_NAME
 from fti.bus.message import decode
 from fti.drivers import Decoder
 from fti.logger.reading.recording import Recording
+from fti.nav.kernel_warmup import warm_up
 from fti.nav.pipeline import Pipeline
-from fti.nav.warm import warm_up
-from fti.post.reprocess import Setup, recorded_setup, reprocess, seldom_searched
-from fti.service.chain import Chain
+from fti.post.reprocess import Setup, infrequent_gc, recorded_setup, reprocess
+from fti.service.navigation.decode_chain import Chain
 from fti.types import TICK_LINK, Measurement, RawFrame
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -50,7 +50,7 @@ HEIGHT = "/nav/height_above_ground/altimeter"
 #: Not before this time after the first output: clocks are learned and code is loaded [s].
 SETTLE_S = 10.0
 START_S = 120.0
-P50_MS, P99_MS, LEAST_SPEED = 8.0, 20.0, 20.0
+P50_MS, P99_MS, MIN_SPEED = 8.0, 20.0, 20.0
 #: How much the altimeter's clock is fast, and how long that takes through one beat of the recorder [s].
 FAST_PPM = 800
 BEAT_PASSED_S = 0.02 / (1e-6 * FAST_PPM)
@@ -79,7 +79,7 @@ def write_scenario(folder: Path, config: Path) -> Path:
     return path
 
 
-class Listener:
+class DeviceDecoder:
     """Delays of the outputs of a daemon [ns], by topic."""
 
     def __init__(self, info: dict[str, Any]) -> None:
@@ -87,9 +87,9 @@ class Listener:
         self._epoch_ns = info["epoch_ns"]
         self._seen: dict[str, int | None] = {}
         self._lock = threading.Lock()
-        self._subscriber = Subscriber(Path(info["sock"]).with_name(SOCKET_NAME), "benchmark", self._hear)
+        self._subscriber = Subscriber(Path(info["sock"]).with_name(SOCKET_NAME), "benchmark", self._on_message)
 
-    def _hear(self, topic: str, payload: bytes, sent_ns: int) -> None:
+    def _on_message(self, topic: str, payload: bytes, sent_ns: int) -> None:
         now_ns = time.monotonic_ns() + self._epoch_ns
         if topic not in {INTEGRITY, HEIGHT}:
             return
@@ -115,7 +115,7 @@ class Listener:
         return sorted(delay / 1e6 for at, delay in found if begin <= at <= end)
 
 
-def fly(folder: Path, duration_s: float) -> tuple[Path, Listener]:
+def fly(folder: Path, duration_s: float) -> tuple[Path, DeviceDecoder]:
     """Emulator and daemon; returns the session and what was heard."""
     config, links, run_dir = write_config(folder), folder / "links", folder / "run"
     arguments = ["--links", str(links), "--wait", "--duration", str(duration_s)]
@@ -128,7 +128,7 @@ def fly(folder: Path, duration_s: float) -> tuple[Path, Listener]:
         arguments = ["--out", str(folder / "out"), "--links", str(links), "--origin", "hil", "--run-dir", str(run_dir)]
         with subprocess.Popen([*FTI, "run", str(config), *arguments], stdout=subprocess.DEVNULL) as daemon:
             wait_for((run_dir / "fti.json").is_file)
-            listener = Listener(json.loads((run_dir / "fti.json").read_text()))
+            listener = DeviceDecoder(json.loads((run_dir / "fti.json").read_text()))
             hil.wait()
             listener.close()
             daemon.send_signal(2)
@@ -170,17 +170,17 @@ class Cost:
         yield "writing", self.command_s - self.loading_s - self.reading_s - self.pipeline_s
 
 
-def reprocessed(session: Path, folder: Path) -> Cost:
+def measure_reprocessing(session: Path, folder: Path) -> Cost:
     """Reprocess, and then do each part alone; what is not counted by itself is writing."""
     recording = Recording.open(session)
     setup = recorded_setup(recording, session)
-    ground = setup.load_ground()
+    ground = setup.load_terrain()
     starting = seconds(lambda: warm_up(setup.config, ground))
     running = seconds(lambda: reprocess(recording, setup, folder, as_flown=False, progress=lambda seq: None))
     reading = seconds(lambda: sum(1 for _ in recording.frames()))
     frames = list(recording.frames())
     chain = setup.make_chain()
-    chain.give_ground(ground, None, 0, frames[0].t_rx_ns)
+    chain.set_terrain(ground, None, 0, frames[0].t_rx_ns)
     return Cost(
         flown_s=(frames[-1].t_rx_ns - frames[0].t_rx_ns) / 1e9,
         command_s=starting + running,
@@ -188,13 +188,13 @@ def reprocessed(session: Path, folder: Path) -> Cost:
         reading_s=reading,
         pipeline_s=seconds(lambda: feed_all(chain, frames)),
         decoding_s=seconds(lambda: decode_all(setup, frames)),
-        navigation_s=navigation_s(setup, list(measured(setup, frames))),
+        navigation_s=navigation_s(setup, list(decode_events(setup, frames))),
     )
 
 
 def seconds(run: Callable[[], Any]) -> float:
     """Seconds of the processor that it takes, with objects looked through as seldom as reprocessing does."""
-    with seldom_searched():
+    with infrequent_gc():
         begin = time.process_time()
         run()
         return time.process_time() - begin
@@ -219,7 +219,7 @@ def decode_all(setup: Setup, frames: list[RawFrame]) -> None:
 def navigation_s(setup: Setup, events: list[tuple[int, list[tuple[str, Measurement]]]]) -> float:
     """Seconds of the processor for navigation alone, of the measurements of a session."""
     pipeline = Pipeline(setup.config, setup.reference)
-    pipeline.give_ground(setup.load_ground())
+    pipeline.set_terrain(setup.load_terrain())
 
     def feed() -> None:
         for t_ns, found in events:
@@ -231,7 +231,7 @@ def navigation_s(setup: Setup, events: list[tuple[int, list[tuple[str, Measureme
     return seconds(feed)
 
 
-def measured(setup: Setup, frames: list[RawFrame]) -> Iterator[tuple[int, list[tuple[str, Measurement]]]]:
+def decode_events(setup: Setup, frames: list[RawFrame]) -> Iterator[tuple[int, list[tuple[str, Measurement]]]]:
     """Ticks (nothing) and measurements in order."""
     chain = setup.make_chain()
     for frame in frames:
@@ -240,7 +240,7 @@ def measured(setup: Setup, frames: list[RawFrame]) -> Iterator[tuple[int, list[t
             yield frame.t_rx_ns, products.measurements
 
 
-def tell(cost: Cost) -> None:
+def print_result(cost: Cost) -> None:
     """Print what each part costs, and how many times real time it is alone."""
     print(f"reprocessing {cost.flown_s:.0f} s, times real time on one core")
     for name, part_s in (("the whole command", cost.command_s), *cost.rows()):
@@ -265,10 +265,10 @@ def main() -> int:
             print(f"{topic}: {len(delays)} new outputs, p50 {p50:.1f} ms, p99 {p99:.1f} ms, longest {most:.1f} ms")
         holds = len(delays) > 50 and p50 <= P50_MS and p99 <= P99_MS
         verdict.judge(f"bytes to integrity on the bus: p50 <= {P50_MS:g} ms, p99 <= {P99_MS:g} ms", holds)
-        cost = reprocessed(session, folder / "again")
-        tell(cost)
-    holds = cost.flown_s / cost.pipeline_s >= LEAST_SPEED
-    verdict.judge(f"the pipeline >= {LEAST_SPEED:g} x real time on one core", holds)
+        cost = measure_reprocessing(session, folder / "again")
+        print_result(cost)
+    holds = cost.flown_s / cost.pipeline_s >= MIN_SPEED
+    verdict.judge(f"the pipeline >= {MIN_SPEED:g} x real time on one core", holds)
     return verdict.code
 
 

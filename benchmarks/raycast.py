@@ -34,9 +34,9 @@ from numpy.typing import NDArray
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from benchmarks.parts.machine import Verdict, machine
+from fti.terrain.kernel_warmup import warm_up
 from fti.terrain.synthetic import fractal_relief
 from fti.terrain.terrain import Terrain
-from fti.terrain.warm import warm_up
 
 Array = NDArray[np.float64]
 Caster = Callable[[Array, Array, int], Array]
@@ -130,7 +130,7 @@ MAKERS: dict[str, Callable[[Terrain, Any], Caster]] = {
 }
 
 
-def _built(cells: int, name: str, pipe: Connection) -> None:
+def _build_in_child(cells: int, name: str, pipe: Connection) -> None:
     """In a child process: seconds to build, and growth of the peak of memory [MB]."""
     ground = make_ground(cells)
     mesh = None if name == "fti.terrain" else triangles(ground)
@@ -150,10 +150,10 @@ def _resident_kb() -> int:
     return pages * resource.getpagesize() // 1024
 
 
-def built(cells: int, name: str) -> tuple[float, float]:
+def measure_build(cells: int, name: str) -> tuple[float, float]:
     """Seconds and MB of building a caster, in a process of its own."""
     ours, theirs = multiprocessing.Pipe()
-    child = multiprocessing.get_context("spawn").Process(target=_built, args=(cells, name, theirs))
+    child = multiprocessing.get_context("spawn").Process(target=_build_in_child, args=(cells, name, theirs))
     child.start()
     theirs.close()
     seconds, megabytes = ours.recv()
@@ -195,7 +195,7 @@ def main() -> int:
     print(machine())
     print(f"{args.cells} x {args.cells} cells of 1 m, {args.rays} rays of each kind, best of {ROUNDS} rounds")
     warm_up()
-    costs = {name: built(args.cells, name) for name in there}  # first: a child inherits the peak of its parent
+    costs = {name: measure_build(args.cells, name) for name in there}  # first: a child inherits the peak of its parent
     ground = make_ground(args.cells)
     mesh = triangles(ground) if len(there) > 1 else None
     casters = {name: MAKERS[name](ground, mesh) for name in there}

@@ -35,14 +35,14 @@ from benchmarks.parts import plain_reader as plain
 from benchmarks.parts.generator import SIZE
 from benchmarks.parts.machine import Verdict, cpu_s, machine, percentile
 from benchmarks.parts.prober import PROBE
-from benchmarks.parts.rig import RecorderRig, part, plain_reader, port_of, start_generator, udp_links
+from benchmarks.parts.processes import RecorderRig, part, plain_reader, port_of, start_generator, udp_links
 from fti.config import SerialLink
-from fti.logger.proof.verify import verify
 from fti.logger.reading.recording import Recording
+from fti.logger.verify.verification import verify
 
 LINKS = 23
-CALM_RATE, ROUNDS, CALM_MOST = 2100.0, 7, 1.5
-STAMP_RATE, STAMP_MOST_US = 1000.0, 100.0
+CALM_RATE, ROUNDS, MAX_CALM_RATIO = 2100.0, 7, 1.5
+STAMP_RATE, MAX_STAMP_US = 1000.0, 100.0
 PARTS = ("throughput", "calm", "stamps")
 
 
@@ -102,7 +102,7 @@ def calm(folder: Path, seconds: float, verdict: Verdict) -> None:
     print(f"calm: {CALM_RATE:.0f} datagrams/s of {SIZE} B on {LINKS} UDP links, {ROUNDS} rounds of {seconds:.0f} s")
     for name, shares in (("recorder", ours), ("bare reader with file.write", bare)):
         print(f"  {name:30} {statistics.median(shares):5.2f} % of a core   ({', '.join(f'{s:.2f}' for s in shares)})")
-    verdict.judge(f"ratio in the same round, median {ratio:.2f}; at most {CALM_MOST}", ratio <= CALM_MOST)
+    verdict.judge(f"ratio in the same round, median {ratio:.2f}; at most {MAX_CALM_RATIO}", ratio <= MAX_CALM_RATIO)
 
 
 # --------------------------------------------------------------------------------------------------------- stamps
@@ -148,7 +148,7 @@ def stamps(folder: Path, seconds: float, verdict: Verdict) -> None:
     show("serial, the recorder", found["line"])
     show("UDP, a bare reader's callback", bare_stamps(folder, seconds))
     p99 = percentile(sorted(found["udp"]), 0.99) / 1e3
-    verdict.judge(f"UDP p99 {p99:.0f} us; at most {STAMP_MOST_US:.0f}", p99 <= STAMP_MOST_US)
+    verdict.judge(f"UDP p99 {p99:.0f} us; at most {MAX_STAMP_US:.0f}", p99 <= MAX_STAMP_US)
 
 
 def delays(rig: RecorderRig) -> dict[str, list[int]]:

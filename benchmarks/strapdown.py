@@ -28,11 +28,11 @@ from benchmarks.parts.machine import Verdict, machine
 from fti.geodesy.gravity import normal_gravity
 from fti.geodesy.rotations import mat_from_rpy
 from fti.geodesy.wgs84 import ecef_from_geodetic, geodetic_from_ecef, radii
-from fti.hil.flight.trajectory import SplineFlight, State
+from fti.hil.flight.trajectory import FlightState, SplineFlight
 from fti.hil.sensors.inertial import angular_rate_b, specific_force_b
-from fti.nav.inertial.live import integrate_live
 from fti.nav.inertial.strapdown import Motion, integrate
-from fti.study._closure import Integrator, calm, motion, wandering
+from fti.nav.inertial.strapdown_fast import integrate_fast
+from fti.study._closure import Integrator, calm_flight, motion, random_flight
 
 try:
     import pandas as pd
@@ -44,9 +44,9 @@ else:
 
 Array = NDArray[np.float64]
 #: Where each step ends (n, 3), e frame [m].
-Way = Callable[[], Array]
+Contender = Callable[[], Array]
 ROUNDS = 3
-TRACKS: dict[str, Callable[[np.random.Generator, float], SplineFlight]] = {"calm": calm, "lively": wandering}
+TRACKS: dict[str, Callable[[np.random.Generator, float], SplineFlight]] = {"calm": calm_flight, "lively": random_flight}
 PYINS = "pyins"
 
 
@@ -54,7 +54,7 @@ class Samples(NamedTuple):
     """A flight: time (n,) [s], truth and its start, what is felt: accel_b (n, 3) [m/s^2], gyro_b (n, 3) [rad/s]."""
 
     t: Array
-    state: State
+    state: FlightState
     start: Motion
     accel_b: Array
     gyro_b: Array
@@ -69,12 +69,12 @@ def samples(flight: SplineFlight, seconds: float, step: float) -> Samples:
     return Samples(t, state, start, specific_force_b(state), angular_rate_b(state))
 
 
-def ours(by: Integrator, flown: Samples, step: float) -> Way:
+def fti_contender(by: Integrator, flown: Samples, step: float) -> Contender:
     """One of this project's."""
     return lambda: by(flown.start, flown.accel_b, flown.gyro_b, step, 1).pos_e
 
 
-def in_their_world(flown: Samples) -> Samples:
+def use_pyins_gravity(flown: Samples) -> Samples:
     """What is felt on the same flight where gravity is that of pyins."""
     state = flown.state
     less = normal_gravity(state.lat, state.alt) - earth.gravity(np.rad2deg(state.lat), state.alt)
@@ -82,7 +82,7 @@ def in_their_world(flown: Samples) -> Samples:
     return flown._replace(accel_b=flown.accel_b + less[:, None] * down_b)
 
 
-def theirs(flown: Samples) -> Way:
+def pyins_contender(flown: Samples) -> Contender:
     """That of pyins."""
     felt = np.concatenate((flown.gyro_b, flown.accel_b), axis=1)
     names = [f"{sensor}_{axis}" for sensor in ("gyro", "accel") for axis in "xyz"]
@@ -112,7 +112,7 @@ def errors(flown: Samples, pos_e: Array) -> tuple[float, float]:
     return float(np.hypot(north, east).max()), float(np.abs(alt - flown.state.alt).max())
 
 
-def race(ways: dict[str, Way]) -> tuple[dict[str, float], dict[str, Array]]:
+def time_contenders(ways: dict[str, Contender]) -> tuple[dict[str, float], dict[str, Array]]:
     """Best time of each [s], and what it found; the first turn compiles and does not count."""
     found = {name: way() for name, way in ways.items()}
     best = dict.fromkeys(ways, float("inf"))
@@ -137,9 +137,11 @@ def main() -> int:
     for track, drawn in TRACKS.items():
         seconds, step = 3600.0 * args.hours, 1.0 / args.hz
         flown = samples(drawn(np.random.default_rng([args.seed, 0, len(track)]), seconds), seconds, step)
-        ways = {"high order": ours(integrate, flown, step), "live": ours(integrate_live, flown, step)}
-        ways |= {} if MISSING else {PYINS: theirs(in_their_world(flown)), f"{PYINS}, g": theirs(flown)}
-        best, found = race(ways)
+        ways = {"high order": fti_contender(integrate, flown, step), "live": fti_contender(integrate_fast, flown, step)}
+        ways |= (
+            {} if MISSING else {PYINS: pyins_contender(use_pyins_gravity(flown)), f"{PYINS}, g": pyins_contender(flown)}
+        )
+        best, found = time_contenders(ways)
         off = {name: errors(flown, pos_e) for name, pos_e in found.items()}
         for name, (level, height) in off.items():
             each = 1e9 * best[name] / len(flown.t)

@@ -41,19 +41,19 @@ from numpy.typing import NDArray
 
 from benchmarks.parts.fleet import DEVICES, write_config
 from benchmarks.parts.machine import Verdict, machine
-from benchmarks.parts.rig import ROOT, RecorderRig, port_of, udp_links
+from benchmarks.parts.processes import ROOT, RecorderRig, port_of, udp_links
 from benchmarks.parts.standstill import Standstill
 from fti import config as configuration
 from fti.canframe import pack_can
 from fti.config import Link
-from fti.hil.looping import before_others
+from fti.hil.event_loop import realtime_priority
 from fti.links.can import unpack_message
-from fti.logger.proof.hashes import link_hashes
 from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.reading.recording import Recording
 from fti.logger.session import SessionFolder
+from fti.logger.verify.link_hash import link_hashes
 
-LATE_LOG = [sys.executable, "-m", "benchmarks.parts.late_log"]
+LATE_LOG = [sys.executable, "-m", "benchmarks.parts.lateness_log"]
 
 START_NS = 1_700_000_000_000_000_000
 RATE_HZ, P99_MS = 2100.0, 2.0
@@ -100,7 +100,7 @@ def replay(folder: Path, seconds: float, verdict: Verdict) -> None:
     """One session through fti replay and the recorder."""
     config, original = write_links(folder), make_session(folder, seconds)
     arguments = ("replay", original, "--config", config, "--wait", 3)
-    _, session, late = play_in_calm(folder, arguments, configuration.load(config).link)
+    _, session, late = play_undisturbed(folder, arguments, configuration.load(config).link)
     print(f"replay: {RATE_HZ:.0f} messages/s on {', '.join(KINDS)}; {seconds:.0f} s at 1x; late by, in ms")
     show("fti replay", late)
     for name in KINDS:
@@ -113,7 +113,7 @@ def replay(folder: Path, seconds: float, verdict: Verdict) -> None:
 
 
 @dataclass(frozen=True, eq=False)
-class Late:
+class LatenessLog:
     """When messages were due and how late they were [s], who sent them, and which fell into a standstill."""
 
     due: NDArray[np.float64]
@@ -121,10 +121,10 @@ class Late:
     sender: NDArray[np.str_]
     excused: NDArray[np.bool_]
 
-    def of(self, sender: str) -> Late:
+    def of(self, sender: str) -> LatenessLog:
         """Those of one sender."""
         mine = self.sender == sender
-        return Late(self.due[mine], self.late[mine], self.sender[mine], self.excused[mine])
+        return LatenessLog(self.due[mine], self.late[mine], self.sender[mine], self.excused[mine])
 
     @property
     def sent(self) -> NDArray[np.float64]:
@@ -142,7 +142,9 @@ class Late:
         return 1e3 * float(np.percentile(self.late[~self.excused], 99))
 
 
-def play_in_calm(folder: Path, arguments: Sequence[object], links: Sequence[Link]) -> tuple[dict[str, Any], Path, Late]:
+def play_undisturbed(
+    folder: Path, arguments: Sequence[object], links: Sequence[Link]
+) -> tuple[dict[str, Any], Path, LatenessLog]:
     """``play``, and again where the machine stood still for most of it."""
     for attempt in range(ATTEMPTS):
         there = folder / str(attempt)
@@ -154,7 +156,7 @@ def play_in_calm(folder: Path, arguments: Sequence[object], links: Sequence[Link
     return played
 
 
-def play(folder: Path, arguments: Sequence[object], links: Sequence[Link]) -> tuple[dict[str, Any], Path, Late]:
+def play(folder: Path, arguments: Sequence[object], links: Sequence[Link]) -> tuple[dict[str, Any], Path, LatenessLog]:
     """Run a command of ``fti`` that plays, with the recorder as its reader; its report, what was recorded, the log."""
     ports, report, log = folder / "ports", folder / "report.json", folder / "late.npz"
     command = [*LATE_LOG, str(log), *map(str, arguments), "--links", str(ports), "--report", str(report)]
@@ -163,25 +165,25 @@ def play(folder: Path, arguments: Sequence[object], links: Sequence[Link]) -> tu
         assert process.stdout
         while process.stdout.readline() not in ("ready\n", ""):
             pass
-        rig = RecorderRig(folder, [moved(link, ports) for link in links])
+        rig = RecorderRig(folder, [set_port(link, ports) for link in links])
         while process.poll() is None:
             rig.listen()
             time.sleep(0.1)
     rig.close()
     with np.load(log) as found:
         due = found["due"]
-        late = Late(due, found["late"], found["names"][found["sender"]], standstill.excuses(due))
+        late = LatenessLog(due, found["late"], found["names"][found["sender"]], standstill.is_excused(due))
     return json.loads(report.read_text()), rig.session.path, late
 
 
-def moved(link: Link, ports: Path) -> Link:
+def set_port(link: Link, ports: Path) -> Link:
     """The link with its port in the folder."""
     key = {"serial": "port", "can": "channel"}.get(link.kind)
     here = link.kind == "serial" or (link.kind == "can" and link.interface == "slcan")
     return link.model_copy(update={key: str(ports / link.name)}) if key and here else link
 
 
-def show(what: str, late: Late) -> None:
+def show(what: str, late: LatenessLog) -> None:
     """A line of the table."""
     p50, p99, most = (1e3 * float(x) for x in (*np.percentile(late.late, (50, 99)), late.late.max()))
     print(
@@ -191,7 +193,7 @@ def show(what: str, late: Late) -> None:
     )
 
 
-def player(original: Path, ours: Late) -> None:
+def player(original: Path, ours: LatenessLog) -> None:
     """The frames of the adapter by python-can's player, over its slcan and a pty that is read."""
     frames = [frame for frame in Recording.open(original).frames() if frame.link == "adapter"]
     messages = []
@@ -205,7 +207,7 @@ def player(original: Path, ours: Late) -> None:
     reading = threading.Thread(target=drain, args=(master,), daemon=True)
     reading.start()
     bus = can.Bus(os.ttyname(slave), "slcan", bitrate=500_000, sleep_after_open=0.1)
-    with Standstill() as standstill, bus, before_others():
+    with Standstill() as standstill, bus, realtime_priority():
         for message in can.MessageSync(messages):
             now = time.monotonic()
             begin = now if not late else begin
@@ -213,7 +215,7 @@ def player(original: Path, ours: Late) -> None:
             bus.send(message)
     os.close(slave)
     due = begin + np.array([message.timestamp - messages[0].timestamp for message in messages])
-    theirs = Late(due, np.maximum(late, 0.0), np.full(len(late), "adapter"), standstill.excuses(due))
+    theirs = LatenessLog(due, np.maximum(late, 0.0), np.full(len(late), "adapter"), standstill.is_excused(due))
     show("python-can's player, adapter", theirs)
     print(f"  fti replay's p99 on that adapter is {ours.p99_ms / theirs.p99_ms:.2f} of the player's")
 
@@ -234,7 +236,7 @@ def fly(folder: Path, seconds: float, factor: float, verdict: Verdict) -> None:
     """23 devices at a multiple of their rates."""
     config = write_config(folder, factor)
     arguments = ("hil", "nominal", "--config", config, "--wait", "--duration", seconds)
-    report, session, late = play_in_calm(folder, arguments, configuration.load(config).link)
+    report, session, late = play_undisturbed(folder, arguments, configuration.load(config).link)
     found = report["devices"]
     asked = sum(device["asked_hz"] for device in found.values())
     print(f"devices: {len(found)} at {factor:g} x table 6.1, {asked:.0f} cycles/s asked for, {seconds:.0f} s")
@@ -244,7 +246,7 @@ def fly(folder: Path, seconds: float, factor: float, verdict: Verdict) -> None:
     for name in missed:
         half_ms = 0.5e3 / found[name]["asked_hz"]
         print(f"  {name}: p99 of its lateness is {p99[name]:.2f} ms, half a period is {half_ms:.2f} ms")
-    seen(late, {name: device["asked_hz"] for name, device in found.items()})
+    print_sent_rates(late, {name: device["asked_hz"] for name, device in found.items()})
     sent = sum(link["bytes"] for link in report["links"].values())
     recorded = link_hashes(Recording.open(session))
     verdict.judge(f"rates held: {len(DEVICES) - len(missed)} of {len(DEVICES)}", not missed)
@@ -253,7 +255,7 @@ def fly(folder: Path, seconds: float, factor: float, verdict: Verdict) -> None:
     verdict.judge(f"{sent} bytes sent, {dropped} messages dropped, {lost} bytes not recorded", dropped == lost == 0)
 
 
-def seen(late: Late, asked_hz: dict[str, float]) -> None:
+def print_sent_rates(late: LatenessLog, asked_hz: dict[str, float]) -> None:
     """What stands at the other ends sees: messages in each second, and the longest gap, of the worst device each."""
     sent = {name: late.of(name).sent for name in asked_hz}
     seconds = {name: np.histogram(t, np.arange(t[0], t[-1], 1.0))[0] for name, t in sent.items()}

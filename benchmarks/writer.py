@@ -36,19 +36,19 @@ from mcap.writer import CompressionType, Writer
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from benchmarks.parts.machine import Verdict, machine
-from fti.burst import Burst, together
-from fti.links._batch import COUNT
+from fti.frame_batch import FrameBatch, make_batch
+from fti.links._recvmmsg import MAX_DATAGRAMS
 from fti.logger.stream_writer import StreamWriter
 
 CHANNELS = 23
 BATCHES = {"2.1": 42, "200": 4000}  # 20 ms at so many kmsg/s
 PAYLOAD = bytes(range(48))
 TOPICS = [f"/raw/link{n}" for n in range(CHANNELS)]
-MOST_OF_OFFICIAL = 1 / 3
-MOST_OF_FILE = 5.0
+MAX_OFFICIAL_RATIO = 1 / 3
+MAX_FILE_RATIO = 5.0
 ROUNDS = 5
 #: What each channel has to write, as the recorder gets it: with each call of the kernel at most so many.
-Batch = list[tuple[int, list[Burst]]]
+Batch = list[tuple[int, list[FrameBatch]]]
 
 
 class Target(NamedTuple):
@@ -64,7 +64,7 @@ def open_ours(path: Path) -> Target:
     ids = [writer.add_channel(topic, "x-fti-raw") for topic in TOPICS]
 
     def put(batch: Batch) -> None:
-        writer.write_bursts([(ids[channel], bursts) for channel, bursts in batch])
+        writer.write_batches([(ids[channel], bursts) for channel, bursts in batch])
         writer.flush()
 
     return Target(put, writer.close)
@@ -166,7 +166,7 @@ WRITERS: dict[str, Callable[[Path], Target]] = {
     FILE: open_file,
 }
 #: Those whose files a reader of MCAP can be asked about.
-KILLED = (OURS, OFFICIAL, "mcap.writer, flushed every 20 ms", "foxglove-sdk")
+KILLED_WRITERS = (OURS, OFFICIAL, "mcap.writer, flushed every 20 ms", "foxglove-sdk")
 
 
 def batches(size: int, first: int = 0) -> Batch:
@@ -174,15 +174,15 @@ def batches(size: int, first: int = 0) -> Batch:
     found: Batch = []
     for channel in range(min(CHANNELS, size)):
         number = len(range(channel, size, CHANNELS))
-        shares = [min(COUNT, number - done) for done in range(0, number, COUNT)]
+        shares = [min(MAX_DATAGRAMS, number - done) for done in range(0, number, MAX_DATAGRAMS)]
         starts = accumulate(shares, initial=first)
         found.append((channel, [_burst(start, share) for start, share in zip(starts, shares, strict=False)]))
         first += number
     return found
 
 
-def _burst(first: int, number: int) -> Burst:
-    return together(first, [1_000_000_000 + first + n for n in range(number)], [PAYLOAD] * number)
+def _burst(first: int, number: int) -> FrameBatch:
+    return make_batch(first, [1_000_000_000 + first + n for n in range(number)], [PAYLOAD] * number)
 
 
 def messages_in(batch: Batch) -> int:
@@ -201,7 +201,7 @@ def measure_cost(name: str, folder: Path, work: list[Batch]) -> float:
     taken = time.perf_counter() - started
     target.close()
     messages = sum(map(messages_in, work))
-    if name in KILLED and (there := count_messages(path.read_bytes())) < messages:
+    if name in KILLED_WRITERS and (there := count_messages(path.read_bytes())) < messages:
         raise RuntimeError(f"{name}: {there} of {messages} messages are in its file")
     return taken / messages * 1e6
 
@@ -262,7 +262,7 @@ def compare(messages: int) -> int:
         folder = Path(name)
         found = measure_costs(folder, messages)
         for writer, costs in found.items():
-            lost = _loss(writer, folder) if writer in KILLED else ""
+            lost = _loss(writer, folder) if writer in KILLED_WRITERS else ""
             cells = " ".join(f"{cost:13.2f} {cost / ours:6.1f}" for cost, ours in zip(costs, found[OURS], strict=True))
             print(f"{writer:34} {cells} {lost:>16}".rstrip())
     return _judge(found)
@@ -278,8 +278,10 @@ def _judge(found: dict[str, list[float]]) -> int:
     for position, rate in enumerate(BATCHES):
         ours, official, file = (found[name][position] for name in (OURS, OFFICIAL, FILE))
         share, multiple = ours / official, ours / file
-        verdict.judge(f"{rate} kmsg/s: {share:.2f} x the official writer; at most 0.33", share <= MOST_OF_OFFICIAL)
-        verdict.judge(f"{rate} kmsg/s: {multiple:.1f} x file.write; at most {MOST_OF_FILE:g}", multiple <= MOST_OF_FILE)
+        verdict.judge(f"{rate} kmsg/s: {share:.2f} x the official writer; at most 0.33", share <= MAX_OFFICIAL_RATIO)
+        verdict.judge(
+            f"{rate} kmsg/s: {multiple:.1f} x file.write; at most {MAX_FILE_RATIO:g}", multiple <= MAX_FILE_RATIO
+        )
     return verdict.code
 
 

@@ -33,8 +33,8 @@ MAX_STEPS = 100
 REALTIME_END_NS = 2**32 * SECOND_NS
 FALLBACK_NS = 946_684_800 * SECOND_NS
 #: Clocks have been read together when no more than this passed; so often it is tried.
-TOGETHER_NS = 20_000
-CLOCK_READINGS = 5
+MAX_READ_WIDTH_NS = 20_000
+MAX_CLOCK_READS = 5
 #: The real-time clock was stepped when it moved by more than this against the monotonic clock, and by more than the
 #: two readings can be wrong.
 STEP_NS = 100_000
@@ -64,7 +64,7 @@ class Clock(Protocol):
         """
 
 
-class Reading(NamedTuple):
+class ClockReading(NamedTuple):
     """CLOCK_MONOTONIC, what CLOCK_REALTIME has more, and within which time the two were read [ns]."""
 
     monotonic_ns: int
@@ -77,22 +77,22 @@ class Reading(NamedTuple):
         return self.monotonic_ns + self.offset_ns
 
 
-def read_clocks() -> Reading:
+def read_clocks() -> ClockReading:
     """Both clocks; when something came in between they are read again, and the closest reading counts."""
     best = _read_once()
-    for _ in range(CLOCK_READINGS - 1):
-        if best.width_ns < TOGETHER_NS:
+    for _ in range(MAX_CLOCK_READS - 1):
+        if best.width_ns < MAX_READ_WIDTH_NS:
             break
         best = min(best, _read_once(), key=lambda reading: reading.width_ns)
     return best
 
 
-def _read_once() -> Reading:
+def _read_once() -> ClockReading:
     before = time.monotonic_ns()
     realtime = time.clock_gettime_ns(time.CLOCK_REALTIME)
     width = time.monotonic_ns() - before
     monotonic = before + width // 2
-    return Reading(monotonic, realtime - monotonic, width)
+    return ClockReading(monotonic, realtime - monotonic, width)
 
 
 def choose_epoch_ns() -> int:
@@ -101,14 +101,14 @@ def choose_epoch_ns() -> int:
     Where real time cannot be right (``describe_wrong_time``), FTI time begins within a step of ``FALLBACK_NS``.
     """
     now = read_clocks()
-    if _is_wrong(now):
+    if _is_out_of_range(now):
         return -((now.monotonic_ns - FALLBACK_NS) // EPOCH_STEP_NS) * EPOCH_STEP_NS
     return (now.offset_ns + EPOCH_STEP_NS // 2) // EPOCH_STEP_NS * EPOCH_STEP_NS
 
 
 def describe_wrong_time() -> str | None:
     """A sentence about a real-time clock that no file can hold: before 1970 or after 2106; None for others."""
-    if not _is_wrong(now := read_clocks()):
+    if not _is_out_of_range(now := read_clocks()):
         return None
     when = "before 1970" if now.realtime_ns < SECOND_NS else "after 2106"
     return (
@@ -116,18 +116,18 @@ def describe_wrong_time() -> str | None:
     )
 
 
-def _is_wrong(now: Reading) -> bool:
+def _is_out_of_range(now: ClockReading) -> bool:
     return not SECOND_NS <= now.realtime_ns < REALTIME_END_NS  # rounded, and still not before 1970
 
 
-class Step(NamedTuple):
+class ClockStep(NamedTuple):
     """The real-time clock was set: by so much [ns] (positive: forward); seen at the FTI time t_ns."""
 
     t_ns: int
-    by_ns: int
+    size_ns: int
 
 
-class _Past(NamedTuple):
+class _PastOffset(NamedTuple):
     """An offset that held until a step: CLOCK_REALTIME - CLOCK_MONOTONIC, and when on the latter its end was seen."""
 
     offset_ns: int
@@ -142,9 +142,9 @@ class SystemClock:
     """
 
     epoch_ns: int
-    _trusted: Reading = field(init=False, repr=False)
-    _past: deque[_Past] = field(init=False, repr=False, default_factory=lambda: deque(maxlen=MAX_STEPS))
-    _steps: list[Step] = field(init=False, repr=False, default_factory=list)
+    _trusted: ClockReading = field(init=False, repr=False)
+    _past: deque[_PastOffset] = field(init=False, repr=False, default_factory=lambda: deque(maxlen=MAX_STEPS))
+    _steps: list[ClockStep] = field(init=False, repr=False, default_factory=list)
 
     def __post_init__(self) -> None:
         self._trusted = read_clocks()
@@ -158,11 +158,11 @@ class SystemClock:
 
         t_ns : FTI time; width_ns : the three were read within so much
         """
-        return min((self._sample() for _ in range(CLOCK_READINGS)), key=lambda sample: sample["width_ns"])
+        return min((self._sample() for _ in range(MAX_CLOCK_READS)), key=lambda sample: sample["width_ns"])
 
     def _sample(self) -> dict[str, int]:
         raw_before = time.clock_gettime_ns(time.CLOCK_MONOTONIC_RAW)
-        now = self._look()
+        now = self._read_and_detect_step()
         raw_after = time.clock_gettime_ns(time.CLOCK_MONOTONIC_RAW)
         return {
             "t_ns": now.monotonic_ns + self.epoch_ns,
@@ -172,7 +172,7 @@ class SystemClock:
             "width_ns": raw_after - raw_before,
         }
 
-    def take_steps(self) -> list[Step]:
+    def take_steps(self) -> list[ClockStep]:
         """The steps of the real-time clock that were seen since the last call."""
         steps, self._steps = self._steps, []
         return steps
@@ -186,28 +186,28 @@ class SystemClock:
         offset, earliest = self._trusted.offset_ns, since_ns - MAX_QUEUE_DELAY_NS - self.epoch_ns
         stepped = self._past and self._past[-1].ended_ns >= earliest
         if stepped or not -STEP_NS <= realtime - monotonic - offset <= STEP_NS:
-            return self._careful_window(earliest)
+            return self._restricted_window(earliest)
         return StampWindow(self.epoch_ns - offset, earliest + offset, realtime)
 
-    def _careful_window(self, earliest: int) -> StampWindow:
+    def _restricted_window(self, earliest: int) -> StampWindow:
         """Something came between two readings, or the real-time clock was stepped.  earliest : CLOCK_MONOTONIC [ns]"""
-        now = self._look()
+        now = self._read_and_detect_step()
         oldest = max(earliest + now.offset_ns, self._after_steps(now, earliest))
         return StampWindow(self.epoch_ns - now.offset_ns, oldest, now.monotonic_ns + now.offset_ns)
 
-    def _look(self) -> Reading:
+    def _read_and_detect_step(self) -> ClockReading:
         """Read the clocks; notice when the real-time clock was stepped since they were read last."""
         now, trusted = read_clocks(), self._trusted
         moved = now.offset_ns - trusted.offset_ns
         stepped = abs(moved) > STEP_NS + (now.width_ns + trusted.width_ns) // 2
         if stepped:
-            self._past.append(_Past(trusted.offset_ns, now.monotonic_ns))
-            self._steps.append(Step(now.monotonic_ns + self.epoch_ns, moved))
+            self._past.append(_PastOffset(trusted.offset_ns, now.monotonic_ns))
+            self._steps.append(ClockStep(now.monotonic_ns + self.epoch_ns, moved))
         if stepped or now.width_ns < trusted.width_ns:
             self._trusted = now
         return now
 
-    def _after_steps(self, now: Reading, earliest: int) -> int:
+    def _after_steps(self, now: ClockReading, earliest: int) -> int:
         """The oldest stamp [ns] that cannot be from before a step, of those taken from ``earliest`` on.
 
         One from before was taken with the offset of then, at the latest when the step was seen.

@@ -50,7 +50,7 @@ class PortBusy(LinkError):
     state = "busy"
 
 
-class SentInPart(LinkError):
+class PartialSendError(LinkError):
     """Sending was given up, and something of it has gone out all the same, or yet may."""
 
 

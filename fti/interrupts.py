@@ -26,7 +26,7 @@ class InterruptHandler:
 
 
 @contextmanager
-def remembered_interrupts() -> Iterator[InterruptHandler]:
+def track_interrupts() -> Iterator[InterruptHandler]:
     """Have SIGINT remembered; nothing changes where somebody else handles it, or in a thread."""
     handler, before = InterruptHandler(), signal.getsignal(signal.SIGINT)
     is_ours = before is signal.default_int_handler and threading.current_thread() is threading.main_thread()

@@ -22,7 +22,7 @@ _CONTROLS = re.compile(
 
 def escape_controls(text: str) -> str:
     """The text on one line, with every character that would control the terminal as ``\\uXXXX`` or ``\\n``."""
-    return _CONTROLS.sub(_escaped, text)
+    return _CONTROLS.sub(_escape_match, text)
 
 
 def escape_tree(value: Any) -> Any:
@@ -36,6 +36,6 @@ def escape_tree(value: Any) -> Any:
     return value
 
 
-def _escaped(found: re.Match[str]) -> str:
+def _escape_match(found: re.Match[str]) -> str:
     character = found[0]
     return "\\u007f" if character == "\x7f" else json.dumps(character)[1:-1]

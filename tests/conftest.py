@@ -13,7 +13,7 @@ import hypothesis
 import pytest
 
 from tests.helpers import KERNELS, POLL_S
-from tests.leaks import held
+from tests.leaks import open_resources
 
 SCALES = {"quick": 1, "full": 20}
 EXAMPLES = {"quick": 60, "full": 2000}  # of a property
@@ -81,7 +81,7 @@ def pytest_make_collect_report(
 @pytest.fixture(autouse=True)
 def _nothing_left_behind(request: pytest.FixtureRequest) -> None:
     """Remember what is held before the test's own fixtures; compared when all of them are gone."""
-    request.node.stash[before_key] = held()
+    request.node.stash[before_key] = open_resources()
     if inspect.iscoroutinefunction(getattr(request.node, "function", None)):
         request.getfixturevalue("_no_task_left_behind")
 
@@ -108,7 +108,7 @@ def pytest_runtest_teardown(item: pytest.Item) -> Generator[None, None, None]:
 def _left_behind(before: dict[str, str]) -> list[str]:
     """What is held now and was not before, after a time of grace."""
     deadline = time.monotonic() + GRACE_S
-    while left := [what for key, what in held().items() if key not in before]:
+    while left := [what for key, what in open_resources().items() if key not in before]:
         if time.monotonic() > deadline:
             break
         gc.collect()

@@ -11,12 +11,12 @@ from typing import TypeVar
 ROOT = Path(__file__).resolve().parent.parent
 KERNELS = ROOT / ".numba_cache"  # compiled once for all processes of the tests
 POLL_S = 0.005
-PATIENCE_S = 60.0  # for a condition; met, it costs nothing
+TIMEOUT_S = 60.0  # for a condition; met, it costs nothing
 
 Found = TypeVar("Found")
 
 
-def until(predicate: Callable[[], Found | None], timeout: float = PATIENCE_S, what: str = "") -> Found:
+def until(predicate: Callable[[], Found | None], timeout: float = TIMEOUT_S, what: str = "") -> Found:
     """Poll until the predicate is truthy and return its value; AssertionError after timeout [s], saying what."""
     deadline = time.monotonic() + timeout
     while not (found := predicate()):
@@ -27,7 +27,7 @@ def until(predicate: Callable[[], Found | None], timeout: float = PATIENCE_S, wh
 
 async def until_async(
     predicate: Callable[[], Found | None],
-    timeout: float = PATIENCE_S,  # noqa: ASYNC109 - asyncio.timeout could not say what was waited for
+    timeout: float = TIMEOUT_S,  # noqa: ASYNC109 - asyncio.timeout could not say what was waited for
     what: str = "",
 ) -> Found:
     """``until`` inside a running loop, which goes on meanwhile."""

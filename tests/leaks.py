@@ -21,7 +21,7 @@ IGNORED_FILES = ("/dev/null", "/dev/urandom", "/proc/", "/sys/", "/usr/", sys.pr
 KEPT_KINDS = ("/", "pipe:")  # files, devices, memfd and pipes; of the sockets only those that have an address
 
 
-def held() -> dict[str, str]:
+def open_resources() -> dict[str, str]:
     """Everything that a test must give back, as {identity: what it is}."""
     return {**_threads(), **_children(), **_descriptors()}
 

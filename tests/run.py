@@ -32,13 +32,13 @@ from tests.helpers import KERNELS, ROOT
 
 PYTEST = [sys.executable, "-m", "pytest"]
 QUICK, WAITING = ("-n", "4"), ("-n", "3", "--dist", "loadfile")
-FIRST = -5
+NICE = -5
 #: Once, before five processes would do it side by side.
 WARM_UP = """
 from fti import config
 from fti.nav.inertial import strapdown
-from fti.service.compiling import compile_first
-from fti.terrain import warm
+from fti.service.navigation.kernel_compiler import compile_first
+from fti.terrain import kernel_warmup
 
 warm.warm_up(), strapdown.warm_up(), compile_first(config.load("configs/demo.toml"))
 """
@@ -68,7 +68,7 @@ class Part:
         return code
 
 
-def run_beside(part: Part) -> int:
+def run_with_retry(part: Part) -> int:
     """Run it; a few tests that fail are run again alone, and what they come to is the exit code."""
     with tempfile.TemporaryDirectory() as folder:
         part = replace(part, arguments=(*part.arguments, "-o", f"cache_dir={folder}"))
@@ -88,14 +88,14 @@ def last_failed(cache: Path) -> list[str]:
     return sorted(json.loads(file.read_text())) if file.exists() else []
 
 
-def marked(marker: str) -> list[str]:
+def files_with_marker(marker: str) -> list[str]:
     """Files that have tests with a marker."""
     files = sorted((ROOT / "tests").rglob("test_*.py"))
     return [str(file.relative_to(ROOT)) for file in files if f"mark.{marker}" in file.read_text()]
 
 
-def beside(told: Part, *others: Part) -> list[int]:
-    """Several parts at a time, the first as ``run_beside``; what the others say is printed in the end.
+def run_in_parallel(told: Part, *others: Part) -> list[int]:
+    """Several parts at a time, the first as ``run_with_retry``; what the others say is printed in the end.
 
     Returns exit codes.
     """
@@ -103,7 +103,7 @@ def beside(told: Part, *others: Part) -> list[int]:
         said = [stack.enter_context(tempfile.NamedTemporaryFile(suffix=".txt")) for _ in others]
         pool = stack.enter_context(ThreadPoolExecutor(len(others)))
         going_on = [pool.submit(other.run, file.file) for other, file in zip(others, said, strict=True)]
-        codes = [run_beside(told), *(other.result() for other in going_on)]
+        codes = [run_with_retry(told), *(other.result() for other in going_on)]
         for file in said:
             print(Path(file.name).read_text(), flush=True)
     return codes
@@ -118,15 +118,15 @@ def main() -> int:
     print("== compiled kernels", flush=True)
     subprocess.run([sys.executable, "-c", WARM_UP], cwd=ROOT, check=False)
     quick = Part("quick tests", (*QUICK, "-m", "not e2e"))
-    flights = Part("flights", ("-m", "flight", *marked("flight")), FIRST)
-    replays = Part("replays", ("-m", "replay", *marked("replay")), FIRST)
+    flights = Part("flights", ("-m", "flight", *files_with_marker("flight")), NICE)
+    replays = Part("replays", ("-m", "replay", *files_with_marker("replay")), NICE)
     others = "e2e and not flight and not replay and not alone"
-    together = Part("end to end", (*WAITING, "-m", others, *marked("e2e")))
-    moments = Part("one after another", ("-m", "alone", *marked("alone")))
+    together = Part("end to end", (*WAITING, "-m", others, *files_with_marker("e2e")))
+    moments = Part("one after another", ("-m", "alone", *files_with_marker("alone")))
     steps: list[Callable[[], list[int]]] = [
-        lambda: [run_beside(quick)],
-        lambda: beside(flights, replays),
-        lambda: [run_beside(together)],
+        lambda: [run_with_retry(quick)],
+        lambda: run_in_parallel(flights, replays),
+        lambda: [run_with_retry(together)],
         lambda: [moments.run()],
     ]
     codes = [code for step in steps if not interrupts for code in step()]

@@ -11,16 +11,16 @@ from pathlib import Path
 
 import pytest
 
-from fti.service import rundir
+from fti.service import run_directory
 
 
 @contextlib.contextmanager
 def running_daemon(
     path: Path, name: str = "s", zenoh: str | None = None, page: str | None = None
-) -> Iterator[rundir.RunDir]:
+) -> Iterator[run_directory.RunDirectory]:
     """The directory, taken and published as by the daemon of a session."""
-    made = rundir.make(name, str(path))
-    made.publish(rundir.DaemonInfo(os.getpid(), name, "", None, zenoh, 0, str(made.control_socket), page))
+    made = run_directory.make(name, str(path))
+    made.publish(run_directory.DaemonInfo(os.getpid(), name, "", None, zenoh, 0, str(made.control_socket), page))
     try:
         yield made
     finally:

@@ -130,7 +130,7 @@ def told_default(text: str) -> Any:
     ("heading", "number", "model", "without"),
     [
         ("A field, of a line or of a frame", 0, _fields.Field, ()),
-        ("A field, of a line or of a frame", 1, _binary_frame.Place, ()),
+        ("A field, of a line or of a frame", 1, _binary_frame.NumberLocation, ()),
         ("`ascii_line`", 0, ascii_line.Options, ("fields",)),
         ("`binary_struct`", 0, binary_struct.Options, ("fields", "sync")),
     ],

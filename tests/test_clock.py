@@ -16,8 +16,8 @@ from fti.clock import (
     SECOND_NS,
     STEP_NS,
     Clock,
+    ClockStep,
     FakeClock,
-    Step,
     SystemClock,
     choose_epoch_ns,
     describe_wrong_time,
@@ -191,7 +191,7 @@ def test_a_stamp_from_before_a_step_is_not_believed_after_it(monkeypatch: pytest
     clock, _, stamp = _stepped(monkeypatch, round(step_s * SECOND_NS))
     assert carried_over(clock, stamp, 59 * SECOND_NS) is None
     assert carried_over(clock, stamp, 59 * SECOND_NS) is None  # the next socket is read later, with the step known
-    assert clock.take_steps() == [Step(SEEN_NS, round(step_s * SECOND_NS))]
+    assert clock.take_steps() == [ClockStep(SEEN_NS, round(step_s * SECOND_NS))]
     assert clock.take_steps() == []
 
 
@@ -277,4 +277,4 @@ def test_what_two_readings_cannot_tell_apart_is_no_step(monkeypatch: pytest.Monk
     assert not clock.take_steps()
     hands.realtime += STEP_NS
     clock.sample()
-    assert [step.by_ns for step in clock.take_steps()] == [2 * STEP_NS]
+    assert [step.size_ns for step in clock.take_steps()] == [2 * STEP_NS]

@@ -16,10 +16,10 @@ from hypothesis import strategies as st
 
 from fti import config, drivers
 from fti.config import loading
+from fti.devices import bind_devices
 from fti.errors import ConfigError, MissingError
 from fti.nav import navigation
 from fti.nav.alarm_conditions import FALLBACKS
-from fti.service.binding import bind_devices
 from tests.helpers import ROOT
 
 EXAMPLES = sorted((ROOT / "configs").glob("*.toml"))
@@ -195,7 +195,11 @@ def test_error_names_file_key_value_and_what_is_allowed(text: str, expected: lis
 
 
 def test_names_that_no_device_of_a_role_may_have_are_those_of_what_takes_its_place() -> None:
-    assert set(loading.NO_DEVICES) == {navigation.FILTER, navigation.RADIO, navigation.VERTICAL} == set(FALLBACKS)
+    assert (
+        set(loading.RESERVED_DEVICE_NAMES)
+        == {navigation.FILTER, navigation.RADIO, navigation.VERTICAL}
+        == set(FALLBACKS)
+    )
 
 
 def test_every_mistake_is_named_at_once() -> None:

@@ -14,7 +14,7 @@ from tests.helpers import ROOT
 
 PAGE = (ROOT / "docs" / "configuration.md").read_text(encoding="utf-8")
 #: Where the table of a model stands, and the keys that it shares with the table before it.
-LINK = (*tables.Buffered.model_fields, "kind")
+LINK = (*tables.LinkTable.model_fields, "kind")
 PLACES: dict[str, tuple[type[BaseModel], tuple[str, ...]]] = {
     "## `[session]`": (tables.Session, ()),
     "## `[snapshot]`": (tables.Snapshot, ()),
@@ -83,7 +83,7 @@ def test_every_key_is_told_with_its_default(place: str) -> None:
 
 def test_what_every_link_has_is_told() -> None:
     found = {key: as_value(text) for key, text in told("## `[[link]]`").items()}
-    assert found == {"kind": "", **expected(tables.Buffered, ())}
+    assert found == {"kind": "", **expected(tables.LinkTable, ())}
 
 
 def test_every_table_is_told() -> None:
@@ -92,4 +92,4 @@ def test_every_table_is_told() -> None:
         for model in vars(tables).values()
         if isinstance(model, type) and issubclass(model, tables.StrictModel) and model.__module__ == tables.__name__
     }
-    assert models - {tables.StrictModel, tables.Config, tables.Buffered} == {model for model, _ in PLACES.values()}
+    assert models - {tables.StrictModel, tables.Config, tables.LinkTable} == {model for model, _ in PLACES.values()}

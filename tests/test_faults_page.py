@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import tomllib
 
-from fti.hil.expected.fault_page import page
-from fti.hil.tables.kinds import FaultKind
+from fti.hil.oracle.fault_page import page
+from fti.hil.tables.fault_types import FaultKind
 from tests.helpers import ROOT
 
 PAGE = (ROOT / "docs" / "faults.md").read_text(encoding="utf-8")

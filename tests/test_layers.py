@@ -12,7 +12,7 @@ from tests.helpers import ROOT
 
 #: What the recorder may be made of.
 BYTES_ONLY = ["fti.types", "fti.errors", "fti.clock", "fti.config", "fti.canframe", "fti.buffers", "fti.links"]
-BYTES_ONLY += ["fti.buffers.triple", "fti.buffers.ring", "fti.logger.raw_log"]
+BYTES_ONLY += ["fti.buffers.triple_buffer", "fti.buffers.ring", "fti.logger.raw_log"]
 HEAVY = ["numpy", "numba", "llvmlite", "scipy", "zenoh", "aiohttp", "aiomqtt", "foxglove", "pyproj", "pymavlink"]
 HEAVY += ["pyarrow"]
 UNDERSTANDING = ["fti.drivers", "fti.nav", "fti.ranging", "fti.terrain", "fti.web", "fti.bus", "fti.hil"]
@@ -36,7 +36,7 @@ def test_every_contract_holds() -> None:
     assert " 0 broken" in python("-c", run, "--no-cache").stdout
 
 
-@pytest.mark.parametrize("module", [*BYTES_ONLY, "fti.service.recorder"])
+@pytest.mark.parametrize("module", [*BYTES_ONLY, "fti.service.recorder.__main__"])
 def test_the_recorder_loads_nothing_heavy(module: str) -> None:
     loaded = set(json.loads(python("-c", SHOW_MODULES, module).stdout))
     assert module in loaded

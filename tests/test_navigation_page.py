@@ -15,7 +15,7 @@ from fti.nav import navigation
 from fti.nav.alarm_conditions import OutputConditions
 from fti.nav.exclusion_events import describe_return
 from fti.reason_texts import REASONS
-from fti.service.alarm_board import AlarmBoard
+from fti.service.supervisor.alarm_board import AlarmBoard
 from fti.types import NavSolution, Reason
 from tests.helpers import ROOT
 from tests.service.test_health_conditions import health
@@ -111,7 +111,7 @@ def test_a_navigation_that_is_late_or_stopped_has_its_alarms() -> None:
     shown, waits = list[dict[str, Any]](), [-5 * 10**9, None]  # arrival of the oldest frame, the last first
     board = AlarmBoard(FakeClock(0), lambda _, payload: shown.append(json.loads(payload)), lambda *_: None, waits.pop)
     for state in ("running", "restarting"):
-        board.take_health(health(processes={"navigation": {"state": state}}))
-        board.look_at_navigation()
+        board.handle_health(health(processes={"navigation": {"state": state}}))
+        board.check_navigation_latency()
     found = {row["title"] for row in shown[-1]["alarms"] for row in (row, *row["consequences"])}
     assert found == {text for text in texts("alarm") if text.startswith("NAVIGATION")}

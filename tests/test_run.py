@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.run import MAX_AGAIN, Part, run_beside
+from tests.run import MAX_AGAIN, Part, run_with_retry
 
 #: It fails as often as its file of marks says.
 TEST = """
@@ -46,7 +46,7 @@ def test_a_few_that_failed_are_run_again_once(
         (tmp_path / str(n)).write_text(str(times))
     file = tmp_path / "test_it.py"
     file.write_text(textwrap.dedent(TEST.format(count=len(fails), folder=tmp_path)))
-    assert run_beside(Part("quick tests", (str(file),))) == code
+    assert run_with_retry(Part("quick tests", (str(file),))) == code
     said = capfd.readouterr().out
     passed_alone = code == 0 and any(fails)
     assert ("these failed beside others and passed alone" in said) is passed_alone
@@ -55,5 +55,5 @@ def test_a_few_that_failed_are_run_again_once(
 
 
 def test_an_error_that_is_no_failure_is_not_run_again(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    assert run_beside(Part("quick tests", (str(tmp_path / "missing.py"),))) not in {0, 1}
+    assert run_with_retry(Part("quick tests", (str(tmp_path / "missing.py"),))) not in {0, 1}
     assert capfd.readouterr().out.count("begins") == 1

@@ -10,7 +10,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import NamedTuple
 
-from benchmarks.parts.rig import ROOT, port_of, udp_links
+from benchmarks.parts.processes import ROOT, port_of, udp_links
 
 
 class Row(NamedTuple):

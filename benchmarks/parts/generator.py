@@ -22,8 +22,8 @@ import numpy as np
 
 SIZE = 95
 HEAD = struct.Struct("<Qq")  # number, time sent [ns]
-MOST = 1024  # what the kernel takes with one call
-REST_S = 0.0005  # between two calls
+MAX_BATCH = 1024  # what the kernel takes with one call
+PAUSE_S = 0.0005  # between two calls
 PRIORITY = -10
 
 
@@ -43,11 +43,11 @@ class _Message(ctypes.Structure):
     )
 
 
-class _Sent(ctypes.Structure):
+class _MessageHeader(ctypes.Structure):
     _fields_ = (("message", _Message), ("length", ctypes.c_uint))
 
 
-class Volley:
+class DatagramBatch:
     """Messages for the ports in turn, prepared once; before each call only number and time change."""
 
     def __init__(self, ports: list[int]) -> None:
@@ -55,12 +55,12 @@ class Volley:
         self._turn = 0
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._send = ctypes.CDLL(None, use_errno=True).sendmmsg
-        rows = MOST + len(ports)  # a volley begins with any port
+        rows = MAX_BATCH + len(ports)  # a volley begins with any port
         self._data = np.zeros((rows, SIZE), np.uint8)
         self._data[:] = np.arange(SIZE, dtype=np.uint8)
         self._port = np.arange(rows) % len(ports)
         self._names = b"".join(_address(ports[i]) for i in self._port)
-        self._messages = (_Sent * rows)()
+        self._messages = (_MessageHeader * rows)()
         self._vectors = (_Iovec * rows)()
         names = ctypes.cast(ctypes.c_char_p(self._names), ctypes.c_void_p).value or 0
         for i in range(rows):
@@ -79,7 +79,7 @@ class Volley:
         self._data[rows, : HEAD.size] = head.view(np.uint8).reshape(count, HEAD.size)
         done = 0
         while done < count:
-            at = ctypes.byref(self._messages, (self._turn + done) * ctypes.sizeof(_Sent))
+            at = ctypes.byref(self._messages, (self._turn + done) * ctypes.sizeof(_MessageHeader))
             taken = self._send(self._socket.fileno(), at, count - done, 0)
             if taken < 0:
                 raise OSError(ctypes.get_errno(), os.strerror(ctypes.get_errno()))
@@ -94,15 +94,15 @@ def _address(port: int) -> bytes:
 
 def send(ports: list[int], rate: float, seconds: float) -> tuple[list[int], float]:
     """Send at that rate [1/s] to all ports together; how many to each, and the time it took [s]."""
-    volley, total, done = Volley(ports), round(rate * seconds), 0
+    volley, total, done = DatagramBatch(ports), round(rate * seconds), 0
     start = time.monotonic()
     while done < total:
         due = min(int((time.monotonic() - start) * rate) + 1, total)
         while done < due:
-            count = min(due - done, MOST)
+            count = min(due - done, MAX_BATCH)
             volley.fire(count)
             done += count
-        time.sleep(max(start + done / rate - time.monotonic(), REST_S if rate > 1 / REST_S else 0))
+        time.sleep(max(start + done / rate - time.monotonic(), PAUSE_S if rate > 1 / PAUSE_S else 0))
     return volley.sent.tolist(), time.monotonic() - start
 
 

@@ -18,7 +18,7 @@ from collections.abc import Callable
 PROBE = struct.Struct("<Qq")
 
 
-def ways(ports: list[int], lines: list[int]) -> list[Callable[[bytes], object]]:
+def open_channels(ports: list[int], lines: list[int]) -> list[Callable[[bytes], object]]:
     """How to send on each way."""
     made: list[Callable[[bytes], object]] = []
     for port in ports:
@@ -46,7 +46,7 @@ def main() -> None:
     parser.add_argument("--ports", type=int, nargs="*", default=[])
     parser.add_argument("--lines", type=int, nargs="*", default=[])
     args = parser.parse_args()
-    probe(ways(args.ports, args.lines), args.rate, args.seconds)
+    probe(open_channels(args.ports, args.lines), args.rate, args.seconds)
 
 
 if __name__ == "__main__":

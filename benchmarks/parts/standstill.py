@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 #: It wakes so often, and so late it is of no account [s].
 PERIOD_S, LATE_S = 0.001, 0.0005
 #: What has piled up in a standstill is worked off in so many times its length by who needs half a core.
-AFTER = 1.0
+RECOVERY_FACTOR = 1.0
 
 
 class Standstill:
@@ -46,11 +46,11 @@ class Standstill:
         found = [json.loads(process.communicate()[0] or "[]") for process in self._watching]
         self._spans = np.array([span for spans in found for span in spans]).reshape(-1, 2)
 
-    def excuses(self, due: Array) -> NDArray[np.bool_]:
+    def is_excused(self, due: Array) -> NDArray[np.bool_]:
         """Which instants (time.monotonic [s]) lie in a standstill, or in what it has piled up.  After the context."""
         excused = np.zeros(len(due), dtype=bool)
         for begin, end in self._spans:
-            excused |= (due >= begin) & (due <= end + AFTER * (end - begin))
+            excused |= (due >= begin) & (due <= end + RECOVERY_FACTOR * (end - begin))
         return excused
 
     def share(self, begin: float, end: float) -> float:
@@ -68,7 +68,7 @@ def watch(core: int) -> list[tuple[float, float]]:
         print("no right to SCHED_FIFO: no standstill of the machine is excused", file=sys.stderr)
         return []
     spans, due = [], time.monotonic() + PERIOD_S
-    while not _ended():
+    while not _is_input_ended():
         time.sleep(max(0.0, due - time.monotonic()))
         now = time.monotonic()
         if now - due > LATE_S:
@@ -77,7 +77,7 @@ def watch(core: int) -> list[tuple[float, float]]:
     return spans
 
 
-def _ended() -> bool:
+def _is_input_ended() -> bool:
     return bool(select.select([sys.stdin], [], [], 0.0)[0])
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from fti.hil import scenario as scenarios
-from fti.hil.tables.kinds import Fog
+from fti.hil.tables.fault_types import Fog
 
 HERE = Path(__file__).parent
 FLIGHT_S = 25.0

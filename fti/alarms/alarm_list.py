@@ -12,10 +12,10 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
 
-from fti.alarms.condition import Condition, Json, Report
+from fti.alarms.condition import Condition, ConditionReport, Json
 
 
-class Change(StrEnum):
+class AlarmChange(StrEnum):
     """What became of an alarm."""
 
     BEGINS = "begins"
@@ -42,19 +42,19 @@ class Alarm:
     acknowledged_by: str | None = None
 
     @property
-    def lasts(self) -> bool:
+    def is_active(self) -> bool:
         """Its condition has not ended."""
         return self.end_ns is None
 
     @property
     def is_settled(self) -> bool:
         """It has ended, and was acknowledged where it must be."""
-        return not self.lasts and (self.acknowledged_ns is not None or not self.condition.is_latched)
+        return not self.is_active and (self.acknowledged_ns is not None or not self.condition.is_latched)
 
     @property
     def order(self) -> tuple[Any, ...]:
         """What a person must see first: not acknowledged, severe, lasting, new."""
-        return self.acknowledged_ns is not None, self.condition.severity.rank, not self.lasts, -self.begin_ns
+        return self.acknowledged_ns is not None, self.condition.severity.rank, not self.is_active, -self.begin_ns
 
     def as_json(self) -> Json:
         """What is published and recorded of it."""
@@ -82,7 +82,7 @@ class AlarmList:
         self._present: dict[str, str] = {}  # identity of the condition of each subject
         self._changes: list[Json] = []
 
-    def report(self, report: Report) -> None:
+    def report(self, report: ConditionReport) -> None:
         """Take what is wrong with a subject now."""
         before, now = self._present.get(report.subject), report.condition
         if before is not None and (now is None or now.id != before):
@@ -102,21 +102,21 @@ class AlarmList:
         who: str,
         t_ns: int,
         alarm_id: str | None = None,
-        begun_ns: int | None = None,
-        spared: frozenset[str] = frozenset(),
+        since_ns: int | None = None,
+        excluded: frozenset[str] = frozenset(),
     ) -> int:
         """Acknowledge an alarm with its consequences (alarm_id), those that have begun since (begun_ns), or all.
 
         spared : identities that are not acknowledged.  Returns how many were not acknowledged before.
         """
-        begun = {name for name, alarm in self._alarms.items() if begun_ns is None or alarm.begin_ns >= begun_ns}
-        chosen = begun - spared
+        begun = {name for name, alarm in self._alarms.items() if since_ns is None or alarm.begin_ns >= since_ns}
+        chosen = begun - excluded
         if alarm_id is not None:
             chosen = {name for name in chosen if alarm_id in (name, self._cause_of(name))}
         open_alarms = [self._alarms[name] for name in sorted(chosen) if self._alarms[name].acknowledged_ns is None]
         for alarm in open_alarms:
             alarm.acknowledged_ns, alarm.acknowledged_by = t_ns, who
-            self._change(alarm, Change.ACKNOWLEDGED, t_ns)
+            self._change(alarm, AlarmChange.ACKNOWLEDGED, t_ns)
         return len(open_alarms)
 
     def rows(self) -> list[Json]:
@@ -136,7 +136,7 @@ class AlarmList:
 
     def _begin(self, condition: Condition, t_ns: int) -> None:
         alarm = self._alarms.get(condition.id)
-        if alarm and alarm.lasts:
+        if alarm and alarm.is_active:
             self._update(alarm, condition, t_ns)
             return
         if alarm:
@@ -144,7 +144,7 @@ class AlarmList:
             alarm.acknowledged_ns = alarm.acknowledged_by = None
         else:
             alarm = self._alarms[condition.id] = Alarm(condition, t_ns, t_ns)
-        self._change(alarm, Change.BEGINS, t_ns)
+        self._change(alarm, AlarmChange.BEGINS, t_ns)
 
     def _update(self, alarm: Alarm, condition: Condition, t_ns: int) -> None:
         """The same condition in other words, or of another severity: one that has become more severe is new."""
@@ -153,17 +153,17 @@ class AlarmList:
         if rise > 0:
             alarm.acknowledged_ns = alarm.acknowledged_by = None
         if rise:
-            self._change(alarm, Change.CHANGES, t_ns)
+            self._change(alarm, AlarmChange.CHANGES, t_ns)
 
     def _end(self, name: str, t_ns: int) -> None:
         if name in self._present.values():  # another subject has the same condition
             return
         alarm = self._alarms.get(name)
-        if alarm and alarm.lasts:
+        if alarm and alarm.is_active:
             alarm.end_ns = max(t_ns, alarm.begin_ns)
-            self._change(alarm, Change.ENDS, t_ns)
+            self._change(alarm, AlarmChange.ENDS, t_ns)
 
-    def _change(self, alarm: Alarm, change: Change, t_ns: int) -> None:
+    def _change(self, alarm: Alarm, change: AlarmChange, t_ns: int) -> None:
         self._changes.append({"t_ns": t_ns, "change": change, **alarm.as_json()})
         if alarm.is_settled:
             del self._alarms[alarm.condition.id]
@@ -184,7 +184,7 @@ class AlarmList:
         alarm = self._alarms[name]
         for other in alarm.condition.explained_by:
             cause = self._alarms.get(other)
-            if cause and other not in seen and (cause.lasts or not alarm.lasts):
+            if cause and other not in seen and (cause.is_active or not alarm.is_active):
                 return other
         return None
 
@@ -193,7 +193,7 @@ def _row(alarm: Alarm, folded: list[Alarm]) -> Json:
     all_of_it = [alarm, *folded]
     is_open = any(each.acknowledged_ns is None for each in all_of_it)
     severity = min((each.condition.severity for each in all_of_it), key=lambda severity: severity.rank)
-    order = not is_open, severity.rank, not any(each.lasts for each in all_of_it), -alarm.begin_ns
+    order = not is_open, severity.rank, not any(each.is_active for each in all_of_it), -alarm.begin_ns
     return {
         **alarm.as_json(),
         "severity": severity,

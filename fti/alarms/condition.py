@@ -55,7 +55,7 @@ class Condition:
 
 
 @dataclass(frozen=True, slots=True)
-class Report:
+class ConditionReport:
     """What is wrong with a subject from t_ns [ns] on; condition None: nothing is."""
 
     t_ns: int
@@ -78,7 +78,7 @@ class Report:
         }
 
     @classmethod
-    def from_json(cls, fields: Mapping[str, Any]) -> Report:
+    def from_json(cls, fields: Mapping[str, Any]) -> ConditionReport:
         """The report in such a record.  Raises KeyError or ValueError."""
         condition = None
         if fields["id"] is not None:

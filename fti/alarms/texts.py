@@ -12,7 +12,7 @@ SECOND_NS = 1_000_000_000
 def describe_times(alarm: Mapping[str, Any]) -> str:
     """When it began, for how long it did last, how often it has begun, and who has acknowledged it."""
     begin = f"{datetime.fromtimestamp(alarm['begin_ns'] // SECOND_NS, UTC):%H:%M:%S}"
-    parts = [f"since {begin}" if alarm["end_ns"] is None else f"{begin}, {_lasted(alarm)}"]
+    parts = [f"since {begin}" if alarm["end_ns"] is None else f"{begin}, {_duration_text(alarm)}"]
     if alarm["count"] > 1:
         parts.append(f"{alarm['count']} times")
     if alarm["acknowledged_by"]:
@@ -20,5 +20,5 @@ def describe_times(alarm: Mapping[str, Any]) -> str:
     return ", ".join(parts)
 
 
-def _lasted(alarm: Mapping[str, Any]) -> str:
+def _duration_text(alarm: Mapping[str, Any]) -> str:
     return f"ended after {(alarm['end_ns'] - alarm['begin_ns']) / SECOND_NS:.1f} s"

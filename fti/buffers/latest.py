@@ -8,7 +8,7 @@ from typing import Generic, TypeVar
 Value = TypeVar("Value")
 
 
-class Latest(Generic[Value]):
+class LatestValue(Generic[Value]):
     """One value and how often it was set; any thread may set and get."""
 
     def __init__(self) -> None:

@@ -42,33 +42,33 @@ FIELDS = struct.Struct("<QI")  # first seq, count
 HEAD = RECORD.size + FIELDS.size
 TIME, FRAME_SIZE, LINK = "q", "I", "H"  # what each frame needs besides its data, as arrays
 FRAME = sum(array(kind).itemsize for kind in (TIME, FRAME_SIZE, LINK))
-ALONE = HEAD + FRAME  # what a frame that arrives alone needs
-_ALONE = struct.Struct(f"{FIELDS.format}{TIME}{FRAME_SIZE}{LINK}")
+SINGLE_FRAME_BYTES = HEAD + FRAME  # what a frame that arrives alone needs
+_SINGLE_FRAME = struct.Struct(f"{FIELDS.format}{TIME}{FRAME_SIZE}{LINK}")
 SIZE, ENDED, WRITER, READER = 1, 2, 8, 32
 STATES = {WRITER: struct.Struct("=4Q"), READER: struct.Struct("=3Q")}
 READ_BYTES = 2**18  # copied at once by the reader; no record is larger, and none than a quarter of the ring
-ATTEMPTS = 100
+MAX_ATTEMPTS = 100
 
 MIN_SIZE = 16 * 2**20
-SECONDS = 30
+CAPACITY_S = 30
 #: What a link brings at most [B/s], with the heads of its records: bytes of a serial line in reads of 16, the shortest
 #: frames of a CAN bus, 2000 datagrams of 100 B.
-SERIAL_BITS, SERIAL_READ, CAN_BITS, UDP_RATE = 10, 16, 47, 2000 * (100 + ALONE)
+SERIAL_BITS, SERIAL_READ, CAN_BITS, UDP_RATE = 10, 16, 47, 2000 * (100 + SINGLE_FRAME_BYTES)
 DEFAULT_BITRATE = 1_000_000
-TICKS = 50 * ALONE
+TICKS = 50 * SINGLE_FRAME_BYTES
 
 
 def ring_size(links: Sequence[Link]) -> int:
     """Size of a ring that holds 30 s of these links at their full rates, at least 16 MiB [B]."""
     rate = TICKS + sum(_rate(link) for link in links)
-    return max(MIN_SIZE, -(-SECONDS * rate // PAGE) * PAGE)
+    return max(MIN_SIZE, -(-CAPACITY_S * rate // PAGE) * PAGE)
 
 
 def _rate(link: Link) -> int:
     if isinstance(link, SerialLink):
-        return link.baud // SERIAL_BITS * (SERIAL_READ + ALONE) // SERIAL_READ
+        return link.baud // SERIAL_BITS * (SERIAL_READ + SINGLE_FRAME_BYTES) // SERIAL_READ
     if isinstance(link, CanLink):
-        return (link.bitrate or DEFAULT_BITRATE) // CAN_BITS * (16 + ALONE)
+        return (link.bitrate or DEFAULT_BITRATE) // CAN_BITS * (16 + SINGLE_FRAME_BYTES)
     return UDP_RATE
 
 
@@ -152,7 +152,7 @@ class Ring:
             return
         end, _, oldest, began = self._state
         if end + need - oldest > self._size:
-            oldest = self._give_up(end + need - self._size)
+            oldest = self._discard_oldest(end + need - self._size)
         self._store(end, RECORD.pack(need - HEAD, zlib.crc32(content, end & 0xFFFF_FFFF)) + content)
         self._publish(WriterState(end + need, first_seq + len(frames), oldest, began if end else first_seq))
         os.eventfd_write(self._event, 1)
@@ -161,13 +161,13 @@ class Ring:
         """Two records instead of one."""
         half = len(frames) // 2
         if not half:
-            raise ValueError(f"frame of {len(frames[0])} B; allowed are {self._largest - ALONE}")
+            raise ValueError(f"frame of {len(frames[0])} B; allowed are {self._largest - SINGLE_FRAME_BYTES}")
         self.put_many(links[:half], first_seq, times_ns[:half], frames[:half])
         self.put_many(links[half:], first_seq + half, times_ns[half:], frames[half:])
 
-    def _give_up(self, least: int) -> int:
-        """Give up whole records until position ``least`` and some more, so that it need not be done for each put."""
-        oldest, target = self._state.oldest, min(least + self._size // 16, self._state.end)
+    def _discard_oldest(self, min_position: int) -> int:
+        """Give up whole records until position ``min_position`` and some more, so that it need not be done for each put."""
+        oldest, target = self._state.oldest, min(min_position + self._size // 16, self._state.end)
         while oldest < target:
             oldest += HEAD + RECORD.unpack(self.load(oldest, RECORD.size))[0]
         self._publish(self._state._replace(oldest=oldest))
@@ -202,7 +202,7 @@ class Ring:
     @property
     def oldest_seq(self) -> int | None:
         """The seq of the oldest frame still there; None while the ring is empty."""
-        for _ in range(ATTEMPTS):  # the writer may give the record up while we look
+        for _ in range(MAX_ATTEMPTS):  # the writer may give the record up while we look
             state = self.writer_state()
             if state.oldest == state.end:
                 return None
@@ -214,7 +214,7 @@ class Ring:
     @property
     def oldest_waiting_ns(self) -> int | None:
         """Arrival of the oldest frame that the reader has not finished [ns]; None when it has finished all."""
-        for _ in range(ATTEMPTS):
+        for _ in range(MAX_ATTEMPTS):
             reached = self.reader_state().position  # before the writer's: what is there cannot be less then
             writer = self.writer_state()
             position = max(reached, writer.oldest)
@@ -272,6 +272,6 @@ def _pack(links: Sequence[int], first_seq: int, times_ns: Sequence[int], frames:
     """The content of a record."""
     count = len(frames)
     if count == 1:
-        return _ALONE.pack(first_seq, 1, times_ns[0], len(frames[0]), links[0]) + frames[0]
+        return _SINGLE_FRAME.pack(first_seq, 1, times_ns[0], len(frames[0]), links[0]) + frames[0]
     head = FIELDS.pack(first_seq, count)
     return b"".join((head, array(TIME, times_ns), array(FRAME_SIZE, map(len, frames)), array(LINK, links), *frames))

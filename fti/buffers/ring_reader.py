@@ -13,7 +13,7 @@ from typing import NamedTuple
 from fti.buffers.ring import FIELDS, FRAME_SIZE, HEAD, LINK, READ_BYTES, RECORD, TIME, ReaderState, Ring
 
 
-class Record(NamedTuple):
+class RingFrame(NamedTuple):
     """One frame as it stands in the ring."""
 
     link_index: int
@@ -62,7 +62,7 @@ class RingReader:
         """What ``read`` returned has been worked on."""
         self._ring.publish_reader(self._state)
 
-    def read(self, limit: int = 1000) -> list[Record]:
+    def read(self, limit: int = 1000) -> list[RingFrame]:
         """The next frames in order; empty when there is none now, and when the reader was overrun.
 
         Ends with the record that reaches ``limit``: frames that were put together are read together.
@@ -87,9 +87,9 @@ class RingReader:
         self._state = ReaderState(writer.end, writer.next_seq, lost + skipped)
         return skipped
 
-    def _parse(self, data: bytes, limit: int, first_seq: int) -> list[Record]:
+    def _parse(self, data: bytes, limit: int, first_seq: int) -> list[RingFrame]:
         """Records in data that begins at our position; first_seq : of the first record of all."""
-        found: list[Record] = []
+        found: list[RingFrame] = []
         position, _, lost = self._state
         expected = self._state.next_seq if position else first_seq
         at = 0
@@ -111,7 +111,7 @@ class RingReader:
         return found
 
 
-def _unpack(content: bytes) -> Iterator[Record]:
+def _unpack(content: bytes) -> Iterator[RingFrame]:
     """The frames of a record."""
     seq, count = FIELDS.unpack_from(content)
     at = FIELDS.size
@@ -123,6 +123,6 @@ def _unpack(content: bytes) -> Iterator[Record]:
         columns.append(column)
         at = end
     for t_rx_ns, size, link in zip(*columns, strict=True):
-        yield Record(link, seq, t_rx_ns, content[at : at + size])
+        yield RingFrame(link, seq, t_rx_ns, content[at : at + size])
         seq += 1
         at += size

@@ -83,7 +83,7 @@ class Publisher:
             except OSError:  # the hub has gone
                 self._leave()
                 return
-            self._outbox.keep(data[sent:])
+            self._outbox.keep_unsent(data[sent:])
             if not sent:
                 return
 

@@ -37,7 +37,7 @@ class FrameError(ValueError):
     """What arrived is not a frame, or is too large."""
 
 
-class Frame(NamedTuple):
+class BusFrame(NamedTuple):
     """One message, and the bytes that it came in."""
 
     topic: str
@@ -55,12 +55,12 @@ def max_bytes(topic: str) -> int:
     return MAX_BYTES.get(topic, MAX_OTHER_BYTES)
 
 
-def make_frame(topic: str, payload: bytes) -> Frame:
+def make_frame(topic: str, payload: bytes) -> BusFrame:
     """A message that is published now.  Raises FrameError when topic or payload is too large."""
     name = topic.encode(errors="replace")
     _check_size(topic, len(name), len(payload))
     sent_ns = time.monotonic_ns()
-    return Frame(name.decode(), sent_ns, _HEAD.pack(len(payload), len(name), sent_ns) + name + payload)
+    return BusFrame(name.decode(), sent_ns, _HEAD.pack(len(payload), len(name), sent_ns) + name + payload)
 
 
 def _check_size(topic: str, topic_bytes: int, payload_bytes: int) -> None:
@@ -76,7 +76,7 @@ class FrameReader:
     def __init__(self) -> None:
         self._received = bytearray()
 
-    def feed(self, data: bytes) -> Iterator[Frame]:
+    def feed(self, data: bytes) -> Iterator[BusFrame]:
         """The frames that are complete now.  Raises FrameError at what cannot be one, and is of no use then."""
         self._received += data
         begin = 0
@@ -99,14 +99,14 @@ class FrameReader:
         return end if len(self._received) >= end else None
 
 
-def _parse(raw: bytes) -> Frame:
+def _parse(raw: bytes) -> BusFrame:
     payload_bytes, topic_bytes, sent_ns = _HEAD.unpack_from(raw)
     try:
         topic = raw[_HEAD.size : _HEAD.size + topic_bytes].decode()
     except UnicodeDecodeError:
         raise FrameError("a topic that is not UTF-8") from None
     _check_size(topic, topic_bytes, payload_bytes)
-    return Frame(topic, sent_ns, raw)
+    return BusFrame(topic, sent_ns, raw)
 
 
 def connect(path: Path, first_topic: str, process: str) -> socket.socket | None:

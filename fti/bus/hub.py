@@ -19,7 +19,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from fti.bus.frame import ALIVE, PUBLISH, RECEIVE_BYTES, SUBSCRIBE, Frame, FrameError, FrameReader, make_frame
+from fti.bus.frame import ALIVE, PUBLISH, RECEIVE_BYTES, SUBSCRIBE, BusFrame, FrameError, FrameReader, make_frame
 from fti.bus.outbox import Outbox
 from fti.errors import MissingError
 from fti.peer_credentials import Peer
@@ -53,7 +53,7 @@ class Hub:
         self._warn = warn
         self._listener = _bind(path)
         self._wake = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
-        self._own: deque[Frame] = deque(maxlen=1024)
+        self._own: deque[BusFrame] = deque(maxlen=1024)
         self._clients: set[_Client] = set()
         self._alive: Counter[str] = Counter()
         self._too_large: set[str] = set()
@@ -101,13 +101,13 @@ class Hub:
             ending = self._ending  # what was published before is sent
             for key, events in self._selector.select(timeout=0 if ending else None):
                 if isinstance(key.data, _Client):
-                    self._attend(key.data, events)
+                    self._handle_client(key.data, events)
                 elif key.fileobj is self._listener:
                     self._accept()
                 else:
                     os.eventfd_read(self._wake)
             while self._own:
-                self._spread(self._own.popleft())
+                self._broadcast(self._own.popleft())
             self._flush()
             if ending:
                 return
@@ -122,7 +122,7 @@ class Hub:
             return
         peer = Peer.of(sock)
         if peer.uid != os.getuid() or len(self._clients) >= MAX_CONNECTIONS:
-            self._warn_rarely(f"a connection of user {peer.uid} is refused ({len(self._clients)} are open)")
+            self._warn_limited(f"a connection of user {peer.uid} is refused ({len(self._clients)} are open)")
             sock.close()
             return
         sock.setblocking(False)
@@ -130,13 +130,13 @@ class Hub:
         self._clients.add(client)
         self._selector.register(sock, selectors.EVENT_READ, client)
 
-    def _attend(self, client: _Client, events: int) -> None:
+    def _handle_client(self, client: _Client, events: int) -> None:
         """Take what a client sent.  Whatever goes wrong, it is this client that goes."""
         healthy = False
         try:
             healthy = not events & selectors.EVENT_READ or self._receive(client)
         except FrameError as error:
-            self._warn_rarely(f"{client.name or 'a client'}: {error}; the connection is closed")
+            self._warn_limited(f"{client.name or 'a client'}: {error}; the connection is closed")
         finally:
             if not healthy:
                 self._drop(client)
@@ -151,12 +151,12 @@ class Hub:
             return False
         for frame in client.reader.feed(data):
             if client.name:
-                self._take(client, frame)
+                self._handle_frame(client, frame)
             else:
-                self._join(client, frame)
+                self._register(client, frame)
         return bool(data)
 
-    def _join(self, client: _Client, frame: Frame) -> None:
+    def _register(self, client: _Client, frame: BusFrame) -> None:
         """The first frame: who it is.  Raises FrameError when it may not be that."""
         name = frame.payload.decode(errors="replace")
         if frame.topic == SUBSCRIBE and name:
@@ -165,19 +165,19 @@ class Hub:
                 client.outbox.add(make_frame(ALIVE + process, b"1"))
         elif frame.topic == PUBLISH and name in PUBLISHERS:
             self._alive[name] += 1
-            self._spread(make_frame(ALIVE + name, b"1"))
+            self._broadcast(make_frame(ALIVE + name, b"1"))
         else:
             raise FrameError(f"{name[:80]!a} may not publish or subscribe")
         client.name = name
 
-    def _take(self, client: _Client, frame: Frame) -> None:
+    def _handle_frame(self, client: _Client, frame: BusFrame) -> None:
         if client.outbox is None and frame.topic.startswith(PUBLISHERS[client.name]):
-            self._spread(frame)
+            self._broadcast(frame)
         elif not client.reported:
             client.reported = True
-            self._warn_rarely(f"{client.name}: may not publish on {frame.topic!a}; such messages are thrown away")
+            self._warn_limited(f"{client.name}: may not publish on {frame.topic!a}; such messages are thrown away")
 
-    def _warn_rarely(self, text: str) -> None:
+    def _warn_limited(self, text: str) -> None:
         """Warn, but not more often than a person reads: a client may do wrong very often."""
         now = time.monotonic()
         if now >= self._period_end_s:
@@ -200,11 +200,11 @@ class Hub:
             self._alive[client.name] -= 1
             if not self._alive[client.name]:
                 del self._alive[client.name]
-                self._spread(make_frame(ALIVE + client.name, b"0"))
+                self._broadcast(make_frame(ALIVE + client.name, b"0"))
 
     # ----------------------------------------------------------------------------------------------------- messages
 
-    def _spread(self, frame: Frame) -> None:
+    def _broadcast(self, frame: BusFrame) -> None:
         for client in self._clients:
             if client.outbox is not None:
                 client.outbox.add(frame)
@@ -225,14 +225,14 @@ class Hub:
                 sent = 0
             except OSError:
                 return False
-            outbox.keep(data[sent:])
+            outbox.keep_unsent(data[sent:])
             if sent < len(data):
                 break
         waits = selectors.EVENT_WRITE if outbox else 0
         if self._selector.get_key(client.sock).events != selectors.EVENT_READ | waits:
             self._selector.modify(client.sock, selectors.EVENT_READ | waits, client)
         if outbox.lost and not waits:
-            self._warn_rarely(f"{client.name} read too slowly: {outbox.lost} messages are lost")
+            self._warn_limited(f"{client.name} read too slowly: {outbox.lost} messages are lost")
             outbox.lost = 0
         return True
 

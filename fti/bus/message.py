@@ -18,7 +18,7 @@ from typing import Any
 import orjson
 
 from fti.bus.frame import max_bytes
-from fti.bus.shapes import defaults_of, misfit, shape_of
+from fti.bus.shapes import defaults_of, describe_mismatch, shape_of
 
 NS_PER_MS = 1_000_000
 MAX_DEPTH = 16
@@ -32,7 +32,7 @@ class MessageError(ValueError):
     """A payload that is not a message of its topic; says why."""
 
 
-def stamped(payload_fields: Mapping[str, Any], t_ns: int, now_ns: int, max_age_ms: float) -> bytes:
+def encode_with_age(payload_fields: Mapping[str, Any], t_ns: int, now_ns: int, max_age_ms: float) -> bytes:
     """Payload of one output with its age.
 
     payload_fields : the output as a mapping (``dataclasses.asdict``)
@@ -51,7 +51,7 @@ def encode(fields: Mapping[str, Any]) -> bytes:
     try:
         text = json.dumps(fields, allow_nan=False, ensure_ascii=False, separators=(",", ":"))
     except ValueError:
-        text = json.dumps(_finite(fields), ensure_ascii=False, separators=(",", ":"))
+        text = json.dumps(_replace_non_finite(fields), ensure_ascii=False, separators=(",", ":"))
     return text.encode(errors="replace")
 
 
@@ -80,26 +80,26 @@ def decode(topic: str, payload: bytes) -> dict[str, Any]:
         fields = orjson.loads(payload)  # refuses NaN, infinity, numbers beyond a double, half surrogates, 1024 levels
     except orjson.JSONDecodeError as error:
         raise MessageError(f"is not JSON: {error}") from None
-    if fault := _excess(fields, MAX_DEPTH) or misfit(fields, shape):
+    if fault := _describe_excess(fields, MAX_DEPTH) or describe_mismatch(fields, shape):
         raise MessageError(fault)
     return {**defaults_of(topic), **fields}
 
 
-def _excess(value: Any, depth: int) -> str | None:
+def _describe_excess(value: Any, depth: int) -> str | None:
     """What is too deep or too large, in words."""
     if isinstance(value, dict | list):
         if not depth:
             return f"is nested more than {MAX_DEPTH} deep"
         items = value.values() if isinstance(value, dict) else value
-        return next((found for item in items if (found := _excess(item, depth - 1))), None)
+        return next((found for item in items if (found := _describe_excess(item, depth - 1))), None)
     if isinstance(value, int | float) and not -MAX_NUMBER <= value <= MAX_NUMBER:
         return f"a number beyond ±{MAX_NUMBER:.3g}"
     return None
 
 
-def _finite(value: Any) -> Any:
+def _replace_non_finite(value: Any) -> Any:
     if isinstance(value, Mapping):
-        return {key: _finite(item) for key, item in value.items()}
+        return {key: _replace_non_finite(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [_finite(item) for item in value]
+        return [_replace_non_finite(item) for item in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value

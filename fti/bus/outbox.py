@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections import deque
 
-from fti.bus.frame import EVENT, Frame
+from fti.bus.frame import EVENT, BusFrame
 
 MAX_FRAMES = 1024
 MAX_BYTES = 8 * 2**20
@@ -21,7 +21,7 @@ class Outbox:
     """replaced : values that a newer one of their topic displaced; lost : messages that went without a newer one"""
 
     def __init__(self) -> None:
-        self._frames: deque[Frame] = deque()
+        self._frames: deque[BusFrame] = deque()
         self._bytes = 0
         self._rest = b""  # of what the kernel took in part
         self.replaced = 0
@@ -33,7 +33,7 @@ class Outbox:
     def __len__(self) -> int:
         return len(self._frames)
 
-    def add(self, frame: Frame) -> None:
+    def add(self, frame: BusFrame) -> None:
         """Queue a message."""
         self._frames.append(frame)
         self._bytes += len(frame.raw)
@@ -54,7 +54,7 @@ class Outbox:
         self._bytes = sum(len(frame.raw) for frame in kept)
 
     def next_bytes(self) -> bytes:
-        """What is to be sent next; give back with ``keep`` what was not sent."""
+        """What is to be sent next; give back with ``keep_unsent`` what was not sent."""
         parts, size, self._rest = [self._rest], len(self._rest), b""
         while self._frames and size < SEND_BYTES:
             raw = self._frames.popleft().raw
@@ -63,6 +63,6 @@ class Outbox:
             parts.append(raw)
         return b"".join(parts)
 
-    def keep(self, rest: bytes) -> None:
+    def keep_unsent(self, rest: bytes) -> None:
         """What ``next_bytes`` gave and the kernel did not take."""
         self._rest = rest

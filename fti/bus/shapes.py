@@ -18,14 +18,14 @@ from fti.logger.derived_log import snake_case
 from fti.types import HeightAboveGround, Output, ProvisionalSolution, SourceValidity
 
 
-class Maybe(NamedTuple):
+class Nullable(NamedTuple):
     """A shape, or null."""
 
     shape: Any
 
 
 Table = dict[str, Any]
-Shape = frozenset[type] | list[Any] | Table | Maybe
+Shape = frozenset[type] | list[Any] | Table | Nullable
 
 #: Foreign topics must not fill the memory.
 TOPICS_CACHED = 512
@@ -98,7 +98,7 @@ HEALTH: Table = {
     },
     "navigation": {
         "lag_ms?": MAYBE_NUMBER,
-        "output_delay?": Maybe({"p50_ms": MAYBE_NUMBER, "p99_ms": MAYBE_NUMBER}),
+        "output_delay?": Nullable({"p50_ms": MAYBE_NUMBER, "p99_ms": MAYBE_NUMBER}),
         "ring_lost_frames?": WHOLE,
         "last_seq?": WHOLE,
     },
@@ -164,19 +164,22 @@ def _shape_of_hint(hint: Any) -> Shape:
     return frozenset(found)
 
 
-def misfit(value: Any, shape: Shape, name: str = "") -> str | None:
+def describe_mismatch(value: Any, shape: Shape, name: str = "") -> str | None:
     """Which field is not as it must be, in words; None when all are."""
-    if isinstance(shape, Maybe):
-        return None if value is None else misfit(value, shape.shape, name)
+    if isinstance(shape, Nullable):
+        return None if value is None else describe_mismatch(value, shape.shape, name)
     wanted = shape if isinstance(shape, frozenset) else {type(shape)}
     if type(value) not in wanted:
         return f"{name or 'the message'} is {_name(type(value))}, not {' or '.join(sorted(map(_name, wanted)))}"
     if isinstance(shape, list):
-        return next((found for n, item in enumerate(value) if (found := misfit(item, shape[0], f"{name}[{n}]"))), None)
-    return _misfit_of_table(value, shape, f"{name}." if name else "") if isinstance(shape, dict) else None
+        return next(
+            (found for n, item in enumerate(value) if (found := describe_mismatch(item, shape[0], f"{name}[{n}]"))),
+            None,
+        )
+    return _describe_table_mismatch(value, shape, f"{name}." if name else "") if isinstance(shape, dict) else None
 
 
-def _misfit_of_table(table: dict[str, Any], shape: dict[str, Any], prefix: str) -> str | None:
+def _describe_table_mismatch(table: dict[str, Any], shape: dict[str, Any], prefix: str) -> str | None:
     for key, inner in shape.items():
         if key == "*":
             pairs = list(table.items())
@@ -187,7 +190,7 @@ def _misfit_of_table(table: dict[str, Any], shape: dict[str, Any], prefix: str) 
         else:
             return f"{prefix}{key} is missing"
         for name, value in pairs:
-            if found := misfit(value, inner, f"{prefix}{name[:80]}"):
+            if found := describe_mismatch(value, inner, f"{prefix}{name[:80]}"):
                 return found
     return None
 

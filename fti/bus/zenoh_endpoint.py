@@ -22,8 +22,8 @@ ALIVE = "@alive"
 #: What access control has rules for; a chunk that begins with "@" is no part of "**".
 KEYS = ["**", f"**/{ALIVE}/**"]
 #: What a client may ask for, and what it may be sent; everything else is denied.
-ASKED = ["declare_subscriber", "declare_liveliness_subscriber", "liveliness_query"]
-ANSWERED = ["put", "delete", "liveliness_token"]
+INGRESS_MESSAGES = ["declare_subscriber", "declare_liveliness_subscriber", "liveliness_query"]
+EGRESS_MESSAGES = ["put", "delete", "liveliness_token"]
 
 
 def make_config(port: int) -> zenoh.Config:
@@ -38,8 +38,8 @@ def make_config(port: int) -> zenoh.Config:
             "enabled": True,
             "default_permission": "deny",
             "rules": [
-                _allow("ask", "ingress", ASKED),
-                _allow("answer", "egress", ANSWERED),
+                _allow("ask", "ingress", INGRESS_MESSAGES),
+                _allow("answer", "egress", EGRESS_MESSAGES),
             ],
             "subjects": [{"id": "everybody"}],
             "policies": [{"rules": ["ask", "answer"], "subjects": ["everybody"]}],

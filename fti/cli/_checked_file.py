@@ -34,9 +34,9 @@ def _find(name_or_path: str) -> Path:
     from fti.errors import MissingError
     from fti.hil import scenario as scenarios
 
-    if name_or_path not in scenarios.shipped():
+    if name_or_path not in scenarios.shipped_names():
         raise MissingError(
-            f"{name_or_path}: is neither a file nor a shipped scenario; shipped are {', '.join(scenarios.shipped())}"
+            f"{name_or_path}: is neither a file nor a shipped scenario; shipped are {', '.join(scenarios.shipped_names())}"
         )
     return scenarios.find(name_or_path)
 

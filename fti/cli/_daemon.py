@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from fti.cli._printing import print_line
 from fti.cli.main import EXIT_INTERRUPTED
-from fti.interrupts import remembered_interrupts
+from fti.interrupts import track_interrupts
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -24,7 +24,7 @@ def early_recorder() -> Iterator[Child]:
 
     The imports build the tables of the configuration.
     """
-    with remembered_interrupts():
+    with track_interrupts():
         from fti.service import daemon
 
         with daemon.early_recorder() as recorder:

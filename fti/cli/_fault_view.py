@@ -9,17 +9,17 @@ from typing import TYPE_CHECKING, Any
 from fti.cli._check_view import table_lines
 
 if TYPE_CHECKING:
-    from fti.hil.expected.fault_catalogue import Key, Kind
+    from fti.hil.oracle.fault_catalogue import FaultDescription, Key
 
 
-def as_json(kinds: Iterable[Kind]) -> list[dict[str, Any]]:
+def as_json(kinds: Iterable[FaultDescription]) -> list[dict[str, Any]]:
     """Every kind with all of its keys."""
     return [asdict(kind) for kind in kinds]
 
 
-def overview(kinds: Iterable[Kind]) -> Iterator[str]:
+def overview(kinds: Iterable[FaultDescription]) -> Iterator[str]:
     """Every kind; keys that all kinds of devices or of links have stand at the end, once."""
-    from fti.hil.expected.fault_catalogue import SHARED
+    from fti.hil.oracle.fault_catalogue import SHARED_KEYS
 
     shared = dict[str, "Key"]()
     for kind in kinds:
@@ -27,16 +27,16 @@ def overview(kinds: Iterable[Kind]) -> Iterator[str]:
         yield from _keys(kind.own_keys)
         yield from _flags(kind)
         yield ""
-        shared |= {key.name: key for key in kind.keys if key.name in SHARED}
+        shared |= {key.name: key for key in kind.keys if key.name in SHARED_KEYS}
     yield "Keys that all faults of CAN links (links) or of devices (devices) share"
-    yield from _keys([shared[name] for name in SHARED])
+    yield from _keys([shared[name] for name in SHARED_KEYS])
     yield ""
     yield "fti hil --faults KIND shows one of them with an example"
 
 
-def detail(kind: Kind) -> Iterator[str]:
+def detail(kind: FaultDescription) -> Iterator[str]:
     """One kind with everything."""
-    from fti.hil.tables.quantities import quantities
+    from fti.hil.tables.quantity_names import quantities
 
     yield from _head(kind)
     yield from _keys(kind.keys)
@@ -49,7 +49,7 @@ def detail(kind: Kind) -> Iterator[str]:
     yield from (f"    {line}" for line in kind.example.splitlines())
 
 
-def _head(kind: Kind) -> Iterator[str]:
+def _head(kind: FaultDescription) -> Iterator[str]:
     first, *rest = kind.description.splitlines()
     yield f"{kind.kind}: {first}"
     yield from (f"  {line}" for line in rest if line)
@@ -70,7 +70,7 @@ def _default(key: Key) -> str:
     return f"default {key.default}" if key.default else "required"
 
 
-def _flags(kind: Kind) -> Iterator[str]:
+def _flags(kind: FaultDescription) -> Iterator[str]:
     if kind.flags:
         yield "  flags"
         yield from ("  " + line for line in table_lines([flag_cells(flag) for flag in kind.flags]))

@@ -10,16 +10,16 @@ from typing import Any
 
 from fti.alarms.condition import Severity
 from fti.logger.raw_log import TICK_TOPIC
-from fti.logger.reading.about import remarks
-from fti.logger.reading.recording import RAW
-from fti.logger.survey.intervals import Gap
-from fti.logger.survey.topics import MARKS, Note, TopicSurvey
+from fti.logger.reading.recording import RAW_PREFIX
+from fti.logger.reading.session_metadata import remarks
+from fti.logger.statistics.interval_stats import TimeGap
+from fti.logger.statistics.topic_stats import MARKS, EventNote, TopicStatistics
 from fti.post.overview import CONTINUOUS, SECOND_NS, FileState, Overview
 
 BARS = "·▁▂▃▄▅▆▇█"
 USUAL_BAR = 6  # height of the median rate, and of what is hardly more or less
-LITTLE_LESS, LITTLE_MORE = 0.75, 1.3
-NARROWEST, WIDEST = 20, 160
+MIN_USUAL_RATIO, MAX_USUAL_RATIO = 0.75, 1.3
+MIN_WIDTH, MAX_WIDTH = 20, 160
 GAPS_SHOWN = 12
 EVENTS_SHOWN = ALARMS_SHOWN = 40
 SEVERITIES = [*Severity]
@@ -43,16 +43,16 @@ def as_text(view: Overview) -> Iterator[str]:
 
 
 def _heading(view: Overview) -> Iterator[str]:
-    about = view.about
+    session_metadata = view.session_metadata
     yield str(view.recording.path)
     for text in remarks(view.recording):
         yield f"  *** {text} ***"
     origin = ORIGINS.get(view.origin, f"origin {view.origin}")
-    yield f"  session   {about.get('name', '–')}, {origin}, {view.mode}"
+    yield f"  session   {session_metadata.get('name', '–')}, {origin}, {view.mode}"
     begin = moment(view.begin_ns, date=True) if view.begin_ns else "no messages"
     yield f"  started   {begin}, {duration_text(view.duration_s)}"
-    config = f"{about.get('config_file', 'unknown')} {about.get('config_sha256', '')[:12]}"
-    yield f"  software  fti {about.get('software', 'unknown')}, configuration {config.strip()}"
+    config = f"{session_metadata.get('config_file', 'unknown')} {session_metadata.get('config_sha256', '')[:12]}"
+    yield f"  software  fti {session_metadata.get('software', 'unknown')}, configuration {config.strip()}"
     if offsets := view.clock_offset_s():
         yield f"  clock     real time - FTI time {offsets[0]:+.6f} s at the begin, {offsets[1]:+.6f} s at the end"
     if gnss := view.gnss():
@@ -79,7 +79,7 @@ HEADS = ("topic", "messages", "bytes", "Hz", "device Hz", "sd ms", "p99 ms", "lo
 
 def _topics(view: Overview) -> Iterator[str]:
     yield ""
-    rows = [_row(view, topic) for topic in view.survey.topics if not view.is_copy(topic)]
+    rows = [_row(view, topic) for topic in view.statistics.topics if not view.is_copy(topic)]
     widths = [max(len(row[n]) for row in (HEADS, *rows)) for n in range(len(HEADS))]
     for row in (HEADS, *rows):
         cells = [cell.rjust(width) for cell, width in zip(row[1:], widths[1:], strict=True)]
@@ -87,7 +87,7 @@ def _topics(view: Overview) -> Iterator[str]:
     yield "sd, p99: of the intervals that are no gaps; gap: 5 times longer than 95 % of the intervals"
 
 
-def _row(view: Overview, topic: TopicSurvey) -> tuple[str, ...]:
+def _row(view: Overview, topic: TopicStatistics) -> tuple[str, ...]:
     if not topic.messages:
         return (topic.topic, "0", "silent", *[""] * (len(HEADS) - 3))
     intervals, longest = topic.intervals, topic.intervals.longest
@@ -117,9 +117,9 @@ def _number(value: float | None, digits: int, unknown: str = "-") -> str:
 
 def _pictures(view: Overview) -> Iterator[str]:
     """The activity of all topics, in one column over the same time."""
-    topics = [topic for topic in view.survey.topics if topic.topic != TICK_TOPIC and not view.is_copy(topic)]
+    topics = [topic for topic in view.statistics.topics if topic.topic != TICK_TOPIC and not view.is_copy(topic)]
     width = max((len(topic.topic) for topic in topics), default=5)
-    cells = min(max(shutil.get_terminal_size((120, 40)).columns - width - 3, NARROWEST), WIDEST)
+    cells = min(max(shutil.get_terminal_size((120, 40)).columns - width - 3, MIN_WIDTH), MAX_WIDTH)
     yield ""
     end = f"{view.duration_s:.1f} s"
     yield f"{'activity':{width}}  0 s{end:>{cells - 3}}"
@@ -127,7 +127,7 @@ def _pictures(view: Overview) -> Iterator[str]:
         yield f"{topic.topic:{width}}  {activity_bar(_relative(view, topic, cells))}"
 
 
-def _relative(view: Overview, topic: TopicSurvey, cells: int) -> list[float]:
+def _relative(view: Overview, topic: TopicStatistics, cells: int) -> list[float]:
     usual_ns = (topic.intervals.usual_s or 0.0) * SECOND_NS
     return topic.activity.relative(view.begin_ns, view.end_ns, cells, usual_ns)
 
@@ -138,7 +138,7 @@ def activity_bar(rates: Sequence[float]) -> str:
 
 
 def _height(rate: float) -> int:
-    if LITTLE_LESS <= rate <= LITTLE_MORE:
+    if MIN_USUAL_RATIO <= rate <= MAX_USUAL_RATIO:
         return USUAL_BAR
     return min(max(round(USUAL_BAR * rate), 1), len(BARS) - 1) if rate else 0
 
@@ -148,7 +148,7 @@ def _height(rate: float) -> int:
 
 def _gaps(view: Overview) -> Iterator[str]:
     """Where the links were silent, the longest."""
-    found = [(gap, link) for link in view.links if link.topic.startswith(RAW) for gap in view.silences(link)]
+    found = [(gap, link) for link in view.links if link.topic.startswith(RAW_PREFIX) for gap in view.find_gaps(link)]
     if not found:
         return
     chosen = sorted(found, key=lambda pair: -pair[0].length_ns)[:GAPS_SHOWN]
@@ -159,7 +159,7 @@ def _gaps(view: Overview) -> Iterator[str]:
         yield f"  {_when(view, gap.begin_ns)}  {topic.topic}: {_silence(view, topic, gap)}"
 
 
-def _silence(view: Overview, topic: TopicSurvey, gap: Gap) -> str:
+def _silence(view: Overview, topic: TopicStatistics, gap: TimeGap) -> str:
     seconds = f"{gap.length_ns / SECOND_NS:.3f} s"
     if not topic.messages:
         return "never heard"
@@ -170,7 +170,7 @@ def _silence(view: Overview, topic: TopicSurvey, gap: Gap) -> str:
 
 def _alarms(view: Overview) -> Iterator[str]:
     """Alarms with their durations; when there are many, the most severe come first."""
-    alarms = view.survey.alarms
+    alarms = view.statistics.alarms
     if not alarms.spans:
         return
     chosen = sorted(alarms.spans, key=lambda span: SEVERITIES.index(span.severity))[:ALARMS_SHOWN]
@@ -186,21 +186,21 @@ def _alarms(view: Overview) -> Iterator[str]:
 
 def _events(view: Overview) -> Iterator[str]:
     """Marks and events; when there are many, the marks and what is worse than information come first."""
-    events = view.survey.events
+    events = view.statistics.events
     if not events:
         return
     chosen = events
     if len(events) > EVENTS_SHOWN:
         telling = [e for e in events if e.source in MARKS or e.level != "info"]
         chosen = sorted([*telling, *(e for e in events if e not in telling)][:EVENTS_SHOWN])
-    total = len(events) + view.survey.more_events
+    total = len(events) + view.statistics.more_events
     yield ""
     yield "marks and events" + ("" if len(chosen) == total else f", {len(chosen)} of {total}; --json has them all")
     for event in chosen:
         yield f"  {_when(view, event.t_ns)}  {event_text(event)}"
 
 
-def event_text(event: Note) -> str:
+def event_text(event: EventNote) -> str:
     """One event for a person."""
     level = "" if event.level == "info" else f"{event.level}: "
     return f"{level}{event.source}: {event.text}"
@@ -241,27 +241,29 @@ def as_json(view: Overview) -> dict[str, Any]:
     offsets, gnss = view.clock_offset_s(), view.gnss()
     return {
         "path": str(recording.path),
-        "name": view.about.get("name"),
+        "name": view.session_metadata.get("name"),
         "origin": view.origin,
         "mode": view.mode,
         "remarks": list(remarks(recording)),
         "first_ns": view.begin_ns,
         "last_ns": view.end_ns,
         "duration_s": view.duration_s,
-        "software": view.about.get("software"),
-        "config_sha256": view.about.get("config_sha256"),
+        "software": view.session_metadata.get("software"),
+        "config_sha256": view.session_metadata.get("config_sha256"),
         "clock_offset_s": {"begin": offsets[0], "end": offsets[1]} if offsets else None,
-        "clocks": view.survey.clocks,
+        "clocks": view.statistics.clocks,
         "gnss": asdict(gnss) if gnss else None,
         "metadata": recording.metadata,
         "attachments": {name: len(data) for name, data in recording.attachments().items()},
         "links": recording.links,
         "files": [_file_json(file) for file in view.files],
-        "topics": [_topic_json(view, topic) for topic in view.survey.topics],
-        "alarms": [{**asdict(span), "begin_s": view.since_begin_s(span.begin_ns)} for span in view.survey.alarms.spans],
-        "more_alarms": view.survey.alarms.more,
-        "events": _events_json(view, view.survey.events),
-        "more_events": view.survey.more_events,
+        "topics": [_topic_json(view, topic) for topic in view.statistics.topics],
+        "alarms": [
+            {**asdict(span), "begin_s": view.since_begin_s(span.begin_ns)} for span in view.statistics.alarms.spans
+        ],
+        "more_alarms": view.statistics.alarms.more,
+        "events": _events_json(view, view.statistics.events),
+        "more_events": view.statistics.more_events,
     }
 
 
@@ -270,7 +272,7 @@ def _file_json(file: FileState) -> dict[str, Any]:
     return {"name": file.path.name, "folder": str(file.path.parent), "bytes": file.bytes, **state}
 
 
-def _topic_json(view: Overview, topic: TopicSurvey) -> dict[str, Any]:
+def _topic_json(view: Overview, topic: TopicStatistics) -> dict[str, Any]:
     intervals = topic.intervals
     return {
         "topic": topic.topic,
@@ -288,17 +290,17 @@ def _topic_json(view: Overview, topic: TopicSurvey) -> dict[str, Any]:
         "gap_limit_s": intervals.gap_limit_s,
         "gap_count": intervals.gap_count,
         "gaps": _gaps_json(view, intervals.gaps),
-        "silences": _gaps_json(view, view.silences(topic)),
+        "silences": _gaps_json(view, view.find_gaps(topic)),
         "activity": topic.activity.counts(view.begin_ns, view.end_ns, JSON_CELLS),
     }
 
 
-def _gaps_json(view: Overview, gaps: Iterable[Gap]) -> list[dict[str, Any]]:
+def _gaps_json(view: Overview, gaps: Iterable[TimeGap]) -> list[dict[str, Any]]:
     return [
         {"begin_ns": g.begin_ns, "begin_s": view.since_begin_s(g.begin_ns), "length_s": g.length_ns / SECOND_NS}
         for g in gaps
     ]
 
 
-def _events_json(view: Overview, events: Iterable[Note]) -> list[dict[str, Any]]:
+def _events_json(view: Overview, events: Iterable[EventNote]) -> list[dict[str, Any]]:
     return [{**event._asdict(), "t_s": view.since_begin_s(event.t_ns)} for event in events]

@@ -13,8 +13,8 @@ from fti.errors import ConfigError
 
 if TYPE_CHECKING:
     from fti.config import Config, Device
-    from fti.hil.references.approaches import AltimeterModel
-    from fti.nav.integrity.reference import Reference
+    from fti.hil.approach_reference.approaches import AltimeterModel
+    from fti.nav.integrity.reference import ApproachReference
 
 #: The model of each kind of altimeter.
 KINDS = {"radar": "ra4500", "laser": "laser"}
@@ -32,7 +32,7 @@ def model_of(args: argparse.Namespace, config: Config | None) -> AltimeterModel:
 
     Raises ConfigError for a configuration without an altimeter.
     """
-    from fti.hil.references.approaches import MODELS
+    from fti.hil.approach_reference.approaches import MODELS
 
     device = None if config is None else _altimeter(config, args.sensor)
     limits = device.altimeter if device else None
@@ -51,15 +51,15 @@ def _altimeter(config: Config, name: str) -> Device:
     return devices[0]
 
 
-def check_alert_limit(reference: Reference, config: Config | None, out: Path) -> None:
+def check_alert_limit(reference: ApproachReference, config: Config | None, out: Path) -> None:
     """Print the least protection level, and compare the configuration's alert limit with it.
 
     Raises ConfigError when that is smaller.
     """
     from fti.nav.integrity.reference import check_alert_limit as check
-    from fti.nav.integrity.reference import least_level_v
+    from fti.nav.integrity.reference import min_level_v
 
-    least = least_level_v(reference)
+    least = min_level_v(reference)
     print_line(
         f"least vertical protection level {least:.1f} m: nav.approach.alert_v_m must be at least {math.ceil(least)}"
     )

@@ -13,8 +13,8 @@ from fti.errors import ConfigError, MissingError
 
 if TYPE_CHECKING:
     from fti.config import Config, Device
-    from fti.hil.references.fit_samples import FitSamples
-    from fti.hil.references.fitted_receiver import FittedReceiver
+    from fti.hil.approach_reference.fit_samples import FitSamples
+    from fti.hil.approach_reference.fitted_receiver import FittedReceiver
     from fti.terrain.terrain import Terrain
 
 FIT = """Learn the receiver of an altimeter from recorded flights over known ground.
@@ -72,12 +72,12 @@ def _count(text: str) -> int:
 
 def fit(args: argparse.Namespace) -> int:
     """Fit, print, write."""
-    from fti.cli._reading import progress_bar
+    from fti.cli._read_report import progress_bar
     from fti.cli._reference_fit_plot import write_plot
-    from fti.hil.references.fitted_receiver import as_toml, fit_receiver
+    from fti.hil.approach_reference.fitted_receiver import as_toml, fit_receiver
 
     if args.out is not None:
-        check_place(args.out)
+        check_output_path(args.out)
     with progress_bar() as bar:
         reading, loading = bar.add_task("recordings", total=len(args.sessions)), bar.add_task("terrain", total=1.0)
         fitting = bar.add_task("fit", total=1.0)
@@ -102,7 +102,7 @@ def fit(args: argparse.Namespace) -> int:
     return 0
 
 
-def check_place(out: Path) -> None:
+def check_output_path(out: Path) -> None:
     """Whether a file can be written: better known before the minutes that it takes than after."""
     import os
 
@@ -124,7 +124,7 @@ def _config_of(args: argparse.Namespace, session: Path) -> Config:
 def _read(args: argparse.Namespace, progress: Any) -> tuple[Device, FitSamples]:
     """The device, which is the same in all sessions, and the samples of all."""
     from fti.config import Device
-    from fti.hil.references.fit_samples import FitSamples, joined, read_samples
+    from fti.hil.approach_reference.fit_samples import FitSamples, concatenate_samples, read_samples
 
     devices, parts = list[Device](), list[FitSamples]()
     for number, session in enumerate(args.sessions):
@@ -132,7 +132,7 @@ def _read(args: argparse.Namespace, progress: Any) -> tuple[Device, FitSamples]:
         device = _config_of(args, session).find_device(args.sensor)
         if device is None or device.altimeter is None:
             raise ConfigError(f"{where}: device: has no altimeter {args.sensor!r} (--sensor)")
-        if devices and _mounted(device) != _mounted(devices[0]):
+        if devices and _mounting(device) != _mounting(devices[0]):
             raise ConfigError(
                 f"{where}: device {args.sensor!r}: another kind, lever arm or mounting than in {args.sessions[0]}; "
                 "one fit is of one altimeter in one place"
@@ -140,23 +140,23 @@ def _read(args: argparse.Namespace, progress: Any) -> tuple[Device, FitSamples]:
         devices.append(device)
         parts.append(read_samples(session, args.sensor, number))
         progress(number + 1)
-    return devices[0], joined(parts)
+    return devices[0], concatenate_samples(parts)
 
 
-def _mounted(device: Device) -> tuple[object, ...]:
+def _mounting(device: Device) -> tuple[object, ...]:
     assert device.altimeter is not None
     return device.altimeter.kind, device.lever_arm_b, device.rpy_bs_deg
 
 
 def _load_terrain(args: argparse.Namespace, progress: Any) -> Terrain:
-    from fti.service.ground import load_ground
+    from fti.service.navigation.terrain_loader import load_terrain
 
     settings = _config_of(args, args.sessions[0]).nav.terrain
     if settings is None:
         raise MissingError(
             f"{args.config or args.sessions[0]}: nav.terrain: is missing; a fit needs known ground (--config)"
         )
-    return load_ground(settings, progress, local_only=args.config is None).terrain
+    return load_terrain(settings, progress, local_only=args.config is None).terrain
 
 
 def _write(out: Path, text: str) -> None:
@@ -182,7 +182,9 @@ def _as_text(found: FittedReceiver, args: argparse.Namespace) -> Iterator[str]:
     for name, value, sd, configured in found.rows():
         digits = _DIGITS[name]
         was = "default" if configured is None else f"{configured:g}"
-        remark = "; hardly more than what was assumed: not shown by these flights" if name in found.fit.assumed else ""
+        remark = (
+            "; hardly more than what was assumed: not shown by these flights" if name in found.fit.unobservable else ""
+        )
         yield f"  {name:12}  {value:.{digits}f} +- {sd:.{digits}f} (configured: {was}){remark}"
     before, after = found.rms()
     yield f"  residual      {before:.2f} m RMS as configured, {after:.2f} m as fitted"
@@ -195,7 +197,7 @@ def _as_json(found: FittedReceiver, args: argparse.Namespace) -> dict[str, Any]:
         "sessions": [str(session) for session in args.sessions],
         "model": found.model,
         "parameters": {
-            name: {"value": value, "sd": sd, "configured": configured, "assumed": name in found.fit.assumed}
+            name: {"value": value, "sd": sd, "configured": configured, "assumed": name in found.fit.unobservable}
             for name, value, sd, configured in found.rows()
         },
         "rms_before_m": before,

@@ -7,16 +7,16 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from fti.hil.references.theory import theoretical_limits
+from fti.hil.approach_reference.analytic_limits import theoretical_limits
 from fti.nav.integrity.approach import ApproachPath
 from fti.nav.integrity.assumptions import Assumptions
-from fti.nav.integrity.ground_track import Leg
-from fti.nav.integrity.reference import Detection, Limits, Obstacles, Reference, least_level_v
+from fti.nav.integrity.ground_track import TrackLeg
+from fti.nav.integrity.reference import ApproachReference, Detection, Limits, Obstacles, min_level_v
 
 PLOT_ROWS, PLOT_COLUMNS = 16, 96
 
 
-def summary(reference: Reference) -> list[str]:
+def summary(reference: ApproachReference) -> list[str]:
     """What it says of itself."""
     header = reference.header
     airfield, profile, limits = header.airfield, header.profile, header.limits
@@ -35,16 +35,16 @@ def summary(reference: Reference) -> list[str]:
         + "  (independent normal residuals; for a check)",
         *_assumptions(header.assumptions),
         f"verified     an alarm on {limits.verified_alarms} of {limits.verified_runs} other approaches",
-        *_beside(header.detection),
+        *_lateral_detection(header.detection),
         f"T4 is of     {_templates(limits)}",
         *_obstacles(header.obstacles),
-        f"PL_v         {least_level_v(reference):.1f} m at least; nav.approach.alert_v_m must not be smaller",
+        f"PL_v         {min_level_v(reference):.1f} m at least; nav.approach.alert_v_m must not be smaller",
         f"sigma        {reference.s_ref.min():.2f} to {reference.s_ref.max():.2f} m",
         f"hash         {reference.hash}",
     ]
 
 
-def _track(legs: Sequence[Leg]) -> Iterator[str]:
+def _track(legs: Sequence[TrackLeg]) -> Iterator[str]:
     """The ground track where it is more than a straight line."""
     begin = 0.0
     for leg in legs:
@@ -70,7 +70,7 @@ def _assumptions(assumed: Assumptions | None) -> Iterator[str]:
     yield f"             receiver {assumed.receiver} ({assumed.receivers}), beam {assumed.beam_deg:g} deg"
 
 
-def _beside(detection: Detection | None) -> Iterator[str]:
+def _lateral_detection(detection: Detection | None) -> Iterator[str]:
     """Share of windows in ALERT, by the offset from the track and the part of the way."""
     if detection is None:
         return
@@ -99,7 +99,7 @@ def _obstacles(obstacles: Obstacles | None) -> Iterator[str]:
         yield f"{width:5.0f} m wide {heights}  m high are seen with a Pd of {obstacles.pd:g}"
 
 
-def plot(reference: Reference) -> list[str]:
+def plot(reference: ApproachReference) -> list[str]:
     """Glide path (.) over the terrain as the sensor sees it (#), far end on the left."""
     s = np.linspace(reference.s[-1], reference.s[0], PLOT_COLUMNS)
     z = np.interp(s, reference.s, reference.z_ref)

@@ -10,10 +10,10 @@ from fti.cli._check_view import table_lines
 
 if TYPE_CHECKING:
     from fti.config import Config
-    from fti.hil.expected.duties import Duty, Told
-    from fti.hil.expected.required_outputs import RequiredOutput
-    from fti.hil.expected.scenario_check import ScenarioCheck
-    from fti.hil.tables.kinds import Fault
+    from fti.hil.oracle.flag_definitions import ExpectedFlag, FaultFlags
+    from fti.hil.oracle.required_outputs import RequiredOutput
+    from fti.hil.oracle.scenario_check import ScenarioCheck
+    from fti.hil.tables.fault_types import Fault
 
 
 def describe(check: ScenarioCheck) -> dict[str, Any]:
@@ -39,7 +39,7 @@ def _devices(config: Config) -> Iterator[dict[str, Any]]:
 
 
 def _fault(index: int, fault: Fault, check: ScenarioCheck) -> dict[str, Any]:
-    from fti.hil.faults.words import describe as in_words
+    from fti.hil.faults.descriptions import describe as in_words
 
     return {
         "fault": index,
@@ -47,32 +47,32 @@ def _fault(index: int, fault: Fault, check: ScenarioCheck) -> dict[str, Any]:
         "what": in_words(fault),
         "from_s": getattr(fault, "from_s", None),  # an obstacle is there all the time
         "to_s": getattr(fault, "to_s", None),
-        "subjects": [_subject(fault, one, check.duration_s) for one in check.of_fault(index)],
+        "subjects": [_subject(fault, one, check.duration_s) for one in check.flags_for(index)],
     }
 
 
-def _subject(fault: Fault, one: Told, end_s: float) -> dict[str, Any]:
-    from fti.hil.expected.scenario_check import why_no_flag
+def _subject(fault: Fault, one: FaultFlags, end_s: float) -> dict[str, Any]:
+    from fti.hil.oracle.scenario_check import no_flag_reason
 
     return {
         "subject": one.subject,
-        "flags": [_flag(duty, end_s) for duty in one.duties],
-        "no_flag": why_no_flag(fault, one),
+        "flags": [_flag(expected_flag, end_s) for expected_flag in one.expected_flags],
+        "no_flag": no_flag_reason(fault, one),
     }
 
 
-def _flag(duty: Duty, end_s: float) -> dict[str, Any]:
+def _flag(expected_flag: ExpectedFlag, end_s: float) -> dict[str, Any]:
     """clears_s : None of a number, which need not go; after_flight : it would be due after the end of the flight"""
     return {
-        "place": duty.place,
-        "words": list(duty.words),
-        "value": duty.value,
-        "from_s": round(duty.from_s, 3),
-        "until_s": round(duty.until_s, 3),
-        "within_s": round(duty.within_s, 3),
-        "clears_s": None if duty.value is not None else round(duty.clears_s, 3),
-        "needs_ports": duty.ports,
-        "after_flight": duty.from_s + duty.within_s > end_s,
+        "place": expected_flag.place,
+        "words": list(expected_flag.words),
+        "value": expected_flag.value,
+        "from_s": round(expected_flag.from_s, 3),
+        "until_s": round(expected_flag.until_s, 3),
+        "within_s": round(expected_flag.within_s, 3),
+        "clears_s": None if expected_flag.value is not None else round(expected_flag.clears_s, 3),
+        "needs_ports": expected_flag.needs_ports,
+        "after_flight": expected_flag.from_s + expected_flag.within_s > end_s,
     }
 
 

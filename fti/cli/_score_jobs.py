@@ -9,13 +9,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fti.errors import FtiError, MissingError
-from fti.logger.reading.place import holds_recording
+from fti.logger.reading.session_locator import holds_recording
 
 if TYPE_CHECKING:
     from fti.hil.scenario import Scenario
     from fti.logger.reading.recording import Recording
     from fti.post.reprocess import Setup
-    from fti.post.score.judging import Score
+    from fti.post.score.comparison import Score
 
 #: In place of scenarios: every one that is shipped.
 ALL = "all"
@@ -37,7 +37,7 @@ def split_names(names: Iterable[str], flying: bool) -> tuple[list[str], list[str
     """
     from fti.hil import scenario as scenarios
 
-    shipped = scenarios.shipped()
+    shipped = scenarios.shipped_names()
     found, sessions = list[str](), list[str]()
     for name in names:
         if name == ALL:
@@ -51,13 +51,13 @@ def split_names(names: Iterable[str], flying: bool) -> tuple[list[str], list[str
     return list(dict.fromkeys(found)), sessions
 
 
-def flying_jobs(names: Sequence[str], out: Path, config: Path | None, open_: Callable[[Path], Recording]) -> list[Job]:
+def flight_jobs(names: Sequence[str], out: Path, config: Path | None, open_: Callable[[Path], Recording]) -> list[Job]:
     """Fly each and judge it.  out : below it are the sessions; of several, each in a folder of its name"""
     from fti.hil import scenario as scenarios
     from fti.post.reprocess import other_setup
 
     def judge(file: Path) -> list[Score]:
-        from fti.hil.accelerated import fly
+        from fti.hil.offline_run import fly
 
         scenario = scenarios.load(file)
         folder = out if len(names) == 1 else out / file.stem
@@ -83,7 +83,7 @@ def session_jobs(
         return [Job(name, lambda: _judge(recording, scenario, _truths(recording, truth), given))]
     jobs, without = list[Job](), set(named)
     for recording in recordings:
-        for job, judged in _matched(recording, named, truth, given):
+        for job, judged in _match_flights(recording, named, truth, given):
             without -= judged
             jobs.append(job)
     unknown = any(job.name not in named for job in jobs)  # which may be of any of them
@@ -94,12 +94,12 @@ def session_jobs(
     return sorted(jobs, key=lambda job: list(named).index(job.name) if job.name in named else len(named))
 
 
-def _matched(
+def _match_flights(
     recording: Recording, named: dict[str, Scenario], truth: Path | None, given: Setup | None
 ) -> Iterator[tuple[Job, set[str]]]:
     """The flights of a session, each with the scenarios that it is of."""
     from fti.errors import ConfigError
-    from fti.post.score.flown import find_scenarios
+    from fti.post.score.truth_reader import find_scenarios
 
     try:
         of_each = [(file, find_scenarios(file, named.values())) for file in _truths(recording, truth)]
@@ -119,13 +119,13 @@ def _fail(error: FtiError) -> list[Score]:
 
 
 def _truths(recording: Recording, given: Path | None) -> list[Path]:
-    from fti.post.score.flown import find_truths
+    from fti.post.score.truth_reader import find_truths
 
     return find_truths(recording, given)
 
 
 def _judge(recording: Recording, scenario: Scenario, truths: Sequence[Path], given: Setup | None) -> list[Score]:
-    from fti.cli._reading import reading
+    from fti.cli._read_report import show_read_progress
     from fti.post.score.session_score import judge_session
 
-    return list(judge_session(recording, scenario, truths, given, lambda: reading(recording, "score")))
+    return list(judge_session(recording, scenario, truths, given, lambda: show_read_progress(recording, "score")))

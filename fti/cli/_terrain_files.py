@@ -17,14 +17,14 @@ def describe_terrain(config: Config) -> Iterator[dict[str, Any]]:
         return
     from fti.geodesy.geoid import load_geoid
     from fti.terrain.files.elevation_file import ElevationFile
-    from fti.terrain.files.vertical import OTHERS
+    from fti.terrain.files.vertical import OTHER_FILES
 
     vertical = config.nav.terrain.vertical
     assert vertical is not None  # files need it
     for i, file in enumerate(config.nav.terrain.files):
         key = f"{config.path}: nav.terrain.files[{i}]"
         try:
-            with closing(ElevationFile(file, {OTHERS: vertical})) as opened:
+            with closing(ElevationFile(file, {OTHER_FILES: vertical})) as opened:
                 source = opened.source
             if source.vertical != "ellipsoid":
                 load_geoid(source.vertical)
@@ -47,7 +47,7 @@ def describe_layers(config: Config) -> Iterator[dict[str, Any]]:
     settings = config.nav.terrain
     if settings is None or not settings.files:
         return
-    from fti.terrain.files.survey import survey_layers
+    from fti.terrain.files.file_survey import survey_layers
 
     centre = settings.centre_deg
     try:

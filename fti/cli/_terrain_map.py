@@ -20,9 +20,9 @@ from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
 from fti.errors import ConfigError
-from fti.figures import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, label, sheet, write
 from fti.geodesy.geoid import load_geoid
-from fti.terrain.source import NO_SOURCE
+from fti.plot_style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, label, new_figure, write
+from fti.terrain.file_info import NO_SOURCE
 from fti.terrain.terrain import Terrain
 
 Array = NDArray[np.float64]
@@ -72,10 +72,10 @@ def write_map(terrain: Terrain, file: Path, profile: Ends | None) -> None:
 
 def draw_map(terrain: Terrain, profile: Ends | None) -> Figure:
     """The whole sheet."""
-    view = _look(terrain)
+    view = _sample_view(terrain)
     frame = terrain.frame
     cells = ", ".join(f"{layer.cell_m:g}" for layer in terrain.layers)
-    figure = sheet(
+    figure = new_figure(
         f"Terrain around {math.degrees(frame.lat0):.5f}, {math.degrees(frame.lon0):.5f} deg",
         f"posts {cells} m apart; heights above {_DATUMS[view.datum]}",
         width=9.0,
@@ -95,7 +95,7 @@ def draw_map(terrain: Terrain, profile: Ends | None) -> Figure:
 # ---------------------------------------------------------------------------------------------------------- looking
 
 
-def _look(terrain: Terrain) -> View:
+def _sample_view(terrain: Terrain) -> View:
     whole = terrain.layers[-1]
     wide, high = whole.east1 - whole.east0, whole.north1 - whole.north0
     step = max(wide, high) / PIXELS

@@ -9,14 +9,14 @@ from pathlib import Path
 from typing import Any
 
 from fti.config import TerrainFiles
+from fti.terrain.files.file_survey import FileSurvey, LayerSurvey, TerrainSurvey
 from fti.terrain.files.layout import bounds_text
-from fti.terrain.files.survey import FileSurvey, LayerSurvey, Survey
 from fti.terrain.resampling import ResamplingError
 
 _ANGLES = ("south", "west", "north", "east")
 
 
-def as_text(found: Survey) -> Iterator[str]:
+def as_text(found: TerrainSurvey) -> Iterator[str]:
     """Lines for people."""
     for number, file in enumerate(found.files):
         yield from _file(number, file)
@@ -59,7 +59,7 @@ _PIXELS = {"area": "an area around its post", "point": "a post"}
 _DATUMS = {"ellipsoid": "the ellipsoid", "egm96": "mean sea level (EGM96)", "egm2008": "mean sea level (EGM2008)"}
 
 
-def _layer(number: int, layer: LayerSurvey, found: Survey) -> Iterator[str]:
+def _layer(number: int, layer: LayerSurvey, found: TerrainSurvey) -> Iterator[str]:
     size = " x ".join(f"{(end - begin) / 1000.0:.2f}" for begin, end in (layer.east_m, layer.north_m))
     files = ", ".join(Path(found.files[n].source.path).name for n in layer.files)
     yield f"  layer {number}      {layer.cell_m:g} m, {layer.rows} x {layer.columns} posts, {size} km: {files}"
@@ -83,7 +83,7 @@ def _resampling(error: ResamplingError | None) -> str:
     )
 
 
-def as_json(found: Survey) -> dict[str, Any]:
+def as_json(found: TerrainSurvey) -> dict[str, Any]:
     """The same for programs; angles in degrees."""
     return {
         "files": [_file_json(file) for file in found.files],

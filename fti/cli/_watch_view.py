@@ -1,4 +1,4 @@
-"""The terminal's picture of a daemon: one state of ``fti.web.feed.Feed`` as rich tables."""
+"""The terminal's picture of a daemon: one state of ``fti.web.live_state.Feed`` as rich tables."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rich.text import Text
 
 from fti.alarms.texts import describe_times
 from fti.terminal_text import escape_tree
-from fti.web.words import CONTINUOUS, describe_mode
+from fti.web.texts import CONTINUOUS, describe_mode
 
 Fields = Mapping[str, Any]
 
@@ -32,7 +32,7 @@ FALLBACKS = {
 }
 #: With unconfirmed sources, beside the filter.
 PROVISIONAL = "/nav/provisional_solution/"
-STRUCK = "strike bright_black"
+STRUCK_OUT = "strike bright_black"
 UNKNOWN = "–"
 ALARM_STYLES = {
     "warning": "bold white on red",
@@ -96,14 +96,14 @@ def _laboratory(hil: Fields | None) -> Iterator[Text]:
     """What an emulator does; nothing while none talks, struck out when it is silent."""
     if hil is None:
         return
-    late, style = hil["lateness"], STRUCK if hil["late"] else ""
+    late, style = hil["lateness"], STRUCK_OUT if hil["late"] else ""
     text = Text(" LABORATORY ", "bold black on yellow")
     text.append(f"  {hil['scenario']}, {_number(hil['flight_s'], 0)} s of {_number(hil['duration_s'], 0)} s", style)
     text.append(f"  late p50 {_number(late['p50_ms'], 1)}, p99 {_number(late['p99_ms'], 1)} ms", style)
     held = "rates held" if hil["holds"] else f"rates of {len(hil['not_held'])} devices not held"
     text.append(f"  {held}", style or ("green" if hil["holds"] else "yellow"))
     yield text.append(f"  SILENT for {hil['age_ms'] / 1000:.0f} s", "red") if hil["late"] else text
-    if troubles := [*_open_breakers(hil["devices"]), *map(_acting, hil["faults"])]:
+    if troubles := [*_open_breakers(hil["devices"]), *map(_fault_text, hil["faults"])]:
         yield Text("   " + "; ".join(troubles), style or "yellow")
 
 
@@ -113,7 +113,7 @@ def _open_breakers(devices: Fields) -> Iterator[str]:
             yield f"{name} {str(device['breaker']).upper().replace('_', ' ')}"
 
 
-def _acting(fault: Fields) -> str:
+def _fault_text(fault: Fields) -> str:
     on = f"{', '.join(fault['on'])}: " if fault["on"] else ""
     until = f" until {_number(fault['until_s'], 0)} s" if fault["until_s"] is not None else ""
     return f"{on}{fault['words']}{until}"
@@ -167,13 +167,13 @@ def _over_ground(output: Fields) -> tuple[str | Text, ...]:
 
 
 def _add(table: Table, name: str, output: Fields, values: tuple[str, str, str]) -> None:
-    style = "" if output["valid"] else STRUCK
+    style = "" if output["valid"] else STRUCK_OUT
     table.add_row(Text(name, "bold"), *(Text(value, style) for value in values), _verdict(output))
 
 
 def _add_solution(table: Table, output: Fields) -> None:
     """Who gives position, altitude and attitude, and how good it is; what is missing is a dash, only late is struck."""
-    style, verdict = STRUCK if output["late"] else "", _verdict(output)
+    style, verdict = STRUCK_OUT if output["late"] else "", _verdict(output)
     altitude = _metres(output.get("alt"), 1)
     roles = (("position", "", "horizontal_sd"), ("altitude", altitude, "vertical_sd"), ("attitude", "", ""))
     levels = {
@@ -207,11 +207,13 @@ def _verdict(output: Fields) -> Text:
 
 def _add_integrity(table: Table, output: Fields) -> None:
     late = output["late"]
-    state = Text(f" {str(output['state']).upper()} ", STRUCK if late else INTEGRITY_STYLES.get(output["state"], "bold"))
+    state = Text(
+        f" {str(output['state']).upper()} ", STRUCK_OUT if late else INTEGRITY_STYLES.get(output["state"], "bold")
+    )
     ratios = " ".join(f"T{i} {_number(output[f't{i}_ratio'], 2)}" for i in range(1, 5))
     words = ", ".join(output["reasons_text"]) or output["state_text"]
     verdict = _verdict(output) if late else Text(words)
-    table.add_row(Text("integrity", "bold"), state, "", Text(ratios, STRUCK if late else ""), verdict)
+    table.add_row(Text("integrity", "bold"), state, "", Text(ratios, STRUCK_OUT if late else ""), verdict)
 
 
 def _links(links: Fields) -> Table:

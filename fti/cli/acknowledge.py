@@ -24,8 +24,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Tell the supervisor, which keeps the alarms."""
-    from fti.service.client import ask
+    from fti.service.control_client import send_command
 
-    count = ask({"acknowledge": args.alarm}, args.run_dir)["acknowledged"]
+    count = send_command({"acknowledge": args.alarm}, args.run_dir)["acknowledged"]
     print_line(f"{count} {'alarm' if count == 1 else 'alarms'} acknowledged")
     return 0

@@ -36,9 +36,9 @@ from fti.types import TICK_PERIOD_NS, Reason
 if TYPE_CHECKING:
     from fti.cli._checked_file import CheckedFile
     from fti.config import CanLink, Config, Device, SerialLink, UdpLink
-    from fti.service.binding import BoundDevice
+    from fti.devices import BoundDevice
 
-LIVE_S = 5.0
+LIVE_DURATION_S = 5.0
 SECOND_NS = 1_000_000_000
 EXIT_DOES_NOT_HOLD = 1
 #: Where a link's devices name no rate.
@@ -49,14 +49,14 @@ SERIAL_RECEPTIONS = 2.0
 DATAGRAM_BYTES = 1472.0
 #: A CAN frame with 8 bytes of data and the pause behind it [bit], stuff bits not counted.
 CAN_FRAME_BITS = 111
-CAN_HIGHEST_BITRATE = 1_000_000
+MAX_CAN_BITRATE = 1_000_000
 
 #: What is missing when a role has no device.
 ROLES = {"attitude": Reason.NO_ATTITUDE, "position": Reason.NO_POSITION, "altimeters": Reason.NO_ALTIMETER}
 
 
 @dataclass(frozen=True, slots=True)
-class Load:
+class LinkLoad:
     """The most that a link can bring: messages per second, their length [B], reads in which one arrives."""
 
     rate_hz: float
@@ -103,17 +103,17 @@ def _check_config(file: CheckedFile, args: argparse.Namespace) -> int:
 def _check_scenario(file: CheckedFile, args: argparse.Namespace) -> int:
     from pathlib import Path
 
-    from fti.cli._playing import tell
+    from fti.cli._emulator_run import print_notice
     from fti.cli._scenario_view import describe, lines
     from fti.hil import scenario as scenarios
-    from fti.hil.expected.scenario_check import check_scenario
+    from fti.hil.oracle.scenario_check import check_scenario
 
     for option in ("live", "links"):
         if getattr(args, option):
             args.parser.error(f"--{option} belongs to a configuration, and {args.file} is a scenario")
     scenario = scenarios.parse(file.table, file.path)
     config = scenarios.load_config(scenario, Path(args.config) if args.config else None)
-    found = describe(check_scenario(scenario, config, tell))
+    found = describe(check_scenario(scenario, config, print_notice))
     print_json(found, indent=2) if args.json else print_lines(lines(found))
     return 0
 
@@ -121,11 +121,11 @@ def _check_scenario(file: CheckedFile, args: argparse.Namespace) -> int:
 def _listen(config: Config) -> dict[str, dict[str, Any]]:
     import asyncio
 
-    from fti.service.binding import bind_devices
-    from fti.service.live_check import listen_to_all
+    from fti.devices import bind_devices
+    from fti.service.link_probe import probe_links
 
-    print_line(f"listening for {LIVE_S:g} s ...", error=True)
-    return asyncio.run(listen_to_all(config, bind_devices(config), LIVE_S))
+    print_line(f"listening for {LIVE_DURATION_S:g} s ...", error=True)
+    return asyncio.run(probe_links(config, bind_devices(config), LIVE_DURATION_S))
 
 
 # --------------------------------------------------------------------------------------------------------- checking
@@ -135,10 +135,10 @@ def describe(config: Config) -> dict[str, Any]:
     """What a configuration means, ready for JSON.  Raises ConfigError or MissingError."""
     from fti.cli._receive_buffer import hints
     from fti.cli._terrain_files import describe_layers, describe_terrain
-    from fti.service.binding import bind_devices
-    from fti.service.preparation import Preparation
+    from fti.devices import bind_devices
+    from fti.service.supervisor.startup_checks import ValidatedConfig
 
-    Preparation(config, epoch_ns=0)  # refuses what fti run would refuse
+    ValidatedConfig(config, epoch_ns=0)  # refuses what fti run would refuse
     session = config.session
     return {
         "config": config.path,
@@ -162,7 +162,7 @@ def _describe_storage(config: Config) -> list[dict[str, Any]]:
     from pathlib import Path
 
     from fti.errors import StorageError
-    from fti.logger.places import free_mb, mount_of
+    from fti.logger.storage_target import find_mount_point, free_mb
 
     plan = []
     for role, directory in (("main", config.session.directory), ("fallback", config.session.fallback)):
@@ -175,7 +175,7 @@ def _describe_storage(config: Config) -> list[dict[str, Any]]:
             free = free_mb(there)
         except StorageError as error:
             fault = str(error)
-        medium = str(mount_of(Path(directory)))
+        medium = str(find_mount_point(Path(directory)))
         plan.append({"role": role, "directory": directory, "medium": medium, "free_mb": free, "fault": fault})
     return plan
 
@@ -195,8 +195,8 @@ def _poor_storage(config: Config) -> Iterator[str]:
 
 def _describe_snapshot(config: Config) -> dict[str, float] | None:
     """What a trigger asks for, and for how long the memory holds it when every link is at its full rate."""
-    from fti.logger.places import MEGABYTE
-    from fti.service.snapshot_memory import HEAD_BYTES
+    from fti.logger.storage_target import MEGABYTE
+    from fti.service.recorder.snapshot.frame_memory import HEAD_BYTES
 
     if config.snapshot is None:
         return None
@@ -218,8 +218,8 @@ def _missing(config: Config) -> Iterator[dict[str, str]]:
 
 def _unfit_altimeter(config: Config) -> Reason | None:
     """Why no altimeter of navigation is the one that the reference of the approach was made for; None: one is."""
-    from fti.nav.integrity.channel import idle_reason
-    from fti.service.binding import check_reference, read_texts
+    from fti.devices import check_reference, read_texts
+    from fti.nav.integrity.approach_channel import idle_reason
 
     reference = check_reference(config, read_texts(config))
     return None if reference is None else idle_reason(config, reference)
@@ -236,7 +236,7 @@ def _shared_ports(config: Config) -> Iterator[str]:
 
 
 def _describe_link(link: SerialLink | UdpLink | CanLink, devices: Sequence[Device]) -> dict[str, Any]:
-    from fti.buffers.triple import TripleBuffer
+    from fti.buffers.triple_buffer import TripleBuffer
 
     load = worst_load(link, devices)
     stall = TripleBuffer(link.buffer_bytes).capacity_s(load.rate_hz, load.message_bytes, load.receptions)
@@ -271,14 +271,14 @@ def port_of(link: SerialLink | UdpLink | CanLink) -> str:
     return link.bind if link.kind == "udp" else f"{link.interface}:{link.channel}"
 
 
-def worst_load(link: SerialLink | UdpLink | CanLink, devices: Sequence[Device]) -> Load:
+def worst_load(link: SerialLink | UdpLink | CanLink, devices: Sequence[Device]) -> LinkLoad:
     """The most that a link can bring at the rates of its devices."""
     rate = sum(d.rate_hz or 0.0 for d in devices) or ASSUMED_RATE_HZ
     if link.kind == "serial":
         bits = 1 + link.data_bits + (link.parity != "none") + link.stop_bits
-        return Load(rate, link.baud / bits / rate, SERIAL_RECEPTIONS, f"a full line of {link.baud} baud")
+        return LinkLoad(rate, link.baud / bits / rate, SERIAL_RECEPTIONS, f"a full line of {link.baud} baud")
     if link.kind == "udp":
-        return Load(rate, DATAGRAM_BYTES, 1.0, f"{rate:g} datagrams/s of {DATAGRAM_BYTES:g} B")
-    bitrate = link.bitrate or CAN_HIGHEST_BITRATE
+        return LinkLoad(rate, DATAGRAM_BYTES, 1.0, f"{rate:g} datagrams/s of {DATAGRAM_BYTES:g} B")
+    bitrate = link.bitrate or MAX_CAN_BITRATE
     size = 72.0 if link.fd else 16.0
-    return Load(bitrate / CAN_FRAME_BITS, size, 1.0, f"a full bus of {bitrate / 1000:g} kbit/s")
+    return LinkLoad(bitrate / CAN_FRAME_BITS, size, 1.0, f"a full bus of {bitrate / 1000:g} kbit/s")

@@ -19,8 +19,8 @@ from fti.cli._printing import print_json, print_lines
 from fti.cli.main import EXIT_LOSSES
 
 if TYPE_CHECKING:
-    from fti.logger.proof.hashes import LinkHash
     from fti.logger.reading.recording import Recording
+    from fti.logger.verify.link_hash import LinkHash
 
 SHOWN_DIGITS = 16
 
@@ -41,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Show or compare; 1 when a link differs, 3 when a file broke off."""
 
-    from fti.cli._reading import report_faults
+    from fti.cli._read_report import report_faults
     from fti.logger.reading.recording import Recording
 
     sessions = [Recording.open(name) for name in (args.session, args.other) if name]
@@ -62,7 +62,7 @@ def run(args: argparse.Namespace) -> int:
 def _hashes(recording: Recording, only: list[str] | None) -> dict[str, LinkHash]:
     """The hashes of a session.  Raises MissingError when it has not the links that are asked for."""
     from fti.errors import MissingError
-    from fti.logger.proof.hashes import link_hashes
+    from fti.logger.verify.link_hash import link_hashes
 
     found = link_hashes(recording)
     for name in only or ():

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 Reads = Iterator[tuple[int, bytes]]  # (t_rx_ns, bytes of one read, datagram or CAN frame)
 CAN_FRAME = 16  # struct can_frame of Linux
-LOOK = 4096
+PEEK_BYTES = 4096
 #: Beginning of a log as ``candump -L`` writes it, behind empty lines and comments; and of any text.
 CANDUMP = re.compile(rb"\s*(?:#[\t -~]*\s+)*\(\d+\.\d+\) ")
 TEXT = re.compile(rb"[\t\r\n -~]+")
@@ -58,7 +58,7 @@ def run(args: argparse.Namespace) -> int:
 
     if args.chunk < 1:
         raise ConfigError(f"--chunk = {args.chunk}: must be 1 or more")
-    driver, decoder = as_device(args) if args.device or args.config else as_driver(args)
+    driver, decoder = device_decoder(args) if args.device or args.config else driver_decoder(args)
     try:
         with open_capture(Path(args.file)) as capture:
             for t_rx_ns, data in reads(driver, capture, args.chunk):
@@ -73,11 +73,11 @@ def run(args: argparse.Namespace) -> int:
     except OSError as error:
         raise FtiError(f"{args.file}: decoding stopped: {error.strerror}") from None
     if not args.json:
-        print_lines(_counted(decoder.counters), error=True)
+        print_lines(_counter_lines(decoder.counters), error=True)
     return 0
 
 
-def as_driver(args: argparse.Namespace) -> tuple[Driver, Decoder]:
+def driver_decoder(args: argparse.Namespace) -> tuple[Driver, Decoder]:
     """Driver and decoder that the arguments name and describe.  Raises ConfigError or MissingError."""
     from fti import drivers
     from fti.errors import ConfigError, MissingError
@@ -93,11 +93,11 @@ def as_driver(args: argparse.Namespace) -> tuple[Driver, Decoder]:
         raise ConfigError(f"--option: {error}") from None
 
 
-def as_device(args: argparse.Namespace) -> tuple[Driver, Decoder]:
+def device_decoder(args: argparse.Namespace) -> tuple[Driver, Decoder]:
     """Driver and decoder of a device of a configuration.  Raises ConfigError or MissingError."""
     from fti import config
+    from fti.devices import bind_devices
     from fti.errors import ConfigError, MissingError
-    from fti.service.binding import bind_devices
 
     if not (args.device and args.config) or args.driver or args.option:
         raise ConfigError("--config and --device go together, and without --driver and --option")
@@ -113,8 +113,8 @@ def read_options(driver: Driver, pairs: list[str]) -> StrictModel:
     Raises ConfigError or MissingError.
     """
     from fti import config
+    from fti.devices import FILE_ENDING, read_text
     from fti.errors import ConfigError
-    from fti.service.binding import FILE_ENDING, read_text
 
     table: dict[str, Any] = {}
     for pair in pairs:
@@ -154,7 +154,7 @@ def reads(driver: Driver, capture: BufferedReader, chunk: int) -> Reads:
 
     if "can" not in driver.CARRIERS:
         return _pieces(capture, chunk)
-    beginning, file = capture.peek(LOOK)[:LOOK], Path(capture.name)
+    beginning, file = capture.peek(PEEK_BYTES)[:PEEK_BYTES], Path(capture.name)
     if CANDUMP.match(beginning):
         return candump_frames((line.decode("ascii", errors="replace") for line in capture), file)
     if TEXT.fullmatch(beginning):
@@ -205,7 +205,7 @@ def _candump_frame(time: str, channel: str, frame: str) -> tuple[int, bytes]:
     )  # fmt: skip
 
 
-def _counted(counters: Counters) -> list[str]:
+def _counter_lines(counters: Counters) -> list[str]:
     messages = [f"  {name} {count}" for name, count in sorted(counters.messages.items())]
     skipped = [f"  {reason} {count}" for reason, count in sorted(counters.skipped.items())]
     lost = [f"  {name} {count}" for name, count in sorted(counters.lost.items())]

@@ -26,14 +26,14 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from fti.config import Config
-    from fti.service.supervisor import Supervisor
+    from fti.service.supervisor.process import Supervisor
 
-EMULATOR_END_S = 10.0
+EMULATOR_END_TIMEOUT_S = 10.0
 #: Where the configuration of the demonstration stands for the emulator, beside its ports.
 CONFIG = "demo.toml"
 #: What names a file in it, and an address.
-NAMED = re.compile(r'((?:profile|\w+_file) = )"([^"]+)"')
-BOUND = re.compile(r'(bind = "127\.0\.0\.1:)\d+"')
+NAMED_FILE = re.compile(r'((?:profile|\w+_file) = )"([^"]+)"')
+BOUND_PORT = re.compile(r'(bind = "127\.0\.0\.1:)\d+"')
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -54,21 +54,21 @@ def run(args: argparse.Namespace) -> int:
         from fti.hil import scenario as scenarios
 
         scenario = scenarios.find(args.scenario)
-        file, text = _on_free_ports(Path(scenarios.load(scenario).config), Path(links))
+        file, text = _copy_on_free_ports(Path(scenarios.load(scenario).config), Path(links))
         config = _configure(file, text, links, args.out)
 
         async def fly(supervisor: Supervisor) -> None:
             if not args.headless:
                 await _open_browser(supervisor)
-            begun = _ending_after(args.duration)
+            begun = _end_timer(args.duration)
             while True:
-                await _fly_once(scenario, file, links, supervisor, begun)
+                await _run_flight(scenario, file, links, supervisor, begun)
                 await supervisor.readmit_all("the demonstration, behind a flight")  # the next one begins far away
 
         return serve(config, recorder, run_dir=args.run_dir, companion=fly)
 
 
-def _on_free_ports(file: Path, folder: Path) -> tuple[Path, str]:
+def _copy_on_free_ports(file: Path, folder: Path) -> tuple[Path, str]:
     """A copy of the scenario's configuration in ``folder`` that binds free ports; file and text.
 
     Two demonstrations must not hear each other's sensors.
@@ -76,8 +76,8 @@ def _on_free_ports(file: Path, folder: Path) -> tuple[Path, str]:
     from fti import config as configuration
 
     _, text = configuration.read_toml(file)
-    moved = BOUND.sub(lambda found: f'{found[1]}{_free_port()}"', text)
-    moved = NAMED.sub(lambda found: f'{found[1]}"{(file.parent / found[2]).absolute()}"', moved)
+    moved = BOUND_PORT.sub(lambda found: f'{found[1]}{_free_port()}"', text)
+    moved = NAMED_FILE.sub(lambda found: f'{found[1]}"{(file.parent / found[2]).absolute()}"', moved)
     (folder / CONFIG).write_text(moved)
     return folder / CONFIG, moved
 
@@ -102,7 +102,7 @@ def _free_port() -> int:
         return port
 
 
-def _ending_after(duration_s: float | None) -> Callable[[], None]:
+def _end_timer(duration_s: float | None) -> Callable[[], None]:
     """What is to be called when the sensors of a flight are there: so long after the first time this task is cancelled.
 
     Not so long after the recording begins: on a new machine the emulator compiles first, longer than a short session.
@@ -138,13 +138,13 @@ async def _end(emulator: asyncio.subprocess.Process) -> None:
 
     emulator.terminate()
     try:
-        await asyncio.wait_for(emulator.wait(), EMULATOR_END_S)
+        await asyncio.wait_for(emulator.wait(), EMULATOR_END_TIMEOUT_S)
     except TimeoutError:  # it stands still
         emulator.kill()
         await emulator.wait()
 
 
-async def _fly_once(
+async def _run_flight(
     scenario: Path, config: Path, links: str, supervisor: Supervisor, begun: Callable[[], None]
 ) -> None:
     """One flight by an emulator in a process of its own, so that it cannot disturb the daemon.
@@ -153,10 +153,10 @@ async def _fly_once(
     """
     import asyncio
 
-    from fti.cli.hil import OVER
+    from fti.cli.hil import FLIGHT_END
     from fti.errors import FtiError
 
-    supervisor.expect_sensors()
+    supervisor.suppress_sensor_alarms()
     truth = supervisor.folder.next_path("truth")
     emulator = await asyncio.create_subprocess_exec(
         *(sys.executable, "-m", "fti.cli.main", "hil", str(scenario)),
@@ -169,11 +169,11 @@ async def _fly_once(
     assert emulator.stdout
     try:
         if await emulator.stdout.readline():
-            supervisor.sensors_begin()
+            supervisor.resume_sensor_alarms()
             begun()
         async for line in emulator.stdout:  # behind it its report, which is in a file, too
-            if line.strip() == OVER.encode():
-                supervisor.expect_sensors()
+            if line.strip() == FLIGHT_END.encode():
+                supervisor.suppress_sensor_alarms()
         code = await emulator.wait()
     except asyncio.CancelledError:
         supervisor.expect_end()

@@ -34,7 +34,7 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         print_json(found[0] if args.name else found)
     elif args.name:
-        print_lines(_described(found[0]))
+        print_lines(_description_lines(found[0]))
     else:
         for driver in found:
             print_line(f"{driver['name']:20} {', '.join(driver['carriers']):12} {driver['document']}")
@@ -67,7 +67,7 @@ def _option(schema: dict[str, Any]) -> dict[str, Any]:
     return {"default": schema.get("default"), "allowed": allowed}
 
 
-def _described(driver: dict[str, Any]) -> list[str]:
+def _description_lines(driver: dict[str, Any]) -> list[str]:
     import json
 
     lines = [f"{driver['name']}: {driver['document']}", f"on {', '.join(driver['carriers'])}", "", "messages"]

@@ -50,17 +50,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Write the tables and name them; 3 when a file broke off."""
-    from fti.cli._reading import reading, report_faults, report_remarks
+    from fti.cli._read_report import report_faults, report_remarks, show_read_progress
     from fti.errors import FtiError
-    from fti.logger.export.tables import Choice, export
+    from fti.logger.export.tables import ExportSelection, export
     from fti.logger.reading.recording import Recording
 
     if args.end_s < args.begin_s:
         raise FtiError(f"--to {args.end_s:g}: is before --from {args.begin_s:g}")
-    choice = Choice(tuple(args.topic), args.begin_s, args.end_s, args.raw)
+    choice = ExportSelection(tuple(args.topic), args.begin_s, args.end_s, args.raw)
     recording = Recording.open(*args.session)
     report_remarks(recording)
-    with reading(recording, "exporting", passes=2):
+    with show_read_progress(recording, "exporting", passes=2):
         rows = export(recording, args.out, _format(args.format), choice)
     if not rows:
         print_line("note: there is nothing to export", error=True)

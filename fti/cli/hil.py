@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from fti.hil.emulator import Emulator
 
 #: Printed when the flight has ended, before the ports are closed.
-OVER = "over"
+FLIGHT_END = "over"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -65,12 +65,12 @@ def run(args: argparse.Namespace) -> int:
     if args.faults is not None:
         return _describe_faults(args.faults, as_json=args.json)
     if args.list:
-        names = scenarios.shipped()
+        names = scenarios.shipped_names()
         for name in names:
             print_line(f"{name:{max(map(len, names))}}  {scenarios.load(scenarios.find(name)).title}")
         return 0
     if args.scenario is None:
-        raise MissingError(f"which scenario? There are {', '.join(scenarios.shipped())}")
+        raise MissingError(f"which scenario? There are {', '.join(scenarios.shipped_names())}")
     return _draw(args) if args.plot else _fly(args)
 
 
@@ -78,7 +78,7 @@ def _describe_faults(name: str, *, as_json: bool) -> int:
     """Every kind of fault, or the one of that name.  Raises MissingError where there is none."""
     from fti.cli import _fault_view as view
     from fti.errors import MissingError
-    from fti.hil.expected.fault_catalogue import kinds
+    from fti.hil.oracle.fault_catalogue import kinds
 
     known = kinds()
     if name and name not in known:
@@ -92,44 +92,44 @@ def _describe_faults(name: str, *, as_json: bool) -> int:
 
 def _draw(args: argparse.Namespace) -> int:
     """Fly it on paper: no sensors, no ports."""
-    from fti import figures
-    from fti.cli._playing import tell
+    from fti import plot_style
+    from fti.cli._emulator_run import print_notice
     from fti.hil import scenario as scenarios
-    from fti.hil.emulator import make_world
-    from fti.hil.flight_picture import draw_flight
+    from fti.hil.emulator import make_environment
+    from fti.hil.flight_plot import draw_flight
 
-    world = make_world(scenarios.load(scenarios.find(args.scenario)), tell)
+    world = make_environment(scenarios.load(scenarios.find(args.scenario)), print_notice)
     for remark in world.remarks:
-        tell(remark)
-    figures.write(lambda: draw_flight(world), args.plot)
+        print_notice(remark)
+    plot_style.write(lambda: draw_flight(world), args.plot)
     return 0
 
 
 async def _start(emulator: Emulator, wait: bool) -> None:
     if wait:
-        await emulator.attended()
+        await emulator.wait_for_readers()
     emulator.start()
 
 
-def _prepared(args: argparse.Namespace) -> Emulator:
+def _prepare(args: argparse.Namespace) -> Emulator:
     """The emulator, ready to open its ports; told are its steps, and what its lines cannot carry."""
     from pathlib import Path
 
-    from fti.cli._playing import tell
+    from fti.cli._emulator_run import print_notice
     from fti.clock import choose_epoch_ns
     from fti.hil import scenario as scenarios
-    from fti.hil.bench import Ports
     from fti.hil.emulator import Emulator
-    from fti.hil.load import overloads
+    from fti.hil.io_backend import PortBackend
+    from fti.hil.line_load import overloads
 
     scenario = scenarios.load(scenarios.find(args.scenario))
     config = scenarios.load_config(scenario, Path(args.config) if args.config else None)
     truth = Path(args.truth) if args.truth else None
-    ports = Ports(Path(args.links), choose_epoch_ns(), scenario.port, tell)
+    ports = PortBackend(Path(args.links), choose_epoch_ns(), scenario.port, print_notice)
     emulator = Emulator(config, scenario, ports, truth=truth)
-    emulator.prepare(tell)
+    emulator.prepare(print_notice)
     for overload in overloads(config, emulator.sensors):
-        tell(overload)
+        print_notice(overload)
     return emulator
 
 
@@ -138,30 +138,30 @@ def _fly(args: argparse.Namespace) -> int:
     import contextlib
     from pathlib import Path
 
-    from fti.cli._playing import check_report, ports_in, print_report, until_stopped, write_report
-    from fti.hil import looping
-    from fti.hil.report import Report
-    from fti.hil.status import Teller, describe
+    from fti.cli._emulator_run import check_report, claim_ports, print_report, run_until_stopped, write_report
+    from fti.hil import event_loop
+    from fti.hil.report import TransmissionReport
+    from fti.hil.status import StatusPublisher, describe
 
     check_report(args.report)
-    emulator = _prepared(args)
+    emulator = _prepare(args)
 
     def say_over() -> None:
         with contextlib.suppress(OSError):  # the reader has had enough; the report is written all the same
-            print_line(OVER, flush=True)
+            print_line(FLIGHT_END, flush=True)
 
-    async def fly(stop: asyncio.Event) -> Report:
+    async def fly(stop: asyncio.Event) -> TransmissionReport:
         starting = asyncio.create_task(_start(emulator, args.wait), name="fti-hil-start")
         try:
             return await emulator.run(args.duration, stop, say_over)
         finally:
             starting.cancel()
 
-    clock, name = emulator.bench.clock, emulator.config.session.name
-    with ports_in(Path(args.links)), Teller(lambda: describe(emulator), clock, name, args.run_dir):
-        report, interrupted = looping.run(until_stopped(fly, emulator.ready))
+    clock, name = emulator.backend.clock, emulator.config.session.name
+    with claim_ports(Path(args.links)), StatusPublisher(lambda: describe(emulator), clock, name, args.run_dir):
+        report, interrupted = event_loop.run(run_until_stopped(fly, emulator.ready))
     print_report(report)
     write_report(report, args.report)
     if interrupted:
         return EXIT_INTERRUPTED
-    return 1 if args.hold and report.not_held else 0
+    return 1 if args.hold and report.problems else 0

@@ -40,12 +40,12 @@ def _picture(text: str) -> Path:
 def run(args: argparse.Namespace) -> int:
     """Read everything and print it; 3 when a file broke off."""
     from fti.cli._info_view import as_json, as_text
-    from fti.cli._reading import reading, report_faults
+    from fti.cli._read_report import report_faults, show_read_progress
     from fti.logger.reading.recording import Recording
     from fti.post.overview import Overview
 
     recording = Recording.open(*args.session)
-    with reading(recording, "reading"):
+    with show_read_progress(recording, "reading"):
         view = Overview.make(recording)
     if args.plot:
         from fti.post.activity_plot import write_plot

@@ -27,7 +27,7 @@ def run(args: argparse.Namespace) -> int:
     """3 when a file broke off."""
     from pathlib import Path
 
-    from fti.cli._reading import report_faults, report_remarks
+    from fti.cli._read_report import report_faults, report_remarks
     from fti.logger.reading.recording import Recording
     from fti.post.latency import altimeter_latencies, as_line
 

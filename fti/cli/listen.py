@@ -43,7 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Listen until the time is over."""
     link = find_link(args.target, args.config, args.baud)
-    ear = Ear(link.kind)
+    ear = LinkListener(link.kind)
     try:
         asyncio.run(_listen(link, ear, args.duration))
     except KeyboardInterrupt:
@@ -89,13 +89,13 @@ def _port_link(target: str, baud: int | None) -> SerialLink | UdpLink | CanLink:
     return configuration.bind(configuration.Config, session, "fti listen").link[0]
 
 
-async def _listen(config: SerialLink | UdpLink | CanLink, ear: Ear, duration: float | None) -> None:
+async def _listen(config: SerialLink | UdpLink | CanLink, ear: LinkListener, duration: float | None) -> None:
     from fti.clock import SystemClock, choose_epoch_ns
-    from fti.links import one_by_one, open_link
+    from fti.links import open_link, per_frame_sink
 
     clock = SystemClock(choose_epoch_ns())
     ear.start_ns = clock.now_ns()
-    link = open_link(config, clock, one_by_one(ear.hear))
+    link = open_link(config, clock, per_frame_sink(ear.on_frame))
     running = asyncio.create_task(link.run(), name="listen")
     watching = asyncio.create_task(_watch(link, ear), name="watch")
     try:
@@ -110,7 +110,7 @@ async def _listen(config: SerialLink | UdpLink | CanLink, ear: Ear, duration: fl
         task.result()
 
 
-async def _watch(link: Link, ear: Ear) -> None:
+async def _watch(link: Link, ear: LinkListener) -> None:
     """Report every second; a port that cannot be opened at all ends it.  Raises LinkError."""
     from fti.errors import LinkError
     from fti.links.base import NOT_OPENED
@@ -126,41 +126,41 @@ async def _watch(link: Link, ear: Ear) -> None:
             continue
         due += REPORT_S
         if status.hint and status.hint != told:
-            ear.tell(f"{status.state}: {status.hint}")
+            ear.print_note(f"{status.state}: {status.hint}")
         told = status.hint
         ear.report()
 
 
-class Ear:
+class LinkListener:
     """Prints what arrives and tries the drivers on it."""
 
     def __init__(self, carrier: str) -> None:
         self.start_ns = 0
         self.frames = self.bytes = 0
-        from fti.service.diagnosis import default_decoders
+        from fti.service.navigation.device_monitor import default_decoders
 
         self._carrier = carrier
         self._decoders = default_decoders(carrier)
 
-    def hear(self, data: bytes, t_rx_ns: int) -> None:
+    def on_frame(self, data: bytes, t_rx_ns: int) -> None:
         """One frame of the link."""
         self.frames += 1
         self.bytes += len(data)
-        for line in shown(data, self._carrier):
+        for line in frame_lines(data, self._carrier):
             print_line(f"{(t_rx_ns - self.start_ns) / 1e9:12.6f}  {line}")
         for decoder in self._decoders.values():
             decoder.feed(data, t_rx_ns)
 
     def report(self) -> None:
         """What has arrived so far, and who understood it."""
-        self.tell(f"{self.frames} frames, {self.bytes} bytes")
+        self.print_note(f"{self.frames} frames, {self.bytes} bytes")
         for name, decoder in self._decoders.items():
             counters = decoder.counters
             if messages := sum(counters.messages.values()):
-                self.tell(f"  {name}: {messages} messages, {counters.framed} of {counters.bytes_in} bytes")
+                self.print_note(f"  {name}: {messages} messages, {counters.framed} of {counters.bytes_in} bytes")
 
     @staticmethod
-    def tell(text: str) -> None:
+    def print_note(text: str) -> None:
         """To standard error, behind what standard output has."""
         import sys
 
@@ -168,7 +168,7 @@ class Ear:
         print_line(text, error=True, flush=True)
 
 
-def shown(data: bytes, carrier: str) -> list[str]:
+def frame_lines(data: bytes, carrier: str) -> list[str]:
     """The lines for one frame."""
     if carrier == "can":
         from fti.canframe import unpack_can

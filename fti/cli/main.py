@@ -25,7 +25,7 @@ from types import ModuleType
 import fti.cli
 from fti.cli._printing import print_line
 from fti.errors import FtiError, RecordingError
-from fti.interrupts import remembered_interrupts
+from fti.interrupts import track_interrupts
 
 EXIT_WRONG = 2
 EXIT_LOSSES = 3
@@ -69,7 +69,7 @@ def _pydantic_errors() -> tuple[type[Exception], ...]:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; what the user must know stands in one sentence on standard error."""
-    _print_everything()
+    _escape_unencodable()
     args = argparse.Namespace(command="")
     try:
         return _run(argv, args)
@@ -78,14 +78,14 @@ def main(argv: Sequence[str] | None = None) -> int:
     except Exception as error:  # a file that nobody has thought of
         if os.environ.get(TRACEBACK):
             raise
-        print_line(f"fti: {_unexpected(args, error)}", error=True)
+        print_line(f"fti: {_unexpected_error(args, error)}", error=True)
         return EXIT_LOSSES
 
 
 def _run(argv: Sequence[str] | None, args: argparse.Namespace) -> int:
     """The command, with the ends that are expected.  args : filled"""
     try:
-        with remembered_interrupts() as handler:
+        with track_interrupts() as handler:
             _, unknown = make_parser().parse_known_args(argv, args)
         if handler.interrupted:
             raise KeyboardInterrupt
@@ -109,14 +109,14 @@ def _run(argv: Sequence[str] | None, args: argparse.Namespace) -> int:
         return 0
 
 
-def _print_everything() -> None:
+def _escape_unencodable() -> None:
     """A text that the terminal's encoding has not (half of a surrogate pair, a file name of bytes) is escaped."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
 
 
-def _unexpected(args: argparse.Namespace, error: Exception) -> str:
+def _unexpected_error(args: argparse.Namespace, error: Exception) -> str:
     """An error that no command expects, as one sentence: the last net, for files that nobody has thought of."""
     named = (getattr(args, name, None) for name in FILES)
     files = [str(one) for value in named if value for one in (value if isinstance(value, list) else [value])]

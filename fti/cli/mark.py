@@ -30,13 +30,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Send the mark to the daemon, as the page does: one line of bounded length."""
     from fti.errors import FtiError
-    from fti.service.client import ask
-    from fti.web.commands import clean, fault_of_mark
+    from fti.service.control_client import send_command
+    from fti.web.commands import clean_text, fault_of_mark
 
-    text = clean(" ".join(args.text)) or ""
+    text = clean_text(" ".join(args.text)) or ""
     if fault := fault_of_mark(text):
         raise FtiError(fault)
-    answer = ask({"mark": text, "trigger": args.trigger}, args.run_dir)
+    answer = send_command({"mark": text, "trigger": args.trigger}, args.run_dir)
     seconds, rest_ns = divmod(answer["t_ns"], 10**9)
     at = f"{datetime.fromtimestamp(seconds, UTC):%H:%M:%S}.{rest_ns // 10**6:03d}"
     print_line(f"{'triggered' if args.trigger else 'marked'} at {at} (FTI time)")

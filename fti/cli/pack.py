@@ -23,7 +23,7 @@ from fti.cli._printing import print_json, print_line, print_lines
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from fti.logger.packing.pack import Packed
+    from fti.logger.packing.pack import PackResult
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -35,13 +35,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Pack or unpack every file; 3 when one had to be left as it is."""
-    from fti.cli._reading import bar_title, progress_bar
+    from fti.cli._read_report import bar_title, progress_bar
     from fti.errors import RecordingError
     from fti.logger.packing.pack import pack, unpack
-    from fti.logger.recovery.salvage import session_files
+    from fti.logger.recovery.extract import session_files
 
     work = unpack if args.undo else pack
-    done: list[Packed] = []
+    done: list[PackResult] = []
     refused: list[str] = []
     paths = session_files(Path(args.session))
     with progress_bar() as bar:
@@ -62,13 +62,13 @@ def run(args: argparse.Namespace) -> int:
     return 3 if refused else 0
 
 
-def as_json(done: list[Packed], refused: list[str]) -> dict[str, Any]:
+def as_json(done: list[PackResult], refused: list[str]) -> dict[str, Any]:
     """What was done, for programs."""
     files = [{"file": str(packed.path), "before": packed.before, "after": packed.after} for packed in done]
     return {"files": files, "refused": refused}
 
 
-def as_text(done: list[Packed], files: int) -> Iterator[str]:
+def as_text(done: list[PackResult], files: int) -> Iterator[str]:
     """Lines for a person."""
     for packed in done:
         yield f"{packed.path.name}: {_change(packed.before, packed.after)}"

@@ -29,9 +29,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Tell the daemon."""
-    from fti.service.client import ask
+    from fti.service.control_client import send_command
 
-    ask({"readmit": ALL_SOURCES if args.all else args.source}, args.run_dir)
+    send_command({"readmit": ALL_SOURCES if args.all else args.source}, args.run_dir)
     if args.all:
         print_line("all sources are readmitted; navigation begins anew")
     else:

@@ -29,9 +29,9 @@ from fti.cli._printing import print_json, print_line, print_lines
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from fti.logger.recovery.report import FileReport, Report
+    from fti.logger.recovery.report import FileReport, RecoveryReport
 
-SHOWN = 10
+MAX_SHOWN = 10
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -53,7 +53,7 @@ def run(args: argparse.Namespace) -> int:
 def _close(session: str) -> int:
     from fti.errors import RecordingError, StorageError
     from fti.logger.reading.recording import Recording
-    from fti.logger.recovery.repair import close_unfinished
+    from fti.logger.recovery.close_unfinished import close_unfinished
 
     code, is_changed = 0, False
     for path in Recording.open(session).files:
@@ -69,32 +69,32 @@ def _close(session: str) -> int:
         print_line(closed.describe_loss() or f"{path}: closed")
         print_line(f"{path}: holds {closed.messages} messages")
         is_changed = True
-    return max(code, _prove(session)) if is_changed else code
+    return max(code, _verify(session)) if is_changed else code
 
 
-def _prove(session: str) -> int:
+def _verify(session: str) -> int:
     """What a proof finds of a session whose files were closed; 3 when not everything holds."""
-    from fti.logger.proof.verify import verify
     from fti.logger.reading.recording import Recording
+    from fti.logger.verify.verification import verify
 
     report = verify(Recording.open(session))
     if report.holds:
         return 0
-    print_lines(report.findings[:SHOWN])
+    print_lines(report.findings[:MAX_SHOWN])
     print_line(f"not proved complete; all findings: fti verify {session}")
     return 3
 
 
 def _salvage(session: Path, out: Path | None, *, as_json: bool) -> int:
 
-    from fti.cli._reading import progress_bar
-    from fti.logger.recovery.salvage import salvage_session, session_files
+    from fti.cli._read_report import progress_bar
+    from fti.logger.recovery.extract import extract_session, session_files
 
     total = sum(path.stat().st_size for path in session_files(session))
     place = out or session.absolute().with_name(f"{session.absolute().stem}_recovered")
     with progress_bar() as bar:
         task = bar.add_task("bytes", total=total)
-        report = salvage_session(session, place, lambda done: bar.update(task, completed=done))
+        report = extract_session(session, place, lambda done: bar.update(task, completed=done))
     if as_json:
         print_json({"out": str(place), **report.as_json()})
     else:
@@ -103,18 +103,18 @@ def _salvage(session: Path, out: Path | None, *, as_json: bool) -> int:
     return 0 if report.complete else 3
 
 
-def as_text(report: Report) -> Iterator[str]:
+def as_text(report: RecoveryReport) -> Iterator[str]:
     """Lines for a person."""
     for file in report.files:
         yield from _file_text(file)
-    for gap in report.gaps[:SHOWN]:
+    for gap in report.gaps[:MAX_SHOWN]:
         yield f"numbers {gap.first}-{gap.last} are missing, between {_time(gap.after_ns)} and {_time(gap.before_ns)}"
-    if len(report.gaps) > SHOWN:
-        yield f"and {len(report.gaps) - SHOWN} more ranges of numbers; see recovered.json"
+    if len(report.gaps) > MAX_SHOWN:
+        yield f"and {len(report.gaps) - MAX_SHOWN} more ranges of numbers; see recovered.json"
     yield _verdict(report)
 
 
-def _verdict(report: Report) -> str:
+def _verdict(report: RecoveryReport) -> str:
     if report.complete:
         return "nothing is missing"
     if report.gaps or any(file.lost for file in report.files):
@@ -142,21 +142,21 @@ def _file_text(file: FileReport) -> Iterator[str]:
         yield f"  the checksum of its metadata {name} does not match"
     if file.copies:
         yield f"  {file.copies} messages stand in an earlier one of the joined files too, and are taken once"
-    for byte in file.flipped[:SHOWN]:
+    for byte in file.flipped[:MAX_SHOWN]:
         yield f"  a bit of byte {byte} was turned back, so that the checksum of its chunk holds: likely, not proved"
-    if len(file.flipped) > SHOWN:
-        yield f"  and {len(file.flipped) - SHOWN} more bits; see recovered.json"
-    for damage in file.damages[:SHOWN]:
-        yield f"  bytes {damage.begin}-{damage.end - 1} are lost, {_between(damage.after_ns, damage.before_ns)}"
-    if len(file.damages) > SHOWN:
-        yield f"  and {len(file.damages) - SHOWN} more places; see recovered.json"
+    if len(file.flipped) > MAX_SHOWN:
+        yield f"  and {len(file.flipped) - MAX_SHOWN} more bits; see recovered.json"
+    for damage in file.damages[:MAX_SHOWN]:
+        yield f"  bytes {damage.begin}-{damage.end - 1} are lost, {_interval_text(damage.after_ns, damage.before_ns)}"
+    if len(file.damages) > MAX_SHOWN:
+        yield f"  and {len(file.damages) - MAX_SHOWN} more places; see recovered.json"
     if file.damages and file.complete:
         yield "  they held no message, attachment or metadata"
     if file.missing_messages:
         yield f"  {file.missing_messages} of {file.told_messages} messages are missing"
 
 
-def _between(after_ns: int | None, before_ns: int | None) -> str:
+def _interval_text(after_ns: int | None, before_ns: int | None) -> str:
     begin = "before" if after_ns is None else f"after {_time(after_ns)}"
     if before_ns is None:
         return f"{begin} the end" if after_ns is None else begin

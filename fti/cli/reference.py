@@ -25,20 +25,20 @@ from typing import TYPE_CHECKING, Any
 
 from fti.cli._printing import print_json, print_line, print_lines
 from fti.cli._reference_arguments import MAKE, add_make
-from fti.cli._reference_fit import FIT, add_fit, check_place, fit
+from fti.cli._reference_fit import FIT, add_fit, check_output_path, fit
 from fti.errors import ConfigError, MissingError
 
 if TYPE_CHECKING:
-    from fti.hil.references.approaches import AltimeterModel, Spread
-    from fti.hil.references.receivers import Receiver
+    from fti.hil.approach_reference.approaches import AltimeterModel, Spread
+    from fti.hil.approach_reference.receivers import ReceiverVariant
     from fti.nav.integrity.approach import ApproachPath
-    from fti.nav.integrity.reference import Limits, Reference
+    from fti.nav.integrity.reference import ApproachReference, Limits
     from fti.terrain.terrain import Terrain
 
 #: How far around the approach elevation is read [m]: aircraft beside the track, and their beams.
-AROUND_M = 1500.0
+TERRAIN_MARGIN_M = 1500.0
 #: Posts farther apart than this below the track are remarked upon [m]: two bins of the profile.
-COARSE_M = 10.0
+MAX_POST_SPACING_M = 10.0
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -88,7 +88,7 @@ def _make(args: argparse.Namespace) -> int:
 
     config = load(args.config)
     path = ApproachPath(load_airfield(_read(args.airfield), str(args.airfield)))
-    check_place(args.out)
+    check_output_path(args.out)
     with _Bars() as bars:
         make = _from_recordings if args.recorded else _from_terrain
         reference = make(args, path, model_of(args, config), bars)
@@ -102,17 +102,17 @@ def _make(args: argparse.Namespace) -> int:
         f"{args.out}: {len(reference.s)} points, {limits.runs} approaches, an alarm on {limits.verified_alarms} of "
         f"{limits.verified_runs} others, hash {reference.hash}"
     )
-    for remark in _doubts(limits):
+    for remark in _limit_warnings(limits):
         print_line(f"fti: {args.out}: {remark}", error=True)
     check_alert_limit(reference, config, args.out)
     return 0
 
 
-def _doubts(limits: Limits) -> Iterator[str]:
+def _limit_warnings(limits: Limits) -> Iterator[str]:
     """What whoever flies with the limits should know of them."""
-    from fti.study._proportions import most_by_chance
+    from fti.study._proportions import max_failures_by_chance
 
-    most = most_by_chance(limits.verified_runs, limits.pfa)
+    most = max_failures_by_chance(limits.verified_runs, limits.pfa)
     if limits.verified_alarms > most:
         yield (
             f"an ALERT on {limits.verified_alarms} of {limits.verified_runs} nominal approaches is more than a Pfa of "
@@ -120,14 +120,16 @@ def _doubts(limits: Limits) -> Iterator[str]:
         )
 
 
-def _from_terrain(args: argparse.Namespace, path: ApproachPath, altimeter: AltimeterModel, bars: _Bars) -> Reference:
-    from fti.hil.references.approaches import TerrainGround
-    from fti.hil.references.calibration import make_reference
-    from fti.hil.references.plan import RECEIVERS, Plan
+def _from_terrain(
+    args: argparse.Namespace, path: ApproachPath, altimeter: AltimeterModel, bars: _Bars
+) -> ApproachReference:
+    from fti.hil.approach_reference.approaches import TerrainGround
+    from fti.hil.approach_reference.calibration import make_reference
+    from fti.hil.approach_reference.options import RECEIVERS, ReferenceOptions
     from fti.study.workers import run_all
 
-    altimeter, receivers = _fitted(args, altimeter)
-    plan = Plan(
+    altimeter, receivers = _apply_fit(args, altimeter)
+    plan = ReferenceOptions(
         surface=args.surface or " ".join(Path(name).name for name in args.terrain),
         date=args.date or path.airfield.survey_date,
         s_max=args.s_max,
@@ -145,9 +147,11 @@ def _from_terrain(args: argparse.Namespace, path: ApproachPath, altimeter: Altim
     return make_reference(ground, plan, bars.update, run_all)
 
 
-def _fitted(args: argparse.Namespace, altimeter: AltimeterModel) -> tuple[AltimeterModel, tuple[Receiver, ...]]:
+def _apply_fit(
+    args: argparse.Namespace, altimeter: AltimeterModel
+) -> tuple[AltimeterModel, tuple[ReceiverVariant, ...]]:
     """The altimeter with the beam, and the receiver, that were found on flights; none: receivers are drawn."""
-    from fti.hil.references.fitted_file import fitted_receiver, read_fitted
+    from fti.hil.approach_reference.fitted_file import fitted_receiver, read_fitted
 
     if not args.fitted:
         return altimeter, ()
@@ -157,9 +161,11 @@ def _fitted(args: argparse.Namespace, altimeter: AltimeterModel) -> tuple[Altime
     return dataclasses.replace(altimeter, sensor=sensor), (fitted_receiver(sensor, keys),)
 
 
-def _from_recordings(args: argparse.Namespace, path: ApproachPath, altimeter: AltimeterModel, bars: _Bars) -> Reference:
-    from fti.hil.references.plan import Plan
-    from fti.hil.references.recordings import (
+def _from_recordings(
+    args: argparse.Namespace, path: ApproachPath, altimeter: AltimeterModel, bars: _Bars
+) -> ApproachReference:
+    from fti.hil.approach_reference.options import ReferenceOptions
+    from fti.hil.approach_reference.recorded_approaches import (
         check_sensor,
         date_of,
         profiles_of,
@@ -174,7 +180,7 @@ def _from_recordings(args: argparse.Namespace, path: ApproachPath, altimeter: Al
         passes += read_passes(folder, args.sensor, path, args.s_max)
         bars.update("recordings", number / len(args.recorded))
     profiles = profiles_of(passes, args.s_max)
-    plan = Plan(
+    plan = ReferenceOptions(
         surface=args.surface or args.sensor,
         date=args.date or date_of(passes),
         made_from="recordings",
@@ -190,7 +196,7 @@ def _from_recordings(args: argparse.Namespace, path: ApproachPath, altimeter: Al
 
 def _spread(args: argparse.Namespace) -> Spread:
     """What the limits are to assume."""
-    from fti.hil.references.approaches import Spread
+    from fti.hil.approach_reference.approaches import Spread
 
     return Spread(
         track=args.track_sd,
@@ -203,7 +209,7 @@ def _spread(args: argparse.Namespace) -> Spread:
 
 def _terrains(args: argparse.Namespace, path: ApproachPath, bars: _Bars) -> tuple[Terrain, ...]:
     """The demonstration's terrain with its vegetation low to high, or the one that the files make."""
-    from fti.terrain.scenes import VEGETATION, demo_scene
+    from fti.terrain.demo_scene import VEGETATION, demo_scene
     from fti.terrain.terrain import Terrain
 
     if args.terrain == ["demo"]:
@@ -216,7 +222,7 @@ def _terrains(args: argparse.Namespace, path: ApproachPath, bars: _Bars) -> tupl
     terrain = Terrain.open(
         args.terrain,
         centre=(float(lat), float(lon)),
-        radius_m=args.s_max / 2 + AROUND_M,
+        radius_m=args.s_max / 2 + TERRAIN_MARGIN_M,
         vertical=args.vertical,
         progress=lambda share: bars.update("terrain", share),
     )
@@ -231,7 +237,7 @@ def _remark_on_posts(terrain: Terrain, path: ApproachPath, args: argparse.Namesp
     lat, lon = path.geodetic(np.linspace(0.0, args.s_max, 100), 0.0)
     place = terrain.frame.to_local(lat, lon, 0.0)
     cell = float(np.max(terrain.cell(place[..., 0], place[..., 1]), initial=0.0))
-    if cell > COARSE_M:
+    if cell > MAX_POST_SPACING_M:
         print_line(
             f"fti: posts below the track are up to {cell:.0f} m apart; the limits assume an elevation error of "
             f"{args.elevation_sd:g} m (--elevation-sd). Whatever lies between the posts may raise an ALERT. Try it on "
@@ -268,9 +274,9 @@ class _Bars(AbstractContextManager["_Bars"]):
 
 def _info(args: argparse.Namespace) -> int:
     from fti.cli._reference_info import plot, summary
-    from fti.nav.integrity.reference import Reference
+    from fti.nav.integrity.reference import ApproachReference
 
-    reference = Reference.parse(_read(args.reference), str(args.reference))
+    reference = ApproachReference.parse(_read(args.reference), str(args.reference))
     if args.json:
         print_json({**_finite(reference.header.model_dump()), "hash": reference.hash}, indent=2)
         return 0

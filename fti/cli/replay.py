@@ -33,10 +33,10 @@ if TYPE_CHECKING:
     import asyncio
 
     from fti.hil.replay import Replay
-    from fti.hil.report import Report
+    from fti.hil.report import TransmissionReport
 
 #: How often the position is shown on a terminal, and told elsewhere [s].
-SHOW_S, TELL_S = 0.5, 60.0
+SHOW_PERIOD_S, PRINT_PERIOD_S = 0.5, 60.0
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -71,17 +71,19 @@ def run(args: argparse.Namespace) -> int:
     """Replay to the end or to a signal."""
     from pathlib import Path
 
-    from fti.cli._playing import check_report, ports_in, print_report, until_stopped, write_report
+    from fti.cli._emulator_run import check_report, claim_ports, print_report, run_until_stopped, write_report
     from fti.clock import SystemClock, choose_epoch_ns
-    from fti.hil import looping
-    from fti.hil.status import Teller, describe_replay
+    from fti.hil import event_loop
+    from fti.hil.status import StatusPublisher, describe_replay
 
     check_report(args.report)
     replay, length_s = _open(args)
     title, clock = Path(args.session).name, SystemClock(choose_epoch_ns())
-    teller = Teller(lambda: describe_replay(replay, title, length_s), clock, replay.session_name, None)
-    with ports_in(Path(args.links)), teller:
-        report, interrupted = looping.run(until_stopped(lambda stop: _play(replay, length_s, stop), replay.ready))
+    teller = StatusPublisher(lambda: describe_replay(replay, title, length_s), clock, replay.session_name, None)
+    with claim_ports(Path(args.links)), teller:
+        report, interrupted = event_loop.run(
+            run_until_stopped(lambda stop: _play(replay, length_s, stop), replay.ready)
+        )
     print_report(report)
     write_report(report, args.report)
     return EXIT_INTERRUPTED if interrupted else 0
@@ -92,10 +94,10 @@ def _open(args: argparse.Namespace) -> tuple[Replay, float | None]:
     from pathlib import Path
 
     from fti import config as configuration
-    from fti.cli._reading import report_remarks
-    from fti.hil.recorded import recorded_config
+    from fti.cli._read_report import report_remarks
     from fti.hil.replay import Replay, length_s
     from fti.hil.replay_addresses import check_links
+    from fti.hil.session_config import recorded_config
     from fti.logger.reading.recording import Recording
 
     session = Path(args.session)
@@ -117,18 +119,18 @@ def _open(args: argparse.Namespace) -> tuple[Replay, float | None]:
     return replay, length_s(recording)
 
 
-async def _play(replay: Replay, length_s: float | None, stop: asyncio.Event) -> Report:
+async def _play(replay: Replay, length_s: float | None, stop: asyncio.Event) -> TransmissionReport:
     """Replay, with keys and the position where somebody sees them."""
     import asyncio
 
-    from fti.cli._keys import keys
-    from fti.cli._playing import tell
+    from fti.cli._emulator_run import print_notice
+    from fti.cli._keyboard import handle_keys
 
-    transport = replay.transport
-    with keys({" ": transport.pause, ".": transport.step, "s": transport.step, "q": stop.set}):
+    replay_clock = replay.replay_clock
+    with handle_keys({" ": replay_clock.pause, ".": replay_clock.step, "s": replay_clock.step, "q": stop.set}):
         showing = asyncio.create_task(_show(replay, length_s), name="fti-replay-position")
         try:
-            return await replay.run(stop, tell)
+            return await replay.run(stop, print_notice)
         finally:
             showing.cancel()
 
@@ -140,9 +142,9 @@ async def _show(replay: Replay, length_s: float | None) -> None:
 
     seen = sys.stderr.isatty()
     while True:
-        await asyncio.sleep(SHOW_S if seen else TELL_S)
+        await asyncio.sleep(SHOW_PERIOD_S if seen else PRINT_PERIOD_S)
         if (position_s := replay.position_s) is not None:
             whole = f" of {length_s:.0f}" if length_s else ""
-            state = ", paused" if replay.transport.stands else ""
+            state = ", paused" if replay.replay_clock.is_paused else ""
             text = f"{position_s:.1f}{whole} s{state}"
             print_status(text) if seen else print_line(text, error=True, flush=True)

@@ -27,7 +27,7 @@ def run(args: argparse.Namespace) -> int:
     """Reprocess with a progress bar on standard error."""
     from pathlib import Path
 
-    from fti.cli._reading import progress_bar, report_remarks
+    from fti.cli._read_report import progress_bar, report_remarks
     from fti.logger.reading.recording import Recording
     from fti.post.reprocess import other_setup, recorded_setup, reprocess
 

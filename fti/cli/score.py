@@ -59,8 +59,8 @@ if TYPE_CHECKING:
 
     from fti.cli._score_jobs import Job
     from fti.logger.reading.recording import Recording
-    from fti.post.score.judging import Score
-    from fti.post.score.not_judged import NotJudged
+    from fti.post.score.comparison import Score
+    from fti.post.score.unscored_flight import UnscoredFlight
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -81,14 +81,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Judge every flight; 1 when one does not hold."""
-    from fti.cli._reading import report_faults
+    from fti.cli._read_report import report_faults
     from fti.post.score import junit
     from fti.post.score.summary import as_json_list, as_summary
 
     _check_files(args)
     opened: list[Recording] = []
     jobs = _jobs(args, opened)
-    scores: list[Score | NotJudged] = []
+    scores: list[Score | UnscoredFlight] = []
     for score in _judge(jobs):
         scores.append(score)
         if not args.json:
@@ -105,9 +105,9 @@ def run(args: argparse.Namespace) -> int:
     return _exit_code(scores) or (EXIT_LOSSES if any(recording.faults for recording in opened) else 0)
 
 
-def _exit_code(scores: Sequence[Score | NotJudged]) -> int:
+def _exit_code(scores: Sequence[Score | UnscoredFlight]) -> int:
     """1 where a flight does not hold; else what the first that could not be judged says."""
-    from fti.post.score.judging import Score
+    from fti.post.score.comparison import Score
 
     if any(isinstance(score, Score) and not score.holds for score in scores):
         return 1
@@ -125,7 +125,7 @@ def _check_files(args: argparse.Namespace) -> None:
 
 def _jobs(args: argparse.Namespace, opened: list[Recording]) -> list[Job]:
     """What is to be judged.  opened : filled with the sessions that are read"""
-    from fti.cli._score_jobs import flying_jobs, session_jobs, split_names
+    from fti.cli._score_jobs import flight_jobs, session_jobs, split_names
     from fti.logger.reading.recording import Recording
     from fti.post.reprocess import other_setup
 
@@ -139,7 +139,7 @@ def _jobs(args: argparse.Namespace, opened: list[Recording]) -> list[Job]:
     _refuse(args, not args.fly and not sessions, "which SESSION? Or --fly DIR, which records one")
     _refuse(args, args.truth and len(sessions) != 1, "--truth: belongs to one SESSION")
     if args.fly:
-        return flying_jobs(names, Path(args.fly), Path(args.config) if args.config else None, open_)
+        return flight_jobs(names, Path(args.fly), Path(args.config) if args.config else None, open_)
     given = other_setup(args.config) if args.config else None
     truth = Path(args.truth) if args.truth else None
     return session_jobs(names, [open_(Path(session)) for session in sessions], truth, given)
@@ -150,9 +150,9 @@ def _refuse(args: argparse.Namespace, wrong: object, text: str) -> None:
         args.parser.error(text)
 
 
-def _judge(jobs: Sequence[Job]) -> Iterator[Score | NotJudged]:
+def _judge(jobs: Sequence[Job]) -> Iterator[Score | UnscoredFlight]:
     """Each in turn; of several, one that cannot be judged does not hide the others."""
-    from fti.post.score.not_judged import NotJudged
+    from fti.post.score.unscored_flight import UnscoredFlight
 
     if len(jobs) == 1:
         yield from jobs[0].judge()
@@ -163,22 +163,22 @@ def _judge(jobs: Sequence[Job]) -> Iterator[Score | NotJudged]:
             yield from job.judge()
         except FtiError as error:
             print_line(f"fti: {job.name}: {error}", error=True)
-            yield NotJudged(job.name, str(error), EXIT_LOSSES if isinstance(error, RecordingError) else EXIT_WRONG)
+            yield UnscoredFlight(job.name, str(error), EXIT_LOSSES if isinstance(error, RecordingError) else EXIT_WRONG)
 
 
-def _print(score: Score | NotJudged, first: bool) -> None:
+def _print(score: Score | UnscoredFlight, first: bool) -> None:
     """The text of a score, apart from the one before it."""
-    from fti.post.score.judging import Score
+    from fti.post.score.comparison import Score
     from fti.post.score.report import as_text
 
     if isinstance(score, Score):
         print_lines(as_text(score) if first else ["", *as_text(score)])
 
 
-def _draw(scores: Sequence[Score | NotJudged], file: str | None) -> None:
+def _draw(scores: Sequence[Score | UnscoredFlight], file: str | None) -> None:
     """Each flight into a file of its own."""
-    from fti.post.score.judging import Score
-    from fti.post.score.picture import draw
+    from fti.post.score.comparison import Score
+    from fti.post.score.plot import draw
 
     if file is None:
         return

@@ -22,9 +22,9 @@ from fti.cli._printing import print_json, print_line, print_lines
 EXIT_NOT_DONE = 1
 DONE = ("acknowledged", "sent")
 #: The daemon answers so long after the last moment at which it may know more [s].
-PATIENCE_S = 10.0
+ANSWER_MARGIN_S = 10.0
 #: The daemon takes no wish that waits longer [s].
-LONGEST_S = 600.0
+MAX_TIMEOUT_S = 600.0
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -47,17 +47,17 @@ def run(args: argparse.Namespace) -> int:
     if args.list or args.device is None:
         if args.device or not args.list:
             raise FtiError("name a device and a command, or ask with: fti send --list")
-        return _teach(args, None)
-    return _teach(args, args.device) if args.name is None else _send(args)
+        return _list_commands(args, None)
+    return _list_commands(args, args.device) if args.name is None else _send(args)
 
 
-def _teach(args: argparse.Namespace, name: str | None) -> int:
+def _list_commands(args: argparse.Namespace, name: str | None) -> int:
     """Print the devices, or the commands of one."""
 
     from fti.errors import MissingError
-    from fti.service.client import ask
+    from fti.service.control_client import send_command
 
-    devices = ask({"commands": True}, args.run_dir)["devices"]
+    devices = send_command({"commands": True}, args.run_dir)["devices"]
     found = [device for device in devices if name in (None, device["name"])]
     if name and not found:
         there = ", ".join(device["name"] for device in devices) or "none"
@@ -96,11 +96,11 @@ def _send(args: argparse.Namespace) -> int:
     """Send one command and print its end."""
     import secrets
 
-    from fti.service.client import ask
+    from fti.service.control_client import send_command
 
     wish = {"id": secrets.token_hex(8), "device": args.device, "command": args.name}
     wish |= {"args": _parse(args.args), "timeout_s": args.timeout}
-    found = ask({"send": wish}, args.run_dir, 2 * min(args.timeout, LONGEST_S) + PATIENCE_S)
+    found = send_command({"send": wish}, args.run_dir, 2 * min(args.timeout, MAX_TIMEOUT_S) + ANSWER_MARGIN_S)
     print_json(found) if args.json else print_line(f"{found['title']}: {found['outcome']}")
     return 0 if found["state"] in DONE else EXIT_NOT_DONE
 

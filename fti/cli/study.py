@@ -22,7 +22,7 @@ from fti.cli._printing import print_json, print_lines
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from fti.study import Draw, Result, Study
+    from fti.study import DrawFigure, Study, StudyResult
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -41,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Run a study with a progress bar on standard error; 1 when a result does not hold."""
     from fti import study
-    from fti.cli._reading import progress_bar
+    from fti.cli._read_report import progress_bar
     from fti.errors import MissingError
     from fti.study.workers import on_cluster
 
@@ -67,13 +67,13 @@ def run(args: argparse.Namespace) -> int:
     return 0 if all(result.holds for result in results) else 1
 
 
-def _pictures(chosen: Study, seed: int, folder: Path) -> dict[Path, Draw]:
+def _pictures(chosen: Study, seed: int, folder: Path) -> dict[Path, DrawFigure]:
     """Which files will be written, and what draws them.  A file that is there stays: better known before than after."""
     from fti.errors import MissingError, StorageError
-    from fti.study import Illustrated, name_of
+    from fti.study import PlottedStudy, name_of
 
     name = name_of(chosen)
-    if not isinstance(chosen, Illustrated):
+    if not isinstance(chosen, PlottedStudy):
         raise MissingError(f"the study {name} has no pictures")
     pictures = {folder / f"{name}-{what}.png": draw for what, draw in chosen.drawings(seed).items()}
     there = [str(file) for file in pictures if file.exists()]
@@ -82,15 +82,15 @@ def _pictures(chosen: Study, seed: int, folder: Path) -> dict[Path, Draw]:
     return pictures
 
 
-def _draw(pictures: dict[Path, Draw], done: Callable[[], None]) -> None:
-    from fti.figures import write
+def _draw(pictures: dict[Path, DrawFigure], done: Callable[[], None]) -> None:
+    from fti.plot_style import write
 
     for file, draw in pictures.items():
         write(draw, file)
         done()
 
 
-def as_text(table: dict[str, Any], results: list[Result]) -> str:
+def as_text(table: dict[str, Any], results: list[StudyResult]) -> str:
     """What was found, for a person."""
     width = max(len(result.id) for result in results)
     lines = (as_line(result, width) for result in results)
@@ -98,7 +98,7 @@ def as_text(table: dict[str, Any], results: list[Result]) -> str:
     return "\n".join([f"{table['name']}: {table['runs']} runs, seed {table['seed']}", *lines, *wrote])
 
 
-def as_line(result: Result, width: int) -> str:
+def as_line(result: StudyResult, width: int) -> str:
     """A result for a person; width : of the column of targets."""
     value = f"{result.value}" if isinstance(result.value, int) else f"{result.value:.4g}"
     from fti.study import REPORTED

@@ -32,20 +32,20 @@ def run(args: argparse.Namespace) -> int:
     """Decode the session with a progress bar on standard error; 3 when a file broke off."""
     from pathlib import Path
 
-    from fti.cli._reading import progress_bar, report_faults, report_remarks
-    from fti.logger.reading.about import SNAPSHOT_NOTE
+    from fti.cli._read_report import progress_bar, report_faults, report_remarks
     from fti.logger.reading.recording import Recording
+    from fti.logger.reading.session_metadata import SNAPSHOT_NOTE
     from fti.post.reprocess import other_setup, recorded_setup
     from fti.post.sync import analyse
     from fti.post.sync_page import write_page
     from fti.post.sync_report import as_json, as_text
-    from fti.post.time_base import check_place, write
+    from fti.post.time_base import check_output_path, write
 
     session = Path(args.session)
     if args.out:
-        check_place(Path(args.out))
+        check_output_path(Path(args.out))
     recording = Recording.open(session)
-    report_remarks(recording, told="" if args.json else SNAPSHOT_NOTE)
+    report_remarks(recording, known="" if args.json else SNAPSHOT_NOTE)
     setup = other_setup(args.config) if args.config else recorded_setup(recording, session)
     with progress_bar() as bar:
         task = bar.add_task("frames", total=None)

@@ -105,9 +105,9 @@ def _arguments(args: argparse.Namespace) -> dict[str, Any]:
 
 
 def _info(args: argparse.Namespace) -> int:
-    from fti.cli._reading import progress_bar
+    from fti.cli._read_report import progress_bar
     from fti.cli._terrain_view import as_json, as_text
-    from fti.terrain.files.survey import survey
+    from fti.terrain.files.file_survey import survey
 
     with progress_bar() as bar:
         task = bar.add_task("reading", total=1.0)
@@ -117,7 +117,7 @@ def _info(args: argparse.Namespace) -> int:
 
 
 def _plot(args: argparse.Namespace) -> int:
-    from fti.cli._reading import progress_bar
+    from fti.cli._read_report import progress_bar
     from fti.cli._terrain_map import write_map
     from fti.terrain.terrain import Terrain
 

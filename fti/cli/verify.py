@@ -38,9 +38,9 @@ from typing import TYPE_CHECKING, Any
 from fti.cli._printing import print_json, print_lines
 
 if TYPE_CHECKING:
-    from fti.logger.proof.ledger import Amount
-    from fti.logger.proof.report import Account, Report
     from fti.logger.reading.recording import Recording
+    from fti.logger.verify.ledger import Amount
+    from fti.logger.verify.report import LinkAccount, VerifyReport
 
 CODES = {"ok": 0, "loss": 3, "refuted": 1}
 
@@ -63,12 +63,12 @@ def run(args: argparse.Namespace) -> int:
     return CODES[report.verdict]
 
 
-def _verify(recording: Recording) -> Report:
+def _verify(recording: Recording) -> VerifyReport:
     """With a progress bar, where somebody can see it."""
     from rich.console import Console
     from rich.progress import Progress
 
-    from fti.logger.proof.verify import verify
+    from fti.logger.verify.verification import verify
 
     console = Console(file=sys.stderr)
     with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
@@ -79,7 +79,7 @@ def _verify(recording: Recording) -> Report:
 # ------------------------------------------------------------------------------------------------------------- printing
 
 
-def as_json(report: Report) -> dict[str, Any]:
+def as_json(report: VerifyReport) -> dict[str, Any]:
     """The report, for programs."""
     return {
         "verdict": report.verdict,
@@ -106,9 +106,9 @@ def as_json(report: Report) -> dict[str, Any]:
     }
 
 
-def _account(account: Account) -> dict[str, Any]:
+def _account(account: LinkAccount) -> dict[str, Any]:
     dropped = {reason: _amount(amount) for reason, amount in account.dropped.items()}
-    amounts = {"in": _amount(account.came), "recorded": _amount(account.recorded)}
+    amounts = {"in": _amount(account.incoming), "recorded": _amount(account.recorded)}
     return {**amounts, "dropped": dropped, "errors": account.errors, "stamps_refused": account.stamps_refused}
 
 
@@ -116,7 +116,7 @@ def _amount(amount: Amount) -> dict[str, int]:
     return {"frames": amount.frames, "bytes": amount.bytes}
 
 
-def as_text(report: Report) -> list[str]:
+def as_text(report: VerifyReport) -> list[str]:
     """Lines for a person."""
     lines = []
     width = max(len(check.name) for check in report.checks)
@@ -129,19 +129,19 @@ def as_text(report: Report) -> list[str]:
     return [*lines, "", _conclusion(report)]
 
 
-def _table(accounts: list[Account]) -> list[str]:
+def _table(accounts: list[LinkAccount]) -> list[str]:
     width = max(len(account.topic) for account in accounts)
     lines = [f"{'':{width}} {'frames in':>12} {'recorded':>12} {'dropped':>12} {'bytes recorded':>16}  why"]
-    for account in (a for a in accounts if a.came.frames or not a.topic.startswith("/tx/")):
-        came, recorded = account.came.frames, account.recorded
+    for account in (a for a in accounts if a.incoming.frames or not a.topic.startswith("/tx/")):
+        incoming, recorded = account.incoming.frames, account.recorded
         reasons = [f"{reason} {amount.frames}" for reason, amount in account.dropped.items()]
         reasons += [f"{name} {count}" for name, count in account.errors.items() if count]
-        line = f"{account.topic:{width}} {came:12} {recorded.frames:12} {came - recorded.frames:12}"
+        line = f"{account.topic:{width}} {incoming:12} {recorded.frames:12} {incoming - recorded.frames:12}"
         lines.append(f"{line} {recorded.bytes:16}  {', '.join(reasons)}".rstrip())
     return lines
 
 
-def _conclusion(report: Report) -> str:
+def _conclusion(report: VerifyReport) -> str:
     return {
         "ok": f"all holds: {report.files} files, {report.numbered} numbered messages",
         "loss": "readable, not all is there; every loss that can be known is told above",

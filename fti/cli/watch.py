@@ -18,7 +18,7 @@ from fti.cli._printing import print_json
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from fti.service.rundir import DaemonInfo
+    from fti.service.run_directory import DaemonInfo
 
 #: Every output comes at 2 Hz or more, health at 2 Hz.
 COLLECT_S = 1.2
@@ -44,13 +44,13 @@ def run(args: argparse.Namespace) -> int:
 
     from fti.bus.frame import SOCKET_NAME
     from fti.clock import SystemClock
-    from fti.service.listening import listen
-    from fti.web.feed import Feed
+    from fti.service.display.bus_feed import subscribe
+    from fti.web.live_state import LiveState
 
     info = _find(args)
     clock = SystemClock(0)
-    feed = Feed(clock.now_ns())
-    subscriber = listen(feed, Path(info.sock).with_name(SOCKET_NAME), "watch", clock)
+    feed = LiveState(clock.now_ns())
+    subscriber = subscribe(feed, Path(info.sock).with_name(SOCKET_NAME), "watch", clock)
     try:
         _collect(lambda: feed.state(clock.now_ns()), info.name)
         show = _show_json if args.json else _show_table
@@ -61,7 +61,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _find(args: argparse.Namespace) -> DaemonInfo:
-    from fti.service.rundir import base, find_daemon
+    from fti.service.run_directory import base, find_daemon
 
     return find_daemon(str(base() / args.name) if args.name else args.run_dir)
 

@@ -40,7 +40,7 @@ def _sentences(error: ValidationError, model: type[BaseModel], file: str, key: s
         elif item["type"] == "missing":
             yield f"{file}: {where}: missing; it must be given"
         else:
-            yield f"{file}: {where} = {_shown(item['input'])}: {item['msg'][0].lower()}{item['msg'][1:]}"
+            yield f"{file}: {where} = {_format_value(item['input'])}: {item['msg'][0].lower()}{item['msg'][1:]}"
 
 
 def _key_path(key: str, loc: tuple[int | str, ...], model: type[BaseModel]) -> str:
@@ -91,6 +91,6 @@ def _resolve(schema: dict[str, Any], node: dict[str, Any]) -> dict[str, Any]:
     return target
 
 
-def _shown(value: object) -> str:
+def _format_value(value: object) -> str:
     text = repr(value)
     return text if len(text) <= 60 else text[:57] + "..."

@@ -19,9 +19,9 @@ FILE_KEYS = ("vertical", "centre_deg", "radius_m", "cell_m")
 #: GDAL's prefix of a file in a zip.
 VSIZIP = "/vsizip/"
 #: How navigation calls sources that are no device; one of that name would be taken for them.
-NO_DEVICES = ("filter", "radio", "vertical")
+RESERVED_DEVICE_NAMES = ("filter", "radio", "vertical")
 #: An altimeter is mounted less than 85 degrees from straight down: cosine of that.
-LEAST_DOWN = math.cos(math.radians(85.0))
+MIN_DOWN_COMPONENT = math.cos(math.radians(85.0))
 
 
 def read_toml(path: Path) -> tuple[dict[str, Any], str]:
@@ -61,11 +61,13 @@ def _check_references(config: Config, file: str) -> None:
         raise ConfigError(f"{file}: session.mode = 'snapshot': needs a [snapshot] table: before_s, after_s, max_mb")
     for i, device in enumerate(config.device):
         if device.link not in links:
-            raise ConfigError(f"{file}: device[{i}].link = {device.link!r}: no such link; there are {_listed(links)}")
+            raise ConfigError(
+                f"{file}: device[{i}].link = {device.link!r}: no such link; there are {_join_names(links)}"
+            )
         if device.altimeter and not device.altimeter.range_m[0] < device.altimeter.range_m[1]:
             shown = list(device.altimeter.range_m)
             raise ConfigError(f"{file}: device[{i}].altimeter.range_m = {shown}: the first must be below the second")
-        if device.altimeter and _down(device) < LEAST_DOWN:
+        if device.altimeter and _down_component(device) < MIN_DOWN_COMPONENT:
             raise ConfigError(
                 f"{file}: device[{i}].rpy_bs_deg = {list(device.rpy_bs_deg)}: its altimeter would look to the horizon "
                 "or up; roll and pitch turn the beam from straight down, by less than 85 degrees together"
@@ -79,7 +81,7 @@ def _check_references(config: Config, file: str) -> None:
             raise ConfigError(f"{file}: nav.altimeters: device {device.name!r} needs a [device.altimeter] table")
 
 
-def _down(device: Device) -> float:
+def _down_component(device: Device) -> float:
     """How far the beam of a sensor goes down in a level aircraft: cos(roll) cos(pitch) of its mounting, 1 straight."""
     roll, pitch, _ = map(math.radians, device.rpy_bs_deg)
     return math.cos(roll) * math.cos(pitch)
@@ -89,9 +91,9 @@ def _check_roles(nav: Nav, devices: list[str], file: str) -> None:
     for role in ("attitude", "position", "altimeters"):
         for name in getattr(nav, role):
             if name not in devices:
-                raise ConfigError(f"{file}: nav.{role}: {name!r} is no device; there are {_listed(devices)}")
-            if name in NO_DEVICES and role != "altimeters":
-                said = f"here a device needs another name than {_listed(NO_DEVICES)}, which take the place of devices"
+                raise ConfigError(f"{file}: nav.{role}: {name!r} is no device; there are {_join_names(devices)}")
+            if name in RESERVED_DEVICE_NAMES and role != "altimeters":
+                said = f"here a device needs another name than {_join_names(RESERVED_DEVICE_NAMES)}, which take the place of devices"
                 raise ConfigError(f"{file}: nav.{role}: {name!r}: {said}")
 
 
@@ -99,11 +101,11 @@ def _check_radio(nav: Nav, devices: list[str], file: str) -> None:
     if nav.radio is None:
         return
     if nav.radio.receiver is not None and nav.radio.receiver not in devices:
-        said = f"nav.radio.receiver: {nav.radio.receiver!r} is no device; there are {_listed(devices)}"
+        said = f"nav.radio.receiver: {nav.radio.receiver!r} is no device; there are {_join_names(devices)}"
         raise ConfigError(f"{file}: {said}")
     if nav.radio.altimeter is not None and nav.radio.altimeter not in nav.altimeters:
         said = f"nav.radio.altimeter: {nav.radio.altimeter!r} is not in nav.altimeters"
-        raise ConfigError(f"{file}: {said}; there are {_listed(nav.altimeters)}")
+        raise ConfigError(f"{file}: {said}; there are {_join_names(nav.altimeters)}")
 
 
 def _check_filter(config: Config, devices: list[str], file: str) -> None:
@@ -115,7 +117,9 @@ def _check_filter(config: Config, devices: list[str], file: str) -> None:
     named |= {key: (name,) for key, name in single.items() if name is not None}
     for key, names in named.items():
         if unknown := [name for name in names if name not in devices]:
-            raise ConfigError(f"{file}: nav.filter.{key}: {unknown[0]!r} is no device; there are {_listed(devices)}")
+            raise ConfigError(
+                f"{file}: nav.filter.{key}: {unknown[0]!r} is no device; there are {_join_names(devices)}"
+            )
     if nav.filter.heading is not None and nav.filter.declination_deg is None:
         said = "missing; nav.filter.heading needs it: -180 to 180, magnetic north east of true north is positive"
         raise ConfigError(f"{file}: nav.filter.declination_deg: {said}")
@@ -128,7 +132,7 @@ def _check_filter(config: Config, devices: list[str], file: str) -> None:
                 "nav.filter with its altimeter; give the altimeter a [[device]] of its own on the same link"
             )
     if other := [name for name in nav.filter.altimeters if name not in nav.altimeters]:
-        allowed = _listed(nav.altimeters)
+        allowed = _join_names(nav.altimeters)
         raise ConfigError(f"{file}: nav.filter.altimeters: {other[0]!r} is not in nav.altimeters; there are {allowed}")
 
 
@@ -151,7 +155,7 @@ def _check_unique(names: list[str], file: str, kind: str) -> None:
             raise ConfigError(f"{file}: {kind}[{i}].name = {name!r}: used twice; names must differ")
 
 
-def _listed(names: Iterable[str]) -> str:
+def _join_names(names: Iterable[str]) -> str:
     return ", ".join(names) or "none"
 
 

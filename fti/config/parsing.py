@@ -14,7 +14,7 @@ MAX_TOML_BYTES = 4 * 2**20
 #: Tables and arrays within each other: a configuration has 5.
 MAX_TOML_DEPTH = 32
 _LONG_KEY = re.compile(rf"""(?<![\w"'-])[\w"'-]++(?:\s*+\.\s*+[\w"'-]++){{{MAX_TOML_DEPTH}}}""")
-_LEAST, _MOST = -(2**63), 2**63 - 1
+_MIN_INTEGER, _MAX_INTEGER = -(2**63), 2**63 - 1
 
 
 def decode_text(data: bytes, file: str) -> str:
@@ -38,7 +38,7 @@ def parse_toml(text: str, file: str) -> dict[str, Any]:
     for depth, key, value in _values(table):
         if depth > MAX_TOML_DEPTH:
             raise ConfigError(f"{file}: {key}: tables are nested deeper than {MAX_TOML_DEPTH}")
-        if isinstance(value, int) and not _LEAST <= value <= _MOST:
+        if isinstance(value, int) and not _MIN_INTEGER <= value <= _MAX_INTEGER:
             raise ConfigError(f"{file}: {key}: the number does not fit into 64 bits")
     return table
 

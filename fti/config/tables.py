@@ -71,7 +71,7 @@ class RecorderTuning(StrictModel):
 # --------------------------------------------------------------------------------------------------------- links
 
 
-class Buffered(StrictModel):
+class LinkTable(StrictModel):
     """What every link has: a name, permission to send, and the size of each of its three buffers."""
 
     name: Name
@@ -79,7 +79,7 @@ class Buffered(StrictModel):
     buffer_bytes: Annotated[int, Field(ge=4096, le=2**30)] = 2**19
 
 
-class SerialLink(Buffered):
+class SerialLink(LinkTable):
     """A tty or pty; RS-232, RS-422 or RS-485 behind an adapter.
 
     half_duplex : one talks at a time: nothing is sent before the line was quiet for quiet_ms (none : 3.5 characters and
@@ -105,7 +105,7 @@ class SerialLink(Buffered):
 Endpoint = Annotated[str, Field(pattern=r"^(\d{1,3}(\.\d{1,3}){3}|\[[0-9a-fA-F:]+\]):\d{1,5}$")]
 
 
-class UdpLink(Buffered):
+class UdpLink(LinkTable):
     """Datagrams to ``bind`` (address:port), only from ``source`` when given; ``group`` joins a multicast group."""
 
     kind: Literal["udp"]
@@ -115,7 +115,7 @@ class UdpLink(Buffered):
     peer: Endpoint | None = None  # where transmitted datagrams go
 
 
-class CanLink(Buffered):
+class CanLink(LinkTable):
     """A CAN bus: any python-can interface; ``slcan`` on a serial port is parsed directly."""
 
     kind: Literal["can"]
@@ -165,7 +165,7 @@ class Altimeter(StrictModel):
     scale: Annotated[float, Field(ge=0.8, le=1.25)] = 1.0
     threshold_db: Annotated[float, Field(ge=-26, le=-2)] | None = None
 
-    def range_of(self, value: float) -> float:
+    def corrected_range_m(self, value: float) -> float:
         """The range [m] of which the instrument says ``value`` [m]: bias and scale, as configured, taken off."""
         return (value - self.bias_m) / self.scale
 
@@ -247,7 +247,7 @@ class Filter(StrictModel):
 
     @field_validator("baro", mode="before")
     @classmethod
-    def _one_is_a_list(cls, value: object) -> object:
+    def _wrap_single_name(cls, value: object) -> object:
         if isinstance(value, str):
             return (value,)
         return tuple(value) if isinstance(value, list) else value

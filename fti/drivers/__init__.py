@@ -22,7 +22,7 @@ A message carries the arrival time of its first byte.
 
 A device's answer to a command comes out of the decoder as an ``Ack``.
 
-Where frames are missing a fresh decoder goes on.  What it must know from before, it takes over: ``Remembering``.
+Where frames are missing a fresh decoder goes on.  What it must know from before, it takes over: ``StatefulDecoder``.
 """
 
 from __future__ import annotations
@@ -77,10 +77,10 @@ class Decoder(Protocol):
 
 
 @runtime_checkable
-class Remembering(Protocol):
+class StatefulDecoder(Protocol):
     """A decoder whose device has told it what outlasts missing frames: calibration tables, say."""
 
-    def remember(self, before: Any) -> None:
+    def copy_state(self, before: Any) -> None:
         """Take over what another decoder of the same device was told.  before : of the same class; asked before feed"""
 
 

@@ -10,39 +10,39 @@ from typing import Annotated, Literal
 import pydantic
 
 from fti.config import StrictModel
-from fti.drivers._checksums import CHECKSUMS, Kind
-from fti.drivers._fields import Field, Wire, decode_fields, meanings
+from fti.drivers._checksums import CHECKSUMS, ChecksumKind
+from fti.drivers._fields import Field, WireValue, decode_fields, make_field_codecs
 from fti.drivers._framing import Skip, skip_to
 from fti.types import Measurement, Stamp
 
-LONGEST = 2048
+MAX_FRAME_BYTES = 2048
 CODES = {"u8": "B", "i8": "b", "u16": "H", "i16": "h", "u32": "I", "i32": "i", "u64": "Q", "i64": "q", "f32": "f",
          "f64": "d"}  # fmt: skip
-At = Annotated[int, pydantic.Field(ge=0, lt=LONGEST)]
+ByteOffset = Annotated[int, pydantic.Field(ge=0, lt=MAX_FRAME_BYTES)]
 Bits = tuple[Annotated[int, pydantic.Field(ge=0, le=63)], Annotated[int, pydantic.Field(ge=1, le=64)]]
 ByteOrder = Literal["little", "big"]
 Hex = Annotated[str, pydantic.Field(pattern=r"^([0-9A-Fa-f]{2} ?)*$")]
 
 
-class Place(StrictModel):
+class NumberLocation(StrictModel):
     """Where a number stands: ``at`` [bytes from the first of the frame], its type and, of a whole number, its bits."""
 
-    at: At
+    at: ByteOffset
     type: Literal["u8", "i8", "u16", "i16", "u32", "i32", "u64", "i64", "f32", "f64"]
     bits: Bits | None = None
 
 
-class BinaryField(Field, Place):
+class BinaryField(Field, NumberLocation):
     """A field and its place."""
 
 
-class LengthIn(Place):
+class LengthLocation(NumberLocation):
     """Where the frame says how long it is."""
 
-    plus: Annotated[int, pydantic.Field(ge=-LONGEST, le=LONGEST)] = 0
+    plus: Annotated[int, pydantic.Field(ge=-MAX_FRAME_BYTES, le=MAX_FRAME_BYTES)] = 0
 
 
-class Where(Place):
+class ConstantField(NumberLocation):
     """What must stand at a place."""
 
     value: int
@@ -54,9 +54,9 @@ class FrameChecksum(StrictModel):
     byte_order : of the checksum; the frame's when not given
     """
 
-    kind: Kind
-    at: Annotated[int, pydantic.Field(ge=-LONGEST, lt=LONGEST)] | None = None
-    start: At = 0
+    kind: ChecksumKind
+    at: Annotated[int, pydantic.Field(ge=-MAX_FRAME_BYTES, lt=MAX_FRAME_BYTES)] | None = None
+    start: ByteOffset = 0
     byte_order: ByteOrder | None = None
 
     def place(self, length: int) -> int:
@@ -72,35 +72,35 @@ class FrameOptions(StrictModel):
     """
 
     sync: Hex = ""
-    length: Annotated[int, pydantic.Field(ge=2, le=LONGEST)] | None = None
-    length_in: LengthIn | None = None
-    longest: Annotated[int, pydantic.Field(ge=2, le=LONGEST)] = 256
+    length: Annotated[int, pydantic.Field(ge=2, le=MAX_FRAME_BYTES)] | None = None
+    length_in: LengthLocation | None = None
+    longest: Annotated[int, pydantic.Field(ge=2, le=MAX_FRAME_BYTES)] = 256
     byte_order: ByteOrder = "little"
     trailer: Hex = ""
     checksum: FrameChecksum | None = None
-    where: tuple[Where, ...] = ()
+    where: tuple[ConstantField, ...] = ()
     fields: tuple[BinaryField, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
-class Number:
+class NumberCodec:
     """A place, ready for use."""
 
     at: int
     form: struct.Struct
-    whole: bool
+    is_integer: bool
     low: int  # lowest bit
     mask: int  # of the bits that count, without the shift
 
     @classmethod
-    def of(cls, place: Place, byte_order: str, where: str) -> Number:
+    def of(cls, place: NumberLocation, byte_order: str, where: str) -> NumberCodec:
         """The number of a place.  Raises ValueError naming ``where``."""
         form = struct.Struct(("<" if byte_order == "little" else ">") + CODES[place.type])
-        whole, size = not place.type.startswith("f"), 8 * form.size
+        is_integer, size = not place.type.startswith("f"), 8 * form.size
         low, count = place.bits or (0, size)
-        if place.bits and (not whole or place.type.startswith("i") or low + count > size):
+        if place.bits and (not is_integer or place.type.startswith("i") or low + count > size):
             raise ValueError(f"{where}: bits = {list(place.bits)}: must lie in a u8, u16, u32 or u64")
-        return cls(place.at, form, whole, low, (1 << count) - 1)
+        return cls(place.at, form, is_integer, low, (1 << count) - 1)
 
     @property
     def end(self) -> int:
@@ -108,47 +108,47 @@ class Number:
         return self.at + self.form.size
 
     @property
-    def is_part(self) -> bool:
+    def is_bit_field(self) -> bool:
         """Only some bits of the number count."""
         return self.mask.bit_length() < 8 * self.form.size
 
     def read(self, frame: bytes | bytearray) -> int | float:
         """The number in a frame that reaches to ``end``."""
         value: int | float = self.form.unpack_from(frame, self.at)[0]
-        return int(value) >> self.low & self.mask if self.is_part else value
+        return int(value) >> self.low & self.mask if self.is_bit_field else value
 
     def write(self, frame: bytearray, value: float) -> None:
         """Put the number into a frame; what does not fit becomes the nearest that does."""
-        if not self.whole:
+        if not self.is_integer:
             self.form.pack_into(frame, self.at, value)
             return
-        number = min(max(round(value), self._least), self._least + self.mask)
-        if self.is_part:
+        number = min(max(round(value), self._min_value), self._min_value + self.mask)
+        if self.is_bit_field:
             others = self.form.unpack_from(frame, self.at)[0] & ~(self.mask << self.low)
             number = others | number << self.low
         self.form.pack_into(frame, self.at, number)
 
-    def on_wire(self, word: float | str) -> float:
+    def to_wire(self, word: float | str) -> float:
         """The number that is read where the device sends this one.  Raises ValueError where it cannot."""
         if isinstance(word, str):
             raise ValueError(f"{word!r} is characters, and a frame has numbers; hexadecimal ones are like 0xFFFF")
-        if not self.whole:
+        if not self.is_integer:
             try:
                 found: float = self.form.unpack(self.form.pack(word))[0]
             except OverflowError:
                 raise ValueError(f"{word:g} is too large for this type") from None
             return found
-        least, most = self._least, self._least + self.mask
+        least, most = self._min_value, self._min_value + self.mask
         if word != round(word) or not least <= word <= most:
             raise ValueError(f"{word:.15g} cannot stand there: whole numbers from {least} to {most} can")
         return word
 
     @property
-    def _least(self) -> int:
+    def _min_value(self) -> int:
         return -(self.mask + 1 >> 1) if self.form.format[-1].islower() else 0
 
 
-class Frame:
+class FrameCodec:
     """The frame of the options, checked.  Raises ValueError that says what is wrong."""
 
     def __init__(self, options: FrameOptions) -> None:
@@ -158,15 +158,15 @@ class Frame:
         self._checksum_order: ByteOrder = (options.checksum and options.checksum.byte_order) or order
         self.length, self.longest = options.length, options.longest
         told = options.length_in
-        self.told = None if told is None else Number.of(told, order, "length_in")
+        self.told = None if told is None else NumberCodec.of(told, order, "length_in")
         self.plus = told.plus if told else 0
-        self.where = [(Number.of(w, order, f"where[{i}]"), w.value) for i, w in enumerate(options.where)]
-        self.numbers = {f.name: Number.of(f, order, f"fields: {f.name}") for f in options.fields}
+        self.where = [(NumberCodec.of(w, order, f"where[{i}]"), w.value) for i, w in enumerate(options.where)]
+        self.numbers = {f.name: NumberCodec.of(f, order, f"fields: {f.name}") for f in options.fields}
         names = [f.name for f in options.fields]
-        self.known = meanings(names, options.fields, lambda name, word: self.numbers[name].on_wire(word))
+        self.known = make_field_codecs(names, options.fields, lambda name, word: self.numbers[name].to_wire(word))
         self._check()
         self._check_where()
-        self._check_itself()
+        self._check_round_trip()
 
     def _check(self) -> None:
         if not self.sync:
@@ -185,11 +185,11 @@ class Frame:
     def _check_where(self) -> None:
         for i, (number, value) in enumerate(self.where):
             try:
-                number.on_wire(value)
+                number.to_wire(value)
             except ValueError as error:
                 raise ValueError(f"where[{i}]: value = {error}") from None
 
-    def _check_itself(self) -> None:
+    def _check_round_trip(self) -> None:
         """What is written as described must be read back."""
         try:
             frame = self.encode({})
@@ -219,7 +219,7 @@ class Frame:
             return length if isinstance(length, Skip) else 0
         if self.trailer and buffer[length - len(self.trailer) : length] != self.trailer:
             return Skip(1, "bad_trailer")
-        return length if self._holds(buffer, length) else Skip(1, "bad_checksum")
+        return length if self._is_checksum_valid(buffer, length) else Skip(1, "bad_checksum")
 
     def _length(self, buffer: bytearray) -> int | Skip:
         """Length of the frame that begins here; 0 while it has not been told."""
@@ -231,7 +231,7 @@ class Frame:
         least = max(len(self.sync), self.told.end) + self._checksum_size + len(self.trailer)
         return length if least <= length <= self.longest else Skip(1, "bad_length")
 
-    def _holds(self, frame: bytearray, length: int) -> bool:
+    def _is_checksum_valid(self, frame: bytearray, length: int) -> bool:
         if self.checksum is None:
             return True
         at = self.checksum.place(length)
@@ -247,12 +247,12 @@ class Frame:
             if number.end > self._body_end(len(frame)) or number.read(frame) != value:
                 return "(other)", []
         end = self._body_end(len(frame))
-        wires: dict[str, Wire] = {
+        wires: dict[str, WireValue] = {
             name: float(number.read(frame)) for name, number in self.numbers.items() if number.end <= end
         }
         return "frame", decode_fields(self.known, wires, stamp)
 
-    def encode(self, values: Mapping[str, Wire]) -> bytes:
+    def encode(self, values: Mapping[str, WireValue]) -> bytes:
         """The frame of these values; bytes that nothing describes are 0."""
         tail = self._checksum_size + len(self.trailer)
         places = [*self.numbers.values(), *(number for number, _ in self.where), *([self.told] if self.told else [])]

@@ -5,9 +5,9 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 
 from fti.drivers import Counters
-from fti.drivers._bus_watch import BusWatch, status
-from fti.drivers._can import frame_head, why_skipped
-from fti.drivers._quick import quick_stamp
+from fti.drivers._can import frame_head, skip_reason
+from fti.drivers._fast_messages import fast_stamp
+from fti.drivers._node_supervision import NodeSupervisor, node_status
 from fti.types import Measurement, Stamp
 
 
@@ -19,20 +19,20 @@ class BusDecoder(ABC):
 
     def __init__(self, silent_after: float) -> None:
         self.counters = Counters()
-        self._watch = BusWatch(silent_after, self.counters.lost)
+        self._watch = NodeSupervisor(silent_after, self.counters.lost)
 
     def feed(self, data: bytes, t_rx_ns: int) -> list[Measurement]:
         self.counters.bytes_in += len(data)
         told = self._watch.tick(t_rx_ns)
-        found: list[Measurement] = [status(quick_stamp(t_rx_ns), told)] if told else []
+        found: list[Measurement] = [node_status(fast_stamp(t_rx_ns), told)] if told else []
         word, length = frame_head(data)
-        reason = self._take(word, data[8 : 8 + length], quick_stamp(t_rx_ns), found)
+        reason = self._decode_frame(word, data[8 : 8 + length], fast_stamp(t_rx_ns), found)
         if reason:
-            self.counters.skipped[why_skipped(data) if reason == "other_id" else reason] += len(data)
+            self.counters.skipped[skip_reason(data) if reason == "other_id" else reason] += len(data)
         else:
             self.counters.framed += len(data)
         return found
 
     @abstractmethod
-    def _take(self, word: int, data: bytes, stamp: Stamp, found: list[Measurement]) -> str:
+    def _decode_frame(self, word: int, data: bytes, stamp: Stamp, found: list[Measurement]) -> str:
         """Add what is in a frame; why the frame is skipped, "" when it is not."""

@@ -21,7 +21,7 @@ def frame_head(data: bytes) -> tuple[int, int]:
     return head if head[1] <= len(data) - 8 else NO_FRAME
 
 
-def why_skipped(data: bytes) -> str:
+def skip_reason(data: bytes) -> str:
     """Why a frame whose word is not known says nothing: "no_frame", "error_frame", "remote_frame", "other_id"."""
     word, length = frame_head(data)
     if (word, length) == NO_FRAME:

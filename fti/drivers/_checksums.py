@@ -14,7 +14,7 @@ from collections.abc import Callable
 from functools import cache
 from typing import Literal, NamedTuple
 
-Kind = Literal[
+ChecksumKind = Literal[
     "xor8",
     "sum8",
     "sum16",

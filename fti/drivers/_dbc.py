@@ -30,7 +30,7 @@ from cantools.database.can.database import Database
 from cantools.database.errors import Error
 
 MILLISECOND_NS = 1_000_000
-NOBODY = "Vector__XXX"
+NO_SENDER = "Vector__XXX"
 #: Where editors keep signals that are in no message.
 NO_MESSAGE = "VECTOR__INDEPENDENT_SIG_MSG"
 #: Of a step: a raw value at its limit is within it, whatever factor times raw rounds to.
@@ -45,13 +45,13 @@ _LENGTHS = (
 _FLOATS = {16: struct.Struct(">e"), 32: struct.Struct(">f"), 64: struct.Struct(">d")}
 
 #: Cuts a raw value out of the little-endian and the big-endian word of a frame.
-Cut = Callable[[int, int], float]
+Extractor = Callable[[int, int], float]
 #: What a raw value adds to the word of a frame that has its byte order.
-Place = Callable[[float], int]
+Inserter = Callable[[float], int]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Signal:
+class DbcSignal:
     """One signal of a message.
 
     low, high  : limits in ``unit``, infinite when the DBC states none; least, most : what fits on the wire, raw
@@ -63,14 +63,14 @@ class Signal:
 
     name: str
     unit: str
-    cut: Cut
-    place: Place
+    extract: Extractor
+    insert: Inserter
     big: bool
     factor: float
     offset: float
     low: float
     high: float
-    least: float
+    min_raw: float
     most: float
     is_float: bool
     states: Mapping[float, str]
@@ -79,13 +79,13 @@ class Signal:
     modulus: int
 
     @property
-    def measures(self) -> bool:
+    def is_physical(self) -> bool:
         """Its numbers are amounts of something, so that a named value is none."""
         return bool(self.unit) or (self.factor, self.offset) != (1.0, 0.0)
 
     def physical(self, raw: float) -> tuple[float | None, bool]:
         """Value in ``unit``, and whether it is valid."""
-        if (self.is_float and not math.isfinite(raw)) or (self.states and self.measures and raw in self.states):
+        if (self.is_float and not math.isfinite(raw)) or (self.states and self.is_physical and raw in self.states):
             return None, False
         value = raw * self.factor + self.offset
         return value, self.low <= value <= self.high
@@ -94,11 +94,11 @@ class Signal:
         """The raw value nearest to a physical one, within the limits of the DBC and of the wire."""
         exact = (min(max(value, self.low), self.high) - self.offset) / self.factor
         raw = exact if self.is_float else round(exact)
-        return min(max(raw, self.least), self.most)
+        return min(max(raw, self.min_raw), self.most)
 
 
 @dataclass(slots=True)
-class Layout:
+class DbcMessage:
     """One message.  cycle_ns : its period as the DBC states it; None when it does not."""
 
     name: str
@@ -107,11 +107,11 @@ class Layout:
     length: int
     sender: str
     cycle_ns: int | None
-    signals: tuple[Signal, ...]
+    signals: tuple[DbcSignal, ...]
     message: Any  # cantools' Message; the package has no types that mypy can follow
-    selectors: tuple[Signal, ...] = field(init=False)
+    selectors: tuple[DbcSignal, ...] = field(init=False)
     _choices: tuple[frozenset[int], ...] = field(init=False)  # of each selector: the values that select anything
-    _present: dict[tuple[float | None, ...], tuple[Signal, ...]] = field(init=False, default_factory=dict)
+    _present: dict[tuple[float | None, ...], tuple[DbcSignal, ...]] = field(init=False, default_factory=dict)
 
     def __post_init__(self) -> None:
         named = {s.selector for s in self.signals}
@@ -121,30 +121,30 @@ class Layout:
     def _choices_of(self, selector: str) -> frozenset[int]:
         return frozenset(c for s in self.signals if s.selector == selector for c in s.choices)
 
-    def present(self, little: int, big: int) -> tuple[Signal, ...]:
+    def signals_in(self, little: int, big: int) -> tuple[DbcSignal, ...]:
         """The signals that are in this frame: all, or those that its multiplexers select."""
         if not self.selectors:
             return self.signals
-        return self._case([int(s.cut(little, big)) for s in self.selectors])
+        return self._case([int(s.extract(little, big)) for s in self.selectors])
 
-    def selected(self, chosen: Mapping[str, float]) -> tuple[Signal, ...]:
+    def signals_for(self, chosen: Mapping[str, float]) -> tuple[DbcSignal, ...]:
         """The signals of a frame whose multiplexers say this."""
         return self._case([chosen.get(s.name) for s in self.selectors]) if self.selectors else self.signals
 
-    def _case(self, values: Sequence[float | None]) -> tuple[Signal, ...]:
+    def _case(self, values: Sequence[float | None]) -> tuple[DbcSignal, ...]:
         """Always the same tuple for the same signals; whatever selects nothing is one case."""
         used = tuple([v if v in known else None for v, known in zip(values, self._choices, strict=True)])
         found = self._present.get(used)
         if found is None:
             by_name = dict(zip((s.name for s in self.selectors), used, strict=True))
-            found = self._present[used] = tuple(s for s in self.signals if self._is_there(s, by_name))
+            found = self._present[used] = tuple(s for s in self.signals if self._is_present(s, by_name))
         return found
 
-    def _is_there(self, signal: Signal, chosen: Mapping[str, float | None]) -> bool:
+    def _is_present(self, signal: DbcSignal, chosen: Mapping[str, float | None]) -> bool:
         if not signal.selector:
             return True
         parent = next(s for s in self.selectors if s.name == signal.selector)
-        return chosen[signal.selector] in signal.choices and self._is_there(parent, chosen)
+        return chosen[signal.selector] in signal.choices and self._is_present(parent, chosen)
 
 
 @cache
@@ -171,7 +171,7 @@ def _check_lengths(text: str) -> None:
 
 
 @cache
-def read_layouts(text: str) -> tuple[Layout, ...]:
+def read_layouts(text: str) -> tuple[DbcMessage, ...]:
     """The messages of a DBC.  Raises ValueError naming what is wrong."""
     layouts = tuple(_layout(message) for message in read_dbc(text).messages if message.name != NO_MESSAGE)
     first: dict[tuple[int, bool], str] = {}
@@ -183,7 +183,7 @@ def read_layouts(text: str) -> tuple[Layout, ...]:
     return layouts
 
 
-def _check_multiplexers(layout: Layout) -> None:
+def _check_multiplexers(layout: DbcMessage) -> None:
     """Raises ValueError where a multiplexer is not in the message, or is selected by itself over others."""
     parents = {signal.name: signal.selector for signal in layout.signals}
     for name, selector in parents.items():
@@ -196,22 +196,22 @@ def _check_multiplexers(layout: Layout) -> None:
             parent = parents[parent]
 
 
-def _layout(message: Any) -> Layout:
+def _layout(message: Any) -> DbcMessage:
     if message.cycle_time is not None and not isinstance(message.cycle_time, int):
         raise ValueError(f"dbc: message {message.name!r}: GenMsgCycleTime = {message.cycle_time!r}: must be whole ms")
-    return Layout(
+    return DbcMessage(
         name=message.name,
         can_id=message.frame_id,
         extended=message.is_extended_frame,
         length=message.length,
-        sender=next((s for s in message.senders if s != NOBODY), ""),
+        sender=next((s for s in message.senders if s != NO_SENDER), ""),
         cycle_ns=message.cycle_time * MILLISECOND_NS if message.cycle_time else None,
         signals=tuple(_signal(s, message.length) for s in message.signals),
         message=message,
     )
 
 
-def _signal(signal: Any, length: int) -> Signal:
+def _signal(signal: Any, length: int) -> DbcSignal:
     if _first_bit(signal) + signal.length > 8 * length:
         raise ValueError(f"dbc: signal {signal.name!r} does not fit into the {length} bytes of its message")
     conversion = signal.conversion
@@ -224,19 +224,19 @@ def _signal(signal: Any, length: int) -> Signal:
             f"dbc: signal {signal.name!r}: factor {conversion.scale}, offset {conversion.offset}: "
             "must be finite, and the factor not 0"
         )
-    least, most = _range(signal.length, signal.is_signed, is_float)
+    min_raw, most = _range(signal.length, signal.is_signed, is_float)
     slack = 0.0 if is_float else ROUNDING * abs(float(conversion.scale))
-    return Signal(
+    return DbcSignal(
         name=signal.name,
         unit=signal.unit or "",
-        cut=_cut(signal, length, is_float),
-        place=_place(signal, length, is_float),
+        extract=_extractor(signal, length, is_float),
+        insert=_inserter(signal, length, is_float),
         big=signal.byte_order == "big_endian",
         factor=float(conversion.scale),
         offset=float(conversion.offset),
         low=-math.inf if signal.minimum is None else signal.minimum - slack,
         high=math.inf if signal.maximum is None else signal.maximum + slack,
-        least=least,
+        min_raw=min_raw,
         most=most,
         is_float=is_float,
         states={raw: str(name) for raw, name in (signal.choices or {}).items()},
@@ -259,12 +259,12 @@ def _range(bits: int, signed: bool, is_float: bool) -> tuple[float, float]:
     return (-(1 << bits - 1), (1 << bits - 1) - 1) if signed else (0, (1 << bits) - 1)
 
 
-def _cut(signal: Any, length: int, is_float: bool) -> Cut:
+def _extractor(signal: Any, length: int, is_float: bool) -> Extractor:
     bits, first = signal.length, _first_bit(signal)
     mask, sign = (1 << bits) - 1, (1 << bits - 1) * signal.is_signed
     if signal.byte_order == "big_endian":
-        return _typed(_cut_big(8 * length - first - bits, mask, sign), bits, is_float)
-    return _typed(_cut_little(first, mask, sign), bits, is_float)
+        return _float_extractor(_big_endian_extractor(8 * length - first - bits, mask, sign), bits, is_float)
+    return _float_extractor(_little_endian_extractor(first, mask, sign), bits, is_float)
 
 
 def _first_bit(signal: Any) -> int:
@@ -273,20 +273,20 @@ def _first_bit(signal: Any) -> int:
     return start - start % 8 + 7 - start % 8 if signal.byte_order == "big_endian" else start
 
 
-def _cut_little(shift: int, mask: int, sign: int) -> Callable[[int, int], int]:
+def _little_endian_extractor(shift: int, mask: int, sign: int) -> Callable[[int, int], int]:
     if sign:
         return lambda little, _: ((little >> shift & mask) ^ sign) - sign
     return lambda little, _: little >> shift & mask
 
 
-def _cut_big(shift: int, mask: int, sign: int) -> Callable[[int, int], int]:
+def _big_endian_extractor(shift: int, mask: int, sign: int) -> Callable[[int, int], int]:
     if sign:
         return lambda _, big: ((big >> shift & mask) ^ sign) - sign
     return lambda _, big: big >> shift & mask
 
 
-def _place(signal: Any, length: int, is_float: bool) -> Place:
-    """The way back of ``_cut``."""
+def _inserter(signal: Any, length: int, is_float: bool) -> Inserter:
+    """The way back of ``_extractor``."""
     bits, first = signal.length, _first_bit(signal)
     shift = 8 * length - first - bits if signal.byte_order == "big_endian" else first
     if is_float:
@@ -296,9 +296,9 @@ def _place(signal: Any, length: int, is_float: bool) -> Place:
     return lambda raw: (int(raw) & mask) << shift
 
 
-def _typed(cut: Callable[[int, int], int], bits: int, is_float: bool) -> Cut:
+def _float_extractor(extract: Callable[[int, int], int], bits: int, is_float: bool) -> Extractor:
     """Of bits that are a floating-point number, that number."""
     if not is_float:
-        return cut
+        return extract
     unpack, mask = _FLOATS[bits].unpack, (1 << bits) - 1
-    return lambda little, big: float(unpack((cut(little, big) & mask).to_bytes(bits // 8, "big"))[0])
+    return lambda little, big: float(unpack((extract(little, big) & mask).to_bytes(bits // 8, "big"))[0])

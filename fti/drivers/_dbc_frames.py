@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from fti.canframe import pack_can
-from fti.drivers._dbc import Layout, Signal
+from fti.drivers._dbc import DbcMessage, DbcSignal
 
 HEAD_SIZE = 8
 
@@ -13,14 +13,14 @@ HEAD_SIZE = 8
 class FrameBuilder:
     """Builds the frames of one message."""
 
-    def __init__(self, layout: Layout) -> None:
+    def __init__(self, layout: DbcMessage) -> None:
         self.layout = layout
-        self.signals: Mapping[str, Signal] = {s.name: s for s in layout.signals}
+        self.signals: Mapping[str, DbcSignal] = {s.name: s for s in layout.signals}
         self._raw: dict[str, float] = {}
         frame = pack_can(layout.can_id, bytes(layout.length), extended=layout.extended, fd=layout.length > HEAD_SIZE)
         self._head, self._size = frame[:HEAD_SIZE], len(frame) - HEAD_SIZE
 
-    def tell(self, name: str, raw: float) -> None:
+    def set_raw(self, name: str, raw: float) -> None:
         """Keep the raw value of a signal for the next frame."""
         self._raw[name] = raw
 
@@ -28,14 +28,14 @@ class FrameBuilder:
         """The frame, when all that is in it has been told.  own : what nobody tells: counter, node."""
         told = {**self._raw, **own}
         little = big = 0
-        for signal in self.layout.selected(told):
+        for signal in self.layout.signals_for(told):
             raw = told.get(signal.name)
             if raw is None:
                 return None
             if signal.big:
-                big |= signal.place(raw)
+                big |= signal.insert(raw)
             else:
-                little |= signal.place(raw)
+                little |= signal.insert(raw)
         self._raw = {}
         return self._head + self._data(little, big)
 

@@ -5,16 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-from fti.drivers._dbc import Signal
+from fti.drivers._dbc import DbcSignal
+from fti.drivers._fast_messages import fast_reading
 from fti.drivers._quantities import QUANTITIES, to_si
-from fti.drivers._quick import quick_reading
 from fti.types import Measurement, Reading, Stamp
 
 #: Makes the measurement of one signal from the two words of a frame.
 Maker = Callable[[Stamp, int, int], Measurement | None]
 
 
-def quantity_scale(signal: Signal) -> tuple[float, float] | None:
+def quantity_scale(signal: DbcSignal) -> tuple[float, float] | None:
     """Factor and offset from the signal's unit to SI; None when it is no quantity, or its unit does not measure it."""
     if signal.name not in QUANTITIES:
         return None
@@ -24,7 +24,7 @@ def quantity_scale(signal: Signal) -> tuple[float, float] | None:
         return None
 
 
-def maker_of(message: str, signal: Signal) -> Maker:
+def maker_of(message: str, signal: DbcSignal) -> Maker:
     """How the signal becomes a measurement."""
     scale = quantity_scale(signal)
     if scale is not None:
@@ -32,12 +32,12 @@ def maker_of(message: str, signal: Signal) -> Maker:
     return _reading_maker(f"{message}.{signal.name}", signal)
 
 
-def _quantity_maker(signal: Signal, factor: float, offset: float) -> Maker:
-    cut, physical, quantity = signal.cut, signal.physical, QUANTITIES[signal.name]
+def _quantity_maker(signal: DbcSignal, factor: float, offset: float) -> Maker:
+    extract, physical, quantity = signal.extract, signal.physical, QUANTITIES[signal.name]
     make = quantity.maker()
 
     def made(stamp: Stamp, little: int, big: int) -> Measurement | None:
-        value, valid = physical(cut(little, big))
+        value, valid = physical(extract(little, big))
         if value is None:
             return quantity.make(stamp, None, valid)
         return make(stamp, value * factor + offset, valid)
@@ -45,41 +45,41 @@ def _quantity_maker(signal: Signal, factor: float, offset: float) -> Maker:
     return made
 
 
-def _reading_maker(name: str, signal: Signal) -> Maker:
+def _reading_maker(name: str, signal: DbcSignal) -> Maker:
     if signal.is_float:
         return _float_maker(name, signal)
     if signal.states:
         return _state_maker(name, signal)
-    cut, unit, factor, offset = signal.cut, signal.unit, signal.factor, signal.offset
+    extract, unit, factor, offset = signal.extract, signal.unit, signal.factor, signal.offset
     low, high = signal.low, signal.high
 
     def made(stamp: Stamp, little: int, big: int) -> Reading:
-        value = cut(little, big) * factor + offset
-        return quick_reading(stamp, name, value, unit, low <= value <= high)
+        value = extract(little, big) * factor + offset
+        return fast_reading(stamp, name, value, unit, low <= value <= high)
 
     return made
 
 
-def _state_maker(name: str, signal: Signal) -> Maker:
-    cut, unit, names, measures = signal.cut, signal.unit, signal.states, signal.measures
+def _state_maker(name: str, signal: DbcSignal) -> Maker:
+    extract, unit, names, is_physical = signal.extract, signal.unit, signal.states, signal.is_physical
     numbers = _reading_maker(name, replace(signal, states={}))
 
     def made(stamp: Stamp, little: int, big: int) -> Measurement | None:
-        raw = cut(little, big)
+        raw = extract(little, big)
         if raw not in names:
             return numbers(stamp, little, big)
-        value, valid = (None, False) if measures else (float(raw), True)
-        return quick_reading(stamp, name, value, unit, valid, text=names[raw])
+        value, valid = (None, False) if is_physical else (float(raw), True)
+        return fast_reading(stamp, name, value, unit, valid, text=names[raw])
 
     return made
 
 
-def _float_maker(name: str, signal: Signal) -> Maker:
-    cut, unit, physical, names = signal.cut, signal.unit, signal.physical, signal.states
+def _float_maker(name: str, signal: DbcSignal) -> Maker:
+    extract, unit, physical, names = signal.extract, signal.unit, signal.physical, signal.states
 
     def made(stamp: Stamp, little: int, big: int) -> Reading:
-        raw = cut(little, big)
+        raw = extract(little, big)
         value, valid = physical(raw)
-        return quick_reading(stamp, name, value, unit, valid, text=names.get(raw, ""))
+        return fast_reading(stamp, name, value, unit, valid, text=names.get(raw, ""))
 
     return made

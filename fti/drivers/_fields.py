@@ -19,11 +19,11 @@ from fti.config import StrictModel
 from fti.drivers._quantities import QUANTITIES, Quantity, to_si
 from fti.types import DmeRange, Measurement, Range, Reading, Stamp, StaticPressure, Temperature
 
-Wire = float | str | None  # what a field says: a number, characters, or nothing
+WireValue = float | str | None  # what a field says: a number, characters, or nothing
 #: What a field says where the device sends a word of ``lost`` or ``good``; ValueError where it cannot send that.
-OnWire = Callable[[str, float | str], float | str]
+ToWire = Callable[[str, float | str], float | str]
 #: Distances along a beam, absolute pressures and temperatures: below zero they are none.
-NEVER_NEGATIVE = frozenset({Range, DmeRange, StaticPressure, Temperature})
+NON_NEGATIVE = frozenset({Range, DmeRange, StaticPressure, Temperature})
 FieldName = Annotated[str, pydantic.Field(pattern=r"^(_?[a-z][a-z0-9_]*|_)$", max_length=64)]
 
 
@@ -49,7 +49,7 @@ class Field(StrictModel):
 
 
 @dataclass(frozen=True, slots=True)
-class Meaning:
+class FieldCodec:
     """A field, ready for use: value [unit] = number * scale + offset, SI = value * factor + shift."""
 
     field: Field
@@ -58,11 +58,11 @@ class Meaning:
     shift: float
 
     @property
-    def is_silent(self) -> bool:
+    def is_ignored(self) -> bool:
         """It becomes no measurement."""
         return self.field.name.startswith("_")
 
-    def is_good(self, wire: Wire) -> bool:
+    def is_valid(self, wire: WireValue) -> bool:
         """Does the field, looked at alone, say something that is believed?"""
         f = self.field
         if wire is None or wire in f.lost or (f.good and wire not in f.good):
@@ -70,14 +70,14 @@ class Meaning:
         if isinstance(wire, str):
             return self.quantity is None
         value = wire * f.scale + f.offset
-        return self._can_be(value) and (f.limits is None or f.limits[0] <= value <= f.limits[1])
+        return self._is_possible(value) and (f.limits is None or f.limits[0] <= value <= f.limits[1])
 
-    def _can_be(self, value: float) -> bool:
-        if self.quantity is None or self.quantity.measurement not in NEVER_NEGATIVE:
+    def _is_possible(self, value: float) -> bool:
+        if self.quantity is None or self.quantity.measurement not in NON_NEGATIVE:
             return math.isfinite(value)
         return 0.0 <= value * self.factor + self.shift < math.inf
 
-    def measurement(self, wire: Wire, valid: bool, stamp: Stamp) -> Measurement | None:
+    def measurement(self, wire: WireValue, valid: bool, stamp: Stamp) -> Measurement | None:
         """What the field becomes; None where nothing can be said without a value."""
         value = wire * self.field.scale + self.field.offset if valid and isinstance(wire, float) else None
         if self.quantity is not None:
@@ -86,9 +86,9 @@ class Meaning:
         text = wire if valid and isinstance(wire, str) else ""
         return Reading(stamp=stamp, name=self.field.name, value=value, unit=self.field.unit, valid=valid, text=text)
 
-    def wire(self, measurement: Measurement) -> tuple[bool, Wire]:
+    def wire(self, measurement: Measurement) -> tuple[bool, WireValue]:
         """Whether a measurement tells this field, and what the wire says then; None: it has no word for that."""
-        said = self._said(measurement)
+        said = self._carried_value(measurement)
         if said is None:
             return False, None
         valid, value = said
@@ -101,7 +101,7 @@ class Meaning:
         unit = (value - self.shift) / self.factor
         return True, (unit - self.field.offset) / self.field.scale
 
-    def _said(self, measurement: Measurement) -> tuple[bool, float | str | None] | None:
+    def _carried_value(self, measurement: Measurement) -> tuple[bool, float | str | None] | None:
         valid = getattr(measurement, "valid", True)
         if self.quantity is not None:
             value = self.quantity.pick(measurement)
@@ -110,12 +110,12 @@ class Meaning:
             return valid, measurement.text or None if measurement.value is None else measurement.value
         return None
 
-    def default(self) -> Wire:
+    def default(self) -> WireValue:
         """What the wire says when nobody tells it: something good."""
         return self.field.good[0] if self.field.good else None
 
 
-def meanings(names: Sequence[str], described: Sequence[Field], on_wire: OnWire) -> dict[str, Meaning]:
+def make_field_codecs(names: Sequence[str], described: Sequence[Field], to_wire: ToWire) -> dict[str, FieldCodec]:
     """The fields of a message by name, in its order.  Raises ValueError saying which is wrong, and what is allowed."""
     by_name = {f.name: f for f in described}
     for f in described:
@@ -126,18 +126,21 @@ def meanings(names: Sequence[str], described: Sequence[Field], on_wire: OnWire) 
                 raise ValueError(f"fields: {f.name}: needs {needed!r}, which is not in the message")
         if sum(other.name == f.name for other in described) > 1:
             raise ValueError(f"fields: {f.name!r} is described twice")
-    found = {name: _meaning(_as_sent(by_name.get(name) or Field(name=name), by_name, on_wire)) for name in names}
-    if all(m.is_silent for m in found.values()):
+    found = {
+        name: _make_field_codec(_with_wire_words(by_name.get(name) or Field(name=name), by_name, to_wire))
+        for name in names
+    }
+    if all(m.is_ignored for m in found.values()):
         raise ValueError("fields: none becomes a measurement; a name without '_' at its beginning does")
     return found
 
 
-def _as_sent(described: Field, by_name: Mapping[str, Field], on_wire: OnWire) -> Field:
+def _with_wire_words(described: Field, by_name: Mapping[str, Field], to_wire: ToWire) -> Field:
     """The field with its words as they are read, and with all that it needs: what those need, too."""
 
     def read(key: str, words: Sequence[float | str]) -> tuple[float | str, ...]:
         try:
-            return tuple(on_wire(described.name, word) for word in words)
+            return tuple(to_wire(described.name, word) for word in words)
         except ValueError as error:
             raise ValueError(f"fields: {described.name}: {key}: {error}") from None
 
@@ -152,7 +155,7 @@ def _as_sent(described: Field, by_name: Mapping[str, Field], on_wire: OnWire) ->
     return described.model_copy(update={**read_words, "needs": tuple(needed)})
 
 
-def _meaning(described: Field) -> Meaning:
+def _make_field_codec(described: Field) -> FieldCodec:
     name = described.quantity or described.name
     if described.quantity and described.quantity not in QUANTITIES:
         known = ", ".join(QUANTITIES)
@@ -162,47 +165,47 @@ def _meaning(described: Field) -> Meaning:
     if described.limits and not described.limits[0] < described.limits[1]:
         raise ValueError(f"fields: {described.name}: limits = {list(described.limits)}; the first must be below")
     if name not in QUANTITIES:
-        return Meaning(described, None, 1.0, 0.0)
+        return FieldCodec(described, None, 1.0, 0.0)
     try:
         factor, shift = to_si(name, described.unit or QUANTITIES[name].unit)
     except ValueError as error:
         where = f"fields: {described.name}: " if described.quantity else "fields: "
         raise ValueError(f"{where}{error}") from None
-    return Meaning(described, QUANTITIES[name], factor, shift)
+    return FieldCodec(described, QUANTITIES[name], factor, shift)
 
 
-def decode_fields(known: Mapping[str, Meaning], wires: Mapping[str, Wire], stamp: Stamp) -> list[Measurement]:
+def decode_fields(known: Mapping[str, FieldCodec], wires: Mapping[str, WireValue], stamp: Stamp) -> list[Measurement]:
     """The measurements of one message.  wires : what each field says; one that is not there says nothing."""
-    good = {name: meaning.is_good(wires.get(name)) for name, meaning in known.items()}
+    good = {name: codec.is_valid(wires.get(name)) for name, codec in known.items()}
     found = []
-    for name, meaning in known.items():
-        if meaning.is_silent:
+    for name, codec in known.items():
+        if codec.is_ignored:
             continue
-        valid = good[name] and all(good[needed] for needed in meaning.field.needs)
-        measurement = meaning.measurement(wires.get(name), valid, stamp)
+        valid = good[name] and all(good[needed] for needed in codec.field.needs)
+        measurement = codec.measurement(wires.get(name), valid, stamp)
         if measurement is not None:
             found.append(measurement)
     return found
 
 
 @dataclass(slots=True)
-class Teller:
+class FieldCollector:
     """The emulator's side: gathers what measurements say until every field of a message has been told anew."""
 
-    known: Mapping[str, Meaning]
-    _told: dict[str, Wire] = field(default_factory=dict)
-    _texts: dict[str, Wire] = field(default_factory=dict)
+    known: Mapping[str, FieldCodec]
+    _values: dict[str, WireValue] = field(default_factory=dict)
+    _texts: dict[str, WireValue] = field(default_factory=dict)
 
-    def take(self, measurement: Measurement, is_text: Mapping[str, bool]) -> dict[str, Wire] | None:
+    def take(self, measurement: Measurement, is_text: Mapping[str, bool]) -> dict[str, WireValue] | None:
         """The whole message when this completes it; None when it does not, or has no words for what was told."""
-        for name, meaning in self.known.items():
-            tells, wire = (False, None) if meaning.is_silent else meaning.wire(measurement)
+        for name, codec in self.known.items():
+            tells, wire = (False, None) if codec.is_ignored else codec.wire(measurement)
             if tells:
-                (self._texts if is_text[name] else self._told)[name] = wire
-        wanted = [n for n, m in self.known.items() if not m.is_silent and not is_text[n]]
-        if any(name not in self._told for name in wanted):
+                (self._texts if is_text[name] else self._values)[name] = wire
+        wanted = [n for n, m in self.known.items() if not m.is_ignored and not is_text[n]]
+        if any(name not in self._values for name in wanted):
             return None
-        told, self._told = self._told, {}
+        told, self._values = self._values, {}
         if any(wire is None for wire in told.values()):
             return None
         return {n: told.get(n, self._texts.get(n, m.default())) for n, m in self.known.items()}

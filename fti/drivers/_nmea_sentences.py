@@ -10,7 +10,7 @@ from datetime import date
 from fti.drivers import _nmea_fields as fields
 from fti.drivers._nmea_calendar import DAY_NS, Calendar
 from fti.drivers._nmea_framing import split
-from fti.drivers._nmea_sky import Sky
+from fti.drivers._nmea_sky import SkyView
 from fti.drivers._times import SECOND_NS
 from fti.drivers._units import KNOT, wrap_heading
 from fti.types import (
@@ -39,10 +39,10 @@ PUBX_MEASURED = frozenset({"G2", "G3", "D2", "D3", "RK"})
 SIGMA_NS = 10 * SECOND_NS
 KM_PER_HOUR = 1 / 3.6
 #: The weak checksum lets some damaged sentences pass; their names are counted as one.
-STRANGE = "(strange)"
+UNKNOWN_NAME = "(strange)"
 _NAME = re.compile(r"[A-Z0-9]{3,5}|P[A-Z0-9]{5,11}|PUBX,[0-9]{2}")
 #: So many names of other sentences are counted apart.
-MAX_OTHERS = 100
+MAX_UNKNOWN_NAMES = 100
 
 
 class Sentences:
@@ -50,10 +50,10 @@ class Sentences:
 
     def __init__(self) -> None:
         self._calendar = Calendar()
-        self._sky = Sky()
+        self._sky = SkyView()
         self._sigma: tuple[int, float | None, float | None] | None = None  # time of the day, horizontal, vertical
         self._fix: bool | None = None  # the newest that was stated
-        self._others: set[str] = set()
+        self._unknown_names: set[str] = set()
         self._readers: dict[str, Callable[[list[str], int], list[Measurement]]] = {
             "GGA": self._gga, "GNS": self._gns, "RMC": self._rmc, "GLL": self._gll, "VTG": self._vtg,
             "GSA": self._gsa, "GSV": self._gsv, "GST": self._gst, "ZDA": self._zda, "HDT": _hdt, "THS": _ths,
@@ -74,11 +74,11 @@ class Sentences:
 
     def _bounded(self, name: str) -> str:
         """The name, when it is known or one of the first others: what is counted must not grow without end."""
-        if name in self._readers or name in self._others:
+        if name in self._readers or name in self._unknown_names:
             return name
-        if len(self._others) >= MAX_OTHERS:
-            return STRANGE
-        self._others.add(name)
+        if len(self._unknown_names) >= MAX_UNKNOWN_NAMES:
+            return UNKNOWN_NAME
+        self._unknown_names.add(name)
         return name
 
     # --------------------------------------------------------------------------------------------------- positions
@@ -130,7 +130,7 @@ class Sentences:
         undulation: float | None = None,
     ) -> Position:  # fmt: skip
         """times : the stamp and the time of the day; f : latitude, its side, longitude, its side."""
-        lat, lon = _place(f, ok)
+        lat, lon = _lat_lon(f, ok)
         alt = None if alt_msl is None or undulation is None else alt_msl + undulation
         horizontal_sd, vertical_sd = self._sigma_at(times[1])
         return Position(
@@ -198,7 +198,7 @@ class Sentences:
         stamp = self._calendar.stamp(t_rx_ns, fields.time_of_day(f[2]))
         fix, ok = PUBX_FIXES.get(f[8], f[8]), f[8] in PUBX_MEASURED
         self._fix = ok
-        lat, lon = _place(f[3:7], ok)
+        lat, lon = _lat_lon(f[3:7], ok)
         speed, track, down = fields.number(f[11]), _radians(f[12]), fields.number(f[13])
         return [
             Velocity(
@@ -232,10 +232,10 @@ def _name(f: list[str]) -> str:
         name = f"PUBX,{f[1]}"
     else:
         name = f[0] if f[0].startswith("P") and f[0][2:] not in ("GSV", "GSA") else f[0][2:]
-    return name if _NAME.fullmatch(name) else STRANGE
+    return name if _NAME.fullmatch(name) else UNKNOWN_NAME
 
 
-def _place(f: list[str], ok: bool) -> tuple[float | None, float | None]:
+def _lat_lon(f: list[str], ok: bool) -> tuple[float | None, float | None]:
     """Latitude and longitude [rad]; receivers without a fix put impossible ones, and that is no error."""
     try:
         return fields.angle(f[0], f[1], "NS", 90.0), fields.angle(f[2], f[3], "EW", 180.0)

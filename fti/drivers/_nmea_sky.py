@@ -30,10 +30,10 @@ OFFSETS = {
 }  # fmt: skip
 ANY = ""
 
-Key = tuple[str, int]  # system, number within it
+SatelliteKey = tuple[str, int]  # system, number within it
 
 
-def identify(given: str | None, number: int) -> Key:
+def identify(given: str | None, number: int) -> SatelliteKey:
     """System and number within it.  given : what the sentence says; "gps" may be any by its number."""
     if given is None or given == "gps":
         for low, high, name, offset in NUMBERS:
@@ -44,7 +44,7 @@ def identify(given: str | None, number: int) -> Key:
     return given, number + offset
 
 
-class Group(NamedTuple):
+class SentenceGroup(NamedTuple):
     """GSV sentences that belong together: arrival of the first, its talker and signal, how many came, satellites."""
 
     t_rx_ns: int
@@ -53,7 +53,7 @@ class Group(NamedTuple):
     seen: tuple[Satellite, ...]
 
 
-class Sky:
+class SkyView:
     """Satellites over several sentences.
 
     What one system says of one signal stays until it says it again, or until another has said it twice meanwhile: so
@@ -62,10 +62,10 @@ class Sky:
 
     def __init__(self) -> None:
         self._run = 0  # GSA sentences after one another belong together
-        self._used: dict[str, tuple[int, frozenset[Key]]] = {}
-        self._in_use: frozenset[Key] = frozenset()
-        self._open: dict[str, Group] = {}
-        self._views: dict[str, dict[Key, Satellite]] = {}
+        self._used: dict[str, tuple[int, frozenset[SatelliteKey]]] = {}
+        self._in_use: frozenset[SatelliteKey] = frozenset()
+        self._open: dict[str, SentenceGroup] = {}
+        self._views: dict[str, dict[SatelliteKey, Satellite]] = {}
         self._fresh: set[str] = set()
 
     def other(self) -> None:
@@ -78,7 +78,7 @@ class Sky:
         keys = [identify(given, n) for text in f[3:15] if (n := fields.integer(text)) is not None]
         run, before = self._used.get(given or ANY, (self._run, frozenset()))
         self._used[given or ANY] = (self._run, frozenset(keys) | (before if run == self._run else frozenset()))
-        self._in_use = frozenset[Key]().union(*(used for _, used in self._used.values()))
+        self._in_use = frozenset[SatelliteKey]().union(*(used for _, used in self._used.values()))
         return tuple(Satellite(system=system, number=number, used=True) for system, number in keys)
 
     def view(self, f: list[str], t_rx_ns: int) -> Satellites | None:
@@ -92,14 +92,14 @@ class Sky:
             raise ValueError("fields are missing")
         begun = self._open.pop(f[0], None)
         if index == 1:
-            begun = Group(t_rx_ns, ",".join((f[0], *f[len(f) - rest :])), 0, ())
+            begun = SentenceGroup(t_rx_ns, ",".join((f[0], *f[len(f) - rest :])), 0, ())
         if begun is None or begun.sentences != index - 1:
             return None  # a sentence of the group is lost
         given = SYSTEM_IDS.get(f[-1]) if rest == 2 else TALKERS.get(f[0][:2])
         found = (self._satellite(given, f[4 + 4 * i : 8 + 4 * i]) for i in range(groups))
         seen = begun.seen + tuple(satellite for satellite in found if satellite)
         if index < count:
-            self._open[f[0]] = Group(begun.t_rx_ns, begun.key, index, seen)
+            self._open[f[0]] = SentenceGroup(begun.t_rx_ns, begun.key, index, seen)
             return None
         self._keep(begun.key, seen)
         return Satellites(stamp=Stamp(begun.t_rx_ns), satellites=self._whole())
@@ -127,17 +127,17 @@ class Sky:
             self._fresh = set()
         self._fresh.add(key)
         self._views.pop(key, None)  # the newest comes last
-        self._views[key] = _each_once(seen)
+        self._views[key] = _merge_satellites(seen)
 
     def _whole(self) -> tuple[Satellite, ...]:
         """Every satellite once: the newest direction, the strongest signal."""
-        merged = _each_once(satellite for view in self._views.values() for satellite in view.values())
+        merged = _merge_satellites(satellite for view in self._views.values() for satellite in view.values())
         return tuple(
             satellite if satellite.used == (used := self._is_used(key)) else replace(satellite, used=used)
             for key, satellite in merged.items()
         )
 
-    def _is_used(self, key: Key) -> bool | None:
+    def _is_used(self, key: SatelliteKey) -> bool | None:
         """None when no GSA has spoken of its system."""
         if key in self._in_use:
             return True
@@ -145,16 +145,16 @@ class Sky:
         return False if told else None
 
 
-def _each_once(satellites: Iterable[Satellite]) -> dict[Key, Satellite]:
-    found: dict[Key, Satellite] = {}
+def _merge_satellites(satellites: Iterable[Satellite]) -> dict[SatelliteKey, Satellite]:
+    found: dict[SatelliteKey, Satellite] = {}
     for newer in satellites:
         key = (newer.system, newer.number)
         older = found.get(key)
-        found[key] = newer if older is None else _joined(newer, older)
+        found[key] = newer if older is None else _merge_signals(newer, older)
     return found
 
 
-def _joined(newer: Satellite, older: Satellite) -> Satellite:
+def _merge_signals(newer: Satellite, older: Satellite) -> Satellite:
     """The same satellite on two signals."""
     cn0 = max(newer.cn0_dbhz or 0.0, older.cn0_dbhz or 0.0) or None
     if newer.elevation is None:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 from fti.constants import FOOT, NAUTICAL_MILE, STANDARD_GRAVITY
-from fti.drivers._quick import quick_maker
+from fti.drivers._fast_messages import fast_maker
 from fti.drivers._units import (
     DEGREE,
     FOOT_PER_MINUTE,
@@ -98,7 +98,7 @@ class Quantity:
 
     def maker(self) -> Callable[[Stamp, float, bool], Measurement]:
         """``make`` for values that there are, for buses that bring thousands a second."""
-        made = quick_maker(self.measurement, self.field, dict(self.constant))
+        made = fast_maker(self.measurement, self.field, dict(self.constant))
         if self.sign == 1 and self.field not in ("heading", "track"):
             return made
         return lambda stamp, value, valid: made(stamp, self._signed(value), valid)

@@ -26,12 +26,12 @@ import pydantic
 from fti.config import Positive, StrictModel
 from fti.drivers import Command, Counters
 from fti.drivers._arguments import check_complete
-from fti.drivers._asked import Asked
-from fti.drivers._checksums import CHECKSUMS, Kind
-from fti.drivers._fields import Field, Meaning, Teller, decode_fields, meanings
-from fti.drivers._laser import LOST_M
-from fti.drivers._lines import FirstLine, LineFramer
-from fti.drivers._template import CHECKSUM, Template
+from fti.drivers._checksums import CHECKSUMS, ChecksumKind
+from fti.drivers._fields import Field, FieldCodec, FieldCollector, decode_fields, make_field_codecs
+from fti.drivers._line_framing import FirstLine, LineFramer
+from fti.drivers._line_template import CHECKSUM, Template
+from fti.drivers._polled_device import PolledDevice
+from fti.drivers._rangefinder import LOST_M
 from fti.types import Measurement, Stamp
 
 DOCUMENT = "none: the configuration describes the line; the default is assumed of the ILM 500 laser altimeter"
@@ -40,14 +40,14 @@ CARRIERS = frozenset({"serial", "udp"})
 COMMANDS: Mapping[str, Command] = {
     "send": Command("send a line; the terminator is added", {"text": "the line, 1 to 256 characters"}, answered=False)
 }
-LONGEST_COMMAND = 256
+MAX_COMMAND_BYTES = 256
 PRINTABLE = re.compile(rb"[\x20-\x7e\t]*")
 
 
 class LineChecksum(StrictModel):
     """``kind``: the rule; ``after``, ``before``: the text between which it is taken, "" for the ends."""
 
-    kind: Kind
+    kind: ChecksumKind
     after: str = ""
     before: str = ""
 
@@ -58,11 +58,11 @@ class LineChecksum(StrictModel):
         return CHECKSUMS[self.kind].of(data)
 
 
-class Poll(StrictModel):
+class LinePoll(StrictModel):
     """``send``: the question, with its terminator; ``every_s`` [s]."""
 
     every_s: Positive
-    send: Annotated[str, pydantic.Field(min_length=1, max_length=LONGEST_COMMAND)]
+    send: Annotated[str, pydantic.Field(min_length=1, max_length=MAX_COMMAND_BYTES)]
 
 
 class Options(StrictModel):
@@ -80,10 +80,10 @@ class Options(StrictModel):
     longest: Annotated[int, pydantic.Field(ge=8, le=2048)] = 256
     first_line: FirstLine = "skip"
     on_connect: tuple[str, ...] = ()
-    poll: Poll | None = None
+    poll: LinePoll | None = None
 
 
-class Line:
+class LineCodec:
     """The templates and fields of the options, checked.  Raises ValueError that says what is wrong."""
 
     def __init__(self, options: Options) -> None:
@@ -98,7 +98,9 @@ class Line:
         names = [name for name in self.template.names if name != CHECKSUM]
         if not names:
             raise ValueError("line: no {field} stands in it")
-        self.known: dict[str, Meaning] = meanings(names, _described(options, names), self.template.on_wire)
+        self.known: dict[str, FieldCodec] = make_field_codecs(
+            names, _field_descriptions(options, names), self.template.to_wire
+        )
         self._check_text()
         if (CHECKSUM in self.template.names) != (options.checksum is not None):
             raise ValueError("checksum: must be described where {checksum} stands in the line, and only there")
@@ -152,7 +154,7 @@ def _lost_line(text: str) -> Template:
         raise ValueError(f"lost_lines: {text!r}: {str(error).removeprefix('line: ')}") from None
 
 
-def _described(options: Options, names: list[str]) -> tuple[Field, ...]:
+def _field_descriptions(options: Options, names: list[str]) -> tuple[Field, ...]:
     """The fields of the options; of the default ones those that stand in the line."""
     if "fields" in options.model_fields_set:
         return options.fields
@@ -176,7 +178,7 @@ class Decoder:
 
     def __init__(self, options: Options) -> None:
         self.counters = Counters()
-        self._line = Line(options)
+        self._line = LineCodec(options)
         self._framer = LineFramer(
             self._line.refuse,
             self.counters,
@@ -202,21 +204,21 @@ class Encoder:
     """
 
     def __init__(self, options: Options) -> None:
-        self._line = Line(options)
-        self.known: Mapping[str, Meaning] = self._line.known
+        self._line = LineCodec(options)
+        self.known: Mapping[str, FieldCodec] = self._line.known
         self._end = options.terminator.encode("latin-1")
-        self._teller = Teller(self.known)
-        self._asked = Asked(options.poll.send.encode("latin-1") if options.poll else b"")
+        self._collector = FieldCollector(self.known)
+        self._polled_device = PolledDevice(options.poll.send.encode("latin-1") if options.poll else b"")
 
     def encode(self, measurement: Measurement) -> list[bytes]:
-        values = self._teller.take(measurement, self._line.template.is_text)
+        values = self._collector.take(measurement, self._line.template.is_text)
         if values is None:
             return []
         checksum = self._line.checksum.of if self._line.checksum else None
-        return self._asked.offer([self._line.template.write(values, checksum) + self._end])
+        return self._polled_device.offer([self._line.template.write(values, checksum) + self._end])
 
     def respond(self, data: bytes) -> list[bytes]:
-        return self._asked.respond(data)
+        return self._polled_device.respond(data)
 
 
 def make_decoder(options: Options) -> Decoder:
@@ -243,6 +245,6 @@ def command(name: str, args: Mapping[str, str], options: Options | None = None) 
     """The bytes of a line.  Raises ValueError."""
     check_complete(COMMANDS, name, args)
     text, end = args["text"], (options or Options()).terminator
-    if not 1 <= len(text) <= LONGEST_COMMAND or not text.isascii() or any(c in text for c in end):
+    if not 1 <= len(text) <= MAX_COMMAND_BYTES or not text.isascii() or any(c in text for c in end):
         raise ValueError(f"send: text = {text[:60]!r}: must be 1 to 256 ASCII characters without the terminator")
     return (text + end).encode("latin-1")

@@ -27,10 +27,10 @@ from collections.abc import Mapping
 from fti.config import Positive, StrictModel
 from fti.drivers import Command, Counters
 from fti.drivers._arguments import check_complete
-from fti.drivers._asked import Asked
-from fti.drivers._binary_frame import LONGEST, BinaryField, Frame, FrameChecksum, FrameOptions, Hex
-from fti.drivers._fields import Meaning, Teller
+from fti.drivers._binary_frame import MAX_FRAME_BYTES, BinaryField, FrameChecksum, FrameCodec, FrameOptions, Hex
+from fti.drivers._fields import FieldCodec, FieldCollector
 from fti.drivers._framing import Framer
+from fti.drivers._polled_device import PolledDevice
 from fti.types import Measurement, Stamp
 
 DOCUMENT = "none: the configuration describes the frame; the default is Benewake SJ-PM-TFmini Plus-T-01 A04"
@@ -39,10 +39,10 @@ CARRIERS = frozenset({"serial", "udp"})
 COMMANDS: Mapping[str, Command] = {
     "send": Command("send bytes as they are", {"hex": "1 to 256 bytes in hexadecimal"}, answered=False)
 }
-LONGEST_COMMAND = 256
+MAX_COMMAND_BYTES = 256
 
 
-class Poll(StrictModel):
+class FramePoll(StrictModel):
     """``send``: the question in hexadecimal; ``every_s`` [s]."""
 
     every_s: Positive
@@ -53,7 +53,7 @@ class Options(FrameOptions):
     """The frame; ``on_connect``: what the device is told after every connect, in hexadecimal."""
 
     on_connect: tuple[Hex, ...] = ()
-    poll: Poll | None = None
+    poll: FramePoll | None = None
 
 
 TFMINI_PLUS = Options(
@@ -68,14 +68,14 @@ TFMINI_PLUS = Options(
 )
 
 
-def described_frame(options: Options) -> Frame:
+def make_frame_codec(options: Options) -> FrameCodec:
     """The frame that the options describe; the default's when they describe none.  Raises ValueError."""
     if options.fields:
-        return Frame(options)
+        return FrameCodec(options)
     described = options.model_fields_set - {"on_connect", "poll", "fields"}
     if described:
         raise ValueError(f"fields: must be given where {', '.join(sorted(described))} is")
-    return Frame(TFMINI_PLUS)
+    return FrameCodec(TFMINI_PLUS)
 
 
 class Decoder:
@@ -83,8 +83,8 @@ class Decoder:
 
     def __init__(self, options: Options) -> None:
         self.counters = Counters()
-        self._frame = described_frame(options)
-        self._framer = Framer(self._frame.measure, self.counters, limit=LONGEST + 1)
+        self._frame = make_frame_codec(options)
+        self._framer = Framer(self._frame.measure, self.counters, limit=MAX_FRAME_BYTES + 1)
 
     def feed(self, data: bytes, t_rx_ns: int) -> list[Measurement]:
         found: list[Measurement] = []
@@ -102,18 +102,18 @@ class Encoder:
     """
 
     def __init__(self, options: Options) -> None:
-        self._frame = described_frame(options)
-        self.known: Mapping[str, Meaning] = self._frame.known
-        self._teller = Teller(self.known)
-        self._asked = Asked(bytes.fromhex(options.poll.send) if options.poll else b"")
+        self._frame = make_frame_codec(options)
+        self.known: Mapping[str, FieldCodec] = self._frame.known
+        self._collector = FieldCollector(self.known)
+        self._polled_device = PolledDevice(bytes.fromhex(options.poll.send) if options.poll else b"")
         self._is_text = dict.fromkeys(self.known, False)
 
     def encode(self, measurement: Measurement) -> list[bytes]:
-        values = self._teller.take(measurement, self._is_text)
-        return [] if values is None else self._asked.offer([self._frame.encode(values)])
+        values = self._collector.take(measurement, self._is_text)
+        return [] if values is None else self._polled_device.offer([self._frame.encode(values)])
 
     def respond(self, data: bytes) -> list[bytes]:
-        return self._asked.respond(data)
+        return self._polled_device.respond(data)
 
 
 def make_decoder(options: Options) -> Decoder:
@@ -143,6 +143,6 @@ def command(name: str, args: Mapping[str, str], options: Options | None = None) 
         data = bytes.fromhex(args["hex"])
     except ValueError:
         data = b""
-    if not 1 <= len(data) <= LONGEST_COMMAND:
+    if not 1 <= len(data) <= MAX_COMMAND_BYTES:
         raise ValueError(f"send: hex = {args['hex'][:60]!r}: must be 1 to 256 bytes in hexadecimal")
     return data

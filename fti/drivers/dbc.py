@@ -37,21 +37,21 @@ from pydantic import Field
 from fti.canframe import EXTENDED
 from fti.config import StrictModel
 from fti.drivers import Counters
-from fti.drivers._bus_watch import BusWatch, status
-from fti.drivers._can import frame_head, why_skipped
-from fti.drivers._dbc import Layout, Signal, read_layouts
+from fti.drivers._can import frame_head, skip_reason
+from fti.drivers._dbc import DbcMessage, DbcSignal, read_layouts
 from fti.drivers._dbc_frames import FrameBuilder
 from fti.drivers._dbc_makers import Maker, maker_of, quantity_scale
+from fti.drivers._fast_messages import fast_stamp
+from fti.drivers._no_commands import COMMANDS, command, on_connect, poll  # noqa: F401 - the rest of the contract
+from fti.drivers._node_supervision import NodeSupervisor, node_status
 from fti.drivers._quantities import QUANTITIES
-from fti.drivers._quick import quick_stamp
-from fti.drivers._talker import COMMANDS, command, on_connect, poll  # noqa: F401 - the rest of the contract
 from fti.types import Measurement, Reading, Stamp
 
 DOCUMENT = "DBC file format 1.0.5 (Vector Informatik); the messages are those of the DBC that is configured"
 MESSAGES = {"(other)": "every message of the DBC, by its name: quantities as measurements, other signals as readings"}
 CARRIERS = frozenset({"can"})
 
-BUILT_IN = importlib.resources.files("fti.drivers.canaerospace").joinpath("parameters.dbc")
+BUILT_IN_DBC = importlib.resources.files("fti.drivers.canaerospace").joinpath("parameters.dbc")
 
 
 class Options(StrictModel):
@@ -69,13 +69,13 @@ class Options(StrictModel):
 
 def text_of(options: Options) -> str:
     """The DBC that is used."""
-    return options.dbc or BUILT_IN.read_text("utf-8")
+    return options.dbc or BUILT_IN_DBC.read_text("utf-8")
 
 
-class Plan:
+class MessagePlan:
     """What to do with the frames of one message."""
 
-    def __init__(self, layout: Layout, counter: str) -> None:
+    def __init__(self, layout: DbcMessage, counter: str) -> None:
         self.layout, self.name, self.length = layout, layout.name, layout.length
         self.node = layout.sender or layout.name
         self.counter = next((s for s in layout.signals if s.name == counter and not s.selector), None)
@@ -87,7 +87,7 @@ class Plan:
         """The makers of the signals that are in this frame."""
         if not self.layout.selectors:
             return self._always
-        signals = self.layout.present(little, big)
+        signals = self.layout.signals_in(little, big)
         makers = self._chosen.get(id(signals))
         if makers is None:
             makers = self._chosen[id(signals)] = tuple(self._makers[s.name] for s in signals)
@@ -95,9 +95,9 @@ class Plan:
 
 
 @cache
-def read_plans(text: str, counter: str) -> dict[int, Plan]:
+def read_plans(text: str, counter: str) -> dict[int, MessagePlan]:
     """The messages of a DBC by the first word of their frames.  Raises ValueError naming what is wrong."""
-    plans = {layout.can_id | EXTENDED * layout.extended: Plan(layout, counter) for layout in read_layouts(text)}
+    plans = {layout.can_id | EXTENDED * layout.extended: MessagePlan(layout, counter) for layout in read_layouts(text)}
     if not plans:
         raise ValueError("dbc: there is no message in it")
     return plans
@@ -112,7 +112,7 @@ class Decoder:
         stated = options.counter if "counter" in options.model_fields_set else ""
         if stated and not any(plan.counter for plan in self._plans.values()):
             raise ValueError(f"counter = {stated!r}: no message of the DBC has such a signal")
-        self._watch = BusWatch(options.silent_after, self.counters.lost)
+        self._watch = NodeSupervisor(options.silent_after, self.counters.lost)
 
     def feed(self, data: bytes, t_rx_ns: int) -> list[Measurement]:
         counters = self.counters
@@ -120,26 +120,26 @@ class Decoder:
         word, length = frame_head(data)
         plan = self._plans.get(word)
         if plan is None or length < plan.length:
-            counters.skipped["bad_data" if plan else why_skipped(data)] += len(data)
+            counters.skipped["bad_data" if plan else skip_reason(data)] += len(data)
             told = self._watch.tick(t_rx_ns)
-            return [status(Stamp(t_rx_ns), told)] if told else []
+            return [node_status(Stamp(t_rx_ns), told)] if told else []
         counters.framed += len(data)
         counters.messages[plan.name] += 1
-        return self._decode(plan, data[8 : 8 + plan.length], quick_stamp(t_rx_ns))
+        return self._decode(plan, data[8 : 8 + plan.length], fast_stamp(t_rx_ns))
 
-    def _decode(self, plan: Plan, data: bytes, stamp: Stamp) -> list[Measurement]:
+    def _decode(self, plan: MessagePlan, data: bytes, stamp: Stamp) -> list[Measurement]:
         little, big = int.from_bytes(data, "little"), int.from_bytes(data, "big")
         found = [m for make in plan.makers(little, big) if (m := make(stamp, little, big)) is not None]
-        if told := self._hear(plan, stamp.t_rx_ns, little, big):
-            found.append(status(stamp, told))
+        if told := self._update_supervision(plan, stamp.t_rx_ns, little, big):
+            found.append(node_status(stamp, told))
         return found
 
-    def _hear(self, plan: Plan, t_rx_ns: int, little: int, big: int) -> tuple[str, ...]:
+    def _update_supervision(self, plan: MessagePlan, t_rx_ns: int, little: int, big: int) -> tuple[str, ...]:
         counter = plan.counter
         if counter is None:
-            return self._watch.hear(t_rx_ns, plan.node, plan.name, cycle_ns=plan.layout.cycle_ns)
-        code = int(counter.cut(little, big))
-        return self._watch.hear(
+            return self._watch.handle_message(t_rx_ns, plan.node, plan.name, cycle_ns=plan.layout.cycle_ns)
+        code = int(counter.extract(little, big))
+        return self._watch.handle_message(
             t_rx_ns, plan.node, plan.name, code=code, modulus=counter.modulus, cycle_ns=plan.layout.cycle_ns
         )
 
@@ -172,7 +172,7 @@ class Encoder:
             return []
         raw = raw_of(builder.signals[name], reading)
         if raw is not None:
-            builder.tell(name, raw)
+            builder.set_raw(name, raw)
         return [builder]
 
     def _take_quantities(self, builder: FrameBuilder, measurement: Measurement) -> bool:
@@ -185,7 +185,7 @@ class Encoder:
                 continue
             value = QUANTITIES[signal.name].pick(measurement)
             if value is not None:
-                builder.tell(signal.name, signal.raw((value - scale[1]) / scale[0]))
+                builder.set_raw(signal.name, signal.raw((value - scale[1]) / scale[0]))
                 taken = True
         return taken
 
@@ -198,7 +198,7 @@ class Encoder:
         return frame
 
 
-def raw_of(signal: Signal, reading: Reading) -> float | None:
+def raw_of(signal: DbcSignal, reading: Reading) -> float | None:
     """The raw value of a reading: of its name, or of its number; None when it says neither."""
     if reading.text in signal.states.values():
         return next(raw for raw, name in signal.states.items() if name == reading.text)

@@ -30,7 +30,7 @@ from fti.config import StrictModel
 from fti.constants import FOOT
 from fti.drivers import Counters
 from fti.drivers._framing import Framer, Skip, skip_to
-from fti.drivers._talker import COMMANDS, command, on_connect, poll  # noqa: F401 - the rest of the contract
+from fti.drivers._no_commands import COMMANDS, command, on_connect, poll  # noqa: F401 - the rest of the contract
 from fti.ranging.radar.quantise import quantisation_step_ft, quantise_ft
 from fti.types import DeviceStatus, Measurement, RadioHeight, Stamp
 
@@ -46,7 +46,7 @@ STATUS_FLAGS = {0: "ascending", 1: "self_test", 2: "failure", 3: "unlocked", 4: 
 INVALIDATING = ("self_test", "failure", "unlocked")
 FULL_SCALE_FT = 8192
 #: A port is opened again after 0.1 s at the earliest; the bytes of a frame come closer to each other.
-MIDST_NS = 100_000_000
+FRAME_TIMEOUT_NS = 100_000_000
 NotNegative = Annotated[float, Field(ge=0)]
 
 
@@ -108,7 +108,7 @@ class Decoder:
 
     def feed(self, data: bytes, t_rx_ns: int) -> list[Measurement]:
         found: list[Measurement] = []
-        if self.counters.held and t_rx_ns - self._last_ns >= MIDST_NS:
+        if self.counters.held and t_rx_ns - self._last_ns >= FRAME_TIMEOUT_NS:
             self._forget()
         self._last_ns = t_rx_ns
         for stamp, frame in self._framer.feed(data, t_rx_ns):

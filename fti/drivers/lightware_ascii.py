@@ -32,9 +32,9 @@ from pydantic import Field
 from fti.config import Positive, StrictModel
 from fti.drivers import Command, Counters
 from fti.drivers._arguments import check_complete
-from fti.drivers._asked import Asked
-from fti.drivers._laser import LOST_M, make_range, told_distance
-from fti.drivers._lines import FirstLine, LineFramer
+from fti.drivers._line_framing import FirstLine, LineFramer
+from fti.drivers._polled_device import PolledDevice
+from fti.drivers._rangefinder import LOST_M, make_range, wire_distance
 from fti.types import Ack, Measurement, Range, Stamp
 
 DOCUMENT = "LightWare SF11 product manual (menu n, command set); LW20 / SF20 product manual, appendix C"
@@ -44,9 +44,9 @@ MESSAGES = {
 }
 CARRIERS = frozenset({"serial", "udp"})
 
-LONGEST = 64
+MAX_LINE_BYTES = 64
 #: So many names are counted; noise has more, and they are "(other)" together.
-MOST_NAMES = 64
+MAX_NAMES = 64
 DISTANCE = re.compile(rb" *(-?\d{1,4}\.\d\d) *")
 ANSWER = re.compile(rb"\$?(%?[a-z]{1,4})(?:,\d)?:([\x20-\x7e]{0,32})")
 LDF_ANSWER = re.compile(rb"\$?ldf,1:(-?\d{1,4}\.\d\d)")
@@ -61,7 +61,7 @@ COMMANDS: Mapping[str, Command] = {
     "save": Command("keep the settings of the laser when it is switched off (query = ldf)"),
 }
 #: Name of an answer: the command that it answers.
-ANSWERED = {b"p": "identify", b"lf": "laser", b"lo": "zero_offset", b"%p": "save"}
+ANSWER_COMMANDS = {b"p": "identify", b"lf": "laser", b"lo": "zero_offset", b"%p": "save"}
 
 
 class Options(StrictModel):
@@ -90,9 +90,9 @@ def decode_answer(line: bytes, stamp: Stamp) -> tuple[str, list[Measurement]]:
     found = ANSWER.fullmatch(line)
     assert found is not None
     name = found[1].decode("ascii")
-    if found[1] not in ANSWERED:
+    if found[1] not in ANSWER_COMMANDS:
         return name, []
-    return name, [Ack(stamp=stamp, command=ANSWERED[found[1]], accepted=True, detail=found[2].decode("ascii"))]
+    return name, [Ack(stamp=stamp, command=ANSWER_COMMANDS[found[1]], accepted=True, detail=found[2].decode("ascii"))]
 
 
 class Decoder:
@@ -102,7 +102,7 @@ class Decoder:
         self.counters = Counters()
         self._options = options
         begun = options.first_line == "take" or options.query == "ldf"  # there the line says that it begins
-        self._framer = LineFramer(self._refuse, self.counters, longest=LONGEST, begun=begun)
+        self._framer = LineFramer(self._refuse, self.counters, longest=MAX_LINE_BYTES, begun=begun)
 
     def feed(self, data: bytes, t_rx_ns: int) -> list[Measurement]:
         found: list[Measurement] = []
@@ -123,7 +123,7 @@ class Decoder:
             return [make_range(stamp, distance, self._options.lost_m)]
         name, found = decode_answer(line, stamp)
         messages = self.counters.messages
-        messages[name if name in messages or len(messages) < MOST_NAMES else "(other)"] += 1
+        messages[name if name in messages or len(messages) < MAX_NAMES else "(other)"] += 1
         return found
 
 
@@ -138,25 +138,25 @@ class Encoder:
 
     def __init__(self, options: Options) -> None:
         self._options = options
-        self._asked = Asked(QUESTIONS[options.query])
+        self._polled_device = PolledDevice(QUESTIONS[options.query])
         self._heard = b""
 
     def encode(self, measurement: Measurement) -> list[bytes]:
         if not isinstance(measurement, Range):
             return []
-        distance = told_distance(measurement, self._options.lost_m)
-        return self._asked.offer([encode_distance(distance, self._options.query)])
+        distance = wire_distance(measurement, self._options.lost_m)
+        return self._polled_device.offer([encode_distance(distance, self._options.query)])
 
     def respond(self, data: bytes) -> list[bytes]:
-        answers = self._asked.respond(data)
+        answers = self._polled_device.respond(data)
         if self._options.query != "ldf":
             return answers
         *lines, rest = (self._heard + data).split(b"\r\n")
-        self._heard = rest[-LONGEST:]
-        return answers + [answer for line in lines for answer in _obey(line)]
+        self._heard = rest[-MAX_LINE_BYTES:]
+        return answers + [answer for line in lines for answer in _execute(line)]
 
 
-def _obey(line: bytes) -> list[bytes]:
+def _execute(line: bytes) -> list[bytes]:
     """What an LW20 answers to a command."""
     if line == b"?P":
         return [b"p:LW20,1.0,1.0\r\n"]

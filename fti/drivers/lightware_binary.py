@@ -45,7 +45,7 @@ from fti.config import StrictModel
 from fti.drivers import Command, Counters
 from fti.drivers._arguments import check_complete
 from fti.drivers._framing import Framer, Skip, skip_to
-from fti.drivers._laser import LOST_M, make_range, told_distance
+from fti.drivers._rangefinder import LOST_M, make_range, wire_distance
 from fti.drivers._units import DEGREE
 from fti.types import Ack, Measurement, Range, Reading, Stamp
 
@@ -64,7 +64,7 @@ CARRIERS = frozenset({"serial", "udp"})
 
 START = b"\xaa"
 OVERHEAD = 5  # start, flags, CRC; the identifier counts as payload
-LONGEST = 1023 + OVERHEAD
+MAX_PACKET_BYTES = 1023 + OVERHEAD
 NAME, OUTPUT, STREAM, CM, MM, FIRING, OFFSET = 0, 27, 30, 44, 45, 50, 94
 ANSWERS = {
     NAME: ("product_name", "identify"),
@@ -108,7 +108,7 @@ class Options(StrictModel):
     lost_m: tuple[Annotated[float, Field(ge=0)], ...] = LOST_M
 
 
-class Layout:
+class OutputLayout:
     """The outputs of the options in the order of their bits.  Raises ValueError for one that the family has not."""
 
     def __init__(self, options: Options) -> None:
@@ -132,7 +132,7 @@ def make_packet(command_id: int, data: bytes = b"", write: bool = False) -> byte
     return head + struct.pack("<H", binascii.crc_hqx(head, 0))
 
 
-def decode_distance(data: bytes, layout: Layout, stamp: Stamp) -> list[Measurement]:
+def decode_distance(data: bytes, layout: OutputLayout, stamp: Stamp) -> list[Measurement]:
     """Readings, and last the range in metres, of the data of 44 or 45."""
     values = dict(zip(layout.names, layout.form.unpack(data), strict=True))
     found: list[Measurement] = [
@@ -173,8 +173,8 @@ class Decoder:
 
     def __init__(self, options: Options) -> None:
         self.counters = Counters()
-        self._layout = Layout(options)
-        self._framer = Framer(measure, self.counters, limit=LONGEST + 1)
+        self._layout = OutputLayout(options)
+        self._framer = Framer(measure, self.counters, limit=MAX_PACKET_BYTES + 1)
 
     def feed(self, data: bytes, t_rx_ns: int) -> list[Measurement]:
         found: list[Measurement] = []
@@ -196,9 +196,9 @@ class Encoder:
     """The rangefinder's end: distance data for each Range; the readings are those told before it."""
 
     def __init__(self, options: Options) -> None:
-        self._layout = Layout(options)
+        self._layout = OutputLayout(options)
         self._readings: dict[str, float] = {}
-        self._heard = Framer(measure, Counters(), limit=LONGEST + 1)
+        self._heard = Framer(measure, Counters(), limit=MAX_PACKET_BYTES + 1)
 
     def encode(self, measurement: Measurement) -> list[bytes]:
         if isinstance(measurement, Reading) and measurement.name in READINGS:
@@ -213,7 +213,7 @@ class Encoder:
     def _value(self, name: str, measurement: Range) -> float:
         if name in READINGS:
             return self._readings.get(name, 0.0) / READINGS[name][0]
-        return told_distance(measurement, self._layout.lost_m) / self._layout.metre
+        return wire_distance(measurement, self._layout.lost_m) / self._layout.metre
 
     def respond(self, data: bytes) -> list[bytes]:
         return [_answer(packet) for _, packet in self._heard.feed(data, 0)]
@@ -236,7 +236,7 @@ def make_encoder(options: Options) -> Encoder:
 
 def on_connect(options: Options) -> list[bytes]:
     """Wake the serial port and the protocol, which swallow a request each; then the outputs and the stream."""
-    layout = Layout(options)
+    layout = OutputLayout(options)
     return [
         *[make_packet(NAME)] * 3,
         make_packet(OUTPUT, struct.pack("<I", layout.bits), write=True),

@@ -45,7 +45,7 @@ from fti.drivers import _nmea_fields as fields
 from fti.drivers._framing import Framer, Skip
 from fti.drivers._nmea_framing import MAX_SENTENCE, measure_sentence
 from fti.drivers._nmea_sentences import Sentences
-from fti.drivers._talker import COMMANDS, command, on_connect, poll  # noqa: F401 - the rest of the contract
+from fti.drivers._no_commands import COMMANDS, command, on_connect, poll  # noqa: F401 - the rest of the contract
 from fti.drivers._times import device_time_ns, utc_date
 from fti.drivers._units import KNOT, wrap_heading
 from fti.types import Attitude, DeviceTime, Measurement, Position, Satellites, TimeScale, Velocity
@@ -85,7 +85,7 @@ class Options(StrictModel):
 # ------------------------------------------------------------------------------------------------------- framing
 
 
-class Lines:
+class SentenceFraming:
     """Framing; see ``fti.drivers._framing``.  It remembers whether a comment goes on.
 
     bare : sentences without a checksum are taken
@@ -119,7 +119,9 @@ class Decoder:
     def __init__(self, options: Options) -> None:
         self.counters = Counters()
         self._sentences = Sentences()
-        self._framer = Framer(Lines(options.checksum == "optional").measure, self.counters, limit=MAX_SENTENCE)
+        self._framer = Framer(
+            SentenceFraming(options.checksum == "optional").measure, self.counters, limit=MAX_SENTENCE
+        )
 
     def feed(self, data: bytes, t_rx_ns: int) -> list[Measurement]:
         found: list[Measurement] = []

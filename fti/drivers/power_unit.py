@@ -48,24 +48,24 @@ CARRIERS = frozenset({"serial", "udp"})
 START = b"$PFTI,"
 STATES = ("on", "starting", "off", "tripped", "brown_out")
 VOLTAGE, CURRENT = "supply_voltage", "supply_current"
-LONGEST_NAME, LONGEST_WORDS = 64, 60
+MAX_NAME_LENGTH, MAX_TEXT_LENGTH = 64, 60
 NUMBER = r"(\d{1,4}\.\d\d)"
 BREAKER = r"([a-z][a-z0-9_]{0,63})"
 BRK = re.compile(rf"PFTI,BRK,{BREAKER},({'|'.join(STATES)}),{NUMBER}")
 PDU = re.compile(rf"PFTI,PDU,{NUMBER},{NUMBER},(\d{{1,3}})")
 SET = re.compile(rf"PFTI,SET,(on|off|trip|reset),{BREAKER}")
-ACK = re.compile(rf"PFTI,ACK,(on|off|trip|reset),{BREAKER},([01]),([^,]{{0,{LONGEST_WORDS}}})")
+ACK = re.compile(rf"PFTI,ACK,(on|off|trip|reset),{BREAKER},([01]),([^,]{{0,{MAX_TEXT_LENGTH}}})")
 
-WHICH = {"breaker": "name of the device that it feeds"}
+BREAKER_ARGUMENT = {"breaker": "name of the device that it feeds"}
 COMMANDS: Mapping[str, Command] = {
-    "off": Command("switch a breaker off", WHICH),
-    "on": Command("switch a breaker on that is off", WHICH),
-    "trip": Command("open a breaker as an overload does", WHICH),
-    "reset": Command("close a breaker that has tripped", WHICH),
+    "off": Command("switch a breaker off", BREAKER_ARGUMENT),
+    "on": Command("switch a breaker on that is off", BREAKER_ARGUMENT),
+    "trip": Command("open a breaker as an overload does", BREAKER_ARGUMENT),
+    "reset": Command("close a breaker that has tripped", BREAKER_ARGUMENT),
 }
 
 #: What a unit does with (command, breaker): whether it did it, and its words.
-Obey = Callable[[str, str], tuple[bool, str]]
+CommandHandler = Callable[[str, str], tuple[bool, str]]
 
 
 class Options(StrictModel):
@@ -127,10 +127,10 @@ def refuse(command: str, breaker: str) -> tuple[bool, str]:
 
 
 class Encoder:
-    """The unit's end of the line.  ``obey`` : what does the commands; it has no breakers until it is given another."""
+    """The unit's end of the line.  ``handle_command`` : what does the commands; it has no breakers until it is given another."""
 
     def __init__(self, options: Options) -> None:
-        self.obey: Obey = refuse
+        self.handle_command: CommandHandler = refuse
         self._volts, self._count = 0.0, 0
         self._heard = Framer(_measure, Counters(), limit=MAX_SENTENCE)
 
@@ -152,8 +152,8 @@ class Encoder:
         return [self._answer(found[1], found[2]) for found in asked if found]
 
     def _answer(self, name: str, breaker: str) -> bytes:
-        done, words = self.obey(name, breaker)
-        return sentence(f"PFTI,ACK,{name},{breaker},{done:d},{words[:LONGEST_WORDS]}")
+        done, words = self.handle_command(name, breaker)
+        return sentence(f"PFTI,ACK,{name},{breaker},{done:d},{words[:MAX_TEXT_LENGTH]}")
 
 
 def make_decoder(options: Options) -> Decoder:
@@ -182,6 +182,6 @@ def command(name: str, args: Mapping[str, str], options: Options | None = None) 
     breaker = args["breaker"]
     if not re.fullmatch(BREAKER, breaker):
         raise ValueError(
-            f"{name}: breaker = {breaker!r}: must be the name of a device, {LONGEST_NAME} characters at most"
+            f"{name}: breaker = {breaker!r}: must be the name of a device, {MAX_NAME_LENGTH} characters at most"
         )
     return sentence(f"PFTI,SET,{name},{breaker}")

@@ -82,7 +82,7 @@ def transmission_time(m: Ephemeris, t_receiver: float, pseudorange: float) -> fl
     return t
 
 
-def turned(pos_e: Array, seconds: float) -> Array:
+def rotate_with_earth(pos_e: Array, seconds: float) -> Array:
     """A place in the earth frame of some seconds later, in which the earth has turned; shape (3,) [m]."""
     c, s = math.cos(EARTH_RATE * seconds), math.sin(EARTH_RATE * seconds)
     x, y, z = pos_e

@@ -31,7 +31,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class Kind:
+class HeightKind:
     """What a height is counted from, and what belongs to that.
 
     detail : geoid model for MSL (or ``receiver``: the one inside a GNSS receiver), altimeter setting [Pa] for
@@ -52,26 +52,26 @@ class Kind:
 
 
 #: Above the WGS84 ellipsoid.
-ELLIPSOID = Kind(Datum.ELLIPSOID)
+ELLIPSOID = HeightKind(Datum.ELLIPSOID)
 #: The model of MSL where a receiver says mean sea level and not which.
 RECEIVER = "receiver"
 
 
-def MSL(model: str) -> Kind:  # noqa: N802 - a kind of height, as ELLIPSOID is
+def MSL(model: str) -> HeightKind:  # noqa: N802 - a kind of height, as ELLIPSOID is
     """Above mean sea level as a geoid model has it."""
-    return Kind(Datum.MSL, model)
+    return HeightKind(Datum.MSL, model)
 
 
-def PRESSURE(setting: float = ISA_PRESSURE) -> Kind:  # noqa: N802
+def PRESSURE(setting: float = ISA_PRESSURE) -> HeightKind:  # noqa: N802
     """What an altimeter shows that is set to a pressure [Pa].  Raises ValueError for one that is not positive."""
     if not setting > 0.0:
         raise ValueError(f"an altimeter setting of {setting} Pa; must be positive")
-    return Kind(Datum.PRESSURE, float(setting))
+    return HeightKind(Datum.PRESSURE, float(setting))
 
 
-def AGL(point: Point) -> Kind:  # noqa: N802
+def AGL(point: Point) -> HeightKind:  # noqa: N802
     """Above the ground right below one point of the aircraft."""
-    return Kind(Datum.AGL, point)
+    return HeightKind(Datum.AGL, point)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -83,7 +83,7 @@ class Height:
     """
 
     metres: float | Array
-    kind: Kind
+    kind: HeightKind
 
     __hash__ = None  # type: ignore[assignment]  # it may hold an array
     #: numpy leaves ``array + height`` and ``array - height`` to this class.
@@ -199,7 +199,7 @@ def msl_to_pressure(height: Height, air: Atmosphere, setting: float) -> Height:
     return Height(shown, PRESSURE(setting))
 
 
-def _standard(kind: Kind) -> float:
+def _standard(kind: HeightKind) -> float:
     """Pressure altitude [m] at which an altimeter of this setting shows 0."""
     return float(pressure_altitude(float(kind.detail or 0.0)))
 

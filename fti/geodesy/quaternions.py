@@ -46,7 +46,7 @@ def quat_from_mat(mat: ArrayLike) -> Array:
     return np.asarray(quat / np.linalg.norm(quat, axis=-1, keepdims=True))
 
 
-def unwound(quat: ArrayLike) -> Array:
+def make_continuous(quat: ArrayLike) -> Array:
     """The same rotations, shape (n, 4), each with the sign that is the nearer one to its predecessor's."""
     quats = np.asarray(quat, dtype=np.float64)
     turned = np.where(np.sum(quats[1:] * quats[:-1], axis=-1) < 0.0, -1.0, 1.0)

@@ -16,36 +16,36 @@ from pathlib import Path
 import numpy as np
 
 from fti.config import Config
+from fti.devices import read_texts
 from fti.errors import MissingError
-from fti.hil.bench import Bench
-from fti.hil.device_line import DeviceLine
-from fti.hil.ports.endpoints import Endpoint, SlcanEndpoint, opened, until
+from fti.hil.device_pipeline import DevicePipeline
+from fti.hil.device_streams import BabbleStream, SensorStream, StatusStream
+from fti.hil.environment import Environment
+from fti.hil.io_backend import IoBackend
+from fti.hil.ports.counters import EndpointCounters
+from fti.hil.ports.endpoints import Endpoint, SlcanEndpoint, open_endpoints, run_until
 from fti.hil.ports.pty import PtyEndpoint
 from fti.hil.ports.pty_delay import PtyDelay
-from fti.hil.ports.sent import Sent
 from fti.hil.power import PowerUnit
-from fti.hil.report import Report, lateness_by_link
+from fti.hil.report import TransmissionReport, lateness_by_link
 from fti.hil.scenario import Scenario
 from fti.hil.scheduler import Scheduler, Stream
-from fti.hil.sensors import Sensor, make_sensors
-from fti.hil.sensors.intended import intended_values
-from fti.hil.sensors.measured import check_numbers
-from fti.hil.sensors.needed import check_sent
-from fti.hil.sensors.power_unit import distribute
+from fti.hil.sensors import SimulatedSensor, make_sensors
+from fti.hil.sensors.fault_effect_check import check_fault_effects
+from fti.hil.sensors.intended_values import intended_values
+from fti.hil.sensors.power_unit import connect_power
+from fti.hil.sensors.quantity_check import check_fault_quantities
 from fti.hil.sensors.sent_rates import sent_rates
-from fti.hil.streams import Babble, SensorStream, StatusStream
-from fti.hil.tables.bases import OnLinks
-from fti.hil.tables.dynamics import JsbsimFlight
+from fti.hil.tables.fault_base import LinkFault
+from fti.hil.tables.fault_types import Babbling, BusOff, CanStatus
 from fti.hil.tables.flights import WaypointFlight
-from fti.hil.tables.kinds import Babbling, BusOff, CanStatus
-from fti.hil.truth import TruthLog, TruthRows
-from fti.hil.world import World
-from fti.lateness import Histogram
+from fti.hil.tables.jsbsim_options import JsbsimFlight
+from fti.hil.truth_log import TruthLog, TruthRows
+from fti.latency_histogram import LatencyHistogram
 from fti.logger.session import CONFIG_ATTACHMENT
 from fti.nav.integrity.approach import ApproachPath, load_airfield
-from fti.service.binding import read_texts
-from fti.terrain import scenes
-from fti.terrain.surroundings import demo_country
+from fti.terrain import demo_scene
+from fti.terrain.demo_region import demo_region
 from fti.terrain.terrain import Terrain
 
 SECOND_NS = 1_000_000_000
@@ -63,40 +63,40 @@ class Emulator:
         self,
         config: Config,
         scenario: Scenario,
-        bench: Bench,
+        backend: IoBackend,
         *,
         truth: Path | None = None,
-        world: World | None = None,
+        world: Environment | None = None,
     ) -> None:
         self.ready = asyncio.Event()
-        self.config, self.scenario, self.bench = config, scenario, bench
+        self.config, self.scenario, self.backend = config, scenario, backend
         self._truth, self._world = truth, world
         self._truth_rows: TruthRows | None = None
-        self._sensors: list[Sensor] | None = None
+        self._sensors: list[SimulatedSensor] | None = None
         self.power = PowerUnit(())
         self._endpoints: dict[str, Endpoint] = {}
         self._started = asyncio.Event()
         self._scheduler: Scheduler | None = None
         self._start_ns: int | None = None
         self._devices: list[SensorStream] = []
-        self._sent_before: dict[str, Sent] = {}
+        self._sent_before: dict[str, EndpointCounters] = {}
 
     @property
-    def report(self) -> Report:
+    def report(self) -> TransmissionReport:
         """What was sent so far and how late, at any time; milliseconds, most of them for the links."""
-        return replace(self.brief, by_link=lateness_by_link([device.meter for device in self._devices]))
+        return replace(self.brief_report, link_lateness=lateness_by_link([device.meter for device in self._devices]))
 
     @property
-    def brief(self) -> Report:
+    def brief_report(self) -> TransmissionReport:
         """The same without the lateness of each link; some 30 us for each device."""
-        late = self._scheduler.lateness if self._scheduler else Histogram().lateness
-        sent = {name: endpoint.sent for name, endpoint in self._endpoints.items()}
-        return Report(sent, late, rates=[device.meter.rate for device in self._devices])
+        late = self._scheduler.lateness if self._scheduler else LatencyHistogram().lateness
+        counters = {name: endpoint.counters for name, endpoint in self._endpoints.items()}
+        return TransmissionReport(counters, late, rates=[device.meter.rate for device in self._devices])
 
     @property
     def flight_s(self) -> float | None:
         """Time of the flight [s]; None before it begins."""
-        return None if self._start_ns is None else (self.bench.clock.now_ns() - self._start_ns) / SECOND_NS
+        return None if self._start_ns is None else (self.backend.clock.now_ns() - self._start_ns) / SECOND_NS
 
     @property
     def duration_s(self) -> float | None:
@@ -104,7 +104,7 @@ class Emulator:
         return self._world.duration if self._world else None
 
     @property
-    def sensors(self) -> Sequence[Sensor]:
+    def sensors(self) -> Sequence[SimulatedSensor]:
         """The devices; none before ``prepare``."""
         return self._sensors or ()
 
@@ -118,13 +118,13 @@ class Emulator:
         if self._sensors is not None:
             return
         progress(f"terrain of {self.scenario.airfield}")
-        self._world = self._world or make_world(self.scenario, progress)
+        self._world = self._world or make_environment(self.scenario, progress)
         for remark in self._world.remarks:
             progress(remark)
         self._sensors = make_sensors(self.config, self._world, self.scenario.seed, progress)
-        self.power = distribute(self._sensors, self.scenario)
-        check_numbers(self._sensors, self._world)
-        check_sent(self._sensors, self._world)
+        self.power = connect_power(self._sensors, self.scenario)
+        check_fault_quantities(self._sensors, self._world)
+        check_fault_effects(self._sensors, self._world)
         if self._truth:
             progress("truth")
             altimeters = [device for device in self.config.device if device.altimeter]
@@ -135,15 +135,15 @@ class Emulator:
         """Let the flight begin (as soon as the endpoints are there)."""
         self._started.set()
 
-    async def attended(self) -> None:
+    async def wait_for_readers(self) -> None:
         """Wait until the daemon has opened every serial line, slcan channel and UDP port."""
         await self.ready.wait()
         for endpoint in self._endpoints.values():
-            await endpoint.reader_ready()
+            await endpoint.wait_for_reader()
 
     async def run(
         self, duration_s: float | None = None, stop: asyncio.Event | None = None, over: Callable[[], None] | None = None
-    ) -> Report:
+    ) -> TransmissionReport:
         """Open the endpoints, wait for ``start``, fly; at most duration_s [s] of the flight.
 
         over : called when all has been sent, before the endpoints are closed
@@ -154,36 +154,36 @@ class Emulator:
         lines = [self._line(s, float("inf") if duration_s is None else duration_s) for s in self._sensors]
         self._endpoints = self._make_endpoints(lines)
         with self._truth_log() as truth:
-            async with opened(self._endpoints):
+            async with open_endpoints(self._endpoints):
                 self.ready.set()
-                await until(self._started.wait(), ended)
+                await run_until(self._started.wait(), ended)
                 await self._fly(lines, truth, duration_s, ended)
                 if not ended.is_set():
-                    await self._drained()
+                    await self._drain()
                 if truth is not None:
                     truth.note_end(self._sent_in_flight())
                 if over is not None:
                     over()
         return self.report
 
-    def _sent_in_flight(self) -> dict[str, Sent]:
+    def _sent_in_flight(self) -> dict[str, EndpointCounters]:
         """What each endpoint has sent since the flight began, answers to the daemon with it."""
         return {
-            name: Sent(endpoint.sent.messages - before.messages, endpoint.sent.bytes - before.bytes)
+            name: EndpointCounters(endpoint.counters.messages - before.messages, endpoint.counters.bytes - before.bytes)
             for name, endpoint in self._endpoints.items()
             if (before := self._sent_before.get(name))
         }
 
-    async def _drained(self) -> None:
+    async def _drain(self) -> None:
         """Let what is on the lines arrive; where nobody reads it never does."""
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(DRAIN_S):
-                await asyncio.gather(*(endpoint.drained() for endpoint in self._endpoints.values()))
+                await asyncio.gather(*(endpoint.drain() for endpoint in self._endpoints.values()))
 
-    def _line(self, sensor: Sensor, until_s: float) -> DeviceLine:
-        return DeviceLine(sensor, self.scenario, until_s, lambda t: self.power.is_on(sensor.name, t))
+    def _line(self, sensor: SimulatedSensor, until_s: float) -> DevicePipeline:
+        return DevicePipeline(sensor, self.scenario, until_s, lambda t: self.power.is_on(sensor.name, t))
 
-    def _make_endpoints(self, lines: list[DeviceLine]) -> dict[str, Endpoint]:
+    def _make_endpoints(self, lines: list[DevicePipeline]) -> dict[str, Endpoint]:
         def respond(link: str) -> Callable[[bytes], list[bytes]]:
             there = [line for line in lines if line.sensor.link == link]
 
@@ -193,42 +193,42 @@ class Emulator:
 
             return answer
 
-        return {link.name: self.bench.make_endpoint(link, respond(link.name)) for link in self.config.link}
+        return {link.name: self.backend.make_endpoint(link, respond(link.name)) for link in self.config.link}
 
     def _truth_log(self) -> contextlib.AbstractContextManager[TruthLog | None]:
         if self._truth is None or self._truth_rows is None:
             return contextlib.nullcontext()
-        real_time, texts = self.bench.is_real_time, _played_texts(self.config)
+        real_time, texts = self.backend.is_real_time, _config_texts(self.config)
         return contextlib.closing(TruthLog(self._truth, self._truth_rows, real_time=real_time, texts=texts))
 
     def _line_faults(self) -> list[Stream]:
         buses = [link.name for link in self.config.link if link.kind == "can"]
 
-        def on(fault: OnLinks) -> list[Endpoint]:
+        def on(fault: LinkFault) -> list[Endpoint]:
             return [self._endpoints[name] for name in fault.links or buses]
 
-        def adapters(fault: OnLinks) -> list[SlcanEndpoint]:
+        def adapters(fault: LinkFault) -> list[SlcanEndpoint]:
             return [e for e in on(fault) if isinstance(e, SlcanEndpoint)]
 
         faults = self.scenario.fault
-        babbling: list[Stream] = [Babble(f, on(f)) for f in faults if isinstance(f, Babbling)]
+        babbling: list[Stream] = [BabbleStream(f, on(f)) for f in faults if isinstance(f, Babbling)]
         return babbling + [StatusStream(f, adapters(f)) for f in faults if isinstance(f, CanStatus | BusOff)]
 
     async def _fly(
         self,
-        lines: list[DeviceLine],
+        lines: list[DevicePipeline],
         truth: TruthLog | None,
         duration_s: float | None,
         stop: asyncio.Event,
     ) -> None:
-        clock = self.bench.clock
+        clock = self.backend.clock
         self._start_ns = start_ns = clock.now_ns()
-        self._sent_before = {name: replace(endpoint.sent) for name, endpoint in self._endpoints.items()}
+        self._sent_before = {name: replace(endpoint.counters) for name, endpoint in self._endpoints.items()}
         self._scheduler = Scheduler(
-            lambda: (clock.now_ns() - start_ns) / SECOND_NS, self.bench.sleep, ahead=self.bench.is_real_time
+            lambda: (clock.now_ns() - start_ns) / SECOND_NS, self.backend.sleep, can_prepare=self.backend.is_real_time
         )
         self._devices = [SensorStream(line, self._endpoints[line.sensor.link], start_ns) for line in lines]
-        streams: list[Stream] = [*self._devices, *self._line_faults(), *self.bench.streams(start_ns)]
+        streams: list[Stream] = [*self._devices, *self._line_faults(), *self.backend.streams(start_ns)]
         with contextlib.ExitStack() as stack:
             if truth is not None:
                 streams.append(truth.stream(start_ns, clock.now_ns))
@@ -238,7 +238,7 @@ class Emulator:
             await self._scheduler.run(streams, stop, float("inf") if duration_s is None else duration_s)
 
 
-def _played_texts(config: Config) -> dict[str, str]:
+def _config_texts(config: Config) -> dict[str, str]:
     """A configuration and what it names, as a session has them attached; what nobody can read is left out."""
     texts = {CONFIG_ATTACHMENT: config.text} if config.text else {}
     with contextlib.suppress(MissingError):  # an approach of the daemon, which the emulator does not need
@@ -250,20 +250,20 @@ def _played_texts(config: Config) -> dict[str, str]:
 DEMO_UNDULATION = -31.0
 
 
-def make_world(scenario: Scenario, progress: Callable[[str], None] = lambda _: None) -> World:
+def make_environment(scenario: Scenario, progress: Callable[[str], None] = lambda _: None) -> Environment:
     """The demo airfield and its ground, with what the scenario puts on it; progress : told how far it is.
 
     Where the aircraft goes beyond the strip below the approach, the country around belongs to the ground: one with a
     model of its flight goes where it will.
     """
-    airfield = load_airfield(scenes.DEMO_AIRFIELD.read_text(encoding="utf-8"), str(scenes.DEMO_AIRFIELD))
-    terrain = demo_country() if isinstance(scenario.flight, JsbsimFlight) else scenes.demo_scene()
-    if isinstance(scenario.flight, WaypointFlight) and _leaves(scenario.flight, terrain):
-        terrain = demo_country()
-    return World(scenario, ApproachPath(airfield), terrain, DEMO_UNDULATION, progress)
+    airfield = load_airfield(demo_scene.DEMO_AIRFIELD.read_text(encoding="utf-8"), str(demo_scene.DEMO_AIRFIELD))
+    terrain = demo_region() if isinstance(scenario.flight, JsbsimFlight) else demo_scene.demo_scene()
+    if isinstance(scenario.flight, WaypointFlight) and _is_beyond_terrain(scenario.flight, terrain):
+        terrain = demo_region()
+    return Environment(scenario, ApproachPath(airfield), terrain, DEMO_UNDULATION, progress)
 
 
-def _leaves(flight: WaypointFlight, terrain: Terrain) -> bool:
+def _is_beyond_terrain(flight: WaypointFlight, terrain: Terrain) -> bool:
     """Is a waypoint beyond the ground?"""
     lat, lon = np.radians([(point.lat_deg, point.lon_deg) for point in flight.waypoint]).T
     return bool(np.isnan(terrain.height(lat, lon)).any())

@@ -26,7 +26,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 
-from fti.hil.tables.kinds import Breaker, BrownOut, Fault
+from fti.hil.tables.fault_types import Breaker, BrownOut, Fault
 
 SUPPLY_V = 28.0
 #: What a device draws [A]; none of them is known, so it is the same for all and only shows that there is a load.
@@ -44,25 +44,25 @@ class BreakerState(StrEnum):
 
 
 #: Command: from which position of the breaker to which; from others it is refused.
-MOVES: Mapping[str, Mapping[BreakerState, BreakerState]] = {
+TRANSITIONS: Mapping[str, Mapping[BreakerState, BreakerState]] = {
     "on": {BreakerState.OFF: BreakerState.ON, BreakerState.ON: BreakerState.ON},
     "off": dict.fromkeys((BreakerState.ON, BreakerState.OFF, BreakerState.TRIPPED), BreakerState.OFF),
     "trip": dict.fromkeys((BreakerState.ON, BreakerState.TRIPPED), BreakerState.TRIPPED),
     "reset": {BreakerState.TRIPPED: BreakerState.ON, BreakerState.ON: BreakerState.ON},
 }
-REFUSED = {
+REFUSAL_TEXTS = {
     ("on", BreakerState.TRIPPED): "it has tripped: reset it",
     ("reset", BreakerState.OFF): "it is off: switch it on",
     ("trip", BreakerState.OFF): "it is off and cannot trip",
 }
 
 
-def _nobody(t: float) -> None:
+def _ignore_restart(t: float) -> None:
     """Nobody is told."""
 
 
 @dataclass(frozen=True, slots=True)
-class Feed:
+class PowerFeed:
     """A device behind its breaker.
 
     boot_s    : from power to its first message [s]; minimum_v : below this voltage it stops [V]
@@ -72,16 +72,16 @@ class Feed:
     name: str
     boot_s: float
     minimum_v: float
-    restart: Callable[[float], None] = _nobody
+    restart: Callable[[float], None] = _ignore_restart
 
 
 @dataclass(slots=True)
-class _Line:
+class _Circuit:
     """A breaker and what is behind it.  since_s : it has had power since then; None while it has none"""
 
-    feed: Feed
+    feed: PowerFeed
     position: BreakerState = BreakerState.ON  # or off, or tripped
-    in_hand: bool = False
+    is_manual: bool = False
     volts: float = SUPPLY_V
     since_s: float | None = field(default=-math.inf)
 
@@ -107,8 +107,8 @@ class PowerUnit:
     Devices that it does not feed (itself) always have power.
     """
 
-    def __init__(self, feeds: Sequence[Feed], faults: Sequence[Fault] = ()) -> None:
-        self._lines = {feed.name: _Line(feed) for feed in feeds}
+    def __init__(self, feeds: Sequence[PowerFeed], faults: Sequence[Fault] = ()) -> None:
+        self._circuits = {feed.name: _Circuit(feed) for feed in feeds}
         self._trips = [fault for fault in faults if isinstance(fault, Breaker)]
         self._sags = [fault for fault in faults if isinstance(fault, BrownOut)]
         self._edges = deque(sorted({s for fault in (*self._trips, *self._sags) for s in (fault.from_s, fault.to_s)}))
@@ -117,12 +117,12 @@ class PowerUnit:
     def is_on(self, device: str, t: float | None = None) -> bool:
         """Does the device work at t [s]?  None: at the last instant that the unit was told."""
         self._step(self._t if t is None else t)
-        line = self._lines.get(device)
+        line = self._circuits.get(device)
         return line is None or line.state(self._t) is BreakerState.ON
 
     def states(self) -> dict[str, BreakerState]:
         """Every breaker."""
-        return {name: line.state(self._t) for name, line in self._lines.items()}
+        return {name: line.state(self._t) for name, line in self._circuits.items()}
 
     @property
     def volts(self) -> float:
@@ -131,16 +131,16 @@ class PowerUnit:
 
     def amps(self, device: str) -> float:
         """Current through a breaker [A]."""
-        return 0.0 if self._lines[device].since_s is None else LOAD_A
+        return 0.0 if self._circuits[device].since_s is None else LOAD_A
 
-    def obey(self, command: str, breaker: str) -> tuple[bool, str]:
+    def handle_command(self, command: str, breaker: str) -> tuple[bool, str]:
         """Do what a person wants with a breaker.  Returns whether it was done, and what there is to say."""
-        line = self._lines.get(breaker)
+        line = self._circuits.get(breaker)
         if line is None:
             return False, f"it has no breaker: {breaker} is not fed by this unit"
-        if line.position not in MOVES[command]:
-            return False, REFUSED[command, line.position]
-        line.position, line.in_hand = MOVES[command][line.position], True
+        if line.position not in TRANSITIONS[command]:
+            return False, REFUSAL_TEXTS[command, line.position]
+        line.position, line.is_manual = TRANSITIONS[command][line.position], True
         line.settle(self._t)
         return True, line.state(self._t).value
 
@@ -151,8 +151,8 @@ class PowerUnit:
         self._t = max(self._t, t)
 
     def _change(self, at: float) -> None:
-        for name, line in self._lines.items():
-            if not line.in_hand:
+        for name, line in self._circuits.items():
+            if not line.is_manual:
                 tripped = any(_acts(trip, at, name) for trip in self._trips)
                 line.position = BreakerState.TRIPPED if tripped else BreakerState.ON
             line.volts = min((sag.supply_v for sag in self._sags if _acts(sag, at, name)), default=SUPPLY_V)
@@ -160,4 +160,4 @@ class PowerUnit:
 
 
 def _acts(fault: Breaker | BrownOut, t: float, device: str = "") -> bool:
-    return fault.from_s <= t < fault.to_s and fault.may_be_on(device)
+    return fault.from_s <= t < fault.to_s and fault.includes_device(device)

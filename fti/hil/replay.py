@@ -19,16 +19,16 @@ from mcap.reader import make_reader
 
 from fti.config import Config
 from fti.errors import MissingError
-from fti.hil.ahead import SECOND_NS, Ahead, Request
-from fti.hil.playback import FrameStream, Transport
-from fti.hil.ports.endpoints import Endpoint, make_endpoint, opened, until
-from fti.hil.report import Report
+from fti.hil.ports.endpoints import Endpoint, make_endpoint, open_endpoints, run_until
+from fti.hil.prefetch_process import SECOND_NS, PrefetchProcess, PrefetchRequest
+from fti.hil.replay_clock import FrameStream, ReplayClock
+from fti.hil.report import TransmissionReport
 from fti.hil.scheduler import Scheduler
 from fti.logger.reading.recording import Recording
 from fti.types import RawFrame
 
 #: A replay has held its speed when its last frame was late by no more than this, or a thousandth of its length.
-BEHIND_S, BEHIND_SHARE = 0.02, 0.001
+MAX_LATE_S, MAX_LATE_SHARE = 0.02, 0.001
 
 
 class Replay:
@@ -53,13 +53,13 @@ class Replay:
         if speed <= 0.0 or from_s < 0.0 or wait_s < 0.0:
             raise ValueError(f"speed {speed} must be positive, from {from_s} and wait {wait_s} not negative")
         self.ready = asyncio.Event()
-        self.transport = Transport(time.monotonic)
+        self.replay_clock = ReplayClock(time.monotonic)
         self.session_name = config.session.name
         self._recording, self._folder = recording, links_dir
         self._speed, self._from_s, self._wait_s, self._loop, self._only = speed, from_s, wait_s, loop, only
         self._links = [link for link in config.link if not only or link.name in only]
         self._stream: FrameStream | None = None
-        self._scheduler = Scheduler(self.transport.now_s)
+        self._scheduler = Scheduler(self.replay_clock.now_s)
         self._endpoints: dict[str, Endpoint] = {}
         for name in only:
             if name not in [link.name for link in self._links]:
@@ -69,28 +69,30 @@ class Replay:
     @property
     def position_s(self) -> float | None:
         """Where in the recording it is [s after its first frame], counted on through a loop; None before it begins."""
-        return self._from_s + self._stream.lasts_s * self._speed if self._stream else None
+        return self._from_s + self._stream.elapsed_s * self._speed if self._stream else None
 
     @property
-    def report(self) -> Report:
+    def report(self) -> TransmissionReport:
         """What was sent so far and how late, at any time."""
-        by_link = self._stream.by_link if self._stream else {}
-        sent = {name: endpoint.sent for name, endpoint in self._endpoints.items()}
-        return Report(sent, self._scheduler.lateness, by_link, remarks=self._behind())
+        link_lateness = self._stream.link_lateness if self._stream else {}
+        counters = {name: endpoint.counters for name, endpoint in self._endpoints.items()}
+        return TransmissionReport(counters, self._scheduler.lateness, link_lateness, remarks=self._speed_problem())
 
     @property
-    def _request(self) -> Request:
-        return Request(str(self._recording.path), self._from_s, self._only, self._loop)
+    def _request(self) -> PrefetchRequest:
+        return PrefetchRequest(str(self._recording.path), self._from_s, self._only, self._loop)
 
-    async def run(self, stop: asyncio.Event | None = None, progress: Callable[[str], None] = lambda _: None) -> Report:
+    async def run(
+        self, stop: asyncio.Event | None = None, progress: Callable[[str], None] = lambda _: None
+    ) -> TransmissionReport:
         """Open the endpoints, wait for readers, send everything.  progress : told what is waited for."""
         ended = stop or asyncio.Event()
-        ends = {link.name: make_endpoint(link, self._folder, lambda _: [], tell=progress) for link in self._links}
+        ends = {link.name: make_endpoint(link, self._folder, lambda _: [], notify=progress) for link in self._links}
         self._endpoints = ends
-        with Ahead(self._request) as frames:
-            async with opened(ends):
+        with PrefetchProcess(self._request) as frames:
+            async with open_endpoints(ends):
                 self.ready.set()
-                await until(self._play(frames, ended, progress), ended)
+                await run_until(self._play(frames, ended, progress), ended)
         return self.report
 
     async def _play(
@@ -99,27 +101,27 @@ class Replay:
         stop: asyncio.Event,
         progress: Callable[[str], None],
     ) -> None:
-        await _readers(self._endpoints, progress)
+        await _wait_for_readers(self._endpoints, progress)
         await asyncio.sleep(self._wait_s)
-        self._stream = FrameStream(frames, self._endpoints, self.transport, self._speed, progress)
-        self.transport.start()
+        self._stream = FrameStream(frames, self._endpoints, self.replay_clock, self._speed, progress)
+        self.replay_clock.start()
         await self._scheduler.run([self._stream], stop)
         for endpoint in self._endpoints.values():
-            await endpoint.drained()
+            await endpoint.drain()
 
-    def _behind(self) -> list[str]:
+    def _speed_problem(self) -> list[str]:
         """What may not be claimed of the speed."""
         stream = self._stream
-        if stream is None or stream.last_late_s <= max(BEHIND_S, BEHIND_SHARE * stream.lasts_s):
+        if stream is None or stream.last_late_s <= max(MAX_LATE_S, MAX_LATE_SHARE * stream.elapsed_s):
             return []
-        reached = self._speed * stream.lasts_s / (stream.lasts_s + stream.last_late_s)
+        reached = self._speed * stream.elapsed_s / (stream.elapsed_s + stream.last_late_s)
         return [f"speed {self._speed:g} was asked for, {reached:.3g} was reached"]
 
 
-async def _readers(endpoints: Mapping[str, Endpoint], progress: Callable[[str], None]) -> None:
+async def _wait_for_readers(endpoints: Mapping[str, Endpoint], progress: Callable[[str], None]) -> None:
     for name, endpoint in endpoints.items():
         progress(f"waiting for a reader of {name}")
-        await endpoint.reader_ready()
+        await endpoint.wait_for_reader()
 
 
 def length_s(recording: Recording) -> float | None:

@@ -24,14 +24,14 @@ from typing import Any
 
 from fti.bus.client import Publisher
 from fti.bus.frame import SOCKET_NAME
-from fti.bus.message import stamped
+from fti.bus.message import encode_with_age
 from fti.clock import Clock
 from fti.errors import MissingError
 from fti.hil.emulator import Emulator
-from fti.hil.faults import words
-from fti.hil.looping import before_others
+from fti.hil.event_loop import realtime_priority
+from fti.hil.faults import descriptions
 from fti.hil.replay import Replay
-from fti.service.rundir import base, find_daemon
+from fti.service.run_directory import base, find_daemon
 
 TOPIC = "/hil"
 PROCESS = "emulator"
@@ -42,15 +42,15 @@ MAX_AGE_MS = 1500.0
 
 def describe(emulator: Emulator) -> dict[str, Any]:
     """The message, in plain JSON types."""
-    report, t = emulator.brief, emulator.flight_s
-    late = report.not_held
-    faults = list(words.active(emulator.scenario.fault, t or 0.0))
+    report, t = emulator.brief_report, emulator.flight_s
+    late = report.problems
+    faults = list(descriptions.active_faults(emulator.scenario.fault, t or 0.0))
     return {
         "scenario": emulator.scenario.title,
         "flight_s": t,
         "duration_s": emulator.duration_s,
         "devices": _devices(emulator, faults),
-        "links": {name: asdict(sent) for name, sent in report.links.items()},
+        "links": {name: asdict(counters) for name, counters in report.links.items()},
         "faults": faults,
         "supply_v": emulator.power.volts,
         "lateness": asdict(report.lateness),
@@ -67,12 +67,12 @@ def describe_replay(replay: Replay, title: str, length_s: float | None) -> dict[
         "flight_s": replay.position_s,
         "duration_s": replay.position_s if length_s is None else length_s,
         "devices": {},
-        "links": {name: asdict(sent) for name, sent in report.links.items()},
+        "links": {name: asdict(counters) for name, counters in report.links.items()},
         "faults": [],
         "supply_v": None,
         "lateness": asdict(report.lateness),
-        "holds": not report.not_held,
-        "not_held": report.not_held,
+        "holds": not report.problems,
+        "not_held": report.problems,
     }
 
 
@@ -90,7 +90,7 @@ def _devices(emulator: Emulator, faults: list[dict[str, Any]]) -> dict[str, Any]
     }
 
 
-class Teller:
+class StatusPublisher:
     """Publishes in a thread of its own while the block lasts, whenever there is a daemon.
 
     describe : makes the message; clock : its time; name : of the daemon's session
@@ -104,7 +104,7 @@ class Teller:
         self._thread = threading.Thread(target=self._run, name="fti-hil-teller")
         self._publisher: Publisher | None = None
 
-    def __enter__(self) -> Teller:
+    def __enter__(self) -> StatusPublisher:
         self._thread.start()
         return self
 
@@ -116,10 +116,10 @@ class Teller:
 
     def _run(self) -> None:
         """It is as urgent as who sends: while it holds the interpreter and has to wait for a core, so has that one."""
-        with before_others():
+        with realtime_priority():
             while not self._ended.wait(PERIOD_S):
                 if self._join():
-                    self._tell()
+                    self._publish()
             self._leave()
 
     def _join(self) -> bool:
@@ -130,10 +130,10 @@ class Teller:
             self._publisher = Publisher(Path(self._run_dir) / SOCKET_NAME, PROCESS)
         return self._publisher is not None
 
-    def _tell(self) -> None:
+    def _publish(self) -> None:
         assert self._publisher is not None
         t_ns = self._clock.now_ns()
-        self._publisher.publish(TOPIC, stamped(self._describe(), t_ns, self._clock.now_ns(), MAX_AGE_MS))
+        self._publisher.publish(TOPIC, encode_with_age(self._describe(), t_ns, self._clock.now_ns(), MAX_AGE_MS))
 
     def _leave(self) -> None:
         if self._publisher is not None:

@@ -11,10 +11,10 @@ from typing import Protocol
 
 from fti import config
 from fti.clock import Clock
-from fti.links._poll import with_beat, without_beat
-from fti.links.base import LinkStatus, Sink, one_by_one
+from fti.links._beat_scheduler import add_beat_callbacks, remove_beat_callbacks
+from fti.links.base import LinkStatus, Sink, per_frame_sink
 
-__all__ = ["Link", "LinkStatus", "Sink", "one_by_one", "open_link", "with_beat", "without_beat"]
+__all__ = ["Link", "LinkStatus", "Sink", "add_beat_callbacks", "open_link", "per_frame_sink", "remove_beat_callbacks"]
 
 
 class Link(Protocol):
@@ -59,6 +59,6 @@ def open_link(link: config.Link, clock: Clock, sink: Sink, *, on_connect: Sequen
         from fti.links.slcan import SlcanLink  # noqa: PLC0415
 
         return SlcanLink(link, clock, sink, on_connect)
-    from fti.links.can import BusLink  # noqa: PLC0415
+    from fti.links.can import CanBusLink  # noqa: PLC0415
 
-    return BusLink(link, clock, sink, on_connect)
+    return CanBusLink(link, clock, sink, on_connect)

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from itertools import accumulate
 
 from fti.clock import Clock, StampWindow
-from fti.links._batch import COUNT, shared_batch
+from fti.links._recvmmsg import MAX_DATAGRAMS, shared_batch
 from fti.links.base import LinkStatus
 
 # Linux, asm-generic/socket.h
@@ -72,11 +72,11 @@ class Arrival:
         times = batch.stamps(offset)
         believed = oldest <= times[0] - offset and times[-1] - offset <= newest
         if not (believed and self._last_ns <= times[0] and times == sorted(times)):
-            times = self._mended(times, window)
+            times = self._repair_times(times, window)
         self._last_ns = self._since_ns = times[-1]
         return batch.frames(), times
 
-    def _mended(self, times: list[int], window: StampWindow) -> list[int]:
+    def _repair_times(self, times: list[int], window: StampWindow) -> list[int]:
         """In order: two processors may stamp at once, and two windows are as good as two readings of the clocks.
 
         Where a stamp cannot be believed: the time of the next one that can, for it came before.  Behind the last of
@@ -85,7 +85,7 @@ class Arrival:
         oldest, newest = window.oldest_ns + window.offset_ns, window.newest_ns + window.offset_ns
         believed = [time if oldest <= time <= newest else None for time in times]
         self._status.stamp_refused += believed.count(None)
-        next_ns = self._clock.now_ns() if len(times) < COUNT else max(self._last_ns, self._since_ns)
+        next_ns = self._clock.now_ns() if len(times) < MAX_DATAGRAMS else max(self._last_ns, self._since_ns)
         mended = []
         for time in reversed(believed):
             next_ns = next_ns if time is None else time

@@ -15,8 +15,8 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 from fti.clock import SECOND_NS, Clock, next_beat
-from fti.errors import LinkError, SentInPart
-from fti.links._poll import look_soon
+from fti.errors import LinkError, PartialSendError
+from fti.links._beat_scheduler import schedule_early_poll
 from fti.types import LinkState
 
 #: Gets frames that arrived together (each a read, a datagram or a CAN frame) and their FTI times of arrival [ns], at
@@ -25,22 +25,22 @@ Sink = Callable[[Sequence[bytes], Sequence[int]], None]
 
 NOT_OPENED = "not opened yet"
 GOOD = LinkState.GOOD
-FIRST_RETRY_S, LAST_RETRY_S = 0.1, 2.0
+MIN_RETRY_S, MAX_RETRY_S = 0.1, 2.0
 #: How often an open link is looked at; all of them are with the same beat.
-WATCH_S = 0.5
+CHECK_PERIOD_S = 0.5
 #: Of a link that brings more messages than these, the first one after a beat is seldom the altimeter's [Hz].
 MAX_EARLY_HZ = 120.0
 #: A link on which nothing came for so long is silent.
-SILENT_NS = 2 * SECOND_NS
+SILENCE_TIMEOUT_NS = 2 * SECOND_NS
 #: For so long after the kernel dropped frames, the link is not good.
-OVERFLOW_NS = 10 * SECOND_NS
+OVERFLOW_HOLD_NS = 10 * SECOND_NS
 #: States of an open port that brings frames.
 RECEIVING = (GOOD, LinkState.OVERFLOW)
 #: Draining ends when nothing came for so long, and at the latest after DRAIN_S.
 QUIET_S, DRAIN_S = 0.01, 2.0
 
 
-def one_by_one(accept: Callable[[bytes, int], None]) -> Sink:
+def per_frame_sink(accept: Callable[[bytes, int], None]) -> Sink:
     """A sink for whoever looks at each frame for itself."""
 
     def take(frames: Sequence[bytes], times_ns: Sequence[int]) -> None:
@@ -107,7 +107,7 @@ class BaseLink(ABC):
         self._measured = 0, 0  # frames until then, FTI time [ns]
         self._on_connect = tuple(on_connect)
         self._send_lock = asyncio.Lock()
-        self._gone: list[str] = []  # what has gone out of that which is being written, should it be given up
+        self._partial_sends: list[str] = []  # what has gone out of that which is being written, should it be given up
         self._lost: asyncio.Future[LinkError] | None = None  # pending while the port is open
         self._ending = False
 
@@ -137,14 +137,14 @@ class BaseLink(ABC):
 
     async def run(self) -> None:
         """Keep the link up until cancelled; then everything is closed."""
-        delay = FIRST_RETRY_S
+        delay = MIN_RETRY_S
         while True:
             connects = self.status.connects
             try:
                 await self._connection()
             except LinkError as error:
                 self.status.state, self.status.hint = LinkState(error.state), str(error)
-            delay = FIRST_RETRY_S if self.status.connects > connects else min(2 * delay, LAST_RETRY_S)
+            delay = MIN_RETRY_S if self.status.connects > connects else min(2 * delay, MAX_RETRY_S)
             await asyncio.sleep(delay)
 
     async def _connection(self) -> None:
@@ -155,8 +155,8 @@ class BaseLink(ABC):
             self.status.connects += 1
             self.status.state, self.status.hint = LinkState.SILENT, self._silent_hint()
             if self._transmit:
-                await self._greet()
-            await self._watch(self._lost)
+                await self._send_on_connect()
+            await self._run_checks(self._lost)
         except OSError as error:
             raise LinkError(f"link {self.name}: {error.strerror or error}") from None
         finally:
@@ -164,37 +164,37 @@ class BaseLink(ABC):
             self._lost = None
             self._close()
 
-    async def _greet(self) -> None:
+    async def _send_on_connect(self) -> None:
         """Tell the device what it must hear.  What cannot be sent now is no reason not to listen."""
         for data in self._on_connect:
             with contextlib.suppress(LinkError):
                 await self.send(data)
 
-    async def _watch(self, lost: asyncio.Future[LinkError]) -> None:
+    async def _run_checks(self, lost: asyncio.Future[LinkError]) -> None:
         """Until the link is lost, look at it now and then."""
-        self._look_later(lost)
+        self._schedule_check(lost)
         await asyncio.wait([lost])
         raise lost.result()
 
-    def _look_later(self, lost: asyncio.Future[LinkError]) -> None:
+    def _schedule_check(self, lost: asyncio.Future[LinkError]) -> None:
         loop = asyncio.get_running_loop()
-        loop.call_at(next_beat(loop.time(), WATCH_S), self._look, lost)
+        loop.call_at(next_beat(loop.time(), CHECK_PERIOD_S), self._run_check, lost)
 
-    def _look(self, lost: asyncio.Future[LinkError]) -> None:
+    def _run_check(self, lost: asyncio.Future[LinkError]) -> None:
         if not lost.done():
-            self._look_later(lost)
+            self._schedule_check(lost)
             try:
-                self._judge()
+                self._check()
             except (LinkError, OSError) as error:
-                self._lose(error)
+                self._handle_loss(error)
 
-    def _judge(self) -> None:
-        """Every ``WATCH_S`` while open.  Raises LinkError when the port is no longer the right one."""
+    def _check(self) -> None:
+        """Every ``CHECK_PERIOD_S`` while open.  Raises LinkError when the port is no longer the right one."""
         status, now = self.status, self._clock.now_ns()
         self._measure_rate(now)
-        if status.last_rx_ns is None or now - status.last_rx_ns >= SILENT_NS:
+        if status.last_rx_ns is None or now - status.last_rx_ns >= SILENCE_TIMEOUT_NS:
             status.state, status.hint = LinkState.SILENT, self._silent_hint()
-        elif status.dropped_ns is not None and now - status.dropped_ns < OVERFLOW_NS:
+        elif status.dropped_ns is not None and now - status.dropped_ns < OVERFLOW_HOLD_NS:
             lost = f"the kernel has dropped {status.socket_dropped} frames"
             status.state, status.hint = LinkState.OVERFLOW, f"{lost}: its queue was full before the recorder read it"
         else:
@@ -217,10 +217,10 @@ class BaseLink(ABC):
         try:
             return self._read()
         except (LinkError, OSError) as error:
-            self._lose(error)
+            self._handle_loss(error)
             return False
 
-    def _lose(self, error: LinkError | OSError) -> None:
+    def _handle_loss(self, error: LinkError | OSError) -> None:
         """The port has said that it is lost."""
         if isinstance(error, OSError):
             error = LinkError(f"link {self.name}: {error.strerror or error}")
@@ -236,7 +236,7 @@ class BaseLink(ABC):
             status.state, status.hint = GOOD, ""
         self._sink(frames, times_ns)
         if self._is_early():
-            look_soon(self)
+            schedule_early_poll(self)
 
     def _is_early(self) -> bool:
         """May what it receives be handed on before the beat?"""
@@ -267,12 +267,12 @@ class BaseLink(ABC):
         try:
             async with asyncio.timeout(timeout_s), self._send_lock:
                 self._require_connection()
-                self._gone = gone
+                self._partial_sends = gone
                 await self._write(data)
         except (OSError, LinkError) as error:
             text = self._describe_failure(error, len(data), timeout_s)
-            raise (SentInPart if gone else LinkError)("; ".join([text, *gone])) from None
-        self._note_sent(data)
+            raise (PartialSendError if gone else LinkError)("; ".join([text, *gone])) from None
+        self._count_sent(data)
         return len(data)
 
     def _describe_failure(self, error: OSError | LinkError, size: int, timeout_s: float) -> str:
@@ -296,7 +296,7 @@ class BaseLink(ABC):
         """What may keep this kind of link from sending in time, for the person who waits."""
         return ""
 
-    def _note_sent(self, data: bytes) -> None:
+    def _count_sent(self, data: bytes) -> None:
         """Count what was sent, and hand it on."""
         self.status.tx_frames += 1
         self.status.tx_bytes += len(data)
@@ -310,7 +310,7 @@ class BaseLink(ABC):
         assert lost
         ready: asyncio.Future[Any] = loop.create_future()
         waited: list[asyncio.Future[Any]] = [ready, lost]
-        loop.add_writer(fd, _done, ready)
+        loop.add_writer(fd, _complete, ready)
         try:
             await asyncio.wait(waited, return_when=asyncio.FIRST_COMPLETED)
         finally:
@@ -320,7 +320,7 @@ class BaseLink(ABC):
             raise lost.result()
 
 
-def _done(future: asyncio.Future[Any]) -> None:
+def _complete(future: asyncio.Future[Any]) -> None:
     """A writer's callback may come more than once before it is removed."""
     if not future.done():
         future.set_result(None)

@@ -29,10 +29,10 @@ from fti import canframe
 from fti.clock import Clock
 from fti.config import CanLink
 from fti.errors import ConfigError, LinkError, PortAbsent, PortBusy, PortDenied
-from fti.links._batch import COUNT
-from fti.links._poll import forget, watch
+from fti.links._beat_scheduler import unwatch, watch
+from fti.links._recvmmsg import MAX_DATAGRAMS
 from fti.links._socket import Arrival, enlarge, prepare
-from fti.links._thread import ThreadReader
+from fti.links._thread_reader import ThreadReader
 from fti.links.base import BaseLink, Sink
 from fti.links.can_errors import ControllerWatch, count_error, is_error
 from fti.links.ports import can_interfaces
@@ -42,7 +42,7 @@ RETRY_S = 0.002  # CAN has no writable event for a full transmit queue (ENOBUFS)
 MAX_ERRORS = 100  # one after the other, without a frame: then the bus is opened again
 MAX_ECHOES = 64
 SEND_S = 1.0  # so long a driver of python-can may try
-LAST_BATCHES = 1000  # from an interface that is gone
+MAX_FINAL_BATCHES = 1000  # from an interface that is gone
 #: In the errors of the link: frames that the library or its driver could not read.
 UNREADABLE = "can_unreadable"
 #: Interfaces whose bit rate is not set by the program.
@@ -78,7 +78,7 @@ def unpack_message(frame: bytes) -> can.Message:
     )
 
 
-class BusLink(BaseLink):
+class CanBusLink(BaseLink):
     """One CAN bus."""
 
     def __init__(self, config: CanLink, clock: Clock, sink: Sink, on_connect: Sequence[bytes] = ()) -> None:
@@ -131,7 +131,7 @@ class BusLink(BaseLink):
             opening.add_done_callback(_shut_down)
             raise
         except (can.CanError, OSError, ValueError, TypeError, ImportError) as error:
-            raise self._explained(error) from None
+            raise self._open_error(error) from None
 
     def _arguments(self) -> dict[str, Any]:
         config = self._config
@@ -139,7 +139,7 @@ class BusLink(BaseLink):
         fixed = {"hop_limit": 0} if config.interface == "udp_multicast" else {}  # never leaves this machine
         return {**rate, **({"fd": True} if config.fd else {}), **config.settings, **fixed}
 
-    def _explained(self, error: Exception) -> LinkError:
+    def _open_error(self, error: Exception) -> LinkError:
         config, number = self._config, getattr(error, "errno", None)
         place = f"{config.interface} {config.channel}"
         if number in (errno.EACCES, errno.EPERM):
@@ -156,7 +156,7 @@ class BusLink(BaseLink):
     def _close(self) -> None:
         if self._fd >= 0:
             loop = asyncio.get_running_loop()
-            forget(self._fd)
+            unwatch(self._fd)
             loop.remove_reader(self._fd)
             loop.remove_writer(self._fd)
         if self._reader:
@@ -176,7 +176,7 @@ class BusLink(BaseLink):
     def _read(self) -> bool:
         if self._socket:
             return self._read_socket()
-        for _ in range(COUNT):
+        for _ in range(MAX_DATAGRAMS):
             try:
                 message = self._bus.recv(timeout=0) if self._bus else None
             except Exception as error:  # noqa: BLE001  a vendor's driver may raise anything, and must be read on
@@ -199,7 +199,7 @@ class BusLink(BaseLink):
     def _read_last(self) -> None:
         """The kernel tells an error before what came earlier, and keeps that."""
         with contextlib.suppress(OSError):
-            for _ in range(LAST_BATCHES):
+            for _ in range(MAX_FINAL_BATCHES):
                 if not self._read_batch():
                     break
 
@@ -213,7 +213,7 @@ class BusLink(BaseLink):
             frames, times = list(compress(frames, heard)), list(compress(times, heard))
         if frames:
             self._receive(frames, times)
-        return count == COUNT
+        return count == MAX_DATAGRAMS
 
     def _on_message(self, message: can.Message, t_rx_ns: int) -> None:
         self._errors = 0
@@ -252,10 +252,10 @@ class BusLink(BaseLink):
             count_error(self.status.errors, frame)
         super()._receive(frames, times_ns)
 
-    def _judge(self) -> None:
+    def _check(self) -> None:
         if self._queue:
             self._arrival.ask_drops(self._queue)
-        super()._judge()
+        super()._check()
         if self._socket:
             self._controller.look(self._clock.now_ns())
         state = next((p.state for p in can_interfaces() if p.name == self._config.channel), "")
@@ -307,12 +307,12 @@ class BusLink(BaseLink):
         """It was given up, and the driver goes on trying: what it does then is said and recorded all the same."""
         await asyncio.wait([sending], timeout=2 * SEND_S)
         if not sending.done():
-            self._gone.append("the driver of the bus still has it")
+            self._partial_sends.append("the driver of the bus still has it")
         elif sending.exception():
             self._forget_echo(data)
         else:
-            self._gone.append("the driver of the bus has sent it after that")
-            self._note_sent(data)
+            self._partial_sends.append("the driver of the bus has sent it after that")
+            self._count_sent(data)
 
     def _forget_echo(self, data: bytes) -> None:
         with contextlib.suppress(ValueError):  # heard all the same, or no bus that hears itself

@@ -26,7 +26,7 @@ ECHO_S = 0.5
 GARBLED, MISSING = "echo_garbled", "echo_missing"
 
 #: Bytes and the time of their arrival [ns].
-Read = tuple[bytes, int]
+TimedBytes = tuple[bytes, int]
 
 
 def character_s(config: SerialConfig) -> float:
@@ -41,7 +41,7 @@ def quiet_s(config: SerialConfig) -> float:
     return QUIET_CHARACTERS * character_s(config) + ADAPTER_S
 
 
-class Turn:
+class LineTurn:
     """When may we talk?  now_s, sizes [B] and all times [s]: those of the loop."""
 
     def __init__(self, quiet_s: float, answer_s: float, character_s: float) -> None:
@@ -50,29 +50,29 @@ class Turn:
         self._answer_until_s = float("-inf")
         self._changed = asyncio.Event()
 
-    def asked(self, size: int, now_s: float) -> None:
+    def mark_sent(self, size: int, now_s: float) -> None:
         """We have begun to send."""
         self._busy_until_s = max(now_s, self._busy_until_s) + size * self._character_s
         self._answer_until_s = self._busy_until_s + self._answer_s
 
-    def heard(self, now_s: float) -> None:
+    def mark_received(self, now_s: float) -> None:
         """Somebody else talks: to us, when we have asked."""
         self._busy_until_s = max(now_s, self._busy_until_s)
         self._answer_until_s = float("-inf")
         self._changed.set()
 
-    def talking_s(self, now_s: float) -> float:
+    def transmit_time_left_s(self, now_s: float) -> float:
         """How long what we send is on the line yet."""
         return max(0.0, self._busy_until_s - now_s)
 
-    def left_s(self, now_s: float) -> float:
+    def wait_time_s(self, now_s: float) -> float:
         """How long we must be silent yet, as it looks now; 0 or less: not any more."""
         return max(self._busy_until_s + self._quiet_s, self._answer_until_s) - now_s
 
-    async def comes(self) -> None:
+    async def wait_for_turn(self) -> None:
         """Wait for it."""
         now = asyncio.get_running_loop().time
-        while (left := self.left_s(now())) > 0:
+        while (left := self.wait_time_s(now())) > 0:
             self._changed.clear()
             with contextlib.suppress(TimeoutError):
                 async with asyncio.timeout(left):
@@ -96,7 +96,7 @@ class Echo:
         """This was sent; its echo comes until then."""
         self._expected.append((data, until_s))
 
-    def take(self, data: bytes, t_rx_ns: int) -> list[Read]:
+    def take(self, data: bytes, t_rx_ns: int) -> list[TimedBytes]:
         """What of a read is not ours."""
         at = 0
         while self._expected and at < len(data):
@@ -114,14 +114,14 @@ class Echo:
                 self._expected.popleft()
         return [(data[at:], t_rx_ns)] if at < len(data) else []
 
-    def expire(self, now_s: float) -> list[Read]:
+    def expire(self, now_s: float) -> list[TimedBytes]:
         """What was taken for the beginning of an echo that does not come any more."""
         if not self._expected or now_s < self._expected[0][1]:
             return []
         self.missing += 1
         return self._give_up()
 
-    def _give_up(self) -> list[Read]:
+    def _give_up(self) -> list[TimedBytes]:
         held, self._held = bytes(self._held), bytearray()
         self._expected.clear()
         return [(held, self._held_ns)] if held else []
@@ -133,26 +133,26 @@ class HalfDuplexLink(SerialPortLink):
     def __init__(self, config: SerialConfig, clock: Clock, sink: Sink, on_connect: Sequence[bytes] = ()) -> None:
         super().__init__(config, clock, sink, on_connect)
         self._character_s, self._quiet_s = character_s(config), quiet_s(config)
-        self._turn = Turn(self._quiet_s, config.answer_ms / 1000, self._character_s)
+        self._line_turn = LineTurn(self._quiet_s, config.answer_ms / 1000, self._character_s)
         self._echo = Echo() if config.echo else None
         if self._echo:
             self.status.errors |= {GARBLED: 0, MISSING: 0}
 
     async def _open(self) -> None:
         await super()._open()
-        self._turn.heard(asyncio.get_running_loop().time())  # somebody may be talking
+        self._line_turn.mark_received(asyncio.get_running_loop().time())  # somebody may be talking
 
     async def _write(self, data: bytes) -> None:
         if self._config.half_duplex:
-            await self._turn.comes()
+            await self._line_turn.wait_for_turn()
             self._require_connection()
         await super()._write(data)
 
     def _on_written(self, data: bytes) -> None:
         now = asyncio.get_running_loop().time()
-        self._turn.asked(len(data), now)
+        self._line_turn.mark_sent(len(data), now)
         if self._echo:
-            self._echo.expect(data, now + self._turn.talking_s(now) + ECHO_S)
+            self._echo.expect(data, now + self._line_turn.transmit_time_left_s(now) + ECHO_S)
 
     def _deliver(self, data: bytes, t_rx_ns: int) -> None:
         if self._echo is None:
@@ -161,18 +161,18 @@ class HalfDuplexLink(SerialPortLink):
             self._hear([*self._echo.expire(asyncio.get_running_loop().time()), *self._echo.take(data, t_rx_ns)])
             self._count(self._echo)
 
-    def _hear(self, reads: Sequence[Read]) -> None:
+    def _hear(self, reads: Sequence[TimedBytes]) -> None:
         if reads:
-            self._turn.heard(asyncio.get_running_loop().time())
+            self._line_turn.mark_received(asyncio.get_running_loop().time())
             self._receive([data for data, _ in reads], [t_rx_ns for _, t_rx_ns in reads])
 
     def _count(self, echo: Echo) -> None:
         self.status.echo_bytes = echo.size
         self.status.errors |= {GARBLED: echo.garbled, MISSING: echo.missing}
 
-    def _judge(self) -> None:
+    def _check(self) -> None:
         self._expire(asyncio.get_running_loop().time())
-        super()._judge()
+        super()._check()
 
     def _close(self) -> None:
         self._expire(float("inf"))

@@ -24,7 +24,7 @@ SIOCGIFADDR = 0x8915
 
 
 @dataclass(frozen=True, slots=True)
-class Port:
+class PortInfo:
     """name : as the configuration wants it; kind : serial, can or udp; state : free, busy, denied, up, down."""
 
     name: str
@@ -38,7 +38,7 @@ def serial_names() -> list[str]:
     return sorted(str(port.device) for port in list_ports.comports())
 
 
-def serial_ports(folder: Path | None = None) -> list[Port]:
+def serial_ports(folder: Path | None = None) -> list[PortInfo]:
     """The serial ports, their stable names, and the ports that an emulator has put into a folder."""
     opened = _opened_devices()
     described = {str(p.device): str(p.description or "") for p in list_ports.comports()}
@@ -50,10 +50,10 @@ def serial_ports(folder: Path | None = None) -> list[Port]:
     return found
 
 
-def _serial_port(path: Path, opened: set[int], detail: str) -> Port:
+def _serial_port(path: Path, opened: set[int], detail: str) -> PortInfo:
     if not os.access(path, os.R_OK | os.W_OK):
-        return Port(str(path), "serial", "denied", f"{detail}; group {group_of(path)}")
-    return Port(str(path), "serial", "busy" if path.stat().st_rdev in opened else "free", detail)
+        return PortInfo(str(path), "serial", "denied", f"{detail}; group {group_of(path)}")
+    return PortInfo(str(path), "serial", "busy" if path.stat().st_rdev in opened else "free", detail)
 
 
 def group_of(path: Path) -> str:
@@ -76,10 +76,10 @@ def _opened_devices() -> set[int]:
     return found
 
 
-def can_interfaces() -> list[Port]:
+def can_interfaces() -> list[PortInfo]:
     """The CAN interfaces that the kernel knows."""
     return [
-        Port(net.name, "can", "up" if _flags(net) & IFF_UP else "down", _driver(net))
+        PortInfo(net.name, "can", "up" if _flags(net) & IFF_UP else "down", _driver(net))
         for net in sorted(NET.iterdir())
         if _text(net / "type") == CAN_TYPE
     ]
@@ -101,7 +101,7 @@ def _text(file: Path) -> str:
         return ""
 
 
-def ipv4_addresses() -> list[Port]:
+def ipv4_addresses() -> list[PortInfo]:
     """The first IPv4 address of every network interface that has one."""
     found = []
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
@@ -112,5 +112,5 @@ def ipv4_addresses() -> list[Port]:
             except OSError:
                 continue  # an interface without an address
             state = "up" if _flags(NET / name) & IFF_UP else "down"
-            found.append(Port(socket.inet_ntoa(answer[20:24]), "udp", state, name))
+            found.append(PortInfo(socket.inet_ntoa(answer[20:24]), "udp", state, name))
     return found

@@ -25,10 +25,10 @@ from fti.config import SerialLink as SerialConfig
 from fti.errors import LinkError, PortAbsent, PortBusy, PortDenied
 from fti.links.base import BaseLink, Sink
 from fti.links.ports import group_of, serial_names
-from fti.links.uart import LineWatch
+from fti.links.uart_errors import LineWatch
 
 READ_BYTES = 65536
-LAST_READS = 1000  # from a device that is about to be left
+MAX_FINAL_READS = 1000  # from a device that is about to be left
 PTY_MAJORS = range(136, 144)
 PARITIES = {"none": "N", "even": "E", "odd": "O", "mark": "M", "space": "S"}
 DENIED = (errno.EACCES, errno.EPERM)
@@ -73,7 +73,7 @@ def open_port(config: SerialConfig) -> _Port:
     try:
         port.open()
     except (OSError, ValueError, termios.error) as error:  # pyserial's exception is an OSError
-        raise _explained(config, error) from None
+        raise _open_error(config, error) from None
     return port
 
 
@@ -86,7 +86,7 @@ def is_pty(port: str) -> bool:
     return stat.S_ISCHR(status.st_mode) and os.major(status.st_rdev) in PTY_MAJORS
 
 
-def _explained(config: SerialConfig, error: Exception) -> LinkError:
+def _open_error(config: SerialConfig, error: Exception) -> LinkError:
     """Why the port cannot be opened, in words that help."""
     port, number = config.port, getattr(error, "errno", None)
     if number in DENIED:
@@ -164,25 +164,25 @@ class SerialPortLink(BaseLink):
                     sent += size
         finally:
             if 0 < sent < len(data):
-                self._gone.append(f"its first {sent} bytes are sent")
-                self._on_torn(data[:sent])
+                self._partial_sends.append(f"its first {sent} bytes are sent")
+                self._on_partial_write(data[:sent])
 
     def _on_written(self, data: bytes) -> None:
         """The kernel has taken these bytes."""
 
-    def _on_torn(self, data: bytes) -> None:
+    def _on_partial_write(self, data: bytes) -> None:
         """Sending was given up halfway: what is on the line already stands in the file, too."""
-        self._note_sent(data)
+        self._count_sent(data)
 
-    def _judge(self) -> None:
-        super()._judge()
+    def _check(self) -> None:
+        super()._check()
         self._errors.look(self._fd, self._clock.now_ns())
         try:
             device = Path(self._config.port).stat().st_rdev
         except OSError:
             return  # the name is gone; the device itself still answers, or reading says that it does not
         if device != self._device:
-            for _ in range(LAST_READS):
+            for _ in range(MAX_FINAL_READS):
                 if not self._read():
                     break
             raise PortAbsent(f"{self._config.port}: leads to another device now")

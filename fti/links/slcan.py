@@ -45,7 +45,7 @@ BITRATES = {
     1_000_000: b"S8",
 }
 #: The longest line: letter, 8 digits, length code, 64 bytes of data, time.
-LONGEST = 1 + 8 + 1 + 128 + 4
+MAX_LINE_BYTES = 1 + 8 + 1 + 128 + 4
 DEFAULT_BAUD = 115200
 OPEN_S = 1.0
 ANSWER = re.compile(rb"[zZ]?|V[0-9A-Fa-f]{4}|v[0-9A-Za-z]*|N[0-9A-Za-z]{4}|F[0-9A-Fa-f]{2}")
@@ -154,7 +154,7 @@ class Lawicel:
             self._end_line()
         self._hold(rest, t_rx_ns)
 
-    def give_up(self) -> None:
+    def discard_line(self) -> None:
         """The line that is held will not be ended: it is noise."""
         self.noise += len(self._line)
         self._line.clear()
@@ -164,7 +164,7 @@ class Lawicel:
         if text or not self._reads:
             self._reads.append((len(self._line), t_rx_ns))
             self._line += text
-        if (surplus := len(self._line) - LONGEST) > 0:
+        if (surplus := len(self._line) - MAX_LINE_BYTES) > 0:
             self.noise += surplus
             del self._line[:surplus]
             self._reads = [(max(at - surplus, 0), t) for at, t in self._reads]
@@ -223,19 +223,19 @@ class SlcanLink(SerialPortLink):
         self._rest = self._owed = b""
         self._noise_before = self.status.noise_bytes
         self._parser = Lawicel(self._receive_frame, self._controller)
-        self._begin_to_watch()
+        self._start_watching()
         try:
             async with asyncio.timeout(OPEN_S):
                 await super()._write(self._commands)
         except TimeoutError:
             raise LinkError(f"{self._config.port}: the adapter takes no command") from None
 
-    def _begin_to_watch(self) -> None:
+    def _start_watching(self) -> None:
         self._controller.begin(self._clock.now_ns(), self._commands.count(b"\r") - 1)
 
     def _close(self) -> None:
         super()._close()
-        self._parser.give_up()
+        self._parser.discard_line()
         self._count_noise()
 
     def _deliver(self, data: bytes, t_rx_ns: int) -> None:
@@ -250,7 +250,7 @@ class SlcanLink(SerialPortLink):
 
     # ------------------------------------------------------------------------------------------------------- writing
 
-    def _on_torn(self, data: bytes) -> None:
+    def _on_partial_write(self, data: bytes) -> None:
         """Half a line of the adapter's protocol is no frame."""
 
     async def _write(self, data: bytes) -> None:
@@ -262,7 +262,7 @@ class SlcanLink(SerialPortLink):
                 await self._writable(self._fd)
         except BaseException:
             self._owed = data
-            self._gone.append("its line is begun, and will be ended when the adapter takes more")
+            self._partial_sends.append("its line is begun, and will be ended when the adapter takes more")
             raise
 
     def _begin_line(self, line: bytes) -> bool:
@@ -281,7 +281,7 @@ class SlcanLink(SerialPortLink):
     def _end_line(self) -> bool:
         self._rest = self._without_written(self._rest)
         if self._owed and not self._rest:
-            self._note_sent(self._owed)
+            self._count_sent(self._owed)
             self._owed = b""
         return not self._rest
 
@@ -291,18 +291,18 @@ class SlcanLink(SerialPortLink):
         except BlockingIOError:
             return text
 
-    def _judge(self) -> None:
-        super()._judge()
+    def _check(self) -> None:
+        super()._check()
         if self._controller.is_due(self._clock.now_ns()) and not self._send_lock.locked():
             self._ask()
 
     def _ask(self) -> None:
         """Ask for the status; an adapter that has closed its channel (it was without power) is opened again."""
-        if not self._controller.has_closed:
+        if not self._controller.is_channel_closed:
             if self._begin_line(ASK):
-                self._controller.asked()
+                self._controller.mark_requested()
         elif self._begin_line(self._commands):
-            self._begin_to_watch()
+            self._start_watching()
             self.status.errors[CLOSED] = self.status.errors.get(CLOSED, 0) + 1
 
     def _silent_hint(self) -> str:

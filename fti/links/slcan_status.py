@@ -33,9 +33,9 @@ UNUSED = 0x10
 BUS_TROUBLE = 0x04 | 0x20 | 0x80
 PERIOD_NS = SECOND_NS
 #: An adapter that never answered is asked so often; one that did has closed its channel when it refuses so often.
-PATIENCE = 3
+MAX_UNANSWERED = 3
 STATUS = re.compile(rb"F[0-9A-Fa-f]{2}")
-BARE = re.compile(rb"[0-9A-Fa-f]{2}")
+BARE_STATUS = re.compile(rb"[0-9A-Fa-f]{2}")
 
 
 class StatusWatch:
@@ -66,7 +66,7 @@ class StatusWatch:
         self._forget()
         self._others = commands
         self._due_ns = now_ns + PERIOD_NS
-        self.asked()
+        self.mark_requested()
 
     def is_due(self, now_ns: int) -> bool:
         """Is it time to ask, and worth it?  Once a second, as this is asked."""
@@ -76,9 +76,9 @@ class StatusWatch:
         self._unanswered += self._waiting
         self._waiting = False
         self._others = 0
-        return not self._foreign and (self.known or self._unanswered < PATIENCE)
+        return not self._foreign and (self.known or self._unanswered < MAX_UNANSWERED)
 
-    def asked(self) -> None:
+    def mark_requested(self) -> None:
         """``ASK`` was written."""
         self._waiting = True
         self._owed += 1
@@ -86,7 +86,7 @@ class StatusWatch:
     def take(self, line: bytes) -> bool:
         """Is this line, without its CR, an answer to ours?  Then it is counted."""
         self._others -= not line and self._others > 0
-        if not self._owed or not (STATUS.fullmatch(line) or BARE.fullmatch(line)):
+        if not self._owed or not (STATUS.fullmatch(line) or BARE_STATUS.fullmatch(line)):
             return False
         self._owed -= 1
         flags = int(line[-2:], 16)
@@ -107,9 +107,9 @@ class StatusWatch:
         return True
 
     @property
-    def has_closed(self) -> bool:
+    def is_channel_closed(self) -> bool:
         """The adapter has answered, and refuses now: its channel is no longer open."""
-        return self.known and self._refused >= PATIENCE
+        return self.known and self._refused >= MAX_UNANSWERED
 
     def _count(self, flags: int) -> None:
         self.flags, self.known, self._waiting = flags, True, False

@@ -18,8 +18,8 @@ from itertools import compress
 from fti.clock import Clock
 from fti.config import UdpLink as UdpConfig
 from fti.errors import ConfigError, LinkError, PortAbsent, PortBusy, PortDenied
-from fti.links._batch import COUNT
-from fti.links._poll import forget, watch
+from fti.links._beat_scheduler import unwatch, watch
+from fti.links._recvmmsg import MAX_DATAGRAMS
 from fti.links._socket import Arrival, prepare
 from fti.links.base import BaseLink, Sink
 from fti.links.ports import ipv4_addresses
@@ -52,8 +52,8 @@ class UdpLink(BaseLink):
         self._family = socket.AF_INET6 if ":" in self._bind[0] else socket.AF_INET
         self._source = _address(config.source, config.name, "source") if config.source else None
         self._source_host = ipaddress.ip_address(self._source).packed if self._source else b""
-        self._heard: bytes | None = None  # who was heard last, in the kernel's form; kept when answers go there
-        self._keep_heard = config.transmit and self._peer is None
+        self._last_sender: bytes | None = None  # who was heard last, in the kernel's form; kept when answers go there
+        self._keep_last_sender = config.transmit and self._peer is None
         self._group = _group(config.group, config.name) if config.group else None
         self._socket: socket.socket | None = None
         self._fd = -1
@@ -81,7 +81,7 @@ class UdpLink(BaseLink):
             else:
                 sock.bind((host, port))
         except OSError as error:
-            raise self._explained(error) from None
+            raise self._open_error(error) from None
         watch(self._fd, self._on_readable, is_early=self._is_early if self.urgent else None)
 
     def _join(self, sock: socket.socket, group: str) -> None:
@@ -90,7 +90,7 @@ class UdpLink(BaseLink):
         sock.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, socket.inet_aton(group) + interface)
         sock.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, interface)
 
-    def _explained(self, error: OSError) -> LinkError:
+    def _open_error(self, error: OSError) -> LinkError:
         host, port = self._bind
         if error.errno == errno.EADDRINUSE:
             return PortBusy(f"{host}:{port}: in use by another program")
@@ -104,7 +104,7 @@ class UdpLink(BaseLink):
     def _close(self) -> None:
         if self._socket is None:
             return
-        forget(self._fd)
+        unwatch(self._fd)
         asyncio.get_running_loop().remove_writer(self._fd)
         self._arrival.ask_drops(self._socket)
         self._socket.close()
@@ -115,18 +115,18 @@ class UdpLink(BaseLink):
         count = len(frames)
         if frames and self._source:
             frames, times = self._of_source(frames, times)
-        elif frames and self._keep_heard:
-            self._heard = self._arrival.batch.senders()[-1]
+        elif frames and self._keep_last_sender:
+            self._last_sender = self._arrival.batch.senders()[-1]
         if frames:
             self._receive(frames, times)
-        return count == COUNT
+        return count == MAX_DATAGRAMS
 
     def _of_source(self, frames: Sequence[bytes], times: Sequence[int]) -> tuple[Sequence[bytes], Sequence[int]]:
         """What the configured source has sent; the rest is counted."""
         host, senders = HOSTS[self._family], self._arrival.batch.senders()
         own = [sender[host] == self._source_host for sender in senders]
         if any(own):
-            *_, self._heard = compress(senders, own)
+            *_, self._last_sender = compress(senders, own)
         if all(own):
             return frames, times
         self.status.refused += own.count(False)
@@ -134,7 +134,7 @@ class UdpLink(BaseLink):
         return list(compress(frames, own)), list(compress(times, own))
 
     async def _write(self, data: bytes) -> None:
-        peer = self._peer or (self._heard and _endpoint_of(self._family, self._heard))
+        peer = self._peer or (self._last_sender and _endpoint_of(self._family, self._last_sender))
         if peer is None:
             raise LinkError(f"link {self.name}: nobody to send to; no peer is configured and none was heard")
         while self._socket:
@@ -144,10 +144,10 @@ class UdpLink(BaseLink):
             except BlockingIOError:
                 await self._writable(self._socket.fileno())
 
-    def _judge(self) -> None:
+    def _check(self) -> None:
         if self._socket:
             self._arrival.ask_drops(self._socket)
-        super()._judge()
+        super()._check()
 
     def _silent_hint(self) -> str:
         place = f"{self._group or self._bind[0]}:{self._bind[1]}"

@@ -62,7 +62,7 @@ def read_slots(body: bytes) -> tuple[list[Checkpoint], int]:
     return found, damaged
 
 
-class Segment(NamedTuple):
+class ChunkSegment(NamedTuple):
     """Records from ``begin`` to ``end`` of a chunk [B].  The CRC-32 up to begin is ``crc``; up to end, ``end_crc``."""
 
     begin: int
@@ -72,7 +72,7 @@ class Segment(NamedTuple):
     proved: bool
 
 
-def segments(data: bytes, checkpoints: Sequence[Checkpoint]) -> list[Segment]:
+def segments(data: bytes, checkpoints: Sequence[Checkpoint]) -> list[ChunkSegment]:
     """What each checkpoint proves of the records of a chunk.
 
     data : the records as they are found, which may end before a checkpoint; checkpoints : rising in size
@@ -82,6 +82,6 @@ def segments(data: bytes, checkpoints: Sequence[Checkpoint]) -> list[Segment]:
         piece = view[last.size : checkpoint.size]
         whole = len(piece) == checkpoint.size - last.size
         proved = whole and zlib.crc32(piece, last.crc) == checkpoint.crc
-        found.append(Segment(last.size, checkpoint.size, last.crc, checkpoint.crc, proved))
+        found.append(ChunkSegment(last.size, checkpoint.size, last.crc, checkpoint.crc, proved))
         last = checkpoint
     return found

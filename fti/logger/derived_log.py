@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from fti.logger import foxglove, schemas
-from fti.logger.blueprint import Attachment, Blueprint, Metadata
 from fti.logger.encoding import encode
+from fti.logger.log_layout import Attachment, LogLayout, Metadata
 from fti.logger.schemas import EVENT_TOPIC, Schema
 from fti.logger.session import SessionFolder
 from fti.logger.split_log import Log, SplitLog
@@ -39,15 +39,15 @@ LOCATION_TOPIC = "/nav/location"
 PENDING_LIMIT = 2**20
 
 
-def _part_of(kind: Any) -> Callable[[Any], object]:
+def _make_stream_key(kind: Any) -> Callable[[Any], object]:
     """What tells streams of this class on one topic apart, decimated one by one: whose it is, what a message lacks.
 
     Roll, pitch and heading of an ARINC 429 line come as three streams of Attitude.
     """
     names = [field.name for field in dataclasses.fields(kind) if field.default is None]
-    whose = WHOSE.get(kind)
-    if whose:
-        return lambda m: (getattr(m, whose), *[getattr(m, name) is None for name in names])
+    stream_field = STREAM_FIELD.get(kind)
+    if stream_field:
+        return lambda m: (getattr(m, stream_field), *[getattr(m, name) is None for name in names])
     if len(names) > 1:
         values, nones = operator.attrgetter(*names), (None,) * len(names)
         return lambda m: tuple(map(operator.is_, values(m), nones))
@@ -55,10 +55,10 @@ def _part_of(kind: Any) -> Callable[[Any], object]:
 
 
 #: What of its device a measurement is of.
-WHOSE = {SurfaceDeflection: "surface", Reading: "name", DmeRange: "station"}
+STREAM_FIELD = {SurfaceDeflection: "surface", Reading: "name", DmeRange: "station"}
 #: Of these every one is kept.
-KEPT = (Ack, Calibration)
-PART_OF = {kind: _part_of(kind) for kind in typing.get_args(Measurement) if kind not in KEPT}
+UNDECIMATED = (Ack, Calibration)
+STREAM_KEY = {kind: _make_stream_key(kind) for kind in typing.get_args(Measurement) if kind not in UNDECIMATED}
 
 
 @cache
@@ -83,7 +83,7 @@ class Decimator:
         self._early_ns = self._period_ns // 2
         self._due: dict[object, int] = {}
 
-    def wants(self, stream: object, t_ns: int) -> bool:
+    def is_due(self, stream: object, t_ns: int) -> bool:
         """Is this one to be kept?"""
         due = self._due.get(stream, t_ns)
         if t_ns < due - self._early_ns:
@@ -112,7 +112,7 @@ class DerivedLog(Log):
         super().__init__(
             SplitLog(
                 folder,
-                Blueprint(
+                LogLayout(
                     "derived",
                     split_s=split_s,
                     split_mb=split_mb,
@@ -128,16 +128,18 @@ class DerivedLog(Log):
 
     def measurement(self, device: str, measurement: Measurement) -> None:
         """A measurement on ``/<device>/<class>``: log time is its arrival, publish time when it was true."""
-        if self.wants(device, measurement):
-            self.keep(device, measurement)
+        if self.is_due(device, measurement):
+            self.write_undecimated(device, measurement)
 
-    def wants(self, device: str, measurement: Measurement) -> bool:
+    def is_due(self, device: str, measurement: Measurement) -> bool:
         """Is this one kept?  To be asked once for each, in order; for those who let measurements wait."""
         kind = type(measurement)
-        part_of = PART_OF.get(kind)
-        return part_of is None or self._decimator.wants((device, kind, part_of(measurement)), measurement.stamp.t_rx_ns)
+        stream_key = STREAM_KEY.get(kind)
+        return stream_key is None or self._decimator.is_due(
+            (device, kind, stream_key(measurement)), measurement.stamp.t_rx_ns
+        )
 
-    def keep(self, device: str, measurement: Measurement) -> None:
+    def write_undecimated(self, device: str, measurement: Measurement) -> None:
         """``measurement`` for one that is wanted."""
         kind = type(measurement)
         channel = self._channels_of.get((device, kind))
@@ -174,7 +176,7 @@ class DerivedLog(Log):
         return channel
 
     def _write(self, channel: int, times: tuple[int, int | None], data: bytes) -> None:
-        writer = self._log.part.writer
+        writer = self._log.segment.writer
         writer.write(channel, times[0], data, 0, times[1])
         if writer.pending_bytes >= PENDING_LIMIT:
             self.flush()

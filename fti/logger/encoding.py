@@ -23,13 +23,13 @@ def encode(obj: Any) -> bytes:
     one counts.
     """
     try:
-        return orjson.dumps(obj, _known)
+        return orjson.dumps(obj, _to_known_type)
     except orjson.JSONEncodeError:
         text = json.dumps(_plain(obj), separators=(",", ":"), ensure_ascii=False, allow_nan=False)
         return text.encode(errors="replace")
 
 
-def _known(value: Any) -> Any:
+def _to_known_type(value: Any) -> Any:
     """A value in a type that orjson knows: one of numpy's floats, another kind of table or sequence."""
     if isinstance(value, float):
         return float(value)
@@ -46,7 +46,7 @@ def _plain(value: Any) -> Any:
         return value
     if dataclasses.is_dataclass(value):
         return {field.name: _plain(getattr(value, field.name)) for field in dataclasses.fields(value)}
-    known = _known(value)
+    known = _to_known_type(value)
     if isinstance(known, dict):
         return {str(key): _plain(item) for key, item in known.items()}
     if isinstance(known, list):

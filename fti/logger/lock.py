@@ -28,7 +28,7 @@ def is_being_written(path: Path) -> bool:
 
 
 @contextmanager
-def locked(path: Path) -> Iterator[int]:
+def exclusive_lock(path: Path) -> Iterator[int]:
     """Hold a file against every writer, repair and pack; gives its descriptor.  Raises StorageError."""
     try:
         fd = open_descriptor(path, os.O_RDWR)

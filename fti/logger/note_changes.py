@@ -17,7 +17,7 @@ LEDGER_TOPIC = "/fti/ledger"
 ENTRY_TABLES = {"/fti/health": ("links", "devices", "processes"), LEDGER_TOPIC: ("links",)}
 COMPLETE, SINCE, AGE, CLOCKS = "complete", "since_ns", "age_ms", "clocks"
 #: Values of an entry and of its clocks that go on without anything having happened.
-RUNNING = frozenset({AGE, "offset_ms", "offset_sd_ms", "drift_ppm", "drift_sd_ppm", "late_share"})
+VOLATILE_FIELDS = frozenset({AGE, "offset_ms", "offset_sd_ms", "drift_ppm", "drift_sd_ppm", "late_share"})
 #: A complete record comes so long after the last one; records come every second, not exactly.
 COMPLETE_PERIOD_NS = 10_000_000_000
 JITTER_NS = 500_000_000
@@ -65,7 +65,7 @@ def _copy(entry: Any) -> Any:
 
 
 def _is_changed(before: Any, now: Any) -> bool:
-    """Has anything of an entry changed that is not ``RUNNING``?  before : of ``_copy``; its age is set
+    """Has anything of an entry changed that is not ``VOLATILE_FIELDS``?  before : of ``_copy``; its age is set
 
     With the same age, most entries can be compared as a whole: this is done for each link every second.
     """
@@ -77,10 +77,10 @@ def _is_changed(before: Any, now: Any) -> bool:
 
 
 def _same(before: Any, now: Any) -> bool:
-    """Is a value as it was, but for what is ``RUNNING``?"""
+    """Is a value as it was, but for what is ``VOLATILE_FIELDS``?"""
     if isinstance(before, dict) and isinstance(now, dict):
         keys_are = before.keys() == now.keys()
-        return keys_are and all(key in RUNNING or _same(value, now[key]) for key, value in before.items())
+        return keys_are and all(key in VOLATILE_FIELDS or _same(value, now[key]) for key, value in before.items())
     if isinstance(before, list) and isinstance(now, list):
         return len(before) == len(now) and all(map(_same, before, now))
     return bool(before == now)

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from fti.burst import alone
+from fti.frame_batch import single_frame_batch
 from fti.logger import schemas
-from fti.logger.blueprint import Attachment, Blueprint, Metadata
+from fti.logger.log_layout import Attachment, LogLayout, Metadata
 from fti.logger.note_changes import ENTRY_TABLES, NoteChanges
 from fti.logger.session import Kind, Numbering, SessionFolder
 from fti.logger.split_log import Log, SplitLog
@@ -29,7 +29,7 @@ class RawTopic:
 
 
 class RawLog(Log):
-    """Writes the raw files of a session.  ``write_bursts`` and ``json`` buffer; ``flush`` writes.
+    """Writes the raw files of a session.  ``write_batches`` and ``json`` buffer; ``flush`` writes.
 
     folder : see SplitLog; numbering, places : see Blueprint
     MCAP sequence is the low 32 bits of seq; log time and publish time are the time of arrival.
@@ -51,7 +51,7 @@ class RawLog(Log):
         super().__init__(
             SplitLog(
                 folder,
-                Blueprint(
+                LogLayout(
                     kind,
                     split_s=split_s,
                     split_mb=split_mb,
@@ -63,7 +63,7 @@ class RawLog(Log):
             )
         )
         self._write = self._log.write
-        self.write_bursts = self._log.write_bursts
+        self.write_batches = self._log.write_batches
         self._received = {topic.link: self._add_link("/raw/", topic) for topic in links}
         self._sent = {topic.link: self._add_link("/tx/", topic) for topic in links}
         self.tick_channel = self._log.add_channel(TICK_TOPIC, RAW_ENCODING)
@@ -80,15 +80,15 @@ class RawLog(Log):
 
     def frame(self, link: str, seq: int, t_rx_ns: int, data: bytes) -> None:
         """A frame that arrived."""
-        self.write_bursts([(self._received[link], (alone(seq, t_rx_ns, data),))])
+        self.write_batches([(self._received[link], (single_frame_batch(seq, t_rx_ns, data),))])
 
     def sent(self, link: str, seq: int, t_ns: int, data: bytes) -> None:
         """Bytes that were sent."""
-        self.write_bursts([(self._sent[link], (alone(seq, t_ns, data),))])
+        self.write_batches([(self._sent[link], (single_frame_batch(seq, t_ns, data),))])
 
     def tick(self, seq: int, t_ns: int) -> None:
         """A tick frame."""
-        self.write_bursts([(self.tick_channel, (alone(seq, t_ns, b""),))])
+        self.write_batches([(self.tick_channel, (single_frame_batch(seq, t_ns, b""),))])
 
     def json(self, topic: str, t_ns: int, obj: Any) -> None:
         """A note on ``/fti/clock``, ``/fti/ledger``, ``/fti/health``, ``/fti/event`` or ``/fti/gap``.
@@ -103,7 +103,7 @@ class RawLog(Log):
         if changes is None:
             self._write(channel, t_ns, schemas.encode_note(topic, obj))
             return
-        file = self._log.part.writer
+        file = self._log.segment.writer
         record = changes.record_of(file, t_ns, obj)
         self._write(channel, t_ns, schemas.encode_note(topic, record))
         changes.keep(file, t_ns, record)

@@ -115,7 +115,7 @@ _DROPPED: Json = {
         "properties": {"frames": _INTEGER, "bytes": {"type": ["integer", "null"]}},
     },
 }
-#: in = recorded + held + dropped; see ``fti.service.accounts``.
+#: in = recorded + held + dropped; see ``fti.service.recorder.link_ledger``.
 _ACCOUNT: Json = {"type": "object", "properties": {**_COUNTS, "dropped": _DROPPED}}
 _LINK_ACCOUNT: Json = {
     "type": "object",

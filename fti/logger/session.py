@@ -45,7 +45,7 @@ class SessionFolder:
             parent.mkdir(parents=True, exist_ok=True)
             for n in count():
                 path = parent / f"{stem}_{n}"
-                if not (other and os.path.lexists(Path(other) / path.name)) and _made(path):
+                if not (other and os.path.lexists(Path(other) / path.name)) and _create_folder(path):
                     return cls(path)
         except OSError as error:
             raise _refusal(parent, error) from error
@@ -96,15 +96,15 @@ class Numbering:
     """
 
     def __init__(
-        self, least: int = 0, given_up: Iterable[int] = (), on_change: Callable[[int, bool], None] | None = None
+        self, least: int = 0, skipped_numbers: Iterable[int] = (), on_change: Callable[[int, bool], None] | None = None
     ) -> None:
         self._next = least
-        self._unconfirmed = set(given_up)
+        self._unconfirmed = set(skipped_numbers)
         self._last_confirmed = -1
         self._on_change = on_change or (lambda number, confirmed: None)
         self._lock = threading.Lock()
 
-    def take(self, folder: SessionFolder, kind: Kind) -> int:
+    def allocate(self, folder: SessionFolder, kind: Kind) -> int:
         """The next number: behind all that were taken, and all that are in the folder."""
         there = folder.next_number(kind)
         with self._lock:
@@ -121,14 +121,14 @@ class Numbering:
             self._last_confirmed = max(self._last_confirmed, number)
         self._on_change(number, True)
 
-    def give_back(self, number: int) -> None:
+    def release_number(self, number: int) -> None:
         """The file was not made.  The number is used again, unless a greater one has been taken since."""
         with self._lock:
             if self._next == number + 1:
                 self._next = number
                 self._unconfirmed.discard(number)
 
-    def is_overtaken(self, number: int) -> bool:
+    def is_superseded(self, number: int) -> bool:
         """Is a file with a greater number written to, or was one?  Then this number comes too late."""
         with self._lock:
             return number < self._last_confirmed
@@ -147,7 +147,7 @@ def name_parts(path: Path) -> tuple[Kind, int]:
     return cast(Kind, found["kind"] or "raw"), int(found["number"])
 
 
-def _made(path: Path) -> bool:
+def _create_folder(path: Path) -> bool:
     try:
         make_folder(path)
     except FileExistsError:

@@ -25,7 +25,7 @@ from pathlib import Path
 
 from fti.errors import StorageError
 from fti.logger import checkpoints, records
-from fti.logger.burst_records import NO_TIME, Share, forget, pack_shares
+from fti.logger.batch_encoder import NO_TIME, ChannelBatches, encode_batches, truncate_index
 from fti.logger.checkpoints import SLOT_BYTES, SLOTS, Checkpoint
 from fti.logger.file_mode import create_file
 from fti.logger.folder_sync import sync_folder
@@ -138,18 +138,18 @@ class StreamWriter:
         if log_time > self._last:  # noqa: PLR1730
             self._last = log_time
 
-    def write_bursts(self, shares: Sequence[Share]) -> None:
+    def write_batches(self, channel_batches: Sequence[ChannelBatches]) -> None:
         """Buffer what several channels have, all or none; sequence is the low 32 bits of the position."""
-        for channel_id, _ in shares:
+        for channel_id, _ in channel_batches:
             if channel_id not in self._index:
                 self._declare(channel_id)
         begin = self._size + len(self._pending)
         parts: list[bytes] = []
         try:
-            first, last = pack_shares(shares, self._index, begin, parts)
+            first, last = encode_batches(channel_batches, self._index, begin, parts)
         except struct.error as error:
-            for channel_id, _ in shares:
-                forget(self._index[channel_id], begin)
+            for channel_id, _ in channel_batches:
+                truncate_index(self._index[channel_id], begin)
             raise ValueError(f"a message has a position or a time out of range: {error}") from None
         self._pending += b"".join(parts)
         self._first = min(self._first, first)

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from fti.nav.series import SECOND_NS
+from fti.nav.time_series import SECOND_NS
 
 #: Another source bounds the altitude for so long after its last measurement, an altimeter holds it for so long [ns].
 OTHER_NS, HOLD_NS = 2 * SECOND_NS, 5 * SECOND_NS

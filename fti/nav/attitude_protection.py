@@ -25,10 +25,10 @@ from typing import NamedTuple
 
 from fti.config import AlertLimits, Config
 from fti.nav.plausibility.budget import K_FALSE
-from fti.nav.plausibility.filter_attitude import AIDED_NS
+from fti.nav.plausibility.filter_attitude import MIN_AIDING_NS
 from fti.nav.protection import K_AXIS, K_RADIAL
-from fti.nav.series import SECOND_NS, wrap
-from fti.nav.sources import AttitudeState, Source
+from fti.nav.source_interpolation import AttitudeState, NavSource
+from fti.nav.time_series import SECOND_NS, wrap
 from fti.types import FilterMode, FilterSolution, Reason
 
 #: Between two comparisons, and how old a solution of the filter may be in one [ns].
@@ -57,62 +57,62 @@ class AttitudeLevels(NamedTuple):
         return tuple(reason for reason, holds in table if holds)
 
 
-class Assumed(NamedTuple):
+class AssumedSigmas(NamedTuple):
     """Sigma of tilt and heading where a source states none [rad]."""
 
     tilt: float
     heading: float
 
 
-def levels(own: AttitudeState, others: Iterable[AttitudeState], assumed: Assumed, limit: float) -> AttitudeLevels:
+def levels(own: AttitudeState, others: Iterable[AttitudeState], assumed: AssumedSigmas, limit: float) -> AttitudeLevels:
     """Of an attitude, beside those of other sources at the same time.  limit : alert limit of the tilt [rad]"""
     beside = list(others)
-    tilt, unchecked, is_judged = _tilt(own, beside, assumed.tilt, limit)
-    return AttitudeLevels(tilt, _heading(own, beside, assumed.heading), unchecked, is_judged)
+    tilt, unchecked, is_judged = _tilt_level(own, beside, assumed.tilt, limit)
+    return AttitudeLevels(tilt, _heading_level(own, beside, assumed.heading), unchecked, is_judged)
 
 
 class _Bound(NamedTuple):
     """What another source says of a tilt: how far it is away, its sigma [rad], and whether it states that."""
 
-    apart: float
+    difference: float
     sd: float
     is_stated: bool
 
     @property
     def level(self) -> float:
-        return self.apart + K_RADIAL * self.sd
+        return self.difference + K_RADIAL * self.sd
 
 
-def _tilt(
+def _tilt_level(
     own: AttitudeState, others: Sequence[AttitudeState], assumed: float, limit: float
 ) -> tuple[float, tuple[Reason, ...], bool]:
     """Level, ``unchecked`` and ``is_judged`` of ``AttitudeLevels``."""
-    found = [_Bound(_apart(own, b), _grown_sd(b, assumed), b.tilt_sd is not None) for b in others]
+    found = [_Bound(_tilt_difference(own, b), _aged_sd(b, assumed), b.tilt_sd is not None) for b in others]
     sharp = [bound for bound in found if bound.is_stated and K_RADIAL * bound.sd <= limit / 2.0]
     own_sd = own.tilt_sd or assumed
     if sharp:
         return max(bound.level for bound in sharp), (), True
     if found:
         best = min(found, key=lambda bound: bound.sd)
-        contradicts = best.apart > max(limit, K_FALSE * math.hypot(best.sd, own_sd))
+        contradicts = best.difference > max(limit, K_FALSE * math.hypot(best.sd, own_sd))
         return best.level, (Reason.UNCERTAIN,), contradicts
     return K_RADIAL * own_sd, (Reason.NOTHING_TO_COMPARE,), own.tilt_sd is not None
 
 
-def _heading(own: AttitudeState, others: Sequence[AttitudeState], assumed: float) -> float | None:
+def _heading_level(own: AttitudeState, others: Sequence[AttitudeState], assumed: float) -> float | None:
     if own.heading is None:
         return None
     found = [(b.heading_sd or assumed, abs(wrap(b.heading - own.heading))) for b in others if b.heading is not None]
-    sd, apart = min(found, default=(own.heading_sd or assumed, 0.0))
-    return min(math.pi, apart + K_AXIS * sd)
+    sd, difference = min(found, default=(own.heading_sd or assumed, 0.0))
+    return min(math.pi, difference + K_AXIS * sd)
 
 
-def _grown_sd(other: AttitudeState, assumed: float) -> float:
+def _aged_sd(other: AttitudeState, assumed: float) -> float:
     """Sigma of a tilt, with its age: who falls silent in a roll contradicts nobody."""
     return max(other.tilt_sd or assumed, other.roll_sd or 0.0, other.pitch_sd or 0.0)
 
 
-def _apart(one: AttitudeState, other: AttitudeState) -> float:
+def _tilt_difference(one: AttitudeState, other: AttitudeState) -> float:
     """Radial difference of roll and pitch [rad]."""
     return math.hypot(wrap(one.roll - other.roll), one.pitch - other.pitch)
 
@@ -120,9 +120,9 @@ def _apart(one: AttitudeState, other: AttitudeState) -> float:
 class AttitudeProtection:
     """Of the attitude in use.  sources : devices of ``nav.attitude``, by name"""
 
-    def __init__(self, config: Config, sources: Mapping[str, Source]) -> None:
+    def __init__(self, config: Config, sources: Mapping[str, NavSource]) -> None:
         unstated = (math.radians(sd) for sd in config.nav.unstated_sd.attitude_deg)
-        self._assumed = Assumed(*unstated)
+        self._assumed = AssumedSigmas(*unstated)
         self._limit = math.radians(config.nav.alert_limits.attitude_deg)
         self._sources = {name: sources[name] for name in config.nav.attitude}
         self._filtered: FilterSolution | None = None
@@ -131,7 +131,7 @@ class AttitudeProtection:
         self._compared: tuple[int, str | None] | None = None
         self._levels = AttitudeLevels(None, None)
 
-    def take_filter(self, solution: FilterSolution) -> None:
+    def feed_filter(self, solution: FilterSolution) -> None:
         """Take what the filter says."""
         self._filtered = solution if solution.valid else None
         if not solution.valid or solution.mode is not FilterMode.AIDED:
@@ -139,7 +139,7 @@ class AttitudeProtection:
             return
         if self._aided_since_ns is None:
             self._aided_since_ns = solution.t_ns
-        self._is_independent |= solution.t_ns - self._aided_since_ns >= AIDED_NS
+        self._is_independent |= solution.t_ns - self._aided_since_ns >= MIN_AIDING_NS
 
     def at(self, t_ns: int, attitude: AttitudeState | None, source: str | None) -> AttitudeLevels:
         """Levels of the attitude at a time, and of which source it is; the filter is none of ``sources``."""
@@ -150,7 +150,7 @@ class AttitudeProtection:
         if last is None or last[1] != source or not 0 <= t_ns - last[0] < STEP_NS:
             self._levels, self._compared = self._compare(t_ns, attitude, source), (t_ns, source)
         device = self._sources.get(source or "")
-        return self._levels if device is None else _grown(self._levels, *device.turned(t_ns))
+        return self._levels if device is None else _add_rotation(self._levels, *device.turned(t_ns))
 
     def _compare(self, t_ns: int, attitude: AttitudeState, source: str | None) -> AttitudeLevels:
         device = self._sources.get(source or "")
@@ -180,7 +180,7 @@ def _attitude_of(solution: FilterSolution | None) -> AttitudeState | None:
     )
 
 
-def _grown(found: AttitudeLevels, tilt: float, heading: float) -> AttitudeLevels:
+def _add_rotation(found: AttitudeLevels, tilt: float, heading: float) -> AttitudeLevels:
     """The levels of an attitude that has turned by so much since [rad]."""
     level, of_heading = found.tilt, found.heading
     return found._replace(

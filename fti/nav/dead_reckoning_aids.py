@@ -11,7 +11,7 @@ import math
 from fti.config import Filter
 from fti.nav.filter.aiding import Aiding
 from fti.nav.filter.dead_reckoning import MagneticHeading, TrueAirspeed
-from fti.nav.series import SECOND_NS
+from fti.nav.time_series import SECOND_NS
 from fti.types import Airspeed, MagneticField, Measurement
 
 #: So often each of them aids [ns].

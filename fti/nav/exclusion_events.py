@@ -6,8 +6,8 @@ from collections.abc import Iterable
 
 from fti.nav.filter.estimate import Estimate
 from fti.nav.filter.exclusion import Cause, Exclusion
-from fti.nav.filter.navigator import Navigator
-from fti.nav.series import SECOND_NS
+from fti.nav.filter.navigator import InertialNavigator
+from fti.nav.time_series import SECOND_NS
 from fti.types import Event
 
 
@@ -24,16 +24,16 @@ def own_states(sensor: str) -> tuple[str, str]:
 class ExclusionEvents:
     """Compares who is excluded with who was.  sensors : altimeters that aid the filter"""
 
-    def __init__(self, navigator: Navigator, sensors: Iterable[str]) -> None:
+    def __init__(self, navigator: InertialNavigator, sensors: Iterable[str]) -> None:
         self._navigator = navigator
         self._sensors = tuple(sensors)
         self._excluded: frozenset[str] = frozenset()
 
     def is_excluded(self, sensor: str) -> bool:
-        """Whether an altimeter was excluded at the last call of ``take``."""
+        """Whether an altimeter was excluded at the last call of ``drain_events``."""
         return sensor in self._excluded
 
-    def take(self, t_ns: int) -> list[Event]:
+    def drain_events(self, t_ns: int) -> list[Event]:
         """What has changed since the last call."""
         exclusions, before = self._navigator.exclusions, self._excluded
         self._excluded = frozenset(s for s in self._sensors if altitude_name(s) in exclusions)

@@ -11,15 +11,15 @@ from functools import partial
 from typing import Any
 
 from fti.config import Config
-from fti.nav.aided import AidedNavigation
 from fti.nav.carried_refusal import CarriedRefusal
-from fti.nav.ground import Ground
+from fti.nav.inertial_aiding import AidedNavigation
 from fti.nav.navigation import FILTER, RADIO, VERTICAL, NavState
-from fti.nav.plausibility.source import Unconfirmed
-from fti.nav.protection import Compared
-from fti.nav.radioed import RadioPosition
-from fti.nav.sources import AttitudeState, PositionState
-from fti.nav.vertical.fallback import VerticalState
+from fti.nav.plausibility.source import UnconfirmedSource
+from fti.nav.protection import FilterReference
+from fti.nav.radio_positioning import RadioPosition
+from fti.nav.source_interpolation import AttitudeState, PositionState
+from fti.nav.terrain_reference import Ground
+from fti.nav.vertical.vertical_channel import VerticalState
 from fti.nav.witnesses import Confirmation, Size
 from fti.types import Event, HeightAboveGround, Measurement, Output
 
@@ -36,36 +36,36 @@ class Fallbacks:
         self._radio = RadioPosition(nav.radio, devices) if nav.radio else None
         self._ticks = 0
 
-    def give_ground(self, ground: Ground | None) -> None:
+    def set_terrain(self, ground: Ground | None) -> None:
         """The known ground is there from now on."""
         for part in (self._aided, self._radio):
             if part:
-                part.give_ground(ground)
+                part.set_terrain(ground)
 
-    def takers(self, device: str, kind: type[Measurement]) -> list[Callable[[Any, int], None]]:
+    def handlers(self, device: str, kind: type[Measurement]) -> list[Callable[[Any, int], None]]:
         """What takes measurements of a kind of a device, each with the time at which it was true."""
         parts = [part for part in (self._aided, self._radio) if part and part.wants(device, kind)]
         return [partial(part.feed, device) for part in parts]
 
-    def take_unconfirmed(self, device: str, m: Measurement, what: Unconfirmed, t_ns: int) -> None:
+    def feed_unconfirmed(self, device: str, m: Measurement, what: UnconfirmedSource, t_ns: int) -> None:
         """Take a measurement of a source that is unconfirmed: it aids a provisional filter alone."""
         if self._aided:
-            self._aided.take_unconfirmed(device, m, what, t_ns)
+            self._aided.feed_unconfirmed(device, m, what, t_ns)
 
-    def take_height(self, height: HeightAboveGround, nav: NavState) -> None:
+    def feed_height(self, height: HeightAboveGround, nav: NavState) -> None:
         """Take an output of an altimeter."""
         for part in (self._aided, self._radio):
             if part:
-                part.take_height(height, nav)
+                part.feed_height(height, nav)
 
     def is_excluded(self, altimeter: str) -> bool:
         """Whether the filter excludes an altimeter from aiding."""
         return self._aided is not None and self._aided.is_excluded(altimeter)
 
-    def doubt(self, devices: frozenset[str]) -> None:
+    def set_suspects(self, devices: frozenset[str]) -> None:
         """Receivers that tests of one source suspect from now on."""
         if self._aided:
-            self._aided.doubt(devices)
+            self._aided.set_suspects(devices)
 
     def tick(self, t_ns: int, nav: NavState) -> list[Output | Event]:
         """What is due at a tick.  nav : what is known then"""
@@ -98,7 +98,7 @@ class Fallbacks:
         """Of the vertical channel."""
         return self._aided.altitude(t_ns) if self._aided else None
 
-    def compared(self, t_ns: int) -> Compared | None:
+    def compared(self, t_ns: int) -> FilterReference | None:
         """The filter and its protection levels; None where it has no position."""
         return self._aided.compared(t_ns) if self._aided else None
 
@@ -123,9 +123,9 @@ class Fallbacks:
         return self._aided.refusals if self._aided else []
 
     @property
-    def standing_sizes(self) -> dict[str, Size]:
+    def contradiction_sizes(self) -> dict[str, Size]:
         """Contradictions of receivers that do not aid the filter, by device."""
-        return self._aided.standing_sizes if self._aided else {}
+        return self._aided.contradiction_sizes if self._aided else {}
 
     def confirm(self, found: Confirmation, t_ns: int) -> None:
         """An independent source agrees with a receiver that does not aid the filter."""

@@ -32,10 +32,10 @@ Array = NDArray[np.float64]
 #: The iteration ends when no run moves farther [m], or after so many steps.
 CLOSE_M, STEPS = 1e-4, 12
 #: A position that is worse than that in some direction [m] is none: the ranges are not straight over such a length.
-MOST_SD = 20_000.0
+MAX_SD_M = 20_000.0
 
 
-class Observation(Protocol):
+class FixObservation(Protocol):
     """Something that was measured."""
 
     def equations(self, x: Array) -> tuple[Array, Array]:
@@ -43,7 +43,7 @@ class Observation(Protocol):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Slant:
+class RangeObservation:
     """Ranges to points.
 
     points_e : ndarray, shape (n, 3) [m]   measured : shape (..., n) [m]   sd : shape (n,) [m]
@@ -56,7 +56,7 @@ class Slant:
     clock: bool
 
     def equations(self, x: Array) -> tuple[Array, Array]:
-        """As ``Observation`` has it."""
+        """As ``FixObservation`` has it."""
         line = self.points_e - x[..., None, :3]
         distance = np.linalg.norm(line, axis=-1)
         column = np.full((*distance.shape, 1), float(self.clock))
@@ -66,14 +66,14 @@ class Slant:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Altitude:
+class AltitudeObservation:
     """A height above the ellipsoid [m], shape (...), and its sigma [m], of the same shape or one for all."""
 
     measured: Array | float
     sd: Array | float
 
     def equations(self, x: Array) -> tuple[Array, Array]:
-        """As ``Observation`` has it."""
+        """As ``FixObservation`` has it."""
         lat, lon, alt = geodetic_from_ecef(x[..., :3])
         up_e = -mat_en(lat, lon)[..., 2]
         H = np.concatenate((up_e, np.zeros((*up_e.shape[:-1], 1))), axis=-1)
@@ -82,21 +82,21 @@ class Altitude:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Place:
+class PositionObservation:
     """A position, shape (3,) [m], e frame, and its covariance, shape (3, 3) [m^2]."""
 
     pos_e: Array
     cov_e: Array
 
     def equations(self, x: Array) -> tuple[Array, Array]:
-        """As ``Observation`` has it."""
+        """As ``FixObservation`` has it."""
         white = np.linalg.inv(np.linalg.cholesky(self.cov_e))
         nu = (self.pos_e - x[..., :3]) @ white.T
         return nu, np.broadcast_to(np.concatenate((white, np.zeros((3, 1))), axis=1), (*nu.shape, 4))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Solution:
+class LeastSquaresSolution:
     """What follows from observations.
 
     x     : ndarray, shape (..., 4)      position, e frame, and clock error [m] (0 where no range holds it)
@@ -119,7 +119,7 @@ class Solution:
         return np.asarray(np.swapaxes(turn, -1, -2) @ self.cov[..., :3, :3] @ turn)
 
 
-def solve(observations: Sequence[Observation], start_e: Array) -> Solution | None:
+def solve(observations: Sequence[FixObservation], start_e: Array) -> LeastSquaresSolution | None:
     """The position that fits best, near a start, shape (..., 3) [m], within the horizon of what is observed.
 
     None where the observations do not fix a position, or the iteration finds no end.  Two stations alone have two
@@ -134,16 +134,16 @@ def solve(observations: Sequence[Observation], start_e: Array) -> Solution | Non
         dx = (cov @ (np.swapaxes(H, -1, -2) @ nu[..., None]))[..., 0]
         x = x + dx
         if np.abs(dx).max() <= CLOSE_M:
-            return Solution(x, cov, _tests(nu, H, dx, cov))
+            return LeastSquaresSolution(x, cov, _tests(nu, H, dx, cov))
     return None
 
 
-def covariance(observations: Sequence[Observation], pos_e: Array) -> Array | None:
+def covariance(observations: Sequence[FixObservation], pos_e: Array) -> Array | None:
     """P, shape (4, 4), of what the observations would give at a position, whatever they measured; None as above."""
     return _covariance(_stacked(observations, np.concatenate((pos_e, [0.0])))[1])
 
 
-def _stacked(observations: Sequence[Observation], x: Array) -> tuple[Array, Array]:
+def _stacked(observations: Sequence[FixObservation], x: Array) -> tuple[Array, Array]:
     found = [observation.equations(x) for observation in observations]
     if not found:
         return np.zeros((*x.shape[:-1], 0)), np.zeros((*x.shape[:-1], 0, 4))
@@ -154,7 +154,7 @@ def _covariance(H: Array) -> Array | None:
     """(H^T H)^-1; where no equation has the clock, it is left out and its variance is zero."""
     unknown = 4 if H.shape[-2] and np.any(H[..., 3]) else 3
     normal = np.swapaxes(H, -1, -2)[..., :unknown, :] @ H[..., :unknown]
-    if not np.isfinite(normal).all() or np.linalg.eigvalsh(normal).min() < MOST_SD**-2:
+    if not np.isfinite(normal).all() or np.linalg.eigvalsh(normal).min() < MAX_SD_M**-2:
         return None
     cov = np.zeros((*normal.shape[:-2], 4, 4))
     cov[..., :unknown, :unknown] = np.linalg.inv(normal)

@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Protocol
 from fti.config import AlertLimits
 from fti.nav.attitude_protection import AttitudeLevels
 from fti.nav.carried_refusal import CarriedRefusal
-from fti.nav.protection import Compared, Protection, by_filter, is_beyond, unchecked
+from fti.nav.protection import FilterReference, Protection, compare_with_filter, is_beyond, unchecked
 from fti.nav.source_check import SourceCheck
-from fti.nav.sources import AttitudeState, PositionState, Source
+from fti.nav.source_interpolation import AttitudeState, NavSource, PositionState
 from fti.types import Event, NavSolution, Reason
 
 if TYPE_CHECKING:
-    from fti.nav.vertical.fallback import VerticalState
+    from fti.nav.vertical.vertical_channel import VerticalState
 
 #: After a gap in what arrives, so long is waited before a source is said to be another one or gone [ns].
 SETTLE_NS = 300_000_000
@@ -57,7 +57,7 @@ class Fallback(Protocol):
     def altitude_holders(self, source: str | None) -> tuple[str, ...]:
         """Altimeters that alone hold the altitude of a source."""
 
-    def compared(self, t_ns: int) -> Compared | None:
+    def compared(self, t_ns: int) -> FilterReference | None:
         """What devices are compared with; None where there is nothing."""
 
     @property
@@ -78,8 +78,8 @@ class Navigation:
 
     def __init__(
         self,
-        attitude: Sequence[Source],
-        position: Sequence[Source],
+        attitude: Sequence[NavSource],
+        position: Sequence[NavSource],
         fallback: Fallback | None = None,
         assumed: Mapping[str, tuple[float, float]] = MappingProxyType({}),
     ) -> None:
@@ -88,13 +88,13 @@ class Navigation:
         self._fallback = fallback
         self._assumed = assumed
         self._check = SourceCheck(assumed)
-        self._told: dict[str, str | None] = {"attitude": None, "position": None}
-        self._alone = False  # the altitude is that of the vertical channel
+        self._reported: dict[str, str | None] = {"attitude": None, "position": None}
+        self._is_vertical_alone = False  # the altitude is that of the vertical channel
         self._held_by: tuple[str, ...] = ()
         self._after_gap = False
         self._quiet_until_ns = 0
 
-    def pass_gap(self) -> None:
+    def reset_after_gap(self) -> None:
         """What arrives has a gap here that is not the sources': their silence in it is no news."""
         self._after_gap = True
 
@@ -168,7 +168,7 @@ class Navigation:
             return Protection(None, None)
         compared = self._fallback.compared(state.t_ns) if self._fallback else None
         if compared is not None:
-            return by_filter(state.position, compared)
+            return compare_with_filter(state.position, compared)
         return unchecked(state.position, self._assumed.get(state.position_source or "", UNKNOWN_SD))
 
     def changes(self, state: NavState) -> list[Event]:
@@ -179,13 +179,15 @@ class Navigation:
             return []
         now = {"attitude": state.attitude_source, "position": state.position_source}
         events = [
-            _event(state.t_ns, role, self._told[role], now[role]) for role in now if now[role] != self._told[role]
+            _event(state.t_ns, role, self._reported[role], now[role])
+            for role in now
+            if now[role] != self._reported[role]
         ]
-        self._told = now
+        self._reported = now
         alone = state.altitude_source == VERTICAL
-        if alone != self._alone:
+        if alone != self._is_vertical_alone:
             events.append(_altitude_event(state.t_ns, alone))
-            self._alone = alone
+            self._is_vertical_alone = alone
         if state.altitude_holders != self._held_by:
             events.append(_hold_event(state.t_ns, state.altitude_holders))
             self._held_by = state.altitude_holders

@@ -3,7 +3,7 @@
 Pure and deterministic: it knows no time but stamps and ticks, and takes its inputs in the order of ``seq``.  Stamps
 of different links may be out of order by milliseconds; every history is ordered by ``t_valid_ns``.
 
-    t_valid_ns : by the clock of the device once it is known (``fti.nav.times.device_times``), else t_rx_ns - latency
+    t_valid_ns : by the clock of the device once it is known (``fti.nav.device_time.device_times``), else t_rx_ns - latency
 
 Rates: HeightAboveGround per sample; HeightBelowAircraft per sample of the chosen altimeter; NavSolution every second
 tick (25 Hz), moved on to the time of the tick; what takes the place of devices as ``fti.nav.fallbacks`` says;
@@ -19,20 +19,20 @@ from typing import TYPE_CHECKING, Any
 
 from fti.config import Config
 from fti.nav.altimetry.agreement import AgreementCheck
+from fti.nav.altimetry.altimeter_channel import AltimeterChannel
 from fti.nav.altimetry.ground_check import GroundCheck
-from fti.nav.altimetry.heights import AltimeterChannel
 from fti.nav.altimetry.refusals import RefusalEvents
 from fti.nav.altimetry.selection import HeightSelector
 from fti.nav.attitude_protection import AttitudeProtection
 from fti.nav.carried_refusal import CarriedRefusal
-from fti.nav.ground import Ground
-from fti.nav.integrity.channel import make_channel
-from fti.nav.integrity.reference import Reference
+from fti.nav.integrity.approach_channel import make_channel
+from fti.nav.integrity.reference import ApproachReference
 from fti.nav.navigation import Navigation, NavState, solution
 from fti.nav.plausibility.monitor import PlausibilityMonitor
-from fti.nav.protection import Protection, moved_on, unstated_sigmas
-from fti.nav.series import SECOND_NS
-from fti.nav.sources import Source
+from fti.nav.protection import Protection, extrapolate_levels, unstated_sigmas
+from fti.nav.source_interpolation import NavSource
+from fti.nav.terrain_reference import Ground
+from fti.nav.time_series import SECOND_NS
 from fti.nav.witnesses import Size, WitnessMonitor
 from fti.types import (
     Attitude,
@@ -54,17 +54,17 @@ if TYPE_CHECKING:
 #: Ticks of 20 ms between outputs; protection levels change in seconds.
 SOLUTION_TICKS, PROTECTION_TICKS = 2, 10
 #: Takes a measurement that was true at a time; what it has to say at once.
-Taker = Callable[[Any, int], list[Output | Event] | None]
+MeasurementHandler = Callable[[Any, int], list[Output | Event] | None]
 
 
 class Pipeline:
     """Joins the measurements of all devices.  reference : the published approach, or None."""
 
-    def __init__(self, config: Config, reference: Reference | None) -> None:
+    def __init__(self, config: Config, reference: ApproachReference | None) -> None:
         devices = {device.name: device for device in config.device}
         self._latency_ns = {name: round(device.latency_ms * 1e6) for name, device in devices.items()}
         roles = config.nav
-        self._sources = {name: Source(devices[name]) for name in dict.fromkeys((*roles.attitude, *roles.position))}
+        self._sources = {name: NavSource(devices[name]) for name in dict.fromkeys((*roles.attitude, *roles.position))}
         unchecked = Reason.TERRAIN_LOADING if roles.terrain else Reason.NO_TERRAIN
         self._altimeters = {
             name: AltimeterChannel(devices[name], unchecked, roles.wheels_b) for name in roles.altimeters
@@ -82,33 +82,33 @@ class Pipeline:
         )
         self._limits = roles.alert_limits
         self._protection = Protection(None, None)
-        self._protected = NavState(0, None, None, None, None, None)  # whose levels these are
+        self._protection_state = NavState(0, None, None, None, None, None)  # whose levels these are
         self._attitude_protection = AttitudeProtection(config, self._sources)
         self._plausibility = PlausibilityMonitor(config)
         self._witnesses = WitnessMonitor(config, unstated_sigmas(config))
         self._approach = make_channel(config, reference)
         self._ticks = 0
-        self._takers: dict[tuple[str, type[Measurement]], tuple[Taker, ...]] = {}
+        self._handlers: dict[tuple[str, type[Measurement]], tuple[MeasurementHandler, ...]] = {}
 
-    def give_ground(self, ground: Ground | None) -> None:
+    def set_terrain(self, ground: Ground | None) -> None:
         """The known ground is there from now on; None: there will be none."""
         for channel in self._altimeters.values():
-            channel.give_ground(ground)
+            channel.set_terrain(ground)
         if self._fallbacks:
-            self._fallbacks.give_ground(ground)
+            self._fallbacks.set_terrain(ground)
 
     def feed(self, device: str, m: Measurement) -> list[Output | Event]:
         """Take one measurement of a device; where nobody has said when it was true, its arrival counts."""
-        takers = self._takers.get((device, type(m)))
-        if takers is None:
-            takers = self._takers[device, type(m)] = self._find_takers(device, type(m))
-        if not takers:  # half of what comes
+        handlers = self._handlers.get((device, type(m)))
+        if handlers is None:
+            handlers = self._handlers[device, type(m)] = self._find_handlers(device, type(m))
+        if not handlers:  # half of what comes
             return []
         t_valid_ns = m.stamp.t_valid_ns
         if t_valid_ns is None:
             t_valid_ns = m.stamp.t_rx_ns - self._latency_ns.get(device, 0)
         out: list[Output | Event] = []
-        for take in takers:
+        for take in handlers:
             out += take(m, t_valid_ns) or ()
         return out
 
@@ -134,30 +134,30 @@ class Pipeline:
             self._fallbacks.restore(refusals, t_ns)
         return [*self._plausibility.restore(refusals, t_ns), *self._navigation.restore(refusals, t_ns)]
 
-    def _find_takers(self, device: str, kind: type[Measurement]) -> tuple[Taker, ...]:
+    def _find_handlers(self, device: str, kind: type[Measurement]) -> tuple[MeasurementHandler, ...]:
         """Who wants measurements of this kind of a device, in order; most are nobody's, so it is asked once."""
         if issubclass(kind, (RadioHeight, Range)):
             channel = self._altimeters.get(device)
             return (partial(self._feed_altimeter, channel),) if channel else ()
-        source, takers = self._sources.get(device), list[Taker]()
+        source, handlers = self._sources.get(device), list[MeasurementHandler]()
         if self._fallbacks:
-            takers += self._fallbacks.takers(device, kind)
+            handlers += self._fallbacks.handlers(device, kind)
         if self._plausibility.watches_signals(device, kind):
-            takers.append(partial(self._plausibility.take_signals, device))
+            handlers.append(partial(self._plausibility.feed_signals, device))
         if self._plausibility.watches_ranges(device, kind):
-            takers.append(partial(self._plausibility.take_ranges, device))
+            handlers.append(partial(self._plausibility.feed_ranges, device))
         if source and issubclass(kind, Attitude):
-            takers.append(source.push_attitude)
+            handlers.append(source.push_attitude)
         elif source and issubclass(kind, Position):
-            takers.append(source.push_position)
+            handlers.append(source.push_position)
         elif source and issubclass(kind, Velocity):
-            takers.append(source.push_velocity)
-        if takers and self._plausibility.wants(device, kind):
-            return (partial(self._feed_tested, device, tuple(takers)),)
-        return tuple(takers)
+            handlers.append(source.push_velocity)
+        if handlers and self._plausibility.wants(device, kind):
+            return (partial(self._feed_tested, device, tuple(handlers)),)
+        return tuple(handlers)
 
     def _feed_tested(
-        self, device: str, takers: tuple[Taker, ...], m: Measurement, t_valid_ns: int
+        self, device: str, handlers: tuple[MeasurementHandler, ...], m: Measurement, t_valid_ns: int
     ) -> list[Output | Event]:
         """What the tests of one source leave of a measurement goes to all who want it."""
         out: list[Output | Event] = []
@@ -165,23 +165,23 @@ class Pipeline:
         if self._witnesses.is_useful:
             self._witnesses.take(device, m, passed, t_valid_ns)
         if self._fallbacks and (unconfirmed := self._plausibility.find_unconfirmed(device)):
-            self._fallbacks.take_unconfirmed(device, m, unconfirmed, t_valid_ns)
+            self._fallbacks.feed_unconfirmed(device, m, unconfirmed, t_valid_ns)
         for admitted in passed:
-            for take in takers:
+            for take in handlers:
                 out += take(admitted, t_valid_ns) or ()
-        return [*out, *self._plausibility.take_events()]
+        return [*out, *self._plausibility.drain_events()]
 
     def _confirm(self, nav: NavState) -> list[Event]:
         """Receivers whose contradiction stands, and with which an independent source agrees, are back in."""
         if not self._witnesses.is_useful:
             return []
         filtered = self._fallbacks
-        sizes = {name: Size(size) for name, size in self._plausibility.standing_sizes.items()}
-        sizes |= filtered.standing_sizes if filtered else {}
+        sizes = {name: Size(size) for name, size in self._plausibility.contradiction_sizes.items()}
+        sizes |= filtered.contradiction_sizes if filtered else {}
         refused = {refusal.source: refusal.is_standing for refusal in self._plausibility.refusals}
         sizes = {name: size for name, size in sizes.items() if refused.get(name, True)}
         compared = filtered.compared(nav.t_ns) if filtered and sizes else None
-        fix = filtered.fix(nav.t_ns) if filtered and sizes and self._witnesses.is_fixed else None
+        fix = filtered.fix(nav.t_ns) if filtered and sizes and self._witnesses.has_dme_fix else None
         events = list[Event]()
         for found in self._witnesses.update(nav.t_ns, sizes, nav.attitude, compared, fix):
             if found.is_against_filter and found.device in refused:
@@ -203,9 +203,9 @@ class Pipeline:
             height = replace(height, valid=False, reasons=(*height.reasons, *against))
         events += self._refusals.update(height, channel.since_ns)
         for name, each in self._altimeters.items():
-            each.doubt_ground(name in self._ground_check.doubted)
+            each.set_ground_contradicted(name in self._ground_check.contradicted)
         if self._fallbacks:
-            self._fallbacks.take_height(height, nav)
+            self._fallbacks.feed_height(height, nav)
         if self._is_excluded(height):  # after the filter took it: its agreement ends the exclusion
             height = replace(height, valid=False, reasons=(*height.reasons, Reason.EXCLUDED))
         return [height, *events, *self._selector.take(height), *self._approach.take(height, nav)]
@@ -219,9 +219,9 @@ class Pipeline:
             return False
         return self._fallbacks.is_excluded(height.sensor)
 
-    def pass_gap(self) -> None:
+    def reset_after_gap(self) -> None:
         """Measurements are missing before the next one that are not the devices' silence."""
-        self._navigation.pass_gap()
+        self._navigation.reset_after_gap()
 
     def tick(self, t_ns: int) -> list[Output | Event]:
         """Let time pass: what became stale is said, the solution is given, what has been quiet is repeated."""
@@ -235,29 +235,29 @@ class Pipeline:
         self._ticks += 1
         if self._ticks % PROTECTION_TICKS == 0:
             out += [*self._navigation.compare(nav), *self._confirm(nav)]
-        if self._ticks % PROTECTION_TICKS == 0 or nav.position_source != self._protected.position_source:
-            self._protection, self._protected = self._navigation.protection(nav), nav
+        if self._ticks % PROTECTION_TICKS == 0 or nav.position_source != self._protection_state.position_source:
+            self._protection, self._protection_state = self._navigation.protection(nav), nav
         if self._ticks % SOLUTION_TICKS == 0:
             protection = self._protect(nav)
-            self._approach.protect(None if protection.assumed else protection.horizontal)
+            self._approach.set_protection_level(None if protection.assumed else protection.horizontal)
             tilted = self._attitude_protection.at(t_ns, nav.attitude, nav.attitude_source)
             out.append(solution(nav, protection, tilted, self._limits, self._navigation.refused))
         if self._fallbacks:
-            self._fallbacks.doubt(self._plausibility.suspected)
+            self._fallbacks.set_suspects(self._plausibility.suspected)
             fallback = self._fallbacks.tick(t_ns, nav)
             for solved in fallback:
                 if isinstance(solved, FilterSolution):
-                    self._plausibility.take_filter(solved)
-                    self._attitude_protection.take_filter(solved)
+                    self._plausibility.feed_filter(solved)
+                    self._attitude_protection.feed_filter(solved)
             out += fallback
         return out
 
     def _protect(self, nav: NavState) -> Protection:
         """Protection levels of a state: those of the last comparison, and what it has stepped since."""
-        then, now = self._protected.position, nav.position
+        then, now = self._protection_state.position, nav.position
         if then is None or now is None:
             return self._protection
-        return moved_on(self._protection, then, now, (nav.t_ns - self._protected.t_ns) / SECOND_NS)
+        return extrapolate_levels(self._protection, then, now, (nav.t_ns - self._protection_state.t_ns) / SECOND_NS)
 
 
 def _fallbacks(config: Config) -> Fallbacks | None:

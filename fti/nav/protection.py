@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 from fti.config import AlertLimits, Config
 from fti.geodesy.one_point import radii
-from fti.nav.sources import PositionState
+from fti.nav.source_interpolation import PositionState
 from fti.types import Reason
 
 K_RADIAL, K_AXIS = 4.80, 4.42
@@ -33,7 +33,7 @@ class Protection(NamedTuple):
     assumed: bool = False
 
 
-class Compared(NamedTuple):
+class FilterReference(NamedTuple):
     """A position of the filter and its protection levels [m].
 
     aided_by  : devices whose positions aid it;  refused : those of them that are excluded
@@ -48,7 +48,7 @@ class Compared(NamedTuple):
     unchecked: tuple[Reason, ...] = ()
 
 
-def by_filter(here: PositionState, compared: Compared) -> Protection:
+def compare_with_filter(here: PositionState, compared: FilterReference) -> Protection:
     """Of a position that the filter was compared with at the same time."""
     level, high = differences(here, compared.position)
     vertical = None if high is None else high + compared.vertical
@@ -57,14 +57,14 @@ def by_filter(here: PositionState, compared: Compared) -> Protection:
 
 def unchecked(here: PositionState, assumed: tuple[float, float]) -> Protection:
     """Of a position that nothing is compared with.  assumed : sigmas where it states none, horizontal, vertical [m]"""
-    level, high = _stated(here.horizontal_sd), _stated(here.vertical_sd)
+    level, high = _valid_sd(here.horizontal_sd), _valid_sd(here.vertical_sd)
     is_assumed = level is None or (here.alt is not None and high is None)
     horizontal = K_RADIAL * (assumed[0] if level is None else level)
     vertical = None if here.alt is None else K_AXIS * (assumed[1] if high is None else high)
     return Protection(horizontal, vertical, (Reason.NOTHING_TO_COMPARE,), is_assumed)
 
 
-def moved_on(found: Protection, then: PositionState, now: PositionState, seconds: float) -> Protection:
+def extrapolate_levels(found: Protection, then: PositionState, now: PositionState, seconds: float) -> Protection:
     """Levels of a position that was compared with the filter so long ago, and has gone on by more than its velocity.
 
     A fix that repeats the one before steps back by 0.2 s of flight: its error grows by that at once.
@@ -102,5 +102,5 @@ def differences(one: PositionState, other: PositionState) -> tuple[float, float 
     return math.hypot(north, east), high
 
 
-def _stated(sd: float | None) -> float | None:
+def _valid_sd(sd: float | None) -> float | None:
     return sd if sd is not None and 0.0 < sd < math.inf else None

@@ -13,8 +13,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from fti.nav.carried_refusal import CarriedRefusal, RefusedPart
-from fti.nav.protection import K_AXIS, K_RADIAL, Compared, differences
-from fti.nav.sources import PositionState
+from fti.nav.protection import K_AXIS, K_RADIAL, FilterReference, differences
+from fti.nav.source_interpolation import PositionState
 from fti.types import Event, Reason
 
 HOLD_NS, AGREED_NS = 2_000_000_000, 30_000_000_000
@@ -70,7 +70,7 @@ class SourceCheck:
         text = f"{device}: is used again: the operator commands it"
         return [Event(t_ns=t_ns, level="info", source="nav", text=text)]
 
-    def update(self, t_ns: int, positions: Mapping[str, PositionState], compared: Compared) -> list[Event]:
+    def update(self, t_ns: int, positions: Mapping[str, PositionState], compared: FilterReference) -> list[Event]:
         """Take what devices give at a time; those without a position are as they were."""
         events: list[Event] = []
         for name, position in positions.items():
@@ -81,7 +81,7 @@ class SourceCheck:
                 events += _agree(standing, t_ns, name, compared)
         return events
 
-    def _contradiction(self, name: str, position: PositionState, compared: Compared) -> float:
+    def _contradiction(self, name: str, position: PositionState, compared: FilterReference) -> float:
         """The difference from the filter [m] where it is larger than what the two admit; 0: it is not."""
         level, high = differences(position, compared.position)
         assumed_level, assumed_high = self._assumed[name]
@@ -103,7 +103,7 @@ def _differ(standing: _Standing, t_ns: int, name: str, size: float) -> list[Even
     return [Event(t_ns=t_ns, level="warning", source="nav", text=text)]
 
 
-def _agree(standing: _Standing, t_ns: int, name: str, compared: Compared) -> list[Event]:
+def _agree(standing: _Standing, t_ns: int, name: str, compared: FilterReference) -> list[Event]:
     standing.differs_ns = None
     if standing.agrees_ns is None:
         standing.agrees_ns = t_ns

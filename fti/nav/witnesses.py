@@ -20,8 +20,8 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from fti.config import AlertLimits, Config, position_sources
-from fti.nav.protection import K_AXIS, K_RADIAL, Compared, differences
-from fti.nav.sources import AttitudeState, PositionState, Source
+from fti.nav.protection import K_AXIS, K_RADIAL, FilterReference, differences
+from fti.nav.source_interpolation import AttitudeState, NavSource, PositionState
 from fti.types import Measurement, Position, Velocity
 
 WITNESS_NS, WITNESS_COUNT = 30_000_000_000, 30
@@ -84,14 +84,14 @@ class WitnessMonitor:
         }
         declared = {name for name, device in devices.items() if device.depends_on is not None and name not in aiding}
         self._witnesses = tuple(name for name in devices if name in declared)
-        self._sources = {name: Source(device) for name, device in devices.items()}
-        self.is_fixed = config.nav.radio is not None and config.nav.radio.receiver is None
+        self._sources = {name: NavSource(device) for name, device in devices.items()}
+        self.has_dme_fix = config.nav.radio is not None and config.nav.radio.receiver is None
         self._agreements: dict[tuple[str, str], _Agreement] = {}
 
     @property
     def is_useful(self) -> bool:
         """Whether there is any witness."""
-        return bool(self._witnesses) or self.is_fixed
+        return bool(self._witnesses) or self.has_dme_fix
 
     def take(self, device: str, m: Measurement, admitted: Iterable[Measurement], t_ns: int) -> None:
         """Take a measurement: of a witness what tests of one source admit of it, of others before they refuse it."""
@@ -109,7 +109,7 @@ class WitnessMonitor:
         t_ns: int,
         sizes: Mapping[str, Size],
         attitude: AttitudeState | None,
-        compared: Compared | None,
+        compared: FilterReference | None,
         fix: PositionState | None,
     ) -> list[Confirmation]:
         """Compare receivers whose contradiction stands with the witnesses.
@@ -133,7 +133,7 @@ class WitnessMonitor:
         for name in self._witnesses:
             if self._depends[name].isdisjoint(self._depends[device]):
                 yield name, self._at(name, t_ns, attitude)
-        if self.is_fixed:
+        if self.has_dme_fix:
             yield "radio", fix
 
     def _at(self, name: str, t_ns: int, attitude: AttitudeState | None) -> PositionState | None:
@@ -150,7 +150,7 @@ class WitnessMonitor:
         names: tuple[str, str],
         size: Size,
         positions: tuple[PositionState | None, PositionState | None],
-        compared: Compared | None,
+        compared: FilterReference | None,
     ) -> Confirmation | None:
         """names, positions : of receiver and witness"""
         here, witness = positions
@@ -183,17 +183,17 @@ def find_tolerance(here: PositionState, witness: PositionState, size: Size, limi
     return max(found, high)
 
 
-def _tolerance(apart: float, sds: tuple[float | None, float | None], k: float) -> float | None:
+def _tolerance(difference: float, sds: tuple[float | None, float | None], k: float) -> float | None:
     """What a difference leaves possible [m]; None: it is too large, or a sigma is unknown.  sds : receiver, witness"""
     sd, witness_sd = sds
-    if not sd or not witness_sd or apart > k * math.hypot(sd, witness_sd):
+    if not sd or not witness_sd or difference > k * math.hypot(sd, witness_sd):
         return None
-    return apart + k * witness_sd
+    return difference + k * witness_sd
 
 
-def _is_beyond(position: PositionState, compared: Compared | None) -> bool:
+def _is_beyond(position: PositionState, compared: FilterReference | None) -> bool:
     """Whether a position contradicts the filter horizontally."""
     if compared is None:
         return False
-    apart, _ = differences(position, compared.position)
-    return apart > compared.horizontal + K_RADIAL * (position.horizontal_sd or 0.0)
+    difference, _ = differences(position, compared.position)
+    return difference > compared.horizontal + K_RADIAL * (position.horizontal_sd or 0.0)

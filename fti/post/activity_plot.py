@@ -12,16 +12,16 @@ from itertools import groupby
 from pathlib import Path
 
 from fti.errors import StorageError
-from fti.logger.survey.intervals import Gap
-from fti.logger.survey.topics import MARKS, Note, TopicSurvey
+from fti.logger.statistics.interval_stats import TimeGap
+from fti.logger.statistics.topic_stats import MARKS, EventNote, TopicStatistics
 from fti.post.overview import CONTINUOUS, SECOND_NS, Overview
 
 WIDTH, LEFT, RIGHT = 1280, 248, 1252
 HEAD, LANE, ROW, STRIP, FOOT = 104, 17, 36, 24, 92
-MOST_LANES, LONGEST_LABEL, LETTER = 6, 34, 6.3
+MAX_LANES, MAX_LABEL_CHARACTERS, LETTER = 6, 34, 6.3
 CELLS = (RIGHT - LEFT) // 2
 CRISP = 'shape-rendering="crispEdges"'
-NARROW = 10.0  # a gap that is not wider is drawn full
+MAX_SOLID_GAP_WIDTH = 10.0  # a gap that is not wider is drawn full
 PAGE, PANEL, LINE, TEXT, SOFT, DIM = "#070b10", "#0e151d", "#223040", "#f2f6fa", "#a9b8c7", "#7b8c9d"
 RED, AMBER, CYAN = "#ff4453", "#ffb224", "#4cc9f0"
 #: Colour from a rate on, relative to the median.
@@ -79,8 +79,8 @@ class _Picture:
     def __init__(self, view: Overview) -> None:
         self._view = view
         self._span_ns = max(view.end_ns - view.begin_ns, 1)
-        self._marks = _place_labels([(self._x(n.t_ns), n) for n in view.survey.events if n.source in MARKS])
-        self._alerts = [note for note in view.survey.events if note.level in ("warning", "error")]
+        self._marks = _place_labels([(self._x(n.t_ns), n) for n in view.statistics.events if n.source in MARKS])
+        self._alerts = [note for note in view.statistics.events if note.level in ("warning", "error")]
         lanes = max((lane for *_, lane in self._marks), default=-1) + 1
         self._top = HEAD + lanes * LANE + (14 if self._alerts else 0)
         self._bottom = self._top + ROW * len(view.links)
@@ -113,9 +113,9 @@ class _Picture:
         width = 28 + 9.4 * len(word)
         begin = f"{datetime.fromtimestamp(view.begin_ns // SECOND_NS, UTC):%Y-%m-%d %H:%M:%S} UTC"
         length = _clock(view.duration_s) if view.duration_s >= 60 else f"{view.duration_s:.1f} s"
-        messages = sum(topic.messages for topic in view.survey.topics if not view.is_copy(topic))
-        config = f"configuration {view.about.get('config_sha256', 'unknown')[:12]}"
-        software = f"fti {view.about.get('software', 'unknown')}"
+        messages = sum(topic.messages for topic in view.statistics.topics if not view.is_copy(topic))
+        config = f"configuration {view.session_metadata.get('config_sha256', 'unknown')[:12]}"
+        software = f"fti {view.session_metadata.get('software', 'unknown')}"
         told = "  ·  ".join((begin, length, f"{messages:,} messages", software, config))
         yield f'<rect x="28" y="26" width="{width:.0f}" height="26" rx="5" fill="{colour}"/>'
         yield f'<text class="badge middle" x="{28 + width / 2:.0f}" y="44">{escape(word)}</text>'
@@ -139,18 +139,18 @@ class _Picture:
 
     # ----------------------------------------------------------------------------------------------------- rows
 
-    def _row(self, topic: TopicSurvey, y: int) -> Iterator[str]:
-        silences = self._view.silences(topic)
+    def _row(self, topic: TopicStatistics, y: int) -> Iterator[str]:
+        find_gaps = self._view.find_gaps(topic)
         name = topic.topic.removeprefix("/raw/")
         yield f'<text class="name" x="28" y="{y + 15}">{escape(name)}</text>'
         yield self._figures(topic, y + 29)
         at = f'y="{y + 6}" height="{STRIP}"'
         yield f'<rect x="{LEFT}" {at} width="{RIGHT - LEFT}" rx="2" fill="{PANEL}"/>'
         yield from self._cells(topic, at)
-        for gap in silences:
+        for gap in find_gaps:
             yield self._gap(gap, at)
 
-    def _figures(self, topic: TopicSurvey, y: int) -> str:
+    def _figures(self, topic: TopicStatistics, y: int) -> str:
         if not topic.messages:
             return f'<text class="small bad" x="28" y="{y}">never heard</text>'
         rate = f"{topic.rate_hz:.2f} Hz" if topic.rate_hz else f"{topic.messages} messages"
@@ -159,7 +159,7 @@ class _Picture:
         told = f'<tspan class="bad">  ·  {words}</tspan>'
         return f'<text class="small" x="28" y="{y}" xml:space="preserve">{rate}{told if gaps else ""}</text>'
 
-    def _cells(self, topic: TopicSurvey, at: str) -> Iterator[str]:
+    def _cells(self, topic: TopicStatistics, at: str) -> Iterator[str]:
         """Neighbours of one colour are one rectangle."""
         usual_ns = (topic.intervals.usual_s or 0.0) * SECOND_NS
         rates = topic.activity.relative(self._view.begin_ns, self._view.end_ns, CELLS, usual_ns)
@@ -171,10 +171,10 @@ class _Picture:
                 yield f'<rect x="{x:.1f}" {at} width="{cells * width:.1f}" fill="{colour}"/>'
             place += cells
 
-    def _gap(self, gap: Gap, at: str) -> str:
+    def _gap(self, gap: TimeGap, at: str) -> str:
         x, end = self._x(gap.begin_ns), self._x(gap.begin_ns + gap.length_ns)
         width = max(end - x, 3.0)
-        fill = RED if width <= NARROW else "url(#gap)"
+        fill = RED if width <= MAX_SOLID_GAP_WIDTH else "url(#gap)"
         begin_s = self._view.since_begin_s(gap.begin_ns)
         told = f"silent for {gap.length_ns / SECOND_NS:.3f} s from {begin_s:.3f} s on"
         return f'<rect x="{x:.1f}" {at} width="{width:.1f}" fill="{fill}" {CRISP}><title>{told}</title></rect>'
@@ -184,7 +184,7 @@ class _Picture:
     def _draw_marks(self) -> Iterator[str]:
         for x, note, anchor, lane in self._marks:
             y = HEAD + lane * LANE + 9
-            label = note.text if len(note.text) <= LONGEST_LABEL else note.text[: LONGEST_LABEL - 1] + "…"
+            label = note.text if len(note.text) <= MAX_LABEL_CHARACTERS else note.text[: MAX_LABEL_CHARACTERS - 1] + "…"
             side, shift = ("end", -6) if anchor == "end" else ("", 6)
             ends = f'x1="{x:.1f}" x2="{x:.1f}" y1="{y - 8}" y2="{self._bottom + 5}"'
             yield f'<line {ends} stroke="{CYAN}" stroke-width="1.5"/>'
@@ -220,15 +220,15 @@ def _colour(rate: float) -> str | None:
     return next((colour for low, colour in reversed(COLOURS) if rate >= low), None)
 
 
-def _place_labels(marks: list[tuple[float, Note]]) -> list[tuple[float, Note, str, int]]:
+def _place_labels(marks: list[tuple[float, EventNote]]) -> list[tuple[float, EventNote, str, int]]:
     """Labels in the first lane where they hide no other: x, mark, side of the text, lane."""
-    ends = [0.0] * MOST_LANES
+    ends = [0.0] * MAX_LANES
     placed = []
     for x, note in marks:
-        width = LETTER * min(len(note.text), LONGEST_LABEL) + 14
+        width = LETTER * min(len(note.text), MAX_LABEL_CHARACTERS) + 14
         side = "end" if x + width > RIGHT else "start"
         begin = x - width if side == "end" else x
-        lane = next((n for n, end in enumerate(ends) if end <= begin), MOST_LANES - 1)
+        lane = next((n for n, end in enumerate(ends) if end <= begin), MAX_LANES - 1)
         ends[lane] = begin + width
         placed.append((x, note, side, lane))
     return placed

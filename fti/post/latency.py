@@ -15,13 +15,13 @@ import numpy as np
 from fti.errors import MissingError
 from fti.logger.reading.json_message import parse_table, using_message, whole_number
 from fti.logger.reading.recording import Recording
-from fti.nav.altimetry.latency import Latency, estimate_latency
+from fti.nav.altimetry.latency import LatencyEstimate, estimate_latency
 
 HEIGHT = "/nav/height_above_ground/"
 NAMES = ("t_valid_ns", "raw", "predicted")
 
 
-def altimeter_latencies(recording: Recording, folder: Path) -> dict[str, Latency | None]:
+def altimeter_latencies(recording: Recording, folder: Path) -> dict[str, LatencyEstimate | None]:
     """Of each altimeter with predictions; None where it cannot be told.
 
     Raises MissingError where nothing was predicted: without ``[nav] terrain`` nobody knows what should have been said.
@@ -37,16 +37,16 @@ def altimeter_latencies(recording: Recording, folder: Path) -> dict[str, Latency
         raise MissingError(
             f"{folder}: no height has a prediction beside it: fti reprocess, with [nav] terrain, makes them"
         )
-    return {sensor: _of(rows) for sensor, rows in sorted(series.items())}
+    return {sensor: _estimate(rows) for sensor, rows in sorted(series.items())}
 
 
-def _of(rows: list[tuple[int, float, float]]) -> Latency | None:
+def _estimate(rows: list[tuple[int, float, float]]) -> LatencyEstimate | None:
     t_ns, raw, predicted = zip(*rows, strict=True)
     t = 1e-9 * (np.array(t_ns, dtype=np.int64) - min(t_ns))
     return estimate_latency(t, raw, t, predicted)
 
 
-def as_line(sensor: str, found: Latency | None) -> str:
+def as_line(sensor: str, found: LatencyEstimate | None) -> str:
     """What was found of an altimeter, for a person."""
     if found is None:
         return f"{sensor}: cannot be told: 80 s over ground with relief are needed, and a latency below a second"

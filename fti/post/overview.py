@@ -11,10 +11,10 @@ from fti.config import decode_text, parse_toml
 from fti.drivers._times import GPS_EPOCH_UTC_NS, LEAP_NS
 from fti.errors import ConfigError
 from fti.logger.reading.mcap_file import McapFile
-from fti.logger.reading.recording import RAW, SENT, Recording
+from fti.logger.reading.recording import RAW_PREFIX, SENT_PREFIX, Recording
 from fti.logger.session import CONFIG_ATTACHMENT
-from fti.logger.survey.intervals import Gap
-from fti.logger.survey.topics import Survey, TopicSurvey, look_through, time_span
+from fti.logger.statistics.interval_stats import TimeGap
+from fti.logger.statistics.topic_stats import RecordingStatistics, TopicStatistics, collect_statistics, time_span
 from fti.types import TimeScale
 
 SECOND_NS = 1_000_000_000
@@ -48,7 +48,7 @@ class Overview:
     """
 
     recording: Recording
-    survey: Survey
+    statistics: RecordingStatistics
     files: list[FileState]
     begin_ns: int
     end_ns: int
@@ -57,24 +57,24 @@ class Overview:
     @classmethod
     def make(cls, recording: Recording) -> Overview:
         """Read everything, once."""
-        found = look_through(recording)
+        found = collect_statistics(recording)
         files = [_file_state(recording, path) for path in recording.files]
         return cls(recording, found, files, *time_span(found.topics), configured_rates(recording))
 
     @property
-    def about(self) -> Mapping[str, str]:
+    def session_metadata(self) -> Mapping[str, str]:
         """What the session says of itself: name, origin, software, ..."""
         return self.recording.metadata.get("fti", {})
 
     @property
     def origin(self) -> str:
         """flight, hil or replay; unknown when the file does not say."""
-        return self.about.get("origin", "unknown")
+        return self.session_metadata.get("origin", "unknown")
 
     @property
     def mode(self) -> str:
         """continuous, or snapshot: only what was around a trigger is there."""
-        return self.about.get("mode", CONTINUOUS)
+        return self.session_metadata.get("mode", CONTINUOUS)
 
     @property
     def duration_s(self) -> float:
@@ -82,33 +82,33 @@ class Overview:
         return (self.end_ns - self.begin_ns) / SECOND_NS
 
     @property
-    def links(self) -> list[TopicSurvey]:
+    def links(self) -> list[TopicStatistics]:
         """What is drawn, one row each: the links; in a file without them, all topics."""
-        topics = [topic for topic in self.survey.topics if not self.is_copy(topic)]
-        return [topic for topic in topics if topic.topic.startswith(RAW)] or topics
+        topics = [topic for topic in self.statistics.topics if not self.is_copy(topic)]
+        return [topic for topic in topics if topic.topic.startswith(RAW_PREFIX)] or topics
 
-    def is_copy(self, topic: TopicSurvey) -> bool:
+    def is_copy(self, topic: TopicStatistics) -> bool:
         """A snapshot has copies of what raw files have; its frames are copies beside a continuous recording only."""
         beside = topic.kind == "snapshot" and bool(self.recording.raw_files)
-        return beside and (self.mode == CONTINUOUS or not topic.topic.startswith((RAW, SENT)))
+        return beside and (self.mode == CONTINUOUS or not topic.topic.startswith((RAW_PREFIX, SENT_PREFIX)))
 
     def since_begin_s(self, t_ns: int) -> float:
         """Time after the first message [s]."""
         return (t_ns - self.begin_ns) / SECOND_NS
 
-    def silences(self, topic: TopicSurvey) -> list[Gap]:
+    def find_gaps(self, topic: TopicStatistics) -> list[TimeGap]:
         """The gaps of a topic; also before its first message and behind its last one."""
         if not topic.messages:
-            return [Gap(self.begin_ns, self.end_ns - self.begin_ns)]
+            return [TimeGap(self.begin_ns, self.end_ns - self.begin_ns)]
         limit_ns = (topic.intervals.gap_limit_s or 0.0) * SECOND_NS
-        before = Gap(self.begin_ns, topic.first_ns - self.begin_ns)
-        behind = Gap(topic.last_ns, self.end_ns - topic.last_ns)
+        before = TimeGap(self.begin_ns, topic.first_ns - self.begin_ns)
+        behind = TimeGap(topic.last_ns, self.end_ns - topic.last_ns)
         edges = [gap for gap in (before, behind) if limit_ns and gap.length_ns > max(limit_ns, SECOND_NS)]
         return sorted([*edges, *topic.intervals.gaps])
 
     def gnss(self) -> GnssTime | None:
         """GNSS time at the end of the session; None when no clock of it was known."""
-        told = self.survey.gnss
+        told = self.statistics.gnss
         if not told:
             return None
         gps = told["scale"] == TimeScale.GPS
@@ -117,7 +117,7 @@ class Overview:
 
     def clock_offset_s(self) -> tuple[float, float] | None:
         """Real-time clock minus FTI time at the first and the last ``/fti/clock`` [s]; None when there is none."""
-        known = [c for c in self.survey.clocks if {"realtime_ns", "t_ns"} <= c.keys()]
+        known = [c for c in self.statistics.clocks if {"realtime_ns", "t_ns"} <= c.keys()]
         if not known:
             return None
         first, last = ((c["realtime_ns"] - c["t_ns"]) / SECOND_NS for c in (known[0], known[-1]))
@@ -145,7 +145,7 @@ def configured_rates(recording: Recording) -> dict[str, float]:
     devices = _devices(recording.attachments().get(CONFIG_ATTACHMENT, b""))
     lines = [device["link"] for device in devices]
     alone = (device for device in devices if lines.count(device["link"]) == 1)
-    return {f"{RAW}{d['link']}": float(d["rate_hz"]) for d in alone if isinstance(d.get("rate_hz"), int | float)}
+    return {f"{RAW_PREFIX}{d['link']}": float(d["rate_hz"]) for d in alone if isinstance(d.get("rate_hz"), int | float)}
 
 
 def _devices(text: bytes) -> list[dict[str, Any]]:

@@ -21,6 +21,7 @@ from typing import Any, NamedTuple
 
 from fti import config as configuration
 from fti.config import Config, position_sources
+from fti.devices import BoundDevice, bind_devices, parse_reference, read_texts
 from fti.errors import MissingError, RecordingError
 from fti.logger.derived_log import DerivedLog
 from fti.logger.reading.json_message import parse_table, using_message, whole_number
@@ -28,17 +29,16 @@ from fti.logger.reading.recording import Recording
 from fti.logger.schemas import READMISSION_TOPIC, TERRAIN_TOPIC
 from fti.logger.session import CONFIG_ATTACHMENT, SessionFolder
 from fti.nav.carried_refusal import CarriedRefusal, parse_refusals
-from fti.nav.ground import Ground
-from fti.nav.integrity.reference import Reference
-from fti.service.binding import BoundDevice, bind_devices, parse_reference, read_texts
-from fti.service.chain import Chain, Products
-from fti.service.ground import load_ground
+from fti.nav.integrity.reference import ApproachReference
+from fti.nav.terrain_reference import Ground
+from fti.service.navigation.decode_chain import Chain, ChainOutput
+from fti.service.navigation.terrain_loader import load_terrain
 from fti.types import ALL_SOURCES, RawFrame
 
 Progress = Callable[[int], None]
 FLUSH_FRAMES = 5000
 #: So many new objects are looked through for cycles at a time.
-GARBAGE = 100_000
+GC_THRESHOLD = 100_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +72,7 @@ class Setup:
     config: Config
     texts: dict[str, str]
     devices: list[BoundDevice]
-    reference: Reference | None
+    reference: ApproachReference | None
     grounds: tuple[GroundNote, ...] = ()
     recorded: bool = False
     readmissions: tuple[Readmission, ...] = ()
@@ -81,7 +81,7 @@ class Setup:
         """A fresh chain."""
         return Chain(self.config, self.devices, self.reference)
 
-    def ground_in(self, segment: Segment) -> GroundNote | None:
+    def ground_in(self, segment: NavigationRun) -> GroundNote | None:
         """When the ground is there in a segment; None where none is configured, or it was not there in time."""
         if self.config.nav.terrain is None:
             return None
@@ -90,13 +90,13 @@ class Setup:
         last = math.inf if segment.last is None else segment.last
         return next((note for note in self.grounds if segment.first - 1 <= note.after_seq <= last), None)
 
-    def readmissions_in(self, segment: Segment) -> list[Readmission]:
+    def readmissions_in(self, segment: NavigationRun) -> list[Readmission]:
         """Those of sources that this configuration has, of one navigation process."""
         sources = {ALL_SOURCES, *position_sources(self.config.nav)}
         last = math.inf if segment.last is None else segment.last
         return [r for r in self.readmissions if segment.first - 1 <= r.after_seq <= last and r.source in sources]
 
-    def load_ground(self) -> Ground | None:
+    def load_terrain(self) -> Ground | None:
         """The ground, if it was there at all.
 
         Raises ConfigError or MissingError where it is not there now, RecordingError where it is another one.
@@ -104,7 +104,7 @@ class Setup:
         settings = self.config.nav.terrain
         if settings is None or (self.grounds and all(note.fault for note in self.grounds)):
             return None
-        ground = load_ground(settings, local_only=self.recorded)
+        ground = load_terrain(settings, local_only=self.recorded)
         for note in self.grounds:
             if note.sha256 not in (None, ground.digest):
                 raise RecordingError(
@@ -125,7 +125,7 @@ NOTHING_RESTORED = Restored()
 
 
 @dataclass(frozen=True, slots=True)
-class Segment:
+class NavigationRun:
     """What one navigation process saw: frames first <= seq <= last (None: to the end) without those in ``lost``.
 
     restored : the refusals of the process before with which it began, and when [ns]
@@ -136,7 +136,7 @@ class Segment:
     lost: tuple[tuple[int, int], ...] = ()  # (after, before) in order: everything between was not seen
     restored: Restored = NOTHING_RESTORED
 
-    def holds(self, seq: int) -> bool:
+    def contains(self, seq: int) -> bool:
         """Was this frame seen?"""
         if seq < self.first or (self.last is not None and seq > self.last):
             return False
@@ -217,17 +217,17 @@ def _setup(config: Config, texts: dict[str, str]) -> Setup:
     return Setup(config, texts, bind_devices(config, texts), parse_reference(config, texts))
 
 
-def flown_segments(recording: Recording) -> list[Segment]:
+def read_navigation_runs(recording: Recording) -> list[NavigationRun]:
     """What each navigation process of the flight saw, from the gaps that it noted."""
-    segments: list[Segment] = []
+    segments: list[NavigationRun] = []
     first, lost, restored = 0, list[tuple[int, int]](), NOTHING_RESTORED
     for kind, after, before, began in _gaps(recording):
         if kind == "restart":
-            segments.append(Segment(first, after, tuple(lost), restored))
+            segments.append(NavigationRun(first, after, tuple(lost), restored))
             first, lost, restored = before, [], began
         else:
             lost.append((after, before))
-    return [*segments, Segment(first, None, tuple(lost), restored)]
+    return [*segments, NavigationRun(first, None, tuple(lost), restored)]
 
 
 def _gaps(recording: Recording) -> Iterator[tuple[str, int, int, Restored]]:
@@ -246,12 +246,12 @@ def reprocess(recording: Recording, setup: Setup, out: Path, *, as_flown: bool, 
 
     progress : called now and then with the number of frames done
     """
-    segments = flown_segments(recording) if as_flown else [Segment(0, None)]
+    segments = read_navigation_runs(recording) if as_flown else [NavigationRun(0, None)]
     frames = recording.frames()
     first = next(frames, None)
     if first is None:
         raise MissingError("the recording holds no frames")
-    ground = setup.load_ground()
+    ground = setup.load_terrain()
     session = setup.config.session
     texts = {CONFIG_ATTACHMENT: setup.config.text, **setup.texts}
     folder = SessionFolder.create(out, session.name, first.t_rx_ns)
@@ -262,14 +262,14 @@ def reprocess(recording: Recording, setup: Setup, out: Path, *, as_flown: bool, 
         attachments=[(name, "text/plain", text.encode()) for name, text in texts.items()],
         metadata={"fti": {**recording.metadata.get("fti", {}), "reprocessed": "true"}},
     )
-    with seldom_searched():
+    with infrequent_gc():
         done = 0
         frames = itertools.chain((first,), frames)
         for segment in segments:
             fresh = setup.make_chain()
             _write(fresh.restore(segment.restored.refusals, segment.restored.t_ns), log)
-            given = _Readmitting(fresh, setup.readmissions_in(segment))
-            chain = _Grounded(given, ground, setup.ground_in(segment))
+            given = _ReadmissionReplay(fresh, setup.readmissions_in(segment))
+            chain = _TerrainReplay(given, ground, setup.ground_in(segment))
             for frame in _feed(frames, segment, chain, log):
                 done += 1
                 if done % FLUSH_FRAMES == 0:
@@ -281,64 +281,66 @@ def reprocess(recording: Recording, setup: Setup, out: Path, *, as_flown: bool, 
 
 
 @contextmanager
-def seldom_searched() -> Iterator[None]:
+def infrequent_gc() -> Iterator[None]:
     """Measurements are in no cycles: to look for those after every 700 of them is a tenth of the time."""
     before = gc.get_threshold()
-    gc.set_threshold(GARBAGE, *before[1:])
+    gc.set_threshold(GC_THRESHOLD, *before[1:])
     try:
         yield
     finally:
         gc.set_threshold(*before)
 
 
-class _Readmitting:
+class _ReadmissionReplay:
     """A chain that is told of each readmission in front of the frame in front of which it was told in flight."""
 
     def __init__(self, chain: Chain, readmissions: list[Readmission]) -> None:
         self._chain, self._waiting = chain, deque(readmissions)
-        self.pass_gap, self.give_ground = chain.pass_gap, chain.give_ground
+        self.reset_after_gap, self.set_terrain = chain.reset_after_gap, chain.set_terrain
 
-    def feed(self, frame: RawFrame) -> list[Products]:
+    def feed(self, frame: RawFrame) -> list[ChainOutput]:
         """What follows from readmissions and from the frame."""
-        out: list[Products] = []
+        out: list[ChainOutput] = []
         while self._waiting and frame.seq > self._waiting[0].after_seq:
             due = self._waiting.popleft()
             out.append(self._chain.readmit(due.source, due.after_seq, due.t_ns))
         return [*out, self._chain.feed(frame)]
 
 
-class _Grounded:
+class _TerrainReplay:
     """A chain that gets its ground in front of the frame in front of which it got it in flight."""
 
-    def __init__(self, chain: _Readmitting, ground: Ground | None, note: GroundNote | None) -> None:
+    def __init__(self, chain: _ReadmissionReplay, ground: Ground | None, note: GroundNote | None) -> None:
         self._chain, self._ground, self._note = chain, ground, note
-        self.pass_gap = chain.pass_gap
+        self.reset_after_gap = chain.reset_after_gap
 
-    def feed(self, frame: RawFrame) -> list[Products]:
+    def feed(self, frame: RawFrame) -> list[ChainOutput]:
         """What follows from the frame, and before it from the ground."""
         note = self._note
         if note is None or frame.seq <= note.after_seq:
             return self._chain.feed(frame)
         self._note = None
         ground = None if note.fault else self._ground
-        given = self._chain.give_ground(ground, note.fault, note.after_seq, note.t_ns or frame.t_rx_ns)
+        given = self._chain.set_terrain(ground, note.fault, note.after_seq, note.t_ns or frame.t_rx_ns)
         return [given, *self._chain.feed(frame)]
 
 
-def _feed(frames: Iterator[RawFrame], segment: Segment, chain: _Grounded, log: DerivedLog) -> Iterator[RawFrame]:
+def _feed(
+    frames: Iterator[RawFrame], segment: NavigationRun, chain: _TerrainReplay, log: DerivedLog
+) -> Iterator[RawFrame]:
     passed = 0
     for frame in frames:
-        if segment.holds(frame.seq):
+        if segment.contains(frame.seq):
             gaps = segment.gaps_before(frame.seq) if segment.lost else 0
             if gaps > passed:
-                chain.pass_gap()
+                chain.reset_after_gap()
                 passed = gaps
             for products in chain.feed(frame):
                 _write(products, log)
             yield frame
 
 
-def _write(products: Products, log: DerivedLog) -> None:
+def _write(products: ChainOutput, log: DerivedLog) -> None:
     for device, measurement in products.measurements:
         log.measurement(device, measurement)
     for note in products.notes:

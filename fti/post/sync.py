@@ -14,13 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fti.config import Device
+from fti.devices import BoundDevice
 from fti.drivers import Decoder
-from fti.logger.reading.about import about
 from fti.logger.reading.json_message import parse_table, using_message, whole_number
 from fti.logger.reading.recording import Recording
-from fti.nav.times.device_clock import DeviceClock, Segment
-from fti.nav.times.device_times import told_time
-from fti.service.binding import BoundDevice
+from fti.logger.reading.session_metadata import session_metadata
+from fti.nav.device_time.clock_estimator import ClockEstimator, ClockSegment
+from fti.nav.device_time.device_times import device_time_of
 from fti.types import RawFrame, TimeScale
 
 Ints = NDArray[np.int64]
@@ -37,11 +37,11 @@ GNSS_SCALES = (TimeScale.GPS, TimeScale.UTC)
 
 
 @dataclass(slots=True)
-class Heard:
+class DeviceClockSeries:
     """The clock of a device in one scale, and all its messages: arrivals and unwrapped times of the device [ns]."""
 
     device: Device
-    clock: DeviceClock
+    clock: ClockEstimator
     t_rx: array[int] = field(default_factory=lambda: array("q"))
     t_dev: array[int] = field(default_factory=lambda: array("q"))
     _last: tuple[int, int] | None = None
@@ -60,7 +60,7 @@ class Heard:
         self.t_rx.append(t_rx_ns)
         self.t_dev.append(t_dev_ns + self.clock.unwrap_ns)
 
-    def delays(self, segment: Segment) -> tuple[Ints, Ints]:
+    def delays(self, segment: ClockSegment) -> tuple[Ints, Ints]:
         """Arrivals in a segment, and how late each message was against the shortest way [ns]."""
         t_rx, t_dev = np.asarray(self.t_rx, dtype=np.int64), np.asarray(self.t_dev, dtype=np.int64)
         begin, end = np.searchsorted(t_rx, [segment.first_ns, segment.last_ns + 1])
@@ -100,33 +100,33 @@ class ComputerClock:
 class Sync:
     """What is known of the clocks of a session.
 
-    begin_ns : FTI time of its first frame; about : of which session, see ``fti.logger.reading.about``
+    begin_ns : FTI time of its first frame; about : of which session, see ``fti.logger.reading.session_metadata``
     """
 
     begin_ns: int
-    heard: list[Heard]
+    clock_series: list[DeviceClockSeries]
     computer: ComputerClock
-    about: Mapping[str, str] = field(default_factory=dict)
+    session_metadata: Mapping[str, str] = field(default_factory=dict)
 
-    def gnss(self) -> Heard | None:
+    def gnss(self) -> DeviceClockSeries | None:
         """The clock that stands for GNSS time: known, GPS before UTC, in the order of the configuration."""
-        known = [h for h in self.heard if h.clock.segments and any(s.known for s in h.clock.segments)]
+        known = [h for h in self.clock_series if h.clock.segments and any(s.known for s in h.clock.segments)]
         return next((h for scale in GNSS_SCALES for h in known if h.scale is scale), None)
 
 
 def analyse(recording: Recording, devices: list[BoundDevice], progress: Progress) -> Sync:
     """Decode everything and fit every clock.  progress : told now and then how many frames are done."""
-    ears = _Ears(devices)
+    collector = _ClockCollector(devices)
     begin_ns = 0
     for done, frame in enumerate(recording.frames()):
         begin_ns = begin_ns or frame.t_rx_ns
-        ears.listen(frame)
+        collector.add_frame(frame)
         if done % PROGRESS_FRAMES == 0:
             progress(done)
-    return Sync(begin_ns, ears.finish(), read_computer_clock(recording), about(recording))
+    return Sync(begin_ns, collector.finish(), read_computer_clock(recording), session_metadata(recording))
 
 
-class _Ears:
+class _ClockCollector:
     """Every device's decoder, and the clocks that they hear."""
 
     def __init__(self, devices: list[BoundDevice]) -> None:
@@ -134,31 +134,31 @@ class _Ears:
         self._on_link: dict[str, list[tuple[Device, Decoder]]] = {}
         for bound in devices:
             self._on_link.setdefault(bound.device.link, []).append((bound.device, bound.make_decoder()))
-        self._heard: dict[tuple[str, TimeScale], Heard] = {}
+        self._clock_series: dict[tuple[str, TimeScale], DeviceClockSeries] = {}
 
-    def listen(self, frame: RawFrame) -> None:
+    def add_frame(self, frame: RawFrame) -> None:
         """Take a frame."""
         for device, decoder in self._on_link.get(frame.link, ()):
             for measurement in decoder.feed(frame.data, frame.t_rx_ns):
-                if told := told_time(measurement.stamp):
+                if told := device_time_of(measurement.stamp):
                     scale, t_dev_ns = told
                     self._of(device, scale).take(measurement.stamp.t_rx_ns, t_dev_ns)
 
-    def _of(self, device: Device, scale: TimeScale) -> Heard:
+    def _of(self, device: Device, scale: TimeScale) -> DeviceClockSeries:
         key = device.name, scale
-        if key not in self._heard:
+        if key not in self._clock_series:
             latency_ns, max_age_ns = round(device.latency_ms * 1e6), round(device.max_age_ms * 1e6)
-            clock = DeviceClock(scale, latency_ns, max_age_ns, None, device.name)
-            self._heard[key] = Heard(device, clock)
-        return self._heard[key]
+            clock = ClockEstimator(scale, latency_ns, max_age_ns, None, device.name)
+            self._clock_series[key] = DeviceClockSeries(device, clock)
+        return self._clock_series[key]
 
-    def finish(self) -> list[Heard]:
+    def finish(self) -> list[DeviceClockSeries]:
         """The clocks in the order of the configuration, fitted over all that was heard."""
         order = [bound.device.name for bound in self._devices]
-        heard = sorted(self._heard.values(), key=lambda h: (order.index(h.device.name), h.scale))
-        for each in heard:
+        clock_series = sorted(self._clock_series.values(), key=lambda h: (order.index(h.device.name), h.scale))
+        for each in clock_series:
             each.clock.finish()
-        return heard
+        return clock_series
 
 
 def read_computer_clock(recording: Recording) -> ComputerClock:

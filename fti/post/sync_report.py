@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from fti.nav.times.device_clock import NEAR_FACTOR, NEAR_NS, Segment
-from fti.post.sync import SECOND_NS, Heard, Ints, Sync
+from fti.nav.device_time.clock_estimator import NEAR_FACTOR, NEAR_NS, ClockSegment
+from fti.post.sync import SECOND_NS, DeviceClockSeries, Ints, Sync
 
 #: Columns of a plotted curve: each keeps its earliest and its latest message.
 BINS = 700
@@ -20,26 +20,26 @@ def as_json(sync: Sync) -> dict[str, Any]:
     delay        : of the messages, beyond the shortest way; late : beyond what is usual
     """
     return {
-        "session": dict(sync.about),
+        "session": dict(sync.session_metadata),
         "begin_ns": sync.begin_ns,
-        "devices": [_device(heard) for heard in sync.heard],
+        "devices": [_device(clock_series) for clock_series in sync.clock_series],
         "computer": _computer(sync),
         "gnss": _gnss(sync),
     }
 
 
-def _device(heard: Heard) -> dict[str, Any]:
+def _device(clock_series: DeviceClockSeries) -> dict[str, Any]:
     return {
-        "device": heard.device.name,
-        "link": heard.device.link,
-        "scale": heard.scale.value,
-        "messages": len(heard.t_rx),
-        "refused": heard.clock.refused,
-        "segments": [_segment(heard, segment) for segment in heard.clock.segments],
+        "device": clock_series.device.name,
+        "link": clock_series.device.link,
+        "scale": clock_series.scale.value,
+        "messages": len(clock_series.t_rx),
+        "refused": clock_series.clock.refused,
+        "segments": [_segment(clock_series, segment) for segment in clock_series.clock.segments],
     }
 
 
-def _segment(heard: Heard, segment: Segment) -> dict[str, Any]:
+def _segment(clock_series: DeviceClockSeries, segment: ClockSegment) -> dict[str, Any]:
     found: dict[str, Any] = {
         "first_ns": segment.first_ns,
         "last_ns": segment.last_ns,
@@ -48,9 +48,9 @@ def _segment(heard: Heard, segment: Segment) -> dict[str, Any]:
     }
     if not segment.known:
         return found
-    latency_ns = round(heard.device.latency_ms * 1e6)
+    latency_ns = round(clock_series.device.latency_ms * 1e6)
     first_dev_ns, last_dev_ns = (segment.device_ns(t + latency_ns) for t in (segment.first_ns, segment.last_ns))
-    delays = heard.delays(segment)[1] / 1e6
+    delays = clock_series.delays(segment)[1] / 1e6
     late_ms = (NEAR_NS + NEAR_FACTOR * segment.line.spread) / 1e6
     return found | {
         "offset_ns": first_dev_ns - segment.first_ns,
@@ -81,13 +81,13 @@ def _computer(sync: Sync) -> dict[str, Any]:
 
 def _gnss(sync: Sync) -> dict[str, Any] | None:
     """FTI time against GNSS time: what figure 6.10 of source 003 shows."""
-    heard = sync.gnss()
-    if heard is None:
+    clock_series = sync.gnss()
+    if clock_series is None:
         return None
-    segment = max((s for s in heard.clock.segments if s.known), key=lambda s: s.last_ns - s.first_ns)
+    segment = max((s for s in clock_series.clock.segments if s.known), key=lambda s: s.last_ns - s.first_ns)
     return {
-        "device": heard.device.name,
-        "scale": heard.scale.value,
+        "device": clock_series.device.name,
+        "scale": clock_series.scale.value,
         "fti_drift_ppm": 1e6 * segment.line.slope,
         "fti_drift_95_ppm": 1e6 * segment.line.slope_95,
         "fti_drift_ms_per_hour": 3.6e6 * segment.line.slope,
@@ -99,18 +99,20 @@ def _gnss(sync: Sync) -> dict[str, Any] | None:
 
 def as_text(sync: Sync) -> list[str]:
     """Lines for a person."""
-    note = [f"*** {sync.about['note']} ***"] if "note" in sync.about else []
-    lines = [line for heard in sync.heard for line in _device_lines(heard, sync.begin_ns)]
+    note = [f"*** {sync.session_metadata['note']} ***"] if "note" in sync.session_metadata else []
+    lines = [line for clock_series in sync.clock_series for line in _device_lines(clock_series, sync.begin_ns)]
     devices = lines or ["no device of this session says its own time"]
     return [*note, *devices, *_computer_lines(sync), *_gnss_lines(sync)]
 
 
-def _device_lines(heard: Heard, begin_ns: int) -> list[str]:
-    refused = f", {heard.clock.refused} refused" if heard.clock.refused else ""
-    count = len(heard.clock.segments)
-    head = f"{heard.device.name}  {heard.scale} time, {len(heard.t_rx)} messages{refused}, {count} segment"
+def _device_lines(clock_series: DeviceClockSeries, begin_ns: int) -> list[str]:
+    refused = f", {clock_series.clock.refused} refused" if clock_series.clock.refused else ""
+    count = len(clock_series.clock.segments)
+    head = f"{clock_series.device.name}  {clock_series.scale} time, {len(clock_series.t_rx)} messages{refused}, {count} segment"
     return [head + ("s" if count > 1 else "")] + [
-        line for segment in heard.clock.segments for line in _segment_lines(_segment(heard, segment), begin_ns)
+        line
+        for segment in clock_series.clock.segments
+        for line in _segment_lines(_segment(clock_series, segment), begin_ns)
     ]
 
 
@@ -160,25 +162,30 @@ def curves(sync: Sync) -> list[dict[str, Any]]:
 
     line : the shortest way; low, high : the quickest and the latest message around each time
     """
-    return [_curve(heard, s, sync.begin_ns) for heard in sync.heard for s in heard.clock.segments if s.known]
+    return [
+        _curve(clock_series, s, sync.begin_ns)
+        for clock_series in sync.clock_series
+        for s in clock_series.clock.segments
+        if s.known
+    ]
 
 
-def _curve(heard: Heard, segment: Segment, begin_ns: int) -> dict[str, Any]:
-    t_rx, delay = heard.delays(segment)
+def _curve(clock_series: DeviceClockSeries, segment: ClockSegment, begin_ns: int) -> dict[str, Any]:
+    t_rx, delay = clock_series.delays(segment)
     line_ms = segment.line.slope * (t_rx - t_rx[0]) / 1e6
     bins = np.unique(np.linspace(0, len(t_rx), BINS + 1).astype(int)[:-1])
     t = (t_rx[bins] - begin_ns) / SECOND_NS
     return {
-        "title": f"{heard.device.name}: arrival - {heard.scale} time",
+        "title": f"{clock_series.device.name}: arrival - {clock_series.scale} time",
         "drift": f"{segment.drift_ppm:+.3f} +- {1e6 * segment.line.slope_95:.3f} ppm",
-        "t": _rounded(t),
-        "line": _rounded(line_ms[bins]),
-        "low": _rounded(line_ms[bins] + np.minimum.reduceat(delay, bins) / 1e6),
-        "high": _rounded(line_ms[bins] + np.maximum.reduceat(delay, bins) / 1e6),
+        "t": _round_values(t),
+        "line": _round_values(line_ms[bins]),
+        "low": _round_values(line_ms[bins] + np.minimum.reduceat(delay, bins) / 1e6),
+        "high": _round_values(line_ms[bins] + np.maximum.reduceat(delay, bins) / 1e6),
     }
 
 
-def _rounded(values: Any) -> list[float]:
+def _round_values(values: Any) -> list[float]:
     return [round(float(value), 3) for value in values]
 
 
@@ -192,6 +199,6 @@ def computer_curve(sync: Sync) -> dict[str, Any] | None:
     return {
         "title": "computer: real time - FTI time",
         "drift": f"{len(clock.steps)} steps",
-        "t": _rounded((clock.t[some] - sync.begin_ns) / SECOND_NS),
-        "line": _rounded(moved_ms),
+        "t": _round_values((clock.t[some] - sync.begin_ns) / SECOND_NS),
+        "line": _round_values(moved_ms),
     }

@@ -21,9 +21,9 @@ from mcap.writer import Writer
 
 from fti.errors import ConfigError, StorageError
 from fti.logger import schemas
-from fti.nav.times.device_clock import Segment
-from fti.nav.times.envelope import Line, fit_line
-from fti.post.sync import SECOND_NS, ComputerClock, Heard, Sync
+from fti.nav.device_time.clock_estimator import ClockSegment
+from fti.nav.device_time.delay_envelope import EnvelopeLine, fit_line
+from fti.post.sync import SECOND_NS, ComputerClock, DeviceClockSeries, Sync
 
 HOUR_NS = 3600 * SECOND_NS
 STEP_NS = 600 * SECOND_NS
@@ -51,21 +51,21 @@ class TimeBaseRow:
 
 def time_base(sync: Sync) -> list[TimeBaseRow]:
     """All rows, clock by clock, in order of time."""
-    rows = [row for heard in sync.heard for row in _device_rows(heard)]
+    rows = [row for clock_series in sync.clock_series for row in _device_rows(clock_series)]
     return rows + list(_computer_rows(sync.computer))
 
 
-def _device_rows(heard: Heard) -> Iterator[TimeBaseRow]:
-    clock, device = heard.clock, heard.device
+def _device_rows(clock_series: DeviceClockSeries) -> Iterator[TimeBaseRow]:
+    clock, device = clock_series.clock, clock_series.device
     latency_ns = round(device.latency_ms * 1e6)
     for number, segment in enumerate(s for s in clock.segments if s.known):
         for t_ns, line in _lines(segment):
             shown_ns = segment.device_ns(t_ns + latency_ns, line)
             row = (t_ns, shown_ns, round(segment.sd_ns(shown_ns, line)))
-            yield TimeBaseRow(device.name, device.link, heard.scale, number, *row)
+            yield TimeBaseRow(device.name, device.link, clock_series.scale, number, *row)
 
 
-def _lines(segment: Segment) -> Iterator[tuple[int, Line]]:
+def _lines(segment: ClockSegment) -> Iterator[tuple[int, EnvelopeLine]]:
     """The times of the rows of a segment, and the line that holds there."""
     first, last = segment.first_ns, segment.last_ns
     if last - first <= HOUR_NS:
@@ -94,18 +94,18 @@ def _computer_rows(clock: ComputerClock) -> Iterator[TimeBaseRow]:
 # -------------------------------------------------------------------------------------------------------- writing
 
 
-def check_place(path: Path) -> None:
+def check_output_path(path: Path) -> None:
     """Raises ConfigError when no file of that name can be written, StorageError when it is there, or its folder not."""
     if path.suffix not in SUFFIXES:
         raise ConfigError(f"{path}: the name must end in {' or '.join(SUFFIXES)}")
     if not path.parent.is_dir():
         raise StorageError(f"{path}: cannot be written: there is no folder {path.parent}")
-    for file in (path, _beside(path)):
+    for file in (path, _metadata_path(path)):
         if file.exists():
             raise StorageError(f"{file}: cannot be written: it exists already")
 
 
-def _beside(path: Path) -> Path:
+def _metadata_path(path: Path) -> Path:
     """What says of a table of which session it is."""
     return path.with_suffix(".json") if path.suffix == ".csv" else path
 
@@ -113,14 +113,14 @@ def _beside(path: Path) -> Path:
 def write(sync: Sync, path: Path) -> None:
     """The rows to a new ``.csv`` or ``.mcap`` file, with what is told of the session: of a table, in a file beside it.
 
-    Raises as ``check_place``, and StorageError when it cannot be written.
+    Raises as ``check_output_path``, and StorageError when it cannot be written.
     """
-    check_place(path)
+    check_output_path(path)
     rows = time_base(sync)
     if path.suffix == ".mcap":
-        _write_new(path, _mcap(rows, sync.about))
+        _write_new(path, _mcap(rows, sync.session_metadata))
         return
-    _write_new(_beside(path), f"{json.dumps(dict(sync.about), indent=1)}\n".encode())
+    _write_new(_metadata_path(path), f"{json.dumps(dict(sync.session_metadata), indent=1)}\n".encode())
     _write_new(path, _csv(rows))
 
 
@@ -141,11 +141,11 @@ def _csv(rows: list[TimeBaseRow]) -> bytes:
     return text.getvalue().encode()
 
 
-def _mcap(rows: list[TimeBaseRow], about: Mapping[str, str]) -> bytes:
+def _mcap(rows: list[TimeBaseRow], session_metadata: Mapping[str, str]) -> bytes:
     file = io.BytesIO()
     writer = Writer(file)
     writer.start(profile="fti", library="fti")
-    writer.add_metadata("fti", dict(about))
+    writer.add_metadata("fti", dict(session_metadata))
     schema = schemas.schema_of(TimeBaseRow)
     schema_id = writer.register_schema(schema.name, schema.encoding, schema.data)
     channel = writer.register_channel(TOPIC, "json", schema_id)

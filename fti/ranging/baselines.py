@@ -31,7 +31,7 @@ Array = NDArray[np.float64]
 Codes = NDArray[np.uint8]
 
 #: An error beyond so many of its own sigma is not believed: one in a thousand.
-BELIEVED = 3.29
+MAX_ERROR_SIGMAS = 3.29
 _EXACT = 1e-9  # [rad] phases without noise fit to rounding
 _TURN = 2.0 * np.pi
 
@@ -82,9 +82,9 @@ class Baselines:
         if rng is not None:
             at += self.phase_sd * rng.standard_normal(at.shape)
         left, middle, right = np.moveaxis(at, -1, 0)
-        return _wrapped(np.stack((middle - left, right - middle, right - left), axis=-1))
+        return _wrap(np.stack((middle - left, right - middle, right - left), axis=-1))
 
-    def resolved(self, phases: ArrayLike) -> tuple[Array, Codes]:
+    def resolve(self, phases: ArrayLike) -> tuple[Array, Codes]:
         """Look angle [rad] by the integers of least error, and whether it can be believed.
 
         phases   : (..., 3) [rad] differences of LA, AR, LR
@@ -95,7 +95,7 @@ class Baselines:
         sines, errors = self._candidates(measured[..., 0], measured[..., 1], measured[..., 2])
         order = np.argsort(errors, axis=-1)[..., :2]
         (first, second), (sine, _) = (np.moveaxis(np.take_along_axis(of, order, -1), -1, 0) for of in (errors, sines))
-        fits = BELIEVED * self.error_sd + _EXACT
+        fits = MAX_ERROR_SIGMAS * self.error_sd + _EXACT
         validity = np.where(first > fits, Validity.WEAK, np.where(second <= fits, Validity.AMBIGUOUS, Validity.VALID))
         validity = np.where(np.isinf(first), Validity.UNKNOWN, validity).astype(np.uint8)
         return np.arcsin(np.where(np.isinf(first), np.nan, sine)), validity
@@ -134,6 +134,6 @@ class Baselines:
         return np.asarray(_TURN * (self.ar * m - self.la * k)[others] / self.lr)
 
 
-def _wrapped(phase: Array) -> Array:
+def _wrap(phase: Array) -> Array:
     """The same phase in [-pi, pi)."""
     return np.asarray((phase + np.pi) % _TURN - np.pi)

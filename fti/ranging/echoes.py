@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fti.ranging.frames import mat_sm
-from fti.terrain.outcome import Outcome
+from fti.terrain.ray_outcome import RayOutcome
 
 Array = NDArray[np.float64]
 Codes = NDArray[np.uint8]
@@ -17,7 +17,7 @@ Codes = NDArray[np.uint8]
 RINGS = 2
 
 
-class Echoes(NamedTuple):
+class PulseEchoes(NamedTuple):
     """What comes back of n pulses, up to m echoes each, (n, m): range [m], P_rx / P_tx, spread [m]; NaN is none."""
 
     ranges: Array
@@ -25,23 +25,23 @@ class Echoes(NamedTuple):
     spread: Array
 
     @classmethod
-    def sharp(cls, ranges: Array, power: Array) -> Echoes:
+    def sharp(cls, ranges: Array, power: Array) -> PulseEchoes:
         """Echoes of single rays."""
         return cls(ranges, power, np.where(np.isnan(power), np.nan, 0.0))
 
-    def beside(self, others: Echoes) -> Echoes:
+    def beside(self, others: PulseEchoes) -> PulseEchoes:
         """These and others of the same pulses."""
-        return Echoes(*(np.concatenate(pair, axis=1) for pair in zip(self, others, strict=True)))
+        return PulseEchoes(*(np.concatenate(pair, axis=1) for pair in zip(self, others, strict=True)))
 
-    def told(self, heard: NDArray[np.bool_], which: str) -> Echoes:
+    def told(self, heard: NDArray[np.bool_], which: str) -> PulseEchoes:
         """The first and, or the last of the echoes that are heard (n, m): (n, 1), or with "both" (n, 2)."""
-        only = Echoes(*(np.where(heard, values, np.nan) for values in self))
+        only = PulseEchoes(*(np.where(heard, values, np.nan) for values in self))
         if which != "both" and self.ranges.shape[1] == 1:
             return only
         first = np.where(heard, self.ranges, np.inf).argmin(axis=1)
         last = np.where(heard, self.ranges, -np.inf).argmax(axis=1)
         columns = np.stack({"first": [first], "last": [last], "both": [first, last]}[which], axis=1)
-        return Echoes(*(np.take_along_axis(values, columns, axis=1) for values in only))
+        return PulseEchoes(*(np.take_along_axis(values, columns, axis=1) for values in only))
 
 
 def footprint_rays(divergence: float) -> Array:
@@ -72,10 +72,10 @@ def beams(directions: Array, divergence: float) -> Array:
 def outcome(codes: Codes) -> Codes:
     """Of a pulse (n,), from those of its rays (n, m): what leaves any of it unknown, else a hit if there is one."""
     worst, best = codes.max(axis=1), codes.min(axis=1)
-    return np.asarray(np.where(worst > Outcome.NOTHING, worst, best), dtype=np.uint8)
+    return np.asarray(np.where(worst > RayOutcome.NOTHING, worst, best), dtype=np.uint8)
 
 
-def merged(ranges: Array, power: Array, resolution: float) -> Echoes:
+def merge_echoes(ranges: Array, power: Array, resolution: float) -> PulseEchoes:
     """Rays of a footprint (n, m) as echoes (n, m): neighbours in range that are not resolved [m] are one echo.
 
     An echo's range is the mean of its rays, weighted by power; its spread their standard deviation about it.
@@ -94,4 +94,4 @@ def merged(ranges: Array, power: Array, resolution: float) -> Echoes:
     with np.errstate(invalid="ignore"):
         mean = total(weight * near) / together
         off = near - np.take_along_axis(mean, number, axis=1)
-        return Echoes(mean, together, np.sqrt(total(weight * off**2) / together))
+        return PulseEchoes(mean, together, np.sqrt(total(weight * off**2) / together))

@@ -34,7 +34,7 @@ class RangeError:
             if not np.isfinite(value) or (field.name.endswith("_sd") and value < 0.0):
                 raise ValueError(f"{field.name} is {value}, must be finite, and a standard deviation not negative")
 
-    def applied(self, slant_range: ArrayLike, rng: np.random.Generator | None = None) -> Array:
+    def apply(self, slant_range: ArrayLike, rng: np.random.Generator | None = None) -> Array:
         """The range with its error [m]; NaN stays NaN.  ``rng`` None: bias and scale factor only."""
         true = np.asarray(slant_range, dtype=np.float64)
         scale, bias = np.full_like(true, self.scale), np.full_like(true, self.bias)

@@ -30,22 +30,22 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fti.ranging.baselines import BELIEVED, Baselines
+from fti.ranging.baselines import MAX_ERROR_SIGMAS, Baselines
 from fti.ranging.sensor import Poses, RangingSensor, Returns, Validity
-from fti.terrain.outcome import Outcome
+from fti.terrain.ray_outcome import RayOutcome
 from fti.terrain.terrain import Terrain
 
 Array = NDArray[np.float64]
 Codes = NDArray[np.uint8]
 
 #: The search looks around the best hollows of its grid in windows of 7 x 7 rays, each half as wide as the one before.
-_CANDIDATES, _WINDOWS, _NARROWER = 3, 18, 0.5
+_CANDIDATES, _WINDOWS, _WINDOW_RATIO = 3, 18, 0.5
 _WINDOW = np.stack(np.meshgrid(*2 * (np.linspace(-1.0, 1.0, 7),), indexing="ij"), axis=-1).reshape(-1, 2)
 #: Poses searched at a time: 2 MB of rays.
 _POSES = 200
-_NOT_KNOWN = (Outcome.OUTSIDE, Outcome.HOLE, Outcome.BURIED)
+_UNKNOWN_OUTCOMES = (RayOutcome.OUTSIDE, RayOutcome.HOLE, RayOutcome.BURIED)
 #: With less than this between velocity and the axis of the antennas there is no plane to search [sin^2].
-_LEAST_OBLIQUE = 1e-6
+_MIN_OBLIQUITY = 1e-6
 
 
 def angles_from_direction(direction_s: ArrayLike, velocity_s: ArrayLike) -> tuple[Array, Array]:
@@ -63,7 +63,7 @@ def direction_from_angles(slant_angle: ArrayLike, look_angle: ArrayLike, velocit
     """
     v = _unit(np.asarray(velocity_s, dtype=np.float64))
     k, along, across = v[..., 1], np.sin(slant_angle), np.sin(look_angle)
-    oblique = np.where(1.0 - k * k > _LEAST_OBLIQUE, 1.0 - k * k, np.nan)
+    oblique = np.where(1.0 - k * k > _MIN_OBLIQUITY, 1.0 - k * k, np.nan)
     a, b = (along - k * across) / oblique, (across - k * along) / oblique
     left = 1.0 - a * along - b * across  # |a v + b y|^2 = a sin gamma + b sin theta
     c = np.sqrt(np.where(left >= 0.0, left, np.nan) / oblique)
@@ -133,7 +133,7 @@ class InterferometricAltimeter(RangingSensor):
         """From beyond the limit of the antennas other integers may fit as well as the right ones never tried."""
         if self.baselines is not None:
             edge = 0.5 * self.field_of_view
-            needed = edge + BELIEVED * float(self.baselines.look_angle_sd(edge))
+            needed = edge + MAX_ERROR_SIGMAS * float(self.baselines.look_angle_sd(edge))
             if self.baselines.look_limit < needed:
                 said = f"look_limit of the baselines is {self.baselines.look_limit:.4f} rad"
                 raise ValueError(f"{said}, must be at least half the field of view and its noise, {needed:.4f} rad")
@@ -142,12 +142,12 @@ class InterferometricAltimeter(RangingSensor):
         """The nearest point in the strip at each pose; not valid where ground within that range is not known.
 
         Validity besides that of rays: UNKNOWN without a velocity along x of the sensor (there is no plane), TOO_NEAR
-        where noise makes the range negative, AMBIGUOUS and WEAK as ``Baselines.resolved`` says.  Dispersion and power
+        where noise makes the range negative, AMBIGUOUS and WEAK as ``Baselines.resolve`` says.  Dispersion and power
         are not known to this form.
         """
         velocity_s = np.einsum("nji,nj->ni", poses.mats_ls, poses.vels_l)
         ranges, angles, validity = self._nearest(terrain, poses, velocity_s)
-        slant, look, said = self._measured(angles, rng)
+        slant, look, said = self._measure_angles(angles, rng)
         validity = np.where(validity == Validity.VALID, said, validity).astype(np.uint8)
         if rng is not None:
             ranges = ranges + self.range_sd * rng.standard_normal(ranges.shape)
@@ -172,14 +172,14 @@ class InterferometricAltimeter(RangingSensor):
         ranges, angles, validity = (np.concatenate(part) for part in zip(*parts, strict=True))
         return ranges, angles, validity
 
-    def _measured(self, angles: Array, rng: np.random.Generator | None) -> tuple[Array, Array, Codes]:
+    def _measure_angles(self, angles: Array, rng: np.random.Generator | None) -> tuple[Array, Array, Codes]:
         """Slant and look angle with their noise, and what the antennas say of the latter."""
         slant, look = angles[:, 0], angles[:, 1]
         validity = np.full(look.shape, Validity.VALID, dtype=np.uint8)
         if rng is not None:
             slant = slant + self.slant_angle_sd * rng.standard_normal(slant.shape)
         if self.baselines is not None:
-            look, validity = self.baselines.resolved(self.baselines.phases(look, rng))
+            look, validity = self.baselines.resolve(self.baselines.phases(look, rng))
         elif rng is not None:
             look = look + self.look_angle_sd * rng.standard_normal(look.shape)
         return slant, look, validity
@@ -202,8 +202,8 @@ class _Search:
         grid = np.stack(np.meshgrid(*sides, indexing="ij"), axis=-1).reshape(-1, 2)
         ranges, outcomes = self._cast(np.broadcast_to(grid, (len(self.poses), *grid.shape)))
         ranges = np.where(np.isnan(ranges), np.inf, ranges)
-        chosen = np.argsort(_hollows(ranges, self.rays), axis=1)[:, :_CANDIDATES]
-        found, angles = self._refined(np.take_along_axis(ranges, chosen, axis=1), grid[chosen])
+        chosen = np.argsort(_local_minima(ranges, self.rays), axis=1)[:, :_CANDIDATES]
+        found, angles = self._refine(np.take_along_axis(ranges, chosen, axis=1), grid[chosen])
         best = np.argmin(found, axis=1)[:, None]
         found, angles = np.take_along_axis(found, best, 1)[:, 0], np.take_along_axis(angles, best[..., None], 1)[:, 0]
         validity = np.array([self._reason(k, found[k], grid, outcomes[k]) for k in range(len(found))], np.uint8)
@@ -215,7 +215,7 @@ class _Search:
         rays_l = np.einsum("nij,nkj->nki", self.poses.mats_ls, u)
         return self.terrain.trace(self.poses.origins_l[:, None, :], rays_l, self.max_range)
 
-    def _refined(self, ranges: Array, angles: Array) -> tuple[Array, Array]:
+    def _refine(self, ranges: Array, angles: Array) -> tuple[Array, Array]:
         """Nearer points around candidates (n, k), inside the strip: windows of rays that follow the best and narrow.
 
         Windows, not a descent: edges between cells are creases, on which a descent stays.
@@ -230,26 +230,26 @@ class _Search:
             moved = np.take_along_axis(tried, best[..., None], axis=-2)[..., 0, :]
             angles = np.where((nearest < ranges)[..., None], moved, angles)
             ranges = np.minimum(nearest, ranges)
-            side = _NARROWER * side
+            side = _WINDOW_RATIO * side
         return ranges, angles
 
     def _reason(self, pose: int, nearest: float, grid: Array, outcomes: Codes) -> int:
         """Whether there is a nearest point, and none could be nearer where nobody knows the ground."""
-        if (outcomes == Outcome.UNKNOWN).all():
+        if (outcomes == RayOutcome.UNKNOWN).all():
             return Validity.UNKNOWN
-        doubtful = np.isin(outcomes, _NOT_KNOWN)
+        doubtful = np.isin(outcomes, _UNKNOWN_OUTCOMES)
         reasons = outcomes[doubtful]
         if doubtful.any() and 0.0 < nearest < np.inf:
             u = direction_from_angles(grid[doubtful, 0], grid[doubtful, 1], self.velocity_s[pose])
             origin, rays_l = self.poses.origins_l[pose], u @ self.poses.mats_ls[pose].T
             again = self.terrain.trace(origin, rays_l, nearest)[1]
-            reasons = again[np.isin(again, _NOT_KNOWN)]
+            reasons = again[np.isin(again, _UNKNOWN_OUTCOMES)]
         if len(reasons):
             return int(np.bincount(reasons).argmax())
         return Validity.VALID if np.isfinite(nearest) else Validity.NO_RETURN
 
 
-def _hollows(ranges: Array, rays: tuple[int, int]) -> Array:
+def _local_minima(ranges: Array, rays: tuple[int, int]) -> Array:
     """The ranges (n, rays) where no neighbour on the grid is nearer, infinite elsewhere."""
     grid = ranges.reshape(len(ranges), *rays)
     framed = np.pad(grid, ((0, 0), (1, 1), (1, 1)), constant_values=np.inf)

@@ -27,16 +27,16 @@ from fti.ranging.sensor import Poses
 Array = NDArray[np.float64]
 
 #: Which way an attitude has turned is not known of epochs that differ by about half a turn [rad].
-MOST_TURN = 3.0
+MAX_TURN_RAD = 3.0
 
 
-def interpolated(
+def interpolate_poses(
     times: ArrayLike, epochs: Poses, at: ArrayLike, position: Literal["hermite", "line"] = "hermite"
 ) -> Poses:
     """Poses at ``at`` (k,) [s] from those of epochs at ``times`` (n,) [s], n >= 2.
 
     NaN before the first and after the last epoch, beside an epoch that is NaN, and between epochs more than
-    ``MOST_TURN`` apart in attitude.  Velocities are the derivative of the cubic, or a line between the epochs'.
+    ``MAX_TURN_RAD`` apart in attitude.  Velocities are the derivative of the cubic, or a line between the epochs'.
     Raises ValueError for times that do not ascend, or are not as many as the epochs, and for another ``position``.
     """
     place = {"hermite": _hermite, "line": _line}.get(position)
@@ -70,7 +70,7 @@ def _hermite(epochs: Poses, before: NDArray[np.intp], u: Array, step: Array) -> 
 
 
 def _turn(mats: Array) -> Array:
-    """Rotation vectors (n, 3) [rad] of rotation matrices (n, 3, 3); NaN above ``MOST_TURN``."""
+    """Rotation vectors (n, 3) [rad] of rotation matrices (n, 3, 3); NaN above ``MAX_TURN_RAD``."""
     sine = 0.5 * np.stack(
         (
             mats[:, 2, 1] - mats[:, 1, 2],
@@ -80,7 +80,7 @@ def _turn(mats: Array) -> Array:
         axis=-1,
     )
     angle = np.arctan2(np.linalg.norm(sine, axis=-1), 0.5 * (np.trace(mats, axis1=1, axis2=2) - 1.0))
-    angle = np.where(angle <= MOST_TURN, angle, np.nan)
+    angle = np.where(angle <= MAX_TURN_RAD, angle, np.nan)
     return np.asarray(sine / np.sinc(angle / np.pi)[:, None])
 
 

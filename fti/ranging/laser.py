@@ -31,13 +31,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fti.constants import SPEED_OF_LIGHT
-from fti.ranging.echoes import Echoes, beams, merged, outcome
+from fti.ranging.echoes import PulseEchoes, beams, merge_echoes, outcome
 from fti.ranging.error_model import RangeError
 from fti.ranging.reflectance import CoverAt, reflectance_at
 from fti.ranging.sensor import Poses, RangingSensor, Returns, Validity
-from fti.ranging.weather import Air, Cloud, air_along
+from fti.ranging.weather import Cloud, CloudLayers, cross_clouds
 from fti.terrain.landscape import Cover
-from fti.terrain.outcome import Outcome
+from fti.terrain.ray_outcome import RayOutcome
 from fti.terrain.terrain import Terrain
 
 Array = NDArray[np.float64]
@@ -110,7 +110,7 @@ class Laser(RangingSensor):
     @property
     def threshold(self) -> float:
         """P_rx / P_tx that the receiver needs to answer."""
-        return 0.0 if self.reflectance is None else self.reflectance * float(self._collected(self.max_range))
+        return 0.0 if self.reflectance is None else self.reflectance * float(self._collected_share(self.max_range))
 
     def measure(self, terrain: Terrain, poses: Poses, rng: np.random.Generator | None = None) -> Returns:
         """Slant range along the boresight at each pose: shape (n,), with both returns (n, 2)."""
@@ -137,26 +137,28 @@ class Laser(RangingSensor):
             for vectors in (origins_l, directions_l, directions_s)
         )
         some = [slice(i, i + _CHUNK) for i in range(0, max(len(rays), 1), _CHUNK)]
-        told = _joined([self._pulses(terrain, starts[part], rays[part], rays_s[part], rng) for part in some])
-        return _shaped(told, (*shape, 2) if self.returns == "both" else shape)
+        told = _concatenate([self._pulses(terrain, starts[part], rays[part], rays_s[part], rng) for part in some])
+        return _reshape(told, (*shape, 2) if self.returns == "both" else shape)
 
     def _pulses(
         self, terrain: Terrain, starts: Array, rays: Array, rays_s: Array, rng: np.random.Generator | None
     ) -> Returns:
         """What n pulses return, shape (n, 1), with both (n, 2)."""
         starts = np.where(np.isfinite(starts), starts, np.nan)  # an infinite place is as unknown as none
-        air = air_along(self.weather, starts, rays, rng)
+        air = cross_clouds(self.weather, starts, rays, rng)
         echoes, code = self._ground(terrain, starts, rays, air)
         if self.weather:
             echoes = echoes.beside(self._clouds(echoes, air))
-        return self._told(echoes, code, rays_s, rng)
+        return self._receive(echoes, code, rays_s, rng)
 
-    def _collected(self, ranges: Array | float) -> Array:
+    def _collected_share(self, ranges: Array | float) -> Array:
         """The share of diffusely scattered light that the lens collects at ranges [m]."""
         with np.errstate(divide="ignore"):
             return np.minimum(self.aperture**2 / (4.0 * np.square(ranges)), 1.0)
 
-    def _ground(self, terrain: Terrain, origins_l: Array, directions_l: Array, air: Air) -> tuple[Echoes, Codes]:
+    def _ground(
+        self, terrain: Terrain, origins_l: Array, directions_l: Array, air: CloudLayers
+    ) -> tuple[PulseEchoes, Codes]:
         """Echoes of the ground (n, m), m rays in a footprint, and the outcome of each pulse (n,)."""
         rays = beams(directions_l, self.divergence)
         shape = rays.shape[:2]
@@ -164,24 +166,26 @@ class Laser(RangingSensor):
         ranges, codes = terrain.trace(starts, flat, self.reach)
         east, north = (starts[:, axis] + ranges * flat[:, axis] for axis in (0, 1))
         scattered = _facing(terrain, east, north, flat) * reflectance_at(self.cover, east, north)
-        codes = np.where((codes == Outcome.HIT) & np.isnan(scattered), Outcome.OUTSIDE, codes)
+        codes = np.where((codes == RayOutcome.HIT) & np.isnan(scattered), RayOutcome.OUTSIDE, codes)
         ranges = ranges.reshape(shape)
-        power = (scattered * self._collected(ranges.ravel())).reshape(shape) * air.transmission(ranges) / shape[1]
-        echoes = merged(ranges, power, self.min_range) if shape[1] > 1 else Echoes.sharp(ranges, power)
+        power = (scattered * self._collected_share(ranges.ravel())).reshape(shape) * air.transmission(ranges) / shape[1]
+        echoes = merge_echoes(ranges, power, self.min_range) if shape[1] > 1 else PulseEchoes.sharp(ranges, power)
         return echoes, outcome(codes.reshape(shape))
 
-    def _clouds(self, ground: Echoes, air: Air) -> Echoes:
+    def _clouds(self, ground: PulseEchoes, air: CloudLayers) -> PulseEchoes:
         """What clouds answer (n, k) before the ground does."""
         nearest = np.fmin.reduce(ground.ranges, axis=1, initial=np.inf)
         where, reflectance = air.echoes(self.min_range, nearest)
-        return Echoes.sharp(where, reflectance * self._collected(where))
+        return PulseEchoes.sharp(where, reflectance * self._collected_share(where))
 
-    def _told(self, echoes: Echoes, code: Codes, directions_s: Array, rng: np.random.Generator | None) -> Returns:
+    def _receive(
+        self, echoes: PulseEchoes, code: Codes, directions_s: Array, rng: np.random.Generator | None
+    ) -> Returns:
         """What the receiver makes of the echoes: shape (n, 1), with both (n, 2)."""
         seen = echoes.ranges >= self.min_range
-        heard = seen & (echoes.power >= self.threshold) & (code <= Outcome.NOTHING)[:, None]
+        heard = seen & (echoes.power >= self.threshold) & (code <= RayOutcome.NOTHING)[:, None]
         told = echoes.told(heard, self.returns)
-        ranges = self.error.applied(told.ranges, rng)
+        ranges = self.error.apply(told.ranges, rng)
         validity = np.repeat(_validity(code, echoes, seen, heard)[:, None], ranges.shape[1], axis=1)
         directions = np.where(np.isfinite(ranges)[..., None], directions_s[:, None, :], np.nan)
         if self.sentinel is not None:
@@ -196,20 +200,20 @@ def _facing(terrain: Terrain, east: Array, north: Array, rays: Array) -> Array:
     return np.asarray(np.maximum(against / np.sqrt(1.0 + to_east**2 + to_north**2), 0.0))
 
 
-def _validity(code: Codes, echoes: Echoes, seen: Mask, heard: Mask) -> Codes:
+def _validity(code: Codes, echoes: PulseEchoes, seen: Mask, heard: Mask) -> Codes:
     """Of each pulse (n,), from its outcome and from which echoes (n, m) are far and strong enough."""
     there = np.isfinite(echoes.ranges)
     silence = np.where(seen.any(axis=1), Validity.WEAK, np.where(there.any(axis=1), Validity.TOO_NEAR, code))
     silence = np.where(heard.any(axis=1), Validity.VALID, silence)
-    return np.where(code > Outcome.NOTHING, code, silence).astype(np.uint8)
+    return np.where(code > RayOutcome.NOTHING, code, silence).astype(np.uint8)
 
 
-def _joined(parts: list[Returns]) -> Returns:
+def _concatenate(parts: list[Returns]) -> Returns:
     """The returns of one part of the pulses after the other."""
     return Returns(*(np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(Returns)))
 
 
-def _shaped(found: Returns, shape: tuple[int, ...]) -> Returns:
+def _reshape(found: Returns, shape: tuple[int, ...]) -> Returns:
     """The same returns in another shape."""
     return Returns(
         found.slant_range.reshape(shape),

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fti.ranging.sensor import Poses, RangingSensor, Returns
-from fti.terrain.bundle import cast_bundle_min
+from fti.terrain.nearest_ray import cast_bundle_min
 from fti.terrain.terrain import Terrain
 
 Array = NDArray[np.float64]

@@ -31,10 +31,10 @@ from numpy.typing import NDArray
 
 from fti.ranging.nearest import directions, ring_angles
 from fti.ranging.sensor import Poses
-from fti.terrain.cast import cast_one
 from fti.terrain.kernel import kernel
-from fti.terrain.outcome import Outcome
 from fti.terrain.pyramid import Pyramid
+from fti.terrain.ray_cast import cast_one
+from fti.terrain.ray_outcome import RayOutcome
 from fti.terrain.terrain import Terrain
 
 Array = NDArray[np.float64]
@@ -49,7 +49,7 @@ THRESHOLDS = np.array([0.25, 0.1, 0.04])
 CELL_SHARE, MIN_CELL_M = 0.01, 1.0
 #: What another detector makes of level ground [m].
 DETECTOR_SD = 0.3
-_HIT = int(Outcome.HIT)
+_HIT = int(RayOutcome.HIT)
 
 
 class PossibleReceivers:

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fti.constants import SPEED_OF_LIGHT
-from fti.ranging.interpolation import interpolated
+from fti.ranging.interpolation import interpolate_poses
 from fti.ranging.laser import Laser
 from fti.ranging.sensor import Poses, RangingSensor, Returns
 from fti.terrain.terrain import Terrain
@@ -32,7 +32,7 @@ from fti.terrain.terrain import Terrain
 Array = NDArray[np.float64]
 
 
-def fastest_rate(max_range: float) -> float:
+def max_pulse_rate(max_range: float) -> float:
     """Pulses per second [Hz] of which each is back from ``max_range`` [m] before the next one leaves.  Eq. 2.36."""
     return SPEED_OF_LIGHT / (2.0 * max_range)
 
@@ -67,7 +67,7 @@ class RangeScanner(RangingSensor):
     line_rate   : n_l, lines per second [Hz]
     field_of_view : of the line [rad]
     facets      : of the polygon
-    Raises ValueError for a pulse rate above ``fastest_rate``, a field of view that is not positive or that a facet
+    Raises ValueError for a pulse rate above ``max_pulse_rate``, a field of view that is not positive or that a facet
     cannot sweep, and a line without a pulse.
     """
 
@@ -81,27 +81,29 @@ class RangeScanner(RangingSensor):
         for name in ("pulse_rate", "line_rate"):
             if not 0.0 < getattr(self, name) < np.inf:
                 raise ValueError(f"{name} is {getattr(self, name)} Hz, must be positive")
-        limit = fastest_rate(self.laser.reach)
+        limit = max_pulse_rate(self.laser.reach)
         if self.pulse_rate > limit:
             raise ValueError(f"pulse_rate is {self.pulse_rate} Hz; over {self.laser.reach} m it is at most {limit:.0f}")
         if int(self.facets) != self.facets or self.facets < 3:
             raise ValueError(f"facets is {self.facets}, a polygon has at least 3, whole ones")
-        if not 0.0 < self.field_of_view <= min(self.swept, np.pi):
-            raise ValueError(f"field_of_view is {self.field_of_view} rad; {self.facets} facets sweep {self.swept:.3f}")
+        if not 0.0 < self.field_of_view <= min(self.sweep_angle, np.pi):
+            raise ValueError(
+                f"field_of_view is {self.field_of_view} rad; {self.facets} facets sweep {self.sweep_angle:.3f}"
+            )
         if self.angle_step > self.field_of_view:
             raise ValueError(
                 f"{self.pulse_rate} pulses in {self.line_rate} lines per second leave lines without a pulse"
             )
 
     @property
-    def swept(self) -> float:
+    def sweep_angle(self) -> float:
         """What one facet sweeps, dead time included [rad]."""
         return 4.0 * np.pi / self.facets
 
     @property
     def angle_step(self) -> float:
         """Between measurements of a line [rad]."""
-        return self.swept * self.line_rate / self.pulse_rate
+        return self.sweep_angle * self.line_rate / self.pulse_rate
 
     @property
     def angles(self) -> Array:
@@ -136,16 +138,16 @@ class RangeScanner(RangingSensor):
         """Everything that is measured from the first to the last epoch at ``times`` (n,) [s], k measurements.
 
         The first pulse leaves at the first epoch, when a facet begins its sweep.  Each measurement has its own pose,
-        ``interpolated`` between the epochs.  Raises ValueError for fewer than two of them.
+        ``interpolate_poses`` between the epochs.  Raises ValueError for fewer than two of them.
         """
         knots = np.asarray(times, dtype=np.float64)
         if knots.size < 2:
             raise ValueError(f"a scan of {knots.size} epochs: it goes on between two at least")
         pulses = np.arange(np.floor((knots[-1] - knots[0]) * self.pulse_rate) + 1)
-        angles = self.swept * ((pulses * (self.line_rate / self.pulse_rate)) % 1.0 - 0.5)
+        angles = self.sweep_angle * ((pulses * (self.line_rate / self.pulse_rate)) % 1.0 - 0.5)
         seen = np.abs(angles) <= 0.5 * self.field_of_view
         when = np.minimum(knots[0] + pulses[seen] / self.pulse_rate, knots[-1])  # the last one by rounding only
-        poses = interpolated(knots, epochs, when)
+        poses = interpolate_poses(knots, epochs, when)
         rays_s = line_directions(angles[seen])
         rays_l = (poses.mats_ls @ rays_s[..., None])[..., 0]
         return Scan(when, poses, self.laser.along(terrain, poses.origins_l, rays_l, rays_s, rng))

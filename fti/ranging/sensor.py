@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from fti.geodesy.local import LocalFrame
 from fti.geodesy.rotations import mat_from_rpy
-from fti.terrain.outcome import Outcome
+from fti.terrain.ray_outcome import RayOutcome
 from fti.terrain.terrain import Terrain
 
 Array = NDArray[np.float64]
@@ -27,12 +27,12 @@ Codes = NDArray[np.uint8]
 class Validity(IntEnum):
     """Whether a measurement is one, and why not; the first are those of a ray."""
 
-    VALID = Outcome.HIT
-    NO_RETURN = Outcome.NOTHING
-    OUTSIDE = Outcome.OUTSIDE
-    HOLE = Outcome.HOLE
-    BURIED = Outcome.BURIED
-    UNKNOWN = Outcome.UNKNOWN
+    VALID = RayOutcome.HIT
+    NO_RETURN = RayOutcome.NOTHING
+    OUTSIDE = RayOutcome.OUTSIDE
+    HOLE = RayOutcome.HOLE
+    BURIED = RayOutcome.BURIED
+    UNKNOWN = RayOutcome.UNKNOWN
     TOO_NEAR = 6  #: nearer than the instrument resolves
     TOO_FAR = 7  #: beyond the instrument's range
     WEAK = 8  #: the return lies below the receiver's threshold

@@ -90,7 +90,7 @@ def _kim_exponent(visibility_km: float) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class Air:
+class CloudLayers:
     """What lies along n pulses: for each of k layers where it begins and ends [m] and its extinction [1/m], (n, k).
 
     An end that is not behind the beginning is a layer that the pulse does not meet.
@@ -121,14 +121,16 @@ class Air:
         return where, reflectance * self.transmission(where)
 
 
-def air_along(clouds: Sequence[Cloud], origins_l: Array, directions_l: Array, rng: np.random.Generator | None) -> Air:
+def cross_clouds(
+    clouds: Sequence[Cloud], origins_l: Array, directions_l: Array, rng: np.random.Generator | None
+) -> CloudLayers:
     """The layers along pulses from origins (n, 3) [m] in unit directions (n, 3), with this pulse's extinction."""
     shape = (len(origins_l), len(clouds))
     begins, ends, extinction = np.zeros(shape), np.zeros(shape), np.zeros(shape)
     for k, cloud in enumerate(clouds):
         begins[:, k], ends[:, k] = _crossing(cloud, origins_l[:, 2], directions_l[:, 2])
         extinction[:, k] = cloud.extinction * _factor(cloud.variation, len(origins_l), rng)
-    return Air(begins, ends, extinction)
+    return CloudLayers(begins, ends, extinction)
 
 
 def _crossing(cloud: Cloud, up: Array, climb: Array) -> tuple[Array, Array]:

@@ -15,14 +15,14 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import NamedTuple
 
-from fti.service.control import Channel, send_order
-from fti.service.restart_delay import DoublingDelay, RestartDelay, StandInDelay
+from fti.service.control_channel import ControlChannel, send_startup
+from fti.service.restart_delay import DoublingDelay, RestartDelay, StandbyDelay
 
 #: Linear algebra in one thread: a pool of it in navigation would take the processors from the recorder, and on busy
 #: ones it waits for its own threads a hundred times longer than it calculates.
-QUIET = {"OPENBLAS_NUM_THREADS": "1"}
+SINGLE_THREAD_ENV = {"OPENBLAS_NUM_THREADS": "1"}
 #: A stand-in that dies while it waits is replaced so long after it was spawned, not sooner.
-STAND_IN_PERIOD_S = 5.0
+STANDBY_PERIOD_S = 5.0
 
 
 class ProcessState(StrEnum):
@@ -34,7 +34,7 @@ class ProcessState(StrEnum):
     STOPPED = "stopped"
 
 
-class Spawned(NamedTuple):
+class WaitingProcess(NamedTuple):
     """A process that waits for its order, and our end of its control channel."""
 
     process: subprocess.Popen[bytes]
@@ -51,33 +51,33 @@ class Child:
     """
 
     name: str
-    order: bytes | None = None
+    startup: bytes | None = None
     ring_fds: tuple[int, int] | None = None
     arguments: Sequence[str] = ()
-    has_stand_in: bool = False
+    has_standby: bool = False
     state: ProcessState = ProcessState.STOPPED
     restarts: int = 0
-    channel: Channel | None = None
+    channel: ControlChannel | None = None
     process: subprocess.Popen[bytes] | None = None
     delay_s: float = 0.0
-    _waiting: Spawned | None = None
+    _waiting: WaitingProcess | None = None
     _spawned: float = -math.inf
     _started: float = 0.0
     _restart_at: float = 0.0
     _delay: RestartDelay = field(default_factory=DoublingDelay)
 
     def __post_init__(self) -> None:
-        if self.has_stand_in:
-            self._delay = StandInDelay()
+        if self.has_standby:
+            self._delay = StandbyDelay()
 
     @property
     def early_deaths(self) -> int:
         """So many times one after another it died soon after its start."""
         return self._delay.early_deaths
 
-    def tend_stand_in(self) -> None:
+    def ensure_standby(self) -> None:
         """See to it that a stand-in waits while the process runs."""
-        if self.has_stand_in and self.process and time.monotonic() >= self._spawned + STAND_IN_PERIOD_S:
+        if self.has_standby and self.process and time.monotonic() >= self._spawned + STANDBY_PERIOD_S:
             self.prepare()
 
     def prepare(self) -> None:
@@ -89,28 +89,28 @@ class Child:
         self._waiting = self._spawn()
         self._spawned = time.monotonic()
 
-    def _spawn(self) -> Spawned:
+    def _spawn(self) -> WaitingProcess:
         ours, theirs = socket.socketpair()
         process = subprocess.Popen(
             [sys.executable, "-m", f"fti.service.{self.name}", "--control-fd", str(theirs.fileno()), *self.arguments],
             pass_fds=[theirs.fileno()],
             stdin=subprocess.DEVNULL,
-            env={**os.environ, **QUIET},
+            env={**os.environ, **SINGLE_THREAD_ENV},
             process_group=0,
         )
         theirs.close()
-        return Spawned(process, ours)
+        return WaitingProcess(process, ours)
 
-    def start(self) -> Channel:
+    def start(self) -> ControlChannel:
         """Give the process at hand (or a new one) its order; returns our end of its control channel."""
         self.prepare()
         assert self._waiting is not None
         self.process, sock = self._waiting
         self._waiting, self._spawned = None, -math.inf  # the next stand-in need not wait
-        if self.order is not None and self.ring_fds is not None:
+        if self.startup is not None and self.ring_fds is not None:
             with contextlib.suppress(OSError):  # it has just died, which ``died`` will tell
-                send_order(sock, self.order, self.ring_fds)
-        self.channel = Channel(sock)
+                send_startup(sock, self.startup, self.ring_fds)
+        self.channel = ControlChannel(sock)
         self.state = ProcessState.STARTING
         self._started = time.monotonic()
         return self.channel

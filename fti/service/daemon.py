@@ -15,8 +15,8 @@ from fti.service.children import Child
 
 if TYPE_CHECKING:
     from fti.config import Config
-    from fti.service.bulletin import Announce
-    from fti.service.supervisor import Supervisor
+    from fti.service.supervisor.event_publisher import Announce
+    from fti.service.supervisor.process import Supervisor
 
 #: What else runs with the daemon, from its first recorded moment on; the daemon ends when it has ended.
 Companion = Callable[["Supervisor"], Awaitable[None]]
@@ -26,7 +26,7 @@ Companion = Callable[["Supervisor"], Awaitable[None]]
 def early_recorder() -> Iterator[Child]:
     """The recorder, started before anything else is loaded: it is ready when the configuration is."""
     limits.raise_open_files()
-    child = Child("recorder", has_stand_in=True)
+    child = Child("recorder", has_standby=True)
     child.prepare()
     try:
         yield child
@@ -56,34 +56,36 @@ async def serve(
     # Before there is anything to be left behind; a callback of the loop, it comes when there is a supervisor.
     signalled = _stop_on_signals(lambda: stop())  # noqa: PLW0108
     from fti.clock import choose_epoch_ns  # noqa: PLC0415 - while this is loaded, the recorder starts
-    from fti.service.supervisor import Supervisor  # noqa: PLC0415
+    from fti.service.supervisor.process import Supervisor  # noqa: PLC0415
 
     config = limits.fit(config, announce)
-    supervisor = Supervisor(config, choose_epoch_ns(), run_dir, recorder, _never_failing(announce), shows_key=shows_key)
-    beside = _begin_beside(supervisor, companion) if companion else None
+    supervisor = Supervisor(
+        config, choose_epoch_ns(), run_dir, recorder, _suppress_output_errors(announce), shows_key=shows_key
+    )
+    companion_task = _start_companion(supervisor, companion) if companion else None
 
     def stop() -> None:
-        if beside and not beside.cancelling() and not beside.done():
-            beside.cancel()
+        if companion_task and not companion_task.cancelling() and not companion_task.done():
+            companion_task.cancel()
         else:
             supervisor.stop()
 
     try:
         await supervisor.run(duration_s)
     finally:
-        if beside:
-            beside.cancel()
-            await asyncio.gather(beside, return_exceptions=True)
+        if companion_task:
+            companion_task.cancel()
+            await asyncio.gather(companion_task, return_exceptions=True)
     if supervisor.failed:
         raise FtiError("the recorder cannot start; what it said stands above")
     if supervisor.loss:
         raise RecordingError(supervisor.loss)
-    if beside and not beside.cancelled() and (error := beside.exception()):
+    if companion_task and not companion_task.cancelled() and (error := companion_task.exception()):
         raise error
     return signalled.is_set()
 
 
-def _never_failing(announce: Announce) -> Announce:
+def _suppress_output_errors(announce: Announce) -> Announce:
     """A terminal that is gone, or a log on a full medium, must not disturb the recording."""
 
     def tell(line: str) -> None:
@@ -108,7 +110,7 @@ def _stop_on_signals(stop_supervisor: Callable[[], None]) -> asyncio.Event:
     return signalled
 
 
-def _begin_beside(supervisor: Supervisor, companion: Companion) -> asyncio.Task[None]:
+def _start_companion(supervisor: Supervisor, companion: Companion) -> asyncio.Task[None]:
     """A companion that fails or ends takes the session with it, also one that is cancelled before it begins."""
 
     async def accompany() -> None:

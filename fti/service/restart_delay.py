@@ -38,7 +38,7 @@ class DoublingDelay:
         return delay_s
 
 
-class StandInDelay:
+class StandbyDelay:
     """For a child whose stand-in waits: no delay, unless it dies soon after its start again and again."""
 
     def __init__(self) -> None:

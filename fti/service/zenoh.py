@@ -17,20 +17,20 @@ from fti.bus.client import Subscriber
 from fti.bus.zenoh_endpoint import ZenohEndpoint
 from fti.clock import SystemClock, describe_wrong_time
 from fti.errors import FtiError
-from fti.service.control import Channel, adopt_channel
-from fti.service.guard import guarded
+from fti.service.control_channel import ControlChannel, open_inherited_channel
+from fti.service.fault_guard import catch_failures
 
 PROCESS = "zenoh"
 RETRY_S = 5.0
 
 
-class Relay:
+class ZenohRelay:
     """From the bus to zenoh.
 
     bus : socket of the bus; session, port : of the endpoint; clock : for events; channel : to the supervisor
     """
 
-    def __init__(self, bus: Path, session: str, port: int, *, clock: SystemClock, channel: Channel) -> None:
+    def __init__(self, bus: Path, session: str, port: int, *, clock: SystemClock, channel: ControlChannel) -> None:
         self._bus, self._session, self._port = bus, session, port
         self._clock, self._channel = clock, channel
         self._endpoint: ZenohEndpoint | None = None
@@ -42,7 +42,7 @@ class Relay:
         """Until the supervisor says stop or has gone."""
         while True:
             if self._endpoint is None:
-                with guarded(PROCESS, self._report):
+                with catch_failures(PROCESS, self._report):
                     self._open()
             if self._is_over():
                 break
@@ -60,7 +60,7 @@ class Relay:
     def _close(self) -> None:
         subscriber, self._subscriber = self._subscriber, None
         endpoint, self._endpoint = self._endpoint, None
-        with guarded(PROCESS, self._report):
+        with catch_failures(PROCESS, self._report):
             if subscriber:
                 subscriber.close()
             if endpoint:
@@ -68,12 +68,12 @@ class Relay:
 
     def _publish(self, topic: str, payload: bytes, sent_ns: int) -> None:
         if self._endpoint and not self._failed:
-            with guarded(PROCESS, self._report):
+            with catch_failures(PROCESS, self._report):
                 self._endpoint.publish(topic, payload)
 
     def _set_alive(self, process: str, is_alive: bool) -> None:
         if self._endpoint and not self._failed:
-            with guarded(PROCESS, self._report):
+            with catch_failures(PROCESS, self._report):
                 self._endpoint.set_alive(process, is_alive)
 
     def _is_over(self) -> bool:
@@ -102,8 +102,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     args = parser.parse_args(argv)
     for number in (signal.SIGINT, signal.SIGTERM):  # the supervisor decides when it ends
         signal.signal(number, signal.SIG_IGN)
-    channel = adopt_channel(args.control_fd)
-    relay = Relay(args.bus, args.session, args.port, clock=SystemClock(args.epoch_ns), channel=channel)
+    channel = open_inherited_channel(args.control_fd)
+    relay = ZenohRelay(args.bus, args.session, args.port, clock=SystemClock(args.epoch_ns), channel=channel)
     channel.send({"ready": True})
     relay.run()
     return 0

@@ -10,7 +10,7 @@ A study is a module or package of this package whose name does not begin with ``
 and, where there is something to see,
 
     ``drawings(seed) -> {name: draw}``   figures by name; each is computed and drawn when its ``draw()`` is called, in
-                                         the look of ``fti.figures``
+                                         the look of ``fti.plot_style``
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 #: Told the share that is done, 0 to 1.
 Progress = Callable[[float], None]
 #: Draws one figure.
-Draw = Callable[[], "Figure"]
+DrawFigure = Callable[[], "Figure"]
 
 
 #: Modules that studies share.
@@ -40,7 +40,7 @@ REPORTED = "reported"
 
 
 @dataclass(frozen=True, slots=True)
-class Result:
+class StudyResult:
     """One quantity.  id : of the target; value : found; target : in words; holds : the target is reached."""
 
     id: str
@@ -56,15 +56,15 @@ class Study(Protocol):
     RUNS: int
     SEED: int
 
-    def study(self, runs: int, seed: int, progress: Progress) -> list[Result]:
+    def study(self, runs: int, seed: int, progress: Progress) -> list[StudyResult]:
         """Do it."""
 
 
 @runtime_checkable
-class Illustrated(Study, Protocol):
+class PlottedStudy(Study, Protocol):
     """A study with figures."""
 
-    def drawings(self, seed: int) -> dict[str, Draw]:
+    def drawings(self, seed: int) -> dict[str, DrawFigure]:
         """What draws each figure, by its name."""
 
 

@@ -9,7 +9,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure, SubFigure
 
-from fti.figures import BLACK, BLUE, ORANGE, VERMILION, label, sheet
+from fti.plot_style import BLACK, BLUE, ORANGE, VERMILION, label, new_figure
 from fti.ranging.radar.antenna import NARROW, WIDE, Antenna
 from fti.ranging.radar.dome import half_dome, sphere
 from fti.study import ranging
@@ -23,7 +23,7 @@ CENTRE_DBI = -20.0
 
 def dome() -> Figure:
     """Fig. 2.30 and 2.32: the rays of the half dome, and their ranges to a level surface."""
-    figure = sheet(
+    figure = new_figure(
         "Geodesic dome of order 12: 751 rays before the antenna",
         "Colour: solid angle of a ray, by which it is weighed. Right: the rays meet level ground 100 m below.",
         width=10.0,
@@ -48,11 +48,11 @@ def _draw_dome(figure: SubFigure) -> None:
     dots = axes.scatter(x, y, z, c=1e3 * half.solid_angles[towards > 0.0], s=11, depthshade=False)
     axes.quiver(0.0, 0.0, -1.0, 0.0, 0.0, -0.3, color=BLACK, lw=1.2)
     axes.text(0.05, 0.0, -1.28, "boresight", va="center")
-    _bare(axes, 1.0, 1.3, zoom=1.2)
+    _hide_axes(axes, 1.0, 1.3, zoom=1.2)
     figure.colorbar(dots, ax=axes, orientation="horizontal", shrink=0.6, pad=0.0, label="solid angle of a ray [msr]")
 
 
-def _bare(axes: Any, half: float, depth: float, zoom: float) -> None:
+def _hide_axes(axes: Any, half: float, depth: float, zoom: float) -> None:
     """No frame and no ticks around a body that reaches ``half`` to every side and hangs down by ``depth``."""
     axes.set(xlim=(-half, half), ylim=(-half, half), zlim=(-depth, 0.0))
     axes.set_box_aspect((1.0, 1.0, 0.5 * depth / half), zoom=zoom)
@@ -63,7 +63,7 @@ def _bare(axes: Any, half: float, depth: float, zoom: float) -> None:
 def _draw_ranges(figure: SubFigure) -> None:
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(2.2, 1.0))
     angle, found = ranging.level_ranges()
-    curve = np.linspace(0.0, ranging.WIDEST, 300)
+    curve = np.linspace(0.0, ranging.MAX_OFF_BORESIGHT, 300)
     above.plot(np.degrees(curve), ranging.LEVEL_HEIGHT_M / np.cos(curve), color=BLACK, label="h / cos  (eq. 2.67)")
     above.plot(np.degrees(angle), found, "o", ms=3.0, color=VERMILION, alpha=0.6, label="rays cast on the surface")
     above.legend()
@@ -74,7 +74,7 @@ def _draw_ranges(figure: SubFigure) -> None:
 
 def antennas() -> Figure:
     """Fig. 2.33 and 2.35: the two cuts of each antenna, and the gain in every direction between them."""
-    figure = sheet(
+    figure = new_figure(
         "Antennas: gain from two cuts, blended by an ellipse",
         f"Radius: gain over an isotropic antenna, {CENTRE_DBI:.0f} dBi at the centre. Dotted: half power.",
         width=10.0,
@@ -109,5 +109,5 @@ def _draw_body(figure: SubFigure, antenna: Antenna) -> None:
     axes: Any = figure.add_subplot(1, 2, 2, projection="3d")
     colours = ScalarMappable(Normalize(CENTRE_DBI, 10.0), "cividis")
     axes.plot_surface(x, y, z, facecolors=colours.to_rgba(gain), rstride=1, cstride=1, lw=0.0, shade=False)
-    _bare(axes, 20.0, 31.0, zoom=1.45)
+    _hide_axes(axes, 20.0, 31.0, zoom=1.45)
     figure.colorbar(colours, ax=axes, shrink=0.7, label="gain [dBi]")

@@ -5,7 +5,7 @@ Source 003, fig. 7.8.  One filter of nine states and biases, three times with th
 
     raw          what it says is the height straight below, with the noise that its maker states
     compensated  for attitude, terrain and beam, predicted at the filter's own estimate with another beam of 2051 rays,
-                 with the sigma that the ground around gives (``height_variance_over``)
+                 with the sigma that the ground around gives (``sampled_height_variance``)
 
 The elevation is the surface itself.
 """
@@ -17,26 +17,26 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fti.hil.flight.trajectory import Samples, SplineFlight, State
+from fti.hil.flight.trajectory import FlightSamples, FlightState, SplineFlight
 from fti.nav.altimetry.compensation import height_over_ground
-from fti.nav.altimetry.predicted import Predictor
-from fti.nav.altimetry.variance import ErrorModel, height_variance_over
+from fti.nav.altimetry.range_prediction import Predictor
+from fti.nav.altimetry.variance import ErrorModel, sampled_height_variance
 from fti.nav.filter.aiding import GnssPosition, GnssVelocity, TerrainAltitude
+from fti.nav.filter.error_states import ALTIMETER_DRIFT, GNSS_DRIFTS, Extra, FilterModel
 from fti.nav.filter.estimate import Estimate
-from fti.nav.filter.navigator import Navigator
-from fti.nav.filter.states import ALTIMETER_DRIFT, GNSS_DRIFTS, Extra, Model
+from fti.nav.filter.navigator import InertialNavigator
 from fti.ranging.radar.altimeter import RadarAltimeter
 from fti.ranging.radar.antenna import WIDE
 from fti.study._filter_flights import (
     INERTIAL_S,
-    PURE,
+    PURE_UNIT,
     SECOND_NS,
     VELOCITY_SD,
-    Case,
-    drawn_start,
+    FilterCase,
+    displaced_place,
+    draw_start,
     gauss_markov,
-    matched_unit,
-    moved,
+    measure_matched,
 )
 from fti.study._pattern import MODEL_ORDER, NOISE_M, Pattern
 from fti.terrain.terrain import Terrain
@@ -50,7 +50,7 @@ SETTLE = 10
 WAYS = ("GNSS alone", "radar, raw", "radar, compensated")
 
 
-class Channel(NamedTuple):
+class HeightChannel(NamedTuple):
     """Estimate minus truth of the height, up, and its sigma, at the times of the measurements (n,) [m]."""
 
     error: Array
@@ -62,41 +62,43 @@ class Channel(NamedTuple):
         return float(np.mean(error**2)), float(np.mean((error / sd) ** 2))
 
 
-def channels(pattern: Pattern, told: Array, seed: int) -> dict[str, Channel]:
+def channels(pattern: Pattern, told: Array, seed: int) -> dict[str, HeightChannel]:
     """Of each way.  told : what the radar said on the pattern (n,) [m], NaN where nothing"""
     flight, surface = _flight(pattern), pattern.surface
-    model = Model(PURE, extras={**GNSS_DRIFTS, Extra.ALTIMETER: ALTIMETER_DRIFT})
+    model = FilterModel(PURE_UNIT, extras={**GNSS_DRIFTS, Extra.ALTIMETER: ALTIMETER_DRIFT})
     rng = np.random.default_rng([seed, 78])
     t = np.arange(flight.begin, flight.end - INERTIAL_S, INERTIAL_S)
     state, fixes = flight.state(t), flight.state(pattern.flight.t[1:-1])
-    felt = np.concatenate(matched_unit(Case("approach", model, aided=True, outages=False), state, rng)[:2], axis=1)
-    start, gnss = drawn_start(flight.state(t[:1]), rng), _gnss(fixes, rng)
+    felt = np.concatenate(
+        measure_matched(FilterCase("approach", model, aided=True, outages=False), state, rng)[:2], axis=1
+    )
+    start, gnss = draw_start(flight.state(t[:1]), rng), _gnss(fixes, rng)
     predictor = Predictor(surface, RadarAltimeter(antenna=WIDE, order=MODEL_ORDER))
 
     def aiding(way: str, here: Estimate, value: float) -> TerrainAltitude | None:
         if way == WAYS[0] or not np.isfinite(value):
             return None
-        return _raw(surface, here, value) if way == WAYS[1] else _compensated(predictor, here, value)
+        return _raw_altitude(surface, here, value) if way == WAYS[1] else _compensated_altitude(predictor, here, value)
 
-    found: dict[str, Channel] = {}
+    found: dict[str, HeightChannel] = {}
     for way in WAYS:
-        navigator = Navigator(model)
+        navigator = InertialNavigator(model)
         navigator.begin(_ns(t[0]), start, felt[0, :3], felt[0, 3:])
         heights, k = list[tuple[float, float]](), 1
         for i, at in enumerate(fixes.t.tolist()):
             while k < len(t) and t[k] <= at + INERTIAL_S:
-                navigator.take_inertial(_ns(t[k]), felt[k, :3], felt[k, 3:])
+                navigator.feed_inertial(_ns(t[k]), felt[k, :3], felt[k, 3:])
                 k += 1
             for one in gnss[i]:
-                navigator.take(_ns(at), one)
+                navigator.feed_aiding(_ns(at), one)
             here = navigator.at(_ns(at))
             assert here is not None
             if height := aiding(way, here, float(told[i + 1])):
-                navigator.take(_ns(at), height)
+                navigator.feed_aiding(_ns(at), height)
                 here = navigator.at(_ns(at))
                 assert here is not None
             heights.append((here.place[2] - float(fixes.alt[i]), float(here.sd_n[2])))
-        found[way] = Channel(*np.array(heights).T)
+        found[way] = HeightChannel(*np.array(heights).T)
     return found
 
 
@@ -108,15 +110,15 @@ def _flight(pattern: Pattern) -> SplineFlight:
     """The same over the Earth, for inertial sensors."""
     flown = pattern.flight
     lat, lon, alt = pattern.surface.frame.to_geodetic(flown.origins_l)
-    return SplineFlight.from_samples(Samples(flown.t, lat, lon, alt, flown.roll, flown.pitch, flown.heading))
+    return SplineFlight.from_samples(FlightSamples(flown.t, lat, lon, alt, flown.roll, flown.pitch, flown.heading))
 
 
-def _gnss(state: State, rng: Rng) -> list[tuple[GnssPosition, GnssVelocity]]:
+def _gnss(state: FlightState, rng: Rng) -> list[tuple[GnssPosition, GnssVelocity]]:
     n = len(state.t)
     slow = [gauss_markov(drift, state.t, np.zeros(n), rng) for drift in GNSS_DRIFTS.values()]
     level, high = WHITE_SD
     offset = np.stack(slow, axis=1) + rng.normal(0.0, (level, level, high), (n, 3))
-    place = np.stack(moved(state, offset), axis=1).tolist()
+    place = np.stack(displaced_place(state, offset), axis=1).tolist()
     vel = (state.vel_n + rng.normal(0.0, VELOCITY_SD, (n, 3))).tolist()
     return [
         (
@@ -127,16 +129,16 @@ def _gnss(state: State, rng: Rng) -> list[tuple[GnssPosition, GnssVelocity]]:
     ]
 
 
-def _raw(surface: Terrain, here: Estimate, value: float) -> TerrainAltitude | None:
+def _raw_altitude(surface: Terrain, here: Estimate, value: float) -> TerrainAltitude | None:
     ground = float(surface.height(*here.place[:2]))
     return TerrainAltitude(value + ground, NOISE_M, value) if np.isfinite(ground) else None
 
 
-def _compensated(predictor: Predictor, here: Estimate, value: float) -> TerrainAltitude | None:
+def _compensated_altitude(predictor: Predictor, here: Estimate, value: float) -> TerrainAltitude | None:
     seen = predictor.at(*here.place, *here.rpy, here.vel_n)
     pose = here.cov_n[np.ix_([0, 1, 2, 6, 7, 8], [0, 1, 2, 6, 7, 8])]
     errors = ErrorModel(pose, NOISE_M)
     height = float(height_over_ground(value, seen)[0])
-    sd = float(np.sqrt(height_variance_over(predictor.terrain, seen, errors, nearest=True)[0]))
+    sd = float(np.sqrt(sampled_height_variance(predictor.terrain, seen, errors, nearest=True)[0]))
     alt = height + float(predictor.terrain.height(*here.place[:2]))
     return TerrainAltitude(alt, sd, height) if np.isfinite(alt + sd) else None

@@ -8,11 +8,11 @@ from matplotlib.colors import LightSource
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from fti.figures import BLACK, BLUE, GREY, GROUND, ORANGE, VERMILION, label, legend_above, sheet
+from fti.plot_style import BLACK, BLUE, GREY, GROUND, ORANGE, VERMILION, add_legend, label, new_figure
 from fti.study import approach
 from fti.study._approach_heights import WAYS
 from fti.study._pattern import Pattern, make_pattern
-from fti.terrain.country import RUNWAY_M
+from fti.terrain.synthetic_landscape import RUNWAY_M
 
 Array = NDArray[np.float64]
 
@@ -25,7 +25,7 @@ def track(seed: int) -> Figure:
     """Fig. 7.5: the pattern over the valley, from above."""
     pattern = make_pattern(seed, FINE_S)
     east, north, up = pattern.flight.origins_l.T
-    figure = sheet("Traffic pattern at an airfield in a valley: the ground track", width=8.0, height=8.2)
+    figure = new_figure("Traffic pattern at an airfield in a valley: the ground track", width=8.0, height=8.2)
     axes = figure.subplots()
     (west, east_end), (south, north_end) = (
         (c.min() - MARGIN_M, c.max() + MARGIN_M) for c in (east, np.append(north, RUNWAY_M))
@@ -49,8 +49,8 @@ def heights(seed: int) -> Figure:
     """Fig. 7.6 and 7.7: profile, height above ground, and its error, raw and compensated."""
     pattern, rng = make_pattern(seed, FINE_S), np.random.default_rng([seed, 15, 0])
     known = approach.elevation_model(pattern.surface, np.random.default_rng([seed, 14]))
-    errors = approach.measured(pattern, known, "wide", rng)
-    figure = sheet(
+    errors = approach.pattern_errors(pattern, known, "wide", rng)
+    figure = new_figure(
         "Approach by radar altimeter: raw, and compensated for attitude, terrain and beam",
         "Wide beam, 8101 rays, 0.5 m noise. Compensated by 2051 other rays over the surface; over an elevation model"
         " 1.5 m, 10 m beside.",
@@ -66,7 +66,7 @@ def heights(seed: int) -> Figure:
     attitude.plot(pattern.flight.t, np.degrees(pattern.flight.roll), color=BLACK, label="roll")
     attitude.plot(pattern.flight.t, np.degrees(pattern.flight.pitch), color=GREY, label="pitch")
     label(attitude, "time [s]", "[deg]")
-    legend_above(attitude)
+    add_legend(attitude)
     figure.align_ylabels()
     return figure
 
@@ -75,7 +75,7 @@ def height_channel(seed: int) -> Figure:
     """Fig. 7.8: error and sigma of the height of a filter, by GNSS alone, with the raw and the compensated radar."""
     pattern = make_pattern(seed)
     found, t = approach.aided(pattern, seed), pattern.flight.t[1:-1]
-    figure = sheet(
+    figure = new_figure(
         "Height of an inertial system aided by GNSS, and by a radar altimeter too",
         "The same inertial data and GNSS three times; sigma is what the filter says. Elevation: the surface itself.",
         width=10.0,
@@ -88,7 +88,7 @@ def height_channel(seed: int) -> Figure:
         axes.plot(t, one.error, color=colour, lw=1.0, label=f"{way}, RMS {np.sqrt(np.mean(one.error**2)):.2f} m")
         axes.set_ylim(-limit, limit)
         label(axes, y="error [m]")
-        legend_above(axes)
+        add_legend(axes)
     label(panels[-1], x="time [s]")
     return figure
 
@@ -101,7 +101,7 @@ def _draw_profile(axes: Axes, pattern: Pattern) -> None:
     axes.plot(pattern.flight.t, up, color=BLACK, label="aircraft")
     axes.set_ylim(floor, None)
     label(axes, y="height [m]")
-    legend_above(axes)
+    add_legend(axes)
 
 
 def _draw_heights(axes: Axes, pattern: Pattern, raw: Array) -> None:
@@ -109,11 +109,11 @@ def _draw_heights(axes: Axes, pattern: Pattern, raw: Array) -> None:
     axes.plot(pattern.flight.t, pattern.nadir + raw, color=VERMILION, lw=1.0, label="radar altimeter")
     axes.set_ylim(0.0, None)
     label(axes, y="above ground [m]")
-    legend_above(axes)
+    add_legend(axes)
 
 
 def _draw_error(axes: Axes, t: Array, error: Array, name: str, colour: str) -> None:
     rms = float(np.sqrt(np.nanmean(error**2)))
     axes.plot(t, error, color=colour, lw=0.9, label=f"{name}, RMS {rms:.2f} m")
     label(axes, y="error [m]")
-    legend_above(axes)
+    add_legend(axes)

@@ -7,12 +7,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 
-from fti.figures import BLACK, BLUE, GREY, ORANGE, SKY, VERMILION, label, sheet
+from fti.plot_style import BLACK, BLUE, GREY, ORANGE, SKY, VERMILION, label, new_figure
 from fti.ranging.radar.altimeter import RadarAltimeter
 from fti.ranging.radar.antenna import WIDE
 from fti.ranging.radar.beam import trace_beam
 from fti.ranging.sensor import Poses
-from fti.study._level_run import make_world
+from fti.study._level_run import make_site
 from fti.study._signals import LEVEL
 from fti.study._sweep import D_MAX, HEIGHTS_M, ROLLS_DEG, Sweep, highest, sweep
 
@@ -26,7 +26,7 @@ RESPONSE_HEIGHT_M = 150.0
 
 def roll_sweep() -> Figure:
     """Fig. 2.50."""
-    figure = sheet(
+    figure = new_figure(
         "Roll over level ground: received power over range, and its leading edge",
         "Power per range bin under the strongest at 0 deg. Red: h > d_max cos(roll), beyond the reach along the "
         f"boresight, d_max = {D_MAX:.0f} m.",
@@ -48,7 +48,7 @@ def roll_sweep() -> Figure:
 
 def _draw_sweep(axes: Axes, found: Sweep) -> AxesImage:
     low, high = SHOWN_M[found.height]
-    level = 10.0 * np.log10(_merged(found, low, high) / np.max(found.spectra[0]))
+    level = 10.0 * np.log10(_merge(found, low, high) / np.max(found.spectra[0]))
     image = axes.imshow(
         level.T, origin="lower", aspect="auto", vmin=LOWEST_DB, vmax=0.0, cmap="cividis", interpolation="nearest",
         extent=(ROLLS_DEG[0] - 0.5, ROLLS_DEG[-1] + 0.5, low, high),
@@ -65,7 +65,7 @@ def _draw_sweep(axes: Axes, found: Sweep) -> AxesImage:
     return image
 
 
-def _merged(found: Sweep, low: float, high: float) -> np.ndarray:
+def _merge(found: Sweep, low: float, high: float) -> np.ndarray:
     """Power per range bin (roll, row) between two ranges [m], neighbouring bins averaged until there are ``ROWS``."""
     shown = found.spectra[:, (found.ranges >= low) & (found.ranges <= high)]
     together = max(1, shown.shape[1] // ROWS)
@@ -75,7 +75,7 @@ def _merged(found: Sweep, low: float, high: float) -> np.ndarray:
 
 def response(seed: int) -> Figure:
     """Fig. 2.53: one ramp over trees and houses, the mean of many, the level and the edge."""
-    world = make_world(seed)
+    world = make_site(seed)
     mean, ramp = (RadarAltimeter(antenna=WIDE, coherent=coherent) for coherent in (False, True))
     rng = np.random.default_rng([seed, 6])
     east, north = rng.uniform(-300.0, 300.0, 2)
@@ -85,7 +85,7 @@ def response(seed: int) -> Figure:
     smooth, speckled = mean.spectra(echoes)[0], ramp.spectra(echoes, rng)[0]
     found = mean.edge.find(smooth[None])
     edge_m, peak = float(mean.waveform.range_of_bin(found.position)[0]), float(found.peak[0])
-    figure = sheet(
+    figure = new_figure(
         "A response and its leading edge",
         f"Wide antenna, wings level, {RESPONSE_HEIGHT_M:.0f} m over country with trees and houses.",
         width=9.0,

@@ -5,15 +5,15 @@ from __future__ import annotations
 import functools
 import math
 
-from fti.hil.references.approaches import NOMINAL, RA4500, Spread, TerrainGround
-from fti.hil.references.range_map import MappedGround, map_ground
-from fti.hil.references.receivers import Receiver
+from fti.hil.approach_reference.approaches import NOMINAL, RA4500, Spread, TerrainGround
+from fti.hil.approach_reference.range_map import MappedGround, map_ground
+from fti.hil.approach_reference.receivers import ReceiverVariant
+from fti.hil.environment import add_obstacles
 from fti.hil.scenario.loading import FOLDER
-from fti.hil.tables.kinds import Obstacle
-from fti.hil.world import with_obstacles
+from fti.hil.tables.fault_types import Obstacle
 from fti.nav.integrity.approach import ApproachPath
-from fti.nav.integrity.reference import Reference
-from fti.terrain.scenes import demo_scene
+from fti.nav.integrity.reference import ApproachReference
+from fti.terrain.demo_scene import demo_scene
 from fti.terrain.terrain import Terrain
 
 PROFILES = FOLDER.parent / "profiles"
@@ -21,7 +21,7 @@ PROFILES = FOLDER.parent / "profiles"
 VEGETATION = (0.85, 1.15)
 #: Receivers that no draw of a reference is: another pattern, one threshold beyond those that are drawn (-13 to -3 dB).
 RECEIVERS = tuple(
-    Receiver("aperture", math.radians(beam), 10.0 ** (threshold / 10.0), exponent=2.5)
+    ReceiverVariant("aperture", math.radians(beam), 10.0 ** (threshold / 10.0), exponent=2.5)
     for threshold in (-14.5, -10.0, -5.0)
     for beam in (38.0, 42.0)
 )
@@ -36,20 +36,20 @@ OBSTACLES = {
 
 
 @functools.cache
-def reference() -> Reference:
+def reference() -> ApproachReference:
     """The reference that the demonstration flies with: Pfa 1 %."""
     return _read("demo.csv")
 
 
 @functools.cache
-def strict_reference() -> Reference:
+def strict_reference() -> ApproachReference:
     """The same profile, its limits made for Pfa 0.1 %."""
     return _read("demo_strict.csv")
 
 
-def _read(name: str) -> Reference:
+def _read(name: str) -> ApproachReference:
     file = PROFILES / name
-    return Reference.parse(file.read_text(encoding="utf-8"), str(file))
+    return ApproachReference.parse(file.read_text(encoding="utf-8"), str(file))
 
 
 def promises(kind: str, place: int) -> bool:
@@ -60,7 +60,7 @@ def promises(kind: str, place: int) -> bool:
 
 
 @functools.cache
-def assumed() -> Spread:
+def assumed_spread() -> Spread:
     """Nominal approaches that are as bad as the limits assume."""
     stated = reference().header.assumptions
     if stated is None:
@@ -87,15 +87,15 @@ def _terrain(vegetation: float) -> Terrain:
 
 
 @functools.cache
-def traced() -> TerrainGround:
+def ray_traced_ground() -> TerrainGround:
     """The ground, every range traced, for receivers that the reference does not know."""
     return TerrainGround(path(), RA4500, tuple(map(_terrain, VEGETATION)), RECEIVERS)
 
 
 @functools.cache
-def mapped() -> MappedGround:
+def range_map_ground() -> MappedGround:
     """The same, looked up."""
-    return map_ground(traced(), reference().header.profile.s_max_m, lambda _: None)
+    return map_ground(ray_traced_ground(), reference().header.profile.s_max_m, lambda _: None)
 
 
 @functools.cache
@@ -105,4 +105,4 @@ def with_obstacle(kind: str, place: int) -> TerrainGround:
     before = PLACES_M[place] - path().x_gpi
     box = Obstacle(kind="obstacle", before_threshold_m=before, height_m=height, length_m=width, width_m=width)
     bare = _terrain(VEGETATION[place % len(VEGETATION)])
-    return TerrainGround(path(), RA4500, (with_obstacles(bare, path(), [box]),), RECEIVERS)
+    return TerrainGround(path(), RA4500, (add_obstacles(bare, path(), [box]),), RECEIVERS)

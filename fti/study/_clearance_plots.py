@@ -9,12 +9,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 
-from fti.figures import BLACK, BLUE, GREEN, GREY, GROUND, ORANGE, SKY, VERMILION, label, legend_above, sheet
-from fti.hil.references.approaches import Flown, fly, simulate, track_of
+from fti.hil.approach_reference.approaches import SimulatedApproach, run_monitor, simulate, track_of
 from fti.nav.integrity.monitor import ClearanceMonitor
+from fti.plot_style import BLACK, BLUE, GREEN, GREY, GROUND, ORANGE, SKY, VERMILION, add_legend, label, new_figure
 from fti.study import _clearance as cases
-from fti.study._clearance_faults import flown_with
-from fti.study._clearance_ground import path, reference, traced
+from fti.study._clearance_faults import fly_with_fault
+from fti.study._clearance_ground import path, ray_traced_ground, reference
 from fti.types import ClearanceIntegrity, IntegrityState
 
 Array = NDArray[np.float64]
@@ -34,7 +34,7 @@ RATIOS = (("t1_ratio", "T1 match", BLUE), ("t2_ratio", "T2 shift", SKY), ("t3_ra
 
 def nominal(seed: int) -> Figure:
     """An approach as it should be."""
-    flown = simulate(traced(), 5000.0, np.random.default_rng([seed, 0]))
+    flown = simulate(ray_traced_ground(), 5000.0, np.random.default_rng([seed, 0]))
     return _picture(flown, "A nominal approach", "5 m off track and path, vegetation 15 % off its survey")
 
 
@@ -45,13 +45,13 @@ def joined_late(seed: int) -> Figure:
 
 def obstacle(seed: int) -> Figure:
     """150 m high, 3000 m before the threshold, and not in the reference."""
-    flown, *_ = flown_with("obstacle_150", seed, 4)
+    flown, *_ = fly_with_fault("obstacle_150", seed, 4)
     return _picture(flown, "An unexpected obstacle of 150 m", "3000 m before the threshold")
 
 
-def _picture(flown: Flown, title: str, subtitle: str) -> Figure:
-    outputs = fly(ClearanceMonitor(reference(), cases.SETTINGS), flown)
-    figure = sheet(title, subtitle, width=9.0, height=6.5)
+def _picture(flown: SimulatedApproach, title: str, subtitle: str) -> Figure:
+    outputs = run_monitor(ClearanceMonitor(reference(), cases.SETTINGS), flown)
+    figure = new_figure(title, subtitle, width=9.0, height=6.5)
     heights, ratios, states = figure.subplots(3, 1, sharex=True, height_ratios=(1.4, 1.0, 0.25))
     _heights(heights, flown)
     _ratios(ratios, outputs)
@@ -60,40 +60,40 @@ def _picture(flown: Flown, title: str, subtitle: str) -> Figure:
     return figure
 
 
-def _heights(axes: Axes, flown: Flown) -> None:
+def _heights(axes: Axes, flown: SimulatedApproach) -> None:
     s = reference().s
     expected = path().alt_path(s) - reference().z_ref
-    axes.plot(_before(s), expected, color=GROUND, lw=2.5, label="height above ground as published")
-    axes.plot(_before(flown.nav_s), flown.agl, color=BLUE, lw=1.0, label="altimeter")
-    axes.set(xlim=(float(_before(flown.s[-1])), float(_before(flown.s[0]))))
+    axes.plot(_distance_before(s), expected, color=GROUND, lw=2.5, label="height above ground as published")
+    axes.plot(_distance_before(flown.nav_s), flown.agl, color=BLUE, lw=1.0, label="altimeter")
+    axes.set(xlim=(float(_distance_before(flown.s[-1])), float(_distance_before(flown.s[0]))))
     label(axes, y="height above ground [m]")
-    legend_above(axes)
+    add_legend(axes)
 
 
 def _ratios(axes: Axes, outputs: Sequence[ClearanceIntegrity]) -> None:
     judged = [output for output in outputs if output.t1_ratio is not None]
-    s = _before([output.s_end or 0.0 for output in judged])
+    s = _distance_before([output.s_end or 0.0 for output in judged])
     for name, text, colour in RATIOS:
         values = [getattr(output, name) for output in judged]
         axes.plot(s, [np.nan if value is None else max(value, 1e-2) for value in values], color=colour, label=text)
     axes.axhline(1.0, color=BLACK, lw=0.8, ls="--")
     axes.set(yscale="log")
     label(axes, y="statistic / limit")
-    legend_above(axes)
+    add_legend(axes)
 
 
-def _states(axes: Axes, flown: Flown, outputs: Sequence[ClearanceIntegrity]) -> None:
+def _states(axes: Axes, flown: SimulatedApproach, outputs: Sequence[ClearanceIntegrity]) -> None:
     """The state at each output, where it was said: what does not judge has no window that would tell."""
     track = track_of(flown)
     for state, colour in COLOURS.items():
         t_ns = [output.t_ns for output in outputs if output.state is state]
-        s = _before(np.interp(t_ns, track.t_ns, track.s))
+        s = _distance_before(np.interp(t_ns, track.t_ns, track.s))
         axes.plot(s, np.zeros(len(s)), "|", color=colour, ms=16, mew=2.0, label=state.value)
     axes.set(yticks=[])
     label(axes, x="distance to the threshold [m]")
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -1.2), ncols=len(COLOURS), frameon=False)
 
 
-def _before(s: ArrayLike) -> Array:
+def _distance_before(s: ArrayLike) -> Array:
     """Distance before the threshold [m]."""
     return np.asarray(s, dtype=np.float64) - path().x_gpi

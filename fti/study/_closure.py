@@ -12,7 +12,7 @@ from fti.geodesy.quaternions import mat_from_quat, quat_from_mat
 from fti.geodesy.rotations import mat_en, mat_from_rpy
 from fti.geodesy.wgs84 import ecef_from_geodetic
 from fti.hil.flight.smoothing import angle_between
-from fti.hil.flight.trajectory import Samples, SplineFlight, State, earth_frame_velocity
+from fti.hil.flight.trajectory import FlightSamples, FlightState, SplineFlight, earth_frame_velocity
 from fti.hil.flight.waypoints import Waypoint, waypoint_flight
 from fti.hil.sensors.inertial import angular_rate_b, specific_force_b
 from fti.nav.inertial.strapdown import Motion, integrate
@@ -61,35 +61,35 @@ class Closure:
         return float(np.linalg.norm(self.vel_n, axis=1).max())
 
 
-def wandering(rng: Rng, duration: float) -> SplineFlight:
+def random_flight(rng: Rng, duration: float) -> SplineFlight:
     """Legs in all directions, with climbs, descents and wind, from anywhere between 60 deg south and north."""
     place = np.array([np.deg2rad(rng.uniform(-LAT_DEG, LAT_DEG)), rng.uniform(-np.pi, np.pi)])
     course, waypoints, way = rng.uniform(0.0, 2.0 * np.pi), [], 0.0
     while way < duration * SPEED[1] + LEG_M[1]:
         waypoints.append(_waypoint(place, rng.uniform(*HEIGHT_M), rng.uniform(*SPEED)))
         length, course = rng.uniform(*LEG_M), course + rng.uniform(-TURN, TURN)
-        place = _moved(place, length * np.cos(course), length * np.sin(course))
+        place = _displaced(place, length * np.cos(course), length * np.sin(course))
         way += length
     north, east = rng.normal(0.0, WIND_SD, 2)
-    return waypoint_flight(waypoints, BANK, (float(north), float(east))).during(0.0, duration)
+    return waypoint_flight(waypoints, BANK, (float(north), float(east))).section(0.0, duration)
 
 
-def calm(rng: Rng, duration: float) -> SplineFlight:
+def calm_flight(rng: Rng, duration: float) -> SplineFlight:
     """Long legs that bend a little, level but for slow climbs, in still air; banks of 10 deg."""
     place = np.array([np.deg2rad(rng.uniform(-LAT_DEG, LAT_DEG)), rng.uniform(-np.pi, np.pi)])
     course, waypoints, way = rng.uniform(0.0, 2.0 * np.pi), [], 0.0
     while way < duration * CALM_SPEED + CALM_LEG_M[1]:
         waypoints.append(_waypoint(place, rng.uniform(*HEIGHT_M), CALM_SPEED))
         length, course = rng.uniform(*CALM_LEG_M), course + rng.uniform(-CALM_TURN, CALM_TURN)
-        place = _moved(place, length * np.cos(course), length * np.sin(course))
+        place = _displaced(place, length * np.cos(course), length * np.sin(course))
         way += length
-    return waypoint_flight(waypoints, CALM_BANK, (0.0, 0.0)).during(0.0, duration)
+    return waypoint_flight(waypoints, CALM_BANK, (0.0, 0.0)).section(0.0, duration)
 
 
-def s_turns(rng: Rng) -> SplineFlight:
+def s_turn_flight(rng: Rng) -> SplineFlight:
     """To one side and to the other, at one height, for ten minutes."""
     start = np.array([np.deg2rad(rng.uniform(-LAT_DEG, LAT_DEG)), rng.uniform(-np.pi, np.pi)])
-    places = [_moved(start, k * S_ALONG_M, (-1) ** k * S_ASIDE_M) for k in range(S_TURNS)]
+    places = [_displaced(start, k * S_ALONG_M, (-1) ** k * S_ASIDE_M) for k in range(S_TURNS)]
     return waypoint_flight([_waypoint(place, 1000.0, 60.0) for place in places], BANK, (0.0, 0.0))
 
 
@@ -97,7 +97,7 @@ def _waypoint(place: Array, alt: float, speed: float) -> Waypoint:
     return Waypoint(float(place[0]), float(place[1]), alt, speed)
 
 
-def _moved(place: Array, north: float, east: float) -> Array:
+def _displaced(place: Array, north: float, east: float) -> Array:
     return place + np.array([north, east / np.cos(place[0])]) / EARTH_RADIUS
 
 
@@ -118,7 +118,7 @@ def close(flight: SplineFlight, step: float, duration: float, by: Integrator = i
     )
 
 
-def motion(state: State) -> Motion:
+def motion(state: FlightState) -> Motion:
     """Truth in e."""
     mat_eb = mat_en(state.lat, state.lon) @ mat_from_rpy(state.roll, state.pitch, state.heading)
     position_e = ecef_from_geodetic(state.lat, state.lon, state.alt)
@@ -129,10 +129,10 @@ def _unit(quats: Array) -> Array:
     return np.asarray(quats / np.linalg.norm(quats, axis=1, keepdims=True))
 
 
-def recorded(flight: SplineFlight, step: float) -> Samples:
+def sample_recording(flight: SplineFlight, step: float) -> FlightSamples:
     """The flight as a recorder keeps it that has radians in single precision."""
     t = np.arange(0.0, flight.end, step)
     state = flight.state(t)
     names = ("lat", "lon", "roll", "pitch", "heading")
     angles = {name: getattr(state, name).astype(np.float32).astype(np.float64) for name in names}
-    return Samples(t=t, alt=state.alt, **angles)
+    return FlightSamples(t=t, alt=state.alt, **angles)

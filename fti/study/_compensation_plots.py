@@ -7,9 +7,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from fti.figures import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION, label, legend_above, sheet
+from fti.plot_style import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION, add_legend, label, new_figure
 from fti.study import _low_level, compensation
-from fti.study._low_level import Known
+from fti.study._low_level import Knowledge
 
 Array = NDArray[np.float64]
 
@@ -23,8 +23,8 @@ EDGE_M = 60.0
 def errors(seed: int, sensor: str) -> Figure:
     """Errors of the mix by bank, with the surface as it is, and how they are distributed with and without errors."""
     mix = _low_level.fly(seed)
-    heights = {known: compensation.compensated(mix, _low_level.predict(mix, known, seed)) for known in Known}
-    figure = sheet(
+    heights = {known: compensation.compensated(mix, _low_level.predict(mix, known, seed)) for known in Knowledge}
+    figure = new_figure(
         f"Low over forest and buildings: {sensor} altimeter, raw and compensated",
         "One country, 200 poses, 40 to 350 m above the surface; 70 % rolled less than 10 deg, 30 % up to 50 deg.",
         width=10.0,
@@ -32,27 +32,27 @@ def errors(seed: int, sensor: str) -> Figure:
     )
     by_bank, shares = figure.subplots(2, 1, height_ratios=(1.3, 1.0))
     for way in SHOWN[sensor]:
-        error = heights[Known.ALL][sensor, way] - mix.nadir
+        error = heights[Knowledge.ALL][sensor, way] - mix.nadir
         rms = float(np.sqrt(np.nanmean(error**2)))
         shown = np.clip(error, -EDGE_M, EDGE_M)
         name = f"{way}, {rms:.1f} m"
         by_bank.plot(np.degrees(np.abs(mix.roll)), shown, ".", ms=5.0, color=COLOURS[way], label=name)
     label(by_bank, "bank [deg]", "error [m]")
-    legend_above(by_bank)
+    add_legend(by_bank)
     _draw_shares(shares, heights, mix.nadir, sensor)
     return figure
 
 
-def _draw_shares(axes: Axes, heights: dict[Known, dict[tuple[str, str], Array]], nadir: Array, sensor: str) -> None:
+def _draw_shares(axes: Axes, heights: dict[Knowledge, dict[tuple[str, str], Array]], nadir: Array, sensor: str) -> None:
     """Share of the poses whose error is smaller."""
-    axes.semilogx(*_share(heights[Known.ALL][sensor, "raw"] - nadir), color=VERMILION, label="raw")
-    for known, colour in zip(Known, (BLUE, GREEN, BLACK), strict=True):
+    axes.semilogx(*_share(heights[Knowledge.ALL][sensor, "raw"] - nadir), color=VERMILION, label="raw")
+    for known, colour in zip(Knowledge, (BLUE, GREEN, BLACK), strict=True):
         axes.semilogx(
             *_share(heights[known][sensor, "beam"] - nadir), color=colour, label=f"compensated, {known.value}"
         )
     axes.set_xlim(0.05, 200.0)
     label(axes, "size of the error [m]", "share below")
-    legend_above(axes)
+    add_legend(axes)
 
 
 def _share(error: Array) -> tuple[Array, Array]:
@@ -63,8 +63,8 @@ def _share(error: Array) -> tuple[Array, Array]:
 def banks(seed: int) -> Figure:
     """RMS error over bank, for each beam: raw, by attitude, and by the excess of the tilt over half the beam."""
     table = compensation.bank_table([compensation.fly(seed)])
-    figure = sheet(
-        "Where the attitude helps a radar that nobody tells the ground",
+    figure = new_figure(
+        "ConstantField the attitude helps a radar that nobody tells the ground",
         "One country, 40 to 350 m above forest and buildings; RMS error. A leading edge is short already.",
         width=10.0,
         height=6.0,

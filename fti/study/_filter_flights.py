@@ -20,16 +20,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fti.geodesy.wgs84 import radii
-from fti.hil.flight.trajectory import SplineFlight, State
-from fti.hil.sensors.errors import recursion, slow
+from fti.hil.flight.trajectory import FlightState, SplineFlight
+from fti.hil.sensors.errors import gauss_markov_noise, recursion
 from fti.hil.sensors.imu import Imu
 from fti.hil.sensors.imu_grades import GRADES
 from fti.hil.sensors.inertial import angular_rate_b, specific_force_b
 from fti.nav.filter.aiding import Aiding, BaroAltitude, GnssPosition, GnssVelocity, TerrainAltitude
-from fti.nav.filter.estimate import Start
-from fti.nav.filter.states import ALTIMETER_DRIFT, DEM_DRIFT, GNSS_DRIFTS, SCALE_DRIFT, Drift, Extra, Model
-from fti.nav.inertial.errors import UNITS, Triad, Unit
-from fti.study._closure import wandering
+from fti.nav.filter.error_states import ALTIMETER_DRIFT, DEM_DRIFT, GNSS_DRIFTS, SCALE_DRIFT, Drift, Extra, FilterModel
+from fti.nav.filter.estimate import InitialState
+from fti.nav.inertial.ins_error_model import IMU_ERROR_MODELS, ImuErrorModel, TriadErrorModel
+from fti.study._closure import random_flight
 
 Array = NDArray[np.float64]
 Rng = np.random.Generator
@@ -49,51 +49,61 @@ AGL_M = 150.0
 OUTLIER_SHARE, OUTLIER_M = 0.01, 15.0
 #: In the rich case velocity errors last so long [s], the altimeter is used so seldom [s], and what the elevation model
 #: errs by over so short a way [m] is white from one time to the next.
-LASTING_S, SELDOM_S, SHORT_M = 5.0, 1.0, 30.0
+VELOCITY_ERROR_TAU_S, RICH_ALTIMETER_PERIOD_S, SHORT_DEM_LENGTH_M = 5.0, 1.0, 30.0
 SECOND_NS = 1_000_000_000
 
 
 #: The filter of the matched flights: no scale errors, for none are drawn.
-PURE = Unit(*(dataclasses.replace(triad, scale=0.0) for triad in (UNITS["tactical"].accel, UNITS["tactical"].gyro)))
+PURE_UNIT = ImuErrorModel(
+    *(
+        dataclasses.replace(triad, scale=0.0)
+        for triad in (IMU_ERROR_MODELS["tactical"].accel, IMU_ERROR_MODELS["tactical"].gyro)
+    )
+)
 #: That of the rich flights knows of scale and vibration.
-SHAKEN = Unit(
-    dataclasses.replace(UNITS["tactical"].accel, white=SHAKE * np.sqrt(INERTIAL_S)),
-    dataclasses.replace(UNITS["tactical"].gyro, white=SHAKE_TURN * np.sqrt(INERTIAL_S)),
+VIBRATING_UNIT = ImuErrorModel(
+    dataclasses.replace(IMU_ERROR_MODELS["tactical"].accel, white=SHAKE * np.sqrt(INERTIAL_S)),
+    dataclasses.replace(IMU_ERROR_MODELS["tactical"].gyro, white=SHAKE_TURN * np.sqrt(INERTIAL_S)),
 )
 #: A pressure altitude that was set to the field's pressure.
 BARO_DRIFT = Drift(30.0, period_s=1800.0)
-AIDED: dict[str, Drift] = {
+AIDED_DRIFTS: dict[str, Drift] = {
     **GNSS_DRIFTS,
     Extra.BARO: BARO_DRIFT,
     Extra.ALTIMETER: ALTIMETER_DRIFT,
     Extra.DEM: DEM_DRIFT,
 }
-AIDED |= {Extra.ALTIMETER_SCALE: SCALE_DRIFT}
+AIDED_DRIFTS |= {Extra.ALTIMETER_SCALE: SCALE_DRIFT}
 
 
 @dataclass(frozen=True)
-class Case:
+class FilterCase:
     """What is flown.  aided : baro and altimeter, too;  outages : GNSS is gone now and then;  rich : truth."""
 
     name: str
-    model: Model
+    model: FilterModel
     aided: bool
     outages: bool
     rich: bool = False
 
 
-NINE = Model(Unit(dataclasses.replace(PURE.accel, bias_sd=1e-4), dataclasses.replace(PURE.gyro, bias_sd=1e-7)), False)
+NINE = FilterModel(
+    ImuErrorModel(
+        dataclasses.replace(PURE_UNIT.accel, bias_sd=1e-4), dataclasses.replace(PURE_UNIT.gyro, bias_sd=1e-7)
+    ),
+    False,
+)
 CASES = (
-    Case("nine", dataclasses.replace(NINE, extras=GNSS_DRIFTS), aided=False, outages=False),
-    Case("gnss", Model(PURE, extras=GNSS_DRIFTS), aided=False, outages=False),
-    Case("altimeter", Model(PURE, extras=AIDED), aided=True, outages=False),
-    Case("outages", Model(PURE, extras=AIDED), aided=True, outages=True),
-    Case("rich", Model(SHAKEN, extras=AIDED), aided=True, outages=True, rich=True),
+    FilterCase("nine", dataclasses.replace(NINE, extras=GNSS_DRIFTS), aided=False, outages=False),
+    FilterCase("gnss", FilterModel(PURE_UNIT, extras=GNSS_DRIFTS), aided=False, outages=False),
+    FilterCase("altimeter", FilterModel(PURE_UNIT, extras=AIDED_DRIFTS), aided=True, outages=False),
+    FilterCase("outages", FilterModel(PURE_UNIT, extras=AIDED_DRIFTS), aided=True, outages=True),
+    FilterCase("rich", FilterModel(VIBRATING_UNIT, extras=AIDED_DRIFTS), aided=True, outages=True, rich=True),
 )
 
 
 @dataclass(frozen=True, eq=False)
-class Flown:
+class FilterFlight:
     """A flight as its sensors tell it.
 
     t, accel_b, gyro_b : inertial samples (n,) [s], (n, 3);   start : P0 and where the filter begins
@@ -107,40 +117,40 @@ class Flown:
     accel_b: Array
     gyro_b: Array
     biases_b: Array
-    start: Start
+    start: InitialState
     aids: list[tuple[float, Aiding]]
     drifts: dict[str, Array]
 
 
-def flown(case: Case, rng: Rng) -> Flown:
+def draw_flight(case: FilterCase, rng: Rng) -> FilterFlight:
     """One flight of a case."""
-    flight = wandering(rng, SECONDS + 1.0)
+    flight = random_flight(rng, SECONDS + 1.0)
     t = np.arange(0.0, SECONDS + INERTIAL_S / 2, INERTIAL_S)
     state = flight.state(t)
-    accel_b, gyro_b, biases = (_rich_unit if case.rich else matched_unit)(case, state, rng)
+    accel_b, gyro_b, biases = (_measure_rich if case.rich else measure_matched)(case, state, rng)
     way = np.concatenate(([0.0], np.cumsum(np.linalg.norm(state.vel_n, axis=1)[1:] * INERTIAL_S)))
     drifts = {
         extra: (_rich_drift(extra, t, way, rng) if case.rich else gauss_markov(drift, t, way, rng))
         for extra, drift in case.model.extras.items()
     }
-    start = drawn_start(flight.state(np.zeros(1)), rng)
-    aids = _aids(case, flight, Slow(t, drifts), rng)
-    return Flown(flight, t, accel_b, gyro_b, biases, start, aids, {} if case.rich else drifts)
+    start = draw_start(flight.state(np.zeros(1)), rng)
+    aids = _aids(case, flight, DriftSum(t, drifts), rng)
+    return FilterFlight(flight, t, accel_b, gyro_b, biases, start, aids, {} if case.rich else drifts)
 
 
-def drawn_start(state: State, rng: Rng) -> Start:
+def draw_start(state: FlightState, rng: Rng) -> InitialState:
     """A start that lies beside the truth as P0 says."""
     turn_sd = (TILT_SD, TILT_SD, HEADING_SD)
     pos, vel, turn = (rng.normal(0.0, sd) for sd in (POS_SD, VEL_SD, turn_sd))
-    lat, lon, alt = moved(state, pos[None])
+    lat, lon, alt = displaced_place(state, pos[None])
     north, east, down = (state.vel_n[0] + vel).tolist()
-    roll, pitch, heading = _turned(state, turn)
-    return Start(
+    roll, pitch, heading = _rotated_attitude(state, turn)
+    return InitialState(
         float(lat[0]), float(lon[0]), float(alt[0]), (north, east, down), roll, pitch, heading, POS_SD, VEL_SD, turn_sd
     )
 
 
-def _turned(state: State, turn_n: Array) -> tuple[float, float, float]:
+def _rotated_attitude(state: FlightState, turn_n: Array) -> tuple[float, float, float]:
     """The attitude, turned by a small angle about north, east, down."""
     from fti.geodesy.rotations import mat_from_rpy, rpy_from_mat  # noqa: PLC0415
 
@@ -152,7 +162,7 @@ def _turned(state: State, turn_n: Array) -> tuple[float, float, float]:
     return float(roll), float(pitch), float(heading)
 
 
-def moved(state: State, by_n: Array) -> tuple[Array, Array, Array]:
+def displaced_place(state: FlightState, by_n: Array) -> tuple[Array, Array, Array]:
     """lat, lon [rad], alt [m] of the flight, moved by north, east, down (n, 3) [m]."""
     meridian, normal = radii(state.lat)
     lat = state.lat + by_n[:, 0] / (meridian + state.alt)
@@ -163,7 +173,7 @@ def moved(state: State, by_n: Array) -> tuple[Array, Array, Array]:
 # ------------------------------------------------------------------------------------------------------- sensors
 
 
-def matched_unit(case: Case, state: State, rng: Rng) -> tuple[Array, Array, Array]:
+def measure_matched(case: FilterCase, state: FlightState, rng: Rng) -> tuple[Array, Array, Array]:
     """What is felt, with biases that wander and white noise as Q has it; of nine states the biases are white, too."""
     n, unit, found, biases = len(state.t), case.model.unit, [], []
     for triad, true in ((unit.accel, specific_force_b(state)), (unit.gyro, angular_rate_b(state))):
@@ -174,13 +184,13 @@ def matched_unit(case: Case, state: State, rng: Rng) -> tuple[Array, Array, Arra
     return found[0], found[1], np.concatenate(biases, axis=1)
 
 
-def _bias(triad: Triad, n: int, rng: Rng) -> Array:
+def _bias(triad: TriadErrorModel, n: int, rng: Rng) -> Array:
     return gauss_markov(
         Drift(triad.bias_sd, triad.period_s), INERTIAL_S * np.arange(n, dtype=np.float64), np.zeros(n), rng
     )
 
 
-def _rich_unit(case: Case, state: State, rng: Rng) -> tuple[Array, Array, Array]:
+def _measure_rich(case: FilterCase, state: FlightState, rng: Rng) -> tuple[Array, Array, Array]:
     del case
     accel_b, gyro_b = Imu(GRADES["tactical"], rng).measure(state.t, specific_force_b(state), angular_rate_b(state))
     shape = accel_b.shape
@@ -203,14 +213,14 @@ def gauss_markov(drift: Drift, t: Array, way: Array, rng: Rng) -> Array:
 def _rich_drift(extra: str, t: Array, way: Array, rng: Rng) -> Array:
     if extra in GNSS_DRIFTS:
         sd = GNSS_DRIFTS[extra].sd
-        return slow(t, 0.5 * sd, 30.0, rng) + slow(t, 0.87 * sd, 300.0, rng)
+        return gauss_markov_noise(t, 0.5 * sd, 30.0, rng) + gauss_markov_noise(t, 0.87 * sd, 300.0, rng)
     if extra is Extra.BARO:
-        return slow(t, BARO_DRIFT.sd, BARO_DRIFT.period_s, rng)
+        return gauss_markov_noise(t, BARO_DRIFT.sd, BARO_DRIFT.period_s, rng)
     if extra is Extra.ALTIMETER:
-        return slow(t, ALTIMETER_DRIFT.sd, 300.0, rng)
+        return gauss_markov_noise(t, ALTIMETER_DRIFT.sd, 300.0, rng)
     if extra is Extra.ALTIMETER_SCALE:
         return np.full(len(t), rng.normal(0.0, SCALE_DRIFT.sd))
-    parts = [Drift(float(DEM_DRIFT.sd * np.sqrt(0.5)), length_m=length) for length in (SHORT_M, 300.0)]
+    parts = [Drift(float(DEM_DRIFT.sd * np.sqrt(0.5)), length_m=length) for length in (SHORT_DEM_LENGTH_M, 300.0)]
     return np.asarray(sum(gauss_markov(part, t, way, rng) for part in parts))
 
 
@@ -218,7 +228,7 @@ def _rich_drift(extra: str, t: Array, way: Array, rng: Rng) -> Array:
 
 
 @dataclass(frozen=True)
-class Slow:
+class DriftSum:
     """Drifts of what aids, by name, at t."""
 
     t: Array
@@ -229,33 +239,33 @@ class Slow:
         return np.asarray(sum(np.interp(t, self.t, self.drifts[e]) for e in extras if e in self.drifts) + 0.0 * t)
 
 
-def _aids(case: Case, flight: SplineFlight, drifting: Slow, rng: Rng) -> list[tuple[float, Aiding]]:
+def _aids(case: FilterCase, flight: SplineFlight, drifting: DriftSum, rng: Rng) -> list[tuple[float, Aiding]]:
     aids = _gnss(case, flight, drifting, rng)
     if case.aided:
         aids += _altitudes(case, flight, drifting, rng)
     return sorted(aids, key=lambda aid: aid[0])
 
 
-def times(every: float, phase: float) -> Array:
+def sample_times(every: float, phase: float) -> Array:
     """Every so many seconds, never with an inertial sample."""
     return np.asarray(np.arange(every + phase, SECONDS - INERTIAL_S, every))
 
 
-def seen(t: Array, outages: bool) -> NDArray[np.bool_]:
+def has_satellites(t: Array, outages: bool) -> NDArray[np.bool_]:
     """Where there are satellites."""
     hidden = [(t >= begin) & (t < end) for begin, end in OUTAGES_S] if outages else [np.zeros(len(t), dtype=bool)]
     return np.asarray(~np.any(hidden, axis=0))
 
 
-def _gnss(case: Case, flight: SplineFlight, drifting: Slow, rng: Rng) -> list[tuple[float, Aiding]]:
-    t = times(GNSS_S, 0.013)
-    t = t[seen(t, case.outages)]
+def _gnss(case: FilterCase, flight: SplineFlight, drifting: DriftSum, rng: Rng) -> list[tuple[float, Aiding]]:
+    t = sample_times(GNSS_S, 0.013)
+    t = t[has_satellites(t, case.outages)]
     state, shape = flight.state(t), (len(t), 3)
     slow_n = [drifting.at(t, e) for e in (Extra.GNSS_NORTH, Extra.GNSS_EAST, Extra.GNSS_DOWN)]
     offset = np.stack(slow_n, axis=1) + rng.normal(0.0, (LEVEL_SD, LEVEL_SD, HEIGHT_SD), shape)
-    lat, lon, alt = (x.tolist() for x in moved(state, offset))
+    lat, lon, alt = (x.tolist() for x in displaced_place(state, offset))
     vel = (state.vel_n + _velocity_errors(case, t, rng)).tolist()
-    said = _counted(VELOCITY_SD, LASTING_S / GNSS_S) if case.rich else VELOCITY_SD
+    said = _effective_sd(VELOCITY_SD, VELOCITY_ERROR_TAU_S / GNSS_S) if case.rich else VELOCITY_SD
     found: list[tuple[float, Aiding]] = []
     for k, at in enumerate(t.tolist()):
         found.append((at, GnssPosition(lat[k], lon[k], alt[k], LEVEL_SD, HEIGHT_SD)))
@@ -263,25 +273,25 @@ def _gnss(case: Case, flight: SplineFlight, drifting: Slow, rng: Rng) -> list[tu
     return found
 
 
-def _velocity_errors(case: Case, t: Array, rng: Rng) -> Array:
+def _velocity_errors(case: FilterCase, t: Array, rng: Rng) -> Array:
     white = rng.normal(0.0, VELOCITY_SD, (len(t), 3))
     if not case.rich:
         return white
-    keep = float(np.exp(-GNSS_S / LASTING_S))
+    keep = float(np.exp(-GNSS_S / VELOCITY_ERROR_TAU_S))
     return np.stack([recursion(axis * np.sqrt(1.0 - keep**2), keep) for axis in white.T], axis=1)
 
 
-def _counted(sd: float, lasting: float) -> float:
+def _effective_sd(sd: float, lasting: float) -> float:
     """Sigma of white errors that tell as much, of those that are correlated over so many samples."""
     keep = float(np.exp(-1.0 / lasting))
     return float(sd * np.sqrt((1.0 + keep) / (1.0 - keep)))
 
 
-def _altitudes(case: Case, flight: SplineFlight, drifting: Slow, rng: Rng) -> list[tuple[float, Aiding]]:
-    t, found = times(BARO_S, 0.007), list[tuple[float, Aiding]]()
+def _altitudes(case: FilterCase, flight: SplineFlight, drifting: DriftSum, rng: Rng) -> list[tuple[float, Aiding]]:
+    t, found = sample_times(BARO_S, 0.007), list[tuple[float, Aiding]]()
     alt = flight.state(t).alt + drifting.at(t, Extra.BARO) + rng.normal(0.0, BARO_SD, len(t))
     found += [(at, BaroAltitude(a, BARO_SD)) for at, a in zip(t.tolist(), alt.tolist(), strict=True)]
-    t = times(SELDOM_S if case.rich else ALTIMETER_S, 0.021)
+    t = sample_times(RICH_ALTIMETER_PERIOD_S if case.rich else ALTIMETER_S, 0.021)
     slow_m = drifting.at(t, Extra.ALTIMETER, Extra.DEM) + AGL_M * drifting.at(t, Extra.ALTIMETER_SCALE)
     alt = flight.state(t).alt + slow_m + rng.normal(0.0, ALTIMETER_SD, len(t))
     sd = float(np.hypot(ALTIMETER_SD, DEM_DRIFT.sd * np.sqrt(0.5))) if case.rich else ALTIMETER_SD

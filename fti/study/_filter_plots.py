@@ -7,29 +7,29 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from fti.figures import BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, label, legend_above, sheet
+from fti.plot_style import BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, add_legend, label, new_figure
 from fti.study._filter_flights import CASES, OUTAGES_S
-from fti.study._filter_runs import INSTANTS_S, Run
-from fti.study._filter_terrain import SPELLS_S, Height, Pair
+from fti.study._filter_runs import INSTANTS_S, FilterRun
+from fti.study._filter_terrain import SPELLS_S, Height, HeightPair
 
 Array = NDArray[np.float64]
 
 COLOURS = (GREEN, SKY, BLUE, PURPLE, VERMILION)
 
 
-def heights(found: dict[str, Pair]) -> Figure:
+def heights(found: dict[str, HeightPair]) -> Figure:
     """Error of the height with and without altimeter, and three sigma, for bad satellites and for none."""
-    figure = sheet(
+    figure = new_figure(
         "Height with and without a laser altimeter over an elevation model, GNSS bad or gone",
         "One run. Shaded: GNSS of 4 m / 6 m, 5 m / 7 m, 6 m / 8 m (above), none at all (below). Thin: 3 sigma.",
         height=7.0,
     )
     for axes, (name, pair) in zip(figure.subplots(2, 1, sharex=True), found.items(), strict=True):
         _shade(axes, SPELLS_S)
-        _draw(axes, pair.without, ORANGE, "without altimeter")
+        _draw(axes, pair.unaided, ORANGE, "without altimeter")
         _draw(axes, pair.aided, BLUE, "with altimeter from 30 s")
         label(axes, x="time [s]" if name == "outage" else "", y="error [m]", title=f"GNSS {name}")
-        legend_above(axes)
+        add_legend(axes)
     return figure
 
 
@@ -45,9 +45,9 @@ def _shade(axes: Axes, spells: tuple[tuple[float, float], ...]) -> None:
         axes.axvspan(begin, end, color=GREY, alpha=0.18, lw=0.0)
 
 
-def one_flight(run: Run) -> Figure:
+def one_flight(run: FilterRun) -> Figure:
     """Errors of position, and three sigma."""
-    figure = sheet(
+    figure = new_figure(
         "Errors of position through outages of GNSS, and three sigma",
         "One flight, truth drawn from the filter's model; barometer and altimeter all along. Shaded: no satellites.",
         height=7.0,
@@ -63,9 +63,9 @@ def one_flight(run: Run) -> Figure:
     return figure
 
 
-def honesty(cases: list[list[Run]]) -> Figure:
+def consistency(cases: list[list[FilterRun]]) -> Figure:
     """NEES over its n at the instants, by case."""
-    figure = sheet(
+    figure = new_figure(
         "Normalised error squared over its number of states: 1 is an honest filter",
         f"Mean of {len(cases[0])} flights of each case at ten instants; the band is 0.85 to 1.15.",
     )
@@ -74,5 +74,5 @@ def honesty(cases: list[list[Run]]) -> Figure:
     for case, runs, colour in zip(CASES, cases, COLOURS, strict=True):
         axes.plot(INSTANTS_S, np.mean([run.nees for run in runs], axis=0), "o-", color=colour, label=case.name)
     label(axes, x="time [s]", y="NEES / n")
-    legend_above(axes)
+    add_legend(axes)
     return figure

@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 from fti.geodesy.quaternions import mat_from_quat
 from fti.geodesy.rotations import mat_en, mat_from_rpy
 from fti.geodesy.wgs84 import ecef_from_geodetic
-from fti.hil.flight.trajectory import State
+from fti.hil.flight.trajectory import FlightState
 from fti.nav.filter.estimate import Estimate
 from fti.nav.filter.kernels import ACCEL_BIAS, EXTRAS, QUAT
-from fti.nav.filter.navigator import Navigator
-from fti.nav.inertial.errors import ACCEL
-from fti.study._filter_flights import CASES, INERTIAL_S, SECOND_NS, SECONDS, Flown, flown
+from fti.nav.filter.navigator import InertialNavigator
+from fti.nav.inertial.ins_error_model import ACCEL
+from fti.study._filter_flights import CASES, INERTIAL_S, SECOND_NS, SECONDS, FilterFlight, draw_flight
 
 Array = NDArray[np.float64]
 
@@ -26,7 +26,7 @@ HISTORY_S = 1.0
 
 
 @dataclass(frozen=True, eq=False)
-class Run:
+class FilterRun:
     """Of one flight.
 
     ratios  : error over sigma at the instants, in n (10, n); the errors of navigation, then biases and drifts
@@ -45,14 +45,14 @@ class Run:
     spread: Array
 
 
-def run(task: tuple[int, int, int]) -> Run:
+def run(task: tuple[int, int, int]) -> FilterRun:
     """Flight ``number`` of case ``which`` of a seed."""
     seed, which, number = task
     case = CASES[which]
-    return through(flown(case, np.random.default_rng([seed, which, number])), Navigator(case.model))
+    return run_filter(draw_flight(case, np.random.default_rng([seed, which, number])), InertialNavigator(case.model))
 
 
-def through(flight: Flown, navigator: Navigator) -> Run:
+def run_filter(flight: FilterFlight, navigator: InertialNavigator) -> FilterRun:
     """Fly it."""
     rows, history, verdicts = list[tuple[Array, Array, float]](), list[tuple[Array, Array]](), []
     first, waiting = Estimate(0, *_start(flight, navigator), np.zeros(6), navigator.model), list(reversed(flight.aids))
@@ -64,41 +64,41 @@ def through(flight: Flown, navigator: Navigator) -> Run:
         if k == 0:
             navigator.begin(t_ns, flight.start, flight.accel_b[0], flight.gyro_b[0])
         else:
-            navigator.take_inertial(t_ns, flight.accel_b[k], flight.gyro_b[k])
+            navigator.feed_inertial(t_ns, flight.accel_b[k], flight.gyro_b[k])
         while waiting and waiting[-1][0] < t + INERTIAL_S:
             at, aiding = waiting.pop()
-            navigator.take(round(at * SECOND_NS), aiding)
+            navigator.feed_aiding(round(at * SECOND_NS), aiding)
         if k in instants or k % every == 0:
             here = navigator.at(t_ns)
             assert here is not None
             if k in instants:
-                rows.append(judged(here, truth, k, flight))
+                rows.append(normalized_errors(here, truth, k, flight))
             error_n = (here.mat_en.T @ (_pos_e(truth, k) - here.y[:3]), here.sd_n[:3])
             history.append(error_n)
-        verdicts += navigator.drain()
+        verdicts += navigator.drain_innovations()
     end = navigator.at(round(flight.t[-1] * SECOND_NS))
     assert end is not None
-    return Run(
+    return FilterRun(
         ratios=np.array([row[0] for row in rows]),
         nees=np.array([row[2] for row in rows]),
         nis=float(np.sum([v.nis for v in verdicts]) / np.sum([v.dof for v in verdicts])),
-        refused=float(np.mean([v.judgement.value == "refused" for v in verdicts])),
+        refused=float(np.mean([v.decision.value == "refused" for v in verdicts])),
         errors=np.array([h[0] for h in history]),
         sds=np.array([h[1] for h in history]),
         spread=_sds(end) / _sds(first),
     )
 
 
-def _start(flight: Flown, navigator: Navigator) -> tuple[Array, Array]:
+def _start(flight: FilterFlight, navigator: InertialNavigator) -> tuple[Array, Array]:
     estimate = flight.start.estimate(0, np.zeros(6), navigator.model)
     return estimate.y, estimate.P
 
 
-def _pos_e(truth: State, k: int) -> Array:
+def _pos_e(truth: FlightState, k: int) -> Array:
     return ecef_from_geodetic(truth.lat[k], truth.lon[k], truth.alt[k])
 
 
-def judged(here: Estimate, truth: State, k: int, flight: Flown) -> tuple[Array, Array, float]:
+def normalized_errors(here: Estimate, truth: FlightState, k: int, flight: FilterFlight) -> tuple[Array, Array, float]:
     """Errors over sigma in n, sigma, and NEES over n, at inertial sample k.
 
     Where biases and drifts are not one number (rich) the errors of navigation alone are judged.
@@ -113,7 +113,7 @@ def judged(here: Estimate, truth: State, k: int, flight: Flown) -> tuple[Array, 
     return in_n / _sds(here), _sds(here), nees
 
 
-def errors(here: Estimate, truth: State, k: int, flight: Flown) -> Array:
+def errors(here: Estimate, truth: FlightState, k: int, flight: FilterFlight) -> Array:
     """Truth minus estimate (n,), as the filter has its states; NaN where the truth is not one number."""
     model, found = here.model, np.full(here.model.size, np.nan)
     at = slice(k, k + 1)
@@ -131,7 +131,7 @@ def errors(here: Estimate, truth: State, k: int, flight: Flown) -> Array:
     return found
 
 
-def _vel_e(truth: State, at: slice) -> Array:
+def _vel_e(truth: FlightState, at: slice) -> Array:
     return np.asarray(np.einsum("ij,j->i", mat_en(truth.lat[at], truth.lon[at])[0], truth.vel_n[at][0]))
 
 

@@ -23,27 +23,27 @@ from numpy.typing import NDArray
 
 from fti.hil.flight.trajectory import SplineFlight
 from fti.hil.flight.waypoints import Waypoint, waypoint_flight
-from fti.nav.altimetry.predicted import Prediction, Predictor
+from fti.nav.altimetry.range_prediction import Prediction, Predictor
 from fti.nav.filter.aiding import Aiding, GnssPosition, GnssVelocity, SlantRange
+from fti.nav.filter.error_states import GNSS_DRIFTS, Drift, Extra, FilterModel
 from fti.nav.filter.estimate import Estimate
-from fti.nav.filter.navigator import Navigator
-from fti.nav.filter.states import GNSS_DRIFTS, Drift, Extra, Model
+from fti.nav.filter.navigator import InertialNavigator
 from fti.ranging.laser import Laser
 from fti.study._filter_flights import (
     INERTIAL_S,
-    PURE,
+    PURE_UNIT,
     SECOND_NS,
     SECONDS,
     VELOCITY_SD,
-    Case,
-    drawn_start,
+    FilterCase,
+    displaced_place,
+    draw_start,
     gauss_markov,
-    matched_unit,
-    moved,
-    times,
+    measure_matched,
+    sample_times,
 )
-from fti.terrain.country import synthetic_terrain
 from fti.terrain.dem_error import DemError
+from fti.terrain.synthetic_landscape import synthetic_terrain
 from fti.terrain.terrain import Terrain
 
 Array = NDArray[np.float64]
@@ -58,8 +58,8 @@ DEM_BIAS_M, DEM_NOISE_M, NOISE_M, FARTHEST_M = 1.0, 1.5, 0.3, 2000.0
 CORNER_M, JITTER_M, CLEARANCE_M, SPEED, BANK = 1500.0, 250.0, 150.0, 55.0, np.deg2rad(25.0)
 CORNERS = 8
 SHORT_SD = DEM_NOISE_M / np.sqrt(2.0)
-MODEL = Model(
-    PURE,
+MODEL = FilterModel(
+    PURE_UNIT,
     extras={
         **GNSS_DRIFTS,
         Extra.ALTIMETER: Drift(DEM_BIAS_M, period_s=3000.0),
@@ -76,10 +76,10 @@ class Height(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Pair:
+class HeightPair:
     """One run: without and with the altimeter."""
 
-    without: Height
+    unaided: Height
     aided: Height
 
 
@@ -93,36 +93,36 @@ def _country(seed: int, number: int) -> tuple[Terrain, Terrain]:
     rng = np.random.default_rng([seed, 161, number])
     terrain = synthetic_terrain("rough", int(rng.integers(2**31)))
     error = DemError(bias=float(rng.normal(0.0, DEM_BIAS_M)), noise_sd=DEM_NOISE_M)
-    return terrain, error.applied(terrain, rng)
+    return terrain, error.apply(terrain, rng)
 
 
-def pairs(task: tuple[int, int, int]) -> dict[str, Pair]:
+def fly_pairs(task: tuple[int, int, int]) -> dict[str, HeightPair]:
     """Run ``number`` of a seed over its country, in both scenarios.  task : seed, country, number."""
     seed, country, number = task
     terrain, dem = _country(seed, country)
     rng = np.random.default_rng([seed, 162, number])
-    flight = round_the_middle(terrain, rng)
-    return {name: _pair(flight, terrain, dem, name == "outage", rng) for name in SCENARIOS}
+    flight = circuit_flight(terrain, rng)
+    return {name: _fly_pair(flight, terrain, dem, name == "outage", rng) for name in SCENARIOS}
 
 
-def _pair(flight: SplineFlight, terrain: Terrain, dem: Terrain, outage: bool, rng: Rng) -> Pair:
+def _fly_pair(flight: SplineFlight, terrain: Terrain, dem: Terrain, outage: bool, rng: Rng) -> HeightPair:
     state = flight.state(np.arange(0.0, SECONDS + INERTIAL_S / 2, INERTIAL_S))
-    case = Case("terrain", MODEL, aided=True, outages=outage)
-    felt = np.concatenate(matched_unit(case, state, rng)[:2], axis=1)
-    start = drawn_start(flight.state(np.zeros(1)), rng)
+    case = FilterCase("terrain", MODEL, aided=True, outages=outage)
+    felt = np.concatenate(measure_matched(case, state, rng)[:2], axis=1)
+    start = draw_start(flight.state(np.zeros(1)), rng)
     gnss = _gnss(flight, outage, rng)
     ranges = _ranges(Predictor(terrain, Laser(max_range=FARTHEST_M)), flight, rng)
     truth = state.alt[:: round(1.0 / INERTIAL_S)]
 
     def flown(predictor: Predictor | None) -> Height:
-        navigator = Navigator(MODEL)
+        navigator = InertialNavigator(MODEL)
         navigator.begin(0, start, felt[0, :3], felt[0, 3:])
-        return _through(navigator, felt, gnss, ranges if predictor else [], predictor, truth)
+        return _run_filter(navigator, felt, gnss, ranges if predictor else [], predictor, truth)
 
-    return Pair(flown(None), flown(Predictor(dem, Laser(max_range=FARTHEST_M))))
+    return HeightPair(flown(None), flown(Predictor(dem, Laser(max_range=FARTHEST_M))))
 
 
-def round_the_middle(terrain: Terrain, rng: Rng) -> SplineFlight:
+def circuit_flight(terrain: Terrain, rng: Rng) -> SplineFlight:
     """Corner by corner round the origin of the terrain's frame, level."""
     height = CLEARANCE_M + float(np.nanmax(terrain.finest.heights))
     turned = rng.uniform(0.0, 2.0 * np.pi) + 0.5 * np.pi * np.arange(CORNERS)
@@ -131,11 +131,11 @@ def round_the_middle(terrain: Terrain, rng: Rng) -> SplineFlight:
     lat, lon, _ = terrain.frame.to_geodetic(places)
     alt = terrain.frame.alt0 + height
     waypoints = [Waypoint(float(a), float(b), alt, SPEED) for a, b in zip(lat, lon, strict=True)]
-    return waypoint_flight(waypoints, BANK, (0.0, 0.0)).during(0.0, SECONDS + 1.0)
+    return waypoint_flight(waypoints, BANK, (0.0, 0.0)).section(0.0, SECONDS + 1.0)
 
 
 def _gnss(flight: SplineFlight, outage: bool, rng: Rng) -> list[tuple[float, Aiding]]:
-    t = times(1.0, 0.013)
+    t = sample_times(1.0, 0.013)
     sd = np.broadcast_to(GNSS_SD, (len(t), 2)).copy()
     hidden = np.zeros(len(t), dtype=bool)
     for (begin, end), worse in zip(SPELLS_S, SPELLS_SD, strict=True):
@@ -146,7 +146,7 @@ def _gnss(flight: SplineFlight, outage: bool, rng: Rng) -> list[tuple[float, Aid
     slow = [gauss_markov(GNSS_DRIFTS[e], t, 0.0 * t, rng) for e in (Extra.GNSS_NORTH, Extra.GNSS_EAST, Extra.GNSS_DOWN)]
     state = flight.state(t)
     offset = np.stack(slow, axis=1) + white[:, [0, 0, 1]] * rng.standard_normal((len(t), 3))
-    lat, lon, alt = (x.tolist() for x in moved(state, offset))
+    lat, lon, alt = (x.tolist() for x in displaced_place(state, offset))
     vel = (state.vel_n + rng.normal(0.0, VELOCITY_SD, (len(t), 3))).tolist()
     found: list[tuple[float, Aiding]] = []
     for k in np.flatnonzero(~hidden).tolist():
@@ -158,7 +158,7 @@ def _gnss(flight: SplineFlight, outage: bool, rng: Rng) -> list[tuple[float, Aid
 
 def _ranges(truth: Predictor, flight: SplineFlight, rng: Rng) -> list[tuple[float, float]]:
     """When, and what the altimeter says [s, m]."""
-    t = times(1.0, 0.021)
+    t = sample_times(1.0, 0.021)
     t = t[t >= ON_S]
     state = flight.state(t)
     exact = truth.at(state.lat, state.lon, state.alt, state.roll, state.pitch, state.heading).slant_range
@@ -166,8 +166,8 @@ def _ranges(truth: Predictor, flight: SplineFlight, rng: Rng) -> list[tuple[floa
     return [(at, d) for at, d in zip(t.tolist(), said.tolist(), strict=True) if np.isfinite(d)]
 
 
-def _through(  # noqa: PLR0917
-    navigator: Navigator,
+def _run_filter(  # noqa: PLR0917
+    navigator: InertialNavigator,
     felt: Array,
     gnss: list[tuple[float, Aiding]],
     ranges: list[tuple[float, float]],
@@ -179,10 +179,10 @@ def _through(  # noqa: PLR0917
     for k in range(len(felt)):
         t = k * INERTIAL_S
         if k:
-            navigator.take_inertial(round(t * SECOND_NS), felt[k, :3], felt[k, 3:])
+            navigator.feed_inertial(round(t * SECOND_NS), felt[k, :3], felt[k, 3:])
         while fixes and fixes[-1][0] < t:
             at, aiding = fixes.pop()
-            navigator.take(round(at * SECOND_NS), aiding)
+            navigator.feed_aiding(round(at * SECOND_NS), aiding)
         while predictor and echoes and echoes[-1][0] < t:
             _take_range(navigator, predictor, *echoes.pop())
         if k % every == 0:
@@ -193,12 +193,12 @@ def _through(  # noqa: PLR0917
     return Height(np.array(errors), np.array(sds))
 
 
-def _take_range(navigator: Navigator, predictor: Predictor, at: float, measured: float) -> None:
+def _take_range(navigator: InertialNavigator, predictor: Predictor, at: float, measured: float) -> None:
     here = navigator.at(round(at * SECOND_NS))
     assert here is not None
     expected = predictor.at(*here.place, *here.rpy)
     if expected.valid[0]:
-        navigator.take(round(at * SECOND_NS), slant_range_aiding(here, expected, measured))
+        navigator.feed_aiding(round(at * SECOND_NS), slant_range_aiding(here, expected, measured))
 
 
 def slant_range_aiding(here: Estimate, expected: Prediction, measured: float) -> SlantRange:

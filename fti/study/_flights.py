@@ -29,7 +29,7 @@ STEP_S = 0.02
 
 
 @dataclass(frozen=True, slots=True)
-class Leg:
+class FlightLeg:
     """seconds : how long; speed : over ground [m/s]; path : climb angle [rad]; extra : roll beside the turn's [rad].
 
     bank : of the turn, right positive, 0 straight on [rad], below 90 degrees
@@ -47,14 +47,14 @@ class Leg:
         return float(STANDARD_GRAVITY * np.tan(self.bank) / self.speed)
 
 
-def turn(heading_change: float, bank: float, speed: float, path: float = 0.0) -> Leg:
+def turn(heading_change: float, bank: float, speed: float, path: float = 0.0) -> FlightLeg:
     """The leg that changes the heading by so much, right positive [rad], with that bank, always positive [rad]."""
     rate = STANDARD_GRAVITY * np.tan(bank) / speed
-    return Leg(float(abs(heading_change) / rate), speed, float(np.copysign(bank, heading_change)), path)
+    return FlightLeg(float(abs(heading_change) / rate), speed, float(np.copysign(bank, heading_change)), path)
 
 
 @dataclass(frozen=True, eq=False)
-class Flight:
+class SampledFlight:
     """A flown path: t [s], origins_l (n, 3) [m], roll, pitch, heading [rad], vels_l (n, 3) [m/s]."""
 
     t: Array
@@ -75,7 +75,7 @@ class Flight:
 
 
 @dataclass(frozen=True, eq=False)
-class Track:
+class CommandedTrack:
     """The ground track of a flight and what it commands, at ``STEP_S``; speed [m/s], path and extra [rad]."""
 
     t: Array
@@ -88,11 +88,11 @@ class Track:
     extra: Array
 
     @property
-    def climbed(self) -> Array:
+    def height_gain(self) -> Array:
         """Height over the first point, when the path angles are flown [m]."""
-        return _integrated(self.speed * np.tan(self.path))
+        return _integrate(self.speed * np.tan(self.path))
 
-    def flown(self, up: Array, every_s: float) -> Flight:
+    def flown(self, up: Array, every_s: float) -> SampledFlight:
         """The flight over this track at heights ``up`` [m], one sample every so many seconds."""
         climb = np.gradient(up, STEP_S)
         roll = np.arctan(self.turn_rate * self.speed / STANDARD_GRAVITY) + self.extra
@@ -101,25 +101,27 @@ class Track:
         vels = np.stack((self.speed * np.sin(self.heading), self.speed * np.cos(self.heading), climb), axis=-1)
         origins = np.stack((self.east, self.north, up), axis=-1)
         at = slice(None, None, round(every_s / STEP_S))
-        return Flight(self.t[at], origins[at], roll[at], pitch[at], self.heading[at], vels[at])
+        return SampledFlight(self.t[at], origins[at], roll[at], pitch[at], self.heading[at], vels[at])
 
 
-def track(legs: list[Leg], heading: float, answer_s: float, end: tuple[float, float] = (0.0, 0.0)) -> Track:
+def track(
+    legs: list[FlightLeg], heading: float, answer_s: float, end: tuple[float, float] = (0.0, 0.0)
+) -> CommandedTrack:
     """Fly the legs one after the other from a heading [rad]; the last point lies at ``end``, east and north [m].
 
     answer_s : how long a command takes to be followed [s]
     """
     rate, speed, path, extra = (
-        _commanded(legs, [getattr(leg, name) for leg in legs], answer_s)
+        _smoothed(legs, [getattr(leg, name) for leg in legs], answer_s)
         for name in ("turn_rate", "speed", "path", "extra")
     )
-    headings = heading + _integrated(rate)
-    east, north = _integrated(speed * np.sin(headings)), _integrated(speed * np.cos(headings))
+    headings = heading + _integrate(rate)
+    east, north = _integrate(speed * np.sin(headings)), _integrate(speed * np.cos(headings))
     t = np.arange(len(rate), dtype=np.float64) * STEP_S
-    return Track(t, east - east[-1] + end[0], north - north[-1] + end[1], headings, rate, speed, path, extra)
+    return CommandedTrack(t, east - east[-1] + end[0], north - north[-1] + end[1], headings, rate, speed, path, extra)
 
 
-def _commanded(legs: list[Leg], values: list[float], answer_s: float) -> Array:
+def _smoothed(legs: list[FlightLeg], values: list[float], answer_s: float) -> Array:
     """Values held through their legs and smoothed; as long as the legs together."""
     seconds = np.array([*(leg.seconds for leg in legs), STEP_S])  # the last leg goes on until its step is whole
     ends = np.concatenate(([0.0], np.cumsum(seconds)))
@@ -132,6 +134,6 @@ def _commanded(legs: list[Leg], values: list[float], answer_s: float) -> Array:
     return np.asarray(np.convolve(padded, window / window.sum(), mode="valid"), dtype=np.float64)
 
 
-def _integrated(rate: Array) -> Array:
+def _integrate(rate: Array) -> Array:
     """From 0, by the trapezoid rule."""
     return np.asarray(STEP_S * np.concatenate(([0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1])))))

@@ -24,12 +24,12 @@ from fti.ranging.radar.antenna import NARROW, WIDE
 from fti.ranging.radar.dome import random_turn
 from fti.ranging.radar.waveform import WAVEFORM_24_GHZ
 from fti.ranging.sensor import Poses
-from fti.study import REPORTED, Result
+from fti.study import REPORTED, StudyResult
 from fti.study._statistics import pooled_ratio, ratio_interval
-from fti.terrain.country import synthetic_landscape
 from fti.terrain.dem_error import DemError
 from fti.terrain.landscape import Cover, Landscape
 from fti.terrain.synthetic import buildings
+from fti.terrain.synthetic_landscape import synthetic_landscape
 from fti.terrain.terrain import Terrain
 
 Array = NDArray[np.float64]
@@ -56,7 +56,7 @@ Path = tuple[Array, Array]
 
 
 @dataclass(frozen=True, eq=False)
-class World:
+class LevelRunSite:
     """The true surface, its elevation model, and what grows there."""
 
     truth: Terrain
@@ -65,7 +65,7 @@ class World:
 
 
 @dataclass(frozen=True, eq=False)
-class Run:
+class LevelRun:
     """along [m]; up of the aircraft [m]; heights above ground [m]: nadir over the model, measured, by the model, and
     what was measured, compensated with that (``fti.nav.altimetry.compensation``).
     """
@@ -82,7 +82,7 @@ class Run:
         return float(np.mean((self.model - self.measured) ** 2)), float(np.mean((self.nadir - self.measured) ** 2))
 
 
-def make_world(seed: int) -> World:
+def make_site(seed: int) -> LevelRunSite:
     """Stands of trees, fields and houses on gentle hills."""
     rng = np.random.default_rng([seed, 5])
     wooded = synthetic_landscape("forest", seed, extent_m=EXTENT_M, cell_m=CELL_M)
@@ -90,24 +90,24 @@ def make_world(seed: int) -> World:
     built = (houses > 0.0) & (wooded.cover != Cover.FOREST)
     canopy = np.where(built, houses, wooded.canopy)
     landscape = Landscape(wooded.ground, canopy, np.where(built, np.uint8(Cover.BUILDING), wooded.cover))
-    return World(landscape.surface, DSM_ERROR.applied(landscape.surface, rng), landscape)
+    return LevelRunSite(landscape.surface, DSM_ERROR.apply(landscape.surface, rng), landscape)
 
 
-def level(world: World, rng: Rng, step: float = STEP_M) -> Path:
+def level(world: LevelRunSite, rng: Rng, step: float = STEP_M) -> Path:
     """A level run across the country, 100 m over the mean of the surface, measured every so many metres."""
     along, east, north, surface = _across(world, rng, step)
     up = np.full_like(along, np.mean(surface) + LEVEL_M)
     return along, np.stack((east, north, up), axis=-1)
 
 
-def approach(world: World, rng: Rng) -> Path:
+def approach(world: LevelRunSite, rng: Rng) -> Path:
     """A 3 deg descent across the country, to shortly above the highest tree."""
     along, east, north, surface = _across(world, rng, STEP_M)
     up = np.max(surface) + CLEAR_M + (along[-1] - along) * np.tan(GLIDE)
     return along, np.stack((east, north, up), axis=-1)
 
 
-def ramp(world: World, rng: Rng) -> Path:
+def ramp(world: LevelRunSite, rng: Rng) -> Path:
     """Straight up and down again over open ground near the middle; distance is what has been flown."""
     east, north = rng.uniform(-REACH_M, REACH_M, (2, 400))
     opened = np.isin(world.landscape.cover_at(east, north), [Cover.GRASS, Cover.CROP])
@@ -117,10 +117,10 @@ def ramp(world: World, rng: Rng) -> Path:
     return RAMP_M[2] * np.arange(len(up), dtype=np.float64), np.column_stack((np.tile(place, (len(up), 1)), up))
 
 
-PATHS: dict[str, Callable[[World, Rng], Path]] = {"level": level, "approach": approach, "ramp": ramp}
+PATHS: dict[str, Callable[[LevelRunSite, Rng], Path]] = {"level": level, "approach": approach, "ramp": ramp}
 
 
-def _across(world: World, rng: Rng, step: float) -> tuple[Array, Array, Array, Array]:
+def _across(world: LevelRunSite, rng: Rng, step: float) -> tuple[Array, Array, Array, Array]:
     """Distance, east, north and true surface [m] along a straight line through the middle."""
     course = rng.uniform(0.0, 2.0 * np.pi)
     along = np.arange(-REACH_M, REACH_M, step)
@@ -128,7 +128,7 @@ def _across(world: World, rng: Rng, step: float) -> tuple[Array, Array, Array, A
     return along + REACH_M, east, north, world.truth.up(east, north)
 
 
-def fly(world: World, path: Path, antenna: str, rng: Rng) -> Run:
+def fly(world: LevelRunSite, path: Path, antenna: str, rng: Rng) -> LevelRun:
     """Measure and predict along a path."""
     along, origins_l = path
     roll, pitch = ATTITUDE_SD * rng.standard_normal((2, len(along)))
@@ -143,12 +143,12 @@ def fly(world: World, path: Path, antenna: str, rng: Rng) -> Run:
     expected = model.measure(world.dsm, poses)
     cosine = -(poses.mats_ls[:, 2] * expected.direction_s).sum(axis=-1)
     compensated = nadir + (measured - expected.slant_range) * cosine
-    return Run(along, up, nadir, measured, expected.slant_range, compensated)
+    return LevelRun(along, up, nadir, measured, expected.slant_range, compensated)
 
 
-def flown(seed: int) -> dict[tuple[str, str], Run]:
+def flown(seed: int) -> dict[tuple[str, str], LevelRun]:
     """Runs over the country of that seed: of (path, antenna).  Both antennas fly the level run, the wide one all."""
-    world = make_world(seed)
+    world = make_site(seed)
     pairs = [(path, "wide") for path in PATHS] + [("level", "narrow")]
     return {
         (path, antenna): fly(world, PATHS[path](world, rng), antenna, rng)
@@ -157,12 +157,12 @@ def flown(seed: int) -> dict[tuple[str, str], Run]:
     }
 
 
-def judged(runs: list[dict[tuple[str, str], Run]], seed: int) -> list[Result]:
+def judge(runs: list[dict[tuple[str, str], LevelRun]], seed: int) -> list[StudyResult]:
     """T1.  The unit is the terrain: mean squares are summed over terrains, and terrains are drawn again."""
     return [result for key in runs[0] for result in _ratio([run[key] for run in runs], *key, seed)]
 
 
-def _ratio(runs: list[Run], path: str, antenna: str, seed: int) -> list[Result]:
+def _ratio(runs: list[LevelRun], path: str, antenna: str, seed: int) -> list[StudyResult]:
     model, nadir = np.array([run.mean_squares() for run in runs]).T
     ratio, (low, high) = pooled_ratio(model, nadir), ratio_interval(model, nadir, np.random.default_rng(seed))
     gated = (path, antenna) == ("level", "wide")
@@ -172,4 +172,4 @@ def _ratio(runs: list[Run], path: str, antenna: str, seed: int) -> list[Result]:
         f" {rms:.2f} / {plain:.2f} m, 95 % interval {low:.2f} to {high:.2f}"
     )
     name = f"T1.{path}" if antenna == "wide" else f"T1.{path}_{antenna}"
-    return [Result(name, text, ratio, "<= 0.5, bound" if gated else REPORTED, not gated or high <= LIMIT)]
+    return [StudyResult(name, text, ratio, "<= 0.5, bound" if gated else REPORTED, not gated or high <= LIMIT)]

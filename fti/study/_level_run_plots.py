@@ -8,9 +8,9 @@ from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from fti.figures import BLACK, BLUE, GREY, GROUND, VERMILION, label, legend_above, sheet
+from fti.plot_style import BLACK, BLUE, GREY, GROUND, VERMILION, add_legend, label, new_figure
 from fti.study import _level_run
-from fti.study._level_run import REACH_M, Path, Run, World
+from fti.study._level_run import REACH_M, LevelRun, LevelRunSite, Path
 from fti.terrain.landscape import Cover
 
 COVERS = {
@@ -23,10 +23,10 @@ COVERS = {
 
 def level_run(seed: int) -> Figure:
     """Map with the track; profile of the surface; heights; errors of model and nadir against what was measured."""
-    world, rng = _level_run.make_world(seed), np.random.default_rng([seed, 0])
+    world, rng = _level_run.make_site(seed), np.random.default_rng([seed, 0])
     path = _level_run.level(world, rng, step=5.0)
     run = _level_run.fly(world, path, "wide", rng)
-    figure = sheet(
+    figure = new_figure(
         "Level run over forest and buildings: the beam model against the nadir height",
         "Measured: true surface, independent rays, 0.5 m noise. Model, nadir: elevation model, 5 m posts, 1.5 m noise.",
         width=11.0,
@@ -42,7 +42,7 @@ def level_run(seed: int) -> Figure:
     return figure
 
 
-def _draw_map(axes: Axes, world: World, path: Path) -> None:
+def _draw_map(axes: Axes, world: LevelRunSite, path: Path) -> None:
     kinds = list(COVERS)
     colours = ListedColormap([colour for _, colour in COVERS.values()])
     bounds = BoundaryNorm([kind - 0.5 for kind in kinds] + [kinds[-1] + 0.5], len(kinds))
@@ -64,7 +64,7 @@ def _draw_map(axes: Axes, world: World, path: Path) -> None:
     label(axes, "east [m]", "north [m]", "track, from the circle on")
 
 
-def _draw_profile(axes: Axes, world: World, path: Path, run: Run) -> None:
+def _draw_profile(axes: Axes, world: LevelRunSite, path: Path, run: LevelRun) -> None:
     east, north, _ = path[1].T
     along = np.linspace(0.0, run.along[-1], 1200)
     at = np.interp(along, run.along, east), np.interp(along, run.along, north)
@@ -75,22 +75,22 @@ def _draw_profile(axes: Axes, world: World, path: Path, run: Run) -> None:
     axes.plot(run.along, run.up, color=BLACK, label="aircraft")
     axes.set_ylim(floor, None)
     label(axes, y="height [m]")
-    legend_above(axes)
+    add_legend(axes)
 
 
-def _draw_heights(axes: Axes, run: Run) -> None:
+def _draw_heights(axes: Axes, run: LevelRun) -> None:
     axes.plot(run.along, run.nadir, color=GREY, lw=1.0, label="nadir")
     axes.plot(run.along, run.measured, color=BLACK, lw=2.2, label="measured")
     axes.plot(run.along, run.model, color=BLUE, lw=1.2, label="model")
     label(axes, y="height above\nground [m]")
-    legend_above(axes)
+    add_legend(axes)
 
 
-def _draw_errors(axes: Axes, run: Run) -> None:
+def _draw_errors(axes: Axes, run: LevelRun) -> None:
     model, nadir = np.sqrt(run.mean_squares())
     axes.plot(run.along, run.nadir - run.measured, color=VERMILION, lw=1.0, label=f"nadir, RMS {nadir:.1f} m")
     axes.plot(run.along, run.model - run.measured, color=BLUE, lw=1.3, label=f"model, RMS {model:.1f} m")
     axes.axhline(0.0, color=BLACK, lw=0.8)
     label(axes, "distance [m]", "minus\nmeasured [m]")
-    legend_above(axes)
+    add_legend(axes)
     axes.set_xlim(run.along[0], run.along[-1])

@@ -13,7 +13,7 @@ not public): poses are drawn one by one, places and headings evenly,
               0.5 m of noise, no steps.  The model of it, 2051 rays of an upright dome: another beam
 
 Both see the tops of trees and roofs, and the true height is that over them; sensors sit at P and look down along the
-body's axis.  What is known when they are predicted (``Known``): the very surface and place; the place with an error of
+body's axis.  What is known when they are predicted (``Knowledge``): the very surface and place; the place with an error of
 10 m in each horizontal axis and 2 m in height, another at each pose; or the very place over an elevation model with
 1.5 m of noise (half of its variance over 30 m, half over 300 m) that lies 10 m beside the truth.
 """
@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 
 from fti.geodesy.local import MAT_ENU_NED
 from fti.geodesy.rotations import mat_from_rpy
-from fti.nav.altimetry.predicted import Prediction, Predictor
+from fti.nav.altimetry.range_prediction import Prediction, Predictor
 from fti.ranging.error_model import RangeError
 from fti.ranging.laser import Laser
 from fti.ranging.nearest import NearestReturn
@@ -39,7 +39,7 @@ from fti.ranging.radar.antenna import WIDE
 from fti.ranging.radar.dome import random_turn
 from fti.ranging.sensor import Poses, RangingSensor
 from fti.ranging.weather import Cloud, fog_extinction
-from fti.study._flights import Leg, track, turn
+from fti.study._flights import FlightLeg, track, turn
 from fti.terrain.dem_error import DemError
 from fti.terrain.landscape import Cover, Landscape
 from fti.terrain.synthetic import buildings, forest, fractal_relief
@@ -67,7 +67,7 @@ BANKS_DEG = (20.0, 35.0, 50.0, 28.0)
 SPEED, STRAIGHT_S, ANSWER_S, EVERY_S = 45.0, 14.0, 4.0, 0.5
 
 
-class Known(StrEnum):
+class Knowledge(StrEnum):
     """What is known of place and surface."""
 
     ALL = "exact"
@@ -76,7 +76,7 @@ class Known(StrEnum):
 
 
 #: One sigma by which the place may lie beside the surface that is known, each axis [m].
-PLACE_SD = {Known.ALL: 0.0, Known.PLACE_ERROR: HORIZONTAL_SD, Known.DEM_ERROR: DEM_SHIFT_M / np.sqrt(2.0)}
+PLACE_SD = {Knowledge.ALL: 0.0, Knowledge.PLACE_ERROR: HORIZONTAL_SD, Knowledge.DEM_ERROR: DEM_SHIFT_M / np.sqrt(2.0)}
 
 
 @functools.cache
@@ -134,7 +134,7 @@ def fly(seed: int, poses: int = POSES) -> Mix:
     nadir = rng.uniform(LOWEST_M, HIGHEST_M, poses)
     points = np.stack((east, north, country.surface.up(east, north) + nadir), axis=-1)
     attitude = rolls(poses, rng), PITCH_SD * rng.standard_normal(poses), rng.uniform(0.0, 2.0 * np.pi, poses)
-    return _measured(country, points, attitude, rng)
+    return _measure_mix(country, points, attitude, rng)
 
 
 def orbit(seed: int) -> Mix:
@@ -142,16 +142,16 @@ def orbit(seed: int) -> Mix:
     measured twice a second.
     """
     country, rng = make_country(seed), np.random.default_rng([seed, 204])
-    legs = [leg for bank in np.radians(BANKS_DEG) for leg in (Leg(STRAIGHT_S, SPEED), turn(np.pi, bank, SPEED))]
+    legs = [leg for bank in np.radians(BANKS_DEG) for leg in (FlightLeg(STRAIGHT_S, SPEED), turn(np.pi, bank, SPEED))]
     flown = track(legs, np.radians(90.0), ANSWER_S)
     centre = [0.5 * (np.max(x) + np.min(x)) for x in (flown.east, flown.north)]
     ground = float(np.mean(country.surface.up(flown.east - centre[0], flown.north - centre[1])))
     flight = flown.flown(ground + np.linspace(HIGHEST_M, LOWEST_M, len(flown.t)), EVERY_S)
     points = flight.origins_l - [*centre, 0.0]
-    return _measured(country, points, (flight.roll, flight.pitch, flight.heading), rng)
+    return _measure_mix(country, points, (flight.roll, flight.pitch, flight.heading), rng)
 
 
-def _measured(country: Landscape, points_l: Array, attitude: tuple[Array, Array, Array], rng: Rng) -> Mix:
+def _measure_mix(country: Landscape, points_l: Array, attitude: tuple[Array, Array, Array], rng: Rng) -> Mix:
     mats_nb = np.asarray(mat_from_rpy(*attitude))
     surface, at = country.surface, Poses.still(points_l, MAT_ENU_NED @ mats_nb)
     measured = {name: sensor.measure(surface, at, rng).slant_range for name, sensor in instruments(rng).items()}
@@ -159,7 +159,7 @@ def _measured(country: Landscape, points_l: Array, attitude: tuple[Array, Array,
     return Mix(country, points_l, *attitude[:2], mats_nb, nadir, measured)
 
 
-def in_cloud(mix: Mix, seed: int) -> Mix:
+def add_cloud(mix: Mix, seed: int) -> Mix:
     """The mix with ``laser_in_cloud``: a laser that a layer of cloud answers, by pulses, and through which it sees the
     ground by others, as on the recorded approach of section 7.5.1.3.
     """
@@ -186,7 +186,7 @@ def instruments(rng: Rng) -> dict[str, RangingSensor]:
 
 
 @dataclass(frozen=True, eq=False)
-class Belief:
+class KnownScene:
     """What is known of a mix: the surface, and where P is (n, 3) [m]."""
 
     surface: Terrain
@@ -199,23 +199,23 @@ class Belief:
         }
 
 
-def believed(mix: Mix, known: Known, seed: int) -> Belief:
+def known_scene(mix: Mix, known: Knowledge, seed: int) -> KnownScene:
     """Surface and places with the errors of what is known; seed : of the run."""
-    rng = np.random.default_rng([seed, 203, list(Known).index(known)])
+    rng = np.random.default_rng([seed, 203, list(Knowledge).index(known)])
     surface, points = mix.country.surface, mix.points_l
-    if known is Known.PLACE_ERROR:
+    if known is Knowledge.PLACE_ERROR:
         points = points + rng.standard_normal(points.shape) * [HORIZONTAL_SD, HORIZONTAL_SD, VERTICAL_SD]
-    if known is Known.DEM_ERROR:
-        surface = _mistaken(rng).applied(surface, rng)
-    return Belief(surface, points)
+    if known is Knowledge.DEM_ERROR:
+        surface = _dem_error(rng).apply(surface, rng)
+    return KnownScene(surface, points)
 
 
-def predict(mix: Mix, known: Known, seed: int) -> dict[str, Prediction]:
+def predict(mix: Mix, known: Knowledge, seed: int) -> dict[str, Prediction]:
     """What each sensor should measure, from what is known; seed : of the run."""
-    return believed(mix, known, seed).predict(mix.mats_nb)
+    return known_scene(mix, known, seed).predict(mix.mats_nb)
 
 
-def _mistaken(rng: Rng) -> DemError:
+def _dem_error(rng: Rng) -> DemError:
     course = rng.uniform(0.0, 2.0 * np.pi)
     east, north = DEM_SHIFT_M * np.sin(course), DEM_SHIFT_M * np.cos(course)
     return DemError(noise_sd=DEM_NOISE_M, shift_east=float(east), shift_north=float(north))

@@ -14,13 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fti.geodesy.rotations import mat_from_rpy
-from fti.nav.altimetry.predicted import Prediction, Predictor
+from fti.nav.altimetry.range_prediction import Prediction, Predictor
 from fti.ranging.error_model import RangeError
 from fti.ranging.radar.altimeter import RadarAltimeter
 from fti.ranging.radar.antenna import Antenna
 from fti.ranging.radar.dome import random_turn
-from fti.study._flights import Flight, Leg, track, turn
-from fti.terrain.country import synthetic_landscape
+from fti.study._flights import FlightLeg, SampledFlight, track, turn
+from fti.terrain.synthetic_landscape import synthetic_landscape
 from fti.terrain.terrain import Terrain
 
 Array = NDArray[np.float64]
@@ -38,7 +38,7 @@ TRUTH_ORDER, MODEL_ORDER, NOISE_M = 40, 20, 0.5
 class Pattern:
     """A flight, the surface under it, and the true height over that straight below (n,) [m]."""
 
-    flight: Flight
+    flight: SampledFlight
     surface: Terrain
     nadir: Array
 
@@ -54,24 +54,24 @@ def make_pattern(seed: int, every_s: float = EVERY_S) -> Pattern:
     """The flight and the country of that seed."""
     rng = np.random.default_rng([seed, 13])
     flown = track(_legs(rng), np.pi, ANSWER_S)
-    flight = flown.flown(flown.climbed - flown.climbed[-1] + THRESHOLD_M, every_s)
+    flight = flown.flown(flown.height_gain - flown.height_gain[-1] + THRESHOLD_M, every_s)
     surface = synthetic_landscape("river_valley", seed, extent_m=EXTENT_M, cell_m=CELL_M).surface
     east, north, up = flight.origins_l.T
     return Pattern(flight, surface, up - surface.up(east, north))
 
 
-def _legs(rng: Rng) -> list[Leg]:
+def _legs(rng: Rng) -> list[FlightLeg]:
     side = rng.choice([-1.0, 1.0])
     base, final, last = np.radians(rng.uniform([17.0, 17.0, 10.0], [23.0, 23.0, 14.0]))
     down = {"path": -GLIDE}
     return [
-        Leg(rng.uniform(60.0, 80.0), 45.0),
+        FlightLeg(rng.uniform(60.0, 80.0), 45.0),
         turn(side * np.radians(90.0), base, 45.0),
-        Leg(rng.uniform(20.0, 30.0), 45.0, **down),
+        FlightLeg(rng.uniform(20.0, 30.0), 45.0, **down),
         turn(side * np.radians(60.0), final, 42.0, **down),
-        Leg(rng.uniform(75.0, 85.0), 40.0, **down),
+        FlightLeg(rng.uniform(75.0, 85.0), 40.0, **down),
         turn(side * np.radians(30.0), last, 38.0, **down),
-        Leg(14.0, 36.0, **down),
+        FlightLeg(14.0, 36.0, **down),
     ]
 
 
@@ -81,6 +81,6 @@ def instrument(antenna: Antenna, rng: Rng) -> RadarAltimeter:
     return RadarAltimeter(antenna=antenna, order=TRUTH_ORDER, turn=random_turn(rng), error=noise)
 
 
-def exact(radar: RadarAltimeter) -> RadarAltimeter:
+def remove_errors(radar: RadarAltimeter) -> RadarAltimeter:
     """The very beam of an instrument, without its noise and steps."""
     return dataclasses.replace(radar, error=RangeError(), quantised=False)

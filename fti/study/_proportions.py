@@ -21,7 +21,7 @@ def wilson(successes: int, n: int) -> tuple[float, float]:
     return max(middle - half, 0.0), min(middle + half, 1.0)
 
 
-def most_by_chance(n: int, p: float, level: float = 0.95) -> int:
+def max_failures_by_chance(n: int, p: float, level: float = 0.95) -> int:
     """The least k with P(X <= k) >= level for X binomial: what n runs may show when each has the probability p."""
     total, k = 0.0, -1
     while total < level:

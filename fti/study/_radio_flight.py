@@ -18,8 +18,8 @@ from fti.geodesy.local import LocalFrame
 from fti.geodesy.rotations import mat_en
 from fti.geodesy.wgs84 import EARTH_RATE, ecef_from_geodetic
 from fti.hil.sensors.constellation import Constellation
-from fti.nav.least_squares import Altitude, Slant, solve
-from fti.nav.radio.accuracy import UNIFORM, AltitudeSource, altimeter_sd, choose
+from fti.nav.least_squares import AltitudeObservation, RangeObservation, solve
+from fti.nav.radio.altitude_accuracy import UNIFORM, AltitudeSource, altimeter_sd, choose_altitude
 
 Array = NDArray[np.float64]
 
@@ -37,7 +37,7 @@ GROUND_M, WAVE_N, WAVE_E = 150.0, (60.0, 2500.0), (50.0, 3100.0)
 
 
 @dataclass(frozen=True, eq=False)
-class Epoch:
+class RadioEpoch:
     """One time of the flight.
 
     pos_e, place : position, e frame, shape (3,) [m]; lat, lon [rad], alt [m];  agl : height above ground [m]
@@ -61,11 +61,11 @@ class Geometry:
         self._frame = LocalFrame(LAT, LON, 0.0)
         self._stations_e = np.stack([self._station(*station) for station in STATIONS])
 
-    def epochs(self) -> list[Epoch]:
+    def epochs(self) -> list[RadioEpoch]:
         """All of them."""
         return [self.epoch(float(t)) for t in np.arange(0.0, HOUR_S + EPOCH_S, EPOCH_S)]
 
-    def epoch(self, t: float) -> Epoch:
+    def epoch(self, t: float) -> RadioEpoch:
         """At t [s]."""
         turn = 2.0 * math.pi * t / HOUR_S
         east, north = RADIUS_M * math.sin(turn), RADIUS_M * math.cos(turn)
@@ -73,9 +73,11 @@ class Geometry:
         agl = LOWEST_M + 0.5 * (HIGHEST_M - LOWEST_M) * (1.0 - math.cos(turn))
         alt = float(ground(np.array(lat), np.array(lon))[0]) + UNDULATION + agl
         pos_e = ecef_from_geodetic(lat, lon, alt)
-        return Epoch(t, pos_e, (lat, lon, alt), agl, self._seen(t, pos_e, lat, lon), self._stations_e)
+        return RadioEpoch(
+            t, pos_e, (lat, lon, alt), agl, self._visible_satellites(t, pos_e, lat, lon), self._stations_e
+        )
 
-    def _seen(self, t: float, pos_e: Array, lat: float, lon: float) -> Array:
+    def _visible_satellites(self, t: float, pos_e: Array, lat: float, lon: float) -> Array:
         """Satellites that are used, shape (n, 3), e frame."""
         angle = EARTH_RATE * (SKY_S + t)
         x, y, z = self._sky.state(SKY_S + t)[0][self._gps].T
@@ -121,7 +123,7 @@ class Heights:
     satellites: int
 
 
-def measure(epoch: Epoch, runs: int, rng: np.random.Generator, undulation: float = UNDULATION) -> Heights:
+def measure(epoch: RadioEpoch, runs: int, rng: np.random.Generator, undulation: float = UNDULATION) -> Heights:
     """So many runs of one epoch.  undulation : what is added to the elevation model, which counts from the sea [m]."""
     slants = [
         _slant(epoch, epoch.satellites_e, SATELLITE_SD, runs, rng, clock=True),
@@ -139,9 +141,9 @@ def measure(epoch: Epoch, runs: int, rng: np.random.Generator, undulation: float
     below = agl + high + rng.normal(0.0, DEM_SD, runs) + undulation
     below_sd = np.sqrt(altimeter_sd(agl) ** 2 + DEM_SD**2 + wrong_place)
     ranges_sd = np.sqrt(cov_n[:, 2, 2])
-    joined = solve([*slants, Altitude(below, below_sd)], start_e)
+    joined = solve([*slants, AltitudeObservation(below, below_sd)], start_e)
     assert joined is not None
-    chosen = [choose(*pair) for pair in zip(ranges_sd.tolist(), below_sd.tolist(), strict=True)]
+    chosen = [choose_altitude(*pair) for pair in zip(ranges_sd.tolist(), below_sd.tolist(), strict=True)]
     from_altimeter = np.array([c is not None and c[0] is AltitudeSource.ALTIMETER for c in chosen])
     true = epoch.place[2]
     return Heights(
@@ -158,6 +160,10 @@ def measure(epoch: Epoch, runs: int, rng: np.random.Generator, undulation: float
     )
 
 
-def _slant(epoch: Epoch, points_e: Array, sd: float, runs: int, rng: np.random.Generator, *, clock: bool) -> Slant:
+def _slant(
+    epoch: RadioEpoch, points_e: Array, sd: float, runs: int, rng: np.random.Generator, *, clock: bool
+) -> RangeObservation:
     exact = np.linalg.norm(points_e - epoch.pos_e, axis=1)
-    return Slant(points_e, exact + rng.normal(0.0, sd, (runs, len(points_e))), np.full(len(points_e), sd), clock)
+    return RangeObservation(
+        points_e, exact + rng.normal(0.0, sd, (runs, len(points_e))), np.full(len(points_e), sd), clock
+    )

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fti.study._flights import STEP_S, Flight, Leg, Track, track, turn
-from fti.terrain.country import synthetic_terrain
+from fti.study._flights import STEP_S, CommandedTrack, FlightLeg, SampledFlight, track, turn
+from fti.terrain.synthetic_landscape import synthetic_terrain
 from fti.terrain.terrain import Terrain
 
 Array = NDArray[np.float64]
@@ -32,11 +32,11 @@ CLEARANCE_M, AHEAD_S = 90.0, 6.0
 
 
 @dataclass(frozen=True, eq=False)
-class Scenario:
+class RangingScenario:
     """A flight and the rough ground under it."""
 
     name: str
-    flight: Flight
+    flight: SampledFlight
     rough: Terrain
 
     def ground(self, kind: str) -> Terrain:
@@ -55,45 +55,45 @@ class Scenario:
         return float(np.mean(self.rough.up(east, north)))
 
 
-def approach(seed: int, every_s: float) -> Scenario:
+def approach(seed: int, every_s: float) -> RangingScenario:
     """Downwind, base, intercept, localizer and glide path to a runway that leads north from the origin."""
     rng = np.random.default_rng([seed, 1])
     first, second, last = np.radians([rng.uniform(10.0, 13.0), rng.uniform(27.0, 33.0), rng.uniform(9.0, 12.0)])
     legs = [
-        Leg(60.0, 120.0),
-        Leg(165.0, 115.0, path=DESCENT),
-        Leg(15.0, 110.0),
+        FlightLeg(60.0, 120.0),
+        FlightLeg(165.0, 115.0, path=DESCENT),
+        FlightLeg(15.0, 110.0),
         turn(np.radians(-90.0), first, 105.0),
-        Leg(rng.uniform(30.0, 40.0), 100.0, path=DESCENT),
+        FlightLeg(rng.uniform(30.0, 40.0), 100.0, path=DESCENT),
         turn(np.radians(-60.0), second, 95.0),
-        Leg(45.0, 90.0, path=DESCENT),
+        FlightLeg(45.0, 90.0, path=DESCENT),
         turn(np.radians(-30.0), last, 82.0),
-        Leg(20.0, 75.0),
-        Leg(rng.uniform(110.0, 120.0), 70.0, path=-GLIDE),
+        FlightLeg(20.0, 75.0),
+        FlightLeg(rng.uniform(110.0, 120.0), 70.0, path=-GLIDE),
     ]
     flown = track(legs, np.pi, AIRLINER_ANSWER_S)
-    up = flown.climbed - flown.climbed[-1] + THRESHOLD_M
+    up = flown.height_gain - flown.height_gain[-1] + THRESHOLD_M
     country = synthetic_terrain("river_valley", seed, extent_m=APPROACH_EXTENT_M, cell_m=CELL_M)
-    return Scenario("approach", flown.flown(up, every_s), country)
+    return RangingScenario("approach", flown.flown(up, every_s), country)
 
 
-def low_level(seed: int, every_s: float) -> Scenario:
+def low_level(seed: int, every_s: float) -> RangingScenario:
     """From the east to the west, then north-west, low over broken country."""
     rng = np.random.default_rng([seed, 2])
     speed = rng.uniform(190.0, 210.0)
     banks = np.radians(rng.uniform([45.0, 60.0, 35.0, 65.0], [50.0, 65.0, 45.0, 75.0]))
     over = np.radians(rng.uniform(40.0, 50.0))
-    legs = [Leg(8.0, speed)]
+    legs = [FlightLeg(8.0, speed)]
     for change, bank in zip(np.radians([40.0, -70.0, 60.0, 45.0]), banks, strict=True):
-        legs += [turn(change, bank, speed), Leg(rng.uniform(8.0, 12.0), speed)]
+        legs += [turn(change, bank, speed), FlightLeg(rng.uniform(8.0, 12.0), speed)]
     past = turn(np.radians(-45.0), np.radians(60.0), speed)
-    legs += [Leg(past.seconds, speed, past.bank, extra=-over), Leg(12.0, speed)]
+    legs += [FlightLeg(past.seconds, speed, past.bank, extra=-over), FlightLeg(12.0, speed)]
     flown = track(legs, np.radians(270.0), FIGHTER_ANSWER_S, end=(-8000.0, 3000.0))
     country = synthetic_terrain("rough", seed, extent_m=LOW_EXTENT_M, cell_m=CELL_M)
-    return Scenario("low_level", flown.flown(_over_ground(flown, country), every_s), country)
+    return RangingScenario("low_level", flown.flown(_terrain_following_heights(flown, country), every_s), country)
 
 
-def _over_ground(flown: Track, country: Terrain) -> Array:
+def _terrain_following_heights(flown: CommandedTrack, country: Terrain) -> Array:
     """Heights [m] that clear the ground within ``AHEAD_S`` by the clearance, and rise and fall softly."""
     ground = country.up(flown.east, flown.north)
     reach = round(AHEAD_S / STEP_S)

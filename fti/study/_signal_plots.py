@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from fti.figures import BLACK, BLUE, GREY, GROUND, ORANGE, VERMILION, label, sheet
+from fti.plot_style import BLACK, BLUE, GREY, GROUND, ORANGE, VERMILION, label, new_figure
 from fti.ranging.radar.doppler import range_error
 from fti.ranging.radar.receivers import line_spectrum
 from fti.ranging.radar.waveform import Waveform, loat_plan, ssb_plan
@@ -30,7 +30,7 @@ FINER, MARGIN = 6, 64
 
 
 @dataclass(frozen=True)
-class Stage:
+class ReceiverStage:
     """One row: name, how much time is shown [s], the spectrum's unit and end [Hz], and the lines that are expected."""
 
     name: str
@@ -47,11 +47,15 @@ def loat() -> Figure:
     low = {"f_if - f_b": plan.rx_if[1]}
     beat = {"f_b": LOAT.beat}
     stages = [
-        Stage("rx", "1  received", 2e-9, GHZ, 9e9, {"f_rx": F_TX - LOAT.beat}),
-        Stage("rx_if", "2  mixed with the local oscillator", 20e-9, GHZ, 9e9, low | {"f_rx + f_lo": plan.rx_if[0]}),
-        Stage("rx_lp", "3  low-pass", 20e-9, MHZ, 500e6, low),
-        Stage("trx", "4  mixed with the transmitted signal", 20e-9, MHZ, 500e6, beat | {"2 f_if - f_b": plan.trx[0]}),
-        Stage("beat", "5  low-pass: the beat signal", 2e-6, MHZ, 10e6, beat),
+        ReceiverStage("rx", "1  received", 2e-9, GHZ, 9e9, {"f_rx": F_TX - LOAT.beat}),
+        ReceiverStage(
+            "rx_if", "2  mixed with the local oscillator", 20e-9, GHZ, 9e9, low | {"f_rx + f_lo": plan.rx_if[0]}
+        ),
+        ReceiverStage("rx_lp", "3  low-pass", 20e-9, MHZ, 500e6, low),
+        ReceiverStage(
+            "trx", "4  mixed with the transmitted signal", 20e-9, MHZ, 500e6, beat | {"2 f_if - f_b": plan.trx[0]}
+        ),
+        ReceiverStage("beat", "5  low-pass: the beat signal", 2e-6, MHZ, 10e6, beat),
     ]
     title = "LOAT receiver, stage by stage"
     return _stages(LOAT, stages, title, "4.3 GHz + 300 MHz in 100 us, f_if = 200 MHz")
@@ -62,22 +66,22 @@ def ssb() -> Figure:
     plan = ssb_plan(F_TX, SSB.beat)
     names = ("f1 + f_lo", "f1 - f_lo", "f2 + f_lo", "f_b")
     stages = [
-        Stage("rx", "1  received", 2e-9, GHZ, 9e9, {"f_rx": F_TX - SSB.beat}),
-        Stage(
+        ReceiverStage("rx", "1  received", 2e-9, GHZ, 9e9, {"f_rx": F_TX - SSB.beat}),
+        ReceiverStage(
             "trx", "2  mixed with the lower sideband", 20e-9, GHZ, 9e9,
             {"f1 = f_rx + f_tx - f_lo": plan.trx[0], "f2 = f_lo - f_b": plan.trx[1]},
         ),
-        Stage(
+        ReceiverStage(
             "trx_lo", "3  mixed with the local oscillator", 20e-9, GHZ, 9e9,
             dict(zip(names, plan.trx_lo, strict=True)),
         ),
-        Stage("beat", "4  low-pass: the beat signal", 2e-6, MHZ, 10e6, {"f_b": SSB.beat}),
+        ReceiverStage("beat", "4  low-pass: the beat signal", 2e-6, MHZ, 10e6, {"f_b": SSB.beat}),
     ]  # fmt: skip
     title = "SSB receiver, stage by stage"
     return _stages(SSB, stages, title, "4.3 GHz + 300 MHz in 100 us, f_lo = 500 MHz")
 
 
-def _stages(example: Example, stages: list[Stage], title: str, subtitle: str) -> Figure:
+def _stages(example: Example, stages: list[ReceiverStage], title: str, subtitle: str) -> Figure:
     """Time on the left, spectrum on the right, one row a stage."""
     receiver, wave = example.receiver, example.receiver.base.waveform
     rays = Rays.over_level_ground(example.height, 0)
@@ -85,7 +89,7 @@ def _stages(example: Example, stages: list[Stage], title: str, subtitle: str) ->
     signals = receiver.stages(rays.ranges, rays.powers, rays.phases, first, SAMPLES)
     scene = f"{len(rays.ranges)} rays of the wide antenna, {rays.height:.1f} m over level ground"
     below = f"{subtitle}; {scene}. Dashed: where the frequency plan puts it."
-    figure = sheet(title, below, width=10.5, height=2.0 * len(stages) + 0.8)
+    figure = new_figure(title, below, width=10.5, height=2.0 * len(stages) + 0.8)
     rows = figure.subplots(len(stages), 2, squeeze=False, width_ratios=(1.0, 1.25))
     scale = float(np.max(np.abs(signals["rx"])))
     for (time_axes, line_axes), stage in zip(rows, stages, strict=True):
@@ -94,22 +98,22 @@ def _stages(example: Example, stages: list[Stage], title: str, subtitle: str) ->
     return figure
 
 
-def _draw_time(axes: Axes, signal: Array, rate: float, stage: Stage) -> None:
+def _draw_time(axes: Axes, signal: Array, rate: float, stage: ReceiverStage) -> None:
     unit, name = (1e-9, "ns") if stage.seconds < 1e-6 else (1e-6, "us")
     half, middle = round(0.5 * stage.seconds * rate), len(signal) // 2
-    fine = _between(signal[middle - half - MARGIN : middle + half + MARGIN])[FINER * MARGIN : -FINER * MARGIN]
+    fine = _interpolated(signal[middle - half - MARGIN : middle + half + MARGIN])[FINER * MARGIN : -FINER * MARGIN]
     axes.plot(np.arange(len(fine)) / (FINER * rate * unit), fine, color=BLUE, lw=1.0)
     label(axes, f"time [{name}]", "amplitude\n[of peak]", stage.title)
     axes.set_xlim(0.0, stage.seconds / unit)
 
 
-def _between(signal: Array) -> Array:
+def _interpolated(signal: Array) -> Array:
     """What lies between the samples of a tone: ``FINER`` times as many, by its spectrum."""
     lines = np.fft.rfft(signal)
     return np.asarray(np.fft.irfft(lines, FINER * len(signal)) * FINER)
 
 
-def _draw_lines(axes: Axes, signal: Array, rate: float, stage: Stage) -> None:
+def _draw_lines(axes: Axes, signal: Array, rate: float, stage: ReceiverStage) -> None:
     frequency, lines = line_spectrum(signal, rate)
     shown = frequency <= stage.end
     level = 20.0 * np.log10(np.maximum(lines[shown], 1e-12) / np.max(lines[shown]))
@@ -117,20 +121,20 @@ def _draw_lines(axes: Axes, signal: Array, rate: float, stage: Stage) -> None:
     for text, at in stage.lines.items():
         axes.axvline(at / stage.unit, color=VERMILION, lw=0.9, ls="--", zorder=0)
         axes.annotate(
-            f"{text}\n{_told(at)}", (at / stage.unit, 4.0), annotation_clip=False, fontsize=7.5, color=VERMILION,
+            f"{text}\n{_frequency_text(at)}", (at / stage.unit, 4.0), annotation_clip=False, fontsize=7.5, color=VERMILION,
             ha="center", va="bottom",
         )  # fmt: skip
     axes.set(xlim=(0.0, stage.end / stage.unit), ylim=(FLOOR_DB, 4.0))
     label(axes, f"frequency [{'GHz' if stage.unit == GHZ else 'MHz'}]", "level [dB]")
 
 
-def _told(frequency: float) -> str:
+def _frequency_text(frequency: float) -> str:
     return f"{frequency / GHZ:.4f} GHz" if frequency >= GHZ else f"{frequency / MHZ:.1f} MHz"
 
 
 def baseband() -> Figure:
     """Fig. 2.38: the spectrum of the beat from the radio-frequency chains, and from the baseband without a carrier."""
-    figure = sheet(
+    figure = new_figure(
         "Baseband beside radio frequency: the same beat, four hundred times fewer samples",
         "One ramp, rays with their phases (speckle), wide antenna over level ground. Below: what the two differ by.",
         width=10.0,
@@ -167,7 +171,7 @@ def doppler() -> Figure:
     ground = GROUND_RISE * np.cos(2.0 * np.pi * to_go / GROUND_WAVE)
     height = 120.0 + to_go * np.tan(APPROACH_PATH)
     rate = np.gradient(height - ground, t)
-    figure = sheet(
+    figure = new_figure(
         "Doppler shift: a few centimetres",
         "3 deg approach at 70 m/s over ground that rises and falls by 100 m; 4.3 GHz, 300 MHz in 100 us.",
         width=9.0,

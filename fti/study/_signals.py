@@ -11,10 +11,10 @@ from fti.ranging.radar.antenna import WIDE
 from fti.ranging.radar.beam import Backscatter, make_beam, trace_beam
 from fti.ranging.radar.dome import half_dome
 from fti.ranging.radar.edge import LeadingEdge
-from fti.ranging.radar.receivers import Loat, Receiver, Ssb
+from fti.ranging.radar.receivers import FmcwReceiver, Loat, Ssb
 from fti.ranging.radar.waveform import Waveform, range_of_delay
 from fti.ranging.sensor import Poses
-from fti.study import Result
+from fti.study import StudyResult
 from fti.terrain.terrain import Terrain
 
 Array = NDArray[np.float64]
@@ -34,7 +34,7 @@ class Example:
     """A receiver, and the beat [Hz] at which the source looks."""
 
     name: str
-    receiver: Receiver
+    receiver: FmcwReceiver
     beat: float
 
     @property
@@ -78,42 +78,42 @@ def chain(example: Example) -> float:
     return float(example.receiver.base.waveform.range_of_bin(edge_of(spectrum)))
 
 
-def apart(receiver: Receiver, rays: Rays) -> float:
+def edge_distance(receiver: FmcwReceiver, rays: Rays) -> float:
     """Distance [bins] between the leading edges that the receiver and the baseband find in one beam."""
     columns = rays.ranges, rays.powers, rays.phases
     return abs(edge_of(receiver.coherent(*columns)) - edge_of(receiver.base.coherent(*columns)))
 
 
-def receivers(seed: int) -> list[Result]:
+def receivers(seed: int) -> list[StudyResult]:
     """T4."""
     return [
         *beats(),
         *(_chain_result(example) for example in EXAMPLES),
-        *(_apart_result(example, seed) for example in EXAMPLES),
+        *(_edge_distance_result(example, seed) for example in EXAMPLES),
     ]
 
 
-def beats() -> list[Result]:
+def beats() -> list[StudyResult]:
     """What follows from the frequencies."""
     wave = LOAT.receiver.base.waveform
     near, far = 1e9 * float(wave.delay_of_beat(LOAT.beat)), 1e6 * float(wave.delay_of_beat(SSB.beat))
     cut, metres = float(range_of_delay(PRINTED_DELAY)), float(wave.range_of_beat(SSB.beat))
     return [
-        Result("T4.delay", "2.6 MHz: time there and back [ns] (eq. 2.73)", near, "866", int(near) == 866),
-        Result("T4.range", "range of 866 ns [m] (eq. 2.74)", cut, "129.8", round(cut, 1) == 129.8),
-        Result("T4.delay_ssb", "4 MHz: time there and back [us] (eq. 2.78)", far, "1.33", round(far, 2) == 1.33),
-        Result("T4.range_ssb", "and its range [m] (eq. 2.79)", metres, "199.9", round(metres, 1) == 199.9),
+        StudyResult("T4.delay", "2.6 MHz: time there and back [ns] (eq. 2.73)", near, "866", int(near) == 866),
+        StudyResult("T4.range", "range of 866 ns [m] (eq. 2.74)", cut, "129.8", round(cut, 1) == 129.8),
+        StudyResult("T4.delay_ssb", "4 MHz: time there and back [us] (eq. 2.78)", far, "1.33", round(far, 2) == 1.33),
+        StudyResult("T4.range_ssb", "and its range [m] (eq. 2.79)", metres, "199.9", round(metres, 1) == 199.9),
     ]
 
 
-def _chain_result(example: Example) -> Result:
+def _chain_result(example: Example) -> StudyResult:
     wave, wanted, found = example.receiver.base.waveform, example.height, chain(example)
     text = f"lone scatterer through the whole {example.name} chain, +- half a bin [m]"
     holds = abs(found - wanted) <= 0.5 * wave.range_bin
-    return Result(f"T4.chain_{example.name}", text, found, f"{wanted:.2f}", holds)
+    return StudyResult(f"T4.chain_{example.name}", text, found, f"{wanted:.2f}", holds)
 
 
-def _apart_result(example: Example, seed: int) -> Result:
-    bins = apart(example.receiver, Rays.over_level_ground(example.height, seed))
+def _edge_distance_result(example: Example, seed: int) -> StudyResult:
+    bins = edge_distance(example.receiver, Rays.over_level_ground(example.height, seed))
     text = f"leading edge of one beam, {example.name} against baseband [bins]"
-    return Result(f"T4.base_{example.name}", text, bins, "<= 0.1", bins <= 0.1)
+    return StudyResult(f"T4.base_{example.name}", text, bins, "<= 0.1", bins <= 0.1)

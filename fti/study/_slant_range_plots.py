@@ -9,9 +9,9 @@ from matplotlib.colors import LightSource
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from fti.figures import BLACK, BLUE, GREY, GROUND, ORANGE, VERMILION, label, legend_above, sheet
-from fti.study._flown import FINE, Flown, fly
-from fti.study._scenarios import Scenario
+from fti.plot_style import BLACK, BLUE, GREY, GROUND, ORANGE, VERMILION, add_legend, label, new_figure
+from fti.study._altimeter_flight import FINE, AltimeterFlight, fly
+from fti.study._scenarios import RangingScenario
 
 Array = NDArray[np.float64]
 
@@ -23,7 +23,7 @@ GROUNDS = {"flat": "level ground", "rough": "rough ground"}
 #: Errors are drawn from here to there [m], heights up to so many times the greatest nadir height.
 LIMITS = {"flat": (-20.0, 130.0), "rough": (-80.0, 130.0)}
 HEADROOM = {"approach": 1.1, "low_level": 1.7}
-SAID = {
+SUBTITLES = {
     ("approach", "flat"): "The pencil beam reads long in each turn; both radars hold the first and the last, "
     "only the wide one the second.",
     (
@@ -38,11 +38,11 @@ SAID = {
 }
 
 
-def situation(scenario: Scenario, ground: str) -> Figure:
+def situation(scenario: RangingScenario, ground: str) -> Figure:
     """Height profile, height above ground, error and attitude over time."""
     flown = fly(scenario.flight, scenario.ground(ground), FINE)
     title = f"{TITLES[scenario.name]} over {GROUNDS[ground]}"
-    figure = sheet(title, SAID[scenario.name, ground], width=10.0, height=9.0)
+    figure = new_figure(title, SUBTITLES[scenario.name, ground], width=10.0, height=9.0)
     profile, height, error, attitude = figure.subplots(4, 1, sharex=True, height_ratios=(1.0, 1.2, 1.5, 0.9))
     _draw_profile(profile, flown)
     _draw_heights(height, flown, HEADROOM[scenario.name])
@@ -53,7 +53,7 @@ def situation(scenario: Scenario, ground: str) -> Figure:
     return figure
 
 
-def _draw_profile(axes: Axes, flown: Flown) -> None:
+def _draw_profile(axes: Axes, flown: AltimeterFlight) -> None:
     t, up = flown.flight.t, flown.flight.origins_l[:, 2]
     ground = up - flown.nadir
     floor = min(0.0, float(np.min(ground))) - 0.1 * float(np.ptp(up) + 100.0)
@@ -61,19 +61,19 @@ def _draw_profile(axes: Axes, flown: Flown) -> None:
     axes.plot(t, up, color=BLACK, label="aircraft")
     axes.set_ylim(floor, None)
     label(axes, y="height [m]")
-    legend_above(axes)
+    add_legend(axes)
 
 
-def _draw_heights(axes: Axes, flown: Flown, headroom: float) -> None:
+def _draw_heights(axes: Axes, flown: AltimeterFlight, headroom: float) -> None:
     axes.plot(flown.flight.t, flown.nadir, color=BLACK, lw=2.4, label="nadir (truth)")
     for name, colour in COLOURS.items():
         axes.plot(flown.flight.t, flown.measured[name], color=colour, lw=1.0, label=NAMES[name])
     axes.set_ylim(0.0, headroom * float(np.max(flown.nadir)))
     label(axes, y="height above\nground [m]")
-    legend_above(axes)
+    add_legend(axes)
 
 
-def _draw_errors(axes: Axes, flown: Flown, limits: tuple[float, float]) -> None:
+def _draw_errors(axes: Axes, flown: AltimeterFlight, limits: tuple[float, float]) -> None:
     for name, colour in COLOURS.items():
         axes.plot(flown.flight.t, flown.error(name), color=colour, lw=1.1)
     axes.axhline(0.0, color=BLACK, lw=0.8)
@@ -81,22 +81,22 @@ def _draw_errors(axes: Axes, flown: Flown, limits: tuple[float, float]) -> None:
     label(axes, y="error against\nnadir [m]")
 
 
-def _draw_attitude(axes: Axes, flown: Flown) -> None:
+def _draw_attitude(axes: Axes, flown: AltimeterFlight) -> None:
     axes.plot(flown.flight.t, np.degrees(flown.flight.roll), color=BLACK, label="roll")
     axes.plot(flown.flight.t, np.degrees(flown.flight.pitch), color=GREY, label="pitch")
     label(axes, "time [s]", "attitude [deg]")
-    legend_above(axes)
+    add_legend(axes)
 
 
-def track(scenario: Scenario) -> Figure:
+def track(scenario: RangingScenario) -> Figure:
     """Fig. 2.54 and 2.57: the flight over the rough ground, from above."""
     flight = scenario.flight
     low, high = flight.origins_l[:, :2].min(axis=0) - MARGIN_M, flight.origins_l[:, :2].max(axis=0) + MARGIN_M
     wide, tall = (high - low) / np.max(high - low)
-    figure = sheet(f"{TITLES[scenario.name]}: the ground track", width=2.2 + 7.8 * wide, height=1.1 + 7.8 * tall)
+    figure = new_figure(f"{TITLES[scenario.name]}: the ground track", width=2.2 + 7.8 * wide, height=1.1 + 7.8 * tall)
     axes = figure.subplots()
     extent = (low[0] * KM, high[0] * KM, low[1] * KM, high[1] * KM)
-    axes.imshow(_shaded(scenario, low, high), extent=extent, origin="lower", cmap="gray", vmin=-0.6, vmax=1.1)
+    axes.imshow(_shaded_relief(scenario, low, high), extent=extent, origin="lower", cmap="gray", vmin=-0.6, vmax=1.1)
     points = flight.origins_l[:, :2] * KM
     pieces = np.stack((points[:-1], points[1:]), axis=1)
     axes.plot(*points.T, color="white", lw=6.5, solid_capstyle="round")
@@ -110,7 +110,7 @@ def track(scenario: Scenario) -> Figure:
     return figure
 
 
-def _shaded(scenario: Scenario, low: Array, high: Array) -> Array:
+def _shaded_relief(scenario: RangingScenario, low: Array, high: Array) -> Array:
     """The rough ground between two corners [m], lit from the north-west."""
     step = scenario.rough.finest.cell_m
     east, north = (np.arange(low[k], high[k], step) for k in (0, 1))

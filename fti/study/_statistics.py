@@ -19,7 +19,7 @@ def sign_test(positive: int, n: int) -> float:
     return sum(math.comb(n, k) for k in range(positive, n + 1)) / 2.0**n
 
 
-def least_positive(n: int, level: float) -> int:
+def min_positive(n: int, level: float) -> int:
     """How many of n must be positive for p < level; all of them where n is too small for that."""
     return next((k for k in range(n) if sign_test(k, n) < level), n)
 
@@ -31,16 +31,16 @@ def pooled_ratio(above: ArrayLike, below: ArrayLike) -> float:
 
 def ratio_interval(above: ArrayLike, below: ArrayLike, rng: np.random.Generator) -> tuple[float, float]:
     """95 % interval of ``pooled_ratio`` by drawing units again (bootstrap, percentiles)."""
-    low, high = np.percentile(_drawn_again(above, below, rng), [2.5, 97.5])
+    low, high = np.percentile(_resample(above, below, rng), [2.5, 97.5])
     return float(low), float(high)
 
 
 def ratio_bound(above: ArrayLike, below: ArrayLike, rng: np.random.Generator) -> float:
     """One-sided upper 95 % bound of ``pooled_ratio``, by the same bootstrap."""
-    return float(np.percentile(_drawn_again(above, below, rng), 95.0))
+    return float(np.percentile(_resample(above, below, rng), 95.0))
 
 
-def _drawn_again(above: ArrayLike, below: ArrayLike, rng: np.random.Generator) -> Array:
+def _resample(above: ArrayLike, below: ArrayLike, rng: np.random.Generator) -> Array:
     upper, lower = np.asarray(above, dtype=np.float64), np.asarray(below, dtype=np.float64)
     drawn = rng.integers(0, len(upper), (RESAMPLINGS, len(upper)))
     return np.asarray(np.sqrt(upper[drawn].sum(axis=1) / lower[drawn].sum(axis=1)))

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from fti.figures import BLUE, GREEN, GREY, ORANGE, VERMILION, label, legend_above, sheet
+from fti.plot_style import BLUE, GREEN, GREY, ORANGE, VERMILION, add_legend, label, new_figure
 from fti.study._closure import Closure
 from fti.study.trajectory import STEPS_S
 
@@ -17,7 +17,7 @@ COLOURS = {"high order": BLUE, "live": VERMILION}
 
 def steps(errors: dict[str, Array]) -> Figure:
     """Greatest horizontal error after S-turns over the step."""
-    figure = sheet(
+    figure = new_figure(
         "Free inertial navigation after ten minutes of S-turns",
         "Greatest horizontal error. Grey: falls fourfold for each halving of the step.",
     )
@@ -28,13 +28,13 @@ def steps(errors: dict[str, Array]) -> Figure:
         STEPS_S, errors["live"][0] * np.square(np.array(STEPS_S) / STEPS_S[0]), color=GREY, label="step squared"
     )
     label(axes, x="step [s]", y="error [m]")
-    legend_above(axes)
+    add_legend(axes)
     return figure
 
 
 def hour(found: Closure) -> Figure:
     """The fast form minus the flight."""
-    figure = sheet(
+    figure = new_figure(
         "An hour of free inertial navigation by the fast form at 100 Hz, minus the flight that the sensors felt",
         "Legs, turns, climbs and wind; ideal sensors.",
     )
@@ -42,5 +42,5 @@ def hour(found: Closure) -> Figure:
     for column, colour, name in zip(found.pos_n.T, (BLUE, ORANGE, GREEN), ("north", "east", "down"), strict=True):
         axes.plot(found.t / 60.0, 1e3 * column, color=colour, label=name)
     label(axes, x="time [min]", y="position [mm]")
-    legend_above(axes)
+    add_legend(axes)
     return figure

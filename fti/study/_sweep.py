@@ -13,7 +13,7 @@ from fti.ranging.radar.altimeter import RadarAltimeter
 from fti.ranging.radar.antenna import NARROW, WIDE
 from fti.ranging.radar.beam import trace_beam
 from fti.ranging.sensor import Poses
-from fti.study import Result
+from fti.study import StudyResult
 from fti.terrain.terrain import Terrain
 
 Array = NDArray[np.float64]
@@ -68,7 +68,7 @@ def sweep(antenna: str, height: float) -> Sweep:
     return Sweep(height, radar.baseband.ranges, spectra, returns.slant_range, returns.dispersion)
 
 
-def attitude() -> list[Result]:
+def attitude() -> list[StudyResult]:
     """What fig. 2.50 shows, over all its heights."""
     narrow, wide = ([sweep(name, height) for height in HEIGHTS_M] for name in ("narrow", "wide"))
     held = max(float(np.max(np.abs(s.error[ROLLS_DEG <= HELD_DEG]))) for s in wide)
@@ -77,7 +77,11 @@ def attitude() -> list[Result]:
     )  # fmt: skip
     spread = min(float(w.dispersion[0] / n.dispersion[0]) for n, w in zip(narrow, wide, strict=True))
     return [
-        Result("F2.50.wide", "wide beam, error up to 35 deg roll, of the height", held, "<= 0.005", held <= HELD_ERROR),
-        Result("F2.50.narrow", "narrow minus wide, least error from 30 deg on, of the height", worse, "> 0", worse > 0),
-        Result("F2.50.spread", "spread of the echo wings level, wide over narrow", spread, "> 1", spread > 1.0),
+        StudyResult(
+            "F2.50.wide", "wide beam, error up to 35 deg roll, of the height", held, "<= 0.005", held <= HELD_ERROR
+        ),
+        StudyResult(
+            "F2.50.narrow", "narrow minus wide, least error from 30 deg on, of the height", worse, "> 0", worse > 0
+        ),
+        StudyResult("F2.50.spread", "spread of the echo wings level, wide over narrow", spread, "> 1", spread > 1.0),
     ]

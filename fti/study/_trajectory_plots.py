@@ -7,10 +7,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from fti.figures import BLACK, BLUE, GREEN, ORANGE, VERMILION, label, legend_above, sheet
 from fti.geodesy.local import LocalFrame
-from fti.hil.flight.smoothing import Fit
-from fti.hil.flight.trajectory import Samples, State
+from fti.hil.flight.smoothing import FlightFit
+from fti.hil.flight.trajectory import FlightSamples, FlightState
+from fti.plot_style import BLACK, BLUE, GREEN, ORANGE, VERMILION, add_legend, label, new_figure
 from fti.study._closure import Closure
 
 Array = NDArray[np.float64]
@@ -22,9 +22,9 @@ FILTERED, SPLINE = VERMILION, BLUE
 MINUTE = 1.0 / 60.0
 
 
-def flight(fit: Fit) -> Figure:
+def flight(fit: FlightFit) -> Figure:
     """Position and attitude: what was recorded, and the spline through it."""
-    figure = sheet(
+    figure = new_figure(
         "A recorded flight and its spline",
         "Recorded in radians of single precision, 10 Hz; filtered over 2 s, one knot in 0.5 s.",
         width=10.0,
@@ -40,16 +40,16 @@ def flight(fit: Fit) -> Figure:
     return figure
 
 
-def _draw_position(axes: Axes, frame: LocalFrame, state: State) -> None:
+def _draw_position(axes: Axes, frame: LocalFrame, state: FlightState) -> None:
     east, north, _ = frame.to_local(state.lat, state.lon, state.alt).T / 1e3
     for values, colour, name in ((east, BLUE, "east"), (north, ORANGE, "north")):
         axes.plot(state.t, values, color=colour, label=name)
     axes.plot(state.t, (state.alt - state.alt[0]) / 100.0, color=GREEN, label="height / 100 m")
     label(axes, y="from the start [km]", title="Position")
-    legend_above(axes)
+    add_legend(axes)
 
 
-def _draw_attitude(axes: Axes, state: State) -> None:
+def _draw_attitude(axes: Axes, state: FlightState) -> None:
     turned = np.unwrap(state.heading) - state.heading[0]
     for values, colour, name in (
         (state.roll, BLUE, "roll"),
@@ -58,55 +58,55 @@ def _draw_attitude(axes: Axes, state: State) -> None:
     ):
         axes.plot(state.t, np.rad2deg(values), color=colour, label=name)
     label(axes, x="time [s]", y="[deg]", title="Attitude")
-    legend_above(axes)
+    add_legend(axes)
 
 
-def _draw_steps(axes: Axes, frame: LocalFrame, fit: Fit) -> None:
+def _draw_steps(axes: Axes, frame: LocalFrame, fit: FlightFit) -> None:
     """A few seconds: where the recorded places are off the spline, across the way."""
-    t = fit.filtered.t[(fit.filtered.t >= PART_S[0]) & (fit.filtered.t < PART_S[1])]
-    rows = np.searchsorted(fit.filtered.t, t)
+    t = fit.filtered_samples.t[(fit.filtered_samples.t >= PART_S[0]) & (fit.filtered_samples.t < PART_S[1])]
+    rows = np.searchsorted(fit.filtered_samples.t, t)
     for samples, colour, name, style in (
-        (fit.recorded, BLACK, "recorded", "."),
-        (fit.filtered, FILTERED, "filtered", "-"),
+        (fit.recorded_samples, BLACK, "recorded", "."),
+        (fit.filtered_samples, FILTERED, "filtered", "-"),
     ):
         offset = _local(frame, samples)[rows] - frame.to_local(*_place(fit.flight.state(t)))
         axes.plot(t, offset[:, 0], style, color=colour, label=f"{name}, east")
         axes.plot(t, offset[:, 1], style, color=colour, alpha=0.4, label=f"{name}, north")
     label(axes, x="time [s]", y="from the spline [m]", title="Four seconds of it")
-    legend_above(axes)
+    add_legend(axes)
 
 
-def _local(frame: LocalFrame, samples: Samples) -> Array:
+def _local(frame: LocalFrame, samples: FlightSamples) -> Array:
     return frame.to_local(samples.lat, samples.lon, samples.alt)
 
 
-def _place(state: State) -> tuple[Array, Array, Array]:
+def _place(state: FlightState) -> tuple[Array, Array, Array]:
     return state.lat, state.lon, state.alt
 
 
-def fit_errors(fit: Fit) -> Figure:
+def fit_errors(fit: FlightFit) -> Figure:
     """Both steps of the fit, position and attitude."""
-    figure = sheet(
+    figure = new_figure(
         "Errors of the fit", "What the filter takes out are the steps of the recorder; the spline follows it closely."
     )  # fmt: skip
     position, attitude = figure.subplots(2, 1, sharex=True)
-    t = fit.filtered.t
-    for axes, floor, filtered, splined in (
+    t = fit.filtered_samples.t
+    for axes, floor, filtered_samples, splined in (
         (position, 1e-6, fit.filter_m, fit.spline_m),
         (attitude, 1e-7, np.rad2deg(fit.filter_rad), np.rad2deg(fit.spline_rad)),
     ):
-        axes.semilogy(t, filtered, color=FILTERED, lw=0.8, label="filtered minus recorded")
-        axes.semilogy(fit.between_t, splined, color=SPLINE, lw=0.8, label="spline minus filtered")
+        axes.semilogy(t, filtered_samples, color=FILTERED, lw=0.8, label="filtered minus recorded")
+        axes.semilogy(fit.intermediate_t, splined, color=SPLINE, lw=0.8, label="spline minus filtered")
         axes.set_ylim(bottom=floor)
     label(position, y="[m]", title="Position")
     label(attitude, x="time [s]", y="[deg]", title="Attitude")
-    legend_above(position)
+    add_legend(position)
     return figure
 
 
 def closure(found: Closure) -> Figure:
     """Free inertial navigation minus the flight."""
-    figure = sheet(
+    figure = new_figure(
         "An hour of free inertial navigation at 100 Hz, minus the flight that the sensors felt",
         "The vertical channel is unstable, an error of height grows 280-fold; the horizontal ones swing with Schuler.",
         height=7.0,
@@ -120,5 +120,5 @@ def closure(found: Closure) -> Figure:
     label(position, y="[um]", title="Position")
     label(velocity, y="[nm/s]", title="Velocity")
     label(attitude, x="time [min]", y="[1e-12 deg]", title="Attitude")
-    legend_above(position)
+    add_legend(position)
     return figure

@@ -6,9 +6,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from fti.figures import BLACK, BLUE, CANOPY, GROUND, ORANGE, SKY, VERMILION, label, legend_above, sheet
+from fti.plot_style import BLACK, BLUE, CANOPY, GROUND, ORANGE, SKY, VERMILION, add_legend, label, new_figure
 from fti.study import validity
-from fti.study._low_level import EVERY_S, Known, Mix, orbit
+from fti.study._low_level import EVERY_S, Knowledge, Mix, orbit
 from fti.types import Reason
 
 #: Countries that the shares of the reasons are counted over.
@@ -18,10 +18,12 @@ COUNTRIES = 4
 def flight(seed: int, name: str) -> Figure:
     """A flight: heights; error of what was measured, valid or refused; attitude."""
     mix = orbit(seed)
-    refused = np.array([bool(reasons) for reasons in validity.against(mix, Known.PLACE_ERROR, seed)[name]])
+    refused = np.array(
+        [bool(reasons) for reasons in validity.reasons_by_variant(mix, Knowledge.PLACE_ERROR, seed)[name]]
+    )
     error = mix.measured[name] - mix.nadir
     before, after = (float(np.sqrt(np.mean(e**2))) for e in (error, error[~refused]))
-    figure = sheet(
+    figure = new_figure(
         f"Validity of a {name} altimeter over woods and buildings",
         f"RMS error {before:.1f} m, of valid samples {after:.1f} m, {100.0 * np.mean(refused):.0f} % excluded. "
         "Place known within 10 m, height within 2 m (one sigma).",
@@ -48,7 +50,7 @@ def _draw_heights(axes: Axes, mix: Mix) -> None:
     axes.fill_between(t, bare, top, color=CANOPY, lw=0.0, label="trees, houses")
     axes.plot(t, up, color=BLACK, label="aircraft")
     axes.set_ylim(floor, None)
-    legend_above(axes)
+    add_legend(axes)
     label(axes, y="height [m]")
 
 
@@ -61,7 +63,7 @@ def _draw_errors(axes: Axes, error: np.ndarray, refused: np.ndarray) -> None:
     axes.set_yticks([-20, -10, -5, 0, 5, 10, 20, 50, 100], ["-20", "-10", "-5", "0", "5", "10", "20", "50", "100"])
     low, high = float(np.min(error)), float(np.max(error))
     axes.set_ylim(1.2 * min(low, -10.0), 1.2 * max(high, 10.0))
-    legend_above(axes)
+    add_legend(axes)
     label(axes, y="measured - true height [m]")
 
 
@@ -70,14 +72,14 @@ def _draw_attitude(axes: Axes, mix: Mix, name: str) -> None:
     axes.axhspan(-limit, limit, color=SKY, alpha=0.2, lw=0.0, label="roll that is valid")
     axes.plot(t, np.degrees(mix.roll), color=BLUE, label="roll")
     axes.plot(t, np.degrees(mix.pitch), color=ORANGE, label="pitch")
-    legend_above(axes)
+    add_legend(axes)
     label(axes, "time [s]", "[deg]")
 
 
 def reasons(seed: int) -> Figure:
     """How many samples of the mix each reason refuses."""
     runs = [validity.run(seed + k) for k in range(COUNTRIES)]
-    figure = sheet(
+    figure = new_figure(
         "What refuses a sample",
         f"Share of the samples of the mix, {COUNTRIES} countries; a sample may have several reasons.",
         width=9.0,
@@ -91,7 +93,7 @@ def reasons(seed: int) -> Figure:
 def _draw_reasons(axes: Axes, runs: list[validity.Run], name: str) -> None:
     shown = [Reason.ROLL, Reason.PITCH, Reason.DEVIATION, Reason.NOT_NADIR, Reason.DISPERSION, Reason.INCIDENCE]
     place = np.arange(len(shown))[::-1]
-    for k, (known, colour) in enumerate(zip(Known, (BLUE, VERMILION, ORANGE), strict=True)):
+    for k, (known, colour) in enumerate(zip(Knowledge, (BLUE, VERMILION, ORANGE), strict=True)):
         shares = [float(np.mean([run[known, name].share(reason) for run in runs])) for reason in shown]
         axes.barh(place + 0.25 * (1 - k), 100.0 * np.array(shares), height=0.25, color=colour, label=str(known))
     axes.set_yticks(place, [reason.value.replace("_", " ") for reason in shown])

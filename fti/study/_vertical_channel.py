@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fti.nav.vertical.filter import ErrorFilter
-from fti.nav.vertical.model import ALTIMETER, HEIGHT, STATES, system_matrix
+from fti.nav.vertical.error_model import ALTIMETER, HEIGHT, STATES, system_matrix
+from fti.nav.vertical.kalman_filter import ErrorFilter
 
 Array = NDArray[np.float64]
 
@@ -26,18 +26,18 @@ ACCEL_RATE, GRAVITY_RATE, ALTIMETER_RATE = 1e-3, 5e-3, 0.1
 ACCEL_SD, GRAVITY_SD, NOISE_VARIANCE = 1e-3, 1e-4, 1000.0
 #: Initial errors; what is faulted, and how much larger the noise is then.
 START = np.array([23.0, 2e-3, 1e-3, 1e-4, 2.0])
-FAULTED, FAULT = (101, 201, 301, 401), 100.0
+FAULT_STEPS, FAULT_FACTOR = (101, 201, 301, 401), 100.0
 #: Not given by the source: one sigma of the altimeter's slow error in the long run [m].  P0 = diag(START^2).
 ALTIMETER_SD = 2.0
 #: Where filters are judged: the iterations of table 1.
 INSTANTS = range(50, ITERATIONS + 1, 50)
 #: z = h x + v.
-MEASURED = np.zeros(STATES)
-MEASURED[[HEIGHT, ALTIMETER]] = 1.0, -1.0
+MEASUREMENT_ROW = np.zeros(STATES)
+MEASUREMENT_ROW[[HEIGHT, ALTIMETER]] = 1.0, -1.0
 
 
 @dataclass(frozen=True, slots=True)
-class Variant:
+class ChannelVariant:
     """Radius in the unit that it is used in, and by what the driving noise is multiplied."""
 
     name: str
@@ -58,12 +58,12 @@ class Variant:
         return np.array([0.0, 0.0, ACCEL_SD * self.noise, GRAVITY_SD * self.noise, slow])
 
 
-PRINTED = Variant("printed", RADIUS_KM, 1.0)
-PHYSICAL = Variant("physical", 1e3 * RADIUS_KM, DT_S)
+PRINTED = ChannelVariant("printed", RADIUS_KM, 1.0)
+PHYSICAL = ChannelVariant("physical", 1e3 * RADIUS_KM, DT_S)
 
 
 @dataclass(frozen=True, eq=False)
-class Truth:
+class ChannelTruth:
     """Errors x, shape (iterations + 1, runs, 5), and measurements z, shape (iterations + 1, runs), of which row 0 is
     the start and has no measurement."""
 
@@ -71,7 +71,9 @@ class Truth:
     z: Array
 
 
-def simulate(variant: Variant, runs: int, rng: np.random.Generator, *, drawn: bool, faulted: bool) -> Truth:
+def simulate(
+    variant: ChannelVariant, runs: int, rng: np.random.Generator, *, drawn: bool, faulted: bool
+) -> ChannelTruth:
     """So many runs.  drawn : the start from N(0, P0), else the source's one;  faulted : with the four faults."""
     x = np.empty((ITERATIONS + 1, runs, STATES))
     x[0] = START * (rng.normal(size=(runs, STATES)) if drawn else 1.0)
@@ -80,12 +82,12 @@ def simulate(variant: Variant, runs: int, rng: np.random.Generator, *, drawn: bo
         x[k + 1] = x[k] @ phi.T + sd * rng.normal(size=(runs, STATES))
     noise = math.sqrt(NOISE_VARIANCE) * rng.normal(size=x.shape[:2])
     if faulted:
-        noise[list(FAULTED)] *= FAULT
-    return Truth(x, x @ MEASURED + noise)
+        noise[list(FAULT_STEPS)] *= FAULT_FACTOR
+    return ChannelTruth(x, x @ MEASUREMENT_ROW + noise)
 
 
 @dataclass(frozen=True, eq=False)
-class Estimate:
+class ChannelEstimate:
     """What a filter makes of measurements, after each iteration.
 
     x  : (iterations + 1, runs, 5);  sd : the same, one sigma
@@ -97,27 +99,27 @@ class Estimate:
     sd: Array
     P: Array
     innovation: Array
-    taken: NDArray[np.bool_]
+    accepted: NDArray[np.bool_]
 
 
-def estimate(variant: Variant, z: Array, gate: float, lockout_s: float = math.inf) -> Estimate:
+def estimate(variant: ChannelVariant, z: Array, gate: float, lockout_s: float = math.inf) -> ChannelEstimate:
     """The filter over measurements of shape (iterations + 1, runs)."""
     runs, Q = z.shape[1], np.diag(variant.driving_sd**2)
     channel = ErrorFilter(np.zeros((runs, STATES)), np.tile(np.diag(START**2), (runs, 1, 1)), gate, lockout_s)
     x, sd = np.zeros((*z.shape, STATES)), np.zeros((*z.shape, STATES))
-    innovation, taken = np.zeros(z.shape), np.zeros(z.shape, dtype=bool)
+    innovation, accepted = np.zeros(z.shape), np.zeros(z.shape, dtype=bool)
     P, sd[0] = [], START
     for k in range(1, len(z)):
         channel.predict(variant.phi, Q, DT_S)
-        found = channel.update(z[k], MEASURED, NOISE_VARIANCE)
-        x[k], innovation[k], taken[k] = channel.x, found.value / found.sd, found.taken
+        found = channel.update(z[k], MEASUREMENT_ROW, NOISE_VARIANCE)
+        x[k], innovation[k], accepted[k] = channel.x, found.value / found.sd, found.accepted
         sd[k] = np.sqrt(np.einsum("rii->ri", channel.P))
         if k in INSTANTS:
             P.append(channel.P)
-    return Estimate(x, sd, np.stack(P), innovation, taken)
+    return ChannelEstimate(x, sd, np.stack(P), innovation, accepted)
 
 
-def expected(variant: Variant, iterations: int) -> tuple[float, float]:
+def expected_error(variant: ChannelVariant, iterations: int) -> tuple[float, float]:
     """Mean and one sigma of the INS error after so many iterations [m]: exact, of the source's start."""
     phi, Q = variant.phi, np.diag(variant.driving_sd**2)
     mean, cov = START, np.zeros((STATES, STATES))

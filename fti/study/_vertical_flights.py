@@ -16,11 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fti.geodesy.rotations import down_row
-from fti.nav.series import SECOND_NS
-from fti.nav.vertical.fallback import VerticalFallback
-from fti.nav.vertical.inertial import Place, vertical_acceleration
-from fti.nav.vertical.model import VerticalModel
-from fti.study import REPORTED, Progress, Result
+from fti.nav.time_series import SECOND_NS
+from fti.nav.vertical.error_model import VerticalModel
+from fti.nav.vertical.inertial_height import HorizontalMotion, vertical_acceleration
+from fti.nav.vertical.vertical_channel import VerticalChannel
+from fti.study import REPORTED, Progress, StudyResult
 from fti.study.workers import run_all
 
 Array = NDArray[np.float64]
@@ -36,13 +36,13 @@ INSTANTS_S = tuple(range(180, SECONDS + 1, 60))
 #: How much richer truth is: bias [m/s^2], tilt [rad], vibration [m/s^2] and [Hz], elevation [m].
 BIAS, TILT, SHAKE, SHAKE_HZ = 9.81e-3, math.radians(0.2), 2.0, 7.0
 DEM_BIAS, DEM_SD, DEM_LENGTHS_M, DEM_OUTLIER_M, DEM_OUTLIERS = 1.5, 1.5, (30.0, 300.0), 10.0, 0.01
-MOST_RICH = 1.5
+MAX_RICH_RATIO = 1.5
 #: So many times fewer flights with the richer truth, and without an altimeter.
-FEWER = 4
+REDUCTION_FACTOR = 4
 
 
 @dataclass(frozen=True, slots=True)
-class Case:
+class VerticalCase:
     """Which flight: seed, its number, whether truth is richer, whether there is an altimeter."""
 
     seed: int
@@ -52,7 +52,7 @@ class Case:
 
 
 @dataclass(frozen=True, eq=False)
-class Flown:
+class VerticalFlight:
     """Every fifth of a second: time [s], true and estimated height with its sigma, error of climb with its; valid."""
 
     t: Array
@@ -68,7 +68,7 @@ class Flown:
         return values[np.searchsorted(self.t, np.array(INSTANTS_S) - 1e-6)]
 
 
-def markov(n: int, step_s: float, sd: float, tau_s: float, rng: np.random.Generator) -> Array:
+def gauss_markov(n: int, step_s: float, sd: float, tau_s: float, rng: np.random.Generator) -> Array:
     """A first-order Gauss-Markov process, shape (n,), drawn in its long run."""
     keep = math.exp(-step_s / tau_s)
     values = rng.normal(0.0, sd, n)
@@ -88,27 +88,27 @@ class Sensors:
     accel_b: Array
     roll: Array
     pitch: Array
-    place: Place
+    place: HorizontalMotion
     altimeter_error: Array
     satellite_error: Array
     climb_error: Array
 
 
-def make(case: Case) -> Sensors:
+def make_sensors(case: VerticalCase) -> Sensors:
     """The flight and its sensors."""
     rng = np.random.default_rng([case.seed, case.number, 7])
     n, dt = SECONDS * IMU_HZ + 1, 1.0 / IMU_HZ
     t = np.linspace(0.0, SECONDS, n)
     alt, climb, accel = _wander(t, rng)
     heading = rng.uniform(0.0, 2.0 * math.pi)
-    place = Place(LAT, SPEED * math.cos(heading), SPEED * math.sin(heading))
+    place = HorizontalMotion(LAT, SPEED * math.cos(heading), SPEED * math.sin(heading))
     roll, pitch = math.radians(20.0) * np.sin(t / 11.0 + heading), math.radians(3.0) * np.sin(t / 7.0)
     model = VerticalModel()
-    wrong = markov(n, dt, model.accel_sd, model.accel_tau_s, rng) + rng.normal(
+    wrong = gauss_markov(n, dt, model.accel_sd, model.accel_tau_s, rng) + rng.normal(
         0.0, model.accel_noise / math.sqrt(dt), n
     )
-    wrong += markov(n, dt, model.gravity_sd, model.gravity_tau_s, rng)
-    slow = markov(n, dt, model.altimeter_sd, model.altimeter_tau_s, rng)
+    wrong += gauss_markov(n, dt, model.gravity_sd, model.gravity_tau_s, rng)
+    slow = gauss_markov(n, dt, model.altimeter_sd, model.altimeter_tau_s, rng)
     if case.rich:
         wrong += rng.choice([-BIAS, BIAS]) + SHAKE * np.sin(2.0 * math.pi * SHAKE_HZ * t)
         slow = _elevation(t, rng)
@@ -118,7 +118,7 @@ def make(case: Case) -> Sensors:
     rows = np.array([down_row(r, p) for r, p in zip(roll + turned[0], pitch + turned[1], strict=True)])
     return Sensors(
         t, alt, climb, -up[:, None] * rows, roll, pitch, place, slow,
-        markov(n, dt, SATELLITE_SD, SATELLITE_TAU_S, rng), markov(n, dt, CLIMB_SD, CLIMB_TAU_S, rng),
+        gauss_markov(n, dt, SATELLITE_SD, SATELLITE_TAU_S, rng), gauss_markov(n, dt, CLIMB_SD, CLIMB_TAU_S, rng),
     )  # fmt: skip
 
 
@@ -138,18 +138,18 @@ def _elevation(t: Array, rng: np.random.Generator) -> Array:
     step = float(t[1] - t[0])
     error = rng.choice([-DEM_BIAS, DEM_BIAS]) + np.zeros_like(t)
     for length in DEM_LENGTHS_M:
-        error += markov(len(t), step, DEM_SD, length / SPEED, rng)
+        error += gauss_markov(len(t), step, DEM_SD, length / SPEED, rng)
     return np.asarray(error + DEM_OUTLIER_M * (rng.random(len(t)) < DEM_OUTLIERS))
 
 
-def fly(case: Case) -> Flown:
+def fly(case: VerticalCase) -> VerticalFlight:
     """One flight through the live form."""
-    s = make(case)
+    s = make_sensors(case)
     rng = np.random.default_rng([case.seed, case.number, 8])
-    channel = VerticalFallback()
+    channel = VerticalChannel()
     rows = []
     for k, accel_b in enumerate(s.accel_b.tolist()):
-        channel.take_imu(_ns(s.t[k]), accel_b, float(s.roll[k]), float(s.pitch[k]), s.place)
+        channel.feed_imu(_ns(s.t[k]), accel_b, float(s.roll[k]), float(s.pitch[k]), s.place)
         if k % (IMU_HZ // SATELLITE_HZ) == 0 and s.t[k] < LOST_S:
             _satellites(channel, s, k)
         if k % (IMU_HZ // ALTIMETER_HZ) == 0:
@@ -161,56 +161,56 @@ def fly(case: Case) -> Flown:
             )
     table = np.array([[math.nan if v is None else v for v in row] for row in rows], dtype=np.float64)
     t, alt, found, sd, climb_error, climb_sd, valid = table.T
-    return Flown(t, alt, found, sd, climb_error, climb_sd, valid > 0.0)
+    return VerticalFlight(t, alt, found, sd, climb_error, climb_sd, valid > 0.0)
 
 
 def _ns(t: float) -> int:
     return round(t * SECOND_NS)
 
 
-def _satellites(channel: VerticalFallback, s: Sensors, k: int) -> None:
+def _satellites(channel: VerticalChannel, s: Sensors, k: int) -> None:
     i = k - round(SATELLITE_DELAY_S * IMU_HZ)
     if i >= 0:
         alt, climb = float(s.alt[i] + s.satellite_error[i]), float(s.climb[i] + s.climb_error[i])
-        channel.take_satellites(_ns(s.t[i]), alt, SATELLITE_SD, climb, CLIMB_SD)
+        channel.feed_satellites(_ns(s.t[i]), alt, SATELLITE_SD, climb, CLIMB_SD)
 
 
-def _altimeter(channel: VerticalFallback, s: Sensors, k: int, rng: np.random.Generator) -> None:
+def _altimeter(channel: VerticalChannel, s: Sensors, k: int, rng: np.random.Generator) -> None:
     i = k - round(ALTIMETER_DELAY_S * IMU_HZ)
     ground = 400.0 + 50.0 * math.sin(s.t[k] / 9.0)
     agl = float(s.alt[i]) - ground + float(s.altimeter_error[i]) + rng.normal(0.0, ALTIMETER_NOISE)
     wild, anything = rng.random() < WILD, rng.uniform(0.0, WILD_M)
     if i >= 0:
-        channel.take_height(_ns(s.t[i]), anything if wild else agl, ALTIMETER_NOISE, ground, 0.0)
+        channel.feed_height(_ns(s.t[i]), anything if wild else agl, ALTIMETER_NOISE, ground, 0.0)
 
 
 # ------------------------------------------------------------------------------------------------------------- judging
 
 
-def judged(flights: int, seed: int, progress: Progress) -> list[Result]:
+def judge_flights(flights: int, seed: int, progress: Progress) -> list[StudyResult]:
     """F: honest and rich truth, and without an altimeter."""
-    from fti.study.robust_altimeter import judge_honesty  # noqa: PLC0415 - it uses this module
+    from fti.study.robust_altimeter import judge_consistency  # noqa: PLC0415 - it uses this module
 
-    few = max(2, flights // FEWER)
-    kinds = [[Case(seed, i) for i in range(flights)], [Case(seed, i, rich=True) for i in range(few)],
-             [Case(seed, i, altimeter=False) for i in range(few)]]  # fmt: skip
+    few = max(2, flights // REDUCTION_FACTOR)
+    kinds = [[VerticalCase(seed, i) for i in range(flights)], [VerticalCase(seed, i, rich=True) for i in range(few)],
+             [VerticalCase(seed, i, altimeter=False) for i in range(few)]]  # fmt: skip
     found = iter(run_all(fly, [case for kind in kinds for case in kind], progress))
     honest, rich, alone = ([next(found) for _ in kind] for kind in kinds)
     normal, squares = _scores(honest)
-    results = judge_honesty("F.honest", normal, squares, squares, seed)[:4]
+    results = judge_consistency("F.honest", normal, squares, squares, seed)[:4]
     ratio = float(np.sqrt(np.mean(_scores(rich)[0] ** 2)))
     return [
         *results,
-        Result("F.rich", f"RMS of error over sigma, richer truth, {few} flights", ratio, f"<= {MOST_RICH}",
-               ratio <= MOST_RICH),
-        *(_reported(f"F.{name}", words, kind) for name, words, kind in (
+        StudyResult("F.rich", f"RMS of error over sigma, richer truth, {few} flights", ratio, f"<= {MAX_RICH_RATIO}",
+               ratio <= MAX_RICH_RATIO),
+        *(_reported_result(f"F.{name}", words, kind) for name, words, kind in (
             ("error", "height, eight minutes without satellites", honest),
             ("rich_error", "the same, richer truth", rich),
             ("alone_error", "the same, without an altimeter", alone))),
     ]  # fmt: skip
 
 
-def _scores(flown: list[Flown]) -> tuple[Array, Array]:
+def _scores(flown: list[VerticalFlight]) -> tuple[Array, Array]:
     """Error of height and climb over sigma (instants, flights, 2), and the mean of their squares (instants, flights).
 
     That mean is 1 whatever the correlation of the two is.
@@ -221,6 +221,6 @@ def _scores(flown: list[Flown]) -> tuple[Array, Array]:
     return normal, np.asarray(0.5 * np.sum(normal**2, axis=-1))
 
 
-def _reported(name: str, words: str, flown: list[Flown]) -> Result:
+def _reported_result(name: str, words: str, flown: list[VerticalFlight]) -> StudyResult:
     error = np.concatenate([f.at_instants(f.found - f.alt) for f in flown])
-    return Result(name, f"{words}: RMS error [m]", float(np.sqrt(np.mean(error**2))), REPORTED, holds=True)
+    return StudyResult(name, f"{words}: RMS error [m]", float(np.sqrt(np.mean(error**2))), REPORTED, holds=True)

@@ -8,23 +8,32 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from fti.figures import BLACK, BLUE, GREEN, GREY, ORANGE, SKY, VERMILION, label, legend_above, sheet
-from fti.nav.vertical.filter import GATE
-from fti.nav.vertical.model import HEIGHT
-from fti.study._vertical_channel import DT_S, FAULTED, ITERATIONS, PHYSICAL, PRINTED, Variant, estimate, simulate
-from fti.study._vertical_flights import LOST_S, Case, Flown, fly
+from fti.nav.vertical.error_model import HEIGHT
+from fti.nav.vertical.kalman_filter import GATE
+from fti.plot_style import BLACK, BLUE, GREEN, GREY, ORANGE, SKY, VERMILION, add_legend, label, new_figure
+from fti.study._vertical_channel import (
+    DT_S,
+    FAULT_STEPS,
+    ITERATIONS,
+    PHYSICAL,
+    PRINTED,
+    ChannelVariant,
+    estimate,
+    simulate,
+)
+from fti.study._vertical_flights import LOST_S, VerticalCase, VerticalFlight, fly
 from fti.study.robust_altimeter import jumps
 
 #: Runs of the picture of the jumps.
-MANY = 500
+PLOT_RUNS = 500
 
 
-def one_run(variant: Variant, seed: int, gate: float, *, faulted: bool) -> Figure:
+def one_run(variant: ChannelVariant, seed: int, gate: float, *, faulted: bool) -> Figure:
     """Fig. 2 and 3, 4 and 5, or 6 and 7: one run."""
     truth = simulate(variant, 1, np.random.default_rng([seed, 9]), drawn=False, faulted=faulted)
     found = estimate(variant, truth.z, gate)
     what = "every measurement counts" if math.isinf(gate) else f"refusal beyond {gate:g} sigma"
-    figure = sheet(
+    figure = new_figure(
         f"INS and radio altimeter: {what}",
         f"One run, {variant.name}; " + ("noise a hundredfold at four iterations." if faulted else "no faults."),
         height=7.0,
@@ -40,54 +49,54 @@ def one_run(variant: Variant, seed: int, gate: float, *, faulted: bool) -> Figur
         _mark_faults(heights, errors)
     label(heights, y="[m]", title="Height")
     label(errors, x="time [s]", y="[m]", title="Integrated")
-    legend_above(heights)
-    legend_above(errors)
+    add_legend(heights)
+    add_legend(errors)
     return figure
 
 
 def _mark_faults(*all_axes: Axes) -> None:
     for axes in all_axes:
-        for k in FAULTED:
+        for k in FAULT_STEPS:
             axes.axvline(DT_S * k, color=GREY, lw=0.7, ls=":")
 
 
 def jumps_at_faults(seed: int) -> Figure:
     """Jumps of all faults of many runs, with and without refusal: their distribution."""
-    figure = sheet(
+    figure = new_figure(
         "What a fault does to the estimate",
-        f"Change of the estimated INS error at the faulted iterations; {MANY} runs of four faults each.",
+        f"Change of the estimated INS error at the faulted iterations; {PLOT_RUNS} runs of four faults each.",
         width=10.0,
         height=4.6,
     )
     for axes, variant in zip(figure.subplots(1, 2, sharey=True), (PRINTED, PHYSICAL), strict=True):
-        truth = simulate(variant, MANY, np.random.default_rng([seed, 9]), drawn=False, faulted=True)
+        truth = simulate(variant, PLOT_RUNS, np.random.default_rng([seed, 9]), drawn=False, faulted=True)
         for gate, colour, name in ((math.inf, VERMILION, "every one counts"), (GATE, BLUE, "refusal")):
             found = np.sort(jumps(estimate(variant, truth.z, gate)).ravel())
             axes.semilogx(found, np.linspace(0.0, 100.0, len(found)), color=colour, label=name)
         axes.axvline(1.0, color=GREY, ls=":", lw=1.0)
         label(axes, x="jump [m]", title=variant.name.capitalize())
-        legend_above(axes)
+        add_legend(axes)
     figure.axes[0].set_ylabel("faults with a smaller one [%]")
     return figure
 
 
 def flight(seed: int) -> Figure:
     """The live form, with an altimeter and without."""
-    figure = sheet(
+    figure = new_figure(
         "Ten minutes, satellites for the first two",
         "Then an altimeter over known ground, one return in twenty is anything; or the inertial channel alone.",
         height=7.0,
     )
     aided, alone = figure.subplots(2, 1, sharex=True)
     for axes, altimeter, title in ((aided, True, "With an altimeter"), (alone, False, "Inertial alone")):
-        _draw_flight(axes, fly(Case(seed, 0, altimeter=altimeter)))
+        _draw_flight(axes, fly(VerticalCase(seed, 0, altimeter=altimeter)))
         label(axes, y="height minus truth [m]", title=title)
-        legend_above(axes)
+        add_legend(axes)
     alone.set_xlabel("time [s]")
     return figure
 
 
-def _draw_flight(axes: Axes, flown: Flown) -> None:
+def _draw_flight(axes: Axes, flown: VerticalFlight) -> None:
     axes.fill_between(flown.t, -flown.sd, flown.sd, color=SKY, alpha=0.4, lw=0.0, label="one sigma")
     error = flown.found - flown.alt
     axes.plot(flown.t, error, color=ORANGE, lw=0.8, label="not valid")

@@ -8,9 +8,9 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from fti.figures import BLACK, BLUE, GREEN, GREY, ORANGE, SKY, VERMILION, label, legend_above, sheet
+from fti.plot_style import BLACK, BLUE, GREEN, GREY, ORANGE, SKY, VERMILION, add_legend, label, new_figure
 from fti.study._radio_flight import DME_SD, EPOCH_S, HOUR_S, STATIONS, Geometry, Heights
-from fti.study.wdop import WORDS, flown, rms
+from fti.study.wdop import WORDS, fly_hour, rms
 
 Array = NDArray[np.float64]
 
@@ -21,14 +21,14 @@ MINUTES = np.arange(0.0, HOUR_S + EPOCH_S, EPOCH_S) / 60.0
 
 
 @lru_cache(maxsize=1)
-def _flown(seed: int) -> list[Heights]:
-    return flown(RUNS, seed, lambda share: None)
+def _fly_hour(seed: int) -> list[Heights]:
+    return fly_hour(RUNS, seed, lambda share: None)
 
 
 def satellites() -> Figure:
     """Fig. 2 to 4: height, stations and track, satellites."""
     epochs = Geometry().epochs()
-    figure = sheet(
+    figure = new_figure(
         "The flight of the study",
         f"Five invented DME stations (sigma {DME_SD:.0f} m); 24 GPS satellites, high ones only.",
         height=7.0,
@@ -47,27 +47,27 @@ def satellites() -> Figure:
     label(plan, x="east [km]", y="north [km]")
     label(height, y="[m]", title="Height above ground")
     label(number, x="time [min]", y="", title="Satellites used")
-    legend_above(plan)
+    add_legend(plan)
     return figure
 
 
 def predicted(seed: int) -> Figure:
     """Fig. 5 and 6: RMS of both heights and what was predicted."""
-    found = _flown(seed)
-    figure = sheet("Height: RMS error and what was predicted", f"{RUNS} runs.", height=6.5)
+    found = _fly_hour(seed)
+    figure = new_figure("Height: RMS error and what was predicted", f"{RUNS} runs.", height=6.5)
     for axes, name in zip(figure.subplots(2, 1, sharex=True), ("ranges", "altimeter"), strict=True):
         axes.semilogy(MINUTES, rms(found, name), color=COLOURS[name], lw=1.0, label="RMS error")
         axes.semilogy(MINUTES, rms(found, f"{name}_sd"), "--", color=BLACK, lw=1.0, label="predicted sigma")
         label(axes, y="[m]", title=WORDS[name][0].upper() + WORDS[name][1:])
-        legend_above(axes)
+        add_legend(axes)
     figure.axes[-1].set_xlabel("time [min]")
     return figure
 
 
 def choice(seed: int) -> Figure:
     """Fig. 7 and 8: what was chosen, and how good that is."""
-    found = _flown(seed)
-    figure = sheet("Which height is taken, and its error", f"{RUNS} runs.", height=6.5)
+    found = _fly_hour(seed)
+    figure = new_figure("Which height is taken, and its error", f"{RUNS} runs.", height=6.5)
     errors, chosen = figure.subplots(2, 1, sharex=True, height_ratios=(3.0, 1.0))
     for name, colour in COLOURS.items():
         errors.semilogy(MINUTES, rms(found, name), color=colour, lw=2.2 if name == "fused" else 1.0, label=WORDS[name])
@@ -75,5 +75,5 @@ def choice(seed: int) -> Figure:
     chosen.fill_between(MINUTES, [h.from_altimeter.mean() for h in found], color=SKY, step="post", lw=0.0)
     label(errors, y="RMS error [m]")
     label(chosen, x="time [min]", y="share", title="Runs that take the altimeter's")
-    legend_above(errors)
+    add_legend(errors)
     return figure

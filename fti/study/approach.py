@@ -27,9 +27,9 @@ from numpy.typing import NDArray
 from fti.nav.altimetry.compensation import height_over_ground
 from fti.ranging.radar.altimeter import RadarAltimeter
 from fti.ranging.radar.antenna import NARROW, WIDE
-from fti.study import REPORTED, Draw, Progress, Result
-from fti.study._approach_heights import WAYS, Channel, channels
-from fti.study._pattern import MODEL_ORDER, Pattern, exact, instrument, make_pattern
+from fti.study import REPORTED, DrawFigure, Progress, StudyResult
+from fti.study._approach_heights import WAYS, HeightChannel, channels
+from fti.study._pattern import MODEL_ORDER, Pattern, instrument, make_pattern, remove_errors
 from fti.study._statistics import pooled_ratio, ratio_bound
 from fti.study.workers import run_all
 from fti.terrain.dem_error import DemError
@@ -46,15 +46,15 @@ DEM_NOISE_M, DEM_SHIFT_M = 1.5, 10.0
 #: Upper bound of compensated over raw, by what it was compensated with.
 LIMITS = {"independent": 0.30, "same": 0.10, "dem": 0.70}
 #: Largest RMS of error over sigma of a height that a compensated radar aids.
-OVER_SIGMA = 1.25
-SAID = {
+MAX_OVER_SIGMA = 1.25
+DESCRIPTIONS = {
     "independent": "exact elevation, independent beam",
     "same": "exact elevation, same beam (the model inverts itself)",
     "dem": "elevation 1.5 m and 10 m beside, instrument's steps",
 }
 
 
-class Errors(NamedTuple):
+class PatternErrors(NamedTuple):
     """Of a pattern: error [m] against the true height (n,), of what the radar said and of what was made of it."""
 
     raw: Array
@@ -66,7 +66,7 @@ class Errors(NamedTuple):
         return float(np.mean(self.compensated[both] ** 2)), float(np.mean(self.raw[both] ** 2))
 
 
-class Run(NamedTuple):
+class PatternRun(NamedTuple):
     """Mean squares of a pattern.
 
     altimeter : of compensated and raw [m^2], by (antenna, what it was compensated with)
@@ -77,28 +77,32 @@ class Run(NamedTuple):
     aided: dict[str, tuple[float, float]]
 
 
-def study(runs: int, seed: int, progress: Progress) -> list[Result]:
+def study(runs: int, seed: int, progress: Progress) -> list[StudyResult]:
     """``runs`` patterns."""
     flown = run_all(fly, range(seed, seed + runs), progress)
     judged = [
-        result for key in flown[0].altimeter for result in _judged([run.altimeter[key] for run in flown], *key, seed)
+        result
+        for key in flown[0].altimeter
+        for result in _judge_ratio([run.altimeter[key] for run in flown], *key, seed)
     ]
-    return judged + [result for way in WAYS for result in _aided([run.aided[way] for run in flown], way)]
+    return judged + [
+        result for way in WAYS for result in _judge_inertial_heights([run.aided[way] for run in flown], way)
+    ]
 
 
-def fly(seed: int) -> Run:
+def fly(seed: int) -> PatternRun:
     """The pattern of that seed, by each antenna."""
     pattern = make_pattern(seed)
     known = elevation_model(pattern.surface, np.random.default_rng([seed, 14]))
     altimeter = {
         (antenna, kind): errors.mean_squares()
         for number, antenna in enumerate(ANTENNAS)
-        for kind, errors in measured(pattern, known, antenna, np.random.default_rng([seed, 15, number])).items()
+        for kind, errors in pattern_errors(pattern, known, antenna, np.random.default_rng([seed, 15, number])).items()
     }
-    return Run(altimeter, {way: one.mean_squares() for way, one in aided(pattern, seed).items()})
+    return PatternRun(altimeter, {way: one.mean_squares() for way, one in aided(pattern, seed).items()})
 
 
-def aided(pattern: Pattern, seed: int) -> dict[str, Channel]:
+def aided(pattern: Pattern, seed: int) -> dict[str, HeightChannel]:
     """The height of an inertial system, by what aids it, with the wide antenna."""
     rng = np.random.default_rng([seed, 15, 0])
     told = instrument(ANTENNAS["wide"], rng).measure(pattern.surface, pattern.flight.poses(), rng).slant_range
@@ -109,10 +113,10 @@ def elevation_model(surface: Terrain, rng: Rng) -> Terrain:
     """With errors, and beside the truth."""
     course = rng.uniform(0.0, 2.0 * np.pi)
     east, north = float(DEM_SHIFT_M * np.sin(course)), float(DEM_SHIFT_M * np.cos(course))
-    return DemError(noise_sd=DEM_NOISE_M, shift_east=east, shift_north=north).applied(surface, rng)
+    return DemError(noise_sd=DEM_NOISE_M, shift_east=east, shift_north=north).apply(surface, rng)
 
 
-def measured(pattern: Pattern, known: Terrain, antenna: str, rng: Rng) -> dict[str, Errors]:
+def pattern_errors(pattern: Pattern, known: Terrain, antenna: str, rng: Rng) -> dict[str, PatternErrors]:
     """Errors of a pattern by what it was compensated with."""
     radar = instrument(ANTENNAS[antenna], rng)
     stepped = dataclasses.replace(radar, quantised=True)
@@ -122,44 +126,46 @@ def measured(pattern: Pattern, known: Terrain, antenna: str, rng: Rng) -> dict[s
     )
     cases = {
         "independent": (told, pattern.surface, model),
-        "same": (told, pattern.surface, exact(radar)),
+        "same": (told, pattern.surface, remove_errors(radar)),
         "dem": (told_in_steps, known, model),
     }
     return {
-        kind: Errors(
+        kind: PatternErrors(
             said - pattern.nadir, height_over_ground(said, pattern.predict(ground, by)) - pattern.nadir
         )
         for kind, (said, ground, by) in cases.items()
     }  # fmt: skip
 
 
-def _judged(squares: list[tuple[float, float]], antenna: str, kind: str, seed: int) -> list[Result]:
+def _judge_ratio(squares: list[tuple[float, float]], antenna: str, kind: str, seed: int) -> list[StudyResult]:
     compensated, raw = np.array(squares).T
     ratio, bound = pooled_ratio(compensated, raw), ratio_bound(compensated, raw, np.random.default_rng(seed))
     rms, plain = np.sqrt(np.mean(compensated)), np.sqrt(np.mean(raw))
     text = (
-        f"{antenna} beam, {SAID[kind]}; {len(squares)} terrains: compensated / raw, {rms:.2f} / {plain:.2f} m,"
+        f"{antenna} beam, {DESCRIPTIONS[kind]}; {len(squares)} terrains: compensated / raw, {rms:.2f} / {plain:.2f} m,"
         f" upper 95 % bound {bound:.3f}"
     )
     if antenna != "wide":
-        return [Result(f"T13.{kind}_{antenna}", text, ratio, REPORTED, holds=True)]
-    return [Result(f"T13.{kind}", text, ratio, f"<= {LIMITS[kind]:.2f}, bound", bound <= LIMITS[kind])]
+        return [StudyResult(f"T13.{kind}_{antenna}", text, ratio, REPORTED, holds=True)]
+    return [StudyResult(f"T13.{kind}", text, ratio, f"<= {LIMITS[kind]:.2f}, bound", bound <= LIMITS[kind])]
 
 
-def _aided(squares: list[tuple[float, float]], way: str) -> list[Result]:
+def _judge_inertial_heights(squares: list[tuple[float, float]], way: str) -> list[StudyResult]:
     """The error of a way, and its sigma: judged of what flies, the radar with what is made of it."""
     rms, ratio = np.sqrt(np.mean(squares, axis=0)).tolist()
     name = f"T13.filter.{way.replace(', ', '_').replace(' ', '_').lower()}"
     text = f"height of an inertial system, {way}; {len(squares)} terrains"
     flies = way == WAYS[-1]
-    target = f"<= {OVER_SIGMA:g}" if flies else REPORTED
+    target = f"<= {MAX_OVER_SIGMA:g}" if flies else REPORTED
     return [
-        Result(name, f"{text}: RMS error [m]", rms, REPORTED, holds=True),
-        Result(f"{name}.sigma", f"{text}: RMS of error / sigma", ratio, target, not flies or ratio <= OVER_SIGMA),
+        StudyResult(name, f"{text}: RMS error [m]", rms, REPORTED, holds=True),
+        StudyResult(
+            f"{name}.sigma", f"{text}: RMS of error / sigma", ratio, target, not flies or ratio <= MAX_OVER_SIGMA
+        ),
     ]
 
 
-def drawings(seed: int) -> dict[str, Draw]:
+def drawings(seed: int) -> dict[str, DrawFigure]:
     """Pictures like fig. 7.5 to 7.8, of the pattern with this seed."""
     from fti.study import _approach_plots as plots  # noqa: PLC0415 - matplotlib is loaded by who draws
 

@@ -47,12 +47,12 @@ from typing import Literal
 
 import numpy as np
 
-from fti.hil.references.plan import WINDOW_M
-from fti.study import REPORTED, Draw, Progress, Result
-from fti.study._clearance import JOINED, NOMINAL, Joined, Nominal, fly_one
-from fti.study._clearance_faults import FAULTS, Faulty
+from fti.hil.approach_reference.options import WINDOW_M
+from fti.study import REPORTED, DrawFigure, Progress, StudyResult
+from fti.study._clearance import LATE_JOIN, NOMINAL, LateJoin, NominalApproach, fly_one
+from fti.study._clearance_faults import FAULTS, FaultyApproach
 from fti.study._clearance_ground import OBSTACLES, reference, strict_reference
-from fti.study._proportions import most_by_chance, wilson
+from fti.study._proportions import max_failures_by_chance, wilson
 from fti.study.workers import run_all
 
 RUNS = 3000
@@ -60,95 +60,97 @@ SEED = 31
 
 #: Nominal approaches for each faulty one, and for each that joins late.
 NOMINAL_PER_FAULT, NOMINAL_PER_JOINED = 15, 60
-OBSTACLE_S, SPEED_MS, LATER_S = 2.0, 60.0, 1.0
+OBSTACLE_S, SPEED_MS, MARGIN_S = 2.0, 60.0, 1.0
 #: Detection where it is claimed.
 PD = 0.97
 #: Kinds of errors that only ground with relief shows.
-BY_RELIEF = ("lateral", "along")
+RELIEF_KINDS = ("lateral", "along")
 #: The late approach is trusted so soon behind its joining [m]; after an ALERT what was beside the track leaves the
 #: window first, and a whole new one must be calm.
 TRUSTED_M = 300.0
 TRUSTED_AGAIN_M = 2 * WINDOW_M + TRUSTED_M
 #: Faults that reach a size at a place; the others are there from the start, or grow on.
-SIZED = ("lateral_50", "lateral_100", "lateral_200", "along_60", "height_10", "altimeter_stuck")
+STEP_FAULTS = ("lateral_50", "lateral_100", "lateral_200", "along_60", "height_10", "altimeter_stuck")
 
 
-def study(runs: int, seed: int, progress: Progress) -> list[Result]:
+def study(runs: int, seed: int, progress: Progress) -> list[StudyResult]:
     """``runs`` nominal approaches and what belongs to them; in one go, for what a process prepares takes a while."""
     each, late = max(runs // NOMINAL_PER_FAULT, 2), max(runs // NOMINAL_PER_JOINED, 2)
-    counts = {NOMINAL: runs, **dict.fromkeys(FAULTS, each), JOINED: late}
+    counts = {NOMINAL: runs, **dict.fromkeys(FAULTS, each), LATE_JOIN: late}
     found = iter(run_all(fly_one, [(kind, seed, run) for kind, n in counts.items() for run in range(n)], progress))
     flown = {kind: list(itertools.islice(found, n)) for kind, n in counts.items()}
-    results = _nominal(flown[NOMINAL])
+    results = _judge_nominal(flown[NOMINAL])
     for kind in FAULTS:
-        results += _detected(kind, flown[kind])
-    return results + _joined(flown[JOINED])
+        results += _judge_detection(kind, flown[kind])
+    return results + _judge_late_joins(flown[LATE_JOIN])
 
 
-def _nominal(flown: Sequence[Nominal]) -> list[Result]:
+def _judge_nominal(flown: Sequence[NominalApproach]) -> list[StudyResult]:
     n, whole = len(flown), sum(run.available == 1.0 for run in flown)
     return [
         *_alarms("nominal", reference().header.limits.pfa, [run.alarm for run in flown]),
         *_alarms("strict", strict_reference().header.limits.pfa, [run.strict_alarm for run in flown]),
-        _told("nominal.available", "share of windows that are judged", float(np.mean([r.available for r in flown]))),
-        _told("nominal.continuous", "share of approaches judged from the first window to the last", whole / n),
-        _told("nominal.observable", "share of windows in which a shift of 50 m would show",
+        _reported_result("nominal.available", "share of windows that are judged", float(np.mean([r.available for r in flown]))),
+        _reported_result("nominal.continuous", "share of approaches judged from the first window to the last", whole / n),
+        _reported_result("nominal.observable", "share of windows in which a shift of 50 m would show",
               float(np.mean([r.observable for r in flown]))),
     ]  # fmt: skip
 
 
-def _alarms(name: str, pfa: float, alarms: Sequence[bool]) -> list[Result]:
+def _alarms(name: str, pfa: float, alarms: Sequence[bool]) -> list[StudyResult]:
     """False alarms with limits that were made for a Pfa."""
     count, n = sum(alarms), len(alarms)
-    most = most_by_chance(n, pfa)
+    most = max_failures_by_chance(n, pfa)
     text = f"of {n} nominal approaches with an ALERT, limits of {100 * pfa:g} %"
     high = wilson(count, n)[1]
     return [
-        Result(f"{name}.alarms", text, count, f"<= {most}", count <= most),
-        _told(f"{name}.pfa_high", "upper 95 % limit of the probability of a false alarm", high),
+        StudyResult(f"{name}.alarms", text, count, f"<= {most}", count <= most),
+        _reported_result(f"{name}.pfa_high", "upper 95 % limit of the probability of a false alarm", high),
     ]
 
 
-def _told(name: str, quantity: str, value: float) -> Result:
-    return Result(name, quantity, value, REPORTED, holds=True)
+def _reported_result(name: str, quantity: str, value: float) -> StudyResult:
+    return StudyResult(name, quantity, value, REPORTED, holds=True)
 
 
-def _detected(name: str, flown: Sequence[Faulty]) -> list[Result]:
+def _judge_detection(name: str, flown: Sequence[FaultyApproach]) -> list[StudyResult]:
     """Detection of one fault, and time to the ALERT."""
     results = [
-        _share(f"{name}{part}.pd", "detected", [run.seen for run in some]) for part, some in _parts(flown).items()
+        _share(f"{name}{part}.pd", "detected", [run.detected for run in some]) for part, some in _parts(flown).items()
     ]
-    results += _claimed(name, flown)
-    results.append(_share(f"{name}.strict_pd", "detected with the limits of 0.1 %", [run.strict_seen for run in flown]))
-    if name in SIZED:
-        seen = [run.size_s for run in flown if math.isfinite(run.size_s)]
-        results += _times(f"{name}.size", "from where it has its size to the ALERT, where there is one", seen)
+    results += _judge_claim(name, flown)
+    results.append(
+        _share(f"{name}.strict_pd", "detected with the limits of 0.1 %", [run.strict_detected for run in flown])
+    )
+    if name in STEP_FAULTS:
+        detected = [run.size_s for run in flown if math.isfinite(run.size_s)]
+        results += _times(f"{name}.size", "from where it has its size to the ALERT, where there is one", detected)
     over = [run for run in flown if run.over]
-    results.append(_told(f"{name}.over", f"of {len(flown)} approaches: it passes its limit", len(over)))
-    return results + (_in_time(name, over) if over else [])
+    results.append(_reported_result(f"{name}.over", f"of {len(flown)} approaches: it passes its limit", len(over)))
+    return results + (_judge_delay(name, over) if over else [])
 
 
-def _claimed(name: str, flown: Sequence[Faulty]) -> list[Result]:
+def _judge_claim(name: str, flown: Sequence[FaultyApproach]) -> list[StudyResult]:
     """Detection where it is claimed: no result where it is nowhere."""
     if name == "obstacle_150":
         where, some = "", list(flown)
     elif name in OBSTACLES:
         where, some = ", where the reference promises it", [run for run in flown if run.promised]
-    elif name.startswith(BY_RELIEF):
+    elif name.startswith(RELIEF_KINDS):
         where, some = ", over its limit where a shift is observable", [r for r in flown if r.over and r.observable]
     else:
         where, some = ", over its limit", [run for run in flown if run.over]
     if not some:
         return []
-    told = _share(f"{name}.detected", f"detected{where}", [run.seen for run in some])
+    told = _share(f"{name}.detected", f"detected{where}", [run.detected for run in some])
     return [dataclasses.replace(told, target=f">= {PD:g}", holds=told.value >= PD)]
 
 
-def _in_time(name: str, over: Sequence[Faulty]) -> list[Result]:
+def _judge_delay(name: str, over: Sequence[FaultyApproach]) -> list[StudyResult]:
     """How soon, where the fault passes its limit."""
-    limit = OBSTACLE_S if name in OBSTACLES else WINDOW_M / SPEED_MS + LATER_S
-    promised = _promised_part(name, over)
-    times, misled = list[Result](), list[Result]()
+    limit = OBSTACLE_S if name in OBSTACLES else WINDOW_M / SPEED_MS + MARGIN_S
+    promised = _judged_part(name, over)
+    times, misled = list[StudyResult](), list[StudyResult]()
     for part, some in _parts(over).items():
         delays = [run.delay_s if math.isfinite(run.delay_s) else math.inf for run in some]
         middle, late = _times(f"{name}{part}.time", "from its limit to the ALERT", delays)
@@ -163,13 +165,13 @@ def _in_time(name: str, over: Sequence[Faulty]) -> list[Result]:
     return [*times, *misled, again]
 
 
-def _promised_part(name: str, over: Sequence[Faulty]) -> str:
+def _judged_part(name: str, over: Sequence[FaultyApproach]) -> str:
     """The part of the approaches on which a time is promised: as detection, where a shift is observable."""
-    needs_relief = name.startswith(BY_RELIEF)
+    needs_relief = name.startswith(RELIEF_KINDS)
     return ".observable" if needs_relief and not all(run.observable for run in over) else ""
 
 
-def _parts(flown: Sequence[Faulty]) -> dict[str, Sequence[Faulty]]:
+def _parts(flown: Sequence[FaultyApproach]) -> dict[str, Sequence[FaultyApproach]]:
     """All, and apart where a shift was observable and where not, if there are both."""
     apart = {
         ".observable": [run for run in flown if run.observable],
@@ -178,46 +180,50 @@ def _parts(flown: Sequence[Faulty]) -> dict[str, Sequence[Faulty]]:
     return {"": flown, **(apart if all(apart.values()) else {})}
 
 
-def _times(name: str, text: str, times: Sequence[float]) -> list[Result]:
+def _times(name: str, text: str, times: Sequence[float]) -> list[StudyResult]:
     """Median and 95th percentile [s]; inf: never, between which and a time there is none."""
     if not times:
         return []
     method: Literal["linear", "inverted_cdf"] = "linear" if np.all(np.isfinite(times)) else "inverted_cdf"
     middle, late = (float(np.percentile(times, q, method=method)) for q in (50, 95))
     return [
-        _told(f"{name}_p50", f"median time {text} [s]", middle),
-        _told(f"{name}_p95", f"95th percentile of the time {text} [s]", late),
+        _reported_result(f"{name}_p50", f"median time {text} [s]", middle),
+        _reported_result(f"{name}_p95", f"95th percentile of the time {text} [s]", late),
     ]
 
 
-def _share(name: str, text: str, those: Sequence[bool]) -> Result:
+def _share(name: str, text: str, those: Sequence[bool]) -> StudyResult:
     low, high = wilson(sum(those), len(those))
-    return _told(
+    return _reported_result(
         name, f"{text}, of {len(those)} approaches; 95 % limits {low:.3f} to {high:.3f}", sum(those) / len(those)
     )
 
 
-def _joined(flown: Sequence[Joined]) -> list[Result]:
+def _judge_late_joins(flown: Sequence[LateJoin]) -> list[StudyResult]:
     """T14: refused until the published track is joined, trusted behind it; after an ALERT a calm window later."""
     before = sum(run.before for run in flown)
     text = f"of {len(flown)} approaches that join 2200 m before the threshold: trusted before"
     return [
-        Result("T14.before", text, before, "= 0", before == 0),
-        *_behind("T14.behind", "without an ALERT", [run.behind for run in flown if not run.alerted], TRUSTED_M),
-        *_behind("T14.behind_alert", "with an ALERT", [run.behind for run in flown if run.alerted], TRUSTED_AGAIN_M),
+        StudyResult("T14.before", text, before, "= 0", before == 0),
+        *_judge_join_distance(
+            "T14.behind", "without an ALERT", [run.behind for run in flown if not run.alerted], TRUSTED_M
+        ),
+        *_judge_join_distance(
+            "T14.behind_alert", "with an ALERT", [run.behind for run in flown if run.alerted], TRUSTED_AGAIN_M
+        ),
     ]
 
 
-def _behind(name: str, which: str, distances: Sequence[float], limit: float) -> list[Result]:
+def _judge_join_distance(name: str, which: str, distances: Sequence[float], limit: float) -> list[StudyResult]:
     """How far behind the joining a group was first trusted, the worst of it; NaN: never."""
     if not distances:
         return []
     worst = float(np.max(np.nan_to_num(distances, nan=np.inf)))
     text = f"first trusted so far behind the joining, the worst of {len(distances)} {which} before [m]"
-    return [Result(name, text, worst, f"<= {limit:g} m", worst <= limit)]
+    return [StudyResult(name, text, worst, f"<= {limit:g} m", worst <= limit)]
 
 
-def drawings(seed: int) -> dict[str, Draw]:
+def drawings(seed: int) -> dict[str, DrawFigure]:
     """Pictures like fig. 7.12, 7.13 and 7.16, and of the statistics over their limits."""
     from fti.study import _clearance_plots as plots  # noqa: PLC0415 - matplotlib is loaded by who draws
 

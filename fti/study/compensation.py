@@ -16,7 +16,7 @@ most configurations, since a leading edge is short already: ``bank`` lists, for 
 on its RMS error falls at all (91: not up to 60 deg), and what the excess makes of it.
 
 ``sigma`` is error over predicted sigma, RMS over all poses, where the place is known to 10 m / 2 m: of compensated
-heights, and of measured minus predicted ranges, with the sigma of the ground around N and M (``height_variance_over``)
+heights, and of measured minus predicted ranges, with the sigma of the ground around N and M (``sampled_height_variance``)
 and with that of the planes through them (``height_variance``).  The first is what flies, and is judged for the laser,
 for the radar's own beam and for a nearest return, which is what a configuration predicts by default: at least 60 % of
 the errors within one sigma, 93 % within two, and an RMS of 0.5 or more, so that it is not bought by a large sigma.  The
@@ -37,21 +37,21 @@ from numpy.typing import NDArray
 from fti.geodesy.local import MAT_ENU_NED
 from fti.geodesy.rotations import mat_from_rpy
 from fti.nav.altimetry.compensation import height_over_ground
-from fti.nav.altimetry.predicted import Prediction
+from fti.nav.altimetry.range_prediction import Prediction
 from fti.nav.altimetry.variance import (
     ErrorModel,
     height_variance,
-    height_variance_over,
     pose_cov,
     range_variance,
-    range_variance_over,
+    sampled_height_variance,
+    sampled_range_variance,
 )
 from fti.ranging.radar.altimeter import RadarAltimeter
 from fti.ranging.radar.antenna import cosine_antenna
 from fti.ranging.sensor import Poses
-from fti.study import REPORTED, Draw, Progress, Result, _level_run, _low_level
-from fti.study._low_level import Known, Mix
-from fti.study._statistics import LEVEL, least_positive
+from fti.study import REPORTED, DrawFigure, Progress, StudyResult, _level_run, _low_level
+from fti.study._low_level import Knowledge, Mix
+from fti.study._statistics import LEVEL, min_positive
 from fti.study.workers import run_all
 
 Array = NDArray[np.float64]
@@ -68,7 +68,7 @@ SIGMAS = {
     "range_around": "of the range, by the ground around it",
 }
 #: What flies; the least shares within one and two sigmas, and the least RMS of error over sigma.
-FLOWN = ("around", "range_around")
+JUDGED_SIGMAS = ("around", "range_around")
 WITHIN, RMS = (0.60, 0.93), 0.5
 #: Full widths of beams and banks [deg] of the table, and poses at each.
 WIDTHS_DEG = (10, 20, 30, 45, 60, 70)
@@ -77,8 +77,8 @@ BANK_POSES = 40
 NEVER_DEG = 91
 WAYS = ("raw", "attitude", "excess", "range", "beam")
 #: Ways that are told of each sensor, and which of them need no ground.
-TOLD = {"laser": ("raw", "attitude", "range"), "radar": WAYS}
-GROUNDLESS = ("raw", "attitude", "excess")
+REPORTED_WAYS = {"laser": ("raw", "attitude", "range"), "radar": WAYS}
+TERRAIN_FREE_WAYS = ("raw", "attitude", "excess")
 #: What must err less than what, by sensor.
 ORDERINGS = (
     ("laser", "beam", "attitude"),
@@ -88,7 +88,7 @@ ORDERINGS = (
 )
 
 
-class Found(NamedTuple):
+class CompensationRun(NamedTuple):
     """Of a country: mean squares [m^2].
 
     mix   : by (what was known, sensor, way)
@@ -97,38 +97,38 @@ class Found(NamedTuple):
     run   : raw and compensated of the level run
     """
 
-    mix: dict[tuple[Known, str, str], float]
+    mix: dict[tuple[Knowledge, str, str], float]
     sigma: dict[tuple[str, str], tuple[float, float, float]]
     bank: Array
     run: tuple[float, float]
 
 
-def study(runs: int, seed: int, progress: Progress) -> list[Result]:
+def study(runs: int, seed: int, progress: Progress) -> list[StudyResult]:
     """``runs`` countries."""
     found = run_all(fly, range(seed, seed + runs), progress)
     return [
-        *(_ordered(found, *names) for names in ORDERINGS),
-        *_mixed(found),
+        *(_judge_ordering(found, *names) for names in ORDERINGS),
+        *_mix_results(found),
         *_sigmas(found),
-        *_banked(found),
+        *_bank_results(found),
         _level(found),
     ]
 
 
-def fly(seed: int) -> Found:
+def fly(seed: int) -> CompensationRun:
     """The country of that seed."""
     mix = _low_level.fly(seed)
-    seen = {known: _low_level.predict(mix, known, seed) for known in Known}
+    seen = {known: _low_level.predict(mix, known, seed) for known in Knowledge}
     squares = {
         (known, sensor, way): _mean_square(height - mix.nadir)
-        for known in Known
+        for known in Knowledge
         for (sensor, way), height in compensated(mix, seen[known]).items()
     }
-    return Found(squares, _over_sigma(mix, seen[Known.PLACE_ERROR]), _banks(mix, seed), _run(seed))
+    return CompensationRun(squares, _sigma_statistics(mix, seen[Knowledge.PLACE_ERROR]), _banks(mix, seed), _run(seed))
 
 
-def _over_sigma(mix: Mix, seen: dict[str, Prediction]) -> dict[tuple[str, str], tuple[float, float, float]]:
-    """Error over sigma by (sensor, which sigma), predicted with errors of the place, as in ``Found.sigma``."""
+def _sigma_statistics(mix: Mix, seen: dict[str, Prediction]) -> dict[tuple[str, str], tuple[float, float, float]]:
+    """Error over sigma by (sensor, which sigma), predicted with errors of the place, as in ``CompensationRun.sigma``."""
     flat, high = _low_level.HORIZONTAL_SD, _low_level.VERTICAL_SD
     noise = {"laser": _low_level.LASER_NOISE_M, "radar": _low_level.RADAR_NOISE_M}
     found: dict[tuple[str, str], tuple[float, float, float]] = {}
@@ -139,9 +139,9 @@ def _over_sigma(mix: Mix, seen: dict[str, Prediction]) -> dict[tuple[str, str], 
         off, surface = said - seen[sensor].slant_range, mix.country.surface
         judged = {
             "plane": (error, height_variance(seen[sensor], errors, nearest=nearest)),
-            "around": (error, height_variance_over(surface, seen[sensor], errors, nearest=nearest)),
+            "around": (error, sampled_height_variance(surface, seen[sensor], errors, nearest=nearest)),
             "range_plane": (off, range_variance(seen[sensor], errors, nearest=nearest)),
-            "range_around": (off, range_variance_over(surface, seen[sensor], errors, nearest=nearest)),
+            "range_around": (off, sampled_range_variance(surface, seen[sensor], errors, nearest=nearest)),
         }
         found |= {(sensor, which): _consistency(e / np.sqrt(v)) for which, (e, v) in judged.items()}
     return found
@@ -195,7 +195,7 @@ def _banks(mix: Mix, seed: int) -> Array:
 
 def _run(seed: int) -> tuple[float, float]:
     """Mean squares [m^2] of the level run: what was measured, and compensated, against the true height below."""
-    world, rng = _level_run.make_world(seed), np.random.default_rng([seed, 212])
+    world, rng = _level_run.make_site(seed), np.random.default_rng([seed, 212])
     path = _level_run.level(world, rng)
     run = _level_run.fly(world, path, "wide", rng)
     east, north, up = path[1].T
@@ -208,74 +208,76 @@ def _rms(squares: list[float]) -> float:
     return float(np.sqrt(np.mean(squares)))
 
 
-def _ordered(found: list[Found], sensor: str, less: str, more: str) -> Result:
-    pairs = [(one.mix[Known.ALL, sensor, less], one.mix[Known.ALL, sensor, more]) for one in found]
-    count, least = sum(a < b for a, b in pairs), least_positive(len(found), LEVEL / len(ORDERINGS))
+def _judge_ordering(found: list[CompensationRun], sensor: str, less: str, more: str) -> StudyResult:
+    pairs = [(one.mix[Knowledge.ALL, sensor, less], one.mix[Knowledge.ALL, sensor, more]) for one in found]
+    count, least = sum(a < b for a, b in pairs), min_positive(len(found), LEVEL / len(ORDERINGS))
     below, above = zip(*pairs, strict=True)
     text = f"countries of {len(found)} where {less} < {more}; RMS {_rms(list(below)):.2f} / {_rms(list(above)):.2f} m"
-    return Result(f"T21.{sensor}.{less}_{more}", text, count, f">= {least}", count >= least)
+    return StudyResult(f"T21.{sensor}.{less}_{more}", text, count, f">= {least}", count >= least)
 
 
-def _mixed(found: list[Found]) -> list[Result]:
+def _mix_results(found: list[CompensationRun]) -> list[StudyResult]:
     """Every way with everything that may be known; what needs no ground once."""
     results = []
     for known, sensor, way in found[0].mix:
-        if way not in TOLD[sensor] or (known is not Known.ALL and way in GROUNDLESS):
+        if way not in REPORTED_WAYS[sensor] or (known is not Knowledge.ALL and way in TERRAIN_FREE_WAYS):
             continue
         rms = _rms([one.mix[known, sensor, way] for one in found])
         name = f"{sensor}.{known.name.lower()}.{way}"
-        results.append(Result(name, f"{sensor}, {known.value}: RMS error by {way} [m]", rms, REPORTED, holds=True))
+        results.append(StudyResult(name, f"{sensor}, {known.value}: RMS error by {way} [m]", rms, REPORTED, holds=True))
     return results
 
 
-def _sigmas(found: list[Found]) -> list[Result]:
+def _sigmas(found: list[CompensationRun]) -> list[StudyResult]:
     results = []
     for sensor, which in found[0].sigma:
         square, one, two = np.mean([country.sigma[sensor, which] for country in found], axis=0).tolist()
-        text = f"{sensor}, {Known.PLACE_ERROR.value}, sigma {SIGMAS[which]}"
+        text = f"{sensor}, {Knowledge.PLACE_ERROR.value}, sigma {SIGMAS[which]}"
         rows = (
             ("", f"{text}: RMS of error / sigma", square**0.5, RMS),
             (".within_1", f"{text}: share of errors within one sigma", one, WITHIN[0]),
             (".within_2", f"{text}: share of errors within two", two, WITHIN[1]),
         )
         for name, what, value, least in rows:
-            judged = which in FLOWN
+            judged = which in JUDGED_SIGMAS
             target = f">= {least:g}" if judged else REPORTED
-            results.append(Result(f"sigma.{sensor}.{which}{name}", what, value, target, not judged or value >= least))
+            results.append(
+                StudyResult(f"sigma.{sensor}.{which}{name}", what, value, target, not judged or value >= least)
+            )
     return results
 
 
-def bank_table(found: list[Found]) -> Array:
+def bank_table(found: list[CompensationRun]) -> Array:
     """RMS error [m] of all countries together: (width, bank, way)."""
     return np.asarray(np.sqrt(np.mean([one.bank for one in found], axis=0)))
 
 
-def helps_from(table: Array, way: int) -> list[int]:
+def min_helpful_bank(table: Array, way: int) -> list[int]:
     """Of each width, from which bank [deg] on a way errs less than raw at all greater ones; 91: at none."""
     helps = table[:, :, way] < table[:, :, 0]
     onwards = np.logical_and.accumulate(helps[:, ::-1], axis=1)[:, ::-1]
     return [BANKS_DEG[int(np.argmax(row))] if row.any() else NEVER_DEG for row in onwards]
 
 
-def _banked(found: list[Found]) -> list[Result]:
+def _bank_results(found: list[CompensationRun]) -> list[StudyResult]:
     table, results = bank_table(found), []
-    for i, (width, attitude) in enumerate(zip(WIDTHS_DEG, helps_from(table, 1), strict=True)):
+    for i, (width, attitude) in enumerate(zip(WIDTHS_DEG, min_helpful_bank(table, 1), strict=True)):
         said = "; ".join(
             f"{bank}: {raw:.0f}/{by:.0f}/{excess:.0f}"
             for bank, (raw, by, excess) in zip(BANKS_DEG, table[i], strict=True)
         )
         text = f"beam {width} deg: attitude helps from this bank on [deg]; RMS raw/attitude/excess by bank: {said} m"
-        results.append(Result(f"bank.{width}", text, attitude, REPORTED, holds=True))
+        results.append(StudyResult(f"bank.{width}", text, attitude, REPORTED, holds=True))
     return results
 
 
-def _level(found: list[Found]) -> Result:
+def _level(found: list[CompensationRun]) -> StudyResult:
     raw, left = (_rms([one.run[k] for one in found]) for k in (0, 1))
     text = f"level run over {len(found)} countries, elevation 1.5 m: RMS compensated / raw, {left:.2f} / {raw:.2f} m"
-    return Result("T2", text, left / raw, REPORTED, holds=True)
+    return StudyResult("T2", text, left / raw, REPORTED, holds=True)
 
 
-def drawings(seed: int) -> dict[str, Draw]:
+def drawings(seed: int) -> dict[str, DrawFigure]:
     """Pictures like fig. 7.62 and 7.65, of the mix with this seed; and the table of banks."""
     from fti.study import _compensation_plots as plots  # noqa: PLC0415 - matplotlib is loaded by who draws
 

@@ -7,15 +7,15 @@ of its own (normal, 20 ppm) or with 1.1 ppm; the unit is the run.
     T11   jitter of both signs, 1 ms (one sigma); one message in five late by 0 to 25 ms (uniform)
     I3    every message late by 0 to 25 ms (uniform), 1.1 ppm
 
-The clock model is the one that flies (``fti.nav.times.device_clock``), fed message by message.
+The clock model is the one that flies (``fti.nav.device_time.clock_estimator``), fed message by message.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from fti.nav.times.device_clock import DeviceClock
-from fti.study import Progress, Result
+from fti.nav.device_time.clock_estimator import ClockEstimator
+from fti.study import Progress, StudyResult
 from fti.types import TimeScale
 
 RUNS = 100
@@ -27,15 +27,15 @@ JITTER_MS, LATE_MS, LATE_SHARE = 1.0, 25.0, 0.2
 FIG_6_10_PPM = 1.1
 DRIFT_SD_PPM = 20.0
 #: What an hour must yield [ppm], for so many of a hundred runs.
-LIMIT_PPM, MOST = 0.05, 95
+LIMIT_PPM, MIN_PERCENT = 0.05, 95
 #: So many of a hundred runs have their drift inside their own 95 % interval.
 INSIDE = 90
 LATENCY_NS, MAX_AGE_NS = 50_000_000, 1_000_000_000
 
 
-def found_drift(drift_ppm: float, delays_ms: np.ndarray) -> tuple[float, float]:
+def estimate_drift(drift_ppm: float, delays_ms: np.ndarray) -> tuple[float, float]:
     """Drift that the model finds [ppm] and half of its 95 % interval, one message a second with these delays."""
-    clock = DeviceClock(TimeScale.GPS, LATENCY_NS, MAX_AGE_NS)
+    clock = ClockEstimator(TimeScale.GPS, LATENCY_NS, MAX_AGE_NS)
     for k, delay in enumerate(delays_ms):
         true_ns = k * SECOND_NS
         clock.take(true_ns + LATENCY_NS + round(1e6 * delay), true_ns + round(true_ns * 1e-6 * drift_ppm))
@@ -44,51 +44,51 @@ def found_drift(drift_ppm: float, delays_ms: np.ndarray) -> tuple[float, float]:
     return segment.drift_ppm, 1e6 * segment.line.slope_95
 
 
-def jittered(rng: np.random.Generator) -> np.ndarray:
+def draw_delays(rng: np.random.Generator) -> np.ndarray:
     """Delays of T11 [ms]."""
     late = np.where(rng.random(HOUR_S) < LATE_SHARE, rng.uniform(0.0, LATE_MS, HOUR_S), 0.0)
     return np.asarray(rng.normal(0.0, JITTER_MS, HOUR_S) + late)
 
 
-def one_sided(rng: np.random.Generator) -> np.ndarray:
+def draw_one_sided_delays(rng: np.random.Generator) -> np.ndarray:
     """Delays that are never negative [ms]."""
     return np.asarray(rng.uniform(0.0, LATE_MS, HOUR_S))
 
 
-def study(runs: int, seed: int, progress: Progress) -> list[Result]:
+def study(runs: int, seed: int, progress: Progress) -> list[StudyResult]:
     """Both cases, ``runs`` hours each."""
     rng = np.random.default_rng(seed)
     rows: dict[str, list[tuple[float, float]]] = {"T11": [], "I3": []}
     for run in range(runs):
         drift_ppm = float(rng.normal(0.0, DRIFT_SD_PPM))
-        rows["T11"].append(_error(drift_ppm, jittered(rng)))
-        rows["I3"].append(_error(FIG_6_10_PPM, one_sided(rng)))
+        rows["T11"].append(_error(drift_ppm, draw_delays(rng)))
+        rows["I3"].append(_error(FIG_6_10_PPM, draw_one_sided_delays(rng)))
         progress((run + 1) / runs)
     return [result for name, errors in rows.items() for result in _judge(name, np.array(errors))]
 
 
 def _error(drift_ppm: float, delays_ms: np.ndarray) -> tuple[float, float]:
     """Error of the drift and half of its interval [ppm]."""
-    found_ppm, interval_ppm = found_drift(drift_ppm, delays_ms)
+    found_ppm, interval_ppm = estimate_drift(drift_ppm, delays_ms)
     return found_ppm - drift_ppm, interval_ppm
 
 
-def _judge(name: str, errors: np.ndarray) -> list[Result]:
+def _judge(name: str, errors: np.ndarray) -> list[StudyResult]:
     size, interval = np.abs(errors[:, 0]), errors[:, 1]
     inside = int(np.count_nonzero(size <= interval))
     least = INSIDE * len(size) / 100
-    most_ppm = float(np.percentile(size, MOST))
+    most_ppm = float(np.percentile(size, MIN_PERCENT))
     return [
-        Result(
+        StudyResult(
             f"{name}.interval",
             f"runs of {len(size)} with the drift inside its own 95 % interval",
             inside,
             f">= {least:g}",
             inside >= least,
         ),
-        Result(
+        StudyResult(
             f"{name}.error",
-            f"error of the drift after an hour that {MOST} % of {len(size)} runs keep [ppm]",
+            f"error of the drift after an hour that {MIN_PERCENT} % of {len(size)} runs keep [ppm]",
             most_ppm,
             f"<= {LIMIT_PPM}",
             most_ppm <= LIMIT_PPM,

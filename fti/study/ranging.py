@@ -19,7 +19,7 @@ import numpy as np
 
 from fti.constants import SPEED_OF_LIGHT
 from fti.ranging.radar.dome import half_dome, sphere
-from fti.study import Draw, Progress, Result, _level_run
+from fti.study import DrawFigure, Progress, StudyResult, _level_run
 from fti.study._signals import receivers
 from fti.study._sweep import attitude
 from fti.terrain.terrain import Terrain
@@ -32,13 +32,13 @@ PULSES_S = (100e-9, 10e-9)
 FARTHEST_M = 1000.0
 #: Order of the dome of fig. 2.30, and how far off the boresight its rays are compared with eq. 2.67.
 ORDER = 12
-WIDEST = np.radians(75.0)
+MAX_OFF_BORESIGHT = np.radians(75.0)
 LEVEL_HEIGHT_M = 100.0
 #: Share of the time that what is exact takes.
 EXACT_SHARE = 0.3
 
 
-def study(runs: int, seed: int, progress: Progress) -> list[Result]:
+def study(runs: int, seed: int, progress: Progress) -> list[StudyResult]:
     """Closed forms, the beam, the receivers; then ``runs`` terrains."""
     exact = [*pulses(), *receivers(seed), *beam(), *attitude()]
     progress(EXACT_SHARE)
@@ -46,10 +46,10 @@ def study(runs: int, seed: int, progress: Progress) -> list[Result]:
     for run in range(runs):
         flown.append(_level_run.flown(seed + run))
         progress(EXACT_SHARE + (1.0 - EXACT_SHARE) * (run + 1) / runs)
-    return [*exact, *_level_run.judged(flown, seed)]
+    return [*exact, *_level_run.judge(flown, seed)]
 
 
-def drawings(seed: int) -> dict[str, Draw]:
+def drawings(seed: int) -> dict[str, DrawFigure]:
     """Pictures like those of the source."""
     from fti.study import _antenna_plots, _beam_plots, _level_run_plots, _signal_plots  # noqa: PLC0415 - matplotlib
 
@@ -66,36 +66,38 @@ def drawings(seed: int) -> dict[str, Draw]:
     }
 
 
-def pulses() -> list[Result]:
+def pulses() -> list[StudyResult]:
     """T3."""
     radar, laser = (0.5 * SPEED_OF_LIGHT * pulse for pulse in PULSES_S)
     rate = 1e-3 * SPEED_OF_LIGHT / (2.0 * FARTHEST_M)
     near = "nearest range of a pulse of"
     return [
-        Result("T3.radar", f"{near} 100 ns [m] (eq. 2.5)", radar, "14.990", f"{radar:.3f}" == "14.990"),
-        Result("T3.laser", f"{near} 10 ns [m] (eq. 2.5)", laser, "1.499", f"{laser:.3f}" == "1.499"),
-        Result("T3.rate", "pulses to 1000 m and back [kHz] (eq. 2.36)", rate, "150", round(rate) == 150),
+        StudyResult("T3.radar", f"{near} 100 ns [m] (eq. 2.5)", radar, "14.990", f"{radar:.3f}" == "14.990"),
+        StudyResult("T3.laser", f"{near} 10 ns [m] (eq. 2.5)", laser, "1.499", f"{laser:.3f}" == "1.499"),
+        StudyResult("T3.rate", "pulses to 1000 m and back [kHz] (eq. 2.36)", rate, "150", round(rate) == 150),
     ]
 
 
 def level_ranges() -> tuple[np.ndarray, np.ndarray]:
     """Angle off the boresight [rad] and range [m] of the rays of a beam that looks straight down on a level surface."""
-    rays_s = half_dome(ORDER).within(WIDEST).rays_s
+    rays_s = half_dome(ORDER).within(MAX_OFF_BORESIGHT).rays_s
     ground = Terrain.from_array(np.zeros((51, 51)), 20.0, lat0=0.8, lon0=0.2, east0=-500.0, north0=-500.0)
     rays_l = rays_s * [1.0, 1.0, -1.0]
     found = ground.cast(np.array([3.0, 4.0, LEVEL_HEIGHT_M]), rays_l, 1000.0)
     return np.arccos(rays_s[:, 2]), found
 
 
-def beam() -> list[Result]:
+def beam() -> list[StudyResult]:
     """T5 and T6."""
     angle, found = level_ranges()
     error = float(np.max(np.abs(found * np.cos(angle) / LEVEL_HEIGHT_M - 1.0)))
     whole, half = sphere(ORDER), half_dome(ORDER)
     triangles, corners, rays = len(whole.triangles), len(whole.rays), len(half)
     return [
-        Result("T5", f"worst of {len(found)} ranges to a level surface, relative", error, "< 1e-9", error < 1e-9),
-        Result("T6.triangles", "triangles of the dome of order 12 (eq. 2.65)", triangles, "2880", triangles == 2880),
-        Result("T6.corners", "its corners (eq. 2.66)", corners, "1442", corners == 1442),
-        Result("T6.rays", "rays of its half with the equator", rays, "751", rays == 751),
+        StudyResult("T5", f"worst of {len(found)} ranges to a level surface, relative", error, "< 1e-9", error < 1e-9),
+        StudyResult(
+            "T6.triangles", "triangles of the dome of order 12 (eq. 2.65)", triangles, "2880", triangles == 2880
+        ),
+        StudyResult("T6.corners", "its corners (eq. 2.66)", corners, "1442", corners == 1442),
+        StudyResult("T6.rays", "rays of its half with the equator", rays, "751", rays == 751),
     ]

@@ -19,10 +19,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fti.study import REPORTED, Draw, Progress, Result
-from fti.study._flown import Flown, fly
-from fti.study._scenarios import Scenario, approach, low_level
-from fti.study._statistics import LEVEL, least_positive
+from fti.study import REPORTED, DrawFigure, Progress, StudyResult
+from fti.study._altimeter_flight import AltimeterFlight, fly
+from fti.study._scenarios import RangingScenario, approach, low_level
+from fti.study._statistics import LEVEL, min_positive
 from fti.study.workers import run_all
 
 RUNS = 15
@@ -30,16 +30,16 @@ SEED = 23
 
 #: Between two measurements on the approach and on the low-level flight [s].
 EVERY_S = {"approach": 3.0, "low_level": 0.5}
-MAKERS: dict[str, Callable[[int, float], Scenario]] = {"approach": approach, "low_level": low_level}
+SCENARIOS: dict[str, Callable[[int, float], RangingScenario]] = {"approach": approach, "low_level": low_level}
 GROUNDS = ("flat", "rough")
 #: Roll [rad]: level, inside both beams, inside the wide beam and outside the narrow one, past both.
 LEVEL_ROLL, NARROW_ROLL, BEYOND_ROLL, WIDE_ROLL, LARGE_ROLL = np.radians([3.0, 14.0, 20.0, 35.0, 45.0])
 #: A radar that compensates a turn keeps its error below this share of the pencil beam's.
-COMPENSATED = 0.2
+COMPENSATED_SHARE = 0.2
 EXACT = 1e-9
 
 #: A flight of each kind over each ground: of (kind, ground).
-Run = dict[tuple[str, str], Flown]
+Run = dict[tuple[str, str], AltimeterFlight]
 Mask = NDArray[np.bool_]
 
 
@@ -51,13 +51,13 @@ class Ordering(NamedTuple):
     holds: Callable[[Run], bool]
 
 
-def _rms(flown: Flown, name: str, where: Mask) -> float:
+def _rms(flown: AltimeterFlight, name: str, where: Mask) -> float:
     """Of the error [m] where there is a measurement."""
     error = flown.error(name)[where]
     return float(np.sqrt(np.nanmean(error**2)))
 
 
-def _between(flown: Flown, low: float, high: float = np.pi / 2) -> Mask:
+def _roll_mask(flown: AltimeterFlight, low: float, high: float = np.pi / 2) -> Mask:
     """Where the roll to either side lies between two angles [rad]."""
     roll = np.abs(flown.flight.roll)
     return np.asarray((roll >= low) & (roll < high))
@@ -65,79 +65,83 @@ def _between(flown: Flown, low: float, high: float = np.pi / 2) -> Mask:
 
 def _compensates(run: Run, name: str, low: float, high: float) -> bool:
     flown = run["approach", "flat"]
-    turning = _between(flown, low, high)
-    return _rms(flown, name, turning) < COMPENSATED * _rms(flown, "pencil", turning)
+    turning = _roll_mask(flown, low, high)
+    return _rms(flown, name, turning) < COMPENSATED_SHARE * _rms(flown, "pencil", turning)
 
 
 def _narrow_is_worse(run: Run, kind: str, ground: str, beyond: float) -> bool:
     flown = run[kind, ground]
-    turning = _between(flown, beyond)
+    turning = _roll_mask(flown, beyond)
     return _rms(flown, "narrow", turning) > _rms(flown, "wide", turning)
 
 
 def _reads_short(run: Run, kind: str, name: str) -> bool:
     flown = run[kind, "rough"]
-    return bool(np.nanmedian(flown.error(name)[_between(flown, 0.0, LEVEL_ROLL)]) < 0.0)
+    return bool(np.nanmedian(flown.error(name)[_roll_mask(flown, 0.0, LEVEL_ROLL)]) < 0.0)
 
 
 def _wide_is_worse_level(run: Run) -> bool:
     flown = run["low_level", "rough"]
-    level = _between(flown, 0.0, LEVEL_ROLL)
+    level = _roll_mask(flown, 0.0, LEVEL_ROLL)
     return _rms(flown, "wide", level) > _rms(flown, "narrow", level)
 
 
 def _attitude_dominates(run: Run, kind: str) -> bool:
     flown = run[kind, "rough"]
-    return _rms(flown, "pencil", _between(flown, BEYOND_ROLL)) > 2.0 * _rms(
-        flown, "pencil", _between(flown, 0.0, LEVEL_ROLL)
+    return _rms(flown, "pencil", _roll_mask(flown, BEYOND_ROLL)) > 2.0 * _rms(
+        flown, "pencil", _roll_mask(flown, 0.0, LEVEL_ROLL)
     )
 
 
-_of = functools.partial
+_partial = functools.partial
 ORDERINGS = (
     Ordering(
         "flat.narrow", "narrow radar compensates turns inside its beam",
-        _of(_compensates, name="narrow", low=np.radians(5.0), high=NARROW_ROLL),
+        _partial(_compensates, name="narrow", low=np.radians(5.0), high=NARROW_ROLL),
     ),
     Ordering(
         "flat.wide", "wide radar compensates turns inside its beam",
-        _of(_compensates, name="wide", low=np.radians(5.0), high=WIDE_ROLL),
+        _partial(_compensates, name="wide", low=np.radians(5.0), high=WIDE_ROLL),
     ),
     Ordering(
         "flat.beyond", "approach: beyond the narrow beam, narrow errs more than wide",
-        _of(_narrow_is_worse, kind="approach", ground="flat", beyond=BEYOND_ROLL),
+        _partial(_narrow_is_worse, kind="approach", ground="flat", beyond=BEYOND_ROLL),
     ),
     Ordering(
         "flat.large", "low level: the same in all turns",
-        _of(_narrow_is_worse, kind="low_level", ground="flat", beyond=BEYOND_ROLL),
+        _partial(_narrow_is_worse, kind="low_level", ground="flat", beyond=BEYOND_ROLL),
     ),
     Ordering(
         "rough.large", "low level over hills, roll above 45 deg: narrow errs more than wide",
-        _of(_narrow_is_worse, kind="low_level", ground="rough", beyond=LARGE_ROLL),
+        _partial(_narrow_is_worse, kind="low_level", ground="rough", beyond=LARGE_ROLL),
     ),
     Ordering("rough.level", "low level over hills, wings level: wide errs more than narrow", _wide_is_worse_level),
     *(
         Ordering(f"{kind}.short_{name}", f"{kind}, wings level over hills: {name} radar reads short",
-                 _of(_reads_short, kind=kind, name=name))
-        for kind in MAKERS for name in ("narrow", "wide")
+                 _partial(_reads_short, kind=kind, name=name))
+        for kind in SCENARIOS for name in ("narrow", "wide")
     ),
     *(
         Ordering(f"{kind}.attitude", f"{kind} over hills: laser errs twice as much in turns as wings level",
-                 _of(_attitude_dominates, kind=kind))
-        for kind in MAKERS
+                 _partial(_attitude_dominates, kind=kind))
+        for kind in SCENARIOS
     ),
 )  # fmt: skip
 
 
-def study(runs: int, seed: int, progress: Progress) -> list[Result]:
+def study(runs: int, seed: int, progress: Progress) -> list[StudyResult]:
     """``runs`` flights of each kind over each ground."""
     flown = run_all(fly_all, range(seed, seed + runs), progress)
-    return [pencil_on_level_ground(flown), *(_judged(ordering, flown) for ordering in ORDERINGS), *_reported(flown)]
+    return [
+        pencil_on_level_ground(flown),
+        *(_judge_ordering(ordering, flown) for ordering in ORDERINGS),
+        *_reported_results(flown),
+    ]
 
 
 def fly_all(seed: int) -> Run:
     """Both flights, over both grounds."""
-    scenarios = {kind: make(seed, EVERY_S[kind]) for kind, make in MAKERS.items()}
+    scenarios = {kind: make(seed, EVERY_S[kind]) for kind, make in SCENARIOS.items()}
     return {
         (kind, ground): fly(scenario.flight, scenario.ground(ground))
         for kind, scenario in scenarios.items()
@@ -145,41 +149,45 @@ def fly_all(seed: int) -> Run:
     }
 
 
-def pencil_on_level_ground(flown: list[Run]) -> Result:
+def pencil_on_level_ground(flown: list[Run]) -> StudyResult:
     """On level ground a pencil beam measures h / (cos roll cos pitch) (eq. 2.67)."""
-    worst = max(_pencil_error(run[kind, "flat"]) for run in flown for kind in MAKERS)
-    return Result("flat.pencil", "pencil beam is h / cos, the worst, relative", worst, f"< {EXACT:g}", worst < EXACT)
+    worst = max(_pencil_error(run[kind, "flat"]) for run in flown for kind in SCENARIOS)
+    return StudyResult(
+        "flat.pencil", "pencil beam is h / cos, the worst, relative", worst, f"< {EXACT:g}", worst < EXACT
+    )
 
 
-def _pencil_error(flown: Flown) -> float:
+def _pencil_error(flown: AltimeterFlight) -> float:
     cosine = np.cos(flown.flight.roll) * np.cos(flown.flight.pitch)
     seen = np.isfinite(flown.measured["pencil"])
     return float(np.max(np.abs(flown.measured["pencil"] * cosine / flown.nadir - 1.0)[seen]))
 
 
-def _judged(ordering: Ordering, flown: list[Run]) -> Result:
-    count, least = sum(map(ordering.holds, flown)), least_positive(len(flown), LEVEL / len(ORDERINGS))
+def _judge_ordering(ordering: Ordering, flown: list[Run]) -> StudyResult:
+    count, least = sum(map(ordering.holds, flown)), min_positive(len(flown), LEVEL / len(ORDERINGS))
     text = f"flights of {len(flown)}; {ordering.quantity}"
-    return Result(ordering.id, text, count, f">= {least}", count >= least)
+    return StudyResult(ordering.id, text, count, f">= {least}", count >= least)
 
 
-def _reported(flown: list[Run]) -> list[Result]:
+def _reported_results(flown: list[Run]) -> list[StudyResult]:
     """RMS of all flights together, wings level and in turns below 80 deg."""
-    results: list[Result] = []
+    results: list[StudyResult] = []
     for kind, ground in flown[0]:
         for name in flown[0][kind, ground].measured:
             for part, low, high in (("level", 0.0, LEVEL_ROLL), ("turns", LEVEL_ROLL, np.radians(80.0))):
-                squares = [_rms(run[kind, ground], name, _between(run[kind, ground], low, high)) ** 2 for run in flown]
+                squares = [
+                    _rms(run[kind, ground], name, _roll_mask(run[kind, ground], low, high)) ** 2 for run in flown
+                ]
                 rms, text = float(np.sqrt(np.mean(squares))), f"RMS error of {len(flown)} flights [m]"
-                results.append(Result(f"{kind}.{ground}.{name}.{part}", text, rms, REPORTED, holds=True))
+                results.append(StudyResult(f"{kind}.{ground}.{name}.{part}", text, rms, REPORTED, holds=True))
     return results
 
 
-def drawings(seed: int) -> dict[str, Draw]:
+def drawings(seed: int) -> dict[str, DrawFigure]:
     """Pictures like fig. 2.54 to 2.59, of the flights with this seed."""
     from fti.study import _slant_range_plots as plots  # noqa: PLC0415 - matplotlib is loaded by who draws
 
-    scenarios = functools.cache(lambda kind: MAKERS[kind](seed, EVERY_S[kind] / 3.0))
+    scenarios = functools.cache(lambda kind: SCENARIOS[kind](seed, EVERY_S[kind] / 3.0))
     return {
         "approach-track": lambda: plots.track(scenarios("approach")),
         "approach-flat": lambda: plots.situation(scenarios("approach"), "flat"),

@@ -18,10 +18,10 @@ import functools
 import numpy as np
 from numpy.typing import NDArray
 
-from fti.nav.inertial.live import integrate_live
 from fti.nav.inertial.strapdown import integrate
-from fti.study import REPORTED, Draw, Progress, Result
-from fti.study._closure import STEP_S, Closure, Integrator, calm, close, s_turns, wandering
+from fti.nav.inertial.strapdown_fast import integrate_fast
+from fti.study import REPORTED, DrawFigure, Progress, StudyResult
+from fti.study._closure import STEP_S, Closure, Integrator, calm_flight, close, random_flight, s_turn_flight
 from fti.study.trajectory import FACTOR, HOUR_S, STEPS_S, TURNS_S, judge_closures
 from fti.study.workers import run_all
 
@@ -32,15 +32,15 @@ SEED = 12
 
 #: Targets of the fast form on a calm track [m].
 CALM_M, CALM_VERTICAL_M = 0.1, 1.0
-FORMS: dict[str, Integrator] = {"high order": integrate, "live": integrate_live}
+FORMS: dict[str, Integrator] = {"high order": integrate, "live": integrate_fast}
 
 #: Of one run: the high-order one, the fast form on a calm and on a lively hour; errors after S-turns by form and step.
 Found = tuple[Closure, Closure, Closure, dict[str, Array]]
 
 
-def study(runs: int, seed: int, progress: Progress) -> list[Result]:
+def study(runs: int, seed: int, progress: Progress) -> list[StudyResult]:
     """``runs`` flights of each kind."""
-    found = run_all(functools.partial(flown, HOUR_S), [(seed, run) for run in range(runs)], progress)
+    found = run_all(functools.partial(fly, HOUR_S), [(seed, run) for run in range(runs)], progress)
     high, still, lively = ([one[k] for one in found] for k in range(3))
     return [
         *judge_closures(high),  # type: ignore[arg-type]
@@ -49,28 +49,28 @@ def study(runs: int, seed: int, progress: Progress) -> list[Result]:
     ]
 
 
-def flown(duration: float, task: tuple[int, int]) -> Found:
+def fly(duration: float, task: tuple[int, int]) -> Found:
     """Run ``task[1]`` of a seed, flights so long [s]."""
     seed, run = task
-    lively = wandering(np.random.default_rng([seed, run, 2]), duration)
-    still = calm(np.random.default_rng([seed, run, 4]), duration)
+    lively = random_flight(np.random.default_rng([seed, run, 2]), duration)
+    still = calm_flight(np.random.default_rng([seed, run, 4]), duration)
     return (
         close(lively, STEP_S, duration),
-        close(still, STEP_S, duration, integrate_live),
-        close(lively, STEP_S, duration, integrate_live),
-        turned(seed, run),
+        close(still, STEP_S, duration, integrate_fast),
+        close(lively, STEP_S, duration, integrate_fast),
+        s_turn_errors(seed, run),
     )
 
 
-def turned(seed: int, run: int) -> dict[str, Array]:
+def s_turn_errors(seed: int, run: int) -> dict[str, Array]:
     """Greatest horizontal error after S-turns [m], by form, for each step."""
-    flight = s_turns(np.random.default_rng([seed, run, 3]))
+    flight = s_turn_flight(np.random.default_rng([seed, run, 3]))
     return {
         form: np.array([close(flight, step, TURNS_S, by).horizontal for step in STEPS_S]) for form, by in FORMS.items()
     }
 
 
-def judge_live(still: list[Closure], lively: list[Closure]) -> list[Result]:
+def judge_live(still: list[Closure], lively: list[Closure]) -> list[StudyResult]:
     """The fast form: greatest errors of all flights within the hour."""
     words = f"of the fast form at {1 / STEP_S:.0f} Hz, greatest of {len(still)} flights"
     figures = (
@@ -80,7 +80,7 @@ def judge_live(still: list[Closure], lively: list[Closure]) -> list[Result]:
         ("T12.lively_vertical", "height", "lively flight", max(c.vertical for c in lively), None),
     )
     return [
-        Result(
+        StudyResult(
             name,
             f"error of the {what} {words}, {track} [m]",
             value,
@@ -91,22 +91,22 @@ def judge_live(still: list[Closure], lively: list[Closure]) -> list[Result]:
     ]
 
 
-def judge_turns(found: list[dict[str, Array]]) -> list[Result]:
+def judge_turns(found: list[dict[str, Array]]) -> list[StudyResult]:
     """By how much the error after S-turns falls at least when the step is halved."""
     results = []
     for form in FORMS:
         least = min(float(np.min(errors[form][:-1] / errors[form][1:])) for errors in found)
         words = f"times that the error after S-turns falls when the step is halved, least of {len(found)} flights"
         name = f"T12.turns_{form.replace(' ', '_')}"
-        results.append(Result(name, f"{words}, {form}", least, f">= {FACTOR:g}", least >= FACTOR))
+        results.append(StudyResult(name, f"{words}, {form}", least, f">= {FACTOR:g}", least >= FACTOR))
     return results
 
 
-def drawings(seed: int) -> dict[str, Draw]:
+def drawings(seed: int) -> dict[str, DrawFigure]:
     """The error over the step after S-turns; the hour of the fast form as fig. 7.4 of the source has the other."""
     from fti.study import _strapdown_plots as plots  # noqa: PLC0415 - matplotlib is slow to load
 
     return {
-        "steps": lambda: plots.steps(turned(seed, 0)),
-        "live": lambda: plots.hour(flown(HOUR_S, (seed, 0))[2]),
+        "steps": lambda: plots.steps(s_turn_errors(seed, 0)),
+        "live": lambda: plots.hour(fly(HOUR_S, (seed, 0))[2]),
     }

@@ -24,9 +24,9 @@ import functools
 import numpy as np
 from numpy.typing import NDArray
 
-from fti.hil.flight.smoothing import Fit, fit
-from fti.study import REPORTED, Draw, Progress, Result
-from fti.study._closure import STEP_S, Closure, close, recorded, s_turns, wandering
+from fti.hil.flight.smoothing import FlightFit, fit
+from fti.study import REPORTED, DrawFigure, Progress, StudyResult
+from fti.study._closure import STEP_S, Closure, close, random_flight, s_turn_flight, sample_recording
 from fti.study.workers import run_all
 
 Array = NDArray[np.float64]
@@ -43,59 +43,61 @@ HORIZONTAL_M, VERTICAL_M, VELOCITY, ANGLE_DEG = 1e-3, 10e-3, 1e-6, 1e-7
 FACTOR = 3.5
 
 
-def study(runs: int, seed: int, progress: Progress) -> list[Result]:
+def study(runs: int, seed: int, progress: Progress) -> list[StudyResult]:
     """All three; ``runs`` flights each."""
-    found = run_all(functools.partial(_all_three, seed), range(runs), progress)
+    found = run_all(functools.partial(_run_all_parts, seed), range(runs), progress)
     fits, closures, factors = (list(each) for each in zip(*found, strict=True))
     return [*judge_fits(fits), *judge_closures(closures), _factor(factors)]
 
 
-def _all_three(seed: int, run: int) -> tuple[Fit, Closure, float]:
-    return fitted(seed, run), closed(seed, run), least_factor(seed, run)
+def _run_all_parts(seed: int, run: int) -> tuple[FlightFit, Closure, float]:
+    return fit_flight(seed, run), close_hour(seed, run), min_factor(seed, run)
 
 
-def fitted(seed: int, run: int) -> Fit:
+def fit_flight(seed: int, run: int) -> FlightFit:
     """A recorded flight, filtered and splined."""
-    return fit(recorded(wandering(np.random.default_rng([seed, run, 1]), FIT_S), RECORD_S), SMOOTH_S)
+    return fit(sample_recording(random_flight(np.random.default_rng([seed, run, 1]), FIT_S), RECORD_S), SMOOTH_S)
 
 
-def closed(seed: int, run: int) -> Closure:
+def close_hour(seed: int, run: int) -> Closure:
     """An hour of free inertial navigation."""
-    return close(wandering(np.random.default_rng([seed, run, 2]), HOUR_S), STEP_S, HOUR_S)
+    return close(random_flight(np.random.default_rng([seed, run, 2]), HOUR_S), STEP_S, HOUR_S)
 
 
-def turned(seed: int, run: int) -> Array:
+def s_turn_errors(seed: int, run: int) -> Array:
     """Greatest horizontal error after S-turns [m], by step."""
-    flight = s_turns(np.random.default_rng([seed, run, 3]))
+    flight = s_turn_flight(np.random.default_rng([seed, run, 3]))
     return np.array([close(flight, step, TURNS_S).horizontal for step in STEPS_S])
 
 
-def least_factor(seed: int, run: int) -> float:
+def min_factor(seed: int, run: int) -> float:
     """By how much the error falls at least when the step is halved."""
-    errors = turned(seed, run)
+    errors = s_turn_errors(seed, run)
     return float(np.min(errors[:-1] / errors[1:]))
 
 
-def judge_fits(fits: list[Fit]) -> list[Result]:
+def judge_fits(fits: list[FlightFit]) -> list[StudyResult]:
     """Filtered minus recorded, and spline minus filtered: of all samples of all flights."""
     filter_m, filter_rad = (np.concatenate([getattr(f, name) for f in fits]) for name in ("filter_m", "filter_rad"))
     spline_m, spline_rad = (np.concatenate([getattr(f, name) for f in fits]) for name in ("spline_m", "spline_rad"))
     share = _rms(spline_rad) / _rms(filter_rad)
     words = f"root mean square of {len(fits)} flights"
     return [
-        _at_most("fit.filter", f"filtered minus recorded position, {words} [m]", _rms(filter_m), FILTER_M),
-        _reported("fit.filter_most", "the same, greatest [m]", filter_m),
-        _at_most(
+        _judge_max("fit.filter", f"filtered minus recorded position, {words} [m]", _rms(filter_m), FILTER_M),
+        _reported_result("fit.filter_most", "the same, greatest [m]", filter_m),
+        _judge_max(
             "fit.turn", f"filtered minus recorded attitude, {words} [deg]", np.rad2deg(_rms(filter_rad)), TURN_DEG
         ),
-        _reported("fit.turn_most", "the same, greatest [deg]", np.rad2deg(filter_rad)),
-        _at_most("fit.spline", f"spline minus filtered position, {words} [m]", _rms(spline_m), SPLINE_M),
-        _reported("fit.spline_most", "the same, greatest [m]", spline_m),
-        _at_most("fit.spline_turn", "spline minus filtered attitude over filtered minus recorded", share, SPLINE_SHARE),
+        _reported_result("fit.turn_most", "the same, greatest [deg]", np.rad2deg(filter_rad)),
+        _judge_max("fit.spline", f"spline minus filtered position, {words} [m]", _rms(spline_m), SPLINE_M),
+        _reported_result("fit.spline_most", "the same, greatest [m]", spline_m),
+        _judge_max(
+            "fit.spline_turn", "spline minus filtered attitude over filtered minus recorded", share, SPLINE_SHARE
+        ),
     ]
 
 
-def judge_closures(closures: list[Closure]) -> list[Result]:
+def judge_closures(closures: list[Closure]) -> list[StudyResult]:
     """T12: greatest errors of all flights within the hour."""
     words = f"of free inertial navigation at {1 / STEP_S:.0f} Hz, greatest of {len(closures)} flights"
     found = [
@@ -105,34 +107,35 @@ def judge_closures(closures: list[Closure]) -> list[Result]:
         ("attitude", "attitude", "deg", float(np.rad2deg(max(c.angle.max() for c in closures))), ANGLE_DEG),
     ]
     return [
-        _at_most(f"T12.{name}", f"error of the {what} {words} [{unit}]", v, most) for name, what, unit, v, most in found
+        _judge_max(f"T12.{name}", f"error of the {what} {words} [{unit}]", v, most)
+        for name, what, unit, v, most in found
     ]
 
 
-def _factor(factors: list[float]) -> Result:
+def _factor(factors: list[float]) -> StudyResult:
     least = min(factors)
     quantity = f"times that the error after S-turns falls when the step is halved, least of {len(factors)} flights"
-    return Result("T12.turns", quantity, least, f">= {FACTOR:g}", least >= FACTOR)
+    return StudyResult("T12.turns", quantity, least, f">= {FACTOR:g}", least >= FACTOR)
 
 
-def _at_most(name: str, quantity: str, value: float, most: float) -> Result:
-    return Result(name, quantity, float(value), f"<= {most:g}", bool(value <= most))
+def _judge_max(name: str, quantity: str, value: float, most: float) -> StudyResult:
+    return StudyResult(name, quantity, float(value), f"<= {most:g}", bool(value <= most))
 
 
-def _reported(name: str, quantity: str, values: Array) -> Result:
-    return Result(name, quantity, float(np.max(values)), REPORTED, holds=True)
+def _reported_result(name: str, quantity: str, values: Array) -> StudyResult:
+    return StudyResult(name, quantity, float(np.max(values)), REPORTED, holds=True)
 
 
 def _rms(values: Array) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
 
 
-def drawings(seed: int) -> dict[str, Draw]:
+def drawings(seed: int) -> dict[str, DrawFigure]:
     """Figures 7.2, 7.3 and 7.4 of the source again, for the first flight."""
     from fti.study import _trajectory_plots as plots  # noqa: PLC0415 - matplotlib is slow to load
 
     return {
-        "fit": lambda: plots.flight(fitted(seed, 0)),
-        "fit-errors": lambda: plots.fit_errors(fitted(seed, 0)),
-        "closure": lambda: plots.closure(closed(seed, 0)),
+        "fit": lambda: plots.flight(fit_flight(seed, 0)),
+        "fit-errors": lambda: plots.fit_errors(fit_flight(seed, 0)),
+        "closure": lambda: plots.closure(close_hour(seed, 0)),
     }

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fti.buffers.triple import TripleBuffer
-from fti.burst import entries
-from fti.config import Buffered
-from fti.study import Progress, Result
+from fti.buffers.triple_buffer import TripleBuffer
+from fti.config import LinkTable
+from fti.frame_batch import entries
+from fti.study import Progress, StudyResult
 
 RUNS = 10
 SEED = 10
@@ -24,12 +24,12 @@ SECOND_NS = 1_000_000_000
 DAY_S = 86_400.0
 LINKS, QUEUES = 23, 3
 RATE_HZ, MESSAGE_BYTES, RECEPTIONS = 100, 66, 2
-SURVIVED_S = 121.5
+EXPECTED_STALL_S = 121.5
 #: Stalls are drawn from this interval [s]; all are longer than what is survived.
 STALLS_S = (122.0, 240.0)
 
 
-def study(runs: int, seed: int, progress: Progress) -> list[Result]:
+def study(runs: int, seed: int, progress: Progress) -> list[StudyResult]:
     """Closed forms, then the stalls."""
     rng = np.random.default_rng(seed)
     stalls = []
@@ -39,29 +39,29 @@ def study(runs: int, seed: int, progress: Progress) -> list[Result]:
     return [*closed_forms(), *_judge(stalls)]
 
 
-def closed_forms() -> list[Result]:
+def closed_forms() -> list[StudyResult]:
     """What follows from the widths of the numbers and the size of the buffers."""
     fine_d = (2**32 - 1) * 50e-6 / DAY_S
     coarse_d = (2**32 - 1) * 1e-3 / DAY_S
-    capacity = int(Buffered.model_fields["buffer_bytes"].default)
+    capacity = int(LinkTable.model_fields["buffer_bytes"].default)
     total = LINKS * QUEUES * capacity
     survived_s = TripleBuffer(capacity).capacity_s(RATE_HZ, MESSAGE_BYTES, RECEPTIONS)
     return [
-        Result("T10.fine", "32 bits of 50 us last [d] (eq. 6.1)", fine_d, "2.49", round(fine_d, 2) == 2.49),
-        Result("T10.coarse", "32 bits of 1 ms last [d]", coarse_d, "49.7", round(coarse_d, 1) == 49.7),
-        Result("T10.bytes", "buffers of 23 links [B]", total, "23 x 3 x 2^19", total == 23 * 3 * 2**19),
-        Result(
+        StudyResult("T10.fine", "32 bits of 50 us last [d] (eq. 6.1)", fine_d, "2.49", round(fine_d, 2) == 2.49),
+        StudyResult("T10.coarse", "32 bits of 1 ms last [d]", coarse_d, "49.7", round(coarse_d, 1) == 49.7),
+        StudyResult("T10.bytes", "buffers of 23 links [B]", total, "23 x 3 x 2^19", total == 23 * 3 * 2**19),
+        StudyResult(
             "T10.capacity",
             "stall that a link survives [s] (eq. 6.2)",
             survived_s,
-            f"{SURVIVED_S}",
-            round(survived_s, 1) == SURVIVED_S,
+            f"{EXPECTED_STALL_S}",
+            round(survived_s, 1) == EXPECTED_STALL_S,
         ),
     ]
 
 
 @dataclass(frozen=True, slots=True)
-class Stall:
+class StallResult:
     """What became of a stall.
 
     first_loss_s : when the first frame was dropped; oldest_only : exactly the oldest frames are missing, the newest are
@@ -72,9 +72,9 @@ class Stall:
     oldest_only: bool
 
 
-def stall(length_s: float) -> Stall:
+def stall(length_s: float) -> StallResult:
     """Feed a stall through a buffer."""
-    buffer = TripleBuffer(int(Buffered.model_fields["buffer_bytes"].default))
+    buffer = TripleBuffer(int(LinkTable.model_fields["buffer_bytes"].default))
     reception = bytes(MESSAGE_BYTES // RECEPTIONS)
     period_ns = SECOND_NS // (RATE_HZ * RECEPTIONS)
     first_loss_s: float | None = None
@@ -84,7 +84,7 @@ def stall(length_s: float) -> Stall:
         if first_loss_s is None and buffer.stats.dropped_frames:
             first_loss_s = seq * period_ns / SECOND_NS
     kept = _drain(buffer)
-    return Stall(first_loss_s or length_s, _oldest_only(buffer, kept, count, period_ns))
+    return StallResult(first_loss_s or length_s, _oldest_only(buffer, kept, count, period_ns))
 
 
 def _drain(buffer: TripleBuffer) -> list[int]:
@@ -93,7 +93,7 @@ def _drain(buffer: TripleBuffer) -> list[int]:
     while not buffer.empty:
         taken = buffer.take()
         kept += [entry[0] for entry in entries(taken)]
-        buffer.written(len(taken))
+        buffer.confirm_written(len(taken))
     return kept
 
 
@@ -108,18 +108,18 @@ def _oldest_only(buffer: TripleBuffer, kept: list[int], count: int, period_ns: i
     return named == (first, last, last - first + 1, first * period_ns, last * period_ns)
 
 
-def _judge(stalls: list[Stall]) -> list[Result]:
+def _judge(stalls: list[StallResult]) -> list[StudyResult]:
     least_s = min(stall.first_loss_s for stall in stalls)
     right = sum(stall.oldest_only for stall in stalls)
     return [
-        Result(
+        StudyResult(
             "T10.stall",
             f"time without loss, the shortest of {len(stalls)} stalls [s]",
             least_s,
             ">= 121.4",
             least_s >= 121.4,
         ),
-        Result(
+        StudyResult(
             "T10.oldest",
             f"stalls of {len(stalls)} after which exactly the oldest frames are missing",
             right,

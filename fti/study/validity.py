@@ -33,11 +33,11 @@ from numpy.typing import NDArray
 
 from fti.config import Altimeter
 from fti.nav.altimetry.compensation import height_over_ground
-from fti.nav.altimetry.nadir import ground_sd
-from fti.nav.altimetry.predicted import Prediction
+from fti.nav.altimetry.nadir_height import ground_sd
+from fti.nav.altimetry.range_prediction import Prediction
 from fti.nav.altimetry.validity import Sample, narrow, reasons_against, wide
-from fti.study import REPORTED, Draw, Progress, Result
-from fti.study._low_level import FARTHEST_M, PLACE_SD, Known, Mix, believed, fly, in_cloud, predict
+from fti.study import REPORTED, DrawFigure, Progress, StudyResult
+from fti.study._low_level import FARTHEST_M, PLACE_SD, Knowledge, Mix, add_cloud, fly, known_scene, predict
 from fti.study._statistics import mean_interval, pooled_ratio, ratio_interval
 from fti.study.workers import run_all
 from fti.types import Reason
@@ -52,38 +52,42 @@ HALF_POWER_DEG, RADAR_M = (35.0, 26.0), 762.0
 LASER, RADAR = narrow((0.0, FARTHEST_M)), wide((0.0, RADAR_M), *HALF_POWER_DEG)
 #: T20: residual over raw, and the share that is excluded.
 RESIDUAL = {"laser": 0.35, "radar": 0.55, "laser_default": 0.35, "radar_default": 0.55}
-EXCLUDED = 0.40
-JUDGED = {Known.ALL: "", Known.PLACE_ERROR: ".place_error"}
+MAX_EXCLUDED = 0.40
+JUDGED_SUFFIXES = {Knowledge.ALL: "", Knowledge.PLACE_ERROR: ".place_error"}
 #: Not judged with errors of the place.
-EXACT_ALONE = frozenset({"laser_default", "radar_default"})
+EXACT_ONLY = frozenset({"laser_default", "radar_default"})
 
 
-class Variant(NamedTuple):
+class ValidityVariant(NamedTuple):
     """What was told, by which model it is predicted, and how it is judged.
 
     narrowed : the gate on the navigated height, where the ground is uneven
     below    : the error is that of the compensated height, not of the range taken as a height
     """
 
-    told: str
+    measurement: str
     sensor: str
     limits: Altimeter
-    narrowed: bool = True
-    below: bool = False
+    has_narrow_gate: bool = True
+    is_compensated: bool = False
 
 
 VARIANTS = {
-    "laser": Variant("laser", "laser", LASER),
-    "laser_in_cloud": Variant("laser_in_cloud", "laser", LASER),
-    "radar": Variant("radar", "radar", RADAR),
-    "radar_plain_gate": Variant("radar", "radar", RADAR, narrowed=False),
-    "laser_default": Variant("laser", "laser", Altimeter(kind="laser", range_m=(0.0, FARTHEST_M)), below=True),
-    "radar_default": Variant("radar", "radar_nearest", Altimeter(kind="radar", range_m=(0.0, RADAR_M)), below=True),
-    "radar_as_printed": Variant("radar", "radar", RADAR.model_copy(update={"max_nadir_deviation_m": None})),
+    "laser": ValidityVariant("laser", "laser", LASER),
+    "laser_in_cloud": ValidityVariant("laser_in_cloud", "laser", LASER),
+    "radar": ValidityVariant("radar", "radar", RADAR),
+    "radar_plain_gate": ValidityVariant("radar", "radar", RADAR, has_narrow_gate=False),
+    "laser_default": ValidityVariant(
+        "laser", "laser", Altimeter(kind="laser", range_m=(0.0, FARTHEST_M)), is_compensated=True
+    ),
+    "radar_default": ValidityVariant(
+        "radar", "radar_nearest", Altimeter(kind="radar", range_m=(0.0, RADAR_M)), is_compensated=True
+    ),
+    "radar_as_printed": ValidityVariant("radar", "radar", RADAR.model_copy(update={"max_nadir_deviation_m": None})),
 }
 
 
-class Assessed(NamedTuple):
+class ValidityScore(NamedTuple):
     """One sensor over one country: mean squares of the error of all samples and of the valid ones [m^2], the share
     excluded, and how many by which reason, of how many samples.
     """
@@ -100,45 +104,45 @@ class Assessed(NamedTuple):
 
 
 #: Of (what is known, variant), over one country.
-Run = dict[tuple[Known, str], Assessed]
+Run = dict[tuple[Knowledge, str], ValidityScore]
 
 
-def study(runs: int, seed: int, progress: Progress) -> list[Result]:
+def study(runs: int, seed: int, progress: Progress) -> list[StudyResult]:
     """``runs`` countries."""
     found = run_all(run, range(seed, seed + runs), progress)
-    return [result for key in found[0] for result in judged([one[key] for one in found], *key, seed)]
+    return [result for key in found[0] for result in judge([one[key] for one in found], *key, seed)]
 
 
 def run(seed: int) -> Run:
     """One country, everything about it."""
-    mix, found = in_cloud(fly(seed), seed), {}
-    for known in Known:
+    mix, found = add_cloud(fly(seed), seed), {}
+    for known in Knowledge:
         seen = predict(mix, known, seed)
-        for name, reasons in against(mix, known, seed).items():
+        for name, reasons in reasons_by_variant(mix, known, seed).items():
             variant = VARIANTS[name]
-            told = mix.measured[variant.told]
-            used = height_over_ground(told, seen[variant.sensor]) if variant.below else told
-            found[known, name] = assessed(told - mix.nadir, used - mix.nadir, reasons)
+            measurement = mix.measured[variant.measurement]
+            used = height_over_ground(measurement, seen[variant.sensor]) if variant.is_compensated else measurement
+            found[known, name] = score_variant(measurement - mix.nadir, used - mix.nadir, reasons)
     return found
 
 
-def against(mix: Mix, known: Known, seed: int) -> dict[str, list[tuple[Reason, ...]]]:
+def reasons_by_variant(mix: Mix, known: Knowledge, seed: int) -> dict[str, list[tuple[Reason, ...]]]:
     """Why each sample is refused, by variant."""
-    belief = believed(mix, known, seed)
+    belief = known_scene(mix, known, seed)
     uneven = ground_sd(belief.surface, belief.points_l, PLACE_SD[known])
     seen = belief.predict(mix.mats_nb)
     return {
-        name: refusals(mix, variant, seen[variant.sensor], uneven if variant.narrowed else 0.0 * uneven)
+        name: refusals(mix, variant, seen[variant.sensor], uneven if variant.has_narrow_gate else 0.0 * uneven)
         for name, variant in VARIANTS.items()
-        if variant.told in mix.measured
+        if variant.measurement in mix.measured
     }
 
 
-def refusals(mix: Mix, variant: Variant, seen: Prediction, uneven: Array) -> list[tuple[Reason, ...]]:
+def refusals(mix: Mix, variant: ValidityVariant, seen: Prediction, uneven: Array) -> list[tuple[Reason, ...]]:
     """Why each sample is refused, by the rules that fly; uneven : one sigma of h(N) [m]."""
-    told = mix.measured[variant.told]
+    measurement = mix.measured[variant.measurement]
     columns = {
-        "value": told, "height": told, "roll": mix.roll, "pitch": mix.pitch,
+        "value": measurement, "height": measurement, "roll": mix.roll, "pitch": mix.pitch,
         "predicted": seen.slant_range, "dispersion": seen.dispersion, "incidence": seen.incidence,
         "navigated": seen.height_p, "ground_sd": uneven,
     }  # fmt: skip
@@ -146,19 +150,19 @@ def refusals(mix: Mix, variant: Variant, seen: Prediction, uneven: Array) -> lis
     return [reasons_against(Sample(**dict(zip(columns, row, strict=True))), variant.limits) for row in rows]
 
 
-def assessed(raw: Array, error: Array, reasons: list[tuple[Reason, ...]]) -> Assessed:
+def score_variant(raw: Array, error: Array, reasons: list[tuple[Reason, ...]]) -> ValidityScore:
     """Of the errors [m] of ranges taken as heights, NaN where there was no return, of what is used, and why each is
     refused.
     """
     valid = np.array([not refused for refused in reasons])
     counted = Counter(reason for refused in reasons for reason in refused)
     residual = float(np.mean(error[valid] ** 2)) if valid.any() else float("nan")
-    return Assessed(float(np.nanmean(raw**2)), residual, float(np.mean(~valid)), counted, len(reasons))
+    return ValidityScore(float(np.nanmean(raw**2)), residual, float(np.mean(~valid)), counted, len(reasons))
 
 
-def judged(found: list[Assessed], known: Known, name: str, seed: int) -> list[Result]:
+def judge(found: list[ValidityScore], known: Knowledge, name: str, seed: int) -> list[StudyResult]:
     """Residual over raw and the share excluded of all countries."""
-    raw, residual, excluded = (np.array([getattr(one, field) for one in found]) for field in Assessed._fields[:3])
+    raw, residual, excluded = (np.array([getattr(one, field) for one in found]) for field in ValidityScore._fields[:3])
     rng = np.random.default_rng(seed)
     ratio, (low, high) = pooled_ratio(residual, raw), ratio_interval(residual, raw, rng)
     share, (least, most) = float(np.mean(excluded)), mean_interval(excluded, rng)
@@ -166,17 +170,20 @@ def judged(found: list[Assessed], known: Known, name: str, seed: int) -> list[Re
     rms = f"{np.sqrt(np.mean(residual)):.2f} / {np.sqrt(np.mean(raw)):.2f} m"
     left = f"{case}: RMS of valid / all, {rms}, 95 % interval {low:.3f} to {high:.3f}"
     out = f"{case}: excluded, 95 % interval {least:.3f} to {most:.3f}"
-    if name not in RESIDUAL or known not in JUDGED or (name in EXACT_ALONE and known is not Known.ALL):
+    if name not in RESIDUAL or known not in JUDGED_SUFFIXES or (name in EXACT_ONLY and known is not Knowledge.ALL):
         base = f"{name}.{known.name.lower()}"
-        return [Result(base, left, ratio, REPORTED, True), Result(f"{base}.excluded", out, share, REPORTED, True)]
-    limit, base = RESIDUAL[name], f"T20.{name}{JUDGED[known]}"
+        return [
+            StudyResult(base, left, ratio, REPORTED, True),
+            StudyResult(f"{base}.excluded", out, share, REPORTED, True),
+        ]
+    limit, base = RESIDUAL[name], f"T20.{name}{JUDGED_SUFFIXES[known]}"
     return [
-        Result(base, left, ratio, f"<= {limit:g}, bound", high <= limit),
-        Result(f"{base}.excluded", out, share, f"<= {EXCLUDED:g}, bound", most <= EXCLUDED),
+        StudyResult(base, left, ratio, f"<= {limit:g}, bound", high <= limit),
+        StudyResult(f"{base}.excluded", out, share, f"<= {MAX_EXCLUDED:g}, bound", most <= MAX_EXCLUDED),
     ]
 
 
-def drawings(seed: int) -> dict[str, Draw]:
+def drawings(seed: int) -> dict[str, DrawFigure]:
     """Pictures like fig. 7.56 and 7.59, and what refuses how much."""
     from fti.study import _validity_plots as plots  # noqa: PLC0415 - matplotlib is loaded by who draws
 

@@ -4,7 +4,7 @@ A run is a function of its argument alone (a seed, a tuple with one), so where i
 come in the order of the arguments.  Function and argument must be picklable: a function of a module, or a
 ``functools.partial`` of one.
 
-Here: runs begin in this process; where more than one is left after ``PATIENCE_S``, processes take them, one for each
+Here: runs begin in this process; where more than one is left after ``LOCAL_LIMIT_S``, processes take them, one for each
 core, started afresh (never forked), linear algebra in one thread each.  They end with the one that started them,
 however that ends; Ctrl-C goes to that one alone.  On a cluster: ``with on_cluster("tcp://10.0.0.1:8786"):`` gives the
 runs to that Dask scheduler; its workers need the same ``fti``.
@@ -34,11 +34,11 @@ Argument = TypeVar("Argument")
 Found = TypeVar("Found")
 
 #: A process takes about two seconds to start: runs that are done sooner are done here.
-PATIENCE_S = 3.0
+LOCAL_LIMIT_S = 3.0
 #: A pool of threads in each process would take the cores from the others.
-QUIET = {"OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+SINGLE_THREAD_ENV = {"OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
 #: How long a cluster may take to answer [s], and a process that is told to end.
-ANSWER_S, END_S = 10.0, 5.0
+CLUSTER_TIMEOUT_S, END_TIMEOUT_S = 10.0, 5.0
 
 _client: ContextVar[Any] = ContextVar("_client", default=None)
 
@@ -49,7 +49,7 @@ def on_cluster(scheduler: str | None) -> Iterator[None]:
 
     Raises MissingError without the package ``distributed``, and for a cluster that is not there or has no workers.
     """
-    with contextlib.nullcontext() if scheduler is None else _connected(scheduler) as client:
+    with contextlib.nullcontext() if scheduler is None else _connect(scheduler) as client:
         token = _client.set(client)
         try:
             yield
@@ -57,7 +57,7 @@ def on_cluster(scheduler: str | None) -> Iterator[None]:
             _client.reset(token)
 
 
-def _connected(scheduler: str) -> Any:
+def _connect(scheduler: str) -> Any:
     """A client of the cluster.
 
     Asked first without one: a client that does not come about prints a traceback when Python ends, or waits there.
@@ -67,20 +67,20 @@ def _connected(scheduler: str) -> Any:
     except ImportError:
         raise MissingError("a cluster needs the package distributed: pip install 'fti[dask]'") from None
     try:
-        told = asyncio.run(asyncio.wait_for(_identity(scheduler), ANSWER_S))
+        told = asyncio.run(asyncio.wait_for(_identity(scheduler), CLUSTER_TIMEOUT_S))
     except (OSError, ValueError) as error:  # ValueError: no address
-        why = str(error) or f"silent for {ANSWER_S:g} s"
+        why = str(error) or f"silent for {CLUSTER_TIMEOUT_S:g} s"
         raise MissingError(f"no Dask scheduler answers at {scheduler!r}: {why}") from error
     if not told["workers"]:
         raise MissingError(f"the Dask scheduler at {scheduler} has no workers: dask worker {scheduler}")
-    return Client(scheduler, timeout=ANSWER_S, set_as_default=False)
+    return Client(scheduler, timeout=CLUSTER_TIMEOUT_S, set_as_default=False)
 
 
 async def _identity(scheduler: str) -> Any:
     """What a Dask scheduler says of itself; who cannot be reached is known before who says nothing."""
     from distributed import rpc  # noqa: PLC0415 - see above
 
-    async with rpc(scheduler, timeout=ANSWER_S / 2) as asked:
+    async with rpc(scheduler, timeout=CLUSTER_TIMEOUT_S / 2) as asked:
         return await asked.identity()
 
 
@@ -92,20 +92,20 @@ def run_all(task: Callable[[Argument], Found], arguments: Iterable[Argument], pr
     """
     todo, client = list(arguments), _client.get()
     found: dict[int, Found] = {}
-    for number, result in _here(task, todo) if client is None else _over_cluster(task, todo, client):
+    for number, result in _run_locally(task, todo) if client is None else _run_on_cluster(task, todo, client):
         found[number] = result
         progress(len(found) / len(todo))
     return [found[number] for number in range(len(todo))]
 
 
-def _here(task: Callable[[Any], Found], todo: Sequence[Any]) -> Iterator[tuple[int, Found]]:
+def _run_locally(task: Callable[[Any], Found], todo: Sequence[Any]) -> Iterator[tuple[int, Found]]:
     """Results with the numbers of their arguments, as they come."""
     cores = len(os.sched_getaffinity(0))
     begin = time.monotonic()
     for number, argument in enumerate(todo):
         left = len(todo) - number
-        if min(left, cores) > 1 and time.monotonic() - begin > PATIENCE_S:
-            yield from _over_processes(task, list(enumerate(todo))[number:], min(left, cores))
+        if min(left, cores) > 1 and time.monotonic() - begin > LOCAL_LIMIT_S:
+            yield from _run_in_processes(task, list(enumerate(todo))[number:], min(left, cores))
             return
         yield number, task(argument)
 
@@ -116,7 +116,7 @@ class _Worker(NamedTuple):
     process: SpawnProcess
     pipe: Connection
 
-    def give(self, numbered: tuple[int, Any]) -> None:
+    def hand_out(self, numbered: tuple[int, Any]) -> None:
         """An argument with its number; one that has ended does not take it, which ``answer`` tells."""
         with contextlib.suppress(BrokenPipeError, ConnectionResetError):
             self.pipe.send(numbered)
@@ -126,7 +126,7 @@ class _Worker(NamedTuple):
         try:
             number, result = self.pipe.recv()
         except (EOFError, ConnectionResetError):
-            self.process.join(END_S)
+            self.process.join(END_TIMEOUT_S)
             raise RuntimeError(f"a process of the study ended by itself ({self.process.exitcode})") from None
         if isinstance(result, FtiError):
             raise result
@@ -136,46 +136,46 @@ class _Worker(NamedTuple):
         """Now, whatever it is doing."""
         self.pipe.close()
         self.process.terminate()
-        self.process.join(END_S)
+        self.process.join(END_TIMEOUT_S)
         self.process.close()
 
 
-def _over_processes(
+def _run_in_processes(
     task: Callable[[Any], Found], todo: Sequence[tuple[int, Any]], cores: int
 ) -> Iterator[tuple[int, Found]]:
     workers: list[_Worker] = []
     try:
-        with _quiet():
+        with _worker_environment():
             for _ in range(cores):
                 workers.append(_start(task))  # noqa: PERF401 - those that have started are ended when one does not
-        yield from _handed_out(workers, todo)
+        yield from _distribute(workers, todo)
     finally:
         for worker in workers:
             worker.end()
 
 
-def _handed_out(workers: Sequence[_Worker], todo: Sequence[tuple[int, Any]]) -> Iterator[tuple[int, Any]]:
+def _distribute(workers: Sequence[_Worker], todo: Sequence[tuple[int, Any]]) -> Iterator[tuple[int, Any]]:
     """Whoever has answered gets the next argument."""
     waiting = iter(todo)
     busy = {worker.pipe: worker for worker in workers}
     for worker in workers:
-        worker.give(next(waiting))
+        worker.hand_out(next(waiting))
     for _ in todo:
         pipe = wait(list(busy))[0]
         assert isinstance(pipe, Connection)
         answer = busy[pipe].answer()
         for numbered in islice(waiting, 1):
-            busy[pipe].give(numbered)
+            busy[pipe].hand_out(numbered)
         yield answer
 
 
 @contextlib.contextmanager
-def _quiet() -> Iterator[None]:
-    """What is started within it inherits ``QUIET`` and is deaf to Ctrl-C from its first instruction."""
-    before = {name: os.environ.get(name) for name in QUIET}
+def _worker_environment() -> Iterator[None]:
+    """What is started within it inherits ``SINGLE_THREAD_ENV`` and is deaf to Ctrl-C from its first instruction."""
+    before = {name: os.environ.get(name) for name in SINGLE_THREAD_ENV}
     resource_tracker.ensure_running()  # the first start of a process would do it, and let Ctrl-C through again
     mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    os.environ.update(QUIET)
+    os.environ.update(SINGLE_THREAD_ENV)
     try:
         yield
     finally:
@@ -202,7 +202,7 @@ def _work(task: Callable[[Any], Any], pipe: Connection) -> None:
     with contextlib.suppress(EOFError, BrokenPipeError, ConnectionResetError):
         while True:
             number, argument = pipe.recv()
-            pipe.send((number, _tried(task, argument)))
+            pipe.send((number, _run_task(task, argument)))
 
 
 def _end_with_parent() -> None:
@@ -213,14 +213,14 @@ def _end_with_parent() -> None:
     os._exit(1)
 
 
-def _tried(task: Callable[[Any], Any], argument: object) -> Any:
+def _run_task(task: Callable[[Any], Any], argument: object) -> Any:
     try:
         return task(argument)
     except FtiError as error:
         return error
 
 
-def _over_cluster(task: Callable[[Any], Found], todo: Sequence[Any], client: Any) -> Iterator[tuple[int, Found]]:
+def _run_on_cluster(task: Callable[[Any], Found], todo: Sequence[Any], client: Any) -> Iterator[tuple[int, Found]]:
     from distributed import as_completed  # noqa: PLC0415 - see above
 
     futures = client.map(task, todo, pure=False)

@@ -6,7 +6,7 @@ To first order in the shift the error at a place is  -grad h . shift + bias + no
 becomes a vertical one on a slope (eq. 2.49).  The noise is Gaussian, the sum of two stationary parts with the
 autocorrelation exp(-distance / length): one as short as what a survey smooths over, one as long as its strips.
 
-The surface h is that of the day of the survey and of the sensor that made it (``surveyed``).
+The surface h is that of the day of the survey and of the sensor that made it (``survey``).
 Source: Spiegel 2018, section 2.2.1 and eq. 2.49; lengths, shares and sizes are stated, not measured.
 """
 
@@ -17,7 +17,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fti.terrain.landscape import Cover, Landscape, Sees
+from fti.terrain.landscape import Cover, Landscape, SensedSurface
 from fti.terrain.synthetic import fft_shape, forest
 from fti.terrain.terrain import Terrain
 
@@ -62,7 +62,7 @@ class Changes:
     """
 
     growth: float = 0.0
-    felled: float = 0.0
+    cleared_forest: float = 0.0
     new_forest: float = 0.0
     new_buildings: float = 0.0
 
@@ -70,7 +70,7 @@ class Changes:
         _check_not_negative(self, "growth")
         _check_not_negative(self, "felled", "new_forest", "new_buildings", at_most=1.0)
 
-    def undone(self, now: Landscape, rng: Rng) -> Landscape:
+    def revert(self, now: Landscape, rng: Rng) -> Landscape:
         """The landscape on the day of the survey, from that of now; stands and single buildings, not posts.
 
         Roofs of one height are one building.
@@ -83,9 +83,9 @@ class Changes:
         roofs = np.unique(canopy[built])
         gone |= built & np.isin(canopy, roofs[rng.random(len(roofs)) < self.new_buildings])
         open_now = np.isin(cover, [Cover.BARE, Cover.GRASS, Cover.CROP])
-        felled, heights = _stands(now, rng, open_now, self.felled)
+        cleared_forest, heights = _stands(now, rng, open_now, self.cleared_forest)
         canopy[gone], cover[gone] = 0.0, Cover.GRASS
-        canopy[felled], cover[felled] = heights[felled], Cover.FOREST
+        canopy[cleared_forest], cover[cleared_forest] = heights[cleared_forest], Cover.FOREST
         return Landscape(now.ground, canopy, cover)
 
 
@@ -129,7 +129,7 @@ class DemError:
         if not min(self.short_m, self.long_m) > 0.0:
             raise ValueError(f"short_m is {self.short_m}, long_m {self.long_m}: must be positive")
 
-    def applied(self, terrain: Terrain, rng: Rng) -> Terrain:
+    def apply(self, terrain: Terrain, rng: Rng) -> Terrain:
         """An elevation model of the terrain: the same posts, in the wrong place and of the wrong height; holes stay.
 
         Raises ValueError for a terrain of several layers: each is a model of its own, with errors of its own.
@@ -150,10 +150,10 @@ class DemError:
         errors[outliers] += self.outlier_sd * rng.standard_normal(np.count_nonzero(outliers))
         return errors
 
-    def surveyed(self, now: Landscape, rng: Rng, *, sees: Sees, changes: Changes | None = None) -> Terrain:
-        """The elevation model that one has of a landscape: made before the ``changes``, by a sensor that ``sees`` so.
+    def survey(self, now: Landscape, rng: Rng, *, sensed: SensedSurface, changes: Changes | None = None) -> Terrain:
+        """The elevation model that one has of a landscape: made before the ``changes``, by a sensor that ``sensed`` so.
 
-        Its difference to ``now.seen_by`` is the whole error of the model, canopy and age included.
+        Its difference to ``now.surface_for`` is the whole error of the model, canopy and age included.
         """
-        then = now if changes is None else changes.undone(now, rng)
-        return self.applied(then.seen_by(sees), rng)
+        then = now if changes is None else changes.revert(now, rng)
+        return self.apply(then.surface_for(sensed), rng)

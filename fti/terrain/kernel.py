@@ -24,7 +24,7 @@ def kernel(function: Kernel) -> Kernel:
     return cast(Kernel, compiled)
 
 
-def is_kept(compiled: Any) -> bool:
+def is_cached(compiled: Any) -> bool:
     """Was a kernel compiled before on this machine?  Then its code is on disk."""
     return Path(compiled._cache._cache_file._index_path).exists()
 

@@ -36,7 +36,7 @@ class Cover(IntEnum):
     TARMAC = 6
 
 
-class Sees(IntEnum):
+class SensedSurface(IntEnum):
     """Which surface a kind of sensor returns from."""
 
     TOP = 0  #: the first return of a laser, photogrammetry: tree tops and roofs
@@ -83,24 +83,24 @@ class Landscape:
 
     @functools.cached_property
     def surface(self) -> Terrain:
-        """Tree tops and roofs: ``seen_by(Sees.TOP)``."""
-        return self.seen_by(Sees.TOP)
+        """Tree tops and roofs: ``surface_for(SensedSurface.TOP)``."""
+        return self.surface_for(SensedSurface.TOP)
 
-    def seen_by(self, sees: Sees, radar_share: Mapping[Cover, float] = RADAR_SHARE) -> Terrain:
+    def surface_for(self, sensed: SensedSurface, radar_share: Mapping[Cover, float] = RADAR_SHARE) -> Terrain:
         """The surface from which a kind of sensor returns.
 
-        radar_share : height of the return over height of the canopy for ``Sees.RADAR``, in [0, 1]; a cover that is
+        radar_share : height of the return over height of the canopy for ``SensedSurface.RADAR``, in [0, 1]; a cover that is
                       not named returns from its ground, a building always from its roof
         """
-        share = self._shares(sees, radar_share)[self.cover]
+        share = self._shares(sensed, radar_share)[self.cover]
         return self.ground.with_finest(self.ground.finest.heights + share * self.canopy)
 
     @staticmethod
-    def _shares(sees: Sees, radar_share: Mapping[Cover, float]) -> Array:
-        if sees is Sees.RADAR and not all(0.0 <= share <= 1.0 for share in radar_share.values()):
+    def _shares(sensed: SensedSurface, radar_share: Mapping[Cover, float]) -> Array:
+        if sensed is SensedSurface.RADAR and not all(0.0 <= share <= 1.0 for share in radar_share.values()):
             raise ValueError(f"radar_share is {dict(radar_share)}, must lie in [0, 1]")
-        plants = {Sees.TOP: dict.fromkeys(Cover, 1.0), Sees.RADAR: radar_share}.get(sees, {})
-        roof = 0.0 if sees is Sees.GROUND else 1.0
+        plants = {SensedSurface.TOP: dict.fromkeys(Cover, 1.0), SensedSurface.RADAR: radar_share}.get(sensed, {})
+        roof = 0.0 if sensed is SensedSurface.GROUND else 1.0
         return np.array([roof if cover in _ROOF else plants.get(cover, 0.0) for cover in Cover])
 
     def cover_at(self, east: ArrayLike, north: ArrayLike) -> Codes:

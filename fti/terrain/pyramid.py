@@ -37,7 +37,7 @@ LEVEL = np.dtype([("start", np.int64), ("wide", np.int64)], align=True)
 TREE = np.dtype([("first", np.int64), ("top", np.int64), ("highest", np.float64)], align=True)
 
 
-class Places(NamedTuple):
+class PyramidAddresses(NamedTuple):
     """Where the arrays of a ``Pyramid`` lie in memory, how many layers there are, and their highest maximum [m].
 
     Plain numbers: a kernel that takes arrays counts references to them, with a locked operation each, at every call.
@@ -68,7 +68,7 @@ class Pyramid(NamedTuple):
     maxima: Maxima
     levels: Records
     trees: Records
-    places: Places
+    places: PyramidAddresses
 
     def __reduce__(self) -> tuple[object, ...]:
         """A copy, here or in another process, lies elsewhere: it is built anew."""
@@ -88,7 +88,7 @@ def build_pyramid(posts: Posts) -> Pyramid:
     for k in range(len(plans)):
         _fill(posts.heights, posts.layers, k, maxima, levels, trees)
     arrays = (posts.heights, posts.layers, maxima, levels, trees)
-    places = Places(*(int(array.ctypes.data) for array in arrays), len(plans), float(trees["highest"].max()))  # type: ignore[call-arg]
+    places = PyramidAddresses(*(int(array.ctypes.data) for array in arrays), len(plans), float(trees["highest"].max()))  # type: ignore[call-arg]
     return Pyramid(*arrays, places)
 
 
@@ -123,31 +123,31 @@ _array: Any = numba.carray  # type: ignore[attr-defined]
 
 
 @kernel
-def heights_at(q: Places) -> Array:
+def heights_at(q: PyramidAddresses) -> Array:
     """``Pyramid.heights``; the length of this and the next is not theirs."""
     return _array(_pointer(q.heights), (1,), np.float64)  # type: ignore[no-any-return]
 
 
 @kernel
-def maxima_at(q: Places) -> Maxima:
+def maxima_at(q: PyramidAddresses) -> Maxima:
     """``Pyramid.maxima``."""
     return _array(_pointer(q.maxima), (1,), np.float32)  # type: ignore[no-any-return]
 
 
 @kernel
-def levels_at(q: Places) -> Records:
+def levels_at(q: PyramidAddresses) -> Records:
     """``Pyramid.levels``."""
     return _array(_pointer(q.levels), (1,), LEVEL)  # type: ignore[no-any-return]
 
 
 @kernel
-def layers_at(q: Places) -> Records:
+def layers_at(q: PyramidAddresses) -> Records:
     """``Pyramid.layers``."""
     return _array(_pointer(q.layers), (q.n_layers,), LAYER)  # type: ignore[no-any-return]
 
 
 @kernel
-def trees_at(q: Places) -> Records:
+def trees_at(q: PyramidAddresses) -> Records:
     """``Pyramid.trees``."""
     return _array(_pointer(q.trees), (q.n_layers,), TREE)  # type: ignore[no-any-return]
 

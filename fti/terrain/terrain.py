@@ -26,12 +26,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from fti.geodesy.local import LocalFrame
 from fti.terrain import surface
-from fti.terrain.cast import cast_rays
+from fti.terrain.file_info import NO_SOURCE, ElevationFileInfo
 from fti.terrain.layer import Layer
 from fti.terrain.pyramid import Pyramid, build_pyramid
+from fti.terrain.ray_cast import cast_rays
 from fti.terrain.resampling import ResamplingError
 from fti.terrain.seams import check_stack
-from fti.terrain.source import NO_SOURCE, Source
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.uint8]
@@ -57,7 +57,7 @@ class Terrain:
 
     layers: tuple[Layer, ...]
     frame: LocalFrame
-    sources: tuple[Source, ...] = ()
+    sources: tuple[ElevationFileInfo, ...] = ()
     resampling: tuple[ResamplingError, ...] = ()
 
     def __post_init__(self) -> None:
@@ -110,7 +110,7 @@ class Terrain:
         one without coordinate system or vertical datum, files of which none touches the area, and an area too large
         for its cell; ValueError for arguments that make no sense.
         """
-        from fti.terrain.files.opening import open_terrain  # noqa: PLC0415 - GDAL and PROJ are slow to load
+        from fti.terrain.files.open_terrain import open_terrain  # noqa: PLC0415 - GDAL and PROJ are slow to load
 
         return open_terrain(
             [os.fspath(path) for path in paths],

@@ -25,7 +25,7 @@ from fti.testing.slots import FlightSlots
 from fti.testing.unit import UnitUnderTest
 
 POLL_S = 0.02
-Found = TypeVar("Found")
+ResultT = TypeVar("ResultT")
 
 
 class Bench:
@@ -70,10 +70,10 @@ class Bench:
     def take_slot(self) -> None:
         """Wait until a flight may begin on this machine; once for each bench."""
         if self._slots:
-            self.slots.enter_context(self._slots.taken())
+            self.slots.enter_context(self._slots.hold())
             self._slots = None
 
-    def wait_for(self, condition: Callable[[], Found], timeout_s: float, what: Callable[[], str]) -> Found:
+    def wait_for(self, condition: Callable[[], ResultT], timeout_s: float, what: Callable[[], str]) -> ResultT:
         """Wait until a condition holds while every program runs.  Raises BenchError, which says what was waited for."""
         deadline = time.monotonic() + timeout_s
         while not (found := condition()):
@@ -104,7 +104,7 @@ class Bench:
         """End what is still running."""
         if not self.is_closed:
             self.is_closed = True
-            with _removed(self.run_folder):
+            with _remove_folder(self.run_folder):
                 self.end_flight()
 
     def sections(self) -> Iterator[tuple[str, str]]:
@@ -115,7 +115,7 @@ class Bench:
 
 
 @contextlib.contextmanager
-def _removed(folder: Path) -> Iterator[None]:
+def _remove_folder(folder: Path) -> Iterator[None]:
     try:
         yield
     finally:

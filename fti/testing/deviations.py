@@ -22,11 +22,11 @@ TRUTH_OF: Mapping[tuple[str, str], str] = {
 #: Their differences are taken around the circle [rad].
 ANGLES = frozenset(("roll", "pitch", "heading", "lat", "lon", "deviation"))
 SPEEDS = frozenset(("vel_north", "vel_east", "vel_down", "ground_speed", "tas"))
-PLACES = frozenset(("lat", "lon"))
+POSITION_ANGLES = frozenset(("lat", "lon"))
 
 
 @dataclass(frozen=True, slots=True)
-class Deviations:
+class TruthDeviations:
     """The messages that can be compared, shape (n,) each.
 
     name : quantity of the truth; rows : their positions in the series; t_s : times of validity [s of the flight]
@@ -43,12 +43,12 @@ class Deviations:
     @property
     def unit(self) -> str:
         """Of the error."""
-        if self.name in ANGLES - PLACES:
+        if self.name in ANGLES - POSITION_ANGLES:
             return "rad"
         return "m/s" if self.name in SPEEDS else "m"
 
 
-def compare(series: TopicSeries, quantity: str, truth: TruthTable, name: str | None = None) -> Deviations:
+def compare(series: TopicSeries, quantity: str, truth: TruthTable, name: str | None = None) -> TruthDeviations:
     """Compare the valid messages whose number is known, as is the truth at their time of validity.
 
     name : quantity of the truth; None : that of the same name
@@ -60,10 +60,10 @@ def compare(series: TopicSeries, quantity: str, truth: TruthTable, name: str | N
     error = value - true
     if name in ANGLES:
         error = np.arctan2(np.sin(error), np.cos(error))
-    if name in PLACES:
+    if name in POSITION_ANGLES:
         error = error * _metres_per_radian(name, truth.at("lat", valid_ns))
     rows = np.flatnonzero(series.valid & np.isfinite(error))
-    return Deviations(name, rows, truth.seconds(valid_ns[rows]), value[rows], true[rows], error[rows])
+    return TruthDeviations(name, rows, truth.seconds(valid_ns[rows]), value[rows], true[rows], error[rows])
 
 
 def _metres_per_radian(name: str, lat: Array) -> Array:

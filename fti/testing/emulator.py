@@ -17,7 +17,7 @@ from fti.testing.toml_text import toml_text
 if TYPE_CHECKING:
     from fti.config import Config
     from fti.hil.scenario import Scenario
-    from fti.hil.tables.kinds import Fault
+    from fti.hil.tables.fault_types import Fault
     from fti.testing.bench import Bench
     from fti.testing.flight import Flight
 
@@ -119,7 +119,7 @@ class Emulator:
         if process is None:
             raise BenchError("the emulator was not started: call start(SCENARIO) first")
         bench = self._bench
-        bench.wait_for(lambda: self._has_begun(process), begin_within_s, self._why_not_begun)
+        bench.wait_for(lambda: self._has_begun(process), begin_within_s, self._begin_failure)
         self._wait_for_end(process)
         bench.end_flight()
         return Flight(bench.recorder.session, bench.recorder.truth_in_session or self.truth, self.faults)
@@ -127,13 +127,13 @@ class Emulator:
     def _has_begun(self, process: BenchProcess) -> bool:
         if process.exit_code is not None:
             raise BenchError(f"the emulator ended with exit code {process.exit_code}\n{process.last_lines()}")
-        from fti.hil.truth import TOPIC
+        from fti.hil.truth_log import TOPIC
         from fti.logger.reading.mcap_file import McapFile
 
         return self.truth.is_file() and any(item.topic.name == TOPIC for item in McapFile(self.truth).items())
 
-    def _why_not_begun(self) -> str:
-        missing = [str(link) for link in self.links.values() if link.kind == "udp" and not _is_listened_to(link)]
+    def _begin_failure(self) -> str:
+        missing = [str(link) for link in self.links.values() if link.kind == "udp" and not _has_listener(link)]
         told = f"nobody listens at {', '.join(missing)}" if missing else ", ".join(map(str, self.links.values()))
         return (
             "the begin of the flight: it begins when the unit under test has opened every link of the emulator "
@@ -178,5 +178,5 @@ def quiet_environment() -> dict[str, str]:
     return {**os.environ, "PYTHONUNBUFFERED": "1"}
 
 
-def _is_listened_to(link: LinkAddress) -> bool:
+def _has_listener(link: LinkAddress) -> bool:
     return link.port is not None and is_udp_port_bound(link.port)

@@ -11,25 +11,25 @@ Condition = Callable[[dict[str, Any]], bool]
 LISTS = ("flags", "reasons")
 
 
-class Span(NamedTuple):
+class FlagSpan(NamedTuple):
     """A flag stands from the message that has it until the first that has not; infinity where none follows [s]."""
 
     from_s: float
     until_s: float
 
 
-def spans_of(times_s: Sequence[float], rows: Sequence[dict[str, Any]], flag: str | Condition) -> list[Span]:
+def spans_of(times_s: Sequence[float], rows: Sequence[dict[str, Any]], flag: str | Condition) -> list[FlagSpan]:
     """When a flag stood, in order.  times_s : of the rows, ascending"""
-    stands: Condition = flag if callable(flag) else lambda row: _has(row, flag)
-    spans = list[Span]()
+    is_paused: Condition = flag if callable(flag) else lambda row: _has(row, flag)
+    spans = list[FlagSpan]()
     begin: float | None = None
     for t_s, row in zip(times_s, rows, strict=True):
-        if stands(row):
+        if is_paused(row):
             begin = t_s if begin is None else begin
         elif begin is not None:
-            spans.append(Span(begin, t_s))
+            spans.append(FlagSpan(begin, t_s))
             begin = None
-    return spans if begin is None else [*spans, Span(begin, math.inf)]
+    return spans if begin is None else [*spans, FlagSpan(begin, math.inf)]
 
 
 def show(flag: str | Condition) -> str:

@@ -6,13 +6,13 @@ from collections.abc import Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 
-from fti.hil.tables.kinds import Fault
-from fti.hil.truth import TOPIC
+from fti.hil.tables.fault_types import Fault
+from fti.hil.truth_log import TOPIC
 from fti.logger.reading.mcap_file import McapFile
 from fti.post.score.truth_table import TruthTable
 from fti.testing.errors import BenchError
 from fti.testing.session_topics import SessionTopics
-from fti.testing.topic import Background, Topic
+from fti.testing.topic import FlightContext, Topic
 
 SECOND_NS = 1_000_000_000
 #: An emulator that was later than this is named in the message of a failure [s].
@@ -76,10 +76,10 @@ class Flight:
             there = ", ".join(self.topics) or "none"
             raise AssertionError(f"{name}: no such topic in {self.session}; there are {there}")
         end_s = self.duration_s if until_s is None else until_s
-        background = Background(self.truth, self.faults, self._circumstances())
+        background = FlightContext(self.truth, self.faults, self._failure_context())
         return Topic(series, background, (from_s, end_s), where or {})
 
-    def _circumstances(self) -> str:
+    def _failure_context(self) -> str:
         """What stands below the message of a failure."""
         late = self.emulator_late_s
         bench = f"\nthe emulator was late by up to {late:.2f} s: this machine was busy" if late > LATE_S else ""

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from fti.config import CanLink, Config, Link, SerialLink, UdpLink
-from fti.service.binding import option_files
+from fti.devices import option_files
 from fti.testing.toml_text import toml_text
 
 LOOPBACK = "127.0.0.1"
@@ -21,7 +21,7 @@ MAX_TRIES = 1000
 #: State of a listening socket in /proc/net/tcp.
 TCP_LISTEN = "0A"
 _random = random.SystemRandom()
-_given: set[int] = set()
+_issued_ports: set[int] = set()
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,8 +53,8 @@ def free_udp_port() -> int:
                 sock.bind((LOOPBACK, port))
             except OSError:
                 continue
-        if port not in _given:
-            _given.add(port)
+        if port not in _issued_ports:
+            _issued_ports.add(port)
             return port
     raise OSError(f"no free UDP port between {FIRST_PORT} and {LAST_PORT}")
 
@@ -88,7 +88,7 @@ def on_free_ports(config: Config) -> Config:
     )
     display = config.display.model_copy(update={"enabled": False})
     bus = config.bus.model_copy(update={"enabled": False})
-    links = tuple(_freed(link) for link in config.link)
+    links = tuple(_move_to_free_port(link) for link in config.link)
     return config.model_copy(update={"link": links, "device": devices, "display": display, "bus": bus})
 
 
@@ -97,7 +97,7 @@ def _absolute(options: dict[str, Any], where: str, files: dict[str, Path]) -> di
             for key, value in options.items()}  # fmt: skip
 
 
-def _freed(link: Link) -> Link:
+def _move_to_free_port(link: Link) -> Link:
     if isinstance(link, UdpLink):
         changes: dict[str, Any] = {"bind": f"{LOOPBACK}:{free_udp_port()}"}
         if link.source:

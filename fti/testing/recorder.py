@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fti import config as configuration
-from fti.service.binding import bind_devices
-from fti.service.rundir import INFO
+from fti.devices import bind_devices
+from fti.service.run_directory import INFO
 from fti.testing.emulator import FTI, quiet_environment
 from fti.testing.errors import BenchError
 from fti.testing.ports import LinkAddress, addresses, on_free_ports, write_config

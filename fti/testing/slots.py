@@ -20,32 +20,32 @@ class FlightSlots:
     def __init__(self, folder: Path, count: int | None = None) -> None:
         cores = len(os.sched_getaffinity(0))
         self._folder, self.count = folder, count or max(1, cores // CORES_OF_A_FLIGHT)
-        self._taken = 0
+        self._holders = 0
 
     @contextlib.contextmanager
-    def taken(self) -> Iterator[None]:
+    def hold(self) -> Iterator[None]:
         """Wait for a free slot and hold it; it is free again when this process ends, however it does.
 
         A test that flies two benches at once has one slot for both: it would wait for itself.
         """
-        with self._one() if not self._taken else contextlib.nullcontext():
-            self._taken += 1
+        with self._one() if not self._holders else contextlib.nullcontext():
+            self._holders += 1
             try:
                 yield
             finally:
-                self._taken -= 1
+                self._holders -= 1
 
     @contextlib.contextmanager
     def _one(self) -> Iterator[None]:
         self._folder.mkdir(parents=True, exist_ok=True)
         with contextlib.ExitStack() as stack:
             files = [stack.enter_context((self._folder / f"slot_{i}.lock").open("w")) for i in range(self.count)]
-            while not any(_locked(file.fileno()) for file in files):
+            while not any(_try_lock(file.fileno()) for file in files):
                 time.sleep(POLL_S)
             yield
 
 
-def _locked(descriptor: int) -> bool:
+def _try_lock(descriptor: int) -> bool:
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:

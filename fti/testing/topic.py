@@ -12,21 +12,21 @@ from typing import Any, NamedTuple, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
-from fti.hil.tables.kinds import Fault
+from fti.hil.tables.fault_types import Fault
 from fti.post.score.series import TopicSeries
 from fti.post.score.truth_table import TruthTable
-from fti.testing.deviations import Deviations, compare
+from fti.testing.deviations import TruthDeviations, compare
 from fti.testing.flags import Condition, show, spans_of
 
 Array = NDArray[np.float64]
 
 
-class Background(NamedTuple):
+class FlightContext(NamedTuple):
     """What all topics of a flight share.  circumstances : what stands below the message of each failure"""
 
     truth: TruthTable
     faults: Sequence[Fault]
-    circumstances: str
+    failure_context: str
 
 
 class Topic:
@@ -38,12 +38,12 @@ class Topic:
     def __init__(
         self,
         series: TopicSeries,
-        background: Background,
+        background: FlightContext,
         interval: tuple[float, float],
         where: Mapping[str, object],
     ) -> None:
         self.name = series.topic + "".join(f" [{key} = {value}]" for key, value in where.items())
-        self._truth, self._faults, self._circumstances = background
+        self._truth, self._faults, self._failure_context = background
         self.from_s, self.until_s = interval
         t_s = self._truth.seconds(series.log_ns)
         wanted = (t_s >= self.from_s) & (t_s <= self.until_s)
@@ -108,7 +108,7 @@ class Topic:
         A message is compared with the truth at its time of validity; that of the unit's own delay is an error of the
         unit, unless the recorder's configuration states it (``latency_ms``, or the time in the message).
         limit : in SI, angles in rad, lat and lon in metres along the ground
-        truth : quantity of the truth file (``fti.hil.truth.QUANTITIES``); None : that of the same name
+        truth : quantity of the truth file (``fti.hil.truth_log.QUANTITIES``); None : that of the same name
         """
         __tracebackhide__ = True
         found = self._compare(quantity, truth)
@@ -126,7 +126,7 @@ class Topic:
             self._fail(f"{quantity}: {len(without)} messages state no {sd}, the first at {found.t_s[without[0]]:.2f} s")
         self._judge(quantity, found, k * stated, share, f"{k:g} {sd} = ")
 
-    def _compare(self, quantity: str, truth: str | None) -> Deviations:
+    def _compare(self, quantity: str, truth: str | None) -> TruthDeviations:
         __tracebackhide__ = True
         self._assert_any(self.series)
         fields = sorted({name for row in self.rows for name in row if name != "stamp"})
@@ -141,7 +141,7 @@ class Topic:
             self._fail(f"{quantity}: nothing to compare: {valid} of {len(self)} messages are valid, none with a number")
         return found
 
-    def _judge(self, quantity: str, found: Deviations, limits: Array, share: float, factor: str = "") -> None:
+    def _judge(self, quantity: str, found: TruthDeviations, limits: Array, share: float, factor: str = "") -> None:
         """limits : of each message, shape (n,); factor : of which they are made, where they differ"""
         __tracebackhide__ = True
         beyond = ~(np.abs(found.error) <= limits)
@@ -218,4 +218,4 @@ class Topic:
 
     def _fail(self, text: str) -> NoReturn:
         __tracebackhide__ = True
-        raise AssertionError(f"{self.name}, {self.from_s:g} to {self.until_s:g} s: {text}{self._circumstances}")
+        raise AssertionError(f"{self.name}, {self.from_s:g} to {self.until_s:g} s: {text}{self._failure_context}")

@@ -55,8 +55,8 @@ class UnitUnderTest:
         is a ``UnitKilledWarning``
         Raises BenchError with its last lines when it ends or is not ready in time.
         """
-        arguments = [self._filled(str(part)) for part in command]
-        variables = {name: self._filled(text) for name, text in (env or {}).items()}
+        arguments = [self._fill_placeholders(str(part)) for part in command]
+        variables = {name: self._fill_placeholders(text) for name, text in (env or {}).items()}
         number = len(self.programs)
         title = f"unit under test, {Path(arguments[0]).name}" + (f" ({number})" if number else "")
         program = BenchProcess(
@@ -84,9 +84,9 @@ class UnitUnderTest:
         return program
 
     def _port(self, port: str | int | None) -> int | None:
-        return None if port is None else int(self._filled(str(port)))
+        return None if port is None else int(self._fill_placeholders(str(port)))
 
-    def _filled(self, text: str) -> str:
+    def _fill_placeholders(self, text: str) -> str:
         """A text with its placeholders filled in.  Raises BenchError, which names the links that there are."""
         try:
             return text.format(**self._bench.placeholders)

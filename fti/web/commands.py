@@ -15,14 +15,14 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-LONGEST_TEXT = 200
-MOST_PER_SECOND = 5
+MAX_TEXT_CHARS = 200
+MAX_PER_SECOND = 5
 #: A connection that has shown so many keys that do not fit is closed.
 MAX_WRONG_KEYS = 3
 NS_PER_S = 1_000_000_000
 #: Command of the page to what the daemon is told beside the text of a mark.
 MARKS: dict[str, dict[str, bool]] = {"mark": {}, "snapshot": {"trigger": True}}
-NO_SUCH = "there is no such command"
+UNKNOWN_COMMAND = "there is no such command"
 CHECK = "check"
 WITHOUT_KEY = "view only; to control: fti page"
 WRONG_KEY = "the key is old; to control: fti page"
@@ -31,7 +31,7 @@ Send = Callable[[Mapping[str, Any]], bool]
 
 
 @dataclass(slots=True)
-class Client:
+class PageClient:
     """A connected page.  user : whose program it is, as far as that is known; wrong_keys : how many it has shown"""
 
     user: str
@@ -50,9 +50,9 @@ class CommandGate:
         self._key = key.encode()
         self._send = send
         self._now_ns = now_ns
-        self._taken: deque[int] = deque(maxlen=MOST_PER_SECOND)
+        self._taken: deque[int] = deque(maxlen=MAX_PER_SECOND)
 
-    def obey(self, message: str, client: Client) -> dict[str, Any] | None:
+    def handle_message(self, message: str, client: PageClient) -> dict[str, Any] | None:
         """Do what a message says; ``{"type": "answer", "id", "fault"}``, or None when it is no command."""
         try:
             command = json.loads(message)
@@ -62,7 +62,7 @@ class CommandGate:
             return None
         return {"type": "answer", "id": command.get("id"), "fault": self._refusal(command, client)}
 
-    def _refusal(self, command: Mapping[str, Any], client: Client) -> str | None:
+    def _refusal(self, command: Mapping[str, Any], client: PageClient) -> str | None:
         """Why a command is refused; None when it was handed on."""
         if fault := self._fault_of_key(command.get("key"), client):
             return fault
@@ -72,10 +72,10 @@ class CommandGate:
         if isinstance(found, str):
             return found
         if not self._has_room():
-            return f"more than {MOST_PER_SECOND} marks or commands in a second"
+            return f"more than {MAX_PER_SECOND} marks or commands in a second"
         return None if self._send(found) else "the daemon does not listen"
 
-    def _fault_of_key(self, key: object, client: Client) -> str | None:
+    def _fault_of_key(self, key: object, client: PageClient) -> str | None:
         """Why a client may not command; one that has shown too many keys may not any more."""
         if not isinstance(key, str) or not key:
             return WITHOUT_KEY
@@ -87,7 +87,7 @@ class CommandGate:
     def _has_room(self) -> bool:
         """Count a command, unless the last second was full of them."""
         now = self._now_ns()
-        if len(self._taken) == MOST_PER_SECOND and now - self._taken[0] < NS_PER_S:
+        if len(self._taken) == MAX_PER_SECOND and now - self._taken[0] < NS_PER_S:
             return False
         self._taken.append(now)
         return True
@@ -95,13 +95,13 @@ class CommandGate:
 
 def read_mark(command: Mapping[str, Any], user: str) -> dict[str, Any] | str:
     """A mark as the daemon takes it, or why it is none.  user : whose browser it comes from"""
-    text, name = clean(command.get("text")), command["command"]
+    text, name = clean_text(command.get("text")), command["command"]
     if not isinstance(name, str) or name not in MARKS or text is None:
-        return NO_SUCH
+        return UNKNOWN_COMMAND
     return fault_of_mark(text) or {"mark": text, **MARKS[name], "who": user}
 
 
-def read_wish(command: Mapping[str, Any], user: str) -> dict[str, Any] | str:
+def read_device_command(command: Mapping[str, Any], user: str) -> dict[str, Any] | str:
     """A command to a device, ``{device, name, args, request}``, as the daemon takes it, or why it is none.
 
     request : the page's number of it, made once for each click; the daemon sends the same one once
@@ -110,23 +110,23 @@ def read_wish(command: Mapping[str, Any], user: str) -> dict[str, Any] | str:
     texts = {key: command.get(source) for key, source in (("id", "request"), ("device", "device"), ("command", "name"))}
     args = command.get("args")
     if not isinstance(args, dict) or not all(isinstance(text, str) for text in (*texts.values(), *args.values())):
-        return NO_SUCH
+        return UNKNOWN_COMMAND
     return {"send": {**texts, "args": args}, "who": user}
 
 
 def read_acknowledgement(command: Mapping[str, Any], user: str) -> dict[str, Any] | str:
     """The identity of an alarm, or None for all, as the daemon takes it; or why it is none.  user : who has seen it"""
     alarm_id = command.get("alarm")
-    if alarm_id is not None and not (isinstance(alarm_id, str) and len(alarm_id) <= LONGEST_TEXT):
-        return NO_SUCH
+    if alarm_id is not None and not (isinstance(alarm_id, str) and len(alarm_id) <= MAX_TEXT_CHARS):
+        return UNKNOWN_COMMAND
     return {"acknowledge": alarm_id, "who": user}
 
 
 #: What reads a command; all others are marks.
-READERS = {"send": read_wish, "acknowledge": read_acknowledgement}
+READERS = {"send": read_device_command, "acknowledge": read_acknowledgement}
 
 
-def clean(text: object) -> str | None:
+def clean_text(text: object) -> str | None:
     """A text on one line of printable characters; None when it is no text."""
     if not isinstance(text, str):
         return None
@@ -135,6 +135,6 @@ def clean(text: object) -> str | None:
 
 def fault_of_mark(text: str) -> str | None:
     """Why a text cannot be a mark; None when it can."""
-    if 1 <= len(text) <= LONGEST_TEXT:
+    if 1 <= len(text) <= MAX_TEXT_CHARS:
         return None
-    return f"a mark has 1 to {LONGEST_TEXT} characters, not {len(text)}"
+    return f"a mark has 1 to {MAX_TEXT_CHARS} characters, not {len(text)}"

@@ -14,7 +14,7 @@ from aiohttp.typedefs import Handler, Middleware
 from aiohttp.web_protocol import RequestHandler
 
 #: A whole request comes within this time after the connection [s].
-REQUEST_S = 5.0
+REQUEST_TIMEOUT_S = 5.0
 #: So many connections without a request are held at a time.
 MAX_WAITING = 64
 #: So many connections that have made a request are held at a time: a browser has six, and a socket.
@@ -56,10 +56,10 @@ class ConnectionLimits:
 
     async def _watch(self, server: web.Server) -> None:
         while True:
-            self.look(server.connections, asyncio.get_running_loop().time())
+            self.check(server.connections, asyncio.get_running_loop().time())
             await asyncio.sleep(PERIOD_S)
 
-    def look(self, connections: Collection[RequestHandler], now: float) -> None:
+    def check(self, connections: Collection[RequestHandler], now: float) -> None:
         """Close what has waited too long, and the oldest of too many.  now : time of the loop [s]"""
         self._served.intersection_update(connections)
         waiting = [one for one in connections if one not in self._served]
@@ -67,5 +67,5 @@ class ConnectionLimits:
         waiting.sort(key=lambda one: self._since[one])
         too_many = len(waiting) - MAX_WAITING
         for n, one in enumerate(waiting):
-            if n < too_many or now - self._since[one] > REQUEST_S:
+            if n < too_many or now - self._since[one] > REQUEST_TIMEOUT_S:
                 one.force_close()

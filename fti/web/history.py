@@ -20,7 +20,7 @@ class History:
         self._rows: deque[tuple[int, dict[str, float | None]]] = deque()
         self._now: dict[str, float | None] = {}
 
-    def take(self, topic: str, fields: Mapping[str, Any]) -> None:
+    def update(self, topic: str, fields: Mapping[str, Any]) -> None:
         """Take one output; a row is added when the last one is old enough."""
         if not topic.startswith((HEIGHT, GLIDE)) or not isinstance(fields.get("t_ns"), int):
             return

@@ -25,15 +25,15 @@ from aiohttp import WSCloseCode, WSMsgType, web
 from aiohttp.typedefs import Handler
 
 from fti.errors import MissingError
-from fti.web.command_board import CommandBoard
-from fti.web.commands import Client, CommandGate
+from fti.web.command_status import CommandStatus
+from fti.web.commands import CommandGate, PageClient
 from fti.web.connections import ConnectionLimits
-from fti.web.feed import Feed
+from fti.web.live_state import LiveState
 
 LOOPBACK = "127.0.0.1"
 NAMES = ("127.0.0.1", "localhost", "[::1]")
 PERIOD_S = 0.1
-LONGEST_MESSAGE = 2048
+MAX_MESSAGE_BYTES = 2048
 IDLE_S = 15.0  # a connection without a request is kept so long
 CONTENT_TYPES = {
     ".html": "text/html",
@@ -50,7 +50,7 @@ HEADERS = {
     "Cross-Origin-Resource-Policy": "same-origin",
     "Cache-Control": "no-cache",
 }
-UserOf = Callable[[tuple[str, int], tuple[str, int]], str]
+UserLookup = Callable[[tuple[str, int], tuple[str, int]], str]
 CLOSED = (WSMsgType.CLOSE, WSMsgType.CLOSING, WSMsgType.CLOSED, WSMsgType.ERROR)
 
 
@@ -78,7 +78,7 @@ def _to_json(message: Mapping[str, Any]) -> str:
     return json.dumps(message, allow_nan=False)
 
 
-def is_welcome(request: web.Request) -> bool:
+def is_allowed(request: web.Request) -> bool:
     """The request names this server on loopback and comes from its own page, or from no page at all."""
     port = request.transport.get_extra_info("sockname")[1] if request.transport else None
     host = request.headers.get("Host")
@@ -91,7 +91,7 @@ def is_welcome(request: web.Request) -> bool:
 @web.middleware
 async def guard_origin(request: web.Request, handler: Handler) -> web.StreamResponse:
     """Refuse strangers."""
-    if not is_welcome(request):
+    if not is_allowed(request):
         raise web.HTTPForbidden(text="only this server's own page on loopback is served", headers=HEADERS)
     return await handler(request)
 
@@ -103,10 +103,10 @@ class PageServer:
     user_of : whose program is connected from one address to another, our own
     """
 
-    def __init__(self, feed: Feed, now_ns: Callable[[], int], gate: CommandGate, user_of: UserOf) -> None:
+    def __init__(self, feed: LiveState, now_ns: Callable[[], int], gate: CommandGate, user_of: UserLookup) -> None:
         self._feed = feed
         self._now_ns = now_ns
-        self.board = CommandBoard()
+        self.board = CommandStatus()
         self._gate = gate
         self._user_of = user_of
         self._files = static_files()
@@ -154,7 +154,7 @@ class PageServer:
         return web.Response(body=body, content_type=content_type, charset=charset, headers=HEADERS)
 
     async def _serve_socket(self, request: web.Request) -> web.WebSocketResponse:
-        socket = web.WebSocketResponse(max_msg_size=LONGEST_MESSAGE, heartbeat=5.0)
+        socket = web.WebSocketResponse(max_msg_size=MAX_MESSAGE_BYTES, heartbeat=5.0)
         await socket.prepare(request)
         self._sockets.add(socket)
         client = self._describe_client(request)
@@ -171,12 +171,12 @@ class PageServer:
             pass  # the browser has gone
         return socket
 
-    def _describe_client(self, request: web.Request) -> Client:
+    def _describe_client(self, request: web.Request) -> PageClient:
         assert request.transport is not None  # the socket has just been prepared
         peer, here = (request.transport.get_extra_info(end)[:2] for end in ("peername", "sockname"))
-        return Client(self._user_of(peer, here))
+        return PageClient(self._user_of(peer, here))
 
-    async def _pause(self, socket: web.WebSocketResponse, client: Client) -> None:
+    async def _pause(self, socket: web.WebSocketResponse, client: PageClient) -> None:
         """Wait for the next turn; commands that arrive meanwhile and a closing handshake are answered."""
         end = asyncio.get_running_loop().time() + PERIOD_S
         while (left := end - asyncio.get_running_loop().time()) > 0 and not socket.closed:
@@ -186,7 +186,7 @@ class PageServer:
                 return
             if message.type in CLOSED:
                 await socket.close()
-            elif message.type is WSMsgType.TEXT and (answer := self._gate.obey(message.data, client)):
+            elif message.type is WSMsgType.TEXT and (answer := self._gate.handle_message(message.data, client)):
                 await socket.send_str(_to_json(answer))
                 if client.is_refused:
                     await socket.close(code=WSCloseCode.POLICY_VIOLATION)

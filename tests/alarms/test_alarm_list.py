@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fti.alarms.alarm_list import AlarmList
-from fti.alarms.condition import Condition, Report, Severity
+from fti.alarms.condition import Condition, ConditionReport, Severity
 
 ALERT = Condition("integrity_alert", Severity.WARNING, "GROUND CLEARANCE ALERT", "obstacle")
 CAUTION = Condition("integrity_caution", Severity.CAUTION, "GROUND CLEARANCE CAUTION", "shifted")
@@ -26,7 +26,7 @@ class Kept(AlarmList):
         self.recorded: list[dict[str, Any]] = []
 
     def say(self, t_ns: int, subject: str, condition: Condition | None) -> None:
-        self.report(Report(t_ns, subject, condition))
+        self.report(ConditionReport(t_ns, subject, condition))
         self.recorded += self.take_changes()
 
     @property
@@ -169,7 +169,7 @@ def test_those_that_have_begun_since_a_time_are_acknowledged() -> None:
     alarms = Kept()
     alarms.say(10, "link", LINK)
     alarms.say(20, "integrity", CAUTION)
-    assert alarms.acknowledge("anna", 21, begun_ns=15) == 1
+    assert alarms.acknowledge("anna", 21, since_ns=15) == 1
     assert {row["id"]: row["is_acknowledged"] for row in alarms.rows()} == {
         "link:ins": False,
         "integrity_caution": True,
@@ -186,10 +186,10 @@ def test_causes_in_a_circle_are_shown_all_the_same() -> None:
 
 def test_a_report_comes_through_json_as_it_was() -> None:
     for condition in (POSITION, Condition("space", Severity.CAUTION, "SPACE", "why", 12.5, is_latched=False), None):
-        report = Report(7, "subject", condition)
-        assert Report.from_json(report.as_json()) == report
+        report = ConditionReport(7, "subject", condition)
+        assert ConditionReport.from_json(report.as_json()) == report
     with pytest.raises(ValueError, match="severity"):
-        Report.from_json({**Report(7, "a", ALERT).as_json(), "severity": "severity"})
+        ConditionReport.from_json({**ConditionReport(7, "a", ALERT).as_json(), "severity": "severity"})
 
 
 steps = st.lists(
@@ -212,7 +212,7 @@ def test_nothing_that_lasts_or_was_not_seen_is_ever_missing(taken: list[tuple[st
             if name is not None and lasting.get(number) != name:
                 unseen.add(name)
             condition = name and Condition(name, Severity.CAUTION, name)
-            alarms.report(Report(t_ns, str(number), condition or None))
+            alarms.report(ConditionReport(t_ns, str(number), condition or None))
             if name is None:
                 lasting.pop(number, None)
             else:

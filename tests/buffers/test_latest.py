@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from fti.buffers.latest import Latest
+from fti.buffers.latest import LatestValue
 
 
 def test_the_last_value_wins() -> None:
-    latest = Latest[str]()
+    latest = LatestValue[str]()
     assert latest.get() == (0, None)
     latest.set("a")
     latest.set("b")

@@ -14,8 +14,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fti.buffers.ring import ALONE, PAGE, ReaderState, Ring, ring_size
-from fti.buffers.ring_reader import Record, RingReader
+from fti.buffers.ring import PAGE, SINGLE_FRAME_BYTES, ReaderState, Ring, ring_size
+from fti.buffers.ring_reader import RingFrame, RingReader
 from fti.config import CanLink, SerialLink, UdpLink
 from tests.helpers import ROOT, until
 
@@ -37,10 +37,10 @@ def put(ring: Ring, *numbers: int) -> None:
         ring.put_many([seq % 7], seq, [seq * 10], [payload(seq)])
 
 
-def check(records: list[Record]) -> list[int]:
+def check(records: list[RingFrame]) -> list[int]:
     for record in records:
         seq = record.seq
-        assert record == Record(seq % 7, seq, seq * 10, payload(seq))
+        assert record == RingFrame(seq % 7, seq, seq * 10, payload(seq))
     return [record.seq for record in records]
 
 
@@ -56,7 +56,7 @@ def test_frames_come_out_as_they_went_in(ring: Ring) -> None:
     assert reader.read() == []
     put(ring, 5, 6, 7)
     assert check(reader.read(2)) == [5, 6]
-    assert ring.lag_bytes == 3 * ALONE + sum(len(payload(s)) for s in (5, 6, 7))
+    assert ring.lag_bytes == 3 * SINGLE_FRAME_BYTES + sum(len(payload(s)) for s in (5, 6, 7))
     assert check(reader.read(2)) == [7]
     assert reader.read() == []
     assert (reader.lost_frames, ring.lag_bytes, ring.oldest_seq, ring.next_seq) == (0, 0, 5, 8)
@@ -96,7 +96,7 @@ def test_frames_that_are_put_together_are_read_one_by_one(turns: list[tuple[int,
         ring.put_many([3] * count, seq, [10 * n for n in numbers], [payload(n) for n in numbers])
         seq += count
         for record in reader.read(read) if read else []:
-            assert record == Record(3, record.seq, 10 * record.seq, payload(record.seq))
+            assert record == RingFrame(3, record.seq, 10 * record.seq, payload(record.seq))
             found.append(record.seq)
     while records := reader.read():
         found += [record.seq for record in records]
@@ -111,7 +111,7 @@ def test_what_is_too_much_for_one_record_is_divided() -> None:
     reader, frames = RingReader(ring), [bytes([i]) * 1500 for i in range(20)]
     ring.put_many([i % 3 for i in range(20)], 7, list(range(20)), frames)
     found = reader.read()
-    assert found == [Record(i % 3, 7 + i, i, frame) for i, frame in enumerate(frames)]
+    assert found == [RingFrame(i % 3, 7 + i, i, frame) for i, frame in enumerate(frames)]
     assert reader.lost_frames == 0
     assert ring.next_seq == 27
     ring.close()
@@ -204,7 +204,7 @@ def test_record_overwritten_while_it_is_copied_is_not_believed(ring: Ring, monke
 def test_damaged_memory_is_skipped_and_counted(ring: Ring) -> None:
     reader = RingReader(ring)
     put(ring, 1, 2, 3)
-    ring._map[PAGE + ALONE + 2] ^= 1  # inside the data of the first frame
+    ring._map[PAGE + SINGLE_FRAME_BYTES + 2] ^= 1  # inside the data of the first frame
     assert reader.read() == []
     put(ring, 4, 5)
     assert check(reader.read()) == [4, 5]
@@ -306,7 +306,7 @@ def test_size_holds_thirty_seconds() -> None:
     slow = [SerialLink(name=f"s{i}", kind="serial", port="x") for i in range(10)]
     assert ring_size(slow) == 16 * 2**20
     fast = [CanLink(name=f"c{i}", kind="can", interface="socketcan", channel="c", bitrate=1_000_000) for i in range(4)]
-    assert ring_size(fast) >= 30 * 4 * (1_000_000 // 111) * (16 + ALONE)  # frames with 8 bytes of data
+    assert ring_size(fast) >= 30 * 4 * (1_000_000 // 111) * (16 + SINGLE_FRAME_BYTES)  # frames with 8 bytes of data
     udp = [UdpLink(name=f"u{i}", kind="udp", bind="127.0.0.1:0") for i in range(9)]
     assert ring_size(udp) >= 30 * 9 * 2000 * 100
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from fti.bus.frame import SOCKET_NAME
 from fti.bus.hub import Hub
-from fti.service.bus_thread import serving
+from fti.service.supervisor.bus_thread import hub_thread
 
 DEADLINE_S = 20.0
 
@@ -30,7 +30,7 @@ class RunningHub:
         folder = self._ending.enter_context(tempfile.TemporaryDirectory(prefix="fti-bus-"))
         self.warnings: list[str] = []
         self.hub = Hub(path or Path(folder) / SOCKET_NAME, self.warnings.append)
-        self._ending.enter_context(serving(self.hub, self.warnings.append))
+        self._ending.enter_context(hub_thread(self.hub, self.warnings.append))
 
     def __enter__(self) -> RunningHub:
         return self

@@ -338,9 +338,9 @@ def test_without_a_hub_publishing_returns_and_subscribing_says_so(tmp_path: Path
 def test_a_failure_of_the_hub_is_told_and_it_works_on(
     running: RunningHub, path: Path, listener: Listener, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    spread, failed = hub.Hub._spread, threading.Event()
+    spread, failed = hub.Hub._broadcast, threading.Event()
 
-    def fail_once(self: hub.Hub, message: frame.Frame) -> None:
+    def fail_once(self: hub.Hub, message: frame.BusFrame) -> None:
         if not failed.is_set():
             failed.set()
             raise RuntimeError("sick")

@@ -16,8 +16,8 @@ from rich.console import Console
 from fti.bus import message
 from fti.cli._watch_view import render
 from fti.types import ClearanceIntegrity, Event, HeightAboveGround, IntegrityState, Reason
-from fti.web.feed import Feed
-from tests.web.fake_feed import Approach, make_health, make_laboratory
+from fti.web.live_state import LiveState
+from tests.web.fake_daemon import Approach, make_health, make_laboratory
 
 MAX_AGE_MS = 200.0
 
@@ -31,7 +31,7 @@ def make_height(**changes: object) -> dict[str, object]:
 
 @given(st.integers(min_value=-1_000_000_000, max_value=10_000_000_000))
 def test_late_is_not_valid(age_ns: int) -> None:
-    found = json.loads(message.stamped(make_height(), 5_000, 5_000 + age_ns, MAX_AGE_MS))
+    found = json.loads(message.encode_with_age(make_height(), 5_000, 5_000 + age_ns, MAX_AGE_MS))
     assert abs(found["age_ms"] - age_ns / 1e6) <= 0.001
     assert found["late"] == (age_ns > MAX_AGE_MS * 1e6)
     assert found["valid"] == (not found["late"])
@@ -39,7 +39,7 @@ def test_late_is_not_valid(age_ns: int) -> None:
 
 
 def test_enums_are_words_and_nan_is_null() -> None:
-    found = json.loads(message.stamped(make_height(raw=math.nan, sd=math.inf), 0, 0, MAX_AGE_MS))
+    found = json.loads(message.encode_with_age(make_height(raw=math.nan, sd=math.inf), 0, 0, MAX_AGE_MS))
     assert (found["raw"], found["sd"], found["height_agl"]) == (None, None, 9.5)
     assert (found["reasons"], found["datum"]) == (["roll"], "agl")
 
@@ -61,7 +61,7 @@ def test_nan_inside_a_list_is_null() -> None:
 
 def test_integrity_keeps_every_field() -> None:
     output = ClearanceIntegrity(t_ns=1, t_valid_ns=None, state=IntegrityState.OK, reasons=(), valid=True, t1_ratio=0.5)
-    found = json.loads(message.stamped(asdict(output), 1, 1, MAX_AGE_MS))
+    found = json.loads(message.encode_with_age(asdict(output), 1, 1, MAX_AGE_MS))
     assert set(found) == {*asdict(output), "age_ms", "max_age_ms", "late"}
     assert found["state"] == "ok"
 
@@ -85,7 +85,7 @@ def refusal(topic: str, payload: bytes) -> str:
 
 @pytest.mark.parametrize("topic", TOPICS)
 def test_what_the_daemon_says_is_taken_as_it_is(topic: str) -> None:
-    payload = message.stamped(TOPICS[topic], 0, 0, MAX_AGE_MS)
+    payload = message.encode_with_age(TOPICS[topic], 0, 0, MAX_AGE_MS)
     assert message.decode(topic, payload) == json.loads(payload)
 
 
@@ -113,7 +113,7 @@ def test_what_the_daemon_says_is_taken_as_it_is(topic: str) -> None:
     ],
 )
 def test_what_no_display_could_show_is_refused_with_the_reason(fields: bytes, why: str) -> None:
-    good = message.stamped(make_height(), 0, 0, MAX_AGE_MS)
+    good = message.encode_with_age(make_height(), 0, 0, MAX_AGE_MS)
     assert why in refusal(HEIGHT, good[:-1] + b"," + fields + b"}")
 
 
@@ -170,11 +170,11 @@ def changed(value: Any, path: tuple[Any, ...], new: Any) -> Any:
 
 def show(topic: str, payload: bytes) -> None:
     """What a display does with it, after one good message of each topic."""
-    feed = Feed(0)
+    feed = LiveState(0)
     for known, good in TOPICS.items():
-        feed.take(known, message.decode(known, message.stamped(good, 0, 0, MAX_AGE_MS)), 0)
+        feed.update(known, message.decode(known, message.encode_with_age(good, 0, 0, MAX_AGE_MS)), 0)
     try:
-        feed.take(topic, message.decode(topic, payload), 0)
+        feed.update(topic, message.decode(topic, payload), 0)
     except message.MessageError:
         return
     for now_ns in (0, 10**12):
@@ -189,7 +189,7 @@ NASTY: tuple[Any, ...] = (None, True, -(2**63), 2**63, 1e18, -1e18, -1e-300, "",
 @pytest.mark.parametrize("topic", TOPICS)
 def test_every_field_may_be_anything_that_is_taken(topic: str) -> None:
     """Page, terminal and plots live on.  Of links and devices one is enough."""
-    fields = json.loads(message.stamped(TOPICS[topic], 0, 0, MAX_AGE_MS))
+    fields = json.loads(message.encode_with_age(TOPICS[topic], 0, 0, MAX_AGE_MS))
     different = {
         tuple("*" if n == 1 and len(path) > 2 else key for n, key in enumerate(path)): path for path in paths(fields)
     }
@@ -202,7 +202,7 @@ def test_every_field_may_be_anything_that_is_taken(topic: str) -> None:
 @given(st.data(), st.sampled_from(list(TOPICS)))
 def test_whatever_is_taken_can_be_shown(data: st.DataObject, topic: str) -> None:
     """Any field of any message is anything, or is missing: page, terminal and plots live on."""
-    fields = json.loads(message.stamped(TOPICS[topic], 0, 0, MAX_AGE_MS))
+    fields = json.loads(message.encode_with_age(TOPICS[topic], 0, 0, MAX_AGE_MS))
     path = data.draw(st.sampled_from(paths(fields)))
     fields = changed(fields, path, data.draw(VALUES))
     show(topic, json.dumps(fields, ensure_ascii=data.draw(st.booleans())).encode(errors="surrogatepass"))

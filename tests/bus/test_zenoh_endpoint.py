@@ -20,7 +20,7 @@ from fti.bus.zenoh_endpoint import ZenohEndpoint
 from fti.clock import SystemClock
 from fti.errors import MissingError
 from fti.service import zenoh as relay
-from fti.service.control import Channel
+from fti.service.control_channel import ControlChannel
 from tests.bus.running_hub import DEADLINE_S, RunningHub, wait_for
 
 NAME = "test_1"
@@ -152,7 +152,7 @@ def test_a_panic_of_the_library_is_told_once_and_tried_again(
 ) -> None:
     made: list[Failing] = []
     ours, theirs = socket.socketpair()
-    supervisor = Channel(ours)
+    supervisor = ControlChannel(ours)
 
     def open_endpoint(port: int, session_name: str) -> Failing:
         made.append(Failing(good=len(made) % 3))
@@ -171,7 +171,7 @@ def test_a_panic_of_the_library_is_told_once_and_tried_again(
     ending = threading.Event()
     thread = threading.Thread(target=keep_publishing)
     thread.start()
-    relay.Relay(running.hub.path, NAME, 1, clock=SystemClock(0), channel=Channel(theirs)).run()
+    relay.ZenohRelay(running.hub.path, NAME, 1, clock=SystemClock(0), channel=ControlChannel(theirs)).run()
     ending.set()
     thread.join()
     assert [message["event"]["text"] for message in supervisor.receive()] == [

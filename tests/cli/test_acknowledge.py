@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 
 from fti.cli.main import main
-from fti.service.control_socket import serve_commands
-from fti.service.rundir import RunDir
+from fti.service.run_directory import RunDirectory
+from fti.service.supervisor.control_socket import serve_commands
 from tests.run_dirs import running_daemon
 
 
@@ -24,7 +24,7 @@ def test_it_asks_for_one_alarm_or_for_all(
         commands.append(command)
         return {"acknowledged": 2, "t_ns": 1}
 
-    async def beside(made: RunDir) -> int:
+    async def beside(made: RunDirectory) -> int:
         server = await serve_commands(made.bind(), obey, lambda unit, error: pytest.fail(f"{unit}: {error}"))
         async with server:
             return await asyncio.to_thread(main, ["acknowledge", *arguments, "--run-dir", str(tmp_path)])

@@ -22,7 +22,7 @@ CUT = '[[fault]]\nkind = "cut"\ndevices = ["altimeter"]\nfrom_s = 30\nto_s = 36\
 @pytest.fixture(autouse=True)
 def no_ports(monkeypatch: pytest.MonkeyPatch) -> None:
     """Nothing of a laboratory may be opened."""
-    monkeypatch.setattr("fti.hil.bench.Ports.make_endpoint", lambda *_: pytest.fail("a port was made"))
+    monkeypatch.setattr("fti.hil.io_backend.PortBackend.make_endpoint", lambda *_: pytest.fail("a port was made"))
     monkeypatch.setattr("fti.hil.emulator.Emulator.run", lambda *_: pytest.fail("it was flown"))
 
 

@@ -12,7 +12,7 @@ from typing import cast
 import pytest
 
 from fti.cli import demo
-from fti.service.supervisor import Supervisor
+from fti.service.supervisor.process import Supervisor
 from tests.helpers import until_async
 
 
@@ -49,7 +49,7 @@ async def test_an_emulator_that_stands_still_does_not_outlive_the_demonstration(
     calls = {name: partial(told.append, name) for name in ("expect_sensors", "sensors_begin", "expect_end")}
     supervisor = cast("Supervisor", SimpleNamespace(folder=folder, run_dir=tmp_path, **calls))
     scenario, config, begun = tmp_path / "s.toml", tmp_path / "c.toml", asyncio.Event()
-    flying = asyncio.create_task(demo._fly_once(scenario, config, "links", supervisor, begun.set))
+    flying = asyncio.create_task(demo._run_flight(scenario, config, "links", supervisor, begun.set))
     await started.wait()
     assert not begun.is_set()
     assert told == ["expect_sensors"]
@@ -68,7 +68,7 @@ async def test_the_time_runs_from_the_first_flight_on() -> None:
     begins: list[Callable[[], None]] = []
 
     async def fly() -> None:
-        begins.append(demo._ending_after(0.01))
+        begins.append(demo._end_timer(0.01))
         await asyncio.Event().wait()
 
     flying = asyncio.create_task(fly())

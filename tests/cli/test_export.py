@@ -13,9 +13,9 @@ import pytest
 
 from fti.cli.main import main
 from fti.errors import StorageError
-from fti.logger.blueprint import Blueprint
 from fti.logger.export import csv_table
 from fti.logger.export.columns import Column, ColumnFinder, Type, flatten
+from fti.logger.log_layout import LogLayout
 from fti.logger.reading.recording import Recording
 from fti.logger.schemas import Schema
 from fti.logger.session import SessionFolder
@@ -74,8 +74,8 @@ def test_rows_of_health_hold_what_a_record_left_out(tmp_path: Path) -> None:
         }
         log.json("/fti/health", STARTED + n * SECOND, {"t_ns": STARTED + n * SECOND, "links": links, "devices": {}})
     log.close()
-    stands = [json.loads(data) for *_, data in Recording.open(folder.path).messages("/fti/health", kind="raw")]
-    assert sum("quiet" in record["links"] for record in stands) == 2
+    is_paused = [json.loads(data) for *_, data in Recording.open(folder.path).messages("/fti/health", kind="raw")]
+    assert sum("quiet" in record["links"] for record in is_paused) == 2
     assert export(folder, tmp_path / "all") == 0
     rows = read_table(tmp_path / "all" / "fti_health.csv")
     assert [row["links.quiet.state"] for row in rows] == ["silent"] * 12
@@ -157,15 +157,21 @@ def test_tables_of_a_snapshot_say_so(form: str, tmp_path: Path, capsys: pytest.C
     record_snapshots(made, range(50, 100), range(200, 230))
     assert export(made, out, "--raw", "--format", form) == 0
     assert capsys.readouterr().err.startswith("note: SNAPSHOT: not a continuous recording")
-    about = json.loads((out / "session.json").read_text())
-    assert (about["session"], about["origin"], about["mode"]) == (made.name, "hil", "snapshot")
-    assert about["note"].startswith("SNAPSHOT: not a continuous recording")
+    session_metadata = json.loads((out / "session.json").read_text())
+    assert (session_metadata["session"], session_metadata["origin"], session_metadata["mode"]) == (
+        made.name,
+        "hil",
+        "snapshot",
+    )
+    assert session_metadata["note"].startswith("SNAPSHOT: not a continuous recording")
     if form == "csv":
         seqs = [int(row["seq"]) for row in read_table(out / "raw_ins.csv")]
     else:
         table = pq.read_table(out / "raw_ins.parquet")
         seqs = table.column("seq").to_pylist()
-        assert {key.encode(): text.encode() for key, text in about.items()}.items() <= table.schema.metadata.items()
+        assert {
+            key.encode(): text.encode() for key, text in session_metadata.items()
+        }.items() <= table.schema.metadata.items()
     assert seqs == [*range(51, 100, 2), *range(201, 230, 2)]
 
 
@@ -211,11 +217,11 @@ class FullTable(csv_table.CsvTable):
 
 
 def test_a_full_medium_leaves_no_half_table(folder: SessionFolder, tmp_path: Path) -> None:
-    from fti.logger.export.tables import Choice, Format, export
+    from fti.logger.export.tables import ExportSelection, Format, export
     from fti.logger.reading.recording import Recording
 
     with pytest.raises(StorageError, match=r"raw_\w+.csv: cannot be written: No space left on device"):
-        export(Recording.open(folder.path), tmp_path / "t", Format(".csv", FullTable), Choice(raw=True))
+        export(Recording.open(folder.path), tmp_path / "t", Format(".csv", FullTable), ExportSelection(raw=True))
     assert list((tmp_path / "t").iterdir()) == []
 
 
@@ -292,10 +298,10 @@ def test_heights_of_an_earlier_version_keep_their_own_columns(tmp_path: Path) ->
     old = {"t_ns": STARTED, "sensor": "radar", "raw": 98.0, "height_agl": 100.0, "sd": 0.4}
     old |= {"compensated": 96.5, "compensated_sd": 2.1}
     schema = Schema("fti.HeightAboveGround", "jsonschema", json.dumps({"type": "object"}).encode())
-    log = SplitLog(folder, Blueprint("derived", split_s=300, split_mb=100, attachments=(), metadata={}))
+    log = SplitLog(folder, LogLayout("derived", split_s=300, split_mb=100, attachments=(), metadata={}))
     topic = log.add_channel("/nav/height_above_ground/radar", "json", schema)
     log.write(topic, STARTED, json.dumps(old).encode())
-    log.part.close()
+    log.segment.close()
     assert export(folder, tmp_path / "tables") == 0
     (row,) = read_table(tmp_path / "tables" / "nav_height_above_ground_radar.csv")
     assert (row["height_agl [m]"], row["compensated [m]"], row["compensated_sd [m]"]) == ("100.0", "96.5", "2.1")

@@ -14,14 +14,14 @@ from pathlib import Path
 
 import pytest
 
-from fti.cli._playing import ports_in, until_stopped
-from fti.cli.hil import OVER
+from fti.cli._emulator_run import claim_ports, run_until_stopped
+from fti.cli.hil import FLIGHT_END
 from fti.cli.main import main
 from fti.errors import MissingError
-from fti.hil.rates import Rate
-from fti.hil.report import Report
-from fti.hil.tables.kinds import FaultKind
-from fti.lateness import Histogram
+from fti.hil.rate_statistics import Rate
+from fti.hil.report import TransmissionReport
+from fti.hil.tables.fault_types import FaultKind
+from fti.latency_histogram import LatencyHistogram
 from tests.e2e.harness import FTI, fti, with_free_ports
 from tests.helpers import ROOT
 from tests.hil.worlds import world
@@ -62,7 +62,7 @@ def test_a_flight_says_ready_flies_and_reports(tmp_path: Path) -> None:
     )
     lines = done.stdout.splitlines()
     assert done.returncode == 0, done.stderr
-    assert lines[:2] == ["ready", OVER]
+    assert lines[:2] == ["ready", FLIGHT_END]
     assert any(line.startswith("ins_eth") and " bytes" in line for line in lines)
     assert lines[-1].startswith("lateness of ")
     assert "sensor ins" in done.stderr
@@ -101,14 +101,14 @@ def test_interrupted_it_ends_with_130_and_takes_its_ports_away(tmp_path: Path) -
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_each_of_these_signals_ends_a_flight_in_good_order(number: signal.Signals) -> None:
-    async def fly(stop: asyncio.Event) -> Report:
+    async def fly(stop: asyncio.Event) -> TransmissionReport:
         os.kill(os.getpid(), number)
         async with asyncio.timeout(END_S):
             await stop.wait()
-        return Report({}, Histogram().lateness)
+        return TransmissionReport({}, LatencyHistogram().lateness)
 
-    async def flown() -> tuple[Report, bool]:
-        return await until_stopped(fly, asyncio.Event())
+    async def flown() -> tuple[TransmissionReport, bool]:
+        return await run_until_stopped(fly, asyncio.Event())
 
     _, interrupted = asyncio.run(flown())
     assert interrupted
@@ -117,11 +117,11 @@ def test_each_of_these_signals_ends_a_flight_in_good_order(number: signal.Signal
 def test_a_second_one_in_the_same_folder_is_told_and_a_later_one_is_not(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    with ports_in(tmp_path / "links"):
+    with claim_ports(tmp_path / "links"):
         assert not capsys.readouterr().err
-        with ports_in(tmp_path / "links"):
+        with claim_ports(tmp_path / "links"):
             assert "links: another fti hil or fti replay has its ports there" in capsys.readouterr().err
-    with ports_in(tmp_path / "links"):
+    with claim_ports(tmp_path / "links"):
         assert not capsys.readouterr().err
 
 
@@ -132,7 +132,7 @@ def test_ports_that_another_user_can_replace_are_neither_made_nor_read(
     folder.mkdir()
     folder.chmod(0o1777)
     said = f"{folder}: other users can write to it (mode 1777); chmod go-w {folder}"
-    with pytest.raises(MissingError, match=re.escape(said)), ports_in(folder):
+    with pytest.raises(MissingError, match=re.escape(said)), claim_ports(folder):
         pass
     monkeypatch.setattr("fti.service.daemon.serve", lambda *_, **__: pytest.fail("it was started"))
     assert main(["run", str(demo_config(tmp_path)), "--links", str(folder)]) == 2

@@ -16,17 +16,17 @@ from rich.console import Console
 from fti.alarms.alarm_list import Alarm
 from fti.alarms.condition import Condition, Severity
 from fti.cli._printing import print_json, print_line, print_status
-from fti.cli._reading import bar_title
+from fti.cli._read_report import bar_title
 from fti.cli._watch_view import render
 from fti.cli.main import main
 from fti.clock import FakeClock
 from fti.logger.export.names import table_names
 from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.session import SessionFolder
-from fti.service.bulletin import Bulletin
+from fti.service.supervisor.event_publisher import EventPublisher
 from fti.terminal_text import escape_controls
 from fti.types import Event
-from fti.web.feed import Feed
+from fti.web.live_state import LiveState
 from tests.cli.sessions import SECOND, STARTED
 
 EVIL = "x\x1b]0;owned\x07\x1b[2J\nINJECTED\r\x9b31m\x7f\u202egnp.exe\u2028[bold red]m[/]"
@@ -126,13 +126,13 @@ def test_lines_json_and_states_are_escaped(capsys: pytest.CaptureFixture[str]) -
 
 
 def test_the_terminal_picture_takes_no_text_as_a_command_or_as_markup() -> None:
-    feed = Feed(0)
+    feed = LiveState(0)
     health: dict[str, Any] = {
         "t_ns": 0,
         "session": {"name": EVIL, "origin": EVIL, "state": EVIL},
         "links": {EVIL: {"state": EVIL, "hint": EVIL, "ledger": {"errors": {EVIL: 1}}}},
     }
-    feed.take("/health", health, 0)
+    feed.update("/health", health, 0)
     console = Console(width=400, force_terminal=False, record=True)
     with console.capture() as shown:
         alarm = Alarm(Condition(EVIL, Severity.WARNING, EVIL, EVIL), 0, 0, acknowledged_by=EVIL).as_json()
@@ -176,8 +176,10 @@ def test_cells_of_a_table_are_no_formulas(tmp_path: Path, capsys: pytest.Capture
 
 
 def test_what_the_supervisor_announces_goes_through_the_same_way(capsys: pytest.CaptureFixture[str]) -> None:
-    bulletin = Bulletin(FakeClock(), lambda *_: None, lambda line: print_line(line, flush=True), lambda *_: None)
-    bulletin.event("error", EVIL, EVIL)
+    event_publisher = EventPublisher(
+        FakeClock(), lambda *_: None, lambda line: print_line(line, flush=True), lambda *_: None
+    )
+    event_publisher.event("error", EVIL, EVIL)
     out = capsys.readouterr().out
     assert out.count("\n") == 1
     assert FORBIDDEN.search(out) is None

@@ -11,7 +11,7 @@ from xml.etree import ElementTree as ET
 import pytest
 
 from fti.alarms.alarm_list import AlarmList
-from fti.alarms.condition import Condition, Report, Severity
+from fti.alarms.condition import Condition, ConditionReport, Severity
 from fti.cli._info_view import activity_bar, size_text
 from fti.cli.main import main
 from fti.logger.derived_log import DerivedLog
@@ -316,9 +316,9 @@ def test_alarms_are_listed_with_their_durations(folder: SessionFolder, capsys: p
     log, alarms = record_raw(folder, range(500)), AlarmList()
     alert = Condition("integrity_alert", Severity.WARNING, "GROUND CLEARANCE ALERT", "obstacle")
     silent = Condition("link:ins", Severity.CAUTION, "LINK INS SILENT")
-    alarms.report(Report(STARTED + 2 * SECOND, "integrity", alert))
-    alarms.report(Report(STARTED + 3 * SECOND, "link ins", silent))
-    alarms.report(Report(STARTED + 5 * SECOND, "integrity", None))
+    alarms.report(ConditionReport(STARTED + 2 * SECOND, "integrity", alert))
+    alarms.report(ConditionReport(STARTED + 3 * SECOND, "link ins", silent))
+    alarms.report(ConditionReport(STARTED + 5 * SECOND, "integrity", None))
     alarms.acknowledge("anna", STARTED + 6 * SECOND, "integrity_alert")
     for change in alarms.take_changes():
         log.json("/fti/alarm", change["t_ns"], change)

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from fti.canframe import pack_can
-from fti.cli.listen import shown
+from fti.cli.listen import frame_lines
 from fti.cli.main import main
 from fti.drivers.freeflight_ra4500 import Options, encode_height
 from tests.helpers import ROOT, until
@@ -37,7 +37,7 @@ transmit = true
 def peer(tmp_path: Path) -> Iterator[Peer]:
     made = Peer(tmp_path / "line")
     yield made
-    made.die()
+    made.power_off()
 
 
 class Listening:
@@ -93,8 +93,8 @@ def test_datagrams(tmp_path: Path) -> None:
 
 
 def test_can_frames_are_shown_as_identifier_and_data() -> None:
-    assert shown(pack_can(0x123, b"\x01\xab"), "can") == ["     123  [2]  01 ab"]
-    assert shown(pack_can(0x123, b"\0\0", extended=True, remote=True), "can") == ["00000123  [2]  00 00  remote"]
+    assert frame_lines(pack_can(0x123, b"\x01\xab"), "can") == ["     123  [2]  01 ab"]
+    assert frame_lines(pack_can(0x123, b"\0\0", extended=True, remote=True), "can") == ["00000123  [2]  00 00  remote"]
 
 
 @pytest.mark.parametrize(

@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 
 from fti.cli.main import main
-from fti.service.control_socket import serve_commands
-from fti.service.rundir import RunDir
+from fti.service.run_directory import RunDirectory
+from fti.service.supervisor.control_socket import serve_commands
 from tests.run_dirs import running_daemon
 
 
@@ -22,7 +22,7 @@ def mark(run_dir: Path, *arguments: str) -> tuple[int, list[dict[str, Any]]]:
         asked.append(command)
         return {"t_ns": 1_500_000_000}
 
-    async def beside(made: RunDir) -> int:
+    async def beside(made: RunDirectory) -> int:
         server = await serve_commands(made.bind(), obey, lambda unit, error: pytest.fail(f"{unit}: {error}"))
         async with server:
             return await asyncio.to_thread(main, ["mark", *arguments, "--run-dir", str(run_dir)])

@@ -26,7 +26,7 @@ def test_ports_of_an_emulator_and_their_state(tmp_path: Path, capsys: pytest.Cap
         assert main(["ports", "--links", str(tmp_path), "--json"]) == 0
         found = {port["name"]: port for port in json.loads(capsys.readouterr().out)}
     finally:
-        peer.die()
+        peer.power_off()
     assert found[str(peer.path)]["state"] == "busy"  # its other end holds it open too
     assert found[str(peer.path)]["kind"] == "serial"
     assert str(tmp_path / "gone") not in found

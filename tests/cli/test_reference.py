@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from fti.cli.main import main
-from fti.cli.reference import _doubts
-from fti.hil.references.recordings import Pass
+from fti.cli.reference import _limit_warnings
+from fti.hil.approach_reference.recorded_approaches import Pass
 from fti.nav.integrity.approach import ApproachPath
-from fti.nav.integrity.reference import Obstacles, Reference
-from fti.terrain.scenes import DEMO_AIRFIELD
+from fti.nav.integrity.reference import ApproachReference, Obstacles
+from fti.terrain.demo_scene import DEMO_AIRFIELD
 from tests.helpers import ROOT
 from tests.terrain.elevation_files import write_ground
 
@@ -23,11 +23,11 @@ DEMO = str(ROOT / "configs" / "profiles" / "demo.csv")
 def test_make_writes_a_reference_that_info_shows(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("fti.terrain.scenes.VEGETATION", (0.9, 1.1))  # each has its own map of ranges
+    monkeypatch.setattr("fti.terrain.demo_scene.VEGETATION", (0.9, 1.1))  # each has its own map of ranges
     out = tmp_path / "new" / "x.csv"
     made = ["reference", "make", "--airfield", str(DEMO_AIRFIELD), "--terrain", "demo", "--out", str(out)]
     assert main([*made, "--runs", "20", "--draws", "5", "--beside-runs", "2", "--s-max", "1000", "--seed", "3"]) == 0
-    reference = Reference.parse(out.read_text(), str(out))
+    reference = ApproachReference.parse(out.read_text(), str(out))
     assert (reference.header.profile.seed, reference.header.limits.runs) == (3, 20)
     assert reference.hash in capsys.readouterr().out
     assert main(["reference", "info", str(out)]) == 0
@@ -55,12 +55,12 @@ def test_info_as_json(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["reference", "info", DEMO, "--json"]) == 0
     table = json.loads(capsys.readouterr().out)
     assert table["sensor"] == {"kind": "radar", "beam_deg": 40.0}
-    assert table["hash"] == Reference.parse(Path(DEMO).read_text(), DEMO).hash
+    assert table["hash"] == ApproachReference.parse(Path(DEMO).read_text(), DEMO).hash
 
 
 def test_info_tells_of_obstacles_and_of_templates(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The smallest that is seen; none is a word for a person and null in JSON, which has no infinity."""
-    shipped = Reference.parse(Path(DEMO).read_text(), DEMO)
+    shipped = ApproachReference.parse(Path(DEMO).read_text(), DEMO)
     table = Obstacles(
         pd=0.97, width_m=(30.0, 60.0), s_m=(2000.0, 1000.0), agl_m=(140.0, 60.0),
         height_m=((40.0, math.inf), (25.0, 15.0)), runs=100,
@@ -111,7 +111,7 @@ def test_elevation_files_become_a_reference_of_their_ground(
     file, out = write_ground(tmp_path / "dsm.tif", hills, "EPSG:4979", size, step_deg, at), tmp_path / "x.csv"
     made = ["reference", "make", "--airfield", str(DEMO_AIRFIELD), "--terrain", file, "--out", str(out)]
     assert main([*made, "--runs", "20", "--draws", "5", "--beside-runs", "2", "--s-max", "1000", "--pfa", "0.05"]) == 0
-    reference = Reference.parse(out.read_text(), str(out))
+    reference = ApproachReference.parse(out.read_text(), str(out))
     assert (reference.header.profile.surface, reference.header.limits.pfa) == ("dsm.tif", 0.05)
     below = hills(*np.degrees(ApproachPath(reference.header.airfield).geodetic(reference.s, 0.0)))
     assert np.ptp(below) > 8.0
@@ -133,12 +133,12 @@ def test_recorded_approaches_become_a_reference(
         )
         for k, far in enumerate([s] * 5 + [s[s < 1300.0]])
     ]
-    monkeypatch.setattr("fti.hil.references.recordings.check_sensor", lambda *given: None)
-    monkeypatch.setattr("fti.hil.references.recordings.read_passes", lambda *given: passes)
+    monkeypatch.setattr("fti.hil.approach_reference.recorded_approaches.check_sensor", lambda *given: None)
+    monkeypatch.setattr("fti.hil.approach_reference.recorded_approaches.read_passes", lambda *given: passes)
     out = tmp_path / "x.csv"
     made = ["reference", "make", "--airfield", str(DEMO_AIRFIELD), "--recorded", "a", "--out", str(out), "--runs", "20"]
     assert main([*made, "--s-max", "1500"]) == 0
-    profile = Reference.parse(out.read_text(), str(out)).header.profile
+    profile = ApproachReference.parse(out.read_text(), str(out)).header.profile
     assert (profile.made_from, profile.draws, profile.surface, profile.date) == (
         "recordings",
         5,
@@ -162,9 +162,9 @@ def test_where_nothing_can_be_written_is_known_before_the_work(
 
 
 def test_limits_that_other_approaches_do_not_keep_are_remarked_upon() -> None:
-    limits = Reference.parse(Path(DEMO).read_text(), DEMO).header.limits  # 2 alarms on 500 at 1 %
-    assert list(_doubts(limits)) == []
-    (said,) = _doubts(limits.model_copy(update={"verified_alarms": 10}))
+    limits = ApproachReference.parse(Path(DEMO).read_text(), DEMO).header.limits  # 2 alarms on 500 at 1 %
+    assert list(_limit_warnings(limits)) == []
+    (said,) = _limit_warnings(limits.model_copy(update={"verified_alarms": 10}))
     assert "an ALERT on 10 of 500" in said
     assert "(9)" in said
 

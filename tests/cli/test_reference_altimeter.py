@@ -9,7 +9,7 @@ from fti.cli._reference_altimeter import check_alert_limit, load, model_of
 from fti.cli._reference_arguments import add_make
 from fti.cli.main import main
 from fti.errors import ConfigError
-from fti.nav.integrity.reference import Reference
+from fti.nav.integrity.reference import ApproachReference
 from tests.cli.test_check import BENCH
 from tests.helpers import ROOT
 
@@ -42,7 +42,7 @@ def test_the_beam_is_that_of_the_configured_altimeter(config: Path, given: list[
 
 def test_an_alert_limit_below_the_protection_level_is_refused(config: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """As the default of 5 m is with the reference of the demonstration; the level is printed whatever the limit is."""
-    reference = Reference.parse(DEMO.read_text(), str(DEMO))
+    reference = ApproachReference.parse(DEMO.read_text(), str(DEMO))
     approach = f'[nav]\napproach = {{ profile = "{DEMO}", alert_v_m = LIMIT }}'
     text = config.read_text().replace("[nav]", approach, 1)
     config.write_text(text.replace("LIMIT", "50.0"))

@@ -11,9 +11,9 @@ import pytest
 from fti import config as configuration
 from fti.cli.main import main
 from fti.config import Config
-from fti.hil import accelerated
+from fti.hil import offline_run
+from fti.hil.environment import Environment
 from fti.hil.tables.schema import SensorSettings
-from fti.hil.world import World
 from fti.terrain.terrain import Terrain
 from tests.hil.worlds import path, scenario
 from tests.terrain.elevation_files import Array, write_ground
@@ -101,7 +101,7 @@ def session(folder: Path, config: Config) -> Path:
         seed=4,
     )
     terrain = Terrain.open([str(folder / "hills.tif")], vertical="ellipsoid")
-    return accelerated.fly(config, plan, folder, world=World(plan, path(), terrain, undulation=47.0))
+    return offline_run.fly(config, plan, folder, world=Environment(plan, path(), terrain, undulation=47.0))
 
 
 def test_the_receiver_that_was_flown_is_found(session: Path, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -14,9 +14,9 @@ import pytest
 from fti.cli._score_jobs import split_names
 from fti.cli.main import main
 from fti.hil import scenario as scenarios
-from fti.logger.reading.mcap_file import Item, McapFile
+from fti.logger.reading.mcap_file import McapFile, McapMessage
 from fti.logger.stream_writer import StreamWriter
-from tests.post.score.flying import daemon_config, session_of, short
+from tests.post.score.short_flight import daemon_config, session_of, short
 
 FAULT = {"kind": "cut", "devices": ("altimeter",), "from_s": 10.0, "to_s": 13.0}
 SCENARIO = """
@@ -52,7 +52,7 @@ def session(folder: Path) -> Path:
     return found
 
 
-def doctored(folder: Path, out: Path, change: Callable[[Item], bytes]) -> Path:
+def doctored(folder: Path, out: Path, change: Callable[[McapMessage], bytes]) -> Path:
     """A copy of a session whose derived messages were changed."""
     copy = out / session(folder).name
     shutil.copytree(session(folder), copy)
@@ -70,10 +70,10 @@ def doctored(folder: Path, out: Path, change: Callable[[Item], bytes]) -> Path:
     return copy
 
 
-def reasons_become(change: Callable[[set[str]], set[str]]) -> Callable[[Item], bytes]:
+def reasons_become(change: Callable[[set[str]], set[str]]) -> Callable[[McapMessage], bytes]:
     """Other reasons against every height."""
 
-    def changed(item: Item) -> bytes:
+    def changed(item: McapMessage) -> bytes:
         if not item.topic.name.startswith("/nav/height"):
             return item.data
         content = json.loads(item.data)
@@ -258,7 +258,7 @@ def test_a_flight_that_cannot_be_flown_does_not_hide_the_others(
 
 
 def test_all_are_the_shipped_ones(several: dict[str, str]) -> None:
-    assert split_names(["all"], True) == (scenarios.shipped(), [])
+    assert split_names(["all"], True) == (scenarios.shipped_names(), [])
     assert split_names(["silence", "all"], True)[0].count("silence") == 1
 
 

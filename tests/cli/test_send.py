@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 
 from fti.cli.main import main
-from fti.service.control_socket import serve_commands
-from fti.service.rundir import RunDir
+from fti.service.run_directory import RunDirectory
+from fti.service.supervisor.control_socket import serve_commands
 from tests.run_dirs import running_daemon
 
 DEVICES = [
@@ -40,7 +40,7 @@ def send(run_dir: Path, *arguments: str, state: str = "acknowledged", fault: str
         title = f"1: {command['send']['device']} {command['send']['command']}"
         return {"fault": fault} if fault else {"state": state, "title": title, "outcome": f"{state}: why"}
 
-    async def beside(made: RunDir) -> int:
+    async def beside(made: RunDirectory) -> int:
         server = await serve_commands(made.bind(), obey, lambda unit, error: pytest.fail(f"{unit}: {error}"))
         async with server:
             return await asyncio.to_thread(main, ["send", *arguments, "--run-dir", str(run_dir)])
@@ -75,7 +75,7 @@ def test_a_daemon_that_goes_within_its_answer_is_said(tmp_path: Path, capsys: py
         writer.write(b'{"state": "ackn')
         writer.close()
 
-    async def beside(made: RunDir) -> int:
+    async def beside(made: RunDirectory) -> int:
         async with await asyncio.start_unix_server(die, sock=made.bind()):
             return await asyncio.to_thread(main, ["send", "magnetometer", "reset", "--run-dir", str(tmp_path)])
 

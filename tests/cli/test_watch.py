@@ -15,14 +15,14 @@ import pytest
 from rich.console import Console
 
 from fti.alarms.alarm_list import AlarmList
-from fti.alarms.condition import Condition, Report, Severity
+from fti.alarms.condition import Condition, ConditionReport, Severity
 from fti.bus.frame import SOCKET_NAME
 from fti.cli._watch_view import render
 from fti.cli.main import main
-from fti.web.feed import Feed
-from tests.every_alarm import CASES, Case, daemon_with
+from fti.web.live_state import LiveState
+from tests.alarm_cases import CASES, Case, daemon_with
 from tests.run_dirs import running_daemon
-from tests.web.fake_feed import SESSION, FakeDaemon, make_clock, make_health, make_laboratory
+from tests.web.fake_daemon import SESSION, FakeDaemon, make_clock, make_health, make_laboratory
 
 
 @pytest.fixture
@@ -90,17 +90,17 @@ def test_json_goes_on_until_interrupted(run_dir: Path) -> None:
 # ------------------------------------------------------------------------------------------------------ the tables
 
 
-def rendered(feed: Feed, now_ns: int) -> str:
+def rendered(feed: LiveState, now_ns: int) -> str:
     console = Console(width=140, force_terminal=True, color_system="standard", file=io.StringIO(), record=True)
     console.print(render(feed.state(now_ns)))
     return console.export_text(styles=True)
 
 
-def make_feed(**height: Any) -> Feed:
-    feed = Feed(0)
+def make_feed(**height: Any) -> LiveState:
+    feed = LiveState(0)
     fields: dict[str, Any] = {"t_ns": 0, "raw": 123.0, "height_agl": 120.04, "sd": 0.5, "valid": True, "reasons": []}
-    feed.take("/nav/height_above_ground/ra", fields | height, 0)
-    feed.take("/health", make_health(10.0, 0, 0), 0)
+    feed.update("/nav/height_above_ground/ra", fields | height, 0)
+    feed.update("/health", make_health(10.0, 0, 0), 0)
     return feed
 
 
@@ -108,7 +108,7 @@ def test_a_provisional_filter_is_shown_struck_out_until_it_is_late() -> None:
     feed = make_feed()
     fields = {"distance": 103.8, "height_difference": -1.2, "horizontal_sd": 1.8, "hpl": 154.4, "quantities": []}
     said = {"t_ns": 0, "valid": False, "reasons": ["unconfirmed"], "readmission": "", "max_age_ms": 500.0}
-    feed.take("/nav/provisional_solution/gnss", fields | said, 0)
+    feed.update("/nav/provisional_solution/gnss", fields | said, 0)
     text = rendered(feed, 0)
     for words in ("gnss, provisional", "\x1b[9;90m104 m off, height -1 m", "HPL 154 m", "not confirmed after a fault"):
         assert words in text
@@ -120,14 +120,14 @@ def test_values_links_and_origin_are_shown() -> None:
     for words in ("HIL", "recording", "120.0 m", "± 0.50 m", "raw 123.0 m", "gnss_line", "/dev/ttyUSB3 does not exist"):
         assert words in text
     assert "outputs p50 9, p99 17 ms" in text
-    assert STRUCK not in text
+    assert STRUCK_OUT not in text
 
 
 def test_what_a_controller_has_counted_is_shown_beside_the_hint() -> None:
     feed, health = make_feed(), make_health(10.0, 0, 0)
     health["links"]["airdata_can"]["ledger"] = {"errors": {"slcan_data_overrun": 2, "slcan_bus_error": 0}}
     health["links"]["gnss_line"]["ledger"] = {"errors": {"uart_overrun": 3}}
-    feed.take("/health", health, 0)
+    feed.update("/health", health, 0)
     console = Console(width=200, file=io.StringIO(), record=True)
     console.print(render(feed.state(0)))
     text = console.export_text()
@@ -151,7 +151,7 @@ def test_what_the_terrain_says_of_a_height_is_shown_or_why_it_cannot_be_asked() 
 def test_what_takes_the_place_of_devices_is_shown_with_its_mode() -> None:
     feed = make_feed()
     fields = {"t_ns": 0, "valid": True, "reasons": ["coasting"], "mode": "coasting", "alt": 431.2, "vertical_sd": 2.5}
-    feed.take("/nav/filter_solution", fields, 0)
+    feed.update("/nav/filter_solution", fields, 0)
     text = rendered(feed, 0)
     for words in ("filter", "431.2 m", "± 2.50 m", "coasting", "inertial alone"):
         assert words in text
@@ -163,7 +163,7 @@ def test_the_sources_of_navigation_are_shown_with_their_sigmas_and_nothing_known
     numbers = {"alt": 431.2, "horizontal_sd": 222.0, "vertical_sd": 2.5, "hpl": 1066.0, "vpl": 11.05}
     numbers |= {"tilt_pl": math.radians(0.42), "heading_pl": math.radians(6.4)}
     fields = {"t_ns": 0, "valid": False, "reasons": ["no_velocity"], **sources, **numbers}
-    feed.take("/nav/nav_solution", fields, 0)
+    feed.update("/nav/nav_solution", fields, 0)
     text = rendered(feed, 0)
     for words in ("position", "from radio", "from ahrs", "431.2 m", "± 222.00 m", "no velocity"):
         assert words in text
@@ -173,15 +173,15 @@ def test_the_sources_of_navigation_are_shown_with_their_sigmas_and_nothing_known
     assert "\x1b[9;90m431.2 m" not in text
 
 
-STRUCK = "\x1b[9;90m120.0 m"
+STRUCK_OUT = "\x1b[9;90m120.0 m"
 
 
 def test_stale_and_invalid_values_are_struck_out_with_the_reason() -> None:
     stale = rendered(make_feed(), 1_500_000_000)
-    assert STRUCK in stale
+    assert STRUCK_OUT in stale
     assert "STALE 1.5 s" in stale
     invalid = rendered(make_feed(valid=False, reasons=["roll"]), 0)
-    assert STRUCK in invalid
+    assert STRUCK_OUT in invalid
     assert "roll limit" in invalid
 
 
@@ -190,16 +190,18 @@ def test_alarms_are_shown_with_their_times_and_whether_somebody_has_seen_them() 
     link = Condition("link:a", Severity.CAUTION, "LINK A SILENT", "is the device on?")
     alert = Condition("integrity_alert", Severity.WARNING, "GROUND CLEARANCE ALERT", "obstacle")
     for t_s, condition in ((1, link), (2, alert)):
-        alarms.report(Report(t_s * 10**9, condition.id, condition))
-    alarms.report(Report(4 * 10**9, alert.id, None))
-    alarms.report(Report(5 * 10**9, "device", Condition("device:a", Severity.CAUTION, "A", explained_by=("link:a",))))
-    feed.take("/alarms", {"t_ns": 0, "alarms": alarms.rows()}, 0)
+        alarms.report(ConditionReport(t_s * 10**9, condition.id, condition))
+    alarms.report(ConditionReport(4 * 10**9, alert.id, None))
+    alarms.report(
+        ConditionReport(5 * 10**9, "device", Condition("device:a", Severity.CAUTION, "A", explained_by=("link:a",)))
+    )
+    feed.update("/alarms", {"t_ns": 0, "alarms": alarms.rows()}, 0)
     text = rendered(feed, 0)
     assert "GROUND CLEARANCE ALERT – obstacle – 00:00:02, ended after 2.0 s" in text
     assert "LINK A SILENT (+1) – is the device on? – since 00:00:01" in text
     assert "fti acknowledge" in text
     alarms.acknowledge("anna", 6 * 10**9)
-    feed.take("/alarms", {"t_ns": 0, "alarms": alarms.rows()}, 0)
+    feed.update("/alarms", {"t_ns": 0, "alarms": alarms.rows()}, 0)
     text = rendered(feed, 0)
     assert "since 00:00:01, acknowledged by anna" in text
     assert "GROUND" not in text
@@ -211,7 +213,7 @@ def test_every_alarm_is_shown_until_it_has_ended_and_was_acknowledged(case: Case
     daemon, feed = daemon_with(case), make_feed()
 
     def shown() -> str:
-        feed.take("/alarms", {"t_ns": 0, "alarms": daemon.rows}, 0)
+        feed.update("/alarms", {"t_ns": 0, "alarms": daemon.rows}, 0)
         return rendered(feed, 0)
 
     assert case.title in shown()
@@ -227,7 +229,7 @@ def test_every_alarm_is_shown_until_it_has_ended_and_was_acknowledged(case: Case
 def test_a_snapshot_session_is_said() -> None:
     feed, health = make_feed(), make_health(10.0, 0, 0)
     health["session"]["mode"] = "snapshot"
-    feed.take("/health", health, 0)
+    feed.update("/health", health, 0)
     text = rendered(feed, 0)
     assert "SNAPSHOT: only what is around a trigger is recorded" in text
     assert "SNAPSHOT" not in rendered(make_feed(), 0)
@@ -238,25 +240,25 @@ def test_the_clocks_of_devices_are_shown_as_far_as_they_are_known() -> None:
     on_ms = 1_775_986_267_125.0  # 2026-04-12 09:31:07.125 UTC
     health["devices"]["air_data"]["clocks"] = [make_clock("utc", 1.5, used=False), make_clock("boot", -on_ms)]
     health["devices"]["gnss"]["clocks"] = [make_clock("utc", 1.0, state="away")]
-    feed.take("/health", health, 0)
+    feed.update("/health", health, 0)
     text = " ".join(rendered(feed, 0).split())
     for words in ("-213.46 ± 0.04 ms", "+1.10 ± 0.02 ppm", "1.2 %", "not used", "on at 09:31:07.125", "does not fit"):
         assert words in text
     for device in health["devices"].values():
         device.pop("clocks", None)
-    feed.take("/health", health, 0)
+    feed.update("/health", health, 0)
     assert "clock of" not in rendered(feed, 0)
 
 
 def test_before_the_first_health_there_is_a_picture() -> None:
-    assert "–" in rendered(Feed(0), 0)
+    assert "–" in rendered(LiveState(0), 0)
 
 
 def test_what_plays_the_sensors_is_told_and_struck_out_when_it_is_silent() -> None:
     feed = make_feed()
     assert "LABORATORY" not in rendered(feed, 0)
     told = make_laboratory(75.0, gnss="tripped", arinc="brown_out") | {"age_ms": 0.0, "max_age_ms": 1500.0}
-    feed.take("/hil", told | {"holds": False, "not_held": ["ins: late"]}, 0)
+    feed.update("/hil", told | {"holds": False, "not_held": ["ins: late"]}, 0)
     text = rendered(feed, 0)
     for words in (
         "Fog over the threshold, 75 s of 240 s",

@@ -12,15 +12,15 @@ from hypothesis import strategies as st
 
 from fti import config
 from fti.config import bind
+from fti.devices import bind_devices
 from fti.drivers import arinc429
 from fti.drivers._quantities import DIMENSIONS, QUANTITIES, UNITS
 from fti.drivers.arinc429 import word as wire
-from fti.drivers.arinc429.entry import Number, make_entries
-from fti.drivers.arinc429.labels import Label, LabelSet, built_in, choose, read_sets
+from fti.drivers.arinc429.label_codec import NumberLabel, make_codecs
+from fti.drivers.arinc429.labels import Label, LabelSet, built_in_sets, choose, read_sets
 from fti.drivers.arinc429.word import BnrState, DiscreteState
 from fti.errors import ConfigError
 from fti.ranging.radar.quantise import quantisation_step_ft
-from fti.service.binding import bind_devices
 from fti.types import (
     Deviation,
     DeviceStatus,
@@ -38,11 +38,11 @@ FOOT = 0.3048
 S = Stamp(7)
 NUMBERS = [
     pytest.param(label, id=f"{name}-{label.label}")
-    for name, found in built_in().items()
+    for name, found in built_in_sets().items()
     for label in found.labels
     if label.kind != "discrete"
 ]
-DISCRETES = [label for found in built_in().values() for label in found.labels if label.kind == "discrete"]
+DISCRETES = [label for found in built_in_sets().values() for label in found.labels if label.kind == "discrete"]
 
 
 def to_si(label: Label) -> tuple[float, float]:
@@ -71,7 +71,7 @@ def value_of(label: Label, found: Measurement) -> float:
 
 
 def there_and_back(label: Label, value: float) -> float:
-    (entry,) = make_entries(LabelSet(labels=(label,)))
+    (entry,) = make_codecs(LabelSet(labels=(label,)))
     decode = {handler.label: handler.decode for handler in entry.handlers()}
     words = entry.encode(measured(label, value))
     assert all(wire.is_intact(word) for word in words)
@@ -137,7 +137,7 @@ def test_beyond_its_range_a_label_saturates_and_an_angle_turns(label: Label) -> 
 def test_no_label_makes_a_valid_number_of_what_the_equipment_does_not_vouch_for(label: Label, state: BnrState) -> None:
     if label.kind == "bcd" and state == BnrState.FAILURE:
         return  # 0 is plus
-    (entry,) = make_entries(LabelSet(labels=(label,)))
+    (entry,) = make_codecs(LabelSet(labels=(label,)))
     word = wire.encode_steps(label.label, 1 << 3, label.bits or 18, state=state)
     found = entry.handlers()[0].decode(word, S)
     numbers = [m for m in found if not isinstance(m, DeviceStatus)]
@@ -152,27 +152,27 @@ def test_every_bit_of_a_discrete_word_comes_back(label: Label, data: st.DataObje
     flags = tuple(name for name in label.flags if data.draw(st.booleans()))
     sizes = {name: bits[1] - bits[0] + len(bits) - 1 for name, bits in label.fields.items()}
     fields = {name: data.draw(st.integers(0, 2**size - 1)) for name, size in sizes.items()}
-    (entry,) = make_entries(LabelSet(labels=(label,)))
+    (entry,) = make_codecs(LabelSet(labels=(label,)))
     sent: list[Measurement] = [Reading(stamp=S, name=name, value=float(value)) for name, value in fields.items()]
     sent.append(DeviceStatus(stamp=S, ok=True, flags=flags))
     (word,) = [word for m in sent for word in entry.encode(m)]
     assert entry.handlers()[0].decode(word, S) == sent
 
 
-@pytest.mark.parametrize("name", list(built_in()))
+@pytest.mark.parametrize("name", list(built_in_sets()))
 def test_every_built_in_set_says_where_it_is_from_and_who_sends_it(name: str) -> None:
-    found = built_in()[name]
+    found = built_in_sets()[name]
     assert len(found.source) > 15
     assert found.equipment
-    assert make_entries(found)
+    assert make_codecs(found)
 
 
 def test_a_twenty_bit_label_takes_the_bits_of_the_sdi_and_an_other_one_keeps_it() -> None:
     long = Label(label="310", quantity="latitude", unit="deg", range=180.0, bits=20)
-    (word,) = Number(long).encode(Position(stamp=S, lat=math.radians(180.0 * 3 / 2**20)))
+    (word,) = NumberLabel(long).encode(Position(stamp=S, lat=math.radians(180.0 * 3 / 2**20)))
     assert wire.sdi(word) == 3
     short = Label(label="164", quantity="radio_height", unit="ft", range=8192.0, bits=16, sdi=2)
-    (word,) = Number(short).encode(RadioHeight(stamp=S, height_agl=100.0))
+    (word,) = NumberLabel(short).encode(RadioHeight(stamp=S, height_agl=100.0))
     assert wire.sdi(word) == 2
 
 
@@ -253,7 +253,7 @@ def test_the_equipment_that_sends_is_compared_with_the_one_of_the_set() -> None:
 
 
 def test_a_discrete_word_names_what_is_set_and_what_is_not_normal() -> None:
-    (entry, _) = make_entries(choose("our_gps", OUR_LABELS).model_copy(update={"labels": DISCRETE_ONLY}))
+    (entry, _) = make_codecs(choose("our_gps", OUR_LABELS).model_copy(update={"labels": DISCRETE_ONLY}))
     decode = entry.handlers()[0].decode
 
     def word(data: int, state: DiscreteState) -> int:
@@ -282,8 +282,8 @@ DISCRETE_ONLY = (
 
 def test_the_fine_word_goes_on_where_the_coarse_one_ends() -> None:
     """-33.9461234 deg is -404993027 steps of 180/2^31 deg: -197751 times 2048, and 1021."""
-    label = built_in()["gnss_743a"].labels[4]
-    (entry,) = make_entries(LabelSet(labels=(label,)))
+    label = built_in_sets()["gnss_743a"].labels[4]
+    (entry,) = make_codecs(LabelSet(labels=(label,)))
     coarse, fine = entry.encode(Position(stamp=S, lat=math.radians(-33.9461234)))
     assert (wire.decode_steps(coarse, 20), wire.decode_steps(fine, 11)) == (-197751, 1021)
     decode_coarse, decode_fine = (handler.decode for handler in entry.handlers())
@@ -297,7 +297,7 @@ def test_the_fine_word_goes_on_where_the_coarse_one_ends() -> None:
 
 def test_a_fine_word_of_another_coarse_word_makes_no_position() -> None:
     """The coarse word before it was lost, or follows it: the position would be up to 19 m off, and look right."""
-    (entry,) = make_entries(LabelSet(labels=(built_in()["gnss_743a"].labels[4],)))
+    (entry,) = make_codecs(LabelSet(labels=(built_in_sets()["gnss_743a"].labels[4],)))
     decode_coarse, decode_fine = (handler.decode for handler in entry.handlers())
     coarse, fine = entry.encode(Position(stamp=S, lat=math.radians(48.1)))
     too_late = (DeviceStatus(stamp=Stamp(1_000_000_001), ok=False, flags=("latitude_fine_too_late",)),)
@@ -312,7 +312,7 @@ def test_a_fine_word_of_another_coarse_word_makes_no_position() -> None:
 
 def test_satellites_beyond_fifteen_are_counted() -> None:
     """Esterline CMA-5024, label 273: visible in bits 16-19, its highest bit is bit 11; used in 20-23 and 29."""
-    (entry,) = make_entries(LabelSet(labels=tuple(x for x in built_in()["gnss_743a"].labels if x.label == "273")))
+    (entry,) = make_codecs(LabelSet(labels=tuple(x for x in built_in_sets()["gnss_743a"].labels if x.label == "273")))
     data = 0b0001 << 15 | 1 << 10 | 0b1100 << 19 | 0b01100 << 23
     word = wire.encode_discrete("273", data, state=DiscreteState.NORMAL)
     found = entry.handlers()[0].decode(word, S)
@@ -331,7 +331,7 @@ def test_the_label_of_one_source_goes_before_that_of_any_source(order: int) -> N
 
 
 def test_steps_of_the_instrument_are_the_sigma_of_the_height() -> None:
-    (entry,) = make_entries(LabelSet(labels=built_in()["freeflight_ra4500"].labels))
+    (entry,) = make_codecs(LabelSet(labels=built_in_sets()["freeflight_ra4500"].labels))
     for sent_ft, shown_ft, step_ft in ((57.3, 57.0, 1), (173.2, 174.0, 2), (1234.5, 1250.0, 50)):
         (word,) = entry.encode(RadioHeight(stamp=S, height_agl=sent_ft * FOOT))
         (found,) = entry.handlers()[0].decode(word, S)

@@ -11,12 +11,12 @@ from hypothesis import strategies as st
 from fti.config import bind
 from fti.drivers import arinc429
 from fti.drivers.arinc429 import word as wire
-from fti.drivers.arinc429.stream import SEARCH_BYTES, words_wanted
+from fti.drivers.arinc429.stream import SEARCH_BYTES, required_words
 from fti.drivers.arinc429.word import BnrState
 from fti.types import Measurement, RadioHeight
 
 FOOT = 0.3048
-WANTED = words_wanted(2, "odd")  # label 164, and 377 of the equipment
+WANTED = required_words(2, "odd")  # label 164, and 377 of the equipment
 
 
 def options(**changes: object) -> arinc429.Options:
@@ -62,7 +62,7 @@ def test_anywhere_else_as_many_words_are_wanted_as_noise_can_not_make() -> None:
 )
 def test_how_many_words_are_wanted(enabled: int, parity: wire.Parity, wanted: int) -> None:
     """By hand: q = 10/256; q/2 (q/(1+q))^6 = 5.5e-11 and ^5 = 1.5e-9; without parity q^7 = 1.4e-10, q^6 = 3.6e-9."""
-    assert words_wanted(enabled, parity) == wanted
+    assert required_words(enabled, parity) == wanted
 
 
 def test_noise_is_not_believed(scale: int) -> None:

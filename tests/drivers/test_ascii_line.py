@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from fti import config
 from fti.drivers import ascii_line as al
-from fti.drivers._template import Template
+from fti.drivers._line_template import Template
 from fti.errors import ConfigError
 from fti.types import Attitude, Measurement, Range, Reading, Stamp, StaticPressure, Temperature, Velocity
 

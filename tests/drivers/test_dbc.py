@@ -21,12 +21,12 @@ from fti import config
 from fti.canframe import EXTENDED, pack_can
 from fti.cli.decode import candump_frames
 from fti.config import bind
+from fti.devices import bind_devices
 from fti.drivers import dbc
 from fti.drivers._dbc import read_layouts
 from fti.drivers._dbc_frames import FrameBuilder
-from fti.drivers._quick import quick_maker, quick_reading, quick_stamp
+from fti.drivers._fast_messages import fast_maker, fast_reading, fast_stamp
 from fti.errors import ConfigError
-from fti.service.binding import bind_devices
 from fti.types import (
     Airspeed,
     DeviceStatus,
@@ -132,12 +132,12 @@ def test_frames_are_built_as_cantools_does(text: str, data: st.DataObject) -> No
         for s in layout.selectors
     }
     raw: dict[str, float] = {}
-    for s in layout.selected(chosen):
-        numbers = st.integers(int(s.least), int(s.most)) if not s.is_float else st.floats(-1e4, 1e4, width=16)
+    for s in layout.signals_for(chosen):
+        numbers = st.integers(int(s.min_raw), int(s.most)) if not s.is_float else st.floats(-1e4, 1e4, width=16)
         raw[s.name] = chosen[s.name] if s.name in chosen else data.draw(numbers)
     builder = FrameBuilder(layout)
     for name in [*raw][1:]:
-        builder.tell(name, raw[name])
+        builder.set_raw(name, raw[name])
     first = next(iter(raw))
     assert builder.frame({}) is None
     expected = layout.message.encode(raw, scaling=False, strict=False)
@@ -416,12 +416,12 @@ def test_what_is_made_quickly_is_the_same() -> None:
     rng = random.Random(1)
     for _ in range(20):
         t, value = rng.randrange(1 << 60), rng.uniform(-1, 1)
-        stamp = quick_stamp(t)
+        stamp = fast_stamp(t)
         assert stamp == Stamp(t)
-        assert quick_reading(stamp, "a.b", value, "V", True) == Reading(stamp=stamp, name="a.b", value=value, unit="V")
-        named = quick_reading(stamp, "a", None, "", False, text="off")
+        assert fast_reading(stamp, "a.b", value, "V", True) == Reading(stamp=stamp, name="a.b", value=value, unit="V")
+        named = fast_reading(stamp, "a", None, "", False, text="off")
         assert named == Reading(stamp=stamp, name="a", value=None, valid=False, text="off")
-        made = quick_maker(DmeRange, "slant_range", {"station": "dme_1"})
+        made = fast_maker(DmeRange, "slant_range", {"station": "dme_1"})
         assert made(stamp, value, False) == DmeRange(stamp=stamp, station="dme_1", slant_range=value, valid=False)
-        speed = quick_maker(Airspeed, "tas", {})(stamp, value, True)
+        speed = fast_maker(Airspeed, "tas", {})(stamp, value, True)
         assert (speed, hash(speed)) == (Airspeed(stamp=stamp, tas=value), hash(Airspeed(stamp=stamp, tas=value)))

@@ -17,7 +17,7 @@ from fti.canframe import pack_can, unpack_can
 from fti.drivers import canaerospace
 from fti.drivers import deflection_pickups as pickups
 from fti.drivers.deflection_pickups import layout, service
-from fti.drivers.deflection_pickups.table import FEWEST, MOST, Table, read_tables
+from fti.drivers.deflection_pickups.table import MAX_POINTS, MIN_POINTS, CalibrationTable, read_tables
 from fti.types import Ack, Calibration, DeviceStatus, Measurement, Stamp, SurfaceDeflection
 from tests.helpers import ROOT
 
@@ -27,7 +27,7 @@ SHIPPED = ROOT / "configs/dbc/deflection_pickups.dbc"
 FLAPS = "surface,raw,deg\nflaps,500,0\nflaps,2500,20\nflaps,3500,40\n"
 #: Without the deflections of the flaps: that node sends raw counts only.
 RAW_FLAPS = re.sub(r"(BO_ \d+ flaps_deflection.*?\n\n|(CM_ SG_|SIG_VALTYPE_) \d+ flaps_deflection.*?\n)", "",
-                   layout.built_in(), flags=re.DOTALL)  # fmt: skip
+                   layout.built_in_dbc(), flags=re.DOTALL)  # fmt: skip
 SURFACES = (
     "left_aileron", "right_aileron", "flaps", "elevator", "rudder", "rudder_trim", "stick_aileron", "stick_elevator",
     "pedals", "elevator_trim",
@@ -97,11 +97,11 @@ def test_a_table_is_monotone_or_none(found: list[tuple[int, int]], raw: int) -> 
     pairs = list(itertools.pairwise(found))
     falling = all(a[1] > b[1] for a, b in pairs)
     good = all(a[0] < b[0] for a, b in pairs) and (falling or all(a[1] < b[1] for a, b in pairs))
-    if not good or not FEWEST <= len(found) <= MOST:
+    if not good or not MIN_POINTS <= len(found) <= MAX_POINTS:
         with pytest.raises(ValueError, match=r"points|ascending|monotone"):
-            Table(tuple(found))
+            CalibrationTable(tuple(found))
         return
-    angle = Table(tuple(found)).deflection(raw)
+    angle = CalibrationTable(tuple(found)).deflection(raw)
     inside = found[0][0] <= raw <= found[-1][0]
     assert (angle is not None) == inside
     if angle is not None:
@@ -177,7 +177,7 @@ def test_the_ten_pickups_of_table_6_2_are_there_with_their_buses() -> None:
 
 
 def test_the_shipped_dbc_is_the_built_in_one() -> None:
-    assert SHIPPED.read_text() == layout.built_in()
+    assert SHIPPED.read_text() == layout.built_in_dbc()
 
 
 @pytest.mark.parametrize(

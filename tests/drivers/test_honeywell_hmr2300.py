@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from fti.drivers import Counters
 from fti.drivers import honeywell_hmr2300 as hmr
-from fti.drivers.honeywell_hmr2300.framing import ENDS, JUMP, SAMPLE
+from fti.drivers.honeywell_hmr2300.framing import ENDS, MAX_JUMP_COUNTS, SAMPLE
 from fti.types import Ack, MagneticField, Measurement, Reading, Stamp
 
 Counts = tuple[int, int, int]
@@ -159,7 +159,7 @@ def test_an_inserted_byte_that_makes_a_sample_end_in_its_own_low_byte_is_seen_by
     stream = pack(*good)
     found = counts_of(decode(stream[:21] + b"\x55" + stream[21:])[0])
     assert set(found) <= set(good)
-    assert abs((0x55 << 8) - good[0][0]) > JUMP
+    assert abs((0x55 << 8) - good[0][0]) > MAX_JUMP_COUNTS
 
 
 def test_a_field_that_stands_still_to_the_count_keeps_the_boundary_that_was_known() -> None:

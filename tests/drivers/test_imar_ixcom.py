@@ -36,7 +36,7 @@ LAT, LON = 0.84, 0.2
 RPY = (0.1, -0.05, 2.5)
 NED = (60.0, -10.0, 3.0)
 GOOD = 0xB400
-USUAL = Mask.IMUCORR | Mask.VELNED | Mask.ALTITUDE_WGS84 | Mask.WGS84POS
+DEFAULT_SELECTION = Mask.IMUCORR | Mask.VELNED | Mask.ALTITUDE_WGS84 | Mask.WGS84POS
 
 
 def frame(selection: int, vel: Sequence[float] = NED, status: int = GOOD, **fields: Any) -> bytes:
@@ -139,7 +139,7 @@ def test_numbers_that_are_none_do_not_pass(number: float) -> None:
     ],
 )
 def test_status_decides_what_is_valid(status: int, ok: bool, attitude: bool, position: bool) -> None:
-    found = decode(frame(USUAL, status=int(status)))
+    found = decode(frame(DEFAULT_SELECTION, status=int(status)))
     assert found[DeviceStatus].ok is ok
     assert found[Attitude].valid is attitude
     assert found[Velocity].valid is attitude

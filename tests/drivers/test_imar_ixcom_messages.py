@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 from ixcom.protocol import SysstatBit
 
 from fti.drivers import imar_ixcom as ix
-from fti.drivers.imar_ixcom import deviations, inertial, satellites, solution, surroundings
-from fti.drivers.imar_ixcom.messages import TABLE, Message
+from fti.drivers.imar_ixcom import deviations, environment_messages, inertial, satellites, solution
+from fti.drivers.imar_ixcom.messages import TABLE, IxcomMessage
 from fti.drivers.imar_ixcom.options import NAMES, NUMBERS
 from fti.drivers.imar_ixcom.satellites import SOLUTIONS, TYPES
 from fti.drivers.imar_ixcom.wire import encode_frame
@@ -38,8 +38,8 @@ STRUCTS = {
     "IMURAW": inertial.IMU, "IMUCORR": inertial.IMU, "IMUCOMP": inertial.IMU, "INSSOL": solution.INSSOL,
     "INSRPY": solution.THREE, "INSVELNED": solution.THREE, "INSVELENU": solution.THREE,
     "INSPOSLLH": solution.POSITION, "INSGNDSPEED": solution.THREE, "EKFSTDDEV": deviations.EKFSTDDEV,
-    "GNSSSOL": satellites.GNSSSOL, "AIRDATA": surroundings.AIRDATA, "MAGDATA": surroundings.MAGDATA,
-    "WHEELDATA": surroundings.WHEELDATA, "EXTHEIGHT": surroundings.EXTHEIGHT,
+    "GNSSSOL": satellites.GNSSSOL, "AIRDATA": environment_messages.AIRDATA, "MAGDATA": environment_messages.MAGDATA,
+    "WHEELDATA": environment_messages.WHEELDATA, "EXTHEIGHT": environment_messages.EXTHEIGHT,
 }  # fmt: skip
 
 # ------------------------------------------------------------------------------------------------------- layouts
@@ -86,7 +86,7 @@ def numbers(value: object) -> Iterator[float]:
 
 @given(st.data(), st.sampled_from(TABLE), st.integers(0, 0xFFFF))
 def test_whatever_stands_in_a_whole_frame_no_number_comes_out_that_is_none(
-    data: st.DataObject, message: Message, footer: int
+    data: st.DataObject, message: IxcomMessage, footer: int
 ) -> None:
     size = data.draw(st.integers(0, 80)) if message.size is None else message.size
     payload = data.draw(st.binary(min_size=size, max_size=size) | st.sampled_from([b"\xff" * size, bytes(size)]))

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from fti.drivers import imar_ixcom as ix
 from fti.drivers.imar_ixcom import status
-from fti.drivers.imar_ixcom.deviations import Deviations
+from fti.drivers.imar_ixcom.deviations import StandardDeviations
 from fti.drivers.imar_ixcom.options import NUMBERS
 from fti.drivers.imar_ixcom.wire import encode_frame
 from fti.types import (
@@ -47,7 +47,7 @@ def test_tilts_become_roll_and_pitch_as_a_rotation_does() -> None:
     mat_nb = Rotation.from_euler("ZYX", [heading, pitch, roll])
     tilts = np.stack([chance.normal(0.0, sd_n, 50_000), chance.normal(0.0, sd_e, 50_000), np.zeros(50_000)], axis=1)
     _, pitches, rolls = (Rotation.from_rotvec(tilts) * mat_nb).as_euler("ZYX").T
-    said = Deviations(tilt_north=sd_n, tilt_east=sd_e)
+    said = StandardDeviations(tilt_north=sd_n, tilt_east=sd_e)
     assert said.roll(pitch, heading) == pytest.approx(rolls.std(), rel=0.02)
     assert said.pitch(heading) == pytest.approx(pitches.std(), rel=0.02)
 

@@ -80,9 +80,9 @@ def test_other_lines_are_no_distances(line: str) -> None:
 def test_what_has_no_end_is_not_kept() -> None:
     decoder = lw.make_decoder(lw.Options())
     assert decoder.feed(b"\r" + b"1" * 1000, 1) == []
-    assert decoder.counters.held < lw.LONGEST
+    assert decoder.counters.held < lw.MAX_LINE_BYTES
     assert decoder.feed(b"30.00\r8.00\r", 1) == [Range(stamp=S, slant_range=8.0)]
-    assert decoder.counters.skipped["too_long"] == 1000 // lw.LONGEST * lw.LONGEST
+    assert decoder.counters.skipped["too_long"] == 1000 // lw.MAX_LINE_BYTES * lw.MAX_LINE_BYTES
 
 
 @given(st.binary(max_size=200))
@@ -204,5 +204,5 @@ def test_names_on_the_line_do_not_fill_the_memory() -> None:
     decoder = lw.make_decoder(LDF)
     for first, second, third in itertools.product("abcdefgh", repeat=3):
         decoder.feed(f"{first}{second}{third}:1\r\n".encode(), 1)
-    assert len(decoder.counters.messages) == lw.MOST_NAMES + 1
+    assert len(decoder.counters.messages) == lw.MAX_NAMES + 1
     assert decoder.counters.messages.total() == 8**3

@@ -126,7 +126,7 @@ def test_a_standing_request_is_the_line_that_the_document_prints() -> None:
     """docs.novatel.com, Commands, "ASCII Example"; but for the port: it is not known to which we are connected."""
     printed = b"#LOGA,THISPORT,0,0,UNKNOWN,0,0.0,0,0,0;COM1,BESTPOSB,ONTIME,1.000000,0.000000,NOHOLD*ec9ce601\r\n"
     assert measure(bytearray(printed)) == len(printed)
-    ours = commands.standing_request("bestpos", 1.0)
+    ours = commands.periodic_log_request("bestpos", 1.0)
     assert measure(bytearray(ours)) == len(ours)
     assert ours.partition(b"*")[0] == printed.partition(b"*")[0].replace(b"COM1", b"THISPORT")
 
@@ -190,7 +190,7 @@ def test_the_emulated_receiver_is_silent_until_it_is_asked() -> None:
         assert reply.startswith(b"#LOGR,COM1,")
         assert decode(reply) == []  # accepted: nothing that anybody must know
     assert sent_in(encoder, 1.0) == 10
-    assert encoder.respond(commands.standing_request("range", 1.0).replace(b"RANGE", b"RANGF")) == []
+    assert encoder.respond(commands.periodic_log_request("range", 1.0).replace(b"RANGE", b"RANGF")) == []
     encoder.respond(novatel.command("reset", {}))  # as when it is switched off and on
     assert sent_in(encoder, 1.0) == 0
     again = novatel.poll(novatel.Options())

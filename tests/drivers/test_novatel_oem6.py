@@ -17,7 +17,7 @@ from fti.drivers.novatel_oem6 import clock, messages, observations, sky, solutio
 from fti.drivers.novatel_oem6.framing import (
     SHORT_HEADER,
     SHORT_SYNC,
-    Header,
+    NovatelHeader,
     crc32,
     encode_frame,
     split,
@@ -42,7 +42,7 @@ M = TypeVar("M")
 WEEK, MS = 1949, 403_742_000
 T_GPS_NS = gps_ns(WEEK, MS * 1_000_000)
 STAMP = Stamp(5, T_GPS_NS, TimeScale.GPS)
-HEADER = Header(b"", 0, 0, 0, 32, 0, 0, 100, 180, WEEK, MS, 0, 0, 0)
+HEADER = NovatelHeader(b"", 0, 0, 0, 32, 0, 0, 100, 180, WEEK, MS, 0, 0, 0)
 #: BESTPOS at 48.1 deg, 11.5 deg, 500 m, with an undulation of 46.5 m.
 BESTPOS = bytes.fromhex(
     "aa44121c2a0000204800000064b49d07309d101800000000bacd00800000000010000000cdcccccccc0c48400000000000002740"

@@ -44,12 +44,12 @@ def test_a_cycle_of_which_a_breaker_was_not_heard_says_nothing_of_the_whole() ->
 def test_a_command_reaches_the_unit_in_any_pieces_and_its_answer_comes_back(name: str) -> None:
     asked: list[tuple[str, str]] = []
 
-    def obey(command: str, breaker: str) -> tuple[bool, str]:
+    def handle_command(command: str, breaker: str) -> tuple[bool, str]:
         asked.append((command, breaker))
         return name != "reset", "so it is"
 
     encoder = pdu.make_encoder(OPTIONS)
-    encoder.obey = obey
+    encoder.handle_command = handle_command
     data = b"noise" + pdu.command(name, {"breaker": "altimeter"}, OPTIONS)
     answers = [answer for at in range(len(data)) for answer in encoder.respond(data[at : at + 1])]
     assert asked == [(name, "altimeter")]

@@ -21,7 +21,7 @@ from pyubx2 import GET, POLL, SET, UBX_CONFIG_DATABASE, UBX_MSGIDS, UBXMessage, 
 from fti.config import bind
 from fti.drivers import nmea0183
 from fti.drivers import ublox_ubx as ubx
-from fti.drivers.ublox_ubx.frames import LIMIT, crc24q, frame
+from fti.drivers.ublox_ubx.frames import MAX_HELD_BYTES, crc24q, frame
 from fti.drivers.ublox_ubx.navigation import geodetic, to_ned
 from fti.drivers.ublox_ubx.table import NAMES, OUTPUTS, PORTS
 from fti.errors import ConfigError
@@ -499,7 +499,7 @@ def test_a_long_message_is_awaited_when_its_count_agrees() -> None:
     whole = frame(0x02, 0x15, struct.pack("<dHbBBBxx", 0.0, 2300, 18, 184, 1, 1) + row * 184)
     found, counters = feed(whole + pvt())
     assert len(of(found, Pseudoranges)[0].observations) == 184
-    assert counters.framed == len(whole) + len(pvt()) <= LIMIT
+    assert counters.framed == len(whole) + len(pvt()) <= MAX_HELD_BYTES
     _, counters = feed(whole[:11] + b"\x00" + whole[12:100])
     assert counters.held == 100
     _, counters = feed(whole[:17] + b"\x01" + whole[18:100])  # the count of signals is damaged

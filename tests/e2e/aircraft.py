@@ -80,17 +80,17 @@ class Aircraft:
 
     def start(self) -> None:
         """Begin to feed."""
-        self._say()
+        self._command()
 
     def stop(self) -> None:
         """Stop feeding; the lines stay until ``close``."""
-        self._say()
+        self._command()
         assert self._process.stdout
         self.sent = {
             name: (frames, size) for name, (frames, size) in json.loads(self._process.stdout.readline()).items()
         }
 
-    def _say(self) -> None:
+    def _command(self) -> None:
         assert self._process.stdin
         self._process.stdin.write(".")
         self._process.stdin.flush()
@@ -201,19 +201,19 @@ def _feed(folder: Path, factor: float) -> None:
         sources, adapters = _sources(folder, ports, sock)
         print("ready", flush=True)
         while said() is None:
-            _attend(adapters)
+            _answer_adapters(adapters)
         begin = time.monotonic()
         while said() is None:
-            _attend(adapters)
+            _answer_adapters(adapters)
             elapsed, t_gps_ns = (time.monotonic() - begin) * factor, clock.now_ns() - GPS_EPOCH_NS
             for source in sources.values():
                 source.catch_up(elapsed, t_gps_ns)
         print(json.dumps({name: (source.frames, source.bytes) for name, source in sources.items()}), flush=True)
         while said() is None:
-            _attend(adapters)
+            _answer_adapters(adapters)
 
 
-def _attend(adapters: list[Lawicel]) -> None:
+def _answer_adapters(adapters: list[Lawicel]) -> None:
     """Answer the CAN links, also when they open again."""
     for adapter in adapters:
         adapter.answer()

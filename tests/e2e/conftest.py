@@ -20,7 +20,7 @@ from tests.e2e.heartbeat import ATTEMPTS, DISTURBED_NS, Heartbeats
 
 #: Flown in real time past real processes: what only ports show, and once nothing but an approach.  Seconds of each that
 #: the assertions need.
-REAL = {
+REAL_TIME = {
     "nominal": 80.0,
     "gauntlet_serial": 82.0,
     "gauntlet_udp": 82.0,
@@ -28,9 +28,9 @@ REAL = {
     "gauntlet_udp_multicast": 82.0,
 }
 #: Flown faster than time past the daemon's chain; at full scale in real time, too.
-FASTER = {"altimeter_failure": 48.0, "obstacle": 46.0, "off_track": 50.0, "silence": 46.0}
+ACCELERATED = {"altimeter_failure": 48.0, "obstacle": 46.0, "off_track": 50.0, "silence": 46.0}
 #: Flown where there is such a bus: tests/vcan.
-ELSEWHERE = {"gauntlet_socketcan"}
+VCAN_SCENARIOS = {"gauntlet_socketcan"}
 
 
 class TimedFlight(NamedTuple):
@@ -44,8 +44,8 @@ class TimedFlight(NamedTuple):
 def flown(config: pytest.Config) -> dict[str, float | None]:
     """Scenarios and how long each is flown [s]; at full scale every one to its end."""
     if config.getoption("--scale") == "quick":
-        return {**REAL, **FASTER}
-    return dict.fromkeys(name for name in scenarios.shipped() if name not in ELSEWHERE)
+        return {**REAL_TIME, **ACCELERATED}
+    return dict.fromkeys(name for name in scenarios.shipped_names() if name not in VCAN_SCENARIOS)
 
 
 @pytest.fixture(scope="session")
@@ -71,7 +71,7 @@ def flights(tmp_path_factory: pytest.TempPathFactory, pytestconfig: pytest.Confi
 
 
 def _is_faster(name: str, durations: Mapping[str, float | None]) -> bool:
-    return name in FASTER and durations[name] is not None
+    return name in ACCELERATED and durations[name] is not None
 
 
 def _fly_all(durations: Mapping[str, float | None], folder: Path) -> dict[str, TimedFlight]:

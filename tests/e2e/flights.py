@@ -14,18 +14,18 @@ from pathlib import Path
 from typing import Any
 
 from fti import config as configuration
-from fti.hil import accelerated
+from fti.hil import offline_run
 from fti.hil import scenario as scenarios
 from fti.logger.reading.recording import Recording
-from fti.service.compiling import compile_first
+from fti.service.navigation.kernel_compiler import ensure_kernels_compiled
 from tests.e2e.harness import END_S, FTI, START_S, daemon, free_udp_port, with_free_ports
 from tests.helpers import ROOT, until
 
 DEMO = ROOT / "configs" / "demo.toml"
 SECOND_NS = 1_000_000_000
-LONGEST_S = 900.0
+MAX_FLIGHT_S = 900.0
 #: A start takes both cores for seconds, which those that are flying already would miss: one at a time.
-TAKING_OFF = threading.Lock()
+START_LOCK = threading.Lock()
 Row = dict[str, Any]
 
 
@@ -50,7 +50,7 @@ def emulator(scenario: str, config: Path, links: Path, *arguments: str) -> Itera
 
     What it says of itself on stderr stands beside the configuration in ``emulator.txt``.
     """
-    with said(config).open("w") as errors:
+    with emulator_log(config).open("w") as errors:
         process = subprocess.Popen(
             [*FTI, "hil", scenario, "--config", str(config), "--links", str(links), *arguments],
             stdout=subprocess.PIPE,
@@ -64,7 +64,7 @@ def emulator(scenario: str, config: Path, links: Path, *arguments: str) -> Itera
         process.communicate(timeout=END_S)
 
 
-def said(config: Path) -> Path:
+def emulator_log(config: Path) -> Path:
     """Where the emulator of a configuration tells its progress and its errors."""
     return config.with_name("emulator.txt")
 
@@ -112,16 +112,16 @@ def fly(scenario: str, folder: Path, duration_s: float | None) -> Flight:
     named = Path(scenarios.load(scenarios.find(scenario)).config)
     config, links, truth = config_on_free_ports(named, folder), folder / "links", folder / "flight_truth_000.mcap"
     arguments = () if duration_s is None else ("--duration", f"{duration_s}")
-    compile_first(configuration.load(config))  # on a new machine that takes longer than a start may
+    ensure_kernels_compiled(configuration.load(config))  # on a new machine that takes longer than a start may
     with contextlib.ExitStack() as stack:
-        with TAKING_OFF:
+        with START_LOCK:
             played = stack.enter_context(emulator(scenario, config, links, "--wait", "--truth", str(truth), *arguments))
             until(lambda: links.is_dir() or played.poll() is not None, START_S, "the emulator's ports")
-            assert played.poll() is None, said(config).read_text()
+            assert played.poll() is None, emulator_log(config).read_text()
             running = stack.enter_context(daemon(config, folder / "out", "--links", str(links)))
             session = running.session
             until(lambda: running.health()["navigation"], START_S, "navigation")
-        assert played.wait(timeout=(duration_s or LONGEST_S) + END_S) == 0, said(config).read_text()
+        assert played.wait(timeout=(duration_s or MAX_FLIGHT_S) + END_S) == 0, emulator_log(config).read_text()
         running.stop()
     return Flight(session, truth)
 
@@ -129,6 +129,6 @@ def fly(scenario: str, folder: Path, duration_s: float | None) -> Flight:
 def fly_faster(scenario: str, folder: Path, duration_s: float | None) -> Flight:
     """Fly a scenario past the daemon's chain, faster than time, so many seconds of it; None : to its end."""
     loaded = scenarios.load(scenarios.find(scenario))
-    session = accelerated.fly(scenarios.load_config(loaded), loaded, folder, until_s=duration_s)
+    session = offline_run.fly(scenarios.load_config(loaded), loaded, folder, until_s=duration_s)
     (truth,) = Recording.open(session).truth_files
     return Flight(session, truth)

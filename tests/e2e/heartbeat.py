@@ -18,7 +18,7 @@ import time
 from collections.abc import Callable
 from typing import TypeVar
 
-from fti.service.recorder import PRIORITY
+from fti.service.recorder.__main__ import PRIORITY
 from tests.e2e.flood import said
 from tests.e2e.harness import END_S
 from tests.helpers import ROOT
@@ -68,7 +68,7 @@ class Heartbeats:
         )
 
 
-def undisturbed(run: Callable[[int], T], holds: Callable[[T], bool]) -> T:
+def run_undisturbed(run: Callable[[int], T], holds: Callable[[T], bool]) -> T:
     """What a run gives; one that does not hold is made again where a core stood still for ``DISTURBED_NS`` in it.
 
     run : is given the number of the attempt

@@ -14,7 +14,7 @@ from fti.cli.main import main
 from fti.hil import scenario as scenarios
 from fti.nav.fallbacks import Fallbacks
 from fti.nav.navigation import Navigation
-from tests.e2e.conftest import ELSEWHERE, flown
+from tests.e2e.conftest import VCAN_SCENARIOS, flown
 from tests.e2e.flights import fly_faster
 from tests.post.score.test_source_fault_scenarios import DETECTED
 
@@ -41,7 +41,7 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     if "name" not in metafunc.fixturenames:
         return
     quick = metafunc.config.getoption("--scale") == "quick"
-    durations = DURATIONS if quick else dict.fromkeys(scenarios.shipped())
+    durations = DURATIONS if quick else dict.fromkeys(scenarios.shipped_names())
     metafunc.parametrize(("name", "duration_s"), durations.items(), ids=list(durations))
 
 
@@ -89,5 +89,5 @@ def numbers(place: Path, topic: str) -> list[tuple[int, dict[str, Any]]]:
 
 
 def test_every_shipped_scenario_is_flown(pytestconfig: pytest.Config) -> None:
-    known = DURATIONS.keys() | flown(pytestconfig).keys() | ELSEWHERE | set(DETECTED)
-    assert known == set(scenarios.shipped())
+    known = DURATIONS.keys() | flown(pytestconfig).keys() | VCAN_SCENARIOS | set(DETECTED)
+    assert known == set(scenarios.shipped_names())

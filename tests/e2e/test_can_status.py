@@ -59,15 +59,15 @@ def test_an_overrun_of_an_adapter_is_in_the_ledger_the_view_and_the_proof(tmp_pa
     config.write_text(CONFIG)
     links.mkdir()
     line = Line(links / "bus")
-    attended = Attended(line)
+    wait_for_readers = Attended(line)
     try:
         with daemon(config, tmp_path / "out", "--links", str(links)) as running:
             session = running.session
-            attended.until(lambda: _told(running).get("slcan_data_overrun") == 0, "the first answer")
-            attended.adapter.flags = 0x08
-            attended.until(lambda: _told(running)["slcan_data_overrun"], "the overrun")
+            wait_for_readers.until(lambda: _told(running).get("slcan_data_overrun") == 0, "the first answer")
+            wait_for_readers.adapter.flags = 0x08
+            wait_for_readers.until(lambda: _told(running)["slcan_data_overrun"], "the overrun")
             line.write(format_frame(pack_can(0x123, b"\x01")))
-            attended.until(lambda: running.health()["links"]["bus"]["frames"] == 1, "the frame")
+            wait_for_readers.until(lambda: running.health()["links"]["bus"]["frames"] == 1, "the frame")
             seen = fti("watch", "--once", "--run-dir", str(running.run_dir)).stdout
             assert running.stop() == 130
     finally:

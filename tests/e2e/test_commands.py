@@ -22,7 +22,7 @@ from fti.cli.main import main
 from fti.drivers import ublox_ubx
 from fti.errors import FtiError
 from fti.logger.reading.recording import Recording
-from fti.service.client import ask
+from fti.service.control_client import send_command
 from tests.e2e.harness import Daemon, Line, daemon, fti
 from tests.helpers import until
 
@@ -106,10 +106,10 @@ class Bench:
         """``fti send``: exit code, standard output, standard error."""
         return call("send", *arguments, "--run-dir", self.run_dir)
 
-    def ask(self, key: str, period_ms: int, timeout_s: float = LONG_S, device: str = "gnss") -> dict[str, Any]:
+    def send_command(self, key: str, period_ms: int, timeout_s: float = LONG_S, device: str = "gnss") -> dict[str, Any]:
         """The same over the control socket, with a number of our own."""
         wish = {"id": key, "device": device, "command": "rate", "args": {"period_ms": str(period_ms)}}
-        return ask({"send": wish | {"timeout_s": timeout_s}}, self.run_dir, 2 * LONG_S)
+        return send_command({"send": wish | {"timeout_s": timeout_s}}, self.run_dir, 2 * LONG_S)
 
     def tx_frames(self) -> int:
         """How many the recorder says that it has sent."""
@@ -152,7 +152,7 @@ def test_commands_go_out_once_and_come_back_and_stand_in_the_file(tmp_path: Path
         ends_with_the_session(bench)
         assert never.read() == b""
     with pytest.raises(FtiError):
-        bench.ask("late", 100)
+        bench.send_command("late", 100)
     stands_in_the_file(session, bytes(receiver.heard), tmp_path)
 
 
@@ -170,9 +170,9 @@ def refuses_what_may_not_be_sent(bench: Bench) -> None:
     assert (code, out) == (2, "")
     assert 'set transmit = true at [[link]] name = "shut"' in err
     with pytest.raises(FtiError, match="there is no device 'none'; there are gnss, spare"):
-        bench.ask("a", 100, device="none")
+        bench.send_command("a", 100, device="none")
     with pytest.raises(FtiError, match="period_ms"):
-        bench.ask("b", 1)
+        bench.send_command("b", 1)
     assert bench.receiver.heard == b""
 
 
@@ -185,10 +185,10 @@ def sends_and_is_answered(bench: Bench) -> None:
 
 def sends_the_same_request_once(bench: Bench) -> None:
     with ThreadPoolExecutor(3) as pool:
-        first, *others = [job.result() for job in [pool.submit(bench.ask, "button", 102) for _ in range(3)]]
+        first, *others = [job.result() for job in [pool.submit(bench.send_command, "button", 102) for _ in range(3)]]
     assert first["state"] == "acknowledged"
     assert all(other == first for other in others)
-    assert bench.ask("button", 102) == first
+    assert bench.send_command("button", 102) == first
     assert bench.receiver.heard.count(rate(102)) == 1
 
 
@@ -236,7 +236,7 @@ async def _next_commands(ws: aiohttp.ClientWebSocketResponse) -> dict[str, Any]:
 
 def tells_silence_and_a_late_answer(bench: Bench) -> None:
     bench.receiver.speaks = False
-    found = bench.ask("silent", 103, timeout_s=0.3)
+    found = bench.send_command("silent", 103, timeout_s=0.3)
     assert (found["state"], found["detail"].partition(";")[0]) == ("timed out", "no answer within 0.3 s")
     bench.receiver.speaks = True
     until(lambda: bench.running.health()["devices"]["gnss"]["messages"] == 4, LONG_S, "the late answer")
@@ -246,7 +246,7 @@ def outlives_the_recorder(bench: Bench) -> None:
     bench.receiver.speaks = False
     before, pid = bench.tx_frames(), bench.running.pid_of("recorder")
     with ThreadPoolExecutor(1) as pool:
-        asked = pool.submit(bench.ask, "killed", 104)
+        asked = pool.submit(bench.send_command, "killed", 104)
         until(lambda: bench.tx_frames() > before, LONG_S, "the word that it was sent")
         os.kill(pid, signal.SIGKILL)
         until(lambda: bench.running.pid_of("recorder") != pid, LONG_S, "another recorder")
@@ -259,7 +259,7 @@ def ends_with_the_session(bench: Bench) -> None:
     bench.receiver.speaks = False
     before = bench.tx_frames()
     with ThreadPoolExecutor(1) as pool:
-        asked = pool.submit(bench.ask, "open", 106)
+        asked = pool.submit(bench.send_command, "open", 106)
         until(lambda: bench.tx_frames() > before, LONG_S, "the word that it was sent")
         assert bench.running.stop() == 130
         found = asked.result()

@@ -21,7 +21,7 @@ from fti.types import RawFrame
 from tests.e2e.feeder import Feeder
 from tests.e2e.harness import END_S, Daemon, daemon, fti
 from tests.e2e.heartbeat import Heartbeats
-from tests.e2e.killing import Frames, read_as_it_lies, read_finished
+from tests.e2e.recorder_kills import Frames, read_as_it_lies, read_finished
 from tests.helpers import until
 from tests.processes import children_of, command_of
 

@@ -13,7 +13,7 @@ from foxglove.messages import LocationFix
 from mcap.reader import make_reader
 from mcap.records import Channel, Message, Schema
 
-from fti.hil.truth import END_TOPIC, TOPIC
+from fti.hil.truth_log import END_TOPIC, TOPIC
 from tests.e2e.harness import fti
 from tests.helpers import ROOT
 

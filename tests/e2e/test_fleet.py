@@ -13,8 +13,8 @@ import pytest
 from benchmarks.parts.fleet import DEVICES, write_config
 from benchmarks.timing import play
 from fti import config as configuration
-from fti.logger.proof.hashes import link_hashes
 from fti.logger.reading.recording import Recording
+from fti.logger.verify.link_hash import link_hashes
 
 pytestmark = [pytest.mark.e2e, pytest.mark.alone, pytest.mark.timeout(3600)]
 QUICK_S, FULL_S = 5.0, 60.0

@@ -9,7 +9,7 @@ import time
 import pytest
 
 from tests.e2e import heartbeat
-from tests.e2e.heartbeat import ATTEMPTS, DISTURBED_NS, Heartbeats, undisturbed
+from tests.e2e.heartbeat import ATTEMPTS, DISTURBED_NS, Heartbeats, run_undisturbed
 
 pytestmark = pytest.mark.e2e
 STOPPED_S, TOLERANCE_NS = 0.3, 15_000_000
@@ -52,5 +52,5 @@ def test_a_run_that_does_not_hold_is_made_again_while_a_core_stands_still(
             return next(left)
 
     monkeypatch.setattr(heartbeat, "Heartbeats", Fake)
-    assert undisturbed(lambda attempt: attempt, lambda attempt: attempt == holds_in) == attempts - 1
+    assert run_undisturbed(lambda attempt: attempt, lambda attempt: attempt == holds_in) == attempts - 1
     assert not list(left)

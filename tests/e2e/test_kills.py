@@ -18,7 +18,7 @@ import pytest
 
 from fti.logger.reading.recording import Recording
 from tests.e2e.heartbeat import Heartbeats
-from tests.e2e.killing import Loss, Moment, Rig, Span, describe
+from tests.e2e.recorder_kills import Loss, Moment, Rig, Span, describe
 
 pytestmark = [pytest.mark.e2e, pytest.mark.alone, pytest.mark.timeout(3000)]
 SEED = 20261121
@@ -28,7 +28,7 @@ ENOUGH_FOR_A_MEDIAN = 50
 
 
 def _at_any_time(rig: Rig) -> None:
-    rig.linger(0.04)
+    rig.wait_random(0.04)
 
 
 def _at_a_split(rig: Rig) -> None:
@@ -37,12 +37,12 @@ def _at_a_split(rig: Rig) -> None:
     while not following.exists():
         assert time.monotonic() < deadline, "no split"
         time.sleep(0.0001)
-    rig.linger(0.004)
+    rig.wait_random(0.004)
 
 
 def _at_the_end(rig: Rig) -> None:
     rig.channel.send({"stop": True})
-    rig.linger(0.06)
+    rig.wait_random(0.06)
 
 
 def _kill_often(

@@ -115,7 +115,7 @@ def test_the_books_of_a_killed_recorder_and_of_the_next_one_close(tmp_path: Path
     assert checks["ledger"]["verdict"] == checks["splits"]["verdict"] == "ok"
     assert checks["files"]["verdict"] == "note"  # the one of the killed recorder was closed later
     assert "ended without a last word" in checks["recorders"]["lines"][0]["text"]
-    seqs = [seq for seq, _ in Recording.open(session).numbered()]
+    seqs = [seq for seq, _ in Recording.open(session).numbered_messages()]
     assert proof["numbered"] == len(seqs)
     assert proof["missing"] == seqs[-1] + 1 - len(seqs)
     recorded = sum(len(frame.data) for frame in Recording.open(session).frames() if frame.link == "line")

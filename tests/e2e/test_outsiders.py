@@ -34,7 +34,7 @@ from fti.geodesy.atmosphere import pressure_altitude
 from fti.geodesy.wgs84 import SEMI_MAJOR
 from fti.hil.emulator import DEMO_UNDULATION
 from fti.logger.reading.recording import Recording
-from tests.e2e.flights import emulator, said
+from tests.e2e.flights import emulator, emulator_log
 from tests.e2e.harness import START_S, free_udp_port
 from tests.helpers import ROOT, until
 
@@ -140,7 +140,7 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
     (folder / "others.toml").write_text(SCENARIO)
     with emulator(str(folder / "others.toml"), config, links, "--truth", str(truth)) as played:
         until(lambda: (links / "bus").is_symlink() or played.poll() is not None, START_S, "the ports")
-        assert played.poll() is None, said(config).read_text()
+        assert played.poll() is None, emulator_log(config).read_text()
         until(lambda: truth.is_file() and truth.stat().st_size > 0, START_S, "the flight")
         yield Bench(links, truth, port)
 

@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 
-from fti.nav.integrity.reference import Reference
+from fti.nav.integrity.reference import ApproachReference
 from tests.e2e.flights import DEMO, Flight, Row
 
 pytestmark = [pytest.mark.e2e, pytest.mark.flight, pytest.mark.timeout(3600)]
@@ -99,7 +99,7 @@ def test_obstacle_is_an_alert_and_passes(flights: dict[str, Flight]) -> None:
 
 def _beam_times(flight: Flight) -> tuple[float, float]:
     """When the altimeter sees the obstacle first and last [s]: the ground is far above that of the reference."""
-    reference = Reference.parse(PROFILE.read_text(), str(PROFILE))
+    reference = ApproachReference.parse(PROFILE.read_text(), str(PROFILE))
     seen = []
     for row in flight.outputs(RADAR):
         if row["height_agl"] is not None:

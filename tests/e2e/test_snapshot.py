@@ -18,7 +18,7 @@ from fti import config as configuration
 from fti.cli.main import main
 from fti.errors import ConfigError
 from fti.logger.reading.recording import Recording
-from fti.service import hygiene
+from fti.service import realtime
 from fti.types import TICK_LINK, RawFrame
 from tests.e2e.feeder import Feeder
 from tests.e2e.harness import Daemon, daemon, fti
@@ -27,7 +27,7 @@ from tests.helpers import until
 pytestmark = [pytest.mark.e2e, pytest.mark.timeout(900)]
 BEFORE_S, AFTER_S = 0.6, 0.3
 SECOND_NS = 1_000_000_000
-PATIENCE_S = 30.0
+TIMEOUT_S = 30.0
 
 
 @pytest.fixture
@@ -49,7 +49,7 @@ def _snapshot(running: Daemon) -> dict[str, Any]:
 
 def _await_memory(running: Daemon) -> None:
     """The memory holds more than a trigger asks for."""
-    until(lambda: _snapshot(running).get("held_s", 0) > BEFORE_S, PATIENCE_S, "a full memory")
+    until(lambda: _snapshot(running).get("held_s", 0) > BEFORE_S, TIMEOUT_S, "a full memory")
 
 
 def _command(*arguments: str) -> tuple[int, str]:
@@ -64,7 +64,7 @@ def _trigger(running: Daemon, text: str) -> None:
 
 
 def _await_file(running: Daemon) -> None:
-    until(lambda: (s := _snapshot(running)).get("file") and s["state"] == "waiting", PATIENCE_S, "a snapshot")
+    until(lambda: (s := _snapshot(running)).get("file") and s["state"] == "waiting", TIMEOUT_S, "a snapshot")
 
 
 def _triggered_ns(recording: Recording) -> list[int]:
@@ -82,7 +82,7 @@ def _prefer(feeder: Feeder, cpu: int, folder: Path) -> bool:
     plain = feeder.config.read_text()
     _configure(feeder, more=asked)
     try:
-        hygiene.check(configuration.load(feeder.config))
+        realtime.check(configuration.load(feeder.config))
     except ConfigError as error:
         done = fti("run", str(feeder.config), "--out", str(folder / "out"))
         assert (done.returncode, done.stderr.strip()) == (2, str(error))
@@ -144,7 +144,7 @@ def test_in_mode_snapshot_every_frame_is_in_a_snapshot_or_not_triggered(feeder: 
         first = _snapshot(running)["file"]
         _await_memory(running)
         _trigger(running, "two")
-        until(lambda: _snapshot(running)["file"] != first, PATIENCE_S, "another file")
+        until(lambda: _snapshot(running)["file"] != first, TIMEOUT_S, "another file")
         _await_file(running)
         assert running.health()["session"]["mode"] == "snapshot"
         feeder.stop()
@@ -184,19 +184,19 @@ def test_what_a_killed_recorder_had_written_of_a_snapshot_is_there(feeder: Feede
         feeder.start()
         _await_memory(running)
         _trigger(running, "boom")
-        until(lambda: _snapshot(running)["file"], PATIENCE_S, "a snapshot")
+        until(lambda: _snapshot(running)["file"], TIMEOUT_S, "a snapshot")
         file = Path(_snapshot(running)["file"])
-        until(lambda: file.stat().st_size > 10_000, PATIENCE_S, "frames in it")
+        until(lambda: file.stat().st_size > 10_000, TIMEOUT_S, "frames in it")
         os.kill(running.pid_of("recorder"), signal.SIGKILL)
-        until(lambda: running.health()["processes"]["recorder"]["restarts"] == 1, PATIENCE_S, "a stand-in")
-        until(lambda: _snapshot(running).get("held_s"), PATIENCE_S, "a memory")
+        until(lambda: running.health()["processes"]["recorder"]["restarts"] == 1, TIMEOUT_S, "a stand-in")
+        until(lambda: _snapshot(running).get("held_s"), TIMEOUT_S, "a memory")
         _trigger(running, "again")
-        until(lambda: _snapshot(running)["file"], PATIENCE_S, "another snapshot")
+        until(lambda: _snapshot(running)["file"], TIMEOUT_S, "another snapshot")
         feeder.stop()
         assert running.stop() == 130
     recording = Recording.open(session)
     assert [path.name[-7:-5] for path in recording.snapshot_files] == ["00", "01"]
-    assert not recording.unfinished
+    assert not recording.unfinished_files
     assert sum(frame.link == "eth" for frame in Recording.open(file).frames()) > 50
     code, printed = _command("verify", str(session))
     assert code == 3, printed

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.e2e.soaking import Soak, Usage, soak
+from tests.e2e.soak_run import Soak, Usage, run_soak
 
 pytestmark = [pytest.mark.e2e, pytest.mark.alone, pytest.mark.timeout(3600)]
 FACTOR = 10
@@ -16,7 +16,7 @@ GROWTH_MB = {"recorder": 2.0, "navigation": 10.0, "display": 5.0, "supervisor": 
 
 
 def test_the_ledger_is_closed_and_memory_is_flat(tmp_path: Path, scale: int) -> None:
-    found = soak(tmp_path, QUICK_S if scale == 1 else FULL_S, FACTOR)
+    found = run_soak(tmp_path, QUICK_S if scale == 1 else FULL_S, FACTOR)
     print(found.table())
     _assert_closed(found)
     if scale > 1:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from fti.drivers import novatel_oem6 as novatel
-from fti.geodesy.broadcast_orbit import clock_offset, position_e, seconds_after, transmission_time, turned
+from fti.geodesy.broadcast_orbit import clock_offset, position_e, rotate_with_earth, seconds_after, transmission_time
 from fti.types import Ephemeris, Pseudoranges
 from tests.helpers import ROOT
 
@@ -62,5 +62,5 @@ def test_time_differences_cross_the_end_of_a_week() -> None:
 
 def test_the_earth_turns_eastward_under_the_light() -> None:
     """In 0.07 s a point at 26 560 km falls back by 136 m to the west: 7.292e-5 rad/s."""
-    found = turned(np.array([26_560_000.0, 0.0, 1.0]), 0.07)
+    found = rotate_with_earth(np.array([26_560_000.0, 0.0, 1.0]), 0.07)
     assert found == pytest.approx([26_560_000.0, -135.57, 1.0], abs=0.01)

@@ -17,7 +17,7 @@ from fti.geodesy.heights import (
     PRESSURE,
     RECEIVER,
     Height,
-    Kind,
+    HeightKind,
     above_ground,
     from_ground,
     msl_to_pressure,
@@ -39,7 +39,7 @@ MUNICH = np.radians(48.1), np.radians(11.6)
 
 
 @pytest.mark.parametrize(("one", "other"), PAIRS, ids=str)
-def test_mixing_raises_and_says_what_was_mixed(one: Kind, other: Kind) -> None:
+def test_mixing_raises_and_says_what_was_mixed(one: HeightKind, other: HeightKind) -> None:
     for mix in MIXING:
         with pytest.raises(ValueError, match="height") as refused:
             mix(Height(500.0, one), Height(np.array([1.0, 2.0]), other))
@@ -48,7 +48,7 @@ def test_mixing_raises_and_says_what_was_mixed(one: Kind, other: Kind) -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS, ids=str)
-def test_one_kind_behaves_as_a_height_does(kind: Kind) -> None:
+def test_one_kind_behaves_as_a_height_does(kind: HeightKind) -> None:
     low, high = Height(100.0, kind), Height(np.array([150.0, np.nan]), kind)
     assert high - low == pytest.approx([50.0, np.nan], nan_ok=True)
     assert isinstance(Height(150.0, kind) - low, float)

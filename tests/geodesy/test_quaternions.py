@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fti.geodesy.quaternions import mat_from_quat, quat_from_mat, rate_from_quat, unwound
+from fti.geodesy.quaternions import make_continuous, mat_from_quat, quat_from_mat, rate_from_quat
 from fti.geodesy.rotations import mat_from_rpy
 
 
@@ -28,7 +28,7 @@ def test_of_a_plain_heading() -> None:
 
 def test_unwound_quaternions_have_no_jump() -> None:
     heading = np.linspace(0.0, 20.0, 300)  # three turns
-    quats = unwound(quat_from_mat(mat_from_rpy(0.2, 0.1, heading)))
+    quats = make_continuous(quat_from_mat(mat_from_rpy(0.2, 0.1, heading)))
     assert np.linalg.norm(np.diff(quats, axis=0), axis=1).max() < 0.04
     np.testing.assert_allclose(mat_from_quat(quats), mat_from_rpy(0.2, 0.1, heading), atol=1e-15 * 8)
 

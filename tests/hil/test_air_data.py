@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 from fti import drivers
 from fti.config import Device
+from fti.devices import BoundDevice
 from fti.geodesy.atmosphere import ISA_PRESSURE, Atmosphere
-from fti.hil.flight.trajectory import Samples, SplineFlight, State
+from fti.hil.environment import calibrated_airspeed, impact_pressure
+from fti.hil.flight.trajectory import FlightSamples, FlightState, SplineFlight
 from fti.hil.sensors.air_data import AirData, true_airspeed
-from fti.hil.sensors.errors import lagged
-from fti.hil.tables.schema import Air
-from fti.hil.world import calibrated_airspeed, impact_pressure
-from fti.service.binding import BoundDevice
+from fti.hil.sensors.errors import first_order_lag
+from fti.hil.tables.schema import AirConditions
 from fti.types import Airspeed, PressureAltitude, Stamp
 from tests.hil.worlds import world
 
@@ -25,21 +25,23 @@ KNOT, UNDULATION = 1852.0 / 3600.0, 47.0
 T = np.arange(0.0, 60.0, 0.1)
 
 
-def straight(speed: float = 60.0, descent: float = 0.0, wind_n: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> State:
+def straight(
+    speed: float = 60.0, descent: float = 0.0, wind_n: tuple[float, float, float] = (0.0, 0.0, 0.0)
+) -> FlightState:
     """Northwards over the ground at 1000 m above the ellipsoid, nose to the north, wings level."""
     t = np.arange(-1.0, 62.0, 0.1)
     zero = np.zeros_like(t)
     lat = math.radians(48.0) + speed * t / 6.37e6
     flight = SplineFlight.from_samples(
-        Samples(t, lat, zero + math.radians(11.0), 1000.0 - descent * t, zero, zero, zero, wind_n)
+        FlightSamples(t, lat, zero + math.radians(11.0), 1000.0 - descent * t, zero, zero, zero, wind_n)
     )
     return flight.state(T)
 
 
-def computer(state: State, air: Air | None = None, seed: int = 1, **settings: float) -> AirData:
+def computer(state: FlightState, air: AirConditions | None = None, seed: int = 1, **settings: float) -> AirData:
     device = Device.model_validate({"name": "air", "link": "line", "driver": "canaerospace"})
     driver = drivers.load("canaerospace")
-    flown = world(1.0, air=air or Air(), sensor={"air": settings})
+    flown = world(1.0, air=air or AirConditions(), sensor={"air": settings})
     return AirData(BoundDevice(device, driver, driver.Options()), state, flown, T, np.random.default_rng(seed))
 
 
@@ -73,7 +75,9 @@ def test_true_airspeed_is_the_way_back_from_impact_pressure() -> None:
 def test_a_lag_follows_a_ramp_behind_by_its_time_whatever_the_sampling() -> None:
     for step in (0.01, 0.1, 1.0):
         t = np.arange(0.0, 10.0, step)
-        np.testing.assert_allclose(lagged(t, 3.0 * t, 0.5), 3.0 * (t - 0.5 * (1.0 - np.exp(-t / 0.5))), atol=1e-9)
+        np.testing.assert_allclose(
+            first_order_lag(t, 3.0 * t, 0.5), 3.0 * (t - 0.5 * (1.0 - np.exp(-t / 0.5))), atol=1e-9
+        )
 
 
 # ---------------------------------------------------------------------------------------------------------- the flow
@@ -101,15 +105,19 @@ def test_at_the_height_of_the_station_the_set_altimeter_is_right_and_the_standar
 ) -> None:
     """The station of the test field is 500 m above the ellipsoid.  1 hPa is 8.3 m at sea level."""
     state = straight()
-    air = Air(qnh_hpa=qnh_hpa, isa_deviation_k=deviation)
-    low = State(**{name: getattr(state, name) for name in State.__slots__} | {"alt": np.full_like(T, 500.0)})
+    air = AirConditions(qnh_hpa=qnh_hpa, isa_deviation_k=deviation)
+    low = FlightState(
+        **{name: getattr(state, name) for name in FlightState.__slots__} | {"alt": np.full_like(T, 500.0)}
+    )
     standard, at_qnh = altitudes(computer(low, air, static_error=0.0))
     assert at_qnh == pytest.approx(500.0 - UNDULATION, abs=1.5)
     assert standard - at_qnh == pytest.approx((1013.25 - qnh_hpa) * 8.3, abs=2.5 + 0.01 * abs(1013.25 - qnh_hpa) * 8.3)
 
 
 def test_an_altimeter_that_is_set_wrong_is_wrong_by_the_setting() -> None:
-    right, wrong = (altitudes(computer(straight(), Air(qnh_hpa=1000.0), altimeter_hpa=s)) for s in (1000.0, 1010.0))
+    right, wrong = (
+        altitudes(computer(straight(), AirConditions(qnh_hpa=1000.0), altimeter_hpa=s)) for s in (1000.0, 1010.0)
+    )
     assert wrong[1] - right[1] == pytest.approx(10.0 * 8.35, abs=1.0)
     assert wrong[0] == pytest.approx(right[0])
 

@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 
 from fti import config, drivers
 from fti.config import Device
+from fti.devices import BoundDevice
 from fti.drivers import lightware_ascii
 from fti.errors import ConfigError
+from fti.hil.environment import Environment
 from fti.hil.faults.values import DeviceFaults
-from fti.hil.sensors import MODELS, Sensor
-from fti.hil.tables.kinds import Fog
-from fti.hil.tables.schema import Air, SensorSettings
-from fti.hil.world import World
-from fti.service.binding import BoundDevice
+from fti.hil.sensors import MODELS, SimulatedSensor
+from fti.hil.tables.fault_types import Fog
+from fti.hil.tables.schema import AirConditions, SensorSettings
 from fti.terrain.terrain import Terrain
 from fti.types import Attitude, Measurement, RadioHeight, Range, Reading, Stamp, Temperature
 from tests.hil.worlds import flat_terrain, path, scenario, world
@@ -28,22 +28,22 @@ START_NS = 1_700_000_000_000_000_000
 
 
 @cache
-def flown() -> World:
+def flown() -> Environment:
     return world(duration_s=30.0)
 
 
-def sensor(driver: str, options: dict[str, Any] | None = None, **keys: object) -> Sensor:
+def sensor(driver: str, options: dict[str, Any] | None = None, **keys: object) -> SimulatedSensor:
     device = Device.model_validate({"name": "device", "link": "line", "driver": driver, **keys})
     module = drivers.load(driver)
     bound = BoundDevice(device, module, config.bind(module.Options, options or {}, "test"))
-    return Sensor(bound, MODELS[driver], flown(), seed=1)
+    return SimulatedSensor(bound, MODELS[driver], flown(), seed=1)
 
 
-def samples(made: Sensor) -> list[list[Measurement]]:
+def samples(made: SimulatedSensor) -> list[list[Measurement]]:
     return [made.measure(k, START_NS) for k in range(len(made.t))]
 
 
-def ranges(made: Sensor) -> list[Range]:
+def ranges(made: SimulatedSensor) -> list[Range]:
     return [m for sample in samples(made) for m in sample if isinstance(m, Range)]
 
 
@@ -163,11 +163,11 @@ def radar_heights(model: str | None, terrain: Terrain | None = None, **keys_of_s
     said = keys_of_sensor | ({} if model is None else {"model": model})
     settings = {"device": SensorSettings.model_validate(said)} if said else {}
     plan = scenario(flight=flown().scenario.flight, sensor=settings)
-    there = World(plan, path(), terrain or flat_terrain(), undulation=47.0)
+    there = Environment(plan, path(), terrain or flat_terrain(), undulation=47.0)
     keys = {"kind": "radar", "range_m": (0.5, 762.0), "beam_deg": 40.0}
     device = Device.model_validate({"name": "device", "link": "l", "driver": "freeflight_ra4500", "altimeter": keys})
     module = drivers.load("freeflight_ra4500")
-    made = Sensor(BoundDevice(device, module, module.Options()), MODELS["freeflight_ra4500"], there, seed=1)
+    made = SimulatedSensor(BoundDevice(device, module, module.Options()), MODELS["freeflight_ra4500"], there, seed=1)
     told = [m.height_agl for sample in samples(made) for m in sample if isinstance(m, RadioHeight)]
     return np.array([math.nan if height is None else height for height in told])
 
@@ -217,7 +217,9 @@ def test_a_model_that_there_is_not_is_refused_by_its_key() -> None:
 
 def laser_ranges(**air: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """What a laser sees on the small approach in that air, and how high it is above the ground [m]."""
-    there = World(scenario(flight=flown().scenario.flight, air=Air(**air)), path(), flat_terrain(), undulation=47.0)
+    there = Environment(
+        scenario(flight=flown().scenario.flight, air=AirConditions(**air)), path(), flat_terrain(), undulation=47.0
+    )
     device = Device.model_validate({
         "name": "laser", "link": "l", "driver": "lightware_ascii",
         "altimeter": {"kind": "laser", "range_m": (0.2, 500.0), "beam_deg": 0.2},

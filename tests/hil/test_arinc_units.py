@@ -9,13 +9,13 @@ import pytest
 
 from fti import drivers
 from fti.config import Altimeter, Device, bind
+from fti.devices import BoundDevice
 from fti.drivers import arinc429
-from fti.drivers.arinc429.labels import built_in
-from fti.hil.sensors import Sensor
+from fti.drivers.arinc429.labels import built_in_sets
+from fti.hil.environment import Environment
+from fti.hil.sensors import SimulatedSensor
 from fti.hil.sensors.arinc_units import ArincUnit, IlsReceiver
-from fti.hil.world import World
 from fti.ranging.radar.quantise import quantisation_step_ft
-from fti.service.binding import BoundDevice
 from fti.types import Deviation, DmeRange, Measurement, Position, RadioHeight, Reading, Stamp, TimeScale
 from tests.hil.worlds import world
 
@@ -25,17 +25,17 @@ RADAR = Altimeter(kind="radar", range_m=(0.5, 762.0))
 
 
 @pytest.fixture(scope="module")
-def flown() -> World:
+def flown() -> Environment:
     return world(duration_s=30.0)
 
 
-def sensor(flown: World, **options: object) -> Sensor:
+def sensor(flown: Environment, **options: object) -> SimulatedSensor:
     device = Device(name="unit", link="line", driver="arinc429", altimeter=RADAR)
     chosen = bind(arinc429.Options, options, "test.toml")
-    return Sensor(BoundDevice(device, drivers.load("arinc429"), chosen), ArincUnit, flown, 1)
+    return SimulatedSensor(BoundDevice(device, drivers.load("arinc429"), chosen), ArincUnit, flown, 1)
 
 
-def heard(made: Sensor, **options: object) -> tuple[arinc429.Decoder, list[Measurement]]:
+def heard(made: SimulatedSensor, **options: object) -> tuple[arinc429.Decoder, list[Measurement]]:
     decoder = arinc429.make_decoder(bind(arinc429.Options, options, "test.toml"))
     found: list[Measurement] = []
     for k in range(0, len(made.t), 100):
@@ -46,11 +46,11 @@ def heard(made: Sensor, **options: object) -> tuple[arinc429.Decoder, list[Measu
 
 
 @pytest.mark.parametrize("packets", ["none", "apmp", "chapter10"])
-@pytest.mark.parametrize("name", list(built_in()))
-def test_every_label_of_every_set_is_played(flown: World, name: str, packets: str) -> None:
+@pytest.mark.parametrize("name", list(built_in_sets()))
+def test_every_label_of_every_set_is_played(flown: Environment, name: str, packets: str) -> None:
     options = {"set": name, "packets": packets}
     decoder, found = heard(sensor(flown, **options), **options)
-    names = {label.quantity or label.reading or label.name for label in built_in()[name].labels}
+    names = {label.quantity or label.reading or label.name for label in built_in_sets()[name].labels}
     assert names | {"equipment_id"} <= set(decoder.counters.messages)
     assert not [m for m in found if getattr(m, "ok", True) is False]
     if packets != "none":
@@ -58,7 +58,7 @@ def test_every_label_of_every_set_is_played(flown: World, name: str, packets: st
         assert found[0].stamp.t_dev_ns is not None
 
 
-def test_the_radar_altimeter_of_a_set_with_steps_says_how_coarse_it_is(flown: World) -> None:
+def test_the_radar_altimeter_of_a_set_with_steps_says_how_coarse_it_is(flown: Environment) -> None:
     options = {"set": "freeflight_ra4500"}
     found = [m for m in heard(sensor(flown, **options), **options)[1] if isinstance(m, RadioHeight) and m.valid]
     assert found
@@ -69,7 +69,7 @@ def test_the_radar_altimeter_of_a_set_with_steps_says_how_coarse_it_is(flown: Wo
         assert math.remainder(m.height_agl / FOOT, step) == pytest.approx(0.0, abs=1e-6)
 
 
-def test_a_position_with_fine_words_is_good_to_centimetres_on_the_wire(flown: World) -> None:
+def test_a_position_with_fine_words_is_good_to_centimetres_on_the_wire(flown: Environment) -> None:
     made = sensor(flown, set="gnss_743a")
     (sent,) = [m for m in made.measure(0, START_NS) if isinstance(m, Position)]
     decoder = arinc429.make_decoder(arinc429.Options(set="gnss_743a"))
@@ -79,7 +79,7 @@ def test_a_position_with_fine_words_is_good_to_centimetres_on_the_wire(flown: Wo
     assert abs(lat - sent.lat) * 6.4e6 < 0.01
 
 
-def test_deviations_are_those_of_the_approach(flown: World) -> None:
+def test_deviations_are_those_of_the_approach(flown: Environment) -> None:
     """Right of the centre line the localizer says fly left, above the path the glide slope says fly down."""
     t = np.linspace(0.0, 20.0, 400)
     state = flown.state(t)
@@ -95,7 +95,7 @@ def test_deviations_are_those_of_the_approach(flown: World) -> None:
     np.testing.assert_allclose(glide, expected, atol=0.06)
 
 
-def test_readings_fit_together(flown: World) -> None:
+def test_readings_fit_together(flown: Environment) -> None:
     made = sensor(flown, set="air_data")
     seen = {m.name: m for m in made.measure(3, START_NS) if isinstance(m, Reading)}
     assert seen["total_pressure"].unit == "Pa"

@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from fti import drivers
 from fti.config import Device
+from fti.devices import BoundDevice
 from fti.drivers import deflection_pickups
-from fti.drivers.deflection_pickups.factory import factory_tables
-from fti.hil.sensors import MODELS, Sensor
+from fti.drivers.deflection_pickups.factory_calibration import factory_tables
+from fti.hil.environment import Environment
+from fti.hil.sensors import MODELS, SimulatedSensor
 from fti.hil.sensors.deflections import DeflectionPickups, deflections, flap_angle_deg, raw_counts, table_error
-from fti.hil.world import World
-from fti.service.binding import BoundDevice
 from fti.types import Stamp, SurfaceDeflection
 from tests.hil.worlds import world
 
@@ -27,7 +27,7 @@ SURFACE = "elevator"
 
 
 @cache
-def flown(slack_deg: float, hysteresis_counts: float, table_error: float) -> World:
+def flown(slack_deg: float, hysteresis_counts: float, table_error: float) -> Environment:
     settings = {"slack_deg": slack_deg, "hysteresis_counts": hysteresis_counts, "table_error": table_error}
     return world(duration_s=20.0, sensor={"pickups": settings})
 
@@ -51,7 +51,7 @@ def counts(seed: int = 1, surface: str = SURFACE, **settings: float) -> Array:
 def test_raw_counts_are_the_table_read_backwards_with_noise() -> None:
     device = Device.model_validate({"name": "pickups", "link": "bus", "driver": "deflection_pickups"})
     bound = BoundDevice(device, drivers.load("deflection_pickups"), deflection_pickups.Options())
-    made = Sensor(bound, MODELS["deflection_pickups"], flown(**PERFECT), 1)
+    made = SimulatedSensor(bound, MODELS["deflection_pickups"], flown(**PERFECT), 1)
     told = [m for k in range(len(made.t)) for m in made.measure(k, 0)]
     samples = [m for m in told if isinstance(m, SurfaceDeflection)]
     assert len(samples) == 10 * len(made.t)

@@ -9,16 +9,16 @@ import pytest
 from numpy.typing import NDArray
 
 from fti.geodesy.wgs84 import ecef_from_geodetic
+from fti.hil.environment import Environment
 from fti.hil.sensors.dme import (
     MEMORY_S,
     SCAN_S,
     SEARCH_S,
     STATIONS_M,
     Interrogator,
-    followed,
     sight,
+    track_range,
 )
-from fti.hil.world import World
 from fti.terrain.terrain import Terrain
 from fti.types import DmeRange, Stamp
 from tests.hil.worlds import flat_terrain, path, scenario, world
@@ -27,11 +27,11 @@ Array = NDArray[np.float64]
 T = np.arange(0.0, 60.0, 1.0)
 
 
-def with_terrain(terrain: Terrain) -> World:
-    return World(scenario(), path(), terrain, undulation=47.0)
+def with_terrain(terrain: Terrain) -> Environment:
+    return Environment(scenario(), path(), terrain, undulation=47.0)
 
 
-def ranges(flown: World, t: Array, seed: int = 1) -> Array:
+def ranges(flown: Environment, t: Array, seed: int = 1) -> Array:
     """What is told, (samples, stations) [m]; NaN where it is not locked."""
     unit = Interrogator(flown.state(t), flown, t, np.random.default_rng(seed))
     told = [[m for m in unit.measure(k, Stamp(0)) if isinstance(m, DmeRange)] for k in range(len(t))]
@@ -39,7 +39,7 @@ def ranges(flown: World, t: Array, seed: int = 1) -> Array:
     return np.array([[math.nan if m.slant_range is None else m.slant_range for m in sample] for sample in told])
 
 
-def true_ranges(flown: World, t: Array) -> Array:
+def true_ranges(flown: Environment, t: Array) -> Array:
     state, way = flown.state(t), flown.path
     here = ecef_from_geodetic(state.lat, state.lon, state.alt)
     places = [(*way.geodetic(way.x_gpi + s, y), 500.0 + h) for s, y, h in STATIONS_M]
@@ -88,7 +88,7 @@ def test_it_remembers_and_then_it_is_unlocked_and_searches() -> None:
     asked = np.arange(0.0, 60.0, SCAN_S)
     distance = 50_000.0 - 60.0 * asked
     answered = (asked < 20.0) | ((asked >= 25.0) & (asked < 30.0)) | (asked >= 45.0)
-    told = followed(asked, distance, distance, answered)
+    told = track_range(asked, distance, distance, answered)
     np.testing.assert_allclose(told[asked < 30.0], distance[asked < 30.0], atol=1e-6)  # 5 s are in memory
     silent = (asked > 30.0 - SCAN_S / 2 + MEMORY_S) & (asked < 45.0 + SEARCH_S - SCAN_S / 2)
     assert np.isnan(told[silent]).all()
@@ -99,7 +99,7 @@ def test_it_remembers_and_then_it_is_unlocked_and_searches() -> None:
 def test_in_memory_it_goes_on_with_the_speed_that_it_had() -> None:
     asked = np.arange(0.0, 10.0, SCAN_S)
     distance = 50_000.0 - 60.0 * np.minimum(asked, 5.0)  # it stops where nobody answers any more
-    told = followed(asked, distance, distance, asked < 4.0)
+    told = track_range(asked, distance, distance, asked < 4.0)
     assert told[-1] == pytest.approx(50_000.0 - 60.0 * asked[-1], abs=1e-6)
 
 

@@ -16,22 +16,22 @@ from fti import config as configuration
 from fti.canframe import unpack_can
 from fti.clock import FakeClock, choose_epoch_ns
 from fti.config import CanLink, Config, SerialLink
+from fti.devices import bind_devices
 from fti.errors import ConfigError
 from fti.geodesy.wgs84 import SEMI_MAJOR
-from fti.hil.bench import Ports
-from fti.hil.emulator import Emulator, make_world
-from fti.hil.streams import StatusStream
+from fti.hil.device_streams import StatusStream
+from fti.hil.emulator import Emulator, make_environment
+from fti.hil.environment import Environment
+from fti.hil.io_backend import PortBackend
+from fti.hil.tables.fault_types import Babbling, BusOff, CanStatus, Cut, Fault
 from fti.hil.tables.flights import ApproachFlight
-from fti.hil.tables.kinds import Babbling, BusOff, CanStatus, Cut, Fault
 from fti.hil.tables.schema import Scenario
-from fti.hil.truth import TOPIC
-from fti.hil.world import World
-from fti.service.binding import bind_devices
+from fti.hil.truth_log import TOPIC
 from fti.types import Attitude, Measurement, Position, RadioHeight, Range, StaticPressure
 from tests.e2e.harness import with_free_ports
 from tests.helpers import ROOT, until_async
 from tests.hil.worlds import flat_terrain, path, scenario
-from tests.links.bench import Heard, running
+from tests.links.bench import ReceivedFrames, run_link
 
 FLIGHT_S = 1.5
 M = TypeVar("M")
@@ -46,29 +46,29 @@ def demo_config(tmp_path: Path) -> Config:
     return configuration.with_links(configuration.load(file), tmp_path / "links")
 
 
-def make(tmp_path: Path, config: Config, *faults: Fault, duration_s: float = FLIGHT_S) -> tuple[Emulator, World]:
+def make(tmp_path: Path, config: Config, *faults: Fault, duration_s: float = FLIGHT_S) -> tuple[Emulator, Environment]:
     flight: Scenario = scenario(flight=ApproachFlight(duration_s=duration_s), fault=faults)
-    world = World(flight, path(), flat_terrain(), undulation=47.0)
+    world = Environment(flight, path(), flat_terrain(), undulation=47.0)
     epoch_ns = choose_epoch_ns()
     truth = tmp_path / "truth.mcap"
-    return Emulator(config, flight, Ports(tmp_path / "links", epoch_ns), truth=truth, world=world), world
+    return Emulator(config, flight, PortBackend(tmp_path / "links", epoch_ns), truth=truth, world=world), world
 
 
-async def fly(emulator: Emulator, config: Config) -> dict[str, Heard]:
+async def fly(emulator: Emulator, config: Config) -> dict[str, ReceivedFrames]:
     """Fly with every link of the configuration open; returns what each heard."""
     heard = {}
     flying = asyncio.create_task(emulator.run())
     await emulator.ready.wait()
     async with AsyncExitStack() as stack:
         for link in config.link:
-            _, heard[link.name] = await stack.enter_async_context(running(link))
-        await emulator.attended()
+            _, heard[link.name] = await stack.enter_async_context(run_link(link))
+        await emulator.wait_for_readers()
         emulator.start()
         await flying
     return heard
 
 
-def decoded(config: Config, heard: dict[str, Heard], name: str) -> list[Measurement]:
+def decoded(config: Config, heard: dict[str, ReceivedFrames], name: str) -> list[Measurement]:
     bound = next(b for b in bind_devices(config) if b.device.name == name)
     decoder, link = bound.make_decoder(), heard[bound.device.link]
     return [m for data, t in zip(link.frames, link.times, strict=True) for m in decoder.feed(data, t)]
@@ -126,7 +126,7 @@ async def test_who_sends_before_others_computes_no_world(tmp_path: Path, monkeyp
     emulator, world = make(tmp_path, config, duration_s=0.5)
     emulator.prepare()
     for name in ("state", "ground", "ranges_around"):
-        monkeypatch.delattr(World, name)
+        monkeypatch.delattr(Environment, name)
     emulator.start()
     assert (await emulator.run()).lateness.messages > 0
     assert not hasattr(world, "ranges_around")
@@ -177,7 +177,7 @@ def test_a_driver_without_a_model_is_named(tmp_path: Path, monkeypatch: pytest.M
 
 
 def test_the_demo_flight_stays_over_the_demo_terrain() -> None:
-    world = make_world(scenario())
+    world = make_environment(scenario())
     state = world.state(np.arange(0.0, 82.0, 0.5))
     height = state.alt - world.ground(state)
     assert np.isfinite(height).all()
@@ -192,7 +192,7 @@ async def test_trouble_of_a_can_controller_is_told_while_it_lasts(tmp_path: Path
     stop, clock = asyncio.Event(), FakeClock(0)
     flying = asyncio.create_task(emulator.run(stop=stop))
     await emulator.ready.wait()
-    async with running(link, clock=clock) as (opened, _):
+    async with run_link(link, clock=clock) as (opened, _):
         emulator.start()
         errors = opened.status.errors
 
@@ -217,7 +217,7 @@ async def test_on_a_bus_that_is_off_a_node_that_babbles_is_all_that_is_heard(tmp
     stop, clock = asyncio.Event(), FakeClock(0)
     flying = asyncio.create_task(emulator.run(stop=stop))
     await emulator.ready.wait()
-    async with running(link, clock=clock) as (opened, heard):
+    async with run_link(link, clock=clock) as (opened, heard):
         emulator.start()
 
         def told() -> bool:

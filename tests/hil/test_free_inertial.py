@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from fti.geodesy.gravity import normal_gravity
 from fti.geodesy.rotations import mat_en
 from fti.geodesy.wgs84 import EARTH_RATE, radii
-from fti.hil.sensors.free_inertial import SCHULER, TAU_S, Doubts, Solution, drift_sd, run_free
+from fti.hil.sensors.free_inertial import SCHULER, TAU_S, DriftSigmas, InertialSolution, drift_sd, run_free
 
 Array = NDArray[np.float64]
 STEP_S = 2.0
@@ -27,7 +27,7 @@ def resting(
     tilt: float = 0.0,
     velocity: float = 0.0,
     step_s: float = STEP_S,
-) -> tuple[Array, Array, Solution]:
+) -> tuple[Array, Array, InertialSolution]:
     """Times [s], the error northwards [m] and what a system says that stands level, nose to the north.
 
     accel, gyro : constant errors, forward, right, down; tilt : of the pitch; velocity : northwards, at the start
@@ -36,7 +36,7 @@ def resting(
     t = np.arange(0.0, duration_s, step_s)
     force = np.array([0.0, 0.0, -float(normal_gravity(lat, 0.0))]) + np.array(accel)
     rate = mat_en(lat, 0.0).T @ np.array([0.0, 0.0, EARTH_RATE]) + np.array(gyro)
-    start = Solution(
+    start = InertialSolution(
         np.array([lat]), np.zeros(1), np.zeros(1), np.array([[velocity, 0.0, 0.0]]), np.array([[0.0, tilt, 0.0]])
     )
     said = run_free(start, np.tile(force, (len(t), 1)), np.tile(rate, (len(t), 1)), step=step_s, baro=np.zeros(len(t)))
@@ -114,7 +114,7 @@ def test_a_bias_that_was_known_before_does_no_harm() -> None:
     lat = math.radians(48.0)
     force = np.tile([0.0, 0.0, -float(normal_gravity(lat, 0.0)) - 0.01], (200, 1))
     rate = np.tile(mat_en(lat, 0.0).T @ np.array([0.0, 0.0, EARTH_RATE]), (200, 1))
-    start = Solution(np.array([lat]), np.zeros(1), np.zeros(1), np.zeros((1, 3)), np.zeros((1, 3)))
+    start = InertialSolution(np.array([lat]), np.zeros(1), np.zeros(1), np.zeros((1, 3)), np.zeros((1, 3)))
     said = run_free(start, force, rate, step=STEP_S, baro=np.zeros(200), known=-0.01)
     assert np.abs(said.alt).max() < 0.05
 
@@ -124,7 +124,7 @@ def test_the_height_follows_the_air_after_minutes() -> None:
     n = 1500
     force = np.tile([0.0, 0.0, -float(normal_gravity(lat, 0.0))], (n, 1))
     rate = np.tile(mat_en(lat, 0.0).T @ np.array([0.0, 0.0, EARTH_RATE]), (n, 1))
-    start = Solution(np.array([lat]), np.zeros(1), np.zeros(1), np.zeros((1, 3)), np.zeros((1, 3)))
+    start = InertialSolution(np.array([lat]), np.zeros(1), np.zeros(1), np.zeros((1, 3)), np.zeros((1, 3)))
     said = run_free(start, force, rate, step=STEP_S, baro=np.full(n, 30.0))
     assert said.alt[10] < 10.0
     assert said.alt[-1] == pytest.approx(30.0, abs=0.3)
@@ -135,8 +135,10 @@ def test_the_height_follows_the_air_after_minutes() -> None:
 
 def test_what_it_says_of_its_drift_is_the_closed_form() -> None:
     t = np.array([0.0, 0.25 * PERIOD_S, 0.5 * PERIOD_S])
-    doubts = Doubts(50.0 * MICRO_G, in_run=0.0, gyro=0.0, tilt=0.0, heading=0.0, velocity=0.0, position=3.0, height=0.0)
-    position, velocity = drift_sd(t, doubts)
+    sigmas = DriftSigmas(
+        50.0 * MICRO_G, in_run=0.0, gyro=0.0, tilt=0.0, heading=0.0, velocity=0.0, position=3.0, height=0.0
+    )
+    position, velocity = drift_sd(t, sigmas)
     size = 50.0 * MICRO_G / SCHULER**2
     np.testing.assert_allclose(position, np.hypot(3.0, size * np.array([0.0, 1.0, 2.0])), rtol=1e-9)
     np.testing.assert_allclose(velocity, size * SCHULER * np.array([0.0, 1.0, 0.0]), atol=1e-9)

@@ -15,16 +15,16 @@ from numpy.typing import NDArray
 from fti import drivers
 from fti.config import Device
 from fti.constants import SPEED_OF_LIGHT
+from fti.devices import BoundDevice
 from fti.drivers import ublox_ubx
 from fti.drivers.ublox_ubx.raw import frequency_id
 from fti.geodesy.rotations import mat_en
 from fti.geodesy.wgs84 import EARTH_RATE, ecef_from_geodetic
-from fti.hil.sensors import Sensor
+from fti.hil.environment import Environment
+from fti.hil.sensors import SimulatedSensor
 from fti.hil.sensors.constellation import GLONASS_CHANNELS, SYSTEMS, Constellation, dilution
 from fti.hil.sensors.gnss import RawReceiver
-from fti.hil.sensors.reception import sky_start_s
-from fti.hil.world import World
-from fti.service.binding import BoundDevice
+from fti.hil.sensors.gnss_reception import sky_start_s
 from fti.types import Measurement, Position, Pseudoranges, ReceiverClock, Satellites, TimeScale, Velocity
 from tests.hil.worlds import world
 
@@ -35,16 +35,18 @@ Array = NDArray[np.float64]
 
 
 @cache
-def flown() -> World:
+def flown() -> Environment:
     return world(duration_s=30.0)
 
 
-def receiver(seed: int = 1) -> Sensor:
+def receiver(seed: int = 1) -> SimulatedSensor:
     device = Device.model_validate({"name": "gnss", "link": "line", "driver": "ublox_ubx", "rate_hz": 2})
-    return Sensor(BoundDevice(device, drivers.load("ublox_ubx"), ublox_ubx.Options()), RawReceiver, flown(), seed)
+    return SimulatedSensor(
+        BoundDevice(device, drivers.load("ublox_ubx"), ublox_ubx.Options()), RawReceiver, flown(), seed
+    )
 
 
-def measured(made: Sensor) -> list[Measurement]:
+def measured(made: SimulatedSensor) -> list[Measurement]:
     return [m for k in range(len(made.t)) for m in made.measure(k, START_NS)]
 
 

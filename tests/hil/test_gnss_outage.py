@@ -15,12 +15,12 @@ from pyubx2 import UBXReader
 
 from fti import config, drivers
 from fti.config import Device
+from fti.devices import BoundDevice
 from fti.drivers.novatel_oem6.messages import BESTPOS
-from fti.hil.sensors import MODELS, Sensor
-from fti.hil.sensors.reception import REACQUIRE_S
-from fti.hil.tables.kinds import GnssOutage
-from fti.hil.world import World
-from fti.service.binding import BoundDevice
+from fti.hil.environment import Environment
+from fti.hil.sensors import MODELS, SimulatedSensor
+from fti.hil.sensors.gnss_reception import REACQUIRE_S
+from fti.hil.tables.fault_types import GnssOutage
 from fti.types import DeviceStatus, Measurement, Position, Pseudoranges, Reading, Satellites, Velocity
 from tests.hil.worlds import world
 
@@ -45,7 +45,7 @@ class Sample(NamedTuple):
 
 
 @cache
-def flown() -> World:
+def flown() -> Environment:
     return world(duration_s=DURATION_S, fault=(GnssOutage(kind="gnss_outage", from_s=FROM_S, to_s=TO_S),))
 
 
@@ -56,7 +56,7 @@ def samples(driver: str) -> list[Sample]:
     )
     module = drivers.load(driver)
     bound = BoundDevice(device, module, config.bind(module.Options, OPTIONS.get(driver, {}), "test"))
-    made, decoder = Sensor(bound, MODELS[driver], flown(), seed=1), module.make_decoder(bound.options)
+    made, decoder = SimulatedSensor(bound, MODELS[driver], flown(), seed=1), module.make_decoder(bound.options)
     found = []
     for k, t in enumerate(made.t):
         messages = [message for m in made.measure(k, START_NS) for message in made.encoder.encode(m)]

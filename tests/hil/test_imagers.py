@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 
 from fti import config
 from fti.config import Config
+from fti.devices import bind_devices
 from fti.errors import ConfigError
 from fti.geodesy.rotations import mat_from_rpy
-from fti.hil.sensors import Sensor, make_sensors
-from fti.hil.sensors.described import DescribedDevice
+from fti.hil.environment import Environment
+from fti.hil.sensors import SimulatedSensor, make_sensors
+from fti.hil.sensors.generic_devices import GenericDevice
 from fti.hil.tables.schema import SensorSettings
-from fti.hil.world import World
-from fti.service.binding import bind_devices
 from fti.types import Reading
 from tests.helpers import ROOT
 from tests.hil.worlds import world
@@ -34,18 +34,18 @@ def shipped() -> Config:
 
 
 @cache
-def flown(**settings: float) -> World:
+def flown(**settings: float) -> Environment:
     sensor: Mapping[str, SensorSettings] = {}
     if settings:
         sensor = {"imager": SensorSettings.model_validate(settings)}
     return world(duration_s=10.0, sensor=sensor)
 
 
-def made(name: str, there: World | None = None) -> Sensor:
+def made(name: str, there: Environment | None = None) -> SimulatedSensor:
     return next(s for s in make_sensors(shipped(), there or flown(), 1, lambda _: None) if s.name == name)
 
 
-def over_the_line(name: str, there: World | None = None) -> tuple[Array, list[dict[str, Reading]]]:
+def over_the_line(name: str, there: Environment | None = None) -> tuple[Array, list[dict[str, Reading]]]:
     """Times of the samples, and what the driver makes of the datagram of each."""
     sensor = made(name, there)
     decoder = next(b for b in bind_devices(shipped()) if b.device.name == name).make_decoder()
@@ -103,7 +103,7 @@ def test_a_picture_with_a_hole_is_refused() -> None:
     fields = tuple(f for f in bound.options.fields if f.name != "range_2_1")  # type: ignore[attr-defined]
     torn = replace(bound, options=bound.options.model_copy(update={"fields": fields}))
     with pytest.raises(ConfigError, match=r"'imager': 4 x 4 ranges: that of row 2, column 1 is missing"):
-        DescribedDevice(torn, flown(), np.arange(0.0, 1.0, 0.2), np.random.default_rng(1))
+        GenericDevice(torn, flown(), np.arange(0.0, 1.0, 0.2), np.random.default_rng(1))
 
 
 def test_a_line_with_an_even_number_of_points_is_refused() -> None:
@@ -111,4 +111,4 @@ def test_a_line_with_an_even_number_of_points_is_refused() -> None:
     fields = bound.options.fields[:4]  # type: ignore[attr-defined]
     even = replace(bound, options=bound.options.model_copy(update={"fields": fields}))
     with pytest.raises(ConfigError, match="a scanner's line of 4 ranges: it has 3, 5, 7"):
-        DescribedDevice(even, flown(), np.arange(0.0, 1.0, 0.2), np.random.default_rng(1))
+        GenericDevice(even, flown(), np.arange(0.0, 1.0, 0.2), np.random.default_rng(1))

@@ -9,12 +9,12 @@ import pytest
 from numpy.typing import NDArray
 
 from fti.constants import STANDARD_GRAVITY
-from fti.hil.sensors.errors import flicker, play, recursion, slow, stepped
-from fti.hil.sensors.imu import Imu, Instrument, Triad, mat_of
+from fti.hil.sensors.errors import backlash, flicker_noise, gauss_markov_noise, quantize, recursion
+from fti.hil.sensors.imu import Imu, Instrument, TriadSpec, mat_of
 from fti.hil.sensors.imu_grades import DEG, DEG_H, DEG_ROOT_H, GRADES, MICRO_G, GradeName
 
 Array = NDArray[np.float64]
-PERFECT = Triad(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, resolution=1e-15, limit=1e9)
+PERFECT = TriadSpec(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, resolution=1e-15, limit=1e9)
 
 
 def still(instrument: Instrument, duration_s: float, step_s: float, seed: int = 1) -> Array:
@@ -47,7 +47,7 @@ SEEN: dict[tuple[GradeName, str], tuple[float, float, tuple[float, ...]]] = {
 
 @pytest.mark.parametrize(("grade", "which"), sorted(SEEN))
 def test_random_walk_and_floor_of_the_allan_deviation_are_those_of_the_data_sheet(grade: GradeName, which: str) -> None:
-    triad: Triad = getattr(GRADES[grade], which)
+    triad: TriadSpec = getattr(GRADES[grade], which)
     step_s, duration_s, floor_s = SEEN[grade, which]
     said = still(Instrument(triad, np.zeros(3), np.eye(3)), duration_s, step_s)
     walk = allan(said, step_s, step_s) * math.sqrt(step_s)
@@ -58,9 +58,9 @@ def test_random_walk_and_floor_of_the_allan_deviation_are_those_of_the_data_shee
 
 def test_the_bias_of_one_start_is_as_large_as_stated() -> None:
     for grade in GRADES.values():
-        drawn = [Imu(grade, np.random.default_rng(seed)) for seed in range(100)]
-        assert np.std([imu.gyro.bias for imu in drawn]) == pytest.approx(grade.gyro.turn_on, rel=0.15)
-        assert np.std([imu.accel.bias for imu in drawn]) == pytest.approx(grade.accel.turn_on, rel=0.15)
+        draw = [Imu(grade, np.random.default_rng(seed)) for seed in range(100)]
+        assert np.std([imu.gyro.bias for imu in draw]) == pytest.approx(grade.gyro.turn_on, rel=0.15)
+        assert np.std([imu.accel.bias for imu in draw]) == pytest.approx(grade.accel.turn_on, rel=0.15)
 
 
 def turned(instrument: Instrument, rate: float) -> Array:
@@ -85,10 +85,10 @@ def test_a_rate_table_finds_scale_misalignment_and_skew() -> None:
 
 def test_drawn_matrices_are_as_large_as_stated() -> None:
     triad = GRADES["tactical"].gyro
-    drawn = [Instrument.drawn(triad, np.random.default_rng(seed)).mat - np.eye(3) for seed in range(200)]
-    assert np.std([np.diag(m) for m in drawn]) == pytest.approx(triad.scale, rel=0.15)
-    upper = [m[i, j] for m in drawn for i, j in ((0, 1), (0, 2), (1, 2))]
-    lower = [m[i, j] + m[j, i] for m in drawn for i, j in ((0, 1), (0, 2), (1, 2))]  # the rotation cancels
+    draw = [Instrument.draw(triad, np.random.default_rng(seed)).mat - np.eye(3) for seed in range(200)]
+    assert np.std([np.diag(m) for m in draw]) == pytest.approx(triad.scale, rel=0.15)
+    upper = [m[i, j] for m in draw for i, j in ((0, 1), (0, 2), (1, 2))]
+    lower = [m[i, j] + m[j, i] for m in draw for i, j in ((0, 1), (0, 2), (1, 2))]  # the rotation cancels
     assert np.std(upper) == pytest.approx(triad.misalignment, rel=0.15)
     assert np.std(lower) == pytest.approx(triad.skew, rel=0.15)
 
@@ -96,7 +96,7 @@ def test_drawn_matrices_are_as_large_as_stated() -> None:
 def test_a_unit_steps_and_ends_where_its_range_does() -> None:
     triad = GRADES["mems"].accel
     feels = np.tile(np.linspace(-8.0 * STANDARD_GRAVITY, 8.0 * STANDARD_GRAVITY, 300), (3, 1)).T
-    said = Instrument.drawn(triad, np.random.default_rng(1)).measure(
+    said = Instrument.draw(triad, np.random.default_rng(1)).measure(
         0.01 * np.arange(300.0), feels, np.random.default_rng(1)
     )
     assert np.abs(said).max() == pytest.approx(5.0 * STANDARD_GRAVITY)
@@ -137,22 +137,22 @@ def test_sweeps_are_the_recursion() -> None:
 def test_a_gauss_markov_process_forgets_in_its_time() -> None:
     """Its Allan deviation is 0.437 sqrt(2) sd at 1.89 correlation times (IEEE Std 952-1997, C.1.7)."""
     t = np.arange(0.0, 100_000.0, 1.0)
-    values = np.stack([slow(t, 2.0, 100.0, np.random.default_rng(seed)) for seed in range(3)], axis=1)
+    values = np.stack([gauss_markov_noise(t, 2.0, 100.0, np.random.default_rng(seed)) for seed in range(3)], axis=1)
     assert values.std() == pytest.approx(2.0, rel=0.05)
     assert allan(values, 1.0, 189.0) == pytest.approx(0.437 * math.sqrt(2.0) * 2.0, rel=0.1)
 
 
 def test_flicker_has_a_floor_over_three_decades() -> None:
     t = np.arange(0.0, 300_000.0, 2.0)
-    values = np.stack([flicker(t, 3.0, np.random.default_rng(seed)) for seed in range(3)], axis=1)
+    values = np.stack([flicker_noise(t, 3.0, np.random.default_rng(seed)) for seed in range(3)], axis=1)
     floor = [allan(values, 2.0, tau) for tau in (10.0, 100.0, 1000.0, 8000.0)]
     np.testing.assert_allclose(floor, 3.0, rtol=0.2)
 
 
 def test_play_follows_only_when_it_is_pushed() -> None:
-    pushed = play(np.array([0.0, 0.4, 1.0, 0.8, 0.2, -2.0]), 1.0)
+    pushed = backlash(np.array([0.0, 0.4, 1.0, 0.8, 0.2, -2.0]), 1.0)
     np.testing.assert_allclose(pushed, [0.0, 0.0, 0.5, 0.5, 0.5, -1.5])
 
 
 def test_steps_are_whole_multiples() -> None:
-    np.testing.assert_allclose(stepped(np.array([-0.26, 0.12, 0.13]), 0.25), [-0.25, 0.0, 0.25])
+    np.testing.assert_allclose(quantize(np.array([-0.26, 0.12, 0.13]), 0.25), [-0.25, 0.0, 0.25])

@@ -10,15 +10,15 @@ import pytest
 
 from fti import drivers
 from fti.config import Device
+from fti.devices import BoundDevice
 from fti.drivers import Decoder
 from fti.drivers import imar_ixcom as ix
 from fti.geodesy.wgs84 import SEMI_MAJOR
-from fti.hil.sensors import MODELS, Sensor
-from fti.hil.sensors.inertial_aids import OWN_HZ
-from fti.hil.sensors.inertial_solution import doubts_of
+from fti.hil.environment import Environment
+from fti.hil.sensors import MODELS, SimulatedSensor
+from fti.hil.sensors.inertial_aids import AID_RATES_HZ
+from fti.hil.sensors.inertial_solution import drift_sigmas
 from fti.hil.sensors.magnetometer import earth_field_b
-from fti.hil.world import World
-from fti.service.binding import BoundDevice
 from fti.types import (
     Airspeed,
     Attitude,
@@ -47,13 +47,15 @@ EVERYTHING = {
 
 
 @cache
-def flown() -> World:
+def flown() -> Environment:
     return world(duration_s=DURATION_S)
 
 
-def system(options: ix.Options) -> Sensor:
+def system(options: ix.Options) -> SimulatedSensor:
     device = Device.model_validate({"name": "ins", "link": "line", "driver": "imar_ixcom"})
-    return Sensor(BoundDevice(device, drivers.load("imar_ixcom"), options), MODELS["imar_ixcom"], flown(), seed=1)
+    return SimulatedSensor(
+        BoundDevice(device, drivers.load("imar_ixcom"), options), MODELS["imar_ixcom"], flown(), seed=1
+    )
 
 
 def line(logs: dict[str, int]) -> tuple[Decoder, list[Measurement]]:
@@ -77,7 +79,7 @@ def first(kind: type, found: list[Measurement]) -> Measurement:
 
 def test_messages_are_as_many_as_their_dividers_say() -> None:
     decoder, _ = everything()
-    expected = {name: DURATION_S * OWN_HZ.get(name, 100.0) for name in EVERYTHING} | {"SYSSTAT": DURATION_S * 2.0}
+    expected = {name: DURATION_S * AID_RATES_HZ.get(name, 100.0) for name in EVERYTHING} | {"SYSSTAT": DURATION_S * 2.0}
     assert set(decoder.counters.messages) == set(expected)
     for name, count in expected.items():
         assert decoder.counters.messages[name] == pytest.approx(count, abs=1), name
@@ -95,12 +97,12 @@ def test_the_deviations_that_it_sends_are_those_of_its_errors() -> None:
     position = [m for m in found if isinstance(m, Position)][-1]
     velocity = [m for m in found if isinstance(m, Velocity)][-1]
     attitude = [m for m in found if isinstance(m, Attitude)][-1]
-    doubts = doubts_of("navigation")
-    assert position.horizontal_sd == pytest.approx(doubts.position)
-    assert position.vertical_sd == pytest.approx(doubts.height)
-    assert velocity.sd == pytest.approx(doubts.velocity)
-    assert attitude.roll_sd == pytest.approx(doubts.tilt, rel=0.05)
-    assert attitude.heading_sd == pytest.approx(doubts.heading)
+    sigmas = drift_sigmas("navigation")
+    assert position.horizontal_sd == pytest.approx(sigmas.position)
+    assert position.vertical_sd == pytest.approx(sigmas.height)
+    assert velocity.sd == pytest.approx(sigmas.velocity)
+    assert attitude.roll_sd == pytest.approx(sigmas.tilt, rel=0.05)
+    assert attitude.heading_sd == pytest.approx(sigmas.heading)
 
 
 def test_its_receiver_has_a_solution_of_its_own() -> None:

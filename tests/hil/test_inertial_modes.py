@@ -10,17 +10,17 @@ from numpy.typing import NDArray
 
 from fti import drivers
 from fti.config import Device
+from fti.devices import BoundDevice
 from fti.drivers import imar_ixcom as ix
 from fti.errors import ConfigError
 from fti.geodesy.wgs84 import SEMI_MAJOR
-from fti.hil.sensors import MODELS, SETTINGS, Sensor
+from fti.hil.environment import Environment
+from fti.hil.sensors import MODELS, SETTINGS, SimulatedSensor
 from fti.hil.sensors.base import position_at
 from fti.hil.sensors.imu_grades import GRADES, GradeName
-from fti.hil.sensors.inertial_solution import REACQUIRE_S, doubts_of
-from fti.hil.sensors.settings import check_settings
-from fti.hil.tables.kinds import GnssOffset, GnssOutage
-from fti.hil.world import World
-from fti.service.binding import BoundDevice
+from fti.hil.sensors.inertial_solution import REACQUIRE_S, drift_sigmas
+from fti.hil.sensors.sensor_settings import check_settings
+from fti.hil.tables.fault_types import GnssOffset, GnssOutage
 from fti.types import DeviceStatus, Measurement, Position, Velocity
 from tests.hil.worlds import scenario, world
 
@@ -30,25 +30,25 @@ GRADE_NAMES = sorted(GRADES)
 
 
 @cache
-def flown(grade: GradeName = "navigation", mode: str = "aided") -> World:
+def flown(grade: GradeName = "navigation", mode: str = "aided") -> Environment:
     settings = {"grade": grade, "mode": mode, "free_from_s": FREE_FROM_S} if mode == "free" else {"grade": grade}
     return world(duration_s=DURATION_S, sensor={"ins": settings})
 
 
-def system(flown_in: World, seed: int = 1, rate_hz: float = 10.0) -> Sensor:
+def system(flown_in: Environment, seed: int = 1, rate_hz: float = 10.0) -> SimulatedSensor:
     device = Device.model_validate(
         {"name": "ins", "link": "line", "driver": "imar_ixcom", "rate_hz": rate_hz, "lever_arm_b": (2.0, 0.5, -1.0)}
     )
     bound = BoundDevice(device, drivers.load("imar_ixcom"), ix.Options())
-    return Sensor(bound, MODELS["imar_ixcom"], flown_in, seed)
+    return SimulatedSensor(bound, MODELS["imar_ixcom"], flown_in, seed)
 
 
-def said(made: Sensor) -> tuple[list[Position], list[Velocity]]:
+def said(made: SimulatedSensor) -> tuple[list[Position], list[Velocity]]:
     told = [m for k in range(len(made.t)) for m in made.measure(k, 0)]
     return [m for m in told if isinstance(m, Position)], [m for m in told if isinstance(m, Velocity)]
 
 
-def errors(made: Sensor) -> tuple[Array, Array]:
+def errors(made: SimulatedSensor) -> tuple[Array, Array]:
     """Errors northwards, eastwards, upwards [m] of every sample, shape (n, 3), and their stated sigma."""
     positions, _ = said(made)
     state = flown().state(made.t)
@@ -109,12 +109,12 @@ def test_an_outage_of_its_receiver_leaves_it_alone_until_there_is_a_fix_again() 
     made = system(world(duration_s=DURATION_S, fault=(outage,)))
     _, sd = errors(made)
     alone = (made.t >= 20.0) & (made.t < 50.0 + REACQUIRE_S)
-    assert sd[~alone, 0] == pytest.approx(doubts_of("navigation").position)
+    assert sd[~alone, 0] == pytest.approx(drift_sigmas("navigation").position)
     assert sd[alone, 0].max() > 2.0
     assert (np.diff(sd[alone, 0]) > 0.0).all()
 
 
-def line(made: Sensor) -> list[Measurement]:
+def line(made: SimulatedSensor) -> list[Measurement]:
     decoder = ix.make_decoder(ix.Options())
     sent = (data for k in range(len(made.t)) for m in made.measure(k, 0) for data in made.encoder.encode(m))
     return [m for n, data in enumerate(sent) for m in decoder.feed(data, n)]
@@ -132,7 +132,7 @@ def test_the_footer_of_its_messages_says_that_satellites_are_missing() -> None:
 def test_another_devices_outage_is_not_its_own() -> None:
     outage = GnssOutage(kind="gnss_outage", devices=("gnss",), from_s=20.0, to_s=50.0)
     _, sd = errors(system(world(duration_s=DURATION_S, fault=(outage,))))
-    assert sd[:, 0].max() == pytest.approx(doubts_of("navigation").position)
+    assert sd[:, 0].max() == pytest.approx(drift_sigmas("navigation").position)
 
 
 def test_a_false_signal_draws_it_away_and_alone_it_is_not_drawn() -> None:

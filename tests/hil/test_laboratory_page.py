@@ -9,10 +9,10 @@ import pytest
 
 from fti import config as configuration
 from fti.cli._score_jobs import ALL
-from fti.hil.scenario import find, shipped
-from fti.hil.tables.kinds import FaultKind
+from fti.hil.scenario import find, shipped_names
+from fti.hil.tables.fault_types import FaultKind
 from fti.hil.tables.schema import Scenario
-from tests.e2e.flights import demo_config, emulator, said
+from tests.e2e.flights import demo_config, emulator, emulator_log
 from tests.e2e.harness import START_S
 from tests.helpers import ROOT, until
 
@@ -42,7 +42,7 @@ def test_every_flight_is_named() -> None:
 def test_the_scenarios_of_the_page_are_shipped() -> None:
     names = set(re.findall(r"fti (?:hil|score) ([a-z_/]+)", PAGE))
     in_folders = {name for name in names if "/" in name}
-    assert names - in_folders <= {*shipped(), ALL}
+    assert names - in_folders <= {*shipped_names(), ALL}
     assert in_folders
     assert all(find(name).is_file() for name in in_folders)
 
@@ -54,7 +54,7 @@ def test_its_examples_read_the_emulator(tmp_path: Path, capsys: pytest.CaptureFi
     with emulator("nominal", config, links) as played:
         ports = [k.name for k in configuration.load(config).link if k.kind == "serial"]
         until(lambda: played.poll() is not None or all((links / p).exists() for p in ports), START_S, "the ports")
-        assert played.poll() is None, said(config).read_text()
+        assert played.poll() is None, emulator_log(config).read_text()
         for example in examples:
             exec(example.replace("/tmp/links", str(links)), {})
     fix, frame = capsys.readouterr().out.splitlines()

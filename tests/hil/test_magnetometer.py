@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 from fti import config as configuration
 from fti import drivers
 from fti.config import Device
+from fti.devices import BoundDevice, bind_devices
 from fti.geodesy.rotations import mat_from_rpy
-from fti.hil.sensors import MODELS, Sensor
-from fti.hil.sensors.autopilot import Autopilot
+from fti.hil.environment import Environment
+from fti.hil.sensors import MODELS, SimulatedSensor
+from fti.hil.sensors.autopilot import AutopilotUnit
 from fti.hil.sensors.magnetometer import Magnetometer, declination, earth_field_b
-from fti.hil.world import World
-from fti.service.binding import BoundDevice, bind_devices
-from fti.service.chain import Chain
+from fti.service.navigation.decode_chain import Chain
 from fti.types import DeviceStatus, MagneticField, RawFrame, Stamp
 from tests.hil.worlds import world
 
@@ -33,7 +33,7 @@ COUNT = 1e-4 / 15_000  # [T]
 
 
 @cache
-def flown(drawn: Drawn = CLEAN) -> World:
+def flown(drawn: Drawn = CLEAN) -> Environment:
     names = ("hard_iron_ut", "soft_iron", "misalignment_deg")
     return world(duration_s=20.0, sensor={"mag": dict(zip(names, drawn, strict=True))})
 
@@ -120,7 +120,7 @@ def test_the_daemon_turns_the_field_back_into_the_body_frame() -> None:
     """A sensor on its back, looking aft: through encoder, decoder and chain; steps are those of the HMR2300."""
     config = configuration.parse(tomllib.loads(CONFIG), CONFIG, Path("bench.toml"))
     (bound,) = bind_devices(config, {})
-    sensor = Sensor(bound, MODELS["honeywell_hmr2300"], flown(), 1)
+    sensor = SimulatedSensor(bound, MODELS["honeywell_hmr2300"], flown(), 1)
     chain = Chain(config, [bound], None)
     sent = b"".join(data for k in range(5) for m in sensor.measure(k, 0) for data in sensor.encoder.encode(m))
     got = [m for _, m in chain.feed(RawFrame("line", 0, 0, sent)).measurements if isinstance(m, MagneticField)]
@@ -134,8 +134,8 @@ def test_the_daemon_turns_the_field_back_into_the_body_frame() -> None:
 def test_an_autopilot_has_a_magnetometer_and_a_heartbeat_of_a_second() -> None:
     device = Device.model_validate({"name": "autopilot", "link": "line", "driver": "mavlink"})
     driver = drivers.load("mavlink")
-    t = np.arange(0.0, 10.0, 1 / Autopilot.rate_hz)
-    model = Autopilot(BoundDevice(device, driver, driver.Options()), flown(), t, np.random.default_rng(1))
+    t = np.arange(0.0, 10.0, 1 / AutopilotUnit.rate_hz)
+    model = AutopilotUnit(BoundDevice(device, driver, driver.Options()), flown(), t, np.random.default_rng(1))
     told = [m for k in range(len(t)) for m in model.measure(k, Stamp(k))]
     heard = np.array([m.field_b for m in told if isinstance(m, MagneticField)])
     assert np.linalg.norm(heard, axis=1).mean() == pytest.approx(48.8e-6, rel=0.05)

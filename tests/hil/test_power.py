@@ -7,9 +7,9 @@ import pytest
 from fti.drivers import power_unit as driver
 from fti.errors import ConfigError
 from fti.hil.power import BreakerState as B
-from fti.hil.power import Feed, PowerUnit
-from fti.hil.sensors.power_unit import distribute
-from fti.hil.tables.kinds import Breaker, BrownOut
+from fti.hil.power import PowerFeed, PowerUnit
+from fti.hil.sensors.power_unit import connect_power
+from fti.hil.tables.fault_types import Breaker, BrownOut
 from fti.types import DeviceStatus
 from tests.hil.test_sensors import sensor
 from tests.hil.worlds import scenario
@@ -29,7 +29,7 @@ def unit(*faults: Breaker | BrownOut) -> tuple[PowerUnit, list[tuple[str, float]
     """A unit of two devices, ``a`` from 18 V and ``b`` from 9 V, and whom it told to start again."""
     told: list[tuple[str, float]] = []
     feeds = [
-        Feed(name, BOOT_S, volts, lambda t, name=name: told.append((name, t)))  # type: ignore[misc]
+        PowerFeed(name, BOOT_S, volts, lambda t, name=name: told.append((name, t)))  # type: ignore[misc]
         for name, volts in (("a", 18.0), ("b", 9.0))
     ]
     return PowerUnit(feeds, faults), told
@@ -104,50 +104,50 @@ def test_current_flows_where_there_is_power() -> None:
 def test_by_hand_off_and_on_and_the_device_starts_anew() -> None:
     power, told = unit()
     power.is_on("a", 3.0)
-    assert power.obey("off", "a") == (True, "off")
+    assert power.handle_command("off", "a") == (True, "off")
     assert not power.is_on("a", 4.0)
-    assert power.obey("on", "a") == (True, "starting")
+    assert power.handle_command("on", "a") == (True, "starting")
     assert [power.is_on("a", t) for t in (5.9, 6.0)] == [False, True]
     assert told == [("a", 4.0)]
 
 
 def test_what_is_so_already_is_done_and_starts_nothing() -> None:
     power, told = unit()
-    assert [power.obey(command, "a") for command in ("on", "reset")] == [(True, "on"), (True, "on")]
-    assert [power.obey("off", "a") for _ in range(2)] == [(True, "off"), (True, "off")]
+    assert [power.handle_command(command, "a") for command in ("on", "reset")] == [(True, "on"), (True, "on")]
+    assert [power.handle_command("off", "a") for _ in range(2)] == [(True, "off"), (True, "off")]
     assert told == []
 
 
 def test_a_breaker_that_has_tripped_must_be_reset() -> None:
     power, _ = unit()
-    assert power.obey("trip", "a") == (True, "tripped")
-    assert power.obey("on", "a") == (False, "it has tripped: reset it")
-    assert power.obey("reset", "a") == (True, "starting")
-    power.obey("off", "a")
-    assert power.obey("reset", "a") == (False, "it is off: switch it on")
-    assert power.obey("trip", "a") == (False, "it is off and cannot trip")
+    assert power.handle_command("trip", "a") == (True, "tripped")
+    assert power.handle_command("on", "a") == (False, "it has tripped: reset it")
+    assert power.handle_command("reset", "a") == (True, "starting")
+    power.handle_command("off", "a")
+    assert power.handle_command("reset", "a") == (False, "it is off: switch it on")
+    assert power.handle_command("trip", "a") == (False, "it is off and cannot trip")
 
 
 def test_a_stranger_is_named() -> None:
     power, _ = unit()
-    assert power.obey("off", "pdu") == (False, "it has no breaker: pdu is not fed by this unit")
+    assert power.handle_command("off", "pdu") == (False, "it has no breaker: pdu is not fed by this unit")
 
 
 def test_a_breaker_in_a_persons_hand_is_left_alone_by_the_scenario() -> None:
     power, _ = unit(trip(10.0, 15.0), trip(20.0, 25.0))
     power.is_on("a", 12.0)
-    power.obey("reset", "a")
+    power.handle_command("reset", "a")
     assert states(power, 14.5) == (B.ON, B.TRIPPED)
     assert states(power, 22.0) == (B.ON, B.TRIPPED)
-    power.obey("trip", "b")
+    power.handle_command("trip", "b")
     assert states(power, 30.0) == (B.ON, B.TRIPPED)
 
 
 def test_the_voltage_sags_whoever_has_the_breaker() -> None:
     power, _ = unit(sag(5.0, 6.0))
-    power.obey("on", "a")
+    power.handle_command("on", "a")
     assert states(power, 5.5)[0] is B.BROWN_OUT
-    power.obey("off", "a")
+    power.handle_command("off", "a")
     assert states(power, 7.0)[0] is B.OFF
 
 
@@ -193,7 +193,7 @@ def test_settings_of_the_scenario_are_those_of_the_feed() -> None:
         sensor={"gnss": {"boot_s": 5.0, "minimum_v": 11.0}},
         fault=(sag(1.0, 2.0), trip(3.0, 4.0)),
     )
-    power = distribute([sensor("nmea0183", name="gnss"), sensor("nmea0183", name="other")], flown)
+    power = connect_power([sensor("nmea0183", name="gnss"), sensor("nmea0183", name="other")], flown)
     power.is_on("gnss", 1.5)
     assert power.states() == {"gnss": B.ON, "other": B.BROWN_OUT}
     assert [power.is_on("gnss", t) for t in (8.9, 9.0)] == [False, True]
@@ -203,12 +203,12 @@ def test_settings_of_the_scenario_are_those_of_the_feed() -> None:
 def test_the_unit_cannot_be_asked_to_switch_itself_off() -> None:
     flown = scenario(fault=(trip(3.0, 4.0, "pdu"),))
     with pytest.raises(ConfigError, match=r"fault\[0\].devices: 'pdu' is a power unit: it feeds itself"):
-        distribute([sensor("power_unit", name="pdu"), sensor("nmea0183", name="gnss")], flown)
+        connect_power([sensor("power_unit", name="pdu"), sensor("nmea0183", name="gnss")], flown)
 
 
 def test_the_unit_says_how_the_breakers_of_the_flight_stand() -> None:
     pdu, gnss = sensor("power_unit", name="pdu"), sensor("nmea0183", name="gnss")
-    power = distribute([pdu, gnss], scenario())
+    power = connect_power([pdu, gnss], scenario())
     assert pdu.encoder.respond(driver.command("trip", {"breaker": "gnss"}))
     assert power.states() == {"gnss": B.TRIPPED}
     decoder = driver.make_decoder(driver.Options())

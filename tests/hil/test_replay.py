@@ -23,24 +23,24 @@ import pytest
 
 from fti import config as configuration
 from fti.canframe import pack_can
-from fti.cli._playing import until_stopped
+from fti.cli._emulator_run import run_until_stopped
 from fti.config import Config
 from fti.errors import MissingError
-from fti.hil.ahead import chosen
-from fti.hil.playback import FrameStream, Transport
-from fti.hil.recorded import recorded_config
+from fti.hil.prefetch_process import select_frames
 from fti.hil.replay import Replay, length_s
-from fti.hil.report import Report
+from fti.hil.replay_clock import FrameStream, ReplayClock
+from fti.hil.report import TransmissionReport
+from fti.hil.session_config import recorded_config
 from fti.hil.status import describe_replay
-from fti.lateness import Histogram
+from fti.latency_histogram import LatencyHistogram
 from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.reading.recording import Recording
 from fti.logger.session import SessionFolder
 from fti.types import TICK_LINK, RawFrame
-from fti.web.feed import HIL_FIELDS
+from fti.web.live_state import HIL_FIELDS
 from tests.e2e.harness import with_free_ports
 from tests.helpers import until_async
-from tests.links.bench import Heard, running
+from tests.links.bench import ReceivedFrames, run_link
 
 START_NS = 1_700_000_000_000_000_000
 CONFIG = """
@@ -89,15 +89,15 @@ def record(tmp_path: Path, text: str, recorded: list[RawFrame]) -> Path:
 
 
 async def play(
-    replay: Replay, config: Config, expected: list[RawFrame], reports: list[Report] | None = None
-) -> dict[str, Heard]:
+    replay: Replay, config: Config, expected: list[RawFrame], reports: list[TransmissionReport] | None = None
+) -> dict[str, ReceivedFrames]:
     """Replay with the links of the configuration open, until the last datagram and CAN frame has been heard."""
     heard = {}
     playing = asyncio.create_task(replay.run())
     await replay.ready.wait()
     async with AsyncExitStack() as stack:
         for link in config.link:
-            _, heard[link.name] = await stack.enter_async_context(running(link))
+            _, heard[link.name] = await stack.enter_async_context(run_link(link))
         report = await playing
         if reports is not None:
             reports.append(report)
@@ -127,15 +127,15 @@ async def test_it_is_told_like_an_emulated_flight(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("by_signal", "interrupted"), [(False, False), (True, True)])
 async def test_a_key_ends_it_in_good_order_and_a_signal_interrupts_it(by_signal: bool, interrupted: bool) -> None:
-    async def ends(stop: asyncio.Event) -> Report:
+    async def ends(stop: asyncio.Event) -> TransmissionReport:
         if by_signal:
             os.kill(os.getpid(), signal.SIGTERM)
         else:
             stop.set()
         await stop.wait()
-        return Report({}, Histogram().lateness)
+        return TransmissionReport({}, LatencyHistogram().lateness)
 
-    _, said = await until_stopped(ends, asyncio.Event())
+    _, said = await run_until_stopped(ends, asyncio.Event())
     assert said is interrupted
 
 
@@ -208,8 +208,8 @@ def due_of(recorded: list[RawFrame], told: list[str] | None = None, **keys: floa
 
     sinks: dict[str, Any] = {frame.link: Sink() for frame in recorded}
     said = list[str]() if told is None else told
-    frames = chosen(lambda: recorded, from_s=keys.get("from_s", 0.0))
-    stream = FrameStream(frames, sinks, Transport(lambda: 0.0), keys.get("speed", 1.0), said.append)
+    frames = select_frames(lambda: recorded, from_s=keys.get("from_s", 0.0))
+    stream = FrameStream(frames, sinks, ReplayClock(lambda: 0.0), keys.get("speed", 1.0), said.append)
     found = []
     while (due := stream.due_s()) is not None:
         found.append(due)
@@ -283,12 +283,14 @@ async def test_every_link_hears_what_the_snapshots_have(which: str, tmp_path: Pa
     place, parts = (session, PARTS) if which == "session" else (SessionFolder(session).files("snapshot")[1], PARTS[1:])
     recording, links, expected = Recording.open(place), tmp_path / "links", part_of(recorded, *parts)
     config = configuration.with_links(recorded_config(recording, place), links)
-    heard = await play(Replay(recording, config, links, wait_s=0.0), config, expected, reports := list[Report]())
-    by_link = {link: [frame for frame in expected if frame.link == link] for link in heard}
+    heard = await play(
+        Replay(recording, config, links, wait_s=0.0), config, expected, reports := list[TransmissionReport]()
+    )
+    link_lateness = {link: [frame for frame in expected if frame.link == link] for link in heard}
     for link in ("eth", "bus"):
-        assert heard[link].frames == [frame.data for frame in by_link[link]]
-    assert heard["line"].bytes == b"".join(frame.data for frame in by_link["line"])
-    first, *_, last = by_link["eth"]
+        assert heard[link].frames == [frame.data for frame in link_lateness[link]]
+    assert heard["line"].bytes == b"".join(frame.data for frame in link_lateness["line"])
+    first, *_, last = link_lateness["eth"]
     lasted_ns = heard["eth"].times[-1] - heard["eth"].times[0]
     late_ns = reports[0].lateness.max_ms * 1e6  # of the first one, on a machine that stood still
     assert lasted_ns > 0.9 * (last.t_rx_ns - first.t_rx_ns) - late_ns  # the pause between the snapshots is kept

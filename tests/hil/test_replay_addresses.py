@@ -70,7 +70,7 @@ def test_nothing_is_sent_by_a_recording_that_the_user_did_not_allow(
             return len(data)
 
     monkeypatch.setattr(socket, "socket", Socket)
-    monkeypatch.setattr("fti.cli._keys.keys", lambda _: contextlib.nullcontext())
+    monkeypatch.setattr("fti.cli._keyboard.keys", lambda _: contextlib.nullcontext())
     call = ["replay", str(session), "--links", str(tmp_path / "links"), "--wait", "0"]
     assert main(call) == 2
     assert "bind = '192.0.2.1:5000'" in capsys.readouterr().err

@@ -12,7 +12,7 @@ from fti.errors import ConfigError, MissingError
 from fti.hil import scenario as scenarios
 from fti.hil.scenario import Scenario
 from fti.hil.sensors import MODELS
-from fti.hil.tables.kinds import CanStatus, Invalid, StatusFlag
+from fti.hil.tables.fault_types import CanStatus, Invalid, StatusFlag
 from fti.links.slcan_status import FLAGS
 from tests.helpers import ROOT
 
@@ -25,7 +25,7 @@ def written(tmp_path: Path, text: str) -> Path:
     return file
 
 
-@pytest.mark.parametrize("name", scenarios.shipped())
+@pytest.mark.parametrize("name", scenarios.shipped_names())
 def test_shipped_scenarios_load_with_their_configuration(name: str) -> None:
     scenario = scenarios.load(scenarios.find(name))
     config = scenarios.load_config(scenario)
@@ -35,7 +35,7 @@ def test_shipped_scenarios_load_with_their_configuration(name: str) -> None:
 
 
 def test_the_five_of_the_issue_are_there() -> None:
-    assert {"nominal", "obstacle", "off_track", "altimeter_failure", "silence"} <= set(scenarios.shipped())
+    assert {"nominal", "obstacle", "off_track", "altimeter_failure", "silence"} <= set(scenarios.shipped_names())
 
 
 def test_a_scenario_is_found_by_name_and_by_path(tmp_path: Path) -> None:

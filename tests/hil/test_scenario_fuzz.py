@@ -13,12 +13,12 @@ from hypothesis import strategies as st
 from fti import config
 from fti.config import Config, StrictModel
 from fti.errors import ConfigError, MissingError
-from fti.hil.scenario import Scenario, load, shipped
-from fti.hil.scenario.checking import check
+from fti.hil.scenario import Scenario, load, shipped_names
+from fti.hil.scenario.config_check import check
+from fti.hil.scenario.fault_table import KINDS, parse
+from fti.hil.scenario.fault_table_csv import COLUMNS
 from fti.hil.scenario.loading import FOLDER
-from fti.hil.scenario.profile import KINDS, parse
-from fti.hil.scenario.rows import COLUMNS
-from fti.hil.tables.kinds import FaultKind
+from fti.hil.tables.fault_types import FaultKind
 
 REFUSED = contextlib.suppress(ConfigError, MissingError)
 NUMBERS = st.one_of(st.floats(), st.integers(), st.sampled_from([0, 1, -1, 10**400, 2**63, float("nan"), float("inf")]))
@@ -44,7 +44,7 @@ def demo() -> Config:
 
 
 #: Of the shipped scenarios, as they were when the tests began.
-TEXTS = [(FOLDER / f"{name}.toml").read_text() for name in shipped()]
+TEXTS = [(FOLDER / f"{name}.toml").read_text() for name in shipped_names()]
 VALUES = st.recursive(
     st.one_of(WORDS, NUMBERS, st.booleans(), st.none(), st.text(max_size=8)),
     lambda inner: st.one_of(

@@ -7,20 +7,20 @@ import pytest
 
 from fti import drivers
 from fti.config import Device
+from fti.devices import BoundDevice
 from fti.errors import ConfigError
-from fti.hil.sensors import MODELS, Sensor
-from fti.service.binding import BoundDevice
+from fti.hil.sensors import MODELS, SimulatedSensor
 from tests.hil.worlds import world
 
 DURATION_S = 10.0
 
 
-def sensor(rate_hz: float = 20.0, told_latency_ms: float = 5.0, **settings: float) -> Sensor:
+def sensor(rate_hz: float = 20.0, told_latency_ms: float = 5.0, **settings: float) -> SimulatedSensor:
     module = drivers.load("freeflight_ra4500")
     keys = {"name": "radar", "link": "line", "driver": "freeflight_ra4500"}
     device = Device.model_validate({**keys, "rate_hz": rate_hz, "latency_ms": told_latency_ms})
     flown = world(DURATION_S, sensor={"radar": settings})
-    return Sensor(BoundDevice(device, module, module.Options()), MODELS["freeflight_ra4500"], flown, seed=1)
+    return SimulatedSensor(BoundDevice(device, module, module.Options()), MODELS["freeflight_ra4500"], flown, seed=1)
 
 
 def test_the_first_sample_is_where_the_shift_says() -> None:
@@ -61,7 +61,7 @@ def test_other_devices_and_what_is_not_set_stay_as_they_were() -> None:
     device = Device.model_validate({"name": "other", "link": "line", "driver": "freeflight_ra4500"})
     bound = BoundDevice(device, module, module.Options())
     with_settings, without = (
-        Sensor(bound, MODELS["freeflight_ra4500"], world(DURATION_S, sensor=settings), seed=1)
+        SimulatedSensor(bound, MODELS["freeflight_ra4500"], world(DURATION_S, sensor=settings), seed=1)
         for settings in ({"radar": {"shift_ms": 1.0}}, {})
     )
     assert (with_settings.due == without.due).all()

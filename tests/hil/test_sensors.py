@@ -13,16 +13,16 @@ from numpy.typing import NDArray
 
 from fti import drivers
 from fti.config import Altimeter, Device
+from fti.devices import BoundDevice
 from fti.geodesy.rotations import mat_en
 from fti.geodesy.wgs84 import SEMI_MAJOR, ecef_from_geodetic
-from fti.hil.sensors import MODELS, Sensor
+from fti.hil.environment import Environment
+from fti.hil.sensors import MODELS, SimulatedSensor
 from fti.hil.sensors.base import position_at, sample_times, velocity_at
-from fti.hil.sensors.errors import slow
+from fti.hil.sensors.errors import gauss_markov_noise
 from fti.hil.sensors.inertial import specific_force_b
-from fti.hil.tables.kinds import OffTrack
-from fti.hil.world import World
-from fti.nav.mounted import Mountings
-from fti.service.binding import BoundDevice
+from fti.hil.tables.fault_types import OffTrack
+from fti.nav.sensor_mounting import Mountings
 from fti.types import (
     Airspeed,
     Attitude,
@@ -47,17 +47,19 @@ LASER = Altimeter(kind="laser", range_m=(0.2, 500.0))
 
 
 @cache
-def flown() -> World:
+def flown() -> Environment:
     return world(duration_s=60.0)
 
 
-def sensor(driver: str, name: str = "device", seed: int = 1, there: World | None = None, **keys: object) -> Sensor:
+def sensor(
+    driver: str, name: str = "device", seed: int = 1, there: Environment | None = None, **keys: object
+) -> SimulatedSensor:
     device = Device.model_validate({"name": name, "link": "line", "driver": driver, **keys})
     module = drivers.load(driver)
-    return Sensor(BoundDevice(device, module, module.Options()), MODELS[driver], there or flown(), seed)
+    return SimulatedSensor(BoundDevice(device, module, module.Options()), MODELS[driver], there or flown(), seed)
 
 
-def all_of(made: Sensor, kind: type[M]) -> list[M]:
+def all_of(made: SimulatedSensor, kind: type[M]) -> list[M]:
     samples = [m for k in range(len(made.t)) for m in made.measure(k, START_NS)]
     return [m for m in samples if isinstance(m, kind)]
 
@@ -117,7 +119,7 @@ def test_stamps_are_the_sample_times_in_the_scale_of_the_device() -> None:
 
 def test_slow_errors_have_the_size_and_memory_asked_for() -> None:
     t = np.arange(0.0, 20000.0, 0.5)
-    error = slow(t, 2.0, 10.0, np.random.default_rng(1))
+    error = gauss_markov_noise(t, 2.0, 10.0, np.random.default_rng(1))
     assert error.std() == pytest.approx(2.0, rel=0.1)
     ahead = np.corrcoef(error[:-20], error[20:])[0, 1]
     assert ahead == pytest.approx(math.exp(-1.0), abs=0.08)
@@ -129,17 +131,17 @@ def spread(driver: str, error_of: str) -> float:
     return float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
 
 
-def north_error(made: Sensor) -> Array:
+def north_error(made: SimulatedSensor) -> Array:
     found = all_of(made, Position)
     return (np.array([p.lat for p in found]) - flown().state(times(found)).lat) * SEMI_MAJOR
 
 
-def height_error(made: Sensor) -> Array:
+def height_error(made: SimulatedSensor) -> Array:
     found = all_of(made, Position)
     return np.array([p.alt for p in found]) - flown().state(times(found)).alt
 
 
-def roll_error(made: Sensor) -> Array:
+def roll_error(made: SimulatedSensor) -> Array:
     found = all_of(made, Attitude)
     return np.array([a.roll for a in found]) - flown().state(times(found)).roll
 
@@ -197,7 +199,7 @@ def test_a_lever_arm_has_the_velocity_of_its_place(arm: tuple[float, float, floa
 
 
 @cache
-def stepping() -> World:
+def stepping() -> Environment:
     return world(duration_s=60.0, fault=(OffTrack(kind="off_track", right_m=150.0, from_s=20.0, to_s=50.0),))
 
 

@@ -7,24 +7,24 @@ from collections import Counter
 import pytest
 
 from fti.hil import scenario as scenarios
-from fti.hil.emulator import make_world
-from fti.hil.sensors import Sensor, make_sensors
-from fti.hil.sensors.intended import intended_values
-from fti.hil.sensors.power_unit import distribute
+from fti.hil.emulator import make_environment
+from fti.hil.environment import Environment
+from fti.hil.sensors import SimulatedSensor, make_sensors
+from fti.hil.sensors.intended_values import intended_values
+from fti.hil.sensors.power_unit import connect_power
 from fti.hil.sensors.sent_rates import sent_rates
-from fti.hil.world import World
 from fti.logger.derived_log import snake_case
 
-Made = tuple[list[Sensor], World]
+Made = tuple[list[SimulatedSensor], Environment]
 
 
 @pytest.fixture(scope="module")
 def made() -> Made:
     """The devices of the demonstration on its approach."""
     scenario = scenarios.load(scenarios.find("nominal"))
-    world = make_world(scenario)
+    world = make_environment(scenario)
     sensors = make_sensors(scenarios.load_config(scenario), world, scenario.seed, lambda _: None)
-    distribute(sensors, scenario)
+    connect_power(sensors, scenario)
     return sensors, world
 
 

@@ -13,12 +13,12 @@ import pytest
 
 from fti.bus.client import Subscriber
 from fti.bus.frame import SOCKET_NAME
-from fti.hil.faults import words
-from fti.hil.looping import before_others
+from fti.hil.event_loop import realtime_priority
+from fti.hil.faults import descriptions
 from fti.hil.power import BreakerState
-from fti.hil.status import Teller, describe
-from fti.hil.tables.kinds import Breaker, FaultKind, Fog, GnssOutage, Obstacle
-from fti.web.feed import HIL_FIELDS
+from fti.hil.status import StatusPublisher, describe
+from fti.hil.tables.fault_types import Breaker, FaultKind, Fog, GnssOutage, Obstacle
+from fti.web.live_state import HIL_FIELDS
 from tests.bus.running_hub import RunningHub
 from tests.hil.test_emulator import demo_config, make
 from tests.run_dirs import running_daemon
@@ -27,14 +27,14 @@ FLIGHT_S = 1.0
 
 
 def test_every_kind_of_fault_has_words() -> None:
-    assert set(words.WORDS) == set(FaultKind)
+    assert set(descriptions.DESCRIPTIONS) == set(FaultKind)
 
 
 def test_faults_are_told_in_words_while_they_act() -> None:
     fog = Fog(kind="fog", devices=("laser",), visibility_m=75.0, from_s=10.0, to_s=20.0)
     jammed = GnssOutage(kind="gnss_outage", from_s=15.0, to_s=30.0)
     tower = Obstacle(kind="obstacle", before_threshold_m=1500.0, height_m=30.0)
-    told = {t: list(words.active((fog, jammed, tower), t)) for t in (9.9, 10.0, 19.9, 20.0)}
+    told = {t: list(descriptions.active_faults((fog, jammed, tower), t)) for t in (9.9, 10.0, 19.9, 20.0)}
     assert [[fault["kind"] for fault in told[t]] for t in told] == [
         ["obstacle"],
         ["fog", "obstacle"],
@@ -91,12 +91,12 @@ def test_it_is_told_to_the_daemon_that_comes_and_to_the_one_behind_it(tmp_path: 
         policies.add(os.sched_getscheduler(0))
         return describe(emulator)
 
-    with Teller(describe_urgently, emulator.bench.clock, "demo", str(run_dir)):
+    with StatusPublisher(describe_urgently, emulator.backend.clock, "demo", str(run_dir)):
         for _ in range(2):  # the second daemon has another hub
             found = first_word(run_dir)
             assert (found["topic"], found["scenario"], found["late"]) == ("/hil", "test", False)
             assert 0 <= found["age_ms"] < found["max_age_ms"]
-    with before_others():
+    with realtime_priority():
         assert policies == {os.sched_getscheduler(0)}  # as urgent as who sends
 
 
@@ -119,6 +119,6 @@ async def test_without_a_daemon_the_flight_is_the_same(tmp_path: Path) -> None:
     emulator, _ = make(tmp_path, demo_config(tmp_path), duration_s=FLIGHT_S)
     emulator.prepare()
     emulator.start()
-    with Teller(lambda: describe(emulator), emulator.bench.clock, "demo", str(tmp_path / "nobody")):
+    with StatusPublisher(lambda: describe(emulator), emulator.backend.clock, "demo", str(tmp_path / "nobody")):
         report = await emulator.run()
     assert report.links["ins_eth"].messages == pytest.approx(100 * FLIGHT_S, abs=2)

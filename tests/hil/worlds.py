@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
+from fti.hil.environment import Environment
 from fti.hil.tables.flights import ApproachFlight
 from fti.hil.tables.schema import Scenario
-from fti.hil.world import World
 from fti.nav.integrity.approach import Airfield, ApproachPath
 from fti.terrain.terrain import Terrain
 
@@ -45,7 +45,7 @@ def scenario(**keys: object) -> Scenario:
     return Scenario.model_validate({"title": "test", "description": "", "config": "none", **keys})
 
 
-def world(duration_s: float = 10.0, **keys: object) -> World:
-    return World(
+def world(duration_s: float = 10.0, **keys: object) -> Environment:
+    return Environment(
         scenario(flight=ApproachFlight(duration_s=duration_s), **keys), path(), flat_terrain(), undulation=47.0
     )

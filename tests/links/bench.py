@@ -18,7 +18,7 @@ from fti.links import Link, open_link
 from tests.helpers import until_async
 
 
-class Heard:
+class ReceivedFrames:
     """Everything that a sink was given."""
 
     def __init__(self) -> None:
@@ -36,11 +36,11 @@ class Heard:
 
 
 @contextlib.asynccontextmanager
-async def running(
+async def run_link(
     link: config.Link, on_connect: Sequence[bytes] = (), clock: Clock | None = None, connects: int = 1
-) -> AsyncIterator[tuple[Any, Heard]]:
+) -> AsyncIterator[tuple[Any, ReceivedFrames]]:
     """The link, running and connected (unless connects is 0), and what it hears; cancelled at the end."""
-    heard = Heard()
+    heard = ReceivedFrames()
     opened: Link = open_link(link, clock or SystemClock(choose_epoch_ns()), heard, on_connect=on_connect)
     task = asyncio.create_task(opened.run())
     try:
@@ -94,7 +94,7 @@ class Peer:
         await until_async(complete, what=repr(data))
         assert got == data
 
-    def die(self) -> None:
+    def power_off(self) -> None:
         """The device loses power."""
         os.close(self._slave)
         os.close(self._master)

@@ -16,13 +16,13 @@ import pytest
 from fti.canframe import pack_can
 from fti.clock import FakeClock, SystemClock, choose_epoch_ns
 from fti.config import CanLink
-from fti.errors import ConfigError, LinkError, SentInPart
+from fti.errors import ConfigError, LinkError, PartialSendError
 from fti.links import _socket, open_link
-from fti.links._batch import Batch
+from fti.links._recvmmsg import ReceiveBatch
 from fti.links.can import pack_message, unpack_message
 from fti.types import LinkState
 from tests.helpers import until, until_async
-from tests.links.bench import running
+from tests.links.bench import run_link
 
 FRAMES = [
     pack_can(0x123, b"\x01\x02"),
@@ -58,7 +58,7 @@ def bus() -> Iterator[tuple[CanLink, can.BusABC]]:
 
 async def test_frames_arrive_in_order(bus: tuple[CanLink, can.BusABC]) -> None:
     config, other = bus
-    async with running(config) as (opened, heard):
+    async with run_link(config) as (opened, heard):
         for frame in FRAMES * 20:
             other.send(unpack_message(frame))
         await until_async(lambda: len(heard.frames) == len(FRAMES) * 20)
@@ -69,7 +69,7 @@ async def test_frames_arrive_in_order(bus: tuple[CanLink, can.BusABC]) -> None:
 
 async def test_frames_are_sent_and_not_heard(bus: tuple[CanLink, can.BusABC]) -> None:
     config, other = bus
-    async with running(config, on_connect=[FRAMES[0]]) as (opened, heard):
+    async with run_link(config, on_connect=[FRAMES[0]]) as (opened, heard):
         await opened.send(FRAMES[1])
         found = [other.recv(5), other.recv(5)]
         assert [pack_message(message) for message in found if message] == FRAMES[:2]
@@ -80,14 +80,14 @@ async def test_frames_are_sent_and_not_heard(bus: tuple[CanLink, can.BusABC]) ->
 
 
 async def test_reading_thread_ends_with_the_link(bus: tuple[CanLink, can.BusABC]) -> None:
-    async with running(bus[0]):
+    async with run_link(bus[0]):
         assert [t.name for t in threading.enumerate() if t.name == "fti-can-can1"]
     assert not [t.name for t in threading.enumerate() if t.name == "fti-can-can1"]
 
 
 async def test_drain_takes_what_the_bus_holds(bus: tuple[CanLink, can.BusABC]) -> None:
     config, other = bus
-    async with running(config) as (opened, heard):
+    async with run_link(config) as (opened, heard):
         for frame in FRAMES:
             other.send(unpack_message(frame))
         await opened.drain()
@@ -98,7 +98,7 @@ async def test_drain_waits_for_the_thread_that_reads(bus: tuple[CanLink, can.Bus
     """Two that read one bus would change the order of the frames."""
     config, other = bus
     frames = [pack_can(i % 0x800, i.to_bytes(4, "little")) for i in range(3000)]
-    async with running(config) as (opened, heard):
+    async with run_link(config) as (opened, heard):
         for frame in frames:
             other.send(unpack_message(frame))
         await opened.drain()
@@ -115,7 +115,7 @@ async def test_draining_ends_while_others_talk(bus: tuple[CanLink, can.BusABC]) 
             other.send(unpack_message(FRAMES[0]))
             await asyncio.sleep(0.01)
 
-    async with running(config) as (opened, heard):
+    async with run_link(config) as (opened, heard):
         talking = asyncio.create_task(talk())
         await until_async(lambda: heard.frames)
         await opened.drain()
@@ -126,7 +126,7 @@ async def test_draining_ends_while_others_talk(bus: tuple[CanLink, can.BusABC]) 
 async def test_what_was_read_before_a_bus_is_lost_is_handed_on(bus: tuple[CanLink, can.BusABC]) -> None:
     """The loop is busy while the thread reads, and finds the bus lost before it has looked at the frames."""
     config, other = bus
-    async with running(config) as (opened, heard):
+    async with run_link(config) as (opened, heard):
         for _ in range(100):
             other.send(unpack_message(FRAMES[0]))
         until(lambda: not opened._bus or opened._bus.queue.empty(), what="the thread to read")
@@ -136,7 +136,7 @@ async def test_what_was_read_before_a_bus_is_lost_is_handed_on(bus: tuple[CanLin
 
 async def test_a_driver_that_raises_anything_is_read_on(bus: tuple[CanLink, can.BusABC]) -> None:
     config, other = bus
-    async with running(config) as (opened, heard):
+    async with run_link(config) as (opened, heard):
         recv = opened._bus.recv
 
         def fail_then_read(timeout: float) -> can.Message | None:
@@ -167,7 +167,7 @@ async def test_bus_that_cannot_be_opened(
         raise error
 
     monkeypatch.setattr(can, "Bus", refuse)
-    async with running(link("socketcan"), connects=0) as (opened, _):
+    async with run_link(link("socketcan"), connects=0) as (opened, _):
         await until_async(lambda: words in opened.status.hint)
         assert opened.status.state is state
 
@@ -187,7 +187,7 @@ async def test_bus_that_opens_too_late_is_closed_again(monkeypatch: pytest.Monke
         return made[0]
 
     monkeypatch.setattr(can, "Bus", slow)
-    async with running(link("socketcan"), connects=0):
+    async with run_link(link("socketcan"), connects=0):
         await asyncio.sleep(0)
     go.set()
     await until_async(lambda: made and made[0].closed)
@@ -246,7 +246,7 @@ def fake(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[FakeBus]]:
 
 async def test_multicast_bus_stays_on_this_machine_and_does_not_hear_itself(fake: list[FakeBus]) -> None:
     config = link("udp_multicast", transmit=True, bitrate=500_000, settings={"port": 4711, "hop_limit": 9})
-    async with running(config) as (opened, heard):
+    async with run_link(config) as (opened, heard):
         assert fake[0].arguments == {"ignore_config": True, "port": 4711, "hop_limit": 0}
         await opened.send(FRAMES[0])
         fake[0].other.send(FRAMES[1])
@@ -271,18 +271,18 @@ def own_socket(monkeypatch: pytest.MonkeyPatch) -> FakeBus:
 
 async def test_frames_that_the_kernel_drops_are_counted(own_socket: FakeBus, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(_socket, "RECEIVE_BUFFER", 4096)
-    async with running(link("udp_multicast")) as (opened, heard):
+    async with run_link(link("udp_multicast")) as (opened, heard):
         for _ in range(500):
             own_socket.other.send(FRAMES[0])
         await until_async(lambda: opened.status.socket_dropped and heard.frames)
         await opened.drain()
-        opened._judge()
+        opened._check()
         assert len(heard.frames) + opened.status.socket_dropped == 500
 
 
 async def test_a_bus_that_is_a_socket_has_a_queue_that_is_enough(own_socket: FakeBus) -> None:
     """Half a second of 525 frames/s may wait, where nothing but the usual limit of the system is allowed."""
-    async with running(link("udp_multicast")) as (opened, heard):
+    async with run_link(link("udp_multicast")) as (opened, heard):
         for _ in range(260):
             own_socket.other.send(FRAMES[0])
         await until_async(lambda: len(heard.frames) == 260)
@@ -295,7 +295,7 @@ async def test_a_frame_that_could_not_be_sent_is_not_waited_for(fake: list[FakeB
     def refuse(message: can.Message, timeout: float) -> None:
         raise can.CanOperationError("the network is down")
 
-    async with running(link("udp_multicast", transmit=True)) as (opened, heard):
+    async with run_link(link("udp_multicast", transmit=True)) as (opened, heard):
         fake[0].send = refuse  # type: ignore[method-assign]
         with pytest.raises(LinkError, match="the network is down"):
             await opened.send(FRAMES[0])
@@ -305,7 +305,7 @@ async def test_a_frame_that_could_not_be_sent_is_not_waited_for(fake: list[FakeB
 
 
 async def test_an_echo_of_an_earlier_bus_is_not_waited_for(fake: list[FakeBus]) -> None:
-    async with running(link("udp_multicast", transmit=True)) as (opened, heard):
+    async with run_link(link("udp_multicast", transmit=True)) as (opened, heard):
         fake[0].send = lambda message, timeout: None  # type: ignore[method-assign]
         await opened.send(FRAMES[0])
         opened._fail(LinkError("lost"))
@@ -315,7 +315,7 @@ async def test_an_echo_of_an_earlier_bus_is_not_waited_for(fake: list[FakeBus]) 
 
 
 async def test_bad_frame_is_counted_and_skipped(fake: list[FakeBus]) -> None:
-    async with running(link("pcan", bitrate=250_000)) as (opened, heard):
+    async with run_link(link("pcan", bitrate=250_000)) as (opened, heard):
         assert fake[0].arguments == {"ignore_config": True, "bitrate": 250_000}
         for data in (FRAMES[0], b"bad", b"worse", FRAMES[1]):
             fake[0].other.send(data)
@@ -326,7 +326,7 @@ async def test_bad_frame_is_counted_and_skipped(fake: list[FakeBus]) -> None:
 
 
 async def test_bad_frames_among_good_ones_are_no_lost_bus(fake: list[FakeBus]) -> None:
-    async with running(link("pcan")) as (opened, heard):
+    async with run_link(link("pcan")) as (opened, heard):
         for turn in range(1, 4):
             for _ in range(60):
                 fake[0].other.send(b"bad")
@@ -338,7 +338,7 @@ async def test_bad_frames_among_good_ones_are_no_lost_bus(fake: list[FakeBus]) -
 
 
 async def test_bus_that_only_complains_is_opened_again(fake: list[FakeBus]) -> None:
-    async with running(link("pcan")) as (_, heard):
+    async with run_link(link("pcan")) as (_, heard):
 
         def complain() -> bool:
             if not fake[0].closed:
@@ -353,7 +353,7 @@ async def test_bus_that_only_complains_is_opened_again(fake: list[FakeBus]) -> N
 async def test_socketcan_frames_are_taken_as_they_are(fake: list[FakeBus], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("fti.links.can.can_interfaces", list)
     clock = SystemClock(choose_epoch_ns())
-    async with running(link("socketcan", fd=True, transmit=True), clock=clock) as (opened, heard):
+    async with run_link(link("socketcan", fd=True, transmit=True), clock=clock) as (opened, heard):
         for frame in FRAMES:
             fake[0].other.send(frame)
         await until_async(lambda: len(heard.frames) == len(FRAMES))
@@ -379,7 +379,7 @@ class Flaky:
         return self._inner.send(data)
 
 
-class FlakyBatch(Batch):
+class FlakyBatch(ReceiveBatch):
     """Reads as the kernel would that fails once with each of these errors, then works and knows our own frames."""
 
     def __init__(self, errors: list[int], own: bytes = b"") -> None:
@@ -401,7 +401,7 @@ def fail_once(errors: list[int]) -> None:
 
 
 async def test_interface_that_goes_down_is_read_again_without_opening(fake: list[FakeBus]) -> None:
-    async with running(link("socketcan")) as (opened, heard):
+    async with run_link(link("socketcan")) as (opened, heard):
         opened._arrival.batch = FlakyBatch([errno.ENETDOWN])
         fake[0].other.send(FRAMES[0])
         await until_async(lambda: heard.frames)
@@ -409,7 +409,7 @@ async def test_interface_that_goes_down_is_read_again_without_opening(fake: list
 
 
 async def test_own_frame_is_not_received(fake: list[FakeBus]) -> None:
-    async with running(link("socketcan", settings={"receive_own_messages": True})) as (opened, heard):
+    async with run_link(link("socketcan", settings={"receive_own_messages": True})) as (opened, heard):
         opened._arrival.batch = FlakyBatch([], own=FRAMES[0])
         for frame in FRAMES[:2]:
             fake[0].other.send(frame)
@@ -418,7 +418,7 @@ async def test_own_frame_is_not_received(fake: list[FakeBus]) -> None:
 
 
 async def test_interface_that_vanishes_is_opened_again(fake: list[FakeBus]) -> None:
-    async with running(link("socketcan")) as (opened, heard):
+    async with run_link(link("socketcan")) as (opened, heard):
         opened._arrival.batch = FlakyBatch([errno.ENODEV])
         for frame in FRAMES[:3]:
             fake[0].other.send(frame)
@@ -427,7 +427,7 @@ async def test_interface_that_vanishes_is_opened_again(fake: list[FakeBus]) -> N
 
 
 async def test_full_transmit_queue_is_waited_for(fake: list[FakeBus]) -> None:
-    async with running(link("socketcan", transmit=True)) as (opened, _):
+    async with run_link(link("socketcan", transmit=True)) as (opened, _):
         opened._socket = Flaky(fake[0].socket, [errno.ENOBUFS] * 3)
         await opened.send(FRAMES[0])
         assert fake[0].other.recv(100) == FRAMES[0]
@@ -440,7 +440,7 @@ async def test_full_transmit_queue_is_waited_for(fake: list[FakeBus]) -> None:
 
 
 async def test_a_frame_that_waits_while_the_bus_is_lost_is_not_told_as_sent(fake: list[FakeBus]) -> None:
-    async with running(link("socketcan", transmit=True)) as (opened, _):
+    async with run_link(link("socketcan", transmit=True)) as (opened, _):
         opened._socket = Flaky(fake[0].socket, [errno.ENOBUFS] * 100_000)
         sending = asyncio.create_task(opened.send(FRAMES[0], 30.0))
         await asyncio.sleep(0)
@@ -454,7 +454,7 @@ async def test_nothing_is_sent_while_the_bus_is_being_opened(monkeypatch: pytest
     """A driver of a vendor takes seconds for that."""
     go_on, made = threading.Event(), FakeBus()
     monkeypatch.setattr(can, "Bus", lambda *_, **__: go_on.wait(30.0) and made)
-    async with running(link("udp_multicast", transmit=True), connects=0) as (opened, _):
+    async with run_link(link("udp_multicast", transmit=True), connects=0) as (opened, _):
         await until_async(lambda: opened._lost is not None)
         with pytest.raises(LinkError, match="is not connected: not opened yet"):
             await opened.send(FRAMES[0])
@@ -471,17 +471,17 @@ async def test_what_a_driver_does_after_it_was_given_up_is_told(fake: list[FakeB
         if not sends:
             raise RuntimeError("a driver of a vendor")
 
-    async with running(link("udp_multicast", transmit=True)) as (opened, _):
+    async with run_link(link("udp_multicast", transmit=True)) as (opened, _):
         fake[0].send = be_slow  # type: ignore[method-assign]
         asyncio.get_running_loop().call_later(0.05, go_on.set)
         with pytest.raises(LinkError) as caught:
             await opened.send(FRAMES[0], timeout_s=0.01)
         assert opened.status.tx_frames == sends
-        assert isinstance(caught.value, SentInPart) is sends
+        assert isinstance(caught.value, PartialSendError) is sends
         assert len(opened._echoes) == sends
 
 
 async def test_stamps_without_a_kernel_are_those_of_the_read(bus: tuple[CanLink, can.BusABC]) -> None:
-    async with running(bus[0], clock=FakeClock(42)) as (_, heard):
+    async with run_link(bus[0], clock=FakeClock(42)) as (_, heard):
         bus[1].send(unpack_message(FRAMES[0]))
         await until_async(lambda: heard.times == [42])

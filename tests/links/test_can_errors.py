@@ -12,7 +12,7 @@ from fti.config import CanLink
 from fti.links.can import pack_message
 from fti.links.can_errors import ControllerWatch, classes_of, count_error, is_error
 from tests.helpers import until_async
-from tests.links.bench import running
+from tests.links.bench import run_link
 
 # linux/can/error.h, by hand
 BUS_OFF, CONTROLLER, ACK, PROTOCOL = 0x40, 0x04, 0x20, 0x08
@@ -61,7 +61,7 @@ def test_counts() -> None:
 async def test_a_link_records_and_counts_them() -> None:
     link = CanLink(name="bus", kind="can", interface="virtual", channel="errors")
     with can.Bus("errors", "virtual", ignore_config=True) as bus:
-        async with running(link) as (opened, heard):
+        async with run_link(link) as (opened, heard):
             bus.send(error_frame(CONTROLLER, 0x01))
             bus.send(can.Message(arbitration_id=0x12, is_extended_id=False, data=b"\x01"))
             await until_async(lambda: len(heard.frames) == 2, what="both frames")

@@ -15,10 +15,10 @@ from hypothesis import strategies as st
 from fti.config import SerialLink
 from fti.errors import LinkError
 from fti.hil.ports.endpoints import make_endpoint
-from fti.links.half_duplex import Echo, Read, Turn, character_s, quiet_s
+from fti.links.half_duplex import Echo, LineTurn, TimedBytes, character_s, quiet_s
 from fti.links.serial import open_port
 from tests.helpers import until_async
-from tests.links.bench import Heard, Peer, running
+from tests.links.bench import Peer, ReceivedFrames, run_link
 
 LONG_MS = 60_000.0
 
@@ -27,7 +27,7 @@ LONG_MS = 60_000.0
 def peer(tmp_path: Path) -> Iterator[Peer]:
     made = Peer(tmp_path / "line")
     yield made
-    made.die()
+    made.power_off()
 
 
 def link(peer: Peer | None = None, **keys: Any) -> SerialLink:
@@ -57,23 +57,23 @@ def test_the_times_follow_from_the_baud_rate(keys: dict[str, Any], character_ms:
 
 
 def test_a_question_has_the_line_until_its_answer_is_over() -> None:
-    turn = Turn(quiet_s=0.02, answer_s=0.25, character_s=0.001)
-    assert turn.left_s(0.0) < 0
-    turn.asked(10, 0.0)
-    assert turn.left_s(0.0) == pytest.approx(0.26)  # on the line for 10 ms, then the answer may begin
-    turn.heard(0.1)
-    assert turn.left_s(0.1) == pytest.approx(0.02)  # the answer has begun: it is over when the line is quiet
-    turn.heard(0.115)
-    assert turn.left_s(0.125) == pytest.approx(0.01)
-    turn.asked(10, 0.2)
-    assert turn.left_s(0.5) < 0  # nobody answers
+    turn = LineTurn(quiet_s=0.02, answer_s=0.25, character_s=0.001)
+    assert turn.wait_time_s(0.0) < 0
+    turn.mark_sent(10, 0.0)
+    assert turn.wait_time_s(0.0) == pytest.approx(0.26)  # on the line for 10 ms, then the answer may begin
+    turn.mark_received(0.1)
+    assert turn.wait_time_s(0.1) == pytest.approx(0.02)  # the answer has begun: it is over when the line is quiet
+    turn.mark_received(0.115)
+    assert turn.wait_time_s(0.125) == pytest.approx(0.01)
+    turn.mark_sent(10, 0.2)
+    assert turn.wait_time_s(0.5) < 0  # nobody answers
 
 
 def test_what_the_kernel_has_taken_is_on_the_line_one_after_the_other() -> None:
-    turn = Turn(quiet_s=0.02, answer_s=0.0, character_s=0.001)
-    turn.asked(100, 0.0)
-    turn.asked(100, 0.01)
-    assert turn.left_s(0.1) == pytest.approx(0.12)
+    turn = LineTurn(quiet_s=0.02, answer_s=0.0, character_s=0.001)
+    turn.mark_sent(100, 0.0)
+    turn.mark_sent(100, 0.01)
+    assert turn.wait_time_s(0.1) == pytest.approx(0.12)
 
 
 # ----------------------------------------------------------------------------------------------------- half duplex
@@ -81,7 +81,7 @@ def test_what_the_kernel_has_taken_is_on_the_line_one_after_the_other() -> None:
 
 async def test_the_second_question_waits_for_the_answer_to_the_first(peer: Peer) -> None:
     config = link(peer, half_duplex=True, quiet_ms=5, answer_ms=LONG_MS)
-    async with running(config) as (opened, heard):
+    async with run_link(config) as (opened, heard):
         first = asyncio.create_task(opened.send(b"one\r", 30.0))
         second = asyncio.create_task(opened.send(b"two\r", 30.0))
         third = asyncio.create_task(opened.send(b"three\r", 30.0))
@@ -98,14 +98,14 @@ async def test_the_second_question_waits_for_the_answer_to_the_first(peer: Peer)
 
 
 async def test_a_question_that_nobody_answers_gives_the_line_free(peer: Peer) -> None:
-    async with running(link(peer, half_duplex=True, answer_ms=20), [b"hello\r"]) as (opened, _):
+    async with run_link(link(peer, half_duplex=True, answer_ms=20), [b"hello\r"]) as (opened, _):
         await opened.send(b"one\r", 30.0)
         await opened.send(b"two\r", 30.0)
         await peer.expect(b"hello\rone\rtwo\r")
 
 
 async def test_who_never_gets_a_turn_is_told_why(peer: Peer) -> None:
-    async with running(link(peer, half_duplex=True, quiet_ms=10_000)) as (opened, _):
+    async with run_link(link(peer, half_duplex=True, quiet_ms=10_000)) as (opened, _):
         words = "half_duplex: the line must be quiet for 10000 ms before, and an answer has 250 ms to begin"
         with pytest.raises(LinkError, match=words):
             await opened.send(b"x", timeout_s=0.05)
@@ -114,11 +114,11 @@ async def test_who_never_gets_a_turn_is_told_why(peer: Peer) -> None:
 
 
 async def test_when_the_session_ends_nothing_is_sent_nor_a_greeting(peer: Peer) -> None:
-    async with running(link(peer, half_duplex=True, quiet_ms=30, answer_ms=0), [b"hello\r"]) as (opened, _):
+    async with run_link(link(peer, half_duplex=True, quiet_ms=30, answer_ms=0), [b"hello\r"]) as (opened, _):
         await peer.expect(b"hello\r")
         await opened.drain()
         connects = opened.status.connects
-        peer.die()
+        peer.power_off()
         peer.connect()
         await until_async(lambda: opened.status.connects > connects)
         with pytest.raises(LinkError, match="the session ends"):
@@ -128,10 +128,10 @@ async def test_when_the_session_ends_nothing_is_sent_nor_a_greeting(peer: Peer) 
 
 
 async def test_who_waits_for_a_turn_while_the_device_dies_is_told(peer: Peer) -> None:
-    async with running(link(peer, half_duplex=True, quiet_ms=1000, answer_ms=0)) as (opened, _):
+    async with run_link(link(peer, half_duplex=True, quiet_ms=1000, answer_ms=0)) as (opened, _):
         sending = asyncio.create_task(opened.send(b"x", 30.0))
         await asyncio.sleep(0)
-        peer.die()
+        peer.power_off()
         with pytest.raises(LinkError, match="not connected"):
             await sending
         peer.connect()
@@ -141,8 +141,8 @@ async def test_who_waits_for_a_turn_while_the_device_dies_is_told(peer: Peer) ->
 
 
 async def test_an_echo_is_sent_and_not_received(peer: Peer) -> None:
-    async with running(link(peer, half_duplex=True, echo=True, answer_ms=LONG_MS)) as (opened, heard):
-        sent = Heard()
+    async with run_link(link(peer, half_duplex=True, echo=True, answer_ms=LONG_MS)) as (opened, heard):
+        sent = ReceivedFrames()
         opened.on_sent = sent
         await opened.send(b"ask\r", 30.0)
         await peer.expect(b"ask\r")
@@ -159,7 +159,7 @@ async def test_the_emulator_echoes_where_the_line_does(tmp_path: Path) -> None:
     config = SerialLink(name="line", kind="serial", port=str(tmp_path / "line"), transmit=True, echo=True)
     endpoint = make_endpoint(config, tmp_path, lambda data: [b"answer to " + data])
     await endpoint.open()
-    async with running(config) as (opened, heard):
+    async with run_link(config) as (opened, heard):
         await opened.send(b"ask")
         await until_async(lambda: heard.bytes == b"answer to ask")
         assert opened.status.echo_bytes == 3
@@ -167,7 +167,7 @@ async def test_the_emulator_echoes_where_the_line_does(tmp_path: Path) -> None:
 
 
 async def test_an_echo_is_no_answer(peer: Peer) -> None:
-    async with running(link(peer, half_duplex=True, echo=True, quiet_ms=5, answer_ms=LONG_MS)) as (opened, heard):
+    async with run_link(link(peer, half_duplex=True, echo=True, quiet_ms=5, answer_ms=LONG_MS)) as (opened, heard):
         await opened.send(b"ask\r", 30.0)
         await peer.expect(b"ask\r")
         peer.write(b"ask\r")
@@ -179,7 +179,7 @@ async def test_an_echo_is_no_answer(peer: Peer) -> None:
 
 async def test_what_was_taken_for_an_echo_is_not_lost(peer: Peer) -> None:
     """The transceiver does not hear itself, though the configuration says so, and the answer begins as the question."""
-    async with running(link(peer, echo=True)) as (opened, heard):
+    async with run_link(link(peer, echo=True)) as (opened, heard):
         await opened.send(b"\x01\x03ask", 30.0)
         await peer.expect(b"\x01\x03ask")
         peer.write(b"\x01\x03ok")
@@ -194,7 +194,7 @@ async def test_what_was_taken_for_an_echo_is_not_lost(peer: Peer) -> None:
 
 async def test_an_echo_has_half_a_second_however_long_an_answer_may_take(peer: Peer) -> None:
     """What was taken for its beginning is received soon, while the answer to the next question is far away."""
-    async with running(link(peer, half_duplex=True, echo=True, answer_ms=LONG_MS)) as (opened, heard):
+    async with run_link(link(peer, half_duplex=True, echo=True, answer_ms=LONG_MS)) as (opened, heard):
         await opened.send(b"\x01\x03ask", 30.0)
         peer.write(b"\x01\x03")
         await until_async(lambda: heard.bytes == b"\x01\x03")
@@ -230,7 +230,7 @@ def test_every_byte_is_an_echo_or_received(sent: list[bytes], came: list[bytes])
     echo = Echo()
     for message in sent:
         echo.expect(message, 1.0)
-    found: list[Read] = []
+    found: list[TimedBytes] = []
     for n, part in enumerate(came):
         found += echo.take(part, n)
     found += echo.expire(2.0)

@@ -15,18 +15,18 @@ import pytest
 
 from fti.clock import FakeClock
 from fti.config import SerialLink
-from fti.errors import LinkError, PortAbsent, PortBusy, PortDenied, SentInPart
+from fti.errors import LinkError, PartialSendError, PortAbsent, PortBusy, PortDenied
 from fti.links.serial import open_port
 from fti.types import LinkState
 from tests.helpers import until_async
-from tests.links.bench import Heard, Peer, running
+from tests.links.bench import Peer, ReceivedFrames, run_link
 
 
 @pytest.fixture
 def peer(tmp_path: Path) -> Iterator[Peer]:
     made = Peer(tmp_path / "line")
     yield made
-    made.die()
+    made.power_off()
 
 
 def link(peer: Peer | Path, transmit: bool = False, parity: str = "none") -> SerialLink:
@@ -39,7 +39,7 @@ def link(peer: Peer | Path, transmit: bool = False, parity: str = "none") -> Ser
 async def test_bytes_arrive_as_sent_in_any_chunking(peer: Peer) -> None:
     sent = bytes(range(256)) * 4
     chunks = [sent[a:b] for a, b in itertools.pairwise([0, 1, 2, 10, 100, 600, len(sent)])]
-    async with running(link(peer)) as (opened, heard):
+    async with run_link(link(peer)) as (opened, heard):
         for chunk in chunks:
             peer.write(chunk)
             await asyncio.sleep(0)
@@ -52,13 +52,13 @@ async def test_bytes_arrive_as_sent_in_any_chunking(peer: Peer) -> None:
 
 async def test_what_arrived_before_opening_is_kept(peer: Peer) -> None:
     peer.write(b"early \x11\x13\r\n\x03\x04\xff\x00")
-    async with running(link(peer)) as (_, heard):
+    async with run_link(link(peer)) as (_, heard):
         await until_async(lambda: heard.bytes)
     assert heard.bytes == b"early \x11\x13\r\n\x03\x04\xff\x00"
 
 
 async def test_every_byte_passes_both_ways(peer: Peer) -> None:
-    async with running(link(peer, transmit=True)) as (opened, _):
+    async with run_link(link(peer, transmit=True)) as (opened, _):
         assert await opened.send(bytes(range(256))) == 256
         await peer.expect(bytes(range(256)))
         assert (opened.status.tx_frames, opened.status.tx_bytes) == (1, 256)
@@ -66,7 +66,7 @@ async def test_every_byte_passes_both_ways(peer: Peer) -> None:
 
 async def test_stamp_is_the_clocks_time_of_the_read(peer: Peer) -> None:
     clock = FakeClock(5)
-    async with running(link(peer), clock=clock) as (opened, heard):
+    async with run_link(link(peer), clock=clock) as (opened, heard):
         peer.write(b"a")
         await until_async(lambda: heard.times)
         clock.advance(1)
@@ -78,7 +78,7 @@ async def test_stamp_is_the_clocks_time_of_the_read(peer: Peer) -> None:
 
 async def test_states_silent_good_silent(peer: Peer) -> None:
     clock = FakeClock(0)
-    async with running(link(peer), clock=clock) as (opened, _):
+    async with run_link(link(peer), clock=clock) as (opened, _):
         assert opened.status.state is LinkState.SILENT
         assert "115200 baud" in opened.status.hint
         peer.write(b"a")
@@ -89,10 +89,10 @@ async def test_states_silent_good_silent(peer: Peer) -> None:
 
 @pytest.mark.parametrize("parity", ["none", "even"])  # a pty has no parity; the emulator stands in for such a device
 async def test_device_that_dies_and_comes_back_under_its_name(peer: Peer, parity: str) -> None:
-    async with running(link(peer, parity=parity)) as (opened, heard):
+    async with run_link(link(peer, parity=parity)) as (opened, heard):
         peer.write(b"one")
         await until_async(lambda: heard.bytes == b"one")
-        peer.die()
+        peer.power_off()
         await until_async(lambda: opened.status.state is LinkState.ABSENT)
         peer.connect()
         await until_async(lambda: opened.status.connects == 2)
@@ -102,20 +102,20 @@ async def test_device_that_dies_and_comes_back_under_its_name(peer: Peer, parity
 
 async def test_name_that_leads_to_another_device_is_followed(peer: Peer, tmp_path: Path) -> None:
     other = Peer(tmp_path / "other")
-    async with running(link(peer)) as (opened, heard):
+    async with run_link(link(peer)) as (opened, heard):
         (tmp_path / "new").symlink_to(other.path.readlink())
         (tmp_path / "new").replace(peer.path)
         peer.write(b"old, ")
         await until_async(lambda: opened.status.connects == 2)
         other.write(b"new")
         await until_async(lambda: heard.bytes == b"old, new")
-    other.die()
+    other.power_off()
 
 
 async def test_on_connect_is_sent_after_every_connect(peer: Peer) -> None:
-    async with running(link(peer, transmit=True), on_connect=[b"log on\r", b"rate 10\r"]) as (opened, _):
+    async with run_link(link(peer, transmit=True), on_connect=[b"log on\r", b"rate 10\r"]) as (opened, _):
         await peer.expect(b"log on\rrate 10\r")
-        peer.die()
+        peer.power_off()
         await until_async(lambda: opened.status.state is LinkState.ABSENT)
         peer.connect()
         await peer.expect(b"log on\rrate 10\r")
@@ -123,7 +123,7 @@ async def test_on_connect_is_sent_after_every_connect(peer: Peer) -> None:
 
 
 async def test_link_that_may_not_send_never_does(peer: Peer) -> None:
-    async with running(link(peer), on_connect=[b"log on\r"]) as (opened, heard):
+    async with run_link(link(peer), on_connect=[b"log on\r"]) as (opened, heard):
         with pytest.raises(ValueError, match="transmit is false"):
             await opened.send(b"x")
         peer.write(b"!")
@@ -133,10 +133,10 @@ async def test_link_that_may_not_send_never_does(peer: Peer) -> None:
 
 
 async def test_send_to_a_device_that_takes_nothing_ends_with_an_error(peer: Peer) -> None:
-    async with running(link(peer, transmit=True)) as (opened, _):
-        sent = Heard()
+    async with run_link(link(peer, transmit=True)) as (opened, _):
+        sent = ReceivedFrames()
         opened.on_sent = sent
-        with pytest.raises(SentInPart, match=r"could not be sent within 0.1 s; its first \d+ bytes are sent"):
+        with pytest.raises(PartialSendError, match=r"could not be sent within 0.1 s; its first \d+ bytes are sent"):
             await opened.send(bytes(200_000), timeout_s=0.1)
         assert 0 < len(sent.bytes) < 200_000  # what went out stands in the file, though it was given up
         await peer.expect(sent.bytes)
@@ -144,7 +144,7 @@ async def test_send_to_a_device_that_takes_nothing_ends_with_an_error(peer: Peer
 
 
 async def test_send_waits_for_a_slow_device(peer: Peer) -> None:
-    async with running(link(peer, transmit=True)) as (opened, _):
+    async with run_link(link(peer, transmit=True)) as (opened, _):
         sent = bytes(range(250)) * 200
         sending = asyncio.create_task(opened.send(sent, 10.0))
         await peer.expect(sent)
@@ -152,8 +152,8 @@ async def test_send_waits_for_a_slow_device(peer: Peer) -> None:
 
 
 async def test_send_on_a_lost_link_is_an_error(peer: Peer) -> None:
-    async with running(link(peer, transmit=True)) as (opened, _):
-        peer.die()
+    async with run_link(link(peer, transmit=True)) as (opened, _):
+        peer.power_off()
         await until_async(lambda: opened.status.state is LinkState.ABSENT)
         with pytest.raises(LinkError, match="not connected"):
             await opened.send(b"x")
@@ -161,17 +161,17 @@ async def test_send_on_a_lost_link_is_an_error(peer: Peer) -> None:
 
 
 async def test_send_that_waits_while_the_device_dies_is_an_error(peer: Peer) -> None:
-    async with running(link(peer, transmit=True)) as (opened, _):
+    async with run_link(link(peer, transmit=True)) as (opened, _):
         sending = asyncio.create_task(opened.send(bytes(200_000), 10.0))
         await until_async(lambda: len(peer.read()) > 0)
-        peer.die()
-        with pytest.raises(SentInPart, match="bytes are sent"):
+        peer.power_off()
+        with pytest.raises(PartialSendError, match="bytes are sent"):
             await sending
         peer.connect()
 
 
 async def test_send_that_waits_while_the_link_is_closed_is_an_error(peer: Peer) -> None:
-    async with running(link(peer, transmit=True)) as (opened, _):
+    async with run_link(link(peer, transmit=True)) as (opened, _):
         sending = asyncio.create_task(opened.send(bytes(200_000), 30.0))
         await until_async(lambda: len(peer.read()) > 0)
     with pytest.raises(LinkError, match="closed"):
@@ -179,7 +179,7 @@ async def test_send_that_waits_while_the_link_is_closed_is_an_error(peer: Peer) 
 
 
 async def test_drain_takes_what_the_kernel_holds(peer: Peer) -> None:
-    async with running(link(peer)) as (opened, heard):
+    async with run_link(link(peer)) as (opened, heard):
         peer.write(b"x" * 8000)
         await opened.drain()
         assert len(heard.bytes) == 8000
@@ -188,7 +188,7 @@ async def test_drain_takes_what_the_kernel_holds(peer: Peer) -> None:
 
 
 async def test_absent_port_names_those_that_exist(tmp_path: Path) -> None:
-    async with running(link(tmp_path / "nothing"), connects=0) as (opened, _):
+    async with run_link(link(tmp_path / "nothing"), connects=0) as (opened, _):
         await until_async(lambda: "no such port; there are" in opened.status.hint)
         assert opened.status.state is LinkState.ABSENT
         with pytest.raises(LinkError, match="not connected"):
@@ -196,15 +196,15 @@ async def test_absent_port_names_those_that_exist(tmp_path: Path) -> None:
 
 
 async def open_for_sending(tmp_path: Path) -> None:
-    async with running(link(tmp_path / "nothing", transmit=True), connects=0) as (opened, _):
+    async with run_link(link(tmp_path / "nothing", transmit=True), connects=0) as (opened, _):
         await opened.send(b"x")
 
 
 async def test_port_in_use_is_busy_until_it_is_free(peer: Peer) -> None:
-    async with running(link(peer)), running(link(peer), connects=0) as (second, heard):
+    async with run_link(link(peer)), run_link(link(peer), connects=0) as (second, heard):
         await until_async(lambda: second.status.state is LinkState.BUSY)
         assert "in use" in second.status.hint
-    async with running(link(peer)) as (third, heard):
+    async with run_link(link(peer)) as (third, heard):
         peer.write(b"mine")
         await until_async(lambda: heard.bytes == b"mine")
         assert third.status.state is LinkState.GOOD
@@ -257,7 +257,7 @@ def test_nothing_of_an_earlier_user_lets_the_kernel_discard_bytes(peer: Peer) ->
 
 async def test_flood_on_one_line_does_not_silence_another(peer: Peer, tmp_path: Path) -> None:
     loud = Peer(tmp_path / "loud")
-    async with running(link(loud.path)) as (_, much), running(link(peer)) as (_, little):
+    async with run_link(link(loud.path)) as (_, much), run_link(link(peer)) as (_, little):
 
         def talk() -> bool:
             with contextlib.suppress(BlockingIOError):
@@ -266,4 +266,4 @@ async def test_flood_on_one_line_does_not_silence_another(peer: Peer, tmp_path: 
             return len(much.bytes) > 200_000 and len(little.bytes) > 20
 
         await until_async(talk)
-    loud.die()
+    loud.power_off()

@@ -15,13 +15,13 @@ from hypothesis import strategies as st
 from fti.canframe import CanFrame, pack_can, unpack_can
 from fti.clock import FakeClock
 from fti.config import CanLink
-from fti.errors import ConfigError, SentInPart
+from fti.errors import ConfigError, PartialSendError
 from fti.links import open_link
-from fti.links.slcan import LONGEST, Lawicel, format_frame, parse_line
+from fti.links.slcan import MAX_LINE_BYTES, Lawicel, format_frame, parse_line
 from fti.links.slcan_status import StatusWatch
 from fti.types import LinkState
 from tests.helpers import until_async
-from tests.links.bench import Heard, Peer, running
+from tests.links.bench import Peer, ReceivedFrames, run_link
 
 
 class Parsed:
@@ -42,7 +42,7 @@ class Parsed:
         self.bytes_in += len(data)
         found = self.parser
         assert found.framed + found.answers + found.held + found.noise == self.bytes_in
-        assert found.held <= LONGEST
+        assert found.held <= MAX_LINE_BYTES
 
 
 # Vectors: Lawicel CAN232 manual version 3, the examples of commands t, T, r, R and of received frames with time.
@@ -136,8 +136,8 @@ def test_text_without_an_end_is_held_in_bounds() -> None:
     parsed = Parsed()
     for t_rx_ns in range(1000):
         parsed.feed(b"t", t_rx_ns)
-    assert parsed.parser.held == LONGEST
-    assert len(parsed.parser._reads) <= LONGEST
+    assert parsed.parser.held == MAX_LINE_BYTES
+    assert len(parsed.parser._reads) <= MAX_LINE_BYTES
     parsed.feed(b"1000\r", 1000)
     assert parsed.times == [999]
 
@@ -160,7 +160,7 @@ def test_error_frame_cannot_be_sent() -> None:
 def adapter(tmp_path: Path) -> Iterator[Peer]:
     made = Peer(tmp_path / "can1")
     yield made
-    made.die()
+    made.power_off()
 
 
 def link(adapter: Peer, **keys: Any) -> CanLink:
@@ -170,7 +170,7 @@ def link(adapter: Peer, **keys: Any) -> CanLink:
 
 async def test_adapter_is_opened_and_frames_arrive(adapter: Peer) -> None:
     clock = FakeClock(3)
-    async with running(link(adapter, bitrate=500_000), clock=clock) as (opened, heard):
+    async with run_link(link(adapter, bitrate=500_000), clock=clock) as (opened, heard):
         await adapter.expect(b"C\rS6\rO\rF\r")
         adapter.write(b"\r\r\rt10021133\rT0000010")
         await until_async(lambda: heard.frames)
@@ -184,11 +184,11 @@ async def test_adapter_is_opened_and_frames_arrive(adapter: Peer) -> None:
 
 
 async def test_adapter_that_dies_is_opened_again(adapter: Peer) -> None:
-    async with running(link(adapter)) as (opened, heard):
+    async with run_link(link(adapter)) as (opened, heard):
         await adapter.expect(b"C\rO\rF\r")
         adapter.write(b"??\rt1002")  # garbage, then half a frame, which is lost with the adapter
         await until_async(lambda: opened._parser.held == 5)
-        adapter.die()
+        adapter.power_off()
         await until_async(lambda: opened.status.state is LinkState.ABSENT)
         adapter.connect()
         await adapter.expect(b"C\rO\rF\r")
@@ -201,7 +201,7 @@ async def test_adapter_that_dies_is_opened_again(adapter: Peer) -> None:
 
 async def test_frames_are_sent_as_text(adapter: Peer) -> None:
     keys = {"transmit": True, "settings": {"listen_only": True}}
-    async with running(link(adapter, **keys), on_connect=[pack_can(1, b"\x02")]) as (opened, _):
+    async with run_link(link(adapter, **keys), on_connect=[pack_can(1, b"\x02")]) as (opened, _):
         await adapter.expect(b"C\rL\rF\rt001102\r")
         await opened.send(pack_can(0x1ABCDEF0, b"\xaa\xbb", extended=True))
         await adapter.expect(b"T1ABCDEF02AABB\r")
@@ -215,8 +215,8 @@ async def test_a_line_that_is_ended_after_it_was_given_up_is_told_and_recorded(
 ) -> None:
     taken = bytearray()
     frames = [pack_can(number, b"\x02") for number in (1, 2)]
-    async with running(link(adapter, transmit=True)) as (opened, _):
-        sent = Heard()
+    async with run_link(link(adapter, transmit=True)) as (opened, _):
+        sent = ReceivedFrames()
         opened.on_sent = sent
         room = 3
 
@@ -231,7 +231,7 @@ async def test_a_line_that_is_ended_after_it_was_given_up_is_told_and_recorded(
 
         monkeypatch.setattr("fti.links.slcan.os.write", write)
         monkeypatch.setattr(opened, "_writable", lambda fd: asyncio.sleep(0.001))
-        with pytest.raises(SentInPart, match="its line is begun"):
+        with pytest.raises(PartialSendError, match="its line is begun"):
             await opened.send(frames[0], timeout_s=0.05)
         assert (bytes(taken), sent.frames) == (b"t00", [])
         room = 1000
@@ -241,7 +241,7 @@ async def test_a_line_that_is_ended_after_it_was_given_up_is_told_and_recorded(
 
 
 async def test_hints_say_what_is_wrong(adapter: Peer) -> None:
-    async with running(link(adapter)) as (opened, _):
+    async with run_link(link(adapter)) as (opened, _):
         assert "no frame arrives" in opened.status.hint
         adapter.write(b"$GPGGA,123519*00\r\n")
         await until_async(lambda: opened.status.noise_bytes)

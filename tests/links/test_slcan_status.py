@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from fti.canframe import pack_can, unpack_can
 from fti.clock import SECOND_NS
 from fti.links.slcan import Lawicel, format_frame
-from fti.links.slcan_status import FLAGS, PATIENCE, StatusWatch
+from fti.links.slcan_status import FLAGS, MAX_UNANSWERED, StatusWatch
 
 ZEROS = dict.fromkeys(FLAGS.values(), 0)
 # As the manual has them: bit -> what it means.
@@ -47,7 +47,7 @@ class Bench:
         self.now_ns += SECOND_NS
         due = self.watch.is_due(self.now_ns)
         if due:
-            self.watch.asked()
+            self.watch.mark_requested()
             self.asked += 1
         return due
 
@@ -148,8 +148,8 @@ def test_who_never_answers_is_left_alone(answer: bytes) -> None:
     for _ in range(20):
         bench.hear(answer)
         bench.second()
-    assert bench.asked == PATIENCE
-    assert not bench.watch.has_closed
+    assert bench.asked == MAX_UNANSWERED
+    assert not bench.watch.is_channel_closed
     assert bench.errors == {}
     assert (bench.frames, bench.parser.noise, bench.parser.refusals) == ([], 0, 17 if answer == b"\a" else 0)
 
@@ -176,19 +176,19 @@ def test_refusals_of_other_commands_are_not_taken_for_ours() -> None:
 
 def test_an_adapter_that_answered_and_now_refuses_has_closed_its_channel() -> None:
     bench = Bench().known()
-    for _ in range(PATIENCE):
-        assert not bench.watch.has_closed
+    for _ in range(MAX_UNANSWERED):
+        assert not bench.watch.is_channel_closed
         bench.hear(b"\a")
         assert bench.second()
-    assert bench.watch.has_closed
+    assert bench.watch.is_channel_closed
     bench.hear(b"F00\r")
-    assert not bench.watch.has_closed
+    assert not bench.watch.is_channel_closed
 
 
 def test_an_adapter_that_answered_and_is_mute_is_asked_on() -> None:
     bench = Bench().known()
     assert all(bench.second() for _ in range(20))
-    assert not bench.watch.has_closed
+    assert not bench.watch.is_channel_closed
 
 
 def test_frames_keep_their_bytes() -> None:

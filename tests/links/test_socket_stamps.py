@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 import pytest
 
 from fti.clock import FakeClock, StampWindow
-from fti.links._batch import COUNT
+from fti.links._recvmmsg import MAX_DATAGRAMS
 from fti.links._socket import Arrival, prepare
 from fti.links.base import LinkStatus
 
@@ -113,8 +113,8 @@ def test_refused_stamps_before_good_ones_that_still_wait_do_not_move_those(
     clock.advance(-60)
     arrival = Arrival(clock, status)
     clock.advance(60)
-    before = read(arrival, pair, [NOW - 3600_000 * MS] * COUNT)
-    after = [NOW - 50_000 * MS + i * MS for i in range(COUNT // 2)]
+    before = read(arrival, pair, [NOW - 3600_000 * MS] * MAX_DATAGRAMS)
+    after = [NOW - 50_000 * MS + i * MS for i in range(MAX_DATAGRAMS // 2)]
     assert read(arrival, pair, after) == after
     assert list(before) == sorted(before)
-    assert status.stamp_refused == COUNT
+    assert status.stamp_refused == MAX_DATAGRAMS

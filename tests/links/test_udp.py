@@ -15,10 +15,10 @@ from fti.config import UdpLink
 from fti.errors import ConfigError, LinkError
 from fti.links import open_link
 from fti.links._socket import SO_RCVBUFFORCE, Arrival
-from fti.links.base import OVERFLOW_NS, LinkStatus
+from fti.links.base import OVERFLOW_HOLD_NS, LinkStatus
 from fti.types import LinkState
 from tests.helpers import until_async
-from tests.links.bench import running
+from tests.links.bench import run_link
 
 GROUP = "239.255.71.3"
 
@@ -37,7 +37,7 @@ def link(**keys: Any) -> UdpLink:
 
 async def test_one_datagram_is_one_frame(device: socket.socket) -> None:
     sent = [b"", b"a", bytes(1472), bytes(65507)]
-    async with running(link()) as (opened, heard):
+    async with run_link(link()) as (opened, heard):
         for data in sent:
             device.sendto(data, opened.address)
         await until_async(lambda: len(heard.frames) == len(sent))
@@ -47,7 +47,7 @@ async def test_one_datagram_is_one_frame(device: socket.socket) -> None:
 
 async def test_only_a_link_that_brings_little_is_looked_at_before_the_beat(device: socket.socket) -> None:
     """Of many messages the first one behind a beat is seldom the altimeter's."""
-    async with running(link()) as (opened, _):
+    async with run_link(link()) as (opened, _):
         assert not opened._is_early()
         opened.urgent = True
         assert opened._is_early()
@@ -60,7 +60,7 @@ async def test_only_a_link_that_brings_little_is_looked_at_before_the_beat(devic
 
 async def test_stamp_is_when_the_datagram_arrived_not_when_it_was_read(device: socket.socket) -> None:
     clock = SystemClock(choose_epoch_ns())
-    async with running(link(), clock=clock) as (opened, heard):
+    async with run_link(link(), clock=clock) as (opened, heard):
         before = clock.now_ns()
         for i in range(3000):  # the loop stands still meanwhile, so none has been read yet
             device.sendto(bytes([i & 255]), opened.address)
@@ -80,7 +80,7 @@ async def test_stamps_are_good_however_long_nobody_has_read(
     """The recorder stands still for 130 s, and so seems to have every clock; the kernel has stamped in time."""
     clock, pause_ns = SystemClock(choose_epoch_ns()), 130 * 10**9
     monotonic_ns, clock_gettime_ns = time.monotonic_ns, time.clock_gettime_ns
-    async with running(link(), clock=clock) as (opened, heard):
+    async with run_link(link(), clock=clock) as (opened, heard):
         before = clock.now_ns()
         for i in range(300):
             device.sendto(bytes([i & 255]), opened.address)
@@ -95,7 +95,7 @@ async def test_stamps_are_good_however_long_nobody_has_read(
 
 async def test_stamp_that_cannot_be_believed_is_replaced_and_counted(device: socket.socket) -> None:
     clock = FakeClock(77)  # as if real time had stepped by decades
-    async with running(link(), clock=clock) as (opened, heard):
+    async with run_link(link(), clock=clock) as (opened, heard):
         device.sendto(b"x", opened.address)
         await until_async(lambda: heard.frames)
     assert heard.times == [77]
@@ -103,7 +103,7 @@ async def test_stamp_that_cannot_be_believed_is_replaced_and_counted(device: soc
 
 
 async def test_what_the_kernel_drops_is_counted(device: socket.socket) -> None:
-    async with running(link()) as (opened, heard):
+    async with run_link(link()) as (opened, heard):
         opened._socket.setsockopt(socket.SOL_SOCKET, SO_RCVBUFFORCE, 20_000)
         for _ in range(500):
             device.sendto(bytes(100), opened.address)
@@ -121,7 +121,7 @@ async def test_a_link_of_which_the_kernel_drops_frames_is_not_good(
     device: socket.socket, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monotonic_ns = time.monotonic_ns
-    async with running(link()) as (opened, heard):
+    async with run_link(link()) as (opened, heard):
         opened._socket.setsockopt(socket.SOL_SOCKET, SO_RCVBUFFORCE, 20_000)
         for _ in range(500):
             device.sendto(bytes(100), opened.address)
@@ -131,15 +131,15 @@ async def test_a_link_of_which_the_kernel_drops_frames_is_not_good(
         device.sendto(b"next", opened.address)
         await until_async(lambda: len(heard.frames) > before)
         assert opened.status.state is LinkState.OVERFLOW
-        monkeypatch.setattr("fti.clock.time.monotonic_ns", lambda: monotonic_ns() + OVERFLOW_NS)
+        monkeypatch.setattr("fti.clock.time.monotonic_ns", lambda: monotonic_ns() + OVERFLOW_HOLD_NS)
         device.sendto(b"much later", opened.address)
         await until_async(lambda: heard.frames[-1] == b"much later")
-        opened._judge()
+        opened._check()
         assert (opened.status.state, opened.status.hint) == (LinkState.GOOD, "")
 
 
 async def test_drops_behind_the_last_datagram_are_asked_for(device: socket.socket) -> None:
-    async with running(link()) as (opened, heard):
+    async with run_link(link()) as (opened, heard):
         opened._socket.setsockopt(socket.SOL_SOCKET, SO_RCVBUFFORCE, 20_000)
         for _ in range(500):
             device.sendto(bytes(100), opened.address)
@@ -158,11 +158,11 @@ def test_drop_counter_of_the_kernel_wraps() -> None:
 async def test_only_the_configured_source_is_heard(device: socket.socket) -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
         stranger.bind(("127.0.0.2", 0))
-        async with running(link(source="127.0.0.1")) as (opened, heard):
+        async with run_link(link(source="127.0.0.1")) as (opened, heard):
             for _ in range(3):
                 stranger.sendto(b"stranger", opened.address)
             await until_async(lambda: opened.status.refused == 3)
-            opened._judge()
+            opened._check()
             assert opened.status.state is LinkState.SILENT
             assert "none from 127.0.0.1" in opened.status.hint
             device.sendto(b"device", opened.address)
@@ -172,7 +172,7 @@ async def test_only_the_configured_source_is_heard(device: socket.socket) -> Non
 
 
 async def test_answers_go_to_whom_was_heard_last(device: socket.socket) -> None:
-    async with running(link(transmit=True)) as (opened, heard):
+    async with run_link(link(transmit=True)) as (opened, heard):
         with pytest.raises(LinkError, match="nobody to send to"):
             await opened.send(b"x")
         device.sendto(b"hello", opened.address)
@@ -183,12 +183,12 @@ async def test_answers_go_to_whom_was_heard_last(device: socket.socket) -> None:
 
 async def test_peer_of_the_configuration_is_sent_to(device: socket.socket) -> None:
     host, port = device.getsockname()
-    async with running(link(transmit=True, peer=f"{host}:{port}"), on_connect=[b"wake up"]):
+    async with run_link(link(transmit=True, peer=f"{host}:{port}"), on_connect=[b"wake up"]):
         assert device.recv(100) == b"wake up"
 
 
 async def test_who_cannot_be_greeted_yet_is_heard_all_the_same(device: socket.socket) -> None:
-    async with running(link(transmit=True), on_connect=[b"wake up"]) as (opened, heard):
+    async with run_link(link(transmit=True), on_connect=[b"wake up"]) as (opened, heard):
         device.sendto(b"hello", opened.address)
         await until_async(lambda: heard.frames)
         assert opened.status.connects == 1
@@ -197,13 +197,13 @@ async def test_who_cannot_be_greeted_yet_is_heard_all_the_same(device: socket.so
 async def test_multicast_group(device: socket.socket) -> None:
     device.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, 0)
     device.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, socket.inet_aton("127.0.0.1"))
-    async with running(link(group=GROUP)) as (opened, heard):
+    async with run_link(link(group=GROUP)) as (opened, heard):
         assert opened.address[0] == GROUP
         device.sendto(b"to one", ("127.0.0.1", opened.address[1]))
         device.sendto(b"to all", opened.address)
         await until_async(lambda: heard.frames)
         again = link(group=GROUP, bind=f"127.0.0.1:{opened.address[1]}")
-        async with running(again) as (_, second):
+        async with run_link(again) as (_, second):
             device.sendto(b"to both", opened.address)
             await until_async(lambda: second.frames and len(heard.frames) == 2)
     assert heard.frames == [b"to all", b"to both"]
@@ -216,7 +216,7 @@ async def test_ipv6() -> None:
             sock.bind(("::1", 0))
         except OSError:
             return  # a machine without IPv6
-        async with running(link(bind="[::1]:0", source="0:0::1", transmit=True)) as (opened, heard):
+        async with run_link(link(bind="[::1]:0", source="0:0::1", transmit=True)) as (opened, heard):
             sock.sendto(b"six", opened.address)
             await until_async(lambda: heard.frames == [b"six"])
             await opened.send(b"back")
@@ -226,7 +226,7 @@ async def test_ipv6() -> None:
 
 async def test_port_in_use_is_busy_until_it_is_free(device: socket.socket) -> None:
     place = "{}:{}".format(*device.getsockname())
-    async with running(link(bind=place), connects=0) as (opened, _):
+    async with run_link(link(bind=place), connects=0) as (opened, _):
         await until_async(lambda: opened.status.state is LinkState.BUSY)
         assert "in use" in opened.status.hint
         device.close()
@@ -235,7 +235,7 @@ async def test_port_in_use_is_busy_until_it_is_free(device: socket.socket) -> No
 
 
 async def test_address_of_another_machine_is_absent() -> None:
-    async with running(link(bind="192.0.2.1:4000"), connects=0) as (opened, _):
+    async with run_link(link(bind="192.0.2.1:4000"), connects=0) as (opened, _):
         await until_async(lambda: "not an address of this machine" in opened.status.hint)
         assert opened.status.state is LinkState.ABSENT
         assert "127.0.0.1 (lo)" in opened.status.hint
@@ -250,7 +250,7 @@ async def test_port_below_1024_is_denied_to_users(monkeypatch: pytest.MonkeyPatc
         raise PermissionError(13, "Permission denied")
 
     monkeypatch.setattr("fti.links.udp.prepare", refuse)
-    async with running(link(), connects=0) as (opened, _):
+    async with run_link(link(), connects=0) as (opened, _):
         await until_async(lambda: opened.status.state is LinkState.DENIED)
         assert "below 1024" in opened.status.hint
 

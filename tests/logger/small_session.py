@@ -133,7 +133,7 @@ class Recorder:
     def kill(self) -> None:
         """The file stays as it is."""
         self.log.flush()
-        self.log._log.part.abandon()
+        self.log._log.segment.abandon()
 
 
 def payload(seq: int) -> bytes:

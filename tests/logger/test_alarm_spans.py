@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fti.alarms.alarm_list import AlarmList
-from fti.alarms.condition import Condition, Report, Severity
-from fti.logger.survey.alarms import ALARMS_KEPT, AlarmSpans
+from fti.alarms.condition import Condition, ConditionReport, Severity
+from fti.logger.statistics.alarm_spans import MAX_ALARMS, AlarmSpans
 
 ALERT = Condition("integrity_alert", Severity.WARNING, "GROUND CLEARANCE ALERT", "obstacle")
 
@@ -18,17 +18,17 @@ ALERT = Condition("integrity_alert", Severity.WARNING, "GROUND CLEARANCE ALERT",
 def spans_of(alarms: AlarmList) -> list[tuple[str, int, int | None, str | None]]:
     found = AlarmSpans()
     for change in alarms.take_changes():
-        found.take(change)
+        found.feed(change)
     return [(span.id, span.begin_ns, span.end_ns, span.acknowledged_by) for span in found.spans]
 
 
 def test_each_begin_is_a_span_of_its_own() -> None:
     alarms = AlarmList()
     for begin in (10, 30):
-        alarms.report(Report(begin, "integrity", ALERT))
-        alarms.report(Report(begin + 16, "integrity", None))
+        alarms.report(ConditionReport(begin, "integrity", ALERT))
+        alarms.report(ConditionReport(begin + 16, "integrity", None))
     alarms.acknowledge("anna", 50)
-    alarms.report(Report(60, "integrity", ALERT))
+    alarms.report(ConditionReport(60, "integrity", ALERT))
     assert spans_of(alarms) == [
         ("integrity_alert", 10, 26, None),
         ("integrity_alert", 30, 46, "anna"),
@@ -38,19 +38,19 @@ def test_each_begin_is_a_span_of_its_own() -> None:
 
 def test_one_that_was_acknowledged_while_it_lasted_has_its_end_too() -> None:
     alarms = AlarmList()
-    alarms.report(Report(10, "integrity", ALERT))
+    alarms.report(ConditionReport(10, "integrity", ALERT))
     alarms.acknowledge("anna", 12)
-    alarms.report(Report(20, "integrity", None))
+    alarms.report(ConditionReport(20, "integrity", None))
     assert spans_of(alarms) == [("integrity_alert", 10, 20, "anna")]
 
 
 def test_they_are_bounded() -> None:
     alarms, found = AlarmList(), AlarmSpans()
-    for t_ns in range(0, 2 * ALARMS_KEPT + 20, 2):
+    for t_ns in range(0, 2 * MAX_ALARMS + 20, 2):
         alarms.record(ALERT, t_ns)
     for change in alarms.take_changes():
-        found.take(change)
-    assert (len(found.spans), found.more) == (ALARMS_KEPT, 10)
+        found.feed(change)
+    assert (len(found.spans), found.more) == (MAX_ALARMS, 10)
 
 
 values = st.one_of(st.none(), st.integers(), st.floats(), st.text(max_size=5), st.lists(st.integers(), max_size=2))
@@ -61,10 +61,10 @@ right = {"id": "a", "change": "begins", "t_ns": 1, "severity": "warning", "title
 @given(st.dictionaries(names, values), st.sampled_from(["begins", "ends", "acknowledged", "changes", "else"]))
 def test_a_record_that_is_none_is_refused(wrong: dict[str, Any], change: str) -> None:
     found = AlarmSpans()
-    found.take(right)
+    found.feed(right)
     record = {**right, "change": change, **wrong}
     try:
-        found.take(record)
+        found.feed(record)
     except ValueError:
         return
     assert isinstance(record["t_ns"], int)
@@ -73,4 +73,4 @@ def test_a_record_that_is_none_is_refused(wrong: dict[str, Any], change: str) ->
 @pytest.mark.parametrize("missing", ["id", "change", "t_ns", "severity"])
 def test_a_record_without_what_it_needs_is_refused(missing: str) -> None:
     with pytest.raises((ValueError, TypeError)):
-        AlarmSpans().take({key: value for key, value in right.items() if key != missing})
+        AlarmSpans().feed({key: value for key, value in right.items() if key != missing})

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from fti.logger.file_mode import DEFAULT, set_file_mode
-from fti.logger.places import Place
+from fti.logger.storage_target import StorageTarget
 from tests.cli.sessions import make_folder, record_raw
 
 
@@ -35,7 +35,7 @@ def test_files_and_folders_have_the_mode(tmp_path: Path, umask: int, mode: int |
     try:
         folder = make_folder(tmp_path)
         record_raw(folder, range(10)).close()
-        Place.of(tmp_path / "other").prepare()
+        StorageTarget.of(tmp_path / "other").prepare()
     finally:
         os.umask(before)
     (file,) = folder.files("raw")

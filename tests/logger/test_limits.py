@@ -11,13 +11,13 @@ from fti.cli.main import main
 from fti.config import parse_toml
 from fti.errors import ConfigError, RecordingError
 from fti.logger.packing.pack import pack
-from fti.logger.proof.verify import verify
 from fti.logger.reading.json_message import parse_json, using_message, whole_number
 from fti.logger.reading.limits import LimitError
 from fti.logger.reading.mcap_file import McapFile
 from fti.logger.reading.recording import Recording
 from fti.logger.session import SessionFolder
 from fti.logger.stream_writer import StreamWriter
+from fti.logger.verify.verification import verify
 from tests.logger.small_session import STARTED, make
 
 

@@ -36,7 +36,7 @@ from fti.types import (
     Stamp,
     SurfaceDeflection,
 )
-from tests.logger.reading import read_closed, read_stream
+from tests.logger.official_reader import read_closed, read_stream
 
 STARTED = 1_767_323_045_000_000_000
 SECOND = 1_000_000_000
@@ -294,7 +294,7 @@ def test_measurements_are_decimated_and_outputs_are_not(folder: SessionFolder) -
 def test_a_stream_of_the_rate_with_jitter_passes_whole() -> None:
     decimator = Decimator(25)
     times = [n * 40_000_000 + (n * 7919 % 19 - 9) * 1_000_000 for n in range(1000)]  # up to 9 ms either way
-    assert sum(decimator.wants("a", t) for t in times) == 1000
+    assert sum(decimator.is_due("a", t) for t in times) == 1000
 
 
 def test_whoever_forgets_to_flush_does_not_fill_the_memory(folder: SessionFolder) -> None:
@@ -379,12 +379,12 @@ def test_a_recording_that_is_being_written_is_read_and_told(folder: SessionFolde
     log.sent("ins", 1, STARTED, b"b")
     log.flush()
     recording = Recording.open(folder.path)
-    assert recording.unfinished == [log.path]
+    assert recording.unfinished_files == [log.path]
     assert [f.data for f in recording.frames()] == [b"a"]
     assert [f.data for f in recording.sent()] == [b"b"]
     assert "being written" in recording.faults[log.path].text
     log.close()
-    assert Recording.open(folder.path).unfinished == []
+    assert Recording.open(folder.path).unfinished_files == []
 
 
 def test_derived_messages_by_prefix(folder: SessionFolder) -> None:

@@ -56,7 +56,7 @@ def records(folder: Path, topic: str) -> list[tuple[int, Table]]:
 
 def together(folder: Path, topic: str) -> list[Table]:
     states = NoteStates()
-    notes = [states.take(topic, t_ns, record) for t_ns, record in records(folder, topic)]
+    notes = [states.feed(topic, t_ns, record) for t_ns, record in records(folder, topic)]
     assert all(note.whole for note in notes)
     return [note.table for note in notes]
 
@@ -116,7 +116,7 @@ def test_behind_a_record_that_is_lost_only_what_is_there_is_known(tmp_path: Path
     notes = [health({"a": link(), "b": link(frames=n)}) for n in range(13)]
     found = records(write(open_log(tmp_path), HEALTH, notes), HEALTH)
     states = NoteStates()
-    known = [states.take(HEALTH, t_ns, record) for n, (t_ns, record) in enumerate(found) if n != 4]
+    known = [states.feed(HEALTH, t_ns, record) for n, (t_ns, record) in enumerate(found) if n != 4]
     assert [note.whole for note in known] == [True] * 4 + [False] * 5 + [True] * 3
     assert set(known[6].table["links"]) == {"b"} and known[6].table["processes"] == {}
     assert known[-1].table == notes[-1]
@@ -126,8 +126,8 @@ def test_records_of_before_are_complete() -> None:
     states = NoteStates()
     for n in range(3):
         note = health({"a": link(frames=n)})
-        assert states.take(HEALTH, n, note) == (n, note, True)
-    assert tuple(states.take(HEALTH, 3, "no table")) == (3, "no table", True)
+        assert states.feed(HEALTH, n, note) == (n, note, True)
+    assert tuple(states.feed(HEALTH, 3, "no table")) == (3, "no table", True)
     assert states.complete("/fti/event", 4, b"no JSON") == b"no JSON"
 
 

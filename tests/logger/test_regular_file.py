@@ -12,7 +12,7 @@ import pytest
 
 from fti.cli.main import main
 from fti.logger.lock import is_being_written
-from fti.logger.recovery import repair
+from fti.logger.recovery import close_unfinished
 from fti.logger.regular_file import open_descriptor
 from tests.cli.sessions import make_folder, record_derived, record_raw
 
@@ -61,7 +61,7 @@ def _make(kind: str, path: Path) -> None:
 def test_closing_old_sessions_waits_for_nothing_and_names_it(tmp_path: Path, kind: str) -> None:
     (tmp_path / "old").mkdir()
     _make(kind, tmp_path / "old" / "x_000.mcap")
-    (found,) = repair.close_all(tmp_path)
+    (found,) = close_unfinished.close_all(tmp_path)
     assert found.fault is not None
     assert "x_000.mcap: cannot be read: " in found.fault
     assert {"loop": "symbolic links"}.get(kind, f"it is a {kind}; a recording is a regular file") in found.fault

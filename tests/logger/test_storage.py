@@ -10,7 +10,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fti.errors import StorageError
-from fti.logger.storage import LONGEST_RETURN_S, MAIN, PATIENCE_S, RETURN_S, State, StorageMachine, is_full
+from fti.logger.storage import (
+    MAIN,
+    MAX_RETURN_DELAY_S,
+    MIN_RETURN_DELAY_S,
+    WRITE_TIMEOUT_S,
+    StorageMachine,
+    StorageState,
+    is_full,
+)
 
 FALLBACK = 1
 NAMES = ("MAIN", "FALLBACK")
@@ -34,7 +42,7 @@ class Rig:
         attempt = self.machine.wanted(self.now)
         return (attempt.place, attempt.strict) if attempt else None
 
-    def state(self) -> State:
+    def state(self) -> StorageState:
         """Of the storage, now."""
         return self.machine.state(self.now)[0]
 
@@ -54,10 +62,10 @@ def rig() -> Rig:
 @pytest.mark.parametrize("full", [True, False])
 def test_a_medium_that_refuses_is_left_at_once(rig: Rig, full: bool) -> None:
     rig.machine.refused(rig.now, "no", full=full)
-    assert rig.state() is State.ERROR
+    assert rig.state() is StorageState.ERROR
     assert rig.wanted() == (FALLBACK, False)
     assert rig.machine.opened(rig.now, FALLBACK)
-    assert rig.machine.state(rig.now) == (State.FALLBACK, "recording in FALLBACK: no")
+    assert rig.machine.state(rig.now) == (StorageState.FALLBACK, "recording in FALLBACK: no")
 
 
 def test_what_accepts_again_before_the_fallback_is_open_is_not_left(rig: Rig) -> None:
@@ -65,7 +73,7 @@ def test_what_accepts_again_before_the_fallback_is_open_is_not_left(rig: Rig) ->
     assert rig.wanted() == (FALLBACK, False)
     rig.machine.accepted(rig.now)
     assert not rig.machine.opened(rig.now, FALLBACK)
-    assert (rig.machine.place, rig.state()) == (MAIN, State.OK)
+    assert (rig.machine.place, rig.state()) == (MAIN, StorageState.OK)
 
 
 def test_it_goes_back_with_enough_space_and_waits_longer_each_time_that_was_in_vain(rig: Rig) -> None:
@@ -81,7 +89,7 @@ def test_it_goes_back_with_enough_space_and_waits_longer_each_time_that_was_in_v
         assert attempt == (MAIN, True)
         waits.append(rig.now - left)
         assert rig.machine.opened(rig.now, MAIN)
-    assert waits == pytest.approx([min(RETURN_S * 2**n, LONGEST_RETURN_S) for n in range(8)], abs=0.2)
+    assert waits == pytest.approx([min(MIN_RETURN_DELAY_S * 2**n, MAX_RETURN_DELAY_S) for n in range(8)], abs=0.2)
 
 
 def test_a_main_place_that_is_not_ready_is_asked_again(rig: Rig) -> None:
@@ -95,25 +103,25 @@ def test_a_main_place_that_is_not_ready_is_asked_again(rig: Rig) -> None:
         if rig.wanted():
             rig.machine.failed(rig.now, MAIN, "12 MB are free")
             asked += 1
-    assert asked == pytest.approx((10 - RETURN_S) / 1.0, abs=1)
-    assert rig.machine.state(rig.now) == (State.FALLBACK, "recording in FALLBACK: 12 MB are free")
+    assert asked == pytest.approx((10 - MIN_RETURN_DELAY_S) / 1.0, abs=1)
+    assert rig.machine.state(rig.now) == (StorageState.FALLBACK, "recording in FALLBACK: 12 MB are free")
 
 
 def test_a_medium_that_is_stuck_is_told_and_then_left(rig: Rig) -> None:
     rig.at(0.9)
-    assert rig.state() is State.OK
+    assert rig.state() is StorageState.OK
     rig.at(0.3)
-    assert rig.state() is State.SLOW
-    rig.now += PATIENCE_S - 1.2 + 0.3
+    assert rig.state() is StorageState.SLOW
+    rig.now += WRITE_TIMEOUT_S - 1.2 + 0.3
     assert rig.wanted() == (FALLBACK, False)
-    assert rig.machine.state(rig.now) == (State.ERROR, "MAIN: has taken no byte for 2.3 s")
+    assert rig.machine.state(rig.now) == (StorageState.ERROR, "MAIN: has taken no byte for 2.3 s")
 
 
 def test_a_machine_that_stood_still_has_not_waited_for_its_medium(rig: Rig) -> None:
     rig.now += 60.0
     assert rig.wanted() is None
     rig.machine.accepted(rig.now)
-    assert rig.state() is State.OK
+    assert rig.state() is StorageState.OK
 
 
 @pytest.mark.parametrize("slow_before", [False, True])
@@ -127,7 +135,7 @@ def test_a_recorder_that_stood_still_does_not_blame_the_medium(rig: Rig, slow_be
     assert rig.wanted() is None
     rig.at(0.2)
     rig.machine.accepted(rig.now)
-    assert rig.state() is State.OK
+    assert rig.state() is StorageState.OK
 
 
 def test_a_process_that_stood_still_at_the_start_has_not_waited_for_its_first_file() -> None:
@@ -135,16 +143,16 @@ def test_a_process_that_stood_still_at_the_start_has_not_waited_for_its_first_fi
     assert rig.wanted() == (MAIN, False)
     rig.now += 60.0
     rig.machine.paused(rig.now, 60.0)
-    assert rig.state() is State.OPENING
+    assert rig.state() is StorageState.OPENING
 
 
 def test_a_stuck_medium_without_another_is_waited_for() -> None:
     rig = Rig(places=1)
     rig.record()
     rig.at(30)
-    assert rig.state() is State.ERROR
+    assert rig.state() is StorageState.ERROR
     rig.machine.accepted(rig.now)
-    assert rig.state() is State.OK
+    assert rig.state() is StorageState.OK
 
 
 def test_a_full_medium_without_another_is_waited_for() -> None:
@@ -153,24 +161,24 @@ def test_a_full_medium_without_another_is_waited_for() -> None:
     for _ in range(100):
         rig.machine.refused(rig.now, "full", full=True)
         rig.at(0.2)
-    assert rig.machine.state(rig.now) == (State.ERROR, "full (for 20.0 s)")
+    assert rig.machine.state(rig.now) == (StorageState.ERROR, "full (for 20.0 s)")
 
 
 def test_a_medium_that_refuses_without_another_gets_a_new_file_after_a_while() -> None:
     rig = Rig(places=1)
     rig.record()
     rig.machine.refused(rig.now, "EIO", full=False)
-    rig.at(PATIENCE_S - 0.2)
+    rig.at(WRITE_TIMEOUT_S - 0.2)
     rig.now += 0.3
     rig.machine.refused(rig.now, "EIO", full=False)
     assert rig.wanted() == (MAIN, False)
     assert rig.machine.opened(rig.now, MAIN)
-    assert rig.state() is State.OK
+    assert rig.state() is StorageState.OK
 
 
 def test_a_folder_that_vanished_is_made_again_after_a_while_and_at_once_for_a_lost_file(rig: Rig) -> None:
-    rig.machine.strayed(rig.now, "vanished", lost=False)
-    assert rig.machine.state(rig.now) == (State.GONE, "vanished")
+    rig.machine.on_file_lost(rig.now, "vanished", lost=False)
+    assert rig.machine.state(rig.now) == (StorageState.GONE, "vanished")
     for _ in range(19):
         rig.now += 0.1
         rig.machine.accepted(rig.now)
@@ -182,33 +190,33 @@ def test_a_folder_that_vanished_is_made_again_after_a_while_and_at_once_for_a_lo
     assert rig.wanted() == (FALLBACK, False)
     rig.machine.found()
     assert not rig.machine.opened(rig.now, FALLBACK)
-    rig.machine.strayed(rig.now, "deleted", lost=True)
+    rig.machine.on_file_lost(rig.now, "deleted", lost=True)
     rig.now += 1.0
     assert rig.wanted() == (MAIN, False)
 
 
 def test_a_file_that_is_let_go_leaves_every_place_open(rig: Rig) -> None:
     rig.machine.refused(rig.now, "EIO", full=False)
-    rig.machine.strayed(rig.now, "vanished", lost=False)
+    rig.machine.on_file_lost(rig.now, "vanished", lost=False)
     rig.machine.released(rig.now)
-    assert rig.machine.state(rig.now) == (State.ERROR, "EIO")
+    assert rig.machine.state(rig.now) == (StorageState.ERROR, "EIO")
     assert rig.wanted() == (MAIN, False)
     rig.machine.failed(rig.now, MAIN, "not mounted")
     assert rig.wanted() == (FALLBACK, False)
     rig.machine.failed(rig.now, FALLBACK, "full")
     assert rig.machine.hopeless
-    assert rig.machine.state(rig.now) == (State.ERROR, "not mounted; full")
+    assert rig.machine.state(rig.now) == (StorageState.ERROR, "not mounted; full")
 
 
 def test_a_place_that_hangs_keeps_nobody_from_the_other() -> None:
     """While it may still come in time, that is the beginning and no error."""
     rig = Rig()
     assert rig.wanted() == (MAIN, False)
-    assert rig.state() is State.OPENING
-    rig.at(PATIENCE_S - 0.1)
-    assert rig.state() is State.OPENING
+    assert rig.state() is StorageState.OPENING
+    rig.at(WRITE_TIMEOUT_S - 0.1)
+    assert rig.state() is StorageState.OPENING
     rig.now += 0.2
-    assert rig.machine.state(rig.now) == (State.ERROR, "no file has been opened for 2.1 s")
+    assert rig.machine.state(rig.now) == (StorageState.ERROR, "no file has been opened for 2.1 s")
     assert rig.wanted() == (FALLBACK, False)
     assert rig.machine.opened(rig.now, FALLBACK)
     assert not rig.machine.opened(rig.now, MAIN)  # it answers, too late: whether there is space it was not asked
@@ -216,13 +224,13 @@ def test_a_place_that_hangs_keeps_nobody_from_the_other() -> None:
 
 def test_little_space_and_an_overdue_split_are_told(rig: Rig) -> None:
     rig.machine.measured("little space")
-    assert rig.machine.state(rig.now) == (State.FULL, "little space")
+    assert rig.machine.state(rig.now) == (StorageState.FULL, "little space")
     rig.machine.accepted(rig.now, "ENOSPC")
     state, hint = rig.machine.state(rig.now)
-    assert state is State.OVERDUE and hint.endswith("no new one can be made: ENOSPC")
+    assert state is StorageState.OVERDUE and hint.endswith("no new one can be made: ENOSPC")
     rig.machine.measured(None)
     rig.machine.accepted(rig.now)
-    assert rig.state() is State.OK
+    assert rig.state() is StorageState.OK
 
 
 @pytest.mark.parametrize(("code", "full"), [(errno.ENOSPC, True), (errno.EDQUOT, True), (errno.EIO, False)])
@@ -256,7 +264,7 @@ def test_any_sequence_leads_back_to_a_file(events: list[tuple[str, float, int]],
             assert attempt[0] not in running
             running.append(attempt[0])
         assert isinstance(rig.machine.state(rig.now)[1], str)
-    for _ in range(round(2 * LONGEST_RETURN_S / 0.1)):
+    for _ in range(round(2 * MAX_RETURN_DELAY_S / 0.1)):
         rig.now += 0.1
         if rig.machine.place is not None:
             rig.machine.accepted(rig.now)
@@ -264,7 +272,7 @@ def test_any_sequence_leads_back_to_a_file(events: list[tuple[str, float, int]],
         for place in running:
             rig.machine.opened(rig.now, place)
         running = [attempt[0]] if (attempt := rig.wanted()) else []
-    assert (rig.machine.place, rig.state()) == (MAIN, State.OK)
+    assert (rig.machine.place, rig.state()) == (MAIN, StorageState.OK)
 
 
 def _happen(rig: Rig, what: str, running: list[int], which: int) -> None:
@@ -277,8 +285,8 @@ def _happen(rig: Rig, what: str, running: list[int], which: int) -> None:
             "accept": lambda: machine.accepted(rig.now),
             "refuse": lambda: machine.refused(rig.now, "no", full=False),
             "full": lambda: machine.refused(rig.now, "full", full=True),
-            "stray": lambda: machine.strayed(rig.now, "gone", lost=False),
-            "lose": lambda: machine.strayed(rig.now, "gone", lost=True),
+            "stray": lambda: machine.on_file_lost(rig.now, "gone", lost=False),
+            "lose": lambda: machine.on_file_lost(rig.now, "gone", lost=True),
             "find": machine.found,
             "release": lambda: machine.released(rig.now),
         }

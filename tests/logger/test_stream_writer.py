@@ -23,15 +23,17 @@ from mcap.stream_reader import StreamReader
 
 from fti.errors import StorageError
 from fti.logger.records import SECTOR
-from fti.logger.recovery.repair import close_unfinished
+from fti.logger.recovery.close_unfinished import close_unfinished
 from fti.logger.storage import is_full
 from fti.logger.stream_writer import StreamWriter
-from tests.logger.reading import Found, read_closed, read_stream
+from tests.logger.official_reader import MessageTuple, read_closed, read_stream
 
-MESSAGES: list[Found] = [("/a" if n % 3 else "/b", 1000 + n, 900 + n, n, bytes([n % 256]) * (n % 7)) for n in range(60)]
+MESSAGES: list[MessageTuple] = [
+    ("/a" if n % 3 else "/b", 1000 + n, 900 + n, n, bytes([n % 256]) * (n % 7)) for n in range(60)
+]
 
 
-def fill(writer: StreamWriter, messages: list[Found], flush_every: int = 4) -> None:
+def fill(writer: StreamWriter, messages: list[MessageTuple], flush_every: int = 4) -> None:
     schema = writer.add_schema("s", "jsonschema", b"{}")
     channels = {"/a": writer.add_channel("/a", "x"), "/b": writer.add_channel("/b", "json", schema, {"k": "v"})}
     for n, (topic, log_time, publish_time, sequence, data) in enumerate(messages):
@@ -145,7 +147,7 @@ MESSAGE = st.tuples(
 
 @settings(max_examples=40)
 @given(messages=st.lists(MESSAGE, max_size=60), chunk_bytes=st.integers(1, 3000), flush_every=st.integers(1, 20))
-def test_any_messages_come_back(messages: list[Found], chunk_bytes: int, flush_every: int) -> None:
+def test_any_messages_come_back(messages: list[MessageTuple], chunk_bytes: int, flush_every: int) -> None:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "a.mcap"
         writer = StreamWriter(path, chunk_bytes=chunk_bytes)
@@ -180,7 +182,9 @@ class Journal:
             yield bytes(file), promised
 
 
-def record_journal(path: Path, monkeypatch: pytest.MonkeyPatch, messages: list[Found], chunk_bytes: int) -> Journal:
+def record_journal(
+    path: Path, monkeypatch: pytest.MonkeyPatch, messages: list[MessageTuple], chunk_bytes: int
+) -> Journal:
     journal, pwrite = Journal(), os.pwrite
 
     def noted(fd: int, data: Any, offset: int) -> int:

@@ -23,13 +23,13 @@ from numpy.typing import NDArray
 
 from fti.config import Config, parse
 from fti.geodesy.wgs84 import radii
-from fti.hil.flight.trajectory import SplineFlight, State
+from fti.hil.flight.trajectory import FlightState, SplineFlight
 from fti.hil.flight.waypoints import Waypoint, waypoint_flight
 from fti.hil.sensors.inertial import angular_rate_b, specific_force_b
-from fti.nav.aided import AidedNavigation
-from fti.nav.ground import Ground
+from fti.nav.inertial_aiding import AidedNavigation
 from fti.nav.navigation import NavState
-from fti.nav.sources import PositionState
+from fti.nav.source_interpolation import PositionState
+from fti.nav.terrain_reference import Ground
 from fti.terrain.terrain import Terrain
 from fti.types import (
     Attitude,
@@ -86,7 +86,7 @@ class Flight:
 
 
 @dataclass(eq=False)
-class Found:
+class FlightResult:
     """Height of the filter minus truth, every second [m], its sigma [m], and the events."""
 
     t: Array
@@ -117,7 +117,7 @@ def config(**filter_settings: Any) -> Config:
     return parse(table, "", Path("t.toml"))
 
 
-def drawn(number: int) -> Flight:
+def draw_flight(number: int) -> Flight:
     """Flight ``number``."""
     rng = np.random.default_rng([1600, number])
     flight = _route(rng)
@@ -142,12 +142,12 @@ def drawn(number: int) -> Flight:
 
 def fly(
     flight: Flight, fault: Fault = no_fault, aided: bool = True, lost: Callable[[float], bool] | None = None
-) -> Found:
+) -> FlightResult:
     """Through the live filter.  aided : with the altimeter;  lost : whether satellites are gone at a time [s]"""
     settings = config().nav.filter
     assert settings is not None
     filtered = AidedNavigation(settings, {device.name: device for device in config().device})
-    filtered.give_ground(flight.ground)
+    filtered.set_terrain(flight.ground)
     fixes, heights, times, errors, sds, events = 0, 0, [], [], [], list[Event]()
     truth = flight.flight.state(flight.t)
     roll, pitch, heading = flight.attitude
@@ -176,7 +176,7 @@ def fly(
                     if gone
                     else PositionState(*flight.places[heights], None, 2.0, 3.0, 0.0, 0.0, 0.0, at_ns)
                 )
-                filtered.take_height(_output(at_ns, told), NavState(at_ns, None, here, None, "gnss"))
+                filtered.feed_height(_output(at_ns, told), NavState(at_ns, None, here, None, "gnss"))
             heights += 1
         if k % 25 == 0:
             said = filtered.solution(t_ns)
@@ -186,7 +186,7 @@ def fly(
                 times.append(t)
                 errors.append(said.alt - float(truth.alt[k]))
                 sds.append(said.vertical_sd)
-    return Found(np.array(times), np.array(errors), np.array(sds), events)
+    return FlightResult(np.array(times), np.array(errors), np.array(sds), events)
 
 
 # ------------------------------------------------------------------------------------------------------ the truth
@@ -201,7 +201,7 @@ def _route(rng: Rng) -> SplineFlight:
         waypoints.append(Waypoint(lat, lon, ALT + rng.uniform(-40.0, 40.0), 60.0))
         north, east = north + 2500.0 * np.cos(course), east + 2500.0 * np.sin(course)
         course += rng.uniform(0.5, 1.5)
-    return waypoint_flight(waypoints, np.deg2rad(25.0), (0.0, 0.0)).during(0.0, SECONDS + 1.0)
+    return waypoint_flight(waypoints, np.deg2rad(25.0), (0.0, 0.0)).section(0.0, SECONDS + 1.0)
 
 
 def _waves(rng: Rng, count: int, lengths: tuple[float, float], size: float) -> Array:
@@ -222,7 +222,7 @@ def _north_east(lat: Array, lon: Array) -> tuple[Array, Array]:
     return (lat - LAT) * meridian, (lon - LON) * normal * np.cos(LAT)
 
 
-def _altimeter(state: State, hills: Array, rng: Rng) -> Array:
+def _altimeter(state: FlightState, hills: Array, rng: Rng) -> Array:
     true = state.alt - BASE_M - _height(hills, *_north_east(state.lat, state.lon))
     return true * (1.0 + rng.normal(0.0, 0.005)) + rng.normal(0.0, 0.3) + rng.normal(0.0, 0.3, len(true))
 
@@ -266,12 +266,12 @@ def _fix_errors(t: Array, rng: Rng) -> Array:
     return np.asarray(offset + white * rng.standard_normal(offset.shape))
 
 
-def _satellites(state: State, offset: Array, t: Array, rng: Rng) -> tuple[list[Fix], list[list[float]]]:
+def _satellites(state: FlightState, offset: Array, t: Array, rng: Rng) -> tuple[list[Fix], list[list[float]]]:
     velocities = state.vel_n + np.stack([_slow(rng, t, 0.1, 5.0) for _ in range(3)], axis=1)
     return _beside(state, offset), velocities.tolist()
 
 
-def _beside(state: State, offset: Array) -> list[Fix]:
+def _beside(state: FlightState, offset: Array) -> list[Fix]:
     """lat, lon [rad], alt [m] so far north, east and down of the truth."""
     meridian, normal = radii(state.lat)
     lat = state.lat + offset[:, 0] / (meridian + state.alt)

@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 from fti.config import Device
 from fti.geodesy.local import MAT_ENU_NED
 from fti.geodesy.rotations import mat_from_rpy
-from fti.nav.altimetry.heights import AltimeterChannel, Reading
-from fti.nav.ground import Ground
+from fti.nav.altimetry.altimeter_channel import AltimeterChannel, AltimeterReading
 from fti.nav.navigation import NavState
-from fti.nav.sources import AttitudeState, PositionState
+from fti.nav.source_interpolation import AttitudeState, PositionState
+from fti.nav.terrain_reference import Ground
 from fti.ranging.error_model import RangeError
 from fti.ranging.laser import Laser
 from fti.ranging.radar.altimeter import RadarAltimeter
@@ -125,7 +125,7 @@ def channel(sensor: str, flight: Flight, known: bool) -> AltimeterChannel:
     table = {"name": sensor, "link": "l", "driver": "d", "altimeter": DEVICES[sensor]}
     made = AltimeterChannel(Device.model_validate(table))
     if known:
-        made.give_ground(Ground(flight.known, 1.5, "test"))
+        made.set_terrain(Ground(flight.known, 1.5, "test"))
     return made
 
 
@@ -179,7 +179,7 @@ def outputs(flight: Flight, sensor: str, *, known: bool, fault: Fault | None = N
     of = channel(sensor, flight, known)
     values = flight.measured[sensor] if fault is None else fault(flight.t, flight.measured[sensor])
     for nav, value in zip(navigation(flight), values.tolist(), strict=True):
-        reading = Reading(nav.t_ns, nav.t_ns, None if math.isnan(value) else value, SD_M[sensor], False)
+        reading = AltimeterReading(nav.t_ns, nav.t_ns, None if math.isnan(value) else value, SD_M[sensor], False)
         yield of.widen(of.take(reading, nav))
 
 

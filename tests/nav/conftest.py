@@ -7,7 +7,14 @@ import pytest
 
 from fti.nav.integrity.approach import Airfield, ApproachPath
 from fti.nav.integrity.monitor import ClearanceSample
-from fti.nav.integrity.reference import Header, Limits, Profile, Reference, Sensor, grid
+from fti.nav.integrity.reference import (
+    ApproachReference,
+    Limits,
+    ReferenceHeader,
+    ReferenceProfile,
+    ReferenceSensor,
+    grid,
+)
 
 S_MAX = 3000.0
 RATE_HZ = 25.0
@@ -34,9 +41,9 @@ def airfield() -> Airfield:
 
 
 @pytest.fixture
-def reference(airfield: Airfield) -> Reference:
+def reference(airfield: Airfield) -> ApproachReference:
     s = grid(5.0, S_MAX)
-    profile = Profile(
+    profile = ReferenceProfile(
         surface="bumps",
         made_from="terrain",
         date="2024-01-01",
@@ -66,9 +73,11 @@ def reference(airfield: Airfield) -> Reference:
         seed=1,
         method="by hand",
     )
-    header = Header(airfield=airfield, sensor=Sensor(kind="radar", beam_deg=40.0), profile=profile, limits=limits)
+    header = ReferenceHeader(
+        airfield=airfield, sensor=ReferenceSensor(kind="radar", beam_deg=40.0), profile=profile, limits=limits
+    )
     z = np.round(bumps(s), 3)
-    return Reference(header, s, z, np.full_like(s, 1.0), np.full_like(s, 0.5))
+    return ApproachReference(header, s, z, np.full_like(s, 1.0), np.full_like(s, 0.5))
 
 
 @pytest.fixture

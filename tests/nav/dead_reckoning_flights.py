@@ -33,7 +33,7 @@ from fti.hil.flight.waypoints import Waypoint, waypoint_flight
 from fti.hil.sensors.imu import Imu
 from fti.hil.sensors.imu_grades import GRADES, GradeName
 from fti.hil.sensors.inertial import angular_rate_b, specific_force_b
-from fti.nav.aided import AidedNavigation
+from fti.nav.inertial_aiding import AidedNavigation
 from fti.types import (
     Airspeed,
     Attitude,
@@ -110,7 +110,7 @@ def _route(rng: Rng, seconds: float, leg_m: float, wind_n: tuple[float, float]) 
         waypoints.append(Waypoint(lat, lon, ALT + rng.uniform(-60.0, 60.0), SPEED))
         north, east = north + leg_m * np.cos(course), east + leg_m * np.sin(course)
         course += rng.uniform(-1.5, 1.5)
-    return waypoint_flight(waypoints, np.deg2rad(25.0), wind_n).during(0.0, seconds + 1.0)
+    return waypoint_flight(waypoints, np.deg2rad(25.0), wind_n).section(0.0, seconds + 1.0)
 
 
 def _mesoscale(rng: Rng, way_m: Array) -> Array:
@@ -190,7 +190,7 @@ class Case:
 
 
 @dataclass(eq=False)
-class Found:
+class FlightResult:
     """Every second: time [s], error north and east [m], sigma and HPL [m], error of the heading [rad]; the events."""
 
     t: list[float] = field(default_factory=list)
@@ -231,7 +231,7 @@ def config(case: Case) -> Config:
     return parse(table, "", Path("t.toml"))
 
 
-def fly(flight: Flight, case: Case) -> Found:
+def fly(flight: Flight, case: Case) -> FlightResult:
     """Through the live filter."""
     settings = config(case)
     assert settings.nav.filter is not None
@@ -239,7 +239,7 @@ def fly(flight: Flight, case: Case) -> Found:
     kinds = {"gnss": (Position, Velocity), "air": (Airspeed,), "magnetometer": (MagneticField,)}
     wanted = {(name, kind) for name, of in kinds.items() for kind in of if filtered.wants(name, kind)}
     queue = heapq.merge(_fixes(flight, case), _air(flight, case), _field(flight, case), key=lambda row: row[0])
-    found, (at_s, device, m) = Found(), next(queue)
+    found, (at_s, device, m) = FlightResult(), next(queue)
     for k, t in enumerate(flight.t.tolist()):
         t_ns = T0 + round(t * SECOND_NS)
         row = flight.felt[k].tolist()
@@ -258,7 +258,7 @@ def fly(flight: Flight, case: Case) -> Found:
     return found
 
 
-def _note(found: Found, filtered: AidedNavigation, flight: Flight, k: int) -> None:
+def _note(found: FlightResult, filtered: AidedNavigation, flight: Flight, k: int) -> None:
     t = float(flight.t[k])
     said = filtered.solution(T0 + round(t * SECOND_NS))
     if said.lat is None or said.lon is None or said.heading is None:
@@ -326,7 +326,7 @@ def stuck(begin: float) -> Fault:
     return lambda t, tas: np.where(t >= begin, tas[int(np.argmax(t >= begin))], tas)
 
 
-def turned_field(begin: float, angle_deg: float) -> Fault:
+def rotate_field(begin: float, angle_deg: float) -> Fault:
     """A magnetometer that is turned in its mounting, so that it shows so much more heading."""
 
     def fault(t: Array, field_b: Array) -> Array:

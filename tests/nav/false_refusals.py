@@ -40,9 +40,9 @@ def refusals(receiver: Receiver, seconds: int, seed: int) -> list[str]:
     found: list[str] = []
     for t_ns, m in measure(rng, fly(rng, seconds), receiver):
         if isinstance(m, Position):
-            found += [event.text for event in tests.take_position(m, t_ns)[1] if event.level == "warning"]
+            found += [event.text for event in tests.feed_position(m, t_ns)[1] if event.level == "warning"]
         elif isinstance(m, Velocity):
-            found += [event.text for event in tests.take_velocity(m, t_ns)[1] if event.level == "warning"]
+            found += [event.text for event in tests.feed_velocity(m, t_ns)[1] if event.level == "warning"]
     return found
 
 

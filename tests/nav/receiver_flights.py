@@ -23,8 +23,8 @@ from fti.geodesy.wgs84 import radii
 from fti.hil.flight.trajectory import SplineFlight
 from fti.hil.flight.waypoints import Waypoint, waypoint_flight
 from fti.hil.sensors.inertial import angular_rate_b, specific_force_b
-from fti.nav.aided import AidedNavigation
 from fti.nav.carried_refusal import CarriedRefusal
+from fti.nav.inertial_aiding import AidedNavigation
 from fti.types import (
     Attitude,
     Event,
@@ -86,7 +86,7 @@ class Flight:
 
 
 @dataclass(eq=False)
-class Found:
+class FlightResult:
     """Every second: time [s], error north, east, up [m], HPL, VPL, horizontal sigma [m], mode, ...; and the events."""
 
     t: list[float] = field(default_factory=list)
@@ -155,13 +155,13 @@ def fly(
     faults: Mapping[str, Fault] | None = None,
     baro: bool = True,
     restored: Sequence[CarriedRefusal] = (),
-) -> Found:
+) -> FlightResult:
     """Through the live filter, with faults of receivers by name.  restored : refusals with which it begins"""
     settings = config(tuple(flight.receivers), baro)
     assert settings.nav.filter is not None
     filtered = AidedNavigation(settings.nav.filter, {device.name: device for device in settings.device})
     filtered.restore(restored, T0)
-    truth, found = flight.truth.state(flight.t), Found()
+    truth, found = flight.truth.state(flight.t), FlightResult()
     queue = measurements(flight, faults or {}, baro)
     at_s, device, m = next(queue)
     for k, t in enumerate(flight.t.tolist()):
@@ -181,7 +181,7 @@ def fly(
     return found
 
 
-def _note(found: Found, filtered: AidedNavigation, flight: Flight, k: int, t_ns: int) -> None:
+def _note(found: FlightResult, filtered: AidedNavigation, flight: Flight, k: int, t_ns: int) -> None:
     said = filtered.solution(t_ns)
     if said.lat is None or said.lon is None or said.alt is None or said.hpl is None or said.vpl is None:
         return
@@ -203,7 +203,7 @@ def _note(found: Found, filtered: AidedNavigation, flight: Flight, k: int, t_ns:
 # ---------------------------------------------------------------------------------------------------------- faults
 
 
-def after(begin: float, offset: Callable[[Array], Array], vel: Callable[[Array], Array] | None = None) -> Fault:
+def offset_after(begin: float, offset: Callable[[Array], Array], vel: Callable[[Array], Array] | None = None) -> Fault:
     """Metres (n, 3), and velocities, of the seconds since the fault began."""
 
     def fault(fixes: Fixes) -> Fixes:
@@ -260,7 +260,7 @@ def _route(rng: Rng) -> SplineFlight:
         waypoints.append(Waypoint(lat, lon, ALT + rng.uniform(-60.0, 60.0), 60.0))
         north, east = north + 5000.0 * np.cos(course), east + 5000.0 * np.sin(course)
         course += rng.uniform(-1.5, 1.5)
-    return waypoint_flight(waypoints, np.deg2rad(25.0), (0.0, 0.0)).during(0.0, SECONDS + 1.0)
+    return waypoint_flight(waypoints, np.deg2rad(25.0), (0.0, 0.0)).section(0.0, SECONDS + 1.0)
 
 
 def _slow(rng: Rng, t: Array, sd: float, tau_s: float) -> Array:

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from fti.nav.filter.aiding import GnssPosition
-from fti.nav.filter.gate import Judgement
-from fti.nav.filter.segment import Entry, Segment
+from fti.nav.filter.innovation_gate import GateDecision
+from fti.nav.filter.segment import AidingEntry, FilterSegment
 from fti.nav.separation.absence import AbsenceMonitor
 from fti.types import Reason
-from tests.nav.receiver_flights import Fault, Fixes, Found, after, draw, fly, silent
+from tests.nav.receiver_flights import Fault, Fixes, FlightResult, draw, fly, offset_after, silent
 
 LOST, BACK = 300.0, 350.0
 SECOND_NS = 1_000_000_000
@@ -27,7 +27,7 @@ LIE_M, LARGER_M = 6.0, 10.0
 
 def constant_lie(metres: float) -> Fault:
     """Silent for 50 s, and then so many metres too far east."""
-    lie = after(BACK, lambda since: np.tile([0.0, metres, 0.0], (len(since), 1)))
+    lie = offset_after(BACK, lambda since: np.tile([0.0, metres, 0.0], (len(since), 1)))
 
     def fault(fixes: Fixes) -> Fixes:
         return silent(LOST, BACK)(lie(fixes))
@@ -36,17 +36,17 @@ def constant_lie(metres: float) -> Fault:
 
 
 @pytest.fixture(scope="module")
-def returned() -> Found:
+def returned() -> FlightResult:
     return fly(draw(0), {"gnss": silent(LOST, BACK)})
 
 
-def reacquired_at(found: Found) -> np.ndarray:
+def reacquired_at(found: FlightResult) -> np.ndarray:
     return np.array(
         [t for t, why in zip(found.t, found.unchecked, strict=True) if Reason.REACQUIRED in why and t > 200]
     )
 
 
-def test_a_receiver_that_was_absent_for_long_is_reacquired_until_all_copies_exist(returned: Found) -> None:
+def test_a_receiver_that_was_absent_for_long_is_reacquired_until_all_copies_exist(returned: FlightResult) -> None:
     """30 s on trial; then the copy of before the absence goes, and 7 s later there are four again."""
     times = reacquired_at(returned)
     assert BACK <= times[0] <= BACK + 3.0
@@ -82,10 +82,10 @@ def test_a_larger_lie_that_comes_back_in_the_gate_is_refused_while_on_trial() ->
     assert found.misled(60.0) == 0.0
 
 
-def believed(*seconds: float) -> Segment:
+def believed(*seconds: float) -> FilterSegment:
     aiding = GnssPosition(0.8, 0.2, 100.0, 1.0, 2.0, name="gnss.position")
-    entries = tuple(Entry(round(t * SECOND_NS), aiding, judgement=Judgement.BELIEVED) for t in seconds)
-    return Segment(None, (), entries)
+    entries = tuple(AidingEntry(round(t * SECOND_NS), aiding, decision=GateDecision.ACCEPTED) for t in seconds)
+    return FilterSegment(None, (), entries)
 
 
 def test_an_absence_on_trial_and_a_refusal_begin_the_trial_anew() -> None:

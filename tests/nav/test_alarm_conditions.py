@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from fti.alarms.alarm_list import AlarmList
-from fti.alarms.condition import Report
+from fti.alarms.condition import ConditionReport
 from fti.config import Approach, Config, Nav, Session
 from fti.nav.alarm_conditions import ALTIMETER_FAULT_NS, OutputConditions
 from fti.types import (
@@ -46,7 +46,7 @@ class Watched:
 
     def __init__(self) -> None:
         self.conditions, self.alarms = OutputConditions(CONFIG), AlarmList()
-        self.reports: list[Report] = []
+        self.reports: list[ConditionReport] = []
 
     def take(self, *outputs: Output) -> None:
         for report in self.conditions.take(outputs):
@@ -358,7 +358,7 @@ def test_what_does_not_change_is_reported_once(watched: Watched) -> None:
 
 
 def test_navigation_that_begins_anew_ends_all_but_the_terrain(watched: Watched) -> None:
-    watched.alarms.report(watched.conditions.judge_ground(0, "no.tif: cannot be read"))
+    watched.alarms.report(watched.conditions.report_terrain(0, "no.tif: cannot be read"))
     watched.take(integrity(1, IntegrityState.ALERT), source(1, "gnss", Reason.JUMP))
     for report in watched.conditions.end_all(2 * SECOND_NS):
         watched.alarms.report(report)

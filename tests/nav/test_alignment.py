@@ -8,13 +8,13 @@ import pytest
 from fti.geodesy.rotations import mat_en, rpy_from_mat
 from fti.hil.sensors.inertial import specific_force_b
 from fti.nav.inertial.alignment import HEADING_SD, TILT_SD, attitude_in_flight
-from fti.study._closure import wandering
+from fti.study._closure import random_flight
 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_it_is_that_of_the_flight_but_for_wind_and_angle_of_attack(seed: int) -> None:
     """A hundred moments of each flight, banks of 25 deg among them; wind of 5 m/s is 5 deg of crab at 60 m/s."""
-    state = wandering(np.random.default_rng(seed), 200.0).state(np.linspace(1.0, 199.0, 100))
+    state = random_flight(np.random.default_rng(seed), 200.0).state(np.linspace(1.0, 199.0, 100))
     force_b = specific_force_b(state)
     to_n = np.swapaxes(mat_en(state.lat, state.lon), 1, 2)
     off = []

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from fti.nav.altimetry.change import ChangeCheck
-from fti.nav.altimetry.observation import Observation, Resolution
+from fti.nav.altimetry.observation import AltimeterObservation, Resolution
 from fti.ranging.radar.quantise import quantise_ft
 from fti.types import Reason
 
@@ -26,22 +26,22 @@ def level(value: float) -> Profile:
 
 def samples(
     seconds: float, value: Profile, *, predicted: Profile | None, alt: Profile = lambda t: 500.0, sd: float = 0.5
-) -> Iterable[Observation]:
+) -> Iterable[AltimeterObservation]:
     """Of an altimeter, 25 a second; the climb rate is that of the altitude."""
     for k in range(round(seconds * HZ)):
         t = k / HZ
         climb = (alt(t + 0.01) - alt(t - 0.01)) / 0.02
         known = predicted(t) if predicted else None
-        yield Observation(S + round(t * S), value(t), known, sd, alt(t), climb, INS)
+        yield AltimeterObservation(S + round(t * S), value(t), known, sd, alt(t), climb, INS)
 
 
-def reasons(seen: Iterable[Observation]) -> list[tuple[float, tuple[Reason, ...]]]:
+def reasons(seen: Iterable[AltimeterObservation]) -> list[tuple[float, tuple[Reason, ...]]]:
     """Time [s] and reasons of every sample."""
     check = ChangeCheck()
     return [((o.t_ns - S) / S, check.update(o)) for o in seen]
 
 
-def refused(seen: Iterable[Observation], reason: Reason) -> tuple[float, float] | None:
+def refused(seen: Iterable[AltimeterObservation], reason: Reason) -> tuple[float, float] | None:
     """First and last time with a reason [s]."""
     at = [t for t, found in reasons(seen) if reason in found]
     return (at[0], at[-1]) if at else None
@@ -107,7 +107,8 @@ def test_hills_under_a_level_flight_without_a_terrain_are_no_reason() -> None:
 def test_a_jump_of_the_altitude_alone_is_not_a_climb() -> None:
     """A satellite height that jumps by 40 m and back, over and over; the velocity says level flight."""
     seen = [
-        Observation(S + k * S // HZ, 100.0, None, 0.5, 500.0 + 40.0 * (k // 25 % 2), 0.0, INS) for k in range(60 * HZ)
+        AltimeterObservation(S + k * S // HZ, 100.0, None, 0.5, 500.0 + 40.0 * (k // 25 % 2), 0.0, INS)
+        for k in range(60 * HZ)
     ]
     assert refused(seen, Reason.STUCK) is None
 
@@ -177,11 +178,13 @@ def test_values_that_never_repeat_have_no_known_resolution() -> None:
     assert found.step is None
 
 
-def nowhere(o: Observation) -> Observation:
+def nowhere(o: AltimeterObservation) -> AltimeterObservation:
     return replace(o, source=(None, None), alt=None, climb=None, predicted=None)
 
 
-def without_position(seen: Iterable[Observation], period_s: float, lasts_s: float) -> list[Observation]:
+def without_position(
+    seen: Iterable[AltimeterObservation], period_s: float, lasts_s: float
+) -> list[AltimeterObservation]:
     """The position is missing for a while once in every period; then nobody knows the altitude and the ground."""
     return [nowhere(o) if (o.t_ns - S) / S % period_s >= period_s - lasts_s else o for o in seen]
 
@@ -222,11 +225,13 @@ def test_another_source_after_a_moment_without_position_begins_anew() -> None:
     assert {found for _, found in reasons(between)} == {()}
 
 
-def without_samples(seen: Iterable[Observation], from_s: float, to_s: float) -> list[Observation]:
+def without_samples(seen: Iterable[AltimeterObservation], from_s: float, to_s: float) -> list[AltimeterObservation]:
     return [o for o in seen if not from_s <= (o.t_ns - S) / S < to_s]
 
 
-def of_another_source(seen: Iterable[Observation], from_s: float, step: float, name: str = "gnss") -> list[Observation]:
+def of_another_source(
+    seen: Iterable[AltimeterObservation], from_s: float, step: float, name: str = "gnss"
+) -> list[AltimeterObservation]:
     """Position and altitude of another source from then on, whose altitude is higher by a step [m]."""
     return [
         o
@@ -236,7 +241,7 @@ def of_another_source(seen: Iterable[Observation], from_s: float, step: float, n
     ]
 
 
-def over_unknown_ground(seen: Iterable[Observation], from_s: float, to_s: float) -> list[Observation]:
+def over_unknown_ground(seen: Iterable[AltimeterObservation], from_s: float, to_s: float) -> list[AltimeterObservation]:
     return [replace(o, predicted=None) if from_s <= (o.t_ns - S) / S < to_s else o for o in seen]
 
 
@@ -352,10 +357,10 @@ def test_an_offset_is_kept_for_10_minutes() -> None:
     assert offsets[660.0] == 0.0
 
 
-def of_10_hz(seconds: float) -> Iterable[Observation]:
+def of_10_hz(seconds: float) -> Iterable[AltimeterObservation]:
     for k in range(round(seconds * 10)):
         t = k / 10
-        yield Observation(S + round(t * S), OFF_AT_20_S(t), hills(t), 0.5, 500.0, 0.0, INS)
+        yield AltimeterObservation(S + round(t * S), OFF_AT_20_S(t), hills(t), 0.5, 500.0, 0.0, INS)
 
 
 def test_two_moments_that_agree_across_a_hole_of_the_ground_prove_nothing() -> None:

@@ -15,8 +15,8 @@ import pytest
 
 from fti.config import parse
 from fti.nav.altimetry.deviation import DeviationMemory
-from fti.nav.ground import Ground
 from fti.nav.pipeline import Pipeline
+from fti.nav.terrain_reference import Ground
 from fti.terrain.terrain import Terrain
 from fti.types import (
     Attitude,
@@ -67,7 +67,7 @@ def pipeline(*names: str, late_s: Mapping[str, float] | None = None) -> Pipeline
         "nav": {"attitude": ["ins"], "position": ["ins"], "altimeters": list(names)},
     }
     made = Pipeline(parse(config, "", Path("t.toml")), None)
-    made.give_ground(Ground(terrain(), 1.0, "level"))
+    made.set_terrain(Ground(terrain(), 1.0, "level"))
     return made
 
 

@@ -17,8 +17,8 @@ import pytest
 
 from fti.config import Config, parse
 from fti.geodesy.wgs84 import EARTH_RATE
-from fti.nav.ground import Ground
 from fti.nav.pipeline import Pipeline
+from fti.nav.terrain_reference import Ground
 from fti.terrain.terrain import Terrain
 from fti.types import (
     Attitude,
@@ -108,7 +108,7 @@ def fly(
 ) -> Flown:
     """A flight.  lost_s : without satellites from then until then [s]; gate_m : of the deviation of radars"""
     pipeline, found = Pipeline(config(tuple(wrong), gate_m), None), Flown(ground)
-    pipeline.give_ground(ground)
+    pipeline.set_terrain(ground)
     for device, m in _measured(ground, wrong, seconds, lost_s):
         t = (m.stamp.t_rx_ns - T0) / S
         _collect(found, t, pipeline.feed(device, m))

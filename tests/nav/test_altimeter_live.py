@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from fti.config import parse
-from fti.nav.ground import Ground
 from fti.nav.pipeline import Pipeline
+from fti.nav.terrain_reference import Ground
 from fti.terrain.terrain import Terrain
 from fti.types import Attitude, Event, HeightAboveGround, Output, Position, Range, Stamp, Velocity
 
@@ -69,7 +69,7 @@ class Flight:
         """Time [s], north [m] and outputs.  ground : known height by north [m]; None: nobody knows it"""
         pipeline, frame = self.pipeline(), terrain(lambda north: 0.0).frame
         if ground is not None:
-            pipeline.give_ground(Ground(terrain(ground), 1.0, "test"))
+            pipeline.set_terrain(Ground(terrain(ground), 1.0, "test"))
         for k in range(round(self.seconds * self.hz)):
             t, t_ns = k / self.hz, T0 + k * S // self.hz
             north = -1700.0 + self.speed * t

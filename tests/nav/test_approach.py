@@ -60,7 +60,7 @@ def test_along_is_the_geodesic_to_the_intercept_point(path: ApproachPath) -> Non
 
 def test_one_place_is_along_as_many_are(path: ApproachPath) -> None:
     for lat, lon in ((0.83, 0.19), (0.84, 0.2), (-0.3, 3.1)):
-        assert path.along_one(lat, lon) == tuple(map(float, path.along(lat, lon)))
+        assert path.to_path_one(lat, lon) == tuple(map(float, path.along(lat, lon)))
 
 
 def test_right_of_track_is_positive(path: ApproachPath) -> None:

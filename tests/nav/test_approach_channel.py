@@ -8,11 +8,11 @@ import pytest
 
 from fti.config import Approach
 from fti.nav.integrity.approach import ApproachPath
-from fti.nav.integrity.channel import ApproachChannel
+from fti.nav.integrity.approach_channel import ApproachChannel
 from fti.nav.integrity.monitor import ClearanceSample
-from fti.nav.integrity.reference import Reference
+from fti.nav.integrity.reference import ApproachReference
 from fti.nav.navigation import NavState
-from fti.nav.sources import AttitudeState, PositionState
+from fti.nav.source_interpolation import AttitudeState, PositionState
 from fti.types import ClearanceIntegrity, GlideSlope, HeightAboveGround, IntegrityState, Reason
 
 Flight = Callable[..., Iterator[ClearanceSample]]
@@ -58,7 +58,7 @@ def settings() -> Approach:
 
 
 def test_an_altitude_that_the_altimeter_holds_itself_judges_nothing(
-    reference: Reference, settings: Approach, path: ApproachPath, flight: Flight
+    reference: ApproachReference, settings: Approach, path: ApproachPath, flight: Flight
 ) -> None:
     """Altitude minus height would be the ground that is known, wherever the aircraft is: a test of nothing."""
     given = inputs(path, flight, lambda s: "ins" if s > 1800.0 else "filter")
@@ -71,7 +71,7 @@ def test_an_altitude_that_the_altimeter_holds_itself_judges_nothing(
 
 
 def test_an_altimeter_that_the_filter_excludes_is_judged_as_before(
-    reference: Reference, settings: Approach, path: ApproachPath, flight: Flight
+    reference: ApproachReference, settings: Approach, path: ApproachPath, flight: Flight
 ) -> None:
     """A wrong height is what the monitor is for: it alerts, and is not made silent by the filter."""
     given = inputs(path, flight, lambda _: "ins")
@@ -91,7 +91,7 @@ def test_an_altimeter_that_the_filter_excludes_is_judged_as_before(
 
 
 def test_a_place_of_which_navigation_is_not_sure_is_told(
-    reference: Reference, settings: Approach, path: ApproachPath, flight: Flight
+    reference: ApproachReference, settings: Approach, path: ApproachPath, flight: Flight
 ) -> None:
     given = [
         (height, dataclasses.replace(nav, position=dataclasses.replace(nav.position, horizontal_sd=200.0)))
@@ -105,13 +105,13 @@ def test_a_place_of_which_navigation_is_not_sure_is_told(
 
 
 def test_a_place_that_is_certain_but_not_protected_is_told(
-    reference: Reference, settings: Approach, path: ApproachPath, flight: Flight
+    reference: ApproachReference, settings: Approach, path: ApproachPath, flight: Flight
 ) -> None:
     """A sigma of 1 m, and a source that may be wrong by more than alert_y_m, or by less."""
     given = inputs(path, flight, lambda _: "ins")
     for hpl, is_uncertain in ((settings.alert_y_m + 1.0, True), (settings.alert_y_m - 1.0, False), (None, False)):
         channel = ApproachChannel(reference, settings, "radar")
-        channel.protect(hpl)
+        channel.set_protection_level(hpl)
         integrity, slopes = judged(channel, given)
         assert (Reason.POSITION_UNCERTAIN in integrity[-1].reasons) is is_uncertain
         assert any(output.valid for output in integrity) is not is_uncertain
@@ -119,7 +119,7 @@ def test_a_place_that_is_certain_but_not_protected_is_told(
 
 
 def test_another_source_of_the_altitude_alone_begins_a_new_window(
-    reference: Reference, settings: Approach, path: ApproachPath, flight: Flight
+    reference: ApproachReference, settings: Approach, path: ApproachPath, flight: Flight
 ) -> None:
     given = inputs(path, flight, lambda s: "ins" if s > 1800.0 else "vertical")
     integrity, _ = judged(ApproachChannel(reference, settings, "radar"), given)

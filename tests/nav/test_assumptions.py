@@ -11,10 +11,10 @@ import pytest
 from fti.config import Altimeter, Approach, Device, UnstatedSd
 from fti.errors import ConfigError
 from fti.nav.integrity.approach import ApproachPath
+from fti.nav.integrity.approach_channel import ApproachChannel
 from fti.nav.integrity.assumptions import Assumptions, receiver_holds
-from fti.nav.integrity.channel import ApproachChannel
 from fti.nav.integrity.monitor import ClearanceMonitor, ClearanceSample
-from fti.nav.integrity.reference import Reference, check_alert_limit, least_level_v
+from fti.nav.integrity.reference import ApproachReference, check_alert_limit, min_level_v
 from fti.nav.integrity.statistics import Matcher
 from fti.nav.integrity.window import Bins
 from fti.types import ClearanceIntegrity, Event, IntegrityState, Reason
@@ -38,7 +38,7 @@ SETTINGS = Approach(profile="x.csv", alert_v_m=60.0)
 
 
 @pytest.fixture
-def stated(reference: Reference) -> Reference:
+def stated(reference: ApproachReference) -> ApproachReference:
     """The reference with assumptions."""
     return dataclasses.replace(reference, header=reference.header.model_copy(update={"assumptions": ASSUMED}))
 
@@ -48,14 +48,16 @@ def states(monitor: ClearanceMonitor, flight: Iterator[ClearanceSample]) -> list
     return [output for output in outputs if output.t1_ratio is not None]
 
 
-def test_assumptions_are_in_the_file_and_an_older_file_has_none(reference: Reference, stated: Reference) -> None:
+def test_assumptions_are_in_the_file_and_an_older_file_has_none(
+    reference: ApproachReference, stated: ApproachReference
+) -> None:
     text = stated.to_text()
     assert "# assumptions.nav_vertical_sd_m = 3.0" in text
-    assert Reference.parse(text, "r.csv").header.assumptions == ASSUMED
-    assert Reference.parse(reference.to_text(), "r.csv").header.assumptions is None
+    assert ApproachReference.parse(text, "r.csv").header.assumptions == ASSUMED
+    assert ApproachReference.parse(reference.to_text(), "r.csv").header.assumptions is None
 
 
-def test_noise_of_navigation_lowers_the_weights(reference: Reference, stated: Reference) -> None:
+def test_noise_of_navigation_lowers_the_weights(reference: ApproachReference, stated: ApproachReference) -> None:
     """Uniform sigmas of 1.2 m and 0.9 m, so 1.5 m in all, and 1.5 m of noise: T1 is half of what it was."""
     uniform: dict[str, Any] = {"s_ref": np.full_like(reference.s, 1.2), "s_alt": np.full_like(reference.s, 0.9)}
     n = round(reference.header.profile.window_m / reference.header.profile.ds_m) + 1
@@ -73,7 +75,7 @@ def test_noise_of_navigation_lowers_the_weights(reference: Reference, stated: Re
     [(3.0, 5.0, True), (3.7, 6.2, True), (3.8, 5.0, False), (3.0, 6.3, False), (None, 5.0, False), (3.0, None, False)],
 )
 def test_a_worse_navigation_is_unavailable(
-    stated: Reference, flight: Flight, vertical: float | None, horizontal: float | None, holds: bool
+    stated: ApproachReference, flight: Flight, vertical: float | None, horizontal: float | None, holds: bool
 ) -> None:
     """A quarter beyond the assumed sigma is tolerated; a sigma that nobody knows is not."""
     flown = (
@@ -85,14 +87,14 @@ def test_a_worse_navigation_is_unavailable(
         assert (output.state is IntegrityState.UNAVAILABLE) is not holds
 
 
-def test_without_assumptions_nothing_is_compared(reference: Reference, flight: Flight) -> None:
+def test_without_assumptions_nothing_is_compared(reference: ApproachReference, flight: Flight) -> None:
     flown = (dataclasses.replace(x, vertical_sd=8.0, horizontal_sd=20.0) for x in flight(begin=2900.0, end=1000.0))
     outputs = states(ClearanceMonitor(reference, Approach(profile="", alert_v_m=1000.0)), flown)
     assert outputs
     assert not any(Reason.ASSUMPTION in output.reasons for output in outputs)
 
 
-def test_an_alert_is_said_beyond_the_assumptions_all_the_same(stated: Reference, flight: Flight) -> None:
+def test_an_alert_is_said_beyond_the_assumptions_all_the_same(stated: ApproachReference, flight: Flight) -> None:
     flown = (
         dataclasses.replace(
             x, vertical_sd=8.0, horizontal_sd=5.0, agl=x.agl - (100.0 if 1500.0 < x.s < 1600.0 else 0.0)
@@ -119,10 +121,10 @@ def test_another_beam_or_receiver_is_not_the_assumed_one() -> None:
     assert receiver_holds(None, altimeter(beam_deg=55.0))
 
 
-def test_an_alert_limit_below_the_least_protection_level_is_refused(reference: Reference) -> None:
+def test_an_alert_limit_below_the_least_protection_level_is_refused(reference: ApproachReference) -> None:
     """Sigmas so small that the datum alone counts: (4 + 3.09) x 1 m."""
     sharp = dataclasses.replace(reference, s_ref=np.full_like(reference.s, 1e-3), s_alt=np.full_like(reference.s, 1e-3))
-    assert least_level_v(sharp) == pytest.approx(7.09, abs=0.01)
+    assert min_level_v(sharp) == pytest.approx(7.09, abs=0.01)
     check_alert_limit(sharp, 7.1, "x.csv", "c.toml")
     with pytest.raises(ConfigError) as refusal:
         check_alert_limit(sharp, 5.0, "x.csv", "c.toml")
@@ -132,7 +134,7 @@ def test_an_alert_limit_below_the_least_protection_level_is_refused(reference: R
 
 
 def test_a_source_without_a_sigma_has_the_configured_one_and_it_is_told(
-    stated: Reference, path: ApproachPath, flight: Flight
+    stated: ApproachReference, path: ApproachPath, flight: Flight
 ) -> None:
     given = [
         (height, dataclasses.replace(nav, position=dataclasses.replace(nav.position, vertical_sd=None)))
@@ -152,7 +154,7 @@ def test_a_source_without_a_sigma_has_the_configured_one_and_it_is_told(
 
 
 def test_each_source_is_told_with_the_sigma_of_its_own_axis(
-    stated: Reference, path: ApproachPath, flight: Flight
+    stated: ApproachReference, path: ApproachPath, flight: Flight
 ) -> None:
     """The place by one source, the altitude by another: neither states a sigma."""
     channel = ApproachChannel(stated, SETTINGS, "radar", unstated={"ins": (3.0, 10.0), "gnss": (2.0, 6.0)})

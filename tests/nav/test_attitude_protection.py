@@ -11,15 +11,15 @@ import pytest
 from scipy.stats import norm, rayleigh
 
 from fti.config import AlertLimits, parse
-from fti.nav.attitude_protection import Assumed, AttitudeLevels, AttitudeProtection, levels
+from fti.nav.attitude_protection import AssumedSigmas, AttitudeLevels, AttitudeProtection, levels
 from fti.nav.pipeline import Pipeline
-from fti.nav.sources import AttitudeState, Source
+from fti.nav.source_interpolation import AttitudeState, NavSource
 from fti.types import Attitude, FilterMode, FilterSolution, NavSolution, Reason, Stamp
 
 S = 1_000_000_000
 T0 = 1000 * S
 DEG = math.radians(1.0)
-ASSUMED, LIMIT = Assumed(1.0 * DEG, 2.0 * DEG), 2.0 * DEG
+ASSUMED, LIMIT = AssumedSigmas(1.0 * DEG, 2.0 * DEG), 2.0 * DEG
 #: 1e-5 radially and on one axis.
 RADIAL, AXIS = rayleigh.isf(1e-5), norm.isf(0.5e-5)
 
@@ -135,11 +135,11 @@ class Bench:
 
     def __init__(self, sd: float | None = 0.02) -> None:
         of = config(("ins",))
-        self.source = Source(of.device[0])
+        self.source = NavSource(of.device[0])
         self.protection = AttitudeProtection(of, {"ins": self.source})
         self.sd = None if sd is None else sd * DEG
 
-    def run(self, begin: float, end: float, roll: Any, filter_roll: Any = None, **of_filter: Any) -> AttitudeLevels:
+    def run(self, begin: float, end: float, roll: Any, filter_roll: Any = None, **filter_levels: Any) -> AttitudeLevels:
         """Levels at the end."""
         found = AttitudeLevels(None, None)
         for k in range(round(begin * 50), round(end * 50)):
@@ -149,7 +149,7 @@ class Bench:
             self.source.push_attitude(m, t_ns)
             found = self.at(t_ns)
             if k % 10 == 0 and filter_roll is not None:
-                self.protection.take_filter(filtered(t_ns, filter_roll(t), **of_filter))
+                self.protection.feed_filter(filtered(t_ns, filter_roll(t), **filter_levels))
         return found
 
     def at(self, t_ns: int) -> AttitudeLevels:
@@ -202,11 +202,11 @@ def test_an_uncertain_filter_does_not_make_a_device_invalid() -> None:
 
 def test_the_filter_alone_has_the_level_of_its_sigma() -> None:
     of = config(("ins",))
-    protection = AttitudeProtection(of, {"ins": Source(of.device[0])})
+    protection = AttitudeProtection(of, {"ins": NavSource(of.device[0])})
     alone = state(tilt_sd=0.3, heading_sd=1.0)
     assert protection.at(T0, alone, "filter").unchecked == (Reason.NOTHING_TO_COMPARE,)
     for k in range(160):
-        protection.take_filter(filtered(T0 + k * S // 5))
+        protection.feed_filter(filtered(T0 + k * S // 5))
     found = protection.at(T0 + 32 * S, alone, "filter")
     assert found.tilt == pytest.approx(0.3 * RADIAL * DEG, rel=1e-3)
     assert found.unchecked == ()

@@ -14,7 +14,7 @@ from fti.config import Config, parse
 from fti.errors import ConfigError
 from fti.nav.pipeline import Pipeline
 from fti.types import FilterSolution, Measurement, PressureAltitude, Stamp
-from tests.nav.test_aided import ALT, MS, T0, measurements
+from tests.nav.test_inertial_aiding import ALT, MS, T0, measurements
 
 OFFSETS = {"first": 40.0, "second": -25.0}
 

@@ -7,14 +7,14 @@ import pytest
 
 from fti.nav.carried_refusal import CarriedRefusal, RefusedPart
 from fti.nav.pipeline import Pipeline
-from fti.nav.plausibility.finding import Finding
-from fti.nav.protection import Compared
+from fti.nav.plausibility.finding import PlausibilityFinding
+from fti.nav.protection import FilterReference
 from fti.nav.source_check import SourceCheck
-from fti.nav.sources import PositionState
+from fti.nav.source_interpolation import PositionState
 from fti.types import Attitude, Event, FilterMode, Measurement, NavSolution, Output, Position, Reason, Stamp, Velocity
 from tests.nav.healthy_receivers import fly as fly_truth
 from tests.nav.healthy_receivers import measure
-from tests.nav.plausibility.flown import T0, UBX1, Result, S, make_tests, run
+from tests.nav.plausibility.receiver_runs import T0, UBX1, Result, S, make_tests, run
 from tests.nav.receiver_flights import config, draw, fly
 
 RADIUS = 6_366_000.0
@@ -24,7 +24,7 @@ def excluded(device: str, part: RefusedPart) -> CarriedRefusal:
     return CarriedRefusal(device, part, Reason.EXCLUDED, T0, is_standing=True)
 
 
-def receiver(refusal: Finding, readmit_s: float | None = None, there_and_back: bool = False) -> Result:
+def receiver(refusal: PlausibilityFinding, readmit_s: float | None = None, there_and_back: bool = False) -> Result:
     """Of four minutes of a sound receiver that was refused; 50 m north from 60 to 80 s where asked for."""
 
     def change(t: float, m: Measurement) -> Measurement | None:
@@ -38,11 +38,11 @@ def receiver(refusal: Finding, readmit_s: float | None = None, there_and_back: b
     return run(measure(rng, fly_truth(rng, 240, 1.5), UBX1, T0), change, tests, readmit_s)
 
 
-STANDING = Finding(Reason.JUMP, T0 - 5 * S, "before", is_standing=True)
+STANDING = PlausibilityFinding(Reason.JUMP, T0 - 5 * S, "before", is_standing=True)
 
 
 def test_a_refusal_that_does_not_stand_ends_after_30_s() -> None:
-    found = receiver(Finding(Reason.REPEATED, T0 - 5 * S, "before"))
+    found = receiver(PlausibilityFinding(Reason.REPEATED, T0 - 5 * S, "before"))
     assert not found.is_valid_at(28.0)
     assert found.is_valid_at(33.0)
 
@@ -116,5 +116,5 @@ def test_a_device_that_differed_is_used_again_where_the_filter_would_see_it(leve
     here = PositionState(0.8, 0.2, 100.0, 1.0, 1.0, None, None, None, T0)
     for second in range(31):
         assert check.refused == {"box"}
-        check.update(T0 + second * S, {"box": here}, Compared(here, level_m, 20.0))
+        check.update(T0 + second * S, {"box": here}, FilterReference(here, level_m, 20.0))
     assert (check.refused == {"box"}) is is_refused

@@ -12,7 +12,7 @@ from fti.config import Approach
 from fti.nav.integrity.approach import ApproachPath
 from fti.nav.integrity.go_around import GoAround
 from fti.nav.integrity.monitor import ClearanceMonitor, ClearanceSample
-from fti.nav.integrity.reference import Reference
+from fti.nav.integrity.reference import ApproachReference
 from fti.nav.integrity.statistics import Matcher
 from fti.nav.integrity.window import Bins
 from fti.types import ClearanceIntegrity, IntegrityState, Reason
@@ -26,7 +26,7 @@ JUDGED = {IntegrityState.OK, IntegrityState.MONITOR, IntegrityState.CAUTION, Int
 
 
 @pytest.fixture
-def monitor(reference: Reference) -> ClearanceMonitor:
+def monitor(reference: ApproachReference) -> ClearanceMonitor:
     return ClearanceMonitor(reference, SETTINGS)
 
 
@@ -47,7 +47,7 @@ def near(outputs: list[ClearanceIntegrity], s: float) -> ClearanceIntegrity:
 # ----------------------------------------------------------------------------------------------------- statistics
 
 
-def bins_of(reference: Reference, shift: float = 0.0, offset: float = 0.0, first: int = 200) -> Bins:
+def bins_of(reference: ApproachReference, shift: float = 0.0, offset: float = 0.0, first: int = 200) -> Bins:
     """A window that sees the profile ``shift`` metres farther out, and ``offset`` metres higher."""
     k = round(shift / 5)
     z = reference.z_ref[first + k : first + k + 81] + offset
@@ -55,27 +55,27 @@ def bins_of(reference: Reference, shift: float = 0.0, offset: float = 0.0, first
 
 
 @pytest.mark.parametrize("shift", [-150.0, -35.0, 0.0, 35.0, 100.0])
-def test_match_finds_an_injected_shift(reference: Reference, shift: float) -> None:
+def test_match_finds_an_injected_shift(reference: ApproachReference, shift: float) -> None:
     found = Matcher(reference, 50.0).evaluate(bins_of(reference, shift), 1.0)
     assert found.shift == pytest.approx(shift, abs=1.0)
     assert found.t2 == pytest.approx(found.t1, abs=1e-6)
     assert (found.t1 > 20.0) is (shift != 0.0)
 
 
-def test_match_finds_a_shift_between_the_steps(reference: Reference) -> None:
+def test_match_finds_a_shift_between_the_steps(reference: ApproachReference) -> None:
     here = np.interp(reference.s[200:281] + 33.0, reference.s, reference.z_ref)
     found = Matcher(reference, 50.0).evaluate(Bins(200, np.ones(81, bool), here, np.zeros(81)), 1.0)
     assert found.shift == pytest.approx(33.0, abs=0.5)
 
 
-def test_a_shift_beyond_the_last_tried_is_unknown_not_zero(reference: Reference) -> None:
+def test_a_shift_beyond_the_last_tried_is_unknown_not_zero(reference: ApproachReference) -> None:
     bowl = dataclasses.replace(reference, z_ref=1e-3 * (reference.s - 1000.0) ** 2)
     found = Matcher(bowl, 50.0).evaluate(bins_of(bowl, shift=300.0), 1.0)
     assert (found.shift, found.shift_sd) == (None, None)
     assert Matcher(bowl, 50.0).evaluate(bins_of(bowl, shift=150.0), 1.0).shift == pytest.approx(150.0, abs=0.1)
 
 
-def test_a_constant_height_error_is_in_t3_alone(reference: Reference) -> None:
+def test_a_constant_height_error_is_in_t3_alone(reference: ApproachReference) -> None:
     clean = Matcher(reference, 50.0).evaluate(bins_of(reference), 1.0)
     found = Matcher(reference, 50.0).evaluate(bins_of(reference, offset=12.0), 1.0)
     assert found.height_error == pytest.approx(12.0)
@@ -85,7 +85,7 @@ def test_a_constant_height_error_is_in_t3_alone(reference: Reference) -> None:
     assert found.t3 == pytest.approx(12.0 / found.height_error_sd)
 
 
-def test_t1_is_the_weighted_sum_of_squares(reference: Reference) -> None:
+def test_t1_is_the_weighted_sum_of_squares(reference: ApproachReference) -> None:
     bins = bins_of(reference)
     z = bins.z + np.resize([1.0, -1.0], 81)
     found = Matcher(reference, 50.0).evaluate(Bins(200, bins.filled, z, bins.dh), 1.0)
@@ -93,7 +93,7 @@ def test_t1_is_the_weighted_sum_of_squares(reference: Reference) -> None:
     assert found.t1 == pytest.approx(10 / 81 * 81 * (1 - mean**2) / 1.25)
 
 
-def test_empty_bins_have_no_weight(reference: Reference) -> None:
+def test_empty_bins_have_no_weight(reference: ApproachReference) -> None:
     bins = bins_of(reference)
     filled = np.arange(81) % 7 != 0
     found = Matcher(reference, 50.0).evaluate(Bins(200, filled, np.where(filled, bins.z, 0.0), bins.dh), 1.0)
@@ -101,7 +101,7 @@ def test_empty_bins_have_no_weight(reference: Reference) -> None:
     assert found.shift == pytest.approx(0.0, abs=0.5)
 
 
-def test_t4_is_the_excess_over_the_median_of_what_was_seen(reference: Reference) -> None:
+def test_t4_is_the_excess_over_the_median_of_what_was_seen(reference: ApproachReference) -> None:
     bins = bins_of(reference)
     filled = np.arange(81) % 5 != 3
     residual = np.linspace(4.0, -3.0, 81)
@@ -110,7 +110,7 @@ def test_t4_is_the_excess_over_the_median_of_what_was_seen(reference: Reference)
     assert found.t4 == pytest.approx((15.0 - np.median(residual[filled])) / math.sqrt(1.25))
 
 
-def test_observability_is_that_of_the_flatter_side_of_the_peak(reference: Reference) -> None:
+def test_observability_is_that_of_the_flatter_side_of_the_peak(reference: ApproachReference) -> None:
     found = Matcher(reference, 50.0).evaluate(bins_of(reference), 1.0)
     here = reference.z_ref[200:281]
     sides = [here - reference.z_ref[200 + k : 281 + k] for k in (-10, 10)]
@@ -119,7 +119,7 @@ def test_observability_is_that_of_the_flatter_side_of_the_peak(reference: Refere
     assert found.observability == pytest.approx(min(sharp))
 
 
-def test_flat_ground_is_not_observable(reference: Reference) -> None:
+def test_flat_ground_is_not_observable(reference: ApproachReference) -> None:
     flat = dataclasses.replace(reference, z_ref=np.full_like(reference.z_ref, 200.0))
     assert Matcher(flat, 50.0).evaluate(bins_of(flat), 1.0).observability == pytest.approx(0.0, abs=1e-9)
     assert Matcher(reference, 50.0).evaluate(bins_of(reference), 1.0).observability > (3 + 1.64) ** 2
@@ -136,14 +136,14 @@ def test_protection_levels_add_limit_and_missed_detection(monitor: ClearanceMoni
     assert out.protection_level_s == pytest.approx((3.0 + 3.0902) * monitor.statistics.shift_resolution, rel=1e-3)
 
 
-def test_resolution_is_that_of_the_peak(reference: Reference) -> None:
+def test_resolution_is_that_of_the_peak(reference: ApproachReference) -> None:
     """For a slope of 1 in 10 that changes sides every 50 m: J(d) = sum w (0.1 d)^2, and s_s = 1 / sqrt(J / d^2)."""
     zigzag = dataclasses.replace(reference, z_ref=np.abs((reference.s + 25.0) % 100.0 - 50.0) * 0.1)
     found = Matcher(zigzag, 50.0).evaluate(bins_of(zigzag), 1.0)
     assert found.shift_resolution == pytest.approx(1.0 / math.sqrt(10 * 0.01 / 1.25), rel=0.15)
 
 
-def test_a_height_as_large_as_its_protection_level_is_seen_in_999_of_1000(reference: Reference) -> None:
+def test_a_height_as_large_as_its_protection_level_is_seen_in_999_of_1000(reference: ApproachReference) -> None:
     matcher, rng = Matcher(reference, 50.0), np.random.default_rng(5)
     sd = matcher.evaluate(bins_of(reference), 1.0).height_error_sd
     errors = (4.0 + 3.0902) * sd + rng.normal(0.0, sd, 4000)
@@ -152,7 +152,7 @@ def test_a_height_as_large_as_its_protection_level_is_seen_in_999_of_1000(refere
 
 
 def test_a_protection_level_above_the_alert_limit_is_unavailable_but_an_obstacle_is_said(
-    reference: Reference, flight: Flight
+    reference: ApproachReference, flight: Flight
 ) -> None:
     strict = ClearanceMonitor(reference, Approach(profile=""))
     outputs = run(strict, flight(begin=2990.0, surface=lambda s: 60.0 if 860.0 < s < 900.0 else 0.0))
@@ -172,7 +172,7 @@ def test_a_protection_level_above_the_alert_limit_is_unavailable_but_an_obstacle
 
 
 def test_a_place_that_navigation_does_not_know_is_not_vouched_for_but_an_obstacle_is_said(
-    reference: Reference, flight: Flight
+    reference: ApproachReference, flight: Flight
 ) -> None:
     """A filter that coasts on a barometer knows its height within metres and its place within hundreds."""
     outputs = list[ClearanceIntegrity]()
@@ -213,7 +213,7 @@ def test_a_slow_aircraft_is_judged_every_10_m(monitor: ClearanceMonitor, flight:
 
 
 def test_over_flat_ground_it_monitors_without_judging_the_shift(
-    reference: Reference, flight: Flight, ground: Ground
+    reference: ApproachReference, flight: Flight, ground: Ground
 ) -> None:
     flat = dataclasses.replace(reference, z_ref=np.full_like(reference.z_ref, 200.0))
     level = flight(begin=2990.0, end=2000.0, surface=lambda s: 200.0 - float(ground(np.array(s))))
@@ -256,7 +256,7 @@ def test_an_alert_outlives_a_small_obstacle_by_a_whole_window(monitor: Clearance
 
 
 def test_an_alert_does_not_end_where_the_ground_happens_to_be_alike(
-    reference: Reference, monitor: ClearanceMonitor, flight: Flight
+    reference: ApproachReference, monitor: ClearanceMonitor, flight: Flight
 ) -> None:
     """Ground that is another one in bumps of 30 m every 500 m: one leaves the window 100 m before the next is there."""
     bumpy = flight(begin=2990.0, end=900.0, surface=lambda s: 30.0 if s % 500.0 < 30.0 and s < 2600.0 else 0.0)
@@ -385,7 +385,7 @@ def test_silence_is_repeated_and_one_lost_sample_says_nothing(monitor: Clearance
     assert repeated.t_ns == said.t_ns + S // 2
 
 
-def test_same_samples_same_outputs(reference: Reference, flight: Flight, path: ApproachPath) -> None:
+def test_same_samples_same_outputs(reference: ApproachReference, flight: Flight, path: ApproachPath) -> None:
     first, second = (run(ClearanceMonitor(reference, SETTINGS), flight(seed=3)) for _ in range(2))
     assert repr(first) == repr(second)
 
@@ -419,7 +419,7 @@ def test_what_is_no_number_is_refused_and_forgotten(
 
 
 @pytest.mark.parametrize("sd", [math.nan, -1.0, 0.0, math.inf])
-def test_a_sigma_that_is_none_counts_as_unknown(reference: Reference, sd: float) -> None:
+def test_a_sigma_that_is_none_counts_as_unknown(reference: ApproachReference, sd: float) -> None:
     """No number would keep T3 below its limit for ever."""
     matcher = Matcher(reference, 50.0)
     assert (

@@ -15,7 +15,7 @@ from fti.nav.altimetry.compensation import (
     height_at_p,
     height_over_ground,
 )
-from fti.nav.altimetry.predicted import Prediction, Predictor
+from fti.nav.altimetry.range_prediction import Prediction, Predictor
 from fti.nav.altimetry.variance import pose_cov, range_row
 from fti.ranging.laser import Laser
 from fti.ranging.nearest import NearestReturn
@@ -23,7 +23,7 @@ from fti.ranging.radar.altimeter import RadarAltimeter
 from fti.ranging.radar.antenna import WIDE
 from fti.ranging.radar.beam import trace_beam
 from fti.ranging.sensor import Poses, RangingSensor
-from fti.terrain.country import synthetic_landscape
+from fti.terrain.synthetic_landscape import synthetic_landscape
 from fti.terrain.terrain import Terrain
 
 Array = NDArray[np.float64]

@@ -8,7 +8,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.nav.dead_reckoning_flights import Case, Fault, Flight, Found, draw, fly, icing, low, stuck, turned_field
+from tests.nav.dead_reckoning_flights import (
+    Case,
+    Fault,
+    Flight,
+    FlightResult,
+    draw,
+    fly,
+    icing,
+    low,
+    rotate_field,
+    stuck,
+)
 
 SETTLED, LOST, AFTER = 40.0, 120.0, (120.0, 299.0)
 WRONG = 70.0
@@ -20,20 +31,20 @@ def numbers(request: pytest.FixtureRequest) -> range:
     return range(10 if request.config.getoption("--scale") == "full" else 1)
 
 
-def moved(found: Found, other: Found) -> float:
+def moved(found: FlightResult, other: FlightResult) -> float:
     """Largest distance between two results after the settling [m]."""
     late = np.array(found.t) > SETTLED
     apart = np.array(found.error)[late] - np.array(other.error)[late]
     return float(np.hypot(*apart.T).max())
 
 
-def misled(found: Found) -> float:
+def misled(found: FlightResult) -> float:
     """Share of the time with an error beyond the protection level."""
     late = np.array(found.t) > SETTLED
     return float(np.mean((found.radial > np.array(found.hpl))[late]))
 
 
-def heading_error_deg(found: Found) -> float:
+def heading_error_deg(found: FlightResult) -> float:
     """Largest one after the settling."""
     return float(np.rad2deg(np.abs(found.heading))[np.array(found.t) > SETTLED].max())
 
@@ -71,7 +82,7 @@ def flight() -> Flight:
 
 
 @pytest.fixture(scope="module")
-def without(flight: Flight) -> Found:
+def without(flight: Flight) -> FlightResult:
     return fly(flight, Case(airspeed=False, heading=False))
 
 
@@ -79,7 +90,7 @@ PITOTS = {"low": low(WRONG, 0.3), "icing": icing(WRONG, 60.0, 0.3), "stuck": stu
 
 
 @pytest.mark.parametrize("name", PITOTS)
-def test_a_wrong_airspeed_beside_satellites_moves_nothing(name: str, flight: Flight, without: Found) -> None:
+def test_a_wrong_airspeed_beside_satellites_moves_nothing(name: str, flight: Flight, without: FlightResult) -> None:
     """But for the one that comes before the first fix."""
     found = fly(flight, Case(heading=False, pitot=PITOTS[name]))
     assert moved(found, without) < 1e-3
@@ -89,9 +100,9 @@ def test_a_wrong_airspeed_beside_satellites_moves_nothing(name: str, flight: Fli
 
 
 @pytest.mark.parametrize("begin", [-1.0, WRONG])
-def test_a_magnetometer_10_deg_off_beside_satellites(begin: float, flight: Flight, without: Found) -> None:
+def test_a_magnetometer_10_deg_off_beside_satellites(begin: float, flight: Flight, without: FlightResult) -> None:
     """On a straight flight of a MEMS unit, whose heading nobody else knows."""
-    found = fly(flight, Case(airspeed=False, iron=turned_field(begin, 10.0)))
+    found = fly(flight, Case(airspeed=False, iron=rotate_field(begin, 10.0)))
     print(f"moved by {moved(found, without):.2f} m; heading {heading_error_deg(found):.1f} deg off,")
     print(f"without {heading_error_deg(without):.1f} deg")
     assert moved(found, without) < STILL_M
@@ -100,7 +111,7 @@ def test_a_magnetometer_10_deg_off_beside_satellites(begin: float, flight: Fligh
     assert heading_error_deg(found) < 15.0
 
 
-def test_a_mems_unit_that_flies_straight_keeps_its_heading(flight: Flight, without: Found) -> None:
+def test_a_mems_unit_that_flies_straight_keeps_its_heading(flight: Flight, without: FlightResult) -> None:
     found = fly(flight, Case(airspeed=False))
     assert heading_error_deg(found) < 9.0
     assert heading_error_deg(without) > 2.0 * heading_error_deg(found)
@@ -112,7 +123,7 @@ def test_a_tactical_heading_does_not_follow_a_wrong_magnetometer() -> None:
     without = fly(flight, Case(airspeed=False, heading=False, unit="tactical"))
     late = np.array(without.t) > SETTLED
     for angle_deg in (3.0, 10.0):
-        found = fly(flight, Case(airspeed=False, unit="tactical", iron=turned_field(-1.0, angle_deg)))
+        found = fly(flight, Case(airspeed=False, unit="tactical", iron=rotate_field(-1.0, angle_deg)))
         both = np.rad2deg(np.array(found.heading) - np.array(without.heading))[late]
         assert np.abs(both).max() < 1.0
         assert moved(found, without) < STILL_M
@@ -131,7 +142,7 @@ def test_sound_ones_are_not_blamed_when_satellites_come_back(request: pytest.Fix
 
 LIES: dict[str, tuple[Fault | None, Fault | None]] = {
     "airspeed 30 % low within a minute": (icing(130.0, 60.0, 0.3), None),
-    "magnetometer 30 deg off": (None, turned_field(130.0, 30.0)),
+    "magnetometer 30 deg off": (None, rotate_field(130.0, 30.0)),
 }
 
 

@@ -16,14 +16,14 @@ from fti.geodesy.rotations import mat_from_rpy
 from fti.nav.dead_reckoning_aids import DeadReckoningAids
 from fti.nav.filter import kernels
 from fti.nav.filter.dead_reckoning import MagneticHeading, TrueAirspeed
-from fti.nav.filter.estimate import Estimate, Start
-from fti.nav.filter.gate import Standing
+from fti.nav.filter.error_states import AIRSPEED_DRIFTS, HEADING_DRIFTS, Extra, FilterModel
+from fti.nav.filter.estimate import Estimate, InitialState
+from fti.nav.filter.innovation_gate import GateState
 from fti.nav.filter.measurement_update import update_estimate
-from fti.nav.filter.states import AIRSPEED_DRIFTS, HEADING_DRIFTS, Extra, Model
-from fti.nav.inertial.errors import TURN
+from fti.nav.inertial.ins_error_model import TURN
 from fti.types import Airspeed, MagneticField, Stamp
 
-MODEL = Model(extras={**AIRSPEED_DRIFTS, **HEADING_DRIFTS})
+MODEL = FilterModel(extras={**AIRSPEED_DRIFTS, **HEADING_DRIFTS})
 SECOND_NS = 1_000_000_000
 DECLINATION, DIP = math.radians(4.0), math.radians(65.0)
 FIELD_N = 48e-6 * np.array(
@@ -34,7 +34,7 @@ FIELD_N = 48e-6 * np.array(
 def flying(heading_deg: float, vel_n: tuple[float, float, float], heading_sd_deg: float = 1.0) -> Estimate:
     turn_sd = (0.002, 0.002, math.radians(heading_sd_deg))
     angles = (math.radians(20.0), math.radians(5.0), math.radians(heading_deg))
-    start = Start(0.8, 0.2, 700.0, vel_n, *angles, (3.0, 3.0, 5.0), (0.3,) * 3, turn_sd)
+    start = InitialState(0.8, 0.2, 700.0, vel_n, *angles, (3.0, 3.0, 5.0), (0.3,) * 3, turn_sd)
     return start.estimate(0, np.zeros(6), MODEL)
 
 
@@ -46,7 +46,7 @@ def with_extra(here: Estimate, extra: Extra, value: float) -> Estimate:
 
 
 def level(heading_deg: float, vel_n: tuple[float, float, float]) -> Estimate:
-    start = Start(
+    start = InitialState(
         0.8, 0.2, 700.0, vel_n, 0.0, 0.0, math.radians(heading_deg), (3.0, 3.0, 5.0), (0.3,) * 3, (0.002,) * 3
     )
     return start.estimate(0, np.zeros(6), MODEL)
@@ -84,12 +84,12 @@ def test_a_heading_that_is_too_small_is_seen_as_such_in_any_attitude() -> None:
 
 def test_beside_satellites_an_airspeed_corrects_its_own_states_alone() -> None:
     here, aiding = flying(0.0, (50.0, 0.0, 0.0)), TrueAirspeed(58.0, 1.0, 2.0)
-    standings = {"gnss.position": Standing(0, None, frozenset({"horizontal"}))}
-    after = update_estimate(here, standings, aiding, SECOND_NS).estimate
+    gate_states = {"gnss.position": GateState(0, None, frozenset({"horizontal"}))}
+    after = update_estimate(here, gate_states, aiding, SECOND_NS).estimate
     np.testing.assert_allclose(after.y[: kernels.EXTRAS], here.y[: kernels.EXTRAS], rtol=1e-15)
     np.testing.assert_allclose(after.P[:TURN, :TURN], here.P[:TURN, :TURN], atol=1e-12)
     assert after.drift(Extra.WIND_NORTH) < -5.0
-    late = update_estimate(here, standings, aiding, 6 * SECOND_NS).estimate
+    late = update_estimate(here, gate_states, aiding, 6 * SECOND_NS).estimate
     assert np.abs(late.y[3:6] - here.y[3:6]).max() > 1e-4, "satellites are gone for 6 s: all is corrected"
 
 

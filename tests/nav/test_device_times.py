@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from fti.config import Device
-from fti.nav.times.device_clock import DeviceClock
-from fti.nav.times.device_times import DeviceTimes, restamped
+from fti.nav.device_time.clock_estimator import ClockEstimator
+from fti.nav.device_time.device_times import DeviceTimes, restamp
 from fti.types import Attitude, ImuSample, Measurement, Stamp, TimeScale
 
 SECOND_NS = 1_000_000_000
@@ -63,7 +63,7 @@ def test_a_clock_that_fails_gives_no_measurement_the_time_of_another_message(mon
         raise ArithmeticError
 
     with monkeypatch.context() as patch:
-        patch.setattr(DeviceClock, "take", fail)
+        patch.setattr(ClockEstimator, "take", fail)
         with pytest.raises(ArithmeticError):
             times.stamp("ins", later[0])
     assert times.stamp("ins", later[1]).stamp.t_rx_ns == later[1].stamp.t_rx_ns
@@ -145,10 +145,10 @@ def test_gnss_time_at_fti_time_comes_from_who_knows_it() -> None:
 def test_a_person_is_told_once_when_a_clock_is_known() -> None:
     times = DeviceTimes([device()])
     fly(times, 0, 120)
-    (event,) = times.take_events(FTI_0)
+    (event,) = times.drain_events(FTI_0)
     assert event.text.startswith("the clock of ins (gps) is known: ")
     assert event.level == "info"
-    assert times.take_events(FTI_0) == []
+    assert times.drain_events(FTI_0) == []
 
 
 def test_the_same_measurements_give_the_same_notes() -> None:
@@ -164,7 +164,7 @@ def test_the_same_measurements_give_the_same_notes() -> None:
 def test_only_the_stamp_is_another_one(kind: Any) -> None:
     required = {f.name for f in dataclasses.fields(kind) if f.default is dataclasses.MISSING} - {"stamp"}
     measurement = kind(stamp=Stamp(1), **{name: name for name in required})
-    found = restamped(measurement, Stamp(2))
+    found = restamp(measurement, Stamp(2))
     assert found == dataclasses.replace(measurement, stamp=Stamp(2))
     assert type(found) is kind and measurement.stamp == Stamp(1)
 

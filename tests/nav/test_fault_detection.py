@@ -14,7 +14,18 @@ import pytest
 from numpy.typing import NDArray
 
 from fti.types import FilterMode
-from tests.nav.receiver_flights import Fault, Fixes, Flight, Found, after, draw, fly, frozen, silent, swapped
+from tests.nav.receiver_flights import (
+    Fault,
+    Fixes,
+    Flight,
+    FlightResult,
+    draw,
+    fly,
+    frozen,
+    offset_after,
+    silent,
+    swapped,
+)
 
 Array = NDArray[np.float64]
 
@@ -50,15 +61,15 @@ def numbers(request: pytest.FixtureRequest) -> range:
 
 
 STANDING: dict[str, tuple[Fault, float]] = {
-    "small step": (after(BEGIN, constant(0.0, 20.0, 0.0)), 12.0),
-    "step": (after(BEGIN, constant(0.0, 100.0, 0.0)), 8.0),
+    "small step": (offset_after(BEGIN, constant(0.0, 20.0, 0.0)), 12.0),
+    "step": (offset_after(BEGIN, constant(0.0, 100.0, 0.0)), 8.0),
     "frozen": (frozen(BEGIN, np.inf), 10.0),
     "frozen position": (frozen(BEGIN, np.inf, velocity=False), 10.0),
     "swapped": (swapped(BEGIN, np.inf), 8.0),
-    "sharp ramp": (after(BEGIN, *ramp(1.0, 100.0)), 15.0),
-    "smooth ramp": (after(BEGIN, *ramp(1.0, 0.1)), 25.0),
-    "ramp of the position alone": (after(BEGIN, ramp(1.0, 100.0)[0]), 20.0),
-    "fast ramp": (after(BEGIN, *ramp(3.0, 100.0)), 10.0),
+    "sharp ramp": (offset_after(BEGIN, *ramp(1.0, 100.0)), 15.0),
+    "smooth ramp": (offset_after(BEGIN, *ramp(1.0, 0.1)), 25.0),
+    "ramp of the position alone": (offset_after(BEGIN, ramp(1.0, 100.0)[0]), 20.0),
+    "fast ramp": (offset_after(BEGIN, *ramp(3.0, 100.0)), 10.0),
 }
 
 
@@ -82,7 +93,7 @@ def test_a_ramp_soon_after_the_first_copy_is_within_the_protection_level() -> No
     """The copy is too young to be certain of it, and is not replaced any more: nothing is refused, and it counts."""
     begin = 23.0
     offset, velocity = ramp(1.0, 100.0)
-    found = fly(draw(0), {"gnss": after(begin, offset, velocity)})
+    found = fly(draw(0), {"gnss": offset_after(begin, offset, velocity)})
     print(found.texts())
     assert found.radial.max() > 30.0
     assert found.misled(begin) == 0.0
@@ -91,7 +102,7 @@ def test_a_ramp_soon_after_the_first_copy_is_within_the_protection_level() -> No
 ENDING: dict[str, Fault] = {
     "frozen": frozen(BEGIN, END),
     "swapped": swapped(BEGIN, END),
-    "fast ramp": after(BEGIN, until(END - BEGIN, ramp(5.0, 100.0)[0]), until(END - BEGIN, ramp(5.0, 100.0)[1])),
+    "fast ramp": offset_after(BEGIN, until(END - BEGIN, ramp(5.0, 100.0)[0]), until(END - BEGIN, ramp(5.0, 100.0)[1])),
 }
 
 
@@ -109,7 +120,7 @@ def test_a_contradiction_that_ends_by_a_step_is_forgiven_after_30_s(name: str, r
 def test_a_lie_of_the_size_that_the_filter_has_drifted_stays_unconfirmed() -> None:
     """A ramp that ends and stands: the coasting filter agrees with it sooner or later, and does not let it in."""
     offset, velocity = ramp(1.0, 100.0)
-    standing = after(BEGIN, lambda s: offset(np.minimum(s, 20.0)), until(20.0, velocity))
+    standing = offset_after(BEGIN, lambda s: offset(np.minimum(s, 20.0)), until(20.0, velocity))
     found = fly(draw(0), {"gnss": standing})
     assert found.refused_at("gnss")[-1] == pytest.approx(max(found.t))
     assert "unconfirmed" in found.texts()
@@ -118,7 +129,7 @@ def test_a_lie_of_the_size_that_the_filter_has_drifted_stays_unconfirmed() -> No
 
 def test_a_wrong_height_leaves_the_position_in() -> None:
     """47 m of undulation from a moment on, and back: beside a barometer the height alone is refused."""
-    found = fly(draw(0), {"gnss": after(BEGIN, until(END - BEGIN, constant(0.0, 0.0, 47.0)))})
+    found = fly(draw(0), {"gnss": offset_after(BEGIN, until(END - BEGIN, constant(0.0, 0.0, 47.0)))})
     assert "gnss height: refused" in found.texts()
     assert "gnss height: aids the filter again" in found.texts()
     assert len(found.refused_at("gnss")) == 0
@@ -127,7 +138,7 @@ def test_a_wrong_height_leaves_the_position_in() -> None:
 
 
 def test_without_a_barometer_a_wrong_height_refuses_the_receiver() -> None:
-    found = fly(draw(0), {"gnss": after(BEGIN, constant(0.0, 0.0, 47.0))}, baro=False)
+    found = fly(draw(0), {"gnss": offset_after(BEGIN, constant(0.0, 0.0, 47.0))}, baro=False)
     assert found.refused_at("gnss")[0] - BEGIN <= 8.0
     assert found.misled(SETTLED) == 0.0
 
@@ -149,7 +160,7 @@ def test_of_two_receivers_the_one_that_lies_is_refused(name: str) -> None:
 @pytest.mark.parametrize("rate", [1.0, 3.0])
 def test_two_receivers_that_lie_alike_are_both_refused(rate: float) -> None:
     """One spoofer: the other one is no witness.  Refusing one of them let the filter follow the other."""
-    fault = after(BEGIN, *ramp(rate, 100.0))
+    fault = offset_after(BEGIN, *ramp(rate, 100.0))
     found = fly(draw(0, ("gnss", "second")), {"gnss": fault, "second": fault})
     for name in ("gnss", "second"):
         assert found.refused_at(name)[0] - BEGIN <= 20.0
@@ -160,7 +171,7 @@ def test_two_receivers_that_lie_alike_are_both_refused(rate: float) -> None:
 @pytest.mark.parametrize("lying", ["gnss", "second"])
 def test_of_two_receivers_that_part_slowly_the_sound_one_is_not_refused(lying: str) -> None:
     """0.3 m/s, which the inertial unit does not see: a draw, and levels that cover both."""
-    found = fly(draw(0, ("gnss", "second")), {lying: after(BEGIN, *ramp(0.3, 100.0))})
+    found = fly(draw(0, ("gnss", "second")), {lying: offset_after(BEGIN, *ramp(0.3, 100.0))})
     sound = "second" if lying == "gnss" else "gnss"
     assert "contradiction: " in found.texts()
     assert len(found.refused_at(sound)) == 0, found.texts()
@@ -212,7 +223,7 @@ def test_a_filter_that_begins_again_does_not_begin_with_a_receiver_that_contradi
 
 def test_a_filter_that_begins_again_does_not_begin_with_a_height_that_contradicted_it() -> None:
     """47 m of height at 300 s, a gap of the inertial unit at 400 s: the altitude was 49 m off, its level 25 m."""
-    found = fly(without_samples(draw(0), 400.0, 400.5), {"gnss": after(BEGIN, constant(0.0, 0.0, 47.0))})
+    found = fly(without_samples(draw(0), 400.0, 400.5), {"gnss": offset_after(BEGIN, constant(0.0, 0.0, 47.0))})
     assert "gnss height: refused" in found.texts()
     assert max(found.t) == pytest.approx(399.0, abs=1.1)
     assert found.misled(SETTLED) == 0.0
@@ -220,7 +231,7 @@ def test_a_filter_that_begins_again_does_not_begin_with_a_height_that_contradict
 
 def test_a_filter_that_begins_again_with_another_height_still_refuses_the_one_that_contradicted() -> None:
     flight = without_samples(draw(0, ("gnss", "second")), 400.0, 400.5)
-    found = fly(flight, {"gnss": after(BEGIN, constant(0.0, 0.0, 47.0))})
+    found = fly(flight, {"gnss": offset_after(BEGIN, constant(0.0, 0.0, 47.0))})
     assert max(found.t) == pytest.approx(599.0, abs=1.1)
     assert "gnss height: still refused after the filter began again" in found.texts()
     assert found.misled(SETTLED) == 0.0
@@ -235,7 +246,7 @@ def test_a_filter_that_begins_again_with_another_receiver_still_refuses_the_one_
     assert found.misled(SETTLED) == 0.0
 
 
-def nominal(numbers: range, receivers: tuple[str, ...]) -> list[Found]:
+def nominal(numbers: range, receivers: tuple[str, ...]) -> list[FlightResult]:
     return [fly(draw(100 + number, receivers)) for number in numbers]
 
 

@@ -21,20 +21,22 @@ from fti.nav.filter.aiding import (
     TerrainAltitude,
 )
 from fti.nav.filter.dead_reckoning import TrueAirspeed
-from fti.nav.filter.estimate import Estimate, Start
-from fti.nav.filter.measurement_update import updated
-from fti.nav.filter.states import Drift, Extra, Model
+from fti.nav.filter.error_states import Drift, Extra, FilterModel
+from fti.nav.filter.estimate import Estimate, InitialState
+from fti.nav.filter.measurement_update import apply_update
 
 Array = NDArray[np.float64]
 
-MODEL = Model(extras={extra: Drift(1.0, period_s=100.0) for extra in Extra})
+MODEL = FilterModel(extras={extra: Drift(1.0, period_s=100.0) for extra in Extra})
 FELT = np.array([0.3, 0.1, -9.8, 0.05, -0.1, 0.2])
 ARM = (1.0, -2.0, -3.0)
 U, N = (0.3, 0.2, 0.9327379053), (0.1, -0.2, 0.9746794345)
 
 
 def made() -> Estimate:
-    start = Start(0.8, 0.2, 700.0, (50.0, 20.0, -2.0), 0.3, 0.1, 2.0, (3.0, 3.0, 5.0), (0.3,) * 3, (0.01, 0.01, 0.03))
+    start = InitialState(
+        0.8, 0.2, 700.0, (50.0, 20.0, -2.0), 0.3, 0.1, 2.0, (3.0, 3.0, 5.0), (0.3,) * 3, (0.01, 0.01, 0.03)
+    )
     return start.estimate(0, FELT, MODEL)
 
 
@@ -111,7 +113,7 @@ def test_an_update_is_the_textbooks() -> None:
     here = made()
     z, H, _ = GnssPosition(0.8 + 1e-7, 0.2, 702.0, 2.0, 3.0).compute_matrices(here)
     R = np.array([[4.0, 1.0, 0.5], [1.0, 9.0, -2.0], [0.5, -2.0, 3.0]])
-    after, nis = updated(here, here.P.copy(), z, H, R)
+    after, nis = apply_update(here, here.P.copy(), z, H, R)
     assert nis == pytest.approx(z @ np.linalg.solve(H @ here.P @ H.T + R, z), rel=1e-9)
     K = here.P @ H.T @ np.linalg.inv(H @ here.P @ H.T + R)
     left = np.eye(MODEL.size) - K @ H

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tests.nav.aided_flights import T0, Fault, Found, drawn, fly, no_fault
+from tests.nav.aided_flights import T0, Fault, FlightResult, draw_flight, fly, no_fault
 
 Array = NDArray[np.float64]
 
@@ -34,22 +34,22 @@ FAULTS: dict[str, tuple[Fault, float]] = {
 class Flown:
     """One flight with a sound altimeter, with each fault, without an altimeter."""
 
-    sound: Found
-    wrong: dict[str, Found]
-    alone: Found
+    sound: FlightResult
+    wrong: dict[str, FlightResult]
+    alone: FlightResult
 
 
 @pytest.fixture(scope="module")
 def flights(request: pytest.FixtureRequest) -> list[Flown]:
     full, found = request.config.getoption("--scale") == "full", []
     for number in range(FLIGHTS_FULL if full else FLIGHTS):
-        flight = drawn(number)
+        flight = draw_flight(number)
         wrong = {name: fly(flight, fault) for name, (fault, _) in FAULTS.items()}
         found.append(Flown(fly(flight), wrong, fly(flight, aided=False)))
     return found
 
 
-def rms_between(one: Found, other: Found, from_s: float) -> float:
+def rms_between(one: FlightResult, other: FlightResult, from_s: float) -> float:
     """Of the difference of two heights of the same flight, from a time on [m]."""
     t = np.arange(from_s, LAST_S)
     return float(np.sqrt(np.mean((one.at(t) - other.at(t)) ** 2)))
@@ -107,7 +107,7 @@ def test_without_satellites_an_altimeter_still_holds_the_height() -> None:
     """Gone from 120 to 180 s: the height of the last five seconds, with the altimeter and inertial alone."""
     held, alone = list[Array](), list[Array]()
     for number in range(6):
-        flight, t = drawn(number), np.arange(175.0, 180.0)
+        flight, t = draw_flight(number), np.arange(175.0, 180.0)
         for found, aided in ((held, True), (alone, False)):
             found.append(fly(flight, no_fault, aided, lost=lambda t: 120.0 <= t < 180.0).at(t))
     rms = [float(np.sqrt(np.mean(np.square(found)))) for found in (held, alone)]

@@ -8,14 +8,22 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from fti.hil.flight.trajectory import State
+from fti.hil.flight.trajectory import FlightState
 from fti.hil.sensors.inertial import angular_rate_b, specific_force_b
 from fti.nav.filter.aiding import GnssPosition, GnssVelocity, TerrainAltitude
-from fti.nav.filter.estimate import Estimate, Start
-from fti.nav.filter.exclusion import BACK_NS, HOLD_NS, Cause, begun_anew, considered, inconsistency
-from fti.nav.filter.navigator import Navigator
-from fti.nav.filter.states import ALTIMETER_BIAS, ALTIMETER_SCALE, DEM_DRIFT, GNSS_DRIFTS, Drift, Extra, Model
-from fti.study._closure import wandering
+from fti.nav.filter.error_states import (
+    ALTIMETER_BIAS,
+    ALTIMETER_SCALE,
+    DEM_DRIFT,
+    GNSS_DRIFTS,
+    Drift,
+    Extra,
+    FilterModel,
+)
+from fti.nav.filter.estimate import Estimate, InitialState
+from fti.nav.filter.exclusion import HOLD_NS, READMISSION_NS, Cause, consider_update, inconsistency, reset_states
+from fti.nav.filter.navigator import InertialNavigator
+from fti.study._closure import random_flight
 from fti.types import Reason
 
 Array = NDArray[np.float64]
@@ -23,24 +31,24 @@ Array = NDArray[np.float64]
 SECOND, STEP, AGL = 1_000_000_000, 0.04, 200.0
 T0 = 1_700_000_000 * SECOND
 OWN = ("laser.bias", "laser.scale")
-MODEL = Model(extras={**GNSS_DRIFTS, Extra.DEM: DEM_DRIFT, OWN[0]: ALTIMETER_BIAS, OWN[1]: ALTIMETER_SCALE})
+MODEL = FilterModel(extras={**GNSS_DRIFTS, Extra.DEM: DEM_DRIFT, OWN[0]: ALTIMETER_BIAS, OWN[1]: ALTIMETER_SCALE})
 BIAS, SCALE = MODEL.columns[OWN[0]], MODEL.columns[OWN[1]]
 Wrong = Callable[[float], float]
 
 
 @pytest.fixture(scope="module")
-def flight() -> State:
-    return wandering(np.random.default_rng(5), 92.0).state(np.arange(0.0, 90.0, STEP))
+def flight() -> FlightState:
+    return random_flight(np.random.default_rng(5), 92.0).state(np.arange(0.0, 90.0, STEP))
 
 
 def ns(t: float) -> int:
     return T0 + round(t * SECOND)
 
 
-def begun(state: State, model: Model = MODEL) -> Navigator:
-    navigator = Navigator(model)
+def begun(state: FlightState, model: FilterModel = MODEL) -> InertialNavigator:
+    navigator = InertialNavigator(model)
     north, east, down = state.vel_n[0].tolist()
-    start = Start(
+    start = InitialState(
         float(state.lat[0]), float(state.lon[0]), float(state.alt[0]), (north, east, down), float(state.roll[0]),
         float(state.pitch[0]), float(state.heading[0]), (2.0,) * 3, (0.2,) * 3, (0.01, 0.01, 0.02),
     )  # fmt: skip
@@ -48,51 +56,56 @@ def begun(state: State, model: Model = MODEL) -> Navigator:
     return navigator
 
 
-def altitude(state: State, k: int, wrong: float, name: str = "laser.altitude") -> TerrainAltitude:
+def altitude(state: FlightState, k: int, wrong: float, name: str = "laser.altitude") -> TerrainAltitude:
     return TerrainAltitude(float(state.alt[k]) + wrong, 0.3, AGL + wrong, name, 1.0, *OWN)
 
 
 def fly(
-    navigator: Navigator, state: State, wrong: Wrong, seen: Wrong = lambda t: 1.0, until: float = 90.0, late: int = 0
+    navigator: InertialNavigator,
+    state: FlightState,
+    wrong: Wrong,
+    seen: Wrong = lambda t: 1.0,
+    until: float = 90.0,
+    late: int = 0,
 ) -> dict[float, tuple[str, ...]]:
     """Noise-free sensors, fixes and altitudes once a second, these so many samples late; who is excluded, by time."""
-    felt, turned, told = specific_force_b(state), angular_rate_b(state), {}
+    imu, turned, told = specific_force_b(state), angular_rate_b(state), {}
     for k, t in enumerate(state.t.tolist()):
         if t > until:
             break
-        navigator.take_inertial(ns(t), felt[k], turned[k])
+        navigator.feed_inertial(ns(t), imu[k], turned[k])
         if k % 25 == 5 and seen(t):
             north, east, down = state.vel_n[k].tolist()
             place = float(state.lat[k]), float(state.lon[k]), float(state.alt[k])
-            navigator.take(ns(t), GnssPosition(*place, 2.0, 3.0))
-            navigator.take(ns(t), GnssVelocity(north, east, down, 0.1))
+            navigator.feed_aiding(ns(t), GnssPosition(*place, 2.0, 3.0))
+            navigator.feed_aiding(ns(t), GnssVelocity(north, east, down, 0.1))
         j = k - late
         if j >= 0 and j % 25 == 10:
             at = float(state.t[j])
-            navigator.take(ns(at), altitude(state, j, wrong(at)))
+            navigator.feed_aiding(ns(at), altitude(state, j, wrong(at)))
         if k % 25 == 20:
             told[t] = navigator.output(ns(t)).excluded
     return told
 
 
-def height_error(navigator: Navigator, state: State, t: float) -> float:
+def height_error(navigator: InertialNavigator, state: FlightState, t: float) -> float:
     here = navigator.at(ns(t))
     assert here is not None
     return here.place[2] - float(np.interp(t, state.t, state.alt))
 
 
-def test_a_step_is_excluded_after_the_hold_and_comes_back_after_it_has_agreed(flight: State) -> None:
+def test_a_step_is_excluded_after_the_hold_and_comes_back_after_it_has_agreed(flight: FlightState) -> None:
     """40 m from 20 s to 40 s: refused, excluded within 7 s, and back no sooner than half a minute after the end."""
     navigator = begun(flight)
     told = fly(navigator, flight, lambda t: 40.0 if 20.0 <= t < 40.0 else 0.0)
     out = [t for t, names in told.items() if names]
     assert 20.0 + HOLD_NS / SECOND <= out[0] <= 28.0
-    assert 40.0 + BACK_NS / SECOND <= out[-1] + 1.0 <= 82.0
+    assert 40.0 + READMISSION_NS / SECOND <= out[-1] + 1.0 <= 82.0
     assert out == [t for t in told if out[0] <= t <= out[-1]]
     assert abs(height_error(navigator, flight, 89.0)) < 0.5
 
 
-def test_what_is_excluded_is_said_with_its_cause_and_since_when(flight: State) -> None:
+def test_what_is_excluded_is_said_with_its_cause_and_since_when(flight: FlightState) -> None:
     navigator = begun(flight)
     fly(navigator, flight, lambda t: 40.0 if t >= 20.0 else 0.0, until=30.0)
     exclusion = navigator.exclusions["laser.altitude"]
@@ -105,7 +118,7 @@ def test_what_is_excluded_is_said_with_its_cause_and_since_when(flight: State) -
     assert told.reasons == (Reason.EXCLUDED,)
 
 
-def test_a_bias_from_the_start_is_estimated_and_excluded_by_its_size(flight: State) -> None:
+def test_a_bias_from_the_start_is_estimated_and_excluded_by_its_size(flight: FlightState) -> None:
     navigator = begun(flight)
     told = fly(navigator, flight, lambda t: 35.0, until=40.0)
     assert told[max(told)] == ("laser.altitude",)
@@ -116,42 +129,42 @@ def test_a_bias_from_the_start_is_estimated_and_excluded_by_its_size(flight: Sta
     assert here.drift(OWN[0]) + AGL * here.drift(OWN[1]) == pytest.approx(35.0, abs=6.0)
 
 
-def test_a_sound_one_is_never_excluded(flight: State) -> None:
+def test_a_sound_one_is_never_excluded(flight: FlightState) -> None:
     assert not any(fly(begun(flight), flight, lambda t: 1.5 * np.sin(t)).values())
 
 
-def test_where_nothing_else_bounds_the_height_it_is_not_excluded(flight: State) -> None:
+def test_where_nothing_else_bounds_the_height_it_is_not_excluded(flight: FlightState) -> None:
     """Without satellites the inertial height may be what is wrong: the altimeter is let in again, as ever."""
     navigator = begun(flight)
     told = fly(navigator, flight, lambda t: 40.0 if t >= 20.0 else 0.0, seen=lambda t: float(t < 12.0), until=40.0)
     assert not any(told.values())
 
 
-def test_of_two_altimeters_without_satellites_the_one_that_steps_is_excluded(flight: State) -> None:
+def test_of_two_altimeters_without_satellites_the_one_that_steps_is_excluded(flight: FlightState) -> None:
     """The other one still agrees with the inertial height: it bounds the height, and goes on aiding."""
     extras = {**MODEL.extras, "other.bias": ALTIMETER_BIAS, "other.scale": ALTIMETER_SCALE}
-    navigator = begun(flight, Model(extras=extras))
-    felt, turned = specific_force_b(flight), angular_rate_b(flight)
+    navigator = begun(flight, FilterModel(extras=extras))
+    imu, turned = specific_force_b(flight), angular_rate_b(flight)
     for k, t in enumerate(flight.t[flight.t < 40.0].tolist()):
-        navigator.take_inertial(ns(t), felt[k], turned[k])
+        navigator.feed_inertial(ns(t), imu[k], turned[k])
         if k % 25 == 5 and t < 12.0:
             place = float(flight.lat[k]), float(flight.lon[k]), float(flight.alt[k])
-            navigator.take(ns(t), GnssPosition(*place, 2.0, 3.0))
+            navigator.feed_aiding(ns(t), GnssPosition(*place, 2.0, 3.0))
         if k % 25 == 10:
-            navigator.take(ns(t), altitude(flight, k, 40.0 if t >= 20.0 else 0.0))
+            navigator.feed_aiding(ns(t), altitude(flight, k, 40.0 if t >= 20.0 else 0.0))
             other = TerrainAltitude(float(flight.alt[k]), 0.3, AGL, "other.altitude", 1.0, "other.bias", "other.scale")
-            navigator.take(ns(t), other)
+            navigator.feed_aiding(ns(t), other)
     assert navigator.output(ns(39.9)).excluded == ("laser.altitude",)
     assert abs(height_error(navigator, flight, 39.9)) < 2.0
 
 
-def test_an_error_without_a_sound_size_is_never_excluded(flight: State) -> None:
+def test_an_error_without_a_sound_size_is_never_excluded(flight: FlightState) -> None:
     """As the studies draw them: from the filter's own prior, however large."""
     extras = {**MODEL.extras, OWN[0]: Drift(10.0, period_s=3750.0), OWN[1]: Drift(0.03, period_s=32_400.0)}
-    assert not any(fly(begun(flight, Model(extras=extras)), flight, lambda t: 35.0, until=40.0).values())
+    assert not any(fly(begun(flight, FilterModel(extras=extras)), flight, lambda t: 35.0, until=40.0).values())
 
 
-def test_late_is_in_time_to_the_last_bit_across_an_exclusion(flight: State) -> None:
+def test_late_is_in_time_to_the_last_bit_across_an_exclusion(flight: FlightState) -> None:
     """Altitudes of 0.4 s ago, and the same at once: one answer, excluded at the same time."""
 
     def wrong(t: float) -> float:
@@ -171,7 +184,7 @@ def test_late_is_in_time_to_the_last_bit_across_an_exclusion(flight: State) -> N
 # --------------------------------------------------------------------------------------------------- the arithmetic
 
 
-def made(flight: State) -> tuple[Estimate, TerrainAltitude]:
+def made(flight: FlightState) -> tuple[Estimate, TerrainAltitude]:
     navigator = begun(flight)
     fly(navigator, flight, lambda t: 0.0, until=10.0)
     here = navigator.at(ns(10.0))
@@ -179,11 +192,11 @@ def made(flight: State) -> tuple[Estimate, TerrainAltitude]:
     return here, altitude(flight, round(10.0 / STEP), 8.0)
 
 
-def test_an_excluded_altimeter_corrects_its_own_states_alone(flight: State) -> None:
+def test_an_excluded_altimeter_corrects_its_own_states_alone(flight: FlightState) -> None:
     """By matrices: the gain of all other states is zero, and P is that of this gain."""
     here, aiding = made(flight)
     z, H, R = aiding.compute_matrices(here)
-    after, nis = considered(here, OWN, z, H, R)
+    after, nis = consider_update(here, OWN, z, H, R)
     s = float((H @ here.P @ H.T + R)[0, 0])
     K = (here.P @ H.T / s)[:, 0]
     K[[k for k in range(MODEL.size) if k not in {BIAS, SCALE}]] = 0.0
@@ -194,9 +207,9 @@ def test_an_excluded_altimeter_corrects_its_own_states_alone(flight: State) -> N
     assert np.linalg.eigvalsh(after.P).min() > 0.0
 
 
-def test_what_begins_anew_is_independent_of_all_others(flight: State) -> None:
+def test_what_begins_anew_is_independent_of_all_others(flight: FlightState) -> None:
     here, _ = made(flight)
-    anew = begun_anew(here, OWN)
+    anew = reset_states(here, OWN)
     others = [k for k in range(MODEL.size) if k not in {BIAS, SCALE}]
     np.testing.assert_array_equal(anew.P[np.ix_(others, others)], here.P[np.ix_(others, others)])
     assert not anew.P[BIAS, others].any()
@@ -204,14 +217,14 @@ def test_what_begins_anew_is_independent_of_all_others(flight: State) -> None:
     assert anew.drift(OWN[0]) == 0.0
 
 
-def test_the_inconsistency_is_that_of_what_bias_and_scale_come_to(flight: State) -> None:
+def test_the_inconsistency_is_that_of_what_bias_and_scale_come_to(flight: FlightState) -> None:
     """8 m of bias and -4 % of 200 m cancel; 8 m and 4 % are 16 m."""
     here, aiding = made(flight)
-    here = begun_anew(here, OWN)
+    here = reset_states(here, OWN)
     _, H, _ = aiding.compute_matrices(here)
     sd = np.sqrt(10.0**2 + 1.6**2 + (aiding.height_agl * 0.03) ** 2 + (aiding.height_agl * 0.01) ** 2)
     for scale, metres in ((-8.0 / aiding.height_agl, 0.0), (8.0 / aiding.height_agl, 16.0)):
         y = here.y.copy()
         y[-2:] = 8.0, scale
-        wrong = Estimate(here.t_ns, y, here.P, here.felt, here.model)
+        wrong = Estimate(here.t_ns, y, here.P, here.imu, here.model)
         assert inconsistency(wrong, OWN, H[0]) == pytest.approx(metres / sd, abs=1e-9)

@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from fti.nav.integrity.approach import ApproachPath
-from fti.nav.integrity.glide_slope import HeightDeviation, Place, deviation, dots, glide_slope
+from fti.nav.integrity.glide_slope import HeightDeviation, PathPosition, deviation, dots, glide_slope
 from fti.types import ClearanceIntegrity, IntegrityState, Reason
 
 GLIDE = math.radians(3.0)
@@ -36,7 +36,7 @@ def test_a_dot_is_0_36_deg_at_3_deg(deg: float, shown: float, clamped: bool) -> 
 
 def test_needle_height_and_navigation_stand_side_by_side(path: ApproachPath) -> None:
     alt = float(path.alt_path(1000.0)) + 12.0
-    found = glide_slope(OK, path, Place(1000.0, -3.0, alt), HIGH)
+    found = glide_slope(OK, path, PathPosition(1000.0, -3.0, alt), HIGH)
     assert found.valid
     assert (found.t_ns, found.t_valid_ns, found.dh) == (5, 4, 10.0)
     assert found.dh_nav == pytest.approx(12.0)
@@ -45,10 +45,10 @@ def test_needle_height_and_navigation_stand_side_by_side(path: ApproachPath) -> 
 
 
 def test_below_150_m_there_are_only_metres(path: ApproachPath) -> None:
-    found = glide_slope(OK, path, Place(149.0, 0.0, 210.0), HIGH)
+    found = glide_slope(OK, path, PathPosition(149.0, 0.0, 210.0), HIGH)
     assert (found.valid, found.reasons, found.deviation, found.dots) == (False, (Reason.BELOW_150_M,), None, None)
     assert (found.dh, found.dh_sd) == (10.0, 1.0)
-    assert glide_slope(OK, path, Place(150.0, 0.0, 210.0), HIGH).valid
+    assert glide_slope(OK, path, PathPosition(150.0, 0.0, 210.0), HIGH).valid
 
 
 @pytest.mark.parametrize(
@@ -63,7 +63,7 @@ def test_below_150_m_there_are_only_metres(path: ApproachPath) -> None:
     ],
 )
 def test_valid_only_while_the_monitor_vouches(path: ApproachPath, integrity: ClearanceIntegrity, valid: bool) -> None:
-    found = glide_slope(integrity, path, Place(1000.0, 0.0, 260.0), HIGH)
+    found = glide_slope(integrity, path, PathPosition(1000.0, 0.0, 260.0), HIGH)
     assert found.valid is valid
     assert (Reason.INTEGRITY in found.reasons) is not valid
 

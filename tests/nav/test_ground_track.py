@@ -10,12 +10,12 @@ import pytest
 from fti.config import Approach
 from fti.errors import ConfigError
 from fti.nav.integrity.approach import Airfield, ApproachPath, load_airfield
-from fti.nav.integrity.channel import ApproachChannel
-from fti.nav.integrity.ground_track import GroundTrack, Leg
+from fti.nav.integrity.approach_channel import ApproachChannel
+from fti.nav.integrity.ground_track import GroundTrack, TrackLeg
 from fti.nav.integrity.monitor import ClearanceSample
-from fti.nav.integrity.reference import Reference
+from fti.nav.integrity.reference import ApproachReference
 from fti.nav.navigation import NavState
-from fti.nav.sources import AttitudeState, PositionState
+from fti.nav.source_interpolation import AttitudeState, PositionState
 from fti.types import ClearanceIntegrity, IntegrityState, Reason
 from tests.nav.test_approach import TEXT
 from tests.nav.test_approach_channel import height_of
@@ -24,10 +24,10 @@ Flight = Callable[..., Iterator[ClearanceSample]]
 BANK = 20.0
 #: 1 km of final, a quarter of a turn flown to the left with 600 m of radius, half a kilometre, and 30 deg to the right.
 LEGS = (
-    Leg(length_m=1000.0),
-    Leg(length_m=600.0 * math.pi / 2, radius_m=-600.0, bank_deg=BANK),
-    Leg(length_m=500.0),
-    Leg(length_m=2000.0 * math.pi / 6, radius_m=2000.0, bank_deg=10.0),
+    TrackLeg(length_m=1000.0),
+    TrackLeg(length_m=600.0 * math.pi / 2, radius_m=-600.0, bank_deg=BANK),
+    TrackLeg(length_m=500.0),
+    TrackLeg(length_m=2000.0 * math.pi / 6, radius_m=2000.0, bank_deg=10.0),
 )
 
 
@@ -66,8 +66,8 @@ def test_geodetic_is_the_inverse_of_along_on_arcs_too(path: ApproachPath) -> Non
 
 def test_one_place_is_along_as_many_are(path: ApproachPath) -> None:
     lat, lon = path.geodetic(1500.0, 20.0)
-    assert path.along_one(float(lat), float(lon)) == pytest.approx((1500.0, 20.0), abs=1e-3)
-    assert all(map(math.isnan, path.along_one(math.nan, 0.2)))
+    assert path.to_path_one(float(lat), float(lon)) == pytest.approx((1500.0, 20.0), abs=1e-3)
+    assert all(map(math.isnan, path.to_path_one(math.nan, 0.2)))
 
 
 def test_bank_is_rolled_in_and_out(path: ApproachPath) -> None:
@@ -78,7 +78,7 @@ def test_bank_is_rolled_in_and_out(path: ApproachPath) -> None:
 
 
 def test_a_straight_leg_is_as_none(airfield: Airfield) -> None:
-    with_leg = ApproachPath(airfield.model_copy(update={"leg": (Leg(length_m=3000.0),)}))
+    with_leg = ApproachPath(airfield.model_copy(update={"leg": (TrackLeg(length_m=3000.0),)}))
     place = with_leg.geodetic(2500.0, 30.0)
     np.testing.assert_allclose(place, ApproachPath(airfield).geodetic(2500.0, 30.0), atol=1e-14)
     assert with_leg.bank_one(2500.0) == ApproachPath(airfield).bank_one(2500.0) == 0.0
@@ -94,7 +94,7 @@ def flown(path: ApproachPath, flight: Flight, level: bool) -> Iterator[tuple[Cle
 
 
 @pytest.fixture
-def channel(reference: Reference, curved: Airfield) -> ApproachChannel:
+def channel(reference: ApproachReference, curved: Airfield) -> ApproachChannel:
     header = reference.header.model_copy(update={"airfield": curved})
     return ApproachChannel(dataclasses.replace(reference, header=header), Approach(profile="", alert_v_m=12.0), "radar")
 
@@ -117,9 +117,9 @@ def test_who_does_not_bank_with_the_track_is_refused(
     assert any(o.reasons == (Reason.ROLL,) for o in outputs)
 
 
-def test_legs_stand_in_the_reference(channel: ApproachChannel, reference: Reference, curved: Airfield) -> None:
+def test_legs_stand_in_the_reference(channel: ApproachChannel, reference: ApproachReference, curved: Airfield) -> None:
     bent = dataclasses.replace(reference, header=reference.header.model_copy(update={"airfield": curved}))
-    again = Reference.parse(bent.to_text(), "r.csv")
+    again = ApproachReference.parse(bent.to_text(), "r.csv")
     assert again.header.airfield.leg == LEGS
     assert again.hash == bent.hash != reference.hash
 

@@ -9,13 +9,13 @@ from pathlib import Path
 import pytest
 
 from fti.config import Approach, Config, Device, parse
-from fti.nav.altimetry.heights import AltimeterChannel
+from fti.nav.altimetry.altimeter_channel import AltimeterChannel
 from fti.nav.integrity.approach import ApproachPath
 from fti.nav.integrity.monitor import ClearanceMonitor, ClearanceSample
-from fti.nav.integrity.reference import Reference
+from fti.nav.integrity.reference import ApproachReference
 from fti.nav.navigation import NavState
 from fti.nav.pipeline import Pipeline
-from fti.nav.sources import AttitudeState, PositionState
+from fti.nav.source_interpolation import AttitudeState, PositionState
 from fti.types import (
     Attitude,
     ClearanceIntegrity,
@@ -63,7 +63,7 @@ def config() -> Config:
 
 
 @pytest.fixture
-def fly(reference: Reference, path: ApproachPath, flight: Flight) -> Callable[..., Outputs]:
+def fly(reference: ApproachReference, path: ApproachPath, flight: Flight) -> Callable[..., Outputs]:
     """An approach through the whole pipeline; ``change(t_ns, measurement)`` is what goes wrong."""
 
     def run(change: Change = lambda t, m: m, *, begin: float = 2500.0, end: float = 600.0) -> Outputs:
@@ -251,7 +251,9 @@ def test_a_clock_that_steps_back_says_nothing_valid(fly: Callable[..., Outputs])
     assert all(0 < o.t_ns <= BROKEN + 600 * MS for o in judged)
 
 
-def test_duplicated_frames_change_no_judgement(reference: Reference, path: ApproachPath, flight: Flight) -> None:
+def test_duplicated_frames_change_no_judgement(
+    reference: ApproachReference, path: ApproachPath, flight: Flight
+) -> None:
     def judged(times: int) -> list[IntegrityState]:
         pipeline = Pipeline(config(), reference)
         outputs: Outputs = []
@@ -271,7 +273,7 @@ def test_without_a_heading_the_height_is_judged_all_the_same(fly: Callable[..., 
     assert {o.heading for o in outputs if isinstance(o, NavSolution)} == {None}
 
 
-def test_a_second_try_does_not_inherit_the_window_of_the_first(reference: Reference, flight: Flight) -> None:
+def test_a_second_try_does_not_inherit_the_window_of_the_first(reference: ApproachReference, flight: Flight) -> None:
     """Away, beyond the limits of use, and back: s grew, although no sample of the way round was used."""
     monitor = ClearanceMonitor(reference, Approach(profile=""))
     for x in flight(begin=2990.0, end=2000.0):
@@ -285,7 +287,7 @@ def test_a_second_try_does_not_inherit_the_window_of_the_first(reference: Refere
 
 
 def test_a_second_try_without_an_altimeter_in_between_begins_anew(
-    reference: Reference, path: ApproachPath, flight: Flight
+    reference: ApproachReference, path: ApproachPath, flight: Flight
 ) -> None:
     """The same with an altimeter out of range on the way round: only the position tells that s grew."""
     pipeline = Pipeline(config(), reference)

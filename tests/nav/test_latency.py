@@ -9,10 +9,10 @@ import pytest
 from numpy.typing import NDArray
 
 from fti.geodesy.rotations import mat_from_rpy
-from fti.nav.altimetry.latency import Latency, estimate_latency
-from fti.nav.altimetry.predicted import Predictor
+from fti.nav.altimetry.latency import LatencyEstimate, estimate_latency
+from fti.nav.altimetry.range_prediction import Predictor
 from fti.ranging.nearest import NearestReturn
-from fti.terrain.country import synthetic_landscape
+from fti.terrain.synthetic_landscape import synthetic_landscape
 
 Array = NDArray[np.float64]
 Rng = np.random.Generator
@@ -42,7 +42,7 @@ def flight(seed: int, latency: float, averaging: float, dem: float = DEM_M) -> t
     return at, said, t[::every], known[::every]
 
 
-def found(t: Array, said: Array, t_known: Array, known: Array) -> Latency:
+def found(t: Array, said: Array, t_known: Array, known: Array) -> LatencyEstimate:
     estimate = estimate_latency(t, said, t_known, known)
     assert estimate is not None
     return estimate

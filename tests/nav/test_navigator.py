@@ -13,14 +13,14 @@ from numpy.typing import NDArray
 
 from fti.geodesy.rotations import mat_en, mat_from_rpy
 from fti.geodesy.wgs84 import radii
-from fti.hil.flight.trajectory import State
+from fti.hil.flight.trajectory import FlightState
 from fti.hil.sensors.inertial import angular_rate_b, specific_force_b
 from fti.nav.filter.aiding import BaroAltitude, GnssPosition, GnssVelocity, SlantRange
-from fti.nav.filter.estimate import Start
-from fti.nav.filter.gate import Judgement
-from fti.nav.filter.navigator import Navigator, warm_up
-from fti.nav.filter.states import BARO_DRIFT, GNSS_DRIFTS, Extra, Model
-from fti.study._closure import wandering
+from fti.nav.filter.error_states import BARO_DRIFT, GNSS_DRIFTS, Extra, FilterModel
+from fti.nav.filter.estimate import InitialState
+from fti.nav.filter.innovation_gate import GateDecision
+from fti.nav.filter.navigator import InertialNavigator, warm_up
+from fti.study._closure import random_flight
 from fti.types import FilterMode, Reason
 
 Array = NDArray[np.float64]
@@ -31,15 +31,15 @@ T0 = 1_700_000_000 * SECOND
 
 
 @pytest.fixture(scope="module")
-def flight() -> State:
-    return wandering(np.random.default_rng(5), 32.0).state(np.arange(0.0, 30.0, STEP))
+def flight() -> FlightState:
+    return random_flight(np.random.default_rng(5), 32.0).state(np.arange(0.0, 30.0, STEP))
 
 
 def ns(t: float) -> int:
     return T0 + round(t * SECOND)
 
 
-def gnss(state: State, k: int, east: float = 0.0) -> tuple[GnssPosition, GnssVelocity]:
+def gnss(state: FlightState, k: int, east: float = 0.0) -> tuple[GnssPosition, GnssVelocity]:
     _, normal = radii(state.lat[k])
     lon = float(state.lon[k]) + east / float((normal + state.alt[k]) * np.cos(state.lat[k]))
     north, east_ms, down = state.vel_n[k].tolist()
@@ -48,8 +48,8 @@ def gnss(state: State, k: int, east: float = 0.0) -> tuple[GnssPosition, GnssVel
 
 
 def fly(
-    navigator: Navigator,
-    state: State,
+    navigator: InertialNavigator,
+    state: FlightState,
     seen: Callable[[float], bool] = lambda t: True,
     east: Callable[[float], float] = lambda t: 0.0,
     delay: int = 0,
@@ -59,17 +59,17 @@ def fly(
     """Noise-free sensors; a fix every so many samples, so many samples late; the modes, if they are watched."""
     felt, turned, modes = specific_force_b(state), angular_rate_b(state), []
     for k, t in enumerate(state.t.tolist()):
-        navigator.take_inertial(ns(t), felt[k], turned[k])
+        navigator.feed_inertial(ns(t), felt[k], turned[k])
         j = k - delay
         if j >= 0 and j % every == 0 and seen(float(state.t[j])):
             for aiding in gnss(state, j, east(float(state.t[j]))):
-                navigator.take(ns(float(state.t[j])), aiding)
+                navigator.feed_aiding(ns(float(state.t[j])), aiding)
         if watch:
             modes.append(navigator.mode(ns(t))[0])
     return modes
 
 
-def metres_off(navigator: Navigator, state: State, k: int = -1) -> float:
+def metres_off(navigator: InertialNavigator, state: FlightState, k: int = -1) -> float:
     here = navigator.at(ns(float(state.t[k])))
     assert here is not None
     meridian, normal = (float(r) for r in radii(state.lat[k]))
@@ -78,10 +78,10 @@ def metres_off(navigator: Navigator, state: State, k: int = -1) -> float:
     return math.hypot((lat - float(state.lat[k])) * (meridian + alt), east, alt - float(state.alt[k]))
 
 
-def begun(state: State, model: Model | None = None, level_sd: float = 2.0) -> Navigator:
-    navigator = Navigator(model or Model())
+def begun(state: FlightState, model: FilterModel | None = None, level_sd: float = 2.0) -> InertialNavigator:
+    navigator = InertialNavigator(model or FilterModel())
     north, east, down = state.vel_n[0].tolist()
-    start = Start(
+    start = InitialState(
         float(state.lat[0]), float(state.lon[0]), float(state.alt[0]), (north, east, down), float(state.roll[0]),
         float(state.pitch[0]), float(state.heading[0]), (level_sd, level_sd, 2.0), (0.2,) * 3, (0.01, 0.01, 0.02),
     )  # fmt: skip
@@ -89,8 +89,8 @@ def begun(state: State, model: Model | None = None, level_sd: float = 2.0) -> Na
     return navigator
 
 
-def test_it_aligns_in_flight_without_an_attitude_and_converges(flight: State) -> None:
-    navigator = Navigator(Model(extras=GNSS_DRIFTS))
+def test_it_aligns_in_flight_without_an_attitude_and_converges(flight: FlightState) -> None:
+    navigator = InertialNavigator(FilterModel(extras=GNSS_DRIFTS))
     assert navigator.output(ns(0.0)).reasons == (Reason.NO_IMU,)
     modes = fly(navigator, flight, watch=True)
     assert {FilterMode.WAITING, FilterMode.ALIGNING} >= set(modes[:20])
@@ -104,32 +104,32 @@ def test_it_aligns_in_flight_without_an_attitude_and_converges(flight: State) ->
     assert told.horizontal_sd < 2.0
 
 
-def test_a_devices_attitude_aligns_it_at_once(flight: State) -> None:
-    navigator = Navigator(Model())
+def test_a_devices_attitude_aligns_it_at_once(flight: FlightState) -> None:
+    navigator = InertialNavigator(FilterModel())
     for aiding in gnss(flight, 0):
-        navigator.take(ns(0.0), aiding)
-    navigator.take_attitude(ns(0.0), float(flight.roll[0]), float(flight.pitch[0]), float(flight.heading[0]))
-    navigator.take_inertial(ns(0.04), specific_force_b(flight)[1], angular_rate_b(flight)[1])
+        navigator.feed_aiding(ns(0.0), aiding)
+    navigator.feed_attitude(ns(0.0), float(flight.roll[0]), float(flight.pitch[0]), float(flight.heading[0]))
+    navigator.feed_inertial(ns(0.04), specific_force_b(flight)[1], angular_rate_b(flight)[1])
     assert navigator.mode(ns(0.04)) == (FilterMode.ALIGNING, (Reason.ALIGNING,))  # until the next fix agrees
     for aiding in gnss(flight, 2):
-        navigator.take(ns(0.08), aiding)
-    navigator.take_inertial(ns(0.08), specific_force_b(flight)[2], angular_rate_b(flight)[2])
+        navigator.feed_aiding(ns(0.08), aiding)
+    navigator.feed_inertial(ns(0.08), specific_force_b(flight)[2], angular_rate_b(flight)[2])
     assert navigator.mode(ns(0.08)) == (FilterMode.AIDED, ())
     assert metres_off(navigator, flight, 1) < 0.5
 
 
-def test_what_is_missing_is_named(flight: State) -> None:
-    navigator = Navigator(Model())
-    navigator.take_inertial(ns(0.0), specific_force_b(flight)[0], angular_rate_b(flight)[0])
+def test_what_is_missing_is_named(flight: FlightState) -> None:
+    navigator = InertialNavigator(FilterModel())
+    navigator.feed_inertial(ns(0.0), specific_force_b(flight)[0], angular_rate_b(flight)[0])
     assert navigator.mode(ns(0.0)) == (FilterMode.WAITING, (Reason.ALIGNING, Reason.NO_GNSS))
-    navigator.take(ns(0.0), gnss(flight, 0)[0])
-    navigator.take_inertial(ns(0.04), specific_force_b(flight)[1], angular_rate_b(flight)[1])
+    navigator.feed_aiding(ns(0.0), gnss(flight, 0)[0])
+    navigator.feed_inertial(ns(0.04), specific_force_b(flight)[1], angular_rate_b(flight)[1])
     assert navigator.mode(ns(0.04)) == (FilterMode.ALIGNING, (Reason.ALIGNING, Reason.NO_VELOCITY))
     assert not navigator.output(ns(0.04)).valid
     assert navigator.mode(ns(1.0)) == (FilterMode.WAITING, (Reason.NO_IMU,))
 
 
-def test_an_outage_is_coasted_and_said(flight: State) -> None:
+def test_an_outage_is_coasted_and_said(flight: FlightState) -> None:
     navigator = begun(flight)
     modes = fly(navigator, flight, seen=lambda t: not 8.0 <= t < 18.0, watch=True)
     assert modes[round(9.0 / STEP)] is FilterMode.AIDED
@@ -137,13 +137,13 @@ def test_an_outage_is_coasted_and_said(flight: State) -> None:
     assert modes[-1] is FilterMode.AIDED
 
 
-def test_late_is_in_time_to_the_last_bit(flight: State) -> None:
+def test_late_is_in_time_to_the_last_bit(flight: FlightState) -> None:
     """Fixes of 0.4 s ago, and the same fixes at once: one answer."""
     late, soon = begun(flight), begun(flight)
     fly(late, flight, delay=10)
     fly(soon, flight, delay=0)
     for aiding in gnss(flight, len(flight.t) - 10):
-        soon.take(ns(float(flight.t[-10])), aiding)
+        soon.feed_aiding(ns(float(flight.t[-10])), aiding)
     one, two = late.at(ns(float(flight.t[-11]))), soon.at(ns(float(flight.t[-11])))
     assert one is not None
     assert two is not None
@@ -151,7 +151,7 @@ def test_late_is_in_time_to_the_last_bit(flight: State) -> None:
     np.testing.assert_array_equal(one.P, two.P)
 
 
-def test_late_ones_that_come_together_are_taken_together_and_in_the_order_of_their_times(flight: State) -> None:
+def test_late_ones_that_come_together_are_taken_together_and_in_the_order_of_their_times(flight: FlightState) -> None:
     """Fixes of 0.8 s at once, in disorder, nobody asking between: one answer with having had them in time."""
     late, soon = begun(flight), begun(flight)
     fly(late, flight, seen=lambda t: t < 29.2, every=5)
@@ -160,7 +160,7 @@ def test_late_ones_that_come_together_are_taken_together_and_in_the_order_of_the
     for j in sorted(range(0, last + 1, 5), key=lambda j: (j % 2, -j)):
         if flight.t[j] >= 29.2:
             for aiding in gnss(flight, j):
-                late.take(ns(float(flight.t[j])), aiding)
+                late.feed_aiding(ns(float(flight.t[j])), aiding)
     one, two = late.at(ns(float(flight.t[-1]))), soon.at(ns(float(flight.t[-1])))
     assert one is not None
     assert two is not None
@@ -168,10 +168,10 @@ def test_late_ones_that_come_together_are_taken_together_and_in_the_order_of_the
     np.testing.assert_array_equal(one.P, two.P)
 
 
-def test_it_reaches_as_far_as_it_has_an_estimate(flight: State) -> None:
+def test_it_reaches_as_far_as_it_has_an_estimate(flight: FlightState) -> None:
     navigator = begun(flight)
     assert navigator.reaches(ns(0.0))
-    assert not Navigator(Model()).reaches(ns(0.0))
+    assert not InertialNavigator(FilterModel()).reaches(ns(0.0))
     fly(navigator, flight, seen=lambda t: t < 1.0)
     end = float(flight.t[-1])
     reached = {past: navigator.reaches(ns(end - past)) for past in (1.3, 0.9, 0.0, -0.19, -0.21)}
@@ -179,66 +179,66 @@ def test_it_reaches_as_far_as_it_has_an_estimate(flight: State) -> None:
     assert list(reached.values()) == [False, True, True, True, False]
 
 
-def test_a_late_fix_counts_for_the_time_at_which_it_was_true(flight: State) -> None:
+def test_a_late_fix_counts_for_the_time_at_which_it_was_true(flight: FlightState) -> None:
     """At 60 m/s 0.4 s are 24 m: taken as new, they would be in the answer."""
     navigator = begun(flight)
     fly(navigator, flight, delay=10)
     assert metres_off(navigator, flight) < 1.0
 
 
-def test_what_lies_between_two_inertial_samples_is_met_there(flight: State) -> None:
+def test_what_lies_between_two_inertial_samples_is_met_there(flight: FlightState) -> None:
     """Half a minute away from every fix: an estimate between samples is that of the flight, to millimetres."""
     navigator = begun(flight)
     fly(navigator, flight, seen=lambda t: False)
-    half = wandering(np.random.default_rng(5), 32.0).state(np.array([29.5]))
+    half = random_flight(np.random.default_rng(5), 32.0).state(np.array([29.5]))
     here = navigator.at(ns(29.5))
     assert here is not None
     mat_nb = mat_from_rpy(half.roll[0], half.pitch[0], half.heading[0])
     np.testing.assert_allclose(here.mat_nb, mat_nb, atol=1e-5)
 
 
-def test_a_jump_of_the_satellites_is_refused_for_as_long_as_it_lasts(flight: State) -> None:
+def test_a_jump_of_the_satellites_is_refused_for_as_long_as_it_lasts(flight: FlightState) -> None:
     """500 m to the east for good: refused and named; after five seconds it was taken, with a sigma of 2 m."""
     navigator = begun(flight)
     fly(navigator, flight, east=lambda t: 500.0 if t > 12.0 else 0.0)
-    verdicts = [v for v in navigator.drain() if v.name == "gnss.position" and v.t_ns > ns(12.0)]
-    assert {v.judgement for v in verdicts} == {Judgement.REFUSED}
+    verdicts = [v for v in navigator.drain_innovations() if v.name == "gnss.position" and v.t_ns > ns(12.0)]
+    assert {v.decision for v in verdicts} == {GateDecision.REFUSED}
     assert "gnss.position" in navigator.output(ns(float(flight.t[-1]))).rejected
     assert metres_off(navigator, flight) < 20.0
 
 
-def test_an_excluded_source_is_not_used_until_it_is_readmitted(flight: State) -> None:
+def test_an_excluded_source_is_not_used_until_it_is_readmitted(flight: FlightState) -> None:
     """500 m to the east for 8 s in an excluded receiver, which agrees afterwards: nothing of it is taken."""
     navigator, felt = begun(flight), np.hstack((specific_force_b(flight), angular_rate_b(flight)))
     names = ("gnss.position", "gnss.height")
     judged = []
     for k, t in enumerate(flight.t[flight.t < 30.0].tolist()):
-        navigator.take_inertial(ns(t), felt[k, :3], felt[k, 3:])
+        navigator.feed_inertial(ns(t), felt[k, :3], felt[k, 3:])
         if k % 25 == 0:
-            navigator.take(ns(t), gnss(flight, k, 500.0 if 10.0 < t < 18.0 else 0.0)[0])
+            navigator.feed_aiding(ns(t), gnss(flight, k, 500.0 if 10.0 < t < 18.0 else 0.0)[0])
         if k == 250:
-            navigator.take_segments()
+            navigator.drain_segments()
             navigator.exclude(names, ns(t), None)
         if k == 600:
-            navigator.take_segments()
+            navigator.drain_segments()
             navigator.readmit(names)
-        judged += [(v.t_ns, v.judgement) for v in navigator.drain() if v.name == "gnss.position"]
-    excluded = [judgement for t_ns, judgement in judged if ns(10.5) < t_ns < ns(22.5)]
-    assert set(excluded) == {Judgement.EXCLUDED}
-    assert [judgement for t_ns, judgement in judged if t_ns > ns(24.5)][-1] is Judgement.BELIEVED
+        judged += [(v.t_ns, v.decision) for v in navigator.drain_innovations() if v.name == "gnss.position"]
+    excluded = [decision for t_ns, decision in judged if ns(10.5) < t_ns < ns(22.5)]
+    assert set(excluded) == {GateDecision.EXCLUDED}
+    assert [decision for t_ns, decision in judged if t_ns > ns(24.5)][-1] is GateDecision.ACCEPTED
     assert metres_off(navigator, flight, round(29.9 / STEP)) < 20.0
 
 
-def test_a_height_that_is_wrong_takes_nothing_from_the_level(flight: State) -> None:
+def test_a_height_that_is_wrong_takes_nothing_from_the_level(flight: FlightState) -> None:
     """A receiver 300 m too high beside a barometer: refused by itself, and the level is used all the same."""
     navigator, felt = begun(flight), np.hstack((specific_force_b(flight), angular_rate_b(flight)))
     for k, t in enumerate(flight.t.tolist()):
-        navigator.take_inertial(ns(t), felt[k, :3], felt[k, 3:])
+        navigator.feed_inertial(ns(t), felt[k, :3], felt[k, 3:])
         if k % 25 == 0:
             true, _ = gnss(flight, k)
             assert true.alt is not None
-            navigator.take(ns(t), dataclasses.replace(true, alt=true.alt + (300.0 if t > 5.0 else 0.0)))
-            navigator.take(ns(t), BaroAltitude(float(flight.alt[k]), 1.0))
+            navigator.feed_aiding(ns(t), dataclasses.replace(true, alt=true.alt + (300.0 if t > 5.0 else 0.0)))
+            navigator.feed_aiding(ns(t), BaroAltitude(float(flight.alt[k]), 1.0))
         if t > 15.0:
             break
     assert navigator.mode(ns(15.0)) == (FilterMode.AIDED, (Reason.REJECTED,))
@@ -246,14 +246,14 @@ def test_a_height_that_is_wrong_takes_nothing_from_the_level(flight: State) -> N
     assert metres_off(navigator, flight, round(15.0 / STEP)) < 3.0
 
 
-def test_an_outlier_does_no_harm(flight: State) -> None:
+def test_an_outlier_does_no_harm(flight: FlightState) -> None:
     navigator = begun(flight)
     fly(navigator, flight, east=lambda t: 500.0 if 12.0 < t < 12.5 else 0.0)
     assert metres_off(navigator, flight) < 1.0
     assert navigator.mode(ns(float(flight.t[-1]))) == (FilterMode.AIDED, ())
 
 
-def test_while_it_is_refused_it_is_named(flight: State) -> None:
+def test_while_it_is_refused_it_is_named(flight: FlightState) -> None:
     navigator = begun(flight)
     fly(navigator, flight, east=lambda t: 500.0 if t > 28.0 else 0.0)
     told = navigator.output(ns(float(flight.t[-1])))
@@ -261,14 +261,14 @@ def test_while_it_is_refused_it_is_named(flight: State) -> None:
     assert Reason.REJECTED in told.reasons
 
 
-def test_a_slow_offset_of_the_barometer_is_found(flight: State) -> None:
-    navigator = begun(flight, Model(extras={Extra.BARO: BARO_DRIFT}))
+def test_a_slow_offset_of_the_barometer_is_found(flight: FlightState) -> None:
+    navigator = begun(flight, FilterModel(extras={Extra.BARO: BARO_DRIFT}))
     felt, turned = specific_force_b(flight), angular_rate_b(flight)
     for k, t in enumerate(flight.t.tolist()):
-        navigator.take_inertial(ns(t), felt[k], turned[k])
+        navigator.feed_inertial(ns(t), felt[k], turned[k])
         if k % 10 == 0:
-            navigator.take(ns(t), gnss(flight, k)[0])
-            navigator.take(ns(t), BaroAltitude(float(flight.alt[k]) + 42.0, 1.0))
+            navigator.feed_aiding(ns(t), gnss(flight, k)[0])
+            navigator.feed_aiding(ns(t), BaroAltitude(float(flight.alt[k]) + 42.0, 1.0))
     here = navigator.at(ns(float(flight.t[-1])))
     assert here is not None
     assert here.drift(Extra.BARO) == pytest.approx(42.0, abs=1.5)
@@ -278,7 +278,7 @@ def test_a_slow_offset_of_the_barometer_is_found(flight: State) -> None:
 # ------------------------------------------------------------------------------------------------- hostile inputs
 
 
-def test_numbers_that_are_none_are_refused(flight: State) -> None:
+def test_numbers_that_are_none_are_refused(flight: FlightState) -> None:
     navigator = begun(flight)
     before = navigator.at(ns(0.0))
     nan, level = float("nan"), (0.0, 0.0, 1.0)
@@ -287,11 +287,11 @@ def test_numbers_that_are_none_are_refused(flight: State) -> None:
         GnssVelocity(1.0, math.inf, 0.0, 0.1), BaroAltitude(700.0, -1.0),
         SlantRange(1.0, 1.0, 1.0, 0.8, 0.2, 700.0, (1.0, 0.0, 0.0), level),
     ):  # fmt: skip
-        navigator.take(ns(0.5), aiding)
+        navigator.feed_aiding(ns(0.5), aiding)
     assert navigator.refused[Reason.DEVICE_FLAG] == 5
-    navigator.take_inertial(ns(0.1), [nan, 0.0, -9.8], [0.0, 0.0, 0.0])
-    navigator.take_inertial(ns(0.1), [0.0, 0.0, -1e9], [0.0, 0.0, 0.0])
-    navigator.take_attitude(ns(0.1), nan, 0.0, 0.0)
+    navigator.feed_inertial(ns(0.1), [nan, 0.0, -9.8], [0.0, 0.0, 0.0])
+    navigator.feed_inertial(ns(0.1), [0.0, 0.0, -1e9], [0.0, 0.0, 0.0])
+    navigator.feed_attitude(ns(0.1), nan, 0.0, 0.0)
     assert navigator.refused[Reason.DEVICE_FLAG] == 8
     after = navigator.at(ns(0.0))
     assert before is not None
@@ -299,12 +299,12 @@ def test_numbers_that_are_none_are_refused(flight: State) -> None:
     np.testing.assert_array_equal(after.y, before.y)
 
 
-def test_twice_the_same_counts_once(flight: State) -> None:
+def test_twice_the_same_counts_once(flight: FlightState) -> None:
     one, two = begun(flight), begun(flight)
     for navigator, times in ((one, 1), (two, 3)):
         fly(navigator, flight, seen=lambda t: False)
         for _ in range(times):
-            navigator.take(ns(29.5), gnss(flight, round(29.5 / STEP))[0])
+            navigator.feed_aiding(ns(29.5), gnss(flight, round(29.5 / STEP))[0])
     a, b = (n.at(ns(29.9)) for n in (one, two))
     assert a is not None
     assert b is not None
@@ -312,29 +312,29 @@ def test_twice_the_same_counts_once(flight: State) -> None:
     assert two.refused[Reason.STALE] == 2
 
 
-def test_what_is_too_old_is_refused(flight: State) -> None:
+def test_what_is_too_old_is_refused(flight: FlightState) -> None:
     navigator = begun(flight)
     fly(navigator, flight)
-    navigator.take(ns(20.0), gnss(flight, round(20.0 / STEP), east=900.0)[0])
+    navigator.feed_aiding(ns(20.0), gnss(flight, round(20.0 / STEP), east=900.0)[0])
     assert navigator.refused[Reason.STALE] == 1
     assert metres_off(navigator, flight) < 1.0
 
 
-def test_time_that_goes_backwards_is_refused_and_a_clock_that_jumped_begins_anew(flight: State) -> None:
+def test_time_that_goes_backwards_is_refused_and_a_clock_that_jumped_begins_anew(flight: FlightState) -> None:
     navigator = begun(flight)
     fly(navigator, flight)
     felt, turned = specific_force_b(flight), angular_rate_b(flight)
     for k in range(20):
-        navigator.take_inertial(ns(10.0 + k * STEP), felt[k], turned[k])
+        navigator.feed_inertial(ns(10.0 + k * STEP), felt[k], turned[k])
     assert metres_off(navigator, flight) < 1.0
     for k in range(20, 30):
-        navigator.take_inertial(ns(10.0 + k * STEP), felt[k], turned[k])
+        navigator.feed_inertial(ns(10.0 + k * STEP), felt[k], turned[k])
     mode, reasons = navigator.mode(ns(10.0 + 29 * STEP))
     assert mode in {FilterMode.ALIGNING, FilterMode.WAITING}
     assert Reason.RESET in reasons
 
 
-def test_a_position_that_was_lost_is_not_corrected_along_the_tangent(flight: State) -> None:
+def test_a_position_that_was_lost_is_not_corrected_along_the_tangent(flight: FlightState) -> None:
     """57 km off with a sigma of 20 km, as after an hour without satellites: the altitude was 255 m off, sigma 2 m."""
     navigator = begun(flight, level_sd=20_000.0)
     fly(navigator, flight, east=lambda t: 57_000.0)
@@ -344,23 +344,23 @@ def test_a_position_that_was_lost_is_not_corrected_along_the_tangent(flight: Sta
     assert here.reasons == ()
 
 
-def test_a_fix_outside_the_gate_of_a_lost_position_does_not_begin_it_anew(flight: State) -> None:
+def test_a_fix_outside_the_gate_of_a_lost_position_does_not_begin_it_anew(flight: FlightState) -> None:
     navigator = begun(flight, level_sd=2100.0)
     modes = fly(navigator, flight, east=lambda t: 57_000.0, watch=True)
     assert set(modes) == {FilterMode.INVALID}
 
 
-def test_a_gap_of_inertial_samples_begins_anew_and_finds_back(flight: State) -> None:
+def test_a_gap_of_inertial_samples_begins_anew_and_finds_back(flight: FlightState) -> None:
     navigator = begun(flight)
     felt, turned = specific_force_b(flight), angular_rate_b(flight)
     for k, t in enumerate(flight.t.tolist()):
         if 8.0 <= t < 9.0:
             assert navigator.mode(ns(t))[0] is (FilterMode.INVALID if t > 8.3 else navigator.mode(ns(t))[0])
             continue
-        navigator.take_inertial(ns(t), felt[k], turned[k])
+        navigator.feed_inertial(ns(t), felt[k], turned[k])
         if k % 10 == 0:
             for aiding in gnss(flight, k):
-                navigator.take(ns(t), aiding)
+                navigator.feed_aiding(ns(t), aiding)
     assert navigator.mode(ns(float(flight.t[-1])))[0] is FilterMode.AIDED
     assert metres_off(navigator, flight) < 2.0
 
@@ -381,17 +381,17 @@ def test_no_place_and_no_attitude_is_special(lat: float, lon: float, pitch: floa
     from fti.geodesy.gravity import normal_gravity
     from fti.geodesy.wgs84 import EARTH_RATE
 
-    navigator = Navigator(Model(extras=GNSS_DRIFTS))
+    navigator = InertialNavigator(FilterModel(extras=GNSS_DRIFTS))
     mat_nb = mat_from_rpy(0.0, pitch, 0.3)
     force_b = mat_nb.T @ [0.0, 0.0, -float(normal_gravity(lat, 100.0))]
     rate_b = mat_nb.T @ mat_en(lat, lon).T @ [0.0, 0.0, EARTH_RATE]
-    start = Start(lat, lon, 100.0, (0.0,) * 3, 0.0, pitch, 0.3, (2.0,) * 3, (0.2,) * 3, (0.01, 0.01, 0.02))
+    start = InitialState(lat, lon, 100.0, (0.0,) * 3, 0.0, pitch, 0.3, (2.0,) * 3, (0.2,) * 3, (0.01, 0.01, 0.02))
     navigator.begin(ns(0.0), start, force_b, rate_b)
     for k in range(1, 250):
-        navigator.take_inertial(ns(k * STEP), force_b, rate_b)
+        navigator.feed_inertial(ns(k * STEP), force_b, rate_b)
         if k % 25 == 0:
-            navigator.take(ns(k * STEP), GnssPosition(lat, -lon if k % 50 else lon, 100.0, 1.5, 2.0))
-            navigator.take(ns(k * STEP), GnssVelocity(0.0, 0.0, 0.0, 0.02))
+            navigator.feed_aiding(ns(k * STEP), GnssPosition(lat, -lon if k % 50 else lon, 100.0, 1.5, 2.0))
+            navigator.feed_aiding(ns(k * STEP), GnssVelocity(0.0, 0.0, 0.0, 0.02))
     told = navigator.output(ns(249 * STEP))
     assert told.mode is FilterMode.AIDED
     assert told.alt == pytest.approx(100.0, abs=0.1)
@@ -400,15 +400,15 @@ def test_no_place_and_no_attitude_is_special(lat: float, lon: float, pitch: floa
     assert all(math.isfinite(x) for x in (told.horizontal_sd or 0.0, told.heading_sd or 0.0, told.lat or 0.0))
 
 
-def test_what_leads_out_of_the_world_is_not_told_until_it_is_noticed(flight: State) -> None:
+def test_what_leads_out_of_the_world_is_not_told_until_it_is_noticed(flight: FlightState) -> None:
     """The operator lets a receiver in that says 900 km: such a height had been valid for a tick, to 1 m."""
     navigator, felt, turned, reasons = begun(flight), specific_force_b(flight), angular_rate_b(flight), set[Reason]()
     for k, t in enumerate(flight.t[:200].tolist()):
-        navigator.take_inertial(ns(t), felt[k], turned[k])
+        navigator.feed_inertial(ns(t), felt[k], turned[k])
         if k % 5 == 4:
-            navigator.take(ns(t), replace(gnss(flight, k)[0], alt=9e5))
+            navigator.feed_aiding(ns(t), replace(gnss(flight, k)[0], alt=9e5))
         if k == 100:
-            navigator.take_segments()
+            navigator.drain_segments()
             navigator.readmit(("gnss.position", "gnss.height"), 9e5)
         told = navigator.output(ns(t))
         assert told.alt is None or abs(told.alt) < 1e5
@@ -416,37 +416,41 @@ def test_what_leads_out_of_the_world_is_not_told_until_it_is_noticed(flight: Sta
     assert {Reason.DIVERGED, Reason.RESET} <= reasons
 
 
-def test_a_place_without_a_height_does_not_hide_the_height_of_its_epoch(flight: State) -> None:
+def test_a_place_without_a_height_does_not_hide_the_height_of_its_epoch(flight: FlightState) -> None:
     """Two sentences of NMEA at one time, the one without a height first: it aligns, and the height is believed."""
-    navigator, felt, turned = Navigator(Model(extras=GNSS_DRIFTS)), specific_force_b(flight), angular_rate_b(flight)
+    navigator, felt, turned = (
+        InertialNavigator(FilterModel(extras=GNSS_DRIFTS)),
+        specific_force_b(flight),
+        angular_rate_b(flight),
+    )
     for k, t in enumerate(flight.t[:100].tolist()):
-        navigator.take_attitude(ns(t), float(flight.roll[k]), float(flight.pitch[k]), float(flight.heading[k]))
+        navigator.feed_attitude(ns(t), float(flight.roll[k]), float(flight.pitch[k]), float(flight.heading[k]))
         if k % 10 == 0:
             position, velocity = gnss(flight, k)
             for aiding in (replace(position, alt=None), velocity, position, position):
-                navigator.take(ns(t), aiding)
-        navigator.take_inertial(ns(t), felt[k], turned[k])
+                navigator.feed_aiding(ns(t), aiding)
+        navigator.feed_inertial(ns(t), felt[k], turned[k])
     assert navigator.mode(ns(t)) == (FilterMode.AIDED, ())
-    verdicts = [v.name for v in navigator.drain()]
+    verdicts = [v.name for v in navigator.drain_innovations()]
     assert verdicts.count("gnss.height") == verdicts.count("gnss.position") == verdicts.count("gnss.velocity") > 5
 
 
-def test_a_wrong_fix_to_begin_with_is_never_told(flight: State) -> None:
+def test_a_wrong_fix_to_begin_with_is_never_told(flight: FlightState) -> None:
     """80 m/s of climb in the first velocity: 80 m of height had been valid, and two metres sure."""
     navigator, felt, turned, valid = (
-        Navigator(Model(extras=GNSS_DRIFTS)),
+        InertialNavigator(FilterModel(extras=GNSS_DRIFTS)),
         specific_force_b(flight),
         angular_rate_b(flight),
         0,
     )
     for k, t in enumerate(flight.t[:400].tolist()):
-        navigator.take_attitude(ns(t), float(flight.roll[k]), float(flight.pitch[k]), float(flight.heading[k]))
+        navigator.feed_attitude(ns(t), float(flight.roll[k]), float(flight.pitch[k]), float(flight.heading[k]))
         if k % 10 == 0:
             position, velocity = gnss(flight, k)
-            navigator.take(ns(t), position)
+            navigator.feed_aiding(ns(t), position)
             wrong = k == 0 and velocity.down is not None
-            navigator.take(ns(t), replace(velocity, down=(velocity.down or 0.0) - 80.0) if wrong else velocity)
-        navigator.take_inertial(ns(t), felt[k], turned[k])
+            navigator.feed_aiding(ns(t), replace(velocity, down=(velocity.down or 0.0) - 80.0) if wrong else velocity)
+        navigator.feed_inertial(ns(t), felt[k], turned[k])
         told = navigator.output(ns(t))
         if told.valid:
             valid += 1
@@ -455,34 +459,38 @@ def test_a_wrong_fix_to_begin_with_is_never_told(flight: State) -> None:
 
 
 @pytest.mark.parametrize("first", ["sound", "wrong"])
-def test_another_receiver_that_is_wrong_does_not_keep_it_from_aligning(flight: State, first: str) -> None:
+def test_another_receiver_that_is_wrong_does_not_keep_it_from_aligning(flight: FlightState, first: str) -> None:
     """300 m to the east of the sound one, in turns with it, each with its own fixes four times a second."""
-    navigator, felt, turned = Navigator(Model(extras=GNSS_DRIFTS)), specific_force_b(flight), angular_rate_b(flight)
+    navigator, felt, turned = (
+        InertialNavigator(FilterModel(extras=GNSS_DRIFTS)),
+        specific_force_b(flight),
+        angular_rate_b(flight),
+    )
     valid = 0
     for k, t in enumerate(flight.t[:400].tolist()):
-        navigator.take_attitude(ns(t), float(flight.roll[k]), float(flight.pitch[k]), float(flight.heading[k]))
+        navigator.feed_attitude(ns(t), float(flight.roll[k]), float(flight.pitch[k]), float(flight.heading[k]))
         if k % 5 == 0:
             wrong = (k % 10 == 0) == (first == "wrong")
             name = "other" if wrong else "gnss"
             position, velocity = gnss(flight, k, 300.0 if wrong else 0.0)
-            navigator.take(ns(t), replace(position, name=f"{name}.position"))
-            navigator.take(ns(t), replace(velocity, name=f"{name}.velocity"))
-        navigator.take_inertial(ns(t), felt[k], turned[k])
+            navigator.feed_aiding(ns(t), replace(position, name=f"{name}.position"))
+            navigator.feed_aiding(ns(t), replace(velocity, name=f"{name}.velocity"))
+        navigator.feed_inertial(ns(t), felt[k], turned[k])
         valid += navigator.output(ns(t)).valid
     assert valid > 380
     names = {"sound": "other.position", "wrong": "gnss.position"}  # nobody knows which of two is wrong: it is named
     assert navigator.output(ns(t)).rejected == (names[first],)
 
 
-def test_a_bit_that_fell_over_in_one_inertial_sample_is_known_and_forgotten(flight: State) -> None:
+def test_a_bit_that_fell_over_in_one_inertial_sample_is_known_and_forgotten(flight: FlightState) -> None:
     """100 m/s^2 for a sample are metres a second that nobody flew; without a sigma for it what aids was refused."""
     navigator, felt, turned, worst = begun(flight), specific_force_b(flight), angular_rate_b(flight), 0.0
     for k, t in enumerate(flight.t.tolist()):
         spike = [0.0, 0.0, -100.0] if k == 200 else [0.0, 0.0, 0.0]
-        navigator.take_inertial(ns(t), felt[k] + spike, turned[k])
+        navigator.feed_inertial(ns(t), felt[k] + spike, turned[k])
         if k % 10 == 0:
             for aiding in gnss(flight, k):
-                navigator.take(ns(t), aiding)
+                navigator.feed_aiding(ns(t), aiding)
         told = navigator.output(ns(t))
         if told.valid and k >= 200:
             assert told.reasons == ()
@@ -491,7 +499,7 @@ def test_a_bit_that_fell_over_in_one_inertial_sample_is_known_and_forgotten(flig
     assert worst < 3.0
 
 
-def test_random_rubbish_raises_nothing(flight: State) -> None:
+def test_random_rubbish_raises_nothing(flight: FlightState) -> None:
     """A thousand calls with times and values from anywhere."""
     rng = np.random.default_rng(8)
     navigator = begun(flight)
@@ -503,13 +511,13 @@ def test_random_rubbish_raises_nothing(flight: State) -> None:
         t = ns(float(rng.choice([0.0, rng.uniform(-5.0, 5.0), rng.uniform(0.0, 0.5), 1e6])))
         what = rng.integers(6)
         if what == 0:
-            navigator.take_inertial(t, [value() for _ in range(3)], [value() for _ in range(3)])
+            navigator.feed_inertial(t, [value() for _ in range(3)], [value() for _ in range(3)])
         elif what == 1:
-            navigator.take(t, GnssPosition(value(), value(), value(), abs(value()), abs(value())))
+            navigator.feed_aiding(t, GnssPosition(value(), value(), value(), abs(value()), abs(value())))
         elif what == 2:
-            navigator.take(t, GnssVelocity(value(), value(), value(), abs(value())))
+            navigator.feed_aiding(t, GnssVelocity(value(), value(), value(), abs(value())))
         elif what == 3:
-            navigator.take_attitude(t, value(), value(), value())
+            navigator.feed_attitude(t, value(), value(), value())
         else:
             told = navigator.output(t)
             assert not told.valid or all(math.isfinite(x) for x in (told.lat or 0.0, told.vertical_sd or 0.0))

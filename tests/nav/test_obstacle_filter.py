@@ -11,11 +11,11 @@ from fti.config import Approach
 from fti.constants import FOOT
 from fti.errors import ConfigError
 from fti.nav.integrity.approach import ApproachPath
+from fti.nav.integrity.batch_monitor import BatchMonitor
 from fti.nav.integrity.monitor import ClearanceMonitor, ClearanceSample
-from fti.nav.integrity.reference import Obstacles, Reference, grid
-from fti.nav.integrity.scan import Scanner
+from fti.nav.integrity.reference import ApproachReference, Obstacles, grid
 from fti.nav.integrity.statistics import Matcher
-from fti.nav.integrity.window import Bins, Track
+from fti.nav.integrity.window import Bins, ClearanceSeries
 from fti.types import IntegrityState, Reason
 
 Flight = Callable[..., Iterator[ClearanceSample]]
@@ -25,17 +25,17 @@ SETTINGS = Approach(profile="", alert_v_m=12.0)
 FIRST = 200
 
 
-def with_widths(reference: Reference, widths: tuple[float, ...] | None, **limits: float) -> Reference:
+def with_widths(reference: ApproachReference, widths: tuple[float, ...] | None, **limits: float) -> ApproachReference:
     new = reference.header.limits.model_copy(update={"t4_widths_m": widths, **limits})
     return dataclasses.replace(reference, header=reference.header.model_copy(update={"limits": new}))
 
 
-def with_correlation(reference: Reference, length: float) -> Reference:
+def with_correlation(reference: ApproachReference, length: float) -> ApproachReference:
     profile = reference.header.profile.model_copy(update={"correlation_m": length})
     return dataclasses.replace(reference, header=reference.header.model_copy(update={"profile": profile}))
 
 
-def t4(reference: Reference, residual: np.ndarray, filled: np.ndarray | None = None) -> float:
+def t4(reference: ApproachReference, residual: np.ndarray, filled: np.ndarray | None = None) -> float:
     """Of a window whose newest bins are so far above the profile [m]; the others fit it."""
     errors = np.zeros(81)
     errors[: len(residual)] = residual
@@ -64,7 +64,9 @@ def by_matrices(
 
 @pytest.mark.parametrize("length", [5.0, 20.0, 50.0])
 @pytest.mark.parametrize("bump", [3, 7, 14, 20])
-def test_it_is_the_greatest_normalised_sum_over_the_templates(reference: Reference, length: float, bump: int) -> None:
+def test_it_is_the_greatest_normalised_sum_over_the_templates(
+    reference: ApproachReference, length: float, bump: int
+) -> None:
     """Bins of unlike sigma, some of them empty, and something over the newest ones that no single bin sees best."""
     rng = np.random.default_rng(bump)
     residual, filled = rng.normal(0.0, 0.2, 81), rng.random(81) > 0.1
@@ -78,7 +80,7 @@ def test_it_is_the_greatest_normalised_sum_over_the_templates(reference: Referen
     assert t4(known, residual, filled) == pytest.approx(expected, rel=1e-9)
 
 
-def test_three_high_bins_add_up(reference: Reference) -> None:
+def test_three_high_bins_add_up(reference: ApproachReference) -> None:
     """Of bins that do not hang together: 3 x 4 sigma are 12 / sqrt(3), two 8 / sqrt(3), and 4 each alone."""
     white = with_correlation(reference, 5.0)
     high = np.full(3, 4.0 * math.sqrt(1.25))
@@ -87,14 +89,14 @@ def test_three_high_bins_add_up(reference: Reference) -> None:
     assert t4(with_widths(white, WIDTHS_M), high[:2]) == pytest.approx(8.0 / math.sqrt(3.0))
 
 
-def test_one_high_bin_is_seen_as_before(reference: Reference) -> None:
+def test_one_high_bin_is_seen_as_before(reference: ApproachReference) -> None:
     one = np.array([0.0, 30.0])
     assert t4(with_widths(reference, WIDTHS_M), one) == t4(reference, one) == pytest.approx(30.0 / math.sqrt(1.25))
 
 
 @pytest.mark.parametrize(("metres", "seen"), [(50.0, True), (55.0, False)])
 def test_what_is_wider_than_50_m_is_looked_for_at_the_newest_end_only(
-    reference: Reference, metres: float, seen: bool
+    reference: ApproachReference, metres: float, seen: bool
 ) -> None:
     """A single bin counts for 50 m; a template of 100 m, which reaches on to 95 m, always."""
     at = round(metres / 5)
@@ -104,7 +106,7 @@ def test_what_is_wider_than_50_m_is_looked_for_at_the_newest_end_only(
     assert t4(with_widths(reference, (100.0,)), residual) > 1.0
 
 
-def test_a_template_over_nominal_residuals_has_a_sigma_of_one(reference: Reference) -> None:
+def test_a_template_over_nominal_residuals_has_a_sigma_of_one(reference: ApproachReference) -> None:
     """2000 Markov processes with l_c = 40 m, drawn step by step; the sigma of 2000 is known within 5 % (3 sigma).
 
     Behind the template the window fits: its median is zero.
@@ -121,53 +123,55 @@ def test_a_template_over_nominal_residuals_has_a_sigma_of_one(reference: Referen
     assert np.mean(found) == pytest.approx(0.0, abs=0.07)
 
 
-def test_a_reference_of_before_is_judged_by_single_bins_as_its_limit_was_made(reference: Reference) -> None:
+def test_a_reference_of_before_is_judged_by_single_bins_as_its_limit_was_made(reference: ApproachReference) -> None:
     """Its text and hash are those of before, too: the shipped one still reads."""
     text = reference.to_text()
     assert "t4_widths" not in text
-    assert Reference.parse(text, "x").header.limits.t4_widths_m is None
+    assert ApproachReference.parse(text, "x").header.limits.t4_widths_m is None
     assert t4(reference, np.full(20, 5.0)) == t4(with_widths(reference, (5.0,)), np.full(20, 5.0))
     assert t4(reference, np.full(20, 5.0)) == pytest.approx(5.0 / math.sqrt(1.25))
-    again = Reference.parse(with_widths(reference, WIDTHS_M).to_text(), "x")
+    again = ApproachReference.parse(with_widths(reference, WIDTHS_M).to_text(), "x")
     assert again.header.limits.t4_widths_m == WIDTHS_M
 
 
-def test_templates_that_make_no_sense_are_refused(reference: Reference) -> None:
+def test_templates_that_make_no_sense_are_refused(reference: ApproachReference) -> None:
     text = with_widths(reference, (5.0, -30.0)).to_text()
     with pytest.raises(ConfigError, match=r"x: limits.t4_widths_m\[1\] = -30.0: input should be greater than 0"):
-        Reference.parse(text, "x")
+        ApproachReference.parse(text, "x")
 
 
-def test_a_template_that_no_window_holds_is_refused(reference: Reference) -> None:
+def test_a_template_that_no_window_holds_is_refused(reference: ApproachReference) -> None:
     """It would see nothing at all."""
     with pytest.raises(ConfigError, match=r"x: limits.t4_widths_m = \[5.0, 450.0\]: must be at most window_m = 400.0"):
-        Reference.parse(with_widths(reference, (5.0, 450.0)).to_text(), "x")
+        ApproachReference.parse(with_widths(reference, (5.0, 450.0)).to_text(), "x")
 
 
 @pytest.mark.parametrize("rows", [((10.0,), (10.0,)), ((10.0, 15.0),), ((10.0, 15.0), (10.0,))])
 def test_a_table_of_obstacles_that_is_no_table_is_refused(
-    reference: Reference, rows: tuple[tuple[float, ...], ...]
+    reference: ApproachReference, rows: tuple[tuple[float, ...], ...]
 ) -> None:
     table = Obstacles(pd=0.97, width_m=(30.0, 60.0), s_m=(2000.0, 1000.0), agl_m=(100.0, 50.0), height_m=rows, runs=100)
     bad = dataclasses.replace(reference, header=reference.header.model_copy(update={"obstacles": table}))
     with pytest.raises(ConfigError, match=r"x: obstacles.height_m: must have a row for each of 2 widths"):
-        Reference.parse(bad.to_text(), "x")
+        ApproachReference.parse(bad.to_text(), "x")
 
 
 @pytest.mark.parametrize("speed", [25.0, 60.0])
-def test_windows_at_once_have_the_figures_of_the_monitor(reference: Reference, flight: Flight, speed: float) -> None:
+def test_windows_at_once_have_the_figures_of_the_monitor(
+    reference: ApproachReference, flight: Flight, speed: float
+) -> None:
     known = with_widths(reference, WIDTHS_M)
     samples = list(flight(begin=2950.0, end=900.0, speed=speed, surface=lambda s: 9.0 if 1500.0 < s < 1570.0 else 0.0))
     monitor = ClearanceMonitor(known, SETTINGS)
     expected = [o.t4_ratio for x in samples if (o := monitor.step(x)) is not None and o.t4_ratio is not None]
-    found = Scanner(known, SETTINGS).scan(track_of(samples), 1.0)
+    found = BatchMonitor(known, SETTINGS).scan(track_of(samples), 1.0)
     assert found is not None
     assert found.t4 / 6.0 == pytest.approx(expected, rel=1e-12)
 
 
 @pytest.mark.parametrize("width", [40.0, 150.0])
 def test_a_high_obstacle_alerts_no_later_than_by_single_bins(
-    reference: Reference, flight: Flight, width: float
+    reference: ApproachReference, flight: Flight, width: float
 ) -> None:
     """The limit is higher by the tenth that more templates cost."""
     said = []
@@ -179,10 +183,10 @@ def test_a_high_obstacle_alerts_no_later_than_by_single_bins(
     assert said[1] == said[0]
 
 
-def track_of(samples: list[ClearanceSample]) -> Track:
+def track_of(samples: list[ClearanceSample]) -> ClearanceSeries:
     names = ("s", "y", "alt", "agl", "roll", "pitch", "climb")
     columns = (np.array([getattr(x, name) for x in samples]) for name in names)
-    return Track(np.array([x.t_ns for x in samples]), *columns)
+    return ClearanceSeries(np.array([x.t_ns for x in samples]), *columns)
 
 
 # ------------------------------------------------------------------------------ 60 m, from 350 m, in steps of 100 ft
@@ -191,16 +195,16 @@ STEP_M, SD_REF, LENGTH_M = 100.0 * FOOT, 4.0, 40.0
 
 
 @pytest.fixture
-def high(reference: Reference) -> Reference:
+def high(reference: ApproachReference) -> ApproachReference:
     """Ground of which the reference knows its mean, 350 m below at 6400 m; an altimeter with steps of 100 ft."""
     s = grid(5.0, 7000.0)
     profile = reference.header.profile.model_copy(update={"s_max_m": 7000.0, "correlation_m": LENGTH_M})
     flat, sd = np.full_like(s, 200.0), np.full_like(s, SD_REF)
     header = reference.header.model_copy(update={"profile": profile})
-    return Reference(header, s, flat, sd, np.full_like(s, round(STEP_M / math.sqrt(12.0), 3)))
+    return ApproachReference(header, s, flat, sd, np.full_like(s, round(STEP_M / math.sqrt(12.0), 3)))
 
 
-def flown_high(path: ApproachPath, seed: int, height: float) -> Track:
+def flown_high(path: ApproachPath, seed: int, height: float) -> ClearanceSeries:
     """From 7000 m on at 60 m/s, 5 m off the path in height, over relief of 4 m; a box of 60 m square at 6400 m.
 
     The radar has the nearest point of its roof as soon as that is within 20 deg of the nadir.
@@ -217,12 +221,14 @@ def flown_high(path: ApproachPath, seed: int, height: float) -> Track:
     nearest = np.where(np.arctan2(beside, below) <= np.radians(20.0), np.hypot(beside, below), np.inf)
     agl = np.rint((np.minimum(clear, nearest) + rng.normal(0.0, 0.3, len(s))) / STEP_M) * STEP_M
     zero = np.zeros_like(s)
-    return Track(10**9 + np.rint((7000.0 - s) / 60.0 * 1e9).astype(np.int64), s, zero, alt, agl, zero, zero, zero - 3.0)
+    return ClearanceSeries(
+        10**9 + np.rint((7000.0 - s) / 60.0 * 1e9).astype(np.int64), s, zero, alt, agl, zero, zero, zero - 3.0
+    )
 
 
-def share_seen(reference: Reference, path: ApproachPath, height: float) -> float:
+def share_seen(reference: ApproachReference, path: ApproachPath, height: float) -> float:
     """Share of 100 flights on which T4 is over its limit in two updates, one behind the other."""
-    scanner, seen = Scanner(reference, SETTINGS), 0
+    scanner, seen = BatchMonitor(reference, SETTINGS), 0
     for seed in range(100):
         scan = scanner.scan(flown_high(path, seed, height), 1.0)
         assert scan is not None
@@ -232,7 +238,7 @@ def share_seen(reference: Reference, path: ApproachPath, height: float) -> float
 
 
 def test_60_m_seen_from_350_m_in_steps_of_100_ft_are_silent_by_single_bins_only(
-    high: Reference, path: ApproachPath
+    high: ApproachReference, path: ApproachPath
 ) -> None:
     """The limit is where single bins reach 0.9 of it, and 7.5 % higher for the templates.
 

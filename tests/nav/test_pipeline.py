@@ -221,7 +221,7 @@ def test_what_falls_silent_in_a_gap_is_told_when_it_stays_so() -> None:
     pipeline = Pipeline(config(), None)
     feed_all(pipeline, ("ins", position(T0)))
     pipeline.tick(T0)
-    pipeline.pass_gap()
+    pipeline.reset_after_gap()
     behind = T0 + 9 * S
     told = {
         t: [o.text for o in pipeline.tick(behind + t) if isinstance(o, Event)] for t in (0, 299_000_000, 300_000_000)

@@ -13,7 +13,7 @@ from fti.config import Config, parse
 from fti.errors import ConfigError
 from fti.nav.integrity.approach import ApproachPath
 from fti.nav.integrity.monitor import ClearanceSample
-from fti.nav.integrity.reference import Reference
+from fti.nav.integrity.reference import ApproachReference
 from fti.nav.pipeline import Pipeline
 from fti.types import (
     Attitude,
@@ -102,7 +102,7 @@ def nominal(path: ApproachPath, flight: Flight) -> Inputs:
 
 
 def test_nominal_approach_is_ok_and_the_needle_shows_what_is_flown(
-    reference: Reference, path: ApproachPath, nominal: Inputs
+    reference: ApproachReference, path: ApproachPath, nominal: Inputs
 ) -> None:
     outputs = fly(Pipeline(config(), reference), nominal)
     good = {IntegrityState.ACQUIRE, IntegrityState.OK, IntegrityState.MONITOR}
@@ -115,26 +115,28 @@ def test_nominal_approach_is_ok_and_the_needle_shows_what_is_flown(
         assert o.dh_nav == pytest.approx(4.0, abs=0.1)
 
 
-def test_latency_and_extrapolation_put_the_height_where_it_was_measured(reference: Reference, nominal: Inputs) -> None:
+def test_latency_and_extrapolation_put_the_height_where_it_was_measured(
+    reference: ApproachReference, nominal: Inputs
+) -> None:
     outputs = [o for o in integrity(fly(Pipeline(config(), reference), nominal)) if o.state is IntegrityState.OK]
     assert np.mean([o.shift or 0.0 for o in outputs]) == pytest.approx(0.0, abs=1.0)
     for o in outputs:
         assert (o.t_valid_ns or 0) - S == pytest.approx((2500.0 - (o.s_end or 0.0)) / 60.0 * S, abs=0.002 * S)
 
 
-def test_every_output_comes_at_least_twice_a_second(reference: Reference, nominal: Inputs) -> None:
+def test_every_output_comes_at_least_twice_a_second(reference: ApproachReference, nominal: Inputs) -> None:
     outputs = fly(Pipeline(config(), reference), nominal)
     for kind in (ClearanceIntegrity, GlideSlope, NavSolution):
         times = [o.t_ns for o in outputs if isinstance(o, kind)]
         assert max(np.diff(times)) <= 0.56 * S
 
 
-def test_two_runs_give_the_same_bytes(reference: Reference, nominal: Inputs) -> None:
+def test_two_runs_give_the_same_bytes(reference: ApproachReference, nominal: Inputs) -> None:
     first, second = ([repr(o) for o in fly(Pipeline(config(), reference), nominal)] for _ in range(2))
     assert first == second
 
 
-def test_a_silent_altimeter_takes_integrity_and_needle_away(reference: Reference, nominal: Inputs) -> None:
+def test_a_silent_altimeter_takes_integrity_and_needle_away(reference: ApproachReference, nominal: Inputs) -> None:
     stop = S + 10 * S
     inputs = [(t, d, m) for t, d, m in nominal if d != "radar" or t < stop]
     outputs = fly(Pipeline(config(), reference), inputs)
@@ -146,7 +148,7 @@ def test_a_silent_altimeter_takes_integrity_and_needle_away(reference: Reference
     assert max(np.diff(times)) <= 0.52 * S
 
 
-def test_an_altimeter_that_flags_its_height_is_refused(reference: Reference, nominal: Inputs) -> None:
+def test_an_altimeter_that_flags_its_height_is_refused(reference: ApproachReference, nominal: Inputs) -> None:
     stop = S + 10 * S
 
     def flagged(t: int, m: Measurement | None) -> Measurement | None:
@@ -158,7 +160,7 @@ def test_an_altimeter_that_flags_its_height_is_refused(reference: Reference, nom
     assert gone.t_ns - stop <= 240 * MS
 
 
-def test_lost_position_is_named(reference: Reference, nominal: Inputs) -> None:
+def test_lost_position_is_named(reference: ApproachReference, nominal: Inputs) -> None:
     stop = S + 10 * S
     inputs = [(t, d, m) for t, d, m in nominal if not isinstance(m, (Position, Velocity)) or t < stop]
     outputs = fly(Pipeline(config(), reference), inputs)
@@ -167,7 +169,7 @@ def test_lost_position_is_named(reference: Reference, nominal: Inputs) -> None:
     assert slopes(outputs)[-1].s is None
 
 
-def test_another_source_of_the_height_begins_a_new_window(reference: Reference, nominal: Inputs) -> None:
+def test_another_source_of_the_height_begins_a_new_window(reference: ApproachReference, nominal: Inputs) -> None:
     stop = S + 12 * S
     inputs: Inputs = []
     for t, d, m in nominal:
@@ -192,24 +194,26 @@ def test_without_a_profile_it_says_so_twice_a_second() -> None:
 
 
 @pytest.mark.parametrize(("beam", "kind"), [(50.0, "radar"), (40.0, "laser")])
-def test_another_kind_of_sensor_is_refused(reference: Reference, beam: float, kind: str) -> None:
+def test_another_kind_of_sensor_is_refused(reference: ApproachReference, beam: float, kind: str) -> None:
     state, reasons, _ = idle(Pipeline(config(beam, kind), reference))
     assert (state, reasons) == (IntegrityState.UNAVAILABLE, (Reason.WRONG_SENSOR,))
 
 
-def test_another_window_than_the_calibrated_one_is_a_mistake(reference: Reference) -> None:
+def test_another_window_than_the_calibrated_one_is_a_mistake(reference: ApproachReference) -> None:
     with pytest.raises(ConfigError, match=r"nav\.approach\.window_m = 300"):
         Pipeline(config(window_m=300.0), reference)
 
 
 @pytest.mark.parametrize("alert_s_m", [2.0, 205.0])
-def test_an_alert_limit_where_the_peak_cannot_be_looked_at_is_a_mistake(reference: Reference, alert_s_m: float) -> None:
+def test_an_alert_limit_where_the_peak_cannot_be_looked_at_is_a_mistake(
+    reference: ApproachReference, alert_s_m: float
+) -> None:
     """Below one step the shift would never be observable and never tested; beyond the last there is no J."""
     with pytest.raises(ConfigError, match=rf"nav\.approach\.alert_s_m = {alert_s_m}: must be 5\.0 to 200\.0"):
         Pipeline(config(alert_s_m=alert_s_m), reference)
 
 
-def test_an_altimeter_never_heard_is_silent_for_the_monitor_too(reference: Reference) -> None:
+def test_an_altimeter_never_heard_is_silent_for_the_monitor_too(reference: ApproachReference) -> None:
     outputs = integrity([o for k in range(60) for o in Pipeline(config(), reference).tick(k * 20 * MS)])
     assert outputs == []
     pipeline = Pipeline(config(), reference)

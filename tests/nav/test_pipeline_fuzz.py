@@ -11,7 +11,7 @@ import pytest
 
 from fti.nav.pipeline import Pipeline
 from fti.types import Event, Measurement, Output, Stamp
-from tests.nav.test_aided import MS, T0, S, config, level, measurements
+from tests.nav.test_inertial_aiding import MS, T0, S, config, level, measurements
 
 STEPS = 400
 WILD: tuple[float | None, ...] = (
@@ -55,7 +55,7 @@ def check(out: list[Output | Event], t_ns: int) -> int:
 def test_anything_in_any_field_late_and_twice(seed: int) -> None:
     rng = np.random.default_rng(seed)
     pipeline, late = Pipeline(config(), None), list[tuple[int, str, Measurement]]()
-    pipeline.give_ground(level() if seed else None)
+    pipeline.set_terrain(level() if seed else None)
     rate, valid = (0.003, 0.02, 0.1, 0.3)[seed], 0
     for k in range(STEPS):
         now = T0 + k * 10 * MS

@@ -15,23 +15,23 @@ from fti.nav.navigation import NavState, solution
 from fti.nav.protection import (
     K_AXIS,
     K_RADIAL,
-    Compared,
+    FilterReference,
     Protection,
-    by_filter,
+    compare_with_filter,
     differences,
+    extrapolate_levels,
     is_beyond,
-    moved_on,
     unchecked,
 )
 from fti.nav.separation.protection import K_MD_AXIS, K_MD_RADIAL
 from fti.nav.source_check import SourceCheck
-from fti.nav.sources import AttitudeState, PositionState
+from fti.nav.source_interpolation import AttitudeState, PositionState
 from fti.types import Reason
 
 SECOND = 1_000_000_000
 HERE = PositionState(0.8, 0.2, 700.0, 1.0, 2.0, 50.0, 0.0, 0.0, 0)
 MERIDIAN, NORMAL = (float(r) for r in radii(0.8))
-FILTER = Compared(HERE, 15.0, 20.0)
+FILTER = FilterReference(HERE, 15.0, 20.0)
 ASSUMED = {"ins": (5.0, 10.0)}
 
 
@@ -58,23 +58,23 @@ def test_differences_are_in_metres_and_across_the_date_line() -> None:
 def test_a_device_beside_the_filter_is_as_good_as_the_filter_and_the_difference() -> None:
     """Whatever sigma it states: 40 m away from a filter that holds 15 m it may be wrong by 55 m."""
     liar = replace(moved(40.0, up=-5.0), horizontal_sd=0.1, vertical_sd=0.1)
-    found = by_filter(liar, FILTER)
+    found = compare_with_filter(liar, FILTER)
     assert found[:2] == pytest.approx((55.0, 25.0), rel=1e-6)
     assert found[2:] == ((), False)
-    assert by_filter(replace(liar, alt=None), FILTER).vertical is None
+    assert compare_with_filter(replace(liar, alt=None), FILTER).vertical is None
 
 
 def test_a_fix_that_steps_back_counts_at_once_and_flight_does_not() -> None:
     """50 m/s north for 0.2 s: 10 m on are the flight; the same place again is 10 m off, by how much it is higher."""
     level = Protection(15.0, 20.0)
-    assert moved_on(level, HERE, moved(10.0), 0.2)[:2] == pytest.approx((15.0, 20.0), abs=1e-3)
-    assert moved_on(level, HERE, moved(0.0), 0.2)[:2] == pytest.approx((25.0, 20.0), abs=1e-3)
-    assert moved_on(level, HERE, moved(10.0, 3.0, 2.0), 0.2)[:2] == pytest.approx((18.0, 22.0), abs=1e-3)
+    assert extrapolate_levels(level, HERE, moved(10.0), 0.2)[:2] == pytest.approx((15.0, 20.0), abs=1e-3)
+    assert extrapolate_levels(level, HERE, moved(0.0), 0.2)[:2] == pytest.approx((25.0, 20.0), abs=1e-3)
+    assert extrapolate_levels(level, HERE, moved(10.0, 3.0, 2.0), 0.2)[:2] == pytest.approx((18.0, 22.0), abs=1e-3)
     pole = replace(HERE, lat=math.pi / 2.0)
-    assert moved_on(level, pole, pole, 0.0)[:2] == pytest.approx((15.0, 20.0))
+    assert extrapolate_levels(level, pole, pole, 0.0)[:2] == pytest.approx((15.0, 20.0))
     alone = unchecked(HERE, (5.0, 10.0))
-    assert moved_on(alone, HERE, moved(0.0), 0.2) == alone
-    assert moved_on(Protection(15.0, None), HERE, moved(10.0, up=9.0), 0.2).vertical is None
+    assert extrapolate_levels(alone, HERE, moved(0.0), 0.2) == alone
+    assert extrapolate_levels(Protection(15.0, None), HERE, moved(10.0, up=9.0), 0.2).vertical is None
 
 
 def test_alone_it_has_the_level_of_its_own_sigma_or_of_its_kind() -> None:
@@ -127,7 +127,7 @@ def test_what_both_may_err_by_is_no_contradiction() -> None:
 
 
 def test_it_is_used_again_after_30_s_where_the_filter_would_see_the_same_again() -> None:
-    check, uncertain = SourceCheck(ASSUMED), Compared(HERE, 60.0, 20.0)
+    check, uncertain = SourceCheck(ASSUMED), FilterReference(HERE, 60.0, 20.0)
     for second in range(10):
         check.update(second * SECOND, {"ins": moved(100.0)}, FILTER)
     for second in range(10, 60):  # it agrees with a filter that 100 m could not contradict

@@ -15,7 +15,18 @@ from numpy.typing import NDArray
 from fti.geodesy.wgs84 import radii
 from fti.nav.pipeline import Pipeline
 from fti.types import Attitude, Event, FilterSolution, ImuSample, ProvisionalSolution, Reason, Stamp
-from tests.nav.receiver_flights import SECOND_NS, T0, Fault, Fixes, Flight, after, config, draw, measurements, silent
+from tests.nav.receiver_flights import (
+    SECOND_NS,
+    T0,
+    Fault,
+    Fixes,
+    Flight,
+    config,
+    draw,
+    measurements,
+    offset_after,
+    silent,
+)
 
 Array = NDArray[np.float64]
 #: A step; a lie that only the filter sees begins when it has a copy to compare with [s].
@@ -96,14 +107,14 @@ def until(seconds: float, offset: Callable[[Array], Array]) -> Callable[[Array],
 def drawn_away(begin: float, rate: float, seconds: float) -> Fault:
     """East at ``rate`` [m/s] with the velocity that belongs to it, for so long; then it stays there."""
     east = np.array([0.0, 1.0, 0.0])
-    return after(
+    return offset_after(
         begin,
         lambda since: rate * np.minimum(since, seconds)[:, None] * east,
         lambda since: rate * (since < seconds)[:, None] * east,
     )
 
 
-STEP = after(BEGIN, constant(0.0, 100.0, 0.0))
+STEP = offset_after(BEGIN, constant(0.0, 100.0, 0.0))
 
 
 def assert_never_valid_and_covered(seen: Seen) -> None:
@@ -169,7 +180,7 @@ def test_its_level_is_the_distance_from_the_filter_and_what_that_may_be_wrong(st
 
 
 def test_a_receiver_that_steps_back_is_not_unconfirmed_any_more() -> None:
-    seen = fly(draw(0), after(BEGIN, until(40.0, constant(0.0, 100.0, 0.0))), 106.0)
+    seen = fly(draw(0), offset_after(BEGIN, until(40.0, constant(0.0, 100.0, 0.0))), 106.0)
     assert seen.times()[0] <= BEGIN + 33.0
     assert 70.0 <= seen.times()[-1] <= 74.5, seen.texts()
     assert_never_valid_and_covered(seen)
@@ -192,7 +203,7 @@ def test_a_receiver_that_the_filter_excludes_has_one_too() -> None:
 
 def test_a_height_alone_is_unconfirmed_alone() -> None:
     """47 m up; the position goes on aiding, and the level is vertical."""
-    seen = fly(draw(0), after(BEGIN, constant(0.0, 0.0, -47.0)), 85.0, readmit_s=75.0)
+    seen = fly(draw(0), offset_after(BEGIN, constant(0.0, 0.0, -47.0)), 85.0, readmit_s=75.0)
     assert {said.quantities for _, said in seen.provisional} == {("height",)}
     assert BEGIN + 30.0 <= seen.times()[0] <= BEGIN + 33.0
     assert seen.times()[-1] <= 75.1
@@ -206,7 +217,7 @@ def test_a_height_alone_is_unconfirmed_alone() -> None:
 
 def test_one_that_its_own_tests_refuse_again_is_unconfirmed_anew_after_30_s() -> None:
     """Another 60 m north at 70 s."""
-    seen = fly(draw(0), lambda fixes: after(70.0, constant(60.0, 0.0, 0.0))(STEP(fixes)), 105.0)
+    seen = fly(draw(0), lambda fixes: offset_after(70.0, constant(60.0, 0.0, 0.0))(STEP(fixes)), 105.0)
     times = seen.times()
     assert not np.any((times > 74.5) & (times < 100.0)), seen.texts()
     assert np.any(times > 103.5)
@@ -248,7 +259,7 @@ def test_measurements_that_are_no_numbers_aid_nothing() -> None:
     assert_never_valid_and_covered(seen)
 
 
-FAR = after(BEGIN, constant(0.0, 3000.0, 0.0))
+FAR = offset_after(BEGIN, constant(0.0, 3000.0, 0.0))
 
 
 @pytest.mark.parametrize("fault", [lambda fixes: fixes, silent(20.0, 45.0), FAR], ids=["sound", "silent", "far"])

@@ -9,8 +9,15 @@ import pytest
 
 from fti.geodesy.rotations import mat_en
 from fti.geodesy.wgs84 import ecef_from_geodetic, geodetic_from_ecef
-from fti.nav.least_squares import Altitude, Place, Slant, covariance, solve
-from fti.nav.radio.accuracy import HG9550, UNIFORM, AltitudeSource, altimeter_sd, choose, fix_covariance
+from fti.nav.least_squares import AltitudeObservation, PositionObservation, RangeObservation, covariance, solve
+from fti.nav.radio.altitude_accuracy import (
+    HG9550,
+    UNIFORM,
+    AltitudeSource,
+    altimeter_sd,
+    choose_altitude,
+    fix_covariance,
+)
 
 LAT, LON, ALT = 0.84, 0.2, 2500.0
 HERE_E = ecef_from_geodetic(LAT, LON, ALT)
@@ -34,15 +41,17 @@ STATIONS_E = ecef_from_geodetic(
 )
 
 
-def slants(n: int = 5, m: int = 4, clock: float = 0.0, errors: np.ndarray | None = None) -> list[Slant]:
+def slants(n: int = 5, m: int = 4, clock: float = 0.0, errors: np.ndarray | None = None) -> list[RangeObservation]:
     """Ranges to the first n satellites and m stations."""
     errors = np.zeros(n + m) if errors is None else errors
     far, near = (np.linalg.norm(p - HERE_E, axis=1) for p in (SATELLITES_E[:n], STATIONS_E[:m]))
     found = []
     if n:
-        found.append(Slant(SATELLITES_E[:n], far + clock + errors[..., :n], np.full(n, SATELLITE_SD), clock=True))
+        found.append(
+            RangeObservation(SATELLITES_E[:n], far + clock + errors[..., :n], np.full(n, SATELLITE_SD), clock=True)
+        )
     if m:
-        found.append(Slant(STATIONS_E[:m], near + errors[..., n:], np.full(m, DME_SD), clock=False))
+        found.append(RangeObservation(STATIONS_E[:m], near + errors[..., n:], np.full(m, DME_SD), clock=False))
     return found
 
 
@@ -63,7 +72,7 @@ def test_too_few_ranges_are_no_position(n: int, m: int) -> None:
 
 def test_a_height_takes_the_place_of_a_range() -> None:
     start = HERE_E + np.array([100.0, 100.0, 100.0])
-    solution = solve([*slants(0, 2), Altitude(ALT, 5.0)], start)
+    solution = solve([*slants(0, 2), AltitudeObservation(ALT, 5.0)], start)
     assert solution is not None
     assert np.linalg.norm(solution.x[:3] - HERE_E) < 1e-3
     lat, lon, alt = solution.geodetic()
@@ -74,10 +83,12 @@ def test_a_height_takes_the_place_of_a_range() -> None:
 def test_many_runs_are_solved_as_each_alone() -> None:
     errors = np.random.default_rng(1).normal(size=(20, 9)) * np.array([SATELLITE_SD] * 5 + [DME_SD] * 4)
     alts = ALT + np.linspace(-20.0, 20.0, 20)
-    together = solve([*slants(errors=errors), Altitude(alts, np.full(20, 8.0))], np.broadcast_to(HERE_E, (20, 3)))
+    together = solve(
+        [*slants(errors=errors), AltitudeObservation(alts, np.full(20, 8.0))], np.broadcast_to(HERE_E, (20, 3))
+    )
     assert together is not None
     for i in range(20):
-        alone = solve([*slants(errors=errors[i]), Altitude(alts[i], 8.0)], HERE_E)
+        alone = solve([*slants(errors=errors[i]), AltitudeObservation(alts[i], 8.0)], HERE_E)
         assert alone is not None
         assert np.allclose(together.x[i], alone.x, rtol=0.0, atol=1e-3)
         assert np.allclose(together.cov_n()[i], alone.cov_n(), rtol=1e-6, atol=1e-6)
@@ -106,7 +117,7 @@ def test_a_fix_weighs_as_much_as_its_satellites() -> None:
     assert whole is not None and fix is not None and cov_n is not None
     assert np.allclose(fix.cov_n(), cov_n, rtol=1e-3)
     turn = mat_en(LAT, LON)
-    joined = solve([Place(fix.x[:3], turn @ cov_n @ turn.T), *slants(0, 4, errors=errors[5:])], HERE_E)
+    joined = solve([PositionObservation(fix.x[:3], turn @ cov_n @ turn.T), *slants(0, 4, errors=errors[5:])], HERE_E)
     assert joined is not None
     assert np.linalg.norm(joined.x[:3] - whole.x[:3]) < 0.05
     assert np.allclose(joined.cov_n(), whole.cov_n(), rtol=1e-3)
@@ -156,11 +167,11 @@ def test_the_data_sheet_of_the_altimeter() -> None:
 
 
 def test_the_more_accurate_height_is_chosen() -> None:
-    assert choose(5.0, 6.0) == (AltitudeSource.RANGES, 5.0)
-    assert choose(7.0, 6.0) == (AltitudeSource.ALTIMETER, 6.0)
-    assert choose(None, 6.0) == (AltitudeSource.ALTIMETER, 6.0)
-    assert choose(5.0, math.nan) == (AltitudeSource.RANGES, 5.0)
-    assert choose(None, None) is None
+    assert choose_altitude(5.0, 6.0) == (AltitudeSource.RANGES, 5.0)
+    assert choose_altitude(7.0, 6.0) == (AltitudeSource.ALTIMETER, 6.0)
+    assert choose_altitude(None, 6.0) == (AltitudeSource.ALTIMETER, 6.0)
+    assert choose_altitude(5.0, math.nan) == (AltitudeSource.RANGES, 5.0)
+    assert choose_altitude(None, None) is None
 
 
 def test_poles_and_the_date_line() -> None:
@@ -169,7 +180,7 @@ def test_poles_and_the_date_line() -> None:
         lines_n = np.array([[3e4, 0.0, 0.0], [-2e4, 3e4, 500.0], [0.0, -4e4, 1000.0], [1e4, 1e4, -2e4]])
         points_e = here + lines_n @ mat_en(lat, lon).T
         measured = np.linalg.norm(points_e - here, axis=1)
-        solution = solve([Slant(points_e, measured, np.full(4, DME_SD), clock=False)], here + 500.0)
+        solution = solve([RangeObservation(points_e, measured, np.full(4, DME_SD), clock=False)], here + 500.0)
         assert solution is not None
         assert np.linalg.norm(solution.x[:3] - here) < 1e-3
         assert geodetic_from_ecef(solution.x[:3])[2] == pytest.approx(ALT, abs=1e-3)

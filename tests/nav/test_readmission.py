@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from fti.nav.filter.aiding import Aiding, GnssHeight, GnssPosition, GnssVelocity
-from fti.nav.filter.estimate import Estimate, Start
-from fti.nav.filter.gate import LIMITS
-from fti.nav.filter.segment import Entry
-from fti.nav.filter.states import Model
+from fti.nav.filter.error_states import FilterModel
+from fti.nav.filter.estimate import Estimate, InitialState
+from fti.nav.filter.innovation_gate import LIMITS
+from fti.nav.filter.segment import AidingEntry
 from fti.nav.separation.exclusions import ExcludedReceiver, describe_readmission
 from fti.nav.separation.monitor import QUANTITY_AXES
-from fti.nav.separation.readmission import AGREED_COUNT, Contradiction, Return
+from fti.nav.separation.readmission import AGREED_COUNT, Contradiction, ReadmissionCheck
 
 SECOND = 1_000_000_000
 POSITION = GnssPosition(0.8, 0.2, None, 1.0, 1.0)
@@ -21,26 +21,26 @@ HEIGHT, VELOCITY = GnssHeight(POSITION), GnssVelocity(0.0, 0.0, 0.0, 0.1)
 
 def here(sd: float) -> Estimate:
     """The filter with a sigma of position [m]."""
-    start = Start(0.8, 0.2, 700.0, (50.0, 0.0, 0.0), 0.0, 0.0, 0.0, (sd,) * 3, (0.5,) * 3, (0.01,) * 3)
-    return start.estimate(0, np.zeros(6), Model())
+    start = InitialState(0.8, 0.2, 700.0, (50.0, 0.0, 0.0), 0.0, 0.0, 0.0, (sd,) * 3, (0.5,) * 3, (0.01,) * 3)
+    return start.estimate(0, np.zeros(6), FilterModel())
 
 
-def returning() -> Return:
+def returning() -> ReadmissionCheck:
     aids: dict[str, Aiding] = {"position": POSITION, "height": HEIGHT, "velocity": VELOCITY}
-    return Return({aiding.name: Contradiction(QUANTITY_AXES[name]) for name, aiding in aids.items()})
+    return ReadmissionCheck({aiding.name: Contradiction(QUANTITY_AXES[name]) for name, aiding in aids.items()})
 
 
-def entry(t: float, size: float, sd: float) -> Entry:
+def entry(t: float, size: float, sd: float) -> AidingEntry:
     """A position so far from the filter [m]."""
-    return Entry(round(t * SECOND), POSITION, nis=(size / sd) ** 2, innovation=np.array([size, 0.0]))
+    return AidingEntry(round(t * SECOND), POSITION, nis=(size / sd) ** 2, innovation=np.array([size, 0.0]))
 
 
-def feed(back: Return, sizes: dict[float, float], sd: float) -> None:
+def feed(back: ReadmissionCheck, sizes: dict[float, float], sd: float) -> None:
     for t, size in sizes.items():
         back.compare(entry(t, size, sd), here(sd))
 
 
-def agree(back: Return, from_s: float, seconds: float, sd: float) -> float:
+def agree(back: ReadmissionCheck, from_s: float, seconds: float, sd: float) -> float:
     for t in np.arange(from_s, from_s + seconds, 0.5).tolist():
         back.compare(entry(t, 0.0, sd), here(sd))
     return from_s + seconds
@@ -97,24 +97,24 @@ def test_one_sample_outside_begins_anew() -> None:
 def test_all_quantities_must_agree() -> None:
     back = returning()
     feed(back, {0.0: 100.0}, sd=5.0)
-    wrong = Entry(SECOND, VELOCITY, nis=2.0 * LIMITS[3], innovation=np.array([3.0, 0.0, 0.0]))
+    wrong = AidingEntry(SECOND, VELOCITY, nis=2.0 * LIMITS[3], innovation=np.array([3.0, 0.0, 0.0]))
     back.compare(wrong, here(5.0))
     agree(back, 1.5, 40.0, sd=5.0)
     assert not back.has_agreed(41 * SECOND)
-    right = Entry(42 * SECOND, VELOCITY, nis=0.0, innovation=np.zeros(3))
+    right = AidingEntry(42 * SECOND, VELOCITY, nis=0.0, innovation=np.zeros(3))
     back.compare(right, here(5.0))
     assert back.has_agreed(round(agree(back, 42.5, 31.0, sd=5.0) * SECOND))
 
 
 def test_a_contradiction_within_the_noise_of_the_source_is_not_ended_by_agreement() -> None:
     """0.1 m/s from the copies, by a velocity of 0.1 m/s: inside the gate all the time, which shows nothing."""
-    back = Return(
+    back = ReadmissionCheck(
         {VELOCITY.name: Contradiction(QUANTITY_AXES["velocity"], 0.1, 0), POSITION.name: Contradiction(slice(0, 2))}
     )
-    start = Start(0.8, 0.2, 700.0, (50.0, 0.0, 0.0), 0.0, 0.0, 0.0, (1.0,) * 3, (0.005,) * 3, (0.01,) * 3)
-    certain = start.estimate(0, np.zeros(6), Model())
+    start = InitialState(0.8, 0.2, 700.0, (50.0, 0.0, 0.0), 0.0, 0.0, 0.0, (1.0,) * 3, (0.005,) * 3, (0.01,) * 3)
+    certain = start.estimate(0, np.zeros(6), FilterModel())
     for t in np.arange(0.2, 40.0, 0.5).tolist():
-        back.compare(Entry(round(t * SECOND), VELOCITY, nis=0.0, innovation=np.zeros(3)), certain)
+        back.compare(AidingEntry(round(t * SECOND), VELOCITY, nis=0.0, innovation=np.zeros(3)), certain)
         back.compare(entry(t, 0.0, 1.0), certain)
     assert back.has_agreed(40 * SECOND)
     assert back.tolerance is None
@@ -131,7 +131,7 @@ def test_what_would_readmit_it_is_named_as_far_as_it_is_known() -> None:
         assert part in outside
     agree(back, 3.0, 31.0, sd=5.0)
     assert "a step back" not in describe_readmission(ExcludedReceiver("gnss", "gnss", 0, back))
-    height = Return({HEIGHT.name: Contradiction(QUANTITY_AXES["height"], 47.0, 0, is_outside=True)})
+    height = ReadmissionCheck({HEIGHT.name: Contradiction(QUANTITY_AXES["height"], 47.0, 0, is_outside=True)})
     alone = describe_readmission(ExcludedReceiver("gnss", "gnss height", 0, height))
     assert "below 5.9 m (height)" in alone
     assert "readmit gnss'" in alone

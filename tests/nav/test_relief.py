@@ -9,7 +9,7 @@ import pytest
 
 from fti.nav.altimetry.relief import RELIEF_UNKNOWN_M, ReliefEstimator
 from fti.nav.navigation import NavState
-from fti.nav.sources import PositionState
+from fti.nav.source_interpolation import PositionState
 
 SPEED, HZ, SECOND = 60.0, 10, 1_000_000_000
 

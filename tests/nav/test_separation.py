@@ -14,16 +14,16 @@ import pytest
 from fti.geodesy.wgs84 import radii
 from fti.nav.filter import kernels
 from fti.nav.filter.aiding import GnssPosition, GnssVelocity
-from fti.nav.filter.estimate import Start
-from fti.nav.filter.navigator import Navigator
+from fti.nav.filter.error_states import GNSS_DRIFTS, FilterModel, own_drifts, receiver_drifts
+from fti.nav.filter.estimate import InitialState
+from fti.nav.filter.navigator import InertialNavigator
 from fti.nav.filter.segment import cut
-from fti.nav.filter.states import GNSS_DRIFTS, Model, own_drifts, receiver_drifts
-from fti.nav.inertial.errors import UNITS
-from fti.nav.separation.copies import Copy, largest_sd, separate
-from fti.nav.separation.ladder import Ladder, Rungs
+from fti.nav.inertial.ins_error_model import IMU_ERROR_MODELS
+from fti.nav.separation.copies import FilterCopy, largest_sd, separate
+from fti.nav.separation.copy_ring import CopyRing, RingSettings
 from tests.nav.receiver_flights import ALT, SECOND_NS, T0, Fixes, Flight, draw
 
-MODEL = Model(UNITS["tactical"], extras=GNSS_DRIFTS)
+MODEL = FilterModel(IMU_ERROR_MODELS["tactical"], extras=GNSS_DRIFTS)
 NAMES = frozenset({"gnss.position", "gnss.height", "gnss.velocity"})
 
 
@@ -31,14 +31,14 @@ def ns(t: float) -> int:
     return T0 + round(t * SECOND_NS)
 
 
-def begun(flight: Flight) -> Navigator:
+def begun(flight: Flight) -> InertialNavigator:
     state = flight.truth.state(flight.t[:1])
     north, east, down = state.vel_n[0].tolist()
-    start = Start(
+    start = InitialState(
         float(state.lat[0]), float(state.lon[0]), float(state.alt[0]), (north, east, down), float(state.roll[0]),
         float(state.pitch[0]), float(state.heading[0]), (2.0,) * 3, (0.2,) * 3, (0.005, 0.005, 0.01),
     )  # fmt: skip
-    navigator = Navigator(MODEL)
+    navigator = InertialNavigator(MODEL)
     navigator.begin(ns(0.0) - 1, start, flight.felt[0, :3], flight.felt[0, 3:])
     return navigator
 
@@ -49,23 +49,23 @@ def aids(fixes: Fixes, k: int) -> tuple[GnssPosition, GnssVelocity]:
     return GnssPosition(*place, 1.8, 2.7), GnssVelocity(north, east, down, 0.3)
 
 
-def fly(navigator: Navigator, flight: Flight, until: float, lost_from: float = np.inf) -> None:
+def fly(navigator: InertialNavigator, flight: Flight, until: float, lost_from: float = np.inf) -> None:
     """Every third fix, half a second late: the filter does again what came before."""
     fixes, taken = flight.receivers["gnss"], 0
     for k, t in enumerate(flight.t[flight.t < until].tolist()):
-        navigator.take_inertial(ns(t), flight.felt[k, :3].tolist(), flight.felt[k, 3:].tolist())
+        navigator.feed_inertial(ns(t), flight.felt[k, :3].tolist(), flight.felt[k, 3:].tolist())
         while fixes.t[taken] < t - 0.5:
             at = float(fixes.t[taken])
             if at < lost_from and taken % 3 == 0:
                 for aiding in aids(fixes, taken):
-                    navigator.take(ns(at), aiding)
+                    navigator.feed_aiding(ns(at), aiding)
             taken += 1
 
 
 def test_one_transition_for_all_steps_is_that_of_many() -> None:
     """A turn at 0.5 rad/s with 2 g for 0.2 s, in one transition and in twenty: sigmas to a part in 1e4."""
     rng = np.random.default_rng(1)
-    start = Start(0.8, 0.2, ALT, (60.0, 10.0, 0.0), 0.5, 0.02, 1.0, (1.0,) * 3, (0.1,) * 3, (1e-3,) * 3)
+    start = InitialState(0.8, 0.2, ALT, (60.0, 10.0, 0.0), 0.5, 0.02, 1.0, (1.0,) * 3, (0.1,) * 3, (1e-3,) * 3)
     here = start.estimate(0, np.zeros(6), MODEL)
     felt = np.array([0.0, 0.0, -19.6, 0.0, 0.2, 0.5]) + rng.normal(0.0, 0.05, (21, 6))
     many, one = (here.y.copy(), here.P.copy()), (here.y.copy(), here.P.copy())
@@ -80,7 +80,7 @@ def test_one_transition_for_all_steps_is_that_of_many() -> None:
 def test_a_heading_that_is_far_off_is_in_the_sigma_along_the_force() -> None:
     """A turn of 20 s at 5 m/s^2 with 35 deg of heading sigma: what (1 - cos psi) makes of drawn headings, along it."""
     sd, force, seconds = math.radians(35.0), 5.0, 20
-    start = Start(0.8, 0.2, ALT, (60.0, 0.0, 0.0), 0.0, 0.0, 0.0, (1e-3,) * 3, (1e-3,) * 3, (1e-4, 1e-4, sd))
+    start = InitialState(0.8, 0.2, ALT, (60.0, 0.0, 0.0), 0.0, 0.0, 0.0, (1e-3,) * 3, (1e-3,) * 3, (1e-4, 1e-4, sd))
     here = start.estimate(0, np.zeros(6), MODEL)
     y, P, felt = here.y.copy(), here.P.copy(), np.array([force, 0.0, -9.8, 0.0, 0.0, 0.0])
     for _ in range(10 * seconds):
@@ -96,17 +96,17 @@ def test_a_copy_that_goes_without_nothing_is_the_filter() -> None:
     """Through segments of late fixes: the same position to a micrometre, the same sigma to a part in 1e3."""
     flight = draw(0)
     navigator = begun(flight)
-    copy: Copy | None = None
+    copy: FilterCopy | None = None
     fixes, taken = flight.receivers["gnss"], 0
     for k, t in enumerate(flight.t[flight.t < 40.0].tolist()):
-        navigator.take_inertial(ns(t), flight.felt[k, :3].tolist(), flight.felt[k, 3:].tolist())
+        navigator.feed_inertial(ns(t), flight.felt[k, :3].tolist(), flight.felt[k, 3:].tolist())
         while fixes.t[taken] < t - 0.5:
             for aiding in aids(fixes, taken):
-                navigator.take(ns(float(fixes.t[taken])), aiding)
+                navigator.feed_aiding(ns(float(fixes.t[taken])), aiding)
             taken += 1
-        for segment in navigator.take_segments():
+        for segment in navigator.drain_segments():
             if copy is None:
-                copy = Copy.begin(segment.moments[0], frozenset())
+                copy = FilterCopy.begin(segment.moments[0], frozenset())
             copy.advance(cut(segment))
             assert copy.estimate.t_ns == segment.end.estimate.t_ns
             np.testing.assert_allclose(copy.estimate.y[:3], segment.end.estimate.y[:3], atol=1e-6)
@@ -122,20 +122,20 @@ def test_a_copy_without_satellites_is_the_filter_that_lost_them() -> None:
     with_all, without = begun(flight), begun(flight)
     fly(without, flight, until=51.2, lost_from=30.0)
     fly(with_all, flight, until=29.0)
-    with_all.take_segments()
-    copy: Copy | None = None
+    with_all.drain_segments()
+    copy: FilterCopy | None = None
     fixes, taken = flight.receivers["gnss"], int(np.searchsorted(flight.receivers["gnss"].t, 28.5))
     for k in range(round(29.0 / 0.04), round(52.0 / 0.04)):
         t = float(flight.t[k])
-        with_all.take_inertial(ns(t), flight.felt[k, :3].tolist(), flight.felt[k, 3:].tolist())
+        with_all.feed_inertial(ns(t), flight.felt[k, :3].tolist(), flight.felt[k, 3:].tolist())
         while fixes.t[taken] < t - 0.5:
             if taken % 3 == 0:
                 for aiding in aids(fixes, taken):
-                    with_all.take(ns(float(fixes.t[taken])), aiding)
+                    with_all.feed_aiding(ns(float(fixes.t[taken])), aiding)
             taken += 1
-        for segment in with_all.take_segments():
+        for segment in with_all.drain_segments():
             if copy is None and segment.end.estimate.t_ns >= ns(29.9):
-                copy = Copy.begin(segment.end, NAMES)
+                copy = FilterCopy.begin(segment.end, NAMES)
             elif copy is not None:
                 copy.advance(cut(segment))
     assert copy is not None
@@ -147,12 +147,12 @@ def test_a_copy_without_satellites_is_the_filter_that_lost_them() -> None:
 
 def test_a_separation_is_told_in_north_east_down() -> None:
     """A copy 3 m north, 4 m east and 5 m below the filter, at 46 deg of latitude."""
-    start = Start(0.8, 0.2, ALT, (60.0, 10.0, 0.0), 0.0, 0.0, 0.0, (1.0, 2.0, 3.0), (0.1,) * 3, (1e-3,) * 3)
+    start = InitialState(0.8, 0.2, ALT, (60.0, 10.0, 0.0), 0.0, 0.0, 0.0, (1.0, 2.0, 3.0), (0.1,) * 3, (1e-3,) * 3)
     here = start.estimate(0, np.zeros(6), MODEL)
     meridian, normal = (float(r) for r in radii(0.8))
     lat, lon = 0.8 + 3.0 / (meridian + ALT), 0.2 + 4.0 / ((normal + ALT) * np.cos(0.8))
     wider = (2.0, 3.0, 4.0)
-    copy = Start(lat, lon, ALT - 5.0, (60.0, 10.0, 0.0), 0.0, 0.0, 0.0, wider, (0.2,) * 3, (1e-3,) * 3)
+    copy = InitialState(lat, lon, ALT - 5.0, (60.0, 10.0, 0.0), 0.0, 0.0, 0.0, wider, (0.2,) * 3, (1e-3,) * 3)
     found = separate(here, copy.estimate(0, np.zeros(6), MODEL))
     np.testing.assert_allclose(found.d[:3], [-3.0, -4.0, -5.0], atol=1e-3)
     np.testing.assert_allclose(found.d_sd[:3], np.sqrt([3.0, 5.0, 7.0]), rtol=1e-5)
@@ -164,7 +164,7 @@ def test_a_separation_is_told_in_north_east_down() -> None:
 @pytest.mark.parametrize(("correlation", "expected"), [(0.6, np.sqrt(2.0 / 1.6) * 3.0), (-0.6, np.sqrt(2.0) * 3.0)])
 def test_a_separation_counts_in_the_direction_in_which_it_is_least_likely(correlation: float, expected: float) -> None:
     """3 sigma north and east.  Along a correlation that is what d is like; across it no more than without one."""
-    start = Start(0.0, 0.0, ALT, (60.0, 0.0, 0.0), 0.0, 0.0, 0.0, (1.0,) * 3, (0.1,) * 3, (1e-3,) * 3)
+    start = InitialState(0.0, 0.0, ALT, (60.0, 0.0, 0.0), 0.0, 0.0, 0.0, (1.0,) * 3, (0.1,) * 3, (1e-3,) * 3)
     here = start.estimate(0, np.zeros(6), MODEL)
     meridian, normal = (float(r) for r in radii(0.0))
     moved = replace(start, lat=-6.0 / (meridian + ALT), lon=-6.0 / (normal + ALT)).estimate(0, np.zeros(6), MODEL)
@@ -183,16 +183,16 @@ def test_the_largest_sigma_is_that_of_the_worst_direction() -> None:
 def test_a_ring_keeps_copies_of_up_to_four_steps() -> None:
     """Begun every 7 s: the oldest is between 21 and 28 s old, and none is replaced while renewal is not asked for."""
     flight = draw(2)
-    navigator, ladder = begun(flight), Ladder(NAMES, NAMES, Rungs(4, 7 * SECOND_NS))
+    navigator, copy_ring = begun(flight), CopyRing(NAMES, NAMES, RingSettings(4, 7 * SECOND_NS))
     ages = []
     for k, t in enumerate(flight.t[flight.t < 80.0].tolist()):
-        navigator.take_inertial(ns(t), flight.felt[k, :3].tolist(), flight.felt[k, 3:].tolist())
-        for segment in navigator.take_segments():
-            ladder.advance(cut(segment))
+        navigator.feed_inertial(ns(t), flight.felt[k, :3].tolist(), flight.felt[k, 3:].tolist())
+        for segment in navigator.drain_segments():
+            copy_ring.advance(cut(segment))
             if t < 60.0:
-                ladder.renew(segment.end)
-            if ladder.is_full and ladder.oldest is not None:
-                ages.append((segment.end.estimate.t_ns - ladder.oldest.began_ns) / SECOND_NS)
+                copy_ring.renew(segment.end)
+            if copy_ring.is_full and copy_ring.oldest is not None:
+                ages.append((segment.end.estimate.t_ns - copy_ring.oldest.began_ns) / SECOND_NS)
     assert min(ages) == pytest.approx(21.0, abs=0.3)
     assert max(ages[: len(ages) // 2]) == pytest.approx(28.0, abs=0.3)
     assert ages[-1] > 40.0

@@ -8,19 +8,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fti.nav.filter.gate import Judgement
+from fti.nav.filter.innovation_gate import GateDecision
 from fti.nav.separation.copies import Separation
-from fti.nav.separation.ladder import Ladder, Rungs
+from fti.nav.separation.copy_ring import CopyRing, RingSettings
 from fti.nav.separation.monitor import HORIZONTAL_AXES, K_FA, K_FA_SATELLITES, SETTLE_NS, Refusals, SeparationMonitor
 
 SECOND_NS = 10**9
 
 
-class Shown(Ladder):
+class Shown(CopyRing):
     """A ladder whose one copy differs from the filter by a ratio; counts its renewals."""
 
     def __init__(self) -> None:
-        super().__init__(frozenset(), frozenset(), Rungs(4, SECOND_NS))
+        super().__init__(frozenset(), frozenset(), RingSettings(4, SECOND_NS))
         self.ratio = 0.0
         self.renewals = 0
 
@@ -45,31 +45,33 @@ class Shown(Ladder):
 def test_a_class_has_a_limit_of_its_own_and_all_are_renewed_below_the_same(
     ratio: float, k_fa: float, is_suspected: bool, is_renewed: bool
 ) -> None:
-    ladder = Shown()
-    monitor = SeparationMonitor(ladder, HORIZONTAL_AXES, k_fa)
+    copy_ring = Shown()
+    monitor = SeparationMonitor(copy_ring, HORIZONTAL_AXES, k_fa)
     for k, shown in enumerate((0.0, ratio)):
-        ladder.ratio = shown
+        copy_ring.ratio = shown
         moment: Any = SimpleNamespace(estimate=SimpleNamespace(t_ns=k * 2 * SETTLE_NS))
         monitor.follow(moment, may_renew=k > 0)
-    assert (monitor.is_suspected, ladder.renewals == 1) == (is_suspected, is_renewed)
+    assert (monitor.is_suspected, copy_ring.renewals == 1) == (is_suspected, is_renewed)
 
 
-def refusals_of(**innovations: tuple[Judgement, list[float]]) -> tuple[Refusals, Any]:
+def refusals_of(**innovations: tuple[GateDecision, list[float]]) -> tuple[Refusals, Any]:
     """Refusals of velocities at one moment, by receiver."""
     entries = [
         SimpleNamespace(
             t_ns=SECOND_NS,
             aiding=SimpleNamespace(name=f"{device}.velocity"),
-            judgement=judgement,
+            decision=decision,
             innovation=np.array(innovation),
         )
-        for device, (judgement, innovation) in innovations.items()
+        for device, (decision, innovation) in innovations.items()
     ]
     since = {
-        entry.aiding.name: SimpleNamespace(refused_since_ns=SECOND_NS if entry.judgement is Judgement.REFUSED else None)
+        entry.aiding.name: SimpleNamespace(
+            refused_since_ns=SECOND_NS if entry.decision is GateDecision.REFUSED else None
+        )
         for entry in entries
     }
-    now = SimpleNamespace(estimate=SimpleNamespace(t_ns=SECOND_NS), standings=since)
+    now = SimpleNamespace(estimate=SimpleNamespace(t_ns=SECOND_NS), gate_states=since)
     found = Refusals()
     segment: Any = SimpleNamespace(entries=entries, end=now)
     found.follow(segment, frozenset(since))
@@ -89,7 +91,7 @@ def refusals_of(**innovations: tuple[Judgement, list[float]]) -> tuple[Refusals,
 def test_a_receiver_that_the_gate_lets_in_may_tell_the_same_as_one_that_it_refuses(
     other: list[float], is_alike: bool
 ) -> None:
-    found, now = refusals_of(a=(Judgement.REFUSED, [0.8, 0.3, 0.0]), b=(Judgement.BELIEVED, other))
+    found, now = refusals_of(a=(GateDecision.REFUSED, [0.8, 0.3, 0.0]), b=(GateDecision.ACCEPTED, other))
     names = frozenset({"a.velocity"}), frozenset({"b.velocity"})
     assert found.is_alike(now, *names) is is_alike
     assert not found.is_alike(now, *names[::-1]), "b is not refused"

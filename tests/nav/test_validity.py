@@ -127,7 +127,7 @@ samples = st.builds(
     Sample,
     value=numbers,
     flagged=st.booleans(),
-    heard=st.booleans(),
+    has_samples=st.booleans(),
     age_ns=st.integers(0, 200),
     max_age_ns=st.just(100),
     roll=angles,
@@ -145,7 +145,7 @@ samples = st.builds(
 @given(samples)
 def test_valid_means_inside_every_limit(sample: Sample) -> None:
     inside = (
-        sample.heard
+        sample.has_samples
         and not sample.flagged
         and sample.age_ns <= 100
         and sample.value is not None

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from fti.config import Device
-from fti.nav.altimetry.heights import AltimeterChannel, Reading
-from fti.nav.ground import Ground
+from fti.nav.altimetry.altimeter_channel import AltimeterChannel, AltimeterReading
 from fti.nav.navigation import NavState
-from fti.nav.sources import AttitudeState, PositionState
+from fti.nav.source_interpolation import AttitudeState, PositionState
+from fti.nav.terrain_reference import Ground
 from fti.terrain.terrain import Terrain
 from fti.types import Compensation, HeightAboveGround, Reason
 
@@ -35,7 +35,7 @@ def channel(heights: np.ndarray, right_m: float = 0.0, **altimeter: Any) -> Alti
     )
     terrain = Terrain.from_array(heights, 5.0, lat0=LAT0, lon0=LON0, east0=POSTS[0], north0=POSTS[0])
     made = AltimeterChannel(device)
-    made.give_ground(Ground(terrain, 0.0, "test"))
+    made.set_terrain(Ground(terrain, 0.0, "test"))
     return made
 
 
@@ -43,7 +43,7 @@ def said(of: AltimeterChannel, value: float, roll_deg: float = 0.0, place_sd: fl
     """What becomes of a sample 150 m over the place, heading north."""
     attitude = AttitudeState(math.radians(roll_deg), 0.0, 0.0, 1e-4, 1e-4)
     position = PositionState(LAT0, LON0, HEIGHT_M, place_sd, 0.1, 0.0, 0.0, 0.0, 0)
-    return of.take(Reading(10, 10, value, 0.1, False), NavState(10, attitude, position, "ins", "ins"))
+    return of.take(AltimeterReading(10, 10, value, 0.1, False), NavState(10, attitude, position, "ins", "ins"))
 
 
 def level() -> np.ndarray:

@@ -7,18 +7,18 @@ import pytest
 from numpy.typing import NDArray
 
 from fti.geodesy.rotations import mat_from_rpy
-from fti.nav.altimetry.predicted import Prediction, Predictor
+from fti.nav.altimetry.range_prediction import Prediction, Predictor
 from fti.nav.altimetry.variance import (
     ErrorModel,
     dem_factor,
     footprint_covariance,
     height_row,
     height_variance,
-    height_variance_over,
     pose_cov,
     range_row,
     range_variance,
-    range_variance_over,
+    sampled_height_variance,
+    sampled_range_variance,
 )
 from fti.ranging.laser import Laser
 from fti.ranging.nearest import NearestReturn
@@ -137,9 +137,9 @@ def test_over_a_plane_the_ground_around_says_what_the_plane_says(
     predictor, mat_nb = look(pitch, heading, sensor, slope)
     seen = predictor.along([0.0, 0.0, ABOVE], mat_nb)
     errors = ErrorModel(COV, RANGE_SD)
-    around = height_variance_over(predictor.terrain, seen, errors, nearest=nearest)[0]
+    around = sampled_height_variance(predictor.terrain, seen, errors, nearest=nearest)[0]
     assert math.sqrt(around) == pytest.approx(math.sqrt(height_variance(seen, errors, nearest=nearest)[0]), rel=WITHIN)
-    of_range = range_variance_over(predictor.terrain, seen, errors, nearest=nearest)[0]
+    of_range = sampled_range_variance(predictor.terrain, seen, errors, nearest=nearest)[0]
     assert math.sqrt(of_range) == pytest.approx(math.sqrt(range_variance(seen, errors, nearest=nearest)[0]), rel=WITHIN)
 
 
@@ -151,9 +151,9 @@ def test_beside_a_wall_the_sigma_knows_the_wall() -> None:
     down, aslant = (
         Predictor(ground, LASER).along([0.0, 0.0, 100.0], mat_from_rpy(roll, 0.0, 0.0)) for roll in (0.0, 0.17)
     )
-    assert math.sqrt(height_variance_over(ground, down, errors, nearest=False)[0]) == pytest.approx(0.1, abs=1e-6)
+    assert math.sqrt(sampled_height_variance(ground, down, errors, nearest=False)[0]) == pytest.approx(0.1, abs=1e-6)
     assert math.sqrt(height_variance(aslant, errors, nearest=False)[0]) < 0.2
-    told = math.sqrt(height_variance_over(ground, aslant, errors, nearest=False)[0])
+    told = math.sqrt(sampled_height_variance(ground, aslant, errors, nearest=False)[0])
     assert told == pytest.approx(20.0 * math.sqrt(0.2119), rel=0.2)  # N beyond 0.8 sigma; M, 17 m west, beyond 2.5
 
 
@@ -165,7 +165,7 @@ def test_beside_a_wall_a_range_is_as_uncertain_as_the_wall_is_high() -> None:
     errors = ErrorModel(cov, 0.1)
     drawn_p = np.array([0.0, 0.0, 100.0]) + np.random.default_rng(8).normal(0.0, [10.0, 10.0, 2.0], (4000, 3))
     off = seen.slant_range - Predictor(ground, LASER).along(drawn_p, np.eye(3)).slant_range
-    told = math.sqrt(range_variance_over(ground, seen, errors, nearest=False)[0])
+    told = math.sqrt(sampled_range_variance(ground, seen, errors, nearest=False)[0])
     assert told == pytest.approx(float(np.sqrt(np.mean(off**2))), rel=0.1)
     assert math.sqrt(range_variance(seen, errors, nearest=False)[0]) < 0.25 * told
 
@@ -241,7 +241,7 @@ def test_errors_of_the_elevation_far_apart_do_not_cancel() -> None:
 def test_what_is_not_predicted_has_no_variance() -> None:
     seen = Predictor(sloping(0.0), LASER).along([[0.0, 0.0, ABOVE], [math.nan, 0.0, 1.0]], np.eye(3))
     errors = ErrorModel(COV, 0.1)
-    around = height_variance_over(sloping(0.0), seen, errors, nearest=False)
+    around = sampled_height_variance(sloping(0.0), seen, errors, nearest=False)
     for variance in (range_variance(seen, errors, nearest=False), around):
         assert np.isfinite(variance[0])
         assert np.isnan(variance[1])
@@ -251,6 +251,6 @@ def test_what_is_not_predicted_has_no_variance() -> None:
 def test_a_covariance_that_is_no_number_gives_none(bad: float) -> None:
     seen = Predictor(sloping(0.0), LASER).along([0.0, 0.0, ABOVE], np.eye(3))
     errors = ErrorModel(np.where(COV > 0.0, bad, 0.0), 0.1)
-    assert not np.isfinite(height_variance_over(sloping(0.0), seen, errors, nearest=False)[0])
+    assert not np.isfinite(sampled_height_variance(sloping(0.0), seen, errors, nearest=False)[0])
     with np.errstate(invalid="ignore"):
         assert not np.isfinite(range_variance(seen, errors, nearest=False)[0])

@@ -17,8 +17,8 @@ import pytest
 from fti.config import AlertLimits, Config, parse
 from fti.geodesy.wgs84 import radii
 from fti.nav.pipeline import Pipeline
-from fti.nav.protection import Compared
-from fti.nav.sources import PositionState
+from fti.nav.protection import FilterReference
+from fti.nav.source_interpolation import PositionState
 from fti.nav.witnesses import Size, WitnessMonitor, find_tolerance
 from fti.types import (
     Attitude,
@@ -32,7 +32,7 @@ from fti.types import (
     Stamp,
     Velocity,
 )
-from tests.nav.receiver_flights import SECOND_NS, T0, VELOCITY_SD, Fault, Fixes, Flight, after, draw, silent
+from tests.nav.receiver_flights import SECOND_NS, T0, VELOCITY_SD, Fault, Fixes, Flight, draw, offset_after, silent
 
 LAT, RADIUS = 0.8, 6_366_000.0
 LIMITS = AlertLimits()
@@ -136,7 +136,7 @@ def test_one_of_the_two_against_the_filter_is_nothing_and_both_are_told_apart() 
             other = Position(stamp=Stamp(t_ns), lat=LAT, lon=0.2, alt=100.0, horizontal_sd=sd, vertical_sd=3.0)
             monitor.take("gnss", place, [place], t_ns)
             monitor.take("box", other, [other], t_ns)
-            filtered = Compared(at(90.0), 50.0, 50.0)
+            filtered = FilterReference(at(90.0), 50.0, 50.0)
             found += monitor.update(t_ns, {"gnss": Size(400.0)}, None, filtered, None)
         assert [confirmation.is_against_filter for confirmation in found] == expected
 
@@ -232,7 +232,7 @@ def hidden(size_m: float, *, ends: bool) -> Fault:
     def offset(since: np.ndarray) -> np.ndarray:
         return np.where((since < 20.0) | (not ends), size_m, 0.0)[:, None] * [0.0, 1.0, 0.0]
 
-    lie = after(60.0, offset)
+    lie = offset_after(60.0, offset)
     return lambda fixes: silent(80.0, 86.0)(lie(fixes))
 
 
@@ -264,7 +264,7 @@ def spoofed() -> Fault:
     def velocity(since: np.ndarray) -> np.ndarray:
         return np.where(since < 30.0, 8.0, 0.0)[:, None] * [0.0, 1.0, 0.0]
 
-    lie = after(120.0, offset, velocity)
+    lie = offset_after(120.0, offset, velocity)
     return lambda fixes: silent(150.0, 156.0)(lie(fixes))
 
 

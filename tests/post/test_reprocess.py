@@ -19,8 +19,8 @@ from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.reading.recording import Recording
 from fti.logger.schemas import READMISSION_TOPIC, TERRAIN_TOPIC
 from fti.logger.session import SessionFolder
-from fti.post.reprocess import Segment, flown_segments, other_setup, recorded_setup, reprocess
-from fti.service.ground import load_ground
+from fti.post.reprocess import NavigationRun, other_setup, read_navigation_runs, recorded_setup, reprocess
+from fti.service.navigation.terrain_loader import load_terrain
 from tests.small_config import LINE, radar_altimeter
 
 CONFIG = LINE + radar_altimeter(max_age_ms=100) + '\n[nav]\naltimeters = ["altimeter"]\n'
@@ -98,9 +98,9 @@ def test_what_navigation_missed_is_repeated_or_healed(tmp_path: Path) -> None:
             {"kind": "restart", "after_seq": 299, "before_seq": 300},
         ],
     )
-    assert flown_segments(Recording.open(session.path)) == [
-        Segment(0, 299, ((99, 200),)),
-        Segment(300, None),
+    assert read_navigation_runs(Recording.open(session.path)) == [
+        NavigationRun(0, 299, ((99, 200),)),
+        NavigationRun(300, None),
     ]
     healed = _outputs(_again(session, tmp_path / "healed"))
     flown = _outputs(_again(session, tmp_path / "flown", as_flown=True))
@@ -117,7 +117,7 @@ def _with_terrain(text: str) -> str:
 
 def test_the_terrain_is_there_from_the_frame_on_from_which_it_was_in_flight(tmp_path: Path) -> None:
     session = _record(tmp_path, {"config.toml": _with_terrain(CONFIG)})
-    sha256 = load_ground(TerrainFiles(scene="demo")).digest
+    sha256 = load_terrain(TerrainFiles(scene="demo")).digest
     _note_terrain(session, {"t_ns": START_NS, "after_seq": 99, "name": "scene demo", "sha256": sha256})
     said = [json.loads(data)["unchecked"] for topic, _, data in _outputs(_again(session, tmp_path / "again"))
             if topic.endswith("/altimeter")]  # fmt: skip
@@ -168,10 +168,10 @@ def test_a_segment_holds_what_lies_in_no_gap(widths: list[int], first: int, last
     """Alternately so many frames seen and so many missed."""
     edges = list(itertools.accumulate(widths, initial=first))
     lost = tuple(zip(edges[1::2], edges[2::2], strict=False))
-    segment = Segment(first, last, lost)
+    segment = NavigationRun(first, last, lost)
     missed = {seq for after, before in lost for seq in range(after + 1, before)}
     for seq in range(400):
-        assert segment.holds(seq) == (seq >= first and (last is None or seq <= last) and seq not in missed)
+        assert segment.contains(seq) == (seq >= first and (last is None or seq <= last) and seq not in missed)
         assert segment.gaps_before(seq) == sum(after < seq for after, _ in lost)
 
 
@@ -195,4 +195,4 @@ def test_elevation_files_of_a_recording_are_local_ones_or_none(tmp_path: Path, b
     own = tmp_path / "own.toml"
     own.write_text(text.replace("other.tif", str(vrt)))
     with pytest.raises(ConfigError, match=r"a\.vrt: is no elevation file that GDAL reads"):
-        other_setup(str(own)).load_ground()
+        other_setup(str(own)).load_terrain()

@@ -8,8 +8,8 @@ from itertools import pairwise
 import numpy as np
 
 from fti.config import Device
-from fti.nav.times.device_clock import DeviceClock
-from fti.post.sync import ComputerClock, Heard, Sync
+from fti.nav.device_time.clock_estimator import ClockEstimator
+from fti.post.sync import ComputerClock, DeviceClockSeries, Sync
 from fti.post.time_base import STEP_NS, time_base
 from fti.types import TimeScale
 
@@ -26,16 +26,16 @@ def bend_ns(t_s: float) -> float:
     return 1e3 * (2.0 * t_s + 0.5 / turn * (1 - math.cos(turn * t_s)))
 
 
-def heard_for(seconds: int) -> Heard:
+def heard_for(seconds: int) -> DeviceClockSeries:
     device = Device(name="receiver", link="line", driver="nmea0183", latency_ms=5.0)
-    heard = Heard(device, DeviceClock(TimeScale.GPS, LATENCY_NS, SECOND_NS, None, "receiver"))
+    clock_series = DeviceClockSeries(device, ClockEstimator(TimeScale.GPS, LATENCY_NS, SECOND_NS, None, "receiver"))
     rng = np.random.default_rng(2)
     late = np.abs(rng.normal(0.0, 0.5, seconds)) + np.where(rng.random(seconds) < 0.2, 25.0, 0.0)
     for k in range(seconds):
         t_ns = FTI_0 + k * SECOND_NS
-        heard.take(t_ns + LATENCY_NS + round(late[k] * MS), k * SECOND_NS + round(bend_ns(k)))
-    heard.clock.finish()
-    return heard
+        clock_series.take(t_ns + LATENCY_NS + round(late[k] * MS), k * SECOND_NS + round(bend_ns(k)))
+    clock_series.clock.finish()
+    return clock_series
 
 
 def no_computer() -> ComputerClock:

@@ -283,7 +283,7 @@ def test_antennas_that_cannot_tell_the_whole_field_of_view_are_refused() -> None
     """With equal baselines and a limit of 7 deg a point at 12 deg would be told at -4.1 deg, and believed."""
     narrow = Baselines(0.07, 0.25, 0.25, look_limit=np.radians(7.0))
     sine = np.sin(np.radians(12.0)) - 0.07 / 0.25
-    assert narrow.resolved(narrow.phases(np.radians(12.0)))[0] == pytest.approx(np.arcsin(sine), abs=1e-9)
+    assert narrow.resolve(narrow.phases(np.radians(12.0)))[0] == pytest.approx(np.arcsin(sine), abs=1e-9)
     with pytest.raises(ValueError, match="look_limit"):
         InterferometricAltimeter(baselines=narrow)
     fits = InterferometricAltimeter(field_of_view=np.radians(14.0), baselines=narrow)

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from fti.geodesy.local import MAT_ENU_NED
 from fti.geodesy.rotations import mat_from_rpy
-from fti.ranging.interpolation import interpolated
+from fti.ranging.interpolation import interpolate_poses
 from fti.ranging.sensor import Poses
 
 Array = NDArray[np.float64]
@@ -29,7 +29,7 @@ def angle_between(found: Array, expected: Array) -> Array:
 def errors(step: float, position: str) -> tuple[float, float, float]:
     """Worst of position [m], attitude [rad] and velocity [m/s] with epochs ``step`` [s] apart."""
     epochs, at = np.arange(0.0, 8.0 + step / 2, step), np.linspace(0.0, 8.0, 4001)
-    found, expected = interpolated(epochs, truth(epochs), at, position), truth(at)  # type: ignore[arg-type]
+    found, expected = interpolate_poses(epochs, truth(epochs), at, position), truth(at)  # type: ignore[arg-type]
     return (
         float(np.linalg.norm(found.origins_l - expected.origins_l, axis=1).max()),
         float(angle_between(found.mats_ls, expected.mats_ls).max()),
@@ -58,7 +58,7 @@ def test_velocity_is_the_derivative() -> None:
 
 def test_epochs_themselves_are_returned() -> None:
     epochs = np.linspace(0.0, 3.0, 31)
-    found, expected = interpolated(epochs, truth(epochs), epochs), truth(epochs)
+    found, expected = interpolate_poses(epochs, truth(epochs), epochs), truth(epochs)
     assert np.abs(found.origins_l - expected.origins_l).max() < 1e-12
     assert np.abs(found.mats_ls - expected.mats_ls).max() < 1e-14
 
@@ -72,7 +72,7 @@ def test_a_constant_turn_is_exact_whatever_its_axis() -> None:
         mats = mat_from_rpy(0.3, 0.2, 6.0) @ mat_from_rpy(2.4 * when, 0.0, 0.0)
         return Poses.still(np.zeros((len(when), 3)), mats)
 
-    found = interpolated(t, rolling(t), at)
+    found = interpolate_poses(t, rolling(t), at)
     assert np.abs(found.mats_ls - rolling(at).mats_ls).max() < 2e-14
     identity = found.mats_ls @ np.swapaxes(found.mats_ls, 1, 2)
     assert np.abs(identity - np.eye(3)).max() < 1e-14
@@ -81,7 +81,7 @@ def test_a_constant_turn_is_exact_whatever_its_axis() -> None:
 def test_a_wrong_velocity_costs_what_is_stated() -> None:
     """dv dt / 4 when both ends are off to opposite sides: the turning of a lever arm."""
     still = Poses(np.zeros((2, 3)), np.tile(np.eye(3), (2, 1, 1)), np.array([[0.4, 0.0, 0.0], [-0.4, 0.0, 0.0]]))
-    assert interpolated([0.0, 0.1], still, [0.05]).origins_l[0, 0] == pytest.approx(0.4 * 0.1 / 4)
+    assert interpolate_poses([0.0, 0.1], still, [0.05]).origins_l[0, 0] == pytest.approx(0.4 * 0.1 / 4)
 
 
 def test_nothing_is_known_outside_beside_a_lost_epoch_and_across_half_a_turn() -> None:
@@ -89,7 +89,7 @@ def test_nothing_is_known_outside_beside_a_lost_epoch_and_across_half_a_turn() -
     epochs.origins_l[2] = np.nan
     mats = epochs.mats_ls.copy()
     mats[5] = mats[4] @ np.diag([1.0, -1.0, -1.0])
-    found = interpolated(
+    found = interpolate_poses(
         np.arange(6.0), Poses(epochs.origins_l, mats, epochs.vels_l), [-0.1, 0.5, 1.5, 2.5, 3.5, 4.5, 5.1]
     )
     assert np.isnan(found.origins_l[:, 0]).tolist() == [True, False, True, True, False, False, True]
@@ -99,9 +99,9 @@ def test_nothing_is_known_outside_beside_a_lost_epoch_and_across_half_a_turn() -
 @pytest.mark.parametrize("times", [[0.0, 1.0], [0.0, 1.0, 1.0], [0.0, np.nan, 2.0], [2.0, 1.0, 0.0]])
 def test_times_must_ascend_and_fit(times: list[float]) -> None:
     with pytest.raises(ValueError, match="ascending"):
-        interpolated(times, truth(np.arange(3.0)), [0.5])
+        interpolate_poses(times, truth(np.arange(3.0)), [0.5])
 
 
 def test_another_way_to_interpolate_is_refused() -> None:
     with pytest.raises(ValueError, match="must be hermite or line"):
-        interpolated([0.0, 1.0], truth(np.arange(2.0)), [0.5], "linear")  # type: ignore[arg-type]
+        interpolate_poses([0.0, 1.0], truth(np.arange(2.0)), [0.5], "linear")  # type: ignore[arg-type]

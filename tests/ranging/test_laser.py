@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from fti.drivers._laser import LOST_M
+from fti.drivers._rangefinder import LOST_M
 from fti.ranging.echoes import beams, footprint_rays
 from fti.ranging.error_model import RangeError
 from fti.ranging.laser import Laser

@@ -9,7 +9,7 @@ from fti.geodesy.rotations import mat_from_rpy
 from fti.ranging.error_model import RangeError
 from fti.ranging.imager import RangeImager
 from fti.ranging.laser import Laser
-from fti.ranging.scanner import RangeScanner, fastest_rate, points_l
+from fti.ranging.scanner import RangeScanner, max_pulse_rate, points_l
 from fti.ranging.sensor import Poses, Validity
 from fti.terrain.terrain import Terrain
 from tests.planes import count_casts, looking_down, plane, to_plane
@@ -42,7 +42,7 @@ def flown(t: Array) -> Poses:
 
 def test_a_pulse_must_be_back_before_the_next_one_leaves() -> None:
     """Eq. 2.36: 150 kHz at 1000 m, 149.896 kHz to be exact; and just above it is refused."""
-    assert f"{fastest_rate(1000.0):.0f}" == "149896" and round(fastest_rate(1000.0), -3) == 150_000.0
+    assert f"{max_pulse_rate(1000.0):.0f}" == "149896" and round(max_pulse_rate(1000.0), -3) == 150_000.0
     assert RangeScanner(pulse_rate=149_896.0).pulse_rate == 149_896.0
     with pytest.raises(ValueError, match="at most 149896"):
         RangeScanner(pulse_rate=150_000.0)

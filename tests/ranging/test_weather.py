@@ -7,7 +7,7 @@ from scipy.special import lambertw
 from fti.ranging.laser import Laser
 from fti.ranging.reflectance import REFLECTANCE
 from fti.ranging.sensor import Returns, Validity
-from fti.ranging.weather import LIDAR_RATIO, Cloud, air_along, fog, fog_extinction
+from fti.ranging.weather import LIDAR_RATIO, Cloud, cross_clouds, fog, fog_extinction
 from fti.terrain.landscape import Cover
 from tests.planes import looking_down, plane
 
@@ -79,7 +79,7 @@ def test_light_fades_on_both_ways_through_each_layer() -> None:
 def test_the_way_through_a_layer_in_any_direction(climb: float, up: float) -> None:
     """Against the share of a finely divided ray that lies inside."""
     direction = np.array([[np.sqrt(1.0 - climb**2), 0.0, climb]])
-    air = air_along([Cloud(100.0, 200.0, 0.01)], np.array([[0.0, 0.0, up]]), direction, None)
+    air = cross_clouds([Cloud(100.0, 200.0, 0.01)], np.array([[0.0, 0.0, up]]), direction, None)
     along = np.linspace(0.0, 700.0, 70_001)
     inside = (up + climb * along >= 100.0) & (up + climb * along <= 200.0)
     expected = np.exp(-2.0 * 0.01 * 0.01 * np.count_nonzero(inside))
@@ -92,7 +92,7 @@ def test_the_way_through_a_layer_in_any_direction(climb: float, up: float) -> No
 def test_the_layer_returns_what_the_lidar_equation_says() -> None:
     """The integral of beta exp(-2 sigma r) over one pulse length, against rho / pi of a Lambertian surface."""
     sigma = 0.04
-    air = air_along([Cloud(100.0, 400.0, sigma)], np.array([[0.0, 0.0, 450.0]]), np.array([[0.0, 0.0, -1.0]]), None)
+    air = cross_clouds([Cloud(100.0, 400.0, sigma)], np.array([[0.0, 0.0, 450.0]]), np.array([[0.0, 0.0, -1.0]]), None)
     where, reflectance = air.echoes(GATE, np.array([np.inf]))
     beta, _ = integrate.quad(lambda r: sigma / LIDAR_RATIO * np.exp(-2.0 * sigma * r), 0.0, GATE)
     assert where[0, 0] == 50.0 and reflectance[0, 0] / np.pi == pytest.approx(beta)
@@ -103,7 +103,9 @@ def test_a_layer_thinner_than_half_a_pulse_returns_less() -> None:
     down, from_above = np.array([[0.0, 0.0, -1.0]]), np.array([[0.0, 0.0, 450.0]])
     beta, _ = integrate.quad(lambda r: 0.04 / LIDAR_RATIO * np.exp(-2.0 * 0.04 * r), 0.0, 0.5)
     for base, ground in ((399.5, np.inf), (100.0, 50.5)):
-        _, reflectance = air_along([Cloud(base, 400.0, 0.04)], from_above, down, None).echoes(GATE, np.array([ground]))
+        _, reflectance = cross_clouds([Cloud(base, 400.0, 0.04)], from_above, down, None).echoes(
+            GATE, np.array([ground])
+        )
         assert reflectance[0, 0] / np.pi == pytest.approx(beta)
 
 
@@ -111,10 +113,10 @@ def test_what_lies_before_the_gate_takes_its_share() -> None:
     """A haze above the cloud; and, inside the cloud, the blind way c T_p / 2."""
     haze, cloud = Cloud(300.0, 400.0, 2e-3), Cloud(100.0, 200.0, 0.04)
     down, no_ground = np.array([[0.0, 0.0, -1.0]]), np.array([np.inf])
-    _, clear = air_along([cloud], np.array([[0.0, 0.0, 450.0]]), down, None).echoes(GATE, no_ground)
-    _, hazy = air_along([haze, cloud], np.array([[0.0, 0.0, 450.0]]), down, None).echoes(GATE, no_ground)
+    _, clear = cross_clouds([cloud], np.array([[0.0, 0.0, 450.0]]), down, None).echoes(GATE, no_ground)
+    _, hazy = cross_clouds([haze, cloud], np.array([[0.0, 0.0, 450.0]]), down, None).echoes(GATE, no_ground)
     assert hazy[0, 1] == pytest.approx(clear[0, 0] * np.exp(-2.0 * 100.0 * 2e-3))
-    where, inside = air_along([cloud], np.array([[0.0, 0.0, 150.0]]), down, None).echoes(GATE, no_ground)
+    where, inside = cross_clouds([cloud], np.array([[0.0, 0.0, 150.0]]), down, None).echoes(GATE, no_ground)
     assert where[0, 0] == GATE and inside[0, 0] == pytest.approx(clear[0, 0] * np.exp(-2.0 * GATE * 0.04))
 
 
@@ -179,7 +181,7 @@ def test_how_often_a_cloud_answers_and_how_often_the_ground(variation: float, sc
 def test_extinction_has_the_mean_and_the_spread_that_are_asked_for(variation: float) -> None:
     """n = 20000; 5 sigma of the mean; the spread of a gamma distribution with its kurtosis within 6 %."""
     many = np.zeros((20_000, 3)) - [0.0, 0.0, 1.0]
-    air = air_along([Cloud(0.0, 9.0, 0.02, variation)], many, many, np.random.default_rng(10))
+    air = cross_clouds([Cloud(0.0, 9.0, 0.02, variation)], many, many, np.random.default_rng(10))
     assert abs(air.extinction.mean() / 0.02 - 1.0) < 5.0 * variation / np.sqrt(20_000)
     assert air.extinction.std() / 0.02 == pytest.approx(variation, rel=0.06)
 

@@ -16,12 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fti.config import Approach
-from fti.hil.references.approaches import RA4500, TerrainGround
-from fti.hil.references.calibration import make_reference
-from fti.hil.references.plan import Plan
+from fti.hil.approach_reference.approaches import RA4500, TerrainGround
+from fti.hil.approach_reference.calibration import make_reference
+from fti.hil.approach_reference.options import ReferenceOptions
 from fti.nav.integrity.approach import Airfield, ApproachPath
 from fti.nav.integrity.monitor import ClearanceMonitor, ClearanceSample
-from fti.nav.integrity.reference import Reference
+from fti.nav.integrity.reference import ApproachReference
 from fti.types import ClearanceIntegrity, IntegrityState
 from tests.second_receiver.flights import Flight, wander
 from tests.second_receiver.geometry import LAT0, LON0, to_geodetic
@@ -84,7 +84,7 @@ class Site:
     """An airfield in hills, and the reference that was made for it."""
 
     surface: Surface
-    reference: Reference
+    reference: ApproachReference
 
 
 def place_of(s: Array, y: Array) -> tuple[Array, Array]:
@@ -157,7 +157,9 @@ def make_site(kind: str, seed: int, runs: int = 400) -> Site:
     rng = np.random.default_rng([seed, 77])
     surface = make_ground(kind, rng)
     model = survey(surface, DEM_CELL_M, rng, DEM_VARIES_M, DEM_BIAS_M)
-    plan = Plan(surface=kind, date="2024-01-01", s_max=BEGIN_M, draws=100, runs=runs, beside_runs=2, seed=seed)
+    plan = ReferenceOptions(
+        surface=kind, date="2024-01-01", s_max=BEGIN_M, draws=100, runs=runs, beside_runs=2, seed=seed
+    )
     ground = TerrainGround(ApproachPath(airfield()), RA4500, (terrain_of(model),))
     return Site(surface, make_reference(ground, plan, lambda *_: None))
 
@@ -198,7 +200,7 @@ def _sample(row: Array, errors: Errors) -> ClearanceSample:
     return ClearanceSample(t_ns, t_ns, s, y, alt, agl, roll, pitch, climb, errors.nav_vertical, errors.nav_horizontal)
 
 
-def monitor_outputs(reference: Reference, samples: list[ClearanceSample]) -> list[ClearanceIntegrity]:
+def monitor_outputs(reference: ApproachReference, samples: list[ClearanceSample]) -> list[ClearanceIntegrity]:
     """Everything that the monitor says on an approach."""
     monitor = ClearanceMonitor(reference, Approach(profile="", alert_v_m=ALERT_V_M))
     return [output for output in (monitor.step(sample) for sample in samples) if output is not None]
@@ -265,7 +267,7 @@ def is_earlier(obstacle: Obstacle, outcome: Outcome) -> bool:
     return outcome.alert_s is not None and outcome.alert_s > obstacle.s + 0.5 * obstacle.width + 100.0
 
 
-def most_by_chance(n: int, share: float) -> int:
+def max_failures_by_chance(n: int, share: float) -> int:
     """The 95 % limit of a binomial count of n with a share."""
     below, k = 0.0, -1
     while below < 0.95:
@@ -277,7 +279,7 @@ def most_by_chance(n: int, share: float) -> int:
 def line_of_nominal(kind: str, outcomes: list[Outcome]) -> str:
     """The count of false alerts, and what raised them."""
     alarms = [o for o in outcomes if o.alert_s is not None]
-    most = most_by_chance(len(outcomes), MAX_FALSE)
+    most = max_failures_by_chance(len(outcomes), MAX_FALSE)
     by = dict(Counter(o.over for o in alarms))
     judged = np.mean([o.judged for o in outcomes])
     refused = sorted({reason for o in outcomes for reason in o.refused})
@@ -289,6 +291,6 @@ def line_of_obstacles(kind: str, flown: list[tuple[Obstacle, Outcome]]) -> str:
     """The count of obstacles that raised an ALERT, of those without an earlier one."""
     fresh = [pair for pair in flown if not is_earlier(*pair)]
     seen = sum(is_seen(*pair) for pair in fresh)
-    least = len(fresh) - most_by_chance(len(fresh), 1.0 - MIN_SEEN)
+    least = len(fresh) - max_failures_by_chance(len(fresh), 1.0 - MIN_SEEN)
     early = len(flown) - len(fresh)
     return f"{kind:<7} obstacle  ALERT on {seen} of {len(fresh)} (at least {least})  beside {early} with an earlier one"

@@ -17,7 +17,7 @@ GRAVITY = 9.81
 
 
 @dataclass(frozen=True, slots=True)
-class Stated:
+class StatedSigmas:
     """One sigma of navigation's errors, as it states them: slow ones, and white ones of a sixth.
 
     horizontal, vertical : of one axis [m];  attitude : of roll and of pitch [rad];  heading [rad]
@@ -83,7 +83,7 @@ def fly(surface: Surface, rng: np.random.Generator, *, period: float = 2.0, n: i
     return Flight(t, place, velocity, roll, pitch, heading).some((clear > LOWEST_M) & (clear < HIGHEST_M))
 
 
-def navigate(flight: Flight, stated: Stated, rng: np.random.Generator) -> Flight:
+def navigate(flight: Flight, stated: StatedSigmas, rng: np.random.Generator) -> Flight:
     """The flight as it is navigated: every error of the sigma that is stated, 97 % of its variance slow."""
     t = flight.t
     white = 1.0 / 6.0

@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fti.config import Device
-from fti.nav.altimetry.heights import AltimeterChannel, Reading
-from fti.nav.ground import Ground
+from fti.nav.altimetry.altimeter_channel import AltimeterChannel, AltimeterReading
 from fti.nav.navigation import NavState
-from fti.nav.sources import AttitudeState, PositionState
+from fti.nav.source_interpolation import AttitudeState, PositionState
+from fti.nav.terrain_reference import Ground
 from fti.terrain.terrain import Terrain
-from tests.second_receiver.flights import Flight, Stated, fly, navigate
+from tests.second_receiver.flights import Flight, StatedSigmas, fly, navigate
 from tests.second_receiver.geometry import LAT0, LON0, body_to_enu, to_geodetic
 from tests.second_receiver.ground import ElevationModel, Surface, make_surface, survey
 from tests.second_receiver.laser import Laser
@@ -30,7 +30,7 @@ Array = NDArray[np.float64]
 FIELDS = {"height_agl": "sd", "compensated": "compensated_sd", "nearest": "nearest_sd"}
 LEVER_ARM_B = (1.2, -0.4, 0.6)
 RANGE_M = (1.0, 800.0)
-STATED = Stated()
+STATED = StatedSigmas()
 #: Alignment of a laser's axis [rad], each of two angles; in the stated attitude, as a configuration has no key for it.
 ALIGNMENT = float(np.deg2rad(0.3))
 POSTS_M = (5.0, 10.0)
@@ -130,7 +130,7 @@ def _run_flight(case: Case, surface: Surface, ground: Ground | None, rng: np.ran
     ranges, sds = _measure(case, surface, flight, rng)
     seen = navigate(flight, STATED, rng)
     channel = AltimeterChannel(device_of(case))
-    channel.give_ground(ground)
+    channel.set_terrain(ground)
     attitude_sd = np.hypot(STATED.attitude, ALIGNMENT) if case.sensor == "laser" else STATED.attitude
     samples = Samples()
     truth = flight.place[:, 2] - surface.height(flight.place[:, 0], flight.place[:, 1])
@@ -169,7 +169,7 @@ def _outputs(
         )
         where = (float(lat[k]), float(lon[k]), float(alt[k]))
         position = PositionState(*where, STATED.horizontal, STATED.vertical, north, east, -up, t_ns)
-        reading = Reading(t_ns, t_ns, float(ranges[k]), float(sds[k]), False)
+        reading = AltimeterReading(t_ns, t_ns, float(ranges[k]), float(sds[k]), False)
         yield channel.take(reading, NavState(t_ns, attitude, position, "ins", "ins"))
 
 

@@ -36,7 +36,7 @@ def test_nominal_approaches_raise_no_alert(site: Site, kind: str, scale: int) ->
     outcomes = [approaches.fly_nominal(site, number, SEED) for number in range(n)]
     print(f"seed {SEED}", approaches.line_of_nominal(kind, outcomes), sep="\n")
     false = sum(outcome.alert_s is not None for outcome in outcomes)
-    assert false <= approaches.most_by_chance(n, approaches.MAX_FALSE)
+    assert false <= approaches.max_failures_by_chance(n, approaches.MAX_FALSE)
     assert np.mean([outcome.judged for outcome in outcomes]) >= 0.5, "a monitor that judges nothing alarms nobody"
 
 
@@ -47,4 +47,4 @@ def test_obstacles_of_150_m_raise_an_alert(site: Site, kind: str, scale: int) ->
     fresh = [pair for pair in flown if not approaches.is_earlier(*pair)]
     missed = sum(not approaches.is_seen(*pair) for pair in fresh)
     assert len(fresh) >= 0.9 * n
-    assert missed <= approaches.most_by_chance(len(fresh), 1.0 - approaches.MIN_SEEN)
+    assert missed <= approaches.max_failures_by_chance(len(fresh), 1.0 - approaches.MIN_SEEN)

@@ -9,11 +9,11 @@ from typing import Any, cast
 
 from fti.clock import FakeClock
 from fti.config import Config, Device, SerialLink, Session, StrictModel
+from fti.devices import BoundDevice
 from fti.drivers import Command, Driver
-from fti.service.binding import BoundDevice
-from fti.service.catalogue import Catalogue
-from fti.service.commands import Commander
-from fti.service.control import Message
+from fti.service.control_channel import ControlMessage
+from fti.service.supervisor.command_catalogue import CommandCatalogue
+from fti.service.supervisor.command_tracker import CommandTracker
 from tests.helpers import until_async
 
 Asked = asyncio.Task[dict[str, Any]]
@@ -31,7 +31,7 @@ def command(name: str, args: Mapping[str, str], options: StrictModel | None = No
     return f"*{name}{args.get('rate', '')}\r".encode()
 
 
-def make_catalogue() -> Catalogue:
+def make_catalogue() -> CommandCatalogue:
     links = tuple(SerialLink(name=n, kind="serial", port="x", transmit=n != "mute") for n in ("line", "mute"))
     speaking = cast(Driver, SimpleNamespace(COMMANDS=COMMANDS, command=command, poll=lambda options: None))
     deaf = cast(Driver, SimpleNamespace(COMMANDS={}, poll=lambda options: (60.0, b"?")))
@@ -44,7 +44,7 @@ def make_catalogue() -> Catalogue:
             ("gnss", "line", deaf),
         )
     ]
-    return Catalogue(Config(session=Session(name="s"), link=links, path="a.toml"), devices)
+    return CommandCatalogue(Config(session=Session(name="s"), link=links, path="a.toml"), devices)
 
 
 class Bench:
@@ -57,16 +57,16 @@ class Bench:
         self.shown: list[dict[str, Any]] = []
         self.there = True
         self.hint = ""
-        self.commander = Commander(
+        self.command_tracker = CommandTracker(
             make_catalogue(),
             self.clock,
             send=self._send,
             tell=lambda level, text: self.events.append((level, text)),
             changed=self.shown.append,
-            hinder=lambda: self.hint,
+            delay_reason=lambda: self.hint,
         )
 
-    def _send(self, message: Message) -> bool:
+    def _send(self, message: ControlMessage) -> bool:
         if self.there:
             self.sent.append(message["send"])
         return self.there
@@ -76,7 +76,7 @@ class Bench:
     ) -> asyncio.Task[dict[str, Any]]:
         args = {"rate": "10"} if name == "rate" else {}
         wish = {"id": key, "device": device, "command": name, "args": args, "timeout_s": 30.0, **more}
-        return asyncio.create_task(self.commander.obey(wish, "an engineer"))
+        return asyncio.create_task(self.command_tracker.handle_command(wish, "an engineer"))
 
     async def ask_and_send(self, *words: str, **more: Any) -> Asked:
         """Ask, and let the recorder send it."""
@@ -88,8 +88,8 @@ class Bench:
 
     def recorder_says(self, number: int | None = None, fault: str | None = None, partly: bool = False) -> None:
         number = number or self.sent[-1]["id"]
-        self.commander.on_sent({"id": number, "fault": fault, "partly": partly, "t_ns": self.clock.now_ns()})
+        self.command_tracker.on_sent({"id": number, "fault": fault, "partly": partly, "t_ns": self.clock.now_ns()})
 
     def answer(self, name: str = "rate", accepted: bool = True, detail: str = "", device: str = "mag") -> None:
         said = {"command": name, "accepted": accepted, "detail": detail, "t_ns": self.clock.now_ns()}
-        self.commander.on_ack({"device": device, **said})
+        self.command_tracker.on_ack({"device": device, **said})

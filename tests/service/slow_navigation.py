@@ -26,11 +26,11 @@ from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.reading.recording import Recording
 from fti.logger.session import SessionFolder
 from fti.post.reprocess import recorded_setup, reprocess
-from fti.service import navigating
-from fti.service.chain import Chain, Products
-from fti.service.control import Channel
-from fti.service.navigating import Navigator
-from fti.service.orders import NavigationOrder
+from fti.service.control_channel import ControlChannel
+from fti.service.navigation import process
+from fti.service.navigation.decode_chain import Chain, ChainOutput
+from fti.service.navigation.process import NavigationProcess
+from fti.service.startup import NavigationStartup
 from fti.types import TICK_LINK, TICK_PERIOD_NS, Attitude, ImuSample, Position, RawFrame, Stamp, Velocity
 
 START_NS = 1_700_000_000_000_000_000
@@ -42,7 +42,7 @@ RING_BYTES = 2**16
 #: Frames that come in a second, and those that navigation reads at once.
 RATE, READ_LIMIT = 250, 50
 LAT_0, SPEED, RADIUS = 0.84, 60.0, 6_366_000.0
-LIE_M = 100.0
+OFFSET_M = 100.0
 
 CONFIG = """
 [session]
@@ -110,7 +110,7 @@ def _frames(duration_s: float, lie_from_ns: float) -> list[tuple[int, int, bytes
         height = ra.encode_height(height_at(t_ns), ("in_air",), ra.Options())
         found += [(t_ns, 2, b""), (t_ns, 0, height[:4]), (t_ns + 19_000_000, 0, height[4:])]
         for k, at_ns in enumerate((t_ns + 2_000_000, t_ns + 12_000_000)):
-            found.append((at_ns, 1, _ins(2 * i + k, at_ns, LIE_M if at_ns >= lie_from_ns else 0.0)))
+            found.append((at_ns, 1, _ins(2 * i + k, at_ns, OFFSET_M if at_ns >= lie_from_ns else 0.0)))
     return sorted(found, key=lambda frame: frame[0])
 
 
@@ -180,10 +180,10 @@ class World:
         if self._next == len(self._frames):
             self.ring.end()
 
-    def order(self) -> NavigationOrder:
+    def order(self) -> NavigationStartup:
         """What the next navigation process is told."""
         config = configuration.parse(tomllib.loads(CONFIG), CONFIG, Path("slow.toml"))
-        return NavigationOrder(
+        return NavigationStartup(
             folder=str(self.session.path),
             config=config,
             epoch_ns=START_NS,
@@ -194,21 +194,21 @@ class World:
             metadata={},
         )
 
-    def navigator(self) -> Navigator:
+    def navigator(self) -> NavigationProcess:
         """A navigation process."""
         order = self.order()
-        return Navigator(order, self.clock, Channel(self._near), self._own_fds())  # type: ignore[arg-type]
+        return NavigationProcess(order, self.clock, ControlChannel(self._near), self._own_fds())  # type: ignore[arg-type]
 
     def _own_fds(self) -> tuple[int, int]:
         """The ring's, as another process has them."""
         memory, event = self.ring.fds
         return os.dup(memory), os.dup(event)
 
-    def run(self) -> Navigator:
+    def run(self) -> NavigationProcess:
         """Let a navigation process take all that comes, or until it is interrupted."""
         feed = Chain.feed
 
-        def slow_feed(chain: Chain, frame: RawFrame) -> Products:
+        def slow_feed(chain: Chain, frame: RawFrame) -> ChainOutput:
             self.sleep(self.cost_s(self.now_s))
             self.fed.append(frame.seq)
             if self.hurry_at_s and self.now_s >= self.hurry_at_s:
@@ -217,11 +217,11 @@ class World:
             return feed(chain, frame)
 
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(navigating, "time", self)
-            patch.setattr(navigating, "READ_LIMIT", READ_LIMIT)
+            patch.setattr(process, "time", self)
+            patch.setattr(process, "READ_LIMIT", READ_LIMIT)
             patch.setattr(RingReader, "wait", lambda _, limit_s: self.sleep(min(limit_s, self._until_frame_s)))
             patch.setattr(Chain, "feed", slow_feed)
-            patch.setattr(navigating, "Publisher", lambda *_: self)
+            patch.setattr(process, "Publisher", lambda *_: self)
             navigator = self.navigator()
             navigator.run()
         navigator._ring.close()
@@ -254,7 +254,7 @@ class World:
         messages = [json.loads(line) for line in told.splitlines()]
         return [message["event"] for message in messages if message.get("event", {}).get("source") == "navigation"]
 
-    def told_refusals(self) -> list[dict[str, Any]]:
+    def last_refusals(self) -> list[dict[str, Any]]:
         """What navigation told the supervisor last of its refusals."""
         messages = [json.loads(line) for line in self._far.recv(2**24).splitlines()]
         told: list[list[dict[str, Any]]] = [message["refusals"] for message in messages if "refusals" in message]

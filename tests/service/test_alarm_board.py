@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
-from fti.alarms.condition import Condition, Report, Severity
+from fti.alarms.condition import Condition, ConditionReport, Severity
 from fti.clock import FakeClock
-from fti.service.alarm_board import IN_TIME_NS, LATE_NS, NEVER, AlarmBoard
+from fti.service.supervisor.alarm_board import IN_TIME_NS, LATE_NS, NO_FRAME_TAKEN, AlarmBoard
 from tests.service.test_health_conditions import health
 
 ALERT = Condition("integrity_alert", Severity.WARNING, "GROUND CLEARANCE ALERT", "obstacle")
@@ -34,7 +34,7 @@ class Rig:
     def look(self, waited_ns: int | None) -> list[str]:
         """The alarms that last when navigation is that late."""
         self.waited_ns = waited_ns
-        self.board.look_at_navigation()
+        self.board.check_navigation_latency()
         self.board.publish()
         return [row["id"] for row in self.published[-1]["alarms"] if row["end_ns"] is None]
 
@@ -45,9 +45,9 @@ def rig() -> Rig:
 
 
 def test_each_change_is_recorded_and_published(rig: Rig) -> None:
-    rig.board.take(Report(START_NS + 5, "integrity", ALERT).as_json())
+    rig.board.handle_report(ConditionReport(START_NS + 5, "integrity", ALERT).as_json())
     assert [row["id"] for row in rig.published[-1]["alarms"]] == ["integrity_alert"]
-    rig.board.take(Report(START_NS + 9, "integrity", None).as_json())
+    rig.board.handle_report(ConditionReport(START_NS + 9, "integrity", None).as_json())
     assert rig.board.acknowledge("anna", None) == 1
     assert rig.published[-1]["alarms"] == []
     assert [(topic, content["change"]) for topic, _, content in rig.recorded] == [
@@ -61,25 +61,25 @@ def test_what_follows_from_devices_that_are_switched_off_is_no_alarm(rig: Rig) -
     late = Condition("height", Severity.CAUTION, "HEIGHT NOT VALID", "stale")
     terrain = Condition("terrain", Severity.CAUTION, "NO TERRAIN", "no file")
     reports = [
-        Report(START_NS - 1, "integrity", ALERT),
-        Report(START_NS + 1, "height", late),
-        Report(START_NS + 1, "terrain", terrain),
+        ConditionReport(START_NS - 1, "integrity", ALERT),
+        ConditionReport(START_NS + 1, "height", late),
+        ConditionReport(START_NS + 1, "terrain", terrain),
     ]
-    rig.board.expect_devices()
+    rig.board.suppress_device_alarms()
     for report in reports:
-        rig.board.take(report.as_json())
+        rig.board.handle_report(report.as_json())
     assert {row["id"] for row in rig.published[-1]["alarms"]} == {"integrity_alert", "terrain"}
     unmonitored = Condition("integrity_unavailable", Severity.CAUTION, "GROUND CLEARANCE NOT MONITORED", "stale")
-    rig.board.take(Report(START_NS + 2, "integrity", unmonitored).as_json())
+    rig.board.handle_report(ConditionReport(START_NS + 2, "integrity", unmonitored).as_json())
     rig.clock.advance(1.0)
-    rig.board.expect_devices()  # again: it began before
+    rig.board.suppress_device_alarms()  # again: it began before
     rig.clock.advance(1.0)
-    rig.board.devices_begin()
+    rig.board.resume_device_alarms()
     begin_ns = rig.clock.now_ns()
     for t_ns in (START_NS + 3, begin_ns - 1):
-        rig.board.take(Report(t_ns, "height", late).as_json())
+        rig.board.handle_report(ConditionReport(t_ns, "height", late).as_json())
         assert lasting(rig) == {"terrain"}
-    rig.board.take(Report(begin_ns, "height", late).as_json())
+    rig.board.handle_report(ConditionReport(begin_ns, "height", late).as_json())
     assert lasting(rig) == {"height", "terrain"}
 
 
@@ -91,21 +91,21 @@ def lasting(rig: Rig) -> set[str]:
 def test_a_health_publishes_the_list_also_when_nothing_has_changed(rig: Rig) -> None:
     """A display that has just joined must not wait for a change."""
     for count in (1, 2):
-        rig.board.take_health(health(1000.0 + count))
+        rig.board.handle_health(health(1000.0 + count))
         assert len(rig.published) == count
     assert rig.published[-1]["alarms"] == []
 
 
 def test_what_was_lost_is_an_alarm_that_has_ended(rig: Rig) -> None:
-    rig.board.take_health(health(1001.0))
+    rig.board.handle_health(health(1001.0))
     lost = {"line": {"state": "good", "hint": "", "dropped_frames": 3, "stamp_refused": 0}}
-    rig.board.take_health(health(1002.0, links=lost))
+    rig.board.handle_health(health(1002.0, links=lost))
     (row,) = rig.published[-1]["alarms"]
     assert (row["id"], row["end_ns"], row["value"]) == ("losses", 1002 * 10**9, 3.0)
 
 
 def test_navigation_is_late_when_frames_wait_for_longer_than_a_value_may_be_old(rig: Rig) -> None:
-    rig.board._oldest_waiting_ns = lambda: NEVER
+    rig.board._oldest_waiting_ns = lambda: NO_FRAME_TAKEN
     assert rig.look(None) == [], "it has taken nothing yet"
     rig.board._oldest_waiting_ns = lambda: None if rig.waited_ns is None else rig.clock.now_ns() - rig.waited_ns
     assert rig.look(3 * LATE_NS) == [], "it starts"
@@ -119,7 +119,7 @@ def test_navigation_is_late_when_frames_wait_for_longer_than_a_value_may_be_old(
 @pytest.mark.parametrize("late_s", [0.55, 1.0, 5.0])
 def test_lateness_in_an_alert_never_shows_fewer_alarms(rig: Rig, late_s: float) -> None:
     rig.look(None)
-    rig.board.take(Report(START_NS, "integrity", ALERT).as_json())
+    rig.board.handle_report(ConditionReport(START_NS, "integrity", ALERT).as_json())
     waited_ns = 0
     while waited_ns < late_s * 1e9:
         rig.clock.advance(0.05)
@@ -132,28 +132,28 @@ def test_lateness_in_an_alert_never_shows_fewer_alarms(rig: Rig, late_s: float) 
 
 def test_a_navigation_that_was_started_again_ends_nothing_that_it_does_not_know(rig: Rig) -> None:
     """Its first reports are of what it has judged; the alert stands until it says that the ground matches."""
-    rig.board.take(Report(START_NS, "integrity", ALERT).as_json())
-    rig.board.take(Report(START_NS + 10, "comparison", None).as_json())
+    rig.board.handle_report(ConditionReport(START_NS, "integrity", ALERT).as_json())
+    rig.board.handle_report(ConditionReport(START_NS + 10, "comparison", None).as_json())
     assert "integrity_alert" in rig.look(None)
-    rig.board.take(Report(START_NS + 20, "integrity", None).as_json())
+    rig.board.handle_report(ConditionReport(START_NS + 20, "integrity", None).as_json())
     assert rig.look(None) == []
 
 
 def test_another_flight_acknowledges_what_the_end_of_the_last_one_was(rig: Rig) -> None:
-    rig.board.take(Report(START_NS, "integrity", ALERT).as_json())
+    rig.board.handle_report(ConditionReport(START_NS, "integrity", ALERT).as_json())
     rig.clock.advance(60.0)
     lost = Condition("position", Severity.CAUTION, "POSITION NOT VALID")
-    rig.board.take(Report(rig.clock.now_ns(), "position", lost).as_json())
+    rig.board.handle_report(ConditionReport(rig.clock.now_ns(), "position", lost).as_json())
     rig.clock.advance(1.0)
-    rig.board.begin_anew("the demonstration")
-    rig.board.take(Report(rig.clock.now_ns(), "position", None).as_json())
+    rig.board.start_new_flight("the demonstration")
+    rig.board.handle_report(ConditionReport(rig.clock.now_ns(), "position", None).as_json())
     assert rig.look(None) == ["integrity_alert"]
     assert [row["id"] for row in rig.published[-1]["alarms"]] == ["integrity_alert"]
 
 
 def test_another_flight_acknowledges_nothing_of_the_recording(rig: Rig) -> None:
     rig.board.record(Condition("losses", Severity.CAUTION, "DATA LOST"))
-    rig.board.begin_anew("the demonstration")
+    rig.board.start_new_flight("the demonstration")
     assert [row["id"] for row in rig.published[-1]["alarms"]] == ["losses"]
 
 
@@ -161,17 +161,17 @@ def test_what_another_recorder_drops_counts_from_zero(rig: Rig) -> None:
     def lost(count: int) -> dict[str, Any]:
         return {"line": {"state": "good", "hint": "", "dropped_frames": count, "stamp_refused": 0}}
 
-    rig.board.take_health(health(1001.0, links=lost(9)))
-    rig.board.recorder_replaced("killed")
-    rig.board.take_health(health(1002.0, links=lost(0)))
-    rig.board.take_health(health(1003.0, links=lost(4)))
+    rig.board.handle_health(health(1001.0, links=lost(9)))
+    rig.board.on_recorder_replaced("killed")
+    rig.board.handle_health(health(1002.0, links=lost(0)))
+    rig.board.handle_health(health(1003.0, links=lost(4)))
     assert {row["id"]: row["value"] for row in rig.published[-1]["alarms"]} == {"recorder": None, "losses": 4.0}
 
 
 def test_what_falls_silent_at_the_end_of_a_session_is_no_alarm(rig: Rig) -> None:
     rig.look(None)
     rig.board.end()
-    rig.board.take(Report(START_NS, "integrity", ALERT).as_json())
-    rig.board.take_health(health(processes={"navigation": {"state": "stopped"}}))
+    rig.board.handle_report(ConditionReport(START_NS, "integrity", ALERT).as_json())
+    rig.board.handle_health(health(processes={"navigation": {"state": "stopped"}}))
     assert rig.look(10 * LATE_NS) == []
     assert rig.recorded == []

@@ -6,9 +6,9 @@ import tomllib
 from pathlib import Path
 
 from fti import config
-from fti.service.binding import bind_devices
-from fti.service.chain import Chain
-from fti.service.diagnosis import WINDOW, Diagnosis
+from fti.devices import bind_devices
+from fti.service.navigation.decode_chain import Chain
+from fti.service.navigation.device_monitor import WINDOW, DeviceMonitor
 from fti.types import LinkState, Range, RawFrame
 
 SHARED = """
@@ -46,10 +46,10 @@ def chain_of(text: str) -> tuple[config.Config, Chain]:
 
 def test_the_lines_of_another_device_are_no_damage() -> None:
     found, chain = chain_of(SHARED)
-    diagnosis = Diagnosis(found, chain)
+    diagnosis = DeviceMonitor(found, chain)
     for second in range(WINDOW):
         frame = RawFrame("line", second, second * SECOND_NS, b"W1.5\r\nR0.0\r\n")
-        diagnosis.listen(frame)
+        diagnosis.feed(frame)
         chain.feed(frame)
         health = diagnosis.devices(second * SECOND_NS)
     assert {name: device["state"] for name, device in health.items()} == {
@@ -63,6 +63,6 @@ def test_behind_a_gap_the_end_of_a_lost_signal_is_no_range() -> None:
     """Of 130.00, which means that there is no return, the gap leaves 30.00."""
     _, chain = chain_of(LASER)
     before = chain.feed(RawFrame("line", 0, 0, b"\r12.00\r1")).measurements
-    chain.pass_gap()
+    chain.reset_after_gap()
     after = chain.feed(RawFrame("line", 9, SECOND_NS, b"30.00\r11.00\r")).measurements
     assert [m.slant_range for _, m in before + after if isinstance(m, Range)] == [12.0, 11.0]

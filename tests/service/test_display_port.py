@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
-from fti.service import display
+from fti.service.display import __main__ as display
 from fti.web.commands import CommandGate
-from fti.web.feed import Feed
+from fti.web.live_state import LiveState
 from fti.web.server import PageServer
 from tests.helpers import until_async
 
@@ -18,7 +18,7 @@ from tests.helpers import until_async
 async def test_a_busy_port_is_told_once_and_the_page_comes_when_it_is_free(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(display, "RETRY_S", 0.01)
     told: list[dict[str, Any]] = []
-    server = PageServer(Feed(0), lambda: 0, CommandGate("key", lambda _: True, lambda: 0), lambda peer, here: "")
+    server = PageServer(LiveState(0), lambda: 0, CommandGate("key", lambda _: True, lambda: 0), lambda peer, here: "")
     tries = 0
     start = server.start
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from tests.helpers import until
-from tests.web.fake_feed import KEY, DisplayProcess, FakeDaemon
+from tests.web.fake_daemon import KEY, DisplayProcess, FakeDaemon
 
 
 @pytest.fixture

@@ -5,7 +5,7 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fti.service.file_numbers import FileNumbers
+from fti.service.supervisor.file_numbers import FileNumbers
 
 
 def report(number: int, confirmed: bool) -> dict[str, int | bool]:
@@ -15,19 +15,19 @@ def report(number: int, confirmed: bool) -> dict[str, int | bool]:
 def test_a_number_whose_file_never_came_is_given_up_and_not_used_again() -> None:
     """Killed while a medium opened the first file: it may still appear."""
     numbers = FileNumbers()
-    assert (numbers.next, numbers.given_up) == (0, [])
-    numbers.take(report(0, False))
-    assert (numbers.next, numbers.given_up) == (1, [0])
-    numbers.take(report(1, False))
-    numbers.take(report(1, True))
-    assert (numbers.next, numbers.given_up) == (2, [0])
+    assert (numbers.next, numbers.skipped_numbers) == (0, [])
+    numbers.handle_report(report(0, False))
+    assert (numbers.next, numbers.skipped_numbers) == (1, [0])
+    numbers.handle_report(report(1, False))
+    numbers.handle_report(report(1, True))
+    assert (numbers.next, numbers.skipped_numbers) == (2, [0])
 
 
 @given(st.lists(st.tuples(st.integers(0, 20), st.booleans())))
 def test_every_number_below_the_next_is_written_given_up_or_never_taken(reports: list[tuple[int, bool]]) -> None:
     numbers = FileNumbers()
     for number, confirmed in reports:
-        numbers.take(report(number, confirmed))
+        numbers.handle_report(report(number, confirmed))
     written = {number for number, confirmed in reports if confirmed}
-    assert set(numbers.given_up) == {number for number, _ in reports} - written
+    assert set(numbers.skipped_numbers) == {number for number, _ in reports} - written
     assert all(number < numbers.next for number, _ in reports)

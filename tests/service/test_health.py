@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from fti.service.health import LATE_NS, HealthBoard, merge_link
+from fti.service.supervisor.health import LATE_NS, HealthBoard, merge_link
 
 
 def _device(state: str, hint: str = "") -> dict[str, Any]:

@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from fti.logger.storage import State
-from fti.service.health_conditions import MANY_RESTARTS, START_NS, STORAGE, HealthConditions, find_losses
+from fti.logger.storage import StorageState
+from fti.service.supervisor.health_conditions import MIN_RESTARTS, START_NS, STORAGE, HealthConditions, find_losses
 
 SECOND_NS = 10**9
 
@@ -57,7 +57,7 @@ def test_the_first_file_of_a_session_that_is_being_opened_is_expected() -> None:
 
 
 def test_the_storage_has_no_other_states() -> None:
-    assert set(STORAGE) == set(State) - {State.OK}
+    assert set(STORAGE) == set(StorageState) - {StorageState.OK}
     assert found(HealthConditions(0), health(storage={"state": "new"})) == {"storage_new": ("caution", "storage new")}
 
 
@@ -86,11 +86,11 @@ def test_a_process_that_was_started_again_and_again_within_a_minute() -> None:
         processes = health()["processes"] | {"display": {"state": "running", "restarts": restarts}}
         return list(found(conditions, health(t_s, processes=processes)))
 
-    for count in range(MANY_RESTARTS):
+    for count in range(MIN_RESTARTS):
         assert names(100.0 + count, count) == []
-    assert names(110.0, MANY_RESTARTS) == ["process:display"]
-    assert names(160.0, MANY_RESTARTS) == ["process:display"]
-    assert names(162.0, MANY_RESTARTS) == [], "the first one was more than a minute ago"
+    assert names(110.0, MIN_RESTARTS) == ["process:display"]
+    assert names(160.0, MIN_RESTARTS) == ["process:display"]
+    assert names(162.0, MIN_RESTARTS) == [], "the first one was more than a minute ago"
 
 
 @pytest.mark.parametrize(("lag_ms", "is_judged"), [(None, True), (500.0, True), (501.0, False), (50_000.0, False)])
@@ -155,7 +155,7 @@ def test_a_device_that_is_not_switched_on_yet_is_expected_for_a_while() -> None:
     assert set(found(conditions, health(begin_s + START_NS / SECOND_NS, **silent))) == {"link:line", "device:ins"}
     assert found(conditions, health(begin_s + 20.0)) == {}
     assert set(found(conditions, health(begin_s + 21.0, **silent))) == {"link:line", "device:ins"}, "it was good before"
-    conditions.begin_anew(round((begin_s + 22.0) * SECOND_NS))
+    conditions.start_new_flight(round((begin_s + 22.0) * SECOND_NS))
     assert found(conditions, health(begin_s + 23.0, **silent)) == {}, "another flight begins"
 
 
@@ -164,11 +164,11 @@ def test_devices_that_somebody_has_yet_to_switch_on_are_no_alarm() -> None:
     conditions = HealthConditions(0)
     silent: dict[str, Any] = {"links": link("absent"), "devices": device("silent")}
     assert found(conditions, health(1.0)) == {}
-    conditions.expect_devices()
+    conditions.suppress_device_alarms()
     assert found(conditions, health(100.0, **silent)) == {}
-    conditions.begin_anew(100 * SECOND_NS)  # as a person does by `fti readmit --all`
+    conditions.start_new_flight(100 * SECOND_NS)  # as a person does by `fti readmit --all`
     assert found(conditions, health(120.0, **silent)) == {}
-    conditions.devices_begin(101 * SECOND_NS)
+    conditions.resume_device_alarms(101 * SECOND_NS)
     assert found(conditions, health(110.9, **silent)) == {}
     assert set(found(conditions, health(111.1, **silent))) == {"link:line", "device:ins"}
 

@@ -50,7 +50,7 @@ async def test_an_interrupt_that_a_library_has_swallowed_ends_the_daemon() -> No
         signal.signal(signal.SIGINT, before)
 
 
-@pytest.mark.parametrize("module", ["fti.cli.run", "fti.config.tables", "fti.service.supervisor"])
+@pytest.mark.parametrize("module", ["fti.cli.run", "fti.config.tables", "fti.service.supervisor.process"])
 @pytest.mark.parametrize("command", ["run", "demo"])
 def test_an_interrupt_that_an_import_has_swallowed_ends_the_command(command: str, module: str, tmp_path: Path) -> None:
     config, left = tmp_path / "small.toml", tmp_path / "run"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fti.service.page_access import PageAccess
+from fti.service.supervisor.page_access import PageAccess
 
 
 def test_a_display_that_has_gone_takes_its_key_with_it() -> None:

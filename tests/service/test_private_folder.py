@@ -7,7 +7,7 @@ import pytest
 
 from fti.cli.main import main
 from fti.errors import MissingError
-from fti.service import rundir
+from fti.service import run_directory
 from fti.service.private_folder import check_trusted
 
 
@@ -32,12 +32,12 @@ def _without_runtime_dir(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "tmp"))
 
 
-def info_of(made: rundir.RunDir) -> rundir.DaemonInfo:
-    return rundir.DaemonInfo(os.getpid(), "da42", "s", None, None, 7, str(made.control_socket))
+def info_of(made: run_directory.RunDirectory) -> run_directory.DaemonInfo:
+    return run_directory.DaemonInfo(os.getpid(), "da42", "s", None, None, 7, str(made.control_socket))
 
 
 def test_the_directories_are_made_for_the_owner_alone(shared: Path) -> None:
-    made = rundir.make("da42", None)
+    made = run_directory.make("da42", None)
     made.publish(info_of(made))
     with made.bind():
         modes = {path.name: path.stat().st_mode & 0o777 for path in (shared, *shared.rglob("*"))}
@@ -51,7 +51,7 @@ def test_a_directory_that_others_can_write_is_refused(shared: Path, victim: Path
     (shared / below).chmod(0o1777)
     (shared / "da42" / "fti.json.new").symlink_to(victim)
     with pytest.raises(MissingError, match=r"other users can write to it \(mode 1777\); chmod go-w .*--run-dir"):
-        rundir.make("da42", None)
+        run_directory.make("da42", None)
     assert victim.read_text() == "precious"
 
 
@@ -63,23 +63,23 @@ def test_a_symlink_is_refused(shared: Path, tmp_path: Path, below: str) -> None:
     place.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
     place.symlink_to(elsewhere)
     with pytest.raises(MissingError, match="is a symlink"):
-        rundir.make("da42", None)
+        run_directory.make("da42", None)
     with pytest.raises(MissingError, match="is a symlink"):
-        rundir.make("da42", str(place))
+        run_directory.make("da42", str(place))
     assert not list(elsewhere.iterdir())
 
 
 def test_a_directory_of_another_user_is_refused_by_daemon_and_clients(
     shared: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    made = rundir.make("da42", None)
+    made = run_directory.make("da42", None)
     made.publish(info_of(made))
     monkeypatch.setattr(os, "geteuid", lambda: os.getuid() + 12345)
     for refused in (
-        lambda: rundir.make("other", None),
-        rundir.find_daemon,
-        lambda: rundir.find_daemon(str(made.path)),
-        lambda: rundir.connect(made.control_socket, 1.0),
+        lambda: run_directory.make("other", None),
+        run_directory.find_daemon,
+        lambda: run_directory.find_daemon(str(made.path)),
+        lambda: run_directory.connect(made.control_socket, 1.0),
     ):
         with pytest.raises(MissingError, match=rf"{shared}.*: belongs to \w+, not to user {os.getuid() + 12345}"):
             refused()
@@ -87,30 +87,30 @@ def test_a_directory_of_another_user_is_refused_by_daemon_and_clients(
 
 
 def test_what_is_written_replaces_a_symlink_and_does_not_follow_it(tmp_path: Path, victim: Path) -> None:
-    made = rundir.make("x", str(tmp_path / "run"))
+    made = run_directory.make("x", str(tmp_path / "run"))
     for name in ("fti.json", "fti.json.new", "fti.sock"):
         (made.path / name).symlink_to(victim)
     made.publish(info_of(made))
     made.bind().close()
     assert victim.read_text() == "precious"
     assert not (made.path / "fti.json").is_symlink()
-    assert rundir.find_daemon(str(made.path)) == info_of(made)
+    assert run_directory.find_daemon(str(made.path)) == info_of(made)
     made.withdraw()
     assert not list(made.path.iterdir())
 
 
 def test_a_symlink_is_not_read_as_the_daemons_word(tmp_path: Path) -> None:
-    made = rundir.make("x", str(tmp_path / "run"))
+    made = run_directory.make("x", str(tmp_path / "run"))
     made.publish(info_of(made))
     (made.path / "fti.json").rename(tmp_path / "fti.json")
     (made.path / "fti.json").symlink_to(tmp_path / "fti.json")
     with pytest.raises(MissingError, match="no daemon is running there"):
-        rundir.find_daemon(str(made.path))
+        run_directory.find_daemon(str(made.path))
     made.withdraw()
 
 
 def test_files_go_where_the_checked_directory_is_whatever_its_name_means_later(tmp_path: Path) -> None:
-    made = rundir.make("x", str(tmp_path / "run"))
+    made = run_directory.make("x", str(tmp_path / "run"))
     made.path.rename(tmp_path / "moved")
     (tmp_path / "run").mkdir()
     made.publish(info_of(made))

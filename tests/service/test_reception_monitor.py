@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from fti.buffers.triple import TripleBuffer
+from fti.buffers.triple_buffer import TripleBuffer
 from fti.links import LinkStatus
-from fti.service.reception_monitor import EVENT_PERIOD_NS, ReceptionMonitor
-from fti.service.storage_report import Dropped
+from fti.service.recorder.reception_monitor import EVENT_PERIOD_NS, ReceptionMonitor
+from fti.service.recorder.storage_monitor import Dropped
 
 SECOND_NS = 1_000_000_000
 TICK_NS = 20_000_000

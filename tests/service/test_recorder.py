@@ -12,13 +12,13 @@ from typing import Any
 import pytest
 
 from fti.buffers.ring import Ring
-from fti.buffers.ring_reader import Record, RingReader
+from fti.buffers.ring_reader import RingFrame, RingReader
 from fti.clock import choose_epoch_ns
 from fti.config import Altimeter, Config, Device, Nav, SerialLink, Session, UdpLink
 from fti.logger.reading.recording import Recording
 from fti.logger.session import SessionFolder
 from fti.service.children import Child
-from fti.service.orders import LinkOrder, RecorderOrder
+from fti.service.startup import LinkStartup, RecorderStartup
 from fti.types import TICK_PERIOD_NS
 from tests.e2e.harness import Line, free_udp_port
 from tests.helpers import until
@@ -55,11 +55,11 @@ class Rig:
             SerialLink(name="line", kind="serial", port=str(folder / "line"), transmit=True),
             UdpLink(name="eth", kind="udp", bind=f"127.0.0.1:{self.port}"),
         )
-        order = RecorderOrder(
+        order = RecorderStartup(
             config=Config(session=Session(name="rig"), link=links, **_with_altimeter(altimeter)),
             folder=str(self.session.path),
             epoch_ns=choose_epoch_ns(),
-            sending={"line": LinkOrder(on_connect=(b"hello\r".hex(),), polls=((0.2, b"ask\r".hex()),))},
+            sending={"line": LinkStartup(on_connect=(b"hello\r".hex(),), polls=((0.2, b"ask\r".hex()),))},
             attachments={"config.toml": "text"},
             metadata={"name": "rig"},
             **more,
@@ -114,7 +114,7 @@ def test_what_an_altimeter_sends_does_not_wait_for_the_beat(tmp_path: Path, link
     assert alone > 0.7 * len(numbers)
 
 
-def _read_with(reader: RingReader, data: bytes) -> list[Record]:
+def _read_with(reader: RingReader, data: bytes) -> list[RingFrame]:
     """The frames that the recorder has put into the ring together with these bytes."""
     while True:
         found = reader.read(1)
@@ -146,7 +146,7 @@ def _received(rig: Rig) -> bool:
 
 
 def test_numbers_are_reported_and_those_given_up_before_stand_in_the_file(tmp_path: Path) -> None:
-    rig = Rig(tmp_path, first_number=5, given_up=(2, 4))
+    rig = Rig(tmp_path, first_number=5, skipped_numbers=(2, 4))
     until(lambda: rig.hear("ready"), what="ready")
     rig.channel.send({"stop": True})
     until(lambda: rig.hear("stopped"), what="stopped")
@@ -192,7 +192,7 @@ def test_it_finishes_when_the_supervisor_is_gone(rig: Rig) -> None:
     assert process.wait(timeout=120) == 0
     assert rig.ring.ended
     recording = Recording.open(rig.session.path)
-    assert not recording.unfinished
+    assert not recording.unfinished_files
     assert b"last words" in b"".join(f.data for f in recording.frames())
 
 

@@ -11,7 +11,7 @@ import pytest
 
 from fti.logger.reading.recording import Recording
 from fti.nav.carried_refusal import CarriedRefusal, RefusedPart, parse_refusals
-from fti.service.orders import NavigationOrder
+from fti.service.startup import NavigationStartup
 from fti.types import Reason
 from tests.service.slow_navigation import LAT_0, RADIUS, RATE, START_NS, World, north_at, outputs, reprocessed
 
@@ -41,7 +41,7 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Flown]:
     world = World(tmp_path_factory.mktemp("again"), DURATION_S, cost, LIE_S)
     world.hurry_at_s = END_S
     world.run()
-    world.refusals = tuple(world.told_refusals())
+    world.refusals = tuple(world.last_refusals())
     told = parse_refusals(world.refusals)
     world.run()
     world.finish()
@@ -95,7 +95,7 @@ def test_it_is_repeated_as_flown(flown: Flown, tmp_path: Path) -> None:
 def test_the_order_of_the_next_process_carries_them(flown: Flown) -> None:
     """Through JSON, as the supervisor sends it."""
     order = flown.world.order()
-    assert parse_refusals(NavigationOrder.model_validate_json(order.model_dump_json()).refusals) == flown.told
+    assert parse_refusals(NavigationStartup.model_validate_json(order.model_dump_json()).refusals) == flown.told
 
 
 @pytest.mark.parametrize("wrong", [{"part": "all"}, {"reason": "no reason"}, {"onset_ns": "now"}, {"onset_ns": None}])

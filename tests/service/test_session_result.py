@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from fti.service.session_result import SessionResult, save_ledger
+from fti.service.supervisor.session_result import SessionResult, save_ledger
 
 FOLDER = Path("/data/s_0")
 NONE = {"in_frames": 0, "held_frames": 0, "held_bytes": 0, "dropped": {}}
@@ -32,7 +32,7 @@ def loss_of(last: dict[str, Any], *dead: dict[str, Any]) -> str:
     result = SessionResult()
     for health in dead:
         result.add_dead_recorder(health)
-    result.take(last)
+    result.handle_report(last)
     return result.describe_loss(FOLDER) or ""
 
 

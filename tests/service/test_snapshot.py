@@ -11,12 +11,12 @@ import pytest
 
 from fti.config import Snapshot
 from fti.errors import StorageError
-from fti.logger.part import Part
+from fti.logger.log_segment import LogSegment
 from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.reading.recording import Recording
 from fti.logger.session import SessionFolder
-from fti.service import snapshot as sink_module
-from fti.service.snapshot import SnapshotSink
+from fti.service.recorder.snapshot import sink as sink_module
+from fti.service.recorder.snapshot.sink import SnapshotSink
 from tests.helpers import until
 
 SECOND_NS = 1_000_000_000
@@ -44,8 +44,8 @@ class Rig:
 
     def feed(self, count: int) -> None:
         for n in range(self.fed, self.fed + count):
-            self.sink.keepers[0]([(2 * n, n * 10 * MS, b"")])
-            self.sink.keepers[1]([(2 * n + 1, n * 10 * MS, b"%d" % n)])
+            self.sink.consumers[0]([(2 * n, n * 10 * MS, b"")])
+            self.sink.consumers[1]([(2 * n + 1, n * 10 * MS, b"%d" % n)])
         self.fed += count
 
     def files(self) -> list[Path]:
@@ -75,7 +75,7 @@ def test_a_trigger_brings_exactly_its_interval_into_a_file(rig: Rig) -> None:
     assert rig.held() == list(range(199, 350))
     recording = Recording.open(rig.files()[0])
     assert [f.seq for f in recording.frames()] == list(range(398, 700))
-    assert not recording.unfinished
+    assert not recording.unfinished_files
     assert recording.frame_files == rig.files()
     (event,) = recording.messages("/fti/event", kind="snapshot")
     assert event[1] == 2990 * MS
@@ -132,20 +132,20 @@ def test_the_end_cuts_what_a_trigger_waits_for(rig: Rig) -> None:
     rig.sink.trigger("late", 990 * MS)
     rig.sink.stop()
     assert rig.held() == list(range(100))
-    assert not Recording.open(rig.files()[0]).unfinished
+    assert not Recording.open(rig.files()[0]).unfinished_files
     assert rig.sink.outcomes[1].not_triggered.frames == 0
 
 
 def test_the_end_waits_as_long_as_the_medium_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Minutes of memory on a slow medium take longer than the patience with one that refuses."""
     monkeypatch.setattr(sink_module, "LAST_CHANCE_S", 1.0)
-    flush = Part.flush
+    flush = LogSegment.flush
 
-    def slow(part: Part) -> None:
+    def slow(segment: LogSegment) -> None:
         time.sleep(0.1)
-        flush(part)
+        flush(segment)
 
-    monkeypatch.setattr(Part, "flush", slow)
+    monkeypatch.setattr(LogSegment, "flush", slow)
     rig = Rig(tmp_path, before_s=1e3)
     rig.feed(1000)
     rig.sink.trigger("at the very end", 9990 * MS)
@@ -159,11 +159,11 @@ def test_what_a_trigger_asked_for_and_the_medium_did_not_take_stays_held(
 ) -> None:
     """It is a loss, not something for which no trigger came."""
 
-    def refuse(part: Part) -> None:
+    def refuse(segment: LogSegment) -> None:
         raise StorageError("full")
 
     monkeypatch.setattr(sink_module, "LAST_CHANCE_S", 0.3)
-    monkeypatch.setattr(Part, "flush", refuse)
+    monkeypatch.setattr(LogSegment, "flush", refuse)
     rig.feed(300)
     rig.sink.trigger("boom", 2990 * MS)
     rig.sink.stop()
@@ -182,14 +182,14 @@ def test_no_trigger_no_file(rig: Rig) -> None:
 def test_a_medium_that_refuses_is_told_once_and_nothing_is_lost_or_doubled(
     rig: Rig, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    flush, failures = Part.flush, iter(range(3))
+    flush, failures = LogSegment.flush, iter(range(3))
 
-    def refuse(part: Part) -> None:
+    def refuse(segment: LogSegment) -> None:
         if next(failures, None) is not None:
             raise StorageError("full")
-        flush(part)
+        flush(segment)
 
-    monkeypatch.setattr(Part, "flush", refuse)
+    monkeypatch.setattr(LogSegment, "flush", refuse)
     rig.feed(100)
     rig.sink.trigger("boom", 990 * MS)
     rig.feed(100)
@@ -206,14 +206,14 @@ def test_it_goes_on_where_the_recording_goes_on(rig: Rig, tmp_path: Path, monkey
     until(lambda: any("no place" in text for text in rig.told), what="the refusal")
     rig.folder = first
     until(lambda: rig.sink.outcomes[1].recorded.frames == 100, what="frames in the first file")
-    flush = Part.flush
+    flush = LogSegment.flush
 
-    def refuse_here(part: Part) -> None:
-        if part.folder == first:
+    def refuse_here(segment: LogSegment) -> None:
+        if segment.folder == first:
             raise StorageError("sick")
-        flush(part)
+        flush(segment)
 
-    monkeypatch.setattr(Part, "flush", refuse_here)
+    monkeypatch.setattr(LogSegment, "flush", refuse_here)
     rig.feed(20)
     until(lambda: any("sick" in text for text in rig.told), what="the refusal")
     rig.folder = other
@@ -227,21 +227,21 @@ def test_it_goes_on_where_the_recording_goes_on(rig: Rig, tmp_path: Path, monkey
 def test_a_memory_that_is_too_small_is_told_once(tmp_path: Path) -> None:
     rig = Rig(tmp_path, before_s=1e4, max_mb=1.0)
     for n in range(3):
-        rig.sink.keepers[1]([(n * 100 + k, (n * 100 + k) * MS, bytes(10_000)) for k in range(100)])
-        rig.sink.tell_overflow()
+        rig.sink.consumers[1]([(n * 100 + k, (n * 100 + k) * MS, bytes(10_000)) for k in range(100)])
+        rig.sink.report_overflow()
     rig.sink.stop()
     assert rig.told == ["warning: snapshot.max_mb holds 0.1 s, not 10000 s"]
 
 
 def test_feeding_never_waits_for_the_medium(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
-    hangs, released, flush = threading.Event(), threading.Event(), Part.flush
+    hangs, released, flush = threading.Event(), threading.Event(), LogSegment.flush
 
-    def hang(part: Part) -> None:
+    def hang(segment: LogSegment) -> None:
         hangs.set()
         assert released.wait(20)
-        flush(part)
+        flush(segment)
 
-    monkeypatch.setattr(Part, "flush", hang)
+    monkeypatch.setattr(LogSegment, "flush", hang)
     rig.feed(10)
     rig.sink.trigger("boom", 90 * MS)
     assert hangs.wait(20)

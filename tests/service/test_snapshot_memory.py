@@ -5,16 +5,16 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fti.service.accounts import Outcome
-from fti.service.snapshot_memory import BLOCK_BYTES, HEAD_BYTES, Block, FrameMemory
+from fti.service.recorder.link_ledger import SnapshotOutcome
+from fti.service.recorder.snapshot.frame_memory import BLOCK_BYTES, HEAD_BYTES, FrameBlock, FrameMemory
 
 SECOND_NS = 1_000_000_000
 BIG = 2**30
 
 
-def memory(span_s: float = 10.0, most_bytes: int = BIG, sources: int = 2) -> tuple[FrameMemory, list[Outcome]]:
-    outcomes = [Outcome() for _ in range(sources)]
-    return FrameMemory(round(span_s * SECOND_NS), most_bytes, outcomes), outcomes
+def memory(span_s: float = 10.0, max_bytes: int = BIG, sources: int = 2) -> tuple[FrameMemory, list[SnapshotOutcome]]:
+    outcomes = [SnapshotOutcome() for _ in range(sources)]
+    return FrameMemory(round(span_s * SECOND_NS), max_bytes, outcomes), outcomes
 
 
 def taken(kept: FrameMemory) -> list[tuple[int, int, int, bytes]]:
@@ -32,7 +32,7 @@ frames = st.lists(
 
 @given(frames)
 def test_frames_come_out_as_they_went_in(given_frames: list[tuple[int, int, int, bytes]]) -> None:
-    block = Block()
+    block = FrameBlock()
     for source, seq, t_ns, data in given_frames:
         block.add(source, [(seq, t_ns, data)])
     for source in (0, 1):
@@ -55,7 +55,7 @@ def test_what_is_older_than_the_span_goes_block_by_block() -> None:
 
 
 def test_the_bound_holds_for_what_is_occupied_and_the_oldest_go() -> None:
-    kept, outcomes = memory(span_s=1e6, most_bytes=3 * BLOCK_BYTES)
+    kept, outcomes = memory(span_s=1e6, max_bytes=3 * BLOCK_BYTES)
     for n in range(1000):
         kept.keep(1, [(n, n, bytes(1000))])
         assert kept.held_bytes <= 3 * BLOCK_BYTES
@@ -67,7 +67,7 @@ def test_the_bound_holds_for_what_is_occupied_and_the_oldest_go() -> None:
 
 
 def test_what_a_trigger_asks_for_is_let_go_as_overflow() -> None:
-    kept, outcomes = memory(span_s=1e6, most_bytes=2 * BLOCK_BYTES)
+    kept, outcomes = memory(span_s=1e6, max_bytes=2 * BLOCK_BYTES)
     kept.hold_from(0)
     for n in range(500):
         kept.keep(0, [(n, n, bytes(1000))])
@@ -88,7 +88,7 @@ def test_what_is_held_for_a_trigger_outlives_the_span() -> None:
 
 @given(frames, st.integers(1, 3))
 def test_every_frame_is_held_or_counted(given_frames: list[tuple[int, int, int, bytes]], blocks: int) -> None:
-    kept, outcomes = memory(span_s=1e3, most_bytes=blocks * 2000)
+    kept, outcomes = memory(span_s=1e3, max_bytes=blocks * 2000)
     for source, seq, t_ns, data in given_frames:
         kept.keep(source, [(seq, t_ns, data)])
     held = taken(kept)

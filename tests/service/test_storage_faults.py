@@ -16,20 +16,20 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from fti.buffers.triple import TripleBuffer
+from fti.buffers.triple_buffer import TripleBuffer
 from fti.logger import storage
-from fti.logger.places import Place
-from fti.logger.proof.report import Check, Verdict
-from fti.logger.proof.verify import verify
 from fti.logger.raw_log import RawLog, RawTopic
-from fti.logger.reading.about import remarks
 from fti.logger.reading.recording import Recording
+from fti.logger.reading.session_metadata import remarks
 from fti.logger.session import Numbering, name_parts
-from fti.logger.storage import Attempt, State
-from fti.service import stint, succession, writing
-from fti.service.source import Source
-from fti.service.stint import Stint
-from fti.service.writing import Writer
+from fti.logger.storage import OpenAttempt, StorageState
+from fti.logger.storage_target import StorageTarget
+from fti.logger.verify.report import Check, CheckVerdict
+from fti.logger.verify.verification import verify
+from fti.service.recorder import log_writer, target_writer, writer_coordinator
+from fti.service.recorder.log_source import LogSource
+from fti.service.recorder.log_writer import LogWriter
+from fti.service.recorder.target_writer import TargetWriter
 from tests.helpers import until
 
 ONE_FILE_S = 1000.0  # no file is split before
@@ -90,9 +90,9 @@ class Rig:
         self.log = RawLog(None, links, split_s=split_s, split_mb=100, numbering=Numbering(), places=self.folders)
         self.buffer = TripleBuffer(capacity)
         self.reports: list[str] = []
-        source = Source("a", self.log.channels("a")[0], self.buffer)
-        places = [Place.of(folder) for folder in self.folders]
-        self.writer = Writer(self.log, [source], places, 0.0, self._report)
+        source = LogSource("a", self.log.channels("a")[0], self.buffer)
+        places = [StorageTarget.of(folder) for folder in self.folders]
+        self.writer = LogWriter(self.log, [source], places, 0.0, self._report)
         self.seq = 0
         self._ended = False
         self._stop = threading.Event()
@@ -108,7 +108,7 @@ class Rig:
 
     def _tend(self) -> None:
         while not self._stop.wait(0.003):
-            self.writer.tend()
+            self.writer.poll_storage()
 
     def feed(self, count: int) -> None:
         """Frames, and time to do something with them."""
@@ -117,10 +117,10 @@ class Rig:
             self.seq += 1
             self._stop.wait(0.001)
 
-    def state(self) -> State:
+    def state(self) -> StorageState:
         return self.writer.state()[0]
 
-    def wait_for(self, state: State) -> None:
+    def wait_for(self, state: StorageState) -> None:
         until(lambda: self.state() is state, what=state)
 
     def settle(self) -> None:
@@ -135,7 +135,7 @@ class Rig:
         recording = Recording.open(*found)
         numbers = [name_parts(path)[1] for path in recording.raw_files]
         assert len(set(numbers)) == len(numbers)
-        assert away or check_of(recording, "splits").verdict in (Verdict.OK, Verdict.TOLD)
+        assert away or check_of(recording, "splits").verdict in (CheckVerdict.OK, CheckVerdict.NOTE)
         firsts = [numbers_in(path)[:1] for path in recording.raw_files]
         assert sorted(first for first in firsts if first) == [first for first in firsts if first]
         frames = list(recording.frames())
@@ -162,8 +162,8 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
     """Everything fifty times as fast as it is."""
     for module, names in (
         (storage, ("SLOW_S", "PATIENCE_S", "ATTEMPT_S", "RETURN_S", "LONGEST_RETURN_S", "RECOVERED_S")),
-        (stint, ("RETRY_S", "SYNC_PERIOD_S")),
-        (succession, ("RETRY_S",)),
+        (target_writer, ("RETRY_S", "SYNC_PERIOD_S")),
+        (writer_coordinator, ("RETRY_S",)),
     ):
         for name in names:
             monkeypatch.setattr(module, name, getattr(module, name) / 50)
@@ -194,7 +194,7 @@ def test_it_goes_to_the_fallback_and_comes_back(make: Callable[..., Rig], how: s
     rig.settle()
     rig.feed(20)
     rig.set(how, "good")
-    rig.wait_for(State.FALLBACK)
+    rig.wait_for(StorageState.FALLBACK)
     rig.feed(20)
     until(lambda: rig.buffer.empty, what="an empty buffer")
     assert any(rig.folders[1].glob("*.mcap"))
@@ -214,7 +214,7 @@ def test_without_another_medium_the_buffers_hold(make: Callable[..., Rig], how: 
         rig.feed(20)
         rig.set(how)
     rig.feed(20)
-    rig.wait_for(State.ERROR)
+    rig.wait_for(StorageState.ERROR)
     assert rig.writer.silence_s > 0
     rig.settle()
     rig.feed(20)
@@ -228,14 +228,14 @@ def check_of(recording: Recording, name: str) -> Check:
 
 def test_the_number_of_a_file_that_was_not_opened_in_time_is_stated(make: Callable[..., Rig]) -> None:
     rig = make(split_s=ONE_FILE_S, status=("stuck", "good"))
-    rig.wait_for(State.FALLBACK)
+    rig.wait_for(StorageState.FALLBACK)
     rig.feed(20)
     until(lambda: rig.buffer.empty, what="an empty buffer")
     assert rig.finish() == list(range(20))
     recording = Recording.open(*(folder for folder in rig.folders if any(folder.glob("*.mcap"))))
     assert 0 not in {name_parts(path)[1] for path in recording.raw_files}
     splits = check_of(recording, "splits")
-    assert splits.verdict is Verdict.TOLD and "raw numbers 0 were given up" in splits.lines[0][1]
+    assert splits.verdict is CheckVerdict.NOTE and "raw numbers 0 were given up" in splits.lines[0][1]
     assert not list(remarks(recording))
     recording.raw_files[0].rename(recording.raw_files[0].with_name(f"{recording.session}_007.mcap"))
     moved = Recording.open(*(folder for folder in rig.folders if any(folder.glob("*.mcap"))))
@@ -246,12 +246,12 @@ def test_a_file_that_was_opened_too_late_gets_a_number_behind_those_that_were_wr
     make: Callable[..., Rig], quick: pytest.MonkeyPatch
 ) -> None:
     rig = make(split_s=ONE_FILE_S, status=("stuck", "good"))
-    rig.wait_for(State.FALLBACK)
+    rig.wait_for(StorageState.FALLBACK)
     rig.feed(20)
     until(lambda: rig.buffer.empty, what="an empty buffer")
     rig.set("stuck", "broken")
     rig.feed(5)
-    rig.wait_for(State.ERROR)
+    rig.wait_for(StorageState.ERROR)
     rig.set("good", "broken")  # now the first file is open, and would be welcome
     until(lambda: rig.buffer.empty, what="an empty buffer")
     assert rig.writer.file and rig.writer.file.parent == rig.folders[0]
@@ -263,7 +263,7 @@ def test_what_no_buffer_could_hold_is_counted(make: Callable[..., Rig]) -> None:
     rig = make(1, capacity=300)
     rig.settle()
     rig.set("full")
-    rig.wait_for(State.ERROR)
+    rig.wait_for(StorageState.ERROR)
     rig.feed(200)
     rig.settle()
     stats = rig.buffer.stats
@@ -288,7 +288,7 @@ def test_a_folder_that_is_moved_away_is_made_again(make: Callable[..., Rig], qui
     for file in away.iterdir():
         file.rename(rig.folders[0] / file.name)
     assert rig.finish() == list(range(60))
-    assert not Recording.open(rig.folders[0]).unfinished
+    assert not Recording.open(rig.folders[0]).unfinished_files
 
 
 def test_a_deleted_file_is_written_again(make: Callable[..., Rig]) -> None:
@@ -313,7 +313,7 @@ def test_what_a_medium_had_not_synced_when_it_went_away_stands_on_the_next(
     make: Callable[..., Rig], quick: pytest.MonkeyPatch
 ) -> None:
     """It refuses and its path is gone, so its file is let go before there is another."""
-    quick.setattr(stint, "SYNC_PERIOD_S", 1000.0)
+    quick.setattr(target_writer, "SYNC_PERIOD_S", 1000.0)
     rig = make(1)
     rig.settle()
     rig.feed(20)
@@ -332,7 +332,7 @@ class SickSync:
     def __init__(self, rig: Rig, monkeypatch: pytest.MonkeyPatch, refusals: int) -> None:
         self.asked = 0
         self._left = refusals
-        self._fd = rig.log._log.part.writer.fileno()
+        self._fd = rig.log._log.segment.writer.fileno()
         self._sync = os.fdatasync
         self.file = rig.log.path
         monkeypatch.setattr(os, "fdatasync", self._refuse)
@@ -368,7 +368,7 @@ def test_what_was_not_synced_at_the_stop_goes_to_the_fallback(
     make: Callable[..., Rig], quick: pytest.MonkeyPatch
 ) -> None:
     """The buffers are empty then: it is what the file has taken that must be written again."""
-    quick.setattr(stint, "SYNC_PERIOD_S", 1000.0)
+    quick.setattr(target_writer, "SYNC_PERIOD_S", 1000.0)
     rig = make(split_s=ONE_FILE_S)
     rig.settle()
     rig.feed(20)
@@ -382,7 +382,7 @@ def test_what_was_not_synced_at_the_stop_goes_to_the_fallback(
 def test_the_last_notes_go_to_another_place_when_the_file_cannot_be_closed(
     make: Callable[..., Rig], quick: pytest.MonkeyPatch, places: int
 ) -> None:
-    quick.setattr(writing, "LAST_CHANCE_S", 0.2)
+    quick.setattr(log_writer, "LAST_CHANCE_S", 0.2)
     rig = make(places, split_s=ONE_FILE_S)
     rig.settle()
     rig.feed(20)
@@ -403,12 +403,12 @@ def test_the_last_notes_go_to_another_place_when_the_file_cannot_be_closed(
 
 def test_a_mount_point_without_its_medium_is_left_alone(make: Callable[..., Rig]) -> None:
     rig = make(1)
-    elsewhere = Place(rig.folders[0], Path("/proc"))
+    elsewhere = StorageTarget(rig.folders[0], Path("/proc"))
     rig.writer._places = [elsewhere]
     until(lambda: rig.writer.hopeless, what="a refusal")
     assert "no medium is mounted on /proc" in rig.writer.state()[1]
     assert not rig.folders[0].exists()
-    rig.writer._places = [Place.of(rig.folders[0])]
+    rig.writer._places = [StorageTarget.of(rig.folders[0])]
 
 
 def test_nobody_takes_over_from_one_that_has_ended(make: Callable[..., Rig], monkeypatch: pytest.MonkeyPatch) -> None:
@@ -419,7 +419,7 @@ def test_nobody_takes_over_from_one_that_has_ended(make: Callable[..., Rig], mon
     rig.writer.stop()
     last = rig.writer.file
     monkeypatch.setattr(rig.writer._machine, "opened", lambda now, place: True)
-    Stint(rig.writer, Attempt(1, strict=False)).run()  # that was slow to open its file, and is wanted
+    TargetWriter(rig.writer, OpenAttempt(1, strict=False)).run()  # that was slow to open its file, and is wanted
     assert rig.writer.file == last
     assert rig.finish() == list(range(rig.seq))
 

@@ -10,10 +10,10 @@ from typing import Any
 import pytest
 
 from fti.service import children
-from fti.service.children import Child, Spawned
-from fti.service.ending import describe_restart
-from fti.service.keeping import WATCH_PERIOD_S, Keeper
-from fti.service.restart_delay import DoublingDelay, StandInDelay
+from fti.service.children import Child, WaitingProcess
+from fti.service.restart_delay import DoublingDelay, StandbyDelay
+from fti.service.supervisor.child_monitor import WATCH_PERIOD_S, ChildMonitor
+from fti.service.supervisor.child_shutdown import describe_restart
 
 
 class FakeProcess:
@@ -32,10 +32,10 @@ class FakeProcess:
 class FakeChild(Child):
     """Spawns fake processes."""
 
-    def _spawn(self) -> Spawned:
+    def _spawn(self) -> WaitingProcess:
         ours, theirs = socket.socketpair()
         spawned.append((FakeProcess(clock.now), theirs))
-        return Spawned(spawned[-1][0], ours)  # type: ignore[arg-type]
+        return WaitingProcess(spawned[-1][0], ours)  # type: ignore[arg-type]
 
 
 spawned: list[tuple[FakeProcess, socket.socket]] = []
@@ -47,23 +47,23 @@ class Rig:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(children, "time", SimpleNamespace(monotonic=lambda: clock.now))
-        self.child = FakeChild("recorder", has_stand_in=True)
+        self.child = FakeChild("recorder", has_standby=True)
         self.deaths: list[str] = []
         self.failures: list[Exception] = []
-        self.keeper = Keeper(
+        self.child_monitor = ChildMonitor(
             [self.child],
-            hear=lambda child, message: None,
+            on_message=lambda child, message: None,
             started=lambda child: None,
             died=lambda child, code: self.deaths.append(describe_restart(child, code)),
             report=lambda unit, error: self.failures.append(error),
         )
-        self.keeper.start(self.child)
+        self.child_monitor.start(self.child)
 
     async def spend(self, seconds: float) -> None:
         """The keeper looks at its children as often as it does."""
         for _ in range(max(round(seconds / WATCH_PERIOD_S), 1)):
             clock.now += WATCH_PERIOD_S
-            self.keeper._look_after(self.child)
+            self.child_monitor._check_child(self.child)
         assert not self.failures
 
     def kill(self) -> None:
@@ -86,7 +86,7 @@ async def rig(monkeypatch: pytest.MonkeyPatch) -> AsyncIterator[Rig]:
     spawned.clear()
     made = Rig(monkeypatch)
     yield made
-    made.keeper.hear_out(made.child)
+    made.child_monitor.drain_messages(made.child)
     if made.child._waiting:
         made.child._waiting.socket.close()
     for _, theirs in spawned:
@@ -135,7 +135,7 @@ async def test_a_stand_in_that_dies_while_it_waits_is_replaced_but_not_without_e
 
 
 async def test_at_the_end_no_stand_in_is_made(rig: Rig) -> None:
-    rig.keeper.stopping = True
+    rig.child_monitor.stopping = True
     await rig.spend(2.0)
     assert rig.stand_in is None
 
@@ -144,6 +144,6 @@ def test_the_delays_of_both_rules() -> None:
     doubling = DoublingDelay()
     assert [doubling.after_death(2.0) for _ in range(9)] == [0.05, 0.1, 0.2, 0.4, 0.8, 1.6, 3.2, 5.0, 5.0]
     assert doubling.after_death(31.0) == 0.05
-    stand_in = StandInDelay()
+    stand_in = StandbyDelay()
     assert [stand_in.after_death(lived) for lived in (0.1, 0.1, 2.0, 0.1, 0.1, 0.1, 1.0)] == [0, 0, 0, 0, 0, 0.5, 0]
     assert [stand_in.after_death(0.0) for _ in range(5000)][-1] == 5.0

@@ -7,9 +7,9 @@ from typing import Any
 import pytest
 
 from fti.service.children import Child
-from fti.service.control import Message
-from fti.service.keeping import RecorderMail
-from fti.service.watchdog import MAX_STALL_S, MAX_START_S, PERIOD_S, Watchdog
+from fti.service.control_channel import ControlMessage
+from fti.service.supervisor.child_monitor import RecorderOutbox
+from fti.service.supervisor.watchdog import MAX_STALL_S, MAX_START_S, PERIOD_S, Watchdog
 
 
 class Bench:
@@ -33,11 +33,11 @@ class Bench:
     def kill(self) -> None:
         self.killed.append(self.pid)
 
-    def hold(self) -> None:
+    def pause(self) -> None:
         assert not self.held
         self.held = True
 
-    def go_on(self) -> None:
+    def resume(self) -> None:
         assert self.held
         self.held = False
 
@@ -46,7 +46,7 @@ class Bench:
         for _ in range(round(seconds / turn_s)):
             self.now_s += turn_s
             self.progress += moving
-            self.watchdog.look(self.now_s)
+            self.watchdog.check(self.now_s)
 
 
 @pytest.fixture
@@ -139,23 +139,23 @@ class Listening:
     def __init__(self) -> None:
         self.got: list[Any] = []
 
-    def send(self, message: Message) -> bool:
+    def send(self, message: ControlMessage) -> bool:
         self.got.append(message["note"]["content"]["text"])
         return True
 
 
 def test_what_waited_goes_to_the_recorder_that_moves_in_its_order() -> None:
     child: Any = Child("recorder")
-    mail = RecorderMail(child)
+    outbox = RecorderOutbox(child)
     stopped, after = Listening(), Listening()
     child.channel = stopped
-    mail.note("/fti/event", 1, {"text": "before"})
-    mail.hold()
-    mail.note("/fti/event", 2, {"text": "a mark"})
-    mail.note("/fti/event", 3, {"text": "has not moved"})
+    outbox.note("/fti/event", 1, {"text": "before"})
+    outbox.pause()
+    outbox.note("/fti/event", 2, {"text": "a mark"})
+    outbox.note("/fti/event", 3, {"text": "has not moved"})
     child.channel = None  # it was killed
-    mail.note("/fti/event", 4, {"text": "ended with signal 9"})
+    outbox.note("/fti/event", 4, {"text": "ended with signal 9"})
     child.channel = after
-    mail.go_on()
-    mail.note("/fti/event", 5, {"text": "now"})
+    outbox.resume()
+    outbox.note("/fti/event", 5, {"text": "now"})
     assert (stopped.got, after.got) == (["before"], ["a mark", "has not moved", "ended with signal 9", "now"])

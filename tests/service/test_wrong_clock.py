@@ -22,8 +22,8 @@ from mcap.reader import make_reader
 
 from fti.bus.client import Subscriber
 from fti.bus.frame import SOCKET_NAME
-from fti.logger.proof.verify import verify
 from fti.logger.reading.recording import Recording
+from fti.logger.verify.verification import verify
 
 DEADLINE_S = 60.0
 SENT = 5

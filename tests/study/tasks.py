@@ -14,21 +14,21 @@ def square(x: int) -> tuple[int, int, str | None]:
     return x * x, os.getpid(), os.environ.get("OPENBLAS_NUM_THREADS")
 
 
-def fails(x: int, error: type[Exception]) -> int:
+def raise_on_third(x: int, error: type[Exception]) -> int:
     """The third is an error."""
     if x == 3:
         raise error("the third")
     return x
 
 
-def dies(x: int) -> int:
+def kill_on_second(x: int) -> int:
     """The second ends its process."""
     if x == 1:
         os.kill(os.getpid(), signal.SIGKILL)
     return x
 
 
-def waits(file: str, x: int) -> None:
+def wait_minute(file: str, x: int) -> None:
     """A minute, having said in a file who waits."""
     with Path(file).open("a", encoding="ascii") as out:
         out.write(f"{os.getpid()}\n")

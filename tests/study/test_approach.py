@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fti.figures import write
+from fti.plot_style import write
 from fti.study import _approach_heights, _approach_plots, _pattern, approach
 from fti.study._pattern import THRESHOLD_M, make_pattern
 from fti.study._statistics import ratio_bound, ratio_interval
@@ -53,11 +53,11 @@ def test_the_pattern_is_the_one_that_is_told(monkeypatch: pytest.MonkeyPatch) ->
 
 def test_the_judge_can_say_no() -> None:
     good, bad = [(1.0, 100.0)] * 20, [(1.0, 100.0)] * 15 + [(30.0, 100.0)] * 5
-    assert approach._judged(good, "wide", "independent", 1)[0].holds
-    judged = approach._judged(bad, "wide", "independent", 1)[0]
+    assert approach._judge_ratio(good, "wide", "independent", 1)[0].holds
+    judged = approach._judge_ratio(bad, "wide", "independent", 1)[0]
     assert judged.value < 0.30  # the ratio itself would pass
     assert not judged.holds
-    assert approach._judged(bad, "narrow", "independent", 1)[0].holds  # reported, not judged
+    assert approach._judge_ratio(bad, "narrow", "independent", 1)[0].holds  # reported, not judged
 
 
 def test_the_bound_is_one_sided() -> None:

@@ -7,24 +7,24 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from fti.hil.references.approaches import START_NS, Flown
+from fti.hil.approach_reference.approaches import START_NS, SimulatedApproach
 from fti.nav.integrity.reference import Obstacles
-from fti.study import Result, _clearance, _clearance_faults, _clearance_ground, clearance, workers
-from fti.study._clearance import Joined, Nominal
-from fti.study._clearance_faults import FAULTS, Faulty, faulty
+from fti.study import StudyResult, _clearance, _clearance_faults, _clearance_ground, clearance, workers
+from fti.study._clearance import LateJoin, NominalApproach
+from fti.study._clearance_faults import FAULTS, FaultyApproach, fly_faulty
 from fti.study._clearance_ground import reference, strict_reference
-from fti.study._proportions import most_by_chance, wilson
+from fti.study._proportions import max_failures_by_chance, wilson
 from fti.types import ClearanceIntegrity, IntegrityState
 
 
-def by_id(results: list[Result]) -> dict[str, Result]:
+def by_id(results: list[StudyResult]) -> dict[str, StudyResult]:
     return {result.id: result for result in results}
 
 
 def test_chance_is_that_of_the_specification() -> None:
     """3000 approaches: 39 alarms at 1 %, 6 at 0.1 %."""
-    assert (most_by_chance(3000, 0.01), most_by_chance(3000, 0.001)) == (39, 6)
-    assert most_by_chance(50, 0.1) == binom.ppf(0.95, 50, 0.1)
+    assert (max_failures_by_chance(3000, 0.01), max_failures_by_chance(3000, 0.001)) == (39, 6)
+    assert max_failures_by_chance(50, 0.1) == binom.ppf(0.95, 50, 0.1)
 
 
 def test_wilson_is_the_printed_interval() -> None:
@@ -35,10 +35,14 @@ def test_wilson_is_the_printed_interval() -> None:
 
 
 def test_too_many_alarms_do_not_hold() -> None:
-    good, bad, strictly = Nominal(False, False, 1.0, 1.0), Nominal(True, False, 1.0, 1.0), Nominal(True, True, 1.0, 1.0)
-    assert by_id(clearance._nominal([good] * 99 + [bad]))["nominal.alarms"].holds
-    assert not by_id(clearance._nominal([good] * 90 + [bad] * 10))["nominal.alarms"].holds
-    six, seven = (by_id(clearance._nominal([good] * (3000 - n) + [strictly] * n)) for n in (6, 7))
+    good, bad, strictly = (
+        NominalApproach(False, False, 1.0, 1.0),
+        NominalApproach(True, False, 1.0, 1.0),
+        NominalApproach(True, True, 1.0, 1.0),
+    )
+    assert by_id(clearance._judge_nominal([good] * 99 + [bad]))["nominal.alarms"].holds
+    assert not by_id(clearance._judge_nominal([good] * 90 + [bad] * 10))["nominal.alarms"].holds
+    six, seven = (by_id(clearance._judge_nominal([good] * (3000 - n) + [strictly] * n)) for n in (6, 7))
     assert six["strict.alarms"].holds
     assert not seven["strict.alarms"].holds
     assert seven["nominal.alarms"].holds
@@ -53,23 +57,23 @@ def test_both_references_are_one_profile_with_two_limits() -> None:
     assert all(getattr(strict.header.limits, t) > getattr(plain.header.limits, t) for t in ("t1", "t2", "t3", "t4"))
 
 
-SEEN = Faulty(True, True, True, 0.5, 0.5, 0.5, True)
-MISSED = Faulty(False, False, True, math.nan, math.nan, math.nan, True)
+SEEN = FaultyApproach(True, True, True, 0.5, 0.5, 0.5, True)
+MISSED = FaultyApproach(False, False, True, math.nan, math.nan, math.nan, True)
 
 
 def test_a_late_alert_does_not_hold() -> None:
     late = SEEN._replace(delay_s=2.6, size_s=2.6)
-    assert by_id(clearance._detected("obstacle_75", [SEEN] * 19 + [MISSED]))["obstacle_75.time_p95"].holds
-    assert not by_id(clearance._detected("obstacle_75", [SEEN] * 18 + [late] * 2))["obstacle_75.time_p95"].holds
-    assert by_id(clearance._detected("height_10", [SEEN] * 18 + [late] * 2))["height_10.time_p95"].holds
+    assert by_id(clearance._judge_detection("obstacle_75", [SEEN] * 19 + [MISSED]))["obstacle_75.time_p95"].holds
+    assert not by_id(clearance._judge_detection("obstacle_75", [SEEN] * 18 + [late] * 2))["obstacle_75.time_p95"].holds
+    assert by_id(clearance._judge_detection("height_10", [SEEN] * 18 + [late] * 2))["height_10.time_p95"].holds
     slow = SEEN._replace(delay_s=8.0)
-    assert not by_id(clearance._detected("height_10", [SEEN] * 18 + [slow] * 2))["height_10.time_p95"].holds
+    assert not by_id(clearance._judge_detection("height_10", [SEEN] * 18 + [slow] * 2))["height_10.time_p95"].holds
 
 
 @pytest.mark.parametrize("missed", [2, 20])
 def test_an_alert_that_never_comes_is_late(missed: int) -> None:
     """Of 20, one may be; where only those count that are seen, what sees less and less would hold."""
-    found = by_id(clearance._detected("along_60", [SEEN] * (20 - missed) + [MISSED] * missed))
+    found = by_id(clearance._judge_detection("along_60", [SEEN] * (20 - missed) + [MISSED] * missed))
     assert (found["along_60.time_p95"].value, found["along_60.time_p95"].holds) == (math.inf, False)
     assert found["along_60.time_p50"].value == (0.5 if missed == 2 else math.inf)
     assert found["along_60.misled"].value == missed / 20
@@ -79,14 +83,16 @@ def test_an_alert_that_never_comes_is_late(missed: int) -> None:
 def test_a_time_beside_the_track_is_promised_where_a_shift_is_observable(name: str, is_judged_everywhere: bool) -> None:
     """As detection is judged; an error of the height shows over any ground."""
     hidden = SEEN._replace(observable=False, delay_s=9.0, warned_s=9.0)
-    found = by_id(clearance._detected(name, [SEEN] * 20 + [hidden] * 20))
+    found = by_id(clearance._judge_detection(name, [SEEN] * 20 + [hidden] * 20))
     judged = {key for key, result in found.items() if ".time_p95" in key and result.target == "<= 7.7 s"}
     assert judged == {f"{name}.time_p95" if is_judged_everywhere else f"{name}.observable.time_p95"}
     assert all(found[key].holds is not is_judged_everywhere for key in judged)
     assert (found[f"{name}.misled"].value, found[f"{name}.not_observable.misled"].value) == (0.5, 1.0)
-    late = by_id(clearance._detected(name, [SEEN._replace(delay_s=9.0)] * 20 + [hidden._replace(delay_s=0.5)] * 20))
+    late = by_id(
+        clearance._judge_detection(name, [SEEN._replace(delay_s=9.0)] * 20 + [hidden._replace(delay_s=0.5)] * 20)
+    )
     assert not all(late[key].holds for key in judged)
-    unseen = by_id(clearance._detected(name, [hidden] * 20))
+    unseen = by_id(clearance._judge_detection(name, [hidden] * 20))
     assert [r.holds for r in unseen.values() if r.target == "<= 7.7 s"] == [False] * is_judged_everywhere
 
 
@@ -108,8 +114,8 @@ PROMISED = SEEN._replace(promised=True)
         ("wrong_reference", [SEEN] * 30 + [MISSED._replace(observable=False)] * 20, 0.6),
     ],
 )
-def test_detection_is_judged_where_it_is_claimed(name: str, flown: list[Faulty], value: float | None) -> None:
-    found = by_id(clearance._detected(name, flown))
+def test_detection_is_judged_where_it_is_claimed(name: str, flown: list[FaultyApproach], value: float | None) -> None:
+    found = by_id(clearance._judge_detection(name, flown))
     if value is None:
         assert f"{name}.detected" not in found
     else:
@@ -135,16 +141,16 @@ def test_a_promise_is_that_of_the_reference_at_the_place(monkeypatch: pytest.Mon
 
 def test_an_error_below_its_alert_limit_has_a_time_from_its_size_only() -> None:
     below = SEEN._replace(over=False, delay_s=math.nan, size_s=13.0)
-    found = by_id(clearance._detected("lateral_50", [below] * 4))
+    found = by_id(clearance._judge_detection("lateral_50", [below] * 4))
     assert (found["lateral_50.over"].value, found["lateral_50.size_p95"].value) == (0, 13.0)
     assert "lateral_50.time_p95" not in found
-    mixed = by_id(clearance._detected("height_10", [below, below, SEEN, SEEN]))
+    mixed = by_id(clearance._judge_detection("height_10", [below, below, SEEN, SEEN]))
     assert (mixed["height_10.over"].value, mixed["height_10.time_p95"].value) == (2, 0.5)
 
 
 def test_times_and_detection_are_told_apart_by_what_is_observable() -> None:
     flown = [SEEN] * 6 + [MISSED._replace(observable=False)] * 2 + [SEEN._replace(observable=False, delay_s=3.0)] * 2
-    found = by_id(clearance._detected("along_60", flown))
+    found = by_id(clearance._judge_detection("along_60", flown))
     parts = ("", ".observable", ".not_observable")
     assert [found[f"along_60{part}.pd"].value for part in parts] == [0.8, 1.0, 0.5]
     assert [found[f"along_60{part}.time_p50"].value for part in parts] == [0.5, 0.5, 3.0]
@@ -153,7 +159,7 @@ def test_times_and_detection_are_told_apart_by_what_is_observable() -> None:
 def test_who_is_trusted_over_the_limit_for_longer_than_it_takes_is_misled() -> None:
     """Neither ALERT nor anything else within 7.7 s; UNAVAILABLE without an ALERT does not mislead."""
     flown = [SEEN, MISSED, SEEN._replace(warned_s=9.0), MISSED._replace(warned_s=0.2)]
-    assert by_id(clearance._detected("along_60", flown))["along_60.misled"].value == 0.5
+    assert by_id(clearance._judge_detection("along_60", flown))["along_60.misled"].value == 0.5
 
 
 @pytest.mark.parametrize(
@@ -208,14 +214,19 @@ def test_times_begin_where_the_fault_is_over_its_limit_and_not_where_it_begins(m
         _clearance_faults, "flown_with", lambda *given: (*FAULTS["along_60"].change(flown, 3000.0, 1.0), 3000.0)
     )
     monkeypatch.setattr(_clearance_faults, "fly", lambda *given: outputs)
-    found = faulty(("along_60", 1, 1))
-    assert (found.seen, found.over, found.observable) == (True, True, True)
+    found = fly_faulty(("along_60", 1, 1))
+    assert (found.detected, found.over, found.observable) == (True, True, True)
     assert found.delay_s == pytest.approx(23.0 - (4190.0 - 3050.0) / 60.0)
     assert found.size_s == pytest.approx(23.0 - (4190.0 - 3000.0) / 60.0, abs=0.02)
     assert found.warned_s == pytest.approx(21.0 - (4190.0 - 3050.0) / 60.0)
     monkeypatch.setattr(_clearance_faults, "flown_with", lambda *given: (flown, np.full_like(flown.s, 0.9), 3000.0))
-    found = faulty(("along_60", 1, 1))
-    assert (found.seen, found.over, math.isnan(found.delay_s), math.isnan(found.warned_s)) == (True, False, True, True)
+    found = fly_faulty(("along_60", 1, 1))
+    assert (found.detected, found.over, math.isnan(found.delay_s), math.isnan(found.warned_s)) == (
+        True,
+        False,
+        True,
+        True,
+    )
     assert not found.again
 
 
@@ -234,22 +245,25 @@ def test_an_alert_that_ends_before_the_error_does_is_told(
     flown = level(np.arange(4190.0, 2000.0, -1.0))
     monkeypatch.setattr(_clearance_faults, "flown_with", lambda *given: (flown, np.full_like(flown.s, 1.1), 3000.0))
     monkeypatch.setattr(_clearance_faults, "fly", lambda *given: outputs)
-    found = faulty(("along_60", 1, 1))
+    found = fly_faulty(("along_60", 1, 1))
     assert found.again is again
-    shown = by_id(clearance._detected("along_60", [found, found._replace(again=False)]))
+    shown = by_id(clearance._judge_detection("along_60", [found, found._replace(again=False)]))
     assert shown["along_60.again"].value == again / 2
 
 
-def level(s: np.ndarray) -> Flown:
+def level(s: np.ndarray) -> SimulatedApproach:
     """Down a slope of 1 in 20 over level ground at 60 m/s, everything known exactly."""
     zero = np.zeros_like(s)
-    return Flown(1.0, (s[0] - s) / 60.0, s, zero, 0.05 * s, 0.05 * s, s, zero, zero, zero, zero, zero)
+    return SimulatedApproach(1.0, (s[0] - s) / 60.0, s, zero, 0.05 * s, 0.05 * s, s, zero, zero, zero, zero, zero)
 
 
 def test_an_approach_that_was_trusted_off_the_track_does_not_hold() -> None:
-    assert all(result.holds for result in clearance._joined([Joined(False, False, 150.0), Joined(False, True, 1050.0)]))
-    assert not by_id(clearance._joined([Joined(True, False, -50.0)]))["T14.before"].holds
-    assert not by_id(clearance._joined([Joined(False, False, math.nan)]))["T14.behind"].holds
+    assert all(
+        result.holds
+        for result in clearance._judge_late_joins([LateJoin(False, False, 150.0), LateJoin(False, True, 1050.0)])
+    )
+    assert not by_id(clearance._judge_late_joins([LateJoin(True, False, -50.0)]))["T14.before"].holds
+    assert not by_id(clearance._judge_late_joins([LateJoin(False, False, math.nan)]))["T14.behind"].holds
 
 
 @pytest.mark.parametrize(
@@ -260,7 +274,7 @@ def test_who_had_no_alert_is_trusted_within_300_m_and_who_had_one_within_1100(
     alerted: bool, behind: float, holds: bool
 ) -> None:
     """400 m were within the limit of both groups while they were one."""
-    (judged,) = clearance._joined([Joined(False, alerted, behind)])[1:]
+    (judged,) = clearance._judge_late_joins([LateJoin(False, alerted, behind)])[1:]
     assert (judged.id, judged.holds) == ("T14.behind_alert" if alerted else "T14.behind", holds)
 
 
@@ -277,8 +291,8 @@ def test_joined_is_what_was_said_until_it_was_trusted(
     states: dict[float, str], expected: tuple[bool, bool, float]
 ) -> None:
     """The track is joined 2490.8 m before the intercept point, which lies 290.8 m behind the threshold."""
-    found = _clearance.judge_joined([said(s, IntegrityState(state)) for s, state in states.items()])
-    assert found == pytest.approx(Joined(*expected), abs=0.1, nan_ok=True)
+    found = _clearance.judge_late_join([said(s, IntegrityState(state)) for s, state in states.items()])
+    assert found == pytest.approx(LateJoin(*expected), abs=0.1, nan_ok=True)
 
 
 def said(s: float, state: IntegrityState) -> ClearanceIntegrity:
@@ -306,4 +320,4 @@ def test_few_runs_over_the_demonstration(monkeypatch: pytest.MonkeyPatch) -> Non
     assert results["T14.before"].holds
     assert all(result.holds for name, result in results.items() if name.startswith("T14.behind"))
     assert told[-1] == pytest.approx(1.0)
-    assert _clearance.nominal((5, 3)) == _clearance.nominal((5, 3))
+    assert _clearance.fly_nominal((5, 3)) == _clearance.fly_nominal((5, 3))

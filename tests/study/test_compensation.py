@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fti.figures import write
+from fti.plot_style import write
 from fti.study import _low_level, compensation
-from fti.study._low_level import Known
-from fti.study.compensation import NEVER_DEG, WAYS, Found, helps_from
+from fti.study._low_level import Knowledge
+from fti.study.compensation import NEVER_DEG, WAYS, CompensationRun, min_helpful_bank
 
 FEW = 40
 
@@ -47,30 +47,30 @@ def test_one_country_holds_and_repeats_itself() -> None:
 def test_all_ways_have_the_same_poses() -> None:
     mix = _low_level.fly(21, FEW)
     mix.measured["radar"][3] = np.nan
-    heights = compensation.compensated(mix, _low_level.predict(mix, Known.ALL, 21))
+    heights = compensation.compensated(mix, _low_level.predict(mix, Knowledge.ALL, 21))
     assert set(heights) == {(sensor, way) for sensor in ("laser", "radar") for way in WAYS}
     assert all(np.isnan(heights["radar", way][3]) for way in WAYS)
     assert np.isfinite(heights["laser", "raw"][3])
 
 
-def found(beam: float, raw: float) -> Found:
-    mix = {(known, sensor, way): 4.0 for known in Known for sensor in ("laser", "radar") for way in WAYS}
-    mix[Known.ALL, "radar", "beam"], mix[Known.ALL, "radar", "raw"] = beam, raw
-    return Found(mix, {}, np.ones((6, 7, 3)), (4.0, 1.0))
+def found(beam: float, raw: float) -> CompensationRun:
+    mix = {(known, sensor, way): 4.0 for known in Knowledge for sensor in ("laser", "radar") for way in WAYS}
+    mix[Knowledge.ALL, "radar", "beam"], mix[Knowledge.ALL, "radar", "raw"] = beam, raw
+    return CompensationRun(mix, {}, np.ones((6, 7, 3)), (4.0, 1.0))
 
 
 def test_the_judge_can_say_no() -> None:
     better, worse = [found(1.0, 2.0)] * 20, [found(2.0, 1.0)] * 6 + [found(1.0, 2.0)] * 14
-    assert compensation._ordered(better, "radar", "beam", "raw").holds
-    judged = compensation._ordered(worse, "radar", "beam", "raw")
+    assert compensation._judge_ordering(better, "radar", "beam", "raw").holds
+    judged = compensation._judge_ordering(worse, "radar", "beam", "raw")
     assert (judged.value, judged.target, judged.holds) == (14, ">= 17", False)
-    assert not compensation._ordered([found(1.0, 1.0)] * 20, "radar", "beam", "raw").holds
+    assert not compensation._judge_ordering([found(1.0, 1.0)] * 20, "radar", "beam", "raw").holds
 
 
 def test_where_it_helps_is_where_it_helps_from_there_on(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(compensation, "BANKS_DEG", (0, 10, 20, 30))
     raw, by = np.array([[5.0, 5.0, 5.0, 5.0]] * 3), np.array([[4.0, 6.0, 4.0, 4.0], [6.0] * 4, [4.0, 4.0, 4.0, 5.0]])
-    assert helps_from(np.stack((raw, by), axis=-1), 1) == [20, NEVER_DEG, NEVER_DEG]
+    assert min_helpful_bank(np.stack((raw, by), axis=-1), 1) == [20, NEVER_DEG, NEVER_DEG]
 
 
 @pytest.mark.timeout(1800)

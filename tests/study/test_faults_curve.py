@@ -7,26 +7,26 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fti.study.faults.curve import smallest_seen, table
-from fti.study.faults.detectable import filter_response, separation_sds
+from fti.study.faults.curve import smallest_detected, table
+from fti.study.faults.detectability import filter_response, separation_sds
 
 
 def test_a_filter_that_follows_at_once_and_a_sigma_that_stays() -> None:
     """By hand: copies replaced at 8 s, every 2 s; 6 s of a ramp of 1 m/s are 6 m, against 0.5 m: 7.29 * 0.5 / 6."""
     moved = np.stack((np.arange(20.0), np.zeros(20)), axis=1)
     sds = np.tile([0.5, 1.0], (20, 1))
-    assert smallest_seen(moved, sds, 8) == pytest.approx(7.29 * 0.5 / 6.0)
+    assert smallest_detected(moved, sds, 8) == pytest.approx(7.29 * 0.5 / 6.0)
 
 
 def test_the_age_at_which_it_is_seen_best_counts() -> None:
     """By hand: sigma grows with the square of the age, t^2 / 10: t / ((t + 2)^2 / 10) is largest at 2 s, 1.25."""
     age = np.arange(1.0, 21.0)
     moved = np.stack((np.arange(20.0), np.zeros(20)), axis=1)
-    assert smallest_seen(moved, np.stack((age**2 / 10.0, age), axis=1), 8) == pytest.approx(7.29 / 1.25)
+    assert smallest_detected(moved, np.stack((age**2 / 10.0, age), axis=1), 8) == pytest.approx(7.29 / 1.25)
 
 
 def test_a_filter_that_does_not_move_sees_nothing() -> None:
-    assert smallest_seen(np.zeros((20, 2)), np.ones((20, 2)), 8) == np.inf
+    assert smallest_detected(np.zeros((20, 2)), np.ones((20, 2)), 8) == np.inf
 
 
 def test_the_filter_comes_to_follow_a_ramp_of_position_and_velocity() -> None:

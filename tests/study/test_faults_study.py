@@ -10,31 +10,41 @@ import numpy as np
 import pytest
 
 from fti.cli.main import main
-from fti.figures import write
-from fti.study import Result, faults
-from fti.study.faults import CELLS, Cell, Kind, detectable, plots
+from fti.plot_style import write
+from fti.study import StudyResult, faults
+from fti.study.faults import CELLS, Cell, SensorFault, detectability, plots
 from fti.study.faults.cells import GRADES
-from fti.study.faults.detectable import distance, is_detectable, smallest_ramp
-from fti.study.faults.flown import Found, Group, Nominal, Struck, Task, beyond, fly, nominal_flight, strike_through
-from fti.study.faults.judgement import bound, judge, share
+from fti.study.faults.criteria import bound, judge, share
+from fti.study.faults.detectability import distance, is_detectable, smallest_ramp
+from fti.study.faults.fault_flights import (
+    AircraftGroup,
+    FaultOutcome,
+    FlightTask,
+    NominalOutcome,
+    TaskOutcome,
+    exceedances,
+    fly,
+    nominal_flight,
+    strike_through,
+)
 from fti.study.faults.plan import plan
-from fti.study.faults.product import Calibration, Product
+from fti.study.faults.product import Product, SeparationCalibration
 
-TACTICAL = Group("tactical", 1, "legs")
+TACTICAL = AircraftGroup("tactical", 1, "legs")
 SAMPLE = ("tactical/jump-100/1-of-1/legs", "tactical/ramp-velocity-3/1-of-1/legs", "tactical/baro-ramp-1/1-of-1/legs")
 BY_NAME = {cell.name: index for index, cell in enumerate(CELLS)}
 
 
 @pytest.fixture(scope="module")
-def found() -> Found:
+def found() -> TaskOutcome:
     """Seven minutes, three faults; 20 s of a core."""
-    return fly(Task(17, 0, TACTICAL, tuple(BY_NAME[name] for name in SAMPLE), 420.0))
+    return fly(FlightTask(17, 0, TACTICAL, tuple(BY_NAME[name] for name in SAMPLE), 420.0))
 
 
 # ------------------------------------------------------------------------------------------------------ the product
 
 
-def test_a_sample_of_flights_keeps_every_promise(found: Found) -> None:
+def test_a_sample_of_flights_keeps_every_promise(found: TaskOutcome) -> None:
     assert found.nominal.exclusions == ()
     assert found.nominal.misled == 0
     assert found.nominal.judged == 360
@@ -42,13 +52,15 @@ def test_a_sample_of_flights_keeps_every_promise(found: Found) -> None:
     for struck in found.faults:
         assert (struck.misled, struck.misled_after, struck.hazardous) == (0, 0, 0), CELLS[struck.cell].name
         assert struck.seconds == 300
-        if CELLS[struck.cell].kind is not Kind.BARO_RAMP:
+        if CELLS[struck.cell].kind is not SensorFault.BARO_RAMP:
             assert struck.refused_s is not None and struck.refused_s < 15.0
 
 
 def test_levels_cover_a_ramp_until_the_tests_of_its_receiver_find_it() -> None:
     """0.5 m/s beside the velocity, in turns: found after a minute; copies of the filter must know better so long."""
-    found = fly(Task(17, 7, Group("tactical", 1, "turns"), (BY_NAME["tactical/ramp-0.5/1-of-1/turns"],), 420.0))
+    found = fly(
+        FlightTask(17, 7, AircraftGroup("tactical", 1, "turns"), (BY_NAME["tactical/ramp-0.5/1-of-1/turns"],), 420.0)
+    )
     (struck,) = found.faults
     assert struck.refused_s is not None and struck.refused_s > 30.0
     assert (struck.misled, struck.hazardous) == (0, 0), struck.worst
@@ -74,11 +86,11 @@ def test_lies_that_have_misled_mislead_no_more(number: int, name: str, onset_s: 
     below a limit of 5.3 sigma.
     """
     cell = CELLS[BY_NAME[name]]
-    task = Task(17, number, Group.of(cell), (BY_NAME[name],))
-    nominal, product = nominal_flight(task), Product(dataclasses.replace(cell, kind=Kind.NONE))
+    task = FlightTask(17, number, AircraftGroup.of(cell), (BY_NAME[name],))
+    nominal, product = nominal_flight(task), Product(dataclasses.replace(cell, kind=SensorFault.NONE))
     product.fly(nominal.between(0.0, onset_s))
     flight, record = strike_through(product, nominal, cell, onset_s, task)
-    misled, _ = beyond(flight, record)
+    misled, _ = exceedances(flight, record)
     assert any("refused: " in text for _, text in record.events)
     assert not misled.any(), record.events
 
@@ -86,13 +98,13 @@ def test_lies_that_have_misled_mislead_no_more(number: int, name: str, onset_s: 
 def test_a_heading_that_has_drifted_on_a_straight_leg_excludes_no_receiver_in_the_first_turn() -> None:
     """A MEMS unit on a leg of five minutes; an industrial one whose heading is tens of degrees off when it turns."""
     for grade, number, pattern in (("mems", 6, "legs"), ("industrial", 1, "turns")):
-        task = Task(31, number, Group(grade, 1, pattern), (), 900.0)
-        record = Product(Cell(grade, Kind.NONE, pattern=pattern)).fly(nominal_flight(task).between(0.0, 330.0))
+        task = FlightTask(31, number, AircraftGroup(grade, 1, pattern), (), 900.0)
+        record = Product(Cell(grade, SensorFault.NONE, pattern=pattern)).fly(nominal_flight(task).between(0.0, 330.0))
         assert not [text for _, text in record.events if "refused" in text]
 
 
 def test_a_copy_of_the_product_goes_on_as_the_product_does() -> None:
-    task = Task(17, 3, TACTICAL, (), 120.0)
+    task = FlightTask(17, 3, TACTICAL, (), 120.0)
     flight, product = nominal_flight(task), Product(CELLS[BY_NAME[SAMPLE[0]]])
     product.fly(flight.between(0.0, 60.0))
     other = product.branch()
@@ -107,16 +119,16 @@ def test_a_copy_of_the_product_goes_on_as_the_product_does() -> None:
 
 
 @pytest.mark.parametrize("cell", [
-    Cell("tactical", Kind.RAMP, 0.5, with_velocity=True),
-    Cell("navigation", Kind.RAMP, 0.3, 0.1, with_velocity=True),
-    Cell("mems", Kind.BARO_STEP, 30.0),
+    Cell("tactical", SensorFault.RAMP, 0.5, with_velocity=True),
+    Cell("navigation", SensorFault.RAMP, 0.3, 0.1, with_velocity=True),
+    Cell("mems", SensorFault.BARO_STEP, 30.0),
 ])  # fmt: skip
 def test_the_distance_is_that_of_all_measurements_at_once(cell: Cell) -> None:
     """s^T C^-1 s with the covariance C of all measurements after the onset: no filter, no innovation."""
-    is_vertical = cell.kind is Kind.BARO_STEP
-    axis, P = detectable._steady(cell.grade, is_vertical)
-    steps = 61 if is_vertical else detectable.oldest_age_s(cell) + 1
-    signature = detectable._signature(cell, np.arange(steps, dtype=np.float64)).ravel()
+    is_vertical = cell.kind is SensorFault.BARO_STEP
+    axis, P = detectability._steady(cell.grade, is_vertical)
+    steps = 61 if is_vertical else detectability.oldest_age_s(cell) + 1
+    signature = detectability._signature(cell, np.arange(steps, dtype=np.float64)).ravel()
     powers = [np.linalg.matrix_power(axis.F, k) for k in range(steps + 1)]
     from_start = np.vstack([axis.H @ powers[k + 1] for k in range(steps)])
     state = from_start @ P @ from_start.T
@@ -129,10 +141,12 @@ def test_the_distance_is_that_of_all_measurements_at_once(cell: Cell) -> None:
 
 def test_what_is_larger_or_faster_is_easier_to_detect() -> None:
     for grade in GRADES:
-        sizes = [distance(Cell(grade, Kind.RAMP, rate, with_velocity=True)) for rate in (0.1, 0.5, 2.0)]
+        sizes = [distance(Cell(grade, SensorFault.RAMP, rate, with_velocity=True)) for rate in (0.1, 0.5, 2.0)]
         assert sizes == sorted(sizes)
         assert sizes[2] == pytest.approx(20.0 * sizes[0])
-        onsets = [distance(Cell(grade, Kind.RAMP, 1.0, onset, with_velocity=True)) for onset in (0.02, 0.3, math.inf)]
+        onsets = [
+            distance(Cell(grade, SensorFault.RAMP, 1.0, onset, with_velocity=True)) for onset in (0.02, 0.3, math.inf)
+        ]
         assert onsets == sorted(onsets)
     ramps = [smallest_ramp(grade, math.inf, with_velocity=True) for grade in ("navigation", "tactical", "mems")]
     assert ramps == sorted(ramps)
@@ -148,55 +162,61 @@ def test_the_table_is_that_of_the_decision() -> None:
         rates.append(smallest_ramp(grade, math.inf, with_velocity=False))
         assert stated == pytest.approx(rates, abs=0.006)
     assert f"{sum(map(is_detectable, CELLS))} of {len(CELLS)} cells" in text
-    assert not any(is_detectable(cell) for cell in CELLS if cell.kind in {Kind.NONE, Kind.SIGMA, Kind.GYRO_STEP})
+    assert not any(
+        is_detectable(cell)
+        for cell in CELLS
+        if cell.kind in {SensorFault.NONE, SensorFault.SIGMA, SensorFault.GYRO_STEP}
+    )
 
 
 def test_every_cell_is_flown_as_often_as_it_is_asked() -> None:
     tasks = plan(3, 1)
     flown = [index for task in tasks for index in task.faults]
     for index, cell in enumerate(CELLS):
-        times = 0 if cell.kind is Kind.NONE else 3 if is_detectable(cell) else 1
+        times = 0 if cell.kind is SensorFault.NONE else 3 if is_detectable(cell) else 1
         assert flown.count(index) == times, cell.name
-    assert all(Group.of(CELLS[index]) == task.group for task in tasks for index in task.faults)
+    assert all(AircraftGroup.of(CELLS[index]) == task.group for task in tasks for index in task.faults)
     assert len({task.number for task in tasks}) == len(tasks)
 
 
 # ------------------------------------------------------------------------------------------------------- the judges
 
 
-def struck(number: int, misled: int = 0, hazardous: int = 0, name: str = SAMPLE[0]) -> Struck:
-    return Struck(BY_NAME[name], number, 400.0, 300, 300, misled, 0, hazardous, 2.0, "")
+def struck(number: int, misled: int = 0, hazardous: int = 0, name: str = SAMPLE[0]) -> FaultOutcome:
+    return FaultOutcome(BY_NAME[name], number, 400.0, 300, 300, misled, 0, hazardous, 2.0, "")
 
 
-def nominal(number: int, exclusions: int = 0, valid: float = 1.0, level: float = 9.0, formula: float = 1.1) -> Nominal:
-    return Nominal(
-        Task(17, number, TACTICAL, ()), 1.0, ((9.0, "gnss_a: refused: x"),) * exclusions, 3540, 0, valid,
-        np.full(300, level), np.full(300, formula), 1.0, 1.0, Calibration(),
+def nominal(
+    number: int, exclusions: int = 0, valid: float = 1.0, level: float = 9.0, formula: float = 1.1
+) -> NominalOutcome:
+    return NominalOutcome(
+        FlightTask(17, number, TACTICAL, ()), 1.0, ((9.0, "gnss_a: refused: x"),) * exclusions, 3540, 0, valid,
+        np.full(300, level), np.full(300, formula), 1.0, 1.0, SeparationCalibration(),
     )  # fmt: skip
 
 
-def refused(found: list[Found]) -> set[str]:
+def refused(found: list[TaskOutcome]) -> set[str]:
     return {result.id for result in judge(found, np.random.default_rng(2)) if not result.holds}
 
 
 def test_the_judges_say_no_to_each_broken_promise() -> None:
-    good = [Found(nominal(k), tuple(struck(k) for _ in range(10))) for k in range(300)]
+    good = [TaskOutcome(nominal(k), tuple(struck(k) for _ in range(10))) for k in range(300)]
     assert refused(good) == set()
     first, *rest = good
     assert refused([dataclasses.replace(first, faults=(struck(0, hazardous=1),)), *rest]) == {"hazardous"}
-    assert refused([Found(nominal(k, exclusions=1), ()) for k in range(3)] + good[3:]) == {"nominal.exclusions"}
-    assert refused([Found(nominal(k, exclusions=1), ()) for k in range(2)] + good[2:]) == set()
-    assert refused([Found(nominal(k, valid=0.99), ()) for k in range(300)]) == {"nominal.valid"}
-    assert refused([Found(nominal(k, level=13.0), ()) for k in range(300)]) == {"size.tactical.1"}
-    assert refused([Found(nominal(k, formula=1.3), ()) for k in range(300)]) == {"formula.tactical.1"}
+    assert refused([TaskOutcome(nominal(k, exclusions=1), ()) for k in range(3)] + good[3:]) == {"nominal.exclusions"}
+    assert refused([TaskOutcome(nominal(k, exclusions=1), ()) for k in range(2)] + good[2:]) == set()
+    assert refused([TaskOutcome(nominal(k, valid=0.99), ()) for k in range(300)]) == {"nominal.valid"}
+    assert refused([TaskOutcome(nominal(k, level=13.0), ()) for k in range(300)]) == {"size.tactical.1"}
+    assert refused([TaskOutcome(nominal(k, formula=1.3), ()) for k in range(300)]) == {"formula.tactical.1"}
 
 
 def test_one_bad_cell_and_a_bad_pool_are_told_apart() -> None:
     rng = np.random.default_rng(3)
-    good = [Found(nominal(k), tuple(struck(k) for _ in range(10))) for k in range(300)]
+    good = [TaskOutcome(nominal(k), tuple(struck(k) for _ in range(10))) for k in range(300)]
     other = tuple(struck(0, misled=4, name=SAMPLE[1]) for _ in range(3))
-    assert refused([Found(nominal(0), other), *good[1:]]) == {"misled.cell"}
-    spread = [Found(nominal(k), tuple(struck(k, misled=k % 5 == 0) for _ in range(10))) for k in range(300)]
+    assert refused([TaskOutcome(nominal(0), other), *good[1:]]) == {"misled.cell"}
+    spread = [TaskOutcome(nominal(k), tuple(struck(k, misled=k % 5 == 0) for _ in range(10))) for k in range(300)]
     assert refused(spread) == set()
     faults = [fault for task in spread for fault in task.faults]
     assert share(faults) == pytest.approx(0.2 / 300)
@@ -207,9 +227,9 @@ def test_one_bad_cell_and_a_bad_pool_are_told_apart() -> None:
 
 def test_what_is_not_in_the_table_is_told_and_not_judged() -> None:
     name = "tactical/ramp-velocity-0.1/1-of-1/legs"
-    found = [Found(nominal(k), (struck(k, misled=300, hazardous=300, name=name),)) for k in range(300)]
+    found = [TaskOutcome(nominal(k), (struck(k, misled=300, hazardous=300, name=name),)) for k in range(300)]
     assert refused(found) == set()
-    results: dict[str, Result] = {result.id: result for result in judge(found, np.random.default_rng(1))}
+    results: dict[str, StudyResult] = {result.id: result for result in judge(found, np.random.default_rng(1))}
     assert results["cell.tactical/ramp-velocity-0.1/1-of-1"].value == 1.0
     assert "not in the table" in results["cell.tactical/ramp-velocity-0.1/1-of-1"].quantity
 
@@ -217,7 +237,7 @@ def test_what_is_not_in_the_table_is_told_and_not_judged() -> None:
 # ------------------------------------------------------------------------------------------------ pictures, the whole
 
 
-def test_pictures_are_drawn(tmp_path: Path, found: Found) -> None:
+def test_pictures_are_drawn(tmp_path: Path, found: TaskOutcome) -> None:
     write(lambda: plots.cells([found]), tmp_path / "cells.png")
     write(lambda: plots.ramp(17), tmp_path / "ramp.png")
     assert all(file.stat().st_size > 20_000 for file in tmp_path.iterdir())

@@ -9,39 +9,39 @@ import numpy as np
 import pytest
 
 from fti.cli.main import main
-from fti.figures import write
-from fti.study import Result, _filter_plots
+from fti.plot_style import write
+from fti.study import StudyResult, _filter_plots
 from fti.study import filter as study
-from fti.study._filter_flights import CASES, OUTAGES_S, flown
-from fti.study._filter_runs import Run, run
-from fti.study._filter_terrain import Height, Pair, pairs, spell_rms
+from fti.study._filter_flights import CASES, OUTAGES_S, draw_flight
+from fti.study._filter_runs import FilterRun, run
+from fti.study._filter_terrain import Height, HeightPair, fly_pairs, spell_rms
 
 FLIGHTS = 2
 OUTAGES, RICH = 3, 4
 
 
 @pytest.fixture(scope="module")
-def runs() -> list[Run]:
+def runs() -> list[FilterRun]:
     return [run((1, OUTAGES, number)) for number in range(FLIGHTS)]
 
 
 @pytest.fixture(scope="module")
-def over() -> dict[str, Pair]:
-    return pairs((1, 0, 0))
+def over() -> dict[str, HeightPair]:
+    return fly_pairs((1, 0, 0))
 
 
-def by_id(results: list[Result]) -> dict[str, Result]:
+def by_id(results: list[StudyResult]) -> dict[str, StudyResult]:
     return {result.id: result for result in results}
 
 
-def test_some_flights_are_honest_as_far_as_some_can_tell(runs: list[Run]) -> None:
+def test_some_flights_are_honest_as_far_as_some_can_tell(runs: list[FilterRun]) -> None:
     """Twenty values of NEES / n with 22 states each: their mean is 1 within 0.15 sqrt(10) at the most."""
     assert np.mean([r.nees for r in runs]) == pytest.approx(1.0, abs=0.3)
     assert np.mean([r.nis for r in runs]) == pytest.approx(1.0, abs=0.1)
     assert np.abs(np.concatenate([r.ratios for r in runs])).max() < 5.0
 
 
-def test_the_judge_says_no_to_a_filter_that_is_too_sure_or_too_modest(runs: list[Run]) -> None:
+def test_the_judge_says_no_to_a_filter_that_is_too_sure_or_too_modest(runs: list[FilterRun]) -> None:
     rng = np.random.default_rng(2)
     honest = [
         dataclasses.replace(r, ratios=rng.standard_normal((10, 22)), nees=rng.chisquare(22, 10) / 22)
@@ -56,7 +56,7 @@ def test_the_judge_says_no_to_a_filter_that_is_too_sure_or_too_modest(runs: list
     assert refused == {"outages.ratio_low", "outages.nees_low", "outages.nees_instants", "outages.nis_low"}
 
 
-def test_rich_truth_is_judged_by_its_worst_state(runs: list[Run]) -> None:
+def test_rich_truth_is_judged_by_its_worst_state(runs: list[FilterRun]) -> None:
     ratios = np.ones((10, 22))
     ratios[4, 2] = 1.6
     results = by_id(study.judge(RICH, [dataclasses.replace(r, ratios=ratios) for r in runs], np.random.default_rng(0)))
@@ -64,7 +64,7 @@ def test_rich_truth_is_judged_by_its_worst_state(runs: list[Run]) -> None:
     assert results["rich.ratio"].quantity.endswith("position down")
 
 
-def test_states_that_are_not_observed_are_named(runs: list[Run]) -> None:
+def test_states_that_are_not_observed_are_named(runs: list[FilterRun]) -> None:
     spread = np.full(22, 0.5)
     spread[14] = 0.95
     results = study.judge(OUTAGES, [dataclasses.replace(r, spread=spread) for r in runs], np.random.default_rng(0))
@@ -73,19 +73,19 @@ def test_states_that_are_not_observed_are_named(runs: list[Run]) -> None:
 
 def test_there_are_no_satellites_in_an_outage_and_every_case_is_flown() -> None:
     for which, case in enumerate(CASES):
-        flight = flown(case, np.random.default_rng([3, which]))
+        flight = draw_flight(case, np.random.default_rng([3, which]))
         fixes = np.array([t for t, aiding in flight.aids if aiding.name == "gnss.position"])
         hidden = sum(np.count_nonzero((fixes >= a) & (fixes < b)) for a, b in OUTAGES_S)
         assert bool(hidden == 0) is case.outages
         assert len({aiding.name for _, aiding in flight.aids}) == (4 if case.aided else 2)
 
 
-def test_over_terrain_the_altimeter_holds_the_height(over: dict[str, Pair]) -> None:
+def test_over_terrain_the_altimeter_holds_the_height(over: dict[str, HeightPair]) -> None:
     for pair in over.values():
-        aided, without = (spell_rms([h], (170.0, 200.0))[0] for h in (pair.aided, pair.without))
-        assert aided < max(2.0, without)
+        aided, unaided = (spell_rms([h], (170.0, 200.0))[0] for h in (pair.aided, pair.unaided))
+        assert aided < max(2.0, unaided)
         assert np.mean(np.abs(pair.aided.error) < 3.0 * pair.aided.sd) > 0.9
-        assert pair.aided.sd[190] < 0.6 * pair.without.sd[190]
+        assert pair.aided.sd[190] < 0.6 * pair.unaided.sd[190]
 
 
 def test_terrain_is_judged_flight_by_flight() -> None:
@@ -94,21 +94,21 @@ def test_terrain_is_judged_flight_by_flight() -> None:
     def height(sd: float) -> Height:
         return Height(sd * rng.standard_normal(251), np.full(251, sd))
 
-    good = [Pair(height(3.0), height(1.0)) for _ in range(40)]
+    good = [HeightPair(height(3.0), height(1.0)) for _ in range(40)]
     assert all(r.holds for r in study.judge_terrain("outage", good, rng))
-    same = [Pair(height(1.0), height(1.0)) for _ in range(40)]
+    same = [HeightPair(height(1.0), height(1.0)) for _ in range(40)]
     refused = {r.id for r in study.judge_terrain("outage", same, rng) if not r.holds}
     assert {"T16.outage.80.p", "T16.outage.170.p"} <= refused
-    late = [Pair(p.without, Height(4.0 * p.aided.error, p.aided.sd)) for p in good]
+    late = [HeightPair(p.unaided, Height(4.0 * p.aided.error, p.aided.sd)) for p in good]
     assert {"T16.outage.inside", "T16.outage.ratio", "T16.outage.30"} <= {
         r.id for r in study.judge_terrain("outage", late, rng) if not r.holds
     }
 
 
-def test_pictures_are_drawn(tmp_path: Path, runs: list[Run], over: dict[str, Pair]) -> None:
+def test_pictures_are_drawn(tmp_path: Path, runs: list[FilterRun], over: dict[str, HeightPair]) -> None:
     write(lambda: _filter_plots.heights(over), tmp_path / "heights.png")
     write(lambda: _filter_plots.one_flight(runs[0]), tmp_path / "outages.png")
-    write(lambda: _filter_plots.honesty([runs] * len(CASES)), tmp_path / "honesty.png")
+    write(lambda: _filter_plots.consistency([runs] * len(CASES)), tmp_path / "honesty.png")
     assert all(file.stat().st_size > 20_000 for file in tmp_path.iterdir())
 
 

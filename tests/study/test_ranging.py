@@ -8,16 +8,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fti.figures import write
+from fti.plot_style import write
 from fti.ranging.laser import Laser
 from fti.ranging.sensor import Poses
-from fti.study import Draw, Result, _level_run, _signals, _sweep, ranging
-from fti.study._level_run import Run
+from fti.study import DrawFigure, StudyResult, _level_run, _signals, _sweep, ranging
+from fti.study._level_run import LevelRun
 from fti.terrain.dem_error import DemError
 from fti.terrain.terrain import Terrain
 
 
-def held(results: list[Result]) -> dict[str, bool]:
+def held(results: list[StudyResult]) -> dict[str, bool]:
     return {result.id: result.holds for result in results}
 
 
@@ -71,33 +71,33 @@ def test_without_errors_the_model_is_the_measurement(monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(_level_run, "STEP_M", 80.0)
     monkeypatch.setattr(_level_run, "random_turn", lambda rng: np.eye(3))
     monkeypatch.setattr(_level_run, "TRUTH_ORDER", _level_run.MODEL_ORDER)
-    world, rng = _level_run.make_world(1), np.random.default_rng(1)
+    world, rng = _level_run.make_site(1), np.random.default_rng(1)
     run = _level_run.fly(world, _level_run.level(world, rng), "wide", rng)
     np.testing.assert_allclose(run.model, run.measured, rtol=0.0, atol=1e-9)
     assert np.sqrt(run.mean_squares()[1]) > 1.0  # trees and houses beside the track
 
 
-def drawn(model_error: float, terrains: int = 20) -> list[dict[tuple[str, str], Run]]:
+def drawn(model_error: float, terrains: int = 20) -> list[dict[tuple[str, str], LevelRun]]:
     """Level runs whose nadir errs by 1 m and whose model by so much, in RMS."""
     rng, zero = np.random.default_rng(3), np.zeros(100)
     runs = []
     for _ in range(terrains):
         nadir, model = rng.normal(0.0, 1.0, 100), rng.normal(0.0, model_error, 100)
-        runs.append({("level", "wide"): Run(zero, zero, nadir, zero, model, zero)})
+        runs.append({("level", "wide"): LevelRun(zero, zero, nadir, zero, model, zero)})
     return runs
 
 
 def test_the_bound_of_the_ratio_judges_not_the_ratio() -> None:
-    assert held(_level_run.judged(drawn(0.40), seed=1)) == {"T1.level": True}
-    close = _level_run.judged(drawn(0.495), seed=1)[0]
+    assert held(_level_run.judge(drawn(0.40), seed=1)) == {"T1.level": True}
+    close = _level_run.judge(drawn(0.495), seed=1)[0]
     assert close.value < 0.5
     assert not close.holds
     lost = dataclasses.replace(drawn(0.1)[0]["level", "wide"], measured=np.full(100, np.nan))
-    assert held(_level_run.judged([{("level", "wide"): lost}], seed=1)) == {"T1.level": False}
+    assert held(_level_run.judge([{("level", "wide"): lost}], seed=1)) == {"T1.level": False}
 
 
 def test_the_ramp_goes_up_and_down_over_open_ground() -> None:
-    world, rng = _level_run.make_world(2), np.random.default_rng(2)
+    world, rng = _level_run.make_site(2), np.random.default_rng(2)
     _, origins = _level_run.ramp(world, rng)
     above = origins[:, 2] - world.truth.up(origins[0, 0], origins[0, 1])
     assert np.ptp(origins[:, :2], axis=0).tolist() == [0.0, 0.0]
@@ -113,7 +113,7 @@ def _nearest(terrain: Terrain, place: np.ndarray) -> list[int]:
 
 @pytest.mark.timeout(900)
 def test_the_whole_study_holds(scale: int, tmp_path: Path) -> None:
-    wanted: dict[str, Draw] = ranging.drawings(ranging.SEED)
+    wanted: dict[str, DrawFigure] = ranging.drawings(ranging.SEED)
     if scale == 1:  # a picture that costs nothing
         write(wanted["doppler"], tmp_path / "doppler.png")
         return

@@ -10,49 +10,49 @@ import numpy as np
 import pytest
 
 from fti.cli.main import main
-from fti.nav.vertical.filter import GATE
-from fti.nav.vertical.model import HEIGHT
+from fti.nav.vertical.error_model import HEIGHT
+from fti.nav.vertical.kalman_filter import GATE
 from fti.study import _vertical_flights as flights
 from fti.study import robust_altimeter as study
 from fti.study._vertical_channel import (
-    FAULTED,
+    FAULT_STEPS,
     INSTANTS,
     ITERATIONS,
     PHYSICAL,
     PRINTED,
-    Variant,
+    ChannelVariant,
     estimate,
-    expected,
+    expected_error,
     simulate,
 )
-from fti.study._vertical_flights import Case
+from fti.study._vertical_flights import VerticalCase
 
 RUNS = 250
 
 
 def test_table_1_follows_from_kilometres_and_from_nothing_else() -> None:
     """Erratum H1: either half of the mistake alone does not give the printed 212.5 m."""
-    assert expected(PRINTED, ITERATIONS) == pytest.approx((188.5, 19.4), abs=0.1)
-    assert expected(PHYSICAL, ITERATIONS)[0] == pytest.approx(24.5, abs=0.1)
+    assert expected_error(PRINTED, ITERATIONS) == pytest.approx((188.5, 19.4), abs=0.1)
+    assert expected_error(PHYSICAL, ITERATIONS)[0] == pytest.approx(24.5, abs=0.1)
     for other in (
         PHYSICAL,
-        Variant("metres", PHYSICAL.radius, PRINTED.noise),
-        Variant("", PRINTED.radius, PHYSICAL.noise),
+        ChannelVariant("metres", PHYSICAL.radius, PRINTED.noise),
+        ChannelVariant("", PRINTED.radius, PHYSICAL.noise),
     ):
-        mean, sd = expected(other, ITERATIONS)
+        mean, sd = expected_error(other, ITERATIONS)
         assert abs(study.TABLE_1[-1] - mean) > 5.0 * sd
 
 
 def test_the_drawn_error_is_the_expected_one() -> None:
     truth = simulate(PRINTED, 2000, np.random.default_rng(1), drawn=False, faulted=False)
     for k in INSTANTS:
-        mean, sd = expected(PRINTED, k)
+        mean, sd = expected_error(PRINTED, k)
         assert truth.x[k, :, HEIGHT].mean() == pytest.approx(mean, abs=4.0 * sd / math.sqrt(2000))
         assert truth.x[k, :, HEIGHT].std() == pytest.approx(sd, rel=0.1)
 
 
 @pytest.mark.parametrize("variant", [PRINTED, PHYSICAL], ids=lambda v: v.name)
-def test_faults_are_kept_out(variant: Variant) -> None:
+def test_faults_are_kept_out(variant: ChannelVariant) -> None:
     results = study.faults(variant, RUNS, study.SEED)
     assert [result for result in results if not result.holds] == []
 
@@ -60,13 +60,13 @@ def test_faults_are_kept_out(variant: Variant) -> None:
 def test_a_filter_that_refuses_nothing_is_found_out() -> None:
     truth = simulate(PHYSICAL, RUNS, np.random.default_rng(2), drawn=False, faulted=True)
     plain = estimate(PHYSICAL, truth.z, math.inf)
-    results = study.judge_faults("x", study.jumps(plain), study.jumps(plain), plain.taken, 1)
+    results = study.judge_faults("x", study.jumps(plain), study.jumps(plain), plain.accepted, 1)
     assert [result.id for result in results if not result.holds] == ["T26.x.ratio", "T26.x.median", "T26.x.most"]
     assert results[-1].value == 100.0
 
 
 def test_both_filters_know_how_wrong_they_are() -> None:
-    results = study.honesty(PHYSICAL, RUNS, study.SEED)
+    results = study.consistency(PHYSICAL, RUNS, study.SEED)
     assert [result for result in results if not result.holds] == []
 
 
@@ -74,7 +74,7 @@ def test_a_filter_that_thinks_too_well_of_itself_is_found_out() -> None:
     truth = simulate(PHYSICAL, RUNS, np.random.default_rng(3), drawn=True, faulted=False)
     found = estimate(PHYSICAL, truth.z, GATE)
     vain = dataclasses.replace(found, sd=found.sd / 1.5, P=found.P / 1.5**2, innovation=1.5 * found.innovation)
-    results = study.judge_honesty("x", *study.scores(truth, vain), 1)
+    results = study.judge_consistency("x", *study.scores(truth, vain), 1)
     assert {"x.least", "x.most", "x.nees", "x.nees_instants", "x.nis"} == {
         result.id for result in results if not result.holds
     }
@@ -89,10 +89,10 @@ def test_refusal_for_ever_never_comes_back() -> None:
 def test_a_flight_is_held_by_the_altimeter(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(flights, "SECONDS", 240)
     monkeypatch.setattr(flights, "INSTANTS_S", (180, 240))
-    held = flights.fly(Case(1, 0))
+    held = flights.fly(VerticalCase(1, 0))
     assert np.abs((held.found - held.alt)[held.t > 10.0]).max() < 5.0 * held.sd[held.t > 10.0].max()
     assert held.valid[held.t > 1.0].mean() > 0.99
-    alone = flights.fly(Case(1, 0, altimeter=False))
+    alone = flights.fly(VerticalCase(1, 0, altimeter=False))
     assert alone.sd[-1] > 3.0 * held.sd[-1]
     assert abs(alone.found[-1] - alone.alt[-1]) < 4.0 * alone.sd[-1]
 
@@ -102,11 +102,11 @@ def test_faults_stand_where_the_source_has_them() -> None:
         simulate(PHYSICAL, 200, np.random.default_rng(4), drawn=False, faulted=faulted) for faulted in (False, True)
     )
     differs = np.any(calm.z != faulted.z, axis=1)
-    assert tuple(np.flatnonzero(differs).tolist()) == FAULTED
+    assert tuple(np.flatnonzero(differs).tolist()) == FAULT_STEPS
 
 
 def test_pictures_are_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from fti.figures import write
+    from fti.plot_style import write
     from fti.study import _vertical_plots
 
     monkeypatch.setattr(flights, "SECONDS", 20)

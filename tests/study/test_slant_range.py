@@ -9,19 +9,23 @@ import numpy as np
 import pytest
 
 from fti.constants import FOOT, STANDARD_GRAVITY
-from fti.figures import write
+from fti.plot_style import write
 from fti.study import _scenarios, slant_range
-from fti.study._flights import MAX_LOAD, STEP_S, TRIM_AOA, Leg, track, turn
-from fti.study._flown import Flown, fly
-from fti.study._statistics import least_positive, ratio_interval, sign_test
+from fti.study._altimeter_flight import AltimeterFlight, fly
+from fti.study._flights import MAX_LOAD, STEP_S, TRIM_AOA, FlightLeg, track, turn
+from fti.study._statistics import min_positive, ratio_interval, sign_test
 from fti.study.slant_range import ORDERINGS, Run
 from fti.terrain.terrain import Terrain
 
 
 def test_a_turn_is_coordinated_and_ends_on_its_heading() -> None:
-    legs = [Leg(10.0, 60.0), turn(np.radians(-90.0), np.radians(30.0), 60.0), Leg(10.0, 60.0, path=np.radians(3.0))]
+    legs = [
+        FlightLeg(10.0, 60.0),
+        turn(np.radians(-90.0), np.radians(30.0), 60.0),
+        FlightLeg(10.0, 60.0, path=np.radians(3.0)),
+    ]
     flown = track(legs, np.radians(20.0), 4.0, end=(100.0, 200.0))
-    flight = flown.flown(500.0 + flown.climbed, STEP_S)
+    flight = flown.flown(500.0 + flown.height_gain, STEP_S)
     assert flown.heading[-1] == pytest.approx(np.radians(-70.0), abs=1e-9)
     assert flight.origins_l[-1, :2] == pytest.approx([100.0, 200.0])
     assert flight.roll.min() == pytest.approx(np.radians(-30.0), abs=1e-9)
@@ -36,7 +40,7 @@ def test_a_turn_is_coordinated_and_ends_on_its_heading() -> None:
 
 def test_the_nose_is_up_in_a_bank_and_down_past_the_vertical() -> None:
     for roll, load in ((60.0, 2.0), (95.0, MAX_LOAD)):
-        flown = track([Leg(5.0, 200.0, extra=np.radians(roll))], 0.0, 1.0)
+        flown = track([FlightLeg(5.0, 200.0, extra=np.radians(roll))], 0.0, 1.0)
         flight = flown.flown(np.full_like(flown.t, 100.0), 1.0)
         assert flight.roll == pytest.approx(np.radians(roll))
         assert flight.pitch == pytest.approx(TRIM_AOA * load * np.cos(np.radians(roll)))
@@ -68,8 +72,8 @@ def test_the_same_seed_flies_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_sign_tests_count_as_the_binomial_does() -> None:
     assert sign_test(10, 10) == pytest.approx(2.0**-10)
     assert sign_test(9, 10) == pytest.approx(11 * 2.0**-10)
-    assert least_positive(15, 0.01 / 12) == 14
-    assert least_positive(3, 0.01) == 3  # so few can never show it: all of them
+    assert min_positive(15, 0.01 / 12) == 14
+    assert min_positive(3, 0.01) == 3  # so few can never show it: all of them
     assert len(ORDERINGS) == 12
 
 
@@ -104,7 +108,7 @@ def test_low_over_hills_the_orderings_hold_and_can_fail() -> None:
     assert slant_range._pencil_error(_longer(run["low_level", "flat"], 1e-6)) > slant_range.EXACT
 
 
-def _longer(flown: Flown, metres: float) -> Flown:
+def _longer(flown: AltimeterFlight, metres: float) -> AltimeterFlight:
     return dataclasses.replace(flown, measured={name: ranges + metres for name, ranges in flown.measured.items()})
 
 

@@ -9,17 +9,17 @@ import numpy as np
 import pytest
 
 from fti.cli.main import main
-from fti.figures import write
 from fti.hil.sensors.inertial import specific_force_b
-from fti.nav.inertial.live import integrate_live
+from fti.nav.inertial.strapdown_fast import integrate_fast
+from fti.plot_style import write
 from fti.study import _closure, _strapdown_plots, strapdown, trajectory
-from fti.study._closure import Closure, calm, close
-from fti.study.strapdown import judge_live, judge_turns, turned
+from fti.study._closure import Closure, calm_flight, close
+from fti.study.strapdown import judge_live, judge_turns, s_turn_errors
 
 
 @pytest.fixture(scope="module")
 def minutes() -> Closure:
-    return close(calm(np.random.default_rng(4), 300.0), 0.01, 300.0, integrate_live)
+    return close(calm_flight(np.random.default_rng(4), 300.0), 0.01, 300.0, integrate_fast)
 
 
 def test_five_calm_minutes_close_within_a_tenth_of_a_millimetre(minutes: Closure) -> None:
@@ -31,7 +31,7 @@ def test_five_calm_minutes_close_within_a_tenth_of_a_millimetre(minutes: Closure
 def test_half_a_step_of_coriolis_would_be_seen(minutes: Closure, monkeypatch: pytest.MonkeyPatch) -> None:
     """What was wrong once: 4e-9 m/s^2 are 0.2 mm in five minutes, and 0.3 m in an hour."""
     monkeypatch.setattr(_closure, "specific_force_b", lambda state: specific_force_b(state) + 4e-9)
-    found = close(calm(np.random.default_rng(4), 300.0), 0.01, 300.0, integrate_live)
+    found = close(calm_flight(np.random.default_rng(4), 300.0), 0.01, 300.0, integrate_fast)
     assert found.horizontal + found.vertical > minutes.horizontal + minutes.vertical + 1e-4
 
 
@@ -45,7 +45,7 @@ def test_the_judge_says_no(minutes: Closure) -> None:
 
 def test_the_error_after_s_turns_falls_with_the_step(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(strapdown, "TURNS_S", 200.0)
-    errors = turned(5, 0)
+    errors = s_turn_errors(5, 0)
     assert all(result.holds for result in judge_turns([errors]))
     write(lambda: _strapdown_plots.steps(errors), tmp_path / "steps.png")
     assert (tmp_path / "steps.png").stat().st_size > 20_000

@@ -12,8 +12,8 @@ from matplotlib.figure import Figure
 from fti import study
 from fti.cli.main import main
 from fti.errors import MissingError, StorageError
-from fti.figures import write
-from fti.study import Result, device_clock, ranging, triple_buffer
+from fti.plot_style import write
+from fti.study import StudyResult, device_clock, ranging, triple_buffer
 
 #: Runs with --scale quick; twenty times as many with --scale full.
 RUNS = {"device_clock": 5, "triple_buffer": 1}
@@ -50,8 +50,8 @@ def test_a_study_repeats_itself(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_a_drift_that_delays_pretend_is_found_out() -> None:
     """The judge can say no: delays that grow by 0.36 ms in the hour are a drift of 0.1 ppm to any clock model."""
-    delays = device_clock.one_sided(np.random.default_rng(5)) + np.linspace(0.0, 0.36, device_clock.HOUR_S)
-    found, _ = device_clock.found_drift(1.1, delays)
+    delays = device_clock.draw_one_sided_delays(np.random.default_rng(5)) + np.linspace(0.0, 0.36, device_clock.HOUR_S)
+    found, _ = device_clock.estimate_drift(1.1, delays)
     results = device_clock._judge("X", np.array([[found - 1.1, 1e-3]]))
     assert [result.holds for result in results] == [False, False]
 
@@ -76,7 +76,7 @@ def test_the_command_prints_what_the_design_promises(
 def test_a_result_that_does_not_hold_is_exit_code_1(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    bad = Result("T0", "something", 2.0, "1", holds=False)
+    bad = StudyResult("T0", "something", 2.0, "1", holds=False)
     monkeypatch.setattr(triple_buffer, "study", lambda runs, seed, progress: [bad])
     assert main(["study", "triple_buffer"]) == 1
     assert "DOES NOT HOLD" in capsys.readouterr().out

@@ -12,15 +12,15 @@ from fti.cli.main import main
 from fti.geodesy.gravity import normal_gravity
 from fti.hil.sensors import inertial
 from fti.study import _closure, trajectory
-from fti.study._closure import Closure, close, wandering
-from fti.study.trajectory import drawings, fitted, judge_closures, judge_fits, turned
+from fti.study._closure import Closure, close, random_flight
+from fti.study.trajectory import drawings, fit_flight, judge_closures, judge_fits, s_turn_errors
 
 TEN_MINUTES = 600.0
 
 
 @pytest.fixture(scope="module")
 def ten_minutes() -> Closure:
-    return close(wandering(np.random.default_rng(4), TEN_MINUTES), 0.01, TEN_MINUTES)
+    return close(random_flight(np.random.default_rng(4), TEN_MINUTES), 0.01, TEN_MINUTES)
 
 
 def test_ten_minutes_close_within_micrometres(ten_minutes: Closure) -> None:
@@ -35,25 +35,25 @@ def test_ten_minutes_close_within_micrometres(ten_minutes: Closure) -> None:
 def test_data_that_are_wrong_by_a_billionth_do_not_close(wrong: float, monkeypatch: pytest.MonkeyPatch) -> None:
     """Gravity that differs so much between who makes the data and who integrates them: half a millimetre at once."""
     monkeypatch.setattr(inertial, "normal_gravity", lambda lat, alt: wrong * normal_gravity(lat, alt))
-    found = close(wandering(np.random.default_rng(4), TEN_MINUTES), 0.01, TEN_MINUTES)
+    found = close(random_flight(np.random.default_rng(4), TEN_MINUTES), 0.01, TEN_MINUTES)
     assert found.vertical > 1e-3
 
 
 def test_who_flies_the_other_way_round_the_earth_does_not_close(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(inertial, "transport_rate", lambda lat, alt, vel_n: np.zeros_like(vel_n))
-    found = close(wandering(np.random.default_rng(4), 100.0), 0.01, 100.0)
+    found = close(random_flight(np.random.default_rng(4), 100.0), 0.01, 100.0)
     assert not any(result.holds for result in judge_closures([found]) if result.id != "T12.vertical")
 
 
 def test_the_error_after_s_turns_falls_with_the_step(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(trajectory, "TURNS_S", 200.0)
-    errors = turned(5, 0)
+    errors = s_turn_errors(5, 0)
     assert (errors[:-1] / errors[1:]).min() > 3.5
     assert errors[0] > 1e-6  # it is not rounding that is compared
 
 
 def test_fits_are_judged_by_all_flights() -> None:
-    found = fitted(5, 0)
+    found = fit_flight(5, 0)
     results = {result.id: result for result in judge_fits([found])}
     assert all(result.holds for result in results.values())
     assert results["fit.spline_most"].value == found.spline_m.max()
@@ -69,7 +69,7 @@ def test_closures_are_judged_by_the_worst(ten_minutes: Closure) -> None:
 
 
 def test_pictures_are_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ten_minutes: Closure) -> None:
-    from fti.figures import write
+    from fti.plot_style import write
 
     monkeypatch.setattr(trajectory, "closed", lambda seed, run: ten_minutes)
     for name, draw in drawings(5).items():
@@ -79,9 +79,9 @@ def test_pictures_are_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ten
 
 
 def test_the_flights_are_all_over_the_world_and_repeat_themselves() -> None:
-    places = [wandering(np.random.default_rng([9, k]), 60.0).state([0.0]) for k in range(8)]
+    places = [random_flight(np.random.default_rng([9, k]), 60.0).state([0.0]) for k in range(8)]
     assert np.ptp([float(place.lat[0]) for place in places]) > 1.0
-    again = _closure.wandering(np.random.default_rng([9, 0]), 60.0).state([0.0])
+    again = _closure.random_flight(np.random.default_rng([9, 0]), 60.0).state([0.0])
     assert again.lat[0] == places[0].lat[0]
 
 

@@ -9,16 +9,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fti.figures import write
+from fti.plot_style import write
 from fti.ranging.radar.altimeter import RadarAltimeter
 from fti.study import REPORTED, _low_level, validity
 from fti.study._low_level import (
-    Known,
+    Knowledge,
     Mix,
-    believed,
+    add_cloud,
     fly,
-    in_cloud,
     instruments,
+    known_scene,
     make_country,
     models,
     orbit,
@@ -26,7 +26,7 @@ from fti.study._low_level import (
     rolls,
 )
 from fti.study._statistics import mean_interval
-from fti.study.validity import Assessed, against, assessed, judged
+from fti.study.validity import ValidityScore, judge, reasons_by_variant, score_variant
 from fti.terrain.landscape import Cover
 from fti.types import Reason
 
@@ -64,19 +64,19 @@ def test_the_instruments_are_not_their_models(mix: Mix) -> None:
     assert isinstance(model, RadarAltimeter)
     assert (radar.order, model.order) == (40, 20)
     assert radar.turn is not None
-    seen = predict(mix, Known.ALL, SEED)
+    seen = predict(mix, Knowledge.ALL, SEED)
     assert np.std(mix.measured["laser"] - seen["laser"].slant_range) == pytest.approx(0.1, rel=0.4)
     assert 0.3 < np.median(np.abs(mix.measured["radar"] - seen["radar"].slant_range)) < 3.0
 
 
 def test_what_is_known_has_the_errors_that_it_says(mix: Mix) -> None:
-    moved = believed(mix, Known.PLACE_ERROR, SEED).points_l - mix.points_l
+    moved = known_scene(mix, Knowledge.PLACE_ERROR, SEED).points_l - mix.points_l
     np.testing.assert_allclose(np.std(moved, axis=0), [10.0, 10.0, 2.0], rtol=0.35)
-    mistaken = believed(mix, Known.DEM_ERROR, SEED).surface.finest
+    mistaken = known_scene(mix, Knowledge.DEM_ERROR, SEED).surface.finest
     true = mix.country.surface.finest
     assert np.hypot(mistaken.east0 - true.east0, mistaken.north0 - true.north0) == pytest.approx(10.0)
     assert np.std(mistaken.heights - true.heights) == pytest.approx(1.5, rel=0.1)
-    exact = believed(mix, Known.ALL, SEED)
+    exact = known_scene(mix, Knowledge.ALL, SEED)
     assert exact.surface is mix.country.surface
     assert exact.points_l is mix.points_l
 
@@ -90,64 +90,66 @@ def test_the_same_seed_is_the_same_mix(mix: Mix) -> None:
 
 def test_validity_sorts_the_mix(mix: Mix) -> None:
     """Laser: roll alone refuses 30 %, and what is left is small.  A sensor that is 30 m off is refused throughout."""
-    reasons = against(mix, Known.ALL, SEED)
+    reasons = reasons_by_variant(mix, Knowledge.ALL, SEED)
     for name in mix.measured:
-        found = assessed(mix.measured[name] - mix.nadir, mix.measured[name] - mix.nadir, reasons[name])
+        found = score_variant(mix.measured[name] - mix.nadir, mix.measured[name] - mix.nadir, reasons[name])
         assert found.residual < 0.5 * found.raw
         assert found.excluded < 0.5
-    assert assessed(mix.nadir, mix.nadir, reasons["laser"]).share(Reason.ROLL) == pytest.approx(0.3)
+    assert score_variant(mix.nadir, mix.nadir, reasons["laser"]).share(Reason.ROLL) == pytest.approx(0.3)
     off = dataclasses.replace(mix, measured={name: told + 30.0 for name, told in mix.measured.items()})
-    for name, refused in against(off, Known.ALL, SEED).items():
+    for name, refused in reasons_by_variant(off, Knowledge.ALL, SEED).items():
         assert all({Reason.DEVIATION, Reason.ROLL} & set(why) for why in refused), name
 
 
 def test_the_plain_gate_lets_more_through_where_the_place_is_not_known(mix: Mix) -> None:
-    reasons = against(mix, Known.PLACE_ERROR, SEED)
-    narrowed, plain = (assessed(mix.nadir, mix.nadir, reasons[name]).excluded for name in ("radar", "radar_plain_gate"))
+    reasons = reasons_by_variant(mix, Knowledge.PLACE_ERROR, SEED)
+    narrowed, plain = (
+        score_variant(mix.nadir, mix.nadir, reasons[name]).excluded for name in ("radar", "radar_plain_gate")
+    )
     assert plain < narrowed
 
 
 def test_a_cloud_is_not_taken_for_the_ground(mix: Mix) -> None:
-    clouded = in_cloud(mix, SEED)
+    clouded = add_cloud(mix, SEED)
     error = clouded.measured["laser_in_cloud"] - mix.nadir
-    reasons = against(clouded, Known.ALL, SEED)["laser_in_cloud"]
+    reasons = reasons_by_variant(clouded, Knowledge.ALL, SEED)["laser_in_cloud"]
     answered = error < -20.0  # no tree is so high above its neighbours here
     silent = np.isnan(error)
     assert min(np.count_nonzero(answered), np.count_nonzero(silent)) > 0
     assert all(Reason.DEVIATION in reasons[k] for k in np.flatnonzero(answered))
     assert all(reasons[k][0] == Reason.NO_RETURN for k in np.flatnonzero(silent))
-    found = assessed(error, error, reasons)
+    found = score_variant(error, error, reasons)
     assert found.raw > 50.0**2
     assert found.residual < 0.2**2 * found.raw
 
 
 def test_held_against_the_simulation_alone_the_radar_keeps_its_error(mix: Mix) -> None:
     """Table 7.20 as printed: what the sensor sees wrong the simulation sees wrong, too."""
-    reasons = against(mix, Known.ALL, SEED)["radar_as_printed"]
-    found = assessed(mix.measured["radar"] - mix.nadir, mix.measured["radar"] - mix.nadir, reasons)
+    reasons = reasons_by_variant(mix, Knowledge.ALL, SEED)["radar_as_printed"]
+    found = score_variant(mix.measured["radar"] - mix.nadir, mix.measured["radar"] - mix.nadir, reasons)
     assert found.residual > 0.8 * found.raw
 
 
-def _assessed(raw: float, residual: float, excluded: float) -> list[Assessed]:
-    return [Assessed(raw, residual, excluded, Counter({Reason.ROLL: 10}), 100)] * 5
+def _assessed(raw: float, residual: float, excluded: float) -> list[ValidityScore]:
+    return [ValidityScore(raw, residual, excluded, Counter({Reason.ROLL: 10}), 100)] * 5
 
 
 @pytest.mark.parametrize(("name", "limit"), [("laser", 0.35), ("radar", 0.55)])
 def test_the_judges_can_say_no(name: str, limit: float) -> None:
-    good = judged(_assessed(100.0, 100.0 * (limit - 0.01) ** 2, 0.39), Known.PLACE_ERROR, name, 1)
+    good = judge(_assessed(100.0, 100.0 * (limit - 0.01) ** 2, 0.39), Knowledge.PLACE_ERROR, name, 1)
     assert [result.holds for result in good] == [True, True]
-    bad = judged(_assessed(100.0, 100.0 * (limit + 0.01) ** 2, 0.41), Known.PLACE_ERROR, name, 1)
+    bad = judge(_assessed(100.0, 100.0 * (limit + 0.01) ** 2, 0.41), Knowledge.PLACE_ERROR, name, 1)
     assert [result.holds for result in bad] == [False, False]
     assert {result.id for result in bad} == {f"T20.{name}.place_error", f"T20.{name}.place_error.excluded"}
-    told = judged(_assessed(100.0, 100.0, 0.9), Known.DEM_ERROR, name, 1)
+    told = judge(_assessed(100.0, 100.0, 0.9), Knowledge.DEM_ERROR, name, 1)
     assert {result.target for result in told} == {REPORTED}
 
 
 def test_nothing_left_is_not_good() -> None:
     errors = np.array([1.0, 2.0])
-    nothing = assessed(errors, errors, [(Reason.ROLL,), (Reason.ROLL, Reason.DEVIATION)])
+    nothing = score_variant(errors, errors, [(Reason.ROLL,), (Reason.ROLL, Reason.DEVIATION)])
     assert (nothing.raw, nothing.excluded, nothing.reasons[Reason.ROLL]) == (2.5, 1.0, 2)
-    assert not any(result.holds for result in judged([nothing] * 3, Known.ALL, "radar", 1))
+    assert not any(result.holds for result in judge([nothing] * 3, Knowledge.ALL, "radar", 1))
 
 
 def test_the_interval_of_a_mean_holds_it_as_often_as_it_says(scale: int) -> None:

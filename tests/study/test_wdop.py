@@ -11,7 +11,7 @@ import pytest
 
 from fti.cli.main import main
 from fti.geodesy.local import LocalFrame
-from fti.nav.radio.accuracy import UNIFORM, altimeter_sd
+from fti.nav.radio.altitude_accuracy import UNIFORM, altimeter_sd
 from fti.study import _radio_flight as flight
 from fti.study import wdop
 from fti.study._radio_flight import Geometry, Heights, ground, measure
@@ -25,7 +25,7 @@ def some() -> list[Heights]:
 
 
 def test_some_epochs_hold(some: list[Heights]) -> None:
-    results = wdop.judged(some)
+    results = wdop.judge(some)
     assert [result for result in results if not result.holds] == []
     assert len({result.id for result in results}) == len(results)
     found = {result.id: result.value for result in results}
@@ -47,7 +47,7 @@ def test_a_forgotten_geoid_is_found_out() -> None:
     """25 m: heights of the elevation model count from the sea."""
     epochs = Geometry().epochs()[::60]
     found = [measure(epoch, 500, np.random.default_rng(k), undulation=0.0) for k, epoch in enumerate(epochs)]
-    refused = {result.id for result in wdop.judged(found) if not result.holds}
+    refused = {result.id for result in wdop.judge(found) if not result.holds}
     assert {"T28.altimeter.least", "T28.fused"} <= refused
 
 
@@ -56,12 +56,12 @@ def test_an_elevation_model_that_is_thought_exact_is_found_out(some: list[Height
         dataclasses.replace(h, altimeter_sd=np.sqrt(h.altimeter_sd**2 - 0.9 * flight.DEM_SD**2), fused_sd=h.fused_sd)
         for h in some
     ]
-    assert "T28.altimeter.least" in {result.id for result in wdop.judged(vain) if not result.holds}
+    assert "T28.altimeter.least" in {result.id for result in wdop.judge(vain) if not result.holds}
 
 
 def test_maximum_errors_taken_as_sigma_are_found_out(some: list[Heights]) -> None:
     loose = [dataclasses.replace(h, altimeter_sd=h.altimeter_sd / UNIFORM) for h in some]
-    assert "T28.altimeter.most" in {result.id for result in wdop.judged(loose) if not result.holds}
+    assert "T28.altimeter.most" in {result.id for result in wdop.judge(loose) if not result.holds}
 
 
 def test_the_ground_rises_as_it_says() -> None:
@@ -85,14 +85,14 @@ def test_the_geometry_is_the_stated_one() -> None:
     assert min(elevation) > 15.0
 
 
-def _up(epoch: flight.Epoch) -> float:
+def _up(epoch: flight.RadioEpoch) -> float:
     """Sine of the elevation of the lowest satellite, above the plane through the flight and square to its radius."""
     line = epoch.satellites_e - epoch.pos_e
     return float(np.min(line @ epoch.pos_e / np.linalg.norm(line, axis=1)) / np.linalg.norm(epoch.pos_e))
 
 
 def test_pictures_are_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from fti.figures import write
+    from fti.plot_style import write
     from fti.study import _wdop_plots
 
     monkeypatch.setattr(_wdop_plots, "RUNS", 5)

@@ -18,11 +18,11 @@ import pytest
 
 from fti.cli.main import main
 from fti.errors import ConfigError, MissingError
-from fti.study import Result, triple_buffer, workers
+from fti.study import StudyResult, triple_buffer, workers
 from fti.study.workers import on_cluster, run_all
 from tests.helpers import ROOT, until
 from tests.processes import command_of
-from tests.study.tasks import dies, fails, square
+from tests.study.tasks import kill_on_second, raise_on_third, square
 
 
 @pytest.fixture(autouse=True)
@@ -51,15 +51,15 @@ def test_short_work_is_done_here(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_an_error_of_ours_comes_through_and_others_end_it(capfd: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(ConfigError, match="the third"):
-        run_all(functools.partial(fails, error=ConfigError), range(6), lambda _: None)
+        run_all(functools.partial(raise_on_third, error=ConfigError), range(6), lambda _: None)
     with pytest.raises(RuntimeError, match="ended by itself"):
-        run_all(functools.partial(fails, error=ZeroDivisionError), range(6), lambda _: None)
+        run_all(functools.partial(raise_on_third, error=ZeroDivisionError), range(6), lambda _: None)
     assert "ZeroDivisionError: the third" in capfd.readouterr().err
 
 
 def test_a_process_that_is_killed_is_no_wait_for_ever() -> None:
     with pytest.raises(RuntimeError, match=r"ended by itself \(-9\)"):
-        run_all(dies, [0, 1, 2, 3], lambda _: None)
+        run_all(kill_on_second, [0, 1, 2, 3], lambda _: None)
 
 
 SCRIPT = """
@@ -187,7 +187,7 @@ def test_a_cluster_does_the_runs() -> None:
 def test_the_command_names_the_cluster_and_says_what_is_missing(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def runs(runs: int, seed: int, progress: Callable[[float], None]) -> list[Result]:
+    def runs(runs: int, seed: int, progress: Callable[[float], None]) -> list[StudyResult]:
         run_all(square, range(runs), progress)
         return []
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fti.terrain.layer import Layer
-from fti.terrain.outcome import Outcome
+from fti.terrain.ray_outcome import RayOutcome
 
 Array = NDArray[np.float64]
 Long = NDArray[np.longdouble]
@@ -104,8 +104,10 @@ def first_events(
         way = np.where(entry & (f0 <= 0), 0.0, found.min(axis=0))
         way = np.where(np.isinf(base), 0.0, way)
         steepness = np.abs(b + 2 * a * np.where(np.isfinite(way), way, 0.0))
-    what = np.where(np.isinf(base), Outcome.HOLE, np.where(entry & (f0 < -2 * TOUCH_M), Outcome.BURIED, Outcome.HIT))
-    what = np.where(np.isfinite(way), what, Outcome.NOTHING)
+    what = np.where(
+        np.isinf(base), RayOutcome.HOLE, np.where(entry & (f0 < -2 * TOUCH_M), RayOutcome.BURIED, RayOutcome.HIT)
+    )
+    what = np.where(np.isfinite(way), what, RayOutcome.NOTHING)
     order = np.lexsort((begin + way, row))
     first = order[np.searchsorted(row[order], np.arange(len(rays)))]
     return (begin + way)[first].astype(np.float64), what[first].astype(np.uint8), steepness[first].astype(np.float64)

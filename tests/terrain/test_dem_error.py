@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from fti.terrain.country import synthetic_landscape
 from fti.terrain.dem_error import Changes, DemError, correlated_noise
-from fti.terrain.landscape import Cover, Landscape, Sees
+from fti.terrain.landscape import Cover, Landscape, SensedSurface
 from fti.terrain.synthetic import fractal_relief
+from fti.terrain.synthetic_landscape import synthetic_landscape
 from fti.terrain.terrain import Terrain
 
 Array = NDArray[np.float64]
@@ -22,7 +22,7 @@ SURVEYS, T_001 = 16, 4.07
 def errors(error: DemError, surveys: int, seed: int) -> Array:
     """Error of every post over flat ground, (surveys, rows, columns) [m]."""
     rng = np.random.default_rng(seed)
-    return np.array([error.applied(FLAT, rng).finest.heights for _ in range(surveys)])
+    return np.array([error.apply(FLAT, rng).finest.heights for _ in range(surveys)])
 
 
 def assert_mean(per_survey: Array, expected: float) -> None:
@@ -87,7 +87,7 @@ def inside() -> tuple[Array, Array]:
 
 def test_shift_is_found_by_cross_correlation() -> None:
     truth = relief()
-    dem = DemError(noise_sd=1.5, shift_east=12.0, shift_north=-7.0).applied(truth, np.random.default_rng(6))
+    dem = DemError(noise_sd=1.5, shift_east=12.0, shift_north=-7.0).apply(truth, np.random.default_rng(6))
     east, north = inside()
     known = dem.up(east, north)
     alike = {
@@ -106,11 +106,11 @@ def test_horizontal_error_becomes_vertical_on_a_slope() -> None:
     layer = FLAT.finest
     slope = FLAT.with_finest(0.2 * layer.east[None, :] - 0.1 * layer.north[:, None])
     error = DemError(bias=0.5, shift_east=12.0, shift_north=-7.0)
-    dem = error.applied(slope, np.random.default_rng(1))
+    dem = error.apply(slope, np.random.default_rng(1))
     expected = np.full_like(east, -(0.2 * 12.0 + 0.1 * 7.0) + 0.5)
     assert dem.up(east, north) - slope.up(east, north) == pytest.approx(expected, abs=1e-9)
     hills = relief()
-    moved = DemError(shift_east=2.0, shift_north=1.0).applied(hills, np.random.default_rng(1))
+    moved = DemError(shift_east=2.0, shift_north=1.0).apply(hills, np.random.default_rng(1))
     slope_east, slope_north = hills.gradient(east, north)
     wrong = moved.up(east, north) - hills.up(east, north)
     left = wrong + 2.0 * slope_east + slope_north
@@ -121,17 +121,17 @@ def test_horizontal_error_becomes_vertical_on_a_slope() -> None:
 def test_holes_stay_holes_and_several_layers_are_refused() -> None:
     heights = np.zeros((5, 5))
     heights[2, 3] = np.nan
-    holed = DemError(bias=1.0, noise_sd=1.0).applied(FLAT.with_finest(heights), np.random.default_rng(1))
+    holed = DemError(bias=1.0, noise_sd=1.0).apply(FLAT.with_finest(heights), np.random.default_rng(1))
     assert np.argwhere(np.isnan(holed.finest.heights)).tolist() == [[2, 3]]
     coarse = Terrain.from_array(np.zeros((20, 20)), 100.0, east0=-1000.0, north0=-1000.0)
     stack = Terrain((FLAT.finest, coarse.finest), FLAT.frame)
     with pytest.raises(ValueError, match="2 layers"):
-        DemError(bias=1.0).applied(stack, np.random.default_rng(1))
+        DemError(bias=1.0).apply(stack, np.random.default_rng(1))
 
 
 def test_same_generator_same_bytes() -> None:
     error = DemError(bias=1.0, noise_sd=1.0, outlier_share=0.01)
-    first, again = (error.applied(FLAT, np.random.default_rng(5)).finest.heights.tobytes() for _ in range(2))
+    first, again = (error.apply(FLAT, np.random.default_rng(5)).finest.heights.tobytes() for _ in range(2))
     assert first == again
 
 
@@ -140,7 +140,7 @@ def test_same_generator_same_bytes() -> None:
 
 def test_model_of_a_radar_lies_a_share_of_the_canopy_above_the_ground() -> None:
     now = synthetic_landscape("forest", 1, extent_m=600.0)
-    dem = DemError().surveyed(now, np.random.default_rng(1), sees=Sees.RADAR)
+    dem = DemError().survey(now, np.random.default_rng(1), sensed=SensedSurface.RADAR)
     over = dem.finest.heights - now.ground.finest.heights
     trees = now.cover == Cover.FOREST
     assert over[trees] == pytest.approx(0.7 * now.canopy[trees], abs=1e-9)
@@ -148,11 +148,11 @@ def test_model_of_a_radar_lies_a_share_of_the_canopy_above_the_ground() -> None:
 
 def then_of(changes: Changes, name: str) -> tuple[Landscape, Landscape]:
     now = synthetic_landscape(name, 2, extent_m=1500.0)
-    return now, changes.undone(now, np.random.default_rng(7))
+    return now, changes.revert(now, np.random.default_rng(7))
 
 
 def test_trees_have_grown_and_stands_were_felled_and_planted() -> None:
-    now, then = then_of(Changes(growth=3.0, felled=0.1, new_forest=0.2), "forest")
+    now, then = then_of(Changes(growth=3.0, cleared_forest=0.1, new_forest=0.2), "forest")
     forest_now, forest_then = now.cover == Cover.FOREST, then.cover == Cover.FOREST
     both = forest_now & forest_then
     assert now.canopy[both] - then.canopy[both] == pytest.approx(np.full(both.sum(), 3.0), abs=1e-12)
@@ -165,7 +165,7 @@ def test_trees_have_grown_and_stands_were_felled_and_planted() -> None:
 
 
 def test_changes_of_all_leave_nothing_behind() -> None:
-    now, then = then_of(Changes(felled=1.0), "forest")
+    now, then = then_of(Changes(cleared_forest=1.0), "forest")
     assert not np.isin(then.cover, [Cover.BARE, Cover.GRASS, Cover.CROP]).any()
     _, then = then_of(Changes(new_forest=1.0), "forest")
     assert not (then.cover == Cover.FOREST).any()
@@ -187,7 +187,7 @@ def test_new_buildings_are_missing_whole() -> None:
 
 def test_old_model_has_no_new_house_where_there_is_one() -> None:
     now = synthetic_landscape("town", 2, extent_m=600.0)
-    dem = DemError().surveyed(now, np.random.default_rng(7), sees=Sees.TOP, changes=Changes(new_buildings=1.0))
+    dem = DemError().survey(now, np.random.default_rng(7), sensed=SensedSurface.TOP, changes=Changes(new_buildings=1.0))
     built = now.cover == Cover.BUILDING
     short = now.surface.finest.heights - dem.finest.heights
     assert short[built] == pytest.approx(now.canopy[built], abs=1e-9) and np.abs(short[~built]).max() == 0.0

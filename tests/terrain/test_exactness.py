@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from fti.terrain.layer import Layer
-from fti.terrain.outcome import Outcome
+from fti.terrain.ray_outcome import RayOutcome
 from fti.terrain.terrain import Terrain
 from tests.terrain.brute_force import SHIFTS, TOUCH_M, clearance, first_events
 
@@ -140,7 +140,7 @@ def agrees(layers: tuple[Layer, ...], origins: Array, rays: Array, ranges: Array
     with np.errstate(invalid="ignore"):
         near = np.abs(ranges - expected) <= allowed
     return np.asarray(
-        (np.where(codes == Outcome.OUTSIDE, Outcome.NOTHING, codes) == what) & (near | (what != Outcome.HIT))
+        (np.where(codes == RayOutcome.OUTSIDE, RayOutcome.NOTHING, codes) == what) & (near | (what != RayOutcome.HIT))
     )
 
 
@@ -149,33 +149,33 @@ def is_touch(layers: tuple[Layer, ...], origins: Array, rays: Array, ranges: Arr
     shifted = [first_events(layers, origins + shift, rays, MAX_RANGE) for shift in SHIFTS]
     ends = np.stack([event[0] for event in shifted])
     same = (
-        np.stack([event[1] for event in shifted]) == np.where(codes == Outcome.OUTSIDE, Outcome.NOTHING, codes)
+        np.stack([event[1] for event in shifted]) == np.where(codes == RayOutcome.OUTSIDE, RayOutcome.NOTHING, codes)
     ).any(0)
     # a ray nearly along the edge of the coverage comes in as much sooner as the edge is wide, divided by the angle
     slack = 1e-8 + EDGE_M / np.maximum(np.abs(rays[:, :2]).min(axis=1), 1e-6)
     with np.errstate(invalid="ignore"):
         between = (ends.min(axis=0) - slack <= ranges) & (ranges <= ends.max(axis=0) + slack)
-    return np.asarray(np.where(codes == Outcome.HIT, between, same))
+    return np.asarray(np.where(codes == RayOutcome.HIT, between, same))
 
 
 def check(layers: tuple[Layer, ...], origins: Array, rays: Array, tally: Tally) -> None:
     terrain = Terrain(layers, Terrain.from_array(np.zeros((2, 2)), 1.0).frame)
     ranges, codes = terrain.trace(origins, rays, MAX_RANGE)
     above = clearance(layers, origins)
-    assert (codes[above < -TOUCH_M] == Outcome.BURIED).all()
+    assert (codes[above < -TOUCH_M] == RayOutcome.BURIED).all()
     assert (ranges[np.abs(above) <= TOUCH_M] == 0.0).all()
     tally.rays += len(origins)
-    tally.buried += int((codes == Outcome.BURIED).sum())
+    tally.buried += int((codes == RayOutcome.BURIED).sum())
     free = ~(above <= TOUCH_M)
     origins, rays, ranges, codes = origins[free], rays[free], ranges[free], codes[free]
     unlike = np.flatnonzero(~agrees(layers, origins, rays, ranges, codes))
     if len(unlike):
         wrong = unlike[~is_touch(layers, origins[unlike], rays[unlike], ranges[unlike], codes[unlike])]
         assert not len(wrong), [(origins[i].tolist(), rays[i].tolist(), ranges[i], codes[i]) for i in wrong[:5]]
-    hit = codes == Outcome.HIT
+    hit = codes == RayOutcome.HIT
     mismatch = np.abs(clearance(layers, origins[hit] + ranges[hit, None] * rays[hit]))
     tally.hits += int(hit.sum())
-    tally.holes += int((codes == Outcome.HOLE).sum())
+    tally.holes += int((codes == RayOutcome.HOLE).sum())
     tally.touches += [(origins[i], rays[i]) for i in unlike]
     tally.mismatch_m = max(tally.mismatch_m, float(np.nanmax(mismatch, initial=0.0)))
 

@@ -3,7 +3,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fti.terrain.landscape import NO_COVER, Cover, Landscape, Sees
+from fti.terrain.landscape import NO_COVER, Cover, Landscape, SensedSurface
 from fti.terrain.terrain import Terrain
 
 #: Ground of 100 m with one column of each cover; 10 m of canopy on each, so that shares are read off.
@@ -12,28 +12,28 @@ GROUND = Terrain.from_array(np.full(COVER.shape, 100.0), 10.0, east0=-30.0, nort
 LANDSCAPE = Landscape(GROUND, np.full(COVER.shape, 10.0), COVER)
 
 
-def seen(sees: Sees) -> dict[Cover, float]:
-    heights = LANDSCAPE.seen_by(sees).finest.heights[1] - 100.0
+def seen(sensed: SensedSurface) -> dict[Cover, float]:
+    heights = LANDSCAPE.surface_for(sensed).finest.heights[1] - 100.0
     return {cover: float(heights[cover]) for cover in Cover}
 
 
 def test_a_laser_returns_from_the_top_first_and_from_the_ground_last() -> None:
-    assert seen(Sees.TOP) == dict.fromkeys(Cover, 10.0)
-    assert seen(Sees.LAST) == dict.fromkeys(Cover, 0.0) | {Cover.BUILDING: 10.0}
+    assert seen(SensedSurface.TOP) == dict.fromkeys(Cover, 10.0)
+    assert seen(SensedSurface.LAST) == dict.fromkeys(Cover, 0.0) | {Cover.BUILDING: 10.0}
     assert (LANDSCAPE.surface.finest.heights == 110.0).all()
 
 
 def test_a_radar_returns_from_its_share_of_the_canopy_and_from_roofs() -> None:
-    found = seen(Sees.RADAR)
+    found = seen(SensedSurface.RADAR)
     for cover in (Cover.GRASS, Cover.CROP, Cover.FOREST):
         assert 3.0 <= found[cover] <= 9.0
     assert found[Cover.BUILDING] == 10.0
-    sparse = LANDSCAPE.seen_by(Sees.RADAR, {Cover.FOREST: 0.3})
+    sparse = LANDSCAPE.surface_for(SensedSurface.RADAR, {Cover.FOREST: 0.3})
     assert sparse.finest.heights[1, Cover.FOREST] == 103.0 and sparse.finest.heights[1, Cover.BUILDING] == 110.0
 
 
 def test_a_terrain_model_is_the_ground_alone() -> None:
-    assert seen(Sees.GROUND) == dict.fromkeys(Cover, 0.0)
+    assert seen(SensedSurface.GROUND) == dict.fromkeys(Cover, 0.0)
 
 
 def test_cover_of_the_nearest_post() -> None:
@@ -57,4 +57,4 @@ def test_wrong_landscapes_are_refused() -> None:
         with pytest.raises(ValueError, match=message):
             Landscape(GROUND, canopy, cover)
     with pytest.raises(ValueError, match="radar_share"):
-        LANDSCAPE.seen_by(Sees.RADAR, {Cover.FOREST: 1.2})
+        LANDSCAPE.surface_for(SensedSurface.RADAR, {Cover.FOREST: 1.2})

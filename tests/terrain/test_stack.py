@@ -7,10 +7,10 @@ import pytest
 from numpy.typing import NDArray
 
 from fti.geodesy.local import LocalFrame
-from fti.terrain.bundle import cast_bundle_min
+from fti.terrain.file_info import NO_SOURCE
 from fti.terrain.layer import Layer
-from fti.terrain.outcome import Outcome
-from fti.terrain.source import NO_SOURCE
+from fti.terrain.nearest_ray import cast_bundle_min
+from fti.terrain.ray_outcome import RayOutcome
 from fti.terrain.terrain import Terrain
 
 Array = NDArray[np.float64]
@@ -73,28 +73,28 @@ def test_a_ray_ends_at_a_hole_however_high_it_flies() -> None:
     origins = np.array([[91.0, 91.0, 500.0], [0.0, 90.5, 900.0], [70.0, 91.0, 500.0], [20.0, 20.0, 150.0]])
     rays = np.array([[0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 0.0, 1.0]])
     ranges, outcomes = ground.trace(origins, rays, 550.0)
-    assert outcomes.tolist() == [Outcome.HOLE, Outcome.HOLE, Outcome.HIT, Outcome.HOLE]
+    assert outcomes.tolist() == [RayOutcome.HOLE, RayOutcome.HOLE, RayOutcome.HIT, RayOutcome.HOLE]
     assert np.isnan(ranges[[0, 1, 3]]).all() and ranges[2] == 400.0
-    assert ground.trace([0.0, 90.5, 900.0], [1.0, 0.0, 0.0], 80.0)[1] == Outcome.NOTHING  # ends before the hole
+    assert ground.trace([0.0, 90.5, 900.0], [1.0, 0.0, 0.0], 80.0)[1] == RayOutcome.NOTHING  # ends before the hole
     # ground before the hole is seen
-    assert ground.trace([40.0, 91.0, 110.0], [1.0, 0.0, 0.0], 500.0)[1] == Outcome.HIT
+    assert ground.trace([40.0, 91.0, 110.0], [1.0, 0.0, 0.0], 500.0)[1] == RayOutcome.HIT
 
 
 def test_every_ray_without_a_range_has_its_reason() -> None:
     ground = stack()
     cases = {
-        Outcome.NOTHING: ([30.0, 30.0, 200.0], [0.0, 0.0, -1.0], 99.0),
-        Outcome.OUTSIDE: ([30.0, 30.0, 200.0], [-1.0, 0.0, 0.0], 99.0),
-        Outcome.BURIED: ([90.0, 90.0, 110.0], [0.0, 0.0, 1.0], 99.0),
-        Outcome.UNKNOWN: ([90.0, np.nan, 110.0], [0.0, 0.0, 1.0], 99.0),
-        Outcome.HIT: ([30.0, 30.0, 200.0], [0.0, 0.0, -1.0], 101.0),
+        RayOutcome.NOTHING: ([30.0, 30.0, 200.0], [0.0, 0.0, -1.0], 99.0),
+        RayOutcome.OUTSIDE: ([30.0, 30.0, 200.0], [-1.0, 0.0, 0.0], 99.0),
+        RayOutcome.BURIED: ([90.0, 90.0, 110.0], [0.0, 0.0, 1.0], 99.0),
+        RayOutcome.UNKNOWN: ([90.0, np.nan, 110.0], [0.0, 0.0, 1.0], 99.0),
+        RayOutcome.HIT: ([30.0, 30.0, 200.0], [0.0, 0.0, -1.0], 101.0),
     }
     for outcome, (origin, ray, max_range) in cases.items():
         found, reason = ground.trace(origin, ray, max_range)
-        assert reason == outcome and np.isnan(found) == (outcome != Outcome.HIT)
-    assert ground.trace([-50.0, 30.0, 50.0], [1.0, 0.0, 0.0], 99.0)[1] == Outcome.BURIED  # comes in from the side
-    assert ground.trace([-50.0, 30.0, 50.0], [-1.0, 0.0, 0.0], 99.0)[1] == Outcome.OUTSIDE
-    assert ground.trace([30.0, 30.0, 200.0], [0.0, 0.0, 1.0], np.inf)[1] == Outcome.NOTHING
+        assert reason == outcome and np.isnan(found) == (outcome != RayOutcome.HIT)
+    assert ground.trace([-50.0, 30.0, 50.0], [1.0, 0.0, 0.0], 99.0)[1] == RayOutcome.BURIED  # comes in from the side
+    assert ground.trace([-50.0, 30.0, 50.0], [-1.0, 0.0, 0.0], 99.0)[1] == RayOutcome.OUTSIDE
+    assert ground.trace([30.0, 30.0, 200.0], [0.0, 0.0, 1.0], np.inf)[1] == RayOutcome.NOTHING
 
 
 def test_a_pool_gives_the_same_bytes() -> None:
@@ -105,7 +105,7 @@ def test_a_pool_gives_the_same_bytes() -> None:
     alone = ground.trace(origins, rays, 300.0)
     with ThreadPoolExecutor(2) as pool:
         shared = ground.trace(origins, rays, 300.0, pool)
-    assert set(np.unique(alone[1])) == set(Outcome) - {Outcome.UNKNOWN}
+    assert set(np.unique(alone[1])) == set(RayOutcome) - {RayOutcome.UNKNOWN}
     assert [part.tobytes() for part in alone] == [part.tobytes() for part in shared]
 
 
@@ -122,12 +122,12 @@ def test_shapes_of_origins_and_rays() -> None:
 def test_a_bundle_says_when_something_nearer_is_not_ruled_out() -> None:
     mats = np.diag([1.0, -1.0, -1.0])[None]
     angles = np.array([[0.0, 0.0], [0.2, 0.0], [-0.2, 0.0], [0.0, 0.2]])
-    places = {Outcome.HIT: (75.0, 75.0), Outcome.HOLE: (85.0, 91.0), Outcome.OUTSIDE: (190.0, 150.0)}
+    places = {RayOutcome.HIT: (75.0, 75.0), RayOutcome.HOLE: (85.0, 91.0), RayOutcome.OUTSIDE: (190.0, 150.0)}
     for outcome, place in places.items():
         origin = np.array([[*place, 200.0]])
         found, at, reason = cast_bundle_min(stack(hole=True).pyramid, origin, mats, angles, 0.2, 3, 1e3)
         assert reason.tolist() == [outcome]
-        assert np.isnan(found[0]) == np.isnan(at).all() == (outcome != Outcome.HIT)
+        assert np.isnan(found[0]) == np.isnan(at).all() == (outcome != RayOutcome.HIT)
 
 
 HALF = np.zeros((6, 6))

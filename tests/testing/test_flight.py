@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from fti import config as configuration
-from fti.hil import accelerated
+from fti.hil import offline_run
 from fti.hil import scenario as scenarios
 from fti.testing import BenchError, Flight
 from tests.helpers import ROOT
@@ -18,7 +18,7 @@ FLIGHT_S = 4.0
 def flight(tmp_path_factory: pytest.TempPathFactory) -> Flight:
     """The sensors themselves are what is looked at."""
     scenario = scenarios.load(scenarios.find("nominal"))
-    session = accelerated.fly(
+    session = offline_run.fly(
         configuration.load(SENSORS), scenario, tmp_path_factory.mktemp("flight"), until_s=FLIGHT_S
     )
     (truth,) = session.glob("*_truth_000.mcap")

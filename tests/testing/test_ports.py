@@ -9,7 +9,7 @@ import pytest
 
 from fti import config as configuration
 from fti.config import UdpLink
-from fti.service.binding import bind_devices
+from fti.devices import bind_devices
 from fti.testing.ports import (
     addresses,
     free_udp_port,

@@ -52,15 +52,15 @@ def _locks(pid: int) -> list[str]:
 def test_slots_are_free_after_use(tmp_path: Path) -> None:
     slots = FlightSlots(tmp_path / "new", 1)
     for _ in range(3):
-        with slots.taken():
+        with slots.hold():
             pass
 
 
 def test_a_process_does_not_wait_for_itself(tmp_path: Path) -> None:
     slots = FlightSlots(tmp_path, 1)
-    with slots.taken(), slots.taken():
+    with slots.hold(), slots.hold():
         pass
-    with slots.taken():
+    with slots.hold():
         pass
 
 

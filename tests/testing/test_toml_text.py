@@ -31,7 +31,7 @@ def test_what_toml_cannot_say_is_refused() -> None:
         toml_text({"a": None})
 
 
-@pytest.mark.parametrize("name", scenarios.shipped())
+@pytest.mark.parametrize("name", scenarios.shipped_names())
 def test_every_scenario_comes_back(name: str, tmp_path: Path) -> None:
     scenario = scenarios.load(scenarios.find(name))
     write_scenario(scenario, tmp_path / "scenario.toml")

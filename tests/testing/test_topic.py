@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fti.hil.tables.kinds import Fog
+from fti.hil.tables.fault_types import Fog
 from fti.post.score.series import TopicSeries
 from fti.post.score.truth_table import TruthTable
-from fti.testing.topic import Background, Topic
+from fti.testing.topic import FlightContext, Topic
 
 BEGIN_NS, SECOND_NS = 1_700_000_000_000_000_000, 1_000_000_000
 END_S = 20.0
@@ -38,7 +38,7 @@ def topic(
     """Messages at these times; each is true when it comes, unless it has a stamp that says otherwise."""
     log_ns = np.array([BEGIN_NS + round(t * SECOND_NS) for t in times_s], dtype=np.int64)
     series = TopicSeries(name, log_ns, [make(t) for t in times_s])
-    return Topic(series, Background(truth(), FAULTS, "\nsession: /tmp/session"), interval, where)
+    return Topic(series, FlightContext(truth(), FAULTS, "\nsession: /tmp/session"), interval, where)
 
 
 def ten_hz(until_s: float = END_S) -> list[float]:
@@ -138,7 +138,7 @@ def test_velocities_have_their_own_names_in_the_truth() -> None:
     columns = {"vel_down": np.array([1.0, 1.0])}
     table = TruthTable(np.array([BEGIN_NS, BEGIN_NS + 10 * SECOND_NS]), columns)
     series = TopicSeries("/unit/velocity", np.array([BEGIN_NS + SECOND_NS]), [{"down": 1.5}])
-    found = Topic(series, Background(table, (), ""), (0.0, 10.0), {})
+    found = Topic(series, FlightContext(table, (), ""), (0.0, 10.0), {})
     found.assert_error("down", 0.6)
     assert "down: error +0.5 m/s" in failure(found.assert_error, "down", 0.4)
 

@@ -14,10 +14,10 @@ import pytest
 from tests.helpers import KERNELS, ROOT
 
 RUNNER = ROOT / "tests" / "vcan" / "run"
-NOT_INSTALLED = 77
+EXIT_NOT_INSTALLED = 77
 
 
-def inside_runs(module: str, out: Path) -> list[str]:
+def vm_command(module: str, out: Path) -> list[str]:
     """The command that runs a module inside, which writes ``found.json``.
 
     It has the kernels that were compiled outside, where it can write: numba takes none from elsewhere, and to compile
@@ -30,13 +30,13 @@ def inside_runs(module: str, out: Path) -> list[str]:
 
 
 @pytest.fixture(scope="session")
-def inside(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+def vm_results(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     """What the probes saw inside, by probe."""
     out = tmp_path_factory.mktemp("vcan")
     done = subprocess.run(
-        inside_runs("tests.vcan.probe", out), check=False, cwd=ROOT, capture_output=True, text=True, timeout=100
+        vm_command("tests.vcan.probe", out), check=False, cwd=ROOT, capture_output=True, text=True, timeout=100
     )
-    if done.returncode == NOT_INSTALLED:
+    if done.returncode == EXIT_NOT_INSTALLED:
         pytest.skip(done.stderr.strip())
     assert done.returncode == 0, done.stdout + done.stderr
     result: dict[str, Any] = json.loads((out / "found.json").read_text())

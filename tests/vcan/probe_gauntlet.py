@@ -31,7 +31,7 @@ def fly(folder: Path) -> flights.Flight:
     with harness.daemon(config, folder / "out", "--links", str(links)) as running:
         until(lambda: "lag_ms" in running.health()["navigation"], harness.START_S, "navigation")
         with flights.emulator(NAME, config, links, "--wait", "--truth", str(truth)) as played:
-            assert played.wait(timeout=harness.END_S) == 0, flights.said(config).read_text()
+            assert played.wait(timeout=harness.END_S) == 0, flights.emulator_log(config).read_text()
         session = running.session
         running.stop()
     return flights.Flight(session, truth)

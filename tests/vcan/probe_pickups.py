@@ -13,13 +13,13 @@ from fti import config as configuration
 from fti.canframe import unpack_can
 from fti.clock import choose_epoch_ns
 from fti.drivers import deflection_pickups
-from fti.hil.bench import Ports
 from fti.hil.emulator import Emulator
+from fti.hil.environment import Environment
+from fti.hil.io_backend import PortBackend
 from fti.hil.tables.flights import ApproachFlight
-from fti.hil.world import World
 from tests.helpers import until_async
 from tests.hil.worlds import flat_terrain, path, scenario
-from tests.links.bench import running
+from tests.links.bench import run_link
 
 FLIGHT_S = 1.0
 CONFIG = """
@@ -72,12 +72,12 @@ async def probe(folder: Path) -> dict[str, list[object]]:
     (folder / "air_data.dbc").write_text(AIR_DATA)
     config = configuration.load(folder / "bus.toml")
     flight = scenario(flight=ApproachFlight(duration_s=FLIGHT_S))
-    world = World(flight, path(), flat_terrain(200.0), undulation=47.0)
-    emulator = Emulator(config, flight, Ports(folder / "links", choose_epoch_ns()), world=world)
+    world = Environment(flight, path(), flat_terrain(200.0), undulation=47.0)
+    emulator = Emulator(config, flight, PortBackend(folder / "links", choose_epoch_ns()), world=world)
     flying = asyncio.create_task(emulator.run(), name="flying")
     await emulator.ready.wait()
     async with AsyncExitStack() as stack:
-        link, heard = await stack.enter_async_context(running(config.link[0]))
+        link, heard = await stack.enter_async_context(run_link(config.link[0]))
         await link.send(REQUEST)
         await until_async(lambda: any(unpack_can(f).can_id == 129 for f in heard.frames), what="the answer of the node")
         emulator.start()

@@ -17,7 +17,7 @@ import can
 from fti.clock import SystemClock, choose_epoch_ns
 from fti.config import CanLink
 from fti.errors import LinkError
-from fti.links import Link, one_by_one, open_link
+from fti.links import Link, open_link, per_frame_sink
 from fti.types import LinkState
 from tests.helpers import until_async
 
@@ -73,7 +73,7 @@ def ip_link(channel: str, state: str) -> None:
 
 def link_of(channel: str, seen: Seen, clock: SystemClock, **keys: Any) -> Link:
     config = CanLink(name=channel, kind="can", interface="socketcan", channel=channel, fd=True, **keys)
-    return open_link(config, clock, one_by_one(lambda data, t_rx_ns: seen.append((data.hex(), t_rx_ns))))
+    return open_link(config, clock, per_frame_sink(lambda data, t_rx_ns: seen.append((data.hex(), t_rx_ns))))
 
 
 def send_all(bus: can.BusABC, frames: Sequence[can.Message]) -> None:
@@ -179,7 +179,7 @@ async def set_clock(clock: SystemClock) -> list[dict[str, Any]]:
                     "span": [before, clock.now_ns()],
                     "t_rx_ns": seen[-1][1],
                     "refused": link.status.stamp_refused,
-                    "told": [step.by_ns for step in clock.take_steps()],
+                    "told": [step.size_ns for step in clock.take_steps()],
                 }
             )
     await cancel(task)

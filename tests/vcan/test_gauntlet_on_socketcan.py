@@ -10,9 +10,9 @@ from typing import Any
 
 import pytest
 
-from tests.e2e.heartbeat import undisturbed
+from tests.e2e.heartbeat import run_undisturbed
 from tests.helpers import ROOT
-from tests.vcan.conftest import NOT_INSTALLED, inside_runs
+from tests.vcan.conftest import EXIT_NOT_INSTALLED, vm_command
 
 pytestmark = [pytest.mark.e2e, pytest.mark.alone, pytest.mark.socketcan, pytest.mark.timeout(4500)]
 
@@ -21,16 +21,16 @@ def test_the_daemon_said_what_the_scenario_expects(tmp_path: Path) -> None:
     def fly(attempt: int) -> dict[str, Any]:
         folder = tmp_path / str(attempt)
         folder.mkdir()
-        command = inside_runs("tests.vcan.probe_gauntlet", folder)
+        command = vm_command("tests.vcan.probe_gauntlet", folder)
         roomy = {**os.environ, "UML_TIMEOUT": "1400", "UML_MEM": "2G"}
         done = subprocess.run(command, check=False, cwd=ROOT, capture_output=True, text=True, timeout=1450, env=roomy)
-        if done.returncode == NOT_INSTALLED:
+        if done.returncode == EXIT_NOT_INSTALLED:
             pytest.skip(done.stderr.strip())
         assert done.returncode == 0, done.stdout + done.stderr
         found: dict[str, Any] = json.loads((folder / "found.json").read_text())
         return found
 
-    found = undisturbed(fly, lambda found: bool(found["code"] == 0))
+    found = run_undisturbed(fly, lambda found: bool(found["code"] == 0))
     assert found["code"] == 0, found["said"]
     assert "holds: " in found["said"]
     assert all(count > 500 for count in found["frames"].values())

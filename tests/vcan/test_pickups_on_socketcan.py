@@ -14,9 +14,9 @@ pytestmark = [pytest.mark.e2e, pytest.mark.alone, pytest.mark.socketcan]
 
 
 @pytest.fixture(scope="module")
-def heard(inside: dict[str, Any]) -> dict[str, Any]:
+def heard(vm_results: dict[str, Any]) -> dict[str, Any]:
     """What the link heard."""
-    frames: dict[str, Any] = inside["pickups"]
+    frames: dict[str, Any] = vm_results["pickups"]
     return frames
 
 

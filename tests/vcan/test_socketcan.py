@@ -14,9 +14,9 @@ pytestmark = [pytest.mark.e2e, pytest.mark.alone, pytest.mark.socketcan]
 
 
 @pytest.fixture(scope="module")
-def found(inside: dict[str, Any]) -> dict[str, Any]:
+def found(vm_results: dict[str, Any]) -> dict[str, Any]:
     """What link and witness saw."""
-    seen: dict[str, Any] = inside["socketcan"]
+    seen: dict[str, Any] = vm_results["socketcan"]
     return seen
 
 

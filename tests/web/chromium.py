@@ -36,7 +36,7 @@ FLAGS = (
 START_S = 120.0
 WAIT_S = 60.0  # met, it costs nothing
 #: A screenshot is a large message.
-LONGEST_MESSAGE = 64 * 2**20
+MAX_MESSAGE_BYTES = 64 * 2**20
 #: What Chromium answers while a page changes its document.
 NAVIGATED = "Inspected target navigated or closed"
 
@@ -61,7 +61,7 @@ class Chromium:
             await self._start(Path(folder), stack)
             address = await self._find_address(Path(folder))
             client = await stack.enter_async_context(aiohttp.ClientSession())
-            self._socket = await stack.enter_async_context(client.ws_connect(address, max_msg_size=LONGEST_MESSAGE))
+            self._socket = await stack.enter_async_context(client.ws_connect(address, max_msg_size=MAX_MESSAGE_BYTES))
             reader = asyncio.create_task(self._read(), name="devtools")
             stack.push_async_callback(_end_task, reader)
             self._stack = stack.pop_all()

@@ -13,11 +13,11 @@ from urllib.parse import urlsplit
 import pytest
 
 from fti.bus.message import encode
-from fti.service.alarm_board import ALARMS
-from tests.every_alarm import CASES, Daemon, daemon_with
+from fti.service.supervisor.alarm_board import ALARMS_TOPIC
+from tests.alarm_cases import CASES, Daemon, daemon_with
 from tests.run_dirs import running_daemon
 from tests.web.chromium import Chromium, Page, by_testid
-from tests.web.fake_feed import KEY, PROVISIONAL, SESSION, DisplayProcess, FakeDaemon, make_clock
+from tests.web.fake_daemon import KEY, PROVISIONAL, SESSION, DisplayProcess, FakeDaemon, make_clock
 
 pytestmark = [pytest.mark.browser, pytest.mark.e2e]
 
@@ -371,12 +371,12 @@ async def test_an_alarm_that_lasts_is_acknowledged_alone_and_stays(
 
 
 async def test_every_alarm_is_shown_until_it_has_ended_and_was_acknowledged(page: Page, daemon: FakeDaemon) -> None:
-    daemon.muted.add(ALARMS)
+    daemon.muted.add(ALARMS_TOPIC)
     for case in CASES:
         told = daemon_with(case)
 
         def publish(told: Daemon = told) -> None:
-            daemon.hub.publish(ALARMS, encode({"t_ns": told.clock.time_ns, "alarms": told.rows}))
+            daemon.hub.publish(ALARMS_TOPIC, encode({"t_ns": told.clock.time_ns, "alarms": told.rows}))
 
         publish()
         tile = f"alarm-{case.identity}"

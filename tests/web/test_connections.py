@@ -9,7 +9,7 @@ import aiohttp
 
 from fti.web import connections
 from fti.web.commands import CommandGate
-from fti.web.feed import Feed
+from fti.web.live_state import LiveState
 from fti.web.server import PageServer
 from tests.helpers import until_async
 
@@ -38,7 +38,7 @@ async def _get(port: int) -> int:
 
 
 async def test_of_288_half_open_requests_few_are_held_and_the_page_is_served() -> None:
-    server = PageServer(Feed(0), lambda: 0, CommandGate("key", lambda _: True, lambda: 0), lambda peer, here: "")
+    server = PageServer(LiveState(0), lambda: 0, CommandGate("key", lambda _: True, lambda: 0), lambda peer, here: "")
     port = await server.start(0)
     async with aiohttp.ClientSession() as owner:
         socket = await owner.ws_connect(f"http://127.0.0.1:{port}/ws", headers={"Origin": f"http://127.0.0.1:{port}"})
@@ -55,7 +55,7 @@ async def test_of_288_half_open_requests_few_are_held_and_the_page_is_served() -
 
 
 async def test_a_connection_that_makes_no_request_is_closed() -> None:
-    server = PageServer(Feed(0), lambda: 0, CommandGate("key", lambda _: True, lambda: 0), lambda peer, here: "")
+    server = PageServer(LiveState(0), lambda: 0, CommandGate("key", lambda _: True, lambda: 0), lambda peer, here: "")
     port = await server.start(0)
     limits = server._limits
     (reader, writer), (silent, other) = (*await _half_open(port, 1), await asyncio.open_connection("127.0.0.1", port))
@@ -64,16 +64,16 @@ async def test_a_connection_that_makes_no_request_is_closed() -> None:
     assert runner.server is not None
     await until_async(lambda: len(runner.server.connections) == 2)  # type: ignore[union-attr]
     now = asyncio.get_running_loop().time()
-    limits.look(runner.server.connections, now)
+    limits.check(runner.server.connections, now)
     assert not reader.at_eof()
-    limits.look(runner.server.connections, now + connections.REQUEST_S + 0.1)
+    limits.check(runner.server.connections, now + connections.REQUEST_TIMEOUT_S + 0.1)
     assert (await reader.read(), await silent.read()) == (b"", b"")
     await _close([(reader, writer), (silent, other)])
     await server.stop()
 
 
 async def test_more_connections_than_a_browser_has_are_refused() -> None:
-    server = PageServer(Feed(0), lambda: 0, CommandGate("key", lambda _: True, lambda: 0), lambda peer, here: "")
+    server = PageServer(LiveState(0), lambda: 0, CommandGate("key", lambda _: True, lambda: 0), lambda peer, here: "")
     port = await server.start(0)
     request = f"GET /nothing HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\n\r\n".encode()
     opened = []

@@ -12,7 +12,7 @@ import pytest
 
 from fti.errors import MissingError
 from fti.web.commands import CommandGate, Send
-from fti.web.feed import Feed
+from fti.web.live_state import LiveState
 from fti.web.server import PageServer, static_files
 
 MS = 1_000_000
@@ -24,7 +24,7 @@ OUTSIDE = re.compile(
 )
 
 
-def make_server(feed: Feed, now_ns: Callable[[], int], send: Send) -> PageServer:
+def make_server(feed: LiveState, now_ns: Callable[[], int], send: Send) -> PageServer:
     return PageServer(feed, now_ns, CommandGate(KEY, send, now_ns), lambda peer, here: f"alice:{peer[1] != here[1]}")
 
 
@@ -35,12 +35,12 @@ class Site:
         self.now_ns = 0
         self.taken: list[Any] = []
         self.listens = True
-        self.feed = Feed(0)
+        self.feed = LiveState(0)
         self.client = client
-        self.server = make_server(self.feed, lambda: self.now_ns, self.take)
+        self.server = make_server(self.feed, lambda: self.now_ns, self.update)
         self.port = 0
 
-    def take(self, command: Any) -> bool:
+    def update(self, command: Any) -> bool:
         self.taken.append(command)
         return self.listens
 
@@ -120,8 +120,8 @@ async def test_the_socket_demands_an_origin(site: Site) -> None:
 
 
 async def test_the_socket_sends_history_and_then_states(site: Site) -> None:
-    site.feed.take("/health", {"t_ns": 7}, 0)
-    site.feed.take("/nav/glide_slope", {"valid": True, "t_ns": 7, "dh": 1.0}, 0)
+    site.feed.update("/health", {"t_ns": 7}, 0)
+    site.feed.update("/nav/glide_slope", {"valid": True, "t_ns": 7, "dh": 1.0}, 0)
     async with site.connect() as ws:
         assert (await ws.receive_json())["type"] == "history"
         first = await ws.receive_json()
@@ -181,7 +181,7 @@ async def test_nothing_that_is_served_has_the_key(site: Site) -> None:
         async with site.client.get(f"http://127.0.0.1:{site.port}{path}") as response:
             assert KEY.encode() not in await response.read() + repr(response.headers).encode()
     async with site.connect() as ws:
-        site.server.board.take({"catalogue": [{"name": "mag"}]})
+        site.server.board.update({"catalogue": [{"name": "mag"}]})
         assert KEY not in json.dumps([await ws.receive_json() for _ in range(4)])
 
 
@@ -229,13 +229,13 @@ async def test_pages_are_told_of_commands_when_something_has_changed(site: Site)
     async with site.connect() as ws:
         kinds = [(await ws.receive_json())["type"] for _ in range(3)]
         assert "commands" not in kinds
-        site.server.board.take({"catalogue": [{"name": "mag"}]})
+        site.server.board.update({"catalogue": [{"name": "mag"}]})
         while (message := await ws.receive_json())["type"] != "commands":
             pass
         assert message == {"type": "commands", "devices": [{"name": "mag"}], "requests": []}
         for n in range(25):
-            site.server.board.take({"command": {"id": f"k{n}", "t_ns": n, "state": "sending"}})
-        site.server.board.take({"command": {"id": "k24", "t_ns": 24, "state": "acknowledged"}})
+            site.server.board.update({"command": {"id": f"k{n}", "t_ns": n, "state": "sending"}})
+        site.server.board.update({"command": {"id": "k24", "t_ns": 24, "state": "acknowledged"}})
         while (message := await ws.receive_json())["type"] != "commands":
             pass
         assert [request["id"] for request in message["requests"]] == [f"k{n}" for n in range(24, 4, -1)]
@@ -308,7 +308,7 @@ async def test_a_port_in_use_is_named() -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
         with pytest.raises(MissingError, match=f"display.port = {port}: cannot be served on 127.0.0.1: .*in use"):
-            await make_server(Feed(0), lambda: 0, lambda command: True).start(port)
+            await make_server(LiveState(0), lambda: 0, lambda command: True).start(port)
 
 
 def test_no_file_of_the_page_points_outside() -> None:

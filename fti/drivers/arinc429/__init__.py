@@ -31,17 +31,17 @@ from pydantic import Discriminator, Field, Tag
 
 from fti.config import StrictModel
 from fti.drivers import Counters
+from fti.drivers._fast_messages import fast_stamp
 from fti.drivers._framing import Framer
+from fti.drivers._no_commands import COMMANDS, command, on_connect, poll  # noqa: F401 - the rest of the contract
 from fti.drivers._quantities import QUANTITIES
-from fti.drivers._quick import quick_stamp
-from fti.drivers._talker import COMMANDS, command, on_connect, poll  # noqa: F401 - the rest of the contract
 from fti.drivers.arinc429 import word as wire
 from fti.drivers.arinc429.apmp import Apmp
 from fti.drivers.arinc429.chapter10 import Chapter10
-from fti.drivers.arinc429.entry import Entry, Handler, Source, make_entries, source_of
+from fti.drivers.arinc429.label_codec import Handler, LabelCodec, SourceKey, make_codecs, source_key
 from fti.drivers.arinc429.labels import Label, LabelSet, choose
 from fti.drivers.arinc429.packets import Packets, boot_ns
-from fti.drivers.arinc429.stream import SEARCH_BYTES, WORD_BYTES, WordStream, words_wanted
+from fti.drivers.arinc429.stream import SEARCH_BYTES, WORD_BYTES, WordStream, required_words
 from fti.types import Measurement, Stamp, TimeScale
 
 DOCUMENT = "ARINC 429 part 1 (word) and part 2 (labels); bare words, Alta APMP, IRIG 106-22 chapter 11 type 0x38"
@@ -91,9 +91,9 @@ class Decoder:
     def __init__(self, options: Options) -> None:
         self.counters = Counters()
         self._options = options
-        self._turned = not options.label_reversed
+        self._is_label_reversed = not options.label_reversed
         self._handlers: dict[int, list[Handler]] = {}
-        for entry in make_entries(chosen_labels(options)):
+        for entry in make_codecs(chosen_labels(options)):
             for handler in entry.handlers():
                 self._handlers.setdefault(wire.label_byte(handler.label), []).append(handler)
         for handlers in self._handlers.values():
@@ -101,7 +101,7 @@ class Decoder:
         self._packets: Packets | None = None
         if options.packets == "none":
             enabled = sum(1.0 if h.sdi is None else 0.25 for found in self._handlers.values() for h in found)
-            wanted = words_wanted(enabled, options.parity)
+            wanted = required_words(enabled, options.parity)
             stream = WordStream(self._word, lambda word: self._handler(word) is not None, options.parity, wanted)
             self._framer = Framer(stream.measure, self.counters, limit=SEARCH_BYTES)
         else:
@@ -112,14 +112,14 @@ class Decoder:
         found: list[Measurement] = []
         for t_rx, frame in self._framer.feed(data, t_rx_ns):
             if self._packets is None:
-                found += self._take(self._word(frame), quick_stamp(t_rx))
+                found += self._take(self._word(frame), fast_stamp(t_rx))
             else:
                 found += self._take_packet(self._packets, frame, t_rx)
         return found
 
     def _word(self, data: bytes | bytearray) -> int:
         word = int.from_bytes(data, self._options.byte_order)
-        return wire.turn_label(word) if self._turned else word
+        return wire.reverse_label(word) if self._is_label_reversed else word
 
     def _take(self, word: int, stamp: Stamp) -> list[Measurement]:
         handler = self._handler(word)
@@ -130,14 +130,14 @@ class Decoder:
         return handler.decode(word, stamp)
 
     def _take_packet(self, packets: Packets, packet: bytes, t_rx_ns: int) -> list[Measurement]:
-        if missed := packets.missed(packet):
-            self.counters.lost[self._options.packets] += missed
+        if count_missing := packets.count_missing(packet):
+            self.counters.lost[self._options.packets] += count_missing
         name, words = packets.unpack(packet)
         if name:
             self.counters.messages[name] += 1
         found: list[Measurement] = []
         for heard in words:
-            word = wire.turn_label(heard.word) if self._turned else heard.word
+            word = wire.reverse_label(heard.word) if self._is_label_reversed else heard.word
             if self._options.bus is not None and heard.bus != self._options.bus:
                 self.counters.messages["other_bus"] += 1
             elif heard.error:
@@ -163,17 +163,17 @@ class Encoder:
 
     def __init__(self, options: Options) -> None:
         self._options = options
-        self._entries: dict[Source, list[Entry]] = {}
-        for entry in make_entries(chosen_labels(options)):
+        self._codecs: dict[SourceKey, list[LabelCodec]] = {}
+        for entry in make_codecs(chosen_labels(options)):
             for source in entry.sources():
-                self._entries.setdefault(source, []).append(entry)
+                self._codecs.setdefault(source, []).append(entry)
         self._packets: Packets | None = None if options.packets == "none" else PACKETS[options.packets]()
 
     def encode(self, measurement: Measurement) -> list[bytes]:
-        entries = self._entries.get(source_of(measurement))
-        if entries is None:
+        codecs = self._codecs.get(source_key(measurement))
+        if codecs is None:
             return []
-        words = [self._ready(word) for entry in entries for word in entry.encode(measurement)]
+        words = [self._ready(word) for entry in codecs for word in entry.encode(measurement)]
         if self._packets is None:
             return [word.to_bytes(WORD_BYTES, self._options.byte_order) for word in words]
         return [self._packets.pack(words, self._options.bus or 0, boot_ns(measurement.stamp))] if words else []
@@ -183,7 +183,7 @@ class Encoder:
 
     def _ready(self, word: int) -> int:
         word = word if self._options.parity == "odd" else wire.with_parity(word, self._options.parity)
-        return word if self._options.label_reversed else wire.turn_label(word)
+        return word if self._options.label_reversed else wire.reverse_label(word)
 
 
 def make_decoder(options: Options) -> Decoder:

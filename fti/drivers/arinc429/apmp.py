@@ -19,7 +19,7 @@ import struct
 from collections.abc import Sequence
 
 from fti.drivers._framing import Skip
-from fti.drivers.arinc429.packets import Heard
+from fti.drivers.arinc429.packets import ReceivedWord
 
 MAGIC = b"ALTA"
 MAGIC_AT = 12
@@ -64,15 +64,15 @@ class Apmp:
         at = buffer.find(MAGIC, MAGIC_AT + len(MAGIC), end)
         return at >= 0 and int.from_bytes(buffer[at - MAGIC_AT : at - MAGIC_AT + 4], "big") == MODE
 
-    def unpack(self, packet: bytes) -> tuple[str, list[Heard]]:
+    def unpack(self, packet: bytes) -> tuple[str, list[ReceivedWord]]:
         """The words; none of a packet whose status is not good."""
         _, _, status, _, _ = HEADER.unpack_from(packet)
         if status & 0xFFFF:
             return "bad_status", []
         records = RECORD.iter_unpack(packet[HEADER.size + TIMES.size :])
-        return "", [Heard(word, c >> 24 & 0xF, ticks * TICK_NS, bool(c & ERROR)) for c, ticks, word in records]
+        return "", [ReceivedWord(word, c >> 24 & 0xF, ticks * TICK_NS, bool(c & ERROR)) for c, ticks, word in records]
 
-    def missed(self, packet: bytes) -> int:
+    def count_missing(self, packet: bytes) -> int:
         """How many packets are missing before this one."""
         number = int.from_bytes(packet[4:8], "big")
         last, self._seen = self._seen, number

@@ -22,7 +22,7 @@ import struct
 from collections.abc import Sequence
 
 from fti.drivers._framing import Skip, skip_to
-from fti.drivers.arinc429.packets import Heard
+from fti.drivers.arinc429.packets import ReceivedWord
 
 SYNC = b"\x25\xeb"
 TRANSFER_HEADER = 4  # of a datagram: version 1, whole packet, sequence number
@@ -103,7 +103,7 @@ class Chapter10:
             return 0
         return Skip(1, "bad_checksum") if _is_damaged(buffer, length, flags) else length
 
-    def unpack(self, packet: bytes) -> tuple[str, list[Heard]]:
+    def unpack(self, packet: bytes) -> tuple[str, list[ReceivedWord]]:
         """The words of an ARINC 429 packet; none of another one."""
         _, _, _, _, _, _, flags, kind, low, high, _ = HEADER.unpack_from(packet)
         if kind != TYPE_ARINC:
@@ -115,10 +115,10 @@ class Chapter10:
         found = []
         for about, word in RECORD.iter_unpack(packet[start : start + count * RECORD.size]):
             ticks += about & GAP
-            found.append(Heard(word, about >> 24, ticks * TICK_NS, bool(about & (PARITY_ERROR | FORMAT_ERROR))))
+            found.append(ReceivedWord(word, about >> 24, ticks * TICK_NS, bool(about & (PARITY_ERROR | FORMAT_ERROR))))
         return "", found
 
-    def missed(self, packet: bytes) -> int:
+    def count_missing(self, packet: bytes) -> int:
         """How many packets of this channel are missing before this one, up to 255; none when its time goes back."""
         _, channel, _, _, _, number, _, _, low, high, _ = HEADER.unpack_from(packet)
         ticks = low | high << 32

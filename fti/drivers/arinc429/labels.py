@@ -24,7 +24,7 @@ from pydantic import Field, model_validator
 
 from fti.config import StrictModel, bind, parse_toml
 from fti.drivers._quantities import QUANTITIES, to_si
-from fti.drivers.arinc429.word import BNR_BITS_BESIDE_SDI, DISCRETE_HIGH, DISCRETE_LOW
+from fti.drivers.arinc429.word import BNR_BITS_WITH_SDI, DISCRETE_HIGH, DISCRETE_LOW
 from fti.errors import ConfigError
 
 Bit = Annotated[int, Field(ge=DISCRETE_LOW, le=DISCRETE_HIGH)]
@@ -101,7 +101,7 @@ class Label(StrictModel):
             return "" if self.resolution is not None else "a BCD word needs resolution"
         if self.range is None or self.bits is None:
             return "a BNR word needs range and bits"
-        if self.sdi is not None and self.bits > BNR_BITS_BESIDE_SDI:
+        if self.sdi is not None and self.bits > BNR_BITS_WITH_SDI:
             return f"a word of {self.bits} bits has no room for an sdi"
         return ""
 
@@ -127,7 +127,7 @@ def read_sets(text: str, file: str) -> dict[str, LabelSet]:
 
 
 @cache
-def built_in() -> dict[str, LabelSet]:
+def built_in_sets() -> dict[str, LabelSet]:
     """The sets that come with the program, by name."""
     text = importlib.resources.files(__package__).joinpath("labels.toml").read_text(encoding="utf-8")
     return read_sets(text, "arinc429/labels.toml")
@@ -138,7 +138,7 @@ def choose(name: str, own_text: str) -> LabelSet:
     if name == "none":
         return LabelSet(labels=())
     own = read_sets(own_text, "labels_file") if own_text else {}
-    if found := own.get(name) or built_in().get(name):
+    if found := own.get(name) or built_in_sets().get(name):
         return found
     mine = f"; in labels_file: {', '.join(own)}" if own else ""
-    raise ValueError(f"set {name!r}: there is no such set; built in: {', '.join(built_in())}, none{mine}")
+    raise ValueError(f"set {name!r}: there is no such set; built in: {', '.join(built_in_sets())}, none{mine}")

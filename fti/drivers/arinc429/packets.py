@@ -9,7 +9,7 @@ from fti.drivers._framing import Skip
 from fti.types import Stamp, TimeScale
 
 
-class Heard(NamedTuple):
+class ReceivedWord(NamedTuple):
     """A word out of a packet.  bus : its number; t_dev_ns : time of the packet's maker [ns]; error : it says so."""
 
     word: int
@@ -26,10 +26,10 @@ class Packets(Protocol):
     def measure(self, buffer: bytearray) -> int | Skip:
         """See ``_framing``: a packet that is returned holds its checksums."""
 
-    def unpack(self, packet: bytes) -> tuple[str, list[Heard]]:
+    def unpack(self, packet: bytes) -> tuple[str, list[ReceivedWord]]:
         """What the packet is counted as ("" where its words are), and its words."""
 
-    def missed(self, packet: bytes) -> int:
+    def count_missing(self, packet: bytes) -> int:
         """How many packets are missing before this one, as their numbers show; none where they begin again."""
 
     def pack(self, words: Sequence[int], bus: int, t_dev_ns: int) -> bytes:

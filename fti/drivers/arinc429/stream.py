@@ -30,23 +30,23 @@ from fti.drivers.arinc429.word import Parity, is_intact
 
 WORD_BYTES = 4
 SEARCH_BYTES = 64 * WORD_BYTES
-BELIEVED_NOISE = 1e-9  # false finds per byte of noise
-WANTED_AT_BEGINNING = 3
-OTHER_PLACES = (1, 2, 3)
-SHOWN_ELSEWHERE = 3  # enabled words at another place that end being in step
+MAX_FALSE_SYNC_RATE = 1e-9  # false finds per byte of noise
+MIN_WORDS_AT_START = 3
+OTHER_OFFSETS = (1, 2, 3)
+MIN_WORDS_ELSEWHERE = 3  # enabled words at another place that end being in step
 
 
-def words_wanted(enabled: float, parity: Parity) -> int:
+def required_words(enabled: float, parity: Parity) -> int:
     """Enabled words that prove where words begin.  enabled : label bytes that are, of 256; one sdi counts a quarter."""
     part = enabled / 256
     first, further = (part, part) if parity == "none" else (part / 2, part / (1 + part))
     if further >= 1:
         return SEARCH_BYTES // WORD_BYTES
-    needed = 1 + math.ceil(math.log(BELIEVED_NOISE / first) / math.log(further))
+    needed = 1 + math.ceil(math.log(MAX_FALSE_SYNC_RATE / first) / math.log(further))
     return min(max(needed, 2), SEARCH_BYTES // WORD_BYTES)
 
 
-class Evidence(NamedTuple):
+class WordEvidence(NamedTuple):
     """What a place shows.  good : None when the bytes do not tell; end : of the word that told; seen : enabled ones."""
 
     good: bool | None
@@ -68,7 +68,7 @@ class WordStream:
         self._parity, self._wanted = parity, wanted
         self._at_beginning = True
         self._in_step = False
-        self._shown = 0  # words ahead of which it is known that they begin here
+        self._confirmed_words = 0  # words ahead of which it is known that they begin here
 
     def measure(self, buffer: bytearray) -> int | Skip:
         """See ``_framing``."""
@@ -80,8 +80,8 @@ class WordStream:
     def _measure(self, buffer: bytearray) -> int | Skip:
         if len(buffer) < WORD_BYTES:
             return 0
-        if self._shown:
-            self._shown -= 1
+        if self._confirmed_words:
+            self._confirmed_words -= 1
             return WORD_BYTES
         word = self._word_of(buffer[:WORD_BYTES])
         good, enabled = is_intact(word, self._parity), self._is_enabled(word)
@@ -91,47 +91,49 @@ class WordStream:
 
     def _search(self, buffer: bytearray) -> int | Skip:
         """An enabled label stands here; do words begin here?"""
-        wanted = WANTED_AT_BEGINNING if self._at_beginning else self._wanted
+        wanted = MIN_WORDS_AT_START if self._at_beginning else self._wanted
         seen = self._evidence(buffer, 0, wanted, dense=self._parity == "none")
         if seen.good is None and len(buffer) < SEARCH_BYTES:
             return 0
         if seen.good is False:
             return Skip(1, "no_sync")
-        if self._others_as_good(buffer[: seen.end], seen.seen):
+        if self._is_ambiguous(buffer[: seen.end], seen.seen):
             return Skip(1, "ambiguous")
-        self._in_step, self._shown = True, seen.end // WORD_BYTES - 1
+        self._in_step, self._confirmed_words = True, seen.end // WORD_BYTES - 1
         return WORD_BYTES
 
-    def _others_as_good(self, buffer: bytearray, seen: int) -> bool:
+    def _is_ambiguous(self, buffer: bytearray, seen: int) -> bool:
         """Another place shows one enabled label less at most, and no bad parity."""
-        return any(self._evidence(buffer, at, max(seen - 1, 1)).good for at in OTHER_PLACES)
+        return any(self._evidence(buffer, at, max(seen - 1, 1)).good for at in OTHER_OFFSETS)
 
     def _look_ahead(self, buffer: bytearray, good: bool) -> int | Skip:
         """A word that is not enabled or not intact: do words still begin here?  What is shown first counts."""
         here = self._evidence(buffer, 0, 1) if good else self._evidence(buffer, WORD_BYTES, 2)
-        others = [(seen.end, at) for at in OTHER_PLACES if (seen := self._evidence(buffer, at, SHOWN_ELSEWHERE)).good]
+        others = [
+            (seen.end, at) for at in OTHER_OFFSETS if (seen := self._evidence(buffer, at, MIN_WORDS_ELSEWHERE)).good
+        ]
         if others and (here.good is None or min(others)[0] < here.end):
             return self._lost(min(others)[1], good)
         if here.good is None and len(buffer) < SEARCH_BYTES:
             return 0
         if here.good is False or (here.good is None and not good):
             return self._lost(1, good)
-        self._shown = here.end // WORD_BYTES - 1
+        self._confirmed_words = here.end // WORD_BYTES - 1
         return WORD_BYTES if good else Skip(WORD_BYTES, "bad_parity")
 
     def _lost(self, size: int, good: bool) -> Skip:
         self._in_step = False
         return Skip(size, "no_sync" if good else "bad_parity")
 
-    def _evidence(self, buffer: bytearray, start: int, wanted: int, *, dense: bool = False) -> Evidence:
+    def _evidence(self, buffer: bytearray, start: int, wanted: int, *, dense: bool = False) -> WordEvidence:
         """So many enabled labels from start on, or a bad parity before.  dense : each word must be enabled."""
         seen, at = 0, start
         for at in range(start, len(buffer) - WORD_BYTES + 1, WORD_BYTES):
             word = self._word_of(buffer[at : at + WORD_BYTES])
             enabled = self._is_enabled(word)
             if not is_intact(word, self._parity) or (dense and not enabled):
-                return Evidence(False, at + WORD_BYTES, seen)
+                return WordEvidence(False, at + WORD_BYTES, seen)
             seen += enabled
             if seen == wanted:
-                return Evidence(True, at + WORD_BYTES, seen)
-        return Evidence(None, at + WORD_BYTES, seen)
+                return WordEvidence(True, at + WORD_BYTES, seen)
+        return WordEvidence(None, at + WORD_BYTES, seen)

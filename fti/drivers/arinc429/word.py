@@ -20,7 +20,7 @@ Parity = Literal["odd", "even", "none"]
 
 WORD_BITS = 32
 BNR_TOP = 28  # bit of the most significant data bit
-BNR_BITS_BESIDE_SDI = 18
+BNR_BITS_WITH_SDI = 18
 DISCRETE_LOW, DISCRETE_HIGH = 11, 29
 BCD_DIGITS = 5
 _BCD_SHIFT = 10
@@ -78,7 +78,7 @@ def label_octal(word: int) -> str:
     return f"{REVERSED[word & 0xFF]:03o}"
 
 
-def turn_label(word: int) -> int:
+def reverse_label(word: int) -> int:
     """The word with the bits of its label in the other order."""
     return word & ~0xFF | REVERSED[word & 0xFF]
 
@@ -102,7 +102,7 @@ def decode_steps(word: int, bits: int) -> int:
 def encode_steps(label: str, raw: int, bits: int, *, state: BnrState, sdi: int = 0) -> int:
     """A BNR word of a two's complement number that fits into bits and sign."""
     word = label_byte(label) | raw % (2 << bits) << (BNR_TOP - bits) | int(state) << _SSM_SHIFT
-    return with_parity(word if bits > BNR_BITS_BESIDE_SDI else word | sdi << _SDI_SHIFT)
+    return with_parity(word if bits > BNR_BITS_WITH_SDI else word | sdi << _SDI_SHIFT)
 
 
 def to_steps(value: float, full_scale: float, bits: int, *, turns: bool) -> int:

@@ -37,8 +37,8 @@ from pydantic import Field
 
 from fti.config import StrictModel
 from fti.drivers import Command
+from fti.drivers._no_commands import on_connect, poll  # noqa: F401 - the rest of the contract
 from fti.drivers._quantities import QUANTITIES
-from fti.drivers._talker import on_connect, poll  # noqa: F401 - the rest of the contract
 from fti.drivers.canaerospace.decoder import Decoder
 from fti.drivers.canaerospace.encoder import Encoder, identification_request
 from fti.drivers.canaerospace.parameters import read_parameters

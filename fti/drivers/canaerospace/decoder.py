@@ -6,9 +6,9 @@ import math
 from collections.abc import Mapping
 
 from fti.drivers._bus_decoder import BusDecoder
-from fti.drivers._bus_watch import status
+from fti.drivers._node_supervision import node_status
 from fti.drivers.canaerospace.data_types import DOUBLEH, DOUBLEL, ERROR, UCHAR4, decode_values, join_double
-from fti.drivers.canaerospace.parameters import Parameter, unknown
+from fti.drivers.canaerospace.parameters import Parameter, unknown_parameter
 from fti.types import Ack, DeviceStatus, Measurement, Reading, Stamp
 
 #: Identifiers of section 2.1: emergency events, node services (high and low priority), normal operation data.
@@ -22,7 +22,7 @@ SERVICES = (
 IDS = 0
 HEADER_SIZE = 4
 #: Doubles whose second half has not come yet.
-MOST_HALVES = 64
+MAX_HALVES = 64
 
 
 def kind_of(can_id: int) -> str:
@@ -96,7 +96,7 @@ class Decoder(BusDecoder):
         self._parameters = parameters
         self._halves: dict[tuple[int, int], float] = {}  # DOUBLEH by word and node, until the DOUBLEL comes
 
-    def _take(self, word: int, data: bytes, stamp: Stamp, found: list[Measurement]) -> str:
+    def _decode_frame(self, word: int, data: bytes, stamp: Stamp, found: list[Measurement]) -> str:
         """Add what is in a frame; why the frame is skipped, "" when it is not."""
         parameter = self._parameters.get(word)
         kind = "normal" if parameter else kind_of(word)
@@ -108,7 +108,7 @@ class Decoder(BusDecoder):
             return "other_node"
         try:
             if kind == "normal":
-                found += self._normal(parameter or unknown(word), data, stamp)
+                found += self._normal(parameter or unknown_parameter(word), data, stamp)
             elif kind == "emergency":
                 found.append(decode_emergency(data, stamp))
                 self.counters.messages["emergency_event"] += 1
@@ -125,15 +125,15 @@ class Decoder(BusDecoder):
             values = self._double(parameter.word, node, kind, values[0])
         self.counters.messages[parameter.name] += 1
         found = decode_parameter(parameter, values, stamp) if values else []
-        told = self._watch.hear(stamp.t_rx_ns, node, parameter.name, code=code)
+        told = self._watch.handle_message(stamp.t_rx_ns, node, parameter.name, code=code)
         if told:
-            found.append(status(stamp, told))
+            found.append(node_status(stamp, told))
         return found
 
     def _double(self, word: int, node: int, kind: int, half: float) -> tuple[float, ...]:
         """The number, when this is its second half."""
         if kind == DOUBLEH:
-            if len(self._halves) >= MOST_HALVES:
+            if len(self._halves) >= MAX_HALVES:
                 self._halves.clear()
             self._halves[word, node] = half
             return ()

@@ -54,10 +54,10 @@ class Encoder:
     def encode(self, measurement: Measurement) -> list[bytes]:
         if not getattr(measurement, "valid", True):
             return []
-        carrying = self._carrying(measurement)
+        carrying = self._parameters_for(measurement)
         return [self._frame(p, v) for p in carrying if (v := _value_of(p, measurement)) is not None]
 
-    def _carrying(self, measurement: Measurement) -> Sequence[Parameter]:
+    def _parameters_for(self, measurement: Measurement) -> Sequence[Parameter]:
         """The parameters that may carry something of it."""
         if isinstance(measurement, Reading):
             return self._by_name.get(measurement.name, ())

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from functools import cache
 
 from fti.canframe import EXTENDED
-from fti.drivers._dbc import Layout, Signal, read_layouts
+from fti.drivers._dbc import DbcMessage, DbcSignal, read_layouts
 from fti.drivers._quantities import QUANTITIES, Quantity, to_si
 from fti.types import Measurement, Stamp
 
@@ -47,7 +47,7 @@ def read_parameters(text: str) -> dict[int, Parameter]:
     return {p.word: p for p in parameters}
 
 
-def unknown(can_id: int) -> Parameter:
+def unknown_parameter(can_id: int) -> Parameter:
     """An identifier that the DBC does not have: a reading by its number."""
     return Parameter(can_id, f"nod_{can_id}", "", 1.0, 0.0, float("-inf"), float("inf"))
 
@@ -56,7 +56,7 @@ def _built_in() -> str:
     return importlib.resources.files(__package__).joinpath("parameters.dbc").read_text(encoding="utf-8")
 
 
-def _parameter(layout: Layout) -> Parameter:
+def _parameter(layout: DbcMessage) -> Parameter:
     own = [s for s in layout.signals if s.name not in HEADER]
     if len(own) != 1 or len(layout.signals) != len(HEADER) + 1:
         raise ValueError(
@@ -72,7 +72,7 @@ def _parameter(layout: Layout) -> Parameter:
     return Parameter(*plain, quantity, _scale(layout, signal), quantity.maker())
 
 
-def _scale(layout: Layout, signal: Signal) -> tuple[float, float]:
+def _scale(layout: DbcMessage, signal: DbcSignal) -> tuple[float, float]:
     try:
         return to_si(signal.name, signal.unit)
     except ValueError as error:

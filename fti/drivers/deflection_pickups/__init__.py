@@ -37,14 +37,14 @@ from fti.drivers import Command
 from fti.drivers._arguments import check_complete
 from fti.drivers.deflection_pickups import service as wire
 from fti.drivers.deflection_pickups.decoder import Decoder
-from fti.drivers.deflection_pickups.factory import factory_tables
-from fti.drivers.deflection_pickups.layout import Bus, Sensor, read_bus
-from fti.drivers.deflection_pickups.nodes import HIGHEST_HZ, LOWEST_HZ, Encoder
+from fti.drivers.deflection_pickups.encoder import MAX_RATE_HZ, MIN_RATE_HZ, Encoder
+from fti.drivers.deflection_pickups.factory_calibration import factory_tables
+from fti.drivers.deflection_pickups.layout import Pickup, PickupBus, read_bus
 from fti.drivers.deflection_pickups.service import Service
 from fti.drivers.deflection_pickups.table import (
-    HIGHEST_DEG,
-    HIGHEST_RAW,
-    LOWEST_DEG,
+    MAX_DEG,
+    MAX_RAW,
+    MIN_DEG,
     read_degrees,
     read_raw,
     read_tables,
@@ -62,15 +62,15 @@ MESSAGES = {
 }
 CARRIERS = frozenset({"can"})
 _SURFACE = "control surface or pilot's control, as the DBC names it: elevator, flaps, stick_aileron and so on"
-_RAW = f"raw count of the point, 0 to {HIGHEST_RAW}"
-_DEG = f"deflection [deg], {LOWEST_DEG} to {HIGHEST_DEG}, kept to 0.01"
+_RAW = f"raw count of the point, 0 to {MAX_RAW}"
+_DEG = f"deflection [deg], {MIN_DEG} to {MAX_DEG}, kept to 0.01"
 COMMANDS = {
     "insert_point": Command("adds a point to a table", {"surface": _SURFACE, "raw": _RAW, "deg": _DEG}),
     "modify_point": Command("gives a point another deflection", {"surface": _SURFACE, "raw": _RAW, "deg": _DEG}),
     "delete_point": Command("takes a point out of a table", {"surface": _SURFACE, "raw": _RAW}),
     "read_table": Command("lets the node send its table", {"surface": _SURFACE}),
     "set_rate": Command(
-        "sets how often a sensor is sent", {"surface": _SURFACE, "rate_hz": f"[Hz], {LOWEST_HZ} to {HIGHEST_HZ}"}
+        "sets how often a sensor is sent", {"surface": _SURFACE, "rate_hz": f"[Hz], {MIN_RATE_HZ} to {MAX_RATE_HZ}"}
     ),
 }
 READ_EVERY_S = 60.0
@@ -128,7 +128,7 @@ def command(name: str, args: Mapping[str, str], options: Options | None = None) 
         raise ValueError(f"{name}: {error}") from None
 
 
-def _bus(options: Options) -> Bus:
+def _bus(options: Options) -> PickupBus:
     return read_bus(options.dbc, options.nodes)
 
 
@@ -141,21 +141,21 @@ def _read_all(word: int) -> bytes:
     return wire.pack_service(word, Service(wire.ALL_NODES, wire.READ, wire.ALL_SENSORS))
 
 
-def _sensor(bus: Bus, surface: str) -> Sensor:
+def _sensor(bus: PickupBus, surface: str) -> Pickup:
     if surface not in bus.sensors:
         raise ValueError(f"surface = {surface!r}; on this bus are {', '.join(sorted(bus.sensors))}")
     return bus.sensors[surface]
 
 
-def _point_request(service: int) -> Callable[[Bus, Sensor, Mapping[str, str]], Service]:
-    def request(_: Bus, sensor: Sensor, args: Mapping[str, str]) -> Service:
+def _point_request(service: int) -> Callable[[PickupBus, Pickup, Mapping[str, str]], Service]:
+    def request(_: PickupBus, sensor: Pickup, args: Mapping[str, str]) -> Service:
         point = wire.pack_point(read_raw(args["raw"]), read_degrees(args.get("deg", "0")))
         return Service(sensor.node_id, service, sensor.number, wire.POINT_TYPE, point)
 
     return request
 
 
-def _read_request(_: Bus, sensor: Sensor, args: Mapping[str, str]) -> Service:
+def _read_request(_: PickupBus, sensor: Pickup, args: Mapping[str, str]) -> Service:
     return Service(sensor.node_id, wire.READ, sensor.number)
 
 
@@ -164,12 +164,12 @@ def _rate(text: str) -> float:
         rate = float(text)
     except ValueError:
         rate = math.nan
-    if not LOWEST_HZ <= rate <= HIGHEST_HZ:
-        raise ValueError(f"rate_hz = {text!r}; allowed is {LOWEST_HZ} to {HIGHEST_HZ}")
+    if not MIN_RATE_HZ <= rate <= MAX_RATE_HZ:
+        raise ValueError(f"rate_hz = {text!r}; allowed is {MIN_RATE_HZ} to {MAX_RATE_HZ}")
     return rate
 
 
-def _rate_request(bus: Bus, sensor: Sensor, args: Mapping[str, str]) -> Service:
+def _rate_request(bus: PickupBus, sensor: Pickup, args: Mapping[str, str]) -> Service:
     interval_ms = round(1000.0 / _rate(args["rate_hz"]))
     carrying = (m for m in bus.messages.values() if sensor.surface in m.deflection or sensor.surface in m.raw)
     return wire.interval_request(sensor.node_id, next(carrying).layout.can_id, interval_ms)

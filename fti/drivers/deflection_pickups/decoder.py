@@ -5,27 +5,27 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from fti.drivers._bus_decoder import BusDecoder
-from fti.drivers._bus_watch import status
-from fti.drivers.deflection_pickups.layout import REQUEST, Bus, Message
+from fti.drivers._node_supervision import node_status
+from fti.drivers.deflection_pickups.layout import REQUEST, PickupBus, PickupMessage
 from fti.drivers.deflection_pickups.live_tables import LiveTables
-from fti.drivers.deflection_pickups.table import Table
+from fti.drivers.deflection_pickups.table import CalibrationTable
 from fti.types import Measurement, Stamp, SurfaceDeflection
 
 
 class Decoder(BusDecoder):
     """tables : as the calibration file has them; from then on they change when a node says so."""
 
-    def __init__(self, bus: Bus, tables: Mapping[str, Table], silent_after: float) -> None:
+    def __init__(self, bus: PickupBus, tables: Mapping[str, CalibrationTable], silent_after: float) -> None:
         super().__init__(silent_after)
         self._bus = bus
         self._tables = LiveTables(bus, tables)
         self._raw: dict[str, tuple[int, int | None]] = {}  # last raw count and its message code
 
-    def remember(self, before: Decoder) -> None:
-        """Behind missing frames the tables are those of before, not those of the file: see ``drivers.Remembering``."""
-        self._tables.take_over(before._tables)
+    def copy_state(self, before: Decoder) -> None:
+        """Behind missing frames the tables are those of before, not those of the file: see ``drivers.StatefulDecoder``."""
+        self._tables.copy_tables(before._tables)
 
-    def _take(self, word: int, data: bytes, stamp: Stamp, found: list[Measurement]) -> str:
+    def _decode_frame(self, word: int, data: bytes, stamp: Stamp, found: list[Measurement]) -> str:
         """Add what is in a frame; why the frame is skipped, "" when it is not."""
         message = self._bus.messages.get(word)
         if message is not None:
@@ -36,7 +36,7 @@ class Decoder(BusDecoder):
         if word != self._bus.response:
             return "other_id"
         try:
-            name, said = self._tables.take(data, stamp)
+            name, said = self._tables.handle_response(data, stamp)
         except ValueError:
             return "bad_data"
         if not name:
@@ -45,49 +45,51 @@ class Decoder(BusDecoder):
         found += said
         return ""
 
-    def _deflections(self, message: Message, data: bytes, stamp: Stamp, found: list[Measurement]) -> str:
+    def _deflections(self, message: PickupMessage, data: bytes, stamp: Stamp, found: list[Measurement]) -> str:
         layout = message.layout
         if len(data) < layout.length:
             return "bad_data"
         whole = data[: layout.length]
         little, big = int.from_bytes(whole, "little"), int.from_bytes(whole, "big")
-        if message.own_id is not None and message.own_id.cut(little, big) != message.node_id:
+        if message.own_id is not None and message.own_id.extract(little, big) != message.node_id:
             return "other_node"
-        code = None if message.counter is None else int(message.counter.cut(little, big))
-        made = self._made(message, (little, big), stamp, code)
+        code = None if message.counter is None else int(message.counter.extract(little, big))
+        made = self._decode_deflections(message, (little, big), stamp, code)
         if made is None:
             return "bad_data"
         self.counters.messages[layout.name] += 1
         found += made
         modulus = message.counter.modulus if message.counter else 0
-        told = self._watch.hear(
+        told = self._watch.handle_message(
             stamp.t_rx_ns, message.node, layout.name, code=code, modulus=modulus, cycle_ns=layout.cycle_ns
         )
         if told:
-            found.append(status(stamp, told))
+            found.append(node_status(stamp, told))
         return ""
 
-    def _made(
-        self, message: Message, words: tuple[int, int], stamp: Stamp, code: int | None
+    def _decode_deflections(
+        self, message: PickupMessage, words: tuple[int, int], stamp: Stamp, code: int | None
     ) -> list[Measurement] | None:
         """The deflections in a frame; None when its multiplexer, the data type, says that it has none of them."""
-        present = message.layout.present(*words)
+        present = message.layout.signals_in(*words)
         found: list[Measurement] = []
         is_ours = False
         for surface, signal in message.raw.items():
             if signal in present:
                 is_ours = True
-                count = int(signal.cut(*words))
+                count = int(signal.extract(*words))
                 self._raw[surface] = count, code
                 if self._bus.sensors[surface].raw_only:
                     found.append(self._calibrated(surface, count, stamp))
         for surface, (signal, factor) in message.deflection.items():
             if signal in present:
                 is_ours = True
-                found.append(self._stated(surface, signal.physical(signal.cut(*words)), factor, (stamp, code)))
+                found.append(
+                    self._stated_deflection(surface, signal.physical(signal.extract(*words)), factor, (stamp, code))
+                )
         return found if is_ours else None
 
-    def _stated(
+    def _stated_deflection(
         self, surface: str, physical: tuple[float | None, bool], factor: float, sample: tuple[Stamp, int | None]
     ) -> SurfaceDeflection:
         """By the node; with the raw count of the same sample, which belongs to no other one."""

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from functools import cache
 
 from fti.canframe import EXTENDED
-from fti.drivers._dbc import Layout, Signal, read_dbc, read_layouts
+from fti.drivers._dbc import DbcMessage, DbcSignal, read_dbc, read_layouts
 from fti.drivers._quantities import UNITS
 
 RAW, DEFLECTION = "_raw", "_deflection"
@@ -28,7 +28,7 @@ SENSORS = 4
 
 
 @dataclass(frozen=True, slots=True)
-class Sensor:
+class Pickup:
     """One pickup.  number : on its node; raw_only : its node does not calibrate."""
 
     surface: str
@@ -39,39 +39,39 @@ class Sensor:
 
 
 @dataclass(frozen=True, slots=True)
-class Message:
+class PickupMessage:
     """One message of a node, and the signals of the surfaces in it."""
 
-    layout: Layout
+    layout: DbcMessage
     node: str
     node_id: int
-    raw: Mapping[str, Signal]
-    deflection: Mapping[str, tuple[Signal, float]]  # and the factor to rad
-    own_id: Signal | None
-    counter: Signal | None
+    raw: Mapping[str, DbcSignal]
+    deflection: Mapping[str, tuple[DbcSignal, float]]  # and the factor to rad
+    own_id: DbcSignal | None
+    counter: DbcSignal | None
 
 
 @dataclass(frozen=True, slots=True)
-class Bus:
+class PickupBus:
     """The pickups of one bus, their messages by word; words of the node service (None: there is none)."""
 
-    sensors: Mapping[str, Sensor]
-    messages: Mapping[int, Message]
+    sensors: Mapping[str, Pickup]
+    messages: Mapping[int, PickupMessage]
     request: int | None
     response: int | None
 
-    def at(self, node_id: int, number: int) -> Sensor | None:
+    def at(self, node_id: int, number: int) -> Pickup | None:
         """The sensor with this number on the node with that one."""
         return next((s for s in self.sensors.values() if (s.node_id, s.number) == (node_id, number)), None)
 
 
 @cache
-def read_bus(text: str, nodes: tuple[str, ...]) -> Bus:
+def read_bus(text: str, nodes: tuple[str, ...]) -> PickupBus:
     """The pickups of these nodes (none named: all) in a DBC; the built-in one when it is empty.
 
     Raises ValueError naming what is wrong.
     """
-    dbc = text or built_in()
+    dbc = text or built_in_dbc()
     layouts = read_layouts(dbc)
     senders = sorted({layout.sender for layout in layouts if _surfaces(layout, RAW) | _surfaces(layout, DEFLECTION)})
     for name in nodes:
@@ -83,7 +83,7 @@ def read_bus(text: str, nodes: tuple[str, ...]) -> Bus:
     if not sensors:
         raise ValueError(f"dbc: no signal is named <surface>{RAW} or <surface>{DEFLECTION}")
     messages = (_message(layout, numbers) for layout in here)
-    return Bus(
+    return PickupBus(
         sensors,
         {_word(m.layout): m for m in messages if m.raw or m.deflection},
         _service_word(layouts, REQUEST),
@@ -91,7 +91,7 @@ def read_bus(text: str, nodes: tuple[str, ...]) -> Bus:
     )
 
 
-def built_in() -> str:
+def built_in_dbc() -> str:
     """The DBC with the stated defaults."""
     return importlib.resources.files(__package__).joinpath("pickups.dbc").read_text(encoding="utf-8")
 
@@ -101,11 +101,11 @@ def _numbers(dbc: str) -> dict[str, int]:
     return {n.name: int(n.dbc.attributes["NodeId"].value) if "NodeId" in n.dbc.attributes else i for i, n in nodes}
 
 
-def _surfaces(layout: Layout, ending: str) -> set[str]:
+def _surfaces(layout: DbcMessage, ending: str) -> set[str]:
     return {s.name.removesuffix(ending) for s in layout.signals if s.name.endswith(ending)}
 
 
-def _sensors(node: str, numbers: Mapping[str, int], layouts: list[Layout]) -> list[Sensor]:
+def _sensors(node: str, numbers: Mapping[str, int], layouts: list[DbcMessage]) -> list[Pickup]:
     own = [layout for layout in layouts if layout.sender == node]
     named = [s.name for layout in own for s in layout.signals]
     calibrated = [n.removesuffix(DEFLECTION) for n in named if n.endswith(DEFLECTION)]
@@ -113,12 +113,12 @@ def _sensors(node: str, numbers: Mapping[str, int], layouts: list[Layout]) -> li
     surfaces = raw + [s for s in calibrated if s not in raw]
     if len(surfaces) > SENSORS:
         raise ValueError(f"dbc: node {node!r} has {len(surfaces)} sensors; at most {SENSORS} are allowed")
-    return [Sensor(s, node, numbers.get(node, 0), i, s not in calibrated) for i, s in enumerate(surfaces)]
+    return [Pickup(s, node, numbers.get(node, 0), i, s not in calibrated) for i, s in enumerate(surfaces)]
 
 
-def _message(layout: Layout, numbers: Mapping[str, int]) -> Message:
+def _message(layout: DbcMessage, numbers: Mapping[str, int]) -> PickupMessage:
     signals = {s.name: s for s in layout.signals}
-    return Message(
+    return PickupMessage(
         layout=layout,
         node=layout.sender,
         node_id=numbers.get(layout.sender, 0),
@@ -131,15 +131,15 @@ def _message(layout: Layout, numbers: Mapping[str, int]) -> Message:
     )
 
 
-def _to_rad(signal: Signal) -> float:
+def _to_rad(signal: DbcSignal) -> float:
     if signal.unit not in ("deg", "rad"):
         raise ValueError(f"dbc: signal {signal.name!r}: unit {signal.unit!r}; allowed here: deg, rad")
     return UNITS[signal.unit][0]
 
 
-def _word(layout: Layout) -> int:
+def _word(layout: DbcMessage) -> int:
     return layout.can_id | EXTENDED * layout.extended
 
 
-def _service_word(layouts: tuple[Layout, ...], name: str) -> int | None:
+def _service_word(layouts: tuple[DbcMessage, ...], name: str) -> int | None:
     return next((_word(layout) for layout in layouts if layout.name == name), None)

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from fti.drivers.deflection_pickups.layout import SENSORS, Bus, Sensor
+from fti.drivers.deflection_pickups.layout import SENSORS, Pickup, PickupBus
 from fti.drivers.deflection_pickups.service import (
     DELETE,
     INSERT,
@@ -24,14 +24,14 @@ from fti.drivers.deflection_pickups.service import (
     unpack_point,
     unpack_service,
 )
-from fti.drivers.deflection_pickups.table import Table
+from fti.drivers.deflection_pickups.table import CalibrationTable
 from fti.types import Ack, Calibration, DeviceStatus, Measurement, Stamp
 
-Said = tuple[str, list[Measurement]]
+NamedMeasurements = tuple[str, list[Measurement]]
 
 
 @dataclass(slots=True)
-class _Reading:
+class _TableTransfer:
     """A table that a node is sending."""
 
     count: int
@@ -41,13 +41,13 @@ class _Reading:
 class LiveTables:
     """The tables of one bus."""
 
-    def __init__(self, bus: Bus, tables: Mapping[str, Table]) -> None:
+    def __init__(self, bus: PickupBus, tables: Mapping[str, CalibrationTable]) -> None:
         self._bus = bus
         self._tables = dict(tables)
-        self._readings: dict[str, _Reading] = {}
+        self._readings: dict[str, _TableTransfer] = {}
         self._nodes = {s.node_id: s.node for s in bus.sensors.values()}
 
-    def take_over(self, before: LiveTables) -> None:
+    def copy_tables(self, before: LiveTables) -> None:
         """The tables are those that another decoder had in the end; what was half read is not."""
         self._tables = dict(before._tables)
 
@@ -56,7 +56,7 @@ class LiveTables:
         table = self._tables.get(surface)
         return None if table is None else table.deflection(raw)
 
-    def take(self, data: bytes, stamp: Stamp) -> Said:
+    def handle_response(self, data: bytes, stamp: Stamp) -> NamedMeasurements:
         """A response of a node: the name of the message and what it says; no name when the node is none of these.
 
         Raises ValueError when it has not the form of a response.
@@ -95,24 +95,24 @@ class LiveTables:
         what = f"raw {raw}" if service.number == DELETE else f"raw {raw} = {hundredths / 100:.2f} deg"
         ack = Ack(stamp=stamp, command=command, accepted=True, detail=f"{sensor.surface}: {what}")
         self._readings.pop(sensor.surface, None)  # what is being read is no more what the node has
-        return [ack, *self._edited(sensor, service, (raw, hundredths), f"{command} {what}", stamp)]
+        return [ack, *self._apply_node_edit(sensor, service, (raw, hundredths), f"{command} {what}", stamp)]
 
     def _begin_reading(self, surface: str, count: int, stamp: Stamp) -> list[Measurement]:
         self._readings.pop(surface, None)
         if not count:
             return [self._read_ack(surface, False, "the node has no table", stamp)]
-        self._readings[surface] = _Reading(count)
+        self._readings[surface] = _TableTransfer(count)
         return []
 
-    def _edited(
-        self, sensor: Sensor, service: Service, point: tuple[int, int], change: str, stamp: Stamp
+    def _apply_node_edit(
+        self, sensor: Pickup, service: Service, point: tuple[int, int], change: str, stamp: Stamp
     ) -> list[Measurement]:
         """The node has changed its table: so does ours, if it can; if not it was another one, and is known no more."""
         table = self._tables.get(sensor.surface)
         if table is None:
             return []
         try:
-            changed = _with(table, service.number, point)
+            changed = _apply_edit(table, service.number, point)
         except ValueError:
             del self._tables[sensor.surface]
             return [DeviceStatus(stamp=stamp, ok=False, flags=(f"{sensor.surface}_table_differs",))]
@@ -134,7 +134,7 @@ class LiveTables:
     def _read(self, surface: str, stamp: Stamp) -> list[Measurement]:
         points = self._readings.pop(surface).points
         try:
-            table = Table(tuple(points))
+            table = CalibrationTable(tuple(points))
         except ValueError as error:
             return [self._read_ack(surface, False, str(error), stamp)]
         ack = self._read_ack(surface, True, f"{len(points)} points", stamp)
@@ -143,7 +143,7 @@ class LiveTables:
     def _read_ack(self, surface: str, accepted: bool, detail: str, stamp: Stamp) -> Ack:
         return Ack(stamp=stamp, command="read_table", accepted=accepted, detail=f"{surface}: {detail}")
 
-    def _set(self, surface: str, table: Table, change: str, stamp: Stamp) -> list[Measurement]:
+    def _set(self, surface: str, table: CalibrationTable, change: str, stamp: Stamp) -> list[Measurement]:
         """The table from now on; told when it is another one than before."""
         if self._tables.get(surface) == table:
             return []
@@ -151,15 +151,15 @@ class LiveTables:
         return [Calibration(stamp=stamp, surface=surface, points=table.as_points(), change=change)]
 
 
-def _with(table: Table, number: int, point: tuple[int, int]) -> Table:
+def _apply_edit(table: CalibrationTable, number: int, point: tuple[int, int]) -> CalibrationTable:
     """The table after an edit that a node has acknowledged.  Raises ValueError when it is not the node's.
 
     A node changes only a point that it has, and inserts only one that it has not; the same answer again is no proof.
     """
     if number == DELETE:
         return table.without_point(point[0])
-    if number == MODIFY and not table.has(point[0]):
+    if number == MODIFY and not table.has_point(point[0]):
         raise ValueError(f"no point with raw count {point[0]}")
-    if number == INSERT and table.has(point[0]) and point not in table.points:
+    if number == INSERT and table.has_point(point[0]) and point not in table.points:
         raise ValueError(f"another point with raw count {point[0]}")
     return table.with_point(*point)

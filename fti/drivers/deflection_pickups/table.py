@@ -20,22 +20,22 @@ from itertools import pairwise
 from fti.drivers._units import DEGREE
 from fti.types import CalibrationPoint
 
-HIGHEST_RAW = 65_535
+MAX_RAW = 65_535
 #: Degrees that fit into 16 bits as hundredths.
-LOWEST_DEG, HIGHEST_DEG = -327.68, 327.67
-FEWEST, MOST = 2, 32
+MIN_DEG, MAX_DEG = -327.68, 327.67
+MIN_POINTS, MAX_POINTS = 2, 32
 COLUMNS = ["surface", "raw", "deg"]
 
 
 @dataclass(frozen=True, slots=True)
-class Table:
+class CalibrationTable:
     """points : (raw, hundredths of a degree), ascending in raw.  Raises ValueError when they make no table."""
 
     points: tuple[tuple[int, int], ...]
 
     def __post_init__(self) -> None:
-        if not FEWEST <= len(self.points) <= MOST:
-            raise ValueError(f"{len(self.points)} points; a table has {FEWEST} to {MOST}")
+        if not MIN_POINTS <= len(self.points) <= MAX_POINTS:
+            raise ValueError(f"{len(self.points)} points; a table has {MIN_POINTS} to {MAX_POINTS}")
         steps = [(b[0] - a[0], b[1] - a[1]) for a, b in pairwise(self.points)]
         if any(raw <= 0 for raw, _ in steps):
             raise ValueError("raw counts must be ascending")
@@ -46,19 +46,19 @@ class Table:
         """Deflection [rad]; None outside the table: nobody has measured there."""
         if not self.points[0][0] <= raw <= self.points[-1][0]:
             return None
-        above = min(bisect_right(self.points, (raw, HIGHEST_RAW)), len(self.points) - 1)
+        above = min(bisect_right(self.points, (raw, MAX_RAW)), len(self.points) - 1)
         (raw_0, low), (raw_1, high) = self.points[above - 1], self.points[above]
         return 0.01 * DEGREE * (low + (high - low) * (raw - raw_0) / (raw_1 - raw_0))
 
-    def with_point(self, raw: int, hundredths: int) -> Table:
+    def with_point(self, raw: int, hundredths: int) -> CalibrationTable:
         """The table with this point, in place of the one with the same raw count if there is one."""
-        return Table(tuple(sorted((*(p for p in self.points if p[0] != raw), (raw, hundredths)))))
+        return CalibrationTable(tuple(sorted((*(p for p in self.points if p[0] != raw), (raw, hundredths)))))
 
-    def without_point(self, raw: int) -> Table:
+    def without_point(self, raw: int) -> CalibrationTable:
         """The table without the point with this raw count."""
-        return Table(tuple(p for p in self.points if p[0] != raw))
+        return CalibrationTable(tuple(p for p in self.points if p[0] != raw))
 
-    def has(self, raw: int) -> bool:
+    def has_point(self, raw: int) -> bool:
         """Is there a point with this raw count?"""
         return any(p[0] == raw for p in self.points)
 
@@ -67,7 +67,7 @@ class Table:
         return tuple(CalibrationPoint(raw=raw, deflection=0.01 * DEGREE * deg) for raw, deg in self.points)
 
 
-def read_tables(text: str, surfaces: Iterable[str]) -> dict[str, Table]:
+def read_tables(text: str, surfaces: Iterable[str]) -> dict[str, CalibrationTable]:
     """Tables by surface.  surfaces : those that there are.  Raises ValueError naming the line and what is allowed."""
     known = set(surfaces)
     lines = text.removeprefix("\ufeff").splitlines()  # spreadsheets begin UTF-8 with a mark
@@ -101,17 +101,17 @@ def _point(number: int, cells: list[str], known: set[str]) -> tuple[str, int, in
         raise ValueError(f"{where}: {error}") from None
 
 
-def _table(surface: str, points: list[tuple[int, int]]) -> Table:
+def _table(surface: str, points: list[tuple[int, int]]) -> CalibrationTable:
     try:
-        return Table(tuple(points))
+        return CalibrationTable(tuple(points))
     except ValueError as error:
         raise ValueError(f"calibration: {surface}: {error}") from None
 
 
 def read_raw(text: str) -> int:
     """A raw count.  Raises ValueError saying what is allowed."""
-    if not text.isdecimal() or int(text) > HIGHEST_RAW:
-        raise ValueError(f"raw = {text!r}; allowed is 0 to {HIGHEST_RAW}")
+    if not text.isdecimal() or int(text) > MAX_RAW:
+        raise ValueError(f"raw = {text!r}; allowed is 0 to {MAX_RAW}")
     return int(text)
 
 
@@ -121,6 +121,6 @@ def read_degrees(text: str) -> int:
         degrees = float(text)
     except ValueError:
         degrees = float("nan")
-    if not LOWEST_DEG <= degrees <= HIGHEST_DEG:
-        raise ValueError(f"deg = {text!r}; allowed is {LOWEST_DEG} to {HIGHEST_DEG}")
+    if not MIN_DEG <= degrees <= MAX_DEG:
+        raise ValueError(f"deg = {text!r}; allowed is {MIN_DEG} to {MAX_DEG}")
     return round(100.0 * degrees)

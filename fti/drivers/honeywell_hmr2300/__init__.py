@@ -17,7 +17,7 @@ in ``framing``.  Outside +-30000 counts a sample is not valid; the three after a
 the line needs 19200 Bd, and the device leaves out commands that come closer than 20 ms to each other.
 
 The field that is decoded is in the axes of the sensor's case; ``rpy_bs_deg`` of the device says how the case is
-mounted, and ``fti.nav.mounted`` turns the field by it.  The emulated device begins with what the options say and keeps
+mounted, and ``fti.nav.sensor_mounting`` turns the field by it.  The emulated device begins with what the options say and keeps
 every rule of the commands; it samples at the rate of its model whatever ``rate`` it is told.
 """
 
@@ -28,7 +28,7 @@ import re
 from fti.drivers import Counters
 from fti.drivers._framing import Framer
 from fti.drivers.honeywell_hmr2300.commands import COMMANDS, Options, command, on_connect, poll
-from fti.drivers.honeywell_hmr2300.device import Encoder
+from fti.drivers.honeywell_hmr2300.encoder import Encoder
 from fti.drivers.honeywell_hmr2300.framing import FULL_SCALE, LIMIT, SAMPLE, TEXT, Boundaries, counts_at
 from fti.types import Ack, MagneticField, Measurement, Reading, Stamp
 
@@ -42,12 +42,12 @@ CARRIERS = frozenset({"serial", "udp"})
 
 TESLA_PER_COUNT = 1e-4 / 15_000
 #: Samples after a set or reset pulse that are not valid.
-UNSETTLED = 3
+UNSETTLED_SAMPLES = 3
 #: Samples after which an answer no longer belongs to the write enable before it.
-APART = 2
+MAX_ANSWER_SAMPLES = 2
 REFUSALS = {"WE OFF": "the write enable was off", "Re-enter": "not understood, or not allowed"}
 #: Beginning of an answer: the command that it answers.
-ANSWERED = (
+ANSWER_PREFIXES = (
     ("ASCII, ", "query"),
     ("BINARY, ", "query"),
     ("ASCII", "format"),
@@ -122,8 +122,8 @@ class Decoder:
         if text in REFUSALS:
             return [Ack(stamp=stamp, command="", accepted=False, detail=f"{text}: {REFUSALS[text]}")]
         if text in ("SET", "RST"):
-            self._unsettled = UNSETTLED
-        name = next(name for beginning, name in ANSWERED if text.startswith(beginning))
+            self._unsettled = UNSETTLED_SAMPLES
+        name = next(name for beginning, name in ANSWER_PREFIXES if text.startswith(beginning))
         return [Ack(stamp=stamp, command=name, accepted=True, detail=text)]
 
     def _ok(self, stamp: Stamp) -> list[Measurement]:
@@ -131,7 +131,7 @@ class Decoder:
         if self._enabled_for:
             self._enabled_for = 0
             return [Ack(stamp=stamp, command="", accepted=True)]
-        self._enabled_for = APART
+        self._enabled_for = MAX_ANSWER_SAMPLES
         return [] if self._with_enable else [Ack(stamp=stamp, command="write_enable", accepted=True)]
 
 

@@ -24,7 +24,7 @@ from fti.drivers import Command
 from fti.drivers._arguments import check_names
 
 RATES = (10, 20, 25, 30, 40, 50, 60, 100, 123, 154)
-EVERYBODY = 99
+BROADCAST_ID = 99
 ESCAPE = b"\x1b"
 SWITCH = {"on": "N", "off": "F"}
 
@@ -65,7 +65,7 @@ PLAIN = {
     "restore": "RST",
     "store": "SP",
 }
-READING = frozenset({"write_enable", "continuous", "sample", "query", "serial_number", "software_version",
+QUERIES = frozenset({"write_enable", "continuous", "sample", "query", "serial_number", "software_version",
                      "hardware_version", "set_reset_pulse"})  # fmt: skip
 #: Argument's values and the letters they stand for.
 CHOICES: dict[str, tuple[str, dict[str, str]]] = {
@@ -76,7 +76,7 @@ CHOICES: dict[str, tuple[str, dict[str, str]]] = {
     "zero": ("state", {"on": "ZN", "off": "ZF"}),
     "average": ("state", {"on": "VN", "off": "VF"}),
     "re_enter": ("state", {"on": "Y", "off": "N"}),
-    "set_id": ("id", {str(number): f"ID={number:02d}" for number in range(EVERYBODY)}),
+    "set_id": ("id", {str(number): f"ID={number:02d}" for number in range(BROADCAST_ID)}),
     "baud": ("baud", {"9600": "!BR=S", "19200": "!BR=F"}),
 }
 
@@ -87,7 +87,7 @@ class Options(StrictModel):
     ``enable``: a write enable goes "together" with each command, or "apart" (two wires).
     """
 
-    id: Annotated[int, Field(ge=0, le=EVERYBODY)] = 0
+    id: Annotated[int, Field(ge=0, le=BROADCAST_ID)] = 0
     mode: Literal["polled", "continuous"] = "polled"
     format: Literal["binary", "ascii"] = "binary"
     rate: Literal[10, 20, 25, 30, 40, 50, 60, 100, 123, 154] = 20
@@ -122,9 +122,9 @@ def command(name: str, args: Mapping[str, str], options: Options | None = None) 
     if name == "stop":
         return ESCAPE
     if name == "identify":
-        return line(EVERYBODY, "ID=")
-    device = EVERYBODY if name == "baud" else options.id
-    enabled = name in READING or options.enable == "apart"
+        return line(BROADCAST_ID, "ID=")
+    device = BROADCAST_ID if name == "baud" else options.id
+    enabled = name in QUERIES or options.enable == "apart"
     return (b"" if enabled else line(device, "WE")) + line(device, letters)
 
 

@@ -5,7 +5,7 @@ Text      An answer or an ASCII sample is known whole, by its form.  An answer w
 Boundary  Behind a binary sample, and behind "BINARY ON", the next sample is expected: seven bytes, the last one 0D.
           One byte too many or too few puts another byte there, and when that is no 0D the boundary is lost.
 Doubt     A sample cut at a wrong place has the true end inside.  So one with a 0D inside waits for the 13 bytes behind
-          it, and one more than ``JUMP`` counts away from the last for 21, for the true end may be behind it.  Where no
+          it, and one more than ``MAX_JUMP_COUNTS`` counts away from the last for 21, for the true end may be behind it.  Where no
           sample or text follows, or where the bytes behind another 0D are samples, too, and change much less from one
           to the next, the boundary is lost.  At the true phase a still field changes by its noise (some counts);
           shifted by one, low bytes become high bytes, and the change is 256 times as large.
@@ -18,7 +18,7 @@ a high byte stays 0D (an axis between 0.222 and 0.239 G: one in 25 fields of the
 wrongly only when the field and its noise stand still to the count for all samples looked at; then nothing is said, or
 the boundary taken before is kept, which right after a connect may be a wrong one (so the device is told to stop, and
 "BINARY ON" comes before its first sample).  A byte too many gives out one wrong sample when Z lo is 0D and the wrong
-one jumps by less than ``JUMP``, and two when X hi is 0D, whose column then goes on as the true one.  A flipped bit in a
+one jumps by less than ``MAX_JUMP_COUNTS``, and two when X hi is 0D, whose column then goes on as the true one.  A flipped bit in a
 sample cannot be seen at all.
 """
 
@@ -35,13 +35,13 @@ from fti.drivers._framing import Skip
 CR = 0x0D
 SAMPLE = 7
 FULL_SCALE = 30_000
-JUMP, STILL = 1500, 128  # counts, all axes together: 0.1 G, 8.5 mG
+MAX_JUMP_COUNTS, MAX_STILL_COUNTS = 1500, 128  # counts, all axes together: 0.1 G, 8.5 mG
 ENDS = 4
 LIMIT = 256
 #: So many bytes decide a lock: four ends at any of the seven phases.
 LOCK_WINDOW = ENDS * SAMPLE
 INSIDE_WINDOW, JUMP_WINDOW = 3 * SAMPLE - 1, 4 * SAMPLE - 1
-LONGEST_TEXT = 80
+MAX_TEXT_LENGTH = 80
 
 _VALUE = rb"[ +-](?:\d\d,\d{3}| \d,\d{3}|   \d{3}|    \d\d|     \d)  "
 TEXT = re.compile(
@@ -75,7 +75,7 @@ def roughness(buffer: bytearray, start: int, count: int) -> float:
 
 def is_smoother(one: float, other: float) -> bool:
     """By more than a still field changes: shifted, one count is 256."""
-    return 4 * one + STILL < other
+    return 4 * one + MAX_STILL_COUNTS < other
 
 
 def is_in_range(buffer: bytearray, start: int, count: int) -> bool:
@@ -114,14 +114,14 @@ class Boundaries:
             return 0
         if buffer[SAMPLE - 1] != CR:
             return None
-        window = self._doubt(buffer)
+        window = self._bytes_to_confirm(buffer)
         if len(buffer) < window:
             return 0
         return None if window and _is_elsewhere(buffer, window) else self._take_sample(buffer)
 
-    def _doubt(self, buffer: bytearray) -> int:
+    def _bytes_to_confirm(self, buffer: bytearray) -> int:
         """How many bytes are needed to believe the sample that stands here; 0 when it is believed as it is."""
-        if self._last is not None and change(self._last, counts_at(buffer, 0)) > JUMP:
+        if self._last is not None and change(self._last, counts_at(buffer, 0)) > MAX_JUMP_COUNTS:
             return JUMP_WINDOW
         return INSIDE_WINDOW if CR in buffer[: SAMPLE - 1] else 0
 
@@ -131,7 +131,7 @@ class Boundaries:
         if text and (lock is None or text.end() <= lock.start() + LOCK_WINDOW):
             return self._skip(text.start()) or self._take_text(text)
         if lock is None:
-            return self._skip(max(0, len(buffer) - LONGEST_TEXT)) or 0
+            return self._skip(max(0, len(buffer) - MAX_TEXT_LENGTH)) or 0
         if lock.start():
             return self._skip(lock.start()) or 0
         return self._lock(buffer) if len(buffer) >= LOCK_WINDOW else 0

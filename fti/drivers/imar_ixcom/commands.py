@@ -25,9 +25,9 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 from fti.drivers import Command
+from fti.drivers.imar_ixcom.environment_messages import encode_extheight
 from fti.drivers.imar_ixcom.options import CHANNELS, NUMBERS, REQUESTABLE, Options, check_name
-from fti.drivers.imar_ixcom.surroundings import encode_extheight
-from fti.drivers.imar_ixcom.wire import Frame, encode_frame
+from fti.drivers.imar_ixcom.wire import IxcomFrame, encode_frame
 from fti.types import Ack
 
 LOG, CONF, EKF, XCOM, EXTAID = 0, 3, 4, 5, 7
@@ -149,7 +149,7 @@ def _status_words(arguments: Arguments) -> Payload:
 # ------------------------------------------------------------------------------------------------------ the table
 
 
-class Order(NamedTuple):
+class CommandSpec(NamedTuple):
     """A command and how its frame is made."""
 
     command: Command
@@ -160,8 +160,8 @@ MESSAGE = {"message": "name of the message, like INSSOL"}
 CHANNEL = {"channel": "logical channel, 0 to 31; default 0"}
 HEIGHT = {"height": "above the WGS84 ellipsoid [m], -1000 to 100000", "sd": "one sigma of it [m], 0.001 to 10000"}
 
-ORDERS = {
-    "external_height": Order(
+COMMAND_SPECS = {
+    "external_height": CommandSpec(
         Command(
             "aid the navigation with a height, as the message EXTHEIGHT",
             HEIGHT | {"time": "when it was true, GPS second of the week [s], 0 to 604800; default 0: not said"},
@@ -169,37 +169,37 @@ ORDERS = {
         ),
         _external_height,
     ),
-    "aid_height": Order(
+    "aid_height": CommandSpec(
         Command(
             "aid the navigation with a height, as the command EXTAID",
             HEIGHT | {"time": "when it was true, GPS second of the week [s], 0 to 604800; default: now"},
         ),
         _aid_height,
     ),
-    "open_channel": Order(
+    "open_channel": CommandSpec(
         Command("open a logical channel, without which nothing is sent", CHANNEL),
         lambda a: xcom(OPEN, a.whole("channel", 0, CHANNELS - 1, 0)),
     ),
-    "close_channel": Order(
+    "close_channel": CommandSpec(
         Command("close a logical channel", CHANNEL), lambda a: xcom(CLOSE, a.whole("channel", 0, CHANNELS - 1, 0))
     ),
-    "request_message": Order(
+    "request_message": CommandSpec(
         Command(
             "ask for a message from now on",
             MESSAGE | {"divider": "of the rate of navigation, 1 to 65535; 0: when there is something new; default 1"},
         ),
         _request,
     ),
-    "poll_message": Order(
+    "poll_message": CommandSpec(
         Command("ask for a message once", MESSAGE), lambda a: log(a.message(), POLLED, ADD, EVENT_DIVIDER)
     ),
-    "stop_message": Order(
+    "stop_message": CommandSpec(
         Command("ask for a message no longer", MESSAGE), lambda a: log(a.message(), SYNCHRONOUS, CLEAR, 1)
     ),
-    "stop_all_messages": Order(
+    "stop_all_messages": CommandSpec(
         Command("ask for no message any longer"), lambda a: log(NUMBERS["INSSOL"], SYNCHRONOUS, CLEAR_ALL, 1)
     ),
-    "status_words": Order(
+    "status_words": CommandSpec(
         Command(
             "choose what SYSSTAT carries",
             {
@@ -209,32 +209,34 @@ ORDERS = {
         ),
         _status_words,
     ),
-    "align": Order(Command("begin a new alignment; not in flight"), lambda a: ekf(0)),
-    "complete_alignment": Order(Command("end the stationary alignment: motion is allowed then"), lambda a: ekf(5)),
-    "save_position": Order(Command("store the position for the next start"), lambda a: ekf(1)),
-    "save_heading": Order(Command("store the heading for the next start"), lambda a: ekf(2)),
-    "save_configuration": Order(
+    "align": CommandSpec(Command("begin a new alignment; not in flight"), lambda a: ekf(0)),
+    "complete_alignment": CommandSpec(
+        Command("end the stationary alignment: motion is allowed then"), lambda a: ekf(5)
+    ),
+    "save_position": CommandSpec(Command("store the position for the next start"), lambda a: ekf(1)),
+    "save_heading": CommandSpec(Command("store the heading for the next start"), lambda a: ekf(2)),
+    "save_configuration": CommandSpec(
         Command("store the configuration for the next start"),
         lambda a: (NUMBERS["COMMAND"], struct.pack("<HHI", CONF, 0, 0)),
     ),
-    "reboot": Order(Command("restart the system; not in flight"), lambda a: xcom(REBOOT, 0)),
+    "reboot": CommandSpec(Command("restart the system; not in flight"), lambda a: xcom(REBOOT, 0)),
 }
-COMMANDS: Mapping[str, Command] = {name: order.command for name, order in ORDERS.items()}
-NAMES_OF_COUNTERS = {FIRST_COUNTER + i: name for i, name in enumerate(ORDERS)}
+COMMANDS: Mapping[str, Command] = {name: spec.command for name, spec in COMMAND_SPECS.items()}
+NAMES_OF_COUNTERS = {FIRST_COUNTER + i: name for i, name in enumerate(COMMAND_SPECS)}
 COUNTERS = {name: counter for counter, name in NAMES_OF_COUNTERS.items()}
 
 
-def order_frame(name: str, payload: Payload) -> bytes:
+def command_frame(name: str, payload: Payload) -> bytes:
     """The frame of a command."""
     return encode_frame(payload[0], COUNTERS[name], 0, 0, payload[1])
 
 
 def command(name: str, args: Mapping[str, str], options: Options | None = None) -> bytes:
     """The bytes of a command.  Raises ValueError naming what is allowed."""
-    if name not in ORDERS:
-        raise ValueError(f"there is no command {name!r}; there are {', '.join(ORDERS)}")
-    order = ORDERS[name]
-    return order_frame(name, order.make(Arguments(name, args, order.command.arguments)))
+    if name not in COMMAND_SPECS:
+        raise ValueError(f"there is no command {name!r}; there are {', '.join(COMMAND_SPECS)}")
+    spec = COMMAND_SPECS[name]
+    return command_frame(name, spec.make(Arguments(name, args, spec.command.arguments)))
 
 
 def on_connect(options: Options) -> Sequence[bytes]:
@@ -243,10 +245,10 @@ def on_connect(options: Options) -> Sequence[bytes]:
         return []
     asked = [("request_message", request(name, divider)) for name, divider in options.logs.items()]
     begun = [("open_channel", xcom(OPEN, options.channel)), ("stop_all_messages", log(3, SYNCHRONOUS, CLEAR_ALL, 1))]
-    return [order_frame(name, payload) for name, payload in begun + asked]
+    return [command_frame(name, payload) for name, payload in begun + asked]
 
 
-def decode_response(frame: Frame) -> Ack | None:
+def decode_response(frame: IxcomFrame) -> Ack | None:
     """The answer to a command; None when the frame is too short for one."""
     if len(frame.payload) < RESPONSE.size:
         return None

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from fti.drivers import Counters
-from fti.drivers._belief import Belief
 from fti.drivers._framing import Framer
-from fti.drivers.imar_ixcom.belief import RANKS
+from fti.drivers._source_priority import SourcePriority
 from fti.drivers.imar_ixcom.commands import decode_response
-from fti.drivers.imar_ixcom.heard import Heard
-from fti.drivers.imar_ixcom.messages import BY_NUMBER, Message
+from fti.drivers.imar_ixcom.decoder_state import DecoderState
+from fti.drivers.imar_ixcom.messages import BY_NUMBER, IxcomMessage
 from fti.drivers.imar_ixcom.options import NUMBERS, RESERVED, Options
-from fti.drivers.imar_ixcom.sysstat import SHORTEST
-from fti.drivers.imar_ixcom.wire import FRAME_MAX, Frame, measure, read_frame
+from fti.drivers.imar_ixcom.source_priority import RANKS
+from fti.drivers.imar_ixcom.system_status import MIN_PAYLOAD_BYTES
+from fti.drivers.imar_ixcom.wire import FRAME_MAX, IxcomFrame, measure, read_frame
 from fti.types import Measurement
 
 
@@ -22,8 +22,8 @@ class Decoder:
         self.counters = Counters()
         self._only = frozenset(options.only)
         self._framer = Framer(measure, self.counters, limit=FRAME_MAX)
-        self._heard = Heard(options)
-        self._belief = Belief()
+        self._decoder_state = DecoderState(options)
+        self._source_priority = SourcePriority()
         self._counted: dict[str, int] = {}
 
     def feed(self, data: bytes, t_rx_ns: int) -> list[Measurement]:
@@ -33,7 +33,7 @@ class Decoder:
             found += self._take(read_frame(whole, stamp_ns))
         return found
 
-    def _take(self, frame: Frame) -> list[Measurement]:
+    def _take(self, frame: IxcomFrame) -> list[Measurement]:
         name, message = BY_NUMBER[frame.number]
         taken = not self._only or name in self._only
         found = self._decode(message, frame) if message and taken else []
@@ -46,7 +46,7 @@ class Decoder:
         self._count(name, frame.counter)
         return found
 
-    def _answers(self, frame: Frame) -> list[Measurement]:
+    def _answers(self, frame: IxcomFrame) -> list[Measurement]:
         ack = decode_response(frame) if frame.number == NUMBERS["RESPONSE"] else None
         return [ack] if ack else []
 
@@ -57,13 +57,13 @@ class Decoder:
         if 0 < missed < 0x80:
             self.counters.lost[name] += missed
 
-    def _decode(self, message: Message, frame: Frame) -> list[Measurement] | None:
+    def _decode(self, message: IxcomMessage, frame: IxcomFrame) -> list[Measurement] | None:
         size = len(frame.payload)
-        if size != message.size and (message.size is not None or size < SHORTEST):
+        if size != message.size and (message.size is not None or size < MIN_PAYLOAD_BYTES):
             return None
-        found = message.decode(frame, self._heard)
+        found = message.decode(frame, self._decoder_state)
         if found is None:
             return None
-        told = self._heard.status(frame, message.tells_status)
+        told = self._decoder_state.status(frame, message.emits_status)
         ranks = RANKS.get(message.name)
-        return [*told, *(self._belief.sift(message.name, ranks, found) if ranks else found)]
+        return [*told, *(self._source_priority.select(message.name, ranks, found) if ranks else found)]

@@ -19,23 +19,23 @@ import struct
 from collections.abc import Iterable
 from typing import NamedTuple
 
-from fti.drivers.imar_ixcom.readings import Item, xyz
+from fti.drivers.imar_ixcom.generic_values import GenericValue, xyz
 
 EKFSTDDEV = struct.Struct("<22f")
 ITEMS = (
-    *(Item(f"position_sd_{axis}", "m") for axis in ("east", "north", "up")),
-    *(Item(f"velocity_sd_{axis}", "m/s") for axis in ("north", "east", "down")),
-    *(Item(f"tilt_sd_{axis}", "rad") for axis in ("north", "east", "down")),
+    *(GenericValue(f"position_sd_{axis}", "m") for axis in ("east", "north", "up")),
+    *(GenericValue(f"velocity_sd_{axis}", "m/s") for axis in ("north", "east", "down")),
+    *(GenericValue(f"tilt_sd_{axis}", "rad") for axis in ("north", "east", "down")),
     *xyz("accel_bias_sd", "m/s^2"),
     *xyz("gyro_bias_sd", "rad/s"),
     *xyz("accel_scale_sd"),
     *xyz("gyro_scale_sd"),
-    Item("odometer_scale_sd"),
+    GenericValue("odometer_scale_sd"),
 )
 STEEPEST_COS = 1e-3  # of the pitch: nearer to the vertical, roll means nothing
 
 
-class Deviations(NamedTuple):
+class StandardDeviations(NamedTuple):
     """One sigma of the solution [m, m/s, rad]; None where it is not known."""
 
     horizontal: float | None = None
@@ -59,12 +59,12 @@ class Deviations(NamedTuple):
         return math.hypot(math.sin(heading) * self.tilt_north, math.cos(heading) * self.tilt_east)
 
 
-UNKNOWN = Deviations()
+UNKNOWN = StandardDeviations()
 
 
-def decode_deviations(values: tuple[float, ...]) -> Deviations:
+def decode_deviations(values: tuple[float, ...]) -> StandardDeviations:
     """What the solution needs of the 22 values of the message."""
-    return Deviations(
+    return StandardDeviations(
         horizontal=largest(values[0:2]),
         vertical=largest(values[2:3]),
         velocity=largest(values[3:6]),

@@ -10,14 +10,14 @@ from typing import Any
 from fti.drivers import Counters
 from fti.drivers._framing import Framer
 from fti.drivers._times import device_time_ns
-from fti.drivers.imar_ixcom import commands, inertial, satellites, solution, surroundings, sysstat
+from fti.drivers.imar_ixcom import commands, environment_messages, inertial, satellites, solution, system_status
 from fti.drivers.imar_ixcom.commands import RESPONSE, RESPONSES
 from fti.drivers.imar_ixcom.deviations import EKFSTDDEV, ITEMS
-from fti.drivers.imar_ixcom.latest import Latest
+from fti.drivers.imar_ixcom.encoder_state import EncoderState
+from fti.drivers.imar_ixcom.generic_values import encode_generic_values
 from fti.drivers.imar_ixcom.options import CHANNELS, NAMES, NUMBERS, Options
-from fti.drivers.imar_ixcom.readings import encode_items
 from fti.drivers.imar_ixcom.status import ALIGNMENT, QUALITY, encode_status
-from fti.drivers.imar_ixcom.wire import FRAME_MAX, Frame, encode_frame, measure, read_frame
+from fti.drivers.imar_ixcom.wire import FRAME_MAX, IxcomFrame, encode_frame, measure, read_frame
 from fti.types import (
     Airspeed,
     Attitude,
@@ -33,32 +33,32 @@ from fti.types import (
     Velocity,
 )
 
-Make = Callable[[Any, Latest], bytes]
+Make = Callable[[Any, EncoderState], bytes]
 
 
-def _inssol(position: Position, latest: Latest) -> bytes:
+def _inssol(position: Position, encoder_state: EncoderState) -> bytes:
     now = position.stamp
     return solution.encode_inssol(
-        latest.of(ImuSample, now), latest.of(Attitude, now), latest.of(Velocity, now), position
+        encoder_state.of(ImuSample, now), encoder_state.of(Attitude, now), encoder_state.of(Velocity, now), position
     )
 
 
-def _ekfstddev(reading: Reading, latest: Latest) -> bytes:
-    return EKFSTDDEV.pack(*encode_items(ITEMS, latest.readings))
+def _ekfstddev(reading: Reading, encoder_state: EncoderState) -> bytes:
+    return EKFSTDDEV.pack(*encode_generic_values(ITEMS, encoder_state.readings))
 
 
-def _imucomp(reading: Reading, latest: Latest) -> bytes:
-    return inertial.IMU.pack(*encode_items(inertial.GRAVITY_FREE, latest.readings))
+def _imucomp(reading: Reading, encoder_state: EncoderState) -> bytes:
+    return inertial.IMU.pack(*encode_generic_values(inertial.GRAVITY_FREE, encoder_state.readings))
 
 
-def _wheeldata(reading: Reading, latest: Latest) -> bytes:
-    speed, pulses = encode_items(surroundings.WHEEL, latest.readings)
-    return surroundings.WHEELDATA.pack(speed, round(pulses))
+def _wheeldata(reading: Reading, encoder_state: EncoderState) -> bytes:
+    speed, pulses = encode_generic_values(environment_messages.WHEEL, encoder_state.readings)
+    return environment_messages.WHEELDATA.pack(speed, round(pulses))
 
 
-def _extheight(reading: Reading, latest: Latest) -> bytes:
-    time, sd, height = encode_items(surroundings.HEIGHT, latest.readings)
-    return surroundings.encode_extheight(height, sd, time)
+def _extheight(reading: Reading, encoder_state: EncoderState) -> bytes:
+    time, sd, height = encode_generic_values(environment_messages.HEIGHT, encoder_state.readings)
+    return environment_messages.encode_extheight(height, sd, time)
 
 
 #: What makes a message complete: a measurement, or the last of its Readings; and its payload.
@@ -71,15 +71,15 @@ BY_MEASUREMENT: dict[type, tuple[tuple[str, Make], ...]] = {
         ("INSGNDSPEED", lambda m, _: solution.encode_gndspeed(m)),
     ),
     Position: (("INSSOL", _inssol), ("INSPOSLLH", lambda m, _: solution.encode_llh(m))),
-    Airspeed: (("AIRDATA", surroundings.encode_airdata),),
-    MagneticField: (("MAGDATA", surroundings.encode_magdata),),
-    DeviceStatus: (("SYSSTAT", lambda _, latest: sysstat.encode_sysstat(latest)),),
+    Airspeed: (("AIRDATA", environment_messages.encode_airdata),),
+    MagneticField: (("MAGDATA", environment_messages.encode_magdata),),
+    DeviceStatus: (("SYSSTAT", lambda _, encoder_state: system_status.encode_sysstat(encoder_state)),),
 }
 BY_READING: dict[str, tuple[str, Make]] = {
     ITEMS[-1].name: ("EKFSTDDEV", _ekfstddev),
     inertial.GRAVITY_FREE[-1].name: ("IMUCOMP", _imucomp),
-    surroundings.WHEEL[-1].name: ("WHEELDATA", _wheeldata),
-    surroundings.HEIGHT[-1].name: ("EXTHEIGHT", _extheight),
+    environment_messages.WHEEL[-1].name: ("WHEELDATA", _wheeldata),
+    environment_messages.HEIGHT[-1].name: ("EXTHEIGHT", _extheight),
 }
 #: Can be asked of the emulated device even when the configuration does not name them.
 ALWAYS = frozenset({
@@ -96,7 +96,7 @@ class Encoder:
 
     def __init__(self, options: Options) -> None:
         self._options = options
-        self._latest = Latest(options.magnetometer_unit)
+        self._encoder_state = EncoderState(options.magnetometer_unit)
         self._counters = Counter[str]()
         self._epoch = 0
         self._now: Stamp | None = None
@@ -110,9 +110,9 @@ class Encoder:
         stamp = measurement.stamp
         if stamp is not self._now and stamp != self._now:
             self._now, self._epoch = stamp, self._epoch + 1
-        self._latest.keep(measurement)
+        self._encoder_state.update(measurement)
         return [
-            self._frame(name, measurement, make(measurement, self._latest))
+            self._frame(name, measurement, make(measurement, self._encoder_state))
             for name, make in self._completed(measurement)
             if self._is_due(name)
         ]
@@ -121,7 +121,7 @@ class Encoder:
         kind = type(m)
         if type(m) is Reading:
             return (BY_READING[m.name],) if m.name in BY_READING else ()
-        if (kind is Position or kind is Velocity) and self._latest.of(Satellites, m.stamp):
+        if (kind is Position or kind is Velocity) and self._encoder_state.of(Satellites, m.stamp):
             return (("GNSSSOL", satellites.encode_gnsssol),) if kind is Position else ()
         return BY_MEASUREMENT.get(kind, ())
 
@@ -141,9 +141,9 @@ class Encoder:
 
     def _flags(self, cause: Measurement) -> tuple[str, ...]:
         """The footer says what is not valid."""
-        flags = self._latest.flags
-        of_receiver = self._latest.of(Satellites, cause.stamp) is not None
-        attitude = cause if isinstance(cause, Attitude) else self._latest.of(Attitude, cause.stamp)
+        flags = self._encoder_state.flags
+        of_receiver = self._encoder_state.of(Satellites, cause.stamp) is not None
+        attitude = cause if isinstance(cause, Attitude) else self._encoder_state.of(Attitude, cause.stamp)
         if attitude and not attitude.valid:
             flags = (*(f for f in flags if f not in ALIGNMENT), "aligning")
         if isinstance(cause, Position) and not cause.valid and not of_receiver:
@@ -159,35 +159,35 @@ class Encoder:
         frames = [read_frame(whole, 0) for _, whole in self._framer.feed(data, 0)]
         return [self._answer(f) for f in frames if f.number in (NUMBERS["COMMAND"], NUMBERS["PARAMETER"])]
 
-    def _answer(self, frame: Frame) -> bytes:
-        number = self._obey(frame.payload) if frame.number == NUMBERS["COMMAND"] else 0
+    def _answer(self, frame: IxcomFrame) -> bytes:
+        number = self._execute(frame.payload) if frame.number == NUMBERS["COMMAND"] else 0
         text = RESPONSES[number].encode()
         payload = RESPONSE.pack(number, len(text)) + text
-        flags = self._latest.flags if self._now else (*self._latest.flags, "time_invalid")
+        flags = self._encoder_state.flags if self._now else (*self._encoder_state.flags, "time_invalid")
         t_gps_ns = device_time_ns(self._now, TimeScale.GPS) if self._now else 0
         return encode_frame(NUMBERS["RESPONSE"], frame.counter, t_gps_ns, encode_status(flags), payload)
 
-    def _obey(self, payload: bytes) -> int:
+    def _execute(self, payload: bytes) -> int:
         """The number of the response to a command."""
         try:
             number, _ = struct.unpack_from("<HH", payload)
             if number == commands.LOG:
-                return self._obey_log(*struct.unpack_from("<BBHH", payload, 4))
+                return self._execute_log(*struct.unpack_from("<BBHH", payload, 4))
             if number == commands.XCOM:
-                return self._obey_xcom(*struct.unpack_from("<HH", payload, 4))
+                return self._execute_xcom(*struct.unpack_from("<HH", payload, 4))
         except struct.error:
             return RESPONSES.index("invalid parameter")
         known = (commands.CONF, commands.EKF, commands.EXTAID)
         return 0 if number in known else RESPONSES.index("invalid command")
 
-    def _obey_xcom(self, mode: int, channel: int) -> int:
+    def _execute_xcom(self, mode: int, channel: int) -> int:
         if channel >= CHANNELS:
             return RESPONSES.index("invalid channel")
         if mode in (commands.OPEN, commands.CLOSE):
             self._open = mode == commands.OPEN
         return 0
 
-    def _obey_log(self, message: int, trigger: int, action: int, divider: int) -> int:
+    def _execute_log(self, message: int, trigger: int, action: int, divider: int) -> int:
         name = NAMES.get(message, "")
         if action == commands.CLEAR_ALL:
             self._logs.clear()

@@ -17,16 +17,16 @@ from __future__ import annotations
 import math
 import struct
 
-from fti.drivers._quick import quick_class
-from fti.drivers.imar_ixcom.heard import Heard
-from fti.drivers.imar_ixcom.readings import decode_items, finite, xyz
-from fti.drivers.imar_ixcom.selection import IMU_CORRECTED, IMU_GRAVITY_FREE, IMU_RAW
-from fti.drivers.imar_ixcom.turning import Triple
-from fti.drivers.imar_ixcom.wire import Frame
+from fti.drivers._fast_messages import fast_class
+from fti.drivers.imar_ixcom.data_selection import IMU_CORRECTED, IMU_GRAVITY_FREE, IMU_RAW
+from fti.drivers.imar_ixcom.decoder_state import DecoderState
+from fti.drivers.imar_ixcom.frame_rotation import Triple
+from fti.drivers.imar_ixcom.generic_values import all_finite, decode_generic_values, xyz
+from fti.drivers.imar_ixcom.wire import IxcomFrame
 from fti.types import ImuSample, Measurement, Stamp
 
 IMU = struct.Struct("<3f3f")
-new_sample = quick_class(ImuSample)
+new_sample = fast_class(ImuSample)
 LOST = (math.nan, math.nan, math.nan)
 #: Readings of IMUCOMP.
 GRAVITY_FREE = (*xyz("accel_gravity_free", "m/s^2"), *xyz("gyro_earth_rate_free", "rad/s"))
@@ -35,25 +35,25 @@ GRAVITY_FREE = (*xyz("accel_gravity_free", "m/s^2"), *xyz("gyro_earth_rate_free"
 def decode_imu(stamp: Stamp, accel: Triple, gyro: Triple, selection: int) -> list[Measurement]:
     """The inertial sample of a message; selection : bits of the data selection."""
     if selection & IMU_GRAVITY_FREE:
-        return [*decode_items(stamp, GRAVITY_FREE, (*accel, *gyro))]
-    if not selection & (IMU_RAW | IMU_CORRECTED) or not finite(*accel, *gyro):
+        return [*decode_generic_values(stamp, GRAVITY_FREE, (*accel, *gyro))]
+    if not selection & (IMU_RAW | IMU_CORRECTED) or not all_finite(*accel, *gyro):
         return []
     return [new_sample(stamp=stamp, accel_b=accel, gyro_b=gyro)]
 
 
-def decode_imuraw(frame: Frame, heard: Heard) -> list[Measurement]:
+def decode_imuraw(frame: IxcomFrame, decoder_state: DecoderState) -> list[Measurement]:
     """Specific force and inertial rate, as measured."""
     v = IMU.unpack(frame.payload)
     return decode_imu(frame.stamp, v[0:3], v[3:6], IMU_RAW)
 
 
-def decode_imucorr(frame: Frame, heard: Heard) -> list[Measurement]:
+def decode_imucorr(frame: IxcomFrame, decoder_state: DecoderState) -> list[Measurement]:
     """Specific force and inertial rate, corrected by the filter."""
     v = IMU.unpack(frame.payload)
     return decode_imu(frame.stamp, v[0:3], v[3:6], IMU_CORRECTED)
 
 
-def decode_imucomp(frame: Frame, heard: Heard) -> list[Measurement]:
+def decode_imucomp(frame: IxcomFrame, decoder_state: DecoderState) -> list[Measurement]:
     """Acceleration without gravity and rate without the Earth's: Readings."""
     v = IMU.unpack(frame.payload)
     return decode_imu(frame.stamp, v[0:3], v[3:6], IMU_GRAVITY_FREE)

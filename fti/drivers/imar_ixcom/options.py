@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, Field
 
 from fti.config import StrictModel
-from fti.drivers.imar_ixcom.selection import USUAL
+from fti.drivers.imar_ixcom.data_selection import DEFAULT_SELECTION
 
 NAMES = {
     0x00: "IMURAW", 0x01: "IMUCORR", 0x02: "IMUCOMP", 0x03: "INSSOL", 0x04: "INSRPY", 0x05: "INSDCM", 0x06: "INSQUAT",
@@ -59,7 +59,7 @@ class Options(StrictModel):
     channel           : the logical channel that is opened
     """
 
-    data_selection: Annotated[int, Field(ge=0, le=0xFFFF)] = USUAL
+    data_selection: Annotated[int, Field(ge=0, le=0xFFFF)] = DEFAULT_SELECTION
     magnetometer_unit: Literal["nT", "uT", "mG", "G"] = "nT"
     only: tuple[MessageName, ...] = ()
     logs: dict[MessageName, Divider] = Field(default_factory=lambda: {"INSSOL": 1})

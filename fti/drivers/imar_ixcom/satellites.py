@@ -16,12 +16,18 @@ from __future__ import annotations
 import math
 import struct
 
+from fti.drivers.imar_ixcom.decoder_state import DecoderState
 from fti.drivers.imar_ixcom.deviations import largest
-from fti.drivers.imar_ixcom.heard import Heard
-from fti.drivers.imar_ixcom.latest import Latest
-from fti.drivers.imar_ixcom.readings import Item, decode_items, encode_items, finite, or_nan
+from fti.drivers.imar_ixcom.encoder_state import EncoderState
+from fti.drivers.imar_ixcom.generic_values import (
+    GenericValue,
+    all_finite,
+    decode_generic_values,
+    encode_generic_values,
+    nan_if_none,
+)
 from fti.drivers.imar_ixcom.status import GNSS, decode_word, encode_word
-from fti.drivers.imar_ixcom.wire import Frame
+from fti.drivers.imar_ixcom.wire import IxcomFrame
 from fti.types import Measurement, Position, Satellites, Velocity
 
 GNSSSOL = struct.Struct("<ddff3f3f3fHHfBBHffI")
@@ -36,41 +42,41 @@ TYPES = {
     49: "wide_int", 50: "narrow_int", 64: "omnistar_hp", 65: "omnistar_xp", 68: "ppp_converging", 69: "ppp",
 }  # fmt: skip
 ITEMS = (
-    Item("gnss_satellites_tracked"),
-    Item("gnss_base_station"),
-    Item("gnss_differential_age", "s"),
-    Item("gnss_solution_age", "s"),
+    GenericValue("gnss_satellites_tracked"),
+    GenericValue("gnss_base_station"),
+    GenericValue("gnss_differential_age", "s"),
+    GenericValue("gnss_solution_age", "s"),
 )
 DOPPLER = 8
 INVALID = frozenset({"gnss_invalid", "gnss_solution_invalid", "sysstat_gnss_invalid", "gnss_timeout"})
 SOLUTION, TYPE = "gnss_solution_", "gnss_type_"
 
 
-def decode_gnsssol(frame: Frame, heard: Heard) -> list[Measurement]:
+def decode_gnsssol(frame: IxcomFrame, decoder_state: DecoderState) -> list[Measurement]:
     """Satellites, velocity and position of the receiver; its status goes among the flags."""
     v = GNSSSOL.unpack(frame.payload)
     solution, kind, pdop, used, tracked, base, differential_age, age, word = v[13:22]
     flags = (f"{SOLUTION}{SOLUTIONS.get(solution, solution)}", f"{TYPE}{TYPES.get(kind, kind)}")
-    heard.keep_words("GNSSSOL", frame.stamp, flags + decode_word(word, GNSS))
-    valid = solution == 0 and kind != 0 and INVALID.isdisjoint(heard.flags(frame))
+    decoder_state.set_status_words("GNSSSOL", frame.stamp, flags + decode_word(word, GNSS))
+    valid = solution == 0 and kind != 0 and INVALID.isdisjoint(decoder_state.flags(frame))
     return [
-        *decode_items(frame.stamp, ITEMS, (tracked, base, differential_age, age)),
+        *decode_generic_values(frame.stamp, ITEMS, (tracked, base, differential_age, age)),
         Satellites(stamp=frame.stamp, used=used, pdop=pdop if math.isfinite(pdop) else None),
         *_velocity(frame, v, valid),
         *_position(frame, v, valid and kind != DOPPLER),
     ]
 
 
-def _velocity(frame: Frame, v: tuple[float, ...], valid: bool) -> list[Velocity]:
+def _velocity(frame: IxcomFrame, v: tuple[float, ...], valid: bool) -> list[Velocity]:
     north, east, down = v[4:7]
-    if not finite(north, east, down):
+    if not all_finite(north, east, down):
         return []
     return [Velocity(stamp=frame.stamp, north=north, east=east, down=down, sd=largest(v[10:13]), valid=valid)]
 
 
-def _position(frame: Frame, v: tuple[float, ...], valid: bool) -> list[Position]:
+def _position(frame: IxcomFrame, v: tuple[float, ...], valid: bool) -> list[Position]:
     lon, lat, altitude, height_of_geoid = v[0:4]
-    if not finite(lon, lat):
+    if not all_finite(lon, lat):
         return []
     alt_msl = altitude if math.isfinite(altitude) else None
     undulation = height_of_geoid if height_of_geoid and math.isfinite(height_of_geoid) else None
@@ -89,26 +95,28 @@ def _position(frame: Frame, v: tuple[float, ...], valid: bool) -> list[Position]
     ]
 
 
-def encode_gnsssol(position: Position, latest: Latest) -> bytes:
+def encode_gnsssol(position: Position, encoder_state: EncoderState) -> bytes:
     """Payload of a position of the receiver, with the velocity, satellites and flags that came before it."""
     now = position.stamp
-    used = latest.value(Satellites, "used", now)
-    tracked, base, differential_age, age = encode_items(ITEMS, latest.readings)
-    flags = latest.flags if position.valid else (f"{SOLUTION}insufficient_obs", f"{TYPE}none", *latest.flags)
-    sd = or_nan(position.horizontal_sd)
+    used = encoder_state.value(Satellites, "used", now)
+    tracked, base, differential_age, age = encode_generic_values(ITEMS, encoder_state.readings)
+    flags = (
+        encoder_state.flags if position.valid else (f"{SOLUTION}insufficient_obs", f"{TYPE}none", *encoder_state.flags)
+    )
+    sd = nan_if_none(position.horizontal_sd)
     return GNSSSOL.pack(
-        or_nan(position.lon),
-        or_nan(position.lat),
-        or_nan(position.alt_msl),
+        nan_if_none(position.lon),
+        nan_if_none(position.lat),
+        nan_if_none(position.alt_msl),
         position.undulation or 0.0,
-        *(latest.value(Velocity, part, now) for part in ("north", "east", "down")),
+        *(encoder_state.value(Velocity, part, now) for part in ("north", "east", "down")),
         sd,
         sd,
-        or_nan(position.vertical_sd),
-        *[latest.value(Velocity, "sd", now)] * 3,
+        nan_if_none(position.vertical_sd),
+        *[encoder_state.value(Velocity, "sd", now)] * 3,
         _number(flags, SOLUTION, SOLUTIONS, 0),
         _number(flags, TYPE, TYPES, 16),
-        latest.value(Satellites, "pdop", now),
+        encoder_state.value(Satellites, "pdop", now),
         _count(used),
         _count(tracked),
         _count(base),

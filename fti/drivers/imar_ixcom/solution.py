@@ -17,54 +17,54 @@ from __future__ import annotations
 import math
 import struct
 
-from fti.drivers._quick import quick_class
+from fti.drivers._fast_messages import fast_class
 from fti.drivers._units import wrap_heading
-from fti.drivers.imar_ixcom.deviations import Deviations
-from fti.drivers.imar_ixcom.heard import Heard
-from fti.drivers.imar_ixcom.inertial import LOST, decode_imu
-from fti.drivers.imar_ixcom.readings import finite, or_nan
-from fti.drivers.imar_ixcom.selection import (
+from fti.drivers.imar_ixcom.data_selection import (
     ALT_BARO,
     ALT_MSL,
     ALT_WGS84,
+    DEFAULT_SELECTION,
     LON_LAT,
     RPY_DIN70000,
-    USUAL,
     VEL_BODY,
     VEL_ECEF,
     VEL_ENU,
     VEL_NED,
 )
-from fti.drivers.imar_ixcom.turning import Triple, from_body, from_ecef
-from fti.drivers.imar_ixcom.wire import Frame
+from fti.drivers.imar_ixcom.decoder_state import DecoderState
+from fti.drivers.imar_ixcom.deviations import StandardDeviations
+from fti.drivers.imar_ixcom.frame_rotation import Triple, ned_from_body, ned_from_ecef
+from fti.drivers.imar_ixcom.generic_values import all_finite, nan_if_none
+from fti.drivers.imar_ixcom.inertial import LOST, decode_imu
+from fti.drivers.imar_ixcom.wire import IxcomFrame
 from fti.types import Attitude, ImuSample, Measurement, Position, PressureAltitude, Velocity
 
 INSSOL = struct.Struct("<3f3f3f3fddfhH")
 THREE = struct.Struct("<3f")
 POSITION = struct.Struct("<ddf")
-new_attitude, new_velocity, new_position = quick_class(Attitude), quick_class(Velocity), quick_class(Position)
-Place = tuple[float | None, float | None, float | None]  # lat, lon, alt
+new_attitude, new_velocity, new_position = fast_class(Attitude), fast_class(Velocity), fast_class(Position)
+GeodeticPosition = tuple[float | None, float | None, float | None]  # lat, lon, alt
 
 
 # ------------------------------------------------------------------------------------------------------ decoding
 
 
-def decode_inssol(frame: Frame, heard: Heard) -> list[Measurement]:
+def decode_inssol(frame: IxcomFrame, decoder_state: DecoderState) -> list[Measurement]:
     """Inertial sample, attitude, velocity, position."""
     v = INSSOL.unpack(frame.payload)
-    selection, sd = v[16] or heard.options.data_selection, heard.deviations(frame.stamp)
+    selection, sd = v[16] or decoder_state.options.data_selection, decoder_state.deviations(frame.stamp)
     rpy: Triple | None = v[6:9]
-    if selection & RPY_DIN70000 or not finite(v[6], v[7], v[8]):
+    if selection & RPY_DIN70000 or not all_finite(v[6], v[7], v[8]):
         rpy = None
     found = decode_imu(frame.stamp, v[0:3], v[3:6], selection)
     if rpy:
         found.append(_attitude(frame, rpy, sd))
-    if finite(v[9], v[10], v[11]) and (ned := _north_east_down(v[9:12], selection, rpy, v[13], v[12])):
+    if all_finite(v[9], v[10], v[11]) and (ned := _north_east_down(v[9:12], selection, rpy, v[13], v[12])):
         found.append(_velocity(frame, ned, sd))
-    return found + _places(frame, v, selection, sd)
+    return found + _positions(frame, v, selection, sd)
 
 
-def _attitude(frame: Frame, rpy: Triple, sd: Deviations) -> Attitude:
+def _attitude(frame: IxcomFrame, rpy: Triple, sd: StandardDeviations) -> Attitude:
     roll, pitch, yaw = rpy
     return new_attitude(
         stamp=frame.stamp,
@@ -74,13 +74,13 @@ def _attitude(frame: Frame, rpy: Triple, sd: Deviations) -> Attitude:
         roll_sd=sd.roll(pitch, yaw),
         pitch_sd=sd.pitch(yaw),
         heading_sd=sd.heading,
-        valid=frame.footer.aligned,
+        valid=frame.footer.is_aligned,
     )
 
 
-def _velocity(frame: Frame, ned: Triple, sd: Deviations) -> Velocity:
+def _velocity(frame: IxcomFrame, ned: Triple, sd: StandardDeviations) -> Velocity:
     return new_velocity(
-        stamp=frame.stamp, north=ned[0], east=ned[1], down=ned[2], sd=sd.velocity, valid=frame.footer.aligned
+        stamp=frame.stamp, north=ned[0], east=ned[1], down=ned[2], sd=sd.velocity, valid=frame.footer.is_aligned
     )
 
 
@@ -91,13 +91,13 @@ def _north_east_down(vel: Triple, selection: int, rpy: Triple | None, lat: float
     if selection & VEL_ENU:
         return vel[1], vel[0], -vel[2]
     if selection & VEL_ECEF:
-        return from_ecef(vel, lat, lon) if finite(lat, lon) else None
-    return from_body(vel, rpy) if selection & VEL_BODY and rpy else None
+        return ned_from_ecef(vel, lat, lon) if all_finite(lat, lon) else None
+    return ned_from_body(vel, rpy) if selection & VEL_BODY and rpy else None
 
 
-def _places(frame: Frame, v: tuple[float, ...], selection: int, sd: Deviations) -> list[Measurement]:
+def _positions(frame: IxcomFrame, v: tuple[float, ...], selection: int, sd: StandardDeviations) -> list[Measurement]:
     """The position of INSSOL, and its altitude where that is barometric."""
-    lon, lat = v[12:14] if selection & LON_LAT and finite(v[12], v[13]) else (None, None)
+    lon, lat = v[12:14] if selection & LON_LAT and all_finite(v[12], v[13]) else (None, None)
     height, undulation = v[14] if math.isfinite(v[14]) else None, v[15] / 100 if v[15] else None
     alt = alt_msl = None
     if selection & ALT_WGS84:
@@ -108,12 +108,16 @@ def _places(frame: Frame, v: tuple[float, ...], selection: int, sd: Deviations) 
     if lat is not None or alt is not None or alt_msl is not None:
         found.append(_position(frame, (lat, lon, alt), sd, alt_msl, undulation))
     if selection & ALT_BARO and height is not None:
-        found.append(PressureAltitude(stamp=frame.stamp, alt_press=height, valid=frame.footer.placed))
+        found.append(PressureAltitude(stamp=frame.stamp, alt_press=height, valid=frame.footer.is_position_good))
     return found
 
 
 def _position(
-    frame: Frame, place: Place, sd: Deviations, alt_msl: float | None = None, undulation: float | None = None
+    frame: IxcomFrame,
+    place: GeodeticPosition,
+    sd: StandardDeviations,
+    alt_msl: float | None = None,
+    undulation: float | None = None,
 ) -> Position:
     return new_position(
         stamp=frame.stamp,
@@ -124,46 +128,50 @@ def _position(
         undulation=undulation,
         horizontal_sd=sd.horizontal,
         vertical_sd=sd.vertical,
-        valid=frame.footer.placed,
+        valid=frame.footer.is_position_good,
     )
 
 
-def decode_insrpy(frame: Frame, heard: Heard) -> list[Measurement]:
+def decode_insrpy(frame: IxcomFrame, decoder_state: DecoderState) -> list[Measurement]:
     """The attitude."""
     rpy = THREE.unpack(frame.payload)
-    return [_attitude(frame, rpy, heard.deviations(frame.stamp))] if finite(*rpy) else []
+    return [_attitude(frame, rpy, decoder_state.deviations(frame.stamp))] if all_finite(*rpy) else []
 
 
-def decode_insvelned(frame: Frame, heard: Heard) -> list[Measurement]:
+def decode_insvelned(frame: IxcomFrame, decoder_state: DecoderState) -> list[Measurement]:
     """The velocity, sent in north, east, down."""
     ned = THREE.unpack(frame.payload)
-    return [_velocity(frame, ned, heard.deviations(frame.stamp))] if finite(*ned) else []
+    return [_velocity(frame, ned, decoder_state.deviations(frame.stamp))] if all_finite(*ned) else []
 
 
-def decode_insvelenu(frame: Frame, heard: Heard) -> list[Measurement]:
+def decode_insvelenu(frame: IxcomFrame, decoder_state: DecoderState) -> list[Measurement]:
     """The velocity, sent in east, north, up."""
     east, north, up = THREE.unpack(frame.payload)
-    return [_velocity(frame, (north, east, -up), heard.deviations(frame.stamp))] if finite(north, east, up) else []
+    return (
+        [_velocity(frame, (north, east, -up), decoder_state.deviations(frame.stamp))]
+        if all_finite(north, east, up)
+        else []
+    )
 
 
-def decode_insgndspeed(frame: Frame, heard: Heard) -> list[Measurement]:
+def decode_insgndspeed(frame: IxcomFrame, decoder_state: DecoderState) -> list[Measurement]:
     """The velocity as ground speed and track."""
     speed, course, down = THREE.unpack(frame.payload)
-    if not finite(speed, course, down):
+    if not all_finite(speed, course, down):
         return []
-    sd = heard.deviations(frame.stamp).velocity
+    sd = decoder_state.deviations(frame.stamp).velocity
     track = wrap_heading(course)
-    valid = frame.footer.aligned
+    valid = frame.footer.is_aligned
     return [Velocity(stamp=frame.stamp, ground_speed=speed, track=track, down=down, sd=sd, valid=valid)]
 
 
-def decode_insposllh(frame: Frame, heard: Heard) -> list[Measurement]:
+def decode_insposllh(frame: IxcomFrame, decoder_state: DecoderState) -> list[Measurement]:
     """The position."""
     lon, lat, height = POSITION.unpack(frame.payload)
-    if not finite(lon, lat):
+    if not all_finite(lon, lat):
         return []
     alt = height if math.isfinite(height) else None
-    return [_position(frame, (lat, lon, alt), heard.deviations(frame.stamp))]
+    return [_position(frame, (lat, lon, alt), decoder_state.deviations(frame.stamp))]
 
 
 # ------------------------------------------------------------------------------------------------------ encoding
@@ -175,12 +183,12 @@ def encode_inssol(
     """Payload of INSSOL; the altitude is WGS84 where it is known, else MSL; the velocity NED; NaN what is missing."""
     altitude = position.alt_msl if position.alt is None else position.alt
     by_msl = position.alt is None and position.alt_msl is not None
-    selection = USUAL & ~ALT_WGS84 | ALT_MSL if by_msl else USUAL
+    selection = DEFAULT_SELECTION & ~ALT_WGS84 | ALT_MSL if by_msl else DEFAULT_SELECTION
     undulation = max(-32768, min(32767, round((position.undulation or 0.0) * 100)))
     accel, gyro = (imu.accel_b or LOST, imu.gyro_b or LOST) if imu else (LOST, LOST)
     return INSSOL.pack(
         *accel, *gyro, *_rpy(attitude), *_ned(velocity),
-        or_nan(position.lon), or_nan(position.lat), or_nan(altitude), undulation, selection,
+        nan_if_none(position.lon), nan_if_none(position.lat), nan_if_none(altitude), undulation, selection,
     )  # fmt: skip
 
 
@@ -195,21 +203,23 @@ def encode_ned(velocity: Velocity) -> bytes:
 
 
 def _rpy(attitude: Attitude | None) -> Triple:
-    return (or_nan(attitude.roll), or_nan(attitude.pitch), or_nan(attitude.heading)) if attitude else LOST
+    return (
+        (nan_if_none(attitude.roll), nan_if_none(attitude.pitch), nan_if_none(attitude.heading)) if attitude else LOST
+    )
 
 
 def _ned(velocity: Velocity | None) -> Triple:
-    return (or_nan(velocity.north), or_nan(velocity.east), or_nan(velocity.down)) if velocity else LOST
+    return (nan_if_none(velocity.north), nan_if_none(velocity.east), nan_if_none(velocity.down)) if velocity else LOST
 
 
 def encode_enu(velocity: Velocity) -> bytes:
     """Payload of INSVELENU."""
-    return THREE.pack(or_nan(velocity.east), or_nan(velocity.north), -or_nan(velocity.down))
+    return THREE.pack(nan_if_none(velocity.east), nan_if_none(velocity.north), -nan_if_none(velocity.down))
 
 
 def encode_llh(position: Position) -> bytes:
     """Payload of INSPOSLLH."""
-    return POSITION.pack(or_nan(position.lon), or_nan(position.lat), or_nan(position.alt))
+    return POSITION.pack(nan_if_none(position.lon), nan_if_none(position.lat), nan_if_none(position.alt))
 
 
 def encode_gndspeed(velocity: Velocity) -> bytes:
@@ -218,4 +228,4 @@ def encode_gndspeed(velocity: Velocity) -> bytes:
     if speed is None and velocity.north is not None and velocity.east is not None:
         speed = math.hypot(velocity.north, velocity.east)
         track = wrap_heading(math.atan2(velocity.east, velocity.north))
-    return THREE.pack(or_nan(speed), or_nan(track), or_nan(velocity.down))
+    return THREE.pack(nan_if_none(speed), nan_if_none(track), nan_if_none(velocity.down))

@@ -32,9 +32,9 @@ class Footer(NamedTuple):
 
     flags: tuple[str, ...]
     ok: bool
-    aligned: bool
-    placed: bool
-    timed: bool
+    is_aligned: bool
+    is_position_good: bool
+    is_time_valid: bool
 
 
 @lru_cache(maxsize=1024)
@@ -42,8 +42,8 @@ def decode_footer(status: int) -> Footer:
     """The status word, taken apart."""
     flags = decode_status(status)
     ok = ERRORS.isdisjoint(flags)
-    aligned, placed = ok and not ALIGNED.isdisjoint(flags), ok and not POSITION_GOOD.isdisjoint(flags)
-    return Footer(flags, ok, aligned, placed, "time_invalid" not in flags)
+    is_aligned, is_position_good = ok and not ALIGNED.isdisjoint(flags), ok and not POSITION_GOOD.isdisjoint(flags)
+    return Footer(flags, ok, is_aligned, is_position_good, "time_invalid" not in flags)
 
 
 def decode_status(status: int) -> tuple[str, ...]:

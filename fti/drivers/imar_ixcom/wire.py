@@ -6,8 +6,8 @@ import binascii
 import struct
 from typing import NamedTuple
 
+from fti.drivers._fast_messages import fast_class
 from fti.drivers._framing import Skip, skip_to
-from fti.drivers._quick import quick_class
 from fti.drivers._times import SECOND_NS, gps_ns, gps_week
 from fti.drivers.imar_ixcom.status import Footer, decode_footer
 from fti.types import Stamp, TimeScale
@@ -16,10 +16,10 @@ SYNC = b"\x7e"
 HEADER = struct.Struct("<BBBBHHII")
 FOOTER_SIZE = 4
 FRAME_MIN, FRAME_MAX = HEADER.size + FOOTER_SIZE, 4096
-new_stamp = quick_class(Stamp)
+new_stamp = fast_class(Stamp)
 
 
-class Frame(NamedTuple):
+class IxcomFrame(NamedTuple):
     """A whole, checked frame."""
 
     number: int
@@ -44,13 +44,13 @@ def measure(buffer: bytearray) -> int | Skip:
     return length if good else Skip(1, "bad_checksum")
 
 
-def read_frame(data: bytes, t_rx_ns: int) -> Frame:
+def read_frame(data: bytes, t_rx_ns: int) -> IxcomFrame:
     """The parts of a frame that ``measure`` let pass; without a device time while GNSS has not set the clock."""
     _, number, counter, _, _, week, seconds, micros = HEADER.unpack_from(data)
     footer = decode_footer(data[-4] | data[-3] << 8)
     t_gps_ns = gps_ns(week, seconds * SECOND_NS + micros * 1000)
-    stamp = new_stamp(t_rx_ns, t_gps_ns, TimeScale.GPS) if footer.timed else new_stamp(t_rx_ns)
-    return Frame(number, counter, stamp, data[HEADER.size : -FOOTER_SIZE], footer)
+    stamp = new_stamp(t_rx_ns, t_gps_ns, TimeScale.GPS) if footer.is_time_valid else new_stamp(t_rx_ns)
+    return IxcomFrame(number, counter, stamp, data[HEADER.size : -FOOTER_SIZE], footer)
 
 
 def encode_frame(number: int, counter: int, t_gps_ns: int, status: int, payload: bytes) -> bytes:

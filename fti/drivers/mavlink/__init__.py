@@ -56,13 +56,13 @@ from __future__ import annotations
 
 from fti.drivers import Counters
 from fti.drivers._framing import Framer
-from fti.drivers._talker import on_connect
+from fti.drivers._no_commands import on_connect
 from fti.drivers.mavlink import motion, sensors, system
 from fti.drivers.mavlink.commands import COMMANDS, Options, command, poll
-from fti.drivers.mavlink.encode import Encoder
+from fti.drivers.mavlink.encoder import Encoder
 from fti.drivers.mavlink.fields import Settings
-from fti.drivers.mavlink.sources import Sources
-from fti.drivers.mavlink.wire import FRAME_MAX, Frames, Header, crc, header, layout, message_id, payload
+from fti.drivers.mavlink.source_selection import SourceSelector
+from fti.drivers.mavlink.wire import FRAME_MAX, Frames, MavlinkHeader, crc, header, layout, message_id, payload
 from fti.types import Measurement, Reading, Stamp
 
 DOCUMENT = "MAVLink 2 serialization, message signing and common.xml (mavlink.io)"
@@ -105,7 +105,7 @@ class Decoder:
         self.counters = Counters()
         self._options = options
         self._only = frozenset(options.only)
-        self._sources = Sources(options.distance_id)
+        self._selector = SourceSelector(options.distance_id)
         sender = options.own_system, options.own_component
         self._settings = Settings(options.height, options.raw_imu, sender, frozenset(options.named_values))
         key = bytes.fromhex(options.key) if options.key else None
@@ -134,13 +134,13 @@ class Decoder:
         found: list[Measurement] = []
         if reader:
             fields = known.fields(payload(frame))
-            found = self._sources.sift(known.name, fields, reader(fields, t_rx_ns, self._settings))
+            found = self._selector.select(known.name, fields, reader(fields, t_rx_ns, self._settings))
         if missing:
             name = f"lost_from_{head.system}_{head.component}"
             found.append(Reading(stamp=Stamp(t_rx_ns), name=name, value=float(missing)))
         return found
 
-    def _follow(self, head: Header) -> int:
+    def _follow(self, head: MavlinkHeader) -> int:
         """How many are missing before this frame of its source."""
         source = head.system, head.component
         before = self._sequences.get(source)

@@ -18,7 +18,7 @@ from fti.drivers._arguments import check_complete
 from fti.drivers.mavlink.wire import dialect_map
 
 SET_MESSAGE_INTERVAL, REQUEST_MESSAGE = 511, 512
-FASTEST_HZ = 1000.0
+MAX_RATE_HZ = 1000.0
 _MESSAGE = "name (ATTITUDE) or number (30) of a message of the dialect"
 COMMANDS: Mapping[str, Command] = {
     "message_interval": Command(
@@ -110,6 +110,6 @@ def _interval_us(text: str) -> float:
         rate = float(text)
     except ValueError:
         rate = float("nan")
-    if not 0.0 <= rate <= FASTEST_HZ:
-        raise ValueError(f"message_interval: rate_hz = {text!r}: must be 0 to {FASTEST_HZ:g}, or off")
+    if not 0.0 <= rate <= MAX_RATE_HZ:
+        raise ValueError(f"message_interval: rate_hz = {text!r}: must be 0 to {MAX_RATE_HZ:g}, or off")
     return float(round(1e6 / rate)) if rate else 0.0

@@ -23,24 +23,24 @@ class Settings(NamedTuple):
     height: str
     raw_imu: str
     sender: tuple[int, int]
-    named: frozenset[str] = frozenset()
+    named_values: frozenset[str] = frozenset()
 
 
 #: Fields, t_rx_ns and settings to measurements.
 Reader = Callable[[Any, int, Settings], list[Measurement]]
 
 
-def boot(t_rx_ns: int, milliseconds: int) -> Stamp:
+def stamp_from_boot_ms(t_rx_ns: int, milliseconds: int) -> Stamp:
     """A stamp of the time since the autopilot was switched on; 0 is what a sender fills in that tells no time."""
     return Stamp(t_rx_ns, milliseconds * 1_000_000, TimeScale.BOOT) if milliseconds else Stamp(t_rx_ns)
 
 
-def micros(t_rx_ns: int, microseconds: int) -> Stamp:
+def stamp_from_us(t_rx_ns: int, microseconds: int) -> Stamp:
     """A stamp of a time that is UNIX or since boot."""
-    return nanos(t_rx_ns, microseconds * 1000)
+    return stamp_from_ns(t_rx_ns, microseconds * 1000)
 
 
-def nanos(t_rx_ns: int, nanoseconds: int) -> Stamp:
+def stamp_from_ns(t_rx_ns: int, nanoseconds: int) -> Stamp:
     """The same in ns."""
     if not nanoseconds:
         return Stamp(t_rx_ns)
@@ -52,6 +52,6 @@ def known(value: int, unknown: int, factor: float) -> float | None:
     return None if value == unknown else value * factor
 
 
-def finite(*values: float) -> bool:
+def all_finite(*values: float) -> bool:
     """Are all of them numbers?"""
     return all(map(math.isfinite, values))

@@ -6,7 +6,16 @@ import math
 from typing import Any
 
 from fti.drivers._units import DEGREE, wrap_heading
-from fti.drivers.mavlink.fields import UNKNOWN_U16, Reader, Settings, boot, finite, known, micros, nanos
+from fti.drivers.mavlink.fields import (
+    UNKNOWN_U16,
+    Reader,
+    Settings,
+    all_finite,
+    known,
+    stamp_from_boot_ms,
+    stamp_from_ns,
+    stamp_from_us,
+)
 from fti.types import (
     Airspeed,
     Attitude,
@@ -29,16 +38,16 @@ NO_SATELLITES = 255
 
 def decode_attitude(m: Any, t_rx_ns: int, settings: Settings) -> list[Measurement]:
     """ATTITUDE 30."""
-    stamp = boot(t_rx_ns, m.time_boot_ms)
+    stamp = stamp_from_boot_ms(t_rx_ns, m.time_boot_ms)
     found = _rates(m, stamp)
-    if finite(m.roll, m.pitch, m.yaw):
+    if all_finite(m.roll, m.pitch, m.yaw):
         found.append(Attitude(stamp=stamp, roll=m.roll, pitch=m.pitch, heading=wrap_heading(m.yaw)))
     return found
 
 
 def decode_quaternion(m: Any, t_rx_ns: int, settings: Settings) -> list[Measurement]:
     """ATTITUDE_QUATERNION 31: body to north, east, down; w, x, y, z."""
-    stamp = boot(t_rx_ns, m.time_boot_ms)
+    stamp = stamp_from_boot_ms(t_rx_ns, m.time_boot_ms)
     found = _rates(m, stamp)
     w, x, y, z = m.q1, m.q2, m.q3, m.q4
     norm = w * w + x * x + y * y + z * z
@@ -52,7 +61,7 @@ def decode_quaternion(m: Any, t_rx_ns: int, settings: Settings) -> list[Measurem
 
 def _rates(m: Any, stamp: Stamp) -> list[Measurement]:
     rates = (m.rollspeed, m.pitchspeed, m.yawspeed)
-    return [ImuSample(stamp=stamp, gyro_b=rates)] if finite(*rates) else []
+    return [ImuSample(stamp=stamp, gyro_b=rates)] if all_finite(*rates) else []
 
 
 def decode_global_position(m: Any, t_rx_ns: int, settings: Settings) -> list[Measurement]:
@@ -60,7 +69,7 @@ def decode_global_position(m: Any, t_rx_ns: int, settings: Settings) -> list[Mea
 
     The message has no validity: an autopilot that has not found its place yet sends latitude and longitude 0.
     """
-    stamp, found = boot(t_rx_ns, m.time_boot_ms), bool(m.lat or m.lon)
+    stamp, found = stamp_from_boot_ms(t_rx_ns, m.time_boot_ms), bool(m.lat or m.lon)
     above = {"alt_msl" if settings.height == "msl" else "alt": m.alt * 1e-3}
     return [
         Velocity(stamp=stamp, north=m.vx * 1e-2, east=m.vy * 1e-2, down=m.vz * 1e-2, valid=found),
@@ -70,9 +79,9 @@ def decode_global_position(m: Any, t_rx_ns: int, settings: Settings) -> list[Mea
 
 def decode_local_position(m: Any, t_rx_ns: int, settings: Settings) -> list[Measurement]:
     """LOCAL_POSITION_NED 32; its origin is the autopilot's own, so the place is a reading."""
-    stamp = boot(t_rx_ns, m.time_boot_ms)
+    stamp = stamp_from_boot_ms(t_rx_ns, m.time_boot_ms)
     found: list[Measurement] = []
-    if finite(m.vx, m.vy, m.vz):
+    if all_finite(m.vx, m.vy, m.vz):
         found.append(Velocity(stamp=stamp, north=m.vx, east=m.vy, down=m.vz))
     for name, value in (("local_north", m.x), ("local_east", m.y), ("local_down", m.z)):
         if math.isfinite(value):
@@ -82,7 +91,7 @@ def decode_local_position(m: Any, t_rx_ns: int, settings: Settings) -> list[Meas
 
 def decode_gps_raw(m: Any, t_rx_ns: int, settings: Settings) -> list[Measurement]:
     """GPS_RAW_INT 24; an ellipsoidal height of exactly 0 is none: no extension, or accuracies without an undulation."""
-    stamp = micros(t_rx_ns, m.time_usec)
+    stamp = stamp_from_us(t_rx_ns, m.time_usec)
     ok = m.fix_type >= FIX_3D
     alt, alt_msl = known(m.alt_ellipsoid, 0, 1e-3), m.alt * 1e-3
     position = Position(
@@ -104,7 +113,7 @@ def decode_gps_raw(m: Any, t_rx_ns: int, settings: Settings) -> list[Measurement
 
 def decode_hil_gps(m: Any, t_rx_ns: int, settings: Settings) -> list[Measurement]:
     """HIL_GPS 113: what a simulator gives an autopilot for a receiver; heights above mean sea level."""
-    stamp = micros(t_rx_ns, m.time_usec)
+    stamp = stamp_from_us(t_rx_ns, m.time_usec)
     ok = m.fix_type >= FIX_3D
     return [
         Velocity(stamp=stamp, north=m.vn * 1e-2, east=m.ve * 1e-2, down=m.vd * 1e-2, valid=ok),
@@ -126,7 +135,7 @@ def _receiver(m: Any, stamp: Stamp, ok: bool) -> list[Measurement]:
 
 def decode_hud(m: Any, t_rx_ns: int, settings: Settings) -> list[Measurement]:
     """VFR_HUD 74: CAS or IAS, the autopilot does not say which; what other messages carry better is not taken."""
-    if not finite(m.airspeed, m.climb):
+    if not all_finite(m.airspeed, m.climb):
         return []
     stamp = Stamp(t_rx_ns)
     return [
@@ -138,15 +147,15 @@ def decode_hud(m: Any, t_rx_ns: int, settings: Settings) -> list[Measurement]:
 
 def decode_time(m: Any, t_rx_ns: int, settings: Settings) -> list[Measurement]:
     """SYSTEM_TIME 2; without UTC the time since boot; without both nothing."""
-    told = micros(t_rx_ns, m.time_unix_usec)
+    told = stamp_from_us(t_rx_ns, m.time_unix_usec)
     if told.time_scale != TimeScale.UTC:
-        told = boot(t_rx_ns, m.time_boot_ms)
+        told = stamp_from_boot_ms(t_rx_ns, m.time_boot_ms)
     return [] if told.t_dev_ns is None else [DeviceTime(stamp=told)]
 
 
 def decode_timesync(m: Any, t_rx_ns: int, settings: Settings) -> list[Measurement]:
     """TIMESYNC 111: a question carries the sender's time in ts1 and 0 in tc1, an answer its time in tc1."""
-    return [DeviceTime(stamp=nanos(t_rx_ns, m.tc1 or m.ts1))] if (m.tc1 or m.ts1) > 0 else []
+    return [DeviceTime(stamp=stamp_from_ns(t_rx_ns, m.tc1 or m.ts1))] if (m.tc1 or m.ts1) > 0 else []
 
 
 READERS: dict[int, Reader] = {

@@ -8,7 +8,7 @@ from typing import Any
 from fti.constants import STANDARD_GRAVITY
 from fti.drivers._quantities import STANDARD_PA
 from fti.drivers._units import HECTOPASCAL
-from fti.drivers.mavlink.fields import Reader, Settings, boot, finite, micros
+from fti.drivers.mavlink.fields import Reader, Settings, all_finite, stamp_from_boot_ms, stamp_from_us
 from fti.types import (
     ImpactPressure,
     ImuSample,
@@ -37,7 +37,7 @@ def decode_distance(m: Any, t_rx_ns: int, settings: Settings) -> list[Measuremen
     """DISTANCE_SENSOR 132."""
     if m.orientation != DOWNWARD:
         return []
-    stamp = boot(t_rx_ns, m.time_boot_ms)
+    stamp = stamp_from_boot_ms(t_rx_ns, m.time_boot_ms)
     inside = m.min_distance <= m.current_distance <= m.max_distance and m.current_distance != FULL_SCALE
     value = m.current_distance * 1e-2 if inside else None
     sd = math.sqrt(m.covariance) * 1e-2 if 0 < m.covariance < UNKNOWN_VARIANCE else None
@@ -49,11 +49,11 @@ def decode_distance(m: Any, t_rx_ns: int, settings: Settings) -> list[Measuremen
 
 def decode_pressure(m: Any, t_rx_ns: int, settings: Settings) -> list[Measurement]:
     """SCALED_PRESSURE 29; exactly 0 is what an autopilot sends that has no pitot tube, or no sensor of pressure."""
-    stamp = boot(t_rx_ns, m.time_boot_ms)
+    stamp = stamp_from_boot_ms(t_rx_ns, m.time_boot_ms)
     found: list[Measurement] = []
-    if finite(m.press_diff):
+    if all_finite(m.press_diff):
         found.append(ImpactPressure(stamp=stamp, q_c=m.press_diff * HECTOPASCAL, valid=m.press_diff != 0.0))
-    if m.press_abs and finite(m.press_abs):
+    if m.press_abs and all_finite(m.press_abs):
         found.append(StaticPressure(stamp=stamp, p_static=m.press_abs * HECTOPASCAL))
     return found
 
@@ -62,7 +62,7 @@ def _second_pressure(number: int) -> Reader:
     """SCALED_PRESSURE2 137 and 3 143: other sensors, perhaps inside the case, so they are readings."""
 
     def decode(m: Any, t_rx_ns: int, settings: Settings) -> list[Measurement]:
-        stamp = boot(t_rx_ns, m.time_boot_ms)
+        stamp = stamp_from_boot_ms(t_rx_ns, m.time_boot_ms)
         told = ((f"differential_pressure_{number}", m.press_diff), (f"static_pressure_{number}", m.press_abs))
         return [
             Reading(stamp=stamp, name=name, value=value * HECTOPASCAL, unit="Pa")
@@ -77,7 +77,7 @@ def decode_highres_imu(m: Any, t_rx_ns: int, settings: Settings) -> list[Measure
     """HIGHRES_IMU 105 and HIL_SENSOR 107, of the first sensor (``id`` 0) only."""
     if m.id:
         return []
-    stamp, updated = micros(t_rx_ns, m.time_usec), m.fields_updated
+    stamp, updated = stamp_from_us(t_rx_ns, m.time_usec), m.fields_updated
     accel, gyro, mag = (m.xacc, m.yacc, m.zacc), (m.xgyro, m.ygyro, m.zgyro), (m.xmag, m.ymag, m.zmag)
     found: list[Measurement] = []
     accel_b = accel if _has(updated, IMU_ACCEL, *accel) else None
@@ -96,19 +96,19 @@ def decode_highres_imu(m: Any, t_rx_ns: int, settings: Settings) -> list[Measure
 
 
 def _has(updated: int, mask: int, *values: float) -> bool:
-    return updated & mask == mask and finite(*values)
+    return updated & mask == mask and all_finite(*values)
 
 
 def decode_scaled_imu(m: Any, t_rx_ns: int, settings: Settings) -> list[Measurement]:
     """SCALED_IMU 26: mG, mrad/s, mgauss; a field of exactly 0 is that of no magnetometer."""
-    return _scaled(m, boot(t_rx_ns, m.time_boot_ms))
+    return _scaled(m, stamp_from_boot_ms(t_rx_ns, m.time_boot_ms))
 
 
 def decode_raw_imu(m: Any, t_rx_ns: int, settings: Settings) -> list[Measurement]:
     """RAW_IMU 27 of the first sensor (``id`` 0): counts, or the units of SCALED_IMU (ArduPilot: ``raw_imu`` scaled)."""
     if m.id:
         return []
-    stamp = micros(t_rx_ns, m.time_usec)
+    stamp = stamp_from_us(t_rx_ns, m.time_usec)
     if settings.raw_imu == "scaled":
         return _scaled(m, stamp)
     return [Reading(stamp=stamp, name=f"raw_{axis}", value=float(getattr(m, axis))) for axis in AXES]

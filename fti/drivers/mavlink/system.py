@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 from fti.drivers._units import DEGREE
-from fti.drivers.mavlink.fields import Reader, Settings, boot, finite
+from fti.drivers.mavlink.fields import Reader, Settings, all_finite, stamp_from_boot_ms
 from fti.types import Ack, DeviceStatus, Measurement, Reading, Stamp
 
 NO_AUTOPILOT = 8  # MAV_AUTOPILOT_INVALID: a ground station, a camera, a radio
 STATES = ("uninit", "boot", "calibrating", "standby", "active", "critical", "emergency", "poweroff", "termination")
-WELL = ("standby", "active")
+HEALTHY_STATES = ("standby", "active")
 MODES = {0x80: "armed", 0x40: "manual", 0x20: "hil", 0x10: "stabilize", 0x08: "guided", 0x04: "auto", 0x02: "test"}
 #: Bits of MAV_SYS_STATUS_SENSOR.
 SENSORS = (
@@ -36,7 +36,7 @@ def decode_heartbeat(m: Any, t_rx_ns: int, settings: Settings) -> list[Measureme
         return []
     state = STATES[m.system_status] if m.system_status < len(STATES) else f"state_{m.system_status}"
     modes = tuple(name for bit, name in MODES.items() if m.base_mode & bit)
-    return [DeviceStatus(stamp=Stamp(t_rx_ns), ok=state in WELL, flags=(state, *modes))]
+    return [DeviceStatus(stamp=Stamp(t_rx_ns), ok=state in HEALTHY_STATES, flags=(state, *modes))]
 
 
 def decode_sys_status(m: Any, t_rx_ns: int, settings: Settings) -> list[Measurement]:
@@ -64,9 +64,9 @@ def decode_text(m: Any, t_rx_ns: int, settings: Settings) -> list[Measurement]:
 def decode_named_value(m: Any, t_rx_ns: int, settings: Settings) -> list[Measurement]:
     """NAMED_VALUE_FLOAT 251; without a list of names a line of noise would make any number of them."""
     name = m.name.split(b"\x00")[0].decode("ascii", errors="replace")
-    if name not in settings.named or not finite(m.value):
+    if name not in settings.named_values or not all_finite(m.value):
         return []
-    return [Reading(stamp=boot(t_rx_ns, m.time_boot_ms), name=name, value=m.value)]
+    return [Reading(stamp=stamp_from_boot_ms(t_rx_ns, m.time_boot_ms), name=name, value=m.value)]
 
 
 def decode_terrain(m: Any, t_rx_ns: int, settings: Settings) -> list[Measurement]:

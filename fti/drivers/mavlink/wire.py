@@ -19,7 +19,7 @@ V1, V2 = 0xFE, 0xFD
 HEADER_V1, HEADER_V2 = 6, 10
 SIGNED = 0x01
 SIGNATURE = 13
-SLOWEST_CLOCK = 6_000_000  # [10 us]: a source or link that was not heard yet may be a minute behind the others
+MAX_CLOCK_LAG_10US = 6_000_000  # [10 us]: a source or link that was not heard yet may be a minute behind the others
 FRAME_MAX = HEADER_V2 + 255 + 2 + SIGNATURE
 _START = re.compile(rb"[\xfd\xfe]")
 #: Length of the payload in version 1, which has no extensions, of the messages that are decoded.
@@ -30,7 +30,7 @@ BASE_LENGTH = {
 }  # fmt: skip
 
 
-class Header(NamedTuple):
+class MavlinkHeader(NamedTuple):
     """Who sent a frame, and what: numbers of sequence, system, component, message."""
 
     sequence: int
@@ -40,7 +40,7 @@ class Header(NamedTuple):
     signed: bool
 
 
-class Layout(NamedTuple):
+class MessageLayout(NamedTuple):
     """A message of the dialect.
 
     seed : last byte of the CRC; size : of the payload with all extensions; fields : payload to an object with them
@@ -60,12 +60,12 @@ def dialect_map(dialect: str) -> dict[int, Any]:
 
 
 @cache
-def layout(dialect: str, number: int) -> Layout | None:
+def layout(dialect: str, number: int) -> MessageLayout | None:
     """A message by number; None when the dialect has none."""
     known = dialect_map(dialect).get(number)
     if known is None:
         return None
-    return Layout(known.msgname, bytes([known.crc_extra]), known.unpacker.size, _reader(known))
+    return MessageLayout(known.msgname, bytes([known.crc_extra]), known.unpacker.size, _reader(known))
 
 
 def _reader(known: Any) -> Callable[[bytes], Any]:
@@ -102,11 +102,11 @@ def message_id(frame: bytes | bytearray) -> int:
     return int.from_bytes(frame[7:10], "little") if frame[0] == V2 else frame[5]
 
 
-def header(frame: bytes) -> Header:
+def header(frame: bytes) -> MavlinkHeader:
     """Header of a whole frame."""
     if frame[0] == V2:
-        return Header(frame[4], frame[5], frame[6], message_id(frame), bool(frame[2] & SIGNED))
-    return Header(frame[2], frame[3], frame[4], frame[5], signed=False)
+        return MavlinkHeader(frame[4], frame[5], frame[6], message_id(frame), bool(frame[2] & SIGNED))
+    return MavlinkHeader(frame[2], frame[3], frame[4], frame[5], signed=False)
 
 
 def payload(frame: bytes) -> bytes:
@@ -149,9 +149,9 @@ class Frames:
             return 0
         if crc(bytes(buffer[1:end]) + known.seed) != buffer[end] | buffer[end + 1] << 8:
             return Skip(1, "bad_checksum")
-        return size if self._key is None else self._authentic(buffer[:size], self._key)
+        return size if self._key is None else self._is_authentic(buffer[:size], self._key)
 
-    def _expect(self, buffer: bytearray, start: int) -> Layout | Skip:
+    def _expect(self, buffer: bytearray, start: int) -> MessageLayout | Skip:
         """What a header announces, or why it is none."""
         if start == HEADER_V2 and buffer[2] & ~SIGNED:
             return Skip(1, "bad_flags")
@@ -163,14 +163,14 @@ class Frames:
             return Skip(1, "bad_length")
         return known
 
-    def _authentic(self, frame: bytearray, key: bytes) -> int | Skip:
+    def _is_authentic(self, frame: bytearray, key: bytes) -> int | Skip:
         """Signed with the key, and later than the last of its source and link; a new one may be a minute behind all."""
         if frame[0] == V1 or not frame[2] & SIGNED:
             return Skip(len(frame), "unsigned")
         if frame[-6:] != signature(key, frame):
             return Skip(len(frame), "bad_signature")
         source, time = bytes(frame[5:7] + frame[-13:-12]), int.from_bytes(frame[-12:-6], "little")
-        if time <= self._signed_at.get(source, self._newest - SLOWEST_CLOCK):
+        if time <= self._signed_at.get(source, self._newest - MAX_CLOCK_LAG_10US):
             return Skip(len(frame), "replayed")
         self._newest = max(self._newest, time)
         self._signed_at[source] = time

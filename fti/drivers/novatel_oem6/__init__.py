@@ -39,6 +39,7 @@ from fti.drivers import Counters
 from fti.drivers._framing import Framer
 from fti.drivers.novatel_oem6 import commands
 from fti.drivers.novatel_oem6.clock import stamp_of
+from fti.drivers.novatel_oem6.encoder import Encoder
 from fti.drivers.novatel_oem6.framing import (
     COUNTED_MAX,
     RESPONSE_BIT,
@@ -51,7 +52,6 @@ from fti.drivers.novatel_oem6.framing import (
     split,
 )
 from fti.drivers.novatel_oem6.messages import NAMES, NUMBERS, READERS, name_of, number_of
-from fti.drivers.novatel_oem6.receiver import Encoder
 from fti.types import Measurement, Stamp
 
 DOCUMENT = "NovAtel OEM6 Family Firmware Reference Manual, OM-20000129; binary messages and commands"
@@ -155,7 +155,7 @@ def make_encoder(options: Options) -> Encoder:
 
 def on_connect(options: Options) -> list[bytes]:
     """LOG for everything that is wanted."""
-    return [commands.standing_request(message, period) for message, period in options.logs.items()]
+    return [commands.periodic_log_request(message, period) for message, period in options.logs.items()]
 
 
 def poll(options: Options) -> tuple[float, bytes] | None:

@@ -17,7 +17,7 @@ from dataclasses import replace
 
 from fti.constants import SPEED_OF_LIGHT
 from fti.drivers._times import GPS_EPOCH_UTC_NS, SECOND_NS, gps_ns, gps_week, utc_date
-from fti.drivers.novatel_oem6.framing import Header
+from fti.drivers.novatel_oem6.framing import NovatelHeader
 from fti.types import DeviceTime, Measurement, Reading, ReceiverClock, Stamp, TimeScale
 
 TIME = struct.Struct("<IdddIBBBBII")
@@ -33,43 +33,43 @@ UTC_INVALID, UTC_VALID = 0, 1
 UTC_OFFSET = "utc_offset"
 
 
-def finite(value: float) -> float | None:
+def finite_or_none(value: float) -> float | None:
     """The value; None where it is no number."""
     return value if math.isfinite(value) else None
 
 
-def stamp_of(header: Header, t_rx_ns: int) -> Stamp:
+def stamp_of(header: NovatelHeader, t_rx_ns: int) -> Stamp:
     """GPS time of the header, when the receiver knows it."""
     if header.time_status not in TIME_KNOWN or header.milliseconds >= WEEK_MS:
         return Stamp(t_rx_ns)
     return Stamp(t_rx_ns, gps_ns(header.week, header.milliseconds * 1_000_000), TimeScale.GPS)
 
 
-def earlier(stamp: Stamp, latency_s: float) -> Stamp:
+def subtract_latency(stamp: Stamp, latency_s: float) -> Stamp:
     """The stamp of what was true latency_s before the time of the header."""
     if stamp.t_dev_ns is None or not math.isfinite(latency_s) or not 0.0 <= latency_s < 60.0:
         return stamp
     return replace(stamp, t_dev_ns=stamp.t_dev_ns - round(latency_s * SECOND_NS))
 
 
-def decode_time(body: bytes, header: Header, stamp: Stamp) -> list[Measurement]:
+def decode_time(body: bytes, header: NovatelHeader, stamp: Stamp) -> list[Measurement]:
     """TIME: offset of the receiver's clock, UTC - GPS, and the time itself."""
     status, offset, offset_sd, utc_offset, *_, utc_status = TIME.unpack_from(body)
     clock = ReceiverClock(
         stamp=stamp,
-        offset=finite(offset),
-        offset_sd=finite(offset_sd),
+        offset=finite_or_none(offset),
+        offset_sd=finite_or_none(offset_sd),
         valid=status == MODEL_VALID and math.isfinite(offset),
     )
     known = utc_status == UTC_VALID and math.isfinite(utc_offset)
-    leap = Reading(stamp=stamp, name=UTC_OFFSET, value=finite(utc_offset), unit="s", valid=known)
+    leap = Reading(stamp=stamp, name=UTC_OFFSET, value=finite_or_none(utc_offset), unit="s", valid=known)
     return [clock, leap, DeviceTime(stamp=stamp)]
 
 
-def decode_clockmodel(body: bytes, header: Header, stamp: Stamp) -> list[Measurement]:
+def decode_clockmodel(body: bytes, header: NovatelHeader, stamp: Stamp) -> list[Measurement]:
     """CLOCKMODEL in seconds: offset, drift and their sigma."""
     v = CLOCKMODEL.unpack_from(body)
-    bias, rate, bias_variance, rate_variance = (finite(x) for x in (v[4], v[5], v[7], v[11]))
+    bias, rate, bias_variance, rate_variance = (finite_or_none(x) for x in (v[4], v[5], v[7], v[11]))
     return [
         ReceiverClock(
             stamp=stamp,

@@ -20,7 +20,7 @@ from collections.abc import Callable, Mapping
 from fti.drivers import Command
 from fti.drivers._arguments import check_names
 from fti.drivers.novatel_oem6 import messages
-from fti.drivers.novatel_oem6.framing import RESPONSE_BIT, Header, encode_frame, encode_text
+from fti.drivers.novatel_oem6.framing import RESPONSE_BIT, NovatelHeader, encode_frame, encode_text
 from fti.types import Ack, Stamp
 
 LOG = struct.Struct("<IHBBIddI")
@@ -72,7 +72,7 @@ COMMANDS = {
 NUMBERS = {name: messages.NUMBERS[name.upper()] for name in COMMANDS}
 NAMES = {number: name for name, number in NUMBERS.items()}
 #: Header of a command: the receiver takes the time of its own clock.
-TO_RECEIVER = Header(b"", 0, 0, 0, PORTS["thisport"], 0, 0, 0, 0xFF, 0, 0, 0, 0, 0)
+COMMAND_HEADER = NovatelHeader(b"", 0, 0, 0, PORTS["thisport"], 0, 0, 0, 0xFF, 0, 0, 0, 0, 0)
 #: Head of LOG in ASCII form.
 ASCII_LOG = "LOGA,THISPORT,0,0,UNKNOWN,0,0.0,0,0,0"
 
@@ -80,7 +80,7 @@ ASCII_LOG = "LOGA,THISPORT,0,0,UNKNOWN,0,0.0,0,0,0"
 def command(name: str, args: Mapping[str, str]) -> bytes:
     """The bytes of a command.  Raises ValueError naming what is wrong and what is allowed."""
     check_names(COMMANDS, name, args)
-    return encode_frame(TO_RECEIVER._replace(message_id=NUMBERS[name]), _BODIES[name](args))
+    return encode_frame(COMMAND_HEADER._replace(message_id=NUMBERS[name]), _BODIES[name](args))
 
 
 def check_period(seconds: float) -> float:
@@ -151,7 +151,7 @@ _BODIES: dict[str, Callable[[Mapping[str, str]], bytes]] = {
 }
 
 
-def standing_request(message: str, period: float) -> bytes:
+def periodic_log_request(message: str, period: float) -> bytes:
     """LOG in ASCII form, of a message every ``period`` seconds; 0: whenever it changes.
 
     In ASCII, because its answer then comes in ASCII and cannot be taken for the answer to a command.
@@ -164,7 +164,7 @@ def standing_request(message: str, period: float) -> bytes:
 # ------------------------------------------------------------------------------------------------------- answers
 
 
-def decode_answer(header: Header, body: bytes, stamp: Stamp) -> list[Ack]:
+def decode_answer(header: NovatelHeader, body: bytes, stamp: Stamp) -> list[Ack]:
     """The answer to a binary command; nothing for a command that is not one of ours."""
     name = NAMES.get(header.message_id)
     if name is None or len(body) < ONE.size:
@@ -193,7 +193,7 @@ def decode_ascii_answer(line: bytes, stamp: Stamp) -> list[Ack] | None:
     return [] if text == "OK" else [Ack(stamp=stamp, command=name[:-1].lower(), accepted=False, detail=text)]
 
 
-def encode_answer(header: Header, message_id: int, code: int, text: str) -> bytes:
+def encode_answer(header: NovatelHeader, message_id: int, code: int, text: str) -> bytes:
     """The receiver's answer to a binary command; header : with its time and status."""
     header = header._replace(message_id=message_id, message_type=RESPONSE_BIT)
     return encode_frame(header, ONE.pack(code) + text.encode("ascii"))

@@ -9,14 +9,14 @@ from __future__ import annotations
 import struct
 
 from fti.drivers._lnav import Subframe, read_ephemeris
-from fti.drivers.novatel_oem6.framing import Header
+from fti.drivers.novatel_oem6.framing import NovatelHeader
 from fti.types import Measurement, Stamp
 
 RAWEPHEM = struct.Struct("<III30s30s30s")
 MAX_GPS = 32
 
 
-def decode_rawephem(body: bytes, header: Header, stamp: Stamp) -> list[Measurement]:
+def decode_rawephem(body: bytes, header: NovatelHeader, stamp: Stamp) -> list[Measurement]:
     """RAWEPHEM; a satellite whose subframes are not those of one ephemeris gives none."""
     number, _, _, *parts = RAWEPHEM.unpack_from(body)
     if not 1 <= number <= MAX_GPS:

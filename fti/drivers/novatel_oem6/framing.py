@@ -36,7 +36,7 @@ _PROMPT = re.compile(rb"\[[A-Z]{2,6}[0-9]{0,2}(?:_[0-9]{1,2})?\]")
 _LINE = re.compile(rb"[\x20-\x22\x24-\x7e]*")  # a # begins the next message
 
 
-class Shape(NamedTuple):
+class BodyShape(NamedTuple):
     """Size of a body: ``size`` bytes, and ``step`` for each entry; the count of entries (u32) stands at ``at``."""
 
     size: int
@@ -46,13 +46,13 @@ class Shape(NamedTuple):
 
 #: Shapes by message number, of the messages that are decoded, and of others that have many entries.
 SHAPES = {
-    5: Shape(4, 32), 16: Shape(132), 41: Shape(102), 42: Shape(72), 43: Shape(4, 44), 48: Shape(12, 40, 8),
-    73: Shape(4, 112), 83: Shape(16, 40, 12), 93: Shape(8, 16, 4), 99: Shape(44), 101: Shape(44), 140: Shape(4, 24),
-    174: Shape(28, 4, 24), 1043: Shape(16, 40, 12), 1194: Shape(4, 16), 1451: Shape(4, 72),
+    5: BodyShape(4, 32), 16: BodyShape(132), 41: BodyShape(102), 42: BodyShape(72), 43: BodyShape(4, 44), 48: BodyShape(12, 40, 8),
+    73: BodyShape(4, 112), 83: BodyShape(16, 40, 12), 93: BodyShape(8, 16, 4), 99: BodyShape(44), 101: BodyShape(44), 140: BodyShape(4, 24),
+    174: BodyShape(28, 4, 24), 1043: BodyShape(16, 40, 12), 1194: BodyShape(4, 16), 1451: BodyShape(4, 72),
 }  # fmt: skip
 
 
-class Header(NamedTuple):
+class NovatelHeader(NamedTuple):
     """The long header, as on the wire."""
 
     sync: bytes
@@ -76,7 +76,7 @@ def crc32(data: bytes | bytearray) -> int:
     return zlib.crc32(data, 0xFFFFFFFF) ^ 0xFFFFFFFF
 
 
-def encode_frame(header: Header, body: bytes) -> bytes:
+def encode_frame(header: NovatelHeader, body: bytes) -> bytes:
     """A binary frame; lengths and CRC are made here."""
     data = HEADER.pack(*header._replace(sync=SYNC, length=HEADER.size, body_length=len(body))) + body
     return data + crc32(data).to_bytes(CRC_SIZE, "little")
@@ -88,9 +88,9 @@ def encode_text(text: str) -> bytes:
     return b"#%s*%08x\r\n" % (data, crc32(data))
 
 
-def split(frame: bytes) -> tuple[Header, bytes]:
+def split(frame: bytes) -> tuple[NovatelHeader, bytes]:
     """Header and body of a binary frame with long header."""
-    header = Header._make(HEADER.unpack_from(frame))
+    header = NovatelHeader._make(HEADER.unpack_from(frame))
     return header, frame[header.length : header.length + header.body_length]
 
 

@@ -6,14 +6,14 @@ from collections.abc import Callable
 
 from fti.drivers.novatel_oem6.clock import decode_clockmodel, decode_time
 from fti.drivers.novatel_oem6.ephemeris import decode_rawephem
-from fti.drivers.novatel_oem6.framing import Header
+from fti.drivers.novatel_oem6.framing import NovatelHeader
 from fti.drivers.novatel_oem6.observations import decode_range, decode_rangecmp
 from fti.drivers.novatel_oem6.sky import decode_psrdop, decode_satvis, decode_satvis2
 from fti.drivers.novatel_oem6.solution import decode_bestpos, decode_bestvel
 from fti.drivers.novatel_oem6.status import decode_rxstatus
 from fti.types import Measurement, Stamp
 
-Reader = Callable[[bytes, Header, Stamp], list[Measurement]]
+Reader = Callable[[bytes, NovatelHeader, Stamp], list[Measurement]]
 
 CLOCKMODEL, BESTPOS, RANGE, RXSTATUS, BESTVEL, TIME, PSRDOP, SATVIS2 = 16, 42, 43, 93, 99, 101, 174, 1043
 RAWEPHEM, SATVIS, RANGECMP = 41, 48, 140

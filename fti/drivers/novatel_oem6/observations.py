@@ -21,7 +21,7 @@ import struct
 from dataclasses import dataclass
 
 from fti.constants import SPEED_OF_LIGHT
-from fti.drivers.novatel_oem6.framing import Header
+from fti.drivers.novatel_oem6.framing import NovatelHeader
 from fti.drivers.novatel_oem6.signals import (
     Tracking,
     carrier_hz,
@@ -29,7 +29,7 @@ from fti.drivers.novatel_oem6.signals import (
     encode_tracking,
     glonass_channel,
 )
-from fti.drivers.novatel_oem6.sky import to_number, within
+from fti.drivers.novatel_oem6.sky import number_in_system, satellite_number
 from fti.types import Measurement, Pseudorange, Pseudoranges, Stamp
 
 COUNT = struct.Struct("<I")
@@ -44,7 +44,7 @@ MAX_NUMBER = 0xFFFF
 
 
 @dataclass(frozen=True, slots=True)
-class _Wire:
+class _RangeEntry:
     """One entry of either message; the phase has the sign of RINEX."""
 
     number: int
@@ -65,7 +65,7 @@ class _Wire:
         phased = t.phase_locked and math.isfinite(self.phase)
         return Pseudorange(
             system=t.system,
-            number=within(t.system, self.number),
+            number=number_in_system(t.system, self.number),
             signal=t.name,
             pseudorange=self.pseudorange if ranged else None,
             pseudorange_sd=self.pseudorange_sd if ranged and math.isfinite(self.pseudorange_sd) else None,
@@ -78,30 +78,30 @@ class _Wire:
         )
 
 
-def decode_range(body: bytes, header: Header, stamp: Stamp) -> list[Measurement]:
+def decode_range(body: bytes, header: NovatelHeader, stamp: Stamp) -> list[Measurement]:
     """RANGE."""
     found = []
     for number, channel, psr, psr_sd, adr, adr_sd, doppler, cn0, lock, word in RANGE.iter_unpack(body[COUNT.size :]):
         t = decode_tracking(word)
         hz = carrier_hz(t.signal, channel - CHANNEL_BASE) if t.signal else None
-        found.append(_Wire(number, t, psr, psr_sd, -adr, adr_sd, doppler, cn0, lock, hz).to_si())
+        found.append(_RangeEntry(number, t, psr, psr_sd, -adr, adr_sd, doppler, cn0, lock, hz).to_si())
     return [Pseudoranges(stamp=stamp, observations=tuple(found))]
 
 
-def decode_rangecmp(body: bytes, header: Header, stamp: Stamp) -> list[Measurement]:
+def decode_rangecmp(body: bytes, header: NovatelHeader, stamp: Stamp) -> list[Measurement]:
     """RANGECMP."""
     entries = RANGECMP.iter_unpack(body[COUNT.size :])
     return [Pseudoranges(stamp=stamp, observations=tuple(_expand(entry).to_si() for entry in entries))]
 
 
-def _expand(entry: tuple[int, int, int, int, int, int]) -> _Wire:
+def _expand(entry: tuple[int, int, int, int, int, int]) -> _RangeEntry:
     word, both, adr, sigmas, number, rest = entry
     t = decode_tracking(word)
     doppler = (both & 0xFFFFFFF ^ 0x8000000) - 0x8000000
     psr = (both >> 28) / 128
     # The message does not tell the GLONASS channel; the carrier of channel 0 is near enough to count whole turns.
     phase = _unroll(-adr / 256, psr * carrier_hz(t.signal, 0) / SPEED_OF_LIGHT) if t.signal else -adr / 256
-    return _Wire(
+    return _RangeEntry(
         number=number,
         tracking=t,
         pseudorange=psr,
@@ -128,7 +128,7 @@ def encode_range(measured: Pseudoranges) -> bytes:
 
 def _entry(o: Pseudorange, channel: int) -> bytes | None:
     word = encode_tracking(o.system, o.signal, channel, o.carrier_phase is not None, o.pseudorange is not None)
-    number = to_number(o.system, o.number)
+    number = satellite_number(o.system, o.number)
     if word is None or not 0 <= number <= MAX_NUMBER:
         return None
     frequency = glonass_channel(o.signal, o.carrier_hz) + CHANNEL_BASE if o.system == "glonass" else 0

@@ -20,7 +20,7 @@ GLONASS_L1, GLONASS_L2, GLONASS_L3 = 1602.0, 1246.0, 1202.025
 GLONASS_STEP = {GLONASS_L1: 0.5625, GLONASS_L2: 0.4375, GLONASS_L3: 0.0}
 
 
-class Signal(NamedTuple):
+class GnssSignal(NamedTuple):
     """RINEX name, and carrier [MHz] (of GLONASS: of channel 0)."""
 
     name: str
@@ -28,30 +28,30 @@ class Signal(NamedTuple):
 
 
 #: Signals by system and number; where two numbers are one signal, the first is the one that is sent.
-SIGNALS: dict[str, dict[int, Signal]] = {
+SIGNALS: dict[str, dict[int, GnssSignal]] = {
     "gps": {
-        0: Signal("L1C", L1), 5: Signal("L2P", L2), 9: Signal("L2W", L2), 14: Signal("L5Q", L5),
-        16: Signal("L1L", L1), 17: Signal("L2S", L2),
+        0: GnssSignal("L1C", L1), 5: GnssSignal("L2P", L2), 9: GnssSignal("L2W", L2), 14: GnssSignal("L5Q", L5),
+        16: GnssSignal("L1L", L1), 17: GnssSignal("L2S", L2),
     },
     "glonass": {
-        0: Signal("L1C", GLONASS_L1), 1: Signal("L2C", GLONASS_L2), 5: Signal("L2P", GLONASS_L2),
-        6: Signal("L3Q", GLONASS_L3),
+        0: GnssSignal("L1C", GLONASS_L1), 1: GnssSignal("L2C", GLONASS_L2), 5: GnssSignal("L2P", GLONASS_L2),
+        6: GnssSignal("L3Q", GLONASS_L3),
     },
-    "sbas": {0: Signal("L1C", L1), 6: Signal("L5I", L5)},
+    "sbas": {0: GnssSignal("L1C", L1), 6: GnssSignal("L5I", L5)},
     "galileo": {
-        1: Signal("L1B", L1), 2: Signal("L1C", L1), 6: Signal("L6B", E6), 7: Signal("L6C", E6), 12: Signal("L5Q", L5),
-        17: Signal("L7Q", E5B), 20: Signal("L8Q", E5),
+        1: GnssSignal("L1B", L1), 2: GnssSignal("L1C", L1), 6: GnssSignal("L6B", E6), 7: GnssSignal("L6C", E6), 12: GnssSignal("L5Q", L5),
+        17: GnssSignal("L7Q", E5B), 20: GnssSignal("L8Q", E5),
     },
     "beidou": {
-        0: Signal("L2I", B1I), 1: Signal("L7I", E5B), 2: Signal("L6I", B3I), 4: Signal("L2I", B1I),
-        5: Signal("L7I", E5B), 6: Signal("L6I", B3I), 7: Signal("L1P", L1), 9: Signal("L5P", L5),
-        11: Signal("L7D", E5B),
+        0: GnssSignal("L2I", B1I), 1: GnssSignal("L7I", E5B), 2: GnssSignal("L6I", B3I), 4: GnssSignal("L2I", B1I),
+        5: GnssSignal("L7I", E5B), 6: GnssSignal("L6I", B3I), 7: GnssSignal("L1P", L1), 9: GnssSignal("L5P", L5),
+        11: GnssSignal("L7D", E5B),
     },
     "qzss": {
-        0: Signal("L1C", L1), 14: Signal("L5Q", L5), 16: Signal("L1L", L1), 17: Signal("L2S", L2),
-        27: Signal("L6L", E6),
+        0: GnssSignal("L1C", L1), 14: GnssSignal("L5Q", L5), 16: GnssSignal("L1L", L1), 17: GnssSignal("L2S", L2),
+        27: GnssSignal("L6L", E6),
     },
-    "navic": {0: Signal("L5A", L5)},
+    "navic": {0: GnssSignal("L5A", L5)},
     "other": {},
 }  # fmt: skip
 
@@ -61,7 +61,7 @@ class Tracking(NamedTuple):
 
     system: str
     number: int
-    signal: Signal | None
+    signal: GnssSignal | None
     phase_locked: bool
     code_locked: bool
 
@@ -88,7 +88,7 @@ def encode_tracking(system: str, name: str, channel: int, phase_locked: bool, co
     return word | (PHASE_LOCKED | PARITY_KNOWN if phase_locked else 0) | (CODE_LOCKED if code_locked else 0)
 
 
-def carrier_hz(signal: Signal, channel: int) -> float:
+def carrier_hz(signal: GnssSignal, channel: int) -> float:
     """Frequency of the carrier; channel : of GLONASS, -7..6."""
     return (signal.mhz + GLONASS_STEP.get(signal.mhz, 0.0) * channel) * 1e6
 

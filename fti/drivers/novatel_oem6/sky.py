@@ -18,8 +18,8 @@ import struct
 from collections.abc import Iterable
 
 from fti.drivers._units import DEGREE
-from fti.drivers.novatel_oem6.clock import finite
-from fti.drivers.novatel_oem6.framing import Header
+from fti.drivers.novatel_oem6.clock import finite_or_none
+from fti.drivers.novatel_oem6.framing import NovatelHeader
 from fti.types import Measurement, Satellite, Satellites, Stamp
 
 PSRDOP = struct.Struct("<6fI")
@@ -34,7 +34,7 @@ SYSTEMS = {0: "gps", 1: "glonass", 2: "sbas", 5: "galileo", 6: "beidou", 7: "qzs
 SYSTEM_NUMBERS = {name: number for number, name in SYSTEMS.items()}
 
 
-def by_number(number: int) -> tuple[str, int]:
+def satellite_from_number(number: int) -> tuple[str, int]:
     """System and number within it of a satellite number that stands for all systems."""
     if FIRST_GLONASS <= number <= LAST_GLONASS:
         return "glonass", number - GLONASS_BASE
@@ -43,26 +43,26 @@ def by_number(number: int) -> tuple[str, int]:
     return ("sbas" if number >= FIRST_SBAS else "gps"), number
 
 
-def within(system: str, number: int) -> int:
+def number_in_system(system: str, number: int) -> int:
     """The number within a system that the message names, as in RINEX: QZSS 193 is 1, a GLONASS slot may be + 37."""
     if system == "qzss" and number >= FIRST_QZSS:
         return number - QZSS_BASE
     return number - GLONASS_BASE if system == "glonass" and FIRST_GLONASS <= number <= LAST_GLONASS else number
 
 
-def to_number(system: str, number: int) -> int:
-    """The reverse of ``by_number``."""
+def satellite_number(system: str, number: int) -> int:
+    """The reverse of ``satellite_from_number``."""
     return number + {"glonass": GLONASS_BASE, "qzss": QZSS_BASE}.get(system, 0)
 
 
-def decode_psrdop(body: bytes, header: Header, stamp: Stamp) -> list[Measurement]:
+def decode_psrdop(body: bytes, header: NovatelHeader, stamp: Stamp) -> list[Measurement]:
     """PSRDOP: the satellites used and the dilution of precision."""
     _, pdop, hdop, _, _, _, count = PSRDOP.unpack_from(body)
     numbers = struct.unpack_from(f"<{count}I", body, PSRDOP.size)
     return [
         Satellites(
             stamp=stamp,
-            satellites=tuple(Satellite(system=s, number=n, used=True) for s, n in map(by_number, numbers)),
+            satellites=tuple(Satellite(system=s, number=n, used=True) for s, n in map(satellite_from_number, numbers)),
             used=count,
             hdop=_dop(hdop),
             vdop=_vdop(_dop(pdop), _dop(hdop)),
@@ -81,24 +81,26 @@ def _vdop(pdop: float | None, hdop: float | None) -> float | None:
     return math.sqrt(pdop**2 - hdop**2)
 
 
-def decode_satvis(body: bytes, header: Header, stamp: Stamp) -> list[Measurement]:
+def decode_satvis(body: bytes, header: NovatelHeader, stamp: Stamp) -> list[Measurement]:
     """SATVIS: satellites above the horizon; nothing when the receiver does not vouch for it."""
     is_valid, _, _ = SATVIS.unpack_from(body)
-    found = ((*by_number(n), up, az) for n, _, _, up, az, _, _ in ENTRY.iter_unpack(body[SATVIS.size :]))
+    found = ((*satellite_from_number(n), up, az) for n, _, _, up, az, _, _ in ENTRY.iter_unpack(body[SATVIS.size :]))
     return [_view(stamp, found)] if is_valid else []
 
 
-def decode_satvis2(body: bytes, header: Header, stamp: Stamp) -> list[Measurement]:
+def decode_satvis2(body: bytes, header: NovatelHeader, stamp: Stamp) -> list[Measurement]:
     """SATVIS2: satellites of one system above the horizon; nothing when the receiver does not vouch for it."""
     system, is_valid, _, _ = SATVIS2.unpack_from(body)
     name = SYSTEMS.get(system, f"system_{system}")
-    found = ((name, within(name, n), up, az) for n, _, _, up, az, _, _ in ENTRY.iter_unpack(body[SATVIS2.size :]))
+    found = (
+        (name, number_in_system(name, n), up, az) for n, _, _, up, az, _, _ in ENTRY.iter_unpack(body[SATVIS2.size :])
+    )
     return [_view(stamp, found)] if is_valid else []
 
 
 def _view(stamp: Stamp, entries: Iterable[tuple[str, int, float, float]]) -> Satellites:
     satellites = (
-        Satellite(system=system, number=number, azimuth=finite(azimuth * DEGREE), elevation=elevation * DEGREE)
+        Satellite(system=system, number=number, azimuth=finite_or_none(azimuth * DEGREE), elevation=elevation * DEGREE)
         for system, number, elevation, azimuth in entries
         if 0.0 <= elevation <= 90.0
     )
@@ -107,7 +109,7 @@ def _view(stamp: Stamp, entries: Iterable[tuple[str, int, float, float]]) -> Sat
 
 def encode_psrdop(sky: Satellites) -> bytes:
     """Body of PSRDOP; GDOP, HTDOP and TDOP, which the measurement has not, are 9999."""
-    used = [to_number(s.system, s.number) for s in sky.satellites if s.used]
+    used = [satellite_number(s.system, s.number) for s in sky.satellites if s.used]
     pdop, hdop = (NO_DOP if x is None else x for x in (sky.pdop, sky.hdop))
     return PSRDOP.pack(NO_DOP, pdop, hdop, NO_DOP, NO_DOP, MASK_DEG, len(used)) + struct.pack(f"<{len(used)}I", *used)
 

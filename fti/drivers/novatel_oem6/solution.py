@@ -17,8 +17,8 @@ import math
 import struct
 
 from fti.drivers._units import DEGREE, wrap_heading
-from fti.drivers.novatel_oem6.clock import earlier, finite
-from fti.drivers.novatel_oem6.framing import Header
+from fti.drivers.novatel_oem6.clock import finite_or_none, subtract_latency
+from fti.drivers.novatel_oem6.framing import NovatelHeader
 from fti.types import Measurement, Position, Stamp, Velocity
 
 BESTPOS = struct.Struct("<IIdddfI3f4s2f8B")
@@ -35,10 +35,10 @@ def _is_valid(status: int, kind: int) -> bool:
     return status == COMPUTED and kind not in NO_SOLUTION
 
 
-def decode_bestpos(body: bytes, header: Header, stamp: Stamp) -> list[Measurement]:
+def decode_bestpos(body: bytes, header: NovatelHeader, stamp: Stamp) -> list[Measurement]:
     """BESTPOS in radians; in another datum than WGS84, or out of range, it is not valid."""
     v = BESTPOS.unpack_from(body)
-    lat, lon, height, undulation = (finite(x) for x in v[2:6])
+    lat, lon, height, undulation = (finite_or_none(x) for x in v[2:6])
     whole = None not in (lat, lon, height, undulation) and abs(v[2]) <= 90.0 and abs(v[3]) <= 180.0
     lat_sd, lon_sd, height_sd = v[7:10]
     return [
@@ -49,14 +49,14 @@ def decode_bestpos(body: bytes, header: Header, stamp: Stamp) -> list[Measuremen
             alt=None if height is None or undulation is None else height + undulation,
             alt_msl=height,
             undulation=undulation,
-            horizontal_sd=finite(math.sqrt((lat_sd**2 + lon_sd**2) / 2)),
-            vertical_sd=finite(height_sd),
+            horizontal_sd=finite_or_none(math.sqrt((lat_sd**2 + lon_sd**2) / 2)),
+            vertical_sd=finite_or_none(height_sd),
             valid=whole and v[6] == WGS84 and _is_valid(v[0], v[1]),
         )
     ]
 
 
-def decode_bestvel(body: bytes, header: Header, stamp: Stamp) -> list[Measurement]:
+def decode_bestvel(body: bytes, header: NovatelHeader, stamp: Stamp) -> list[Measurement]:
     """BESTVEL, down positive, at the time at which it was true."""
     status, kind, latency, _, speed, track_deg, up, _ = BESTVEL.unpack_from(body)
     whole = all(map(math.isfinite, (speed, track_deg, up)))
@@ -64,11 +64,11 @@ def decode_bestvel(body: bytes, header: Header, stamp: Stamp) -> list[Measuremen
     level = whole and track is not None
     return [
         Velocity(
-            stamp=earlier(stamp, latency),
+            stamp=subtract_latency(stamp, latency),
             north=speed * math.cos(track) if level and track is not None else None,
             east=speed * math.sin(track) if level and track is not None else None,
             down=-up if math.isfinite(up) else None,
-            ground_speed=finite(speed),
+            ground_speed=finite_or_none(speed),
             track=track,
             valid=whole and _is_valid(status, kind),
         )

@@ -13,7 +13,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Iterable
 
-from fti.drivers.novatel_oem6.framing import Header
+from fti.drivers.novatel_oem6.framing import NovatelHeader
 from fti.types import DeviceStatus, Measurement, Stamp
 
 HEAD = struct.Struct("<II")
@@ -48,17 +48,17 @@ HARMLESS = frozenset(
 )  # fmt: skip
 
 
-def _named(table: dict[int, str], prefix: str) -> tuple[str, ...]:
+def _name_bits(table: dict[int, str], prefix: str) -> tuple[str, ...]:
     return tuple(table.get(bit, f"{prefix}_bit_{bit}") for bit in range(32))
 
 
 #: Names of the 32 bits of every word, the error word first.
 BITS = (
-    _named(ERRORS, "error"),
-    _named(STATUS, "receiver"),
-    _named(AUX1, "aux1"),
-    _named({}, "aux2"),
-    _named({}, "aux3"),
+    _name_bits(ERRORS, "error"),
+    _name_bits(STATUS, "receiver"),
+    _name_bits(AUX1, "aux1"),
+    _name_bits({}, "aux2"),
+    _name_bits({}, "aux3"),
 )
 
 
@@ -66,7 +66,7 @@ def _flags(word: int, names: Iterable[str]) -> tuple[str, ...]:
     return tuple(name for bit, name in enumerate(names) if word >> bit & 1)
 
 
-def decode_rxstatus(body: bytes, header: Header, stamp: Stamp) -> list[Measurement]:
+def decode_rxstatus(body: bytes, header: NovatelHeader, stamp: Stamp) -> list[Measurement]:
     """RXSTATUS: the names of all bits that are set; ok when no error is, and no condition of the receiver itself."""
     errors, count = HEAD.unpack_from(body)
     words = [WORD.unpack_from(body, HEAD.size + i * WORD.size)[0] for i in range(min(count, len(WORDS)))]

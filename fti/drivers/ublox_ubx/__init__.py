@@ -46,53 +46,61 @@ from fti.drivers._framing import Framer
 from fti.drivers._nmea_sentences import Sentences
 from fti.drivers.ublox_ubx import answers, navigation, raw, sky, subframes, times
 from fti.drivers.ublox_ubx.commands import COMMANDS, Options, command, on_connect, poll
-from fti.drivers.ublox_ubx.device import Encoder
-from fti.drivers.ublox_ubx.frames import HEADER, LIMIT, RTCM_START, SYNC, Line, Shape, rtcm_name
-from fti.drivers.ublox_ubx.receiver import Receiver
+from fti.drivers.ublox_ubx.encoder import Encoder
+from fti.drivers.ublox_ubx.frames import HEADER, MAX_HELD_BYTES, RTCM_START, SYNC, PayloadShape, PortFraming, rtcm_name
+from fti.drivers.ublox_ubx.receiver_state import ReceiverState
 from fti.types import Measurement
 
 DOCUMENT = "u-blox 8 / M8 protocol specification UBX-13003221 R28; u-blox F9 HPG 1.32 interface UBX-22008968"
 CARRIERS = frozenset({"serial", "udp"})
 
 
-class Message(NamedTuple):
+class UbxMessage(NamedTuple):
     """A message that is decoded."""
 
     name: str
     carries: str
-    read: Callable[[bytes, Receiver, int], list[Measurement]]
-    shape: Shape | None
+    read: Callable[[bytes, ReceiverState, int], list[Measurement]]
+    shape: PayloadShape | None
 
 
-READ = {
-    (0x01, 0x02): Message("NAV-POSLLH", "position", navigation.read_posllh, Shape(28)),
-    (0x01, 0x03): Message("NAV-STATUS", "kind of fix", navigation.read_status, Shape(16)),
-    (0x01, 0x04): Message("NAV-DOP", "dilution of precision", sky.read_dop, Shape(18)),
-    (0x01, 0x05): Message("NAV-ATT", "attitude", navigation.read_att, Shape(32)),
-    (0x01, 0x06): Message("NAV-SOL", "position, velocity, fix, satellites used", navigation.read_sol, Shape(52)),
-    (0x01, 0x07): Message("NAV-PVT", "position, velocity, fix, satellites used, UTC", navigation.read_pvt, Shape(84)),
-    (0x01, 0x12): Message("NAV-VELNED", "velocity", navigation.read_velned, Shape(36)),
-    (0x01, 0x14): Message("NAV-HPPOSLLH", "position with more digits", navigation.read_hpposllh, Shape(36)),
-    (0x01, 0x20): Message("NAV-TIMEGPS", "GPS time", times.read_timegps, Shape(16)),
-    (0x01, 0x21): Message("NAV-TIMEUTC", "UTC", times.read_timeutc, Shape(20)),
-    (0x01, 0x22): Message("NAV-CLOCK", "offset and drift of the receiver's clock", times.read_clock, Shape(20)),
-    (0x01, 0x30): Message("NAV-SVINFO", "satellites in view", sky.read_svinfo, sky.SVINFO_SHAPE),
-    (0x01, 0x35): Message("NAV-SAT", "satellites in view", sky.read_sat, sky.SAT_SHAPE),
-    (0x02, 0x10): Message("RXM-RAW", "pseudoranges", raw.read_raw, raw.RAW_SHAPE),
-    (0x02, 0x13): Message("RXM-SFRBX", "ephemerides of GPS satellites", subframes.read_sfrbx, subframes.SFRBX_SHAPE),
-    (0x02, 0x15): Message("RXM-RAWX", "pseudoranges, carrier phases, dopplers", raw.read_rawx, raw.RAWX_SHAPE),
-    (0x05, 0x00): Message("ACK-NAK", "a command was refused", answers.read_nak, Shape(2)),
-    (0x05, 0x01): Message("ACK-ACK", "a command was taken", answers.read_ack, Shape(2)),
-    (0x28, 0x00): Message("HNR-PVT", "position, ground speed, track, fix, UTC", navigation.read_hnr_pvt, Shape(72)),
-    (0x0A, 0x04): Message("MON-VER", "versions of hardware and software", answers.read_version, None),
+MESSAGE_TABLE = {
+    (0x01, 0x02): UbxMessage("NAV-POSLLH", "position", navigation.read_posllh, PayloadShape(28)),
+    (0x01, 0x03): UbxMessage("NAV-STATUS", "kind of fix", navigation.read_status, PayloadShape(16)),
+    (0x01, 0x04): UbxMessage("NAV-DOP", "dilution of precision", sky.read_dop, PayloadShape(18)),
+    (0x01, 0x05): UbxMessage("NAV-ATT", "attitude", navigation.read_att, PayloadShape(32)),
+    (0x01, 0x06): UbxMessage(
+        "NAV-SOL", "position, velocity, fix, satellites used", navigation.read_sol, PayloadShape(52)
+    ),
+    (0x01, 0x07): UbxMessage(
+        "NAV-PVT", "position, velocity, fix, satellites used, UTC", navigation.read_pvt, PayloadShape(84)
+    ),
+    (0x01, 0x12): UbxMessage("NAV-VELNED", "velocity", navigation.read_velned, PayloadShape(36)),
+    (0x01, 0x14): UbxMessage("NAV-HPPOSLLH", "position with more digits", navigation.read_hpposllh, PayloadShape(36)),
+    (0x01, 0x20): UbxMessage("NAV-TIMEGPS", "GPS time", times.read_timegps, PayloadShape(16)),
+    (0x01, 0x21): UbxMessage("NAV-TIMEUTC", "UTC", times.read_timeutc, PayloadShape(20)),
+    (0x01, 0x22): UbxMessage(
+        "NAV-CLOCK", "offset and drift of the receiver's clock", times.read_clock, PayloadShape(20)
+    ),
+    (0x01, 0x30): UbxMessage("NAV-SVINFO", "satellites in view", sky.read_svinfo, sky.SVINFO_SHAPE),
+    (0x01, 0x35): UbxMessage("NAV-SAT", "satellites in view", sky.read_sat, sky.SAT_SHAPE),
+    (0x02, 0x10): UbxMessage("RXM-RAW", "pseudoranges", raw.read_raw, raw.RAW_SHAPE),
+    (0x02, 0x13): UbxMessage("RXM-SFRBX", "ephemerides of GPS satellites", subframes.read_sfrbx, subframes.SFRBX_SHAPE),
+    (0x02, 0x15): UbxMessage("RXM-RAWX", "pseudoranges, carrier phases, dopplers", raw.read_rawx, raw.RAWX_SHAPE),
+    (0x05, 0x00): UbxMessage("ACK-NAK", "a command was refused", answers.read_nak, PayloadShape(2)),
+    (0x05, 0x01): UbxMessage("ACK-ACK", "a command was taken", answers.read_ack, PayloadShape(2)),
+    (0x28, 0x00): UbxMessage(
+        "HNR-PVT", "position, ground speed, track, fix, UTC", navigation.read_hnr_pvt, PayloadShape(72)
+    ),
+    (0x0A, 0x04): UbxMessage("MON-VER", "versions of hardware and software", answers.read_version, None),
 }
 MESSAGES = {
-    **{message.name: message.carries for message in READ.values()},
+    **{message.name: message.carries for message in MESSAGE_TABLE.values()},
     "GGA, RMC, ...": "NMEA 0183: as nmea0183 reads them",
     "RTCM n": "RTCM 3 corrections: framed and counted by number",
     "(other)": "framed and counted by name or number",
 }
-SHAPES = {ids: message.shape for ids, message in READ.items() if message.shape}
+SHAPES = {ids: message.shape for ids, message in MESSAGE_TABLE.items() if message.shape}
 
 
 class Decoder:
@@ -100,9 +108,9 @@ class Decoder:
 
     def __init__(self, options: Options) -> None:
         self.counters = Counters()
-        self._receiver = Receiver()
+        self._receiver = ReceiverState()
         self._sentences = Sentences()
-        self._framer = Framer(Line(SHAPES).measure, self.counters, limit=LIMIT)
+        self._framer = Framer(PortFraming(SHAPES).measure, self.counters, limit=MAX_HELD_BYTES)
 
     def feed(self, data: bytes, t_rx_ns: int) -> list[Measurement]:
         found: list[Measurement] = []
@@ -117,7 +125,7 @@ class Decoder:
             return rtcm_name(frame), []
         if frame[0] != SYNC[0]:
             return self._sentences.read(frame, t_rx_ns)
-        message = READ.get((frame[2], frame[3]))
+        message = MESSAGE_TABLE.get((frame[2], frame[3]))
         if message is None:
             return answers.name_of(frame[2], frame[3]), []
         try:

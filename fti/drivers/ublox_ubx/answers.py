@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from fti.drivers.ublox_ubx.frames import frame
-from fti.drivers.ublox_ubx.receiver import Receiver
+from fti.drivers.ublox_ubx.receiver_state import ReceiverState
 from fti.drivers.ublox_ubx.table import CLASS_NAMES, NAMES
 from fti.types import Ack, Measurement, Stamp
 
@@ -18,12 +18,12 @@ def name_of(class_id: int, message_id: int) -> str:
     return known or f"{CLASS_NAMES.get(class_id, f'0x{class_id:02X}')}-0x{message_id:02X}"
 
 
-def read_ack(p: bytes, receiver: Receiver, t_rx_ns: int) -> list[Measurement]:
+def read_ack(p: bytes, receiver: ReceiverState, t_rx_ns: int) -> list[Measurement]:
     """ACK-ACK."""
     return _answer(p, t_rx_ns, accepted=True)
 
 
-def read_nak(p: bytes, receiver: Receiver, t_rx_ns: int) -> list[Measurement]:
+def read_nak(p: bytes, receiver: ReceiverState, t_rx_ns: int) -> list[Measurement]:
     """ACK-NAK."""
     return _answer(p, t_rx_ns, accepted=False)
 
@@ -34,7 +34,7 @@ def _answer(p: bytes, t_rx_ns: int, accepted: bool) -> list[Measurement]:
     return [Ack(stamp=Stamp(t_rx_ns), command=command, accepted=accepted, detail=name_of(*about))]
 
 
-def read_version(p: bytes, receiver: Receiver, t_rx_ns: int) -> list[Measurement]:
+def read_version(p: bytes, receiver: ReceiverState, t_rx_ns: int) -> list[Measurement]:
     """MON-VER: software, hardware, extensions; each a text with zeros behind it."""
     if len(p) < SOFTWARE + HARDWARE:
         raise ValueError("too short for a version")

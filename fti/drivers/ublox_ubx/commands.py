@@ -23,7 +23,7 @@ IN_RAM = 1
 GPS_TIME = 1
 MAX_KEYS = 64
 #: What is forgotten: nothing, the ephemeris, everything.
-FORGET = {"hot": 0x0000, "warm": 0x0001, "cold": 0xFFFF}
+RESET_MASKS = {"hot": 0x0000, "warm": 0x0001, "cold": 0xFFFF}
 #: Only the satellite part is reset: the port stays open and keeps the messages that were asked for.
 GNSS_ONLY = 0x02
 
@@ -78,7 +78,7 @@ def on_connect(options: Options) -> list[bytes]:
     asked = [frame(*MON_VER, b"")]
     if options.period_ms is not None:
         asked.append(_measure_every(options.period_ms, 1, options))
-    return asked + list(_ask_for(options.messages, options))
+    return asked + list(_request_messages(options.messages, options))
 
 
 def poll(options: Options) -> tuple[float, bytes] | None:
@@ -96,7 +96,7 @@ def command(name: str, args: Mapping[str, str], options: Options | None = None) 
 def _message(args: Mapping[str, str], options: Options) -> bytes:
     wanted = _choice("message", "name", args, OUTPUTS)
     rate = _number("message", "rate", args, range(256), default=1)
-    return next(_ask_for({wanted: rate}, options))
+    return next(_request_messages({wanted: rate}, options))
 
 
 def _rate(args: Mapping[str, str], options: Options) -> bytes:
@@ -105,8 +105,8 @@ def _rate(args: Mapping[str, str], options: Options) -> bytes:
 
 
 def _reset(args: Mapping[str, str], options: Options) -> bytes:
-    kind = _choice("reset", "kind", args, FORGET)
-    return frame(*CFG_RST, struct.pack("<HBx", FORGET[kind], GNSS_ONLY))
+    kind = _choice("reset", "kind", args, RESET_MASKS)
+    return frame(*CFG_RST, struct.pack("<HBx", RESET_MASKS[kind], GNSS_ONLY))
 
 
 def _version(args: Mapping[str, str], options: Options) -> bytes:
@@ -143,7 +143,7 @@ def _measure_every(period_ms: int, cycles: int, options: Options) -> bytes:
     return frame(*CFG_RATE, struct.pack("<HHH", period_ms, cycles, GPS_TIME))
 
 
-def _ask_for(messages: Mapping[str, int], options: Options) -> Iterator[bytes]:
+def _request_messages(messages: Mapping[str, int], options: Options) -> Iterator[bytes]:
     if options.configure_with == "cfg_msg":
         for name, rate in messages.items():
             yield frame(*CFG_MSG, bytes((*OUTPUTS[name][:2], rate)))

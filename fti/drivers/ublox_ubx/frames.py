@@ -2,7 +2,7 @@
 
 A corrupted length must not swallow what follows, so a length that the message cannot have is refused before its
 bytes have come: a repeated message must have the length that its own count says, a fixed one that is known may have
-grown by a little, and anything else is at most ``LONGEST`` bytes.
+grown by a little, and anything else is at most ``MAX_MESSAGE_BYTES`` bytes.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ SYNC = b"\xb5\x62"
 RTCM_START = 0xD3
 HEADER, OVERHEAD = 6, 8
 #: Most bytes of a message; a RXM-RAWX whose count of signals agrees may have more.
-LONGEST, LIMIT = 4096, 8192
+MAX_MESSAGE_BYTES, MAX_HELD_BYTES = 4096, 8192
 #: A later revision may append this much to a message of fixed length.
 GROWTH = 64
 
@@ -26,7 +26,7 @@ _NO_START = re.compile(rb"[^$!#\xb5\xd3]+")
 _COMMENT = re.compile(rb"[^$!\xb5\xd3\n]*\n?")
 
 
-class Shape(NamedTuple):
+class PayloadShape(NamedTuple):
     """Length of a payload: ``size`` and, if it repeats, ``step`` bytes as often as the byte at ``count_at`` says."""
 
     size: int
@@ -45,7 +45,7 @@ def frame(class_id: int, message_id: int, payload: bytes) -> bytes:
     return SYNC + body + checksum(body)
 
 
-def measure_ubx(buffer: bytearray, shapes: dict[tuple[int, int], Shape]) -> int | Skip:
+def measure_ubx(buffer: bytearray, shapes: dict[tuple[int, int], PayloadShape]) -> int | Skip:
     """A UBX message that may begin here."""
     if len(buffer) > 1 and buffer[1] != SYNC[1]:
         return Skip(1, "no_sync")
@@ -62,17 +62,17 @@ def measure_ubx(buffer: bytearray, shapes: dict[tuple[int, int], Shape]) -> int 
     return whole
 
 
-def _may_be(buffer: bytearray, size: int, shape: Shape | None) -> bool:
+def _may_be(buffer: bytearray, size: int, shape: PayloadShape | None) -> bool:
     if shape is None:
-        return size <= LONGEST - OVERHEAD
+        return size <= MAX_MESSAGE_BYTES - OVERHEAD
     if size < shape.size:  # too short for its fields; the checksum will tell whether it was sent so
         return True
     if not shape.step:
         return size <= shape.size + GROWTH
     at = HEADER + shape.count_at
     if len(buffer) <= at:
-        return (size - shape.size) % shape.step == 0 and size <= LIMIT - OVERHEAD
-    return size == shape.size + shape.step * buffer[at] and size <= LIMIT - OVERHEAD
+        return (size - shape.size) % shape.step == 0 and size <= MAX_HELD_BYTES - OVERHEAD
+    return size == shape.size + shape.step * buffer[at] and size <= MAX_HELD_BYTES - OVERHEAD
 
 
 # ---------------------------------------------------------------------------------------------------------- RTCM 3
@@ -121,10 +121,10 @@ def rtcm_name(found: bytes) -> str:
 # ------------------------------------------------------------------------------------------------------------ line
 
 
-class Line:
+class PortFraming:
     """The three kinds of message; see ``fti.drivers._framing``.  It remembers whether a comment goes on."""
 
-    def __init__(self, shapes: dict[tuple[int, int], Shape]) -> None:
+    def __init__(self, shapes: dict[tuple[int, int], PayloadShape]) -> None:
         self._shapes = shapes
         self._comment = False
 
@@ -138,9 +138,9 @@ class Line:
             return measure_sentence(buffer)
         if first == RTCM_START:
             return measure_rtcm(buffer)
-        return self._between(buffer)
+        return self._measure_gap(buffer)
 
-    def _between(self, buffer: bytearray) -> Skip:
+    def _measure_gap(self, buffer: bytearray) -> Skip:
         self._comment = self._comment or buffer[0] == ord("#")
         found = (_COMMENT if self._comment else _NO_START).match(buffer)
         assert found is not None

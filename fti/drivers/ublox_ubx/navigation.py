@@ -8,7 +8,7 @@ from datetime import date
 
 from fti.drivers._times import GPS_EPOCH_UTC_NS, LEAP_NS, SECOND_NS, WEEK_S, gps_ns, utc_ns
 from fti.drivers._units import wrap_heading
-from fti.drivers.ublox_ubx.receiver import UNKNOWN_U32, WEEK_MS, Receiver, metres
+from fti.drivers.ublox_ubx.receiver_state import UNKNOWN_U32, WEEK_MS, ReceiverState, metres
 from fti.types import Attitude, DeviceStatus, Measurement, Position, Satellites, Stamp, TimeScale, Velocity
 
 #                     iTOW year.. tAcc nano fix.. lon lat h hMSL  acc  NED,g,hd  acc pDOP
@@ -26,7 +26,7 @@ FIX_OK, DIFFERENTIAL = 1 << 0, 1 << 1
 INVALID_LLH = 1 << 0
 WEEK_SET, TOW_SET = 1 << 2, 1 << 3
 FIXES = ("no_fix", "dead_reckoning", "fix_2d", "fix_3d", "gnss_dead_reckoning", "time_only")
-MEASURED = frozenset(FIXES[2:5])
+MEASURED_FIXES = frozenset(FIXES[2:5])
 CARRIER = ("", "rtk_float", "rtk_fixed")
 #: The receiver's own limit of accuracy for a fix, as it comes from the factory [m].
 ACCURACY_MASK = 100.0
@@ -35,7 +35,7 @@ ACCURACY_MASK = 100.0
 _A, _B, _E2, _E2_PRIME = 6378137.0, 6356752.314245179, 0.0066943799901413165, 0.006739496742276434
 
 
-def read_pvt(p: bytes, receiver: Receiver, t_rx_ns: int) -> list[Measurement]:
+def read_pvt(p: bytes, receiver: ReceiverState, t_rx_ns: int) -> list[Measurement]:
     """NAV-PVT: everything of one epoch; UTC, whose nanoseconds may be negative."""
     (itow, year, month, day, hour, minute, second, valid, _, nano, kind, flags, _, used, lon, lat, height, h_msl,
      h_acc, v_acc, north, east, down, speed, track, s_acc, _, pdop) = PVT.unpack_from(p)  # fmt: skip
@@ -63,7 +63,7 @@ def read_pvt(p: bytes, receiver: Receiver, t_rx_ns: int) -> list[Measurement]:
     ]  # fmt: skip
 
 
-def _utc(receiver: Receiver, times: tuple[int, int], calendar: tuple[int, ...], nano: int) -> Stamp:
+def _utc(receiver: ReceiverState, times: tuple[int, int], calendar: tuple[int, ...], nano: int) -> Stamp:
     """The stamp of a UTC; and the GPS week in which iTOW is this UTC: leap seconds are few beside it.
 
     times : arrival [ns], iTOW [ms]; calendar : year, month, day, hour, minute, second
@@ -72,11 +72,11 @@ def _utc(receiver: Receiver, times: tuple[int, int], calendar: tuple[int, ...], 
     t_dev_ns = utc_ns(date(year, month, day), ((hour * 60 + minute) * 60 + second) * SECOND_NS + nano)
     if itow_ms < WEEK_MS:
         gps_s = (t_dev_ns - GPS_EPOCH_UTC_NS + LEAP_NS) / SECOND_NS
-        receiver.tell_week(round((gps_s - itow_ms / 1000) / WEEK_S), itow_ms)
+        receiver.set_week(round((gps_s - itow_ms / 1000) / WEEK_S), itow_ms)
     return Stamp(t_rx_ns, t_dev_ns, TimeScale.UTC)
 
 
-def read_hnr_pvt(p: bytes, receiver: Receiver, t_rx_ns: int) -> list[Measurement]:
+def read_hnr_pvt(p: bytes, receiver: ReceiverState, t_rx_ns: int) -> list[Measurement]:
     """HNR-PVT: the solution between the epochs of a receiver with inertial sensors."""
     (itow, year, month, day, hour, minute, second, valid, nano, kind, flags, lon, lat, height, h_msl, ground_speed, _,
      heading, _, h_acc, v_acc, s_acc) = HNR_PVT.unpack_from(p)  # fmt: skip
@@ -102,7 +102,7 @@ def _status(stamp: Stamp, kind: int, flags: int, carrier: str = "") -> DeviceSta
     fix = FIXES[kind] if kind < len(FIXES) else f"fix_{kind}"
     within = bool(flags & FIX_OK)
     said = (fix, "" if within else "beyond_limits", "dgps" if flags & DIFFERENTIAL else "", carrier)
-    return DeviceStatus(stamp=stamp, ok=within and fix in MEASURED, flags=tuple(flag for flag in said if flag))
+    return DeviceStatus(stamp=stamp, ok=within and fix in MEASURED_FIXES, flags=tuple(flag for flag in said if flag))
 
 
 def dop(hundredths: int) -> float | None:
@@ -110,7 +110,7 @@ def dop(hundredths: int) -> float | None:
     return hundredths / 100 if hundredths < 9999 else None
 
 
-def read_status(p: bytes, receiver: Receiver, t_rx_ns: int) -> list[Measurement]:
+def read_status(p: bytes, receiver: ReceiverState, t_rx_ns: int) -> list[Measurement]:
     """NAV-STATUS."""
     itow, kind, flags, *_ = STATUS.unpack_from(p)
     status = _status(receiver.stamp(t_rx_ns, itow), kind, flags)
@@ -118,12 +118,12 @@ def read_status(p: bytes, receiver: Receiver, t_rx_ns: int) -> list[Measurement]
     return [status]
 
 
-def read_sol(p: bytes, receiver: Receiver, t_rx_ns: int) -> list[Measurement]:
+def read_sol(p: bytes, receiver: ReceiverState, t_rx_ns: int) -> list[Measurement]:
     """NAV-SOL: earth-centred; its accuracy is that of the whole vector, so it bounds each part."""
     itow, fraction, week, kind, flags, x, y, z, p_acc, vx, vy, vz, s_acc, pdop, _, used = SOL.unpack_from(p)
     stamp = Stamp(t_rx_ns)
     if flags & WEEK_SET and flags & TOW_SET and week > 0 and itow < WEEK_MS:
-        receiver.tell_week(week, itow)
+        receiver.set_week(week, itow)
         stamp = Stamp(t_rx_ns, gps_ns(week, itow * 1_000_000 + fraction), TimeScale.GPS)
     else:
         receiver.forget_week()
@@ -165,12 +165,12 @@ def to_ned(lat: float, lon: float, vx: float, vy: float, vz: float) -> tuple[flo
     return north, east, -level * math.cos(lat) - vz * math.sin(lat)
 
 
-def _trusted(receiver: Receiver, sd: float | None, limit: float) -> bool:
+def _is_trusted(receiver: ReceiverState, sd: float | None, limit: float) -> bool:
     """Messages without a flag: as good as the newest fix stated and, always, within the limit."""
     return receiver.fix is not False and sd is not None and sd <= limit
 
 
-def read_posllh(p: bytes, receiver: Receiver, t_rx_ns: int) -> list[Measurement]:
+def read_posllh(p: bytes, receiver: ReceiverState, t_rx_ns: int) -> list[Measurement]:
     """NAV-POSLLH: does not say whether it is valid."""
     itow, lon, lat, height, h_msl, h_acc, v_acc = POSLLH.unpack_from(p)
     horizontal_sd = metres(h_acc)
@@ -179,12 +179,12 @@ def read_posllh(p: bytes, receiver: Receiver, t_rx_ns: int) -> list[Measurement]
             stamp=receiver.stamp(t_rx_ns, itow), lat=math.radians(lat * 1e-7), lon=math.radians(lon * 1e-7),
             alt=height / 1000, alt_msl=h_msl / 1000, undulation=(height - h_msl) / 1000,
             horizontal_sd=horizontal_sd, vertical_sd=metres(v_acc),
-            valid=_trusted(receiver, horizontal_sd, ACCURACY_MASK),
+            valid=_is_trusted(receiver, horizontal_sd, ACCURACY_MASK),
         )
     ]  # fmt: skip
 
 
-def read_hpposllh(p: bytes, receiver: Receiver, t_rx_ns: int) -> list[Measurement]:
+def read_hpposllh(p: bytes, receiver: ReceiverState, t_rx_ns: int) -> list[Measurement]:
     """NAV-HPPOSLLH: degrees to 1e-9, lengths to 0.1 mm."""
     _, _, flags, itow, lon, lat, height, h_msl, lon_hp, lat_hp, height_hp, h_msl_hp, h_acc, v_acc = (
         HPPOSLLH.unpack_from(p)
@@ -199,12 +199,12 @@ def read_hpposllh(p: bytes, receiver: Receiver, t_rx_ns: int) -> list[Measuremen
             stamp=stamp, lat=math.radians((lat * 100 + lat_hp) * 1e-9), lon=math.radians((lon * 100 + lon_hp) * 1e-9),
             alt=alt, alt_msl=alt_msl, undulation=alt - alt_msl, horizontal_sd=horizontal_sd,
             vertical_sd=None if v_acc == UNKNOWN_U32 else v_acc / 10_000,
-            valid=_trusted(receiver, horizontal_sd, ACCURACY_MASK),
+            valid=_is_trusted(receiver, horizontal_sd, ACCURACY_MASK),
         )
     ]  # fmt: skip
 
 
-def read_velned(p: bytes, receiver: Receiver, t_rx_ns: int) -> list[Measurement]:
+def read_velned(p: bytes, receiver: ReceiverState, t_rx_ns: int) -> list[Measurement]:
     """NAV-VELNED: cm/s; does not say whether it is valid."""
     itow, north, east, down, _, ground_speed, heading, s_acc, _ = VELNED.unpack_from(p)
     sd = None if s_acc == UNKNOWN_U32 else s_acc / 100
@@ -212,12 +212,12 @@ def read_velned(p: bytes, receiver: Receiver, t_rx_ns: int) -> list[Measurement]
         Velocity(
             stamp=receiver.stamp(t_rx_ns, itow), north=north / 100, east=east / 100, down=down / 100,
             ground_speed=ground_speed / 100, track=wrap_heading(math.radians(heading * 1e-5)), sd=sd,
-            valid=_trusted(receiver, sd, ACCURACY_MASK),
+            valid=_is_trusted(receiver, sd, ACCURACY_MASK),
         )
     ]  # fmt: skip
 
 
-def read_att(p: bytes, receiver: Receiver, t_rx_ns: int) -> list[Measurement]:
+def read_att(p: bytes, receiver: ReceiverState, t_rx_ns: int) -> list[Measurement]:
     """NAV-ATT: the attitude of a receiver with inertial sensors; an accuracy of 0 means that there is none."""
     itow, _, roll, pitch, heading, *accuracies = ATT.unpack_from(p)
     roll_sd, pitch_sd, heading_sd = (math.radians(a * 1e-5) if 0 < a < UNKNOWN_U32 else None for a in accuracies)

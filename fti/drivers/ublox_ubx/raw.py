@@ -10,8 +10,8 @@ import struct
 from collections.abc import Iterable
 
 from fti.drivers._times import SECOND_NS, WEEK_S, gps_ns, gps_week
-from fti.drivers.ublox_ubx.frames import Shape, frame
-from fti.drivers.ublox_ubx.receiver import Receiver
+from fti.drivers.ublox_ubx.frames import PayloadShape, frame
+from fti.drivers.ublox_ubx.receiver_state import ReceiverState
 from fti.drivers.ublox_ubx.sky import SYSTEMS, system
 from fti.types import Measurement, Pseudorange, Pseudoranges, Stamp, TimeScale
 
@@ -19,8 +19,8 @@ HEAD = struct.Struct("<dHbBBBxx")
 SIGNAL = struct.Struct("<ddfBBBBHBBBBBx")
 RAW_HEAD = struct.Struct("<ihBx")
 RAW_SATELLITE = struct.Struct("<ddfBbbB")
-RAWX_SHAPE = Shape(HEAD.size, SIGNAL.size, 11)
-RAW_SHAPE = Shape(RAW_HEAD.size, RAW_SATELLITE.size, 6)
+RAWX_SHAPE = PayloadShape(HEAD.size, SIGNAL.size, 11)
+RAW_SHAPE = PayloadShape(RAW_HEAD.size, RAW_SATELLITE.size, 6)
 
 PSEUDORANGE_VALID, PHASE_VALID, HALF_CYCLE_KNOWN = 1 << 0, 1 << 1, 1 << 2
 PSEUDORANGE_SD_UNIT, PHASE_SD_UNIT, PHASE_SD_UNKNOWN = 0.01, 0.004, 15
@@ -43,10 +43,10 @@ SIGNALS = {
 }
 #: Carriers by band; those that are elsewhere; GLONASS by its channel (freqId - 7): carrier of channel 0 and step.
 BANDS = {"1": 1575.42e6, "2": 1227.60e6, "5": 1176.45e6, "6": 1278.75e6, "7": 1207.14e6}
-ELSEWHERE = {("beidou", "L2I"): 1561.098e6, ("beidou", "L6I"): 1268.52e6}
+SPECIAL_CARRIERS_HZ = {("beidou", "L2I"): 1561.098e6, ("beidou", "L6I"): 1268.52e6}
 GLONASS = {"L1C": (1602.0e6, 0.5625e6), "L2C": (1246.0e6, 0.4375e6)}
 CARRIERS = {
-    (name, signal): ELSEWHERE.get((name, signal), BANDS[signal[1]])
+    (name, signal): SPECIAL_CARRIERS_HZ.get((name, signal), BANDS[signal[1]])
     for name, signals in SIGNALS.items()
     for signal in signals.values()
     if name != "glonass"
@@ -69,7 +69,7 @@ def frequency_id(o: Pseudorange) -> int:
     return GLONASS_CHANNEL_0 + (0 if o.carrier_hz is None else round((o.carrier_hz - base) / step))
 
 
-def read_rawx(p: bytes, receiver: Receiver, t_rx_ns: int) -> list[Measurement]:
+def read_rawx(p: bytes, receiver: ReceiverState, t_rx_ns: int) -> list[Measurement]:
     """RXM-RAWX."""
     second, week, _, count, _, _ = HEAD.unpack_from(p)
     if len(p) != RAWX_SHAPE.size + count * RAWX_SHAPE.step:
@@ -103,7 +103,7 @@ def _signal(wire: tuple[float, float, float, int, int, int, int, int, int, int, 
     )
 
 
-def read_raw(p: bytes, receiver: Receiver, t_rx_ns: int) -> list[Measurement]:
+def read_raw(p: bytes, receiver: ReceiverState, t_rx_ns: int) -> list[Measurement]:
     """RXM-RAW: GPS and SBAS on L1."""
     itow, week, count = RAW_HEAD.unpack_from(p)
     if len(p) != RAW_SHAPE.size + count * RAW_SHAPE.step:

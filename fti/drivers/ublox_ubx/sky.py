@@ -5,17 +5,17 @@ from __future__ import annotations
 import math
 import struct
 
-from fti.drivers.ublox_ubx.frames import Shape, frame
+from fti.drivers.ublox_ubx.frames import PayloadShape, frame
 from fti.drivers.ublox_ubx.navigation import dop
-from fti.drivers.ublox_ubx.receiver import Receiver
+from fti.drivers.ublox_ubx.receiver_state import ReceiverState
 from fti.types import Measurement, Satellite, Satellites
 
 HEAD = struct.Struct("<IBBxx")
 SAT = struct.Struct("<BBBbhhI")
 SVINFO = struct.Struct("<BBBBBbhi")
 DOPS = struct.Struct("<I7H")
-SAT_SHAPE = Shape(HEAD.size, SAT.size, 5)
-SVINFO_SHAPE = Shape(HEAD.size, SVINFO.size, 4)
+SAT_SHAPE = PayloadShape(HEAD.size, SAT.size, 5)
+SVINFO_SHAPE = PayloadShape(HEAD.size, SVINFO.size, 4)
 
 SYSTEMS = ("gps", "sbas", "galileo", "beidou", "imes", "qzss", "glonass", "navic")
 USED_IN_SAT, USED_IN_SVINFO = 1 << 3, 1 << 0
@@ -32,7 +32,7 @@ def system(gnss_id: int) -> str:
     return SYSTEMS[gnss_id] if gnss_id < len(SYSTEMS) else f"gnss_{gnss_id}"
 
 
-def read_sat(p: bytes, receiver: Receiver, t_rx_ns: int) -> list[Measurement]:
+def read_sat(p: bytes, receiver: ReceiverState, t_rx_ns: int) -> list[Measurement]:
     """NAV-SAT."""
     itow, _, count = HEAD.unpack_from(p)
     if len(p) != SAT_SHAPE.size + count * SAT_SHAPE.step:
@@ -44,7 +44,7 @@ def read_sat(p: bytes, receiver: Receiver, t_rx_ns: int) -> list[Measurement]:
     return [Satellites(stamp=receiver.stamp(t_rx_ns, itow), satellites=found)]
 
 
-def read_svinfo(p: bytes, receiver: Receiver, t_rx_ns: int) -> list[Measurement]:
+def read_svinfo(p: bytes, receiver: ReceiverState, t_rx_ns: int) -> list[Measurement]:
     """NAV-SVINFO."""
     itow, count, _ = HEAD.unpack_from(p)
     if len(p) != SVINFO_SHAPE.size + count * SVINFO_SHAPE.step:
@@ -76,7 +76,7 @@ def _satellite(key: tuple[str, int], azimuth: int, elevation: int, cn0: int, use
     )
 
 
-def read_dop(p: bytes, receiver: Receiver, t_rx_ns: int) -> list[Measurement]:
+def read_dop(p: bytes, receiver: ReceiverState, t_rx_ns: int) -> list[Measurement]:
     """NAV-DOP: of position, vertical, horizontal."""
     itow, _, position, _, vertical, horizontal, _, _ = DOPS.unpack_from(p)
     return [

@@ -11,18 +11,18 @@ from __future__ import annotations
 import struct
 
 from fti.drivers._lnav import PREAMBLE, Subframe, read_ephemeris
-from fti.drivers.ublox_ubx.frames import Shape
-from fti.drivers.ublox_ubx.receiver import Receiver
+from fti.drivers.ublox_ubx.frames import PayloadShape
+from fti.drivers.ublox_ubx.receiver_state import ReceiverState
 from fti.types import Measurement, Stamp
 
 HEAD = struct.Struct("<BBBxBxxx")
 WORDS = struct.Struct("<10I")
-SFRBX_SHAPE = Shape(HEAD.size, 4, 4)
+SFRBX_SHAPE = PayloadShape(HEAD.size, 4, 4)
 GPS, L1_CA = 0, 0
 PARITY_BITS, WORD_MASK, WORD_BYTES = 6, 0xFFFFFF, 3
 
 
-def read_sfrbx(p: bytes, receiver: Receiver, t_rx_ns: int) -> list[Measurement]:
+def read_sfrbx(p: bytes, receiver: ReceiverState, t_rx_ns: int) -> list[Measurement]:
     """RXM-SFRBX: the ephemeris, with the subframe that completes it."""
     gnss_id, number, signal_id, count = HEAD.unpack_from(p)
     if len(p) != SFRBX_SHAPE.size + count * SFRBX_SHAPE.step:
@@ -33,6 +33,6 @@ def read_sfrbx(p: bytes, receiver: Receiver, t_rx_ns: int) -> list[Measurement]:
     data = b"".join((word >> PARITY_BITS & WORD_MASK).to_bytes(WORD_BYTES, "big") for word in words)
     if data[0] != PREAMBLE:
         return []
-    found = receiver.take_subframe(number, Subframe(data))
+    found = receiver.add_subframe(number, Subframe(data))
     ephemeris = read_ephemeris(number, found, Stamp(t_rx_ns)) if found else None
     return [ephemeris] if ephemeris else []

@@ -7,7 +7,7 @@ from datetime import date
 
 from fti.drivers._times import SECOND_NS, gps_ns, utc_ns
 from fti.drivers.ublox_ubx.frames import frame
-from fti.drivers.ublox_ubx.receiver import UNKNOWN_U32, WEEK_MS, Receiver
+from fti.drivers.ublox_ubx.receiver_state import UNKNOWN_U32, WEEK_MS, ReceiverState
 from fti.types import DeviceTime, Measurement, ReceiverClock, Stamp, TimeScale
 
 TIMEGPS = struct.Struct("<IihbBI")
@@ -17,17 +17,17 @@ TOW_VALID, WEEK_VALID, UTC_VALID = 1 << 0, 1 << 1, 1 << 2
 NS, PS = 1e-9, 1e-12
 
 
-def read_timegps(p: bytes, receiver: Receiver, t_rx_ns: int) -> list[Measurement]:
+def read_timegps(p: bytes, receiver: ReceiverState, t_rx_ns: int) -> list[Measurement]:
     """NAV-TIMEGPS: iTOW [ms] and the rest of it [ns]."""
     itow, fraction, week, _, valid, _ = TIMEGPS.unpack_from(p)
     if not (valid & TOW_VALID and valid & WEEK_VALID) or week < 0 or itow >= WEEK_MS:
         receiver.forget_week()
         return []
-    receiver.tell_week(week, itow)
+    receiver.set_week(week, itow)
     return [DeviceTime(stamp=Stamp(t_rx_ns, gps_ns(week, itow * 1_000_000 + fraction), TimeScale.GPS))]
 
 
-def read_timeutc(p: bytes, receiver: Receiver, t_rx_ns: int) -> list[Measurement]:
+def read_timeutc(p: bytes, receiver: ReceiverState, t_rx_ns: int) -> list[Measurement]:
     """NAV-TIMEUTC; the nanoseconds may be negative."""
     _, _, nano, year, month, day, hour, minute, second, valid = TIMEUTC.unpack_from(p)
     if not valid & UTC_VALID:
@@ -36,7 +36,7 @@ def read_timeutc(p: bytes, receiver: Receiver, t_rx_ns: int) -> list[Measurement
     return [DeviceTime(stamp=Stamp(t_rx_ns, utc_ns(date(year, month, day), of_day_ns), TimeScale.UTC))]
 
 
-def read_clock(p: bytes, receiver: Receiver, t_rx_ns: int) -> list[Measurement]:
+def read_clock(p: bytes, receiver: ReceiverState, t_rx_ns: int) -> list[Measurement]:
     """NAV-CLOCK: [ns], [ns/s], [ns], [ps/s]."""
     itow, bias, drift, t_acc, f_acc = CLOCK.unpack_from(p)
     return [

@@ -5,20 +5,20 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from fti.hil.faults.fitting import is_of
-from fti.hil.faults.values import is_on
-from fti.hil.tables.kinds import ClockDrift, ClockJump, Fault
-from fti.service.binding import BoundDevice
+from fti.devices import BoundDevice
+from fti.hil.faults.applicability import applies_to
+from fti.hil.faults.values import is_active
+from fti.hil.tables.fault_types import ClockDrift, ClockJump, Fault
 from fti.types import Measurement, Stamp, TimeScale
 
 SECOND_NS = 1_000_000_000
 
 
-class DeviceClock:
+class ClockFaults:
     """The faults of the clock of one device."""
 
     def __init__(self, bound: BoundDevice, faults: Sequence[Fault]) -> None:
-        self._faults = [f for f in faults if isinstance(f, ClockJump | ClockDrift) and is_of(f, bound)]
+        self._faults = [f for f in faults if isinstance(f, ClockJump | ClockDrift) and applies_to(f, bound)]
 
     def error_s(self, t: float) -> float:
         """How far the clock is ahead at t [s] of the flight; what a drift has gained stays."""
@@ -26,7 +26,7 @@ class DeviceClock:
         for fault in self._faults:
             if isinstance(fault, ClockDrift):
                 error += 1e-6 * fault.ppm * min(max(t - fault.from_s, 0.0), fault.to_s - fault.from_s)
-            elif is_on(fault, t):
+            elif is_active(fault, t):
                 error += fault.by_s
         return error
 
@@ -37,10 +37,10 @@ class DeviceClock:
         error_ns = round(self.error_s(t) * SECOND_NS)
         if not error_ns:
             return measurements
-        return [replace(m, stamp=_moved(m.stamp, error_ns)) for m in measurements]
+        return [replace(m, stamp=_shift_stamp(m.stamp, error_ns)) for m in measurements]
 
 
-def _moved(stamp: Stamp, by_ns: int) -> Stamp:
+def _shift_stamp(stamp: Stamp, by_ns: int) -> Stamp:
     """A time since power-on is never below zero."""
     if stamp.t_dev_ns is None:
         return stamp

@@ -11,23 +11,23 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from fti.hil.tables.kinds import Fault, GnssDegraded, GnssOffset, GnssOutage, GnssRamp
+from fti.hil.tables.fault_types import Fault, GnssDegraded, GnssOffset, GnssOutage, GnssRamp
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 #: Drivers of receivers, and of devices that may have one in them.
-RECEIVERS = frozenset({"mavlink", "nmea0183", "novatel_oem6", "ublox_ubx"})
-WITH_RECEIVER = frozenset({"arinc429", "ascii_line", "binary_struct", "dbc", "imar_ixcom"}) | RECEIVERS
-OfGnss = GnssOutage | GnssDegraded | GnssOffset | GnssRamp
+RECEIVER_DRIVERS = frozenset({"mavlink", "nmea0183", "novatel_oem6", "ublox_ubx"})
+DRIVERS_WITH_RECEIVER = frozenset({"arinc429", "ascii_line", "binary_struct", "dbc", "imar_ixcom"}) | RECEIVER_DRIVERS
+GnssFault = GnssOutage | GnssDegraded | GnssOffset | GnssRamp
 
 
 class GnssFaults:
     """The faults of the receiver of one device."""
 
     def __init__(self, device: str, faults: Sequence[Fault]) -> None:
-        self._faults = [f for f in faults if isinstance(f, OfGnss) and f.may_be_on(device)]
+        self._faults = [f for f in faults if isinstance(f, GnssFault) and f.includes_device(device)]
 
-    def jammed(self, t: Array, after_s: float = 0.0) -> Mask:
+    def jamming_mask(self, t: Array, after_s: float = 0.0) -> Mask:
         """Where no signal is received, or has been for less than after_s [s]; t : shape (n,) [s]."""
         found = np.zeros(t.shape, dtype=bool)
         for fault in self._faults:
@@ -35,7 +35,7 @@ class GnssFaults:
                 found |= (t >= fault.from_s) & (t < fault.to_s + after_s)
         return found
 
-    def degraded(self, t: Array) -> Array:
+    def degraded_sds(self, t: Array) -> Array:
         """Standard deviation of each horizontal axis and of the height [m], shape (n, 2); NaN where it is as usual."""
         found = np.full((*t.shape, 2), np.nan)
         for fault in self._faults:

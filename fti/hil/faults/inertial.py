@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fti.constants import STANDARD_GRAVITY
-from fti.hil.tables.kinds import Fault, InertialBias
+from fti.hil.tables.fault_types import Fault, InertialBias
 
 Array = NDArray[np.float64]
 
@@ -20,7 +20,7 @@ def bias_steps(device: str, faults: Sequence[Fault], t: Array) -> tuple[Array, A
     """What is added to specific force [m/s^2] and angular rate [rad/s] of a device, shape (n, 3), at t, shape (n,)."""
     force, rate = np.zeros((*t.shape, 3)), np.zeros((*t.shape, 3))
     for fault in faults:
-        if isinstance(fault, InertialBias) and fault.may_be_on(device):
+        if isinstance(fault, InertialBias) and fault.includes_device(device):
             here = (t >= fault.from_s) & (t < fault.to_s)
             force[here] += 1e-3 * STANDARD_GRAVITY * np.array(fault.accel_mg)
             rate[here] += DEG_PER_HOUR * np.array(fault.gyro_degph)

@@ -13,16 +13,16 @@ from typing import Protocol
 import numpy as np
 
 from fti.canframe import CANFD_SIZE, FD_LENGTHS
-from fti.hil.faults.values import is_on
-from fti.hil.tables.bases import OnDevices
-from fti.hil.tables.kinds import BitErrors, Burst, BusOff, Freeze, Reordered
+from fti.hil.faults.values import is_active
+from fti.hil.tables.fault_base import DeviceFault
+from fti.hil.tables.fault_types import BitErrors, Burst, BusOff, Freeze, Reordered
 
 #: What becomes of one message: none, one or several.
-Become = Callable[[bytes], list[bytes]]
+MessageEffect = Callable[[bytes], list[bytes]]
 CAN_HEAD = 8
 
 
-class Stage(Protocol):
+class MessageStage(Protocol):
     """One fault of one device."""
 
     def due_s(self) -> float | None:
@@ -32,11 +32,11 @@ class Stage(Protocol):
         """What leaves at t [s] instead of these messages; t is never before an instant that was due."""
 
 
-class Spoiled:
+class CorruptionStage:
     """Messages of the interval become others; of a share of them."""
 
-    def __init__(self, fault: OnDevices | BusOff, become: Become, rng: np.random.Generator) -> None:
-        self._fault, self._become, self._rng = fault, become, rng
+    def __init__(self, fault: DeviceFault | BusOff, become: MessageEffect, rng: np.random.Generator) -> None:
+        self._fault, self._effect, self._rng = fault, become, rng
         self._share: float = getattr(fault, "share", 1.0)
 
     def due_s(self) -> float | None:
@@ -44,18 +44,18 @@ class Spoiled:
         return None
 
     def apply(self, t: float, messages: list[bytes]) -> list[bytes]:
-        """See ``Stage``."""
-        if not is_on(self._fault, t):
+        """See ``MessageStage``."""
+        if not is_active(self._fault, t):
             return messages
-        return [other for message in messages for other in self._one(message)]
+        return [other for message in messages for other in self._corrupt(message)]
 
-    def _one(self, message: bytes) -> list[bytes]:
+    def _corrupt(self, message: bytes) -> list[bytes]:
         if self._share < 1.0 and self._rng.random() >= self._share:
             return [message]
-        return [other for other in self._become(message) if other]
+        return [other for other in self._effect(message) if other]
 
 
-class Frozen:
+class FreezeStage:
     """The last messages before the interval, whenever others would leave."""
 
     def __init__(self, fault: Freeze) -> None:
@@ -67,13 +67,13 @@ class Frozen:
         return None
 
     def apply(self, t: float, messages: list[bytes]) -> list[bytes]:
-        """See ``Stage``."""
-        if messages and not (is_on(self._fault, t) and self._last):
+        """See ``MessageStage``."""
+        if messages and not (is_active(self._fault, t) and self._last):
             self._last = messages
         return self._last if messages else []
 
 
-class Swapped:
+class ReorderStage:
     """A message waits for the one behind it."""
 
     def __init__(self, fault: Reordered, rng: np.random.Generator, end_s: float) -> None:
@@ -86,13 +86,13 @@ class Swapped:
         return None if self._held is None else self._until_s
 
     def apply(self, t: float, messages: list[bytes]) -> list[bytes]:
-        """See ``Stage``."""
+        """See ``MessageStage``."""
         found = []
         for message in messages:
             if self._held is not None:
                 found += [message, self._held]
                 self._held = None
-            elif is_on(self._fault, t) and t < self._until_s and self._rng.random() < self._fault.share:
+            elif is_active(self._fault, t) and t < self._until_s and self._rng.random() < self._fault.share:
                 self._held = message
             else:
                 found.append(message)
@@ -102,7 +102,7 @@ class Swapped:
         return found
 
 
-class Held:
+class BurstStage:
     """Messages wait for the next multiple of ``hold_s`` after the beginning."""
 
     def __init__(self, fault: Burst, end_s: float) -> None:
@@ -115,11 +115,11 @@ class Held:
         return self._release_s if self._waiting else None
 
     def apply(self, t: float, messages: list[bytes]) -> list[bytes]:
-        """See ``Stage``."""
+        """See ``MessageStage``."""
         released: list[bytes] = []
         if self._waiting and t >= self._release_s:
             released, self._waiting = self._waiting, []
-        if not is_on(self._fault, t) or t >= self._until_s:
+        if not is_active(self._fault, t) or t >= self._until_s:
             return released + messages
         if messages and not self._waiting:
             holds = math.floor((t - self._fault.from_s) / self._fault.hold_s) + 1
@@ -128,7 +128,7 @@ class Held:
         return released
 
 
-def with_bit_errors(fault: BitErrors, rng: np.random.Generator, *, on_can: bool) -> Become:
+def bit_error_effect(fault: BitErrors, rng: np.random.Generator, *, on_can: bool) -> MessageEffect:
     """Every bit is turned over with the probability of the fault; on CAN the data alone."""
 
     def become(message: bytes) -> list[bytes]:
@@ -140,7 +140,7 @@ def with_bit_errors(fault: BitErrors, rng: np.random.Generator, *, on_can: bool)
     return become
 
 
-def without_end(count: int, *, on_can: bool) -> Become:
+def truncation_effect(count: int, *, on_can: bool) -> MessageEffect:
     """``count`` bytes less; a CAN frame has so many bytes of data less, FD the next length that there is."""
     if not on_can:
         return lambda message: [message[:-count]]

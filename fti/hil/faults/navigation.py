@@ -7,20 +7,20 @@ from collections import Counter, deque
 from collections.abc import Hashable
 from dataclasses import replace
 
-from fti.hil.tables.kinds import AttitudeOffset, Latency, SwappedCoordinates, Undulation
-from fti.hil.tables.quantities import NAMING
+from fti.hil.tables.fault_types import AttitudeOffset, Latency, SwappedCoordinates, Undulation
+from fti.hil.tables.quantity_names import NAME_FIELDS
 from fti.types import Attitude, Measurement, Position, Reading
 
-OfNavigation = SwappedCoordinates | Undulation | AttitudeOffset
+NavigationFault = SwappedCoordinates | Undulation | AttitudeOffset
 MAGNETIC_HEADING = "magnetic_heading"
 #: Samples are this close to their times [s].
-SAME_S = 1e-6
+TIME_TOLERANCE_S = 1e-6
 
 
-def misstated(m: Measurement, fault: OfNavigation) -> Measurement:
+def misstate(m: Measurement, fault: NavigationFault) -> Measurement:
     """The measurement with the error of the fault; unchanged where it has neither position nor attitude."""
     if isinstance(fault, AttitudeOffset):
-        return _turned(m, fault)
+        return _turn_attitude(m, fault)
     if isinstance(fault, Undulation):
         return _without_undulation(m, fault)
     return replace(m, lat=m.lon, lon=m.lat) if isinstance(m, Position) else m
@@ -33,7 +33,7 @@ def _without_undulation(m: Measurement, fault: Undulation) -> Measurement:
     return replace(m, alt=m.alt_msl, undulation=0.0 if fault.stated == "zero" else m.undulation)
 
 
-def _turned(m: Measurement, fault: AttitudeOffset) -> Measurement:
+def _turn_attitude(m: Measurement, fault: AttitudeOffset) -> Measurement:
     """An attitude, or a magnetic heading, with the constant errors."""
     heading = math.radians(fault.heading_deg)
     if isinstance(m, Reading) and m.name == MAGNETIC_HEADING:
@@ -43,17 +43,17 @@ def _turned(m: Measurement, fault: AttitudeOffset) -> Measurement:
     roll, pitch = math.radians(fault.roll_deg), math.radians(fault.pitch_deg)
     return replace(
         m,
-        roll=None if m.roll is None else _within_half_a_turn(m.roll + roll),
+        roll=None if m.roll is None else _wrap_angle(m.roll + roll),
         pitch=None if m.pitch is None else m.pitch + pitch,
         heading=None if m.heading is None else (m.heading + heading) % math.tau,
     )
 
 
-def _within_half_a_turn(angle: float) -> float:
+def _wrap_angle(angle: float) -> float:
     return (angle + math.pi) % math.tau - math.pi
 
 
-class Delayed:
+class DelayLine:
     """The values of an earlier moment, of each kind of measurement and name by itself."""
 
     def __init__(self, fault: Latency) -> None:
@@ -65,11 +65,11 @@ class Delayed:
         seen: Counter[Hashable] = Counter()
         found = []
         for m in measurements:
-            kind = (type(m), *(getattr(m, field, None) for field in NAMING))
+            kind = (type(m), *(getattr(m, field, None) for field in NAME_FIELDS))
             seen[kind] += 1
             past = self._past.setdefault((kind, seen[kind]), deque())
             past.append((t, m))
-            while len(past) > 1 and past[1][0] <= t - self._by_s + SAME_S:
+            while len(past) > 1 and past[1][0] <= t - self._by_s + TIME_TOLERANCE_S:
                 past.popleft()
             found.append(replace(past[0][1], stamp=m.stamp))
         return found

@@ -1,4 +1,4 @@
-"""Faults of devices, applied between the sensor model and the wire.  Faults of the world are in ``fti.hil.world``."""
+"""Faults of devices, applied between the sensor model and the wire.  Faults of the world are in ``fti.hil.environment``."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from fti.hil.faults.navigation import Delayed, OfNavigation, misstated
-from fti.hil.tables.bases import OnDevices, OnLinks, OnQuantity
-from fti.hil.tables.kinds import (
+from fti.hil.faults.navigation import DelayLine, NavigationFault, misstate
+from fti.hil.tables.fault_base import DeviceFault, LinkFault, QuantityFault
+from fti.hil.tables.fault_types import (
     Bias,
     Fault,
     Fog,
@@ -25,7 +25,7 @@ from fti.hil.tables.kinds import (
     Stuck,
     WrongUnit,
 )
-from fti.hil.tables.quantities import changed, is_meant, parse
+from fti.hil.tables.quantity_names import change_quantity, matches_quantity, parse
 from fti.types import (
     Ack,
     Calibration,
@@ -39,17 +39,17 @@ from fti.types import (
     Satellites,
 )
 
-OfNumber = Bias | Ramp | Noise | WrongUnit | Scale | Forced
-OnDevice = Stuck | Invalid | Fog | OfNumber | OfNavigation | Latency
+NumberFault = Bias | Ramp | Noise | WrongUnit | Scale | Forced
+MeasurementFault = Stuck | Invalid | Fog | NumberFault | NavigationFault | Latency
 WITHOUT_VALIDITY = (ImuSample, Satellites, Pseudoranges, Ephemeris, DeviceTime, Ack, Calibration)
 
 
-def random_of(seed: int, device: str, index: int) -> np.random.Generator:
+def fault_rng(seed: int, device: str, index: int) -> np.random.Generator:
     """The random numbers of one fault of one device.  index : of the fault in the scenario."""
     return np.random.default_rng([seed, zlib.crc32(device.encode()), index])
 
 
-def is_on(fault: OnDevices | OnLinks, t: float) -> bool:
+def is_active(fault: DeviceFault | LinkFault, t: float) -> bool:
     """Is t [s] in the interval of the fault?"""
     return fault.from_s <= t < fault.to_s
 
@@ -59,37 +59,37 @@ class DeviceFaults:
 
     def __init__(self, device: str, faults: Sequence[Fault], seed: int = 0) -> None:
         self._faults = [
-            (f, random_of(seed, device, i))
+            (f, fault_rng(seed, device, i))
             for i, f in enumerate(faults)
-            if isinstance(f, OnDevice) and f.may_be_on(device)
+            if isinstance(f, MeasurementFault) and f.includes_device(device)
         ]
         self._held: dict[tuple[int, type, int], Measurement] = {}
-        self._delayed = {i: Delayed(f) for i, (f, _) in enumerate(self._faults) if isinstance(f, Latency)}
+        self._delayed = {i: DelayLine(f) for i, (f, _) in enumerate(self._faults) if isinstance(f, Latency)}
 
     def apply(self, t: float, measurements: list[Measurement]) -> list[Measurement]:
         """What the device says at t [s] instead of these measurements."""
         for i, (fault, rng) in enumerate(self._faults):
             earlier = self._delayed[i].apply(t, measurements) if i in self._delayed else measurements
-            if is_on(fault, t):
-                measurements = self._applied(i, fault, t, earlier, rng)
+            if is_active(fault, t):
+                measurements = self._apply_fault(i, fault, t, earlier, rng)
         return measurements
 
-    def _applied(
-        self, index: int, fault: OnDevice, t: float, measurements: list[Measurement], rng: np.random.Generator
+    def _apply_fault(
+        self, index: int, fault: MeasurementFault, t: float, measurements: list[Measurement], rng: np.random.Generator
     ) -> list[Measurement]:
         if isinstance(fault, Latency):
             return measurements
         if isinstance(fault, Stuck):
-            return self._stuck(index, measurements)
+            return self._hold_values(index, measurements)
         if isinstance(fault, Fog):
-            return [_in_fog(m, fault, t) for m in measurements]
+            return [_apply_fog(m, fault, t) for m in measurements]
         if isinstance(fault, Invalid):
-            return [_invalidated(m, fault.flags) for m in measurements]
-        if isinstance(fault, OfNavigation):
-            return [misstated(m, fault) for m in measurements]
-        return _with_wrong_number(fault, _error_of(fault, t, rng), measurements)
+            return [_invalidate(m, fault.flags) for m in measurements]
+        if isinstance(fault, NavigationFault):
+            return [misstate(m, fault) for m in measurements]
+        return _change_number(fault, _number_error(fault, t, rng), measurements)
 
-    def _stuck(self, index: int, measurements: list[Measurement]) -> list[Measurement]:
+    def _hold_values(self, index: int, measurements: list[Measurement]) -> list[Measurement]:
         """Each kind of measurement as it was the first time: a device may send some in every cycle and some seldom."""
         seen: Counter[type] = Counter()
         found: list[Measurement] = []
@@ -99,7 +99,7 @@ class DeviceFaults:
         return found
 
 
-def _error_of(fault: OfNumber, t: float, rng: np.random.Generator) -> Callable[[float], float]:
+def _number_error(fault: NumberFault, t: float, rng: np.random.Generator) -> Callable[[float], float]:
     """What becomes of a right value at t [s]."""
     if isinstance(fault, Scale):
         return lambda value: value * (1.0 + fault.percent / 100.0)
@@ -113,14 +113,16 @@ def _error_of(fault: OfNumber, t: float, rng: np.random.Generator) -> Callable[[
     return lambda value: value + added
 
 
-def _with_wrong_number(
-    fault: OnQuantity, error: Callable[[float], float], measurements: list[Measurement]
+def _change_number(
+    fault: QuantityFault, error: Callable[[float], float], measurements: list[Measurement]
 ) -> list[Measurement]:
     quantity = parse(fault.quantity)
-    return [changed(m, quantity, error) if is_meant(m, quantity, fault.name) else m for m in measurements]
+    return [
+        change_quantity(m, quantity, error) if matches_quantity(m, quantity, fault.name) else m for m in measurements
+    ]
 
 
-def _in_fog(measurement: Measurement, fog: Fog, t: float) -> Measurement:
+def _apply_fog(measurement: Measurement, fog: Fog, t: float) -> Measurement:
     """What a laser says at t [s]; what is nearer than the visibility, and every other measurement, is as it was."""
     if not isinstance(measurement, Range) or not (measurement.slant_range or math.inf) > fog.visibility_m:
         return measurement
@@ -131,7 +133,7 @@ def _in_fog(measurement: Measurement, fog: Fog, t: float) -> Measurement:
     return replace(measurement, slant_range=first + (last - first) * passed, valid=True)
 
 
-def _invalidated(measurement: Measurement, flags: tuple[str, ...]) -> Measurement:
+def _invalidate(measurement: Measurement, flags: tuple[str, ...]) -> Measurement:
     if isinstance(measurement, DeviceStatus):
         return replace(measurement, ok=False, flags=(*measurement.flags, *flags))
     if isinstance(measurement, WITHOUT_VALIDITY):

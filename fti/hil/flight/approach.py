@@ -16,8 +16,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fti.hil.flight.coordinated import coordinated_flight
-from fti.hil.flight.trajectory import SplineFlight, Track
+from fti.hil.flight.coordinated_flight import coordinated_flight
+from fti.hil.flight.trajectory import PositionTrack, SplineFlight
 
 Array = NDArray[np.float64]
 
@@ -29,7 +29,7 @@ LEVEL_SOFTNESS = 2.0
 WANDER_PERIODS_S = (11.0, 17.0, 26.0, 41.0)
 
 
-class Path(Protocol):
+class PublishedPath(Protocol):
     """What the flight needs to know of the published approach."""
 
     def geodetic(self, s: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
@@ -56,7 +56,7 @@ class Manoeuvre:
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class ApproachPlan:
     """How the approach is flown.
 
     start        : distance before the threshold at t = 0 [m];  duration [s];  speed over ground [m/s]
@@ -74,14 +74,14 @@ class Plan:
     manoeuvres: tuple[Manoeuvre, ...] = ()
 
 
-def approach_flight(path: Path, threshold_s: float, plan: Plan, seed: int) -> SplineFlight:
+def approach_flight(path: PublishedPath, threshold_s: float, plan: ApproachPlan, seed: int) -> SplineFlight:
     """The flight down a path.  threshold_s : path length of the threshold [m]; seed : of wander and gusts."""
     rng = np.random.default_rng([seed, 7])
     t = np.arange(-MARGIN_KNOTS, np.ceil(plan.duration / KNOT_S) + MARGIN_KNOTS + 1) * KNOT_S
     s = threshold_s + plan.start - plan.speed * t - _gust_distance(t, plan.gust, rng)
     y = _wander(t, plan.wander, rng) + sum((m.at(t) for m in plan.manoeuvres), np.zeros_like(t))
-    alt = _levelled(path, s) + _wander(t, plan.wander_height, rng)
-    return coordinated_flight(Track.through(t, *path.geodetic(s, y), alt), plan.wind_n, plan.speed)
+    alt = _level_off(path, s) + _wander(t, plan.wander_height, rng)
+    return coordinated_flight(PositionTrack.from_positions(t, *path.geodetic(s, y), alt), plan.wind_n, plan.speed)
 
 
 def _minimum_jerk(u: Array) -> Array:
@@ -90,7 +90,7 @@ def _minimum_jerk(u: Array) -> Array:
     return np.asarray(x**3 * (10.0 + x * (6.0 * x - 15.0)))
 
 
-def _levelled(path: Path, s: Array) -> Array:
+def _level_off(path: PublishedPath, s: Array) -> Array:
     """The glide path, bent softly into level flight over the runway [m]."""
     alt_g = path.alt_path(0.0)
     height = path.alt_path(s) - alt_g

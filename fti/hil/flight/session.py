@@ -1,7 +1,7 @@
 """A recorded flight from a session: position and attitude of one of its devices, decoded again from its bytes.
 
 Times are those at which the measurements were true, by the clock of the device; parts of a position or an attitude that
-come in messages of their own are joined, and the lever arm is taken off, as in navigation (``fti.nav.sources``): what
+come in messages of their own are joined, and the lever arm is taken off, as in navigation (``fti.nav.source_interpolation``): what
 is found is the path of P.
 """
 
@@ -13,23 +13,23 @@ from pathlib import Path
 import numpy as np
 
 from fti.config import Config, decode_text
+from fti.devices import BoundDevice, bind_devices
 from fti.errors import ConfigError
-from fti.hil.flight.trajectory import Samples
-from fti.hil.recorded import recorded_config
+from fti.hil.flight.trajectory import FlightSamples
+from fti.hil.session_config import recorded_config
 from fti.logger.reading.recording import Recording
-from fti.nav.sources import Source
-from fti.nav.times.device_times import DeviceTimes
-from fti.service.binding import BoundDevice, bind_devices
+from fti.nav.device_time.device_times import DeviceTimes
+from fti.nav.source_interpolation import NavSource
 from fti.types import Attitude, Measurement, Position
 
 SECOND_NS = 1_000_000_000
 #: A position is joined with what came within this time after it [ns].
-PATIENCE_NS = SECOND_NS // 5
+JOIN_TIMEOUT_NS = SECOND_NS // 5
 #: t [ns], lat, lon [rad], alt [m], roll, pitch, heading [rad].
 Row = tuple[int, float, float, float, float, float, float]
 
 
-def read_session(folder: Path, device: str | None) -> Samples:
+def read_session(folder: Path, device: str | None) -> FlightSamples:
     """The samples of a device, t = 0 at the first; None: of the only device that says position and attitude.
 
     Raises MissingError for no session, ConfigError when the device is not one of it, does not say both, or when several
@@ -50,12 +50,12 @@ def read_session(folder: Path, device: str | None) -> Samples:
         raise ConfigError(f"{folder}: {', '.join(able)} say position and attitude: name one of them")
     rows = sorted({row[0]: row for row in tracks[able[0]]}.values())
     t_ns, *values = zip(*rows, strict=True)
-    return Samples((np.array(t_ns) - t_ns[0]) / SECOND_NS, *(np.array(column) for column in values))
+    return FlightSamples((np.array(t_ns) - t_ns[0]) / SECOND_NS, *(np.array(column) for column in values))
 
 
 def _rows(recording: Recording, config: Config, bound: BoundDevice) -> Iterator[Row]:
     """Position and attitude at the times of the positions."""
-    source, waiting = Source(bound.device), list[int]()
+    source, waiting = NavSource(bound.device), list[int]()
     for m in _measurements(recording, config, bound):
         t_ns = m.stamp.t_valid_ns
         if t_ns is None:
@@ -65,13 +65,13 @@ def _rows(recording: Recording, config: Config, bound: BoundDevice) -> Iterator[
         elif isinstance(m, Position):
             source.push_position(m, t_ns)
             waiting.append(t_ns)
-        while waiting and waiting[0] < t_ns - PATIENCE_NS:
+        while waiting and waiting[0] < t_ns - JOIN_TIMEOUT_NS:
             yield from _row(source, waiting.pop(0))
     for t_ns in waiting:
         yield from _row(source, t_ns)
 
 
-def _row(source: Source, t_ns: int) -> Iterator[Row]:
+def _row(source: NavSource, t_ns: int) -> Iterator[Row]:
     attitude = source.attitude(t_ns)
     place = source.position(t_ns, attitude)
     if place is None or place.alt is None or attitude is None or attitude.heading is None:

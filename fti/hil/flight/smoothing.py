@@ -20,11 +20,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fti.geodesy.quaternions import mat_from_quat, quat_from_mat, unwound
+from fti.geodesy.quaternions import make_continuous, mat_from_quat, quat_from_mat
 from fti.geodesy.rotations import mat_from_rpy, rpy_from_mat
 from fti.geodesy.wgs84 import ecef_from_geodetic, geodetic_from_ecef
-from fti.hil.flight.banded import solve_banded
-from fti.hil.flight.trajectory import Samples, SplineFlight, State, check_times
+from fti.hil.flight.banded_solver import solve_banded
+from fti.hil.flight.trajectory import FlightSamples, FlightState, SplineFlight, check_times
 
 Array = NDArray[np.float64]
 
@@ -34,55 +34,55 @@ KNOTS_PER_PERIOD = 4
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
+class FlightFit:
     """A flight through samples, and how far each step of its making moved them.
 
     recorded    : the samples that were given
     filtered    : the samples without their steps; the same where nothing was filtered
     filter_m, filter_rad : of each sample, distance and angle from what was given to what was filtered, shape (n,)
-    spline_m, spline_rad : from there to the flight, at those samples that are no knots, ``between_t`` [s]; empty where
+    spline_m, spline_rad : from there to the flight, at those samples that are no knots, ``intermediate_t`` [s]; empty where
                            all are
     """
 
     flight: SplineFlight
-    recorded: Samples
-    filtered: Samples
+    recorded_samples: FlightSamples
+    filtered_samples: FlightSamples
     filter_m: Array
     filter_rad: Array
-    between_t: Array
+    intermediate_t: Array
     spline_m: Array
     spline_rad: Array
 
-    def words(self) -> str:
+    def error_text(self) -> str:
         """The errors for a person: root mean square and greatest."""
         steps = [("filtered minus recorded", self.filter_m, self.filter_rad)]
         if len(self.spline_m):
             steps.append(("spline minus filtered", self.spline_m, self.spline_rad))
-        return "; ".join(f"{name}: {_words(metres, angles)}" for name, metres, angles in steps)
+        return "; ".join(f"{name}: {_error_text(metres, angles)}" for name, metres, angles in steps)
 
 
-def fit(samples: Samples, period: float | None) -> Fit:
+def fit(samples: FlightSamples, period: float | None) -> FlightFit:
     """The flight that samples tell of.  period : waves that are faster are none of the flight's [s]; None: all are.
 
     Raises ValueError for gaps, for times that do not increase, and for fewer samples or knots than six.
     """
     check_times(samples.t)
     if period is None:
-        filtered, knots = samples, np.arange(len(samples.t))
+        filtered_samples, knots = samples, np.arange(len(samples.t))
     else:
-        filtered, knots = smoothed(samples, period), _thinned(samples.t, period / KNOTS_PER_PERIOD)
-    flight = SplineFlight.from_samples(_at(filtered, knots))
-    between = np.setdiff1d(np.flatnonzero(filtered.t <= flight.end), knots)
-    there = _at(filtered, between)
-    splined = moved(there, flight.state(there.t))
-    return Fit(flight, samples, filtered, *moved(samples, filtered), there.t, *splined)
+        filtered_samples, knots = smooth(samples, period), _decimate(samples.t, period / KNOTS_PER_PERIOD)
+    flight = SplineFlight.from_samples(_select_rows(filtered_samples, knots))
+    between = np.setdiff1d(np.flatnonzero(filtered_samples.t <= flight.end), knots)
+    there = _select_rows(filtered_samples, between)
+    splined = displacements(there, flight.state(there.t))
+    return FlightFit(flight, samples, filtered_samples, *displacements(samples, filtered_samples), there.t, *splined)
 
 
-def smoothed(samples: Samples, period: float) -> Samples:
+def smooth(samples: FlightSamples, period: float) -> FlightSamples:
     """The samples without what is faster than a period [s]; the wind is left as it is."""
     positions_e = ecef_from_geodetic(samples.lat, samples.lon, samples.alt)
     lat, lon, alt = geodetic_from_ecef(positions_e[0] + graduate(samples.t, positions_e - positions_e[0], period))
-    quats = graduate(samples.t, unwound(quat_from_mat(_attitude(samples))), period)
+    quats = graduate(samples.t, make_continuous(quat_from_mat(_attitude(samples))), period)
     roll, pitch, heading = rpy_from_mat(mat_from_quat(quats / np.linalg.norm(quats, axis=1, keepdims=True)))
     return replace(samples, lat=lat, lon=lon, alt=alt, roll=roll, pitch=pitch, heading=heading)
 
@@ -119,7 +119,7 @@ def _third_differences(t: Array, step: float) -> Array:
     return np.asarray(6.0 / np.prod(apart, axis=2))
 
 
-def moved(before: Samples, after: Samples | State) -> tuple[Array, Array]:
+def displacements(before: FlightSamples, after: FlightSamples | FlightState) -> tuple[Array, Array]:
     """Distance [m] and angle [rad] from one flight to another at the same times, shape (n,) each."""
     here, there = (ecef_from_geodetic(s.lat, s.lon, s.alt) for s in (before, after))
     return np.linalg.norm(there - here, axis=1), angle_between(_attitude(before), _attitude(after))
@@ -133,22 +133,22 @@ def angle_between(mats: Array, others: Array) -> Array:
     return np.asarray(np.arctan2(sines, np.einsum("nii->n", turned) - 1.0))
 
 
-def _attitude(of: Samples | State) -> Array:
+def _attitude(of: FlightSamples | FlightState) -> Array:
     return mat_from_rpy(of.roll, of.pitch, of.heading)
 
 
-def _thinned(t: Array, step: float) -> NDArray[np.intp]:
+def _decimate(t: Array, step: float) -> NDArray[np.intp]:
     """Indices of the first sample in each interval of ``step`` [s]; the rest of the last interval is left out."""
     return np.unique(np.floor((t - t[0]) / step + 1e-6), return_index=True)[1]
 
 
-def _at(samples: Samples, rows: NDArray[np.intp]) -> Samples:
+def _select_rows(samples: FlightSamples, rows: NDArray[np.intp]) -> FlightSamples:
     t, lat, lon, alt, roll, pitch, heading = (np.asarray(getattr(samples, name))[rows] for name in NAMES)
     wind_n = samples.wind_n if isinstance(samples.wind_n, tuple) else samples.wind_n[rows]
-    return Samples(t, lat, lon, alt, roll, pitch, heading, wind_n)
+    return FlightSamples(t, lat, lon, alt, roll, pitch, heading, wind_n)
 
 
-def _words(metres: Array, angles: Array) -> str:
+def _error_text(metres: Array, angles: Array) -> str:
     deg = np.rad2deg(angles)
     rms_m, rms_deg = (float(np.sqrt(np.mean(np.square(values)))) for values in (metres, deg))
     return f"{rms_m:.2g} m and {rms_deg:.2g} deg rms, at most {metres.max():.2g} m and {deg.max():.2g} deg"

@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fti.hil.flight.banded import solve_banded
+from fti.hil.flight.banded_solver import solve_banded
 
 Array = NDArray[np.float64]
 

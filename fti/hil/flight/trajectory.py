@@ -30,7 +30,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fti.geodesy.gravity import transport_rate
-from fti.geodesy.quaternions import mat_from_quat, quat_from_mat, rate_from_quat, unwound
+from fti.geodesy.quaternions import make_continuous, mat_from_quat, quat_from_mat, rate_from_quat
 from fti.geodesy.rotations import mat_en, mat_from_rpy, rpy_from_mat
 from fti.geodesy.wgs84 import ecef_from_geodetic, geodetic_from_ecef
 from fti.hil.flight.spline import QuinticSpline
@@ -40,14 +40,14 @@ Array = NDArray[np.float64]
 #: A longer time without a sample is a gap: what was flown there is not known [s].
 MAX_GAP_S = 2.5
 #: Below this there is no flow whose angle could be told [m/s].
-TINY = 1e-3
+MIN_AIRSPEED_MPS = 1e-3
 #: Velocity of air that is everywhere the same, north, east, down [m/s].
 Wind = tuple[float, float, float]
 CALM: Wind = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
-class State:
+class FlightState:
     """Truth at times t, shape (n,): position [rad, m], velocity [m/s], attitude [rad].
 
     ``accel_e`` is the second derivative of the earth-fixed position [m/s^2]; ``omega_nb_b`` the turn rate of the
@@ -71,7 +71,7 @@ class State:
 
 
 @dataclass(frozen=True, eq=False)
-class Samples:
+class FlightSamples:
     """A flight as it was written down, shape (n,) each.
 
     t                    : [s], increasing, not necessarily in equal steps
@@ -92,14 +92,14 @@ class Samples:
 
 
 @dataclass(frozen=True, eq=False)
-class Track:
+class PositionTrack:
     """Position over time.  origin_e : shape (3,) [m], near the flight; spline : of x_e - origin_e [m]."""
 
     origin_e: Array
     spline: QuinticSpline
 
     @classmethod
-    def through(cls, t: ArrayLike, lat: ArrayLike, lon: ArrayLike, alt: ArrayLike) -> Track:
+    def from_positions(cls, t: ArrayLike, lat: ArrayLike, lon: ArrayLike, alt: ArrayLike) -> PositionTrack:
         """Through positions at t, shape (n,) [s]: lat, lon [rad], alt above the ellipsoid [m].
 
         Raises ValueError for what ``check_times`` refuses, and for positions that are no numbers.
@@ -120,7 +120,7 @@ class Track:
         if not np.all(np.isfinite(mat_nb)):
             raise ValueError("an attitude of the flight is not a number")
         lat, lon, _ = self.geodetic(times)
-        return QuinticSpline(times, unwound(quat_from_mat(mat_en(lat, lon) @ mat_nb)))
+        return QuinticSpline(times, make_continuous(quat_from_mat(mat_en(lat, lon) @ mat_nb)))
 
 
 class SplineFlight:
@@ -131,23 +131,23 @@ class SplineFlight:
     wind_n   : velocity of the air over the ground, north, east, down [m/s]: a constant or a spline over time
     """
 
-    def __init__(self, track: Track, attitude: QuinticSpline, wind_n: Wind | QuinticSpline = CALM) -> None:
+    def __init__(self, track: PositionTrack, attitude: QuinticSpline, wind_n: Wind | QuinticSpline = CALM) -> None:
         self.track, self._attitude, self._wind_n = track, attitude, wind_n
         self.begin = max(track.spline.start, attitude.start)
         self.end = min(track.spline.end, attitude.end)
 
     @classmethod
-    def from_samples(cls, samples: Samples) -> SplineFlight:
+    def from_samples(cls, samples: FlightSamples) -> SplineFlight:
         """The flight through samples; tas and aoa follow from velocity, wind and attitude.
 
         Raises ValueError for fewer than 6, gaps above ``MAX_GAP_S``, times that do not increase, and no numbers.
         """
-        track = Track.through(samples.t, samples.lat, samples.lon, samples.alt)
+        track = PositionTrack.from_positions(samples.t, samples.lat, samples.lon, samples.alt)
         attitude = track.attitude(samples.t, mat_from_rpy(samples.roll, samples.pitch, samples.heading))
         wind_n = samples.wind_n
         return cls(track, attitude, wind_n if isinstance(wind_n, tuple) else QuinticSpline(samples.t, wind_n))
 
-    def during(self, begin: float, end: float) -> SplineFlight:
+    def section(self, begin: float, end: float) -> SplineFlight:
         """The part of it from begin to end [s]; what was known beyond is not told any more.  ValueError outside."""
         if not self.begin <= begin < end <= self.end:
             raise ValueError(f"{begin} to {end} s is no part of a flight of {self.begin:.3f} to {self.end:.3f} s")
@@ -155,7 +155,7 @@ class SplineFlight:
         part.begin, part.end = begin, end
         return part
 
-    def state(self, t: ArrayLike) -> State:
+    def state(self, t: ArrayLike) -> FlightState:
         """Truth at t, shape (n,) [s], from ``begin`` to ``end``.  ValueError outside."""
         times = np.atleast_1d(np.asarray(t, dtype=np.float64))
         if times.size and not (self.begin <= times.min() and times.max() <= self.end):
@@ -171,7 +171,7 @@ class SplineFlight:
         turn_b = np.einsum("nji,nj->ni", mat_nb, transport_rate(lat, alt, vel_n))
         air_b = np.einsum("nji,nj->ni", mat_nb, vel_n - self._wind(times))
         tas = np.linalg.norm(air_b, axis=1)
-        return State(
+        return FlightState(
             t=times,
             lat=lat,
             lon=lon,
@@ -184,7 +184,7 @@ class SplineFlight:
             omega_nb_b=rate_from_quat(quat_eb, self._attitude(times, 1)) - turn_b,
             tas=tas,
             aoa=np.arctan2(air_b[:, 2], air_b[:, 0]),
-            aos=np.arcsin(air_b[:, 1] / np.maximum(tas, TINY)),
+            aos=np.arcsin(air_b[:, 1] / np.maximum(tas, MIN_AIRSPEED_MPS)),
         )
 
     def _wind(self, times: Array) -> Array:
@@ -206,6 +206,6 @@ def check_times(t: ArrayLike) -> Array:
     return times
 
 
-def earth_frame_velocity(state: State) -> Array:
+def earth_frame_velocity(state: FlightState) -> Array:
     """Velocity against the Earth in e axes [m/s], shape (n, 3)."""
     return np.asarray(np.einsum("nij,nj->ni", mat_en(state.lat, state.lon), state.vel_n))

@@ -22,9 +22,9 @@ from numpy.typing import NDArray
 from fti.constants import STANDARD_GRAVITY
 from fti.geodesy.local import LocalFrame
 from fti.geodesy.wgs84 import ecef_from_geodetic, geodetic_from_ecef
-from fti.hil.flight.coordinated import coordinated_flight
-from fti.hil.flight.trajectory import SplineFlight, Track
-from fti.hil.tables.flights import LONGEST_S
+from fti.hil.flight.coordinated_flight import coordinated_flight
+from fti.hil.flight.trajectory import PositionTrack, SplineFlight
+from fti.hil.tables.flights import MAX_DURATION_S
 from fti.nav.integrity.approach import EARTH_RADIUS
 
 Array = NDArray[np.float64]
@@ -32,11 +32,11 @@ Array = NDArray[np.float64]
 #: Time over which positions are averaged, and between the knots of the spline [s].
 SMOOTH_S, KNOT_S = 6.0, 0.5
 #: The averaged path, and the legs, are followed in steps of [s, m].
-FINE_S, FINE_M = 0.125, 10.0
+STEP_S, STEP_M = 0.125, 10.0
 #: The legs go on beyond both ends for so long [s]: half of an average, and some knots.
 MARGIN_S = 6.0
 #: A smaller change of direction is none [rad]; waypoints that are nearer than this are one [m].
-STRAIGHT, LEAST_M = 1e-4, 1.0
+MIN_TURN_RAD, MIN_DISTANCE_M = 1e-4, 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,21 +61,23 @@ def waypoint_flight(waypoints: Sequence[Waypoint], bank: float, wind_n: tuple[fl
 
     bank   : of its turns in still air [rad]; wind_n : where the wind blows to, north and east [m/s]
     Raises ValueError, naming waypoints by their index, where turns need more room than the legs have, or two are one;
-    and for a flight of more than ``LONGEST_S``.
+    and for a flight of more than ``MAX_DURATION_S``.
     """
     turns = _route(waypoints, bank)
-    t, positions_e, end = _timed(_with_margins(waypoints), turns)
-    if not end <= LONGEST_S:
-        raise ValueError(f"waypoint: {end:.0f} s from the first to the last, {LONGEST_S:.0f} s at most can be flown")
-    fine = np.arange(-MARGIN_S, end + MARGIN_S, FINE_S)
+    t, positions_e, end = _time_path(_add_margins(waypoints), turns)
+    if not end <= MAX_DURATION_S:
+        raise ValueError(
+            f"waypoint: {end:.0f} s from the first to the last, {MAX_DURATION_S:.0f} s at most can be flown"
+        )
+    fine = np.arange(-MARGIN_S, end + MARGIN_S, STEP_S)
     path_e = np.stack([np.interp(fine, t, axis) for axis in positions_e.T], axis=1)
-    weights = np.hanning(round(SMOOTH_S / FINE_S) + 1)
+    weights = np.hanning(round(SMOOTH_S / STEP_S) + 1)
     offsets = (path_e - path_e[0]).T
     averaged = np.stack([np.convolve(axis, weights / weights.sum(), mode="valid") for axis in offsets], axis=1)
-    half, every = len(weights) // 2, round(KNOT_S / FINE_S)
-    track = Track.through(fine[half:-half][::every], *geodetic_from_ecef(path_e[0] + averaged[::every]))
+    half, every = len(weights) // 2, round(KNOT_S / STEP_S)
+    track = PositionTrack.from_positions(fine[half:-half][::every], *geodetic_from_ecef(path_e[0] + averaged[::every]))
     trim_speed = float(np.mean([w.speed for w in waypoints]))
-    return coordinated_flight(track, wind_n, trim_speed).during(0.0, end)
+    return coordinated_flight(track, wind_n, trim_speed).section(0.0, end)
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +90,7 @@ class _Turn:
 
 def _route(waypoints: Sequence[Waypoint], bank: float) -> list[_Turn]:
     lengths = [EARTH_RADIUS * _angle(a.normal_e, b.normal_e) for a, b in itertools.pairwise(waypoints)]
-    if min(lengths) < LEAST_M:
+    if min(lengths) < MIN_DISTANCE_M:
         k = int(np.argmin(lengths))
         raise ValueError(f"waypoint[{k}] and waypoint[{k + 1}] are at one place")
     turns = [_Turn(waypoints[0].normal_e[None], 0.0)]
@@ -108,11 +110,11 @@ def _turn(before: Waypoint, here: Waypoint, after: Waypoint, bank: float) -> _Tu
     frame = LocalFrame(here.lat, here.lon, 0.0)
     inwards, outwards = -_course(frame, here, before), _course(frame, here, after)
     turn = np.arctan2(inwards[0] * outwards[1] - inwards[1] * outwards[0], inwards @ outwards)  # left positive
-    if abs(turn) < STRAIGHT:
+    if abs(turn) < MIN_TURN_RAD:
         return _Turn(here.normal_e[None], 0.0)
     radius = here.speed**2 / (STANDARD_GRAVITY * np.tan(bank))
     lead = radius * np.tan(abs(turn) / 2.0)
-    along = np.linspace(0.0, abs(turn), int(np.ceil(abs(turn) * radius / FINE_M)) + 2)
+    along = np.linspace(0.0, abs(turn), int(np.ceil(abs(turn) * radius / STEP_M)) + 2)
     aside = np.sign(turn) * np.array([-inwards[1], inwards[0]])
     places = (radius * np.sin(along) - lead)[:, None] * inwards + (radius * (1.0 - np.cos(along)))[:, None] * aside
     up = -np.sum(places**2, axis=1) / (2.0 * EARTH_RADIUS)
@@ -132,21 +134,25 @@ def _angle(a: Array, b: Array) -> float:
     return float(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b))
 
 
-def _with_margins(waypoints: Sequence[Waypoint]) -> list[Waypoint]:
+def _add_margins(waypoints: Sequence[Waypoint]) -> list[Waypoint]:
     """The waypoints, and one more before the first and beyond the last, straight on."""
-    return [_beyond(waypoints[1], waypoints[0]), *waypoints, _beyond(waypoints[-2], waypoints[-1])]
+    return [
+        _extrapolated_waypoint(waypoints[1], waypoints[0]),
+        *waypoints,
+        _extrapolated_waypoint(waypoints[-2], waypoints[-1]),
+    ]
 
 
-def _beyond(before: Waypoint, last: Waypoint) -> Waypoint:
+def _extrapolated_waypoint(before: Waypoint, last: Waypoint) -> Waypoint:
     """Where who flew from one waypoint to the last would be a margin later."""
     angle = _angle(before.normal_e, last.normal_e)
     share = 1.0 + 1.5 * MARGIN_S * last.speed / EARTH_RADIUS / angle
-    x, y, z = _between(before.normal_e, last.normal_e, share)
+    x, y, z = _interpolate_normals(before.normal_e, last.normal_e, share)
     alt = before.alt + share * (last.alt - before.alt)
     return Waypoint(float(np.arctan2(z, np.hypot(x, y))), float(np.arctan2(y, x)), alt, last.speed)
 
 
-def _timed(waypoints: Sequence[Waypoint], turns: Sequence[_Turn]) -> tuple[Array, Array, float]:
+def _time_path(waypoints: Sequence[Waypoint], turns: Sequence[_Turn]) -> tuple[Array, Array, float]:
     """Times [s] and positions, shape (m, 3) [m], along the whole way, and when the last waypoint is reached.
 
     waypoints : with margins; turns : of those between
@@ -168,12 +174,12 @@ def _timed(waypoints: Sequence[Waypoint], turns: Sequence[_Turn]) -> tuple[Array
 
 
 def _leg(start: Array, end: Array) -> Array:
-    """Normals strictly between two, along the great circle, at most ``FINE_M`` apart."""
-    steps = max(2, int(np.ceil(_angle(start, end) * EARTH_RADIUS / FINE_M)))
-    return _between(start, end, np.linspace(0.0, 1.0, steps + 1)[1:-1, None])
+    """Normals strictly between two, along the great circle, at most ``STEP_M`` apart."""
+    steps = max(2, int(np.ceil(_angle(start, end) * EARTH_RADIUS / STEP_M)))
+    return _interpolate_normals(start, end, np.linspace(0.0, 1.0, steps + 1)[1:-1, None])
 
 
-def _between(start: Array, end: Array, share: float | Array) -> Array:
+def _interpolate_normals(start: Array, end: Array, share: float | Array) -> Array:
     """Normals at shares of the great circle from one to another; beyond them for shares outside 0 to 1."""
     angle = _angle(start, end)
     return np.asarray((np.sin((1.0 - share) * angle) * start + np.sin(share * angle) * end) / np.sin(angle))

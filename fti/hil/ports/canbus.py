@@ -11,27 +11,29 @@ import can
 
 from fti.config import CanLink
 from fti.errors import MissingError
-from fti.hil.ports.line import Tell
-from fti.hil.ports.trying import TryingEndpoint
+from fti.hil.ports.datagram_base import DatagramEndpoint
+from fti.hil.ports.serial_base import Notifier
 from fti.links.can import pack_message, unpack_message
 
 #: A bus that takes nothing for so long is no bus with a queue that is full for a moment [s].
-REFUSED_S = 1.0
+REFUSAL_TIMEOUT_S = 1.0
 
 
-class CanBusEndpoint(TryingEndpoint):
+class CanBusEndpoint(DatagramEndpoint):
     """A node on a bus that python-can reaches.  tell : told when the bus takes nothing any more, and when it does."""
 
     is_stream: ClassVar[bool] = False
 
-    def __init__(self, link: CanLink, respond: Callable[[bytes], list[bytes]], tell: Tell = lambda _: None) -> None:
+    def __init__(
+        self, link: CanLink, respond: Callable[[bytes], list[bytes]], notify: Notifier = lambda _: None
+    ) -> None:
         super().__init__()
         self._link = link
-        self._respond, self._tell = respond, tell
+        self._respond, self._notify = respond, notify
         self._refused_since: float | None = None
-        self._told = False
+        self._is_reported = False
         self._bus: can.BusABC | None = None
-        self._own: Counter[bytes] = Counter()  # frames that this bus will hand back to us
+        self._own_frames: Counter[bytes] = Counter()  # frames that this bus will hand back to us
 
     async def open(self) -> None:
         """Open the channel."""
@@ -52,10 +54,10 @@ class CanBusEndpoint(TryingEndpoint):
         if (descriptor := _descriptor(self._bus)) is not None:
             asyncio.get_running_loop().add_reader(descriptor, self._receive)
 
-    async def reader_ready(self) -> None:
+    async def wait_for_reader(self) -> None:
         """A bus does not tell who listens."""
 
-    async def drained(self) -> None:
+    async def drain(self) -> None:
         """What was sent is on the bus."""
 
     def close(self) -> None:
@@ -66,47 +68,47 @@ class CanBusEndpoint(TryingEndpoint):
             asyncio.get_running_loop().remove_reader(descriptor)
         self._bus.shutdown()
 
-    def _try(self, data: bytes) -> bool:
+    def _try_send(self, data: bytes) -> bool:
         assert self._bus is not None
         try:
             self._bus.send(unpack_message(data), timeout=0)
         except can.CanError as error:
-            self._refused(error)
+            self._on_refused(error)
             return False
-        self._taken()
+        self._on_accepted()
         if self._link.interface == "udp_multicast":
-            self._own[data] += 1
-        self.sent.messages += 1
-        self.sent.bytes += len(data)
+            self._own_frames[data] += 1
+        self.counters.messages += 1
+        self.counters.bytes += len(data)
         return True
 
-    def _refused(self, error: can.CanError) -> None:
+    def _on_refused(self, error: can.CanError) -> None:
         now = asyncio.get_running_loop().time()
         self._refused_since = now if self._refused_since is None else self._refused_since
-        if not self._told and now - self._refused_since >= REFUSED_S:
-            self._told = True
-            self._tell(f"{self._link.name}: the bus takes nothing: {error}; what is sent is dropped")
+        if not self._is_reported and now - self._refused_since >= REFUSAL_TIMEOUT_S:
+            self._is_reported = True
+            self._notify(f"{self._link.name}: the bus takes nothing: {error}; what is sent is dropped")
 
-    def _taken(self) -> None:
+    def _on_accepted(self) -> None:
         self._refused_since = None
-        if self._told:
-            self._told = False
-            self._tell(f"{self._link.name}: the bus takes frames again")
+        if self._is_reported:
+            self._is_reported = False
+            self._notify(f"{self._link.name}: the bus takes frames again")
 
     def _receive(self) -> None:
         assert self._bus is not None
         try:
             message = self._bus.recv(timeout=0)
         except can.CanError as error:  # so a socket tells that its interface went down
-            self._refused(error)
+            self._on_refused(error)
             return
         if message is None:
             return
         frame = pack_message(message)
-        if self._own[frame] > 0:
-            self._own[frame] -= 1
+        if self._own_frames[frame] > 0:
+            self._own_frames[frame] -= 1
             return
-        self.sent.received_bytes += len(frame)
+        self.counters.received_bytes += len(frame)
         for answer in self._respond(frame):
             self.send(answer)
 

@@ -5,7 +5,7 @@ can, interface slcan         Lawicel adapter on a pty, symlink ``DIR/<link>``
 can, socketcan and the like  the same channel through python-can; udp_multicast with hop limit 0
 udp                          datagrams to ``bind``, sent from ``source`` (``peer`` when the daemon answers there)
 
-``[port.LINK]`` of a scenario puts the end of a link outside this machine (``outside``).
+``[port.LINK]`` of a scenario puts the end of a link outside this machine (``real_ports``).
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ from typing import Any, ClassVar, Protocol
 
 from fti.config import CanLink, Link, SerialLink, UdpLink
 from fti.errors import MissingError
+from fti.hil.ports.counters import EndpointCounters
+from fti.hil.ports.datagram_base import DatagramEndpoint
 from fti.hil.ports.lawicel import Adapter
-from fti.hil.ports.line import Respond, Tell
-from fti.hil.ports.outside import Port, TtyEndpoint
+from fti.hil.ports.pacing import PacedMessage, byte_s, frame_s
 from fti.hil.ports.pty import POLL_S, PtyEndpoint
-from fti.hil.ports.sent import Sent
-from fti.hil.ports.trying import TryingEndpoint
-from fti.hil.ports.wire import Message, byte_s, frame_s
+from fti.hil.ports.real_port import RealPort, TtyEndpoint
+from fti.hil.ports.serial_base import Notifier, Responder
 from fti.links.slcan import format_frame
 
 #: python-can interfaces whose channel two programs of one machine can share.
@@ -38,13 +38,13 @@ LOOPBACK_OF = {"0.0.0.0": "127.0.0.1", "::": "::1"}  # noqa: S104  nothing is bo
 class Endpoint(Protocol):
     """One end of a link.  A message is a piece of a byte stream, a datagram or a CAN frame."""
 
-    sent: Sent
+    counters: EndpointCounters
     is_stream: ClassVar[bool]  # messages may be joined: their bounds are not seen at the other end
 
     async def open(self) -> None:
         """Make the port.  MissingError in one sentence when it cannot be made."""
 
-    async def reader_ready(self) -> None:
+    async def wait_for_reader(self) -> None:
         """Wait until the daemon has opened its end, as far as that can be seen."""
 
     def send(self, data: bytes) -> None:
@@ -53,7 +53,7 @@ class Endpoint(Protocol):
     async def send_all(self, data: bytes) -> None:
         """Send without loss; wait while the port is full."""
 
-    async def drained(self) -> None:
+    async def drain(self) -> None:
         """Wait until the reader has everything, as far as that can be seen."""
 
     def close(self) -> None:
@@ -63,11 +63,11 @@ class Endpoint(Protocol):
 def make_endpoint(
     link: Link,
     folder: Path,
-    respond: Respond,
+    respond: Responder,
     *,
     paced: bool = False,
-    tell: Tell = lambda _: None,
-    port: Port | None = None,
+    notify: Notifier = lambda _: None,
+    port: RealPort | None = None,
 ) -> Endpoint:
     """The far end of a link.
 
@@ -76,44 +76,44 @@ def make_endpoint(
     port   : where it leaves this machine
     """
     if isinstance(link, UdpLink):
-        return UdpEndpoint(link, respond, to=port.to if port else None, tell=tell)
+        return UdpEndpoint(link, respond, to=port.to if port else None, notify=notify)
     if isinstance(link, SerialLink):
-        heard = _hearing_itself(respond) if link.echo else respond
+        heard = _add_echo(respond) if link.echo else respond
         if port is not None and port.device is not None:
-            return TtyEndpoint(link, port.device, heard, tell)
+            return TtyEndpoint(link, port.device, heard, notify)
         slowness = byte_s(link) if paced else 0.0
-        return PtyEndpoint(folder / link.name, heard, byte_s=slowness, carries=carries(link), tell=tell)
+        return PtyEndpoint(folder / link.name, heard, byte_s=slowness, capacity_text=capacity_text(link), notify=notify)
     if port is not None:
         there = link.model_copy(update={"interface": port.interface, "channel": port.device})
-        return _bus_endpoint(there, respond, tell)
+        return _bus_endpoint(there, respond, notify)
     if link.interface == "slcan":
-        return SlcanEndpoint(folder / link.name, respond, bitrate=link.bitrate if paced else None, tell=tell)
+        return SlcanEndpoint(folder / link.name, respond, bitrate=link.bitrate if paced else None, notify=notify)
     if link.interface not in SHARED_INTERFACES:
         raise MissingError(
             f"link {link.name!r}: interface {link.interface!r} is hardware that only its bus can speak to; "
             f"the emulator offers {', '.join(SHARED_INTERFACES)}"
         )
-    return _bus_endpoint(link, respond, tell)
+    return _bus_endpoint(link, respond, notify)
 
 
-def _bus_endpoint(link: CanLink, respond: Respond, tell: Tell) -> Endpoint:
+def _bus_endpoint(link: CanLink, respond: Responder, notify: Notifier) -> Endpoint:
     from fti.hil.ports.canbus import CanBusEndpoint  # noqa: PLC0415  few benches have a bus, and python-can is slow to import
 
-    return CanBusEndpoint(link, respond, tell)
+    return CanBusEndpoint(link, respond, notify)
 
 
-def carries(link: SerialLink) -> str:
+def capacity_text(link: SerialLink) -> str:
     """What a serial line carries, in words."""
     return f"{link.baud} baud carry {1.0 / byte_s(link):.0f} bytes a second"
 
 
-def _hearing_itself(respond: Respond) -> Respond:
+def _add_echo(respond: Responder) -> Responder:
     """A line on which whoever sends hears that, too."""
     return lambda data: [data, *respond(data)]
 
 
 @contextlib.asynccontextmanager
-async def opened(endpoints: Mapping[str, Endpoint]) -> AsyncIterator[Mapping[str, Endpoint]]:
+async def open_endpoints(endpoints: Mapping[str, Endpoint]) -> AsyncIterator[Mapping[str, Endpoint]]:
     """The endpoints, open; closed at the end."""
     try:
         for endpoint in endpoints.values():
@@ -124,7 +124,7 @@ async def opened(endpoints: Mapping[str, Endpoint]) -> AsyncIterator[Mapping[str
             endpoint.close()
 
 
-async def until(work: Coroutine[Any, Any, object], stop: asyncio.Event) -> None:
+async def run_until(work: Coroutine[Any, Any, object], stop: asyncio.Event) -> None:
     """Do the work, or leave it where it is when ``stop`` is set."""
     tasks = [asyncio.create_task(w, name=f"fti-hil-{n}") for n, w in (("work", work), ("stop", stop.wait()))]
     try:
@@ -146,17 +146,17 @@ class SlcanEndpoint(PtyEndpoint):
     is_stream: ClassVar[bool] = False
 
     def __init__(
-        self, place: Path, respond: Respond, *, bitrate: int | None = None, tell: Tell = lambda _: None
+        self, place: Path, respond: Responder, *, bitrate: int | None = None, notify: Notifier = lambda _: None
     ) -> None:
-        super().__init__(place, self._answer, carries=f"a bus of {bitrate} bit/s carries less", tell=tell)
+        super().__init__(place, self._answer, capacity_text=f"a bus of {bitrate} bit/s carries less", notify=notify)
         self._bitrate = bitrate
         self._frames: list[bytes] = []
         self._adapter = Adapter(self._frames.append)
         self._respond_to_frame = respond
 
-    async def reader_ready(self) -> None:
+    async def wait_for_reader(self) -> None:
         """Wait until the host has opened the channel."""
-        await super().reader_ready()
+        await super().wait_for_reader()
         while not self._adapter.is_open:  # noqa: ASYNC110  the same wait as for the reader
             await asyncio.sleep(POLL_S)
 
@@ -168,9 +168,9 @@ class SlcanEndpoint(PtyEndpoint):
         """Send a ``can_frame``; with a closed channel it is dropped."""
         if not self._adapter.is_open:
             self._drop(len(data))
-        elif self._is_heard(len(data)):
+        elif self._accepts(len(data)):
             duration_s = frame_s(data, self._bitrate) if self._bitrate else 0.0
-            self._queue(Message(format_frame(data), duration_s, whole=True))
+            self._queue(PacedMessage(format_frame(data), duration_s, whole=True))
 
     async def send_all(self, data: bytes) -> None:
         """Send a ``can_frame`` without loss."""
@@ -186,7 +186,7 @@ class SlcanEndpoint(PtyEndpoint):
         return []
 
 
-class UdpEndpoint(TryingEndpoint):
+class UdpEndpoint(DatagramEndpoint):
     """Datagrams from a simulated device.
 
     to   : the receiver's address:port, where it is outside this machine
@@ -195,19 +195,21 @@ class UdpEndpoint(TryingEndpoint):
 
     is_stream: ClassVar[bool] = False
 
-    def __init__(self, link: UdpLink, respond: Respond, to: str | None = None, tell: Tell = lambda _: None) -> None:
+    def __init__(
+        self, link: UdpLink, respond: Responder, to: str | None = None, notify: Notifier = lambda _: None
+    ) -> None:
         super().__init__()
-        self._tell, self._is_cut = tell, False
+        self._notify, self._is_cut = notify, False
         self._link = link
         self._respond = respond
-        self._leaves = to is not None
+        self._is_remote = to is not None
         self._target = split_endpoint(to) if to else _target(link)
         family = socket.AF_INET6 if ":" in self._target[0] else socket.AF_INET
         self._socket = socket.socket(family, socket.SOCK_DGRAM)
 
     async def open(self) -> None:
         """Bind to the device's address.  Without ``to`` only addresses of this machine are used: nothing leaves it."""
-        address, port = ("", 0) if self._leaves else _source(self._link)
+        address, port = ("", 0) if self._is_remote else _source(self._link)
         try:
             self._socket.bind((address, port))
         except OSError as error:
@@ -217,18 +219,18 @@ class UdpEndpoint(TryingEndpoint):
                 f"link {self._link.name!r}: cannot send as {address}:{port} to {self._target[0]}:{self._target[1]}: "
                 f"{error.strerror}; {hint}"
             ) from None
-        if self._link.group and not self._leaves:
+        if self._link.group and not self._is_remote:
             self._socket.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, 0)
             self._socket.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, socket.inet_aton(address))
         self._socket.setblocking(False)
         asyncio.get_running_loop().add_reader(self._socket, self._receive)
 
-    async def reader_ready(self) -> None:
+    async def wait_for_reader(self) -> None:
         """Wait until somebody has bound the port that we send to; of another machine that is not known."""
-        while not self._leaves and not _is_bound(self._target[1]):  # noqa: ASYNC110  another program binds it; nothing tells us
+        while not self._is_remote and not _is_bound(self._target[1]):  # noqa: ASYNC110  another program binds it; nothing tells us
             await asyncio.sleep(POLL_S)
 
-    async def drained(self) -> None:
+    async def drain(self) -> None:
         """What was sent lies in the receiver's queue already."""
 
     def close(self) -> None:
@@ -236,7 +238,7 @@ class UdpEndpoint(TryingEndpoint):
         asyncio.get_running_loop().remove_reader(self._socket)
         self._socket.close()
 
-    def _try(self, data: bytes) -> bool:
+    def _try_send(self, data: bytes) -> bool:
         try:
             self._socket.sendto(data, self._target)
         except BlockingIOError:
@@ -244,18 +246,18 @@ class UdpEndpoint(TryingEndpoint):
         except OSError as error:
             if not self._is_cut:
                 address, port = self._target
-                self._tell(f"{self._link.name}: nothing goes to {address}:{port}: {error.strerror}; it is dropped")
+                self._notify(f"{self._link.name}: nothing goes to {address}:{port}: {error.strerror}; it is dropped")
             self._is_cut = True
             return False
         self._is_cut = False
-        self.sent.messages += 1
-        self.sent.bytes += len(data)
+        self.counters.messages += 1
+        self.counters.bytes += len(data)
         return True
 
     def _receive(self) -> None:
         with contextlib.suppress(BlockingIOError):
             data = self._socket.recv(65536)
-            self.sent.received_bytes += len(data)
+            self.counters.received_bytes += len(data)
             for answer in self._respond(data):
                 self.send(answer)
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from fti.links.slcan import FORMS, LONGEST, parse_line
+from fti.links.slcan import FORMS, MAX_LINE_BYTES, parse_line
 
 OK, ERROR = b"\r", b"\a"
 #: Answers that do not depend on the rest of the command.
@@ -35,7 +35,7 @@ class Adapter:
     def feed(self, data: bytes) -> list[bytes]:
         """Answers to the commands that are complete with these bytes."""
         *lines, rest = (bytes(self._line) + data).split(b"\r")
-        self._line[:] = rest[-LONGEST:]
+        self._line[:] = rest[-MAX_LINE_BYTES:]
         return [self._command(line) for line in lines]
 
     def _command(self, line: bytes) -> bytes:
@@ -46,7 +46,7 @@ class Adapter:
         if letter and letter[0] in FORMS:
             return self._take_frame(line)
         if line == b"F":
-            return self._tell_flags()
+            return self._report_flags()
         return ANSWERS.get(letter, ERROR)
 
     def _take_frame(self, line: bytes) -> bytes:
@@ -56,7 +56,7 @@ class Adapter:
         self._on_frame(frame)
         return b"Z\r" if line[:1].isupper() else b"z\r"
 
-    def _tell_flags(self) -> bytes:
+    def _report_flags(self) -> bytes:
         if not self.is_open:
             return ERROR
         flags, self.flags = self.flags, 0

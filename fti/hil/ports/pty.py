@@ -22,38 +22,38 @@ import tty
 from pathlib import Path
 
 from fti.errors import MissingError
-from fti.hil.ports.line import LineEndpoint, Respond, Tell
-from fti.hil.ports.readers import ReaderWatch
+from fti.hil.ports.reader_watch import ReaderWatch
+from fti.hil.ports.serial_base import Notifier, Responder, SerialEndpoint
 
-STALE_S = 2.0
+STALE_TIMEOUT_S = 2.0
 #: How often is looked whether a line is read, while something is sent on it.
-LOOK_S = 0.1
+CHECK_PERIOD_S = 0.1
 POLL_S = 0.02
 
 
-class PtyEndpoint(LineEndpoint):
-    """Serial endpoint.  place : where the symlink to the slave is put; the rest : ``LineEndpoint``"""
+class PtyEndpoint(SerialEndpoint):
+    """Serial endpoint.  place : where the symlink to the slave is put; the rest : ``SerialEndpoint``"""
 
     def __init__(
         self,
         place: Path,
-        respond: Respond,
+        respond: Responder,
         *,
         byte_s: float = 0.0,
-        carries: str = "",
-        tell: Tell = lambda _: None,
+        capacity_text: str = "",
+        notify: Notifier = lambda _: None,
     ) -> None:
-        super().__init__(place.name, respond, byte_s, carries, tell)
+        super().__init__(place.name, respond, byte_s, capacity_text, notify)
         self.place = place
-        self._attended = asyncio.Event()
+        self._has_reader = asyncio.Event()
         self._unread_since: float | None = None
-        self._look_at = 0.0
-        self._looked_at = self._read = 0  # bytes sent until the last look; and read, at least
+        self._next_check_s = 0.0
+        self._sent_at_check = self._read = 0  # bytes sent until the last look; and read, at least
         self._stale_at: int | None = None  # bytes sent when something was last read away; None: it is read
         self._slave = -1
         self._slave_name = ""
         self._readers: ReaderWatch | None = None
-        self._looking: asyncio.TimerHandle | None = None
+        self._watch_timer: asyncio.TimerHandle | None = None
 
     async def open(self) -> None:
         """Make the pty and its symlink.  MissingError when there is no place for the symlink."""
@@ -68,53 +68,53 @@ class PtyEndpoint(LineEndpoint):
             raise MissingError(f"{self.place}: no port can be put there: {error.strerror}") from None
         self._watch()
 
-    async def reader_ready(self) -> None:
+    async def wait_for_reader(self) -> None:
         """Wait until a reader has opened the line."""
-        await self._attended.wait()
+        await self._has_reader.wait()
 
     def _watch(self) -> None:
         """Look for the first reader.  Only then is the master of an unheld slave no longer hung up."""
         poller = select.poll()
         poller.register(self._fd, 0)
         if poller.poll(0):
-            self._looking = asyncio.get_running_loop().call_later(POLL_S, self._watch)
+            self._watch_timer = asyncio.get_running_loop().call_later(POLL_S, self._watch)
             return
         self._slave = os.open(self._slave_name, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
-        self._readers = ReaderWatch(self._name, self._slave_name, self._tell)
-        self._listen()
-        self._attended.set()
+        self._readers = ReaderWatch(self._name, self._slave_name, self._notify)
+        self._start_reading()
+        self._has_reader.set()
 
     def send(self, data: bytes) -> None:
         """Send a message, or queue it; drop what nobody listens to."""
-        if self._is_heard(len(data)):
+        if self._accepts(len(data)):
             super().send(data)
 
-    def _is_heard(self, count: int) -> bool:
+    def _accepts(self, count: int) -> bool:
         """Is there a reader?  If not, a message of so many bytes is dropped."""
-        if not self._attended.is_set():
+        if not self._has_reader.is_set():
             self._drop(count)
             return False
-        if self._now() >= self._look_at:
-            self._look_at = self._now() + LOOK_S
-            self._forget_stale()
+        if self._now() >= self._next_check_s:
+            self._next_check_s = self._now() + CHECK_PERIOD_S
+            self._discard_stale()
         return True
 
-    async def drained(self) -> None:
+    async def drain(self) -> None:
         """Wait until the reader has read everything; what is unread when the pty goes is lost."""
-        empty = 0 if self._attended.is_set() else 2
+        empty = 0 if self._has_reader.is_set() else 2
         while empty < 2:  # twice: between the two the kernel hands over what it still holds back
             await asyncio.sleep(POLL_S)
-            empty = 0 if self._wire or _unread(self._slave) else empty + 1
+            empty = 0 if self._pacer or _unread_bytes(self._slave) else empty + 1
 
     def close(self) -> None:
         """Take the line away, and the symlink when it is still ours."""
         if self._fd < 0:
             return
-        if self._looking is not None:
-            self._looking.cancel()
+        if self._watch_timer is not None:
+            self._watch_timer.cancel()
         if self._readers is not None:
             self._readers.close()
-        self._forget()
+        self._unregister()
         if self.place.is_symlink() and str(self.place.readlink()) == self._slave_name:
             self.place.unlink()
         for descriptor in (self._fd, self._slave):
@@ -122,39 +122,39 @@ class PtyEndpoint(LineEndpoint):
                 os.close(descriptor)
         self._fd = self._slave = -1
 
-    def _forget_stale(self) -> None:
+    def _discard_stale(self) -> None:
         """Read away what nobody has read for STALE_S; told when it begins, and when somebody reads again.
 
         A reader of a busy line may never be seen with nothing left to read: it reads while the count of what it has
         read grows.  What was sent since the last look is not counted, for the kernel may still hold it back.
         """
-        now, unread = self._now(), _unread(self._slave)
-        read, self._looked_at = self._looked_at - unread, self.sent.bytes
-        if unread == 0 and self._stale_at is not None and self.sent.bytes > self._stale_at:
-            self._tell(f"{self._name}: is read again")
+        now, unread = self._now(), _unread_bytes(self._slave)
+        read, self._sent_at_check = self._sent_at_check - unread, self.counters.bytes
+        if unread == 0 and self._stale_at is not None and self.counters.bytes > self._stale_at:
+            self._notify(f"{self._name}: is read again")
             self._stale_at = None
         if unread == 0 or read > self._read:
             self._read, self._unread_since = max(read, self._read), None
         elif self._unread_since is None:
             self._unread_since = now
-        elif now - self._unread_since > STALE_S:
-            self._throw_away()
+        elif now - self._unread_since > STALE_TIMEOUT_S:
+            self._discard_unread()
 
-    def _throw_away(self) -> None:
-        self._drop(_read_away(self._slave))
+    def _discard_unread(self) -> None:
+        self._drop(_discard_bytes(self._slave))
         if self._stale_at is None:
-            self._tell(f"{self._name}: nobody has read it for {STALE_S:g} s; what is sent is dropped")
-        self._stale_at = self._read = self.sent.bytes
+            self._notify(f"{self._name}: nobody has read it for {STALE_TIMEOUT_S:g} s; what is sent is dropped")
+        self._stale_at = self._read = self.counters.bytes
         self._unread_since = None
 
 
-def _unread(slave: int) -> int:
+def _unread_bytes(slave: int) -> int:
     """Bytes that a reader of the slave could read now."""
     count: int = struct.unpack("i", fcntl.ioctl(slave, termios.FIONREAD, bytes(4)))[0]
     return count
 
 
-def _read_away(slave: int) -> int:
+def _discard_bytes(slave: int) -> int:
     """Read and forget; returns how many bytes."""
     count = 0
     try:

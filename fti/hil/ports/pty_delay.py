@@ -22,13 +22,13 @@ LATE_NS = SECOND_NS // 10
 
 
 class PtyDelay:
-    """A stream of the scheduler, from which ``tell`` hears when a byte was sent and when it arrived (FTI time) if late.
+    """A stream of the scheduler, from which ``notify`` hears when a byte was sent and when it arrived (FTI time) if late.
 
     now_ns : FTI time; end_s : the stream ends there [s of the flight].  To be used as a context in a running loop.
     """
 
-    def __init__(self, now_ns: Callable[[], int], end_s: float, tell: Callable[[int, int], None]) -> None:
-        self._now_ns, self._end_s, self._tell = now_ns, end_s, tell
+    def __init__(self, now_ns: Callable[[], int], end_s: float, notify: Callable[[int, int], None]) -> None:
+        self._now_ns, self._end_s, self._notify = now_ns, end_s, notify
         self._k = 0
         self._master = self._slave = -1
         self._sent: deque[int] = deque()
@@ -38,14 +38,14 @@ class PtyDelay:
         tty.setraw(self._slave, termios.TCSANOW)
         os.set_blocking(self._master, False)
         os.set_blocking(self._slave, False)
-        asyncio.get_running_loop().add_reader(self._slave, self._arrived)
+        asyncio.get_running_loop().add_reader(self._slave, self._on_arrival)
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         asyncio.get_running_loop().remove_reader(self._slave)
-        self._judge(len(self._sent))  # what has not arrived by the end of the flight
+        self._check_delay(len(self._sent))  # what has not arrived by the end of the flight
         os.close(self._master)
         os.close(self._slave)
 
@@ -60,12 +60,12 @@ class PtyDelay:
         os.write(self._master, b".")
         self._sent.append(self._now_ns())
 
-    def _arrived(self) -> None:
-        self._judge(len(os.read(self._slave, 4096)))
+    def _on_arrival(self) -> None:
+        self._check_delay(len(os.read(self._slave, 4096)))
 
-    def _judge(self, count: int) -> None:
+    def _check_delay(self, count: int) -> None:
         """The oldest bytes have arrived; of several at once the oldest was the latest."""
         sent = [self._sent.popleft() for _ in range(min(count, len(self._sent)))]
         now_ns = self._now_ns()
         if sent and now_ns - sent[0] > LATE_NS:
-            self._tell(sent[0], now_ns)
+            self._notify(sent[0], now_ns)

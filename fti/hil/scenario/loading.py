@@ -9,10 +9,10 @@ from typing import Any
 from fti import config as configuration
 from fti.config import Config
 from fti.errors import ConfigError, MissingError
-from fti.hil.scenario.checking import check
-from fti.hil.scenario.profile import read as read_profile
+from fti.hil.scenario.config_check import check
+from fti.hil.scenario.fault_table import read as read_profile
+from fti.hil.tables.fault_types import OffTrack, WholeFlightFault
 from fti.hil.tables.flights import AnyFlight, ApproachFlight, RecordedFlight
-from fti.hil.tables.kinds import OffTrack, WholeFlight
 from fti.hil.tables.schema import Scenario
 
 FOLDER = Path(__file__).resolve().parents[3] / "configs" / "scenarios"
@@ -26,16 +26,16 @@ def load(path: Path) -> Scenario:
 
 def parse(table: Mapping[str, Any], path: Path) -> Scenario:
     """The scenario in a TOML table; path : where it stands (for messages and relative paths)."""
-    scenario = configuration.bind(Scenario, table, str(path)).of_file(str(path))
+    scenario = configuration.bind(Scenario, table, str(path)).with_file(str(path))
     _check(scenario, path)
-    found = {"config": _beside(path, scenario.config), "flight": _found(path, scenario.flight)}
+    found = {"config": _resolve_path(path, scenario.config), "flight": _with_absolute_file(path, scenario.flight)}
     return _with_profile(scenario.model_copy(update=found), path)
 
 
 def _check(scenario: Scenario, path: Path) -> None:
     """What no table can say by itself."""
     for i, fault in enumerate(scenario.fault):
-        if not isinstance(fault, WholeFlight) and fault.from_s >= fault.to_s:
+        if not isinstance(fault, WholeFlightFault) and fault.from_s >= fault.to_s:
             raise ConfigError(f"{path}: fault[{i}].to_s = {fault.to_s}: must be after from_s = {fault.from_s}")
         if isinstance(fault, OffTrack) and not isinstance(scenario.flight, ApproachFlight):
             raise ConfigError(f"{path}: fault[{i}].kind = 'off_track': a flight of {scenario.flight.kind} has no track")
@@ -45,23 +45,23 @@ def _with_profile(scenario: Scenario, path: Path) -> Scenario:
     """The same scenario with what its profile says."""
     if scenario.profile is None:
         return scenario
-    file = _beside(path, scenario.profile)
+    file = _resolve_path(path, scenario.profile)
     profile = read_profile(Path(file))
     merged = {"fault": scenario.fault + profile.faults, "expect": scenario.expect + profile.expectations}
     return scenario.model_copy(update={"profile": file, **merged})
 
 
-def _beside(path: Path, named: str) -> str:
+def _resolve_path(path: Path, named: str) -> str:
     if "\0" in named:
         raise ConfigError(f"{path}: {named!r}: is not the name of a file")
     return str((path.parent / named).resolve())
 
 
-def _found(path: Path, flight: AnyFlight) -> AnyFlight:
+def _with_absolute_file(path: Path, flight: AnyFlight) -> AnyFlight:
     """The same flight; a file that it names is beside the scenario's."""
     if not isinstance(flight, RecordedFlight):
         return flight
-    return flight.model_copy(update={"file": _beside(path, flight.file)})
+    return flight.model_copy(update={"file": _resolve_path(path, flight.file)})
 
 
 def load_config(scenario: Scenario, path: Path | None = None) -> Config:
@@ -76,9 +76,9 @@ def find(name_or_path: str) -> Path:
     for candidate in (Path(name_or_path), FOLDER / f"{name_or_path}.toml"):
         if candidate.is_file():
             return candidate
-    raise MissingError(f"no scenario {name_or_path!r}; there are {', '.join(shipped())} (or give a path)")
+    raise MissingError(f"no scenario {name_or_path!r}; there are {', '.join(shipped_names())} (or give a path)")
 
 
-def shipped() -> list[str]:
+def shipped_names() -> list[str]:
     """Names of the scenarios that come with the program."""
     return sorted(p.stem for p in FOLDER.glob("*.toml"))

@@ -5,43 +5,43 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from fti.config import Config
+from fti.devices import bind_devices
 from fti.errors import ConfigError
+from fti.hil.environment import Environment
 from fti.hil.sensors.air_data import AirSettings
-from fti.hil.sensors.altimeters import LaserAltimeter, RadarAltimeter, RadarSettings
+from fti.hil.sensors.altimeters import LaserAltimeterModel, RadarAltimeterModel, RadarSettings
 from fti.hil.sensors.arinc_units import ArincUnit
-from fti.hil.sensors.autopilot import Autopilot
-from fti.hil.sensors.base import Sensor
+from fti.hil.sensors.autopilot import AutopilotUnit
+from fti.hil.sensors.base import SimulatedSensor
 from fti.hil.sensors.can_units import AirDataUnit, DbcUnits
 from fti.hil.sensors.deflections import DeflectionPickups, PickupSettings
-from fti.hil.sensors.described import DescribedDevice
-from fti.hil.sensors.gnss import RawReceiver, Receiver
+from fti.hil.sensors.generic_devices import GenericDevice
+from fti.hil.sensors.gnss import GnssReceiver, RawReceiver
 from fti.hil.sensors.imagers import ImagerSettings
 from fti.hil.sensors.imu_grades import ImuSettings
 from fti.hil.sensors.inertial import InertialNavigation
 from fti.hil.sensors.inertial_solution import InertialSettings
 from fti.hil.sensors.magnetometer import Magnetometer, MagnetometerSettings
-from fti.hil.sensors.model import ModelType
+from fti.hil.sensors.model import SensorModelType
 from fti.hil.sensors.novatel import SurveyReceiver
 from fti.hil.sensors.power_unit import PowerPanel
-from fti.hil.sensors.settings import DeviceSettings, check_settings
-from fti.hil.world import World
-from fti.service.binding import bind_devices
+from fti.hil.sensors.sensor_settings import DeviceSettings, check_settings
 
 #: Driver name -> what stands at the other end of its line.
-MODELS: dict[str, ModelType] = {
+MODELS: dict[str, SensorModelType] = {
     "arinc429": ArincUnit,
-    "ascii_line": DescribedDevice,
-    "binary_struct": DescribedDevice,
+    "ascii_line": GenericDevice,
+    "binary_struct": GenericDevice,
     "canaerospace": AirDataUnit,
     "dbc": DbcUnits,
     "deflection_pickups": DeflectionPickups,
-    "freeflight_ra4500": RadarAltimeter,
+    "freeflight_ra4500": RadarAltimeterModel,
     "honeywell_hmr2300": Magnetometer,
     "imar_ixcom": InertialNavigation,
-    "lightware_ascii": LaserAltimeter,
-    "lightware_binary": LaserAltimeter,
-    "mavlink": Autopilot,
-    "nmea0183": Receiver,
+    "lightware_ascii": LaserAltimeterModel,
+    "lightware_binary": LaserAltimeterModel,
+    "mavlink": AutopilotUnit,
+    "nmea0183": GnssReceiver,
     "novatel_oem6": SurveyReceiver,
     "power_unit": PowerPanel,
     "ublox_ubx": RawReceiver,
@@ -60,15 +60,15 @@ class CanSettings(AirSettings, RadarSettings):
     """Of a unit that has air data and may have a radar altimeter."""
 
 
-class DescribedSettings(CanSettings, ImagerSettings):
+class GenericSettings(CanSettings, ImagerSettings):
     """Of a device whose fields the configuration describes: all that these can carry."""
 
 
 #: Driver name -> what its model takes in ``[sensor.NAME]``; the others take the timing alone.
 SETTINGS: dict[str, type[DeviceSettings]] = {
     "arinc429": AvionicsSettings,
-    "ascii_line": DescribedSettings,
-    "binary_struct": DescribedSettings,
+    "ascii_line": GenericSettings,
+    "binary_struct": GenericSettings,
     "canaerospace": CanSettings,
     "dbc": CanSettings,
     "deflection_pickups": PickupSettings,
@@ -79,7 +79,9 @@ SETTINGS: dict[str, type[DeviceSettings]] = {
 }
 
 
-def make_sensors(config: Config, world: World, seed: int, progress: Callable[[str], None]) -> list[Sensor]:
+def make_sensors(
+    config: Config, world: Environment, seed: int, progress: Callable[[str], None]
+) -> list[SimulatedSensor]:
     """A sensor for every device of the configuration.
 
     Raises ConfigError where no model speaks a driver, or where one does not take a setting of the scenario.
@@ -96,8 +98,8 @@ def make_sensors(config: Config, world: World, seed: int, progress: Callable[[st
                 f"it has {known}"
             )
         progress(f"sensor {device.name}")
-        found.append(Sensor(bound, MODELS[device.driver], world, seed))
+        found.append(SimulatedSensor(bound, MODELS[device.driver], world, seed))
     return found
 
 
-__all__ = ["MODELS", "Sensor", "make_sensors"]
+__all__ = ["MODELS", "SimulatedSensor", "make_sensors"]

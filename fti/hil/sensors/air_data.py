@@ -21,10 +21,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
 
+from fti.devices import BoundDevice
 from fti.geodesy.atmosphere import GAS_CONSTANT, ISA_PRESSURE, pressure_altitude
-from fti.hil.flight.trajectory import State
-from fti.hil.sensors.errors import lagged, slow, white
-from fti.hil.sensors.quick import (
+from fti.hil.environment import HEAT_RATIO, Environment, calibrated_airspeed, impact_pressure
+from fti.hil.flight.trajectory import FlightState
+from fti.hil.sensors.errors import first_order_lag, gauss_markov_noise, white_noise
+from fti.hil.sensors.fast_messages import (
     new_airspeed,
     new_flow_angles,
     new_impact_pressure,
@@ -32,9 +34,7 @@ from fti.hil.sensors.quick import (
     new_static_pressure,
     new_temperature,
 )
-from fti.hil.sensors.settings import DeviceSettings, settings_of
-from fti.hil.world import HEAT_RATIO, World, calibrated_airspeed, impact_pressure
-from fti.service.binding import BoundDevice
+from fti.hil.sensors.sensor_settings import DeviceSettings, settings_of
 from fti.types import (
     Measurement,
     Stamp,
@@ -68,19 +68,21 @@ class AirData:
 
     PRESSURE_SD, IMPACT_SD, TEMPERATURE_SD, FLOW_SD = 8.0, 6.0, 0.3, np.deg2rad(0.2)
 
-    def __init__(self, bound: BoundDevice, state: State, world: World, t: Array, rng: np.random.Generator) -> None:
+    def __init__(
+        self, bound: BoundDevice, state: FlightState, world: Environment, t: Array, rng: np.random.Generator
+    ) -> None:
         settings = settings_of(AirSettings, world.scenario, bound.device.name)
         alt_msl = state.alt - world.undulation
         temperature, p = world.atmosphere.temperature(alt_msl), world.atmosphere.p_static(alt_msl)
         q_c = impact_pressure(state.tas, p, temperature)
-        at_port = lagged(t, p + settings.static_error * q_c, settings.static_lag_s)
-        self.p_static = at_port + slow(t, self.PRESSURE_SD, 30.0, rng) + white(t, 2.0, rng)
-        total = lagged(t, p + q_c, settings.pitot_lag_s)
-        self.q_c = np.maximum(total - at_port + white(t, self.IMPACT_SD, rng), 0.0)
-        self.temperature = temperature + slow(t, self.TEMPERATURE_SD, 60.0, rng)
+        at_port = first_order_lag(t, p + settings.static_error * q_c, settings.static_lag_s)
+        self.p_static = at_port + gauss_markov_noise(t, self.PRESSURE_SD, 30.0, rng) + white_noise(t, 2.0, rng)
+        total = first_order_lag(t, p + q_c, settings.pitot_lag_s)
+        self.q_c = np.maximum(total - at_port + white_noise(t, self.IMPACT_SD, rng), 0.0)
+        self.temperature = temperature + gauss_markov_noise(t, self.TEMPERATURE_SD, 60.0, rng)
         self.tas = true_airspeed(self.q_c, self.p_static, self.temperature)
-        self.aoa = state.aoa + white(t, self.FLOW_SD, rng)
-        self.aos = state.aos + white(t, self.FLOW_SD, rng)
+        self.aoa = state.aoa + white_noise(t, self.FLOW_SD, rng)
+        self.aos = state.aos + white_noise(t, self.FLOW_SD, rng)
         set_hpa = settings.altimeter_hpa
         self.setting_pa = world.atmosphere.qnh if set_hpa is None else 100.0 * set_hpa
         self._at_setting = float(pressure_altitude(self.setting_pa))

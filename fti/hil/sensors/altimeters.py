@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from fti.hil.sensors.errors import white
-from fti.hil.sensors.quick import new_radio_height, new_range, new_reading, new_status
-from fti.hil.sensors.settings import DeviceSettings, settings_of
-from fti.hil.world import World
+from fti.devices import BoundDevice
+from fti.hil.environment import Environment
+from fti.hil.sensors.errors import white_noise
+from fti.hil.sensors.fast_messages import new_radio_height, new_range, new_reading, new_status
+from fti.hil.sensors.sensor_settings import DeviceSettings, settings_of
 from fti.ranging.radar.altimeter import RadarAltimeter as FmcwAltimeter
 from fti.ranging.radar.antenna import cosine_antenna
 from fti.ranging.radar.edge import edge_at
-from fti.service.binding import BoundDevice
 from fti.types import Measurement, Stamp
 
 Array = NDArray[np.float64]
@@ -40,7 +40,7 @@ class RadarSettings(DeviceSettings):
     scale: Annotated[float, Field(ge=0.5, le=2)] = 1.0
 
 
-class RadarAltimeter:
+class RadarAltimeterModel:
     """A leading-edge radar altimeter; without return in its range it says that it is unlocked."""
 
     rate_hz = 25.0
@@ -48,7 +48,7 @@ class RadarAltimeter:
     NOISE_SD = 0.3
     BEAM_DEG, RANGE_M = 40.0, (0.0, 2500.0)
 
-    def __init__(self, bound: BoundDevice, world: World, t: Array, rng: np.random.Generator) -> None:
+    def __init__(self, bound: BoundDevice, world: Environment, t: Array, rng: np.random.Generator) -> None:
         limits = bound.device.altimeter
         settings = settings_of(RadarSettings, world.scenario, bound.device.name)
         beam = math.radians(settings.beam_deg or (limits.beam_deg if limits else self.BEAM_DEG))
@@ -60,7 +60,7 @@ class RadarAltimeter:
         else:
             heights = world.radar_ranges(t, beam, bound.device)
         told = settings.scale * heights + settings.bias_m
-        self._heights = (told + white(t, self.NOISE_SD, rng)).tolist()
+        self._heights = (told + white_noise(t, self.NOISE_SD, rng)).tolist()
 
     def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
         """Status, then height."""
@@ -73,7 +73,7 @@ class RadarAltimeter:
         ]
 
 
-class LaserAltimeter:
+class LaserAltimeterModel:
     """A pencil beam along the mounting; beyond its range, and where nothing comes back, the signal is lost.
 
     Noise: accuracy within a few centimetres on plane surfaces, better than 10 cm (Spiegel 2018, sections 2.1.2, 2.2.3);
@@ -86,10 +86,10 @@ class LaserAltimeter:
     RANGE_M = (0.2, 500.0)
     FULL_STRENGTH_M = 50.0
 
-    def __init__(self, bound: BoundDevice, world: World, t: Array, rng: np.random.Generator) -> None:
+    def __init__(self, bound: BoundDevice, world: Environment, t: Array, rng: np.random.Generator) -> None:
         limits = bound.device.altimeter
         self._range = limits.range_m if limits else self.RANGE_M
-        self._ranges = (world.laser_ranges(t, bound.device) + white(t, self.NOISE_SD, rng)).tolist()
+        self._ranges = (world.laser_ranges(t, bound.device) + white_noise(t, self.NOISE_SD, rng)).tolist()
 
     def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
         """Strength of the return, then range; NaN is no return."""

@@ -12,18 +12,18 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from fti.devices import BoundDevice
 from fti.drivers.arinc429 import Options, chosen_labels
-from fti.hil.flight.trajectory import State
+from fti.hil.environment import Environment
+from fti.hil.flight.trajectory import FlightState
 from fti.hil.sensors.avionics import Avionics
 from fti.hil.sensors.dme import Interrogator
-from fti.hil.sensors.errors import slow
+from fti.hil.sensors.errors import gauss_markov_noise
+from fti.hil.sensors.fast_messages import new_deviation, new_reading, new_status, new_temperature
 from fti.hil.sensors.imu_grades import ImuSettings
 from fti.hil.sensors.inertial import inertial_samples
 from fti.hil.sensors.magnetometer import declination
-from fti.hil.sensors.quick import new_deviation, new_reading, new_status, new_temperature
-from fti.hil.sensors.settings import settings_of
-from fti.hil.world import World
-from fti.service.binding import BoundDevice
+from fti.hil.sensors.sensor_settings import settings_of
 from fti.types import (
     Measurement,
     Stamp,
@@ -60,10 +60,10 @@ INERTIAL = (
     "inertial_altitude",
 )
 #: Mode 01100 is navigation, 01000 acquisition (label 273; Esterline CMA-5024).
-NAVIGATING, ACQUIRING = 12.0, 8.0
+MODE_NAVIGATION, MODE_ACQUISITION = 12.0, 8.0
 #: Integrity limits against sigma, horizontal (non-precision approach) and vertical: RTCA DO-229, J.2.1.
 K_HORIZONTAL, K_VERTICAL = 6.18, 5.33
-MOST_SATELLITES = 15  # in four bits
+MAX_SATELLITES = 15  # in four bits
 
 
 class IlsReceiver:
@@ -73,15 +73,17 @@ class IlsReceiver:
     DDM_PER_M, DDM_AT_012_GLIDE = 0.00145, 0.0875
     LOCALIZER_BEND, GLIDE_BEND, BEND_S = 0.005, 0.01, 4.0
 
-    def __init__(self, state: State, world: World, t: Array, rng: np.random.Generator) -> None:
+    def __init__(self, state: FlightState, world: Environment, t: Array, rng: np.random.Generator) -> None:
         path = world.path
         s, y = path.along(state.lat, state.lon)
         to_antenna = path.airfield.runway_length_m + self.ANTENNA_BEHIND_RUNWAY_M
         distance = np.maximum(s - path.x_gpi + to_antenna, 1.0)
-        localizer = -self.DDM_PER_M * y * to_antenna / distance + slow(t, self.LOCALIZER_BEND, self.BEND_S, rng)
+        localizer = -self.DDM_PER_M * y * to_antenna / distance + gauss_markov_noise(
+            t, self.LOCALIZER_BEND, self.BEND_S, rng
+        )
         elevation = np.arctan2(state.alt - path.alt_path(0.0), s)
         glide = self.DDM_AT_012_GLIDE * (elevation - path.glide) / (0.12 * path.glide)
-        glide = np.where(s > 0.0, glide + slow(t, self.GLIDE_BEND, self.BEND_S, rng), np.nan)
+        glide = np.where(s > 0.0, glide + gauss_markov_noise(t, self.GLIDE_BEND, self.BEND_S, rng), np.nan)
         self._deviations = np.column_stack([localizer, glide])
 
     def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
@@ -98,14 +100,14 @@ class ArincUnit:
     rate_hz = 20.0
     time_scale = TimeScale.BOOT
 
-    def __init__(self, bound: BoundDevice, world: World, t: Array, rng: np.random.Generator) -> None:
+    def __init__(self, bound: BoundDevice, world: Environment, t: Array, rng: np.random.Generator) -> None:
         state = world.state(t)
         self._avionics = Avionics(bound, world, t, rng)
         self._receivers = (Interrogator(state, world, t, rng), IlsReceiver(state, world, t, rng))
         grade = settings_of(ImuSettings, world.scenario, bound.device.name).grade
         force, rates = inertial_samples(grade, bound, world, state, rng)
         heading = (state.heading - declination(state)) % (2 * np.pi)
-        alt_msl = state.alt - world.undulation + slow(t, 5.0, 300.0, rng)
+        alt_msl = state.alt - world.undulation + gauss_markov_noise(t, 5.0, 300.0, rng)
         upward = [1.0, 1.0, -1.0]  # of the normal acceleration: gravity in level flight
         self._rows = np.column_stack([heading, rates, force * upward, alt_msl])
         options = bound.options
@@ -130,7 +132,7 @@ class ArincUnit:
         """What the receiver says of itself; without a fix it computes neither dilution nor limits."""
         sky, position = self._avionics.satellites(k, stamp), self._avionics.position(k, stamp)
         horizontal, vertical = position.horizontal_sd, position.vertical_sd
-        used = float(min(sky.used or 0, MOST_SATELLITES))
+        used = float(min(sky.used or 0, MAX_SATELLITES))
         return {
             "hdop": sky.hdop,
             "vdop": sky.vdop,
@@ -138,7 +140,7 @@ class ArincUnit:
             "vertical_integrity_limit": None if vertical is None else K_VERTICAL * vertical,
             "satellites_visible": used,
             "satellites_used": used,
-            "gnss_mode": NAVIGATING if position.valid else ACQUIRING,
+            "gnss_mode": MODE_NAVIGATION if position.valid else MODE_ACQUISITION,
         }
 
     def _inertial(self, k: int) -> dict[str, float]:

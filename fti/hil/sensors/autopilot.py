@@ -5,16 +5,16 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from fti.devices import BoundDevice
+from fti.hil.environment import Environment, mounting
 from fti.hil.sensors.air_data import AirData
-from fti.hil.sensors.avionics import Reference
-from fti.hil.sensors.errors import white
+from fti.hil.sensors.avionics import HeadingReference
+from fti.hil.sensors.errors import white_noise
+from fti.hil.sensors.fast_messages import new_field, new_impact_pressure, new_range, new_sample, new_static_pressure
 from fti.hil.sensors.imu_grades import ImuSettings
 from fti.hil.sensors.inertial import inertial_samples
 from fti.hil.sensors.magnetometer import earth_field_b
-from fti.hil.sensors.quick import new_field, new_impact_pressure, new_range, new_sample, new_static_pressure
-from fti.hil.sensors.settings import settings_of
-from fti.hil.world import World, mounting
-from fti.service.binding import BoundDevice
+from fti.hil.sensors.sensor_settings import settings_of
 from fti.types import (
     DeviceStatus,
     Measurement,
@@ -24,7 +24,7 @@ from fti.types import (
 )
 
 
-class Autopilot:
+class AutopilotUnit:
     """Stamped with the time since it was switched on; a rangefinder where the device is an altimeter."""
 
     rate_hz = 50.0
@@ -34,9 +34,11 @@ class Autopilot:
     LASER_SD, FIELD_SD = 0.05, 0.3e-6
     LASER_RANGE_M = (0.2, 500.0)
 
-    def __init__(self, bound: BoundDevice, world: World, t: NDArray[np.float64], rng: np.random.Generator) -> None:
+    def __init__(
+        self, bound: BoundDevice, world: Environment, t: NDArray[np.float64], rng: np.random.Generator
+    ) -> None:
         state, limits = world.state(t), bound.device.altimeter
-        self._reference = Reference(bound, state, world, t, rng)
+        self._reference = HeadingReference(bound, state, world, t, rng)
         self._air = AirData(bound, state, world, t, rng)
         grade = settings_of(ImuSettings, world.scenario, bound.device.name).grade
         self._accel, self._gyro = (
@@ -44,7 +46,7 @@ class Autopilot:
         )
         self._field = earth_field_b(state) @ mounting(bound.device) + rng.normal(0.0, self.FIELD_SD, (len(t), 3))
         self._limits = limits.range_m if limits else self.LASER_RANGE_M
-        self._ranges = world.laser_ranges(t, bound.device) + white(t, self.LASER_SD, rng) if limits else None
+        self._ranges = world.laser_ranges(t, bound.device) + white_noise(t, self.LASER_SD, rng) if limits else None
 
     def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
         """What is due in cycle k."""

@@ -8,14 +8,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from fti.hil.flight.trajectory import State
+from fti.devices import BoundDevice
+from fti.hil.environment import Environment
+from fti.hil.flight.trajectory import FlightState
 from fti.hil.sensors.air_data import AirData
-from fti.hil.sensors.altimeters import RadarAltimeter
-from fti.hil.sensors.errors import slow
-from fti.hil.sensors.quick import new_attitude
-from fti.hil.sensors.reception import NAVIGATION, Reception
-from fti.hil.world import World
-from fti.service.binding import BoundDevice
+from fti.hil.sensors.altimeters import RadarAltimeterModel
+from fti.hil.sensors.errors import gauss_markov_noise
+from fti.hil.sensors.fast_messages import new_attitude
+from fti.hil.sensors.gnss_reception import NAVIGATION, Reception
 from fti.types import (
     Attitude,
     Measurement,
@@ -28,15 +28,17 @@ from fti.types import (
 Array = NDArray[np.float64]
 
 
-class Reference:
+class HeadingReference:
     """Attitude of a heading reference, worse than an inertial navigation system, with a satellite receiver in it."""
 
     ATTITUDE_SD, HEADING_SD = np.deg2rad(0.3), np.deg2rad(0.8)
 
-    def __init__(self, bound: BoundDevice, state: State, world: World, t: Array, rng: np.random.Generator) -> None:
-        roll = state.roll + slow(t, self.ATTITUDE_SD, 60.0, rng)
-        pitch = state.pitch + slow(t, self.ATTITUDE_SD, 60.0, rng)
-        heading = (state.heading + slow(t, self.HEADING_SD, 60.0, rng)) % (2 * np.pi)
+    def __init__(
+        self, bound: BoundDevice, state: FlightState, world: Environment, t: Array, rng: np.random.Generator
+    ) -> None:
+        roll = state.roll + gauss_markov_noise(t, self.ATTITUDE_SD, 60.0, rng)
+        pitch = state.pitch + gauss_markov_noise(t, self.ATTITUDE_SD, 60.0, rng)
+        heading = (state.heading + gauss_markov_noise(t, self.HEADING_SD, 60.0, rng)) % (2 * np.pi)
         self._rpy = np.column_stack([roll, pitch, heading])
         self._receiver = Reception(bound, NAVIGATION, world, t, rng)
 
@@ -64,11 +66,11 @@ class Avionics:
     rate_hz = 20.0
     time_scale = None
 
-    def __init__(self, bound: BoundDevice, world: World, t: Array, rng: np.random.Generator) -> None:
+    def __init__(self, bound: BoundDevice, world: Environment, t: Array, rng: np.random.Generator) -> None:
         state = world.state(t)
-        self._reference = Reference(bound, state, world, t, rng)
+        self._reference = HeadingReference(bound, state, world, t, rng)
         self._air = AirData(bound, state, world, t, rng)
-        self._radar = RadarAltimeter(bound, world, t, rng) if bound.device.altimeter else None
+        self._radar = RadarAltimeterModel(bound, world, t, rng) if bound.device.altimeter else None
 
     def air(self, k: int) -> tuple[float, float, float]:
         """Static and impact pressure [Pa] and static temperature [K] of sample k."""

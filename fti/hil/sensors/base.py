@@ -13,18 +13,18 @@ import zlib
 import numpy as np
 from numpy.typing import NDArray
 
+from fti.devices import BoundDevice
 from fti.drivers import Encoder
-from fti.drivers._quick import quick_stamp
+from fti.drivers._fast_messages import fast_stamp
 from fti.errors import ConfigError
 from fti.geodesy.rotations import mat_from_rpy
 from fti.geodesy.wgs84 import radii
-from fti.hil.flight.trajectory import State
-from fti.hil.sensors.model import ModelType
-from fti.hil.sensors.moved import make_model
-from fti.hil.sensors.quick import new_stamp
+from fti.hil.environment import Environment
+from fti.hil.flight.trajectory import FlightState
+from fti.hil.sensors.fast_messages import new_stamp
+from fti.hil.sensors.model import SensorModelType
+from fti.hil.sensors.mounting_error import make_model
 from fti.hil.tables.schema import SensorSettings
-from fti.hil.world import World
-from fti.service.binding import BoundDevice
 from fti.types import Measurement, Stamp, TimeScale
 
 Array = NDArray[np.float64]
@@ -34,7 +34,7 @@ JITTER_SD_MS = 0.3
 SECOND_NS = 1_000_000_000
 
 
-class Sensor:
+class SimulatedSensor:
     """A device of the configuration, simulated.
 
     t   : true times of its samples [s after the start], shape (n,)
@@ -45,16 +45,16 @@ class Sensor:
     Raises ConfigError when it has no sample in the flight.
     """
 
-    def __init__(self, bound: BoundDevice, model: ModelType, world: World, seed: int) -> None:
+    def __init__(self, bound: BoundDevice, model: SensorModelType, world: Environment, seed: int) -> None:
         device = bound.device
         rng = np.random.default_rng([seed, zlib.crc32(device.name.encode())])
         self.name, self.link = device.name, device.link
         self.is_live = False
         self.rate_hz = device.rate_hz or model.rate_hz
         settings = world.scenario.sensor.get(device.name) or SensorSettings()
-        self.drift_ppm = _given(settings.drift_ppm, float(rng.normal(0.0, DRIFT_PPM_SD)))
+        self.drift_ppm = _or_default(settings.drift_ppm, float(rng.normal(0.0, DRIFT_PPM_SD)))
         self._powered_s = -float(rng.uniform(20.0, 120.0))  # since then it is on: before the flight started
-        shift_s = _given(settings.shift_ms, float(rng.uniform()) * 1e3 / self.rate_hz) * 1e-3
+        shift_s = _or_default(settings.shift_ms, float(rng.uniform()) * 1e3 / self.rate_hz) * 1e-3
         self.t = sample_times(self.rate_hz, world.duration, shift_s, self.drift_ppm)
         if not len(self.t):
             raise ConfigError(
@@ -62,8 +62,8 @@ class Sensor:
                 f"the first one would be after {shift_s:g} s"
             )
         self._times: list[float] = self.t.tolist()
-        jitter_s = np.abs(rng.normal(0.0, 1e-3 * _given(settings.jitter_ms, JITTER_SD_MS), len(self.t)))
-        latency_s = 1e-3 * _given(settings.latency_ms, device.latency_ms)
+        jitter_s = np.abs(rng.normal(0.0, 1e-3 * _or_default(settings.jitter_ms, JITTER_SD_MS), len(self.t)))
+        latency_s = 1e-3 * _or_default(settings.latency_ms, device.latency_ms)
         self.due = np.maximum.accumulate(self.t + latency_s + jitter_s)
         self.bound = bound
         self.encoder: Encoder = bound.driver.make_encoder(bound.options)
@@ -84,10 +84,10 @@ class Sensor:
         if self._time_scale is TimeScale.BOOT:
             on_s = max(t - self._powered_s, 0.0) * (1.0 + 1e-6 * self.drift_ppm)
             return new_stamp(true_ns, round(on_s * SECOND_NS), TimeScale.BOOT)
-        return new_stamp(true_ns, true_ns, TimeScale.UTC) if self._time_scale else quick_stamp(true_ns)
+        return new_stamp(true_ns, true_ns, TimeScale.UTC) if self._time_scale else fast_stamp(true_ns)
 
 
-def _given(setting: float | None, otherwise: float) -> float:
+def _or_default(setting: float | None, otherwise: float) -> float:
     return otherwise if setting is None else setting
 
 
@@ -97,7 +97,7 @@ def sample_times(rate_hz: float, duration: float, shift: float, drift_ppm: float
     return np.asarray(np.arange(shift, duration, period))
 
 
-def position_at(state: State, lever_arm_b: tuple[float, float, float]) -> tuple[Array, Array, Array]:
+def position_at(state: FlightState, lever_arm_b: tuple[float, float, float]) -> tuple[Array, Array, Array]:
     """lat, lon [rad], alt [m] of a point of the aircraft; lever_arm_b : from the reference point P [m]."""
     mat_nb = mat_from_rpy(state.roll, state.pitch, state.heading)
     arm_n = mat_nb @ np.asarray(lever_arm_b)
@@ -107,7 +107,7 @@ def position_at(state: State, lever_arm_b: tuple[float, float, float]) -> tuple[
     return lat, lon, state.alt - arm_n[:, 2]
 
 
-def velocity_at(state: State, lever_arm_b: tuple[float, float, float]) -> Array:
+def velocity_at(state: FlightState, lever_arm_b: tuple[float, float, float]) -> Array:
     """Velocity of a point of the aircraft, north, east, down [m/s], shape (n, 3): that of P, and the turn about it.
 
     v = v_P + mat_nb (omega_nb_b x arm_b)

@@ -7,16 +7,16 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from fti.drivers._dbc import Layout, Signal, read_layouts
+from fti.devices import BoundDevice
+from fti.drivers._dbc import DbcMessage, DbcSignal, read_layouts
 from fti.drivers._dbc_makers import quantity_scale
 from fti.drivers._quantities import QUANTITIES
 from fti.drivers.dbc import Options, text_of
+from fti.hil.environment import Environment
 from fti.hil.sensors.avionics import Avionics
 from fti.hil.sensors.deflections import deflections
 from fti.hil.sensors.dme import Interrogator
-from fti.hil.sensors.errors import slow
-from fti.hil.world import World
-from fti.service.binding import BoundDevice
+from fti.hil.sensors.errors import gauss_markov_noise
 from fti.types import Measurement, Reading, Stamp, SurfaceDeflection
 
 Array = NDArray[np.float64]
@@ -28,7 +28,7 @@ class AirDataUnit:
     rate_hz = 20.0
     time_scale = None
 
-    def __init__(self, bound: BoundDevice, world: World, t: Array, rng: np.random.Generator) -> None:
+    def __init__(self, bound: BoundDevice, world: Environment, t: Array, rng: np.random.Generator) -> None:
         self._avionics = Avionics(bound, world, t, rng)
         self._interrogator = Interrogator(world.state(t), world, t, rng)
 
@@ -37,19 +37,21 @@ class AirDataUnit:
         return self._avionics.measure(k, stamp) + self._interrogator.measure(k, stamp)
 
 
-class _Wanderer:
+class _DriftingSignal:
     """A signal that no model knows: it wanders in the middle of its range, or takes its states in turn."""
 
     STATE_SAMPLES = 20
     PERIOD_S = 20.0
 
-    def __init__(self, signal: Signal, t: Array, rng: np.random.Generator) -> None:
+    def __init__(self, signal: DbcSignal, t: Array, rng: np.random.Generator) -> None:
         self.signal = signal
-        self._states = list(signal.states) if signal.states and not signal.measures else []
-        ends = [signal.least * signal.factor + signal.offset, signal.most * signal.factor + signal.offset]
+        self._states = list(signal.states) if signal.states and not signal.is_physical else []
+        ends = [signal.min_raw * signal.factor + signal.offset, signal.most * signal.factor + signal.offset]
         low, high = max(min(ends), signal.low), min(max(ends), signal.high)
         middle, width = (0.5 * (low + high), high - low) if math.isfinite(high - low) else (0.0, 10.0)
-        self._values = middle + np.clip(slow(t, 0.1 * width, self.PERIOD_S, rng), -0.4 * width, 0.4 * width)
+        self._values = middle + np.clip(
+            gauss_markov_noise(t, 0.1 * width, self.PERIOD_S, rng), -0.4 * width, 0.4 * width
+        )
 
     def value(self, k: int) -> float:
         """Value of sample k, in the signal's unit."""
@@ -62,14 +64,14 @@ class _Wanderer:
 class _UnitMessage:
     """One message of the DBC: what fills the signals that the flight does not."""
 
-    def __init__(self, layout: Layout, t: Array, rng: np.random.Generator, counter: str) -> None:
+    def __init__(self, layout: DbcMessage, t: Array, rng: np.random.Generator, counter: str) -> None:
         self._layout, self._counter = layout, counter
-        self._wanderers = {s.name: _Wanderer(s, t, rng) for s in layout.signals if s.name != counter}
+        self._drifting = {s.name: _DriftingSignal(s, t, rng) for s in layout.signals if s.name != counter}
 
     def measure(self, k: int, stamp: Stamp, offered: list[Measurement]) -> list[Measurement]:
         """Readings, and measurements of quantities that are not offered; multiplexers take their choices in turn."""
         chosen = {s.name: self._choice(s.name, k) for s in self._layout.selectors}
-        signals = [s for s in self._layout.selected(chosen) if s.name != self._counter]
+        signals = [s for s in self._layout.signals_for(chosen) if s.name != self._counter]
         made = (self._one(s, chosen.get(s.name), k, stamp, offered) for s in signals)
         return [m for m in made if m is not None]
 
@@ -78,10 +80,10 @@ class _UnitMessage:
         return choices[k % len(choices)]
 
     def _one(
-        self, signal: Signal, chosen: int | None, k: int, stamp: Stamp, offered: list[Measurement]
+        self, signal: DbcSignal, chosen: int | None, k: int, stamp: Stamp, offered: list[Measurement]
     ) -> Measurement | None:
         scale = quantity_scale(signal)
-        value = self._wanderers[signal.name].value(k) if chosen is None else chosen * signal.factor + signal.offset
+        value = self._drifting[signal.name].value(k) if chosen is None else chosen * signal.factor + signal.offset
         if scale is None:
             return Reading(stamp=stamp, name=f"{self._layout.name}.{signal.name}", value=value, unit=signal.unit)
         quantity = QUANTITIES[signal.name]
@@ -96,7 +98,7 @@ class DbcUnits:
     rate_hz = 10.0
     time_scale = None
 
-    def __init__(self, bound: BoundDevice, world: World, t: Array, rng: np.random.Generator) -> None:
+    def __init__(self, bound: BoundDevice, world: Environment, t: Array, rng: np.random.Generator) -> None:
         assert isinstance(bound.options, Options)
         state = world.state(t)
         self._air = AirDataUnit(bound, world, t, rng)

@@ -46,7 +46,7 @@ SYSTEMS = (
 )
 
 
-class Seen(NamedTuple):
+class SatellitesInView(NamedTuple):
     """What is in view, arrays of shape (n,): which satellite, azimuth, elevation [rad], range [m], its rate [m/s]."""
 
     which: NDArray[np.int64]
@@ -55,9 +55,9 @@ class Seen(NamedTuple):
     distance: Array
     rate: Array
 
-    def where(self, chosen: NDArray[np.bool_]) -> Seen:
+    def where(self, chosen: NDArray[np.bool_]) -> SatellitesInView:
         """Those that are chosen, shape (n,)."""
-        return Seen(
+        return SatellitesInView(
             self.which[chosen], self.azimuth[chosen], self.elevation[chosen], self.distance[chosen], self.rate[chosen]
         )
 
@@ -82,31 +82,31 @@ class Constellation:
             [-np.sin(angle), np.cos(angle) * np.cos(self._inclination), np.cos(angle) * np.sin(self._inclination)]
         )
         position, velocity = (
-            self._radius * _turned(along, self._node),
-            self._radius * self._rate * _turned(ahead, self._node),
+            self._radius * _rotate(along, self._node),
+            self._radius * self._rate * _rotate(ahead, self._node),
         )
         return position.T, velocity.T
 
-    def seen(self, t: float, position_e: Array, velocity_e: Array, mat_en: Array, mask: float) -> Seen:
+    def seen(self, t: float, position_e: Array, velocity_e: Array, mat_en: Array, mask: float) -> SatellitesInView:
         """What is above ``mask`` [rad] at time t [s]; the signal left while the satellite was elsewhere.
 
         position_e, velocity_e : receiver, shape (3,) [m], [m/s], e frame; mat_en : its level axes, n to e
         """
         turn = EARTH_RATE * t
-        here = _turned(position_e, turn)
-        moving = _turned(velocity_e + np.cross([0.0, 0.0, EARTH_RATE], position_e), turn)
+        here = _rotate(position_e, turn)
+        moving = _rotate(velocity_e + np.cross([0.0, 0.0, EARTH_RATE], position_e), turn)
         at, _ = self.state(t)
         for _ in range(2):
             at, velocity = self.state(t - np.linalg.norm(at - here, axis=1) / SPEED_OF_LIGHT)
         line = at - here
         distance = np.linalg.norm(line, axis=1)
         unit = line / distance[:, None]
-        level = _turned(unit.T, -turn).T @ mat_en  # north, east, down
+        level = _rotate(unit.T, -turn).T @ mat_en  # north, east, down
         elevation = -np.arcsin(level[:, 2])
         index = np.flatnonzero(elevation > mask)
         azimuth = np.arctan2(level[:, 1], level[:, 0]) % (2 * np.pi)
         rate = np.sum((velocity - moving) * unit, axis=1)
-        return Seen(index, azimuth[index], elevation[index], distance[index], rate[index])
+        return SatellitesInView(index, azimuth[index], elevation[index], distance[index], rate[index])
 
     def directions(self, t: Array, position_e: Array, mats_en: Array) -> tuple[Array, Array]:
         """Azimuth and elevation [rad] of all satellites, (n, satellites), at times t (n,) [s]; 1e-5 rad off: the signal
@@ -115,7 +115,7 @@ class Constellation:
         position_e : receiver, shape (n, 3) [m], e frame; mats_en : its level axes, n to e, shape (n, 3, 3)
         """
         turn = EARTH_RATE * t
-        at = _turned(self.state(t[:, None])[0].T, -turn[:, None])
+        at = _rotate(self.state(t[:, None])[0].T, -turn[:, None])
         line_e = at - position_e.T[:, :, None]
         north, east, down = np.einsum("cns,ncl->lns", line_e, mats_en) / np.linalg.norm(line_e, axis=0)
         return np.arctan2(east, north) % (2 * np.pi), -np.arcsin(down)
@@ -134,7 +134,7 @@ def _orbits(w: Walker) -> Array:
     return np.stack([w.radius * same, np.sqrt(GM / w.radius**3) * same, w.inclination * same, node, phase])
 
 
-def _turned(vector: Array, angle: float | Array) -> Array:
+def _rotate(vector: Array, angle: float | Array) -> Array:
     """Vectors, shape (3,) or (3, n), turned about the axis of the Earth."""
     x, y, z = vector
     return np.stack([x * np.cos(angle) - y * np.sin(angle), x * np.sin(angle) + y * np.cos(angle), z])

@@ -30,15 +30,15 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from fti.drivers.deflection_pickups.factory import factory_tables
-from fti.drivers.deflection_pickups.table import HIGHEST_RAW, Table, read_tables
-from fti.hil.flight.coordinated import TRIM_AOA
-from fti.hil.flight.trajectory import State
-from fti.hil.sensors.errors import play, white
-from fti.hil.sensors.quick import new_deflection
-from fti.hil.sensors.settings import DeviceSettings, settings_of
-from fti.hil.world import World
-from fti.service.binding import BoundDevice
+from fti.devices import BoundDevice
+from fti.drivers.deflection_pickups.factory_calibration import factory_tables
+from fti.drivers.deflection_pickups.table import MAX_RAW, CalibrationTable, read_tables
+from fti.hil.environment import Environment
+from fti.hil.flight.coordinated_flight import TRIM_AOA
+from fti.hil.flight.trajectory import FlightState
+from fti.hil.sensors.errors import backlash, white_noise
+from fti.hil.sensors.fast_messages import new_deflection
+from fti.hil.sensors.sensor_settings import DeviceSettings, settings_of
 from fti.types import Measurement, Stamp
 
 Array = NDArray[np.float64]
@@ -53,17 +53,17 @@ TRIM_S = 30.0
 FLAP_STEPS, FLAP_RATE_DEG = ((5.0, 20.0), (30.0, 42.0)), 4.0
 
 
-def deflections(state: State, flown: Mapping[str, Array] | None = None) -> dict[str, Array]:
+def deflections(state: FlightState, flown: Mapping[str, Array] | None = None) -> dict[str, Array]:
     """Deflections and control positions [rad] by surface, shape (n,): down, clockwise, right, aft and nose up are +.
 
-    flown : the control surfaces of the flight, if it was flown with any (``World.surfaces``)
+    flown : the control surfaces of the flight, if it was flown with any (``Environment.surfaces``)
     """
     surfaces = flown or fitting_surfaces(state)
     aileron, elevator, rudder = -surfaces["right_aileron"], surfaces["elevator"], surfaces["rudder"]
     return {
         **{name: surfaces[name] for name in ("right_aileron", "left_aileron", "elevator", "rudder")},
-        "rudder_trim": -_trimmed(state.t, rudder),
-        "elevator_trim": -_trimmed(state.t, elevator),
+        "rudder_trim": -_trim_values(state.t, rudder),
+        "elevator_trim": -_trim_values(state.t, elevator),
         "flaps": surfaces["flaps"],
         "stick_aileron": STICK_PER_AILERON * aileron,
         "stick_elevator": -STICK_PER_ELEVATOR * elevator,
@@ -71,7 +71,7 @@ def deflections(state: State, flown: Mapping[str, Array] | None = None) -> dict[
     }
 
 
-def fitting_surfaces(state: State) -> dict[str, Array]:
+def fitting_surfaces(state: FlightState) -> dict[str, Array]:
     """Control surfaces [rad] that fit a flight, shape (n,)."""
     p, q, r = (state.omega_nb_b[:, i] for i in range(3))
     aileron = ROLL_GAIN * p * SPAN / (2.0 * state.tas)
@@ -94,7 +94,7 @@ def flap_angle_deg(t: Array) -> Array:
     return np.asarray(np.interp(t, knots, angles))
 
 
-def _trimmed(t: Array, values: Array) -> Array:
+def _trim_values(t: Array, values: Array) -> Array:
     """The mean of a signal over the last half minute."""
     step = t[1] - t[0] if len(t) > 1 else 1.0
     count = max(1, round(TRIM_S / step))
@@ -102,27 +102,27 @@ def _trimmed(t: Array, values: Array) -> Array:
     return np.asarray((sums[count:] - sums[:-count]) / count)
 
 
-def raw_counts(table: Table, angle: Array, noise: Array) -> NDArray[np.int64]:
+def raw_counts(table: CalibrationTable, angle: Array, noise: Array) -> NDArray[np.int64]:
     """Counts of a perfect pickup with this table at angles [rad]; noise : in counts."""
-    return _whole(_on_curve(table, angle) + noise)
+    return _to_integers(_counts_at(table, angle) + noise)
 
 
-def _on_curve(table: Table, angle: Array) -> Array:
+def _counts_at(table: CalibrationTable, angle: Array) -> Array:
     """The table read backwards; beyond it, it goes on with its outermost slope."""
-    points = _by_angle(table)
+    points = _sort_by_angle(table)
     slopes = np.diff(points[:, 1]) / np.diff(points[:, 0])
     inside = np.interp(angle, points[:, 0], points[:, 1])
     beyond = np.minimum(angle - points[0, 0], 0.0) * slopes[0] + np.maximum(angle - points[-1, 0], 0.0) * slopes[-1]
     return np.asarray(inside + beyond)
 
 
-def _by_angle(table: Table) -> Array:
+def _sort_by_angle(table: CalibrationTable) -> Array:
     points = np.array([(p.deflection, p.raw) for p in table.as_points()])
     return np.asarray(points[np.argsort(points[:, 0])])
 
 
-def _whole(counts: Array) -> NDArray[np.int64]:
-    return np.asarray(np.clip(np.rint(counts), 0, HIGHEST_RAW), dtype=np.int64)
+def _to_integers(counts: Array) -> NDArray[np.int64]:
+    return np.asarray(np.clip(np.rint(counts), 0, MAX_RAW), dtype=np.int64)
 
 
 class PickupSettings(DeviceSettings):
@@ -145,30 +145,30 @@ class DeflectionPickups:
     time_scale = None
     NOISE_COUNTS = 1.5
 
-    def __init__(self, bound: BoundDevice, world: World, t: Array, rng: np.random.Generator) -> None:
+    def __init__(self, bound: BoundDevice, world: Environment, t: Array, rng: np.random.Generator) -> None:
         angles = deflections(world.state(t), world.surfaces(t))
         tables = factory_tables(angles) | read_tables(getattr(bound.options, "calibration", ""), angles)
         settings = settings_of(PickupSettings, world.scenario, bound.device.name)
         self._raw = {s: self._counts(tables[s], angles[s], settings, rng).tolist() for s in angles}
 
     def _counts(
-        self, table: Table, angle: Array, settings: PickupSettings, rng: np.random.Generator
+        self, table: CalibrationTable, angle: Array, settings: PickupSettings, rng: np.random.Generator
     ) -> NDArray[np.int64]:
-        followed = play(angle, np.deg2rad(settings.slack_deg))
-        true = _on_curve(table, followed + table_error(table, followed, settings.table_error * rng.normal(size=3)))
-        return _whole(play(true, settings.hysteresis_counts) + white(angle, self.NOISE_COUNTS, rng))
+        followed = backlash(angle, np.deg2rad(settings.slack_deg))
+        true = _counts_at(table, followed + table_error(table, followed, settings.table_error * rng.normal(size=3)))
+        return _to_integers(backlash(true, settings.hysteresis_counts) + white_noise(angle, self.NOISE_COUNTS, rng))
 
     def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
         """Every sensor; a bus sends those that it has."""
         return [new_deflection(stamp=stamp, surface=s, deflection=None, raw=raw[k]) for s, raw in self._raw.items()]
 
 
-def table_error(table: Table, angle: Array, shares: Array) -> Array:
+def table_error(table: CalibrationTable, angle: Array, shares: Array) -> Array:
     """By how much a pickup is off its table at angles [rad].  shares : of offset, gain, bend, against half the travel.
 
     The bend is a parabola through the ends and the middle of the travel: 1, -1, 1.
     """
-    low, high = _by_angle(table)[[0, -1], 0]
+    low, high = _sort_by_angle(table)[[0, -1], 0]
     half = 0.5 * (high - low)
     x = (angle - low) / half - 1.0
     return np.asarray(half * (shares[0] + shares[1] * x + shares[2] * (2.0 * x**2 - 1.0)))

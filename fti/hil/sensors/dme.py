@@ -6,7 +6,7 @@ bends with four thirds of the Earth's radius,
 
     d <= sqrt(2 k R) (sqrt(h_1) + sqrt(h_2)),     k = 4/3
 
-h above the runway's plane.  A station that is seen answers a share ``REPLIES`` of what it is asked (as much as ICAO
+h above the runway's plane.  A station that is seen answers a share ``REPLY_PROBABILITY`` of what it is asked (as much as ICAO
 Annex 10, volume I, 3.5.4.2.8.1, asks of one under load); a scanning interrogator asks each once every ``SCAN_S``.
 Between replies, and for ``MEMORY_S`` after the last one, it goes on with the speed that it has found; then it is
 unlocked and says so.  It has locked again when it has been answered for ``SEARCH_S``.
@@ -25,11 +25,11 @@ from numpy.typing import NDArray
 
 from fti.constants import NAUTICAL_MILE
 from fti.geodesy.wgs84 import SEMI_MAJOR
-from fti.hil.flight.trajectory import State
-from fti.hil.sensors.errors import slow
-from fti.hil.sensors.quick import new_dme_range
-from fti.hil.world import World
-from fti.terrain.outcome import Outcome
+from fti.hil.environment import Environment
+from fti.hil.flight.trajectory import FlightState
+from fti.hil.sensors.errors import gauss_markov_noise
+from fti.hil.sensors.fast_messages import new_dme_range
+from fti.terrain.ray_outcome import RayOutcome
 from fti.types import Measurement, Stamp
 
 Array = NDArray[np.float64]
@@ -45,18 +45,18 @@ STATIONS_M = (
 STATIONS = tuple(f"dme_{n}" for n, _ in enumerate(STATIONS_M, 1))
 STATION_SD, STATION_PERIOD_S = 0.05 * NAUTICAL_MILE, 3600.0
 INTERROGATOR_SD, INTERROGATOR_PERIOD_S, REPLY_SD = 0.085 * NAUTICAL_MILE, 120.0, 15.0
-REPLIES, SCAN_S, MEMORY_S, SEARCH_S = 0.7, 0.1, 10.0, 1.0
+REPLY_PROBABILITY, SCAN_S, MEMORY_S, SEARCH_S = 0.7, 0.1, 10.0, 1.0
 HORIZON_RADIUS = 4.0 / 3.0 * SEMI_MAJOR
 
 
 class Interrogator:
     """A scanning interrogator that follows four stations, sampled at t [s]."""
 
-    def __init__(self, state: State, world: World, t: Array, rng: np.random.Generator) -> None:
+    def __init__(self, state: FlightState, world: Environment, t: Array, rng: np.random.Generator) -> None:
         asked = np.arange(0.0, world.duration, SCAN_S)
         at = np.clip(np.searchsorted(asked, t, side="right") - 1, 0, None)
         there = world.state(asked)
-        self._ranges = np.column_stack([_told(asked, *sight(there, world, s), rng)[at] for s in STATIONS_M])
+        self._ranges = np.column_stack([_indicated_ranges(asked, *sight(there, world, s), rng)[at] for s in STATIONS_M])
 
     def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
         """The four ranges of sample k; of a station that is not locked, none."""
@@ -67,15 +67,17 @@ class Interrogator:
         ]
 
 
-def _told(asked: Array, distance: Array, seen: Mask, rng: np.random.Generator) -> Array:
+def _indicated_ranges(asked: Array, distance: Array, seen: Mask, rng: np.random.Generator) -> Array:
     """What is told of a station after each interrogation [m]."""
-    slowly = slow(asked, STATION_SD, STATION_PERIOD_S, rng) + slow(asked, INTERROGATOR_SD, INTERROGATOR_PERIOD_S, rng)
-    answered = seen & (rng.uniform(size=len(asked)) < REPLIES)
+    slowly = gauss_markov_noise(asked, STATION_SD, STATION_PERIOD_S, rng) + gauss_markov_noise(
+        asked, INTERROGATOR_SD, INTERROGATOR_PERIOD_S, rng
+    )
+    answered = seen & (rng.uniform(size=len(asked)) < REPLY_PROBABILITY)
     answered[0] = seen[0]  # it has been followed before
-    return followed(asked, distance, distance + slowly + rng.normal(0.0, REPLY_SD, len(asked)), answered)
+    return track_range(asked, distance, distance + slowly + rng.normal(0.0, REPLY_SD, len(asked)), answered)
 
 
-def sight(state: State, world: World, station: tuple[float, float, float]) -> tuple[Array, Mask]:
+def sight(state: FlightState, world: Environment, station: tuple[float, float, float]) -> tuple[Array, Mask]:
     """Slant range [m] from the places of a flight to a station, and whether it is seen, shape (n,)."""
     path, frame = world.path, world.terrain.frame
     lat, lon = path.geodetic(path.x_gpi + station[0], station[1])
@@ -85,12 +87,12 @@ def sight(state: State, world: World, station: tuple[float, float, float]) -> tu
     line = there_l - here_l
     distance = np.linalg.norm(line, axis=-1)
     met, outcome = world.terrain.trace(here_l, line, math.inf)
-    hidden = (outcome == Outcome.HIT) & (met < distance)
+    hidden = (outcome == RayOutcome.HIT) & (met < distance)
     reach = np.sqrt(2.0 * HORIZON_RADIUS) * (np.sqrt(np.maximum(state.alt - level, 0.0)) + math.sqrt(station[2]))
     return distance, np.asarray(~hidden & (distance < reach))
 
 
-def followed(asked: Array, distance: Array, replies: Array, answered: Mask) -> Array:
+def track_range(asked: Array, distance: Array, replies: Array, answered: Mask) -> Array:
     """The range told after each interrogation at ``asked`` [s], shape (n,) [m]; NaN while it is not locked.
 
     distance : true ones [m], for the speed; replies : ranges of the replies [m], where it was answered

@@ -9,14 +9,14 @@ Array = NDArray[np.float64]
 
 KNOT_S = 1.0
 #: What is left of a sample after which nothing of it counts any more.
-FORGOTTEN = 1e-18
+NEGLIGIBLE_SHARE = 1e-18
 #: Correlation times of the processes that make flicker noise together, one a decade [s].
 FLICKER_PERIODS_S = (10.0, 100.0, 1000.0, 10_000.0)
 #: Standard deviation of each against the floor that they make in the Allan deviation.
 FLICKER_SHARE = float(np.sqrt(np.log(10.0) / np.pi) / np.sqrt(2.0 * np.log(2.0) / np.pi))
 
 
-def slow(t: Array, sd: float, period_s: float, rng: np.random.Generator) -> Array:
+def gauss_markov_noise(t: Array, sd: float, period_s: float, rng: np.random.Generator) -> Array:
     """A first-order Gauss-Markov process with standard deviation sd and correlation time period_s, shape of t.
 
     Drawn once a second and joined by straight lines: it is slow.
@@ -34,13 +34,13 @@ def recursion(kicks: Array, keep: float) -> Array:
     After the sweep with step s every x[k] holds the last 2 s kicks; it ends where what is left of them is FORGOTTEN.
     """
     found, step = kicks.copy(), 1
-    while step < len(found) and keep**step > FORGOTTEN:
+    while step < len(found) and keep**step > NEGLIGIBLE_SHARE:
         found[step:] += keep**step * found[:-step].copy()
         step *= 2
     return found
 
 
-def lagged(t: Array, values: Array, lag_s: float) -> Array:
+def first_order_lag(t: Array, values: Array, lag_s: float) -> Array:
     """Values behind a first-order lag, shape (n,): exact for straight lines between samples, settled at the first."""
     if lag_s == 0.0:
         return values
@@ -52,40 +52,40 @@ def lagged(t: Array, values: Array, lag_s: float) -> Array:
     return recursion(kicks, keep)
 
 
-def white(t: Array, sd: float, rng: np.random.Generator) -> Array:
+def white_noise(t: Array, sd: float, rng: np.random.Generator) -> Array:
     """Independent errors with standard deviation sd, shape of t."""
     return rng.normal(0.0, sd, len(t))
 
 
-def density(t: Array, per_root_hz: float, rng: np.random.Generator) -> Array:
+def noise_of_density(t: Array, per_root_hz: float, rng: np.random.Generator) -> Array:
     """White noise of a spectral density [unit / sqrt(Hz)], as means over the intervals between samples, shape of t.
 
     Its integral is a random walk with this coefficient: rad/s/sqrt(Hz) is rad/sqrt(s).
     """
-    return white(t, per_root_hz / np.sqrt(_interval(t)), rng)
+    return white_noise(t, per_root_hz / np.sqrt(_interval(t)), rng)
 
 
 def random_walk(t: Array, per_root_s: float, rng: np.random.Generator) -> Array:
     """A random walk from zero that spreads by per_root_s times the root of time, shape of t."""
-    return np.asarray(np.cumsum(white(t, per_root_s * np.sqrt(_interval(t)), rng)))
+    return np.asarray(np.cumsum(white_noise(t, per_root_s * np.sqrt(_interval(t)), rng)))
 
 
-def flicker(t: Array, floor: float, rng: np.random.Generator) -> Array:
+def flicker_noise(t: Array, floor: float, rng: np.random.Generator) -> Array:
     """Noise with the spectrum 1/f between 10 s and 3 h, whose Allan deviation has a flat floor there, shape of t.
 
     A sum of Gauss-Markov processes with one variance and a correlation time per decade: their sum of spectra follows
     B^2 / (2 pi f) when each has the standard deviation B sqrt(ln 10 / pi), and the floor is B sqrt(2 ln 2 / pi).
     Source: IEEE Std 952-1997, annex C (bias instability); Keshner 1982, 1/f noise, Proc. IEEE 70 (sum of relaxations).
     """
-    return np.asarray(sum(slow(t, FLICKER_SHARE * floor, period, rng) for period in FLICKER_PERIODS_S))
+    return np.asarray(sum(gauss_markov_noise(t, FLICKER_SHARE * floor, period, rng) for period in FLICKER_PERIODS_S))
 
 
-def stepped(values: Array, resolution: float) -> Array:
+def quantize(values: Array, resolution: float) -> Array:
     """What a converter makes of values: whole multiples of its resolution."""
     return np.asarray(np.rint(values / resolution) * resolution)
 
 
-def play(values: Array, width: float) -> Array:
+def backlash(values: Array, width: float) -> Array:
     """What follows ``values`` through a linkage with this slack from end to end, moving when pushed, shape (n,).
 
     Begins in the middle of its slack.  The same operator is the hysteresis of a pickup.

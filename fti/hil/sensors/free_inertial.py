@@ -41,7 +41,7 @@ HOLD_S = 1.0
 
 
 @dataclass(frozen=True, eq=False)
-class Solution:
+class InertialSolution:
     """What a system says at times, shape (n,): lat, lon [rad], alt [m]; shape (n, 3): vel_n [m/s], rpy [rad]."""
 
     lat: Array
@@ -50,9 +50,9 @@ class Solution:
     vel_n: Array
     rpy: Array
 
-    def at(self, k: int) -> Solution:
+    def at(self, k: int) -> InertialSolution:
         """Sample k alone."""
-        return Solution(*(values[k : k + 1] for values in (self.lat, self.lon, self.alt, self.vel_n, self.rpy)))
+        return InertialSolution(*(values[k : k + 1] for values in (self.lat, self.lon, self.alt, self.vel_n, self.rpy)))
 
     def motion(self) -> Motion:
         """The first sample, in e."""
@@ -64,18 +64,18 @@ class Solution:
         )
 
 
-def solution_of(motion: Motion) -> Solution:
-    """The way back of ``Solution.motion``, for many samples."""
+def solution_of(motion: Motion) -> InertialSolution:
+    """The way back of ``InertialSolution.motion``, for many samples."""
     lat, lon, alt = geodetic_from_ecef(motion.pos_e)
     mat_ne = np.swapaxes(mat_en(lat, lon), -1, -2)
     quat_eb = motion.quat_eb / np.linalg.norm(motion.quat_eb, axis=1, keepdims=True)
     rpy = np.stack(rpy_from_mat(mat_ne @ mat_from_quat(quat_eb)), axis=1)
-    return Solution(lat, lon, alt, np.einsum("nij,nj->ni", mat_ne, motion.vel_e), rpy)
+    return InertialSolution(lat, lon, alt, np.einsum("nij,nj->ni", mat_ne, motion.vel_e), rpy)
 
 
 def run_free(
-    start: Solution, force_b: Array, rate_b: Array, *, step: float, baro: Array, known: float = 0.0
-) -> Solution:
+    start: InertialSolution, force_b: Array, rate_b: Array, *, step: float, baro: Array, known: float = 0.0
+) -> InertialSolution:
     """Free inertial navigation whose height is held.
 
     start   : one sample, at the first of the unit's
@@ -116,7 +116,7 @@ def _up_b(motion: Motion) -> Array:
     return np.asarray(mat_from_quat(quat[None])[0].T @ _up_e(motion.pos_e)[0])
 
 
-class Doubts(NamedTuple):
+class DriftSigmas(NamedTuple):
     """One sigma of what was wrong when the last fix was lost: accelerometer bias and how it wanders [m/s^2], gyro bias
     [rad/s], tilt and heading [rad], velocity [m/s], position and height [m]."""
 
@@ -130,13 +130,13 @@ class Doubts(NamedTuple):
     height: float
 
 
-def drift_sd(since: Array, doubts: Doubts) -> tuple[Array, Array]:
+def drift_sd(since: Array, sigmas: DriftSigmas) -> tuple[Array, Array]:
     """One sigma of each horizontal axis, position [m] and velocity [m/s], ``since`` the last fix, shape (n,) [s].
 
     The four terms at the top of the page; what a heading that is off does in turns, and the white noise, are not in it.
     """
     w, sin, swing = SCHULER, np.sin(SCHULER * since), 1.0 - np.cos(SCHULER * since)
-    bias, level, drift = doubts.accel / w**2, EARTH_RADIUS * doubts.tilt, EARTH_RADIUS * doubts.gyro
-    position = (doubts.velocity / w * sin, level * swing, bias * swing, drift * (since - sin / w))
-    velocity = (doubts.velocity * (1.0 - swing), level * w * sin, bias * w * sin, drift * swing)
-    return np.hypot(doubts.position, np.linalg.norm(position, axis=0)), np.asarray(np.linalg.norm(velocity, axis=0))
+    bias, level, drift = sigmas.accel / w**2, EARTH_RADIUS * sigmas.tilt, EARTH_RADIUS * sigmas.gyro
+    position = (sigmas.velocity / w * sin, level * swing, bias * swing, drift * (since - sin / w))
+    velocity = (sigmas.velocity * (1.0 - swing), level * w * sin, bias * w * sin, drift * swing)
+    return np.hypot(sigmas.position, np.linalg.norm(position, axis=0)), np.asarray(np.linalg.norm(velocity, axis=0))

@@ -6,14 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fti.constants import SPEED_OF_LIGHT
+from fti.devices import BoundDevice
 from fti.drivers._times import GPS_EPOCH_UTC_NS, LEAP_NS, SECOND_NS
 from fti.geodesy.rotations import mat_en
 from fti.geodesy.wgs84 import ecef_from_geodetic
-from fti.hil.sensors.constellation import Seen
-from fti.hil.sensors.errors import slow
-from fti.hil.sensors.reception import NAVIGATION, Make, Reception
-from fti.hil.world import World
-from fti.service.binding import BoundDevice
+from fti.hil.environment import Environment
+from fti.hil.sensors.constellation import SatellitesInView
+from fti.hil.sensors.errors import gauss_markov_noise
+from fti.hil.sensors.gnss_reception import NAVIGATION, ReceiverSpec, Reception
 from fti.types import (
     DeviceStatus,
     Measurement,
@@ -29,13 +29,13 @@ from fti.types import (
 Array = NDArray[np.float64]
 
 
-class Receiver:
+class GnssReceiver:
     """Velocity and position of one epoch, stamped with UTC."""
 
     rate_hz = 5.0
     time_scale = TimeScale.UTC
 
-    def __init__(self, bound: BoundDevice, world: World, t: Array, rng: np.random.Generator) -> None:
+    def __init__(self, bound: BoundDevice, world: Environment, t: Array, rng: np.random.Generator) -> None:
         self._reception = Reception(bound, NAVIGATION, world, t, rng)
 
     def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
@@ -56,20 +56,22 @@ class RawReceiver:
     time_scale = TimeScale.UTC
 
     MASK = np.deg2rad(5.0)
-    MAKE = Make(("gps", "glonass", "galileo"), np.deg2rad(10.0), 2.3, 0.1)
+    SPEC = ReceiverSpec(("gps", "glonass", "galileo"), np.deg2rad(10.0), 2.3, 0.1)
     TROPOSPHERE, IONOSPHERE, CODE_SD, PHASE_SD, DOPPLER_SD = 2.3, 4.0, 0.3, 0.02, 0.1
     CN0_ZENITH, CN0_HORIZON, CN0_SD = 50.0, 35.0, 1.0
     DRIFT_SD, DRIFT_PERIOD_S, OFFSET_SD, STEP_S = 2e-7, 300.0, 20e-9, 1e-3
 
-    def __init__(self, bound: BoundDevice, world: World, t: Array, rng: np.random.Generator) -> None:
-        self._reception = Reception(bound, self.MAKE, world, t, rng)
+    def __init__(self, bound: BoundDevice, world: Environment, t: Array, rng: np.random.Generator) -> None:
+        self._reception = Reception(bound, self.SPEC, world, t, rng)
         self._sky = self._reception.sky
-        self._drift = rng.normal(0.0, self.DRIFT_SD) + slow(t, 0.05 * self.DRIFT_SD, self.DRIFT_PERIOD_S, rng)
+        self._drift = rng.normal(0.0, self.DRIFT_SD) + gauss_markov_noise(
+            t, 0.05 * self.DRIFT_SD, self.DRIFT_PERIOD_S, rng
+        )
         self._offset = rng.uniform(-0.5, 0.5) * self.STEP_S + np.cumsum(self._drift * np.gradient(t))
         self._cycles = rng.integers(-1_000_000, 1_000_000, len(self._sky.keys))
         self._rng = rng
         self._every = max(round(bound.device.rate_hz or self.rate_hz), 1)
-        self._seen = [self._look(k) for k in range(0, len(t), self._every)]
+        self._seen = [self._visible_satellites(k) for k in range(0, len(t), self._every)]
 
     def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
         """The solution, and what is due beside it: the sky, the clock and the ranges."""
@@ -85,8 +87,8 @@ class RawReceiver:
 
     def _raw(self, k: int, stamp: Stamp) -> list[Measurement]:
         gps_ns = (stamp.t_dev_ns or 0) - GPS_EPOCH_UTC_NS + LEAP_NS
-        seen, tracked = self._seen[k // self._every], self._reception.tracked(k)
-        used = tracked[seen.which]
+        seen, used_satellites = self._seen[k // self._every], self._reception.used_satellites(k)
+        used = used_satellites[seen.which]
         cn0 = np.where(used, self._cn0(seen), 0.0)
         offset = float((self._offset[k] + 0.5 * self.STEP_S) % self.STEP_S - 0.5 * self.STEP_S)
         own = Stamp(stamp.t_rx_ns, gps_ns + round(offset * SECOND_NS), TimeScale.GPS)
@@ -98,21 +100,21 @@ class RawReceiver:
         ranges = Pseudoranges(stamp=own, observations=heard)
         return [Satellites(stamp=stamp, satellites=self._satellites(seen, cn0, used)), clock, ranges]
 
-    def _look(self, k: int) -> Seen:
+    def _visible_satellites(self, k: int) -> SatellitesInView:
         """What stands above the mask, received or not."""
         lat, lon, alt = self._reception.place[k]
         mat = mat_en(np.asarray(lat), np.asarray(lon))
         here, moving = ecef_from_geodetic(lat, lon, alt), mat @ self._reception.vel_n[k]
         return self._sky.seen(float(self._reception.sky_s[k]), here, moving, mat, self.MASK)
 
-    def _cn0(self, seen: Seen) -> Array:
+    def _cn0(self, seen: SatellitesInView) -> Array:
         share = np.sin(seen.elevation)
         return self.CN0_HORIZON + (self.CN0_ZENITH - self.CN0_HORIZON) * share + self._noise(seen, self.CN0_SD)
 
-    def _noise(self, seen: Seen, sd: float) -> Array:
+    def _noise(self, seen: SatellitesInView, sd: float) -> Array:
         return self._rng.normal(0.0, sd, len(seen.which))
 
-    def _satellites(self, seen: Seen, cn0: Array, used: NDArray[np.bool_]) -> tuple[Satellite, ...]:
+    def _satellites(self, seen: SatellitesInView, cn0: Array, used: NDArray[np.bool_]) -> tuple[Satellite, ...]:
         return tuple(
             Satellite(
                 system=self._sky.keys[i][0], number=self._sky.keys[i][1], azimuth=float(azimuth),
@@ -123,7 +125,7 @@ class RawReceiver:
             )
         )  # fmt: skip
 
-    def _observations(self, seen: Seen, cn0: Array, offset: float, drift: float) -> tuple[Pseudorange, ...]:
+    def _observations(self, seen: SatellitesInView, cn0: Array, offset: float, drift: float) -> tuple[Pseudorange, ...]:
         """Pseudorange, phase and doppler of what is in view; the clock is in all of them."""
         carrier = self._sky.carriers[seen.which]
         path = 1.0 / np.sin(seen.elevation)

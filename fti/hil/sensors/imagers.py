@@ -17,15 +17,15 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field as Limited
 
+from fti.devices import BoundDevice
 from fti.drivers._quantities import UNITS
 from fti.errors import ConfigError
-from fti.hil.sensors.settings import DeviceSettings, settings_of
-from fti.hil.world import World
+from fti.hil.environment import Environment
+from fti.hil.sensors.sensor_settings import DeviceSettings, settings_of
 from fti.ranging.imager import RangeImager
 from fti.ranging.laser import Laser
 from fti.ranging.scanner import RangeScanner
 from fti.ranging.sensor import RangingSensor
-from fti.service.binding import BoundDevice
 from fti.types import Measurement, Reading, Stamp
 
 Array = NDArray[np.float64]
@@ -47,22 +47,22 @@ class ImagerSettings(DeviceSettings):
     reach_m: Metres = 300.0
 
 
-def places_of(names: Sequence[str]) -> dict[str, tuple[int, int]]:
+def pixel_indices(names: Sequence[str]) -> dict[str, tuple[int, int]]:
     """Row and column of the fields that are ranges; those of a scanner are all in column 0."""
     found = ((name, NAME.fullmatch(name)) for name in names)
     return {name: (int(m[1]), int(m[2] or 0)) for name, m in found if m}
 
 
-class ManyRanges:
+class ImagerModel:
     """The ranges of an imager or of a scanner over one flight.  units : of the fields, by their names."""
 
     def __init__(
-        self, units: Mapping[str, str], bound: BoundDevice, world: World, t: Array, rng: np.random.Generator
+        self, units: Mapping[str, str], bound: BoundDevice, world: Environment, t: Array, rng: np.random.Generator
     ) -> None:
-        self._units, self._places = units, places_of(list(units))
+        self._units, self._pixels = units, pixel_indices(list(units))
         settings = settings_of(ImagerSettings, world.scenario, bound.device.name)
         laser = replace(world.laser(bound.device), max_range=settings.reach_m)
-        rows, columns = _shape(self._places, bound.device.name)
+        rows, columns = _shape(self._pixels, bound.device.name)
         along, across = (math.radians(angle) for angle in settings.field_of_view_deg)
         is_line = all(name.count("_") == 1 for name in units)
         sensor = _scanner(laser, rows, across) if is_line else _imager(laser, (columns, rows), (along, across))
@@ -71,7 +71,7 @@ class ManyRanges:
 
     def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
         """A reading for each range, in the unit of its field."""
-        return [self._reading(name, float(self._ranges[k][place]), stamp) for name, place in self._places.items()]
+        return [self._reading(name, float(self._ranges[k][place]), stamp) for name, place in self._pixels.items()]
 
     def _reading(self, name: str, slant_range: float, stamp: Stamp) -> Reading:
         unit, seen = self._units[name], math.isfinite(slant_range)
@@ -100,4 +100,4 @@ def _scanner(laser: Laser, points: int, field_of_view: float) -> RangingSensor:
     if points < 3 or points % 2 == 0:
         raise ConfigError(f"a scanner's line of {points} ranges: it has 3, 5, 7 ... of them")
     slow = RangeScanner(laser=laser, pulse_rate=1e4, line_rate=1.0, field_of_view=field_of_view)
-    return replace(slow, pulse_rate=slow.swept * (points - 1) / field_of_view)
+    return replace(slow, pulse_rate=slow.sweep_angle * (points - 1) / field_of_view)

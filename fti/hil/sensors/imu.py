@@ -16,13 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fti.geodesy.rotations import mat_from_rpy
-from fti.hil.sensors.errors import density, flicker, random_walk, stepped
+from fti.hil.sensors.errors import flicker_noise, noise_of_density, quantize, random_walk
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class Triad:
+class TriadSpec:
     """How large the errors of three like axes are, one sigma; unit : of the quantity, m/s^2 or rad/s.
 
     turn_on       : bias from one start to the next [unit]
@@ -50,20 +50,20 @@ class Triad:
 class Grade:
     """One kind of unit: its accelerometers [m/s^2] and its gyros [rad/s]."""
 
-    accel: Triad
-    gyro: Triad
+    accel: TriadSpec
+    gyro: TriadSpec
 
 
 @dataclass(frozen=True, slots=True)
 class Instrument:
     """Three axes of one unit.  bias : of this start, shape (3,); mat : case to axes, with scales, shape (3, 3)."""
 
-    triad: Triad
+    triad: TriadSpec
     bias: Array
     mat: Array
 
     @classmethod
-    def drawn(cls, triad: Triad, rng: np.random.Generator) -> Instrument:
+    def draw(cls, triad: TriadSpec, rng: np.random.Generator) -> Instrument:
         """One of its kind."""
         bias, scale, angles, skew = (
             rng.normal(0.0, sd, 3) for sd in (triad.turn_on, triad.scale, triad.misalignment, triad.skew)
@@ -74,7 +74,7 @@ class Instrument:
         """What it says where true_b, shape (n, 3), is true at t, shape (n,) [s, evenly spaced]."""
         noise = np.stack([self._noise(t, rng) for _ in range(3)], axis=1)
         felt = true_b @ self.mat.T + self.bias + noise
-        return np.clip(stepped(felt, self.triad.resolution), -self.triad.limit, self.triad.limit)
+        return np.clip(quantize(felt, self.triad.resolution), -self.triad.limit, self.triad.limit)
 
     def constant_error(self, true_b: Array) -> Array:
         """What it says too much of this value, shape (3,), but for what varies in a run."""
@@ -82,7 +82,11 @@ class Instrument:
 
     def _noise(self, t: Array, rng: np.random.Generator) -> Array:
         triad = self.triad
-        return flicker(t, triad.in_run, rng) + random_walk(t, triad.walk, rng) + density(t, triad.white, rng)
+        return (
+            flicker_noise(t, triad.in_run, rng)
+            + random_walk(t, triad.walk, rng)
+            + noise_of_density(t, triad.white, rng)
+        )
 
 
 def mat_of(scale: Array, angles: Array, skew: Array) -> Array:
@@ -100,7 +104,7 @@ class Imu:
 
     def __init__(self, grade: Grade, rng: np.random.Generator) -> None:
         self._rng = rng
-        self.accel, self.gyro = Instrument.drawn(grade.accel, rng), Instrument.drawn(grade.gyro, rng)
+        self.accel, self.gyro = Instrument.draw(grade.accel, rng), Instrument.draw(grade.gyro, rng)
 
     def measure(self, t: Array, force_b: Array, rate_b: Array) -> tuple[Array, Array]:
         """Specific force [m/s^2] and angular rate [rad/s] as they are said, shape (n, 3), where these are true."""

@@ -19,8 +19,8 @@ from dataclasses import replace
 from typing import Literal
 
 from fti.constants import FOOT, STANDARD_GRAVITY
-from fti.hil.sensors.imu import Grade, Triad
-from fti.hil.sensors.settings import DeviceSettings
+from fti.hil.sensors.imu import Grade, TriadSpec
+from fti.hil.sensors.sensor_settings import DeviceSettings
 
 GradeName = Literal["navigation", "tactical", "mems"]
 
@@ -31,32 +31,32 @@ PER_ROOT_H = 1.0 / 60.0
 MILLI_G, MICRO_G, PPM = 1e-3 * STANDARD_GRAVITY, 1e-6 * STANDARD_GRAVITY, 1e-6
 DAY_S = 86_400.0
 #: Every unit stands still so long before the flight [s]: assumed.
-STANDING_S = 60.0
+STANDSTILL_S = 60.0
 
 
-def walk_after_a_day(in_run: float) -> float:
+def bias_random_walk(in_run: float) -> float:
     """Random walk of the bias whose Allan deviation, K sqrt(tau / 3), is in_run at a day [unit / sqrt(s)]: assumed."""
     return in_run * math.sqrt(3.0 / DAY_S)
 
 
 GRADES: dict[GradeName, Grade] = {
     "navigation": Grade(
-        accel=Triad(
+        accel=TriadSpec(
             turn_on=25.0 * MICRO_G,
             in_run=5.0 * MICRO_G,  # assumed
             white=0.003 * PER_ROOT_H,  # assumed: 5 ug/sqrt(Hz)
-            walk=walk_after_a_day(5.0 * MICRO_G),
+            walk=bias_random_walk(5.0 * MICRO_G),
             scale=100.0 * PPM,
             misalignment=20e-6,  # assumed, both
             skew=10e-6,
             resolution=1e-7,  # assumed, both
             limit=40.0 * STANDARD_GRAVITY,
         ),
-        gyro=Triad(
+        gyro=TriadSpec(
             turn_on=0.0035 * DEG_H,
             in_run=0.003 * DEG_H,  # assumed
             white=0.002 * DEG_ROOT_H,
-            walk=walk_after_a_day(0.003 * DEG_H),
+            walk=bias_random_walk(0.003 * DEG_H),
             scale=5.0 * PPM,
             misalignment=20e-6,  # assumed, both
             skew=10e-6,
@@ -65,22 +65,22 @@ GRADES: dict[GradeName, Grade] = {
         ),
     ),
     "tactical": Grade(
-        accel=Triad(
+        accel=TriadSpec(
             turn_on=1.0 * MILLI_G,
             in_run=0.1 * MILLI_G,  # assumed
             white=0.065 * FOOT * PER_ROOT_H,
-            walk=walk_after_a_day(0.1 * MILLI_G),
+            walk=bias_random_walk(0.1 * MILLI_G),
             scale=300.0 * PPM,  # assumed
             misalignment=0.5e-3,  # assumed, both
             skew=0.1e-3,
             resolution=100.0 * 2.0**-27 * FOOT,
             limit=50.0 * STANDARD_GRAVITY,  # assumed
         ),
-        gyro=Triad(
+        gyro=TriadSpec(
             turn_on=1.0 * DEG_H,
             in_run=0.5 * DEG_H,  # assumed
             white=0.125 * DEG_ROOT_H,
-            walk=walk_after_a_day(0.5 * DEG_H),
+            walk=bias_random_walk(0.5 * DEG_H),
             scale=150.0 * PPM,  # assumed
             misalignment=0.5e-3,  # assumed, both
             skew=0.1e-3,
@@ -89,22 +89,22 @@ GRADES: dict[GradeName, Grade] = {
         ),
     ),
     "mems": Grade(
-        accel=Triad(
+        accel=TriadSpec(
             turn_on=15.0 * MILLI_G,
             in_run=0.2 * MILLI_G,
             white=0.09 * PER_ROOT_H,
-            walk=walk_after_a_day(0.2 * MILLI_G),
+            walk=bias_random_walk(0.2 * MILLI_G),
             scale=0.01,
             misalignment=1.0 * DEG,
             skew=0.05 * DEG,
             resolution=0.25 * MILLI_G,
             limit=5.0 * STANDARD_GRAVITY,
         ),
-        gyro=Triad(
+        gyro=TriadSpec(
             turn_on=0.5 * DEG,
             in_run=8.0 * DEG_H,
             white=0.17 * DEG_ROOT_H,
-            walk=walk_after_a_day(8.0 * DEG_H),
+            walk=bias_random_walk(8.0 * DEG_H),
             scale=0.01,
             misalignment=1.0 * DEG,
             skew=0.05 * DEG,
@@ -121,11 +121,11 @@ class ImuSettings(DeviceSettings):
     grade: GradeName = "mems"
 
 
-def at_rest(grade: Grade) -> Grade:
+def calibrate_gyros(grade: Grade) -> Grade:
     """A unit that has taken its gyros' mean while it stood still for their bias: what is left is how well it knows it.
 
     The Earth's turn is in that mean too, and is known to be.
     """
     gyro = grade.gyro
-    known = math.hypot(gyro.in_run, gyro.white / math.sqrt(STANDING_S))
+    known = math.hypot(gyro.in_run, gyro.white / math.sqrt(STANDSTILL_S))
     return replace(grade, gyro=replace(gyro, turn_on=min(gyro.turn_on, known)))

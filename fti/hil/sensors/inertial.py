@@ -7,32 +7,32 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from fti.devices import BoundDevice
 from fti.geodesy.gravity import normal_gravity, transport_rate
 from fti.geodesy.rotations import mat_en, mat_from_rpy
 from fti.geodesy.wgs84 import EARTH_RATE
+from fti.hil.environment import Environment, mounting
 from fti.hil.faults.gnss import GnssFaults
 from fti.hil.faults.inertial import bias_steps
-from fti.hil.flight.trajectory import State, earth_frame_velocity
+from fti.hil.flight.trajectory import FlightState, earth_frame_velocity
 from fti.hil.sensors.base import position_at, velocity_at
-from fti.hil.sensors.errors import slow
+from fti.hil.sensors.errors import gauss_markov_noise
+from fti.hil.sensors.fast_messages import new_attitude, new_position, new_sample, new_velocity
 from fti.hil.sensors.imu import Imu
-from fti.hil.sensors.imu_grades import GRADES, GradeName, at_rest
-from fti.hil.sensors.inertial_aids import Aids, status
+from fti.hil.sensors.imu_grades import GRADES, GradeName, calibrate_gyros
+from fti.hil.sensors.inertial_aids import AidingMessages, status
 from fti.hil.sensors.inertial_solution import (
     BARO_PERIOD_S,
     BARO_SD,
     InertialSettings,
-    Told,
-    Unit,
-    alone_times,
-    doubts_of,
-    held,
-    left_alone,
+    InertialUnitSamples,
+    InsOutput,
+    add_free_intervals,
+    aided_output,
+    drift_sigmas,
+    free_mask,
 )
-from fti.hil.sensors.quick import new_attitude, new_position, new_sample, new_velocity
-from fti.hil.sensors.settings import settings_of
-from fti.hil.world import World, mounting
-from fti.service.binding import BoundDevice
+from fti.hil.sensors.sensor_settings import settings_of
 from fti.types import Measurement, Position, Stamp, TimeScale
 
 Array = NDArray[np.float64]
@@ -40,7 +40,7 @@ Array = NDArray[np.float64]
 EARTH_RATE_E = np.array([0.0, 0.0, EARTH_RATE])
 
 
-def specific_force_b(state: State) -> Array:
+def specific_force_b(state: FlightState) -> Array:
     """What ideal accelerometers feel [m/s^2], shape (n, 3): Earth-fixed acceleration + Coriolis - gravity.
 
     Source: Spiegel 2018, eq. 7.2, in e.
@@ -52,7 +52,7 @@ def specific_force_b(state: State) -> Array:
     return np.asarray(np.einsum("nji,nj->ni", mat_from_rpy(state.roll, state.pitch, state.heading), force_n))
 
 
-def angular_rate_b(state: State) -> Array:
+def angular_rate_b(state: FlightState) -> Array:
     """What ideal gyros feel [rad/s], shape (n, 3): turn of the body + of the local level + of the Earth.
 
     Source: Spiegel 2018, eq. 7.3.
@@ -64,14 +64,16 @@ def angular_rate_b(state: State) -> Array:
 
 
 def inertial_samples(
-    grade: GradeName, bound: BoundDevice, world: World, state: State, rng: np.random.Generator
+    grade: GradeName, bound: BoundDevice, world: Environment, state: FlightState, rng: np.random.Generator
 ) -> tuple[Array, Array]:
     """Specific force [m/s^2] and angular rate [rad/s] as a unit of a grade says them, in b, shape (n, 3)."""
-    force, rate = Imu(at_rest(GRADES[grade]), rng).measure(state.t, specific_force_b(state), angular_rate_b(state))
+    force, rate = Imu(calibrate_gyros(GRADES[grade]), rng).measure(
+        state.t, specific_force_b(state), angular_rate_b(state)
+    )
     return _with_steps(force, rate, state.t, bound, world)
 
 
-def _with_steps(force: Array, rate: Array, t: Array, bound: BoundDevice, world: World) -> tuple[Array, Array]:
+def _with_steps(force: Array, rate: Array, t: Array, bound: BoundDevice, world: Environment) -> tuple[Array, Array]:
     """The same, in b, with the steps of the biases, which are in axes of the device; shape (n, 3)."""
     force_s, rate_s = bias_steps(bound.device.name, world.scenario.fault, t)
     mat_sb = mounting(bound.device).T
@@ -87,25 +89,25 @@ class InertialNavigation:
     #: Its unit is sampled at least so often, whatever it sends [Hz].
     UNIT_HZ = 100.0
 
-    def __init__(self, bound: BoundDevice, world: World, t: Array, rng: np.random.Generator) -> None:
+    def __init__(self, bound: BoundDevice, world: Environment, t: Array, rng: np.random.Generator) -> None:
         state, name = world.state(t), bound.device.name
         settings = settings_of(InertialSettings, world.scenario, name)
-        faults, doubts = GnssFaults(name, world.scenario.fault), doubts_of(settings.grade)
-        told, (own,) = held(state, doubts, faults.offset_n(t), rng), rng.spawn(1)
+        faults, sigmas = GnssFaults(name, world.scenario.fault), drift_sigmas(settings.grade)
+        output, (own,) = aided_output(state, sigmas, faults.offset_n(t), rng), rng.spawn(1)
         unit = _unit(settings.grade, bound, world, t, own)
         inertial = (felt_b[:: unit.every] @ mounting(bound.device) for felt_b in (unit.force_b, unit.rate_b))
-        told = left_alone(told, alone_times(t, settings, faults), unit, doubts, own)
-        self._alone, self._undulation = told.alone.tolist(), world.undulation
+        output = add_free_intervals(output, free_mask(t, settings, faults), unit, sigmas, own)
+        self._is_free, self._undulation = output.is_free.tolist(), world.undulation
         arm_vel_n = velocity_at(state, bound.device.lever_arm_b) - state.vel_n
-        self._rows = np.column_stack([*inertial, *_said(told, _beside(state, bound), arm_vel_n)])
-        self._aids = Aids(bound, world, t, rng, told=told)
+        self._rows = np.column_stack([*inertial, *_solution_columns(output, _device_offset(state, bound), arm_vel_n)])
+        self._aids = AidingMessages(bound, world, t, rng, output=output)
 
     def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
         """Inertial sample, attitude, velocity, position: the content of one message; then what is due more seldom."""
         row = self._rows[k].tolist()
         ax, ay, az, gx, gy, gz, roll, pitch, heading, north, east, down, *place, h_sd, v_sd, velocity_sd = row
         return [
-            *self._news(k, stamp),
+            *self._status_change(k, stamp),
             new_sample(stamp=stamp, accel_b=(ax, ay, az), gyro_b=(gx, gy, gz)),
             new_attitude(stamp=stamp, roll=roll, pitch=pitch, heading=heading),
             new_velocity(stamp=stamp, north=north, east=east, down=down, sd=velocity_sd),
@@ -113,10 +115,10 @@ class InertialNavigation:
             *self._aids.measure(k, stamp),
         ]
 
-    def _news(self, k: int, stamp: Stamp) -> list[Measurement]:
+    def _status_change(self, k: int, stamp: Stamp) -> list[Measurement]:
         """Its status, where it loses or finds its satellites: every message has it from then on."""
-        alone = self._alone[k]
-        return [status(stamp, alone=alone)] if alone != (self._alone[k - 1] if k else False) else []
+        is_free = self._is_free[k]
+        return [status(stamp, is_free=is_free)] if is_free != (self._is_free[k - 1] if k else False) else []
 
     def _position(
         self, stamp: Stamp, lat: float, lon: float, alt: float, *, horizontal_sd: float, vertical_sd: float
@@ -133,26 +135,30 @@ class InertialNavigation:
         )
 
 
-def _said(told: Told, arm: list[Array], arm_vel_n: Array) -> tuple[Array, ...]:
+def _solution_columns(output: InsOutput, arm: list[Array], arm_vel_n: Array) -> tuple[Array, ...]:
     """Columns of the solution at the device, as ``InertialNavigation.measure`` takes them."""
-    said = told.solution
+    said = output.solution
     places = (at + beside for at, beside in zip((said.lat, said.lon, said.alt), arm, strict=True))
-    return said.rpy, said.vel_n + arm_vel_n, *places, told.deviations[:, [0, 2, 3]]
+    return said.rpy, said.vel_n + arm_vel_n, *places, output.deviations[:, [0, 2, 3]]
 
 
-def _unit(grade: GradeName, bound: BoundDevice, world: World, t: Array, rng: np.random.Generator) -> Unit:
+def _unit(
+    grade: GradeName, bound: BoundDevice, world: Environment, t: Array, rng: np.random.Generator
+) -> InertialUnitSamples:
     """The unit of a system that says something at t, shape (n,) [s, evenly spaced]."""
     period = float(t[-1] - t[0]) / max(len(t) - 1, 1) or 1.0
     every = max(math.ceil(InertialNavigation.UNIT_HZ * period - 1e-3), 1)
     own = t[0] + period / every * np.arange((len(t) - 1) * every + 1)
-    state, imu = world.state(np.minimum(own, t[-1])), Imu(at_rest(GRADES[grade]), rng)
+    state, imu = world.state(np.minimum(own, t[-1])), Imu(calibrate_gyros(GRADES[grade]), rng)
     force, rate = specific_force_b(state), angular_rate_b(state)
     said = _with_steps(*imu.measure(own, force, rate), own, bound, world)
-    baro = world.atmosphere.pressure_altitude(state.alt - world.undulation) + slow(own, BARO_SD, BARO_PERIOD_S, rng)
-    return Unit(imu, every, period / every, *said, force, rate, baro)
+    baro = world.atmosphere.pressure_altitude(state.alt - world.undulation) + gauss_markov_noise(
+        own, BARO_SD, BARO_PERIOD_S, rng
+    )
+    return InertialUnitSamples(imu, every, period / every, *said, force, rate, baro)
 
 
-def _beside(state: State, bound: BoundDevice) -> list[Array]:
+def _device_offset(state: FlightState, bound: BoundDevice) -> list[Array]:
     """From the reference point to the device: lat, lon [rad], alt [m], shape (n,) each."""
     there, here = position_at(state, bound.device.lever_arm_b), (state.lat, state.lon, state.alt)
     return [to - at for to, at in zip(there, here, strict=True)]

@@ -11,17 +11,17 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from fti.devices import BoundDevice
 from fti.drivers.imar_ixcom.deviations import ITEMS
 from fti.drivers.imar_ixcom.options import Options
 from fti.drivers.imar_ixcom.status import HEALTHY
-from fti.hil.flight.trajectory import State
+from fti.hil.environment import Environment, mounting
+from fti.hil.flight.trajectory import FlightState
 from fti.hil.sensors.air_data import STANDARD_PA, AirData
-from fti.hil.sensors.avionics import Reference
-from fti.hil.sensors.errors import slow
-from fti.hil.sensors.inertial_solution import Told
+from fti.hil.sensors.avionics import HeadingReference
+from fti.hil.sensors.errors import gauss_markov_noise
+from fti.hil.sensors.inertial_solution import InsOutput
 from fti.hil.sensors.magnetometer import earth_field_b
-from fti.hil.world import World, mounting
-from fti.service.binding import BoundDevice
 from fti.types import (
     Airspeed,
     DeviceStatus,
@@ -36,32 +36,34 @@ Array = NDArray[np.float64]
 Measure = Callable[[int, Stamp], list[Measurement]]
 
 #: How often an aid has something new [Hz].
-OWN_HZ = {"GNSSSOL": 5.0, "AIRDATA": 10.0, "MAGDATA": 10.0, "EKFSTDDEV": 1.0, "SYSSTAT": 1.0}
+AID_RATES_HZ = {"GNSSSOL": 5.0, "AIRDATA": 10.0, "MAGDATA": 10.0, "EKFSTDDEV": 1.0, "SYSSTAT": 1.0}
 FIELD_SD, FIELD_BIAS_SD = 1e-7, 3e-7  # [T], noise and what calibration leaves
-STATUS = (*HEALTHY, "in_motion", "ekf_levelling_complete", "ekf_stationary_align_complete", "ekf_position_valid")
-ALONE = (*("position_medium" if flag == "position_high" else flag for flag in STATUS), "gnss_invalid")
+AIDED_STATUS = (*HEALTHY, "in_motion", "ekf_levelling_complete", "ekf_stationary_align_complete", "ekf_position_valid")
+FREE_STATUS = (*("position_medium" if flag == "position_high" else flag for flag in AIDED_STATUS), "gnss_invalid")
 #: One sigma of what the filter estimates besides the solution: accelerometer [m/s^2] and gyro bias [rad/s], scales.
 ACCEL_BIAS_SD, GYRO_BIAS_SD, SCALE_SD = 5e-4, 5e-8, 5e-5
 
 
-class Aids:
+class AidingMessages:
     """The seldom messages of one system.
 
     told : what the system says and how well it knows it
     """
 
-    def __init__(self, bound: BoundDevice, world: World, t: Array, rng: np.random.Generator, *, told: Told) -> None:
+    def __init__(
+        self, bound: BoundDevice, world: Environment, t: Array, rng: np.random.Generator, *, output: InsOutput
+    ) -> None:
         logs = bound.options.logs if isinstance(bound.options, Options) else {}
         state, rate_hz = world.state(t), 1.0 / float(np.median(np.diff(t))) if len(t) > 1 else 1.0
         makers: dict[str, Callable[[], Measure]] = {
-            "GNSSSOL": lambda: _receiver(Reference(bound, state, world, t, rng)),
+            "GNSSSOL": lambda: _receiver(HeadingReference(bound, state, world, t, rng)),
             "AIRDATA": lambda: _air_data(AirData(bound, state, world, t, rng)),
             "MAGDATA": lambda: _magnetometer(bound, state, t, rng),
-            "EKFSTDDEV": lambda: _filter(told.deviations),
-            "SYSSTAT": lambda: lambda k, stamp: [status(stamp, alone=bool(told.alone[k]))],
+            "EKFSTDDEV": lambda: _filter(output.deviations),
+            "SYSSTAT": lambda: lambda k, stamp: [status(stamp, is_free=bool(output.is_free[k]))],
         }
         self._aids = [
-            (logs[name] or max(round(rate_hz / OWN_HZ[name]), 1), make())
+            (logs[name] or max(round(rate_hz / AID_RATES_HZ[name]), 1), make())
             for name, make in makers.items()
             if name in logs
         ]
@@ -71,7 +73,7 @@ class Aids:
         return [m for every, measure in self._aids if k % every == 0 for m in measure(k, stamp)] if self._aids else []
 
 
-def _receiver(reference: Reference) -> Measure:
+def _receiver(reference: HeadingReference) -> Measure:
     def measure(k: int, stamp: Stamp) -> list[Measurement]:
         return [reference.satellites(k, stamp), reference.velocity(k, stamp), reference.position(k, stamp)]
 
@@ -87,8 +89,8 @@ def _air_data(air: AirData) -> Measure:
     return measure
 
 
-def _magnetometer(bound: BoundDevice, state: State, t: Array, rng: np.random.Generator) -> Measure:
-    left = np.stack([slow(t, FIELD_BIAS_SD, 300.0, rng) for _ in range(3)], axis=1)
+def _magnetometer(bound: BoundDevice, state: FlightState, t: Array, rng: np.random.Generator) -> Measure:
+    left = np.stack([gauss_markov_noise(t, FIELD_BIAS_SD, 300.0, rng) for _ in range(3)], axis=1)
     field = (earth_field_b(state) + left) @ mounting(bound.device) + rng.normal(0.0, FIELD_SD, (len(t), 3))
 
     def measure(k: int, stamp: Stamp) -> list[Measurement]:
@@ -111,6 +113,6 @@ def _filter(deviations: Array) -> Measure:
     return measure
 
 
-def status(stamp: Stamp, *, alone: bool) -> DeviceStatus:
+def status(stamp: Stamp, *, is_free: bool) -> DeviceStatus:
     """What it says of itself; alone : satellites do not hold it."""
-    return DeviceStatus(stamp=stamp, ok=True, flags=ALONE if alone else STATUS)
+    return DeviceStatus(stamp=stamp, ok=True, flags=FREE_STATUS if is_free else AIDED_STATUS)

@@ -21,13 +21,13 @@ from fti.constants import STANDARD_GRAVITY
 from fti.geodesy.rotations import mat_from_rpy
 from fti.geodesy.wgs84 import SEMI_MAJOR
 from fti.hil.faults.gnss import GnssFaults
-from fti.hil.flight.trajectory import State
+from fti.hil.flight.trajectory import FlightState
 from fti.hil.sensors.air_data import AirSettings
-from fti.hil.sensors.errors import slow, white
-from fti.hil.sensors.free_inertial import TAU_S, Doubts, Solution, drift_sd, run_free
+from fti.hil.sensors.errors import gauss_markov_noise, white_noise
+from fti.hil.sensors.free_inertial import TAU_S, DriftSigmas, InertialSolution, drift_sd, run_free
 from fti.hil.sensors.imu import Imu
-from fti.hil.sensors.imu_grades import GRADES, GradeName, at_rest
-from fti.hil.tables.bases import NotNegative
+from fti.hil.sensors.imu_grades import GRADES, GradeName, calibrate_gyros
+from fti.hil.tables.fault_base import NotNegative
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -36,7 +36,7 @@ POSITION_PERIOD_S, VELOCITY_PERIOD_S, ATTITUDE_PERIOD_S = 60.0, 20.0, 100.0
 #: What a barometric height wanders by that was set to the last fix [m], and how fast [s]: assumed.
 BARO_SD, BARO_PERIOD_S = 3.0, 300.0
 #: Tilt and heading of a system that is held [deg]; velocity [m/s], position and height [m].
-HELD: dict[GradeName, tuple[float, float, float, float, float]] = {
+AIDED_SIGMAS: dict[GradeName, tuple[float, float, float, float, float]] = {
     "navigation": (0.03, 0.08, 0.03, 1.0, 0.8),
     "tactical": (0.05, 0.2, 0.03, 1.0, 0.8),
     "mems": (0.3, 1.0, 0.1, 1.5, 1.2),
@@ -44,7 +44,7 @@ HELD: dict[GradeName, tuple[float, float, float, float, float]] = {
 #: After the signals are back, so long it takes until there is a fix again [s].
 REACQUIRE_S = 2.0
 #: A strapdown is not begun for less samples.
-LEAST_SAMPLES = 6
+MIN_SAMPLES = 6
 
 
 class InertialSettings(AirSettings):
@@ -58,17 +58,17 @@ class InertialSettings(AirSettings):
     free_from_s: NotNegative = 0.0
 
 
-def doubts_of(grade: GradeName) -> Doubts:
+def drift_sigmas(grade: GradeName) -> DriftSigmas:
     """One sigma of a system of a grade that is held: of its unit what a filter cannot tell from tilt and noise."""
-    tilt_deg, heading_deg, velocity, position, height = HELD[grade]
-    tilt, unit = math.radians(tilt_deg), at_rest(GRADES[grade])
+    tilt_deg, heading_deg, velocity, position, height = AIDED_SIGMAS[grade]
+    tilt, unit = math.radians(tilt_deg), calibrate_gyros(GRADES[grade])
     accel = min(unit.accel.turn_on, STANDARD_GRAVITY * tilt)
     heading = math.radians(heading_deg)
-    return Doubts(accel, unit.accel.in_run, unit.gyro.turn_on, tilt, heading, velocity, position, height)
+    return DriftSigmas(accel, unit.accel.in_run, unit.gyro.turn_on, tilt, heading, velocity, position, height)
 
 
 @dataclass(frozen=True, eq=False)
-class Told:
+class InsOutput:
     """What a system says and how well it knows it.
 
     solution      : at all samples
@@ -77,29 +77,36 @@ class Told:
     alone         : on its own, shape (n,)
     """
 
-    solution: Solution
+    solution: InertialSolution
     deviations: Array
-    alone: Mask
+    is_free: Mask
 
 
-def held(state: State, doubts: Doubts, offsets: tuple[Array, Array], rng: np.random.Generator) -> Told:
+def aided_output(
+    state: FlightState, sigmas: DriftSigmas, offsets: tuple[Array, Array], rng: np.random.Generator
+) -> InsOutput:
     """Errors that wander about the truth.  offsets : of the satellites' position [m] and velocity [m/s], in n."""
     t = state.t
-    roll = state.roll + slow(t, doubts.tilt, ATTITUDE_PERIOD_S, rng)
-    pitch = state.pitch + slow(t, doubts.tilt, ATTITUDE_PERIOD_S, rng)
-    heading = state.heading + slow(t, doubts.heading, ATTITUDE_PERIOD_S, rng)
+    roll = state.roll + gauss_markov_noise(t, sigmas.tilt, ATTITUDE_PERIOD_S, rng)
+    pitch = state.pitch + gauss_markov_noise(t, sigmas.tilt, ATTITUDE_PERIOD_S, rng)
+    heading = state.heading + gauss_markov_noise(t, sigmas.heading, ATTITUDE_PERIOD_S, rng)
     vel_n = state.vel_n + offsets[1]
-    vel_n = vel_n + np.stack([slow(t, doubts.velocity, VELOCITY_PERIOD_S, rng) for _ in range(3)], axis=1)
-    north, east = (slow(t, doubts.position, POSITION_PERIOD_S, rng) + offsets[0][:, i] for i in range(2))
-    alt = state.alt - offsets[0][:, 2] + slow(t, doubts.height, POSITION_PERIOD_S, rng) + white(t, 0.02, rng)
+    vel_n = vel_n + np.stack([gauss_markov_noise(t, sigmas.velocity, VELOCITY_PERIOD_S, rng) for _ in range(3)], axis=1)
+    north, east = (gauss_markov_noise(t, sigmas.position, POSITION_PERIOD_S, rng) + offsets[0][:, i] for i in range(2))
+    alt = (
+        state.alt
+        - offsets[0][:, 2]
+        + gauss_markov_noise(t, sigmas.height, POSITION_PERIOD_S, rng)
+        + white_noise(t, 0.02, rng)
+    )
     lat, lon = state.lat + north / SEMI_MAJOR, state.lon + east / SEMI_MAJOR / np.cos(state.lat)
-    solution = Solution(lat, lon, alt, vel_n, np.stack([roll, pitch, heading % (2 * np.pi)], axis=1))
-    row = [*[doubts.position] * 2, doubts.height, *[doubts.velocity] * 3, *[doubts.tilt] * 2, doubts.heading]
-    return Told(solution, np.tile(row, (len(t), 1)), np.zeros(len(t), dtype=bool))
+    solution = InertialSolution(lat, lon, alt, vel_n, np.stack([roll, pitch, heading % (2 * np.pi)], axis=1))
+    row = [*[sigmas.position] * 2, sigmas.height, *[sigmas.velocity] * 3, *[sigmas.tilt] * 2, sigmas.heading]
+    return InsOutput(solution, np.tile(row, (len(t), 1)), np.zeros(len(t), dtype=bool))
 
 
 @dataclass(frozen=True, eq=False)
-class Unit:
+class InertialUnitSamples:
     """The inertial unit of a system at its own samples: ``every`` of them is one of the system's.
 
     force_b, rate_b : as it says them;  true_force_b, true_rate_b : as they are, shape (m, 3);  baro : height [m], (m,)
@@ -115,26 +122,32 @@ class Unit:
     baro: Array
 
 
-def alone_times(t: Array, settings: InertialSettings, faults: GnssFaults) -> Mask:
+def free_mask(t: Array, settings: InertialSettings, faults: GnssFaults) -> Mask:
     """When a system is on its own, at t, shape (n,) [s]."""
-    jammed = faults.jammed(t, REACQUIRE_S)
-    return jammed | (t >= settings.free_from_s) if settings.mode == "free" else jammed
+    jamming_mask = faults.jamming_mask(t, REACQUIRE_S)
+    return jamming_mask | (t >= settings.free_from_s) if settings.mode == "free" else jamming_mask
 
 
-def left_alone(told: Told, alone: Mask, unit: Unit, doubts: Doubts, rng: np.random.Generator) -> Told:
-    """The same with free inertial navigation where ``alone`` says so; each time begins with what it said last."""
-    parts = told.solution.lat, told.solution.lon, told.solution.alt, told.solution.vel_n, told.solution.rpy
-    said, deviations, really = [part.copy() for part in parts], told.deviations.copy(), np.zeros_like(alone)
-    for begin, end in _runs(alone):
-        if (end - begin) * unit.every < LEAST_SAMPLES:
+def add_free_intervals(
+    output: InsOutput, is_free: Mask, unit: InertialUnitSamples, sigmas: DriftSigmas, rng: np.random.Generator
+) -> InsOutput:
+    """The same with free inertial navigation where ``is_free`` says so; each time begins with what it said last."""
+    parts = output.solution.lat, output.solution.lon, output.solution.alt, output.solution.vel_n, output.solution.rpy
+    said, deviations, really = [part.copy() for part in parts], output.deviations.copy(), np.zeros_like(is_free)
+    for begin, end in _runs(is_free):
+        if (end - begin) * unit.every < MIN_SAMPLES:
             continue
-        free = _free(told.solution.at(begin), slice(begin * unit.every, (end - 1) * unit.every + 1), unit, doubts, rng)
+        free = _free(
+            output.solution.at(begin), slice(begin * unit.every, (end - 1) * unit.every + 1), unit, sigmas, rng
+        )
         now = slice(begin, end)
         for part, found in zip(said, (free.lat, free.lon, free.alt, free.vel_n, free.rpy), strict=True):
             part[now] = found[:: unit.every]
-        deviations[now] = _grown(np.linspace(0.0, unit.step * unit.every * (end - begin - 1), end - begin), doubts)
+        deviations[now] = _drift_deviations(
+            np.linspace(0.0, unit.step * unit.every * (end - begin - 1), end - begin), sigmas
+        )
         really[now] = True
-    return Told(Solution(*said), deviations, really)
+    return InsOutput(InertialSolution(*said), deviations, really)
 
 
 def _runs(mask: Mask) -> Iterator[tuple[int, int]]:
@@ -142,9 +155,11 @@ def _runs(mask: Mask) -> Iterator[tuple[int, int]]:
     return zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
 
 
-def _free(start: Solution, here: slice, unit: Unit, doubts: Doubts, rng: np.random.Generator) -> Solution:
+def _free(
+    start: InertialSolution, here: slice, unit: InertialUnitSamples, sigmas: DriftSigmas, rng: np.random.Generator
+) -> InertialSolution:
     """From one sample on, with what the filter has left of the unit's constant errors."""
-    left_f, left_w = rng.normal(0.0, doubts.accel, 3), rng.normal(0.0, doubts.gyro, 3)
+    left_f, left_w = rng.normal(0.0, sigmas.accel, 3), rng.normal(0.0, sigmas.gyro, 3)
     force = unit.force_b[here] - unit.imu.accel.constant_error(unit.true_force_b[here][0]) + left_f
     rate = unit.rate_b[here] - unit.imu.gyro.constant_error(unit.true_rate_b[here][0]) + left_w
     down = mat_from_rpy(*start.rpy[0])[2]
@@ -152,17 +167,17 @@ def _free(start: Solution, here: slice, unit: Unit, doubts: Doubts, rng: np.rand
     return run_free(start, force, rate, step=unit.step, baro=baro, known=float(down @ left_f))
 
 
-def _grown(since: Array, doubts: Doubts) -> Array:
-    """Deviations as in ``Told``, ``since`` the last fix, shape (n,) [s].
+def _drift_deviations(since: Array, sigmas: DriftSigmas) -> Array:
+    """Deviations as in ``InsOutput``, ``since`` the last fix, shape (n,) [s].
 
     The height: what the air has wandered since, and how the loop that holds it answers to a wrong vertical velocity
     and to a bias that is another than it was: flicker noise wanders by about twice its floor in minutes.
     """
-    position, velocity = drift_sd(since, doubts)
+    position, velocity = drift_sd(since, sigmas)
     baro = BARO_SD * np.sqrt(2.0 * (1.0 - np.exp(-since / BARO_PERIOD_S)))
     fading = since * np.exp(-since / TAU_S)
-    rise, fall = doubts.velocity * (1.0 - 0.5 * since / TAU_S) * fading, doubts.in_run * since * fading
-    height = np.linalg.norm((np.full_like(since, doubts.height), baro, rise, fall), axis=0)
-    tilt, heading = (np.hypot(sd, doubts.gyro * since) for sd in (doubts.tilt, doubts.heading))
-    down = np.full_like(since, doubts.velocity)
+    rise, fall = sigmas.velocity * (1.0 - 0.5 * since / TAU_S) * fading, sigmas.in_run * since * fading
+    height = np.linalg.norm((np.full_like(since, sigmas.height), baro, rise, fall), axis=0)
+    tilt, heading = (np.hypot(sd, sigmas.gyro * since) for sd in (sigmas.tilt, sigmas.heading))
+    down = np.full_like(since, sigmas.velocity)
     return np.stack([position, position, height, velocity, velocity, down, tilt, tilt, heading], axis=1)

@@ -18,14 +18,14 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from fti.devices import BoundDevice
 from fti.geodesy.magnetic import magnetic_field_n
 from fti.geodesy.rotations import mat_from_rpy
-from fti.hil.flight.trajectory import State
-from fti.hil.sensors.quick import new_field
-from fti.hil.sensors.settings import DeviceSettings, settings_of
-from fti.hil.tables.bases import NotNegative
-from fti.hil.world import World, mounting
-from fti.service.binding import BoundDevice
+from fti.hil.environment import Environment, mounting
+from fti.hil.flight.trajectory import FlightState
+from fti.hil.sensors.fast_messages import new_field
+from fti.hil.sensors.sensor_settings import DeviceSettings, settings_of
+from fti.hil.tables.fault_base import NotNegative
 from fti.types import Measurement, Stamp
 
 Array = NDArray[np.float64]
@@ -34,18 +34,18 @@ Array = NDArray[np.float64]
 YEAR = 2027.5
 
 
-def earth_field_n(state: State) -> Array:
+def earth_field_n(state: FlightState) -> Array:
     """The Earth's field [T], north, east, down, shape (n, 3)."""
     return magnetic_field_n(state.lat, state.lon, state.alt, YEAR)
 
 
-def earth_field_b(state: State) -> Array:
+def earth_field_b(state: FlightState) -> Array:
     """The same [T] in the body frame, shape (n, 3)."""
     mat_nb = mat_from_rpy(state.roll, state.pitch, state.heading)
     return np.asarray(np.einsum("nji,nj->ni", mat_nb, earth_field_n(state)))
 
 
-def declination(state: State) -> Array:
+def declination(state: FlightState) -> Array:
     """Magnetic north, east of true north [rad], shape (n,)."""
     north, east, _ = earth_field_n(state).T
     return np.asarray(np.arctan2(east, north))
@@ -69,7 +69,7 @@ class Magnetometer:
     time_scale = None
     SCALE_SD, NOISE_SD = 0.003, 7e-9  # -, [T]
 
-    def __init__(self, bound: BoundDevice, world: World, t: Array, rng: np.random.Generator) -> None:
+    def __init__(self, bound: BoundDevice, world: Environment, t: Array, rng: np.random.Generator) -> None:
         drawn = settings_of(MagnetometerSettings, world.scenario, bound.device.name)
         hard = rng.normal(0.0, 1e-6 * drawn.hard_iron_ut, 3)
         mat_soft = np.eye(3) + rng.normal(0.0, drawn.soft_iron, (3, 3))

@@ -16,14 +16,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fti.constants import SPEED_OF_LIGHT
+from fti.devices import BoundDevice
 from fti.drivers._times import LEAP_NS, SECOND_NS
 from fti.geodesy.rotations import mat_en
 from fti.geodesy.wgs84 import ecef_from_geodetic
-from fti.hil.sensors.constellation import GLONASS_CHANNELS, L1_STEP_HZ, Seen
-from fti.hil.sensors.errors import slow
-from fti.hil.sensors.reception import Make, Reception
-from fti.hil.world import World
-from fti.service.binding import BoundDevice
+from fti.hil.environment import Environment
+from fti.hil.sensors.constellation import GLONASS_CHANNELS, L1_STEP_HZ, SatellitesInView
+from fti.hil.sensors.errors import gauss_markov_noise
+from fti.hil.sensors.gnss_reception import ReceiverSpec, Reception
 from fti.types import (
     DeviceStatus,
     DeviceTime,
@@ -54,7 +54,7 @@ class Band(NamedTuple):
     phase_sd_m: float
 
 
-class Line(NamedTuple):
+class LineOfSight(NamedTuple):
     """The line of sight to a satellite: path through the air against the zenith, distance with the errors that all
     signals share [m], its rate against the speed of light, lock time [s]."""
 
@@ -82,24 +82,24 @@ class SurveyReceiver:
     time_scale = TimeScale.UTC
 
     MASK = np.deg2rad(5.0)
-    MAKE = Make(("gps", "glonass"), MASK, 1.05, 0.016)
+    SPEC = ReceiverSpec(("gps", "glonass"), MASK, 1.05, 0.016)
     CN0_ZENITH, CN0_HORIZON = 51.0, 36.0
     TROPOSPHERE, IONOSPHERE = 2.3, 4.0
     OFFSET_SD, OFFSET_PERIOD_S, DRIFT_SD = 20e-9, 30.0, 1e-9
     UTC_OFFSET_S = -LEAP_NS / SECOND_NS
 
-    def __init__(self, bound: BoundDevice, world: World, t: Array, rng: np.random.Generator) -> None:
-        self._reception, self._t = Reception(bound, self.MAKE, world, t, rng), t
+    def __init__(self, bound: BoundDevice, world: Environment, t: Array, rng: np.random.Generator) -> None:
+        self._reception, self._t = Reception(bound, self.SPEC, world, t, rng), t
         self._sky = self._reception.sky
-        self._offset = slow(t, self.OFFSET_SD, self.OFFSET_PERIOD_S, rng)
+        self._offset = gauss_markov_noise(t, self.OFFSET_SD, self.OFFSET_PERIOD_S, rng)
         self._drift = np.gradient(self._offset, t)
         self._cycles = rng.integers(-1_000_000, 1_000_000, (len(self._sky.keys), 2))
         self._rng = rng
 
     def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
         """Status first, since every header repeats it; the satellites before the position that they gave."""
-        seen, reception = self._look(k), self._reception
-        tracked = seen.where(reception.tracked(k)[seen.which])
+        seen, reception = self._visible_satellites(k), self._reception
+        used_satellites = seen.where(reception.used_satellites(k)[seen.which])
         fix = bool(reception.fix[k])
         clock = ReceiverClock(
             stamp=stamp,
@@ -117,10 +117,10 @@ class SurveyReceiver:
             clock,
             Reading(stamp=stamp, name="utc_offset", value=self.UTC_OFFSET_S, unit="s"),
             DeviceTime(stamp=stamp),
-            Pseudoranges(stamp=stamp, observations=tuple(self._observations(k, tracked))),
+            Pseudoranges(stamp=stamp, observations=tuple(self._observations(k, used_satellites))),
         ]
 
-    def _look(self, k: int) -> Seen:
+    def _visible_satellites(self, k: int) -> SatellitesInView:
         """What stands above the mask, received or not, of the systems that the receiver follows."""
         lat, lon, alt = self._reception.place[k]
         mat = mat_en(np.asarray(lat), np.asarray(lon))
@@ -128,8 +128,8 @@ class SurveyReceiver:
         seen = self._sky.seen(float(self._reception.sky_s[k]), here, moving, mat, self.MASK)
         return seen.where(np.array([self._sky.keys[i][0] in BANDS for i in seen.which], dtype=bool))
 
-    def _satellites(self, k: int, stamp: Stamp, seen: Seen) -> Satellites:
-        used = self._reception.tracked(k)
+    def _satellites(self, k: int, stamp: Stamp, seen: SatellitesInView) -> Satellites:
+        used = self._reception.used_satellites(k)
         satellites = (
             Satellite(
                 system=self._sky.keys[i][0], number=self._sky.keys[i][1], azimuth=float(azimuth),
@@ -139,18 +139,18 @@ class SurveyReceiver:
         )  # fmt: skip
         return replace(self._reception.satellites(k, stamp), satellites=tuple(satellites))
 
-    def _observations(self, k: int, seen: Seen) -> Iterator[Pseudorange]:
+    def _observations(self, k: int, seen: SatellitesInView) -> Iterator[Pseudorange]:
         clock, drift, lock_time = float(self._offset[k]), float(self._drift[k]), 60.0 + float(self._t[k])
         noise = self._rng.normal(size=(len(seen.which), 2, 2)).tolist()
         paths = (1.0 / np.sin(seen.elevation)).tolist()
         for n, (index, path) in enumerate(zip(seen.which.tolist(), paths, strict=True)):
             system, number = self._sky.keys[index]
             pseudo = float(seen.distance[n]) + SPEED_OF_LIGHT * clock + self.TROPOSPHERE * path
-            line = Line(system, number, path, pseudo, float(seen.rate[n]) / SPEED_OF_LIGHT + drift, lock_time)
+            line = LineOfSight(system, number, path, pseudo, float(seen.rate[n]) / SPEED_OF_LIGHT + drift, lock_time)
             for band, cycles, errors in zip(BANDS[system], self._cycles[index].tolist(), noise[n], strict=True):
                 yield self._signal(line, band, cycles, errors)
 
-    def _signal(self, line: Line, band: Band, cycles: int, errors: list[float]) -> Pseudorange:
+    def _signal(self, line: LineOfSight, band: Band, cycles: int, errors: list[float]) -> Pseudorange:
         """One signal of one satellite; errors : of code and phase, against their sigma."""
         carrier = band.carrier + (band.step * GLONASS_CHANNELS[line.number - 1] if band.step else 0.0)
         delay = self.IONOSPHERE * min(line.path, 3.0) * (L1_HZ / carrier) ** 2

@@ -4,42 +4,42 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from fti.hil.sensors.base import Sensor
-from fti.hil.sensors.measured import first_cycles
-from fti.hil.world import World
+from fti.devices import BoundDevice
+from fti.hil.environment import Environment
+from fti.hil.sensors.base import SimulatedSensor
+from fti.hil.sensors.quantity_check import first_cycles
 from fti.logger.derived_log import snake_case
-from fti.service.binding import BoundDevice
 from fti.types import Measurement
 
 #: Devices are looked at for so long [s]; the rarest measurement comes once a second.
-LOOK_S = 2.0
+CHECK_DURATION_S = 2.0
 
 
-def sent_rates(sensors: Sequence[Sensor], world: World) -> dict[str, dict[str, float]]:
+def sent_rates(sensors: Sequence[SimulatedSensor], world: Environment) -> dict[str, dict[str, float]]:
     """Measurement topic -> rate [Hz], of each device by name.
 
     A kind counts as sent if the bytes of the device are others without it: its encoder may have no message for what
     the model measures, or may not have been asked for it.
     """
-    return {sensor.name: _of_one(sensor, world) for sensor in sensors}
+    return {sensor.name: _device_rates(sensor, world) for sensor in sensors}
 
 
-def _of_one(sensor: Sensor, world: World) -> dict[str, float]:
-    cycles = first_cycles(sensor, world, LOOK_S)
+def _device_rates(sensor: SimulatedSensor, world: Environment) -> dict[str, float]:
+    cycles = first_cycles(sensor, world, CHECK_DURATION_S)
     return {
         snake_case(kind.__name__): sensor.rate_hz * sum(_has(kind, cycle) for cycle in cycles) / len(cycles)
         for kind in sent_kinds(sensor, cycles)
     }
 
 
-def sent_kinds(sensor: Sensor, cycles: Sequence[Sequence[Measurement]]) -> list[type[Measurement]]:
+def sent_kinds(sensor: SimulatedSensor, cycles: Sequence[Sequence[Measurement]]) -> list[type[Measurement]]:
     """The kinds of measurements without which the bytes of the device would be others."""
     kinds = {type(m): None for cycle in cycles for m in cycle}
-    whole = encoded(sensor.bound, cycles)
-    return [kind for kind in kinds if encoded(sensor.bound, _without(kind, cycles)) != whole]
+    whole = encode_cycles(sensor.bound, cycles)
+    return [kind for kind in kinds if encode_cycles(sensor.bound, _without(kind, cycles)) != whole]
 
 
-def encoded(bound: BoundDevice, cycles: Iterable[Iterable[Measurement]]) -> list[list[bytes]]:
+def encode_cycles(bound: BoundDevice, cycles: Iterable[Iterable[Measurement]]) -> list[list[bytes]]:
     """The messages of each cycle, from an encoder that has sent nothing before."""
     encoder = bound.driver.make_encoder(bound.options)
     return [[message for m in cycle for message in encoder.encode(m)] for cycle in cycles]

@@ -19,7 +19,7 @@ duration_s = 300
 smooth_s = 2                       # what is faster than this is taken for steps of the recorder; none: nothing is
 
 [flight]
-kind = "jsbsim"                    # a flight dynamic model with an autopilot: fti/hil/tables/dynamics.py
+kind = "jsbsim"                    # a flight dynamic model with an autopilot: fti/hil/tables/jsbsim_options.py
 route = "approach"                 # "pattern", "go_around", "low_level"
 turbulence = "light"
 """
@@ -31,12 +31,12 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from fti.config import Name, Positive, StrictModel
-from fti.hil.tables.bases import NotNegative
-from fti.hil.tables.dynamics import JsbsimFlight
+from fti.hil.tables.fault_base import NotNegative
+from fti.hil.tables.jsbsim_options import JsbsimFlight
 
 #: The air data are those of subsonic flow [m/s]; a flight is computed before it begins, and held in memory [s].
 Speed = Annotated[float, Field(ge=1, le=300)]
-LONGEST_S = 14_400.0
+MAX_DURATION_S = 14_400.0
 
 
 class ApproachFlight(StrictModel):
@@ -44,7 +44,7 @@ class ApproachFlight(StrictModel):
 
     kind: Literal["approach"] = "approach"
     start_m: Annotated[float, Field(gt=0, le=1e6)] = 4500.0
-    duration_s: Annotated[float, Field(gt=0, le=LONGEST_S)] = 82.0
+    duration_s: Annotated[float, Field(gt=0, le=MAX_DURATION_S)] = 82.0
     speed_mps: Speed = 60.0
     wander_m: Annotated[float, Field(ge=0, le=1000)] = 3.0
     wander_height_m: Annotated[float, Field(ge=0, le=100)] = 1.5

@@ -7,7 +7,7 @@ from typing import Annotated
 from pydantic import Field
 
 from fti.config import Positive, StrictModel
-from fti.hil.tables.bases import NotNegative, Share
+from fti.hil.tables.fault_base import NotNegative, Share
 
 
 class ScoreLimits(StrictModel):

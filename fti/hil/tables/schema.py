@@ -18,7 +18,7 @@ grade = "tactical"                 # and what its model takes: the Settings clas
 mode = "free"                      # an inertial system on its own
 free_from_s = 30
 
-[port.gnss_line]                   # where a link ends outside this machine: fti/hil/ports/outside.py
+[port.gnss_line]                   # where a link ends outside this machine: fti/hil/ports/real_port.py
 device = "/dev/ttyUSB3"
 
 [[fault]]
@@ -46,14 +46,14 @@ from typing import Annotated, Any, Literal
 from pydantic import ConfigDict, Field, PrivateAttr, model_validator
 
 from fti.config import Name, Positive, StrictModel
-from fti.hil.ports.outside import Port
-from fti.hil.tables.bases import NotNegative
+from fti.hil.ports.real_port import RealPort
+from fti.hil.tables.fault_base import NotNegative
+from fti.hil.tables.fault_types import Fault, Obstacle, TerrainShift
 from fti.hil.tables.flights import ApproachFlight, FlightTable
-from fti.hil.tables.kinds import Fault, Obstacle, TerrainShift
 from fti.hil.tables.limits import ScoreLimits
 
 
-class Air(StrictModel):
+class AirConditions(StrictModel):
     """``[air]``: wind over the ground, the pressure and temperature of the day, and fog.
 
     visibility_m : in fog from the ground up to ``fog_top_m`` above the threshold; lasers feel it.  None: clear air
@@ -115,7 +115,7 @@ class Scenario(StrictModel):
     """The whole scenario.
 
     config  : the daemon's configuration, absolute after reading
-    profile : a CSV file with further faults and expectations (``fti.hil.scenario.profile``); they are read into
+    profile : a CSV file with further faults and expectations (``fti.hil.scenario.fault_table``); they are read into
               ``fault`` and ``expect``, behind those of this file
     """
 
@@ -125,16 +125,16 @@ class Scenario(StrictModel):
     seed: Annotated[int, Field(ge=0)] = 1
     airfield: Literal["demo"] = "demo"
     flight: FlightTable = ApproachFlight()
-    air: Air = Air()
+    air: AirConditions = AirConditions()
     sensor: Mapping[Name, SensorSettings] = Field(default_factory=dict)
-    port: Mapping[Name, Port] = Field(default_factory=dict)
+    port: Mapping[Name, RealPort] = Field(default_factory=dict)
     fault: tuple[Fault, ...] = ()
     expect: tuple[Expectation, ...] = ()
     profile: str | None = None
     limits: ScoreLimits = ScoreLimits()
     _file: str = PrivateAttr("")
 
-    def of_file(self, file: str) -> Scenario:
+    def with_file(self, file: str) -> Scenario:
         """The same, which knows where it was read from."""
         self._file = file
         return self
@@ -146,7 +146,7 @@ class Scenario(StrictModel):
 
     @model_validator(mode="before")
     @classmethod
-    def _approach_unless_it_says_otherwise(cls, table: Any) -> Any:
+    def _default_to_approach(cls, table: Any) -> Any:
         flight = table.get("flight")
         return {**table, "flight": {"kind": "approach", **flight}} if isinstance(flight, Mapping) else table
 

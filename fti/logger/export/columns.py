@@ -10,7 +10,7 @@ from typing import Any
 from fti.logger.export.units import unit_of, with_unit
 
 #: An integer beyond this is no integer in a table.
-LARGEST = 2**63 - 1
+MAX_INT64 = 2**63 - 1
 
 
 class Type(StrEnum):
@@ -76,7 +76,7 @@ class ColumnFinder:
         found = self._found
         before = len(found)
         for name, value in flatten(message).items():
-            kind = float if type(value) is int and abs(value) > LARGEST else type(value)
+            kind = float if type(value) is int and abs(value) > MAX_INT64 else type(value)
             if name in found:
                 found[name].add(kind)
             else:

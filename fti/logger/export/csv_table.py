@@ -21,7 +21,7 @@ from fti.terminal_text import escape_controls
 _FORMULA = ("=", "+", "-", "@")
 
 
-def inert(text: str) -> str:
+def escape_formula(text: str) -> str:
     """The text as a spreadsheet takes it for a text; a number stays one."""
     shown = escape_controls(text)
     return f"'{shown}" if shown.startswith(_FORMULA) and not _is_number(shown) else shown
@@ -38,11 +38,11 @@ def _is_number(text: str) -> bool:
 class CsvTable:
     """A CSV file in UTF-8.  Bytes are hexadecimal, texts of a list stand in one cell, as ``a b``."""
 
-    def __init__(self, path: Path, columns: Sequence[Column], about: Mapping[str, str]) -> None:
-        del about
+    def __init__(self, path: Path, columns: Sequence[Column], session_metadata: Mapping[str, str]) -> None:
+        del session_metadata
         self._stream = path.open("w", newline="", encoding="utf-8")
         self._table = csv.writer(self._stream, lineterminator="\n")
-        self._table.writerow([inert(column.head) for column in columns])
+        self._table.writerow([escape_formula(column.head) for column in columns])
         self._texts = [n for n, column in enumerate(columns) if column.type is Type.TEXT]
         self._words = [n for n, column in enumerate(columns) if column.type is Type.TEXTS]
         self._bytes = [n for n, column in enumerate(columns) if column.type is Type.BYTES]
@@ -51,9 +51,9 @@ class CsvTable:
         """Add a row."""
         cells = list(row)
         for n in self._words:
-            cells[n] = None if cells[n] is None else inert(" ".join(cells[n]))
+            cells[n] = None if cells[n] is None else escape_formula(" ".join(cells[n]))
         for n in self._texts:
-            cells[n] = None if cells[n] is None else inert(cells[n])
+            cells[n] = None if cells[n] is None else escape_formula(cells[n])
         for n in self._bytes:
             cells[n] = cells[n].hex()
         self._table.writerow(cells)

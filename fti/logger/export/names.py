@@ -8,7 +8,7 @@ from collections.abc import Sequence
 #: A name is never longer than this [B]; a file system takes 255, with the suffix.
 MAX_BYTES = 120
 #: What stands in a name as it is: letters and digits of any script, and these.
-_OTHERS = re.compile(r"[^\w.\-]+")
+_UNSAFE_CHARACTERS = re.compile(r"[^\w.\-]+")
 
 
 def table_names(topics: Sequence[str]) -> dict[str, str]:
@@ -30,6 +30,6 @@ def table_names(topics: Sequence[str]) -> dict[str, str]:
 
 
 def _file_name(topic: str) -> str:
-    safe = _OTHERS.sub("_", topic.strip("/").replace("/", "_"))
+    safe = _UNSAFE_CHARACTERS.sub("_", topic.strip("/").replace("/", "_"))
     name = safe.encode()[:MAX_BYTES].decode(errors="ignore")
     return name if name[:1] not in ("", ".", "-") else f"topic{name}"

@@ -33,8 +33,8 @@ TYPES = {
 class ParquetTable:
     """A Parquet file (zstd).  A value that is not known is null."""
 
-    def __init__(self, path: Path, columns: Sequence[Column], about: Mapping[str, str]) -> None:
-        self._schema = make_schema(columns, about)
+    def __init__(self, path: Path, columns: Sequence[Column], session_metadata: Mapping[str, str]) -> None:
+        self._schema = make_schema(columns, session_metadata)
         self._writer = pq.ParquetWriter(path, self._schema, compression="zstd")
         self._waiting: list[Sequence[Any]] = []
 
@@ -59,14 +59,14 @@ class ParquetTable:
             self._writer.write_table(pa.Table.from_arrays(arrays, schema=self._schema))
 
 
-def make_schema(columns: Sequence[Column], about: Mapping[str, str]) -> pa.Schema:
+def make_schema(columns: Sequence[Column], session_metadata: Mapping[str, str]) -> pa.Schema:
     """The schema of a table with its units and what is told of the session."""
     units = {column.name: column.unit for column in columns if column.unit}
     fields = [
         pa.field(column.name, TYPES[column.type], metadata={"unit": column.unit} if column.unit else None)
         for column in columns
     ]
-    return pa.schema(fields, metadata={**about, "units": json.dumps(units)})
+    return pa.schema(fields, metadata={**session_metadata, "units": json.dumps(units)})
 
 
 PARQUET = Format(".parquet", ParquetTable)

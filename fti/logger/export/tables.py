@@ -19,13 +19,13 @@ from fti.logger.export import session_file
 from fti.logger.export.columns import Column, ColumnFinder, Type, cell, flatten
 from fti.logger.export.names import table_names
 from fti.logger.note_changes import ENTRY_TABLES
-from fti.logger.reading.about import about
 from fti.logger.reading.json_message import parse_json
 from fti.logger.reading.limits import MAX_COLUMNS, check_topic_count
-from fti.logger.reading.mcap_file import Item
+from fti.logger.reading.mcap_file import McapMessage
 from fti.logger.reading.note_states import NoteStates
-from fti.logger.reading.recording import RAW, SENT, Recording
-from fti.logger.survey.topics import KINDS
+from fti.logger.reading.recording import RAW_PREFIX, SENT_PREFIX, Recording
+from fti.logger.reading.session_metadata import session_metadata
+from fti.logger.statistics.topic_stats import KINDS
 
 SECOND_NS = 1_000_000_000
 JSON = "json"
@@ -62,7 +62,7 @@ class Format:
 
 
 @dataclass(frozen=True, slots=True)
-class Choice:
+class ExportSelection:
     """What is wanted: topics that match one of the patterns (all when there is none), from begin_s to end_s [s after
     the first message of the session]; raw : also the frames of the links, and what was sent.
     """
@@ -72,7 +72,7 @@ class Choice:
     end_s: float = float("inf")
     raw: bool = False
 
-    def wants(self, topic: str) -> bool:
+    def matches(self, topic: str) -> bool:
         """Does the topic match?"""
         return not self.topics or any(fnmatchcase(topic, pattern) for pattern in self.topics)
 
@@ -86,7 +86,7 @@ class _Contents:
     links: dict[str, int] = field(default_factory=dict)  # topic of a link: number of frames
 
 
-def export(recording: Recording, folder: Path, form: Format, choice: Choice) -> dict[Path, int]:
+def export(recording: Recording, folder: Path, form: Format, choice: ExportSelection) -> dict[Path, int]:
     """Write the tables; returns the rows of each file.
 
     Raises MissingError when a pattern matches nothing, StorageError when a file exists already or cannot be written, or
@@ -94,16 +94,16 @@ def export(recording: Recording, folder: Path, form: Format, choice: Choice) -> 
     """
     contents = _find_contents(recording, raw=choice.raw)
     _check_patterns(choice, contents)
-    span = _Span(contents.start_ns or 0, choice)
+    span = _TimeWindow(contents.start_ns or 0, choice)
     names = table_names(sorted((*contents.tables, *contents.links)))
-    with _Tables(folder, form, about(recording), names) as tables:
+    with _Tables(folder, form, session_metadata(recording), names) as tables:
         for topic, (finder, _) in contents.tables.items():
-            if choice.wants(topic):
+            if choice.matches(topic):
                 tables.open(topic, (*TIMES, *finder.columns()))
-        for topic in filter(choice.wants, contents.links):
+        for topic in filter(choice.matches, contents.links):
             tables.open(topic, RAW_COLUMNS)
         _write_messages(recording, tables, contents, span)
-        if any(choice.wants(topic) for topic in contents.links):
+        if any(choice.matches(topic) for topic in contents.links):
             _write_frames(recording, tables, span)
     return tables.rows
 
@@ -123,29 +123,29 @@ def _find_contents(recording: Recording, *, raw: bool) -> _Contents:
                 raise RecordingError(
                     f"{recording.path}: {topic}: with it the tables have more than {MAX_COLUMNS} columns"
                 )
-        elif raw and topic.startswith((RAW, SENT)):
+        elif raw and topic.startswith((RAW_PREFIX, SENT_PREFIX)):
             contents.links[topic] = contents.links.get(topic, 0) + 1
     return contents
 
 
-def _items(recording: Recording) -> Iterator[Item]:
+def _items(recording: Recording) -> Iterator[McapMessage]:
     """All messages, each once: beside raw files the notes of a snapshot are copies, and so are mostly its frames."""
     for kind in KINDS:
         beside = kind == "snapshot" and bool(recording.raw_files)
-        if not beside or recording.snapshot_mode:
+        if not beside or recording.is_snapshot_session:
             yield from (item for item in recording.items(kind) if not (beside and item.topic.encoding == JSON))
 
 
-def _parse(item: Item, states: NoteStates) -> Any:
+def _parse(item: McapMessage, states: NoteStates) -> Any:
     """The content of a message; of a note that holds changes, all that it is known to be.  Raises RecordingError."""
     try:
         content = parse_json(item.data)
     except ValueError as error:
         raise RecordingError(f"{item.topic.name}: a message at {item.log_time} ns is not JSON: {error}") from None
-    return states.take(item.topic.name, item.log_time, content).table
+    return states.feed(item.topic.name, item.log_time, content).table
 
 
-def _check_patterns(choice: Choice, contents: _Contents) -> None:
+def _check_patterns(choice: ExportSelection, contents: _Contents) -> None:
     there = sorted((*contents.tables, *contents.links))
     for pattern in choice.topics:
         if not any(fnmatchcase(topic, pattern) for topic in there):
@@ -153,10 +153,10 @@ def _check_patterns(choice: Choice, contents: _Contents) -> None:
             raise MissingError(f"--topic {pattern}: matches nothing; there are {', '.join(there) or 'no topics'}{more}")
 
 
-class _Span:
+class _TimeWindow:
     """The part of the session that is wanted."""
 
-    def __init__(self, start_ns: int, choice: Choice) -> None:
+    def __init__(self, start_ns: int, choice: ExportSelection) -> None:
         self._start_ns = start_ns
         self._begin_s, self._end_s = choice.begin_s, choice.end_s
 
@@ -166,7 +166,7 @@ class _Span:
         return t_s if self._begin_s <= t_s <= self._end_s else None
 
 
-def _write_messages(recording: Recording, tables: _Tables, contents: _Contents, span: _Span) -> None:
+def _write_messages(recording: Recording, tables: _Tables, contents: _Contents, span: _TimeWindow) -> None:
     """No more of each topic than was read before: a recording may grow meanwhile."""
     left, states = {topic: count for topic, (_, count) in contents.tables.items()}, NoteStates()
     for item in _items(recording):
@@ -182,8 +182,8 @@ def _write_messages(recording: Recording, tables: _Tables, contents: _Contents, 
             tables.write(topic, (item.log_time, item.publish_time, t_s), flatten(content))
 
 
-def _write_frames(recording: Recording, tables: _Tables, span: _Span) -> None:
-    for seq, item in recording.numbered():
+def _write_frames(recording: Recording, tables: _Tables, span: _TimeWindow) -> None:
+    for seq, item in recording.numbered_messages():
         t_s = span.seconds(item.log_time)
         if t_s is not None and item.topic.name in tables:
             tables.write(item.topic.name, (seq, item.log_time, t_s, len(item.data), item.data))
@@ -192,16 +192,18 @@ def _write_frames(recording: Recording, tables: _Tables, span: _Span) -> None:
 class _Tables:
     """The tables that are being written, as drafts beside their places; after an error none of them is there."""
 
-    def __init__(self, folder: Path, form: Format, about: Mapping[str, str], names: Mapping[str, str]) -> None:
+    def __init__(
+        self, folder: Path, form: Format, session_metadata: Mapping[str, str], names: Mapping[str, str]
+    ) -> None:
         self._folder = folder
         self._names = names
         self._form = form
-        self._about = about
+        self._session_metadata = session_metadata
         self._open: dict[str, tuple[Path, TableWriter, Sequence[Column]]] = {}
         self.rows: dict[Path, int] = {}
 
     def __enter__(self) -> _Tables:
-        session_file.check(self._folder, self._about)
+        session_file.check(self._folder, self._session_metadata)
         return self
 
     def __contains__(self, topic: str) -> bool:
@@ -215,7 +217,7 @@ class _Tables:
             if path in self.rows or os.path.lexists(path):
                 raise FileExistsError(None, "it exists already")
             self.rows[path] = 0  # from here on its draft is cleared away
-            self._open[topic] = path, self._form.open(_draft(path), columns, self._about), columns
+            self._open[topic] = path, self._form.open(_draft(path), columns, self._session_metadata), columns
         except OSError as error:
             raise _refusal(path, error) from error
 
@@ -245,7 +247,7 @@ class _Tables:
         """Give the whole tables their names; first what says of which session they are.  Raises StorageError."""
         try:
             if self.rows:
-                session_file.write(self._folder, self._about)
+                session_file.write(self._folder, self._session_metadata)
             for path in self.rows:
                 _draft(path).rename(path)
         except OSError as error:

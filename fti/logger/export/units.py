@@ -61,7 +61,7 @@ _BY_TOPIC: dict[str, dict[str, str]] = {
 }
 #: What the end of a name tells: the notes of the service carry their units there.
 _BY_SUFFIX = {"ns": "ns", "nsec": "ns", "ms": "ms", "s": "s", "sec": "s", "hz": "Hz", "mb": "MB", "bytes": "B"}
-_TOLD = {"ddm": "DDM", "dbhz": "dB-Hz", "pa": "Pa"}
+_UNITS_BY_SUFFIX = {"ddm": "DDM", "dbhz": "dB-Hz", "pa": "Pa"}
 _CLASSES = frozenset(
     snake_case(cls.__name__) for union in (types.Measurement, types.Output) for cls in typing.get_args(union)
 )
@@ -86,5 +86,5 @@ def _class_of(topic: str) -> str:
 def with_unit(column: str, unit: str | None) -> str:
     """Head of a column: ``height_agl [m]``; as it is when it tells its unit (``t_rx_ns``) or has no dimension."""
     suffix = column.rpartition("_")[2]
-    tells = suffix != column and unit in (_BY_SUFFIX.get(suffix), _TOLD.get(suffix))
+    tells = suffix != column and unit in (_BY_SUFFIX.get(suffix), _UNITS_BY_SUFFIX.get(suffix))
     return column if tells or unit in (None, NONE) else f"{column} [{unit}]"

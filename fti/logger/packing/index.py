@@ -10,13 +10,13 @@ from fti.logger import records
 from fti.logger.records import HEAD, Op, read_text
 
 _CHUNK = struct.Struct("<QQQQI")
-_PLACE = struct.Struct("<HQ")
+_INDEX_ENTRY = struct.Struct("<HQ")
 _STATISTICS = struct.Struct("<QHIII")
 _GROUPS = (Op.SCHEMA, Op.CHANNEL, Op.STATISTICS, Op.CHUNK_INDEX, Op.ATTACHMENT_INDEX, Op.METADATA_INDEX)
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class RecordLocation:
     """Where a record stands in the packed file; for a chunk with its compression and stored bytes."""
 
     offset: int
@@ -30,7 +30,7 @@ class PackIndex:
     ``add`` raises KeyError when the original's summary tells of a record that is not there.
     """
 
-    places: Mapping[int, Place]
+    places: Mapping[int, RecordLocation]
     groups: dict[Op, list[bytes]] = field(default_factory=lambda: {op: [] for op in _GROUPS})
 
     def add(self, record: bytes) -> None:
@@ -57,7 +57,7 @@ class PackIndex:
         (index_length,) = struct.unpack_from("<Q", record, begin + table_size)
         _, at = read_text(record, begin + table_size + 8)
         _, size = struct.unpack_from("<QQ", record, at)
-        offsets = {cid: self.places[place].offset for cid, place in _PLACE.iter_unpack(table)}
+        offsets = {cid: self.places[place].offset for cid, place in _INDEX_ENTRY.iter_unpack(table)}
         place = self.places[offset]
         return records.chunk_index((first, last), place.offset, size, offsets, index_length, packed=place.packed)
 

@@ -18,21 +18,21 @@ from typing import BinaryIO
 
 from fti.errors import RecordingError, StorageError
 from fti.logger.folder_sync import sync_folder
-from fti.logger.lock import locked
-from fti.logger.packing.layout import original
+from fti.logger.lock import exclusive_lock
+from fti.logger.packing.restore_layout import restore_original
 from fti.logger.packing.writer import LAYOUT, METADATA, Packer
 from fti.logger.reading.mcap_file import has_footer
-from fti.logger.reading.source import Source
-from fti.logger.reading.structure import chunk_head, record_end
+from fti.logger.reading.record_validation import chunk_head, record_end
+from fti.logger.reading.summary_index import SummaryIndex, read_summary_index
 from fti.logger.reading.tables import metadata_table
-from fti.logger.reading.told import Told, read_told
+from fti.logger.reading.tolerant_file import TolerantFile
 from fti.logger.records import HEAD, MAGIC, read_text
 
 Progress = Callable[[int], None]
 
 
 @dataclass(frozen=True, slots=True)
-class Packed:
+class PackResult:
     """What became of a file: its size before and after [B]."""
 
     path: Path
@@ -41,7 +41,7 @@ class Packed:
 
 
 @dataclass(frozen=True, slots=True)
-class _About:
+class _OriginalInfo:
     """What a packed file tells of its original; layout_at : where its records end."""
 
     sha256: str
@@ -49,31 +49,31 @@ class _About:
     layout: bytes
 
 
-def pack(path: Path, progress: Progress) -> Packed | None:
+def pack(path: Path, progress: Progress) -> PackResult | None:
     """Pack one file; None when it is packed already.
 
     progress : called now and then with the bytes of the original that are done, twice: written, and read back.
     Raises RecordingError when the file is not finished, damaged or cannot be packed reversibly; StorageError when it
     is being written or the medium refuses.  It is then as it was.
     """
-    return _replaced(path, lambda source, part: _pack(source, part, progress))
+    return _replace_file(path, lambda source, part: _pack(source, part, progress))
 
 
-def unpack(path: Path, progress: Progress) -> Packed | None:
+def unpack(path: Path, progress: Progress) -> PackResult | None:
     """Make a packed file the original again; None when it is not packed.  Raises as ``pack``."""
-    return _replaced(path, lambda source, part: _unpack(source, part, progress))
+    return _replace_file(path, lambda source, part: _unpack(source, part, progress))
 
 
 # -------------------------------------------------------------------------------------------------------- replacing
 
 
-def _replaced(path: Path, write: Callable[[Source, Path], bool]) -> Packed | None:
+def _replace_file(path: Path, write: Callable[[TolerantFile, Path], bool]) -> PackResult | None:
     """Let ``write`` make a new file beside the old one, and put it in its place; False from it: there is no need."""
     place = path.resolve()
     part = place.with_name(f".{place.name}.part")
     if not has_footer(place):
         raise RecordingError(f"{path}: is not finished; when nothing records into it: fti recover {path} --in-place")
-    with locked(place) as fd, Source(place) as source:
+    with exclusive_lock(place) as fd, TolerantFile(place) as source:
         if not os.path.samestat(os.fstat(fd), place.stat()):
             raise StorageError(f"{path}: has just been replaced by another process")
         try:
@@ -89,7 +89,7 @@ def _replaced(path: Path, write: Callable[[Source, Path], bool]) -> Packed | Non
                 part.unlink(missing_ok=True)
 
 
-def _put_in_place(source: Source, part: Path) -> Packed:
+def _put_in_place(source: TolerantFile, part: Path) -> PackResult:
     path, before, after = source.path, source.size, part.stat().st_size
     shutil.copystat(path, part)
     with contextlib.suppress(PermissionError):
@@ -97,10 +97,10 @@ def _put_in_place(source: Source, part: Path) -> Packed:
     part.replace(path)
     with contextlib.suppress(OSError):  # some file systems have nothing to sync there; the old or the new name stands
         sync_folder(path.parent)
-    return Packed(path, before, after)
+    return PackResult(path, before, after)
 
 
-def _onto_medium(stream: BinaryIO) -> None:
+def _sync_stream(stream: BinaryIO) -> None:
     stream.flush()
     os.fsync(stream.fileno())
 
@@ -108,98 +108,102 @@ def _onto_medium(stream: BinaryIO) -> None:
 # ---------------------------------------------------------------------------------------------------------- packing
 
 
-def _pack(source: Source, part: Path, progress: Progress) -> bool:
-    told = _told(source)
-    if METADATA in told.named:
+def _pack(source: TolerantFile, part: Path, progress: Progress) -> bool:
+    summary = _read_summary(source)
+    if METADATA in summary.named:
         return False
     with part.open("xb") as stream:
-        sha256 = Packer(source, told.data_end, stream, progress).run()
-        _onto_medium(stream)
-    with Source(part) as packed:
-        _prove(source, packed, sha256, lambda done: progress(source.size + done))
+        sha256 = Packer(source, summary.data_end, stream, progress).run()
+        _sync_stream(stream)
+    with TolerantFile(part) as packed:
+        _verify_packed(source, packed, sha256, lambda done: progress(source.size + done))
     return True
 
 
 # ---------------------------------------------------------------------------------------------------------- proving
 
 
-def _told(source: Source) -> Told:
+def _read_summary(source: TolerantFile) -> SummaryIndex:
     """The summary.  Raises RecordingError."""
-    told = read_told(source)
-    if told is None or told.shift:
+    summary = read_summary_index(source)
+    if summary is None or summary.shift:
         raise RecordingError(f"{source.path}: its summary is damaged; see fti recover")
-    return told
+    return summary
 
 
-def _about(source: Source) -> _About | None:
+def _read_original_info(source: TolerantFile) -> _OriginalInfo | None:
     """What a packed file tells of its original; None when it is not packed."""
-    told = _told(source)
-    if METADATA not in told.named:
+    summary = _read_summary(source)
+    if METADATA not in summary.named:
         return None
     try:
-        _, about = metadata_table(_record(source, told.named[METADATA]))
-        layout_at = told.named[LAYOUT]
-        return _About(about["sha256"], layout_at, _attached(_record(source, layout_at)))
+        _, original_info = metadata_table(_record(source, summary.named[METADATA]))
+        layout_at = summary.named[LAYOUT]
+        return _OriginalInfo(original_info["sha256"], layout_at, _attachment_content(_record(source, layout_at)))
     except (ValueError, KeyError, struct.error):
         raise RecordingError(f"{source.path}: what it tells of its original is damaged; see fti recover") from None
 
 
-def _record(source: Source, at: int) -> bytes:
+def _record(source: TolerantFile, at: int) -> bytes:
     end = record_end(source, at, source.size)
     if end is None:
         raise ValueError(f"the record at byte {at} is damaged")
     return source.read(at, end - at)
 
 
-def _attached(attachment: bytes) -> bytes:
+def _attachment_content(attachment: bytes) -> bytes:
     """The content of an attachment record."""
     _, at = read_text(attachment, HEAD.size + 16)
     _, at = read_text(attachment, at)
     return attachment[at + 8 : -4]
 
 
-def _unpacked(source: Source, about: _About, progress: Progress) -> Iterator[bytes]:
+def _iter_original(source: TolerantFile, original_info: _OriginalInfo, progress: Progress) -> Iterator[bytes]:
     done = 0
-    for data in original(source, len(MAGIC), about.layout_at, about.layout):
+    for data in restore_original(source, len(MAGIC), original_info.layout_at, original_info.layout):
         yield data
         done += len(data)
         progress(done)
 
 
-def _prove(source: Source, packed: Source, sha256: str, progress: Progress) -> None:
+def _verify_packed(source: TolerantFile, packed: TolerantFile, sha256: str, progress: Progress) -> None:
     """Does the packed file, as it lies there, give the original, and is it sound?  Raises RecordingError."""
-    about = _about(packed)
+    original_info = _read_original_info(packed)
     found = hashlib.sha256()
-    for data in _unpacked(packed, about, progress) if about else ():
+    for data in _iter_original(packed, original_info, progress) if original_info else ():
         found.update(data)
-    if not (about and about.sha256 == sha256 == found.hexdigest() and _leads_to_the_end(packed, _told(packed))):
+    if not (
+        original_info
+        and original_info.sha256 == sha256 == found.hexdigest()
+        and _is_completely_readable(packed, _read_summary(packed))
+    ):
         raise RecordingError(f"{source.path}: cannot be packed so that it can be unpacked again; it is as it was")
 
 
-def _leads_to_the_end(packed: Source, told: Told) -> bool:
+def _is_completely_readable(packed: TolerantFile, summary: SummaryIndex) -> bool:
     """Do sound records fill the file, and is there a chunk wherever the summary tells of one?"""
     at: int | None = len(MAGIC)
     chunks = set()
-    while at is not None and at < told.data_end:
+    while at is not None and at < summary.data_end:
         if chunk_head(packed, at):
             chunks.add(at)
-        at = record_end(packed, at, told.data_end)
-    return at == told.data_end and {chunk.offset for chunk in told.chunks} <= chunks
+        at = record_end(packed, at, summary.data_end)
+    return at == summary.data_end and {chunk.offset for chunk in summary.chunks} <= chunks
 
 
 # -------------------------------------------------------------------------------------------------------- unpacking
 
 
-def _unpack(source: Source, part: Path, progress: Progress) -> bool:
-    about = _about(source)
-    if about is None:
+def _unpack(source: TolerantFile, part: Path, progress: Progress) -> bool:
+    original_info = _read_original_info(source)
+    if original_info is None:
         return False
     found = hashlib.sha256()
     with part.open("xb") as stream:
-        for data in _unpacked(source, about, progress):
+        for data in _iter_original(source, original_info, progress):
             stream.write(data)
             found.update(data)
-        _onto_medium(stream)
-    if found.hexdigest() != about.sha256:
+        _sync_stream(stream)
+    if found.hexdigest() != original_info.sha256:
         raise RecordingError(f"{source.path}: does not give the original's checksum; it is as it was; see fti recover")
     return True

@@ -9,11 +9,11 @@ from typing import BinaryIO
 
 from fti.errors import RecordingError
 from fti.logger import records
-from fti.logger.packing.index import PackIndex, Place
-from fti.logger.packing.layout import Layout, Then
+from fti.logger.packing.index import PackIndex, RecordLocation
+from fti.logger.packing.restore_layout import RestoreLayout, StepKind
 from fti.logger.reading.compression import compress
-from fti.logger.reading.source import Source
-from fti.logger.reading.structure import ChunkHead, chunk_head, record_end
+from fti.logger.reading.record_validation import ChunkHead, chunk_head, record_end
+from fti.logger.reading.tolerant_file import TolerantFile
 from fti.logger.records import HEAD, MAGIC, Op
 
 METADATA = "fti.packed"
@@ -25,13 +25,13 @@ _VERSION = "1"
 class Packer:
     """Writes the packed file of a sound one, whose data section ends at ``data_end``.  Raises RecordingError."""
 
-    def __init__(self, source: Source, data_end: int, stream: BinaryIO, progress: Callable[[int], None]) -> None:
+    def __init__(self, source: TolerantFile, data_end: int, stream: BinaryIO, progress: Callable[[int], None]) -> None:
         self._source = source
         self._data_end = data_end
         self._stream = stream
         self._progress = progress
-        self._layout = Layout()
-        self._places: dict[int, Place] = {}
+        self._layout = RestoreLayout()
+        self._places: dict[int, RecordLocation] = {}
         self._at = 0
         self._sha256 = hashlib.sha256()
 
@@ -43,7 +43,7 @@ class Packer:
             at = self._take(at, self._data_end)
             self._progress(at)
         tail = self._literal(at, self._source.size)
-        self._layout.then(Then.END)
+        self._layout.then(StepKind.END)
         self._finish(tail)
         return self._sha256.hexdigest()
 
@@ -81,17 +81,17 @@ class Packer:
         begin = self._literal(head.at, head.begin)
         times = struct.unpack_from("<QQ", begin, HEAD.size)
         self._sha256.update(content)
-        self._layout.then(Then.CONTENT)
+        self._layout.then(StepKind.CONTENT)
         stored = compress(content)
         offset = self._write(records.packed_chunk((times[0], times[1]), head.size, head.crc, "zstd", stored))
-        self._places[head.at] = Place(offset, ("zstd", len(stored)))
+        self._places[head.at] = RecordLocation(offset, ("zstd", len(stored)))
 
     def _take_record(self, at: int, end: int, head: ChunkHead | None) -> None:
         record = self._source.read(at, end - at)
         self._sha256.update(record)
-        self._layout.then(Then.RECORD)
+        self._layout.then(StepKind.RECORD)
         packed = (head.compression, head.end - head.begin) if head else ("", 0)
-        self._places[at] = Place(self._write(record), packed)
+        self._places[at] = RecordLocation(self._write(record), packed)
 
     def _finish(self, tail: bytes) -> None:
         """Layout, what is told of the original, and the summary; tail : the original from the end of its data on."""
@@ -105,8 +105,8 @@ class Packer:
         record = records.attachment(LAYOUT, MEDIA_TYPE, layout, 0)
         at = self._write(record)
         index.add_new(records.attachment_index((at, len(record)), 0, len(layout), LAYOUT, MEDIA_TYPE))
-        about = {"sha256": self._sha256.hexdigest(), "size": str(self._source.size), "version": _VERSION}
-        record = records.metadata(METADATA, about)
+        original_info = {"sha256": self._sha256.hexdigest(), "size": str(self._source.size), "version": _VERSION}
+        record = records.metadata(METADATA, original_info)
         index.add_new(records.metadata_index(self._write(record), len(record), METADATA))
         self._stream.write(index.tail(self._at))
 

@@ -6,7 +6,7 @@ import struct
 from array import array
 from collections.abc import Collection
 
-from fti.logger.reading.structure import is_channel, is_schema
+from fti.logger.reading.record_validation import is_channel, is_schema
 from fti.logger.records import HEAD, MESSAGE, MESSAGE_BODY, Op, read_text
 
 _MESSAGE = int(Op.MESSAGE)  # looking up a member of an enumeration is slow in a loop over all messages

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from fti.logger.checkpoints import RECORD_BYTES, SLOT_BYTES, SLOTS, Checkpoint, read_slots
-from fti.logger.reading.source import Source
-from fti.logger.reading.structure import ChunkHead
+from fti.logger.reading.record_validation import ChunkHead
+from fti.logger.reading.tolerant_file import TolerantFile
 from fti.logger.records import HEAD, Op
 
 _RECORD_HEAD = HEAD.pack(Op.CHECKPOINTS, SLOTS * SLOT_BYTES)
@@ -31,7 +31,7 @@ class ChunkMarks:
         return self.damaged == 0
 
 
-def chunk_marks(source: Source, head: ChunkHead) -> ChunkMarks:
+def chunk_marks(source: TolerantFile, head: ChunkHead) -> ChunkMarks:
     """The marks of a chunk.  A head whose checksum is 0 has none of its own: an open chunk of fti 0.1."""
     record = source.read(head.at - RECORD_BYTES, RECORD_BYTES) if head.at >= RECORD_BYTES else b""
     if head.compression:

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from itertools import pairwise
 from typing import NamedTuple
 
-from fti.logger.blueprint import FILE_METADATA, GIVEN_UP_KEY
+from fti.logger.log_layout import FILE_METADATA, SKIPPED_NUMBERS_KEY
 from fti.logger.reading.mcap_file import McapFile
 from fti.logger.reading.recording import Recording
 from fti.logger.session import Kind, name_parts
@@ -22,7 +22,7 @@ class AbsentNumbers(NamedTuple):
     missing  : ranges of all others, first and last number
     """
 
-    given_up: list[int]
+    skipped_numbers: list[int]
     missing: list[tuple[int, int]]
 
 
@@ -31,19 +31,19 @@ def absent_numbers(recording: Recording, kind: Kind) -> AbsentNumbers:
     numbers = sorted({-1, *(name_parts(path)[1] for path in recording.paths(kind))})
     gaps = [(before + 1, after - 1) for before, after in pairwise(numbers) if after - before > 1]
     stated = _stated_numbers(recording, kind) if gaps else set()
-    given_up = sorted(n for n in stated if any(first <= n <= last for first, last in gaps))
-    return AbsentNumbers(given_up, [part for gap in gaps for part in _without(gap, given_up)])
+    skipped_numbers = sorted(n for n in stated if any(first <= n <= last for first, last in gaps))
+    return AbsentNumbers(skipped_numbers, [part for gap in gaps for part in _split_range(gap, skipped_numbers)])
 
 
-def _without(gap: tuple[int, int], given_up: list[int]) -> Iterable[tuple[int, int]]:
+def _split_range(gap: tuple[int, int], skipped_numbers: list[int]) -> Iterable[tuple[int, int]]:
     """What is left of a range."""
     first, last = gap
-    edges = [first - 1, *(n for n in given_up if first <= n <= last), last + 1]
+    edges = [first - 1, *(n for n in skipped_numbers if first <= n <= last), last + 1]
     return [(before + 1, after - 1) for before, after in pairwise(edges) if after - before > 1]
 
 
 def _stated_numbers(recording: Recording, kind: Kind) -> set[int]:
     """The numbers that files state as given up."""
     tables = (McapFile(path).head().metadata.get(FILE_METADATA, {}) for path in recording.paths(kind))
-    words = (word for table in tables for word in table.get(GIVEN_UP_KEY, "").split())
+    words = (word for table in tables for word in table.get(SKIPPED_NUMBERS_KEY, "").split())
     return {int(word) for word in words if word.isascii() and word.isdigit() and len(word) <= MAX_NUMBER_DIGITS}

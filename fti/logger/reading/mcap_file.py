@@ -23,8 +23,8 @@ from fti.errors import MissingError
 from fti.logger.reading.compression import decompress
 from fti.logger.reading.limits import MAX_RECORD, MAX_TIME_NS, DeclaredSizes, LimitError, check_messages
 from fti.logger.reading.open_chunk import DamagedChunkError, Declarations, is_open, read_open_chunk
-from fti.logger.reading.source import Source
-from fti.logger.reading.structure import chunk_head, record_end
+from fti.logger.reading.record_validation import chunk_head, record_end
+from fti.logger.reading.tolerant_file import TolerantFile
 from fti.logger.records import HEAD, MAGIC, MESSAGE, Op
 from fti.logger.regular_file import open_regular
 
@@ -32,10 +32,10 @@ _MESSAGE = int(Op.MESSAGE)  # looking up a member of an enumeration is slow in a
 _STAMPS = struct.Struct("<HIQQ")
 FOOTER_BYTES = 9 + 20 + len(MAGIC)
 #: Messages of a large chunk that are given out together.
-_TOGETHER = 2**16
+_MAX_BATCH_MESSAGES = 2**16
 
 
-class Topic(NamedTuple):
+class McapChannel(NamedTuple):
     """A channel: its topic, the encoding of its messages and what is said of it."""
 
     name: str
@@ -43,10 +43,10 @@ class Topic(NamedTuple):
     metadata: dict[str, str]
 
 
-class Item(NamedTuple):
+class McapMessage(NamedTuple):
     """A message.  Times in ns; sequence is 32 bits wide."""
 
-    topic: Topic
+    topic: McapChannel
     log_time: int
     publish_time: int
     sequence: int
@@ -67,7 +67,7 @@ class McapFile:
     def __init__(self, path: Path) -> None:
         self.path = path
         self.fault: str | None = None
-        self._topics: dict[int, Topic] = {}
+        self._topics: dict[int, McapChannel] = {}
         self._sizes = DeclaredSizes()
         self._at = 0
 
@@ -97,7 +97,7 @@ class McapFile:
         """Compression of the first chunk; "" when it has none, or there is no chunk."""
         return next((record.compression for record in self._records() if isinstance(record, Chunk)), "")
 
-    def chunks(self) -> Iterator[list[Item]]:
+    def chunks(self) -> Iterator[list[McapMessage]]:
         """The messages, chunk by chunk (a large one in parts), in the order of the file, up to the end or the break."""
         for record in self._records():
             try:
@@ -105,7 +105,7 @@ class McapFile:
                     if items:
                         yield items
             except LimitError as error:
-                self.fault = _beyond(self._at, error)
+                self.fault = _limit_fault(self._at, error)
                 return
             except (McapError, ValueError, struct.error) as error:
                 self.fault = f"is damaged after byte {self._at}: {error}"
@@ -113,9 +113,9 @@ class McapFile:
         if self.fault and not self.finished:
             yield from self._unfinished()
 
-    def _unfinished(self) -> Iterator[list[Item]]:
+    def _unfinished(self) -> Iterator[list[McapMessage]]:
         """What the last chunk holds where a cut or a power cut has left it without the checksum that its head tells."""
-        with Source(self.path) as source:
+        with TolerantFile(self.path) as source:
             head = chunk_head(source, _chunk_at(source, self._at))
             if head is None or not is_open(source, head):
                 return
@@ -126,7 +126,7 @@ class McapFile:
             except (DamagedChunkError, McapError, ValueError, KeyError, struct.error):
                 return  # the fault stands
 
-    def items(self) -> Iterator[Item]:
+    def items(self) -> Iterator[McapMessage]:
         """The messages in the order of the file."""
         for chunk in self.chunks():
             yield from chunk
@@ -139,12 +139,12 @@ class McapFile:
         try:
             with open_regular(self.path) as stream:
                 limit = os.fstat(stream.fileno()).st_size
-                for record in StreamReader(_limited(stream), emit_chunks=True, record_size_limit=limit).records:
+                for record in StreamReader(_limit_reads(stream), emit_chunks=True, record_size_limit=limit).records:
                     self._count(record, stream.tell() - self._at)
                     yield record
                     self._at = stream.tell()
         except LimitError as error:
-            self.fault = _beyond(self._at, error)
+            self.fault = _limit_fault(self._at, error)
         except (EndOfFile, RecordLengthLimitExceeded, struct.error):
             self.fault = f"ends after byte {self._at} without a footer: it is being written, or was cut off"
         except (McapError, ValueError) as error:
@@ -159,7 +159,7 @@ class McapFile:
         elif isinstance(record, Attachment):
             self._sizes.attachment(size)
 
-    def _take(self, record: Any) -> Iterator[list[Item]]:
+    def _take(self, record: Any) -> Iterator[list[McapMessage]]:
         if isinstance(record, Chunk):
             yield from self._walk(_content(record), len(record.data))
         elif isinstance(record, Channel):
@@ -167,23 +167,23 @@ class McapFile:
         elif isinstance(record, Message):  # appended, not yet covered by the head of its chunk
             _check_times(record.log_time, record.publish_time)
             topic = self._topic(record.channel_id)
-            yield [Item(topic, record.log_time, record.publish_time, record.sequence, record.data)]
+            yield [McapMessage(topic, record.log_time, record.publish_time, record.sequence, record.data)]
 
     def _declare(self, channel: Channel) -> None:
         table = channel.metadata
         texts = len(channel.topic) + len(channel.message_encoding) + sum(len(key) + len(table[key]) for key in table)
         self._sizes.channel(channel.id, channel.topic, texts)
-        self._topics[channel.id] = Topic(channel.topic, channel.message_encoding, table)
+        self._topics[channel.id] = McapChannel(channel.topic, channel.message_encoding, table)
 
-    def _topic(self, channel_id: int) -> Topic:
+    def _topic(self, channel_id: int) -> McapChannel:
         topic = self._topics.get(channel_id)
         if topic is None:
             raise ValueError(f"a message is of channel {channel_id}, which is not declared")
         return topic
 
-    def _walk(self, data: bytes, stored: int) -> Iterator[list[Item]]:
+    def _walk(self, data: bytes, stored: int) -> Iterator[list[McapMessage]]:
         """The messages among the records of a chunk, which takes so many bytes in the file."""
-        items: list[Item] = []
+        items: list[McapMessage] = []
         given = 0
         at, size, topics = 0, len(data), self._topics
         while at < size:
@@ -197,9 +197,9 @@ class McapFile:
                     _check_times(log_time, publish_time)
                 body = data[at + MESSAGE.size : end]
                 topic = topics.get(channel_id) or self._topic(channel_id)
-                items.append(Item(topic, log_time, publish_time, sequence, body))
-                if len(items) == _TOGETHER:
-                    given += _TOGETHER
+                items.append(McapMessage(topic, log_time, publish_time, sequence, body))
+                if len(items) == _MAX_BATCH_MESSAGES:
+                    given += _MAX_BATCH_MESSAGES
                     check_messages(given, stored)
                     yield items
                     items = []
@@ -209,7 +209,7 @@ class McapFile:
         yield items
 
 
-class _Limited:
+class _LimitedStream:
     """A file that gives no more at once than a record may have, whatever length stands in it."""
 
     def __init__(self, stream: IO[bytes]) -> None:
@@ -222,11 +222,11 @@ class _Limited:
         return self._stream.read(length)
 
 
-def _limited(stream: IO[bytes]) -> IO[bytes]:
-    return cast(IO[bytes], _Limited(stream))
+def _limit_reads(stream: IO[bytes]) -> IO[bytes]:
+    return cast(IO[bytes], _LimitedStream(stream))
 
 
-def _beyond(at: int, error: LimitError) -> str:
+def _limit_fault(at: int, error: LimitError) -> str:
     """The fault of a file that is beyond a limit."""
     return f"is not read on after byte {at}: {error}"
 
@@ -244,7 +244,7 @@ def _content(chunk: Chunk) -> bytes:
     return content
 
 
-def _chunk_at(source: Source, at: int) -> int:
+def _chunk_at(source: TolerantFile, at: int) -> int:
     """Where the next record stands that is no filling before a chunk."""
     while source.read(at, 1) in (bytes([Op.PADDING]), bytes([Op.CHECKPOINTS])):
         end = record_end(source, at, source.size)

@@ -28,7 +28,7 @@ class NoteStates:
     def __init__(self) -> None:
         self._last: dict[str, NoteState] = {}
 
-    def take(self, topic: str, log_time: int, record: Any) -> NoteState:
+    def feed(self, topic: str, log_time: int, record: Any) -> NoteState:
         """The note of a record; for other topics the record itself."""
         if topic not in ENTRY_TABLES or not isinstance(record, dict):
             return NoteState(log_time, record, whole=True)
@@ -38,7 +38,9 @@ class NoteStates:
         if not whole and before and before.whole and before.log_time == record.get(SINCE):
             whole = True
             for name in ENTRY_TABLES[topic]:
-                table[name] = _joined(before.table.get(name), table.get(name), (log_time - before.log_time) / 1e6)
+                table[name] = _merge_entries(
+                    before.table.get(name), table.get(name), (log_time - before.log_time) / 1e6
+                )
         self._last[topic] = NoteState(log_time, table, whole)
         return self._last[topic]
 
@@ -46,17 +48,17 @@ class NoteStates:
         """The same as JSON.  Raises ValueError when it is none."""
         if topic not in ENTRY_TABLES:
             return data
-        return json.dumps(self.take(topic, log_time, parse_json(data)).table).encode()
+        return json.dumps(self.feed(topic, log_time, parse_json(data)).table).encode()
 
 
-def _joined(before: Any, changed: Any, passed_ms: float) -> Any:
+def _merge_entries(before: Any, changed: Any, passed_ms: float) -> Any:
     """The entries of before, which have grown older, and those that have changed."""
     if not isinstance(before, dict) or not isinstance(changed, dict):
         return changed
-    older = {key: _older(entry, passed_ms) for key, entry in before.items() if key not in changed}
+    older = {key: _age_entry(entry, passed_ms) for key, entry in before.items() if key not in changed}
     return {key: older.get(key, changed.get(key)) for key in {**before, **changed}}
 
 
-def _older(entry: Any, passed_ms: float) -> Any:
+def _age_entry(entry: Any, passed_ms: float) -> Any:
     age_ms = entry.get(AGE) if isinstance(entry, dict) else None
     return {**entry, AGE: age_ms + passed_ms} if isinstance(age_ms, int | float) else entry

@@ -15,12 +15,12 @@ from array import array
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
-from fti.logger.checkpoints import Segment, segments
+from fti.logger.checkpoints import ChunkSegment, segments
 from fti.logger.reading.chunk_content import NO_TIME, Content
 from fti.logger.reading.chunk_marks import ChunkMarks, chunk_marks
 from fti.logger.reading.limits import MAX_RECORD
-from fti.logger.reading.source import Source
-from fti.logger.reading.structure import ChunkHead
+from fti.logger.reading.record_validation import ChunkHead
+from fti.logger.reading.tolerant_file import TolerantFile
 from fti.logger.records import HEAD, Op
 
 #: More than this behind the proof is not what one sync period leaves [ns].
@@ -57,7 +57,7 @@ def _schema_id(channel: bytes) -> int:
     return int(struct.unpack_from("<H", channel, HEAD.size + 2)[0])
 
 
-def is_open(source: Source, head: ChunkHead) -> bool:
+def is_open(source: TolerantFile, head: ChunkHead) -> bool:
     """Has the chunk no message index behind it?  Then it is the last one of a file that was not finished."""
     return source.read(head.end, 1) != bytes([Op.MESSAGE_INDEX])
 
@@ -81,7 +81,7 @@ class OpenChunk:
     missing_bytes: int = 0
 
 
-def read_open_chunk(source: Source, head: ChunkHead, known: Declarations, *, growing: bool = False) -> OpenChunk:
+def read_open_chunk(source: TolerantFile, head: ChunkHead, known: Declarations, *, growing: bool = False) -> OpenChunk:
     """The last chunk of a file that was not finished.  Raises DamagedChunkError.
 
     growing : the file is being written, so that the head may tell of more than was there when it was opened
@@ -146,7 +146,7 @@ def _proved_bytes(data: bytes, head: ChunkHead, marks: ChunkMarks) -> int:
     return proved
 
 
-def _is_before_last_sync(found: list[Segment], unproved: int, size: int, marks: ChunkMarks) -> bool:
+def _is_before_last_sync(found: list[ChunkSegment], unproved: int, size: int, marks: ChunkMarks) -> bool:
     """Is a stretch unproved that the last sync but one has brought onto the medium?
 
     The last checkpoint is written before its sync, which may not have ended; the head may tell of more behind it.  What

@@ -11,22 +11,22 @@ from pathlib import Path
 from typing import NamedTuple
 
 from fti.errors import MissingError, RecordingError
-from fti.logger.blueprint import FILE_METADATA, PLACE_KEY
+from fti.logger.log_layout import FILE_METADATA, STORAGE_TARGET_KEY
 from fti.logger.raw_log import LINKS_METADATA, TICK_TOPIC
-from fti.logger.reading.mcap_file import Head, Item, McapFile
-from fti.logger.reading.place import check_place
+from fti.logger.reading.mcap_file import Head, McapFile, McapMessage
+from fti.logger.reading.session_locator import check_session_path
 from fti.logger.session import Kind, SessionFolder, name_parts
 from fti.types import TICK_LINK, RawFrame
 
-RAW, SENT = "/raw/", "/tx/"
+RAW_PREFIX, SENT_PREFIX = "/raw/", "/tx/"
 #: Frames that wait for an earlier one before the files are searched for whether it comes at all.
-PATIENCE = 50_000
+MAX_WAITING_FRAMES = 50_000
 _SEQ = itemgetter(0)
 KINDS: tuple[Kind, ...] = ("raw", "derived", "truth", "snapshot")
 
 
 @dataclass(frozen=True, slots=True)
-class Fault:
+class FileFault:
     """A file that does not end as it should; text : what is the matter with it."""
 
     path: Path
@@ -49,8 +49,8 @@ class Recording:
         self.derived_files = derived
         self.truth_files = truth
         self.snapshot_files = snapshot
-        self.faults: dict[Path, Fault] = {}
-        self._given: dict[int, Item] = {}
+        self.faults: dict[Path, FileFault] = {}
+        self._yielded: dict[int, McapMessage] = {}
         self.on_read: Callable[[Path, int], None] | None = None
 
     @classmethod
@@ -76,7 +76,7 @@ class Recording:
         return [path for kind in KINDS for path in self.paths(kind)]
 
     @property
-    def unfinished(self) -> list[Path]:
+    def unfinished_files(self) -> list[Path]:
         """The files without a footer: they are being written, or were cut off."""
         return [path for path in self.files if not McapFile(path).finished]
 
@@ -90,11 +90,13 @@ class Recording:
         return self.metadata.get(FILE_METADATA, {}).get("session", self.path.stem)
 
     @property
-    def elsewhere(self) -> list[Path]:
+    def other_folders(self) -> list[Path]:
         """Folders in which more of the session may lie: the files name them, and none of theirs is here."""
         told = self.metadata.get(FILE_METADATA, {})
         named = [
-            Path(folder) for key, folder in sorted(told.items()) if key.startswith(PLACE_KEY) and "\0" not in folder
+            Path(folder)
+            for key, folder in sorted(told.items())
+            if key.startswith(STORAGE_TARGET_KEY) and "\0" not in folder
         ]
         here = {file.parent.resolve() for file in self.files}
         return [folder for folder in named if folder.resolve() not in here]
@@ -120,19 +122,19 @@ class Recording:
 
         Raises RecordingError when a number stands twice; not where it is a copy, as where the medium was changed.
         """
-        for seq, (topic, t_ns, _, _, data) in self.numbered():
+        for seq, (topic, t_ns, _, _, data) in self.numbered_messages():
             role = _role(topic.name)
             if role and not role.sent:
                 yield RawFrame(role.link, seq, t_ns, data)
 
     def sent(self) -> Iterator[RawFrame]:
         """What was sent on the links, in order of ``seq``."""
-        for seq, (topic, t_ns, _, _, data) in self.numbered():
+        for seq, (topic, t_ns, _, _, data) in self.numbered_messages():
             role = _role(topic.name)
             if role and role.sent:
                 yield RawFrame(role.link, seq, t_ns, data)
 
-    def items(self, kind: Kind) -> Iterator[Item]:
+    def items(self, kind: Kind) -> Iterator[McapMessage]:
         """All messages of the files of a kind, in the order of the files."""
         return chain.from_iterable(self._chunks(self.paths(kind)))
 
@@ -154,20 +156,20 @@ class Recording:
     @property
     def frame_files(self) -> list[Path]:
         """The files that have the frames, each once: a snapshot beside a continuous recording has copies."""
-        only = self.snapshot_mode or not self.raw_files
+        only = self.is_snapshot_session or not self.raw_files
         return [*self.raw_files, *(self.snapshot_files if only else ())]
 
     @property
-    def snapshot_mode(self) -> bool:
+    def is_snapshot_session(self) -> bool:
         """Frames were recorded around triggers only, in the snapshot files; ticks are in the raw ones, too."""
         return self.metadata.get("fti", {}).get("mode") == "snapshot"
 
     @property
-    def reprocessed(self) -> bool:
+    def is_reprocessed(self) -> bool:
         """Made by navigation once more, from the raw files of another folder."""
         return self.metadata.get("fti", {}).get("reprocessed") == "true"
 
-    def _chunks(self, paths: list[Path]) -> Iterator[list[Item]]:
+    def _chunks(self, paths: list[Path]) -> Iterator[list[McapMessage]]:
         for path in paths:
             file = McapFile(path)
             for chunk in file.chunks():
@@ -175,37 +177,37 @@ class Recording:
                 if self.on_read:
                     self.on_read(path, file.position)
             if file.fault:
-                self.faults[path] = Fault(path, file.fault)
+                self.faults[path] = FileFault(path, file.fault)
 
-    def _frame_chunks(self) -> Iterator[list[Item]]:
+    def _frame_chunks(self) -> Iterator[list[McapMessage]]:
         """The chunks of the files that have the frames; ticks of raw files only, where there are any."""
         yield from self._chunks(self.raw_files)
         for chunk in self._chunks(self.frame_files[len(self.raw_files) :]):
             yield [item for item in chunk if item.topic.name != TICK_TOPIC] if self.raw_files else chunk
 
-    def _numbered_chunks(self) -> Iterator[list[tuple[int, Item]]]:
+    def _numbered_chunks(self) -> Iterator[list[tuple[int, McapMessage]]]:
         """Numbered messages with their full ``seq``, in the order of the files."""
         last: int | None = None
         for chunk in self._frame_chunks():
-            numbered = []
+            numbered_messages = []
             for item in chunk:
                 if _role(item.topic.name):
                     last = unwrap(item.sequence, last)
-                    numbered.append((last, item))
-            yield numbered
+                    numbered_messages.append((last, item))
+            yield numbered_messages
 
-    def numbered(self) -> Iterator[tuple[int, Item]]:
+    def numbered_messages(self) -> Iterator[tuple[int, McapMessage]]:
         """Frames, ticks and sent bytes in order of ``seq``, as (seq, item).  Raises RecordingError as ``frames``.
 
         Links are written one after another, so a message may stand behind later ones.  A message is given out when it
         is the next, or, once too many wait, when no smaller number follows in the files.
         """
-        waiting: list[tuple[int, Item]] = []
+        waiting: list[tuple[int, McapMessage]] = []
         following: list[int] | None = None
         expected = 0
-        for position, numbered in enumerate(self._numbered_chunks()):
-            waiting = sorted(waiting + numbered, key=_SEQ)
-            if following is None and len(waiting) > len(numbered) + PATIENCE:
+        for position, numbered_messages in enumerate(self._numbered_chunks()):
+            waiting = sorted(waiting + numbered_messages, key=_SEQ)
+            if following is None and len(waiting) > len(numbered_messages) + MAX_WAITING_FRAMES:
                 following = self._smallest_following()
             limit = following[position] if following else 0
             given = 0
@@ -222,23 +224,23 @@ class Recording:
                 expected = entry[0] + 1
                 yield entry
 
-    def _is_copy(self, entry: tuple[int, Item], expected: int) -> bool:
+    def _is_copy(self, entry: tuple[int, McapMessage], expected: int) -> bool:
         """Was the same given out already?  Raises RecordingError when it was another one with this number.
 
         What a medium may have taken before it was given up stands on the next one too.
         """
         seq, item = entry
-        if seq not in self._given:
-            self._given = self._find_given(seq, expected)
-        if self._given.get(seq) != item:
+        if seq not in self._yielded:
+            self._yielded = self._find_given(seq, expected)
+        if self._yielded.get(seq) != item:
             raise RecordingError(f"{item.topic.name}: the number {seq} comes after {expected - 1}; it stands twice")
         return True
 
-    def _find_given(self, first: int, end: int) -> dict[int, Item]:
+    def _find_given(self, first: int, end: int) -> dict[int, McapMessage]:
         """The first message with each of these numbers, from the beginning of the files."""
-        found: dict[int, Item] = {}
-        for numbered in self._numbered_chunks():
-            for seq, item in numbered:
+        found: dict[int, McapMessage] = {}
+        for numbered_messages in self._numbered_chunks():
+            for seq, item in numbered_messages:
                 if first <= seq < end:
                     found.setdefault(seq, item)
             if len(found) == end - first:
@@ -247,7 +249,9 @@ class Recording:
 
     def _smallest_following(self) -> list[int]:
         """For each chunk the smallest number in all later chunks."""
-        smallest = [min((seq for seq, _ in numbered), default=2**64) for numbered in self._numbered_chunks()]
+        smallest = [
+            min((seq for seq, _ in numbered_messages), default=2**64) for numbered_messages in self._numbered_chunks()
+        ]
         following, least = [2**64] * len(smallest), 2**64
         for position in range(len(smallest) - 1, -1, -1):
             following[position] = least
@@ -275,14 +279,14 @@ def _role(topic: str) -> _Role | None:
     """What a topic is; None when it is not numbered."""
     if topic == TICK_TOPIC:
         return _Role(TICK_LINK, sent=False)
-    if topic.startswith((RAW, SENT)):
-        return _Role(topic.split("/", 2)[2], sent=topic.startswith(SENT))
+    if topic.startswith((RAW_PREFIX, SENT_PREFIX)):
+        return _Role(topic.split("/", 2)[2], sent=topic.startswith(SENT_PREFIX))
     return None
 
 
 def _find_files(place: Path) -> Iterator[list[Path]]:
     """The files of a folder of each kind, or a single file.  Raises MissingError."""
-    check_place(place)
+    check_session_path(place)
     if place.is_dir():
         folder = SessionFolder(place)
         return iter([folder.files(kind) for kind in KINDS])

@@ -18,7 +18,7 @@ from functools import cache
 STRIDE = 4096
 
 
-def turn_back(data: bytearray, crc: int, before: int = 0) -> int | None:
+def correct_bit(data: bytearray, crc: int, before: int = 0) -> int | None:
     """Turn the one bit back with which the CRC-32 of the data is ``crc``.
 
     before : CRC-32 of what comes before the data, where ``crc`` is of both.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from fti.logger.reading.chunk_content import Content
-from fti.logger.reading.structure import ChunkHead
+from fti.logger.reading.record_validation import ChunkHead
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,7 +24,7 @@ class Messages:
 
 
 @dataclass(frozen=True, slots=True)
-class Other:
+class OtherRecord:
     """A sound record that holds no messages."""
 
     begin: int
@@ -33,11 +33,11 @@ class Other:
 
 
 @dataclass(frozen=True, slots=True)
-class Lost:
+class LostBytes:
     """Bytes of which nothing is taken."""
 
     begin: int
     end: int
 
 
-Piece = Messages | Other | Lost
+Piece = Messages | OtherRecord | LostBytes

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from fti.logger.reading.told import ChunkPlace
-from fti.logger.recovery.numbers_found import Gap
+from fti.logger.reading.summary_index import ChunkLocation
+from fti.logger.recovery.recovered_sequence import SequenceGap
 
 
 @dataclass(slots=True)
@@ -42,7 +42,7 @@ class FileReport:
     metadata: int = 0
     unreadable_bytes: int = 0
     told_messages: int | None = None
-    missing_chunks: list[ChunkPlace] = field(default_factory=list)
+    missing_chunks: list[ChunkLocation] = field(default_factory=list)
     damages: list[Damage] = field(default_factory=list)
     flipped: list[int] = field(default_factory=list)
     altered_metadata: list[str] = field(default_factory=list)
@@ -71,7 +71,7 @@ class FileReport:
 
 
 @dataclass(slots=True)
-class Report:
+class RecoveryReport:
     """What was found in a session.
 
     gaps : numbers of frames that are missing between those found; of mode "snapshot" only ``fti verify`` can tell
@@ -79,7 +79,7 @@ class Report:
 
     source: str
     files: list[FileReport] = field(default_factory=list)
-    gaps: list[Gap] = field(default_factory=list)
+    gaps: list[SequenceGap] = field(default_factory=list)
 
     @property
     def complete(self) -> bool:

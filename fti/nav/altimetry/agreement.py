@@ -48,17 +48,17 @@ MAX_GAP_NS, MAX_PAUSE_NS = 1_000_000_000, 2_500_000_000
 #: Without a disagreement a refusal ends after so many times the time that it lasted, within these limits [ns].
 UNCOMPARED_SHARE, MIN_UNCOMPARED_NS, MAX_UNCOMPARED_NS = 20, 2_000_000_000, 600_000_000_000
 #: Predictions that prove nothing of an altimeter: wrong ground, a gate of twice its limit, its own altitude.
-UNPROVEN = frozenset({Reason.GROUND_CONTRADICTED, Reason.UNCERTAIN, Reason.NOT_INDEPENDENT})
+UNPROVEN_REASONS = frozenset({Reason.GROUND_CONTRADICTED, Reason.UNCERTAIN, Reason.NOT_INDEPENDENT})
 #: Reasons against one altimeter that decide which of two is the wrong one.
-DECIDES = frozenset({Reason.STUCK, Reason.CHANGE_MISMATCH, Reason.DEVIATION})
+DECISIVE_REASONS = frozenset({Reason.STUCK, Reason.CHANGE_MISMATCH, Reason.DEVIATION})
 #: Samples kept of each altimeter: three of them are never closer than this [ns], so they last for 1.6 s or longer.
-KEPT, SPACING_NS = 64, 50_000_000
+MAX_SAMPLES, SPACING_NS = 64, 50_000_000
 #: Deviation from the prediction of a wrong altimeter, and of a good one [sigmas].
 WRONG_SIGMAS, GOOD_SIGMAS = 3.0, 2.0
 
 
 @dataclass(frozen=True, slots=True)
-class Comparable:
+class ComparableHeight:
     """What of a height can be compared.
 
     level, level_sd : height of P over level ground [m]; below, below_sd : over the ground straight below; None: unknown
@@ -75,19 +75,19 @@ class Comparable:
     deviation: float | None
 
 
-def comparable(height: HeightAboveGround, limits: Altimeter) -> Comparable | None:
+def make_comparable(height: HeightAboveGround, limits: Altimeter) -> ComparableHeight | None:
     """Of a height of the altimeter with these limits; None of one that is not valid."""
     raw, t_ns = height.raw, height.t_valid_ns
     if height.reasons or height.nearest is None or raw is None or t_ns is None:
         return None
     sigmas = None
-    if UNPROVEN.isdisjoint(height.unchecked) and height.predicted is not None and height.predicted_sd:
+    if UNPROVEN_REASONS.isdisjoint(height.unchecked) and height.predicted is not None and height.predicted_sd:
         sigmas = abs(raw - height.predicted) / height.predicted_sd
-    slant_range = limits.range_of(raw)
+    slant_range = limits.corrected_range_m(raw)
     level = height.nearest + slant_range - raw
     below, below_sd = height.height_agl if height.is_by_terrain else None, height.sd or RANGE_SD_UNKNOWN
     offset = math.sqrt(max(0.0, slant_range**2 - level**2))
-    return Comparable(t_ns, level, height.nearest_sd or RANGE_SD_UNKNOWN, below, below_sd, offset, sigmas)
+    return ComparableHeight(t_ns, level, height.nearest_sd or RANGE_SD_UNKNOWN, below, below_sd, offset, sigmas)
 
 
 class _Pair:
@@ -102,7 +102,12 @@ class _Pair:
         self._confirmed: tuple[str, int, int] | None = None  # who, since when, until when
 
     def compare(
-        self, t_ns: int, first: Comparable, second: Comparable, limits: tuple[Altimeter, Altimeter], now_ns: int
+        self,
+        t_ns: int,
+        first: ComparableHeight,
+        second: ComparableHeight,
+        limits: tuple[Altimeter, Altimeter],
+        now_ns: int,
     ) -> None:
         """Take what both say at one time.  now_ns : when the later one of both came"""
         if t_ns <= self._last_ns:
@@ -154,7 +159,7 @@ class _Pair:
             self._compared_ns = self._differed_ns = now_ns
             self._since_ns, self._count = None, 0
 
-    def _decide(self, first: Comparable, second: Comparable) -> frozenset[str]:
+    def _decide(self, first: ComparableHeight, second: ComparableHeight) -> frozenset[str]:
         if first.deviation is None or second.deviation is None:
             return frozenset(self.names)
         pairs = (first.deviation, second.deviation), (second.deviation, first.deviation)
@@ -165,13 +170,15 @@ class _Pair:
         return frozenset(self.names)
 
 
-def _difference(first: Comparable, second: Comparable) -> float:
+def _difference(first: ComparableHeight, second: ComparableHeight) -> float:
     if first.below is not None and second.below is not None:
         return first.below - second.below
     return first.level - second.level
 
 
-def bounds(first: Comparable, second: Comparable, limits: tuple[Altimeter, Altimeter]) -> tuple[float, float]:
+def bounds(
+    first: ComparableHeight, second: ComparableHeight, limits: tuple[Altimeter, Altimeter]
+) -> tuple[float, float]:
     """Least and largest difference, first minus second, that is no disagreement [m]."""
     known = first.below is not None and second.below is not None
     sds = (first.below_sd, second.below_sd) if known else (first.level_sd, second.level_sd)
@@ -195,7 +202,7 @@ class AgreementCheck:
         self._limits = limits
         names = list(limits)
         self._pairs = [_Pair(a, b) for k, a in enumerate(names) for b in names[k + 1 :]]
-        self._kept: dict[str, deque[Comparable]] = {name: deque(maxlen=KEPT) for name in names}
+        self._kept: dict[str, deque[ComparableHeight]] = {name: deque(maxlen=MAX_SAMPLES) for name in names}
 
     def update(self, height: HeightAboveGround, refusals: Collection[Reason] = ()) -> tuple[Reason, ...]:
         """Take a height; the reasons against its altimeter from the others.
@@ -212,9 +219,9 @@ class AgreementCheck:
         return (Reason.ALTIMETERS_DISAGREE,) if any(height.sensor in pair.wrong for pair in pairs) else ()
 
     def _take(self, height: HeightAboveGround, pairs: list[_Pair], refusals: Collection[Reason]) -> None:
-        found, kept = comparable(height, self._limits[height.sensor]), self._kept[height.sensor]
+        found, kept = make_comparable(height, self._limits[height.sensor]), self._kept[height.sensor]
         if found is None:
-            if not DECIDES.isdisjoint(refusals):
+            if not DECISIVE_REASONS.isdisjoint(refusals):
                 for pair in pairs:
                     pair.accuse(height.t_ns, height.sensor)
         elif not kept or found.t_ns > kept[-1].t_ns:
@@ -236,7 +243,7 @@ class AgreementCheck:
             pair.compare(t_ns, first, second, limits, now_ns)
 
 
-def _at(kept: deque[Comparable], t_ns: int) -> Comparable | None:
+def _at(kept: deque[ComparableHeight], t_ns: int) -> ComparableHeight | None:
     """Interpolated; None before the first, after the last and in a gap."""
     if kept[-1].t_ns == t_ns:
         return kept[-1]
@@ -247,12 +254,12 @@ def _at(kept: deque[Comparable], t_ns: int) -> Comparable | None:
     return None
 
 
-def _between(before: Comparable, after: Comparable, share: float) -> Comparable:
+def _between(before: ComparableHeight, after: ComparableHeight, share: float) -> ComparableHeight:
     below = None
     if before.below is not None and after.below is not None:
         below = before.below + share * (after.below - before.below)
     nearer = after if share > 0.5 else before
-    return Comparable(
+    return ComparableHeight(
         t_ns=nearer.t_ns,
         level=before.level + share * (after.level - before.level),
         level_sd=max(before.level_sd, after.level_sd),

@@ -1,6 +1,6 @@
 """What the memory of one altimeter says: its changes over 2 to 10 s against the predicted ones.
 
-    stuck            ``fti.nav.altimetry.stuck``: its value repeats exactly although the prediction changes
+    stuck            ``fti.nav.altimetry.stuck_value``: its value repeats exactly although the prediction changes
     change_mismatch  ``fti.nav.altimetry.mismatch``: it changes otherwise than the known ground predicts
 
 What scatters about the prediction by more than its sigma explains (``fti.nav.altimetry.scatter``) is not refused: its
@@ -20,17 +20,17 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from fti.nav.altimetry.mismatch import MismatchTest
-from fti.nav.altimetry.observation import Observation, Resolution
+from fti.nav.altimetry.observation import AltimeterObservation, Resolution
 from fti.nav.altimetry.scatter import ResidualScatter
-from fti.nav.altimetry.stuck import StuckTest
-from fti.nav.series import SECOND_NS
+from fti.nav.altimetry.stuck_value import StuckTest
+from fti.nav.time_series import SECOND_NS
 from fti.types import Reason
 
 #: Without a sample for longer there is a gap [ns].
 MAX_GAP_NS = 3 * SECOND_NS
 
 #: Of position and altitude.
-Source = tuple[str | None, str | None]
+SourcePair = tuple[str | None, str | None]
 
 
 class ChangeCheck:
@@ -41,8 +41,8 @@ class ChangeCheck:
         self._resolution = Resolution()
         self._climbed = 0.0
         self._last_ns: int | None = None
-        self._flown: Observation | None = None  # the last with an altitude or a climb rate
-        self._source: Source = (None, None)
+        self._last_observation: AltimeterObservation | None = None  # the last with an altitude or a climb rate
+        self._source: SourcePair = (None, None)
         self.reasons: tuple[Reason, ...] = ()
 
     @property
@@ -56,11 +56,11 @@ class ChangeCheck:
         """One sigma of the range that its stated one does not contain [m]: scatter, and an offset after a refusal."""
         return math.hypot(self._scatter.excess_sd, self._mismatch.offset_sd)
 
-    def forget_ground(self) -> None:
+    def reset_terrain_tests(self) -> None:
         """The known ground was wrong: what it made of this altimeter does not count."""
         self._mismatch, self._scatter = MismatchTest(), ResidualScatter()
 
-    def update(self, o: Observation, *, deviates: bool = False) -> tuple[Reason, ...]:
+    def update(self, o: AltimeterObservation, *, deviates: bool = False) -> tuple[Reason, ...]:
         """The reasons against this altimeter from this sample on.  deviates : it is beyond its gate"""
         if self._last_ns is not None and o.t_ns <= self._last_ns:
             return self.reasons
@@ -77,26 +77,26 @@ class ChangeCheck:
         self.reasons = tuple(reason for reason, refused in tests if refused)
         return self.reasons
 
-    def _join(self, o: Observation, *, has_gap: bool) -> None:
+    def _join(self, o: AltimeterObservation, *, has_gap: bool) -> None:
         """What lies between this sample and the one before: a climb, a gap, a change of the source."""
         pairs = list(zip(o.source, self._source, strict=True))
         self._source = pairs[0][0] or pairs[0][1], pairs[1][0] or pairs[1][1]
         is_source_new = any(now and before and now != before for now, before in pairs)
         if has_gap:
-            self._stuck.pass_gap(o.t_ns)
+            self._stuck.reset_after_gap(o.t_ns)
         if is_source_new:
             self._stuck.join()
         if has_gap or is_source_new:
-            self._mismatch.begin_anew(is_source_new=is_source_new)
-            self._scatter.begin_anew()
+            self._mismatch.reset(is_source_new=is_source_new)
+            self._scatter.reset()
         if o.alt is None and o.climb is None:
             return
-        if self._flown is not None and not is_source_new:
-            self._climbed += _rise(o, self._flown, has_gap=has_gap)
-        self._flown = o
+        if self._last_observation is not None and not is_source_new:
+            self._climbed += _rise(o, self._last_observation, has_gap=has_gap)
+        self._last_observation = o
 
 
-def _rise(o: Observation, last: Observation, *, has_gap: bool) -> float:
+def _rise(o: AltimeterObservation, last: AltimeterObservation, *, has_gap: bool) -> float:
     """Change of the height by the climb rate [m]; without one, and across a gap, the altitude alone has to do."""
     if o.climb is None or (has_gap and o.alt is not None and last.alt is not None):
         return o.alt - last.alt if o.alt is not None and last.alt is not None else 0.0

@@ -24,15 +24,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from fti.config import Device, Vector
 from fti.geodesy.rotations import down_row, mat_from_rpy
-from fti.nav.sources import ATTITUDE_SD_UNKNOWN
+from fti.nav.source_interpolation import ATTITUDE_SD_UNKNOWN
 
 if TYPE_CHECKING:
-    from fti.nav.altimetry.predicted import Prediction
+    from fti.nav.altimetry.range_prediction import Prediction
 
 Array = NDArray[np.float64]
 
 #: No error of the tilt is followed beyond this angle off the vertical [rad].
-MAX_TURN = math.radians(60.0)
+MAX_TILT = math.radians(60.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +50,7 @@ class Mounting:
 
 
 @dataclass(frozen=True, slots=True)
-class Height:
+class CompensatedHeight:
     """A height above ground at P [m] and its one sigma [m]; sd is None when the sensor's is unknown."""
 
     height_agl: float
@@ -75,7 +75,7 @@ def _dot(a: Vector, b: Vector) -> float:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-def lower(arm_b: Vector, roll: float, pitch: float) -> float:
+def lever_arm_drop(arm_b: Vector, roll: float, pitch: float) -> float:
     """How far the end of a lever arm from P [m] is below P: (0 0 1) mat_nb arm_b."""
     return _dot(down_row(roll, pitch), arm_b)
 
@@ -94,7 +94,7 @@ def height_at_p(
     range_sd: float | None = None,
     roll_sd: float | None = None,
     pitch_sd: float | None = None,
-) -> Height:
+) -> CompensatedHeight:
     """Height of P above level ground from a range, compensated for attitude, mounting and lever arm.
 
         h_agl(P) = d cos(max(0, tilt - half_beam)) + (0 0 1) mat_nb lever_arm_b
@@ -114,16 +114,16 @@ def height_at_p(
     if slant_range < 0.0:
         raise ValueError(f"slant_range = {slant_range} m: must be >= 0")
     excess = max(0.0, tilt_of(mounting, roll, pitch) - mounting.half_beam)
-    height = slant_range * math.cos(excess) + lower(mounting.lever_arm_b, roll, pitch)
+    height = slant_range * math.cos(excess) + lever_arm_drop(mounting.lever_arm_b, roll, pitch)
     if range_sd is None:
-        return Height(height, None)
+        return CompensatedHeight(height, None)
     by_roll, by_pitch = _attitude_gradient(slant_range, roll, pitch, mounting)
     sd_r = ATTITUDE_SD_UNKNOWN if roll_sd is None else roll_sd
     sd_p = ATTITUDE_SD_UNKNOWN if pitch_sd is None else pitch_sd
-    return Height(height, math.hypot(math.cos(excess) * range_sd, by_roll * sd_r, by_pitch * sd_p))
+    return CompensatedHeight(height, math.hypot(math.cos(excess) * range_sd, by_roll * sd_r, by_pitch * sd_p))
 
 
-def beyond_linear_sd(slant_range: float, tilt: float, half_beam: float, tilt_sd: float) -> float:
+def nonlinear_tilt_sd(slant_range: float, tilt: float, half_beam: float, tilt_sd: float) -> float:
     """One sigma [m] of a range over level ground by the tilt, less its linear part (root-sum-square).
 
     A third of the change by three sigmas of the tilt is the whole: of a level laser the linear part is zero, and 9 deg
@@ -133,7 +133,7 @@ def beyond_linear_sd(slant_range: float, tilt: float, half_beam: float, tilt_sd:
     """
     if tilt_sd <= ATTITUDE_SD_UNKNOWN:
         return 0.0
-    excess, farther = (min(max(0.0, angle - half_beam), MAX_TURN) for angle in (tilt, tilt + 3.0 * tilt_sd))
+    excess, farther = (min(max(0.0, angle - half_beam), MAX_TILT) for angle in (tilt, tilt + 3.0 * tilt_sd))
     whole = slant_range * (math.cos(excess) / math.cos(farther) - 1.0) / 3.0
     linear = slant_range * math.tan(excess) * tilt_sd
     return math.sqrt(whole**2 - linear**2) if whole > linear else 0.0
@@ -153,7 +153,7 @@ def _attitude_gradient(slant_range: float, roll: float, pitch: float, mounting: 
 # ------------------------------------------------------------------------------------------------- over known ground
 
 
-def height_over_ground(slant_range: ArrayLike, seen: Prediction) -> Array:
+def height_over_ground(slant_range: ArrayLike, prediction: Prediction) -> Array:
     """Height of P over the ground straight below it, from what was measured and what should have been.
 
         h_agl(P) = h(P) - h(N) + (d - d_predicted) cos(theta)
@@ -168,4 +168,4 @@ def height_over_ground(slant_range: ArrayLike, seen: Prediction) -> Array:
                   puts a height of M from an averaged direction beside a range from elsewhere; with the very surface
                   and the very beam it leaves metres, this one leaves the noise.
     """
-    return np.asarray(seen.height_p + (np.asarray(slant_range) - seen.slant_range) * seen.cosine)
+    return np.asarray(prediction.height_p + (np.asarray(slant_range) - prediction.slant_range) * prediction.cosine)

@@ -12,7 +12,7 @@ Stated, not measured: all times.
 
 from __future__ import annotations
 
-from fti.nav.series import SECOND_NS
+from fti.nav.time_series import SECOND_NS
 
 #: A refusal begins after so long [ns], and so many samples; agreement that begins the count anew [ns].
 BEGIN_NS, BEGIN_COUNT, RESET_NS = SECOND_NS // 2, 3, 3 * SECOND_NS // 10

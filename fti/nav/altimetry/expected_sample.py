@@ -1,4 +1,4 @@
-"""What the known ground predicts for one sample of an altimeter (made by ``fti.nav.altimetry.expected``)."""
+"""What the known ground predicts for one sample of an altimeter (made by ``fti.nav.altimetry.expected_range``)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from fti.types import Compensation, Reason
 
 
 @dataclass(frozen=True, slots=True)
-class Expected:
+class ExpectedSample:
     """What is expected of one sample.
 
     slant_range, range_sd : what the altimeter should say [m], and one sigma of measured minus predicted [m]
@@ -30,7 +30,7 @@ class Expected:
     cosine: float
     compensation: Compensation
 
-    def compensated(self, slant_range: float) -> tuple[float, float, Compensation] | None:
+    def compensate(self, slant_range: float) -> tuple[float, float, Compensation] | None:
         """Height of P over the ground straight below it [m], one sigma, and how; None where that ground is unknown.
 
         h = h(P) - h(N) + (d_measured - d_predicted) cos(theta): eq. 3.33, corrected.
@@ -51,4 +51,4 @@ class NoGround:
 
 
 #: What is predicted; or the reason why nothing is.
-ExpectedOrReason = Expected | NoGround | Reason
+ExpectedSampleOrReason = ExpectedSample | NoGround | Reason

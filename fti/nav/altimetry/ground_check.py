@@ -21,21 +21,21 @@ from itertools import combinations
 from fti.config import Altimeter
 from fti.nav.altimetry.agreement import LIMIT_M, SIGMAS
 from fti.nav.altimetry.validity import deviation_gate
-from fti.nav.series import SECOND_NS
+from fti.nav.time_series import SECOND_NS
 from fti.types import Event, HeightAboveGround, Reason
 
 #: Deviations alike for so long, and so often, before the ground is doubted; not alike for so long until it is not.
 BEGIN_NS, BEGIN_COUNT, END_NS = 2 * SECOND_NS, 5, 2 * SECOND_NS
 #: Samples of two altimeters are compared when they are no farther apart [ns].
-MAX_APART_NS = SECOND_NS // 2
+MAX_SEPARATION_NS = SECOND_NS // 2
 #: Samples are kept for so long: those of an altimeter with a greater latency come later [ns].
-KEPT_NS = 2 * SECOND_NS
+HISTORY_NS = 2 * SECOND_NS
 #: Comparisons that are farther apart do not follow each other [ns].
 MAX_GAP_NS = 5 * SECOND_NS // 2
 #: Without a comparison the doubt ends after this time [ns].
 MAX_UNCOMPARED_NS = 60 * SECOND_NS
 #: Reasons of an altimeter that measures, and that the ground contradicts.
-BY_RANGE = frozenset({Reason.DEVIATION, Reason.NOT_NADIR, Reason.DISPERSION, Reason.CHANGE_MISMATCH})
+RANGE_REASONS = frozenset({Reason.DEVIATION, Reason.NOT_NADIR, Reason.DISPERSION, Reason.CHANGE_MISMATCH})
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +54,7 @@ class _Deviation:
 
 def _deviation(height: HeightAboveGround, limits: Altimeter) -> _Deviation | None:
     """Of a height that is a range and has a prediction; None of another."""
-    if not BY_RANGE.issuperset(height.reasons) or height.raw is None or height.t_valid_ns is None:
+    if not RANGE_REASONS.issuperset(height.reasons) or height.raw is None or height.t_valid_ns is None:
         return None
     if height.predicted is None or height.predicted_sd is None:
         return None
@@ -64,11 +64,11 @@ def _deviation(height: HeightAboveGround, limits: Altimeter) -> _Deviation | Non
 
 
 def _keep(kept: deque[_Deviation], found: _Deviation) -> None:
-    """Append the newest; forget what is older than ``KEPT_NS``."""
+    """Append the newest; forget what is older than ``HISTORY_NS``."""
     if kept and found.t_ns <= kept[-1].t_ns:
         return
     kept.append(found)
-    while found.t_ns - kept[0].t_ns > KEPT_NS:
+    while found.t_ns - kept[0].t_ns > HISTORY_NS:
         kept.popleft()
 
 
@@ -95,7 +95,7 @@ class _Pair:
 
     def __init__(self, names: tuple[str, str]) -> None:
         self.names = names
-        self.is_doubted = False
+        self.is_contradicted = False
         self._compared_ns = 0
         self._since_ns: int | None = None
         self._count = 0
@@ -103,24 +103,24 @@ class _Pair:
     def compare(self, first: _Deviation, second: _Deviation) -> None:
         """Take two samples of about the same time."""
         t_ns = max(first.t_ns, second.t_ns)
-        if abs(first.t_ns - second.t_ns) > MAX_APART_NS or t_ns <= self._compared_ns:
+        if abs(first.t_ns - second.t_ns) > MAX_SEPARATION_NS or t_ns <= self._compared_ns:
             return
         if t_ns - self._compared_ns > MAX_GAP_NS:
             self._since_ns, self._count = None, 0
         self._compared_ns = t_ns
-        if _are_alike(first, second) == self.is_doubted:  # as it was
+        if _are_alike(first, second) == self.is_contradicted:  # as it was
             self._since_ns, self._count = None, 0
             return
         self._since_ns = t_ns if self._since_ns is None else self._since_ns
         self._count += 1
-        if t_ns - self._since_ns >= (END_NS if self.is_doubted else BEGIN_NS) and self._count >= BEGIN_COUNT:
-            self.is_doubted = not self.is_doubted
+        if t_ns - self._since_ns >= (END_NS if self.is_contradicted else BEGIN_NS) and self._count >= BEGIN_COUNT:
+            self.is_contradicted = not self.is_contradicted
             self._since_ns, self._count = None, 0
 
     def expire(self, t_ns: int) -> None:
         """Without a comparison for so long nothing is known any more."""
         if t_ns - self._compared_ns > MAX_UNCOMPARED_NS:
-            self.is_doubted, self._since_ns, self._count = False, None, 0
+            self.is_contradicted, self._since_ns, self._count = False, None, 0
 
 
 class GroundCheck:
@@ -133,7 +133,7 @@ class GroundCheck:
         self._limits = limits
         self._pairs = [_Pair(pair) for pair in combinations(limits, 2) if len({limits[n].kind for n in pair}) == 2]
         self._kept: dict[str, deque[_Deviation]] = {name: deque() for name in limits}
-        self.doubted: frozenset[str] = frozenset()
+        self.contradicted: frozenset[str] = frozenset()
 
     def update(self, height: HeightAboveGround) -> list[Event]:
         """Take a height.  Events where the doubt of the ground below an altimeter begins or ends."""
@@ -148,10 +148,10 @@ class GroundCheck:
             if found is not None and all(kept):
                 pair.compare(*(_nearest(each, found.t_ns) for each in kept))
             pair.expire(height.t_valid_ns or height.t_ns)
-        before, self.doubted = self.doubted, _names(pair for pair in self._pairs if pair.is_doubted)
+        before, self.contradicted = self.contradicted, _names(pair for pair in self._pairs if pair.is_contradicted)
         return [
-            *(self._begin(height.t_ns, name) for name in sorted(self.doubted - before)),
-            *(_end(height.t_ns, name) for name in sorted(before - self.doubted)),
+            *(self._begin(height.t_ns, name) for name in sorted(self.contradicted - before)),
+            *(_end(height.t_ns, name) for name in sorted(before - self.contradicted)),
         ]
 
     def _begin(self, t_ns: int, name: str) -> Event:

@@ -3,7 +3,7 @@
     y(t) = c + b t + g (1/W) int_{-W/2}^{W/2} r(t - tau + s) ds + noise
 
     y   measured, at the times at which it is believed to have been true
-    r   what should have been measured (``fti.nav.altimetry.predicted``), over the same flight and beyond its ends
+    r   what should have been measured (``fti.nav.altimetry.range_prediction``), over the same flight and beyond its ends
     tau latency: by how much the middle of the averaging lies before that time;  W its length
     c, b, g what the sensor and the elevation are off, how that drifts, and a scale: it takes what errors of r would
         otherwise make of W, for a noisy r looks as if y were smoothed
@@ -31,19 +31,19 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 
 #: Blocks that the residuals are independent between [s], and how many there must be.
-BLOCK_S, LEAST_BLOCKS = 10.0, 8
+BLOCK_S, MIN_BLOCKS = 10.0, 8
 #: Steps of the search for the lag, and of Gauss-Newton; distance of the samples of r.
 LAG_STEP_S, STEPS, FINE_S = 0.02, 12, 0.01
 #: Longer without a prediction is a gap [s]: what was measured there is left out.
 GAP_S = 1.0
 #: Robust sigma beyond which a range is left out; 1.4826 times the median of the sizes is one sigma of a Gaussian.
-OUTLIER, ROBUST = 5.0, 1.4826
+OUTLIER_SIGMAS, MAD_TO_SIGMA = 5.0, 1.4826
 #: Shorter averaging is taken as none [s]: a difference of integrals would be rounding.
-_SHORTEST_S = 1e-3
+_MIN_AVERAGING_S = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
-class Latency:
+class LatencyEstimate:
     """What was found.
 
     latency, latency_sd     : tau and its one sigma [s]; positive is late
@@ -62,7 +62,7 @@ class Latency:
 
 def estimate_latency(
     t: ArrayLike, measured: ArrayLike, t_predicted: ArrayLike, predicted: ArrayLike, max_lag: float = 1.0
-) -> Latency | None:
+) -> LatencyEstimate | None:
     """Latency and averaging of an altimeter from one flight.
 
     t, measured            : (n,) [s], [m]; in any order, NaN where there is nothing
@@ -71,23 +71,23 @@ def estimate_latency(
     Returns                : None where it cannot be told: fewer than 8 blocks of 10 s with ranges, ground without
                              relief, or a lag at the end of what was looked at
     """
-    reference = _Reference.of(t_predicted, predicted)
-    times, ranges = _paired(t, measured)
+    reference = _ReferenceSeries.of(t_predicted, predicted)
+    times, ranges = _sort_finite(t, measured)
     if reference is None or not max_lag > 0.0:
         return None
-    known = reference.surrounds(times, 2.0 * max_lag)
+    known = reference.covers(times, 2.0 * max_lag)
     times, ranges = times[known], ranges[known]
-    if not _enough(times):
+    if not _has_enough_blocks(times):
         return None
     lag = _best_lag(reference, times, ranges, max_lag)
     if lag is None:
         return None
-    times, ranges = _without_outliers(reference, times, ranges, lag)
-    return _refined(reference, times, ranges, lag, max_lag) if _enough(times) else None
+    times, ranges = _remove_outliers(reference, times, ranges, lag)
+    return _refine(reference, times, ranges, lag, max_lag) if _has_enough_blocks(times) else None
 
 
 @dataclass(frozen=True, eq=False)
-class _Reference:
+class _ReferenceSeries:
     """A piecewise linear series and its integral; less its mean, which keeps differences of integrals exact.
 
     Straight lines between samples dt apart smooth as much as an averaging over sqrt(2) dt would: so a cubic (Hermite,
@@ -99,17 +99,17 @@ class _Reference:
     integral: Array
 
     @classmethod
-    def of(cls, t: ArrayLike, values: ArrayLike) -> _Reference | None:
-        times, kept = _paired(t, values)
+    def of(cls, t: ArrayLike, values: ArrayLike) -> _ReferenceSeries | None:
+        times, kept = _sort_finite(t, values)
         times, first = np.unique(times, return_index=True)
         if len(times) < 3:
             return None
-        fine = _between(times)
-        smooth = _joined(fine, times, kept[first] - np.mean(kept[first]))
+        fine = _fine_times(times)
+        smooth = _cubic(fine, times, kept[first] - np.mean(kept[first]))
         steps = 0.5 * (smooth[1:] + smooth[:-1]) * np.diff(fine)
         return cls(fine, smooth, np.concatenate(([0.0], np.cumsum(steps))))
 
-    def surrounds(self, t: Array, reach: float) -> NDArray[np.bool_]:
+    def covers(self, t: Array, reach: float) -> NDArray[np.bool_]:
         """Whether the series goes on without a gap from ``reach`` before each time to as long behind it."""
         gaps = np.concatenate(([0], np.cumsum(np.diff(self.t) > GAP_S)))
         first, last = (np.searchsorted(self.t, at) for at in (t - reach, t + reach))
@@ -119,22 +119,22 @@ class _Reference:
     def at(self, t: Array) -> Array:
         return np.interp(t, self.t, self.values)
 
-    def averaged(self, t: Array, square: float) -> Array:
+    def average(self, t: Array, square: float) -> Array:
         """Mean over W around t, W^2 = ``square`` [s^2]; for a negative one the value, less what W would add."""
         width = math.sqrt(abs(square))
-        if width < _SHORTEST_S:
+        if width < _MIN_AVERAGING_S:
             return self.at(t)
-        mean = (self._up_to(t + 0.5 * width) - self._up_to(t - 0.5 * width)) / width
+        mean = (self._integral_to(t + 0.5 * width) - self._integral_to(t - 0.5 * width)) / width
         return mean if square > 0.0 else 2.0 * self.at(t) - mean
 
-    def _up_to(self, t: Array) -> Array:
+    def _integral_to(self, t: Array) -> Array:
         k = np.clip(np.searchsorted(self.t, t, side="right") - 1, 0, len(self.t) - 2)
         since = t - self.t[k]
         slope = (self.values[k + 1] - self.values[k]) / (self.t[k + 1] - self.t[k])
         return np.asarray(self.integral[k] + since * (self.values[k] + 0.5 * slope * since))
 
 
-def _between(t: Array) -> Array:
+def _fine_times(t: Array) -> Array:
     """Times ``FINE_S`` apart or less from t[0] to t[-1], none in a gap."""
     steps = np.diff(t)
     parts = np.where(steps > GAP_S, 1, np.ceil(steps / FINE_S)).astype(np.int64)
@@ -142,7 +142,7 @@ def _between(t: Array) -> Array:
     return np.append(np.repeat(t[:-1], parts) + within * np.repeat(steps / parts, parts), t[-1])
 
 
-def _joined(at: Array, t: Array, values: Array) -> Array:
+def _cubic(at: Array, t: Array, values: Array) -> Array:
     """The cubic through values at t, with the slopes of their differences; between t[0] and t[-1]."""
     slopes = np.gradient(values, t)
     k = np.clip(np.searchsorted(t, at, side="right") - 1, 0, len(t) - 2)
@@ -153,7 +153,7 @@ def _joined(at: Array, t: Array, values: Array) -> Array:
     return np.asarray(values[k] + u * rise + u * (1.0 - u) * bend)
 
 
-def _paired(t: ArrayLike, values: ArrayLike) -> tuple[Array, Array]:
+def _sort_finite(t: ArrayLike, values: ArrayLike) -> tuple[Array, Array]:
     """In the order of time, numbers only."""
     times, numbers = np.asarray(t, dtype=np.float64).ravel(), np.asarray(values, dtype=np.float64).ravel()
     good = np.isfinite(times) & np.isfinite(numbers)
@@ -161,8 +161,8 @@ def _paired(t: ArrayLike, values: ArrayLike) -> tuple[Array, Array]:
     return times[good][order], numbers[good][order]
 
 
-def _enough(times: Array) -> bool:
-    return len(times) > 0 and len(np.unique(_blocks(times))) >= LEAST_BLOCKS
+def _has_enough_blocks(times: Array) -> bool:
+    return len(times) > 0 and len(np.unique(_blocks(times))) >= MIN_BLOCKS
 
 
 def _blocks(times: Array) -> NDArray[np.int64]:
@@ -175,17 +175,17 @@ def _trend(times: Array) -> Array:
     return np.stack((np.ones_like(times), (times - times[0] - half) / half), axis=-1)
 
 
-def _rest(trend: Array, values: Array) -> Array:
+def _detrend(trend: Array, values: Array) -> Array:
     """Values less their trend."""
     return np.asarray(values - trend @ np.linalg.lstsq(trend, values, rcond=None)[0])
 
 
-def _best_lag(reference: _Reference, times: Array, ranges: Array, max_lag: float) -> float | None:
+def _best_lag(reference: _ReferenceSeries, times: Array, ranges: Array, max_lag: float) -> float | None:
     """The lag of the largest cross-correlation; None where the reference does not vary, or at the end of the search."""
     trend = _trend(times)
-    said = _rest(trend, ranges)
+    said = _detrend(trend, ranges)
     lags = np.linspace(-max_lag, max_lag, 2 * math.ceil(max_lag / LAG_STEP_S) + 1)
-    found = np.array([_correlation(said, _rest(trend, reference.at(times - lag))) for lag in lags])
+    found = np.array([_correlation(said, _detrend(trend, reference.at(times - lag))) for lag in lags])
     best = int(np.argmax(found))
     return float(lags[best]) if found[best] > 0.0 and 0 < best < len(lags) - 1 else None
 
@@ -195,14 +195,16 @@ def _correlation(a: Array, b: Array) -> float:
     return float(a @ b) / size if size > 0.0 else -1.0
 
 
-def _without_outliers(reference: _Reference, times: Array, ranges: Array, lag: float) -> tuple[Array, Array]:
-    rest = _rest(_trend(times), ranges - reference.at(times - lag))
+def _remove_outliers(reference: _ReferenceSeries, times: Array, ranges: Array, lag: float) -> tuple[Array, Array]:
+    rest = _detrend(_trend(times), ranges - reference.at(times - lag))
     rest = rest - np.median(rest)
-    good = np.abs(rest) <= OUTLIER * ROBUST * np.median(np.abs(rest)) + 1e-9
+    good = np.abs(rest) <= OUTLIER_SIGMAS * MAD_TO_SIGMA * np.median(np.abs(rest)) + 1e-9
     return times[good], ranges[good]
 
 
-def _refined(reference: _Reference, times: Array, ranges: Array, lag: float, max_lag: float) -> Latency | None:
+def _refine(
+    reference: _ReferenceSeries, times: Array, ranges: Array, lag: float, max_lag: float
+) -> LatencyEstimate | None:
     """Gauss-Newton in tau and W^2 from the best lag on; c, b and g are linear."""
     trend, square = _trend(times), 0.0
     for _ in range(STEPS):
@@ -216,18 +218,18 @@ def _refined(reference: _Reference, times: Array, ranges: Array, lag: float, max
     cov = _robust_cov(columns * [1.0, 1.0, 1.0, linear[2], linear[2]], ranges - columns[:, :3] @ linear, _blocks(times))
     if cov is None or abs(lag) >= max_lag:
         return None
-    said = _correlation(_rest(trend, ranges), _rest(trend, columns[:, 2]))
+    said = _correlation(_detrend(trend, ranges), _detrend(trend, columns[:, 2]))
     square_sd, width = math.sqrt(cov[4, 4]), math.sqrt(max(square, 0.0))
     width_sd = square_sd / (2.0 * max(width, math.sqrt(square_sd)))
-    return Latency(lag, math.sqrt(cov[3, 3]), width, width_sd, said, len(times))
+    return LatencyEstimate(lag, math.sqrt(cov[3, 3]), width, width_sd, said, len(times))
 
 
-def _columns(reference: _Reference, times: Array, trend: Array, lag: float, square: float) -> Array:
+def _columns(reference: _ReferenceSeries, times: Array, trend: Array, lag: float, square: float) -> Array:
     """What c, b and g stand before, and the derivatives by tau and W^2 over g, by differences: (n, 5)."""
     at, h, h2 = times - lag, 0.5 * LAG_STEP_S, 4.0 * LAG_STEP_S**2
-    by_lag = (reference.averaged(at - h, square) - reference.averaged(at + h, square)) / (2.0 * h)
-    by_square = (reference.averaged(at, square + h2) - reference.averaged(at, square - h2)) / (2.0 * h2)
-    return np.column_stack((trend, reference.averaged(at, square), by_lag, by_square))
+    by_lag = (reference.average(at - h, square) - reference.average(at + h, square)) / (2.0 * h)
+    by_square = (reference.average(at, square + h2) - reference.average(at, square - h2)) / (2.0 * h2)
+    return np.column_stack((trend, reference.average(at, square), by_lag, by_square))
 
 
 def _robust_cov(jacobian: Array, rest: Array, blocks: NDArray[np.int64]) -> Array | None:

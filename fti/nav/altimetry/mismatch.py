@@ -29,8 +29,8 @@ from collections import deque
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
-from fti.nav.altimetry.observation import Observation
-from fti.nav.series import SECOND_NS
+from fti.nav.altimetry.observation import AltimeterObservation
+from fti.nav.time_series import SECOND_NS
 
 #: A longer hole in the samples begins a new mean [ns].
 MAX_HOLE_NS = 2 * SECOND_NS
@@ -86,7 +86,7 @@ class _Block:
         age_s = min(self.t_ns - other.t_ns, MAX_AGE_NS) / SECOND_NS
         return abs(self.change(other)) / math.hypot(self.sd, other.sd, CLIMB_SD * age_s)
 
-    def moved(self, before: _Block, after: _Block) -> _Block:
+    def shifted(self, before: _Block, after: _Block) -> _Block:
         """This block with the step of the residuals between two others."""
         steps = (b - a for a, b in zip(before.residuals, after.residuals, strict=True))
         by_alt, by_climb = (mine + step for mine, step in zip(self.residuals, steps, strict=True))
@@ -104,7 +104,7 @@ class MismatchTest:
         self.since_ns = 0
         self.offset_sd = 0.0
         self._is_refused = False
-        self._samples: list[tuple[Observation, float]] = []
+        self._samples: list[tuple[AltimeterObservation, float]] = []
         self._blocks: deque[_Block] = deque()
         self._contradictions = self._agreements = self._confirmations = 0
         self._reference: _Block | None = None  # before what contradicted; kept as long as an offset from it remains
@@ -112,14 +112,14 @@ class MismatchTest:
         self._joins = False
         self._known_ns = self._offset_ns = 0
 
-    def begin_anew(self, *, is_source_new: bool) -> None:
+    def reset(self, *, is_source_new: bool) -> None:
         """After a gap or with another source of the position: nothing is compared with before but the reference."""
         self._samples.clear()
         self._blocks.clear()
         self._contradictions = self._agreements = self._confirmations = 0
         self._joins = self._joins or is_source_new
 
-    def update(self, o: Observation, climbed: float) -> bool:
+    def update(self, o: AltimeterObservation, climbed: float) -> bool:
         """Whether the altimeter is refused because its changes do not match."""
         if self._samples and o.t_ns - self._samples[-1][0].t_ns > MAX_HOLE_NS:
             self._samples.clear()
@@ -146,7 +146,7 @@ class MismatchTest:
         while self._blocks and block.t_ns - self._blocks[0].t_ns > MAX_AGE_NS:
             self._blocks.popleft()
         if self._joins and self._reference is not None and self._newest is not None:
-            self._reference = self._reference.moved(self._newest, block)
+            self._reference = self._reference.shifted(self._newest, block)
         self._joins = False
         if self._newest is not None and block.t_ns - self._newest.t_ns > MAX_HOLE_NS:
             self._contradictions = self._agreements = self._confirmations = 0
@@ -207,7 +207,7 @@ class MismatchTest:
         return all(later.differs(b) <= END_SIGMAS for k, later in enumerate(blocks) for b in blocks[:k])
 
 
-def _mean(samples: list[tuple[Observation, float]]) -> _Block:
+def _mean(samples: list[tuple[AltimeterObservation, float]]) -> _Block:
     n = len(samples)
     by_alt = by_climb = predicted = 0.0
     for o, climbed in samples:

@@ -6,8 +6,8 @@ import math
 from collections import deque
 from dataclasses import dataclass
 
-from fti.nav.altimetry.expected_sample import Expected
-from fti.nav.altimetry.sigmas import LARGEST_SD, POSITION_SD_UNKNOWN, RANGE_SD_UNKNOWN, stated_sd
+from fti.nav.altimetry.expected_sample import ExpectedSample
+from fti.nav.altimetry.sigmas import MAX_SD, POSITION_SD_UNKNOWN, RANGE_SD_UNKNOWN, stated_sd
 from fti.nav.navigation import NavState
 
 #: The part of the errors of surface and receiver that changes within seconds; the rest is an offset.  In 60 flights
@@ -20,7 +20,7 @@ MAX_GROWTH, CHANGES = 5.0, 8
 
 
 @dataclass(frozen=True, slots=True)
-class Observation:
+class AltimeterObservation:
     """One sample of an altimeter and what navigation predicts for it.
 
     value        : as the device stated it [m]
@@ -42,8 +42,8 @@ class Observation:
 
 
 def make_observation(
-    t_ns: int, value: float, range_sd: float | None, nav: NavState, *, expected: Expected | None
-) -> Observation:
+    t_ns: int, value: float, range_sd: float | None, nav: NavState, *, expected: ExpectedSample | None
+) -> AltimeterObservation:
     """The observation of a sample.
 
     range_sd : of the instrument [m], None where nobody states it; expected : None where the ground is unknown
@@ -52,7 +52,7 @@ def make_observation(
     sd = stated_sd(range_sd, RANGE_SD_UNKNOWN)
     if expected is not None:
         sd = _short_term_sd(expected, sd, position.vertical_sd if position else None)
-    return Observation(
+    return AltimeterObservation(
         t_ns=t_ns,
         value=value,
         predicted=expected.slant_range if expected else None,
@@ -64,7 +64,7 @@ def make_observation(
     )
 
 
-def _short_term_sd(expected: Expected, instrument: float, vertical_sd: float | None) -> float:
+def _short_term_sd(expected: ExpectedSample, instrument: float, vertical_sd: float | None) -> float:
     """One sigma of measured minus predicted [m] by what changes within seconds.
 
     The error of the altitude is nearly constant over 10 s and is left out; it enters a range with 1 / cos of a laser,
@@ -72,7 +72,7 @@ def _short_term_sd(expected: Expected, instrument: float, vertical_sd: float | N
     receiver a share is left.
     """
     if not math.isfinite(expected.range_sd):
-        return LARGEST_SD
+        return MAX_SD
     altitude = stated_sd(vertical_sd, POSITION_SD_UNKNOWN) * expected.cosine
     surface = max(expected.range_sd**2 - altitude**2 - instrument**2, 0.0)
     return math.hypot(instrument, CHANGING_SHARE * math.sqrt(surface))
@@ -105,9 +105,9 @@ class Resolution:
             self.step = self._limited(value)
 
     def _limited(self, value: float) -> float:
-        return min(self._changes[-1], MAX_GROWTH * min(self._changes), largest_step(value))
+        return min(self._changes[-1], MAX_GROWTH * min(self._changes), max_step(value))
 
 
-def largest_step(value: float) -> float:
+def max_step(value: float) -> float:
     """The largest step that an altimeter can have at a value [m]."""
     return MAX_STEP_SHARE * abs(value) + MAX_STEP_M

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from fti.nav.altimetry.mismatch import MAX_UNKNOWN_NS
 from fti.nav.plausibility.events import clock_text
-from fti.nav.series import SECOND_NS
+from fti.nav.time_series import SECOND_NS
 from fti.types import Event, HeightAboveGround, Reason
 
 BEGINS: Mapping[Reason, str] = {
@@ -22,7 +22,7 @@ ENDS: Mapping[Reason, str] = {
     Reason.ALTIMETERS_DISAGREE: "no other altimeter disagrees with it",
 }
 #: Reasons of the known ground, and why they end where it is not known any more.
-BY_GROUND: Mapping[Reason, str] = {
+TERRAIN_CAUSES: Mapping[Reason, str] = {
     Reason.DEVIATION: "the known ground has been missing for many times as long as it deviated",
     Reason.CHANGE_MISMATCH: f"the known ground has been missing for {MAX_UNKNOWN_NS // SECOND_NS} s",
 }
@@ -62,11 +62,11 @@ def _begin_text(reason: Reason, since_ns: int, raw: float | None) -> str:
 
 
 def _end_cause(reason: Reason, height: HeightAboveGround) -> str:
-    if reason in BY_GROUND and Reason.GROUND_CONTRADICTED in height.unchecked:
+    if reason in TERRAIN_CAUSES and Reason.GROUND_CONTRADICTED in height.unchecked:
         return "altitude or terrain is wrong, and not the altimeter"
     is_bounded = Reason.NO_PREDICTION in height.unchecked  # it was compared with the way to the nearest ground
-    if reason in BY_GROUND and height.predicted is None and not is_bounded:
-        return BY_GROUND[reason]
+    if reason in TERRAIN_CAUSES and height.predicted is None and not is_bounded:
+        return TERRAIN_CAUSES[reason]
     return ENDS[reason]
 
 

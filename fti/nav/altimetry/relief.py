@@ -27,9 +27,9 @@ from collections import deque
 import numpy as np
 from numpy.typing import NDArray
 
-from fti.nav.altimetry.stuck import MIN_RUN_NS, MIN_RUN_SAMPLES
+from fti.nav.altimetry.stuck_value import MIN_RUN_NS, MIN_RUN_SAMPLES
 from fti.nav.navigation import NavState
-from fti.nav.series import SECOND_NS
+from fti.nav.time_series import SECOND_NS
 
 Array = NDArray[np.float64]
 
@@ -69,11 +69,11 @@ class ReliefEstimator:
         if since < STEP_NS:
             return
         if since > MAX_GAP_NS or (alt is None) == self._has_altitude:
-            self._begin_anew(t_ns)
+            self._start_profile(t_ns)
         self._newest_ns, self._has_altitude = t_ns, alt is not None
         self._follow_speed(nav)
         if self._samples >= MIN_RUN_SAMPLES and t_ns - self._value_ns >= MIN_RUN_NS:
-            self._begin_anew(self._value_ns)
+            self._start_profile(self._value_ns)
         elif alt is not None or is_new:
             self._profile.append((t_ns, (alt or 0.0) - nearest))
 
@@ -96,9 +96,9 @@ class ReliefEstimator:
         known = position is not None and position.north is not None and position.east is not None
         self._speed = math.hypot(position.north or 0.0, position.east or 0.0) if known and position else None
         if before is not None and before < MIN_SPEED and (self._speed is None or self._speed >= MIN_SPEED):
-            self._begin_anew(self._newest_ns)
+            self._start_profile(self._newest_ns)
 
-    def _begin_anew(self, end_ns: int) -> None:
+    def _start_profile(self, end_ns: int) -> None:
         """Begin a new profile; until it is long enough, what those of before show up to end_ns counts.
 
         One that is too short itself may raise that, and does not lower it.

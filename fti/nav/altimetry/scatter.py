@@ -22,8 +22,8 @@ from collections import deque
 import numpy as np
 from numpy.typing import NDArray
 
-from fti.nav.altimetry.observation import Observation
-from fti.nav.series import SECOND_NS
+from fti.nav.altimetry.observation import AltimeterObservation
+from fti.nav.time_series import SECOND_NS
 
 SPAN_NS, STEP_NS = 10 * SECOND_NS, SECOND_NS // 20
 #: It is computed so often [ns].
@@ -43,11 +43,11 @@ class ResidualScatter:
         self._residuals: deque[tuple[int, float, float, float]] = deque()
         self._computed_ns = self._renewed_ns = 0
 
-    def begin_anew(self) -> None:
+    def reset(self) -> None:
         """After a gap or with another source of the position; what was found stays until there is more."""
         self._residuals.clear()
 
-    def update(self, o: Observation, climbed: float, *, deviates: bool) -> None:
+    def update(self, o: AltimeterObservation, climbed: float, *, deviates: bool) -> None:
         """Take a sample.  climbed : integral of the climb rate [m]; deviates : it is beyond its gate"""
         kept = self._residuals
         while kept and o.t_ns - kept[0][0] > SPAN_NS:

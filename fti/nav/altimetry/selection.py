@@ -1,7 +1,7 @@
 """Which altimeter gives the height below the aircraft: one of those that are valid.
 
 The one that gives it goes on giving it while it is valid.  When it is not, the valid one with the smallest sigma takes
-its place.  A valid one whose sigma is less than ``BETTER`` times as large takes its place after ``AFTER_NS`` in which
+its place.  A valid one whose sigma is less than ``SWITCH_SIGMA_RATIO`` times as large takes its place after ``SWITCH_DELAY_NS`` in which
 that was so with every sample of both: two altimeters with equal sigmas do not alternate.
 
 Each output of the chosen altimeter makes one of HeightBelowAircraft; while none is valid, each output of the last
@@ -13,11 +13,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from fti.nav.series import SECOND_NS
+from fti.nav.time_series import SECOND_NS
 from fti.types import HeightAboveGround, HeightBelowAircraft, Reason
 
-BETTER = 0.7
-AFTER_NS = 2 * SECOND_NS
+SWITCH_SIGMA_RATIO = 0.7
+SWITCH_DELAY_NS = 2 * SECOND_NS
 
 
 class HeightSelector:
@@ -48,10 +48,10 @@ class HeightSelector:
         if self._chosen not in valid:
             self._chosen = min(valid, key=valid.__getitem__)
             self._better_since.clear()
-        limit = BETTER * valid[self._chosen]
+        limit = SWITCH_SIGMA_RATIO * valid[self._chosen]
         self._better_since = {name: self._better_since.get(name, t_ns) for name, sd in valid.items() if sd < limit}
         for name, since_ns in self._better_since.items():
-            if t_ns - since_ns >= AFTER_NS:
+            if t_ns - since_ns >= SWITCH_DELAY_NS:
                 self._chosen = name
                 self._better_since = {}
                 return

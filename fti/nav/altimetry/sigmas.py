@@ -7,9 +7,9 @@ import math
 #: Of an altimeter [m] and of a position in each axis [m] for which neither source nor configuration states one.
 RANGE_SD_UNKNOWN, POSITION_SD_UNKNOWN = 1.0, 5.0
 #: No sigma is larger: squares of larger ones are no numbers [m, rad].
-LARGEST_SD = 1e6
+MAX_SD = 1e6
 
 
 def stated_sd(stated: float | None, default: float) -> float:
-    """Magnitude of a stated sigma, ``LARGEST_SD`` at most; the default where it is missing or not finite."""
-    return default if stated is None or not math.isfinite(stated) else min(abs(stated), LARGEST_SD)
+    """Magnitude of a stated sigma, ``MAX_SD`` at most; the default where it is missing or not finite."""
+    return default if stated is None or not math.isfinite(stated) else min(abs(stated), MAX_SD)

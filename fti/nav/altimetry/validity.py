@@ -19,11 +19,11 @@ Measured minus predicted says whether the sensor measures what is there; in a ba
 yet be 20 m from the height straight below.  A height that is used as it is, without compensation by the terrain, is for
 that held against the navigated height h(P) - h(N), where ``max_nadir_deviation_m`` asks for it.  Where N lies is known
 as well as the place: where the ground around it is uneven the gate is narrower by as much as h(N) may be wrong
-(``fti.nav.altimetry.nadir.ground_sd``).
+(``fti.nav.altimetry.nadir_height.ground_sd``).
 
 A limit is kept by what is within it: nothing that is no number is.  Where the sigma of the prediction widens the gate a
 sample is valid with more than the table allows.  Where the gate lets even twice the limit pass, that is said with it
-(``compares``, reason UNCERTAIN in ``unchecked``); not at the first metre, or it would stand on every height.
+(``is_conclusive``, reason UNCERTAIN in ``unchecked``); not at the first metre, or it would stand on every height.
 Source: Spiegel 2018, section 3.1, tables 3.2, 7.16 and 7.20; age as the design's section 2 asks; the source gives no
 limit of incidence and of dispersion ("~ h"), these are stated.
 """
@@ -43,7 +43,7 @@ INCIDENCE_DEG = {"laser": 75.0, "radar": 60.0}
 #: A deviation that the errors known of place, attitude, terrain and device explain so often is not held against it.
 SIGMAS = 3.0
 #: A sample is compared as long as one that is off by so many times the limit is refused.
-COMPARED = 2.0
+MAX_GATE_RATIO = 2.0
 ATTITUDE_DEG, NADIR_M = 10.0, 10.0
 
 
@@ -69,7 +69,7 @@ class Sample:
 
     value: float | None = None
     flagged: bool = False
-    heard: bool = True
+    has_samples: bool = True
     age_ns: int = 0
     max_age_ns: int = 0
     roll: float | None = None
@@ -87,7 +87,7 @@ class Sample:
 Rule = Callable[[Sample, Altimeter], bool]
 
 
-def _beyond(value: float | None, limit: float) -> bool:
+def _exceeds(value: float | None, limit: float) -> bool:
     """Of what is known: not within +- limit; NaN is not."""
     return value is not None and not abs(value) <= limit
 
@@ -98,7 +98,7 @@ def _deviates(s: Sample, a: Altimeter) -> bool:
         return False
     if s.predicted is None:
         return s.min_range is not None and not s.value >= s.min_range - limit
-    return _beyond(s.value - s.predicted, limit)
+    return _exceeds(s.value - s.predicted, limit)
 
 
 def deviation_gate(predicted_sd: float, limits: Altimeter) -> float:
@@ -110,12 +110,12 @@ def _deviation_limit(a: Altimeter) -> float:
     return DEVIATION_M[a.kind] if a.max_deviation_m is None else a.max_deviation_m
 
 
-def compares(predicted_sd: float, limits: Altimeter) -> bool:
+def is_conclusive(predicted_sd: float, limits: Altimeter) -> bool:
     """Whether a deviation of twice its limit is refused.  predicted_sd : one sigma of measured - predicted [m]
 
     Else what is known is so uncertain that the ground says next to nothing of the sample.
     """
-    return SIGMAS * predicted_sd <= COMPARED * _deviation_limit(limits)
+    return SIGMAS * predicted_sd <= MAX_GATE_RATIO * _deviation_limit(limits)
 
 
 def is_within_limit(deviation: float, limits: Altimeter) -> bool:
@@ -123,36 +123,36 @@ def is_within_limit(deviation: float, limits: Altimeter) -> bool:
     return abs(deviation) <= _deviation_limit(limits)
 
 
-def _not_nadir(s: Sample, a: Altimeter) -> bool:
+def _is_off_nadir(s: Sample, a: Altimeter) -> bool:
     if s.height is None or s.navigated is None or a.max_nadir_deviation_m is None:
         return False
-    return _beyond(s.height - s.navigated, a.max_nadir_deviation_m - s.ground_sd)
+    return _exceeds(s.height - s.navigated, a.max_nadir_deviation_m - s.ground_sd)
 
 
-def _dispersed(s: Sample, a: Altimeter) -> bool:
+def _is_dispersed(s: Sample, a: Altimeter) -> bool:
     return (
-        s.dispersion is not None and s.navigated is not None and _beyond(s.dispersion, a.max_dispersion * s.navigated)
+        s.dispersion is not None and s.navigated is not None and _exceeds(s.dispersion, a.max_dispersion * s.navigated)
     )
 
 
 def _grazes(s: Sample, a: Altimeter) -> bool:
-    return _beyond(s.incidence, math.radians(a.max_incidence_deg or INCIDENCE_DEG[a.kind]))
+    return _exceeds(s.incidence, math.radians(a.max_incidence_deg or INCIDENCE_DEG[a.kind]))
 
 
 #: In the order in which a person wants to read them; a rule is True when the sample breaks it.
 RULES: tuple[tuple[Reason, Rule], ...] = (
-    (Reason.SILENT, lambda s, a: not s.heard),
-    (Reason.STALE, lambda s, a: s.heard and s.age_ns > s.max_age_ns),
-    (Reason.DEVICE_FLAG, lambda s, a: s.heard and s.flagged),
-    (Reason.NO_RETURN, lambda s, a: s.heard and (s.value is None or math.isnan(s.value))),
+    (Reason.SILENT, lambda s, a: not s.has_samples),
+    (Reason.STALE, lambda s, a: s.has_samples and s.age_ns > s.max_age_ns),
+    (Reason.DEVICE_FLAG, lambda s, a: s.has_samples and s.flagged),
+    (Reason.NO_RETURN, lambda s, a: s.has_samples and (s.value is None or math.isnan(s.value))),
     (Reason.BELOW_RANGE, lambda s, a: s.value is not None and s.value < max(0.0, a.range_m[0])),
     (Reason.ABOVE_RANGE, lambda s, a: s.value is not None and s.value > a.range_m[1]),
-    (Reason.NO_ATTITUDE, lambda s, a: s.heard and (s.roll is None or s.pitch is None)),
-    (Reason.ROLL, lambda s, a: _beyond(s.roll, math.radians(a.max_roll_deg))),
-    (Reason.PITCH, lambda s, a: _beyond(s.pitch, math.radians(a.max_pitch_deg))),
+    (Reason.NO_ATTITUDE, lambda s, a: s.has_samples and (s.roll is None or s.pitch is None)),
+    (Reason.ROLL, lambda s, a: _exceeds(s.roll, math.radians(a.max_roll_deg))),
+    (Reason.PITCH, lambda s, a: _exceeds(s.pitch, math.radians(a.max_pitch_deg))),
     (Reason.DEVIATION, _deviates),
-    (Reason.NOT_NADIR, _not_nadir),
-    (Reason.DISPERSION, _dispersed),
+    (Reason.NOT_NADIR, _is_off_nadir),
+    (Reason.DISPERSION, _is_dispersed),
     (Reason.INCIDENCE, _grazes),
 )
 

@@ -29,8 +29,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fti.nav.altimetry.around import TRIALS, mean_squares_around
-from fti.nav.altimetry.predicted import Prediction
+from fti.nav.altimetry.pose_error_propagation import TRIALS, mean_square_errors_of_poses
+from fti.nav.altimetry.range_prediction import Prediction
 from fti.nav.altimetry.roughness import rough_variances
 from fti.terrain.terrain import Terrain
 
@@ -64,42 +64,42 @@ def pose_cov(position_sd: ArrayLike, attitude_sd: ArrayLike) -> Array:
     return np.diag(np.asarray(sd, dtype=np.float64) ** 2)
 
 
-def range_row(seen: Prediction, *, nearest: bool) -> Array:
+def range_row(prediction: Prediction, *, nearest: bool) -> Array:
     """dd / d(dP, psi): (n, 6), the row H of a range; (1) without DEM and instrument.
 
     nearest : a beam that tells its nearest return; otherwise a pencil along u
     Level ground, roll 45 deg, pencil: dd/dP_D = -1.414; the projected form of eq. 3.44 gives -0.707.
     """
-    normal, along = _normal_along(seen, nearest=nearest)
-    way = _way(seen)
+    normal, along = _normal_along(prediction, nearest=nearest)
+    way = _vector_to_ground(prediction)
     return np.asarray(-np.concatenate((normal, np.cross(way, normal)), axis=-1) / along[:, None])
 
 
-def dem_factor(seen: Prediction, *, nearest: bool) -> Array:
+def dem_factor(prediction: Prediction, *, nearest: bool) -> Array:
     """dd / dh_dem (n,): n_D / (n . u), negative."""
-    normal, along = _normal_along(seen, nearest=nearest)
+    normal, along = _normal_along(prediction, nearest=nearest)
     return np.asarray(-normal[:, 2] / along)
 
 
-def range_variance(seen: Prediction, errors: ErrorModel, *, nearest: bool) -> Array:
+def range_variance(prediction: Prediction, errors: ErrorModel, *, nearest: bool) -> Array:
     """Variance of measured minus predicted range (n,) [m^2]: (1) squared, with its cross terms.  Eq. 3.20, 3.21."""
-    row, dem = range_row(seen, nearest=nearest), dem_factor(seen, nearest=nearest)
-    return _quadratic(row, errors.pose_cov) + (dem * errors.dem_sd) ** 2 + _range_noise(seen, errors)
+    row, dem = range_row(prediction, nearest=nearest), dem_factor(prediction, nearest=nearest)
+    return _quadratic(row, errors.pose_cov) + (dem * errors.dem_sd) ** 2 + _range_noise(prediction, errors)
 
 
-def height_row(seen: Prediction, *, nearest: bool) -> Array:
+def height_row(prediction: Prediction, *, nearest: bool) -> Array:
     """Error of the compensated height of P over N by the pose it was compensated with: (n, 6).
 
         h = h(P) - h(N) + (d_measured - d_predicted) cos(theta)
 
     Over parallel ground at N and M the error of P drops out: the height is the instrument's, whatever P is.
     """
-    to_nadir = np.zeros((len(seen), 6))
-    to_nadir[:, :3] = -seen.nadir_n / seen.nadir_n[:, 2:]
-    return to_nadir - seen.cosine[:, None] * range_row(seen, nearest=nearest)
+    to_nadir = np.zeros((len(prediction), 6))
+    to_nadir[:, :3] = -prediction.nadir_n / prediction.nadir_n[:, 2:]
+    return to_nadir - prediction.cosine[:, None] * range_row(prediction, nearest=nearest)
 
 
-def height_variance(seen: Prediction, errors: ErrorModel, *, nearest: bool) -> Array:
+def height_variance(prediction: Prediction, errors: ErrorModel, *, nearest: bool) -> Array:
     """Variance of the compensated height of P over the true ground below (n,) [m^2].  Section 3.2.1.
 
         Var = row P row' + s_dem^2 (1 + a^2 - 2 r a) + (s_range cos(theta))^2,        a = cos(theta) n_D / (n . u)
@@ -107,19 +107,19 @@ def height_variance(seen: Prediction, errors: ErrorModel, *, nearest: bool) -> A
     r = exp(-distance / ``dem_length``), of M from N: straight down, and of a bias on parallel ground, the error of the
     elevation model drops out as well.
     """
-    a = -seen.cosine * dem_factor(seen, nearest=nearest)
-    by_pose = _quadratic(height_row(seen, nearest=nearest), errors.pose_cov)
-    return by_pose + _dem_variance(seen, errors, a) + _range_noise(seen, errors) * seen.cosine**2
+    a = -prediction.cosine * dem_factor(prediction, nearest=nearest)
+    by_pose = _quadratic(height_row(prediction, nearest=nearest), errors.pose_cov)
+    return by_pose + _dem_variance(prediction, errors, a) + _range_noise(prediction, errors) * prediction.cosine**2
 
 
-def _dem_variance(seen: Prediction, errors: ErrorModel, a: Array) -> Array:
+def _dem_variance(prediction: Prediction, errors: ErrorModel, a: Array) -> Array:
     """Of the difference of the elevation's errors at N and, a times, at M."""
-    way = _way(seen)
+    way = _vector_to_ground(prediction)
     together = np.exp(-np.hypot(way[:, 0], way[:, 1]) / errors.dem_length)
     return np.asarray(errors.dem_sd**2 * (1.0 + a**2 - 2.0 * together * a))
 
 
-def height_variance_over(terrain: Terrain, seen: Prediction, errors: ErrorModel, *, nearest: bool) -> Array:
+def sampled_height_variance(terrain: Terrain, prediction: Prediction, errors: ErrorModel, *, nearest: bool) -> Array:
     """The same from the ground around N and M, instead of planes through them: (n,) [m^2].
 
         Var = E[(h(xi) - h(0))^2] + s_dem^2 (1 + a^2 - 2 r a) + s_N^2 + a^2 s_M^2 - 2 r' a s_N s_M
@@ -130,16 +130,16 @@ def height_variance_over(terrain: Terrain, seen: Prediction, errors: ErrorModel,
     ``height_variance``.  A few metres from the edge of a forest it is not: the plane below is level there and says
     decimetres, where 10 m of error of the place put the trees below the aircraft (``fti study compensation``).
 
-    The formulas of h(xi) are in ``fti.nav.altimetry.around``; a = 1, of a nearest return
+    The formulas of h(xi) are in ``fti.nav.altimetry.pose_error_propagation``; a = 1, of a nearest return
     cos(theta)^2.
     """
-    spread = _spread_over(terrain, seen, errors, nearest=nearest)[:, 0]
-    a = np.where(_stays(seen, nearest=nearest), seen.cosine**2, 1.0)
-    elevation = _dem_variance(seen, errors, a) + _rough_variances(terrain, seen, a)[:, 0]
-    return np.asarray(spread + elevation + _range_noise(seen, errors) * seen.cosine**2)
+    spread = _sampled_variances(terrain, prediction, errors, nearest=nearest)[:, 0]
+    a = np.where(_is_fixed_point(prediction, nearest=nearest), prediction.cosine**2, 1.0)
+    elevation = _dem_variance(prediction, errors, a) + _rough_variances(terrain, prediction, a)[:, 0]
+    return np.asarray(spread + elevation + _range_noise(prediction, errors) * prediction.cosine**2)
 
 
-def range_variance_over(terrain: Terrain, seen: Prediction, errors: ErrorModel, *, nearest: bool) -> Array:
+def sampled_range_variance(terrain: Terrain, prediction: Prediction, errors: ErrorModel, *, nearest: bool) -> Array:
     """Variance of measured minus predicted range from the ground around M, instead of a plane through it: (n,) [m^2].
 
         Var = E[(d(xi) - d(0))^2] + (n_D / (n . u))^2 (s_dem^2 + s_M^2) + s_range^2
@@ -147,32 +147,35 @@ def range_variance_over(terrain: Terrain, seen: Prediction, errors: ErrorModel, 
     with s_M the roughness at M (``fti.nav.altimetry.roughness``).  On a plane it is ``range_variance``, and so it is,
     with s_M, of a nearest return, whose point stays where it is, and where the ground around is not known.
     """
-    plane = range_variance(seen, errors, nearest=nearest)
-    spread = _spread_over(terrain, seen, errors, nearest=nearest)[:, 1]
-    dem = dem_factor(seen, nearest=nearest) ** 2
-    around = spread + dem * errors.dem_sd**2 + _range_noise(seen, errors)
-    rough = dem * _rough_variances(terrain, seen, dem)[:, 1]
-    return np.where(np.isfinite(around) & ~_stays(seen, nearest=nearest), around, plane) + rough
+    plane = range_variance(prediction, errors, nearest=nearest)
+    spread = _sampled_variances(terrain, prediction, errors, nearest=nearest)[:, 1]
+    dem = dem_factor(prediction, nearest=nearest) ** 2
+    around = spread + dem * errors.dem_sd**2 + _range_noise(prediction, errors)
+    rough = dem * _rough_variances(terrain, prediction, dem)[:, 1]
+    return np.where(np.isfinite(around) & ~_is_fixed_point(prediction, nearest=nearest), around, plane) + rough
 
 
-def _rough_variances(terrain: Terrain, seen: Prediction, a: Array) -> Array:
+def _rough_variances(terrain: Terrain, prediction: Prediction, a: Array) -> Array:
     """Of a height and of the ground at M, by what lies between the posts (n, 2) [m^2]."""
-    at, points, share = (np.ascontiguousarray(x, dtype=np.float64) for x in (seen.place_l, seen.point_l, a))
+    at, points, share = (np.ascontiguousarray(x, dtype=np.float64) for x in (prediction.place_l, prediction.point_l, a))
     return np.asarray(rough_variances(terrain.pyramid, at, points, share))
 
 
-def _spread_over(terrain: Terrain, seen: Prediction, errors: ErrorModel, *, nearest: bool) -> Array:
+def _sampled_variances(terrain: Terrain, prediction: Prediction, errors: ErrorModel, *, nearest: bool) -> Array:
     """Of height and range by the errors of the pose (n, 2) [m^2]."""
-    n = len(seen)
-    stays = _stays(seen, nearest=nearest)
+    n = len(prediction)
+    stays = _is_fixed_point(prediction, nearest=nearest)
     trials = np.broadcast_to(TRIALS @ _root(errors.pose_cov), (n, *TRIALS.shape))
     at, mats, levers, rays, trials = (
-        np.ascontiguousarray(x) for x in (seen.place_l, seen.mats_ln, seen.lever_n, seen.direction_n, trials)
+        np.ascontiguousarray(x)
+        for x in (prediction.place_l, prediction.mats_ln, prediction.lever_n, prediction.direction_n, trials)
     )
-    return np.asarray(mean_squares_around(terrain.pyramid, at, mats, levers, rays, seen.slant_range, trials, stays))
+    return np.asarray(
+        mean_square_errors_of_poses(terrain.pyramid, at, mats, levers, rays, prediction.slant_range, trials, stays)
+    )
 
 
-def footprint_covariance(seen: Prediction, errors: ErrorModel) -> Array:
+def footprint_covariance(prediction: Prediction, errors: ErrorModel) -> Array:
     """Covariance of the point M where a pencil meets the ground: (n, 3, 3), north, east, down [m^2].
 
         dM = dP + psi x w + u dd,       dd as in (1) without e
@@ -180,21 +183,23 @@ def footprint_covariance(seen: Prediction, errors: ErrorModel) -> Array:
     The same dd as in the range, so M moves in the plane of the ground, raised by the error of its height.  The
     instrument is not asked: M is where the elevation model is looked up.  Eq. 3.29, corrected.
     """
-    jacobian = np.concatenate((np.broadcast_to(np.eye(3), (len(seen), 3, 3)), -_skew(_way(seen))), axis=-1)
-    jacobian = jacobian + seen.direction_n[:, :, None] * range_row(seen, nearest=False)[:, None, :]
-    raised = dem_factor(seen, nearest=False)[:, None] * seen.direction_n * errors.dem_sd
+    jacobian = np.concatenate(
+        (np.broadcast_to(np.eye(3), (len(prediction), 3, 3)), -_skew(_vector_to_ground(prediction))), axis=-1
+    )
+    jacobian = jacobian + prediction.direction_n[:, :, None] * range_row(prediction, nearest=False)[:, None, :]
+    raised = dem_factor(prediction, nearest=False)[:, None] * prediction.direction_n * errors.dem_sd
     by_pose = jacobian @ errors.pose_cov @ np.swapaxes(jacobian, -1, -2)
     return np.asarray(by_pose + raised[:, :, None] * raised[:, None, :])
 
 
-def _range_noise(seen: Prediction, errors: ErrorModel) -> Array:
+def _range_noise(prediction: Prediction, errors: ErrorModel) -> Array:
     """s_range^2 (n,) [m^2]: of the instrument, and of the model of its receiver."""
-    return np.asarray(np.square(errors.range_sd) + np.square(seen.model_sd))
+    return np.asarray(np.square(errors.range_sd) + np.square(prediction.model_sd))
 
 
-def _way(seen: Prediction) -> Array:
+def _vector_to_ground(prediction: Prediction) -> Array:
     """w, from P to M (n, 3), north, east, down [m]."""
-    return np.asarray(seen.lever_n + seen.slant_range[:, None] * seen.direction_n)
+    return np.asarray(prediction.lever_n + prediction.slant_range[:, None] * prediction.direction_n)
 
 
 def _root(cov: Array) -> Array:
@@ -205,17 +210,19 @@ def _root(cov: Array) -> Array:
     return np.where(known, root, np.nan)
 
 
-def _normal_along(seen: Prediction, *, nearest: bool) -> tuple[Array, Array]:
+def _normal_along(prediction: Prediction, *, nearest: bool) -> tuple[Array, Array]:
     """n and n . u of (1)."""
-    normal = np.where(_stays(seen, nearest=nearest)[:, None], seen.direction_n, seen.normal_n)
-    return normal, np.sum(normal * seen.direction_n, axis=-1)
+    normal = np.where(
+        _is_fixed_point(prediction, nearest=nearest)[:, None], prediction.direction_n, prediction.normal_n
+    )
+    return normal, np.sum(normal * prediction.direction_n, axis=-1)
 
 
-def _stays(seen: Prediction, *, nearest: bool) -> NDArray[np.bool_]:
+def _is_fixed_point(prediction: Prediction, *, nearest: bool) -> NDArray[np.bool_]:
     """Whether the point that is seen stays where it is when the pose changes (n,); a pencil's moves, and one at the
     edge of a beam.
     """
-    return np.asarray(~seen.at_edge & nearest)
+    return np.asarray(~prediction.at_edge & nearest)
 
 
 def _quadratic(row: Array, cov: Array) -> Array:

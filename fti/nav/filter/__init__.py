@@ -1,4 +1,4 @@
-"""The error-state Kalman filter: inertial navigation, aided; ``navigator.Navigator`` is what a pipeline uses.
+"""The error-state Kalman filter: inertial navigation, aided; ``navigator.InertialNavigator`` is what a pipeline uses.
 
     states.py      what is estimated: nine or fifteen errors, and errors of what aids
     kernels.py     one step of state and covariance, one update with a scalar (compiled)
@@ -10,5 +10,5 @@
 
     x = truth - estimate,     z = measured - expected = H x + noise,     z is the innovation
 
-The error is in the earth frame (``fti.nav.inertial.errors``); everything said outside is in n at the point.
+The error is in the earth frame (``fti.nav.inertial.ins_error_model``); everything said outside is in n at the point.
 """

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from fti.geodesy.one_point import ecef_from_geodetic
 from fti.nav.filter import antenna
+from fti.nav.filter.error_states import Extra
 from fti.nav.filter.estimate import Estimate
-from fti.nav.filter.states import Extra
-from fti.nav.inertial.errors import POS, TURN
+from fti.nav.inertial.ins_error_model import POS, TURN
 
 Array = NDArray[np.float64]
 Vector = tuple[float, float, float]
@@ -26,7 +26,7 @@ Matrices = tuple[Array, Array, Array]
 
 AT_P: Vector = (0.0, 0.0, 0.0)
 #: Cosine of an incidence from which on a range says nothing of a height: 84 deg.
-GRAZING = 0.1
+MIN_INCIDENCE_COSINE = 0.1
 _UP_N = np.array([0.0, 0.0, -1.0])
 
 
@@ -46,15 +46,15 @@ class Aiding(Protocol):
         """Names of the states that are errors of its source alone."""
 
     @property
-    def begins_anew(self) -> bool:
+    def can_reinitialise(self) -> bool:
         """Whether a disagreement that lasts is a change of its own states, which are then estimated anew."""
 
     @property
-    def is_other(self) -> bool:
+    def is_new_source(self) -> bool:
         """Whether its own states are those of another source until now, and are estimated anew."""
 
     @property
-    def yields(self) -> bool:
+    def corrects_own_states_only(self) -> bool:
         """Whether it corrects its own states alone while others bound the horizontal."""
 
     def compute_matrices(self, here: Estimate) -> Matrices:
@@ -67,22 +67,22 @@ class LastingErrors:
     __slots__ = ()
 
     @property
-    def begins_anew(self) -> bool:
+    def can_reinitialise(self) -> bool:
         """Never."""
         return False
 
     @property
-    def is_other(self) -> bool:
+    def is_new_source(self) -> bool:
         """Never: its states are its own."""
         return False
 
     @property
-    def yields(self) -> bool:
+    def corrects_own_states_only(self) -> bool:
         """Never."""
         return False
 
 
-class _NothingOfItsOwn(LastingErrors):
+class _NoOwnStates(LastingErrors):
     """A source whose errors are shared, or no states."""
 
     __slots__ = ()
@@ -94,11 +94,11 @@ class _NothingOfItsOwn(LastingErrors):
 
 
 HORIZONTAL, VERTICAL = frozenset({"horizontal"}), frozenset({"vertical"})
-BOTH, NOTHING = HORIZONTAL | VERTICAL, frozenset[str]()
+BOTH, NO_AXES = HORIZONTAL | VERTICAL, frozenset[str]()
 
 
 @dataclass(frozen=True, slots=True)
-class GnssPosition(_NothingOfItsOwn):
+class GnssPosition(_NoOwnStates):
     """Position of an antenna: lat, lon [rad], alt above the ellipsoid [m], or None of it; one sigma of each axis [m].
 
     lever_arm_b   : P to the antenna [m]
@@ -128,16 +128,16 @@ class GnssPosition(_NothingOfItsOwn):
         z, H, R = antenna.position(here.y, measured, self.lever_arm_b, sds, rows, here.model.size)
         for row, extra in enumerate((Extra.GNSS_NORTH, Extra.GNSS_EAST, Extra.GNSS_DOWN)[:rows]):
             for name in (extra, *self.own_drifts[row : row + 1]):
-                z[row] -= drifting(here, name, H[row], self.drift_factors[row // 2])
+                z[row] -= enter_drift(here, name, H[row], self.drift_factors[row // 2])
         return z, H, R
 
-    def apart(self) -> tuple[Aiding, ...]:
+    def split(self) -> tuple[Aiding, ...]:
         """Level and height: a barometer may vouch against the one, and says nothing of the other."""
         return (self,) if self.alt is None else (replace(self, alt=None), GnssHeight(self))
 
 
 @dataclass(frozen=True, slots=True)
-class GnssHeight(_NothingOfItsOwn):
+class GnssHeight(_NoOwnStates):
     """The height of a position that has one."""
 
     position: GnssPosition
@@ -159,7 +159,7 @@ class GnssHeight(_NothingOfItsOwn):
 
 
 @dataclass(frozen=True, slots=True)
-class GnssVelocity(_NothingOfItsOwn):
+class GnssVelocity(_NoOwnStates):
     """Velocity of an antenna, north, east, down [m/s], down may be None; one sigma of each [m/s]."""
 
     north: float
@@ -172,13 +172,13 @@ class GnssVelocity(_NothingOfItsOwn):
     @property
     def bounds(self) -> frozenset[str]:
         """Nothing: a position without a fix still drifts, but slowly."""
-        return NOTHING
+        return NO_AXES
 
     def compute_matrices(self, here: Estimate) -> Matrices:
         """z = v_measured - mat_ne (v + mat_eb (omega_eb x arm))."""
         rows, model = 2 if self.down is None else 3, here.model
         vel_n = self.north, self.east, 0.0 if self.down is None else self.down
-        return antenna.velocity(here.y, here.felt, vel_n, self.lever_arm_b, self.sd, rows, model.size, model.biased)
+        return antenna.velocity(here.y, here.imu, vel_n, self.lever_arm_b, self.sd, rows, model.size, model.biased)
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,7 +192,7 @@ class BaroAltitude:
     alt: float
     sd: float
     name: str = "baro.altitude"
-    is_other: bool = False
+    is_new_source: bool = False
 
     @property
     def bounds(self) -> frozenset[str]:
@@ -205,19 +205,19 @@ class BaroAltitude:
         return (Extra.BARO,)
 
     @property
-    def begins_anew(self) -> bool:
+    def can_reinitialise(self) -> bool:
         """A new pressure setting is a new offset."""
         return True
 
     @property
-    def yields(self) -> bool:
+    def corrects_own_states_only(self) -> bool:
         """Never."""
         return False
 
     def compute_matrices(self, here: Estimate) -> Matrices:
         """z = alt_measured - alt - drift - scale alt_measured."""
         z, H, R = _altitude(here, self.alt, self.sd, Extra.BARO)
-        return z - drifting(here, Extra.BARO_SCALE, H[0], self.alt), H, R
+        return z - enter_drift(here, Extra.BARO_SCALE, H[0], self.alt), H, R
 
 
 @dataclass(frozen=True, slots=True)
@@ -249,8 +249,8 @@ class TerrainAltitude(LastingErrors):
     def compute_matrices(self, here: Estimate) -> Matrices:
         """z = h_agl + h_dem - alt - drifts."""
         z, H, R = _altitude(here, self.alt, self.sd, self.bias)
-        z -= drifting(here, Extra.DEM, H[0], self.dem_factor)
-        return z - drifting(here, self.scale, H[0], self.height_agl), H, R
+        z -= enter_drift(here, Extra.DEM, H[0], self.dem_factor)
+        return z - enter_drift(here, self.scale, H[0], self.height_agl), H, R
 
 
 @dataclass(frozen=True, slots=True)
@@ -288,9 +288,9 @@ class SlantRange(LastingErrors):
         return Extra.ALTIMETER, Extra.ALTIMETER_SCALE
 
     @property
-    def meets(self) -> bool:
+    def meets_ground(self) -> bool:
         """Whether the ray meets the ground well enough to say a height."""
-        return float(np.dot(self.direction_n, self.normal_n)) > GRAZING
+        return float(np.dot(self.direction_n, self.normal_n)) > MIN_INCIDENCE_COSINE
 
     def compute_matrices(self, here: Estimate) -> Matrices:
         """One row."""
@@ -301,8 +301,8 @@ class SlantRange(LastingErrors):
         H[0, TURN : TURN + 3] = -self.predicted * here.mat_en @ np.cross(u, n) / along
         moved_e = here.y[:3] - ecef_from_geodetic(self.lat, self.lon, self.alt)
         z = np.array([self.slant_range - self.predicted - H[0, POS : POS + 3] @ moved_e])
-        z[0] -= drifting(here, Extra.ALTIMETER, H[0], 1.0) + drifting(here, Extra.DEM, H[0], float(n[2]) / along)
-        z[0] -= drifting(here, Extra.ALTIMETER_SCALE, H[0], self.predicted)
+        z[0] -= enter_drift(here, Extra.ALTIMETER, H[0], 1.0) + enter_drift(here, Extra.DEM, H[0], float(n[2]) / along)
+        z[0] -= enter_drift(here, Extra.ALTIMETER_SCALE, H[0], self.predicted)
         return z, H, np.array([[self.sd**2]])
 
 
@@ -315,11 +315,11 @@ def skew(v: Array | Vector) -> Array:
 def _altitude(here: Estimate, alt: float, sd: float, extra: str) -> Matrices:
     H = np.zeros((1, here.model.size))
     H[0, POS : POS + 3] = here.mat_en @ _UP_N
-    z = alt - here.place[2] - drifting(here, extra, H[0], 1.0)
+    z = alt - here.place[2] - enter_drift(here, extra, H[0], 1.0)
     return np.array([z]), H, np.array([[sd**2]])
 
 
-def drifting(here: Estimate, extra: str, row: Array, factor: float) -> float:
+def enter_drift(here: Estimate, extra: str, row: Array, factor: float) -> float:
     """What an extra adds to the measurement; its column is entered."""
     column = here.model.columns.get(extra)
     if column is None:

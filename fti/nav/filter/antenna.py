@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fti.geodesy.wgs84 import EARTH_RATE, SEMI_MAJOR
+from fti.nav.filter.geodetic_kernels import axes, ecef, geodetic
 from fti.nav.filter.kernels import EXTRAS, GYRO_BIAS, matrix
-from fti.nav.filter.place import axes, ecef, geodetic
-from fti.nav.inertial.errors import GYRO, POS, TURN, VEL
-from fti.nav.inertial.live import cross
+from fti.nav.inertial.ins_error_model import GYRO, POS, TURN, VEL
+from fti.nav.inertial.strapdown_fast import cross
 from fti.terrain.kernel import kernel
 
 Array = NDArray[np.float64]
@@ -45,7 +45,7 @@ def position(y: Array, place: Vector, arm_b: Vector, sds: Vector, rows: int, siz
 
 @kernel
 def velocity(  # noqa: PLR0917
-    y: Array, felt: Array, vel_n: Vector, arm_b: Vector, sd: float, rows: int, size: int, biased: bool
+    y: Array, imu: Array, vel_n: Vector, arm_b: Vector, sd: float, rows: int, size: int, biased: bool
 ) -> Matrices:
     """z = v_measured - mat_ne (v + mat_eb (omega_eb x arm)).
 
@@ -55,7 +55,7 @@ def velocity(  # noqa: PLR0917
     """
     own_lat, own_lon, _ = geodetic(y)
     mat_en, mat_eb = axes(own_lat, own_lon), matrix(y)
-    rate_b = _rate_eb_b(y, felt, mat_eb)
+    rate_b = _rate_eb_b(y, imu, mat_eb)
     around_e = _rotated(mat_eb, cross(rate_b[0], rate_b[1], rate_b[2], arm_b[0], arm_b[1], arm_b[2]))
     z, H, R = np.zeros(rows), np.zeros((rows, size)), np.zeros((rows, rows))
     for i in range(rows):
@@ -72,9 +72,9 @@ def velocity(  # noqa: PLR0917
 
 
 @kernel
-def _rate_eb_b(y: Array, felt: Array, mat_eb: Array) -> Vector:
+def _rate_eb_b(y: Array, imu: Array, mat_eb: Array) -> Vector:
     """Turn of the body against the Earth [rad/s]."""
-    rate = felt[3:] - y[GYRO_BIAS:EXTRAS] - EARTH_RATE * mat_eb[2]
+    rate = imu[3:] - y[GYRO_BIAS:EXTRAS] - EARTH_RATE * mat_eb[2]
     return rate[0], rate[1], rate[2]
 
 

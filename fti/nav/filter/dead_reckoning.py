@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fti.nav.filter.aiding import NOTHING, LastingErrors, Matrices, Vector, drifting
+from fti.nav.filter.aiding import NO_AXES, LastingErrors, Matrices, Vector, enter_drift
+from fti.nav.filter.error_states import AIRSPEED_DRIFTS, HEADING_DRIFTS, Extra
 from fti.nav.filter.estimate import Estimate
-from fti.nav.filter.states import AIRSPEED_DRIFTS, HEADING_DRIFTS, Extra
-from fti.nav.inertial.errors import TURN, VEL
+from fti.nav.inertial.ins_error_model import TURN, VEL
 
 Array = NDArray[np.float64]
 
@@ -35,7 +35,7 @@ class _NoPosition(LastingErrors):
     @property
     def bounds(self) -> frozenset[str]:
         """Nothing."""
-        return NOTHING
+        return NO_AXES
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +63,7 @@ class TrueAirspeed(_NoPosition):
         return tuple(AIRSPEED_DRIFTS)
 
     @property
-    def yields(self) -> bool:
+    def corrects_own_states_only(self) -> bool:
         """While satellites aid."""
         return True
 
@@ -74,9 +74,9 @@ class TrueAirspeed(_NoPosition):
         speed = max(float(np.linalg.norm(air_n)), MIN_AIR_SPEED)
         along_n, sideslip = air_n / speed, here.drift(Extra.SIDESLIP)
         H = np.zeros((2, here.model.size))
-        along = self.tas - speed - drifting(here, Extra.AIRSPEED_SCALE, H[0], self.tas)
+        along = self.tas - speed - enter_drift(here, Extra.AIRSPEED_SCALE, H[0], self.tas)
         across_n = here.mat_nb[:, 1] - sideslip * along_n
-        drifting(here, Extra.SIDESLIP, H[1], -speed)
+        enter_drift(here, Extra.SIDESLIP, H[1], -speed)
         _enter_air(here, H[0], along_n)
         _enter_air(here, H[1], across_n)
         H[1, TURN : TURN + 3] = np.cross(here.mat_eb[:, 1], here.mat_en @ air_n)
@@ -126,6 +126,6 @@ class MagneticHeading(_NoPosition):
         tilt_var = float(by_tilt @ here.cov_n[TURN : TURN + 2, TURN : TURN + 2] @ by_tilt)
         H = np.zeros((1, here.model.size))
         H[0, TURN : TURN + 3] = here.mat_en[:, 2]
-        error = drifting(here, Extra.MAGNETIC_HEADING, H[0], 1.0)
+        error = enter_drift(here, Extra.MAGNETIC_HEADING, H[0], 1.0)
         apart = self.declination - math.atan2(east, north)
         return np.array([math.remainder(apart - error, math.tau)]), H, np.array([[self.sd**2 + tilt_var]])

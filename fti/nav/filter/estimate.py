@@ -12,17 +12,17 @@ from numpy.typing import NDArray
 from fti.geodesy.quaternions import quat_from_mat
 from fti.geodesy.rotations import mat_en, mat_from_rpy, rpy_from_mat
 from fti.geodesy.wgs84 import ecef_from_geodetic
-from fti.nav.filter import kernels, place
+from fti.nav.filter import geodetic_kernels, kernels
+from fti.nav.filter.error_states import FilterModel
 from fti.nav.filter.kernels import EXTRAS
-from fti.nav.filter.states import Model
-from fti.nav.inertial.errors import ACCEL, POS, TURN, VEL
+from fti.nav.inertial.ins_error_model import ACCEL, POS, TURN, VEL
 
 Array = NDArray[np.float64]
 
 #: Nearer to straight up or down than this roll and heading have no sigma of their own [cosine of the pitch].
 _UPRIGHT = 1e-3
 #: In so long an error of velocity has made the error of position that is admitted with a source [s].
-WIDENED_S = 30.0
+INFLATION_S = 30.0
 
 
 @dataclass(eq=False)  # not frozen: a thousand are made in a second
@@ -30,7 +30,7 @@ class Estimate:
     """What the filter holds at t_ns.  Nobody changes one.
 
     y     : ndarray, shape (16 + k,)  position, velocity, quaternion e; accelerometer and gyro bias b; extras
-    P     : ndarray, shape (n, n)     covariance of the errors, ``fti.nav.filter.states``
+    P     : ndarray, shape (n, n)     covariance of the errors, ``fti.nav.filter.error_states``
     felt  : ndarray, shape (6,)       accel_b [m/s^2] and gyro_b [rad/s] measured at t_ns
     model : what the columns are
     """
@@ -38,18 +38,18 @@ class Estimate:
     t_ns: int
     y: Array
     P: Array
-    felt: Array
-    model: Model
+    imu: Array
+    model: FilterModel
 
     @functools.cached_property
     def place(self) -> tuple[float, float, float]:
         """lat, lon [rad], alt above the ellipsoid [m] of P."""
-        return place.geodetic(self.y)
+        return geodetic_kernels.geodetic(self.y)
 
     @functools.cached_property
     def mat_en(self) -> Array:
         """North, east, down here to e."""
-        return place.axes(*self.place[:2])
+        return geodetic_kernels.axes(*self.place[:2])
 
     @functools.cached_property
     def mat_eb(self) -> Array:
@@ -110,7 +110,7 @@ class Estimate:
 
 
 @dataclass(frozen=True, slots=True)
-class Start:
+class InitialState:
     """Where the filter begins: P at lat, lon [rad], alt [m], vel_n [m/s], roll, pitch, heading [rad]; one sigma each.
 
     pos_sd, vel_sd, turn_sd : north, east, down [m, m/s, rad about those axes]
@@ -127,15 +127,15 @@ class Start:
     vel_sd: tuple[float, float, float]
     turn_sd: tuple[float, float, float]
 
-    def estimate(self, t_ns: int, felt: Array, model: Model) -> Estimate:
+    def estimate(self, t_ns: int, imu: Array, model: FilterModel) -> Estimate:
         """The first estimate; biases and extras at home."""
         to_e = mat_en(self.lat, self.lon)
         quat = quat_from_mat((to_e @ mat_from_rpy(self.roll, self.pitch, self.heading))[None])[0]
         slow = np.zeros(6 + len(model.extras))
         y = np.concatenate((ecef_from_geodetic(self.lat, self.lon, self.alt), to_e @ self.vel_n, quat, slow))
-        return Estimate(t_ns, y, self.covariance(model), felt, model)
+        return Estimate(t_ns, y, self.covariance(model), imu, model)
 
-    def covariance(self, model: Model) -> Array:
+    def covariance(self, model: FilterModel) -> Array:
         """P0."""
         to_e, found = mat_en(self.lat, self.lon), np.zeros((model.size, model.size))
         for at, sd in ((POS, self.pos_sd), (VEL, self.vel_sd), (TURN, self.turn_sd)):
@@ -146,11 +146,11 @@ class Start:
         return found
 
 
-def widened(here: Estimate, disagreement: float) -> Estimate:
+def inflate_covariance(here: Estimate, disagreement: float) -> Estimate:
     """The estimate with a covariance that contains an error of position [m], and the velocity that makes it in 30 s."""
     if disagreement <= 0.0:
         return here
     P = here.P.copy()
     P[POS:VEL, POS:VEL] += disagreement**2 * np.eye(3)
-    P[VEL:TURN, VEL:TURN] += (disagreement / WIDENED_S) ** 2 * np.eye(3)
-    return Estimate(here.t_ns, here.y, P, here.felt, here.model)
+    P[VEL:TURN, VEL:TURN] += (disagreement / INFLATION_S) ** 2 * np.eye(3)
+    return Estimate(here.t_ns, here.y, P, here.imu, here.model)

@@ -5,12 +5,12 @@ satellites a wrong altimeter is estimated and not believed; what a sound one has
 when another source bounds the height and, for ``HOLD_NS`` and at least ``HOLD_COUNT`` of its heights,
 
     |e| > LIMIT sqrt(s^2 + P_e),   e = bias + scale height,   s^2 = (sound_sd of bias)^2 + (height sound_sd of scale)^2
-    or its innovation is outside the gate, and has not been inside ``BELIEVED_AGAIN`` since
+    or its innovation is outside the gate, and has not been inside ``REACCEPTANCE_NIS`` since
 
 While it is excluded its heights correct its own states alone (a Schmidt-Kalman update, ``kernels.consider``): position,
 velocity and what others have in common stay as the other sources have them, and its errors go on being known.  After
 innovations outside the gate these states begin anew, for what was known of them is not true any more.  It comes back
-when |e| < AGREED sqrt(s^2 + P_e), inside the gate, for ``BACK_NS`` while another source bounds the height.  A source of
+when |e| < AGREED sqrt(s^2 + P_e), inside the gate, for ``READMISSION_NS`` while another source bounds the height.  A source of
 which nothing says what a sound one has comes back inside the gate alone, while the filter could contradict it.
 
 LIMIT: the errors of satellites' heights are independent after some 200 s; 4 sigma are 1.1e-3 false exclusions an hour
@@ -33,12 +33,12 @@ from fti.nav.filter.kernels import EXTRAS
 
 Array = NDArray[np.float64]
 
-LIMIT, AGREED = 4.0, 2.0
+LIMIT_SIGMAS, AGREEMENT_SIGMAS = 4.0, 2.0
 #: One that was refused last is believed again below this NIS, the 99 % quantile of chi-square with one degree of
 #: freedom: an altimeter that has become wrong by 4 sigma passes the gate itself every second time.
-BELIEVED_AGAIN = 6.635
+REACCEPTANCE_NIS = 6.635
 HOLD_NS, HOLD_COUNT = 5_000_000_000, 5
-BACK_NS, BACK_COUNT = 30_000_000_000, 10
+READMISSION_NS, READMISSION_COUNT = 30_000_000_000, 10
 
 
 class Cause(StrEnum):
@@ -72,7 +72,7 @@ class Exclusion(NamedTuple):
         return self.began_ns is not None and t_ns - self.began_ns >= for_ns and self.times >= times
 
 
-SOUND = Exclusion()
+NOT_EXCLUDED = Exclusion()
 
 
 def is_watched(here: Estimate, own: tuple[str, ...]) -> bool:
@@ -112,17 +112,17 @@ def is_testable(here: Estimate, own: tuple[str, ...], h: Array) -> bool:
     return float(rest @ here.P @ rest) < prior
 
 
-def considered(here: Estimate, own: tuple[str, ...], z: Array, H: Array, R: Array) -> tuple[Estimate, float]:
+def consider_update(here: Estimate, own: tuple[str, ...], z: Array, H: Array, R: Array) -> tuple[Estimate, float]:
     """The estimate after a measurement that corrects own states alone, and its NIS.  R : diagonal (m, m)"""
     y, P, x = here.y.copy(), here.P.copy(), np.zeros(here.model.size)
     mine = np.zeros(here.model.size)
     mine[[column for name in own if (column := here.model.columns.get(name)) is not None]] = 1.0
     nis = sum(kernels.consider(x, P, z[i], H[i], R[i, i], mine) for i in range(len(z)))
     kernels.correct(y, x, len(here.model.extras))
-    return Estimate(here.t_ns, y, P, here.felt, here.model), float(nis)
+    return Estimate(here.t_ns, y, P, here.imu, here.model), float(nis)
 
 
-def begun_anew(here: Estimate, own: tuple[str, ...]) -> Estimate:
+def reset_states(here: Estimate, own: tuple[str, ...]) -> Estimate:
     """The estimate with own states as at the start: unknown within their first sigma, independent of all others."""
     y, P = here.y.copy(), here.P.copy()
     for name in own:
@@ -131,4 +131,4 @@ def begun_anew(here: Estimate, own: tuple[str, ...]) -> Estimate:
             y[EXTRAS + column - here.model.base] = 0.0
             P[column, :] = P[:, column] = 0.0
             P[column, column] = here.model.extras[name].first ** 2
-    return Estimate(here.t_ns, y, P, here.felt, here.model)
+    return Estimate(here.t_ns, y, P, here.imu, here.model)

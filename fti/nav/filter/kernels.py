@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fti.geodesy.wgs84 import SEMI_MAJOR
-from fti.nav.inertial.errors import ACCEL, BIASED, GYRO, TURN, VEL, noise, rates, transition
-from fti.nav.inertial.live import move
+from fti.nav.inertial.ins_error_model import ACCEL, BIASED, GYRO, TURN, VEL, noise, rates, transition
+from fti.nav.inertial.strapdown_fast import move
 from fti.terrain.kernel import kernel
 
 Array = NDArray[np.float64]
@@ -29,17 +29,17 @@ SHOCK, SHOCK_TURN = 30.0, 2.0
 
 @kernel
 def step(  # noqa: PLR0917
-    y: Array, P: Array, began: Array, ended: Array, bend: Array, unit: Array, drifts: Array, seconds: float
+    y: Array, P: Array, imu_start: Array, imu_end: Array, bend: Array, unit: Array, drifts: Array, seconds: float
 ) -> None:
     """Move estimate and covariance on, in place.
 
     y      : ndarray, shape (16 + k,)     the estimate, see the module's ``QUAT`` and so on
     P      : ndarray, shape (n, n)        n = 9 + k or 15 + k
     began, ended, bend : shape (6,)       accel_b, gyro_b as measured at the beginning and end; their second derivatives
-    unit   : ndarray, shape (2, 4)        ``Unit.table``;   drifts : ndarray, shape (k, 3)   ``Model.drifts``
+    unit   : ndarray, shape (2, 4)        ``ImuErrorModel.table``;   drifts : ndarray, shape (k, 3)   ``FilterModel.drifts``
     seconds : > 0 [s]
     """
-    first, last = began - y[ACCEL_BIAS:EXTRAS], ended - y[ACCEL_BIAS:EXTRAS]
+    first, last = imu_start - y[ACCEL_BIAS:EXTRAS], imu_end - y[ACCEL_BIAS:EXTRAS]
     middle = 0.5 * (first + last)
     before = matrix(y)
     biased = len(P) - len(drifts) == BIASED
@@ -52,21 +52,23 @@ def step(  # noqa: PLR0917
     phi = transition(rates(mat_eb, force_e, down_e, biased), seconds)
     accel, gyro = noise(unit, middle[0:3], middle[3:6], biased)
     speed = np.sqrt(y[3] ** 2 + y[4] ** 2 + y[5] ** 2)
-    _misdirect(P, force_e, down_e, seconds)
+    _add_heading_noise(P, force_e, down_e, seconds)
     _spread(P, phi)
     for i in range(3):
         P[VEL + i, VEL + i] += accel * seconds
         P[TURN + i, TURN + i] += gyro * seconds
-    _shake(P, began, ended, seconds)
+    _add_shock_noise(P, imu_start, imu_end, seconds)
     if biased:
-        _wander_biases(y, P, unit, seconds)
+        _step_biases(y, P, unit, seconds)
     for i in range(len(drifts)):
-        _wander(y, EXTRAS + i, P, len(P) - len(drifts) + i, drifts[i, 0], drifts[i, 1] + speed * drifts[i, 2], seconds)
+        _step_gauss_markov(
+            y, EXTRAS + i, P, len(P) - len(drifts) + i, drifts[i, 0], drifts[i, 1] + speed * drifts[i, 2], seconds
+        )
 
 
 @kernel
 def coast(  # noqa: PLR0917
-    y: Array, P: Array, began: Array, ended: Array, bends: Array, unit: Array, drifts: Array, seconds: Array
+    y: Array, P: Array, imu_start: Array, imu_end: Array, bends: Array, unit: Array, drifts: Array, seconds: Array
 ) -> None:
     """Move an estimate through m steps, in place, and its covariance with one transition for all of them.
 
@@ -80,7 +82,7 @@ def coast(  # noqa: PLR0917
     total, accel, gyro, way = 0.0, 0.0, 0.0, 0.0
     force_e, mean_eb = np.zeros(3), np.zeros((3, 3))
     for m in range(len(seconds)):
-        first, last = began[m] - y[ACCEL_BIAS:EXTRAS], ended[m] - y[ACCEL_BIAS:EXTRAS]
+        first, last = imu_start[m] - y[ACCEL_BIAS:EXTRAS], imu_end[m] - y[ACCEL_BIAS:EXTRAS]
         middle = 0.5 * (first + last)
         before = matrix(y)
         move(y, first, last, bends[m], seconds[m])
@@ -94,18 +96,18 @@ def coast(  # noqa: PLR0917
         gyro += more_gyro * seconds[m]
         way += np.sqrt(y[3] ** 2 + y[4] ** 2 + y[5] ** 2) * seconds[m]
         total += seconds[m]
-        _shake(P, began[m], ended[m], seconds[m])
+        _add_shock_noise(P, imu_start[m], imu_end[m], seconds[m])
     down_e = -y[0:3] / np.sqrt(y[0] ** 2 + y[1] ** 2 + y[2] ** 2)
-    _misdirect(P, force_e / total, down_e, total)
+    _add_heading_noise(P, force_e / total, down_e, total)
     _spread(P, transition(rates(mean_eb / total, force_e / total, down_e, biased), total))
     for i in range(3):
         P[VEL + i, VEL + i] += accel
         P[TURN + i, TURN + i] += gyro
     if biased:
-        _wander_biases(y, P, unit, total)
+        _step_biases(y, P, unit, total)
     for i in range(len(drifts)):
         rate = drifts[i, 1] + way / total * drifts[i, 2]
-        _wander(y, EXTRAS + i, P, len(P) - len(drifts) + i, drifts[i, 0], rate, total)
+        _step_gauss_markov(y, EXTRAS + i, P, len(P) - len(drifts) + i, drifts[i, 0], rate, total)
 
 
 @kernel
@@ -170,7 +172,7 @@ def largest_sd(north: float, east: float, across: float) -> float:
 
 
 @kernel
-def _misdirect(P: Array, force_e: Array, down_e: Array, seconds: float) -> None:
+def _add_heading_noise(P: Array, force_e: Array, down_e: Array, seconds: float) -> None:
     """What an error psi of the heading takes from the horizontal force f beyond first order: (1 - cos psi) f, along f.
 
     Of a normal psi its mean square is 3/4 sigma^4; it lasts for a turn.  Below 5 deg less than 0.7 % of f.
@@ -187,13 +189,13 @@ def _misdirect(P: Array, force_e: Array, down_e: Array, seconds: float) -> None:
 
 
 @kernel
-def _shake(P: Array, began: Array, ended: Array, seconds: float) -> None:
+def _add_shock_noise(P: Array, imu_start: Array, imu_end: Array, seconds: float) -> None:
     """What is felt has jumped: how much of it was flown between two samples, and how much a bit that fell over, nobody
     knows.
     """
     for i in range(3):
-        jumped = np.abs(ended[i] - began[i]) - SHOCK
-        turned = np.abs(ended[3 + i] - began[3 + i]) - SHOCK_TURN
+        jumped = np.abs(imu_end[i] - imu_start[i]) - SHOCK
+        turned = np.abs(imu_end[3 + i] - imu_start[3 + i]) - SHOCK_TURN
         if jumped > 0.0:
             for k in range(3):  # body axes: it may be any of the three
                 P[VEL + k, VEL + k] += (jumped * seconds) ** 2
@@ -203,7 +205,7 @@ def _shake(P: Array, began: Array, ended: Array, seconds: float) -> None:
 
 
 @kernel
-def bent(before: Array, here: Array, after: Array, last: float, following: float) -> Array:
+def second_derivatives(before: Array, here: Array, after: Array, last: float, following: float) -> Array:
     """Second derivatives (6,) at a sample (6,), of which ``before`` is so many seconds before, ``after`` after it."""
     found = np.empty(len(here))
     for j in range(len(here)):
@@ -213,7 +215,7 @@ def bent(before: Array, here: Array, after: Array, last: float, following: float
 
 
 @kernel
-def resampled(times: Array, felt: Array, nodes: Array) -> tuple[Array, Array]:
+def resample(times: Array, imu: Array, nodes: Array) -> tuple[Array, Array]:
     """What is felt at nodes, by straight lines between samples, and how it is bent from each node to the next.
 
     times : ndarray, shape (m,)   of the samples [s]; the first one is before the nodes, or at the first of them where
@@ -231,18 +233,18 @@ def resampled(times: Array, felt: Array, nodes: Array) -> tuple[Array, Array]:
             last, following = times[at] - times[at - 1], times[at + 1] - times[at]
             share = (nodes[k] - times[at]) / following
             if k < len(bends) and last > 0.0:
-                bends[k] = bent(felt[at - 1], felt[at], felt[at + 1], last, following)
+                bends[k] = second_derivatives(imu[at - 1], imu[at], imu[at + 1], last, following)
         for j in range(6):
-            at_nodes[k, j] = felt[at, j] + (share * (felt[at + 1, j] - felt[at, j]) if share > 0.0 else 0.0)
+            at_nodes[k, j] = imu[at, j] + (share * (imu[at + 1, j] - imu[at, j]) if share > 0.0 else 0.0)
     return at_nodes, bends
 
 
 @kernel
-def within(felt: Array, most: Array) -> bool:
+def is_within(imu: Array, most: Array) -> bool:
     """Whether each number is one, and smaller than the most."""
     sound = True
-    for i in range(len(felt)):
-        sound = sound and np.abs(felt[i]) < most[i]
+    for i in range(len(imu)):
+        sound = sound and np.abs(imu[i]) < most[i]
     return bool(sound)
 
 
@@ -295,14 +297,14 @@ def _spread(P: Array, phi: Array) -> None:
 
 
 @kernel
-def _wander_biases(y: Array, P: Array, unit: Array, seconds: float) -> None:
+def _step_biases(y: Array, P: Array, unit: Array, seconds: float) -> None:
     for i in range(3):
-        _wander(y, ACCEL_BIAS + i, P, ACCEL + i, unit[0, 1], 1.0 / unit[0, 2], seconds)
-        _wander(y, GYRO_BIAS + i, P, GYRO + i, unit[1, 1], 1.0 / unit[1, 2], seconds)
+        _step_gauss_markov(y, ACCEL_BIAS + i, P, ACCEL + i, unit[0, 1], 1.0 / unit[0, 2], seconds)
+        _step_gauss_markov(y, GYRO_BIAS + i, P, GYRO + i, unit[1, 1], 1.0 / unit[1, 2], seconds)
 
 
 @kernel
-def _wander(y: Array, at: int, P: Array, row: int, sd: float, rate: float, seconds: float) -> None:  # noqa: PLR0917
+def _step_gauss_markov(y: Array, at: int, P: Array, row: int, sd: float, rate: float, seconds: float) -> None:  # noqa: PLR0917
     """One first-order Gauss-Markov error: what is left of it, and what comes new."""
     keep = np.exp(-rate * seconds)
     y[at] *= keep

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from fti.nav.filter import kernels
 from fti.nav.filter.aiding import Aiding
 from fti.nav.filter.estimate import Estimate
-from fti.nav.filter.gate import Judgement, Standings
+from fti.nav.filter.innovation_gate import GateDecision, GateStates
 
 Array = NDArray[np.float64]
 
@@ -24,7 +24,7 @@ SECOND_NS = 1_000_000_000
 
 
 @dataclass(slots=True)
-class Entry:
+class AidingEntry:
     """A measurement in its place.
 
     told      : whether its verdict was given out
@@ -33,8 +33,8 @@ class Entry:
 
     t_ns: int
     aiding: Aiding
-    told: bool = False
-    judgement: Judgement | None = None
+    is_reported: bool = False
+    decision: GateDecision | None = None
     nis: float = 0.0
     innovation: Array | None = None
 
@@ -43,10 +43,10 @@ class Moment(NamedTuple):
     """After an inertial sample: the estimate with all that aids up to then, and the books of the gate."""
 
     estimate: Estimate
-    standings: Standings
+    gate_states: GateStates
 
 
-class Segment(NamedTuple):
+class FilterSegment(NamedTuple):
     """A part of the past of the filter.
 
     before  : time and what was felt at the inertial sample before the first moment, None where there was none
@@ -56,7 +56,7 @@ class Segment(NamedTuple):
 
     before: tuple[int, Array] | None
     moments: tuple[Moment, ...]
-    entries: tuple[Entry, ...]
+    entries: tuple[AidingEntry, ...]
 
     @property
     def begin_ns(self) -> int:
@@ -72,25 +72,25 @@ class Segment(NamedTuple):
 class Piece(NamedTuple):
     """Steps from one aid to the next: arrays of ``kernels.coast``, its end, and the aids at its end."""
 
-    began: Array
-    ended: Array
+    imu_start: Array
+    imu_end: Array
     bends: Array
     seconds: Array
     end_ns: int
-    entries: tuple[Entry, ...]
+    entries: tuple[AidingEntry, ...]
 
 
-def cut(segment: Segment) -> list[Piece]:
+def cut(segment: FilterSegment) -> list[Piece]:
     """The pieces of a segment, in order; only the last one may have no aid at its end."""
     origin = segment.begin_ns
     ends_ns = sorted({e.t_ns for e in segment.entries} | {segment.end.estimate.t_ns})
     times_ns = [m.estimate.t_ns - origin for m in segment.moments]
-    felt = [m.estimate.felt for m in segment.moments]
+    imu = [m.estimate.imu for m in segment.moments]
     nodes_ns = sorted({*times_ns, *(t_ns - origin for t_ns in ends_ns)})
-    before_ns, before = segment.before or (origin, felt[0])
+    before_ns, before = segment.before or (origin, imu[0])
     nodes = np.array(nodes_ns) / SECOND_NS
-    at_nodes, bends = kernels.resampled(
-        np.array([before_ns - origin, *times_ns]) / SECOND_NS, np.stack((before, *felt)), nodes
+    at_nodes, bends = kernels.resample(
+        np.array([before_ns - origin, *times_ns]) / SECOND_NS, np.stack((before, *imu)), nodes
     )
     seconds = np.diff(nodes)
     pieces, first = [], 0

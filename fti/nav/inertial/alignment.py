@@ -20,17 +20,17 @@ from fti.geodesy.gravity import normal_gravity
 Array = NDArray[np.float64]
 
 #: Below this speed a track is no heading [m/s].
-LEAST_SPEED = 15.0
+MIN_TRACK_SPEED_MPS = 15.0
 #: One sigma of an attitude found so: tilt, heading [rad].
 TILT_SD, HEADING_SD = float(np.deg2rad(2.0)), float(np.deg2rad(10.0))
 
 
 def attitude_in_flight(force_b: Array, vel_n: Array, accel_n: Array, lat: float, alt: float) -> Array | None:
-    """mat_nb (3, 3); None below ``LEAST_SPEED``, or where the two directions are one.
+    """mat_nb (3, 3); None below ``MIN_TRACK_SPEED_MPS``, or where the two directions are one.
 
     force_b : mean specific force (3,) [m/s^2];  vel_n (3,) [m/s], accel_n (3,) [m/s^2] : over the ground, the same time
     """
-    if np.hypot(vel_n[0], vel_n[1]) < LEAST_SPEED:
+    if np.hypot(vel_n[0], vel_n[1]) < MIN_TRACK_SPEED_MPS:
         return None
     force_n = accel_n - np.array([0.0, 0.0, float(normal_gravity(lat, alt))])
     here, body = _triad(force_n, vel_n), _triad(force_b, np.array([1.0, 0.0, 0.0]))

@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 
 from fti.geodesy.gravity import FREE_AIR, somigliana
 from fti.geodesy.wgs84 import EARTH_RATE, SEMI_MAJOR
-from fti.nav.inertial.ellipsoid import normal_at
+from fti.nav.inertial.normal_height_kernel import normal_at
 from fti.terrain.kernel import kernel
 
 Array = NDArray[np.float64]
@@ -135,11 +135,11 @@ def advance(memory: Array, sensors: Array, step: float) -> None:
     y, lost, between = memory[0], memory[1], memory[2]
     k1, k2, k3, k4 = memory[3], memory[4], memory[5], memory[6]
     _rates(y, sensors[0], k1)
-    _ahead(y, 0.5 * step, k1, between)
+    _extrapolate(y, 0.5 * step, k1, between)
     _rates(between, sensors[1], k2)
-    _ahead(y, 0.5 * step, k2, between)
+    _extrapolate(y, 0.5 * step, k2, between)
     _rates(between, sensors[1], k3)
-    _ahead(y, step, k3, between)
+    _extrapolate(y, step, k3, between)
     _rates(between, sensors[2], k4)
     for i in range(10):
         added = step / 6.0 * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]) - lost[i]
@@ -149,7 +149,7 @@ def advance(memory: Array, sensors: Array, step: float) -> None:
 
 
 @kernel
-def _ahead(y: Array, step: float, rates: Array, into: Array) -> None:
+def _extrapolate(y: Array, step: float, rates: Array, into: Array) -> None:
     for i in range(10):
         into[i] = y[i] + step * rates[i]
 

@@ -23,7 +23,7 @@ from fti.config import Positive, StrictModel, bind, parse_toml
 from fti.geodesy import wgs84
 from fti.geodesy.local import LocalFrame
 from fti.geodesy.one_point import to_local
-from fti.nav.integrity.ground_track import GroundTrack, Leg
+from fti.nav.integrity.ground_track import GroundTrack, TrackLeg
 
 Array = NDArray[np.float64]
 
@@ -44,7 +44,7 @@ class Airfield(StrictModel):
     tch_m: Positive = 15.24
     runway_length_m: Positive
     survey_date: Annotated[str, Field(pattern=r"^\d{4}-\d{2}-\d{2}$")]
-    leg: tuple[Leg, ...] | None = None  # of the ground track, from the intercept point outwards; none: straight
+    leg: tuple[TrackLeg, ...] | None = None  # of the ground track, from the intercept point outwards; none: straight
 
 
 def load_airfield(text: str, file: str) -> Airfield:
@@ -80,7 +80,7 @@ class ApproachPath:
         back, right = -(east * self._sin + north * self._cos), east * self._cos - north * self._sin
         return self._track.along(back, right) if self._track else (back, right)
 
-    def along_one(self, lat: float, lon: float) -> tuple[float, float]:
+    def to_path_one(self, lat: float, lon: float) -> tuple[float, float]:
         """``along`` of one position."""
         if self._track:
             s, y = self.along(lat, lon)

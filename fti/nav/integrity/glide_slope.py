@@ -19,12 +19,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from fti.nav.integrity.approach import ApproachPath
-from fti.nav.integrity.reference import Reference
+from fti.nav.integrity.reference import ApproachReference
 from fti.nav.integrity.window import Bins
 from fti.types import ClearanceIntegrity, GlideSlope, IntegrityState, Reason
 
 MEAN_M = 50.0
-LEAST_S = 150.0
+MIN_S_M = 150.0
 DOT = 0.12
 FULL_SCALE_DOTS = 2.0
 
@@ -52,7 +52,7 @@ def dots(angle: float, glide: float) -> tuple[float, bool]:
     return clamped, clamped != shown
 
 
-def mean_deviation(bins: Bins, reference: Reference) -> HeightDeviation | None:
+def mean_deviation(bins: Bins, reference: ApproachReference) -> HeightDeviation | None:
     """Mean height above the path over the last 50 m; sigma with one independent sample per correlation length.
 
     Var = mean(s_ref^2 + s_alt^2) / max(1, 50 m / l_c) + B_ref^2.  None when those bins are empty.
@@ -70,7 +70,7 @@ def mean_deviation(bins: Bins, reference: Reference) -> HeightDeviation | None:
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class PathPosition:
     """Where P is: path length s, offset y and altitude above the ellipsoid [m]."""
 
     s: float
@@ -79,7 +79,7 @@ class Place:
 
 
 def glide_slope(
-    integrity: ClearanceIntegrity, path: ApproachPath, place: Place | None, height: HeightDeviation | None
+    integrity: ClearanceIntegrity, path: ApproachPath, place: PathPosition | None, height: HeightDeviation | None
 ) -> GlideSlope:
     """The output that belongs to an output of the monitor."""
     reasons = _reasons(integrity, place, height)
@@ -94,7 +94,7 @@ def glide_slope(
         dh_sd=height.sd if height else None,
         dh_nav=place.alt - float(path.alt_path(place.s)) if place else None,
     )
-    if height is None or place is None or place.s < LEAST_S:
+    if height is None or place is None or place.s < MIN_S_M:
         return metres
     angle = deviation(place.s, height.dh, path.glide)
     shown, clamped = dots(angle, path.glide)
@@ -103,17 +103,19 @@ def glide_slope(
     )
 
 
-def _reasons(integrity: ClearanceIntegrity, place: Place | None, height: HeightDeviation | None) -> tuple[Reason, ...]:
+def _reasons(
+    integrity: ClearanceIntegrity, place: PathPosition | None, height: HeightDeviation | None
+) -> tuple[Reason, ...]:
     table = (
-        (Reason.INTEGRITY, not _vouched(integrity)),
+        (Reason.INTEGRITY, not _is_assured(integrity)),
         (Reason.NO_POSITION, place is None),
         (Reason.GAPS, place is not None and height is None),
-        (Reason.BELOW_150_M, place is not None and place.s < LEAST_S),
+        (Reason.BELOW_150_M, place is not None and place.s < MIN_S_M),
     )
     return tuple(reason for reason, holds in table if holds)
 
 
-def _vouched(integrity: ClearanceIntegrity) -> bool:
+def _is_assured(integrity: ClearanceIntegrity) -> bool:
     if integrity.state not in (IntegrityState.OK, IntegrityState.MONITOR):
         return False
     return all(ratio is not None and ratio <= 1.0 for ratio in (integrity.t1_ratio, integrity.t4_ratio))

@@ -29,12 +29,12 @@ Array = NDArray[np.float64]
 ROLL_IN_M = 300.0
 #: The tightest arc [m]: a place 150 m beside the track must lie clearly on this side of its centre, and with 25 deg of
 #: bank nobody turns tighter above 37 m/s.
-LEAST_RADIUS_M = 300.0
+MIN_RADIUS_M = 300.0
 #: How far the track goes on straight behind its last leg, and beyond the intercept point [m].
-ON_M = 1e6
+EXTENSION_M = 1e6
 
 
-class Leg(StrictModel):
+class TrackLeg(StrictModel):
     """A leg of the ground track.
 
     length_m : along it      radius_m : of an arc, > 0 where it is flown to the right, < 0 to the left; none: straight
@@ -46,33 +46,35 @@ class Leg(StrictModel):
     bank_deg: Annotated[float, Field(gt=0, le=30)] | None = None
 
     @model_validator(mode="after")
-    def _whole(self) -> Leg:
+    def _check_arc(self) -> TrackLeg:
         if (self.radius_m is None) != (self.bank_deg is None):
             raise ValueError("an arc needs radius_m and bank_deg, a straight leg has neither")
         if self.radius_m is not None and (
-            abs(self.radius_m) < LEAST_RADIUS_M or self.length_m > math.pi * abs(self.radius_m)
+            abs(self.radius_m) < MIN_RADIUS_M or self.length_m > math.pi * abs(self.radius_m)
         ):
-            raise ValueError(f"an arc must have a radius of {LEAST_RADIUS_M:g} m at least, and turn by 180 deg at most")
+            raise ValueError(f"an arc must have a radius of {MIN_RADIUS_M:g} m at least, and turn by 180 deg at most")
         return self
 
 
 class GroundTrack:
     """The track of legs, first that at the intercept point."""
 
-    def __init__(self, legs: Sequence[Leg]) -> None:
-        lengths = [ON_M, *(leg.length_m for leg in legs), ON_M]
+    def __init__(self, legs: Sequence[TrackLeg]) -> None:
+        lengths = [EXTENSION_M, *(leg.length_m for leg in legs), EXTENSION_M]
         self._bends = np.array([0.0, *(1.0 / leg.radius_m if leg.radius_m else 0.0 for leg in legs), 0.0])
         self._lengths = np.array(lengths)
-        self._begins = np.cumsum([-ON_M, *lengths[:-1]])
+        self._begins = np.cumsum([-EXTENSION_M, *lengths[:-1]])
         self._thetas = np.cumsum([0.0, *(self._bends * self._lengths)[:-1]])
         banks = np.array([math.radians(leg.bank_deg or 0.0) for leg in legs])
         self._ends = self._begins[1:]
-        self._banked = np.concatenate(([0.0], np.cumsum(np.sign(self._bends[1:-1]) * banks * self._lengths[1:-1])))
-        self._starts = self._chained()
+        self._bank_integral = np.concatenate(
+            ([0.0], np.cumsum(np.sign(self._bends[1:-1]) * banks * self._lengths[1:-1]))
+        )
+        self._starts = self._chain()
 
-    def _chained(self) -> Array:
+    def _chain(self) -> Array:
         """Where each leg begins, shape (legs, 2)."""
-        places = [np.array([-ON_M, 0.0])]
+        places = [np.array([-EXTENSION_M, 0.0])]
         for k in range(len(self._bends) - 1):
             places.append(self._along_leg(k, self._lengths[k], places[k]))
         return np.array(places)
@@ -92,7 +94,7 @@ class GroundTrack:
 
     def bank(self, s: Array) -> Array:
         """Roll with which the track is flown [rad], to the right positive."""
-        ahead, behind = (np.interp(s + sign * ROLL_IN_M / 2, self._ends, self._banked) for sign in (1, -1))
+        ahead, behind = (np.interp(s + sign * ROLL_IN_M / 2, self._ends, self._bank_integral) for sign in (1, -1))
         return np.asarray((ahead - behind) / ROLL_IN_M)
 
     def place(self, s: Array, y: Array) -> tuple[Array, Array]:
@@ -108,14 +110,14 @@ class GroundTrack:
     def along(self, a: Array, b: Array) -> tuple[Array, Array]:
         """s and y of places: of the part of the track that is nearest."""
         best_s, best_y, best = np.zeros_like(a), np.zeros_like(a), np.full_like(a, np.inf)
-        for s, y, distance in self._on_each(np.stack((a, b), axis=-1)):
+        for s, y, distance in self._project_on_legs(np.stack((a, b), axis=-1)):
             nearer = distance < best
             best_s, best_y = np.where(nearer, s, best_s), np.where(nearer, y, best_y)
             best = np.minimum(best, distance)
         known = np.isfinite(a + b)
         return np.where(known, best_s, np.nan), np.where(known, best_y, np.nan)
 
-    def _on_each(self, p: Array) -> Iterator[tuple[Array, Array, Array]]:
+    def _project_on_legs(self, p: Array) -> Iterator[tuple[Array, Array, Array]]:
         """For each leg: s and y of its nearest place, and how far that is."""
         for k, start in enumerate(self._starts):
             u = np.clip(self._project(k, p - start), 0.0, self._lengths[k])

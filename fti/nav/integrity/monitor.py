@@ -10,7 +10,7 @@ compensated for terrain.
                   sigma is beyond what the limits assume; an ALERT is said all the same
     ACQUIRE       the window is not yet full.  Past the intercept point, outside the profile, after a go-around and
                   after s grew by more than 20 m everything begins again from here.
-    others        see fti.nav.integrity.states; these are judgements, and ``valid`` (an ALERT too)
+    others        see fti.nav.integrity.alarm_logic; these are judgements, and ``valid`` (an ALERT too)
 
 Source: Spiegel 2018, 7.2.2, made unambiguous; the alarm limits come with the reference.
 """
@@ -26,14 +26,14 @@ from types import MappingProxyType
 import numpy as np
 
 from fti.config import Approach
+from fti.nav.integrity.alarm_logic import AlarmLogic, Ratios
 from fti.nav.integrity.approach import ApproachPath
 from fti.nav.integrity.assumptions import navigation_holds
 from fti.nav.integrity.go_around import GO_AROUND_CLIMB, GoAround
-from fti.nav.integrity.protection import Protection, Protector
-from fti.nav.integrity.reference import Reference
-from fti.nav.integrity.states import AlarmLogic, Ratios
+from fti.nav.integrity.protection import ClearanceProtection, ProtectionCalculator
+from fti.nav.integrity.reference import ApproachReference
 from fti.nav.integrity.statistics import Matcher, Statistics
-from fti.nav.integrity.window import Bins, Track, Window, between, has_gaps
+from fti.nav.integrity.window import Bins, ClearanceSeries, ClearanceWindow, has_gaps, interpolate
 from fti.types import ClearanceIntegrity, IntegrityState, Reason
 
 UPDATE_NS = 200_000_000
@@ -41,7 +41,7 @@ UPDATE_M = 10.0
 REPEAT_NS = 500_000_000
 HOLD_NS = UPDATE_NS
 #: The oldest window that is vouched for: 10 m at 5 m/s.
-QUIET_NS = 2_000_000_000
+UPDATE_TIMEOUT_NS = 2_000_000_000
 #: The margin over sqrt(t2) that makes a shift of AL_s visible with 95 %: O >= (sqrt(t2) + 1.64)^2.
 OBSERVABLE_MARGIN = 1.64
 
@@ -71,7 +71,7 @@ class ClearanceSample:
 
 
 #: What is told of a window that was not matched.
-NOTHING: Mapping[str, float | None] = MappingProxyType({})
+NO_STATISTICS: Mapping[str, float | None] = MappingProxyType({})
 
 Rule = Callable[[ClearanceSample, Approach], bool]
 
@@ -88,7 +88,7 @@ RULES: tuple[tuple[Reason, Rule], ...] = (
 class ClearanceMonitor:
     """The monitor of one approach."""
 
-    def __init__(self, reference: Reference, settings: Approach) -> None:
+    def __init__(self, reference: ApproachReference, settings: Approach) -> None:
         self.reference = reference
         self.path = ApproachPath(reference.header.airfield)
         self.bins: Bins | None = None  # of the last update
@@ -96,10 +96,10 @@ class ClearanceMonitor:
         self._settings = settings
         self._limits = reference.header.limits
         self._observable = (math.sqrt(self._limits.t2) + OBSERVABLE_MARGIN) ** 2
-        self._window = Window(reference)
+        self._window = ClearanceWindow(reference)
         self._matcher = Matcher(reference, settings.alert_s_m)
         self._assumed = reference.header.assumptions
-        self._protector = Protector(self._limits, settings)
+        self._protector = ProtectionCalculator(self._limits, settings)
         self.agl_ref = self.path.alt_path(reference.s) - reference.z_ref
         self.bounds = np.array(
             [
@@ -117,7 +117,7 @@ class ClearanceMonitor:
         self._go_around = GoAround()
         self._last: ClearanceIntegrity | None = None
         self._used_ns: int | None = None
-        self._judged_ns = 0
+        self._evaluated_ns = 0
         self.restart()
 
     def restart(self) -> None:
@@ -130,10 +130,10 @@ class ClearanceMonitor:
 
     def step(self, x: ClearanceSample) -> ClearanceIntegrity | None:
         """Take a sample; the output when there is a new one."""
-        outside = self._outside(x)
+        outside = self._exit_reason(x)
         if outside:
             self.restart()
-            return self._say(self._unavailable(x.t_ns, x.t_valid_ns, (outside,)))
+            return self._emit(self._unavailable(x.t_ns, x.t_valid_ns, (outside,)))
         reasons = tuple(reason for reason, broken in RULES if broken(x, self._settings))
         if Reason.NO_POSITION not in reasons:
             self.follow(x.s)
@@ -144,17 +144,17 @@ class ClearanceMonitor:
         if not self._is_due(x):
             return None
         self._updated = (x.t_valid_ns, x.s)
-        self._judged_ns = x.t_ns
-        return self._say(self._judge(x), always=True)
+        self._evaluated_ns = x.t_ns
+        return self._emit(self._evaluate(x), always=True)
 
-    def skip(self, track: Track, begin: int) -> int:
+    def skip(self, track: ClearanceSeries, begin: int) -> int:
         """Take samples from ``begin`` on as long as each only goes into the window and nothing is to be said.
 
         Returns the index of the first that is left for ``step``.  The outputs are those of ``step`` alone, sooner.
         """
         if self._updated is None or self._go_around.active:
             return begin
-        end = self._window.take(track, begin, self.bounds, self._updated, self.agl_ref)
+        end = self._window.add_samples(track, begin, self.bounds, self._updated, self.agl_ref)
         if end > begin:
             self._used_ns = int(track.t_ns[end - 1])
             self._go_around.step(self._used_ns, None)
@@ -166,7 +166,7 @@ class ClearanceMonitor:
             self.restart()
 
     def _collect(self, x: ClearanceSample) -> None:
-        self._window.add(x.s, x.alt - x.agl, x.agl - between(self.agl_ref, (x.s - self._s0) / self._ds))
+        self._window.add(x.s, x.alt - x.agl, x.agl - interpolate(self.agl_ref, (x.s - self._s0) / self._ds))
 
     def refuse(self, t_ns: int, t_valid_ns: int | None, reasons: tuple[Reason, ...]) -> ClearanceIntegrity | None:
         """There is no usable sample.
@@ -177,7 +177,7 @@ class ClearanceMonitor:
         held = self._used_ns is not None and t_ns - self._used_ns < HOLD_NS
         if held and Reason.STALE not in reasons:
             return None
-        return self._say(self._unavailable(t_ns, t_valid_ns, reasons))
+        return self._emit(self._unavailable(t_ns, t_valid_ns, reasons))
 
     def tick(self, t_ns: int) -> ClearanceIntegrity | None:
         """Repeat the last output when it is half a second old; a window that nothing was added to ages.
@@ -187,14 +187,14 @@ class ClearanceMonitor:
         """
         if self._last is None:
             return None
-        if self._last.state is not IntegrityState.UNAVAILABLE and t_ns - self._judged_ns >= QUIET_NS:
-            return self._say(self._unavailable(t_ns, self._last.t_valid_ns, (Reason.STALE,)))
+        if self._last.state is not IntegrityState.UNAVAILABLE and t_ns - self._evaluated_ns >= UPDATE_TIMEOUT_NS:
+            return self._emit(self._unavailable(t_ns, self._last.t_valid_ns, (Reason.STALE,)))
         if t_ns - self._last.t_ns < REPEAT_NS:
             return None
         self._last = dataclasses.replace(self._last, t_ns=t_ns)
         return self._last
 
-    def _outside(self, x: ClearanceSample) -> Reason | None:
+    def _exit_reason(self, x: ClearanceSample) -> Reason | None:
         going_around = self._go_around.step(x.t_valid_ns, x.climb)
         if x.s < 0.0:
             return Reason.END
@@ -210,35 +210,35 @@ class ClearanceMonitor:
 
     # -------------------------------------------------------------------------------------------------- judging
 
-    def _judge(self, x: ClearanceSample) -> ClearanceIntegrity:
+    def _evaluate(self, x: ClearanceSample) -> ClearanceIntegrity:
         self.bins = self._window.bins(x.s)
         if not self._window.is_full(x.s):
-            return self._judged(x, IntegrityState.ACQUIRE, (), NOTHING)
+            return self._make_output(x, IntegrityState.ACQUIRE, (), NO_STATISTICS)
         if has_gaps(self.bins):
             self._logic.skip()
-            return self._judged(x, IntegrityState.UNAVAILABLE, (Reason.GAPS,), NOTHING)
+            return self._make_output(x, IntegrityState.UNAVAILABLE, (Reason.GAPS,), NO_STATISTICS)
         found = self._matcher.evaluate(self.bins, x.vertical_sd)
         self.statistics = found
         protection = self._protector.of(found, x.s, x.horizontal_sd, x.hpl)
         ratios = self._ratios(found, protection)
         state, reasons = self._logic.step(ratios, x.s)
-        lacks = protection.lacks
+        unavailable_reasons = protection.unavailable_reasons
         if not navigation_holds(self._assumed, x.vertical_sd, x.horizontal_sd):
-            lacks = (*lacks, Reason.ASSUMPTION)
-        if state is not IntegrityState.ALERT and lacks:
-            state, reasons = IntegrityState.UNAVAILABLE, (*lacks, *reasons)
-        return self._judged(x, state, reasons, _told(found, ratios, protection))
+            unavailable_reasons = (*unavailable_reasons, Reason.ASSUMPTION)
+        if state is not IntegrityState.ALERT and unavailable_reasons:
+            state, reasons = IntegrityState.UNAVAILABLE, (*unavailable_reasons, *reasons)
+        return self._make_output(x, state, reasons, _output_fields(found, ratios, protection))
 
-    def _ratios(self, found: Statistics, protection: Protection) -> Ratios:
+    def _ratios(self, found: Statistics, protection: ClearanceProtection) -> Ratios:
         """Statistics over their limits.  A shift of AL_s must show at AL_s itself (O) and by the curvature."""
         limits = self._limits
-        observable = found.observability >= self._observable and protection.along
+        observable = found.observability >= self._observable and protection.detects_shift
         t2 = found.t2 / limits.t2 if observable else None
         return Ratios(found.t1 / limits.t1, t2, found.t3 / limits.t3, found.t4 / limits.t4)
 
     # ---------------------------------------------------------------------------------------------------- output
 
-    def _judged(
+    def _make_output(
         self, x: ClearanceSample, state: IntegrityState, reasons: tuple[Reason, ...], told: Mapping[str, float | None]
     ) -> ClearanceIntegrity:
         return ClearanceIntegrity(
@@ -266,7 +266,7 @@ class ClearanceMonitor:
             reference=self._hash,
         )
 
-    def _say(self, new: ClearanceIntegrity, always: bool = False) -> ClearanceIntegrity | None:
+    def _emit(self, new: ClearanceIntegrity, always: bool = False) -> ClearanceIntegrity | None:
         """The output, unless it says what was said less than half a second ago."""
         last = self._last
         same = last is not None and (last.state, last.reasons) == (new.state, new.reasons)
@@ -276,7 +276,7 @@ class ClearanceMonitor:
         return new
 
 
-def _told(found: Statistics, ratios: Ratios, protection: Protection) -> dict[str, float | None]:
+def _output_fields(found: Statistics, ratios: Ratios, protection: ClearanceProtection) -> dict[str, float | None]:
     """What an output says of a window that was matched."""
     return {
         "t1_ratio": ratios.t1,

@@ -24,7 +24,7 @@ from fti.types import Reason
 
 
 @dataclass(frozen=True, slots=True)
-class Protection:
+class ClearanceProtection:
     """Protection and alert levels, vertical and along the track, and to the side as navigation states them [m]."""
 
     level_v: float
@@ -35,28 +35,31 @@ class Protection:
     limit_y: float
 
     @property
-    def vertical(self) -> bool:
+    def detects_height_error(self) -> bool:
         """A height error as large as the alert limit would be seen."""
         return self.level_v <= self.limit_v
 
     @property
-    def along(self) -> bool:
+    def detects_shift(self) -> bool:
         """A shift along the track as large as the alert limit would be seen."""
         return self.level_s <= self.limit_s
 
     @property
-    def aside(self) -> bool:
+    def detects_cross_track(self) -> bool:
         """Navigation itself holds the aircraft to be within the alert limit of where it says."""
         return self.level_y <= self.limit_y
 
     @property
-    def lacks(self) -> tuple[Reason, ...]:
+    def unavailable_reasons(self) -> tuple[Reason, ...]:
         """Why nothing is vouched for, whatever the ground says; an unobservable shift leaves the other tests."""
-        found = ((Reason.PROTECTION_LEVEL, self.vertical), (Reason.POSITION_UNCERTAIN, self.aside))
+        found = (
+            (Reason.PROTECTION_LEVEL, self.detects_height_error),
+            (Reason.POSITION_UNCERTAIN, self.detects_cross_track),
+        )
         return tuple(reason for reason, enough in found if not enough)
 
 
-class Protector:
+class ProtectionCalculator:
     """The protection levels of windows."""
 
     def __init__(self, limits: Limits, settings: Approach) -> None:
@@ -69,12 +72,14 @@ class Protector:
         """AL_v [m] at path length s [m]."""
         return max(self._settings.alert_v_m, math.radians(self._settings.alert_v_deg) * s)
 
-    def of(self, found: Statistics, s: float, horizontal_sd: float | None, hpl: float | None = None) -> Protection:
+    def of(
+        self, found: Statistics, s: float, horizontal_sd: float | None, hpl: float | None = None
+    ) -> ClearanceProtection:
         """The levels of a window that ends at s [m].
 
         horizontal_sd, hpl : of the navigated place [m], None: not stated; hpl holds for a wrong source, too
         """
-        return Protection(
+        return ClearanceProtection(
             self.factor_v * found.height_error_sd,
             self.factor_s * found.shift_resolution,
             max(self.factor_y * (horizontal_sd or 0.0), hpl or 0.0),

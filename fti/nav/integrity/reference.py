@@ -36,17 +36,17 @@ MARGIN_M = 200.0
 #: Tables within each other that a key of the header names.
 MAX_FOLDERS = 8
 #: Correlation lengths that a window must hold.
-LEAST_CORRELATIONS = 8
+MIN_CORRELATIONS = 8
 
 
-class Sensor(StrictModel):
+class ReferenceSensor(StrictModel):
     """The altimeter that the profile was made for."""
 
     kind: Literal["radar", "laser"]
     beam_deg: Positive
 
 
-class Profile(StrictModel):
+class ReferenceProfile(StrictModel):
     """How the profile was made.
 
     surface : name of the elevation, or of the recordings     made_from : which of both
@@ -129,12 +129,12 @@ class Obstacles(StrictModel):
         return narrower[-1][parts[-1]] if narrower and parts else math.inf
 
 
-class Header(StrictModel):
+class ReferenceHeader(StrictModel):
     """Everything but the table and the hash."""
 
     airfield: Airfield
-    sensor: Sensor
-    profile: Profile
+    sensor: ReferenceSensor
+    profile: ReferenceProfile
     limits: Limits
     assumptions: Assumptions | None = None  # a reference of before they were stated has none
     detection: Detection | None = None  # a profile of recordings knows nothing of what lies beside it
@@ -142,10 +142,10 @@ class Header(StrictModel):
 
 
 @dataclass(frozen=True, eq=False)
-class Reference:
+class ApproachReference:
     """A published approach as one kind of altimeter sees it.  Arrays of shape (n,), ascending s."""
 
-    header: Header
+    header: ReferenceHeader
     s: Array
     z_ref: Array
     s_ref: Array
@@ -175,7 +175,7 @@ class Reference:
         return [TITLE, *head, COLUMNS, *(",".join(f"{v:.3f}" for v in row) for row in zip(*columns, strict=True))]
 
     @classmethod
-    def parse(cls, text: str, file: str) -> Reference:
+    def parse(cls, text: str, file: str) -> ApproachReference:
         """The reference in a text; file : its name, for messages.  Raises ConfigError with file, line and key."""
         lines = text.splitlines()
         if not lines or lines[0] != TITLE:
@@ -186,7 +186,7 @@ class Reference:
         table, where = _read_header(lines[1:at], file)
         stated = table.pop("hash", None)
         try:
-            header = bind(Header, table, file)
+            header = bind(ReferenceHeader, table, file)
         except ConfigError as error:
             raise ConfigError(_with_line(str(error), file, where)) from None
         _check_window(header.profile, file)
@@ -268,7 +268,7 @@ def _read_rows(lines: list[str], file: str, first: int) -> Array:
     return np.array(rows, dtype=np.float64).reshape(-1, width)
 
 
-def _check_grid(s: Array, profile: Profile, file: str, first: int) -> None:
+def _check_grid(s: Array, profile: ReferenceProfile, file: str, first: int) -> None:
     asked = (profile.s_max_m + 2 * MARGIN_M) / profile.ds_m + 1
     if not abs(asked - len(s)) < 1:
         raise ConfigError(f"{file}:{first}: s_m: {len(s)} rows; profile.s_max_m asks for {asked:.0f}")
@@ -287,21 +287,21 @@ def _check_sigmas(rows: Array, file: str, first: int) -> None:
             raise ConfigError(f"{file}:{first + wrong[0]}: {name} = {column[wrong[0]]}: must be > 0")
 
 
-def _check_window(profile: Profile, file: str) -> None:
+def _check_window(profile: ReferenceProfile, file: str) -> None:
     """The compiled kernels look up to 200 m beyond a window, in whole steps, and ask nobody whether it is there."""
     for name, length in (("the margin", MARGIN_M), ("window_m", profile.window_m)):
         if abs(length / profile.ds_m - round(length / profile.ds_m)) > 1e-9:
             raise ConfigError(f"{file}: profile.ds_m = {profile.ds_m}: must divide {name}, {length}")
     if profile.window_m > profile.s_max_m:
         raise ConfigError(f"{file}: profile.window_m = {profile.window_m}: must be at most s_max_m = {profile.s_max_m}")
-    if profile.correlation_m > profile.window_m / LEAST_CORRELATIONS:
+    if profile.correlation_m > profile.window_m / MIN_CORRELATIONS:
         raise ConfigError(
             f"{file}: profile.correlation_m = {profile.correlation_m}: must be at most window_m / "
-            f"{LEAST_CORRELATIONS} = {profile.window_m / LEAST_CORRELATIONS}"
+            f"{MIN_CORRELATIONS} = {profile.window_m / MIN_CORRELATIONS}"
         )
 
 
-def _check_obstacles(header: Header, file: str) -> None:
+def _check_obstacles(header: ReferenceHeader, file: str) -> None:
     """Templates that no window holds would see nothing, and say nothing of it."""
     widths, window = header.limits.t4_widths_m or (), header.profile.window_m
     if max(widths, default=0.0) > window:
@@ -322,7 +322,7 @@ def grid(ds: float, s_max: float) -> Array:
     return np.asarray(-MARGIN_M + ds * np.arange(round((s_max + 2 * MARGIN_M) / ds) + 1))
 
 
-def least_level_v(reference: Reference) -> float:
+def min_level_v(reference: ApproachReference) -> float:
     """The least vertical protection level that any full window of a reference can have [m].
 
     PL_v = (t_3 + k_md) s_b with a navigation without error: datum and matching alone.
@@ -335,7 +335,7 @@ def least_level_v(reference: Reference) -> float:
     return factor * math.sqrt(profile.datum_sd_m**2 + matching)
 
 
-def check_settings(reference: Reference, settings: Approach, file: str) -> None:
+def check_settings(reference: ApproachReference, settings: Approach, file: str) -> None:
     """Whether a configuration can be flown with a reference.  file : the configuration's name
 
     Raises ConfigError when the window is not the one that the limits were made with, and when AL_s is not among the
@@ -353,14 +353,14 @@ def check_settings(reference: Reference, settings: Approach, file: str) -> None:
         )
 
 
-def check_alert_limit(reference: Reference, alert_v: float, profile: str, file: str) -> None:
+def check_alert_limit(reference: ApproachReference, alert_v: float, profile: str, file: str) -> None:
     """Raises ConfigError when the alert limit [m] is below the least protection level: it could not be met anywhere.
 
     Asked before a flight alone: a recorded one is read and repeated as it was.
 
     profile, file : names of the reference and of the configuration
     """
-    least = least_level_v(reference)
+    least = min_level_v(reference)
     if alert_v < least:
         raise ConfigError(
             f"{file}: nav.approach.alert_v_m: {alert_v:g} m is below the least protection level {least:.1f} m of "
@@ -368,7 +368,7 @@ def check_alert_limit(reference: Reference, alert_v: float, profile: str, file: 
         )
 
 
-def fits(device: Device, sensor: Sensor, assumptions: Assumptions | None = None) -> bool:
+def fits(device: Device, sensor: ReferenceSensor, assumptions: Assumptions | None = None) -> bool:
     """Whether a device is the kind of altimeter that a reference is made for.
 
     With assumptions the beam is one of them (``assumptions.receiver_holds``).

@@ -13,7 +13,7 @@
     PL_v = (t_3 + k_md) s_b             PL_s = (sqrt(t_2) + k_md) s_s       s_s = ds sqrt(2 / (Jr(ds) + Jr(-ds)))
 
 The four criteria of Spiegel 2018, 7.2.2 (eq. 7.4 with the index missing in print) as weighted statistics.  s_nav
-is the part of the navigated height error that varies within a window (``Reference.sd``).  The height error b(0) is
+is the part of the navigated height error that varies within a window (``ApproachReference.sd``).  The height error b(0) is
 removed from J and tested on its own.  Bins without a sample have no weight; K counts the others.
 T4 is a filter matched to what is as long as an obstacle: the sum over neighbouring bins, of the widths that the
 reference names (a single bin, 15 to 100 m), each of them anywhere within the last 50 m, and a wider one at the newest
@@ -33,7 +33,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fti.nav.integrity.reference import MARGIN_M, Reference
+from fti.nav.integrity.reference import MARGIN_M, ApproachReference
 from fti.nav.integrity.window import Bins
 from fti.terrain.kernel import kernel
 
@@ -75,7 +75,7 @@ class Statistics:
 class Matcher:
     """Matches windows with a reference.  alert_s : AL_s [m], where the sharpness of the peak is looked at."""
 
-    def __init__(self, reference: Reference, alert_s: float) -> None:
+    def __init__(self, reference: ApproachReference, alert_s: float) -> None:
         profile = reference.header.profile
         self._ds = profile.ds_m
         self._span = round(SHIFT_MAX_M / self._ds)
@@ -142,7 +142,7 @@ def sharp_shifts(alert_s: float, ds: float) -> NDArray[np.int64]:
     return np.array([-alert, alert, -1, 1])
 
 
-def obstacle_filter(reference: Reference) -> ObstacleFilter:
+def obstacle_filter(reference: ApproachReference) -> ObstacleFilter:
     """How T4 looks for obstacles with a reference: by the templates that its limit was made with."""
     profile = reference.header.profile
     ds, scale = profile.ds_m, profile.correlation_m
@@ -194,11 +194,11 @@ def match(
     residual = z - z_ref[first : first + len(z)]
     ordered = np.sort(residual[filled])
     residual -= 0.5 * (ordered[count // 2] + ordered[(count - 1) // 2])
-    return total, greatest_excess(residual, filled, sd[first : first + len(z)], obstacle)
+    return total, max_excess(residual, filled, sd[first : first + len(z)], obstacle)
 
 
 @kernel
-def greatest_excess(
+def max_excess(
     residual: Array, filled: NDArray[np.bool_], sd: Array, obstacle: tuple[int, float, NDArray[np.int64]]
 ) -> float:
     """T4 of residuals over their median [m], newest first; -inf where no template holds a sample.

@@ -14,14 +14,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fti.nav.integrity.reference import Reference
+from fti.nav.integrity.reference import ApproachReference
 from fti.terrain.kernel import kernel
 
 Array = NDArray[np.float64]
 
 #: s may grow by so much before the window is cleared [m]: more is no approach.
-BACKWARD_M = 20.0
-FILLED_SHARE = 0.8
+MAX_BACKWARD_M = 20.0
+MIN_FILLED_SHARE = 0.8
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class Bins:
 
 
 @dataclass(frozen=True, eq=False)
-class Track:
+class ClearanceSeries:
     """Many samples, shape (n,) each: what ``ClearanceSample`` holds; climb is NaN where unknown."""
 
     t_ns: NDArray[np.int64]
@@ -52,10 +52,10 @@ class Track:
     climb: Array
 
 
-class Window:
+class ClearanceWindow:
     """Samples of z and dh, summed in the bins of the reference's grid."""
 
-    def __init__(self, reference: Reference) -> None:
+    def __init__(self, reference: ApproachReference) -> None:
         profile = reference.header.profile
         self.length = profile.window_m
         self._ds = profile.ds_m
@@ -65,7 +65,7 @@ class Window:
         self._z = np.zeros(len(reference.s))
         self._dh = np.zeros(len(reference.s))
         self._first_s: float | None = None
-        self._least_s = 0.0
+        self._min_s = 0.0
 
     def clear(self) -> None:
         """Forget everything."""
@@ -77,28 +77,30 @@ class Window:
         """Whether s [m] lies more than 20 m farther out than the nearest place since the first sample."""
         if self._first_s is None:
             return False
-        self._least_s = min(s, self._least_s)
-        return s > self._least_s + BACKWARD_M
+        self._min_s = min(s, self._min_s)
+        return s > self._min_s + MAX_BACKWARD_M
 
     def add(self, s: float, z: float, dh: float) -> None:
         """Take a sample at s [m]."""
-        self._least_s = s if self._first_s is None else min(s, self._least_s)
+        self._min_s = s if self._first_s is None else min(s, self._min_s)
         self._first_s = s if self._first_s is None else self._first_s
         at = self._index(s)
         self._count[at] += 1
         self._z[at] += z
         self._dh[at] += dh
 
-    def take(self, track: Track, begin: int, bounds: Array, updated: tuple[int, float], agl_ref: Array) -> int:
+    def add_samples(
+        self, track: ClearanceSeries, begin: int, bounds: Array, updated: tuple[int, float], agl_ref: Array
+    ) -> int:
         """Add samples from ``begin`` on, up to the first that breaks a rule or is due for an update: its index.
 
         bounds : most s, |y|, |roll|, |pitch| and climb of a usable sample; least way and time to the next update
         agl_ref : height above ground on the path, on the reference's grid
         """
         columns = (track.s, track.y, track.alt, track.agl, track.roll, track.pitch, track.climb)
-        end, self._least_s = take(
+        end, self._min_s = add_samples(
             track.t_ns, columns, begin, bounds, updated, agl_ref,
-            (self._count, self._z, self._dh), (self._s0, self._ds, self._least_s),
+            (self._count, self._z, self._dh), (self._s0, self._ds, self._min_s),
         )  # fmt: skip
         return end
 
@@ -117,13 +119,13 @@ class Window:
 
 def has_gaps(bins: Bins) -> bool:
     """Whether less than 80 % of the bins are filled."""
-    return bool(np.count_nonzero(bins.filled) < FILLED_SHARE * len(bins.filled))
+    return bool(np.count_nonzero(bins.filled) < MIN_FILLED_SHARE * len(bins.filled))
 
 
 def warm_up() -> None:
     """Compile the kernels that are live, or load them from the cache."""
     some = np.zeros(3)
-    between(some, 0.5)
+    interpolate(some, 0.5)
     means(some, some, some, 0, 2)
 
 
@@ -137,14 +139,14 @@ def means(count: Array, z: Array, dh: Array, first: int, size: int) -> tuple[NDA
 
 
 @kernel
-def between(values: Array, at: float) -> float:
+def interpolate(values: Array, at: float) -> float:
     """Linear interpolation at a fraction of the index."""
     near = int(at)
     return float(values[near] + (at - near) * (values[near + 1] - values[near]))
 
 
 @kernel
-def take(
+def add_samples(
     t_ns: NDArray[np.int64],
     columns: tuple[Array, ...],
     begin: int,
@@ -154,7 +156,7 @@ def take(
     sums: tuple[Array, ...],
     place: tuple[float, float, float],
 ) -> tuple[int, float]:
-    """See ``Window.take``; returns also the least s so far.  What is no number breaks a rule."""
+    """See ``ClearanceWindow.add_samples``; returns also the least s so far.  What is no number breaks a rule."""
     ss, ys, alts, agls, rolls, pitches, climbs = columns
     count, z, dh = sums
     s0, ds, least = place
@@ -162,7 +164,7 @@ def take(
         s = ss[k]
         usable = 0.0 <= s <= bounds[0] and abs(ys[k]) <= bounds[1] and math.isfinite(alts[k] - agls[k])
         usable = usable and abs(rolls[k]) <= bounds[2]
-        if not (usable and abs(pitches[k]) <= bounds[3] and s <= least + BACKWARD_M) or climbs[k] > bounds[4]:
+        if not (usable and abs(pitches[k]) <= bounds[3] and s <= least + MAX_BACKWARD_M) or climbs[k] > bounds[4]:
             return k, least
         if abs(updated[1] - s) >= bounds[5] and t_ns[k] - updated[0] >= bounds[6]:
             return k, least
@@ -171,5 +173,5 @@ def take(
         j = round(at)
         count[j] += 1.0
         z[j] += alts[k] - agls[k]
-        dh[j] += agls[k] - between(agl_ref, at)
+        dh[j] += agls[k] - interpolate(agl_ref, at)
     return len(t_ns), least

@@ -14,8 +14,8 @@ from __future__ import annotations
 
 from enum import StrEnum
 
-from fti.nav.plausibility.finding import Finding
-from fti.nav.series import SECOND_NS
+from fti.nav.plausibility.finding import PlausibilityFinding
+from fti.nav.time_series import SECOND_NS
 from fti.types import Reason
 
 PASS_S = 30
@@ -26,7 +26,7 @@ MAX_GAP_NS = 3 * SECOND_NS
 PASSES = f"{PASS_S} s and {PASS_FIXES} fixes in which all tests pass"
 
 
-class Change(StrEnum):
+class AdmissionChange(StrEnum):
     """What an update has changed."""
 
     REFUSED = "refused"
@@ -43,11 +43,11 @@ class Admission:
 
     def __init__(self, *, has_witness: bool = False) -> None:
         self._has_witness = has_witness
-        self.finding: Finding | None = None
+        self.finding: PlausibilityFinding | None = None
         self.reasons: tuple[Reason, ...] = ()
         self.is_standing = False
         self.is_restored = False
-        self.was_heard = False
+        self.has_passed_once = False
         self._passed_since_ns: int | None = None
         self._passed = 0
         self._newest_ns = 0
@@ -59,7 +59,7 @@ class Admission:
         return self.finding is None
 
     @property
-    def needs(self) -> str:
+    def readmission_condition(self) -> str:
         """What would make it valid again."""
         if self.is_valid:
             return ""
@@ -80,34 +80,36 @@ class Admission:
         since_ns = self._passed_since_ns
         return since_ns is not None and self._newest_ns - since_ns >= PASS_S * SECOND_NS and self._passed >= PASS_FIXES
 
-    def restore(self, finding: Finding) -> None:
+    def restore(self, finding: PlausibilityFinding) -> None:
         """Begin with a refusal of before this process."""
         self.finding, self.reasons = finding, (finding.reason,)
         self.is_standing = self.is_restored = finding.is_standing
 
-    def fail(self, finding: Finding) -> Change | None:
+    def fail(self, finding: PlausibilityFinding) -> AdmissionChange | None:
         """A test does not pass."""
         self._passed_since_ns, self._passed = None, 0
-        stands = finding.is_standing and self._established_ns is not None and finding.onset_ns >= self._established_ns
-        began_to_stand = stands and not self.is_standing
-        self.is_standing = self.is_standing or stands
+        is_paused = (
+            finding.is_standing and self._established_ns is not None and finding.onset_ns >= self._established_ns
+        )
+        began_to_stand = is_paused and not self.is_standing
+        self.is_standing = self.is_standing or is_paused
         if finding.reason not in self.reasons:
             self.reasons = (*self.reasons, finding.reason)
         if self.finding is None:
             self.finding = finding
-            return Change.REFUSED
-        return Change.STANDING if began_to_stand else None
+            return AdmissionChange.REFUSED
+        return AdmissionChange.STANDING if began_to_stand else None
 
-    def close(self) -> Change | None:
+    def close(self) -> AdmissionChange | None:
         """The contradiction has ended: the operator says so, or a step of the source has cancelled it."""
         if not self.is_standing:
             return None
         self.is_standing = self.is_restored = False
-        return Change.CLOSED
+        return AdmissionChange.CLOSED
 
-    def passes(self, t_ns: int) -> Change | None:
+    def passes(self, t_ns: int) -> AdmissionChange | None:
         """All tests of one fix pass."""
-        self.was_heard = True
+        self.has_passed_once = True
         if self.finding is None and self._established_ns is not None:
             return None
         is_joined = self._passed_since_ns is not None and 0 <= t_ns - self._newest_ns <= MAX_GAP_NS
@@ -121,9 +123,9 @@ class Admission:
         if self.is_standing or not self._has_passed:
             return None
         was_refused, self.finding, self.reasons = self.finding is not None, None, ()
-        return Change.VALID if was_refused else None
+        return AdmissionChange.VALID if was_refused else None
 
-    def begin_anew(self) -> None:
+    def reset_passed(self) -> None:
         """What has passed does not count: fixes are missing behind it, or a step came."""
         self._passed_since_ns, self._passed = None, 0
 

@@ -14,9 +14,9 @@ from dataclasses import dataclass
 from itertools import combinations
 
 from fti.nav.plausibility.budget import K_FALSE
-from fti.nav.plausibility.finding import Finding
-from fti.nav.series import SECOND_NS, Series, Value, wrap
-from fti.nav.sources import ATTITUDE_SD_UNKNOWN, LARGEST
+from fti.nav.plausibility.finding import PlausibilityFinding
+from fti.nav.source_interpolation import ATTITUDE_SD_UNKNOWN, MAX_PART_VALUES
+from fti.nav.time_series import SECOND_NS, Series, Value, wrap
 from fti.types import Attitude, Reason
 
 LIMITS = {"roll": math.radians(1.0), "pitch": math.radians(1.0), "heading": math.radians(5.0)}
@@ -24,7 +24,7 @@ LIMITS = {"roll": math.radians(1.0), "pitch": math.radians(1.0), "heading": math
 HEADING_SD_UNKNOWN = math.radians(2.0)
 #: Between the times of two sources [s].
 TIME_SD_S = 0.03
-STEP_NS, LASTING_NS = SECOND_NS // 5, 2 * SECOND_NS
+STEP_NS, MIN_DURATION_NS = SECOND_NS // 5, 2 * SECOND_NS
 MAX_AGE_NS = SECOND_NS // 2
 #: Attitudes that come more often are not all kept [ns].
 MIN_STEP_NS = 35_000_000
@@ -59,7 +59,7 @@ class AttitudeComparison:
             return
         for name in LIMITS:
             value, sd = getattr(m, name), getattr(m, f"{name}_sd")
-            if value is not None and abs(value) <= LARGEST[name]:
+            if value is not None and abs(value) <= MAX_PART_VALUES[name]:
                 is_stated = sd is not None and 0.0 < sd < math.inf
                 parts[name].push(t_ns, value if m.valid else None, sd if is_stated else None)
 
@@ -82,7 +82,7 @@ class AttitudeComparison:
         if not text:
             return self._agree(pair, dispute, t_ns)
         dispute.text, dispute.agreed_ns = text, None
-        if dispute.is_lasting or t_ns - dispute.since_ns < LASTING_NS:
+        if dispute.is_lasting or t_ns - dispute.since_ns < MIN_DURATION_NS:
             return None
         dispute.is_lasting = True
         return pair, text, True
@@ -90,7 +90,7 @@ class AttitudeComparison:
     def _agree(self, pair: Pair, dispute: _Dispute, t_ns: int) -> tuple[Pair, str, bool] | None:
         if dispute.is_lasting and dispute.agreed_ns is None:
             dispute.agreed_ns = t_ns
-        if dispute.is_lasting and t_ns - (dispute.agreed_ns or t_ns) < LASTING_NS:
+        if dispute.is_lasting and t_ns - (dispute.agreed_ns or t_ns) < MIN_DURATION_NS:
             return None
         del self._disputes[pair]
         return (pair, "", False) if dispute.is_lasting else None
@@ -122,14 +122,14 @@ class AttitudeComparison:
         """Whether two sources disagree at present."""
         return tuple(sorted((one, other))) in self._disputes
 
-    def finding(self, source: str) -> Finding | None:
+    def finding(self, source: str) -> PlausibilityFinding | None:
         """Against a source: it contradicts two others that do not contradict each other."""
         against = [pair for pair, dispute in self._disputes.items() if dispute.is_lasting and source in pair]
         others = [name for pair in against for name in pair if name != source]
         if not any(tuple(sorted(two)) not in self._disputes for two in combinations(others, 2)):
             return None
         first = min((self._disputes[pair] for pair in against), key=lambda dispute: dispute.since_ns)
-        return Finding(Reason.ATTITUDES_DISAGREE, first.since_ns, first.text)
+        return PlausibilityFinding(Reason.ATTITUDES_DISAGREE, first.since_ns, first.text)
 
     @property
     def sources(self) -> tuple[str, ...]:

@@ -22,12 +22,12 @@ from typing import NamedTuple
 from fti.config import SourceLimits
 from fti.nav.plausibility import scatter
 from fti.nav.plausibility.budget import K_CLOSURE, K_FALSE, K_JUMP
-from fti.nav.plausibility.finding import Finding
+from fti.nav.plausibility.finding import PlausibilityFinding
 from fti.nav.plausibility.repetition import UNKNOWN_STEP_M, RepetitionTest
 from fti.nav.plausibility.resolution import ResolutionEstimator
-from fti.nav.plausibility.sigmas import VELOCITY_TAU_S, WHITE_SHARE, FixSigma, Span, difference_variance
+from fti.nav.plausibility.sigmas import VELOCITY_TAU_S, WHITE_SHARE, FixInterval, FixSigma, difference_variance
 from fti.nav.plausibility.velocity_integral import Integral, VelocityIntegral
-from fti.nav.series import SECOND_NS, wrap
+from fti.nav.time_series import SECOND_NS, wrap
 from fti.types import Reason
 
 #: Fixes that come more often are not all tested [ns].
@@ -35,22 +35,22 @@ MIN_STEP_NS = 80_000_000
 #: Windows of the test of drift [s], and how often it is made.
 WINDOWS_S = (10, 20, 40, 60, 120)
 HISTORY_NS = SECOND_NS
-KEPT = 122
+HISTORY_SIZE = 122
 #: Newest entries of the test of scatter: a minute.
 SCATTER_ENTRIES = 60
-SCATTER_EVERY = 10
+SCATTER_PERIOD = 10
 #: Positions that are farther apart are not joined by the limits of speed [s].
 MAX_BRIDGE_S = 60.0
 #: A velocity may be continued for so long before a fix waits for the next one [s].
 MAX_AGE_S = 0.3
 #: A stated sigma that has changed by more than this factor is that of another kind of fix.
-CHANGED_SIGMA = 1.5
+MAX_SIGMA_RATIO = 1.5
 #: The variance of what is drawn anew is a mean over so many fixes; of few, its own error would widen the tails.
 WHITE_FIXES = 200.0
 
 
 @dataclass(frozen=True, slots=True)
-class Fix:
+class AxisFix:
     """One position along the axis.
 
     value : as the device states it [rad, m]; metres : per unit of value
@@ -63,7 +63,7 @@ class Fix:
 
 
 @dataclass(frozen=True, slots=True)
-class _Past:
+class _AxisState:
     """State behind one fix.  path, speed : integral of the velocity, None without one; segment : of the velocities"""
 
     t_ns: int
@@ -74,7 +74,7 @@ class _Past:
     segment: int
 
 
-class _Then(NamedTuple):
+class _EarlierFix(NamedTuple):
     """An earlier fix: so long ago; its speed along the axis [m/s]; path since [m]; its sigma [m]."""
 
     seconds: float
@@ -84,7 +84,7 @@ class _Then(NamedTuple):
 
 
 @dataclass(slots=True)
-class Standing:
+class StandingContradiction:
     """A contradiction that has not ended.
 
     offset : D [m], None once it cannot be followed any more;  last_offset : D when it could be followed last [m]
@@ -111,7 +111,7 @@ class AxisTests:
     def __init__(self, name: str, limits: SourceLimits, max_speed: float, *, is_angle: bool) -> None:
         self.name = name
         self.velocity = VelocityIntegral()
-        self.standing: Standing | None = None
+        self.contradiction: StandingContradiction | None = None
         self.is_closed = False
         self.is_suspected = False  # the last test of drift was above half of its limit
         self._acceleration = limits.acceleration_mps2
@@ -119,28 +119,28 @@ class AxisTests:
         self._is_angle = is_angle
         self._resolution = ResolutionEstimator()
         self._repetition = RepetitionTest()
-        self._last: Fix | None = None
+        self._last: AxisFix | None = None
         self._last_at: Integral | None = None
-        self._reach = 0.0  # in units of the value, until the next fix that is judged in any case
-        self._pending: Fix | None = None
-        self._seen: Integral | None = None
+        self._max_change = 0.0  # in units of the value, until the next fix that is judged in any case
+        self._pending: AxisFix | None = None
+        self._previous: Integral | None = None
         self._c = 0.0
         self._white: float | None = None
-        self._history: deque[_Past] = deque(maxlen=KEPT)
-        self._turns = 0
+        self._history: deque[_AxisState] = deque(maxlen=HISTORY_SIZE)
+        self._history_count = 0
 
     # ------------------------------------------------------------------------------------------------------ taking
 
-    def take_velocity(self, t_ns: int, speed: float) -> list[Finding] | None:
+    def feed_velocity(self, t_ns: int, speed: float) -> list[PlausibilityFinding] | None:
         """Take a velocity along the axis [m/s]; a fix that has waited for it is judged.  None: nothing was judged"""
         self.velocity.take(t_ns, speed)
         pending = self._pending
         if pending is None or (self.velocity.newest_ns or 0) < pending.t_ns:
             return None
         self._pending = None
-        return self._judge(pending)
+        return self._evaluate(pending)
 
-    def wants(self, t_ns: int, value: float) -> bool:
+    def is_due(self, t_ns: int, value: float) -> bool:
         """Whether a fix of this time is judged, or ends that one waits: not all are that come often.
 
         One that comes sooner is judged where it is farther away than the aircraft and its sigma make: otherwise every
@@ -149,24 +149,24 @@ class AxisTests:
         last = self._last
         if self._pending is not None or not last or t_ns - last.t_ns >= MIN_STEP_NS:
             return True
-        return t_ns >= last.t_ns and abs(self._difference(value, last)) > self._reach
+        return t_ns >= last.t_ns and abs(self._difference(value, last)) > self._max_change
 
-    def take_fix(self, fix: Fix) -> list[Finding] | None:
+    def feed_fix(self, fix: AxisFix) -> list[PlausibilityFinding] | None:
         """Take a fix.  None: nothing was judged"""
-        found: list[Finding] = []
+        found: list[PlausibilityFinding] = []
         if self._pending:
             pending, self._pending = self._pending, None
-            found += self._judge(pending) or ()
-        if not self.wants(fix.t_ns, fix.value):
+            found += self._evaluate(pending) or ()
+        if not self.is_due(fix.t_ns, fix.value):
             return found or None
         at = self.velocity.at(fix.t_ns)
         if at and at.age_s > MAX_AGE_S and not self._is_gross(fix, at):
             self._pending = fix
             return found or None
-        judged = self._judge(fix)
+        judged = self._evaluate(fix)
         return found or None if judged is None else found + judged
 
-    def _is_gross(self, fix: Fix, at: Integral) -> bool:
+    def _is_gross(self, fix: AxisFix, at: Integral) -> bool:
         """Whether it is a step even with any acceleration since the newest velocity, so that it need not wait."""
         if self._last is None or self._last_at is None:
             return False
@@ -174,18 +174,18 @@ class AxisTests:
 
     def readmit(self) -> None:
         """The operator takes the source as it is now."""
-        self.standing = None
+        self.contradiction = None
         self._restart()
 
-    def leave(self) -> None:
+    def invalidate(self) -> None:
         """The source is where the axis is none: what comes behind that is not compared with what was before."""
-        self._last = self._last_at = self._pending = self._seen = None
+        self._last = self._last_at = self._pending = self._previous = None
         self._restart()
-        self._lose_standing()
+        self._lose_contradiction()
 
     # ----------------------------------------------------------------------------------------------------- judging
 
-    def _judge(self, fix: Fix) -> list[Finding] | None:
+    def _evaluate(self, fix: AxisFix) -> list[PlausibilityFinding] | None:
         """Findings of a fix; None while it waits for a different one."""
         last, at, last_at = self._last, self.velocity.at(fix.t_ns), self._last_at
         self.is_closed = False
@@ -194,13 +194,13 @@ class AxisTests:
         fix.sigma.step = step_m
         if last is None:
             self._follow(fix, at)
-            self._lose_standing()
+            self._lose_contradiction()
             return []
         joined = at is not None and last_at is not None and at.segment == last_at.segment
         moved = self._moved_by_velocity(at)
         self._repetition.update(fix.t_ns, fix.value, moved, step_m, math.sqrt(self._white_of(fix)))
         if self._repetition.is_repeated:
-            return [self._repeated(fix)]
+            return [self._repetition_finding(fix)]
         if self._repetition.is_suspicious:
             return None
         self._resolution.update(fix.value)
@@ -210,11 +210,11 @@ class AxisTests:
 
     def _moved_by_velocity(self, at: Integral | None) -> float:
         """By the stated velocity since the last fix that was looked at [m]."""
-        before = self._seen
-        self._seen = at
+        before = self._previous
+        self._previous = at
         return at.path - before.path if at and before and at.segment == before.segment else 0.0
 
-    def _repeated(self, fix: Fix) -> Finding:
+    def _repetition_finding(self, fix: AxisFix) -> PlausibilityFinding:
         run = self._repetition
         run_s = (fix.t_ns - run.since_ns) / SECOND_NS
         text = f"{self.name}: the same value for {run_s:.1f} s, in which its velocity makes {abs(run.moved):.1f} m"
@@ -222,44 +222,44 @@ class AxisTests:
             None  # the next different value is joined with the first of the run by the limits of speed alone
         )
         self._restart()
-        self._lose_standing()
-        return Finding(Reason.REPEATED, run.since_ns, text)
+        self._lose_contradiction()
+        return PlausibilityFinding(Reason.REPEATED, run.since_ns, text)
 
     def _restart(self) -> None:
         self._history.clear()
         self._c = 0.0
 
-    def _follow(self, fix: Fix, at: Integral | None) -> None:
+    def _follow(self, fix: AxisFix, at: Integral | None) -> None:
         self._last, self._last_at = fix, at
         speed = abs(at.speed) + self._acceleration * MIN_STEP_NS / SECOND_NS if at else self._max_speed
         reach = speed * MIN_STEP_NS / SECOND_NS + K_JUMP * math.sqrt(2.0) * fix.sigma.position + fix.sigma.step
-        self._reach = reach / fix.metres
+        self._max_change = reach / fix.metres
         if at is None:
             self._restart()
 
-    def _lose_standing(self) -> None:
+    def _lose_contradiction(self) -> None:
         """The contradiction cannot be followed over a break: no step can be known to end it."""
-        if self.standing:
-            self.standing.lose()
+        if self.contradiction:
+            self.contradiction.lose()
 
-    def _difference(self, value: float, last: Fix) -> float:
+    def _difference(self, value: float, last: AxisFix) -> float:
         return wrap(value - last.value) if self._is_angle else value - last.value
 
-    def _displacement(self, fix: Fix) -> float:
+    def _displacement(self, fix: AxisFix) -> float:
         assert self._last is not None
         return self._difference(fix.value, self._last) * fix.metres
 
-    def _residual(self, fix: Fix, at: Integral) -> float:
+    def _residual(self, fix: AxisFix, at: Integral) -> float:
         assert self._last_at is not None
         return self._displacement(fix) - (at.path - self._last_at.path)
 
     # ----------------------------------------------------------------------------------------------- impossible, gap
 
-    def _bridge(self, fix: Fix, at: Integral | None) -> list[Finding]:
+    def _bridge(self, fix: AxisFix, at: Integral | None) -> list[PlausibilityFinding]:
         """Between fixes that no velocity joins: what the aircraft cannot fly."""
         assert self._last is not None
         self._restart()
-        self._lose_standing()
+        self._lose_contradiction()
         seconds = (fix.t_ns - self._last.t_ns) / SECOND_NS
         if seconds > MAX_BRIDGE_S:
             return []
@@ -268,114 +268,120 @@ class AxisTests:
         if flown <= limit:
             return []
         text = f"{self.name}: {flown:.0f} m in {seconds:.1f} s, at most {limit:.0f} m are possible"
-        return [self._stand(Finding(Reason.IMPOSSIBLE, fix.t_ns, text, is_standing=True), None, fix.t_ns, 0.0)]
+        return [
+            self._open_contradiction(
+                PlausibilityFinding(Reason.IMPOSSIBLE, fix.t_ns, text, is_standing=True), None, fix.t_ns, 0.0
+            )
+        ]
 
     # -------------------------------------------------------------------------------------------------- jump, drift
 
-    def _variance(self, fix: Fix, at: Integral, then: _Then) -> float:
+    def _variance(self, fix: AxisFix, at: Integral, then: _EarlierFix) -> float:
         """Variance of c(fix) - c(then) [m^2].
 
         Where the stated sigma has become another, as of a receiver that finds its corrections, so has the slow error.
         """
-        span = Span(then.seconds, max(abs(at.speed), abs(then.speed)), at.speed - then.speed, then.path)
+        span = FixInterval(then.seconds, max(abs(at.speed), abs(then.speed)), at.speed - then.speed, then.path)
         larger, smaller = max(fix.sigma.position, then.sigma), min(fix.sigma.position, then.sigma)
-        white = larger**2 if larger > CHANGED_SIGMA * smaller else self._white_of(fix)
+        white = larger**2 if larger > MAX_SIGMA_RATIO * smaller else self._white_of(fix)
         sigma = fix.sigma if larger == fix.sigma.position else replace(fix.sigma, position=larger)
         return difference_variance(sigma, white, span)
 
-    def _white_of(self, fix: Fix) -> float:
+    def _white_of(self, fix: AxisFix) -> float:
         full = fix.sigma.position**2
         return full if self._white is None else min(max(self._white, WHITE_SHARE * full), full)
 
-    def _jump_limit(self, fix: Fix, at: Integral) -> float:
+    def _jump_limit(self, fix: AxisFix, at: Integral) -> float:
         assert self._last is not None
         assert self._last_at is not None
         seconds = (fix.t_ns - self._last.t_ns) / SECOND_NS
         path = abs(at.path - self._last_at.path)
-        then = _Then(seconds, self._last_at.speed, path, self._last.sigma.position)
+        then = _EarlierFix(seconds, self._last_at.speed, path, self._last.sigma.position)
         sd = math.sqrt(self._variance(fix, at, then))
         between = min(seconds, self.velocity.interval_s)
         return K_JUMP * sd + self._acceleration * (between**2 / 8.0 + at.age_s**2 / 2.0)
 
-    def _compare(self, fix: Fix, at: Integral) -> list[Finding]:
+    def _compare(self, fix: AxisFix, at: Integral) -> list[PlausibilityFinding]:
         residual, limit = self._residual(fix, at), self._jump_limit(fix, at)
         seconds = (fix.t_ns - self._last.t_ns) / SECOND_NS if self._last else 0.0
         if abs(residual) > limit:
             return self._step(fix, at, residual, limit)
         self._c += residual
-        if self.standing and self.standing.offset is not None:
-            self.standing.offset += residual
+        if self.contradiction and self.contradiction.offset is not None:
+            self.contradiction.offset += residual
         self._learn_white(fix, residual, seconds)
         return self._look_back(fix, at)
 
-    def _learn_white(self, fix: Fix, residual: float, seconds: float) -> None:
+    def _learn_white(self, fix: AxisFix, residual: float, seconds: float) -> None:
         if seconds > 2.0:
             return
         new = min(0.5 * residual**2, 4.0 * fix.sigma.position**2)
         before = fix.sigma.position**2 if self._white is None else self._white
         self._white = before + (new - before) / WHITE_FIXES
 
-    def _step(self, fix: Fix, at: Integral, residual: float, limit: float) -> list[Finding]:
-        standing = self.standing
-        if standing and standing.offset is not None:
-            before = standing.offset
-            standing.offset += residual
-            if self._is_cancelled(fix, at, standing, before):
-                self.standing, self.is_closed = None, True
+    def _step(self, fix: AxisFix, at: Integral, residual: float, limit: float) -> list[PlausibilityFinding]:
+        contradiction = self.contradiction
+        if contradiction and contradiction.offset is not None:
+            before = contradiction.offset
+            contradiction.offset += residual
+            if self._is_cancelled(fix, at, contradiction, before):
+                self.contradiction, self.is_closed = None, True
                 self._restart()
                 return []
-        elif standing is None:
-            standing = Standing(fix.t_ns, residual, at.path)
+        elif contradiction is None:
+            contradiction = StandingContradiction(fix.t_ns, residual, at.path)
         self._restart()
         text = f"{self.name}: {residual:+.1f} m beside the path of its velocity, limit {limit:.1f} m"
-        finding = Finding(Reason.JUMP, fix.t_ns, text, is_standing=True)
-        self.standing = standing
+        finding = PlausibilityFinding(Reason.JUMP, fix.t_ns, text, is_standing=True)
+        self.contradiction = contradiction
         return [finding]
 
-    def _is_cancelled(self, fix: Fix, at: Integral, standing: Standing, before: float) -> bool:
-        seconds = (fix.t_ns - standing.onset_ns) / SECOND_NS
-        path = abs(at.path - standing.path)
-        then = _Then(seconds, at.speed, path, fix.sigma.position)
+    def _is_cancelled(self, fix: AxisFix, at: Integral, contradiction: StandingContradiction, before: float) -> bool:
+        seconds = (fix.t_ns - contradiction.onset_ns) / SECOND_NS
+        path = abs(at.path - contradiction.path)
+        then = _EarlierFix(seconds, at.speed, path, fix.sigma.position)
         within = K_CLOSURE * math.sqrt(self._variance(fix, at, then))
-        return standing.offset is not None and abs(standing.offset) <= within < abs(before) / 2.0
+        return contradiction.offset is not None and abs(contradiction.offset) <= within < abs(before) / 2.0
 
-    def _stand(self, finding: Finding, offset: float | None, onset_ns: int, path: float) -> Finding:
-        if self.standing is None:
-            self.standing = Standing(onset_ns, offset, path)
+    def _open_contradiction(
+        self, finding: PlausibilityFinding, offset: float | None, onset_ns: int, path: float
+    ) -> PlausibilityFinding:
+        if self.contradiction is None:
+            self.contradiction = StandingContradiction(onset_ns, offset, path)
         return finding
 
-    def _look_back(self, fix: Fix, at: Integral) -> list[Finding]:
+    def _look_back(self, fix: AxisFix, at: Integral) -> list[PlausibilityFinding]:
         """Drift and scatter, once a second."""
         history = self._history
         if history and fix.t_ns - history[-1].t_ns < HISTORY_NS:
             return []
         if history and history[-1].segment != at.segment:
             history.clear()
-        history.append(_Past(fix.t_ns, self._c, at.path, at.speed, fix.sigma.position, at.segment))
-        self._turns += 1
+        history.append(_AxisState(fix.t_ns, self._c, at.path, at.speed, fix.sigma.position, at.segment))
+        self._history_count += 1
         found = self._find_drift(fix, at)
-        if not found and self._turns % SCATTER_EVERY == 0:
+        if not found and self._history_count % SCATTER_PERIOD == 0:
             found = self._find_scatter(fix)
         if found:
             history.clear()
         return found
 
-    def _find_drift(self, fix: Fix, at: Integral) -> list[Finding]:
+    def _find_drift(self, fix: AxisFix, at: Integral) -> list[PlausibilityFinding]:
         self.is_suspected = False
         for past, acceleration in self._window_begins(fix.t_ns):
             seconds, drift = (fix.t_ns - past.t_ns) / SECOND_NS, self._c - past.c
-            then = _Then(seconds, past.speed, abs(at.path - past.path), past.sigma)
+            then = _EarlierFix(seconds, past.speed, abs(at.path - past.path), past.sigma)
             sd = math.sqrt(self._variance(fix, at, then))
             allowance = acceleration * self.velocity.interval_s**2 / 6.0
             self.is_suspected = self.is_suspected or abs(drift) > 0.5 * K_FALSE * sd + allowance
             if abs(drift) > K_FALSE * sd + allowance:
                 text = f"{self.name}: {drift:+.1f} m in {seconds:.0f} s beside the path of its velocity, "
                 text += f"limit {K_FALSE * sd + allowance:.1f} m"
-                finding = Finding(Reason.DRIFT, past.t_ns, text, is_standing=True)
-                return [self._stand(finding, drift, past.t_ns, past.path)]
+                finding = PlausibilityFinding(Reason.DRIFT, past.t_ns, text, is_standing=True)
+                return [self._open_contradiction(finding, drift, past.t_ns, past.path)]
         return []
 
-    def _window_begins(self, t_ns: int) -> Iterator[tuple[_Past, float]]:
+    def _window_begins(self, t_ns: int) -> Iterator[tuple[_AxisState, float]]:
         """The newest entry that is as old as each window, as far as the history goes; the acceleration since then.
 
         That is the largest change of the velocity from entry to entry, at most the limit of the aircraft [m/s^2].
@@ -390,7 +396,7 @@ class AxisTests:
             if not begins_ns:
                 return
 
-    def _find_scatter(self, fix: Fix) -> list[Finding]:
+    def _find_scatter(self, fix: AxisFix) -> list[PlausibilityFinding]:
         history, sigma = list(self._history)[-SCATTER_ENTRIES:], fix.sigma
         if len(history) < scatter.MIN_VALUES:
             return []
@@ -404,4 +410,4 @@ class AxisTests:
         if beyond is None:
             return []
         text = f"{self.name}: its variance is {beyond[0]:.1f} times that of its stated sigma, limit {beyond[1]:.1f}"
-        return [Finding(Reason.SCATTER, history[0].t_ns, text)]
+        return [PlausibilityFinding(Reason.SCATTER, history[0].t_ns, text)]

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from fti.nav.plausibility.admission import Admission, Change
-from fti.nav.series import SECOND_NS
+from fti.nav.plausibility.admission import Admission, AdmissionChange
+from fti.nav.time_series import SECOND_NS
 from fti.types import Event
 
 DAY_S = 86_400
@@ -21,21 +21,21 @@ def describe_restored(t_ns: int, source: str, quantity: str, admission: Admissio
     assert admission.finding is not None
     why, since = admission.finding.reason, clock_text(admission.finding.onset_ns)
     text = f"{quantity} still refused after navigation was started again: {why}; since {since} UTC; "
-    return Event(t_ns=t_ns, level="warning", source=source, text=f"{text}valid after {admission.needs}")
+    return Event(t_ns=t_ns, level="warning", source=source, text=f"{text}valid after {admission.readmission_condition}")
 
 
-def describe(t_ns: int, source: str, quantity: str, admission: Admission, change: Change) -> Event:
+def describe(t_ns: int, source: str, quantity: str, admission: Admission, change: AdmissionChange) -> Event:
     """Event of a change."""
-    if change is Change.VALID:
+    if change is AdmissionChange.VALID:
         text = f"{quantity} valid again: all tests have passed"
         return Event(t_ns=t_ns, level="info", source=source, text=text)
-    if change is Change.CLOSED:
-        text = f"{quantity}: the contradiction has ended; valid after {admission.needs}"
+    if change is AdmissionChange.CLOSED:
+        text = f"{quantity}: the contradiction has ended; valid after {admission.readmission_condition}"
         return Event(t_ns=t_ns, level="info", source=source, text=text)
     finding = admission.finding
     assert finding is not None
-    if change is Change.STANDING:
-        text = f"{quantity} unconfirmed: a contradiction stands; valid after {admission.needs}"
+    if change is AdmissionChange.STANDING:
+        text = f"{quantity} unconfirmed: a contradiction stands; valid after {admission.readmission_condition}"
         return Event(t_ns=t_ns, level="warning", source=source, text=text)
     text = f"{quantity} refused: {finding.reason}: {finding.text}; since {clock_text(finding.onset_ns)} UTC; "
-    return Event(t_ns=t_ns, level="warning", source=source, text=f"{text}valid after {admission.needs}")
+    return Event(t_ns=t_ns, level="warning", source=source, text=f"{text}valid after {admission.readmission_condition}")

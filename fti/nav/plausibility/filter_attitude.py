@@ -15,14 +15,14 @@ from dataclasses import dataclass
 
 from fti.nav.plausibility.attitude import TIME_SD_S, AttitudeComparison
 from fti.nav.plausibility.budget import K_FALSE
-from fti.nav.plausibility.finding import Finding
-from fti.nav.series import SECOND_NS, wrap
+from fti.nav.plausibility.finding import PlausibilityFinding
+from fti.nav.time_series import SECOND_NS, wrap
 from fti.types import FilterMode, FilterSolution, Reason
 
 LIMITS = {"roll": math.radians(2.0), "pitch": math.radians(2.0), "heading": math.radians(5.0)}
 #: A filter whose tilt is less certain refuses nothing [rad].
 TILT_SD = math.radians(0.5)
-AIDED_NS, LASTING_NS = 30 * SECOND_NS, 5 * SECOND_NS
+MIN_AIDING_NS, MIN_DURATION_NS = 30 * SECOND_NS, 5 * SECOND_NS
 
 
 @dataclass(slots=True)
@@ -47,7 +47,7 @@ class FilterAttitudeTest:
         t_ns, aided = solution.t_ns, solution.valid and solution.mode is FilterMode.AIDED
         self._aided_since_ns = (self._aided_since_ns or t_ns) if aided else None
         is_level = solution.tilt_sd is not None and solution.tilt_sd < TILT_SD
-        counts = self._aided_since_ns is not None and t_ns - self._aided_since_ns >= AIDED_NS and is_level
+        counts = self._aided_since_ns is not None and t_ns - self._aided_since_ns >= MIN_AIDING_NS and is_level
         if not counts:  # what it has refused stays refused until it can compare again
             self._found = {source: found for source, found in self._found.items() if found.is_lasting}
             return
@@ -62,7 +62,7 @@ class FilterAttitudeTest:
         elif found is None:
             self._found[source] = _Contradiction(t_ns, text)
         else:
-            found.text, found.is_lasting = text, t_ns - found.since_ns >= LASTING_NS
+            found.text, found.is_lasting = text, t_ns - found.since_ns >= MIN_DURATION_NS
 
     def _difference(self, source: str, solution: FilterSolution) -> str | None:
         """What a source differs in from the filter, in words; "" for nothing; None when it cannot be compared."""
@@ -81,7 +81,7 @@ class FilterAttitudeTest:
                 )
         return "" if compared else None
 
-    def finding(self, source: str) -> Finding | None:
+    def finding(self, source: str) -> PlausibilityFinding | None:
         """Against a source: it contradicts the filter, and no other source does so alike."""
         found = self._found.get(source)
         if found is None or not found.is_lasting:
@@ -89,4 +89,4 @@ class FilterAttitudeTest:
         others = [name for name, one in self._found.items() if one.is_lasting and name != source]
         if any(not self._comparison.are_disputed(source, other) for other in others):
             return None
-        return Finding(Reason.ATTITUDES_DISAGREE, found.since_ns, found.text)
+        return PlausibilityFinding(Reason.ATTITUDES_DISAGREE, found.since_ns, found.text)

@@ -8,7 +8,7 @@ from fti.types import Reason
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class PlausibilityFinding:
     """A test that does not pass.
 
     is_standing : the contradiction did not end with the finding (a step, a ramp); it is still there when all later

@@ -12,16 +12,16 @@ import math
 
 from fti.nav.plausibility.attitude import HEADING_SD_UNKNOWN
 from fti.nav.plausibility.budget import K_FALSE
-from fti.nav.plausibility.finding import Finding
-from fti.nav.series import SECOND_NS, wrap
+from fti.nav.plausibility.finding import PlausibilityFinding
+from fti.nav.time_series import SECOND_NS, wrap
 from fti.types import Attitude, Reason
 
 LEVEL = math.radians(5.0)
 SIDESLIP = math.radians(3.0)
 SPEED_RATIO = 1.5
-LASTING_NS = 10 * SECOND_NS
+MIN_DURATION_NS = 10 * SECOND_NS
 #: A track is compared with attitudes that are no farther away [ns].
-TOGETHER_NS = SECOND_NS
+MAX_PAIRING_NS = SECOND_NS
 
 
 class HeadingTest:
@@ -33,11 +33,11 @@ class HeadingTest:
         self._roll: tuple[int, float] | None = None
         self._since_ns: int | None = None
 
-    def take_track(self, t_ns: int, north: float, east: float) -> None:
+    def feed_track(self, t_ns: int, north: float, east: float) -> None:
         """Take a velocity over ground of a source that is valid [m/s]."""
         self._track = t_ns, math.hypot(north, east), math.atan2(east, north)
 
-    def take(self, t_ns: int, m: Attitude) -> list[Finding] | None:
+    def take(self, t_ns: int, m: Attitude) -> list[PlausibilityFinding] | None:
         """Take an attitude; None where it cannot be compared."""
         if m.roll is not None:
             self._roll = t_ns, m.roll
@@ -52,15 +52,15 @@ class HeadingTest:
             self._since_ns = None
             return []
         self._since_ns = t_ns if self._since_ns is None else self._since_ns
-        if t_ns - self._since_ns < LASTING_NS:
+        if t_ns - self._since_ns < MIN_DURATION_NS:
             return None
         text = f"{math.degrees(off):+.0f} deg from the track at {speed:.0f} m/s, limit {math.degrees(limit):.0f} deg"
-        return [Finding(Reason.HEADING_TRACK, self._since_ns, text)]
+        return [PlausibilityFinding(Reason.HEADING_TRACK, self._since_ns, text)]
 
     def _is_comparable(self, t_ns: int) -> bool:
         """In flight, wings level, with a track of now; else a contradiction must begin anew."""
-        is_level = self._roll is not None and t_ns - self._roll[0] <= TOGETHER_NS and abs(self._roll[1]) <= LEVEL
-        is_moving = self._track is not None and abs(t_ns - self._track[0]) <= TOGETHER_NS
+        is_level = self._roll is not None and t_ns - self._roll[0] <= MAX_PAIRING_NS and abs(self._roll[1]) <= LEVEL
+        is_moving = self._track is not None and abs(t_ns - self._track[0]) <= MAX_PAIRING_NS
         is_fast = is_moving and self._track is not None and self._track[1] >= SPEED_RATIO * self._wind
         if not (is_level and is_fast):
             self._since_ns = None

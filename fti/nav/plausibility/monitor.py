@@ -13,12 +13,12 @@ from fti.nav.plausibility.admission import Admission
 from fti.nav.plausibility.attitude import AttitudeComparison
 from fti.nav.plausibility.events import describe, describe_restored
 from fti.nav.plausibility.filter_attitude import FilterAttitudeTest
-from fti.nav.plausibility.finding import Finding
+from fti.nav.plausibility.finding import PlausibilityFinding
 from fti.nav.plausibility.heading import HeadingTest
 from fti.nav.plausibility.signals import HOLD_NS, SignalTest
-from fti.nav.plausibility.source import SourceTests, Unconfirmed, UnstatedSigmas
-from fti.nav.series import SECOND_NS
-from fti.nav.sources import level_velocity
+from fti.nav.plausibility.source import SourceTests, UnconfirmedSource, UnstatedSigmas
+from fti.nav.source_interpolation import level_velocity
+from fti.nav.time_series import SECOND_NS
 from fti.types import (
     Attitude,
     Ephemeris,
@@ -39,7 +39,7 @@ T = TypeVar("T", Position, Velocity, Attitude)
 #: Validities are composed so often [ns], and repeated after so many of these periods when they have not changed.
 COMPOSE_NS, REPEAT_SLOTS = SECOND_NS // 10, 5
 #: A source that was heard within so long can be compared with [ns].
-HEARD_NS = 5 * SECOND_NS
+SOURCE_TIMEOUT_NS = 5 * SECOND_NS
 ATTITUDE, HEADING = "attitude", "heading"
 
 
@@ -55,7 +55,7 @@ class PlausibilityMonitor:
         self._headings = {name: Admission() for name in config.nav.attitude}
         self._heading_tests = {name: HeadingTest(config.nav.limits.wind_mps) for name in config.nav.attitude}
         self._comparison = AttitudeComparison()
-        self._beside_filter = FilterAttitudeTest(self._comparison)
+        self._filter_test = FilterAttitudeTest(self._comparison)
         self._has_filter = config.nav.filter is not None
         self._signals = {name: SignalTest() for name in (config.nav.filter.gnss if config.nav.filter else ())}
         self._signs_ns = 0  # the newest time of signals and ticks
@@ -75,22 +75,22 @@ class PlausibilityMonitor:
         if isinstance(m, Attitude):
             return [*self._check_attitude(device, m, t_ns)]
         if isinstance(m, Position):
-            positions, events = self._tests[device].take_position(m, t_ns)
+            positions, events = self._tests[device].feed_position(m, t_ns)
             self._events += events
             return [*positions]
         if isinstance(m, Velocity):
-            velocities, events = self._tests[device].take_velocity(m, t_ns)
+            velocities, events = self._tests[device].feed_velocity(m, t_ns)
             self._events += events
             if self._tests[device].position.is_valid and m.valid:
-                self._take_track(m, t_ns)
+                self._feed_track(m, t_ns)
             return [*velocities]
         return [m]
 
-    def _take_track(self, m: Velocity, t_ns: int) -> None:
+    def _feed_track(self, m: Velocity, t_ns: int) -> None:
         north, east = level_velocity(m)
         if north is not None and east is not None and math.isfinite(north + east):
             for test in self._heading_tests.values():
-                test.take_track(t_ns, north, east)
+                test.feed_track(t_ns, north, east)
 
     def _check_attitude(self, device: str, m: Attitude, t_ns: int) -> list[Attitude]:
         self._comparison.take(device, m, t_ns)
@@ -114,17 +114,17 @@ class PlausibilityMonitor:
         """
         signs = {name for name, test in self._signals.items() if test.is_suspected(self._signs_ns)}
         drifting = {name: tests.newest_ns for name, tests in self._tests.items() if tests.is_suspected}
-        heard = {name for name, then_ns in drifting.items() if self._signs_ns - (then_ns or 0) <= HEARD_NS}
+        heard = {name for name, then_ns in drifting.items() if self._signs_ns - (then_ns or 0) <= SOURCE_TIMEOUT_NS}
         return frozenset(signs | heard)
 
     def watches_signals(self, device: str, kind: type[Measurement]) -> bool:
         """Whether C/N0 or clock of a device that aids the filter are compared."""
         return device in self._signals and issubclass(kind, (Satellites, ReceiverClock))
 
-    def take_signals(self, device: str, m: Satellites | ReceiverClock, t_ns: int) -> list[Output | Event]:
+    def feed_signals(self, device: str, m: Satellites | ReceiverClock, t_ns: int) -> list[Output | Event]:
         """Compare the signals of a receiver with those of before."""
         test, self._signs_ns = self._signals[device], max(self._signs_ns, t_ns)
-        sign = test.take_satellites(t_ns, m) if isinstance(m, Satellites) else test.take_clock(t_ns, m)
+        sign = test.feed_satellites(t_ns, m) if isinstance(m, Satellites) else test.feed_clock(t_ns, m)
         if sign is None:
             return []
         text = f"suspected for {HOLD_NS // SECOND_NS} s: {sign}; copies of the filter without it are kept"
@@ -134,30 +134,30 @@ class PlausibilityMonitor:
         """Whether raw observations of a device are compared with its position."""
         return device in self._tests and issubclass(kind, (Pseudoranges, Ephemeris))
 
-    def take_ranges(self, device: str, m: Pseudoranges | Ephemeris, t_ns: int) -> None:
+    def feed_ranges(self, device: str, m: Pseudoranges | Ephemeris, t_ns: int) -> None:
         """Take raw observations or an ephemeris of a receiver."""
-        self._tests[device].take_ranges(m, t_ns)
+        self._tests[device].feed_ranges(m, t_ns)
 
-    def take_events(self) -> list[Event]:
+    def drain_events(self) -> list[Event]:
         """Events since the last call."""
         events, self._events = self._events, []
         return events
 
-    def take_filter(self, solution: FilterSolution) -> None:
+    def feed_filter(self, solution: FilterSolution) -> None:
         """Take what the filter says; attitudes are compared with it."""
-        self._beside_filter.take(solution)
+        self._filter_test.take(solution)
 
     def readmit(self, device: str, t_ns: int) -> list[Event]:
         """The operator has confirmed a source; its contradiction does not count any more.  Raises KeyError."""
         return self._tests[device].readmit(t_ns)
 
-    def find_unconfirmed(self, device: str) -> Unconfirmed | None:
+    def find_unconfirmed(self, device: str) -> UnconfirmedSource | None:
         """What of a source is unconfirmed, and agrees with itself; None: nothing, or it is no source of position."""
         tests = self._tests.get(device)
-        return tests.unconfirmed if tests else None
+        return tests.unconfirmed_source if tests else None
 
     @property
-    def standing_sizes(self) -> dict[str, float]:
+    def contradiction_sizes(self) -> dict[str, float]:
         """Contradictions of positions that stand, by source, as far as their sizes are known [m]."""
         sizes = {name: tests.position_size for name, tests in self._tests.items()}
         return {name: size for name, size in sizes.items() if size is not None}
@@ -190,7 +190,7 @@ class PlausibilityMonitor:
             admission = admissions.get((refusal.source, refusal.part))
             if admission:
                 text = "before navigation was started again"
-                admission.restore(Finding(refusal.reason, refusal.onset_ns, text, refusal.is_standing))
+                admission.restore(PlausibilityFinding(refusal.reason, refusal.onset_ns, text, refusal.is_standing))
                 events.append(describe_restored(t_ns, refusal.source, refusal.part, admission))
         return events
 
@@ -200,7 +200,7 @@ class PlausibilityMonitor:
         """Let time pass: attitudes are compared, the validity of each source is given out."""
         self._signs_ns = max(self._signs_ns, t_ns)
         self._compare_attitudes(t_ns)
-        out: list[Output | Event] = [*self.take_events()]
+        out: list[Output | Event] = [*self.drain_events()]
         slot = t_ns // COMPOSE_NS  # of a clock of its own: periods counted from ticks, which jitter, are longer
         if slot == self._slot:
             return out
@@ -225,7 +225,7 @@ class PlausibilityMonitor:
             self._events.append(Event(t_ns=t_ns, level=level, source="nav", text=words))
         for name in self._comparison.sources:
             admission = self._attitudes[name]
-            finding = self._comparison.finding(name) or self._beside_filter.finding(name)
+            finding = self._comparison.finding(name) or self._filter_test.finding(name)
             change = admission.fail(finding) if finding else admission.passes(t_ns)
             if change:
                 self._events.append(describe(t_ns, name, ATTITUDE, admission, change))
@@ -233,7 +233,9 @@ class PlausibilityMonitor:
     def _validity(self, name: str, t_ns: int) -> SourceValidity | None:
         tests, attitude = self._tests.get(name), self._attitudes.get(name)
         parts = [(tests.position, tests.altitude) if tests else (None, None), (attitude, self._headings.get(name))]
-        heard = [part if part and (part.was_heard or not part.is_valid) else None for row in parts for part in row]
+        heard = [
+            part if part and (part.has_passed_once or not part.is_valid) else None for row in parts for part in row
+        ]
         known = [part for part in heard if part]
         if not known:
             return None
@@ -253,7 +255,7 @@ class PlausibilityMonitor:
             attitude_valid=_part_is_valid(heard[2]),
             heading_valid=_part_is_valid(heard[3], heard[2]),
             onset_ns=min((finding.onset_ns for finding in refused), default=None),
-            readmission="; ".join(dict.fromkeys(part.needs for part in known if not part.is_valid)),
+            readmission="; ".join(dict.fromkeys(part.readmission_condition for part in known if not part.is_valid)),
         )
 
     def _unchecked(self, name: str, t_ns: int) -> tuple[Reason, ...]:
@@ -262,7 +264,7 @@ class PlausibilityMonitor:
         if name not in self._tests or self._has_filter:
             return found
         times = (tests.newest_ns for other, tests in self._tests.items() if other != name)
-        is_alone = not any(newest is not None and t_ns - newest <= HEARD_NS for newest in times)
+        is_alone = not any(newest is not None and t_ns - newest <= SOURCE_TIMEOUT_NS for newest in times)
         return (*found, Reason.NOTHING_TO_COMPARE) if is_alone else found
 
 

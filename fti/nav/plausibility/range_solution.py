@@ -26,10 +26,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fti.constants import SPEED_OF_LIGHT
-from fti.geodesy.broadcast_orbit import clock_offset, position_e, transmission_time, turned
+from fti.geodesy.broadcast_orbit import clock_offset, position_e, rotate_with_earth, transmission_time
 from fti.geodesy.rotations import mat_en
 from fti.geodesy.wgs84 import geodetic_from_ecef
-from fti.nav.least_squares import Slant, Solution, solve
+from fti.nav.least_squares import LeastSquaresSolution, RangeObservation, solve
 from fti.nav.plausibility.scatter import variance_ratio_limit
 from fti.types import Ephemeris
 
@@ -37,11 +37,11 @@ Array = NDArray[np.float64]
 
 #: Ranges that are needed for one residual; and so that the others tell which one is wrong.
 MIN_RANGES, MIN_TO_IDENTIFY = 5, 6
-UNKNOWNS = 4
+N_UNKNOWNS = 4
 #: A position whose horizontal sigma is larger confirms nothing: 5.5 of it are the default alert limit [m].
 MAX_LEVEL_SD = 36.0
 #: Satellites below are left out [rad].
-MASK = math.radians(10.0)
+ELEVATION_MASK = math.radians(10.0)
 #: Of the ionosphere [m]: near the geomagnetic equator, elsewhere; the latitude that divides them [rad].
 TAU_EQUATOR_M, TAU_M, EQUATOR_LAT = 9.0, 6.0, math.radians(32.0)
 SHELL = 6_378_136.3 / (6_378_136.3 + 350_000.0)
@@ -114,20 +114,20 @@ def solve_ranges(t_receiver: float, measured: Sequence[MeasuredRange]) -> RangeS
     if len(measured) < MIN_RANGES:
         return None
     signals = _signals(t_receiver, measured)
-    rough = solve([Slant(signals.pos_e, signals.ranges, np.ones(len(measured)), clock=True)], np.zeros(3))
+    rough = solve([RangeObservation(signals.pos_e, signals.ranges, np.ones(len(measured)), clock=True)], np.zeros(3))
     if rough is None:
         return None
-    visible = np.flatnonzero(_elevations(signals.pos_e, rough.x[:3]) >= MASK)
+    visible = np.flatnonzero(_elevations(signals.pos_e, rough.x[:3]) >= ELEVATION_MASK)
     if len(visible) < MIN_RANGES:
         return None
     signals = signals.of([int(i) for i in visible])
     observed, solution = _solve_weighted(signals, rough.x[:3])
     if solution is None:
         return None
-    return _explained(signals, observed, solution)
+    return _explain(signals, observed, solution)
 
 
-def _explained(signals: _Signals, observed: Slant, solution: Solution) -> RangeSolution | None:
+def _explain(signals: _Signals, observed: RangeObservation, solution: LeastSquaresSolution) -> RangeSolution | None:
     used, ratio = len(signals.numbers), _chi2_ratio(observed, solution)
     if ratio <= 1.0:
         position = _position(solution, None)
@@ -157,10 +157,12 @@ def _signals(t_receiver: float, measured: Sequence[MeasuredRange]) -> _Signals:
     )
 
 
-def _solve_weighted(signals: _Signals, near_e: Array) -> tuple[Slant, Solution | None]:
+def _solve_weighted(signals: _Signals, near_e: Array) -> tuple[RangeObservation, LeastSquaresSolution | None]:
     """The solution with turned satellites, troposphere and weights as they are at a place nearby."""
     lat, _, alt = (float(value) for value in geodetic_from_ecef(near_e))
-    turned_e = np.array([turned(s, float(np.linalg.norm(s - near_e)) / SPEED_OF_LIGHT) for s in signals.pos_e])
+    turned_e = np.array(
+        [rotate_with_earth(s, float(np.linalg.norm(s - near_e)) / SPEED_OF_LIGHT) for s in signals.pos_e]
+    )
     sin_e = np.sin(np.maximum(_elevations(turned_e, near_e), 0.0))
     height = min(max(alt, MIN_ALT_M), MAX_ALT_M)
     delay = ZENITH_DELAY_M * math.exp(-SCALE_HEIGHT * height) / (sin_e + MAPPING)
@@ -169,7 +171,7 @@ def _solve_weighted(signals: _Signals, near_e: Array) -> tuple[Slant, Solution |
     mapping = 1.001 / np.sqrt(0.002001 + sin_e**2)
     parts = (signals.accuracy, tau * slant, TROPOSPHERE_SD_M * mapping, signals.noise)
     sd = np.linalg.norm(parts, axis=0)
-    observed = Slant(turned_e, signals.ranges - delay, sd, clock=True)
+    observed = RangeObservation(turned_e, signals.ranges - delay, sd, clock=True)
     return observed, solve([observed], near_e)
 
 
@@ -181,13 +183,13 @@ def _elevations(pos_e: Array, near_e: Array) -> Array:
     return np.asarray(np.arcsin(up / np.linalg.norm(line, axis=1)))
 
 
-def _chi2_ratio(observed: Slant, solution: Solution) -> float:
+def _chi2_ratio(observed: RangeObservation, solution: LeastSquaresSolution) -> float:
     """Sum of the weighted squares of what is left, over its limit."""
     left, _ = observed.equations(solution.x)
-    freedom = len(left) - UNKNOWNS
+    freedom = len(left) - N_UNKNOWNS
     return float(left @ left) / (freedom * variance_ratio_limit(freedom + 1.0))
 
 
-def _position(solution: Solution, left_out: int | None) -> RangePosition:
+def _position(solution: LeastSquaresSolution, left_out: int | None) -> RangePosition:
     level = solution.cov_n()[:2, :2]
     return RangePosition(solution.x[:3], math.sqrt(float(np.linalg.eigvalsh(level).max())), left_out)

@@ -27,21 +27,21 @@ import numpy as np
 from fti.geodesy.broadcast_orbit import seconds_after
 from fti.geodesy.wgs84 import ecef_from_geodetic, geodetic_from_ecef, radii
 from fti.nav.plausibility.budget import K_FALSE
-from fti.nav.plausibility.finding import Finding
+from fti.nav.plausibility.finding import PlausibilityFinding
 from fti.nav.plausibility.range_solution import MeasuredRange, RangePosition, RangeSolution, solve_ranges
-from fti.nav.series import SECOND_NS
+from fti.nav.time_series import SECOND_NS
 from fti.types import Ephemeris, Pseudorange, Pseudoranges, Reason, Stamp, TimeScale
 
 SYSTEM, SIGNAL = "gps", "L1C"
 #: Epochs are judged so far apart, at least [ns]: clocks of 1 Hz jitter.
 PERIOD_NS = 9 * SECOND_NS // 10
-EPOCHS = 5
+MIN_EPOCHS = 5
 #: Failing epochs that are farther apart are not in a row [ns].
 MAX_GAP_NS = 5 * SECOND_NS
 #: Fix and epoch are compared when they are no farther apart [ns].
-TOGETHER_NS = SECOND_NS
+MAX_PAIRING_NS = SECOND_NS
 #: Ephemerides hold for half of their fit interval of 4 h about toe [s]; they are forgotten after as long again [ns].
-FIT_S, FORGET_NS = 7200.0, 4 * 3600 * SECOND_NS
+FIT_S, EPHEMERIS_TIMEOUT_NS = 7200.0, 4 * 3600 * SECOND_NS
 #: C/N0 of a signal that is used [dB-Hz], where it is stated.
 MIN_CN0 = 33.0
 #: Pseudoranges that a satellite in view can have, with a receiver's clock off by 0.1 s [m]; semi-major axes [m^0.5].
@@ -83,20 +83,20 @@ class RangeTest:
         self._last_epoch_ns: int | None = None
         self._fix: StatedFix | None = None
         self._failed, self._failed_since_ns, self._failed_ns = 0, 0, 0
-        self._finding: Finding | None = None
+        self._finding: PlausibilityFinding | None = None
 
     @property
     def is_useful(self) -> bool:
         """Whether the receiver has given an ephemeris."""
         return bool(self._ephemerides)
 
-    def take_ephemeris(self, t_ns: int, m: Ephemeris) -> None:
+    def feed_ephemeris(self, t_ns: int, m: Ephemeris) -> None:
         """Take the ephemeris of a satellite; one that no GPS satellite can have is left out."""
         is_orbit = MIN_SQRT_A <= m.sqrt_a <= MAX_SQRT_A and 0.0 <= m.e <= MAX_ECCENTRICITY
         if m.system == SYSTEM and is_orbit:
             self._ephemerides[m.number] = t_ns, m
 
-    def take_ranges(self, t_ns: int, m: Pseudoranges) -> None:
+    def feed_ranges(self, t_ns: int, m: Pseudoranges) -> None:
         """Take the ranges of an epoch, which the next fix is compared with."""
         if not self._ephemerides or m.stamp.t_dev_ns is None or m.stamp.time_scale is not TimeScale.GPS:
             return
@@ -113,13 +113,13 @@ class RangeTest:
         if known is None or o.pseudorange is None or not MIN_RANGE_M < o.pseudorange < MAX_RANGE_M:
             return None
         received_ns, ephemeris = known
-        is_held = abs(seconds_after(t_receiver, ephemeris.toe)) <= FIT_S and t_ns - received_ns <= FORGET_NS
+        is_held = abs(seconds_after(t_receiver, ephemeris.toe)) <= FIT_S and t_ns - received_ns <= EPHEMERIS_TIMEOUT_NS
         is_heard = o.cn0_dbhz is None or o.cn0_dbhz >= MIN_CN0
         if not (is_held and is_heard and ephemeris.healthy and ephemeris.accuracy is not None):
             return None
         return MeasuredRange(ephemeris, o.pseudorange, o.pseudorange_sd or 0.0)
 
-    def take_fix(self, fix: StatedFix) -> list[Finding]:
+    def feed_fix(self, fix: StatedFix) -> list[PlausibilityFinding]:
         """Take a stated position; returns what the newest epochs have found."""
         before, self._fix = self._fix, fix
         epoch = self._epoch
@@ -127,8 +127,8 @@ class RangeTest:
             self._epoch = None
             known = [fix] if before is None else [before, fix]
             nearest = min(known, key=lambda each: abs(each.t_ns - epoch.t_ns))
-            if abs(nearest.t_ns - epoch.t_ns) <= TOGETHER_NS:
-                self._judge(epoch, nearest)
+            if abs(nearest.t_ns - epoch.t_ns) <= MAX_PAIRING_NS:
+                self._evaluate(epoch, nearest)
         return [self._finding] if self._finding else []
 
     def release(self) -> bool:
@@ -136,7 +136,7 @@ class RangeTest:
         was_found, self._finding, self._failed = self._finding is not None, None, 0
         return was_found
 
-    def _judge(self, epoch: _Epoch, fix: StatedFix) -> None:
+    def _evaluate(self, epoch: _Epoch, fix: StatedFix) -> None:
         solution = solve_ranges(epoch.t_receiver, epoch.measured)
         if solution is None:
             return
@@ -147,8 +147,8 @@ class RangeTest:
         if self._failed == 0 or not 0 <= epoch.t_ns - self._failed_ns <= MAX_GAP_NS:
             self._failed, self._failed_since_ns = 0, epoch.t_ns
         self._failed, self._failed_ns = self._failed + 1, epoch.t_ns
-        if self._failed >= EPOCHS and self._finding is None:
-            self._finding = Finding(found[0], self._failed_since_ns, found[1])
+        if self._failed >= MIN_EPOCHS and self._finding is None:
+            self._finding = PlausibilityFinding(found[0], self._failed_since_ns, found[1])
 
     def _compare(self, epoch: _Epoch, fix: StatedFix, solution: RangeSolution) -> tuple[Reason, str] | None:
         """Reason and text of a finding; None: the fix is what the ranges say."""

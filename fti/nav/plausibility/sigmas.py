@@ -47,7 +47,7 @@ class FixSigma:
     arm: float
 
 
-class Span(NamedTuple):
+class FixInterval(NamedTuple):
     """What was flown between two fixes, along the axis.
 
     seconds; speed : the larger one [m/s]; turn : change of the velocity [m/s]; path : by the velocity [m]
@@ -59,7 +59,7 @@ class Span(NamedTuple):
     path: float
 
 
-def difference_variance(sigma: FixSigma, white: float, span: Span) -> float:
+def difference_variance(sigma: FixSigma, white: float, span: FixInterval) -> float:
     """Variance [m^2] over a span.  white : variance drawn anew with each fix [m^2]"""
     w, speed, turn, path = span
     slow = max(sigma.position**2 - white, 0.0)

@@ -16,7 +16,7 @@ from __future__ import annotations
 import math
 from collections import deque
 
-from fti.nav.series import SECOND_NS
+from fti.nav.time_series import SECOND_NS
 from fti.types import ReceiverClock, Satellites
 
 CN0_DB, MIN_SATELLITES = 6.0, 4
@@ -40,7 +40,7 @@ class SignalTest:
         """Whether a sign is younger than HOLD_NS."""
         return self._until_ns is not None and t_ns < self._until_ns
 
-    def take_satellites(self, t_ns: int, m: Satellites) -> str | None:
+    def feed_satellites(self, t_ns: int, m: Satellites) -> str | None:
         """Take C/N0; returns the sign that begins a suspicion."""
         known = [s for s in m.satellites if s.cn0_dbhz is not None and s.cn0_dbhz > 0.0]
         levels = {(s.system, s.number): s.cn0_dbhz for s in known if s.cn0_dbhz is not None}
@@ -53,7 +53,7 @@ class SignalTest:
             return None
         return self._suspect(t_ns, f"C/N0 of its satellites changed by {largest:+.0f} dB within 10 s")
 
-    def take_clock(self, t_ns: int, m: ReceiverClock) -> str | None:
+    def feed_clock(self, t_ns: int, m: ReceiverClock) -> str | None:
         """Take the clock; returns the sign that begins a suspicion."""
         if not m.valid or m.offset is None or not math.isfinite(m.offset):
             return None

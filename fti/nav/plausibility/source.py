@@ -14,11 +14,11 @@ from typing import NamedTuple
 
 from fti.config import Device, SourceLimits
 from fti.geodesy.one_point import radii
-from fti.nav.plausibility.admission import Admission, Change
-from fti.nav.plausibility.axis import AxisTests, Fix
+from fti.nav.plausibility.admission import Admission, AdmissionChange
+from fti.nav.plausibility.axis import AxisFix, AxisTests
 from fti.nav.plausibility.device_time import DeviceTimeTest
 from fti.nav.plausibility.events import describe
-from fti.nav.plausibility.finding import Finding
+from fti.nav.plausibility.finding import PlausibilityFinding
 from fti.nav.plausibility.motion import MotionTest
 from fti.nav.plausibility.range_test import RangeTest, StatedFix
 from fti.nav.plausibility.resolution import ResolutionEstimator
@@ -34,12 +34,12 @@ from fti.nav.plausibility.sigmas import (
 )
 from fti.nav.plausibility.undulation import UndulationTest
 from fti.nav.plausibility.velocity_integral import MIN_STEP_NS
-from fti.nav.series import SECOND_NS
-from fti.nav.sources import LARGEST, ellipsoidal, level_velocity
+from fti.nav.source_interpolation import MAX_PART_VALUES, ellipsoidal_height, level_velocity
+from fti.nav.time_series import SECOND_NS
 from fti.types import Ephemeris, Event, Position, Pseudoranges, Stamp, TimeScale, Velocity
 
 #: Ground speed and track of different messages make a velocity when they are no farther apart [ns].
-TOGETHER_NS = SECOND_NS // 2
+MAX_PAIRING_NS = SECOND_NS // 2
 #: A velocity that is older does not move a fix [ns].
 MAX_VELOCITY_AGE_NS = 2 * SECOND_NS
 #: Closer to a pole a longitude is no axis [rad].
@@ -49,7 +49,7 @@ POSITION, ALTITUDE = "position", "altitude"
 ELLIPSOID, SEA = "ellipsoid", "sea"
 
 
-class Unconfirmed(NamedTuple):
+class UnconfirmedSource(NamedTuple):
     """A source whose contradiction stands while its tests pass again.
 
     quantities : position, height, velocity, as far as nothing else refuses them;  readmission : what would end it
@@ -95,40 +95,40 @@ class SourceTests:
 
     # ------------------------------------------------------------------------------------------------------- taking
 
-    def take_position(self, m: Position, t_ns: int) -> tuple[list[Position], list[Event]]:
+    def feed_position(self, m: Position, t_ns: int) -> tuple[list[Position], list[Event]]:
         """Take a position that was true at t_ns."""
         events = self._test_time(m.stamp)
         if m.valid and _is_conceivable(m, ("lat", "lon", "alt")):
             if m.lat is not None:
                 self.newest_ns = t_ns
-            if self._wants(m, t_ns):
+            if self._is_due(m, t_ns):
                 events += self._test_ranges(m, t_ns) + self._test_position(m, t_ns)
-        return self._admitted_position(m), events
+        return self._admit_position(m), events
 
-    def take_ranges(self, m: Pseudoranges | Ephemeris, t_ns: int) -> None:
+    def feed_ranges(self, m: Pseudoranges | Ephemeris, t_ns: int) -> None:
         """Take raw observations of a time, or an ephemeris; the next position is compared with them."""
         if isinstance(m, Ephemeris):
-            self._ranges.take_ephemeris(t_ns, m)
+            self._ranges.feed_ephemeris(t_ns, m)
         else:
-            self._ranges.take_ranges(t_ns, m)
+            self._ranges.feed_ranges(t_ns, m)
 
-    def _wants(self, m: Position, t_ns: int) -> bool:
+    def _is_due(self, m: Position, t_ns: int) -> bool:
         """Whether any axis judges a fix of this time: of fixes that come often not all are tested."""
         height, kind = _height_of(m)
         return (
-            (m.lat is not None and self._north.wants(t_ns, m.lat))
-            or (m.lon is not None and self._east.wants(t_ns, m.lon))
-            or (height is not None and self._ups[kind].wants(t_ns, height))
+            (m.lat is not None and self._north.is_due(t_ns, m.lat))
+            or (m.lon is not None and self._east.is_due(t_ns, m.lon))
+            or (height is not None and self._ups[kind].is_due(t_ns, height))
         )
 
-    def take_velocity(self, m: Velocity, t_ns: int) -> tuple[list[Velocity], list[Event]]:
+    def feed_velocity(self, m: Velocity, t_ns: int) -> tuple[list[Velocity], list[Event]]:
         """Take a velocity that was true at t_ns."""
         events = self._test_time(m.stamp)
         is_next = m.north is None or self._velocity_ns is None or t_ns - self._velocity_ns >= MIN_STEP_NS
         if is_next and m.valid and _is_conceivable(m, ("north", "east", "down", "ground_speed", "track")):
             self._velocity_ns = t_ns if m.north is not None else self._velocity_ns
             events += self._test_velocity(m, t_ns)
-        return self._admitted_velocity(m), events
+        return self._admit_velocity(m), events
 
     def readmit(self, t_ns: int) -> list[Event]:
         """The operator says that the contradiction has ended."""
@@ -148,7 +148,7 @@ class SourceTests:
         """Horizontal size of the contradiction of the position that stands [m]; None: there is none, or unknown."""
         if not self.position.is_standing or self.position.is_restored:
             return None
-        sizes = [axis.standing.size for axis in (self._north, self._east) if axis.standing]
+        sizes = [axis.contradiction.size for axis in (self._north, self._east) if axis.contradiction]
         known = [size for size in sizes if size is not None]
         return math.hypot(*known) if known and len(known) == len(sizes) else None
 
@@ -166,13 +166,15 @@ class SourceTests:
         return self.position.is_standing or self.altitude.is_standing
 
     @property
-    def unconfirmed(self) -> Unconfirmed | None:
+    def unconfirmed_source(self) -> UnconfirmedSource | None:
         """What of it is unconfirmed, and has passed its tests for 30 s; None: nothing."""
         if self.position.is_unconfirmed:
             is_high = self.altitude.is_valid or self.altitude.is_unconfirmed
-            return Unconfirmed(("position", "velocity", "height")[: 2 + is_high], self.position.needs)
+            return UnconfirmedSource(
+                ("position", "velocity", "height")[: 2 + is_high], self.position.readmission_condition
+            )
         if self.position.is_valid and self.altitude.is_unconfirmed:
-            return Unconfirmed(("height",), self.altitude.needs)
+            return UnconfirmedSource(("height",), self.altitude.readmission_condition)
         return None
 
     @property
@@ -205,7 +207,7 @@ class SourceTests:
         known = self._velocity if self._velocity and abs(t_ns - self._velocity[0]) <= MAX_VELOCITY_AGE_NS else None
         sd = _bounded_sigma(m.horizontal_sd, self._unstated.horizontal, MIN_HORIZONTAL_M)
         fix = StatedFix(t_ns, m.stamp, m.lat, m.lon, sd, known[1:] if known else None)
-        return self._fail(t_ns, POSITION, self.position, self._ranges.take_fix(fix))
+        return self._fail(t_ns, POSITION, self.position, self._ranges.feed_fix(fix))
 
     def _test_level(self, m: Position, t_ns: int, time_sd: float) -> list[Event]:
         assert self._lat is not None
@@ -214,21 +216,21 @@ class SourceTests:
         sd = _bounded_sigma(m.horizontal_sd, self._unstated.horizontal, MIN_HORIZONTAL_M)
         is_polar = abs(self._lat) > MAX_LAT
         if is_polar:
-            self._east.leave()
+            self._east.invalidate()
         events: list[Event] = []
         for axis, value, unit in ((self._north, m.lat, metres[0]), (self._east, m.lon, metres[1])):
             if value is not None and not (is_polar and axis is self._east):
-                found = axis.take_fix(Fix(t_ns, value, unit, self._sigma(sd, axis, time_sd)))
+                found = axis.feed_fix(AxisFix(t_ns, value, unit, self._sigma(sd, axis, time_sd)))
                 events += self._conclude(t_ns, POSITION, self.position, axis, found)
         return events
 
     def _test_altitude(self, m: Position, t_ns: int, time_sd: float) -> list[Event]:
         value, kind = _height_of(m)
-        if value is None or not math.isfinite(value) or abs(value) > LARGEST["alt"]:
+        if value is None or not math.isfinite(value) or abs(value) > MAX_PART_VALUES["alt"]:
             return []
         self._alt, up = value, self._ups[kind]
         sd = _bounded_sigma(m.vertical_sd, self._unstated.vertical, MIN_VERTICAL_M)
-        found = up.take_fix(Fix(t_ns, value, 1.0, self._sigma(sd, up, time_sd)))
+        found = up.feed_fix(AxisFix(t_ns, value, 1.0, self._sigma(sd, up, time_sd)))
         undulation = self._undulation.update(t_ns, m)
         if undulation:
             found = [*(found or ()), *undulation]
@@ -256,13 +258,13 @@ class SourceTests:
                 t_ns, POSITION, self.position, self._motion.update_level(t_ns, north, east, self._velocity_sd)
             )
             for axis, speed in ((self._north, north), (self._east, east)):
-                found = axis.take_velocity(t_ns, speed)
+                found = axis.feed_velocity(t_ns, speed)
                 events += self._conclude(t_ns, POSITION, self.position, axis, found)
         if m.down is not None:
             vertical = self._motion.update_vertical(t_ns, m.down, self._velocity_sd)
             events += self._fail(t_ns, ALTITUDE, self.altitude, vertical)
             for up in self._ups.values():
-                events += self._conclude(t_ns, ALTITUDE, self.altitude, up, up.take_velocity(t_ns, -m.down))
+                events += self._conclude(t_ns, ALTITUDE, self.altitude, up, up.feed_velocity(t_ns, -m.down))
         return events
 
     def _level_velocity(self, m: Velocity, t_ns: int) -> tuple[float | None, float | None]:
@@ -274,52 +276,54 @@ class SourceTests:
         north, east = level_velocity(m)
         if (north is None or east is None) and len(self._polar) == 2:
             (speed_ns, speed), (track_ns, track) = self._polar["ground_speed"], self._polar["track"]
-            if max(speed_ns, track_ns) == t_ns and abs(speed_ns - track_ns) <= TOGETHER_NS:
+            if max(speed_ns, track_ns) == t_ns and abs(speed_ns - track_ns) <= MAX_PAIRING_NS:
                 return speed * math.cos(track), speed * math.sin(track)
         return north, east
 
     # ----------------------------------------------------------------------------------------------------- concluding
 
     def _conclude(
-        self, t_ns: int, quantity: str, admission: Admission, axis: AxisTests, found: list[Finding] | None
+        self, t_ns: int, quantity: str, admission: Admission, axis: AxisTests, found: list[PlausibilityFinding] | None
     ) -> list[Event]:
         """Findings of one axis; None: nothing was judged."""
         if found is None:
             return []
         events = self._fail(t_ns, quantity, admission, found)
-        if axis.is_closed and not self._stands(quantity):
+        if axis.is_closed and not self._has_contradiction(quantity):
             axis.is_closed = False
-            admission.begin_anew()
+            admission.reset_passed()
             if not admission.is_restored:  # the step does not cancel what was before this process
                 events += self._close(t_ns, quantity, admission)
         if not found and axis is not self._east:  # one pass a fix
-            events += self._tell(t_ns, quantity, admission, admission.passes(t_ns))
+            events += self._report(t_ns, quantity, admission, admission.passes(t_ns))
         return events
 
-    def _stands(self, quantity: str) -> bool:
-        return any(axis.standing for axis in self._axes(quantity))
+    def _has_contradiction(self, quantity: str) -> bool:
+        return any(axis.contradiction for axis in self._axes(quantity))
 
     def _axes(self, quantity: str) -> tuple[AxisTests, ...]:
         return tuple(self._ups.values()) if quantity == ALTITUDE else (self._north, self._east)
 
-    def _fail(self, t_ns: int, quantity: str, admission: Admission, found: Iterable[Finding]) -> list[Event]:
+    def _fail(
+        self, t_ns: int, quantity: str, admission: Admission, found: Iterable[PlausibilityFinding]
+    ) -> list[Event]:
         events: list[Event] = []
         for finding in found:
-            events += self._tell(t_ns, quantity, admission, admission.fail(finding))
+            events += self._report(t_ns, quantity, admission, admission.fail(finding))
             if not admission.is_standing:
                 for axis in self._axes(quantity):
-                    axis.standing = None
+                    axis.contradiction = None
         return events
 
     def _close(self, t_ns: int, quantity: str, admission: Admission) -> list[Event]:
-        return self._tell(t_ns, quantity, admission, admission.close())
+        return self._report(t_ns, quantity, admission, admission.close())
 
-    def _tell(self, t_ns: int, quantity: str, admission: Admission, change: Change | None) -> list[Event]:
+    def _report(self, t_ns: int, quantity: str, admission: Admission, change: AdmissionChange | None) -> list[Event]:
         return [describe(t_ns, self.name, quantity, admission, change)] if change else []
 
     # ------------------------------------------------------------------------------------------------------ admitting
 
-    def _admitted_position(self, m: Position) -> list[Position]:
+    def _admit_position(self, m: Position) -> list[Position]:
         if not self.position.is_valid:
             return [replace(m, valid=False)]
         if self.altitude.is_valid or (m.alt is None and m.alt_msl is None):
@@ -327,7 +331,7 @@ class SourceTests:
         height = replace(m, lat=None, lon=None, valid=False)
         return [height] if m.lat is None and m.lon is None else [replace(m, alt=None, alt_msl=None), height]
 
-    def _admitted_velocity(self, m: Velocity) -> list[Velocity]:
+    def _admit_velocity(self, m: Velocity) -> list[Velocity]:
         if not self.position.is_valid:
             return [replace(m, valid=False)]
         if self.altitude.is_valid or m.down is None:
@@ -340,7 +344,7 @@ class SourceTests:
 
 def _height_of(m: Position) -> tuple[float | None, str]:
     """Height above the ellipsoid, else above the sea [m], and which; only heights of one kind are compared."""
-    alt = ellipsoidal(m)
+    alt = ellipsoidal_height(m)
     return (alt, ELLIPSOID) if alt is not None else (m.alt_msl, SEA)
 
 
@@ -355,6 +359,6 @@ def _is_conceivable(m: Position | Velocity, names: Iterable[str]) -> bool:
     """Numbers that a place or an aircraft can have; others are left out by whoever takes them."""
     for name in names:
         value = getattr(m, name)
-        if value is not None and not abs(value) <= LARGEST[name]:
+        if value is not None and not abs(value) <= MAX_PART_VALUES[name]:
             return False
     return True

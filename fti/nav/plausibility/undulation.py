@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 
 from fti.geodesy.coarse_geoid import undulation
-from fti.nav.plausibility.finding import Finding
+from fti.nav.plausibility.finding import PlausibilityFinding
 from fti.types import Position, Reason
 
 #: So many fixes in a row make a finding.
-FIXES = 3
+MIN_FIXES = 3
 
 
 def stated_undulation(m: Position) -> float | None:
@@ -27,7 +27,7 @@ class UndulationTest:
         self._beyond = 0
         self._since_ns = 0
 
-    def update(self, t_ns: int, m: Position) -> list[Finding]:
+    def update(self, t_ns: int, m: Position) -> list[PlausibilityFinding]:
         """Take a fix with place and undulation."""
         stated = stated_undulation(m)
         if stated is None or m.lat is None or m.lon is None or not math.isfinite(stated):
@@ -39,7 +39,7 @@ class UndulationTest:
         if self._beyond == 0:
             self._since_ns = t_ns
         self._beyond += 1
-        if self._beyond < FIXES:
+        if self._beyond < MIN_FIXES:
             return []
         text = f"undulation {stated:.1f} m, EGM96 has {known:.1f} m there, limit {self._limit:.1f} m"
-        return [Finding(Reason.UNDULATION, self._since_ns, text)]
+        return [PlausibilityFinding(Reason.UNDULATION, self._since_ns, text)]

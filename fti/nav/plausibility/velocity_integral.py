@@ -6,14 +6,14 @@ from collections import deque
 from typing import NamedTuple
 
 from fti.nav.plausibility.resolution import ResolutionEstimator
-from fti.nav.series import SECOND_NS
+from fti.nav.time_series import SECOND_NS
 
 #: Velocities that are farther apart are not joined [ns].
 MAX_GAP_NS = 3 * SECOND_NS
 #: Velocities that come more often are not all taken [ns].
 MIN_STEP_NS = 35_000_000
 #: Entries kept: 4 s at the highest rate that is taken.
-KEPT = 128
+HISTORY_SIZE = 128
 
 
 class Integral(NamedTuple):
@@ -33,7 +33,7 @@ class VelocityIntegral:
     """One axis.  Values in m/s, positive along the axis.  interval_s : between the newest velocities [s]"""
 
     def __init__(self) -> None:
-        self._entries: deque[tuple[int, float, float]] = deque(maxlen=KEPT)  # time, path, speed
+        self._entries: deque[tuple[int, float, float]] = deque(maxlen=HISTORY_SIZE)  # time, path, speed
         self._segment = 0
         self._resolution = ResolutionEstimator()
         self.interval_s = 1.0

@@ -16,8 +16,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from fti.nav.filter.gate import Judgement
-from fti.nav.filter.segment import Segment
+from fti.nav.filter.innovation_gate import GateDecision
+from fti.nav.filter.segment import FilterSegment
 
 TRIAL_NS, TRIAL_COUNT = 30_000_000_000, 30
 #: Fixes that are farther apart do not follow each other [ns].
@@ -48,9 +48,9 @@ class AbsenceMonitor:
         """Whether the filter has believed no fix for long."""
         return self.fix_ns is not None and self.long_ns is not None and t_ns - self.fix_ns > self.long_ns
 
-    def follow(self, segment: Segment) -> bool:
+    def follow(self, segment: FilterSegment) -> bool:
         """Take what the filter believed in a segment; True when a trial begins that is not the same one again."""
-        believed = (e for e in segment.entries if e.aiding.name in self.names and e.judgement is Judgement.BELIEVED)
+        believed = (e for e in segment.entries if e.aiding.name in self.names and e.decision is GateDecision.ACCEPTED)
         return True in [self._take(t_ns) for t_ns in sorted({entry.t_ns for entry in believed})]
 
     def _take(self, t_ns: int) -> bool:

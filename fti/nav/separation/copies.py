@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from fti.nav.filter import kernels
 from fti.nav.filter.estimate import Estimate
-from fti.nav.filter.gate import LIMITS, Judgement, Standings
-from fti.nav.filter.measurement_update import normalised_squared, update_estimate
-from fti.nav.filter.segment import Entry, Moment, Piece
+from fti.nav.filter.innovation_gate import LIMITS, GateDecision, GateStates
+from fti.nav.filter.measurement_update import compute_nis, update_estimate
+from fti.nav.filter.segment import AidingEntry, Moment, Piece
 
 Array = NDArray[np.float64]
 
@@ -28,41 +28,43 @@ MIN_SHARE = 0.1
 
 
 @dataclass(slots=True)
-class Copy:
-    """The filter as it was at ``began_ns``, moved on without the sources ``removed`` (names of ``Aiding``).
+class FilterCopy:
+    """The filter as it was at ``began_ns``, moved on without the sources ``removed_names`` (names of ``Aiding``).
 
     outside_ns, times : since when, and in how many, those that are tested have been outside its gate; None: inside
     """
 
     began_ns: int
     estimate: Estimate
-    standings: Standings
-    removed: frozenset[str]
+    gate_states: GateStates
+    removed_names: frozenset[str]
     outside_ns: int | None = None
     times: int = 0
 
     @classmethod
-    def begin(cls, moment: Moment, removed: frozenset[str]) -> Copy:
+    def begin(cls, moment: Moment, removed_names: frozenset[str]) -> FilterCopy:
         """What the filter holds now."""
-        return cls(moment.estimate.t_ns, moment.estimate, moment.standings, removed)
+        return cls(moment.estimate.t_ns, moment.estimate, moment.gate_states, removed_names)
 
     def advance(self, pieces: Iterable[Piece], tested: frozenset[str] = frozenset()) -> None:
-        """Follow the filter through a segment.  tested : names of ``removed`` that are compared with it"""
+        """Follow the filter through a segment.  tested : names of ``removed_names`` that are compared with it"""
         model = self.estimate.model
         for piece in pieces:
             y, P = self.estimate.y.copy(), self.estimate.P.copy()
-            kernels.coast(y, P, piece.began, piece.ended, piece.bends, model.unit.table, model.drifts, piece.seconds)
-            self.estimate = Estimate(piece.end_ns, y, P, piece.ended[-1], model)
+            kernels.coast(
+                y, P, piece.imu_start, piece.imu_end, piece.bends, model.unit.table, model.drifts, piece.seconds
+            )
+            self.estimate = Estimate(piece.end_ns, y, P, piece.imu_end[-1], model)
             for entry in piece.entries:
-                if entry.aiding.name not in self.removed:
-                    found = update_estimate(self.estimate, self.standings, entry.aiding, entry.t_ns)
-                    self.estimate, self.standings = found.estimate, found.standings
-                elif entry.aiding.name in tested and entry.judgement is not Judgement.EXCLUDED:
+                if entry.aiding.name not in self.removed_names:
+                    found = update_estimate(self.estimate, self.gate_states, entry.aiding, entry.t_ns)
+                    self.estimate, self.gate_states = found.estimate, found.gate_states
+                elif entry.aiding.name in tested and entry.decision is not GateDecision.EXCLUDED:
                     self._compare(entry)
 
-    def _compare(self, entry: Entry) -> None:
+    def _compare(self, entry: AidingEntry) -> None:
         matrices = entry.aiding.compute_matrices(self.estimate)
-        if normalised_squared(self.estimate, matrices) <= LIMITS[len(matrices[0])]:
+        if compute_nis(self.estimate, matrices) <= LIMITS[len(matrices[0])]:
             self.outside_ns, self.times = None, 0
             return
         self.outside_ns = entry.t_ns if self.outside_ns is None else self.outside_ns

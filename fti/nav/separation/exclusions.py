@@ -6,8 +6,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from fti.nav.separation.absence import TRIAL_NS
-from fti.nav.separation.monitor import Finding
-from fti.nav.separation.readmission import AGREED_COUNT, AGREED_NS, Return
+from fti.nav.separation.monitor import SourceFault
+from fti.nav.separation.readmission import AGREED_COUNT, AGREED_NS, ReadmissionCheck
 from fti.nav.separation.source_class import SECOND_NS, SourceClass
 from fti.nav.witnesses import Size
 
@@ -22,8 +22,8 @@ class ExcludedReceiver:
     device: str
     what: str
     onset_ns: int
-    back: Return
-    announced: bool = False
+    back: ReadmissionCheck
+    is_announced: bool = False
 
     @property
     def names(self) -> frozenset[str]:
@@ -53,7 +53,7 @@ def describe_readmission(refused: ExcludedReceiver) -> str:
     return f"{agreed} and {' or '.join(ways)}; or {command}"
 
 
-def describe_exclusion(device: str, what: str, finding: Finding, t_ns: int) -> str:
+def describe_exclusion(device: str, what: str, finding: SourceFault, t_ns: int) -> str:
     """Of a receiver, at its exclusion."""
     since_s, age_s, before = (t_ns - finding.onset_ns) / SECOND_NS, 0.0, ""
     if finding.copy is not None:
@@ -65,7 +65,7 @@ def describe_exclusion(device: str, what: str, finding: Finding, t_ns: int) -> s
     )
 
 
-def describe_misled(watched: SourceClass, names: Iterable[str], finding: Finding, t_ns: int) -> str:
+def describe_misled(watched: SourceClass, names: Iterable[str], finding: SourceFault, t_ns: int) -> str:
     """Of airspeed and heading that are excluded in place of a class of sources."""
     assert finding.copy is not None
     age_s = (t_ns - finding.copy.began_ns) / SECOND_NS

@@ -19,10 +19,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fti.nav.filter.gate import Judgement
-from fti.nav.filter.segment import Moment, Segment
-from fti.nav.separation.copies import Copy, Separation
-from fti.nav.separation.ladder import Ladder
+from fti.nav.filter.innovation_gate import GateDecision
+from fti.nav.filter.segment import FilterSegment, Moment
+from fti.nav.separation.copies import FilterCopy, Separation
+from fti.nav.separation.copy_ring import CopyRing
 
 Array = NDArray[np.float64]
 
@@ -32,13 +32,13 @@ HALF_K_FA = 0.5 * K_FA
 HOLD_NS = 2_000_000_000
 REFUSED_NS, REFUSED_COUNT = 5_000_000_000, 5
 #: An innovation is like that of a source that is refused when it differs from it by less than this share of it.
-ALIKE = 0.5
+ALIKE_SHARE = 0.5
 #: A refusal that no other one has followed for so long is that of a source that has fallen silent [ns].
 SILENT_REFUSAL_NS = 10_000_000_000
 #: Copies begin so long after the filter: velocity and tilt of a filter that has just begun are less certain.
 SETTLE_NS = 20_000_000_000
 #: A contradiction that nobody can attribute ends after so long below half of K_FA.
-DRAW_END_NS = 60_000_000_000
+UNRESOLVED_END_NS = 60_000_000_000
 #: Axes of a separation, for texts.
 AXES = ("north", "east", "down", "velocity north", "velocity east", "velocity down")
 QUANTITY_AXES = {"position": slice(0, 2), "height": slice(2, 3), "velocity": slice(3, 6)}
@@ -46,7 +46,7 @@ LEVEL_AXES = (0, 3)  # north of position and velocity; east follows
 HORIZONTAL_AXES, DOWN_AXIS, ALL_AXES = (0, 1, 3, 4), (2,), (0, 1, 2, 3, 4, 5)
 
 
-class Finding(NamedTuple):
+class SourceFault(NamedTuple):
     """Why a class of sources is faulty.
 
     onset_ns : since when it contradicts, at the latest;  text : what was compared
@@ -56,7 +56,7 @@ class Finding(NamedTuple):
 
     onset_ns: int
     text: str
-    copy: Copy | None
+    copy: FilterCopy | None
     refused: bool
     sizes: dict[str, float]
 
@@ -64,8 +64,8 @@ class Finding(NamedTuple):
 class SeparationMonitor:
     """Of one class of sources.  axes : indices into ``Separation.d`` that are tested; k_fa : see the module"""
 
-    def __init__(self, ladder: Ladder, axes: tuple[int, ...], k_fa: float = K_FA) -> None:
-        self.ladder = ladder
+    def __init__(self, copy_ring: CopyRing, axes: tuple[int, ...], k_fa: float = K_FA) -> None:
+        self.copy_ring = copy_ring
         self.k_fa = k_fa
         self.separations: list[Separation] = []
         self.axes = list(axes)
@@ -73,7 +73,7 @@ class SeparationMonitor:
 
     def clear(self) -> None:
         """Begin anew: no copy, no suspicion."""
-        self.ladder.clear()
+        self.copy_ring.clear()
         self.separations = []
         self._suspected_ns: int | None = None
         self._calm_ns: int | None = None  # d was last within its sigma
@@ -96,7 +96,7 @@ class SeparationMonitor:
         keep_oldest : the oldest copy is not replaced
         """
         t_ns = segment_end.estimate.t_ns
-        self.separations = self.ladder.separations(segment_end)
+        self.separations = self.copy_ring.separations(segment_end)
         if is_comparable:
             self._find_largest()
         if self.ratio < 1.0:
@@ -105,12 +105,12 @@ class SeparationMonitor:
             self._suspected_ns = None
         elif self._suspected_ns is None:
             self._suspected_ns = t_ns
-        oldest = self.ladder.oldest
+        oldest = self.copy_ring.oldest
         is_outside = oldest is not None and oldest.outside_ns is not None
         if self._settled_ns is None:
             self._settled_ns = t_ns + SETTLE_NS
         if t_ns >= self._settled_ns and self.ratio < HALF_K_FA and may_renew and not is_outside:
-            self.ladder.renew(segment_end, keep_oldest=keep_oldest)
+            self.copy_ring.renew(segment_end, keep_oldest=keep_oldest)
 
     def _find_largest(self) -> None:
         self.ratio = 0.0
@@ -122,18 +122,18 @@ class SeparationMonitor:
             if ratios[axis] > self.ratio:
                 self.ratio, self._worst = ratios[axis], (number, axis)
 
-    def find(self, t_ns: int, refusals: Refusals) -> Finding | None:
+    def find(self, t_ns: int, refusals: Refusals) -> SourceFault | None:
         """Why the class is faulty; None while it is not."""
-        oldest = self.ladder.oldest
+        oldest = self.copy_ring.oldest
         if refusals.first_ns is not None and refusals.is_lasting:
-            return Finding(refusals.first_ns, "outside the gate of the filter", oldest, True, {})
+            return SourceFault(refusals.first_ns, "outside the gate of the filter", oldest, True, {})
         if oldest is None:
             return None
         if self._suspected_ns is not None and t_ns - self._suspected_ns >= HOLD_NS:
-            return Finding(self._calm_ns or self._suspected_ns, self.describe(), oldest, False, self._sizes())
+            return SourceFault(self._calm_ns or self._suspected_ns, self.describe(), oldest, False, self._sizes())
         if oldest.outside_ns is not None and t_ns - oldest.outside_ns >= REFUSED_NS and oldest.times >= REFUSED_COUNT:
             text = f"outside the gate of the filter without it for {(t_ns - oldest.began_ns) * 1e-9:.0f} s"
-            return Finding(oldest.outside_ns, text, oldest, False, self._sizes())
+            return SourceFault(oldest.outside_ns, text, oldest, False, self._sizes())
         return None
 
     def _sizes(self) -> dict[str, float]:
@@ -169,9 +169,9 @@ class Refusals:
     newest_ns: dict[str, int] = field(default_factory=dict)
     innovations: dict[str, tuple[int, Array]] = field(default_factory=dict)
 
-    def follow(self, segment: Segment, names: frozenset[str]) -> None:
+    def follow(self, segment: FilterSegment, names: frozenset[str]) -> None:
         """Take what the filter made of these sources in a segment."""
-        refused = [e for e in segment.entries if e.aiding.name in names and e.judgement is Judgement.REFUSED]
+        refused = [e for e in segment.entries if e.aiding.name in names and e.decision is GateDecision.REFUSED]
         self.newest_ns.update((entry.aiding.name, entry.t_ns) for entry in refused)
         self.innovations |= {
             e.aiding.name: (e.t_ns, e.innovation)
@@ -190,9 +190,9 @@ class Refusals:
 
         The gate goes on refusing a source that falls silent after one wrong fix; that says nothing of the others.
         """
-        t_ns, standings = now.estimate.t_ns, now.standings
-        newest = ((name, self.newest_ns[name]) for name in names if name in self.newest_ns and name in standings)
-        since = (standings[name].refused_since_ns for name, then_ns in newest if t_ns - then_ns < SILENT_REFUSAL_NS)
+        t_ns, gate_states = now.estimate.t_ns, now.gate_states
+        newest = ((name, self.newest_ns[name]) for name in names if name in self.newest_ns and name in gate_states)
+        since = (gate_states[name].refused_since_ns for name, then_ns in newest if t_ns - then_ns < SILENT_REFUSAL_NS)
         return min((then_ns for then_ns in since if then_ns is not None), default=None)
 
     def is_alike(self, now: Moment, refused: frozenset[str], other: frozenset[str]) -> bool:
@@ -204,7 +204,7 @@ class Refusals:
         known = {name: z for name, (then_ns, z) in self.innovations.items() if t_ns - then_ns < SILENT_REFUSAL_NS}
         twins = ((a, b) for a in refused for b in other if a.rpartition(".")[2] == b.rpartition(".")[2])
         pairs = ((known[a], known[b]) for a, b in twins if self.since(now, (a,)) is not None and {a, b} <= known.keys())
-        return any(np.linalg.norm(first - second) < ALIKE * np.linalg.norm(first) for first, second in pairs)
+        return any(np.linalg.norm(first - second) < ALIKE_SHARE * np.linalg.norm(first) for first, second in pairs)
 
     @property
     def is_lasting(self) -> bool:

@@ -28,31 +28,31 @@ Array = NDArray[np.float64]
 K_MD_RADIAL, K_MD_AXIS = 3.72, 3.09
 
 
-class Levels(NamedTuple):
+class ProtectionLevels(NamedTuple):
     """Of position, horizontal and vertical [m]."""
 
     horizontal: float
     vertical: float
 
 
-def of_filter(here: Estimate) -> Levels:
+def filter_levels(here: Estimate) -> ProtectionLevels:
     """Without any copy."""
-    return Levels(K_RADIAL * largest_sd(here.cov_n[:2, :2]), K_AXIS * float(here.sd_n[2]))
+    return ProtectionLevels(K_RADIAL * largest_sd(here.cov_n[:2, :2]), K_AXIS * float(here.sd_n[2]))
 
 
-def of_provisional(offset_n: Array, here: Estimate, copies: Iterable[Levels]) -> Levels:
+def provisional_levels(offset_n: Array, here: Estimate, copies: Iterable[ProtectionLevels]) -> ProtectionLevels:
     """Of a provisional filter, so far from the filter ``here``.
 
     offset_n : (6,) [m, m/s], north, east, down;  copies : levels of the copies of the filter, by class
     """
-    known = [Levels(K_MD_RADIAL * largest_sd(here.cov_n[:2, :2]), K_MD_AXIS * float(here.sd_n[2])), *copies]
-    return Levels(
+    known = [ProtectionLevels(K_MD_RADIAL * largest_sd(here.cov_n[:2, :2]), K_MD_AXIS * float(here.sd_n[2])), *copies]
+    return ProtectionLevels(
         math.hypot(offset_n[0], offset_n[1]) + max(level.horizontal for level in known),
         abs(float(offset_n[2])) + max(level.vertical for level in known),
     )
 
 
-def of_copies(separations: Iterable[Separation], lag_s: float) -> Levels:
+def copy_levels(separations: Iterable[Separation], lag_s: float) -> ProtectionLevels:
     """The largest of all copies; zeros without any.  lag_s : how old they are"""
     horizontal = vertical = 0.0
     for s in separations:
@@ -61,4 +61,4 @@ def of_copies(separations: Iterable[Separation], lag_s: float) -> Levels:
         radial = math.hypot(s.radial_sd, lag_s * max(s.copy_sd[3:5]))
         horizontal = max(horizontal, math.hypot(d[0], d[1]) + K_MD_RADIAL * radial)
         vertical = max(vertical, abs(float(d[2])) + K_MD_AXIS * moved[2])
-    return Levels(horizontal, vertical)
+    return ProtectionLevels(horizontal, vertical)

@@ -28,13 +28,13 @@ from numpy.typing import NDArray
 
 from fti.geodesy.one_point import radii
 from fti.nav.filter.aiding import Aiding
-from fti.nav.filter.estimate import Estimate, widened
-from fti.nav.filter.exclusion import SOUND
-from fti.nav.filter.gate import with_exclusion
-from fti.nav.filter.segment import Entry, Piece, Segment, cut
-from fti.nav.separation.copies import Copy
+from fti.nav.filter.estimate import Estimate, inflate_covariance
+from fti.nav.filter.exclusion import NOT_EXCLUDED
+from fti.nav.filter.innovation_gate import with_exclusion
+from fti.nav.filter.segment import AidingEntry, FilterSegment, Piece, cut
+from fti.nav.separation.copies import FilterCopy
 from fti.nav.separation.monitor import QUANTITY_AXES, REFUSED_NS
-from fti.nav.separation.protection import Levels
+from fti.nav.separation.protection import ProtectionLevels
 from fti.nav.separation.readmission import AGREED_NS, MAX_GAP_NS
 from fti.types import FilterSolution, ProvisionalSolution, Reason
 
@@ -61,12 +61,12 @@ class Offset(NamedTuple):
     names: frozenset[str]
 
 
-class Provisional(NamedTuple):
+class ProvisionalResult(NamedTuple):
     """One for its output.  readmission : what would readmit the source"""
 
     device: str
     offset: Offset
-    levels: Levels
+    levels: ProtectionLevels
     readmission: str
 
 
@@ -83,28 +83,28 @@ class ProvisionalFilter:
     """Of one source.  names : of ``Aiding``;  heard_ns : newest fix of the source;  distance : from the filter [m]"""
 
     names: frozenset[str]
-    copy: Copy
-    heard_ns: int
+    copy: FilterCopy
+    last_fix_ns: int
     distance: float
 
     @classmethod
-    def begin(cls, segment: Segment, names: frozenset[str], disagreement: float) -> ProvisionalFilter:
+    def begin(cls, segment: FilterSegment, names: frozenset[str], disagreement: float) -> ProvisionalFilter:
         """At the end of a segment.  disagreement : so far the source is from the filter [m]"""
-        here, standings = segment.end
-        books = with_exclusion(standings, [(name, SOUND) for name in names])
-        copy = Copy(here.t_ns, widened(here, disagreement), books, frozenset())
+        here, gate_states = segment.end
+        books = with_exclusion(gate_states, [(name, NOT_EXCLUDED) for name in names])
+        copy = FilterCopy(here.t_ns, inflate_covariance(here, disagreement), books, frozenset())
         return cls(names, copy, here.t_ns, disagreement)
 
     @property
     def is_aided(self) -> bool:
         """Whether a fix of the source has aided it; before, it is the filter with a wide covariance."""
-        books = (self.copy.standings[name] for name in self.names if name in self.copy.standings)
-        return any(book.believed_ns is not None and book.bounds for book in books)
+        books = (self.copy.gate_states[name] for name in self.names if name in self.copy.gate_states)
+        return any(book.accepted_ns is not None and book.bounds for book in books)
 
     @property
     def is_contradicted(self) -> bool:
         """Whether the source is outside the gate of this filter for so long that it does not agree with itself."""
-        books = (self.copy.standings[name] for name in self.names if name in self.copy.standings)
+        books = (self.copy.gate_states[name] for name in self.names if name in self.copy.gate_states)
         since_ns = (book.refused_since_ns for book in books if book.refused_since_ns is not None)
         return any(self.copy.estimate.t_ns - t_ns >= REFUSED_NS for t_ns in since_ns)
 
@@ -123,7 +123,7 @@ class ProvisionalFilters:
 
     def __init__(self) -> None:
         self._filters: dict[str, ProvisionalFilter] = {}
-        self._waiting: deque[Entry] = deque(maxlen=MAX_WAITING)
+        self._waiting: deque[AidingEntry] = deque(maxlen=MAX_WAITING)
         self._own: dict[str, _OwnRefusal] = {}
         self._end_ns = 0
         self._held_off_ns: dict[str, int] = {}
@@ -133,7 +133,9 @@ class ProvisionalFilters:
         """Whether any source is unconfirmed and has a provisional filter."""
         return bool(self._filters)
 
-    def take(self, device: str, names: frozenset[str], readmission: str, t_ns: int, parts: Iterable[Aiding]) -> None:
+    def feed_aiding(
+        self, device: str, names: frozenset[str], readmission: str, t_ns: int, parts: Iterable[Aiding]
+    ) -> None:
         """Take a measurement of an unconfirmed source that its own tests refuse; it does not aid the filter.
 
         names : of ``Aiding``, with which the source is unconfirmed; others of ``parts`` are left out
@@ -141,14 +143,14 @@ class ProvisionalFilters:
         self._own[device] = _OwnRefusal(names, readmission, t_ns)
         there = {(entry.t_ns, entry.aiding.name) for entry in self._waiting}
         new = (part for part in parts if part.name in names and (t_ns, part.name) not in there)
-        self._waiting.extend(Entry(t_ns, part) for part in new)
+        self._waiting.extend(AidingEntry(t_ns, part) for part in new)
 
     def distance(self, device: str) -> float | None:
         """Of the provisional filter of a source from the filter, at the last segment [m]; None: it has none."""
         found = self._filters.get(device)
         return found.distance if found else None
 
-    def end(self, device: str) -> list[Entry]:
+    def end(self, device: str) -> list[AidingEntry]:
         """The source is readmitted; its measurements that were not yet used, in order of time."""
         self._filters.pop(device, None)
         self._own.pop(device, None)
@@ -163,7 +165,7 @@ class ProvisionalFilters:
         self._waiting.clear()
         self._held_off_ns.clear()
 
-    def follow(self, segment: Segment, pieces: Sequence[Piece], excluded: Mapping[str, frozenset[str]]) -> None:
+    def follow(self, segment: FilterSegment, pieces: Sequence[Piece], excluded: Mapping[str, frozenset[str]]) -> None:
         """Follow the filter through a segment; begin and end provisional filters.
 
         excluded : names of receivers that the filter excludes and that are unconfirmed, by device
@@ -178,32 +180,37 @@ class ProvisionalFilters:
             if mine and (own := self._own.get(device)):
                 names |= own.names
             fixes = [e for e in (*segment.entries, *mine) if e.aiding.name in names and e.aiding.bounds]
-            self._advance(device, names, segment, pieces if not mine else cut(_joined(segment, mine)), fixes)
+            self._advance(device, names, segment, pieces if not mine else cut(_merge_entries(segment, mine)), fixes)
             if device not in self._filters and fixes and end_ns >= self._held_off_ns.get(device, end_ns):
                 self._begin(device, names, segment, _distance(segment, fixes))
 
-    def _begin(self, device: str, names: frozenset[str], segment: Segment, distance: float) -> None:
+    def _begin(self, device: str, names: frozenset[str], segment: FilterSegment, distance: float) -> None:
         if distance <= MAX_DISTANCE:
             self._filters[device] = ProvisionalFilter.begin(segment, names, distance)
 
     def _advance(
-        self, device: str, names: frozenset[str], segment: Segment, pieces: Sequence[Piece], fixes: Sequence[Entry]
+        self,
+        device: str,
+        names: frozenset[str],
+        segment: FilterSegment,
+        pieces: Sequence[Piece],
+        fixes: Sequence[AidingEntry],
     ) -> None:
         here = self._filters.get(device)
         if here is None:
             return
         here.copy.advance(pieces)
         end_ns = segment.end.estimate.t_ns
-        here.heard_ns = end_ns if fixes else here.heard_ns
+        here.last_fix_ns = end_ns if fixes else here.last_fix_ns
         here.distance = float(np.linalg.norm(here.copy.estimate.y[:3] - segment.end.estimate.y[:3]))
         if here.is_contradicted:
             self._held_off_ns[device] = end_ns + HOLD_OFF_NS
-        if here.is_contradicted or end_ns - here.heard_ns >= MAX_GAP_NS or not names <= here.names:
+        if here.is_contradicted or end_ns - here.last_fix_ns >= MAX_GAP_NS or not names <= here.names:
             del self._filters[device]
 
-    def _take_waiting(self, segment: Segment) -> dict[str, list[Entry]]:
+    def _take_waiting(self, segment: FilterSegment) -> dict[str, list[AidingEntry]]:
         """Measurements that were true in a segment, by device, in order of time; older ones came too late."""
-        end_ns, found = segment.end.estimate.t_ns, dict[str, list[Entry]]()
+        end_ns, found = segment.end.estimate.t_ns, dict[str, list[AidingEntry]]()
         if not self._waiting:
             return found
         for entry in sorted((e for e in self._waiting if segment.begin_ns < e.t_ns <= end_ns), key=lambda e: e.t_ns):
@@ -222,7 +229,7 @@ class ProvisionalFilters:
         return [(device, found[device].find_offset(final, lag_s)) for device in sorted(found)]
 
 
-def make_solution(here: FilterSolution, found: Provisional) -> ProvisionalSolution:
+def make_solution(here: FilterSolution, found: ProvisionalResult) -> ProvisionalSolution:
     """The output beside a valid solution of the filter at the same time."""
     assert here.lat is not None and here.lon is not None and here.alt is not None
     assert here.vel_north is not None and here.vel_east is not None and here.vel_down is not None
@@ -253,15 +260,15 @@ def make_solution(here: FilterSolution, found: Provisional) -> ProvisionalSoluti
     )
 
 
-def _device_of(entry: Entry) -> str:
+def _device_of(entry: AidingEntry) -> str:
     return entry.aiding.name.rpartition(".")[0]
 
 
-def _joined(segment: Segment, more: Sequence[Entry]) -> Segment:
+def _merge_entries(segment: FilterSegment, more: Sequence[AidingEntry]) -> FilterSegment:
     return segment._replace(entries=tuple(sorted((*segment.entries, *more), key=lambda entry: entry.t_ns)))
 
 
-def _distance(segment: Segment, fixes: Iterable[Entry]) -> float:
+def _distance(segment: FilterSegment, fixes: Iterable[AidingEntry]) -> float:
     """The largest innovation of fixes against the filter [m], each at the inertial sample next to its time."""
     found = 0.0
     for fix in fixes:

@@ -20,8 +20,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from fti.nav.filter.estimate import Estimate
-from fti.nav.filter.gate import LIMITS
-from fti.nav.filter.segment import Entry
+from fti.nav.filter.innovation_gate import LIMITS
+from fti.nav.filter.segment import AidingEntry
 
 AGREED_NS, AGREED_COUNT = 30_000_000_000, 30
 #: Fixes that are farther apart do not follow each other [ns].
@@ -47,7 +47,7 @@ class Contradiction:
     is_outside: bool = False
     noise_sd: float = 0.0
 
-    def compare(self, entry: Entry, here: Estimate) -> None:
+    def compare(self, entry: AidingEntry, here: Estimate) -> None:
         """Take one more measurement, which was not used."""
         assert entry.innovation is not None
         self.noise_sd = math.sqrt(float(np.max(np.diag(entry.aiding.compute_matrices(here)[2]))))
@@ -61,7 +61,7 @@ class Contradiction:
 
 
 @dataclass(slots=True)
-class Return:
+class ReadmissionCheck:
     """Of an excluded source.  contradictions : of each quantity, by the name of its ``Aiding``
 
     agreed_ns, times : since when, and in how many fixes, all quantities have been inside the gate
@@ -77,7 +77,7 @@ class Return:
     passes: int = 0
     newest_ns: int = 0
 
-    def compare(self, entry: Entry, here: Estimate) -> None:
+    def compare(self, entry: AidingEntry, here: Estimate) -> None:
         """Take one more measurement of the source.  here : the filter at about its time"""
         self._note_pass(entry)
         self.contradictions[entry.aiding.name].compare(entry, here)
@@ -88,7 +88,7 @@ class Return:
             self.agreed_ns, self.tolerance = entry.t_ns, self._find_tolerance(entry.t_ns, here)
         self.times += bool(entry.aiding.bounds)
 
-    def _note_pass(self, entry: Entry) -> None:
+    def _note_pass(self, entry: AidingEntry) -> None:
         """Count a fix; those that the tests of one source refuse do not arrive here."""
         if not entry.aiding.bounds or entry.t_ns == self.newest_ns:
             return
@@ -116,24 +116,24 @@ class Return:
         A receiver that comes back steps in all quantities that contradict, at once; one step is to be beyond doubt.
         A velocity of a moment ago contradicts in turns only, and its end says nothing of the position.
         """
-        steps = [c for c in self._real if t_ns - (c.outside_ns or 0) <= STEP_NS]
-        if len(steps) < len(self._real) or all(K_STEP * c.sd(here) >= 0.5 * c.size for c in steps):
+        steps = [c for c in self._known_contradictions if t_ns - (c.outside_ns or 0) <= STEP_NS]
+        if len(steps) < len(self._known_contradictions) or all(K_STEP * c.sd(here) >= 0.5 * c.size for c in steps):
             return None
         return K_STEP * float(np.max(here.sd_n[:3]))
 
     @property
-    def _real(self) -> list[Contradiction]:
+    def _known_contradictions(self) -> list[Contradiction]:
         return [c for c in self.contradictions.values() if c.outside_ns is not None]
 
     @property
     def size(self) -> float:
         """The largest contradiction just before it ended [m, m/s]."""
-        return max((c.size for c in self._real), default=0.0)
+        return max((c.size for c in self._known_contradictions), default=0.0)
 
     @property
     def is_known(self) -> bool:
         """Whether the sizes of its contradictions are known; else neither a step nor the filter ends them."""
-        return bool(self._real) and all(c.size > 0.0 for c in self._real)
+        return bool(self._known_contradictions) and all(c.size > 0.0 for c in self._known_contradictions)
 
     @property
     def is_outside(self) -> bool:
@@ -143,7 +143,7 @@ class Return:
     @property
     def is_resolvable(self) -> bool:
         """Whether a filter that is certain enough would show contradictions of these sizes."""
-        return self.is_known and all(c.noise_sd < RESOLVED_SHARE * c.size for c in self._real)
+        return self.is_known and all(c.noise_sd < RESOLVED_SHARE * c.size for c in self._known_contradictions)
 
     def describe_resolved(self) -> str:
         """Sigmas of the filter that would show its contradictions."""
@@ -160,4 +160,6 @@ class Return:
         """Whether a step of the source ended it, or contradictions of these sizes would be seen."""
         if self.tolerance is not None:
             return True
-        return bool(self._real) and all(c.sd(here) < RESOLVED_SHARE * c.size for c in self._real)
+        return bool(self._known_contradictions) and all(
+            c.sd(here) < RESOLVED_SHARE * c.size for c in self._known_contradictions
+        )

@@ -19,19 +19,19 @@ from dataclasses import dataclass, field
 from fti.config import Filter
 from fti.nav.dead_reckoning_aids import dead_reckoning_names
 from fti.nav.exclusion_events import altitude_name
-from fti.nav.filter.segment import Moment, Piece, Segment
+from fti.nav.filter.segment import FilterSegment, Moment, Piece
 from fti.nav.separation.absence import AbsenceMonitor
-from fti.nav.separation.ladder import Ladder, Rungs
+from fti.nav.separation.copy_ring import CopyRing, RingSettings
 from fti.nav.separation.monitor import (
     ALL_AXES,
     DOWN_AXIS,
     HORIZONTAL_AXES,
     K_FA_SATELLITES,
-    Finding,
     Refusals,
     SeparationMonitor,
+    SourceFault,
 )
-from fti.nav.separation.protection import Levels, of_copies
+from fti.nav.separation.protection import ProtectionLevels, copy_levels
 
 SECOND_NS = 1_000_000_000
 #: Age of a copy of each grade of inertial unit when the next one begins [ns]; four of them.  Of the heights two.
@@ -39,8 +39,8 @@ STEPS_NS = {"navigation": 15 * SECOND_NS, "tactical": 7 * SECOND_NS, "mems": 2 *
 #: The same with several receivers: one that is wrong alone is found beside the others, whatever these copies are.
 STEPS_OF_SEVERAL_NS = {"navigation": 9 * SECOND_NS, "tactical": 3 * SECOND_NS, "mems": SECOND_NS}
 COPIES = 4
-HEIGHT_RUNGS = Rungs(copies=2, step_ns=30 * SECOND_NS)
-RECEIVER_RUNGS = Rungs(copies=1, step_ns=None)
+HEIGHT_RING = RingSettings(copies=2, step_ns=30 * SECOND_NS)
+RECEIVER_RING = RingSettings(copies=1, step_ns=None)
 #: A receiver that was believed within so long bounds the filter without another one [ns].
 BOUNDED_NS = 2 * SECOND_NS
 HEIGHTS, SATELLITES = "heights", "satellites"
@@ -74,7 +74,7 @@ class SourceClass:
     long_absence_ns: int | None = None
     dead_reckoning: frozenset[str] = frozenset()
     refusals: Refusals = field(default_factory=Refusals)
-    is_doubted: bool = False
+    is_suspect: bool = False
     has_returned: bool = False
     absence: AbsenceMonitor = field(init=False)
 
@@ -85,39 +85,41 @@ class SourceClass:
     @property
     def tested(self) -> frozenset[str]:
         """Names of what is compared with the filter and the oldest copy."""
-        return self.monitor.ladder.tested
+        return self.monitor.copy_ring.tested
 
-    def follow(self, segment: Segment, pieces: Sequence[Piece]) -> None:
+    def follow(self, segment: FilterSegment, pieces: Sequence[Piece]) -> None:
         """Compare the filter with the copies at the end of a segment."""
-        self.monitor.ladder.advance(pieces)
+        self.monitor.copy_ring.advance(pieces)
         self.refusals.follow(segment, self.tested)
-        is_quiet = self.refusals.first_ns is None and not self.is_doubted
+        is_quiet = self.refusals.first_ns is None and not self.is_suspect
         self._follow_absence(segment, is_quiet)
         self.monitor.follow(
             segment.end,
-            may_renew=is_quiet and is_heard(segment.end, self.tested),
-            is_comparable=not self.dead_reckoning or is_heard(segment.end, self.absence.names),
+            may_renew=is_quiet and is_recently_accepted(segment.end, self.tested),
+            is_comparable=not self.dead_reckoning or is_recently_accepted(segment.end, self.absence.names),
             keep_oldest=self.absence.is_on_trial,
         )
 
-    def _follow_absence(self, segment: Segment, is_quiet: bool) -> None:
+    def _follow_absence(self, segment: FilterSegment, is_quiet: bool) -> None:
         """What comes back after long begins as after an alignment."""
         self.has_returned = self.absence.follow(segment)
         if not is_quiet or self.monitor.is_suspected:
             self.absence.disturb(segment.end.estimate.t_ns)
         elif (trial_ns := self.absence.end_trial()) is not None:
-            self.monitor.ladder.drop_before(trial_ns)
+            self.monitor.copy_ring.drop_before(trial_ns)
 
-    def levels(self, lag_s: float) -> Levels:
+    def levels(self, lag_s: float) -> ProtectionLevels:
         """Protection levels of its copies, on the axes that it tests; zeros on others.  lag_s : how old they are"""
-        found = of_copies(self.monitor.separations, lag_s)
-        return Levels(*(level if axis in self.monitor.axes else 0.0 for level, axis in zip(found, (0, 2), strict=True)))
+        found = copy_levels(self.monitor.separations, lag_s)
+        return ProtectionLevels(
+            *(level if axis in self.monitor.axes else 0.0 for level, axis in zip(found, (0, 2), strict=True))
+        )
 
-    def find(self, segment: Segment) -> Finding | None:
+    def find(self, segment: FilterSegment) -> SourceFault | None:
         """Why the class is faulty at the end of a segment; None while it is not."""
         return self.monitor.find(segment.end.estimate.t_ns, self.refusals)
 
-    def was_misled(self, finding: Finding, t_ns: int) -> bool:
+    def was_misled(self, finding: SourceFault, t_ns: int) -> bool:
         """Whether the filter refuses the class after an absence, and the copy of before the absence does not.
 
         Then what has aided the filter meanwhile is wrong.
@@ -125,9 +127,9 @@ class SourceClass:
         is_back = self.absence.is_on_trial or self.absence.is_absent(t_ns)
         return is_back and finding.refused and finding.copy is not None and finding.copy.outside_ns is None
 
-    def go_on_from_oldest(self) -> None:
+    def restart_from_oldest(self) -> None:
         """The filter goes on from the oldest copy: younger ones are copies of what it was."""
-        self.monitor.ladder.keep_oldest()
+        self.monitor.copy_ring.keep_oldest()
         self.refusals = Refusals()
 
     def clear(self) -> None:
@@ -148,28 +150,28 @@ def make_classes(settings: Filter) -> list[SourceClass]:
     receivers, several = settings.gnss, settings.gnss if len(settings.gnss) > 1 else ()
     altimeters = frozenset(altitude_name(sensor) for sensor in settings.altimeters)
     tested, axes = (LEVEL, HORIZONTAL_AXES) if settings.baro else (QUANTITIES, ALL_AXES)
-    ring = Rungs(COPIES, (STEPS_OF_SEVERAL_NS if several else STEPS_NS)[settings.unit])
+    ring = RingSettings(COPIES, (STEPS_OF_SEVERAL_NS if several else STEPS_NS)[settings.unit])
     aids = dead_reckoning_names(settings)
     others = altimeters | aids | frozenset(altitude_name(device) for device in settings.baro)
-    satellites = Ladder(names_of(receivers, QUANTITIES) | others, names_of(receivers, tested), ring)
+    satellites = CopyRing(names_of(receivers, QUANTITIES) | others, names_of(receivers, tested), ring)
     long_ns = long_absence_ns(settings.unit)
     monitor = SeparationMonitor(satellites, axes, K_FA_SATELLITES)
     found = [SourceClass(SATELLITES, receivers, QUANTITIES, monitor, long_ns, aids)]
     if settings.baro:
         names = names_of(receivers, HEIGHT)
-        ladder = Ladder(names | altimeters, names, HEIGHT_RUNGS)
-        monitor = SeparationMonitor(ladder, DOWN_AXIS)
-        found.append(SourceClass(HEIGHTS, receivers, HEIGHT, monitor, HEIGHT_RUNGS.max_age_ns))
+        copy_ring = CopyRing(names | altimeters, names, HEIGHT_RING)
+        monitor = SeparationMonitor(copy_ring, DOWN_AXIS)
+        found.append(SourceClass(HEIGHTS, receivers, HEIGHT, monitor, HEIGHT_RING.max_age_ns))
     for name in several:
-        ladder = Ladder(receiver_names(name), receiver_names(name), RECEIVER_RUNGS)
-        found.append(SourceClass(name, (name,), QUANTITIES, SeparationMonitor(ladder, ALL_AXES)))
+        copy_ring = CopyRing(receiver_names(name), receiver_names(name), RECEIVER_RING)
+        found.append(SourceClass(name, (name,), QUANTITIES, SeparationMonitor(copy_ring, ALL_AXES)))
     return found
 
 
-def is_heard(now: Moment, names: Iterable[str]) -> bool:
+def is_recently_accepted(now: Moment, names: Iterable[str]) -> bool:
     """Whether the filter has believed one of these sources lately.
 
     The tests of one source may have refused it, after the filter has followed it: the copies know better.
     """
-    believed = [now.standings[name].believed_ns for name in names if name in now.standings]
+    believed = [now.gate_states[name].accepted_ns for name in names if name in now.gate_states]
     return any(then_ns is not None and now.estimate.t_ns - then_ns <= BOUNDED_NS for then_ns in believed)

@@ -13,53 +13,53 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from fti.config import Config
-from fti.hil.expected.duties import HEIGHT, INTEGRITY, SOLUTION
-from fti.hil.expected.required_outputs import BELOW, FILTER, GLIDE, VALIDITY
+from fti.hil.oracle.flag_definitions import HEIGHT, INTEGRITY, SOLUTION
+from fti.hil.oracle.required_outputs import FILTER, GLIDE, HEIGHT_BELOW, VALIDITY
 from fti.logger.schemas import ALARM_TOPIC
 from fti.nav.alarm_conditions import FALLBACKS
-from fti.post.score.outputs.consistency import OF_PROFILE
-from fti.post.score.said import MOMENT_S, Said, Span, outside
-from fti.service.health_conditions import STOPPED_LINK
+from fti.post.score.observed_flags import MOMENT_S, FlagInterval, ObservedFlags, uncovered_parts
+from fti.post.score.outputs.consistency import PROFILE_REASONS
+from fti.service.supervisor.health_conditions import STOPPED_LINK_STATES
 from fti.types import IntegrityState, LinkState, Reason
 
 #: Health is recorded once a second and judged twice: it may be so late, or so early, beside an alarm [s].
 RECORDED_S = 1.5
-UNHEARD = (LinkState.SILENT, LinkState.NOISE)
+SILENT_STATES = (LinkState.SILENT, LinkState.NOISE)
 JUDGED = (IntegrityState.OK, IntegrityState.CAUTION, IntegrityState.ALERT)
-OF_INTEGRITY = {
+INTEGRITY_ALARMS = {
     IntegrityState.ALERT: "integrity_alert",
     IntegrityState.CAUTION: "integrity_caution",
     IntegrityState.UNAVAILABLE: "integrity_unavailable",
 }
 #: Outputs that have states, and those of which each device has one.
-OUTPUTS, OF_DEVICES = frozenset({INTEGRITY, SOLUTION, BELOW, FILTER, GLIDE}), frozenset({HEIGHT, VALIDITY})
+OUTPUTS, DEVICE_OUTPUTS = frozenset({INTEGRITY, SOLUTION, HEIGHT_BELOW, FILTER, GLIDE}), frozenset({HEIGHT, VALIDITY})
 
 Content = Mapping[str, Any]
 
 
 def has_states(topic: str) -> bool:
     """Is it an output that says something of an alarm?"""
-    return topic in OUTPUTS or topic.rpartition("/")[0] in OF_DEVICES
+    return topic in OUTPUTS or topic.rpartition("/")[0] in DEVICE_OUTPUTS
 
 
 class AlarmStates:
-    """Looks at messages in order, and notes their states in ``said``."""
+    """Looks at messages in order, and notes their states in ``observed_flags``."""
 
-    def __init__(self, config: Config, said: Said) -> None:
-        self._said = said
+    def __init__(self, config: Config, observed_flags: ObservedFlags) -> None:
+        self._observed_flags = observed_flags
         self._first_position = next(iter(config.nav.position), None)
         self._had: set[str] = set()
         self._dropped: dict[str, tuple[int, int]] = {}
 
-    def take_output(self, t: float, topic: str, content: Content) -> None:
+    def feed_output(self, t: float, topic: str, content: Content) -> None:
         """An output that has states, at t [s]."""
         may, must = self._of_output(topic, content)
         self._note(t, topic, may | must, must)
 
-    def take_health(self, t: float, content: Content) -> None:
+    def feed_health(self, t: float, content: Content) -> None:
         """Devices and links, and what was lost since the last health, at t [s]."""
         may, must = set[str](), set[str]()
-        for kind, stopped in (("device", UNHEARD), ("link", STOPPED_LINK)):
+        for kind, stopped in (("device", SILENT_STATES), ("link", STOPPED_LINK_STATES)):
             for name, fields in content[f"{kind}s"].items():
                 identity, state = f"{kind}:{name}", fields.get("port_state", fields["state"])
                 self._had |= {identity} if state == LinkState.GOOD else set()
@@ -73,8 +73,8 @@ class AlarmStates:
         self._note(t, "/fti/health", may, must)
 
     def _note(self, t: float, topic: str, may: set[str], must: set[str]) -> None:
-        self._said.may_alarm.take(t, topic, frozenset(may))
-        self._said.must_alarm.take(t, topic, frozenset(must))
+        self._observed_flags.may_alarm.feed(t, topic, frozenset(may))
+        self._observed_flags.must_alarm.feed(t, topic, frozenset(must))
 
     def _of_output(self, topic: str, content: Content) -> tuple[set[str], set[str]]:
         """The alarms that may be there, and those that must."""
@@ -83,7 +83,7 @@ class AlarmStates:
             return self._of_integrity(content)
         if topic == SOLUTION:
             return self._of_solution(content)
-        if topic == BELOW:
+        if topic == HEIGHT_BELOW:
             return {"height"} if not content["valid"] else set(), self._lost("height", bool(content["valid"]))
         if topic == FILTER:
             return {"contradiction"} if Reason.CONTRADICTION in content["reasons"] else set(), set()
@@ -92,11 +92,11 @@ class AlarmStates:
         return {identity} if identity and not content["valid"] else set(), set()
 
     def _of_integrity(self, content: Content) -> tuple[set[str], set[str]]:
-        state, is_placed = content["state"], bool(OF_PROFILE.intersection(content["reasons"]))
+        state, is_placed = content["state"], bool(PROFILE_REASONS.intersection(content["reasons"]))
         self._had |= {"integrity"} if state in JUDGED else set()
         if state == IntegrityState.NO_PROFILE or is_placed:
             self._had.discard("integrity")
-        may = {OF_INTEGRITY[state]} if state in OF_INTEGRITY else set()
+        may = {INTEGRITY_ALARMS[state]} if state in INTEGRITY_ALARMS else set()
         return may, may if "integrity" in self._had else set()
 
     def _of_solution(self, content: Content) -> tuple[set[str], set[str]]:
@@ -120,26 +120,28 @@ class AlarmStates:
         return {what} if is_due and not is_valid else set()
 
 
-def explanations(said: Said, alarm: str, outlasts_s: float) -> Iterator[tuple[float, float]]:
+def explanations(observed_flags: ObservedFlags, alarm: str, alarm_hold_s: float) -> Iterator[tuple[float, float]]:
     """When an alarm may be there.  outlasts_s : it may last for so long behind its state [s]"""
-    before_s, behind_s = MOMENT_S, outlasts_s
+    before_s, behind_s = MOMENT_S, alarm_hold_s
     if _is_of_health(alarm):
         before_s = behind_s = RECORDED_S
-        alarms = said.at(ALARM_TOPIC, (alarm,))  # one may begin and end between two health messages of the recording
+        alarms = observed_flags.at(
+            ALARM_TOPIC, (alarm,)
+        )  # one may begin and end between two health messages of the recording
         yield from ((one.from_s, one.until_s) for one in alarms if one.until_s - one.from_s < RECORDED_S)
-    for state in said.may_alarm.at("/", (alarm,)):
+    for state in observed_flags.may_alarm.at("/", (alarm,)):
         yield state.from_s - before_s, state.until_s + behind_s
 
 
-def missing_alarms(said: Said, begin_s: float, end_s: float) -> Iterator[tuple[str, float, float]]:
+def missing_alarms(observed_flags: ObservedFlags, begin_s: float, end_s: float) -> Iterator[tuple[str, float, float]]:
     """Identity, begin and end [s] of what must be an alarm and is none, from begin_s on."""
-    for (_, alarm), states in sorted(said.must_alarm.spans.items()):
+    for (_, alarm), states in sorted(observed_flags.must_alarm.spans.items()):
         margin_s = RECORDED_S if _is_of_health(alarm) else MOMENT_S
-        there = [(one.from_s, one.until_s) for one in said.at(ALARM_TOPIC, (alarm,))]
+        there = [(one.from_s, one.until_s) for one in observed_flags.at(ALARM_TOPIC, (alarm,))]
         for state in states:
-            due = Span(max(state.from_s + margin_s, begin_s), min(state.until_s - margin_s, end_s))
+            due = FlagInterval(max(state.from_s + margin_s, begin_s), min(state.until_s - margin_s, end_s))
             if due.until_s - due.from_s > margin_s:
-                yield from ((alarm, *part) for part in outside(due, there))
+                yield from ((alarm, *part) for part in uncovered_parts(due, there))
 
 
 def _is_of_health(alarm: str) -> bool:

@@ -3,25 +3,25 @@
 from __future__ import annotations
 
 from fti.hil.tables.schema import Expectation
-from fti.post.score.evidence import BEFORE_S, Evidence
-from fti.post.score.rows import Met, Verdict
+from fti.post.score.evidence import BEFORE_S, ScoreEvidence
+from fti.post.score.rows import ExpectationRow, Verdict
 
 
-def meet_expectation(expectation: Expectation, evidence: Evidence) -> Met:
+def meet_expectation(expectation: Expectation, evidence: ScoreEvidence) -> ExpectationRow:
     """What became of a row of ``[[expect]]``."""
     begin, end = expectation.at_s, expectation.at_s + expectation.within_s
     if end > evidence.end_s:
-        return Met(expectation, Verdict.NOT_FLOWN, None, None)
-    during = [(t, value) for t, value in evidence.said.values[expectation.channel] if begin <= t <= end]
+        return ExpectationRow(expectation, Verdict.NOT_FLOWN, None, None)
+    during = [(t, value) for t, value in evidence.observed_flags.values[expectation.channel] if begin <= t <= end]
     for t, value in during:
         if _is_met(expectation, value):
-            return Met(expectation, Verdict.FOUND, t - begin, value)
+            return ExpectationRow(expectation, Verdict.FOUND, t - begin, value)
     verdict = Verdict.MISSING
     if begin < evidence.start_s:
         verdict = Verdict.START
-    elif evidence.paused(begin - BEFORE_S, end):
+    elif evidence.pause_time_s(begin - BEFORE_S, end):
         verdict = Verdict.LATE_BENCH
-    return Met(expectation, verdict, None, during[-1][1] if during else None)
+    return ExpectationRow(expectation, verdict, None, during[-1][1] if during else None)
 
 
 def _is_met(expectation: Expectation, value: object) -> bool:

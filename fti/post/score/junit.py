@@ -12,10 +12,10 @@ from pathlib import Path
 from xml.etree import ElementTree as ET
 
 from fti.errors import StorageError
-from fti.post.score.judging import Score
-from fti.post.score.not_judged import NotJudged
-from fti.post.score.results import Result, results
+from fti.post.score.comparison import Score
+from fti.post.score.results import ScoreResult, results
 from fti.post.score.rows import FAILURES, Verdict
+from fti.post.score.unscored_flight import UnscoredFlight
 
 FAILURE, ERROR, SKIPPED = "failure", "error", "skipped"
 PASSED = (Verdict.FOUND, Verdict.HOLDS)
@@ -23,7 +23,7 @@ PASSED = (Verdict.FOUND, Verdict.HOLDS)
 _FORBIDDEN = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
-def write(scores: Sequence[Score | NotJudged], file: Path) -> None:
+def write(scores: Sequence[Score | UnscoredFlight], file: Path) -> None:
     """Write a file, which must not be there yet.  Raises StorageError."""
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
@@ -33,7 +33,7 @@ def write(scores: Sequence[Score | NotJudged], file: Path) -> None:
         raise StorageError(f"{error.filename}: cannot be written: {error.strerror}") from error
 
 
-def as_junit(scores: Iterable[Score | NotJudged]) -> bytes:
+def as_junit(scores: Iterable[Score | UnscoredFlight]) -> bytes:
     """The document, UTF-8."""
     root = ET.Element("testsuites", name="fti score")
     for score in scores:
@@ -44,32 +44,38 @@ def as_junit(scores: Iterable[Score | NotJudged]) -> bytes:
 
 
 def _flight(score: Score) -> ET.Element:
-    flown = score.flown
-    suite = ET.Element("testsuite", name=_allowed(f"{score.scenario.title} ({flown.file.stem})"))
+    flight_truth = score.flight_truth
+    suite = ET.Element("testsuite", name=_strip_forbidden(f"{score.scenario.title} ({flight_truth.file.stem})"))
     properties = ET.SubElement(suite, "properties")
-    for name, value in (("outcome", score.outcome), ("truth", flown.file), ("real_time", flown.real_time)):
-        ET.SubElement(properties, "property", name=name, value=_allowed(str(value)))
+    for name, value in (
+        ("outcome", score.outcome),
+        ("truth", flight_truth.file),
+        ("real_time", flight_truth.real_time),
+    ):
+        ET.SubElement(properties, "property", name=name, value=_strip_forbidden(str(value)))
     names = Counter[str]()
     for result in results(score):
         names[result.name] += 1
         again = f" ({names[result.name]})" if names[result.name] > 1 else ""  # a name that stands twice is shown once
         _case(suite, score.scenario.title, result._replace(name=result.name + again))
     _count(suite)
-    suite.set("time", f"{flown.truth.end_s:.3f}")
+    suite.set("time", f"{flight_truth.truth.end_s:.3f}")
     return suite
 
 
-def _not_judged(one: NotJudged) -> ET.Element:
-    suite = ET.Element("testsuite", name=_allowed(one.name))
-    case = ET.SubElement(suite, "testcase", name="flight", classname=_allowed(one.name), time="0")
+def _not_judged(one: UnscoredFlight) -> ET.Element:
+    suite = ET.Element("testsuite", name=_strip_forbidden(one.name))
+    case = ET.SubElement(suite, "testcase", name="flight", classname=_strip_forbidden(one.name), time="0")
     _add(case, ERROR, "not judged", one.reason)
     _count(suite)
     return suite
 
 
-def _case(suite: ET.Element, title: str, result: Result) -> None:
+def _case(suite: ET.Element, title: str, result: ScoreResult) -> None:
     classname = f"{title.replace('.', ' ')}.{result.group}"  # a dot separates what is shown as folders
-    case = ET.SubElement(suite, "testcase", name=_allowed(result.name), classname=_allowed(classname), time="0")
+    case = ET.SubElement(
+        suite, "testcase", name=_strip_forbidden(result.name), classname=_strip_forbidden(classname), time="0"
+    )
     if kind := _kind(result.verdict):
         _add(case, kind, result.verdict, result.text)
 
@@ -84,10 +90,10 @@ def _kind(verdict: Verdict) -> str:
 
 def _add(case: ET.Element, kind: str, type_: str, text: str) -> None:
     """What became of a case; one that was skipped has no type."""
-    child = ET.SubElement(case, kind, message=_allowed(text))
+    child = ET.SubElement(case, kind, message=_strip_forbidden(text))
     if kind != SKIPPED:
         child.set("type", type_)
-        child.text = _allowed(text)
+        child.text = _strip_forbidden(text)
 
 
 def _count(parent: ET.Element) -> None:
@@ -96,6 +102,6 @@ def _count(parent: ET.Element) -> None:
         parent.set(attribute, str(len(list(parent.iter(kind)))))
 
 
-def _allowed(text: str) -> str:
+def _strip_forbidden(text: str) -> str:
     """The same without characters that XML forbids."""
     return _FORBIDDEN.sub("\N{REPLACEMENT CHARACTER}", text)

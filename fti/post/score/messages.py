@@ -11,28 +11,28 @@ from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
 
-from fti.alarms.alarm_list import Change
+from fti.alarms.alarm_list import AlarmChange
 from fti.config import Config
-from fti.hil.expected.alarm_flags import OF_COMPUTER
-from fti.hil.expected.duties import DEVICES, HEIGHT, INTEGRITY, LEDGER, LINKS, SOLUTION
+from fti.hil.oracle.alarm_flags import COMPUTER_ALARMS
+from fti.hil.oracle.flag_definitions import DEVICES, HEIGHT, INTEGRITY, LEDGER, LINKS, SOLUTION
 from fti.logger.reading.json_message import parse_table, using_message
 from fti.logger.reading.note_states import NoteStates
 from fti.logger.reading.recording import Recording
 from fti.logger.schemas import ALARM_TOPIC
 from fti.nav.navigation import FILTER, RADIO
 from fti.post.score.alarm_states import AlarmStates, has_states
-from fti.post.score.flown import PAUSE_S, Flown, Pause
-from fti.post.score.outputs.consistency import OF_PROFILE
-from fti.post.score.said import NOTHING, STATUS, Said, Words
-from fti.service.diagnosis import NO_FRAME_REASONS
+from fti.post.score.observed_flags import NOTHING, STATUS, ObservedFlags, Words
+from fti.post.score.outputs.consistency import PROFILE_REASONS
+from fti.post.score.truth_reader import PAUSE_S, FlightPause, FlightTruth
+from fti.service.navigation.device_monitor import NO_FRAME_REASONS
 from fti.types import IntegrityState, Reason
 
 EVENT, HEALTH, TICK = "/fti/event", "/fti/health", "/fti/tick"
 #: What only says where the aircraft is, and is no flag: of a height, and of what is measured against a profile.
 RANGE = frozenset((Reason.ABOVE_RANGE, Reason.BELOW_RANGE))
-PLACE = RANGE | OF_PROFILE
+POSITION_REASONS = RANGE | PROFILE_REASONS
 #: What is missing when nothing in the configuration has a role.
-NEEDED = {
+REASONS_OF_ROLE = {
     "attitude": (Reason.NO_ATTITUDE,),
     "position": (Reason.NO_POSITION, Reason.NO_ALTITUDE, Reason.NO_VELOCITY),
 }
@@ -51,45 +51,47 @@ CLOCK_KNOWN = "clock known"
 Statement = tuple[str, Words]
 
 
-def read_said(recording: Recording, config: Config, flown: Flown, channels: Iterable[str]) -> Said:
+def read_observed_flags(
+    recording: Recording, config: Config, flight_truth: FlightTruth, channels: Iterable[str]
+) -> ObservedFlags:
     """What was said from the beginning of a flight to its end.  channels : of ``[[expect]]``, topic and field.
 
     Beside them the standard deviations that devices state with a position are kept.
     """
-    said = Said(began_s=math.inf, spoke_s=-math.inf, ticks=(math.inf, -math.inf))
+    observed_flags = ObservedFlags(first_report_s=math.inf, last_report_s=-math.inf, ticks=(math.inf, -math.inf))
     wanted: dict[str, list[str]] = defaultdict(list)
     stated = [f"/{device.name}/position.{axis}_sd" for device in config.device for axis in ("horizontal", "vertical")]
     for channel in {*channels, *stated}:
         topic, _, name = channel.rpartition(".")
         wanted[topic].append(name)
-    reader, states, alarms = Reader(config), NoteStates(), AlarmStates(config, said)
+    reader, states, alarms = FlagReader(config), NoteStates(), AlarmStates(config, observed_flags)
     for topic, t_ns, record in _messages(recording):
-        t = flown.seconds(t_ns)
+        t = flight_truth.seconds(t_ns)
         data = states.complete(topic, t_ns, record)
-        if t > flown.truth.end_s:
+        if t > flight_truth.truth.end_s:
             continue
         if topic == TICK:
-            reader.tick(t, said)
+            reader.tick(t, observed_flags)
             continue
         with using_message(topic, t_ns):
             if topic == HEALTH:
-                reader.lag(t, data, said)
+                reader.lag(t, data, observed_flags)
             statements = list(reader.read(topic, data))
             _check_words(statements)
             content = parse_table(data) if topic in wanted or topic == HEALTH or has_states(topic) else {}
             if topic == HEALTH:
-                alarms.take_health(t, content)
+                alarms.feed_health(t, content)
             elif has_states(topic):
-                alarms.take_output(t, topic, content)
+                alarms.feed_output(t, topic, content)
         for place, words in statements:
-            said.take(t, place, words - {CLOCK_KNOWN})
+            observed_flags.feed(t, place, words - {CLOCK_KNOWN})
             if CLOCK_KNOWN in words:
-                said.clocks.setdefault(place.rpartition("/")[2], t)
+                observed_flags.clocks.setdefault(place.rpartition("/")[2], t)
         if topic in wanted and t >= 0.0:
             for name in wanted[topic]:
-                said.values[f"{topic}.{name}"].append((t, content.get(name)))
-    said.finish()
-    return said
+                observed_flags.values[f"{topic}.{name}"].append((t, content.get(name)))
+    observed_flags.finish()
+    return observed_flags
 
 
 def _check_words(statements: Iterable[Statement]) -> None:
@@ -107,25 +109,27 @@ def _messages(recording: Recording) -> Iterator[tuple[str, int, bytes]]:
             yield topic, t_ns, data
 
 
-class Reader:
+class FlagReader:
     """Knows what the messages of each topic say."""
 
     def __init__(self, config: Config) -> None:
         self._roles = {"position": config.nav.position[:1], "attitude": config.nav.attitude[:1]}
-        self._missing = {reason for role, reasons in NEEDED.items() for reason in reasons if not self._roles[role]}
+        self._missing = {
+            reason for role, reasons in REASONS_OF_ROLE.items() for reason in reasons if not self._roles[role]
+        }
         self._devices = {device.name for device in config.device}
         self._counts: dict[str, int] = {}
         self._alarms = frozenset[str]()
         self._behind_s = math.inf
 
-    def tick(self, t: float, said: Said) -> None:
+    def tick(self, t: float, observed_flags: ObservedFlags) -> None:
         """The recorder ticks every 20 ms; where it did not, it stood still, or the session was cut."""
-        first_s, last_s = said.ticks
+        first_s, last_s = observed_flags.ticks
         if t - last_s > PAUSE_S and math.isfinite(last_s):
-            said.tick_gaps.append(Pause(last_s, t))
-        said.ticks = min(first_s, t), max(last_s, t)
+            observed_flags.tick_gaps.append(FlightPause(last_s, t))
+        observed_flags.ticks = min(first_s, t), max(last_s, t)
 
-    def lag(self, t: float, data: bytes, said: Said) -> None:
+    def lag(self, t: float, data: bytes, observed_flags: ObservedFlags) -> None:
         """Since when navigation speaks, and when it was behind: by what it says, and between two words that say so.
 
         Health knows how late it is also while it says nothing, and then has a hint beside it.
@@ -134,11 +138,11 @@ class Reader:
         lag_ms = navigation.get("lag_ms")
         if lag_ms is None:
             return
-        said.began_s = min(said.began_s, t)
+        observed_flags.first_report_s = min(observed_flags.first_report_s, t)
         if "hint" not in navigation:
-            said.spoke_s = t
+            observed_flags.last_report_s = t
         if lag_ms / 1e3 > LAG_S:
-            said.behind.append(Pause(min(t - lag_ms / 1e3, self._behind_s), t))
+            observed_flags.lag_intervals.append(FlightPause(min(t - lag_ms / 1e3, self._behind_s), t))
         self._behind_s = t if lag_ms / 1e3 > LAG_S else math.inf
 
     def read(self, topic: str, data: bytes) -> Iterator[Statement]:
@@ -166,7 +170,7 @@ class Reader:
         elif topic.startswith(HEIGHT):
             words = (words - RANGE) | (UNKNOWN_GROUND & set(content["unchecked"]))
         elif topic == INTEGRITY:
-            words = (words - PLACE) | ({content["state"]} & set(JUDGED))
+            words = (words - POSITION_REASONS) | ({content["state"]} & set(JUDGED))
         yield topic, words
 
     def _sources(self, content: Mapping[str, Any]) -> Iterator[str]:
@@ -200,8 +204,8 @@ class Reader:
     def _alarm(self, content: Mapping[str, Any]) -> Iterator[Statement]:
         """The alarms of the flight whose conditions last."""
         change, name = content["change"], content["id"]
-        if change in (Change.BEGINS, Change.ENDS) and name not in OF_COMPUTER:
-            self._alarms = self._alarms | {name} if change == Change.BEGINS else self._alarms - {name}
+        if change in (AlarmChange.BEGINS, AlarmChange.ENDS) and name not in COMPUTER_ALARMS:
+            self._alarms = self._alarms | {name} if change == AlarmChange.BEGINS else self._alarms - {name}
             yield ALARM_TOPIC, self._alarms
 
     def _is_damaged(self, place: str, skipped: Mapping[str, int]) -> bool:

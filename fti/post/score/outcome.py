@@ -6,9 +6,9 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
-from fti.post.score.evidence import Evidence
-from fti.post.score.flown import Pause, length_s
-from fti.post.score.rows import BENCH, FAILURES, Finding, Verdict
+from fti.post.score.evidence import ScoreEvidence
+from fti.post.score.rows import BENCH, FAILURES, FlightFinding, Verdict
+from fti.post.score.truth_reader import FlightPause, length_s
 from fti.post.score.unexpected_flags import AFTER_PAUSE_S, WINDOW_S
 
 #: The bench may be late for this part of a flight: what a unit does in four fifths of its flight shows how it is.
@@ -18,7 +18,7 @@ MAX_EXCUSED_SHARE = 0.2
 MAX_UNJUDGED_SHARE = 0.5
 
 
-class Outcome(StrEnum):
+class FlightOutcome(StrEnum):
     """What a flight has shown of the unit under test."""
 
     HOLDS = "holds"
@@ -27,7 +27,7 @@ class Outcome(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Excused:
+class BenchLateness:
     """How much of a flight the bench was late for.
 
     share : part of the flight, 0 to 1; number : how often; longest_s : [s]; total_s : together [s]
@@ -43,14 +43,14 @@ class Excused:
     judged_s: float
 
 
-def measure_excused(evidence: Evidence) -> Excused:
+def measure_excused(evidence: ScoreEvidence) -> BenchLateness:
     """How much of a flight the bench was late for."""
     end_s, pauses = evidence.end_s, evidence.pauses
     total_s = _in_flight(pauses, end_s)
-    after = [Pause(p.from_s, p.until_s + AFTER_PAUSE_S) for p in pauses]
-    start = Pause(0.0, evidence.start_s + WINDOW_S)
+    after = [FlightPause(p.from_s, p.until_s + AFTER_PAUSE_S) for p in pauses]
+    start = FlightPause(0.0, evidence.start_s + WINDOW_S)
     longest_s = max((p.until_s - p.from_s for p in pauses), default=0.0)
-    return Excused(
+    return BenchLateness(
         total_s / end_s,
         len(pauses),
         longest_s,
@@ -60,12 +60,12 @@ def measure_excused(evidence: Evidence) -> Excused:
     )
 
 
-def _in_flight(pauses: Iterable[Pause], end_s: float) -> float:
-    cut = (Pause(max(p.from_s, 0.0), min(p.until_s, end_s)) for p in pauses)
+def _in_flight(pauses: Iterable[FlightPause], end_s: float) -> float:
+    cut = (FlightPause(max(p.from_s, 0.0), min(p.until_s, end_s)) for p in pauses)
     return length_s(p for p in cut if p.until_s > p.from_s)
 
 
-def bench_finding(excused: Excused, verdicts: Sequence[Verdict]) -> Finding:
+def bench_finding(excused: BenchLateness, verdicts: Sequence[Verdict]) -> FlightFinding:
     """Was the bench in time for enough of the flight?  verdicts : of flags and of ``[[expect]]``"""
     late, found = verdicts.count(Verdict.LATE_BENCH), verdicts.count(Verdict.FOUND)
     text = f"the bench was late for {excused.share:.0%} of the flight; {MAX_EXCUSED_SHARE:.0%} are allowed"
@@ -80,21 +80,23 @@ def bench_finding(excused: Excused, verdicts: Sequence[Verdict]) -> Finding:
         holds, text = False, f"the bench was late for {late} expected flags, and {found} were found"
     elif holds and excused.judged_s <= 0.0 and not found:
         holds, text = False, "nothing at all was judged: the flight is too short"
-    return Finding(BENCH, "bench in time", Verdict.HOLDS if holds else Verdict.LATE_BENCH, text)
+    return FlightFinding(BENCH, "bench in time", Verdict.HOLDS if holds else Verdict.LATE_BENCH, text)
 
 
-def truth_finding(complete: bool) -> Finding | None:
+def truth_finding(complete: bool) -> FlightFinding | None:
     """What a truth file proves that is not whole: nothing.  None where it is whole."""
     if complete:
         return None
-    return Finding(BENCH, "bench in time", Verdict.LATE_BENCH, "the truth file lacks rows, or the end of its flight")
+    return FlightFinding(
+        BENCH, "bench in time", Verdict.LATE_BENCH, "the truth file lacks rows, or the end of its flight"
+    )
 
 
-def decide(verdicts: Iterable[Verdict], unexpected: bool, bench: Finding) -> Outcome:
+def decide(verdicts: Iterable[Verdict], unexpected: bool, bench: FlightFinding) -> FlightOutcome:
     """The outcome.  A miss is a miss, however late the bench was elsewhere.
 
     verdicts : of all rows; unexpected : was there a flag that nothing explains?
     """
     if unexpected or not FAILURES.isdisjoint(verdicts):
-        return Outcome.FAILED
-    return Outcome.HOLDS if bench.verdict is Verdict.HOLDS else Outcome.NOT_PROVED
+        return FlightOutcome.FAILED
+    return FlightOutcome.HOLDS if bench.verdict is Verdict.HOLDS else FlightOutcome.NOT_PROVED

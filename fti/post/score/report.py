@@ -7,37 +7,44 @@ from collections.abc import Iterator
 from dataclasses import asdict
 from typing import Any
 
-from fti.post.score.judging import Score
-from fti.post.score.outcome import MAX_EXCUSED_SHARE, Outcome
+from fti.post.score.comparison import Score
+from fti.post.score.outcome import MAX_EXCUSED_SHARE, FlightOutcome
 from fti.post.score.outputs.table import output_lines
 from fti.post.score.results import describe_surprise, name_expectation
-from fti.post.score.rows import FAILURES, Finding, Met, Row, Verdict
+from fti.post.score.rows import FAILURES, ExpectationRow, FlagRow, FlightFinding, Verdict
 from fti.post.score.text_table import text_table
 from fti.post.score.unexpected_flags import AFTER_PAUSE_S, WINDOW_S
 
 #: How the conclusion begins.
 CONCLUSIONS = {
-    Outcome.HOLDS: "holds",
-    Outcome.FAILED: "does not hold",
-    Outcome.NOT_PROVED: "proves nothing",
+    FlightOutcome.HOLDS: "holds",
+    FlightOutcome.FAILED: "does not hold",
+    FlightOutcome.NOT_PROVED: "proves nothing",
 }
 HEAD = ("fault", "on", "flag", "", "after", "allowed", "cleared", "allowed")
 
 
 def as_text(score: Score) -> list[str]:
     """Lines: faults and their flags, what nobody expected, ``[[expect]]``, outputs, and the conclusion."""
-    lines = [f"{score.scenario.title}, {score.flown.truth.end_s:.0f} s flown ({score.flown.file.name})", ""]
+    lines = [
+        f"{score.scenario.title}, {score.flight_truth.truth.end_s:.0f} s flown ({score.flight_truth.file.name})",
+        "",
+    ]
     if score.rows:
         lines += [*text_table([HEAD, *(_cells(row) for row in score.rows)]), ""]
-    lines += [_start(score), ""] if score.flown.real_time and 0.0 < score.said.began_s < math.inf else []
-    lines += [_pauses(score), ""] if score.flown.pauses else []
+    lines += (
+        [_start(score), ""]
+        if score.flight_truth.real_time and 0.0 < score.observed_flags.first_report_s < math.inf
+        else []
+    )
+    lines += [_pauses(score), ""] if score.flight_truth.pauses else []
     lines += [*(f"not expected: {describe_surprise(one)}" for one in score.unexpected), ""] if score.unexpected else []
     lines += [*(_expectation(met) for met in score.expected), ""] if score.expected else []
     lines += [*output_lines(score.outputs), ""] if score.outputs else []
     return [*lines, _conclusion(score)]
 
 
-def _cells(row: Row) -> tuple[str, ...]:
+def _cells(row: FlagRow) -> tuple[str, ...]:
     span = f"{row.from_s:.1f}-{row.until_s:.1f} s"
     times = (_s(row.after_s), _s(row.within_s), _s(row.clear_s), _s(row.clears_s))
     return (f"{row.fault + 1} {row.what}, {span}", row.subject, row.flag, row.verdict, *times)
@@ -48,10 +55,10 @@ def _s(seconds: float | None) -> str:
 
 
 def _start(score: Score) -> str:
-    began_s = score.said.began_s
-    excused_s = min(began_s, score.scenario.limits.start_s)
+    first_report_s = score.observed_flags.first_report_s
+    excused_s = min(first_report_s, score.scenario.limits.start_s)
     return (
-        f"navigation said its first word after {began_s:.1f} s: what was missing until {excused_s:.1f} s, and what was "
+        f"navigation said its first word after {first_report_s:.1f} s: what was missing until {excused_s:.1f} s, and what was "
         f"said until {excused_s + WINDOW_S:.1f} s, is not judged"
     )
 
@@ -65,7 +72,7 @@ def _pauses(score: Score) -> str:
     )
 
 
-def _expectation(met: Met) -> str:
+def _expectation(met: ExpectationRow) -> str:
     begin = f"expect {name_expectation(met)}: {met.verdict}"
     if met.verdict is Verdict.FOUND:
         return f"{begin} after {met.after_s:.2f} s ({met.value})"
@@ -90,13 +97,13 @@ def remarks(score: Score) -> list[str]:
     """What else there is to say of a score, in short."""
     verdicts = _flag_verdicts(score)
     counts = [f"{verdicts.count(v)} {v}" for v in Verdict if v in verdicts and v is not Verdict.FOUND]
-    failing = [finding.text for finding in (*score.findings, score.bench) if _is_told(finding)]
+    failing = [finding.text for finding in (*score.findings, score.bench) if _is_reported(finding)]
     surprises = f"{len(score.unexpected)} not expected" if score.unexpected else "nothing that was not expected"
     return [*counts, *_outputs(score), *failing, surprises]
 
 
 def _flag_verdicts(score: Score) -> list[Verdict]:
-    flags: list[Row | Met] = [*score.rows, *score.expected]
+    flags: list[FlagRow | ExpectationRow] = [*score.rows, *score.expected]
     return [flag.verdict for flag in flags]
 
 
@@ -107,7 +114,7 @@ def _outputs(score: Score) -> Iterator[str]:
         yield f"{len(judged) - sum(v in FAILURES for v in judged)} of {len(judged)} checks of outputs hold"
 
 
-def _is_told(finding: Finding) -> bool:
+def _is_reported(finding: FlightFinding) -> bool:
     return finding.verdict is not Verdict.HOLDS
 
 
@@ -115,10 +122,10 @@ def as_json(score: Score) -> dict[str, Any]:
     """The same, for programs; times in seconds of the flight."""
     return {
         "scenario": score.scenario.title,
-        "truth": str(score.flown.file),
-        "begin_ns": score.flown.begin_ns,
-        "flown_s": score.flown.truth.end_s,
-        "real_time": score.flown.real_time,
+        "truth": str(score.flight_truth.file),
+        "begin_ns": score.flight_truth.begin_ns,
+        "flown_s": score.flight_truth.truth.end_s,
+        "real_time": score.flight_truth.real_time,
         "outcome": score.outcome,
         "holds": score.holds,
         "rows": [asdict(row) for row in score.rows],
@@ -130,8 +137,8 @@ def as_json(score: Score) -> dict[str, Any]:
         "outputs": [asdict(row) for row in score.outputs],
         "findings": [asdict(finding) for finding in (*score.findings, score.bench)],
         "excused": {**asdict(score.excused), "allowed_share": MAX_EXCUSED_SHARE},
-        "pauses": [asdict(pause) for pause in score.flown.pauses],
-        **_finite({"began_s": score.said.began_s}),
+        "pauses": [asdict(pause) for pause in score.flight_truth.pauses],
+        **_finite({"began_s": score.observed_flags.first_report_s}),
     }
 
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from fti.post.score.judging import Score
+from fti.post.score.comparison import Score
 from fti.post.score.outputs.row import OutputRow
 from fti.post.score.outputs.table import describe
-from fti.post.score.rows import Finding, Met, Row, Unexpected, Verdict
+from fti.post.score.rows import ExpectationRow, FlagRow, FlightFinding, UnexpectedFlag, Verdict
 
 
-class Result(NamedTuple):
+class ScoreResult(NamedTuple):
     """One result.  group : the kind of row; name : what was asked; text : what was found, one sentence"""
 
     group: str
@@ -20,16 +20,16 @@ class Result(NamedTuple):
     text: str
 
 
-def results(score: Score) -> Iterator[Result]:
+def results(score: Score) -> Iterator[ScoreResult]:
     """Every row of a score: faults, what nobody expected, ``[[expect]]``, outputs, what is asked of every flight."""
-    yield from map(_of_flag, score.rows)
-    yield from map(_of_surprise, score.unexpected)
-    yield from map(_of_expectation, score.expected)
-    yield from map(_of_output, score.outputs)
-    yield from map(_of_finding, (*score.findings, score.bench))
+    yield from map(_flag_result, score.rows)
+    yield from map(_surprise_result, score.unexpected)
+    yield from map(_expectation_result, score.expected)
+    yield from map(_output_result, score.outputs)
+    yield from map(_finding_result, (*score.findings, score.bench))
 
 
-def _of_flag(row: Row) -> Result:
+def _flag_result(row: FlagRow) -> ScoreResult:
     name = f"{row.fault + 1} {row.what}, {row.from_s:.1f}-{row.until_s:.1f} s: {row.subject} {row.flag}"
     times = (
         ("after", row.after_s),
@@ -38,33 +38,35 @@ def _of_flag(row: Row) -> Result:
         ("allowed", row.clears_s),
     )
     told = [f"{what} {seconds:.2f} s" for what, seconds in times if seconds is not None]
-    return Result("fault", name, row.verdict, ", ".join([row.verdict, *told]))
+    return ScoreResult("fault", name, row.verdict, ", ".join([row.verdict, *told]))
 
 
-def _of_surprise(one: Unexpected) -> Result:
-    return Result("not expected", f"{one.place} {one.word}", Verdict.FAILS, f"not expected: {describe_surprise(one)}")
+def _surprise_result(one: UnexpectedFlag) -> ScoreResult:
+    return ScoreResult(
+        "not expected", f"{one.place} {one.word}", Verdict.FAILS, f"not expected: {describe_surprise(one)}"
+    )
 
 
-def _of_expectation(met: Met) -> Result:
-    return Result("expect", name_expectation(met), met.verdict, f"{met.verdict}; it was {met.value}")
+def _expectation_result(met: ExpectationRow) -> ScoreResult:
+    return ScoreResult("expect", name_expectation(met), met.verdict, f"{met.verdict}; it was {met.value}")
 
 
-def _of_output(row: OutputRow) -> Result:
+def _output_result(row: OutputRow) -> ScoreResult:
     name = " ".join(part for part in (row.topic, row.what, row.check) if part)
-    return Result("output", name, row.verdict, f"{row.verdict}: {describe(row)}")
+    return ScoreResult("output", name, row.verdict, f"{row.verdict}: {describe(row)}")
 
 
-def _of_finding(finding: Finding) -> Result:
-    return Result(finding.about, finding.name, finding.verdict, finding.text)
+def _finding_result(finding: FlightFinding) -> ScoreResult:
+    return ScoreResult(finding.about, finding.name, finding.verdict, finding.text)
 
 
-def describe_surprise(one: Unexpected) -> str:
+def describe_surprise(one: UnexpectedFlag) -> str:
     """Where and when a flag stood that nobody expected."""
     until = "the end" if one.until_s == float("inf") else f"{one.until_s:.2f} s"
     return f"{one.place} {one.word}, {one.from_s:.2f} s to {until}"
 
 
-def name_expectation(met: Met) -> str:
+def name_expectation(met: ExpectationRow) -> str:
     """What a row of ``[[expect]]`` asks for."""
     asked = met.expectation
     band = f" +{asked.plus:g} -{asked.minus:g}" if asked.plus or asked.minus else ""

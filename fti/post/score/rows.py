@@ -32,7 +32,7 @@ FAILURES = frozenset((Verdict.LATE, Verdict.MISSING, Verdict.STAYS, Verdict.NOT_
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
+class FlagRow:
     """One flag of one fault.
 
     from_s, until_s : of its cause [s of the flight]; after_s : found so long after it, clear_s : gone so long after its
@@ -53,7 +53,7 @@ class Row:
 
 
 @dataclass(frozen=True, slots=True)
-class Unexpected:
+class UnexpectedFlag:
     """A word that stood where no fault explains it."""
 
     place: str
@@ -63,7 +63,7 @@ class Unexpected:
 
 
 @dataclass(frozen=True, slots=True)
-class Met:
+class ExpectationRow:
     """A row of ``[[expect]]``.  after_s : met so long after its time; value : the last that was said until then."""
 
     expectation: Expectation
@@ -73,7 +73,7 @@ class Met:
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class FlightFinding:
     """What is asked of every flight, whatever its scenario.
 
     about : UNIT, BENCH or CONFIGURATION; text : what was found, and what is allowed

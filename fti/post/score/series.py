@@ -19,7 +19,7 @@ Times = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
 #: No time is later [ns].
-LARGEST_NS = 2**62
+MAX_LOG_TIME_NS = 2**62
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +44,7 @@ class TopicSeries:
         times = (row.get("t_valid_ns") or _stamp(row).get("t_valid_ns") or _time_ns(row) for row in self.rows)
         pairs = zip(times, self.log_ns.tolist(), strict=True)
         return np.array(
-            [t if isinstance(t, int) and abs(t) <= LARGEST_NS else log_ns for t, log_ns in pairs], dtype=np.int64
+            [t if isinstance(t, int) and abs(t) <= MAX_LOG_TIME_NS else log_ns for t, log_ns in pairs], dtype=np.int64
         )
 
     @property

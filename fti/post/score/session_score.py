@@ -9,13 +9,13 @@ from pathlib import Path
 from fti.hil.scenario import Scenario
 from fti.logger.reading.recording import Recording
 from fti.post.reprocess import Setup
-from fti.post.score.flown import read_flown
-from fti.post.score.judging import Score, judge
-from fti.post.score.messages import read_said
+from fti.post.score.comparison import Score, judge
+from fti.post.score.messages import read_observed_flags
 from fti.post.score.outputs.check import check_outputs
 from fti.post.score.outputs.evidence import flight_evidence
 from fti.post.score.outputs.recorded_links import recorded_links
-from fti.post.score.promised import compare_recorded, given_by_user, own_setup, promised_setup
+from fti.post.score.reference_setup import compare_recorded, read_reference_setup, scenario_setup, user_setup_finding
+from fti.post.score.truth_reader import read_flight_truth
 
 
 def judge_session(
@@ -31,21 +31,21 @@ def judge_session(
     reading : entered while the session is read
     """
     channels = [expectation.channel for expectation in scenario.expect]
-    for flown in [read_flown(file, scenario) for file in truths]:
-        promised = given or promised_setup(flown, scenario)
-        compared = given_by_user() if given else compare_recorded(promised, recording)
+    for flight_truth in [read_flight_truth(file, scenario) for file in truths]:
+        reference_setup = given or read_reference_setup(flight_truth, scenario)
+        compared = user_setup_finding() if given else compare_recorded(reference_setup, recording)
         with reading():
-            said = read_said(recording, promised.config, flown, channels)
+            observed_flags = read_observed_flags(recording, reference_setup.config, flight_truth, channels)
             outputs = [
-                *check_outputs(recording, flight_evidence(scenario, promised, flown, said)),
-                *recorded_links(recording, flown, promised.config),
+                *check_outputs(recording, flight_evidence(scenario, reference_setup, flight_truth, observed_flags)),
+                *recorded_links(recording, flight_truth, reference_setup.config),
             ]
         yield judge(
             scenario,
-            promised,
-            flown,
-            said,
-            own=own_setup(scenario, promised),
+            reference_setup,
+            flight_truth,
+            observed_flags,
+            own=scenario_setup(scenario, reference_setup),
             configuration=compared,
             outputs=outputs,
         )

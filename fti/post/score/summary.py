@@ -5,20 +5,20 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from fti.post.score.judging import Score
-from fti.post.score.not_judged import NotJudged
-from fti.post.score.outcome import Outcome
+from fti.post.score.comparison import Score
+from fti.post.score.outcome import FlightOutcome
 from fti.post.score.report import as_json, count_flags, remarks
 from fti.post.score.text_table import text_table
+from fti.post.score.unscored_flight import UnscoredFlight
 
 HEAD = ("scenario", "outcome", "flags in time", "")
 NOT_JUDGED = "not judged"
 
 
-def as_summary(scores: Sequence[Score | NotJudged]) -> list[str]:
+def as_summary(scores: Sequence[Score | UnscoredFlight]) -> list[str]:
     """A line for each flight, and how many hold."""
     outcomes = [score.outcome if isinstance(score, Score) else NOT_JUDGED for score in scores]
-    counts = [f"{outcomes.count(one)} {one}" for one in (*Outcome, NOT_JUDGED) if one in outcomes]
+    counts = [f"{outcomes.count(one)} {one}" for one in (*FlightOutcome, NOT_JUDGED) if one in outcomes]
     return [
         *text_table([HEAD, *(_cells(score) for score in scores)]),
         "",
@@ -26,14 +26,14 @@ def as_summary(scores: Sequence[Score | NotJudged]) -> list[str]:
     ]
 
 
-def _cells(score: Score | NotJudged) -> tuple[str, ...]:
-    if isinstance(score, NotJudged):
+def _cells(score: Score | UnscoredFlight) -> tuple[str, ...]:
+    if isinstance(score, UnscoredFlight):
         return score.name, NOT_JUDGED, "", score.reason
     found, due = count_flags(score)
     return score.scenario.title, score.outcome, f"{found} of {due}", "; ".join(remarks(score))
 
 
-def as_json_list(scores: Sequence[Score | NotJudged]) -> Iterator[dict[str, Any]]:
+def as_json_list(scores: Sequence[Score | UnscoredFlight]) -> Iterator[dict[str, Any]]:
     """One table for each flight."""
     for score in scores:
         if isinstance(score, Score):

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fti.errors import MissingError
-from fti.hil.truth import TOPIC
+from fti.hil.truth_log import TOPIC
 from fti.logger.reading.json_message import parse_table, using_message
-from fti.logger.reading.mcap_file import Item, McapFile
+from fti.logger.reading.mcap_file import McapFile, McapMessage
 
 Array = NDArray[np.float64]
 Times = NDArray[np.int64]
@@ -27,7 +27,7 @@ class TruthTable:
     """Rows of ``/truth/state``.
 
     t_ns : FTI time of each row [ns], shape (n,), ascending; columns : quantity -> values, shape (n,), NaN where a row
-    has none; units and frames as ``fti.hil.truth.QUANTITIES`` states them
+    has none; units and frames as ``fti.hil.truth_log.QUANTITIES`` states them
     """
 
     t_ns: Times
@@ -42,7 +42,7 @@ class TruthTable:
         return cls.of_rows(items)
 
     @classmethod
-    def of_rows(cls, items: Sequence[Item]) -> TruthTable:
+    def of_rows(cls, items: Sequence[McapMessage]) -> TruthTable:
         """The rows that were read already, one at least.  Raises RecordingError."""
         rows = [_numbers(item) for item in items]
         columns = {name: np.array([row.get(name, math.nan) for row in rows]) for name in sorted(set().union(*rows))}
@@ -77,7 +77,7 @@ class TruthTable:
         return np.asarray(np.interp(t, rows, column, left=math.nan, right=math.nan), dtype=np.float64)
 
 
-def _numbers(item: Item) -> dict[str, float]:
+def _numbers(item: McapMessage) -> dict[str, float]:
     """The numbers of a row; what is no number is not known.  Raises RecordingError."""
     with using_message(item.topic.name, item.log_time):
         return {key: float(value) for key, value in parse_table(item.data).items() if isinstance(value, int | float)}

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator
 
-from fti.hil.expected.alarm_flags import STARTED_S
+from fti.hil.oracle.alarm_flags import STARTUP_S
 from fti.post.score.alarm_states import missing_alarms
-from fti.post.score.evidence import Evidence
-from fti.post.score.flown import Pause, length_s, merged, overlap_s
-from fti.post.score.rows import UNIT, Finding, Verdict
+from fti.post.score.evidence import ScoreEvidence
+from fti.post.score.rows import UNIT, FlightFinding, Verdict
+from fti.post.score.truth_reader import FlightPause, length_s, merge_pauses, overlap_s
 
 #: Navigation may be behind for this part of a flight.  One that keeps up is not behind at all; on a computer of two
 #: cores that has other work it is now and then, and misses flags where it is for longer.
@@ -24,7 +24,7 @@ MAX_TICK_GAP_S, MAX_TICK_GAP_SHARE = 1.0, 0.02
 MAX_END_S = 3.0
 
 
-def unit_findings(evidence: Evidence, start_limit_s: float) -> Iterator[Finding]:
+def unit_findings(evidence: ScoreEvidence, start_limit_s: float) -> Iterator[FlightFinding]:
     """Five findings, whether they hold or not.  start_limit_s : the unit may take so long until its first word [s]"""
     yield _start(evidence, start_limit_s)
     yield _keeps_up(evidence)
@@ -33,69 +33,71 @@ def unit_findings(evidence: Evidence, start_limit_s: float) -> Iterator[Finding]
     yield _alarms(evidence)
 
 
-def _start(evidence: Evidence, limit_s: float) -> Finding:
-    began_s = evidence.said.began_s
-    if math.isinf(began_s):
+def _start(evidence: ScoreEvidence, limit_s: float) -> FlightFinding:
+    first_report_s = evidence.observed_flags.first_report_s
+    if math.isinf(first_report_s):
         return _finding("start", False, "navigation said nothing of itself during the flight")
     allowed = f"{limit_s:g} s are allowed"
-    return _finding("start", began_s <= limit_s, f"navigation said its first word after {began_s:.1f} s; {allowed}")
+    return _finding(
+        "start", first_report_s <= limit_s, f"navigation said its first word after {first_report_s:.1f} s; {allowed}"
+    )
 
 
-def behind_share(evidence: Evidence) -> float:
+def behind_share(evidence: ScoreEvidence) -> float:
     """The part of the flight for which navigation was behind although bench and start gave no reason, 0 to 1."""
-    excused = [Pause(p.from_s, p.until_s + CATCH_UP_S) for p in evidence.pauses]
+    excused = [FlightPause(p.from_s, p.until_s + CATCH_UP_S) for p in evidence.pauses]
     if evidence.start_s:
-        excused.append(Pause(0.0, evidence.start_s + CATCH_UP_S))
-    return _beyond(evidence.said.behind, excused, evidence.end_s) / evidence.end_s
+        excused.append(FlightPause(0.0, evidence.start_s + CATCH_UP_S))
+    return _unexcused_s(evidence.observed_flags.lag_intervals, excused, evidence.end_s) / evidence.end_s
 
 
-def _keeps_up(evidence: Evidence) -> Finding:
+def _keeps_up(evidence: ScoreEvidence) -> FlightFinding:
     share = behind_share(evidence)
     text = f"navigation was behind for {share:.0%} of the flight; {MAX_BEHIND_SHARE:.0%} are allowed"
     return _finding("navigation in time", share <= MAX_BEHIND_SHARE, text)
 
 
-def silent_s(evidence: Evidence) -> float:
+def silent_s(evidence: ScoreEvidence) -> float:
     """How long navigation had said nothing when the flight ended [s]."""
-    return max(evidence.end_s - evidence.said.spoke_s, 0.0)
+    return max(evidence.end_s - evidence.observed_flags.last_report_s, 0.0)
 
 
-def _until_the_end(evidence: Evidence) -> Finding:
+def _until_the_end(evidence: ScoreEvidence) -> FlightFinding:
     silence = silent_s(evidence)
     text = f"navigation said nothing for the last {silence:.0f} s; {MAX_SILENT_S:g} s are allowed"
     return _finding("navigation until the end", silence <= MAX_SILENT_S, text)
 
 
-def _ticks(evidence: Evidence, start_limit_s: float) -> Finding:
+def _ticks(evidence: ScoreEvidence, start_limit_s: float) -> FlightFinding:
     """Where the recorder stood still although the bench gave no reason, or where its ticks were taken away."""
-    first_s, last_s = evidence.said.ticks
+    first_s, last_s = evidence.observed_flags.ticks
     if math.isinf(first_s) and first_s > 0.0:
         return _finding("recorder", False, "no tick of the recorder during the flight")
-    end = Pause(min(last_s + MAX_END_S, evidence.end_s), evidence.end_s)
-    gaps = [*evidence.said.tick_gaps, Pause(start_limit_s, max(first_s, start_limit_s)), end]
-    sound = [Pause(p.from_s, p.until_s + CATCH_UP_S) for p in evidence.pauses]
-    missing = _beyond(gaps, sound, evidence.end_s)
-    longest = max((_beyond([gap], sound, evidence.end_s) for gap in gaps), default=0.0)
+    end = FlightPause(min(last_s + MAX_END_S, evidence.end_s), evidence.end_s)
+    gaps = [*evidence.observed_flags.tick_gaps, FlightPause(start_limit_s, max(first_s, start_limit_s)), end]
+    sound = [FlightPause(p.from_s, p.until_s + CATCH_UP_S) for p in evidence.pauses]
+    missing = _unexcused_s(gaps, sound, evidence.end_s)
+    longest = max((_unexcused_s([gap], sound, evidence.end_s) for gap in gaps), default=0.0)
     holds = longest <= MAX_TICK_GAP_S and missing <= MAX_TICK_GAP_SHARE * evidence.end_s
     allowed = f"{MAX_TICK_GAP_S:g} s at once and {MAX_TICK_GAP_SHARE:.0%} of the flight are allowed"
     return _finding("recorder", holds, f"ticks are missing for {missing:.2f} s, at most {longest:.2f} s; {allowed}")
 
 
-def _alarms(evidence: Evidence) -> Finding:
+def _alarms(evidence: ScoreEvidence) -> FlightFinding:
     """Each output, and each device or link, of which an alarm must say that it is wrong has that alarm."""
-    missing = list(missing_alarms(evidence.said, evidence.start_s + STARTED_S, evidence.end_s))
+    missing = list(missing_alarms(evidence.observed_flags, evidence.start_s + STARTUP_S, evidence.end_s))
     parts = "; ".join(f"{alarm} from {from_s:.1f} to {until_s:.1f} s" for alarm, from_s, until_s in missing[:3])
     more = f" and {len(missing) - 3} more" if len(missing) > 3 else ""
     return _finding("alarms", not missing, f"alarms are missing: {parts}{more}" if missing else "no alarm is missing")
 
 
-def _beyond(intervals: Iterable[Pause], excused: Iterable[Pause], end_s: float) -> float:
+def _unexcused_s(intervals: Iterable[FlightPause], excused: Iterable[FlightPause], end_s: float) -> float:
     """How much of these intervals is in the flight and not excused [s]."""
-    within = [Pause(max(p.from_s, 0.0), min(p.until_s, end_s)) for p in merged(intervals)]
+    within = [FlightPause(max(p.from_s, 0.0), min(p.until_s, end_s)) for p in merge_pauses(intervals)]
     there = [p for p in within if p.until_s > p.from_s]
-    sound = list(merged(excused))
+    sound = list(merge_pauses(excused))
     return length_s(there) - sum(overlap_s(sound, p.from_s, p.until_s) for p in there)
 
 
-def _finding(name: str, holds: bool, text: str) -> Finding:
-    return Finding(UNIT, name, Verdict.HOLDS if holds else Verdict.FAILS, text)
+def _finding(name: str, holds: bool, text: str) -> FlightFinding:
+    return FlightFinding(UNIT, name, Verdict.HOLDS if holds else Verdict.FAILS, text)

@@ -31,14 +31,14 @@ from fti.constants import FOOT
 from fti.ranging.error_model import RangeError
 from fti.ranging.radar.antenna import WIDE, Antenna
 from fti.ranging.radar.baseband import Baseband, hann_kernel, thermal_noise
-from fti.ranging.radar.beam import Backscatter, Beam, Echoes, make_beam, range_bins, trace_beam
+from fti.ranging.radar.beam import Backscatter, Beam, BeamEchoes, make_beam, range_bins, trace_beam
 from fti.ranging.radar.dome import half_dome
 from fti.ranging.radar.doppler import range_error
 from fti.ranging.radar.edge import LeadingEdge
 from fti.ranging.radar.quantise import QUANTISATION_FT
 from fti.ranging.radar.waveform import Waveform
 from fti.ranging.sensor import Poses, RangingSensor, Returns, Validity
-from fti.terrain.outcome import Outcome
+from fti.terrain.ray_outcome import RayOutcome
 from fti.terrain.terrain import Terrain
 
 Array = NDArray[np.float64]
@@ -53,7 +53,7 @@ _UNKNOWN_SHARE = 0.01
 #: Where the steps of an RA-4500 end, and how large they are [ft].
 _TOPS_FT = np.array([top for top, _ in QUANTISATION_FT[:-1]], dtype=np.float64)
 _STEPS_FT = np.array([step for _, step in QUANTISATION_FT], dtype=np.float64)
-_UNKNOWN = (Outcome.HOLE, Outcome.OUTSIDE, Outcome.UNKNOWN, Outcome.BURIED)
+_UNKNOWN = (RayOutcome.HOLE, RayOutcome.OUTSIDE, RayOutcome.UNKNOWN, RayOutcome.BURIED)
 
 
 class Beams(NamedTuple):
@@ -139,7 +139,7 @@ class RadarAltimeter(RangingSensor):
         than 1 % of the beam ends so: what nobody knows may be nearer than what was found, or outshine it.  Rays towards
         the sky count as well where they leave the coverage within max_range: a hill may stand there.
         """
-        parts = [self._edges(echoes, rng) for echoes in self._traced(terrain, poses)]
+        parts = [self._edges(echoes, rng) for echoes in self._trace(terrain, poses)]
         found = Beams(*(np.concatenate(column) for column in zip(*parts, strict=True))) if parts else _NO_BEAMS
         told = self.told(found.slant_range, rng)
         validity = found.validity.copy()
@@ -152,10 +152,10 @@ class RadarAltimeter(RangingSensor):
 
     def told(self, slant_range: ArrayLike, rng: np.random.Generator | None = None) -> Array:
         """What the instrument says of ranges of an edge [m]."""
-        told = self.error.applied(slant_range, rng)
+        told = self.error.apply(slant_range, rng)
         return quantised(told) if self.quantised else told
 
-    def spectra(self, echoes: Echoes, rng: np.random.Generator | None = None) -> Array:
+    def spectra(self, echoes: BeamEchoes, rng: np.random.Generator | None = None) -> Array:
         """Power per range bin over the transmitted power, shape (n, bins), of the echoes of n poses.
 
         Receiver noise is in it: its mean, or with ``coherent`` and ``rng`` its own draw.
@@ -175,36 +175,36 @@ class RadarAltimeter(RangingSensor):
             signal += np.sqrt(per_sample) * rng.standard_normal(len(signal))
         return self.baseband.spectrum(signal)
 
-    def _traced(self, terrain: Terrain, poses: Poses) -> Iterator[Echoes]:
+    def _trace(self, terrain: Terrain, poses: Poses) -> Iterator[BeamEchoes]:
         for i in range(0, len(poses), _CHUNK):
             some = slice(i, i + _CHUNK)
             part = Poses(poses.origins_l[some], poses.mats_ls[some], poses.vels_l[some])
             yield trace_beam(terrain, part, self.beam, self.ground, self.reach)
 
-    def _edges(self, echoes: Echoes, rng: np.random.Generator | None) -> Beams:
+    def _edges(self, echoes: BeamEchoes, rng: np.random.Generator | None) -> Beams:
         edges = self.edge.find(self.spectra(echoes, rng), self.noise)
         slant_range = self.waveform.range_of_bin(edges.position)
         power = echoes.powers.sum(axis=1)
         validity = np.where(power > 0.0, edges.validity, _first_reason(echoes.outcomes))
-        unknown = self._unknown(echoes)
-        validity = np.where(unknown != Outcome.HIT, unknown, validity).astype(np.uint8)
+        unknown = self._unknown_reason(echoes)
+        validity = np.where(unknown != RayOutcome.HIT, unknown, validity).astype(np.uint8)
         slant_range[validity != Validity.VALID] = np.nan
         ray = _strongest_at(slant_range, echoes, self.waveform)
         return Beams(slant_range, ray, dispersion(echoes), np.where(power > 0.0, power, np.nan), validity)
 
-    def _unknown(self, echoes: Echoes) -> Codes:
+    def _unknown_reason(self, echoes: BeamEchoes) -> Codes:
         """Why a beam cannot be told, or HIT: a pose that is no number, or too much of the ground is not known."""
         share = np.stack([(echoes.outcomes == reason) @ self.beam.weights for reason in _UNKNOWN])
         reason = np.asarray(_UNKNOWN)[np.argmax(share, axis=0)]
-        found = np.where(share.sum(axis=0) > _UNKNOWN_SHARE * self.beam.weights.sum(), reason, Outcome.HIT)
-        found[~np.isfinite(echoes.range_rates[:, 0])] = Outcome.UNKNOWN
+        found = np.where(share.sum(axis=0) > _UNKNOWN_SHARE * self.beam.weights.sum(), reason, RayOutcome.HIT)
+        found[~np.isfinite(echoes.range_rates[:, 0])] = RayOutcome.UNKNOWN
         return found.astype(np.uint8)
 
 
 _NO_BEAMS = Beams(np.empty(0), np.empty(0, np.intp), np.empty(0), np.empty(0), np.empty(0, np.uint8))
 
 
-def dispersion(echoes: Echoes) -> Array:
+def dispersion(echoes: BeamEchoes) -> Array:
     """Standard deviation [m] of the ranges across the beam, weighted by power, of n poses; NaN without power."""
     power = echoes.powers.sum(axis=1)
     weights = np.divide(echoes.powers, power[:, None], out=np.zeros_like(echoes.powers), where=power[:, None] > 0.0)
@@ -216,10 +216,10 @@ def dispersion(echoes: Echoes) -> Array:
 
 def _first_reason(outcomes: Codes) -> Codes:
     """Of a beam without any power: the reason of the ray nearest to the boresight; on the ground, TOO_NEAR."""
-    return np.where(outcomes[:, 0] == Outcome.HIT, Validity.TOO_NEAR, outcomes[:, 0]).astype(np.uint8)
+    return np.where(outcomes[:, 0] == RayOutcome.HIT, Validity.TOO_NEAR, outcomes[:, 0]).astype(np.uint8)
 
 
-def _strongest_at(slant_range: Array, echoes: Echoes, waveform: Waveform) -> NDArray[np.intp]:
+def _strongest_at(slant_range: Array, echoes: BeamEchoes, waveform: Waveform) -> NDArray[np.intp]:
     """The ray that gives most of the power at a range, for each pose; any where there is none."""
     off = (echoes.ranges - slant_range[:, None]) / waveform.range_bin
     near = np.abs(off) < 8.0

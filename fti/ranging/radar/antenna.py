@@ -40,7 +40,7 @@ def from_db(level: ArrayLike) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class Cut:
+class AntennaCut:
     """Gain in one plane through the boresight.  angles : (k,) [rad] ascending; gains_dbi : (k,) [dBi].
 
     Linear in dB between the angles; beyond them there is no gain.  Raises ValueError where angles do not ascend, the
@@ -85,8 +85,8 @@ class Antenna:
     Raises ValueError where the two differ by more than 1 dB on the boresight, which they share.
     """
 
-    azimuth: Cut
-    elevation: Cut
+    azimuth: AntennaCut
+    elevation: AntennaCut
 
     def __post_init__(self) -> None:
         across, along = float(self.azimuth.at(0.0)), float(self.elevation.at(0.0))
@@ -105,19 +105,19 @@ class Antenna:
         off = np.arctan2(across, z)
         share = np.divide(y * y, across * across, out=np.ones_like(across), where=across > 0.0)
         azimuth, elevation = self.azimuth.at(np.copysign(off, y)), self.elevation.at(np.copysign(off, x))
-        return np.asarray(_weighed(share, azimuth) + _weighed(1.0 - share, elevation))
+        return np.asarray(_weigh(share, azimuth) + _weigh(1.0 - share, elevation))
 
     def gain(self, rays_s: ArrayLike) -> Array:
         """Gain over that of an isotropic antenna (a ratio of powers) towards unit vectors, shape (..., 3)."""
         return from_db(self.gain_dbi(rays_s))
 
 
-def _weighed(share: Array, level: Array) -> Array:
+def _weigh(share: Array, level: Array) -> Array:
     """share x level, 0 where the share is: a cut without gain says nothing in the plane of the other."""
     return np.multiply(share, level, out=np.zeros_like(level), where=share > 0.0)
 
 
-def cosine_cut(hpbw: float, peak_dbi: float, floor_db: float) -> Cut:
+def cosine_cut(hpbw: float, peak_dbi: float, floor_db: float) -> AntennaCut:
     """A cut G = G_0 max(cos^q theta, floor) with half the power at the angle hpbw / 2 off the boresight.
 
     hpbw     : half-power beam width, full [rad]
@@ -131,7 +131,7 @@ def cosine_cut(hpbw: float, peak_dbi: float, floor_db: float) -> Cut:
     exponent = np.log(0.5) / np.log(np.cos(0.5 * hpbw))
     angles = np.radians(np.arange(-180.0, 180.0 + _CUT_STEP_DEG, _CUT_STEP_DEG))
     lobe = np.maximum(np.cos(angles), 0.0) ** exponent
-    return Cut(angles, peak_dbi + 10.0 * np.log10(np.maximum(lobe, from_db(floor_db))))
+    return AntennaCut(angles, peak_dbi + 10.0 * np.log10(np.maximum(lobe, from_db(floor_db))))
 
 
 def cosine_antenna(hpbw_az: float, hpbw_el: float, peak_dbi: float = 10.0, floor_db: float = -30.0) -> Antenna:

@@ -28,7 +28,7 @@ from fti.ranging.radar.waveform import Array, Waveform, delay_of_range
 KERNEL_BINS = 8  #: the kernel is taken to be nothing farther out: -65 dB there, -60 dB of the power in all
 PASS_SHARE = 0.8  #: of half the sampling rate, passed unchanged; from there to half the rate the filter closes
 BOLTZMANN = 1.380649e-23
-_BESIDE = np.array([0.0, -1.0, 1.0])  # a Hann window is a rectangle's kernel and, half as high, that of either side
+_NEIGHBOURS = np.array([0.0, -1.0, 1.0])  # a Hann window is a rectangle's kernel and, half as high, that of either side
 
 
 def hann_kernel(offset: ArrayLike) -> Array:
@@ -37,7 +37,7 @@ def hann_kernel(offset: ArrayLike) -> Array:
     That of continuous time.  Against the discrete transform of 4096 samples it is off by less than 1e-9 within
     +-8 bins, averaged over the phase of the tone and from bin 16 on; nearer, the tone's own image adds to it.
     """
-    here, before, behind = np.sinc(np.add.outer(_BESIDE, np.asarray(offset, dtype=np.float64)))
+    here, before, behind = np.sinc(np.add.outer(_NEIGHBOURS, np.asarray(offset, dtype=np.float64)))
     return np.asarray((here + 0.5 * (before + behind)) ** 2)
 
 
@@ -179,13 +179,13 @@ def _sum_of_tones(amplitude: Array, start: Array, cycles: Array, n: int) -> Arra
     evaluated, not n_ray n.
     """
     m = 1 << round(0.5 * np.log2(n))
-    coarse = _turned(start + cycles * m * np.arange(-(-n // m))[:, None])
-    fine = _turned(cycles * np.arange(m)[:, None])
+    coarse = _phase_angle(start + cycles * m * np.arange(-(-n // m))[:, None])
+    fine = _phase_angle(cycles * np.arange(m)[:, None])
     u = np.concatenate((amplitude * np.cos(coarse), -amplitude * np.sin(coarse)), axis=1)
     v = np.concatenate((np.cos(fine), np.sin(fine)), axis=1)
     return np.ascontiguousarray((u @ v.T).ravel()[:n])
 
 
-def _turned(cycles: Array) -> Array:
+def _phase_angle(cycles: Array) -> Array:
     """Angle [rad] of a number of turns, without the whole ones: they cost digits."""
     return np.asarray(2.0 * np.pi * (cycles - np.rint(cycles)))

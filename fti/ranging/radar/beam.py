@@ -30,17 +30,17 @@ from fti.ranging.radar.antenna import Antenna, from_db
 from fti.ranging.radar.baseband import KERNEL_BINS, hann_kernel
 from fti.ranging.radar.dome import Dome
 from fti.ranging.sensor import Poses
-from fti.terrain.cast import first_event
 from fti.terrain.kernel import kernel
-from fti.terrain.outcome import Outcome
 from fti.terrain.pyramid import Pyramid, heights_at, layers_at
+from fti.terrain.ray_cast import first_event
+from fti.terrain.ray_outcome import RayOutcome
 from fti.terrain.surface import Posts, surface
 from fti.terrain.terrain import Terrain
 
 Array = NDArray[np.float64]
 Codes = NDArray[np.uint8]
 
-_HIT = int(Outcome.HIT)
+_HIT = int(RayOutcome.HIT)
 _STEPS = 1024
 KERNEL = hann_kernel(
     np.arange(-KERNEL_BINS, KERNEL_BINS + 1) - (np.arange(_STEPS + 1)[:, None] / _STEPS - 0.5)
@@ -97,13 +97,13 @@ def make_beam(antenna: Antenna, dome: Dome, wavelength: float, cut_db: float = -
     return Beam(np.ascontiguousarray(dome.rays_s[cast]), np.ascontiguousarray(weights[cast]))
 
 
-class Echoes(NamedTuple):
+class BeamEchoes(NamedTuple):
     """What became of the rays of a beam at n poses, each of shape (n, rays).
 
     ranges      : [m] NaN where a ray met nothing
     range_rates : [m/s] growing, by the motion of the sensor
     powers      : received over transmitted; 0 where a ray met nothing
-    outcomes    : numbers of ``Outcome``
+    outcomes    : numbers of ``RayOutcome``
     """
 
     ranges: Array
@@ -112,14 +112,14 @@ class Echoes(NamedTuple):
     outcomes: Codes
 
 
-def trace_beam(terrain: Terrain, poses: Poses, beam: Beam, ground: Backscatter, max_range: float) -> Echoes:
+def trace_beam(terrain: Terrain, poses: Poses, beam: Beam, ground: Backscatter, max_range: float) -> BeamEchoes:
     """Cast the rays of a beam at each pose, as far as ``max_range`` [m]."""
     gains = beam.weights * float(from_db(ground.nadir_db))
     found = _trace(
         terrain.pyramid, poses.origins_l, poses.mats_ls, poses.vels_l, beam.rays_s, gains, ground.exponent - 1.0,
         float(max_range),
     )  # fmt: skip
-    return Echoes(*found)
+    return BeamEchoes(*found)
 
 
 @kernel

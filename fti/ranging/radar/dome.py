@@ -93,7 +93,7 @@ def triangle_solid_angles(a: Array, b: Array, c: Array) -> Array:
     return np.asarray(2.0 * np.arctan2(volume, 1.0 + np.sum(a * b + b * c + c * a, axis=-1)))
 
 
-def _frozen(array: Array) -> Array:
+def _freeze(array: Array) -> Array:
     """The array, read-only: what is kept for all must not be changed by one."""
     array.setflags(write=False)
     return array
@@ -118,7 +118,7 @@ def sphere(order: int) -> Sphere:
     triangles = number.reshape(20, -1)[:, lattice].reshape(-1, 3)
     areas = triangle_solid_angles(*(rays[triangles[:, k]] for k in range(3)))
     solid_angles = np.bincount(triangles.ravel(), np.repeat(areas / 3.0, 3)).astype(np.float64)
-    return Sphere(_frozen(rays), triangles, _frozen(solid_angles))
+    return Sphere(_freeze(rays), triangles, _freeze(solid_angles))
 
 
 @functools.cache
@@ -144,7 +144,7 @@ def half_dome(order: int, turn: Array | None = None) -> Dome:
     rays = whole.rays @ turn.T
     part = np.where(rays[:, 2] > _ON_EQUATOR, 1.0, np.where(rays[:, 2] >= -_ON_EQUATOR, 0.5, 0.0))
     inward = np.argsort(-rays[:, 2], kind="stable")[: np.count_nonzero(part)]
-    return Dome(_frozen(rays[inward]), _frozen((part * whole.solid_angles)[inward]))
+    return Dome(_freeze(rays[inward]), _freeze((part * whole.solid_angles)[inward]))
 
 
 def random_turn(rng: np.random.Generator) -> Array:

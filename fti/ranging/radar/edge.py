@@ -30,8 +30,8 @@ from fti.ranging.radar.baseband import hann_kernel
 from fti.ranging.radar.waveform import Array
 from fti.ranging.sensor import Codes, Validity
 
-LOWEST_THRESHOLD = 0.002  # -27 dB: the first side lobe of the window, -31.5 dB, must not be an edge
-HIGHEST_THRESHOLD = 0.7  # -1.5 dB: a bin of a lone scatterer reaches it, wherever that stands
+MIN_THRESHOLD = 0.002  # -27 dB: the first side lobe of the window, -31.5 dB, must not be an edge
+MAX_THRESHOLD = 0.7  # -1.5 dB: a bin of a lone scatterer reaches it, wherever that stands
 #: 1.4 dB: of a tone between two bins over the larger of them.
 SCALLOPING = float(1.0 / hann_kernel(0.5))
 
@@ -57,8 +57,8 @@ class LeadingEdge:
     margin: float = 10.0
 
     def __post_init__(self) -> None:
-        if not LOWEST_THRESHOLD <= self.threshold <= HIGHEST_THRESHOLD:
-            limits = f"between {LOWEST_THRESHOLD} and {HIGHEST_THRESHOLD}"
+        if not MIN_THRESHOLD <= self.threshold <= MAX_THRESHOLD:
+            limits = f"between {MIN_THRESHOLD} and {MAX_THRESHOLD}"
             raise ValueError(f"threshold is {self.threshold}, must lie {limits}")
         if not 1.0 < self.margin < np.inf:
             raise ValueError(f"margin is {self.margin}, must be above 1 and finite")

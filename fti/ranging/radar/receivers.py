@@ -42,7 +42,7 @@ STRETCH = 512  #: samples in which a ray's phase is written as one product
 
 
 @dataclass(frozen=True, slots=True)
-class Receiver(ABC):
+class FmcwReceiver(ABC):
     """A receiver and its samples; ``base`` gives waveform, last filter and rate of the beat signal."""
 
     base: Baseband = field(default_factory=Baseband)
@@ -72,7 +72,7 @@ class Receiver(ABC):
         """
         settle = SETTLE * self.decimation
         t = self.times(first - settle, n + 2 * settle)
-        rx = received(self.base.waveform, t, ranges, powers, phases)
+        rx = received_signal(self.base.waveform, t, ranges, powers, phases)
         return {name: signal[settle : settle + n] for name, signal in self._mixed(t, rx).items()}
 
     @abstractmethod
@@ -97,15 +97,17 @@ class Receiver(ABC):
 
     def _last_filter(self, signal: Array) -> Array:
         """The low-pass that leaves the beat."""
-        return filtered(signal, self.base.response(np.fft.rfftfreq(len(signal), 1.0 / self.rate)))
+        return apply_response(signal, self.base.response(np.fft.rfftfreq(len(signal), 1.0 / self.rate)))
 
     def _lowpass(self, signal: Array, last_passed: float, first_stopped: float) -> Array:
         """A low-pass between two mixers."""
-        return filtered(signal, lowpass(np.fft.rfftfreq(len(signal), 1.0 / self.rate), last_passed, first_stopped))
+        return apply_response(
+            signal, lowpass(np.fft.rfftfreq(len(signal), 1.0 / self.rate), last_passed, first_stopped)
+        )
 
 
 @dataclass(frozen=True, slots=True)
-class Loat(Receiver):
+class Loat(FmcwReceiver):
     """Local oscillator automatic tuning; f_if : intermediate frequency [Hz].
 
     Raises ValueError for an intermediate frequency whose products the filters cannot part.
@@ -130,7 +132,7 @@ class Loat(Receiver):
 
 
 @dataclass(frozen=True, slots=True)
-class Ssb(Receiver):
+class Ssb(FmcwReceiver):
     """Single sideband; f_lo : constant local oscillator [Hz].
 
     Raises ValueError for an oscillator whose sidebands overlap, or that is not above the beats.
@@ -152,7 +154,7 @@ class Ssb(Receiver):
         return {"rx": rx, "trx": trx, "trx_lo": trx_lo, "beat": self._last_filter(trx_lo)}
 
 
-def filtered(signal: Array, response: Array) -> Array:
+def apply_response(signal: Array, response: Array) -> Array:
     """A signal behind a filter with the given response at ``rfftfreq``; its two ends are taken to meet."""
     return np.asarray(np.fft.irfft(np.fft.rfft(signal) * response, len(signal)))
 
@@ -164,7 +166,9 @@ def line_spectrum(signal: Array, rate: float) -> tuple[Array, Array]:
     return np.asarray(np.fft.rfftfreq(len(signal), 1.0 / rate)), np.asarray(lines)
 
 
-def received(waveform: Waveform, t: Array, ranges: ArrayLike, powers: ArrayLike, phases: ArrayLike = 0.0) -> Array:
+def received_signal(
+    waveform: Waveform, t: Array, ranges: ArrayLike, powers: ArrayLike, phases: ArrayLike = 0.0
+) -> Array:
     """What the antenna receives at equally spaced times t [s]: sum_n sqrt(P_n) cos(phase(t - tau_n) + phi_n).
 
     Over a stretch from t_a on, s = t - t_a, the phase of an echo that stays in one ramp, begun at t_r, is in cycles

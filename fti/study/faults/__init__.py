@@ -20,7 +20,7 @@ Source: docs/fault-detection.md; Groves 2013 for units and receivers; Willsky, J
     for t_ns, device, measurement in draw(CELLS[0], seed=1):
         ...
 
-``Cell`` says what is wrong, how much, and with which inertial unit; ``Flight`` iterates over the measurements of all
+``Cell`` says what is wrong, how much, and with which inertial unit; ``SimulatedFlight`` iterates over the measurements of all
 devices in order of time, and knows the truth (``truth``, ``error``) and the fault (``fault``).
 """
 
@@ -30,15 +30,27 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fti.study import Draw, Progress, Result
-from fti.study.faults.cells import CELLS, Cell, Kind
-from fti.study.faults.flight import START_NS, Fault, Flight, draw
+from fti.study import DrawFigure, Progress, StudyResult
+from fti.study.faults.cells import CELLS, Cell, SensorFault
+from fti.study.faults.flight import START_NS, FlightFault, SimulatedFlight, draw
 from fti.study.workers import run_all
 
 if TYPE_CHECKING:
-    from fti.study.faults.flown import Found
+    from fti.study.faults.fault_flights import TaskOutcome
 
-__all__ = ["CELLS", "RUNS", "SEED", "START_NS", "Cell", "Fault", "Flight", "Kind", "draw", "drawings", "study"]
+__all__ = [
+    "CELLS",
+    "RUNS",
+    "SEED",
+    "START_NS",
+    "Cell",
+    "FlightFault",
+    "SensorFault",
+    "SimulatedFlight",
+    "draw",
+    "drawings",
+    "study",
+]
 
 #: Faults of each cell of the table: 3,168 of them, and 300 nominal hours with those of others.
 RUNS = 11
@@ -46,20 +58,20 @@ SEED = 17
 
 
 #: What was flown last, by seed: pictures of it need not be flown again.
-_flown: dict[int, list[Found]] = {}
+_flown: dict[int, list[TaskOutcome]] = {}
 
 
-def study(runs: int, seed: int, progress: Progress) -> list[Result]:
+def study(runs: int, seed: int, progress: Progress) -> list[StudyResult]:
     """``runs`` faults of each cell of the table, an eleventh of that of others."""
-    from fti.study.faults.flown import fly  # noqa: PLC0415 - the simulator alone needs no navigation
-    from fti.study.faults.judgement import judge  # noqa: PLC0415
+    from fti.study.faults.criteria import judge  # noqa: PLC0415
+    from fti.study.faults.fault_flights import fly  # noqa: PLC0415 - the simulator alone needs no navigation
     from fti.study.faults.plan import plan  # noqa: PLC0415
 
     _flown[seed] = run_all(fly, plan(runs, seed), progress)
     return judge(_flown[seed], np.random.default_rng([seed, 3]))
 
 
-def drawings(seed: int) -> dict[str, Draw]:
+def drawings(seed: int) -> dict[str, DrawFigure]:
     """Error and levels of a ramp, by grade; MI of all cells that the study has flown."""
     from fti.study.faults import plots  # noqa: PLC0415 - matplotlib is slow to load
 

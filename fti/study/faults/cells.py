@@ -18,7 +18,7 @@ SHARP = math.inf
 ONSETS_M_S2 = (SHARP, 0.02, 0.1, 0.3)
 
 
-class Kind(StrEnum):
+class SensorFault(StrEnum):
     """What is wrong; receivers first, then barometer and inertial unit."""
 
     NONE = "none"
@@ -43,14 +43,21 @@ class Kind(StrEnum):
     GYRO_SATURATED = "gyro-saturated"
 
 
-BARO_KINDS = frozenset({Kind.BARO_STEP, Kind.BARO_RAMP, Kind.QNH})
+BARO_KINDS = frozenset({SensorFault.BARO_STEP, SensorFault.BARO_RAMP, SensorFault.QNH})
 INERTIAL_KINDS = frozenset(
-    {Kind.ACCEL_STEP, Kind.GYRO_STEP, Kind.ACCEL_STUCK, Kind.GYRO_STUCK, Kind.ACCEL_SATURATED, Kind.GYRO_SATURATED}
+    {
+        SensorFault.ACCEL_STEP,
+        SensorFault.GYRO_STEP,
+        SensorFault.ACCEL_STUCK,
+        SensorFault.GYRO_STUCK,
+        SensorFault.ACCEL_SATURATED,
+        SensorFault.GYRO_SATURATED,
+    }
 )
 UNITS = {
-    Kind.JUMP: "m", Kind.RAMP: "m/s", Kind.SIGMA: "times", Kind.HEIGHT: "m", Kind.TIME_STEP: "s", Kind.BARO_STEP: "m",
-    Kind.BARO_RAMP: "m/s", Kind.QNH: "hPa", Kind.ACCEL_STEP: "m/s^2", Kind.GYRO_STEP: "deg/s",
-    Kind.ACCEL_SATURATED: "m/s^2", Kind.GYRO_SATURATED: "deg/s",
+    SensorFault.JUMP: "m", SensorFault.RAMP: "m/s", SensorFault.SIGMA: "times", SensorFault.HEIGHT: "m", SensorFault.TIME_STEP: "s", SensorFault.BARO_STEP: "m",
+    SensorFault.BARO_RAMP: "m/s", SensorFault.QNH: "hPa", SensorFault.ACCEL_STEP: "m/s^2", SensorFault.GYRO_STEP: "deg/s",
+    SensorFault.ACCEL_SATURATED: "m/s^2", SensorFault.GYRO_SATURATED: "deg/s",
 }  # fmt: skip
 
 
@@ -64,7 +71,7 @@ class Cell:
     """
 
     grade: str
-    kind: Kind
+    kind: SensorFault
     magnitude: float = 0.0
     onset_m_s2: float = SHARP
     with_velocity: bool = False
@@ -87,55 +94,55 @@ class Cell:
 
 
 #: Faults other than ramps: kind and magnitudes.
-SIZES: tuple[tuple[Kind, tuple[float, ...]], ...] = (
-    (Kind.FROZEN, (0.0,)),
-    (Kind.FROZEN_POSITION, (0.0,)),
-    (Kind.JUMP, (30.0, 100.0, 1000.0)),
-    (Kind.SWAPPED, (0.0,)),
-    (Kind.SIGMA, (3.0, 10.0)),
-    (Kind.UNDULATION_ZERO, (0.0,)),
-    (Kind.MSL_HEIGHT, (0.0,)),
-    (Kind.HEIGHT, (47.0, 83.0)),
-    (Kind.TIME_STEP, (0.2, 1.0, 5.0)),
-    (Kind.BARO_STEP, (30.0, 100.0)),
-    (Kind.BARO_RAMP, (0.1, 1.0)),
-    (Kind.QNH, (5.0, 10.0)),
-    (Kind.ACCEL_STEP, (0.05, 0.5)),
-    (Kind.GYRO_STEP, (0.01, 0.1, 1.0)),
-    (Kind.ACCEL_STUCK, (0.0,)),
-    (Kind.GYRO_STUCK, (0.0,)),
-    (Kind.ACCEL_SATURATED, (10.0,)),
-    (Kind.GYRO_SATURATED, (3.0,)),
+SIZES: tuple[tuple[SensorFault, tuple[float, ...]], ...] = (
+    (SensorFault.FROZEN, (0.0,)),
+    (SensorFault.FROZEN_POSITION, (0.0,)),
+    (SensorFault.JUMP, (30.0, 100.0, 1000.0)),
+    (SensorFault.SWAPPED, (0.0,)),
+    (SensorFault.SIGMA, (3.0, 10.0)),
+    (SensorFault.UNDULATION_ZERO, (0.0,)),
+    (SensorFault.MSL_HEIGHT, (0.0,)),
+    (SensorFault.HEIGHT, (47.0, 83.0)),
+    (SensorFault.TIME_STEP, (0.2, 1.0, 5.0)),
+    (SensorFault.BARO_STEP, (30.0, 100.0)),
+    (SensorFault.BARO_RAMP, (0.1, 1.0)),
+    (SensorFault.QNH, (5.0, 10.0)),
+    (SensorFault.ACCEL_STEP, (0.05, 0.5)),
+    (SensorFault.GYRO_STEP, (0.01, 0.1, 1.0)),
+    (SensorFault.ACCEL_STUCK, (0.0,)),
+    (SensorFault.GYRO_STUCK, (0.0,)),
+    (SensorFault.ACCEL_SATURATED, (10.0,)),
+    (SensorFault.GYRO_SATURATED, (3.0,)),
 )
 RATES_M_S = (0.1, 0.2, 0.3, 0.5, 1.0, 2.0, 3.0)
 #: What two receivers are tried with; every kind is one of a receiver.
-PAIR_SIZES: tuple[tuple[Kind, tuple[float, ...]], ...] = (
-    (Kind.FROZEN, (0.0,)),
-    (Kind.JUMP, (100.0,)),
-    (Kind.HEIGHT, (47.0,)),
+PAIR_SIZES: tuple[tuple[SensorFault, tuple[float, ...]], ...] = (
+    (SensorFault.FROZEN, (0.0,)),
+    (SensorFault.JUMP, (100.0,)),
+    (SensorFault.HEIGHT, (47.0,)),
 )
 PAIR_RAMPS = tuple(product((0.3, 1.0, 3.0), (SHARP, 0.1)))
 
 
 def _single(grade: str) -> Iterator[Cell]:
-    yield Cell(grade, Kind.NONE)
+    yield Cell(grade, SensorFault.NONE)
     for kind, sizes in SIZES:
         for size in sizes:
             yield Cell(grade, kind, size)
     for rate in RATES_M_S:
-        yield Cell(grade, Kind.RAMP, rate)
+        yield Cell(grade, SensorFault.RAMP, rate)
         for onset in ONSETS_M_S2:
-            yield Cell(grade, Kind.RAMP, rate, onset, with_velocity=True)
+            yield Cell(grade, SensorFault.RAMP, rate, onset, with_velocity=True)
 
 
 def _pairs(grade: str) -> Iterator[Cell]:
-    yield Cell(grade, Kind.NONE, receivers=2)
+    yield Cell(grade, SensorFault.NONE, receivers=2)
     for liars in (1, 2):
         for kind, sizes in PAIR_SIZES:
             for size in sizes:
                 yield Cell(grade, kind, size, receivers=2, liars=liars)
         for rate, onset in PAIR_RAMPS:
-            yield Cell(grade, Kind.RAMP, rate, onset, with_velocity=True, receivers=2, liars=liars)
+            yield Cell(grade, SensorFault.RAMP, rate, onset, with_velocity=True, receivers=2, liars=liars)
 
 
 def _with_patterns(cells: Iterator[Cell]) -> Iterator[Cell]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from fti.study.faults.earth import STANDARD_GRAVITY
-from fti.study.faults.profile import Profile
+from fti.study.faults.profile import SmoothProfile
 from fti.study.faults.trajectory import Course
 
 Rng = np.random.Generator
@@ -44,16 +44,16 @@ def draw_course(
     )
 
 
-def _speed(rng: Rng, mean: float, end_s: float) -> Profile:
+def _speed(rng: Rng, mean: float, end_s: float) -> SmoothProfile:
     times, values = [0.0, ALIGNMENT_S], [mean, mean]
     while times[-1] < end_s:
         begin = times[-1] + rng.uniform(*CRUISE_S)
         times += [begin, begin + SPEED_CHANGE_S]
         values += [values[-1], mean * rng.uniform(0.88, 1.12)]
-    return Profile(times, values)
+    return SmoothProfile(times, values)
 
 
-def _climb(rng: Rng, speed: float, alt: float, heights: tuple[float, float], end_s: float) -> Profile:
+def _climb(rng: Rng, speed: float, alt: float, heights: tuple[float, float], end_s: float) -> SmoothProfile:
     """Climbs and descents to heights drawn between the limits; each begins and ends with a round-out."""
     times, values = [0.0, ALIGNMENT_S], [0.0, 0.0]
     while times[-1] < end_s:
@@ -64,10 +64,10 @@ def _climb(rng: Rng, speed: float, alt: float, heights: tuple[float, float], end
         times += [begin, begin + CLIMB_ROUND_S, begin + CLIMB_ROUND_S + steady, begin + 2.0 * CLIMB_ROUND_S + steady]
         values += [0.0, angle, angle, 0.0]
         alt += speed * np.sin(angle) * (steady + CLIMB_ROUND_S)
-    return Profile(times, values)
+    return SmoothProfile(times, values)
 
 
-def _track_rate(rng: Rng, speed: float, turns: tuple[float, float]) -> Profile:
+def _track_rate(rng: Rng, speed: float, turns: tuple[float, float]) -> SmoothProfile:
     """Legs and turns; between the two times of ``turns`` the legs are a few seconds long."""
     times, values = [0.0, ALIGNMENT_S], [0.0, 0.0]
     while times[-1] < turns[1]:
@@ -76,4 +76,4 @@ def _track_rate(rng: Rng, speed: float, turns: tuple[float, float]) -> Profile:
         begin = times[-1] + rng.uniform(*(TURN_LEG_S if times[-1] >= turns[0] else LEG_S))
         times += [begin, begin + ROLL_S, begin + ROLL_S + steady, begin + 2.0 * ROLL_S + steady]
         values += [0.0, rate, rate, 0.0]
-    return Profile(times, values)
+    return SmoothProfile(times, values)

@@ -25,7 +25,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from fti.nav.separation.monitor import K_FA_SATELLITES
-from fti.study.faults.detectable import (
+from fti.study.faults.detectability import (
     AGE_OF_SEVERAL_S,
     AGE_S,
     K_MD,
@@ -58,11 +58,11 @@ def smallest(grade: str) -> Curve:
     ramp = filter_response(grade, np.stack((t, np.ones_like(t)), axis=1))
     acceleration = filter_response(grade, np.stack((0.5 * t**2, t), axis=1))
     ages = np.arange(RENEWALS, MAX_AGE_S + 1, RENEWALS)
-    found = np.array([[smallest_seen(moved, sds, int(age)) for moved in (ramp, acceleration)] for age in ages])
+    found = np.array([[smallest_detected(moved, sds, int(age)) for moved in (ramp, acceleration)] for age in ages])
     return Curve(ages.astype(np.float64), found[:, 0], found[:, 1])
 
 
-def smallest_seen(moved: Array, sds: Array, age_s: int) -> float:
+def smallest_detected(moved: Array, sds: Array, age_s: int) -> float:
     """The size of a fault that is seen by copies that are replaced at an age; infinite where none is.
 
     moved : the filter by a fault of size 1 at 0, 1, ... s, shape (n, 2);  sds : of d at 1, 2, ... s, shape (m, 2)

@@ -50,7 +50,7 @@ def transport_rate_n(lat: Array, alt: Array, vel_n: Array) -> Array:
     return np.stack((over, -north / (meridian + alt), -over * np.tan(lat)), axis=-1)
 
 
-def displaced(lat: Array, lon: Array, alt: Array, by_n: Array) -> tuple[Array, Array, Array]:
+def displace(lat: Array, lon: Array, alt: Array, by_n: Array) -> tuple[Array, Array, Array]:
     """Latitude, longitude and height of points moved north, east, down (n, 3) [m]."""
     meridian, normal = radii(lat)
     return (

@@ -14,15 +14,15 @@ from operator import itemgetter
 import numpy as np
 from numpy.typing import NDArray
 
-from fti.study.faults.cells import BARO_KINDS, INERTIAL_KINDS, Cell, Kind
+from fti.study.faults.cells import BARO_KINDS, INERTIAL_KINDS, Cell, SensorFault
 from fti.study.faults.course import draw_course
 from fti.study.faults.earth import radii
-from fti.study.faults.inertial_unit import RATE_HZ, UNITS, Samples, measured
+from fti.study.faults.inertial_unit import RATE_HZ, UNITS, InertialSamples, measure_inertial
 from fti.study.faults.noise import gauss_markov, gauss_markov_n
-from fti.study.faults.receiver import RATES_HZ, Fixes, delayed, draw_satellites, faulty, fixes, rows
-from fti.study.faults.shapes import Mask, Window, frozen
-from fti.study.faults.terrain import RELIEF_SD_M, Terrain, terrain
-from fti.study.faults.trajectory import Motion, Trajectory
+from fti.study.faults.receiver import RATES_HZ, Fixes, apply_fault, delay_fixes, draw_satellites, fixes, rows
+from fti.study.faults.shapes import FaultWindow, Mask, frozen
+from fti.study.faults.terrain import RELIEF_SD_M, WaveTerrain, terrain
+from fti.study.faults.trajectory import Trajectory, TrueMotion
 from fti.types import Attitude, ImuSample, Measurement, Position, PressureAltitude, RadioHeight, Stamp, Velocity
 
 Array = NDArray[np.float64]
@@ -59,26 +59,26 @@ class Rates:
 
 
 @dataclass(frozen=True, slots=True)
-class Fault:
+class FlightFault:
     """What goes wrong, when, and on which devices; without a fault there are no devices and both times are the end."""
 
-    kind: Kind
+    kind: SensorFault
     onset_ns: int
     end_ns: int
     devices: tuple[str, ...]
 
 
 @dataclass(frozen=True, eq=False)
-class Flight:
+class SimulatedFlight:
     """Iterate it for (t_ns, device, measurement) in order of time; again for the same once more."""
 
     cell: Cell
-    fault: Fault
+    fault: FlightFault
     trajectory: Trajectory
-    terrain: Terrain
+    terrain: WaveTerrain
     undulation: float
     duration_s: float
-    inertial: Samples
+    inertial: InertialSamples
     fixes: dict[str, Fixes]
     baro: tuple[Array, Array]
     attitude: tuple[Array, Array]
@@ -91,7 +91,7 @@ class Flight:
             key=itemgetter(0),
         )  # fmt: skip
 
-    def truth(self, t_ns: int | NDArray[np.int64]) -> Motion:
+    def truth(self, t_ns: int | NDArray[np.int64]) -> TrueMotion:
         """True state at times [ns]."""
         return self.trajectory.at((np.atleast_1d(t_ns) - START_NS) / SECOND_NS)
 
@@ -106,15 +106,15 @@ class Flight:
         north = (lat - m.lat[0]) * (meridian[0] + m.alt[0])
         return float(north), float(turned * (normal[0] + m.alt[0]) * np.cos(m.lat[0])), float(m.alt[0] - alt)
 
-    def between(self, begin_s: float, end_s: float) -> Flight:
+    def between(self, begin_s: float, end_s: float) -> SimulatedFlight:
         """The same flight with the measurements of a part of it only, begin <= t < end."""
-        part = Window(begin_s, end_s)
+        part = FaultWindow(begin_s, end_s)
 
         def cut(t: Array, values: Array) -> tuple[Array, Array]:
             return t[part.covers(t)], values[part.covers(t)]
 
         inside = part.covers(self.inertial.t)
-        inertial = Samples(self.inertial.t[inside], self.inertial.accel_b[inside], self.inertial.gyro_b[inside])
+        inertial = InertialSamples(self.inertial.t[inside], self.inertial.accel_b[inside], self.inertial.gyro_b[inside])
         fixes = {name: found.between(part) for name, found in self.fixes.items()}
         return replace(
             self, inertial=inertial, fixes=fixes, baro=cut(*self.baro), attitude=cut(*self.attitude),
@@ -131,50 +131,50 @@ class _Scenario:
     """What is decided before any device measures; ``window`` is that of the fault."""
 
     cell: Cell
-    fault: Fault
-    window: Window
+    fault: FlightFault
+    window: FaultWindow
     duration_s: float
     trajectory: Trajectory
-    terrain: Terrain
+    terrain: WaveTerrain
     undulation: float
     rates: Rates
 
 
-def draw(cell: Cell, seed: int) -> Flight:
+def draw(cell: Cell, seed: int) -> SimulatedFlight:
     """One flight of a cell; the same seed draws the same flight, other cells of the same seed other flights."""
     rng = np.random.default_rng([seed, *cell.name.encode()])
     return _fly(_draw_scenario(cell, seed, rng), rng)
 
 
-def draw_nominal(cell: Cell, seed: int, duration_s: float, rates: Rates) -> Flight:
+def draw_nominal(cell: Cell, seed: int, duration_s: float, rates: Rates) -> SimulatedFlight:
     """One flight of the grade, receivers and pattern of a cell without its fault, which ``strike`` adds to it.
 
     Turns begin 60 s before the first fault.  Where the cell swaps latitude and longitude, the place is one of its own.
     """
-    nominal = Cell(cell.grade, Kind.NONE, receivers=cell.receivers, pattern=cell.pattern)
+    nominal = Cell(cell.grade, SensorFault.NONE, receivers=cell.receivers, pattern=cell.pattern)
     rng = np.random.default_rng([seed, *nominal.name.encode()])
-    window = Window(duration_s, duration_s)
+    window = FaultWindow(duration_s, duration_s)
     turns_s = ONSET_S[0] - TURNS_BEFORE_S if cell.pattern == "turns" else duration_s
     return _fly(_scenario(nominal, seed, rng, _Frame(window, duration_s, turns_s, _place(cell, rng)), rates), rng)
 
 
 def fault_s(cell: Cell) -> float:
     """How long the fault of a cell lasts [s]."""
-    return SLOW_FAULT_S if cell.kind is Kind.RAMP and cell.magnitude <= SLOW_M_S else FAULT_S
+    return SLOW_FAULT_S if cell.kind is SensorFault.RAMP and cell.magnitude <= SLOW_M_S else FAULT_S
 
 
-def strike(nominal: Flight, cell: Cell, onset_s: float, seed: int) -> Flight:
+def strike(nominal: SimulatedFlight, cell: Cell, onset_s: float, seed: int) -> SimulatedFlight:
     """A nominal flight with the fault of a cell from a time on: what is measured before it is the same.
 
     The flight ends ``AFTER_S`` behind the fault, and must be long enough.
     """
     rng = np.random.default_rng([seed, *cell.name.encode()])
-    window = Window(onset_s, onset_s + fault_s(cell))
+    window = FaultWindow(onset_s, onset_s + fault_s(cell))
     duration_s = window.end_s + AFTER_S
     fault, azimuth, fixes = _fault(cell, window, duration_s), rng.uniform(-np.pi, np.pi), dict(nominal.fixes)
     for name in set(fault.devices) & set(fixes):
-        late = delayed(fixes[name], cell, window, nominal.trajectory)
-        fixes[name] = faulty(late, cell, window, azimuth, rng)
+        late = delay_fixes(fixes[name], cell, window, nominal.trajectory)
+        fixes[name] = apply_fault(late, cell, window, azimuth, rng)
     t, alt = nominal.baro
     baro = t, alt + _baro_fault(cell, window, t, rng)
     inertial = _faulty_inertial(nominal.inertial, cell, window, rng)
@@ -183,8 +183,8 @@ def strike(nominal: Flight, cell: Cell, onset_s: float, seed: int) -> Flight:
     )  # fmt: skip
 
 
-def _fly(s: _Scenario, rng: Rng) -> Flight:
-    return Flight(
+def _fly(s: _Scenario, rng: Rng) -> SimulatedFlight:
+    return SimulatedFlight(
         s.cell, s.fault, s.trajectory, s.terrain, s.undulation, s.duration_s,
         inertial=_inertial(s, rng), fixes=_receivers(s, rng), baro=_pressure_altitudes(s, rng),
         attitude=_attitudes(s, rng), radar=_heights(s, rng),
@@ -193,7 +193,7 @@ def _fly(s: _Scenario, rng: Rng) -> Flight:
 
 def _draw_scenario(cell: Cell, seed: int, rng: Rng) -> _Scenario:
     onset_s = rng.uniform(*ONSET_S)
-    window = Window(onset_s, onset_s + fault_s(cell))
+    window = FaultWindow(onset_s, onset_s + fault_s(cell))
     duration_s = window.end_s + AFTER_S
     turns_s = onset_s - TURNS_BEFORE_S if cell.pattern == "turns" else duration_s
     return _scenario(cell, seed, rng, _Frame(window, duration_s, turns_s, _place(cell, rng)), Rates())
@@ -203,7 +203,7 @@ def _draw_scenario(cell: Cell, seed: int, rng: Rng) -> _Scenario:
 class _Frame:
     """Window of the fault; duration and beginning of the turns [s]; place of the start, lat, lon [rad]."""
 
-    window: Window
+    window: FaultWindow
     duration_s: float
     turns_s: float
     place: tuple[float, float]
@@ -220,21 +220,21 @@ def _scenario(cell: Cell, seed: int, rng: Rng, frame: _Frame, rates: Rates) -> _
 
 def _place(cell: Cell, rng: Rng) -> tuple[float, float]:
     """Where it begins; swapping latitude and longitude moves it by 5000 km and more."""
-    if cell.kind is Kind.SWAPPED:
+    if cell.kind is SensorFault.SWAPPED:
         return float(np.deg2rad(rng.uniform(45.0, 55.0))), float(np.deg2rad(rng.uniform(3.0, 12.0)))
     return float(np.deg2rad(rng.uniform(-60.0, 60.0))), float(np.deg2rad(rng.uniform(-150.0, 150.0)))
 
 
-def _fault(cell: Cell, window: Window, duration_s: float) -> Fault:
-    if cell.kind is Kind.NONE:
-        return Fault(cell.kind, nanoseconds(duration_s), nanoseconds(duration_s), ())
+def _fault(cell: Cell, window: FaultWindow, duration_s: float) -> FlightFault:
+    if cell.kind is SensorFault.NONE:
+        return FlightFault(cell.kind, nanoseconds(duration_s), nanoseconds(duration_s), ())
     if cell.kind in INERTIAL_KINDS:
         devices: tuple[str, ...] = ("imu",)
     elif cell.kind in BARO_KINDS:
         devices = ("baro",)
     else:
         devices = _names(cell.receivers)[-cell.liars :]
-    return Fault(cell.kind, nanoseconds(window.begin_s), nanoseconds(window.end_s), devices)
+    return FlightFault(cell.kind, nanoseconds(window.begin_s), nanoseconds(window.end_s), devices)
 
 
 def _names(receivers: int) -> tuple[str, ...]:
@@ -249,27 +249,27 @@ def nanoseconds(t: float) -> int:
 # ------------------------------------------------------------------------------------------------------- devices
 
 
-def _inertial(s: _Scenario, rng: Rng) -> Samples:
+def _inertial(s: _Scenario, rng: Rng) -> InertialSamples:
     t = np.arange(int(s.duration_s * s.rates.imu)) / s.rates.imu
-    found = measured(s.trajectory.at(t), UNITS[s.cell.grade], rng, s.rates.imu)
+    found = measure_inertial(s.trajectory.at(t), UNITS[s.cell.grade], rng, s.rates.imu)
     return _faulty_inertial(found, s.cell, s.window, rng)
 
 
-def _faulty_inertial(found: Samples, cell: Cell, window: Window, rng: Rng) -> Samples:
+def _faulty_inertial(found: InertialSamples, cell: Cell, window: FaultWindow, rng: Rng) -> InertialSamples:
     axis, sign, active = int(rng.integers(3)), float(rng.choice((-1.0, 1.0))), window.covers(found.t)
     if cell.kind not in INERTIAL_KINDS:
         return found
-    if cell.kind in {Kind.ACCEL_STEP, Kind.ACCEL_STUCK, Kind.ACCEL_SATURATED}:
+    if cell.kind in {SensorFault.ACCEL_STEP, SensorFault.ACCEL_STUCK, SensorFault.ACCEL_SATURATED}:
         return replace(found, accel_b=_faulty_triad(found.accel_b, cell.kind, sign * cell.magnitude, axis, active))
     size = sign * float(np.deg2rad(cell.magnitude))
     return replace(found, gyro_b=_faulty_triad(found.gyro_b, cell.kind, size, axis, active))
 
 
-def _faulty_triad(true_b: Array, kind: Kind, size: float, axis: int, active: Mask) -> Array:
+def _faulty_triad(true_b: Array, kind: SensorFault, size: float, axis: int, active: Mask) -> Array:
     changed = true_b.copy()
-    if kind in {Kind.ACCEL_STUCK, Kind.GYRO_STUCK}:
+    if kind in {SensorFault.ACCEL_STUCK, SensorFault.GYRO_STUCK}:
         changed[:, axis] = true_b[frozen(active), axis]
-    elif kind in {Kind.ACCEL_SATURATED, Kind.GYRO_SATURATED}:
+    elif kind in {SensorFault.ACCEL_SATURATED, SensorFault.GYRO_SATURATED}:
         changed[active] = np.clip(true_b[active], -abs(size), abs(size))
     else:
         changed[active, axis] += size
@@ -281,10 +281,10 @@ def _receivers(s: _Scenario, rng: Rng) -> dict[str, Fixes]:
     azimuth, found = rng.uniform(-np.pi, np.pi), dict[str, Fixes]()
     for name in _names(s.cell.receivers):
         lies = name in s.fault.devices
-        is_late = lies and s.cell.kind is Kind.TIME_STEP
+        is_late = lies and s.cell.kind is SensorFault.TIME_STEP
         delay_s = np.where(s.window.covers(sky.t) & is_late, s.cell.magnitude, 0.0)
         nominal = fixes(sky, s.trajectory, s.undulation, delay_s, rng)
-        found[name] = faulty(nominal, s.cell, s.window, azimuth, rng) if lies else nominal
+        found[name] = apply_fault(nominal, s.cell, s.window, azimuth, rng) if lies else nominal
     return found
 
 
@@ -301,7 +301,7 @@ def _pressure_altitudes(s: _Scenario, rng: Rng) -> tuple[Array, Array]:
     return t, nominal + _baro_fault(s.cell, s.window, t, rng)
 
 
-def _baro_fault(cell: Cell, window: Window, t: Array, rng: Rng) -> Array:
+def _baro_fault(cell: Cell, window: FaultWindow, t: Array, rng: Rng) -> Array:
     """What a fault of the barometer adds at times [m]."""
     sign = float(rng.choice((-1.0, 1.0)))
     return np.asarray(sign * _baro_error(cell, t - window.begin_s) * window.covers(t))
@@ -310,11 +310,11 @@ def _baro_fault(cell: Cell, window: Window, t: Array, rng: Rng) -> Array:
 def _baro_error(cell: Cell, elapsed: Array) -> Array:
     """What a fault of the barometer adds [m] at times since its onset [s]."""
     match cell.kind:
-        case Kind.BARO_STEP:
+        case SensorFault.BARO_STEP:
             return np.full(len(elapsed), cell.magnitude)
-        case Kind.QNH:
+        case SensorFault.QNH:
             return np.full(len(elapsed), M_PER_HPA * cell.magnitude)
-        case Kind.BARO_RAMP:
+        case SensorFault.BARO_RAMP:
             return cell.magnitude * elapsed
         case _:
             return np.zeros(len(elapsed))
@@ -344,7 +344,7 @@ def _stamps(t: Array) -> Iterator[tuple[int, Stamp]]:
         yield t_ns, Stamp(t_rx_ns=t_ns, t_valid_ns=t_ns)
 
 
-def _imu(found: Samples) -> Iterator[Timed]:
+def _imu(found: InertialSamples) -> Iterator[Timed]:
     values = np.concatenate((found.accel_b, found.gyro_b), axis=1).tolist()
     for (t_ns, stamp), (fx, fy, fz, wx, wy, wz) in zip(_stamps(found.t), values, strict=True):
         yield t_ns, "imu", ImuSample(stamp=stamp, accel_b=(fx, fy, fz), gyro_b=(wx, wy, wz))

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from fti.study.faults.earth import STANDARD_GRAVITY
 from fti.study.faults.noise import gauss_markov_n
-from fti.study.faults.trajectory import Motion, angular_rate_b, specific_force_b
+from fti.study.faults.trajectory import TrueMotion, angular_rate_b, specific_force_b
 
 Array = NDArray[np.float64]
 
@@ -32,7 +32,7 @@ _DEG_ROOT_H = float(np.deg2rad(1.0)) / 60.0
 
 
 @dataclass(frozen=True, slots=True)
-class Triad:
+class TriadErrors:
     """Three sensors, one sigma each.
 
     bias : constant part [unit];  walk : white noise density [unit / sqrt(Hz)];  scale : scale factor and
@@ -48,28 +48,29 @@ class Triad:
 class InertialUnit:
     """Accelerometers and gyroscopes of one grade."""
 
-    accel: Triad
-    gyro: Triad
+    accel: TriadErrors
+    gyro: TriadErrors
 
 
 UNITS = {
     "navigation": InertialUnit(
-        Triad(0.05 * _MG, 20.0 * _UG, 50.0 * _PPM), Triad(0.01 * _DEG_H, 0.002 * _DEG_ROOT_H, 5.0 * _PPM)
+        TriadErrors(0.05 * _MG, 20.0 * _UG, 50.0 * _PPM), TriadErrors(0.01 * _DEG_H, 0.002 * _DEG_ROOT_H, 5.0 * _PPM)
     ),
     "tactical": InertialUnit(
-        Triad(1.0 * _MG, 100.0 * _UG, 300.0 * _PPM), Triad(1.0 * _DEG_H, 0.1 * _DEG_ROOT_H, 150.0 * _PPM)
+        TriadErrors(1.0 * _MG, 100.0 * _UG, 300.0 * _PPM), TriadErrors(1.0 * _DEG_H, 0.1 * _DEG_ROOT_H, 150.0 * _PPM)
     ),
     "industrial": InertialUnit(
-        Triad(2.0 * _MG, 150.0 * _UG, 1000.0 * _PPM), Triad(7.0 * _DEG_H, 0.3 * _DEG_ROOT_H, 1000.0 * _PPM)
+        TriadErrors(2.0 * _MG, 150.0 * _UG, 1000.0 * _PPM), TriadErrors(7.0 * _DEG_H, 0.3 * _DEG_ROOT_H, 1000.0 * _PPM)
     ),
     "mems": InertialUnit(
-        Triad(5.0 * _MG, 300.0 * _UG, 3000.0 * _PPM), Triad(100.0 * _DEG_H, 0.6 * _DEG_ROOT_H, 3000.0 * _PPM)
+        TriadErrors(5.0 * _MG, 300.0 * _UG, 3000.0 * _PPM),
+        TriadErrors(100.0 * _DEG_H, 0.6 * _DEG_ROOT_H, 3000.0 * _PPM),
     ),
 }
 
 
 @dataclass(frozen=True, eq=False)
-class Samples:
+class InertialSamples:
     """Samples at t (n,) [s]: accel_b (n, 3) [m/s^2] and gyro_b (n, 3) [rad/s]."""
 
     t: Array
@@ -77,22 +78,24 @@ class Samples:
     gyro_b: Array
 
 
-def ideal(m: Motion) -> Samples:
+def ideal_samples(m: TrueMotion) -> InertialSamples:
     """Without any error, in normal gravity."""
-    return Samples(m.t, specific_force_b(m), angular_rate_b(m))
+    return InertialSamples(m.t, specific_force_b(m), angular_rate_b(m))
 
 
-def measured(m: Motion, unit: InertialUnit, rng: np.random.Generator, rate_hz: int = RATE_HZ) -> Samples:
+def measure_inertial(
+    m: TrueMotion, unit: InertialUnit, rng: np.random.Generator, rate_hz: int = RATE_HZ
+) -> InertialSamples:
     """What a unit drawn from its grade measures at the times of a motion, at a rate."""
     speed = float(np.mean(np.linalg.norm(m.vel_n, axis=1)))
     sds = (GRAVITY_SD,) * 3
     disturbance_n = gauss_markov_n(len(m.t), 1.0 / rate_hz, GRAVITY_LENGTH_M / speed, sds, rng)
-    true = replace(ideal(m), accel_b=specific_force_b(m, disturbance_n))
+    true = replace(ideal_samples(m), accel_b=specific_force_b(m, disturbance_n))
     accel_b = triad_output(true.accel_b, unit.accel, rng, rate_hz)
-    return Samples(m.t, accel_b, triad_output(true.gyro_b, unit.gyro, rng, rate_hz))
+    return InertialSamples(m.t, accel_b, triad_output(true.gyro_b, unit.gyro, rng, rate_hz))
 
 
-def triad_output(true_b: Array, triad: Triad, rng: np.random.Generator, rate_hz: int = RATE_HZ) -> Array:
+def triad_output(true_b: Array, triad: TriadErrors, rng: np.random.Generator, rate_hz: int = RATE_HZ) -> Array:
     """(I + M) x + constant bias + in-run bias + white noise of density walk over one sample."""
     matrix = np.eye(3) + rng.normal(0.0, triad.scale, (3, 3))
     constant = rng.normal(0.0, triad.bias, 3)

@@ -8,12 +8,19 @@ from dataclasses import replace
 import numpy as np
 from matplotlib.figure import Figure
 
-from fti.figures import BLUE, GREY, ORANGE, VERMILION, label, legend_above, sheet
-from fti.study.faults.cells import CELLS, SHARP, Cell, Kind
-from fti.study.faults.detectable import is_detectable
-from fti.study.faults.flown import Found, Group, Struck, Task, nominal_flight, strike_through
-from fti.study.faults.judgement import CELL, share
-from fti.study.faults.product import LIMITS, Product, Record, errors_n
+from fti.plot_style import BLUE, GREY, ORANGE, VERMILION, add_legend, label, new_figure
+from fti.study.faults.cells import CELLS, SHARP, Cell, SensorFault
+from fti.study.faults.criteria import CELL, share
+from fti.study.faults.detectability import is_detectable
+from fti.study.faults.fault_flights import (
+    AircraftGroup,
+    FaultOutcome,
+    FlightTask,
+    TaskOutcome,
+    nominal_flight,
+    strike_through,
+)
+from fti.study.faults.product import LIMITS, Product, SolutionRecord, errors_n
 
 GRADES = ("navigation", "tactical")
 ONSET_S, RATE_M_S = 420.0, 1.0
@@ -23,13 +30,13 @@ NONE = 1e-4
 
 def ramp(seed: int) -> Figure:
     """Error and protection level of a ramp of position and velocity, by grade."""
-    figure = sheet(
+    figure = new_figure(
         f"Error and protection level when a receiver drifts off by {RATE_M_S:g} m/s",
         "Position and velocity, at once; one receiver. Shaded: the fault. Dots: a source is refused.",
         height=7.0,
     )
     for axes, grade in zip(figure.subplots(len(GRADES), 1, sharex=True), GRADES, strict=True):
-        cell = Cell(grade, Kind.RAMP, RATE_M_S, SHARP, with_velocity=True)
+        cell = Cell(grade, SensorFault.RAMP, RATE_M_S, SHARP, with_velocity=True)
         record, error = _through(seed, cell)
         t = record["t"]
         axes.axvspan(ONSET_S, ONSET_S + 300.0, color=GREY, alpha=0.18, lw=0.0)
@@ -40,28 +47,30 @@ def ramp(seed: int) -> Figure:
         axes.plot(t[refused], error[refused], ".", color=VERMILION, ms=3.0)
         axes.set_yscale("log")
         label(axes, x="time [s]" if grade == GRADES[-1] else "", y="horizontal [m]", title=grade)
-        legend_above(axes)
+        add_legend(axes)
     return figure
 
 
-def _through(seed: int, cell: Cell) -> tuple[Record, np.ndarray]:
+def _through(seed: int, cell: Cell) -> tuple[SolutionRecord, np.ndarray]:
     """A nominal flight up to the fault and through it: the solutions, and their horizontal error."""
-    task = Task(seed, 0, Group.of(cell), (), ONSET_S)
+    task = FlightTask(seed, 0, AircraftGroup.of(cell), (), ONSET_S)
     nominal, product = nominal_flight(task), Product(cell)
     before = product.fly(nominal.between(0.0, ONSET_S))
     flight, after = strike_through(product, nominal, cell, ONSET_S, task)
-    record = Record(np.concatenate((before.rows, after.rows)), (*before.events, *after.events), after.calibration)
+    record = SolutionRecord(
+        np.concatenate((before.rows, after.rows)), (*before.events, *after.events), after.calibration
+    )
     errors = errors_n(flight, record.rows)
     return record, np.hypot(errors[:, 0], errors[:, 1])
 
 
-def cells(found: Sequence[Found]) -> Figure:
+def cells(found: Sequence[TaskOutcome]) -> Figure:
     """MI of every cell that was flown, legs and turns together, those of the table apart."""
-    merged = dict[Cell, list[Struck]]()
+    merged = dict[Cell, list[FaultOutcome]]()
     for fault in (fault for task in found for fault in task.faults):
         merged.setdefault(replace(CELLS[fault.cell], pattern="legs"), []).append(fault)
     kinds = sorted({_kind(cell) for cell in merged}, reverse=True)
-    figure = sheet(
+    figure = new_figure(
         "Valid and beyond a protection level: share of fault time, by cell",
         f"{sum(map(len, merged.values()))} faults. Full: cells of the table, at most {CELL:g} each. Hollow: others.",
         height=9.0,

@@ -16,13 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fti.config import AlertLimits, Config, parse
-from fti.nav.aided import AidedNavigation
+from fti.nav.inertial_aiding import AidedNavigation
 from fti.nav.plausibility.monitor import PlausibilityMonitor
 from fti.nav.protection import K_RADIAL
 from fti.nav.separation.protection import K_MD_RADIAL
 from fti.study.faults.cells import Cell
 from fti.study.faults.earth import radii
-from fti.study.faults.flight import START_NS, Flight, Timed
+from fti.study.faults.flight import START_NS, SimulatedFlight, Timed
 from fti.types import Event, ImuSample, Measurement, Position, Velocity
 
 Array = NDArray[np.float64]
@@ -36,7 +36,7 @@ LIMITS = AlertLimits()
 
 
 @dataclass(slots=True)
-class Calibration:
+class SeparationCalibration:
     """Sums of (d / sigma)^2 by class of sources, rung and axis, and how many."""
 
     sums: dict[tuple[str, int], Array] = field(default_factory=dict)
@@ -48,7 +48,7 @@ class Calibration:
         self.sums[key] = self.sums.get(key, np.zeros(6)) + ratios**2
         self.counts[key] = self.counts.get(key, 0) + 1
 
-    def add(self, other: Calibration) -> None:
+    def add(self, other: SeparationCalibration) -> None:
         """Take what another one has counted."""
         for key, sums in other.sums.items():
             self.sums[key] = self.sums.get(key, np.zeros(6)) + sums
@@ -61,12 +61,12 @@ COLUMNS = ("t", "lat", "lon", "alt", "hpl", "vpl", "level_sd", "high_sd", "formu
 
 
 @dataclass(frozen=True, eq=False)
-class Record:
+class SolutionRecord:
     """Solutions once a second, rows (n, len(COLUMNS)); events with their time [s]; calibration."""
 
     rows: Array
     events: tuple[tuple[float, str], ...]
-    calibration: Calibration
+    calibration: SeparationCalibration
 
     def __getitem__(self, column: str) -> Array:
         """A column, shape (n,)."""
@@ -116,9 +116,9 @@ class Product:
         """Another one that goes on from here by itself; what nobody changes is shared."""
         return copy.deepcopy(self, {id(self._config): self._config})
 
-    def fly(self, measurements: Iterable[Timed]) -> Record:
+    def fly(self, measurements: Iterable[Timed]) -> SolutionRecord:
         """Take measurements in order; what was said meanwhile."""
-        rows, events, calibration = list[tuple[float, ...]](), list[tuple[float, str]](), Calibration()
+        rows, events, calibration = list[tuple[float, ...]](), list[tuple[float, str]](), SeparationCalibration()
         for t_ns, device, m in measurements:
             while t_ns > self._follow_ns:
                 events += self._follow(self._follow_ns)
@@ -127,7 +127,7 @@ class Product:
                 rows += self._solution(self._solution_ns, calibration)
                 self._solution_ns += SOLUTION_NS
             events += self._feed(device, m, t_ns)
-        return Record(np.array(rows).reshape(-1, len(COLUMNS)), tuple(events), calibration)
+        return SolutionRecord(np.array(rows).reshape(-1, len(COLUMNS)), tuple(events), calibration)
 
     def _feed(self, device: str, m: Measurement, t_ns: int) -> Iterator[tuple[float, str]]:
         if isinstance(m, ImuSample):
@@ -138,15 +138,15 @@ class Product:
         if isinstance(m, (Position, Velocity)):
             for admitted in self._plausibility.check(device, m, t_ns):
                 self._navigation.feed(device, admitted, t_ns)
-            yield from _told(self._plausibility.take_events())
+            yield from _timed_texts(self._plausibility.drain_events())
         elif self._navigation.wants(device, type(m)):
             self._navigation.feed(device, m, t_ns)
 
     def _follow(self, t_ns: int) -> list[tuple[float, str]]:
-        self._navigation.doubt(self._plausibility.suspected)
-        return list(_told(self._navigation.events(t_ns)))
+        self._navigation.set_suspects(self._plausibility.suspected)
+        return list(_timed_texts(self._navigation.events(t_ns)))
 
-    def _solution(self, t_ns: int, calibration: Calibration) -> list[tuple[float, ...]]:
+    def _solution(self, t_ns: int, calibration: SeparationCalibration) -> list[tuple[float, ...]]:
         """A row; none while the filter has no solution."""
         found = self._navigation.solution(t_ns)
         if not found.valid or found.hpl is None or found.vpl is None:
@@ -166,12 +166,12 @@ class Product:
         )]  # fmt: skip
 
 
-def _told(events: Iterable[Event]) -> Iterator[tuple[float, str]]:
+def _timed_texts(events: Iterable[Event]) -> Iterator[tuple[float, str]]:
     for event in events:
         yield (event.t_ns - START_NS) / SECOND_NS, event.text
 
 
-def errors_n(flight: Flight, rows: Array) -> Array:
+def errors_n(flight: SimulatedFlight, rows: Array) -> Array:
     """North, east, down [m] of the solutions of a record, shape (n, 3)."""
     times_ns = START_NS + np.rint(rows[:, 0] * SECOND_NS).astype(np.int64)
     truth = flight.truth(times_ns)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
-class Profile:
+class SmoothProfile:
     """Values at ascending times [s], joined by quintic steps S(x) = x^3 (10 - 15 x + 6 x^2); constant outside."""
 
     def __init__(self, times: list[float], values: list[float]) -> None:

@@ -13,10 +13,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fti.study.faults.cells import Cell, Kind
-from fti.study.faults.earth import displaced
+from fti.study.faults.cells import Cell, SensorFault
+from fti.study.faults.earth import displace
 from fti.study.faults.noise import gauss_markov_n
-from fti.study.faults.shapes import Mask, Window, direction, frozen, ramp
+from fti.study.faults.shapes import FaultWindow, Mask, direction, frozen, ramp
 from fti.study.faults.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -47,7 +47,7 @@ class Fixes:
     vertical_sd: float
     velocity_sd: float
 
-    def between(self, window: Window) -> Fixes:
+    def between(self, window: FaultWindow) -> Fixes:
         """Those of a part of the flight."""
         inside = window.covers(self.t)
         columns = ("t", "lat", "lon", "alt", "alt_msl", "undulation", "vel_n")
@@ -55,7 +55,7 @@ class Fixes:
 
 
 @dataclass(frozen=True, eq=False)
-class Satellites:
+class SatelliteErrors:
     """What all receivers of one aircraft share: sigma and correlation time of their errors, and the common part."""
 
     t: Array
@@ -76,20 +76,20 @@ class Satellites:
         return gauss_markov_n(len(self.t), 1.0 / self.rate_hz, self.tau_s, tuple(sds.tolist()), rng)
 
 
-def draw_satellites(end_s: float, rng: Rng, rates_hz: tuple[float, ...] = RATES_HZ) -> Satellites:
+def draw_satellites(end_s: float, rng: Rng, rates_hz: tuple[float, ...] = RATES_HZ) -> SatelliteErrors:
     """Epochs at one of the rates and their errors, from 0 s to end_s."""
     rate_hz = float(rng.choice(rates_hz))
     t = rng.uniform(0.0, 1.0 / rate_hz) + np.arange(int(end_s * rate_hz) - 1) / rate_hz
-    drawn = Satellites(
+    drawn = SatelliteErrors(
         t, rate_hz, rng.uniform(*SD_M), rng.uniform(*VELOCITY_SD_M_S), rng.uniform(*TAU_S), np.zeros((len(t), 3))
     )
     return replace(drawn, common_n=drawn.slow_n(COMMON_SHARE, rng))
 
 
-def fixes(sky: Satellites, truth: Trajectory, undulation: float, delay_s: Array, rng: Rng) -> Fixes:
+def fixes(sky: SatelliteErrors, truth: Trajectory, undulation: float, delay_s: Array, rng: Rng) -> Fixes:
     """Nominal fixes of one receiver; those of a moment delay_s (n,) earlier carry the time of now."""
     m = truth.at(np.maximum(sky.t - delay_s, 0.0))
-    lat, lon, alt = displaced(m.lat, m.lon, m.alt, sky.errors_n(rng))
+    lat, lon, alt = displace(m.lat, m.lon, m.alt, sky.errors_n(rng))
     velocity = gauss_markov_n(len(sky.t), 1.0 / sky.rate_hz, VELOCITY_TAU_S, (sky.velocity_sd,) * 3, rng)
     return Fixes(
         sky.t, lat, lon, alt, alt - undulation, np.full(len(sky.t), undulation), m.vel_n + velocity,
@@ -97,9 +97,9 @@ def fixes(sky: Satellites, truth: Trajectory, undulation: float, delay_s: Array,
     )  # fmt: skip
 
 
-def delayed(found: Fixes, cell: Cell, window: Window, truth: Trajectory) -> Fixes:
+def delay_fixes(found: Fixes, cell: Cell, window: FaultWindow, truth: Trajectory) -> Fixes:
     """Nominal fixes as a time step of a cell makes them: those of a moment earlier, with the errors of now."""
-    if cell.kind is not Kind.TIME_STEP:
+    if cell.kind is not SensorFault.TIME_STEP:
         return found
     now = truth.at(found.t)
     then = truth.at(np.maximum(found.t - cell.magnitude * window.covers(found.t), 0.0))
@@ -110,27 +110,27 @@ def delayed(found: Fixes, cell: Cell, window: Window, truth: Trajectory) -> Fixe
     )  # fmt: skip
 
 
-def faulty(found: Fixes, cell: Cell, window: Window, azimuth: float, rng: Rng) -> Fixes:
+def apply_fault(found: Fixes, cell: Cell, window: FaultWindow, azimuth: float, rng: Rng) -> Fixes:
     """The fixes as the fault of a cell changes them inside its window; time steps are part of ``fixes``."""
     active, changed = window.covers(found.t), found
     match cell.kind:
-        case Kind.FROZEN | Kind.FROZEN_POSITION:
-            changed = _frozen(found, active, with_velocity=cell.kind is Kind.FROZEN)
-        case Kind.JUMP:
-            changed = _moved(found, active, np.outer(np.full(len(active), cell.magnitude), direction(azimuth)))
-        case Kind.RAMP:
+        case SensorFault.FROZEN | SensorFault.FROZEN_POSITION:
+            changed = _freeze(found, active, with_velocity=cell.kind is SensorFault.FROZEN)
+        case SensorFault.JUMP:
+            changed = _displace(found, active, np.outer(np.full(len(active), cell.magnitude), direction(azimuth)))
+        case SensorFault.RAMP:
             changed = _ramp(found, cell, active, found.t - window.begin_s, azimuth)
-        case Kind.SWAPPED:
+        case SensorFault.SWAPPED:
             lat, lon = np.where(active, found.lon, found.lat), np.where(active, found.lat, found.lon)
             changed = replace(found, lat=lat, lon=lon)
-        case Kind.SIGMA:
-            changed = _moved(found, active, _scatter(found, cell.magnitude, rng))
-        case Kind.UNDULATION_ZERO | Kind.MSL_HEIGHT | Kind.HEIGHT:
+        case SensorFault.SIGMA:
+            changed = _displace(found, active, _scatter(found, cell.magnitude, rng))
+        case SensorFault.UNDULATION_ZERO | SensorFault.MSL_HEIGHT | SensorFault.HEIGHT:
             changed = _height(found, cell, active)
     return changed
 
 
-def _frozen(found: Fixes, active: Mask, with_velocity: bool) -> Fixes:
+def _freeze(found: Fixes, active: Mask, with_velocity: bool) -> Fixes:
     k = frozen(active)
     vel_n = found.vel_n[k] if with_velocity else found.vel_n
     return replace(
@@ -138,15 +138,15 @@ def _frozen(found: Fixes, active: Mask, with_velocity: bool) -> Fixes:
     )  # fmt: skip
 
 
-def _moved(found: Fixes, active: Mask, by_n: Array) -> Fixes:
+def _displace(found: Fixes, active: Mask, by_n: Array) -> Fixes:
     by_n = np.where(active[:, None], by_n, 0.0)
-    lat, lon, alt = displaced(found.lat, found.lon, found.alt, by_n)
+    lat, lon, alt = displace(found.lat, found.lon, found.alt, by_n)
     return replace(found, lat=lat, lon=lon, alt=alt, alt_msl=found.alt_msl - by_n[:, 2])
 
 
 def _ramp(found: Fixes, cell: Cell, active: Mask, elapsed: Array, azimuth: float) -> Fixes:
     length, rate = ramp(elapsed, cell.magnitude, cell.onset_m_s2)
-    moved = _moved(found, active, np.outer(length, direction(azimuth)))
+    moved = _displace(found, active, np.outer(length, direction(azimuth)))
     if not cell.with_velocity:
         return moved
     return replace(moved, vel_n=found.vel_n + np.outer(np.where(active, rate, 0.0), direction(azimuth)))
@@ -161,11 +161,11 @@ def _scatter(found: Fixes, times: float, rng: Rng) -> Array:
 
 
 def _height(found: Fixes, cell: Cell, active: Mask) -> Fixes:
-    if cell.kind is Kind.HEIGHT:
+    if cell.kind is SensorFault.HEIGHT:
         raised = cell.magnitude * active
         return replace(found, alt=found.alt + raised, alt_msl=found.alt_msl + raised)
     alt = np.where(active, found.alt_msl, found.alt)
-    if cell.kind is Kind.MSL_HEIGHT:
+    if cell.kind is SensorFault.MSL_HEIGHT:
         return replace(found, alt=alt)
     return replace(found, alt=alt, undulation=np.where(active, 0.0, found.undulation))
 

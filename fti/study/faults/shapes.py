@@ -12,7 +12,7 @@ Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True)
-class Window:
+class FaultWindow:
     """From begin_s to before end_s."""
 
     begin_s: float

@@ -35,7 +35,7 @@ class Relief:
 
 
 @dataclass(frozen=True, eq=False)
-class Terrain:
+class WaveTerrain:
     """Ground about an origin (lat, lon [rad]); heights above WGS 84 [m]."""
 
     number: int
@@ -71,8 +71,8 @@ def relief(sd: float, wavelengths_m: tuple[float, float], rng: np.random.Generat
     return Relief(vectors, amplitudes * sd * np.sqrt(2.0 / np.sum(amplitudes**2)), rng.uniform(0.0, 2.0 * np.pi, WAVES))
 
 
-def terrain(number: int, origin: tuple[float, float], base: float) -> Terrain:
+def terrain(number: int, origin: tuple[float, float], base: float) -> WaveTerrain:
     """Terrain 0 to 9, laid at an origin."""
     rng = np.random.default_rng([7, number])
     truth = relief(RELIEF_SD_M[number], WAVELENGTHS_M, rng)
-    return Terrain(number, origin, base, truth, relief(MAP_SD_M, MAP_WAVELENGTHS_M, rng))
+    return WaveTerrain(number, origin, base, truth, relief(MAP_SD_M, MAP_WAVELENGTHS_M, rng))

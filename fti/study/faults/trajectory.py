@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fti.study.faults.earth import STANDARD_GRAVITY, earth_rate_n, gravity_n, radii, transport_rate_n
-from fti.study.faults.profile import Profile
+from fti.study.faults.profile import SmoothProfile
 
 Array = NDArray[np.float64]
 
@@ -24,7 +24,7 @@ ITERATIONS = 5
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class TrueMotion:
     """True state at times t (n,) [s].
 
     lat, lon [rad], alt above WGS 84 [m]; vel_n, accel_n (n, 3): north, east, down and its derivative;
@@ -48,9 +48,9 @@ class Course:
     track: at the start [rad]; angle_of_attack, drift_angle (heading minus track): constant [rad]
     """
 
-    speed: Profile
-    climb: Profile
-    track_rate: Profile
+    speed: SmoothProfile
+    climb: SmoothProfile
+    track_rate: SmoothProfile
     start: tuple[float, float, float]
     track: float
     angle_of_attack: float
@@ -103,7 +103,7 @@ class Trajectory:
         rpy = np.stack((np.arctan(tan_roll), climb + c.angle_of_attack, heading), axis=1)
         return rpy, np.stack((droll, dclimb, dtrack), axis=1)
 
-    def at(self, t: Array) -> Motion:
+    def at(self, t: Array) -> TrueMotion:
         """True state at times (n,) [s] of the flight, in any order; the position by cubic Hermite interpolation."""
         t = np.asarray(t, dtype=float)
         k = np.clip((t / GRID_S).astype(int), 0, len(self._position) - 2)
@@ -114,7 +114,7 @@ class Trajectory:
         place = p0 + (p1 - p0) * x**2 * (3.0 - 2.0 * x) + d0 * x * (1.0 - x) ** 2 + d1 * x**2 * (x - 1.0)
         vel_n, accel_n = self._velocity(t)
         rpy, rpy_rate = self._attitude(t)
-        return Motion(t, place[:, 0], place[:, 1], place[:, 2], vel_n, accel_n, rpy, rpy_rate)
+        return TrueMotion(t, place[:, 0], place[:, 1], place[:, 2], vel_n, accel_n, rpy, rpy_rate)
 
 
 def _position_rates(lat: Array, alt: Array, vel_n: Array) -> Array:
@@ -139,14 +139,14 @@ def mat_nb(rpy: Array) -> Array:
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
-def specific_force_b(m: Motion, disturbance_n: Array | float = 0.0) -> Array:
+def specific_force_b(m: TrueMotion, disturbance_n: Array | float = 0.0) -> Array:
     """Specific force (n, 3) [m/s^2]; disturbance_n: true gravity minus normal gravity."""
     rate_n = 2.0 * earth_rate_n(m.lat) + transport_rate_n(m.lat, m.alt, m.vel_n)
     force_n = m.accel_n + np.cross(rate_n, m.vel_n) - gravity_n(m.lat, m.alt) - disturbance_n
     return np.asarray(np.einsum("nij,ni->nj", mat_nb(m.rpy), force_n))
 
 
-def angular_rate_b(m: Motion) -> Array:
+def angular_rate_b(m: TrueMotion) -> Array:
     """Angular rate against inertial space (n, 3) [rad/s]."""
     (roll, pitch, _), (droll, dpitch, dheading) = m.rpy.T, m.rpy_rate.T
     level = np.cos(pitch) * dheading

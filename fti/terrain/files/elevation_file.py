@@ -28,21 +28,21 @@ from rasterio.windows import Window
 from fti.errors import ConfigError, MissingError
 from fti.geodesy.geoid import SYSTEM
 from fti.geodesy.wgs84 import radii
+from fti.terrain.file_info import ElevationFileInfo
 from fti.terrain.files.local_only import open_local
 from fti.terrain.files.vertical import find_datum, find_unit, split_crs
-from fti.terrain.source import Source
 
 Array = NDArray[np.float64]
 
 #: Heights of the ground on Earth lie between, with room for a canyon below and a mast above [m].
-LOWEST, HIGHEST = -500.0, 9000.0
+MIN_HEIGHT_M, MAX_HEIGHT_M = -500.0, 9000.0
 #: What no height is, whether the file says so or not.
 VOID = -32768.0
 WGS84 = "EPSG:4326"
 #: Posts of a row, which is read whole: once around the Earth every 10 m.
 MAX_COLUMNS = 2**22
 #: What GDAL, rasterio and PROJ raise for a file that is damaged.
-FAULTS = (RasterioError, CPLE_BaseError, ProjError, ValueError, LookupError, TypeError, ArithmeticError)
+READ_ERRORS = (RasterioError, CPLE_BaseError, ProjError, ValueError, LookupError, TypeError, ArithmeticError)
 _EDGE_POINTS = 33
 
 if str(SYSTEM) not in get_data_dir():  # grids of horizontal datums, as Gauss-Krueger's: 1 m instead of 3
@@ -72,7 +72,7 @@ class ElevationFile:
             datum, by = find_datum(path, upright, self._dataset, words)
             self._unit_m = find_unit(path, self.crs, upright, self._dataset.units[0])
             self.source = self._describe(path, datum, by)
-        except FAULTS as error:
+        except READ_ERRORS as error:
             self.close()
             raise ConfigError(f"{path}: cannot be used as an elevation file: {_reason(error)}") from None
         except BaseException:
@@ -83,14 +83,14 @@ class ElevationFile:
         """Let go of the file."""
         self._dataset.close()
 
-    def _describe(self, path: str, datum: str, by: str) -> Source:
+    def _describe(self, path: str, datum: str, by: str) -> ElevationFileInfo:
         tags = self._dataset.tags()
         lat, lon = self.outline()
         if not np.isfinite(lat + lon).all():
             raise ConfigError(f"{path}: its edges are no places on Earth in {self.crs.name}")
         west, east = _sides(lon)
         accuracy = self._transformer.accuracy
-        return Source(
+        return ElevationFileInfo(
             path=path,
             format=self._dataset.driver,
             rows=self.rows,
@@ -164,24 +164,24 @@ class ElevationFile:
         window = Window.from_slices(rows, columns)
         try:
             masked = self._dataset.read(1, window=window, masked=True)
-        except (*FAULTS, MemoryError) as error:
+        except (*READ_ERRORS, MemoryError) as error:
             raise ConfigError(f"{self.source.path}: cannot be read: {_reason(error)}") from None
         raw = masked.astype(np.float64).filled(np.nan)
         raw[raw == VOID] = np.nan
-        for block in self._unwritten(rows, columns):
+        for block in self._unwritten_blocks(rows, columns):
             raw[block] = np.nan
         scale, offset = self._dataset.scales[0], self._dataset.offsets[0]
         heights = (raw * scale + offset) * self._unit_m
         with np.errstate(invalid="ignore"):
-            wild = heights[(heights < LOWEST) | (heights > HIGHEST)]
+            wild = heights[(heights < MIN_HEIGHT_M) | (heights > MAX_HEIGHT_M)]
         if wild.size:
             raise ConfigError(
-                f"{self.source.path}: a height of {wild[0]:g} m; the ground has {LOWEST:g} to {HIGHEST:g} m, and what "
+                f"{self.source.path}: a height of {wild[0]:g} m; the ground has {MIN_HEIGHT_M:g} to {MAX_HEIGHT_M:g} m, and what "
                 f"is no height must be declared, as gdal_edit.py -a_nodata does"
             )
         return np.asarray(heights)
 
-    def _unwritten(self, rows: tuple[int, int], columns: tuple[int, int]) -> Iterator[tuple[slice, slice]]:
+    def _unwritten_blocks(self, rows: tuple[int, int], columns: tuple[int, int]) -> Iterator[tuple[slice, slice]]:
         """Those blocks of a TIFF below a window that were never written, as parts of it: GDAL reads heights of 0 there.
 
         What is declared as void, it reads as void.
@@ -217,12 +217,12 @@ def nearest_turn(x: ArrayLike, turn: float) -> Array:
 
 def _open(path: str, local_only: bool) -> Any:
     if local_only:
-        return _quietly(open_local, path)
+        return _open_without_warnings(open_local, path)
     if not path.startswith("/vsi") and not Path(path).exists():
         raise MissingError(f"{path}: there is no such file")
     try:
-        return _quietly(rasterio.open, path)
-    except FAULTS as error:
+        return _open_without_warnings(rasterio.open, path)
+    except READ_ERRORS as error:
         raise ConfigError(f"{path}: is no elevation file that GDAL reads: {_reason(error)}") from None
 
 
@@ -231,7 +231,7 @@ def _reason(error: Exception) -> str:
     return " ".join(str(error.__cause__ or error).split())[:300] or type(error).__name__
 
 
-def _quietly(opener: Callable[[str], Any], path: str) -> Any:
+def _open_without_warnings(opener: Callable[[str], Any], path: str) -> Any:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", NotGeoreferencedWarning)  # said below, in our words
         return opener(path)

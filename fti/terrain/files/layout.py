@@ -19,24 +19,24 @@ from numpy.typing import NDArray
 from fti.errors import ConfigError
 from fti.geodesy.local import LocalFrame
 from fti.geodesy.wgs84 import ecef_from_geodetic, geodetic_from_ecef
+from fti.terrain.file_info import ElevationFileInfo
 from fti.terrain.files.elevation_file import ElevationFile
 from fti.terrain.files.mosaic import Mosaic, assemble
-from fti.terrain.source import Source
 
 Array = NDArray[np.float64]
 
 #: Posts of all layers together: 0.5 GB, and as much again for the ray caster.
-MOST_POSTS = 2**26
+MAX_POSTS = 2**26
 #: Files of a coarser spacing than so many cells make a layer of their own.
-_COARSER = 2.0
+_NEW_LAYER_RATIO = 2.0
 #: Files whose spacings differ by less count as equally fine: the caller's order tells.
-_AS_FINE = 1.1
+_EQUAL_RATIO = 1.1
 #: A cell may be larger than a file's spacing by so much: the smallest block still lies over 16 million posts, 0.5 GB.
-_MOST_LEFT_OUT = 256.0
+_MAX_CELL_RATIO = 256.0
 #: A layer's cell may be larger than its file's spacing by so much, to be a multiple.
-_NEARLY = 1.02
+_MULTIPLE_RATIO = 1.02
 #: A point this far below the frame's plane is on another side of the Earth [m].
-_BEYOND = -1e6
+_MIN_UP_M = -1e6
 
 
 class Box(NamedTuple):
@@ -51,11 +51,11 @@ class Box(NamedTuple):
         """The rectangle around both."""
         return Box(*np.minimum(self[:2], other[:2]).tolist(), *np.maximum(self[2:], other[2:]).tolist())
 
-    def holds(self, east: Array, north: Array) -> NDArray[np.bool_]:
+    def contains(self, east: Array, north: Array) -> NDArray[np.bool_]:
         """Which places lie in it."""
         return (east >= self.east0) & (east <= self.east1) & (north >= self.north0) & (north <= self.north1)
 
-    def snapped(self, cell: float) -> Box:
+    def snap(self, cell: float) -> Box:
         """The smallest one around it whose edges are multiples of a cell, one cell long at least."""
         east0, north0 = math.floor(self.east0 / cell + 1e-9), math.floor(self.north0 / cell + 1e-9)
         east1 = max(math.ceil(self.east1 / cell - 1e-9), east0 + 1)
@@ -64,7 +64,7 @@ class Box(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Plan:
+class LayerPlan:
     """One layer to be: its mosaics in order of preference, its cell [m] and its rectangle."""
 
     mosaics: tuple[Mosaic, ...]
@@ -105,7 +105,7 @@ def _middle(files: Sequence[ElevationFile]) -> tuple[float, float]:
 
 def make_plans(
     files: Sequence[ElevationFile], frame: LocalFrame, area: Box | None, cell_m: float | None
-) -> tuple[Plan, ...]:
+) -> tuple[LayerPlan, ...]:
     """The layers to be, the finest first; a file beside the area is in none of them.
 
     Raises ConfigError when no file touches the area, for more posts than there is room for, and for a cell that leaves
@@ -120,23 +120,23 @@ def make_plans(
         )
     if area is None and (far := next((file for n, file in enumerate(files) if n not in covers), None)):
         raise ConfigError(f"{far.source.path}: covers {bounds_text(far.source)}: too much for one local frame")
-    plans: list[Plan] = []
+    plans: list[LayerPlan] = []
     spacings = {n: min(files[n].source.spacing_m) for n in covers}
     left = _order(spacings)
     while left:
         spacing = min(spacings[n] for n in left)
         cell = _cell(spacing, plans[-1].cell_m if plans else None, cell_m)
-        if cell > _MOST_LEFT_OUT * spacing:
+        if cell > _MAX_CELL_RATIO * spacing:
             raise ConfigError(
-                f"cell_m = {cell:g}: must be {_MOST_LEFT_OUT * spacing:.3g} m at most, {_MOST_LEFT_OUT:g} times the "
+                f"cell_m = {cell:g}: must be {_MAX_CELL_RATIO * spacing:.3g} m at most, {_MAX_CELL_RATIO:g} times the "
                 f"distance between the posts of the finest file in the area"
             )
-        mine = [n for n in left if spacings[n] < _COARSER * max(cell, spacing)]
+        mine = [n for n in left if spacings[n] < _NEW_LAYER_RATIO * max(cell, spacing)]
         left = [n for n in left if n not in mine]
-        box = _joined([covers[n] for n in mine])
+        box = _join_boxes([covers[n] for n in mine])
         mosaics = assemble((n, files[n]) for n in mine)
-        plans.append(Plan(tuple(mosaics), cell, box))
-    return _fitted(plans)
+        plans.append(LayerPlan(tuple(mosaics), cell, box))
+    return _fit(plans)
 
 
 def _order(spacings: Mapping[int, float]) -> list[int]:
@@ -144,7 +144,7 @@ def _order(spacings: Mapping[int, float]) -> list[int]:
     left, order = dict(spacings), list[int]()
     while left:
         finest = min(left.values())
-        order += sorted(n for n, spacing in left.items() if spacing < _AS_FINE * finest)
+        order += sorted(n for n, spacing in left.items() if spacing < _EQUAL_RATIO * finest)
         left = {n: spacing for n, spacing in left.items() if n not in order}
     return order
 
@@ -152,32 +152,32 @@ def _order(spacings: Mapping[int, float]) -> list[int]:
 def _cell(spacing: float, finer: float | None, wanted: float | None) -> float:
     """The cell of a layer [m]: three digits of the spacing, or what was asked for, or a multiple of the finer cell."""
     if finer is not None:
-        return finer * max(1, math.floor(_NEARLY * spacing / finer))
+        return finer * max(1, math.floor(_MULTIPLE_RATIO * spacing / finer))
     return wanted or float(f"{spacing:.3g}")
 
 
-def _joined(boxes: Sequence[Box]) -> Box:
+def _join_boxes(boxes: Sequence[Box]) -> Box:
     box = boxes[0]
     for other in boxes[1:]:
         box = box.join(other)
     return box
 
 
-def _fitted(plans: Sequence[Plan]) -> tuple[Plan, ...]:
+def _fit(plans: Sequence[LayerPlan]) -> tuple[LayerPlan, ...]:
     """The layers with edges on posts of the next coarser one, each in the next coarser one; not too many posts."""
     cells = [plan.cell_m for plan in plans]
-    fitted: list[Plan] = []
+    fitted: list[LayerPlan] = []
     for number, plan in enumerate(plans):
         box = plan.box if not fitted else plan.box.join(fitted[-1].box)
         coarser = cells[number + 1] if number + 1 < len(cells) else plan.cell_m
-        fitted.append(Plan(plan.mosaics, plan.cell_m, box.snapped(coarser)))
+        fitted.append(LayerPlan(plan.mosaics, plan.cell_m, box.snap(coarser)))
     posts = sum(math.prod(plan.shape) for plan in fitted)
-    if posts > MOST_POSTS:
+    if posts > MAX_POSTS:
         worst = max(fitted, key=lambda plan: math.prod(plan.shape))
         wide, high = worst.box.east1 - worst.box.east0, worst.box.north1 - worst.box.north0
         raise ConfigError(
             f"{posts / 1e6:.0f} million posts, most of them {worst.cell_m:g} m apart over {wide / 1000:.1f} x "
-            f"{high / 1000:.1f} km; must be {MOST_POSTS / 1e6:.0f} million at most: "
+            f"{high / 1000:.1f} km; must be {MAX_POSTS / 1e6:.0f} million at most: "
             f"give a larger cell_m or a smaller area (centre, radius_m)"
         )
     return tuple(fitted)
@@ -192,9 +192,9 @@ def _cover(file: ElevationFile, frame: LocalFrame, area: Box | None) -> Box | No
             return None
     else:
         corner_east, corner_north = np.meshgrid((area.east0, 0.0, area.east1), (area.north0, 0.0, area.north1))
-        covered = _covered(file, frame, corner_east, corner_north)
+        covered = _coverage(file, frame, corner_east, corner_north)
         east, north = np.append(east, corner_east[covered]), np.append(north, corner_north[covered])
-        inside = area.holds(east, north)
+        inside = area.contains(east, north)
     if not inside.any():
         return None
     return Box(*(float(f(side[inside])) for f in (np.min, np.max) for side in (east, north)))
@@ -203,14 +203,14 @@ def _cover(file: ElevationFile, frame: LocalFrame, area: Box | None) -> Box | No
 def _local_outline(file: ElevationFile, frame: LocalFrame) -> tuple[Array, Array]:
     """East and north [m] of closely spaced points around a file; NaN where the Earth is between."""
     enu = frame.to_local(*file.outline(), 0.0)
-    enu = np.where(enu[:, 2:] > _BEYOND, enu, np.nan)
+    enu = np.where(enu[:, 2:] > _MIN_UP_M, enu, np.nan)
     closed = np.vstack((enu, enu[:1]))
     at = np.arange(len(enu) * 64) / 64
     east, north = (np.interp(at, np.arange(len(closed)), closed[:, k]) for k in (0, 1))
     return east, north
 
 
-def _covered(file: ElevationFile, frame: LocalFrame, east: Array, north: Array) -> NDArray[np.bool_]:
+def _coverage(file: ElevationFile, frame: LocalFrame, east: Array, north: Array) -> NDArray[np.bool_]:
     """Which places of the frame lie on a file's pixels."""
     lat, lon, _ = frame.to_geodetic(np.stack((east, north, np.zeros_like(east)), axis=-1))
     row, column = file.indices(lat, lon)
@@ -218,7 +218,7 @@ def _covered(file: ElevationFile, frame: LocalFrame, east: Array, north: Array) 
     return np.asarray(on_rows & (np.abs(column - (file.columns - 1) / 2) <= file.columns / 2))
 
 
-def bounds_text(source: Source) -> str:
+def bounds_text(source: ElevationFileInfo) -> str:
     """What a file covers, for people: latitudes and longitudes [deg]."""
     south, north, west, east = (math.degrees(side) for side in (source.south, source.north, source.west, source.east))
     return f"{south:.5f} to {north:.5f} deg north, {west:.5f} to {east:.5f} deg east"

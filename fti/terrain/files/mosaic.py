@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from fti.terrain.file_info import NO_SOURCE
 from fti.terrain.files.elevation_file import ElevationFile, nearest_turn
-from fti.terrain.source import NO_SOURCE
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.uint8]
@@ -23,7 +23,7 @@ _ALIGNED = 0.01
 
 
 @dataclass(frozen=True)
-class Window:
+class PostWindow:
     """Posts of a mosaic.
 
     heights : ndarray, shape (rows, columns) [m]; NaN in holes; origin : number of the source of each post
@@ -57,7 +57,7 @@ class Mosaic:
         """Numbers of its files."""
         return tuple(number for number, *_ in self._tiles)
 
-    def take(self, number: int, file: ElevationFile) -> bool:
+    def add_if_aligned(self, number: int, file: ElevationFile) -> bool:
         """Add a file when its posts lie on this lattice and its heights are of the same datum; say whether.
 
         Another step from WGS84 makes another lattice: it may lie metres beside this one.
@@ -84,7 +84,7 @@ class Mosaic:
         self.columns = min(self.columns[0], column), max(self.columns[1], column + file.columns)
         return True
 
-    def read(self, rows: tuple[int, int], columns: tuple[int, int]) -> Window:
+    def read(self, rows: tuple[int, int], columns: tuple[int, int]) -> PostWindow:
         """Posts from the first to before the second row and column; where files overlap the first one counts."""
         heights = np.full((rows[1] - rows[0], columns[1] - columns[0]), np.nan)
         origin = np.full(heights.shape, NO_SOURCE, dtype=np.uint8)
@@ -98,13 +98,13 @@ class Mosaic:
             new = np.isnan(heights[at]) & np.isfinite(read)
             heights[at][new] = read[new]
             origin[at][new] = number
-        return Window(heights, origin, rows[0], columns[0])
+        return PostWindow(heights, origin, rows[0], columns[0])
 
 
 def assemble(files: Iterable[tuple[int, ElevationFile]]) -> list[Mosaic]:
     """The files as mosaics, each file in the first one that takes it; the order of files is kept."""
     mosaics: list[Mosaic] = []
     for number, file in files:
-        if not any(mosaic.take(number, file) for mosaic in mosaics):
+        if not any(mosaic.add_if_aligned(number, file) for mosaic in mosaics):
             mosaics.append(Mosaic(number, file))
     return mosaics

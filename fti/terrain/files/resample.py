@@ -24,9 +24,9 @@ from numpy.typing import NDArray
 
 from fti.geodesy.geoid import Geoid
 from fti.geodesy.local import LocalFrame
-from fti.terrain.files.mosaic import Mosaic, Window
-from fti.terrain.files.tangent import HALF, Block
-from fti.terrain.source import NO_SOURCE
+from fti.terrain.file_info import NO_SOURCE
+from fti.terrain.files.mosaic import Mosaic, PostWindow
+from fti.terrain.files.tangent import HALF, PostBlock
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.uint8]
@@ -35,9 +35,9 @@ Places = tuple[Array, Array]
 Posts = tuple[Array, Numbers]
 
 #: The solution stands when a step is smaller than this [m]; at a wall of a city model it may not come to rest.
-_AT_REST, _MOST_STEPS = 1e-6, 10
+_MAX_STEP_M, _MAX_STEPS = 1e-6, 10
 #: Posts of a block along each side, at most and at least; posts of a file that are read at once.
-_BLOCK, _SMALLEST, _LARGEST_WINDOW = 256, 8, 2**24
+_BLOCK, _MIN_BLOCK, _MAX_WINDOW = 256, 8, 2**24
 
 
 @dataclass(frozen=True)
@@ -62,20 +62,20 @@ class Resampler:
 
     def _fill_block(self, places: Places, posts: Posts) -> None:
         (east, north), (ups, origin) = places, posts
-        block = Block(self.frame, self.mosaic, east, north)
+        block = PostBlock(self.frame, self.mosaic, east, north)
         needed = needed_posts(self.mosaic, block) if np.isnan(ups).any() else None
         if needed is None:
             return
         holds = block.holds()
-        large = np.prod([float(end - begin) for begin, end in needed]) > _LARGEST_WINDOW
-        if (large or not holds) and max(ups.shape) >= 2 * _SMALLEST:
-            halves = (_cuts(size, -(-size // 2) if size >= 2 * _SMALLEST else size) for size in ups.shape)
+        large = np.prod([float(end - begin) for begin, end in needed]) > _MAX_WINDOW
+        if (large or not holds) and max(ups.shape) >= 2 * _MIN_BLOCK:
+            halves = (_cuts(size, -(-size // 2) if size >= 2 * _MIN_BLOCK else size) for size in ups.shape)
             for rows, columns in itertools.product(*halves):
                 self._fill_block((east[columns], north[rows]), (ups[rows, columns], origin[rows, columns]))
         elif holds:  # what does not hold in the smallest block, as on a pole, stays a hole
             self._put(block, self.mosaic.read(*needed), posts)
 
-    def _put(self, block: Block, window: Window, posts: Posts) -> None:
+    def _put(self, block: PostBlock, window: PostWindow, posts: Posts) -> None:
         if np.isfinite(window.heights).any():
             found, numbers = _solve(block, self.mosaic, window, self.geoid, self.frame.lon0)
             new = np.isnan(posts[0]) & np.isfinite(found)
@@ -88,7 +88,7 @@ def _cuts(count: int, most: int) -> list[slice]:
     return [slice(begin, end) for begin, end in itertools.pairwise(ends)]
 
 
-def needed_posts(mosaic: Mosaic, block: Block) -> tuple[Extent, Extent] | None:
+def needed_posts(mosaic: Mosaic, block: PostBlock) -> tuple[Extent, Extent] | None:
     """Rows and columns of the mosaic below a block, from the first to before the second; None when it has none there.
 
     Where the mosaic's projection has no numbers for a part of the block, the whole mosaic: the block is cut up then.
@@ -105,19 +105,21 @@ def needed_posts(mosaic: Mosaic, block: Block) -> tuple[Extent, Extent] | None:
     return extents[0], extents[1]
 
 
-def _solve(block: Block, mosaic: Mosaic, window: Window, geoid: Geoid | None, lon0: float) -> tuple[Array, Numbers]:
+def _solve(
+    block: PostBlock, mosaic: Mosaic, window: PostWindow, geoid: Geoid | None, lon0: float
+) -> tuple[Array, Numbers]:
     """``up`` of the posts of a block and the source of each; NaN and NO_SOURCE where the window has none."""
     known = np.isfinite(window.heights)
     mean = window.heights[known].mean()
     filled = np.where(known, window.heights, mean)  # a step may lead over a hole
     t, undulation = (mean - block.alt.c0) / HALF, np.zeros(())
-    for step in range(_MOST_STEPS):
+    for step in range(_MAX_STEPS):
         row, column = block.row.at(t) - window.row, block.column.at(t) - window.column
         missing = bilinear(filled, row, column) + undulation - block.alt.at(t)
         t = t + missing / HALF
         if step == 0 and geoid is not None:  # within metres of the place: the undulation is the final one
             undulation = geoid.undulation(block.lat.at(t), block.lon.at(t) + lon0)
-        elif np.abs(missing).max() < _AT_REST:
+        elif np.abs(missing).max() < _MAX_STEP_M:
             break
     row, column = block.row.at(t), block.column.at(t)
     inside = _inside(row, mosaic.rows) & _inside(column, mosaic.columns)

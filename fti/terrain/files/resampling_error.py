@@ -21,11 +21,11 @@ from numpy.typing import NDArray
 
 from fti.geodesy.geoid import Geoid
 from fti.geodesy.local import LocalFrame
-from fti.terrain.files.layout import Plan
+from fti.terrain.file_info import NO_SOURCE
+from fti.terrain.files.layout import LayerPlan
 from fti.terrain.files.resample import Extent, Resampler, bilinear, needed_posts
-from fti.terrain.files.tangent import Block
+from fti.terrain.files.tangent import PostBlock
 from fti.terrain.resampling import ResamplingError
-from fti.terrain.source import NO_SOURCE
 
 Array = NDArray[np.float64]
 
@@ -59,7 +59,7 @@ class _Cells:
         return np.where(inside, bilinear(self.ups, np.where(inside, row, 0.0), np.where(inside, column, 0.0)), np.nan)
 
 
-def measure_resampling(plan: Plan, frame: LocalFrame, geoids: Mapping[str, Geoid | None]) -> ResamplingError:
+def measure_resampling(plan: LayerPlan, frame: LocalFrame, geoids: Mapping[str, Geoid | None]) -> ResamplingError:
     """The error of one layer to be.  geoids : by vertical datum, None for the ellipsoid"""
     resamplers = [Resampler(frame, mosaic, geoids[mosaic.vertical]) for mosaic in plan.mosaics]
     chosen = _choose_blocks(plan)
@@ -81,7 +81,7 @@ def _known(errors: Array) -> Array:
     return errors[np.isfinite(errors)]
 
 
-def _choose_blocks(plan: Plan) -> list[tuple[slice, slice]]:
+def _choose_blocks(plan: LayerPlan) -> list[tuple[slice, slice]]:
     """Rows and columns of the blocks: all where there are few, otherwise some that are spread evenly."""
     spacing = min(min(mosaic.first.source.spacing_m) for mosaic in plan.mosaics)
     cells = int(np.clip(_SPACINGS * spacing / plan.cell_m, 1, _MAX_CELLS))
@@ -127,7 +127,7 @@ def _compare_places(block: _Cells, resamplers: Sequence[Resampler], along: int, 
 def _compare_posts(block: _Cells, resamplers: Sequence[Resampler], along: int) -> Array:
     """Layer less files [m] at posts of the first file that lies in a block; NaN beside the block."""
     for resampler in resamplers:
-        places = Block(resampler.frame, resampler.mosaic, block.east, block.north)
+        places = PostBlock(resampler.frame, resampler.mosaic, block.east, block.north)
         if places.holds() and (extents := needed_posts(resampler.mosaic, places)) is not None:
             east, north, up = _posts(resampler, extents, along)
             return block.up(east, north) - up

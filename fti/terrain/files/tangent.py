@@ -29,7 +29,7 @@ _OFF_POSTS, _OFF_ALT = 1e-4, 1e-4
 
 
 @dataclass(frozen=True)
-class Smooth:
+class BlockParabola:
     """A quantity over a block as a parabola in t = (up - middle) / half; three arrays of shape (rows, columns)."""
 
     c0: Array
@@ -46,7 +46,7 @@ class Smooth:
         return float(ends.min()), float(ends.max())
 
 
-class Block:
+class PostBlock:
     """Row and column in a mosaic, lat, lon (from the frame's on) [rad] and alt [m] over a block of posts.
 
     east, north : of the columns and rows [m], at least two each
@@ -64,7 +64,7 @@ class Block:
             return np.asarray(weights_n @ values @ weights_e.T)
 
         self.row, self.column, self.lat, self.lon, self.alt = (
-            Smooth(spread(m), spread((a - b) / 2), spread((a + b) / 2 - m))
+            BlockParabola(spread(m), spread((a - b) / 2), spread((a + b) / 2 - m))
             for b, m, a in zip(below, middle, above, strict=True)
         )
 

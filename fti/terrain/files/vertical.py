@@ -16,9 +16,9 @@ from fti.errors import ConfigError
 from fti.geodesy.wgs84 import SEMI_MAJOR, SEMI_MINOR
 
 #: What ``vertical`` may be.
-WORDS = ("egm96", "egm2008", "ellipsoid")
+DATUM_NAMES = ("egm96", "egm2008", "ellipsoid")
 #: The key of ``vertical`` that stands for the files without one of their own.
-OTHERS = "*"
+OTHER_FILES = "*"
 
 _MODELS = {5773: "egm96", 3855: "egm2008"}
 _FORMATS = {"DTED": "egm96", "SRTMHGT": "egm96"}
@@ -34,16 +34,16 @@ _UNITS = {
 }
 
 
-def words_by_file(vertical: str | Mapping[str, str] | None, paths: Collection[str]) -> Mapping[str, str]:
-    """The caller's words by file, ``OTHERS`` for those without one of their own.
+def datum_names_by_file(vertical: str | Mapping[str, str] | None, paths: Collection[str]) -> Mapping[str, str]:
+    """The caller's words by file, ``OTHER_FILES`` for those without one of their own.
 
     Raises ConfigError for a word that is none of WORDS, and for a file that is not among the paths.
     """
-    words = {OTHERS: vertical} if isinstance(vertical, str) else dict(vertical or {})
+    words = {OTHER_FILES: vertical} if isinstance(vertical, str) else dict(vertical or {})
     for file, word in words.items():
-        if word not in WORDS:
-            raise ConfigError(f"vertical = {word!r}: must be one of {', '.join(WORDS)}")
-        if file != OTHERS and file not in paths:
+        if word not in DATUM_NAMES:
+            raise ConfigError(f"vertical = {word!r}: must be one of {', '.join(DATUM_NAMES)}")
+        if file != OTHER_FILES and file not in paths:
             raise ConfigError(f"vertical: {file!r} is none of the files, which are named as they are opened")
     return words
 
@@ -68,24 +68,26 @@ def find_datum(path: str, upright: pyproj.CRS | None, dataset: Any, words: Mappi
         )
     if path in words:
         return words[path], "the caller, for this file"
-    said, by = _own_word(path, upright, dataset)
+    said, by = _file_datum(path, upright, dataset)
     if said is None:
-        if OTHERS not in words:
+        if OTHER_FILES not in words:
             raise ConfigError(
-                f"{path}: nothing says what its heights are counted from; say vertical = one of {', '.join(WORDS)}"
+                f"{path}: nothing says what its heights are counted from; say vertical = one of {', '.join(DATUM_NAMES)}"
             )
-        return words[OTHERS], "the caller"
-    if said not in WORDS:
+        return words[OTHER_FILES], "the caller"
+    if said not in DATUM_NAMES:
         raise ConfigError(
-            f"{path}: its heights are counted from {said}, which is none of {', '.join(WORDS)}; "
+            f"{path}: its heights are counted from {said}, which is none of {', '.join(DATUM_NAMES)}; "
             f"say for this file which of them to take"
         )
-    if words.get(OTHERS, said) != said:
-        raise ConfigError(f"{path}: {by} says {said} and vertical says {words[OTHERS]!r}; say it for this file by name")
+    if words.get(OTHER_FILES, said) != said:
+        raise ConfigError(
+            f"{path}: {by} says {said} and vertical says {words[OTHER_FILES]!r}; say it for this file by name"
+        )
     return said, by
 
 
-def _own_word(path: str, upright: pyproj.CRS | None, dataset: Any) -> tuple[str | None, str]:
+def _file_datum(path: str, upright: pyproj.CRS | None, dataset: Any) -> tuple[str | None, str]:
     if upright is not None:
         return _datum_of(upright), "its coordinate system"
     if dataset.driver == "DTED":

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from fti.canframe import EXTENDED, unpack_can
+from fti.hil.device_streams import BabbleStream, StatusStream
 from fti.hil.ports.endpoints import Endpoint, SlcanEndpoint
-from fti.hil.streams import Babble, StatusStream
-from fti.hil.tables.kinds import Babbling, BusOff
+from fti.hil.tables.fault_types import Babbling, BusOff
 from fti.links.slcan_status import FLAGS
-from tests.hil.faults.flown import fly, nominal
+from tests.hil.faults.device_flights import fly, nominal
 
 
 class Bus:
@@ -30,7 +30,7 @@ class Bus:
         self.flags |= flags
 
 
-def run_out(stream: Babble | StatusStream) -> list[float]:
+def run_out(stream: BabbleStream | StatusStream) -> list[float]:
     """Let a stream send everything; its instants."""
     instants = []
     while (due := stream.due_s()) is not None:
@@ -42,7 +42,7 @@ def run_out(stream: Babble | StatusStream) -> list[float]:
 def test_a_node_babbles_at_its_rate_in_the_interval() -> None:
     buses = [Bus(), Bus()]
     fault = Babbling(kind="babbling", from_s=2.0, to_s=2.1, rate_hz=2000.0, can_id=17)
-    instants = run_out(Babble(fault, cast(list[Endpoint], buses)))
+    instants = run_out(BabbleStream(fault, cast(list[Endpoint], buses)))
     np.testing.assert_allclose(instants, 2.0 + np.arange(200) / 2000.0, atol=1e-9)
     for bus in buses:
         assert len(bus.frames) == 200
@@ -52,7 +52,7 @@ def test_a_node_babbles_at_its_rate_in_the_interval() -> None:
 def test_an_identifier_of_more_than_eleven_bits_is_extended() -> None:
     bus = Bus()
     fault = Babbling(kind="babbling", from_s=0.0, to_s=0.001, rate_hz=1000.0, can_id=0x18FF0001)
-    run_out(Babble(fault, cast(list[Endpoint], [bus])))
+    run_out(BabbleStream(fault, cast(list[Endpoint], [bus])))
     assert int.from_bytes(bus.frames[0][:4], "little") == 0x18FF0001 | EXTENDED
 
 

@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fti.hil.faults.clocks import DeviceClock
-from fti.hil.tables.kinds import ClockDrift, ClockJump, Fault
+from fti.hil.faults.clocks import ClockFaults
+from fti.hil.tables.fault_types import ClockDrift, ClockJump, Fault
 from fti.types import Range, Stamp, TimeScale
-from tests.hil.faults.flown import Flight, bound_of, fly, nominal
+from tests.hil.faults.device_flights import Flight, bind_device, fly, nominal
 
 
 def times(name: str, flight: Flight) -> dict[float, int]:
     """Device time of the first measurement of each cycle [ns], by when it left."""
-    bound = bound_of(name)
+    bound = bind_device(name)
     decoder = bound.driver.make_decoder(bound.options)
     found = {}
     for t, messages in flight:
@@ -58,14 +58,14 @@ def test_what_a_drift_has_gained_stays() -> None:
 def test_faults_of_one_clock_add() -> None:
     drift = ClockDrift(kind="clock_drift", from_s=0.0, to_s=10.0, ppm=100.0)
     jump = ClockJump(kind="clock_jump", from_s=5.0, to_s=6.0, by_s=-1.0)
-    clock = DeviceClock(bound_of("nmea0183"), [drift, jump])
+    clock = ClockFaults(bind_device("nmea0183"), [drift, jump])
     assert clock.error_s(5.5) == pytest.approx(-1.0 + 5.5e-4, abs=1e-12)
     assert clock.error_s(60.0) == pytest.approx(1e-3, abs=1e-12)
 
 
 def test_a_time_since_power_on_is_never_below_zero_and_no_time_stays_none() -> None:
     jump = ClockJump(kind="clock_jump", from_s=0.0, to_s=9.0, by_s=-5.0)
-    clock = DeviceClock(bound_of("mavlink"), [jump])
+    clock = ClockFaults(bind_device("mavlink"), [jump])
     boot, none = (Range(stamp=s, slant_range=1.0) for s in (Stamp(7, 2_000_000_000, TimeScale.BOOT), Stamp(7)))
     assert [m.stamp for m in clock.apply(1.0, [boot, none])] == [Stamp(7, 0, TimeScale.BOOT), Stamp(7)]
 

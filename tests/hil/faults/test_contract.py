@@ -11,23 +11,23 @@ from typing import Any
 import pytest
 from pydantic import TypeAdapter
 
-from fti.hil.faults.fitting import why_not
-from fti.hil.tables.bases import OnDevices
-from fti.hil.tables.kinds import Fault, FaultKind
-from fti.hil.tables.quantities import quantities
+from fti.hil.faults.applicability import inapplicable_reason
+from fti.hil.tables.fault_base import DeviceFault
+from fti.hil.tables.fault_types import Fault, FaultKind
+from fti.hil.tables.quantity_names import quantities
 from fti.types import DeviceStatus, Measurement, Reading
 from tests.helpers import ROOT
-from tests.hil.faults.flown import (
+from tests.hil.faults.device_flights import (
     DEVICES,
     DURATION_S,
     POLLED,
     TIMING,
     Flight,
-    bound_of,
+    bind_device,
     fly,
-    measured,
+    make_sensor,
     nominal,
-    sensor_in,
+    recorded_cycles,
 )
 from tests.hil.worlds import world
 
@@ -121,7 +121,7 @@ def made(kind: FaultKind, name: str, **changes: Any) -> Fault:
 
 
 def can_be(kind: FaultKind, name: str) -> bool:
-    fault, bound = made(kind, name), bound_of(name)
+    fault, bound = made(kind, name), bind_device(name)
     on_can = {"can"} == bound.driver.CARRIERS
     if kind is FaultKind.BUS_OFF:
         return on_can
@@ -133,7 +133,7 @@ def can_be(kind: FaultKind, name: str) -> bool:
         return name in NEEDS[kind]
     if kind is FaultKind.INVALID:
         return name not in ("power_unit", "honeywell_hmr2300")  # neither says that it measures nothing
-    return isinstance(fault, OnDevices) and not why_not(fault, bound)
+    return isinstance(fault, DeviceFault) and not inapplicable_reason(fault, bound)
 
 
 CASES = [(kind, name) for kind in ON_THE_LINE for name in DEVICES if name not in POLLED and can_be(kind, name)]
@@ -153,7 +153,7 @@ def after(flight: Flight) -> Flight:
 
 def said(name: str, flight: Flight) -> list[Measurement]:
     """What a decoder makes of a flight, sorted, but for what it says of lost messages."""
-    bound = bound_of(name)
+    bound = bind_device(name)
     decoder = bound.driver.make_decoder(bound.options)
     found = [m for t, messages in flight for message in messages for m in decoder.feed(message, round(t * 1e9))]
     return sorted((m for m in found if not isinstance(m, DeviceStatus | Reading)), key=repr)
@@ -172,7 +172,7 @@ def test_a_fault_of_the_world_or_of_reception_reaches_the_line_and_not_before_it
     name, parameters, begin_s = BEFORE_THE_DEVICE[kind]
     fault = MAKE.validate_python({"kind": kind.value, **parameters})
     without, spoiled = (
-        fly(name, sensor=sensor_in(name, world(DURATION_S, fault=faults, sensor=TIMING))) for faults in ((), (fault,))
+        fly(name, sensor=make_sensor(name, world(DURATION_S, fault=faults, sensor=TIMING))) for faults in ((), (fault,))
     )
     assert [m for m in without if m[0] >= begin_s] != [m for m in spoiled if m[0] >= begin_s]
     assert [m for m in without if m[0] < begin_s] == [m for m in spoiled if m[0] < begin_s]
@@ -201,7 +201,7 @@ def test_a_fault_changes_what_leaves_in_its_interval_and_nothing_before_or_behin
 @pytest.mark.parametrize("name", [name for name in DEVICES if name not in POLLED])
 def test_no_number_is_too_wrong_to_be_forced(name: str) -> None:
     """Every number that the device measures, in turn, far too small and far too large: it goes on to the end."""
-    kinds = {type(m) for cycle in measured(name)[:20] for m in cycle}
+    kinds = {type(m) for cycle in recorded_cycles(name)[:20] for m in cycle}
     numbers = {f"{kind}.{key}": q for kind, fields in quantities().items() for key, q in fields.items()}
     mine = [text for text, found in numbers.items() if found.kind in kinds]
     assert mine

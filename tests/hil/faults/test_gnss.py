@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from fti.devices import bind_devices
 from fti.hil import scenario as scenarios
-from fti.hil.expected.aircraft import Aircraft, Truth
-from fti.hil.expected.flags import told
-from fti.hil.faults.fitting import is_of, why_not
+from fti.hil.faults.applicability import applies_to, inapplicable_reason
 from fti.hil.faults.gnss import GnssFaults
+from fti.hil.oracle.fault_flags import flags_of_fault
+from fti.hil.oracle.roles import AircraftRoles, TruthSeries
 from fti.hil.scenario import Scenario
-from fti.hil.tables.kinds import GnssOffset, GnssOutage
-from fti.service.binding import bind_devices
+from fti.hil.tables.fault_types import GnssOffset, GnssOutage
 
 #: Spiegel 2018, table 7.4: until [s], horizontal and vertical standard deviation [m].
 TABLE_7_4 = ((30, 2, 3), (40, 4, 6), (80, 2, 3), (100, 5, 7), (170, 2, 3), (200, 6, 8), (250, 2, 3))
@@ -31,13 +31,13 @@ def faults(name: str) -> GnssFaults:
 
 def test_the_degraded_phases_are_those_of_table_7_4() -> None:
     expected = [next(row[1:] for row in TABLE_7_4 if t < row[0]) for t in T]
-    np.testing.assert_array_equal(faults("gnss_degraded").degraded(T), expected)
-    assert not faults("gnss_degraded").jammed(T).any()
+    np.testing.assert_array_equal(faults("gnss_degraded").degraded_sds(T), expected)
+    assert not faults("gnss_degraded").jamming_mask(T).any()
 
 
 def test_the_outages_are_those_of_table_7_5() -> None:
     expected = [any(begin <= t < end for begin, end in TABLE_7_5) for t in T]
-    np.testing.assert_array_equal(faults("gnss_outages").jammed(T), expected)
+    np.testing.assert_array_equal(faults("gnss_outages").jamming_mask(T), expected)
 
 
 @pytest.mark.parametrize("name", ["gnss_degraded", "gnss_outages"])
@@ -71,19 +71,19 @@ def test_without_a_time_it_is_there_at_once() -> None:
 def test_only_a_device_that_may_have_a_receiver_can_have_one() -> None:
     bound = {b.device.name: b for b in bind_devices(scenarios.load_config(shipped("gnss_outages")))}
     fault = shipped("gnss_outages").fault[0]
-    assert {name for name, b in bound.items() if is_of(fault, b)} == {"ins", "ahrs", "gnss", "autopilot"}
+    assert {name for name, b in bound.items() if applies_to(fault, b)} == {"ins", "ahrs", "gnss", "autopilot"}
     named = GnssOutage(kind="gnss_outage", devices=("altimeter",), from_s=1.0, to_s=2.0)
-    assert "freeflight_ra4500 has no satellite receiver" in why_not(named, bound["altimeter"])
+    assert "freeflight_ra4500 has no satellite receiver" in inapplicable_reason(named, bound["altimeter"])
 
 
 def test_what_has_only_satellites_must_say_that_there_are_none() -> None:
     scenario = shipped("gnss_outages")
     config = scenarios.load_config(scenario)
-    craft = Aircraft(config, bind_devices(config), scenario)
+    craft = AircraftRoles(config, bind_devices(config), scenario)
     still = np.zeros(len(T))
-    truth = Truth(T, *[still] * 6)
-    found = {case.subject: case for case in told(scenario.fault[0], craft, truth)}
-    assert {name for name, case in found.items() if case.duties} == {"gnss", "autopilot"}
-    assert {case.unknown for case in found.values() if not case.duties} == {
+    truth = TruthSeries(T, *[still] * 6)
+    found = {case.subject: case for case in flags_of_fault(scenario.fault[0], craft, truth)}
+    assert {name for name, case in found.items() if case.expected_flags} == {"gnss", "autopilot"}
+    assert {case.unknown for case in found.values() if not case.expected_flags} == {
         "it goes on with what it has besides satellites"
     }

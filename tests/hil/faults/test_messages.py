@@ -6,9 +6,16 @@ import numpy as np
 import pytest
 
 from fti.canframe import CAN_SIZE, CANFD_SIZE, pack_can, unpack_can
-from fti.hil.faults.messages import Frozen, Held, Stage, Swapped, with_bit_errors, without_end
-from fti.hil.tables.kinds import BitErrors, Burst, Cut, Duplicated, Freeze, LostHeader, Reordered, Truncated
-from tests.hil.faults.flown import Flight, fly, nominal
+from fti.hil.faults.messages import (
+    BurstStage,
+    FreezeStage,
+    MessageStage,
+    ReorderStage,
+    bit_error_effect,
+    truncation_effect,
+)
+from fti.hil.tables.fault_types import BitErrors, Burst, Cut, Duplicated, Freeze, LostHeader, Reordered, Truncated
+from tests.hil.faults.device_flights import Flight, fly, nominal
 
 END_S = 100.0
 
@@ -17,7 +24,7 @@ def rng() -> np.random.Generator:
     return np.random.default_rng(1)
 
 
-def played(stage: Stage, cycles: dict[float, list[bytes]]) -> dict[float, list[bytes]]:
+def played(stage: MessageStage, cycles: dict[float, list[bytes]]) -> dict[float, list[bytes]]:
     """What leaves a stage, at its own instants too."""
     waiting, found = sorted(cycles), {}
     while waiting or stage.due_s() is not None:
@@ -38,23 +45,23 @@ def messages(flight: Flight) -> list[bytes]:
 
 def test_a_message_leaves_behind_the_next_one() -> None:
     fault = Reordered(kind="reordered", from_s=1.0, to_s=4.0)
-    left = played(Swapped(fault, rng(), END_S), {float(t): [b"%d" % t] for t in range(6)})
+    left = played(ReorderStage(fault, rng(), END_S), {float(t): [b"%d" % t] for t in range(6)})
     assert left == {0.0: [b"0"], 2.0: [b"2", b"1"], 4.0: [b"4", b"3"], 5.0: [b"5"]}
 
 
 def test_within_a_cycle_neighbours_change_places() -> None:
     fault = Reordered(kind="reordered", from_s=0.0, to_s=4.0)
-    assert Swapped(fault, rng(), END_S).apply(1.0, [b"a", b"b", b"c", b"d"]) == [b"b", b"a", b"d", b"c"]
+    assert ReorderStage(fault, rng(), END_S).apply(1.0, [b"a", b"b", b"c", b"d"]) == [b"b", b"a", b"d", b"c"]
 
 
 def test_who_waits_for_nobody_leaves_at_the_end_of_the_interval() -> None:
     fault = Reordered(kind="reordered", from_s=0.0, to_s=4.0)
-    assert played(Swapped(fault, rng(), END_S), {1.0: [b"a"], 7.0: [b"b"]}) == {4.0: [b"a"], 7.0: [b"b"]}
+    assert played(ReorderStage(fault, rng(), END_S), {1.0: [b"a"], 7.0: [b"b"]}) == {4.0: [b"a"], 7.0: [b"b"]}
 
 
 def test_or_with_the_last_message_of_the_flight() -> None:
     fault = Reordered(kind="reordered", from_s=0.0, to_s=40.0)
-    stage = Swapped(fault, rng(), 3.0)
+    stage = ReorderStage(fault, rng(), 3.0)
     assert played(stage, {1.0: [b"a"], 2.0: [b"b"], 2.5: [b"c"]}) == {2.0: [b"b", b"a"], 3.0: [b"c"]}
     assert stage.apply(3.0, [b"d"]) == [b"d"]
 
@@ -62,7 +69,7 @@ def test_or_with_the_last_message_of_the_flight() -> None:
 def test_a_share_is_drawn() -> None:
     fault = Reordered(kind="reordered", from_s=0.0, to_s=4000.0, share=0.25)
     cycles = {float(t): [b"%d" % t] for t in range(3000)}
-    swapped = [m for m in played(Swapped(fault, rng(), 5000.0), cycles).values() if len(m) == 2]
+    swapped = [m for m in played(ReorderStage(fault, rng(), 5000.0), cycles).values() if len(m) == 2]
     assert len(swapped) == pytest.approx(3000 * 0.25 / 1.25, rel=0.1)  # who overtakes does not wait itself
 
 
@@ -72,7 +79,7 @@ def test_a_share_is_drawn() -> None:
 def test_messages_are_held_and_leave_at_once() -> None:
     fault = Burst(kind="burst", from_s=1.0, to_s=3.2, hold_s=1.0)
     cycles = {t / 4: [b"%d" % t] for t in range(18)}
-    left = played(Held(fault, END_S), cycles)
+    left = played(BurstStage(fault, END_S), cycles)
     assert left[2.0] == [b"4", b"5", b"6", b"7"]
     assert left[3.0] == [b"8", b"9", b"10", b"11"]
     assert left[3.2] == [b"12"]
@@ -98,24 +105,24 @@ def test_at_the_end_of_the_flight_nothing_is_held_back(kind: Burst | Reordered, 
 def test_a_frozen_device_repeats_the_cycle_before_the_interval() -> None:
     fault = Freeze(kind="freeze", from_s=2.0, to_s=4.0)
     cycles = {float(t): [b"a%d" % t, b"b%d" % t] for t in range(6)}
-    left = played(Frozen(fault), cycles)
+    left = played(FreezeStage(fault), cycles)
     assert left[2.0] == left[3.0] == [b"a1", b"b1"]
     assert left[4.0] == [b"a4", b"b4"]
 
 
 def test_a_device_that_is_frozen_from_the_beginning_repeats_its_first_cycle() -> None:
     fault = Freeze(kind="freeze", from_s=0.0, to_s=4.0)
-    assert set(map(tuple, played(Frozen(fault), {float(t): [b"%d" % t] for t in range(4)}).values())) == {(b"0",)}
+    assert set(map(tuple, played(FreezeStage(fault), {float(t): [b"%d" % t] for t in range(4)}).values())) == {(b"0",)}
 
 
 def test_bits_are_wrong_as_often_as_it_says() -> None:
-    become = with_bit_errors(BitErrors(kind="bit_errors", from_s=0.0, to_s=1.0, rate=0.01), rng(), on_can=False)
+    become = bit_error_effect(BitErrors(kind="bit_errors", from_s=0.0, to_s=1.0, rate=0.01), rng(), on_can=False)
     (wrong,) = become(bytes(100_000))
     assert np.unpackbits(np.frombuffer(wrong, np.uint8)).mean() == pytest.approx(0.01, rel=0.05)
 
 
 def test_on_can_only_the_data_is_wrong() -> None:
-    become = with_bit_errors(BitErrors(kind="bit_errors", from_s=0.0, to_s=1.0, rate=0.5), rng(), on_can=True)
+    become = bit_error_effect(BitErrors(kind="bit_errors", from_s=0.0, to_s=1.0, rate=0.5), rng(), on_can=True)
     frame = pack_can(0x123, b"\xaa\xbb\xcc")
     (wrong,) = become(frame)
     assert unpack_can(wrong)._replace(data=b"") == unpack_can(frame)._replace(data=b"")
@@ -125,13 +132,13 @@ def test_on_can_only_the_data_is_wrong() -> None:
 
 @pytest.mark.parametrize(("size", "left"), [(8, 5), (2, 0)])
 def test_a_can_frame_loses_the_end_of_its_data(size: int, left: int) -> None:
-    (short,) = without_end(3, on_can=True)(pack_can(0x123, bytes(range(1, size + 1)), extended=True))
+    (short,) = truncation_effect(3, on_can=True)(pack_can(0x123, bytes(range(1, size + 1)), extended=True))
     assert len(short) == CAN_SIZE
     assert unpack_can(short) == unpack_can(pack_can(0x123, bytes(range(1, left + 1)), extended=True))
 
 
 def test_an_fd_frame_gets_a_length_that_there_is() -> None:
-    (short,) = without_end(3, on_can=True)(pack_can(0x123, bytes(range(64)), fd=True))
+    (short,) = truncation_effect(3, on_can=True)(pack_can(0x123, bytes(range(64)), fd=True))
     assert len(short) == CANFD_SIZE
     assert unpack_can(short).data == bytes(range(48))
 

@@ -19,9 +19,9 @@ from pydantic import TypeAdapter
 from pymavlink.dialects.v20 import common
 
 from fti.errors import ConfigError
-from fti.hil.sensors.needed import check_sent
-from fti.hil.tables.kinds import Fault
-from tests.hil.faults.flown import DEVICES, DURATION_S, TIMING, Flight, fly, sensor_in
+from fti.hil.sensors.fault_effect_check import check_fault_effects
+from fti.hil.tables.fault_types import Fault
+from tests.hil.faults.device_flights import DEVICES, DURATION_S, TIMING, Flight, fly, make_sensor
 from tests.hil.worlds import world
 
 MAKE: TypeAdapter[Fault] = TypeAdapter(Fault)
@@ -94,7 +94,7 @@ def fault_of(kind: str, **keys: Any) -> Fault:
 def flights(name: str, fault: Fault, **keys: Any) -> tuple[Flight, Flight]:
     """Without and with the fault; keys : of the scenario."""
     without, wrong = (
-        fly(name, *faults, sensor=sensor_in(name, world(DURATION_S, fault=faults, sensor=TIMING, **keys)))
+        fly(name, *faults, sensor=make_sensor(name, world(DURATION_S, fault=faults, sensor=TIMING, **keys)))
         for faults in ((), (fault,))
     )
     return without, wrong
@@ -284,7 +284,7 @@ def test_an_inertial_system_on_its_own_drifts_with_the_bias() -> None:
     free = {"device": {**TIMING["device"], "mode": "free"}}
     bias = fault_of("inertial_bias", accel_mg=(0.0, 50.0, 0.0))
     last = [
-        [of for t, m in messages(fly("imar_ixcom", *faults, sensor=sensor_in(
+        [of for t, m in messages(fly("imar_ixcom", *faults, sensor=make_sensor(
             "imar_ixcom", world(DURATION_S, fault=faults, sensor=free)))) for of in of_ixcom(t, m) if t < TO_S][-1]
         for faults in ((), (bias,))
     ]  # fmt: skip
@@ -330,7 +330,7 @@ def test_what_was_never_measured_so_long_ago_is_the_first_that_was() -> None:
 def refused(name: str, fault: Fault) -> str:
     flown = world(DURATION_S, fault=(fault,), sensor=TIMING)
     with pytest.raises(ConfigError) as error:
-        check_sent([sensor_in(name, flown)], flown)
+        check_fault_effects([make_sensor(name, flown)], flown)
     return str(error.value)
 
 
@@ -358,13 +358,13 @@ def test_a_device_that_has_no_fix_in_the_beginning_is_not_refused(name: str) -> 
     outage = MAKE.validate_python({"kind": "gnss_outage", "from_s": 0.0, "to_s": 5.0})
     faults = (fault_of("swapped_coordinates", devices=("device",)), fault_of("undulation"), outage)
     flown = world(DURATION_S, fault=faults, sensor=TIMING)
-    check_sent([sensor_in(name, flown)], flown)
+    check_fault_effects([make_sensor(name, flown)], flown)
 
 
 @pytest.mark.parametrize("name", ["arinc429", "freeflight_ra4500", "lightware_binary", "imar_ixcom"])
 def test_an_altimeter_or_a_navigation_system_can_be_mounted_elsewhere(name: str) -> None:
     flown = world(DURATION_S, fault=(fault_of("lever_arm", devices=("device",), right_m=2.0),), sensor=TIMING)
-    check_sent([sensor_in(name, flown)], flown)
+    check_fault_effects([make_sensor(name, flown)], flown)
 
 
 def test_every_device_flies_with_every_one_of_them() -> None:
@@ -380,6 +380,6 @@ def test_every_device_flies_with_every_one_of_them() -> None:
     for name in DEVICES:
         ends = [
             flight[-1][0] if flight else 0.0
-            for flight in (fly(name, *faults, sensor=sensor_in(name, flown)), fly(name))
+            for flight in (fly(name, *faults, sensor=make_sensor(name, flown)), fly(name))
         ]
         assert ends[0] == pytest.approx(ends[1], abs=0.2), name

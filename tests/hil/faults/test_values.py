@@ -7,7 +7,7 @@ import pytest
 from pydantic import TypeAdapter
 
 from fti.hil.faults.values import DeviceFaults
-from fti.hil.tables.kinds import Fault, Invalid, Stuck
+from fti.hil.tables.fault_types import Fault, Invalid, Stuck
 from fti.types import (
     Airspeed,
     Attitude,
@@ -90,7 +90,7 @@ def test_an_invalid_device_says_so_and_names_why() -> None:
 
 
 def test_faults_of_the_world_are_not_faults_of_a_device() -> None:
-    from fti.hil.tables.kinds import Obstacle
+    from fti.hil.tables.fault_types import Obstacle
 
     obstacle = Obstacle(kind="obstacle", before_threshold_m=3000.0, height_m=150.0)
     assert applied(obstacle, "a", 1.0) == sample(1.0)

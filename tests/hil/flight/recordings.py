@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fti.hil import scenario as scenarios
-from fti.hil.emulator import make_world
-from fti.hil.flight.table import write_table
-from fti.hil.flight.trajectory import Samples, State
+from fti.hil.emulator import make_environment
+from fti.hil.flight.csv_flight import write_table
+from fti.hil.flight.trajectory import FlightSamples, FlightState
 
 Array = NDArray[np.float64]
 
@@ -31,17 +31,17 @@ def single(values: Array) -> Array:
     return values.astype(np.float32).astype(np.float64)
 
 
-def quantised(state: State, t: Array) -> Samples:
+def quantised(state: FlightState, t: Array) -> FlightSamples:
     """A flight as such a recorder keeps it, at times t [s] of its own."""
     angles = [single(a) for a in (state.lat, state.lon, state.roll, state.pitch, state.heading)]
     lat, lon, roll, pitch, heading = angles
-    return Samples(t, lat, lon, state.alt, roll, pitch, heading)
+    return FlightSamples(t, lat, lon, state.alt, roll, pitch, heading)
 
 
-def recorded() -> Samples:
+def recorded() -> FlightSamples:
     """The samples of the recording."""
     t = np.arange(BEGIN_S, END_S, 1.0 / RATE_HZ)
-    world = make_world(scenarios.load(scenarios.find("pattern")))
+    world = make_environment(scenarios.load(scenarios.find("pattern")))
     return quantised(world.state(t), t - BEGIN_S)
 
 

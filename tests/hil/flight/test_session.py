@@ -10,11 +10,11 @@ import pytest
 from fti import config as configuration
 from fti.config import Config
 from fti.errors import ConfigError, MissingError
-from fti.hil import accelerated
+from fti.hil import offline_run
+from fti.hil.environment import Environment
 from fti.hil.flight.session import read_session
-from fti.hil.flight.smoothing import moved
-from fti.hil.flight.trajectory import Samples
-from fti.hil.world import World
+from fti.hil.flight.smoothing import displacements
+from fti.hil.flight.trajectory import FlightSamples
 from tests.hil.worlds import flat_terrain, path, scenario, world
 
 CONFIG = """
@@ -60,7 +60,7 @@ def config_of(folder: Path, text: str = CONFIG) -> Config:
 @pytest.fixture(scope="module")
 def session(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("flown")
-    return accelerated.fly(config_of(folder), scenario(), folder, world=world(FLIGHT_S))
+    return offline_run.fly(config_of(folder), scenario(), folder, world=world(FLIGHT_S))
 
 
 def test_the_path_of_p_and_its_attitude_are_found(session: Path) -> None:
@@ -72,13 +72,15 @@ def test_the_path_of_p_and_its_attitude_are_found(session: Path) -> None:
     truth = world(FLIGHT_S)
     first = _first(found, truth)
     state = truth.state(first + found.t[20:-20])
-    part = Samples(*(getattr(found, name)[20:-20] for name in ("t", "lat", "lon", "alt", "roll", "pitch", "heading")))
-    metres, angles = moved(part, state)
+    part = FlightSamples(
+        *(getattr(found, name)[20:-20] for name in ("t", "lat", "lon", "alt", "roll", "pitch", "heading"))
+    )
+    metres, angles = displacements(part, state)
     assert metres.max() < 5.0
     assert np.rad2deg(angles.max()) < 0.5
 
 
-def _first(found: Samples, truth: World) -> float:
+def _first(found: FlightSamples, truth: Environment) -> float:
     """When the first sample was taken, by the course of the flight [s]."""
     t = np.arange(0.0, 0.2, 0.001)
     return float(t[np.argmin(np.abs(truth.state(t).lon - found.lon[0]))])
@@ -86,7 +88,7 @@ def _first(found: Samples, truth: World) -> float:
 
 def test_it_is_flown_again(session: Path) -> None:
     flight = {"kind": "recorded", "file": str(session), "smooth_s": 2, "from_s": 1, "duration_s": 8}
-    again = World(scenario(flight=flight), path(), flat_terrain(100.0), undulation=47.0)
+    again = Environment(scenario(flight=flight), path(), flat_terrain(100.0), undulation=47.0)
     state, truth = again.state(np.arange(1.0, 7.0, 0.5)), world(FLIGHT_S).state(np.arange(2.0, 8.0, 0.5))
     assert np.abs(np.rad2deg(state.pitch - truth.pitch)).max() < 0.5
     assert np.abs(state.vel_n - truth.vel_n).max() < 2.0
@@ -113,7 +115,7 @@ def test_two_devices_that_say_both_must_be_told_apart(tmp_path: Path) -> None:
     second = CONFIG.replace(
         '"gnss_line"\ndriver = "nmea0183"\nrate_hz = 5', '"gnss_line"\ndriver = "imar_ixcom"\nrate_hz = 5'
     )
-    folder = accelerated.fly(config_of(tmp_path, second), scenario(), tmp_path, world=world(2.0))
+    folder = offline_run.fly(config_of(tmp_path, second), scenario(), tmp_path, world=world(2.0))
     with pytest.raises(ConfigError, match="ins, gnss say position and attitude: name one of them"):
         read_session(folder, None)
 

@@ -7,8 +7,8 @@ import pytest
 from numpy.typing import NDArray
 
 from fti.geodesy.rotations import mat_from_rpy
-from fti.hil.flight.smoothing import angle_between, fit, graduate, moved
-from fti.hil.flight.trajectory import Samples
+from fti.hil.flight.smoothing import angle_between, displacements, fit, graduate
+from fti.hil.flight.trajectory import FlightSamples
 from fti.hil.flight.waypoints import Waypoint, waypoint_flight
 from tests.hil.flight.recordings import quantised
 
@@ -47,20 +47,20 @@ def test_the_smallest_angles_are_told() -> None:
 
 
 @pytest.fixture(scope="module")
-def recorded() -> tuple[Samples, Samples]:
+def recorded() -> tuple[FlightSamples, FlightSamples]:
     """A turn near 180 deg, true and in single precision, 10 Hz."""
     corner = [(48.0, 179.90), (48.0, 179.97), (48.04, 179.97)]
     waypoints = [Waypoint(np.deg2rad(lat), np.deg2rad(lon), 800.0, 60.0) for lat, lon in corner]
     flight = waypoint_flight(waypoints, np.deg2rad(25.0), (3.0, 2.0))
     t = np.arange(0.0, flight.end, 0.1)
     s = flight.state(t)
-    return Samples(t, s.lat, s.lon, s.alt, s.roll, s.pitch, s.heading), quantised(s, t)
+    return FlightSamples(t, s.lat, s.lon, s.alt, s.roll, s.pitch, s.heading), quantised(s, t)
 
 
-def test_steps_of_single_precision_are_filtered_out(recorded: tuple[Samples, Samples]) -> None:
+def test_steps_of_single_precision_are_filtered_out(recorded: tuple[FlightSamples, FlightSamples]) -> None:
     """At 180 deg: steps of 1.5 m cos 48 in longitude, 0.76 m in latitude; filter decimetres, spline millimetres."""
     true, steps = recorded
-    coarse_m, _ = moved(true, steps)
+    coarse_m, _ = displacements(true, steps)
     assert 0.3 < coarse_m.max() < 0.7
     found = fit(steps, 2.0)
     assert 0.1 < np.sqrt(np.mean(found.filter_m**2)) < 0.5
@@ -73,7 +73,7 @@ def test_steps_of_single_precision_are_filtered_out(recorded: tuple[Samples, Sam
     assert np.linalg.norm(state.accel_e, axis=1).max() < 10.0
 
 
-def test_without_a_filter_the_steps_shake_the_flight(recorded: tuple[Samples, Samples]) -> None:
+def test_without_a_filter_the_steps_shake_the_flight(recorded: tuple[FlightSamples, FlightSamples]) -> None:
     """Which is what the filter is for: half a metre in a tenth of a second."""
     found = fit(recorded[1], None)
     assert np.linalg.norm(found.flight.state(recorded[0].t).accel_e, axis=1).max() > 100.0
@@ -81,8 +81,8 @@ def test_without_a_filter_the_steps_shake_the_flight(recorded: tuple[Samples, Sa
     np.testing.assert_array_equal(found.filter_m, 0.0)
 
 
-def test_the_errors_are_told_in_words(recorded: tuple[Samples, Samples]) -> None:
-    words = fit(recorded[1], 2.0).words()
-    assert words.startswith("filtered minus recorded: 0.")
-    assert "; spline minus filtered: 0.00" in words
-    assert "deg rms, at most" in words
+def test_the_errors_are_told_in_words(recorded: tuple[FlightSamples, FlightSamples]) -> None:
+    error_text = fit(recorded[1], 2.0).error_text()
+    assert error_text.startswith("filtered minus recorded: 0.")
+    assert "; spline minus filtered: 0.00" in error_text
+    assert "deg rms, at most" in error_text

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from fti.geodesy.rotations import mat_from_rpy
 from fti.geodesy.wgs84 import ecef_from_geodetic
-from fti.hil.flight.trajectory import Samples, SplineFlight, State, earth_frame_velocity
+from fti.hil.flight.trajectory import FlightSamples, FlightState, SplineFlight, earth_frame_velocity
 
 Array = NDArray[np.float64]
 
@@ -18,13 +18,13 @@ T = np.arange(0.0, 60.0, 0.5)
 AT = np.linspace(1.0, 59.0, 301)
 
 
-def wobbling(lat_deg: float, lon_deg: float) -> Samples:
+def wobbling(lat_deg: float, lon_deg: float) -> FlightSamples:
     """Two minutes of swaying flight to the north-east."""
     east, north = 60.0 * T + 200.0 * np.sin(T / 9.0), 50.0 * T
     lat = np.deg2rad(lat_deg) + north / 6.37e6
     lon = np.deg2rad(lon_deg) + east / 6.37e6 / np.cos(np.deg2rad(lat_deg))
     alt = 500.0 + 30.0 * np.cos(T / 11.0)
-    return Samples(T, lat, lon, alt, 0.4 * np.sin(T / 5.0), 0.1 * np.cos(T / 7.0), (6.0 + T / 30.0) % (2 * np.pi))
+    return FlightSamples(T, lat, lon, alt, 0.4 * np.sin(T / 5.0), 0.1 * np.cos(T / 7.0), (6.0 + T / 30.0) % (2 * np.pi))
 
 
 PLACES = [(0.0, 0.0), (48.0, 179.99), (-75.0, -120.0), (89.9, 10.0)]
@@ -69,7 +69,7 @@ def test_times_need_no_equal_steps() -> None:
     """The same sines, sampled unevenly: position within a millimetre between the samples."""
     uneven = np.sort(np.concatenate([T[::2], T[::5] + 0.13]))
     even = wobbling(45.0, 7.0)
-    thinned = Samples(uneven, *(np.interp(uneven, T, values) * 0.0 for values in vars_of(even)))
+    thinned = FlightSamples(uneven, *(np.interp(uneven, T, values) * 0.0 for values in vars_of(even)))
     lat = 0.8 + 60.0 * uneven / 6.37e6
     alt = 500.0 + 30.0 * np.cos(uneven / 11.0)
     state = SplineFlight.from_samples(replace(thinned, lat=lat, alt=alt)).state(AT)
@@ -92,7 +92,7 @@ def test_air_flow_of_a_constant_and_of_a_gusty_wind() -> None:
 def test_a_gap_is_refused_in_words() -> None:
     samples = wobbling(45.0, 7.0)
     keep = (T < 20.0) | (T > 23.0)
-    broken = Samples(T[keep], *(values[keep] for values in vars_of(samples)))
+    broken = FlightSamples(T[keep], *(values[keep] for values in vars_of(samples)))
     with pytest.raises(ValueError, match=r"nothing is known of the flight from 19\.500 s to 23\.500 s: 4\.000 s"):
         SplineFlight.from_samples(broken)
 
@@ -111,9 +111,9 @@ def test_times_that_run_back_are_refused() -> None:
         SplineFlight.from_samples(replace(wobbling(45.0, 7.0), t=T[::-1]))
 
 
-def vars_of(samples: Samples) -> tuple[Array, ...]:
+def vars_of(samples: FlightSamples) -> tuple[Array, ...]:
     return samples.lat, samples.lon, samples.alt, samples.roll, samples.pitch, samples.heading
 
 
-def attitude(of: State | Samples) -> Array:
+def attitude(of: FlightState | FlightSamples) -> Array:
     return mat_from_rpy(of.roll, of.pitch, of.heading)

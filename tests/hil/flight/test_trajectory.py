@@ -11,20 +11,20 @@ from numpy.typing import NDArray
 from fti.geodesy.gravity import normal_gravity
 from fti.geodesy.rotations import mat_from_rpy
 from fti.geodesy.wgs84 import ecef_from_geodetic
-from fti.hil.flight.approach import Manoeuvre, Plan, approach_flight
-from fti.hil.flight.trajectory import SplineFlight, State, earth_frame_velocity
+from fti.hil.flight.approach import ApproachPlan, Manoeuvre, approach_flight
+from fti.hil.flight.trajectory import FlightState, SplineFlight, earth_frame_velocity
 from fti.hil.sensors.inertial import angular_rate_b, specific_force_b
 from tests.hil.worlds import path
 
-CALM = Plan(wander=0.0, wander_height=0.0, gust=0.0)
+CALM = ApproachPlan(wander=0.0, wander_height=0.0, gust=0.0)
 T = np.arange(0.5, 81.0, 0.25)
 
 
-def fly(plan: Plan, seed: int = 1) -> SplineFlight:
+def fly(plan: ApproachPlan, seed: int = 1) -> SplineFlight:
     return approach_flight(path(), path().x_gpi, plan, seed)
 
 
-def along(state: State) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def along(state: FlightState) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     s, y = path().along(state.lat, state.lon)
     return s, y, state.alt - path().alt_path(s)
 
@@ -48,20 +48,20 @@ def test_flight_levels_off_over_the_runway_and_crosses_the_threshold_at_its_heig
 
 
 def test_velocity_is_the_derivative_of_the_position() -> None:
-    flight, h = fly(Plan(wind_n=(4.0, -3.0))), 1e-3
+    flight, h = fly(ApproachPlan(wind_n=(4.0, -3.0))), 1e-3
     ahead, behind = flight.state(T + h), flight.state(T - h)
     difference = (ecef(ahead) - ecef(behind)) / (2 * h)
     np.testing.assert_allclose(earth_frame_velocity(flight.state(T)), difference, atol=2e-5)
 
 
 def test_acceleration_is_the_derivative_of_the_velocity() -> None:
-    flight, h = fly(Plan()), 1e-3
+    flight, h = fly(ApproachPlan()), 1e-3
     difference = (earth_frame_velocity(flight.state(T + h)) - earth_frame_velocity(flight.state(T - h))) / (2 * h)
     np.testing.assert_allclose(flight.state(T).accel_e, difference, atol=1e-6)
 
 
 def test_turn_rate_is_the_derivative_of_the_attitude() -> None:
-    flight, h = fly(Plan(wind_n=(0.0, 6.0))), 0.002
+    flight, h = fly(ApproachPlan(wind_n=(0.0, 6.0))), 0.002
     rates = flight.state(T).omega_nb_b
     turned = np.einsum(
         "nji,njk->nik", attitude(flight.state(T - h)), attitude(flight.state(T + h))
@@ -95,13 +95,13 @@ def test_a_side_step_banks_towards_it_first_and_comes_back() -> None:
 
 
 def test_wander_has_the_size_asked_for_and_depends_on_the_seed() -> None:
-    flights = [fly(Plan(), seed) for seed in range(30)]
+    flights = [fly(ApproachPlan(), seed) for seed in range(30)]
     offsets = np.array([along(f.state(T))[1] for f in flights])
     heights = np.array([along(f.state(T[:200]))[2] for f in flights])
     assert np.sqrt((offsets**2).mean()) == pytest.approx(3.0, rel=0.15)
     assert np.sqrt((heights**2).mean()) == pytest.approx(1.5, rel=0.15)
     assert np.abs(offsets[0] - offsets[1]).max() > 1.0
-    np.testing.assert_array_equal(along(fly(Plan(), 5).state(T))[1], offsets[5])
+    np.testing.assert_array_equal(along(fly(ApproachPlan(), 5).state(T))[1], offsets[5])
 
 
 def test_specific_force_of_steady_flight_is_gravity() -> None:
@@ -118,9 +118,9 @@ def test_gyros_of_steady_flight_feel_the_rotation_of_the_earth() -> None:
     assert 7.292e-5 - 1e-5 < rate < 7.292e-5 + 1e-5
 
 
-def ecef(state: State) -> NDArray[np.float64]:
+def ecef(state: FlightState) -> NDArray[np.float64]:
     return ecef_from_geodetic(state.lat, state.lon, state.alt)
 
 
-def attitude(state: State) -> NDArray[np.float64]:
+def attitude(state: FlightState) -> NDArray[np.float64]:
     return mat_from_rpy(state.roll, state.pitch, state.heading)

@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from fti.geodesy.local import LocalFrame
-from fti.hil.flight.trajectory import SplineFlight, State
+from fti.hil.flight.trajectory import FlightState, SplineFlight
 from fti.hil.flight.waypoints import SMOOTH_S, Waypoint, waypoint_flight
 
 Array = NDArray[np.float64]
@@ -27,11 +27,11 @@ def waypoint(east: float, north: float, alt: float = 600.0, speed: float = SPEED
 CORNER = [waypoint(0, 0), waypoint(4000, 0), waypoint(4000, -4000)]
 
 
-def sampled(flight: SplineFlight, step: float = 0.25) -> State:
+def sampled(flight: SplineFlight, step: float = 0.25) -> FlightState:
     return flight.state(np.arange(0.0, flight.end, step))
 
 
-def places(state: State) -> Array:
+def places(state: FlightState) -> Array:
     return np.asarray(FRAME.to_local(state.lat, state.lon, 0.0 * state.alt)[:, :2])
 
 

@@ -13,15 +13,15 @@ import pytest
 from fti import config as configuration
 from fti.canframe import unpack_can
 from fti.config import Config
+from fti.devices import bind_devices
 from fti.drivers import deflection_pickups
-from fti.drivers.deflection_pickups.table import Table
+from fti.drivers.deflection_pickups.table import CalibrationTable
 from fti.hil.sensors.deflections import deflections, flap_angle_deg, raw_counts
-from fti.service.binding import bind_devices
 from fti.types import Ack, Calibration, DmeRange, Measurement, Reading, StaticPressure, SurfaceDeflection
 from tests.helpers import ROOT, until_async
 from tests.hil.test_emulator import decoded, fly, make
 from tests.hil.test_sensors import flown, sensor
-from tests.links.bench import running
+from tests.links.bench import run_link
 
 FLIGHT_S = 1.5
 BUSES = """
@@ -114,8 +114,8 @@ async def test_a_command_goes_over_the_bus_to_the_node_and_its_answer_comes_back
     flying = asyncio.create_task(emulator.run(stop=stop))
     await emulator.ready.wait()
     async with AsyncExitStack() as stack:
-        links = [await stack.enter_async_context(running(link)) for link in config.link]
-        await emulator.attended()
+        links = [await stack.enter_async_context(run_link(link)) for link in config.link]
+        await emulator.wait_for_readers()
         opened, heard = links[0]
         await opened.send(request)
         await until_async(lambda: any(unpack_can(f).can_id == 129 for f in heard.frames), what="the answer")
@@ -147,7 +147,7 @@ def test_deflections_fit_the_flight() -> None:
 
 
 def test_beyond_its_table_a_pickup_goes_on_counting() -> None:
-    table = Table(((1000, 0), (3000, 2000)))
+    table = CalibrationTable(((1000, 0), (3000, 2000)))
     counts = raw_counts(table, np.radians([-1.0, 0.0, 10.0, 20.0, 21.0]), np.zeros(5))
     assert counts.tolist() == [900, 1000, 2000, 3000, 3100]
 

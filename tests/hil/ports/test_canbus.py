@@ -74,7 +74,7 @@ async def test_a_bus_that_goes_down_is_told_counted_and_used_again(
         bus.down = False
         node.send(FRAME)
         assert told[1:] == ["bus: the bus takes frames again"]
-        assert (node.sent.messages, node.sent.dropped_messages) == (2, 1)
+        assert (node.counters.messages, node.counters.dropped_messages) == (2, 1)
     finally:
         node.close()
 
@@ -91,6 +91,6 @@ async def test_a_queue_that_is_full_for_a_moment_is_no_news(bus: FailingBus) -> 
         bus.down = False
         node.send(FRAME)
         assert told == []
-        assert node.sent.dropped_messages == 1
+        assert node.counters.dropped_messages == 1
     finally:
         node.close()

@@ -12,11 +12,11 @@ import pytest
 from fti import config
 from fti.canframe import pack_can
 from fti.errors import MissingError
-from fti.hil.ports.endpoints import UdpEndpoint, make_endpoint, opened, until
+from fti.hil.ports.endpoints import UdpEndpoint, make_endpoint, open_endpoints, run_until
 from fti.hil.ports.lawicel import Adapter
 from tests.e2e.harness import free_udp_port
-from tests.helpers import PATIENCE_S, until_async
-from tests.links.bench import running
+from tests.helpers import TIMEOUT_S, until_async
+from tests.links.bench import run_link
 
 FRAMES = [
     pack_can(0x123, b"\x01\x02\x03"),
@@ -46,19 +46,19 @@ def can_link(interface: str, channel: str) -> config.CanLink:
 async def test_datagrams_reach_a_link_that_accepts_only_the_source(tmp_path: Path) -> None:
     link = udp(source="127.0.0.3")
     end = make_endpoint(link, tmp_path, mute)
-    async with opened({"line": end}), running(link) as (_, heard):
-        await end.reader_ready()
+    async with open_endpoints({"line": end}), run_link(link) as (_, heard):
+        await end.wait_for_reader()
         for k in range(50):
             end.send(b"%d" % k)
         await until_async(lambda: len(heard.frames) == 50)
     assert heard.frames == [b"%d" % k for k in range(50)]
-    assert (end.sent.messages, end.sent.dropped_messages) == (50, 0)
+    assert (end.counters.messages, end.counters.dropped_messages) == (50, 0)
 
 
 async def test_a_device_answers_at_the_peer_address(tmp_path: Path) -> None:
     link = udp(transmit=True, peer=f"127.0.0.1:{free_udp_port()}")
     end = make_endpoint(link, tmp_path, lambda data: [b"answer to " + data])
-    async with opened({"line": end}), running(link) as (opened_link, heard):
+    async with open_endpoints({"line": end}), run_link(link) as (opened_link, heard):
         await opened_link.send(b"question")
         await until_async(lambda: heard.frames == [b"answer to question"])
 
@@ -66,11 +66,11 @@ async def test_a_device_answers_at_the_peer_address(tmp_path: Path) -> None:
 async def test_nobody_listening_is_seen(tmp_path: Path) -> None:
     link = udp()
     end = make_endpoint(link, tmp_path, mute)
-    async with opened({"line": end}):
-        waiting = asyncio.create_task(end.reader_ready())
+    async with open_endpoints({"line": end}):
+        waiting = asyncio.create_task(end.wait_for_reader())
         await asyncio.wait([waiting], timeout=0.1)
         assert not waiting.done()
-        async with running(link):
+        async with run_link(link):
             await until_async(waiting.done)
 
 
@@ -88,7 +88,7 @@ async def test_a_port_that_another_program_has_is_said_to_be_taken(tmp_path: Pat
         other.bind(("127.0.0.1", 0))
         end = make_endpoint(udp(peer=f"127.0.0.1:{other.getsockname()[1]}"), tmp_path, mute)
         with pytest.raises(MissingError, match=r"Address already in use; another fti hil\?$"):
-            async with opened({"eth": end}):
+            async with open_endpoints({"eth": end}):
                 pass
 
 
@@ -97,7 +97,7 @@ async def test_any_address_is_reached_on_loopback(tmp_path: Path) -> None:
     end = make_endpoint(udp(bind=f"0.0.0.0:{port}"), tmp_path, mute)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as listener:
         listener.bind(("127.0.0.1", port))
-        async with opened({"line": end}):
+        async with open_endpoints({"line": end}):
             await end.send_all(b"here")
         assert listener.recv(100) == b"here"
 
@@ -107,8 +107,8 @@ async def test_any_address_is_reached_on_loopback(tmp_path: Path) -> None:
 
 async def test_the_slcan_link_hears_every_frame(tmp_path: Path) -> None:
     end = make_endpoint(can_link("slcan", "anywhere"), tmp_path, mute)
-    async with opened({"bus": end}), running(can_link("slcan", str(tmp_path / "bus"))) as (_, heard):
-        await end.reader_ready()
+    async with open_endpoints({"bus": end}), run_link(can_link("slcan", str(tmp_path / "bus"))) as (_, heard):
+        await end.wait_for_reader()
         for frame in FRAMES * 20:
             await end.send_all(frame)
         await until_async(lambda: len(heard.frames) == 80)
@@ -117,9 +117,9 @@ async def test_the_slcan_link_hears_every_frame(tmp_path: Path) -> None:
 
 async def test_a_closed_channel_drops_and_counts(tmp_path: Path) -> None:
     end = make_endpoint(can_link("slcan", "anywhere"), tmp_path, mute)
-    async with opened({"bus": end}):
+    async with open_endpoints({"bus": end}):
         end.send(FRAMES[0])
-    assert (end.sent.dropped_messages, end.sent.dropped_bytes) == (1, 16)
+    assert (end.counters.dropped_messages, end.counters.dropped_bytes) == (1, 16)
 
 
 async def test_python_can_opens_it_hears_it_and_is_answered(tmp_path: Path) -> None:
@@ -131,15 +131,15 @@ async def test_python_can_opens_it_hears_it_and_is_answered(tmp_path: Path) -> N
         return [FRAMES[1]]
 
     end = make_endpoint(can_link("slcan", "anywhere"), tmp_path, respond)
-    async with opened({"bus": end}):
+    async with open_endpoints({"bus": end}):
         bus = await asyncio.to_thread(
             can.Bus, str(tmp_path / "bus"), "slcan", bitrate=500000, sleep_after_open=0, ignore_config=True
         )
-        await end.reader_ready()
+        await end.wait_for_reader()
         end.send(FRAMES[0])
-        first = await asyncio.to_thread(bus.recv, PATIENCE_S)
+        first = await asyncio.to_thread(bus.recv, TIMEOUT_S)
         await asyncio.to_thread(bus.send, can.Message(arbitration_id=0x55, data=b"\x09", is_extended_id=False))
-        second = await asyncio.to_thread(bus.recv, PATIENCE_S)
+        second = await asyncio.to_thread(bus.recv, TIMEOUT_S)
         await asyncio.to_thread(bus.shutdown)
     assert first is not None
     assert (first.arbitration_id, bytes(first.data), first.is_extended_id) == (0x123, b"\x01\x02\x03", False)
@@ -165,7 +165,7 @@ def test_commands_are_answered_however_they_are_cut(cut: int) -> None:
 async def test_a_shared_bus_carries_frames_to_the_link(tmp_path: Path) -> None:
     link = can_link("virtual", "hil-test")
     end = make_endpoint(link, tmp_path, mute)
-    async with opened({"bus": end}), running(link) as (_, heard):
+    async with open_endpoints({"bus": end}), run_link(link) as (_, heard):
         for frame in FRAMES:
             await end.send_all(frame)
         await until_async(lambda: heard.frames == FRAMES)
@@ -191,7 +191,7 @@ async def test_until_passes_errors_on_and_leaves_work_at_a_stop() -> None:
         raise MissingError("told")
 
     with pytest.raises(MissingError, match="told"):
-        await until(fail(), asyncio.Event())
+        await run_until(fail(), asyncio.Event())
     stop = asyncio.Event()
     stop.set()
-    await until(asyncio.Event().wait(), stop)
+    await run_until(asyncio.Event().wait(), stop)

@@ -20,7 +20,7 @@ from functools import lru_cache, partial
 from pathlib import Path
 from random import Random
 
-from fti.logger.recovery.repair import close_all
+from fti.logger.recovery.close_unfinished import close_all
 from tests.logger.campaign.commands import Result, fti
 from tests.logger.campaign.damage import CUTS, FLIPS, KILLS, KINDS, POWER_CUTS, ZEROS
 from tests.logger.campaign.open_sessions import SHAPES, OpenSession, make_open_session
@@ -91,14 +91,14 @@ def run_case(
     outcome = Outcome(case, f"{session.shape}, {damaged.place}")
     directory = keep or Path(tempfile.mkdtemp(prefix="campaign_"))
     try:
-        _Try(case, Truth(session, damaged), directory, outcome).run()
+        _CaseRun(case, Truth(session, damaged), directory, outcome).run()
     finally:
         if keep is None:
             shutil.rmtree(directory, ignore_errors=True)
     return outcome
 
 
-class _Try:
+class _CaseRun:
     def __init__(self, case: Case, truth: Truth, directory: Path, outcome: Outcome) -> None:
         self._case = case
         self._truth = truth
@@ -143,7 +143,7 @@ class _Try:
         folder, file = self._verify(self._folder), self._verify(self._file)
         self._outcome.faults += check.check_verified(folder, file)
         if check.closed:
-            self._look_again(check)
+            self._verify_unchanged(check)
 
     def _close_at_next_start(self) -> str:
         try:
@@ -162,7 +162,7 @@ class _Try:
         self._outcome.faults += check_command(result, (0, 3))
         return result.text if result.code == 3 else ""
 
-    def _look_again(self, check: ClosingCheck) -> None:
+    def _verify_unchanged(self, check: ClosingCheck) -> None:
         """A closed file is finished: closing it again changes nothing, and a copy of it says what the file says."""
         before = self._file.read_bytes()
         again = fti("recover", "--in-place", self._folder)

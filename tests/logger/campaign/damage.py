@@ -25,7 +25,7 @@ from tests.logger.campaign.open_sessions import PAGE, SECOND_NS, OpenSession
 MESSAGE_HEAD_BYTES = RECORD_HEAD_BYTES + 22
 
 
-class Damaged(NamedTuple):
+class DamagedFile(NamedTuple):
     """The bytes of the open file after it, and where it was hit.
 
     natural : a kill or a power cut may leave it; twice : may look like a power cut before the last sync had ended
@@ -37,16 +37,16 @@ class Damaged(NamedTuple):
     twice: bool = False
 
 
-Inflict = Callable[[OpenSession, Random], Damaged]
+DamageFunction = Callable[[OpenSession, Random], DamagedFile]
 
 
-def _flip(session: OpenSession, chance: Random, spans: list[tuple[int, int]]) -> Damaged:
+def _flip(session: OpenSession, chance: Random, spans: list[tuple[int, int]]) -> DamagedFile:
     """Flip one bit in one of some spans; anywhere when there is none."""
     begin, end = chance.choice(spans) if spans else (0, len(session.data))
     at, bit = chance.randrange(begin, end), chance.randrange(8)
     data = bytearray(session.data)
     data[at] ^= 1 << bit
-    return Damaged(bytes(data), f"bit {bit} of byte {at}")
+    return DamagedFile(bytes(data), f"bit {bit} of byte {at}")
 
 
 def _heads(records: list[Record], size: int = RECORD_HEAD_BYTES) -> list[tuple[int, int]]:
@@ -69,39 +69,39 @@ def _last_second(session: OpenSession) -> list[tuple[int, int]]:
     return [(message.begin, message.end) for message in late]
 
 
-def _anywhere(session: OpenSession, chance: Random) -> Damaged:
+def _anywhere(session: OpenSession, chance: Random) -> DamagedFile:
     return _flip(session, chance, [])
 
 
-def _in_file_head(session: OpenSession, chance: Random) -> Damaged:
+def _in_file_head(session: OpenSession, chance: Random) -> DamagedFile:
     return _flip(session, chance, [(0, len(MAGIC) + 23)])
 
 
-def _in_message_length(session: OpenSession, chance: Random) -> Damaged:
+def _in_message_length(session: OpenSession, chance: Random) -> DamagedFile:
     return _flip(session, chance, [(r.begin + 1, r.begin + 4) for r in session.parsed.of(MESSAGE)])
 
 
-def _in_message_head(session: OpenSession, chance: Random) -> Damaged:
+def _in_message_head(session: OpenSession, chance: Random) -> DamagedFile:
     return _flip(session, chance, _heads(session.parsed.of(MESSAGE), MESSAGE_HEAD_BYTES))
 
 
-def _in_open_chunk(session: OpenSession, chance: Random) -> Damaged:
+def _in_open_chunk(session: OpenSession, chance: Random) -> DamagedFile:
     return _flip(session, chance, _spans(_open_chunk(session)))
 
 
-def _in_last_second(session: OpenSession, chance: Random) -> Damaged:
+def _in_last_second(session: OpenSession, chance: Random) -> DamagedFile:
     return _flip(session, chance, _last_second(session))
 
 
-def _in_chunk_head(session: OpenSession, chance: Random) -> Damaged:
+def _in_chunk_head(session: OpenSession, chance: Random) -> DamagedFile:
     return _flip(session, chance, _heads(session.parsed.of(CHUNK), CHUNK_HEAD_BYTES))
 
 
-def _in_last_chunk_head(session: OpenSession, chance: Random) -> Damaged:
+def _in_last_chunk_head(session: OpenSession, chance: Random) -> DamagedFile:
     return _flip(session, chance, _heads(session.parsed.of(CHUNK)[-1:], CHUNK_HEAD_BYTES))
 
 
-def _in_checkpoints(session: OpenSession, chance: Random) -> Damaged:
+def _in_checkpoints(session: OpenSession, chance: Random) -> DamagedFile:
     """The filled slots of the last one, and heads."""
     records = session.parsed.of(CHECKPOINTS)
     filled = [
@@ -113,89 +113,89 @@ def _in_checkpoints(session: OpenSession, chance: Random) -> Damaged:
     return _flip(session, chance, chance.choice([filled, _spans(records)]))
 
 
-def _in_declaration(session: OpenSession, chance: Random) -> Damaged:
+def _in_declaration(session: OpenSession, chance: Random) -> DamagedFile:
     return _flip(session, chance, _spans(session.parsed.of(SCHEMA, CHANNEL)))
 
 
-def _in_metadata(session: OpenSession, chance: Random) -> Damaged:
+def _in_metadata(session: OpenSession, chance: Random) -> DamagedFile:
     return _flip(session, chance, _spans(session.parsed.of(METADATA)))
 
 
-def _in_attachment(session: OpenSession, chance: Random) -> Damaged:
+def _in_attachment(session: OpenSession, chance: Random) -> DamagedFile:
     return _flip(session, chance, _spans(session.parsed.of(ATTACHMENT)))
 
 
-def _in_record_head(session: OpenSession, chance: Random) -> Damaged:
+def _in_record_head(session: OpenSession, chance: Random) -> DamagedFile:
     return _flip(session, chance, _heads(session.parsed.top_level()))
 
 
-def _in_message_index(session: OpenSession, chance: Random) -> Damaged:
+def _in_message_index(session: OpenSession, chance: Random) -> DamagedFile:
     return _flip(session, chance, _spans(session.parsed.of(MESSAGE_INDEX)))
 
 
-def _zero(session: OpenSession, pages: list[int]) -> Damaged:
+def _zero(session: OpenSession, pages: list[int]) -> DamagedFile:
     data = bytearray(session.data)
     for page in pages:
         size = len(data[page * PAGE : (page + 1) * PAGE])
         data[page * PAGE : page * PAGE + size] = bytes(size)
-    return Damaged(bytes(data), f"pages {', '.join(map(str, pages))} zero", twice=True)
+    return DamagedFile(bytes(data), f"pages {', '.join(map(str, pages))} zero", twice=True)
 
 
 def _pages(session: OpenSession) -> int:
     return -(-len(session.data) // PAGE)
 
 
-def _zero_anywhere(session: OpenSession, chance: Random) -> Damaged:
+def _zero_anywhere(session: OpenSession, chance: Random) -> DamagedFile:
     return _zero(session, [chance.randrange(_pages(session))])
 
 
-def _zero_in_open_chunk(session: OpenSession, chance: Random) -> Damaged:
+def _zero_in_open_chunk(session: OpenSession, chance: Random) -> DamagedFile:
     chunks = session.parsed.of(CHUNK)
     begin = chunks[-1].begin // PAGE if chunks else 0
     return _zero(session, [chance.randrange(begin, _pages(session))])
 
 
-def _zero_in_last_second(session: OpenSession, chance: Random) -> Damaged:
+def _zero_in_last_second(session: OpenSession, chance: Random) -> DamagedFile:
     spans = _last_second(session)
     begin = spans[0][0] // PAGE if spans else 0
     return _zero(session, [chance.randrange(begin, _pages(session))])
 
 
-def _zero_several(session: OpenSession, chance: Random) -> Damaged:
+def _zero_several(session: OpenSession, chance: Random) -> DamagedFile:
     pages = chance.sample(range(_pages(session)), min(_pages(session), chance.randint(2, 4)))
     return _zero(session, sorted(pages))
 
 
-def _cut(session: OpenSession, at: int) -> Damaged:
-    return Damaged(session.data[:at], f"cut at byte {at} of {len(session.data)}", natural=True)
+def _cut(session: OpenSession, at: int) -> DamagedFile:
+    return DamagedFile(session.data[:at], f"cut at byte {at} of {len(session.data)}", natural=True)
 
 
-def _cut_anywhere(session: OpenSession, chance: Random) -> Damaged:
+def _cut_anywhere(session: OpenSession, chance: Random) -> DamagedFile:
     return _cut(session, chance.randrange(len(session.data)))
 
 
-def _cut_at_begin(session: OpenSession, chance: Random) -> Damaged:
+def _cut_at_begin(session: OpenSession, chance: Random) -> DamagedFile:
     return _cut(session, chance.choice((0, 1, 8, 9, chance.randrange(100))))
 
 
-def _cut_at_record(session: OpenSession, chance: Random) -> Damaged:
+def _cut_at_record(session: OpenSession, chance: Random) -> DamagedFile:
     return _cut(session, chance.choice(session.parsed.records).end)
 
 
-def _cut_at_top_level(session: OpenSession, chance: Random) -> Damaged:
+def _cut_at_top_level(session: OpenSession, chance: Random) -> DamagedFile:
     return _cut(session, chance.choice(session.parsed.top_level()).end)
 
 
-def _cut_at_page(session: OpenSession, chance: Random) -> Damaged:
+def _cut_at_page(session: OpenSession, chance: Random) -> DamagedFile:
     return _cut(session, chance.randrange(_pages(session)) * PAGE)
 
 
-def _cut_in_last_second(session: OpenSession, chance: Random) -> Damaged:
+def _cut_in_last_second(session: OpenSession, chance: Random) -> DamagedFile:
     spans = _last_second(session)
     return _cut(session, chance.randrange(spans[0][0] if spans else 0, len(session.data)))
 
 
-def _power_cut(session: OpenSession, chance: Random) -> Damaged:
+def _power_cut(session: OpenSession, chance: Random) -> DamagedFile:
     """Each page that was not synced is as it was then, or as it is now; the file has the old size, the new, or between.
 
     The first and the last page of what was synced are written again and again: these are old or new as a whole.
@@ -210,23 +210,23 @@ def _power_cut(session: OpenSession, chance: Random) -> Damaged:
             stale.append(begin // PAGE)
         data[begin : begin + PAGE] = (before if is_stale else now)[: size - begin]
     place = f"pages {stale} are as {len(new) - len(old)} bytes before, size {size} of {len(new)}"
-    return Damaged(bytes(data), place, natural=True)
+    return DamagedFile(bytes(data), place, natural=True)
 
 
-def _power_cut_and_flip(session: OpenSession, chance: Random) -> Damaged:
+def _power_cut_and_flip(session: OpenSession, chance: Random) -> DamagedFile:
     data, place, *_ = _power_cut(session, chance)
     at, bit = chance.randrange(len(data)) if data else 0, chance.randrange(8)
     hit = bytearray(data)
     if hit:
         hit[at] ^= 1 << bit
-    return Damaged(bytes(hit), f"{place}; bit {bit} of byte {at}", twice=True)
+    return DamagedFile(bytes(hit), f"{place}; bit {bit} of byte {at}", twice=True)
 
 
-def _none(session: OpenSession, chance: Random) -> Damaged:
-    return Damaged(session.data, "the kill alone", natural=True)
+def _none(session: OpenSession, chance: Random) -> DamagedFile:
+    return DamagedFile(session.data, "the kill alone", natural=True)
 
 
-FLIPS: dict[str, Inflict] = {
+FLIPS: dict[str, DamageFunction] = {
     "flip anywhere": _anywhere,
     "flip in the file head": _in_file_head,
     "flip in a message length": _in_message_length,
@@ -242,13 +242,13 @@ FLIPS: dict[str, Inflict] = {
     "flip in a record head": _in_record_head,
     "flip in a message index": _in_message_index,
 }
-ZEROS: dict[str, Inflict] = {
+ZEROS: dict[str, DamageFunction] = {
     "zero anywhere": _zero_anywhere,
     "zero in the open chunk": _zero_in_open_chunk,
     "zero in the last second": _zero_in_last_second,
     "zero several": _zero_several,
 }
-CUTS: dict[str, Inflict] = {
+CUTS: dict[str, DamageFunction] = {
     "cut anywhere": _cut_anywhere,
     "cut at the begin": _cut_at_begin,
     "cut at a record": _cut_at_record,
@@ -256,6 +256,6 @@ CUTS: dict[str, Inflict] = {
     "cut at a page": _cut_at_page,
     "cut in the last second": _cut_in_last_second,
 }
-POWER_CUTS: dict[str, Inflict] = {"power cut": _power_cut, "power cut and flip": _power_cut_and_flip}
-KILLS: dict[str, Inflict] = {"kill": _none}
-KINDS: dict[str, Inflict] = {**FLIPS, **ZEROS, **CUTS, **POWER_CUTS, **KILLS}
+POWER_CUTS: dict[str, DamageFunction] = {"power cut": _power_cut, "power cut and flip": _power_cut_and_flip}
+KILLS: dict[str, DamageFunction] = {"kill": _none}
+KINDS: dict[str, DamageFunction] = {**FLIPS, **ZEROS, **CUTS, **POWER_CUTS, **KILLS}

@@ -51,7 +51,7 @@ class Record(NamedTuple):
 
 
 @dataclass(slots=True)
-class Parsed:
+class ParsedFile:
     """What a file holds.  end : of its last whole record; ``has_summary``: the data section has an end."""
 
     records: list[Record] = field(default_factory=list)
@@ -73,7 +73,7 @@ class Parsed:
         return self.messages[at] if at >= 0 and offset < self.messages[at].end else None
 
 
-def parse(data: bytes) -> Parsed:
+def parse(data: bytes) -> ParsedFile:
     """Read a file.  Records that are torn at its end are left out.  Raises ValueError where it is no such file."""
     if not data.startswith(MAGIC):
         raise ValueError("no magic")
@@ -83,11 +83,11 @@ def parse(data: bytes) -> Parsed:
 class _Parser:
     def __init__(self, data: bytes) -> None:
         self._data = data
-        self._found = Parsed(end=len(MAGIC))
+        self._found = ParsedFile(end=len(MAGIC))
         self._schemas: dict[int, tuple[str, str, bytes]] = {0: ("", "", b"")}
         self._channels: dict[int, ChannelKey] = {}
 
-    def run(self) -> Parsed:
+    def run(self) -> ParsedFile:
         at, found, chunk = len(MAGIC), self._found, None
         while (record := self._record(at)) is not None:
             op, _, end, _ = record

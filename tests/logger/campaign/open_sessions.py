@@ -16,10 +16,10 @@ from random import Random
 from typing import Any
 from unittest import mock
 
-from fti.burst import Burst
+from fti.frame_batch import FrameBatch
 from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.session import SessionFolder
-from tests.logger.campaign.mcap_parser import Parsed, parse
+from tests.logger.campaign.mcap_parser import ParsedFile, parse
 
 STARTED_NS = 1_767_323_045_000_000_000
 PAGE = 4096
@@ -78,7 +78,7 @@ class OpenSession:
     files: dict[str, bytes]
     open_name: str
     durable: bytes
-    parsed: Parsed = field(default_factory=Parsed)
+    parsed: ParsedFile = field(default_factory=ParsedFile)
 
     @property
     def data(self) -> bytes:
@@ -158,7 +158,7 @@ class _Recorder:
 
     def step(self) -> None:
         """20 ms of frames, once a second the notes and a sync."""
-        shares: list[tuple[int, list[Burst]]] = []
+        shares: list[tuple[int, list[FrameBatch]]] = []
         for name, kind, rate, sizes in LINKS:
             self._due[name] += rate * self._rate * STEP_NS / SECOND_NS
             count = int(self._due[name])
@@ -172,7 +172,7 @@ class _Recorder:
         if self.now_ns // STEP_NS % 5 == 0:
             shares.append((self._log.tick_channel, [self._tick()]))
         if shares:
-            self._log.write_bursts(shares)
+            self._log.write_batches(shares)
         self.now_ns += STEP_NS
         if (self.now_ns - STARTED_NS) % SECOND_NS == 0:
             self._notes()
@@ -180,7 +180,7 @@ class _Recorder:
         if (self.now_ns - STARTED_NS) % SECOND_NS == 0:
             self._log.sync()
 
-    def _burst(self, name: str, kind: str, count: int, sizes: tuple[int, int]) -> Burst:
+    def _burst(self, name: str, kind: str, count: int, sizes: tuple[int, int]) -> FrameBatch:
         positions, times, frames = [], [], []
         for n in range(count):
             positions.append(self._seq)
@@ -204,7 +204,7 @@ class _Recorder:
             return bytes(size)
         return self._chance.randbytes(size)
 
-    def _tick(self) -> Burst:
+    def _tick(self) -> FrameBatch:
         self.written.append(("/fti/tick", self.now_ns, b""))
         self._counts["/fti/tick"] += 1
         self._seq += 1
@@ -251,7 +251,7 @@ def make_open_session(directory: Path, shape: Shape, chance: Random) -> OpenSess
         _run_until_killed(recorder, kernel, log, shape, chance)
     path = log.path
     durable = kernel.durable.get(path.stat().st_ino, b"")
-    log._log.part.abandon()
+    log._log.segment.abandon()
     files = {file.name: file.read_bytes() for file in sorted(folder.path.glob("*.mcap"))}
     session = OpenSession(folder.name, shape.name, files, path.name, durable)
     session.parsed = parse(session.data)
@@ -275,7 +275,7 @@ def _run_until_killed(recorder: _Recorder, kernel: Kernel, log: RawLog, shape: S
         while recorder.now_ns < end_ns + SECOND_NS * 5:
             if recorder.now_ns >= end_ns and kernel.calls_left is None:
                 kernel.calls_left = chance.choice((0, 1, 2, 3, chance.randrange(200)))
-            log._log.part.writer._chunk_bytes = shape.chunk_bytes
+            log._log.segment.writer._chunk_bytes = shape.chunk_bytes
             recorder.step()
 
 

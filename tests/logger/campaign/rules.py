@@ -10,7 +10,7 @@ from functools import cached_property
 from pathlib import Path
 
 from tests.logger.campaign.commands import Result
-from tests.logger.campaign.damage import Damaged
+from tests.logger.campaign.damage import DamagedFile
 from tests.logger.campaign.mcap_parser import (
     ATTACHMENT,
     CHANNEL,
@@ -20,11 +20,11 @@ from tests.logger.campaign.mcap_parser import (
     SCHEMA,
     Content,
     Message,
-    Parsed,
+    ParsedFile,
     Record,
     parse,
 )
-from tests.logger.campaign.official import OfficialFile, read_officially
+from tests.logger.campaign.official_file import OfficialFile, read_officially
 from tests.logger.campaign.open_sessions import SECOND_NS, STEP_NS, OpenSession
 
 #: Since the last sync: a second, and the sync itself.
@@ -39,7 +39,7 @@ TOO_GOOD = ("all holds", "nothing is missing")
 class Truth:
     """What a damaged file had been, and what of it is intact."""
 
-    def __init__(self, session: OpenSession, damaged: Damaged) -> None:
+    def __init__(self, session: OpenSession, damaged: DamagedFile) -> None:
         self.session = session
         self.damaged = damaged
         self._original = session.data
@@ -334,7 +334,7 @@ class ClosingCheck:
         if (missing or self.altered or self.unproved) and not reported:
             self.faults.append(f"closing: {missing.total()} messages are not in the file, and nobody says so")
 
-    def _check_altered(self, own: Parsed, about: dict[str, str]) -> None:
+    def _check_altered(self, own: ParsedFile, about: dict[str, str]) -> None:
         strange = [(n, m) for n, m in enumerate(own.messages) if m.content not in self.truth.messages]
         self.altered = len(strange)
         early = [m for _, m in strange if not self.truth.is_late(m.begin)]
@@ -362,11 +362,11 @@ class ClosingCheck:
             yield f"verify refutes a closed file in which nothing is altered: {'; '.join(lines)}"
 
 
-def _parse_or_none(data: bytes) -> Parsed:
+def _parse_or_none(data: bytes) -> ParsedFile:
     try:
         return parse(data)
     except (ValueError, KeyError, IndexError, UnicodeDecodeError):
-        return Parsed()
+        return ParsedFile()
 
 
 def differences(before: bytes, after: bytes) -> list[int]:

@@ -9,12 +9,12 @@ from random import Random
 
 import pytest
 
-from fti.logger.recovery.repair import close_all
+from fti.logger.recovery.close_unfinished import close_all
 from tests.helpers import ROOT
 from tests.logger.campaign.campaign import QUICK, cases, generated_session, run_cases
 from tests.logger.campaign.commands import fti
-from tests.logger.campaign.damage import KINDS, Damaged
-from tests.logger.campaign.mcap_parser import Parsed
+from tests.logger.campaign.damage import KINDS, DamagedFile
+from tests.logger.campaign.mcap_parser import ParsedFile
 from tests.logger.campaign.open_sessions import SHAPES, OpenSession, make_open_session
 from tests.logger.campaign.rules import ClosingCheck, Truth
 
@@ -64,7 +64,7 @@ def killed() -> OpenSession:
 
 
 def _check(folder: Path, session: OpenSession, reported: str = "") -> list[str]:
-    return ClosingCheck(Truth(session, Damaged(session.data, "")), folder).run(reported)
+    return ClosingCheck(Truth(session, DamagedFile(session.data, "")), folder).run(reported)
 
 
 def _closed(session: OpenSession, directory: Path) -> Path:
@@ -101,6 +101,6 @@ def test_a_file_left_alone_without_a_word_is_found(killed: OpenSession, tmp_path
 
 
 def test_the_parser_knows_where_a_byte_stands(killed: OpenSession) -> None:
-    parsed: Parsed = killed.parsed
+    parsed: ParsedFile = killed.parsed
     for message in parsed.messages[:50]:
         assert parsed.message_at(message.begin) == parsed.message_at(message.end - 1) == message

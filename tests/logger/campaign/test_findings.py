@@ -7,7 +7,7 @@ from random import Random
 
 import pytest
 
-from fti.logger.recovery.repair import close_all
+from fti.logger.recovery.close_unfinished import close_all
 from tests.logger.campaign.commands import fti
 from tests.logger.campaign.mcap_parser import ATTACHMENT, CHECKPOINTS, CHUNK, CHUNK_HEAD_BYTES, MESSAGE_INDEX, Record
 from tests.logger.campaign.open_sessions import SHAPES, OpenSession, make_open_session

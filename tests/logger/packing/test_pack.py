@@ -17,10 +17,10 @@ from mcap.writer import CompressionType
 from fti.errors import RecordingError, StorageError
 from fti.logger.packing.pack import pack, unpack
 from fti.logger.reading.mcap_file import McapFile
-from fti.logger.recovery.repair import close_all, close_unfinished
+from fti.logger.recovery.close_unfinished import close_all, close_unfinished
 from fti.logger.stream_writer import StreamWriter
-from tests.logger.damaged import recovered, write_foreign, write_own
-from tests.logger.reading import read_closed, read_stream
+from tests.logger.damaged_recordings import recover, write_foreign, write_own
+from tests.logger.official_reader import read_closed, read_stream
 
 
 def progress(_: int) -> None:
@@ -214,7 +214,7 @@ def test_repair_leaves_packed_and_recovered_files_alone(tmp_path: Path) -> None:
     folder = tmp_path / "session"
     folder.mkdir()
     data = write_own(folder / "packed.mcap")
-    recovered(data[:-100], tmp_path)
+    recover(data[:-100], tmp_path)
     (tmp_path / "recovered.mcap").rename(folder / "recovered.mcap")
     pack(folder / "packed.mcap", progress)
     before = {path: path.read_bytes() for path in folder.iterdir()}
@@ -227,7 +227,7 @@ def test_a_packed_file_that_is_damaged_is_recovered(path: Path, tmp_path: Path) 
     pack(path, progress)
     data = bytearray(path.read_bytes())
     data[len(data) // 2] ^= 1
-    found, report = recovered(bytes(data), tmp_path)
+    found, report = recover(bytes(data), tmp_path)
     assert 0 < len(messages) - len(found) == report.missing_messages
     path.write_bytes(data[: len(data) // 2])
     with pytest.raises(RecordingError, match="has a compressed chunk"):

@@ -13,8 +13,8 @@ from fti.cli.main import main
 from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.session import SessionFolder
 from fti.logger.stream_writer import StreamWriter
-from tests.logger.damaged import Original, write_foreign, write_own
-from tests.logger.reading import Found, read_closed, read_stream
+from tests.logger.damaged_recordings import Original, write_foreign, write_own
+from tests.logger.official_reader import MessageTuple, read_closed, read_stream
 
 START_NS = 1_767_323_045_000_000_000
 LZ4 = CompressionType.LZ4
@@ -33,7 +33,7 @@ def write_session(folder: Path, seconds: int, *, finish: bool = False) -> Path:
     if finish:
         log.close()
     path = log.path
-    log._log.part.abandon()  # as a kill does: descriptors go, nothing is written
+    log._log.segment.abandon()  # as a kill does: descriptors go, nothing is written
     return path
 
 
@@ -183,7 +183,7 @@ def test_altered_metadata_is_copied_and_reported(tmp_path: Path, capsys: pytest.
     assert run(capsys, "verify", tmp_path / "copy")[0] == 1
 
 
-def joined(whole: bytes, other: bytes, foreign: bytes) -> dict[str, tuple[bytes, list[Found]]]:
+def joined(whole: bytes, other: bytes, foreign: bytes) -> dict[str, tuple[bytes, list[MessageTuple]]]:
     """Joined files, and the messages that must come out, each once."""
     a, b, c = read_stream(whole), read_stream(other), read_stream(foreign)
     cut = whole[: Original(whole).chunks[3][0][0] + 10]  # within the head of a chunk

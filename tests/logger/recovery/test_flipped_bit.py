@@ -7,7 +7,7 @@ import zlib
 
 import pytest
 
-from fti.logger.recovery.flipped_bit import STRIDE, turn_back
+from fti.logger.recovery.flipped_bit import STRIDE, correct_bit
 
 
 @pytest.mark.parametrize("size", [1, 2, 7, 300])
@@ -17,7 +17,7 @@ def test_every_bit_is_found(size: int) -> None:
     for bit in range(8 * size):
         data = bytearray(whole)
         data[bit // 8] ^= 1 << bit % 8
-        assert turn_back(data, crc) == bit // 8
+        assert correct_bit(data, crc) == bit // 8
         assert data == whole
 
 
@@ -30,14 +30,14 @@ def test_it_is_found_in_a_chunk_of_4_mib(place: int, mask: int) -> None:
     for byte in (place, len(whole) - 1 - place):
         data = bytearray(whole)
         data[byte] ^= mask
-        assert turn_back(data, crc) == byte
+        assert correct_bit(data, crc) == byte
         assert data == whole
 
 
 @pytest.mark.parametrize("bit", range(32))
 def test_a_bit_of_the_checksum_itself(bit: int) -> None:
     data = bytearray(b"some bytes")
-    assert turn_back(data, zlib.crc32(data) ^ 1 << bit) == len(data)
+    assert correct_bit(data, zlib.crc32(data) ^ 1 << bit) == len(data)
     assert data == b"some bytes"
 
 
@@ -51,9 +51,9 @@ def test_more_than_one_bit_is_left_alone() -> None:
         for bit in dice.sample(range(8000), count):
             damaged[bit // 8] ^= 1 << bit % 8
         data = bytearray(damaged)
-        assert turn_back(data, crc) is None
+        assert correct_bit(data, crc) is None
         assert data == damaged
 
 
 def test_nothing_has_no_flipped_bit() -> None:
-    assert turn_back(bytearray(), 0x1234) is None
+    assert correct_bit(bytearray(), 0x1234) is None

@@ -12,7 +12,18 @@ import pytest
 
 from fti.types import Measurement, Position, Stamp, TimeScale, Velocity
 from tests.nav.healthy_receivers import Receiver, measure
-from tests.nav.plausibility.flown import ARINC, T0, UBX1, UBX10, Change, Result, flown, make_tests, run, straight
+from tests.nav.plausibility.receiver_runs import (
+    ARINC,
+    T0,
+    UBX1,
+    UBX10,
+    Change,
+    Result,
+    flown,
+    make_tests,
+    run,
+    straight,
+)
 
 #: Fault begins [s].
 BEGIN = 100.0
@@ -289,12 +300,12 @@ def test_a_second_fix_of_an_epoch_that_is_elsewhere_is_refused(late_s: float) ->
     tests, wrong = make_tests(), []
     for t_ns, m in straight_measurements(60):
         if isinstance(m, Velocity):
-            tests.take_velocity(m, t_ns)
+            tests.feed_velocity(m, t_ns)
         elif isinstance(m, Position) and m.lat is not None:
-            tests.take_position(m, t_ns)
+            tests.feed_position(m, t_ns)
             second_ns = t_ns + round(late_s * 1e9)
             offset = 100.0 * METRE if t_ns - T0 >= 30_000_000_000 else 0.0
-            admitted, _ = tests.take_position(replace(m, lat=m.lat + offset), second_ns)
+            admitted, _ = tests.feed_position(replace(m, lat=m.lat + offset), second_ns)
             wrong += [admitted[0].valid] if offset else []
     assert len(wrong) > 200
     assert not any(wrong)
@@ -304,10 +315,10 @@ def test_an_epoch_of_two_sound_fixes_is_sound() -> None:
     tests = make_tests()
     for t_ns, m in straight_measurements(120):
         if isinstance(m, Velocity):
-            tests.take_velocity(m, t_ns)
+            tests.feed_velocity(m, t_ns)
         elif isinstance(m, Position) and m.lat is not None:
             for moved in (0.0, 3.0):  # of two solutions, 3 m apart
-                admitted, events = tests.take_position(replace(m, lat=m.lat + moved * METRE), t_ns)
+                admitted, events = tests.feed_position(replace(m, lat=m.lat + moved * METRE), t_ns)
                 assert admitted[0].valid
                 assert not events
 

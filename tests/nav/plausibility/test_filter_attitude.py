@@ -38,7 +38,7 @@ def fly(
             if not all(each.valid for each in of.check(name, m, t_ns) if isinstance(each, Attitude)):
                 refused[name].append(t)
         if k % 5 == 0:
-            of.take_filter(
+            of.feed_filter(
                 FilterSolution(
                     t_ns=t_ns, t_valid_ns=t_ns, valid=True, reasons=(), roll=0.0, pitch=0.0, heading=0.0,
                     mode=FilterMode.AIDED if aided[0] <= t < aided[1] else FilterMode.COASTING,

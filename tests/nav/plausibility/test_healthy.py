@@ -10,7 +10,7 @@ import pytest
 
 from fti.types import Measurement, Position, Stamp, TimeScale, Velocity
 from tests.nav.healthy_receivers import RECEIVERS, Receiver, Truth, fly, measure
-from tests.nav.plausibility.flown import T0, UBX1, UBX10, S, flown, make_tests, run, straight
+from tests.nav.plausibility.receiver_runs import T0, UBX1, UBX10, S, flown, make_tests, run, straight
 
 
 def unchanged(t: float, m: Measurement) -> Measurement:

@@ -31,7 +31,7 @@ from fti.types import (
     Velocity,
 )
 from tests.helpers import ROOT
-from tests.nav.plausibility.flown import make_tests
+from tests.nav.plausibility.receiver_runs import make_tests
 from tests.nav.plausibility.simulated_ranges import TO_ECEF, TOE, Sky, ephemerides, observe
 from tests.nav.receiver_flights import config
 
@@ -234,11 +234,11 @@ def run(measurements: list[Measurement], tests: SourceTests | None = None) -> li
     for m in measurements:
         t_ns, found = m.stamp.t_rx_ns, list[Event]()
         if isinstance(m, Position):
-            _, found = tests.take_position(m, t_ns)
+            _, found = tests.feed_position(m, t_ns)
         elif isinstance(m, Velocity):
-            _, found = tests.take_velocity(m, t_ns)
+            _, found = tests.feed_velocity(m, t_ns)
         elif isinstance(m, (Pseudoranges, Ephemeris)):
-            tests.take_ranges(m, t_ns)
+            tests.feed_ranges(m, t_ns)
         events += [((t_ns - S) / S, event) for event in found]
     return [(t, event.text) for t, event in events]
 
@@ -281,11 +281,11 @@ def test_a_real_receiver_is_refused_when_it_states_another_place(metres: float) 
     for m in capture():
         t_ns = t_ns if m.stamp.t_dev_ns is None else m.stamp.t_dev_ns - 945_212_800 * S
         if isinstance(m, (Pseudoranges, Ephemeris)):
-            tests.take_ranges(m, t_ns)
+            tests.feed_ranges(m, t_ns)
         elif isinstance(m, Position) and m.valid:
             fix = moved(metres, 0.0)(0.0, replace(m, stamp=replace(m.stamp, t_rx_ns=t_ns)))
             assert isinstance(fix, Position)
-            texts += [event.text for event in tests.take_position(fix, t_ns)[1]]
+            texts += [event.text for event in tests.feed_position(fix, t_ns)[1]]
     found = [text for text in texts if "ranges_contradict: 7 pseudoranges give a position 1" in text]
     assert len(found) == len(texts) == (1 if metres else 0)
 

@@ -40,8 +40,8 @@ def clock(offset_s: float, drift: float | None = 1e-6, sd: float | None = 1e-8) 
 )
 def test_a_change_of_all_satellites_is_a_sign(after: tuple[float | None, ...], is_sign: bool) -> None:
     test = SignalTest()
-    assert test.take_satellites(0, sky(40.0, 41.0, 42.0, 39.0)) is None
-    assert (test.take_satellites(9 * S, sky(*after)) is not None) is is_sign
+    assert test.feed_satellites(0, sky(40.0, 41.0, 42.0, 39.0)) is None
+    assert (test.feed_satellites(9 * S, sky(*after)) is not None) is is_sign
     assert test.is_suspected(10 * S) is is_sign
 
 
@@ -50,8 +50,8 @@ def test_a_slow_change_is_none_and_a_suspicion_ends() -> None:
     test = SignalTest()
     for second in range(41):
         level = 45.0 - 0.5 * second
-        assert test.take_satellites(second * S, sky(level, level, level, level)) is None
-    assert test.take_satellites(41 * S, sky(35.0, 35.0, 35.0, 35.0)) is not None
+        assert test.feed_satellites(second * S, sky(level, level, level, level)) is None
+    assert test.feed_satellites(41 * S, sky(35.0, 35.0, 35.0, 35.0)) is not None
     assert test.is_suspected(70 * S)
     assert not test.is_suspected(90 * S)
 
@@ -72,16 +72,16 @@ def test_a_clock_that_departs_from_its_rate_is_a_sign(step_s: float, is_sign: bo
     """1e-6 s/s: a microsecond a second is no step."""
     test = SignalTest()
     for second in range(5):
-        assert test.take_clock(second * S, clock(1e-6 * second)) is None
-    assert (test.take_clock(5 * S, clock(5e-6 + step_s)) is not None) is is_sign
+        assert test.feed_clock(second * S, clock(1e-6 * second)) is None
+    assert (test.feed_clock(5 * S, clock(5e-6 + step_s)) is not None) is is_sign
 
 
 def test_without_a_rate_or_across_a_gap_a_clock_says_nothing() -> None:
     test = SignalTest()
-    test.take_clock(0, clock(0.0, drift=None))
-    assert test.take_clock(S, clock(1e-5, drift=None)) is None
-    test.take_clock(2 * S, clock(0.0))
-    assert test.take_clock(20 * S, clock(1e-3 / 3)) is None
+    test.feed_clock(0, clock(0.0, drift=None))
+    assert test.feed_clock(S, clock(1e-5, drift=None)) is None
+    test.feed_clock(2 * S, clock(0.0))
+    assert test.feed_clock(20 * S, clock(1e-3 / 3)) is None
 
 
 @pytest.mark.parametrize(
@@ -90,8 +90,8 @@ def test_without_a_rate_or_across_a_gap_a_clock_says_nothing() -> None:
 def test_what_is_no_number_is_no_sign(offset: float, drift: float, sd: float) -> None:
     """An infinite step raised a ValueError."""
     test = SignalTest()
-    test.take_clock(0, clock(0.0, drift=0.0))
-    assert test.take_clock(4 * S, clock(offset, drift, sd)) is None
+    test.feed_clock(0, clock(0.0, drift=0.0))
+    assert test.feed_clock(4 * S, clock(offset, drift, sd)) is None
 
 
 def test_the_drift_of_a_receiver_that_falls_silent_is_forgotten() -> None:
@@ -114,9 +114,9 @@ def test_receivers_that_aid_the_filter_are_suspected_for_30_s() -> None:
     monitor = PlausibilityMonitor(config(("gnss",), baro=False))
     assert monitor.watches_signals("gnss", Satellites)
     assert not monitor.watches_signals("imu", Satellites)
-    monitor.take_signals("gnss", sky(40.0, 41.0, 42.0, 39.0), 0)
+    monitor.feed_signals("gnss", sky(40.0, 41.0, 42.0, 39.0), 0)
     assert monitor.suspected == frozenset()
-    (event,) = monitor.take_signals("gnss", sky(50.0, 51.0, 52.0, 49.0), S)
+    (event,) = monitor.feed_signals("gnss", sky(50.0, 51.0, 52.0, 49.0), S)
     assert "suspected for 30 s: C/N0 of its satellites changed by +10 dB" in event.text  # type: ignore[union-attr]
     assert monitor.suspected == {"gnss"}
     monitor.tick(20 * S)

@@ -10,37 +10,37 @@ import pytest
 
 from fti.logger.schemas import ALARM_TOPIC
 from fti.post.score.alarm_states import RECORDED_S, AlarmStates, explanations, missing_alarms
-from fti.post.score.said import Said, Span, outside
+from fti.post.score.observed_flags import FlagInterval, ObservedFlags, uncovered_parts
 from fti.types import IntegrityState, NavSolution, Reason
 from tests.nav.test_alarm_conditions import CONFIG, altimeter, height, integrity, solution
 from tests.service.test_health_conditions import device, health, link
 
 STATES = IntegrityState
-INTEGRITY, BELOW, SOLUTION = "/nav/clearance_integrity", "/nav/height_below_aircraft", "/nav/nav_solution"
+INTEGRITY, HEIGHT_BELOW, SOLUTION = "/nav/clearance_integrity", "/nav/height_below_aircraft", "/nav/nav_solution"
 
 
 class Flight:
     """What was said, message by message."""
 
     def __init__(self) -> None:
-        self.said = Said()
+        self.said = ObservedFlags()
         self._states = AlarmStates(CONFIG, self.said)
 
     def output(self, t_s: float, topic: str, output: Any) -> None:
-        self._states.take_output(t_s, topic, asdict(output))
+        self._states.feed_output(t_s, topic, asdict(output))
 
     def health(self, t_s: float, **changes: Any) -> None:
-        self._states.take_health(t_s, health(t_s, **changes))
+        self._states.feed_health(t_s, health(t_s, **changes))
 
     def alarm(self, identity: str, from_s: float, until_s: float) -> None:
-        self.said.take(from_s, ALARM_TOPIC, frozenset({identity}))
-        self.said.take(until_s, ALARM_TOPIC, frozenset())
+        self.said.feed(from_s, ALARM_TOPIC, frozenset({identity}))
+        self.said.feed(until_s, ALARM_TOPIC, frozenset())
 
     def missing(self) -> list[Any]:
         return list(missing_alarms(self.said, 0.0, 100.0))
 
-    def unexplained(self, identity: str, from_s: float, until_s: float, outlasts_s: float = 0.0) -> list[Any]:
-        return list(outside(Span(from_s, until_s), explanations(self.said, identity, outlasts_s)))
+    def unexplained(self, identity: str, from_s: float, until_s: float, alarm_hold_s: float = 0.0) -> list[Any]:
+        return list(uncovered_parts(FlagInterval(from_s, until_s), explanations(self.said, identity, alarm_hold_s)))
 
 
 def alert() -> Flight:
@@ -67,8 +67,8 @@ def test_an_alarm_without_its_state_is_not_explained() -> None:
     flight = alert()
     assert flight.unexplained("integrity_alert", 20.0, 30.0) == []
     assert flight.unexplained("integrity_alert", 20.0, 40.0) == [(pytest.approx(30.0), 40.0)]
-    assert flight.unexplained("integrity_alert", 20.0, 40.0, outlasts_s=12.0) == [], "until the next window is full"
-    assert flight.unexplained("integrity_alert", 20.0, math.inf, outlasts_s=12.0) == [(pytest.approx(42.0), math.inf)]
+    assert flight.unexplained("integrity_alert", 20.0, 40.0, alarm_hold_s=12.0) == [], "until the next window is full"
+    assert flight.unexplained("integrity_alert", 20.0, math.inf, alarm_hold_s=12.0) == [(pytest.approx(42.0), math.inf)]
     assert flight.unexplained("integrity_caution", 20.0, 30.0) == [(20.0, 30.0)]
     assert flight.unexplained("recorder", 20.0, 20.0) == [(20.0, 20.0)], "no output and no health has it"
 
@@ -90,8 +90,8 @@ def test_a_monitor_that_stops_to_judge_must_be_an_alarm_unless_its_place_is_the_
 def test_a_lost_height_must_be_an_alarm_where_the_monitor_judges(state: IntegrityState, is_due: bool) -> None:
     flight = Flight()
     flight.output(1.0, INTEGRITY, integrity(1, state))
-    flight.output(1.0, BELOW, height(1))
-    flight.output(20.0, BELOW, height(20, Reason.NO_HEIGHT))
+    flight.output(1.0, HEIGHT_BELOW, height(1))
+    flight.output(20.0, HEIGHT_BELOW, height(20, Reason.NO_HEIGHT))
     assert [row[0] for row in flight.missing()] == ["height"] * is_due
 
 

@@ -12,13 +12,13 @@ from typing import Any
 
 import pytest
 
-from fti.logger.reading.mcap_file import Item
-from fti.post.score.judging import Score
-from fti.post.score.outcome import Outcome
-from fti.post.score.outputs.row import Check
+from fti.logger.reading.mcap_file import McapMessage
+from fti.post.score.comparison import Score
+from fti.post.score.outcome import FlightOutcome
+from fti.post.score.outputs.row import OutputCheck
 from fti.post.score.rows import Verdict
-from tests.post.score.doctored import DERIVED, copied, file_of, rewrite, with_content
-from tests.post.score.flying import score_of, session_of, short
+from tests.post.score.edited_sessions import DERIVED, copy_session, file_of, rewrite, with_content
+from tests.post.score.short_flight import score_of, session_of, short
 from tests.post.score.test_compared_outputs import SECOND_NS, WITH_ATTITUDE
 
 FROM_S, TO_S = 12.0, 26.0
@@ -32,7 +32,7 @@ def flight(tmp_path_factory: pytest.TempPathFactory) -> tuple[Any, Path]:
     return scenario, session_of(scenario, tmp_path_factory.mktemp("flown"), WITH_ATTITUDE)
 
 
-def verdicts(score: Score, check: Check) -> dict[str, Verdict]:
+def verdicts(score: Score, check: OutputCheck) -> dict[str, Verdict]:
     """Of the angles of the solution."""
     rows = [row for row in score.outputs if row.topic == "/nav/nav_solution" and row.check is check]
     return {row.what: row.verdict for row in rows if row.what in {"roll", "pitch", "heading"}}
@@ -43,9 +43,9 @@ HOLDS = dict.fromkeys(("roll", "pitch", "heading"), Verdict.HOLDS)
 
 def test_a_wrong_attitude_within_its_level_holds(flight: tuple[Any, Path]) -> None:
     score = score_of(*flight)
-    assert score.outcome is Outcome.HOLDS
-    assert verdicts(score, Check.PROTECTED) == HOLDS
-    assert verdicts(score, Check.FAULT_ERROR) == HOLDS
+    assert score.outcome is FlightOutcome.HOLDS
+    assert verdicts(score, OutputCheck.PROTECTED) == HOLDS
+    assert verdicts(score, OutputCheck.FAULT_ERROR) == HOLDS
 
 
 @pytest.mark.parametrize(
@@ -56,15 +56,15 @@ def test_one_beyond_its_level_fails_from_a_second_of_the_fault_on(
     flight: tuple[Any, Path], tmp_path: Path, field: str, until_s: float, wrong: str | None
 ) -> None:
     scenario, flown = flight
-    begin_ns = score_of(scenario, flown).flown.begin_ns
+    begin_ns = score_of(scenario, flown).flight_truth.begin_ns
 
-    def narrowed(item: Item) -> Item:
+    def narrowed(item: McapMessage) -> McapMessage:
         t = (item.log_time - begin_ns) / SECOND_NS
         if item.topic.name != "/nav/nav_solution" or not FROM_S <= t < until_s:
             return item
         return with_content(item, **{field: math.radians(1.0)})
 
-    session = copied(flown, tmp_path)
+    session = copy_session(flown, tmp_path)
     rewrite(file_of(session, DERIVED), narrowed)
-    found = verdicts(score_of(scenario, session), Check.PROTECTED)
+    found = verdicts(score_of(scenario, session), OutputCheck.PROTECTED)
     assert [what for what, verdict in found.items() if verdict is not Verdict.HOLDS] == ([wrong] if wrong else [])

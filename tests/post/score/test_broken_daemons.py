@@ -14,18 +14,18 @@ from fti.alarms.condition import Condition, Severity
 from fti.drivers import freeflight_ra4500
 from fti.nav.alarm_conditions import OutputConditions
 from fti.nav.altimetry import validity
-from fti.nav.altimetry.heights import AltimeterChannel
-from fti.nav.sources import Source
-from fti.nav.times.device_clock import DeviceClock
-from fti.post.score.judging import Score
-from fti.post.score.outcome import Outcome
+from fti.nav.altimetry.altimeter_channel import AltimeterChannel
+from fti.nav.device_time.clock_estimator import ClockEstimator
+from fti.nav.source_interpolation import NavSource
+from fti.post.score.comparison import Score
+from fti.post.score.outcome import FlightOutcome
 from fti.post.score.report import as_text
 from fti.post.score.rows import Verdict
-from fti.service import diagnosis
-from fti.service.diagnosis import Diagnosis
-from fti.service.health import HealthBoard
+from fti.service.navigation import device_monitor
+from fti.service.navigation.device_monitor import DeviceMonitor
+from fti.service.supervisor.health import HealthBoard
 from fti.types import LinkState, Reason, SourceValidity
-from tests.post.score.flying import score_of, session_of, short
+from tests.post.score.short_flight import score_of, session_of, short
 
 Break = Callable[[pytest.MonkeyPatch], None]
 HEIGHT = "/nav/height_above_ground/altimeter"
@@ -57,39 +57,41 @@ def ignore_device_flags(patch: pytest.MonkeyPatch) -> None:
 
 
 def ignore_invalid_positions(patch: pytest.MonkeyPatch) -> None:
-    real = Source._push
+    real = NavSource._push
 
-    def push(self: Source, t_ns: int, valid: bool, parts: Any) -> None:
+    def push(self: NavSource, t_ns: int, valid: bool, parts: Any) -> None:
         if valid:
             real(self, t_ns, valid, parts)
 
-    patch.setattr(Source, "_push", push)
+    patch.setattr(NavSource, "_push", push)
 
 
 def believe_every_clock(patch: pytest.MonkeyPatch) -> None:
-    patch.setattr(DeviceClock, "_watch", lambda self, segment, t_rx_ns, t_dev_ns, near: None)
+    patch.setattr(ClockEstimator, "_watch", lambda self, segment, t_rx_ns, t_dev_ns, near: None)
 
 
 def tolerate_every_rate(patch: pytest.MonkeyPatch) -> None:
-    patch.setattr(diagnosis, "RATE_TOLERANCE", 10.0)
+    patch.setattr(device_monitor, "RATE_TOLERANCE", 10.0)
 
 
 def never_hear_again(patch: pytest.MonkeyPatch) -> None:
-    real, silent = Diagnosis._judge, set[str]()
+    real, silent = DeviceMonitor._judge, set[str]()
 
-    def judge(self: Diagnosis, listener: Any, past: Any, rate: float) -> tuple[LinkState, str]:
+    def judge(self: DeviceMonitor, listener: Any, past: Any, rate: float) -> tuple[LinkState, str]:
         state, hint = real(self, listener, past, rate)
         if state is LinkState.SILENT and listener.messages:
             silent.add(listener.name)
         return (LinkState.SILENT if listener.name in silent else state), hint
 
-    patch.setattr(Diagnosis, "_judge", judge)
+    patch.setattr(DeviceMonitor, "_judge", judge)
 
 
 def alarm_of_every_source(patch: pytest.MonkeyPatch) -> None:
     def take(self: OutputConditions, output: SourceValidity) -> None:
         title = "SOURCE REFUSED"
-        self._say(f"source {output.source}", output.t_ns, Condition(f"source:{output.source}", Severity.CAUTION, title))
+        self._report(
+            f"source {output.source}", output.t_ns, Condition(f"source:{output.source}", Severity.CAUTION, title)
+        )
 
     patch.setattr(OutputConditions, "_take_source", take)
 
@@ -123,7 +125,7 @@ def test_a_broken_daemon_fails_where_it_is_broken(
 
 def test_a_daemon_that_raises_what_nothing_explains_fails(broken: Callable[[Break], Score]) -> None:
     def strict(patch: pytest.MonkeyPatch) -> None:
-        patch.setattr(diagnosis, "RATE_TOLERANCE", 1e-9)
+        patch.setattr(device_monitor, "RATE_TOLERANCE", 1e-9)
 
     score = broken(strict)
     assert not score.holds
@@ -149,7 +151,7 @@ def test_a_daemon_with_an_alarm_that_nothing_explains_fails(broken: Callable[[Br
 def test_a_daemon_whose_navigation_is_always_behind_fails(broken: Callable[[Break], Score]) -> None:
     """Whatever else it does: no computer is too slow for a flight that is computed as fast as it can be."""
     score = broken(be_behind)
-    assert score.outcome is Outcome.FAILED
+    assert score.outcome is FlightOutcome.FAILED
     assert re.search("behind for (9[7-9]|100)% of the flight", as_text(score)[-1])
     assert {row.verdict for row in score.rows} == {Verdict.FOUND}
 

@@ -12,13 +12,13 @@ from typing import Any
 
 import pytest
 
-from fti.logger.reading.mcap_file import Item
-from fti.post.score.judging import Score
-from fti.post.score.outcome import Outcome
-from fti.post.score.outputs.row import Check
+from fti.logger.reading.mcap_file import McapMessage
+from fti.post.score.comparison import Score
+from fti.post.score.outcome import FlightOutcome
+from fti.post.score.outputs.row import OutputCheck
 from fti.post.score.rows import Verdict
-from tests.post.score.doctored import DERIVED, copied, file_of, rewrite, with_content
-from tests.post.score.flying import CONFIG, score_of, session_of, short
+from tests.post.score.edited_sessions import DERIVED, copy_session, file_of, rewrite, with_content
+from tests.post.score.short_flight import CONFIG, score_of, session_of, short
 
 FROM_S, TO_S = 12.0, 26.0
 SECOND_NS = 1_000_000_000
@@ -59,32 +59,32 @@ def flight(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFact
     return scenario, session_of(scenario, tmp_path_factory.mktemp("flown"), WITH_ATTITUDE)
 
 
-def of_position(score: Score, check: Check) -> list[Verdict]:
+def of_position(score: Score, check: OutputCheck) -> list[Verdict]:
     rows = [row for row in score.outputs if row.topic == "/nav/nav_solution" and row.what == "horizontal"]
     return [row.verdict for row in rows if row.check is check]
 
 
 def test_a_flight_that_the_fault_does_not_reach_holds(flight: tuple[Any, Path]) -> None:
     score = score_of(*flight)
-    assert score.outcome is Outcome.HOLDS
+    assert score.outcome is FlightOutcome.HOLDS
     assert Verdict.UNKNOWN not in {row.verdict for row in score.rows}
-    assert of_position(score, Check.ERROR) == [Verdict.HOLDS]
-    assert of_position(score, Check.FAULT_ERROR) == [Verdict.HOLDS]
+    assert of_position(score, OutputCheck.ERROR) == [Verdict.HOLDS]
+    assert of_position(score, OutputCheck.FAULT_ERROR) == [Verdict.HOLDS]
 
 
 def test_a_wrong_position_that_calls_itself_valid_meanwhile_fails(flight: tuple[Any, Path], tmp_path: Path) -> None:
     scenario, flown = flight
-    begin_ns = score_of(scenario, flown).flown.begin_ns
+    begin_ns = score_of(scenario, flown).flight_truth.begin_ns
 
-    def moved(item: Item) -> Item:
+    def moved(item: McapMessage) -> McapMessage:
         t = (item.log_time - begin_ns) / SECOND_NS
         if item.topic.name != "/nav/nav_solution" or not FROM_S + 3.0 <= t < TO_S:
             return item
         return with_content(item, lat=json.loads(item.data)["lat"] + WRONG_RAD)
 
-    session = copied(flown, tmp_path)
+    session = copy_session(flown, tmp_path)
     rewrite(file_of(session, DERIVED), moved)
     score = score_of(scenario, session)
-    assert score.outcome is Outcome.FAILED
-    assert of_position(score, Check.ERROR) == [Verdict.HOLDS]
-    assert of_position(score, Check.FAULT_ERROR) == [Verdict.FAILS]
+    assert score.outcome is FlightOutcome.FAILED
+    assert of_position(score, OutputCheck.ERROR) == [Verdict.HOLDS]
+    assert of_position(score, OutputCheck.FAULT_ERROR) == [Verdict.FAILS]

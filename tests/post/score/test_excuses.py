@@ -8,23 +8,23 @@ from pathlib import Path
 
 import pytest
 
-from fti.hil.truth import END_TOPIC, FLIGHT_METADATA, LATE_TOPIC, REAL_TIME_KEY
-from fti.logger.reading.mcap_file import Item
-from fti.post.score.flown import read_flown
-from fti.post.score.judging import Score
-from fti.post.score.outcome import Outcome
+from fti.hil.truth_log import END_TOPIC, FLIGHT_METADATA, LATE_TOPIC, REAL_TIME_KEY
+from fti.logger.reading.mcap_file import McapMessage
+from fti.post.score.comparison import Score
+from fti.post.score.observed_flags import ObservedFlags
+from fti.post.score.outcome import FlightOutcome
 from fti.post.score.outputs.evidence import flight_evidence
-from fti.post.score.promised import promised_setup
+from fti.post.score.reference_setup import read_reference_setup
 from fti.post.score.rows import Verdict
-from fti.post.score.said import Said
+from fti.post.score.truth_reader import read_flight_truth
 from fti.post.score.unit_findings import MAX_BEHIND_SHARE
-from tests.post.score.doctored import DERIVED, RAW, TRUTH, Change, copied, file_of, rewrite, with_content
-from tests.post.score.flying import score_of, session_of, short
+from tests.post.score.edited_sessions import DERIVED, RAW, TRUTH, Change, copy_session, file_of, rewrite, with_content
+from tests.post.score.short_flight import score_of, session_of, short
 
 FROM_S, TO_S = 10.0, 13.0
 SCENARIO = short(({"kind": "cut", "devices": ("altimeter",), "from_s": FROM_S, "to_s": TO_S},))
 SECOND_NS = 1_000_000_000
-Seconds = Callable[[Item], float]
+Seconds = Callable[[McapMessage], float]
 
 
 @pytest.fixture(scope="module")
@@ -36,12 +36,12 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def hidden(flown: Path, tmp_path: Path) -> Path:
     """The same without the flag."""
-    session = copied(flown, tmp_path)
+    session = copy_session(flown, tmp_path)
     rewrite(file_of(session, DERIVED), without_stale)
     return session
 
 
-def without_stale(item: Item) -> Item:
+def without_stale(item: McapMessage) -> McapMessage:
     if not item.topic.name.startswith("/nav/height"):
         return item
     reasons = [reason for reason in json.loads(item.data)["reasons"] if reason != "stale"]
@@ -49,11 +49,11 @@ def without_stale(item: Item) -> Item:
 
 
 def in_flight(session: Path) -> Seconds:
-    begin_ns = score_of(SCENARIO, session).flown.begin_ns
+    begin_ns = score_of(SCENARIO, session).flight_truth.begin_ns
     return lambda item: (item.log_time - begin_ns) / SECOND_NS
 
 
-def is_later(item: Item, seconds: Seconds) -> bool:
+def is_later(item: McapMessage, seconds: Seconds) -> bool:
     """Than 20 s; the end of the flight is."""
     return item.topic.name == END_TOPIC or seconds(item) > 20.0
 
@@ -65,7 +65,7 @@ def verdict(score: Score) -> Verdict:
 def late_rows(seconds: Seconds, spans: list[tuple[float, float]]) -> Change:
     """Rows of the truth that were written when the bench had time again."""
 
-    def change(item: Item) -> Item:
+    def change(item: McapMessage) -> McapMessage:
         for from_s, until_s in spans:
             if from_s <= seconds(item) < until_s:
                 return item._replace(publish_time=item.log_time + round((until_s - seconds(item)) * SECOND_NS))
@@ -76,8 +76,8 @@ def late_rows(seconds: Seconds, spans: list[tuple[float, float]]) -> Change:
 
 def test_the_flight_holds_and_is_known_to_be_accelerated(flown: Path) -> None:
     score = score_of(SCENARIO, flown)
-    assert score.outcome is Outcome.HOLDS
-    assert not score.flown.real_time
+    assert score.outcome is FlightOutcome.HOLDS
+    assert not score.flight_truth.real_time
 
 
 def test_a_hidden_flag_is_a_miss(hidden: Path) -> None:
@@ -87,14 +87,14 @@ def test_a_hidden_flag_is_a_miss(hidden: Path) -> None:
 def test_a_unit_that_calls_itself_late_is_not_excused(flown: Path, hidden: Path) -> None:
     """Throughout the flight: that is a failure of its own."""
 
-    def late(item: Item) -> Item:
+    def late(item: McapMessage) -> McapMessage:
         navigation = json.loads(item.data).get("navigation") if item.topic.name == "/fti/health" else None
         return with_content(item, navigation={**navigation, "lag_ms": 600.0}) if navigation else item
 
     rewrite(file_of(hidden, RAW), late)
     score = score_of(SCENARIO, hidden)
     assert verdict(score) is Verdict.MISSING
-    assert score.outcome is Outcome.FAILED
+    assert score.outcome is FlightOutcome.FAILED
     failing = [finding.name for finding in score.findings if finding.verdict is Verdict.FAILS]
     assert failing == ["navigation in time"]
     assert MAX_BEHIND_SHARE < 0.5
@@ -112,9 +112,9 @@ def test_missing_ticks_do_not_excuse(hidden: Path) -> None:
 
 
 def test_a_session_without_any_tick_fails(flown: Path, tmp_path: Path) -> None:
-    session = copied(flown, tmp_path)
+    session = copy_session(flown, tmp_path)
     rewrite(file_of(session, RAW), lambda item: None if item.topic.name == "/fti/tick" else item)
-    assert score_of(SCENARIO, session).outcome is Outcome.FAILED
+    assert score_of(SCENARIO, session).outcome is FlightOutcome.FAILED
 
 
 @pytest.mark.parametrize("stated", ["true", None])
@@ -126,20 +126,20 @@ def test_the_truth_excuses_what_the_emulator_was_late_for(hidden: Path, stated: 
         file_of(hidden, TRUTH), late_rows(seconds, [(FROM_S - 0.5, FROM_S + 2.0)]), metadata={FLIGHT_METADATA: flight}
     )
     score = score_of(SCENARIO, hidden)
-    assert score.flown.real_time
+    assert score.flight_truth.real_time
     assert verdict(score) is Verdict.LATE_BENCH
     assert score.excused.total_s == pytest.approx(2.5, abs=0.2)
-    assert score.outcome is not Outcome.FAILED
+    assert score.outcome is not FlightOutcome.FAILED
 
 
 @pytest.mark.parametrize(("real_time", "expected"), [("true", Verdict.LATE_BENCH), ("false", Verdict.MISSING)])
 def test_the_truth_excuses_what_the_kernel_was_late_for(hidden: Path, real_time: str, expected: Verdict) -> None:
-    begin_ns = score_of(SCENARIO, hidden).flown.begin_ns
+    begin_ns = score_of(SCENARIO, hidden).flight_truth.begin_ns
     late = LATE_TOPIC, begin_ns + round(FROM_S * SECOND_NS), begin_ns + round((FROM_S + 0.5) * SECOND_NS)
     rewrite(file_of(hidden, TRUTH), metadata={FLIGHT_METADATA: {REAL_TIME_KEY: real_time}}, more=[late])
     score = score_of(SCENARIO, hidden)
     assert verdict(score) is expected
-    assert [(p.from_s, p.until_s) for p in score.flown.pauses] == ([(10.0, 10.5)] if real_time == "true" else [])
+    assert [(p.from_s, p.until_s) for p in score.flight_truth.pauses] == ([(10.0, 10.5)] if real_time == "true" else [])
 
 
 def test_a_bench_that_was_late_for_too_much_proves_nothing(hidden: Path) -> None:
@@ -148,7 +148,7 @@ def test_a_bench_that_was_late_for_too_much_proves_nothing(hidden: Path) -> None
         file_of(hidden, TRUTH), late_rows(seconds, [(9.0, 20.0)]), metadata={FLIGHT_METADATA: {REAL_TIME_KEY: "true"}}
     )
     score = score_of(SCENARIO, hidden)
-    assert score.outcome is Outcome.NOT_PROVED
+    assert score.outcome is FlightOutcome.NOT_PROVED
     assert score.excused.share > 0.2
 
 
@@ -160,25 +160,25 @@ def test_an_accelerated_flight_has_no_excuse(hidden: Path) -> None:
         rewrite(file_of(hidden, kind), metadata={"fti": {"name": "short", "origin": "hil"}})
     score = score_of(SCENARIO, hidden)
     assert verdict(score) is Verdict.MISSING
-    assert (score.flown.real_time, score.flown.pauses) == (False, ())
+    assert (score.flight_truth.real_time, score.flight_truth.pauses) == (False, ())
 
 
 def test_a_flight_that_goes_on_is_judged_as_far_as_its_truth_was_read(flown: Path, tmp_path: Path) -> None:
-    session = copied(flown, tmp_path)
+    session = copy_session(flown, tmp_path)
     truth, seconds = file_of(session, TRUTH), in_flight(session)
     whole = truth.read_bytes()
     rewrite(truth, lambda item: None if is_later(item, seconds) else item)
-    begun = read_flown(truth, SCENARIO)
+    begun = read_flight_truth(truth, SCENARIO)
     truth.write_bytes(whole)  # the emulator has written on
-    evidence = flight_evidence(SCENARIO, promised_setup(begun, SCENARIO), begun, Said())
+    evidence = flight_evidence(SCENARIO, read_reference_setup(begun, SCENARIO), begun, ObservedFlags())
     assert evidence.truth.end_s == pytest.approx(20.0, abs=0.1)
     assert evidence.table.duration_s == pytest.approx(evidence.truth.end_s)
 
 
 def test_a_flight_without_its_end_proves_nothing(flown: Path, tmp_path: Path) -> None:
-    session = copied(flown, tmp_path)
+    session = copy_session(flown, tmp_path)
     seconds = in_flight(session)
     rewrite(file_of(session, TRUTH), lambda item: None if is_later(item, seconds) else item)
     score = score_of(SCENARIO, session)
-    assert score.outcome is Outcome.NOT_PROVED
+    assert score.outcome is FlightOutcome.NOT_PROVED
     assert "the end of its flight" in score.bench.text

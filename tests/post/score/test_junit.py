@@ -8,17 +8,17 @@ from xml.etree import ElementTree as ET
 
 import pytest
 
+from fti.devices import bind_devices
 from fti.errors import StorageError
 from fti.hil.tables.schema import Expectation
 from fti.post.reprocess import Setup
-from fti.post.score.flown import Pause
-from fti.post.score.judging import Score, judge
+from fti.post.score.comparison import Score, judge
 from fti.post.score.junit import as_junit, write
-from fti.post.score.not_judged import NotJudged
-from fti.post.score.rows import Met, Unexpected, Verdict
-from fti.service.binding import bind_devices
-from tests.post.score.flying import daemon_config, short
-from tests.post.score.test_judging import CUT, HEIGHT, NOTHING, STALE, flown, said
+from fti.post.score.rows import ExpectationRow, UnexpectedFlag, Verdict
+from fti.post.score.truth_reader import FlightPause
+from fti.post.score.unscored_flight import UnscoredFlight
+from tests.post.score.short_flight import daemon_config, short
+from tests.post.score.test_comparison import CUT, HEIGHT, NOTHING, STALE, flown, said
 
 #: Attributes and children of each element, as Jenkins' jenkins-junit.xsd has them; GitLab reads a part of it.
 ATTRIBUTES = {
@@ -87,7 +87,7 @@ def test_a_miss_is_a_failure_and_a_late_bench_is_an_error(setup: Setup) -> None:
     missed = checked(as_junit([judge(short((CUT,)), setup, flown(), said())]))
     assert kind_of(missed, "altimeter stale") == "failure"
     assert (missed.attrib["failures"], missed.attrib["errors"]) == ("1", "0")
-    late = checked(as_junit([judge(short((CUT,)), setup, flown(40.0, Pause(20.0, 22.0)), said())]))
+    late = checked(as_junit([judge(short((CUT,)), setup, flown(40.0, FlightPause(20.0, 22.0)), said())]))
     assert kind_of(late, "altimeter stale") == "error"
     assert kind_of(late, "bench in time") == "error"
     assert late.attrib["failures"] == "0"
@@ -109,7 +109,7 @@ def test_what_cannot_be_judged_is_skipped(setup: Setup, verdict: Verdict) -> Non
 def test_rows_of_expectations_are_cases(setup: Setup) -> None:
     asked = Expectation(channel="/nav/x.y", at_s=3.0, value=1.0)
     score = judge(short(()), setup, flown(), said())
-    root = checked(as_junit([replace(score, expected=(Met(asked, Verdict.MISSING, None, 2.0),))]))
+    root = checked(as_junit([replace(score, expected=(ExpectationRow(asked, Verdict.MISSING, None, 2.0),))]))
     assert kind_of(root, "/nav/x.y = 1.0 at 3 s") == "failure"
 
 
@@ -117,15 +117,15 @@ def test_texts_are_escaped_and_have_no_forbidden_character(setup: Setup) -> None
     """A parser reads the same again; what XML cannot carry is replaced."""
     word = '<a> & "b" \x00\x1b[2J \ud800 \ufffe ü\N{AIRPLANE}'
     score = judge(short(()), setup, flown(), said())
-    root = checked(as_junit([replace(score, unexpected=(Unexpected("/x", word, 1.0, 2.0),))]))
+    root = checked(as_junit([replace(score, unexpected=(UnexpectedFlag("/x", word, 1.0, 2.0),))]))
     (name,) = (name for name, kind in kinds(root).items() if kind == "failure")
     assert name == '/x <a> & "b" \ufffd\ufffd[2J \ufffd \ufffd ü\N{AIRPLANE}'
 
 
 def test_every_flight_has_a_suite_and_one_that_was_not_judged_an_error(setup: Setup) -> None:
-    scores: list[Score | NotJudged] = [
+    scores: list[Score | UnscoredFlight] = [
         judge(short(()), setup, flown(), said()),
-        NotJudged("silence", "truth.mcap: has no rows", 2),
+        UnscoredFlight("silence", "truth.mcap: has no rows", 2),
     ]
     root = checked(as_junit(scores))
     good, wrong = root.findall("testsuite")

@@ -16,14 +16,14 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
-from fti.hil import accelerated
+from fti.hil import offline_run
 from fti.hil import scenario as scenarios
-from fti.hil.expected.compared import OfSource
-from fti.hil.expected.scenario_check import check_scenario
-from fti.hil.tables.bases import OnDevices
+from fti.hil.oracle.scenario_check import check_scenario
+from fti.hil.oracle.truth_checked_faults import SourceFault
+from fti.hil.tables.fault_base import DeviceFault
 from fti.logger.reading.recording import Recording
-from fti.post.score.outcome import Outcome
-from fti.post.score.outputs.row import Check
+from fti.post.score.outcome import FlightOutcome
+from fti.post.score.outputs.row import OutputCheck
 from fti.post.score.rows import Verdict
 from fti.post.score.session_score import judge_session
 from tests.helpers import ROOT
@@ -61,25 +61,25 @@ def test_every_fault_of_a_source_has_a_scenario() -> None:
         "attitude_offset", "clock_jump", "gnss_offset", "gnss_ramp", "inertial_bias", "latency", "lever_arm", "scale",
         "stuck", "swapped_coordinates", "terrain_shift", "undulation",
     }  # fmt: skip
-    assert set(DETECTED) <= set(scenarios.shipped())
+    assert set(DETECTED) <= set(scenarios.shipped_names())
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_each_can_be_flown(name: str) -> None:
     scenario = scenarios.load(FOLDER / f"{name}.toml")
     assert check_scenario(scenario, scenarios.load_config(scenario)).warnings == ()
-    assert isinstance(scenario.fault[0], OfSource)
+    assert isinstance(scenario.fault[0], SourceFault)
 
 
 @pytest.mark.parametrize("name", DETECTED)
 def test_a_lying_source_is_refused_and_announced_and_no_valid_output_is_wrong(name: str, tmp_path: Path) -> None:
     scenario = scenarios.load(scenarios.find(name))
-    session = accelerated.fly(scenarios.load_config(scenario), scenario, tmp_path)
+    session = offline_run.fly(scenarios.load_config(scenario), scenario, tmp_path)
     recording = Recording.open(session)
     (score,) = judge_session(recording, scenario, recording.truth_files, None)
-    assert score.outcome is Outcome.HOLDS, [row for row in score.rows if row.verdict is not Verdict.FOUND]
+    assert score.outcome is FlightOutcome.HOLDS, [row for row in score.rows if row.verdict is not Verdict.FOUND]
     fault = scenario.fault[0]
-    assert isinstance(fault, OnDevices)
+    assert isinstance(fault, DeviceFault)
     (device,) = fault.devices
     refusals = [row for row in score.rows if row.flag.startswith(SOLUTION) and row.flag.endswith(f"not from {device}")]
     (refused,) = refusals
@@ -119,12 +119,14 @@ def tilt_levels_hold(recording: Recording, from_s: float) -> bool:
 
 def test_the_score_says_what_is_true_of_the_outputs(flown: str, tmp_path: Path) -> None:
     scenario = scenarios.load(FOLDER / f"{flown}.toml")
-    session = accelerated.fly(scenarios.load_config(scenario), scenario, tmp_path, until_s=END_S)
+    session = offline_run.fly(scenarios.load_config(scenario), scenario, tmp_path, until_s=END_S)
     recording = Recording.open(session)
     (score,) = judge_session(recording, scenario, recording.truth_files, None)
     assert stated_faults(recording)[0] == json.loads(scenario.flown)["fault"][0]
     assert {row.verdict for row in score.rows if row.fault == 0} <= {Verdict.COMPARED, Verdict.FOUND}
-    rows = {row.what: row.verdict for row in score.outputs if (row.topic, row.check) == (SOLUTION, Check.FAULT_ERROR)}
+    rows = {
+        row.what: row.verdict for row in score.outputs if (row.topic, row.check) == (SOLUTION, OutputCheck.FAULT_ERROR)
+    }
     from_s = getattr(scenario.fault[0], "from_s", math.inf)
     for quantity, share in worst_shares(recording, from_s).items():
         if abs(share - 1.0) > CLOSE:

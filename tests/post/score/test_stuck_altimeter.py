@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
-from fti.hil import accelerated
+from fti.hil import offline_run
 from fti.hil import scenario as scenarios
-from fti.hil.tables.kinds import Stuck
+from fti.hil.tables.fault_types import Stuck
 from fti.logger.reading.recording import Recording
 from fti.post.score.rows import Verdict
 from fti.post.score.session_score import judge_session
@@ -25,7 +25,7 @@ def test_it_is_refused_with_an_event_and_believed_again(tmp_path: Path) -> None:
     loaded = scenarios.load(scenarios.find("nominal"))
     stuck = Stuck(kind="stuck", devices=("altimeter",), from_s=FROM_S, to_s=TO_S)
     flight = loaded.model_copy(update={"fault": (stuck,)})
-    session = accelerated.fly(scenarios.load_config(flight), flight, tmp_path, until_s=END_S)
+    session = offline_run.fly(scenarios.load_config(flight), flight, tmp_path, until_s=END_S)
     recording = Recording.open(session)
     rows = [row for row in read(recording, HEIGHT) if row["t_s"] >= FROM_S]
     refused = [row["t_s"] for row in rows if "stuck" in row["reasons"]]
@@ -45,5 +45,5 @@ def read(recording: Recording, topic: str) -> list[dict[str, Any]]:
     found = list[dict[str, Any]]()
     for name, t_ns, _, _, data in recording.messages(topic, kind="derived"):
         if name == topic:
-            found.append({**json.loads(data), "t_s": (t_ns - accelerated.BEGIN_NS) / SECOND_NS})
+            found.append({**json.loads(data), "t_s": (t_ns - offline_run.BEGIN_NS) / SECOND_NS})
     return found

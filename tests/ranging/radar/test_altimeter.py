@@ -13,11 +13,11 @@ from fti.geodesy.rotations import mat_from_rpy
 from fti.ranging.error_model import RangeError
 from fti.ranging.radar.altimeter import RadarAltimeter, _strongest_at, quantised
 from fti.ranging.radar.antenna import NARROW, WIDE, cosine_antenna
-from fti.ranging.radar.beam import Echoes, trace_beam
+from fti.ranging.radar.beam import BeamEchoes, trace_beam
 from fti.ranging.radar.dome import random_turn
 from fti.ranging.radar.waveform import Waveform
 from fti.ranging.sensor import Poses, Returns, Validity
-from fti.terrain.outcome import Outcome
+from fti.terrain.ray_outcome import RayOutcome
 from fti.terrain.terrain import Terrain
 
 Array = NDArray[np.float64]
@@ -88,7 +88,7 @@ def test_the_direction_is_that_of_the_ray_which_makes_the_edge() -> None:
     """Of a weak ray 0.2 bins off and one ten times as strong 2.6 bins off, of which the window shows 4e-4 there."""
     ranges = 200.0 + BIN * np.array([[np.nan, 2.6, 0.2, -9.0]])
     powers = np.array([[0.0, 10.0, 1.0, 1e6]])
-    echoes = Echoes(ranges, np.zeros((1, 4)), powers, np.zeros((1, 4), np.uint8))
+    echoes = BeamEchoes(ranges, np.zeros((1, 4)), powers, np.zeros((1, 4), np.uint8))
     assert _strongest_at(np.array([200.0]), echoes, Waveform()).tolist() == [2]
 
 
@@ -172,7 +172,7 @@ def test_a_beam_towards_the_sky_beyond_the_coverage_is_not_valid() -> None:
     assert sensor.measure(FLAT, at).validity.tolist() == [Validity.OUTSIDE, Validity.VALID]
     echoes = trace_beam(FLAT, at, sensor.beam, sensor.ground, 778.0)
     rays = sensor.beam.rays_s @ right[0].T
-    gone = echoes.outcomes[0] == Outcome.OUTSIDE
+    gone = echoes.outcomes[0] == RayOutcome.OUTSIDE
     border = 300.0 / rays[gone, 0]  # [m] along the ray
     most = float((sensor.beam.weights[gone] / border**2).sum() / sensor.spectra(echoes)[0].max())
     assert (rays[gone, 2] > 0.0).mean() > 0.5 and 0.7 < most < 0.9
@@ -216,7 +216,7 @@ def test_error_model_and_steps_come_last() -> None:
     plain = along(RadarAltimeter(), heights).slant_range
     error = RangeError(bias=1.0, scale=0.01, noise_sd=0.5)
     noisy = RadarAltimeter(error=error).measure(FLAT, poses(heights), np.random.default_rng(4)).slant_range
-    np.testing.assert_allclose(noisy, error.applied(plain, np.random.default_rng(4)), rtol=1e-14)
+    np.testing.assert_allclose(noisy, error.apply(plain, np.random.default_rng(4)), rtol=1e-14)
     stepped = along(RadarAltimeter(quantised=True, error=RangeError(bias=1.0)), heights).slant_range
     np.testing.assert_allclose(stepped, quantised(plain + 1.0), rtol=1e-14)
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from fti.ranging.radar.antenna import NARROW, WIDE, Antenna, Cut, cosine_antenna, cosine_cut, from_db
+from fti.ranging.radar.antenna import NARROW, WIDE, Antenna, AntennaCut, cosine_antenna, cosine_cut, from_db
 from fti.ranging.radar.dome import sphere
 
 Array = NDArray[np.float64]
@@ -14,8 +14,8 @@ Array = NDArray[np.float64]
 ANGLES = np.radians(np.linspace(-170.0, 170.0, 69))
 #: An antenna that looks different to all four sides; in dB per square radian, the blend of two parabolas is exact.
 LOPSIDED = Antenna(
-    Cut(ANGLES, 9.0 - np.where(ANGLES > 0, 20.0, 30.0) * ANGLES**2),
-    Cut(ANGLES, 9.0 - np.where(ANGLES > 0, 40.0, 60.0) * ANGLES**2),
+    AntennaCut(ANGLES, 9.0 - np.where(ANGLES > 0, 20.0, 30.0) * ANGLES**2),
+    AntennaCut(ANGLES, 9.0 - np.where(ANGLES > 0, 40.0, 60.0) * ANGLES**2),
 )
 
 
@@ -67,7 +67,7 @@ def test_floor_stands_for_side_lobes_and_the_back() -> None:
 
 
 def test_no_gain_beyond_the_cuts() -> None:
-    cut = Cut(np.radians([-40.0, 0.0, 40.0]), np.array([-3.0, 9.0, -3.0]))
+    cut = AntennaCut(np.radians([-40.0, 0.0, 40.0]), np.array([-3.0, 9.0, -3.0]))
     antenna = Antenna(cut, cosine_cut(1.0, 9.0, -30.0))
     assert antenna.gain(ray(np.radians([41.0]), 0.0))[0] == 0.0
     assert antenna.gain(ray(np.radians([41.0]), 0.3))[0] == 0.0
@@ -95,7 +95,7 @@ def test_levels_and_ratios() -> None:
 )
 def test_a_cut_is_checked(angles: list[float], gains: list[float], why: str) -> None:
     with pytest.raises(ValueError, match=why):
-        Cut(np.array(angles), np.array(gains))
+        AntennaCut(np.array(angles), np.array(gains))
 
 
 @pytest.mark.parametrize(("hpbw", "floor"), [(0.0, -30.0), (3.2, -30.0), (np.nan, -30.0), (0.5, -2.0)])

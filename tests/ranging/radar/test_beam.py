@@ -8,13 +8,13 @@ from numpy.typing import NDArray
 
 from fti.geodesy.local import MAT_ENU_NED
 from fti.geodesy.rotations import mat_from_rpy
-from fti.ranging.radar.antenna import WIDE, Antenna, Cut, cosine_antenna
+from fti.ranging.radar.antenna import WIDE, Antenna, AntennaCut, cosine_antenna
 from fti.ranging.radar.baseband import Baseband
 from fti.ranging.radar.beam import Backscatter, Beam, make_beam, range_bins, trace_beam
 from fti.ranging.radar.dome import half_dome, random_turn
 from fti.ranging.radar.waveform import Waveform
 from fti.ranging.sensor import Poses
-from fti.terrain.outcome import Outcome
+from fti.terrain.ray_outcome import RayOutcome
 from fti.terrain.terrain import Terrain
 
 Array = NDArray[np.float64]
@@ -98,7 +98,7 @@ def test_constant_gamma_does_not_see_the_incidence() -> None:
     found = trace_beam(FLAT, looking(200.0, roll=0.5), beam, Backscatter(0.0, 1.0), 5e3)
     np.testing.assert_allclose(
         found.powers[0] * found.ranges[0] ** 2,
-        np.where(found.outcomes[0] == Outcome.HIT, beam.weights, np.nan),
+        np.where(found.outcomes[0] == RayOutcome.HIT, beam.weights, np.nan),
         rtol=1e-12,
     )
 
@@ -121,7 +121,7 @@ def test_rate_of_the_range_is_the_closing_speed_with_its_sign() -> None:
 
 def test_a_ray_that_meets_nothing_has_no_range_and_no_power() -> None:
     found = trace_beam(FLAT, looking(300.0), uncut(WIDE, 12), Backscatter(), 400.0)
-    lost = found.outcomes[0] != Outcome.HIT
+    lost = found.outcomes[0] != RayOutcome.HIT
     assert 0 < np.count_nonzero(lost) < lost.size
     np.testing.assert_array_equal(np.isnan(found.ranges[0]), lost)
     np.testing.assert_array_equal(found.powers[0] == 0.0, lost)
@@ -136,7 +136,7 @@ def test_the_rim_of_a_hole_returns_a_number() -> None:
     to_rim = np.stack((np.full(400, 75.0), np.linspace(-300.0, 300.0, 400), np.full(400, -50.0)), axis=-1)
     beam = Beam(to_rim / np.linalg.norm(to_rim, axis=-1, keepdims=True), np.ones(400))
     found = trace_beam(terrain, Poses.still([[0.0, 0.0, 50.0]], np.eye(3)[None]), beam, Backscatter(), 500.0)
-    assert {Outcome.HIT, Outcome.HOLE} == set(found.outcomes[0].tolist())
+    assert {RayOutcome.HIT, RayOutcome.HOLE} == set(found.outcomes[0].tolist())
     assert np.isfinite(found.powers).all()
 
 
@@ -174,6 +174,6 @@ def test_ground_that_shines_when_grazed_is_refused(exponent: float) -> None:
 
 
 def test_an_antenna_that_meets_no_ray_is_refused() -> None:
-    short = Cut(np.radians([-1.0, 1.0]), np.array([20.0, 20.0]))
+    short = AntennaCut(np.radians([-1.0, 1.0]), np.array([20.0, 20.0]))
     with pytest.raises(ValueError, match="no gain along any of the 21 rays"):
         make_beam(Antenna(short, short), half_dome(2, random_turn(np.random.default_rng(1))), 0.07)

@@ -10,7 +10,7 @@ import pytest
 
 from fti.ranging.radar.baseband import Baseband
 from fti.ranging.radar.edge import LeadingEdge
-from fti.ranging.radar.receivers import CONVERSION_GAIN, Loat, Receiver, Ssb, line_spectrum, received
+from fti.ranging.radar.receivers import CONVERSION_GAIN, FmcwReceiver, Loat, Ssb, line_spectrum, received_signal
 from fti.ranging.radar.waveform import Array, Waveform, delay_of_range, loat_plan, ssb_plan
 
 SHORT = Baseband(Waveform(delta_f=30e6, delta_t=10e-6), 256)  # 25.6 MHz: 512 m
@@ -30,7 +30,7 @@ def beam(n: int) -> tuple[Array, Array, Array]:
     return ranges, np.cos(off) ** 8 / ranges**4, rng.uniform(0.0, 2.0 * np.pi, n)
 
 
-def lines_of(receiver: Receiver, beat: float) -> dict[str, tuple[Array, Array]]:
+def lines_of(receiver: FmcwReceiver, beat: float) -> dict[str, tuple[Array, Array]]:
     """Spectra of the stages, 0.44 us around the moment of the source."""
     slant_range = receiver.base.waveform.range_of_beat(beat)
     n = 8192
@@ -71,7 +71,7 @@ def test_stages_of_the_ssb_receiver() -> None:
 
 @pytest.mark.parametrize(("kind", "beat", "expected"), [(Loat, 2.6e6, 129.9), (Ssb, 4.0e6, 199.9)])
 def test_the_whole_chain_finds_the_ranges_of_the_source(
-    kind: type[Receiver], beat: float, expected: float, scale: int
+    kind: type[FmcwReceiver], beat: float, expected: float, scale: int
 ) -> None:
     base = base_of(scale)
     spectrum = kind(base).coherent(base.waveform.range_of_beat(beat), 1e-9)
@@ -96,7 +96,7 @@ def test_received_is_the_sum_of_delayed_transmissions() -> None:
     t = np.arange(-3000, 60_000) / 17.4e9  # over the beginning of a ramp
     turned = wave.phase(t - delay_of_range(ranges)[:, None]) + phases[:, None]
     expected = np.sqrt(powers) @ np.cos(turned)
-    found = received(wave, t, np.append(ranges, np.nan), np.append(powers, 1.0), np.append(phases, 0.0))
+    found = received_signal(wave, t, np.append(ranges, np.nan), np.append(powers, 1.0), np.append(phases, 0.0))
     assert np.max(np.abs(found - expected)) < 1e-7  # 4e4 cycles
 
 
@@ -111,7 +111,7 @@ def test_beat_signal_is_the_basebands_away_from_the_slip() -> None:
 
 
 @pytest.mark.parametrize("kind", [Loat, Ssb])
-def test_an_excerpt_is_the_same_wherever_it_begins(kind: type[Receiver]) -> None:
+def test_an_excerpt_is_the_same_wherever_it_begins(kind: type[FmcwReceiver]) -> None:
     receiver, n = kind(SHORT), 4000
     longer = receiver.stages(130.0, 1.0, first=80_000, n=2 * n)
     shorter = receiver.stages(130.0, 1.0, first=80_000 + n, n=n)

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from fti.study.faults.inertial_unit import UNITS, Triad, triad_output
+from fti.study.faults.inertial_unit import UNITS, TriadErrors, triad_output
 from fti.study.faults.noise import gauss_markov
-from fti.study.faults.receiver import COMMON_SHARE, HEIGHT_FACTOR, WHITE_SD_M, Satellites, draw_satellites
+from fti.study.faults.receiver import COMMON_SHARE, HEIGHT_FACTOR, WHITE_SD_M, SatelliteErrors, draw_satellites
 from fti.study.faults.terrain import MAP_SD_M, RELIEF_SD_M, terrain
 
 
@@ -64,10 +64,10 @@ def test_allan_deviation_of_the_gyroscopes_is_the_angle_random_walk(grade: str) 
 
 def test_biases_and_scale_factors_have_their_sigma() -> None:
     """600 units, three axes each: 4 sigma of a sample sigma are 9 %; the in-run part adds 0.5 %."""
-    triad, rng = Triad(bias=2e-3, walk=0.0, scale=5e-4), np.random.default_rng(8)
+    triad, rng = TriadErrors(bias=2e-3, walk=0.0, scale=5e-4), np.random.default_rng(8)
     at_rest = np.array([triad_output(np.zeros((1, 3)), triad, rng)[0] for _ in range(600)])
     assert np.std(at_rest) == pytest.approx(2e-3, rel=0.1)
-    scaled = Triad(bias=0.0, walk=0.0, scale=5e-4)
+    scaled = TriadErrors(bias=0.0, walk=0.0, scale=5e-4)
     moved = np.array([triad_output(np.array([[0.0, 0.0, 10.0]]), scaled, rng)[0] for _ in range(600)])
     assert np.std(moved - [0.0, 0.0, 10.0]) == pytest.approx(5e-3, rel=0.1)
 
@@ -99,7 +99,7 @@ def test_two_receivers_share_four_fifths_of_the_variance() -> None:
 
 def test_drawn_skies_lie_in_their_ranges() -> None:
     rng = np.random.default_rng(10)
-    skies: list[Satellites] = [draw_satellites(5.0, rng) for _ in range(200)]
+    skies: list[SatelliteErrors] = [draw_satellites(5.0, rng) for _ in range(200)]
     assert {s.rate_hz for s in skies} == {5.0, 10.0}
     assert 0.7 <= min(s.sd for s in skies) < 0.9 and 2.3 < max(s.sd for s in skies) <= 2.5
     assert 100.0 <= min(s.tau_s for s in skies) < 120.0 and 280.0 < max(s.tau_s for s in skies) <= 300.0

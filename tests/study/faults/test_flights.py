@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from fti.study.faults import CELLS, START_NS, Cell, Flight, Kind, draw, flight
+from fti.study.faults import CELLS, START_NS, Cell, SensorFault, SimulatedFlight, draw, flight
 from fti.study.faults.cells import GRADES, SHARP
 from fti.study.faults.receiver import Fixes
 from fti.types import Attitude, ImuSample, Position, PressureAltitude, RadioHeight, Velocity
@@ -29,7 +29,7 @@ def _early(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(flight, "ONSET_S", (130.0, 150.0))
 
 
-def twins(monkeypatch: pytest.MonkeyPatch, cell: Cell, seed: int = 3) -> tuple[Flight, Flight]:
+def twins(monkeypatch: pytest.MonkeyPatch, cell: Cell, seed: int = 3) -> tuple[SimulatedFlight, SimulatedFlight]:
     """The flight of a cell, and the same one without what the fault does."""
     faulty = draw(cell, seed)
     with monkeypatch.context() as patch:
@@ -39,7 +39,7 @@ def twins(monkeypatch: pytest.MonkeyPatch, cell: Cell, seed: int = 3) -> tuple[F
         return faulty, draw(cell, seed)
 
 
-def span(f: Flight, t: Array) -> Mask:
+def span(f: SimulatedFlight, t: Array) -> Mask:
     """Where the fault acts."""
     begin, end = ((at - START_NS) / SECOND_NS for at in (f.fault.onset_ns, f.fault.end_ns))
     return np.asarray((t >= begin) & (t < end))
@@ -61,7 +61,7 @@ def receiver_twins(monkeypatch: pytest.MonkeyPatch, cell: Cell, name: str = "gns
     return faulty.fixes[name], nominal.fixes[name], active
 
 
-def level_error(f: Flight, t_ns: int, m: Position) -> float:
+def level_error(f: SimulatedFlight, t_ns: int, m: Position) -> float:
     """Horizontal error of a position against the truth of a time [m]."""
     assert m.lat is not None and m.lon is not None and m.alt is not None
     return math.hypot(*f.error(t_ns, m.lat, m.lon, m.alt)[:2])
@@ -70,34 +70,34 @@ def level_error(f: Flight, t_ns: int, m: Position) -> float:
 def test_names_are_unique_and_cover_the_table() -> None:
     assert len({cell.name for cell in CELLS}) == len(CELLS)
     assert {(c.grade, c.pattern) for c in CELLS} == {(g, p) for g in GRADES for p in ("legs", "turns")}
-    assert {c.kind for c in CELLS} == set(Kind)
+    assert {c.kind for c in CELLS} == set(SensorFault)
     ramps = {(c.magnitude, c.onset_m_s2) for c in CELLS if c.with_velocity and c.receivers == 1}
     assert {(r, a) for r in (0.1, 1.0, 3.0) for a in (SHARP, 0.02, 0.1, 0.3)} <= ramps
     assert {(c.receivers, c.liars) for c in CELLS} == {(1, 1), (2, 1), (2, 2)}
 
 
 def test_the_name_of_a_cell_does_not_change() -> None:
-    cell = Cell("tactical", Kind.RAMP, 1.0, 0.1, with_velocity=True, receivers=2, liars=1, pattern="turns")
+    cell = Cell("tactical", SensorFault.RAMP, 1.0, 0.1, with_velocity=True, receivers=2, liars=1, pattern="turns")
     assert cell.name == "tactical/ramp-velocity-1-onset-0.1/1-of-2/turns"
 
 
 def test_every_cell_draws() -> None:
     """All cells of one grade, whole, and one of each other: the fault is on the devices it names."""
     for cell in CELLS:
-        if cell.grade != "tactical" and cell.kind is not Kind.NONE:
+        if cell.grade != "tactical" and cell.kind is not SensorFault.NONE:
             continue
         f = draw(cell, 1)
         assert np.isfinite(f.inertial.accel_b).all() and np.isfinite(f.inertial.gyro_b).all()
         assert all(np.isfinite(x.lat).all() and np.isfinite(x.vel_n).all() for x in f.fixes.values())
         assert len(f.fixes) == cell.receivers
-        assert (cell.kind is Kind.NONE) == (not f.fault.devices)
+        assert (cell.kind is SensorFault.NONE) == (not f.fault.devices)
         assert f.fault.onset_ns <= f.fault.end_ns < START_NS + f.duration_s * SECOND_NS + 1
         if f.fault.devices and f.fault.devices[0] in f.fixes:
             assert len(f.fault.devices) == cell.liars
 
 
 def test_measurements_are_in_order_and_at_their_rates() -> None:
-    f = draw(Cell("tactical", Kind.NONE, receivers=2), 4)
+    f = draw(Cell("tactical", SensorFault.NONE, receivers=2), 4)
     rows = list(f)
     assert all(a[0] <= b[0] for a, b in itertools.pairwise(rows))
     counts = Counter((device, type(m)) for _, device, m in rows)
@@ -113,7 +113,7 @@ def test_measurements_are_in_order_and_at_their_rates() -> None:
 
 
 def test_a_seed_draws_the_same_flight_and_another_seed_another() -> None:
-    cell = Cell("mems", Kind.RAMP, 1.0, 0.1, with_velocity=True)
+    cell = Cell("mems", SensorFault.RAMP, 1.0, 0.1, with_velocity=True)
     assert list(draw(cell, 5)) == list(draw(cell, 5))
     assert next(iter(draw(cell, 6))) != next(iter(draw(cell, 5)))
     other = dataclasses.replace(cell, grade="tactical")
@@ -124,7 +124,7 @@ def test_nominal_fixes_lie_about_the_truth_as_far_as_they_state() -> None:
     """20 flights: RMS of error over stated sigma of level, height and velocity 0.7-1.3; the barometer within 60 m."""
     ratios, pressures = list[tuple[float, float, float]](), list[float]()
     for seed in range(20):
-        f = draw(Cell("tactical", Kind.NONE), seed)
+        f = draw(Cell("tactical", SensorFault.NONE), seed)
         rows = [row for row in f if row[1] in {"gnss_a", "baro"}]
         for t_ns, _, m in rows[::97]:
             if isinstance(m, Position):
@@ -140,7 +140,7 @@ def test_nominal_fixes_lie_about_the_truth_as_far_as_they_state() -> None:
 
 
 def test_the_error_is_solution_minus_truth() -> None:
-    f = draw(Cell("tactical", Kind.NONE), 2)
+    f = draw(Cell("tactical", SensorFault.NONE), 2)
     t_ns = START_NS + 50 * SECOND_NS
     m = f.truth(t_ns)
     lat, lon, alt = m.lat[0], m.lon[0], m.alt[0]
@@ -154,19 +154,19 @@ def test_the_error_is_solution_minus_truth() -> None:
 # ------------------------------------------------------------------------------------------------------- faults
 
 
-@pytest.mark.parametrize("kind", [Kind.FROZEN, Kind.FROZEN_POSITION])
-def test_frozen_repeats_the_last_fix(monkeypatch: pytest.MonkeyPatch, kind: Kind) -> None:
+@pytest.mark.parametrize("kind", [SensorFault.FROZEN, SensorFault.FROZEN_POSITION])
+def test_frozen_repeats_the_last_fix(monkeypatch: pytest.MonkeyPatch, kind: SensorFault) -> None:
     faulty, nominal, active = receiver_twins(monkeypatch, Cell("tactical", kind))
     last = int(np.argmax(active)) - 1
     for column in ("lat", "lon", "alt", "alt_msl"):
         assert set(getattr(faulty, column)[active]) == {getattr(nominal, column)[last]}
-    repeats = nominal.vel_n[last] if kind is Kind.FROZEN else nominal.vel_n[active]
+    repeats = nominal.vel_n[last] if kind is SensorFault.FROZEN else nominal.vel_n[active]
     assert (faulty.vel_n[active] == repeats).all()
     assert np.ptp(nominal.vel_n[active], axis=0).max() > 1.0, "it could not be told from a live one"
 
 
 def test_a_jump_is_as_long_as_it_says_and_level(monkeypatch: pytest.MonkeyPatch) -> None:
-    faulty, nominal, active = receiver_twins(monkeypatch, Cell("tactical", Kind.JUMP, 100.0))
+    faulty, nominal, active = receiver_twins(monkeypatch, Cell("tactical", SensorFault.JUMP, 100.0))
     moved = apart_n(faulty, nominal)[active]
     assert np.linalg.norm(moved[:, :2], axis=1) == pytest.approx(np.full(active.sum(), 100.0), rel=0.01)
     assert (moved[:, 2] == 0.0).all()
@@ -174,7 +174,7 @@ def test_a_jump_is_as_long_as_it_says_and_level(monkeypatch: pytest.MonkeyPatch)
 
 
 def test_swapped_latitude_and_longitude_are_thousands_of_kilometres_away(monkeypatch: pytest.MonkeyPatch) -> None:
-    faulty, nominal, active = receiver_twins(monkeypatch, Cell("tactical", Kind.SWAPPED))
+    faulty, nominal, active = receiver_twins(monkeypatch, Cell("tactical", SensorFault.SWAPPED))
     assert np.array_equal(faulty.lat[active], nominal.lon[active])
     assert np.array_equal(faulty.lon[active], nominal.lat[active])
     a, b = ((x.lat[active][0], x.lon[active][0]) for x in (faulty, nominal))
@@ -188,7 +188,7 @@ def test_a_ramp_is_the_integral_of_its_velocity(
     monkeypatch: pytest.MonkeyPatch, onset: float, with_velocity: bool
 ) -> None:
     """Rate min(a t, 1 m/s), summed in steps of 1 ms: within 1 %, for metres on a sphere, and 2 cm."""
-    cell = Cell("tactical", Kind.RAMP, 1.0, onset, with_velocity=with_velocity)
+    cell = Cell("tactical", SensorFault.RAMP, 1.0, onset, with_velocity=with_velocity)
     faulty, nominal, active = receiver_twins(monkeypatch, cell)
     begin = draw(cell, 3).fault.onset_ns / SECOND_NS - START_NS / SECOND_NS
     elapsed = faulty.t[active] - begin
@@ -208,27 +208,29 @@ def test_errors_of_a_small_stated_sigma_are_so_many_times_it(monkeypatch: pytest
     """300 s of errors of 10 s are 15 independent ones: five flights, RMS within 35 %."""
     ratios = []
     for seed in range(5):
-        faulty, nominal = twins(monkeypatch, Cell("tactical", Kind.SIGMA, 10.0), seed)
+        faulty, nominal = twins(monkeypatch, Cell("tactical", SensorFault.SIGMA, 10.0), seed)
         a, b = faulty.fixes["gnss_a"], nominal.fixes["gnss_a"]
         assert a.horizontal_sd == b.horizontal_sd
         ratios.append(apart_n(a, b)[span(faulty, a.t)] / [a.horizontal_sd, a.horizontal_sd, a.vertical_sd])
     assert np.sqrt(np.mean(np.square(np.concatenate(ratios)), axis=0)) == pytest.approx([10.0] * 3, rel=0.35)
 
 
-@pytest.mark.parametrize(("kind", "size"), [(Kind.HEIGHT, 47.0), (Kind.MSL_HEIGHT, 0.0), (Kind.UNDULATION_ZERO, 0.0)])
-def test_heights(monkeypatch: pytest.MonkeyPatch, kind: Kind, size: float) -> None:
+@pytest.mark.parametrize(
+    ("kind", "size"), [(SensorFault.HEIGHT, 47.0), (SensorFault.MSL_HEIGHT, 0.0), (SensorFault.UNDULATION_ZERO, 0.0)]
+)
+def test_heights(monkeypatch: pytest.MonkeyPatch, kind: SensorFault, size: float) -> None:
     faulty, nominal, active = receiver_twins(monkeypatch, Cell("tactical", kind, size))
     undulation = nominal.undulation[0]
     assert 20.0 <= abs(undulation) <= 60.0
-    raised = size if kind is Kind.HEIGHT else -undulation
+    raised = size if kind is SensorFault.HEIGHT else -undulation
     assert (faulty.alt - nominal.alt)[active] == pytest.approx(np.full(active.sum(), raised))
-    assert faulty.undulation[active][0] == (0.0 if kind is Kind.UNDULATION_ZERO else undulation)
+    assert faulty.undulation[active][0] == (0.0 if kind is SensorFault.UNDULATION_ZERO else undulation)
     assert np.array_equal(faulty.lat, nominal.lat)
 
 
 def test_a_time_step_gives_the_fix_of_an_earlier_moment() -> None:
     """5 s at 60 m/s and more: fixes agree with the truth of then within 6 stated sigma, and not with that of now."""
-    f = draw(Cell("tactical", Kind.TIME_STEP, 5.0), 3)
+    f = draw(Cell("tactical", SensorFault.TIME_STEP, 5.0), 3)
     struck = [(t_ns, m) for t_ns, _, m in f if isinstance(m, Position) and f.is_faulty(t_ns)]
     assert len(struck) > 1000
     for t_ns, m in struck:
@@ -240,12 +242,14 @@ def test_a_time_step_gives_the_fix_of_an_earlier_moment() -> None:
 @pytest.mark.parametrize(
     ("kind", "size", "shape"),
     [
-        (Kind.BARO_STEP, 30.0, lambda s: np.full(len(s), 30.0)),
-        (Kind.QNH, 10.0, lambda s: np.full(len(s), 83.0)),
-        (Kind.BARO_RAMP, 0.1, lambda s: 0.1 * s),
+        (SensorFault.BARO_STEP, 30.0, lambda s: np.full(len(s), 30.0)),
+        (SensorFault.QNH, 10.0, lambda s: np.full(len(s), 83.0)),
+        (SensorFault.BARO_RAMP, 0.1, lambda s: 0.1 * s),
     ],
 )
-def test_barometer(monkeypatch: pytest.MonkeyPatch, kind: Kind, size: float, shape: Callable[[Array], Array]) -> None:
+def test_barometer(
+    monkeypatch: pytest.MonkeyPatch, kind: SensorFault, size: float, shape: Callable[[Array], Array]
+) -> None:
     faulty, nominal = twins(monkeypatch, Cell("tactical", kind, size))
     t, active = faulty.baro[0], span(faulty, faulty.baro[0])
     moved = faulty.baro[1] - nominal.baro[1]
@@ -255,15 +259,15 @@ def test_barometer(monkeypatch: pytest.MonkeyPatch, kind: Kind, size: float, sha
     assert faulty.fault.devices == ("baro",)
 
 
-def triads(f: Flight, kind: Kind) -> tuple[Array, Array]:
+def triads(f: SimulatedFlight, kind: SensorFault) -> tuple[Array, Array]:
     """The triad that a fault strikes, and the other."""
     pair = (f.inertial.accel_b, f.inertial.gyro_b)
     return pair if kind.startswith("accel") else pair[::-1]
 
 
-@pytest.mark.parametrize(("kind", "size"), [(Kind.ACCEL_STEP, 0.05), (Kind.GYRO_STEP, math.radians(0.1))])
-def test_a_step_of_a_bias_is_on_one_axis(monkeypatch: pytest.MonkeyPatch, kind: Kind, size: float) -> None:
-    magnitude = size if kind is Kind.ACCEL_STEP else 0.1
+@pytest.mark.parametrize(("kind", "size"), [(SensorFault.ACCEL_STEP, 0.05), (SensorFault.GYRO_STEP, math.radians(0.1))])
+def test_a_step_of_a_bias_is_on_one_axis(monkeypatch: pytest.MonkeyPatch, kind: SensorFault, size: float) -> None:
+    magnitude = size if kind is SensorFault.ACCEL_STEP else 0.1
     faulty, nominal = twins(monkeypatch, Cell("tactical", kind, magnitude))
     active = span(faulty, faulty.inertial.t)
     (a, other), (b, same) = triads(faulty, kind), triads(nominal, kind)
@@ -272,8 +276,8 @@ def test_a_step_of_a_bias_is_on_one_axis(monkeypatch: pytest.MonkeyPatch, kind: 
     assert np.sort(moved[active], axis=1) == pytest.approx(np.tile([0.0, 0.0, size], (active.sum(), 1)), abs=1e-9)
 
 
-@pytest.mark.parametrize("kind", [Kind.ACCEL_STUCK, Kind.GYRO_STUCK])
-def test_a_stuck_axis_repeats_its_last_value(monkeypatch: pytest.MonkeyPatch, kind: Kind) -> None:
+@pytest.mark.parametrize("kind", [SensorFault.ACCEL_STUCK, SensorFault.GYRO_STUCK])
+def test_a_stuck_axis_repeats_its_last_value(monkeypatch: pytest.MonkeyPatch, kind: SensorFault) -> None:
     faulty, nominal = twins(monkeypatch, Cell("tactical", kind))
     active = span(faulty, faulty.inertial.t)
     a, b = triads(faulty, kind)[0], triads(nominal, kind)[0]
@@ -284,9 +288,11 @@ def test_a_stuck_axis_repeats_its_last_value(monkeypatch: pytest.MonkeyPatch, ki
     assert np.array_equal(a[:, live], b[:, live]) and np.array_equal(a[~active], b[~active])
 
 
-@pytest.mark.parametrize(("kind", "limit"), [(Kind.ACCEL_SATURATED, 10.0), (Kind.GYRO_SATURATED, math.radians(3.0))])
-def test_a_saturated_triad_stays_at_its_limit(monkeypatch: pytest.MonkeyPatch, kind: Kind, limit: float) -> None:
-    magnitude = 10.0 if kind is Kind.ACCEL_SATURATED else 3.0
+@pytest.mark.parametrize(
+    ("kind", "limit"), [(SensorFault.ACCEL_SATURATED, 10.0), (SensorFault.GYRO_SATURATED, math.radians(3.0))]
+)
+def test_a_saturated_triad_stays_at_its_limit(monkeypatch: pytest.MonkeyPatch, kind: SensorFault, limit: float) -> None:
+    magnitude = 10.0 if kind is SensorFault.ACCEL_SATURATED else 3.0
     faulty, nominal = twins(monkeypatch, Cell("tactical", kind, magnitude, pattern="turns"))
     active = span(faulty, faulty.inertial.t)
     a, b = triads(faulty, kind)[0], triads(nominal, kind)[0]
@@ -299,7 +305,7 @@ def test_a_saturated_triad_stays_at_its_limit(monkeypatch: pytest.MonkeyPatch, k
 
 @pytest.mark.parametrize("liars", [1, 2])
 def test_of_two_receivers_one_lies_or_both_alike(monkeypatch: pytest.MonkeyPatch, liars: int) -> None:
-    cell = Cell("tactical", Kind.RAMP, 1.0, 0.1, with_velocity=True, receivers=2, liars=liars)
+    cell = Cell("tactical", SensorFault.RAMP, 1.0, 0.1, with_velocity=True, receivers=2, liars=liars)
     faulty, nominal = twins(monkeypatch, cell)
     moved = {name: apart_n(faulty.fixes[name], nominal.fixes[name]) for name in faulty.fixes}
     assert faulty.fault.devices == (("gnss_b",) if liars == 1 else ("gnss_a", "gnss_b"))
@@ -316,7 +322,7 @@ def test_turns_are_flown_during_the_fault() -> None:
     for pattern in ("legs", "turns"):
         banks = []
         for seed in range(10):
-            f = draw(Cell("tactical", Kind.NONE, pattern=pattern), seed)
+            f = draw(Cell("tactical", SensorFault.NONE, pattern=pattern), seed)
             banks.append(np.abs(f.trajectory.at(np.arange(200.0, f.duration_s)).rpy[:, 0]) > math.radians(10.0))
         share[pattern] = float(np.mean(np.concatenate(banks)))
     assert share["turns"] > 0.6 > 0.4 > share["legs"]
@@ -324,5 +330,5 @@ def test_turns_are_flown_during_the_fault() -> None:
 
 def test_alignment_is_level_and_straight() -> None:
     for seed in range(5):
-        m = draw(Cell("tactical", Kind.NONE), seed).trajectory.at(np.arange(0.0, 120.0))
+        m = draw(Cell("tactical", SensorFault.NONE), seed).trajectory.at(np.arange(0.0, 120.0))
         assert np.abs(m.rpy[:, 0]).max() == 0.0 and np.ptp(m.rpy[:, 2]) == 0.0 and np.abs(m.vel_n[:, 2]).max() == 0.0

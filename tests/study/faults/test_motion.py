@@ -9,9 +9,9 @@ import pytest
 from numpy.typing import NDArray
 
 from fti.study.faults.course import draw_course
-from fti.study.faults.earth import displaced, gravity_n
-from fti.study.faults.inertial_unit import ideal
-from fti.study.faults.profile import Profile
+from fti.study.faults.earth import displace, gravity_n
+from fti.study.faults.inertial_unit import ideal_samples
+from fti.study.faults.profile import SmoothProfile
 from fti.study.faults.trajectory import Course, Trajectory
 
 Array = NDArray[np.float64]
@@ -92,7 +92,7 @@ def stepped(y: Array, force_b: Array, rate_b: Array, step_s: float) -> Array:
 def integrate(trajectory: Trajectory, end_s: float, step_s: float) -> Array:
     """The state at the end, from ideal samples."""
     count = round(end_s / step_s)
-    found = ideal(trajectory.at(np.arange(2.0 * count + 1.0) * np.float64(0.5 * step_s)))
+    found = ideal_samples(trajectory.at(np.arange(2.0 * count + 1.0) * np.float64(0.5 * step_s)))
     y = initial(trajectory)
     for k in range(0, 2 * count, 2):
         y = stepped(y, found.accel_b[k : k + 3], found.gyro_b[k : k + 3], step_s)
@@ -133,8 +133,8 @@ def test_ideal_samples_integrate_to_the_true_motion(seed: int) -> None:
 
 
 def straight(lat: float, speed: float) -> Course:
-    level = Profile([0.0, 1.0], [0.0, 0.0])
-    return Course(Profile([0.0, 1.0], [speed, speed]), level, level, (lat, 0.2, 1000.0), 0.6, 0.05, 0.02)
+    level = SmoothProfile([0.0, 1.0], [0.0, 0.0])
+    return Course(SmoothProfile([0.0, 1.0], [speed, speed]), level, level, (lat, 0.2, 1000.0), 0.6, 0.05, 0.02)
 
 
 def test_a_bias_of_an_accelerometer_makes_a_schuler_oscillation() -> None:
@@ -153,7 +153,7 @@ def test_a_bias_of_an_accelerometer_makes_a_schuler_oscillation() -> None:
 def distances_with_held_height(trajectory: Trajectory, end_s: float, step_s: float, bias_b: Array) -> list[float]:
     """Horizontal distance from the truth; the height is held at the true one, for alone it diverges."""
     count = round(end_s / step_s)
-    found = ideal(trajectory.at(np.arange(2.0 * count + 1.0) * np.float64(0.5 * step_s)))
+    found = ideal_samples(trajectory.at(np.arange(2.0 * count + 1.0) * np.float64(0.5 * step_s)))
     truth = trajectory.at(np.arange(count + 1.0) * np.float64(step_s))
     force, y, distances = found.accel_b + bias_b, initial(trajectory), []
     for k in range(count):
@@ -180,6 +180,6 @@ def test_position_between_grid_points_moves_with_the_velocity() -> None:
 def test_displacement_is_in_metres() -> None:
     """100 m north, -50 m east, 7 m down at 55 deg and 3000 m: within 5 mm of the Earth-fixed difference."""
     by = np.array([[100.0, -50.0, 7.0]])
-    lat, lon, alt = displaced(np.array([0.96]), np.array([1.2]), np.array([3000.0]), by)
+    lat, lon, alt = displace(np.array([0.96]), np.array([1.2]), np.array([3000.0]), by)
     moved = ecef(lat[0], lon[0], alt[0]) - ecef(0.96, 1.2, 3000.0)
     assert axes(0.96, 1.2).T @ moved == pytest.approx(by[0], abs=5e-3)

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from fti.config import Device, Filter
-from fti.nav.aided import AidedNavigation
-from fti.study.faults import START_NS, Cell, Kind, draw
+from fti.nav.inertial_aiding import AidedNavigation
+from fti.study.faults import START_NS, Cell, SensorFault, draw
 from fti.study.faults import flight as flights
 
 SECOND_NS = 1_000_000_000
@@ -22,7 +22,7 @@ def test_a_nominal_tactical_flight_through_the_filter_stays_within_its_sigma(mon
     One flight of slow errors of 100-300 s is one or two independent samples of them: sigma itself is not judged here.
     """
     monkeypatch.setattr(flights, "ONSET_S", (130.0, 150.0))  # turns begin with the end of the alignment
-    flight = draw(Cell("tactical", Kind.NONE, pattern="turns"), 1)
+    flight = draw(Cell("tactical", SensorFault.NONE, pattern="turns"), 1)
     motion = flight.truth(np.arange(START_NS, START_NS + END_S * SECOND_NS, SECOND_NS))
     assert np.ptp(motion.vel_n[:, 2]) > 2.0 and np.ptp(motion.rpy[:, 0]) > 0.4
     devices = {name: Device(name=name, link="none", driver="nmea") for name in ("imu", "baro", "ahrs", "gnss_a")}

@@ -13,9 +13,9 @@ import rasterio
 from rasterio.windows import Window
 
 from fti.errors import ConfigError, MissingError
+from fti.terrain.file_info import ElevationFileInfo
 from fti.terrain.files.elevation_file import ElevationFile
-from fti.terrain.files.vertical import words_by_file
-from fti.terrain.source import Source
+from fti.terrain.files.vertical import datum_names_by_file
 from tests.terrain.elevation_files import (
     LAT,
     LON,
@@ -38,10 +38,10 @@ def slope(lat: Array, lon: Array) -> Array:
 
 
 def opened(path: str, vertical: str | Mapping[str, str] | None = "ellipsoid") -> "closing[ElevationFile]":
-    return closing(ElevationFile(path, words_by_file(vertical, [path])))
+    return closing(ElevationFile(path, datum_names_by_file(vertical, [path])))
 
 
-def source_of(path: str, vertical: str | Mapping[str, str] | None = None) -> Source:
+def source_of(path: str, vertical: str | Mapping[str, str] | None = None) -> ElevationFileInfo:
     with opened(path, vertical) as file:
         return file.source
 

@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 from rasterio.transform import Affine
 
-from fti.terrain.files.survey import survey
+from fti.terrain.files.file_survey import survey
 from fti.terrain.terrain import Terrain
 from tests.terrain.elevation_files import LAT, LON, Array, from_origin, posts_of, write_ground, write_tif
 

@@ -9,7 +9,7 @@ import pytest
 from fti.geodesy.local import LocalFrame
 from fti.terrain.files.elevation_file import ElevationFile
 from fti.terrain.files.mosaic import Mosaic
-from fti.terrain.files.tangent import HALF, Block
+from fti.terrain.files.tangent import HALF, PostBlock
 from tests.terrain.elevation_files import LAT, LON, write_ground
 
 
@@ -21,7 +21,7 @@ def test_a_block_of_8_km_is_exact_to_a_millimetre(tmp_path: Path, crs: str, dist
     frame = LocalFrame(np.radians(LAT - distance / 111_200.0), np.radians(LON), 0.0)
     side = np.linspace(-4000.0, 4000.0, 41)
     with closing(ElevationFile(path, {"*": "ellipsoid"})) as file:
-        block = Block(frame, Mosaic(0, file), side, distance + side)
+        block = PostBlock(frame, Mosaic(0, file), side, distance + side)
         assert block.holds()
         for alt in (-500.0, 4000.0, 9000.0):
             ups = np.full((41, 41), alt - distance**2 / 2 / 6.38e6)
@@ -37,4 +37,4 @@ def test_a_block_on_the_pole_of_a_geographic_file_does_not_hold(tmp_path: Path) 
     path = write_ground(tmp_path / "dem.tif", lambda lat, lon: 0.0 * lat, "EPSG:4326", 20, 3e-4, at=(89.9, 0.0))
     side = np.linspace(-4000.0, 4000.0, 41)
     with closing(ElevationFile(path, {"*": "ellipsoid"})) as file:
-        assert not Block(LocalFrame(np.radians(89.999), 0.0, 0.0), Mosaic(0, file), side, side).holds()
+        assert not PostBlock(LocalFrame(np.radians(89.999), 0.0, 0.0), Mosaic(0, file), side, side).holds()

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 from fti.constants import STANDARD_GRAVITY
 from fti.hil.flight.jsbsim.airframe import Airframe
-from fti.hil.flight.jsbsim.fdm import Controls, Sensed
+from fti.hil.flight.jsbsim.fdm import AircraftState, Controls
 
 BANK_LIMIT = math.radians(30.0)
 PITCH_LIMITS = math.radians(-12.0), math.radians(15.0)
@@ -26,7 +26,7 @@ HEIGHT_GAIN = 0.25
 CLIMB_LIMITS = -7.0, 9.0
 CLIMB_CHANGE = 2.0
 #: Climb given up per missing airspeed [1].
-SLOW_GAIN = 1.0
+SPEED_DEFICIT_GAIN = 1.0
 #: Pitch per missing climb angle, and per that and second [1, 1/s]; the angle of attack is smoothed over so long [s].
 PATH_GAIN, PATH_SUM = 1.0, 0.25
 AOA_S = 8.0
@@ -35,12 +35,12 @@ STEER, BRAKES = 0.12, 0.3
 
 
 @dataclass(frozen=True, slots=True)
-class Wanted:
+class GuidanceCommand:
     """What the route wants now: side acceleration [m/s^2, right], height above the one wanted [m], slope of the route
     as climb [m/s], calibrated airspeed [m/s]."""
 
     side: float
-    too_high: float
+    height_error: float
     climb: float
     cas: float
 
@@ -55,34 +55,34 @@ class Autopilot:
         self._pitch_sum = self._path_sum = self._bank_sum = 0.0
         self._throttle_sum = airframe.cruise_throttle
 
-    def step(self, now: Sensed, want: Wanted) -> Controls:
+    def step(self, now: AircraftState, command: GuidanceCommand) -> Controls:
         """The commands of the axes; flaps, gear and brakes are the route's."""
         if now.on_ground:
-            return self._rolling(now, want.side)
-        climb = self._climb_command(now, want)
+            return self._rolling(now, command.side)
+        climb = self._climb_command(now, command)
         softness = min((self._airframe.trim_speed / max(now.tas, 20.0)) ** 2, 3.0)
-        aileron, rudder = self._across(now, want.side)
+        aileron, rudder = self._lateral(now, command.side)
         return Controls(
             aileron=_clip(aileron * softness, -1.0, 1.0),
             elevator=self._elevator(now, self._pitch_command(now, climb), softness),
             rudder=_clip(rudder * softness, -1.0, 1.0),
-            throttle=self._throttle(now, want.cas, climb),
+            throttle=self._throttle(now, command.cas, climb),
         )
 
-    def _rolling(self, now: Sensed, side: float) -> Controls:
+    def _rolling(self, now: AircraftState, side: float) -> Controls:
         """On the runway: power off, brakes, along the track with rudder and one brake more than the other."""
         steer = _clip(STEER * side - self._gains.yaw_rate * now.yaw_rate, -1.0, 1.0)
         brakes = (max(BRAKES - steer, 0.0), max(BRAKES + steer, 0.0))
         return Controls(rudder=-steer, throttle=0.0, brakes=brakes)
 
-    def _climb_command(self, now: Sensed, want: Wanted) -> float:
-        wanted = _clip(want.climb - HEIGHT_GAIN * want.too_high, *CLIMB_LIMITS)
-        wanted -= SLOW_GAIN * max(want.cas - 2.0 - now.cas, 0.0)
+    def _climb_command(self, now: AircraftState, command: GuidanceCommand) -> float:
+        wanted = _clip(command.climb - HEIGHT_GAIN * command.height_error, *CLIMB_LIMITS)
+        wanted -= SPEED_DEFICIT_GAIN * max(command.cas - 2.0 - now.cas, 0.0)
         change = CLIMB_CHANGE * self._period
         self._climb = _clip(wanted, self._climb - change, self._climb + change)
         return self._climb
 
-    def _pitch_command(self, now: Sensed, climb: float) -> float:
+    def _pitch_command(self, now: AircraftState, climb: float) -> float:
         speed = max(math.hypot(*now.vel_n), 20.0)
         path = math.asin(_clip(climb / speed, -0.5, 0.5))
         missing = path - math.asin(_clip(-now.vel_n[2] / speed, -0.5, 0.5))
@@ -90,7 +90,7 @@ class Autopilot:
         self._path_sum = _clip(self._path_sum + PATH_SUM * missing * self._period, -0.1, 0.1)
         return _clip(path + self._aoa * math.cos(now.roll) + PATH_GAIN * missing + self._path_sum, *PITCH_LIMITS)
 
-    def _elevator(self, now: Sensed, pitch: float, softness: float) -> float:
+    def _elevator(self, now: AircraftState, pitch: float, softness: float) -> float:
         """Command -1 (nose up) to 1: the travel differs up and down."""
         gains, missing = self._gains, pitch - now.pitch
         self._pitch_sum = _clip(self._pitch_sum + gains.pitch_sum * missing * self._period, -0.2, 0.2)
@@ -98,7 +98,7 @@ class Autopilot:
         travel = self._airframe.elevator_up if up > 0.0 else self._airframe.elevator_down
         return _clip(-up / travel, -1.0, 1.0)
 
-    def _across(self, now: Sensed, side: float) -> tuple[float, float]:
+    def _lateral(self, now: AircraftState, side: float) -> tuple[float, float]:
         gains = self._gains
         bank = _clip(math.atan2(side, STANDARD_GRAVITY), -BANK_LIMIT, BANK_LIMIT)
         missing = bank - now.roll
@@ -107,7 +107,7 @@ class Autopilot:
         turn = STANDARD_GRAVITY / max(now.tas, 20.0) * math.tan(now.roll)
         return aileron, gains.yaw_rate * (now.yaw_rate - turn * math.cos(now.roll))
 
-    def _throttle(self, now: Sensed, cas: float, climb: float) -> float:
+    def _throttle(self, now: AircraftState, cas: float, climb: float) -> float:
         gains, missing = self._gains, cas - now.cas
         direct = gains.speed * missing + gains.climb * climb / max(now.tas, 20.0)
         wanted = self._throttle_sum + direct

@@ -69,7 +69,7 @@ COLUMNS = {
     "throttle": "fcs/throttle-pos-norm",
     "on_ground": "gear/wow",
 }
-_KEPT = tuple(COLUMNS.values())
+_LOGGED_PROPERTIES = tuple(COLUMNS.values())
 #: The values of COLUMNS at one instant.
 Row = tuple[float, ...]
 
@@ -86,7 +86,7 @@ def package() -> ModuleType:
 
 
 @dataclass(frozen=True, slots=True)
-class Start:
+class InitialConditions:
     """Where and how the model begins: lat, lon, heading [rad], alt [m above the ellipsoid], airspeed [m/s true]."""
 
     lat: float
@@ -121,7 +121,7 @@ class Controls:
 
 
 @dataclass(frozen=True, slots=True)
-class Sensed:
+class AircraftState:
     """What the autopilot knows; SI, radians, n axes; alt of P above the ellipsoid; ``pitch_rate`` is that of theta."""
 
     position_e: tuple[float, float, float]
@@ -142,7 +142,7 @@ class Sensed:
 class Fdm:
     """One aircraft in the air."""
 
-    def __init__(self, airframe: Airframe, start: Start, weather: Weather, ground: float) -> None:
+    def __init__(self, airframe: Airframe, start: InitialConditions, weather: Weather, ground: float) -> None:
         self._airframe = airframe
         self._model: Any = package().FGFDMExec(None)
         self._model.set_debug_level(0)
@@ -157,7 +157,7 @@ class Fdm:
         self._model["propulsion/magneto_cmd"] = 3
         self._model["propulsion/starter_cmd"] = 1
 
-    def _begin(self, start: Start, ground: float) -> None:
+    def _begin(self, start: InitialConditions, ground: float) -> None:
         model = self._model
         model["ic/lat-geod-deg"], model["ic/long-gc-deg"] = math.degrees(start.lat), math.degrees(start.lon)
         model["ic/terrain-elevation-ft"] = ground / FOOT
@@ -202,12 +202,12 @@ class Fdm:
         for _ in range(STEPS):
             model.run()
 
-    def sense(self) -> Sensed:
+    def sense(self) -> AircraftState:
         """The state now."""
         model = self._model
         roll, pitch = model["attitude/phi-rad"], model["attitude/theta-rad"]
         below = self._airframe.reference[2] - model["inertia/cg-z-in"] * INCH
-        return Sensed(
+        return AircraftState(
             position_e=tuple(model[f"position/ecef-{axis}-ft"] * FOOT for axis in "xyz"),
             alt=model["position/geod-alt-ft"] * FOOT + below * math.cos(roll) * math.cos(pitch),
             vel_n=tuple(model[f"velocities/v-{axis}-fps"] * FOOT for axis in ("north", "east", "down")),
@@ -226,4 +226,4 @@ class Fdm:
     def row(self) -> Row:
         """The values of COLUMNS now, in JSBSim's units."""
         model = self._model
-        return tuple([model[name] for name in _KEPT])
+        return tuple([model[name] for name in _LOGGED_PROPERTIES])

@@ -16,11 +16,11 @@ from fti.geodesy.rotations import mat_en, mat_from_rpy
 from fti.geodesy.wgs84 import geodetic_from_ecef
 from fti.hil.flight.jsbsim.airframe import AIRFRAMES, INCH, Airframe
 from fti.hil.flight.jsbsim.autopilot import Autopilot
-from fti.hil.flight.jsbsim.fdm import COLUMNS, PERIOD_S, Fdm, Row, Sensed, Start, Weather
-from fti.hil.flight.jsbsim.navigator import Navigator
+from fti.hil.flight.jsbsim.fdm import COLUMNS, PERIOD_S, AircraftState, Fdm, InitialConditions, Row, Weather
+from fti.hil.flight.jsbsim.route_guidance import RouteGuidance
 from fti.hil.flight.jsbsim.routes import Route, make_route
-from fti.hil.flight.trajectory import Samples
-from fti.hil.tables.dynamics import JsbsimFlight
+from fti.hil.flight.trajectory import FlightSamples
+from fti.hil.tables.jsbsim_options import JsbsimFlight
 from fti.nav.integrity.approach import ApproachPath
 from fti.terrain.terrain import Terrain
 
@@ -29,15 +29,15 @@ Array = NDArray[np.float64]
 #: Rows before the begin and after the end of the route that belong to the samples: splines are poor at their ends.
 MARGIN_ROWS = 100
 #: No route takes longer [s].
-LONGEST_S = 1800.0
+MAX_DURATION_S = 1800.0
 #: Progress is told so often [s of the flight].
-TOLD_S = 60.0
+PROGRESS_PERIOD_S = 60.0
 #: P this far below the ground of the route: the aircraft is lost [m].
-LOST_M = 1.0
+GROUND_TOLERANCE_M = 1.0
 
 
 @dataclass(frozen=True, eq=False)
-class Flown:
+class JsbsimRun:
     """One flight of JSBSim.
 
     samples  : position of P, attitude, wind with its gusts; 50 a second, t = 0 at the begin of the route
@@ -45,7 +45,7 @@ class Flown:
     columns  : ``fdm.COLUMNS`` at the times of the samples, in JSBSim's units
     """
 
-    samples: Samples
+    samples: FlightSamples
     duration: float
     columns: dict[str, Array]
 
@@ -64,7 +64,7 @@ def fly(
     path: ApproachPath,
     terrain: Terrain,
     progress: Callable[[str], None] = lambda _: None,
-) -> Flown:
+) -> JsbsimRun:
     """Fly a scenario's route.  The same arguments give the same bits, on one machine.
 
     Raises MissingError without JSBSim, and ConfigError for a route that the terrain or the aircraft does not allow.
@@ -75,15 +75,15 @@ def fly(
     rows = _rows(pilot, progress)
     columns = dict(zip(COLUMNS, np.array(rows).T, strict=True))
     columns["t"] = np.arange(-MARGIN_ROWS, len(rows) - MARGIN_ROWS) * PERIOD_S
-    return Flown(_samples(airframe, columns), float(columns["t"][-MARGIN_ROWS - 1]), columns)
+    return JsbsimRun(_samples(airframe, columns), float(columns["t"][-MARGIN_ROWS - 1]), columns)
 
 
-def _start(route: Route, path: ApproachPath) -> Start:
+def _start(route: Route, path: ApproachPath) -> InitialConditions:
     """On the track, at the height and about the speed that are wanted there."""
     (east, north), (next_east, next_north) = route.track.points[:2]
     lat, lon, _ = path.frame.to_geodetic((east, north, 0.0))
     heading = math.atan2(next_east - east, next_north - north) % (2.0 * math.pi)
-    return Start(float(lat), float(lon), route.alt.item(0), heading, route.cas.item(0))
+    return InitialConditions(float(lat), float(lon), route.alt.item(0), heading, route.cas.item(0))
 
 
 class _Pilot:
@@ -91,55 +91,55 @@ class _Pilot:
 
     def __init__(self, airframe: Airframe, fdm: Fdm, route: Route, path: ApproachPath) -> None:
         self._fdm, self._route = fdm, route
-        self._autopilot, self._navigator = Autopilot(airframe, PERIOD_S), Navigator(route, path)
+        self._autopilot, self._guidance = Autopilot(airframe, PERIOD_S), RouteGuidance(route, path)
         self._steps = 0
-        self.ended = False
+        self.has_ended = False
 
     @property
-    def begun(self) -> bool:
+    def has_begun(self) -> bool:
         """Whether the run-in is over."""
-        return self._navigator.along >= self._route.begin
+        return self._guidance.along >= self._route.begin
 
     @property
-    def done(self) -> float:
+    def progress_share(self) -> float:
         """How much of the track is flown, 0 to 1."""
-        return max(self._navigator.along / self._route.end, 0.0)
+        return max(self._guidance.along / self._route.end, 0.0)
 
     def row(self) -> Row:
         """Look, decide, fly on; where the aircraft is then.  Raises ConfigError where it is lost."""
         now = self._fdm.sense()
         self._check(now)
-        controls = self._autopilot.step(now, self._navigator.wanted(now))
-        at, route = self._navigator.at, self._route
+        controls = self._autopilot.step(now, self._guidance.command(now))
+        at, route = self._guidance.at, self._route
         controls.flaps, controls.gear = at(route.flaps), at(route.gear)
         self._fdm.set_ground(at(route.ground))
         self._fdm.step(controls)
         self._steps += 1
-        self.ended |= now.on_ground or self._navigator.along >= route.end
+        self.has_ended |= now.on_ground or self._guidance.along >= route.end
         return self._fdm.row()
 
-    def _check(self, now: Sensed) -> None:
+    def _check(self, now: AircraftState) -> None:
         after = f"{self._steps * PERIOD_S:.0f} s after its start"
-        if not now.alt > self._navigator.at(self._route.ground) - LOST_M:
+        if not now.alt > self._guidance.at(self._route.ground) - GROUND_TOLERANCE_M:
             raise ConfigError(f"flight: the aircraft flew into the ground {after}: the air is too rough for this route")
-        if self._steps * PERIOD_S > LONGEST_S:
+        if self._steps * PERIOD_S > MAX_DURATION_S:
             raise ConfigError(f"flight: the route is not at its end {after}, and none may take longer")
 
 
 def _rows(pilot: _Pilot, progress: Callable[[str], None]) -> list[Row]:
     """The flight with MARGIN_ROWS before the begin of the route and after its end."""
     before: deque[Row] = deque(maxlen=MARGIN_ROWS)
-    while not pilot.begun:
+    while not pilot.has_begun:
         before.append(pilot.row())
     rows = list(before)
-    while not pilot.ended:
+    while not pilot.has_ended:
         rows.append(pilot.row())
-        if len(rows) % round(TOLD_S / PERIOD_S) == 0:
-            progress(f"flight: {pilot.done:.0%} flown")
+        if len(rows) % round(PROGRESS_PERIOD_S / PERIOD_S) == 0:
+            progress(f"flight: {pilot.progress_share:.0%} flown")
     return rows + [pilot.row() for _ in range(MARGIN_ROWS)]
 
 
-def _samples(airframe: Airframe, columns: dict[str, Array]) -> Samples:
+def _samples(airframe: Airframe, columns: dict[str, Array]) -> FlightSamples:
     """P from the centre of gravity, and the rest in SI."""
     attitude = columns["roll"], columns["pitch"], columns["heading"]
     cg_e = np.stack([columns[axis] for axis in "xyz"], axis=1) * FOOT
@@ -148,4 +148,4 @@ def _samples(airframe: Airframe, columns: dict[str, Array]) -> Samples:
     lever_b = (np.array(airframe.reference) - cg) * np.array([-1.0, 1.0, -1.0])
     lever_e = np.einsum("nij,njk,nk->ni", mat_en(lat, lon), mat_from_rpy(*attitude), lever_b)
     wind_n = np.stack([columns[f"wind_{axis}"] for axis in ("north", "east", "down")], axis=1) * FOOT
-    return Samples(columns["t"], *geodetic_from_ecef(cg_e + lever_e), *attitude, wind_n)
+    return FlightSamples(columns["t"], *geodetic_from_ecef(cg_e + lever_e), *attitude, wind_n)

@@ -21,8 +21,8 @@ from fti.constants import STANDARD_GRAVITY
 from fti.errors import ConfigError
 from fti.hil.flight.jsbsim.airframe import Airframe
 from fti.hil.flight.jsbsim.terrain_following import following_height
-from fti.hil.flight.jsbsim.track import STEP_M, Track
-from fti.hil.tables.dynamics import JsbsimFlight, Place
+from fti.hil.flight.jsbsim.track import STEP_M, RouteTrack
+from fti.hil.tables.jsbsim_options import JsbsimFlight, RoutePoint
 from fti.nav.integrity.approach import ApproachPath
 from fti.terrain.terrain import Terrain
 
@@ -31,19 +31,19 @@ Array = NDArray[np.float64]
 #: Flown before the flight begins: engines are started, trims found, the track is joined [s].
 RUN_IN_S = 35.0
 #: Turns are laid out for this bank, in air that makes the true airspeed so much more than the calibrated one.
-BANK, THINNER = math.radians(25.0), 1.08
+BANK, TAS_PER_CAS = math.radians(25.0), 1.08
 #: Levels are gone over to softly: within so much of their height [m].
-SOFT_M = 5.0
+BLEND_HEIGHT_M = 5.0
 #: Pattern: the downwind leg from the runway (at least), the base leg and the crosswind leg from the threshold [m].
 DOWNWIND_M, BASE_M, CROSSWIND_M = 1800.0, 3000.0, -2600.0
 #: A go-around ends so far behind the threshold, at most so high above it, and climbs with this slope [m, m, 1].
-AWAY_M, AWAY_HEIGHT_M, AWAY_SLOPE = 5500.0, 450.0, 0.08
+GO_AROUND_END_M, GO_AROUND_MAX_HEIGHT_M, GO_AROUND_SLOPE = 5500.0, 450.0, 0.08
 #: Flare: it begins with the wheels so high [m], and ends with this slope.
-FLARE_M, TOUCH_SLOPE = 8.0, 0.01
+FLARE_M, TOUCHDOWN_SLOPE = 8.0, 0.01
 #: Speed at touchdown, as a share of that of the approach.
-TOUCH_SPEED = 0.8
+TOUCHDOWN_SPEED_SHARE = 0.8
 #: Terrain following: half width of the corridor [m], limits of slope, and the way over which the slope changes [m].
-CORRIDOR_M, CLIMB, DESCENT, BEND_M = 80.0, 0.07, 0.07, 500.0
+CORRIDOR_M, MAX_CLIMB_SLOPE, MAX_DESCENT_SLOPE, SLOPE_CHANGE_M = 80.0, 0.07, 0.07, 500.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +55,7 @@ class Route:
     cas [m/s];  flaps, gear : commands, 0 to 1
     """
 
-    track: Track
+    track: RouteTrack
     begin: float
     end: float
     alt: Array
@@ -76,32 +76,32 @@ def make_route(flight: JsbsimFlight, airframe: Airframe, path: ApproachPath, ter
     return make[flight.route]()
 
 
-def _line(path: ApproachPath, places: list[Place], radius: float) -> Track:
+def _line(path: ApproachPath, places: list[RoutePoint], radius: float) -> RouteTrack:
     """The track through places; those are counted from the threshold, the path from its intercept point."""
     course = math.radians(path.airfield.course_deg)
     sin, cos = math.sin(course), math.cos(course)
     along = [(before + path.x_gpi, right) for before, right in places]
-    return Track([(-s * sin + y * cos, -s * cos - y * sin) for s, y in along], radius)
+    return RouteTrack([(-s * sin + y * cos, -s * cos - y * sin) for s, y in along], radius)
 
 
-def _before(track: Track, path: ApproachPath) -> Array:
+def _path_length(track: RouteTrack, path: ApproachPath) -> Array:
     """Path length before the intercept point of the stations [m]."""
     course = math.radians(path.airfield.course_deg)
     return np.asarray(-(track.points @ np.array([math.sin(course), math.cos(course)])))
 
 
-def _level(track: Track, value: float) -> Array:
+def _level(track: RouteTrack, value: float) -> Array:
     return np.full(len(track.along), value)
 
 
 def _radius(flight: JsbsimFlight) -> float:
     """Radius of turns [m]."""
-    return (THINNER * flight.speed_mps) ** 2 / (STANDARD_GRAVITY * math.tan(BANK))
+    return (TAS_PER_CAS * flight.speed_mps) ** 2 / (STANDARD_GRAVITY * math.tan(BANK))
 
 
-def _up_to(alt: Array, top: Array | float) -> Array:
+def _cap_height(alt: Array, top: Array | float) -> Array:
     """Heights [m] kept below a level, softly."""
-    return np.asarray(-SOFT_M * np.logaddexp(-alt / SOFT_M, -top / SOFT_M))
+    return np.asarray(-BLEND_HEIGHT_M * np.logaddexp(-alt / BLEND_HEIGHT_M, -top / BLEND_HEIGHT_M))
 
 
 def _run_in(flight: JsbsimFlight) -> float:
@@ -111,15 +111,15 @@ def _run_in(flight: JsbsimFlight) -> float:
 def _approach(flight: JsbsimFlight, airframe: Airframe, path: ApproachPath) -> Route:
     run_in = _run_in(flight)
     track = _line(path, [(flight.start_m + run_in, 0.0), (-path.airfield.runway_length_m, 0.0)], 0.0)
-    s = _before(track, path)
-    alt, flare = _flared(path, s, airframe.wheels)
+    s = _path_length(track, path)
+    alt, flare = _flare_heights(path, s, airframe.wheels)
     return Route(
         track=track,
         begin=run_in,
         end=track.length - 300.0,
         alt=alt,
         ground=_runway(path, s),
-        cas=flight.speed_mps * (1.0 - (1.0 - TOUCH_SPEED) * flare),
+        cas=flight.speed_mps * (1.0 - (1.0 - TOUCHDOWN_SPEED_SHARE) * flare),
         flaps=_level(track, airframe.landing_flaps),
         gear=_level(track, 1.0),
     )
@@ -130,13 +130,13 @@ def _runway(path: ApproachPath, s: Array) -> Array:
     return path.alt_gpi - path.airfield.runway_slope * s
 
 
-def _flared(path: ApproachPath, s: Array, wheels: float) -> tuple[Array, Array]:
+def _flare_heights(path: ApproachPath, s: Array, wheels: float) -> tuple[Array, Array]:
     """Height of P down the glide path and through the flare [m], and how much of the flare is done.
 
     In the flare the wheels sink towards a line below the runway, exponentially: slope and height are in proportion.
     """
     tangent = math.tan(path.glide)
-    aim = TOUCH_SLOPE * FLARE_M / (tangent - TOUCH_SLOPE)
+    aim = TOUCHDOWN_SLOPE * FLARE_M / (tangent - TOUCHDOWN_SLOPE)
     way = (FLARE_M + aim) / tangent
     ground = _runway(path, s)
     into = np.maximum(path.alt_path(s)[:, None] - ground[:, None] - wheels - FLARE_M, 0.0)[:, 0]
@@ -149,14 +149,14 @@ def _flared(path: ApproachPath, s: Array, wheels: float) -> tuple[Array, Array]:
 
 def _go_around(flight: JsbsimFlight, airframe: Airframe, path: ApproachPath) -> Route:
     run_in = _run_in(flight)
-    track = _line(path, [(flight.start_m + run_in, 0.0), (-AWAY_M, 0.0)], 0.0)
-    alt, away = _climbing_away(flight, path, track, path.alt_path(_before(track, path)))
-    top = path.airfield.threshold_alt_m + AWAY_HEIGHT_M
+    track = _line(path, [(flight.start_m + run_in, 0.0), (-GO_AROUND_END_M, 0.0)], 0.0)
+    alt, away = _go_around_heights(flight, path, track, path.alt_path(_path_length(track, path)))
+    top = path.airfield.threshold_alt_m + GO_AROUND_MAX_HEIGHT_M
     return Route(
         track=track,
         begin=run_in,
         end=track.length - 100.0,
-        alt=np.where(away, _up_to(alt, top), alt),
+        alt=np.where(away, _cap_height(alt, top), alt),
         ground=_level(track, path.airfield.threshold_alt_m),
         cas=np.where(away, airframe.climb_speed, flight.speed_mps),
         flaps=np.where(away, 0.0, airframe.landing_flaps),
@@ -164,14 +164,14 @@ def _go_around(flight: JsbsimFlight, airframe: Airframe, path: ApproachPath) -> 
     )
 
 
-def _climbing_away(
-    flight: JsbsimFlight, path: ApproachPath, track: Track, alt: Array
+def _go_around_heights(
+    flight: JsbsimFlight, path: ApproachPath, track: RouteTrack, alt: Array
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Heights that descend, made to climb from ``go_around_m`` above the threshold on; and where they do."""
     decision = path.airfield.threshold_alt_m + flight.go_around_m
     first = int(np.argmax(alt <= decision))
     away = np.arange(len(alt)) >= first
-    climb = decision + AWAY_SLOPE * (track.along - track.along[first])
+    climb = decision + GO_AROUND_SLOPE * (track.along - track.along[first])
     return np.where(away, climb, alt), away
 
 
@@ -180,17 +180,17 @@ def _pattern(flight: JsbsimFlight, airframe: Airframe, path: ApproachPath) -> Ro
     side = (-1.0 if flight.side == "left" else 1.0) * max(DOWNWIND_M, 2.1 * radius)
     corners = [(-run_in, side), (BASE_M, side), (BASE_M, 0.0), (CROSSWIND_M, 0.0), (CROSSWIND_M, side), (200.0, side)]
     track = _line(path, corners, radius)
-    s, top = _before(track, path), path.airfield.threshold_alt_m + flight.pattern_m
+    s, top = _path_length(track, path), path.airfield.threshold_alt_m + flight.pattern_m
     final = int(np.argmin(np.abs(s) + np.linalg.norm(track.points, axis=1)))
     to_go = track.along[final] - track.along
-    down = _up_to(path.alt_path(to_go), top)
-    alt, away = _climbing_away(flight, path, track, down)
-    approaching = (down < top - SOFT_M) & ~away
+    down = _cap_height(path.alt_path(to_go), top)
+    alt, away = _go_around_heights(flight, path, track, down)
+    approaching = (down < top - BLEND_HEIGHT_M) & ~away
     return Route(
         track=track,
         begin=run_in,
         end=track.length - 200.0,
-        alt=np.where(away, _up_to(alt, top), alt),
+        alt=np.where(away, _cap_height(alt, top), alt),
         ground=_level(track, path.airfield.threshold_alt_m),
         cas=np.where(away & (alt < top), airframe.climb_speed, flight.speed_mps),
         flaps=np.where(approaching, airframe.landing_flaps, 0.0),
@@ -207,7 +207,7 @@ def _low_level(flight: JsbsimFlight, path: ApproachPath, terrain: Terrain) -> Ro
         track=track,
         begin=_run_in(flight),
         end=track.length - 100.0,
-        alt=following_height(highest + flight.clearance_m, STEP_M, CLIMB, DESCENT, BEND_M),
+        alt=following_height(highest + flight.clearance_m, STEP_M, MAX_CLIMB_SLOPE, MAX_DESCENT_SLOPE, SLOPE_CHANGE_M),
         ground=ground,
         cas=_level(track, flight.speed_mps),
         flaps=_level(track, 0.0),
@@ -215,7 +215,7 @@ def _low_level(flight: JsbsimFlight, path: ApproachPath, terrain: Terrain) -> Ro
     )
 
 
-def _corridor(track: Track, path: ApproachPath, terrain: Terrain, flight: JsbsimFlight) -> tuple[Array, Array]:
+def _corridor(track: RouteTrack, path: ApproachPath, terrain: Terrain, flight: JsbsimFlight) -> tuple[Array, Array]:
     """Height of the ground below the stations, and of the highest in the corridor [m]; level in the run-in."""
     ahead = np.gradient(track.points, axis=0)
     right = np.stack((ahead[:, 1], -ahead[:, 0]), axis=1) / np.linalg.norm(ahead, axis=1, keepdims=True)

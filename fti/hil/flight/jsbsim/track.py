@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 STEP_M = 10.0
 
 
-class Track:
+class RouteTrack:
     """A line with stations every STEP_M.
 
     corners : east, north [m], at least two; each but the first and the last is rounded with ``radius`` [m], or with as
@@ -22,7 +22,7 @@ class Track:
     """
 
     def __init__(self, corners: Sequence[tuple[float, float]], radius: float) -> None:
-        line = _rounded(np.asarray(corners, dtype=float), radius)
+        line = _round_corners(np.asarray(corners, dtype=float), radius)
         along = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))))
         #: Distance along the track of the stations [m], shape (n,), and their places, shape (n, 2).
         self.along: Array = np.arange(0.0, along[-1], STEP_M)
@@ -60,7 +60,7 @@ class Track:
         return (self._east[i] - east) ** 2 + (self._north[i] - north) ** 2
 
 
-def _rounded(corners: Array, radius: float) -> Array:
+def _round_corners(corners: Array, radius: float) -> Array:
     """The line with arcs for corners, points close together."""
     pieces = [corners[:1]]
     for before, corner, after in zip(corners[:-2], corners[1:-1], corners[2:], strict=True):

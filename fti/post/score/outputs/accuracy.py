@@ -9,14 +9,14 @@ import numpy as np
 
 from fti.hil.tables.limits import ScoreLimits
 from fti.post.score.outputs.errors import QuantityError
-from fti.post.score.outputs.row import Check, OutputRow, verdict_of
+from fti.post.score.outputs.row import OutputCheck, OutputRow, verdict_of
 from fti.post.score.rows import Verdict
 from fti.post.score.series import Array, Mask
 
 #: So many errors say something about a sigma.
-LEAST_COUNT = 20
+MIN_COUNT = 20
 #: A sigma of more than fifty times the errors says nothing: RMS of error over sigma.
-LEAST_RATIO = 0.02
+MIN_SIGMA_RATIO = 0.02
 #: So large a share of the sigmas must be within the limit of the quantity: large ones excuse no error for long.
 SIGMA_QUANTILE = 0.7
 #: Behind an error that a fault explains: what navigation does not notice is told all the same.
@@ -42,7 +42,9 @@ def accuracy(
         yield _sigma(topic, quantity, stated, t, limits, sharp=stated & ~lost)
 
 
-def explained(topic: str, quantity: QuantityError, excused: Mask, t: Array, limits: ScoreLimits) -> Iterator[OutputRow]:
+def excused_error_row(
+    topic: str, quantity: QuantityError, excused: Mask, t: Array, limits: ScoreLimits
+) -> Iterator[OutputRow]:
     """A row where values are wrong and called valid while a fault explains it; it is not judged.
 
     excused : valid messages during such faults, shape (n,)
@@ -65,7 +67,7 @@ def compared(
     known = during & np.isfinite(quantity.error)
     if known.any():
         wide = replace(quantity, sd=np.where(np.isfinite(level), level / limits.worst_sigmas, quantity.sd))
-        yield replace(_error(topic, wide, known, t, limits), check=Check.FAULT_ERROR)
+        yield replace(_error(topic, wide, known, t, limits), check=OutputCheck.FAULT_ERROR)
 
 
 def _error(topic: str, quantity: QuantityError, known: Mask, t: Array, limits: ScoreLimits) -> OutputRow:
@@ -75,7 +77,7 @@ def _error(topic: str, quantity: QuantityError, known: Mask, t: Array, limits: S
     worst = int(np.argmax(error / allowed))
     return OutputRow(
         topic,
-        Check.ERROR,
+        OutputCheck.ERROR,
         quantity.name,
         verdict_of(bool(error[worst] <= allowed[worst])),
         f"{error[worst]:.3g} {quantity.unit} at most, RMS {np.sqrt(np.mean(error**2)):.3g} {quantity.unit}",
@@ -87,7 +89,7 @@ def _error(topic: str, quantity: QuantityError, known: Mask, t: Array, limits: S
 def _unstated(topic: str, quantity: QuantityError, missing: Mask, t: Array) -> OutputRow:
     found = f"{np.count_nonzero(missing)} values without a sigma"
     return OutputRow(
-        topic, Check.SIGMA, quantity.name, Verdict.FAILS, found, "a sigma with each value", float(t[missing][0])
+        topic, OutputCheck.SIGMA, quantity.name, Verdict.FAILS, found, "a sigma with each value", float(t[missing][0])
     )
 
 
@@ -104,15 +106,17 @@ def _sigma(
         f"{SIGMA_QUANTILE:.0%} of sigmas <= {high:.3g} {quantity.unit}"
     )
     limit = (
-        f"<= {limits.beyond_share:.0%} beyond, RMS >= {LEAST_RATIO:g} sigma, sigma > 0, "
+        f"<= {limits.beyond_share:.0%} beyond, RMS >= {MIN_SIGMA_RATIO:g} sigma, sigma > 0, "
         f"{SIGMA_QUANTILE:.0%} of sigmas <= {quantity.limit:.3g} {quantity.unit}"
     )
-    enough = len(error) >= LEAST_COUNT
+    enough = len(error) >= MIN_COUNT
     verdict = verdict_of(
-        bool(np.all(sd > 0.0)) and share <= limits.beyond_share and ratio >= LEAST_RATIO and high <= quantity.limit
+        bool(np.all(sd > 0.0)) and share <= limits.beyond_share and ratio >= MIN_SIGMA_RATIO and high <= quantity.limit
     )
     at = float(t[stated][int(np.argmax(beyond))]) if beyond.any() else None
-    return OutputRow(topic, Check.SIGMA, quantity.name, verdict if enough else Verdict.NOT_JUDGED, found, limit, at)
+    return OutputRow(
+        topic, OutputCheck.SIGMA, quantity.name, verdict if enough else Verdict.NOT_JUDGED, found, limit, at
+    )
 
 
 def _rms_ratio(error: Array, sd: Array) -> float:

@@ -10,20 +10,20 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from fti.hil.expected.duties import May
+from fti.hil.oracle.flag_definitions import FlagAllowance
 from fti.hil.tables.limits import ScoreLimits
-from fti.post.score.outputs.row import Check, OutputRow, verdict_of
+from fti.post.score.outputs.row import OutputCheck, OutputRow, verdict_of
 from fti.post.score.rows import Verdict
 from fti.post.score.series import Array, Mask, TopicSeries
 
 #: So many messages say something about a share.
-LEAST_COUNT = 10
+MIN_COUNT = 10
 #: Flags that a flight may raise at any time explain no larger share of it.
 EXPLAINED_SHARE = 0.3
 
 
 def availability(
-    series: TopicSeries, due: Mask, t: Array, may: Sequence[May], limits: ScoreLimits
+    series: TopicSeries, due: Mask, t: Array, may: Sequence[FlagAllowance], limits: ScoreLimits
 ) -> Iterator[OutputRow]:
     """One row.
 
@@ -43,16 +43,16 @@ def availability(
     at = np.flatnonzero(invalid & ~explained)
     yield OutputRow(
         series.topic,
-        Check.VALID,
+        OutputCheck.VALID,
         "",
-        verdict if count >= LEAST_COUNT else Verdict.NOT_JUDGED,
+        verdict if count >= MIN_COUNT else Verdict.NOT_JUDGED,
         f"{share:.1%} of {count} messages" + (f", {excuse:.1%} not, as the flight explains" if excuse else ""),
         f">= {limits.valid_share:.0%}",
         float(t[at[0]]) if len(at) else None,
     )
 
 
-def _is_explained(topic: str, reasons: object, t: float, may: Sequence[May]) -> bool:
+def _is_explained(topic: str, reasons: object, t: float, may: Sequence[FlagAllowance]) -> bool:
     """Does the flight explain every reason?"""
     if not isinstance(reasons, list) or not reasons:
         return False

@@ -8,20 +8,19 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from fti.config import Vector
-from fti.hil.expected.affected import Affected, Interval, inside
-from fti.hil.expected.duties import HEIGHT, INTEGRITY, SOLUTION, May
-from fti.hil.expected.of_flight import of_flight
-from fti.hil.expected.required_outputs import BELOW, GLIDE, RequiredOutput, approach_altimeter, required_outputs
-from fti.hil.faults.fitting import is_of
-from fti.hil.tables.kinds import Duplicated
+from fti.hil.faults.applicability import applies_to
+from fti.hil.oracle.flag_definitions import HEIGHT, INTEGRITY, SOLUTION, FlagAllowance
+from fti.hil.oracle.flight_flags import flight_allowances
+from fti.hil.oracle.output_effects import Interval, OutputEffects, interval_mask
+from fti.hil.oracle.required_outputs import GLIDE, HEIGHT_BELOW, RequiredOutput, approach_altimeter, required_outputs
+from fti.hil.tables.fault_types import Duplicated
 from fti.logger.reading.recording import Recording
-from fti.post.score.outputs.accuracy import accuracy, compared, explained
+from fti.post.score.outputs.accuracy import accuracy, compared, excused_error_row
 from fti.post.score.outputs.approach import approach_due
 from fti.post.score.outputs.availability import availability
 from fti.post.score.outputs.consistency import Consistency
 from fti.post.score.outputs.errors import Comparison
 from fti.post.score.outputs.evidence import FlightEvidence
-from fti.post.score.outputs.measured import measured, unsent
 from fti.post.score.outputs.pairs import PAIRS
 from fti.post.score.outputs.presence import presence
 from fti.post.score.outputs.protection import (
@@ -29,11 +28,12 @@ from fti.post.score.outputs.protection import (
     ANGLES_COMPARED_S,
     height_error,
     navigated_error,
-    protected,
     protection,
+    protection_row,
     stated_level,
 )
 from fti.post.score.outputs.row import OutputRow
+from fti.post.score.outputs.value_check import unsent_intervals, value_rows
 from fti.post.score.series import Array, Mask, TopicSeries, read_series
 from fti.types import Reason
 
@@ -56,9 +56,9 @@ def check_outputs(recording: Recording, evidence: FlightEvidence) -> list[Output
 class _Checks:
     def __init__(self, evidence: FlightEvidence, series: Mapping[str, TopicSeries]) -> None:
         self._evidence, self._series = evidence, series
-        self._affected = Affected(evidence.scenario.fault, evidence.craft, evidence.truth)
+        self._affected = OutputEffects(evidence.scenario.fault, evidence.craft, evidence.truth)
         self._late = [(from_s, until_s + AFTER_LATE_S) for from_s, until_s in evidence.late]
-        self._may = of_flight(evidence.craft, evidence.truth)
+        self._may = flight_allowances(evidence.craft, evidence.truth)
         header = evidence.reference.header if evidence.reference else None
         self._stated = frozenset(
             sd
@@ -74,33 +74,39 @@ class _Checks:
         evidence, series = self._evidence, self._series[output.topic]
         t = evidence.table.seconds(series.log_ns)
         flight = (evidence.start_s, evidence.truth.end_s)
-        lost = [*self._affected.lost(output), *self._late, *self._unsent(output)]
+        lost = [*self._affected.lost(output), *self._late, *self._unsent_intervals(output)]
         yield from presence(output, series, t, flight, lost, copies=self._copies(output))
         if not len(series):
             return
         during = (t >= flight[0]) & (t <= flight[1])
         yield from availability(
-            series, during & self._due(output, t) & ~inside(t, lost), t, self._may_of(output), evidence.scenario.limits
+            series,
+            during & self._due(output, t) & ~interval_mask(t, lost),
+            t,
+            self._may_of(output),
+            evidence.scenario.limits,
         )
-        yield from self._values(output, series, t, during, inside(t, lost))
+        yield from self._values(output, series, t, during, interval_mask(t, lost))
 
-    def _unsent(self, output: RequiredOutput) -> Iterator[Interval]:
+    def _unsent_intervals(self, output: RequiredOutput) -> Iterator[Interval]:
         """When the device had nothing of the kind to state, as a DME below the horizon of its stations."""
         evidence, (_, device, kind) = self._evidence, output.topic.split("/")[:3]
         if device in evidence.intended:
-            yield from unsent(evidence.intended[device], kind, evidence.table.begin_ns)
+            yield from unsent_intervals(evidence.intended[device], kind, evidence.table.begin_ns)
 
     def _values(
         self, output: RequiredOutput, series: TopicSeries, t: Array, during: Mask, lost: Mask
     ) -> Iterator[OutputRow]:
         evidence = self._evidence
         valid = during & series.valid
-        by_fault = valid & inside(t, self._affected.compared(output))
-        free = valid & ~inside(t, [*self._affected.wrong(output), *self._late])
+        by_fault = valid & interval_mask(t, self._affected.compared(output))
+        free = valid & ~interval_mask(t, [*self._affected.wrong(output), *self._late])
         judged, asked = free & ~by_fault, free & by_fault
         limits, excused = evidence.scenario.limits, valid & ~judged & ~asked
-        undetected = inside(t, self._affected.undetected())  # what states no protection level may be wrong until then
-        begun = inside(t, self._affected.begun(ANGLES_COMPARED_S))
+        undetected = interval_mask(
+            t, self._affected.undetected()
+        )  # what states no protection level may be wrong until then
+        begun = interval_mask(t, self._affected.begun(ANGLES_COMPARED_S))
         for quantity in Comparison(
             series, evidence.table, limits, self._arm_b(output), stated=self._stated, fix_m=self._fix_m
         ).errors():
@@ -109,9 +115,9 @@ class _Checks:
             held = ~begun if quantity.name in ANGLES else np.ones_like(begun)
             due = asked & (np.isfinite(level) & held | ~undetected)
             yield from compared(output.topic, quantity, due, t, limits, level=level)
-            yield from protected(output.topic, quantity, free & held, t, level)
-            yield from explained(output.topic, quantity, excused, t, limits)
-        yield from self._measured(output, series)
+            yield from protection_row(output.topic, quantity, free & held, t, level)
+            yield from excused_error_row(output.topic, quantity, excused, t, limits)
+        yield from self._value_rows(output, series)
         yield from Consistency(series, judged, t, evidence.config, self._glide).rows(evidence.table)
         if pair := PAIRS.get(output.topic):
             other, check = pair
@@ -122,12 +128,12 @@ class _Checks:
             yield from accuracy(output.topic, height, judged, t, limits, lost=lost)
             yield from protection(series, error, judged | asked, t)
 
-    def _measured(self, output: RequiredOutput, series: TopicSeries) -> Iterator[OutputRow]:
+    def _value_rows(self, output: RequiredOutput, series: TopicSeries) -> Iterator[OutputRow]:
         evidence, device = self._evidence, output.topic.split("/")[1]
         if device in evidence.intended:
             excused = [*self._affected.lost(output), *self._affected.wrong(output), *self._late]
             span = (evidence.start_s, evidence.truth.end_s)
-            yield from measured(series, evidence.intended[device], span, excused, evidence.table.begin_ns)
+            yield from value_rows(series, evidence.intended[device], span, excused, evidence.table.begin_ns)
 
     def _arm_b(self, output: RequiredOutput) -> Vector:
         """Where the device of a measurement is; outputs of navigation are those of P."""
@@ -143,19 +149,19 @@ class _Checks:
         own = output.topic.split("/")  # a measurement of the device, or a height of the altimeter
         on_its_devices = (bound for bound in evidence.craft.devices if bound.device.name in own)
         doubled = [fault for fault in evidence.scenario.fault if isinstance(fault, Duplicated)]
-        if any(is_of(fault, bound) for bound in on_its_devices for fault in doubled):
+        if any(applies_to(fault, bound) for bound in on_its_devices for fault in doubled):
             return 1.0
         return SAME_READ_SHARE if evidence.real_time else 0.0
 
-    def _may_of(self, output: RequiredOutput) -> Sequence[May]:
+    def _may_of(self, output: RequiredOutput) -> Sequence[FlagAllowance]:
         """What the flight explains of an output; others need what the monitor, or an altimeter, needs."""
-        if output.topic == BELOW:
+        if output.topic == HEIGHT_BELOW:
             of_heights = (may for may in self._may if may.place.startswith(HEIGHT))
             no_height = (Reason.NO_HEIGHT,)
-            return [May(BELOW, may.from_s, may.until_s, may.words and no_height) for may in of_heights]
+            return [FlagAllowance(HEIGHT_BELOW, may.from_s, may.until_s, may.words and no_height) for may in of_heights]
         if output.topic != GLIDE:
             return self._may
-        return [May(GLIDE, may.from_s, may.until_s, may.words) for may in self._may if may.place == INTEGRITY]
+        return [FlagAllowance(GLIDE, may.from_s, may.until_s, may.words) for may in self._may if may.place == INTEGRITY]
 
     def _due(self, output: RequiredOutput, t: Array) -> Mask:
         """When the flight lets the output be valid, faults aside."""
@@ -176,4 +182,4 @@ class _Checks:
             for may in self._may_of(output)
             if not may.words and may.explains(output.topic, "")
         ]
-        return np.asarray(after & ~inside(t, blind))
+        return np.asarray(after & ~interval_mask(t, blind))

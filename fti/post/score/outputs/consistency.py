@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 
 from fti.config import Config
-from fti.hil.expected.duties import HEIGHT, INTEGRITY, SOLUTION
-from fti.hil.expected.required_outputs import BELOW, FIX, GLIDE, LOCATION
-from fti.hil.expected.required_outputs import FILTER as FILTER_TOPIC
-from fti.hil.expected.required_outputs import VERTICAL as VERTICAL_TOPIC
+from fti.hil.oracle.flag_definitions import HEIGHT, INTEGRITY, SOLUTION
+from fti.hil.oracle.required_outputs import FILTER as FILTER_TOPIC
+from fti.hil.oracle.required_outputs import FIX, GLIDE, HEIGHT_BELOW, LOCATION
+from fti.hil.oracle.required_outputs import VERTICAL as VERTICAL_TOPIC
 from fti.nav.navigation import FILTER, RADIO, VERTICAL
-from fti.post.score.outputs.row import Check, OutputRow, verdict_of
+from fti.post.score.outputs.row import OutputCheck, OutputRow, verdict_of
 from fti.post.score.series import Array, Mask, TopicSeries
 from fti.post.score.truth_table import TruthTable
 from fti.types import Datum, IntegrityState, Point, Reason
@@ -31,7 +31,7 @@ FILTERS = (FILTER_TOPIC, VERTICAL_TOPIC, FIX)
 #: Reasons with which nothing is valid.
 CONTRADICTIONS = frozenset((Reason.STALE, Reason.SILENT, Reason.NO_IMU, Reason.ALIGNING, Reason.DIVERGED))
 #: Reasons of what is measured against the profile of an approach; no other output has them.
-OF_PROFILE = frozenset(
+PROFILE_REASONS = frozenset(
     (
         Reason.OUTSIDE_PROFILE,
         Reason.END,
@@ -51,7 +51,7 @@ VALUES = {
     FIX: ("lat", "lon"),
     INTEGRITY: ("s_begin", "s_end"),
     HEIGHT: ("raw", "nearest", "height_agl", "sd"),
-    BELOW: ("height_agl", "sd"),
+    HEIGHT_BELOW: ("height_agl", "sd"),
 }
 #: States in which the monitor has judged.
 JUDGED_STATES = (IntegrityState.OK, IntegrityState.MONITOR, IntegrityState.CAUTION, IntegrityState.ALERT)
@@ -82,7 +82,7 @@ class Consistency:
             for field, value in (("sensor", name), ("datum", Datum.AGL), ("point", Point.P)):
                 yield self._named(field, (value,), may_be_none=False)
             yield from self._height_of_range(truth, name)
-        elif topic == BELOW:
+        elif topic == HEIGHT_BELOW:
             for field, values in (("sensor", nav.altimeters), ("datum", (Datum.AGL,)), ("point", (Point.P,))):
                 yield self._named(field, values, may_be_none=False)
         elif topic == GLIDE and self._glide is not None:
@@ -99,11 +99,15 @@ class Consistency:
         wrong = [i for i, row in enumerate(rows) if not fits(row)]
         found = f"{len(wrong)} messages differ" if wrong else "as it should be"
         at_s = float(self._t[wrong[0]]) if wrong else None
-        yield OutputRow(topic, Check.CONSISTENT, "valid and reasons", verdict_of(not wrong), found, LIMITS[fits], at_s)
+        yield OutputRow(
+            topic, OutputCheck.CONSISTENT, "valid and reasons", verdict_of(not wrong), found, LIMITS[fits], at_s
+        )
         if topic not in (INTEGRITY, GLIDE):
-            foreign = sorted(OF_PROFILE & {str(reason) for row in rows for reason in row.get("reasons") or ()})
+            foreign = sorted(PROFILE_REASONS & {str(reason) for row in rows for reason in row.get("reasons") or ()})
             limit = "none that belongs to an approach"
-            yield OutputRow(topic, Check.CONSISTENT, "reasons", verdict_of(not foreign), ", ".join(foreign), limit)
+            yield OutputRow(
+                topic, OutputCheck.CONSISTENT, "reasons", verdict_of(not foreign), ", ".join(foreign), limit
+            )
 
     def _values(self) -> Iterator[OutputRow]:
         """What is valid has its values."""
@@ -113,7 +117,7 @@ class Consistency:
         if fields:
             found = f"valid without {', '.join(lacking)}" if lacking else "as it should be"
             limit = "each value of a valid message"
-            yield OutputRow(series.topic, Check.CONSISTENT, "values", verdict_of(not lacking), found, limit)
+            yield OutputRow(series.topic, OutputCheck.CONSISTENT, "values", verdict_of(not lacking), found, limit)
 
     def _named(self, field: str, names: tuple[str, ...], *, may_be_none: bool = True) -> OutputRow:
         """A field that names a device must name one that the configuration has for it."""
@@ -122,7 +126,7 @@ class Consistency:
         found = f"{self._series.rows[wrong[0]].get(field)!r}" if wrong else "as configured"
         at_s = float(self._t[wrong[0]]) if wrong else None
         return OutputRow(
-            self._series.topic, Check.CONSISTENT, field, verdict_of(not wrong), found, ", ".join(names), at_s
+            self._series.topic, OutputCheck.CONSISTENT, field, verdict_of(not wrong), found, ", ".join(names), at_s
         )
 
     def _height_of_range(self, truth: TruthTable, name: str) -> Iterator[OutputRow]:
@@ -159,7 +163,7 @@ class Consistency:
         worst = int(known[np.argmax(value[known] - limit[known])])
         yield OutputRow(
             self._series.topic,
-            Check.CONSISTENT,
+            OutputCheck.CONSISTENT,
             what,
             verdict_of(bool(value[worst] <= limit[worst])),
             f"{value[worst]:.3g} {unit}",

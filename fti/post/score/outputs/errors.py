@@ -1,6 +1,6 @@
 """Errors of the quantities of each topic against the ground truth, with the sigmas that the messages state.
 
-Truth: ``fti.hil.truth``.  Everything is compared at the time at which the message says that it was true.
+Truth: ``fti.hil.truth_log``.  Everything is compared at the time at which the message says that it was true.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ import numpy as np
 from fti.config import Vector
 from fti.geodesy.rotations import mat_from_rpy
 from fti.geodesy.wgs84 import radii
-from fti.hil.expected.duties import HEIGHT, INTEGRITY, SOLUTION
-from fti.hil.expected.required_outputs import BELOW, FILTER, FIX, GLIDE, LOCATION, VALIDITY, VERTICAL
+from fti.hil.oracle.flag_definitions import HEIGHT, INTEGRITY, SOLUTION
+from fti.hil.oracle.required_outputs import FILTER, FIX, GLIDE, HEIGHT_BELOW, LOCATION, VALIDITY, VERTICAL
 from fti.hil.tables.limits import ScoreLimits
 from fti.post.score.series import Array, Times, TopicSeries
 from fti.post.score.truth_table import TruthTable
@@ -75,8 +75,8 @@ class Comparison:
             return list(self._glide_slope())
         if topic == INTEGRITY:
             return [self._plain(("window end", "m"), "s_end", "s", self._limits.horizontal_m)]
-        if topic.startswith((BELOW, f"{HEIGHT}/")):
-            return list(self._height(topic.removeprefix(BELOW).rpartition("/")[2]))
+        if topic.startswith((HEIGHT_BELOW, f"{HEIGHT}/")):
+            return list(self._height(topic.removeprefix(HEIGHT_BELOW).rpartition("/")[2]))
         of_source = topic.startswith(f"{VALIDITY}/")
         return [] if of_source else list(self._measurement(*topic.strip("/").split("/")))
 

@@ -6,20 +6,20 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from fti.config import Config
+from fti.devices import parse_reference
 from fti.errors import RecordingError
-from fti.hil.expected.affected import Interval
-from fti.hil.expected.aircraft import Aircraft, Truth
+from fti.hil.oracle.output_effects import Interval
+from fti.hil.oracle.roles import AircraftRoles, TruthSeries
 from fti.hil.scenario import Scenario
-from fti.hil.truth import RATES_ATTACHMENT
+from fti.hil.truth_log import RATES_ATTACHMENT
 from fti.logger.reading.json_message import parse_table
-from fti.nav.integrity.reference import Reference
+from fti.nav.integrity.reference import ApproachReference
 from fti.post.reprocess import Setup
-from fti.post.score.evidence import Evidence
-from fti.post.score.flown import Flown
-from fti.post.score.outputs.measured import Intended, read_intended
-from fti.post.score.said import Said
+from fti.post.score.evidence import ScoreEvidence
+from fti.post.score.observed_flags import ObservedFlags
+from fti.post.score.outputs.value_check import IntendedValues, read_intended_values
+from fti.post.score.truth_reader import FlightTruth
 from fti.post.score.truth_table import TruthTable
-from fti.service.binding import parse_reference
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,37 +33,39 @@ class FlightEvidence:
 
     scenario: Scenario
     config: Config
-    reference: Reference | None
-    craft: Aircraft
-    truth: Truth
+    reference: ApproachReference | None
+    craft: AircraftRoles
+    truth: TruthSeries
     table: TruthTable
     sent: Mapping[str, Mapping[str, float]]
-    intended: Mapping[str, Intended]
+    intended: Mapping[str, IntendedValues]
     late: Sequence[Interval]
     start_s: float
     real_time: bool
 
 
-def flight_evidence(scenario: Scenario, setup: Setup, flown: Flown, said: Said) -> FlightEvidence:
+def flight_evidence(
+    scenario: Scenario, setup: Setup, flight_truth: FlightTruth, observed_flags: ObservedFlags
+) -> FlightEvidence:
     """Of one flight.  setup : the configuration that is promised.  Raises ConfigError, MissingError, RecordingError."""
     return FlightEvidence(
         scenario,
         setup.config,
         setup.reference or parse_reference(setup.config, setup.texts),
-        Aircraft(setup.config, setup.devices, scenario),
-        flown.truth,
-        flown.table,
-        _sent_rates(flown),
-        read_intended(flown.file),
-        [(pause.from_s, pause.until_s) for pause in flown.pauses],
-        Evidence.of_flight(flown, said, scenario.limits).start_s,
-        flown.real_time,
+        AircraftRoles(setup.config, setup.devices, scenario),
+        flight_truth.truth,
+        flight_truth.table,
+        _sent_rates(flight_truth),
+        read_intended_values(flight_truth.file),
+        [(pause.from_s, pause.until_s) for pause in flight_truth.pauses],
+        ScoreEvidence.of_flight(flight_truth, observed_flags, scenario.limits).start_s,
+        flight_truth.real_time,
     )
 
 
-def _sent_rates(flown: Flown) -> dict[str, dict[str, float]]:
+def _sent_rates(flight_truth: FlightTruth) -> dict[str, dict[str, float]]:
     """Nothing in older truth files.  Raises RecordingError."""
-    data = flown.attached.get(RATES_ATTACHMENT)
+    data = flight_truth.attached.get(RATES_ATTACHMENT)
     if data is None:
         return {}
     try:
@@ -72,4 +74,4 @@ def _sent_rates(flown: Flown) -> dict[str, dict[str, float]]:
             for device, kinds in parse_table(data).items()
         }
     except (ValueError, AttributeError, TypeError) as error:
-        raise RecordingError(f"{flown.file}: {RATES_ATTACHMENT}: cannot be read: {error}") from None
+        raise RecordingError(f"{flight_truth.file}: {RATES_ATTACHMENT}: cannot be read: {error}") from None

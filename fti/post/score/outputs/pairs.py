@@ -8,15 +8,15 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from fti.hil.expected.duties import INTEGRITY, SOLUTION
-from fti.hil.expected.required_outputs import GLIDE, LOCATION
-from fti.post.score.outputs.row import Check, OutputRow, verdict_of
+from fti.hil.oracle.flag_definitions import INTEGRITY, SOLUTION
+from fti.hil.oracle.required_outputs import GLIDE, LOCATION
+from fti.post.score.outputs.row import OutputCheck, OutputRow, verdict_of
 from fti.post.score.series import TopicSeries
 from fti.types import IntegrityState
 
-Row = Mapping[str, Any]
+MessageTable = Mapping[str, Any]
 #: Closer to the intercept point there is no angle [m]; a metre is left for the place itself.
-LEAST_S_M = 151.0
+MIN_ALONG_TRACK_M = 151.0
 GOOD = (IntegrityState.OK, IntegrityState.MONITOR)
 
 
@@ -37,7 +37,7 @@ def glide_slopes(slope: TopicSeries, integrity: TopicSeries) -> OutputRow:
     return _row(slope.topic, "of the monitor", wrong, "valid with a good monitor, T1 and T4 clear, beyond 150 m")
 
 
-def _belongs(slope: Row, monitor: Row | None) -> bool:
+def _belongs(slope: MessageTable, monitor: MessageTable | None) -> bool:
     if monitor is None:
         return False
     good = monitor.get("state") in GOOD
@@ -45,20 +45,20 @@ def _belongs(slope: Row, monitor: Row | None) -> bool:
         return good
     clear = all(_is_below_one(monitor.get(name)) for name in ("t1_ratio", "t4_ratio"))
     s = slope.get("s")
-    return not (good and clear and isinstance(s, int | float) and s >= LEAST_S_M)
+    return not (good and clear and isinstance(s, int | float) and s >= MIN_ALONG_TRACK_M)
 
 
 def _is_below_one(ratio: object) -> bool:
     return not isinstance(ratio, int | float) or ratio < 1.0
 
 
-def _by_time(series: TopicSeries) -> dict[int, Row]:
+def _by_time(series: TopicSeries) -> dict[int, MessageTable]:
     return dict(zip(series.log_ns.tolist(), series.rows, strict=True))
 
 
 def _row(topic: str, what: str, count: int, limit: str) -> OutputRow:
     found = f"{count} messages differ" if count else "as it should be"
-    return OutputRow(topic, Check.CONSISTENT, what, verdict_of(not count), found, limit)
+    return OutputRow(topic, OutputCheck.CONSISTENT, what, verdict_of(not count), found, limit)
 
 
 #: Topic -> the one that it belongs to, and the check of both.

@@ -6,20 +6,20 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from fti.hil.expected.affected import Interval, inside
-from fti.hil.expected.required_outputs import NOW_S, RequiredOutput
-from fti.post.score.outputs.row import Check, OutputRow, verdict_of
+from fti.hil.oracle.output_effects import Interval, interval_mask
+from fti.hil.oracle.required_outputs import OUTPUT_AGE_S, RequiredOutput
+from fti.post.score.outputs.row import OutputCheck, OutputRow, verdict_of
 from fti.post.score.rows import Verdict
 from fti.post.score.series import Array, Mask, TopicSeries
 
 #: A rate is told from so much time without a fault [s].
-LEAST_S = 2.0
+MIN_INTERVAL_S = 2.0
 #: The first output needs the first measurements of all its devices [s].
 FIRST_S = 1.0
 #: Content and log time state the same instant [ns]; a number of 64 bits has a step of 256 ns.
 SAME_NS = 1e3
 #: Nothing was true after it was said [s].
-AHEAD_S = 0.05
+MAX_FUTURE_S = 0.05
 #: A message may be late by this much where devices are good: rates of a real bus, ticks [s].
 MARGIN_S = 0.05
 
@@ -45,11 +45,11 @@ def presence(
     if not during.any():
         needed = bool(free)
         verdict = Verdict.FAILS if needed else Verdict.NOT_JUDGED
-        yield OutputRow(output.topic, Check.RATE, "", verdict, "no message", _rate_limit(output), flight[0])
+        yield OutputRow(output.topic, OutputCheck.RATE, "", verdict, "no message", _rate_limit(output), flight[0])
         return
     yield _rate(output, t[during], free)
     yield _gap(output, t[during], flight, excused)
-    yield _order(output, series, t, (during, during & ~inside(t, excused)), copies=copies)
+    yield _order(output, series, t, (during, during & ~interval_mask(t, excused)), copies=copies)
 
 
 def _rate_limit(output: RequiredOutput) -> str:
@@ -61,24 +61,24 @@ def _free(flight: Interval, excused: Sequence[Interval]) -> list[Interval]:
     """The parts of a flight that no interval covers, those long enough for a rate."""
     free, at = list[Interval](), flight[0]
     for from_s, until_s in [*sorted(excused), (flight[1], flight[1])]:
-        if from_s - at >= LEAST_S:
+        if from_s - at >= MIN_INTERVAL_S:
             free.append((at, min(from_s, flight[1])))
         at = max(at, until_s)
-    return [one for one in free if one[1] - one[0] >= LEAST_S]
+    return [one for one in free if one[1] - one[0] >= MIN_INTERVAL_S]
 
 
 def _rate(output: RequiredOutput, t: Array, free: Sequence[Interval]) -> OutputRow:
     """The rate while nothing explains another one: over all of that, and in no part of it half or double."""
     limit = _rate_limit(output)
     if not free:
-        return OutputRow(output.topic, Check.RATE, "", Verdict.NOT_JUDGED, "faults all the time", limit)
+        return OutputRow(output.topic, OutputCheck.RATE, "", Verdict.NOT_JUDGED, "faults all the time", limit)
     least, most = output.rate_hz
     counts = [int(np.count_nonzero((t >= from_s) & (t < until_s))) for from_s, until_s in free]
     total_s = sum(until_s - from_s for from_s, until_s in free)
     rate = sum(counts) / total_s
     slack = len(free) / total_s  # a message more or less at each border
     return OutputRow(
-        output.topic, Check.RATE, "", verdict_of(least - slack <= rate <= most + slack), f"{rate:.2f} Hz", limit
+        output.topic, OutputCheck.RATE, "", verdict_of(least - slack <= rate <= most + slack), f"{rate:.2f} Hz", limit
     )
 
 
@@ -93,7 +93,7 @@ def _gap(output: RequiredOutput, t: Array, flight: Interval, excused: Sequence[I
     worst = int(np.argmax(over))
     return OutputRow(
         output.topic,
-        Check.GAP,
+        OutputCheck.GAP,
         "",
         verdict_of(bool(over[worst] <= MARGIN_S)),
         f"{gaps[worst]:.2f} s",
@@ -118,13 +118,13 @@ def _order(
     during_free : messages of the flight, and those of them that no fault explains; copies : share of equal messages
     """
     during, free = during_free
-    limit = f"ascending, each once, age {-AHEAD_S:g} to {output.age_s:g} s"
+    limit = f"ascending, each once, age {-MAX_FUTURE_S:g} to {output.age_s:g} s"
     back, later = np.diff(series.log_ns) < 0, np.zeros(len(t), dtype=bool)
     later[1:] = back
     stamps, age_s = series.column("t_ns"), (series.log_ns - series.valid_ns) / 1e9
     other = np.isfinite(stamps) & (abs(stamps - series.log_ns) > SAME_NS)
-    old = free & series.valid & ((age_s > output.age_s) | (age_s < -AHEAD_S))
-    if output.age_s <= NOW_S:  # what is calculated for each tick
+    old = free & series.valid & ((age_s > output.age_s) | (age_s < -MAX_FUTURE_S))
+    if output.age_s <= OUTPUT_AGE_S:  # what is calculated for each tick
         later[1:] |= np.diff(series.valid_ns) < 0
     findings = (
         (later, "before the one behind it"),
@@ -142,4 +142,4 @@ def _order(
 
 
 def _of_times(series: TopicSeries, verdict: Verdict, found: str, limit: str, at_s: float | None) -> OutputRow:
-    return OutputRow(series.topic, Check.TIMES, "", verdict, found, limit, at_s)
+    return OutputRow(series.topic, OutputCheck.TIMES, "", verdict, found, limit, at_s)

@@ -8,10 +8,10 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from fti.hil.expected.duties import SOLUTION
-from fti.hil.expected.required_outputs import LOCATION
+from fti.hil.oracle.flag_definitions import SOLUTION
+from fti.hil.oracle.required_outputs import LOCATION
 from fti.post.score.outputs.errors import QuantityError
-from fti.post.score.outputs.row import Check, OutputRow, verdict_of
+from fti.post.score.outputs.row import OutputCheck, OutputRow, verdict_of
 from fti.post.score.series import Array, Mask, TopicSeries
 from fti.post.score.truth_table import TruthTable
 
@@ -38,14 +38,14 @@ def stated_level(series: TopicSeries, others: Mapping[str, TopicSeries], quantit
     return np.array([levels.get(t_ns, np.nan) for t_ns in series.log_ns.tolist()], dtype=np.float64)
 
 
-def protected(topic: str, quantity: QuantityError, judged: Mask, t: Array, level: Array) -> Iterator[OutputRow]:
+def protection_row(topic: str, quantity: QuantityError, judged: Mask, t: Array, level: Array) -> Iterator[OutputRow]:
     """One row: no valid value is wrong by more than the protection level that it states.
 
     judged : valid messages, shape (n,); t : their times [s of the flight]; level : in the unit of the quantity, NaN
     where none, same shape
     """
     if topic != LOCATION:
-        yield from _beyond((topic, quantity.name, quantity.unit), quantity.error, level, judged, t)
+        yield from _level_row((topic, quantity.name, quantity.unit), quantity.error, level, judged, t)
 
 
 def navigated_error(integrity: TopicSeries, solution: TopicSeries, table: TruthTable) -> Array:
@@ -75,10 +75,10 @@ def protection(integrity: TopicSeries, error: Array, judged: Mask, t: Array) -> 
     flight]
     """
     level = integrity.column("protection_level_v")
-    yield from _beyond((integrity.topic, "navigated altitude", "m"), error, level, judged, t)
+    yield from _level_row((integrity.topic, "navigated altitude", "m"), error, level, judged, t)
 
 
-def _beyond(of: tuple[str, str, str], error: Array, level: Array, judged: Mask, t: Array) -> Iterator[OutputRow]:
+def _level_row(of: tuple[str, str, str], error: Array, level: Array, judged: Mask, t: Array) -> Iterator[OutputRow]:
     at = np.flatnonzero(judged & np.isfinite(level) & np.isfinite(error))
     if not len(at):
         return
@@ -87,7 +87,7 @@ def _beyond(of: tuple[str, str, str], error: Array, level: Array, judged: Mask, 
     topic, what, unit = of
     yield OutputRow(
         topic,
-        Check.PROTECTED,
+        OutputCheck.PROTECTED,
         what,
         verdict_of(not bool(np.any(excess > 0.0))),
         f"error {abs(error[at][worst]):.3g} {unit}",

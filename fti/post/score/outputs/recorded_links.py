@@ -6,30 +6,30 @@ from collections import Counter
 from collections.abc import Iterator
 
 from fti.config import CanLink, Config
-from fti.logger.reading.recording import RAW, Recording
-from fti.post.score.flown import Flown, SentOnLink
-from fti.post.score.outputs.row import Check, OutputRow, verdict_of
+from fti.logger.reading.recording import RAW_PREFIX, Recording
+from fti.post.score.outputs.row import OutputCheck, OutputRow, verdict_of
+from fti.post.score.truth_reader import FlightTruth, SentOnLink
 
 #: A recorded CAN frame [bytes]: the kernel's ``can_frame`` and ``canfd_frame``.
 CAN_BYTES, CAN_FD_BYTES = 16, 72
 #: So much of what was sent must be recorded: a computer that is overloaded loses some of it, one without ports nothing.
-LEAST_SHARE, ACCELERATED_SHARE = 0.985, 0.999
+MIN_SHARE, ACCELERATED_SHARE = 0.985, 0.999
 #: Bytes of the flight may arrive so long after it [ns].
 AFTER_NS = 3_000_000_000
 
 
-def recorded_links(recording: Recording, flown: Flown, config: Config) -> Iterator[OutputRow]:
+def recorded_links(recording: Recording, flight_truth: FlightTruth, config: Config) -> Iterator[OutputRow]:
     """A row for each link; nothing where the truth does not state what was sent.  Raises RecordingError."""
-    if not flown.sent:
+    if not flight_truth.sent:
         return
-    until_ns = flown.begin_ns + round(flown.truth.end_s * 1e9) + AFTER_NS
+    until_ns = flight_truth.begin_ns + round(flight_truth.truth.end_s * 1e9) + AFTER_NS
     recorded = Counter[str]()
-    for topic, t_ns, _, _, data in recording.messages(RAW, kind="raw"):
-        if flown.begin_ns <= t_ns <= until_ns:
-            recorded[topic.removeprefix(RAW)] += len(data)
-    least = LEAST_SHARE if flown.real_time else ACCELERATED_SHARE
+    for topic, t_ns, _, _, data in recording.messages(RAW_PREFIX, kind="raw"):
+        if flight_truth.begin_ns <= t_ns <= until_ns:
+            recorded[topic.removeprefix(RAW_PREFIX)] += len(data)
+    least = MIN_SHARE if flight_truth.real_time else ACCELERATED_SHARE
     for link in config.link:
-        if sent := flown.sent.get(link.name):
+        if sent := flight_truth.sent.get(link.name):
             frame_bytes = 0 if not isinstance(link, CanLink) else CAN_FD_BYTES if link.fd else CAN_BYTES
             yield _row(link.name, recorded[link.name], sent, frame_bytes, least)
 
@@ -41,8 +41,8 @@ def _row(link: str, recorded: int, sent: SentOnLink, frame_bytes: int, least: fl
     )
     share = found / expected if expected else 1.0
     return OutputRow(
-        f"{RAW}{link}",
-        Check.RECORDED,
+        f"{RAW_PREFIX}{link}",
+        OutputCheck.RECORDED,
         "",
         verdict_of(share >= least),
         f"{found} of {expected} {unit} that were sent",

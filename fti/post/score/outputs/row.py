@@ -8,7 +8,7 @@ from enum import StrEnum
 from fti.post.score.rows import Verdict
 
 
-class Check(StrEnum):
+class OutputCheck(StrEnum):
     """What is checked of an output."""
 
     RATE = "rate"
@@ -33,7 +33,7 @@ class OutputRow:
     """
 
     topic: str
-    check: Check
+    check: OutputCheck
     what: str
     verdict: Verdict
     found: str

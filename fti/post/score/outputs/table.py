@@ -6,7 +6,7 @@ from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 
 from fti.post.score.outputs.accuracy import DURING_FAULT
-from fti.post.score.outputs.row import Check, OutputRow
+from fti.post.score.outputs.row import OutputCheck, OutputRow
 from fti.post.score.rows import FAILURES, Verdict
 from fti.post.score.text_table import text_table
 
@@ -31,16 +31,16 @@ def describe(row: OutputRow) -> str:
 
 def _cells(rows: Sequence[OutputRow]) -> Iterator[tuple[str, ...]]:
     """Topics of navigation one by one, the measurements of a device together."""
-    for name, group in _grouped(rows).items():
+    for name, group in _group_rows(rows).items():
         judged = [row for row in group if row.verdict is not Verdict.NOT_JUDGED]
         held = sum(row.verdict not in FAILURES for row in judged)
         several = name.endswith("/*")
         found = {row.check: row.found for row in group if not several and not row.what}
-        valid = found.get(Check.VALID, "").partition(" ")[0]
-        yield name, found.get(Check.RATE, ""), found.get(Check.GAP, ""), valid, f"{held} of {len(judged)}"
+        valid = found.get(OutputCheck.VALID, "").partition(" ")[0]
+        yield name, found.get(OutputCheck.RATE, ""), found.get(OutputCheck.GAP, ""), valid, f"{held} of {len(judged)}"
 
 
-def _grouped(rows: Sequence[OutputRow]) -> Mapping[str, list[OutputRow]]:
+def _group_rows(rows: Sequence[OutputRow]) -> Mapping[str, list[OutputRow]]:
     groups: dict[str, list[OutputRow]] = defaultdict(list)
     for row in rows:
         device = row.topic.split("/")[1]

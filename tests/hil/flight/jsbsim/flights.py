@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from fti.geodesy.atmosphere import Atmosphere
 from fti.hil.flight.jsbsim.fdm import Weather
-from fti.hil.flight.jsbsim.flight import Flown, fly
-from fti.hil.tables.dynamics import JsbsimFlight
+from fti.hil.flight.jsbsim.flight import JsbsimRun, fly
+from fti.hil.tables.jsbsim_options import JsbsimFlight
 from fti.terrain.terrain import Terrain
 from tests.hil.worlds import AIRFIELD, flat_terrain, path
 
@@ -41,7 +41,7 @@ def flown(
     atmosphere: Atmosphere | None = None,
     terrain: Terrain | None = None,
     **flight: Any,
-) -> Flown:
+) -> JsbsimRun:
     settings = JsbsimFlight.model_validate({"kind": "jsbsim", **flight})
     weather = Weather(wind_n, atmosphere or Atmosphere(), UNDULATION, settings.turbulence, seed)
     return fly(settings, weather, path(), terrain or flat_terrain(100.0))
@@ -53,12 +53,12 @@ def crosswind(speed: float) -> tuple[float, float]:
     return speed * math.cos(to_right), speed * math.sin(to_right)
 
 
-def before_right(flight: Flown) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def before_right(flight: JsbsimRun) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Path length before the intercept point and offset to the right of the track [m] of the samples."""
     return path().along(flight.samples.lat, flight.samples.lon)
 
 
-def during(flight: Flown) -> NDArray[np.bool_]:
+def during(flight: JsbsimRun) -> NDArray[np.bool_]:
     """Which samples are of the flight, not of its margins."""
     t = flight.samples.t
     return np.asarray((t >= 0.0) & (t <= flight.duration))

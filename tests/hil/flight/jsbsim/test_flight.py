@@ -16,8 +16,8 @@ from fti.geodesy.rotations import mat_from_rpy
 from fti.hil.flight.jsbsim import fdm
 from fti.hil.flight.jsbsim.airframe import C310, INCH
 from fti.hil.flight.jsbsim.fdm import PASCAL_PER_PSF, RANKINE
-from fti.hil.flight.jsbsim.flight import Flown
-from fti.hil.flight.trajectory import SplineFlight, State
+from fti.hil.flight.jsbsim.flight import JsbsimRun
+from fti.hil.flight.trajectory import FlightState, SplineFlight
 from fti.hil.sensors.inertial import specific_force_b
 from tests.hil.flight.jsbsim.flights import UNDULATION, before_right, crosswind, during, flown, hills
 from tests.hil.worlds import AIRFIELD, path
@@ -27,18 +27,18 @@ LANDED_S = 12.0  # of the end of an approach: flare and runway
 
 
 @pytest.fixture(scope="module")
-def landing() -> Flown:
+def landing() -> JsbsimRun:
     """An approach in 5 m/s of crosswind and light turbulence."""
     return flown(crosswind(5.0), route="approach", turbulence="light", start_m=3000)
 
 
 @pytest.fixture(scope="module")
-def calm() -> Flown:
+def calm() -> JsbsimRun:
     """An approach in still air of another pressure and temperature."""
     return flown(atmosphere=Atmosphere(99000.0, 12.0, 453.0), route="approach", start_m=1500)
 
 
-def in_flight(flight: Flown) -> tuple[State, dict[str, np.ndarray], np.ndarray]:
+def in_flight(flight: JsbsimRun) -> tuple[FlightState, dict[str, np.ndarray], np.ndarray]:
     """The spline at its samples, JSBSim's own figures there, and which of them are in the air."""
     t = flight.samples.t
     return SplineFlight.from_samples(flight.samples).state(t), flight.columns, (t > 0) & (t < t[-1] - LANDED_S)
@@ -70,7 +70,7 @@ def vel_n(columns: dict[str, np.ndarray]) -> np.ndarray:
     return np.asarray(of_cg + np.einsum("nij,nj->ni", mat_nb, np.cross(omega, lever_b(columns))))
 
 
-def test_derivatives_of_the_spline_are_those_of_the_model(calm: Flown) -> None:
+def test_derivatives_of_the_spline_are_those_of_the_model(calm: JsbsimRun) -> None:
     """Still air: velocity within 1 mm/s, rates within 0.01 deg/s, specific force within 5 mm/s^2."""
     state, columns, there = in_flight(calm)
     omega_eb_b = np.stack([columns[axis] for axis in "pqr"], axis=1)
@@ -83,7 +83,7 @@ def test_derivatives_of_the_spline_are_those_of_the_model(calm: Flown) -> None:
     assert np.abs(state.aoa - columns["aoa"])[there].max() < np.deg2rad(0.01)
 
 
-def test_turbulence_is_in_the_spline(landing: Flown) -> None:
+def test_turbulence_is_in_the_spline(landing: JsbsimRun) -> None:
     """Of what 50 samples a second can hold: the force of gusts is 0.9 m/s^2, what is missing of it below 0.3."""
     state, columns, there = in_flight(landing)
     force = force_b(columns)
@@ -94,7 +94,7 @@ def test_turbulence_is_in_the_spline(landing: Flown) -> None:
     assert rms(state.aos[there] - columns["slip"][there]) < np.deg2rad(0.02)
 
 
-def test_approach_keeps_to_the_glide_path_and_lands_on_the_runway(landing: Flown) -> None:
+def test_approach_keeps_to_the_glide_path_and_lands_on_the_runway(landing: JsbsimRun) -> None:
     """Within 10 m of the path on both sides and in height; down softly on the first half of the runway, and on it."""
     s, y = before_right(landing)
     alt, columns = landing.samples.alt, landing.columns
@@ -109,7 +109,7 @@ def test_approach_keeps_to_the_glide_path_and_lands_on_the_runway(landing: Flown
     assert landing.duration == pytest.approx(landing.samples.t[touch], abs=0.05)
 
 
-def test_the_reference_point_rolls_at_the_height_of_the_wheels(landing: Flown) -> None:
+def test_the_reference_point_rolls_at_the_height_of_the_wheels(landing: JsbsimRun) -> None:
     """1.61 m with the legs unloaded; they give by 0.1 m.  The centre of gravity is 0.49 m lower."""
     rolling = landing.columns["on_ground"] > 0
     height = landing.samples.alt[rolling][-20:] - AIRFIELD.threshold_alt_m
@@ -117,7 +117,7 @@ def test_the_reference_point_rolls_at_the_height_of_the_wheels(landing: Flown) -
     assert np.all((height > C310.wheels - 0.15) & (height < C310.wheels))
 
 
-def test_air_is_that_of_the_world(calm: Flown) -> None:
+def test_air_is_that_of_the_world(calm: JsbsimRun) -> None:
     """JSBSim's pressure and temperature at P are the world's within 0.3 hPa and 0.3 K: nothing contradicts a sensor."""
     air, columns = Atmosphere(99000.0, 12.0, 453.0), calm.columns
     alt_msl = calm.samples.alt - UNDULATION
@@ -125,7 +125,7 @@ def test_air_is_that_of_the_world(calm: Flown) -> None:
     assert np.abs(columns["temperature"] / RANKINE - air.temperature(alt_msl)).max() < 0.3
 
 
-def test_crab_and_airspeed_show_the_wind(landing: Flown) -> None:
+def test_crab_and_airspeed_show_the_wind(landing: JsbsimRun) -> None:
     """5 m/s from the left: the nose is 5 deg left of the course, and the mean of the wind is what was asked for."""
     _, columns, there = in_flight(landing)
     crab = np.rad2deg(columns["heading"][there].mean()) - AIRFIELD.course_deg
@@ -134,7 +134,7 @@ def test_crab_and_airspeed_show_the_wind(landing: Flown) -> None:
     assert wind == pytest.approx(crosswind(5.0), abs=0.5)
 
 
-def test_the_yaw_damper_damps(landing: Flown) -> None:
+def test_the_yaw_damper_damps(landing: JsbsimRun) -> None:
     """Gusts turn the nose at 1.0 deg/s (one sigma); 1.2 without the damper, 1.9 with its sign turned around."""
     _, columns, there = in_flight(landing)
     assert np.rad2deg(columns["r"][there].std()) < 1.1
@@ -207,5 +207,5 @@ def test_without_jsbsim_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch)
 
 
 def test_nothing_loads_jsbsim_before_a_flight() -> None:
-    code = "import fti.hil.world, sys; sys.exit('jsbsim' in sys.modules)"
+    code = "import fti.hil.environment, sys; sys.exit('jsbsim' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

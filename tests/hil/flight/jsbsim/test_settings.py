@@ -8,7 +8,7 @@ import pytest
 
 from fti.errors import ConfigError
 from fti.hil import scenario as scenarios
-from fti.hil.tables.dynamics import JsbsimFlight
+from fti.hil.tables.jsbsim_options import JsbsimFlight
 
 HEADER = 'title = "t"\ndescription = ""\nconfig = "demo.toml"\n[flight]\nkind = "jsbsim"\n'
 SHIPPED = ("jsbsim_approach", "jsbsim_go_around", "jsbsim_low_level", "jsbsim_pattern")

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from fti.hil.flight.jsbsim.terrain_following import following_height
-from fti.hil.flight.jsbsim.track import STEP_M, Track
+from fti.hil.flight.jsbsim.track import STEP_M, RouteTrack
 
 CORNER = ((0.0, 0.0), (0.0, 2000.0), (3000.0, 2000.0))  # north, then right to the east
 
 
 def test_a_corner_is_rounded_with_its_radius() -> None:
     """Two legs and a quarter of a circle of 500 m: the length, the distance to its centre, even steps."""
-    track = Track(CORNER, 500.0)
+    track = RouteTrack(CORNER, 500.0)
     turn = (track.points[:, 1] > 1501.0) & (track.points[:, 0] < 499.0)
     assert track.length == pytest.approx(1500.0 + 250.0 * np.pi + 2500.0, abs=STEP_M)
     assert np.hypot(*(track.points[turn] - [500.0, 1500.0]).T) == pytest.approx(500.0, abs=0.1)
@@ -21,20 +21,20 @@ def test_a_corner_is_rounded_with_its_radius() -> None:
 
 
 def test_a_corner_to_the_left_is_the_mirror_image() -> None:
-    right, left = Track(CORNER, 500.0), Track([(-east, north) for east, north in CORNER], 500.0)
+    right, left = RouteTrack(CORNER, 500.0), RouteTrack([(-east, north) for east, north in CORNER], 500.0)
     assert left.points * [-1.0, 1.0] == pytest.approx(right.points)
 
 
 def test_a_turn_without_room_is_as_wide_as_its_legs_allow() -> None:
     """Legs of 2000 m and 3000 m: the turn begins in the middle of the shorter one at the earliest."""
-    track = Track(CORNER, 5000.0)
+    track = RouteTrack(CORNER, 5000.0)
     straight = track.points[track.along < 990.0]
     assert straight[:, 0] == pytest.approx(0.0, abs=1e-9)
     assert track.point(1100.0)[0] > 1.0
 
 
 def test_distance_of_a_place_beside_the_track() -> None:
-    track = Track(CORNER, 500.0)
+    track = RouteTrack(CORNER, 500.0)
     assert track.along_at(40.0, 700.0, 650.0) == pytest.approx(700.0)
     assert track.along_at(1000.0, 2030.0, 2600.0) == pytest.approx(1500.0 + 250.0 * np.pi + 500.0, abs=0.1)
     assert track.along_at(0.0, -300.0, 0.0) == pytest.approx(-300.0)
@@ -42,13 +42,13 @@ def test_distance_of_a_place_beside_the_track() -> None:
 
 def test_a_track_that_crosses_itself_is_followed_in_order() -> None:
     """Where it crosses, the part that is looked for is the one being flown."""
-    track = Track([(0.0, 0.0), (0.0, 3000.0), (2000.0, 3000.0), (2000.0, 1000.0), (-2000.0, 1000.0)], 0.0)
+    track = RouteTrack([(0.0, 0.0), (0.0, 3000.0), (2000.0, 3000.0), (2000.0, 1000.0), (-2000.0, 1000.0)], 0.0)
     assert track.along_at(0.0, 1000.0, 980.0) == pytest.approx(1000.0)
     assert track.along_at(0.0, 1000.0, 8980.0) == pytest.approx(9000.0)
 
 
 def test_ahead_of_the_end_the_last_leg_goes_on() -> None:
-    track = Track(CORNER, 500.0)
+    track = RouteTrack(CORNER, 500.0)
     east, north = track.point(track.length + 700.0)
     assert (east, north) == pytest.approx((track.points[-1][0] + 700.0, 2000.0))
 

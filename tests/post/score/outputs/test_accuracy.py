@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from fti.hil.tables.limits import ScoreLimits
-from fti.post.score.outputs.accuracy import DURING_FAULT, accuracy, explained
+from fti.post.score.outputs.accuracy import DURING_FAULT, accuracy, excused_error_row
 from fti.post.score.outputs.errors import QuantityError
-from fti.post.score.outputs.row import Check
+from fti.post.score.outputs.row import OutputCheck
 from fti.post.score.rows import Verdict
 
 COUNT = 1000
@@ -21,7 +21,7 @@ def quantity(error: np.ndarray, sd: float | np.ndarray = np.nan) -> QuantityErro
     return QuantityError("altitude", "m", error, np.broadcast_to(sd, error.shape).astype(float), 15.0)
 
 
-def verdicts(one: QuantityError) -> dict[Check, Verdict]:
+def verdicts(one: QuantityError) -> dict[OutputCheck, Verdict]:
     return {row.check: row.verdict for row in accuracy("/nav/x", one, EVERY, T, LIMITS, lost=~EVERY)}
 
 
@@ -30,17 +30,17 @@ def normal(sd: float) -> np.ndarray:
 
 
 def test_errors_of_their_sigma_hold() -> None:
-    assert verdicts(quantity(normal(2.0), 2.0)) == {Check.ERROR: Verdict.HOLDS, Check.SIGMA: Verdict.HOLDS}
+    assert verdicts(quantity(normal(2.0), 2.0)) == {OutputCheck.ERROR: Verdict.HOLDS, OutputCheck.SIGMA: Verdict.HOLDS}
 
 
 @pytest.mark.parametrize("stated", [0.2, 0.0, -2.0, 200.0])
 def test_another_sigma_fails(stated: float) -> None:
     """Ten times too small, zero, negative, a hundred times too large."""
-    assert verdicts(quantity(normal(2.0), stated))[Check.SIGMA] is Verdict.FAILS
+    assert verdicts(quantity(normal(2.0), stated))[OutputCheck.SIGMA] is Verdict.FAILS
 
 
 def test_a_large_sigma_is_no_excuse_for_a_large_error() -> None:
-    assert verdicts(quantity(normal(300.0), 300.0))[Check.SIGMA] is Verdict.FAILS
+    assert verdicts(quantity(normal(300.0), 300.0))[OutputCheck.SIGMA] is Verdict.FAILS
 
 
 def test_without_a_device_a_sigma_may_be_large_and_must_fit() -> None:
@@ -48,21 +48,21 @@ def test_without_a_device_a_sigma_may_be_large_and_must_fit() -> None:
     large = np.where(late, 200.0, 2.0)
     for error, verdict in ((normal(1.0) * large, Verdict.HOLDS), (normal(5.0) * large, Verdict.FAILS)):
         rows = {r.check: r for r in accuracy("/nav/x", quantity(error, large), EVERY, T, LIMITS, lost=late)}
-        assert rows[Check.SIGMA].verdict is verdict
-        assert verdicts(quantity(error, large))[Check.SIGMA] is Verdict.FAILS  # nothing was lost
+        assert rows[OutputCheck.SIGMA].verdict is verdict
+        assert verdicts(quantity(error, large))[OutputCheck.SIGMA] is Verdict.FAILS  # nothing was lost
 
 
 def test_one_wild_error_fails_with_its_time() -> None:
     error = normal(2.0)
     error[500] = 50.0
     rows = {row.check: row for row in accuracy("/nav/x", quantity(error, 2.0), EVERY, T, LIMITS, lost=~EVERY)}
-    assert rows[Check.ERROR].verdict is Verdict.FAILS
-    assert rows[Check.ERROR].at_s == T[500]
+    assert rows[OutputCheck.ERROR].verdict is Verdict.FAILS
+    assert rows[OutputCheck.ERROR].at_s == T[500]
 
 
 def test_without_a_sigma_the_limit_counts() -> None:
-    assert verdicts(quantity(np.full(COUNT, 14.9))) == {Check.ERROR: Verdict.HOLDS}
-    assert verdicts(quantity(np.full(COUNT, -15.1))) == {Check.ERROR: Verdict.FAILS}
+    assert verdicts(quantity(np.full(COUNT, 14.9))) == {OutputCheck.ERROR: Verdict.HOLDS}
+    assert verdicts(quantity(np.full(COUNT, -15.1))) == {OutputCheck.ERROR: Verdict.FAILS}
 
 
 def test_what_is_not_known_is_not_judged() -> None:
@@ -70,14 +70,14 @@ def test_what_is_not_known_is_not_judged() -> None:
 
 
 def test_a_wrong_value_during_a_fault_is_told_and_not_judged() -> None:
-    (row,) = explained("/nav/x", quantity(np.full(COUNT, 40.0)), EVERY, T, LIMITS)
+    (row,) = excused_error_row("/nav/x", quantity(np.full(COUNT, 40.0)), EVERY, T, LIMITS)
     assert row.verdict is Verdict.NOT_JUDGED
     assert row.found.endswith(DURING_FAULT)
-    assert not list(explained("/nav/x", quantity(np.full(COUNT, 4.0)), EVERY, T, LIMITS))
+    assert not list(excused_error_row("/nav/x", quantity(np.full(COUNT, 4.0)), EVERY, T, LIMITS))
 
 
 def test_a_large_sigma_where_the_error_is_excuses_it_for_a_short_time_alone() -> None:
     """In two fifths of the flight 500 m are wrong, with a sigma of 1000 m."""
     wrong = T > 24.0
     error, sd = np.where(wrong, 500.0, normal(2.0)), np.where(wrong, 1000.0, 2.0)
-    assert verdicts(quantity(error, sd))[Check.SIGMA] is Verdict.FAILS
+    assert verdicts(quantity(error, sd))[OutputCheck.SIGMA] is Verdict.FAILS

@@ -12,7 +12,7 @@ from fti.hil.tables.limits import ScoreLimits
 from fti.post.score.outputs.errors import Comparison, QuantityError
 from fti.post.score.series import TopicSeries
 from fti.post.score.truth_table import TruthTable
-from tests.post.score.outputs.synthetic import messages, truth
+from tests.post.score.outputs.synthetic_messages import messages, truth
 
 T = [1.0, 2.0, 3.0]
 #: Length of a degree of latitude and of longitude at 45 degrees north on WGS84 [m].

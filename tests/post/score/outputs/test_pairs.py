@@ -9,7 +9,7 @@ import pytest
 
 from fti.post.score.outputs.pairs import glide_slopes, locations
 from fti.post.score.rows import Verdict
-from tests.post.score.outputs.synthetic import messages
+from tests.post.score.outputs.synthetic_messages import messages
 
 T = np.arange(0.0, 4.0, 0.2).tolist()
 GOOD: dict[str, Any] = {"state": "ok", "t1_ratio": 0.4, "t4_ratio": 0.2}

@@ -8,12 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fti.hil.expected.required_outputs import RequiredOutput
+from fti.hil.oracle.required_outputs import RequiredOutput
 from fti.post.score.outputs.presence import presence
-from fti.post.score.outputs.row import Check
+from fti.post.score.outputs.row import OutputCheck
 from fti.post.score.rows import Verdict
 from fti.post.score.series import TopicSeries
-from tests.post.score.outputs.synthetic import messages
+from tests.post.score.outputs.synthetic_messages import messages
 
 TOPIC = "/nav/nav_solution"
 FLIGHT = (0.0, 40.0)
@@ -28,7 +28,7 @@ def verdicts(
     output: RequiredOutput = OUTPUT,
     *,
     copies: float = 0.0,
-) -> dict[Check, Verdict]:
+) -> dict[OutputCheck, Verdict]:
     t = (series.log_ns - messages(TOPIC, [0.0]).log_ns[0]) / 1e9
     rows = presence(output, series, t, FLIGHT, excused or [], copies=copies)
     return {row.check: row.verdict for row in rows}
@@ -43,20 +43,20 @@ def test_a_topic_at_its_rate_holds() -> None:
 
 
 def test_a_topic_that_is_not_there_fails() -> None:
-    assert verdicts(of(T[:0])) == {Check.RATE: Verdict.FAILS}
+    assert verdicts(of(T[:0])) == {OutputCheck.RATE: Verdict.FAILS}
 
 
 @pytest.mark.parametrize(
     ("t", "check"),
     [
-        (T[::2], Check.RATE),  # half the rate
-        (np.sort(np.concatenate((T, T + 0.05))), Check.RATE),  # twice
-        (T[T < 36.0], Check.GAP),  # ends early
-        (T[T > 4.0], Check.GAP),  # begins late
-        (T[(T < 20.0) | (T > 21.0)], Check.GAP),  # a hole of a second
+        (T[::2], OutputCheck.RATE),  # half the rate
+        (np.sort(np.concatenate((T, T + 0.05))), OutputCheck.RATE),  # twice
+        (T[T < 36.0], OutputCheck.GAP),  # ends early
+        (T[T > 4.0], OutputCheck.GAP),  # begins late
+        (T[(T < 20.0) | (T > 21.0)], OutputCheck.GAP),  # a hole of a second
     ],
 )
-def test_another_rate_or_a_hole_fails(t: np.ndarray, check: Check) -> None:
+def test_another_rate_or_a_hole_fails(t: np.ndarray, check: OutputCheck) -> None:
     assert verdicts(of(t))[check] is Verdict.FAILS
 
 
@@ -66,23 +66,23 @@ def test_a_fault_explains_a_lower_rate_and_no_silence() -> None:
     silent = T[(T < 10.0) | (T > 20.0)]
     lost = [(9.9, 20.1)]
     assert set(verdicts(of(seldom), lost).values()) == {Verdict.HOLDS}
-    assert verdicts(of(seldom))[Check.GAP] is Verdict.FAILS
-    assert verdicts(of(silent), lost)[Check.GAP] is Verdict.FAILS
+    assert verdicts(of(seldom))[OutputCheck.GAP] is Verdict.FAILS
+    assert verdicts(of(silent), lost)[OutputCheck.GAP] is Verdict.FAILS
     measurement = replace(OUTPUT, always_gap_s=None)
     assert set(verdicts(of(silent), lost, measurement).values()) == {Verdict.HOLDS}
 
 
 def test_a_rate_is_not_told_from_faults_alone() -> None:
-    assert verdicts(of(T), [(0.0, 39.0)])[Check.RATE] is Verdict.NOT_JUDGED
+    assert verdicts(of(T), [(0.0, 39.0)])[OutputCheck.RATE] is Verdict.NOT_JUDGED
 
 
 def test_reordered_and_repeated_messages_fail() -> None:
     back = T.copy()
     back[[100, 101]] = back[[101, 100]]
-    assert verdicts(of(back))[Check.TIMES] is Verdict.FAILS
+    assert verdicts(of(back))[OutputCheck.TIMES] is Verdict.FAILS
     twice = messages(TOPIC, T.tolist(), repeated=3)
-    assert verdicts(twice)[Check.TIMES] is Verdict.FAILS
-    assert verdicts(twice, copies=0.02)[Check.TIMES] is Verdict.HOLDS
+    assert verdicts(twice)[OutputCheck.TIMES] is Verdict.FAILS
+    assert verdicts(twice, copies=0.02)[OutputCheck.TIMES] is Verdict.HOLDS
 
 
 @pytest.mark.parametrize("shift_s", [-1.0, 1.0, math.nan])
@@ -92,6 +92,6 @@ def test_a_message_of_another_time_fails(shift_s: float) -> None:
     times = (series.log_ns + round(1e9 * (0.0 if math.isnan(shift_s) else shift_s))).tolist()
     shifted = messages(TOPIC, T.tolist(), **{"t_valid_ns" if math.isfinite(shift_s) else "unused": times})
     expected = Verdict.HOLDS if math.isnan(shift_s) else Verdict.FAILS
-    assert verdicts(shifted)[Check.TIMES] is expected
+    assert verdicts(shifted)[OutputCheck.TIMES] is expected
     if math.isfinite(shift_s):
-        assert verdicts(messages(TOPIC, T.tolist(), t_ns=times))[Check.TIMES] is Verdict.FAILS
+        assert verdicts(messages(TOPIC, T.tolist(), t_ns=times))[OutputCheck.TIMES] is Verdict.FAILS

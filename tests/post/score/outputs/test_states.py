@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 
 from fti import config as configuration
-from fti.hil.expected.duties import May
+from fti.hil.oracle.flag_definitions import FlagAllowance
 from fti.hil.tables.limits import ScoreLimits
 from fti.post.score.outputs.availability import availability
 from fti.post.score.outputs.consistency import Consistency
 from fti.post.score.outputs.protection import height_error, navigated_error, protection
 from fti.post.score.rows import Verdict
 from fti.post.score.series import TopicSeries
-from tests.post.score.outputs.synthetic import messages, truth
+from tests.post.score.outputs.synthetic_messages import messages, truth
 
 T = np.arange(0.0, 40.0, 0.2)
 EVERY = np.ones(len(T), dtype=bool)
@@ -27,7 +27,7 @@ CONFIG = configuration.load(DEMO)
 GLIDE = math.radians(3.0)
 
 
-def _verdict(series: TopicSeries, may: tuple[May, ...] = ()) -> Verdict:
+def _verdict(series: TopicSeries, may: tuple[FlagAllowance, ...] = ()) -> Verdict:
     (row,) = availability(series, EVERY, T, may, ScoreLimits())
     return row.verdict
 
@@ -61,7 +61,7 @@ def test_a_location_has_its_values() -> None:
 
 
 def test_a_flight_explains_its_reasons_for_a_while() -> None:
-    may = (May(HEIGHT, 0.0, 40.0, ("incidence",)),)
+    may = (FlagAllowance(HEIGHT, 0.0, 40.0, ("incidence",)),)
     assert _verdict(invalid(["incidence"], 32.0), may) is Verdict.HOLDS
     assert _verdict(invalid(["incidence", "stale"], 32.0), may) is Verdict.FAILS
     assert _verdict(invalid(["incidence"], 20.0), may) is Verdict.FAILS

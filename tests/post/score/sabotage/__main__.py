@@ -54,7 +54,7 @@ def _chosen(args: argparse.Namespace) -> list[Falsification]:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the campaign."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    known = [*scenarios.shipped(), SHORT]
+    known = [*scenarios.shipped_names(), SHORT]
     parser.add_argument("--scenario", action="append", choices=known, help="fly this one (may be repeated)")
     parser.add_argument("--session", type=Path, help="attack this session of the one scenario instead of a flight")
     parser.add_argument("--duration", type=float, help="cut each flight off after so many seconds")

@@ -11,8 +11,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from tests.post.score.sabotage.falsification import Falsification, Sample, Target
-from tests.post.score.sabotage.judging import judge
 from tests.post.score.sabotage.message_edits import Forgery
+from tests.post.score.sabotage.score_run import judge
 
 NOTHING_THERE = "the session has nothing that could be falsified so"
 NO_CHANGE = "it changes nothing in this session"

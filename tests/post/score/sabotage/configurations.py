@@ -7,7 +7,7 @@ import tomllib
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
-from fti.logger.reading.mcap_file import Item
+from fti.logger.reading.mcap_file import McapMessage
 from tests.post.score.sabotage.falsification import Falsification, Sample, Target
 from tests.post.score.sabotage.message_edits import Forgery
 
@@ -39,15 +39,15 @@ def config_of(sample: Sample) -> Config:
     return tomllib.loads(sample.session.files["raw"][0].attachments[NAME].decode())
 
 
-def _without(forgery: Forgery, *prefixes: str) -> None:
+def _remove_topics(forgery: Forgery, *prefixes: str) -> None:
     """Delete the messages of these topics."""
     topics = [topic for topic in forgery.session.topics("derived") if topic.startswith(prefixes)]
-    forgery.edit("derived", topics, lambda item: list[Item]())
+    forgery.edit("derived", topics, lambda item: list[McapMessage]())
 
 
-def _without_nav(forgery: Forgery) -> None:
+def _remove_nav(forgery: Forgery) -> None:
     _edit(forgery, lambda config: config.pop("nav", None))
-    _without(forgery, "/nav/")
+    _remove_topics(forgery, "/nav/")
 
 
 def _nav_key(name: str) -> Callable[[Forgery], None]:
@@ -58,7 +58,7 @@ def _nav_key(name: str) -> Callable[[Forgery], None]:
 def _without_navigation(sample: Sample) -> Iterator[Target]:
     nav = config_of(sample).get("nav")
     if nav:
-        yield Target("with its outputs", _without_nav)
+        yield Target("with its outputs", _remove_nav)
         yield Target("outputs kept", lambda forgery: _edit(forgery, lambda config: config.pop("nav")))
         for name in nav:
             if name not in ("position", "attitude", "altimeters"):
@@ -92,7 +92,7 @@ def _drop_device(name: str) -> Callable[[Forgery], None]:
 
     def apply(forgery: Forgery) -> None:
         _edit(forgery, change)
-        _without(forgery, f"/{name}/", f"/nav/height_above_ground/{name}")
+        _remove_topics(forgery, f"/{name}/", f"/nav/height_above_ground/{name}")
 
     return apply
 
@@ -128,15 +128,15 @@ def _of_approach(key: str, value: object) -> Callable[[Sample], Iterator[Target]
 def _other_profile(sample: Sample) -> Iterator[Target]:
     """The profile of the approach, 50 m higher."""
     if PROFILE in sample.session.files["raw"][0].attachments:
-        yield Target("", lambda forgery: forgery.edit_attachment(PROFILE, _raised))
+        yield Target("", lambda forgery: forgery.edit_attachment(PROFILE, _raise_profile))
 
 
-def _raised(text: str) -> str:
+def _raise_profile(text: str) -> str:
     rows = text.splitlines()
-    return "\n".join(_raised_row(row) for row in rows) + "\n"
+    return "\n".join(_raise_row(row) for row in rows) + "\n"
 
 
-def _raised_row(row: str) -> str:
+def _raise_row(row: str) -> str:
     cells = row.split(",")
     try:
         cells[1] = f"{float(cells[1]) + 50.0:.3f}"

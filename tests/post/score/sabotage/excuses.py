@@ -10,7 +10,7 @@ from typing import TypeVar
 
 import orjson
 
-from fti.logger.reading.mcap_file import Item
+from fti.logger.reading.mcap_file import McapMessage
 from tests.post.score.sabotage.falsification import Falsification, Sample, Target, judged_outputs
 from tests.post.score.sabotage.flags import HEALTH, Flag, flags_of, hide
 from tests.post.score.sabotage.message_edits import Forgery, Table
@@ -19,9 +19,9 @@ from tests.post.score.sabotage.session_copy import SECOND_NS
 #: What is falsified where a session has no expected flag: a hole of this length [s], at this part of the flight.
 HOLE_S, HOLE_AT = 5.0, 0.45
 #: An excuse stands from so long before the fault until so long after [s].
-AROUND_S = 4.0
+EXCUSE_S = 4.0
 #: So many flags of a session are hidden, or so many outputs have a hole, with each excuse.
-PICKED = 3
+MAX_PICKED = 3
 Excuse = Callable[[Forgery, float], None]
 T = TypeVar("T")
 
@@ -33,7 +33,7 @@ def _lag_of_health(forgery: Forgery, at_s: float) -> None:
 
 def _lag_around(forgery: Forgery, at_s: float) -> None:
     def change(note: Table, t: float) -> None:
-        if abs(t - at_s) < AROUND_S:
+        if abs(t - at_s) < EXCUSE_S:
             note["navigation"]["lag_ms"] = 600.0
 
     forgery.edit_notes(HEALTH, change)
@@ -43,18 +43,18 @@ def _begins_late(forgery: Forgery, at_s: float) -> None:
     """Navigation says nothing of itself until the fault is over."""
 
     def change(note: Table, t: float) -> None:
-        if t < at_s + AROUND_S:
+        if t < at_s + EXCUSE_S:
             note["navigation"]["lag_ms"] = None
 
     forgery.edit_notes(HEALTH, change)
 
 
-def _without_ticks(forgery: Forgery, at_s: float) -> None:
+def _remove_ticks(forgery: Forgery, at_s: float) -> None:
     """The recorder stood still, so that it did not tick."""
     forgery.edit(
         "raw",
         ["/fti/tick"],
-        lambda item: [] if abs(forgery.session.seconds(item.log_time) - at_s) < AROUND_S else [item],
+        lambda item: [] if abs(forgery.session.seconds(item.log_time) - at_s) < EXCUSE_S else [item],
     )
     forgery.renumber()
 
@@ -65,14 +65,14 @@ def _busy_event(forgery: Forgery, at_s: float) -> None:
     for kind in ("raw", "derived"):
         events = [item for item in forgery.session.items(kind) if item.topic.name == "/fti/event"]
         if events:
-            forgery.rearrange(kind, "/fti/event", _with(_event(events[0], at_ns)))
+            forgery.rearrange(kind, "/fti/event", _insert(_event(events[0], at_ns)))
 
 
-def _with(said: Item) -> Callable[[list[Item]], list[Item]]:
+def _insert(said: McapMessage) -> Callable[[list[McapMessage]], list[McapMessage]]:
     return lambda items: sorted([*items, said], key=_log_time)
 
 
-def _event(like: Item, at_ns: int) -> Item:
+def _event(like: McapMessage, at_ns: int) -> McapMessage:
     table = orjson.loads(like.data) | {
         "timestamp": {"sec": at_ns // SECOND_NS, "nsec": at_ns % SECOND_NS},
         "level": 2,
@@ -82,7 +82,7 @@ def _event(like: Item, at_ns: int) -> Item:
     return like._replace(log_time=at_ns, publish_time=at_ns, data=orjson.dumps(table))
 
 
-def _log_time(item: Item) -> int:
+def _log_time(item: McapMessage) -> int:
     return item.log_time
 
 
@@ -104,7 +104,7 @@ def _late_publish_times(forgery: Forgery, at_s: float) -> None:
 
 def _all_excuses(forgery: Forgery, at_s: float) -> None:
     """All excuses of navigation at a time."""
-    for excuse in (_lag_of_health, _without_ticks, _busy_event, _late_publish_times, _other_kind_of_flight):
+    for excuse in (_lag_of_health, _remove_ticks, _busy_event, _late_publish_times, _other_kind_of_flight):
         excuse(forgery, at_s)
 
 
@@ -112,7 +112,7 @@ EXCUSES: Sequence[tuple[str, Excuse]] = (
     ("lag of 600 ms in each health", _lag_of_health),
     ("lag of 600 ms around the fault", _lag_around),
     ("navigation that begins behind the fault", _begins_late),
-    ("ticks missing around the fault", _without_ticks),
+    ("ticks missing around the fault", _remove_ticks),
     ("an event that says busy", _busy_event),
     ("another kind of flight", _other_kind_of_flight),
     ("late publish times", _late_publish_times),
@@ -120,20 +120,20 @@ EXCUSES: Sequence[tuple[str, Excuse]] = (
 )
 
 
-def _excused(excuse: Excuse) -> Callable[[Sample], Iterator[Target]]:
+def _excuse_targets(excuse: Excuse) -> Callable[[Sample], Iterator[Target]]:
     def targets(sample: Sample) -> Iterator[Target]:
         flags = [flag for flag in flags_of(sample) if flag.value is None]
         if not flags:
-            yield from (_hole(topic, excuse) for topic in _picked(judged_outputs(sample)))
-        for flag in _picked(flags):
+            yield from (_hole(topic, excuse) for topic in _pick(judged_outputs(sample)))
+        for flag in _pick(flags):
             yield Target(flag.name, lambda forgery, flag=flag: _hide_and_excuse(forgery, flag, excuse))  # type: ignore[misc]
 
     return targets
 
 
-def _picked(things: Sequence[T]) -> Sequence[T]:
+def _pick(things: Sequence[T]) -> Sequence[T]:
     """Some of them, from the first to the last."""
-    return things[:: max(1, len(things) // PICKED)][:PICKED]
+    return things[:: max(1, len(things) // MAX_PICKED)][:MAX_PICKED]
 
 
 def _hide_and_excuse(forgery: Forgery, flag: Flag, excuse: Excuse) -> None:
@@ -158,7 +158,7 @@ OWN_EXCUSES: Sequence[Falsification] = tuple(
     Falsification(
         f"excused by {name}",
         "only the emulator says when the bench was late; what the unit under test writes excuses nothing",
-        _excused(excuse),
+        _excuse_targets(excuse),
     )
     for name, excuse in EXCUSES
 )

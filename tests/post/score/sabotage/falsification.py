@@ -6,14 +6,14 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from tests.post.score.sabotage.judging import Judgement
 from tests.post.score.sabotage.message_edits import Forgery, valid_values
+from tests.post.score.sabotage.score_run import Judgement
 from tests.post.score.sabotage.session_copy import Session
 
 #: An output is attacked in its values when it has been valid for so many messages at least.
 MIN_VALID = 20
 POSITIONS = ("/nav/nav_solution", "/nav/filter_solution", "/nav/position_fix")
-HEIGHT, BELOW = "/nav/height_above_ground", "/nav/height_below_aircraft"
+HEIGHT, HEIGHT_BELOW = "/nav/height_above_ground", "/nav/height_below_aircraft"
 GLIDE_SLOPE, INTEGRITY = "/nav/glide_slope", "/nav/clearance_integrity"
 VERTICAL, LOCATION = "/nav/vertical_solution", "/nav/location"
 

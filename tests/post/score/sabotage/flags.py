@@ -11,7 +11,7 @@ from typing import Any
 
 import orjson
 
-from fti.logger.reading.mcap_file import Item
+from fti.logger.reading.mcap_file import McapMessage
 from tests.post.score.sabotage.falsification import Falsification, Sample, Target
 from tests.post.score.sabotage.message_edits import Forgery, Table
 
@@ -53,13 +53,13 @@ def flags_of(sample: Sample) -> list[Flag]:
     for score in sample.honest.report:
         for row in score["rows"]:
             if row.get("verdict") == "found" and isinstance(row.get("flag"), str):
-                flag = _parsed(row)
+                flag = _parse(row)
                 if not sample.session.was_late(flag.from_s - BEFORE_S, (flag.gone_s or flag.stands_s) + BEFORE_S):
                     found.setdefault(flag.name, flag)
     return list(found.values())
 
 
-def _parsed(row: dict[str, Any]) -> Flag:
+def _parse(row: dict[str, Any]) -> Flag:
     place, _, rest = row["flag"].partition(" ")
     value = float(rest.removeprefix("= ")) if rest.startswith("= ") else None
     words = () if value is not None else tuple(rest.split(" or "))
@@ -75,18 +75,18 @@ def hide(forgery: Forgery, flag: Flag) -> None:
     if flag.value is not None:
         _hide_value(forgery, flag)
     elif flag.place.startswith("/nav/"):
-        forgery.edit_tables("derived", [flag.place], _hidden_in_output(forgery, flag))
+        forgery.edit_tables("derived", [flag.place], _hide_in_output(forgery, flag))
     elif flag.place.startswith(HEALTH):
-        forgery.edit_notes(HEALTH, _hidden_in_health(flag))
+        forgery.edit_notes(HEALTH, _hide_in_health(flag))
     elif flag.place.startswith(LEDGER):
-        forgery.edit_notes("/fti/ledger", _hidden_in_ledger(flag))
+        forgery.edit_notes("/fti/ledger", _hide_in_ledger(flag))
     elif flag.place.startswith(EVENT):
         _hide_event(forgery, flag)
     elif flag.place == ALARM:
         _drop_changes(forgery, flag.words, ("begins", "changes", "ends", "acknowledged"))
     else:
         topics = forgery.session.topics("derived", flag.place)
-        forgery.edit_tables("derived", topics, _hidden_by_device(flag))
+        forgery.edit_tables("derived", topics, _hide_by_device(flag))
 
 
 def _hide_value(forgery: Forgery, flag: Flag) -> None:
@@ -101,7 +101,7 @@ def _hide_value(forgery: Forgery, flag: Flag) -> None:
     forgery.edit_tables("derived", [topic], change)
 
 
-def _hidden_in_output(forgery: Forgery, flag: Flag) -> Callable[[Table, float], None]:
+def _hide_in_output(forgery: Forgery, flag: Flag) -> Callable[[Table, float], None]:
     usual: dict[str, object] = {}
 
     def change(table: Table, t: float) -> None:
@@ -111,15 +111,15 @@ def _hidden_in_output(forgery: Forgery, flag: Flag) -> Callable[[Table, float], 
                 if table[key]:
                     usual.setdefault(key, table[key])
                 table[key] = usual.get(key)
-        _without_words(table, "reasons", flag.words)
-        _without_words(table, "unchecked", flag.words)
+        _remove_words(table, "reasons", flag.words)
+        _remove_words(table, "unchecked", flag.words)
         if table.get("state") in flag.words:
             table["state"] = "ok"
 
     return change
 
 
-def _without_words(table: Table, name: str, words: Sequence[str]) -> None:
+def _remove_words(table: Table, name: str, words: Sequence[str]) -> None:
     before = table.get(name)
     if before and set(before) & set(words):
         table[name] = [word for word in before if word not in words]
@@ -127,7 +127,7 @@ def _without_words(table: Table, name: str, words: Sequence[str]) -> None:
             table["valid"] = True
 
 
-def _hidden_in_health(flag: Flag) -> Callable[[Table, float], None]:
+def _hide_in_health(flag: Flag) -> Callable[[Table, float], None]:
     kind, name = flag.place.split("/")[3:5]
     first: list[object] = []
 
@@ -147,7 +147,7 @@ def _hidden_in_health(flag: Flag) -> Callable[[Table, float], None]:
     return change
 
 
-def _hidden_in_ledger(flag: Flag) -> Callable[[Table, float], None]:
+def _hide_in_ledger(flag: Flag) -> Callable[[Table, float], None]:
     link = flag.place.removeprefix(LEDGER)
 
     def change(note: Table, t: float) -> None:
@@ -160,7 +160,7 @@ def _hidden_in_ledger(flag: Flag) -> Callable[[Table, float], None]:
 def _hide_event(forgery: Forgery, flag: Flag) -> None:
     name = flag.place.removeprefix(f"{EVENT}/")
 
-    def change(item: Item) -> Iterable[Item]:
+    def change(item: McapMessage) -> Iterable[McapMessage]:
         event = orjson.loads(item.data)
         return [] if event["name"] == name and event["message"] in flag.words else [item]
 
@@ -171,14 +171,14 @@ def _hide_event(forgery: Forgery, flag: Flag) -> None:
 def _drop_changes(forgery: Forgery, alarms: Sequence[str], changes: Sequence[str]) -> None:
     """Without what was recorded of these alarms."""
 
-    def change(item: Item) -> Iterable[Item]:
+    def change(item: McapMessage) -> Iterable[McapMessage]:
         alarm = orjson.loads(item.data)
         return [] if alarm["id"] in alarms and alarm["change"] in changes else [item]
 
     forgery.edit("raw", [ALARM], change)
 
 
-def _hidden_by_device(flag: Flag) -> Callable[[Table, float], None]:
+def _hide_by_device(flag: Flag) -> Callable[[Table, float], None]:
     def change(table: Table, t: float) -> None:
         if "flags" in table:
             table["flags"] = [word for word in table["flags"] if word not in flag.words]
@@ -195,18 +195,18 @@ def _hidden_by_device(flag: Flag) -> Callable[[Table, float], None]:
 def keep(forgery: Forgery, flag: Flag) -> None:
     """Every message from the end of the cause on states the flag."""
     if flag.place.startswith("/nav/"):
-        forgery.edit_tables("derived", [flag.place], _kept_in_output(flag))
+        forgery.edit_tables("derived", [flag.place], _keep_in_output(flag))
     elif flag.place.startswith(HEALTH):
-        forgery.edit_notes(HEALTH, _kept_in_health(flag))
+        forgery.edit_notes(HEALTH, _keep_in_health(flag))
     elif flag.place.startswith(LEDGER):
-        forgery.edit_notes("/fti/ledger", _kept_in_ledger(flag))
+        forgery.edit_notes("/fti/ledger", _keep_in_ledger(flag))
     elif flag.place == ALARM:
         _drop_changes(forgery, flag.words, ("ends",))
     elif not flag.place.startswith(EVENT):
-        forgery.edit_tables("derived", forgery.session.topics("derived", flag.place), _kept_by_device(flag))
+        forgery.edit_tables("derived", forgery.session.topics("derived", flag.place), _keep_by_device(flag))
 
 
-def _kept_in_output(flag: Flag) -> Callable[[Table, float], None]:
+def _keep_in_output(flag: Flag) -> Callable[[Table, float], None]:
     word = flag.words[0]
 
     def change(table: Table, t: float) -> None:
@@ -221,7 +221,7 @@ def _kept_in_output(flag: Flag) -> Callable[[Table, float], None]:
     return change
 
 
-def _kept_in_health(flag: Flag) -> Callable[[Table, float], None]:
+def _keep_in_health(flag: Flag) -> Callable[[Table, float], None]:
     kind, name = flag.place.split("/")[3:5]
 
     def change(note: Table, t: float) -> None:
@@ -239,7 +239,7 @@ def _kept_in_health(flag: Flag) -> Callable[[Table, float], None]:
     return change
 
 
-def _kept_in_ledger(flag: Flag) -> Callable[[Table, float], None]:
+def _keep_in_ledger(flag: Flag) -> Callable[[Table, float], None]:
     link = flag.place.removeprefix(LEDGER)
 
     def change(note: Table, t: float) -> None:
@@ -249,7 +249,7 @@ def _kept_in_ledger(flag: Flag) -> Callable[[Table, float], None]:
     return change
 
 
-def _kept_by_device(flag: Flag) -> Callable[[Table, float], None]:
+def _keep_by_device(flag: Flag) -> Callable[[Table, float], None]:
     def change(table: Table, t: float) -> None:
         if t < flag.until_s:
             return
@@ -262,12 +262,12 @@ def _kept_by_device(flag: Flag) -> Callable[[Table, float], None]:
     return change
 
 
-def _hidden(sample: Sample) -> Iterator[Target]:
+def _hide_targets(sample: Sample) -> Iterator[Target]:
     for flag in flags_of(sample):
         yield Target(flag.name, lambda forgery, flag=flag: hide(forgery, flag))  # type: ignore[misc]
 
 
-def _kept(sample: Sample) -> Iterator[Target]:
+def _keep_targets(sample: Sample) -> Iterator[Target]:
     """Those whose end is judged: of a value, of an event and of what lasts to the end it is not."""
     for flag in flags_of(sample):
         if flag.gone_s is not None and flag.gone_s < sample.session.end_s - BEFORE_END_S:
@@ -275,6 +275,6 @@ def _kept(sample: Sample) -> Iterator[Target]:
 
 
 FLAGS: Sequence[Falsification] = (
-    Falsification("expected flag hidden", "each fault of the scenario must raise its flags", _hidden),
-    Falsification("flag never clears", "a flag must have gone some time after its cause", _kept),
+    Falsification("expected flag hidden", "each fault of the scenario must raise its flags", _hide_targets),
+    Falsification("flag never clears", "a flag must have gone some time after its cause", _keep_targets),
 )

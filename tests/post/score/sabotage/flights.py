@@ -5,17 +5,17 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from fti.hil import accelerated
+from fti.hil import offline_run
 from fti.hil import scenario as scenarios
+from fti.hil.environment import Environment
 from fti.hil.scenario import Scenario
 from fti.hil.tables.flights import ApproachFlight
-from fti.hil.world import World
 from tests.hil.worlds import flat_terrain, path
-from tests.post.score.flying import CONFIG, DURATION_S, FAULTS
 from tests.post.score.sabotage.configurations import as_toml
 from tests.post.score.sabotage.falsification import Sample
-from tests.post.score.sabotage.judging import judge
+from tests.post.score.sabotage.score_run import judge
 from tests.post.score.sabotage.session_copy import Session
+from tests.post.score.short_flight import CONFIG, DURATION_S, FAULTS
 
 
 def find_session(folder: Path) -> Path:
@@ -26,7 +26,7 @@ def find_session(folder: Path) -> Path:
 
 def fly(scenario: Scenario, folder: Path, duration_s: float | None = None) -> Path:
     """Fly a scenario, faster than time; returns the session folder."""
-    return accelerated.fly(scenarios.load_config(scenario), scenario, folder, until_s=duration_s)
+    return offline_run.fly(scenarios.load_config(scenario), scenario, folder, until_s=duration_s)
 
 
 def sample_of(scenario: str, session: Path, others: dict[str, Path] | None = None, truth: Path | None = None) -> Sample:
@@ -99,8 +99,8 @@ def _listed(fault: dict[str, object]) -> dict[str, object]:
 def fly_short(file: Path) -> Path:
     """Fly the short flight of a scenario file; returns the session folder."""
     scenario = scenarios.load(file)
-    world = World(scenario, path(), flat_terrain(), undulation=47.0)
-    return accelerated.fly(scenarios.load_config(scenario), scenario, file.parent / "out", world=world)
+    world = Environment(scenario, path(), flat_terrain(), undulation=47.0)
+    return offline_run.fly(scenarios.load_config(scenario), scenario, file.parent / "out", world=world)
 
 
 def short_sample(folder: Path) -> Sample:

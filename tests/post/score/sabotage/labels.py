@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 
-from fti.logger.reading.mcap_file import Item
+from fti.logger.reading.mcap_file import McapMessage
 from tests.post.score.sabotage.falsification import (
     GLIDE_SLOPE,
     HEIGHT,
@@ -67,14 +67,14 @@ def _edit(change: Callable[[Table], None], from_share: float = 0.0) -> Callable[
     return apply
 
 
-def _says(**keys: object) -> Callable[[Table], None]:
+def _set_values(**keys: object) -> Callable[[Table], None]:
     def change(table: Table) -> None:
         table.update(keys)
 
     return change
 
 
-def _excused(reason: str) -> Callable[[Table], None]:
+def _set_excuse(reason: str) -> Callable[[Table], None]:
     """The output is not valid, and the reason is one that excuses it elsewhere."""
 
     def change(table: Table) -> None:
@@ -85,23 +85,23 @@ def _excused(reason: str) -> Callable[[Table], None]:
     return change
 
 
-def _reasons_dropped(table: Table) -> None:
+def _drop_reasons(table: Table) -> None:
     if not table["valid"]:
         table["reasons"] = []
 
 
-def _reason_added(table: Table) -> None:
+def _add_reason(table: Table) -> None:
     if table["valid"]:
         table["reasons"] = [*table["reasons"], "stale"]
 
 
-def _swapped_topics(forgery: Forgery) -> None:
+def _swap_topics(forgery: Forgery) -> None:
     """What one altimeter says stands under the name of the other, with the sensor as it was."""
     first, second = forgery.session.topics("derived", HEIGHT)[:2]
     topics = {item.topic.name: item.topic for item in forgery.session.items("derived")}
     other = {first: topics[second], second: topics[first]}
 
-    def change(item: Item) -> list[Item]:
+    def change(item: McapMessage) -> list[McapMessage]:
         return [item._replace(topic=other[item.topic.name])]
 
     forgery.edit("derived", [first, second], change)
@@ -109,7 +109,7 @@ def _swapped_topics(forgery: Forgery) -> None:
 
 def _two_altimeters(sample: Sample) -> Iterator[Target]:
     if len(_heights(sample)) > 1:
-        yield from once(_swapped_topics)(sample)
+        yield from once(_swap_topics)(sample)
 
 
 def _other_source(name: str) -> Callable[[Table], None]:
@@ -142,13 +142,15 @@ def _state(before: tuple[str, ...], after: str) -> Callable[[Table], None]:
 
 ALWAYS = "where the scenario and the configuration explain no failure, the output is valid, and says why where not"
 LABELS: Sequence[Falsification] = (
-    Falsification("never valid, no reason", ALWAYS, of_topics(_with_reasons, _edit(_says(valid=False, reasons=[])))),
-    Falsification("never valid, stale", ALWAYS, of_topics(_with_reasons, _edit(_excused("stale")))),
+    Falsification(
+        "never valid, no reason", ALWAYS, of_topics(_with_reasons, _edit(_set_values(valid=False, reasons=[])))
+    ),
+    Falsification("never valid, stale", ALWAYS, of_topics(_with_reasons, _edit(_set_excuse("stale")))),
     *(
         Falsification(
             f"never valid, excused by {reason}",
             "a reason excuses an output where the truth has its cause, and nowhere else",
-            of_topics(_with_reasons, _edit(_excused(reason))),
+            of_topics(_with_reasons, _edit(_set_excuse(reason))),
         )
         for reason in (
             "no_profile",
@@ -167,30 +169,30 @@ LABELS: Sequence[Falsification] = (
     Falsification(
         "not valid from half of the flight on, excused by outside_profile",
         "a reason excuses an output where the truth has its cause, and nowhere else",
-        of_topics(_with_reasons, _edit(_excused("outside_profile"), from_share=0.5)),
+        of_topics(_with_reasons, _edit(_set_excuse("outside_profile"), from_share=0.5)),
     ),
     Falsification(
         "always valid",
         "a fault must take the validity away; the values that are then there are missing or wrong",
-        of_topics(_often_invalid, _edit(_says(valid=True, reasons=[]))),
+        of_topics(_often_invalid, _edit(_set_values(valid=True, reasons=[]))),
     ),
     Falsification(
         "always valid, reasons kept",
         "no output is valid and not valid at a time",
-        of_topics(_often_invalid, _edit(_says(valid=True))),
+        of_topics(_often_invalid, _edit(_set_values(valid=True))),
     ),
     Falsification(
         "reasons dropped",
         "an output that is not valid names the reason, and each expected flag is such a reason",
-        of_topics(_often_with_reasons, _edit(_reasons_dropped)),
+        of_topics(_often_with_reasons, _edit(_drop_reasons)),
     ),
     Falsification(
-        "reason added", "nothing in the flight explains stale values", of_topics(_with_reasons, _edit(_reason_added))
+        "reason added", "nothing in the flight explains stale values", of_topics(_with_reasons, _edit(_add_reason))
     ),
     Falsification(
         "sensor renamed",
         "the topic and the configuration name the altimeter",
-        of_topics(_heights, _edit(_says(sensor="other"))),
+        of_topics(_heights, _edit(_set_values(sensor="other"))),
     ),
     Falsification(
         "heights of two altimeters exchanged", "the topic and the sensor name the same altimeter", _two_altimeters
@@ -208,17 +210,17 @@ LABELS: Sequence[Falsification] = (
     Falsification(
         "position source missing",
         "a valid position has a source",
-        of_topics(_solutions, _edit(_says(position_source=None))),
+        of_topics(_solutions, _edit(_set_values(position_source=None))),
     ),
     Falsification(
         "height of another datum",
         "the height above ground is above the ground",
-        of_topics(_heights, _edit(_says(datum="msl"))),
+        of_topics(_heights, _edit(_set_values(datum="msl"))),
     ),
     Falsification(
         "height of another point",
         "heights are those of P, as the truth is",
-        of_topics(_heights, _edit(_says(point="antenna"))),
+        of_topics(_heights, _edit(_set_values(point="antenna"))),
     ),
     Falsification(
         "ok in place of alert and caution",
@@ -248,7 +250,7 @@ LABELS: Sequence[Falsification] = (
         "while the monitor vouches for the height, the deviation is valid",
         of_topics(
             lambda sample: [topic for topic in judged_outputs(sample) if topic == GLIDE_SLOPE],
-            _edit(_excused("integrity")),
+            _edit(_set_excuse("integrity")),
         ),
     ),
 )

@@ -9,13 +9,13 @@ from typing import Any
 import orjson
 
 from fti.logger.note_changes import ENTRY_TABLES, NoteChanges
-from fti.logger.reading.mcap_file import Item
+from fti.logger.reading.mcap_file import McapMessage
 from fti.logger.reading.note_states import NoteStates
 from tests.post.score.sabotage.session_copy import SECOND_NS, Kind, LogFile, Session
 
 Table = dict[str, Any]
 #: What becomes of a message: none, itself, or others in its place.
-ItemEdit = Callable[[Item], Iterable[Item]]
+ItemEdit = Callable[[McapMessage], Iterable[McapMessage]]
 #: Changes the content of a message in place.  The second argument is its log time [s of the flight].
 TableEdit = Callable[[Table, float], None]
 NUMBERED = ("/raw/", "/tx/", "/fti/tick")
@@ -39,7 +39,7 @@ class Forgery:
         """Replace each message of these topics by what ``change`` makes of it; the others keep their places."""
         wanted = set(topics)
         for file in self.session.files[kind]:
-            items: list[Item] = []
+            items: list[McapMessage] = []
             for item in file.items:
                 if item.topic.name in wanted:
                     items.extend(change(item))
@@ -47,7 +47,7 @@ class Forgery:
                     items.append(item)
             _store(file, items)
 
-    def rearrange(self, kind: Kind, topic: str, arrange: Callable[[list[Item]], list[Item]]) -> None:
+    def rearrange(self, kind: Kind, topic: str, arrange: Callable[[list[McapMessage]], list[McapMessage]]) -> None:
         """Replace all messages of a topic; they then stand in the order of their log times among the others."""
         for file in self.session.files[kind]:
             own = [item for item in file.items if item.topic.name == topic]
@@ -59,7 +59,7 @@ class Forgery:
     def edit_tables(self, kind: Kind, topics: Sequence[str], change: TableEdit) -> None:
         """Change the JSON content of each message of these topics."""
 
-        def changed(item: Item) -> Iterable[Item]:
+        def changed(item: McapMessage) -> Iterable[McapMessage]:
             table = orjson.loads(item.data)
             change(table, self.session.seconds(item.log_time))
             data = orjson.dumps(table)
@@ -129,15 +129,15 @@ class _NoteWriter:
         return orjson.dumps(record)
 
 
-def _store(file: LogFile, items: list[Item]) -> None:
+def _store(file: LogFile, items: list[McapMessage]) -> None:
     """Give a file these messages; it is changed when one of them is another."""
     if len(items) != len(file.items) or any(new is not old for new, old in zip(items, file.items, strict=True)):
         file.items, file.changed = items, True
 
 
-def _merged(others: list[Item], own: list[Item]) -> list[Item]:
+def _merged(others: list[McapMessage], own: list[McapMessage]) -> list[McapMessage]:
     """The others in their order, each of ours before the first of them that is later."""
-    merged: list[Item] = []
+    merged: list[McapMessage] = []
     at = 0
     for item in others:
         while at < len(own) and own[at].log_time < item.log_time:
@@ -167,7 +167,7 @@ def tables(session: Session, topic: str, kind: Kind = "derived") -> list[Table]:
     return [orjson.loads(item.data) for item in found if item.log_time >= session.begin_ns]
 
 
-def shift_times(item: Item, by_s: float, names: Iterable[str] = ("t_ns", "t_valid_ns")) -> bytes:
+def shift_times(item: McapMessage, by_s: float, names: Iterable[str] = ("t_ns", "t_valid_ns")) -> bytes:
     """The content of a message with these times later by so much [s]."""
     table = orjson.loads(item.data)
     by_ns = round(by_s * SECOND_NS)

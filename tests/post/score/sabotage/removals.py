@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 
-from fti.logger.reading.mcap_file import Item
+from fti.logger.reading.mcap_file import McapMessage
 from tests.post.score.sabotage.falsification import Falsification, Sample, of_topics, outputs
 from tests.post.score.sabotage.message_edits import Forgery
 
@@ -35,7 +35,7 @@ def _keep(kind: str, when: Callable[[Forgery, float], bool]) -> Callable[[Forger
         assert kind in ("raw", "derived")
         topics = [place] if not place.endswith("/") else forgery.session.topics(kind, place)  # type: ignore[arg-type]
 
-        def change(item: Item) -> Iterable[Item]:
+        def change(item: McapMessage) -> Iterable[McapMessage]:
             return [item] if when(forgery, forgery.session.seconds(item.log_time)) else []
 
         forgery.edit(kind, topics, change)  # type: ignore[arg-type]
@@ -51,16 +51,16 @@ def _hole(length_s: float) -> Callable[[Forgery, float], bool]:
     return outside
 
 
-def _thinned(forgery: Forgery, topic: str) -> None:
+def _thin(forgery: Forgery, topic: str) -> None:
     forgery.rearrange("derived", topic, lambda items: items[::2])
 
 
-def _without_frames(forgery: Forgery, topic: str) -> None:
+def _remove_frames(forgery: Forgery, topic: str) -> None:
     _keep("raw", lambda forgery, t: False)(forgery, topic)
 
 
-def _without_frames_renumbered(forgery: Forgery, topic: str) -> None:
-    _without_frames(forgery, topic)
+def _remove_frames_and_renumber(forgery: Forgery, topic: str) -> None:
+    _remove_frames(forgery, topic)
     forgery.renumber()
 
 
@@ -102,7 +102,7 @@ REMOVALS: Sequence[Falsification] = (
         of_topics(outputs, _keep("derived", _hole(2.0))),
     ),
     Falsification("hole of 5 s in output", RATE, of_topics(outputs, _keep("derived", _hole(5.0)))),
-    Falsification("half the rate of output", RATE, of_topics(outputs, _thinned)),
+    Falsification("half the rate of output", RATE, of_topics(outputs, _thin)),
     Falsification(
         "delete measurements of device",
         "a device whose frames are recorded and understood has measurements",
@@ -117,12 +117,12 @@ REMOVALS: Sequence[Falsification] = (
         "delete frames of link",
         "each device sends at the rate of the configuration, so its link has frames; the numbers of the recorder show "
         "the missing ones",
-        of_topics(links, _without_frames),
+        of_topics(links, _remove_frames),
     ),
     Falsification(
         "delete frames of link, renumber the others",
         "each device sends at the rate of the configuration, so its link has frames; health counts them",
-        of_topics(links, _without_frames_renumbered),
+        of_topics(links, _remove_frames_and_renumber),
     ),
     Falsification(
         "delete ticks, health or ledger",

@@ -16,8 +16,8 @@ from typing import Literal
 
 from mcap.reader import make_reader
 
-from fti.logger.reading.mcap_file import Item, McapFile
-from fti.logger.seal import SEAL, sealed
+from fti.logger.metadata_checksum import CHECKSUM_KEY, with_checksums
+from fti.logger.reading.mcap_file import McapFile, McapMessage
 from fti.logger.session import SessionFolder
 from fti.logger.stream_writer import StreamWriter
 
@@ -48,7 +48,7 @@ class LogFile:
     path: Path
     metadata: dict[str, dict[str, str]]
     attachments: dict[str, bytes]
-    items: list[Item]
+    items: list[McapMessage]
     declared: Declarations
     changed: bool = False
     cut_share: float = 1.0
@@ -72,7 +72,7 @@ class LogFile:
         """Write it as a new file."""
         writer = StreamWriter(path)
         tables = {name: _without_sums(name, table) for name, table in self.metadata.items()}
-        for name, table in (sealed(FILE_METADATA, tables) if FILE_METADATA in tables else tables).items():
+        for name, table in (with_checksums(FILE_METADATA, tables) if FILE_METADATA in tables else tables).items():
             writer.add_metadata(name, table)
         for name, data in self.attachments.items():
             media_type = "application/json" if name.endswith(".json") else "text/plain"
@@ -98,7 +98,7 @@ def _link(file: Path, path: Path) -> None:
 
 
 def _without_sums(name: str, table: Mapping[str, str]) -> dict[str, str]:
-    return {key: text for key, text in table.items() if name != FILE_METADATA or not key.startswith(SEAL)}
+    return {key: text for key, text in table.items() if name != FILE_METADATA or not key.startswith(CHECKSUM_KEY)}
 
 
 def _declarations(path: Path) -> Declarations:
@@ -134,7 +134,7 @@ class Session:
         """A copy whose content can be replaced without a change of this one."""
         return Session(self.folder, {kind: [file.copy() for file in files] for kind, files in self.files.items()})
 
-    def items(self, kind: Kind) -> Iterator[Item]:
+    def items(self, kind: Kind) -> Iterator[McapMessage]:
         """The messages of a kind in the order of the files."""
         for file in self.files[kind]:
             yield from file.items
@@ -163,7 +163,7 @@ class Session:
         ]
 
     @cached_property
-    def _states(self) -> list[Item]:
+    def _states(self) -> list[McapMessage]:
         return [item for item in self.items("truth") if item.topic.name == TRUTH]
 
     def seconds(self, t_ns: int) -> float:
@@ -178,7 +178,7 @@ class Session:
         """The topics that have messages, sorted."""
         return sorted({item.topic.name for item in self.items(kind) if item.topic.name.startswith(prefix)})
 
-    def replace(self, kind: Kind, edit: Callable[[list[Item]], list[Item]]) -> None:
+    def replace(self, kind: Kind, edit: Callable[[list[McapMessage]], list[McapMessage]]) -> None:
         """Replace the messages of each file of a kind."""
         for file in self.files[kind]:
             file.items = edit(file.items)

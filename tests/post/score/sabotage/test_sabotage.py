@@ -50,7 +50,7 @@ def _sample(name: str, attacked: Attacked, folder: Path) -> Sample:
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     if "name" in metafunc.fixturenames:
-        full = {SHORT: Attacked(every=True), **{name: Attacked() for name in scenarios.shipped()}}
+        full = {SHORT: Attacked(every=True), **{name: Attacked() for name in scenarios.shipped_names()}}
         flights = full if metafunc.config.getoption("--scale") == "full" else QUICK
         metafunc.parametrize(("name", "attacked"), flights.items(), ids=list(flights))
 
@@ -59,7 +59,7 @@ def test_the_score_detects_every_falsification(name: str, attacked: Attacked, tm
     sample = _sample(name, attacked, tmp_path)
     assert sample.honest.holds, sample.honest.failures
     chosen = [one for group in attacked.groups for one in GROUPS[group]]
-    turn = scenarios.shipped().index(name) if name != SHORT else 0
+    turn = scenarios.shipped_names().index(name) if name != SHORT else 0
     found = Sum(list(run(sample, chosen, tmp_path, every=attacked.every, turn=turn)))
     print("\n".join(found.lines()))
     assert not found.undetected, "\n".join(f"{one.falsification}: {one.target}" for one in found.undetected)

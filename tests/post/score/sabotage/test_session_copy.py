@@ -8,12 +8,12 @@ from pathlib import Path
 import orjson
 import pytest
 
-from fti.logger.reading.mcap_file import Item
+from fti.logger.reading.mcap_file import McapMessage
 from tests.logger.campaign.commands import fti
 from tests.post.score.sabotage.falsification import Sample
 from tests.post.score.sabotage.flights import fly_short, sample_of, short_file
-from tests.post.score.sabotage.judging import judge
 from tests.post.score.sabotage.message_edits import Forgery
+from tests.post.score.sabotage.score_run import judge
 from tests.post.score.sabotage.session_copy import KINDS, Session
 
 
@@ -113,7 +113,7 @@ def test_an_edit_leaves_the_session_that_it_was_made_from_alone(sample: Sample) 
 def test_missing_frames_leave_no_gap_when_the_others_are_renumbered(sample: Sample) -> None:
     forgery = Forgery(sample.session)
     link = forgery.session.topics("raw", "/raw/")[0]
-    forgery.edit("raw", [link], lambda item: list[Item]())
+    forgery.edit("raw", [link], lambda item: list[McapMessage]())
     forgery.renumber()
     numbers = sorted(
         i.sequence for i in forgery.session.items("raw") if i.topic.name.startswith(("/raw/", "/fti/tick"))

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Sequence
 
 import orjson
 
-from fti.logger.reading.mcap_file import Item
+from fti.logger.reading.mcap_file import McapMessage
 from tests.post.score.sabotage.falsification import (
     LOCATION,
     MIN_VALID,
@@ -30,22 +30,22 @@ def _stretch(forgery: Forgery) -> tuple[int, int]:
     return forgery.session.ns(begin_s), forgery.session.ns(begin_s + STRETCH_S)
 
 
-def _timed_as(content: Item, time: Item) -> Item:
+def _with_times_of(content: McapMessage, time: McapMessage) -> McapMessage:
     """The content of one message with all times of another."""
     table, stamps = orjson.loads(content.data), orjson.loads(time.data)
     table |= {name: stamps[name] for name in STAMPS if name in stamps}
     return time._replace(data=orjson.dumps(table))
 
 
-def _twice(forgery: Forgery, topic: str) -> None:
+def _repeat(forgery: Forgery, topic: str) -> None:
     forgery.edit("derived", [topic], lambda item: [item, item])
 
 
-def _stretch_again(forgery: Forgery, topic: str) -> None:
+def _repeat_stretch(forgery: Forgery, topic: str) -> None:
     """What was said in a stretch is said once more behind it, with fresh times."""
     begin, end = _stretch(forgery)
 
-    def arrange(items: list[Item]) -> list[Item]:
+    def arrange(items: list[McapMessage]) -> list[McapMessage]:
         again = [
             item._replace(
                 log_time=item.log_time + end - begin,
@@ -60,10 +60,10 @@ def _stretch_again(forgery: Forgery, topic: str) -> None:
     forgery.rearrange("derived", topic, arrange)
 
 
-def _swapped_neighbours(forgery: Forgery, topic: str) -> None:
+def _swap_neighbours(forgery: Forgery, topic: str) -> None:
     """Contents of neighbours change places, with their inner times; log times stay."""
 
-    def arrange(items: list[Item]) -> list[Item]:
+    def arrange(items: list[McapMessage]) -> list[McapMessage]:
         swapped = list(items)
         for k in range(0, len(items) - 1, 2):
             swapped[k] = items[k]._replace(data=items[k + 1].data)
@@ -73,33 +73,33 @@ def _swapped_neighbours(forgery: Forgery, topic: str) -> None:
     forgery.rearrange("derived", topic, arrange)
 
 
-def _reversed_stretch(forgery: Forgery, topic: str) -> None:
+def _reverse_stretch(forgery: Forgery, topic: str) -> None:
     """A stretch is told backwards, with the times that belong there."""
     begin, end = _stretch(forgery)
 
-    def arrange(items: list[Item]) -> list[Item]:
+    def arrange(items: list[McapMessage]) -> list[McapMessage]:
         at = [k for k, item in enumerate(items) if begin <= item.log_time < end]
         turned = list(items)
         for k, other in zip(at, reversed(at), strict=True):
-            turned[k] = items[k] if k == other else _timed_as(items[other], items[k])
+            turned[k] = items[k] if k == other else _with_times_of(items[other], items[k])
         return turned
 
     forgery.rearrange("derived", topic, arrange)
 
 
-def _frozen(first: Callable[[Forgery], int], last: Callable[[Forgery], int]) -> Callable[[Forgery, str], None]:
+def _freeze(first: Callable[[Forgery], int], last: Callable[[Forgery], int]) -> Callable[[Forgery, str], None]:
     """From ``first`` to ``last`` [ns] every message says what the first one of them says, with fresh times."""
 
     def apply(forgery: Forgery, topic: str) -> None:
         begin, end = first(forgery), last(forgery)
-        held: list[Item] = []
+        held: list[McapMessage] = []
 
-        def change(item: Item) -> Iterable[Item]:
+        def change(item: McapMessage) -> Iterable[McapMessage]:
             table = orjson.loads(item.data)
             if not begin <= item.log_time < end or not table.get("valid", True):
                 return [item]
             held[:] = held or [item]
-            frozen = _timed_as(held[0], item)
+            frozen = _with_times_of(held[0], item)
             return [item if frozen.data == item.data else frozen]
 
         forgery.edit("derived", [topic], change)
@@ -122,7 +122,7 @@ def _shift_log_times(by_s: float) -> Callable[[Forgery, str], None]:
 
 def _shift_inner_times(by_s: float, *names: str) -> Callable[[Forgery, str], None]:
     def apply(forgery: Forgery, topic: str) -> None:
-        def change(item: Item) -> Iterable[Item]:
+        def change(item: McapMessage) -> Iterable[McapMessage]:
             data = shift_times(item, by_s, names)
             return [item if data == item.data else item._replace(data=data)]
 
@@ -176,23 +176,23 @@ SAME = "log time and time of an output are the same instant"
 MOVED = "the aircraft moves 60 m in a second and 600 m in ten, far more than each stated sigma"
 
 TIMING: Sequence[Falsification] = (
-    Falsification("every message of output twice", "the rate is doubled", of_topics(outputs, _twice)),
+    Falsification("every message of output twice", "the rate is doubled", of_topics(outputs, _repeat)),
     Falsification(
-        "stretch of output again with new times", f"twice the rate; {MOVED}", of_topics(judged_outputs, _stretch_again)
+        "stretch of output again with new times", f"twice the rate; {MOVED}", of_topics(judged_outputs, _repeat_stretch)
     ),
-    Falsification("neighbours of output swapped", SAME, of_topics(outputs, _swapped_neighbours)),
-    Falsification("stretch of output backwards", MOVED, of_topics(_moving_in_stretch, _reversed_stretch)),
+    Falsification("neighbours of output swapped", SAME, of_topics(outputs, _swap_neighbours)),
+    Falsification("stretch of output backwards", MOVED, of_topics(_moving_in_stretch, _reverse_stretch)),
     Falsification(
         "output frozen for 10 s",
         MOVED,
         of_topics(
-            _moving_in_stretch, _frozen(lambda forgery: _stretch(forgery)[0], lambda forgery: _stretch(forgery)[1])
+            _moving_in_stretch, _freeze(lambda forgery: _stretch(forgery)[0], lambda forgery: _stretch(forgery)[1])
         ),
     ),
     Falsification(
         "output frozen for the whole flight",
         MOVED,
-        of_topics(_moving, _frozen(lambda forgery: 0, lambda forgery: 2**62)),
+        of_topics(_moving, _freeze(lambda forgery: 0, lambda forgery: 2**62)),
     ),
     Falsification("log times of output 1 s late", SAME, of_topics(outputs, _shift_log_times(1.0))),
     Falsification("log times of output 1 s early", SAME, of_topics(outputs, _shift_log_times(-1.0))),

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import orjson
 
-from fti.hil.truth import SCENARIO_ATTACHMENT
-from fti.logger.reading.mcap_file import Item
+from fti.hil.truth_log import SCENARIO_ATTACHMENT
+from fti.logger.reading.mcap_file import McapMessage
 from tests.post.score.sabotage.falsification import Falsification, Sample, Target, once
 from tests.post.score.sabotage.message_edits import Forgery
 from tests.post.score.sabotage.session_copy import SECOND_NS, TRUTH, LogFile, Session
@@ -17,10 +17,10 @@ from tests.post.score.sabotage.session_copy import SECOND_NS, TRUTH, LogFile, Se
 ELSEWHERE = (("lat", 1e-6), ("lon", 1e-6), ("alt", 6.0), ("vel_north", 0.5), ("vel_east", 0.5))
 
 
-def _shifted(by_s: float) -> Callable[[Forgery], None]:
+def _shift(by_s: float) -> Callable[[Forgery], None]:
     """The flight begins at another time."""
 
-    def change(item: Item) -> list[Item]:
+    def change(item: McapMessage) -> list[McapMessage]:
         by_ns = round(by_s * SECOND_NS)
         row = orjson.loads(item.data)
         if "t_ns" in row:
@@ -51,7 +51,7 @@ def _cut(forgery: Forgery) -> None:
         file.cut_share, file.changed = 0.5, True
 
 
-def _deleted(forgery: Forgery) -> None:
+def _delete(forgery: Forgery) -> None:
     forgery.session.files["truth"] = []
     forgery.session.files["raw"][0].changed = True
 
@@ -148,13 +148,13 @@ def _put_derived(folder: Path) -> Callable[[Forgery], None]:
 OTHER = "it was flown along another path, or with other faults: errors and flags do not fit"
 WHOLE = "the truth file has 25 rows a second from the begin of the flight to the end that its emulator noted"
 TRUTHS: Sequence[Falsification] = (
-    Falsification("truth begins 2 s later", "120 m along the track", once(_shifted(2.0))),
-    Falsification("truth begins 2 s earlier", "120 m along the track", once(_shifted(-2.0))),
-    Falsification("truth begins 600 s later", "the session has nothing of that time", once(_shifted(600.0))),
+    Falsification("truth begins 2 s later", "120 m along the track", once(_shift(2.0))),
+    Falsification("truth begins 2 s earlier", "120 m along the track", once(_shift(-2.0))),
+    Falsification("truth begins 600 s later", "the session has nothing of that time", once(_shift(600.0))),
     Falsification("truth file cut off", WHOLE, once(_cut)),
     Falsification("truth without its second half", WHOLE, once(_only(lambda share: share < 0.5))),
     Falsification("truth with a hole", WHOLE, once(_only(lambda share: not 0.4 <= share < 0.6))),
-    Falsification("truth deleted", "without a truth nobody knows what was flown", once(_deleted)),
+    Falsification("truth deleted", "without a truth nobody knows what was flown", once(_delete)),
     Falsification(
         "truth of another scenario", "the truth file says which scenario was flown", _of_other("other scenario")
     ),

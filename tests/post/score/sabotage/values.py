@@ -8,11 +8,11 @@ from dataclasses import dataclass
 
 import orjson
 
-from fti.logger.reading.mcap_file import Item
+from fti.logger.reading.mcap_file import McapMessage
 from tests.post.score.sabotage.falsification import (
-    BELOW,
     GLIDE_SLOPE,
     HEIGHT,
+    HEIGHT_BELOW,
     INTEGRITY,
     LOCATION,
     MIN_VALID,
@@ -76,26 +76,40 @@ def _times(by: float) -> Change:
 ANGLES = ("roll", "pitch")
 HEIGHTS = ("height_agl", "nearest")
 SOLUTIONS = (*POSITIONS, VERTICAL)
-STATED = "the error is many times the sigma that the output states"
+STATED_SIGMA_REASON = "the error is many times the sigma that the output states"
 NO_SIGMA = "where no sigma is stated, the accuracy that a scenario allows to an aided solution is a few metres"
 DOT_RAD = 0.12 * math.radians(3.0)
 
 BIASES = (
-    _Attack("position 50 m north", POSITIONS, ("lat",), _plus(50 / EARTH_M), f"{STATED} (2 m); {NO_SIGMA}"),
-    _Attack("position 50 m east", POSITIONS, ("lon",), _plus(50 / EARTH_M / 0.8), f"{STATED} (2 m); {NO_SIGMA}"),
+    _Attack(
+        "position 50 m north", POSITIONS, ("lat",), _plus(50 / EARTH_M), f"{STATED_SIGMA_REASON} (2 m); {NO_SIGMA}"
+    ),
+    _Attack(
+        "position 50 m east", POSITIONS, ("lon",), _plus(50 / EARTH_M / 0.8), f"{STATED_SIGMA_REASON} (2 m); {NO_SIGMA}"
+    ),
     _Attack("position 1 degree north", POSITIONS, ("lat",), _plus(math.radians(1.0)), "it is 111 km wrong"),
     _Attack(
-        "location 50 m north", (LOCATION,), ("latitude",), _plus(math.degrees(50 / EARTH_M)), f"{STATED}; {NO_SIGMA}"
+        "location 50 m north",
+        (LOCATION,),
+        ("latitude",),
+        _plus(math.degrees(50 / EARTH_M)),
+        f"{STATED_SIGMA_REASON}; {NO_SIGMA}",
     ),
-    _Attack("location 30 m high", (LOCATION,), ("altitude",), _plus(30.0), f"{STATED}; {NO_SIGMA}"),
-    _Attack("altitude 30 m", SOLUTIONS, ("alt",), _plus(30.0), f"{STATED} (2 to 4 m); {NO_SIGMA}"),
+    _Attack("location 30 m high", (LOCATION,), ("altitude",), _plus(30.0), f"{STATED_SIGMA_REASON}; {NO_SIGMA}"),
+    _Attack("altitude 30 m", SOLUTIONS, ("alt",), _plus(30.0), f"{STATED_SIGMA_REASON} (2 to 4 m); {NO_SIGMA}"),
     _Attack("altitude 500 m", SOLUTIONS, ("alt",), _plus(500.0), "no altimeter of the aircraft agrees"),
-    _Attack("height above ground 20 m", (HEIGHT,), HEIGHTS, _plus(20.0), f"{STATED} (0.1 to 3 m)"),
-    _Attack("height above ground 50 m", (HEIGHT,), HEIGHTS, _plus(50.0), f"{STATED} (0.1 to 3 m)"),
+    _Attack("height above ground 20 m", (HEIGHT,), HEIGHTS, _plus(20.0), f"{STATED_SIGMA_REASON} (0.1 to 3 m)"),
+    _Attack("height above ground 50 m", (HEIGHT,), HEIGHTS, _plus(50.0), f"{STATED_SIGMA_REASON} (0.1 to 3 m)"),
     _Attack(
         "raw range 50 m", (HEIGHT,), ("raw",), _plus(50.0), "the beam meets the ground of the truth file elsewhere"
     ),
-    _Attack("height below the aircraft 20 m", (BELOW,), ("height_agl",), _plus(20.0), f"{STATED} (0.1 to 4 m)"),
+    _Attack(
+        "height below the aircraft 20 m",
+        (HEIGHT_BELOW,),
+        ("height_agl",),
+        _plus(20.0),
+        f"{STATED_SIGMA_REASON} (0.1 to 4 m)",
+    ),
     _Attack("velocity 5 m/s north", POSITIONS, ("vel_north",), _plus(5.0), "the sigma of a velocity is 0.1 to 0.5 m/s"),
     _Attack("velocity 5 m/s east", POSITIONS, ("vel_east",), _plus(5.0), "the sigma of a velocity is 0.1 to 0.5 m/s"),
     _Attack("velocity 5 m/s down", SOLUTIONS, ("vel_down",), _plus(5.0), "the sigma of a velocity is 0.1 to 0.5 m/s"),
@@ -109,15 +123,23 @@ BIASES = (
         _plus(math.radians(5.0)),
         "the sigma of a heading is 1 to 2 degrees",
     ),
-    _Attack("deviation one dot", (GLIDE_SLOPE,), ("deviation",), _plus(DOT_RAD), f"{STATED} far from the threshold"),
+    _Attack(
+        "deviation one dot",
+        (GLIDE_SLOPE,),
+        ("deviation",),
+        _plus(DOT_RAD),
+        f"{STATED_SIGMA_REASON} far from the threshold",
+    ),
     _Attack(
         "dots one dot", (GLIDE_SLOPE,), ("dots",), _plus(1.0), "dots are the deviation over 0.12 of the glide angle"
     ),
     _Attack("distance s 50 m", (GLIDE_SLOPE,), ("s",), _plus(50.0), "s is of the position, whose sigma is 2 m"),
     _Attack("offset y 50 m", (GLIDE_SLOPE,), ("y",), _plus(50.0), "y is of the position, whose sigma is 2 m"),
-    _Attack("height above the path 50 m", (GLIDE_SLOPE,), ("dh",), _plus(50.0), f"{STATED} (1 to 7 m)"),
+    _Attack("height above the path 50 m", (GLIDE_SLOPE,), ("dh",), _plus(50.0), f"{STATED_SIGMA_REASON} (1 to 7 m)"),
     _Attack("navigated height above the path 50 m", (GLIDE_SLOPE,), ("dh_nav",), _plus(50.0), NO_SIGMA),
-    _Attack("height error of the monitor 50 m", (INTEGRITY,), ("height_error",), _plus(50.0), f"{STATED} (5 m)"),
+    _Attack(
+        "height error of the monitor 50 m", (INTEGRITY,), ("height_error",), _plus(50.0), f"{STATED_SIGMA_REASON} (5 m)"
+    ),
 )
 SCALES = (
     _Attack("height in feet as metres", (HEIGHT,), HEIGHTS, _times(0.3048), "at 100 m it is 70 m wrong", 100.0),
@@ -172,7 +194,7 @@ def _not_a_number(sample: Sample) -> Iterator[Target]:
 
 
 def _nan_edit(topic: str, name: str) -> Callable[[Forgery], None]:
-    def change(item: Item) -> Iterable[Item]:
+    def change(item: McapMessage) -> Iterable[McapMessage]:
         table = orjson.loads(item.data)
         if not isinstance(table.get(name), int | float):
             return [item]

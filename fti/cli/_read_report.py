@@ -1,0 +1,77 @@
+"""What stands on standard error beside the result of reading a recording: remarks, a bar (in a terminal), faults."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from fti.cli._printing import print_line
+from fti.logger.reading.recording import Recording
+from fti.terminal_text import escape_controls
+
+if TYPE_CHECKING:
+    from rich.progress import Progress
+
+
+def progress_bar() -> Progress:
+    """A bar on standard error; nothing where that is no terminal."""
+    from rich.console import Console
+    from rich.progress import Progress
+
+    console = Console(stderr=True)
+    return Progress(console=console, transient=True, disable=not console.is_terminal)
+
+
+def bar_title(text: str) -> str:
+    """A text from a file as the title of a bar, which would take ``[...]`` for markup."""
+    from rich.markup import escape
+
+    return escape(escape_controls(text))
+
+
+@contextmanager
+def show_read_progress(recording: Recording, what: str, passes: int = 1) -> Iterator[None]:
+    """Show how far the files have been read; what : the word before the bar; passes : how often all are read."""
+    from rich.console import Console
+    from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TimeRemainingColumn
+
+    console = Console(stderr=True)
+    if not console.is_terminal:
+        yield
+        return
+    total = passes * sum(path.stat().st_size for path in recording.files)
+    columns = TextColumn("{task.description}"), BarColumn(), DownloadColumn(), TimeRemainingColumn()
+    with Progress(*columns, console=console, transient=True) as bar:
+        task = bar.add_task(what, total=total)
+        last = Path(), 0
+
+        def advance(path: Path, position: int) -> None:
+            nonlocal last
+            same = path == last[0] and position >= last[1]
+            bar.advance(task, position - (last[1] if same else 0))
+            last = path, position
+
+        recording.on_read = advance
+        try:
+            yield
+        finally:
+            recording.on_read = None
+
+
+def report_remarks(recording: Recording, known: str = "") -> None:
+    """Say what whoever uses a recording should know: that it is a snapshot, that more of it lies elsewhere.
+
+    told : what the result says itself
+    """
+    from fti.logger.reading.session_metadata import remarks
+
+    for text in (text for text in remarks(recording) if text != known):
+        print_line(f"note: {text}", error=True)
+
+
+def report_faults(recording: Recording) -> None:
+    """Say which files broke off while they were read."""
+    for fault in recording.faults.values():
+        print_line(f"fti: {fault.path}: {fault.text}", error=True)

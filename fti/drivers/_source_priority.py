@@ -1,0 +1,106 @@
+"""Which message counts where several carry the same quantity, and what becomes of the others.
+
+A measurement does not say which message it comes from, so a consumer must never get two kinds of it from one device:
+the position of the system and that of its receiver's antenna, raw inertial data and corrected ones.  What gives way
+becomes Readings with the names of message and field: nothing is lost, and nothing is mixed.
+
+A better message takes over as soon as it is valid, a lesser one when no better one was valid for five seconds; while
+neither is, the one that counted last goes on to say so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields
+
+from fti.types import Measurement, RadioHeight, Range, Reading
+
+#: Quantity -> place of a message among those that carry it, 0 the best.
+Ranks = Mapping[type, int]
+#: For so long after a better message the others give way [ns].
+SOURCE_TIMEOUT_NS = 5_000_000_000
+
+HEIGHTS = ("slant_range", "height_agl")
+UNITS = {
+    "rad": ("lat", "lon", "track"),
+    "m": ("alt", "alt_msl", "undulation", "horizontal_sd", "vertical_sd", "alt_press", *HEIGHTS),
+    "m/s": ("north", "east", "down", "ground_speed", "sd"),
+    "m/s^2": ("accel_b",),
+    "rad/s": ("gyro_b",),
+}
+UNIT_OF = {name: unit for unit, names in UNITS.items() for name in names}
+
+
+@dataclass(slots=True)
+class ActiveSource:
+    """The message that counts: its rank, when it came last, when it was valid last (None: never) [ns]."""
+
+    rank: int
+    received_ns: int
+    valid_ns: int | None = None
+
+
+def ranks_of(preferred: Mapping[type, tuple[tuple[str, ...], ...]]) -> dict[str, dict[type, int]]:
+    """Message -> ranks.
+
+    preferred : the messages that carry a quantity, best first; those in one line come from one source and say the same
+    """
+    ranks: dict[str, dict[type, int]] = {}
+    for kind, lines in preferred.items():
+        for rank, names in enumerate(lines):
+            for name in names:
+                ranks.setdefault(name, {})[kind] = rank
+    return ranks
+
+
+class SourcePriority:
+    """Remembers which message last carried each quantity.  A height above ground is one, whatever has measured it."""
+
+    def __init__(self) -> None:
+        self._sources: dict[type, ActiveSource] = {}
+
+    def select(self, name: str, ranks: Ranks, found: list[Measurement]) -> list[Measurement]:
+        """The measurements of a message; those that give way as Readings."""
+        out: list[Measurement] = []
+        for m in found:
+            rank = ranks.get(type(m))
+            if rank is None or self._is_active(rank, m):
+                out.append(m)
+            else:
+                out += to_readings(name.lower(), m)
+        return out
+
+    def _is_active(self, rank: int, m: Measurement) -> bool:
+        now, valid = m.stamp.t_rx_ns, getattr(m, "valid", True)
+        quantity = Range if isinstance(m, RadioHeight) else type(m)
+        source = self._sources.get(quantity)
+        if source is None or source.rank != rank:
+            if source and not _takes_over(rank, valid, now, source):
+                return False
+            source = self._sources[quantity] = ActiveSource(rank, now)
+        source.received_ns = now
+        if valid:
+            source.valid_ns = now
+        return True
+
+
+def _takes_over(rank: int, valid: bool, now: int, source: ActiveSource) -> bool:
+    """Does a message of another rank count from now on?"""
+    if valid and rank < source.rank:
+        return True
+    since = source.valid_ns if valid else source.received_ns
+    return since is None or not 0 <= now - since <= SOURCE_TIMEOUT_NS
+
+
+def to_readings(prefix: str, measurement: Measurement) -> Iterator[Reading]:
+    """Every number of a measurement, as ``prefix_field``; of a vector, as ``prefix_field_x`` and so on."""
+    valid = getattr(measurement, "valid", True)
+    for field in fields(measurement):
+        if (unit := UNIT_OF.get(field.name)) is None:
+            continue
+        value = getattr(measurement, field.name)
+        parts = zip(("_x", "_y", "_z"), value, strict=True) if isinstance(value, tuple) else [("", value)]
+        for axis, number in parts:
+            if number is not None:
+                name = f"{prefix}_{field.name}{axis}"
+                yield Reading(stamp=measurement.stamp, name=name, value=number, unit=unit, valid=valid)

@@ -1,0 +1,63 @@
+"""What a decoder remembers of the messages that come seldom for those that come often: sigmas and words of status."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from itertools import chain
+
+from fti.drivers._fast_messages import fast_class
+from fti.drivers.imar_ixcom.deviations import UNKNOWN, StandardDeviations
+from fti.drivers.imar_ixcom.options import Options
+from fti.drivers.imar_ixcom.status import SYSTEM_ERRORS
+from fti.drivers.imar_ixcom.wire import IxcomFrame
+from fti.types import DeviceStatus, Stamp
+
+#: What was said so long ago counts no more [ns].
+MAX_AGE_NS = 5_000_000_000
+new_status = fast_class(DeviceStatus)
+
+
+class DecoderState:
+    """options : of the decoder."""
+
+    def __init__(self, options: Options) -> None:
+        self.options = options
+        self._deviations: tuple[int, StandardDeviations] = (0, UNKNOWN)
+        self._words: dict[str, tuple[int, tuple[str, ...]]] = {}
+        self._last_flags: tuple[str, ...] | None = None
+
+    def set_deviations(self, stamp: Stamp, found: StandardDeviations) -> None:
+        """Take what EKFSTDDEV says."""
+        self._deviations = stamp.t_rx_ns, found
+
+    def deviations(self, stamp: Stamp) -> StandardDeviations:
+        """The standard deviations that hold now."""
+        since_ns, found = self._deviations
+        return found if 0 <= stamp.t_rx_ns - since_ns <= MAX_AGE_NS else UNKNOWN
+
+    def set_status_words(self, source: str, stamp: Stamp, flags: tuple[str, ...]) -> None:
+        """Take the conditions that a message names.  source : which message."""
+        self._words[source] = stamp.t_rx_ns, flags
+
+    def flags(self, frame: IxcomFrame) -> tuple[str, ...]:
+        """The footer's conditions and those of the words that hold now."""
+        if not self._words:
+            return frame.footer.flags
+        now = frame.stamp.t_rx_ns
+        said = [flags for since, flags in self._words.values() if 0 <= now - since <= MAX_AGE_NS]
+        return _merge_flags(frame.footer.flags, *said)
+
+    def status(self, frame: IxcomFrame, always: bool) -> list[DeviceStatus]:
+        """The status, if it is another than before, or always."""
+        flags = self.flags(frame)
+        if flags == self._last_flags and not always:
+            return []
+        self._last_flags = flags
+        ok = frame.footer.ok and SYSTEM_ERRORS.isdisjoint(flags)
+        return [new_status(stamp=frame.stamp, ok=ok, flags=flags)]
+
+
+@lru_cache(maxsize=256)
+def _merge_flags(*words: tuple[str, ...]) -> tuple[str, ...]:
+    """The flags of all words, each once."""
+    return tuple(dict.fromkeys(chain.from_iterable(words)))

@@ -1,0 +1,60 @@
+"""What a u-blox receiver has told so far: the GPS week, whether it has a fix, and parts of ephemerides."""
+
+from __future__ import annotations
+
+from fti.drivers._lnav import Subframe
+from fti.drivers._times import SECOND_NS, WEEK_S, gps_ns
+from fti.types import Stamp, TimeScale
+
+WEEK_MS = WEEK_S * 1000
+_HALF_WEEK_MS = WEEK_MS // 2
+UNKNOWN_U32 = 0xFFFFFFFF
+
+
+class ReceiverState:
+    """Most messages say only the time of the week (iTOW); the week comes with others.
+
+    fix : the newest fix that the receiver has stated is good; None when it has stated none
+    """
+
+    def __init__(self) -> None:
+        self.fix: bool | None = None
+        self._week: int | None = None
+        self._itow_ms = 0
+        self._subframes: dict[int, dict[int, Subframe]] = {}  # by satellite and number
+
+    def add_subframe(self, satellite: int, subframe: Subframe) -> tuple[Subframe, ...]:
+        """Subframes 1, 2 and 3 of a GPS satellite with the one that completes them; else none."""
+        if subframe.issue is None:
+            return ()
+        parts = self._subframes.setdefault(satellite, {})
+        parts[subframe.number] = subframe
+        if len(parts) < 3 or len({part.issue for part in parts.values()}) != 1:
+            return ()
+        del self._subframes[satellite]
+        return parts[1], parts[2], parts[3]
+
+    def set_week(self, week: int, itow_ms: int) -> None:
+        """The receiver has said the week of this time."""
+        self._week, self._itow_ms = week, itow_ms
+
+    def forget_week(self) -> None:
+        """The receiver has said that it does not know the time: it was switched off and on."""
+        self._week = None
+
+    def stamp(self, t_rx_ns: int, itow_ms: int) -> Stamp:
+        """GPS time of a message that says the time of the week [ms]; without device time when the week is unknown."""
+        if self._week is None or itow_ms >= WEEK_MS:
+            return Stamp(t_rx_ns)
+        week, ahead_ms = self._week, itow_ms - self._itow_ms
+        if ahead_ms < -_HALF_WEEK_MS:
+            week += 1
+            self.set_week(week, itow_ms)
+        elif ahead_ms > _HALF_WEEK_MS:  # late by the end of a week
+            week -= 1
+        return Stamp(t_rx_ns, gps_ns(week, itow_ms * SECOND_NS // 1000), TimeScale.GPS)
+
+
+def metres(millimetres: int) -> float | None:
+    """An accuracy in mm; None when it is the largest number there is."""
+    return None if millimetres == UNKNOWN_U32 else millimetres / 1000

@@ -1,0 +1,183 @@
+"""The receiver of a device, fitted to recorded flights: which family, its parameters, and how it is written down.
+
+Two families of a radar are tried, those of ``[device.altimeter] model``; the one whose samples are nearer to it, by the
+same measure, is taken.  What is written is a table that a configuration takes as it stands.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fti.config import Altimeter, Device
+from fti.errors import ConfigError
+from fti.hil.approach_reference.fit_samples import FitSamples
+from fti.hil.approach_reference.range_tables import RangeTableBuilder
+from fti.hil.approach_reference.receiver_fit import Problem, ReceiverFit, choose, coarse_start, refine
+from fti.terrain.terrain import Terrain
+
+Array = NDArray[np.float64]
+Model = Literal["nearest", "beam", "laser"]
+
+#: Entries of the first table of nearest returns [deg]; steps of the second one, and how many to each side.  It is moved
+#: where the best lies on its edge.
+NEAREST_DEG, FINE_DEG, FINE_ENTRIES, MOVES = tuple(range(5, 126, 5)), 1.0, 5, 4
+#: Of the whole beam: entries of the first table [deg], then steps [deg] and half extents [deg], [dB] of the others.
+BEAM_DEG, BEAM_STEPS = tuple(range(10, 111, 10)), ((2.5, 10.0, 22.0), (0.5, 2.0, 3.0))
+#: Thresholds [dB] of the first tables, and step of the last one.
+THRESHOLD_DB, FINE_DB = tuple(range(-24, -1)), 0.5
+LIMITS_DEG, LIMITS_DB = (2.0, 150.0), (-25.0, -2.0)
+#: Threshold of the model without one, a quarter of the peak.
+QUARTER_DB = 10.0 * math.log10(0.25)
+#: Fewer samples tell no receiver.
+MIN_SAMPLES = 50
+
+
+@dataclass(frozen=True, eq=False)
+class FittedReceiver:
+    """What became of a fit.
+
+    model   : the family that was taken; others : those that were not, with sigma of their residuals [m]
+    before  : measured minus predicted as configured (n,) [m]; configured : that configuration
+    samples : those that were used; available : how many there are
+    """
+
+    model: Model
+    fit: ReceiverFit
+    others: dict[str, float]
+    before: Array
+    configured: Altimeter
+    samples: FitSamples
+    available: int
+
+    @property
+    def used(self) -> NDArray[np.bool_]:
+        """Which samples count: no outliers, and predicted by both receivers."""
+        return np.asarray((self.fit.weights > 0.0) & np.isfinite(self.before) & np.isfinite(self.fit.residuals))
+
+    def rms(self) -> tuple[float, float]:
+        """Of the residuals of the samples that count, as configured and as fitted [m]."""
+        before, after = (float(np.sqrt(np.mean(e[self.used] ** 2))) for e in (self.before, self.fit.residuals))
+        return before, after
+
+    def rows(self) -> Iterator[tuple[str, float, float, float | None]]:
+        """Name, value, one sigma, and the configured value of each parameter; beam and threshold first."""
+        for name in (*self.fit.names[2:], *self.fit.names[:2]):
+            yield name, self.fit[name], self.fit.sd_of(name), getattr(self.configured, name)
+
+
+def fit_receiver(
+    device: Device,
+    terrain: Terrain,
+    samples: FitSamples,
+    *,
+    models: Sequence[Model] = ("nearest", "beam"),
+    count: int = 1000,
+    progress: Callable[[float], None] = lambda _: None,
+) -> FittedReceiver:
+    """Fit the receiver of a radar, of one of the models; of a laser bias and scale alone.
+
+    count : samples that are used at most, evenly spread
+    Raises ConfigError for too few samples, and where the known ground does not lie below them.
+    """
+    assert device.altimeter is not None
+    some = samples.thin(count)
+    if len(some) < MIN_SAMPLES:
+        raise ConfigError(f"{device.name}: {len(some)} samples with a position; a fit needs {MIN_SAMPLES}")
+    wanted: Sequence[Model] = ("laser",) if device.altimeter.kind == "laser" else models
+    receivers = RangeTableBuilder(device, terrain, some)
+    bar = _ProgressCounter(progress, sum(_TABLES[model] for model in wanted))
+    try:
+        fits = {model: _fit(receivers, device.altimeter, model, bar) for model in wanted}
+    except ValueError as error:
+        raise ConfigError(f"{device.name}: {error}") from None
+    sd = min(fit.sd for fit in fits.values())
+    best = min(fits, key=lambda model: fits[model].cost(sd))
+    others = {str(model): fit.sd for model, fit in fits.items() if model != best}
+    before = some.value - device.altimeter.scale * receivers.configured() - device.altimeter.bias_m
+    progress(1.0)
+    return FittedReceiver(best, fits[best], others, before, device.altimeter, some, len(samples))
+
+
+class _ProgressCounter:
+    """Tells the share of what there is to do, 1 at most: tables that are moved are not known beforehand."""
+
+    def __init__(self, progress: Callable[[float], None], total: int) -> None:
+        self._progress, self._total, self._done = progress, total, 0
+
+    def advance(self) -> None:
+        """One more is done."""
+        self._done += 1
+        self._progress(min(self._done / self._total, 1.0))
+
+
+def _fit(receivers: RangeTableBuilder, configured: Altimeter, model: Model, bar: _ProgressCounter) -> ReceiverFit:
+    if model == "laser":
+        problem = Problem(receivers.samples, receivers.laser(), np.array([0.0, 1.0]))
+        return refine(problem, *coarse_start(problem))
+    prior = np.array([0.0, 1.0, configured.beam_deg])
+    if model == "nearest":
+        return _fit_nearest(receivers, prior, bar)
+    threshold = QUARTER_DB if configured.threshold_db is None else configured.threshold_db
+    return _fit_beam(receivers, np.append(prior, threshold), bar)
+
+
+def _fit_nearest(receivers: RangeTableBuilder, prior: Array, bar: _ProgressCounter) -> ReceiverFit:
+    p, _ = coarse_start(Problem(receivers.samples, receivers.nearest(NEAREST_DEG, bar.advance), prior))
+    for _ in range(MOVES):
+        beams = _grid_around(p[2], FINE_DEG, FINE_DEG * FINE_ENTRIES, LIMITS_DEG)
+        fine = Problem(receivers.samples, receivers.nearest(beams, bar.advance), prior)
+        fit = refine(fine, *coarse_start(fine))
+        p = fit.values
+        if beams[0] < p[2] < beams[-1] or p[2] in LIMITS_DEG:
+            break
+    return fit
+
+
+def _fit_beam(receivers: RangeTableBuilder, prior: Array, bar: _ProgressCounter) -> ReceiverFit:
+    problems = [Problem(receivers.samples, receivers.beam(BEAM_DEG, THRESHOLD_DB, bar.advance), prior)]
+    for step, half_deg, half_db in BEAM_STEPS:
+        best = choose(problems)
+        beams = _grid_around(best["beam_deg"], step, half_deg, LIMITS_DEG)
+        thresholds: Sequence[float] = THRESHOLD_DB
+        if half_db < -THRESHOLD_DB[0] + THRESHOLD_DB[-1]:
+            thresholds = _grid_around(best["threshold_db"], FINE_DB, half_db, LIMITS_DB)
+        problems.append(Problem(receivers.samples, receivers.beam(beams, thresholds, bar.advance), prior))
+    return choose(problems)
+
+
+def _grid_around(middle: float, step: float, half: float, limits: tuple[float, float]) -> list[float]:
+    """Entries around a value, ascending, within limits."""
+    entries = middle + np.arange(-half, half + 0.5 * step, step)
+    return [float(entry) for entry in np.unique(np.clip(entries, *limits))]
+
+
+#: Tables of one beam width that a model makes, as a rule.
+_TABLES: dict[Model, int] = {"laser": 1, "nearest": len(NEAREST_DEG) + 2 * FINE_ENTRIES + 1, "beam": len(BEAM_DEG) + 18}
+
+
+def as_toml(found: FittedReceiver, sensor: str, sessions: Sequence[str]) -> str:
+    """The table for the device in a configuration, with where it comes from."""
+    before, after = found.rms()
+    lines = [
+        f"# The receiver of {sensor!r}, by fti reference fit from {int(found.used.sum())} samples of",
+        *(f"#   {session!r}" for session in sessions),
+        f"# Measured minus predicted: {before:.2f} m RMS as configured, {after:.2f} m as fitted.",
+        "# Put these keys into [device.altimeter] of the device; +- is one sigma.",
+        "",
+        "[device.altimeter]",
+    ]
+    if found.model != "laser":
+        lines.append(f'model = "{found.model}"')
+    for name, value, sd, _ in found.rows():
+        remark = ", hardly more than what was assumed" if name in found.fit.unobservable else ""
+        lines.append(f"{name} = {value:.{_DIGITS[name]}f}  # +- {sd:.{_DIGITS[name]}f}{remark}")
+    return "\n".join(lines) + "\n"
+
+
+_DIGITS = {"beam_deg": 2, "threshold_db": 2, "bias_m": 2, "scale": 5}

@@ -1,0 +1,254 @@
+"""A reference from recorded approaches: what the altimeter itself has seen, at least five times.
+
+Read from the outputs that navigation wrote beside the recording (``fti reprocess`` makes them again): heights above
+ground of one altimeter, moved to P and not compensated for terrain, and the navigated position at their times.  An
+approach is a way down the track that begins at the far end of the profile; one that was broken off counts as far as it
+went.  Samples are those of the monitor, without the ones that are stuck or that another altimeter contradicts.  Mean
+and sigma at a place are over the approaches that have a height there (``profile.surface_of``).  Limits come from
+approaches that are drawn with this mean, this sigma and the correlation length of the recorded residuals; how often an
+aircraft beside the track is seen is not known, because no recorded approach lies there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fti.config import Approach
+from fti.errors import ConfigError, MissingError
+from fti.hil.approach_reference.approaches import AltimeterModel
+from fti.hil.approach_reference.calibration import calibrate
+from fti.hil.approach_reference.options import WINDOW_M, Progress, ReferenceOptions, TaskRunner, run_serially
+from fti.hil.approach_reference.profile import (
+    DS_M,
+    Surface,
+    bin_means,
+    correlation_length,
+    lagged_products,
+    surface_of,
+)
+from fti.hil.sensors.errors import gauss_markov_noise
+from fti.hil.session_config import recorded_config
+from fti.logger.reading.json_message import parse_table, using_message
+from fti.logger.reading.recording import Recording
+from fti.nav.altimetry.altimeter_channel import TERRAIN_REASONS
+from fti.nav.integrity.approach import ApproachPath
+from fti.nav.integrity.reference import MARGIN_M, ApproachReference, fits, grid
+from fti.nav.integrity.window import MAX_BACKWARD_M
+from fti.nav.navigation import FILTER, RADIO, VERTICAL
+
+Array = NDArray[np.float64]
+
+#: Approaches of a reference, and those of them that a place needs: with two, sigma is multiplied by 16.
+MIN_APPROACHES, MIN_APPROACHES_AT_POINT = 5, 3
+#: Heights of an approach may be so far apart [m]: twice that of a slow altimeter, and less than any footprint.
+GAP_M = 20.0
+#: Rounds of ``_mean_profile``: each divides what is missing by the approaches over those that were broken off.
+ROUNDS = 50
+#: No profile is shorter, see ``fti reference make --s-max``.
+MIN_PROFILE_M = 1000.0
+HEIGHT, SOLUTION = "/nav/height_above_ground/", "/nav/nav_solution"
+#: Navigation is joined between solutions no farther apart [ns].
+MAX_SOLUTION_GAP_NS = 500_000_000
+#: Altitudes that an altimeter over known ground may hold: what it measures below them is that ground.
+COMPUTED_ALTITUDES = (FILTER, VERTICAL, RADIO)
+#: A metre of the way for the processes of ``fti.hil.sensors.errors``, which are drawn once a second [s].
+SECOND_PER_M = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class Pass:
+    """Samples of a recorded flight, shape (n,): time [ns], place on the track, terrain altitude z = alt - agl [m]."""
+
+    t_ns: NDArray[np.int64]
+    s: Array
+    z: Array
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedGround:
+    """Ground as it was recorded, with as much scatter; the scatter is correlated over ``correlation`` [m]."""
+
+    path: ApproachPath
+    altimeter: AltimeterModel
+    surface: Surface
+    correlation: float
+
+    def ranges(self, pose: Array, rng: np.random.Generator) -> Array:
+        """Heights above it [m] along poses with descending s; the scatter is that of one approach."""
+        s, alt = pose[0], pose[2]
+        way = (s[0] - s) * SECOND_PER_M
+        scatter = gauss_markov_noise(np.maximum.accumulate(way), 1.0, self.correlation * SECOND_PER_M, rng)
+        z, sd = (np.interp(s, self.surface.s, column) for column in (self.surface.z_ref, self.surface.s_ref))
+        return np.asarray(alt - z - sd * scatter)
+
+
+def reference_from_recordings(
+    path: ApproachPath, altimeter: AltimeterModel, profiles: Array, plan: ReferenceOptions, progress: Progress,
+    *, run_all: TaskRunner = run_serially,
+) -> ApproachReference:  # fmt: skip
+    """The reference of recorded profiles, shape (n, len(grid)), n >= 5, as ``profiles_of`` gives them."""
+    bare = RecordedGround(path, altimeter, Surface(*(np.zeros(0) for _ in range(4))), 0.0)
+    surface = surface_of(bare, grid(DS_M, plan.s_max), profiles, _mean_profile(profiles))
+    residuals = (profiles - surface.z_ref) / surface.s_ref
+    residuals -= np.nanmean(residuals, axis=1, keepdims=True)
+    products = [lagged_products(residual[np.isfinite(residual)]) for residual in residuals]
+    correlation = correlation_length(np.sum(products, axis=0))
+    return calibrate(RecordedGround(path, altimeter, surface, correlation), surface, plan, progress, run_all)
+
+
+def _mean_profile(profiles: Array) -> Array:
+    """The mean over the approaches at each place, as if each had gone to the end: shape (len(grid),) [m].
+
+    An approach errs in height as a whole.  Where one breaks off, the plain mean of the others would step by its error:
+    least squares of place + approach (two-way layout; Scheffe 1959, The Analysis of Variance, 4.4), by turns.
+    """
+    offsets = np.zeros((len(profiles), 1))
+    for _ in range(ROUNDS):
+        mean = np.nanmean(profiles - offsets, axis=0)
+        offsets = np.nanmean(profiles - mean, axis=1, keepdims=True)
+        offsets -= offsets.mean()
+    return np.asarray(np.nanmean(profiles - offsets, axis=0))
+
+
+def profiles_of(passes: Sequence[Pass], s_max: float) -> Array:
+    """The terrain that each approach saw [m], shape (n, len(grid)); NaN where it has no height.
+
+    What lies beyond both ends of the profile is as at the ends.  An approach begins at s_max and has heights over a
+    window or more, in all; it may be broken off.
+    Raises ConfigError for fewer than five approaches, and for a place where fewer than three have a height.
+    """
+    s = grid(DS_M, s_max)
+    every = [_profile(s, one, s_max) for one in passes]
+    begins = [float(np.max(s[np.isfinite(z)], initial=0.0)) for z in every]
+    bins = (s >= 0.0) & (s <= s_max)
+    found = [z for z in every if np.isfinite(z[-1]) and np.isfinite(z[bins]).sum() * DS_M >= WINDOW_M]
+    if len(found) < MIN_APPROACHES:
+        raise ConfigError(
+            f"{len(found)} of {len(passes)} recorded ways down the track begin at {s_max:g} m before the intercept "
+            f"point and have a height every {GAP_M:g} m for {WINDOW_M:g} m or more; a reference needs "
+            f"{MIN_APPROACHES}{_length_hint(begins)}"
+        )
+    _check_places(s, np.array(found), s_max)
+    return np.array(found)
+
+
+def _profile(s: Array, one: Pass, s_max: float) -> Array:
+    """The terrain of one approach at the places of the profile [m]; NaN in a gap, and before and behind the flight."""
+    z = bin_means(s, one.s, one.z)
+    known = (s >= 0.0) & (s <= s_max) & np.isfinite(z)
+    if not known.any():
+        return np.full_like(s, np.nan)
+    places = s[known]
+    after = np.searchsorted(places, s)
+    lower, upper = (np.append(places, places[-1])[np.clip(after - back, 0, len(places))] for back in (1, 0))
+    low = places[0] if places[0] > GAP_M else -np.inf
+    high = places[-1] if places[-1] < s_max - GAP_M else np.inf
+    there = known | (upper - lower <= GAP_M) & (s >= low) & (s <= high)
+    return np.where(there, np.interp(s, places, z[known]), np.nan)
+
+
+def _check_places(s: Array, profiles: Array, s_max: float) -> None:
+    """Raises ConfigError where fewer than three approaches have a height."""
+    count = np.isfinite(profiles).sum(axis=0)
+    few = (s >= 0.0) & (s <= s_max) & (count < MIN_APPROACHES_AT_POINT)
+    if few.any():
+        raise ConfigError(
+            f"only {count[few].min()} of {len(profiles)} recorded approaches have a height at {s[few][0]:g} to "
+            f"{s[few][-1]:g} m before the intercept point; a reference needs {MIN_APPROACHES_AT_POINT} everywhere"
+        )
+
+
+def _length_hint(begins: Sequence[float]) -> str:
+    """What would do instead."""
+    if len(begins) < MIN_APPROACHES:
+        return ""
+    enough = sorted(begins)[-MIN_APPROACHES] // 10.0 * 10.0
+    return f", and so many have one from {enough:g} m (--s-max)" if enough >= MIN_PROFILE_M else ""
+
+
+def read_passes(folder: Path, sensor: str, path: ApproachPath, s_max: float) -> list[Pass]:
+    """The ways down the track in a session.  Raises MissingError when it has no outputs of that altimeter."""
+    recording = Recording.open(folder)
+    heights, solutions = list[tuple[float, ...]](), list[tuple[float, ...]]()
+    for topic, t_ns, _, _, data in recording.messages("/nav/"):
+        with using_message(topic, t_ns):
+            if topic == HEIGHT + sensor:
+                heights += _heights(parse_table(data))
+            elif topic == SOLUTION and (solution := parse_table(data)).get("altitude_source") not in COMPUTED_ALTITUDES:
+                solutions += _numbers(solution, ("t_valid_ns", "lat", "lon", "alt", "roll", "pitch"), solution["valid"])
+    if not heights or not solutions:
+        raise MissingError(f"{folder}: has no heights of {sensor!r} with a position: fti reprocess makes them")
+    return list(split_passes(_join_passes(np.array(heights), np.array(solutions), path), s_max))
+
+
+def check_sensor(folder: Path, name: str, altimeter: AltimeterModel) -> None:
+    """A reference of one kind of altimeter is not made of the heights of another.  Raises MissingError, ConfigError."""
+    device = recorded_config(Recording.open(folder), folder).find_device(name)
+    wanted = altimeter.sensor
+    if device is None or device.altimeter is None:
+        raise ConfigError(f"{folder}: has no altimeter {name!r}")
+    if not fits(device, wanted):
+        found = device.altimeter
+        raise ConfigError(
+            f"{folder}: {name!r} is a {found.kind} of {found.beam_deg:g} deg; the reference would be that of a "
+            f"{wanted.kind} of {wanted.beam_deg:g} deg"
+        )
+
+
+def _heights(output: dict[str, Any]) -> Iterator[tuple[float, ...]]:
+    """What only the known ground speaks against is used, as by the monitor: a wood that has grown.
+
+    Sessions of fti 0.1 have no ``nearest``: it was called ``height_agl``.
+    """
+    name = "nearest" if "nearest" in output else "height_agl"
+    yield from _numbers(output, ("t_valid_ns", name), TERRAIN_REASONS.issuperset(output["reasons"]))
+
+
+def _numbers(output: dict[str, Any], names: Sequence[str], used: bool) -> Iterator[tuple[float, ...]]:
+    if used and all(output[name] is not None for name in names):
+        yield tuple(float(output[name]) for name in names)
+
+
+def _join_passes(heights: Array, solutions: Array, path: ApproachPath) -> Pass:
+    """Samples that the monitor would use, at the times of the heights."""
+    settings = Approach(profile="")
+    heights, solutions = heights[np.argsort(heights[:, 0])], solutions[np.argsort(solutions[:, 0])]
+    t, t_nav = heights[:, 0], solutions[:, 0]
+    lat, lon, alt, roll, pitch = (np.interp(t, t_nav, column) for column in solutions.T[1:])
+    after = np.clip(np.searchsorted(t_nav, t), 1, len(t_nav) - 1)
+    near = (t_nav[after] - t_nav[after - 1] <= MAX_SOLUTION_GAP_NS) & (t >= t_nav[0]) & (t <= t_nav[-1])
+    s, y = path.along(lat, lon)
+    used = (
+        near
+        & (np.abs(y) <= settings.y_max_m)
+        & (np.abs(roll - path.bank(s)) <= np.radians(settings.max_roll_deg))
+        & (np.abs(pitch) <= np.radians(settings.max_pitch_deg))
+    )
+    return Pass(t[used].astype(np.int64), s[used], (alt - heights[:, 1])[used])
+
+
+def date_of(passes: Sequence[Pass]) -> str:
+    """The day of the last of them, YYYY-MM-DD."""
+    last = max(int(one.t_ns[-1]) for one in passes)
+    return datetime.fromtimestamp(last // 10**9, UTC).strftime("%Y-%m-%d")
+
+
+def split_passes(flown: Pass, s_max: float) -> Iterator[Pass]:
+    """The ways down the track of a flight: s never more than 20 m back out, between the ends of the reference."""
+    inside = (flown.s >= -MARGIN_M) & (flown.s <= s_max + MARGIN_M)
+    t_ns, s, z = flown.t_ns[inside], flown.s[inside], flown.z[inside]
+    begin, least = 0, np.inf
+    for k, here in enumerate(s.tolist()):
+        if here > least + MAX_BACKWARD_M:
+            yield Pass(t_ns[begin:k], s[begin:k], z[begin:k])
+            begin, least = k, here
+        least = min(least, here)
+    if len(s):
+        yield Pass(t_ns[begin:], s[begin:], z[begin:])

@@ -1,0 +1,201 @@
+"""The world that simulated sensors measure: the flight, the ground below it, and the air around it."""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from fti.config import Device
+from fti.errors import ConfigError
+from fti.geodesy.atmosphere import GAS_CONSTANT, ISA_PRESSURE, ISA_TEMPERATURE, Atmosphere
+from fti.geodesy.local import LocalFrame
+from fti.geodesy.rotations import mat_from_rpy
+from fti.geodesy.wgs84 import radii
+from fti.hil.faults.descriptions import describe
+from fti.hil.flight.coverage import check_coverage
+from fti.hil.flight.factory import FlightSite, make_flight
+from fti.hil.flight.trajectory import FlightState
+from fti.hil.scenario import Scenario
+from fti.hil.tables.fault_types import Obstacle, TerrainShift, WholeFlightFault
+from fti.nav.integrity.approach import ApproachPath
+from fti.ranging.laser import Laser
+from fti.ranging.nearest import NearestReturn
+from fti.ranging.sensor import Poses, RangingSensor, Returns, sensor_poses
+from fti.ranging.weather import fog
+from fti.terrain.terrain import Terrain
+
+Array = NDArray[np.float64]
+
+HEAT_RATIO = 1.4
+LASER_RANGE = 2000.0
+#: Makers state the range of a laser on surfaces of this reflectance, and pulses of this length are usual [s].
+LASER_REFLECTANCE, PULSE_S = 0.2, 10e-9
+#: Here, and one metre east, west, north and south of here.
+SIDE_OFFSETS = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, -1.0, 0.0]])
+
+
+def impact_pressure(tas: ArrayLike, p_static: ArrayLike, temperature: ArrayLike) -> Array:
+    """q_c [Pa] of subsonic flow at a true airspeed [m/s]; isentropic, source: ISO 2533 constants."""
+    mach_sq = np.asarray(tas) ** 2 / (HEAT_RATIO * GAS_CONSTANT * np.asarray(temperature))
+    return np.asarray(np.asarray(p_static) * ((1.0 + 0.2 * mach_sq) ** 3.5 - 1.0))
+
+
+def calibrated_airspeed(q_c: ArrayLike) -> Array:
+    """CAS [m/s] of an impact pressure [Pa]."""
+    ratio = np.asarray(q_c) / ISA_PRESSURE + 1.0
+    return np.asarray(np.sqrt(5.0 * HEAT_RATIO * GAS_CONSTANT * ISA_TEMPERATURE * (ratio ** (1 / 3.5) - 1.0)))
+
+
+class Environment:
+    """Everything that is true during one scenario.
+
+    scenario : its seed, settings and faults are read by the models of sensors
+    path : the published approach, whether it is flown or not; terrain : the ground as the unit under test knows it;
+    undulation : geoid above WGS84 [m]; progress : told how far the making of the flight is
+    Raises ConfigError or MissingError for a flight that cannot be made, or that is below the ground.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        path: ApproachPath,
+        terrain: Terrain,
+        undulation: float,
+        progress: Callable[[str], None] = lambda _: None,
+    ) -> None:
+        air = scenario.air
+        self.scenario = scenario
+        self.path = path
+        try:
+            ground = true_ground(terrain, scenario.terrain_shifts)
+            self.terrain = add_obstacles(ground, path, scenario.obstacles)
+        except ValueError as error:
+            raise ConfigError(f"{scenario.where}: fault: {error}") from None
+        self.undulation = undulation
+        station = path.airfield.threshold_alt_m - undulation
+        self.atmosphere = Atmosphere(air.qnh_hpa * 100.0, air.isa_deviation_k, station)
+        made = make_flight(scenario, FlightSite(path, self.terrain, self.atmosphere, undulation, progress))
+        self._flight = made.flight
+        self._surfaces_t, self._surfaces = made.surfaces_t, made.surfaces
+        self.duration = self._flight.end
+        #: What is to be told of the flight before it begins.
+        self.remarks = (
+            made.remarks
+            + check_coverage(made.flight, ground, scenario.where)
+            + _unreached_faults(scenario, self.duration)
+        )
+        self._radars = functools.cache(NearestReturn)
+
+    def state(self, t: Array) -> FlightState:
+        """Truth at t [s], shape (n,)."""
+        return self._flight.state(t)
+
+    def surfaces(self, t: Array) -> dict[str, Array]:
+        """Deflections of the control surfaces [rad] at t [s] by name; none where the flight was not flown with any."""
+        return {name: np.interp(t, self._surfaces_t, angles) for name, angles in self._surfaces.items()}
+
+    def radar_ranges(self, t: Array, beam_width: float, device: Device) -> Array:
+        """Leading-edge range [m] of a radar altimeter at times t [s]; NaN without return.  beam_width : full [rad]."""
+        return self.returns(self._radars(beam_width), t, device).slant_range
+
+    def laser_ranges(self, t: Array, device: Device) -> Array:
+        """Slant range [m] along the boresight of a laser altimeter at times t [s]; NaN without return."""
+        return self.returns(self.laser(device), t, device).slant_range
+
+    def laser(self, device: Device) -> Laser:
+        """A laser that sees everything; in fog one that sees as far as its device says on dark ground in clear air."""
+        air = self.scenario.air
+        if air.visibility_m is None:
+            return Laser(max_range=LASER_RANGE)
+        reach = device.altimeter.range_m[1] if device.altimeter else LASER_RANGE
+        top = self.path.airfield.threshold_alt_m + air.fog_top_m - self.terrain.frame.alt0
+        return Laser(
+            max_range=reach, reflectance=LASER_REFLECTANCE, pulse_length=PULSE_S, weather=(fog(air.visibility_m, top),)
+        )  # fmt: skip
+
+    def returns(self, sensor: RangingSensor, t: Array, device: Device) -> Returns:
+        """What a sensor, mounted where the device is, says at times t [s]; without the instrument's own noise."""
+        return sensor.measure(self.terrain, self._poses(t, device))
+
+    def range_bounds(self, t: Array, device: Device, within: float) -> tuple[Array, Array, Array]:
+        """Range [m] of an altimeter at times t [s], the least and the largest one ``within`` [m] of its place, in the
+        attitude of that time: what it would measure a little east, west, north, south of where it is.
+        """
+        limits = device.altimeter
+        if limits is None:
+            raise ValueError(f"device {device.name!r} has no [device.altimeter] table")
+        is_laser = limits.kind == "laser"
+        sensor = self.laser(device) if is_laser else self._radars(math.radians(limits.beam_deg))
+        poses = self._poses(t, device)
+        found = [
+            sensor.measure(self.terrain, replace(poses, origins_l=poses.origins_l + aside)).slant_range
+            for aside in within * SIDE_OFFSETS
+        ]
+        return found[0], np.fmin.reduce(found), np.fmax.reduce(found)
+
+    def _poses(self, t: Array, device: Device) -> Poses:
+        now = self.state(t)
+        pose = (now.lat, now.lon, now.alt, now.roll, now.pitch, now.heading)
+        return sensor_poses(
+            self.terrain.frame, *pose, lever_arm_b=device.lever_arm_b, mat_bs=mounting(device), vel_n=now.vel_n
+        )  # fmt: skip
+
+    def ground(self, state: FlightState) -> Array:
+        """Height of the surface below the aircraft above the ellipsoid [m]."""
+        return self.terrain.height(state.lat, state.lon)
+
+
+def _unreached_faults(scenario: Scenario, duration: float) -> tuple[str, ...]:
+    """Faults that the flight does not live to see, which may be a mistake: it is as long as its route."""
+    return tuple(
+        f"fault[{i}], {describe(fault)}, begins at {fault.from_s:g} s: the flight is over after {duration:.0f} s"
+        for i, fault in enumerate(scenario.fault)
+        if not isinstance(fault, WholeFlightFault) and fault.from_s >= duration
+    )
+
+
+def mounting(device: Device) -> Array:
+    """mat_bs of a device."""
+    roll, pitch, yaw = (math.radians(a) for a in device.rpy_bs_deg)
+    return mat_from_rpy(roll, pitch, yaw)
+
+
+def true_ground(terrain: Terrain, shifts: Sequence[TerrainShift]) -> Terrain:
+    """The ground of which ``terrain`` is a copy that these shifts displace: the same posts in a frame that is moved."""
+    if not shifts:
+        return terrain
+    north, east, up = (sum(getattr(shift, name) for shift in shifts) for name in ("north_m", "east_m", "up_m"))
+    frame = terrain.frame
+    r_meridian, r_normal = radii(frame.lat0)
+    lat0 = frame.lat0 - north / float(r_meridian + frame.alt0)
+    lon0 = frame.lon0 - east / float((r_normal + frame.alt0) * math.cos(frame.lat0))
+    return replace(terrain, frame=LocalFrame(lat0, lon0, frame.alt0 - up))
+
+
+def add_obstacles(terrain: Terrain, path: ApproachPath, obstacles: Sequence[Obstacle]) -> Terrain:
+    """The terrain with boxes on it, aligned with the track; at least one post each.
+
+    Raises ValueError for a box that is not on the terrain, or between its posts.
+    """
+    if not obstacles:
+        return terrain
+    layer = terrain.finest
+    heights = layer.heights.copy()
+    grid = np.stack(np.broadcast_arrays(layer.east[None, :], layer.north[:, None], 0.0), axis=-1)
+    lat, lon, _ = terrain.frame.to_geodetic(grid)
+    s, y = path.along(lat, lon)
+    for box in obstacles:
+        along, across = np.abs(s - path.x_gpi - box.before_threshold_m), np.abs(y - box.right_m)
+        inside = (along <= box.length_m / 2) & (across <= box.width_m / 2)
+        if not inside.any():
+            raise ValueError(
+                f"an obstacle {box.before_threshold_m:g} m before the threshold and {box.right_m:g} m right of it "
+                f"is outside the terrain, or between its posts, which are {layer.cell_m:g} m apart"
+            )
+        heights[inside] += box.height_m
+    return terrain.with_finest(heights)

@@ -1,0 +1,163 @@
+"""Which fault can be of which device, and the stages of a device's faults."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Sequence
+from typing import Any
+
+import numpy as np
+
+from fti import drivers
+from fti.config import StrictModel
+from fti.devices import BoundDevice
+from fti.hil.faults.checksum_faults import MessageChange
+from fti.hil.faults.fault_targets import (
+    CHECKSUMS,
+    DRIVERS_WITH_TIME,
+    LABELS,
+    checksum_change,
+    identifier_change,
+    sends_time,
+)
+from fti.hil.faults.gnss import DRIVERS_WITH_RECEIVER, GnssFault
+from fti.hil.faults.messages import (
+    BurstStage,
+    CorruptionStage,
+    FreezeStage,
+    MessageEffect,
+    MessageStage,
+    ReorderStage,
+    bit_error_effect,
+    truncation_effect,
+)
+from fti.hil.faults.values import fault_rng
+from fti.hil.tables.fault_base import DeviceFault
+from fti.hil.tables.fault_types import (
+    BitErrors,
+    Burst,
+    BusOff,
+    ClockDrift,
+    ClockJump,
+    Cut,
+    Duplicated,
+    Fault,
+    Freeze,
+    LeverArm,
+    LostHeader,
+    PowerFault,
+    Reordered,
+    Truncated,
+    WrongChecksum,
+    WrongLabel,
+)
+
+POWER_UNIT = "power_unit"
+#: Kinds of faults that need something of a protocol, and the drivers whose protocol may have it.
+DRIVERS_BY_FAULT: Sequence[tuple[Any, Collection[str]]] = (
+    (WrongChecksum, CHECKSUMS),
+    (WrongLabel, LABELS),
+    (ClockJump | ClockDrift, DRIVERS_WITH_TIME),
+    (GnssFault, DRIVERS_WITH_RECEIVER),
+)
+
+
+def drivers_of(kind: type[StrictModel]) -> tuple[str, ...] | None:
+    """The drivers whose devices may have a kind of fault, in alphabetical order; None: every driver, or no device."""
+    if issubclass(kind, LostHeader):
+        return tuple(sorted(name for name in drivers.names() if frozenset({"can"}) != drivers.load(name).CARRIERS))
+    return next((tuple(sorted(names)) for kinds, names in DRIVERS_BY_FAULT if issubclass(kind, kinds)), None)
+
+
+def inapplicable_reason(fault: DeviceFault, bound: BoundDevice) -> str:
+    """Why a fault cannot be of a device, and of which drivers it can; "" when it can."""
+    driver, options = bound.device.driver, bound.options
+    if isinstance(fault, WrongChecksum) and checksum_change(driver, options) is None:
+        return f"{_driver_with_options(driver, options)} has no checksum that the emulator could spoil; {_join_names(CHECKSUMS)} may have"
+    if isinstance(fault, WrongLabel) and identifier_change(driver, options) is None:
+        return f"{_driver_with_options(driver, options)} gives its messages no identifier; {_join_names(LABELS)} do"
+    if isinstance(fault, ClockJump | ClockDrift) and not sends_time(driver, options):
+        return f"{_driver_with_options(driver, options)} does not send its time; {_join_names(DRIVERS_WITH_TIME)} do (arinc429 in packets)"
+    if isinstance(fault, GnssFault) and driver not in DRIVERS_WITH_RECEIVER:
+        return f"{driver} has no satellite receiver; {_join_names(DRIVERS_WITH_RECEIVER)} may have"
+    return _connection_reason(fault, bound)
+
+
+def _connection_reason(fault: DeviceFault, bound: BoundDevice) -> str:
+    """The same for what depends on the line and the supply of a device."""
+    driver = bound.device.driver
+    if isinstance(fault, LostHeader) and _on_can(bound):
+        return f"{driver} is on CAN, where a frame has its header or is none; every driver of a line can lose it"
+    if isinstance(fault, PowerFault) and driver == POWER_UNIT:
+        return f"{driver} feeds itself and has no breaker; every other driver can lose its power"
+    if isinstance(fault, LeverArm) and driver == POWER_UNIT:
+        return f"{driver} measures nothing that depends on its place"
+    return ""
+
+
+def _driver_with_options(driver: str, options: StrictModel) -> str:
+    given = options.model_dump(include=options.model_fields_set)
+    short = {key: value for key, value in given.items() if isinstance(value, str | bool | int) and len(str(value)) < 20}
+    return driver + (f" with {', '.join(f'{k} = {v!r}' for k, v in short.items())}" if short else "")
+
+
+def _join_names(names: Iterable[str]) -> str:
+    return ", ".join(sorted(names))
+
+
+def _on_can(bound: BoundDevice) -> bool:
+    return frozenset({"can"}) == bound.driver.CARRIERS
+
+
+def applies_to(fault: Fault, bound: BoundDevice) -> bool:
+    """Is this a fault of this device?  Without names it is one of every device that it can be of."""
+    if isinstance(fault, BusOff):
+        return _on_can(bound) and (not fault.links or bound.device.link in fault.links)
+    if not isinstance(fault, DeviceFault):
+        return False
+    return bound.device.name in fault.devices if fault.devices else not inapplicable_reason(fault, bound)
+
+
+def stages_of(bound: BoundDevice, faults: Sequence[Fault], seed: int, end_s: float) -> list[MessageStage]:
+    """The stages of the bytes of a device, in the order of the scenario.  end_s : when its last message leaves."""
+    found = []
+    for i, fault in enumerate(faults):
+        if applies_to(fault, bound):
+            stage = _stage(fault, bound, fault_rng(seed, bound.device.name, i), end_s)
+            found += [stage] if stage else []
+    return found
+
+
+def _stage(fault: Fault, bound: BoundDevice, rng: np.random.Generator, end_s: float) -> MessageStage | None:
+    if isinstance(fault, Freeze):
+        return FreezeStage(fault)
+    if isinstance(fault, Burst):
+        return BurstStage(fault, end_s)
+    if isinstance(fault, Reordered):
+        return ReorderStage(fault, rng, end_s)
+    become = _message_effect(fault, bound, rng)
+    return CorruptionStage(fault, become, rng) if become and isinstance(fault, DeviceFault | BusOff) else None
+
+
+def _message_effect(fault: Fault, bound: BoundDevice, rng: np.random.Generator) -> MessageEffect | None:
+    """What a fault without memory makes of a message; None for the faults of another kind."""
+    on_can = _on_can(bound)
+    become: MessageEffect | None = None
+    if isinstance(fault, Cut | BusOff):
+        become = lambda message: []  # noqa: E731
+    elif isinstance(fault, Duplicated):
+        become = lambda message: [message, message]  # noqa: E731
+    elif isinstance(fault, BitErrors):
+        become = bit_error_effect(fault, rng, on_can=on_can)
+    elif isinstance(fault, LostHeader):
+        become = lambda message: [message[fault.count :]]  # noqa: E731
+    elif isinstance(fault, Truncated):
+        become = truncation_effect(fault.count, on_can=on_can)
+    elif isinstance(fault, WrongChecksum):
+        become = _single_change(checksum_change(bound.device.driver, bound.options))
+    elif isinstance(fault, WrongLabel):
+        become = _single_change(identifier_change(bound.device.driver, bound.options))
+    return become
+
+
+def _single_change(change: MessageChange | None) -> MessageEffect | None:
+    return None if change is None else lambda message: [change(message)]

@@ -1,0 +1,124 @@
+"""Where the checksum of a message stands, and how it is made wrong; everything else of the message stays as it is.
+
+A function gives None where, with these options, nothing protects a message; a change leaves a message alone that has
+no checksum (the answer "OK" of a device whose data have one).
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+
+from fti.drivers import arinc429, ascii_line, binary_struct, freeflight_ra4500
+from fti.drivers.arinc429 import apmp
+from fti.drivers.freeflight_ra4500 import DLE, HEADER, TRAILER
+from fti.drivers.mavlink.wire import HEADER_V1, HEADER_V2, V2
+from fti.drivers.novatel_oem6.framing import CRC_SIZE
+from fti.drivers.ublox_ubx.frames import SYNC as UBX
+
+MessageChange = Callable[[bytes], bytes]
+_HEX = re.compile(rb"(?<=\*)[0-9A-Fa-f]+(?=\r?\n\Z)")
+
+
+def flip_byte(message: bytes, at: int) -> bytes:
+    """The message with every bit of one byte turned over.  at : negative from the end"""
+    data = bytearray(message)
+    data[at] ^= 0xFF
+    return bytes(data)
+
+
+def change_text_checksum(message: bytes) -> bytes:
+    """Another hexadecimal number behind the asterisk: NMEA 0183, ASCII of NovAtel."""
+    found = _HEX.search(message)
+    if found is None:
+        return message
+    size = len(found[0])
+    wrong = int(found[0], 16) ^ (1 << 4 * size) - 1
+    return message[: found.start()] + b"%0*X" % (size, wrong) + message[found.end() :]
+
+
+def nmea_change(options: object) -> MessageChange:
+    """Two digits behind the asterisk."""
+    return change_text_checksum
+
+
+def ublox_change(options: object) -> MessageChange:
+    """CK_B, the last byte of a UBX message; of a sentence between them its own."""
+    return lambda message: flip_byte(message, -1) if message.startswith(UBX) else change_text_checksum(message)
+
+
+def novatel_change(options: object) -> MessageChange:
+    """The CRC of a binary message, its last four bytes; of an ASCII message the eight digits."""
+    return lambda message: flip_byte(message, -CRC_SIZE) if message[:1] == b"\xaa" else change_text_checksum(message)
+
+
+def trailing_crc_change(options: object) -> MessageChange:
+    """CRC-16 in the last two bytes: iXCOM, LWNX."""
+    return lambda message: flip_byte(message, -1)
+
+
+def mavlink_change(options: object) -> MessageChange:
+    """The CRC behind the payload; a signature may follow it."""
+
+    def change(message: bytes) -> bytes:
+        start = HEADER_V2 if message[0] == V2 else HEADER_V1
+        return flip_byte(message, start + message[1])
+
+    return change
+
+
+def radar_altimeter_change(options: freeflight_ra4500.Options) -> MessageChange | None:
+    """Byte 6, where its rule is known; stuffed again where it has to be."""
+    if options.checksum == "none":
+        return None
+    stuffed = bytes([DLE, DLE])
+
+    def change(message: bytes) -> bytes:
+        body = message[len(HEADER) : -len(TRAILER)]
+        plain = body.replace(stuffed, stuffed[:1]) if options.dle_stuffing else body
+        wrong = flip_byte(plain, -1)
+        return HEADER + (wrong.replace(stuffed[:1], stuffed) if options.dle_stuffing else wrong) + TRAILER
+
+    return change
+
+
+def arinc_change(options: arinc429.Options) -> MessageChange | None:
+    """Bit 32 of a word, the parity; in APMP of each word; in chapter 10 the sum behind the body."""
+    if options.packets == "chapter10":
+        return lambda message: flip_byte(message, -1)
+    if options.parity == "none":
+        return None
+    top = 0 if options.byte_order == "big" or options.packets == "apmp" else 3
+    if options.packets == "apmp":
+        return lambda message: _flip_parity(message, apmp.HEADER.size + apmp.TIMES.size + 12, apmp.RECORD.size)
+    return lambda message: _flip_parity(message, top, 4)
+
+
+def _flip_parity(message: bytes, first: int, step: int) -> bytes:
+    data = bytearray(message)
+    for at in range(first, len(data), step):
+        data[at] ^= 0x80
+    return bytes(data)
+
+
+def line_change(options: ascii_line.Options) -> MessageChange | None:
+    """What stands at {checksum}: another number of as many digits."""
+    if options.checksum is None:
+        return None
+    line, ends = ascii_line.LineCodec(options), options.terminator.encode("latin-1")
+
+    def change(message: bytes) -> bytes:
+        found = line.template.match(message.rstrip(ends))
+        if found is None:
+            return message
+        begin, end = found.span("checksum")
+        digit = b"1" if message[end - 1 : end] == b"0" else b"0"
+        return message[: end - 1] + digit + message[end:] if begin < end else message
+
+    return change
+
+
+def frame_change(options: binary_struct.Options) -> MessageChange | None:
+    """The first byte of the checksum, where the description says that it stands."""
+    rule = binary_struct.make_frame_codec(options).checksum
+    return None if rule is None else lambda message: flip_byte(message, rule.place(len(message)))

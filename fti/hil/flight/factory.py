@@ -1,0 +1,122 @@
+"""From the table ``[flight]`` of a scenario to the flight: one function per kind, one table of them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fti.errors import ConfigError
+from fti.geodesy.atmosphere import Atmosphere
+from fti.hil.flight.approach import ApproachPlan, Manoeuvre, approach_flight
+from fti.hil.flight.jsbsim.fdm import Weather
+from fti.hil.flight.jsbsim.flight import fly
+from fti.hil.flight.recorded_flight import recorded_flight
+from fti.hil.flight.trajectory import SplineFlight
+from fti.hil.flight.waypoints import Waypoint, waypoint_flight
+from fti.hil.tables.fault_types import OffTrack
+from fti.hil.tables.flights import ApproachFlight, RecordedFlight, WaypointFlight
+from fti.hil.tables.jsbsim_options import JsbsimFlight
+from fti.hil.tables.schema import Scenario
+from fti.nav.integrity.approach import ApproachPath
+from fti.terrain.terrain import Terrain
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class FlightSite:
+    """Where it is flown: the approach of the airfield, ground and air, geoid above WGS84 [m].
+
+    progress : told how far the making of a flight is
+    """
+
+    path: ApproachPath
+    terrain: Terrain
+    atmosphere: Atmosphere
+    undulation: float
+    progress: Callable[[str], None] = lambda _: None
+
+
+@dataclass(frozen=True, slots=True)
+class FlightBuild:
+    """A flight, from 0 to ``flight.end`` [s], and what is to be told about how it was made.
+
+    surfaces : deflections [rad] of control surfaces by name, where the maker knows them, at ``surfaces_t`` [s]
+    """
+
+    flight: SplineFlight
+    remarks: tuple[str, ...] = ()
+    surfaces_t: Array = field(default_factory=lambda: np.empty(0))
+    surfaces: Mapping[str, Array] = field(default_factory=dict)
+
+
+def make_flight(scenario: Scenario, site: FlightSite) -> FlightBuild:
+    """The flight of a scenario.
+
+    Raises ConfigError or MissingError with what is wrong in the table, or in what it names.
+    """
+    return MAKERS[type(scenario.flight)](scenario.flight, scenario, site)
+
+
+def approach_plan(table: ApproachFlight, scenario: Scenario) -> ApproachPlan:
+    """How the approach is flown: the table, the wind, and the faults that lead off the track."""
+    return ApproachPlan(
+        start=table.start_m,
+        duration=table.duration_s,
+        speed=table.speed_mps,
+        wander=table.wander_m,
+        wander_height=table.wander_height_m,
+        gust=table.gust_mps,
+        wind_n=scenario.air.wind_n,
+        manoeuvres=tuple(
+            Manoeuvre(f.right_m, f.from_s, f.to_s, f.turn_s) for f in scenario.fault if isinstance(f, OffTrack)
+        ),
+    )
+
+
+def _approach(table: ApproachFlight, scenario: Scenario, site: FlightSite) -> FlightBuild:
+    path = site.path
+    flight = approach_flight(path, path.x_gpi, approach_plan(table, scenario), scenario.seed)
+    return FlightBuild(flight.section(0.0, table.duration_s))
+
+
+def _waypoints(table: WaypointFlight, scenario: Scenario, site: FlightSite) -> FlightBuild:
+    del site  # the waypoints say where
+    waypoints = [
+        Waypoint(math.radians(w.lat_deg), math.radians(w.lon_deg), w.alt_m, w.speed_mps) for w in table.waypoint
+    ]
+    try:
+        return FlightBuild(waypoint_flight(waypoints, math.radians(table.bank_deg), scenario.air.wind_n))
+    except ValueError as error:
+        raise ConfigError(f"{scenario.where}: flight.{error}") from None
+
+
+def _recorded(table: RecordedFlight, scenario: Scenario, site: FlightSite) -> FlightBuild:
+    del site  # the recording says where
+    flight, remark = recorded_flight(table, scenario.air.wind_n)
+    return FlightBuild(flight, (remark,))
+
+
+def _jsbsim(table: JsbsimFlight, scenario: Scenario, site: FlightSite) -> FlightBuild:
+    air = Weather(scenario.air.wind_n, site.atmosphere, site.undulation, table.turbulence, scenario.seed)
+    try:
+        flown = fly(table, air, site.path, site.terrain, site.progress)
+    except ConfigError as error:
+        raise ConfigError(f"{scenario.where}: {error}") from None
+    flight = SplineFlight.from_samples(flown.samples).section(0.0, flown.duration)
+    remark = f"the {table.aircraft} of JSBSim flies the route {table.route} in {flown.duration:.0f} s"
+    return FlightBuild(flight, (remark,), flown.samples.t, flown.surfaces())
+
+
+#: What makes a flight of each table: called with the table, its scenario and what is around.
+MAKERS: dict[type, Callable[[Any, Scenario, FlightSite], FlightBuild]] = {
+    ApproachFlight: _approach,
+    WaypointFlight: _waypoints,
+    RecordedFlight: _recorded,
+    JsbsimFlight: _jsbsim,
+}

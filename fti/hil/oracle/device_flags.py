@@ -1,0 +1,324 @@
+"""What the daemon must say of the faults of devices, kind by kind."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from typing import Any
+
+from fti.hil.oracle.flag_definitions import (
+    CLOCK_AWAY_S,
+    CLOCK_LEARN_S,
+    CLOCK_RELEARN_S,
+    DISAGREE_WORDS,
+    HEALTH_S,
+    HEIGHT,
+    HEIGHT_EXCLUSION_S,
+    INTEGRITY,
+    LINKS,
+    MEMORY_S,
+    MEMORY_WORDS,
+    MIN_CLOCK_ERROR_S,
+    MIN_WRONG_BITS,
+    NAV_EVENT,
+    NAV_S,
+    RATE_SHARE,
+    SILENT_S,
+    SOLUTION,
+    SOURCE_REFUSAL_S,
+    TRIAL_S,
+    UNCERTAIN_WORDS,
+    UNIT_S,
+    WINDOW_S,
+    ExpectedFlag,
+    FaultCase,
+    FaultFlags,
+    FlagAllowance,
+    RuleResult,
+    monitor_recovery_s,
+)
+from fti.hil.oracle.ground_flags import fog_flags, gnss_offset_flags, stuck_flags, wrong_value_flags
+from fti.hil.oracle.source_flags import INDISTINGUISHABLE, expected_source_flags
+from fti.hil.oracle.truth_checked_faults import SourceFault
+from fti.hil.tables.fault_base import DeviceFault, QuantityFault
+from fti.hil.tables.fault_types import (
+    AttitudeOffset,
+    BitErrors,
+    Breaker,
+    BrownOut,
+    Burst,
+    ClockDrift,
+    ClockJump,
+    Cut,
+    Duplicated,
+    Fog,
+    Freeze,
+    GnssDegraded,
+    GnssOffset,
+    GnssOutage,
+    GnssRamp,
+    InertialBias,
+    Invalid,
+    Latency,
+    LeverArm,
+    LostHeader,
+    Reordered,
+    Stuck,
+    SwappedCoordinates,
+    Truncated,
+    Undulation,
+    WrongChecksum,
+    WrongLabel,
+)
+
+
+def flags_on_device(fault: DeviceFault, case: FaultCase) -> FaultFlags:
+    """What is due of one fault on one device; duties that are too long for it are not."""
+    for kinds, rule in RULES:
+        if isinstance(fault, kinds):
+            expected_flags, unknown = rule(fault, case)
+            expected_flags = [*expected_flags, *expected_source_flags(fault, case)]
+            unknown = "" if expected_flags else unknown
+            return FaultFlags.from_flags(
+                case.name, expected_flags, tuple(consequences(case, *_health_words(fault))), unknown
+            )
+    raise AssertionError(f"no flags are stated for {type(fault).__name__}")
+
+
+def _cut_flags(fault: Cut, case: FaultCase) -> RuleResult:
+    return silence_flags(case), ""
+
+
+def silence_flags(case: FaultCase) -> list[ExpectedFlag]:
+    """Nothing of the device arrives any more."""
+    craft, name = case.craft, case.name
+    noticed = HEALTH_S + (SILENT_S if craft.is_alone(name) else WINDOW_S)
+    health = case.expected_flag(
+        case.health, "silent", "noise", within_s=noticed, clears_s=craft.boot_s(name) + HEALTH_S + 1.0
+    )
+    return [health, *_stale_flags(case)]
+
+
+def _power_flags(fault: Breaker | BrownOut, case: FaultCase) -> RuleResult:
+    """A breaker is open, or the voltage is below what the device needs; power units say which."""
+    if isinstance(fault, BrownOut) and not case.craft.stops_at(case.name, fault.supply_v):
+        return [], ""
+    word = f"{case.name}_{'tripped' if isinstance(fault, Breaker) else 'brown_out'}"
+    units = case.craft.power_units
+    within_s, clears_s = UNIT_S, UNIT_S + case.craft.boot_s(case.name)
+    told = [case.expected_flag(f"/{unit}/device_status", word, within_s=within_s, clears_s=clears_s) for unit in units]
+    return [*told, *silence_flags(case)], ""
+
+
+def _stale_flags(case: FaultCase) -> list[ExpectedFlag]:
+    """Navigation has nothing new of the device."""
+    age = case.craft.max_age_s(case.name)
+    back = case.craft.boot_s(case.name) + 2 * case.craft.period_s(case.name) + NAV_S
+    return _loss_flags(case, ("stale",), age + NAV_S, back)
+
+
+def _loss_flags(
+    case: FaultCase, against_height: tuple[str, ...], within_s: float, clears_s: float
+) -> list[ExpectedFlag]:
+    """What navigation says when it cannot use a device: of the height, and that another source has taken over."""
+    craft, name, found = case.craft, case.name, list[ExpectedFlag]()
+    if name in craft.altimeters:
+        found.append(case.expected_flag(f"{HEIGHT}/{name}", *against_height, within_s=within_s, clears_s=clears_s))
+    for role in craft.preferred_roles(name):
+        words = (f"{role} not from {name}",)
+        found.append(case.expected_flag(SOLUTION, *words, within_s=within_s, clears_s=clears_s + SOURCE_REFUSAL_S))
+    return found
+
+
+def _invalid_flags(fault: Invalid, case: FaultCase) -> RuleResult:
+    """The device declares its measurements invalid."""
+    if not case.craft.can_declare_invalid(case.name):
+        return [], "its protocol has no way to say so"
+    soon = case.craft.period_s(case.name) + NAV_S
+    back = 2 * case.craft.period_s(case.name) + NAV_S
+    words = fault.flags
+    expected_flags = [case.expected_flag(f"/{case.name}/", "invalid", *words, within_s=soon, clears_s=back)]
+    expected_flags += [
+        case.expected_flag(f"/{case.name}/device_status", word, within_s=soon, clears_s=back) for word in words
+    ]
+    return expected_flags + _loss_flags(case, ("device_flag", "no_return"), soon, back), ""
+
+
+def _outage_flags(fault: GnssOutage, case: FaultCase) -> RuleResult:
+    """A receiver declares its position invalid, and has a fix again a while after the signals are back."""
+    name, period = case.name, case.craft.period_s(case.name)
+    if not case.craft.is_receiver(name):
+        return [], "it goes on with what it has besides satellites"
+    soon, back = period + NAV_S, 2 * period + NAV_S + case.craft.FIX_S
+    expected_flags = [case.expected_flag(f"/{name}/", "invalid", within_s=soon, clears_s=back)]
+    if "position" in case.craft.preferred_roles(name):
+        expected_flags.append(
+            case.expected_flag(SOLUTION, f"position not from {name}", within_s=soon, clears_s=back + SOURCE_REFUSAL_S)
+        )
+    return expected_flags, ""
+
+
+def _degraded_flags(fault: GnssDegraded, case: FaultCase) -> RuleResult:
+    """A receiver states its standard deviation with each position, where its protocol has a place for it."""
+    if not case.craft.is_receiver(case.name):
+        return [], "a position without a standard deviation"
+    stated = {"horizontal": fault.horizontal_m, "vertical": fault.vertical_m}
+    soon = case.craft.period_s(case.name) + SILENT_S  # positions may be rarer than its other messages
+    place = f"/{case.name}/position"
+    return [
+        replace(case.expected_flag(f"{place}.{axis}_sd", within_s=soon, clears_s=0.0), value=sd)
+        for axis, sd in stated.items()
+    ], ""
+
+
+def _freeze_flags(fault: Freeze, case: FaultCase) -> RuleResult:
+    """Old messages say old times; of a device without a clock nobody can tell."""
+    if not case.craft.sends_time(case.name):
+        return [], "old messages without a time look like new ones"
+    return [_clock_away_flag(case)], ""
+
+
+def _clock_away_flag(case: FaultCase) -> ExpectedFlag:
+    due = case.expected_flag(
+        case.health, "clock away", within_s=CLOCK_AWAY_S + HEALTH_S, clears_s=_relearn_s(case) + HEALTH_S
+    )
+    return replace(due, clock=case.name)
+
+
+def _relearn_s(case: FaultCase) -> float:
+    """What has lasted was learned, and has to be learned again when it ends [s]."""
+    return CLOCK_RELEARN_S if case.until_s - case.from_s > CLOCK_LEARN_S else 1.0
+
+
+def _clock_jump_flags(fault: ClockJump, case: FaultCase) -> RuleResult:
+    if abs(fault.by_s) < MIN_CLOCK_ERROR_S:
+        return [], "a clock that is off by less than what is usual"
+    return [_clock_away_flag(case)], ""
+
+
+def _clock_drift_flags(fault: ClockDrift, case: FaultCase) -> RuleResult:
+    return [], "a slow drift, which is taken for the clock's own"
+
+
+def _damage_flags(fault: Any, case: FaultCase) -> RuleResult:
+    """Bytes are refused; of a share of messages nothing else follows.  On CAN that is a frame that is too short."""
+    if case.craft.is_on_can(case.name) and not isinstance(fault, Truncated):
+        return [], "wrong data in a frame whose checksum is good"
+    if isinstance(fault, BitErrors) and _wrong_bits(fault, case) < MIN_WRONG_BITS:
+        return [], "fewer wrong bits than can be relied upon"
+    refused = case.expected_flag(case.health, "damaged bytes", within_s=HEALTH_S + 1.0, clears_s=HEALTH_S + 1.0)
+    return [refused, *(_stale_flags(case) if getattr(fault, "share", 0.0) >= 1.0 else [])], ""
+
+
+def _wrong_bits(fault: BitErrors, case: FaultCase) -> float:
+    bits_per_message = 64.0
+    return fault.rate * bits_per_message * (case.until_s - case.from_s) / case.craft.period_s(case.name)
+
+
+def _wrong_label_flags(fault: WrongLabel, case: FaultCase) -> RuleResult:
+    """What nobody knows is as if it had not been sent."""
+    if fault.share < 1.0:
+        return [], "messages with an unknown identifier, which are another device's for all that is known"
+    late = WINDOW_S + HEALTH_S
+    health = [case.expected_flag(case.health, "silent", "noise", "wrong rate", within_s=late, clears_s=late)]
+    return [*(health if case.craft.has_rate(case.name) else []), *_stale_flags(case)], ""
+
+
+def _duplicate_flags(fault: Duplicated, case: FaultCase) -> RuleResult:
+    if fault.share < RATE_SHARE or not case.craft.has_rate(case.name):
+        return [], "messages that come twice"
+    return [
+        case.expected_flag(case.health, "wrong rate", within_s=WINDOW_S + HEALTH_S, clears_s=WINDOW_S + HEALTH_S)
+    ], ""
+
+
+def _burst_flags(fault: Burst, case: FaultCase) -> RuleResult:
+    """Held back for longer than a measurement may be old."""
+    if fault.hold_s < case.craft.max_age_s(case.name) + 2 * NAV_S:
+        return [], "messages that come together and not too late"
+    return _stale_flags(case), ""
+
+
+def _undetected_rule(what: str) -> Callable[[Any, FaultCase], RuleResult]:
+    return lambda fault, case: ([], what)
+
+
+#: Kinds of faults of devices, and what is due.
+RULES: Sequence[tuple[Any, Callable[[Any, FaultCase], RuleResult]]] = (
+    (Cut, _cut_flags),
+    (Breaker | BrownOut, _power_flags),
+    (Freeze, _freeze_flags),
+    (Stuck, stuck_flags),
+    (Invalid, _invalid_flags),
+    (GnssOutage, _outage_flags),
+    (QuantityFault, wrong_value_flags),
+    (GnssDegraded, _degraded_flags),
+    (GnssOffset, gnss_offset_flags),
+    (LeverArm, _undetected_rule("a device that is mounted elsewhere")),
+    (
+        GnssRamp | SwappedCoordinates | Undulation | AttitudeOffset | InertialBias | Latency,
+        _undetected_rule(INDISTINGUISHABLE),
+    ),
+    (Fog, fog_flags),
+    (ClockJump, _clock_jump_flags),
+    (ClockDrift, _clock_drift_flags),
+    (BitErrors | LostHeader | Truncated | WrongChecksum, _damage_flags),
+    (WrongLabel, _wrong_label_flags),
+    (Duplicated, _duplicate_flags),
+    (Reordered, _undetected_rule("messages out of order")),
+    (Burst, _burst_flags),
+)
+
+
+#: What health may say of a device whose messages come whole, in time and with the right time: that they are invalid.
+#: A wrong number may be one that no message can carry: then none comes.
+NO_MESSAGE_WORDS = ("silent", "noise", "wrong rate")
+HEALTH_WORDS: Sequence[tuple[Any, tuple[str, ...]]] = (
+    (QuantityFault | SwappedCoordinates, ("invalid", *NO_MESSAGE_WORDS)),
+    (Stuck | Invalid | Fog | GnssDegraded | GnssOffset | SourceFault, ("invalid",)),
+    (GnssOutage, ("invalid", "clock away")),
+    (ClockJump | ClockDrift, ("clock away",)),
+    (Duplicated, ("wrong rate",)),
+    (Cut | Breaker | BrownOut, ("invalid", "clock away", *NO_MESSAGE_WORDS)),
+)
+
+
+def _health_words(fault: DeviceFault) -> tuple[str, ...]:
+    """The words with which health may speak of the device because of the fault; none: any."""
+    return next((words for kinds, words in HEALTH_WORDS if isinstance(fault, kinds)), ())
+
+
+def consequences(case: FaultCase, *in_health: str) -> Iterator[FlagAllowance]:
+    """Where a fault of a device may show, and until when.  in_health : the words that health may say; none: any"""
+    craft, name, begin, end = case.craft, case.name, case.from_s, case.until_s + case.craft.boot_s(case.name)
+    age = craft.max_age_s(name) + 1.0
+    health = WINDOW_S + HEALTH_S + 1.0 + (_relearn_s(case) if craft.sends_time(name) else 0.0)
+    yield FlagAllowance(f"/{name}/", begin, end + age + craft.FIX_S)
+    yield FlagAllowance(case.health, begin, end + health, in_health)
+    yield from (FlagAllowance(f"/{unit}/device_status", begin, end + UNIT_S) for unit in craft.power_units)
+    yield FlagAllowance(f"/fti/event/{name}", begin, end + health)
+    if not in_health or "silent" in in_health:
+        yield FlagAllowance(f"{LINKS}/{craft.link_of(name)}", begin, end + health)
+    if name in craft.altimeters:
+        yield FlagAllowance(f"{HEIGHT}/{name}", begin, end + age)
+        yield FlagAllowance(f"{HEIGHT}/{name}", begin, end + age + MEMORY_S, MEMORY_WORDS)
+        for other in craft.altimeters:  # one of two that disagree may be any
+            yield FlagAllowance(f"{HEIGHT}/{other}", begin, end + age + MEMORY_S, DISAGREE_WORDS)
+            yield FlagAllowance(f"/fti/event/{other}", begin, end + age + MEMORY_S)
+    if name in craft.filter_altimeters:
+        yield FlagAllowance(NAV_EVENT, begin, end + age + HEIGHT_EXCLUSION_S)
+        yield FlagAllowance(f"{HEIGHT}/{name}", begin, end + age + HEIGHT_EXCLUSION_S, ("excluded",))
+    if name in craft.sources:
+        refused = end + age + craft.FIX_S + SOURCE_REFUSAL_S
+        places = (SOLUTION, HEIGHT, NAV_EVENT, f"/fti/event/{name}")
+        yield from (FlagAllowance(place, begin, refused) for place in places)
+        yield FlagAllowance(HEIGHT, begin, end + age + craft.FIX_S + MEMORY_S, MEMORY_WORDS)
+        yield from (FlagAllowance(f"/fti/event/{other}", begin, end + age + craft.FIX_S) for other in craft.altimeters)
+        for other in craft.filter_altimeters:  # a sound one contradicts a filter that has followed a wrong place
+            yield FlagAllowance(f"{HEIGHT}/{other}", begin, end + age + craft.FIX_S + HEIGHT_EXCLUSION_S, ("excluded",))
+            yield FlagAllowance(NAV_EVENT, begin, end + age + craft.FIX_S + HEIGHT_EXCLUSION_S)
+    if name in craft.altimeters or name in craft.sources:
+        judged = end + age + craft.FIX_S + monitor_recovery_s(craft)
+        yield FlagAllowance(INTEGRITY, begin, judged)
+        if name in craft.filter_gnss:
+            yield FlagAllowance(INTEGRITY, begin, judged + TRIAL_S, UNCERTAIN_WORDS)

@@ -1,0 +1,187 @@
+"""Every kind of fault as users read it: meaning, keys with unit, default and limits, subjects, flags, an example.
+
+Everything is taken from the tables that a scenario is read with (``fti.hil.tables.fault_types``), from the drivers that can
+have a fault, and from the flags that the score expects.
+"""
+
+from __future__ import annotations
+
+import inspect
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cache
+from typing import Any, get_args
+
+from fti.config import StrictModel
+from fti.hil.faults.applicability import drivers_of
+from fti.hil.oracle.flags_of_kinds import FLAGS, NO_FLAG, KindFlag
+from fti.hil.tables.fault_base import DeviceFault, LinkFault, MessageFault, QuantityFault
+from fti.hil.tables.fault_types import (
+    AttitudeOffset,
+    CanStatus,
+    Fault,
+    FaultKind,
+    Fog,
+    InertialBias,
+    LeverArm,
+    Obstacle,
+    OffTrack,
+    PowerFault,
+    SwappedCoordinates,
+    TerrainShift,
+    Undulation,
+)
+
+#: Keys that a kind shares with all others of devices, or of links.
+SHARED_KEYS = ("devices", "links", "from_s", "to_s")
+#: What a fault can be of; the first that fits.
+SUBJECTS: tuple[tuple[Any, str], ...] = (
+    (Obstacle | OffTrack | TerrainShift, "the world"),
+    (CanStatus, "CAN links with an slcan adapter"),
+    (LinkFault, "CAN links"),
+    (QuantityFault, "devices that measure the quantity"),
+    (MessageFault, "messages of devices"),
+    (SwappedCoordinates, "devices that send a latitude and a longitude"),
+    (Undulation, "devices that send a height above the ellipsoid, or an undulation"),
+    (LeverArm, "devices that send a position, a velocity or a range"),
+    (AttitudeOffset, "devices that send the angle"),
+    (InertialBias, "devices that send the angular rate or the specific force of the axis"),
+    (Fog, "devices; of these only laser altimeters are affected"),
+    (PowerFault, "devices, except power units"),
+    (DeviceFault, "devices"),
+)
+#: Devices of configs/demo.toml for the kinds that its altimeter, of the other examples, cannot have.
+OTHER_DEVICES: Mapping[FaultKind, str] = {
+    FaultKind.ATTITUDE_OFFSET: "ahrs",
+    FaultKind.CLOCK_DRIFT: "gnss",
+    FaultKind.CLOCK_JUMP: "gnss",
+    FaultKind.FOG: "autopilot",
+    FaultKind.GNSS_DEGRADED: "gnss",
+    FaultKind.GNSS_OFFSET: "gnss",
+    FaultKind.GNSS_OUTAGE: "gnss",
+    FaultKind.GNSS_RAMP: "gnss",
+    FaultKind.INERTIAL_BIAS: "ins",
+    FaultKind.LEVER_ARM: "gnss",
+    FaultKind.SWAPPED_COORDINATES: "gnss",
+    FaultKind.UNDULATION: "gnss",
+    FaultKind.WRONG_CHECKSUM: "gnss",
+    FaultKind.WRONG_LABEL: "gnss",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Key:
+    """A key of a [[fault]] table.  default : as TOML; "" where the key is required, "none" where it may be absent"""
+
+    name: str
+    unit: str
+    default: str
+    limits: str
+    description: str
+
+
+@dataclass(frozen=True, slots=True)
+class FaultDescription:
+    """A kind of fault.
+
+    description : what the fault is, the first line is a summary; drivers : that can have it, None: no restriction
+    no_flag     : why it never raises a flag; where it has flags, when it raises none although it could; or ""
+    example     : a [[fault]] table, valid with configs/demo.toml
+    """
+
+    kind: str
+    description: str
+    subject: str
+    drivers: tuple[str, ...] | None
+    keys: tuple[Key, ...]
+    flags: tuple[KindFlag, ...]
+    no_flag: str
+    example: str
+
+    @property
+    def own_keys(self) -> tuple[Key, ...]:
+        """The keys that it does not share with all others of devices or of links; of the world: all."""
+        shares = any(key.name in ("devices", "links") for key in self.keys)
+        return tuple(key for key in self.keys if not shares or key.name not in SHARED_KEYS)
+
+
+@cache
+def kinds() -> Mapping[str, FaultDescription]:
+    """Every kind of fault by its name, in the order of ``FaultKind``."""
+    models = {
+        kind: model
+        for model in get_args(get_args(Fault)[0])
+        for kind in get_args(model.model_fields["kind"].annotation)
+    }
+    return {kind.value: _kind(kind, models[kind]) for kind in FaultKind}
+
+
+def _kind(kind: FaultKind, model: type[StrictModel]) -> FaultDescription:
+    schema = model.model_json_schema()
+    table = {name: entry for name, entry in schema["properties"].items() if name != "kind"}
+    ordered = sorted(table, key=SHARED_KEYS.__contains__)  # its own keys first
+    return FaultDescription(
+        kind.value,
+        inspect.getdoc(model) or "",
+        next(text for classes, text in SUBJECTS if issubclass(model, classes)),
+        drivers_of(model),
+        tuple(_key(name, table[name], name in schema["required"]) for name in ordered),
+        FLAGS[kind],
+        _no_flag(kind),
+        "\n".join(_example(kind, table, ordered)),
+    )
+
+
+def _no_flag(kind: FaultKind) -> str:
+    return NO_FLAG.get(kind, "") if FLAGS[kind] else "the daemon does not detect it"
+
+
+def _example(kind: FaultKind, table: Mapping[str, Any], ordered: list[str]) -> Iterator[str]:
+    yield "[[fault]]"
+    yield f'kind = "{kind}"'
+    values = {name: table[name]["examples"][0] for name in ordered if "examples" in table[name]}
+    if kind in OTHER_DEVICES:
+        values["devices"] = [OTHER_DEVICES[kind]]
+    for name, value in values.items():
+        yield f"{name} = {json.dumps(value)}"
+
+
+# ---------------------------------------------------------------------------------------------------------- of a key
+
+
+def _key(name: str, schema: Mapping[str, Any], required: bool) -> Key:
+    default = schema.get("default")
+    shown = "" if required else "none" if default is None else json.dumps(default)
+    return Key(name, schema["unit"], shown, limits(schema), schema["description"])
+
+
+def limits(schema: Mapping[str, Any]) -> str:
+    """The allowed values of a key in words, from its JSON schema."""
+    if "anyOf" in schema:
+        return " or ".join(limits(part) for part in schema["anyOf"] if part.get("type") != "null")
+    if schema.get("type") == "boolean":
+        return "true or false"
+    if "enum" in schema:
+        return f"one of {', '.join(schema['enum'])}"
+    if schema["type"] == "array":
+        return _list_limits(schema)
+    if schema["type"] == "string":
+        return "name (lower-case letters, digits, _)" if "pattern" in schema else "text"
+    return _number_limits(schema)
+
+
+def _list_limits(schema: Mapping[str, Any]) -> str:
+    if "prefixItems" in schema:
+        return f"{len(schema['prefixItems'])} numbers, each {limits(schema['prefixItems'][0])}"
+    return f"list{', not empty' if schema.get('minItems') else ''}, each {limits(schema['items'])}"
+
+
+def _number_limits(schema: Mapping[str, Any]) -> str:
+    what = "whole number" if schema["type"] == "integer" else "number"
+    bounds = [
+        f"{sign} {schema[name]:g}" if what == "number" else f"{sign} {schema[name]}"
+        for name, sign in (("exclusiveMinimum", ">"), ("minimum", ">="), ("exclusiveMaximum", "<"), ("maximum", "<="))
+        if name in schema
+    ]
+    return " ".join((what, ", ".join(bounds))).strip()

@@ -1,0 +1,181 @@
+"""What the daemon must say of each fault, and how soon: the flags of ``FaultKind``.
+
+A flag is a word at a place of the recorded session (``fti.post.score.messages``):
+
+place                                words
+-----------------------------------  ----------------------------------------------------------------------------------
+/nav/height_above_ground/ALTIMETER   the reasons against a height: stale, device_flag, no_return, deviation ...
+                                     terrain_edge, terrain_hole: nothing is known there to compare it with
+/nav/nav_solution                    its reasons; "position not from D", "attitude not from D": D is the preferred one;
+                                     "position from filter", "position from radio": no device has one
+/nav/clearance_integrity             unavailable, caution, alert, and the reasons
+/fti/health/devices/D                silent, noise, invalid, wrong rate; "damaged bytes" while bytes are refused;
+                                     "clock away" while its time does not fit
+/fti/health/links/L                  absent, denied, busy, silent
+/fti/ledger/L                        errors that the line counts: slcan_bus_error, can_bus_off ...
+/fti/alarm                           identities of alarms, which follow from other flags (``alarm_flags``)
+/D/device_status                     the conditions that a device names while it is not well
+/D/...                               invalid: a measurement that the device declares so
+
+A duty is due when the fault lasts longer than it may take.  What no part of the daemon compares raises no flag, which
+is neither a miss nor a success; ``compared`` lists the faults whose effects on the outputs are judged by the truth.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fti.hil.faults.applicability import applies_to
+from fti.hil.oracle.device_flags import consequences, flags_on_device, silence_flags
+from fti.hil.oracle.fallbacks import fallback_flags
+from fti.hil.oracle.flag_definitions import (
+    CONFIRM_S,
+    GROUND_WORDS,
+    HEALTH_S,
+    HEIGHT,
+    INTEGRITY,
+    LEDGER,
+    LEDGER_CLEARS_S,
+    LEDGER_S,
+    LINKS,
+    MEMORY_S,
+    MEMORY_WORDS,
+    MIN_SPEED_MPS,
+    NAV_EVENT,
+    NAV_S,
+    OBSTACLE_M,
+    SILENT_S,
+    SOLUTION,
+    WINDOW_S,
+    ExpectedFlag,
+    FaultCase,
+    FaultFlags,
+    FlagAllowance,
+    monitor_recovery_s,
+)
+from fti.hil.oracle.roles import AircraftRoles, TruthSeries
+from fti.hil.tables.fault_base import LinkFault
+from fti.hil.tables.fault_types import Babbling, BusOff, CanStatus, Fault, Obstacle, OffTrack, TerrainShift
+
+
+def flags_of_fault(fault: Fault, craft: AircraftRoles, truth: TruthSeries) -> list[FaultFlags]:
+    """What the daemon must, and may, say of a fault; one for each device or link that it is on."""
+    if isinstance(fault, Obstacle):
+        return [_obstacle_flags(fault, craft, truth)]
+    if isinstance(fault, OffTrack):
+        return [_off_track_flags(fault, craft, truth)]
+    if isinstance(fault, TerrainShift):
+        return [_terrain_shift_flags(craft, truth)]
+    if isinstance(fault, LinkFault):
+        return [_link_flags(fault, craft, truth, name) for name in fault.links or craft.can_links(fault)]
+    names = [bound.device.name for bound in craft.devices if applies_to(fault, bound)]
+    return [flags_on_device(fault, FaultCase(craft, truth, name, fault.from_s, fault.to_s)) for name in names]
+
+
+def flags_of_scenario(
+    faults: tuple[Fault, ...], craft: AircraftRoles, truth: TruthSeries
+) -> list[tuple[int, FaultFlags]]:
+    """What the daemon must, and may, report of all faults of a scenario, each with the index of its fault.
+
+    Of each fault by itself, then of those that together leave navigation without a device for its position.
+    """
+    single = [(index, one) for index, fault in enumerate(faults) for one in flags_of_fault(fault, craft, truth)]
+    return single + fallback_flags(faults, craft)
+
+
+# ------------------------------------------------------------------------------------------------- of the world
+
+
+def _obstacle_flags(fault: Obstacle, craft: AircraftRoles, truth: TruthSeries) -> FaultFlags:
+    """Above it, the return of the altimeter is the obstacle's; beside it, as soon as the beam reaches it."""
+    reach = craft.beam_reach * truth.height_agl
+    near = abs(fault.before_threshold_m - truth.before_threshold)
+    above = truth.span(near <= fault.length_m / 2)
+    beside = truth.span(near <= fault.length_m / 2 + reach)
+    if beside is None:
+        return FaultFlags("flight", (), ())
+    begin, end = beside
+    last = end + monitor_recovery_s(craft)
+    may = (FlagAllowance(INTEGRITY, begin, last), *_terrain_allowances(craft, begin, end))
+    if above is None:  # the flight ended with the obstacle ahead, where the beam saw it
+        return FaultFlags("flight", (), may)
+    left = above[0] + craft.window_m / MIN_SPEED_MPS  # the window, at the earliest
+    expected_flag = ExpectedFlag(INTEGRITY, ("obstacle",), above[0], left, CONFIRM_S, last - left)
+    seen = fault.height_m >= OBSTACLE_M and abs(fault.right_m) <= fault.width_m / 2 and craft.has_approach
+    expected_flags = (expected_flag, *_deviation_flags(craft, truth, above)) if seen else ()
+    unknown = "" if seen else f"lower than {OBSTACLE_M:g} m, beside the track, or without an approach"
+    return FaultFlags("flight", expected_flags, may, unknown)
+
+
+def _terrain_allowances(craft: AircraftRoles, begin: float, end: float) -> tuple[FlagAllowance, ...]:
+    """Ground that is not as it is known speaks against every altimeter."""
+    return (
+        *(FlagAllowance(f"{HEIGHT}/{name}", begin, end + SILENT_S, GROUND_WORDS) for name in craft.altimeters),
+        *(FlagAllowance(f"{HEIGHT}/{name}", begin, end + MEMORY_S, MEMORY_WORDS) for name in craft.altimeters),
+        *(FlagAllowance(f"/fti/event/{name}", begin, end + MEMORY_S) for name in craft.altimeters),
+    )
+
+
+def _deviation_flags(craft: AircraftRoles, truth: TruthSeries, above: tuple[float, float]) -> list[ExpectedFlag]:
+    """A radar above it says what the known ground does not explain, as long as it can measure at all."""
+    if not craft.has_terrain:
+        return []
+    highest = float(np.max(truth.height_agl[(truth.t >= above[0]) & (truth.t <= above[1])]))
+    radars = [name for name in craft.altimeters if not craft.is_laser(name) and highest < craft.range_m(name)]
+    return [
+        ExpectedFlag(
+            f"{HEIGHT}/{name}", ("deviation",), *above, craft.period_s(name) + NAV_S, SILENT_S + above[1] - above[0]
+        )
+        for name in radars
+    ]
+
+
+def _off_track_flags(fault: OffTrack, craft: AircraftRoles, truth: TruthSeries) -> FaultFlags:
+    """As long as the aircraft is beyond what the approach allows; no side step is that large: nothing is due."""
+    beyond = truth.span(abs(truth.offset) > craft.track_limit_m)
+    if beyond is None or not craft.has_approach:
+        return FaultFlags("flight", (), (FlagAllowance(INTEGRITY, fault.from_s, fault.to_s + fault.turn_s),))
+    begin, end = beyond
+    expected_flag = ExpectedFlag(INTEGRITY, ("off_track",), begin, end, NAV_S + SILENT_S, NAV_S + SILENT_S)
+    return FaultFlags("flight", (expected_flag,), (FlagAllowance(INTEGRITY, begin, end + monitor_recovery_s(craft)),))
+
+
+def _terrain_shift_flags(craft: AircraftRoles, truth: TruthSeries) -> FaultFlags:
+    """Everything that is compared with the elevation model, and what it aids, may be contradicted at any time."""
+    end = truth.end_s + SILENT_S
+    places = (INTEGRITY, HEIGHT, SOLUTION, NAV_EVENT, *(f"/fti/event/{name}" for name in craft.altimeters))
+    may = tuple(FlagAllowance(place, 0.0, end) for place in places if craft.has_terrain or place == INTEGRITY)
+    return FaultFlags("flight", (), may, "an elevation model that is displaced")
+
+
+# --------------------------------------------------------------------------------------------------- of a line
+
+
+def _link_flags(fault: LinkFault, craft: AircraftRoles, truth: TruthSeries, link: str) -> FaultFlags:
+    """Everything that is on a bus."""
+    end = fault.to_s + LEDGER_S
+    may = [FlagAllowance(f"{place}/{link}", fault.from_s, end + WINDOW_S) for place in (LEDGER, LINKS, "/fti/event")]
+    if isinstance(fault, Babbling):
+        return FaultFlags(link, (), tuple(may), "a bus that is loaded by one node")
+    case = FaultCase(craft, truth, link, fault.from_s, fault.to_s)
+    expected_flags = _bus_off_flags(case) if isinstance(fault, BusOff) else _status_flags(fault, case)
+    if isinstance(fault, BusOff):
+        for device in craft.devices_on_link(link):
+            one = FaultCase(craft, truth, device, fault.from_s, fault.to_s)
+            expected_flags += silence_flags(one)
+            may += consequences(one)
+    return FaultFlags.from_flags(link, expected_flags, may)
+
+
+def _bus_off_flags(case: FaultCase) -> list[ExpectedFlag]:
+    return [case.expected_flag(f"{LINKS}/{case.name}", "silent", within_s=SILENT_S + HEALTH_S, clears_s=HEALTH_S + 1.0)]
+
+
+def _status_flags(fault: LinkFault, case: FaultCase) -> list[ExpectedFlag]:
+    """Every flag that the adapter is given to tell is counted."""
+    assert isinstance(fault, CanStatus)
+    place = f"{LEDGER}/{case.name}"
+    return [
+        case.expected_flag(place, f"slcan_{flag}", within_s=LEDGER_S, clears_s=LEDGER_CLEARS_S, needs_ports=True)
+        for flag in fault.flags
+    ]

@@ -1,0 +1,201 @@
+"""Which topics a configuration promises, how often, and on which devices each depends.
+
+Rates of navigation: ``fti.nav.pipeline`` and ``fti.nav.fallbacks``.  Measurements come as often as the emulator sends
+them (``fti.hil.sensors.sent_rates``); a recording may thin them out to ``MIN_RECORDED_HZ``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+from fti.config import Config, Device, Nav, position_sources
+from fti.hil.oracle.flag_definitions import HEIGHT, INTEGRITY, SOLUTION
+from fti.nav.integrity.reference import ApproachReference, fits
+
+GLIDE, LOCATION = "/nav/glide_slope", "/nav/location"
+VALIDITY = "/nav/source_validity"
+HEIGHT_BELOW = "/nav/height_below_aircraft"
+FILTER, VERTICAL, FIX = "/nav/filter_solution", "/nav/vertical_solution", "/nav/position_fix"
+SOLUTION_HZ, FILTER_HZ, FIX_HZ = 25.0, 5.0, 2.0
+#: Outputs without news are repeated twice a second, the monitor updates at most five times a second, the validity of a
+#: source ten times [Hz].
+REPEAT_HZ, MONITOR_HZ, VALIDITY_HZ = 2.0, 5.0, 10.0
+#: Navigation is never silent for longer: the repetition, and two ticks [s].
+NAV_GAP_S = 0.56
+#: What is calculated for a tick is as old as a tick and the emulator's jitter let it be [s].
+OUTPUT_AGE_S = 0.1
+#: A recording keeps at least so many measurements of a kind a second.
+MIN_RECORDED_HZ = 5.0
+#: A measurement may be left out of a recording, and the next one be late, twice in a row.
+MAX_GAP_PERIODS, GAP_MARGIN_S = 3.0, 0.1
+#: Rates within this share of the promise.
+TOLERANCE = 0.1
+#: From the first input until a filter is aligned, or a fix is made [s].
+ALIGNMENT_S, FIRST_FIX_S = 20.0, 5.0
+#: What a wrong input leaves behind: in a filter, in a fix, in what is calculated anew from each sample [s].
+FILTER_MEMORY_S, FIX_MEMORY_S, SAMPLE_MEMORY_S = 30.0, 10.0, 3.0
+
+
+@dataclass(frozen=True, slots=True)
+class RequiredOutput:
+    """A topic that the configuration promises.
+
+    devices     : what it is calculated from; a fault of one explains that it is rarer or not valid
+    preferred   : lists of devices of which the first that has an answer counts: a wrong value of a later one explains
+                  nothing while an earlier one is there.  A device may be in ``devices`` alone: it always counts
+    rate_hz     : least and most while every device is good
+    gap_s       : longest time without a message while every device is good
+    always_gap_s: the same whatever the devices do; None: not promised
+    age_s       : a valid one is no older [s]
+    lead_s      : so long after the first input it need not be valid
+    memory_s    : so long after a fault its effect may last
+    """
+
+    topic: str
+    devices: tuple[str, ...]
+    rate_hz: tuple[float, float]
+    gap_s: float
+    age_s: float
+    preferred: tuple[tuple[str, ...], ...] = ()
+    always_gap_s: float | None = None
+    lead_s: float = 1.0
+    memory_s: float = SAMPLE_MEMORY_S
+
+
+def required_outputs(
+    config: Config, reference: ApproachReference | None, sent: Mapping[str, Mapping[str, float]]
+) -> list[RequiredOutput]:
+    """Everything that is promised.
+
+    sent : rate [Hz] of each kind of measurement of each device; none: an older truth file, which does not state it
+    """
+    return [
+        *_navigation_outputs(config.nav),
+        *_source_outputs(config, sent),
+        *_height_outputs(config, sent),
+        *_height_below_outputs(config, sent),
+        *_approach_outputs(config, reference),
+        *_measurement_outputs(config, sent),
+    ]
+
+
+def _tolerance_band(rate_hz: float) -> tuple[float, float]:
+    return (1.0 - TOLERANCE) * rate_hz, (1.0 + TOLERANCE) * rate_hz
+
+
+def _navigation_outputs(nav: Nav) -> Iterator[RequiredOutput]:
+    roles = (nav.position, nav.attitude)
+    sources = _devices(*roles)
+    yield RequiredOutput(
+        SOLUTION, sources, _tolerance_band(SOLUTION_HZ), 0.1, OUTPUT_AGE_S, roles, always_gap_s=NAV_GAP_S
+    )
+    if nav.position and nav.attitude:  # an antenna is not P: without an attitude nobody knows where P is
+        yield RequiredOutput(LOCATION, sources, _tolerance_band(SOLUTION_HZ), 0.1, OUTPUT_AGE_S, roles)
+    if nav.filter:
+        inputs = _devices((nav.filter.imu,), nav.filter.gnss, nav.filter.altimeters, nav.filter.baro, *roles)
+        for topic in (FILTER, VERTICAL):
+            yield RequiredOutput(
+                topic,
+                inputs,
+                _tolerance_band(FILTER_HZ),
+                0.5,
+                OUTPUT_AGE_S,
+                always_gap_s=NAV_GAP_S,
+                lead_s=ALIGNMENT_S,
+                memory_s=FILTER_MEMORY_S,
+            )
+    if nav.radio:
+        inputs = _devices((nav.radio.receiver, nav.radio.altimeter), *roles)
+        yield RequiredOutput(
+            FIX,
+            inputs,
+            _tolerance_band(FIX_HZ),
+            1.1,
+            OUTPUT_AGE_S,
+            always_gap_s=1.1,
+            lead_s=FIRST_FIX_S,
+            memory_s=FIX_MEMORY_S,
+        )
+
+
+def _source_outputs(config: Config, sent: Mapping[str, Mapping[str, float]]) -> Iterator[RequiredOutput]:
+    """What the tests of one source say of each that gives position or attitude: on news, and repeated."""
+    rate_hz = ((1.0 - TOLERANCE) * REPEAT_HZ, (1.0 + TOLERANCE) * VALIDITY_HZ)
+    for name in _devices(position_sources(config.nav), config.nav.attitude):
+        if not {"position", "attitude"}.isdisjoint(sent.get(name, {})):
+            age_s = _max_age_s(config, name) + OUTPUT_AGE_S
+            yield RequiredOutput(f"{VALIDITY}/{name}", (name,), rate_hz, NAV_GAP_S, age_s, always_gap_s=NAV_GAP_S)
+
+
+def _height_outputs(config: Config, sent: Mapping[str, Mapping[str, float]]) -> Iterator[RequiredOutput]:
+    """One of each altimeter, for each of its samples; stale ones are repeated beside them."""
+    roles = (config.nav.position, config.nav.attitude)
+    for name in config.nav.altimeters:
+        kinds = sent.get(name, {})
+        rate_hz = max(kinds.get("radio_height", 0.0), kinds.get("range", 0.0))
+        least, most = _tolerance_band(rate_hz) if rate_hz else (0.0, math.inf)
+        gap_s = max(3.0 / rate_hz, 0.1) if rate_hz else NAV_GAP_S
+        yield RequiredOutput(
+            f"{HEIGHT}/{name}",
+            _devices((name,), *roles),
+            (least, most + REPEAT_HZ),
+            gap_s,
+            _max_age_s(config, name) + OUTPUT_AGE_S,
+            roles,
+            always_gap_s=_max_age_s(config, name) + NAV_GAP_S,
+        )
+
+
+def _height_below_outputs(config: Config, sent: Mapping[str, Mapping[str, float]]) -> Iterator[RequiredOutput]:
+    """One of each sample of the chosen altimeter, which may change."""
+    nav, heights = config.nav, list(_height_outputs(config, sent))
+    if heights:
+        yield RequiredOutput(
+            HEIGHT_BELOW,
+            _devices(nav.altimeters, nav.position, nav.attitude),
+            (min(one.rate_hz[0] for one in heights), max(one.rate_hz[1] for one in heights)),
+            max(one.gap_s for one in heights),
+            max(one.age_s for one in heights),
+            (nav.position, nav.attitude),
+            always_gap_s=max(one.always_gap_s or NAV_GAP_S for one in heights),
+        )
+
+
+def _approach_outputs(config: Config, reference: ApproachReference | None) -> Iterator[RequiredOutput]:
+    """The monitor says something even where there is no approach."""
+    altimeter = approach_altimeter(config, reference)
+    roles = (config.nav.position, config.nav.attitude)
+    devices = _devices((altimeter,), *roles)
+    most_hz = (1.0 + TOLERANCE) * (MONITOR_HZ if altimeter else 0.0) + REPEAT_HZ
+    rate_hz = ((1.0 - TOLERANCE) * REPEAT_HZ, max(most_hz, (1.0 + TOLERANCE) * REPEAT_HZ))
+    age_s = NAV_GAP_S + (_max_age_s(config, altimeter) if altimeter else 0.0)
+    for topic in (INTEGRITY, GLIDE):
+        yield RequiredOutput(topic, devices, rate_hz, NAV_GAP_S, age_s, roles, always_gap_s=NAV_GAP_S)
+
+
+def approach_altimeter(config: Config, reference: ApproachReference | None) -> str | None:
+    """The altimeter that the approach is judged with: the first that the reference was made for."""
+    if reference is None:
+        return None
+    found = (config.find_device(name) for name in config.nav.altimeters)
+    return next((device.name for device in found if device and fits(device, reference.header.sensor)), None)
+
+
+def _measurement_outputs(config: Config, sent: Mapping[str, Mapping[str, float]]) -> Iterator[RequiredOutput]:
+    for device, kinds in sent.items():
+        for kind, rate_hz in kinds.items():
+            kept_hz = min(rate_hz, MIN_RECORDED_HZ)
+            gap_s = MAX_GAP_PERIODS / kept_hz + GAP_MARGIN_S
+            age_s = _max_age_s(config, device) + OUTPUT_AGE_S
+            yield RequiredOutput(f"/{device}/{kind}", (device,), ((1.0 - TOLERANCE) * kept_hz, math.inf), gap_s, age_s)
+
+
+def _devices(*names: tuple[str | None, ...]) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(name for several in names for name in several if name is not None))
+
+
+def _max_age_s(config: Config, name: str) -> float:
+    device: Device | None = config.find_device(name)
+    return device.max_age_ms / 1e3 if device else 0.0

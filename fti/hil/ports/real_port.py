@@ -1,0 +1,83 @@
+"""Far ends that leave this machine: a real serial port, and where the scenario says so, an address of a network.
+
+``[port.LINK]`` of a scenario takes the place of the pty, of loopback or of the bus that a link of the configuration
+would have here, so that equipment outside, another computer's daemon included, hears the emulated devices.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import fcntl
+import struct
+import termios
+
+from fti.config import CanLink, Link, SerialLink, StrictModel, UdpLink
+from fti.config.tables import Endpoint as Address
+from fti.errors import ConfigError, LinkError, MissingError
+from fti.hil.ports.serial_base import Notifier, Responder, SerialEndpoint
+from fti.links.serial import open_port
+
+POLL_S = 0.02
+
+
+class RealPort(StrictModel):
+    """``[port.LINK]``: where the devices of a link really talk.
+
+    device    : of a serial link: the emulator's end of the cable; of a CAN link: the channel of its adapter
+    interface : of a CAN link: any python-can interface; to : of a UDP link: the receiver's address:port
+    """
+
+    device: str | None = None
+    interface: str | None = None
+    to: Address | None = None
+
+    def check(self, link: Link, where: str) -> None:
+        """Raises ConfigError unless it says what this kind of link needs, and nothing else."""
+        needed = {SerialLink: {"device"}, CanLink: {"device", "interface"}, UdpLink: {"to"}}[type(link)]
+        given = set(self.model_dump(exclude_none=True))
+        if given != needed:
+            raise ConfigError(f"{where}: a {link.kind} link needs {' and '.join(sorted(needed))}, and nothing else")
+
+
+class TtyEndpoint(SerialEndpoint):
+    """The emulator's end of a cable: a serial port with the settings of the link.  Its UART makes the pace."""
+
+    def __init__(self, link: SerialLink, device: str, respond: Responder, notify: Notifier) -> None:
+        super().__init__(link.name, respond, 0.0, "", notify)
+        self._settings = link.model_copy(update={"port": device})
+
+    async def open(self) -> None:
+        """Open the port."""
+        try:
+            self._port = open_port(self._settings)
+        except LinkError as error:
+            raise MissingError(f"link {self._name!r}: {error}") from None
+        self._fd = self._port.fileno()
+        self._start_reading()
+
+    async def wait_for_reader(self) -> None:
+        """A cable does not tell who listens."""
+
+    async def drain(self) -> None:
+        """Wait until the UART has sent everything."""
+        while self._pacer or _unsent_bytes(self._fd):  # noqa: ASYNC110  the driver does not tell
+            await asyncio.sleep(POLL_S)
+
+    def close(self) -> None:
+        """Close the port; what the UART has not sent is forgotten, so that a stopped line holds nobody up."""
+        if self._fd < 0:
+            return
+        self._unregister()
+        with contextlib.suppress(termios.error):  # a port that is gone
+            termios.tcflush(self._fd, termios.TCOFLUSH)
+        self._port.close()
+        self._fd = -1
+
+
+def _unsent_bytes(descriptor: int) -> int:
+    try:
+        count: int = struct.unpack("i", fcntl.ioctl(descriptor, termios.TIOCOUTQ, bytes(4)))[0]
+    except OSError:  # a port that is gone
+        return 0
+    return count

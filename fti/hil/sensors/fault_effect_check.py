@@ -1,0 +1,95 @@
+"""Does a device send what a fault changes?  A fault of anything else would change nothing, and nobody would see it."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Iterator, Mapping, Sequence
+
+from fti.errors import ConfigError
+from fti.hil.environment import Environment
+from fti.hil.faults.navigation import MAGNETIC_HEADING
+from fti.hil.sensors.base import SimulatedSensor
+from fti.hil.sensors.encoding_check import Cycles, is_carried
+from fti.hil.sensors.quantity_check import first_cycles
+from fti.hil.sensors.sent_rates import encode_cycles, sent_kinds
+from fti.hil.tables.fault_types import AttitudeOffset, GnssRamp, InertialBias, LeverArm, SwappedCoordinates, Undulation
+from fti.types import Position, RadioHeight, Range, Reading, Velocity
+
+OutputFault = GnssRamp | SwappedCoordinates | Undulation | LeverArm | AttitudeOffset | InertialBias
+#: Two seconds: the rarest measurement comes once a second.
+CHECK_DURATION_S = 2.0
+POSITION_FIELDS = ("position.lat", "position.lon", "position.alt", "position.alt_msl")
+#: Readings of an inertial unit without samples, by axis: forward, right, down.
+RATES = ("roll_rate", "pitch_rate", "yaw_rate")
+ACCELERATIONS = ("longitudinal_acceleration", "lateral_acceleration", "normal_acceleration")
+#: What depends on the place of a device; readings of ranges by the beginning of their names.
+POSITION_DEPENDENT, RANGES = (Position, Velocity, Range, RadioHeight), "range_"
+
+
+def check_fault_effects(sensors: Sequence[SimulatedSensor], world: Environment) -> None:
+    """Raises ConfigError where a device does not send what a fault changes; where none is named, where none does."""
+    faults = [(i, fault) for i, fault in enumerate(world.scenario.fault) if isinstance(fault, OutputFault)]
+    sound = _without_faults(world)
+    for i, fault in faults:
+        named = [sensor for sensor in sensors if fault.includes_device(sensor.name)]
+        missing = {sensor.name: why for sensor in named if (why := _missing(fault, sensor, sound))}
+        if missing and (fault.devices or len(missing) == len(named)):
+            name, what = next(iter(missing.items()))
+            raise ConfigError(f"{world.scenario.where}: fault[{i}].devices: {name!r} does not send {what}")
+
+
+def _without_faults(world: Environment) -> Environment:
+    """The same flight with sound devices: one that has no fix in the first seconds sends a position all the same."""
+    sound = copy.copy(world)
+    sound.scenario = world.scenario.model_copy(update={"fault": ()})
+    return sound
+
+
+def _missing(fault: OutputFault, sensor: SimulatedSensor, world: Environment) -> str:
+    """What a fault changes and the device does not send; "" where it does."""
+    cycles = first_cycles(sensor, world, CHECK_DURATION_S)
+    if isinstance(fault, LeverArm):
+        return "" if _depends_on_position(sensor, cycles) else "a position, a velocity or a range"
+    sent = encode_cycles(sensor.bound, cycles)
+    for what, alternatives in _required_values(fault).items():
+        if not any(is_carried(sensor, name, cycles, sent) for name in alternatives):
+            return what
+    return ""
+
+
+def _depends_on_position(sensor: SimulatedSensor, cycles: Cycles) -> bool:
+    has_ranges = any(isinstance(m, Reading) and m.name.startswith(RANGES) for cycle in cycles for m in cycle)
+    return has_ranges or any(issubclass(kind, POSITION_DEPENDENT) for kind in sent_kinds(sensor, cycles))
+
+
+def _required_values(fault: OutputFault) -> Mapping[str, Sequence[str]]:
+    """What the device must send, each by one of several numbers."""
+    match fault:
+        case SwappedCoordinates():
+            return {"a latitude": POSITION_FIELDS[:1], "a longitude": POSITION_FIELDS[1:2]}
+        case Undulation(stated="zero"):
+            return {"an undulation or a height above the ellipsoid": ("position.undulation", "position.alt")}
+        case Undulation():
+            return {"a height above the ellipsoid": ("position.alt",)}
+        case AttitudeOffset():
+            return dict(_angles(fault))
+        case InertialBias():
+            return dict(_axes(fault))
+    return {"a position": POSITION_FIELDS}
+
+
+def _angles(fault: AttitudeOffset) -> Iterator[tuple[str, Sequence[str]]]:
+    for angle in ("roll", "pitch", "heading"):
+        magnetic = (f"reading[{MAGNETIC_HEADING}].value",) if angle == "heading" else ()
+        if getattr(fault, f"{angle}_deg"):
+            yield f"a {angle}", (f"attitude.{angle}", *magnetic)
+
+
+def _axes(fault: InertialBias) -> Iterator[tuple[str, Sequence[str]]]:
+    for what, steps, field, readings in (
+        ("an angular rate", fault.gyro_degph, "gyro_b", RATES),
+        ("a specific force", fault.accel_mg, "accel_b", ACCELERATIONS),
+    ):
+        for axis, (step, reading) in enumerate(zip(steps, readings, strict=True)):
+            if step:
+                yield f"{what} of axis {'xyz'[axis]}", (f"imu_sample.{field}_{axis}", f"reading[{reading}].value")

@@ -1,0 +1,93 @@
+"""What a device means to state once a second: the numbers of its measurements before faults, encoder and line.
+
+They are the ground truth of what a recording must contain for the device, errors of its own included.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from fti.drivers._fast_messages import fast_stamp
+from fti.hil.environment import Environment
+from fti.hil.sensors.base import SimulatedSensor
+from fti.hil.sensors.encoding_check import is_carried
+from fti.hil.sensors.quantity_check import first_cycles
+from fti.hil.sensors.sent_rates import encode_cycles
+from fti.hil.tables.quantity_names import NAME_FIELDS, quantities
+from fti.types import Measurement
+
+SAMPLE_PERIOD_S = 1.0
+#: Numbers that a device sends at all are in its first messages [s].
+CHECK_DURATION_S = 1.0
+#: Between two messages of that look [ns]; no decoder waits for longer.
+STEP_NS = 1_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class IntendedValues:
+    """One sample of a device.
+
+    t_s : when it was taken [s of the flight]; values : SI and radians, by the kind of measurement, in brackets the name
+    of a reading, surface or station, and the field: ``reading[supply_current].value``
+    """
+
+    device: str
+    t_s: float
+    values: dict[str, float]
+
+
+def intended_values(sensors: Sequence[SimulatedSensor], world: Environment) -> list[IntendedValues]:
+    """Of every device, those numbers that its messages carry, in order of time.
+
+    A device whose measurements depend on what happens until then is left out.
+    """
+    found = [one for sensor in sensors if not sensor.is_live for one in _device_values(sensor, world)]
+    return sorted(found, key=lambda one: one.t_s)
+
+
+def _device_values(sensor: SimulatedSensor, world: Environment) -> Iterator[IntendedValues]:
+    """A sample in every second; what a device sends more seldom than it samples is in those that are whole seconds."""
+    sent = _encoded_names(sensor, first_cycles(sensor, world, CHECK_DURATION_S))
+    for k in range(0, len(sensor.t), max(round(SAMPLE_PERIOD_S * sensor.rate_hz), 1)):
+        values = {name: v for name, v in numbers(sensor.model.measure(k, fast_stamp(0))).items() if name in sent}
+        if values:
+            yield IntendedValues(sensor.name, float(sensor.t[k]), values)
+
+
+def _encoded_names(sensor: SimulatedSensor, cycles: Sequence[Sequence[Measurement]]) -> set[str]:
+    """Names of the numbers by which the bytes of the device change, and that come out of them under the same name.
+
+    Some go into another one: a velocity north and east into ground speed and track.
+    """
+    whole = encode_cycles(sensor.bound, cycles)
+    decoder = sensor.bound.make_decoder()
+    messages = (message for cycle in whole for message in cycle)
+    decoded = numbers(m for k, message in enumerate(messages) for m in decoder.feed(message, k * STEP_NS))
+    return {name for name in decoded if is_carried(sensor, name, cycles, whole)}
+
+
+def numbers(measurements: Iterable[Measurement]) -> dict[str, float]:
+    """The finite numbers of valid measurements, by name."""
+    found = dict[str, float]()
+    for m in measurements:
+        for kind, quantities_of in quantities().items():
+            for field, quantity in quantities_of.items():
+                if isinstance(m, quantity.kind) and getattr(m, "valid", True):
+                    value = _number(getattr(m, quantity.field), quantity.component)
+                    found |= {} if value is None else {f"{kind}{_name_of(m)}.{field}": value}
+    return found
+
+
+def _name_of(m: Measurement) -> str:
+    names = [str(getattr(m, field)) for field in NAME_FIELDS if hasattr(m, field)]
+    return f"[{names[0]}]" if names else ""
+
+
+def _number(value: Any, component: int | None) -> float | None:
+    if value is None:
+        return None
+    number = float(value if component is None else value[component])
+    return number if math.isfinite(number) else None

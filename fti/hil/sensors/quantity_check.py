@@ -1,0 +1,70 @@
+"""Does a device measure the number that a fault is of?  One that it does not measure would change nothing, unseen."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from itertools import chain
+
+import numpy as np
+
+from fti.errors import ConfigError
+from fti.hil.environment import Environment
+from fti.hil.sensors import MODELS, SimulatedSensor
+from fti.hil.sensors.power_unit import PowerPanel
+from fti.hil.tables.fault_base import QuantityFault
+from fti.hil.tables.quantity_names import NAME_FIELDS, matches_quantity, parse, quantities
+from fti.types import Measurement, Reading, Stamp, TimeScale
+
+#: So long a device is looked at: some measurements come once a second.
+CHECK_DURATION_S = 1.5
+
+
+def check_fault_quantities(sensors: Sequence[SimulatedSensor], world: Environment) -> None:
+    """Raises ConfigError where a device does not measure the number of a fault, with those that it does."""
+    for i, fault in enumerate(world.scenario.fault):
+        if isinstance(fault, QuantityFault):
+            named = [s for s in sensors if fault.includes_device(s.name)]
+            measured = {s.name: list(chain(*first_cycles(s, world, CHECK_DURATION_S))) for s in named}
+            _check(f"{world.scenario.where}: fault[{i}].quantity", fault, measured)
+
+
+def _check(where: str, fault: QuantityFault, told: dict[str, list[Measurement]]) -> None:
+    without = {name: found for name, found in told.items() if not _is_in(fault, found)}
+    if not without or (not fault.devices and len(without) < len(told)):
+        return
+    name, found = next(iter(without.items()))
+    what = fault.quantity if fault.name is None else f"{fault.quantity} of {fault.name!r}"
+    raise ConfigError(f"{where}: {name!r} does not measure {what}; it has {', '.join(_numbers(found)) or 'none'}")
+
+
+def first_cycles(sensor: SimulatedSensor, world: Environment, duration_s: float) -> list[list[Measurement]]:
+    """What a device like this one measures in its first look_s [s], cycle by cycle; the one that flies is not touched.
+
+    What a power unit says depends on what it feeds, and not on what it has said before: it is asked itself.
+    """
+    if isinstance(sensor.model, PowerPanel):
+        return [sensor.model.measure(0, Stamp(0))]
+    count = min(max(math.ceil(duration_s * sensor.rate_hz), 2), len(sensor.t))
+    model = MODELS[sensor.bound.device.driver](sensor.bound, world, sensor.t[:count], np.random.default_rng(0))
+    stamps = (Stamp(t_ns, t_ns, TimeScale.UTC) for t_ns in (round(1e9 * t) for t in sensor.t[:count]))
+    return [model.measure(k, stamp) for k, stamp in enumerate(stamps)]
+
+
+def _is_in(fault: QuantityFault, measurements: Iterable[Measurement]) -> bool:
+    quantity = parse(fault.quantity)
+    return any(matches_quantity(m, quantity, fault.name) for m in measurements)
+
+
+def _numbers(measurements: Iterable[Measurement]) -> list[str]:
+    """Their names, each once; a reading by its own."""
+    seen: dict[str, None] = {}
+    for m in measurements:
+        names = [str(getattr(m, field)) for field in NAME_FIELDS if hasattr(m, field)]
+        if isinstance(m, Reading):
+            seen[f"reading.value of {names[0]!r}"] = None
+            continue
+        for kind, numbers in quantities().items():
+            fields = [key for key, q in numbers.items() if isinstance(m, q.kind) and getattr(m, q.field) is not None]
+            seen |= dict.fromkeys(f"{kind}.{field}" for field in fields)
+    return list(seen)

@@ -1,0 +1,95 @@
+"""How a packed file becomes the original again, byte for byte.
+
+A packed file holds the records of the original in their order, with compressed chunks.  The layout is the rest: a
+list of steps, each of some bytes of the original as they stood (magic, paddings, heads of chunks, summary), and what
+follows them: the next record of the packed file as it is, or the unpacked content of the next one, a chunk.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator
+from enum import IntEnum
+
+from fti.errors import RecordingError
+from fti.logger.reading.compression import compress, decompress
+from fti.logger.reading.record_validation import chunk_head
+from fti.logger.reading.tolerant_file import TolerantFile
+from fti.logger.records import HEAD
+
+_STEP = struct.Struct("<QB")
+_SIZE = struct.Struct("<Q")
+
+
+class StepKind(IntEnum):
+    """What follows the bytes of a step."""
+
+    END = 0
+    RECORD = 1
+    CONTENT = 2
+
+
+class RestoreLayout:
+    """Steps, as they are gathered."""
+
+    def __init__(self) -> None:
+        self._steps: list[bytes] = []
+        self._bytes = b""
+
+    def add(self, data: bytes) -> None:
+        """Bytes of the original that the packed file does not hold."""
+        self._bytes += data
+
+    def then(self, what: StepKind) -> None:
+        """What follows them."""
+        self._steps.append(_STEP.pack(len(self._bytes), what) + self._bytes)
+        self._bytes = b""
+
+    def packed(self) -> bytes:
+        """For the packed file."""
+        steps = b"".join(self._steps)
+        return _SIZE.pack(len(steps)) + compress(steps)
+
+
+def restore_original(source: TolerantFile, begin: int, end: int, layout: bytes) -> Iterator[bytes]:
+    """The original, in pieces; begin, end : where its records stand in the packed file.
+
+    Raises RecordingError when layout and records do not fit together.
+    """
+    try:
+        at = begin
+        for data, then in _steps(layout):
+            yield data
+            if then == StepKind.RECORD:
+                record = _record(source, at, end)
+                yield record
+                at += len(record)
+            elif then == StepKind.CONTENT:
+                head = chunk_head(source, at)
+                content = head.content(source) if head and head.end <= end else None
+                if head is None or content is None:
+                    raise ValueError(f"the chunk at byte {at} is damaged")
+                yield content
+                at = head.end
+    except (ValueError, struct.error) as error:
+        raise RecordingError(f"{source.path}: cannot be unpacked: {error}") from None
+    if at != end:
+        raise RecordingError(f"{source.path}: cannot be unpacked: it holds more than its layout tells")
+
+
+def _record(source: TolerantFile, at: int, end: int) -> bytes:
+    head = source.read(at, HEAD.size)
+    size = HEAD.size + HEAD.unpack(head)[1]
+    if at + size > end:
+        raise ValueError(f"the record at byte {at} is damaged")
+    return source.read(at, size)
+
+
+def _steps(layout: bytes) -> Iterator[tuple[bytes, int]]:
+    (size,) = _SIZE.unpack_from(layout)
+    steps = decompress("zstd", layout[_SIZE.size :], size)
+    at = 0
+    while at < size:
+        length, then = _STEP.unpack_from(steps, at)
+        at += _STEP.size + length
+        yield steps[at - length : at], then

@@ -1,0 +1,65 @@
+"""What a file itself says is not proved of it: it was closed after its writer had gone, or made by a recovery."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+from fti.logger.log_layout import CLOSED_METADATA, RECOVERED_METADATA
+from fti.logger.reading.text_format import clock_text
+
+
+def list_warnings(name: str, table: Mapping[str, str]) -> Iterator[str]:
+    """Sentences about messages that no checksum proves, from one table of metadata."""
+    if name == RECOVERED_METADATA:
+        yield from _recovery_warnings(table)
+    elif name == CLOSED_METADATA:
+        yield from _unproved_warnings(table)
+
+
+def list_end_warnings(name: str, table: Mapping[str, str]) -> Iterator[str]:
+    """Sentences about bytes that are missing at the end of a file; other files may have what they held."""
+    if name == CLOSED_METADATA:
+        yield from _end_warnings(table)
+
+
+def list_notes(name: str, table: Mapping[str, str]) -> Iterator[str]:
+    """Sentences that are no loss."""
+    if name == CLOSED_METADATA and not (any(_unproved_warnings(table)) or any(_end_warnings(table))):
+        yield "was closed later: its writer had gone before it had finished"
+
+
+def has_unverified_end(tables: Mapping[str, Mapping[str, str]]) -> bool:
+    """Does a file say that its last chunk was closed without all that its checkpoints prove?"""
+    table = tables.get(CLOSED_METADATA)
+    return table is not None and (any(_unproved_warnings(table)) or any(_end_warnings(table)))
+
+
+def _recovery_warnings(table: Mapping[str, str]) -> Iterator[str]:
+    """Its checksums were made by the recovery: that they hold proves nothing of what came before."""
+    unproved = table.get("unproved", "?")
+    if unproved != "0":
+        yield f"was recovered, {unproved} messages of it without a checksum that held"
+    if table.get("complete") != "true":
+        yield "was recovered from a file of which not everything was whole"
+
+
+def _unproved_warnings(table: Mapping[str, str]) -> Iterator[str]:
+    """The checksum of its last chunk was made when it was closed."""
+    unproved = table.get("unproved_messages", "?")
+    if unproved != "0":
+        yield f"was closed later: {unproved} messages{_start_text(table)} are unproved, no checksum covered them"
+
+
+def _end_warnings(table: Mapping[str, str]) -> Iterator[str]:
+    missing = table.get("missing_bytes", "?")
+    if missing != "0":
+        yield f"was closed later: {missing} bytes at its end were missing or damaged"
+    if "kept_file" in table:
+        yield f"was closed later: bytes behind its last record, perhaps more records, are in {table['kept_file']}"
+
+
+def _start_text(table: Mapping[str, str]) -> str:
+    try:
+        return f" from {clock_text(int(table['unproved_from_ns']))} on"
+    except (KeyError, ValueError, OverflowError, OSError):
+        return ""

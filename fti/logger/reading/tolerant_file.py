@@ -1,0 +1,60 @@
+"""Reading a file that may be damaged, on a medium that may be too."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from fti.errors import MissingError
+from fti.logger.regular_file import open_descriptor
+
+#: What is read as zeros when the medium refuses to give it [B].
+SECTOR = 4096
+_STEP = 2**30
+
+
+class TolerantFile:
+    """A file, or a part of it, by position.  Bytes that the medium does not give are zeros, counted in ``unreadable``.
+
+    begin, end : the part [B]; position 0 is its begin; end None : to the end of the file
+    Raises MissingError when the file cannot be opened.
+    """
+
+    def __init__(self, path: Path, begin: int = 0, end: int | None = None) -> None:
+        self.path = path
+        self.unreadable = 0
+        self._begin = begin
+        try:
+            self._fd = open_descriptor(path)
+        except OSError as error:
+            raise MissingError(f"{path}: cannot be read: {error.strerror}") from error
+        self.size = (os.fstat(self._fd).st_size if end is None else end) - begin
+
+    def __enter__(self) -> TolerantFile:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        os.close(self._fd)
+
+    def read(self, at: int, size: int) -> bytes:
+        """``size`` bytes from ``at``; fewer only at the end of the file."""
+        if at >= self.size:
+            return b""
+        size = min(size, self.size - at)
+        data = self._piece(at, min(size, _STEP))
+        if len(data) == size:
+            return data
+        parts = bytearray(data)
+        while len(parts) < size:
+            parts += self._piece(at + len(parts), min(size - len(parts), _STEP))
+        return bytes(parts)
+
+    def _piece(self, at: int, size: int) -> bytes:
+        """One read; zeros where there is nothing to be had, so that the caller goes on."""
+        try:
+            return os.pread(self._fd, size, self._begin + at) or bytes(size)
+        except OSError:
+            if size > SECTOR:
+                return self._piece(at, SECTOR - at % SECTOR)
+            self.unreadable += size
+            return bytes(size)

@@ -1,0 +1,100 @@
+"""The file that a recovery writes: what was found, in its order, with new index, summary and footer."""
+
+from __future__ import annotations
+
+import os
+import struct
+import zlib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import BinaryIO
+
+from fti.errors import StorageError
+from fti.logger import records
+from fti.logger.file_mode import create_file
+from fti.logger.reading.chunk_content import Content
+from fti.logger.records import HEAD, read_text
+from fti.logger.summary import Summary
+
+
+class RecoveredWriter:
+    """Writes one finished file.  Raises StorageError; what it has written so far is then to be removed."""
+
+    def __init__(self, path: Path, head: bytes) -> None:
+        self.path = path
+        self.messages = 0
+        self._summary = Summary()
+        self._at = 0
+        try:
+            self._stream: BinaryIO = os.fdopen(create_file(path), "wb")
+        except OSError as error:
+            raise _refusal(path, error) from error
+        self._write(head)
+
+    def __enter__(self) -> RecoveredWriter:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stream.close()
+
+    def _write(self, data: bytes | bytearray) -> None:
+        try:
+            self._stream.write(data)
+        except OSError as error:
+            raise _refusal(self.path, error) from error
+        self._at += len(data)
+
+    def chunk(self, content: Content, compression: str = "", stored: bytes = b"") -> None:
+        """A chunk.  stored : its compressed bytes; a chunk that is not compressed is written from its content."""
+        size, crc, at = len(content.data), zlib.crc32(content.data), self._at
+        if compression:
+            self._write(records.packed_chunk(content.times, size, crc, compression, stored))
+        else:
+            self._write(records.chunk_head(*content.times, size, crc))
+            self._write(content.data)
+        tail, offsets = self._summary.chunk_tail(self._at, content.index)
+        self._write(tail)
+        self._summary.add_chunk(at, size, content.times, content.index, offsets, packed=(compression, len(stored)))
+        self._summary.schemas |= content.schemas
+        self._summary.channels |= content.channels
+        self.messages += content.messages
+
+    @property
+    def channels(self) -> Mapping[int, bytes]:
+        """Channels declared so far."""
+        return self._summary.channels
+
+    def declare(self, channel_id: int, channel: bytes, schema: bytes | None) -> None:
+        """A channel, and its schema, that stands in no chunk."""
+        if schema:
+            self._write(schema)
+            self._summary.schemas[struct.unpack_from("<H", schema, HEAD.size)[0]] = schema
+        self._write(channel)
+        self._summary.channels[channel_id] = channel
+
+    def attachment(self, record: bytes) -> None:
+        """A sound attachment record."""
+        (log_time,) = struct.unpack_from("<Q", record, HEAD.size)
+        name, at = read_text(record, HEAD.size + 16)
+        media_type, at = read_text(record, at)
+        (size,) = struct.unpack_from("<Q", record, at)
+        self._summary.add_attachment((self._at, len(record)), log_time, size, name, media_type)
+        self._write(record)
+
+    def metadata(self, record: bytes) -> None:
+        """A sound metadata record."""
+        self._summary.add_metadata(self._at, len(record), read_text(record, HEAD.size)[0])
+        self._write(record)
+
+    def finish(self) -> None:
+        """Write summary and footer; bring everything onto the medium."""
+        self._write(self._summary.tail(self._at))
+        try:
+            self._stream.flush()
+            os.fsync(self._stream.fileno())
+        except OSError as error:
+            raise _refusal(self.path, error) from error
+
+
+def _refusal(path: Path, error: OSError) -> StorageError:
+    return StorageError(f"{path.parent}: cannot take the recovered file: {error.strerror}")

@@ -1,0 +1,185 @@
+"""A file without a footer under survey: what it holds, and whether it may be closed without losing a byte."""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass, field
+
+from fti.errors import RecordingError
+from fti.logger import records
+from fti.logger.log_layout import altered_tables
+from fti.logger.reading.chunk_content import Content
+from fti.logger.reading.limits import MAX_RECORD
+from fti.logger.reading.open_chunk import DamagedChunkError, Declarations, OpenChunk, is_open, read_open_chunk
+from fti.logger.reading.record_validation import (
+    MAX_TORN_BYTES,
+    ChunkHead,
+    chunk_head,
+    is_followed_by_chunk,
+    record_end,
+)
+from fti.logger.reading.tables import metadata_table
+from fti.logger.reading.tolerant_file import TolerantFile
+from fti.logger.records import HEAD, Op, read_text
+from fti.logger.recovery.damage_scan import Walk
+from fti.logger.summary import Summary
+
+_FILE_HEAD = records.file_head()
+DATA_END_HEAD = HEAD.pack(Op.DATA_END, 4)
+
+
+@dataclass(slots=True)
+class UnfinishedFile:
+    """What an unfinished file holds.
+
+    begin  : end of magic and header; 0 when the file ends within them
+    end    : end of what is kept of it [B]
+    chunk  : the open chunk and its head, when there is one; ``summary`` knows all that is finished
+    zeros  : bytes behind it, when all of them are zero: pages that a power cut has left without their content
+    tables : the metadata; data_ended : the writer had begun the summary, nothing but a part of that is missing
+    """
+
+    begin: int = 0
+    end: int = 0
+    head: ChunkHead | None = None
+    chunk: OpenChunk | None = None
+    summary: Summary = field(default_factory=Summary)
+    tables: dict[str, dict[str, str]] = field(default_factory=dict)
+    data_ended: bool = False
+    zeros: int = 0
+
+    @property
+    def missing_bytes(self) -> int:
+        """Bytes that are known to have been written at the end, and are not kept."""
+        return max(self.chunk.missing_bytes if self.chunk else 0, self.zeros)
+
+    @property
+    def message_index(self) -> bytes:
+        """What must follow the open chunk."""
+        return self.summary.chunk_tail(self.end, self.chunk.content.index)[0] if self.chunk else b""
+
+
+def inspect_unfinished(source: TolerantFile) -> UnfinishedFile:
+    """Look at a whole file.  Raises RecordingError when it is to be left alone: damaged, or of another program."""
+    return _Inspector(source).run()
+
+
+class _Inspector:
+    def __init__(self, source: TolerantFile) -> None:
+        self._source = source
+        self._known = Declarations()
+        self._found = UnfinishedFile()
+
+    def run(self) -> UnfinishedFile:
+        found = self._found
+        found.begin = found.end = self._header_end()
+        while found.begin and found.end < self._source.size and found.chunk is None:
+            end = self._take(found.end)
+            if end is None:
+                break
+            found.end = end
+        self._check_tables()
+        self._check_rest()
+        if self._source.unreadable:
+            raise self._refusal("the medium does not give all of it")
+        return found
+
+    def _refusal(self, why: str) -> RecordingError:
+        path = self._source.path
+        return RecordingError(f"{path}: is damaged: {why}; it is left as it is, see: fti recover {path}")
+
+    def _header_end(self) -> int:
+        start = self._source.read(0, len(_FILE_HEAD))
+        if start == _FILE_HEAD:
+            return len(_FILE_HEAD)
+        if not _FILE_HEAD.startswith(start):
+            raise RecordingError(f"{self._source.path}: was not written by this program; it is left as it is")
+        return 0
+
+    # --------------------------------------------------------------------------------------------------- records
+
+    def _take(self, at: int) -> int | None:
+        """Take the record at an offset; its end, or None where the file breaks off."""
+        head = chunk_head(self._source, at)
+        if head:
+            return self._take_chunk(head)
+        end = record_end(self._source, at, self._source.size)
+        op = self._source.read(at, 1)[0]
+        if end is None or op not in (Op.PADDING, Op.CHECKPOINTS, Op.ATTACHMENT, Op.METADATA):
+            return None
+        if op == Op.ATTACHMENT:
+            self._take_attachment(at, end)
+        elif op == Op.METADATA:
+            name, table = metadata_table(self._source.read(at, end - at))
+            self._found.tables[name] = table
+            self._found.summary.add_metadata(at, end - at, name)
+        return end
+
+    def _take_attachment(self, at: int, end: int) -> None:
+        begin = self._source.read(at, min(end - at, MAX_TORN_BYTES))
+        (log_time,) = struct.unpack_from("<Q", begin, HEAD.size)
+        name, offset = read_text(begin, HEAD.size + 16)
+        media_type, offset = read_text(begin, offset)
+        (size,) = struct.unpack_from("<Q", begin, offset)
+        self._found.summary.add_attachment((at, end - at), log_time, size, name, media_type)
+
+    def _take_chunk(self, head: ChunkHead) -> int | None:
+        """A finished chunk and its message index, or the open one, which is the last."""
+        if head.compression:
+            raise self._refusal(f"it has a compressed chunk at byte {head.at}, which is not of an unfinished file")
+        chunk = self._open_chunk(head) if is_open(self._source, head) else OpenChunk(self._finished_content(head))
+        if not chunk.content.index:
+            return None
+        end = head.begin + chunk.content.end
+        tail = self._note_chunk(head, chunk.content)
+        if self._source.read(end, len(tail)) == tail:
+            return end + len(tail)
+        self._found.head, self._found.chunk = head, chunk
+        return end
+
+    def _finished_content(self, head: ChunkHead) -> Content:
+        data = head.content(self._source)
+        content = Content(set(self._known.channels)).feed(data) if data is not None else None
+        if content is None or not content.whole or not head.crc or not self._known.suffice(content):
+            raise self._refusal(f"the chunk at byte {head.at} is not what was written")
+        return content
+
+    def _open_chunk(self, head: ChunkHead) -> OpenChunk:
+        try:
+            return read_open_chunk(self._source, head, self._known)
+        except DamagedChunkError as error:
+            raise self._refusal(f"the chunk at byte {head.at}: {error}") from None
+
+    def _note_chunk(self, head: ChunkHead, content: Content) -> bytes:
+        """Take a chunk into the summary; returns its message index."""
+        self._known.add(content)
+        summary = self._found.summary
+        summary.schemas |= content.schemas
+        summary.channels |= content.channels
+        tail, offsets = summary.chunk_tail(head.begin + content.end, content.index)
+        summary.add_chunk(head.at, content.end, content.times, content.index, offsets)
+        return tail
+
+    # ------------------------------------------------------------------------------------------------------ checks
+
+    def _check_tables(self) -> None:
+        if altered := altered_tables(self._found.tables):
+            raise self._refusal(f"the checksum of its metadata {', '.join(altered)} does not match")
+
+    def _check_rest(self) -> None:
+        """What is not kept must be a torn write: nothing in it may prove that it is a record."""
+        found, size = self._found, self._source.size
+        if size - found.end > MAX_RECORD:
+            raise self._refusal(f"{size - found.end} bytes behind byte {found.end} are no record")
+        rest = self._source.read(found.end, size - found.end)
+        found.data_ended = rest.startswith(DATA_END_HEAD)
+        if not rest.strip(b"\0"):
+            found.zeros = len(rest)
+            return
+        later = Walk(self._source, None, lambda done: None).next_proved(found.end + 1)
+        if later is not None:
+            raise self._refusal(f"it makes no sense from byte {found.end} on, and goes on at byte {later}")
+        if is_followed_by_chunk(self._source, found.end):
+            raise self._refusal(f"it makes no sense from byte {found.end} on, and a chunk begins behind that")
+        if found.chunk is None and not found.data_ended and len(rest) > MAX_TORN_BYTES:
+            raise self._refusal(f"it makes no sense from byte {found.end} on")

@@ -1,0 +1,193 @@
+"""What a recording holds, topic by topic: counts, bytes, rates, gaps, jitter and activity; events and clocks."""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fti.logger.foxglove import LOG_LEVELS
+from fti.logger.reading.json_message import parse_table, whole_number
+from fti.logger.reading.limits import MAX_TEXT_LENGTH, check_topic_count
+from fti.logger.reading.mcap_file import McapMessage
+from fti.logger.reading.recording import Recording
+from fti.logger.schemas import ALARM_TOPIC, DEVICE_CLOCK_TOPIC, EVENT_TOPIC
+from fti.logger.session import Kind
+from fti.logger.statistics.activity import Activity
+from fti.logger.statistics.alarm_spans import AlarmSpans
+from fti.logger.statistics.interval_stats import Intervals
+
+SECOND_NS = 1_000_000_000
+KINDS: tuple[Kind, ...] = ("raw", "derived", "truth", "snapshot")
+CLOCK_TOPIC = "/fti/clock"
+#: The order in which topics are shown: what came over the links first.
+PREFIXES = ("/raw/", "/tx/", "/fti/")
+MAX_EVENTS = 1000
+#: Sources of events that a person has set.
+MARKS = ("mark", "trigger")
+_MAX_WAITING = 8192
+_LEVELS = {number: level for level, number in LOG_LEVELS.items()}
+
+
+@dataclass(slots=True)
+class TopicStatistics:
+    """One topic.  first_ns, last_ns : the earliest and the latest message; intervals : between neighbours in the file.
+
+    What was added last counts in ``intervals`` and ``activity`` only after ``settle``.
+    """
+
+    topic: str
+    kind: Kind
+    messages: int = 0
+    bytes: int = 0
+    first_ns: int = 0
+    last_ns: int = 0
+    intervals: Intervals = field(default_factory=Intervals)
+    activity: Activity = field(default_factory=Activity)
+    _waiting: array[int] = field(default_factory=lambda: array("q"))
+
+    def add(self, t_ns: int, size: int) -> None:
+        """A message of ``size`` bytes."""
+        self.messages += 1
+        self.bytes += size
+        self._waiting.append(t_ns)
+        if len(self._waiting) >= _MAX_WAITING:
+            self.settle()
+
+    def settle(self) -> None:
+        """Count what was added."""
+        if not self._waiting:
+            return
+        times = np.array(self._waiting, np.int64)
+        first, last = int(times.min()), int(times.max())
+        seen = self.messages > len(times)
+        self.first_ns, self.last_ns = (min(self.first_ns, first), max(self.last_ns, last)) if seen else (first, last)
+        self.intervals.add(times)
+        self.activity.add(times)
+        self._waiting = array("q")
+
+    @property
+    def longest_gap_ns(self) -> int:
+        """The longest time between neighbours."""
+        longest = self.intervals.longest
+        return longest.length_ns if longest else 0
+
+    @property
+    def rate_hz(self) -> float | None:
+        """Mean rate; None with fewer than two messages."""
+        span = self.last_ns - self.first_ns
+        return (self.messages - 1) * SECOND_NS / span if span else None
+
+
+class EventNote(NamedTuple):
+    """An event or a mark (source ``mark``) in the files."""
+
+    t_ns: int
+    level: str
+    source: str
+    text: str
+
+
+@dataclass(slots=True)
+class RecordingStatistics:
+    """A whole recording.
+
+    events : the first thousand, in order of time; clocks : first and last ``/fti/clock``
+    gnss   : what the last ``/fti/device_clock`` says of GNSS time; empty when it was never known
+    """
+
+    topics: list[TopicStatistics]
+    events: list[EventNote] = field(default_factory=list)
+    more_events: int = 0
+    alarms: AlarmSpans = field(default_factory=AlarmSpans)
+    clocks: list[Mapping[str, Any]] = field(default_factory=list)
+    gnss: Mapping[str, Any] = field(default_factory=dict)
+
+    def add_event(self, item: McapMessage) -> None:
+        """An event as ``foxglove.Log``."""
+        if len(self.events) >= MAX_EVENTS:
+            self.more_events += 1
+            return
+        table = _table(item.data)
+        told = table.get("level", 0)
+        level = _LEVELS.get(told, "unknown") if isinstance(told, int) else "unknown"
+        source, text = (str(table.get(key, ""))[:MAX_TEXT_LENGTH] for key in ("name", "message"))
+        self.events.append(EventNote(item.log_time, level, source, text))
+
+    def add_alarm(self, item: McapMessage) -> None:
+        """A change of an alarm; nothing where it is none."""
+        with suppress(ValueError):
+            self.alarms.feed(_table(item.data))
+
+    def add_clock(self, item: McapMessage) -> None:
+        """A reading of the clocks; nothing where its times are no times."""
+        table = _table(item.data)
+        with suppress(ValueError):
+            self.clocks[1:] = [{key: whole_number(value) for key, value in table.items()}]
+
+    def add_device_clocks(self, item: McapMessage) -> None:
+        """What navigation knows of the devices' clocks."""
+        table = _table(item.data)
+        found = table.get("gnss")
+        if isinstance(found, dict) and found:
+            with suppress(ValueError):
+                times = {"t_ns": whole_number(table.get("t_ns")), "time_ns": whole_number(found.get("time_ns"))}
+                about = {key: str(found.get(key, "")) for key in ("device", "scale")}
+                self.gnss = {**found, **about, **times}
+
+
+def topic_statistics(recording: Recording) -> list[TopicStatistics]:
+    """All topics of all files, in the order of ``PREFIXES``; silent links too.  Reads everything."""
+    return collect_statistics(recording).topics
+
+
+def collect_statistics(recording: Recording) -> RecordingStatistics:
+    """Topics, events and clocks.  Reads everything, once."""
+    topics: dict[tuple[Kind, str], TopicStatistics] = {}
+    found = RecordingStatistics([])
+    takers = {
+        EVENT_TOPIC: found.add_event,
+        ALARM_TOPIC: found.add_alarm,
+        CLOCK_TOPIC: found.add_clock,
+        DEVICE_CLOCK_TOPIC: found.add_device_clocks,
+    }
+    home: Kind = "snapshot" if recording.is_snapshot_session else "raw"
+    for link in recording.links if recording.frame_files else ():
+        topics[home, f"/raw/{link}"] = TopicStatistics(f"/raw/{link}", home)
+    for kind in KINDS:
+        for item in recording.items(kind):
+            name = item.topic.name
+            topic = topics.get((kind, name))
+            if topic is None:
+                check_topic_count(len(topics) + 1, recording.path)
+                topic = topics[kind, name] = TopicStatistics(name, kind)
+            topic.add(item.log_time, len(item.data))
+            if (take := takers.get(name)) and not (kind == "snapshot" and recording.raw_files):  # copies
+                take(item)
+    for topic in topics.values():
+        topic.settle()
+    found.topics = sorted(topics.values(), key=_order)
+    found.events.sort()
+    return found
+
+
+def _order(topic: TopicStatistics) -> tuple[int, int, str]:
+    place = next((n for n, prefix in enumerate(PREFIXES) if topic.topic.startswith(prefix)), len(PREFIXES))
+    return place, KINDS.index(topic.kind), topic.topic
+
+
+def _table(data: bytes) -> Mapping[str, Any]:
+    try:
+        return parse_table(data)
+    except ValueError:
+        return {}
+
+
+def time_span(topics: list[TopicStatistics]) -> tuple[int, int]:
+    """Time of the first and of the last message of all topics [ns]; (0, 0) when there is none."""
+    heard = [topic for topic in topics if topic.messages]
+    return min((t.first_ns for t in heard), default=0), max((t.last_ns for t in heard), default=0)

@@ -1,0 +1,315 @@
+"""One MCAP file under proof: every record, every checksum, every entry of every index.
+
+A finished file of this program has no byte that is not held by something: chunks, attachments and the summary have
+checksums, message indexes follow from the messages, padding is zero, the metadata have a checksum in their first table.
+``pages`` gives what the chunks hold, chunk by chunk, for the proofs of the session; what does not hold is in
+``faults``, and ``broken`` tells where a file without a footer ends.
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from array import array
+from collections import Counter, defaultdict
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from fti.logger import records
+from fti.logger.checkpoints import segments
+from fti.logger.lock import is_being_written
+from fti.logger.log_layout import altered_tables
+from fti.logger.reading.chunk_marks import chunk_marks
+from fti.logger.reading.integrity_notes import has_unverified_end, list_end_warnings, list_notes, list_warnings
+from fti.logger.reading.limits import DeclaredSizes, LimitError
+from fti.logger.reading.mcap_file import FOOTER_BYTES, McapChannel, has_footer
+from fti.logger.reading.open_chunk import DamagedChunkError, Declarations, is_open, read_open_chunk
+from fti.logger.reading.record_validation import (
+    ChunkHead,
+    chunk_head,
+    is_channel,
+    is_followed_by_chunk,
+    is_schema,
+    is_torn_write,
+    record_end,
+)
+from fti.logger.reading.tables import metadata_table, text_table
+from fti.logger.reading.text_format import clock_text
+from fti.logger.reading.tolerant_file import TolerantFile
+from fti.logger.records import HEAD, MAGIC, MESSAGE, MESSAGE_BODY, Op, read_text
+
+_MESSAGE, _SCHEMA, _CHANNEL = int(Op.MESSAGE), int(Op.SCHEMA), int(Op.CHANNEL)
+_HEAD = HEAD.size
+_TIMES = struct.Struct("<QQ")
+_BLOCK = 2**22
+_SUMMARY = frozenset((Op.SCHEMA, Op.CHANNEL, Op.STATISTICS, Op.CHUNK_INDEX, Op.ATTACHMENT_INDEX))
+_IN_SUMMARY = _SUMMARY | {Op.METADATA_INDEX, Op.SUMMARY_OFFSET, Op.FOOTER}
+_IN_DATA = frozenset((Op.CHUNK, Op.MESSAGE_INDEX, Op.ATTACHMENT, Op.METADATA, Op.PADDING, Op.DATA_END, Op.CHECKPOINTS))
+
+
+#: A message: sequence (32 bits), log time [ns], where its record begins in the page, length of the record's body.
+MessageRow = tuple[int, int, int, int]
+
+
+@dataclass(frozen=True, slots=True)
+class Page:
+    """The messages of one chunk, by topic.  at, end : where it stands in the file [B]."""
+
+    data: bytes
+    rows: list[tuple[McapChannel, list[MessageRow]]]
+    at: int
+    end: int
+
+    def body(self, row: MessageRow) -> bytes:
+        """The bytes of a message."""
+        _, _, at, length = row
+        return self.data[at + MESSAGE.size : at + _HEAD + length]
+
+
+class FileCheck:
+    """A file; ``pages`` reads it once.
+
+    messages : of each channel id; chunks : where they begin; metadata : the tables as they stand, by name
+    size     : so far it was read [B]; it may have grown since
+    doubts   : what is not proved of it: because it was not finished, was closed later or was made by a recovery
+    end_doubts : what is missing at its end since it was closed later; other files may have it
+    notes    : what else is to be known of it
+    proved   : False where the last chunk of an unfinished file holds less, or more, than its checksum covers
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.faults: list[str] = []
+        self.broken: str | None = None
+        self.size = 0
+        self.messages: Counter[int] = Counter()
+        self.chunks: list[int] = []
+        self.metadata: dict[str, dict[str, str]] = {}
+        self.proved = True
+        self.warnings: list[str] = []
+        self.end_warnings: list[str] = []
+        self.notes: list[str] = []
+        self.finished = has_footer(path)
+        self._topics: dict[int, McapChannel] = {}
+        self._sizes = DeclaredSizes()
+        self._index: dict[int, bytes] = {}  # what must follow the last chunk
+        self._ended = False  # the data section
+        self._unproved_at: list[int] = []  # chunks that their checkpoints do not prove
+
+    def pages(self, at: int = 0) -> Iterator[Page]:
+        """What the chunks hold, as far as the file is within the limits.  Raises MissingError when it cannot be opened.
+
+        at : where a page begins that is to be had again, with those behind it
+        """
+        try:
+            yield from self._pages(at)
+        except LimitError as error:
+            self.faults.append(f"is not read to its end: {error}")
+
+    def _pages(self, at: int) -> Iterator[Page]:
+        with TolerantFile(self.path) as source:
+            self.size = source.size
+            at = at or self._begin(source)
+            while at and at < source.size:
+                op = source.read(at, 1)[0]
+                head = chunk_head(source, at) if op == Op.CHUNK else None
+                if head and not self.finished and is_open(source, head):
+                    yield from self._open_chunk(source, head)
+                    break
+                end = record_end(source, at, source.size)
+                if end is None or op not in (_IN_SUMMARY if self._ended else _IN_DATA):
+                    self._break(at, torn=self._is_torn(source, at))
+                    return
+                if head:
+                    yield from self._chunk(source, head)
+                else:
+                    self._other(source, op, at, end)
+                at = end
+                if op == Op.FOOTER:
+                    return
+            if at and not self.finished:
+                self._check_metadata()
+                self._break(at)
+
+    # --------------------------------------------------------------------------------------------- begin and end
+
+    def _begin(self, source: TolerantFile) -> int:
+        head = records.file_head()
+        found = source.read(0, len(head))
+        if found == head:
+            return len(head)
+        if self.finished or not head.startswith(found):
+            self.faults.append("does not begin as a file of this program")
+        else:
+            self.broken = f"ends after byte {len(found)}, within its head"
+        return 0
+
+    def _is_torn(self, source: TolerantFile, at: int) -> bool:
+        """May the writer have ended here?  A summary may be long, but no chunk is in it."""
+        return not is_followed_by_chunk(source, at) if self._ended else is_torn_write(source, at)
+
+    def _break(self, at: int, *, torn: bool = True) -> None:
+        """What stands here is no record of this place; torn : a writer that ended may have left it."""
+        if self.finished or not (torn or is_being_written(self.path)):
+            self.faults.append(f"is damaged at byte {at}")
+        elif self.broken is None:
+            self.broken = f"ends after byte {at} without a footer: it is being written, or was cut off"
+
+    def _open_chunk(self, source: TolerantFile, head: ChunkHead) -> Iterator[Page]:
+        """The last chunk of a file without a footer."""
+        self._expect_no_index()
+        growing = is_being_written(self.path)
+        try:
+            found = read_open_chunk(source, head, Declarations(), growing=growing)
+        except DamagedChunkError as error:
+            self.faults.append(f"the chunk at byte {head.at} is damaged: {error}")
+            return
+        data = bytes(found.content.data)
+        rows, end = self._walk(data)
+        self.proved = not (found.unproved or found.missing_bytes)
+        if found.unproved and not growing:
+            since = "" if found.unproved_ns is None else f" from {clock_text(found.unproved_ns)} on"
+            self.warnings.append(f"{found.unproved} messages{since} are unproved: no checksum covers them")
+        if found.missing_bytes:
+            self.warnings.append(f"{found.missing_bytes} bytes at its end are missing or damaged")
+        self._break(head.begin + end, torn=not is_followed_by_chunk(source, head.begin + end))
+        yield self._page(data, rows, head.at, head.begin + end)
+
+    # --------------------------------------------------------------------------------------------------- records
+
+    def _chunk(self, source: TolerantFile, head: ChunkHead) -> Iterator[Page]:
+        self._expect_no_index()
+        at = head.at
+        try:
+            data = head.read(source)
+        except LimitError:
+            raise
+        except ValueError:
+            self.faults.append(f"the chunk at byte {at} is damaged")
+            return
+        rows, walked = self._walk(data)
+        if walked != len(data):
+            self.faults.append(f"the chunk at byte {at} does not hold whole records")
+        self.chunks.append(at)
+        self._check_checkpoints(source, head, data)
+        if not head.crc and zlib.crc32(data):
+            self.faults.append(f"the chunk at byte {at} has no checksum")
+        self._check_times(source, at, rows)
+        self._index = {channel: _index_of(channel, found) for channel, found in rows.items()}
+        yield self._page(data, rows, at, head.end)
+
+    def _check_checkpoints(self, source: TolerantFile, head: ChunkHead, data: bytes) -> None:
+        """Is every byte of the checkpoints before a chunk what follows from its records?"""
+        marks = chunk_marks(source, head)
+        if marks.damaged:
+            self.faults.append(f"the checkpoints before the chunk at byte {head.at} are damaged")
+        elif not all(segment.proved for segment in segments(data, marks.checkpoints)):
+            self._unproved_at.append(head.at)
+
+    def _page(self, data: bytes, rows: dict[int, list[MessageRow]], at: int, end: int) -> Page:
+        named = []
+        for channel, found in rows.items():
+            self.messages[channel] += len(found)
+            named.append((self._topics[channel], found))
+        return Page(data, named, at, end)
+
+    def _walk(self, data: bytes) -> tuple[dict[int, list[MessageRow]], int]:
+        """Messages by channel, and where the whole records end."""
+        rows: dict[int, list[MessageRow]] = defaultdict(list)
+        unpack, body = MESSAGE.unpack_from, MESSAGE_BODY
+        at, size = 0, len(data)
+        last = size - MESSAGE.size
+        while at <= last:
+            op, length, channel, sequence, log_time, _ = unpack(data, at)
+            end = at + _HEAD + length
+            if op == _MESSAGE and length >= body and end <= size:
+                rows[channel].append((sequence, log_time, at, length))
+            elif op not in (_SCHEMA, _CHANNEL) or end > size or not self._declare(op, data[at + _HEAD : end]):
+                break
+            at = end
+        for channel in rows.keys() - self._topics.keys():
+            self.faults.append(f"{len(rows.pop(channel))} messages are of channel {channel}, which is not declared")
+        return rows, at
+
+    def _declare(self, op: int, body: bytes) -> bool:
+        """Take a schema or a channel; False when its lengths or texts make no sense."""
+        try:
+            if op == _SCHEMA:
+                return is_schema(body)
+            if not is_channel(body):
+                return False
+            channel, _ = struct.unpack_from("<HH", body)
+            name, at = read_text(body, 4)
+            encoding, at = read_text(body, at)
+            self._sizes.channel(channel, name, len(body))
+            self._topics[channel] = McapChannel(name, encoding, text_table(body, at))
+        except (struct.error, UnicodeDecodeError):
+            return False
+        return True
+
+    def _check_times(self, source: TolerantFile, at: int, rows: dict[int, list[MessageRow]]) -> None:
+        times = [log_time for found in rows.values() for _, log_time, _, _ in found]
+        told = _TIMES.unpack(source.read(at + _HEAD, _TIMES.size))
+        if times and told != (min(times), max(times)):
+            self.faults.append(f"the chunk at byte {at} has other times than its messages")
+
+    def _other(self, source: TolerantFile, op: int, at: int, end: int) -> None:
+        """A record outside of chunks; its inner lengths, the checksum of an attachment and empty padding hold."""
+        if op == Op.MESSAGE_INDEX:
+            self._take_index(source.read(at, end - at), at)
+            return
+        self._expect_no_index()
+        if op == Op.METADATA:
+            self._sizes.metadata(end - at)
+            name, table = metadata_table(source.read(at, end - at))
+            self.metadata[name] = table
+            self.warnings += list_warnings(name, table)
+            self.end_warnings += list_end_warnings(name, table)
+            self.notes += list_notes(name, table)
+        elif op == Op.DATA_END:
+            self._ended = True
+            self._check_metadata()
+            self._check_data_crc(source, at)
+        elif op == Op.FOOTER:
+            self._check_summary_crc(source, at)
+
+    def _take_index(self, found: bytes, at: int) -> None:
+        channel = int.from_bytes(found[_HEAD : _HEAD + 2], "little")
+        if self._index.pop(channel, None) != found:
+            self.faults.append(f"the message index at byte {at} is not that of the messages")
+
+    def _expect_no_index(self) -> None:
+        if self._index:
+            self.faults.append(f"the chunk at byte {self.chunks[-1]} has no message index of all its channels")
+            self._index = {}
+
+    def _check_metadata(self) -> None:
+        if has_unverified_end(self.metadata):  # the last chunk of one that was closed later
+            self._unproved_at = [at for at in self._unproved_at if at != self.chunks[-1]]
+        for at in self._unproved_at:
+            self.faults.append(f"the checkpoints before the chunk at byte {at} are not those of its records")
+        for name in altered_tables(self.metadata):
+            self.faults.append(f"the checksum of its metadata {name} does not match")
+
+    def _check_data_crc(self, source: TolerantFile, at: int) -> None:
+        told = int.from_bytes(source.read(at + _HEAD, 4), "little")
+        crc, done = 0, 0
+        while told and done < at:
+            block = source.read(done, min(_BLOCK, at - done))
+            crc, done = zlib.crc32(block, crc), done + len(block)
+        if told and crc != told:
+            self.faults.append("the checksum of its data section does not hold")
+
+    def _check_summary_crc(self, source: TolerantFile, at: int) -> None:
+        start, _, told = struct.unpack("<QQI", source.read(at + _HEAD, 20))
+        if at + FOOTER_BYTES != source.size or source.read(at + 29, 8) != MAGIC:
+            self.faults.append("does not end with its footer")
+        elif not told or zlib.crc32(source.read(start, at + 25 - start)) != told:
+            self.faults.append("its summary is damaged")
+
+
+def _index_of(channel: int, rows: list[MessageRow]) -> bytes:
+    """The message index record of one channel in one chunk."""
+    entries = array("Q", [number for _, log_time, at, _ in rows for number in (log_time, at)])
+    return records.message_index(channel, entries.tobytes())

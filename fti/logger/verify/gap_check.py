@@ -1,0 +1,68 @@
+"""The notes of gaps under proof: what a full buffer dropped, as the recorder told, and what navigation lost."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from fti.logger.reading.json_message import parse_table
+from fti.logger.reading.limits import MAX_TEXT_LENGTH
+from fti.logger.reading.text_format import clock_text
+from fti.logger.verify.sequence_check import SequenceRange
+
+GAP_TOPIC = "/fti/gap"
+OVERFLOW = "buffer_overflow"
+MAX_DESCRIBED_NOTES = 20
+
+
+@dataclass(frozen=True, slots=True)
+class Overflow:
+    """Frames of one link that a full buffer dropped, as the recorder told."""
+
+    link: str
+    first: int
+    last: int
+    frames: int
+
+
+@dataclass(slots=True)
+class GapNotes:
+    """The notes on ``/fti/gap``.
+
+    told : what navigation lost, in words, of the first of such notes; untold : how many more there are
+    unreadable : notes that say nothing
+    """
+
+    overflows: list[Overflow] = field(default_factory=list)
+    descriptions: list[str] = field(default_factory=list)
+    omitted_notes: int = 0
+    unreadable: int = 0
+
+    def feed(self, t_ns: int, data: bytes, *, raw: bool) -> None:
+        """A note from a raw or a derived file."""
+        try:
+            table = parse_table(data)
+            if raw and table.get("kind") == OVERFLOW:
+                numbers = (int(table[key]) for key in ("first_seq", "last_seq", "frames"))
+                self.overflows.append(Overflow(str(table["link"])[:MAX_TEXT_LENGTH], *numbers))
+            else:
+                self._describe(f"{clock_text(t_ns)}: {table.get('text') or _unseen_text(table)}")
+        except (KeyError, TypeError, AttributeError, ValueError, OverflowError, RecursionError):
+            self.unreadable += 1
+
+    def _describe(self, text: str) -> None:
+        if len(self.descriptions) < MAX_DESCRIBED_NOTES:
+            self.descriptions.append(text[:MAX_TEXT_LENGTH])
+        else:
+            self.omitted_notes += 1
+
+    def explains(self, span: SequenceRange) -> bool:
+        """Does a note tell of these numbers?"""
+        return any(gap.first <= span.first and span.last <= gap.last for gap in self.overflows)
+
+
+def _unseen_text(table: dict[str, Any]) -> str:
+    """A note of navigation in words."""
+    first, last = int(table["after_seq"]) + 1, int(table["before_seq"]) - 1
+    missed = f"not seen numbers {first} to {last}" if first <= last else "missed nothing"
+    return f"{table['kind']}: navigation has {missed}"

@@ -1,0 +1,258 @@
+"""The numbers of a session under proof: which there are, which are missing, and how each link counts and runs.
+
+Every frame, every tick and everything that was sent has a number from one counter.  Links are written one after
+another, so numbers stand in the files out of order, but those of one topic rise.  Memory: a range of numbers for each
+hole, and of each topic the numbers since the ledger that was compared last.
+"""
+
+from __future__ import annotations
+
+from array import array
+from bisect import bisect_left, bisect_right
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from itertools import pairwise
+from operator import attrgetter
+
+from fti.logger.raw_log import TICK_TOPIC
+from fti.logger.reading.mcap_file import McapChannel
+from fti.logger.reading.recording import RAW_PREFIX, SENT_PREFIX, unwrap
+from fti.logger.records import MESSAGE, MESSAGE_BODY
+from fti.logger.verify.file_check import MessageRow, Page
+from fti.types import TICK_PERIOD_NS
+
+#: A kernel stamp is brought to FTI time with two readings of clocks, between which the reader may be interrupted.
+STAMP_TOLERANCE_NS = 1_000_000
+#: Without a tick for so long, the recorder did not run.
+TICK_HOLE_NS = 25 * TICK_PERIOD_NS
+#: Frames of a topic that are kept for a ledger that does not come.
+MAX_KEPT_NUMBERS = 2**20
+_ERROR_FLAG, _FLAGS_AT = 0x20, MESSAGE.size + 3  # byte 3 of a CAN frame: see ``fti.canframe``
+_FIRST = attrgetter("first")
+
+
+def is_numbered(topic: str) -> bool:
+    """Do the messages of a topic have numbers?"""
+    return topic == TICK_TOPIC or topic.startswith((RAW_PREFIX, SENT_PREFIX))
+
+
+@dataclass(slots=True)
+class SequenceRange:
+    """Numbers from ``first`` to ``last`` [ns: the time of both]; of a hole: the times of what stands around it."""
+
+    first: int
+    last: int
+    first_ns: int
+    last_ns: int
+
+    @property
+    def count(self) -> int:
+        """How many numbers."""
+        return self.last - self.first + 1
+
+
+class Coverage:
+    """Which numbers were found: ranges that do not touch, in order."""
+
+    def __init__(self) -> None:
+        self.ranges: list[SequenceRange] = []
+
+    def add(self, numbers: list[tuple[int, int]]) -> set[int]:
+        """Numbers and their times, sorted; returns those that were there already, or stand twice among these."""
+        doubles: set[int] = set()
+        for span in _spans(numbers, doubles):
+            self._insert(span, doubles)
+        return doubles
+
+    def _insert(self, span: SequenceRange, doubles: set[int]) -> None:
+        """Put a range among the others and melt it with those that it touches."""
+        ranges = self.ranges
+        begin = bisect_right(ranges, span.first, key=_FIRST)
+        if begin and ranges[begin - 1].last >= span.first - 1:
+            begin -= 1
+        end = begin
+        while end < len(ranges) and ranges[end].first <= span.last + 1:
+            other = ranges[end]
+            doubles.update(range(max(span.first, other.first), min(span.last, other.last) + 1))
+            if other.first < span.first:
+                span.first, span.first_ns = other.first, other.first_ns
+            if other.last > span.last:
+                span.last, span.last_ns = other.last, other.last_ns
+            end += 1
+        ranges[begin:end] = [span]
+
+    def holes(self, begin: int, end: int) -> list[SequenceRange]:
+        """The numbers in begin <= number < end that are missing."""
+        holes, expected, before_ns = [], begin, 0
+        for span in self.ranges[max(bisect_right(self.ranges, begin, key=_FIRST) - 1, 0) :]:
+            if expected >= end:
+                break
+            if span.first > expected:
+                holes.append(
+                    SequenceRange(expected, min(span.first, end) - 1, before_ns or span.first_ns, span.first_ns)
+                )
+            expected, before_ns = max(expected, span.last + 1), span.last_ns
+        if expected < end:
+            holes.append(SequenceRange(expected, end - 1, before_ns, before_ns))
+        return holes
+
+
+def _spans(numbers: list[tuple[int, int]], doubles: set[int]) -> Iterator[SequenceRange]:
+    """The ranges of sorted numbers."""
+    begin = before = numbers[0]
+    if numbers[-1][0] - begin[0] + 1 == len(numbers) and all(b[0] - a[0] == 1 for a, b in pairwise(numbers)):
+        yield SequenceRange(begin[0], numbers[-1][0], begin[1], numbers[-1][1])
+        return
+    for number in numbers[1:]:
+        if number[0] == before[0]:
+            doubles.add(number[0])
+        elif number[0] != before[0] + 1:
+            yield SequenceRange(begin[0], before[0], begin[1], before[1])
+            begin = number
+        before = number
+    yield SequenceRange(begin[0], before[0], begin[1], before[1])
+
+
+@dataclass(slots=True)
+class TopicSequence:
+    """One numbered topic: what was found of it.
+
+    backwards : how often its time goes back; unordered : how often its numbers do; error_frames : of a CAN bus
+    """
+
+    name: str
+    is_can: bool
+    frames: int = 0
+    bytes: int = 0
+    first_ns: int = 0
+    last_ns: int = 0
+    last_seq: int = -1
+    longest_gap_ns: int = 0
+    backwards: int = 0
+    unordered: int = 0
+    error_frames: int = 0
+    _seqs: array[int] = field(default_factory=lambda: array("Q"))
+    _sizes: array[int] = field(default_factory=lambda: array("Q"))
+    _below: tuple[int, int] = (0, 0)  # frames and bytes that are folded away
+    _folded_to: int = 0
+
+    def feed(self, page: Page, rows: list[MessageRow], seqs: list[int]) -> None:
+        """The rows of one page and their full numbers."""
+        sizes = [length - MESSAGE_BODY for _, _, _, length in rows]
+        self._watch_time([log_time for _, log_time, _, _ in rows])
+        self.unordered += sum(b <= a for a, b in pairwise([self.last_seq, *seqs]))
+        self.last_seq = max(self.last_seq, seqs[-1])
+        self.frames += len(rows)
+        self.bytes += sum(sizes)
+        if self.is_can:
+            flags = (page.data[at + _FLAGS_AT] for _, _, at, length in rows if length > MESSAGE_BODY + 3)
+            self.error_frames += sum(flag & _ERROR_FLAG > 0 for flag in flags)
+        self._seqs.extend(seqs)
+        self._sizes.extend(sizes)
+        if len(self._seqs) > 2 * MAX_KEPT_NUMBERS:
+            self.below(self._seqs[MAX_KEPT_NUMBERS])
+
+    def _watch_time(self, times: list[int]) -> None:
+        self.first_ns = self.first_ns or times[0]
+        for before, after in pairwise([self.last_ns or times[0], *times]):
+            step = after - before
+            if step > self.longest_gap_ns:
+                self.longest_gap_ns = step
+            elif step < -STAMP_TOLERANCE_NS:
+                self.backwards += 1
+        self.last_ns = times[-1]
+
+    def below(self, number: int) -> tuple[int, int] | None:
+        """Frames and bytes with smaller numbers; None when that is no longer known.  Forgets them one by one."""
+        if number < self._folded_to:
+            return None
+        count = bisect_left(self._seqs, number)
+        self._below = self._below[0] + count, self._below[1] + sum(self._sizes[:count])
+        del self._seqs[:count], self._sizes[:count]
+        self._folded_to = number
+        return self._below
+
+
+class SequenceCheck:
+    """All numbered topics of a session.
+
+    tick_holes : times of the last tick before and of the first one after a time without ticks [ns]
+    doubles    : numbers that stand twice in one file
+    repeated   : numbers that stand in two files, as where the medium was changed; they count once
+    """
+
+    def __init__(self) -> None:
+        self.coverage = Coverage()
+        self.topics: dict[str, TopicSequence] = {}
+        self.tick_holes: list[tuple[int, int]] = []
+        self.doubles = self.repeated = 0
+        self._in_file = Coverage()
+        self.first_ns: int | None = None
+        self._last: int | None = None
+        self._tick_ns = 0
+
+    @property
+    def frames(self) -> int:
+        """All messages with a number."""
+        return sum(topic.frames for topic in self.topics.values())
+
+    def begin_file(self) -> None:
+        """What comes stands in another file."""
+        self._in_file = Coverage()
+
+    def feed(self, page: Page) -> None:
+        """Take the numbered messages of a page."""
+        parts = [(topic, rows, self.full(rows)) for topic, rows in page.rows if is_numbered(topic.name)]
+        numbers = sorted((seq, row[1]) for _, rows, seqs in parts for seq, row in zip(seqs, rows, strict=True))
+        if not numbers:
+            return
+        self._last = numbers[-1][0]
+        earliest = min(t for _, t in numbers)
+        self.first_ns = earliest if self.first_ns is None else min(self.first_ns, earliest)
+        known = self.coverage.add(numbers)
+        self._judge_doubles(numbers, known)
+        for topic, rows, seqs in parts:
+            self._take(topic, page, *_drop_known(known, rows, seqs))
+
+    def _judge_doubles(self, numbers: list[tuple[int, int]], known: set[int]) -> None:
+        again = self._in_file.add(numbers)
+        self.doubles += len(again)
+        self.repeated += len(known - again)
+
+    def _take(self, topic: McapChannel, page: Page, rows: list[MessageRow], seqs: list[int]) -> None:
+        if not rows:
+            return
+        self._of(topic).feed(page, rows, seqs)
+        if topic.name == TICK_TOPIC:
+            self._watch_ticks(log_time for _, log_time, _, _ in rows)
+
+    def _of(self, topic: McapChannel) -> TopicSequence:
+        proof = self.topics.get(topic.name)
+        if proof is None:
+            proof = self.topics[topic.name] = TopicSequence(topic.name, topic.metadata.get("kind") == "can")
+        return proof
+
+    def full(self, rows: list[MessageRow]) -> list[int]:
+        """The full numbers, of which the rows have the low 32 bits."""
+        last = unwrap(rows[0][0], self._last)
+        offset = last - rows[0][0]
+        seqs = [sequence + offset for sequence, _, _, _ in rows]
+        if max(seqs) - min(seqs) < 2**31:
+            return seqs
+        for i, (sequence, _, _, _) in enumerate(rows):
+            seqs[i] = last = unwrap(sequence, last)
+        return seqs
+
+    def _watch_ticks(self, times: Iterable[int]) -> None:
+        for t_ns in times:
+            if self._tick_ns and t_ns - self._tick_ns > TICK_HOLE_NS:
+                self.tick_holes.append((self._tick_ns, t_ns))
+            self._tick_ns = t_ns
+
+
+def _drop_known(known: set[int], rows: list[MessageRow], seqs: list[int]) -> tuple[list[MessageRow], list[int]]:
+    """The rows whose numbers were not there already."""
+    if known.isdisjoint(seqs):
+        return rows, seqs
+    kept = [(row, seq) for row, seq in zip(rows, seqs, strict=True) if seq not in known]
+    return [row for row, _ in kept], [seq for _, seq in kept]

@@ -1,0 +1,176 @@
+"""When measurements were true: the clocks of all devices, and what they say of GNSS time.
+
+Deterministic: it sees measurements in order of ``seq`` and nothing else.  Who starts navigation again starts it anew.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import operator
+from collections.abc import Callable, Iterable, Sequence
+from functools import cache
+from typing import Any
+
+from fti.config import Device
+from fti.nav.device_time.clock_estimator import ARRIVAL_SD_NS, WINDOW_S, ClockEstimator, ClockState
+from fti.nav.device_time.delay_envelope import Z95
+from fti.types import Event, Measurement, Stamp, TimeScale
+
+SECOND_NS = 1_000_000_000
+#: Scales that are the same for everybody, the better one first.
+GNSS_SCALES = (TimeScale.GPS, TimeScale.UTC)
+#: No clock shows a time beyond [ns]: 146 years.  Devices that do not know it say the largest number they have.
+MAX_TIME_NS = 2**62
+_Key = tuple[str, TimeScale]
+
+
+def device_time_of(stamp: Stamp) -> tuple[TimeScale, int] | None:
+    """Scale and time of the device [ns] that a message says; None when it says none that a clock can show."""
+    if stamp.time_scale is None or stamp.t_dev_ns is None or abs(stamp.t_dev_ns) > MAX_TIME_NS:
+        return None
+    return stamp.time_scale, stamp.t_dev_ns
+
+
+@cache
+def _mutable_class_of(kind: Any) -> tuple[Callable[..., Any], Callable[[Any], Sequence[Any]]]:
+    """A class with the same slots that is not frozen, and what takes all values but the first out of the frozen one.
+
+    A frozen class sets each field by a call.
+    """
+    first, *others = [field.name for field in dataclasses.fields(kind)]
+    twin = dataclasses.make_dataclass(kind.__name__, [first, *others], slots=True, eq=False, repr=False)
+    if len(others) > 1:
+        return twin, operator.attrgetter(*others)
+    return twin, lambda made: [getattr(made, name) for name in others]
+
+
+def restamp(m: Measurement, stamp: Stamp) -> Measurement:
+    """The same measurement with another stamp: ``dataclasses.replace`` in a quarter of the time."""
+    kind: Any = type(m)
+    twin, others = _mutable_class_of(kind)
+    made: Measurement = twin(stamp, *others(m))
+    made.__class__ = kind
+    return made
+
+
+def with_validity(stamp: Stamp, t_valid_ns: int) -> Stamp:
+    """The same stamp with its time of validity."""
+    made: Stamp = _new_stamp(stamp.t_rx_ns, stamp.t_dev_ns, stamp.time_scale, t_valid_ns)
+    made.__class__ = Stamp
+    return made
+
+
+_new_stamp, _ = _mutable_class_of(Stamp)
+
+
+class DeviceTimes:
+    """Fills in ``t_valid_ns``, and reports once a second.  window_s : as ``ClockEstimator`` has it."""
+
+    def __init__(self, devices: Iterable[Device], window_s: int | None = WINDOW_S) -> None:
+        self._devices = {device.name: device for device in devices}
+        self._latency_ns = {name: _latency_ns(device) for name, device in self._devices.items()}
+        self._window = window_s
+        self.clocks: dict[_Key, ClockEstimator] = {}
+        self._last: dict[_Key, tuple[int, int, int | None]] = {}
+        self._second = 0
+        self._stamp: Stamp | None = None
+        self._device = ""
+        self._valid_stamp = Stamp(0)
+
+    def stamp(self, device: str, m: Measurement) -> Measurement:
+        """The same measurement with ``t_valid_ns`` filled in: by the device's clock, or else by its arrival.
+
+        What a device declares invalid counts from its arrival: in the past, the valid value before would outlast it.
+        """
+        stamp = m.stamp
+        if stamp is not self._stamp or device != self._device:  # the measurements of a message share theirs
+            self._valid_stamp = self._validity_stamp(self._devices[device], stamp)
+            self._stamp, self._device = stamp, device  # not before: what failed says nothing of the next one
+        if getattr(m, "valid", True):
+            return restamp(m, self._valid_stamp)
+        return restamp(m, with_validity(stamp, stamp.t_rx_ns - self._latency_ns[device]))
+
+    def _validity_stamp(self, device: Device, stamp: Stamp) -> Stamp:
+        """By the clock of the device; by its arrival where that is not known."""
+        by_clock = self._by_clock(device, stamp)
+        if by_clock is None or not device.use_device_time:
+            return with_validity(stamp, stamp.t_rx_ns - self._latency_ns[device.name])
+        return with_validity(stamp, by_clock)
+
+    def _by_clock(self, device: Device, stamp: Stamp) -> int | None:
+        """One message yields several measurements with the same stamp: it is taken once."""
+        told = device_time_of(stamp)
+        if told is None:
+            return None
+        scale, t_dev_ns = told
+        key = (device.name, scale)
+        last_rx_ns, last_dev_ns, valid_ns = self._last.get(key, (None, None, None))
+        if (last_rx_ns, last_dev_ns) != (stamp.t_rx_ns, t_dev_ns):
+            clock = self.clocks.get(key) or self._begin(key, device)
+            valid_ns = clock.take(stamp.t_rx_ns, t_dev_ns)
+            self._last[key] = stamp.t_rx_ns, t_dev_ns, valid_ns
+        return valid_ns
+
+    def _begin(self, key: _Key, device: Device) -> ClockEstimator:
+        max_age_ns = round(device.max_age_ms * 1e6)
+        clock = self.clocks[key] = ClockEstimator(key[1], _latency_ns(device), max_age_ns, self._window, device.name)
+        return clock
+
+    def tick(self, t_ns: int) -> dict[str, Any] | None:
+        """Once a second, what is known of every clock, for ``/fti/device_clock``."""
+        if t_ns // SECOND_NS == self._second:
+            return None
+        self._second = t_ns // SECOND_NS
+        clocks = {f"{name}_{scale}": describe(clock, t_ns) for (name, scale), clock in self.clocks.items()}
+        return {"t_ns": t_ns, "clocks": clocks, "gnss": self._gnss(t_ns)} if clocks else None
+
+    def clocks_of(self, device: str, t_ns: int) -> list[dict[str, Any]]:
+        """What is known of the clocks of a device, the one that all share first."""
+        order = [*GNSS_SCALES, *(scale for scale in TimeScale if scale not in GNSS_SCALES)]
+        known = [self.clocks[device, scale] for scale in order if (device, scale) in self.clocks]
+        return [describe(clock, t_ns) for clock in known if clock.segments]
+
+    def drain_events(self, t_ns: int) -> list[Event]:
+        """What a person should know since the last call."""
+        news = [text for clock in self.clocks.values() for text in clock.drain_event_texts()]
+        return [Event(t_ns=t_ns, level="info", source="clock", text=text) for text in news]
+
+    def _gnss(self, t_ns: int) -> dict[str, Any]:
+        """GPS or UTC time at t_ns, from the first device whose clock is known; empty without one."""
+        good = [key for key, clock in self.clocks.items() if clock.state is ClockState.GOOD]
+        for scale in GNSS_SCALES:
+            for device in self._devices:
+                if (device, scale) in good:
+                    clock = self.clocks[device, scale]
+                    return {"device": device, "scale": scale, "time_ns": clock.device_ns(t_ns)}
+        return {}
+
+
+def describe(clock: ClockEstimator, t_ns: int) -> dict[str, Any]:
+    """A clock at the FTI time t_ns.
+
+    offset_ns : device - FTI; drift_ppm : how much faster it runs than FTI time; validity_sd_ns : of ``t_valid_ns``
+    usual_ns  : how much later than by the shortest way the usual message arrives; refused : messages that did not fit
+    """
+    segment = clock.segments[-1]
+    good, known = clock.state is ClockState.GOOD, segment.known
+    sd_ns = clock.sd_ns(t_ns)
+    return {
+        "scale": clock.scale,
+        "state": clock.state,
+        "offset_ns": clock.device_ns(t_ns) - t_ns,
+        "offset_sd_ns": sd_ns if known else None,
+        "drift_ppm": segment.drift_ppm if known else None,
+        "drift_sd_ppm": 1e6 * segment.line.slope_95 / Z95 if known else None,
+        "validity_sd_ns": sd_ns if good else ARRIVAL_SD_NS,
+        "usual_ns": segment.line.spread if known else None,
+        "largest_ns": segment.largest_ns,
+        "messages": segment.messages,
+        "late": segment.late,
+        "refused": clock.refused,
+        "segments": len(clock.segments),
+    }
+
+
+def _latency_ns(device: Device) -> int:
+    return round(device.latency_ms * 1e6)

@@ -1,0 +1,135 @@
+"""What the filter waits for before it begins, and the state that it begins with.
+
+Position with height and velocity of one receiver, an attitude of a device, or, without one, what the inertial sensors
+felt through a second of nearly straight flight.  Each may be a second old.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fti.geodesy.rotations import rpy_from_mat
+from fti.geodesy.wgs84 import radii
+from fti.nav.filter.aiding import GnssHeight, GnssPosition, GnssVelocity, Vector
+from fti.nav.filter.estimate import InitialState
+from fti.nav.inertial.alignment import HEADING_SD, MIN_TRACK_SPEED_MPS, TILT_SD, attitude_in_flight
+from fti.types import Reason
+
+Array = NDArray[np.float64]
+
+MAX_AGE_NS = 1_000_000_000
+#: An attitude is held for so long: an aeroplane rolls 20 deg in a second.
+MAX_ATTITUDE_AGE_NS = 100_000_000
+#: Above this rate the mean of a second is no attitude [rad/s].
+MAX_TURN_RATE = 0.03
+#: The first position is held to be so many times as uncertain as a fix: its slow error is that of the fixes to come,
+#: which would otherwise count as if there were two, one for the position and one for the fixes.
+FIRST_FIX_SD_FACTOR = 5.0
+SECOND_NS = 1_000_000_000
+
+Attitude = tuple[float, float, float | None]
+
+
+class Aligner:
+    """Keeps the newest of each until all are there."""
+
+    def __init__(self) -> None:
+        self._imu_samples: deque[tuple[int, Array]] = deque()
+        self._position: tuple[int, GnssPosition] | None = None
+        self._velocities: deque[tuple[int, GnssVelocity]] = deque(maxlen=32)
+        self._attitude: tuple[int, Attitude, Vector] | None = None
+
+    def feed_inertial(self, t_ns: int, imu: Array) -> None:
+        """An inertial sample, shape (6,)."""
+        self._imu_samples.append((t_ns, imu))
+        while t_ns - self._imu_samples[0][0] > MAX_AGE_NS:
+            self._imu_samples.popleft()
+
+    def feed_aiding(self, t_ns: int, aiding: object) -> None:
+        """What aids: positions with a height and velocities count."""
+        if isinstance(aiding, GnssPosition) and aiding.alt is not None:
+            self._position = t_ns, aiding
+        elif isinstance(aiding, GnssVelocity) and aiding.down is not None:
+            if self._velocities and t_ns <= self._velocities[-1][0]:
+                self._velocities.clear()
+            self._velocities.append((t_ns, aiding))
+
+    def feed_attitude(self, t_ns: int, attitude: Attitude, sd: Vector) -> None:
+        """Roll, pitch, heading or None [rad] of a device, and their sigma."""
+        self._attitude = t_ns, attitude, sd
+
+    @property
+    def names(self) -> frozenset[str]:
+        """What the state to begin with is made from: names of a position, its height and a velocity."""
+        assert self._position is not None
+        position = self._position[1]
+        return frozenset((position.name, GnssHeight(position).name, self._velocities[-1][1].name))
+
+    def start(self, t_ns: int) -> InitialState | Reason:
+        """The state at t_ns, or what is missing."""
+        if self._position is None or t_ns - self._position[0] > MAX_AGE_NS:
+            return Reason.NO_GNSS
+        if not self._velocities or t_ns - self._velocities[-1][0] > MAX_AGE_NS:
+            return Reason.NO_VELOCITY
+        attitude = self._device_attitude(t_ns) or self._inertial_attitude()
+        if attitude is None:
+            return Reason.NO_HEADING if self._attitude else Reason.NO_ATTITUDE
+        return self._extrapolate(t_ns, *attitude)
+
+    def _device_attitude(self, t_ns: int) -> tuple[Vector, Vector] | None:
+        """A device's attitude; its missing heading from the track."""
+        if self._attitude is None or t_ns - self._attitude[0] > MAX_ATTITUDE_AGE_NS:
+            return None
+        _, (roll, pitch, heading), sd = self._attitude
+        if heading is not None:
+            return (roll, pitch, heading), sd
+        velocity = self._velocities[-1][1]
+        if np.hypot(velocity.north, velocity.east) < MIN_TRACK_SPEED_MPS:
+            return None
+        return (roll, pitch, float(np.arctan2(velocity.east, velocity.north))), (sd[0], sd[1], HEADING_SD)
+
+    def _inertial_attitude(self) -> tuple[Vector, Vector] | None:
+        """From force and change of velocity of the last second of straight flight."""
+        first, last = self._velocities[0], self._velocities[-1]
+        seconds = (last[0] - first[0]) / SECOND_NS
+        imu = np.array([row for _, row in self._imu_samples])
+        if seconds < 0.5 or len(imu) < 2 or np.linalg.norm(imu[:, 3:].mean(axis=0)) > MAX_TURN_RATE:
+            return None
+        before, now = (np.array([v.north, v.east, v.down]) for v in (first[1], last[1]))
+        assert self._position is not None
+        place = self._position[1]
+        mat_nb = attitude_in_flight(imu[:, :3].mean(axis=0), now, (now - before) / seconds, place.lat, place.alt or 0.0)
+        if mat_nb is None:
+            return None
+        roll, pitch, heading = (float(angle) for angle in rpy_from_mat(mat_nb))
+        return (roll, pitch, heading), (TILT_SD, TILT_SD, HEADING_SD)
+
+    def _extrapolate(self, t_ns: int, attitude: Vector, attitude_sd: Vector) -> InitialState:
+        """Everything moved to t_ns with the velocity.  The arm of the antenna is left to the sigma of the position."""
+        assert self._position is not None
+        (place_ns, place), (_, velocity) = self._position, self._velocities[-1]
+        alt, down = place.alt or 0.0, velocity.down or 0.0
+        seconds = (t_ns - place_ns) / SECOND_NS
+        r_meridian, r_normal = radii(place.lat)
+        parallel = max((float(r_normal) + alt) * float(np.cos(place.lat)), 1.0)
+        arm, aged = float(np.linalg.norm(place.lever_arm_b)), abs(seconds)
+        lat = float(np.clip(place.lat + seconds * velocity.north / (float(r_meridian) + alt), -np.pi / 2, np.pi / 2))
+        level, high = (
+            FIRST_FIX_SD_FACTOR * float(np.hypot(sd, arm + aged)) for sd in (place.horizontal_sd, place.vertical_sd)
+        )
+        turn = max(attitude_sd[:2])
+        return InitialState(
+            lat=lat,
+            lon=place.lon + seconds * velocity.east / parallel,
+            alt=alt - seconds * down,
+            vel_n=(velocity.north, velocity.east, down),
+            roll=attitude[0],
+            pitch=attitude[1],
+            heading=attitude[2],
+            pos_sd=(level, level, high),
+            vel_sd=(velocity.sd + aged,) * 3,
+            turn_sd=(turn, turn, attitude_sd[2]),
+        )

@@ -1,0 +1,154 @@
+"""The fast form of the strapdown, for live use: one evaluation a step, whatever the steps.
+
+With w and f at the ends of a step T, its second derivatives w'' and f'' from the sample before, and straight lines in
+the terms of second order,
+
+    turn      theta = T (w1 + w2) / 2 - T^3 w'' / 12 + T^2 (w1 x w2) / 12                        coning
+    velocity  dv_b  = T (f1 + f2) / 2 - T^3 f'' / 12 + integral of alpha x f + T^3 w x (w x f) / 6   sculling
+    earth     q_eb <- q(-omega_ie T) q_eb q(theta)
+              v_e  <- v_e + (1 - omega_ie T / 2 x) mat_eb dv_b + T (g_e - 2 omega_ie x v_e) in the middle of the step
+
+Position by the trapezoid rule.  It needs no sample beyond the step, as ``fti.nav.inertial.strapdown`` does, and costs a
+fifth; who has an hour without aiding takes that one.
+
+Source: Savage 1998, J. Guid. Control Dyn. 21, parts 1 and 2 (coning and sculling of rates that are straight lines);
+Groves 2013, section 5.3 (earth frame).  Checked against: the high-order strapdown and flights that are splines
+(``fti study strapdown``), tests/nav/test_strapdown_fast.py.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fti.geodesy.wgs84 import EARTH_RATE, SEMI_MAJOR
+from fti.nav.inertial.strapdown import Motion, gravity_e
+from fti.terrain.kernel import kernel
+
+Array = NDArray[np.float64]
+
+
+def integrate_fast(start: Motion, accel_b: Array, gyro_b: Array, step: float, every: int = 1) -> Motion:
+    """Free inertial navigation as ``fti.nav.inertial.strapdown.integrate`` does it, in the fast form.
+
+    start   : at the first sample
+    accel_b : ndarray, shape (n, 3) [m/s^2];  gyro_b : ndarray, shape (n, 3) [rad/s], at the samples
+    step    : between two samples [s];  every : of how many samples one is returned
+    Raises ValueError for arrays of other shapes.
+    """
+    sensors = np.concatenate((accel_b, gyro_b), axis=1)
+    if accel_b.shape != gyro_b.shape or sensors.shape[1] != 6:
+        raise ValueError(f"shapes (n, 3) are wanted, not {accel_b.shape} and {gyro_b.shape}")
+    found = _integrate(np.concatenate((start.pos_e, start.vel_e, start.quat_eb)), sensors, step, every)
+    return Motion(found[:, :3], found[:, 3:6], found[:, 6:])
+
+
+def warm_up() -> None:
+    """Compile the kernels, or load them from the cache."""
+    still, here = np.zeros((2, 3)), np.array([SEMI_MAJOR, 0.0, 0.0])
+    integrate_fast(Motion(here, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])), still, still, 0.01)
+
+
+@kernel
+def _integrate(first: Array, sensors: Array, step: float, every: int) -> Array:
+    n = len(sensors) - 1
+    found = np.empty((n // every + 1, 10))
+    y, bend = first.copy(), np.zeros(6)
+    found[0] = y
+    for k in range(n):
+        middle = min(max(k, 1), n - 1)
+        if middle:
+            bend[:] = (sensors[middle + 1] - 2.0 * sensors[middle] + sensors[middle - 1]) / step**2
+        move(y, sensors[k], sensors[k + 1], bend, step)
+        if (k + 1) % every == 0:
+            found[(k + 1) // every] = y
+    return found
+
+
+@kernel
+def move(y: Array, first: Array, last: Array, bend: Array, step: float) -> None:
+    """One step, in place.
+
+    y           : ndarray, shape (>= 10,)   pos_e [m], vel_e [m/s], quat_eb; what follows stays
+    first, last : ndarray, shape (6,)       accel_b [m/s^2] and gyro_b [rad/s] at the beginning and end of the step
+    bend        : ndarray, shape (6,)       their second derivatives [1/s^2], zeros where unknown
+    step        : [s]
+    """
+    ax, ay, az = _increment(first, last, bend, step)
+    ex, ey, ez = _rotate(y[6], y[7], y[8], y[9], ax, ay, az)
+    lean = 0.5 * EARTH_RATE * step
+    ex, ey = ex + lean * ey, ey - lean * ex
+    gx, gy, gz = gravity_e(y[0] + 0.5 * step * y[3], y[1] + 0.5 * step * y[4], y[2] + 0.5 * step * y[5])
+    coriolis = 2.0 * EARTH_RATE
+    mx = y[3] + 0.5 * (ex + step * (gx + coriolis * y[4]))
+    my = y[4] + 0.5 * (ey + step * (gy - coriolis * y[3]))
+    dx, dy, dz = ex + step * (gx + coriolis * my), ey + step * (gy - coriolis * mx), ez + step * gz
+    y[0] += step * (y[3] + 0.5 * dx)
+    y[1] += step * (y[4] + 0.5 * dy)
+    y[2] += step * (y[5] + 0.5 * dz)
+    y[3] += dx
+    y[4] += dy
+    y[5] += dz
+    _turn(y, first, last, bend, step)
+
+
+@kernel
+def cross(a: float, b: float, c: float, x: float, y: float, z: float) -> tuple[float, float, float]:  # noqa: PLR0917
+    """The product (a, b, c) x (x, y, z)."""
+    return b * z - c * y, c * x - a * z, a * y - b * x
+
+
+@kernel
+def _rotate(w: float, x: float, y: float, z: float, a: float, b: float, c: float) -> tuple[float, float, float]:  # noqa: PLR0917
+    """A vector turned by a quaternion of any length."""
+    p, q, r = cross(x, y, z, a, b, c)
+    p, q, r = p + w * a, q + w * b, r + w * c
+    scale = 2.0 / (w * w + x * x + y * y + z * z)
+    i, j, k = cross(x, y, z, p, q, r)
+    return a + scale * i, b + scale * j, c + scale * k
+
+
+@kernel
+def _increment(first: Array, last: Array, bend: Array, step: float) -> tuple[float, float, float]:
+    """Integral of the specific force over the step, in body axes at its beginning [m/s]."""
+    found = np.empty(3)
+    fx, fy, fz = 0.5 * (first[0] + last[0]), 0.5 * (first[1] + last[1]), 0.5 * (first[2] + last[2])
+    wx, wy, wz = 0.5 * (first[3] + last[3]), 0.5 * (first[4] + last[4]), 0.5 * (first[5] + last[5])
+    # alpha = w1 t + dw t^2 / 2T, f = f1 + df t / T: the integral of alpha x f term by term
+    df0, df1, df2 = last[0] - first[0], last[1] - first[1], last[2] - first[2]
+    dw0, dw1, dw2 = last[3] - first[3], last[4] - first[4], last[5] - first[5]
+    a0, a1, a2 = cross(first[3], first[4], first[5], first[0], first[1], first[2])
+    b0, b1, b2 = cross(first[3], first[4], first[5], df0, df1, df2)
+    c0, c1, c2 = cross(dw0, dw1, dw2, first[0], first[1], first[2])
+    d0, d1, d2 = cross(dw0, dw1, dw2, df0, df1, df2)
+    p, q, r = cross(wx, wy, wz, fx, fy, fz)
+    e0, e1, e2 = cross(wx, wy, wz, p, q, r)
+    s2, s3 = step * step, step * step * step / 6.0
+    e0, e1, e2 = e0 - 0.5 * bend[0], e1 - 0.5 * bend[1], e2 - 0.5 * bend[2]
+    found[0] = step * fx + s2 * (a0 / 2.0 + b0 / 3.0 + c0 / 6.0 + d0 / 8.0) + s3 * e0
+    found[1] = step * fy + s2 * (a1 / 2.0 + b1 / 3.0 + c1 / 6.0 + d1 / 8.0) + s3 * e1
+    found[2] = step * fz + s2 * (a2 / 2.0 + b2 / 3.0 + c2 / 6.0 + d2 / 8.0) + s3 * e2
+    return found[0], found[1], found[2]
+
+
+@kernel
+def _turn(y: Array, first: Array, last: Array, bend: Array, step: float) -> None:
+    """q(-omega_ie T) q_eb q(theta), brought to unit length."""
+    c0, c1, c2 = cross(first[3], first[4], first[5], last[3], last[4], last[5])
+    t0 = 0.5 * step * (first[3] + last[3]) + step * step * (c0 - step * bend[3]) / 12.0
+    t1 = 0.5 * step * (first[4] + last[4]) + step * step * (c1 - step * bend[4]) / 12.0
+    t2 = 0.5 * step * (first[5] + last[5]) + step * step * (c2 - step * bend[5]) / 12.0
+    half = 0.5 * np.sqrt(t0 * t0 + t1 * t1 + t2 * t2)
+    scale = 0.5 * (np.sin(half) / half if half > 1e-8 else 1.0)
+    a, b, c, d = np.cos(half), scale * t0, scale * t1, scale * t2
+    w, x, v, z = y[6], y[7], y[8], y[9]
+    w, x, v, z = (
+        w * a - x * b - v * c - z * d,
+        w * b + x * a + v * d - z * c,
+        w * c - x * d + v * a + z * b,
+        w * d + x * c - v * b + z * a,
+    )
+    e, h = np.cos(0.5 * EARTH_RATE * step), np.sin(0.5 * EARTH_RATE * step)
+    w, x, v, z = e * w + h * z, e * x + h * v, e * v - h * x, e * z - h * w
+    norm = np.sqrt(w * w + x * x + v * v + z * z)
+    y[6], y[7], y[8], y[9] = w / norm, x / norm, v / norm, z / norm

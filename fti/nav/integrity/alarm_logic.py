@@ -1,0 +1,84 @@
+"""The alarm logic of the integrity monitor: ratios of the statistics to their limits in, state and reasons out.
+
+ALERT    T4 over its limit in 2 consecutive updates, or T1, T2 or T3 in 2 of 3
+CAUTION  T2 or T3 over its limit once
+ALERT -> OK when every T_i was below 0.8 of its limit over one whole new window, whichever test the ALERT is of: in each
+         update of a way as long as the window, so that nothing in the last one's window is older than the first one.
+         (T1 to T3 are sums over a window, and may be small for a moment while their cause is still there.)
+         Updates that could not be judged are none of these: the way begins again.
+MONITOR instead of OK while the shift is not observable: T2 is then not judged, and for an ALERT that T2 caused the
+window begins again, for not seeing the shift is not seeing that it has gone.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+
+from fti.types import IntegrityState, Reason
+
+CALM_RATIO = 0.8
+MEMORY = 3
+
+TESTS = (Reason.ABSOLUTE_MATCH, Reason.SHIFTED, Reason.HEIGHT_ERROR, Reason.OBSTACLE)
+
+
+@dataclass(frozen=True, slots=True)
+class Ratios:
+    """Statistics over their limits; t2 is None while the shift is not observable."""
+
+    t1: float
+    t2: float | None
+    t3: float
+    t4: float
+
+    def over(self, limit: float) -> frozenset[Reason]:
+        """The tests whose ratio is not within ``limit``; what is no number is not."""
+        values = (self.t1, self.t2, self.t3, self.t4)
+        return frozenset(test for test, v in zip(TESTS, values, strict=True) if v is not None and not v <= limit)
+
+
+class AlarmLogic:
+    """Hysteresis and confirmation.  window_m : length of the window [m]"""
+
+    def __init__(self, window_m: float) -> None:
+        self._window_m = window_m
+        self._recent: deque[frozenset[Reason]] = deque(maxlen=MEMORY)
+        self._causes: frozenset[Reason] = frozenset()
+        self._calm_from: float | None = None
+
+    def step(self, ratios: Ratios, s: float) -> tuple[IntegrityState, tuple[Reason, ...]]:
+        """The state after an update at path length s [m]."""
+        self._recent.append(ratios.over(1.0))
+        if self._is_calm_for_window(ratios, s):
+            self._causes = frozenset()
+        self._causes |= self._confirmed_tests()
+        not_observable = (Reason.NOT_OBSERVABLE,) if ratios.t2 is None else ()
+        if self._causes:
+            return IntegrityState.ALERT, _in_order(self._causes) + not_observable
+        doubts = frozenset().union(*self._recent) & {Reason.SHIFTED, Reason.HEIGHT_ERROR}
+        if doubts:
+            return IntegrityState.CAUTION, _in_order(doubts) + not_observable
+        return (IntegrityState.MONITOR if not_observable else IntegrityState.OK), not_observable
+
+    def skip(self) -> None:
+        """An update that could not be judged."""
+        self._calm_from = None
+
+    def _is_calm_for_window(self, ratios: Ratios, s: float) -> bool:
+        blind = ratios.t2 is None and Reason.SHIFTED in self._causes
+        if blind or ratios.over(CALM_RATIO):
+            self._calm_from = None
+            return False
+        self._calm_from = s if self._calm_from is None else self._calm_from
+        return self._calm_from - s >= self._window_m
+
+    def _confirmed_tests(self) -> frozenset[Reason]:
+        recent = list(self._recent)
+        obstacle = len(recent) >= 2 and all(Reason.OBSTACLE in over for over in recent[-2:])
+        often = {test for test in TESTS[:3] if sum(test in over for over in recent) >= 2}
+        return frozenset(often | ({Reason.OBSTACLE} if obstacle else set()))
+
+
+def _in_order(tests: frozenset[Reason]) -> tuple[Reason, ...]:
+    return tuple(test for test in TESTS if test in tests)

@@ -1,0 +1,142 @@
+"""All windows of an approach at once: what ``ClearanceMonitor`` would find in them, for thousands of approaches.
+
+Only for an approach on which nothing happens to the samples: each is usable and the way goes on, as on every nominal
+one.  Updates, bins and statistics are those of the monitor (the same kernels; a test compares them window by window).
+No statistic over its limit means no ALERT and no CAUTION, so that the alarm logic is needed for the few others only.
+"""
+
+# ruff: noqa: PLR0917 - compiled kernels take their scalars by position
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fti.config import Approach
+from fti.nav.integrity.monitor import ClearanceMonitor
+from fti.nav.integrity.reference import ApproachReference
+from fti.nav.integrity.statistics import SHIFT_MAX_M, ObstacleFilter, match, obstacle_filter, sharp_shifts
+from fti.nav.integrity.window import MIN_FILLED_SHARE, ClearanceSeries, add_samples, means
+from fti.terrain.kernel import kernel
+
+Array = NDArray[np.float64]
+
+COLUMNS = 8
+
+
+@dataclass(frozen=True, eq=False)
+class WindowBatch:
+    """The judged windows of an approach, shape (n,) each.
+
+    s : where the window ends [m]        t1..t4, observability, shift_resolution, height_error_sd : as in ``Statistics``
+    """
+
+    s: Array
+    t1: Array
+    t2: Array
+    t3: Array
+    t4: Array
+    observability: Array
+    shift_resolution: Array
+    height_error_sd: Array
+
+
+class BatchMonitor:
+    """Scans approaches with a reference, as the monitor with these settings would."""
+
+    def __init__(self, reference: ApproachReference, settings: Approach) -> None:
+        profile = reference.header.profile
+        monitor = ClearanceMonitor(reference, settings)
+        self._bounds, self._agl_ref = monitor.bounds, monitor.agl_ref
+        self._sd = reference.sd
+        self._z_ref = np.ascontiguousarray(reference.z_ref)
+        ds = profile.ds_m
+        self._sharp = sharp_shifts(settings.alert_s_m, ds)
+        self._obstacle = obstacle_filter(reference)
+        self._numbers = np.array(
+            [
+                float(reference.s[0]),
+                ds,
+                profile.window_m,
+                profile.window_m / profile.correlation_m,
+                profile.datum_sd_m,
+                round(SHIFT_MAX_M / ds),
+            ]
+        )
+
+    def scan(self, track: ClearanceSeries, vertical_sd: float) -> WindowBatch | None:
+        """The windows of an approach; None where a sample breaks a rule, or leaves bins empty: ask the monitor."""
+        outside = np.flatnonzero(track.s > self._bounds[0])
+        begin = int(outside[-1]) + 1 if len(outside) else 0  # the monitor begins again after each of them
+        every = (track.s, track.y, track.alt, track.agl, track.roll, track.pitch, track.climb)
+        columns = tuple(column[begin:] for column in every)
+        table, plain = _scan(
+            track.t_ns[begin:],
+            columns,
+            self._bounds,
+            self._agl_ref,
+            self._z_ref,
+            self._sd,
+            self._numbers,
+            self._obstacle,
+            self._sharp,
+            vertical_sd,
+        )
+        return WindowBatch(*np.ascontiguousarray(table.T)) if plain else None
+
+
+@kernel
+def _scan(
+    t_ns: NDArray[np.int64],
+    columns: tuple[Array, ...],
+    bounds: Array,
+    agl_ref: Array,
+    z_ref: Array,
+    sd: Array,
+    numbers: Array,
+    obstacle: ObstacleFilter,
+    sharp: NDArray[np.int64],
+    vertical_sd: float,
+) -> tuple[Array, bool]:
+    """A row for each judged window, and whether all samples up to the intercept point went into it plainly."""
+    s0, ds, length, k_eff, datum_sd = numbers[0], numbers[1], numbers[2], numbers[3], numbers[4]
+    span = int(numbers[5])
+    size = round(length / ds) + 1
+    count, z, dh = np.zeros(len(z_ref)), np.zeros(len(z_ref)), np.zeros(len(z_ref))
+    found, peak, table = np.empty((2, 2 * span + 1)), np.empty((2, 4)), np.empty((len(t_ns), COLUMNS))
+    ss, rows, first_s, least, begin = columns[0], 0, columns[0][0], columns[0][0], 0
+    updated = (t_ns[0] - np.int64(10**12), first_s + 1e9)  # the first sample is due
+    while begin < len(t_ns):
+        due, least = add_samples(t_ns, columns, begin, bounds, updated, agl_ref, (count, z, dh), (s0, ds, least))
+        if due == len(t_ns) or ss[due] < 0.0:
+            return table[:rows], True
+        # the due sample itself: with no way to the next update it is taken like any other
+        taken, least = add_samples(
+            t_ns[: due + 1], columns, due, bounds, (t_ns[due], ss[due]), agl_ref, (count, z, dh), (s0, ds, least)
+        )
+        if taken == due:
+            return table[:rows], False
+        updated, begin = (t_ns[due], ss[due]), due + 1
+        if first_s - ss[due] < length:
+            continue
+        first = round((ss[due] - s0) / ds)
+        filled, mean_z, _ = means(count, z, dh, first, size)
+        number = np.count_nonzero(filled)
+        if number < MIN_FILLED_SHARE * size:
+            return table[:rows], False
+        total, t4 = match(mean_z, filled, z_ref, sd, first, span, k_eff, obstacle, sharp, found, peak)
+        height_error_sd = math.sqrt(vertical_sd**2 + datum_sd**2 + number / k_eff / total)
+        bend = peak[1, 2] + peak[1, 3]
+        table[rows, 0] = ss[due]
+        table[rows, 1] = found[1, span]
+        table[rows, 2] = found[1, span] - found[1].min()
+        table[rows, 3] = abs(found[0, span]) / height_error_sd
+        table[rows, 4] = t4
+        table[rows, 5] = min(peak[1, 0], peak[1, 1])
+        table[rows, 6] = ds * math.sqrt(2.0 / bend) if bend > 0.0 else math.inf
+        table[rows, 7] = height_error_sd
+        rows += 1
+    return table[:rows], True

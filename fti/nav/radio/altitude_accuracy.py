@@ -1,0 +1,92 @@
+"""How accurate a radio altimeter says it is, and which height is the better one.
+
+    sigma_alt^2 = sigma_agl^2 + sigma_dem^2 + (dh/dn, dh/de) P_ne (dh/dn, dh/de)^T
+
+of alt = height above ground + height of the ground above the ellipsoid: the ground's is looked up where one is believed
+to be, so a wrong place on a slope is a wrong height.
+
+Source: Koo, section 3 (choice by predicted accuracy) and table 1 (Honeywell HG9550, greatest errors).  A greatest error
+says nothing of what is within it; taken as uniform between the two ends, sigma is a root of three smaller.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from enum import StrEnum
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from fti.constants import FOOT
+
+Array = NDArray[np.float64]
+
+#: Greatest error to sigma.
+UNIFORM = 1.0 / math.sqrt(3.0)
+
+
+class AccuracyStep(NamedTuple):
+    """Up to a height [m], the greatest error [m] and [of the height]: the sum of both."""
+
+    up_to: float
+    absolute: float
+    relative: float
+
+
+#: Table 1: +-2 ft up to 100 ft, 2 % up to 5000 ft, 100 ft up to 10 000 ft, then 1 %.
+HG9550 = (
+    AccuracyStep(100.0 * FOOT, 2.0 * FOOT, 0.0),
+    AccuracyStep(5000.0 * FOOT, 0.0, 0.02),
+    AccuracyStep(10_000.0 * FOOT, 100.0 * FOOT, 0.0),
+    AccuracyStep(math.inf, 0.0, 0.01),
+)
+
+
+class AltitudeSource(StrEnum):
+    """Where a height above the ellipsoid comes from."""
+
+    RANGES = "ranges"  # satellites and DME
+    ALTIMETER = "altimeter"  # radio altimeter over known ground
+
+
+def altimeter_sd(height_agl: ArrayLike, table: Sequence[AccuracyStep] = HG9550) -> Array:
+    """One sigma [m], shape (...), of heights above ground [m], as a data sheet has it; below zero as at zero."""
+    height = np.maximum(height_agl, 0.0)
+    up_to, absolute, relative = np.array(table).T
+    at = np.minimum(np.searchsorted(up_to, height), len(table) - 1)
+    return np.asarray(UNIFORM * (absolute[at] + relative[at] * height))
+
+
+def choose_altitude(ranges_sd: float | None, altimeter_sd: float | None) -> tuple[AltitudeSource, float] | None:
+    """The source whose predicted sigma [m] is the smaller, and that; None where there is neither."""
+    known = [
+        (sd, source)
+        for sd, source in ((ranges_sd, AltitudeSource.RANGES), (altimeter_sd, AltitudeSource.ALTIMETER))
+        if sd is not None and math.isfinite(sd)
+    ]
+    if not known:
+        return None
+    sd, source = min(known, key=lambda entry: entry[0])
+    return source, sd
+
+
+def fix_covariance(azimuth: Array, elevation: Array, sd: float) -> Array | None:
+    """Covariance north, east, down [m^2], shape (3, 3), of a fix by satellites in these directions [rad].
+
+    sd : of a pseudorange [m];  None where they do not fix a position.
+    """
+    level = np.cos(elevation)
+    towards_n = np.stack([level * np.cos(azimuth), level * np.sin(azimuth), -np.sin(elevation)], axis=-1)
+    H = np.concatenate((-towards_n, np.ones((len(towards_n), 1))), axis=-1) / sd
+    normal = H.T @ H
+    if len(H) < 4 or np.linalg.eigvalsh(normal).min() < 1e-8:  # a sigma of 10 km
+        return None
+    return np.asarray(np.linalg.inv(normal)[:3, :3])
+
+
+def inflate_to_stated(cov_n: Array, stated: Sequence[float]) -> Array:
+    """A covariance (3, 3) with no sigma smaller than the one that is stated of its axis."""
+    grown = np.maximum(np.array(stated) / np.sqrt(np.diag(cov_n)), 1.0)
+    return np.asarray(cov_n * np.outer(grown, grown))

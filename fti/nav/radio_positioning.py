@@ -1,0 +1,129 @@
+"""Position by satellites and DME, live: which devices feed it is configured by ``[nav.radio]``."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from fti.config import Device, Radio
+from fti.nav.altimetry.nadir_height import altitude_over_terrain
+from fti.nav.altitude_hold import HoldMonitor
+from fti.nav.navigation import NavState
+from fti.nav.radio.observation_consistency import FIX
+from fti.nav.radio.radio_navigator import HEIGHT, GeodeticPoint, RadioNavigator, RadioSettings, RadioState
+from fti.nav.source_interpolation import PositionState, ellipsoidal_height, level_velocity
+from fti.nav.terrain_reference import Ground
+from fti.types import DmeRange, HeightAboveGround, Measurement, Position, PositionFix, Satellites, Velocity
+
+
+class RadioPosition:
+    """Satellites of one receiver, DME ranges to known stations, and an altimeter over known ground.
+
+    devices : by name.  Of the antenna's place beside P the height counts, as in level flight
+    """
+
+    def __init__(self, settings: Radio, devices: Mapping[str, Device]) -> None:
+        self._settings = settings
+        receiver = devices.get(settings.receiver or "")
+        self._arm_down = receiver.lever_arm_b[2] if receiver else 0.0
+        stations = {
+            name: GeodeticPoint(math.radians(s.lat_deg), math.radians(s.lon_deg), s.alt_m)
+            for name, s in settings.station.items()
+        }
+        self._radio = RadioNavigator(stations, RadioSettings(dme_sd=settings.dme_sd_m))
+        self._hold = HoldMonitor()
+        self._other_ns: int | None = None
+        self._ground: Ground | None = None
+        self._refused = frozenset[str]()
+
+    def refuse(self, receivers: frozenset[str]) -> None:
+        """Positions and velocities of these receivers, which the filter excludes, do not count from now on."""
+        self._refused = receivers
+
+    def set_terrain(self, ground: Ground | None) -> None:
+        """Heights above this ground count from now on."""
+        self._ground = ground
+
+    def wants(self, device: str, kind: type[Measurement]) -> bool:
+        """Whether measurements of this kind of a device say anything here."""
+        return issubclass(kind, DmeRange) or (
+            device == self._settings.receiver and issubclass(kind, (Satellites, Position, Velocity))
+        )
+
+    def feed(self, device: str, m: Measurement, t_ns: int) -> None:
+        """Take a measurement that was true at t_ns."""
+        if isinstance(m, DmeRange) and m.valid:
+            self._radio.feed_dme(t_ns, m.station, m.slant_range)
+        if device != self._settings.receiver:
+            return
+        if isinstance(m, Satellites):
+            self._feed_satellites(m, t_ns)
+        elif device in self._refused:
+            return
+        elif isinstance(m, Position) and m.valid:
+            self._feed_position(m, t_ns)
+        elif isinstance(m, Velocity) and m.valid:
+            north, east = level_velocity(m)
+            if north is not None and east is not None:
+                self._radio.feed_velocity(t_ns, north, east, m.down or 0.0)
+
+    def _feed_satellites(self, m: Satellites, t_ns: int) -> None:
+        """Many messages say how many satellites are used, or which, and not where: they take no sky away."""
+        known = [s for s in m.satellites if s.used is not None and s.azimuth is not None and s.elevation is not None]
+        if known:
+            used = np.array([(s.azimuth, s.elevation) for s in known if s.used], dtype=np.float64).reshape(-1, 2)
+            self._radio.feed_satellites(t_ns, used[:, 0], used[:, 1])
+
+    def _feed_position(self, m: Position, t_ns: int) -> None:
+        alt = ellipsoidal_height(m)
+        if m.lat is not None and m.lon is not None and alt is not None:
+            self._radio.feed_fix(
+                t_ns, GeodeticPoint(m.lat, m.lon, alt + self._arm_down), m.horizontal_sd, m.vertical_sd
+            )
+
+    def feed_height(self, height: HeightAboveGround, nav: NavState) -> None:
+        """A height of the configured altimeter, judged valid; straight down where the ground tells that one."""
+        if height.sensor != self._settings.altimeter or not height.valid or height.t_valid_ns is None:
+            return
+        if found := altitude_over_terrain(height, self._ground, nav.position):
+            self._radio.feed_height(height.t_valid_ns, found.height_agl, found.height_sd, found.ground, found.ground_sd)
+
+    @property
+    def altitude_holders(self) -> tuple[str, ...]:
+        """The altimeter, where it alone holds the altitude of the fix."""
+        return self._hold.altimeters
+
+    def _note_hold(self, t_ns: int, found: RadioState) -> None:
+        """Satellites bound the altitude; ranges to stations only where the altimeter is left out."""
+        used = set(found.used) - set(found.refused)
+        if found.valid and (FIX in used or HEIGHT not in used):
+            self._other_ns = t_ns
+        altimeter = self._settings.altimeter
+        self._hold.update(t_ns, self._other_ns, (altimeter,) if altimeter and found.valid and HEIGHT in used else ())
+
+    def solution(self, t_ns: int) -> PositionFix:
+        """The fix at t_ns."""
+        found = self._radio.at(t_ns)
+        self._note_hold(t_ns, found)
+        return PositionFix(
+            t_ns=t_ns,
+            t_valid_ns=t_ns if found.lat is not None else None,
+            valid=found.valid,
+            reasons=found.reasons,
+            lat=found.lat,
+            lon=found.lon,
+            alt=found.alt,
+            horizontal_sd=found.horizontal_sd,
+            vertical_sd=found.vertical_sd,
+            altitude_source=found.source.value if found.source else None,
+        )
+
+    def position(self, t_ns: int) -> PositionState | None:
+        """For who has no other position."""
+        found = self._radio.at(t_ns)
+        if not found.valid or found.lat is None or found.lon is None:
+            return None
+        sds = found.horizontal_sd, found.vertical_sd
+        return PositionState(found.lat, found.lon, found.alt, *sds, None, None, None, t_ns)

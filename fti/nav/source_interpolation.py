@@ -1,0 +1,264 @@
+"""Joining: the parts that messages carry become position, velocity and attitude at one time.
+
+One place, by ``t_valid_ns``.  A device may send roll, pitch and heading, or latitude and longitude, in messages of
+their own (ARINC 429 does); each part has its own history.  Between two entries a part is interpolated; beyond the
+newest, a position is moved on with the velocity of the same device (60 m/s and 10 Hz would otherwise be 6 m), and an
+attitude is held, with a sigma that grows with its age.  Without a velocity the rate of the last second of positions is
+taken.  The age that counts is the device's ``max_age_ms``.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from math import inf
+
+from fti.config import Device
+from fti.geodesy.one_point import radii
+from fti.geodesy.rotations import down_row
+from fti.nav.time_series import SECOND_NS, Series, Value, wrap
+from fti.types import Attitude, Position, Velocity
+
+#: What no flight has [rad, m, m/s]: how some devices say that they do not know, and what a line makes of a number.
+#: Angles of single precision are rounded beyond their end by 2e-7.
+ROUNDING_MARGIN = 1e-6
+MAX_SPEED_MPS = 2000.0
+MAX_PART_VALUES = {
+    "roll": math.pi + ROUNDING_MARGIN,
+    "pitch": math.pi / 2 + ROUNDING_MARGIN,
+    "heading": 2 * math.pi + ROUNDING_MARGIN,
+    "lat": math.pi / 2,
+    "lon": 2 * math.pi,
+    "alt": 1e5,
+    "track": 2 * math.pi + ROUNDING_MARGIN,
+    **dict.fromkeys(("north", "east", "down", "ground_speed"), MAX_SPEED_MPS),
+}
+#: One sigma of an extrapolating velocity when the source states none [m/s].
+VELOCITY_SD_UNKNOWN = 1.0
+#: One sigma of a rate of roll and pitch that nobody states [rad/s]: 30 deg/s are three.  Stated.
+RATE_SD = math.radians(10.0)
+#: Roll, pitch and heading that are held go on turning at the rate of so long before [ns].
+RATE_SPAN_NS = SECOND_NS // 4
+#: One interval of 50 Hz: an attitude that is held for no longer, or lies between two entries that are no farther apart
+#: than MAX_BETWEEN_NS, is as good as stated.  Between those 60 deg/s^2 make 0.08 deg, a_max T^2 / 8 [ns].
+MAX_HELD_NS, MAX_BETWEEN_NS = SECOND_NS // 50, SECOND_NS // 10
+#: One sigma of a roll or pitch when the source states none [rad], as a small MEMS unit has it.
+ATTITUDE_SD_UNKNOWN = math.radians(0.5)
+
+
+@dataclass(frozen=True, slots=True)
+class AttitudeState:
+    """Attitude at one time [rad]; heading may be unknown.
+
+    roll_sd, pitch_sd   : one sigma, grown by the age
+    tilt_sd, heading_sd : as the source states them, the larger one of roll and pitch; None where it states none
+    """
+
+    roll: float
+    pitch: float
+    heading: float | None
+    roll_sd: float | None
+    pitch_sd: float | None
+    tilt_sd: float | None = None
+    heading_sd: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class PositionState:
+    """Position of the reference point P at one time; alt is None when the source gives a mean-sea-level height alone.
+
+    newest_ns : when the newest entry that it was made from was true
+    """
+
+    lat: float
+    lon: float
+    alt: float | None
+    horizontal_sd: float | None
+    vertical_sd: float | None
+    north: float | None
+    east: float | None
+    down: float | None
+    newest_ns: int
+
+
+class NavSource:
+    """What one device says about position, velocity and attitude."""
+
+    PARTS = ("roll", "pitch", "heading", "lat", "lon", "alt", "north", "east", "down", "ground_speed", "track")
+    ANGLES = frozenset({"roll", "pitch", "heading", "lon", "track"})
+
+    def __init__(self, device: Device) -> None:
+        self.name = device.name
+        self._max_age_ns = round(device.max_age_ms * 1e6)
+        self._lever_arm_b = device.lever_arm_b
+        self._velocity_sd = VELOCITY_SD_UNKNOWN
+        self._parts = {name: Series(angle=name in self.ANGLES) for name in self.PARTS}
+
+    # ---------------------------------------------------------------------------------------------------- taking
+
+    def push_attitude(self, m: Attitude, t_ns: int) -> None:
+        """Take the parts of an attitude."""
+        parts = (("roll", m.roll, m.roll_sd), ("pitch", m.pitch, m.pitch_sd), ("heading", m.heading, m.heading_sd))
+        self._push(t_ns, m.valid, parts)
+
+    def push_position(self, m: Position, t_ns: int) -> None:
+        """Take the parts of a position; the ellipsoidal height from the undulation of the same message if need be."""
+        alt = ellipsoidal_height(m)
+        parts = (("lat", m.lat, m.horizontal_sd), ("lon", m.lon, m.horizontal_sd), ("alt", alt, m.vertical_sd))
+        self._push(t_ns, m.valid, parts)
+
+    def push_velocity(self, m: Velocity, t_ns: int) -> None:
+        """Take the parts of a velocity; ground speed and track of one message become north and east."""
+        north, east = level_velocity(m)
+        parts = (("north", north, m.sd), ("east", east, m.sd), ("down", m.down, m.sd))
+        alone = (("ground_speed", m.ground_speed, m.sd), ("track", m.track, None))
+        self._push(t_ns, m.valid, parts + alone)
+        told = m.sd is not None and math.isfinite(m.sd) and m.sd > 0.0
+        self._velocity_sd = m.sd if told and m.sd is not None else VELOCITY_SD_UNKNOWN
+
+    def _push(self, t_ns: int, valid: bool, parts: tuple[tuple[str, float | None, float | None], ...]) -> None:
+        silent = not valid and all(value is None for _, value, _ in parts)
+        for name, value, sd in parts:
+            if value is None and not silent:
+                continue
+            known = valid and value is not None and abs(value) <= MAX_PART_VALUES[name]
+            told = sd is not None and 0.0 < sd < inf
+            self._parts[name].push(t_ns, value if known else None, sd if told else None)
+
+    # ---------------------------------------------------------------------------------------------------- joining
+
+    def _at(self, part: str, t_ns: int, rate: float = 0.0) -> Value | None:
+        return self._parts[part].at(t_ns, self._max_age_ns, rate)
+
+    def attitude(self, t_ns: int) -> AttitudeState | None:
+        """Attitude at t_ns; None unless roll and pitch are both known."""
+        roll, pitch = self._at("roll", t_ns), self._at("pitch", t_ns)
+        if roll is None or pitch is None:
+            return None
+        heading = self._at("heading", t_ns)
+        turned = heading.value % (2 * math.pi) if heading else None
+        level = roll.value if abs(roll.value) <= math.pi else wrap(roll.value)  # between two entries beside 180 deg
+        tilt_sd = None if roll.sd is None or pitch.sd is None else max(roll.sd, pitch.sd)
+        heading_sd = heading.sd if heading else None
+        return AttitudeState(level, pitch.value, turned, _held_sd(roll), _held_sd(pitch), tilt_sd, heading_sd)
+
+    def turned(self, t_ns: int) -> tuple[float, float]:
+        """How far tilt and heading may have turned since their newest entries [rad], not negative."""
+        return math.hypot(self._rotation_of("roll", t_ns), self._rotation_of("pitch", t_ns)), self._rotation_of(
+            "heading", t_ns
+        )
+
+    def _rotation_of(self, part: str, t_ns: int) -> float:
+        """At the rate of the last RATE_SPAN_NS; at the sigma of an unknown one where there are no two entries in it."""
+        series = self._parts[part]
+        newest_ns = series.newest_ns
+        if newest_ns is None or newest_ns >= t_ns:
+            return 0.0
+        rate = series.slope(newest_ns, RATE_SPAN_NS, 1)
+        return (RATE_SD if rate is None else abs(rate)) * (t_ns - newest_ns) / SECOND_NS
+
+    def position(self, t_ns: int, attitude: AttitudeState | None) -> PositionState | None:
+        """Position of P at t_ns; None unless latitude and longitude are both known."""
+        here = self._at("lat", t_ns)
+        if here is None:
+            return None
+        north, east, down = self._velocity(t_ns)
+        high = self._at("alt", t_ns, -(down or 0.0))
+        meridian, parallel = _metres_per_radian(here.value, high.value if high else 0.0)
+        lat = self._at("lat", t_ns, (north or 0.0) / meridian)
+        lon = self._at("lon", t_ns, (east or 0.0) / parallel)
+        if lat is None or lon is None:
+            return None
+        arm_n, arm_e, arm_d = self._lever_arm_n(attitude)
+        place = _on_earth(lat.value - arm_n / meridian, lon.value - arm_e / parallel)
+        return PositionState(
+            *place,
+            alt=high.value + arm_d if high else None,
+            horizontal_sd=self._inflated_sd(lat),
+            vertical_sd=self._inflated_sd(high) if high else None,
+            north=north,
+            east=east,
+            down=down,
+            newest_ns=self._parts["lat"].newest_ns or t_ns,
+        )
+
+    def _velocity(self, t_ns: int) -> tuple[float | None, float | None, float | None]:
+        north, east, down = self._at("north", t_ns), self._at("east", t_ns), self._at("down", t_ns)
+        climb = None if down else _plausible_speed(self._parts["alt"].slope(t_ns))
+        vertical = down.value if down else -climb if climb is not None else None
+        if north and east:
+            return north.value, east.value, vertical
+        speed, track = self._at("ground_speed", t_ns), self._at("track", t_ns)
+        if speed and track:
+            return speed.value * math.cos(track.value), speed.value * math.sin(track.value), vertical
+        return *self._horizontal_slope(t_ns), vertical
+
+    def _horizontal_slope(self, t_ns: int) -> tuple[float | None, float | None]:
+        lat = self._at("lat", t_ns)
+        by_lat, by_lon = self._parts["lat"].slope(t_ns), self._parts["lon"].slope(t_ns)
+        if lat is None or by_lat is None or by_lon is None:
+            return None, None
+        meridian, parallel = _metres_per_radian(lat.value, 0.0)
+        north, east = _plausible_speed(by_lat * meridian), _plausible_speed(by_lon * parallel)
+        return (north, east) if north is not None and east is not None else (None, None)
+
+    def _lever_arm_n(self, attitude: AttitudeState | None) -> tuple[float, float, float]:
+        """The sensor's lever arm in north, east, down [m]; zero as far as the attitude is unknown."""
+        if attitude is None or self._lever_arm_b == (0.0, 0.0, 0.0):
+            return 0.0, 0.0, 0.0
+        x, y, z = self._lever_arm_b
+        row = down_row(attitude.roll, attitude.pitch)
+        down = row[0] * x + row[1] * y + row[2] * z
+        if attitude.heading is None:
+            return 0.0, 0.0, down
+        sr, cr = math.sin(attitude.roll), math.cos(attitude.roll)
+        forward = math.cos(attitude.pitch) * x + math.sin(attitude.pitch) * (sr * y + cr * z)
+        right = cr * y - sr * z
+        sh, ch = math.sin(attitude.heading), math.cos(attitude.heading)
+        return ch * forward - sh * right, sh * forward + ch * right, down
+
+    def _inflated_sd(self, value: Value) -> float | None:
+        """Sigma of a value that was moved over its age with a velocity."""
+        if value.sd is None:
+            return None
+        return math.hypot(value.sd, self._velocity_sd * value.age_ns / SECOND_NS)
+
+
+def _held_sd(angle: Value) -> float | None:
+    """Sigma of a roll or pitch [rad]: the aircraft may have turned since."""
+    is_near = angle.age_ns <= MAX_HELD_NS if angle.between_ns is None else angle.between_ns <= MAX_BETWEEN_NS
+    if is_near:
+        return angle.sd
+    return math.hypot(ATTITUDE_SD_UNKNOWN if angle.sd is None else angle.sd, RATE_SD * angle.age_ns / SECOND_NS)
+
+
+def ellipsoidal_height(m: Position) -> float | None:
+    """Height above the ellipsoid [m], with the undulation of the same message if need be; None when it has none."""
+    if m.alt is None and m.alt_msl is not None and m.undulation is not None:
+        return m.alt_msl + m.undulation
+    return m.alt
+
+
+def level_velocity(m: Velocity) -> tuple[float | None, float | None]:
+    """North and east [m/s], from ground speed and track of the same message if need be."""
+    if m.north is None and m.ground_speed is not None and m.track is not None and math.isfinite(m.track):
+        return m.ground_speed * math.cos(m.track), m.ground_speed * math.sin(m.track)
+    return m.north, m.east
+
+
+def _plausible_speed(speed: float | None) -> float | None:
+    """The speed between positions, if anybody flies that fast: one of them may be wrong by a continent."""
+    return speed if speed is not None and abs(speed) <= MAX_SPEED_MPS else None
+
+
+def _on_earth(lat: float, lon: float) -> tuple[float, float]:
+    """The same place with lat in [-pi/2, pi/2], lon in [-pi, pi): who moves on over a pole is on the other side."""
+    if abs(lat) > math.pi / 2:
+        return math.copysign(math.pi, lat) - lat, wrap(lon + math.pi)
+    return lat, wrap(lon)
+
+
+def _metres_per_radian(lat: float, alt: float) -> tuple[float, float]:
+    """Metres per radian of latitude and of longitude."""
+    r_meridian, r_normal = radii(lat)
+    return r_meridian + alt, (r_normal + alt) * math.cos(lat)

@@ -1,0 +1,94 @@
+"""One look for all figures, those of the studies and of the terrain, drawn without a display.
+
+Colours are those of Okabe and Ito (Color Universal Design, 2008), which people with any colour vision tell apart; each
+sensor keeps its own in every figure.  Images are drawn in ``cividis``, which is even in lightness.  Lengths are metres.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from fti.errors import StorageError
+
+BLACK, ORANGE, SKY, GREEN = "#000000", "#E69F00", "#56B4E9", "#009E73"
+BLUE, VERMILION, PURPLE, GREY = "#0072B2", "#D55E00", "#CC79A7", "#8C8C8C"
+GROUND, CANOPY = "#B8A68C", "#7FA77A"
+
+DOTS_PER_INCH = 120
+#: What is left out of a file by its format, so that the same figure is the same file.
+_UNDATED: dict[str, dict[str, Any]] = {".png": {"Software": None}, ".svg": {"Date": None}}
+STYLE: dict[Any, Any] = {
+    "font.family": "DejaVu Sans",
+    "font.size": 9.0,
+    "figure.titlesize": 12.0,
+    "figure.dpi": DOTS_PER_INCH,
+    "savefig.dpi": DOTS_PER_INCH,
+    "axes.titlesize": 9.5,
+    "axes.titlelocation": "left",
+    "axes.labelsize": 9.0,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.edgecolor": "#555555",
+    "axes.linewidth": 0.8,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": "#E3E3E3",
+    "grid.linewidth": 0.7,
+    "lines.linewidth": 1.3,
+    "lines.solid_capstyle": "round",
+    "legend.frameon": True,
+    "legend.framealpha": 0.9,
+    "legend.edgecolor": "none",
+    "legend.fontsize": 8.5,
+    "image.cmap": "cividis",
+    "path.simplify_threshold": 0.2,
+    "svg.hashsalt": "fti",
+}
+
+
+def new_figure(title: str, subtitle: str = "", *, width: float = 9.0, height: float = 6.0) -> Figure:
+    """An empty figure [inch] with its title above; what stands below it in small says under which conditions."""
+    figure = Figure(figsize=(width, height), layout="constrained")
+    FigureCanvasAgg(figure)
+    text = f"{title}\n" if subtitle else title
+    figure.suptitle(text, x=0.012, ha="left", fontweight="bold")
+    if subtitle:
+        figure.text(0.012, 1.0 - 0.40 / height, subtitle, ha="left", va="center", fontsize=9.0, color="#444444")
+    return figure
+
+
+def label(axes: Axes, x: str = "", y: str = "", title: str = "") -> None:
+    """Names of the axes, each with its unit, and of the panel."""
+    axes.set_xlabel(x)
+    axes.set_ylabel(y)
+    axes.set_title(title)
+
+
+def add_legend(axes: Axes) -> None:
+    """A legend in one line over the axes, where it hides nothing."""
+    handles, _ = axes.get_legend_handles_labels()
+    axes.legend(
+        loc="lower right", bbox_to_anchor=(1.0, 0.98), borderaxespad=0.1, ncols=len(handles), frameon=False
+    )  # fmt: skip
+
+
+def write(draw: Callable[[], Figure], file: Path) -> None:
+    """Draw a figure into a file, .png or .svg, that must not be there yet.
+
+    Raises StorageError when it cannot be written.
+    """
+    with mpl.rc_context(STYLE):
+        figure = draw()
+        try:
+            file.parent.mkdir(parents=True, exist_ok=True)
+            with file.open("xb") as out:
+                figure.savefig(out, format=file.suffix[1:], metadata=_UNDATED[file.suffix])
+        except OSError as error:
+            raise StorageError(f"{error.filename}: cannot be written: {error.strerror}") from error

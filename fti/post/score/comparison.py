@@ -1,0 +1,107 @@
+"""The comparison: every fault with what it had to raise, what was raised and nobody expected, and ``[[expect]]``."""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from fti.hil.oracle.alarm_flags import flags_of_alarms
+from fti.hil.oracle.fault_flags import flags_of_scenario
+from fti.hil.oracle.flight_flags import flight_allowances
+from fti.hil.oracle.roles import AircraftRoles
+from fti.hil.scenario import Scenario
+from fti.post.reprocess import Setup
+from fti.post.score.evidence import ScoreEvidence, start_limit_s
+from fti.post.score.expectations import meet_expectation
+from fti.post.score.flag_rows import flag_rows, unconfigured_rows
+from fti.post.score.observed_flags import ObservedFlags
+from fti.post.score.outcome import BenchLateness, FlightOutcome, bench_finding, decide, measure_excused, truth_finding
+from fti.post.score.outputs.row import OutputRow
+from fti.post.score.rows import ExpectationRow, FlagRow, FlightFinding, UnexpectedFlag, Verdict
+from fti.post.score.truth_reader import FlightTruth
+from fti.post.score.unexpected_flags import allowed_flags, unexpected_flags
+from fti.post.score.unit_findings import unit_findings
+
+
+@dataclass(frozen=True, slots=True)
+class Score:
+    """Everything about one flight."""
+
+    scenario: Scenario
+    flight_truth: FlightTruth
+    observed_flags: ObservedFlags
+    rows: tuple[FlagRow, ...]
+    unexpected: tuple[UnexpectedFlag, ...]
+    expected: tuple[ExpectationRow, ...]
+    findings: tuple[FlightFinding, ...]
+    bench: FlightFinding
+    excused: BenchLateness
+    outputs: tuple[OutputRow, ...] = ()
+
+    @property
+    def verdicts(self) -> list[Verdict]:
+        """Of every row, of every row of ``[[expect]]``, of every finding, and of every output."""
+        rows: list[FlagRow | ExpectationRow | FlightFinding | OutputRow] = [
+            *self.rows,
+            *self.expected,
+            *self.findings,
+            *self.outputs,
+        ]
+        return [row.verdict for row in rows]
+
+    @property
+    def outcome(self) -> FlightOutcome:
+        """What the flight has shown."""
+        return decide(self.verdicts, bool(self.unexpected), self.bench)
+
+    @property
+    def holds(self) -> bool:
+        """Was everything raised in time, and nothing else, and the bench in time to see it?"""
+        return self.outcome is FlightOutcome.HOLDS
+
+
+def judge(
+    scenario: Scenario,
+    setup: Setup,
+    flight_truth: FlightTruth,
+    observed_flags: ObservedFlags,
+    *,
+    own: Setup | None = None,
+    configuration: Sequence[FlightFinding] = (),
+    outputs: Sequence[OutputRow] = (),
+) -> Score:
+    """Compare.
+
+    setup : the configuration by which flags are expected; own : the scenario's, where that is another one
+    configuration : what there is to say of the recorded one; outputs : checks of what the configuration promises
+    """
+    craft = AircraftRoles(setup.config, setup.devices, scenario)
+    belongs = flags_of_scenario(scenario.fault, craft, flight_truth.truth)
+    evidence = ScoreEvidence.of_flight(flight_truth, observed_flags, scenario.limits)
+    may = [
+        *flight_allowances(craft, flight_truth.truth),
+        *allowed_flags([one for _, one in belongs], flight_truth.pauses),
+    ]
+    due = sorted([*belongs, *flags_of_alarms(belongs, craft)], key=operator.itemgetter(0))
+    rows = list(flag_rows(due, scenario.fault, craft.sources, evidence))
+    if own:
+        without = flags_of_scenario(
+            scenario.fault, AircraftRoles(own.config, own.devices, scenario), flight_truth.truth
+        )
+        rows += unconfigured_rows(without, belongs, scenario.fault, evidence)
+    expected = tuple(meet_expectation(expectation, evidence) for expectation in scenario.expect)
+    flags: list[FlagRow | ExpectationRow] = [*rows, *expected]
+    excused = measure_excused(evidence)
+    return Score(
+        scenario,
+        flight_truth,
+        observed_flags,
+        tuple(rows),
+        tuple(unexpected_flags(evidence, may, craft)),
+        expected,
+        (*configuration, *unit_findings(evidence, start_limit_s(flight_truth, scenario.limits))),
+        truth_finding(flight_truth.complete) or bench_finding(excused, [flag.verdict for flag in flags]),
+        excused,
+        tuple(outputs),
+    )

@@ -1,0 +1,77 @@
+"""A score over time: faults as bars, and under each the flags that it had to raise, when they stood."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from fti import plot_style
+from fti.plot_style import BLUE, GREEN, ORANGE, VERMILION
+from fti.post.score.comparison import Score
+from fti.post.score.rows import FAILURES, FlagRow, UnexpectedFlag, Verdict
+
+ROW_INCH = 0.24
+BAR = 0.62
+MAX_LABEL_CHARACTERS = 64
+#: A fault stands behind its flags.
+PALE = "#D5D5D5"
+PlotRow = tuple[str, FlagRow | UnexpectedFlag | None]
+
+
+def draw(score: Score, file: Path) -> None:
+    """Write the picture (.png, .svg), which must not be there yet.  Raises StorageError."""
+    plot_style.write(lambda: _figure(score), file)
+
+
+def _figure(score: Score) -> Figure:
+    lines = _lines(score)
+    figure = plot_style.new_figure(
+        f"{score.scenario.title}: {score.outcome}",
+        "bars: the fault (grey) and when its flag stood (green: in time, red: a miss or not expected)",
+        width=12.0,
+        height=1.6 + ROW_INCH * len(lines),
+    )
+    axes = figure.subplots()
+    for y, (_, one) in enumerate(lines):
+        _draw_line(axes, y, one, score)
+    for pause in score.flight_truth.pauses:
+        axes.axvspan(pause.from_s, pause.until_s, color=ORANGE, alpha=0.3, lw=0)
+    axes.set_yticks(range(len(lines)), [text[:MAX_LABEL_CHARACTERS] for text, _ in lines], fontsize=7.5)
+    axes.set_ylim(len(lines) - 0.4, -0.6)
+    axes.set_xlim(0.0, score.flight_truth.truth.end_s)
+    plot_style.label(axes, x="time of the flight [s]")
+    return figure
+
+
+def _lines(score: Score) -> Sequence[PlotRow]:
+    """What stands in the rows from the top down."""
+    lines: list[PlotRow] = []
+    last = -1
+    for row in score.rows:
+        if row.fault != last:
+            lines.append((f"{row.fault + 1} {row.what}", None))
+        last = row.fault
+        lines.append((f"{row.subject}: {row.flag}", row))
+    return [*lines, *((f"not expected: {one.place} {one.word}", one) for one in score.unexpected)]
+
+
+def _draw_line(axes: Axes, y: int, one: FlagRow | UnexpectedFlag | None, score: Score) -> None:
+    end_s = score.flight_truth.truth.end_s
+    if isinstance(one, UnexpectedFlag):
+        _bar(axes, y, (one.from_s, min(one.until_s, end_s)), VERMILION)
+    elif one is not None:
+        _bar(axes, y, (one.from_s, min(one.until_s, end_s)), PALE)
+        if one.after_s is not None:
+            begin = one.from_s + one.after_s
+            gone = end_s if one.clear_s is None else one.until_s + one.clear_s
+            _bar(axes, y, (begin, min(gone, end_s)), VERMILION if one.verdict in FAILURES else GREEN, BAR / 2)
+        elif one.verdict is not Verdict.FOUND:
+            colour = VERMILION if one.verdict in FAILURES else BLUE
+            axes.text(one.from_s, y, one.verdict, va="center", fontsize=7, color=colour)
+
+
+def _bar(axes: Axes, y: int, span: tuple[float, float], colour: str, height: float = BAR) -> None:
+    axes.barh(y, span[1] - span[0], left=span[0], height=height, color=colour, lw=0)

@@ -1,0 +1,130 @@
+"""The configuration by which a flight is judged: the one that the emulator played, not the one that the unit recorded.
+
+Where the recorded one differs in what is expected of a unit, each difference is a finding that names the key: devices,
+links by name and kind, ``[nav]``, and the texts that they name.  Ports, storage, page and bus may differ.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+from collections.abc import Iterator, Mapping
+from pathlib import PurePath
+from typing import Any
+
+from fti.config import Config
+from fti.devices import FILE_ENDING, bind_devices
+from fti.errors import ConfigError, FtiError
+from fti.hil.scenario import Scenario
+from fti.hil.truth_log import RATES_ATTACHMENT
+from fti.logger.reading.recording import Recording
+from fti.logger.session import CONFIG_ATTACHMENT
+from fti.post.reprocess import Setup, attached_config, other_setup
+from fti.post.score.rows import CONFIGURATION, FlightFinding, Verdict
+from fti.post.score.truth_reader import FlightTruth
+
+NAME = "as the emulator played it"
+Table = Mapping[str, Any]
+
+
+def read_reference_setup(flight_truth: FlightTruth, scenario: Scenario) -> Setup:
+    """What the emulator played; the scenario's own configuration where an older truth file does not say.
+
+    Raises ConfigError or MissingError.
+    """
+    if CONFIG_ATTACHMENT not in flight_truth.attached:
+        return other_setup(scenario.config)
+    played = {name: data for name, data in flight_truth.attached.items() if name != RATES_ATTACHMENT}
+    config, texts = attached_config(played, flight_truth.file)
+    return Setup(config, texts, bind_devices(config, texts), None)
+
+
+def scenario_setup(scenario: Scenario, reference_setup: Setup) -> Setup | None:
+    """The configuration that the scenario names; None where it is the promised one, or not to be had here."""
+    with contextlib.suppress(FtiError):
+        own = other_setup(scenario.config)
+        return None if own.config.text == reference_setup.config.text and own.texts == reference_setup.texts else own
+    return None
+
+
+def compare_recorded(reference_setup: Setup, recording: Recording) -> list[FlightFinding]:
+    """A finding for each difference of the recorded configuration; one where there is none.  Raises RecordingError."""
+    try:
+        config, texts = attached_config(recording.attachments(), recording.path)
+    except ConfigError as error:
+        return [FlightFinding(CONFIGURATION, NAME, Verdict.FAILS, f"the recorded configuration is wrong: {error}")]
+    found = [FlightFinding(CONFIGURATION, *one) for one in differences(reference_setup, config, texts)]
+    return found or [FlightFinding(CONFIGURATION, NAME, Verdict.HOLDS, "the recorded configuration is the same")]
+
+
+def user_setup_finding() -> list[FlightFinding]:
+    """What stands in place of a comparison."""
+    return [
+        FlightFinding(
+            CONFIGURATION, NAME, Verdict.NOT_DUE, "the configuration of --config counts, and was not compared"
+        )
+    ]
+
+
+def differences(reference_setup: Setup, config: Config, texts: Mapping[str, str]) -> Iterator[tuple[str, Verdict, str]]:
+    """Key, verdict and text for each; where a whole table is missing, its keys are not told one by one."""
+    there, here = (
+        _flatten(_relevant_settings(reference_setup.config, reference_setup.texts)),
+        _flatten(_relevant_settings(config, texts)),
+    )
+    keys = [key for key in sorted(there.keys() | here.keys()) if there.get(key) != here.get(key)]
+    for key in keys:
+        if not any(parent in keys for parent in _parents(key)):
+            yield (
+                key,
+                Verdict.FAILS,
+                f"{key}: {_value_text(here.get(key))} is recorded, {_value_text(there.get(key))} was played",
+            )
+
+
+def _parents(key: str) -> Iterator[str]:
+    while "." in key:
+        key = key.rpartition(".")[0]
+        yield key
+
+
+def _relevant_settings(config: Config, texts: Mapping[str, str]) -> dict[str, Any]:
+    """What is expected of a unit depends on this of its configuration."""
+    nav = config.nav.model_dump()
+    if nav["approach"]:
+        nav["approach"]["profile"] = _digest(texts.get("nav.approach.profile"))
+    if nav["terrain"]:
+        nav["terrain"]["files"] = tuple(PurePath(file).name for file in nav["terrain"]["files"])
+    devices = {
+        device.name: {**device.model_dump(), "options": _options(f"device[{i}].options", device.options, texts)}
+        for i, device in enumerate(config.device)
+    }
+    return {"device": devices, "link": {link.name: link.kind for link in config.link}, "nav": nav}
+
+
+def _options(key: str, options: Table, texts: Mapping[str, str]) -> dict[str, Any]:
+    """The options of a device; of a file its content counts, not where it lies."""
+    return {
+        name: _digest(texts.get(f"{key}.{name}")) if name.endswith(FILE_ENDING) else value
+        for name, value in options.items()
+    }
+
+
+def _digest(text: str | None) -> str | None:
+    return None if text is None else f"SHA-256 {hashlib.sha256(text.encode()).hexdigest()[:16]}"
+
+
+def _flatten(table: Table, key: str = "") -> dict[str, Any]:
+    """Every value by its key path; a table itself stands there as "{...}"."""
+    flat: dict[str, Any] = {}
+    for name, value in table.items():
+        path = f"{key}.{name}" if key else name
+        if isinstance(value, Mapping):
+            flat |= {path: "{...}", **_flatten(value, path)}
+        elif value is not None:
+            flat[path] = list(value) if isinstance(value, tuple) else value
+    return flat
+
+
+def _value_text(value: Any) -> str:
+    return "nothing" if value is None else f"{value!r}"

@@ -1,0 +1,1 @@
+"""The display process: serves the page, fed from the bus."""

@@ -1,0 +1,124 @@
+"""The display process: hears the bus, serves the page, hands marks and commands up to the supervisor.
+
+It can be killed at any time without harm to the others.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import contextlib
+import signal
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from fti.clock import SystemClock
+from fti.errors import FtiError, MissingError
+from fti.service.control_channel import ControlChannel, ControlMessage, open_inherited_channel
+from fti.service.display.bus_feed import subscribe
+from fti.service.display.tcp_user import user_of_connection
+from fti.terminal_text import escape_controls
+from fti.web.commands import CommandGate
+from fti.web.live_state import LiveState
+from fti.web.server import PageServer
+
+EXIT_WRONG = 2
+PROCESS = "display"
+#: A port that another program has is tried again after this time [s].
+RETRY_S = 2.0
+
+
+async def wait_for_end(channel: ControlChannel, update: Callable[[ControlMessage], None]) -> None:
+    """Until the supervisor says stop or has gone, or SIGTERM.  take : gets what it says besides"""
+    loop = asyncio.get_running_loop()
+    ended = asyncio.Event()
+
+    def on_control() -> None:
+        messages = channel.receive()
+        for message in messages:
+            update(message)
+        if channel.ended or any(message.get("stop") for message in messages):
+            ended.set()
+
+    loop.add_reader(channel.fileno(), on_control)
+    loop.add_signal_handler(signal.SIGTERM, ended.set)
+    await ended.wait()
+    loop.remove_reader(channel.fileno())
+    loop.remove_signal_handler(signal.SIGTERM)
+
+
+async def receive_key(channel: ControlChannel) -> str | None:
+    """The key to command with, which is what the supervisor says first; None when it says stop, or has gone."""
+    loop = asyncio.get_running_loop()
+    readable = asyncio.Event()
+    loop.add_reader(channel.fileno(), readable.set)
+    try:
+        while not channel.ended:
+            await readable.wait()
+            readable.clear()
+            messages = channel.receive()
+            if any(message.get("stop") for message in messages):
+                return None
+            if messages:
+                return str(messages[0]["key"])
+    finally:
+        loop.remove_reader(channel.fileno())
+    return None
+
+
+async def serve(bus: Path, port: int, channel: ControlChannel) -> None:
+    """Serve the page until the supervisor ends it; tells the supervisor the port."""
+    key = await receive_key(channel)
+    if key is None:
+        return
+    clock = SystemClock(0)  # ages need differences only
+    feed = LiveState(clock.now_ns())
+    server = PageServer(feed, clock.now_ns, CommandGate(key, channel.send, clock.now_ns), user_of_connection)
+    subscriber = await asyncio.to_thread(subscribe, feed, bus, PROCESS, clock)
+    starting = asyncio.create_task(start_page(server, port, channel.send), name="start-page")
+    try:
+        await wait_for_end(channel, server.board.update)
+    finally:
+        starting.cancel()
+        with contextlib.suppress(asyncio.CancelledError):
+            await starting
+        await server.stop()
+        subscriber.close()
+
+
+async def start_page(server: PageServer, port: int, tell: Callable[[ControlMessage], object]) -> None:
+    """Start serving, and tell the port.
+
+    While another program has the port, that is reported once and tried again: the recording goes on without the page.
+    """
+    is_reported = False
+    while True:
+        try:
+            tell({"ready": True, "port": await server.start(port)})
+            return
+        except MissingError as error:
+            if not is_reported:
+                tell({"fault": f"{error}; recording goes on without the page, which is tried again"})
+            is_reported = True
+        await asyncio.sleep(RETRY_S)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """``python -m fti.service.display``: started by the supervisor alone."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--bus", required=True, type=Path)
+    parser.add_argument("--port", type=int, required=True)
+    parser.add_argument("--control-fd", type=int, required=True)
+    args = parser.parse_args(argv)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the supervisor decides when it ends
+    try:
+        asyncio.run(serve(args.bus, args.port, open_inherited_channel(args.control_fd)))
+    except FtiError as error:
+        print(escape_controls(f"fti display: {error}"), file=sys.stderr)  # noqa: T201 - the supervisor passes it on
+        return EXIT_WRONG
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

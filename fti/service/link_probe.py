@@ -1,0 +1,61 @@
+"""A look at every link of a configuration, without recording: what the daemon would say of it."""
+
+from __future__ import annotations
+
+import asyncio
+import dataclasses
+from collections.abc import Sequence
+from typing import Any
+
+from fti.clock import SystemClock, choose_epoch_ns
+from fti.config import Config
+from fti.devices import BoundDevice
+from fti.links import Link, Sink, open_link, per_frame_sink
+from fti.service.fault_guard import keep_running
+from fti.service.navigation.decode_chain import Chain
+from fti.service.navigation.device_monitor import DeviceMonitor
+from fti.service.supervisor.health import merge_link
+from fti.types import RawFrame
+
+LOOK_S = 0.5
+
+
+async def probe_links(config: Config, devices: Sequence[BoundDevice], duration_s: float) -> dict[str, dict[str, Any]]:
+    """Open every link for so long [s]; per link its state, hint, frames and bytes.  Nothing is sent."""
+    clock = SystemClock(choose_epoch_ns())
+    chain = Chain(config, devices, None)
+    diagnosis = DeviceMonitor(config, chain)
+
+    def sink_for(name: str) -> Sink:
+        def accept(data: bytes, t_rx_ns: int) -> None:
+            frame = RawFrame(name, 0, t_rx_ns, data)
+            diagnosis.feed(frame)
+            chain.feed(frame)
+
+        return per_frame_sink(accept)
+
+    quiet = [link.model_copy(update={"transmit": False}) for link in config.link]
+    links = [open_link(link, clock, sink_for(link.name)) for link in quiet]
+    tasks = [asyncio.create_task(keep_running(k.name, k.run, lambda unit, error: None), name=k.name) for k in links]
+    try:
+        return await _watch(links, diagnosis, clock, duration_s)
+    finally:
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+
+
+async def _watch(
+    links: Sequence[Link], diagnosis: DeviceMonitor, clock: SystemClock, duration_s: float
+) -> dict[str, dict[str, Any]]:
+    end = asyncio.get_running_loop().time() + duration_s
+    while True:
+        devices = diagnosis.devices(clock.now_ns())
+        if asyncio.get_running_loop().time() >= end:
+            return {link.name: merge_link(link.name, _status_fields(link), devices) for link in links}
+        await asyncio.sleep(LOOK_S)
+
+
+def _status_fields(link: Link) -> dict[str, Any]:
+    status = dataclasses.asdict(link.status)
+    return {key: status[key] for key in ("state", "hint", "frames", "bytes")}

@@ -1,0 +1,55 @@
+"""The navigation process: decodes what the recorder puts into the ring, navigates, writes the derived file."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import signal
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from fti.clock import SystemClock
+from fti.config import Config
+from fti.logger.file_mode import set_file_mode
+from fti.service.control_channel import await_startup
+from fti.service.navigation.kernel_compiler import ensure_kernels_compiled
+from fti.service.navigation.process import NavigationProcess
+from fti.service.startup import NavigationStartup
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """``python -m fti.service.navigation``: started by the supervisor alone."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--control-fd", type=int, required=True)
+    args = parser.parse_args(argv)
+    for number in (signal.SIGINT, signal.SIGTERM):  # the supervisor decides when it ends
+        signal.signal(number, signal.SIG_IGN)
+    _end_before_recorder()
+    told = await_startup(args.control_fd)
+    if told:
+        channel, text, ring_fds = told
+        startup = NavigationStartup.model_validate_json(text)
+        set_file_mode(int(startup.config.session.file_mode, 8))
+        _load_kernels(startup.config)
+        NavigationProcess(startup, SystemClock(startup.epoch_ns), channel, ring_fds).run()
+    return 0
+
+
+def _load_kernels(config: Config) -> None:
+    """Those of filter and approach, before the first frame: what waits meanwhile is caught up with, and all is seen."""
+    if config.nav.filter or config.nav.approach:
+        from fti.nav.kernel_warmup import warm_up  # noqa: PLC0415 - numba: whoever needs no kernel loads none
+
+        ensure_kernels_compiled(config)
+        warm_up(config, None)
+
+
+def _end_before_recorder() -> None:
+    """Where memory runs out, as a large terrain may have it, the kernel ends this process and not the recorder."""
+    with contextlib.suppress(OSError):
+        Path("/proc/self/oom_score_adj").write_text("500", encoding="ascii")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

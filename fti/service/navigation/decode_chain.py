@@ -1,0 +1,203 @@
+"""The chain: raw frames in, measurements and outputs out.  Live navigation and reprocessing run this same object.
+
+It is deterministic: it knows no time but the stamps and ticks of the frames, and takes them in order of ``seq``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from fti.alarms.condition import ConditionReport
+from fti.config import Config
+from fti.devices import BoundDevice
+from fti.drivers import Counters, Decoder, StatefulDecoder
+from fti.logger.schemas import ALARM_REPORT_TOPIC, DEVICE_CLOCK_TOPIC, READMISSION_TOPIC, TERRAIN_TOPIC
+from fti.nav.alarm_conditions import OutputConditions
+from fti.nav.carried_refusal import CarriedRefusal
+from fti.nav.device_time.device_times import DeviceTimes
+from fti.nav.integrity.reference import ApproachReference
+from fti.nav.pipeline import Pipeline
+from fti.nav.sensor_mounting import Mountings
+from fti.nav.terrain_reference import Ground
+from fti.service.fault_guard import Guard
+from fti.types import ALL_SOURCES, TICK_LINK, Event, Measurement, Output, RawFrame
+
+#: Why bytes are no frame that a decoder held when frames went missing, or had when it failed.
+GAP, FAILURE = "gap", "failure"
+
+
+@dataclass(slots=True)
+class ChainOutput:
+    """What came out of some frames, in order."""
+
+    measurements: list[tuple[str, Measurement]] = field(default_factory=list)
+    outputs: list[Output | Event] = field(default_factory=list)
+    notes: list[tuple[str, int, dict[str, Any]]] = field(default_factory=list)  # topic, time [ns], content
+
+
+@dataclass(slots=True)
+class DeviceDecoder:
+    """A device on its link: its decoder and what it has heard."""
+
+    bound: BoundDevice
+    decoder: Decoder
+    messages: int = 0
+    last_ns: int | None = None
+    name: str = field(init=False)  # of the device
+
+    def __post_init__(self) -> None:
+        self.name = self.bound.device.name
+
+    def reset(self, reason: str) -> None:
+        """Another decoder goes on; what this one had begun with is skipped for that reason."""
+        before = self.decoder
+        self.decoder = self.bound.make_decoder()
+        _carry_over_counters(self.decoder.counters, before.counters, reason)
+        if isinstance(self.decoder, StatefulDecoder):
+            self.decoder.copy_state(before)
+
+
+class Chain:
+    """Decoders of all links and the navigation pipeline behind them."""
+
+    def __init__(self, config: Config, devices: Sequence[BoundDevice], reference: ApproachReference | None) -> None:
+        self.device_decoders = [DeviceDecoder(bound, bound.make_decoder()) for bound in devices]
+        self._on_link: dict[str, list[DeviceDecoder]] = {}
+        for device_decoder in self.device_decoders:
+            self._on_link.setdefault(device_decoder.bound.device.link, []).append(device_decoder)
+        self._times, self._mountings = DeviceTimes(config.device), Mountings(config.device)
+        self._config, self._reference = config, reference
+        self._pipeline, self._conditions = Pipeline(config, reference), OutputConditions(config)
+        self._terrain: tuple[Ground | None] | None = None  # none was given yet
+
+    def reset_after_gap(self) -> None:
+        """Frames are missing before the next one: what decoders hold is no beginning of it, so they start afresh."""
+        for device_decoder in self.device_decoders:
+            device_decoder.reset(GAP)
+        self._pipeline.reset_after_gap()
+
+    def set_terrain(self, ground: Ground | None, fault: str | None, after_seq: int, t_ns: int) -> ChainOutput:
+        """Behind frame ``after_seq`` at t_ns the ground was there; None: it never will be, and ``fault`` says why."""
+        products = ChainOutput()
+        self._terrain = (ground,)
+        self._pipeline.set_terrain(ground)
+        about: dict[str, Any] = {"fault": fault or ""}
+        if ground:
+            about = {"name": ground.name, "files": ground.files, "sha256": ground.digest}
+        products.notes.append((TERRAIN_TOPIC, t_ns, {"t_ns": t_ns, "after_seq": after_seq, **about}))
+        products.notes.append(_alarm_note(self._conditions.report_terrain(t_ns, fault)))
+        level, text = ("info", ground.name) if ground else ("error", f"there is none: {fault}")
+        products.outputs.append(Event(t_ns=t_ns, level=level, source="terrain", text=text))
+        return products
+
+    def readmit(self, source: str, after_seq: int, t_ns: int) -> ChainOutput:
+        """Behind frame ``after_seq`` at t_ns the operator has confirmed a source, or all.  Raises KeyError."""
+        products = ChainOutput()
+        if source == ALL_SOURCES:
+            products.notes += map(_alarm_note, self._conditions.end_all(t_ns))
+            products.outputs.append(self._reset_navigation(t_ns))
+        else:
+            products.outputs += self._pipeline.readmit(source, t_ns)
+        products.notes.append((READMISSION_TOPIC, t_ns, {"t_ns": t_ns, "after_seq": after_seq, "source": source}))
+        return products
+
+    def _reset_navigation(self, t_ns: int) -> Event:
+        """Discard all earlier measurements, the state of the filter, all refusals, and the device clocks."""
+        self._times = DeviceTimes(self._config.device)
+        self._pipeline, self._conditions = Pipeline(self._config, self._reference), OutputConditions(self._config)
+        if self._terrain:
+            self._pipeline.set_terrain(*self._terrain)
+        text = "begins anew: the operator readmits all sources"
+        return Event(t_ns=t_ns, level="info", source="nav", text=text)
+
+    @property
+    def refusals(self) -> list[CarriedRefusal]:
+        """Of sources, in force."""
+        return self._pipeline.refusals
+
+    def restore(self, refusals: Sequence[CarriedRefusal], t_ns: int) -> ChainOutput:
+        """Begin with what the process before had refused, at the time of the first frame."""
+        return ChainOutput(outputs=[*self._pipeline.restore(refusals, t_ns)])
+
+    def feed(self, frame: RawFrame) -> ChainOutput:
+        """Take the next frame; return what follows from it."""
+        products = ChainOutput()
+        if frame.link == TICK_LINK:
+            with _EventGuard("pipeline", frame, products):
+                products.outputs += self._pipeline.tick(frame.t_rx_ns)
+            with _EventGuard("device clocks", frame, products):
+                self._publish_device_clocks(frame.t_rx_ns, products)
+        for device_decoder in self._on_link.get(frame.link, ()):
+            if found := self._decode(device_decoder, frame, products):
+                self._navigate(device_decoder.name, found, frame, products)
+        if products.outputs:  # of most frames there are none
+            self._report_conditions(frame, products)
+        return products
+
+    def _report_conditions(self, frame: RawFrame, products: ChainOutput) -> None:
+        with _EventGuard("alarm conditions", frame, products):
+            products.notes += map(_alarm_note, self._conditions.take(products.outputs))
+
+    def _navigate(self, device: str, found: list[Measurement], frame: RawFrame, products: ChainOutput) -> None:
+        guard = _EventGuard("pipeline", frame, products)
+        waiting = iter(found)
+        done = False
+        while not done:
+            with guard:  # once for all of them; behind one that fails, once more for the rest
+                for measurement in waiting:
+                    stamped = self._times.stamp(device, self._mountings.turn(device, measurement))
+                    products.measurements.append((device, stamped))
+                    products.outputs += self._pipeline.feed(device, stamped)
+                done = True
+
+    def clocks_of(self, device: str, t_ns: int) -> list[dict[str, Any]]:
+        """What is known of the clocks of a device at a time, as ``/fti/device_clock`` has it."""
+        return self._times.clocks_of(device, t_ns)
+
+    def _publish_device_clocks(self, t_ns: int, products: ChainOutput) -> None:
+        if note := self._times.tick(t_ns):
+            products.notes.append((DEVICE_CLOCK_TOPIC, t_ns, note))
+            products.outputs += self._times.drain_events(t_ns)
+
+    def _decode(self, device_decoder: DeviceDecoder, frame: RawFrame, products: ChainOutput) -> list[Measurement]:
+        found: list[Measurement] = []
+        whole = False
+        with _EventGuard(device_decoder.name, frame, products):
+            found = device_decoder.decoder.feed(frame.data, frame.t_rx_ns)
+            whole = True
+        if not whole:  # a decoder must not fail; if one does, it alone starts again
+            device_decoder.reset(FAILURE)
+        if found:
+            device_decoder.messages += len(found)
+            device_decoder.last_ns = frame.t_rx_ns
+        return found
+
+
+def _alarm_note(report: ConditionReport) -> tuple[str, int, dict[str, Any]]:
+    return ALARM_REPORT_TOPIC, report.t_ns, report.as_json()
+
+
+class _EventGuard(Guard):
+    """A failure becomes an event among the outputs, at the time of the frame: it is the same when reprocessed."""
+
+    __slots__ = ("_frame", "_products", "_unit")
+
+    def __init__(self, unit: str, frame: RawFrame, products: ChainOutput) -> None:
+        self._unit, self._frame, self._products = unit, frame, products
+
+    def report(self, error: Exception) -> None:
+        text = f"failed at seq {self._frame.seq} and goes on: {type(error).__name__}: {error}"
+        event = Event(t_ns=self._frame.t_rx_ns, level="error", source=self._unit, text=text)
+        self._products.outputs.append(event)
+
+
+def _carry_over_counters(counters: Counters, before: Counters, reason: str) -> None:
+    """Count on from where another decoder ended; what that one neither framed nor skipped is skipped now."""
+    counters.bytes_in, counters.framed = before.bytes_in, before.framed
+    counters.messages.update(before.messages)
+    counters.skipped.update(before.skipped)
+    counters.lost.update(before.lost)
+    if rest := before.bytes_in - before.framed - before.skipped.total():
+        counters.skipped[reason] += rest

@@ -1,0 +1,160 @@
+"""The derived file of the navigation process, on a thread of its own: a slow medium must not delay an output.
+
+It lies where there is space: on the main medium, or else on the fallback.  When a medium refuses, or is gone, its file
+is let go, so that the medium can come back; this file is not worth more than that.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from fti.errors import StorageError
+from fti.logger.derived_log import DerivedLog
+from fti.logger.log_segment import LogSegment
+from fti.logger.storage_target import StorageTarget
+from fti.service.fault_guard import FailureHandler, catch_failures
+from fti.types import Event, Measurement, Output
+
+FLUSH_PERIOD_S = 0.05
+SYNC_PERIOD_S = 1.0
+#: Outputs and measurements that may wait for the medium, a minute or more, 30 MB; beyond, the oldest go, counted.
+MAX_QUEUED = 40_000
+#: A medium that refuses for so long is let go [s]; another is looked for at this pace, or the main one again.
+WRITE_TIMEOUT_S = 1.0
+RETRY_PERIOD_S = 5.0
+
+
+class DerivedWriter:
+    """Takes what navigation makes and writes it in order.  ``lost`` counts what the medium did not take in time."""
+
+    def __init__(
+        self, log: DerivedLog, places: Sequence[StorageTarget], min_free_mb: float, report: FailureHandler
+    ) -> None:
+        self._log = log
+        self._places = places
+        self._min_free_mb = min_free_mb
+        self._segment: LogSegment | None = None
+        self._unflushed = 0
+        self._refused_since: float | None = None
+        self._next_retry_s = 0.0
+        self._report = report
+        self._waiting: deque[Callable[[], None]] = deque()
+        self._stopping = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="derived")
+        self.lost = 0
+        self.fault: str | None = None
+
+    def start(self) -> None:
+        """Start the thread."""
+        self._thread.start()
+
+    def measurement(self, device: str, measurement: Measurement) -> None:
+        """Queue a measurement, if the file keeps it: what the file leaves out must not fill the queue."""
+        if self._log.is_due(device, measurement):
+            self._put(lambda: self._log.write_undecimated(device, measurement))
+
+    def output(self, output: Output | Event) -> None:
+        """Queue an output or an event."""
+        self._put(lambda: self._log.output(output))
+
+    def gap(self, t_ns: int, content: dict[str, Any]) -> None:
+        """Queue a note on what navigation did not see."""
+        self._put(lambda: self._log.gap(t_ns, content))
+
+    def note(self, topic: str, t_ns: int, content: dict[str, Any]) -> None:
+        """Queue what is known besides, ``/fti/device_clock``."""
+        self._put(lambda: self._log.note(topic, t_ns, content))
+
+    def close(self) -> None:
+        """Write what waits, close the file and end the thread."""
+        self._stopping.set()
+        self._thread.join()
+
+    def _put(self, write: Callable[[], None]) -> None:
+        if len(self._waiting) >= MAX_QUEUED:
+            self._waiting.popleft()
+            self.lost += 1
+        self._waiting.append(write)
+
+    def _run(self) -> None:
+        synced = time.monotonic()
+        while not self._stopping.wait(FLUSH_PERIOD_S):
+            due = time.monotonic() - synced >= SYNC_PERIOD_S
+            synced = time.monotonic() if due else synced
+            with catch_failures("derived file", self._report):
+                self._step(due)
+        with catch_failures("derived file", self._report):
+            self._step(due=False)
+            if self._segment:
+                self._segment.close()
+
+    def _step(self, due: bool) -> None:
+        """Write what waits."""
+        try:
+            segment = self._find_part()
+            if segment is None:
+                return
+            segment.flush()  # what was refused before
+            self._unflushed = 0
+            while self._waiting:
+                self._waiting.popleft()()
+                self._unflushed += 1
+            segment.flush()
+            self._unflushed = 0
+            if due:
+                segment.sync()
+                self._close_if_lost(segment)
+        except StorageError as error:
+            self.fault = str(error)
+            self._refused_since = self._refused_since or time.monotonic()
+            if self._segment and time.monotonic() - self._refused_since > WRITE_TIMEOUT_S:
+                self._abandon(self._segment)
+        else:
+            self._refused_since = None
+            self.fault = segment.fault
+
+    def _find_part(self) -> LogSegment | None:
+        """Where to write; when space runs out this file stops first, so that the raw bytes have what is left."""
+        if self._segment and self._segment.free_mb() < self._min_free_mb:
+            self.fault = f"less than session.min_free_mb = {self._min_free_mb:g} is left for {self._segment.path}"
+            if len(self._places) == 1:
+                return None  # it goes on when there is space again
+            self._abandon(self._segment)
+        at_main = self._segment is not None and self._segment.folder.path == self._places[0].folder
+        if not at_main and time.monotonic() >= self._next_retry_s:
+            self._next_retry_s = time.monotonic() + RETRY_PERIOD_S
+            self._open()
+        return self._segment
+
+    def _open(self) -> None:
+        """At the first place that has space; one behind the present place is no gain."""
+        for place in self._places:
+            if self._segment and place.folder == self._segment.folder.path:
+                return
+            try:
+                segment = self._log.open_segment(place.prepare(self._min_free_mb))
+            except StorageError as error:
+                self.fault = str(error)
+            else:
+                self._log.switch_to(segment)
+                before, self._segment = self._segment, segment
+                if before:
+                    before.close()
+                return
+
+    def _close_if_lost(self, segment: LogSegment) -> None:
+        if segment.stray():
+            self._abandon(segment)
+
+    def _abandon(self, segment: LogSegment) -> None:
+        """There is no file; what it had not taken is lost.  It is closed where its medium still takes that."""
+        with contextlib.suppress(StorageError):
+            segment.close()
+        self._segment = self._refused_since = None
+        self.lost += self._unflushed
+        self._unflushed = 0

@@ -1,0 +1,254 @@
+"""What the navigation process does: ring -> chain -> derived file and bus, strictly in order of ``seq``."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+from fti.buffers.ring import Ring
+from fti.buffers.ring_reader import RingFrame, RingReader
+from fti.bus.client import Publisher
+from fti.bus.message import encode_with_age
+from fti.clock import SystemClock
+from fti.devices import bind_devices, parse_reference
+from fti.logger.derived_log import DerivedLog, output_topic
+from fti.logger.schemas import ALARM_REPORT_TOPIC
+from fti.nav.carried_refusal import parse_refusals
+from fti.service import terrain_retry
+from fti.service.control_channel import ControlChannel
+from fti.service.navigation.backlog import BacklogPolicy, SkipReporter
+from fti.service.navigation.decode_chain import Chain, ChainOutput
+from fti.service.navigation.derived_writer import DerivedWriter
+from fti.service.navigation.device_monitor import DeviceMonitor
+from fti.service.navigation.output_latency import OutputLatency
+from fti.service.navigation.terrain_loader import TerrainLoader
+from fti.service.startup import NavigationStartup
+from fti.types import TICK_LINK, Ack, Event, HeightAboveGround, HeightBelowAircraft, Output, RawFrame
+
+#: The order in which a process appears on the bus and in health.
+PROCESS = "navigation"
+#: The recorder wakes it at least 50 times a second; one that stands still does not.
+IDLE_S = 0.1
+#: Few, so that it is soon seen how late they are.
+READ_LIMIT = 200
+HEALTH_PERIOD_S = 0.5
+#: When the supervisor is gone, the recorder ends the ring; so long is waited for that.
+ORPHAN_S = 10.0
+OUTPUT_MAX_AGE_MS = 500.0
+
+
+class NavigationProcess:
+    """Consumes the ring until its end mark."""
+
+    def __init__(
+        self, startup: NavigationStartup, clock: SystemClock, channel: ControlChannel, ring_fds: tuple[int, int]
+    ) -> None:
+        config = startup.config
+        self._clock = clock
+        self._channel = channel
+        self._ring = Ring.attach(ring_fds)
+        self._reader = RingReader(self._ring)
+        self._links = [link.name for link in config.link] + [TICK_LINK]
+        self._devices = bind_devices(config, startup.texts)
+        self._config = config
+        self._chain = Chain(config, self._devices, parse_reference(config, startup.texts))
+        self._loading = TerrainLoader(config, startup.without_terrain) if config.nav.terrain else None
+        self._diagnosis = DeviceMonitor(config, self._chain)
+        self._max_age_ms = {device.name: device.max_age_ms for device in config.device}
+        self._derived = self._open_derived(startup)
+        self._bus = Publisher(Path(startup.bus), PROCESS)
+        self._backlog, self._skips = BacklogPolicy(), SkipReporter()
+        resumed = self._ring.reader_state()
+        self._last_seq = resumed.next_seq - 1
+        self._resumed = resumed.position > 0
+        self._last_ns = clock.now_ns()
+        self._delay = OutputLatency(self._last_ns)
+        self._must_finish = False
+        self._reported_fault: str | None = None
+        self._restored = parse_refusals(startup.refusals)
+        self._refusals = list(self._restored)
+
+    def _open_derived(self, startup: NavigationStartup) -> DerivedWriter:
+        session, places = startup.config.session, startup.places()
+        log = DerivedLog(
+            None,
+            split_s=session.split_s,
+            split_mb=session.split_mb,
+            attachments=[(name, "text/plain", text.encode()) for name, text in startup.attachments.items()],
+            metadata={"fti": startup.metadata},
+            places=[place.folder for place in places],
+        )
+        return DerivedWriter(log, places, session.min_free_mb, self._report)
+
+    def run(self) -> None:
+        """Work until the ring has ended and is empty."""
+        self._derived.start()
+        if self._loading:
+            self._channel.send({"terrain": terrain_retry.LOADING})
+            self._loading.start()
+        self._channel.send({"ready": True})
+        try:
+            self._consume()
+        finally:
+            self._derived.close()
+            self._publish_skips(self._skips.rest(self._clock.now_ns()))
+            self._send_health()
+            self._bus.close()
+
+    def _consume(self) -> None:
+        health_due = time.monotonic()
+        orphaned: float | None = None
+        while not self._must_finish:
+            self._take_terrain()
+            frames = self._reader.read(READ_LIMIT)
+            for index, seq, t_rx_ns, data in frames:
+                self._take(index, seq, t_rx_ns, data)
+            self._skip_backlog(frames)
+            now = time.monotonic()
+            if now >= health_due:
+                health_due = now + HEALTH_PERIOD_S
+                self._send_health()
+            self._handle_messages()
+            if frames:
+                continue
+            if self._reader.finished:
+                return
+            if self._channel.ended:
+                orphaned = orphaned or now + ORPHAN_S
+                if now > orphaned:
+                    return
+            self._backlog.rest(self._clock.now_ns())
+            self._reader.wait(IDLE_S)
+        self._reader.commit()
+
+    def _skip_backlog(self, frames: Sequence[RingFrame]) -> None:
+        """Skip what waits where it waits in vain; note what was skipped.  frames : those read last.
+
+        What waits is as old as the last tick among them: a tick enters the ring at its time, and nothing else must.
+        """
+        now = self._clock.now_ns()
+        ticks = [t_rx_ns for index, _, t_rx_ns, _ in frames if index == len(self._links) - 1]
+        if ticks and not self._ring.ended and self._backlog.must_skip(now - ticks[-1]):
+            self._reader.skip()
+        missed = self._reader.next_seq - 1 - self._last_seq
+        if missed:
+            self._backlog.on_overrun()
+            self._skips.note(missed, now - self._last_ns)
+            self._publish_skips(self._skips.take_event(now))
+            self._note_gap(self._reader.next_seq, now)
+            self._last_seq += missed
+            self._last_ns = now
+
+    def _take_terrain(self) -> None:
+        """The ground is there, or will not be: from the next frame on."""
+        if self._loading and (loaded := self._loading.take()):
+            self._channel.send({"terrain": terrain_retry.DONE})
+            self._deliver(self._chain.set_terrain(loaded.ground, loaded.fault, self._last_seq, self._last_ns))
+
+    def _take(self, index: int, seq: int, t_rx_ns: int, data: bytes) -> None:
+        if self._resumed or seq != self._last_seq + 1:
+            self._note_gap(seq, t_rx_ns)
+        self._last_seq = seq
+        self._last_ns = t_rx_ns
+        if index >= len(self._links):
+            return  # sent by us: recorded, not received
+        frame = RawFrame(self._links[index], seq, t_rx_ns, data)
+        self._diagnosis.feed(frame)
+        products = self._chain.feed(frame)
+        self._deliver(products)
+        if products.outputs:
+            self._delay.add(t_rx_ns, self._clock.now_ns())
+
+    def _deliver(self, products: ChainOutput) -> None:
+        for device, measurement in products.measurements:
+            self._derived.measurement(device, measurement)
+            if isinstance(measurement, Ack):
+                self._send_ack(device, measurement)
+        for topic, t_ns, content in products.notes:
+            self._derived.note(topic, t_ns, content)
+            if topic == ALARM_REPORT_TOPIC:
+                self._channel.send({"alarm": content}, is_kept=True)
+        for output in products.outputs:
+            self._derived.output(output)
+            self._publish(output)
+        if any(isinstance(output, Event) for output in products.outputs):  # each refusal is one
+            self._send_refusals()
+
+    def _send_refusals(self) -> None:
+        """Another process that takes the place of this one begins with them."""
+        refusals = self._chain.refusals
+        if refusals != self._refusals:
+            self._refusals = refusals
+            self._channel.send({"refusals": [dataclasses.asdict(refusal) for refusal in refusals]})
+
+    def _send_ack(self, device: str, ack: Ack) -> None:
+        """A device has answered: the supervisor knows what it was asked."""
+        said = {"command": ack.command, "accepted": ack.accepted, "detail": ack.detail}
+        self._channel.send({"ack": {"device": device, "t_ns": ack.stamp.t_rx_ns, **said}})
+
+    def _publish(self, output: Output | Event) -> None:
+        if isinstance(output, Event):
+            self._channel.send({"event": dataclasses.asdict(output)})
+        else:
+            max_age = OUTPUT_MAX_AGE_MS
+            if isinstance(output, HeightAboveGround | HeightBelowAircraft):
+                max_age = self._max_age_ms.get(output.sensor, OUTPUT_MAX_AGE_MS)
+            payload = encode_with_age(dataclasses.asdict(output), output.t_ns, self._clock.now_ns(), max_age)
+            self._bus.publish(output_topic(output), payload)
+
+    def _note_gap(self, seq: int, t_ns: int) -> None:
+        """What the ring lost, or where another process had stopped: into the file, so that it can be repeated."""
+        kind = "restart" if self._resumed else "ring"
+        gap = {"t_ns": t_ns, "kind": kind, "after_seq": self._last_seq, "before_seq": seq}
+        self._chain.reset_after_gap()
+        if self._resumed:
+            gap["refusals"] = [dataclasses.asdict(refusal) for refusal in self._restored]
+            self._deliver(self._chain.restore(self._restored, t_ns))
+        self._resumed = False
+        self._derived.gap(t_ns, gap)
+
+    def _handle_messages(self) -> None:
+        for message in self._channel.receive():
+            self._must_finish = self._must_finish or "hurry" in message
+            if "readmit" in message:
+                self._deliver(self._chain.readmit(message["readmit"], self._last_seq, self._last_ns))
+
+    def _publish_skips(self, take_event: Event | None) -> None:
+        if take_event:
+            self._publish(take_event)
+
+    def _send_health(self) -> None:
+        now = self._clock.now_ns()
+        self._publish_skips(self._skips.take_event(now))
+        fault = self._derived.fault
+        if fault != self._reported_fault and (fault is None or self._reported_fault is None):
+            text = f"stopped: {fault}" if fault else "goes on"
+            self._send_event("error" if fault else "warning", "derived file", text)
+            self._reported_fault = fault
+        self._channel.send(
+            {
+                "health": {
+                    "devices": self._diagnosis.devices(now),
+                    "navigation": {
+                        "lag_ms": max(0.0, (now - self._last_ns) / 1e6),
+                        "output_delay": self._delay.percentiles(now),
+                        "ring_lost_frames": self._reader.lost_frames,
+                        "last_seq": self._last_seq,
+                        "terrain": self._loading.state if self._loading else None,
+                        "is_terrain_loading": bool(self._loading and not self._loading.is_done),
+                        "derived_lost": self._derived.lost,
+                        "bus_lost": self._bus.lost,
+                        "derived_fault": fault,
+                    },
+                }
+            }
+        )
+
+    def _report(self, unit: str, error: Exception) -> None:
+        self._send_event("error", unit, f"{type(error).__name__}: {error}")
+
+    def _send_event(self, level: str, source: str, text: str) -> None:
+        event = {"level": level, "source": source, "text": text, "t_ns": self._clock.now_ns()}
+        self._channel.send({"event": event})

@@ -1,0 +1,57 @@
+"""The recorder process: bytes only.
+
+Asyncio readers stamp and number what arrives and put it into the triple buffer of its link and into the ring; one
+writer thread carries the buffers into the MCAP file.  Nothing here understands a byte, and nothing downstream can
+stop it.  This module reaches no numpy, numba, zenoh, aiohttp, driver or navigation; a test looks.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import contextlib
+import gc
+import os
+import signal
+import sys
+from collections.abc import Sequence
+
+from fti.clock import SystemClock
+from fti.logger.file_mode import set_file_mode
+from fti.service import realtime
+from fti.service.control_channel import await_startup
+from fti.service.recorder.process import RecorderProcess
+from fti.service.startup import RecorderStartup
+
+#: Niceness of the recorder.
+PRIORITY = -10
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """``python -m fti.service.recorder``: started by the supervisor alone."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--control-fd", type=int, required=True)
+    args = parser.parse_args(argv)
+    for number in (signal.SIGINT, signal.SIGTERM):  # the supervisor decides when it ends
+        signal.signal(number, signal.SIG_IGN)
+    _ask_for_priority()
+    told = await_startup(args.control_fd)
+    if told:
+        channel, text, ring_fds = told
+        startup = RecorderStartup.model_validate_json(text)
+        set_file_mode(int(startup.config.session.file_mode, 8))
+        recorder = RecorderProcess(startup, SystemClock(startup.epoch_ns), channel, ring_fds)
+        gc.freeze()
+        recorder.report_refused(realtime.apply(startup.config.recorder))
+        asyncio.run(recorder.run())
+    return 0
+
+
+def _ask_for_priority() -> None:
+    """Before every other process of the machine, where we may ask for that."""
+    with contextlib.suppress(PermissionError):
+        os.nice(PRIORITY)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

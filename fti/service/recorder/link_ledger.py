@@ -1,0 +1,154 @@
+"""What the recorder says of its links: the ledger that stands in the file, and health.
+
+A frame that was received has a number; it is recorded, held in a buffer, or dropped for a reason.  Frames that the
+kernel dropped because nobody read in time never got a number; they came in and were dropped all the same.
+
+    in = recorded + held + dropped, for each link and for what was sent on it
+    numbers given (next_seq - first_seq) = frames in of all links, of what was sent and of the ticks, but for those of
+    ``socket_queue``
+
+Line errors (of a UART, of a CAN controller) have no frame of their own: they stand beside the account, and so does the
+number of frames whose kernel stamp was refused, which have the time of the read instead.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from fti.buffers.triple_buffer import TripleBuffer
+from fti.links import Link
+from fti.service.recorder.frame_sequencer import FrameSequencer
+
+HEALTH_PERIOD_S = 0.5
+
+
+@dataclass(slots=True)
+class FrameCount:
+    """Frames and bytes that were not recorded."""
+
+    frames: int = 0
+    bytes: int = 0
+
+    def add(self, frames: int, size: int) -> None:
+        """More of them."""
+        self.frames += frames
+        self.bytes += size
+
+
+@dataclass(slots=True)
+class SnapshotOutcome:
+    """What became of what a buffer gave to the memory of the snapshot sink; the rest is held there.
+
+    recorded : in a file; not_triggered : let go, because no trigger came; overflow : asked for by a trigger, and let go
+    because the memory was full
+    """
+
+    recorded: FrameCount = field(default_factory=FrameCount)
+    not_triggered: FrameCount = field(default_factory=FrameCount)
+    overflow: FrameCount = field(default_factory=FrameCount)
+
+    def copy(self) -> SnapshotOutcome:
+        """As it is now."""
+        return SnapshotOutcome(replace(self.recorded), replace(self.not_triggered), replace(self.overflow))
+
+
+@dataclass(slots=True)
+class BufferedLink:
+    """A link with its buffers.
+
+    index                 : in the ring; what is sent on it has index + ``sent_offset``
+    outcome, sent_outcome : in mode "snapshot": what became of what its buffers gave out; else it is recorded
+    """
+
+    link: Link
+    kind: str
+    index: int
+    received: TripleBuffer
+    sent: TripleBuffer
+    frames_before: int = 0
+    outcome: SnapshotOutcome | None = None
+    sent_outcome: SnapshotOutcome | None = None
+
+
+class LinkLedger:
+    """The account of this recorder, from zero: another recorder of the same session has its own."""
+
+    def __init__(
+        self, units: Sequence[BufferedLink], ticks: TripleBuffer, sequencer: FrameSequencer, started_ns: int
+    ) -> None:
+        self._units = units
+        self._ticks = ticks
+        self._sequencer = sequencer
+        self._recorder = {"pid": os.getpid(), "started_ns": started_ns, "first_seq": sequencer.seq}
+
+    def note(self, now: int, *, final: bool = False) -> dict[str, Any]:
+        """The ledger now.  final : nothing comes after it."""
+        return {
+            "t_ns": now,
+            "recorder": self._recorder,
+            "next_seq": self._sequencer.seq,
+            "final": final,
+            "ticks": buffer_account(self._ticks, None),
+            "links": {unit.link.name: link_account(unit) for unit in self._units},
+        }
+
+
+def link_account(unit: BufferedLink) -> dict[str, Any]:
+    """Per link: in = recorded + held + dropped by reason; what was sent; line errors; refused kernel stamps."""
+    status = unit.link.status
+    return {
+        **buffer_account(unit.received, unit.outcome, status.socket_dropped),
+        "sent": buffer_account(unit.sent, unit.sent_outcome),
+        "errors": dict(status.errors),
+        "stamp_refused": status.stamp_refused,
+    }
+
+
+def buffer_account(buffer: TripleBuffer, outcome: SnapshotOutcome | None, socket_dropped: int = 0) -> dict[str, Any]:
+    """Account of one buffer.  How many bytes the kernel dropped is not known: null, and not in the sum."""
+    kept = outcome.copy() if outcome else SnapshotOutcome()  # read before the buffer is: what comes in between is held
+    stats = buffer.stats
+    recorded = kept.recorded if outcome else FrameCount(stats.frames_out, stats.bytes_out)
+    dropped: dict[str, dict[str, int | None]] = {
+        "socket_queue": {"frames": socket_dropped, "bytes": None},
+        "buffer_overflow": {"frames": stats.dropped_frames, "bytes": stats.dropped_bytes},
+        "snapshot_overflow": {"frames": kept.overflow.frames, "bytes": kept.overflow.bytes},
+        "not_triggered": {"frames": kept.not_triggered.frames, "bytes": kept.not_triggered.bytes},
+    }
+    frames, size = stats.frames_in - recorded.frames, stats.bytes_in - recorded.bytes
+    return {
+        "in_frames": stats.frames_in + socket_dropped,
+        "in_bytes": stats.bytes_in,
+        "recorded_frames": recorded.frames,
+        "recorded_bytes": recorded.bytes,
+        "held_frames": frames - sum(lost["frames"] or 0 for lost in dropped.values()) + socket_dropped,
+        "held_bytes": size - sum(lost["bytes"] or 0 for lost in dropped.values()),
+        "dropped": {reason: lost for reason, lost in dropped.items() if lost["frames"]},
+    }
+
+
+def link_health(unit: BufferedLink, now: int) -> dict[str, Any]:
+    """State, counters, rate, loads and account of a link, called every ``HEALTH_PERIOD_S``."""
+    status, stats = unit.link.status, unit.received.stats
+    rate = (status.frames - unit.frames_before) / HEALTH_PERIOD_S
+    unit.frames_before = status.frames
+    return {
+        "kind": unit.kind,
+        "state": status.state,
+        "hint": status.hint,
+        "frames": status.frames,
+        "bytes": status.bytes,
+        "rate_hz": rate,
+        "age_ms": None if status.last_rx_ns is None else (now - status.last_rx_ns) / 1e6,
+        "connects": status.connects,
+        "stamp_refused": status.stamp_refused,
+        "dropped_frames": stats.dropped_frames + status.socket_dropped,
+        "dropped_bytes": stats.dropped_bytes,
+        "tx_frames": status.tx_frames,
+        "echo_bytes": status.echo_bytes,
+        "load": {"receive": stats.receive, "global": stats.global_, "write": stats.write},
+        "ledger": link_account(unit),
+    }

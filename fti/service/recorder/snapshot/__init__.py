@@ -1,0 +1,1 @@
+"""The snapshot recorder: the latest frames in memory, written to a file on command."""

@@ -1,0 +1,87 @@
+"""What the recorder says of the medium: health, and an event for every change, with what was lost meanwhile."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
+
+from fti.buffers.triple_buffer import BufferStats
+from fti.links.base import LinkStatus
+from fti.logger.storage import StorageState
+from fti.service.recorder.log_writer import LogWriter
+
+#: Level, source and text of an event.
+ReportEvent = Callable[[str, str, str], None]
+LEVELS = {StorageState.ERROR: "error", StorageState.GONE: "error"}
+
+
+class Dropped(NamedTuple):
+    """What was dropped of a link: frames and bytes by its buffers, frames by the kernel."""
+
+    frames: int = 0
+    bytes: int = 0
+    kernel_frames: int = 0
+
+    @classmethod
+    def of(cls, buffer: BufferStats, link: LinkStatus) -> Dropped:
+        """By the counters now."""
+        return cls(buffer.dropped_frames, buffer.dropped_bytes, link.socket_dropped)
+
+    def describe_since(self, before: Dropped, link: str) -> list[str]:
+        """What has been dropped since then, in words."""
+        frames, size, kernel = (now - then for now, then in zip(self, before, strict=True))
+        texts = [f"{frames} frames ({size} bytes) of {link}"] if frames else []
+        return [*texts, f"{kernel} frames of {link} by the kernel"] if kernel else texts
+
+
+class StorageMonitor:
+    """Looks at the writer."""
+
+    def __init__(
+        self, writer: LogWriter, dropped: Callable[[], Mapping[str, Dropped]], report_event: ReportEvent
+    ) -> None:
+        self._writer = writer
+        self._dropped = dropped
+        self._report_event = report_event
+        self._state = StorageState.OK
+        self._refused_since = 0.0
+        self._dropped_before: Mapping[str, Dropped] = {}
+
+    def report_changes(self) -> None:
+        """Events for what has changed since the last call."""
+        state, hint = self._writer.state()
+        if state is self._state:
+            return
+        before, self._state = self._state, state
+        if before is StorageState.ERROR:
+            self._report_event("warning", "storage", f"the medium accepts again {self._describe_outage()}")
+        if state is StorageState.ERROR:
+            self._refused_since = time.monotonic()
+            self._dropped_before = self._dropped()
+            hint = f"the medium refuses: {hint}; the buffers hold what they can"
+        elif state is StorageState.OK and before is not StorageState.ERROR:
+            hint = f"all is well again, recording to {self._writer.file}"
+        if hint:
+            self._report_event(LEVELS.get(state, "warning"), "storage", hint)
+
+    def _describe_outage(self) -> str:
+        """How long it refused and what that cost."""
+        before, lost = self._dropped_before, list[str]()
+        for link, dropped in self._dropped().items():
+            lost += dropped.describe_since(before.get(link, Dropped()), link)
+        seconds = time.monotonic() - self._refused_since
+        return f"after {seconds:.1f} s, in {self._writer.file}; lost: {', '.join(lost) or 'nothing'}"
+
+    def health(self) -> dict[str, Any]:
+        """File, space and state, for health."""
+        state, hint = self._writer.state()
+        file = self._writer.file
+        return {
+            "file": str(file) if file else None,
+            "file_bytes": self._writer.log.bytes_written,
+            "file_age_s": self._writer.silence_s,
+            "free_mb": self._writer.free_mb,
+            "state": state,
+            "hint": hint,
+        }

@@ -1,0 +1,81 @@
+"""What may be sent to which device: the commands of the drivers, and the links that permit it."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from fti.config import Config
+from fti.devices import BoundDevice
+
+
+class CommandDenied(ValueError):
+    """A command is not sent, and why: what is allowed, or the key to set."""
+
+
+@dataclass(frozen=True, slots=True)
+class EncodedCommand:
+    """A command as it goes out.  answered : the device acknowledges it."""
+
+    link: str
+    data: bytes
+    answered: bool
+
+
+class CommandCatalogue:
+    """The devices of a session and their commands."""
+
+    def __init__(self, config: Config, devices: Sequence[BoundDevice]) -> None:
+        self._path = config.path
+        self._devices = {bound.device.name: bound for bound in devices}
+        self._transmit = {link.name: link.transmit for link in config.link}
+
+    def describe(self) -> list[dict[str, Any]]:
+        """Every device: name, driver, link, whether that may transmit, and what each command takes."""
+        return [
+            {
+                "name": name,
+                "driver": bound.device.driver,
+                "link": bound.device.link,
+                "transmit": self._transmit[bound.device.link],
+                "commands": {key: dataclasses.asdict(c) for key, c in bound.driver.COMMANDS.items()},
+            }
+            for name, bound in self._devices.items()
+        ]
+
+    def usable(self) -> list[dict[str, Any]]:
+        """Of ``describe``: the devices that take commands, on links that may transmit."""
+        return [device for device in self.describe() if device["transmit"] and device["commands"]]
+
+    def is_polled(self, device: str) -> bool:
+        """The recorder repeats a question to it, so it answers without a command."""
+        bound = self._devices.get(device)
+        if bound is None or not self._transmit[bound.device.link]:
+            return False
+        return bound.driver.poll(bound.options) is not None
+
+    def plan(self, device: str, command: str, args: Mapping[str, str]) -> EncodedCommand:
+        """The bytes of a command.  Raises Denied."""
+        bound = self._devices.get(device)
+        if bound is None:
+            raise CommandDenied(f"there is no device {device!r}; there are {', '.join(self._devices) or 'none'}")
+        known = bound.driver.COMMANDS
+        if command not in known:
+            there = f"there are {', '.join(known)}" if known else "its driver has none"
+            raise CommandDenied(f"{device} ({bound.device.driver}): there is no command {command!r}; {there}")
+        self._permit(bound)
+        try:
+            data = bound.driver.command(command, args, bound.options)
+        except ValueError as error:
+            raise CommandDenied(f"{device}: {error}") from None
+        return EncodedCommand(bound.device.link, data, known[command].answered)
+
+    def _permit(self, bound: BoundDevice) -> None:
+        name, link = bound.device.name, bound.device.link
+        if not self._transmit[link]:
+            where = f'[[link]] name = "{link}"'
+            raise CommandDenied(
+                f"{name}: nothing may be sent on its link; set transmit = true at {where} of {self._path}"
+            )

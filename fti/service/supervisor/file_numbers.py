@@ -1,0 +1,28 @@
+"""The numbers of the raw files, as the recorders of a session report them to the supervisor."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+
+class FileNumbers:
+    """The numbers that the recorders have taken, and those of the files that they have written to."""
+
+    def __init__(self) -> None:
+        self._taken: set[int] = set()
+        self._confirmed: set[int] = set()
+
+    def handle_report(self, report: Mapping[str, Any]) -> None:
+        """A report of a recorder: ``number``, and ``confirmed`` when its file is written to."""
+        (self._confirmed if report["confirmed"] else self._taken).add(report["number"])
+
+    @property
+    def next(self) -> int:
+        """The first number that the next recorder may take."""
+        return max(self._taken | self._confirmed, default=-1) + 1
+
+    @property
+    def skipped_numbers(self) -> list[int]:
+        """Smaller numbers of which no file is known that was written to."""
+        return sorted(self._taken - self._confirmed)

@@ -1,0 +1,109 @@
+"""What people ask of the daemon: marks, snapshots, commands to devices, readmission of sources, acknowledgement."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from fti.clock import Clock
+from fti.config import Config, position_sources
+from fti.service.control_channel import ControlMessage
+from fti.service.supervisor.alarm_board import AlarmBoard
+from fti.service.supervisor.child_monitor import RecorderOutbox
+from fti.service.supervisor.command_tracker import CommandTracker
+from fti.service.supervisor.control_socket import Answer
+from fti.service.supervisor.event_publisher import EventPublisher
+from fti.types import ALL_SOURCES
+
+
+class OperatorRequests:
+    """Answers people.
+
+    show     : hands a message to the display process, which may not be there
+    navigate : hands a message to the navigation process; False when it is not there
+    """
+
+    def __init__(
+        self,
+        config: Config,
+        clock: Clock,
+        *,
+        command_tracker: CommandTracker,
+        outbox: RecorderOutbox,
+        event_publisher: EventPublisher,
+        send_to_display: Callable[[ControlMessage], None],
+        send_to_navigation: Callable[[ControlMessage], bool],
+        alarms: AlarmBoard,
+    ) -> None:
+        self._config, self._clock = config, clock
+        self._command_tracker, self._outbox, self._event_publisher, self._send_to_display = (
+            command_tracker,
+            outbox,
+            event_publisher,
+            send_to_display,
+        )
+        self._send_to_navigation, self._alarms = send_to_navigation, alarms
+
+    async def handle_command(self, command: dict[str, Any], who: str) -> Answer:
+        """Do what came over the control socket, and say what became of it."""
+        if isinstance(command.get("send"), dict):
+            return await self._command_tracker.handle_command(command["send"], who)
+        if "commands" in command:
+            return {"devices": self._command_tracker.catalogue.describe()}
+        if "readmit" in command:
+            return self._readmit(command["readmit"], who)
+        if "acknowledge" in command:
+            return self._acknowledge(command["acknowledge"], who)
+        return self._mark(command, who)
+
+    def on_page_message(self, message: ControlMessage) -> None:
+        """Do what the display process hands up; one that has just started is told what it shows of commands."""
+        if "ready" in message:
+            self._send_to_display({"catalogue": self._command_tracker.catalogue.usable()})
+            for command in self._command_tracker.recent():
+                self._send_to_display({"command": command})
+        who = f"the page (the owner's key, {message.get('who')})"
+        if "mark" in message and (fault := self._mark(message, who).get("fault")):
+            self._event_publisher.event("warning", "mark", fault)
+        if "send" in message:
+            self._command_tracker.begin(message["send"], who)
+        if "acknowledge" in message:
+            self._acknowledge(message["acknowledge"], who)
+
+    def _acknowledge(self, alarm_id: Any, who: str) -> Answer:
+        """One alarm with its consequences, or all (None)."""
+        if not isinstance(alarm_id, str | None):
+            return {"fault": f"{alarm_id!r} is not the identity of an alarm"}
+        return {"acknowledged": self._alarms.acknowledge(who, alarm_id), "t_ns": self._clock.now_ns()}
+
+    def _readmit(self, source: Any, who: str) -> Answer:
+        """Have navigation readmit a source of position, or all sources; an event records who commanded it."""
+        sources = position_sources(self._config.nav)
+        if source not in (ALL_SOURCES, *sources):
+            return {"fault": f"{source!r} is not a source of position; there are {', '.join(sources) or 'none'}"}
+        if not self._send_to_navigation({"readmit": source}):
+            return {"fault": "navigation is being started again; repeat the command when it runs"}
+        now = self._clock.now_ns()
+        if source == ALL_SOURCES:
+            self._alarms.start_new_flight(who)
+        text = "all sources; navigation begins anew" if source == ALL_SOURCES else str(source)
+        self._event_publisher.forward_event({"t_ns": now, "level": "info", "source": "readmit", "text": text}, who)
+        return {"t_ns": now}
+
+    def _mark(self, command: dict[str, Any], who: str) -> Answer:
+        text, now = command.get("mark"), self._clock.now_ns()
+        if not isinstance(text, str):
+            return {"fault": "there is no such command"}
+        if command.get("trigger") and (fault := self._trigger(text, now)):
+            return {"fault": fault}
+        source = "trigger" if command.get("trigger") else "mark"
+        self._event_publisher.forward_event({"t_ns": now, "level": "info", "source": source, "text": text}, who)
+        return {"t_ns": now}
+
+    def _trigger(self, text: str, t_ns: int) -> str | None:
+        """Have the snapshot written; returns why it cannot be."""
+        if self._config.snapshot is None:
+            return f"{self._config.path} has no [snapshot] table, so there is nothing to trigger"
+        if not self._outbox.send({"trigger": text, "t_ns": t_ns}):
+            return "the recorder is being started again; the snapshot's memory is empty"
+        return None

@@ -1,0 +1,391 @@
+"""The supervisor: reads the configuration once, starts and watches the three processes, tells everybody how it goes.
+
+It touches no device and decodes nothing.  The end goes in this order: readers stop, kernel queues drained, buffers
+flushed, raw file closed, ring ended (all in the recorder); navigation empties the ring and closes the derived file;
+the display; the supervisor.  A second interrupt shortens what comes after the raw file, never what comes before.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import os
+from pathlib import Path
+from typing import Any
+
+from fti.alarms.condition import Condition, Severity
+from fti.buffers.ring import Ring, ring_size
+from fti.bus.frame import SOCKET_NAME
+from fti.bus.hub import Hub
+from fti.bus.loopback import choose_port, describe_endpoint
+from fti.clock import SystemClock, describe_wrong_time
+from fti.config import Config
+from fti.service import control_channel, run_directory
+from fti.service.children import Child, ProcessState
+from fti.service.control_channel import ControlMessage
+from fti.service.fault_guard import catch_failures
+from fti.service.supervisor import child_shutdown
+from fti.service.supervisor.alarm_board import NO_FRAME_TAKEN, AlarmBoard
+from fti.service.supervisor.bus_thread import hub_thread
+from fti.service.supervisor.child_monitor import ChildMonitor, RecorderOutbox
+from fti.service.supervisor.command_catalogue import CommandCatalogue
+from fti.service.supervisor.command_tracker import CommandTracker
+from fti.service.supervisor.control_socket import serve_commands
+from fti.service.supervisor.event_publisher import Announce, EventPublisher
+from fti.service.supervisor.file_numbers import FileNumbers
+from fti.service.supervisor.health import HealthBoard
+from fti.service.supervisor.operator_requests import OperatorRequests
+from fti.service.supervisor.page_access import PageAccess
+from fti.service.supervisor.session_result import SessionResult, save_ledger
+from fti.service.supervisor.session_storage import SessionStorage
+from fti.service.supervisor.shutdown import SessionShutdown
+from fti.service.supervisor.startup_checks import ValidatedConfig
+from fti.service.supervisor.watchdog import Watchdog
+from fti.service.terrain_retry import TerrainRetry
+from fti.types import ALL_SOURCES
+
+HEALTH_PERIOD_S = 0.5
+LATENESS_PERIOD_S = 0.1
+MAX_STARTS = 2
+RECORDER = "recorder"
+NAVIGATION = "navigation"
+DISPLAY = "display"
+ZENOH = "zenoh"
+
+
+class Supervisor:
+    """One session of the daemon.
+
+    recorder  : the child that was spawned before the configuration was read; announce : gets each line for the user
+    shows_key : the line with the page's address has the key to command from it
+    failed    : the recorder could not start; loss : after ``run``: what was not recorded, None when everything was
+    """
+
+    def __init__(
+        self,
+        config: Config,
+        epoch_ns: int,
+        run_dir: str | None,
+        recorder: Child,
+        announce: Announce,
+        *,
+        shows_key: bool = False,
+    ) -> None:
+        self._config = config
+        self._clock = SystemClock(epoch_ns)
+        self._announce = announce
+        self._validated_config = ValidatedConfig(config, epoch_ns)
+        self._loop = asyncio.get_running_loop()
+        self._stop = asyncio.Event()
+        self.recording = asyncio.Event()
+        self.failed = False
+        self.loss: str | None = None
+        self.displayed = asyncio.Event()
+        self._page = PageAccess(config.display.address, shows_key=shows_key)
+        self._zenoh_port = choose_port(config.bus.port) if config.bus.enabled else None
+        self._run_dir = run_directory.make(config.session.name, run_dir)
+        self._hub = Hub(self._run_dir.path / SOCKET_NAME, self._warn_of_bus)
+        self._places = SessionStorage(config.session, self._clock.now_ns(), announce)
+        self.folder = self._places.folder
+        self._ring = Ring.create(ring_size(config.link))
+        self._children = self._make_children(recorder)
+        self._board = HealthBoard(self._describe_session())
+        self._outbox = RecorderOutbox(recorder)
+        self._file_numbers = FileNumbers()
+        self._result = SessionResult()
+        self._terrain_retry = TerrainRetry()
+        self._without_terrain: str | None = None
+        self._refusals: tuple[dict[str, Any], ...] = ()  # of sources by navigation
+        self._event_publisher = EventPublisher(self._clock, self._hub.publish, announce, self._outbox.note)
+        self._alarms = AlarmBoard(self._clock, self._hub.publish, self._outbox.note, self._oldest_waiting_ns)
+        self._command_tracker = self._make_command_tracker()
+        self._operator_requests = OperatorRequests(
+            config,
+            self._clock,
+            command_tracker=self._command_tracker,
+            outbox=self._outbox,
+            event_publisher=self._event_publisher,
+            send_to_display=self._send_to_display,
+            send_to_navigation=self._send_to_navigation,
+            alarms=self._alarms,
+        )
+        self._child_monitor = ChildMonitor(
+            self._children,
+            on_message=self._on_message,
+            started=self._on_started,
+            died=self._on_died,
+            report=self._event_publisher.report,
+        )
+        self._watchdog = self._make_watchdog(recorder)
+        self._shutdown = SessionShutdown(self._children, self._child_monitor, self._ring, self._places, announce)
+
+    def _describe_session(self) -> dict[str, Any]:
+        session = self._config.session
+        return {
+            "name": session.name,
+            "folder": str(self.folder.path),
+            "origin": session.origin,
+            "mode": session.mode,
+            "started_ns": self._clock.now_ns(),
+            "state": "recording",
+        }
+
+    def _make_command_tracker(self) -> CommandTracker:
+        return CommandTracker(
+            CommandCatalogue(self._config, self._validated_config.devices),
+            self._clock,
+            send=self._outbox.send,
+            tell=lambda level, text: self._event_publisher.event(level, "command", text),
+            changed=lambda command: self._send_to_display({"command": command}),
+            delay_reason=self._board.answer_delay_reason,
+        )
+
+    def _make_watchdog(self, recorder: Child) -> Watchdog:
+        return Watchdog(
+            recorder,
+            self._outbox,
+            progress=lambda: self._ring.next_seq,
+            report_event=self._event_publisher.event,
+            is_ending=lambda: self._child_monitor.stopping,
+            report=self._event_publisher.report,
+        )
+
+    def _make_children(self, recorder: Child) -> list[Child]:
+        config, places, bus = self._config, self._places.all, self._hub.path
+        recorder.startup, recorder.ring_fds = self._validated_config.recorder_startup(places), self._ring.fds
+        made = [
+            recorder,
+            Child(NAVIGATION, self._validated_config.navigation_startup(places, bus), self._ring.fds),
+        ]
+        if config.display.enabled:
+            made.append(Child(DISPLAY, arguments=("--bus", str(bus), "--port", str(config.display.port))))
+        if self._zenoh_port is not None:
+            where = ("--bus", str(bus), "--session", config.session.name, "--port", str(self._zenoh_port))
+            made.append(Child(ZENOH, arguments=(*where, "--epoch-ns", str(self._clock.epoch_ns))))
+        return made
+
+    def _warn_of_bus(self, text: str) -> None:
+        """Called by the thread of the hub."""
+        self._loop.call_soon_threadsafe(self._event_publisher.event, "warning", "bus", text)
+
+    def _child(self, name: str) -> Child | None:
+        return next((child for child in self._children if child.name == name), None)
+
+    # ------------------------------------------------------------------------------------------------ running
+
+    @property
+    def run_dir(self) -> Path:
+        """Where ``watch``, ``mark``, ``send`` and ``page`` find this daemon."""
+        return self._run_dir.path
+
+    def stop(self) -> None:
+        """End the session in good order; called again, shorten what comes after the raw file."""
+        (self._shutdown.hurry_requested if self._stop.is_set() else self._stop).set()
+
+    def suppress_sensor_alarms(self) -> None:
+        """The caller starts the sensors, or has ended them: none is missed until ``resume_sensor_alarms``."""
+        self._alarms.suppress_device_alarms()
+
+    def resume_sensor_alarms(self) -> None:
+        """The sensors are there: one that is silent is an alarm after the usual time."""
+        self._alarms.resume_device_alarms()
+
+    def expect_end(self) -> None:
+        """The sensors end before the session does: that is no alarm."""
+        self._alarms.end()
+
+    async def readmit_all(self, who: str) -> None:
+        """Have navigation begin anew: what comes next is another flight."""
+        await self._operator_requests.handle_command({"readmit": ALL_SOURCES}, who)
+
+    async def run(self, duration_s: float | None = None) -> None:
+        """Record until stopped, or for a duration [s] counted from the first recorded moment."""
+        try:
+            commands = await serve_commands(
+                self._run_dir.bind(), self._operator_requests.handle_command, self._event_publisher.report
+            )
+            with contextlib.closing(commands), hub_thread(self._hub, self._warn_of_bus):
+                await self._record(duration_s)
+        finally:
+            self._run_dir.withdraw()
+            await asyncio.to_thread(self._shutdown.close_own_files, self._board.recorder.get("storage", {}))
+            self._ring.close()
+
+    async def _record(self, duration_s: float | None) -> None:
+        if wrong := describe_wrong_time():
+            self._event_publisher.event("warning", "clock", wrong)
+        self._child_monitor.start(self._children[0])
+        watching = asyncio.create_task(self._child_monitor.watch(), name="watch")
+        watchdog = asyncio.create_task(self._watchdog.run(), name="watchdog")
+        telling = asyncio.create_task(self._publish_health(), name="health")
+        looking = asyncio.create_task(self._check_navigation_latency(), name="lateness")
+        closing = asyncio.create_task(
+            self._shutdown.close_killed_sessions(self.recording, self._event_publisher), name="repair"
+        )
+        try:
+            await self._wait_for_end(duration_s)
+        finally:
+            await self._end()
+            await self._finish_repair(closing)
+            await self._cancel(watching, watchdog, telling, looking)
+
+    async def _wait_for_end(self, duration_s: float | None) -> None:
+        stopping = asyncio.create_task(self._stop.wait(), name="stop")
+        recording = asyncio.create_task(self.recording.wait(), name="recording")
+        await asyncio.wait([stopping, recording], return_when=asyncio.FIRST_COMPLETED)
+        await asyncio.wait([stopping], timeout=duration_s)
+        await self._cancel(stopping, recording)
+
+    async def _cancel(self, *tasks: asyncio.Task[Any]) -> None:
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+
+    def _on_started(self, child: Child) -> None:
+        if child.name == RECORDER:
+            self._outbox.resume()
+        elif child.name == DISPLAY:
+            self._send_to_display({"key": self._page.key})
+
+    def _on_died(self, child: Child, code: int) -> None:
+        if self._child_monitor.stopping:
+            return
+        if child.name in (RECORDER, NAVIGATION):
+            self._command_tracker.on_child_ended(child.name)
+        if child.name == RECORDER:
+            self._alarms.on_recorder_replaced(child_shutdown.describe_restart(child, code))
+            self._result.add_dead_recorder(self._board.recorder)
+            numbers = self._file_numbers
+            child.startup = self._validated_config.recorder_startup(
+                self._places.all, numbers.next, numbers.skipped_numbers
+            )
+        if child.name == NAVIGATION:
+            self._without_terrain = self._terrain_retry.on_exit() or self._without_terrain
+            child.startup = self._validated_config.navigation_startup(
+                self._places.all, self._hub.path, self._without_terrain, self._refusals
+            )
+        if child.name == DISPLAY:
+            self._page.forget()
+            self._publish_info()
+        self._event_publisher.event("error", child.name, child_shutdown.describe_restart(child, code))
+        if child.name == RECORDER and not self.recording.is_set() and child.restarts >= MAX_STARTS:
+            self.failed = True  # a recorder that never begins is the one thing that cannot be cured by trying on
+            self.stop()
+
+    def _on_message(self, child: Child, message: ControlMessage) -> None:
+        if "file_number" in message:
+            self._file_numbers.handle_report(message["file_number"])
+        if "ready" in message:
+            self._on_ready(child, message.get("fault"))
+        if "health" in message and child.name == RECORDER:
+            self._board.recorder = message["health"]
+        elif "health" in message:
+            self._board.navigation = message["health"]
+        self._terrain_retry.on_message(message)
+        if "refusals" in message:
+            self._refusals = tuple(message["refusals"])
+        if "port" in message:
+            self._page.on_port(message["port"])
+            self._announce(self._page.announcement)
+            self._publish_info()
+            self.displayed.set()
+        if child.name == DISPLAY and "fault" in message:
+            self._event_publisher.event("error", DISPLAY, str(message["fault"]))
+        self._on_event_message(message)
+        if "sent" in message:
+            self._command_tracker.on_sent(message["sent"])
+        if "ack" in message:
+            self._command_tracker.on_ack(message["ack"])
+        if child.name == DISPLAY:
+            self._operator_requests.on_page_message(message)
+        if "stopped" in message:
+            self._result.handle_report(message["stopped"])
+            self._shutdown.recorded.set()
+
+    def _on_event_message(self, message: ControlMessage) -> None:
+        """Events, and what can become an alarm."""
+        if "event" in message:
+            self._event_publisher.forward_event(message["event"])
+        if "alarm" in message:
+            self._alarms.handle_report(message["alarm"])
+        if "clock_step" in message:
+            text = message["clock_step"]
+            self._alarms.record(Condition("clock_step", Severity.CAUTION, "COMPUTER CLOCK STEPPED", text))
+
+    def _send_to_display(self, message: ControlMessage) -> None:
+        display = self._child(DISPLAY)
+        if display and display.channel:
+            display.channel.send(message)
+
+    def _send_to_navigation(self, message: ControlMessage) -> bool:
+        navigation = self._child(NAVIGATION)
+        return bool(navigation and navigation.channel and navigation.channel.send(message))
+
+    def _on_ready(self, child: Child, fault: str | None) -> None:
+        child.state = ProcessState.RUNNING
+        if child.name == RECORDER and fault and not self.recording.is_set():
+            self._announce(f"error: storage: {fault}")
+            self.failed = True
+            self.stop()
+        elif child.name == RECORDER and not self.recording.is_set():
+            self.recording.set()
+            self._announce(f"recording to {self.folder.path}")
+            if self._config.session.mode == "snapshot":
+                self._event_publisher.event(
+                    "warning", "session", "mode snapshot: frames are recorded on a trigger only"
+                )
+            self._publish_info()
+            control_channel.notify_systemd("READY=1")
+            for other in self._children[1:]:
+                self._child_monitor.start(other)
+
+    def _publish_info(self) -> None:
+        info = run_directory.DaemonInfo(
+            pid=os.getpid(),
+            name=self._config.session.name,
+            session=str(self.folder.path),
+            display=self._page.url,
+            page=self._page.owner_url,
+            zenoh=None if self._zenoh_port is None else describe_endpoint(self._zenoh_port),
+            epoch_ns=self._clock.epoch_ns,
+            sock=str(self._run_dir.control_socket),
+        )
+        self._run_dir.publish(info)
+
+    async def _publish_health(self) -> None:
+        turn = 0
+        while True:
+            with catch_failures("health", self._event_publisher.report):
+                health = self._board.compose(self._clock.now_ns(), self._children)
+                self._event_publisher.health(health, record=turn % 2 == 0)
+                self._alarms.handle_health(health)
+            turn += 1
+            await asyncio.sleep(HEALTH_PERIOD_S)
+
+    def _oldest_waiting_ns(self) -> int | None:
+        """When the oldest frame arrived that navigation has not finished [ns]."""
+        return self._ring.oldest_waiting_ns if self._ring.reader_state().position else NO_FRAME_TAKEN
+
+    async def _check_navigation_latency(self) -> None:
+        while not self._child_monitor.stopping:
+            with catch_failures("alarms", self._event_publisher.report):
+                self._alarms.check_navigation_latency()
+            await asyncio.sleep(LATENESS_PERIOD_S)
+
+    async def _end(self) -> None:
+        self._command_tracker.close()
+        self._alarms.end()
+        self._board.session["state"] = "stopping"
+        await self._shutdown.end_children()
+        self.loss = self._result.describe_loss(self.folder.path)
+        if self.loss is None:
+            self._announce(f"recorded {self.folder.path}")
+        elif ledger := self._result.unrecorded_ledger:
+            self._announce(save_ledger(ledger, self.folder.name, self._run_dir.path))
+
+    async def _finish_repair(self, closing: asyncio.Task[None]) -> None:
+        """A file that is being closed is closed to its end; who is in a hurry leaves the others to the next start."""
+        if not self.recording.is_set():
+            await self._cancel(closing)
+        else:
+            await closing

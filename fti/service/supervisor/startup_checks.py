@@ -1,0 +1,135 @@
+"""Before anything is created: the configuration validated with everything that it names, and the orders made."""
+
+from __future__ import annotations
+
+import hashlib
+import platform
+from collections.abc import Sequence
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from fti.clock import FakeClock
+from fti.config import Config, Link
+from fti.devices import (
+    bind_devices,
+    check_alert_limits,
+    check_inertial,
+    check_reference,
+    link_transmissions,
+    read_texts,
+)
+from fti.errors import ConfigError
+from fti.links import open_link
+from fti.logger.session import CONFIG_ATTACHMENT
+from fti.logger.storage_target import StorageTarget
+from fti.service import realtime
+from fti.service.startup import LinkStartup, NavigationStartup, RecorderStartup
+
+
+class ValidatedConfig:
+    """The configuration, validated with everything that it names.  Raises ConfigError or MissingError.
+
+    devices : with their drivers and checked options
+    """
+
+    def __init__(self, config: Config, epoch_ns: int) -> None:
+        self._config = config
+        self._epoch_ns = epoch_ns
+        realtime.check(config)
+        self._texts = read_texts(config)
+        self.devices = bind_devices(config, self._texts)
+        check_inertial(config, self.devices)
+        check_alert_limits(config)
+        check_reference(config, self._texts)
+        for link in config.link:
+            _check_link(config, link)
+
+    def recorder_startup(
+        self, places: Sequence[StorageTarget], first_number: int = 0, skipped_numbers: Sequence[int] = ()
+    ) -> bytes:
+        """The order of the recorder.  places : the main one first; first_number, given_up : see ``RecorderStartup``."""
+        startup = RecorderStartup(
+            config=self._config,
+            **_storage(places),
+            first_number=first_number,
+            skipped_numbers=tuple(skipped_numbers),
+            epoch_ns=self._epoch_ns,
+            sending={link.name: self._link_startup(link.name) for link in self._config.link if link.transmit},
+            attachments=self._attachments(),
+            metadata=self._metadata(),
+        )
+        return startup.model_dump_json().encode()
+
+    def navigation_startup(
+        self,
+        places: Sequence[StorageTarget],
+        bus: Path,
+        without_terrain: str | None = None,
+        refusals: tuple[dict[str, Any], ...] = (),
+    ) -> bytes:
+        """The order of navigation.
+
+        bus : its socket;  without_terrain : why it is not to load its terrain;  refusals : it begins with them
+        """
+        startup = NavigationStartup(
+            config=self._config,
+            **_storage(places),
+            epoch_ns=self._epoch_ns,
+            texts=self._texts,
+            bus=str(bus),
+            without_terrain=without_terrain,
+            refusals=refusals,
+            attachments=self._attachments(),
+            metadata=self._metadata(),
+        )
+        return startup.model_dump_json().encode()
+
+    def _link_startup(self, link: str) -> LinkStartup:
+        sending = link_transmissions(link, self.devices)
+        return LinkStartup(
+            on_connect=tuple(data.hex() for data in sending.on_connect),
+            polls=tuple((period, data.hex()) for period, data in sending.polls),
+        )
+
+    def _attachments(self) -> dict[str, str]:
+        """The configuration and every file that it names, so that a session can be understood by itself."""
+        return {CONFIG_ATTACHMENT: self._config.text, **self._texts}
+
+    def _metadata(self) -> dict[str, str]:
+        session = self._config.session
+        return {
+            "name": session.name,
+            "origin": session.origin,
+            "mode": session.mode,
+            "epoch_ns": str(self._epoch_ns),
+            "software": version("fti"),
+            "config_file": Path(self._config.path).name,
+            "config_sha256": hashlib.sha256(self._config.text.encode()).hexdigest(),
+            "python": platform.python_version(),
+            "processor": _processor(),
+        }
+
+
+def _storage(places: Sequence[StorageTarget]) -> dict[str, Any]:
+    folders = [str(place.folder) for place in places]
+    fallback = folders[1] if len(folders) > 1 else None
+    return {"folder": folders[0], "fallback": fallback, "mounts": tuple(str(place.mount) for place in places)}
+
+
+def _check_link(config: Config, link: Link) -> None:
+    """A link that can never work is an error of the configuration, not of the recorder."""
+    try:
+        open_link(link, FakeClock(), lambda frames, times_ns: None)
+    except ConfigError as error:
+        raise ConfigError(f"{config.path}: {error}") from None
+
+
+def _processor() -> str:
+    """Model of the processor: outputs repeat bit for bit on the same one."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+    except OSError:
+        return platform.processor()
+    named = (line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
+    return next(named, platform.processor())

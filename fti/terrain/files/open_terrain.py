@@ -1,0 +1,139 @@
+"""Elevation files as the layers of a terrain.
+
+In a finer layer the outermost posts, and those that its files do not know, are taken from the coarser layers: no ray
+slips through the seam, and the ground goes on where a fine file ends.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import math
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fti.errors import ConfigError
+from fti.geodesy.geoid import Geoid, load_geoid
+from fti.geodesy.local import LocalFrame
+from fti.terrain.file_info import NO_SOURCE
+from fti.terrain.files.elevation_file import ElevationFile
+from fti.terrain.files.layout import LayerPlan, make_plans, place_area
+from fti.terrain.files.local_only import local_environment
+from fti.terrain.files.resample import Resampler
+from fti.terrain.files.resampling_error import measure_resampling
+from fti.terrain.files.vertical import datum_names_by_file
+from fti.terrain.layer import Layer
+from fti.terrain.terrain import Terrain
+
+Array = NDArray[np.float64]
+
+#: A distance [m] over which no surface rises by what counts.
+_EDGE_STEP = 1e-6
+
+
+def open_terrain(
+    paths: Sequence[str],
+    *,
+    centre: tuple[float, float] | None,
+    radius_m: float | None,
+    cell_m: float | None,
+    vertical: str | Mapping[str, str] | None,
+    progress: Callable[[float], None] | None,
+    local_only: bool = False,
+) -> Terrain:
+    """The terrain of elevation files; the arguments are those of ``Terrain.open``."""
+    check_arguments(paths, centre, radius_m, cell_m)
+    words = datum_names_by_file(vertical, paths)
+    with contextlib.ExitStack() as stack:
+        if local_only:
+            stack.enter_context(local_environment())
+        opened = (ElevationFile(path, words, local_only=local_only) for path in paths)
+        files = [stack.enter_context(contextlib.closing(file)) for file in opened]
+        geoids = load_geoids(files)
+        frame, area = place_area(files, centre, radius_m)
+        plans = make_plans(files, frame, area, cell_m)
+        layers = _build(plans, frame, geoids, progress)
+        resampling = tuple(measure_resampling(plan, frame, geoids) for plan in plans)
+        return Terrain(layers, frame, tuple(file.source for file in files), resampling)
+
+
+def check_arguments(
+    paths: Sequence[str], centre: tuple[float, float] | None, radius_m: float | None, cell_m: float | None
+) -> None:
+    """Raises ValueError for arguments that make no sense, ConfigError for more files than can be numbered."""
+    if not paths:
+        raise ValueError("a terrain needs at least one file")
+    if len(paths) > NO_SOURCE:
+        raise ConfigError(f"{len(paths)} files; must be {NO_SOURCE} at most: join tiles into one, as gdalbuildvrt does")
+    if (centre is None) != (radius_m is None):
+        raise ValueError("an area needs both centre and radius_m, or neither for all that the files cover")
+    if centre is not None and not (abs(centre[0]) <= math.pi / 2 and abs(centre[1]) <= 2 * math.pi):
+        raise ValueError(f"centre = {centre}: must be latitude and longitude in radians")
+    for name, value in (("radius_m", radius_m), ("cell_m", cell_m)):
+        if value is not None and not 0.0 < value < math.inf:
+            raise ValueError(f"{name} = {value}: must be positive")
+
+
+def load_geoids(files: Sequence[ElevationFile]) -> dict[str, Geoid | None]:
+    """The geoid of each vertical datum of the files, None for the ellipsoid.  Raises MissingError without its grid."""
+    datums = dict.fromkeys(file.source.vertical for file in files)
+    return {datum: None if datum == "ellipsoid" else load_geoid(datum) for datum in datums}
+
+
+def _build(
+    plans: Sequence[LayerPlan],
+    frame: LocalFrame,
+    geoids: Mapping[str, Geoid | None],
+    progress: Callable[[float], None] | None,
+) -> tuple[Layer, ...]:
+    """The layers, made from the coarsest to the finest, which needs the coarser ones."""
+    total = sum(math.prod(plan.shape) * len(plan.mosaics) for plan in plans)
+    looked_at = 0
+
+    def done(posts: int) -> None:
+        nonlocal looked_at
+        looked_at += posts
+        if progress:
+            progress(looked_at / total)
+
+    layers: list[Layer] = []
+    for plan in reversed(plans):
+        ups = np.full(plan.shape, np.nan)
+        origin = np.full(plan.shape, NO_SOURCE, dtype=np.uint8)
+        for mosaic in plan.mosaics:
+            Resampler(frame, mosaic, geoids[mosaic.vertical]).fill(plan.places, (ups, origin), done)
+        layer = Layer(ups, plan.cell_m, plan.box.east0, plan.box.north0, origin)
+        if layers:
+            _fill_from(layer, Terrain(tuple(layers), frame))
+        layers.insert(0, layer)
+    if not any(np.isfinite(layer.heights).any() for layer in layers):
+        first = plans[0].mosaics[0].first.source.path
+        raise ConfigError(f"{first}: no height at all in the area, nothing but holes")
+    return tuple(layers)
+
+
+def _move_off_holes(coarser: Terrain, east: Array, north: Array) -> tuple[Array, Array]:
+    """The places [m], those on the edge of a hole moved by a hair to that side of it where the ground is known."""
+    lost = np.flatnonzero(np.isnan(coarser.up(east, north)))
+    for to_east, to_north in itertools.product((-_EDGE_STEP, _EDGE_STEP), repeat=2):
+        there = np.isfinite(coarser.up(east[lost] + to_east, north[lost] + to_north))
+        east[lost[there]] += to_east
+        north[lost[there]] += to_north
+        lost = lost[~there]
+    return east, north
+
+
+def _fill_from(layer: Layer, coarser: Terrain) -> None:
+    """Put the outermost posts of a layer on the coarser ones, and those that it does not know."""
+    wanted = np.isnan(layer.heights)
+    wanted[[0, -1], :] = wanted[:, [0, -1]] = True
+    rows, columns = np.nonzero(wanted)
+    east, north = _move_off_holes(coarser, layer.east[columns], layer.north[rows])
+    ups = coarser.up(east, north)
+    new = np.isfinite(ups)
+    at = rows[new], columns[new]
+    layer.heights[at] = ups[new]
+    if layer.origin is not None:
+        layer.origin[at] = coarser.source(east[new], north[new])

@@ -1,0 +1,169 @@
+"""What a display knows: the latest of every topic, how old it is now, and what a person must be told at once.
+
+Fed from any thread; without clock, port or thread of its own.  ``now_ns`` is monotonic time [ns] throughout.
+Alarms are the daemon's: a display decides none, but that it hears nothing from the daemon.
+A value that lies here grows older: ``age_ms`` = age when it was published + time since it arrived.  Above its own
+``max_age_ms``, or when navigation or the daemon has stopped, it is late for every consumer, and late is not valid.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections import deque
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from fti.alarms.alarm_list import Alarm
+from fti.alarms.condition import Condition, Severity
+from fti.reason_texts import describe_reasons
+from fti.web.history import History
+from fti.web.texts import STATES
+
+Fields = Mapping[str, Any]
+
+NS_PER_MS = 1_000_000
+MAX_EVENTS = 50
+MAX_TOPICS = 256
+DEFAULT_MAX_AGE_MS = 1000.0
+#: The daemon publishes health twice a second; one that has been silent for longer has stopped, as far as is known here.
+HEALTH_LIMIT_MS = 2000.0
+#: While one of these alarms lasts, no output is in time.
+OUTPUT_STOPPING_ALARMS = frozenset({"navigation", "daemon"})
+#: Without these a message is not of an emulator.
+HIL_FIELDS = frozenset(("scenario", "flight_s", "duration_s", "devices", "faults", "supply_v", "lateness", "holds"))
+#: Fields of the navigation solution that hold reasons of its attitude.
+ATTITUDE_REASON_FIELDS = ("attitude_reasons", "attitude_unchecked")
+
+
+@dataclass(frozen=True, slots=True)
+class ReceivedMessage:
+    """A message and the moment of its arrival."""
+
+    fields: Fields
+    at_ns: int
+
+    def elapsed_ms(self, now_ns: int) -> float:
+        """Time since it arrived [ms]."""
+        return (now_ns - self.at_ns) / NS_PER_MS
+
+    def age_ms(self, now_ns: int) -> float:
+        """Age of the value now [ms]."""
+        return to_number(self.fields.get("age_ms")) + self.elapsed_ms(now_ns)
+
+    def is_late(self, now_ns: int) -> bool:
+        """It was late when it was published, or has grown too old since."""
+        limit_ms = to_number(self.fields.get("max_age_ms"), DEFAULT_MAX_AGE_MS)
+        return bool(self.fields.get("late")) or self.age_ms(now_ns) > limit_ms
+
+
+def to_number(value: object, otherwise: float = 0.0) -> float:
+    """A number from the bus, which is not trusted to be one."""
+    try:
+        found = float(value) if isinstance(value, int | float) else otherwise
+    except OverflowError:  # a whole number of hundreds of digits
+        return otherwise
+    return found if math.isfinite(found) else otherwise
+
+
+class LiveState:
+    """The picture behind the page and ``fti watch``."""
+
+    def __init__(self, now_ns: int) -> None:
+        self._lock = threading.Lock()
+        self._started = ReceivedMessage({}, now_ns)
+        self._health: ReceivedMessage | None = None
+        self._hil: ReceivedMessage | None = None
+        self._outputs: dict[str, ReceivedMessage] = {}
+        self._last_nav: ReceivedMessage | None = None
+        self._events: deque[Fields] = deque(maxlen=MAX_EVENTS)
+        self._alive: dict[str, bool] = {}
+        self._alarms: list[Fields] = []
+        self._history = History()
+
+    def update(self, topic: str, fields: Fields, now_ns: int) -> None:
+        """Take one message of the bus.  now_ns : when it was published, which counts as its arrival"""
+        with self._lock:
+            if topic == "/health":
+                self._health = ReceivedMessage(fields, now_ns)
+            elif topic == "/alarms":
+                self._alarms = list(fields["alarms"])
+            elif topic == "/event":
+                self._events.append(fields)
+            elif topic == "/hil":
+                self._hil = ReceivedMessage(fields, now_ns) if fields.keys() >= HIL_FIELDS else self._hil
+            elif topic in self._outputs or len(self._outputs) < MAX_TOPICS:
+                self._last_nav = self._outputs[topic] = ReceivedMessage(fields, now_ns)
+                self._history.update(topic, fields)
+
+    def warn(self, source: str, text: str, now_ns: int) -> None:
+        """Show a warning of this display's own."""
+        with self._lock:
+            t_ns = self._fti_time_ns(now_ns)
+            self._events.append({"t_ns": t_ns, "level": "warning", "source": source, "text": text})
+
+    def set_alive(self, process: str, is_alive: bool) -> None:
+        """Take what the bus says about the life of a process."""
+        with self._lock:
+            self._alive[process] = is_alive
+
+    def state(self, now_ns: int) -> dict[str, Any]:
+        """Everything that a display shows now, ready for JSON."""
+        with self._lock:
+            alarms = [*self._judge_daemon(now_ns), *self._alarms]
+            stopped = any(alarm["id"] in OUTPUT_STOPPING_ALARMS and alarm["end_ns"] is None for alarm in alarms)
+            stopped = stopped or not self._alive.get("navigation", True)
+            health = self._health
+            return {
+                "type": "state",
+                "t_ns": self._fti_time_ns(now_ns),
+                "health": health.fields if health else None,
+                "health_age_ms": round((health or self._started).elapsed_ms(now_ns), 1),
+                "hil": _with_age(self._hil, now_ns) if self._hil else None,
+                "outputs": {topic: _display_fields(o, now_ns, stopped) for topic, o in sorted(self._outputs.items())},
+                "events": list(self._events),
+                "alarms": alarms,
+                "stale_bus_ms": round(self._silence_ms(now_ns), 1),
+            }
+
+    def history(self) -> dict[str, Any]:
+        """The last two minutes for the plots, ready for JSON."""
+        with self._lock:
+            return self._history.message()
+
+    def _fti_time_ns(self, now_ns: int) -> int | None:
+        """FTI time now, counted on from the last health message."""
+        if self._health is None or "t_ns" not in self._health.fields:
+            return None
+        return int(to_number(self._health.fields["t_ns"])) + now_ns - self._health.at_ns
+
+    def _silence_ms(self, now_ns: int) -> float:
+        """Time since anything arrived [ms]."""
+        last = max(r.at_ns for r in (self._started, self._health, self._last_nav) if r)
+        return (now_ns - last) / NS_PER_MS
+
+    def _judge_daemon(self, now_ns: int) -> Iterator[dict[str, Any]]:
+        """That the daemon says nothing any more, which it cannot say itself."""
+        silence_ms = (self._health or self._started).elapsed_ms(now_ns)
+        if silence_ms <= HEALTH_LIMIT_MS and self._alive.get("supervisor", True):
+            return
+        cause = f"no health for {silence_ms / 1000:.1f} s; the state of the recording is unknown"
+        began_ns = (self._fti_time_ns(now_ns) or 0) - round(silence_ms * NS_PER_MS)
+        alarm = Alarm(Condition("daemon", Severity.WARNING, "DAEMON STOPPED", cause), began_ns, began_ns)
+        yield {**alarm.as_json(), "is_acknowledged": False, "consequences": []}
+
+
+def _with_age(received: ReceivedMessage, now_ns: int) -> dict[str, Any]:
+    return {**received.fields, "age_ms": round(received.age_ms(now_ns), 1), "late": received.is_late(now_ns)}
+
+
+def _display_fields(received: ReceivedMessage, now_ns: int, stopped: bool) -> dict[str, Any]:
+    fields = _with_age(received, now_ns)
+    fields["late"] = late = fields["late"] or stopped
+    fields["valid"] = bool(fields.get("valid")) and not late
+    for key in ("reasons", "unchecked", *(key for key in ATTITUDE_REASON_FIELDS if key in fields)):
+        fields[f"{key}_text"] = describe_reasons(fields.get(key))
+    if "state" in fields:
+        fields["state_text"] = STATES.get(str(fields["state"]), "")
+    return fields

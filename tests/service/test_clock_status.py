@@ -1,0 +1,77 @@
+"""What health tells of the clocks of the devices."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from fti.devices import bind_devices
+from fti.drivers import nmea0183
+from fti.service.navigation.clock_status import clock_status
+from fti.service.navigation.decode_chain import Chain
+from fti.service.navigation.device_monitor import DeviceMonitor
+from fti.service.supervisor.health import LATE_NS, HealthBoard
+from fti.types import DeviceTime, RawFrame, Stamp, TimeScale
+from tests.small_config import LINE, device, parsed
+
+SECOND_NS = 1_000_000_000
+MS = 1_000_000
+FTI_0 = 1_800_000_000 * SECOND_NS
+AHEAD_NS = 250 * MS
+
+
+def known(**changes: Any) -> dict[str, Any]:
+    told = {"scale": "utc", "state": "good", "offset_ns": 1_500_000, "offset_sd_ns": 20_000.0, "drift_ppm": 1.1}
+    return told | {"drift_sd_ppm": 0.1, "messages": 200, "late": 3, "refused": 7} | changes
+
+
+def feed(used: bool, seconds: int) -> tuple[DeviceMonitor, int]:
+    """A receiver that says its time once a second, 250 ms ahead of FTI time; one message in ten is 80 ms late."""
+    config = parsed(LINE + device("receiver", "nmea0183", use_device_time=used))
+    chain = Chain(config, bind_devices(config), None)
+    diagnosis = DeviceMonitor(config, chain)
+    encoder = nmea0183.make_encoder(nmea0183.Options())
+    t_ns = FTI_0
+    for k in range(seconds):
+        t_ns = FTI_0 + k * SECOND_NS + (80 * MS if k % 10 == 9 else 0)
+        said = DeviceTime(stamp=Stamp(t_ns, FTI_0 + k * SECOND_NS + AHEAD_NS, TimeScale.UTC))
+        frame = RawFrame("line", k, t_ns, b"".join(encoder.encode(said)))
+        diagnosis.feed(frame)
+        chain.feed(frame)
+    return diagnosis, t_ns
+
+
+def clocks(diagnosis: DeviceMonitor, now_ns: int) -> list[dict[str, Any]]:
+    found: list[dict[str, Any]] = diagnosis.devices(now_ns)["receiver"]["clocks"]
+    return found
+
+
+@pytest.mark.parametrize("used", [True, False])
+def test_offset_drift_and_late_messages_of_a_device_are_in_health(used: bool) -> None:
+    (clock,) = clocks(*feed(used, 120))
+    assert (clock["scale"], clock["state"], clock["used"]) == ("utc", "good", used)
+    assert clock["offset_ms"] == pytest.approx(AHEAD_NS / MS, abs=1.0)
+    assert abs(clock["drift_ppm"]) < 4 * clock["drift_sd_ppm"] < 20.0
+    assert 0.05 < clock["late_share"] <= 0.1  # the first ones come while nobody knows yet what is usual
+
+
+def test_a_clock_that_is_learnt_says_so_and_a_device_without_one_has_none() -> None:
+    assert clocks(*feed(True, 0)) == []
+    (clock,) = clocks(*feed(True, 3))
+    assert (clock["state"], clock["drift_ppm"], clock["offset_sd_ms"]) == ("learning", None, None)
+
+
+def test_gps_time_is_told_as_utc() -> None:
+    """GPS time began on 1980-01-06 and is 18 s ahead of UTC."""
+    told = clock_status(known(scale="gps", offset_ns=-(315_964_800 - 18) * SECOND_NS + 7 * MS), used=True)
+    assert told["offset_ms"] == 7.0
+    assert clock_status(known(), used=True)["offset_ms"] == 1.5
+    assert clock_status(known(messages=0, late=0), used=True)["late_share"] == 0.0
+
+
+def test_what_a_stopped_navigation_said_of_clocks_is_not_shown() -> None:
+    device = {"link": "a", "state": "good", "hint": "", "clocks": [clock_status(known(), used=True)]}
+    board = HealthBoard({"state": "recording"}, {}, {"navigation": {"lag_ms": 1.0}, "devices": {"d": device}})
+    assert len(board.compose(0, [])["devices"]["d"]["clocks"]) == 1
+    assert board.compose(LATE_NS + SECOND_NS, [])["devices"]["d"]["clocks"] == []

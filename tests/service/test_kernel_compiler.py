@@ -1,0 +1,63 @@
+"""Compiling what a configuration needs, once on a machine and beside what flies."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from typing import Any
+
+import pytest
+
+from fti import config as configuration
+from fti.config import Config
+from fti.service.navigation import kernel_compiler
+from fti.terrain import kernel
+from tests.helpers import ROOT
+
+
+@pytest.fixture
+def started(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """What was given to processes that compile."""
+    given: list[str] = []
+
+    def run(command: list[str], *, input: str, **_: Any) -> None:
+        assert command == [sys.executable, "-m", "fti.service.navigation.kernel_compiler"]
+        given.append(input)
+
+    monkeypatch.setattr(subprocess, "run", run)
+    return given
+
+
+@pytest.fixture
+def demo() -> Config:
+    return configuration.load(ROOT / "configs" / "demo.toml")
+
+
+def without(config: Config, *parts: str) -> Config:
+    """The configuration, and navigation without some of its parts."""
+    return config.model_copy(update={"nav": config.nav.model_copy(update=dict.fromkeys(parts))})
+
+
+def test_nothing_is_started_where_the_code_is_on_disk(
+    demo: Config, started: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(kernel, "is_kept", lambda _: True)
+    kernel_compiler.ensure_kernels_compiled(demo)
+    assert started == []
+
+
+def test_what_is_missing_is_compiled_elsewhere_for_this_configuration(
+    demo: Config, started: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(kernel, "is_kept", lambda _: False)
+    kernel_compiler.ensure_kernels_compiled(demo)
+    kernel_compiler.ensure_kernels_compiled(without(demo, "filter"))
+    kernel_compiler.ensure_kernels_compiled(without(demo, "filter", "terrain", "approach"))
+    assert [Config.model_validate_json(text).nav.filter is None for text in started] == [False, True]
+
+
+def test_the_process_compiles_what_navigation_uses(demo: Config) -> None:
+    command = [sys.executable, "-m", "fti.service.navigation.kernel_compiler"]
+    done = subprocess.run(command, input=demo.model_dump_json(), capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert all(kernel.is_cached(one) for one in kernel_compiler._kernels(demo))

@@ -1,0 +1,51 @@
+"""Ports that do not open are events; a moment without one is not."""
+
+from __future__ import annotations
+
+from fti.clock import FakeClock
+from fti.service.supervisor.event_publisher import EventPublisher
+from fti.service.supervisor.link_events import MIN_DURATION_NS, LinkEvents
+
+SECOND_NS = 1_000_000_000
+Told = list[tuple[float, str, str]]
+
+
+def follow(*states: tuple[float, str]) -> Told:
+    """What is told of a link that has these states from these times [s] on, looked at twice a second for 20 s."""
+    news, told = LinkEvents(), Told()
+    for half in range(40):
+        t_s = half / 2
+        state = [state for begin_s, state in states if begin_s <= t_s][-1]
+        for level, source, text in news.update({"eth": {"state": state, "hint": "why"}}, round(t_s * SECOND_NS)):
+            assert (level, source) == ("warning", "eth")
+            told.append((t_s, text, state))
+    return told
+
+
+def test_what_lasts_is_told_once_and_so_is_its_end() -> None:
+    lasting_s = MIN_DURATION_NS / SECOND_NS
+    assert follow((0.0, "absent"), (10.0, "silent"), (11.0, "good")) == [
+        (lasting_s, "absent: why", "absent"),
+        (10.0 + lasting_s, "the port is open now", "good"),
+    ]
+
+
+def test_another_trouble_is_told_too() -> None:
+    assert [text for _, text, _ in follow((0.0, "absent"), (5.0, "denied"))] == ["absent: why", "denied: why"]
+
+
+def test_a_moment_and_what_is_wrong_with_the_bytes_are_not() -> None:
+    assert follow((0.0, "absent"), (1.0, "good"), (5.0, "absent"), (6.0, "good")) == []
+    assert follow((0.0, "good"), (2.0, "noise"), (6.0, "silent"), (9.0, "invalid"), (12.0, "wrong rate")) == []
+
+
+def test_it_is_an_event_for_terminal_and_file() -> None:
+    lines, notes = list[str](), list[tuple[str, int]]()
+    event_publisher = EventPublisher(
+        FakeClock(), lambda topic, payload: None, lines.append, lambda topic, t_ns, content: notes.append((topic, t_ns))
+    )
+    link = {"state": "busy", "hint": "127.0.0.1:1: in use by another program"}
+    for t_ns in (0, MIN_DURATION_NS):
+        event_publisher.health({"t_ns": t_ns, "links": {"eth": link}}, record=False)
+    assert lines == ["warning: eth: busy: 127.0.0.1:1: in use by another program"]
+    assert [topic for topic, _ in notes] == ["/fti/event"]

@@ -1,0 +1,101 @@
+"""The ground of navigation: loaded beside it, and said whether it is there."""
+
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+import pytest
+
+from fti import config as configuration
+from fti.config import Config, TerrainFiles
+from fti.service.navigation.terrain_loader import TerrainLoader, load_terrain
+from fti.service.terrain_retry import DONE, LOADING, TerrainRetry
+from tests.helpers import until
+
+
+def _config(**terrain: Any) -> Config:
+    return configuration.bind(Config, {"session": {"name": "t"}, "nav": {"terrain": terrain}}, "t.toml")
+
+
+def test_it_is_handed_over_once_and_is_the_same_as_loaded_at_once() -> None:
+    loading = TerrainLoader(_config(scene="demo"))
+    assert loading.take() is None
+    assert loading.state.startswith("being loaded")
+    loading.start()
+    until(lambda: loading._found is not None, 60.0, "the ground")
+    loaded = loading.take()
+    assert loaded is not None
+    assert loaded.ground is not None
+    assert loaded.ground.digest == load_terrain(TerrainFiles(scene="demo")).digest
+    assert loading.take() is None
+    assert loading.state == "scene demo"
+
+
+def test_files_that_are_not_there_are_a_fault_in_words_and_no_exception() -> None:
+    loading = TerrainLoader(_config(files=["/no/such.tif"], vertical="egm96"))
+    loading.start()
+    until(lambda: loading._found is not None, 60.0, "the fault")
+    loaded = loading.take()
+    assert loaded is not None
+    assert loaded.ground is None
+    assert "/no/such.tif" in str(loaded.fault)
+    assert loading.state.startswith("not there")
+
+
+def test_another_post_is_another_ground() -> None:
+    ground = load_terrain(TerrainFiles(scene="demo"))
+    heights = ground.terrain.finest.heights.copy()
+    heights[7, 9] += 0.001
+    other = type(ground)(ground.terrain.with_finest(heights), ground.sd, ground.name)
+    assert other.digest != ground.digest
+
+
+def test_a_ground_that_navigation_did_not_live_through_is_left_out_and_it_is_said_why() -> None:
+    loading = TerrainLoader(_config(scene="demo"), "navigation ended 3 times while it was loaded")
+    loading.start()
+    until(lambda: loading._found is not None, 60.0, "the fault")
+    loaded = loading.take()
+    assert loaded is not None
+    assert loaded.ground is None
+    assert loading.state == "not there: navigation ended 3 times while it was loaded"
+
+
+def test_what_cannot_even_be_imported_is_a_fault_in_words(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "fti.nav.kernel_warmup", None)
+    loading = TerrainLoader(_config(scene="demo"))
+    loading.start()
+    until(lambda: loading._found is not None, 60.0, "the fault")
+    loaded = loading.take()
+    assert loaded is not None
+    assert "ModuleNotFoundError" in str(loaded.fault)
+
+
+def test_the_sum_over_its_posts_is_there_with_the_ground() -> None:
+    loading = TerrainLoader(_config(scene="demo"))
+    loading.start()
+    until(lambda: loading._found is not None, 60.0, "the ground")
+    loaded = loading.take()
+    assert loaded is not None
+    assert "digest" in vars(loaded.ground)
+
+
+def test_three_ends_while_it_is_loaded_are_enough_and_others_do_not_count() -> None:
+    trial = TerrainRetry()
+    assert trial.on_exit() is None
+    for _ in range(2):
+        trial.on_message({"terrain": LOADING})
+        assert trial.on_exit() is None
+    assert trial.on_exit() is None  # it had not begun to load
+    trial.on_message({"terrain": LOADING})
+    assert trial.on_exit() == "navigation ended 3 times while it was loaded"
+
+
+def test_a_ground_that_came_in_the_end_makes_up_for_ends_before() -> None:
+    trial = TerrainRetry()
+    for _ in range(5):
+        trial.on_message({"terrain": LOADING})
+        assert trial.on_exit() is None
+        trial.on_message({"terrain": LOADING})
+        trial.on_message({"terrain": DONE})
+        assert trial.on_exit() is None
