@@ -1,7 +1,8 @@
 # Everything runs from .venv, which is made from requirements.lock on any machine with Python 3.11+, pip and make.
 #
 #   make demo     fly an emulated approach, record it, show it in the browser
-#   make test     every test: quick ones beside flights and real processes, then those that need calm
+#   make test     every test; prints part, progress and the expected time
+#   make quick    the fast tests, in a minute
 #   make check    style, types, layers
 #   make bench    every benchmark; what they print goes into docs/benchmarks.md, too
 #   make docs     generate docs/faults.md
@@ -13,7 +14,7 @@ READY := .venv/.installed
 BESIDE := .venv/.bench-installed
 PYTEST := $(BIN)/python -m pytest
 
-.PHONY: demo test check bench docs soak lock
+.PHONY: demo test quick check bench docs soak lock
 .DELETE_ON_ERROR:
 
 demo: $(READY)
@@ -21,6 +22,9 @@ demo: $(READY)
 
 test: $(READY)
 	@$(BIN)/python -m tests.run
+
+quick: $(READY)
+	@$(BIN)/python -m tests.run --quick
 
 check: $(READY)
 	@rc=0; \

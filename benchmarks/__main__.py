@@ -1,9 +1,9 @@
-"""Run benchmarks one after another, and write what each has printed into docs/benchmarks.md.
+"""Run benchmarks one after another, and write the output of each into docs/benchmarks.md.
 
     python -m benchmarks [NAME ...]
 
-Without a name all of them run.  What stands between the marks of a benchmark in that file is replaced; the rest of it
-is left alone.  Exit code 1 when a target is missed.
+Without a name all of them run.  The text between the marks of a benchmark in that file is replaced; the rest is
+unchanged.  Exit code 1 when a target is missed.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ NAMES = sorted(path.stem for path in FOLDER.glob("*.py") if not path.stem.starts
 
 
 def run(name: str) -> tuple[int, str]:
-    """Exit code and output of a benchmark, which is shown as it comes."""
+    """Exit code and output of a benchmark, which is also printed at once."""
     command = [sys.executable, "-u", str(FOLDER / f"{name}.py")]
     printed = []
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
@@ -32,7 +32,7 @@ def run(name: str) -> tuple[int, str]:
 
 
 def replace_block(page: str, name: str, printed: str) -> str:
-    """The page with a new block.  Raises ValueError when it has no place for it."""
+    """The page with a new block.  Raises ValueError without exactly one place for it."""
     begin, end = f"<!-- {name}: begin -->\n", f"<!-- {name}: end -->"
     found = re.compile(f"(?<={re.escape(begin)}).*?(?={re.escape(end)})", re.DOTALL)
     block = f"```\n{printed.rstrip()}\n```\n"
@@ -48,7 +48,7 @@ def main() -> int:
     parser.add_argument("names", nargs="*", metavar="NAME", help=f"of {', '.join(NAMES)}")
     names = parser.parse_args().names
     if unknown := sorted(set(names) - set(NAMES)):
-        parser.error(f"there is no benchmark {', '.join(unknown)}; there are {', '.join(NAMES)}")
+        parser.error(f"unknown benchmark {', '.join(unknown)}; there are {', '.join(NAMES)}")
     worst = 0
     for name in names or NAMES:
         print(f"== {name}", flush=True)

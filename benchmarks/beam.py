@@ -1,20 +1,19 @@
-"""A wide beam from cast to leading edge: this project's beside what a user would otherwise build, in one run.
+"""A wide beam from ray cast to leading edge: this project compared with the alternatives of a user, in one run.
 
     python benchmarks/beam.py [--rounds N] [--poses N]
 
-2051 rays from the glide path over the demonstration scene, on one core; seconds are the processor's.  Each contender
+2051 rays from the glide path over the demonstration scene, on one core; times are processor times.  Each contender
 does all of it: cast the rays, find range, incidence and power of each, make the spectrum, find the leading edge.
 
     fti, all rays       2051 rays cast, compiled; powers added in range bins; edge
     fti, the altimeter  RadarAltimeter.measure: no rays 40 dB under the strongest; direction and dispersion as well
     fast sum of tones   fti's rays, then the beat signal of a ramp (Baseband.coherent) and its transform: with speckle
-    sum of cosines      fti's rays, then one cosine a ray and sample, as eq. 2.81 says it, and the transform
+    sum of cosines      fti's rays, then one cosine a ray and sample, by eq. 2.81, and the transform
     numpy, marching     scipy's map_coordinates every metre, a linear crossing, gradient by map_coordinates; numpy bins
     Embree, numpy       triangles, single precision (embreex, where installed); then as numpy
 
-RadarSimPy, which does FMCW over meshes of triangles, was to stand here.  It is on no package index, and its repository
-has the Python side only: the simulating core is a private submodule, and what can be had are binaries from its maker's
-site.  So it is not measured.
+RadarSimPy, which does FMCW over meshes of triangles, is not measured: it is on no package index, and its repository has
+the Python side only; the simulating core is a private submodule with binaries on its maker's site.
 """
 
 from __future__ import annotations
@@ -67,10 +66,10 @@ EDGE = LeadingEdge()
 def make_poses(count: int) -> Poses:
     """On the glide path, 1.2 to 6 km before the threshold, banked by a few degrees."""
     rng = np.random.default_rng(1)
-    before = rng.uniform(1200.0, 6000.0, count)
-    east, north = track_point(before, rng.uniform(-50.0, 50.0, count))
-    origins = np.stack((east, north, 15.24 + before * np.tan(np.radians(3.0))), axis=-1)
-    return Poses.still(
+    distance = rng.uniform(1200.0, 6000.0, count)
+    east, north = track_point(distance, rng.uniform(-50.0, 50.0, count))
+    origins = np.stack((east, north, 15.24 + distance * np.tan(np.radians(3.0))), axis=-1)
+    return Poses.stationary(
         origins, MAT_ENU_NED @ mat_from_rpy(rng.normal(0.0, 0.1, count), 0.03, rng.uniform(0.0, 6.28, count))
     )
 
@@ -101,7 +100,7 @@ def all_rays(terrain: Terrain, poses: Poses) -> Array:
     """Sixteen poses at a time, as the altimeter does."""
     found = []
     for i in range(0, len(poses), 16):
-        some = Poses.still(poses.origins_l[i : i + 16], poses.mats_ls[i : i + 16])
+        some = Poses.stationary(poses.origins_l[i : i + 16], poses.mats_ls[i : i + 16])
         echoes = trace_beam(terrain, some, BEAM, GROUND, MAX_RANGE)
         found.append(edges(range_bins(echoes.ranges, echoes.powers, WAVE.range_bin, BASEBAND.n_bin)))
     return np.concatenate(found)
@@ -167,16 +166,16 @@ def march_rays(terrain: Terrain, origin: Array, rays: Array) -> Array:
 
 def measure(found: dict[str, Contender], poses: Poses, rounds: int) -> dict[str, tuple[float, Array]]:
     """Best time for a beam [s] over rounds in turn, and the ranges; the slow ones have 8 poses."""
-    few = Poses.still(poses.origins_l[:8], poses.mats_ls[:8])
+    few = Poses.stationary(poses.origins_l[:8], poses.mats_ls[:8])
     best = dict.fromkeys(found, np.inf)
     ranges: dict[str, Array] = {}
     for turn in range(rounds + 1):
         for name, contender in found.items():
-            given = poses if name.startswith("fti") else few
+            used_poses = poses if name.startswith("fti") else few
             begin = time.process_time()
-            ranges[name] = contender(given)
+            ranges[name] = contender(used_poses)
             if turn:  # the first one compiles
-                best[name] = min(best[name], (time.process_time() - begin) / len(given))
+                best[name] = min(best[name], (time.process_time() - begin) / len(used_poses))
     return {name: (best[name], ranges[name]) for name in found}
 
 

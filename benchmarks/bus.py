@@ -1,9 +1,9 @@
-"""The bus inside the daemon beside what was there before: a zenoh router on loopback.
+"""The bus inside the daemon compared with its predecessor: a zenoh router on loopback.
 
     python benchmarks/bus.py [--rounds N] [--seconds S]
 
 Hub, publisher and three subscribers are processes.  Both methods take turns, in rounds, at the rate of a demonstration
-and at ten times that.  A delay is from before publishing to the subscriber's callback; all count, of all rounds.
+and at ten times that.  A delay lasts from the call of publish to the subscriber's callback; delays of all rounds count.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ def zenoh_config(mode: str, listen: str | None = None, connect: str | None = Non
 
 
 def host(kind: str, where: str) -> None:
-    """The hub, until its input ends."""
+    """Run the hub until its input ends."""
     if kind == "unix":
         hub = Hub(Path(where), print)
         threading.Thread(target=hub.serve, daemon=True).start()
@@ -67,7 +67,7 @@ def host(kind: str, where: str) -> None:
 
 
 def publish(kind: str, where: str, rate_hz: float, seconds: float) -> None:
-    """At an even rate."""
+    """Publish at an even rate."""
     if kind == "unix":
         put: Any = Publisher(Path(where), "navigation").publish
     else:
@@ -86,7 +86,7 @@ def publish(kind: str, where: str, rate_hz: float, seconds: float) -> None:
 
 
 def subscribe(kind: str, where: str) -> None:
-    """Until its input ends; then the delays [ns]."""
+    """Subscribe until the input ends; then print the delays [ns]."""
     delays: list[int] = []
 
     def take(topic: str, payload: bytes, sent_ns: int = 0) -> None:
@@ -108,10 +108,10 @@ def subscribe(kind: str, where: str) -> None:
 
 @dataclass(slots=True)
 class Result:
-    """Of all rounds: delays of all subscribers [ns], messages that one was to get, time of the hub's processor [s]."""
+    """Totals: delays of all subscribers [ns], expected messages of one, processor time of the hub [s]."""
 
     delays: list[int] = field(default_factory=list)
-    asked: int = 0
+    expected: int = 0
     hub_s: float = 0.0
     seconds: float = 0.0
 
@@ -143,7 +143,7 @@ def run_round(kind: str, rate_hz: int, seconds: float, result: Result) -> None:
         result.seconds += seconds
         for process in subscribers:
             result.delays += json.loads(process.communicate()[0])
-            result.asked += round(rate_hz * seconds)
+            result.expected += round(rate_hz * seconds)
         hub.communicate()
 
 
@@ -181,7 +181,7 @@ def compare(rounds: int, seconds: float) -> int:
         ours, before = (percentile(sorted(results[rate, kind].delays), 0.5) for kind in ("unix", "zenoh"))
         verdict.judge(f"{rate} messages/s: p50 not above zenoh's", ours <= before)
         whole = results[rate, "unix"]
-        verdict.judge(f"{rate} messages/s: every message arrived", len(whole.delays) == whole.asked)
+        verdict.judge(f"{rate} messages/s: every message arrived", len(whole.delays) == whole.expected)
     return verdict.code
 
 
@@ -190,8 +190,8 @@ def print_result(name: str, result: Result) -> None:
     ordered = sorted(result.delays)
     p50, p99 = (percentile(ordered, share) / 1e6 for share in (0.5, 0.99))
     load = 100 * result.hub_s / result.seconds
-    lost = result.asked - len(ordered)
-    print(f"  {name:<34} p50 {p50:5.3f}  p99 {p99:6.3f} ms  lost {lost} of {result.asked}  hub {load:4.1f} % of a core")
+    lost = result.expected - len(ordered)
+    print(f"  {name:<34} p50 {p50:5.3f}  p99 {p99:6.3f} ms  lost {lost} of {result.expected}  hub {load:4.1f} % core")
 
 
 if __name__ == "__main__":

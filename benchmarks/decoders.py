@@ -2,11 +2,11 @@
 
     python benchmarks/decoders.py [--seconds S] [DRIVER ...]
 
-The bytes are those of the drivers' test vectors, again and again, in reads as the line brings them: up to 64 bytes of
+The bytes are those of the drivers' test vectors, again and again, in reads of the line's size: up to 64 bytes of
 a serial line, a datagram, a CAN frame.  "Full line" is what the line can carry (baud rate / 10 bytes; 2778 words/s of
 ARINC 429 at 100 kbit/s; 8000 frames/s of CAN at 1 Mbit/s); "10 x" is ten times the update rate of Spiegel 2018,
 table 6.1, or of the device's own document.  Target of both: 10 % of a core.  Of nine rounds over all decoders
-the quickest counts: what the machine takes for others is not theirs.
+the fastest counts, which excludes the load of other processes.
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ INSSOL_BYTES = 92
 class Case(NamedTuple):
     """A driver on its line.
 
-    vector : the test vector whose bytes it gets; line : of what kind, and full_line how much it can carry [B/s]
-    rate_hz : messages/s of the aircraft; parser : what a user would take instead; read : bytes that come at a time
+    vector : the test vector whose bytes it gets; line : its kind, full_line : its capacity [B/s]
+    rate_hz : messages/s of the aircraft; parser : the alternative of a user; read : bytes of one read
     """
 
     vector: str
@@ -73,7 +73,7 @@ CASES = {
 
 
 def reads_of(vector: Vector, size: int, read: int) -> list[bytes]:
-    """About ``size`` bytes of the vector as its line brings them."""
+    """About ``size`` bytes of the vector in reads of its line."""
     if vector.is_can:
         return list(itertools.islice(itertools.cycle(vector.reads()), size // CAN_BYTES))
     data = vector.data * (size // len(vector.data) + 1)
@@ -97,30 +97,30 @@ def parse(parser: parsers.Parser, reads: Sequence[bytes]) -> tuple[float, int]:
 
 
 class Bench:
-    """A case made ready; ``taken`` and ``parsed`` are the quickest (processor time [s], messages) so far."""
+    """A prepared case; ``fastest`` and ``parsed`` are the fastest (processor time [s], messages) so far."""
 
     def __init__(self, name: str, seconds: float) -> None:
         self.name, self.case = name, CASES[name]
         self._vector = load(self.case.vector)
         self._reads = reads_of(self._vector, int(self.case.full_line * seconds), self.case.read)
         self.line_s = sum(map(len, self._reads)) / self.case.full_line
-        self.taken = self.parsed = (float("inf"), 1)
+        self.fastest = self.parsed = (float("inf"), 1)
 
     def round(self) -> None:
-        """Once more."""
-        self.taken = min(self.taken, decode(self._vector, self._reads))
+        """One more round."""
+        self.fastest = min(self.fastest, decode(self._vector, self._reads))
         if self.case.parser:
             self.parsed = min(self.parsed, parse(self.case.parser, self._reads))
 
     def print_row(self, verdict: Verdict) -> None:
         """Print a row."""
-        case, (taken, count) = self.case, self.taken
-        full, tenfold = 100 * taken / self.line_s, 100 * taken / count * 10 * case.rate_hz
+        case, (fastest, count) = self.case, self.fastest
+        full, tenfold = 100 * fastest / self.line_s, 100 * fastest / count * 10 * case.rate_hz
         other = ""
         if case.parser:
             other = f"{1e6 * self.parsed[0] / self.parsed[1]:9.1f} {case.parser.__name__.removeprefix('run_')}"
         loads = f"{full:9.2f} % {case.rate_hz:6g}/s {tenfold:8.2f} %"
-        print(f"{self.name:20} {case.line:14} {1e6 * taken / count:7.1f} {loads}  {other}".rstrip(), flush=True)
+        print(f"{self.name:20} {case.line:14} {1e6 * fastest / count:7.1f} {loads}  {other}".rstrip(), flush=True)
         verdict.judge(f"{self.name}: at most {MAX_CORE_PERCENT:g} % of a core", max(full, tenfold) <= MAX_CORE_PERCENT)
 
 

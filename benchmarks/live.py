@@ -3,15 +3,14 @@
     python benchmarks/live.py [--duration S]
 
 The demonstration's aircraft at its full rates: emulator, recorder, navigation and bus are processes of this machine.
-The radar altimeter is expected with its whole beam (2051 rays) over known terrain, and the filter runs.  A delay counts
-from the kernel's stamp of the altimeter's bytes to the arrival of the output at a subscriber of the bus; what is
-repeated because nothing new was said does not count.  The recorder hands on most of what has come with its beat of
-20 ms, so a delay may depend on how the altimeter's clock stands to that: here it is so much fast that it passes through
-whole beats.
+The radar altimeter is predicted with its whole beam (2051 rays) over known terrain, and the filter runs.  A delay
+counts from the kernel's stamp of the altimeter's bytes to the arrival of the output at a subscriber of the bus;
+repeated outputs without new measurements do not count.  The recorder passes most frames on with its period of 20 ms, so
+a delay depends on the phase of the altimeter's clock: here that clock is fast, so that its phase passes through whole
+periods.
 
-Reprocessing then takes the same session: by one core, the seconds are the processor's.  The pipeline is what lies
-between bytes and outputs, ``Chain``: decoding, stamping, navigation (``Pipeline``).  The whole command reads and writes
-files, too.
+Reprocessing then processes the same session on one core, in processor time.  The pipeline leads from bytes to outputs:
+decoding, stamping, navigation (``Pipeline``).  The whole command also reads and writes files.
 """
 
 from __future__ import annotations
@@ -47,11 +46,11 @@ ROOT = Path(__file__).resolve().parent.parent
 FTI = [str(Path(sys.executable).with_name("fti"))]
 INTEGRITY = "/nav/clearance_integrity"
 HEIGHT = "/nav/height_above_ground/altimeter"
-#: Not before this time after the first output: clocks are learned and code is loaded [s].
+#: Delays count from this time after the first output on, when clocks are estimated and code is loaded [s].
 SETTLE_S = 10.0
 START_S = 120.0
 P50_MS, P99_MS, MIN_SPEED = 8.0, 20.0, 20.0
-#: How much the altimeter's clock is fast, and how long that takes through one beat of the recorder [s].
+#: Drift of the altimeter's clock, and its time through one period of the recorder [s].
 FAST_PPM = 800
 BEAT_PASSED_S = 0.02 / (1e-6 * FAST_PPM)
 
@@ -85,7 +84,7 @@ class DeviceDecoder:
     def __init__(self, info: dict[str, Any]) -> None:
         self.delays: dict[str, list[tuple[int, int]]] = {}
         self._epoch_ns = info["epoch_ns"]
-        self._seen: dict[str, int | None] = {}
+        self._last_valid_ns: dict[str, int | None] = {}
         self._lock = threading.Lock()
         self._subscriber = Subscriber(Path(info["sock"]).with_name(SOCKET_NAME), "benchmark", self._on_message)
 
@@ -95,17 +94,17 @@ class DeviceDecoder:
             return
         fields = decode(topic, payload)
         with self._lock:
-            new = fields["t_valid_ns"] != self._seen.get(topic) and fields["t_valid_ns"] is not None
-            self._seen[topic] = fields["t_valid_ns"]
+            new = fields["t_valid_ns"] != self._last_valid_ns.get(topic) and fields["t_valid_ns"] is not None
+            self._last_valid_ns[topic] = fields["t_valid_ns"]
             if new:
                 self.delays.setdefault(topic, []).append((now_ns, now_ns - fields["t_ns"]))
 
     def close(self) -> None:
-        """Listen no longer."""
+        """Close the subscription."""
         self._subscriber.close()
 
     def settled_ms(self, topic: str) -> list[float]:
-        """Delays after the start, of as many whole beats passed as there are, in order of size [ms]."""
+        """Sorted delays after the start, over whole periods of the recorder [ms]."""
         found = self.delays.get(topic, [])
         if not found:
             return []
@@ -116,7 +115,7 @@ class DeviceDecoder:
 
 
 def fly(folder: Path, duration_s: float) -> tuple[Path, DeviceDecoder]:
-    """Emulator and daemon; returns the session and what was heard."""
+    """Emulator and daemon; returns the session and the delays."""
     config, links, run_dir = write_config(folder), folder / "links", folder / "run"
     arguments = ["--links", str(links), "--wait", "--duration", str(duration_s)]
     with subprocess.Popen(
@@ -136,7 +135,7 @@ def fly(folder: Path, duration_s: float) -> tuple[Path, DeviceDecoder]:
 
 
 def wait_for(condition: Any) -> None:
-    """Until it is so.  Raises TimeoutError."""
+    """Wait for a condition.  Raises TimeoutError."""
     deadline = time.monotonic() + START_S
     while not condition():
         if time.monotonic() > deadline:
@@ -146,13 +145,13 @@ def wait_for(condition: Any) -> None:
 
 @dataclass(frozen=True, slots=True)
 class Cost:
-    """Seconds of the processor for a session of so many seconds.
+    """Processor time of a session [s], and its duration [s].
 
     command              : ``fti reprocess``, with the kernels, which are loaded once
     navigation, decoding : parts of the pipeline
     """
 
-    flown_s: float
+    flight_s: float
     command_s: float
     loading_s: float
     reading_s: float
@@ -161,7 +160,7 @@ class Cost:
     navigation_s: float
 
     def rows(self) -> Iterator[tuple[str, float]]:
-        """What the command consists of; indented what a part of it consists of."""
+        """Parts of the command; parts of a part are indented."""
         yield "loading kernels", self.loading_s
         yield "reading", self.reading_s
         yield "pipeline", self.pipeline_s
@@ -171,7 +170,7 @@ class Cost:
 
 
 def measure_reprocessing(session: Path, folder: Path) -> Cost:
-    """Reprocess, and then do each part alone; what is not counted by itself is writing."""
+    """Reprocess, then do each part alone; the rest is writing."""
     recording = Recording.open(session)
     setup = recorded_setup(recording, session)
     ground = setup.load_terrain()
@@ -182,7 +181,7 @@ def measure_reprocessing(session: Path, folder: Path) -> Cost:
     chain = setup.make_chain()
     chain.set_terrain(ground, None, 0, frames[0].t_rx_ns)
     return Cost(
-        flown_s=(frames[-1].t_rx_ns - frames[0].t_rx_ns) / 1e9,
+        flight_s=(frames[-1].t_rx_ns - frames[0].t_rx_ns) / 1e9,
         command_s=starting + running,
         loading_s=starting,
         reading_s=reading,
@@ -193,7 +192,7 @@ def measure_reprocessing(session: Path, folder: Path) -> Cost:
 
 
 def seconds(run: Callable[[], Any]) -> float:
-    """Seconds of the processor that it takes, with objects looked through as seldom as reprocessing does."""
+    """Processor time of a function [s], with the garbage collection of reprocessing."""
     with infrequent_gc():
         begin = time.process_time()
         run()
@@ -207,7 +206,7 @@ def feed_all(chain: Chain, frames: list[RawFrame]) -> None:
 
 
 def decode_all(setup: Setup, frames: list[RawFrame]) -> None:
-    """Bytes to measurements, and nothing else."""
+    """Bytes to measurements only."""
     decoders: dict[str, list[Decoder]] = {}
     for bound in setup.devices:
         decoders.setdefault(bound.device.link, []).append(bound.make_decoder())
@@ -217,7 +216,7 @@ def decode_all(setup: Setup, frames: list[RawFrame]) -> None:
 
 
 def navigation_s(setup: Setup, events: list[tuple[int, list[tuple[str, Measurement]]]]) -> float:
-    """Seconds of the processor for navigation alone, of the measurements of a session."""
+    """Processor time of navigation alone [s], on the measurements of a session."""
     pipeline = Pipeline(setup.config, setup.reference)
     pipeline.set_terrain(setup.load_terrain())
 
@@ -241,15 +240,15 @@ def decode_events(setup: Setup, frames: list[RawFrame]) -> Iterator[tuple[int, l
 
 
 def print_result(cost: Cost) -> None:
-    """Print what each part costs, and how many times real time it is alone."""
-    print(f"reprocessing {cost.flown_s:.0f} s, times real time on one core")
+    """Print the cost of each part, and its speed over real time."""
+    print(f"reprocessing {cost.flight_s:.0f} s, times real time on one core")
     for name, part_s in (("the whole command", cost.command_s), *cost.rows()):
-        told = f"{part_s:6.2f} s  {1e3 * part_s / cost.flown_s:6.1f} ms per s of flight"
-        print(f"  {name:<21}{told}  {100 * part_s / cost.command_s:3.0f} %  {cost.flown_s / part_s:6.1f} x")
+        columns = f"{part_s:6.2f} s  {1e3 * part_s / cost.flight_s:6.1f} ms per s of flight"
+        print(f"  {name:<21}{columns}  {100 * part_s / cost.command_s:3.0f} %  {cost.flight_s / part_s:6.1f} x")
 
 
 def main() -> int:
-    """Fly, reprocess, print."""
+    """Run the flight, reprocess, print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--duration", type=float, default=70.0, help="of the flight [s] (70)")
     args = parser.parse_args()
@@ -261,13 +260,13 @@ def main() -> int:
         for topic in (HEIGHT, INTEGRITY):
             delays = listener.settled_ms(topic)
             p50, p99 = (percentile(delays, share) for share in (0.5, 0.99))  # type: ignore[arg-type]
-            most = delays[-1] if delays else float("nan")
-            print(f"{topic}: {len(delays)} new outputs, p50 {p50:.1f} ms, p99 {p99:.1f} ms, longest {most:.1f} ms")
+            max_ms = delays[-1] if delays else float("nan")
+            print(f"{topic}: {len(delays)} new outputs, p50 {p50:.1f} ms, p99 {p99:.1f} ms, longest {max_ms:.1f} ms")
         holds = len(delays) > 50 and p50 <= P50_MS and p99 <= P99_MS
         verdict.judge(f"bytes to integrity on the bus: p50 <= {P50_MS:g} ms, p99 <= {P99_MS:g} ms", holds)
         cost = measure_reprocessing(session, folder / "again")
         print_result(cost)
-    holds = cost.flown_s / cost.pipeline_s >= MIN_SPEED
+    holds = cost.flight_s / cost.pipeline_s >= MIN_SPEED
     verdict.judge(f"the pipeline >= {MIN_SPEED:g} x real time on one core", holds)
     return verdict.code
 

@@ -1,9 +1,9 @@
-"""Heights at random places beside scipy's ``map_coordinates`` and rasterio's ``sample``, in one run.
+"""Heights at random places compared with scipy's ``map_coordinates`` and rasterio's ``sample``, in one run.
 
     python benchmarks/lookup.py [--cells N] [--places N]
 
-The surface is rough ground of 1 m cells, N x N of them; rasterio reads it from a GeoTIFF in memory and takes the
-nearest post, which is all that ``sample`` does.  Rates are the best of rounds in which all take turns; the error is
+The surface is rough ground of 1 m cells, N x N of them; rasterio reads it from a GeoTIFF in memory and returns the
+nearest post, as ``sample`` does.  Rates are the best of rounds in which all run in turn; the error is
 against the bilinear surface in long double.
 """
 
@@ -53,8 +53,8 @@ def geotiff(ground: Terrain) -> rasterio.io.DatasetReader:
     place = Affine(1.0, 0.0, -0.5, 0.0, -1.0, rows - 0.5)
     shape = {"height": rows, "width": columns, "count": 1, "dtype": "float64"}
     file = rasterio.MemoryFile()
-    with file.open(driver="GTiff", tiled=True, transform=place, crs="EPSG:32632", **shape) as made:
-        made.write(heights, 1)
+    with file.open(driver="GTiff", tiled=True, transform=place, crs="EPSG:32632", **shape) as dataset:
+        dataset.write(heights, 1)
     return file.open()
 
 

@@ -1,13 +1,13 @@
-"""Ray casting beside Embree and Open3D: the same surface, the same rays, one run.
+"""Ray casting compared with Embree and Open3D: the same surface, the same rays, one run.
 
     python benchmarks/raycast.py [--cells N] [--rays N]
 
-The surface is rough ground of 1 m cells, N x N of them; the others get it cut into two triangles per cell, in single
-precision, which is all they take.  Rays start above the highest hills, 750 from each place: a beam of 60 deg to either
-side and slant rays 40 to 75 deg off the vertical from 100 to 400 m, grazing ones 80 to 90 deg off it from 5 to 50 m.
+The surface is rough ground of 1 m cells, N x N of them; the others get two triangles per cell in single precision, the
+only one they support.  Rays start above the highest hills, 750 from each place: a beam of 60 deg to either side and
+slant rays 40 to 75 deg off the vertical from 100 to 400 m, grazing ones 80 to 90 deg off it from 5 to 50 m.
 
 Rates are the best of rounds in which all casters take turns: on one thread by the processor's time, with two threads
-against one by the clock, which needs a machine with nothing else to do.  The error is the height of a hit above the
+against one by the clock, which needs an otherwise idle machine.  The error is the height of a hit above the
 bilinear surface.  "False" is a hit where this project's caster, which a brute force in long double confirms to the
 nanometre (tests/terrain/test_exactness.py), finds none or one more than a cell away; "missed" the reverse.  Building
 and memory are those of a child process for each; memory is the growth of its peak.
@@ -56,7 +56,7 @@ def make_ground(cells: int) -> Terrain:
     """Hills of 30 m (one sigma) between 20 and 2000 m, and 0.5 m from post to post."""
     rng = np.random.default_rng(1)
     shape = (cells + 1, cells + 1)
-    heights = fractal_relief(shape, 1.0, rng, sd=30.0, longest_m=2000.0, shortest_m=20.0)
+    heights = fractal_relief(shape, 1.0, rng, sd=30.0, max_size_m=2000.0, min_size_m=20.0)
     return Terrain.from_array(heights + rng.normal(0.0, 0.5, shape), 1.0)
 
 
@@ -71,8 +71,8 @@ def make_rays(
     origins = np.repeat(np.column_stack((places, up)), BUNDLE, axis=0)[:count]
     low, high = np.radians(off_deg)
     off = np.sqrt(rng.uniform(low**2, high**2, count))
-    around = rng.uniform(0.0, 2.0 * np.pi, count)
-    rays = np.column_stack((np.sin(off) * np.cos(around), np.sin(off) * np.sin(around), -np.cos(off)))
+    azimuth = rng.uniform(0.0, 2.0 * np.pi, count)
+    rays = np.column_stack((np.sin(off) * np.cos(azimuth), np.sin(off) * np.sin(azimuth), -np.cos(off)))
     return np.ascontiguousarray(origins), rays
 
 
@@ -89,7 +89,7 @@ def triangles(ground: Terrain) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
 
 
 def make_ours(ground: Terrain, _mesh: Any) -> Caster:
-    assert ground.pyramid.places.n_layers == 1
+    assert ground.pyramid.addresses.n_layers == 1
     pool = ThreadPoolExecutor(2)
     return lambda origins, rays, threads: ground.cast(origins, rays, MAX_RANGE, pool if threads > 1 else None)
 

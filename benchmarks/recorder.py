@@ -1,14 +1,14 @@
-"""The whole recorder process: what it takes without loss, what it costs, and when it stamps.
+"""The whole recorder process: throughput without loss, cost, and delay of time stamps.
 
     python benchmarks/recorder.py [--seconds S] [--rate N] [--only throughput|calm|stamps]
 
-throughput : datagrams of 95 B to 23 links at --rate for --seconds, from a generator on the same machine; each that
-             was sent must be in the file, and ``fti verify`` must find nothing; with [recorder] freeze_gc = true
-calm       : processor time at 2100 datagrams a second on 23 links, beside a bare asyncio reader that only calls
+throughput : datagrams of 95 B to 23 links at --rate for --seconds, from a generator on the same machine; each sent
+             datagram must be in the file, and ``fti verify`` must find nothing; with [recorder] freeze_gc = true
+calm       : processor time at 2100 datagrams a second on 23 links, compared with a bare asyncio reader that only calls
              ``file.write``; both get the same traffic in turn
 stamps     : t_rx minus the moment of sending, UDP (the kernel's stamp) and serial (a pty), while one process computes
-             in compiled code and another one in Python, so that both cores are busy; beside a bare asyncio reader
-             that takes the time in its callback
+             in compiled code and another one in Python, so that both cores are busy; compared with a bare asyncio
+             reader that takes the time in its callback
 
 Exit code 1 when a target is missed.
 """
@@ -54,32 +54,32 @@ def throughput(folder: Path, rate: float, seconds: float, verdict: Verdict) -> N
     links = udp_links(LINKS)
     rig = RecorderRig(folder, links, freeze_gc=True)
     began = cpu_s(rig.pid)
-    sent, taken = feed(rig, [port_of(link) for link in links], rate, seconds)
+    sent_counts, elapsed_s = feed(rig, [port_of(link) for link in links], rate, seconds)
     cpu = cpu_s(rig.pid) - began
     rig.close()
     report = verify(Recording.open(rig.session.path))
     topics = [report.topics.get(f"/raw/{link.name}") for link in links]
     recorded = [topic.messages if topic else 0 for topic in topics]
-    total = sum(sent)
-    print(f"throughput: {LINKS} UDP links, {total} datagrams of {SIZE} B in {taken:.1f} s")
-    print(f"  {total / taken:.0f} frames/s, {total * SIZE / taken / 1e6:.1f} MB/s; the recorder took {cpu:.1f} s of")
-    print(f"  processor time: {100 * cpu / taken:.0f} % of a core, {cpu / total * 1e6:.2f} us a frame")
-    verdict.judge(f"lossless: {sum(recorded)} of {total} recorded", recorded == sent)
+    total = sum(sent_counts)
+    print(f"throughput: {LINKS} UDP links, {total} datagrams of {SIZE} B in {elapsed_s:.1f} s")
+    print(f"  {total / elapsed_s:.0f} frames/s, {total * SIZE / elapsed_s / 1e6:.1f} MB/s")
+    print(f"  processor time: {cpu:.1f} s, {100 * cpu / elapsed_s:.0f} % of a core, {cpu / total * 1e6:.2f} us a frame")
+    verdict.judge(f"lossless: {sum(recorded)} of {total} recorded", recorded == sent_counts)
     verdict.judge(
         f"verify: {len(report.findings)} findings{''.join(f'; {f}' for f in report.findings[:2])}", report.holds
     )
-    verdict.judge(f"at least 95 % of the rate asked for ({rate:.0f}/s)", total / taken >= 0.95 * rate)
+    verdict.judge(f"at least 95 % of the requested rate ({rate:.0f}/s)", total / elapsed_s >= 0.95 * rate)
 
 
 def feed(rig: RecorderRig, ports: list[int], rate: float, seconds: float) -> tuple[list[int], float]:
-    """Run the generator to its end; how many it sent to each port, and in which time [s]."""
+    """Run the generator to its end; datagrams sent to each port, and duration [s]."""
     with start_generator(ports, rate, seconds) as generator:
         while generator.poll() is None:
             rig.listen()
             time.sleep(0.05)
         assert generator.stdout
-        said = json.loads(generator.stdout.read())
-    return said["sent"], said["seconds"]
+        result = json.loads(generator.stdout.read())
+    return result["sent"], result["seconds"]
 
 
 # ----------------------------------------------------------------------------------------------------------- calm
@@ -95,8 +95,8 @@ def calm(folder: Path, seconds: float, verdict: Verdict) -> None:
         for _ in range(ROUNDS):
             for shares, number, targets in ((ours, rig.pid, [port_of(k) for k in links]), (bare, pid, ports)):
                 began = cpu_s(number)
-                _, taken = feed(rig, targets, CALM_RATE, seconds)
-                shares.append(100 * (cpu_s(number) - began) / taken)
+                _, elapsed_s = feed(rig, targets, CALM_RATE, seconds)
+                shares.append(100 * (cpu_s(number) - began) / elapsed_s)
     rig.close()
     ratio = statistics.median(a / b for a, b in zip(ours, bare, strict=True))
     print(f"calm: {CALM_RATE:.0f} datagrams/s of {SIZE} B on {LINKS} UDP links, {ROUNDS} rounds of {seconds:.0f} s")
@@ -110,20 +110,20 @@ def calm(folder: Path, seconds: float, verdict: Verdict) -> None:
 
 @contextlib.contextmanager
 def busy() -> Iterator[None]:
-    """Both cores compute."""
+    """Load both cores."""
     kinds = ("arrays", "python")
-    burners = [part("burner", kind) for kind in kinds]
+    loads = [part("cpu_load", kind) for kind in kinds]
     time.sleep(1.0)
     try:
         yield
     finally:
-        for burner in burners:
-            burner.kill()
-            burner.wait()
+        for load in loads:
+            load.kill()
+            load.wait()
 
 
 def probe(ports: list[int], lines: list[int], seconds: float) -> None:
-    """Send probes to their end."""
+    """Send all probes."""
     ways = ["--ports", *ports, "--lines", *lines]
     with part("prober", "--rate", STAMP_RATE, "--seconds", seconds, *ways, pass_fds=lines) as prober:
         prober.wait()
@@ -171,7 +171,7 @@ def show(what: str, found: list[int]) -> None:
 
 
 def bare_stamps(folder: Path, seconds: float) -> list[int]:
-    """The same with a reader that stamps when it is called."""
+    """The same with a reader that stamps in its callback."""
     path = folder / "stamped"
     with plain_reader(path, 4, "--stamp") as (_, ports), busy():
         probe(ports, [], seconds)

@@ -1,12 +1,12 @@
-"""The strapdowns beside that of pyins: an hour without aid, on the same samples of rate and force.
+"""The strapdowns compared with that of pyins: an hour without aid, on the same samples of rate and force.
 
     python benchmarks/strapdown.py [--hours H] [--hz F] [--seed N]
 
-Flights are splines, made by neither; ideal sensors.  pyins is not on the package index: it takes part where it can be
-imported (PYTHONPATH), and is said to be missing otherwise.  Of pyins the increments are those of its
+Flights are splines, independent of both; ideal sensors.  pyins is not on the package index: it is measured where it can
+be imported (PYTHONPATH), and reported as missing otherwise.  The increments of pyins are those of its
 ``compute_increments_from_imu`` for rate sensors, and the loop is its compiled one, without the table around it.
-Its gravity falls by 2 g / a a metre, without flattening, which is 1 km of height in an hour: it is flown with that
-(``pyins, g``), and with samples of a world that has its gravity.  Speeds are the best of rounds in which all take
+Its gravity falls by 2 g / a a metre, without flattening, which is 1 km of height in an hour: it runs with that
+(``pyins, g``), and with samples of a world with its gravity.  Speeds are the best of rounds in which all take
 turns; increments count, tables do not.
 """
 
@@ -51,7 +51,7 @@ PYINS = "pyins"
 
 
 class Samples(NamedTuple):
-    """A flight: time (n,) [s], truth and its start, what is felt: accel_b (n, 3) [m/s^2], gyro_b (n, 3) [rad/s]."""
+    """A flight: time (n,) [s], truth and its start, samples: accel_b (n, 3) [m/s^2], gyro_b (n, 3) [rad/s]."""
 
     t: Array
     state: FlightState
@@ -69,29 +69,29 @@ def samples(flight: SplineFlight, seconds: float, step: float) -> Samples:
     return Samples(t, state, start, specific_force_b(state), angular_rate_b(state))
 
 
-def fti_contender(by: Integrator, flown: Samples, step: float) -> Contender:
-    """One of this project's."""
-    return lambda: by(flown.start, flown.accel_b, flown.gyro_b, step, 1).pos_e
+def fti_contender(by: Integrator, flight: Samples, step: float) -> Contender:
+    """A strapdown of this project."""
+    return lambda: by(flight.start, flight.accel_b, flight.gyro_b, step, 1).pos_e
 
 
-def use_pyins_gravity(flown: Samples) -> Samples:
-    """What is felt on the same flight where gravity is that of pyins."""
-    state = flown.state
+def use_pyins_gravity(flight: Samples) -> Samples:
+    """Samples of the same flight with the gravity of pyins."""
+    state = flight.state
     less = normal_gravity(state.lat, state.alt) - earth.gravity(np.rad2deg(state.lat), state.alt)
     down_b = mat_from_rpy(state.roll, state.pitch, state.heading)[:, 2]
-    return flown._replace(accel_b=flown.accel_b + less[:, None] * down_b)
+    return flight._replace(accel_b=flight.accel_b + less[:, None] * down_b)
 
 
-def pyins_contender(flown: Samples) -> Contender:
-    """That of pyins."""
-    felt = np.concatenate((flown.gyro_b, flown.accel_b), axis=1)
+def pyins_contender(flight: Samples) -> Contender:
+    """The strapdown of pyins."""
+    imu_rows = np.concatenate((flight.gyro_b, flight.accel_b), axis=1)
     names = [f"{sensor}_{axis}" for sensor in ("gyro", "accel") for axis in "xyz"]
-    imu = pd.DataFrame(felt, index=flown.t, columns=names)
+    imu = pd.DataFrame(imu_rows, index=flight.t, columns=names)
 
     def fly() -> Array:
         increments = strapdown.compute_increments_from_imu(imu, "rate")
         rows: Any = np.asarray(increments.values)
-        n, state = len(rows) + 1, flown.state
+        n, state = len(rows) + 1, flight.state
         lla, vel_n, mat_nb = np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3, 3))
         lla[0] = np.rad2deg(state.lat[0]), np.rad2deg(state.lon[0]), state.alt[0]
         vel_n[0], mat_nb[0] = state.vel_n[0], mat_from_rpy(state.roll[0], state.pitch[0], state.heading[0])
@@ -102,18 +102,18 @@ def pyins_contender(flown: Samples) -> Contender:
     return fly
 
 
-def errors(flown: Samples, pos_e: Array) -> tuple[float, float]:
+def errors(flight: Samples, pos_e: Array) -> tuple[float, float]:
     """Greatest error of the position on the level and of the height [m]."""
     lat, lon, alt = geodetic_from_ecef(pos_e)
-    meridian, normal = radii(flown.state.lat)
-    north = (lat - flown.state.lat) * (meridian + flown.state.alt)
-    around = (lon - flown.state.lon + np.pi) % (2.0 * np.pi) - np.pi
-    east = around * (normal + flown.state.alt) * np.cos(flown.state.lat)
-    return float(np.hypot(north, east).max()), float(np.abs(alt - flown.state.alt).max())
+    meridian, normal = radii(flight.state.lat)
+    north = (lat - flight.state.lat) * (meridian + flight.state.alt)
+    lon_error = (lon - flight.state.lon + np.pi) % (2.0 * np.pi) - np.pi
+    east = lon_error * (normal + flight.state.alt) * np.cos(flight.state.lat)
+    return float(np.hypot(north, east).max()), float(np.abs(alt - flight.state.alt).max())
 
 
 def time_contenders(ways: dict[str, Contender]) -> tuple[dict[str, float], dict[str, Array]]:
-    """Best time of each [s], and what it found; the first turn compiles and does not count."""
+    """Best time of each [s], and its result; the first turn compiles and does not count."""
     found = {name: way() for name, way in ways.items()}
     best = dict.fromkeys(ways, float("inf"))
     for _ in range(ROUNDS):
@@ -125,7 +125,7 @@ def time_contenders(ways: dict[str, Contender]) -> tuple[dict[str, float], dict[
 
 
 def main() -> int:
-    """Fly both tracks, print the verdict."""
+    """Run both tracks, print the verdict."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--hours", type=float, default=1.0)
     parser.add_argument("--hz", type=float, default=100.0)
@@ -134,17 +134,22 @@ def main() -> int:
     print(machine())
     print(f"{args.hours:g} h at {args.hz:g} Hz, seed {args.seed}, one thread, best of {ROUNDS} rounds")
     verdict = Verdict()
-    for track, drawn in TRACKS.items():
+    for track, draw_flight in TRACKS.items():
         seconds, step = 3600.0 * args.hours, 1.0 / args.hz
-        flown = samples(drawn(np.random.default_rng([args.seed, 0, len(track)]), seconds), seconds, step)
-        ways = {"high order": fti_contender(integrate, flown, step), "live": fti_contender(integrate_fast, flown, step)}
+        flight = samples(draw_flight(np.random.default_rng([args.seed, 0, len(track)]), seconds), seconds, step)
+        ways = {
+            "high order": fti_contender(integrate, flight, step),
+            "live": fti_contender(integrate_fast, flight, step),
+        }
         ways |= (
-            {} if MISSING else {PYINS: pyins_contender(use_pyins_gravity(flown)), f"{PYINS}, g": pyins_contender(flown)}
+            {}
+            if MISSING
+            else {PYINS: pyins_contender(use_pyins_gravity(flight)), f"{PYINS}, g": pyins_contender(flight)}
         )
         best, found = time_contenders(ways)
-        off = {name: errors(flown, pos_e) for name, pos_e in found.items()}
+        off = {name: errors(flight, pos_e) for name, pos_e in found.items()}
         for name, (level, height) in off.items():
-            each = 1e9 * best[name] / len(flown.t)
+            each = 1e9 * best[name] / len(flight.t)
             print(
                 f"{track:7} {name:10} {each:8.0f} ns a sample   {level:9.2e} m on the level   {height:9.2e} m in height"
             )
@@ -155,7 +160,7 @@ def main() -> int:
             ratio = best[PYINS] / best["live"]
             verdict.judge(f"{track}: live takes {1 / ratio:.2f} of the time of pyins; at most 1", ratio >= 1.0)
     if MISSING:
-        print(f"pyins takes no part: {MISSING}")
+        print(f"pyins is not measured: {MISSING}")
     return verdict.code
 
 

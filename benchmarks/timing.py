@@ -1,17 +1,17 @@
-"""How late the emulator and a replay are, with the recorder as their reader on the same two cores.
+"""Lateness of the emulator and of a replay, with the recorder as their reader on the same two cores.
 
     python benchmarks/timing.py [--seconds S] [--only replay|devices]
 
 replay  : a recording of serial line, UDP, slcan adapter and CAN over UDP at 2100 messages a second, ``fti replay`` at
-          1x: what was recorded of it must be the same by hash, and p99 of the lateness at most 2 ms
+          1x: the new recording must have the same hashes, and p99 of the lateness at most 2 ms
 player  : python-can's player (``can.MessageSync``) with the frames of its slcan adapter, a second time right after;
-          its lateness and ours on that adapter are both taken when the frame is handed to the port, and it comes
-          before other processes as we do
+          both latenesses on that adapter are measured when the frame is passed to the port, with the same
+          scheduling priority
 devices : 23 devices at the rates of table 6.1 and at four times those, ``fti hil``: each rate is held, nothing lost
 
 "all" is every message.  Judged are those that were not due while the machine itself stood still
-(``benchmarks.parts.standstill``: seen by processes that only sleep, with the highest priority), or while what that had
-piled up was worked off; the part of the messages that this leaves out is printed.
+(``benchmarks.parts.standstill``: detected by processes that only sleep, with the highest priority), or while the
+backlog of that was worked off; the share of excluded messages is printed.
 
 Exit code 1 when a target is missed.
 """
@@ -58,7 +58,7 @@ LATE_LOG = [sys.executable, "-m", "benchmarks.parts.lateness_log"]
 START_NS = 1_700_000_000_000_000_000
 RATE_HZ, P99_MS = 2100.0, 2.0
 FACTORS = (1, 4)
-#: Where less than this can be judged it is played again, so often at most.
+#: A run with a smaller judged share is repeated, at most this often.
 CALM, ATTEMPTS = 0.9, 4
 KINDS = {"line": "serial", "eth": "udp", "adapter": "can", "bus": "can"}
 
@@ -89,7 +89,7 @@ def make_session(folder: Path, seconds: float) -> Path:
     for seq, t in enumerate(sorted(rng.uniform(0.0, seconds) for _ in range(round(RATE_HZ * seconds)))):
         link = names[seq % len(names)]
         data = pack_can(rng.randrange(0x800), rng.randbytes(8)) if KINDS[link] == "can" else rng.randbytes(48)
-        log.frame(link, seq, START_NS + round(t * 1e9), data)
+        log.write_frame(link, seq, START_NS + round(t * 1e9), data)
         if seq % 40 == 0:
             log.flush()
     log.close()
@@ -105,8 +105,8 @@ def replay(folder: Path, seconds: float, verdict: Verdict) -> None:
     show("fti replay", late)
     for name in KINDS:
         show(f"  {name}", late.of(name))
-    first, again = link_hashes(Recording.open(original)), link_hashes(Recording.open(session))
-    same = [name for name, found in first.items() if found.is_same(again[name])]
+    first, second = link_hashes(Recording.open(original)), link_hashes(Recording.open(session))
+    same = [name for name, found in first.items() if found.is_same(second[name])]
     verdict.judge(f"the same by hash: {len(same)} of {len(first)} links", len(same) == len(first))
     verdict.judge(f"p99 {late.p99_ms:.2f} ms; at most {P99_MS:g}", late.p99_ms <= P99_MS)
     player(original, late.of("adapter"))
@@ -114,7 +114,7 @@ def replay(folder: Path, seconds: float, verdict: Verdict) -> None:
 
 @dataclass(frozen=True, eq=False)
 class LatenessLog:
-    """When messages were due and how late they were [s], who sent them, and which fell into a standstill."""
+    """Due times and lateness of messages [s], their senders, and which ones fell into a standstill."""
 
     due: NDArray[np.float64]
     late: NDArray[np.float64]
@@ -127,37 +127,37 @@ class LatenessLog:
         return LatenessLog(self.due[mine], self.late[mine], self.sender[mine], self.excused[mine])
 
     @property
-    def sent(self) -> NDArray[np.float64]:
-        """When they left [s]."""
+    def sent_s(self) -> NDArray[np.float64]:
+        """Send times [s]."""
         return self.due + self.late
 
     @property
-    def judged(self) -> float:
-        """The part that is judged."""
+    def judged_share(self) -> float:
+        """Share of the judged messages."""
         return float(np.mean(~self.excused))
 
     @property
     def p99_ms(self) -> float:
-        """Of those that are judged."""
+        """p99 of the judged messages [ms]."""
         return 1e3 * float(np.percentile(self.late[~self.excused], 99))
 
 
 def play_undisturbed(
     folder: Path, arguments: Sequence[object], links: Sequence[Link]
 ) -> tuple[dict[str, Any], Path, LatenessLog]:
-    """``play``, and again where the machine stood still for most of it."""
+    """``play``, repeated where the machine stood still for most of the run."""
     for attempt in range(ATTEMPTS):
         there = folder / str(attempt)
         there.mkdir()
         played = play(there, arguments, links)
-        if (judged := played[2].judged) >= CALM:
+        if (share := played[2].judged_share) >= CALM:
             break
-        print(f"  the machine stood still: {100 * judged:.0f} % of the messages can be judged", flush=True)
+        print(f"  the machine stood still: {100 * share:.0f} % of the messages can be judged", flush=True)
     return played
 
 
 def play(folder: Path, arguments: Sequence[object], links: Sequence[Link]) -> tuple[dict[str, Any], Path, LatenessLog]:
-    """Run a command of ``fti`` that plays, with the recorder as its reader; its report, what was recorded, the log."""
+    """Run ``fti hil`` or ``fti replay`` with the recorder as its reader; its report, the recording, the log."""
     ports, report, log = folder / "ports", folder / "report.json", folder / "late.npz"
     command = [*LATE_LOG, str(log), *map(str, arguments), "--links", str(ports), "--report", str(report)]
     options: dict[str, Any] = {"cwd": ROOT, "stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL, "text": True}
@@ -185,10 +185,10 @@ def set_port(link: Link, ports: Path) -> Link:
 
 def show(what: str, late: LatenessLog) -> None:
     """A line of the table."""
-    p50, p99, most = (1e3 * float(x) for x in (*np.percentile(late.late, (50, 99)), late.late.max()))
+    p50, p99, max_ms = (1e3 * float(x) for x in (*np.percentile(late.late, (50, 99)), late.late.max()))
     print(
-        f"  {what:28} all: p50 {p50:7.3f}  p99 {p99:7.3f}  max {most:7.1f}"
-        f"   judged {100 * late.judged:5.1f} %: p99 {late.p99_ms:7.3f}",
+        f"  {what:28} all: p50 {p50:7.3f}  p99 {p99:7.3f}  max {max_ms:7.1f}"
+        f"   judged {100 * late.judged_share:5.1f} %: p99 {late.p99_ms:7.3f}",
         flush=True,
     )
 
@@ -238,8 +238,8 @@ def fly(folder: Path, seconds: float, factor: float, verdict: Verdict) -> None:
     arguments = ("hil", "nominal", "--config", config, "--wait", "--duration", seconds)
     report, session, late = play_undisturbed(folder, arguments, configuration.load(config).link)
     found = report["devices"]
-    asked = sum(device["asked_hz"] for device in found.values())
-    print(f"devices: {len(found)} at {factor:g} x table 6.1, {asked:.0f} cycles/s asked for, {seconds:.0f} s")
+    requested = sum(device["asked_hz"] for device in found.values())
+    print(f"devices: {len(found)} at {factor:g} x table 6.1, {requested:.0f} cycles/s requested, {seconds:.0f} s")
     show("fti hil", late)
     p99 = {name: late.of(name).p99_ms for name in found}
     missed = [name for name, device in found.items() if p99[name] >= 0.5e3 / device["asked_hz"]]
@@ -255,16 +255,16 @@ def fly(folder: Path, seconds: float, factor: float, verdict: Verdict) -> None:
     verdict.judge(f"{sent} bytes sent, {dropped} messages dropped, {lost} bytes not recorded", dropped == lost == 0)
 
 
-def print_sent_rates(late: LatenessLog, asked_hz: dict[str, float]) -> None:
-    """What stands at the other ends sees: messages in each second, and the longest gap, of the worst device each."""
-    sent = {name: late.of(name).sent for name in asked_hz}
+def print_sent_rates(late: LatenessLog, requested_hz: dict[str, float]) -> None:
+    """Print the rates at the other ends: minimum messages in a second, and longest gap, with the device."""
+    sent = {name: late.of(name).sent_s for name in requested_hz}
     seconds = {name: np.histogram(t, np.arange(t[0], t[-1], 1.0))[0] for name, t in sent.items()}
-    fewest = min(asked_hz, key=lambda name: seconds[name].min() / asked_hz[name])
-    longest = max(asked_hz, key=lambda name: np.diff(sent[name]).max() * asked_hz[name])
+    slowest = min(requested_hz, key=lambda name: seconds[name].min() / requested_hz[name])
+    gap_name = max(requested_hz, key=lambda name: np.diff(sent[name]).max() * requested_hz[name])
     print(
-        f"  seen at the other ends: {seconds[fewest].min()} messages in the worst second of {fewest} "
-        f"({asked_hz[fewest]:g} asked for); longest gap {1e3 * np.diff(sent[longest]).max():.1f} ms, {longest} "
-        f"(period {1e3 / asked_hz[longest]:.1f} ms)"
+        f"  seen at the other ends: {seconds[slowest].min()} messages in the worst second of {slowest} "
+        f"({requested_hz[slowest]:g} requested); longest gap {1e3 * np.diff(sent[gap_name]).max():.1f} ms, {gap_name} "
+        f"(period {1e3 / requested_hz[gap_name]:.1f} ms)"
     )
 
 

@@ -1,10 +1,10 @@
-"""The recorder's MCAP writer beside what a user would take: cost of a message, and what a kill -9 loses.
+"""The recorder's MCAP writer compared with the alternatives of a user: cost of a message, and loss after kill -9.
 
     python benchmarks/writer.py [--messages N]
 
 Cost: messages of 48 bytes (CAN FD frames for python-can) on 23 channels, handed over as the recorder does: 20 ms of
 messages at a time, and then a flush where the writer can.  At 2.1 kmsg/s that is 42 messages, at 200 kmsg/s 4000.  Of
-five rounds the best counts: what the machine takes for others is not theirs.
+five rounds the best counts, which excludes the load of other processes.
 Loss: a child process writes 2.1 kmsg/s for some seconds and is killed; what it had handed over (it counts in shared
 memory) is compared with what is found in the file.
 """
@@ -47,7 +47,7 @@ TOPICS = [f"/raw/link{n}" for n in range(CHANNELS)]
 MAX_OFFICIAL_RATIO = 1 / 3
 MAX_FILE_RATIO = 5.0
 ROUNDS = 5
-#: What each channel has to write, as the recorder gets it: with each call of the kernel at most so many.
+#: Messages of each channel in batches of the recorder: at most this many of one system call.
 Batch = list[tuple[int, list[FrameBatch]]]
 
 
@@ -165,12 +165,12 @@ WRITERS: dict[str, Callable[[Path], Target]] = {
     "python-can ASC": lambda path: open_can(path, can.ASCWriter),
     FILE: open_file,
 }
-#: Those whose files a reader of MCAP can be asked about.
+#: Writers whose files a reader of MCAP can read.
 KILLED_WRITERS = (OURS, OFFICIAL, "mcap.writer, flushed every 20 ms", "foxglove-sdk")
 
 
 def batches(size: int, first: int = 0) -> Batch:
-    """So many messages, spread over the channels."""
+    """Messages, spread over the channels."""
     found: Batch = []
     for channel in range(min(CHANNELS, size)):
         number = len(range(channel, size, CHANNELS))
@@ -186,7 +186,7 @@ def _burst(first: int, number: int) -> FrameBatch:
 
 
 def messages_in(batch: Batch) -> int:
-    """How many there are."""
+    """Number of messages in a file."""
     return sum(len(burst[2]) for _, bursts in batch for burst in bursts)
 
 
@@ -198,16 +198,16 @@ def measure_cost(name: str, folder: Path, work: list[Batch]) -> float:
     started = time.perf_counter()
     for batch in work:
         target.put(batch)
-    taken = time.perf_counter() - started
+    elapsed_s = time.perf_counter() - started
     target.close()
     messages = sum(map(messages_in, work))
     if name in KILLED_WRITERS and (there := count_messages(path.read_bytes())) < messages:
         raise RuntimeError(f"{name}: {there} of {messages} messages are in its file")
-    return taken / messages * 1e6
+    return elapsed_s / messages * 1e6
 
 
 def measure_costs(folder: Path, messages: int) -> dict[str, list[float]]:
-    """Of every writer, for each size of batch; the best of the rounds, in each of which all have their turn."""
+    """Of every writer, for each size of batch; the best of the rounds, in each of which all run in turn."""
     works = [[batches(size, first) for first in range(0, messages, size)] for size in BATCHES.values()]
     rounds = [{name: [measure_cost(name, folder, work) for work in works] for name in WRITERS} for _ in range(ROUNDS)]
     return {name: [min(costs) for costs in zip(*(found[name] for found in rounds), strict=True)] for name in WRITERS}
@@ -228,7 +228,7 @@ def write_until_killed(name: str, path: Path, counter: Path) -> None:
 
 
 def measure_loss(name: str, folder: Path, seconds: float) -> tuple[int, int]:
-    """Messages handed over, and those found after a kill -9."""
+    """Messages handed over, and messages in the file after kill -9."""
     path, counter = folder / "loss.mcap", folder / "counter"
     path.unlink(missing_ok=True)
     counter.write_bytes(bytes(8))
@@ -269,8 +269,8 @@ def compare(messages: int) -> int:
 
 
 def _loss(writer: str, folder: Path) -> str:
-    given, found = measure_loss(writer, folder, 3.0)
-    return f"{(given - found) / 2100:.2f} s"
+    written, found = measure_loss(writer, folder, 3.0)
+    return f"{(written - found) / 2100:.2f} s"
 
 
 def _judge(found: dict[str, list[float]]) -> int:

@@ -1,4 +1,4 @@
-"""``fti``: a flight-test data service.  This page holds the conventions; no other page repeats them.
+"""``fti``: a flight-test data service.  This docstring defines the conventions of all packages.
 
 Flow
     device -> link -> RawFrame -> triple buffer -> MCAP (raw)                 recorder process, bytes only
@@ -7,15 +7,15 @@ Flow
 
 Units
     SI and radians everywhere inside.  No suffix means SI or radian; anything else carries its unit
-    (``_deg _ft _kt _ns _ms _hz``) and lives at the edge: configuration, command line, display, wire.
-    Unknown is ``None`` or an enum member, never a number that could be a value.
+    (``_deg _ft _kt _ns _ms _hz``) and is used at the edge only: configuration, command line, display, wire.
+    An unknown value is ``None`` or an enum member, never a number.
 
 Time
     ``int`` nanoseconds.  FTI time = CLOCK_MONOTONIC + session epoch (real time at the start rounded to 20 ms,
     written once; it may be wrong and never changes).  Only ``fti.clock`` reads clocks.
     ``t_rx_ns``     arrival of the first byte of a message, FTI time
-    ``t_dev_ns``    what the device said, in its own ``time_scale``; None when it said nothing
-    ``t_valid_ns``  when the quantity was true, FTI time; the navigation process fills it, a decoder never
+    ``t_dev_ns``    time that the device reports, in its own ``time_scale``; None when it reports none
+    ``t_valid_ns``  time of validity of the quantity, FTI time; set by the navigation process, never by a decoder
 
 Frames (a vector names its frame, ``vel_n``; a matrix names two, ``mat_nb`` takes b to n)
     e   earth-centred earth-fixed            i   inertial
@@ -34,6 +34,6 @@ Names
     ``serve``.
 
 Rules
-    Bytes first: a frame is stamped and buffered before anyone understands it.  Decoders and filters are pure;
-    only transports wait.  Live, HIL and replay are one program.  Every buffer is bounded and says what it lost.
+    Bytes first: a frame is stamped and buffered before it is decoded.  Decoders and filters are pure;
+    only transports wait.  Live, HIL and replay are one program.  Every buffer is bounded and counts its losses.
 """

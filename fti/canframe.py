@@ -31,7 +31,7 @@ _CANFD = struct.Struct("<IBB2x64s")
 
 
 class CanFrame(NamedTuple):
-    """One CAN frame.  A remote request has zeros for data, as many bytes as it asks for."""
+    """One CAN frame.  The data of a remote request are zeros, as many bytes as it requests."""
 
     can_id: int
     extended: bool
@@ -50,7 +50,7 @@ def pack_can(
     error: bool = False,
     fd: bool = False,
 ) -> bytes:
-    """The bytes of a frame.  An FD frame of a length that does not exist is padded with zeros to the next one.
+    """The bytes of a frame.  The data of an FD frame are padded with zeros to the next length of FD_LENGTHS.
 
     Raises ValueError when the identifier or the data do not fit.
     """

@@ -1,17 +1,17 @@
-"""The only place that reads clocks.  Imported by links and service alone; everything else is told the time.
+"""The only module that reads clocks.  Only links and services import it; all other code gets times as arguments.
 
-FTI time = CLOCK_MONOTONIC + epoch.  The epoch is real time at session start rounded to one tick, 20 ms: FTI time is
-UTC to 10 ms, as far as the real-time clock is, and ticks are at multiples of 20 ms on both clocks.  Where real time
-cannot be right, FTI time begins at 2000-01-01.  The epoch is written once and never corrected, so a step of the
-real-time clock cannot tear a recording.
+FTI time = CLOCK_MONOTONIC + epoch.  The epoch is real time at session start rounded to one tick, 20 ms.  FTI time
+therefore equals the real-time clock at the start to 10 ms, and ticks are at multiples of 20 ms on both clocks.  If real
+time is implausible, FTI time begins at 2000-01-01.  The epoch is written once and never corrected, so a step of the
+real-time clock does not disturb a recording.
 
 CLOCK_REALTIME - CLOCK_MONOTONIC is constant while the real-time clock is only slewed: the kernel slews both alike
-(clock_gettime(2)).  It changes with a step, and then stamps that the kernel took before the step cannot be carried
-over: converted after it they would be wrong by the step.
+(clock_gettime(2)).  A step changes it.  A kernel stamp taken before the step would be wrong by the step if it were
+converted afterwards, so it is rejected.
 
-How old a kernel stamp may be depends on the socket: a queue hands out in order, so what waits in it has arrived after
-the last frame that was read from it.  No fixed age would do: a process that is stopped for a minute finds stamps of a
-minute ago, and they are as good as any.
+The permitted age of a kernel stamp depends on the socket: a socket queue is FIFO, so every queued frame arrived after
+the last frame that was read.  A fixed limit of age would reject valid stamps: a process that was stopped for a minute
+reads valid stamps that are a minute old.
 """
 
 from __future__ import annotations
@@ -24,26 +24,26 @@ from typing import NamedTuple, Protocol
 SECOND_NS = 1_000_000_000
 #: The epoch is a multiple of this: the period of the ticks (``fti.types.TICK_PERIOD_NS``).
 EPOCH_STEP_NS = 20_000_000
-#: Time that may pass between the kernel's stamp and the queue of the socket: the kernel stamps first, and real-time
-#: processes may hold its work back for nearly a second (``sched_rt_runtime_us``).
+#: Maximum time between the kernel's stamp and the entry into the socket queue: the kernel stamps first, and real-time
+#: processes may delay its work by nearly a second (``sched_rt_runtime_us``).
 MAX_QUEUE_DELAY_NS = SECOND_NS
-#: So many steps of the real-time clock are remembered; more only has a clock that is set all the time.
+#: Number of steps of the real-time clock that are kept.
 MAX_STEPS = 100
-#: Real time is believed from 1970 until 32 bits of seconds are full; else FTI time begins at 2000-01-01.
+#: Real time is plausible from 1970 until 32 bits of seconds overflow; otherwise FTI time begins at 2000-01-01.
 REALTIME_END_NS = 2**32 * SECOND_NS
 FALLBACK_NS = 946_684_800 * SECOND_NS
-#: Clocks have been read together when no more than this passed; so often it is tried.
+#: Clocks are read again, MAX_CLOCK_READS times at most, until reading both took less than MAX_READ_WIDTH_NS.
 MAX_READ_WIDTH_NS = 20_000
 MAX_CLOCK_READS = 5
-#: The real-time clock was stepped when it moved by more than this against the monotonic clock, and by more than the
-#: two readings can be wrong.
+#: A step is detected when the real-time clock moved against the monotonic clock by more than STEP_NS plus the
+#: uncertainty of the two readings.
 STEP_NS = 100_000
 
 
 class StampWindow(NamedTuple):
-    """What kernel stamps are worth at one moment.
+    """Conversion of kernel stamps to FTI time at one moment.
 
-    A CLOCK_REALTIME stamp [ns] is believed when oldest_ns <= stamp <= newest_ns; then FTI time is stamp + offset_ns.
+    A CLOCK_REALTIME stamp [ns] is valid when oldest_ns <= stamp <= newest_ns; then FTI time is stamp + offset_ns.
     """
 
     offset_ns: int
@@ -52,20 +52,20 @@ class StampWindow(NamedTuple):
 
 
 class Clock(Protocol):
-    """What a link needs to know about time."""
+    """Clock interface of a link."""
 
     def now_ns(self) -> int:
         """FTI time [ns]."""
 
     def stamp_window(self, since_ns: int) -> StampWindow:
-        """How kernel stamps taken until now become FTI time; for a batch: ask after its last read.
+        """Conversion of kernel stamps taken until now to FTI time; for a batch, call it after the last read.
 
-        since_ns : nothing that waits in the socket has arrived before this [FTI time]
+        since_ns : no frame that waits in the socket arrived before this [FTI time]
         """
 
 
 class ClockReading(NamedTuple):
-    """CLOCK_MONOTONIC, what CLOCK_REALTIME has more, and within which time the two were read [ns]."""
+    """CLOCK_MONOTONIC, CLOCK_REALTIME - CLOCK_MONOTONIC, and the duration of reading both [ns]."""
 
     monotonic_ns: int
     offset_ns: int
@@ -78,7 +78,7 @@ class ClockReading(NamedTuple):
 
 
 def read_clocks() -> ClockReading:
-    """Both clocks; when something came in between they are read again, and the closest reading counts."""
+    """Read both clocks; after an interruption repeat it, and return the reading with the smallest width."""
     best = _read_once()
     for _ in range(MAX_CLOCK_READS - 1):
         if best.width_ns < MAX_READ_WIDTH_NS:
@@ -96,9 +96,9 @@ def _read_once() -> ClockReading:
 
 
 def choose_epoch_ns() -> int:
-    """Offset [ns] from CLOCK_MONOTONIC to FTI time: that to real time now, rounded to ``EPOCH_STEP_NS``.
+    """Offset [ns] from CLOCK_MONOTONIC to FTI time: the present offset to real time, rounded to ``EPOCH_STEP_NS``.
 
-    Where real time cannot be right (``describe_wrong_time``), FTI time begins within a step of ``FALLBACK_NS``.
+    If real time is implausible (``describe_wrong_time``), FTI time begins within a step of ``FALLBACK_NS``.
     """
     now = read_clocks()
     if _is_out_of_range(now):
@@ -107,7 +107,7 @@ def choose_epoch_ns() -> int:
 
 
 def describe_wrong_time() -> str | None:
-    """A sentence about a real-time clock that no file can hold: before 1970 or after 2106; None for others."""
+    """Warning text for a real-time clock before 1970 or after 2106; None for a plausible one."""
     if not _is_out_of_range(now := read_clocks()):
         return None
     when = "before 1970" if now.realtime_ns < SECOND_NS else "after 2106"
@@ -117,18 +117,18 @@ def describe_wrong_time() -> str | None:
 
 
 def _is_out_of_range(now: ClockReading) -> bool:
-    return not SECOND_NS <= now.realtime_ns < REALTIME_END_NS  # rounded, and still not before 1970
+    return not SECOND_NS <= now.realtime_ns < REALTIME_END_NS  # 1 s: also after rounding not before 1970
 
 
 class ClockStep(NamedTuple):
-    """The real-time clock was set: by so much [ns] (positive: forward); seen at the FTI time t_ns."""
+    """A step of the real-time clock: size_ns [ns] (positive: forward), detected at the FTI time t_ns."""
 
     t_ns: int
     size_ns: int
 
 
 class _PastOffset(NamedTuple):
-    """An offset that held until a step: CLOCK_REALTIME - CLOCK_MONOTONIC, and when on the latter its end was seen."""
+    """Offset CLOCK_REALTIME - CLOCK_MONOTONIC before a step, and CLOCK_MONOTONIC when the step was detected [ns]."""
 
     offset_ns: int
     ended_ns: int
@@ -138,7 +138,7 @@ class _PastOffset(NamedTuple):
 class SystemClock:
     """FTI time of a session.  epoch_ns : offset from CLOCK_MONOTONIC [ns].
 
-    Steps of the real-time clock are seen whenever clocks are read; a recorder does so at least once a second.
+    Each reading of the clocks detects steps of the real-time clock; a recorder reads at least once a second.
     """
 
     epoch_ns: int
@@ -156,7 +156,7 @@ class SystemClock:
     def sample(self) -> dict[str, int]:
         """The kernel's clocks at one moment, for ``/fti/clock`` [ns].
 
-        t_ns : FTI time; width_ns : the three were read within so much
+        t_ns : FTI time; width_ns : duration of reading the three clocks
         """
         return min((self._sample() for _ in range(MAX_CLOCK_READS)), key=lambda sample: sample["width_ns"])
 
@@ -173,14 +173,14 @@ class SystemClock:
         }
 
     def take_steps(self) -> list[ClockStep]:
-        """The steps of the real-time clock that were seen since the last call."""
+        """Steps of the real-time clock that were detected since the last call."""
         steps, self._steps = self._steps, []
         return steps
 
     def stamp_window(self, since_ns: int) -> StampWindow:
-        """Stamps since then, without those that may have been taken before a step of the real-time clock.
+        """Window of valid stamps since then, without stamps that may be from before a step of the real-time clock.
 
-        In ordinary times one look at each clock is enough: the difference between them is known.
+        Without a step, one reading of each clock is enough: the difference between them is known.
         """
         monotonic, realtime = time.monotonic_ns(), time.clock_gettime_ns(time.CLOCK_REALTIME)
         offset, earliest = self._trusted.offset_ns, since_ns - MAX_QUEUE_DELAY_NS - self.epoch_ns
@@ -190,13 +190,13 @@ class SystemClock:
         return StampWindow(self.epoch_ns - offset, earliest + offset, realtime)
 
     def _restricted_window(self, earliest: int) -> StampWindow:
-        """Something came between two readings, or the real-time clock was stepped.  earliest : CLOCK_MONOTONIC [ns]"""
+        """The window after an interrupted reading or after a step.  earliest : CLOCK_MONOTONIC [ns]"""
         now = self._read_and_detect_step()
         oldest = max(earliest + now.offset_ns, self._after_steps(now, earliest))
         return StampWindow(self.epoch_ns - now.offset_ns, oldest, now.monotonic_ns + now.offset_ns)
 
     def _read_and_detect_step(self) -> ClockReading:
-        """Read the clocks; notice when the real-time clock was stepped since they were read last."""
+        """Read the clocks; record a step of the real-time clock since the last reading."""
         now, trusted = read_clocks(), self._trusted
         moved = now.offset_ns - trusted.offset_ns
         stepped = abs(moved) > STEP_NS + (now.width_ns + trusted.width_ns) // 2
@@ -208,28 +208,28 @@ class SystemClock:
         return now
 
     def _after_steps(self, now: ClockReading, earliest: int) -> int:
-        """The oldest stamp [ns] that cannot be from before a step, of those taken from ``earliest`` on.
+        """The oldest stamp [ns] that is certainly from after the steps, of the stamps taken from ``earliest`` on.
 
-        One from before was taken with the offset of then, at the latest when the step was seen.
+        A stamp from before a step has the earlier offset, and was taken before the step was detected.
         """
         newest = now.monotonic_ns + now.offset_ns
-        pasts = (past for past in self._past if past.ended_ns >= earliest)
-        doubtful = (past for past in pasts if past.offset_ns + earliest <= newest)
-        return max((past.offset_ns + past.ended_ns + 1 for past in doubtful), default=0)
+        recent = (past for past in self._past if past.ended_ns >= earliest)
+        ambiguous = (past for past in recent if past.offset_ns + earliest <= newest)
+        return max((past.offset_ns + past.ended_ns + 1 for past in ambiguous), default=0)
 
 
 def next_beat(now_s: float, period_s: float) -> float:
     """The next multiple of a period in the time of an event loop [s], which is the monotonic clock.
 
-    What a process does periodically meets there, and with the ticks (FTI time differs by whole ticks): it wakes once
-    for all of it.
+    All periodic work of a process starts at these times, which coincide with ticks (FTI time differs by whole ticks):
+    the process wakes once for all of it.
     """
     return (now_s // period_s + 1) * period_s
 
 
 @dataclass(slots=True)
 class FakeClock:
-    """A clock that moves when it is told to: for tests and accelerated flights."""
+    """A clock that moves on ``advance`` only: for tests and accelerated flights."""
 
     time_ns: int = 0
 
@@ -238,7 +238,7 @@ class FakeClock:
         return self.time_ns
 
     def stamp_window(self, since_ns: int) -> StampWindow:
-        """Stamps are taken to be FTI time already."""
+        """Stamps are assumed to be FTI time."""
         return StampWindow(0, since_ns - MAX_QUEUE_DELAY_NS, self.time_ns)
 
     def advance(self, seconds: float) -> None:

@@ -1,4 +1,4 @@
-"""Numbers that are defined, once for all: of the SI, and of the units that aviation keeps."""
+"""Defined constants of the SI and of the units of aviation."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Binding: from the configuration's tables to drivers with checked options.
+"""Binds the devices of the configuration to drivers with validated options.
 
 An option whose name ends in ``_file`` names a text file; the driver gets its content in the option without the
 ending (``dbc_file = "air.dbc"`` becomes ``dbc = "<text>"``), because a driver opens no files.
@@ -36,7 +36,7 @@ class BoundDevice:
         return self.driver.make_decoder(self.options)
 
     def needs_polling(self) -> bool:
-        """It says nothing, or not everything, unless something is sent to it."""
+        """The device sends all its data only after requests."""
         return bool(self.driver.on_connect(self.options)) or self.driver.poll(self.options) is not None
 
 
@@ -50,7 +50,7 @@ def read_text(path: Path) -> str:
 
 
 def option_files(config: Config) -> dict[str, Path]:
-    """The files that options name, by the key path that names them."""
+    """The files named by options, by key path."""
     folder = Path(config.path).parent
     return {
         f"device[{i}].options.{key}": folder / value
@@ -61,7 +61,7 @@ def option_files(config: Config) -> dict[str, Path]:
 
 
 def read_texts(config: Config) -> dict[str, str]:
-    """The content of every file that options and ``nav.approach`` name, by key path.  Raises MissingError."""
+    """The content of every file named by options and ``nav.approach``, by key path.  Raises MissingError."""
     texts = _read_option_texts(config)
     if config.nav.approach:
         key = "nav.approach.profile"
@@ -81,7 +81,7 @@ def _read_named(config: Config, key: str, path: Path) -> str:
 
 
 def bind_devices(config: Config, texts: Mapping[str, str] | None = None) -> list[BoundDevice]:
-    """Every device with driver and checked options.  texts : see ``read_texts``; when None, what options name is read.
+    """Every device with driver and checked options.  texts : see ``read_texts``; None: read the files of options.
 
     Raises ConfigError with file, key path, value and what is allowed.
     """
@@ -99,12 +99,14 @@ def _bind(config: Config, index: int, device: Device, texts: Mapping[str, str]) 
     if kind not in driver.CARRIERS:
         carriers = ", ".join(sorted(driver.CARRIERS))
         raise ConfigError(
-            f"{config.path}: {key}.link = {device.link!r}: is a {kind} link; {device.driver} speaks on {carriers}"
+            f"{config.path}: {key}.link = {device.link!r}: is a {kind} link; {device.driver} supports {carriers}"
         )
     if twice := [name for name in device.options if f"{name}{FILE_ENDING}" in device.options]:
-        raise ConfigError(f"{config.path}: {key}.options: {twice[0]} and {twice[0]}{FILE_ENDING}: give one of them")
+        raise ConfigError(
+            f"{config.path}: {key}.options: {twice[0]} and {twice[0]}{FILE_ENDING}: only one of them is allowed"
+        )
     if blank := [name for name in device.options if not texts.get(f"{key}.options.{name}", "full").strip()]:
-        # Without a text the driver would take what is built in.
+        # Without a text the driver would use its built-in default.
         raise ConfigError(f"{config.path}: {key}.options.{blank[0]} = {device.options[blank[0]]!r}: the file is empty")
     table = _with_texts(device.options, f"{key}.options", texts)
     options = configuration.bind(driver.Options, table, config.path, f"{key}.options")
@@ -119,7 +121,7 @@ def _with_texts(options: Mapping[str, Any], key: str, texts: Mapping[str, str]) 
 
 
 def _try(config: Config, key: str, make: Callable[[], object]) -> None:
-    """What a driver refuses (a wrong DBC, say) is an error of the configuration."""
+    """Turn a ValueError of a driver (a wrong DBC, for example) into a ConfigError."""
     try:
         make()
     except ValueError as error:
@@ -127,43 +129,43 @@ def _try(config: Config, key: str, make: Callable[[], object]) -> None:
 
 
 def check_inertial(config: Config, devices: Sequence[BoundDevice]) -> None:
-    """Whether the device that the filter is to rest on gives inertial data.  Raises ConfigError."""
+    """Check that the IMU of the filter provides inertial data.  Raises ConfigError."""
     name = config.nav.filter.imu if config.nav.filter else None
     unit = next((bound for bound in devices if bound.device.name == name), None)
     if unit is not None and not drivers.is_inertial(unit.driver):
         able = ", ".join(other for other in drivers.names() if drivers.is_inertial(drivers.load(other)))
-        said = f"nav.filter.imu = {name!r}: {unit.device.driver} gives no inertial data; these drivers do: {able}"
-        raise ConfigError(f"{config.path}: {said}")
+        text = f"nav.filter.imu = {name!r}: {unit.device.driver} provides no inertial data; drivers that do: {able}"
+        raise ConfigError(f"{config.path}: {text}")
 
 
 def check_alert_limits(config: Config) -> None:
-    """Whether a position can be valid by ``[nav.alert_limits]``.  Raises ConfigError.
+    """Check that a position can be valid under ``[nav.alert_limits]``.  Raises ConfigError.
 
-    Asked before a flight alone, as ``check_reference``.  What levels a flight reaches is not known before it.
+    Only called before a flight, as ``check_reference``; the protection levels of a flight are not known before it.
     """
     aided = config.nav.filter is not None and bool(config.nav.filter.gnss)
     if config.nav.alert_limits.compared and not aided:
         raise ConfigError(
-            f"{config.path}: nav.alert_limits.compared = true: no position would ever be valid, as positions are "
-            "compared with [nav.filter] alone, and none is aided by gnss"
+            f"{config.path}: nav.alert_limits.compared = true: no position would ever be valid: positions are "
+            "compared only with [nav.filter], which has no gnss"
         )
 
 
 @dataclass(frozen=True, slots=True)
 class LinkTransmissions:
-    """What the recorder sends on a link by itself, and never understands."""
+    """Data that the recorder sends on a link by itself, without interpreting them."""
 
     on_connect: tuple[bytes, ...]
     polls: tuple[tuple[float, bytes], ...]  # (period [s], bytes)
 
 
 def link_transmissions(link: str, devices: Sequence[BoundDevice]) -> LinkTransmissions:
-    """What the devices of a link must be told after every connect, and asked again and again."""
+    """The data for the devices of a link: after every connect, and repeated polls."""
     here = [d for d in devices if d.device.link == link]
-    questions = [d.driver.poll(d.options) for d in here]
+    polls = [d.driver.poll(d.options) for d in here]
     return LinkTransmissions(
         on_connect=tuple(data for d in here for data in d.driver.on_connect(d.options)),
-        polls=tuple(q for q in questions if q is not None),
+        polls=tuple(q for q in polls if q is not None),
     )
 
 
@@ -178,17 +180,17 @@ def check_reference(config: Config, texts: Mapping[str, str]) -> ApproachReferen
 
 
 def parse_reference(config: Config, texts: Mapping[str, str]) -> ApproachReference | None:
-    """The reference profile of ``nav.approach``, if it can be flown with the rest of it; None without an approach.
+    """The reference profile of ``nav.approach``, checked against its settings; None without an approach.
 
     Raises ConfigError.
     """
     settings = config.nav.approach
     if settings is None:
         return None
-    # they bring numpy, and recording should begin soon
+    # imports numpy, which would delay the start of the recording
     from fti.nav.integrity.reference import ApproachReference, check_settings  # noqa: PLC0415
 
-    if "nav.approach.profile" not in texts:  # of a recorded configuration
+    if "nav.approach.profile" not in texts:  # a recorded configuration
         raise ConfigError(f"{config.path}: nav.approach.profile = {settings.profile!r}: its text is not attached")
     reference = ApproachReference.parse(texts["nav.approach.profile"], settings.profile)
     check_settings(reference, settings, config.path)

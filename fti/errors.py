@@ -1,61 +1,60 @@
-"""Exceptions.  A message is one sentence that names the file, the key or device, the value and what is allowed.
+"""Exceptions.  A message is one sentence that names the file, the key or device, the value and the allowed values.
 
     FtiError
         ConfigError        a configuration, scenario or option is wrong           exit 2
-        MissingError       a file, port, session or service is not there          exit 2
+        MissingError       a file, port, session or service does not exist        exit 2
         LinkError          a port cannot be opened now; the link retries
             PortAbsent     no such device
             PortDenied     no permission
-            PortBusy       another program holds it
-            SentInPart     sending was given up, and something has gone out, or yet may
-        StorageError       the medium refuses; the buffers hold what they can
+            PortBusy       another program uses it
+            PartialSendError  sending was aborted after some bytes were, or may have been, sent
+        StorageError       the medium refuses data; the buffers hold the newest frames
         RecordingError     a recorded file is damaged or incomplete               exit 3
 
-Bad bytes from a device are never an exception: a decoder counts and skips them.  A caller's mistake is a
-``ValueError``.
+Bad bytes from a device never raise: a decoder counts and skips them.  A caller's mistake raises ``ValueError``.
 """
 
 
 class FtiError(Exception):
-    """Root of what the program says to its user in one sentence."""
+    """Base class of errors that are reported to the user in one sentence."""
 
 
 class ConfigError(FtiError):
-    """A configuration is wrong; the message names file, key path, value and what is allowed."""
+    """A configuration is wrong; the message has file, key path, value and allowed values."""
 
 
 class MissingError(FtiError):
-    """Something that the user named does not exist."""
+    """A file, port, session or service that the user named does not exist."""
 
 
 class LinkError(FtiError):
-    """A port cannot be used now; the link keeps trying.  ``state`` is the link state that the user sees."""
+    """A port cannot be used now; the link retries.  ``state`` is the resulting link state."""
 
     state = "absent"
 
 
 class PortAbsent(LinkError):
-    """There is no such device, or it went away."""
+    """The device does not exist, or was removed."""
 
 
 class PortDenied(LinkError):
-    """The device is there and this user may not open it."""
+    """The device exists, and this user has no permission to open it."""
 
     state = "denied"
 
 
 class PortBusy(LinkError):
-    """Another program holds the device exclusively."""
+    """Another program has opened the device exclusively."""
 
     state = "busy"
 
 
 class PartialSendError(LinkError):
-    """Sending was given up, and something of it has gone out all the same, or yet may."""
+    """Sending was aborted after some bytes were sent, or may still be sent."""
 
 
 class StorageError(FtiError):
-    """The recording medium refuses to take bytes."""
+    """The recording medium refuses data."""
 
 
 class RecordingError(FtiError):

@@ -1,39 +1,39 @@
-"""Frames of one link that go from reader to writer as one thing: what arrived between two hand-overs.
+"""A batch of frames of one link: the frames that arrived between two hand-overs from reader to writer.
 
-A busy link brings dozens of frames with one call of the kernel, a serial line one message with several.  Handing them
-on one by one would cost more than receiving them.
+One system call reads dozens of frames of a busy link; a serial line delivers one message in several reads.  Passing the
+frames on one by one would cost more than receiving them.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 
-#: Position in the session and FTI time of arrival [ns] of each frame, neither of which goes back, the bytes of each,
-#: the bytes of all together [B].  At least one frame.
+#: Sequence number and FTI time of arrival [ns] of each frame, both nondecreasing; the data of each frame; the size of
+#: all of them [B].  At least one frame.
 FrameBatch = tuple[Sequence[int], Sequence[int], Sequence[bytes], int]
-#: One frame: position in the session, FTI time of arrival [ns], bytes.
+#: One frame: sequence number in the session, FTI time of arrival [ns], data.
 NumberedFrame = tuple[int, int, bytes]
 
 
 def make_batch(first_seq: int, times_ns: Sequence[int], frames: Sequence[bytes]) -> FrameBatch:
-    """Frames that arrived together, numbered one after another from first_seq on."""
+    """Frames that arrived together, numbered consecutively from first_seq on."""
     return range(first_seq, first_seq + len(frames)), times_ns, frames, sum(map(len, frames))
 
 
 def single_frame_batch(seq: int, t_ns: int, data: bytes) -> FrameBatch:
-    """A frame that arrived alone."""
+    """A batch of one frame."""
     return (seq,), (t_ns,), (data,), len(data)
 
 
-def entries(bursts: Iterable[FrameBatch]) -> Iterator[NumberedFrame]:
-    """Each frame for itself."""
-    for seqs, times_ns, frames, _ in bursts:
+def iter_frames(batches: Iterable[FrameBatch]) -> Iterator[NumberedFrame]:
+    """All frames of the batches, one by one."""
+    for seqs, times_ns, frames, _ in batches:
         yield from zip(seqs, times_ns, frames, strict=True)
 
 
-def split(burst: FrameBatch, count: int) -> tuple[FrameBatch, FrameBatch]:
-    """The first ``count`` frames, and the others; both have some."""
-    seqs, times_ns, frames, payload = burst
+def split_batch(batch: FrameBatch, count: int) -> tuple[FrameBatch, FrameBatch]:
+    """The first ``count`` frames, and the remaining ones; neither part is empty."""
+    seqs, times_ns, frames, payload = batch
     size = sum(map(len, frames[:count]))
     head = seqs[:count], times_ns[:count], frames[:count], size
     return head, (seqs[count:], times_ns[count:], frames[count:], payload - size)

@@ -1,7 +1,7 @@
-"""An interrupt (SIGINT, Ctrl-C) that is not lost while libraries are loaded.
+"""An interrupt (SIGINT, Ctrl-C) that is not lost during imports.
 
-Python raises KeyboardInterrupt wherever it happens to be.  While a compiled library is being imported, that may be in
-code which clears the exception: the program goes on as if nothing had happened.
+Python raises KeyboardInterrupt in whatever code is running.  During the import of a compiled library, that code may
+clear the exception, and the program continues.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ class InterruptHandler:
 
 @contextmanager
 def track_interrupts() -> Iterator[InterruptHandler]:
-    """Have SIGINT remembered; nothing changes where somebody else handles it, or in a thread."""
-    handler, before = InterruptHandler(), signal.getsignal(signal.SIGINT)
-    is_ours = before is signal.default_int_handler and threading.current_thread() is threading.main_thread()
-    if is_ours:
+    """Record SIGINT; no effect where another handler is installed, or outside the main thread."""
+    handler, previous = InterruptHandler(), signal.getsignal(signal.SIGINT)
+    is_default = previous is signal.default_int_handler and threading.current_thread() is threading.main_thread()
+    if is_default:
         signal.signal(signal.SIGINT, handler)
     try:
         yield handler
     finally:
-        if is_ours:
-            signal.signal(signal.SIGINT, before)
+        if is_default:
+            signal.signal(signal.SIGINT, previous)

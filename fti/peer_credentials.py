@@ -1,4 +1,4 @@
-"""Who is at the other end of a Unix socket, as the kernel says (``SO_PEERCRED``)."""
+"""The process at the other end of a Unix socket, as reported by the kernel (``SO_PEERCRED``)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _CREDENTIALS = struct.Struct("3i")  # pid, uid, gid: struct ucred
 
 
 def user_name(uid: int) -> str:
-    """The name of a user, for people."""
+    """The name of a user, for display."""
     try:
         return pwd.getpwuid(uid).pw_name
     except KeyError:
@@ -21,7 +21,7 @@ def user_name(uid: int) -> str:
 
 
 class HasSocketOptions(Protocol):
-    """A socket, or what asyncio shows of one."""
+    """A socket, or the socket object of an asyncio transport."""
 
     def getsockopt(self, level: int, optname: int, buflen: int, /) -> bytes:
         """As ``socket.socket.getsockopt``."""
@@ -29,20 +29,20 @@ class HasSocketOptions(Protocol):
 
 
 class Peer(NamedTuple):
-    """The process that connected, or that listens; its user when it did so."""
+    """The process at the other end of a Unix socket, and its user at the time of connect or listen."""
 
     pid: int
     uid: int
 
     @classmethod
-    def of(cls, sock: HasSocketOptions) -> Peer:
+    def from_socket(cls, sock: HasSocketOptions) -> Peer:
         """The other end of a connected Unix socket."""
         pid, uid, _ = _CREDENTIALS.unpack(sock.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size))
         return cls(pid, uid)
 
     @property
     def is_trusted(self) -> bool:
-        """It is a process of our own user or of root."""
+        """Does the process run as our own user or as root?"""
         return self.uid in (os.geteuid(), ROOT_UID)
 
     def __str__(self) -> str:

@@ -1,7 +1,7 @@
-"""One look for all figures, those of the studies and of the terrain, drawn without a display.
+"""Common style of all figures of studies, flights and terrain; drawn without a display.
 
-Colours are those of Okabe and Ito (Color Universal Design, 2008), which people with any colour vision tell apart; each
-sensor keeps its own in every figure.  Images are drawn in ``cividis``, which is even in lightness.  Lengths are metres.
+Colours are those of Okabe and Ito (Color Universal Design, 2008), distinguishable with any colour vision; each
+sensor has the same colour in every figure.  Images use ``cividis`` (uniform in lightness).  Lengths are in metres.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ BLUE, VERMILION, PURPLE, GREY = "#0072B2", "#D55E00", "#CC79A7", "#8C8C8C"
 GROUND, CANOPY = "#B8A68C", "#7FA77A"
 
 DOTS_PER_INCH = 120
-#: What is left out of a file by its format, so that the same figure is the same file.
-_UNDATED: dict[str, dict[str, Any]] = {".png": {"Software": None}, ".svg": {"Date": None}}
+#: Metadata that are left out by file format, so that the same figure gives an identical file.
+_METADATA: dict[str, dict[str, Any]] = {".png": {"Software": None}, ".svg": {"Date": None}}
 STYLE: dict[Any, Any] = {
     "font.family": "DejaVu Sans",
     "font.size": 9.0,
@@ -54,7 +54,7 @@ STYLE: dict[Any, Any] = {
 
 
 def new_figure(title: str, subtitle: str = "", *, width: float = 9.0, height: float = 6.0) -> Figure:
-    """An empty figure [inch] with its title above; what stands below it in small says under which conditions."""
+    """An empty figure [inch] with a title; the subtitle, in small type, states the conditions."""
     figure = Figure(figsize=(width, height), layout="constrained")
     FigureCanvasAgg(figure)
     text = f"{title}\n" if subtitle else title
@@ -64,23 +64,23 @@ def new_figure(title: str, subtitle: str = "", *, width: float = 9.0, height: fl
     return figure
 
 
-def label(axes: Axes, x: str = "", y: str = "", title: str = "") -> None:
-    """Names of the axes, each with its unit, and of the panel."""
+def label_axes(axes: Axes, x: str = "", y: str = "", title: str = "") -> None:
+    """Set the labels of the axes, each with its unit, and the title of the panel."""
     axes.set_xlabel(x)
     axes.set_ylabel(y)
     axes.set_title(title)
 
 
 def add_legend(axes: Axes) -> None:
-    """A legend in one line over the axes, where it hides nothing."""
+    """Add a legend in one line above the axes."""
     handles, _ = axes.get_legend_handles_labels()
     axes.legend(
         loc="lower right", bbox_to_anchor=(1.0, 0.98), borderaxespad=0.1, ncols=len(handles), frameon=False
     )  # fmt: skip
 
 
-def write(draw: Callable[[], Figure], file: Path) -> None:
-    """Draw a figure into a file, .png or .svg, that must not be there yet.
+def write_figure(draw: Callable[[], Figure], file: Path) -> None:
+    """Draw a figure into a new file, .png or .svg.
 
     Raises StorageError when it cannot be written.
     """
@@ -89,6 +89,6 @@ def write(draw: Callable[[], Figure], file: Path) -> None:
         try:
             file.parent.mkdir(parents=True, exist_ok=True)
             with file.open("xb") as out:
-                figure.savefig(out, format=file.suffix[1:], metadata=_UNDATED[file.suffix])
+                figure.savefig(out, format=file.suffix[1:], metadata=_METADATA[file.suffix])
         except OSError as error:
             raise StorageError(f"{error.filename}: cannot be written: {error.strerror}") from error

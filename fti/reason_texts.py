@@ -1,4 +1,4 @@
-"""The words that a person reads for reasons: in alarms, on the page, in the terminal."""
+"""Texts for reasons, as shown in alarms, on the page and in the terminal."""
 
 from __future__ import annotations
 

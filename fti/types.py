@@ -1,4 +1,4 @@
-"""The central types: frozen, few, without numpy.  Units, frames and names as in ``fti``."""
+"""The central types: frozen, without numpy.  Units, frames and names as in ``fti``."""
 
 from __future__ import annotations
 
@@ -24,15 +24,15 @@ class RawFrame:
     data: bytes
 
 
-#: In place of the name of a device, where the operator readmits all of them.
+#: Used instead of a device name when the operator readmits all sources.
 ALL_SOURCES = "*"
 TICK_LINK = "fti_tick"
-#: The recorder numbers a tick frame every 20 ms, so that silence has a time too.
+#: The recorder adds a tick frame every 20 ms, so that timeouts are reproducible.
 TICK_PERIOD_NS = 20_000_000
 
 
 class LinkState(StrEnum):
-    """The one state of a link; each has a hint for the person at the connector."""
+    """State of a link; each state has a hint for the engineer at the connector."""
 
     ABSENT = "absent"
     DENIED = "denied"
@@ -58,9 +58,9 @@ class TimeScale(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Stamp:
-    """When a message arrived, what the device said, and when it was true.
+    """Times of a message: arrival, device time and time of validity [ns].
 
-    t_valid_ns is None until the navigation process has filled it in.
+    t_valid_ns is None until the navigation process sets it.
     """
 
     t_rx_ns: int
@@ -71,7 +71,7 @@ class Stamp:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Attitude:
-    """Orientation of the body [rad]; a message may carry a part of it."""
+    """Orientation of the body [rad]; a message may carry only a part of it."""
 
     stamp: Stamp
     roll: float | None = None
@@ -88,7 +88,7 @@ class Position:
     """Position: lat, lon [rad], alt above WGS84 [m], alt_msl [m] and the undulation [m] of the same message.
 
     horizontal_sd : one sigma of each horizontal axis [m].  Of two that differ the root mean square, of an inertial
-                    system the larger one; what a device states as its horizontal accuracy is taken as it is
+                    system the larger one; a horizontal accuracy that the device states is used unchanged
     """
 
     stamp: Stamp
@@ -104,7 +104,7 @@ class Position:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Velocity:
-    """Velocity north, east, down [m/s]; or what a message carries of it: ground speed [m/s] and track [rad]."""
+    """Velocity north, east, down [m/s], or ground speed [m/s] and track [rad]; a message may carry only a part."""
 
     stamp: Stamp
     north: float | None = None
@@ -127,7 +127,7 @@ class ImuSample:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Range:
-    """Slant range along the beam [m], as a laser measures it; ``lost`` when the device found no return."""
+    """Slant range along the beam [m] of a laser; None without a return."""
 
     stamp: Stamp
     slant_range: float | None
@@ -167,7 +167,7 @@ class ImpactPressure:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Airspeed:
-    """Calibrated (cas), indicated (ias) and true (tas) airspeed [m/s]; what the message carries."""
+    """Calibrated (cas), indicated (ias) and true (tas) airspeed [m/s]; a message may carry only a part."""
 
     stamp: Stamp
     cas: float | None = None
@@ -217,7 +217,7 @@ class MagneticField:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SurfaceDeflection:
-    """Deflection of a control surface [rad] and the raw count that it was made from."""
+    """Deflection of a control surface [rad] and its raw count."""
 
     stamp: Stamp
     surface: str
@@ -236,9 +236,9 @@ class CalibrationPoint:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Calibration:
-    """The table of a deflection pickup as it is from now on, piecewise linear between its points.
+    """The calibration table of a deflection pickup from now on, piecewise linear between its points.
 
-    points : ascending in raw, deflections strictly monotone; change : what changed, in words
+    points : ascending in raw, deflections strictly monotone; change : description of the change
     """
 
     stamp: Stamp
@@ -283,11 +283,11 @@ class Satellites:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pseudorange:
-    """What a receiver measured on one signal of one satellite.
+    """Observations of one signal of one satellite.
 
-    pseudorange, pseudorange_sd [m]; carrier_phase, carrier_phase_sd [cycles]; doppler [Hz], positive when it comes
-    nearer; cn0_dbhz [dB-Hz]; lock_time [s]: so long the carrier has been followed without a slip; carrier_hz [Hz]:
-    nominal frequency of the carrier, where the message says which it is
+    pseudorange, pseudorange_sd [m]; carrier_phase, carrier_phase_sd [cycles]; doppler [Hz], positive when approaching;
+    cn0_dbhz [dB-Hz]; lock_time [s]: duration of carrier tracking without a cycle slip; carrier_hz [Hz]: nominal
+    carrier frequency, if the message identifies it
     """
 
     system: str
@@ -305,7 +305,7 @@ class Pseudorange:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pseudoranges:
-    """The raw observations of one epoch of a GNSS receiver; the time of the epoch is in the stamp."""
+    """Raw observations of one epoch of a GNSS receiver; the stamp holds the time of the epoch."""
 
     stamp: Stamp
     observations: tuple[Pseudorange, ...] = ()
@@ -313,14 +313,14 @@ class Pseudoranges:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ephemeris:
-    """Orbit and clock of a GPS satellite as it broadcasts them: IS-GPS-200, tables 20-I and 20-III.
+    """Broadcast orbit and clock of a GPS satellite: IS-GPS-200, tables 20-I and 20-III.
 
-    week : in which it was sent, modulo 1024;  issue : IODE
+    week : week of transmission, modulo 1024;  issue : IODE
     toc, toe : reference times of clock and orbit [s of the week];  af0 [s], af1 [s/s], af2 [s/s^2];  tgd [s]
     sqrt_a [m^0.5], e [1];  m0, omega0, i0, omega [rad];  delta_n, omega_dot, idot [rad/s]
     cuc, cus, cic, cis [rad];  crc, crs [m]
-    accuracy : upper bound of the accuracy that it states [m]; None where it predicts none
-    healthy  : neither its health nor its alert flag warns of it
+    accuracy : upper bound of the stated accuracy [m]; None if it predicts none
+    healthy  : neither its health nor its alert flag is set
     """
 
     stamp: Stamp
@@ -377,10 +377,10 @@ class Deviation:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reading:
-    """A value that no other class carries, by the name that the configuration or the document gives it.
+    """A value without a class of its own, named by the configuration or the document of the device.
 
-    value : in ``unit``, which is SI or the document's own ("" for a count or a discrete: 0 or 1)
-    text  : the name that the document gives to this value, or the characters that are the value; "" for none
+    value : in ``unit``, which is SI or that of the document ("" for a count or a discrete: 0 or 1)
+    text  : name of the value in the document, or a value of characters; "" for none
     """
 
     stamp: Stamp
@@ -393,7 +393,7 @@ class Reading:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DeviceStatus:
-    """What a device says about itself; ``flags`` are the names of the conditions that it reports."""
+    """Status of a device; ``flags`` are the names of the conditions that it reports."""
 
     stamp: Stamp
     ok: bool
@@ -402,7 +402,7 @@ class DeviceStatus:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DeviceTime:
-    """The device's own time, when a message carries nothing but the time; the time is in the stamp."""
+    """Device time of a message that carries only the time; the stamp holds it."""
 
     stamp: Stamp
 
@@ -411,7 +411,7 @@ class DeviceTime:
 class Ack:
     """A device's answer to a command.
 
-    command : its name in the driver's ``COMMANDS``; "" when the answer does not say which it answers (the oldest)
+    command : its name in the driver's ``COMMANDS``; "" if the answer does not identify it (then the oldest one)
     """
 
     stamp: Stamp
@@ -452,16 +452,16 @@ Measurement = (
 
 
 class Reason(StrEnum):
-    """Why a value is not valid, or why a monitor does not judge."""
+    """Why a value is not valid, or why a monitor gives no result."""
 
-    DEVICE_FLAG = "device_flag"  # the device itself says so
+    DEVICE_FLAG = "device_flag"  # the device reports it
     NO_RETURN = "no_return"  # the device has no measurement
     BELOW_RANGE = "below_range"
     ABOVE_RANGE = "above_range"
     ROLL = "roll"  # beyond the limit of the altimeter or the monitor
     PITCH = "pitch"
     STALE = "stale"  # older than max_age_ms
-    SILENT = "silent"  # never heard
+    SILENT = "silent"  # never received
     NO_ATTITUDE = "no_attitude"
     NO_POSITION = "no_position"
     NO_ALTITUDE = "no_altitude"  # a mean-sea-level height without the undulation
@@ -473,11 +473,11 @@ class Reason(StrEnum):
     OUTSIDE_PROFILE = "outside_profile"
     OFF_TRACK = "off_track"
     GAPS = "gaps"
-    NOT_INDEPENDENT = "not_independent"  # the altitude is held by the altimeter that would be judged with it
+    NOT_INDEPENDENT = "not_independent"  # the altitude depends on the altimeter that it would check
     PROTECTION_LEVEL = "protection_level"  # of position or altitude, above the alert limit
     ATTITUDE_LEVEL = "attitude_level"  # the protection level of the attitude, above the alert limit
-    ASSUMPTION = "assumption"  # navigation or altimeter is worse than, or another one than, the limits assume
-    POSITION_UNCERTAIN = "position_uncertain"  # by its own sigma, which the ground beside the track cannot make up for
+    ASSUMPTION = "assumption"  # navigation or altimeter is worse than the limits assume, or another one
+    POSITION_UNCERTAIN = "position_uncertain"  # its sigma is too large for the terrain near the track
     END = "end"  # past the glide path intercept
     GO_AROUND = "go_around"
     NOT_OBSERVABLE = "position_not_observable"
@@ -485,25 +485,25 @@ class Reason(StrEnum):
     SHIFTED = "shifted"  # T2
     HEIGHT_ERROR = "height_error"  # T3
     OBSTACLE = "obstacle"  # T4
-    INTEGRITY = "integrity"  # the integrity monitor does not vouch for the height
+    INTEGRITY = "integrity"  # the integrity monitor does not confirm the height
     BELOW_150_M = "below_150_m"  # too close for an angle; metres only
     FULL_SCALE = "full_scale"
-    # what the terrain says against an altimeter, and why it cannot be asked
+    # comparison of an altimeter with the terrain, and why it is not possible
     DEVIATION = "deviation"  # measured minus predicted, beyond the gate
-    NOT_NADIR = "not_nadir"  # measured minus navigated height, beyond the gate: it is not the height straight below
+    NOT_NADIR = "not_nadir"  # measured minus navigated height, beyond the gate: not the height at the nadir
     DISPERSION = "dispersion"  # the rays of the predicted beam differ by too much
     INCIDENCE = "incidence"  # the beam grazes the ground
-    # what the changes of an altimeter and another altimeter say against it
+    # comparison of an altimeter with predicted changes and with another altimeter
     STUCK = "stuck"  # its value repeats exactly while the predicted one changes
-    CHANGE_MISMATCH = "change_mismatch"  # it changes otherwise than predicted: drift, scale
-    ALTIMETERS_DISAGREE = "altimeters_disagree"  # with another one: the one that the ground does not confirm, else both
-    NO_PREDICTION = "no_prediction"  # the predicted beam finds no ground in range
+    CHANGE_MISMATCH = "change_mismatch"  # its changes differ from the predicted ones: drift, scale
+    ALTIMETERS_DISAGREE = "altimeters_disagree"  # of the one that the terrain does not confirm, else of both
+    NO_PREDICTION = "no_prediction"  # the predicted beam meets no ground in range
     NO_TERRAIN = "no_terrain"  # none is configured, or it could not be loaded
     TERRAIN_LOADING = "terrain_loading"
-    TERRAIN_EDGE = "terrain_edge"  # beyond what the files cover
-    TERRAIN_HOLE = "terrain_hole"  # the files do not know this ground
-    GROUND_CONTRADICTED = "ground_contradicted"  # a radar and a laser agree against it: altitude or terrain is wrong
-    UNCERTAIN = "uncertain"  # place, attitude or terrain are so uncertain that a deviation of twice its limit passes
+    TERRAIN_EDGE = "terrain_edge"  # outside the files
+    TERRAIN_HOLE = "terrain_hole"  # a void in the files
+    GROUND_CONTRADICTED = "ground_contradicted"  # a radar and a laser agree with each other but not with it
+    UNCERTAIN = "uncertain"  # of position, attitude or terrain: a deviation of twice the limit would pass
     # of the filters
     NO_IMU = "no_imu"
     NO_GNSS = "no_gnss"
@@ -511,37 +511,37 @@ class Reason(StrEnum):
     NO_HEADING = "no_heading"
     ALIGNING = "aligning"
     COASTING = "coasting"  # nothing bounds the position at present
-    REJECTED = "rejected"  # what aids is outside the gate
+    REJECTED = "rejected"  # an aiding measurement is outside the gate
     EXCLUDED = "excluded"  # a source does not aid the filter: it contradicts the others
-    CONTRADICTION = "contradiction"  # sources contradict each other, and it is unknown which is wrong
-    REACQUIRED = "reacquired"  # tests between sources have not yet run for as long as they look back
-    NOTHING_TO_COMPARE = "nothing_to_compare"  # no other source says anything of it
-    RESET = "reset"  # the filter began again
+    CONTRADICTION = "contradiction"  # sources contradict each other; the wrong one is unknown
+    REACQUIRED = "reacquired"  # tests between sources have run for less than their window
+    NOTHING_TO_COMPARE = "nothing_to_compare"  # no other source gives this quantity
+    RESET = "reset"  # the filter was reset
     DIVERGED = "diverged"
     NO_SATELLITES = "no_satellites"
     NO_DME = "no_dme"
     GEOMETRY = "geometry"  # satellites and stations do not fix a position
     # of the tests of one source
-    REPEATED = "repeated"  # the same digits although its velocity moves it
-    IMPOSSIBLE = "impossible"  # beyond what the aircraft can fly
-    JUMP = "jump"  # a step that its velocity does not make
-    DRIFT = "drift"  # position and integral of velocity part
-    SCATTER = "scatter"  # it scatters more than its stated sigma
-    UNDULATION = "undulation"  # the stated one is not that of EGM96
-    RANGES_DISAGREE = "ranges_disagree"  # its pseudoranges with each other, and which of them is wrong is unknown
-    RANGES_CONTRADICT = "ranges_contradict"  # its pseudoranges give another position than it states
-    DEVICE_TIME = "device_time"  # its time steps, stands still or goes back
+    REPEATED = "repeated"  # identical values although its velocity is not zero
+    IMPOSSIBLE = "impossible"  # beyond the aircraft's limits
+    JUMP = "jump"  # a step that its velocity does not explain
+    DRIFT = "drift"  # position and integral of velocity diverge
+    SCATTER = "scatter"  # scatter above its stated sigma
+    UNDULATION = "undulation"  # the stated one differs from EGM96
+    RANGES_DISAGREE = "ranges_disagree"  # its pseudoranges with each other; the wrong one is unknown
+    RANGES_CONTRADICT = "ranges_contradict"  # its pseudoranges do not match its stated position
+    DEVICE_TIME = "device_time"  # its time steps, stops or goes back
     ATTITUDES_DISAGREE = "attitudes_disagree"  # with the other attitude sources
-    HEADING_TRACK = "heading_track"  # farther from the track than any wind makes it
-    UNCONFIRMED = "unconfirmed"  # its tests pass again, and a contradiction that has not ended stands against it
+    HEADING_TRACK = "heading_track"  # angle to the track larger than the wind can cause
+    UNCONFIRMED = "unconfirmed"  # its tests pass again, but an earlier contradiction is not resolved
 
 
 class Compensation(StrEnum):
-    """How an altimeter's range became a height above the ground at the nadir."""
+    """Method that converts an altimeter's range to a height above the ground at the nadir."""
 
     ATTITUDE = "attitude"  # turned into the vertical
-    RANGE = "range"  # the slope between the footprint and the nadir taken from the terrain, along one ray
-    BEAM = "beam"  # the same with the beam that the sensor has
+    RANGE = "range"  # with the terrain between footprint and nadir, along one ray
+    BEAM = "beam"  # the same with the beam of the sensor
 
 
 class FilterMode(StrEnum):
@@ -555,7 +555,7 @@ class FilterMode(StrEnum):
 
 
 class Datum(StrEnum):
-    """What a height is counted from."""
+    """Reference surface of a height."""
 
     ELLIPSOID = "ellipsoid"
     MSL = "msl"
@@ -564,7 +564,7 @@ class Datum(StrEnum):
 
 
 class Point(StrEnum):
-    """What a height is the height of."""
+    """Point of the aircraft that a height refers to."""
 
     ANTENNA = "antenna"
     P = "p"
@@ -587,20 +587,20 @@ class IntegrityState(StrEnum):
 class HeightAboveGround:
     """Height above ground from one altimeter.
 
-    t_ns       : time of the output [ns]; t_valid_ns : when the height was true [ns]
-    raw        : what the device said, at its antenna and along its beam [m]
-    height_agl : height of ``point`` above the ground straight below it [m]; sd : one sigma of its error [m]
-    compensation : how it was made.  By the terrain between there and what the beam sees (range, beam) where the terrain
-                 is known; else (attitude) it is ``nearest`` with the configured bias and scale taken off, and sd
-                 includes an assumed relief
-    nearest, nearest_sd : compensated for attitude, mounting and lever arm alone, at ``point``: above what the beam sees
-                 [m]; sigma as such, without any relief [m]
-    predicted  : what the device should have said above the known terrain [m]
+    t_ns       : time of the output [ns]; t_valid_ns : time of validity of the height [ns]
+    raw        : value of the device, at its antenna along its beam [m]
+    height_agl : height of ``point`` above the ground at the nadir [m]; sd : one sigma of its error [m]
+    compensation : method.  Over known terrain (range, beam) with the terrain between nadir and footprint; otherwise
+                 (attitude) it is ``nearest`` corrected for the configured bias and scale, and sd includes an assumed
+                 relief
+    nearest, nearest_sd : compensated for attitude, mounting and lever arm only, at ``point``: above the footprint [m];
+                 one sigma without relief [m]
+    predicted  : predicted value of the device over known terrain [m]
     predicted_sd : one sigma of raw - predicted [m]
-    wheels     : height of the wheels by ``height_agl``, as the aircraft lies [m]; None where nobody says where they are
-    unchecked  : why the terrain could not be asked, or not nearly as closely as the limits ask; what it can tell
-                 against a height is then not told.  NOT_INDEPENDENT: this altimeter holds the altitude that it is
-                 compared with, and a slow drift of it is not detected
+    wheels     : height of the wheels from ``height_agl`` and the attitude [m]; None if their position is not configured
+    unchecked  : why the terrain comparison was not possible, or less precise than the limits require; terrain errors of
+                 the height are then not detected.  NOT_INDEPENDENT: the altitude of the comparison depends on this
+                 altimeter, and a slow drift of it is not detected
     """
 
     t_ns: int
@@ -629,13 +629,13 @@ class HeightAboveGround:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeightBelowAircraft:
-    """Height of the aircraft above the ground straight below it, from one of the valid altimeters.
+    """Height of the aircraft above the ground at the nadir, from one of the valid altimeters.
 
-    t_ns       : time of the output [ns]; t_valid_ns : when the height was true [ns]
-    sensor     : the altimeter that is chosen
-    height_agl : height of ``point`` above the ground straight below it [m]; sd : one sigma of its error [m]; None while
-                 no altimeter is valid
-    compensation : how it was made, see HeightAboveGround
+    t_ns       : time of the output [ns]; t_valid_ns : time of validity of the height [ns]
+    sensor     : the selected altimeter
+    height_agl : height of ``point`` above the ground at the nadir [m]; sd : one sigma of its error [m]; None while no
+                 altimeter is valid
+    compensation : method, see HeightAboveGround
     """
 
     t_ns: int
@@ -652,14 +652,14 @@ class HeightBelowAircraft:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClearanceIntegrity:
-    """Does the ground below match the approach that was published?
+    """Does the terrain below match that of the published approach?
 
     t1..t4_ratio  : test statistics over their limits (1 = limit); None where not tested
-    shift, shift_sd         : along-track shift d^ that explains the window best [m]; None when unknown
+    shift, shift_sd         : along-track shift d^ with the best fit to the window [m]; None when unknown
     height_error, .._sd     : b(0), navigated height minus profile [m]
     observability           : O; s_begin, s_end : window along the track before the intercept point [m]
     alert_limit_v / _s      : alert limits, vertical and along the track [m]
-    protection_level_v / _s : an error as large is missed with Pmd at most [m]; None where it is without bound
+    protection_level_v / _s : a larger error is missed with a probability below Pmd [m]; None if unbounded
     """
 
     t_ns: int
@@ -692,7 +692,7 @@ class GlideSlope:
     s, y        : path length before the intercept point and offset right of the track [m]
     dh, dh_nav  : height above the path from the altimeter and from navigation [m]; dh_sd : one sigma of dh [m]
     deviation   : angle above (+) the path as seen from the intercept point [rad]; sd : one sigma [rad]
-    dots        : deviation / 0.12 g, clamped to +-2; clamped : it was
+    dots        : deviation / 0.12 g, clamped to +-2; clamped : the clamp acted
     """
 
     t_ns: int
@@ -712,16 +712,16 @@ class GlideSlope:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NavSolution:
-    """Position, velocity and attitude that the pipeline uses, and where each came from.
+    """Position, velocity and attitude that the pipeline uses, with their sources.
 
-    position_source, attitude_source, altitude_source : a device, or a filter of navigation by its name
+    position_source, attitude_source, altitude_source : name of a device or of a filter of navigation
     hpl, vpl  : protection levels of position and altitude [m]: the error is larger with a probability below 1e-3 while
                 a source is wrong, below 1e-5 while none is;  valid only below ``[nav.alert_limits]``
-    unchecked : why hpl and vpl rest on what the source states of itself, or do not yet look back as far as they can
+    unchecked : why hpl and vpl rely on sigmas that the source states, or on tests that have not run for their window
     refused   : devices of the role ``nav.position`` that are excluded because they contradict others
     tilt_pl, heading_pl : protection levels of roll and pitch together, and of the heading [rad]
-    attitude_valid, attitude_reasons : of the attitude alone; the reasons are among ``reasons``, too
-    attitude_unchecked  : the same as ``unchecked``, of tilt_pl
+    attitude_valid, attitude_reasons : of the attitude only; ``reasons`` contains them as well
+    attitude_unchecked  : as ``unchecked``, for tilt_pl
     """
 
     t_ns: int
@@ -755,12 +755,12 @@ class NavSolution:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FilterSolution:
-    """What the error-state filter makes of inertial data and what aids it; point P.
+    """Solution of the error-state filter from inertial data and aiding measurements; point P.
 
     vel_sd, tilt_sd : the largest one sigma of the three velocities [m/s], of roll and pitch [rad]
-    rejected        : what aids and is outside the gate at present, by name
-    excluded        : what does not aid at present, because it contradicts the other sources, by name
-    hpl, vpl        : protection levels of position and altitude [m], against a wrong source as well
+    rejected        : names of aiding sources that are outside the gate at present
+    excluded        : names of sources that are excluded at present because they contradict the others
+    hpl, vpl        : protection levels of position and altitude [m], including a wrong source
     """
 
     t_ns: int
@@ -790,9 +790,9 @@ class FilterSolution:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VerticalSolution:
-    """Height and climb from inertial data and an altimeter above known terrain, when nothing else gives an altitude.
+    """Height and climb from inertial data and an altimeter over known terrain, without another altitude source.
 
-    altimeter : whose heights carry it; rejected : its newest one was outside the confidence region
+    altimeter : source of its heights; rejected : the newest height was outside the confidence region
     """
 
     t_ns: int
@@ -809,9 +809,9 @@ class VerticalSolution:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PositionFix:
-    """Position by satellites and DME stations, weighted; the altitude from the source with the smaller predicted sigma.
+    """Weighted position from satellites and DME; altitude from the source with the smaller predicted sigma.
 
-    altitude_source : "gnss_dme", or the altimeter above known terrain
+    altitude_source : "gnss_dme", or the altimeter over known terrain
     """
 
     t_ns: int
@@ -828,13 +828,13 @@ class PositionFix:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SourceValidity:
-    """What the tests of one source say of a device that gives position, altitude or attitude.
+    """Result of the tests of a device that gives position, altitude or attitude.
 
-    valid, reasons : of all that it gives
-    unchecked  : why a valid one rests on what it says of itself: nothing to compare with, or two that disagree
-    position_valid, altitude_valid, attitude_valid, heading_valid : None while it has not given it
-    onset_ns   : when the oldest contradiction began that still counts [ns]
-    readmission : what would make it valid again; "" while it is
+    valid, reasons : of all its quantities
+    unchecked  : why a valid source was not compared: no other source, or two that disagree
+    position_valid, altitude_valid, attitude_valid, heading_valid : None until it has given the quantity
+    onset_ns   : onset of the oldest contradiction that is not resolved [ns]
+    readmission : condition for readmission; "" while it is valid
     """
 
     t_ns: int
@@ -853,14 +853,14 @@ class SourceValidity:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ProvisionalSolution:
-    """What the filter would give if an unconfirmed source were right; for comparison, navigation does not use it.
+    """Solution of the filter if an unconfirmed source were right; for comparison only, navigation does not use it.
 
-    source     : the device;  quantities : with which it aids here alone: position, height, velocity
+    source     : the device;  quantities : its quantities that aid this solution only: position, height, velocity
     valid, reasons : never valid, ``unconfirmed``
     lat, lon [rad], alt [m], vel_* [m/s] and their sigmas : of point P, as in FilterSolution
     distance, height_difference : from the filter: horizontal [m], >= 0; vertical [m], positive: above the filter
-    hpl, vpl   : distance from the filter, and what the filter itself may be wrong [m]
-    readmission : what would readmit the source
+    hpl, vpl   : distance from the filter plus the protection level of the filter [m]
+    readmission : condition for readmission of the source
     """
 
     t_ns: int
@@ -887,7 +887,7 @@ class ProvisionalSolution:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Event:
-    """Something that a person should know: a source changed, a device came back, a mark was set."""
+    """A message for the operator: a source changed, a device recovered, a mark was set."""
 
     t_ns: int
     level: str  # info | warning | error

@@ -1,4 +1,4 @@
-"""Every alarm of docs/alarms.md: outputs, health or news that begin its condition, and those that end it."""
+"""Every alarm of docs/alarms.md: outputs, health or events that begin its condition, and those that end it."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ RUNNING: dict[str, Any] = health()["processes"]
 
 
 class Daemon:
-    """What keeps the alarms, and what it has published last."""
+    """The alarm board and its last publication."""
 
     def __init__(self) -> None:
         self.clock = FakeClock(round(START_S * SECOND_NS))
@@ -32,9 +32,9 @@ class Daemon:
         self.publish_health()
         self.delay_navigation(0.0)
 
-    def say(self, *outputs: Output) -> None:
-        """Navigation has these outputs."""
-        for report in self.conditions.take(outputs):
+    def publish_outputs(self, *outputs: Output) -> None:
+        """Outputs of navigation."""
+        for report in self.conditions.feed(outputs):
             self.board.handle_report(report.as_json())
 
     def publish_health(self, **changes: Any) -> None:
@@ -43,12 +43,12 @@ class Daemon:
         self.board.handle_health(health(self.clock.time_ns / SECOND_NS, **changes))
 
     def delay_navigation(self, late_s: float) -> None:
-        """The oldest frame has waited for navigation for so long."""
+        """Set the waiting time of the oldest frame [s]."""
         self.waiting_ns = self.clock.time_ns - round(late_s * SECOND_NS)
         self.board.check_navigation_latency()
 
     def restart(self) -> None:
-        """Another session, of which nothing is known."""
+        """Begin another session without any data."""
         note, waiting = (lambda *note: self.recorded.append(note[2])), (lambda: self.waiting_ns)
         self.board = AlarmBoard(self.clock, lambda topic, payload: None, note, waiting)
 
@@ -75,12 +75,12 @@ class Case:
 
     @property
     def is_moment(self) -> bool:
-        """It happens and does not last."""
+        """An alarm of a single event, which does not last."""
         return self.ends is None
 
 
 def _outputs(*outputs: Output) -> Step:
-    return lambda daemon: daemon.say(*outputs)
+    return lambda daemon: daemon.publish_outputs(*outputs)
 
 
 def _health(**changes: Any) -> Step:
@@ -141,18 +141,18 @@ STUCK = [altimeter(2 + 0.3 * k, "radar", Reason.STUCK) for k in range(3)]
 
 
 def _of_solution(identity: str, severity: Severity, title: str, **changes: Any) -> Case:
-    """Of a solution that was valid, has these other fields, and is as before again."""
+    """A valid solution, one with changed fields, and the valid one again."""
     begins, ends, before = solution(2, **changes), solution(3), solution(1)
     return Case(identity, severity, title, _outputs(begins), _outputs(ends), _outputs(before))
 
 
 def _of_monitor(identity: str, severity: Severity, title: str, state: IntegrityState, reason: Reason) -> Case:
-    """Of a monitor that has judged."""
+    """Outputs of a monitor with full windows."""
     begins, ends, before = integrity(2, state, reason), integrity(3, OK), integrity(1, OK)
     return Case(identity, severity, title, _outputs(begins), _outputs(ends), _outputs(before))
 
 
-#: Of a navigation process that has taken the place of another and knows nothing yet.
+#: Outputs of a restarted navigation process without data.
 NOTHING: dict[str, Any] = {
     "valid": False, "position_source": None, "attitude_source": None, "altitude_source": None, "attitude_valid": False,
     "reasons": (Reason.NO_POSITION, Reason.NO_ATTITUDE), "attitude_reasons": (Reason.NO_ATTITUDE,),
@@ -217,7 +217,10 @@ CASES: Sequence[Case] = (
     Case("storage_slow", CAUTION, "STORAGE SLOW", _health(storage={"state": "slow", "hint": "2 s"}), WELL),
     Case("space", CAUTION, "SPACE FOR LESS THAN AN HOUR", _use_space, WELL),
     Case("navigation", WARNING, "NAVIGATION STOPPED", _processes(navigation={"state": "restarting"}), WELL),
-    Case("navigation_late", CAUTION, "NAVIGATION LATE", lambda daemon: daemon.delay_navigation(0.6), lambda d: d.delay_navigation(0.1)),
+    Case(
+        "navigation_late", CAUTION, "NAVIGATION LATE",
+        lambda daemon: daemon.delay_navigation(0.6), lambda daemon: daemon.delay_navigation(0.1),
+    ),
     Case("link:line", CAUTION, "LINK LINE ABSENT", _health(links=link("absent")), WELL),
     Case("link:line", CAUTION, "LINK LINE DENIED", _health(links=link("denied")), WELL),
     Case("link:line", CAUTION, "LINK LINE BUSY", _health(links=link("busy")), WELL),
@@ -234,14 +237,14 @@ CASES: Sequence[Case] = (
     Case("clock_step", CAUTION, "COMPUTER CLOCK STEPPED", _step_clock, None),
     Case("recorder", CAUTION, "RECORDER REPLACED", lambda daemon: daemon.board.on_recorder_replaced("killed"), None),
     Case(
-        "process:display", CAUTION, "DISPLAY FAILS AGAIN AND AGAIN", _processes(display={"restarts": MIN_RESTARTS}),
+        "process:display", CAUTION, "DISPLAY FAILS REPEATEDLY", _processes(display={"restarts": MIN_RESTARTS}),
         _a_minute_later,
     ),
 )  # fmt: skip
 
 
 def daemon_with(case: Case) -> Daemon:
-    """A daemon with this one alarm, which lasts, or has happened."""
+    """A daemon with one alarm, active or past."""
     daemon = Daemon()
     case.before(daemon)
     case.begins(daemon)

@@ -1,4 +1,4 @@
-"""What tests share: ``from tests.helpers import until`` (the repository's root is on pytest's path)."""
+"""Helpers of tests: ``from tests.helpers import until`` (the repository's root is on pytest's path)."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Found = TypeVar("Found")
 
 
 def until(predicate: Callable[[], Found | None], timeout: float = TIMEOUT_S, what: str = "") -> Found:
-    """Poll until the predicate is truthy and return its value; AssertionError after timeout [s], saying what."""
+    """Poll until the predicate is truthy and return its value; AssertionError with ``what`` after timeout [s]."""
     deadline = time.monotonic() + timeout
     while not (found := predicate()):
         assert time.monotonic() < deadline, f"waited {timeout:g} s for {what or predicate}; last seen: {found!r}"

@@ -1,4 +1,4 @@
-"""What a process holds: threads, children and descriptors.  The leak check compares two such pictures.
+"""Resources of a process: threads, children and descriptors.  The leak check compares two such pictures.
 
 Left out: what a library opens once for the life of the process (runtimes of zenoh and Foxglove, the default executor
 of asyncio, the resource tracker of multiprocessing).
@@ -22,7 +22,7 @@ KEPT_KINDS = ("/", "pipe:")  # files, devices, memfd and pipes; of the sockets o
 
 
 def open_resources() -> dict[str, str]:
-    """Everything that a test must give back, as {identity: what it is}."""
+    """Resources that a test must release, as {identity: description}."""
     return {**_threads(), **_children(), **_descriptors()}
 
 
@@ -48,7 +48,7 @@ def _descriptors() -> dict[str, str]:
         try:
             target = str(entry.readlink())
         except OSError:
-            continue  # the descriptor of this very listing
+            continue  # the descriptor of this listing
         what = _socket_name(int(entry.name)) if target.startswith("socket:") else target
         if what.startswith(KEPT_KINDS) and not what.startswith(IGNORED_FILES):
             found[f"descriptor {entry.name} {target}"] = f"descriptor {entry.name} of {what}"

@@ -1,4 +1,4 @@
-"""What /proc says of processes, which may end while they are looked at."""
+"""State of processes in /proc; a process may end during the query."""
 
 from __future__ import annotations
 

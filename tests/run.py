@@ -1,136 +1,250 @@
-"""Every test, as ``make test`` runs it on two cores.
+"""Every test, as ``make test`` runs it on two cores; with ``--quick`` the fast ones, in a minute.
 
-    python -m tests.run
+    python -m tests.run [--quick] [--save-times]
 
-The quick tests wait for conditions and never for a time: while one waits for a process of its own, three others go on.
-Behind them the flights and a replay, minutes of real time and less than a core, judge when things happen; beside the
-quick tests ptys and media stood still for a second now and then, which no score can tell from a device. Then come the
-end-to-end tests that wait most of the time, three at a time, file by file; then those that judge moments or need both
-cores, one after another.  Only the files that have a marker are collected for it.
+Each part runs in several pytest processes. Each of them collects only its own files, which are shared out by the times
+of an earlier run (``tests/times.json``).  The quick tests wait for conditions and never for a time: while one waits for
+a process of its own, others continue.  The flights and a replay take minutes of real time and less than a core.  They
+are judged by the time at which things happen, so they run apart from the quick tests: beside those, ptys and disks
+stood still for a second now and then, which a score cannot tell from a device.  Then come the end-to-end tests that
+wait most of the time, three at a time; then those that judge moments or need both cores, one after another.
 
-A few tests that fail beside others are run again alone: a machine that stands still for a moment is no defect.  Their
-names are printed; one that fails beside others often has a race, in the test or in the product.
+A few tests that fail beside others are run again alone: a machine that stands still for a moment is not a defect.
+Their names are printed; one that fails beside others often has a race, in the test or in the product.
 """
 
 from __future__ import annotations
 
+import argparse
 import contextlib
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
-from typing import IO
 
 from tests.helpers import KERNELS, ROOT
+from tests.progress import TIMES, UNKNOWN_FILE_S, State, known_times
 
-PYTEST = [sys.executable, "-m", "pytest"]
-QUICK, WAITING = ("-n", "4"), ("-n", "3", "--dist", "loadfile")
-NICE = -5
-#: Once, before five processes would do it side by side.
+PYTEST = [sys.executable, "-m", "pytest", "-q", "-o", "console_output_style=classic", "-p", "tests.progress"]
+#: Once, before several processes would do it side by side.
 WARM_UP = """
 from fti import config
 from fti.nav.inertial import strapdown
-from fti.service.navigation.kernel_compiler import compile_first
+from fti.service.navigation.kernel_compiler import ensure_kernels_compiled
 from fti.terrain import kernel_warmup
 
-warm.warm_up(), strapdown.warm_up(), compile_first(config.load("configs/demo.toml"))
+kernel_warmup.warm_up(), strapdown.warm_up(), ensure_kernels_compiled(config.load("configs/demo.toml"))
 """
-INTERRUPTED = 130
-#: Exit code of pytest when tests have failed; so many of them are run again at most.
-FAILED, MAX_AGAIN = 1, 3
+PASSED, FAILED, INTERRUPTED, NO_TESTS = 0, 1, 130, 5
+#: So many failed tests are run again at most.
+MAX_RETRIES = 3
+PRINT_PERIOD_S, POLL_S = 10.0, 0.2
+#: Expected time of the tests of ``--quick`` on two workers [s].
+QUICK_S = 40.0
+NICE = -5  # of flights and replays; only root may have it below 0
 
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """Some of the tests.  arguments : of pytest; nice : only root may have it below 0, for others it is 0 then."""
+    """Some of the tests.
+
+    files : paths or names of tests, relative to the root; workers : processes at a time; nice : their priority
+    retry : a few failed tests are run again alone
+    """
 
     title: str
-    arguments: tuple[str, ...]
+    files: tuple[str, ...]
+    markers: str = ""
+    workers: int = 1
     nice: int = 0
+    retry: bool = True
 
-    def run(self, out: IO[bytes] | None = None) -> int:
-        """Run it to its end, what it says into a file if there is one; returns the exit code."""
-        begin = time.monotonic()
-        told = subprocess.STDOUT if out else None
-        print(f"== {self.title}: begins", flush=True)
-        process = subprocess.Popen([*PYTEST, *self.arguments], cwd=ROOT, stdout=out, stderr=told)
+
+# ------------------------------------------------------------------------------------------------------ which tests
+
+
+def test_files() -> list[str]:
+    return sorted(str(file.relative_to(ROOT)) for file in (ROOT / "tests").rglob("test_*.py"))
+
+
+def marked(marker: str, *, wholly: bool = False) -> list[str]:
+    """Files that have tests with a marker; wholly : all of their tests have it."""
+    pattern = rf"^pytestmark = .*mark\.{marker}\b" if wholly else rf"mark\.{marker}\b"
+    return [file for file in test_files() if re.search(pattern, (ROOT / file).read_text(), re.MULTILINE)]
+
+
+def parts() -> list[list[Part]]:
+    """All parts; those of one list run at the same time."""
+    quick = sorted({*test_files()} - {*marked("e2e", wholly=True)})
+    waiting = "e2e and not flight and not replay and not alone"
+    return [
+        [Part("quick tests", tuple(quick), "not e2e", workers=4)],
+        [
+            Part("flights", tuple(marked("flight")), "flight", nice=NICE),
+            Part("replays", tuple(marked("replay")), "replay", nice=NICE),
+        ],
+        [Part("end-to-end tests", tuple(marked("e2e")), waiting, workers=3)],
+        [Part("tests that run alone", tuple(marked("alone")), "alone", retry=False)],
+    ]
+
+
+def fast_part() -> Part:
+    """As many files as the limit of time allows, the fastest first."""
+    times = known_times()
+    files = sorted({*test_files()} - {*marked("e2e", wholly=True)}, key=lambda file: times.get(file, UNKNOWN_FILE_S))
+    chosen, left = [], 2 * QUICK_S
+    for file in files:
+        left -= times.get(file, UNKNOWN_FILE_S)
+        if left < 0:
+            break
+        chosen.append(file)
+    return Part(f"fast tests ({len(chosen)} of {len(files)} files)", tuple(chosen), "not e2e", workers=2)
+
+
+def share_out(files: Sequence[str], workers: int) -> list[list[str]]:
+    """Files of each worker: the longest first, each to the worker that has least so far."""
+    times = known_times()
+    shares: list[list[str]] = [[] for _ in range(workers)]
+    loads = [0.0] * workers
+    for file in sorted(files, key=lambda file: -times.get(file, UNKNOWN_FILE_S)):
+        worker = loads.index(min(loads))
+        shares[worker].append(file)
+        loads[worker] += times.get(file, UNKNOWN_FILE_S)
+    return [share for share in shares if share]
+
+
+# ------------------------------------------------------------------------------------------------------- one part
+
+
+class Worker:
+    """A pytest process, with its output and its state in files."""
+
+    def __init__(self, arguments: Sequence[str], folder: Path, nice: int) -> None:
+        self._output, self._progress = folder / "output.txt", folder / "progress.json"
+        folder.mkdir()
+        with self._output.open("wb") as stream:
+            self.process = subprocess.Popen(
+                [*PYTEST, *arguments, "-p", "no:cacheprovider", "--progress", str(self._progress)],
+                cwd=ROOT,
+                stdout=stream,
+                stderr=subprocess.STDOUT,
+            )
         with contextlib.suppress(PermissionError):
-            os.setpriority(os.PRIO_PROCESS, process.pid, self.nice)
-        code = process.wait()
-        print(f"== {self.title}: {time.monotonic() - begin:.0f} s, exit code {code}", flush=True)
-        return code
+            os.setpriority(os.PRIO_PROCESS, self.process.pid, nice)
+
+    def state(self) -> State:
+        if self._progress.exists():
+            found: State = json.loads(self._progress.read_text())
+            return found
+        return State(ended=0, count=0, ended_s=0.0, count_s=0.0, failed=[], files={})
+
+    def print_output(self) -> None:
+        """All of it after a failure, otherwise the last line."""
+        text = self._output.read_text(errors="replace").rstrip()
+        if self.process.returncode in (PASSED, NO_TESTS):
+            text = text.rpartition("\n")[2]
+        print(text, flush=True)
 
 
-def run_with_retry(part: Part) -> int:
-    """Run it; a few tests that fail are run again alone, and what they come to is the exit code."""
+def run_part(part: Part) -> int:
+    """Run a part, print its progress, run a few failed tests again alone; returns the exit code."""
+    begin = time.monotonic()
+    print(f"== {part.title}: {len(part.files)} files, expected {_minutes(_expected_s(part))}", flush=True)
     with tempfile.TemporaryDirectory() as folder:
-        part = replace(part, arguments=(*part.arguments, "-o", f"cache_dir={folder}"))
-        code, names = part.run(), last_failed(Path(folder))
-        if code != FAILED or not 0 < len(names) <= MAX_AGAIN:
-            return code
-        alone = (*part.arguments, "-n", "0", "--last-failed")
-        again = replace(part, title=f"{part.title} that failed, alone", arguments=alone).run()
-    if again == 0:
+        shares = share_out(part.files, part.workers)
+        options = ("-m", part.markers) if part.markers else ()
+        workers = [Worker((*options, *files), Path(folder, str(n)), part.nice) for n, files in enumerate(shares)]
+        _wait(part.title, workers, begin)
+        codes = {worker.process.returncode for worker in workers} - {PASSED, NO_TESTS}
+        for worker in workers:
+            worker.print_output()
+        failed = sorted(nodeid for worker in workers for nodeid in worker.state()["failed"])
+        _save_times({file: s for worker in workers for file, s in worker.state()["files"].items()})
+    print(f"== {part.title}: {_minutes(time.monotonic() - begin)}, {len(failed)} failed", flush=True)
+    if codes == {FAILED} and part.retry and 0 < len(failed) <= MAX_RETRIES:
+        return _retry(part, failed)
+    return max(codes, default=PASSED)
+
+
+def _retry(part: Part, failed: list[str]) -> int:
+    code = run_part(Part(f"{part.title} that failed, alone", tuple(failed), part.markers, retry=False))
+    names = [nodeid.removeprefix(f"{ROOT}/") for nodeid in failed]
+    if code == PASSED:
         print(f"== {part.title}: these failed beside others and passed alone: {', '.join(names)}", flush=True)
-    return again
+    return code
 
 
-def last_failed(cache: Path) -> list[str]:
-    """The tests that a run of pytest with this cache noted as failed."""
-    file = cache / "v/cache/lastfailed"
-    return sorted(json.loads(file.read_text())) if file.exists() else []
+def _wait(title: str, workers: Sequence[Worker], begin: float) -> None:
+    printed = begin
+    while any(worker.process.poll() is None for worker in workers):
+        time.sleep(POLL_S)
+        if time.monotonic() - printed >= PRINT_PERIOD_S:
+            printed = time.monotonic()
+            print(_progress(title, [worker.state() for worker in workers], printed - begin), flush=True)
 
 
-def files_with_marker(marker: str) -> list[str]:
-    """Files that have tests with a marker."""
-    files = sorted((ROOT / "tests").rglob("test_*.py"))
-    return [str(file.relative_to(ROOT)) for file in files if f"mark.{marker}" in file.read_text()]
+def _progress(title: str, states: Sequence[State], elapsed_s: float) -> str:
+    ended, count, failed = (sum(sizes) for sizes in zip(*map(_sizes, states), strict=True))
+    share = sum(s["ended_s"] for s in states) / max(sum(s["count_s"] for s in states), 1e-9)
+    left = f", about {_minutes(elapsed_s / share - elapsed_s)} left" if share > 0.02 else ""
+    return f"   {title}: {ended} of {count} tests, {share:.0%}, {_minutes(elapsed_s)}{left}, {failed} failed"
 
 
-def run_in_parallel(told: Part, *others: Part) -> list[int]:
-    """Several parts at a time, the first as ``run_with_retry``; what the others say is printed in the end.
+def _sizes(state: State) -> tuple[int, int, int]:
+    return state["ended"], state["count"], len(state["failed"])
 
-    Returns exit codes.
-    """
-    with contextlib.ExitStack() as stack:
-        said = [stack.enter_context(tempfile.NamedTemporaryFile(suffix=".txt")) for _ in others]
-        pool = stack.enter_context(ThreadPoolExecutor(len(others)))
-        going_on = [pool.submit(other.run, file.file) for other, file in zip(others, said, strict=True)]
-        codes = [run_with_retry(told), *(other.result() for other in going_on)]
-        for file in said:
-            print(Path(file.name).read_text(), flush=True)
-    return codes
+
+def _expected_s(part: Part) -> float:
+    times = known_times()
+    shares = share_out(part.files, part.workers)
+    return max((sum(times.get(file, UNKNOWN_FILE_S) for file in share) for share in shares), default=0.0)
+
+
+def _minutes(seconds: float) -> str:
+    return f"{int(seconds) // 60}:{int(seconds) % 60:02d}"
+
+
+# ------------------------------------------------------------------------------------------------------- everything
+
+_times: dict[str, float] = {}
+
+
+def _save_times(found: dict[str, float]) -> None:
+    """For a file with tests in two parts the longer time."""
+    _times.update({file: max(seconds, _times.get(file, 0.0)) for file, seconds in found.items()})
 
 
 def main() -> int:
-    """Every part happens, unless they are interrupted; the first failure is the exit code."""
-    interrupts: list[int] = []  # every process of the group is told; each ends in good order
+    """Every part runs, unless the run is interrupted; the first failure is the exit code."""
+    parser = argparse.ArgumentParser(description="Run the tests.")
+    parser.add_argument("--quick", action="store_true", help="the fast tests only, in about a minute")
+    parser.add_argument("--save-times", action="store_true", help="renew tests/times.json, on a calm machine")
+    arguments = parser.parse_args()
+    interrupts: list[int] = []  # every process of the group gets the signal; each ends in good order
     signal.signal(signal.SIGINT, lambda number, _: interrupts.append(number))
-    os.environ["OPENBLAS_NUM_THREADS"] = "1"  # tests side by side have the processors already
+    os.environ["OPENBLAS_NUM_THREADS"] = "1"  # tests side by side use the processors already
+    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # each of thousands of processes would compile what it imports
     os.environ.setdefault("NUMBA_CACHE_DIR", str(KERNELS))
     print("== compiled kernels", flush=True)
     subprocess.run([sys.executable, "-c", WARM_UP], cwd=ROOT, check=False)
-    quick = Part("quick tests", (*QUICK, "-m", "not e2e"))
-    flights = Part("flights", ("-m", "flight", *files_with_marker("flight")), NICE)
-    replays = Part("replays", ("-m", "replay", *files_with_marker("replay")), NICE)
-    others = "e2e and not flight and not replay and not alone"
-    together = Part("end to end", (*WAITING, "-m", others, *files_with_marker("e2e")))
-    moments = Part("one after another", ("-m", "alone", *files_with_marker("alone")))
-    steps: list[Callable[[], list[int]]] = [
-        lambda: [run_with_retry(quick)],
-        lambda: run_in_parallel(flights, replays),
-        lambda: [run_with_retry(together)],
-        lambda: [moments.run()],
-    ]
-    codes = [code for step in steps if not interrupts for code in step()]
-    return INTERRUPTED if interrupts else next((code for code in codes if code), 0)
+    codes = [run_at_once(step) for step in ([[fast_part()]] if arguments.quick else parts()) if not interrupts]
+    if arguments.save_times:
+        TIMES.write_text(json.dumps({k: round(v, 1) for k, v in sorted(_times.items())}, indent=0) + "\n")
+    return INTERRUPTED if interrupts else next((code for code in codes if code), PASSED)
+
+
+def run_at_once(step: Sequence[Part]) -> int:
+    """Parts at the same time; the first failure is the exit code."""
+    with ThreadPoolExecutor(len(step)) as pool:
+        return next((code for code in pool.map(run_part, step) if code), PASSED)
 
 
 if __name__ == "__main__":

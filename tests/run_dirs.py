@@ -1,4 +1,4 @@
-"""A run directory in which a daemon seems to run."""
+"""A run directory of a simulated daemon."""
 
 from __future__ import annotations
 
@@ -19,14 +19,16 @@ def running_daemon(
     path: Path, name: str = "s", zenoh: str | None = None, page: str | None = None
 ) -> Iterator[run_directory.RunDirectory]:
     """The directory, taken and published as by the daemon of a session."""
-    made = run_directory.make(name, str(path))
-    made.publish(run_directory.DaemonInfo(os.getpid(), name, "", None, zenoh, 0, str(made.control_socket), page))
+    directory = run_directory.make(name, str(path))
+    directory.publish(
+        run_directory.DaemonInfo(os.getpid(), name, "", None, zenoh, 0, str(directory.control_socket), page)
+    )
     try:
-        yield made
+        yield directory
     finally:
-        made.withdraw()
+        directory.withdraw()
 
 
 def peers_of_user(uid: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """From now on the kernel says that whoever is at the other end of a Unix socket is a process of that user."""
+    """Make the kernel report a user as the peer of every Unix socket."""
     monkeypatch.setattr(socket.socket, "getsockopt", lambda sock, level, option, size: struct.pack("3i", 7, uid, uid))

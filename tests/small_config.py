@@ -1,4 +1,4 @@
-"""The smallest configurations: a serial line and one device on it.  As text, for that is what a session carries."""
+"""The smallest configurations: a serial line and one device on it.  They are text, as in a session."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``docs/add-a-sensor.md`` is executed: its files are written, its commands run, and what they print is compared."""
+"""``docs/add-a-sensor.md`` is executed: its files are written, its commands run, and their output is compared."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ WITHIN_S = 100.0
 
 @dataclass(frozen=True)
 class Session:
-    """A console of the page: commands, and what each prints."""
+    """A console of the page: commands and their outputs."""
 
     commands: list[str]
     printed: list[str]
@@ -47,10 +47,10 @@ FLIGHTS = [s for s in SESSIONS if any("fti run" in command for command in s.comm
 
 
 def execute(found: Session, folder: Path) -> list[str]:
-    """What each command prints, in one shell, in a folder with the page's configuration."""
+    """Output of each command, in one shell, in a folder with the page's configuration."""
     (folder / "sensors.toml").write_text("".join(blocks("toml")), encoding="utf-8")
-    said = f"\necho '{MARK}'\n".join(found.commands)
-    script = f'fti() {{ "$PYTHON" -m fti.cli.main "$@"; }}\n{said}\nwait\n'
+    commands = f"\necho '{MARK}'\n".join(found.commands)
+    script = f'fti() {{ "$PYTHON" -m fti.cli.main "$@"; }}\n{commands}\nwait\n'
     environment = {**os.environ, "PYTHON": sys.executable, "XDG_RUNTIME_DIR": str(folder), "PYTHONPATH": str(ROOT)}
     done = subprocess.run(
         ["bash", "-c", script],
@@ -82,10 +82,10 @@ def test_what_the_page_says_is_printed(number: int, tmp_path: Path) -> None:
 def test_the_page_is_flown_and_recorded(tmp_path: Path) -> None:
     (flight,) = FLIGHTS
     *printed, info = execute(flight, tmp_path)
-    run, told = printed[-1], flight.printed[-1].splitlines()
+    run, output_lines = printed[-1], flight.printed[-1].splitlines()
     assert run.startswith("recording to ")
     topics = {line.split()[0]: int(line.split()[1]) for line in info.splitlines() if re.match(r"/\S+ +\d", line)}
-    for line in told[1:]:
+    for line in output_lines[1:]:
         assert topics[line.split()[0]] > 0, line
     ranges = table(tmp_path, "lidar_range")
     assert ranges
@@ -122,7 +122,7 @@ def rows(heading: str, table_number: int = 0) -> dict[str, str]:
     return {key: default.strip() for key, default in found}
 
 
-def told_default(text: str) -> Any:
+def documented_default(text: str) -> Any:
     return tomllib.loads(f"x = {text.strip('`')}")["x"] if text.startswith("`") else text
 
 
@@ -135,19 +135,21 @@ def told_default(text: str) -> Any:
         ("`binary_struct`", 0, binary_struct.Options, ("fields", "sync")),
     ],
 )
-def test_every_key_is_told_with_its_default(
+def test_every_key_is_documented_with_its_default(
     heading: str, number: int, model: type[BaseModel], without: tuple[str, ...]
 ) -> None:
-    told = rows(heading, number)
-    assert set(told) == set(model.model_fields)
+    documented = rows(heading, number)
+    assert set(documented) == set(model.model_fields)
     for name, field in model.model_fields.items():
         default = field.get_default()
         expected = "" if default is PydanticUndefined else "–" if default is None else default
         if name not in without:
-            assert told_default(told[name]) == (list(expected) if isinstance(expected, tuple) else expected), name
+            assert documented_default(documented[name]) == (
+                list(expected) if isinstance(expected, tuple) else expected
+            ), name
 
 
-def test_checksums_types_and_units_are_told() -> None:
+def test_checksums_types_and_units_are_documented() -> None:
     names = {*_checksums.CHECKSUMS, *_binary_frame.CODES}
     units = {unit for q in _quantities.QUANTITIES.values() for g in _quantities.DIMENSIONS if q.unit in g for unit in g}
     for name in names | units - {"ddm"}:

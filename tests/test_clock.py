@@ -1,4 +1,4 @@
-"""FTI time: monotonic plus a fixed epoch; a kernel stamp is believed that can have waited in its socket."""
+"""FTI time: monotonic plus a fixed epoch; a kernel stamp is accepted if it can have waited in its socket."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ STALL_NS = 130 * SECOND_NS
 
 
 def carried_over(clock: Clock, stamp_ns: int, since_ns: int) -> int | None:
-    """FTI time of a CLOCK_REALTIME stamp from a socket that was empty at since_ns; None when it is not believed."""
+    """FTI time of a CLOCK_REALTIME stamp from a socket that was empty at since_ns; None when it is not accepted."""
     offset_ns, oldest_ns, newest_ns = clock.stamp_window(since_ns)
     return stamp_ns + offset_ns if oldest_ns <= stamp_ns <= newest_ns else None
 
 
 class Hands:
-    """The kernel's clocks, moved by hand."""
+    """Simulated clocks of the kernel."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, monotonic: int, realtime: int) -> None:
         self.monotonic, self.realtime = monotonic, realtime
@@ -79,16 +79,16 @@ def test_fti_time_is_one_that_files_can_hold_whatever_the_clock_says(
     monkeypatch: pytest.MonkeyPatch, monotonic: int, realtime: int, when: str | None
 ) -> None:
     Hands(monkeypatch, monotonic=monotonic, realtime=realtime)
-    epoch, told = choose_epoch_ns(), describe_wrong_time()
+    epoch, reported = choose_epoch_ns(), describe_wrong_time()
     assert epoch % TICK_PERIOD_NS == 0
     year_2000 = int(datetime(2000, 1, 1, tzinfo=UTC).timestamp()) * SECOND_NS
     if when is None:
         assert abs(monotonic + epoch - realtime) <= TICK_PERIOD_NS // 2
-        assert told is None
+        assert reported is None
     else:
         assert year_2000 <= monotonic + epoch <= year_2000 + TICK_PERIOD_NS
-        assert told is not None
-        assert told.startswith(f"the real-time clock is {when}; ")
+        assert reported is not None
+        assert reported.startswith(f"the real-time clock is {when}; ")
 
 
 def test_a_step_of_real_time_does_not_move_fti_time(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -101,11 +101,11 @@ def test_a_step_of_real_time_does_not_move_fti_time(monkeypatch: pytest.MonkeyPa
 
 @pytest.mark.parametrize("waited_ns", [0, 20_000_000, STALL_NS])
 @pytest.mark.parametrize(
-    ("after_ns", "believed"),
+    ("after_ns", "accepted"),
     [(0, True), (1, True), (-MAX_QUEUE_DELAY_NS, True), (-MAX_QUEUE_DELAY_NS - 1, False), (-3600 * SECOND_NS, False)],
 )
 def test_a_stamp_may_be_as_old_as_the_last_look_at_its_socket(
-    monkeypatch: pytest.MonkeyPatch, waited_ns: int, after_ns: int, believed: bool
+    monkeypatch: pytest.MonkeyPatch, waited_ns: int, after_ns: int, accepted: bool
 ) -> None:
     """The socket was empty at 60 s; it is read after a pause of any length."""
     hands = Hands(monkeypatch, monotonic=60 * SECOND_NS, realtime=1_700_000_000 * SECOND_NS)
@@ -113,7 +113,7 @@ def test_a_stamp_may_be_as_old_as_the_last_look_at_its_socket(
     stamp, since_ns = hands.realtime + after_ns, clock.now_ns()
     hands.monotonic += waited_ns + 1
     hands.realtime += waited_ns + 1
-    assert carried_over(clock, stamp, since_ns) == (63 * SECOND_NS + after_ns if believed else None)
+    assert carried_over(clock, stamp, since_ns) == (63 * SECOND_NS + after_ns if accepted else None)
     assert carried_over(clock, hands.realtime + 1, since_ns) is None
     assert not clock.take_steps()
 
@@ -146,7 +146,7 @@ def test_system_clock_runs_with_the_monotonic_clock() -> None:
     assert before <= now
 
 
-def test_fake_clock_moves_only_when_told() -> None:
+def test_fake_clock_moves_only_on_request() -> None:
     clock = FakeClock(time_ns=5)
     assert clock.now_ns() == clock.now_ns() == 5
     clock.advance(1.5)
@@ -172,7 +172,7 @@ def test_clock_sample_names_three_clocks_and_how_close_they_were_read() -> None:
 
 # ------------------------------------------------------------------------------------- steps of the real-time clock
 
-SEEN_NS = 60 * SECOND_NS
+DETECTED_NS = 60 * SECOND_NS
 
 
 def _stepped(monkeypatch: pytest.MonkeyPatch, step_ns: int) -> tuple[SystemClock, Hands, int]:
@@ -180,18 +180,18 @@ def _stepped(monkeypatch: pytest.MonkeyPatch, step_ns: int) -> tuple[SystemClock
     hands = Hands(monkeypatch, monotonic=59 * SECOND_NS, realtime=1_700_000_059 * SECOND_NS)
     clock = SystemClock(epoch_ns=0)
     stamp = hands.realtime + 900_000_000
-    hands.monotonic = SEEN_NS
+    hands.monotonic = DETECTED_NS
     hands.realtime += SECOND_NS + step_ns
     return clock, hands, stamp
 
 
 @pytest.mark.parametrize("step_s", [5.0, -5.0, 0.95, -0.05, 9.8, 3600.0, -3600.0])
-def test_a_stamp_from_before_a_step_is_not_believed_after_it(monkeypatch: pytest.MonkeyPatch, step_s: float) -> None:
+def test_a_stamp_from_before_a_step_is_not_accepted_after_it(monkeypatch: pytest.MonkeyPatch, step_s: float) -> None:
     """Converted, it would be wrong by the step: +5 s is an age that looks as good as any."""
     clock, _, stamp = _stepped(monkeypatch, round(step_s * SECOND_NS))
     assert carried_over(clock, stamp, 59 * SECOND_NS) is None
     assert carried_over(clock, stamp, 59 * SECOND_NS) is None  # the next socket is read later, with the step known
-    assert clock.take_steps() == [ClockStep(SEEN_NS, round(step_s * SECOND_NS))]
+    assert clock.take_steps() == [ClockStep(DETECTED_NS, round(step_s * SECOND_NS))]
     assert clock.take_steps() == []
 
 
@@ -228,26 +228,26 @@ def test_around_a_step_a_stamp_is_right_or_refused(
 
 
 @pytest.mark.parametrize(("step_s", "until_s"), [(5.0, 0.0), (0.5, 0.0), (-3600.0, 0.0), (-0.5, 0.5)])
-def test_stamps_are_believed_again_after_a_step(monkeypatch: pytest.MonkeyPatch, step_s: float, until_s: float) -> None:
+def test_stamps_are_accepted_again_after_a_step(monkeypatch: pytest.MonkeyPatch, step_s: float, until_s: float) -> None:
     """At once, where none from before can be mistaken for one of now; set back a little: when real time is there."""
     clock, hands, _ = _stepped(monkeypatch, round(step_s * SECOND_NS))
-    clock.stamp_window(SEEN_NS)
+    clock.stamp_window(DETECTED_NS)
     for later_ns in (1_000_000, round(until_s * SECOND_NS) + 1_000_000):
         hands.monotonic += later_ns
         hands.realtime += later_ns
-        believed = hands.monotonic > SEEN_NS + until_s * SECOND_NS
+        accepted = hands.monotonic > DETECTED_NS + until_s * SECOND_NS
         stamp = carried_over(clock, hands.realtime - 100_000, hands.monotonic - 20_000_000)
-        assert stamp == (hands.monotonic - 100_000 if believed else None)
+        assert stamp == (hands.monotonic - 100_000 if accepted else None)
 
 
 def test_a_step_casts_no_doubt_on_a_socket_that_was_empty_behind_it(monkeypatch: pytest.MonkeyPatch) -> None:
     """Set back by 5 s; one socket has been empty since, in the other one something may wait from before."""
     clock, hands, _ = _stepped(monkeypatch, -5 * SECOND_NS)
-    clock.stamp_window(SEEN_NS)
+    clock.stamp_window(DETECTED_NS)
     hands.monotonic += 2 * SECOND_NS
     hands.realtime += 2 * SECOND_NS
     assert carried_over(clock, hands.realtime - 1000, hands.monotonic - 1_000_000) == hands.monotonic - 1000
-    assert carried_over(clock, hands.realtime - 1000, SEEN_NS - 9 * SECOND_NS) is None
+    assert carried_over(clock, hands.realtime - 1000, DETECTED_NS - 9 * SECOND_NS) is None
 
 
 def test_two_steps_in_one_pause_that_cancel_each_other_leave_no_wrong_stamp(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -38,8 +38,8 @@ PLACES: dict[str, tuple[type[BaseModel], tuple[str, ...]]] = {
 }
 
 
-def told(place: str) -> dict[str, str]:
-    """Key to default as the first table behind a place has them."""
+def documented(place: str) -> dict[str, str]:
+    """Key to default in the first table after a place."""
     assert PAGE.count(f"\n{place}") == 1
     lines = iter(PAGE.partition(f"\n{place}")[2].splitlines())
     rows = [line for line in _first_table(lines) if line.startswith("| `")]
@@ -58,7 +58,7 @@ def _first_table(lines: Any) -> list[str]:
 
 
 def expected(model: type[BaseModel], shared: tuple[str, ...]) -> dict[str, Any]:
-    """Key to default; "" for a key that must be there, "–" for one that is not there without being said."""
+    """Key to default; "" for a required key, "–" for an optional one without a default."""
     found: dict[str, Any] = {}
     for name, field in model.model_fields.items():
         default = field.get_default(call_default_factory=True)
@@ -77,16 +77,16 @@ def as_value(text: str) -> Any:
 
 
 @pytest.mark.parametrize("place", PLACES)
-def test_every_key_is_told_with_its_default(place: str) -> None:
-    assert {key: as_value(text) for key, text in told(place).items()} == expected(*PLACES[place])
+def test_every_key_is_documented_with_its_default(place: str) -> None:
+    assert {key: as_value(text) for key, text in documented(place).items()} == expected(*PLACES[place])
 
 
-def test_what_every_link_has_is_told() -> None:
-    found = {key: as_value(text) for key, text in told("## `[[link]]`").items()}
+def test_the_keys_of_every_link_are_documented() -> None:
+    found = {key: as_value(text) for key, text in documented("## `[[link]]`").items()}
     assert found == {"kind": "", **expected(tables.LinkTable, ())}
 
 
-def test_every_table_is_told() -> None:
+def test_every_table_is_documented() -> None:
     models = {
         model
         for model in vars(tables).values()

@@ -1,4 +1,4 @@
-"""The layers hold, and what the recorder is made of loads nothing heavy and understands nothing."""
+"""The layers hold; the recorder imports no heavy module and no decoder."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 
 from tests.helpers import ROOT
 
-#: What the recorder may be made of.
+#: Modules that the recorder may import.
 BYTES_ONLY = ["fti.types", "fti.errors", "fti.clock", "fti.config", "fti.canframe", "fti.buffers", "fti.links"]
 BYTES_ONLY += ["fti.buffers.triple_buffer", "fti.buffers.ring", "fti.logger.raw_log"]
 HEAVY = ["numpy", "numba", "llvmlite", "scipy", "zenoh", "aiohttp", "aiomqtt", "foxglove", "pyproj", "pymavlink"]
@@ -31,7 +31,7 @@ def python(*arguments: str) -> subprocess.CompletedProcess[str]:
 
 
 def test_every_contract_holds() -> None:
-    """The contracts stand in pyproject.toml."""
+    """The contracts are in pyproject.toml."""
     run = "from importlinter.cli import lint_imports_command; lint_imports_command()"
     assert " 0 broken" in python("-c", run, "--no-cache").stdout
 
@@ -45,8 +45,8 @@ def test_the_recorder_loads_nothing_heavy(module: str) -> None:
 
 def test_the_command_line_answers_without_the_heavy_parts() -> None:
     """``fti --help`` imports every command; what a command needs is imported when it runs."""
-    told = python("-X", "importtime", "-m", "fti.cli.main", "--help").stderr
-    imported = {line.rpartition("|")[2].strip() for line in told.splitlines()}
+    import_times = python("-X", "importtime", "-m", "fti.cli.main", "--help").stderr
+    imported = {line.rpartition("|")[2].strip() for line in import_times.splitlines()}
     assert "argparse" in imported
     assert not imported & set(HEAVY)
 

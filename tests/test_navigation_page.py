@@ -1,4 +1,4 @@
-"""Every line of the table in docs/navigation.md has its tests, and says what the program says."""
+"""Every line of the table in docs/navigation.md has its tests, and quotes texts of the program."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ from tests.service.test_health_conditions import health
 PAGE = (ROOT / "docs" / "navigation.md").read_text()
 COLUMNS = 5
 CITED = re.compile(r"`(tests/[\w/]+\.py)::(\w+)`")
-TOLD = re.compile(r"(event|alarm|reason) ((?:`[^`]+`(?:, then |, | or )?)+)")
+QUOTED = re.compile(r"(event|alarm|reason) ((?:`[^`]+`(?:, then |, | or )?)+)")
 CHANGED = re.compile(r"(attitude|position): from (\w+) instead of (\w+)")
-GONE = re.compile(r"(attitude|position): no source; (\w+) went away")
+SOURCE_LOST = re.compile(r"(attitude|position): no source; (\w+) went away")
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class Line:
     """One line of the table."""
 
     name: str
-    told: tuple[tuple[str, str], ...]
+    quoted: tuple[tuple[str, str], ...]
     tests: tuple[tuple[str, str], ...]
 
 
@@ -44,8 +44,8 @@ def lines() -> list[Line]:
 
 
 def _line(row: list[str]) -> Line:
-    told = [(kind, text) for kind, group in TOLD.findall(row[3]) for text in re.findall(r"`([^`]+)`", group)]
-    return Line(f"{row[0]}: {row[1]}", tuple(told), tuple(CITED.findall(row[4])))
+    quoted = [(kind, text) for kind, group in QUOTED.findall(row[3]) for text in re.findall(r"`([^`]+)`", group)]
+    return Line(f"{row[0]}: {row[1]}", tuple(quoted), tuple(CITED.findall(row[4])))
 
 
 LINES = lines()
@@ -53,7 +53,7 @@ NAMES = [line.name for line in LINES]
 
 
 def texts(kind: str) -> list[str]:
-    return sorted({text for line in LINES for what, text in line.told if what == kind})
+    return sorted({text for line in LINES for what, text in line.quoted if what == kind})
 
 
 @pytest.mark.parametrize("line", LINES, ids=NAMES)
@@ -74,24 +74,24 @@ def test_a_reason_is_one_that_people_read(text: str) -> None:
 
 
 @pytest.mark.parametrize("text", texts("event"))
-def test_an_event_is_one_that_navigation_tells(text: str) -> None:
-    told = [navigation._altitude_event(0, alone=True).text, describe_return("laser")]
+def test_an_event_is_one_that_navigation_reports(text: str) -> None:
+    events = [navigation._altitude_event(0, is_alone=True).text, describe_return("laser")]
     if found := CHANGED.fullmatch(text):
         role, now, before = found.groups()
-        told.append(navigation._event(0, role, before, now).text)
-    if found := GONE.fullmatch(text):
-        told.append(navigation._event(0, found[1], found[2], None).text)
-    assert text in told
+        events.append(navigation._event(0, role, before, now).text)
+    if found := SOURCE_LOST.fullmatch(text):
+        events.append(navigation._event(0, found[1], found[2], None).text)
+    assert text in events
 
 
 def titles(*outputs: NavSolution) -> set[str]:
     """Titles of the alarms that outputs raise."""
-    reports = OutputConditions(Config(session=Session(name="s"))).take(outputs)
+    reports = OutputConditions(Config(session=Session(name="s"))).feed(outputs)
     return {report.condition.title for report in reports if report.condition}
 
 
 def alarms_of_sources() -> set[str]:
-    """Of a solution that a device gives, and then another source or none."""
+    """Events of a solution from a device, then from another source or none."""
     good: dict[str, Any] = {"t_valid_ns": None, "valid": True, "reasons": (), "attitude_valid": True}
     roles: dict[str, Any] = dict.fromkeys(("position_source", "attitude_source", "altitude_source"), "ins")
     first, found = NavSolution(t_ns=0, **good, **roles), set[str]()
@@ -108,10 +108,12 @@ def test_an_alarm_is_one_that_navigation_raises(text: str) -> None:
 
 
 def test_a_navigation_that_is_late_or_stopped_has_its_alarms() -> None:
-    shown, waits = list[dict[str, Any]](), [-5 * 10**9, None]  # arrival of the oldest frame, the last first
-    board = AlarmBoard(FakeClock(0), lambda _, payload: shown.append(json.loads(payload)), lambda *_: None, waits.pop)
+    payloads, waits = list[dict[str, Any]](), [-5 * 10**9, None]  # arrival of the oldest frame, the last first
+    board = AlarmBoard(
+        FakeClock(0), lambda _, payload: payloads.append(json.loads(payload)), lambda *_: None, waits.pop
+    )
     for state in ("running", "restarting"):
         board.handle_health(health(processes={"navigation": {"state": state}}))
         board.check_navigation_latency()
-    found = {row["title"] for row in shown[-1]["alarms"] for row in (row, *row["consequences"])}
+    found = {row["title"] for row in payloads[-1]["alarms"] for row in (row, *row["consequences"])}
     assert found == {text for text in texts("alarm") if text.startswith("NAVIGATION")}

@@ -1,4 +1,4 @@
-"""Computes without end: ``arrays`` as navigation does, in compiled code; ``python`` in the interpreter."""
+"""Loads a core without end: ``arrays`` as navigation does, in compiled code; ``python`` in the interpreter."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""23 devices, each on a link of its own: the aircraft of table 6.1 of Spiegel 2018, and what is there twice and thrice.
+"""23 devices, each on a link of its own: the aircraft of table 6.1 of Spiegel 2018, with sensors two and three times.
 
 The inertial system with both its outputs once; every other sensor of the table three times, at the table's rates; two
-buses of pickups; and four devices of other kinds.  A GNSS receiver that talks unasked stands for the one of the table,
-which is silent until it is asked for its logs.
+buses of pickups; and four devices of other kinds.  A GNSS receiver that sends on its own replaces the one of the table,
+which sends logs on request only.
 """
 
 from __future__ import annotations

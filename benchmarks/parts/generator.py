@@ -1,9 +1,9 @@
-"""Sends numbered datagrams to many ports of loopback at a steady rate, many with one call of the kernel.
+"""Sends numbered datagrams to many ports of loopback at a steady rate, many with one system call.
 
     python -m benchmarks.parts.generator --rate 200000 --seconds 60 PORT...
 
 Each datagram has 95 bytes: its number on this port, when it was sent (CLOCK_MONOTONIC [ns]), and filler.  The ports
-take turns.  Prints one line of JSON: how many were sent to each port, and in which time.
+take turns.  Prints one line of JSON: number of datagrams sent to each port, and duration.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ import numpy as np
 
 SIZE = 95
 HEAD = struct.Struct("<Qq")  # number, time sent [ns]
-MAX_BATCH = 1024  # what the kernel takes with one call
+MAX_BATCH = 1024  # limit of one system call
 PAUSE_S = 0.0005  # between two calls
 PRIORITY = -10
 
@@ -51,7 +51,7 @@ class DatagramBatch:
     """Messages for the ports in turn, prepared once; before each call only number and time change."""
 
     def __init__(self, ports: list[int]) -> None:
-        self.sent = np.zeros(len(ports), np.uint64)
+        self.sent_counts = np.zeros(len(ports), np.uint64)
         self._turn = 0
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._send = ctypes.CDLL(None, use_errno=True).sendmmsg
@@ -69,12 +69,12 @@ class DatagramBatch:
             self._messages[i].message = _Message(names + 16 * i, 16, vector, 1, None, 0, 0)
 
     def fire(self, count: int) -> None:
-        """Send so many messages; waits while the kernel does not take them."""
+        """Send ``count`` messages; waits while the kernel does not accept them."""
         rows = slice(self._turn, self._turn + count)
         ports = self._port[rows]
-        turns = np.arange(count) // len(self.sent)
+        turns = np.arange(count) // len(self.sent_counts)
         head = np.empty((count, 2), np.uint64)
-        head[:, 0] = self.sent[ports] + turns.astype(np.uint64)
+        head[:, 0] = self.sent_counts[ports] + turns.astype(np.uint64)
         head[:, 1] = time.monotonic_ns()
         self._data[rows, : HEAD.size] = head.view(np.uint8).reshape(count, HEAD.size)
         done = 0
@@ -84,8 +84,8 @@ class DatagramBatch:
             if taken < 0:
                 raise OSError(ctypes.get_errno(), os.strerror(ctypes.get_errno()))
             done += taken
-        self.sent += np.bincount(ports, minlength=len(self.sent)).astype(np.uint64)
-        self._turn = (self._turn + count) % len(self.sent)
+        self.sent_counts += np.bincount(ports, minlength=len(self.sent_counts)).astype(np.uint64)
+        self._turn = (self._turn + count) % len(self.sent_counts)
 
 
 def _address(port: int) -> bytes:
@@ -93,7 +93,7 @@ def _address(port: int) -> bytes:
 
 
 def send(ports: list[int], rate: float, seconds: float) -> tuple[list[int], float]:
-    """Send at that rate [1/s] to all ports together; how many to each, and the time it took [s]."""
+    """Send at that rate [1/s] to all ports together; number of each, and duration [s]."""
     volley, total, done = DatagramBatch(ports), round(rate * seconds), 0
     start = time.monotonic()
     while done < total:
@@ -103,20 +103,20 @@ def send(ports: list[int], rate: float, seconds: float) -> tuple[list[int], floa
             volley.fire(count)
             done += count
         time.sleep(max(start + done / rate - time.monotonic(), PAUSE_S if rate > 1 / PAUSE_S else 0))
-    return volley.sent.tolist(), time.monotonic() - start
+    return volley.sent_counts.tolist(), time.monotonic() - start
 
 
 def main() -> int:
-    """Send, and tell what was sent."""
+    """Send, and print the numbers."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--rate", type=float, required=True, help="messages per second, all ports together")
     parser.add_argument("--seconds", type=float, required=True)
     parser.add_argument("ports", type=int, nargs="+")
     args = parser.parse_args()
-    with contextlib.suppress(PermissionError):  # it stands for devices outside, which no process here holds up
+    with contextlib.suppress(PermissionError):  # it replaces external devices, which no process here delays
         os.nice(PRIORITY)
-    sent, seconds = send(args.ports, args.rate, args.seconds)
-    print(json.dumps({"sent": sent, "seconds": seconds}))
+    sent_counts, seconds = send(args.ports, args.rate, args.seconds)
+    print(json.dumps({"sent": sent_counts, "seconds": seconds}))
     return 0
 
 

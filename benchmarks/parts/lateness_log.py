@@ -1,4 +1,4 @@
-"""``fti`` as it is, and beside it a log: when each message was due, and how late it left.
+"""``fti`` unchanged, with a log: when each message was due, and how late it was sent.
 
     python -m benchmarks.parts.lateness_log FILE hil|replay ...
 
@@ -22,7 +22,7 @@ from fti.hil.scheduler import MeteredStream, Scheduler
 
 
 def log_into(file: Path) -> None:
-    """Let every scheduler of this process keep what it knows, and write it at the end."""
+    """Log the times of every scheduler of this process, and write them at exit."""
     due, late, sender, names = array("d"), array("d"), array("H"), dict[str, int]()
     note = Scheduler._note
 

@@ -1,4 +1,4 @@
-"""What the benchmarks share: on which machine they ran, what a process has cost, and how a result is printed."""
+"""Shared by the benchmarks: description of the machine, processor time of a process, printed verdict."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def percentile(ordered: list[int], share: float) -> float:
 
 
 class Verdict:
-    """Targets beside what was reached; ``code`` is 1 when one is missed."""
+    """Results compared with targets; ``code`` is 1 when one is missed."""
 
     def __init__(self) -> None:
         self.code = 0

@@ -1,4 +1,4 @@
-"""Ready-made parsers on the same bytes as our decoders: each takes reads and returns how many messages it found."""
+"""Ready-made parsers on the same bytes as our decoders: each takes reads and returns the number of messages."""
 
 from __future__ import annotations
 

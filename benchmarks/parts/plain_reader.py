@@ -1,9 +1,9 @@
-"""What a recorder costs at least: asyncio, and for each datagram ``sock.recv`` and ``file.write``.
+"""Minimum cost of a recorder: asyncio, and for each datagram ``sock.recv`` and ``file.write``.
 
     python -m benchmarks.parts.plain_reader FILE PORTS [--stamp]
 
 Binds so many free ports of loopback, prints them as one line of JSON, and reads until standard input ends.  With
---stamp each read is written with its time (FTI time, i64) and length (u32) in front: the stamp that a user would take.
+--stamp each read is written with its time (FTI time, i64) and length (u32) in front: the usual stamp of a user.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""Sends small numbered messages one by one, each with the moment of its sending: to see when it is stamped.
+"""Sends small numbered messages one by one, each with its send time, to measure the delay of its stamp.
 
     python -m benchmarks.parts.prober --rate 1000 --seconds 10 [--ports PORT...] [--lines FD...]
 
-A message is its number on that way and CLOCK_MONOTONIC [ns], 16 bytes.  Ports of loopback and inherited descriptors
+A message has its number on that path and CLOCK_MONOTONIC [ns], 16 bytes.  Ports of loopback and inherited descriptors
 take turns.
 """
 
@@ -19,17 +19,17 @@ PROBE = struct.Struct("<Qq")
 
 
 def open_channels(ports: list[int], lines: list[int]) -> list[Callable[[bytes], object]]:
-    """How to send on each way."""
-    made: list[Callable[[bytes], object]] = []
+    """Send function of each path."""
+    senders: list[Callable[[bytes], object]] = []
     for port in ports:
         sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         sock.connect(("127.0.0.1", port))
-        made.append(sock.send)
-    return made + [lambda data, fd=line: os.write(fd, data) for line in lines]
+        senders.append(sock.send)
+    return senders + [lambda data, fd=line: os.write(fd, data) for line in lines]
 
 
 def probe(sends: list[Callable[[bytes], object]], rate: float, seconds: float) -> None:
-    """Send on all ways in turn, at that rate [1/s] together."""
+    """Send on all paths in turn, at that rate [1/s] together."""
     pack, now = PROBE.pack, time.monotonic_ns
     start = time.monotonic()
     for n in range(round(rate * seconds)):

@@ -1,4 +1,4 @@
-"""The processes that a benchmark plays with: the recorder alone, a plain reader, the generator."""
+"""Processes of benchmarks: the recorder alone, a plain reader, the generator."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ class RecorderRig:
         return self._child.pid
 
     def listen(self) -> None:
-        """Take what the recorder says, so that it need not keep it."""
+        """Read the messages of the recorder, so that its queue stays empty."""
         for message in self._channel.receive():
             self.health = message.get("health", self.health)
 
@@ -77,12 +77,12 @@ class RecorderRig:
         deadline = time.monotonic() + READY_S
         while not condition():
             if time.monotonic() > deadline:
-                raise TimeoutError(f"the recorder did not become ready; it said {self.health}")
+                raise TimeoutError(f"the recorder did not become ready; its last health: {self.health}")
             time.sleep(POLL_S)
             self.listen()
 
     def close(self) -> None:
-        """The recorder finishes: everything is in the file afterwards."""
+        """End the recorder; all data are in the file afterwards."""
         self._channel.send({"stop": True})
         process = self._child.process
         while process and process.poll() is None:
@@ -112,5 +112,5 @@ def plain_reader(file: Path, ports: int, *arguments: str) -> Iterator[tuple[int,
 
 
 def start_generator(ports: Sequence[int], rate: float, seconds: float) -> subprocess.Popen[str]:
-    """A generator process; its output says what it has sent."""
+    """A generator process; its output has the numbers of sent datagrams."""
     return part("generator", "--rate", rate, "--seconds", seconds, *ports, stdout=subprocess.PIPE)

@@ -1,10 +1,10 @@
-"""When the machine itself stood still: a process on each core that does nothing but sleep, before all other work.
+"""Detects standstills of the machine: a process on each core that only sleeps, with the highest priority.
 
-    python -m benchmarks.parts.standstill CORE      until its input ends; then it prints what it has seen, as JSON
+    python -m benchmarks.parts.standstill CORE      until its input ends; then it prints the standstills as JSON
 
-A virtual machine is not let run by its host for milliseconds now and then.  Nothing in it can be on time then, and
-nothing that runs there can tell it apart from being slow, unless something with the highest priority (SCHED_FIFO) that
-needs no time is late as well.  Without the right to that priority nothing is measured, so that nothing is excused.
+The host of a virtual machine stops it for some milliseconds now and then.  All its processes are late then.  A process
+with the highest priority (SCHED_FIFO) and without work is late only then, which separates a standstill from slow code.
+Without the right to that priority nothing is measured and no delay is excused.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-#: It wakes so often, and so late it is of no account [s].
+#: Wake period, and tolerated delay [s].
 PERIOD_S, LATE_S = 0.001, 0.0005
-#: What has piled up in a standstill is worked off in so many times its length by who needs half a core.
+#: Time to work off the backlog of a standstill, over its length, for a process that needs half a core.
 RECOVERY_FACTOR = 1.0
 
 
@@ -47,20 +47,20 @@ class Standstill:
         self._spans = np.array([span for spans in found for span in spans]).reshape(-1, 2)
 
     def is_excused(self, due: Array) -> NDArray[np.bool_]:
-        """Which instants (time.monotonic [s]) lie in a standstill, or in what it has piled up.  After the context."""
+        """Which instants (time.monotonic [s]) lie in a standstill or its work-off time.  Call it after the context."""
         excused = np.zeros(len(due), dtype=bool)
         for begin, end in self._spans:
             excused |= (due >= begin) & (due <= end + RECOVERY_FACTOR * (end - begin))
         return excused
 
     def share(self, begin: float, end: float) -> float:
-        """The part of the time from begin to end in which a core stood still, the mean of all."""
+        """Share of the time from begin to end in which a core stood still, mean of all cores."""
         lost = np.clip(np.minimum(self._spans[:, 1], end) - np.maximum(self._spans[:, 0], begin), 0.0, None)
         return float(lost.sum()) / len(self._watching) / (end - begin)
 
 
 def watch(core: int) -> list[tuple[float, float]]:
-    """Sleep until the input ends; when it was late, from when until when."""
+    """Sleep until the input ends; returns begin and end of each delay."""
     os.sched_setaffinity(0, {core})
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(50))

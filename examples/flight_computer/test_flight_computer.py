@@ -12,7 +12,7 @@ from fti.hil.tables.fault_types import Fog
 
 HERE = Path(__file__).parent
 FLIGHT_S = 25.0
-#: The sensors have been heard, and the receiver has drawn the position to where it is [s].
+#: All sensors have sent, and the position has converged to the receiver's [s].
 SETTLED_S = 2.0
 COMMAND = [
     *(sys.executable, HERE / "flight_computer.py"),
@@ -71,7 +71,7 @@ def test_height_above_glide_path(flight):
 
 
 def test_fog_is_reported(fti_emulator, fti_recorder, fti_unit):
-    """The laser sees nothing in fog: the computer must say so within half a second, and no longer than that."""
+    """The laser sees nothing in fog: the computer must report it within half a second, and only in fog."""
     nominal = scenarios.load(scenarios.find("nominal"))
     fog = Fog(kind="fog", devices=("autopilot",), from_s=4.0, to_s=8.0, visibility_m=50.0)
     fti_recorder.start(HERE / "outputs.toml")

@@ -1,8 +1,8 @@
 """The alarms of a session: each begins with its condition and stays until it has ended and was acknowledged.
 
-A condition ends only by a report about its subject: silence and lateness end nothing.  One that returns before its
-alarm was acknowledged counts one more; it must be acknowledged anew, and so must one that becomes more severe.  A
-consequence is shown with its cause while the cause lasts, or when both have ended.
+Only a report about its subject ends a condition; silence and lateness do not.  If it returns before its alarm was
+acknowledged, the count increases, and it must be acknowledged again, as must one that becomes more severe.  A
+consequence is listed under its cause while the cause lasts, or when both have ended.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from fti.alarms.condition import Condition, ConditionReport, Json
 
 
 class AlarmChange(StrEnum):
-    """What became of an alarm."""
+    """Kind of a change of an alarm."""
 
     BEGINS = "begins"
     CHANGES = "changes"
@@ -48,16 +48,16 @@ class Alarm:
 
     @property
     def is_settled(self) -> bool:
-        """It has ended, and was acknowledged where it must be."""
+        """It has ended, and was acknowledged if required."""
         return not self.is_active and (self.acknowledged_ns is not None or not self.condition.is_latched)
 
     @property
     def order(self) -> tuple[Any, ...]:
-        """What a person must see first: not acknowledged, severe, lasting, new."""
+        """Sort key: not acknowledged, severe, active, new ones first."""
         return self.acknowledged_ns is not None, self.condition.severity.rank, not self.is_active, -self.begin_ns
 
     def as_json(self) -> Json:
-        """What is published and recorded of it."""
+        """Its fields for publishing and recording."""
         found = self.condition
         return {
             "id": found.id,
@@ -75,7 +75,7 @@ class Alarm:
 
 
 class AlarmList:
-    """All alarms that last or were not acknowledged: at most one of each identity, of those of the configuration."""
+    """All alarms that are active or not acknowledged, at most one per identity."""
 
     def __init__(self) -> None:
         self._alarms: dict[str, Alarm] = {}
@@ -83,7 +83,7 @@ class AlarmList:
         self._changes: list[Json] = []
 
     def report(self, report: ConditionReport) -> None:
-        """Take what is wrong with a subject now."""
+        """Handle the report about a subject."""
         before, now = self._present.get(report.subject), report.condition
         if before is not None and (now is None or now.id != before):
             del self._present[report.subject]
@@ -93,7 +93,7 @@ class AlarmList:
             self._begin(now, report.t_ns)
 
     def record(self, condition: Condition, t_ns: int) -> None:
-        """Take what happened at a moment: it begins and ends."""
+        """Record a momentary condition: it begins and ends."""
         self._begin(condition, t_ns)
         self._end(condition.id, t_ns)
 
@@ -105,9 +105,9 @@ class AlarmList:
         since_ns: int | None = None,
         excluded: frozenset[str] = frozenset(),
     ) -> int:
-        """Acknowledge an alarm with its consequences (alarm_id), those that have begun since (begun_ns), or all.
+        """Acknowledge an alarm with its consequences (alarm_id), those that have begun since since_ns, or all.
 
-        spared : identities that are not acknowledged.  Returns how many were not acknowledged before.
+        excluded : identities that are not acknowledged.  Returns the number of newly acknowledged alarms.
         """
         begun = {name for name, alarm in self._alarms.items() if since_ns is None or alarm.begin_ns >= since_ns}
         chosen = begun - excluded
@@ -120,7 +120,7 @@ class AlarmList:
         return len(open_alarms)
 
     def rows(self) -> list[Json]:
-        """The alarms, the most urgent first, each with its consequences; a row has the worst severity in it."""
+        """The alarms, the most urgent first, each with its consequences and their worst severity."""
         causes = {name: self._cause_of(name) for name in self._alarms}
         rows = []
         for name, alarm in sorted(self._alarms.items(), key=lambda item: item[1].order):
@@ -130,7 +130,7 @@ class AlarmList:
         return sorted(rows, key=lambda row: row.pop("order"))
 
     def take_changes(self) -> list[Json]:
-        """What has changed since the last call, for the record: each alarm with its ``change`` at ``t_ns``."""
+        """The changes since the last call, for recording: each alarm with its ``change`` at ``t_ns``."""
         changes, self._changes = self._changes, []
         return changes
 
@@ -147,7 +147,7 @@ class AlarmList:
         self._change(alarm, AlarmChange.BEGINS, t_ns)
 
     def _update(self, alarm: Alarm, condition: Condition, t_ns: int) -> None:
-        """The same condition in other words, or of another severity: one that has become more severe is new."""
+        """Update text and severity of an active condition; one that has become more severe is new."""
         rise = alarm.condition.severity.rank - condition.severity.rank
         alarm.condition = condition
         if rise > 0:
@@ -169,31 +169,31 @@ class AlarmList:
             del self._alarms[alarm.condition.id]
 
     def _cause_of(self, name: str) -> str:
-        """The alarm with which this one is shown: the first cause of its causes, or itself."""
+        """The alarm under which this one is listed: the first cause of its causes, or itself."""
         found = self._first_cause(name)
-        return found if self._first_cause(found) == found else name  # causes in a circle: each is shown
+        return found if self._first_cause(found) == found else name  # causes in a circle: each is listed
 
     def _first_cause(self, name: str) -> str:
-        seen = {name}
-        while found := self._next_cause(name, seen):
-            seen.add(found)
+        visited = {name}
+        while found := self._next_cause(name, visited):
+            visited.add(found)
             name = found
         return name
 
-    def _next_cause(self, name: str, seen: Iterable[str]) -> str | None:
+    def _next_cause(self, name: str, visited: Iterable[str]) -> str | None:
         alarm = self._alarms[name]
         for other in alarm.condition.explained_by:
             cause = self._alarms.get(other)
-            if cause and other not in seen and (cause.is_active or not alarm.is_active):
+            if cause and other not in visited and (cause.is_active or not alarm.is_active):
                 return other
         return None
 
 
 def _row(alarm: Alarm, folded: list[Alarm]) -> Json:
-    all_of_it = [alarm, *folded]
-    is_open = any(each.acknowledged_ns is None for each in all_of_it)
-    severity = min((each.condition.severity for each in all_of_it), key=lambda severity: severity.rank)
-    order = not is_open, severity.rank, not any(each.is_active for each in all_of_it), -alarm.begin_ns
+    alarms = [alarm, *folded]
+    is_open = any(each.acknowledged_ns is None for each in alarms)
+    severity = min((each.condition.severity for each in alarms), key=lambda severity: severity.rank)
+    order = not is_open, severity.rank, not any(each.is_active for each in alarms), -alarm.begin_ns
     return {
         **alarm.as_json(),
         "severity": severity,

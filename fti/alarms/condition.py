@@ -1,4 +1,4 @@
-"""A condition is what is wrong with a subject; a report is what is wrong with it now, or that nothing is."""
+"""Conditions: faults of a subject; and reports: the present condition of a subject, or none."""
 
 from __future__ import annotations
 
@@ -7,22 +7,22 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
 
-#: Of a report, in JSON.
+#: A report as JSON.
 Json = dict[str, Any]
 
 
 def device_id(name: str) -> str:
-    """Identity of the alarm of a device that is silent, damaged, or has the wrong rate."""
+    """Identity of the alarm of a device that is silent, has damaged data, or the wrong rate."""
     return f"device:{name}"
 
 
 def in_title(name: str) -> str:
-    """A name of the configuration as it stands in a title."""
+    """A name of the configuration, for a title."""
     return name.upper().replace("_", " ")
 
 
 class Severity(StrEnum):
-    """What a person must do: act at once; know at once and act soon; know."""
+    """Required reaction: immediate action; immediate awareness and later action; awareness."""
 
     WARNING = "warning"
     CAUTION = "caution"
@@ -36,13 +36,13 @@ class Severity(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Condition:
-    """What is wrong with a subject.
+    """A fault of a subject.
 
-    id    : identity of its alarm; a subject has one condition at a time, other conditions of it have other identities
-    title : in capitals, at most five words;  cause : why, for the person who must act
-    value : the quantity that the title speaks of, in its SI unit; None where there is none
-    explained_by : identities of conditions of which this one is a consequence while one of them lasts
-    is_latched   : its alarm stays until it is acknowledged; not that of a start, which ends by itself
+    id    : identity of its alarm; a subject has one condition at a time, each kind with its own identity
+    title : in capitals, at most five words;  cause : the reason, for the operator
+    value : the quantity in the title, in its SI unit; None if there is none
+    explained_by : identities of possible causes; this condition is a consequence while one of them lasts
+    is_latched   : the alarm stays until it is acknowledged; false for a start, which ends by itself
     """
 
     id: str
@@ -56,7 +56,7 @@ class Condition:
 
 @dataclass(frozen=True, slots=True)
 class ConditionReport:
-    """What is wrong with a subject from t_ns [ns] on; condition None: nothing is."""
+    """The condition of a subject from t_ns [ns] on; None: no fault."""
 
     t_ns: int
     subject: str
@@ -79,7 +79,7 @@ class ConditionReport:
 
     @classmethod
     def from_json(cls, fields: Mapping[str, Any]) -> ConditionReport:
-        """The report in such a record.  Raises KeyError or ValueError."""
+        """The report from such a record.  Raises KeyError or ValueError."""
         condition = None
         if fields["id"] is not None:
             condition = Condition(

@@ -1,4 +1,4 @@
-"""What a person reads of an alarm in a terminal."""
+"""Texts about alarms for a terminal."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ SECOND_NS = 1_000_000_000
 
 
 def describe_times(alarm: Mapping[str, Any]) -> str:
-    """When it began, for how long it did last, how often it has begun, and who has acknowledged it."""
+    """Begin, duration, count and acknowledgement of an alarm."""
     begin = f"{datetime.fromtimestamp(alarm['begin_ns'] // SECOND_NS, UTC):%H:%M:%S}"
     parts = [f"since {begin}" if alarm["end_ns"] is None else f"{begin}, {_duration_text(alarm)}"]
     if alarm["count"] > 1:

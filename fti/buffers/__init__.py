@@ -1,1 +1,1 @@
-"""Triple buffer per link, ring between processes, latest value for the display."""
+"""Triple buffer per link, ring between processes."""

@@ -1,26 +1,26 @@
-"""Ring between two processes: the recorder writes and never waits, navigation reads when it can.
+"""Ring buffer between two processes: the recorder writes without blocking, navigation reads.
 
-One memory file, inherited by descriptor (``pass_fds``) and mapped by both, so that a killed process takes nothing
-with it.  An event descriptor (``eventfd``) beside it wakes the reader.  The first page of the file is the header, in
-words of 64 bits; the rest holds records, one behind the other, around the end.
+One memory file, inherited by descriptor and mapped by both, so that its content survives a killed process.  An event
+descriptor (``eventfd``) wakes the reader.  The first page of the file is the header, in words of 64 bits; the other
+pages hold consecutive records, which wrap around at the end.
 
     word 0     magic                     8        writer's generation g       32       reader's generation
     1          size of the data [B]      10..14   writer's state, g even      34..36   reader's state, g even
     2          end mark                  18..22   writer's state, g odd       38..40   reader's state, g odd
 
-    writer's state: position behind the newest record | next seq | position of the oldest record | first seq
-    reader's state: position behind the last record consumed | next seq expected | frames lost
-    positions count bytes since the beginning of the ring and only grow
+    writer's state: position after the newest record | next seq | position of the oldest record | first seq
+    reader's state: position after the last record consumed | next seq expected | frames lost
+    positions count bytes since the creation of the ring and only grow
 
     record: | length u32 | crc-32 u32 | first seq u64 | count u32 | count x t_rx_ns i64 | count x size u32 |
             | count x link u16 | data |
-            frames that arrived together, numbered one after another; length counts what follows ``count``; crc over
-            the position (as its start value) and everything behind it
+            frames that arrived together, with consecutive numbers; length: bytes after ``count``; crc: over all that
+            follows it, with the position as start value
 
-A state is written beside the valid one and becomes valid with its generation, one 64-bit store: a process killed at
-any instruction leaves the old state or the new one.  The writer gives up the oldest records (and publishes that)
-before it overwrites them and publishes a record when it is whole.  A reader that was overrun meanwhile finds the
-oldest position beyond its own, and goes on behind the newest record; what it missed is the gap in ``seq``.
+A new state is written next to the valid one and becomes valid with its generation, one 64-bit store: a process killed
+at any instruction leaves the old or the new state.  The writer discards the oldest records (and publishes this) before
+it overwrites them, and publishes a record when it is complete.  A reader that was overrun finds the oldest position
+after its own, and continues after the newest record; the missed frames are a gap in ``seq``.
 """
 
 from __future__ import annotations
@@ -40,19 +40,19 @@ PAGE = 4096
 RECORD = struct.Struct("<II")  # length, crc
 FIELDS = struct.Struct("<QI")  # first seq, count
 HEAD = RECORD.size + FIELDS.size
-TIME, FRAME_SIZE, LINK = "q", "I", "H"  # what each frame needs besides its data, as arrays
+TIME, FRAME_SIZE, LINK = "q", "I", "H"  # fields of each frame besides its data, as arrays
 FRAME = sum(array(kind).itemsize for kind in (TIME, FRAME_SIZE, LINK))
-SINGLE_FRAME_BYTES = HEAD + FRAME  # what a frame that arrives alone needs
+SINGLE_FRAME_BYTES = HEAD + FRAME  # size of a record with one frame, without its data
 _SINGLE_FRAME = struct.Struct(f"{FIELDS.format}{TIME}{FRAME_SIZE}{LINK}")
 SIZE, ENDED, WRITER, READER = 1, 2, 8, 32
 STATES = {WRITER: struct.Struct("=4Q"), READER: struct.Struct("=3Q")}
-READ_BYTES = 2**18  # copied at once by the reader; no record is larger, and none than a quarter of the ring
+READ_BYTES = 2**18  # copied at once by the reader; a record is at most this, and a quarter of the ring
 MAX_ATTEMPTS = 100
 
 MIN_SIZE = 16 * 2**20
 CAPACITY_S = 30
-#: What a link brings at most [B/s], with the heads of its records: bytes of a serial line in reads of 16, the shortest
-#: frames of a CAN bus, 2000 datagrams of 100 B.
+#: Maximum data rate of a link [B/s], with the heads of its records: bytes of a serial line in reads of 16, the
+#: shortest frames of a CAN bus, 2000 datagrams of 100 B.
 SERIAL_BITS, SERIAL_READ, CAN_BITS, UDP_RATE = 10, 16, 47, 2000 * (100 + SINGLE_FRAME_BYTES)
 DEFAULT_BITRATE = 1_000_000
 TICKS = 50 * SINGLE_FRAME_BYTES
@@ -82,7 +82,7 @@ class WriterState(NamedTuple):
 
 
 class ReaderState(NamedTuple):
-    """Where the reader is, and what it has lost."""
+    """Position of the reader, and number of lost frames."""
 
     position: int
     next_seq: int
@@ -90,14 +90,14 @@ class ReaderState(NamedTuple):
 
 
 def _slot(base: int, generation: int) -> int:
-    """First word of the state of that generation."""
+    """First word of the state of a generation."""
     return base + 2 + (8 if base == WRITER else 4) * (generation & 1)
 
 
 class Ring:
     """The ring and its header; ``put_many`` and ``end`` belong to the one writer.
 
-    fds : descriptors that a child inherits: the memory file, and the event that wakes the reader
+    fds : descriptors for a child: the memory file, and the event that wakes the reader
     """
 
     def __init__(self, fds: tuple[int, int]) -> None:
@@ -114,9 +114,9 @@ class Ring:
 
     @classmethod
     def create(cls, size_bytes: int) -> Ring:
-        """A new ring with that much room for records (whole pages)."""
+        """A new ring with this size for records (rounded down to pages)."""
         if size_bytes < PAGE:
-            raise ValueError(f"{size_bytes} B; a ring has at least {PAGE}")
+            raise ValueError(f"{size_bytes} B; a ring must have at least {PAGE}")
         size = size_bytes // PAGE * PAGE
         fd = os.memfd_create("fti_ring", os.MFD_CLOEXEC)
         os.ftruncate(fd, PAGE + size)
@@ -131,7 +131,7 @@ class Ring:
         return cls(fds)
 
     def close(self) -> None:
-        """Give back the memory and the descriptors."""
+        """Release the memory and the descriptors."""
         self._words.release()
         self._map.close()
         for fd in self.fds:
@@ -140,10 +140,10 @@ class Ring:
     # ------------------------------------------------------------------------------------------------------- writer
 
     def put_many(self, links: Sequence[int], first_seq: int, times_ns: Sequence[int], frames: Sequence[bytes]) -> None:
-        """Append frames, numbered from first_seq on; never waits, the oldest frames are overwritten.
+        """Append frames, numbered from first_seq on; never blocks, the oldest frames are overwritten.
 
         links : index of the link of each frame
-        What is too much for one record is divided.  Raises ValueError for a frame that is too large alone.
+        Frames that exceed one record are divided.  Raises ValueError for a single frame that is too large.
         """
         content = _pack(links, first_seq, times_ns, frames)
         need = RECORD.size + len(content)
@@ -158,15 +158,15 @@ class Ring:
         os.eventfd_write(self._event, 1)
 
     def _divide(self, links: Sequence[int], first_seq: int, times_ns: Sequence[int], frames: Sequence[bytes]) -> None:
-        """Two records instead of one."""
+        """Put two records instead of one."""
         half = len(frames) // 2
         if not half:
-            raise ValueError(f"frame of {len(frames[0])} B; allowed are {self._largest - SINGLE_FRAME_BYTES}")
+            raise ValueError(f"frame of {len(frames[0])} B; the limit is {self._largest - SINGLE_FRAME_BYTES}")
         self.put_many(links[:half], first_seq, times_ns[:half], frames[:half])
         self.put_many(links[half:], first_seq + half, times_ns[half:], frames[half:])
 
     def _discard_oldest(self, min_position: int) -> int:
-        """Give up whole records until position ``min_position`` and some more, so that it need not be done for each put."""
+        """Discard complete records up to ``min_position`` and some more, to do so less often."""
         oldest, target = self._state.oldest, min(min_position + self._size // 16, self._state.end)
         while oldest < target:
             oldest += HEAD + RECORD.unpack(self.load(oldest, RECORD.size))[0]
@@ -178,31 +178,31 @@ class Ring:
         self._state = state
 
     def end(self) -> None:
-        """Mark the end: nothing follows."""
+        """Mark the end."""
         self._words[ENDED] = 1
         os.eventfd_write(self._event, 1)
 
     # ------------------------------------------------------------------------------------------------ both processes
 
     @property
-    def ended(self) -> bool:
-        """The writer has put everything."""
+    def has_ended(self) -> bool:
+        """The writer has ended."""
         return bool(self._words[ENDED])
 
     @property
     def next_seq(self) -> int:
-        """The seq behind the newest frame in the ring; 0 while it is empty."""
+        """The seq after the newest frame in the ring; 0 while it is empty."""
         return self.writer_state().next_seq
 
     @property
     def lag_bytes(self) -> int:
-        """Bytes that wait for the reader or were overwritten before it came."""
+        """Bytes that wait for the reader or were overwritten before it read them."""
         return self.writer_state().end - self.reader_state().position
 
     @property
     def oldest_seq(self) -> int | None:
-        """The seq of the oldest frame still there; None while the ring is empty."""
-        for _ in range(MAX_ATTEMPTS):  # the writer may give the record up while we look
+        """The seq of the oldest frame in the ring; None while it is empty."""
+        for _ in range(MAX_ATTEMPTS):  # the writer may discard the record meanwhile
             state = self.writer_state()
             if state.oldest == state.end:
                 return None
@@ -215,7 +215,7 @@ class Ring:
     def oldest_waiting_ns(self) -> int | None:
         """Arrival of the oldest frame that the reader has not finished [ns]; None when it has finished all."""
         for _ in range(MAX_ATTEMPTS):
-            reached = self.reader_state().position  # before the writer's: what is there cannot be less then
+            reached = self.reader_state().position  # read before the writer's state, which can only be later
             writer = self.writer_state()
             position = max(reached, writer.oldest)
             if position >= writer.end:
@@ -226,15 +226,15 @@ class Ring:
         return None
 
     def writer_state(self) -> WriterState:
-        """What the writer published last."""
+        """The last published state of the writer."""
         return WriterState(*self._consistent(WRITER, 4))
 
     def reader_state(self) -> ReaderState:
-        """What the reader consumed last."""
+        """The last published state of the reader."""
         return ReaderState(*self._consistent(READER, 3))
 
     def publish_reader(self, state: ReaderState) -> None:
-        """For the reader alone."""
+        """Publish the state of the reader; only for the reader."""
         self._publish_words(READER, state)
 
     def _publish_words(self, base: int, values: Sequence[int]) -> None:
@@ -244,7 +244,7 @@ class Ring:
         self._words[base] = generation  # one aligned 64-bit store
 
     def _consistent(self, base: int, count: int) -> list[int]:
-        """The valid state; read again when it was replaced twice meanwhile."""
+        """The valid state; read again if it was replaced meanwhile."""
         while True:
             generation = self._words[base]
             slot = _slot(base, generation)
@@ -253,7 +253,7 @@ class Ring:
                 return values
 
     def load(self, position: int, count: int) -> bytes:
-        """Bytes of the data from a position on, around the end."""
+        """Bytes of the data from a position on, with wrap-around."""
         at = position % self._size
         first = min(count, self._size - at)
         found = self._map[PAGE + at : PAGE + at + first]

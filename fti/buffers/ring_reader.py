@@ -1,4 +1,4 @@
-"""The reading side of the ring: frames in order, from where the last reader stopped; the writer never waits for it."""
+"""Reader of the ring: frames in order, from where the last reader stopped; it never blocks the writer."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from fti.buffers.ring import FIELDS, FRAME_SIZE, HEAD, LINK, READ_BYTES, RECORD,
 
 
 class RingFrame(NamedTuple):
-    """One frame as it stands in the ring."""
+    """A frame of the ring."""
 
     link_index: int
     seq: int
@@ -23,11 +23,11 @@ class RingFrame(NamedTuple):
 
 
 class RingReader:
-    """The one reader.  A new reader on the same ring goes on exactly where the last one stopped.
+    """The only reader of a ring.  A new reader continues exactly where the last one stopped.
 
-    Frames count as consumed with the next ``read`` or with ``commit``: a reader that is killed while it works on what
-    ``read`` returned gets the same frames again.  A reader that was overrun goes on with what comes next, not at the
-    oldest: there it would be overrun again at once, and late by all that the ring holds for ever.
+    Frames count as consumed with the next ``read`` or with ``commit``: after a kill the next reader gets the frames of
+    the last ``read`` again.  A reader that was overrun continues with the next new frame, not with the oldest one:
+    there it would be overrun again at once, and stay late by the whole content of the ring.
     """
 
     def __init__(self, ring: Ring) -> None:
@@ -39,33 +39,33 @@ class RingReader:
 
     @property
     def lost_frames(self) -> int:
-        """Frames that were overwritten or skipped before they were read, since the ring began."""
+        """Number of frames overwritten or skipped before they were read, since the creation of the ring."""
         return self._state.lost
 
     @property
     def next_seq(self) -> int:
-        """The seq behind the last frame that was read or skipped; 0 before the first."""
+        """The seq after the last frame that was read or skipped; 0 before the first."""
         return self._state.next_seq
 
     @property
-    def finished(self) -> bool:
-        """The writer has put everything and everything has been read."""
-        return self._ring.ended and self._state.position == self._ring.writer_state().end
+    def is_finished(self) -> bool:
+        """The writer has ended and all frames have been read."""
+        return self._ring.has_ended and self._state.position == self._ring.writer_state().end
 
     def wait(self, limit_s: float) -> None:
-        """Until the writer has put something since the last ``wait``, or has ended; at most so long."""
+        """Wait until the writer has put frames since the last ``wait``, or has ended; at most limit_s [s]."""
         if self._poll.poll(1e3 * limit_s):
-            with contextlib.suppress(BlockingIOError):  # a reader that was killed has taken the event
+            with contextlib.suppress(BlockingIOError):  # a killed reader has consumed the event
                 os.eventfd_read(self._event)
 
     def commit(self) -> None:
-        """What ``read`` returned has been worked on."""
+        """Mark the frames of the last ``read`` as consumed."""
         self._ring.publish_reader(self._state)
 
     def read(self, limit: int = 1000) -> list[RingFrame]:
-        """The next frames in order; empty when there is none now, and when the reader was overrun.
+        """The next frames in order; empty if there are none, and after an overrun.
 
-        Ends with the record that reaches ``limit``: frames that were put together are read together.
+        Ends with the record that reaches ``limit``: the frames of a record are read together.
         """
         self.commit()
         writer = self._ring.writer_state()
@@ -73,14 +73,14 @@ class RingReader:
         if position == writer.end:
             return []
         data = self._ring.load(position, min(writer.end - position, READ_BYTES))
-        overrun = self._ring.writer_state().oldest > position  # also: while we copied
+        overrun = self._ring.writer_state().oldest > position  # also during the copy
         found = [] if overrun else self._parse(data, limit, writer.first_seq)
         if not found:  # or the memory is damaged
             self.skip()
         return found
 
     def skip(self) -> int:
-        """Give up what waits and go on with what comes next; returns the number of frames given up."""
+        """Skip all waiting frames; returns their number."""
         writer = self._ring.writer_state()
         position, expected, lost = self._state
         skipped = max(writer.next_seq - (expected if position else writer.first_seq), 0)
@@ -88,7 +88,7 @@ class RingReader:
         return skipped
 
     def _parse(self, data: bytes, limit: int, first_seq: int) -> list[RingFrame]:
-        """Records in data that begins at our position; first_seq : of the first record of all."""
+        """Parse the records at the present position; first_seq : of the first record of the ring"""
         found: list[RingFrame] = []
         position, _, lost = self._state
         expected = self._state.next_seq if position else first_seq

@@ -1,15 +1,15 @@
-"""Triple buffer of one link: bytes on their way from the reader to the writer, and neither waits for the other.
+"""Triple buffer of one link: passes frames from the reader to the writer; neither blocks the other.
 
     put -> receive -> global -> write -> storage
            reader's   hand-over  writer's
 
-Each queue has a lock of its own.  A move to the next queue is a try: when that queue is held, the frames wait where
-they are and go with the next attempt.  The writer is called when ``global`` has reached its threshold, or comes by
-itself when its flush period ends.  What the writer has taken stays in ``write`` until storage has accepted it.
+Each queue has its own lock.  Transfers to the next queue use try-lock: if that queue is locked, the frames wait until
+the next attempt.  The writer is called when ``global`` has reached its threshold, and also runs at its flush period.
+Frames that the writer has taken stay in ``write`` until storage has accepted them.
 
-Capacity counts payload + 8 bytes per reception and holds for each queue.  When storage stalls, ``global`` fills,
-then ``receive``; when ``global`` is full and ``receive`` at 90 %, the oldest whole frames of ``receive`` go, counted.
-The newest stay.  A frame larger than a whole queue is taken when that queue is empty.
+Capacity counts payload + 8 bytes per frame and applies to each queue.  When storage stalls, ``global`` fills, then
+``receive``; when ``global`` is full and ``receive`` at 90 %, the oldest frames of ``receive`` are dropped and counted.
+A frame larger than a queue is accepted when that queue is empty.
 
 Source: Spiegel 2018, section 6.3, figure 6.7, eq. 6.2.
 """
@@ -21,16 +21,16 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-from fti.frame_batch import FrameBatch, entries, make_batch, single_frame_batch, split
+from fti.frame_batch import FrameBatch, iter_frames, make_batch, single_frame_batch, split_batch
 
 OVERFLOW_LOAD = 0.9
-#: More spans than this are told as one: a span then covers everything from its first to its last frame.
+#: Maximum number of spans; further drops extend the last span.
 MAX_SPANS = 64
 
 
 @dataclass(slots=True)
 class DropSpan:
-    """Frames that were dropped one after the other: first and last position and time, how many, how many bytes."""
+    """A run of dropped frames: first and last seq and time, number of frames and bytes."""
 
     first_seq: int
     last_seq: int
@@ -62,80 +62,80 @@ class BufferStats:
 
 
 class _Queue:
-    """Bursts in order, their lock, how many frames they have, and their size with the overhead of each frame."""
+    """Batches in order, their lock, number of frames, and size including the overhead of each frame."""
 
-    __slots__ = ("bursts", "frames", "lock", "overhead", "payload", "size")
+    __slots__ = ("batches", "frames", "lock", "overhead", "payload", "size")
 
     def __init__(self, overhead: int) -> None:
         self.lock = threading.Lock()
-        self.bursts: deque[FrameBatch] = deque()
+        self.batches: deque[FrameBatch] = deque()
         self.overhead = overhead
         self.frames = 0
         self.payload = 0
         self.size = 0
 
-    def append(self, burst: FrameBatch) -> None:
-        frames, payload = len(burst[2]), burst[3]
-        self.bursts.append(burst)
+    def append(self, batch: FrameBatch) -> None:
+        frames, payload = len(batch[2]), batch[3]
+        self.batches.append(batch)
         self.frames += frames
         self.payload += payload
         self.size += payload + frames * self.overhead
 
     def popleft(self, count: int | None = None) -> FrameBatch:
-        """The first burst, or its first frames."""
-        burst = self.bursts.popleft()
-        if count is not None and count < len(burst[2]):
-            burst, rest = split(burst, count)
-            self.bursts.appendleft(rest)
-        frames, payload = len(burst[2]), burst[3]
+        """Remove the first batch, or its first frames."""
+        batch = self.batches.popleft()
+        if count is not None and count < len(batch[2]):
+            batch, rest = split_batch(batch, count)
+            self.batches.appendleft(rest)
+        frames, payload = len(batch[2]), batch[3]
         self.frames -= frames
         self.payload -= payload
         self.size -= payload + frames * self.overhead
-        return burst
+        return batch
 
     def clear(self) -> None:
-        self.bursts.clear()
+        self.batches.clear()
         self.frames = self.payload = self.size = 0
 
     def fits(self, size: int, capacity: int) -> bool:
-        return self.size + size <= capacity or not self.bursts
+        return self.size + size <= capacity or not self.batches
 
-    def room(self, burst: FrameBatch, capacity: int) -> int:
-        """How many frames of a burst fit; one larger than everything does when nothing else is there."""
-        _, _, frames, payload = burst
+    def fitting_frames(self, batch: FrameBatch, capacity: int) -> int:
+        """Number of frames of a batch that fit; a frame larger than the capacity fits an empty queue."""
+        _, _, frames, payload = batch
         free = capacity - self.size
         if payload + len(frames) * self.overhead <= free:
             return len(frames)
         for count, frame in enumerate(frames):
             free -= len(frame) + self.overhead
-            if free < 0 and (self.bursts or count):
+            if free < 0 and (self.batches or count):
                 return count
         return len(frames)
 
     def move_to(self, other: _Queue, capacity: int) -> bool:
         """Move the oldest frames as far as they fit; true when any did.  Both locks are held."""
         before = self.frames
-        if not other.bursts and self.size <= capacity:
+        if not other.batches and self.size <= capacity:
             self._swap_into(other)
             return before > 0
-        while self.bursts and (count := other.room(self.bursts[0], capacity)):
+        while self.batches and (count := other.fitting_frames(self.batches[0], capacity)):
             other.append(self.popleft(count))
         return self.frames < before
 
     def _swap_into(self, empty: _Queue) -> None:
-        """Hand everything over at once, so that the locks are held for no longer with a full queue."""
-        self.bursts, empty.bursts = empty.bursts, self.bursts
+        """Move all batches in constant time, so that the locks are held only briefly."""
+        self.batches, empty.batches = empty.batches, self.batches
         empty.frames, empty.payload, empty.size = self.frames, self.payload, self.size
         self.frames = self.payload = self.size = 0
 
 
 class TripleBuffer:
-    """The three queues of one link.  One thread puts, one other takes, any asks for ``stats``.
+    """The three queues of one link.  One thread puts, one takes, any thread may read ``stats``.
 
     capacity_bytes : of each queue [B]
     threshold      : load of ``global`` at which the writer is called
-    overhead       : what a reception costs besides its payload [B]
-    on_ready       : called by ``put_burst``, outside all locks, when ``global`` is at the threshold; once per ``take``
+    overhead       : bytes of a frame in addition to its payload [B]
+    on_ready       : called by ``put_batch``, outside all locks, when ``global`` is at the threshold; once per ``take``
     """
 
     def __init__(
@@ -146,9 +146,7 @@ class TripleBuffer:
         on_ready: Callable[[], None] | None = None,
     ) -> None:
         if capacity_bytes <= 0 or not 0 < threshold <= 1:
-            raise ValueError(
-                f"capacity {capacity_bytes} B, threshold {threshold}; allowed are > 0 and 0 < threshold <= 1"
-            )
+            raise ValueError(f"capacity {capacity_bytes} B, threshold {threshold}; must be > 0 and 0 < threshold <= 1")
         self._capacity = capacity_bytes
         self._threshold_bytes = threshold * capacity_bytes
         self._receive, self._global, self._write = (_Queue(overhead) for _ in range(3))
@@ -160,14 +158,14 @@ class TripleBuffer:
         self._dropping = False
 
     @property
-    def ready(self) -> bool:
-        """``global`` has reached the threshold: writing pays."""
+    def is_ready(self) -> bool:
+        """``global`` has reached the threshold for writing."""
         return self._global.size >= self._threshold_bytes
 
     @property
-    def empty(self) -> bool:
-        """Everything that came in has been written (or dropped)."""
-        return not (self._receive.bursts or self._global.bursts or self._write.bursts)
+    def is_empty(self) -> bool:
+        """All frames have been written or dropped."""
+        return not (self._receive.batches or self._global.batches or self._write.batches)
 
     def capacity_s(self, rate_hz: float, message_bytes: float, receptions: float = 1.0) -> float:
         """How long storage may stall before the first byte is lost [s] (eq. 6.2).
@@ -184,80 +182,80 @@ class TripleBuffer:
     # ---------------------------------------------------------------------------------------------- reader's thread
 
     def put(self, seq: int, t_rx_ns: int, data: bytes) -> None:
-        """Keep one reception."""
-        self.put_burst(single_frame_batch(seq, t_rx_ns, data))
+        """Put one frame."""
+        self.put_batch(single_frame_batch(seq, t_rx_ns, data))
 
     def put_many(self, first_seq: int, times_ns: Sequence[int], frames: Sequence[bytes]) -> None:
-        """Keep what arrived together, numbered from first_seq on."""
-        self.put_burst(make_batch(first_seq, times_ns, frames))
+        """Put frames that arrived together, numbered from first_seq on."""
+        self.put_batch(make_batch(first_seq, times_ns, frames))
 
-    def put_burst(self, burst: FrameBatch) -> None:
-        """Keep what arrived together.  Never waits for the writer; the oldest frames go when everything is full."""
+    def put_batch(self, batch: FrameBatch) -> None:
+        """Put frames that arrived together.  Never blocks; the oldest frames are dropped when all queues are full."""
         receive, hand_over = self._receive, self._global
         with receive.lock:
-            self._frames_in += len(burst[2])
-            self._bytes_in += burst[3]
-            if receive.bursts or not self._pass_on(burst, hand_over):
-                self._take_in(burst)
+            self._frames_in += len(batch[2])
+            self._bytes_in += batch[3]
+            if receive.batches or not self._put_into_global(batch, hand_over):
+                self._put_into_receive(batch)
         if hand_over.size >= self._threshold_bytes and self._on_ready and not self._is_writer_called:
             self._is_writer_called = True
             self._on_ready()
 
-    def _pass_on(self, burst: FrameBatch, hand_over: _Queue) -> bool:
-        """Straight to ``global``, as nothing waits in ``receive``; false when it is held or has no room for all."""
+    def _put_into_global(self, batch: FrameBatch, hand_over: _Queue) -> bool:
+        """Put into ``global`` directly, as ``receive`` is empty; false if it is locked or too full for the batch."""
         if not hand_over.lock.acquire(blocking=False):
             return False
-        if fits := hand_over.size + self._size(burst) <= self._capacity:
-            hand_over.append(burst)
+        if fits := hand_over.size + self._size(batch) <= self._capacity:
+            hand_over.append(batch)
         hand_over.lock.release()
         return fits
 
-    def _size(self, burst: FrameBatch) -> int:
-        return burst[3] + len(burst[2]) * self._receive.overhead
+    def _size(self, batch: FrameBatch) -> int:
+        return batch[3] + len(batch[2]) * self._receive.overhead
 
-    def _take_in(self, burst: FrameBatch) -> None:
-        """Into ``receive``, and from there to ``global`` as far as it is free and has room."""
+    def _put_into_receive(self, batch: FrameBatch) -> None:
+        """Put into ``receive``, and move frames to ``global`` as far as it is unlocked and has space."""
         free = self._global.lock.acquire(blocking=False)
         if free:
-            self._move_on()
-        after = self._receive.size + self._size(burst)
+            self._move_to_global()
+        after = self._receive.size + self._size(batch)
         if after < OVERFLOW_LOAD * self._capacity or (not free and after <= self._capacity):
-            self._keep(burst, free)
+            self._enqueue(batch, free)
         else:
-            self._displace(burst, free)
+            self._put_with_drops(batch, free)
         if free:
             self._global.lock.release()
 
-    def _keep(self, burst: FrameBatch, free: bool) -> None:
-        self._receive.append(burst)
+    def _enqueue(self, batch: FrameBatch, free: bool) -> None:
+        self._receive.append(batch)
         if free:
-            self._move_on()
+            self._move_to_global()
 
-    def _displace(self, burst: FrameBatch, free: bool) -> None:
-        """Each frame for itself, after so many of the oldest that it fits."""
-        for entry in entries((burst,)):
+    def _put_with_drops(self, batch: FrameBatch, free: bool) -> None:
+        """Put each frame separately, after dropping oldest frames until it fits."""
+        for entry in iter_frames((batch,)):
             self._make_room(len(entry[2]) + self._receive.overhead, free)
-            self._keep(single_frame_batch(*entry), free)
+            self._enqueue(single_frame_batch(*entry), free)
 
     def _make_room(self, size: int, free: bool) -> None:
-        """Drop the oldest of ``receive`` when it is at 90 % and ``global`` is full, or when nothing fits any more.
+        """Drop the oldest frames of ``receive`` at 90 % load with a full ``global``, or when the frame does not fit.
 
-        free : ``global`` is ours, and has taken what it can
+        free : ``global`` is locked by this thread, and full
         """
         receive, limit = self._receive, OVERFLOW_LOAD * self._capacity
-        while receive.bursts and ((free and receive.size >= limit) or not receive.fits(size, self._capacity)):
+        while receive.batches and ((free and receive.size >= limit) or not receive.fits(size, self._capacity)):
             self._drop(receive.popleft(1))
 
     def _hand_over(self) -> None:
-        """receive -> global, with ``receive`` held, unless ``global`` is held by another."""
+        """receive -> global, with ``receive`` locked, unless ``global`` is locked by another thread."""
         if self._global.lock.acquire(blocking=False):
-            self._move_on()
+            self._move_to_global()
             self._global.lock.release()
 
-    def _move_on(self) -> None:
-        """receive -> global, with both held."""
-        if self._receive.bursts and self._receive.move_to(self._global, self._capacity):
-            self._dropping = False  # frames flow again: the next drop is another one
+    def _move_to_global(self) -> None:
+        """receive -> global, with both locked."""
+        if self._receive.batches and self._receive.move_to(self._global, self._capacity):
+            self._dropping = False  # frames flow again: the next drop begins a new span
 
     def _drop(self, frame: FrameBatch) -> None:
         (seq,), (t_rx_ns,), _, size = frame
@@ -274,31 +272,31 @@ class TripleBuffer:
     # ---------------------------------------------------------------------------------------------- writer's thread
 
     def take(self) -> list[FrameBatch]:
-        """What is to be written now, in order; it stays in ``write`` until ``confirm_written``.
+        """The batches to write now, in order; they stay in ``write`` until ``confirm_written``.
 
-        What an earlier call returned and storage did not accept comes first, filled up to the capacity.
+        Batches of earlier calls without confirmation come first, filled up to the capacity.
         """
         with self._write.lock:
             self._collect()
-            if self._receive.bursts and self._receive.lock.acquire(blocking=False):
+            if self._receive.batches and self._receive.lock.acquire(blocking=False):
                 self._hand_over()
                 self._receive.lock.release()
                 self._collect()
             self._is_writer_called = False
-            return list(self._write.bursts)
+            return list(self._write.batches)
 
     def _collect(self) -> None:
-        """global -> write, with ``write`` held."""
-        if self._global.bursts and self._global.lock.acquire(blocking=False):
+        """global -> write, with ``write`` locked."""
+        if self._global.batches and self._global.lock.acquire(blocking=False):
             self._global.move_to(self._write, self._capacity)
             self._global.lock.release()
 
     def confirm_written(self, count: int | None = None) -> None:
-        """Storage has accepted the first ``count`` bursts that ``take`` returned (all when None)."""
+        """Storage has accepted the first ``count`` batches that ``take`` returned (all when None)."""
         write = self._write
         with write.lock:
             frames, payload = write.frames, write.payload
-            if count is None or count == len(write.bursts):
+            if count is None or count == len(write.batches):
                 write.clear()
             else:
                 for _ in range(count):
@@ -307,9 +305,9 @@ class TripleBuffer:
             self._bytes_out += payload - write.payload
 
     def take_drops(self, *, final: bool = False) -> list[DropSpan]:
-        """The spans that have ended and were not taken yet, oldest first; none while the reader holds ``receive``.
+        """Remove and return the spans that have ended, oldest first; none while the reader has locked ``receive``.
 
-        final : nothing follows: the span that has not ended, too
+        final : also the span that has not ended
         """
         if not self._drops or not self._receive.lock.acquire(blocking=final):
             return []
@@ -322,7 +320,7 @@ class TripleBuffer:
 
     @property
     def stats(self) -> BufferStats:
-        """A consistent account; the locks are held for the moment of counting."""
+        """A consistent account, counted with all locks held."""
         queues = (self._receive, self._global, self._write)
         with self._receive.lock, self._global.lock, self._write.lock:
             return BufferStats(

@@ -1,1 +1,1 @@
-"""Outputs and health to other programs."""
+"""The bus: outputs, health and events for other processes and programs."""

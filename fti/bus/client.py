@@ -1,6 +1,6 @@
-"""The processes on the bus inside the daemon: who publishes and who subscribes (see ``fti.bus.hub``).
+"""Publisher and subscriber of the bus inside the daemon (see ``fti.bus.hub``).
 
-Both come back by themselves when the hub has gone and is there again.
+Both reconnect automatically after the hub has been restarted.
 """
 
 from __future__ import annotations
@@ -16,22 +16,23 @@ from fti.bus.outbox import Outbox
 from fti.errors import MissingError
 
 RETRY_S = 0.5
-#: For the last messages of a publisher.
+#: Timeout for the last messages of a publisher.
 END_S = 0.2
-#: The process that hosts the hub, as a subscriber sees it.
+#: Name of the process that hosts the hub.
 HOST = "supervisor"
 
-#: Topic, payload, and when it was published (CLOCK_MONOTONIC [ns], never later than now).
+#: Topic, payload, time of publication (CLOCK_MONOTONIC [ns], never later than now).
 Callback = Callable[[str, bytes, int], None]
 AliveCallback = Callable[[str, bool], None]
 
 
 class Publisher:
-    """A process that publishes; for one thread.  It is alive for the others while this is open.
+    """Publishes for a process, from one thread.  The process counts as alive while this is open.
 
-    What the hub does not take at once goes with the next message; of what waits then, the newest of each topic stays.
+    Messages that the hub does not accept at once are queued until the next message; with a full queue only the newest
+    of each topic is kept.
 
-    path : of the hub; process : a name that the hub knows
+    path : of the hub; process : one of ``PUBLISHERS``
     """
 
     def __init__(self, path: Path, process: str) -> None:
@@ -43,11 +44,11 @@ class Publisher:
 
     @property
     def lost(self) -> int:
-        """Messages that nobody will get, other than those that a newer one of their topic displaced."""
+        """Number of lost messages, without those replaced by a newer one of their topic."""
         return self._lost + self._outbox.lost
 
     def publish(self, topic: str, payload: bytes) -> None:
-        """Send one message to whoever listens; never waits.  One that is too large is lost."""
+        """Send a message; never blocks.  A message that is too large is lost."""
         try:
             frame = make_frame(topic, payload)
         except FrameError:
@@ -61,14 +62,14 @@ class Publisher:
         self._send(self._sock)
 
     def close(self) -> None:
-        """Leave the bus; what waits is sent, if the hub takes it now."""
+        """Disconnect; queued messages are sent if the hub accepts them now."""
         if self._sock:
             self._sock.settimeout(END_S)
             self._send(self._sock)
             self._leave()
 
     def _connect(self) -> None:
-        """With another try from time to time."""
+        """Connect if necessary, with a retry every ``RETRY_S``."""
         if self._sock is None and time.monotonic() >= self._retry_at:
             self._retry_at = time.monotonic() + RETRY_S
             self._sock = connect(self._path, PUBLISH, self._process)
@@ -80,7 +81,7 @@ class Publisher:
                 sent = sock.send(data)
             except (BlockingIOError, TimeoutError):
                 sent = 0
-            except OSError:  # the hub has gone
+            except OSError:  # the hub has ended
                 self._leave()
                 return
             self._outbox.keep_unsent(data[sent:])
@@ -95,11 +96,11 @@ class Publisher:
 
 
 class Subscriber:
-    """A process that gets every message, in a thread of its own, until it is closed.
+    """Receives every message in a separate thread until it is closed.
 
     callback(topic, payload, sent_ns) : called for every message
-    on_alive(process, is_alive)       : called when a publisher or the supervisor appears or ends, and for those that
-                                        are there already
+    on_alive(process, is_alive)       : called when a publisher or the supervisor appears or ends, and for those
+                                        already present
     Raises MissingError when there is no bus.
     """
 
@@ -110,12 +111,12 @@ class Subscriber:
         self._alive: set[str] = set()
         self._sock = connect(path, SUBSCRIBE, process)
         if self._sock is None:
-            raise MissingError(f"{path}: there is no bus of this user; is the daemon running?")
+            raise MissingError(f"{path}: no bus of this user found; is the daemon running?")
         self._thread = threading.Thread(target=self._run, name="fti-bus-subscriber", daemon=True)
         self._thread.start()
 
     def close(self) -> None:
-        """Leave the bus."""
+        """Disconnect."""
         self._ending.set()
         if sock := self._sock:
             _wake(sock)
@@ -135,7 +136,7 @@ class Subscriber:
             self._sock.close()
 
     def _receive(self, sock: socket.socket) -> None:
-        """Until the connection ends."""
+        """Receive until the connection ends."""
         sock.setblocking(True)
         reader = FrameReader()
         while not self._ending.is_set():
@@ -158,7 +159,7 @@ class Subscriber:
 
 
 def _wake(sock: socket.socket) -> None:
-    """End the wait of another thread for what comes here."""
+    """Unblock another thread that receives on the socket."""
     try:
         sock.shutdown(socket.SHUT_RDWR)
     except OSError:  # it has ended already

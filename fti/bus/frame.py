@@ -2,11 +2,11 @@
 
     payload length  u32   bytes of the payload
     topic length    u16   bytes of the topic
-    sent            i64   CLOCK_MONOTONIC when it was published [ns]; one machine, so every process can compare it
+    sent            i64   time of publication [ns], CLOCK_MONOTONIC, which all processes of the machine share
     topic, payload        UTF-8 and bytes, all numbers little-endian
 
 Topics that begin with ``@`` belong to the bus itself: ``@publish`` and ``@subscribe`` (payload: name of the process)
-are the first frame of a client; ``@alive/<process>`` (payload ``1`` or ``0``) says that a publisher has come or gone.
+are the first frame of a client; ``@alive/<process>`` (payload ``1`` or ``0``): a publisher has connected or ended.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ SOCKET_NAME = "bus.sock"
 PUBLISH, SUBSCRIBE, ALIVE = "@publish", "@subscribe", "@alive/"
 EVENT = "/event"
 MAX_TOPIC_BYTES = 200
-#: Largest payload by topic [B]; health has a table for each link, a display keeps 256 outputs and 50 events.
+#: Largest payload by topic [B]; health has a table for each link, a display stores 256 outputs and 50 events.
 MAX_BYTES = {"/health": 4 * 2**20, "/alarms": 4 * 2**20, "/hil": 2**20}
 MAX_OTHER_BYTES = 2**16
 RECEIVE_BYTES = 2**18
@@ -34,11 +34,11 @@ _HEAD = struct.Struct("<IHq")
 
 
 class FrameError(ValueError):
-    """What arrived is not a frame, or is too large."""
+    """The received data are not a frame, or too large."""
 
 
 class BusFrame(NamedTuple):
-    """One message, and the bytes that it came in."""
+    """A message and its raw bytes."""
 
     topic: str
     sent_ns: int
@@ -51,12 +51,12 @@ class BusFrame(NamedTuple):
 
 
 def max_bytes(topic: str) -> int:
-    """How large the payload of a topic may be."""
+    """Maximum payload of a topic [B]."""
     return MAX_BYTES.get(topic, MAX_OTHER_BYTES)
 
 
 def make_frame(topic: str, payload: bytes) -> BusFrame:
-    """A message that is published now.  Raises FrameError when topic or payload is too large."""
+    """A message with the present time.  Raises FrameError when topic or payload is too large."""
     name = topic.encode(errors="replace")
     _check_size(topic, len(name), len(payload))
     sent_ns = time.monotonic_ns()
@@ -65,19 +65,19 @@ def make_frame(topic: str, payload: bytes) -> BusFrame:
 
 def _check_size(topic: str, topic_bytes: int, payload_bytes: int) -> None:
     if topic_bytes > MAX_TOPIC_BYTES:
-        raise FrameError(f"a topic of {topic_bytes} bytes; at most {MAX_TOPIC_BYTES} are allowed")
+        raise FrameError(f"a topic of {topic_bytes} bytes; the limit is {MAX_TOPIC_BYTES}")
     if payload_bytes > max_bytes(topic):
-        raise FrameError(f"{topic!a}: a message of {payload_bytes} bytes; at most {max_bytes(topic)} are allowed")
+        raise FrameError(f"{topic!a}: a message of {payload_bytes} bytes; the limit is {max_bytes(topic)}")
 
 
 class FrameReader:
-    """Cuts what arrives on a connection into frames."""
+    """Splits the data of a connection into frames."""
 
     def __init__(self) -> None:
         self._received = bytearray()
 
     def feed(self, data: bytes) -> Iterator[BusFrame]:
-        """The frames that are complete now.  Raises FrameError at what cannot be one, and is of no use then."""
+        """The complete frames.  Raises FrameError for invalid data; the reader is then unusable."""
         self._received += data
         begin = 0
         try:
@@ -89,7 +89,7 @@ class FrameReader:
             del self._received[:begin]
 
     def _find_end(self, begin: int) -> int | None:
-        """Where the frame ends that begins here; None while it has not arrived."""
+        """End of the frame that begins here; None while it is incomplete."""
         if len(self._received) < begin + _HEAD.size:
             return None
         payload_bytes, topic_bytes, _ = _HEAD.unpack_from(self._received, begin)
@@ -110,12 +110,12 @@ def _parse(raw: bytes) -> BusFrame:
 
 
 def connect(path: Path, first_topic: str, process: str) -> socket.socket | None:
-    """A connection to the hub of this user, with the first frame sent; None when there is no such hub."""
+    """Connect to the hub of this user and send the first frame; None if there is no such hub."""
     sock = socket.socket(socket.AF_UNIX)
     try:
-        sock.setblocking(False)  # a hub that stands still with a full backlog refuses at once
+        sock.setblocking(False)  # a stopped hub with a full backlog refuses at once
         sock.connect(str(path))
-        if Peer.of(sock).uid == os.getuid():
+        if Peer.from_socket(sock).uid == os.getuid():
             sock.send(make_frame(first_topic, process.encode()).raw)
             return sock
     except OSError:

@@ -1,11 +1,11 @@
-"""The hub of the bus inside the daemon: takes the messages of publishers and hands them to subscribers.
+"""The hub of the bus inside the daemon: forwards the messages of publishers to subscribers.
 
-It listens on a Unix socket in the run directory, for the owner alone: the file has mode 0600 and the kernel names the
-user of each connection.  The supervisor hosts it, because it survives navigation and display, in a thread of its own;
-the hub looks at the head of a message only.  Nobody waits for anybody (see ``fti.bus.outbox``).
+It listens on a Unix socket in the run directory, for the owner alone: the file has mode 0600 and the kernel reports
+the user of each connection.  The supervisor hosts it in a separate thread, because the supervisor survives navigation
+and display.  The hub reads only the header of a message.  No client blocks another one (see ``fti.bus.outbox``).
 
-A publisher names itself when it connects and may only use the topics of that name.  While its connection lasts the
-process is alive, and the kernel ends the connection with the process, however that ends.
+A publisher sends its name when it connects and may only use the topics of that name.  The process counts as alive
+while its connection lasts; the kernel closes the connection when the process ends.
 """
 
 from __future__ import annotations
@@ -24,19 +24,19 @@ from fti.bus.outbox import Outbox
 from fti.errors import MissingError
 from fti.peer_credentials import Peer
 
-#: Who may publish, and what.
+#: Publishers, and the prefix of their topics.
 PUBLISHERS = {"navigation": "/nav/", "emulator": "/hil"}
 MAX_CONNECTIONS = 64
-#: At most so many warnings are given in such a time.
+#: Maximum number of warnings in a period.
 MAX_WARNINGS, WARNING_PERIOD_S = 5, 10.0
 ACCEPT_PAUSE_S = 0.05
-#: Gets a sentence about what was refused or lost; called by the thread of the hub.
+#: Receives a warning about refused or lost messages; called by the thread of the hub.
 Warn = Callable[[str], None]
 
 
 @dataclass(slots=True, eq=False)
 class _Client:
-    """A connection.  outbox : of a subscriber; name : once it has named itself"""
+    """A connection.  outbox : of a subscriber; name : set by its first frame"""
 
     sock: socket.socket
     reader: FrameReader = field(default_factory=FrameReader)
@@ -46,7 +46,7 @@ class _Client:
 
 
 class Hub:
-    """Listens from the beginning; ``serve`` does the work.  warn : see ``Warn``"""
+    """Listens from its creation on; ``serve`` forwards messages.  warn : see ``Warn``"""
 
     def __init__(self, path: Path, warn: Warn) -> None:
         self.path = path
@@ -64,7 +64,7 @@ class Hub:
         self._selector.register(self._wake, selectors.EVENT_READ)
 
     def publish(self, topic: str, payload: bytes) -> None:
-        """Send a message of the supervisor's own; from any thread, never waits.  One that is too large is a warning."""
+        """Publish a message of the supervisor, from any thread; never blocks.  Warns if it is too large."""
         if self._ending:
             return
         try:
@@ -81,7 +81,7 @@ class Hub:
         return self._ending
 
     def end(self) -> None:
-        """Have ``serve`` return, after what is queued."""
+        """Make ``serve`` return after the queued messages."""
         self._ending = True
         os.eventfd_write(self._wake, 1)
 
@@ -96,9 +96,9 @@ class Hub:
         self.path.unlink(missing_ok=True)
 
     def serve(self) -> None:
-        """Work until ``end``; may be called again after an exception."""
+        """Forward messages until ``end``; may be called again after an exception."""
         while True:
-            ending = self._ending  # what was published before is sent
+            ending = self._ending  # messages published before are still sent
             for key, events in self._selector.select(timeout=0 if ending else None):
                 if isinstance(key.data, _Client):
                     self._handle_client(key.data, events)
@@ -117,10 +117,10 @@ class Hub:
     def _accept(self) -> None:
         try:
             sock, _ = self._listener.accept()
-        except OSError:  # gone again, or no descriptor is left
-            time.sleep(ACCEPT_PAUSE_S)  # it still waits, and is looked at again
+        except OSError:  # already closed, or no descriptor is free
+            time.sleep(ACCEPT_PAUSE_S)  # the connection waits; it is accepted later
             return
-        peer = Peer.of(sock)
+        peer = Peer.from_socket(sock)
         if peer.uid != os.getuid() or len(self._clients) >= MAX_CONNECTIONS:
             self._warn_limited(f"a connection of user {peer.uid} is refused ({len(self._clients)} are open)")
             sock.close()
@@ -131,7 +131,7 @@ class Hub:
         self._selector.register(sock, selectors.EVENT_READ, client)
 
     def _handle_client(self, client: _Client, events: int) -> None:
-        """Take what a client sent.  Whatever goes wrong, it is this client that goes."""
+        """Receive from a client; any failure disconnects only this client."""
         healthy = False
         try:
             healthy = not events & selectors.EVENT_READ or self._receive(client)
@@ -142,7 +142,7 @@ class Hub:
                 self._drop(client)
 
     def _receive(self, client: _Client) -> bool:
-        """Is it still there?"""
+        """Receive frames; is the client still connected?"""
         try:
             data = client.sock.recv(RECEIVE_BYTES)
         except BlockingIOError:
@@ -157,7 +157,7 @@ class Hub:
         return bool(data)
 
     def _register(self, client: _Client, frame: BusFrame) -> None:
-        """The first frame: who it is.  Raises FrameError when it may not be that."""
+        """Register a client by its first frame.  Raises FrameError if it is not permitted."""
         name = frame.payload.decode(errors="replace")
         if frame.topic == SUBSCRIBE and name:
             client.outbox = Outbox()
@@ -175,10 +175,10 @@ class Hub:
             self._broadcast(frame)
         elif not client.reported:
             client.reported = True
-            self._warn_limited(f"{client.name}: may not publish on {frame.topic!a}; such messages are thrown away")
+            self._warn_limited(f"{client.name}: may not publish on {frame.topic!a}; such messages are discarded")
 
     def _warn_limited(self, text: str) -> None:
-        """Warn, but not more often than a person reads: a client may do wrong very often."""
+        """Warn, at most ``MAX_WARNINGS`` times in a period."""
         now = time.monotonic()
         if now >= self._period_end_s:
             self._warnings, self._period_end_s = 0, now + WARNING_PERIOD_S
@@ -187,7 +187,7 @@ class Hub:
             self._warn(
                 text
                 if self._warnings < MAX_WARNINGS
-                else f"{text}; further warnings are left out for {WARNING_PERIOD_S:g} s"
+                else f"{text}; further warnings are suppressed for {WARNING_PERIOD_S:g} s"
             )
 
     def _drop(self, client: _Client) -> None:
@@ -210,13 +210,13 @@ class Hub:
                 client.outbox.add(frame)
 
     def _flush(self) -> None:
-        """Send what the subscribers take now; the rest goes when they take more."""
+        """Send queued messages, as far as the subscribers accept them now."""
         for client in [*self._clients]:
             if client.outbox and not self._send(client, client.outbox):
                 self._drop(client)
 
     def _send(self, client: _Client, outbox: Outbox) -> bool:
-        """Is it still there?"""
+        """Send queued messages; is the client still connected?"""
         while outbox:
             data = outbox.next_bytes()
             try:
@@ -232,13 +232,13 @@ class Hub:
         if self._selector.get_key(client.sock).events != selectors.EVENT_READ | waits:
             self._selector.modify(client.sock, selectors.EVENT_READ | waits, client)
         if outbox.lost and not waits:
-            self._warn_limited(f"{client.name} read too slowly: {outbox.lost} messages are lost")
+            self._warn_limited(f"{client.name} reads too slowly: {outbox.lost} messages are lost")
             outbox.lost = 0
         return True
 
 
 def _bind(path: Path) -> socket.socket:
-    """A socket that nobody else can open at any moment.  Raises MissingError when the path cannot be one."""
+    """Create a socket for the owner alone.  Raises MissingError if that fails."""
     path.unlink(missing_ok=True)
     sock = socket.socket(socket.AF_UNIX)
     before = os.umask(0o177)
@@ -248,7 +248,7 @@ def _bind(path: Path) -> socket.socket:
     except OSError as error:
         sock.close()
         raise MissingError(
-            f"{path}: cannot be the socket of the bus: {error.strerror}; choose another --run-dir"
+            f"{path}: cannot create the socket of the bus: {error.strerror}; choose another --run-dir"
         ) from None
     finally:
         os.umask(before)

@@ -1,4 +1,4 @@
-"""Where foreign zenoh clients find the outputs; known before zenoh is loaded."""
+"""The endpoint for zenoh clients; does not import zenoh."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ LOOPBACK = "127.0.0.1"
 
 
 def choose_port(port: int) -> int:
-    """The port, or a free one for 0.  Raises MissingError when it is in use."""
+    """The port, or a free port for 0.  Raises MissingError when it is in use."""
     try:
         with socket.create_server((LOOPBACK, port)) as server:
             chosen: int = server.getsockname()[1]
     except OSError as error:
         why = f"cannot be used on {LOOPBACK}: {os.strerror(error.errno or 0)}"
-        raise MissingError(f"bus.port = {port}: {why}; 0 takes a free one") from None
+        raise MissingError(f"bus.port = {port}: {why}; 0 chooses a free port") from None
     return chosen
 
 
 def describe_endpoint(port: int) -> str:
-    """The endpoint as zenoh writes it."""
+    """The endpoint in zenoh notation."""
     return f"tcp/{LOOPBACK}:{port}"

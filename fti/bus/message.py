@@ -1,11 +1,11 @@
-"""The payload of the bus: JSON of an output with its age.  Late is not valid.
+"""The payload of a bus message: an output as JSON, with its age.  A late output is not valid.
 
 every field of the output; enum members as strings; NaN and infinity as null
 age_ms      : time of publishing minus time of the output [ms]; the publisher adds it, never ``nav``
-max_age_ms  : above this age the value is late for every consumer, also while it lies there
-late        : age_ms > max_age_ms when it was published; then ``valid`` is false
+max_age_ms  : above this age the value is late for every consumer, also after its arrival
+late        : age_ms > max_age_ms at publication; then ``valid`` is false
 
-What arrives is not trusted: ``decode`` is where its size, depth, types and numbers are checked, once.
+Received messages are not trusted: ``decode`` checks size, depth, types and numbers.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from fti.bus.shapes import defaults_of, describe_mismatch, shape_of
 
 NS_PER_MS = 1_000_000
 MAX_DEPTH = 16
-#: Numbers beyond are no time, age or count of anything [ns and others].
+#: Limit of all numbers; larger ones are not valid times, ages or counts.
 MAX_NUMBER = 2**63
-#: A text of an event; longer ones are cut where they are published.
+#: Maximum length of a text in an event; longer ones are cut by the publisher.
 MAX_TEXT = 4096
 
 
 class MessageError(ValueError):
-    """A payload that is not a message of its topic; says why."""
+    """A payload that is not a valid message of its topic; the text has the reason."""
 
 
 def encode_with_age(payload_fields: Mapping[str, Any], t_ns: int, now_ns: int, max_age_ms: float) -> bytes:
@@ -47,7 +47,7 @@ def encode_with_age(payload_fields: Mapping[str, Any], t_ns: int, now_ns: int, m
 
 
 def encode(fields: Mapping[str, Any]) -> bytes:
-    """A mapping as JSON; what it has no number for (NaN, infinity) is null, half a surrogate (of a path) is ``?``."""
+    """A mapping as JSON; NaN and infinity become null, a lone surrogate (of a path) becomes ``?``."""
     try:
         text = json.dumps(fields, allow_nan=False, ensure_ascii=False, separators=(",", ":"))
     except ValueError:
@@ -56,7 +56,7 @@ def encode(fields: Mapping[str, Any]) -> bytes:
 
 
 def encode_event(event: Mapping[str, Any]) -> bytes:
-    """An event; a text that is too long for a display is cut."""
+    """An event as JSON; its texts are shortened."""
     texts = {name: shorten(value) for name, value in event.items() if isinstance(value, str)}
     return encode({**event, **texts})
 
@@ -67,15 +67,15 @@ def shorten(text: str) -> str:
 
 
 def decode(topic: str, payload: bytes) -> dict[str, Any]:
-    """The message in a payload: finite numbers, bounded, with the types that its topic has.
+    """The message in a payload, checked: finite and bounded numbers, types of the topic.
 
-    Raises MessageError when it is none.
+    Raises MessageError.
     """
     shape = shape_of(topic) if len(topic) <= MAX_TEXT else None
     if shape is None:
-        raise MessageError("there is no such topic")
+        raise MessageError("unknown topic")
     if len(payload) > max_bytes(topic):
-        raise MessageError(f"{len(payload)} bytes; at most {max_bytes(topic)} are allowed")
+        raise MessageError(f"{len(payload)} bytes; the limit is {max_bytes(topic)}")
     try:
         fields = orjson.loads(payload)  # refuses NaN, infinity, numbers beyond a double, half surrogates, 1024 levels
     except orjson.JSONDecodeError as error:
@@ -86,7 +86,7 @@ def decode(topic: str, payload: bytes) -> dict[str, Any]:
 
 
 def _describe_excess(value: Any, depth: int) -> str | None:
-    """What is too deep or too large, in words."""
+    """A text about excessive depth or numbers, or None."""
     if isinstance(value, dict | list):
         if not depth:
             return f"is nested more than {MAX_DEPTH} deep"

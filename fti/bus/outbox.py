@@ -1,8 +1,8 @@
-"""What waits for one reader: bounded, so that one that reads slowly costs the others nothing.
+"""Bounded message queue of one reader, so that a slow reader does not affect the others.
 
-While it keeps up it gets every message in order.  When more than ``MAX_FRAMES`` or ``MAX_BYTES`` wait, only the newest
-of each topic stays (``replaced`` counts the others) and every event; when that is still too much, the oldest go
-(``lost``).
+A fast reader gets every message in order.  When more than ``MAX_FRAMES`` or ``MAX_BYTES`` are queued, only all events
+and the newest message of each other topic are kept (``replaced`` counts the others); if that is still too much, the
+oldest are dropped (``lost``).
 """
 
 from __future__ import annotations
@@ -13,17 +13,17 @@ from fti.bus.frame import EVENT, BusFrame
 
 MAX_FRAMES = 1024
 MAX_BYTES = 8 * 2**20
-#: So much is given to the kernel with one call.
+#: Maximum size of one send call.
 SEND_BYTES = 2**16
 
 
 class Outbox:
-    """replaced : values that a newer one of their topic displaced; lost : messages that went without a newer one"""
+    """replaced : messages replaced by a newer one of their topic; lost : messages dropped without a newer one"""
 
     def __init__(self) -> None:
         self._frames: deque[BusFrame] = deque()
         self._bytes = 0
-        self._rest = b""  # of what the kernel took in part
+        self._rest = b""  # rest of a partly sent chunk
         self.replaced = 0
         self.lost = 0
 
@@ -39,7 +39,7 @@ class Outbox:
         self._bytes += len(frame.raw)
         if self._is_full():
             self._keep_newest()
-            while self._is_full(2):  # by half, so that this is done seldom
+            while self._is_full(2):  # by half, so that this is rare
                 self._bytes -= len(self._frames.popleft().raw)
                 self.lost += 1
 
@@ -48,13 +48,13 @@ class Outbox:
 
     def _keep_newest(self) -> None:
         newest = {frame.topic: n for n, frame in enumerate(self._frames)}
-        kept = [f for n, f in enumerate(self._frames) if f.topic == EVENT or newest[f.topic] == n]
-        self.replaced += len(self._frames) - len(kept)
-        self._frames = deque(kept)
-        self._bytes = sum(len(frame.raw) for frame in kept)
+        remaining = [f for n, f in enumerate(self._frames) if f.topic == EVENT or newest[f.topic] == n]
+        self.replaced += len(self._frames) - len(remaining)
+        self._frames = deque(remaining)
+        self._bytes = sum(len(frame.raw) for frame in remaining)
 
     def next_bytes(self) -> bytes:
-        """What is to be sent next; give back with ``keep_unsent`` what was not sent."""
+        """The next bytes to send; return unsent bytes with ``keep_unsent``."""
         parts, size, self._rest = [self._rest], len(self._rest), b""
         while self._frames and size < SEND_BYTES:
             raw = self._frames.popleft().raw
@@ -64,5 +64,5 @@ class Outbox:
         return b"".join(parts)
 
     def keep_unsent(self, rest: bytes) -> None:
-        """What ``next_bytes`` gave and the kernel did not take."""
+        """Store unsent bytes of ``next_bytes``."""
         self._rest = rest

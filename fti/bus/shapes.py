@@ -1,8 +1,8 @@
-"""What each message of the bus must look like, as far as a display relies on it.
+"""Required structure of each message of the bus, as far as a display relies on it.
 
 A shape is a set of JSON types, a list of one shape, or a table of shapes.  In a table, ``name?`` may be missing and
-``*`` stands for every other name; other names than those listed are allowed.  The shapes of outputs are those of their
-classes in ``fti.types``.
+``*`` stands for every other name; unlisted names are allowed.  The shapes of outputs come from their classes in
+``fti.types``.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ class Nullable(NamedTuple):
 Table = dict[str, Any]
 Shape = frozenset[type] | list[Any] | Table | Nullable
 
-#: Foreign topics must not fill the memory.
+#: Limit of the cache: clients may send any topic.
 TOPICS_CACHED = 512
 NULL = type(None)
 TEXT: Shape = frozenset({str})
@@ -40,7 +40,7 @@ COUNTS: Table = {"*": WHOLE}
 TEXTS: Shape = [TEXT]
 
 STAMP: Table = {"age_ms?": NUMBER, "max_age_ms?": NUMBER, "late?": FLAG}
-#: An output that this program does not know: what every one has.
+#: An unknown output: the common fields.
 ANY_OUTPUT: Table = {**STAMP, "t_ns?": WHOLE, "valid?": FLAG, "reasons?": TEXTS, "unchecked?": TEXTS, "state?": TEXT}
 EVENT: Table = {"t_ns": WHOLE, "level": TEXT, "source": TEXT, "text": TEXT}
 _LATENESS: Table = {"messages": WHOLE, "p50_ms": MAYBE_NUMBER, "p99_ms": MAYBE_NUMBER, "max_ms": MAYBE_NUMBER}
@@ -119,13 +119,13 @@ ALARMS: Table = {
     "alarms": [{**_ALARM, "is_acknowledged": FLAG, "consequences": [_ALARM]}],
 }
 
-#: Outputs whose topics have a name behind them, of an altimeter or a source.
+#: Outputs whose topics end with the name of an altimeter or a source.
 NAMED = (HeightAboveGround, SourceValidity, ProvisionalSolution)
 
 
 @lru_cache(TOPICS_CACHED)
 def shape_of(topic: str) -> Shape | None:
-    """What a topic's messages must look like; None for a topic that the bus does not have."""
+    """The shape of a topic's messages; None for an unknown topic."""
     fixed = {"/health": HEALTH, "/alarms": ALARMS, "/event": EVENT, "/hil": HIL}
     if topic in fixed:
         return fixed[topic]
@@ -142,7 +142,7 @@ def shape_of(topic: str) -> Shape | None:
 
 @lru_cache(TOPICS_CACHED)
 def defaults_of(topic: str) -> Mapping[str, Any]:
-    """Fields that a publisher of an earlier version does not know, with what they are then."""
+    """Default values of fields that a publisher of an earlier version may omit."""
     cls = _outputs().get(topic.removeprefix("/nav/").partition("/")[0])
     return {f.name: f.default for f in fields(cls) if f.default is not MISSING} if cls else {}
 
@@ -165,7 +165,7 @@ def _shape_of_hint(hint: Any) -> Shape:
 
 
 def describe_mismatch(value: Any, shape: Shape, name: str = "") -> str | None:
-    """Which field is not as it must be, in words; None when all are."""
+    """A text about the first field with a wrong type; None if all fit."""
     if isinstance(shape, Nullable):
         return None if value is None else describe_mismatch(value, shape.shape, name)
     wanted = shape if isinstance(shape, frozenset) else {type(shape)}

@@ -1,11 +1,11 @@
-"""Outputs, health and events for foreign zenoh clients, at one explicit endpoint on loopback: they read, nobody else.
+"""Outputs, health and events for zenoh clients, read-only, at one explicit endpoint on loopback.
 
     key        ``fti/<session name><topic>``, topics as in the files (``/nav/glide_slope``, ``/health``, ``/event``)
-    liveliness ``fti/<session name>/@alive/<process>``: goes when a process ends, however it ends
+    liveliness ``fti/<session name>/@alive/<process>``: removed when a process ends
 
-This session subscribes to nothing, and its access control refuses what a client would publish, so that no client hears
-another one either.  No scouting, no gossip: nothing leaves the machine and nothing is found by chance.  Publishing
-never waits for a reader: where a queue is full, the message is dropped (congestion control DROP).
+This session subscribes to nothing, and its access control rejects messages of clients, so that clients cannot send to
+each other.  Scouting and gossip are off: nothing leaves the machine.  Publishing never blocks: with a full queue the
+message is dropped (congestion control DROP).
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ from fti.bus.loopback import LOOPBACK, describe_endpoint
 from fti.errors import MissingError
 
 ALIVE = "@alive"
-#: What access control has rules for; a chunk that begins with "@" is no part of "**".
+#: Key expressions of the access rules; "**" does not match a chunk that begins with "@".
 KEYS = ["**", f"**/{ALIVE}/**"]
-#: What a client may ask for, and what it may be sent; everything else is denied.
+#: Messages that a client may send and receive; all others are denied.
 INGRESS_MESSAGES = ["declare_subscriber", "declare_liveliness_subscriber", "liveliness_query"]
 EGRESS_MESSAGES = ["put", "delete", "liveliness_token"]
 
 
 def make_config(port: int) -> zenoh.Config:
-    """A router for clients of this machine that are only served."""
+    """Configuration of a router for read-only clients of this machine."""
     table: dict[str, Any] = {
         "mode": "router",
         "scouting": {"delay": 0, "multicast": {"enabled": False}, "gossip": {"enabled": False}},
@@ -53,7 +53,7 @@ def _allow(name: str, flow: str, messages: list[str]) -> dict[str, Any]:
 
 
 class ZenohEndpoint:
-    """Publishes under one session name.  ``endpoint`` is what clients connect to."""
+    """Publishes under one session name.  ``endpoint`` : address for clients"""
 
     def __init__(self, session: zenoh.Session, session_name: str, port: int) -> None:
         self._session = session
@@ -70,16 +70,16 @@ class ZenohEndpoint:
             raise MissingError(f"bus.port = {port}: zenoh cannot listen on {LOOPBACK}: {error}") from None
 
     def publish(self, topic: str, payload: bytes) -> None:
-        """Send one message to whoever listens; topic begins with ``/``.  Drops when the queue is full."""
+        """Send a message; topic begins with ``/``.  It is dropped when the queue is full."""
         self._session.put(self._prefix + topic, payload, congestion_control=zenoh.CongestionControl.DROP)
 
     def set_alive(self, process: str, is_alive: bool) -> None:
-        """Declare that a process lives, or has ended."""
+        """Declare that a process is alive, or has ended."""
         if is_alive and process not in self._tokens:
             self._tokens[process] = self._session.liveliness().declare_token(f"{self._prefix}/{ALIVE}/{process}")
         elif not is_alive and process in self._tokens:
             self._tokens.pop(process).undeclare()  # type: ignore[no-untyped-call]
 
     def close(self) -> None:
-        """Leave the clients; what is queued is sent."""
+        """Send queued messages and close the session."""
         self._session.close()  # type: ignore[no-untyped-call]

@@ -1,4 +1,4 @@
-"""Kinds of arguments that several commands have; each refuses what is out of range in one sentence."""
+"""Argument types that several commands share; each rejects a value out of range with one sentence."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ def count(text: str) -> int:
 
 
 def picture(text: str) -> Path:
-    """A new file for a picture, .png or .svg."""
+    """A new picture file, .png or .svg."""
     path = Path(text)
     if path.suffix not in (".png", ".svg"):
         raise argparse.ArgumentTypeError(f"{text}: must end with .png or .svg")
     if path.exists():
-        raise argparse.ArgumentTypeError(f"{text}: is there already, and nothing is overwritten")
+        raise argparse.ArgumentTypeError(f"{text}: already exists; choose another name")
     return path
 
 

@@ -1,4 +1,4 @@
-"""Which file ``fti check`` was given, and whether it is a configuration or a scenario: decided by its keys."""
+"""The file that ``fti check`` reads; its keys decide whether it is a configuration or a scenario."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 
 @dataclass(frozen=True, slots=True)
 class CheckedFile:
-    """A TOML file, read once: it may be a pipe.  table, text : what is in it"""
+    """A TOML file, read once: it may be a pipe.  table, text : its content"""
 
     path: Path
     table: dict[str, Any]
@@ -27,7 +27,7 @@ def read_file(name_or_path: str) -> CheckedFile:
 
 
 def _find(name_or_path: str) -> Path:
-    """A path as it is; a word that is not a path is the name of a shipped scenario.  Raises MissingError."""
+    """The path itself; a word that is not a path is the name of a shipped scenario.  Raises MissingError."""
     path = Path(name_or_path)
     if path.suffix or path.name != name_or_path or path.is_file():
         return path
@@ -36,25 +36,25 @@ def _find(name_or_path: str) -> Path:
 
     if name_or_path not in scenarios.shipped_names():
         raise MissingError(
-            f"{name_or_path}: is neither a file nor a shipped scenario; shipped are {', '.join(scenarios.shipped_names())}"
+            f"{name_or_path}: not a file and not a shipped scenario; shipped: {', '.join(scenarios.shipped_names())}"
         )
     return scenarios.find(name_or_path)
 
 
 def _is_scenario(path: Path, table: dict[str, Any]) -> bool:
-    """The one of whose keys the file has more.  No key belongs to both."""
+    """Does the file have more keys of a scenario than of a configuration?  No key belongs to both."""
     from fti.config import Config
 
-    of_config = table.keys() & Config.model_fields.keys()
-    if table and len(of_config) == len(table):
+    config_keys = table.keys() & Config.model_fields.keys()
+    if table and len(config_keys) == len(table):
         return False
     from fti.errors import ConfigError
     from fti.hil.scenario import Scenario
 
-    of_scenario = table.keys() & Scenario.model_fields.keys()
-    if not of_config and not of_scenario:
+    scenario_keys = table.keys() & Scenario.model_fields.keys()
+    if not config_keys and not scenario_keys:
         raise ConfigError(
             f"{path}: is neither a configuration nor a scenario: a configuration has [session] and [[link]], "
             "a scenario has title, description, config and [flight]"
         )
-    return len(of_scenario) > len(of_config)
+    return len(scenario_keys) > len(config_keys)

@@ -1,4 +1,4 @@
-"""What ``fti run`` and ``fti demo`` share: a recorder that starts first, and a daemon that talks to this terminal."""
+"""Shared by ``fti run`` and ``fti demo``: start the recorder process early, run the daemon in this terminal."""
 
 from __future__ import annotations
 
@@ -20,9 +20,10 @@ if TYPE_CHECKING:
 
 @contextlib.contextmanager
 def early_recorder() -> Iterator[Child]:
-    """The recorder of ``fti.service.daemon``; an interrupt that an import swallows in the block ends ``serve`` at once.
+    """The recorder process of ``fti.service.daemon``.
 
-    The imports build the tables of the configuration.
+    The imports in the block build the tables of the configuration and may swallow an interrupt; then ``serve`` ends
+    at once.
     """
     with track_interrupts():
         from fti.service import daemon
@@ -39,9 +40,9 @@ def serve(
     duration_s: float | None = None,
     companion: Companion | None = None,
 ) -> int:
-    """Run the daemon to its end; what it announces is printed.  Returns the exit code.
+    """Run the daemon to its end and print its announcements.  Returns the exit code.
 
-    duration_s, companion : as of ``fti.service.daemon.serve``
+    duration_s, companion : see ``fti.service.daemon.serve``
     """
     import asyncio
 

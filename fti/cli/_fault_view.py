@@ -1,4 +1,4 @@
-"""What ``fti hil --faults`` prints, as JSON and for people."""
+"""Output of ``fti hil --faults``, as JSON and as text."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def as_json(kinds: Iterable[FaultDescription]) -> list[dict[str, Any]]:
 
 
 def overview(kinds: Iterable[FaultDescription]) -> Iterator[str]:
-    """Every kind; keys that all kinds of devices or of links have stand at the end, once."""
+    """Every kind; keys that all kinds of devices or of links share are listed once at the end."""
     from fti.hil.oracle.fault_catalogue import SHARED_KEYS
 
     shared = dict[str, "Key"]()
@@ -35,7 +35,7 @@ def overview(kinds: Iterable[FaultDescription]) -> Iterator[str]:
 
 
 def detail(kind: FaultDescription) -> Iterator[str]:
-    """One kind with everything."""
+    """One kind with all of its keys, its flags and an example."""
     from fti.hil.tables.quantity_names import quantities
 
     yield from _head(kind)
@@ -54,7 +54,7 @@ def _head(kind: FaultDescription) -> Iterator[str]:
     yield f"{kind.kind}: {first}"
     yield from (f"  {line}" for line in rest if line)
     drivers = f" whose driver is one of {', '.join(kind.drivers)}" if kind.drivers else ""
-    yield f"  of: {kind.subject}{drivers}"
+    yield f"  applies to: {kind.subject}{drivers}"
 
 
 def _keys(keys: Iterable[Key]) -> Iterator[str]:

@@ -1,4 +1,4 @@
-"""What ``fti info`` prints: one session as text for a person and as JSON for programs."""
+"""Output of ``fti info``: one session as text and as JSON."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from fti.logger.statistics.topic_stats import MARKS, EventNote, TopicStatistics
 from fti.post.overview import CONTINUOUS, SECOND_NS, FileState, Overview
 
 BARS = "·▁▂▃▄▅▆▇█"
-USUAL_BAR = 6  # height of the median rate, and of what is hardly more or less
+USUAL_BAR = 6  # height for rates near the median
 MIN_USUAL_RATIO, MAX_USUAL_RATIO = 0.75, 1.3
 MIN_WIDTH, MAX_WIDTH = 20, 160
 GAPS_SHOWN = 12
@@ -32,11 +32,11 @@ ORIGINS = {
 
 
 def as_text(view: Overview) -> Iterator[str]:
-    """Lines for a person."""
+    """Lines of text."""
     yield from _heading(view)
     yield from _files(view)
     yield from _topics(view)
-    yield from _pictures(view)
+    yield from _activity(view)
     yield from _gaps(view)
     yield from _alarms(view)
     yield from _events(view)
@@ -54,7 +54,7 @@ def _heading(view: Overview) -> Iterator[str]:
     config = f"{session_metadata.get('config_file', 'unknown')} {session_metadata.get('config_sha256', '')[:12]}"
     yield f"  software  fti {session_metadata.get('software', 'unknown')}, configuration {config.strip()}"
     if offsets := view.clock_offset_s():
-        yield f"  clock     real time - FTI time {offsets[0]:+.6f} s at the begin, {offsets[1]:+.6f} s at the end"
+        yield f"  clock     real time - FTI time {offsets[0]:+.6f} s at the start, {offsets[1]:+.6f} s at the end"
     if gnss := view.gnss():
         begin = moment(view.begin_ns + gnss.utc_minus_fti_ns, date=True)
         offset_s = gnss.utc_minus_fti_ns / SECOND_NS
@@ -84,13 +84,13 @@ def _topics(view: Overview) -> Iterator[str]:
     for row in (HEADS, *rows):
         cells = [cell.rjust(width) for cell, width in zip(row[1:], widths[1:], strict=True)]
         yield "  ".join((row[0].ljust(widths[0]), *cells)).rstrip()
-    yield "sd, p99: of the intervals that are no gaps; gap: 5 times longer than 95 % of the intervals"
+    yield "sd, p99: of the intervals that are not gaps; gap: 5 times longer than 95 % of the intervals"
 
 
 def _row(view: Overview, topic: TopicStatistics) -> tuple[str, ...]:
     if not topic.messages:
         return (topic.topic, "0", "silent", *[""] * (len(HEADS) - 3))
-    intervals, longest = topic.intervals, topic.intervals.longest
+    intervals, max_gap = topic.intervals, topic.intervals.longest
     return (
         topic.topic,
         str(topic.messages),
@@ -99,7 +99,7 @@ def _row(view: Overview, topic: TopicStatistics) -> tuple[str, ...]:
         _number(view.rates.get(topic.topic), 0, ""),
         _number(_ms(intervals.sd_s), 2),
         _number(_ms(intervals.p99_s), 1),
-        _number(longest and longest.length_ns / SECOND_NS, 3),
+        _number(max_gap and max_gap.length_ns / SECOND_NS, 3),
         str(intervals.gap_count or ""),
     )
 
@@ -112,11 +112,11 @@ def _number(value: float | None, digits: int, unknown: str = "-") -> str:
     return unknown if value is None else f"{value:.{digits}f}"
 
 
-# --------------------------------------------------------------------------------------------------------- pictures
+# --------------------------------------------------------------------------------------------------------- activity
 
 
-def _pictures(view: Overview) -> Iterator[str]:
-    """The activity of all topics, in one column over the same time."""
+def _activity(view: Overview) -> Iterator[str]:
+    """The activity of all topics over the same time axis."""
     topics = [topic for topic in view.statistics.topics if topic.topic != TICK_TOPIC and not view.is_copy(topic)]
     width = max((len(topic.topic) for topic in topics), default=5)
     cells = min(max(shutil.get_terminal_size((120, 40)).columns - width - 3, MIN_WIDTH), MAX_WIDTH)
@@ -133,7 +133,7 @@ def _relative(view: Overview, topic: TopicStatistics, cells: int) -> list[float]
 
 
 def activity_bar(rates: Sequence[float]) -> str:
-    """Rates relative to their median as a row of bars; a dot is silence, the smallest bar is at least one message."""
+    """Rates relative to their median as a row of bars; a dot: no message, the smallest bar: at least one message."""
     return "".join(BARS[_height(rate)] for rate in rates)
 
 
@@ -147,7 +147,7 @@ def _height(rate: float) -> int:
 
 
 def _gaps(view: Overview) -> Iterator[str]:
-    """Where the links were silent, the longest."""
+    """The longest gaps of the links."""
     found = [(gap, link) for link in view.links if link.topic.startswith(RAW_PREFIX) for gap in view.find_gaps(link)]
     if not found:
         return
@@ -162,7 +162,7 @@ def _gaps(view: Overview) -> Iterator[str]:
 def _silence(view: Overview, topic: TopicStatistics, gap: TimeGap) -> str:
     seconds = f"{gap.length_ns / SECOND_NS:.3f} s"
     if not topic.messages:
-        return "never heard"
+        return "no message"
     if gap.begin_ns == topic.last_ns:
         return f"{seconds} until the end"
     return f"{seconds} until its first message" if gap.begin_ns < topic.first_ns else seconds
@@ -174,25 +174,25 @@ def _alarms(view: Overview) -> Iterator[str]:
     if not alarms.spans:
         return
     chosen = sorted(alarms.spans, key=lambda span: SEVERITIES.index(span.severity))[:ALARMS_SHOWN]
-    total = len(alarms.spans) + alarms.more
+    total = len(alarms.spans) + alarms.more_alarms
     yield ""
     yield "alarms" + ("" if len(chosen) == total else f", {len(chosen)} of {total}; --json has them all")
     for span in sorted(chosen, key=lambda span: span.begin_ns):
-        lasted = "to the end" if span.end_ns is None else f"{(span.end_ns - span.begin_ns) / SECOND_NS:.1f} s"
-        who = f", acknowledged by {span.acknowledged_by}" if span.acknowledged_by else ""
+        duration = "to the end" if span.end_ns is None else f"{(span.end_ns - span.begin_ns) / SECOND_NS:.1f} s"
+        acknowledged = f", acknowledged by {span.acknowledged_by}" if span.acknowledged_by else ""
         cause = f": {span.cause}" if span.cause else ""
-        yield f"  {_when(view, span.begin_ns)}  {span.severity}: {span.title}{cause} ({lasted}{who})"
+        yield f"  {_when(view, span.begin_ns)}  {span.severity}: {span.title}{cause} ({duration}{acknowledged})"
 
 
 def _events(view: Overview) -> Iterator[str]:
-    """Marks and events; when there are many, the marks and what is worse than information come first."""
+    """Marks and events; when there are many, marks, warnings and errors come first."""
     events = view.statistics.events
     if not events:
         return
     chosen = events
     if len(events) > EVENTS_SHOWN:
-        telling = [e for e in events if e.source in MARKS or e.level != "info"]
-        chosen = sorted([*telling, *(e for e in events if e not in telling)][:EVENTS_SHOWN])
+        important = [e for e in events if e.source in MARKS or e.level != "info"]
+        chosen = sorted([*important, *(e for e in events if e not in important)][:EVENTS_SHOWN])
     total = len(events) + view.statistics.more_events
     yield ""
     yield "marks and events" + ("" if len(chosen) == total else f", {len(chosen)} of {total}; --json has them all")
@@ -201,7 +201,7 @@ def _events(view: Overview) -> Iterator[str]:
 
 
 def event_text(event: EventNote) -> str:
-    """One event for a person."""
+    """One event as text."""
     level = "" if event.level == "info" else f"{event.level}: "
     return f"{level}{event.source}: {event.text}"
 
@@ -217,7 +217,7 @@ def moment(t_ns: int, *, date: bool = False) -> str:
 
 
 def duration_text(seconds: float) -> str:
-    """Seconds, and from a minute on hours, minutes and seconds too."""
+    """Seconds; from one minute also hours, minutes and seconds."""
     if seconds < 60:
         return f"{seconds:.1f} s"
     return f"{seconds:.1f} s ({int(seconds // 3600)}:{int(seconds // 60) % 60:02d}:{int(seconds) % 60:02d})"
@@ -261,7 +261,7 @@ def as_json(view: Overview) -> dict[str, Any]:
         "alarms": [
             {**asdict(span), "begin_s": view.since_begin_s(span.begin_ns)} for span in view.statistics.alarms.spans
         ],
-        "more_alarms": view.statistics.alarms.more,
+        "more_alarms": view.statistics.alarms.more_alarms,
         "events": _events_json(view, view.statistics.events),
         "more_events": view.statistics.more_events,
     }

@@ -1,4 +1,4 @@
-"""Keys of a terminal, while a command runs in its foreground; elsewhere there are none."""
+"""Single-key input from the terminal of a foreground command."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Mapping
 
 
 def in_foreground(descriptor: int) -> bool:
-    """Is it a terminal that we may read?  A job in the background would be stopped by trying."""
+    """Is it a terminal that this process may read?  The kernel stops a background job that reads."""
     try:
         return os.tcgetpgrp(descriptor) == os.getpgrp()
     except OSError:
@@ -21,23 +21,23 @@ def in_foreground(descriptor: int) -> bool:
 
 @contextlib.contextmanager
 def handle_keys(actions: Mapping[str, Callable[[], None]], descriptor: int | None = None) -> Iterator[bool]:
-    """Let each key of ``actions`` do something while the block runs; gives whether there are keys.
+    """Call the action of each key that is on_input while the block runs; yields False where no keys can be read.
 
-    descriptor : of the terminal; none : standard input
+    descriptor : of the terminal; None : standard input
     """
     fd = sys.stdin.fileno() if descriptor is None else descriptor
     if not in_foreground(fd):
         yield False
         return
 
-    def pressed() -> None:
+    def on_input() -> None:
         for key in os.read(fd, 64).decode("ascii", "ignore"):
             actions.get(key, _ignore_key)()
 
     before = termios.tcgetattr(fd)
     tty.setcbreak(fd, termios.TCSANOW)
     loop = asyncio.get_running_loop()
-    loop.add_reader(fd, pressed)
+    loop.add_reader(fd, on_input)
     try:
         yield True
     finally:

@@ -1,4 +1,4 @@
-"""The one way to a terminal: whatever stands in a line, it cannot control it.
+"""The only output functions of the command line: they escape control characters, so a text cannot control the terminal.
 
 Every other module of the command line prints through these functions.
 """
@@ -19,7 +19,7 @@ def print_line(text: object, *, error: bool = False, flush: bool = False) -> Non
 
 
 def print_lines(lines: Iterable[str], *, error: bool = False) -> None:
-    """Print lines; a newline inside of one is none of ours, and is written visibly."""
+    """Print lines; a newline inside a line is escaped."""
     for line in lines:
         print_line(line, error=error)
 

@@ -1,4 +1,4 @@
-"""What stands on standard error beside the result of reading a recording: remarks, a bar (in a terminal), faults."""
+"""Output on standard error while a recording is read: remarks, a progress bar (in a terminal), file faults."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def progress_bar() -> Progress:
-    """A bar on standard error; nothing where that is no terminal."""
+    """A bar on standard error; nothing where that is not a terminal."""
     from rich.console import Console
     from rich.progress import Progress
 
@@ -25,15 +25,15 @@ def progress_bar() -> Progress:
 
 
 def bar_title(text: str) -> str:
-    """A text from a file as the title of a bar, which would take ``[...]`` for markup."""
+    """A text from a file as the title of a bar; ``[...]`` is escaped, which rich takes for markup."""
     from rich.markup import escape
 
     return escape(escape_controls(text))
 
 
 @contextmanager
-def show_read_progress(recording: Recording, what: str, passes: int = 1) -> Iterator[None]:
-    """Show how far the files have been read; what : the word before the bar; passes : how often all are read."""
+def show_read_progress(recording: Recording, title: str, passes: int = 1) -> Iterator[None]:
+    """Show the read position as a bar.  title : before the bar; passes : how often all files are read"""
     from rich.console import Console
     from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TimeRemainingColumn
 
@@ -44,7 +44,7 @@ def show_read_progress(recording: Recording, what: str, passes: int = 1) -> Iter
     total = passes * sum(path.stat().st_size for path in recording.files)
     columns = TextColumn("{task.description}"), BarColumn(), DownloadColumn(), TimeRemainingColumn()
     with Progress(*columns, console=console, transient=True) as bar:
-        task = bar.add_task(what, total=total)
+        task = bar.add_task(title, total=total)
         last = Path(), 0
 
         def advance(path: Path, position: int) -> None:
@@ -61,9 +61,9 @@ def show_read_progress(recording: Recording, what: str, passes: int = 1) -> Iter
 
 
 def report_remarks(recording: Recording, known: str = "") -> None:
-    """Say what whoever uses a recording should know: that it is a snapshot, that more of it lies elsewhere.
+    """Print the remarks on a recording: it is a snapshot, more of it lies elsewhere.
 
-    told : what the result says itself
+    known : remark that the result contains itself
     """
     from fti.logger.reading.session_metadata import remarks
 
@@ -72,6 +72,6 @@ def report_remarks(recording: Recording, known: str = "") -> None:
 
 
 def report_faults(recording: Recording) -> None:
-    """Say which files broke off while they were read."""
+    """Print which files could not be read to their end."""
     for fault in recording.faults.values():
         print_line(f"fti: {fault.path}: {fault.text}", error=True)

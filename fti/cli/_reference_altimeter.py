@@ -1,4 +1,4 @@
-"""The altimeter that ``fti reference make`` works for, from its arguments or from the daemon's configuration."""
+"""The altimeter of ``fti reference make``, from its arguments or from the daemon's configuration."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def load(path: Path | None) -> Config | None:
 
 
 def model_of(args: argparse.Namespace, config: Config | None) -> AltimeterModel:
-    """The model of the altimeter: of the arguments, else of the configuration, else an RA-4500 with 40 deg.
+    """The model of the altimeter: from the arguments, else from the configuration, else an RA-4500 with 40 deg.
 
     Raises ConfigError for a configuration without an altimeter.
     """
@@ -47,21 +47,18 @@ def _altimeter(config: Config, name: str) -> Device:
     names = ([name] if name in config.nav.altimeters else []) + list(config.nav.altimeters)
     devices = [device for name in names if (device := config.find_device(name)) and device.altimeter]
     if not devices:
-        raise ConfigError(f"{config.path}: nav.altimeters: names no device with [device.altimeter]; one is needed")
+        raise ConfigError(f"{config.path}: nav.altimeters: no device in it has [device.altimeter]; one is required")
     return devices[0]
 
 
 def check_alert_limit(reference: ApproachReference, config: Config | None, out: Path) -> None:
-    """Print the least protection level, and compare the configuration's alert limit with it.
-
-    Raises ConfigError when that is smaller.
-    """
+    """Print the minimum protection level.  Raises ConfigError when the configuration's alert limit is smaller."""
     from fti.nav.integrity.reference import check_alert_limit as check
     from fti.nav.integrity.reference import min_level_v
 
-    least = min_level_v(reference)
+    level = min_level_v(reference)
     print_line(
-        f"least vertical protection level {least:.1f} m: nav.approach.alert_v_m must be at least {math.ceil(least)}"
+        f"minimum vertical protection level {level:.1f} m: nav.approach.alert_v_m must be at least {math.ceil(level)}"
     )
     if config is not None and config.nav.approach is not None:
         check(reference, config.nav.approach.alert_v_m, str(out), str(config.path))

@@ -1,4 +1,4 @@
-"""The arguments of ``fti reference make``, and the text above them."""
+"""Arguments and description of ``fti reference make``."""
 
 from __future__ import annotations
 
@@ -13,25 +13,26 @@ MAKE = """Make the reference of an approach: its profile and the limits of the t
     fti reference make --airfield FILE --terrain dsm_1m.tif srtm.hgt --vertical egm96 --out profiles/27.csv
     fti reference make --airfield FILE --recorded SESSION SESSION --sensor radar_altimeter --out profiles/27.csv
 
-From terrain: the elevation files must cover the approach to 250 m beyond --s-max, 1500 m to each side.  What grows on
-the ground is as the files have it: seasons are in the limits only where the approaches were recorded.  The smallest
-obstacle that is seen, by its width and the part of the way, is in the file, too.
+From terrain: the elevation files must cover the approach to 250 m beyond --s-max and 1500 m to each side.  Vegetation
+is modelled as in the files: only recorded approaches include seasonal changes in the limits.  The file also states
+the smallest detectable obstacle for each width and section of the approach.
 
-The receiver is drawn: antenna pattern, beam width (10 % about the stated one), detection threshold (3 to 13 dB under
-the peak) and range bias, or first and last echo and pointing of a laser.  The spread is in the profile's sigma.
+The receiver parameters are random: antenna pattern, beam width (10 % around the stated one), detection threshold (3 to
+13 dB below the peak) and range bias; for a laser first or last echo and pointing.  The profile's sigma includes the
+spread.
 
-The limits hold for what the file states as assumptions: sigmas of navigation, track and elevation, beam of the
-altimeter.  A navigation that states more than 1.25 times as much in flight makes integrity unavailable (assumption).
-Larger assumptions mean fewer alarms and later detection.
+The limits are valid for the assumptions in the file: sigmas of navigation, track and elevation, beam of the altimeter.
+If navigation states more than 1.25 times an assumed sigma in flight, integrity is unavailable (assumption).  Larger
+assumptions mean fewer alarms and later detection.
 
---fitted: the altimeter as fti reference fit has found it on flights, in place of the stated beam.
+--fitted: use the receiver that fti reference fit found on flights instead of the stated beam.
 
-From recordings: 5 approaches or more from --s-max on, in one session or many, with a height every 20 m, and navigation
-that did not rest on the same altimeter.  One that was broken off counts as far as it went; each place needs the heights
-of 3, and its sigma is the larger, the fewer there are.  Sessions without outputs: fti reprocess first.
+From recordings: at least 5 approaches from --s-max on, in one or more sessions, with a height every 20 m, and with
+navigation that did not use the same altimeter.  An aborted approach counts up to its end; each point needs the heights
+of 3 approaches, and fewer approaches give a larger sigma.  Sessions without outputs: run fti reprocess first.
 
-2000 approaches of 7 km take some minutes of a core; with a tenth of them the limits are guesses.  Then, in the
-daemon's configuration, with its path from there:
+2000 approaches of 7 km take some minutes of one core; a tenth of them gives only rough limits.  Then add to the
+daemon's configuration (the path is relative to it):
 
     [nav.approach]
     profile = "profiles/27.csv"
@@ -40,23 +41,23 @@ daemon's configuration, with its path from there:
 
 
 def add_make(make: argparse.ArgumentParser) -> None:
-    """Its arguments."""
+    """Add the arguments."""
     make.add_argument("--airfield", required=True, type=Path, metavar="FILE", help="the airfield file (TOML)")
     source = make.add_mutually_exclusive_group(required=True)
     source.add_argument(
         "--recorded", nargs="+", type=Path, metavar="SESSION", help="recorded flights with 5 approaches or more"
     )
     make.add_argument(
-        "--sensor", default="altimeter", metavar="NAME", help="their altimeter, or that of --config (altimeter)"
+        "--sensor", default="altimeter", metavar="NAME", help="altimeter of recordings or --config (default: altimeter)"
     )
     source.add_argument("--terrain", nargs="+", metavar="FILE", help="elevation files below the approach, or: demo")
-    make.add_argument("--vertical", choices=["egm96", "egm2008", "ellipsoid"], help="datum of files that do not say it")
-    make.add_argument("--surface", metavar="NAME", help="what the ground is called (default: the files)")
+    make.add_argument("--vertical", choices=["egm96", "egm2008", "ellipsoid"], help="datum of files that state none")
+    make.add_argument("--surface", metavar="NAME", help="name of the surface (default: the files)")
     make.add_argument(
         "--date",
         type=_date,
         metavar="YYYY-MM-DD",
-        help="of its survey (default: the airfield's, or the last recording's)",
+        help="date of the survey (default: the airfield's, or the last recording's)",
     )
     make.add_argument("--out", required=True, type=Path, metavar="FILE", help="the reference to write (CSV)")
     make.add_argument(
@@ -68,8 +69,8 @@ def add_make(make: argparse.ArgumentParser) -> None:
         "--config",
         type=Path,
         metavar="FILE",
-        help="the daemon's configuration: kind and beam of its altimeter (the one of --sensor, else the first of "
-        "nav.altimeters) are the defaults, and its alert limit is compared with the protection level",
+        help="the daemon's configuration: gives the default kind and beam of the altimeter (--sensor, else the first "
+        "of nav.altimeters); its alert limit is compared with the protection level",
     )
     make.add_argument(
         "--beam", type=_within(0.1, 120.0, "deg"), metavar="DEG",
@@ -79,63 +80,63 @@ def add_make(make: argparse.ArgumentParser) -> None:
         "--receiver",
         choices=["drawn", "edge", "nearest"],
         default="drawn",
-        help="receivers of a radar that are drawn: leading edge and nearest return (drawn), or one of both alone, when "
-        "it is known which the instrument has (drawn)",
+        help="random receivers of a radar: leading edge and nearest return (drawn), or only the one that the "
+        "instrument is known to have (default: drawn)",
     )
     make.add_argument(
         "--nav-vertical-sd", type=_within(0.1, 50.0, "m"), default=3.0, metavar="M",
-        help="assumed sigma of the navigated height; as large as the receiver states in flight (3)",
+        help="assumed sigma of the navigated height; as the receiver states it in flight (default: 3)",
     )  # fmt: skip
     make.add_argument(
         "--nav-horizontal-sd", type=_within(0.1, 50.0, "m"), default=5.0, metavar="M",
-        help="assumed sigma of the navigated place (5)",
+        help="assumed sigma of the navigated horizontal position (default: 5)",
     )  # fmt: skip
     make.add_argument(
         "--track-sd", type=_within(0.0, 50.0, "m"), default=15.0, metavar="M",
-        help="assumed sigma of the flown track beside the published one (15)",
+        help="assumed sigma of the cross-track deviation from the published track (default: 15)",
     )  # fmt: skip
     make.add_argument(
         "--elevation-sd", type=_within(0.0, 20.0, "m"), default=2.0, metavar="M",
-        help="assumed sigma of the elevation, over 30 m and over 300 m each (2; a surveyed surface model: 0.5)",
+        help="assumed sigma of the elevation, over 30 m and over 300 m each (default: 2; surveyed surface model: 0.5)",
     )  # fmt: skip
     make.add_argument(
         "--fitted",
         type=Path,
         metavar="FILE",
-        help="the receiver, as fti reference fit --out wrote it, in place of those that are drawn",
+        help="receiver file of fti reference fit --out, instead of random receivers",
     )
     make.add_argument("--s-max", type=_positive, default=7000.0, metavar="M", help="far end of the profile [m]")
-    make.add_argument("--runs", type=_count(20), default=2000, help="simulated nominal approaches (2000)")
+    make.add_argument("--runs", type=_count(20), default=2000, help="simulated nominal approaches (default: 2000)")
     make.add_argument(
         "--beside-runs",
         type=_count(2),
         default=100,
         metavar="N",
-        help="approaches at each offset beside the track (100)",
+        help="approaches at each lateral offset from the track (default: 100)",
     )
     make.add_argument(
         "--obstacle-runs",
         type=_count(0),
         default=100,
         metavar="N",
-        help="approaches over obstacles of each width in each kilometre (100); fewer than 99 prove no Pd of 0.97, "
-        "0: no table",
+        help="approaches over obstacles of each width in each kilometre (default: 100); fewer than 99 do not prove a "
+        "Pd of 0.97, 0: no table",
     )
-    make.add_argument("--draws", type=_count(5), default=100, help="draws of the profile (100)")
+    make.add_argument("--draws", type=_count(5), default=100, help="random draws of the profile (default: 100)")
     make.add_argument(
         "--pfa",
         type=_probability,
         default=0.01,
         metavar="P",
-        help="false alarms per approach, all tests together (0.01)",
+        help="false alarms per approach, all tests together (default: 0.01)",
     )
-    make.add_argument("--seed", type=_count(0), default=1, help="seed of everything random (1)")
+    make.add_argument("--seed", type=_count(0), default=1, help="seed of the random numbers (default: 1)")
 
 
-def _count(least: int) -> Callable[[str], int]:
+def _count(minimum: int) -> Callable[[str], int]:
     def parse(text: str) -> int:
-        if not text.isdecimal() or int(text) < least:
-            raise argparse.ArgumentTypeError(f"{text!r}: must be a whole number from {least}")
+        if not text.isdecimal() or int(text) < minimum:
+            raise argparse.ArgumentTypeError(f"{text!r}: must be a whole number, {minimum} or more")
         return int(text)
 
     return parse
@@ -151,14 +152,14 @@ def _positive(text: str) -> float:
     return value
 
 
-def _within(least: float, most: float, unit: str) -> Callable[[str], float]:
+def _within(minimum: float, maximum: float, unit: str) -> Callable[[str], float]:
     def parse(text: str) -> float:
         try:
             value = float(text)
         except ValueError:
             value = math.nan
-        if not least <= value <= most:
-            raise argparse.ArgumentTypeError(f"{text!r}: must be {least:g} to {most:g} {unit}")
+        if not minimum <= value <= maximum:
+            raise argparse.ArgumentTypeError(f"{text!r}: must be {minimum:g} to {maximum:g} {unit}")
         return value
 
     return parse
@@ -170,7 +171,7 @@ def _date(text: str) -> str:
     except ValueError:
         day = ""
     if day != text:
-        raise argparse.ArgumentTypeError(f"{text!r}: must be a day as YYYY-MM-DD")
+        raise argparse.ArgumentTypeError(f"{text!r}: must be a date, YYYY-MM-DD")
     return text
 
 

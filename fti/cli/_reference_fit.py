@@ -1,4 +1,4 @@
-"""``fti reference fit``: its arguments, what it does, and what it prints."""
+"""``fti reference fit``: arguments, fit and output."""
 
 from __future__ import annotations
 
@@ -17,23 +17,23 @@ if TYPE_CHECKING:
     from fti.hil.approach_reference.fitted_receiver import FittedReceiver
     from fti.terrain.terrain import Terrain
 
-FIT = """Learn the receiver of an altimeter from recorded flights over known ground.
+FIT = """Estimate the receiver parameters of an altimeter from recorded flights over known terrain.
 
-A reference and the live prediction need the altimeter as it is: the width of its beam, the share of the peak above
-which it detects an edge, its bias (bias_m) and its scale.  A data sheet states little of that.  A flight shows each of
-them over hills, over woods and in banks.  Both models of [device.altimeter] are tried, "nearest" and "beam", and the
-one that explains more of the measurements is taken.
+A reference and the live prediction need the real parameters of the altimeter: beam width, detection threshold relative
+to the peak, bias (bias_m) and scale.  A data sheet states few of them.  Flights over hills and woods, and banked
+flight, make them observable.  Both models of [device.altimeter], "nearest" and "beam", are fitted, and the one with
+the smaller residual is taken.
 
     fti reference fit data/da42_20261121T101500Z_0
     fti reference fit SESSION SESSION --sensor radar_altimeter --out receiver.toml --plot fit.png
     fti reference fit SESSION --config configs/aircraft.toml --model nearest --json
 
-Which flights: some minutes over hills, at the heights that matter, with turns.  The height of the position must not
-come from the same altimeter.  Level ground shows neither beam nor threshold, and a constant height shows no scale:
-such a parameter stays near the value that is assumed beforehand, and is marked.  A constant error of the navigated
-height looks like a bias; its sigma is part of the sigma of the bias, and only more flights reduce it.
+Suitable flights: some minutes over hills, at the heights of interest, with turns.  The navigated height must not come
+from the same altimeter.  Over level ground beam and threshold are not observable, at constant height the scale is not:
+such a parameter stays near its prior value, and is marked.  A constant error of the navigated height looks like a
+bias; the sigma of the bias includes its sigma, and only more flights reduce it.
 
-The ground is that of [nav.terrain] in the recorded configuration, or in --config.  Sessions without outputs: fti
+The terrain is [nav.terrain] of the recorded configuration, or of --config.  Sessions without outputs: run fti
 reprocess first.  --out writes the keys for [device.altimeter] of that device:
 
     [device.altimeter]
@@ -42,25 +42,27 @@ reprocess first.  --out writes the keys for [device.altimeter] of that device:
     bias_m = 2.1
     scale = 1.009
 
-"beam" takes about a minute for 1000 samples.  The result counts for that altimeter at that place of the aircraft.
+"beam" takes about a minute for 1000 samples.  The result is valid for that altimeter in that mounting position.
 """
 
 
 def add_fit(fit: argparse.ArgumentParser) -> None:
-    """Its arguments."""
-    fit.add_argument("sessions", nargs="+", type=Path, metavar="SESSION", help="recorded flights over known ground")
-    fit.add_argument("--sensor", default="altimeter", metavar="NAME", help="their altimeter (altimeter)")
+    """Add the arguments."""
+    fit.add_argument("sessions", nargs="+", type=Path, metavar="SESSION", help="recorded flights over known terrain")
+    fit.add_argument("--sensor", default="altimeter", metavar="NAME", help="the altimeter (default: altimeter)")
     fit.add_argument(
         "--config", type=Path, metavar="FILE", help="take terrain, mounting and altimeter from here, not the recordings"
     )
     fit.add_argument(
-        "--model", choices=["auto", "nearest", "beam"], default="auto", help="of the receiver (auto: what fits better)"
+        "--model", choices=["auto", "nearest", "beam"], default="auto", help="receiver model (default: auto, best fit)"
     )
     fit.add_argument(
-        "--samples", type=_count, default=1000, metavar="N", help="use so many, evenly spread over all flights (1000)"
+        "--samples", type=_count, default=1000, metavar="N", help="samples, evenly spread over all flights (1000)"
     )
     fit.add_argument("--out", type=Path, metavar="FILE", help="write the keys for [device.altimeter] (TOML)")
-    fit.add_argument("--plot", type=picture, metavar="FILE", help="draw the residuals: FILE.png or FILE.svg, new")
+    fit.add_argument(
+        "--plot", type=picture, metavar="FILE", help="plot the residuals to FILE (.png, .svg; must not exist)"
+    )
     fit.add_argument("--json", action="store_true", help="print one JSON object")
 
 
@@ -83,7 +85,7 @@ def fit(args: argparse.Namespace) -> int:
         fitting = bar.add_task("fit", total=1.0)
         device, samples = _read(args, lambda n: bar.update(reading, completed=n))
         terrain = _load_terrain(args, lambda share: bar.update(loading, completed=share))
-        found = fit_receiver(
+        receiver = fit_receiver(
             device,
             terrain,
             samples,
@@ -92,23 +94,23 @@ def fit(args: argparse.Namespace) -> int:
             progress=lambda share: bar.update(fitting, completed=share),
         )
     if args.json:
-        print_json(_as_json(found, args), indent=2)
+        print_json(_as_json(receiver, args), indent=2)
     else:
-        print_lines(_as_text(found, args))
+        print_lines(_as_text(receiver, args))
     if args.out is not None:
-        _write(args.out, as_toml(found, args.sensor, [str(session) for session in args.sessions]))
+        _write(args.out, as_toml(receiver, args.sensor, [str(session) for session in args.sessions]))
     if args.plot is not None:
-        write_plot(found, args.sensor, args.plot)
+        write_plot(receiver, args.sensor, args.plot)
     return 0
 
 
 def check_output_path(out: Path) -> None:
-    """Whether a file can be written: better known before the minutes that it takes than after."""
+    """Check before the long computation that a file can be written.  Raises ConfigError."""
     import os
 
     folder = next(parent for parent in out.absolute().parents if parent.exists())
     if out.is_dir() or not folder.is_dir():
-        raise ConfigError(f"{out}: cannot be written: {'is a folder' if out.is_dir() else f'{folder} is no folder'}")
+        raise ConfigError(f"{out}: cannot be written: {'is a folder' if out.is_dir() else f'{folder} is not a folder'}")
     if not os.access(out if out.exists() else folder, os.W_OK):
         raise ConfigError(f"{out}: cannot be written: permission denied")
 
@@ -122,7 +124,7 @@ def _config_of(args: argparse.Namespace, session: Path) -> Config:
 
 
 def _read(args: argparse.Namespace, progress: Any) -> tuple[Device, FitSamples]:
-    """The device, which is the same in all sessions, and the samples of all."""
+    """The device, which must be the same in all sessions, and the samples of all sessions."""
     from fti.config import Device
     from fti.hil.approach_reference.fit_samples import FitSamples, concatenate_samples, read_samples
 
@@ -131,11 +133,11 @@ def _read(args: argparse.Namespace, progress: Any) -> tuple[Device, FitSamples]:
         where = args.config or session
         device = _config_of(args, session).find_device(args.sensor)
         if device is None or device.altimeter is None:
-            raise ConfigError(f"{where}: device: has no altimeter {args.sensor!r} (--sensor)")
+            raise ConfigError(f"{where}: device: no altimeter {args.sensor!r}; name one with --sensor")
         if devices and _mounting(device) != _mounting(devices[0]):
             raise ConfigError(
-                f"{where}: device {args.sensor!r}: another kind, lever arm or mounting than in {args.sessions[0]}; "
-                "one fit is of one altimeter in one place"
+                f"{where}: device {args.sensor!r}: kind, lever arm or mounting differ from {args.sessions[0]}; "
+                "a fit needs one altimeter in one mounting position"
             )
         devices.append(device)
         parts.append(read_samples(session, args.sensor, number))
@@ -154,7 +156,7 @@ def _load_terrain(args: argparse.Namespace, progress: Any) -> Terrain:
     settings = _config_of(args, args.sessions[0]).nav.terrain
     if settings is None:
         raise MissingError(
-            f"{args.config or args.sessions[0]}: nav.terrain: is missing; a fit needs known ground (--config)"
+            f"{args.config or args.sessions[0]}: nav.terrain: is missing; a fit needs known terrain (--config)"
         )
     return load_terrain(settings, progress, local_only=args.config is None).terrain
 
@@ -171,40 +173,39 @@ def _write(out: Path, text: str) -> None:
 _DIGITS = {"beam_deg": 2, "threshold_db": 1, "bias_m": 2, "scale": 4}
 
 
-def _as_text(found: FittedReceiver, args: argparse.Namespace) -> Iterator[str]:
-    used, count = int(found.used.sum()), len(found.samples)
+def _as_text(receiver: FittedReceiver, args: argparse.Namespace) -> Iterator[str]:
+    used, count = int(receiver.used.sum()), len(receiver.samples)
     yield (
-        f"{args.sensor}: {used} of {count} samples count, of {found.available} in {len(args.sessions)} "
-        f"session{'s' if len(args.sessions) > 1 else ''}; the others are outliers, or have no prediction"
+        f"{args.sensor}: {used} of {count} samples used, of {receiver.available} in {len(args.sessions)} "
+        f"session{'s' if len(args.sessions) > 1 else ''}; the others are outliers or have no prediction"
     )
-    rivals = "; ".join(f"{model!r} leaves {sd:.2f} m" for model, sd in found.others.items())
-    yield f"  model         {found.model}{f' ({found.fit.sd:.2f} m of scatter are left; {rivals})' if rivals else ''}"
-    for name, value, sd, configured in found.rows():
+    others = "; ".join(f"{model!r} {sd:.2f} m" for model, sd in receiver.others.items())
+    scatter = f" (residual scatter {receiver.fit.sd:.2f} m; {others})" if others else ""
+    yield f"  model         {receiver.model}{scatter}"
+    for name, value, sd, configured in receiver.rows():
         digits = _DIGITS[name]
-        was = "default" if configured is None else f"{configured:g}"
-        remark = (
-            "; hardly more than what was assumed: not shown by these flights" if name in found.fit.unobservable else ""
-        )
-        yield f"  {name:12}  {value:.{digits}f} +- {sd:.{digits}f} (configured: {was}){remark}"
-    before, after = found.rms()
+        default = "default" if configured is None else f"{configured:g}"
+        remark = "; not observable on these flights, near its prior value" if name in receiver.fit.unobservable else ""
+        yield f"  {name:12}  {value:.{digits}f} +- {sd:.{digits}f} (configured: {default}){remark}"
+    before, after = receiver.rms()
     yield f"  residual      {before:.2f} m RMS as configured, {after:.2f} m as fitted"
 
 
-def _as_json(found: FittedReceiver, args: argparse.Namespace) -> dict[str, Any]:
-    before, after = found.rms()
+def _as_json(receiver: FittedReceiver, args: argparse.Namespace) -> dict[str, Any]:
+    before, after = receiver.rms()
     return {
         "sensor": args.sensor,
         "sessions": [str(session) for session in args.sessions],
-        "model": found.model,
+        "model": receiver.model,
         "parameters": {
-            name: {"value": value, "sd": sd, "configured": configured, "assumed": name in found.fit.unobservable}
-            for name, value, sd, configured in found.rows()
+            name: {"value": value, "sd": sd, "configured": configured, "assumed": name in receiver.fit.unobservable}
+            for name, value, sd, configured in receiver.rows()
         },
         "rms_before_m": before,
         "rms_after_m": after,
-        "other_models": {model: {"scatter_m": sd} for model, sd in found.others.items()},
-        "scatter_m": found.fit.sd,
-        "samples": int(found.used.sum()),
-        "samples_looked_at": len(found.samples),
-        "samples_available": found.available,
+        "other_models": {model: {"scatter_m": sd} for model, sd in receiver.others.items()},
+        "scatter_m": receiver.fit.sd,
+        "samples": int(receiver.used.sum()),
+        "samples_looked_at": len(receiver.samples),
+        "samples_available": receiver.available,
     }

@@ -1,4 +1,4 @@
-"""The picture of a fit: measured minus predicted, as configured and as fitted, over time and over the range."""
+"""Plot of a fit: measured minus predicted, as configured and as fitted, over time and over the range."""
 
 from __future__ import annotations
 
@@ -7,24 +7,24 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from fti.hil.approach_reference.fitted_receiver import FittedReceiver
-from fti.plot_style import BLUE, VERMILION, add_legend, label, new_figure, write
+from fti.plot_style import BLUE, VERMILION, add_legend, label_axes, new_figure, write_figure
 
 
-def write_plot(found: FittedReceiver, sensor: str, file: Path) -> None:
-    """Draw into a new file.  Raises what ``fti.plot_style.write`` raises."""
-    write(lambda: _draw(found, sensor), file)
+def write_plot(receiver: FittedReceiver, sensor: str, file: Path) -> None:
+    """Draw into a new file.  Raises what ``fti.plot_style.write_figure`` raises."""
+    write_figure(lambda: _draw(receiver, sensor), file)
 
 
-def _draw(found: FittedReceiver, sensor: str) -> Figure:
-    parameters = ", ".join(f"{name} {value:.4g}" for name, value, _, _ in found.rows())
-    figure = new_figure(f"Receiver of {sensor}", f"{found.model}: {parameters}")
+def _draw(receiver: FittedReceiver, sensor: str) -> Figure:
+    parameters = ", ".join(f"{name} {value:.4g}" for name, value, _, _ in receiver.rows())
+    figure = new_figure(f"Receiver of {sensor}", f"{receiver.model}: {parameters}")
     by_time, by_range = figure.subplots(2, 1)
-    steps = range(len(found.samples))
-    shown = (found.before, VERMILION, "as configured"), (found.fit.residuals, BLUE, "as fitted")
+    steps = range(len(receiver.samples))
+    shown = (receiver.configured_residuals, VERMILION, "as configured"), (receiver.fit.residuals, BLUE, "as fitted")
     for residuals, colour, name in shown:
         by_time.plot(steps, residuals, ".", color=colour, markersize=2.5, label=name)
-        by_range.plot(found.samples.value, residuals, ".", color=colour, markersize=2.5)
-    label(by_time, "sample", "measured - predicted [m]")
-    label(by_range, "measured [m]", "measured - predicted [m]")
+        by_range.plot(receiver.samples.value, residuals, ".", color=colour, markersize=2.5)
+    label_axes(by_time, "sample", "measured - predicted [m]")
+    label_axes(by_range, "measured [m]", "measured - predicted [m]")
     add_legend(by_time)
     return figure

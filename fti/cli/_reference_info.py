@@ -1,4 +1,4 @@
-"""A reference profile for a person: what it says of itself, and a drawing of characters."""
+"""Text output of ``fti reference info``: the header of a reference, and a character plot."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ PLOT_ROWS, PLOT_COLUMNS = 16, 96
 
 
 def summary(reference: ApproachReference) -> list[str]:
-    """What it says of itself."""
+    """The header as lines of text."""
     header = reference.header
     airfield, profile, limits = header.airfield, header.profile, header.limits
     return [
@@ -30,7 +30,7 @@ def summary(reference: ApproachReference) -> list[str]:
         f"window       {profile.window_m} m, correlation length {profile.correlation_m} m",
         f"limits       T1 {limits.t1}  T2 {limits.t2}  T3 {limits.t3}  T4 {limits.t4}  "
         f"(Pfa {limits.pfa}, Pmd {limits.pmd}, {limits.runs} approaches)",
-        "by theory    "
+        "analytic     "
         + "  ".join(f"T{k} {limit:.3f}" for k, limit in enumerate(theoretical_limits(reference), 1))
         + "  (independent normal residuals; for a check)",
         *_assumptions(header.assumptions),
@@ -38,7 +38,7 @@ def summary(reference: ApproachReference) -> list[str]:
         *_lateral_detection(header.detection),
         f"T4 is of     {_templates(limits)}",
         *_obstacles(header.obstacles),
-        f"PL_v         {min_level_v(reference):.1f} m at least; nav.approach.alert_v_m must not be smaller",
+        f"PL_v         {min_level_v(reference):.1f} m minimum; nav.approach.alert_v_m must not be smaller",
         f"sigma        {reference.s_ref.min():.2f} to {reference.s_ref.max():.2f} m",
         f"hash         {reference.hash}",
     ]
@@ -48,20 +48,20 @@ def _track(legs: Sequence[TrackLeg]) -> Iterator[str]:
     """The ground track where it is more than a straight line."""
     begin = 0.0
     for leg in legs:
-        way = f"track        {begin:.0f} to {begin + leg.length_m:.0f} m before the intercept point: "
+        section = f"track        {begin:.0f} to {begin + leg.length_m:.0f} m before the intercept point: "
         side = "right" if (leg.radius_m or 0.0) > 0.0 else "left"
-        yield way + (f"to the {side}, radius {abs(leg.radius_m):g} m" if leg.radius_m else "straight")
+        yield section + (f"to the {side}, radius {abs(leg.radius_m):g} m" if leg.radius_m else "straight")
         begin += leg.length_m
 
 
 def _assumptions(assumed: Assumptions | None) -> Iterator[str]:
-    """What the limits assume of navigation, flight, ground and receiver."""
+    """Assumptions of the limits on navigation, flight, terrain and receiver."""
     if assumed is None:
-        yield "assumes      not stated (made before references stated it): nothing is compared in flight"
+        yield "assumes      not stated (old format): nothing is compared in flight"
         return
     yield (
         f"assumes      navigation {assumed.nav_vertical_sd_m:g} m vertically, {assumed.nav_noise_sd_m:g} m of it "
-        f"within a window, {assumed.nav_horizontal_sd_m:g} m horizontally"
+        f"within one window, {assumed.nav_horizontal_sd_m:g} m horizontally"
     )
     yield (
         f"             track {assumed.track_sd_m:g} m, height {assumed.height_sd_m:g} m, elevation "
@@ -71,36 +71,36 @@ def _assumptions(assumed: Assumptions | None) -> Iterator[str]:
 
 
 def _lateral_detection(detection: Detection | None) -> Iterator[str]:
-    """Share of windows in ALERT, by the offset from the track and the part of the way."""
+    """Share of windows in ALERT, by cross-track offset and section of the approach."""
     if detection is None:
         return
-    yield f"{'beside':>12} " + "".join(f"{s:7.0f}" for s in detection.s_m) + "  m and less before the intercept point"
+    yield f"{'offset':>12} " + "".join(f"{s:7.0f}" for s in detection.s_m) + "  m and less before the intercept point"
     for y, row in zip(detection.y_m, detection.pd, strict=True):
         yield f"{y:10.0f} m " + "".join(f"{100 * pd:6.1f}%" for pd in row) + "  of the windows are over a limit"
 
 
 def _templates(limits: Limits) -> str:
-    """What T4 was calibrated with, and is judged by."""
+    """The templates of T4."""
     if limits.t4_widths_m is None:
-        return "single bins (a file of before there were templates; make it again to see smaller obstacles)"
+        return "single bins (old format; make the reference again to detect smaller obstacles)"
     return "templates of " + ", ".join(f"{width:g}" for width in limits.t4_widths_m) + " m"
 
 
 def _obstacles(obstacles: Obstacles | None) -> Iterator[str]:
-    """The smallest obstacle that is seen, by its width and the part of the way."""
+    """The smallest detectable obstacle, by width and section of the approach."""
     if obstacles is None:
         return
     yield (
         f"{'obstacles':>12} " + "".join(f"{s:7.0f}" for s in obstacles.s_m) + "  m and less before the intercept point"
     )
-    yield f"{'seen from':>12} " + "".join(f"{h:7.0f}" for h in obstacles.agl_m) + "  m above the ground"
+    yield f"{'aircraft at':>12} " + "".join(f"{h:7.0f}" for h in obstacles.agl_m) + "  m above the ground"
     for width, row in zip(obstacles.width_m, obstacles.height_m, strict=True):
         heights = "".join(f"{height:7.0f}" if math.isfinite(height) else f"{'none':>7}" for height in row)
-        yield f"{width:5.0f} m wide {heights}  m high are seen with a Pd of {obstacles.pd:g}"
+        yield f"{width:5.0f} m wide {heights}  m high are detected with a Pd of {obstacles.pd:g}"
 
 
 def plot(reference: ApproachReference) -> list[str]:
-    """Glide path (.) over the terrain as the sensor sees it (#), far end on the left."""
+    """Glide path (.) over the terrain as the sensor measures it (#), far end on the left."""
     s = np.linspace(reference.s[-1], reference.s[0], PLOT_COLUMNS)
     z = np.interp(s, reference.s, reference.z_ref)
     path = ApproachPath(reference.header.airfield).alt_path(s)

@@ -1,4 +1,4 @@
-"""What ``fti check`` tells of a scenario, as JSON and for people."""
+"""Output of ``fti check`` for a scenario, as JSON and as text."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def describe(check: ScenarioCheck) -> dict[str, Any]:
     """A checked scenario in plain JSON types; times in seconds of the flight."""
     scenario = check.scenario
     return {
-        "scenario": scenario.where,
+        "scenario": scenario.source_name,
         "title": scenario.title,
         "flight": {"kind": scenario.flight.kind, "duration_s": round(check.duration_s, 3)},
         "config": check.config.path,
@@ -39,30 +39,30 @@ def _devices(config: Config) -> Iterator[dict[str, Any]]:
 
 
 def _fault(index: int, fault: Fault, check: ScenarioCheck) -> dict[str, Any]:
-    from fti.hil.faults.descriptions import describe as in_words
+    from fti.hil.faults.descriptions import describe as describe_fault
 
     return {
         "fault": index,
         "kind": fault.kind,
-        "what": in_words(fault),
-        "from_s": getattr(fault, "from_s", None),  # an obstacle is there all the time
+        "what": describe_fault(fault),
+        "from_s": getattr(fault, "from_s", None),  # None: an obstacle is always present
         "to_s": getattr(fault, "to_s", None),
-        "subjects": [_subject(fault, one, check.duration_s) for one in check.flags_for(index)],
+        "subjects": [_subject(fault, fault_flags, check.duration_s) for fault_flags in check.flags_for(index)],
     }
 
 
-def _subject(fault: Fault, one: FaultFlags, end_s: float) -> dict[str, Any]:
+def _subject(fault: Fault, fault_flags: FaultFlags, end_s: float) -> dict[str, Any]:
     from fti.hil.oracle.scenario_check import no_flag_reason
 
     return {
-        "subject": one.subject,
-        "flags": [_flag(expected_flag, end_s) for expected_flag in one.expected_flags],
-        "no_flag": no_flag_reason(fault, one),
+        "subject": fault_flags.subject,
+        "flags": [_flag(expected_flag, end_s) for expected_flag in fault_flags.expected_flags],
+        "no_flag": no_flag_reason(fault, fault_flags),
     }
 
 
 def _flag(expected_flag: ExpectedFlag, end_s: float) -> dict[str, Any]:
-    """clears_s : None of a number, which need not go; after_flight : it would be due after the end of the flight"""
+    """clears_s : None for a number, which need not clear; after_flight : its time limit is after the flight"""
     return {
         "place": expected_flag.place,
         "words": list(expected_flag.words),
@@ -77,47 +77,47 @@ def _flag(expected_flag: ExpectedFlag, end_s: float) -> dict[str, Any]:
 
 
 def _output(output: RequiredOutput) -> dict[str, Any]:
-    """most_hz : None where a recording may have any rate above"""
-    least, most = output.rate_hz
+    """most_hz : None where the rate has no upper limit"""
+    min_hz, max_hz = output.rate_hz
     return {
         "topic": output.topic,
-        "least_hz": round(least, 3),
-        "most_hz": round(most, 3) if math.isfinite(most) else None,
+        "least_hz": round(min_hz, 3),
+        "most_hz": round(max_hz, 3) if math.isfinite(max_hz) else None,
         "gap_s": round(output.gap_s, 3),
         "devices": list(output.devices),
     }
 
 
-# ------------------------------------------------------------------------------------------------------ for people
+# ------------------------------------------------------------------------------------------------------------ text
 
-#: The row of a fault that is on nothing.
-NOTHING: tuple[str, ...] = ("nothing in this configuration can have it",)
+#: The row of a fault that applies to no device and no link.
+NOTHING: tuple[str, ...] = ("applies to nothing in this configuration",)
 
 
-def lines(found: dict[str, Any]) -> Iterator[str]:
-    """The lines of a description as ``describe`` gives it."""
-    yield f"{found['scenario']}: good"
-    yield f"title   {found['title']}"
-    yield f"flight  {found['flight']['kind']}, {found['flight']['duration_s']:g} s"
-    yield f"config  {found['config']}"
+def lines(description: dict[str, Any]) -> Iterator[str]:
+    """The lines of a description that ``describe`` returns."""
+    yield f"{description['scenario']}: good"
+    yield f"title   {description['title']}"
+    yield f"flight  {description['flight']['kind']}, {description['flight']['duration_s']:g} s"
+    yield f"config  {description['config']}"
     for title, section in SECTIONS.items():
         yield title
-        yield from section(found)
-    for warning in found["warnings"]:
+        yield from section(description)
+    for warning in description["warnings"]:
         yield f"warning: {warning}"
 
 
-def _device_lines(found: dict[str, Any]) -> Iterator[str]:
-    rates = (f"{d['rate_hz']:g} Hz" if d["rate_hz"] else "any rate" for d in found["devices"])
+def _device_lines(description: dict[str, Any]) -> Iterator[str]:
+    rates = (f"{d['rate_hz']:g} Hz" if d["rate_hz"] else "any rate" for d in description["devices"])
     yield from table_lines(
-        [(d["name"], f"on {d['link']}", d["driver"], rate) for d, rate in zip(found["devices"], rates, strict=True)]
+        [(d["name"], f"on {d['link']}", d["driver"], hz) for d, hz in zip(description["devices"], rates, strict=True)]
     )
 
 
-def _fault_lines(found: dict[str, Any]) -> Iterator[str]:
-    if not found["faults"]:
+def _fault_lines(description: dict[str, Any]) -> Iterator[str]:
+    if not description["faults"]:
         yield "  none"
-    for fault in found["faults"]:
+    for fault in description["faults"]:
         span = "all the time" if fault["from_s"] is None else f"{fault['from_s']:g} s to {fault['to_s']:g} s"
         yield f"  {fault['fault'] + 1}  {fault['what']}, {span}"
         rows = [row for subject in fault["subjects"] for row in _subject_rows(subject)]
@@ -139,8 +139,8 @@ def _flag_cells(flag: dict[str, Any]) -> tuple[str, ...]:
     return (word, flag["place"], raised, cleared, ", ".join(filter(None, notes)))
 
 
-def _expect_lines(found: dict[str, Any]) -> Iterator[str]:
-    yield from table_lines([_expect_cells(row) for row in found["expect"]])
+def _expect_lines(description: dict[str, Any]) -> Iterator[str]:
+    yield from table_lines([_expect_cells(row) for row in description["expect"]])
 
 
 def _expect_cells(row: Mapping[str, Any]) -> tuple[str, ...]:
@@ -149,16 +149,16 @@ def _expect_cells(row: Mapping[str, Any]) -> tuple[str, ...]:
     return (row["channel"], f"= {value}{band}", f"from {row['at_s']:g} s", f"within {row['within_s']:g} s")
 
 
-def _output_lines(found: dict[str, Any]) -> Iterator[str]:
-    yield from table_lines([_output_cells(row) for row in found["outputs"]])
+def _output_lines(description: dict[str, Any]) -> Iterator[str]:
+    yield from table_lines([_output_cells(row) for row in description["outputs"]])
 
 
 def _output_cells(row: Mapping[str, Any]) -> tuple[str, ...]:
-    most = "or more" if row["most_hz"] is None else f"to {row['most_hz']:g}"
-    return (row["topic"], f"{row['least_hz']:g} {most} Hz", f"gaps up to {row['gap_s']:g} s", ", ".join(row["devices"]))
+    high = "or more" if row["most_hz"] is None else f"to {row['most_hz']:g}"
+    return (row["topic"], f"{row['least_hz']:g} {high} Hz", f"gaps up to {row['gap_s']:g} s", ", ".join(row["devices"]))
 
 
-#: What is listed, one heading each, in this order.
+#: Headings and their lines, in order.
 SECTIONS: Mapping[str, Callable[[dict[str, Any]], Iterator[str]]] = {
     "devices": _device_lines,
     "faults and the flags that they must raise": _fault_lines,

@@ -1,4 +1,4 @@
-"""What a call of ``fti score`` judges: scenarios that it flies, or sessions with the scenarios that they are of."""
+"""The flights that a call of ``fti score`` scores: scenarios to fly, or recorded sessions with their scenarios."""
 
 from __future__ import annotations
 
@@ -17,23 +17,23 @@ if TYPE_CHECKING:
     from fti.post.reprocess import Setup
     from fti.post.score.comparison import Score
 
-#: In place of scenarios: every one that is shipped.
+#: Stands for all shipped scenarios.
 ALL = "all"
 
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """One thing to judge.  name : of its scenario or session; judge : raises FtiError"""
+    """Flights to score.  name : of the scenario or session; judge : raises FtiError"""
 
     name: str
     judge: Callable[[], list[Score]]
 
 
 def split_names(names: Iterable[str], flying: bool) -> tuple[list[str], list[str]]:
-    """Scenarios and sessions.
+    """Split names into scenarios and sessions.
 
-    A name of a shipped scenario is that; a folder with MCAP files, or one such file, is a session.  What is neither is
-    a scenario that is not there, or, behind a scenario, a session that is not there.
+    The name of a shipped scenario is a scenario; a folder with MCAP files, or an MCAP file, is a session.  Any other
+    name counts as a missing scenario, or, after a scenario, as a missing session.
     """
     from fti.hil import scenario as scenarios
 
@@ -52,7 +52,7 @@ def split_names(names: Iterable[str], flying: bool) -> tuple[list[str], list[str
 
 
 def flight_jobs(names: Sequence[str], out: Path, config: Path | None, open_: Callable[[Path], Recording]) -> list[Job]:
-    """Fly each and judge it.  out : below it are the sessions; of several, each in a folder of its name"""
+    """Fly and score each scenario.  out : folder of the sessions; of several scenarios each has a folder of its name"""
     from fti.hil import scenario as scenarios
     from fti.post.reprocess import other_setup
 
@@ -69,9 +69,9 @@ def flight_jobs(names: Sequence[str], out: Path, config: Path | None, open_: Cal
 
 
 def session_jobs(
-    names: Sequence[str], recordings: Sequence[Recording], truth: Path | None, given: Setup | None
+    names: Sequence[str], recordings: Sequence[Recording], truth: Path | None, setup: Setup | None
 ) -> list[Job]:
-    """Judge each flight of each session by the scenario that its truth says was flown.
+    """Score each flight of each session by the scenario that its truth names.
 
     Raises MissingError where a scenario has no session, ConfigError where a session is of none of the scenarios.
     """
@@ -80,52 +80,50 @@ def session_jobs(
     named = {name: scenarios.load(scenarios.find(name)) for name in names}
     if len(named) == len(recordings) == 1:
         (name, scenario), (recording,) = *named.items(), recordings
-        return [Job(name, lambda: _judge(recording, scenario, _truths(recording, truth), given))]
-    jobs, without = list[Job](), set(named)
+        return [Job(name, lambda: _judge(recording, scenario, _truths(recording, truth), setup))]
+    jobs, missing = list[Job](), set(named)
     for recording in recordings:
-        for job, judged in _match_flights(recording, named, truth, given):
-            without -= judged
+        for job, scenario_names in _match_flights(recording, named, truth, setup):
+            missing -= scenario_names
             jobs.append(job)
-    unknown = any(job.name not in named for job in jobs)  # which may be of any of them
-    if without and not unknown:
-        raise MissingError(
-            f"{next(name for name in named if name in without)}: none of the sessions is of this scenario"
-        )
+    unknown = any(job.name not in named for job in jobs)  # may belong to any scenario
+    if missing and not unknown:
+        raise MissingError(f"{next(name for name in named if name in missing)}: no session belongs to this scenario")
     return sorted(jobs, key=lambda job: list(named).index(job.name) if job.name in named else len(named))
 
 
 def _match_flights(
-    recording: Recording, named: dict[str, Scenario], truth: Path | None, given: Setup | None
+    recording: Recording, named: dict[str, Scenario], truth: Path | None, setup: Setup | None
 ) -> Iterator[tuple[Job, set[str]]]:
-    """The flights of a session, each with the scenarios that it is of."""
+    """The flights of a session, each with its scenarios."""
     from fti.errors import ConfigError
     from fti.post.score.truth_reader import find_scenarios
 
     try:
-        of_each = [(file, find_scenarios(file, named.values())) for file in _truths(recording, truth)]
+        flights = [(file, find_scenarios(file, named.values())) for file in _truths(recording, truth)]
     except ConfigError:
         raise
     except FtiError as error:
         yield Job(str(recording.path), partial(_fail, error)), set()
         return
-    for file, scenarios in of_each:
+    for file, scenarios in flights:
         for name, scenario in named.items():
             if any(scenario is one for one in scenarios):
-                yield Job(name, partial(_judge, recording, scenario, [file], given)), {name}
+                yield Job(name, partial(_judge, recording, scenario, [file], setup)), {name}
 
 
 def _fail(error: FtiError) -> list[Score]:
     raise error
 
 
-def _truths(recording: Recording, given: Path | None) -> list[Path]:
+def _truths(recording: Recording, setup: Path | None) -> list[Path]:
     from fti.post.score.truth_reader import find_truths
 
-    return find_truths(recording, given)
+    return find_truths(recording, setup)
 
 
-def _judge(recording: Recording, scenario: Scenario, truths: Sequence[Path], given: Setup | None) -> list[Score]:
+def _judge(recording: Recording, scenario: Scenario, truths: Sequence[Path], setup: Setup | None) -> list[Score]:
     from fti.cli._read_report import show_read_progress
     from fti.post.score.session_score import judge_session
 
-    return list(judge_session(recording, scenario, truths, given, lambda: show_read_progress(recording, "score")))
+    return list(judge_session(recording, scenario, truths, setup, lambda: show_read_progress(recording, "score")))

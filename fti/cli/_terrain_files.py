@@ -12,7 +12,7 @@ from fti.errors import ConfigError, MissingError
 
 
 def describe_terrain(config: Config) -> Iterator[dict[str, Any]]:
-    """Each file, opened; the geoid that its heights need is there, too.  Raises ConfigError or MissingError."""
+    """Open each file, and load the geoid that its heights need.  Raises ConfigError or MissingError."""
     if config.nav.terrain is None or not config.nav.terrain.files:
         return
     from fti.geodesy.geoid import load_geoid
@@ -20,7 +20,7 @@ def describe_terrain(config: Config) -> Iterator[dict[str, Any]]:
     from fti.terrain.files.vertical import OTHER_FILES
 
     vertical = config.nav.terrain.vertical
-    assert vertical is not None  # files need it
+    assert vertical is not None  # required with files
     for i, file in enumerate(config.nav.terrain.files):
         key = f"{config.path}: nav.terrain.files[{i}]"
         try:
@@ -61,7 +61,7 @@ def describe_layers(config: Config) -> Iterator[dict[str, Any]]:
     except ConfigError as error:
         raise ConfigError(f"{config.path}: nav.terrain: {error}") from None
     for layer in layers:
-        assert layer.resampling is not None  # the geoids are there
+        assert layer.resampling is not None  # geoids are available
         yield {
             "cell_m": layer.cell_m,
             "sigma_m": round(math.hypot(settings.sd_m, layer.resampling.rms_m), 3),
@@ -72,8 +72,8 @@ def describe_layers(config: Config) -> Iterator[dict[str, Any]]:
 
 
 def layer_cells(layer: dict[str, Any]) -> tuple[str, ...]:
-    """The sigma of one layer for people, and its parts."""
-    parts = f"{layer['sd_m']:g} m of the files (sd_m) and {layer['resampling_rms_m']:.2f} m RMS of resampling them"
+    """The sigma of one layer and its parts as text."""
+    parts = f"{layer['sd_m']:g} m of the files (sd_m) and {layer['resampling_rms_m']:.2f} m RMS of resampling"
     return (
         f"posts {layer['cell_m']:g} m apart",
         f"sigma {layer['sigma_m']:.2f} m: {parts}, {layer['resampling_max_m']:.1f} m at most",
@@ -81,7 +81,7 @@ def layer_cells(layer: dict[str, Any]) -> tuple[str, ...]:
 
 
 def terrain_cells(file: dict[str, Any]) -> tuple[str, ...]:
-    """One file for people: name, format, posts, distance between them, vertical datum."""
+    """One file as text: name, format, posts, spacing, vertical datum."""
     posts, spacing = (" x ".join(f"{value:g}" for value in file[key]) for key in ("posts", "spacing_m"))
-    datum = f"{file['vertical']}, says {file['vertical_by']}"
+    datum = f"{file['vertical']} (from {file['vertical_by']})"
     return (file["file"], file["format"], f"{posts} posts", f"{spacing} m apart", datum)

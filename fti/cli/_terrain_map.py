@@ -1,7 +1,7 @@
-"""The picture of a terrain: shaded relief with height colours, holes hatched, seams, which file knows what, a profile.
+"""Map of a terrain: shaded relief with height colours, hatched holes, seams, source files, a profile.
 
-Axes are metres (or kilometres) east and north of the frame's origin.  Heights are those of the files' own datum where
-all of them have the same one, otherwise above the ellipsoid; the frame's ``up`` is no height.
+Axes: metres (or kilometres) east and north of the frame's origin.  Heights are above the files' datum where all files
+have the same one, otherwise above the ellipsoid; the frame's ``up`` is not a height.
 """
 
 from __future__ import annotations
@@ -21,7 +21,19 @@ from numpy.typing import NDArray
 
 from fti.errors import ConfigError
 from fti.geodesy.geoid import load_geoid
-from fti.plot_style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, label, new_figure, write
+from fti.plot_style import (
+    BLACK,
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    PURPLE,
+    SKY,
+    VERMILION,
+    label_axes,
+    new_figure,
+    write_figure,
+)
 from fti.terrain.file_info import NO_SOURCE
 from fti.terrain.terrain import Terrain
 
@@ -29,7 +41,7 @@ Array = NDArray[np.float64]
 #: Two places: latitude, longitude [rad].
 Ends = tuple[tuple[float, float], tuple[float, float]]
 
-#: Points of the picture along its longer side, and of a profile.
+#: Points of the map along its longer side, and of a profile.
 PIXELS, STEPS = 1100, 1500
 #: Low ground to high ground: meadow, field, heath, rock, snow.
 RELIEF = LinearSegmentedColormap.from_list(
@@ -44,7 +56,7 @@ _DATUMS = {"ellipsoid": "the WGS84 ellipsoid", "egm96": "mean sea level (EGM96)"
 
 
 class View(NamedTuple):
-    """The terrain on the points of a picture, row 0 in the south.
+    """The terrain sampled on the points of the map, row 0 in the south.
 
     east, north : of columns and rows [m]; height : above ``datum`` [m], NaN in holes; source : number of the file
     """
@@ -62,16 +74,16 @@ class View(NamedTuple):
 
 
 def write_map(terrain: Terrain, file: Path, profile: Ends | None) -> None:
-    """Draw a terrain into a file that must not be there yet; profile : its ends, latitude and longitude [rad].
+    """Draw a terrain into a new file.  profile : its ends, latitude and longitude [rad]
 
-    Raises StorageError when it cannot be written, ConfigError for a profile beside the terrain, and for a terrain of
-    which so little is known that no point of the picture lies on it.
+    Raises StorageError when the file cannot be written, ConfigError for a profile outside the terrain, and where no
+    point of the map has a known height.
     """
-    write(lambda: draw_map(terrain, profile), file)
+    write_figure(lambda: draw_map(terrain, profile), file)
 
 
 def draw_map(terrain: Terrain, profile: Ends | None) -> Figure:
-    """The whole sheet."""
+    """The whole figure."""
     view = _sample_view(terrain)
     frame = terrain.frame
     cells = ", ".join(f"{layer.cell_m:g}" for layer in terrain.layers)
@@ -92,7 +104,7 @@ def draw_map(terrain: Terrain, profile: Ends | None) -> Figure:
     return figure
 
 
-# ---------------------------------------------------------------------------------------------------------- looking
+# --------------------------------------------------------------------------------------------------------- sampling
 
 
 def _sample_view(terrain: Terrain) -> View:
@@ -103,12 +115,12 @@ def _sample_view(terrain: Terrain) -> View:
     north = np.linspace(whole.north0, whole.north1, max(2, round(high / step)))
     height, datum = _heights(terrain, east[None, :], north[:, None])
     if np.isnan(height).all():
-        raise ConfigError(f"no height is known on the points of the picture, {step:.3g} m apart: give a smaller area")
+        raise ConfigError(f"no height is known at the points of the map, {step:.3g} m apart; give a smaller area")
     return View(east, north, height, terrain.source(east[None, :], north[:, None]), datum)
 
 
 def _heights(terrain: Terrain, east: Array, north: Array) -> tuple[Array, str]:
-    """Heights [m] at places of the frame and their datum: that of all files, or the ellipsoid."""
+    """Heights [m] at points of the frame and their datum: that of all files, or the ellipsoid."""
     up = terrain.up(east, north)
     lat, lon, alt = terrain.frame.to_geodetic(np.stack(np.broadcast_arrays(east, north, up), axis=-1))
     datums = {source.vertical for source in terrain.sources}
@@ -134,18 +146,18 @@ def _draw_relief(figure: Figure, axes: Axes, view: View, terrain: Terrain) -> No
     filled = np.where(known, view.height, view.height[known].mean())
     step = float(view.east[1] - view.east[0])
     rises = np.diff(view.height, axis=1)
-    rises = np.append(rises[np.isfinite(rises)], 0.0)  # none at all where a picture knows single points
+    rises = np.append(rises[np.isfinite(rises)], 0.0)  # empty where only single points are known
     steepness = max(float(rises.std()) / step, 1e-6)
     shaded = LIGHT.shade(
         filled, RELIEF, norm=shown, blend_mode="soft", dx=step, dy=step, vert_exag=min(0.35 / steepness, 20.0)
     )
     shaded[~known] = 0.0
     axes.imshow(shaded, origin="lower", extent=extent, interpolation="none")
-    axes.set_autoscale_on(False)  # a profile may begin and end beside the map
+    axes.set_autoscale_on(False)  # a profile may begin and end outside the map
     _hatch_holes(axes, view, scale)
     _draw_seams(axes, terrain, scale)
     axes.plot(0.0, 0.0, "+", color=BLACK, markersize=9)
-    label(axes, f"east [{unit}]", f"north [{unit}]")
+    label_axes(axes, f"east [{unit}]", f"north [{unit}]")
     axes.grid(visible=False)
     bar = figure.colorbar(mpl.cm.ScalarMappable(shown, RELIEF), ax=axes, shrink=0.75, pad=0.02, label="height [m]")
     bar.outline.set_visible(False)
@@ -181,7 +193,7 @@ def _draw_seams(axes: Axes, terrain: Terrain, scale: float) -> None:
 
 
 def _draw_scale(axes: Axes, extent: tuple[float, ...], unit: str) -> None:
-    """A bar of a round length, about a fifth of the picture."""
+    """A bar of a round length, about a fifth of the map."""
     wide = extent[1] - extent[0]
     power = 10.0 ** math.floor(math.log10(wide / 5.0))
     length = next(m * power for m in (5.0, 2.0, 1.0) if m * power <= wide / 5.0)
@@ -200,7 +212,7 @@ def _draw_scale(axes: Axes, extent: tuple[float, ...], unit: str) -> None:
 
 
 def _draw_sources(axes: Axes, view: View, terrain: Terrain) -> None:
-    """Which file knows what; files beyond the colours share the last one."""
+    """The source file of each point; files beyond the colours share the last one."""
     colours = [*SOURCES[: len(terrain.sources)], HOLE]
     index = np.where(view.source == NO_SOURCE, len(colours) - 1, np.minimum(view.source, len(colours) - 2))
     scale, _ = _unit(view.extent_m)
@@ -215,7 +227,7 @@ def _draw_sources(axes: Axes, view: View, terrain: Terrain) -> None:
     axes.spines[:].set_visible(True)
     axes.set_xticks([])
     axes.set_yticks([])
-    label(axes, title="source")
+    label_axes(axes, title="source")
     shown = sorted(set(view.source.ravel().tolist()) - {NO_SOURCE})
     handles = [
         Patch(facecolor=SOURCES[min(n, len(SOURCES) - 1)], label=_short(terrain.sources[n].path))
@@ -224,16 +236,16 @@ def _draw_sources(axes: Axes, view: View, terrain: Terrain) -> None:
     axes.legend(handles=handles, loc="upper left", bbox_to_anchor=(0.0, -0.02), frameon=False, borderaxespad=0.0)
 
 
-def _short(path: str, longest: int = 26) -> str:
+def _short(path: str, max_length: int = 26) -> str:
     name = Path(path).name
-    return name if len(name) <= longest else f"{name[: longest // 2 - 1]}…{name[-longest // 2 :]}"
+    return name if len(name) <= max_length else f"{name[: max_length // 2 - 1]}…{name[-max_length // 2 :]}"
 
 
 # ---------------------------------------------------------------------------------------------------------- profile
 
 
 def _draw_line(relief: Axes, east: Array, north: Array) -> None:
-    """Where the profile runs, in the map."""
+    """The line of the profile in the map."""
     relief.plot(east, north, color=BLACK, linewidth=1.0)
     for name, k, side in (("A ", 0, "right"), (" B", -1, "left")):
         relief.annotate(
@@ -248,14 +260,14 @@ def _draw_line(relief: Axes, east: Array, north: Array) -> None:
 
 
 def _draw_profile(axes: Axes, on_map: tuple[Axes, float], terrain: Terrain, ends: Ends) -> None:
-    """The ground along a straight line of the frame, coloured by file; on_map : the map, and its metres in a unit."""
+    """The terrain along a straight line of the frame, coloured by file.  on_map : the map, and metres per unit of it"""
     relief, map_scale = on_map
     places = np.array([terrain.frame.to_local(*end, 0.0) for end in ends])
     share = np.linspace(0.0, 1.0, STEPS)[:, None]
     east, north = (places[0, :2] * (1.0 - share) + places[1, :2] * share).T
     height, _ = _heights(terrain, east, north)
     if np.isnan(height).all():
-        raise ConfigError("--profile: no height is known between the two places")
+        raise ConfigError("--profile: no height is known between the two points")
     along = np.hypot(east - east[0], north - north[0])
     _draw_line(relief, east / map_scale, north / map_scale)
     scale, unit = _unit(float(along[-1]))
@@ -267,4 +279,4 @@ def _draw_profile(axes: Axes, on_map: tuple[Axes, float], terrain: Terrain, ends
         axes.plot(along / scale, mine, color=SOURCES[min(number, len(SOURCES) - 1)], linewidth=1.4)
     axes.set_xlim(0.0, along[-1] / scale)
     axes.set_ylim(floor, None)
-    label(axes, f"from A to B [{unit}]", "height [m]", "profile, coloured by source")
+    label_axes(axes, f"from A to B [{unit}]", "height [m]", "profile, coloured by source")

@@ -1,4 +1,4 @@
-"""What ``fti terrain info`` prints: files and the layers that they make, for people and for programs."""
+"""Output of ``fti terrain info``: files and their layers, as text and as JSON."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ from fti.terrain.resampling import ResamplingError
 _ANGLES = ("south", "west", "north", "east")
 
 
-def as_text(found: TerrainSurvey) -> Iterator[str]:
-    """Lines for people."""
-    for number, file in enumerate(found.files):
+def as_text(survey: TerrainSurvey) -> Iterator[str]:
+    """Lines of text."""
+    for number, file in enumerate(survey.files):
         yield from _file(number, file)
         yield ""
     yield "terrain"
-    lat, lon = math.degrees(found.frame.lat0), math.degrees(found.frame.lon0)
+    lat, lon = math.degrees(survey.frame.lat0), math.degrees(survey.frame.lon0)
     yield f"  frame        east, north, up at {lat:.5f}, {lon:.5f} deg on the WGS84 ellipsoid"
-    if found.refused:
-        yield f"  none         {found.refused}"
-    for number, layer in enumerate(found.layers):
-        yield from _layer(number, layer, found)
-    for model, grid in found.geoids.items():
+    if survey.refused:
+        yield f"  none         {survey.refused}"
+    for number, layer in enumerate(survey.layers):
+        yield from _layer(number, layer, survey)
+    for model, grid in survey.geoids.items():
         yield f"  geoid        {model}: {grid}"
-    if not found.geoids:
-        yield "  geoid        none is needed"
+    if not survey.geoids:
+        yield "  geoid        none required"
 
 
 def _file(number: int, file: FileSurvey) -> Iterator[str]:
@@ -44,7 +44,7 @@ def _file(number: int, file: FileSurvey) -> Iterator[str]:
     yield f"  coordinates  {source.crs}; to WGS84 with an accuracy of {accuracy}"
     yield f"  spacing      {across:.2f} m along a row, {along:.2f} m along a column"
     unit = "" if source.unit_m == 1.0 else f"; the file's unit is {source.unit_m:.9g} m"
-    yield f"  vertical     {source.vertical}, says {source.vertical_by}{unit}"
+    yield f"  vertical     {source.vertical} (from {source.vertical_by}){unit}"
     if file.lowest is None or file.highest is None:
         yield "  heights      none"
     else:
@@ -59,12 +59,12 @@ _PIXELS = {"area": "an area around its post", "point": "a post"}
 _DATUMS = {"ellipsoid": "the ellipsoid", "egm96": "mean sea level (EGM96)", "egm2008": "mean sea level (EGM2008)"}
 
 
-def _layer(number: int, layer: LayerSurvey, found: TerrainSurvey) -> Iterator[str]:
+def _layer(number: int, layer: LayerSurvey, survey: TerrainSurvey) -> Iterator[str]:
     size = " x ".join(f"{(end - begin) / 1000.0:.2f}" for begin, end in (layer.east_m, layer.north_m))
-    files = ", ".join(Path(found.files[n].source.path).name for n in layer.files)
+    files = ", ".join(Path(survey.files[n].source.path).name for n in layer.files)
     yield f"  layer {number}      {layer.cell_m:g} m, {layer.rows} x {layer.columns} posts, {size} km: {files}"
     yield f"  resampling   {_resampling(layer.resampling)}"
-    if number + 1 < len(found.layers):
+    if number + 1 < len(survey.layers):
         (west, east), (south, north) = layer.east_m, layer.north_m
         yield (
             f"  seam         at east {west:g} and {east:g} m, north {south:g} and {north:g} m, "
@@ -73,24 +73,24 @@ def _layer(number: int, layer: LayerSurvey, found: TerrainSurvey) -> Iterator[st
 
 
 def _resampling(error: ResamplingError | None) -> str:
-    """What the change of posts costs, and what becomes of the default of ``nav.terrain.sd_m`` with it."""
+    """The error of resampling, and the sigma of the layer with the default of ``nav.terrain.sd_m``."""
     if error is None or not error.samples:
-        return "unknown: no place could be compared" if error else "unknown without the geoid"
+        return "unknown: no point could be compared" if error else "unknown without the geoid"
     stated: float = TerrainFiles.model_fields["sd_m"].default
     return (
-        f"{error.rms_m:.2f} m RMS, {error.max_m:.1f} m at most at {error.samples} places, against the files' own "
+        f"{error.rms_m:.2f} m RMS, {error.max_m:.1f} m at most at {error.samples} points, against the files' own "
         f"surface; sigma of the layer {math.hypot(stated, error.rms_m):.2f} m with sd_m = {stated:g} m of the files"
     )
 
 
-def as_json(found: TerrainSurvey) -> dict[str, Any]:
-    """The same for programs; angles in degrees."""
+def as_json(survey: TerrainSurvey) -> dict[str, Any]:
+    """The same as JSON; angles in degrees."""
     return {
-        "files": [_file_json(file) for file in found.files],
-        "frame": {"lat_deg": math.degrees(found.frame.lat0), "lon_deg": math.degrees(found.frame.lon0), "alt_m": 0.0},
-        "layers": [asdict(layer) for layer in found.layers],
-        "refused": found.refused or None,
-        "geoids": dict(found.geoids),
+        "files": [_file_json(file) for file in survey.files],
+        "frame": {"lat_deg": math.degrees(survey.frame.lat0), "lon_deg": math.degrees(survey.frame.lon0), "alt_m": 0.0},
+        "layers": [asdict(layer) for layer in survey.layers],
+        "refused": survey.refused or None,
+        "geoids": dict(survey.geoids),
     }
 
 

@@ -1,4 +1,4 @@
-"""The terminal's picture of a daemon: one state of ``fti.web.live_state.Feed`` as rich tables."""
+"""Terminal display of a daemon: one state of ``fti.web.live_state.LiveState`` as rich tables."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ from fti.web.texts import CONTINUOUS, describe_mode
 
 Fields = Mapping[str, Any]
 
-#: Of the states of a session that are well, or will be.
+#: Styles of the normal session states; all others are red.
 SESSION_STYLES = {"recording": "green", "waiting": "yellow"}
 HEIGHT = "/nav/height_above_ground/"
 BELOW = "/nav/height_below_aircraft"
 INTEGRITY = "/nav/clearance_integrity"
 GLIDE = "/nav/glide_slope"
 SOLUTION = "/nav/nav_solution"
-#: What takes the place of devices; its altitude is shown.
+#: Solutions that replace devices; their altitude is shown.
 FALLBACKS = {
     "/nav/filter_solution": "filter",
     "/nav/vertical_solution": "vertical channel",
     "/nav/position_fix": "satellites and DME",
 }
-#: With unconfirmed sources, beside the filter.
+#: Solutions with unconfirmed sources.
 PROVISIONAL = "/nav/provisional_solution/"
 STRUCK_OUT = "strike bright_black"
 UNKNOWN = "–"
@@ -42,7 +42,7 @@ ALARM_STYLES = {
 QUIET_STYLES = {"warning": "red", "caution": "yellow", "advisory": "cyan"}
 LINK_STYLES = {"good": "green", "silent": "yellow", "invalid": "yellow", "wrong rate": "yellow", "overflow": "yellow"}
 CLOCK_NAMES = {"gps": "GPS as UTC", "utc": "UTC", "boot": "own"}
-CLOCK_STATES = {"learning": "learning: arrival counts", "away": "does not fit: arrival counts"}
+CLOCK_STATES = {"learning": "learning: arrival time used", "away": "does not fit: arrival time used"}
 INTEGRITY_STYLES = {
     "ok": "bold black on green",
     "monitor": "bold white on blue",
@@ -52,7 +52,7 @@ INTEGRITY_STYLES = {
 
 
 def render(state: Fields) -> RenderableType:
-    """Banner, alarms, what plays the sensors, outputs, links, and the clocks of devices that have one."""
+    """Banner, alarms, emulator, outputs, links, and device clocks."""
     state = escape_tree(state)
     health = state["health"] or {}
     tables = (_outputs(state["outputs"]), _links(health.get("links", {})), *_clocks(health.get("devices", {})))
@@ -76,24 +76,24 @@ def _banner(health: Fields) -> Text:
 
 
 def _delay(navigation: Fields) -> str:
-    """From a frame's stamp to what navigation made of it."""
+    """Latency from a frame's timestamp to the outputs."""
     delay = navigation.get("output_delay")
     return f"  outputs p50 {_number(delay['p50_ms'], 0)}, p99 {_number(delay['p99_ms'], 0)} ms" if delay else ""
 
 
 def _alarms(alarms: list[Fields]) -> Iterator[Text]:
-    """Each with its times; one that was acknowledged or has ended is not bold."""
+    """The alarms with their times; an acknowledged or ended alarm is not bold."""
     for alarm in alarms:
         is_urgent = alarm["end_ns"] is None and not alarm["is_acknowledged"]
         style = (ALARM_STYLES if is_urgent else QUIET_STYLES).get(alarm["severity"], "")
         more = f" (+{len(alarm['consequences'])})" if alarm["consequences"] else ""
         yield Text(f" {alarm['title']}{more} – {alarm['cause']} – {describe_times(alarm)} ", style)
     if any(not alarm["is_acknowledged"] for alarm in alarms):
-        yield Text(" fti acknowledge: you have seen them", "dim")
+        yield Text(" acknowledge with: fti acknowledge", "dim")
 
 
 def _laboratory(hil: Fields | None) -> Iterator[Text]:
-    """What an emulator does; nothing while none talks, struck out when it is silent."""
+    """The status of an emulator; nothing without one, struck out when its status is late."""
     if hil is None:
         return
     late, style = hil["lateness"], STRUCK_OUT if hil["late"] else ""
@@ -141,23 +141,23 @@ def _outputs(outputs: Fields) -> Table:
     for topic, name in FALLBACKS.items():
         if found := outputs.get(topic):
             sigma = _sigma(found.get("vertical_sd"), "m")
-            told = str(found.get("mode") or found.get("altitude_source") or found.get("altimeter") or "")
-            _add(table, name, found, (_metres(found["alt"], 1), sigma, told))
+            source = str(found.get("mode") or found.get("altitude_source") or found.get("altimeter") or "")
+            _add(table, name, found, (_metres(found["alt"], 1), sigma, source))
     _add_provisional(table, outputs)
     return table
 
 
 def _add_provisional(table: Table, outputs: Fields) -> None:
-    """How far the filter would be with each unconfirmed source; those that have ended are late, and left out."""
+    """Offset of the filter with each unconfirmed source; a late solution has ended and is left out."""
     for topic, found in outputs.items():
         if topic.startswith(PROVISIONAL) and not found["late"]:
-            off = f"{_metres(found['distance'], 0)} off, height {_metres(found['height_difference'], 0, '+')}"
-            values = (off, _sigma(found["horizontal_sd"], "m"), f"HPL {_metres(found['hpl'], 0)}")
+            offset = f"{_metres(found['distance'], 0)} off, height {_metres(found['height_difference'], 0, '+')}"
+            values = (offset, _sigma(found["horizontal_sd"], "m"), f"HPL {_metres(found['hpl'], 0)}")
             _add(table, f"  {topic.removeprefix(PROVISIONAL)}, provisional", found, values)
 
 
 def _over_ground(output: Fields) -> tuple[str | Text, ...]:
-    """What the beam sees and the terrain predicts, or why there is none; nothing of a daemon that does not say."""
+    """Measured and predicted range, or why there is none; nothing where the daemon does not publish them."""
     unchecked = output.get("unchecked_text", ())
     words = Text(", ".join(word for word in (output.get("compensation"), *unchecked) if word), "dim")
     if output.get("nearest") is None:
@@ -172,7 +172,7 @@ def _add(table: Table, name: str, output: Fields, values: tuple[str, str, str]) 
 
 
 def _add_solution(table: Table, output: Fields) -> None:
-    """Who gives position, altitude and attitude, and how good it is; what is missing is a dash, only late is struck."""
+    """Sources of position, altitude and attitude, sigmas and protection levels; missing: a dash, late: struck out."""
     style, verdict = STRUCK_OUT if output["late"] else "", _verdict(output)
     altitude = _metres(output.get("alt"), 1)
     roles = (("position", "", "horizontal_sd"), ("altitude", altitude, "vertical_sd"), ("attitude", "", ""))
@@ -183,18 +183,18 @@ def _add_solution(table: Table, output: Fields) -> None:
     }
     for role, value, sigma in roles:
         source = f"from {output.get(f'{role}_source') or UNKNOWN}{levels.get(role, '')}"
-        told = (value, _sigma(output.get(sigma), "m"), source)
-        table.add_row(Text(role, "bold"), *(Text(text, style) for text in told), verdict)
+        cells = (value, _sigma(output.get(sigma), "m"), source)
+        table.add_row(Text(role, "bold"), *(Text(text, style) for text in cells), verdict)
         verdict = Text()
 
 
 def _level(name: str, metres: float | None) -> str:
-    """A protection level, as it stands behind a source."""
+    """A protection level as text behind a source."""
     return "" if metres is None else f", {name} {_metres(metres, 0)}"
 
 
 def _angle(name: str, level: float | None) -> str:
-    """The same of an angle [rad]."""
+    """The same for an angle [rad]."""
     return "" if level is None else f", {name} {math.degrees(level):.1f}°"
 
 
@@ -232,7 +232,7 @@ def _links(links: Fields) -> Table:
 
 
 def _remarks(link: Fields) -> Text:
-    """What to look for, and what a UART or a CAN controller has counted."""
+    """Hint of a link, and the error counters of its UART or CAN controller."""
     errors = (link.get("ledger") or {}).get("errors") or {}
     counts = ", ".join(f"{name} {count}" for name, count in errors.items() if count)
     parts = [(text, style) for text, style in ((link.get("hint") or "", "dim"), (counts, "yellow")) if text]
@@ -240,7 +240,7 @@ def _remarks(link: Fields) -> Text:
 
 
 def _clocks(devices: Fields) -> Iterator[Table]:
-    """Each clock against FTI time; nothing while no device has said its own time."""
+    """Each device clock against FTI time; nothing while no device has sent its time."""
     table = Table("clock of", "", "offset", "drift", "late", "", expand=True, box=None, header_style="dim")
     for name, device in devices.items():
         for clock in device.get("clocks", []):
@@ -255,7 +255,7 @@ def _clocks(devices: Fields) -> Iterator[Table]:
 
 
 def _clock_figures(clock: Fields) -> tuple[str, str, str]:
-    """Offset, drift, share of late messages; of a clock that counts from power-on, when that was."""
+    """Offset, drift, share of late messages; for a clock that counts from power-on, the time of power-on."""
     drift = f"{_number(clock['drift_ppm'], 2, '+')} ± {_number(clock['drift_sd_ppm'], 2)} ppm"
     offset = f"{_number(clock['offset_ms'], 2, '+')} ± {_number(clock['offset_sd_ms'], 2)} ms"
     if clock["scale"] == "boot":
@@ -265,10 +265,10 @@ def _clock_figures(clock: Fields) -> tuple[str, str, str]:
 
 
 def _time_of_day(offset_ms: float | None) -> str:
-    """UTC at which a clock that is so far ahead [ms] began to count."""
+    """UTC at which a clock with this offset [ms] began to count."""
     try:
         return f"{datetime.fromtimestamp(-(math.nan if offset_ms is None else offset_ms) / 1000, UTC):%H:%M:%S.%f}"[:-3]
-    except (ValueError, OverflowError):  # not known, or in no year that there is
+    except (ValueError, OverflowError):  # unknown, or out of range
         return UNKNOWN
 
 

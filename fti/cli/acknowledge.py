@@ -1,12 +1,12 @@
-"""Acknowledge alarms of the running daemon: you have seen them.
+"""Acknowledge alarms of the running daemon.
 
   fti acknowledge                     all alarms
   fti acknowledge integrity_alert     one of them, with its consequences; fti watch --once --json shows identities
 
-An alarm stays in the list until its condition has ended and a person has acknowledged it.  Who has acknowledged it, and
-when, is recorded.  A condition that returns afterwards is a new alarm.
+An alarm stays in the list until its condition has ended and a person has acknowledged it.  The daemon records who
+acknowledged it, and when.  A condition that returns afterwards is a new alarm.
 
-Exit codes: 0 acknowledged, also when there was nothing left to acknowledge; 2 there is no daemon.
+Exit codes: 0 acknowledged, or nothing to acknowledge; 2 no daemon.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from fti.cli._printing import print_line
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of ``fti acknowledge``."""
     parser.add_argument("alarm", metavar="ALARM", nargs="?", help="identity of one alarm (default: all)")
-    parser.add_argument("--run-dir", metavar="DIR", help="the run directory of the daemon, when there are several")
+    parser.add_argument("--run-dir", metavar="DIR", help="run directory of the daemon, if several are running")
 
 
 def run(args: argparse.Namespace) -> int:
-    """Tell the supervisor, which keeps the alarms."""
+    """Send the acknowledgement to the supervisor."""
     from fti.service.control_client import send_command
 
     count = send_command({"acknowledge": args.alarm}, args.run_dir)["acknowledged"]

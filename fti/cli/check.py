@@ -1,12 +1,12 @@
-"""Check a configuration or a scenario, and print what it means.
+"""Check a configuration or a scenario, and print a summary of it.
 
-Of a configuration (a file with [session], [[link]] ...) it checks every key, the drivers' options, and the files that
-are named; prints links, devices and roles, one per line, and how long storage may stall before a link loses its first
-byte.  Use it before fti run.
+Configuration (a file with [session], [[link]] ...): checks every key, the drivers' options and the named files; prints
+links, devices and roles, one per line, and how long storage may stall before a link loses its first byte.  Use it
+before fti run.
 
-Of a scenario (a file with title, config, [flight] ..., or the name of a shipped one: fti hil --list) it checks all
-that fti hil would refuse, without flying it or opening a port; prints flight, devices, each fault with the flags that
-the daemon must raise and their limits, and the [[expect]] rows.  It takes a few seconds.  Use it before fti hil.
+Scenario (a file with title, config, [flight] ..., or the name of a shipped one: fti hil --list): checks everything
+that fti hil would reject, without flying it or opening a port; prints flight, devices, each fault with its expected
+flags and their limits, and the [[expect]] rows.  It takes a few seconds.  Use it before fti hil.
 
   fti check configs/research_aircraft.toml
   fti check configs/bench.toml --json
@@ -14,13 +14,13 @@ the daemon must raise and their limits, and the [[expect]] rows.  It takes a few
   fti check nominal
   fti check my_scenario.toml --config my_aircraft.toml
 
-With --live it also listens for five seconds on every link of a configuration, and says what the daemon would say of it;
-it sends nothing, and ends with 1 when a link is not good.
+With --live it also listens for five seconds on every link of a configuration and prints the state of each link; it
+sends nothing, and the exit code is 1 when a link is not good.
 
-The stall is a lower bound: it takes a serial line or CAN bus as full, and datagrams as large as they can be.
-A role without a device is no error: its outputs are invalid, with the reason that is named here.  Neither is a warning
-(what is probably wrong) or a hint (what this computer could do better).  Every key of a configuration is explained in
-docs/configuration.md, every kind of fault by fti hil --faults.
+The stall is a lower bound: it assumes a full serial line or CAN bus, and datagrams of maximum size.
+Missing roles, warnings (probable mistakes) and hints (settings of this computer) do not fail the check; the outputs of
+a missing role are invalid, with the printed reason.  docs/configuration.md explains every key of a configuration,
+fti hil --faults every kind of fault.
 """
 
 from __future__ import annotations
@@ -41,23 +41,23 @@ if TYPE_CHECKING:
 LIVE_DURATION_S = 5.0
 SECOND_NS = 1_000_000_000
 EXIT_DOES_NOT_HOLD = 1
-#: Where a link's devices name no rate.
+#: Used where the devices of a link have no configured rate.
 ASSUMED_RATE_HZ = 100.0
 #: Reads in which one message of a serial line arrives, in the mean (Spiegel 2018, eq. 6.2, c_msg).
 SERIAL_RECEPTIONS = 2.0
 #: The largest payload of a datagram that Ethernet carries in one piece [B].
 DATAGRAM_BYTES = 1472.0
-#: A CAN frame with 8 bytes of data and the pause behind it [bit], stuff bits not counted.
+#: A CAN frame with 8 bytes of data and the interframe space [bit], without stuff bits.
 CAN_FRAME_BITS = 111
 MAX_CAN_BITRATE = 1_000_000
 
-#: What is missing when a role has no device.
+#: Reason of the outputs when a role has no device.
 ROLES = {"attitude": Reason.NO_ATTITUDE, "position": Reason.NO_POSITION, "altimeters": Reason.NO_ALTIMETER}
 
 
 @dataclass(frozen=True, slots=True)
 class LinkLoad:
-    """The most that a link can bring: messages per second, their length [B], reads in which one arrives."""
+    """Maximum load of a link: messages per second, their length [B], reads in which one arrives."""
 
     rate_hz: float
     message_bytes: float
@@ -71,13 +71,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "file", metavar="FILE", help="a configuration or a scenario (TOML), or the name of a shipped scenario"
     )
     parser.add_argument("--json", action="store_true", help="print one JSON object")
-    parser.add_argument("--live", action="store_true", help="listen five seconds on every link")
-    parser.add_argument("--links", metavar="DIR", help="take every serial and slcan port at DIR/<link> (an emulator)")
-    parser.add_argument("--config", metavar="CONFIG", help="of a scenario: another configuration than it names")
+    parser.add_argument("--live", action="store_true", help="listen on every link for five seconds")
+    parser.add_argument("--links", metavar="DIR", help="open every serial and slcan port at DIR/<link> (an emulator)")
+    parser.add_argument("--config", metavar="CONFIG", help="for a scenario: replaces its configuration")
 
 
 def run(args: argparse.Namespace) -> int:
-    """Check and print; what is wrong is raised as one sentence."""
+    """Check and print.  Raises FtiError with one sentence for the first mistake."""
     from fti.cli._checked_file import read_file
 
     file = read_file(args.file)
@@ -89,7 +89,7 @@ def _check_config(file: CheckedFile, args: argparse.Namespace) -> int:
     from fti.cli._check_view import lines
 
     if args.config:
-        args.parser.error(f"--config belongs to a scenario, and {args.file} is a configuration")
+        args.parser.error(f"--config: only with a scenario; {args.file} is a configuration")
     config = configuration.parse(file.table, file.text, file.path)
     if args.links:
         config = configuration.with_links(config, args.links)
@@ -110,7 +110,7 @@ def _check_scenario(file: CheckedFile, args: argparse.Namespace) -> int:
 
     for option in ("live", "links"):
         if getattr(args, option):
-            args.parser.error(f"--{option} belongs to a configuration, and {args.file} is a scenario")
+            args.parser.error(f"--{option}: only with a configuration; {args.file} is a scenario")
     scenario = scenarios.parse(file.table, file.path)
     config = scenarios.load_config(scenario, Path(args.config) if args.config else None)
     found = describe(check_scenario(scenario, config, print_notice))
@@ -132,13 +132,13 @@ def _listen(config: Config) -> dict[str, dict[str, Any]]:
 
 
 def describe(config: Config) -> dict[str, Any]:
-    """What a configuration means, ready for JSON.  Raises ConfigError or MissingError."""
+    """Summary of a configuration, ready for JSON.  Raises ConfigError or MissingError."""
     from fti.cli._receive_buffer import hints
     from fti.cli._terrain_files import describe_layers, describe_terrain
     from fti.devices import bind_devices
     from fti.service.supervisor.startup_checks import ValidatedConfig
 
-    ValidatedConfig(config, epoch_ns=0)  # refuses what fti run would refuse
+    ValidatedConfig(config, epoch_ns=0)  # rejects everything that fti run would reject
     session = config.session
     return {
         "config": config.path,
@@ -158,7 +158,7 @@ def describe(config: Config) -> dict[str, Any]:
 
 
 def _describe_storage(config: Config) -> list[dict[str, Any]]:
-    """Where the recording goes, the main place first, and how much space is there now."""
+    """The storage targets, the main one first, with their free space."""
     from pathlib import Path
 
     from fti.errors import StorageError
@@ -168,11 +168,11 @@ def _describe_storage(config: Config) -> list[dict[str, Any]]:
     for role, directory in (("main", config.session.directory), ("fallback", config.session.fallback)):
         if directory is None:
             continue
-        there = next(path for path in (Path(directory), *Path(directory).parents) if path.exists())
+        existing = next(path for path in (Path(directory), *Path(directory).parents) if path.exists())
         free: float | None = None
         fault = ""
         try:
-            free = free_mb(there)
+            free = free_mb(existing)
         except StorageError as error:
             fault = str(error)
         medium = str(find_mount_point(Path(directory)))
@@ -181,7 +181,7 @@ def _describe_storage(config: Config) -> list[dict[str, Any]]:
 
 
 def _poor_storage(config: Config) -> Iterator[str]:
-    """What is wrong with the places, though it may be right when the daemon starts."""
+    """Warnings on storage targets; they may be fixed before the daemon starts."""
     plan = _describe_storage(config)
     for place in plan:
         if place["free_mb"] is not None and place["free_mb"] < config.session.min_free_mb:
@@ -194,7 +194,7 @@ def _poor_storage(config: Config) -> Iterator[str]:
 
 
 def _describe_snapshot(config: Config) -> dict[str, float] | None:
-    """What a trigger asks for, and for how long the memory holds it when every link is at its full rate."""
+    """Settings of the snapshot, and the time that fits into its memory when every link is at its full rate."""
     from fti.logger.storage_target import MEGABYTE
     from fti.service.recorder.snapshot.frame_memory import HEAD_BYTES
 
@@ -217,7 +217,7 @@ def _missing(config: Config) -> Iterator[dict[str, str]]:
 
 
 def _unfit_altimeter(config: Config) -> Reason | None:
-    """Why no altimeter of navigation is the one that the reference of the approach was made for; None: one is."""
+    """Why no altimeter of navigation matches the approach reference; None: one matches."""
     from fti.devices import check_reference, read_texts
     from fti.nav.integrity.approach_channel import idle_reason
 
@@ -226,12 +226,12 @@ def _unfit_altimeter(config: Config) -> Reason | None:
 
 
 def _shared_ports(config: Config) -> Iterator[str]:
-    """Links that want the same port; the second would find it busy."""
+    """Links with the same port; the second would find it busy."""
     owners: dict[str, str] = {}
     for link in config.link:
         port = port_of(link)
         if port in owners:
-            yield f"links {owners[port]} and {link.name} want the same port {port}"
+            yield f"links {owners[port]} and {link.name} use the same port {port}"
         owners[port] = link.name
 
 
@@ -265,14 +265,14 @@ def _describe_device(bound: BoundDevice) -> dict[str, Any]:
 
 
 def port_of(link: SerialLink | UdpLink | CanLink) -> str:
-    """What a link is plugged into, in one word."""
+    """The port of a link, in one word."""
     if link.kind == "serial":
         return link.port
     return link.bind if link.kind == "udp" else f"{link.interface}:{link.channel}"
 
 
 def worst_load(link: SerialLink | UdpLink | CanLink, devices: Sequence[Device]) -> LinkLoad:
-    """The most that a link can bring at the rates of its devices."""
+    """The maximum load of a link at the rates of its devices."""
     rate = sum(d.rate_hz or 0.0 for d in devices) or ASSUMED_RATE_HZ
     if link.kind == "serial":
         bits = 1 + link.data_bits + (link.parity != "none") + link.stop_bits

@@ -1,9 +1,9 @@
-"""Compare what the links of two sessions received, by a hash of each link; or show the hashes of one.
+"""Compare the received data of two sessions, by a hash of each link; or show the hashes of one session.
 
-Recording a replay must give the same: on a serial line the same bytes in the same order, on UDP and CAN the same
-frames.  When they arrived, and how reads of a serial line were cut, is not compared.
+A recorded replay must be equal: on a serial line the same bytes in the same order, on UDP and CAN the same frames.
+Arrival times and the boundaries of serial reads are not compared.
 
-Exit code 0: every link is equal; 1: one is not; 3: they are equal as far as the files can be read.
+Exit code 0: every link is equal; 1: a link differs; 3: the links are equal as far as the files can be read.
 
   fti compare data/da42_20260102T030405Z_0
   fti compare data/da42_20260102T030405Z_0 data/da42_20260103T030405Z_0
@@ -28,19 +28,18 @@ SHOWN_DIGITS = 16
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """SESSION, another one, --only and --json."""
     parser.add_argument("session", metavar="SESSION", help="session folder or MCAP file")
-    parser.add_argument("other", metavar="OTHER", nargs="?", help="the recording of its replay")
+    parser.add_argument("other", metavar="OTHER", nargs="?", help="session to compare with, such as its replay")
     parser.add_argument(
         "--only",
         type=lambda text: text.split(","),
         metavar="LINK[,LINK]",
-        help="these links alone, as fti replay --only",
+        help="only these links, as fti replay --only",
     )
     parser.add_argument("--json", action="store_true", help="print JSON only, with whole hashes")
 
 
 def run(args: argparse.Namespace) -> int:
-    """Show or compare; 1 when a link differs, 3 when a file broke off."""
-
+    """Show or compare; 1 when a link differs, 3 when a file could not be read to its end."""
     from fti.cli._read_report import report_faults
     from fti.logger.reading.recording import Recording
 
@@ -60,15 +59,15 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _hashes(recording: Recording, only: list[str] | None) -> dict[str, LinkHash]:
-    """The hashes of a session.  Raises MissingError when it has not the links that are asked for."""
+    """The hashes of a session.  Raises MissingError when a link of ``only`` is missing."""
     from fti.errors import MissingError
     from fti.logger.verify.link_hash import link_hashes
 
     found = link_hashes(recording)
     for name in only or ():
         if name not in found:
-            raise MissingError(f"{recording.path}: has no link {name!r}; there are {', '.join(found)}")
-    return {link: of for link, of in found.items() if only is None or link in only}
+            raise MissingError(f"{recording.path}: no link {name!r}; links: {', '.join(found)}")
+    return {link: hash_ for link, hash_ in found.items() if only is None or link in only}
 
 
 def _verdict(first: LinkHash | None, second: LinkHash | None) -> str:
@@ -80,12 +79,12 @@ def _verdict(first: LinkHash | None, second: LinkHash | None) -> str:
 
 
 def _as_text(first: dict[str, LinkHash], second: dict[str, LinkHash] | None, verdicts: dict[str, str]) -> list[str]:
-    links = first | {link: of for link, of in (second or {}).items() if link not in first}
+    links = first | {link: hash_ for link, hash_ in (second or {}).items() if link not in first}
     width = max(map(len, links), default=0)
     return [
-        f"{link:{width}} {of.kind:6} {of.frames:9} frames {of.bytes:12} bytes  "
-        f"sha256 {of.sha256[:SHOWN_DIGITS]}  {verdicts.get(link, '')}".rstrip()
-        for link, of in links.items()
+        f"{link:{width}} {hash_.kind:6} {hash_.frames:9} frames {hash_.bytes:12} bytes  "
+        f"sha256 {hash_.sha256[:SHOWN_DIGITS]}  {verdicts.get(link, '')}".rstrip()
+        for link, hash_ in links.items()
     ]
 
 
@@ -94,8 +93,8 @@ def _as_json(
 ) -> dict[str, object]:
     from dataclasses import asdict
 
-    found: dict[str, object] = {"links": {link: asdict(of) for link, of in first.items()}}
+    table: dict[str, object] = {"links": {link: asdict(hash_) for link, hash_ in first.items()}}
     if second is not None:
-        found["other"] = {link: asdict(of) for link, of in second.items()}
-        found["equal"] = {link: verdict == "EQUAL" for link, verdict in verdicts.items()}
-    return found
+        table["other"] = {link: asdict(hash_) for link, hash_ in second.items()}
+        table["equal"] = {link: verdict == "EQUAL" for link, verdict in verdicts.items()}
+    return table

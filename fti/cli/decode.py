@@ -1,17 +1,17 @@
-"""Decode a capture with one driver: measurements as JSON lines, and a closing count.
+"""Decode a capture with one driver: measurements as JSON lines, and counters at the end.
 
   fti decode radalt.bin --driver freeflight_ra4500
   fti decode words.bin --driver arinc429 --option set=ahrs --option byte_order=little
   fti decode can.log --driver canaerospace --option dbc_file=air_data.dbc --json
   fti decode laser.bin --config aircraft.toml --device laser_altimeter
 
-With --config and --device, driver and options are those of a device of a configuration.  FILE is the bytes as they
-came over the line.  For a CAN driver it is text as ``candump -L`` writes it, or a sequence of 16-byte ``can_frame``;
-the stamps are those of the text.  Other captures carry no time: t_rx_ns is 0.
+With --config and --device, driver and options are taken from a device of a configuration.  FILE holds the bytes of the
+line.  For a CAN driver it is a text log of ``candump -L``, or a sequence of 16-byte ``can_frame``; a text log has
+timestamps.  Other captures have no times: t_rx_ns is 0.
 
-The closing count says what became of every byte: framed, held (a frame that is not complete), or skipped, by reason;
-how many messages there were of each name; and how many never came, where they are numbered.  With --json it is the
-last line, {"counters": ...}, on standard output; without, it is text on standard error.
+The counters account for every byte: framed, held (an incomplete frame), or skipped, by reason; they count the messages
+of each name, and lost messages where messages are numbered.  With --json they are the last line of standard output,
+{"counters": ...}; without, they are text on standard error.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 Reads = Iterator[tuple[int, bytes]]  # (t_rx_ns, bytes of one read, datagram or CAN frame)
 CAN_FRAME = 16  # struct can_frame of Linux
 PEEK_BYTES = 4096
-#: Beginning of a log as ``candump -L`` writes it, behind empty lines and comments; and of any text.
+#: Beginning of a ``candump -L`` log, after empty lines and comments; and of any text.
 CANDUMP = re.compile(rb"\s*(?:#[\t -~]*\s+)*\(\d+\.\d+\) ")
 TEXT = re.compile(rb"[\t\r\n -~]+")
 
@@ -43,10 +43,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("file", metavar="FILE", help="the capture")
     parser.add_argument("--driver", metavar="NAME", help="see fti drivers")
     parser.add_argument("--option", action="append", default=[], metavar="KEY=VALUE", help="an option of the driver")
-    parser.add_argument("--config", metavar="CONFIG", help="with --device: the configuration that it stands in")
+    parser.add_argument("--config", metavar="CONFIG", help="with --device: the configuration of the device")
     parser.add_argument("--device", metavar="NAME", help="decode as this device of the configuration")
     parser.add_argument("--chunk", type=int, default=4096, metavar="N", help="bytes fed at a time (default 4096)")
-    parser.add_argument("--json", action="store_true", help="JSON only on standard output, the count as its last line")
+    parser.add_argument("--json", action="store_true", help="print JSON only, with the counters as last line")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -78,14 +78,14 @@ def run(args: argparse.Namespace) -> int:
 
 
 def driver_decoder(args: argparse.Namespace) -> tuple[Driver, Decoder]:
-    """Driver and decoder that the arguments name and describe.  Raises ConfigError or MissingError."""
+    """Driver and decoder of --driver and --option.  Raises ConfigError or MissingError."""
     from fti import drivers
     from fti.errors import ConfigError, MissingError
 
     if args.driver is None:
         raise ConfigError("--driver: missing; give --driver NAME, or --config CONFIG and --device NAME")
     if args.driver not in drivers.names():
-        raise MissingError(f"no driver {args.driver!r}; there are {', '.join(drivers.names())}")
+        raise MissingError(f"no driver {args.driver!r}; drivers: {', '.join(drivers.names())}")
     driver = drivers.load(args.driver)
     try:
         return driver, driver.make_decoder(read_options(driver, args.option))
@@ -103,7 +103,7 @@ def device_decoder(args: argparse.Namespace) -> tuple[Driver, Decoder]:
         raise ConfigError("--config and --device go together, and without --driver and --option")
     bound = {b.device.name: b for b in bind_devices(config.load(args.config))}
     if args.device not in bound:
-        raise MissingError(f"{args.config}: no device {args.device!r}; there are {', '.join(bound) or 'none'}")
+        raise MissingError(f"{args.config}: no device {args.device!r}; configured: {', '.join(bound) or 'none'}")
     return bound[args.device].driver, bound[args.device].make_decoder()
 
 
@@ -158,7 +158,7 @@ def reads(driver: Driver, capture: BufferedReader, chunk: int) -> Reads:
     if CANDUMP.match(beginning):
         return candump_frames((line.decode("ascii", errors="replace") for line in capture), file)
     if TEXT.fullmatch(beginning):
-        raise ConfigError(f"{file}: is text, and not as candump -L writes it: {_first_line(beginning)!r}")
+        raise ConfigError(f"{file}: is text but not a candump -L log: {_first_line(beginning)!r}")
     return _pieces(capture, CAN_FRAME)
 
 
@@ -182,7 +182,7 @@ def candump_frames(lines: Iterable[str], file: Path) -> Reads:
         try:
             yield _candump_frame(*line.split()[:3])
         except (ValueError, TypeError):
-            raise ConfigError(f"{file}: line {number}: is no candump line: {line[:60]!r}") from None
+            raise ConfigError(f"{file}: line {number}: is not a candump line: {line[:60]!r}") from None
 
 
 def _candump_frame(time: str, channel: str, frame: str) -> tuple[int, bytes]:

@@ -1,13 +1,13 @@
 """Fly an emulated approach, record it, and show it in the browser.
 
-Emulator, daemon and display in one: sensors on real ptys, UDP and CAN of this machine fly three-degree approaches
-over real terrain, again and again, until Ctrl-C.
+Runs emulator, daemon and display together: emulated sensors on ptys, UDP and CAN of this machine repeat three-degree
+approaches over real terrain until Ctrl-C.
 
   fti demo
   fti demo --scenario obstacle
   fti demo --headless --duration 60 --out /tmp/demo
 
-The recording stays; the last line names its folder.
+The recording is kept; the last line names its folder.
 """
 
 from __future__ import annotations
@@ -29,20 +29,20 @@ if TYPE_CHECKING:
     from fti.service.supervisor.process import Supervisor
 
 EMULATOR_END_TIMEOUT_S = 10.0
-#: Where the configuration of the demonstration stands for the emulator, beside its ports.
+#: Configuration file of the demonstration, in the folder of the emulator's ports.
 CONFIG = "demo.toml"
-#: What names a file in it, and an address.
+#: Keys in it that name a file or an address.
 NAMED_FILE = re.compile(r'((?:profile|\w+_file) = )"([^"]+)"')
 BOUND_PORT = re.compile(r'(bind = "127\.0\.0\.1:)\d+"')
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of ``fti demo``."""
-    parser.add_argument("--duration", type=seconds, metavar="S", help="end S seconds after the sensors are there")
+    parser.add_argument("--duration", type=seconds, metavar="S", help="end S seconds after the sensors have started")
     parser.add_argument("--headless", action="store_true", help="do not open the browser")
     parser.add_argument("--out", metavar="DIR", default="data", help="record below DIR (default: data)")
-    parser.add_argument("--scenario", default="nominal", metavar="SCENARIO", help="which flight; fti hil --list")
-    parser.add_argument("--run-dir", metavar="DIR", help="where fti watch, mark, send and page find this daemon")
+    parser.add_argument("--scenario", default="nominal", metavar="SCENARIO", help="scenario to fly (fti hil --list)")
+    parser.add_argument("--run-dir", metavar="DIR", help="run directory for fti watch, mark, send and page")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -60,10 +60,10 @@ def run(args: argparse.Namespace) -> int:
         async def fly(supervisor: Supervisor) -> None:
             if not args.headless:
                 await _open_browser(supervisor)
-            begun = _end_timer(args.duration)
+            on_begin = _end_timer(args.duration)
             while True:
-                await _run_flight(scenario, file, links, supervisor, begun)
-                await supervisor.readmit_all("the demonstration, behind a flight")  # the next one begins far away
+                await _run_flight(scenario, file, links, supervisor, on_begin)
+                await supervisor.readmit_all("the demonstration, after a flight")  # the next one begins far away
 
         return serve(config, recorder, run_dir=args.run_dir, companion=fly)
 
@@ -71,7 +71,7 @@ def run(args: argparse.Namespace) -> int:
 def _copy_on_free_ports(file: Path, folder: Path) -> tuple[Path, str]:
     """A copy of the scenario's configuration in ``folder`` that binds free ports; file and text.
 
-    Two demonstrations must not hear each other's sensors.
+    Two demonstrations must not receive each other's sensors.
     """
     from fti import config as configuration
 
@@ -103,9 +103,10 @@ def _free_port() -> int:
 
 
 def _end_timer(duration_s: float | None) -> Callable[[], None]:
-    """What is to be called when the sensors of a flight are there: so long after the first time this task is cancelled.
+    """Return the function to call when the sensors of a flight have started; the first call starts the timer.
 
-    Not so long after the recording begins: on a new machine the emulator compiles first, longer than a short session.
+    When the timer expires, this task is cancelled.  The timer does not start with the recording: on a new machine the
+    emulator compiles first, longer than a short session.
     """
     import asyncio
 
@@ -113,43 +114,43 @@ def _end_timer(duration_s: float | None) -> Callable[[], None]:
     flying = asyncio.current_task()
     assert flying
 
-    def begun() -> None:
+    def on_begin() -> None:
         if duration_s is not None and not ends:
             ends.append(asyncio.get_running_loop().call_later(duration_s, flying.cancel))
 
-    return begun
+    return on_begin
 
 
 async def _open_browser(supervisor: Supervisor) -> None:
-    """Open the page where there is a screen; the address is printed in any case."""
+    """Open the page where there is a display; the address is printed in any case."""
     import asyncio
     import os
 
     from fti.cli.page import open_browser
 
     if os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
-        await supervisor.displayed.wait()
+        await supervisor.display_ready.wait()
         await asyncio.to_thread(open_browser, supervisor.run_dir)
 
 
 async def _end(emulator: asyncio.subprocess.Process) -> None:
-    """In good order, if it does what it is asked."""
+    """Terminate the emulator; kill it after a timeout."""
     import asyncio
 
     emulator.terminate()
     try:
         await asyncio.wait_for(emulator.wait(), EMULATOR_END_TIMEOUT_S)
-    except TimeoutError:  # it stands still
+    except TimeoutError:
         emulator.kill()
         await emulator.wait()
 
 
 async def _run_flight(
-    scenario: Path, config: Path, links: str, supervisor: Supervisor, begun: Callable[[], None]
+    scenario: Path, config: Path, links: str, supervisor: Supervisor, on_begin: Callable[[], None]
 ) -> None:
-    """One flight by an emulator in a process of its own, so that it cannot disturb the daemon.
+    """Fly once, with the emulator in its own process, so that it cannot disturb the daemon.
 
-    begun : called when the sensors are there.  Raises FtiError when the emulator fails.
+    on_begin : called when the sensors have started.  Raises FtiError when the emulator fails.
     """
     import asyncio
 
@@ -170,8 +171,8 @@ async def _run_flight(
     try:
         if await emulator.stdout.readline():
             supervisor.resume_sensor_alarms()
-            begun()
-        async for line in emulator.stdout:  # behind it its report, which is in a file, too
+            on_begin()
+        async for line in emulator.stdout:  # the report follows, which is also in a file
             if line.strip() == FLIGHT_END.encode():
                 supervisor.suppress_sensor_alarms()
         code = await emulator.wait()

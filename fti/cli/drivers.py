@@ -4,8 +4,8 @@
   fti drivers arinc429
   fti drivers nmea0183 --json
 
-The list has one driver per line: name, carriers, document.  Options are what ``options = { ... }`` of a device in the
-configuration may say, with their defaults; commands are what ``fti send`` can ask of the device.
+The list has one driver per line: name, carriers, document.  Options are the keys of ``options = { ... }`` of a device
+in the configuration, with their defaults; commands are those that ``fti send`` can send to the device.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ def run(args: argparse.Namespace) -> int:
     from fti.errors import MissingError
 
     if args.name is not None and args.name not in drivers.names():
-        raise MissingError(f"no driver {args.name!r}; there are {', '.join(drivers.names())}")
+        raise MissingError(f"no driver {args.name!r}; drivers: {', '.join(drivers.names())}")
     found = [describe(name) for name in drivers.names() if args.name in (None, name)]
     if args.json:
         print_json(found[0] if args.name else found)
@@ -42,7 +42,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def describe(name: str) -> dict[str, Any]:
-    """What a driver says about itself, in plain JSON types."""
+    """Description of a driver, in plain JSON types."""
     import dataclasses
 
     from fti import drivers
@@ -60,7 +60,7 @@ def describe(name: str) -> dict[str, Any]:
 
 
 def _option(schema: dict[str, Any]) -> dict[str, Any]:
-    """Default and, where they are few, the values allowed."""
+    """Default and allowed values or types."""
     allowed = schema.get("enum") or [s.get("type") or s.get("enum") for s in schema.get("anyOf", ())] or [
         schema.get("type")
     ]  # fmt: skip

@@ -1,18 +1,18 @@
 """Emulate the sensors of a simulated flight on ptys, UDP and CAN.
 
-The emulator reads the daemon's configuration (named in the scenario) and plays the other end of each link.  Serial
+The emulator reads the daemon's configuration (named in the scenario) and emulates the devices on each link.  Serial
 and slcan ports appear as symlinks in a folder; give the same folder to the daemon.  It prints "ready" when every
-port exists, and "over" before it closes them.  [port.LINK] in the scenario takes a real port instead, for equipment
-outside.
+port exists, and "over" before it closes them.  [port.LINK] in the scenario selects a real port, for external
+equipment.
 
-Bytes leave a port no faster than the baud or bit rate of its link.  At the end stands what each device was asked for,
-what it sent, and whether its rate was held: p99 of its lateness below half a period, nothing dropped by a slow line.
-A flight on a busy computer is a flight all the same, so that does not change the exit code; with --hold it is 1.
-While it sends it comes before every ordinary process, where it may ask for that (root, or rtprio in limits.conf).
+A port sends no faster than the baud or bit rate of its link.  On exit the emulator prints requested and sent rates per
+device, and whether the rate was held: p99 of the lateness below half a period, no message dropped by a slow line.
+A missed rate changes the exit code (to 1) only with --hold.  While sending, the emulator runs with real-time priority
+if permitted (root, or rtprio in limits.conf).
 
     fti hil --list
-    fti hil --faults                 every kind of fault: its keys with unit and limits, the flags that it raises
-    fti hil --faults cut             one of them with an example; --json for programs
+    fti hil --faults                 every kind of fault: keys with unit and limits, expected flags
+    fti hil --faults cut             one kind with an example; --json for programs
     fti hil nominal --plot flight.png
     fti hil nominal --links /tmp/links &
     fti run configs/demo.toml --links /tmp/links
@@ -37,31 +37,33 @@ FLIGHT_END = "over"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of ``fti hil``."""
     parser.add_argument("scenario", nargs="?", metavar="SCENARIO", help="name of a shipped scenario, or a file")
-    parser.add_argument("--list", action="store_true", help="list the shipped scenarios and end")
+    parser.add_argument("--list", action="store_true", help="list the shipped scenarios and exit")
     parser.add_argument(
-        "--faults", nargs="?", const="", metavar="KIND", help="describe every kind of fault, or one, and end"
+        "--faults", nargs="?", const="", metavar="KIND", help="describe every kind of fault, or one, and exit"
     )
     parser.add_argument("--json", action="store_true", help="with --faults: print JSON only")
-    parser.add_argument("--duration", type=seconds, metavar="S", help="end after so many seconds of the flight")
+    parser.add_argument("--duration", type=seconds, metavar="S", help="end after S seconds of the flight")
     parser.add_argument("--links", default="links", metavar="DIR", help="folder of the ports (default: links)")
     parser.add_argument("--wait", action="store_true", help="begin the flight when the daemon has opened every port")
-    parser.add_argument("--config", metavar="CONFIG", help="another daemon configuration than the scenario's")
-    parser.add_argument("--run-dir", metavar="DIR", help="of the daemon that shows this (default: by its name)")
+    parser.add_argument("--config", metavar="CONFIG", help="daemon configuration, instead of the scenario's")
     parser.add_argument(
-        "--plot", metavar="FILE", type=picture, help="draw the flight into FILE.png or FILE.svg, which is new, and end"
+        "--run-dir", metavar="DIR", help="run directory of the daemon that displays the emulator (default: by its name)"
+    )
+    parser.add_argument(
+        "--plot", metavar="FILE", type=picture, help="plot the flight to FILE (.png, .svg; must not exist) and exit"
     )
     parser.add_argument("--truth", metavar="FILE", help="write the truth of the flight to this MCAP file")
-    parser.add_argument("--report", metavar="FILE", help="write what was sent, and how late, to this JSON file")
+    parser.add_argument("--report", metavar="FILE", help="write sent messages and lateness to this JSON file")
     parser.add_argument("--hold", action="store_true", help="exit code 1 when a rate was not held")
 
 
 def run(args: argparse.Namespace) -> int:
-    """Fly the scenario, or list what there is."""
+    """Fly or plot the scenario, list the scenarios, or describe the faults."""
     from fti.errors import MissingError
     from fti.hil import scenario as scenarios
 
     if args.json and args.faults is None:
-        args.parser.error("--json belongs to --faults")
+        args.parser.error("--json: only with --faults")
     if args.faults is not None:
         return _describe_faults(args.faults, as_json=args.json)
     if args.list:
@@ -70,7 +72,7 @@ def run(args: argparse.Namespace) -> int:
             print_line(f"{name:{max(map(len, names))}}  {scenarios.load(scenarios.find(name)).title}")
         return 0
     if args.scenario is None:
-        raise MissingError(f"which scenario? There are {', '.join(scenarios.shipped_names())}")
+        raise MissingError(f"SCENARIO: missing; shipped: {', '.join(scenarios.shipped_names())}")
     return _draw(args) if args.plot else _fly(args)
 
 
@@ -78,11 +80,11 @@ def _describe_faults(name: str, *, as_json: bool) -> int:
     """Every kind of fault, or the one of that name.  Raises MissingError where there is none."""
     from fti.cli import _fault_view as view
     from fti.errors import MissingError
-    from fti.hil.oracle.fault_catalogue import kinds
+    from fti.hil.oracle.fault_catalogue import fault_kinds
 
-    known = kinds()
+    known = fault_kinds()
     if name and name not in known:
-        raise MissingError(f"{name!r} is not a kind of fault; there are {', '.join(known)}")
+        raise MissingError(f"--faults {name!r}: not a kind of fault; kinds: {', '.join(known)}")
     if as_json:
         print_json(view.as_json([known[name]] if name else known.values()))
     else:
@@ -91,7 +93,7 @@ def _describe_faults(name: str, *, as_json: bool) -> int:
 
 
 def _draw(args: argparse.Namespace) -> int:
-    """Fly it on paper: no sensors, no ports."""
+    """Plot the flight, without sensors and ports."""
     from fti import plot_style
     from fti.cli._emulator_run import print_notice
     from fti.hil import scenario as scenarios
@@ -101,7 +103,7 @@ def _draw(args: argparse.Namespace) -> int:
     world = make_environment(scenarios.load(scenarios.find(args.scenario)), print_notice)
     for remark in world.remarks:
         print_notice(remark)
-    plot_style.write(lambda: draw_flight(world), args.plot)
+    plot_style.write_figure(lambda: draw_flight(world), args.plot)
     return 0
 
 
@@ -112,7 +114,7 @@ async def _start(emulator: Emulator, wait: bool) -> None:
 
 
 def _prepare(args: argparse.Namespace) -> Emulator:
-    """The emulator, ready to open its ports; told are its steps, and what its lines cannot carry."""
+    """The emulator, ready to open its ports; print its steps and the overloads of its lines."""
     from pathlib import Path
 
     from fti.cli._emulator_run import print_notice
@@ -146,16 +148,16 @@ def _fly(args: argparse.Namespace) -> int:
     check_report(args.report)
     emulator = _prepare(args)
 
-    def say_over() -> None:
-        with contextlib.suppress(OSError):  # the reader has had enough; the report is written all the same
+    def print_end() -> None:
+        with contextlib.suppress(OSError):  # the reader has closed the pipe; the report is written all the same
             print_line(FLIGHT_END, flush=True)
 
     async def fly(stop: asyncio.Event) -> TransmissionReport:
-        starting = asyncio.create_task(_start(emulator, args.wait), name="fti-hil-start")
+        start = asyncio.create_task(_start(emulator, args.wait), name="fti-hil-start")
         try:
-            return await emulator.run(args.duration, stop, say_over)
+            return await emulator.run(args.duration, stop, print_end)
         finally:
-            starting.cancel()
+            start.cancel()
 
     clock, name = emulator.backend.clock, emulator.config.session.name
     with claim_ports(Path(args.links)), StatusPublisher(lambda: describe(emulator), clock, name, args.run_dir):

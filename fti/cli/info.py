@@ -1,16 +1,17 @@
-"""Show what a recording holds.
+"""Show the contents of a recording.
 
-The session (origin, mode, start, software, configuration), its files, and for each topic: messages, bytes, mean rate
-and the configured one, jitter (standard deviation and 99th percentile of the interval), the longest interval, gaps,
-and a picture of its activity over time: all topics in one column, so that one sees when a sensor fell silent.  Then
-where links were silent, and marks and events with their times.
+Prints the session (origin, mode, start, software, configuration), its files, and for each topic: messages, bytes, mean
+and configured rate, jitter (standard deviation and 99th percentile of the interval), the longest interval, gaps, and
+the activity over a common time axis, which shows when a sensor stopped.  Then gaps of links, alarms, and marks and
+events with their times.
 
-Reads finished recordings, packed ones, killed ones and those that are being written (exit code 3 when one breaks off).
+Reads recordings that are finished, packed, unfinished after a kill, or being written (exit code 3 when a file cannot
+be read to its end).
 
   fti info data/da42_20260102T030405Z_0
   fti info flight_000.mcap --json
   fti info /media/disk/da42_20260102T030405Z_0 spare/da42_20260102T030405Z_0     the medium was changed: all folders
-  fti info data/da42_20260102T030405Z_0 --plot activity.html      or .svg: a picture for report and browser
+  fti info data/da42_20260102T030405Z_0 --plot activity.html      or .svg: a plot for report and browser
 """
 
 from __future__ import annotations
@@ -23,10 +24,10 @@ from fti.cli._printing import print_json, print_lines
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """SESSION, --json and --plot."""
-    parser.add_argument("session", metavar="SESSION", nargs="+", help="session folder or MCAP file; all of one session")
+    parser.add_argument("session", metavar="SESSION", nargs="+", help="session folders or MCAP files of one session")
     parser.add_argument("--json", action="store_true", help="print JSON only")
     parser.add_argument(
-        "--plot", metavar="FILE", type=_picture, help="also draw the activity into FILE.svg or FILE.html, which is new"
+        "--plot", metavar="FILE", type=_picture, help="also plot the activity to FILE (.svg, .html; must not exist)"
     )
 
 
@@ -38,7 +39,7 @@ def _picture(text: str) -> Path:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Read everything and print it; 3 when a file broke off."""
+    """Read everything and print it; 3 when a file could not be read to its end."""
     from fti.cli._info_view import as_json, as_text
     from fti.cli._read_report import report_faults, show_read_progress
     from fti.logger.reading.recording import Recording

@@ -1,12 +1,12 @@
-"""How late the altimeters of a session spoke, and over how long they averaged.
+"""Estimate latency and averaging time of the altimeters of a session.
 
-What they said is laid beside what the known ground says they should have said, over the whole flight: 80 s or
-more, over ground with relief, with [nav] terrain in the configuration.  100 ms are 6 m along the track at 60 m/s.
+Correlates the recorded ranges with the ranges predicted from the terrain, over the whole flight: at least 80 s over
+terrain with relief, with [nav] terrain in the configuration.  100 ms are 6 m along the track at 60 m/s.
 
   fti latency data/da42_20261121T101500Z_0
   fti latency SESSION --json
 
-What is found comes on top of latency_ms of the device; add it there.  Sigma is one standard deviation.
+The estimate is in addition to latency_ms of the device; add it there.  Sigma is one standard deviation.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """3 when a file broke off."""
+    """Estimate and print; 3 when a file could not be read to its end."""
     from pathlib import Path
 
     from fti.cli._read_report import report_faults, report_remarks
@@ -34,10 +34,10 @@ def run(args: argparse.Namespace) -> int:
     session = Path(args.session)
     recording = Recording.open(session)
     report_remarks(recording)
-    found = altimeter_latencies(recording, session)
+    estimates = altimeter_latencies(recording, session)
     if args.json:
-        print_json({name: one and dataclasses.asdict(one) for name, one in found.items()})
+        print_json({name: estimate and dataclasses.asdict(estimate) for name, estimate in estimates.items()})
     else:
-        print_lines(as_line(name, one) for name, one in found.items())
+        print_lines(as_line(name, estimate) for name, estimate in estimates.items())
     report_faults(recording)
     return 3 if recording.faults else 0

@@ -1,4 +1,4 @@
-"""Show what arrives on a link or port, and which drivers understand it.
+"""Show the data that arrive on a link or port, and which drivers can decode them.
 
   fti listen radalt_line --config configs/bench.toml
   fti listen /dev/ttyUSB0 --baud 57600 --duration 10
@@ -6,10 +6,10 @@
   fti listen can0
 
 Standard output: one line per 16 bytes, with the time since the start [s], as hexadecimal and text; a CAN frame as
-identifier and data.  Standard error, every second and at the end: what has arrived, and each driver that found its
-frames, with its messages and the bytes that they cover.  Drivers that need options are not tried.  Ends after
---duration, or with Ctrl-C.  Nothing is sent, except to an slcan adapter: commands that open it and ask
-for its status.
+identifier and data.  Standard error, every second and at the end: received frames and bytes, and each driver that
+found frames, with its messages and the bytes that they cover.  Drivers with mandatory options are not tried.  Ends
+after --duration, or with Ctrl-C.  Nothing is sent, except to an slcan adapter: commands that open it and read its
+status.
 """
 
 from __future__ import annotations
@@ -35,33 +35,33 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "target", metavar="LINK|PORT", help="link of the configuration, tty, address:port, CAN interface"
     )
-    parser.add_argument("--config", metavar="CONFIG", help="the configuration in which LINK stands")
-    parser.add_argument("--baud", type=int, metavar="N", help="of a serial port (default: as configured, or 115200)")
-    parser.add_argument("--duration", type=seconds, metavar="S", help="end after so many seconds")
+    parser.add_argument("--config", metavar="CONFIG", help="configuration that defines LINK")
+    parser.add_argument("--baud", type=int, metavar="N", help="baud rate of a port (default: configured, or 115200)")
+    parser.add_argument("--duration", type=seconds, metavar="S", help="end after S seconds")
 
 
 def run(args: argparse.Namespace) -> int:
-    """Listen until the time is over."""
+    """Listen until the duration ends."""
     link = find_link(args.target, args.config, args.baud)
-    ear = LinkListener(link.kind)
+    listener = LinkListener(link.kind)
     try:
-        asyncio.run(_listen(link, ear, args.duration))
+        asyncio.run(_listen(link, listener, args.duration))
     except KeyboardInterrupt:
-        ear.report()
+        listener.report()
         raise
-    ear.report()
+    listener.report()
     return 0
 
 
 def find_link(target: str, config: str | None, baud: int | None) -> SerialLink | UdpLink | CanLink:
-    """The link that is meant; it never sends.  Raises ConfigError or MissingError."""
+    """The link of LINK|PORT; it never sends.  Raises ConfigError or MissingError."""
     from fti import config as configuration
     from fti.errors import MissingError
 
     if config:
         links = {link.name: link for link in configuration.load(config).link}
         if target not in links:
-            raise MissingError(f"{config}: no link {target!r}; there are {', '.join(links) or 'none'}")
+            raise MissingError(f"{config}: no link {target!r}; configured: {', '.join(links) or 'none'}")
         changes: dict[str, object] = {"transmit": False}
         if baud and links[target].kind == "serial":
             changes["baud"] = baud
@@ -70,7 +70,7 @@ def find_link(target: str, config: str | None, baud: int | None) -> SerialLink |
 
 
 def _port_link(target: str, baud: int | None) -> SerialLink | UdpLink | CanLink:
-    """A link to a port that is named directly."""
+    """A link to a port that is given directly."""
     from fti import config as configuration
     from fti.errors import MissingError
     from fti.links.ports import can_interfaces, serial_names
@@ -83,21 +83,21 @@ def _port_link(target: str, baud: int | None) -> SerialLink | UdpLink | CanLink:
     elif ":" in target:
         table = {"kind": "udp", "bind": target}
     else:
-        there = ", ".join([*serial_names(), *interfaces]) or "none"
-        raise MissingError(f"{target}: neither a port nor address:port; for a link give --config; ports: {there}")
+        ports = ", ".join([*serial_names(), *interfaces]) or "none"
+        raise MissingError(f"{target}: not a port and not address:port; for a link give --config; ports: {ports}")
     session = {"session": {"name": "listen"}, "link": [{"name": "port", **table}]}
     return configuration.bind(configuration.Config, session, "fti listen").link[0]
 
 
-async def _listen(config: SerialLink | UdpLink | CanLink, ear: LinkListener, duration: float | None) -> None:
+async def _listen(config: SerialLink | UdpLink | CanLink, listener: LinkListener, duration: float | None) -> None:
     from fti.clock import SystemClock, choose_epoch_ns
     from fti.links import open_link, per_frame_sink
 
     clock = SystemClock(choose_epoch_ns())
-    ear.start_ns = clock.now_ns()
-    link = open_link(config, clock, per_frame_sink(ear.on_frame))
+    listener.start_ns = clock.now_ns()
+    link = open_link(config, clock, per_frame_sink(listener.on_frame))
     running = asyncio.create_task(link.run(), name="listen")
-    watching = asyncio.create_task(_watch(link, ear), name="watch")
+    watching = asyncio.create_task(_watch(link, listener), name="watch")
     try:
         await asyncio.wait([running, watching], timeout=duration, return_when=asyncio.FIRST_COMPLETED)
         await link.drain()
@@ -110,13 +110,13 @@ async def _listen(config: SerialLink | UdpLink | CanLink, ear: LinkListener, dur
         task.result()
 
 
-async def _watch(link: Link, ear: LinkListener) -> None:
+async def _watch(link: Link, listener: LinkListener) -> None:
     """Report every second; a port that cannot be opened at all ends it.  Raises LinkError."""
     from fti.errors import LinkError
     from fti.links.base import NOT_OPENED
 
     loop = asyncio.get_running_loop()
-    due, told = loop.time() + REPORT_S, ""
+    due, last_hint = loop.time() + REPORT_S, ""
     while True:
         await asyncio.sleep(POLL_S)
         status = link.status
@@ -125,14 +125,14 @@ async def _watch(link: Link, ear: LinkListener) -> None:
         if loop.time() < due:
             continue
         due += REPORT_S
-        if status.hint and status.hint != told:
-            ear.print_note(f"{status.state}: {status.hint}")
-        told = status.hint
-        ear.report()
+        if status.hint and status.hint != last_hint:
+            listener.print_note(f"{status.state}: {status.hint}")
+        last_hint = status.hint
+        listener.report()
 
 
 class LinkListener:
-    """Prints what arrives and tries the drivers on it."""
+    """Prints the received data and tries the drivers on them."""
 
     def __init__(self, carrier: str) -> None:
         self.start_ns = 0
@@ -152,7 +152,7 @@ class LinkListener:
             decoder.feed(data, t_rx_ns)
 
     def report(self) -> None:
-        """What has arrived so far, and who understood it."""
+        """Print received frames and bytes so far, and the drivers that decoded them."""
         self.print_note(f"{self.frames} frames, {self.bytes} bytes")
         for name, decoder in self._decoders.items():
             counters = decoder.counters
@@ -161,7 +161,7 @@ class LinkListener:
 
     @staticmethod
     def print_note(text: str) -> None:
-        """To standard error, behind what standard output has."""
+        """Print on standard error, after flushing standard output."""
         import sys
 
         sys.stdout.flush()

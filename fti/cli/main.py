@@ -1,11 +1,11 @@
 """The ``fti`` command.
 
-Each other module of this package whose name does not begin with ``_`` is one command (``_`` in a name is read as
-``-``).  It has a docstring (its first line is the help, the rest the description), ``add_arguments(parser)`` and
-``run(args) -> exit code``.  A command exists when it works, not before.
+Each other module of this package whose name does not begin with ``_`` is one command (``_`` in a name becomes ``-``).
+It has a docstring (its first line is the help, the rest the description), ``add_arguments(parser)`` and
+``run(args) -> exit code``.
 
-Exit codes: 0 done; 1 a result does not hold; 2 wrong call, configuration or missing thing (one sentence on standard
-error); 3 readable with losses; 130 interrupted, files closed.
+Exit codes: 0 done; 1 a result does not hold; 2 usage or configuration error, or file/device not found (one sentence on
+standard error); 3 readable with losses; 130 interrupted, files closed.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ from fti.interrupts import track_interrupts
 EXIT_WRONG = 2
 EXIT_LOSSES = 3
 EXIT_INTERRUPTED = 130
-#: With this variable in the environment, an unexpected error keeps its traceback.
+#: Environment variable: if set, an unexpected error prints its traceback.
 TRACEBACK = "FTI_TRACEBACK"
-#: Arguments of commands that name what is read.
+#: Arguments of commands that name input files.
 FILES = ("session", "other", "file", "files", "config", "scenario", "reference", "airfield")
 
 
@@ -44,7 +44,7 @@ def _commands() -> list[ModuleType]:
 def make_parser() -> argparse.ArgumentParser:
     """The parser with every command."""
     parser = argparse.ArgumentParser(
-        prog="fti", description="Flight-test data service: records every byte, navigates live, plays the sensors."
+        prog="fti", description="Flight-test data service: records every byte, navigates live, emulates the sensors."
     )
     sub = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     for module in _commands():
@@ -62,20 +62,20 @@ def make_parser() -> argparse.ArgumentParser:
 
 
 def _pydantic_errors() -> tuple[type[Exception], ...]:
-    """What pydantic raises when it cannot build a table; nothing where it was not needed: it is slow to import."""
+    """Errors of pydantic when it cannot build a model; empty where it is not imported, because its import is slow."""
     core = sys.modules.get("pydantic_core")
     return (core.SchemaError,) if core else ()
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run one command; what the user must know stands in one sentence on standard error."""
+    """Run one command; an error is one sentence on standard error."""
     _escape_unencodable()
     args = argparse.Namespace(command="")
     try:
         return _run(argv, args)
     except _pydantic_errors():
         raise
-    except Exception as error:  # a file that nobody has thought of
+    except Exception as error:  # a file with unforeseen content
         if os.environ.get(TRACEBACK):
             raise
         print_line(f"fti: {_unexpected_error(args, error)}", error=True)
@@ -83,13 +83,13 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(argv: Sequence[str] | None, args: argparse.Namespace) -> int:
-    """The command, with the ends that are expected.  args : filled"""
+    """Run the command and map its expected errors to exit codes.  args : filled"""
     try:
         with track_interrupts() as handler:
             _, unknown = make_parser().parse_known_args(argv, args)
         if handler.interrupted:
             raise KeyboardInterrupt
-        if unknown:  # with the usage of the command, not of all
+        if unknown:  # prints the usage of the command
             args.parser.error(f"unrecognized arguments: {' '.join(unknown)}")
         return int(args.run(args))
     except RecordingError as error:
@@ -100,31 +100,31 @@ def _run(argv: Sequence[str] | None, args: argparse.Namespace) -> int:
         return EXIT_WRONG
     except KeyboardInterrupt:
         return EXIT_INTERRUPTED
-    except _pydantic_errors() as error:  # an interrupt while a table is being built comes out as one of these
+    except _pydantic_errors() as error:  # an interrupt while a model is built
         if KeyboardInterrupt.__name__ not in str(error):
             raise
         return EXIT_INTERRUPTED
-    except BrokenPipeError:  # the reader of our output has had enough, as with ``| head``
+    except BrokenPipeError:  # the reader of the output has closed the pipe, as ``| head`` does
         sys.stderr.close()
         return 0
 
 
 def _escape_unencodable() -> None:
-    """A text that the terminal's encoding has not (half of a surrogate pair, a file name of bytes) is escaped."""
+    """Escape text that the terminal's encoding lacks (half of a surrogate pair, a file name of bytes)."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
 
 
 def _unexpected_error(args: argparse.Namespace, error: Exception) -> str:
-    """An error that no command expects, as one sentence: the last net, for files that nobody has thought of."""
+    """One sentence for an error that no command handles."""
     named = (getattr(args, name, None) for name in FILES)
     files = [str(one) for value in named if value for one in (value if isinstance(value, list) else [value])]
     *_, frame = traceback.extract_tb(error.__traceback__)
-    said = " ".join(str(error).split())[:200]
-    what = f"{type(error).__name__} {said}".strip() if said else type(error).__name__
+    message = " ".join(str(error).split())[:200]
+    cause = f"{type(error).__name__} {message}".strip()
     where = f"{Path(frame.filename).name}:{frame.lineno}"
-    return f"{' '.join((args.command, *files))}: failed by {what} ({where}); {TRACEBACK}=1 shows more, for a report"
+    return f"{' '.join((args.command, *files))}: failed with {cause} ({where}); {TRACEBACK}=1 prints the traceback"
 
 
 if __name__ == "__main__":

@@ -6,10 +6,10 @@ The mark is recorded as an event with its time, and shown on the page.  It has 1
 
   fti mark --trigger "flutter at 120 kt"
 
-With --trigger the daemon also writes a snapshot: what was received in the [snapshot] before_s seconds before, and until
-after_s seconds after it, into a file of its own, NAME_snapshot_NNN.mcap.  Another trigger while that lasts prolongs it;
-what stands in one snapshot is not written again into the next.  What is kept for a snapshot is in the memory of the
-recorder: when the recorder is killed, it is gone, and in a session with mode = "snapshot" it is nowhere else.
+With --trigger the daemon also writes a snapshot: the data received from [snapshot] before_s seconds before the trigger
+to after_s seconds after it, into a separate file, NAME_snapshot_NNN.mcap.  A further trigger during that time extends
+the snapshot; data of one snapshot are not repeated in the next.  The data before a trigger are in the memory of the
+recorder: they are lost when it is killed, and a session with mode = "snapshot" has no other copy.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ from fti.cli._printing import print_line
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of ``fti mark``."""
-    parser.add_argument("text", metavar="TEXT", nargs="+", help="what to record; several words are one text")
-    parser.add_argument("--trigger", action="store_true", help="also write what was around this moment")
-    parser.add_argument("--run-dir", metavar="DIR", help="the run directory of the daemon, when there are several")
+    parser.add_argument("text", metavar="TEXT", nargs="+", help="text to record; several words are one text")
+    parser.add_argument("--trigger", action="store_true", help="also write a snapshot")
+    parser.add_argument("--run-dir", metavar="DIR", help="run directory of the daemon, if several are running")
 
 
 def run(args: argparse.Namespace) -> int:
-    """Send the mark to the daemon, as the page does: one line of bounded length."""
+    """Send the mark to the daemon: one line of bounded length."""
     from fti.errors import FtiError
     from fti.service.control_client import send_command
     from fti.web.commands import clean_text, fault_of_mark

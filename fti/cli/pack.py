@@ -1,12 +1,12 @@
-"""Compress the files of a session after landing, or make them again what they were.
+"""Compress session files, or restore the originals.
 
-Each finished file is rewritten with zstd chunks, index and summary, read back, and proved to give the original byte
-for byte; only then it takes the place of the original.  Every command, and every MCAP reader, reads packed files.
---undo brings the originals back: the same bytes, by their SHA-256.
+Rewrites each finished file with zstd chunks, index and summary, reads it back, and replaces the original only after
+the restored bytes are proved equal to it.  Every command, and every MCAP reader, reads packed files.  --undo restores
+the originals: the same bytes, checked by SHA-256.  Use it after landing.
 
-A file that is not finished, damaged or being written is left as it is, and so is every file when the medium is full
-or the command is interrupted.  There must be room for the largest packed file beside it.  Exit code 0: done; 3: a
-file was left as it is.
+Files that are unfinished, damaged or being written are left unchanged, and so are all files when the disk is full or
+the command is interrupted.  The disk needs free space for the largest packed file.  Exit code 0: done; 3: a file was
+left unchanged.
 
   fti pack data/da42_20260102T030405Z_0
   fti pack data/da42_20260102T030405Z_0 --undo
@@ -29,19 +29,19 @@ if TYPE_CHECKING:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """SESSION, --undo and --json."""
     parser.add_argument("session", metavar="SESSION", help="session folder or MCAP file")
-    parser.add_argument("--undo", action="store_true", help="bring the original files back")
+    parser.add_argument("--undo", action="store_true", help="restore the original files")
     parser.add_argument("--json", action="store_true", help="print JSON only")
 
 
 def run(args: argparse.Namespace) -> int:
-    """Pack or unpack every file; 3 when one had to be left as it is."""
+    """Pack or unpack every file; 3 when a file was left unchanged."""
     from fti.cli._read_report import bar_title, progress_bar
     from fti.errors import RecordingError
     from fti.logger.packing.pack import pack, unpack
     from fti.logger.recovery.extract import session_files
 
     work = unpack if args.undo else pack
-    done: list[PackResult] = []
+    results: list[PackResult] = []
     refused: list[str] = []
     paths = session_files(Path(args.session))
     with progress_bar() as bar:
@@ -55,25 +55,25 @@ def run(args: argparse.Namespace) -> int:
             finally:
                 bar.remove_task(task)
             if packed:
-                done.append(packed)
+                results.append(packed)
     for text in refused:
         print_line(f"fti: {text}", error=True)
-    print_json(as_json(done, refused)) if args.json else print_lines(as_text(done, len(paths)))
+    print_json(as_json(results, refused)) if args.json else print_lines(as_text(results, len(paths)))
     return 3 if refused else 0
 
 
-def as_json(done: list[PackResult], refused: list[str]) -> dict[str, Any]:
-    """What was done, for programs."""
-    files = [{"file": str(packed.path), "before": packed.before, "after": packed.after} for packed in done]
+def as_json(results: list[PackResult], refused: list[str]) -> dict[str, Any]:
+    """The result as JSON."""
+    files = [{"file": str(packed.path), "before": packed.before, "after": packed.after} for packed in results]
     return {"files": files, "refused": refused}
 
 
-def as_text(done: list[PackResult], files: int) -> Iterator[str]:
-    """Lines for a person."""
-    for packed in done:
+def as_text(results: list[PackResult], files: int) -> Iterator[str]:
+    """The result as lines of text."""
+    for packed in results:
         yield f"{packed.path.name}: {_change(packed.before, packed.after)}"
-    before, after = sum(packed.before for packed in done), sum(packed.after for packed in done)
-    yield f"{len(done)} of {files} files rewritten: {_change(before, after)}" if done else "nothing was rewritten"
+    before, after = sum(packed.before for packed in results), sum(packed.after for packed in results)
+    yield f"{len(results)} of {files} files rewritten: {_change(before, after)}" if results else "nothing was rewritten"
 
 
 def _change(before: int, after: int) -> str:

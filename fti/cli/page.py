@@ -1,7 +1,7 @@
 """Open the page of a running daemon in the browser, with the key to set marks and send commands.
 
-Whoever opens the page without the key can only look.  The key is made at each start of the daemon; only the user who
-started it can read it.
+Without the key the page is read-only.  The daemon makes a new key at each start; only the user who started it can read
+the key.
 
   fti page                   open the browser
   fti page --print           print the address with the key, for a browser that cannot open files of the run directory
@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of ``fti page``."""
-    parser.add_argument("--print", action="store_true", help="print the address with the key and open nothing")
-    parser.add_argument("--run-dir", metavar="DIR", help="the run directory of the daemon, when there are several")
+    parser.add_argument("--print", action="store_true", help="print the address with the key and exit")
+    parser.add_argument("--run-dir", metavar="DIR", help="run directory of the daemon, if several are running")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -32,18 +32,18 @@ def run(args: argparse.Namespace) -> int:
 
     info = find_daemon(args.run_dir)
     if info.page is None:
-        raise MissingError(f"the daemon {info.name} serves no page: display.enabled is false, or its messages say why")
+        raise MissingError(f"the daemon {info.name} serves no page: display.enabled is false, or see its events")
     if args.print:
         print_line(info.page)
     elif not open_browser(Path(info.sock).parent):
-        raise MissingError("no browser can be opened here; fti page --print prints the address")
+        raise MissingError("cannot open a browser; fti page --print prints the address")
     return 0
 
 
 def open_browser(run_dir: Path) -> bool:
     """Open the page of the daemon that has this run directory; False when there is no browser.
 
-    The browser gets the name of a file that leads it on: its command line can be read by every user, the file cannot.
+    The browser gets the name of a private file that redirects it: every user can read its command line, not the file.
     """
     import webbrowser
 

@@ -1,12 +1,12 @@
-"""List what can be plugged in: serial ports, CAN interfaces, addresses, and their states.
+"""List serial ports, CAN interfaces and IP addresses, with their states.
 
   fti ports
-  fti ports --links /tmp/lab      also the ports that an emulator has put there
+  fti ports --links /tmp/lab      also the ports of an emulator in that folder
   fti ports --json
 
-One per line, name first: as the configuration wants it.  A serial port is free, busy (a program has it open; programs
-of other users are seen by root only) or denied (no permission: the group is named); an interface is up or down.
-No port is opened for it.
+One port per line, beginning with its name for the configuration.  A serial port is free, busy (open in a program; only
+root sees programs of other users) or denied (no permission: names the group); an interface is up or down.  The command
+opens no port.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from fti.cli._printing import print_json, print_line
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of ``fti ports``."""
-    parser.add_argument("--links", metavar="DIR", help="folder in which an emulator puts its ports")
+    parser.add_argument("--links", metavar="DIR", help="folder of the ports of an emulator")
     parser.add_argument("--json", action="store_true", help="JSON only")
 
 

@@ -1,17 +1,17 @@
-"""Recover what a damaged recording holds, or close files that a kill left open.
+"""Recover the data of a damaged recording, or close files that a kill left open.
 
-Without --in-place: copies everything that can be read from files that are cut off, have flipped bits or zeroed pages,
-past all damage, as finished files into a new folder (default: SESSION_recovered beside SESSION).  The input is never
-changed.  Records whose checksum does not hold are left out, so that no message is invented.  Where the checksum would
-hold with one bit the other way, that bit is turned back and reported.  Messages that no checksum proves (of such
-records, or behind the last flush of an unfinished file) are taken and counted.  What is missing is printed, and stands
-in recovered.json in the new folder and in each file.  Exit code 0: nothing is missing and everything is proved; 3:
-something is missing, unproved, or not proved complete, as of every file without a summary.
+Without --in-place: copies all readable data of truncated files, and of files with flipped bits or zeroed pages, as
+finished files into a new folder (default: SESSION_recovered beside SESSION).  The input is never changed.  Records with
+a wrong checksum are left out, so that no message is invented.  If flipping one bit makes the checksum correct, that bit
+is flipped and reported.  Messages without a valid checksum (of such records, or after the last flush of an unfinished
+file) are copied and counted.  The missing data are printed, and listed in recovered.json in the new folder and in each
+file.  Exit code 0: nothing is missing and everything is proved; 3: something is missing, unproved, or not proved
+complete, as every file without a summary.
 
 With --in-place: a file that a kill or a power cut left open gets its index, summary and footer, so that every reader
-takes it.  No byte is taken away: bytes behind the last readable record are saved in FILE.rest-at-OFFSET.bin beside it.
-A file that is being written, or is damaged before its end, is left as it is.  Then the session is verified; exit code 3
-when not everything holds.  The next `fti run` closes files in the same way, in all sessions in its directory.
+accepts it.  No byte is removed: bytes after the last readable record are saved in FILE.rest-at-OFFSET.bin beside it.
+A file that is being written, or is damaged before its end, is left unchanged.  Then the session is verified; exit code
+3 when a check fails.  The next `fti run` closes files in the same way, in all sessions in its directory.
 
   fti recover data/da42_20260102T030405Z_0
   fti recover broken.mcap --out saved --json
@@ -38,16 +38,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """SESSION, --out or --in-place, --json."""
     parser.add_argument("session", metavar="SESSION", help="session folder or MCAP file")
     how = parser.add_mutually_exclusive_group()
-    how.add_argument("--out", metavar="DIR", help="write the recovered files into DIR, which must hold nothing")
-    how.add_argument("--in-place", action="store_true", help="only close unfinished files, themselves")
+    how.add_argument("--out", metavar="DIR", help="write the recovered files into DIR, which must be empty")
+    how.add_argument("--in-place", action="store_true", help="only close the unfinished files, without a copy")
     parser.add_argument("--json", action="store_true", help="print JSON only (not with --in-place)")
 
 
 def run(args: argparse.Namespace) -> int:
-    """Recover; 3 when something is missing or a file had to be left alone."""
+    """Recover; 3 when something is missing or a file was left unchanged."""
     if args.in_place:
         return _close(args.session)
-    return _salvage(Path(args.session), Path(args.out) if args.out else None, as_json=args.json)
+    return _extract(Path(args.session), Path(args.out) if args.out else None, as_json=args.json)
 
 
 def _close(session: str) -> int:
@@ -73,7 +73,7 @@ def _close(session: str) -> int:
 
 
 def _verify(session: str) -> int:
-    """What a proof finds of a session whose files were closed; 3 when not everything holds."""
+    """Verify a session whose files were closed; 3 when a check fails."""
     from fti.logger.reading.recording import Recording
     from fti.logger.verify.verification import verify
 
@@ -85,26 +85,25 @@ def _verify(session: str) -> int:
     return 3
 
 
-def _salvage(session: Path, out: Path | None, *, as_json: bool) -> int:
-
+def _extract(session: Path, out: Path | None, *, as_json: bool) -> int:
     from fti.cli._read_report import progress_bar
     from fti.logger.recovery.extract import extract_session, session_files
 
     total = sum(path.stat().st_size for path in session_files(session))
-    place = out or session.absolute().with_name(f"{session.absolute().stem}_recovered")
+    folder = out or session.absolute().with_name(f"{session.absolute().stem}_recovered")
     with progress_bar() as bar:
         task = bar.add_task("bytes", total=total)
-        report = extract_session(session, place, lambda done: bar.update(task, completed=done))
+        report = extract_session(session, folder, lambda done: bar.update(task, completed=done))
     if as_json:
-        print_json({"out": str(place), **report.as_json()})
+        print_json({"out": str(folder), **report.as_json()})
     else:
         print_lines(as_text(report))
-        print_line(f"recovered into {place}")
+        print_line(f"recovered into {folder}")
     return 0 if report.complete else 3
 
 
 def as_text(report: RecoveryReport) -> Iterator[str]:
-    """Lines for a person."""
+    """The report as lines of text."""
     for file in report.files:
         yield from _file_text(file)
     for gap in report.gaps[:MAX_SHOWN]:
@@ -118,10 +117,10 @@ def _verdict(report: RecoveryReport) -> str:
     if report.complete:
         return "nothing is missing"
     if report.gaps or any(file.lost for file in report.files):
-        return "not everything is there"
+        return "data are missing"
     if any(not file.summary for file in report.files):
-        return "not proved complete: a file has no summary that holds, more may have followed at its end"
-    if any(file.doubts for file in report.files):
+        return "not proved complete: a file has no valid summary, data may be missing at its end"
+    if any(file.warnings for file in report.files):
         return "not everything is proved: a file was not finished by its writer, or was recovered before"
     return "nothing is missing; not everything is proved"
 
@@ -133,17 +132,17 @@ def _file_text(file: FileReport) -> Iterator[str]:
         f"{file.attachments} attachments, {file.metadata} metadata records recovered"
     )
     if file.unproved_ns is not None:
-        yield f"  the first unproved message is of {_time(file.unproved_ns)}"
+        yield f"  the first unproved message is at {_time(file.unproved_ns)}"
     if not file.summary:
-        yield "  has no summary that holds: not proved complete, more may have followed at its end"
-    for doubt in file.doubts:
-        yield f"  {doubt}"
+        yield "  has no valid summary: not proved complete, data may be missing at its end"
+    for warning in file.warnings:
+        yield f"  {warning}"
     for name in file.altered_metadata:
         yield f"  the checksum of its metadata {name} does not match"
     if file.copies:
-        yield f"  {file.copies} messages stand in an earlier one of the joined files too, and are taken once"
+        yield f"  {file.copies} messages are also in an earlier one of the joined files, and are copied once"
     for byte in file.flipped[:MAX_SHOWN]:
-        yield f"  a bit of byte {byte} was turned back, so that the checksum of its chunk holds: likely, not proved"
+        yield f"  a bit of byte {byte} was flipped back, so that the checksum of its chunk is valid: likely, not proved"
     if len(file.flipped) > MAX_SHOWN:
         yield f"  and {len(file.flipped) - MAX_SHOWN} more bits; see recovered.json"
     for damage in file.damages[:MAX_SHOWN]:
@@ -153,7 +152,7 @@ def _file_text(file: FileReport) -> Iterator[str]:
     if file.damages and file.complete:
         yield "  they held no message, attachment or metadata"
     if file.missing_messages:
-        yield f"  {file.missing_messages} of {file.told_messages} messages are missing"
+        yield f"  {file.missing_messages} of {file.summary_messages} messages are missing"
 
 
 def _interval_text(after_ns: int | None, before_ns: int | None) -> str:
@@ -169,5 +168,5 @@ def _time(t_ns: int) -> str:
 
     try:
         return f"{datetime.fromtimestamp(t_ns // 10**9, UTC):%Y-%m-%dT%H:%M:%S}.{t_ns // 10**6 % 1000:03d}Z"
-    except (OverflowError, ValueError, OSError):  # a foreign file's idea of time
+    except (OverflowError, ValueError, OSError):  # a foreign file may hold any number
         return f"{t_ns} ns"

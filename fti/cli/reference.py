@@ -1,8 +1,8 @@
 """Make and read the reference profile of an approach.
 
-The profile is what one kind of altimeter sees of the terrain along the published path; with it come the limits of the
-integrity monitor's tests, from simulated nominal approaches, over as many processes as there are cores.  ``fit`` learns
-the receiver of an altimeter from recorded flights.  ``info`` prints what a reference holds and draws it.
+The profile is the terrain along the published path as one kind of altimeter measures it.  ``make`` also simulates
+nominal approaches, on all cores, for the limits of the integrity monitor's tests.  ``fit`` estimates the receiver
+parameters of an altimeter from recorded flights.  ``info`` prints and plots a reference.
 
     fti reference make --airfield FILE --terrain demo --out configs/profiles/demo.csv
     fti reference make --airfield FILE --terrain dsm_1m.tif srtm.hgt --vertical egm96 --out profiles/27.csv
@@ -35,9 +35,9 @@ if TYPE_CHECKING:
     from fti.nav.integrity.reference import ApproachReference, Limits
     from fti.terrain.terrain import Terrain
 
-#: How far around the approach elevation is read [m]: aircraft beside the track, and their beams.
+#: Margin around the approach for which elevation is read [m]: lateral offsets of aircraft, and their beams.
 TERRAIN_MARGIN_M = 1500.0
-#: Posts farther apart than this below the track are remarked upon [m]: two bins of the profile.
+#: A larger post spacing below the track gives a warning [m]: two bins of the profile.
 MAX_POST_SPACING_M = 10.0
 
 
@@ -55,14 +55,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_fit(
         actions.add_parser(
             "fit",
-            help="learn beam, threshold, bias and scale of an altimeter from recorded flights",
+            help="estimate beam, threshold, bias and scale of an altimeter from recorded flights",
             description=FIT,
             formatter_class=parser.formatter_class,
         )
     )
     info = actions.add_parser("info", help="print and draw a reference")
     info.add_argument("reference", type=Path, metavar="FILE")
-    info.add_argument("--json", action="store_true", help="what the reference says of itself, as JSON")
+    info.add_argument("--json", action="store_true", help="print the header as JSON")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -109,14 +109,14 @@ def _make(args: argparse.Namespace) -> int:
 
 
 def _limit_warnings(limits: Limits) -> Iterator[str]:
-    """What whoever flies with the limits should know of them."""
+    """Warnings on the limits of a reference."""
     from fti.study._proportions import max_failures_by_chance
 
-    most = max_failures_by_chance(limits.verified_runs, limits.pfa)
-    if limits.verified_alarms > most:
+    max_alarms = max_failures_by_chance(limits.verified_runs, limits.pfa)
+    if limits.verified_alarms > max_alarms:
         yield (
-            f"an ALERT on {limits.verified_alarms} of {limits.verified_runs} nominal approaches is more than a Pfa of "
-            f"{limits.pfa:g} has by chance ({most}): the limits are too low, made from too few approaches (--runs)"
+            f"an ALERT on {limits.verified_alarms} of {limits.verified_runs} nominal approaches exceeds a Pfa of "
+            f"{limits.pfa:g} (up to {max_alarms} by chance): the limits are too low; simulate more approaches (--runs)"
         )
 
 
@@ -129,13 +129,13 @@ def _from_terrain(
     from fti.study.workers import run_all
 
     altimeter, receivers = _apply_fit(args, altimeter)
-    plan = ReferenceOptions(
+    options = ReferenceOptions(
         surface=args.surface or " ".join(Path(name).name for name in args.terrain),
         date=args.date or path.airfield.survey_date,
         s_max=args.s_max,
         draws=args.draws,
         runs=args.runs,
-        beside_runs=args.beside_runs,
+        offset_runs=args.beside_runs,
         obstacle_runs=args.obstacle_runs,
         seed=args.seed,
         pfa=args.pfa,
@@ -144,13 +144,13 @@ def _from_terrain(
         receivers=len(receivers) or RECEIVERS,
     )
     ground = TerrainGround(path, altimeter, _terrains(args, path, bars), receivers=receivers)
-    return make_reference(ground, plan, bars.update, run_all)
+    return make_reference(ground, options, bars.update, run_all)
 
 
 def _apply_fit(
     args: argparse.Namespace, altimeter: AltimeterModel
 ) -> tuple[AltimeterModel, tuple[ReceiverVariant, ...]]:
-    """The altimeter with the beam, and the receiver, that were found on flights; none: receivers are drawn."""
+    """The altimeter with the fitted beam, and the fitted receiver; empty without --fitted: receivers are random."""
     from fti.hil.approach_reference.fitted_file import fitted_receiver, read_fitted
 
     if not args.fitted:
@@ -180,7 +180,7 @@ def _from_recordings(
         passes += read_passes(folder, args.sensor, path, args.s_max)
         bars.update("recordings", number / len(args.recorded))
     profiles = profiles_of(passes, args.s_max)
-    plan = ReferenceOptions(
+    options = ReferenceOptions(
         surface=args.surface or args.sensor,
         date=args.date or date_of(passes),
         made_from="recordings",
@@ -191,11 +191,11 @@ def _from_recordings(
         pfa=args.pfa,
         spread=_spread(args),
     )
-    return reference_from_recordings(path, altimeter, profiles, plan, bars.update, run_all=run_all)
+    return reference_from_recordings(path, altimeter, profiles, options, bars.update, run_all=run_all)
 
 
 def _spread(args: argparse.Namespace) -> Spread:
-    """What the limits are to assume."""
+    """The assumptions of the limits."""
     from fti.hil.approach_reference.approaches import Spread
 
     return Spread(
@@ -208,7 +208,7 @@ def _spread(args: argparse.Namespace) -> Spread:
 
 
 def _terrains(args: argparse.Namespace, path: ApproachPath, bars: _Bars) -> tuple[Terrain, ...]:
-    """The demonstration's terrain with its vegetation low to high, or the one that the files make."""
+    """The demonstration's terrain with low to high vegetation, or the terrain of the files."""
     from fti.terrain.demo_scene import VEGETATION, demo_scene
     from fti.terrain.terrain import Terrain
 
@@ -218,7 +218,7 @@ def _terrains(args: argparse.Namespace, path: ApproachPath, bars: _Bars) -> tupl
             scenes.append(demo_scene(vegetation=height))
             bars.update("terrain", len(scenes) / len(VEGETATION))
         return tuple(scenes)
-    lat, lon = path.geodetic(args.s_max / 2, 0.0)
+    lat, lon = path.to_geodetic(args.s_max / 2, 0.0)
     terrain = Terrain.open(
         args.terrain,
         centre=(float(lat), float(lon)),
@@ -231,23 +231,23 @@ def _terrains(args: argparse.Namespace, path: ApproachPath, bars: _Bars) -> tupl
 
 
 def _remark_on_posts(terrain: Terrain, path: ApproachPath, args: argparse.Namespace) -> None:
-    """Say where the elevation is too coarse for its limits; before the minutes that they take."""
+    """Warn before the long computation if the post spacing is too coarse for the limits."""
     import numpy as np
 
-    lat, lon = path.geodetic(np.linspace(0.0, args.s_max, 100), 0.0)
+    lat, lon = path.to_geodetic(np.linspace(0.0, args.s_max, 100), 0.0)
     place = terrain.frame.to_local(lat, lon, 0.0)
     cell = float(np.max(terrain.cell(place[..., 0], place[..., 1]), initial=0.0))
     if cell > MAX_POST_SPACING_M:
         print_line(
             f"fti: posts below the track are up to {cell:.0f} m apart; the limits assume an elevation error of "
-            f"{args.elevation_sd:g} m (--elevation-sd). Whatever lies between the posts may raise an ALERT. Try it on "
-            "a recorded flight (fti reprocess) before it is used",
+            f"{args.elevation_sd:g} m (--elevation-sd). An obstacle between the posts may raise an ALERT. Test the "
+            "reference on a recorded flight (fti reprocess) before use",
             error=True,
         )
 
 
 class _Bars(AbstractContextManager["_Bars"]):
-    """A progress bar per kind of work, on standard error; nothing when that is no terminal."""
+    """A progress bar per kind of work, on standard error; nothing when that is not a terminal."""
 
     def __enter__(self) -> _Bars:
         from rich.console import Console
@@ -264,7 +264,7 @@ class _Bars(AbstractContextManager["_Bars"]):
             self._progress.stop()
 
     def update(self, what: str, share: float) -> None:
-        """So much is done, 0 to 1."""
+        """Show the completed share, 0 to 1."""
         if self._progress is None:
             return
         if what not in self._tasks:
@@ -285,7 +285,7 @@ def _info(args: argparse.Namespace) -> int:
 
 
 def _finite(value: Any) -> Any:
-    """As JSON can say it: null for what is infinite, an obstacle that is not seen at any height."""
+    """The value for JSON: null for infinity (an obstacle that is not detected at any height)."""
     if isinstance(value, dict):
         return {key: _finite(inner) for key, inner in value.items()}
     if isinstance(value, tuple):

@@ -1,19 +1,17 @@
-"""Send a recorded session again: the same bytes on the same links, at their timing.
+"""Send a recorded session again: the same bytes on the same links, with the recorded timing.
 
-Serial and slcan ports appear as symlinks in a folder; give the same folder to the daemon.  The replay begins when
-every serial line, slcan channel and UDP port has been opened, and half a second later (a CAN bus does not tell who
-listens).  Nothing is lost: while a line is full, the replay waits.  What the daemon had sent itself is not sent again.
-A snapshot, or a session in mode "snapshot", is sent as far as it was recorded, with its pauses; it begins with its
-first frame.
+Serial and slcan ports appear as symlinks in a folder; give the same folder to the daemon.  The replay begins half a
+second after every serial line, slcan channel and UDP port has been opened (readers of a CAN bus cannot be detected).
+Nothing is lost: while a line is full, the replay waits.  Frames that the daemon had sent are not sent again.  A
+snapshot, or a session in mode "snapshot", is sent with its gaps; it begins with its first frame.
 
 With the configuration of the recording nothing leaves this machine: an address that is not loopback, and a CAN bus that
-is not a vcan, is refused unless --allow-remote is given.  --config gives a configuration of your own, which may name
-them.
+is not a vcan, is rejected without --allow-remote.  With --config such addresses are allowed.
 
-In a terminal: space pauses and goes on, "." or s sends one frame and pauses, q ends.  A daemon of the same name shows
+In a terminal: space pauses and resumes, "." or s sends one frame and pauses, q quits.  A daemon of the same name shows
 the position, on its page and in ``fti watch``.
 
-At the end stands how late the frames of each link were; ``fti compare`` proves that recording them gave the same.
+On exit it prints per-link lateness; ``fti compare`` checks that the re-recorded bytes are identical.
 
     fti replay data/demo_20260101T120000Z_0 --links /tmp/links &
     fti run configs/demo.toml --links /tmp/links --origin replay
@@ -35,31 +33,31 @@ if TYPE_CHECKING:
     from fti.hil.replay import Replay
     from fti.hil.report import TransmissionReport
 
-#: How often the position is shown on a terminal, and told elsewhere [s].
+#: Period at which the position is shown on a terminal, and printed elsewhere [s].
 SHOW_PERIOD_S, PRINT_PERIOD_S = 0.5, 60.0
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of ``fti replay``."""
     parser.add_argument("session", metavar="SESSION", help="folder of a session, or one of its files")
-    parser.add_argument("--speed", type=factor, default=1.0, metavar="X", help="times as fast (default: 1)")
-    parser.add_argument("--from", type=seconds, default=0.0, dest="from_s", metavar="T", help="leave out the first T s")
-    parser.add_argument("--loop", action="store_true", help="again and again, until it is interrupted")
-    parser.add_argument("--only", type=_names, default=(), metavar="LINK[,LINK]", help="these links alone")
+    parser.add_argument("--speed", type=factor, default=1.0, metavar="X", help="speed factor (default: 1)")
+    parser.add_argument("--from", type=seconds, default=0.0, dest="from_s", metavar="T", help="skip the first T s")
+    parser.add_argument("--loop", action="store_true", help="repeat until interrupted")
+    parser.add_argument("--only", type=_names, default=(), metavar="LINK[,LINK]", help="only these links")
     parser.add_argument("--links", default="links", metavar="DIR", help="folder of the ports (default: links)")
-    parser.add_argument("--config", metavar="CONFIG", help="another configuration than the session's own")
+    parser.add_argument("--config", metavar="CONFIG", help="configuration, instead of the session's own")
     parser.add_argument(
         "--allow-remote",
         action="store_true",
-        help="send also to addresses beyond this machine and to real CAN buses that the recording names",
+        help="also send to remote addresses and real CAN buses that the recording names",
     )
-    parser.add_argument("--report", metavar="FILE", help="write what was sent, and how late, to this JSON file")
+    parser.add_argument("--report", metavar="FILE", help="write sent messages and lateness to this JSON file")
     parser.add_argument(
         "--wait",
         type=seconds,
         default=0.5,
         metavar="S",
-        help="wait so long after every port was opened (default: 0.5)",
+        help="wait S seconds after every port was opened (default: 0.5)",
     )
 
 
@@ -79,8 +77,8 @@ def run(args: argparse.Namespace) -> int:
     check_report(args.report)
     replay, length_s = _open(args)
     title, clock = Path(args.session).name, SystemClock(choose_epoch_ns())
-    teller = StatusPublisher(lambda: describe_replay(replay, title, length_s), clock, replay.session_name, None)
-    with claim_ports(Path(args.links)), teller:
+    publisher = StatusPublisher(lambda: describe_replay(replay, title, length_s), clock, replay.session_name, None)
+    with claim_ports(Path(args.links)), publisher:
         report, interrupted = event_loop.run(
             run_until_stopped(lambda stop: _play(replay, length_s, stop), replay.ready)
         )
@@ -90,7 +88,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _open(args: argparse.Namespace) -> tuple[Replay, float | None]:
-    """The replay, and how long the session is [s]."""
+    """The replay, and the length of the session [s]."""
     from pathlib import Path
 
     from fti import config as configuration
@@ -120,7 +118,7 @@ def _open(args: argparse.Namespace) -> tuple[Replay, float | None]:
 
 
 async def _play(replay: Replay, length_s: float | None, stop: asyncio.Event) -> TransmissionReport:
-    """Replay, with keys and the position where somebody sees them."""
+    """Replay, with keys and position display in a terminal."""
     import asyncio
 
     from fti.cli._emulator_run import print_notice
@@ -128,23 +126,23 @@ async def _play(replay: Replay, length_s: float | None, stop: asyncio.Event) -> 
 
     replay_clock = replay.replay_clock
     with handle_keys({" ": replay_clock.pause, ".": replay_clock.step, "s": replay_clock.step, "q": stop.set}):
-        showing = asyncio.create_task(_show(replay, length_s), name="fti-replay-position")
+        display = asyncio.create_task(_show(replay, length_s), name="fti-replay-position")
         try:
             return await replay.run(stop, print_notice)
         finally:
-            showing.cancel()
+            display.cancel()
 
 
 async def _show(replay: Replay, length_s: float | None) -> None:
-    """Show the position: in place on a terminal, else a line a minute."""
+    """Show the position: in place on a terminal, else one line per minute."""
     import asyncio
     import sys
 
-    seen = sys.stderr.isatty()
+    is_terminal = sys.stderr.isatty()
     while True:
-        await asyncio.sleep(SHOW_PERIOD_S if seen else PRINT_PERIOD_S)
+        await asyncio.sleep(SHOW_PERIOD_S if is_terminal else PRINT_PERIOD_S)
         if (position_s := replay.position_s) is not None:
-            whole = f" of {length_s:.0f}" if length_s else ""
+            total = f" of {length_s:.0f}" if length_s else ""
             state = ", paused" if replay.replay_clock.is_paused else ""
-            text = f"{position_s:.1f}{whole} s{state}"
-            print_status(text) if seen else print_line(text, error=True, flush=True)
+            text = f"{position_s:.1f}{total} s{state}"
+            print_status(text) if is_terminal else print_line(text, error=True, flush=True)

@@ -3,9 +3,9 @@
   fti reprocess data/da42_20261121T101500Z_0 --out again
   fti reprocess SESSION configs/other.toml --out again
 
-With the recorded configuration the outputs are those of the flight, bit for bit (same software, same processor).  With
-CONFIG they are what another configuration would have said.  --as-flown repeats what navigation did not see in flight
-(a restart, an overrun ring) as well; without it, that is healed.
+With the recorded configuration the outputs are equal to those of the flight, bit for bit (same software, same
+processor).  With CONFIG they are the outputs of another configuration.  --as-flown also repeats the frames that
+navigation missed in flight (a restart, an overrun ring); without it navigation gets all frames.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("session", metavar="SESSION", help="session folder or raw file")
     parser.add_argument("config", metavar="CONFIG", nargs="?", help="another configuration")
     parser.add_argument("--out", metavar="DIR", required=True, help="write the new session below DIR")
-    parser.add_argument("--as-flown", action="store_true", help="repeat also what navigation missed")
+    parser.add_argument("--as-flown", action="store_true", help="also skip the frames that navigation missed in flight")
 
 
 def run(args: argparse.Namespace) -> int:

@@ -1,16 +1,16 @@
 """Record every byte and navigate live, until Ctrl-C.
 
-The daemon of a test aircraft: opens the links of CONFIG, records each byte that arrives into MCAP, decodes the same
-bytes on a path of their own, navigates, and shows it on a page.
+Opens the links of CONFIG, records every received byte into MCAP, decodes the same bytes in a separate process,
+navigates, and shows the outputs on a page.
 
   fti run configs/research_aircraft.toml
   fti run configs/bench.toml --duration 60 --out /data/flights
 
-A session goes into a new folder below [session] directory.  Ctrl-C and SIGTERM leave finished files; what a killed
-session left open is closed by the next start in the same directory.
+Each session is written to a new folder below [session] directory.  After Ctrl-C or SIGTERM its files are finished;
+files that a killed session left open are closed at the next start in the same directory.
 
 The exit code is 0 after --duration, 130 after Ctrl-C or SIGTERM.  In both cases it is 3 when frames were lost because
-no storage target took them: a sentence says how many, and "fti verify" which.
+no storage target accepted them; the number is printed, "fti verify" lists them.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ from fti.cli._daemon import early_recorder, serve
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of ``fti run``."""
     parser.add_argument("config", metavar="CONFIG", help="the configuration (TOML)")
-    parser.add_argument("--duration", type=seconds, metavar="S", help="end after so many seconds of recording")
+    parser.add_argument("--duration", type=seconds, metavar="S", help="end after S seconds of recording")
     parser.add_argument("--out", metavar="DIR", help="record below DIR instead of [session] directory")
-    parser.add_argument("--links", metavar="DIR", help="take every serial and slcan port at DIR/<link> (an emulator)")
-    parser.add_argument("--origin", choices=("flight", "hil", "replay"), help="what the bytes come from; shown always")
-    parser.add_argument("--run-dir", metavar="DIR", help="where fti watch, mark, send and page find this daemon")
+    parser.add_argument("--links", metavar="DIR", help="open every serial and slcan port at DIR/<link> (an emulator)")
+    parser.add_argument("--origin", choices=("flight", "hil", "replay"), help="origin of the data, always displayed")
+    parser.add_argument("--run-dir", metavar="DIR", help="run directory for fti watch, mark, send and page")
 
 
 def run(args: argparse.Namespace) -> int:

@@ -1,15 +1,14 @@
-"""Show how the clocks of a session ran against each other.
+"""Compare the clocks of a session with each other.
 
-For every device that says its own time: offset and drift against FTI time with its 95 % interval, how late its
-messages come, where its clock was set.  Then the real-time clock of the computer, and FTI time against GNSS time.
+For every device that sends its own time: offset and drift against FTI time with a 95 % interval, delays of its
+messages, and steps of its clock.  Then the real-time clock of the computer, and FTI time against GNSS time.
 
   fti sync data/da42_20261121T101500Z_0
-  fti sync SESSION --plot clocks.html          a page with everything in it
-  fti sync SESSION --out time_base.csv         FTI time -> device, GPS, UTC and real time; .mcap does too
+  fti sync SESSION --plot clocks.html          a self-contained page with plots
+  fti sync SESSION --out time_base.csv         FTI time -> device, GPS, UTC and real time; or .mcap
 
-Raw stamps are never changed: the time base is a table beside them, to interpolate in.  Of which session it is, and
-whether that is a snapshot, stands in time_base.json beside it, or in the metadata of the MCAP file.  CONFIG takes the
-place of the recorded configuration.
+Raw timestamps are never changed: the time base is a separate table for interpolation.  time_base.json beside it, or the
+metadata of the MCAP file, holds the session identity and a snapshot flag.  CONFIG replaces the recorded configuration.
 """
 
 from __future__ import annotations
@@ -29,7 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Decode the session with a progress bar on standard error; 3 when a file broke off."""
+    """Decode the session with a progress bar on standard error; 3 when a file could not be read to its end."""
     from pathlib import Path
 
     from fti.cli._read_report import progress_bar, report_faults, report_remarks

@@ -1,21 +1,20 @@
-"""Show what elevation files hold, and draw them.
+"""Show the contents of elevation files, and plot them.
 
-Reads GeoTIFF, DTED (.dt0 .dt1 .dt2), SRTM (.hgt) and whatever else GDAL reads, in any coordinate system, many files
-and resolutions at once.  ``info`` prints for each file its size, coordinates, the distance between its posts in metres,
-the vertical datum and who says so, lowest and highest height, holes and coverage; then the layers of the terrain that
-they make, where the seams lie, and how far each layer is off its files' own surfaces.  ``plot`` draws that terrain:
-relief, holes hatched, seams, which file knows what.
+Reads GeoTIFF, DTED (.dt0 .dt1 .dt2), SRTM (.hgt) and all other formats of GDAL, in any coordinate system, many files
+and resolutions at once.  ``info`` prints for each file its size, coordinates, post spacing in metres, vertical datum
+with its source, lowest and highest height, holes and coverage; then the layers of the combined terrain, the seams, and
+the resampling error of each layer.  ``plot`` draws that terrain: relief, hatched holes, seams, source files.
 
   fti terrain info N47E011.hgt N47E012.hgt
   fti terrain info dsm_1m.tif srtm.hgt --vertical dsm_1m.tif=egm96 --json
   fti terrain plot *.dt2 --at 47.9,11.8 --radius 5000 --out map.png
   fti terrain plot dsm_1m.tif srtm.hgt --vertical egm96 --out map.svg --profile 47.90,11.75/47.90,11.85
 
-A height needs a vertical datum.  A file says it by its coordinate system, or by its format: DTED and HGT are above mean
-sea level by EGM96.  Where it does not, --vertical must: a wrong one is 47 m wrong in central Europe.  egm96 needs the
-geoid's grid (Debian's package proj-data).  In the south or west a place is written with "=": --at=-33.9,18.4
+A height needs a vertical datum.  The coordinate system or the format of a file states it: DTED and HGT are above mean
+sea level (EGM96).  For other files --vertical is required; a wrong datum is an error of 47 m in central Europe.  egm96
+needs the geoid grid (Debian package proj-data).  Write a southern latitude with "=": --at=-33.9,18.4
 
-docs/terrain.md has more.
+See also docs/terrain.md.
 """
 
 from __future__ import annotations
@@ -33,31 +32,31 @@ Place = tuple[float, float]
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Two actions."""
     actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
-    info = actions.add_parser("info", help="print what files hold and the layers that they make")
+    info = actions.add_parser("info", help="print the files and the layers of the terrain")
     _add_files(info)
     info.add_argument("--json", action="store_true", help="print one JSON object")
-    plot = actions.add_parser("plot", help="draw the terrain that files make")
+    plot = actions.add_parser("plot", help="plot the terrain")
     _add_files(plot)
     plot.add_argument(
-        "--out", required=True, type=picture, metavar="FILE", help="the picture: FILE.png or FILE.svg, which is new"
+        "--out", required=True, type=picture, metavar="FILE", help="the plot (.png, .svg; must not exist)"
     )
     plot.add_argument(
-        "--profile", type=_line, metavar="LAT,LON/LAT,LON", help="also the profile from one place to another [deg]"
+        "--profile", type=_line, metavar="LAT,LON/LAT,LON", help="also plot the profile between two points [deg]"
     )
 
 
 def _add_files(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("files", nargs="+", metavar="FILE", help="elevation files; where two overlap the finer counts")
+    parser.add_argument("files", nargs="+", metavar="FILE", help="elevation files; where two overlap the finer is used")
     parser.add_argument(
         "--vertical",
         action="append",
         default=[],
         metavar="DATUM",
-        help="egm96, egm2008 or ellipsoid: of the files that do not say it; FILE=DATUM: of this one; may be repeated",
+        help="egm96, egm2008 or ellipsoid: datum of files that state none; FILE=DATUM: of one file; may be repeated",
     )
-    parser.add_argument("--at", type=_place, metavar="LAT,LON", help="only around this place [deg], with --radius")
+    parser.add_argument("--at", type=_place, metavar="LAT,LON", help="only around this point [deg], with --radius")
     parser.add_argument("--radius", type=_length, metavar="M", help="half the side of the square around it [m]")
-    parser.add_argument("--cell", type=_length, metavar="M", help="between posts of the finest layer [m] (the file's)")
+    parser.add_argument("--cell", type=_length, metavar="M", help="post spacing of the finest layer [m] (the file's)")
 
 
 def _place(text: str) -> Place:
@@ -73,7 +72,7 @@ def _place(text: str) -> Place:
 def _line(text: str) -> tuple[Place, Place]:
     ends = text.split("/")
     if len(ends) != 2:
-        raise argparse.ArgumentTypeError(f"{text!r}: must be two places, as 47.88,11.75/47.92,11.85")
+        raise argparse.ArgumentTypeError(f"{text!r}: must be two points, as 47.88,11.75/47.92,11.85")
     return _place(ends[0]), _place(ends[1])
 
 
@@ -90,17 +89,17 @@ def _length(text: str) -> float:
 def run(args: argparse.Namespace) -> int:
     """Print or draw."""
     if (args.at is None) != (args.radius is None):
-        args.parser.error("--at and --radius belong together")
+        args.parser.error("--at, --radius: only both together")
     return _info(args) if args.action == "info" else _plot(args)
 
 
 def _arguments(args: argparse.Namespace) -> dict[str, Any]:
-    """What ``Terrain.open`` and ``survey`` want beside the files."""
+    """Arguments of ``Terrain.open`` and ``survey``, without the files."""
     vertical: dict[str, str] = {}
     for word in args.vertical:
         file, _, datum = word.rpartition("=")
         if vertical.setdefault(file or "*", datum) != datum:
-            args.parser.error(f"--vertical {word}: another datum was said before, {vertical[file or '*']}")
+            args.parser.error(f"--vertical {word}: contradicts the earlier {vertical[file or '*']}")
     return {"centre": args.at, "radius_m": args.radius, "cell_m": args.cell, "vertical": vertical}
 
 

@@ -1,27 +1,26 @@
-"""Prove the integrity of a recording, or refute it.
+"""Verify the integrity of a recording.
 
-Every file is read to its end by this program and by the official reader: checksums, message indexes, summary.  Every
-number that the recorder gave to a frame must be there once, the time of each link must run forward, and the account of
-each link must close, made again from the frames themselves:
+This program and the official reader read every file to its end: checksums, message indexes, summary.  Every sequence
+number of a frame must be present exactly once, the times of each link must ascend, and the ledger of each link,
+recomputed from the frames, must balance:
 
   in = recorded + dropped, by reason
 
-  socket_queue     dropped by the kernel because nobody read in time; they never got a number
-  buffer_overflow  the medium took nothing for so long that the buffers were full: the oldest frames went
-  never_written    received by a recorder that was killed before it could write
-  storage          held to the end, because the medium took no more
-  not_triggered    recorded on a trigger only, and none came
+  socket_queue     dropped by the kernel because the recorder did not read in time; without a sequence number
+  buffer_overflow  the disk accepted no data until the buffers were full: the oldest frames were dropped
+  never_written    received by a recorder that was killed before it wrote them
+  storage          in the buffers at the end, because the disk accepted no more data
+  not_triggered    recorded on a trigger only, and there was none
 
-Beside it stands what a UART (uart_...), a CAN controller (can_...) or the controller of an adapter (slcan_...) has told
-of errors on its line: of these no number of frames is known.
+The table also lists errors reported by a UART (uart_...), a CAN controller (can_...) or the controller of an adapter
+(slcan_...); these counters cannot be converted to frames.
 
 A kernel timestamp that may be from before a step of the real-time clock is refused, and its frame has the time of the
-read: that is a loss of the check "stamps", with the number of frames.
+read: the check "stamps" counts these frames as loss.
 
-Each line is a check: ok, note (holds; something to know), loss (something is not there, and it is known what),
-refuted (does not hold).  A single file of a session is proved as far as it goes; a session whose medium was changed is
-proved from all places together.  Of a copy that fti recover made, loss is also what had no checksum that held: the
-checksums of the copy are new.
+Each line is a check: ok, note (holds, with a remark), loss (missing data, accounted for), refuted (does not hold).  A
+single file of a session is verified by itself; a session on several media is verified from all folders together.  For
+a recovered copy, messages without a valid original checksum count as loss: the checksums of the copy are new.
 Exit code 0: all holds; 3: readable, and every loss is accounted for; 1: refuted.
 
   fti verify data/da42_20260102T030405Z_0
@@ -46,13 +45,13 @@ CODES = {"ok": 0, "loss": 3, "refuted": 1}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """SESSION, more places of it, and --json."""
-    parser.add_argument("session", metavar="SESSION", nargs="+", help="session folder or MCAP file; all of one session")
+    """SESSION and --json."""
+    parser.add_argument("session", metavar="SESSION", nargs="+", help="session folders or MCAP files of one session")
     parser.add_argument("--json", action="store_true", help="print JSON only")
 
 
 def run(args: argparse.Namespace) -> int:
-    """Compare everything; 3 when something is lost, 1 when something does not hold."""
+    """Verify and print; 3 when data are lost, 1 when a check does not hold."""
     from fti.logger.reading.recording import Recording
 
     report = _verify(Recording.open(*args.session))
@@ -64,7 +63,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _verify(recording: Recording) -> VerifyReport:
-    """With a progress bar, where somebody can see it."""
+    """Verify with a progress bar on a terminal."""
     from rich.console import Console
     from rich.progress import Progress
 
@@ -80,7 +79,7 @@ def _verify(recording: Recording) -> VerifyReport:
 
 
 def as_json(report: VerifyReport) -> dict[str, Any]:
-    """The report, for programs."""
+    """The report as JSON."""
     return {
         "verdict": report.verdict,
         "holds": report.holds,
@@ -117,7 +116,7 @@ def _amount(amount: Amount) -> dict[str, int]:
 
 
 def as_text(report: VerifyReport) -> list[str]:
-    """Lines for a person."""
+    """The report as lines of text."""
     lines = []
     width = max(len(check.name) for check in report.checks)
     for check in report.checks:
@@ -131,7 +130,7 @@ def as_text(report: VerifyReport) -> list[str]:
 
 def _table(accounts: list[LinkAccount]) -> list[str]:
     width = max(len(account.topic) for account in accounts)
-    lines = [f"{'':{width}} {'frames in':>12} {'recorded':>12} {'dropped':>12} {'bytes recorded':>16}  why"]
+    lines = [f"{'':{width}} {'frames in':>12} {'recorded':>12} {'dropped':>12} {'bytes recorded':>16}  reason"]
     for account in (a for a in accounts if a.incoming.frames or not a.topic.startswith("/tx/")):
         incoming, recorded = account.incoming.frames, account.recorded
         reasons = [f"{reason} {amount.frames}" for reason, amount in account.dropped.items()]
@@ -144,6 +143,6 @@ def _table(accounts: list[LinkAccount]) -> list[str]:
 def _conclusion(report: VerifyReport) -> str:
     return {
         "ok": f"all holds: {report.files} files, {report.numbered} numbered messages",
-        "loss": "readable, not all is there; every loss that can be known is told above",
-        "refuted": "refuted: what is marked so above does not hold",
+        "loss": "readable with losses; every known loss is listed above",
+        "refuted": "refuted: the checks marked refuted above do not hold",
     }[report.verdict]

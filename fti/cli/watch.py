@@ -1,4 +1,4 @@
-"""Show what a running daemon measures, in the terminal.
+"""Show the live outputs of a running daemon in the terminal.
 
   fti watch                  live table of heights, integrity, glide slope and links; Ctrl-C ends it
   fti watch --once --json    one JSON object {"health", "hil", "outputs", "alarms", "events"} for a script
@@ -32,14 +32,14 @@ State = dict[str, Any]
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of ``fti watch``."""
     which = parser.add_mutually_exclusive_group()
-    which.add_argument("--run-dir", metavar="DIR", help="the run directory of the daemon, when there are several")
-    which.add_argument("--name", metavar="NAME", help="the name of its session, instead")
-    parser.add_argument("--once", action="store_true", help="show it once and end")
+    which.add_argument("--run-dir", metavar="DIR", help="run directory of the daemon, if several are running")
+    which.add_argument("--name", metavar="NAME", help="name of its session, instead of --run-dir")
+    parser.add_argument("--once", action="store_true", help="show one state and exit")
     parser.add_argument("--json", action="store_true", help="print JSON only")
 
 
 def run(args: argparse.Namespace) -> int:
-    """Listen to the bus and show it."""
+    """Subscribe to the bus and show its state."""
     from pathlib import Path
 
     from fti.bus.frame import SOCKET_NAME
@@ -67,13 +67,13 @@ def _find(args: argparse.Namespace) -> DaemonInfo:
 
 
 def _collect(read: Callable[[], State], name: str) -> None:
-    """Wait until every output and health can have come.  Raises MissingError when no health comes."""
+    """Wait until every output and health have arrived.  Raises MissingError when no health arrives."""
     from fti.errors import MissingError
 
     begin = time.monotonic()
     while (waited := time.monotonic() - begin) < COLLECT_S or read()["health"] is None:
         if waited > HEALTH_TIMEOUT_S:
-            raise MissingError(f"the daemon {name} has sent nothing for {HEALTH_TIMEOUT_S:g} s")
+            raise MissingError(f"the daemon {name} has published no health for {HEALTH_TIMEOUT_S:g} s")
         time.sleep(0.05)
 
 

@@ -1,7 +1,7 @@
 """The configuration: one TOML file, strict, read once and frozen.
 
-Links say what is plugged in, devices what is understood, roles (``[nav]``) what is used for what.
-Relative paths are relative to the file.  An error names the file, the key path, the value and what is allowed.
+Links define the ports, devices the drivers on them, roles (``[nav]``) the use of each device.
+Relative paths are relative to the file.  An error names the file, the key path, the value and the allowed values.
 """
 
 from fti.config.binding import bind

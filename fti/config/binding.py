@@ -1,4 +1,4 @@
-"""From a TOML table to a model; what is wrong is one sentence with file, key path, value and what is allowed."""
+"""Converts a TOML table to a model; an error is one sentence with file, key path, value and allowed values."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Model = TypeVar("Model", bound=StrictModel)
 
 
 def bind(model: type[Model], table: Mapping[str, Any], file: str, key: str = "") -> Model:
-    """Make a model of a TOML table.  Raises ConfigError with file, key path, value and what is allowed."""
+    """Make a model of a TOML table.  Raises ConfigError with file, key path, value and allowed values."""
     try:
         return model.model_validate(_lists_to_tuples(table))
     except ValidationError as error:
@@ -23,7 +23,7 @@ def bind(model: type[Model], table: Mapping[str, Any], file: str, key: str = "")
 
 
 def _lists_to_tuples(value: Any) -> Any:
-    """TOML has arrays where the models have tuples."""
+    """Convert arrays of TOML to the tuples of the models."""
     if isinstance(value, Mapping):
         return {k: _lists_to_tuples(v) for k, v in value.items()}
     if isinstance(value, list):
@@ -47,20 +47,20 @@ def _key_path(key: str, loc: tuple[int | str, ...], model: type[BaseModel]) -> s
     path, schema = key, _json_schema(model)
     node = _resolve(schema, schema)
     for part in loc:
-        if part not in _kinds(node):  # which of several tables it is is not a key of the file
+        if part not in _kinds(node):  # the kind of a table is not a key of the file
             path += f"[{part}]" if isinstance(part, int) else f".{part}" if path else part
         node = _resolve(schema, _step(node, part, schema))
     return path
 
 
 def _kinds(node: dict[str, Any]) -> dict[int | str, str]:
-    """The tables that can stand here, by their discriminator."""
-    found: dict[int | str, str] = node.get("discriminator", {}).get("mapping", {})
-    return found
+    """The possible tables here, by their discriminator."""
+    kinds: dict[int | str, str] = node.get("discriminator", {}).get("mapping", {})
+    return kinds
 
 
 def _known_keys(model: type[BaseModel], loc: tuple[int | str, ...]) -> set[str]:
-    """The keys of the model at a place inside another one, found through its JSON schema."""
+    """The keys of the model at a path inside another model, from its JSON schema."""
     schema = _json_schema(model)
     node = _resolve(schema, schema)
     for part in loc:
@@ -79,8 +79,8 @@ def _step(node: dict[str, Any], part: int | str, schema: dict[str, Any]) -> dict
         return items
     if part in _kinds(node):
         return {"$ref": _kinds(node)[part]}
-    found: dict[str, Any] = node.get("properties", {}).get(part, {})
-    return next((o for o in found.get("anyOf", ()) if "$ref" in o), found)
+    value: dict[str, Any] = node.get("properties", {}).get(part, {})
+    return next((o for o in value.get("anyOf", ()) if "$ref" in o), value)
 
 
 def _resolve(schema: dict[str, Any], node: dict[str, Any]) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Reading the file, checking what refers to what, making paths absolute; and the changes that a command may ask for."""
+"""Reads a configuration, checks references between tables, makes paths absolute; applies changes of commands."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from fti.config.parsing import MAX_TOML_BYTES, decode_text, parse_toml
 from fti.config.tables import CanLink, Config, Device, Nav, SerialLink, TerrainFiles, UdpLink
 from fti.errors import ConfigError, MissingError
 
-#: What ``[nav.terrain]`` says of files alone.
+#: Keys of ``[nav.terrain]`` that need ``files``.
 FILE_KEYS = ("vertical", "centre_deg", "radius_m", "cell_m")
 
 #: GDAL's prefix of a file in a zip.
 VSIZIP = "/vsizip/"
-#: How navigation calls sources that are no device; one of that name would be taken for them.
+#: Names of navigation's own sources; a device of such a name would be ambiguous.
 RESERVED_DEVICE_NAMES = ("filter", "radio", "vertical")
 #: An altimeter is mounted less than 85 degrees from straight down: cosine of that.
 MIN_DOWN_COMPONENT = math.cos(math.radians(85.0))
@@ -43,7 +43,7 @@ def load(path: str | Path) -> Config:
 
 
 def parse(table: Mapping[str, Any], text: str, file: Path) -> Config:
-    """The configuration in a TOML table; file : where it stands (for messages and relative paths)."""
+    """The configuration in a TOML table; file : its path (for messages and relative paths)."""
     for reserved in ("path", "text"):
         if reserved in table:
             raise ConfigError(f"{file}: {reserved}: there is no such key")
@@ -62,15 +62,15 @@ def _check_references(config: Config, file: str) -> None:
     for i, device in enumerate(config.device):
         if device.link not in links:
             raise ConfigError(
-                f"{file}: device[{i}].link = {device.link!r}: no such link; there are {_join_names(links)}"
+                f"{file}: device[{i}].link = {device.link!r}: unknown link; configured: {_join_names(links)}"
             )
         if device.altimeter and not device.altimeter.range_m[0] < device.altimeter.range_m[1]:
-            shown = list(device.altimeter.range_m)
-            raise ConfigError(f"{file}: device[{i}].altimeter.range_m = {shown}: the first must be below the second")
+            limits = list(device.altimeter.range_m)
+            raise ConfigError(f"{file}: device[{i}].altimeter.range_m = {limits}: the first must be below the second")
         if device.altimeter and _down_component(device) < MIN_DOWN_COMPONENT:
             raise ConfigError(
-                f"{file}: device[{i}].rpy_bs_deg = {list(device.rpy_bs_deg)}: its altimeter would look to the horizon "
-                "or up; roll and pitch turn the beam from straight down, by less than 85 degrees together"
+                f"{file}: device[{i}].rpy_bs_deg = {list(device.rpy_bs_deg)}: its altimeter would not point "
+                "down; roll and pitch together must turn the beam by less than 85 degrees from straight down"
             )
     _check_roles(config.nav, devices, file)
     _check_terrain(config.nav.terrain, file)
@@ -82,7 +82,7 @@ def _check_references(config: Config, file: str) -> None:
 
 
 def _down_component(device: Device) -> float:
-    """How far the beam of a sensor goes down in a level aircraft: cos(roll) cos(pitch) of its mounting, 1 straight."""
+    """Down component of the beam of a sensor in a level aircraft: cos(roll) cos(pitch) of its mounting; 1: nadir."""
     roll, pitch, _ = map(math.radians, device.rpy_bs_deg)
     return math.cos(roll) * math.cos(pitch)
 
@@ -91,21 +91,21 @@ def _check_roles(nav: Nav, devices: list[str], file: str) -> None:
     for role in ("attitude", "position", "altimeters"):
         for name in getattr(nav, role):
             if name not in devices:
-                raise ConfigError(f"{file}: nav.{role}: {name!r} is no device; there are {_join_names(devices)}")
+                raise ConfigError(f"{file}: nav.{role}: unknown device {name!r}; configured: {_join_names(devices)}")
             if name in RESERVED_DEVICE_NAMES and role != "altimeters":
-                said = f"here a device needs another name than {_join_names(RESERVED_DEVICE_NAMES)}, which take the place of devices"
-                raise ConfigError(f"{file}: nav.{role}: {name!r}: {said}")
+                text = f"reserved name; here a device must not have the names {_join_names(RESERVED_DEVICE_NAMES)}"
+                raise ConfigError(f"{file}: nav.{role}: {name!r}: {text}")
 
 
 def _check_radio(nav: Nav, devices: list[str], file: str) -> None:
     if nav.radio is None:
         return
     if nav.radio.receiver is not None and nav.radio.receiver not in devices:
-        said = f"nav.radio.receiver: {nav.radio.receiver!r} is no device; there are {_join_names(devices)}"
-        raise ConfigError(f"{file}: {said}")
+        text = f"unknown device {nav.radio.receiver!r}; configured: {_join_names(devices)}"
+        raise ConfigError(f"{file}: nav.radio.receiver: {text}")
     if nav.radio.altimeter is not None and nav.radio.altimeter not in nav.altimeters:
-        said = f"nav.radio.altimeter: {nav.radio.altimeter!r} is not in nav.altimeters"
-        raise ConfigError(f"{file}: {said}; there are {_join_names(nav.altimeters)}")
+        text = f"nav.radio.altimeter: {nav.radio.altimeter!r} is not in nav.altimeters"
+        raise ConfigError(f"{file}: {text}; allowed: {_join_names(nav.altimeters)}")
 
 
 def _check_filter(config: Config, devices: list[str], file: str) -> None:
@@ -118,35 +118,35 @@ def _check_filter(config: Config, devices: list[str], file: str) -> None:
     for key, names in named.items():
         if unknown := [name for name in names if name not in devices]:
             raise ConfigError(
-                f"{file}: nav.filter.{key}: {unknown[0]!r} is no device; there are {_join_names(devices)}"
+                f"{file}: nav.filter.{key}: unknown device {unknown[0]!r}; configured: {_join_names(devices)}"
             )
     if nav.filter.heading is not None and nav.filter.declination_deg is None:
-        said = "missing; nav.filter.heading needs it: -180 to 180, magnetic north east of true north is positive"
-        raise ConfigError(f"{file}: nav.filter.declination_deg: {said}")
+        text = "missing; nav.filter.heading needs it: -180 to 180, magnetic north east of true north is positive"
+        raise ConfigError(f"{file}: nav.filter.declination_deg: {text}")
     if nav.filter.heading is None and nav.filter.declination_deg is not None:
-        raise ConfigError(f"{file}: nav.filter.declination_deg: belongs to nav.filter.heading, which is missing")
+        raise ConfigError(f"{file}: nav.filter.declination_deg: needs nav.filter.heading, which is missing")
     for i, device in enumerate(config.device):
         if device.name == nav.filter.imu and device.altimeter and any(device.rpy_bs_deg):
             raise ConfigError(
-                f"{file}: device[{i}].rpy_bs_deg = {list(device.rpy_bs_deg)}: would turn the inertial unit of "
-                "nav.filter with its altimeter; give the altimeter a [[device]] of its own on the same link"
+                f"{file}: device[{i}].rpy_bs_deg = {list(device.rpy_bs_deg)}: would also rotate the inertial unit "
+                "of nav.filter; define a separate [[device]] for the altimeter on the same link"
             )
     if other := [name for name in nav.filter.altimeters if name not in nav.altimeters]:
         allowed = _join_names(nav.altimeters)
-        raise ConfigError(f"{file}: nav.filter.altimeters: {other[0]!r} is not in nav.altimeters; there are {allowed}")
+        raise ConfigError(f"{file}: nav.filter.altimeters: {other[0]!r} is not in nav.altimeters; allowed: {allowed}")
 
 
 def _check_terrain(terrain: TerrainFiles | None, file: str) -> None:
     if terrain is None:
         return
     if bool(terrain.files) == bool(terrain.scene):
-        raise ConfigError(f"{file}: nav.terrain: needs either files or a scene")
+        raise ConfigError(f"{file}: nav.terrain: needs exactly one of files and scene")
     if terrain.files and terrain.vertical is None:
         raise ConfigError(f"{file}: nav.terrain.vertical: missing; it must be given: ellipsoid, egm96 or egm2008")
     if (terrain.centre_deg is None) != (terrain.radius_m is None):
-        raise ConfigError(f"{file}: nav.terrain: centre_deg and radius_m: give both, or neither for all of the files")
-    if terrain.scene and (given := [key for key in FILE_KEYS if getattr(terrain, key) is not None]):
-        raise ConfigError(f"{file}: nav.terrain.{given[0]}: belongs to files, not to a scene")
+        raise ConfigError(f"{file}: nav.terrain: centre_deg and radius_m: set both, or neither to use the whole files")
+    if terrain.scene and (extra := [key for key in FILE_KEYS if getattr(terrain, key) is not None]):
+        raise ConfigError(f"{file}: nav.terrain.{extra[0]}: not allowed with scene, only with files")
 
 
 def _check_unique(names: list[str], file: str, kind: str) -> None:
@@ -161,10 +161,10 @@ def _join_names(names: Iterable[str]) -> str:
 
 def _resolve_paths(config: Config, folder: Path) -> Config:
     def absolute(text: str) -> str:
-        return os.path.abspath(folder / text)  # noqa: PTH100 - without "..", and without following links
+        return os.path.abspath(folder / text)  # noqa: PTH100 - without "..", symbolic links kept
 
     def elevation(text: str) -> str:
-        """GDAL's virtual paths stay as they are: their ``//`` counts.  The zip itself may be named from the folder."""
+        """Keep GDAL's virtual paths unchanged (``//`` is significant); the path of a zip may be relative."""
         inside = text.removeprefix(VSIZIP)
         if text.startswith("/vsi"):
             return text if inside == text or inside.startswith(("/", "{")) else VSIZIP + absolute(inside)
@@ -181,23 +181,23 @@ def _resolve_paths(config: Config, folder: Path) -> Config:
     if session.fallback is not None:
         session = session.model_copy(update={"fallback": absolute(session.fallback)})
         if session.fallback == session.directory:
-            shown = config.session.fallback
-            raise ConfigError(f"{config.path}: session.fallback = {shown!r}: must not be session.directory itself")
+            fallback = config.session.fallback
+            raise ConfigError(f"{config.path}: session.fallback = {fallback!r}: must not be session.directory itself")
     return config.model_copy(update={"nav": nav, "session": session})
 
 
 def with_links(config: Config, folder: str | Path) -> Config:
-    """The same configuration with every serial and slcan port at ``folder/<link>``, where an emulator puts them."""
+    """The same configuration with every serial and slcan port at ``folder/<link>``, where an emulator creates them."""
 
-    def moved(link: SerialLink | UdpLink | CanLink) -> SerialLink | UdpLink | CanLink:
-        place = str(Path(folder).absolute() / link.name)
+    def relocate(link: SerialLink | UdpLink | CanLink) -> SerialLink | UdpLink | CanLink:
+        path = str(Path(folder).absolute() / link.name)
         if isinstance(link, SerialLink):
-            return link.model_copy(update={"port": place})
+            return link.model_copy(update={"port": path})
         if isinstance(link, CanLink) and link.interface == "slcan":
-            return link.model_copy(update={"channel": place})
+            return link.model_copy(update={"channel": path})
         return link
 
-    return config.model_copy(update={"link": tuple(moved(link) for link in config.link)})
+    return config.model_copy(update={"link": tuple(relocate(link) for link in config.link)})
 
 
 def with_session(config: Config, **changes: Any) -> Config:

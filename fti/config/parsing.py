@@ -1,4 +1,4 @@
-"""TOML texts as tables, from whomever they come: within limits, and what is wrong is one sentence."""
+"""Parses TOML texts, also untrusted ones, within limits of size, depth and integers."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from typing import Any
 
 from fti.errors import ConfigError
 
-#: A configuration of 200 links has some 100 kB.
+#: A configuration of 200 links has about 100 kB.
 MAX_TOML_BYTES = 4 * 2**20
-#: Tables and arrays within each other: a configuration has 5.
+#: Depth of nested tables and arrays; a configuration has 5.
 MAX_TOML_DEPTH = 32
 _LONG_KEY = re.compile(rf"""(?<![\w"'-])[\w"'-]++(?:\s*+\.\s*+[\w"'-]++){{{MAX_TOML_DEPTH}}}""")
 _MIN_INTEGER, _MAX_INTEGER = -(2**63), 2**63 - 1
@@ -29,11 +29,11 @@ def parse_toml(text: str, file: str) -> dict[str, Any]:
     """The table in a TOML text; file : its name, for the message.  Raises ConfigError."""
     if len(text) > MAX_TOML_BYTES:
         raise ConfigError(f"{file}: is longer than {MAX_TOML_BYTES} bytes")
-    if _LONG_KEY.search(text):  # of which tomllib would remember every beginning
+    if _LONG_KEY.search(text):  # tomllib would store every prefix of the key
         raise ConfigError(f"{file}: a key has more than {MAX_TOML_DEPTH} parts")
     try:
         table = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:  # of tomllib, or of a number or a nesting that Python refuses
+    except (ValueError, RecursionError) as error:  # from tomllib, or from a number or a nesting that Python refuses
         raise ConfigError(f"{file}: is not valid TOML: {error}") from None
     for depth, key, value in _values(table):
         if depth > MAX_TOML_DEPTH:
@@ -44,10 +44,10 @@ def parse_toml(text: str, file: str) -> dict[str, Any]:
 
 
 def _values(table: dict[str, Any]) -> Iterator[tuple[int, str, Any]]:
-    """Every value with its depth and the first key on the way to it; without recursion."""
-    waiting = [(1, key, value) for key, value in table.items()]
-    while waiting:
-        depth, key, value = waiting.pop()
+    """Every value with its depth and its top-level key; without recursion."""
+    pending = [(1, key, value) for key, value in table.items()]
+    while pending:
+        depth, key, value = pending.pop()
         yield depth, key, value
         inner = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
-        waiting += [(depth + 1, key, each) for each in inner]
+        pending += [(depth + 1, key, each) for each in inner]

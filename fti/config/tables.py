@@ -1,4 +1,4 @@
-"""The tables of a configuration, as frozen models: what may stand in the file, with types, ranges and defaults."""
+"""The tables of a configuration as frozen models: keys, types, ranges and defaults."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
 Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
-#: Far above every quantity that is meant; what is larger is a mistake and ends in infinities.
+#: Upper limit far above every sensible value; larger values would lead to infinities.
 Positive = Annotated[float, Field(gt=0, le=1e12)]
 Metres = Annotated[float, Field(ge=-1e6, le=1e6)]
 Vector = tuple[Metres, Metres, Metres]
@@ -24,10 +24,10 @@ class StrictModel(BaseModel):
 
 
 class Session(StrictModel):
-    """``[session]``: where the recording goes and how it is cut.
+    """``[session]``: storage targets, file splitting and mode of the recording.
 
-    fallback  : on another medium; the recording goes on there while ``directory`` refuses
-    file_mode : permissions of the files, octal; who may read them may enter their folder
+    fallback  : folder on another disk; the recording continues there while ``directory`` fails
+    file_mode : permissions of the files, octal; the folder gets the matching permissions to enter it
     """
 
     name: Name
@@ -38,13 +38,13 @@ class Session(StrictModel):
     min_free_mb: Annotated[float, Field(ge=0, le=1e9)] = 500.0
     file_mode: Literal["0600", "0640", "0644", "0660", "0664"] = "0640"
     origin: Literal["flight", "hil", "replay"] = "flight"
-    mode: Literal["continuous", "snapshot"] = "continuous"  # snapshot: frames are recorded around a trigger only
+    mode: Literal["continuous", "snapshot"] = "continuous"  # snapshot: only frames around a trigger are recorded
 
 
 class Snapshot(StrictModel):
-    """``[snapshot]``: the last ``before_s`` seconds are kept in memory, and on a trigger written into a file.
+    """``[snapshot]``: the last ``before_s`` seconds are kept in memory and written to a file on a trigger.
 
-    max_mb : the memory is never larger [MiB]; the oldest frames go first
+    max_mb : limit of the memory [MiB]; the oldest frames are dropped first
     """
 
     before_s: Annotated[float, Field(gt=0, le=86_400)] = 120.0
@@ -53,17 +53,17 @@ class Snapshot(StrictModel):
 
 
 class RecorderTuning(StrictModel):
-    """``[recorder]``: how the machine treats the recorder's process.  All off by default.
+    """``[recorder]``: real-time settings of the recorder process.  All off by default.
 
-    cpu         : it runs on these processors only; none : on all
-    scheduler   : fifo : before every ordinary process; its reader with ``priority``, its other threads one below
-    lock_memory : none of its memory is ever swapped out
-    freeze_gc   : Python's collector of cycles stands still
+    cpu         : processors of its affinity; empty : all
+    scheduler   : fifo : real-time scheduling; its reader thread has ``priority``, its other threads one less
+    lock_memory : lock all of its memory against swapping
+    freeze_gc   : switch off Python's cyclic garbage collector
     """
 
     cpu: tuple[Annotated[int, Field(ge=0, le=65_535)], ...] = ()
     scheduler: Literal["other", "fifo"] = "other"
-    priority: Annotated[int, Field(ge=2, le=49)] = 20  # the kernel's own interrupt threads have 50
+    priority: Annotated[int, Field(ge=2, le=49)] = 20  # the kernel's interrupt threads have 50
     lock_memory: bool = False
     freeze_gc: bool = False
 
@@ -72,7 +72,7 @@ class RecorderTuning(StrictModel):
 
 
 class LinkTable(StrictModel):
-    """What every link has: a name, permission to send, and the size of each of its three buffers."""
+    """Keys of every link: name, permission to send, and the size of each of its three buffers."""
 
     name: Name
     transmit: bool = False
@@ -82,10 +82,10 @@ class LinkTable(StrictModel):
 class SerialLink(LinkTable):
     """A tty or pty; RS-232, RS-422 or RS-485 behind an adapter.
 
-    half_duplex : one talks at a time: nothing is sent before the line was quiet for quiet_ms (none : 3.5 characters and
-                  20 ms), nor for answer_ms after a question whose answer has not begun
-    echo        : what we send comes back to us, and is no reception
-    rs485       : the kernel's driver switches the direction, with this level of RTS while it sends
+    half_duplex : only one station sends at a time: we send after the line was quiet for quiet_ms (none : 3.5 characters
+                  + 20 ms), and after a request not before its answer has begun or answer_ms have passed
+    echo        : we receive our own transmissions; they are not counted as received
+    rs485       : the kernel driver switches the direction, with this level of RTS during transmission
     """
 
     kind: Literal["serial"]
@@ -112,7 +112,7 @@ class UdpLink(LinkTable):
     bind: Endpoint
     source: str | None = None
     group: str | None = None
-    peer: Endpoint | None = None  # where transmitted datagrams go
+    peer: Endpoint | None = None  # destination of transmitted datagrams
 
 
 class CanLink(LinkTable):
@@ -123,7 +123,7 @@ class CanLink(LinkTable):
     channel: str
     bitrate: Annotated[int, Field(gt=0, le=100_000_000)] | None = None
     fd: bool = False
-    settings: dict[str, Any] = Field(default_factory=dict)  # further python-can arguments, as they are
+    settings: dict[str, Any] = Field(default_factory=dict)  # further arguments of python-can, passed on unchanged
 
 
 Link = Annotated[SerialLink | UdpLink | CanLink, Field(discriminator="kind")]
@@ -133,20 +133,19 @@ Link = Annotated[SerialLink | UdpLink | CanLink, Field(discriminator="kind")]
 
 
 class Altimeter(StrictModel):
-    """``[device.altimeter]``: the limits inside which an altimeter is believed.
+    """``[device.altimeter]``: limits and error model of an altimeter.
 
-    Of what it measures over known terrain, with the defaults of Spiegel 2018, table 3.2 (incidence: a quarter of the
-    power is left there):
-    max_deviation_m       : from what the terrain predicts; none : 5 of a laser, 10 of a radar
-    max_nadir_deviation_m : of a height that is used as it is, from the navigated one; none : not asked
-    max_dispersion        : of the ranges across the predicted beam, over the height above ground
-    max_incidence_deg     : of the predicted ray on the ground; none : 75 of a laser, 60 of a radar
+    Limits over known terrain; defaults of Spiegel 2018, table 3.2 (incidence: a quarter of the power remains there):
+    max_deviation_m       : |measured - predicted range|; none : 5 for a laser, 10 for a radar
+    max_nadir_deviation_m : |measured - navigated height| of a height used without compensation; none : no check
+    max_dispersion        : spread of the ranges in the predicted beam over the height above ground
+    max_incidence_deg     : incidence angle of the predicted ray; none : 75 for a laser, 60 for a radar
 
-    relief_m : one sigma of unknown ground straight below against that which the beam sees; none : from the profile of
-               the last 20 s
+    relief_m : one sigma of the height difference between unknown ground at the nadir and at the footprint; none : from
+               the profile of the last 20 s
 
-    The altimeter states scale x range + bias_m.  threshold_db is the leading edge against the peak, for the model
-    "beam" (none : a quarter of the peak's power).  ``fti reference fit`` finds all of them and beam_deg.
+    The altimeter indicates scale x range + bias_m.  threshold_db is the leading edge relative to the peak, for the
+    model "beam" (none : a quarter of the peak power).  ``fti reference fit`` estimates these and beam_deg.
     """
 
     kind: Literal["radar", "laser"]
@@ -158,20 +157,20 @@ class Altimeter(StrictModel):
     max_dispersion: Positive = 0.3
     max_incidence_deg: Positive | None = None
     beam_deg: Positive = 40.0  # full width of the beam
-    model: Literal["nearest", "beam"] = "nearest"  # of a radar, for what it should measure over known terrain
-    sd_m: Positive | None = None  # one sigma, when the device does not say
+    model: Literal["nearest", "beam"] = "nearest"  # range prediction of a radar over known terrain
+    sd_m: Positive | None = None  # one sigma, if the device does not state it
     relief_m: Positive | None = None
     bias_m: Annotated[float, Field(ge=-100, le=100)] = 0.0
     scale: Annotated[float, Field(ge=0.8, le=1.25)] = 1.0
     threshold_db: Annotated[float, Field(ge=-26, le=-2)] | None = None
 
     def corrected_range_m(self, value: float) -> float:
-        """The range [m] of which the instrument says ``value`` [m]: bias and scale, as configured, taken off."""
+        """Range [m] from the indicated ``value`` [m], corrected for the configured bias and scale."""
         return (value - self.bias_m) / self.scale
 
 
 class Device(StrictModel):
-    """``[[device]]``: what is understood; any number on one link."""
+    """``[[device]]``: a driver on a link; any number of devices on one link."""
 
     name: Name
     link: Name
@@ -179,7 +178,7 @@ class Device(StrictModel):
     rate_hz: Positive | None = None
     max_age_ms: Annotated[float, Field(gt=0, le=3_600_000)] = 1000.0
     latency_ms: Annotated[float, Field(ge=0, le=3_600_000)] = 0.0
-    use_device_time: bool = True  # once its clock is known against FTI time; false: validity from the arrival alone
+    use_device_time: bool = True  # once its clock is synchronised to FTI time; false: validity from the arrival
     lever_arm_b: Vector = (0.0, 0.0, 0.0)  # reference point P to sensor, body frame [m]
     rpy_bs_deg: Vector = (0.0, 0.0, 0.0)  # mounting: roll, pitch, yaw that turn the sensor frame into the body frame
     depends_on: tuple[Literal["satellites", "inertial", "map", "pressure"], ...] | None = None  # of a position
@@ -193,11 +192,11 @@ class Device(StrictModel):
 class TerrainFiles(StrictModel):
     """``[nav.terrain]``: elevation files and the datum of their heights, or a scene of the emulator.
 
-    centre_deg, radius_m : the square that is needed of them; none : all that they cover
-    cell_m               : between the posts of the finest layer; none : as in the finest file
-    scene                : the ground that the emulator flies over, in place of files: the demonstration's strip, or it
-                           with the country around
-    sd_m                 : one sigma of its heights; the error of resampling files is measured and added
+    centre_deg, radius_m : square that is loaded from the files; none : everything
+    cell_m               : post spacing of the finest layer; none : that of the finest file
+    scene                : terrain of the emulator instead of files: the strip of the demonstration (demo), or the
+                           strip with the region around it (demo_country)
+    sd_m                 : one sigma of its heights; the error of resampling is measured and added
     """
 
     files: tuple[str, ...] = ()
@@ -210,7 +209,7 @@ class TerrainFiles(StrictModel):
 
 
 class Approach(StrictModel):
-    """``[nav.approach]``: the published approach and the limits of its integrity monitor."""
+    """``[nav.approach]``: the published approach and the limits of the integrity monitor."""
 
     profile: str
     window_m: Positive = 400.0
@@ -224,15 +223,15 @@ class Approach(StrictModel):
 
 
 class Filter(StrictModel):
-    """``[nav.filter]``: inertial navigation of our own, when devices give no position, altitude or attitude.
+    """``[nav.filter]``: aided inertial navigation, used while devices give no position, altitude or attitude.
 
-    imu        : the device whose inertial samples are integrated;  unit : its grade
-    gnss       : devices whose positions and velocities aid
-    baro       : the device whose pressure altitude aids, or several in order of preference
-    altimeters : those whose heights aid over known terrain
-    airspeed   : the device whose true airspeed aids, with a wind that is estimated
-    heading    : the device whose magnetic field aids the heading;  declination_deg : of the area, east positive
-    states     : with or without the biases of the unit
+    imu        : device whose inertial samples are integrated;  unit : its grade
+    gnss       : devices for position and velocity aiding
+    baro       : device for pressure altitude aiding, or several in order of preference
+    altimeters : altimeters for height aiding over known terrain
+    airspeed   : device for true airspeed aiding; the wind is estimated
+    heading    : device whose magnetic field aids the heading;  declination_deg : of the area, east positive
+    states     : 15 with, 9 without the biases of the inertial unit
     """
 
     imu: Name
@@ -254,7 +253,7 @@ class Filter(StrictModel):
 
 
 class Station(StrictModel):
-    """``[nav.radio.station.NAME]``: where a DME station stands; the altitude is above the ellipsoid."""
+    """``[nav.radio.station.NAME]``: position of a DME station; the altitude is above the ellipsoid."""
 
     lat_deg: Annotated[float, Field(ge=-90, le=90)]
     lon_deg: Annotated[float, Field(ge=-180, le=180)]
@@ -262,10 +261,10 @@ class Station(StrictModel):
 
 
 class Radio(StrictModel):
-    """``[nav.radio]``: position by satellites and DME.
+    """``[nav.radio]``: position from satellites and DME.
 
-    receiver  : the device whose satellites and fixes count;  station : DME stations by the names that devices tell
-    altimeter : the device whose heights over known terrain count where satellites are few
+    receiver  : device whose satellites and fixes are used;  station : DME stations by the names that devices send
+    altimeter : device whose heights over known terrain are used when few satellites are available
     dme_sd_m  : one sigma of a DME range
     """
 
@@ -276,13 +275,13 @@ class Radio(StrictModel):
 
 
 class UnstatedSd(StrictModel):
-    """``[nav.unstated_sd]``: sigma of a place, horizontal and vertical [m], that counts where its source states none.
+    """``[nav.unstated_sd]``: one sigma of a position, horizontal and vertical [m], for sources that state none.
 
-    satellites : of a receiver      inertial : of a device that gives attitude as well
-    attitude_deg : of an attitude, tilt and heading, as a small MEMS unit has them in motion
+    satellites : of a receiver      inertial : of a device that also gives attitude
+    attitude_deg : of an attitude, tilt and heading; typical of a small MEMS unit in motion
 
     The defaults are the 95 % errors of the service, 8 m and 13 m (GPS Standard Positioning Service Performance
-    Standard 2020, table 3.8-3: global average), over 2.45 and 1.96; an inertial system is held by satellites, and
+    Standard 2020, table 3.8-3: global average), over 2.45 and 1.96.  An inertial system is aided by satellites and
     coasts without them: 1.5 times as much.
     """
 
@@ -294,7 +293,7 @@ class UnstatedSd(StrictModel):
 class AlertLimits(StrictModel):
     """``[nav.alert_limits]``: position, altitude and tilt are valid while their protection levels are below these.
 
-    compared : and only while another source, or the filter, is there to compare position and attitude with
+    compared : position and attitude are valid only while another source, or the filter, allows a comparison
     """
 
     position_m: Positive = 200.0
@@ -304,12 +303,12 @@ class AlertLimits(StrictModel):
 
 
 class SourceLimits(StrictModel):
-    """``[nav.limits]``: what the aircraft can do; a source of position that goes beyond is refused.
+    """``[nav.limits]``: performance limits of the aircraft; a position source that exceeds them is excluded.
 
     speed_mps, climb_mps : largest speed over ground and vertical speed
     acceleration_mps2    : largest acceleration without gravity: 30 is a level turn of 3.2 g
-    wind_mps             : strongest wind, which turns the heading from the track
-    undulation_m         : largest difference between a stated undulation of the geoid and EGM96
+    wind_mps             : strongest wind; it limits the angle between heading and track
+    undulation_m         : largest difference between the stated geoid undulation and EGM96
     """
 
     speed_mps: Positive = 400.0
@@ -322,7 +321,7 @@ class SourceLimits(StrictModel):
 class Nav(StrictModel):
     """``[nav]``: roles, each a list of devices in order of preference.
 
-    wheels_b : reference point P to where the lowest wheel touches the ground, body frame [m]
+    wheels_b : reference point P to the contact point of the lowest wheel, body frame [m]
     """
 
     attitude: tuple[Name, ...] = ()
@@ -339,7 +338,7 @@ class Nav(StrictModel):
 
 
 def position_sources(nav: Nav) -> tuple[str, ...]:
-    """Devices whose positions are used: for the role, by the filter, by the fix of satellites and DME."""
+    """Devices whose positions are used: by the role, by the filter, by the fix from satellites and DME."""
     receiver = nav.radio.receiver if nav.radio else None
     aiding = (*(nav.filter.gnss if nav.filter else ()), *((receiver,) if receiver else ()))
     return tuple(dict.fromkeys((*nav.position, *aiding)))
@@ -361,7 +360,7 @@ class Display(StrictModel):
 class Bus(StrictModel):
     """``[bus]``: outputs and health for foreign zenoh clients, at an explicit endpoint on loopback.
 
-    Whoever names a port means to be found there; port 0 takes a free one.
+    A configured port enables it; port 0 selects a free one.
     """
 
     enabled: bool = False
@@ -374,7 +373,7 @@ class Bus(StrictModel):
 
 
 class Config(StrictModel):
-    """The whole configuration.  ``text`` is the file as it was read; ``path`` where from."""
+    """The whole configuration.  ``text`` is the text of the file; ``path`` its path."""
 
     session: Session
     link: tuple[Link, ...] = ()
@@ -388,7 +387,7 @@ class Config(StrictModel):
     text: str = ""
 
     def devices_on(self, link: str) -> tuple[Device, ...]:
-        """The devices that listen to a link."""
+        """The devices on a link."""
         return tuple(d for d in self.device if d.link == link)
 
     def find_device(self, name: str) -> Device | None:

@@ -1,28 +1,28 @@
-"""Drivers: bytes in, measurements out, and back again.  No input or output of their own, no clock, no threads.
+"""Drivers: convert bytes to measurements and back.  No input or output of their own, no clock, no threads.
 
 A driver is a module of this package whose name does not begin with ``_``.  In this order it has:
 
-    docstring        document, revision, section; the packet layout as a text table; what is open
+    docstring        document, revision, section; packet layout as a text table; open points
     ``DOCUMENT``     the citation, one line
-    ``MESSAGES``     {message name: what it carries}
-    ``CARRIERS``     the kinds of link it can be on: "serial", "udp", "can"
-    ``Options``      what the configuration may say (strict, frozen; ``fti.config.StrictModel``)
+    ``MESSAGES``     {message name: contents}
+    ``CARRIERS``     the supported kinds of link: "serial", "udp", "can"
+    ``Options``      options of the configuration (strict, frozen; ``fti.config.StrictModel``)
     ``make_decoder(options) -> Decoder``    bytes of the link to measurements; never raises on bad bytes
     ``make_encoder(options) -> Encoder``    measurements to bytes, for the emulator
-    ``on_connect(options) -> [bytes]``      what a device must be told after every connect
-    ``poll(options) -> (period_s, bytes) | None``   a question that must be repeated
-    ``COMMANDS``     {command name: ``Command``}: what ``fti send`` can ask of the device
-    ``command(name, args, options) -> bytes``    the bytes of a command; ValueError when it or an argument is unknown,
-                                                 missing or out of range, saying what is allowed
-    ``INERTIAL``     True where it gives specific force and turn rate; may be left out where not
+    ``on_connect(options) -> [bytes]``      messages to the device after every connect
+    ``poll(options) -> (period_s, bytes) | None``   a request that is sent periodically
+    ``COMMANDS``     {command name: ``Command``}: the commands for ``fti send``
+    ``command(name, args, options) -> bytes``    the bytes of a command; ValueError with the allowed values if it or an
+                                                 argument is unknown, missing or out of range
+    ``INERTIAL``     True if it gives specific force and angular rate; otherwise optional
 
-Every byte that is fed is framed, held or counted as skipped:
+Every input byte is framed, held or counted as skipped:
 ``bytes_in == framed + held + sum(skipped.values())``.
 A message carries the arrival time of its first byte.
 
-A device's answer to a command comes out of the decoder as an ``Ack``.
+The decoder converts the answer of a device to a command to an ``Ack``.
 
-Where frames are missing a fresh decoder goes on.  What it must know from before, it takes over: ``StatefulDecoder``.
+After missing frames a new decoder continues.  It copies the state that must persist: ``StatefulDecoder``.
 """
 
 from __future__ import annotations
@@ -41,9 +41,9 @@ from fti.types import Measurement
 
 @dataclass(slots=True)
 class Counters:
-    """What became of the bytes of a decoder, and how many messages of each name came out.
+    """Bytes of a decoder by result, and numbers of messages by name.
 
-    lost : messages that never came, as the rolling counters in the others show, by name
+    lost : missing messages by name, from rolling counters
     """
 
     bytes_in: int = 0
@@ -56,10 +56,10 @@ class Counters:
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """A command that a device takes.
+    """A command of a device.
 
-    does : one line for people; arguments : {name: meaning, unit, range; and the default where it has one}
-    answered : the device acknowledges it, so that silence means that it did not take it
+    does : description in one line; arguments : {name: meaning, unit, range, default if there is one}
+    answered : the device acknowledges it, so that silence means a failure
     """
 
     does: str
@@ -73,29 +73,29 @@ class Decoder(Protocol):
     counters: Counters
 
     def feed(self, data: bytes, t_rx_ns: int) -> list[Measurement]:
-        """Take one read, datagram or CAN frame that arrived at t_rx_ns; return what is complete now."""
+        """Decode one read, datagram or CAN frame that arrived at t_rx_ns; returns the completed measurements."""
 
 
 @runtime_checkable
 class StatefulDecoder(Protocol):
-    """A decoder whose device has told it what outlasts missing frames: calibration tables, say."""
+    """A decoder with state that must outlast missing frames, such as calibration tables."""
 
-    def copy_state(self, before: Any) -> None:
-        """Take over what another decoder of the same device was told.  before : of the same class; asked before feed"""
+    def copy_state(self, previous: Any) -> None:
+        """Copy the state of another decoder of the same device and class; called before ``feed``."""
 
 
 class Encoder(Protocol):
-    """The other end of the line, for the emulator.  Stateful: it may count frames."""
+    """The emulated device.  Stateful: it may count frames."""
 
     def encode(self, measurement: Measurement) -> list[bytes]:
-        """Bytes of the message(s) that carry this measurement; empty when no message is due yet or none carries it."""
+        """Messages that carry this measurement; empty when no message is due or none carries it."""
 
     def respond(self, data: bytes) -> list[bytes]:
-        """What the device answers to bytes from the daemon."""
+        """Answers of the device to bytes from the daemon."""
 
 
 class Driver(Protocol):
-    """What a driver module offers."""
+    """Interface of a driver module."""
 
     DOCUMENT: str
     MESSAGES: Mapping[str, str]
@@ -116,12 +116,12 @@ class Driver(Protocol):
 
 @cache
 def names() -> tuple[str, ...]:
-    """Names of the drivers there are, sorted."""
+    """Names of all drivers, sorted."""
     return tuple(sorted(m.name for m in pkgutil.iter_modules(__path__) if not m.name.startswith("_")))
 
 
 def load(name: str) -> Driver:
-    """The driver of that name.  Raises ValueError naming those that exist."""
+    """The driver of that name.  Raises ValueError with the existing names."""
     if name not in names():
         raise ValueError(f"no driver {name!r}; there are {', '.join(names())}")
     module: Driver = importlib.import_module(f"{__name__}.{name}")
@@ -129,5 +129,5 @@ def load(name: str) -> Driver:
 
 
 def is_inertial(driver: Driver) -> bool:
-    """Whether the filter of navigation can rest on a device of this driver."""
+    """Does the driver provide inertial samples for the navigation filter?"""
     return bool(getattr(driver, "INERTIAL", False))

@@ -1,4 +1,4 @@
-"""The names in a command, checked against the driver's ``COMMANDS``; the values are the driver's own affair."""
+"""Checks the names of command arguments against the ``COMMANDS`` of a driver; the driver checks the values."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ from fti.drivers import Command
 
 
 def check_names(commands: Mapping[str, Command], name: str, args: Mapping[str, str]) -> None:
-    """The command and its arguments are known.  Raises ValueError naming those that are."""
+    """Check the names of a command and its arguments.  Raises ValueError with the known names."""
     if name not in commands:
         raise ValueError(f"no command {name!r}; there are {', '.join(commands)}")
-    known = commands[name].arguments
+    arguments = commands[name].arguments
     for key in args:
-        if key not in known:
-            raise ValueError(f"{name}: no argument {key!r}; there are {', '.join(known) or 'none'}")
+        if key not in arguments:
+            raise ValueError(f"{name}: no argument {key!r}; there are {', '.join(arguments) or 'none'}")
 
 
 def check_complete(commands: Mapping[str, Command], name: str, args: Mapping[str, str]) -> None:
-    """The same, and none is missing, as none has a default.  Raises ValueError with its meaning."""
+    """``check_names``, and all arguments are required.  Raises ValueError with the meaning of a missing one."""
     check_names(commands, name, args)
     for key, meaning in commands[name].arguments.items():
         if key not in args:

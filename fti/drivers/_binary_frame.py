@@ -1,4 +1,4 @@
-"""Binary frames that the configuration describes: where each number stands, and what makes a frame whole."""
+"""Binary frames that the configuration describes: offsets and types of numbers, checksum, trailer, length."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Hex = Annotated[str, pydantic.Field(pattern=r"^([0-9A-Fa-f]{2} ?)*$")]
 
 
 class NumberLocation(StrictModel):
-    """Where a number stands: ``at`` [bytes from the first of the frame], its type and, of a whole number, its bits."""
+    """Location of a number: ``at`` [bytes from the start of the frame], type and, of an integer, bits."""
 
     at: ByteOffset
     type: Literal["u8", "i8", "u16", "i16", "u32", "i32", "u64", "i64", "f32", "f64"]
@@ -33,25 +33,25 @@ class NumberLocation(StrictModel):
 
 
 class BinaryField(Field, NumberLocation):
-    """A field and its place."""
+    """A field and its location."""
 
 
 class LengthLocation(NumberLocation):
-    """Where the frame says how long it is."""
+    """Location of the frame length; ``plus`` is added to the number."""
 
     plus: Annotated[int, pydantic.Field(ge=-MAX_FRAME_BYTES, le=MAX_FRAME_BYTES)] = 0
 
 
 class ConstantField(NumberLocation):
-    """What must stand at a place."""
+    """A number with a required value."""
 
     value: int
 
 
 class FrameChecksum(StrictModel):
-    """``kind``; where it stands (from the end when negative; default: the last bytes); ``start`` of what it covers.
+    """``kind``; location (from the end if negative; default: the last bytes); ``start`` of the covered bytes.
 
-    byte_order : of the checksum; the frame's when not given
+    byte_order : of the checksum; default: that of the frame
     """
 
     kind: ChecksumKind
@@ -59,16 +59,16 @@ class FrameChecksum(StrictModel):
     start: ByteOffset = 0
     byte_order: ByteOrder | None = None
 
-    def place(self, length: int) -> int:
-        """Where it stands in a frame of this length."""
+    def position(self, length: int) -> int:
+        """Offset of the checksum in a frame of this length."""
         at = -CHECKSUMS[self.kind].size if self.at is None else self.at
         return at + length if at < 0 else at
 
 
 class FrameOptions(StrictModel):
-    """What a frame looks like, as in the docstring of ``binary_struct``.
+    """Format of a frame, see ``binary_struct``.
 
-    longest : most bytes of a frame that says its length
+    longest : maximum size of a frame with a length field [bytes]
     """
 
     sync: Hex = ""
@@ -84,32 +84,32 @@ class FrameOptions(StrictModel):
 
 @dataclass(frozen=True, slots=True)
 class NumberCodec:
-    """A place, ready for use."""
+    """Codec of a number."""
 
     at: int
     form: struct.Struct
     is_integer: bool
     low: int  # lowest bit
-    mask: int  # of the bits that count, without the shift
+    mask: int  # of the used bits, without the shift
 
     @classmethod
-    def of(cls, place: NumberLocation, byte_order: str, where: str) -> NumberCodec:
-        """The number of a place.  Raises ValueError naming ``where``."""
-        form = struct.Struct(("<" if byte_order == "little" else ">") + CODES[place.type])
-        is_integer, size = not place.type.startswith("f"), 8 * form.size
-        low, count = place.bits or (0, size)
-        if place.bits and (not is_integer or place.type.startswith("i") or low + count > size):
-            raise ValueError(f"{where}: bits = {list(place.bits)}: must lie in a u8, u16, u32 or u64")
-        return cls(place.at, form, is_integer, low, (1 << count) - 1)
+    def at_location(cls, location: NumberLocation, byte_order: str, where: str) -> NumberCodec:
+        """The codec of a location.  Raises ValueError with ``where``."""
+        form = struct.Struct(("<" if byte_order == "little" else ">") + CODES[location.type])
+        is_integer, size = not location.type.startswith("f"), 8 * form.size
+        low, count = location.bits or (0, size)
+        if location.bits and (not is_integer or location.type.startswith("i") or low + count > size):
+            raise ValueError(f"{where}: bits = {list(location.bits)}: must lie in a u8, u16, u32 or u64")
+        return cls(location.at, form, is_integer, low, (1 << count) - 1)
 
     @property
     def end(self) -> int:
-        """The first byte behind it."""
+        """Offset of the first byte after it."""
         return self.at + self.form.size
 
     @property
     def is_bit_field(self) -> bool:
-        """Only some bits of the number count."""
+        """Are only some bits of the number used?"""
         return self.mask.bit_length() < 8 * self.form.size
 
     def read(self, frame: bytes | bytearray) -> int | float:
@@ -118,7 +118,7 @@ class NumberCodec:
         return int(value) >> self.low & self.mask if self.is_bit_field else value
 
     def write(self, frame: bytearray, value: float) -> None:
-        """Put the number into a frame; what does not fit becomes the nearest that does."""
+        """Write the number into a frame, saturated to the range of the type."""
         if not self.is_integer:
             self.form.pack_into(frame, self.at, value)
             return
@@ -129,18 +129,18 @@ class NumberCodec:
         self.form.pack_into(frame, self.at, number)
 
     def to_wire(self, word: float | str) -> float:
-        """The number that is read where the device sends this one.  Raises ValueError where it cannot."""
+        """The number as read back after sending it.  Raises ValueError if the type cannot represent it."""
         if isinstance(word, str):
-            raise ValueError(f"{word!r} is characters, and a frame has numbers; hexadecimal ones are like 0xFFFF")
+            raise ValueError(f"{word!r} is text; a frame has only numbers, hexadecimal ones like 0xFFFF")
         if not self.is_integer:
             try:
-                found: float = self.form.unpack(self.form.pack(word))[0]
+                rounded: float = self.form.unpack(self.form.pack(word))[0]
             except OverflowError:
                 raise ValueError(f"{word:g} is too large for this type") from None
-            return found
-        least, most = self._min_value, self._min_value + self.mask
-        if word != round(word) or not least <= word <= most:
-            raise ValueError(f"{word:.15g} cannot stand there: whole numbers from {least} to {most} can")
+            return rounded
+        min_value, max_value = self._min_value, self._min_value + self.mask
+        if word != round(word) or not min_value <= word <= max_value:
+            raise ValueError(f"{word:.15g} does not fit; allowed are whole numbers from {min_value} to {max_value}")
         return word
 
     @property
@@ -149,21 +149,21 @@ class NumberCodec:
 
 
 class FrameCodec:
-    """The frame of the options, checked.  Raises ValueError that says what is wrong."""
+    """Codec of the frame of the options.  Raises ValueError for wrong options."""
 
     def __init__(self, options: FrameOptions) -> None:
         order = options.byte_order
         self.sync, self.trailer = bytes.fromhex(options.sync), bytes.fromhex(options.trailer)
         self.checksum = options.checksum
         self._checksum_order: ByteOrder = (options.checksum and options.checksum.byte_order) or order
-        self.length, self.longest = options.length, options.longest
-        told = options.length_in
-        self.told = None if told is None else NumberCodec.of(told, order, "length_in")
-        self.plus = told.plus if told else 0
-        self.where = [(NumberCodec.of(w, order, f"where[{i}]"), w.value) for i, w in enumerate(options.where)]
-        self.numbers = {f.name: NumberCodec.of(f, order, f"fields: {f.name}") for f in options.fields}
+        self.length, self.max_length = options.length, options.longest
+        length_in = options.length_in
+        self.length_number = None if length_in is None else NumberCodec.at_location(length_in, order, "length_in")
+        self.plus = length_in.plus if length_in else 0
+        self.where = [(NumberCodec.at_location(w, order, f"where[{i}]"), w.value) for i, w in enumerate(options.where)]
+        self.numbers = {f.name: NumberCodec.at_location(f, order, f"fields: {f.name}") for f in options.fields}
         names = [f.name for f in options.fields]
-        self.known = make_field_codecs(names, options.fields, lambda name, word: self.numbers[name].to_wire(word))
+        self.codecs = make_field_codecs(names, options.fields, lambda name, word: self.numbers[name].to_wire(word))
         self._check()
         self._check_where()
         self._check_round_trip()
@@ -171,7 +171,7 @@ class FrameCodec:
     def _check(self) -> None:
         if not self.sync:
             raise ValueError("sync: must be given, at least one byte in hexadecimal")
-        if (self.length is None) == (self.told is None):
+        if (self.length is None) == (self.length_number is None):
             raise ValueError("length: one of length and length_in must be given")
         tail = self._checksum_size + len(self.trailer)
         if self.length is None:
@@ -190,28 +190,28 @@ class FrameCodec:
                 raise ValueError(f"where[{i}]: value = {error}") from None
 
     def _check_round_trip(self) -> None:
-        """What is written as described must be read back."""
+        """An encoded frame must be decodable."""
         try:
             frame = self.encode({})
         except (struct.error, OverflowError, IndexError):
             frame = b""
         if not frame or self.measure(bytearray(frame)) != len(frame):
             raise ValueError(
-                "a frame written as described is not whole when it is read; "
-                "look at length_in (plus), longest, checksum (at, start) and the places of fields"
+                "a frame encoded as described cannot be decoded; "
+                "check length_in (plus), longest, checksum (at, start) and the locations of fields"
             )
 
     def _body_end(self, length: int) -> int:
-        """Where the data end in a frame of this length: at the trailer, or at a checksum before it."""
+        """End of the data in a frame of this length: at the trailer, or at a checksum before it."""
         at_end = self.checksum is not None and (self.checksum.at is None or self.checksum.at < 0)
-        return length - len(self.trailer) if not at_end or not self.checksum else self.checksum.place(length)
+        return length - len(self.trailer) if not at_end or not self.checksum else self.checksum.position(length)
 
     @property
     def _checksum_size(self) -> int:
         return CHECKSUMS[self.checksum.kind].size if self.checksum else 0
 
     def measure(self, buffer: bytearray) -> int | Skip:
-        """What stands at the beginning of the bytes, as ``_framing`` asks."""
+        """Size of the frame at the start of the buffer, or a Skip; see ``_framing``."""
         if skip := skip_to(buffer, self.sync):
             return skip
         length = self._length(buffer)
@@ -222,24 +222,24 @@ class FrameCodec:
         return length if self._is_checksum_valid(buffer, length) else Skip(1, "bad_checksum")
 
     def _length(self, buffer: bytearray) -> int | Skip:
-        """Length of the frame that begins here; 0 while it has not been told."""
-        if self.told is None:
+        """Length of the frame at the start of the buffer; 0 until its length field has arrived."""
+        if self.length_number is None:
             return self.length or 0
-        if len(buffer) < self.told.end:
+        if len(buffer) < self.length_number.end:
             return 0
-        length = int(self.told.read(buffer)) + self.plus
-        least = max(len(self.sync), self.told.end) + self._checksum_size + len(self.trailer)
-        return length if least <= length <= self.longest else Skip(1, "bad_length")
+        length = int(self.length_number.read(buffer)) + self.plus
+        min_length = max(len(self.sync), self.length_number.end) + self._checksum_size + len(self.trailer)
+        return length if min_length <= length <= self.max_length else Skip(1, "bad_length")
 
     def _is_checksum_valid(self, frame: bytearray, length: int) -> bool:
         if self.checksum is None:
             return True
-        at = self.checksum.place(length)
+        at = self.checksum.position(length)
         size = self._checksum_size
         if not self.checksum.start <= at <= length - size:
             return False
-        told = int.from_bytes(frame[at : at + size], self._checksum_order)
-        return told == CHECKSUMS[self.checksum.kind].of(bytes(frame[self.checksum.start : at]))
+        stated = int.from_bytes(frame[at : at + size], self._checksum_order)
+        return stated == CHECKSUMS[self.checksum.kind].compute(bytes(frame[self.checksum.start : at]))
 
     def decode(self, frame: bytes, stamp: Stamp) -> tuple[str, list[Measurement]]:
         """Name and measurements of a whole frame."""
@@ -250,25 +250,25 @@ class FrameCodec:
         wires: dict[str, WireValue] = {
             name: float(number.read(frame)) for name, number in self.numbers.items() if number.end <= end
         }
-        return "frame", decode_fields(self.known, wires, stamp)
+        return "frame", decode_fields(self.codecs, wires, stamp)
 
     def encode(self, values: Mapping[str, WireValue]) -> bytes:
-        """The frame of these values; bytes that nothing describes are 0."""
+        """The frame with these values; undescribed bytes are 0."""
         tail = self._checksum_size + len(self.trailer)
-        places = [*self.numbers.values(), *(number for number, _ in self.where), *([self.told] if self.told else [])]
-        length = self.length or max(number.end for number in places) + tail
+        numbers = [*self.numbers.values(), *(n for n, _ in self.where), *filter(None, [self.length_number])]
+        length = self.length or max(number.end for number in numbers) + tail
         frame = bytearray(length)
         frame[: len(self.sync)] = self.sync
         frame[length - len(self.trailer) :] = self.trailer
-        if self.told:
-            self.told.write(frame, length - self.plus)
+        if self.length_number:
+            self.length_number.write(frame, length - self.plus)
         for number, value in self.where:
             number.write(frame, value)
         for name, number in self.numbers.items():
             wire = values.get(name)
             number.write(frame, wire if isinstance(wire, float) else 0.0)
         if self.checksum:
-            at = self.checksum.place(length)
-            value = CHECKSUMS[self.checksum.kind].of(bytes(frame[self.checksum.start : at]))
+            at = self.checksum.position(length)
+            value = CHECKSUMS[self.checksum.kind].compute(bytes(frame[self.checksum.start : at]))
             frame[at : at + self._checksum_size] = value.to_bytes(self._checksum_size, self._checksum_order)
         return bytes(frame)

@@ -1,4 +1,4 @@
-"""What the decoders of CAN buses share: one frame a feed, watched nodes, every byte framed or counted as skipped."""
+"""Base class of CAN bus decoders: one frame per feed, node supervision, counters of bytes."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from fti.types import Measurement, Stamp
 
 
 class BusDecoder(ABC):
-    """A decoder that only has to say what is in a frame.
+    """Subclasses decode the contents of one frame.
 
-    silent_after : periods without a message after which a node counts as silent
+    silent_after : periods without a message until a node counts as silent
     """
 
     def __init__(self, silent_after: float) -> None:
@@ -23,16 +23,16 @@ class BusDecoder(ABC):
 
     def feed(self, data: bytes, t_rx_ns: int) -> list[Measurement]:
         self.counters.bytes_in += len(data)
-        told = self._watch.tick(t_rx_ns)
-        found: list[Measurement] = [node_status(fast_stamp(t_rx_ns), told)] if told else []
+        conditions = self._watch.tick(t_rx_ns)
+        measurements: list[Measurement] = [node_status(fast_stamp(t_rx_ns), conditions)] if conditions else []
         word, length = frame_head(data)
-        reason = self._decode_frame(word, data[8 : 8 + length], fast_stamp(t_rx_ns), found)
+        reason = self._decode_frame(word, data[8 : 8 + length], fast_stamp(t_rx_ns), measurements)
         if reason:
             self.counters.skipped[skip_reason(data) if reason == "other_id" else reason] += len(data)
         else:
             self.counters.framed += len(data)
-        return found
+        return measurements
 
     @abstractmethod
-    def _decode_frame(self, word: int, data: bytes, stamp: Stamp, found: list[Measurement]) -> str:
-        """Add what is in a frame; why the frame is skipped, "" when it is not."""
+    def _decode_frame(self, word: int, data: bytes, stamp: Stamp, measurements: list[Measurement]) -> str:
+        """Append the measurements of a frame; returns the reason if the frame is skipped, otherwise ""."""

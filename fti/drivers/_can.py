@@ -1,4 +1,4 @@
-"""The head of a CAN frame for decoders that look a message up: fast where it is known, exact where it is not."""
+"""Identifier and length of a CAN frame, for decoders that look up messages by identifier."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ NO_FRAME = (0xFFFF_FFFF, 0)
 
 
 def frame_head(data: bytes) -> tuple[int, int]:
-    """First word (identifier with its flags) and length; a word that no message has, when it is no frame.
+    """First word (identifier with flags) and length; for invalid data a word that no message has.
 
-    The word of an error frame or a remote request is that of no message either: its flags are set.
+    Error frames and remote requests also match no message: their flags are set.
     """
     if len(data) != CAN_SIZE and len(data) != CANFD_SIZE:
         return NO_FRAME
@@ -22,7 +22,7 @@ def frame_head(data: bytes) -> tuple[int, int]:
 
 
 def skip_reason(data: bytes) -> str:
-    """Why a frame whose word is not known says nothing: "no_frame", "error_frame", "remote_frame", "other_id"."""
+    """Reason why a frame with an unknown word is skipped: "no_frame", "error_frame", "remote_frame", "other_id"."""
     word, length = frame_head(data)
     if (word, length) == NO_FRAME:
         return "no_frame"

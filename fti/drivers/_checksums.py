@@ -1,7 +1,7 @@
 """Checksums by name, for drivers whose frames the configuration describes.
 
 The names of the CRCs and their parameters are those of the catalogue of parametrised CRC algorithms (G. Cook); the
-value of each over "123456789" stands in the tests.
+tests contain the value of each over "123456789".
 """
 
 from __future__ import annotations
@@ -29,25 +29,25 @@ ChecksumKind = Literal[
 
 
 class Checksum(NamedTuple):
-    """A rule: its size on the wire [bytes] and what it makes of data."""
+    """An algorithm: size on the wire [bytes] and function."""
 
     size: int
-    of: Callable[[bytes], int]
+    compute: Callable[[bytes], int]
 
 
 @cache
 def _reflected_table(polynomial: int) -> tuple[int, ...]:
-    found = []
+    table = []
     for byte in range(256):
         value = byte
         for _ in range(8):
             value = value >> 1 ^ (polynomial if value & 1 else 0)
-        found.append(value)
-    return tuple(found)
+        table.append(value)
+    return tuple(table)
 
 
 def _reflected_crc16(polynomial: int, start: int, final: int) -> Callable[[bytes], int]:
-    """A CRC whose bits go through the register in the order of a serial line; polynomial : reflected."""
+    """A reflected CRC (least significant bit first); polynomial : reflected."""
 
     def crc(data: bytes) -> int:
         table, value = _reflected_table(polynomial), start

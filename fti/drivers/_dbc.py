@@ -1,7 +1,7 @@
-"""Messages of a DBC, compiled: each signal knows how to cut itself out of a frame.
+"""Messages of a DBC, compiled for fast decoding and encoding of signals.
 
-cantools reads the DBC.  Decoding and encoding are ours and made for thousands of frames a second; in the tests cantools
-judges both.
+cantools parses the DBC.  Decoding and encoding are our own, for thousands of frames a second; the tests compare both
+with cantools.
 
     little-endian (Intel)     word = data as a little-endian number; the signal begins at bit ``start``
     big-endian (Motorola)     word = data as a big-endian number; ``start`` is the most significant bit, counted
@@ -9,10 +9,10 @@ judges both.
 
 A raw value becomes ``raw * factor + offset``.  Its state:
 
-    named      a value table names it, and the signal measures something (it has a unit, a factor or an offset):
-               a state such as "not available", never a number
-    outside    below the minimum or above the maximum of the DBC ([0|0] is none): not valid
-    a float that is no number: not valid
+    named      in a value table, of a physical signal (it has a unit, a factor or an offset): a state such as
+               "not available", never a number
+    outside    below the minimum or above the maximum of the DBC ([0|0]: no limits): not valid
+    a float that is not finite: not valid
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ from cantools.database.errors import Error
 
 MILLISECOND_NS = 1_000_000
 NO_SENDER = "Vector__XXX"
-#: Where editors keep signals that are in no message.
+#: Pseudo message in which editors store unused signals.
 NO_MESSAGE = "VECTOR__INDEPENDENT_SIG_MSG"
-#: Of a step: a raw value at its limit is within it, whatever factor times raw rounds to.
+#: Tolerance in steps: a raw value at its limit stays within it after rounding.
 ROUNDING = 1e-6
-#: The longest message that J1939 puts together of several frames [B]; a signal has as many bits at most.
+#: Maximum size of a J1939 multi-frame message [B]; a signal has at most as many bits.
 MAX_LENGTH = 1785
 LENGTH_DIGITS = 9
 _LENGTHS = (
@@ -44,9 +44,9 @@ _LENGTHS = (
 )
 _FLOATS = {16: struct.Struct(">e"), 32: struct.Struct(">f"), 64: struct.Struct(">d")}
 
-#: Cuts a raw value out of the little-endian and the big-endian word of a frame.
+#: Extracts a raw value from the little-endian and the big-endian word of a frame.
 Extractor = Callable[[int, int], float]
-#: What a raw value adds to the word of a frame that has its byte order.
+#: Bits of a raw value in the word of a frame in its byte order.
 Inserter = Callable[[float], int]
 
 
@@ -54,11 +54,11 @@ Inserter = Callable[[float], int]
 class DbcSignal:
     """One signal of a message.
 
-    low, high  : limits in ``unit``, infinite when the DBC states none; least, most : what fits on the wire, raw
+    low, high  : limits in ``unit``, infinite when the DBC states none; min_raw, max_raw : limits on the wire
     states     : raw value -> its name in the value table
     big        : it is big-endian
-    modulus    : values that it takes before it rolls over, where it is a counter
-    selector   : signal that must have one of ``choices`` for this one to be in the frame; "" when it always is
+    modulus    : number of values before it rolls over, for a counter
+    selector   : multiplexer that must have one of ``choices`` for this signal to be in the frame; "" : always
     """
 
     name: str
@@ -71,7 +71,7 @@ class DbcSignal:
     low: float
     high: float
     min_raw: float
-    most: float
+    max_raw: float
     is_float: bool
     states: Mapping[float, str]
     selector: str
@@ -80,7 +80,7 @@ class DbcSignal:
 
     @property
     def is_physical(self) -> bool:
-        """Its numbers are amounts of something, so that a named value is none."""
+        """Is it a physical signal, so that a named value is not a number?"""
         return bool(self.unit) or (self.factor, self.offset) != (1.0, 0.0)
 
     def physical(self, raw: float) -> tuple[float | None, bool]:
@@ -94,12 +94,12 @@ class DbcSignal:
         """The raw value nearest to a physical one, within the limits of the DBC and of the wire."""
         exact = (min(max(value, self.low), self.high) - self.offset) / self.factor
         raw = exact if self.is_float else round(exact)
-        return min(max(raw, self.min_raw), self.most)
+        return min(max(raw, self.min_raw), self.max_raw)
 
 
 @dataclass(slots=True)
 class DbcMessage:
-    """One message.  cycle_ns : its period as the DBC states it; None when it does not."""
+    """One message.  cycle_ns : period stated in the DBC [ns]; None if there is none."""
 
     name: str
     can_id: int
@@ -110,7 +110,7 @@ class DbcMessage:
     signals: tuple[DbcSignal, ...]
     message: Any  # cantools' Message; the package has no types that mypy can follow
     selectors: tuple[DbcSignal, ...] = field(init=False)
-    _choices: tuple[frozenset[int], ...] = field(init=False)  # of each selector: the values that select anything
+    _choices: tuple[frozenset[int], ...] = field(init=False)  # of each selector: values that select signals
     _present: dict[tuple[float | None, ...], tuple[DbcSignal, ...]] = field(init=False, default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -122,23 +122,23 @@ class DbcMessage:
         return frozenset(c for s in self.signals if s.selector == selector for c in s.choices)
 
     def signals_in(self, little: int, big: int) -> tuple[DbcSignal, ...]:
-        """The signals that are in this frame: all, or those that its multiplexers select."""
+        """The signals in this frame: all, or those selected by its multiplexers."""
         if not self.selectors:
             return self.signals
         return self._case([int(s.extract(little, big)) for s in self.selectors])
 
-    def signals_for(self, chosen: Mapping[str, float]) -> tuple[DbcSignal, ...]:
-        """The signals of a frame whose multiplexers say this."""
-        return self._case([chosen.get(s.name) for s in self.selectors]) if self.selectors else self.signals
+    def signals_for(self, selectors: Mapping[str, float]) -> tuple[DbcSignal, ...]:
+        """The signals of a frame with these multiplexer values."""
+        return self._case([selectors.get(s.name) for s in self.selectors]) if self.selectors else self.signals
 
     def _case(self, values: Sequence[float | None]) -> tuple[DbcSignal, ...]:
-        """Always the same tuple for the same signals; whatever selects nothing is one case."""
-        used = tuple([v if v in known else None for v, known in zip(values, self._choices, strict=True)])
-        found = self._present.get(used)
-        if found is None:
+        """The same tuple for the same signals; all values that select nothing are one case."""
+        used = tuple([v if v in choices else None for v, choices in zip(values, self._choices, strict=True)])
+        signals = self._present.get(used)
+        if signals is None:
             by_name = dict(zip((s.name for s in self.selectors), used, strict=True))
-            found = self._present[used] = tuple(s for s in self.signals if self._is_present(s, by_name))
-        return found
+            signals = self._present[used] = tuple(s for s in self.signals if self._is_present(s, by_name))
+        return signals
 
     def _is_present(self, signal: DbcSignal, chosen: Mapping[str, float | None]) -> bool:
         if not signal.selector:
@@ -149,7 +149,7 @@ class DbcMessage:
 
 @cache
 def read_dbc(text: str) -> Database:
-    """The database in the text of a DBC.  Raises ValueError naming what is wrong."""
+    """The database in the text of a DBC.  Raises ValueError with the error."""
     _check_lengths(text)
     try:
         database = cantools.database.load_string(text, "dbc", strict=False)
@@ -163,16 +163,16 @@ def read_dbc(text: str) -> Database:
 
 
 def _check_lengths(text: str) -> None:
-    """Raises ValueError for a length that no message has; cantools would prepare a place for each of its bits."""
-    for pattern, most, what in _LENGTHS:
+    """Raises ValueError for an impossible length, for which cantools would allocate memory for each bit."""
+    for pattern, limit, what in _LENGTHS:
         for name, *numbers in pattern.findall(text):
-            if wrong := [n for n in numbers if len(n) > LENGTH_DIGITS or int(n) > most]:
-                raise ValueError(f"dbc: {what} {name[:80]!r}: {wrong[0][:20]}: must be at most {most}")
+            if wrong := [n for n in numbers if len(n) > LENGTH_DIGITS or int(n) > limit]:
+                raise ValueError(f"dbc: {what} {name[:80]!r}: {wrong[0][:20]}: must be at most {limit}")
 
 
 @cache
 def read_layouts(text: str) -> tuple[DbcMessage, ...]:
-    """The messages of a DBC.  Raises ValueError naming what is wrong."""
+    """The messages of a DBC.  Raises ValueError with the error."""
     layouts = tuple(_layout(message) for message in read_dbc(text).messages if message.name != NO_MESSAGE)
     first: dict[tuple[int, bool], str] = {}
     for layout in layouts:
@@ -184,15 +184,15 @@ def read_layouts(text: str) -> tuple[DbcMessage, ...]:
 
 
 def _check_multiplexers(layout: DbcMessage) -> None:
-    """Raises ValueError where a multiplexer is not in the message, or is selected by itself over others."""
+    """Raises ValueError if a multiplexer is not in its message, or selects itself directly or indirectly."""
     parents = {signal.name: signal.selector for signal in layout.signals}
     for name, selector in parents.items():
-        seen, parent = {name}, selector
+        visited, parent = {name}, selector
         while parent:
-            if parent in seen or parent not in parents:
-                wrong = "selects itself" if parent in seen else "is not in its message"
+            if parent in visited or parent not in parents:
+                wrong = "selects itself" if parent in visited else "is not in its message"
                 raise ValueError(f"dbc: multiplexer {parent!r} of signal {name!r} {wrong}")
-            seen.add(parent)
+            visited.add(parent)
             parent = parents[parent]
 
 
@@ -224,7 +224,7 @@ def _signal(signal: Any, length: int) -> DbcSignal:
             f"dbc: signal {signal.name!r}: factor {conversion.scale}, offset {conversion.offset}: "
             "must be finite, and the factor not 0"
         )
-    min_raw, most = _range(signal.length, signal.is_signed, is_float)
+    min_raw, max_raw = _range(signal.length, signal.is_signed, is_float)
     slack = 0.0 if is_float else ROUNDING * abs(float(conversion.scale))
     return DbcSignal(
         name=signal.name,
@@ -237,7 +237,7 @@ def _signal(signal: Any, length: int) -> DbcSignal:
         low=-math.inf if signal.minimum is None else signal.minimum - slack,
         high=math.inf if signal.maximum is None else signal.maximum + slack,
         min_raw=min_raw,
-        most=most,
+        max_raw=max_raw,
         is_float=is_float,
         states={raw: str(name) for raw, name in (signal.choices or {}).items()},
         selector=signal.multiplexer_signal or "",
@@ -247,10 +247,10 @@ def _signal(signal: Any, length: int) -> DbcSignal:
 
 
 def _modulus(signal: Any, is_float: bool) -> int:
-    """How many values it has as a counter: as many as fit, or fewer where its maximum says so (0 to 14)."""
+    """Number of values as a counter: 2^length, or maximum + 1 if it is smaller (0 to 14)."""
     plain = not is_float and (signal.conversion.scale, signal.conversion.offset) == (1, 0)
-    stated = int(signal.maximum) + 1 if plain and signal.maximum else 0
-    return stated if 1 < stated < 1 << signal.length else 1 << signal.length
+    count = int(signal.maximum) + 1 if plain and signal.maximum else 0
+    return count if 1 < count < 1 << signal.length else 1 << signal.length
 
 
 def _range(bits: int, signed: bool, is_float: bool) -> tuple[float, float]:
@@ -268,7 +268,7 @@ def _extractor(signal: Any, length: int, is_float: bool) -> Extractor:
 
 
 def _first_bit(signal: Any) -> int:
-    """Where the signal begins, counted in its own byte order."""
+    """First bit of the signal, counted in its own byte order."""
     start: int = signal.start
     return start - start % 8 + 7 - start % 8 if signal.byte_order == "big_endian" else start
 
@@ -286,7 +286,7 @@ def _big_endian_extractor(shift: int, mask: int, sign: int) -> Callable[[int, in
 
 
 def _inserter(signal: Any, length: int, is_float: bool) -> Inserter:
-    """The way back of ``_extractor``."""
+    """The inverse of ``_extractor``."""
     bits, first = signal.length, _first_bit(signal)
     shift = 8 * length - first - bits if signal.byte_order == "big_endian" else first
     if is_float:
@@ -297,7 +297,7 @@ def _inserter(signal: Any, length: int, is_float: bool) -> Inserter:
 
 
 def _float_extractor(extract: Callable[[int, int], int], bits: int, is_float: bool) -> Extractor:
-    """Of bits that are a floating-point number, that number."""
+    """Extractor that converts the bits of a floating-point signal."""
     if not is_float:
         return extract
     unpack, mask = _FLOATS[bits].unpack, (1 << bits) - 1

@@ -1,4 +1,4 @@
-"""Frames of a DBC for the emulator: a message goes out when everything in it has been told anew."""
+"""Frames of a DBC for the emulator: a message is sent when all its signals have new values."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ class FrameBuilder:
         self._head, self._size = frame[:HEAD_SIZE], len(frame) - HEAD_SIZE
 
     def set_raw(self, name: str, raw: float) -> None:
-        """Keep the raw value of a signal for the next frame."""
+        """Set the raw value of a signal for the next frame."""
         self._raw[name] = raw
 
-    def frame(self, own: Mapping[str, float]) -> bytes | None:
-        """The frame, when all that is in it has been told.  own : what nobody tells: counter, node."""
-        told = {**self._raw, **own}
+    def build(self, own: Mapping[str, float]) -> bytes | None:
+        """The frame, or None while signals have no new value.  own : values of counter and node."""
+        values = {**self._raw, **own}
         little = big = 0
-        for signal in self.layout.signals_for(told):
-            raw = told.get(signal.name)
+        for signal in self.layout.signals_for(values):
+            raw = values.get(signal.name)
             if raw is None:
                 return None
             if signal.big:
@@ -40,7 +40,7 @@ class FrameBuilder:
         return self._head + self._data(little, big)
 
     def _data(self, little: int, big: int) -> bytes:
-        """The data, with zeros behind them."""
+        """The data, padded with zeros."""
         length = self.layout.length
         if big:
             little |= int.from_bytes(big.to_bytes(length, "big"), "little")

@@ -1,4 +1,4 @@
-"""How the signals of a DBC become measurements: a quantity by its name, any other a reading."""
+"""Conversion of DBC signals to measurements: a quantity by its name, any other signal to a reading."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Maker = Callable[[Stamp, int, int], Measurement | None]
 
 
 def quantity_scale(signal: DbcSignal) -> tuple[float, float] | None:
-    """Factor and offset from the signal's unit to SI; None when it is no quantity, or its unit does not measure it."""
+    """Factor and offset from the signal's unit to SI; None if it is not a quantity, or its unit does not match."""
     if signal.name not in QUANTITIES:
         return None
     try:
@@ -25,7 +25,7 @@ def quantity_scale(signal: DbcSignal) -> tuple[float, float] | None:
 
 
 def maker_of(message: str, signal: DbcSignal) -> Maker:
-    """How the signal becomes a measurement."""
+    """The function that converts the signal to a measurement."""
     scale = quantity_scale(signal)
     if scale is not None:
         return _quantity_maker(signal, *scale)
@@ -36,13 +36,13 @@ def _quantity_maker(signal: DbcSignal, factor: float, offset: float) -> Maker:
     extract, physical, quantity = signal.extract, signal.physical, QUANTITIES[signal.name]
     make = quantity.maker()
 
-    def made(stamp: Stamp, little: int, big: int) -> Measurement | None:
+    def convert(stamp: Stamp, little: int, big: int) -> Measurement | None:
         value, valid = physical(extract(little, big))
         if value is None:
             return quantity.make(stamp, None, valid)
         return make(stamp, value * factor + offset, valid)
 
-    return made
+    return convert
 
 
 def _reading_maker(name: str, signal: DbcSignal) -> Maker:
@@ -53,33 +53,33 @@ def _reading_maker(name: str, signal: DbcSignal) -> Maker:
     extract, unit, factor, offset = signal.extract, signal.unit, signal.factor, signal.offset
     low, high = signal.low, signal.high
 
-    def made(stamp: Stamp, little: int, big: int) -> Reading:
+    def convert(stamp: Stamp, little: int, big: int) -> Reading:
         value = extract(little, big) * factor + offset
         return fast_reading(stamp, name, value, unit, low <= value <= high)
 
-    return made
+    return convert
 
 
 def _state_maker(name: str, signal: DbcSignal) -> Maker:
     extract, unit, names, is_physical = signal.extract, signal.unit, signal.states, signal.is_physical
     numbers = _reading_maker(name, replace(signal, states={}))
 
-    def made(stamp: Stamp, little: int, big: int) -> Measurement | None:
+    def convert(stamp: Stamp, little: int, big: int) -> Measurement | None:
         raw = extract(little, big)
         if raw not in names:
             return numbers(stamp, little, big)
         value, valid = (None, False) if is_physical else (float(raw), True)
         return fast_reading(stamp, name, value, unit, valid, text=names[raw])
 
-    return made
+    return convert
 
 
 def _float_maker(name: str, signal: DbcSignal) -> Maker:
     extract, unit, physical, names = signal.extract, signal.unit, signal.physical, signal.states
 
-    def made(stamp: Stamp, little: int, big: int) -> Reading:
+    def convert(stamp: Stamp, little: int, big: int) -> Reading:
         raw = extract(little, big)
         value, valid = physical(raw)
         return fast_reading(stamp, name, value, unit, valid, text=names.get(raw, ""))
 
-    return made
+    return convert

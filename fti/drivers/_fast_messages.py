@@ -1,7 +1,7 @@
-"""Measurements for buses that bring tens of thousands of values a second.
+"""Fast construction of measurements for buses with tens of thousands of values a second.
 
-The constructor of a frozen class sets every field through ``object.__setattr__``: 1.7 us for a Reading, where the
-decoding takes 0.4.  Here the slots are filled directly, which takes 0.7; what comes out is the same.
+The constructor of a frozen class sets every field through ``object.__setattr__``: 1.7 us for a Reading; decoding it
+takes 0.4 us.  Setting the slots directly takes 0.7 us, with the same result.
 """
 
 from __future__ import annotations
@@ -45,34 +45,34 @@ def fast_reading(stamp: Stamp, name: str, value: float | None, unit: str, valid:
 
 
 def fast_maker(kind: type[Any], name: str, fixed: Mapping[str, object]) -> Callable[[Stamp, float | None, bool], Any]:
-    """What makes ``kind(stamp=..., valid=..., NAME=value, **fixed)`` from stamp, value and validity."""
+    """A function (stamp, value, valid) that creates ``kind(stamp=..., valid=..., NAME=value, **fixed)``."""
     values = {f.name: fixed.get(f.name, f.default) for f in fields(kind)}
     slots = vars(kind)
     set_stamp, set_valid, set_value = (slots[key].__set__ for key in ("stamp", "valid", name))
     rest = tuple((slots[key].__set__, value) for key, value in values.items() if key not in ("stamp", "valid", name))
 
     def make(stamp: Stamp, value: float | None, valid: bool) -> Any:
-        made = _new(kind)
-        set_stamp(made, stamp)
-        set_valid(made, valid)
-        set_value(made, value)
+        instance = _new(kind)
+        set_stamp(instance, stamp)
+        set_valid(instance, valid)
+        set_value(instance, value)
         for put, content in rest:
-            put(made, content)
-        return made
+            put(instance, content)
+        return instance
 
     return make
 
 
 def fast_class(kind: type[T]) -> type[T]:
-    """What is called like ``kind``, a frozen class with slots, and makes the same in less than half the time.
+    """A constructor for ``kind``, a frozen class with slots, with the same arguments in less than half the time.
 
-    It has the same slots and is not frozen while its fields are set; what it makes is of ``kind`` then.
+    It sets the fields of a twin class that is not frozen, then changes the class of the instance to ``kind``.
     """
 
-    def freeze(made: Any) -> None:
-        made.__class__ = kind
+    def freeze(instance: Any) -> None:
+        instance.__class__ = kind
 
-    known: Any = kind
-    names = [(f.name, f.type, field(default=f.default, kw_only=f.kw_only)) for f in fields(known)]
+    source: Any = kind
+    names = [(f.name, f.type, field(default=f.default, kw_only=f.kw_only)) for f in fields(source)]
     twin = make_dataclass(kind.__name__, names, namespace={"__post_init__": freeze}, slots=True, eq=False, repr=False)
     return cast("type[T]", twin)

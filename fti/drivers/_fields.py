@@ -1,9 +1,9 @@
-"""Fields that the configuration describes: from what stands on the wire to measurements, and back.
+"""Fields that the configuration describes: conversion between wire values and measurements.
 
     value = number * scale + offset        [unit]
 
-A field is named after a quantity of ``_quantities`` (or names one in ``quantity``) and becomes the measurement that
-carries it, in SI; any other name becomes a ``Reading`` in its unit.  A name that begins with "_" becomes nothing.
+A field with the name of a quantity of ``_quantities`` (or with one in ``quantity``) becomes the measurement that
+carries it, in SI; any other name becomes a ``Reading`` in its unit.  A field whose name begins with "_" is ignored.
 """
 
 from __future__ import annotations
@@ -19,22 +19,22 @@ from fti.config import StrictModel
 from fti.drivers._quantities import QUANTITIES, Quantity, to_si
 from fti.types import DmeRange, Measurement, Range, Reading, Stamp, StaticPressure, Temperature
 
-WireValue = float | str | None  # what a field says: a number, characters, or nothing
-#: What a field says where the device sends a word of ``lost`` or ``good``; ValueError where it cannot send that.
+WireValue = float | str | None  # value of a field: a number, text, or none
+#: Wire value of a word of ``lost`` or ``good``; ValueError if the field cannot carry it.
 ToWire = Callable[[str, float | str], float | str]
-#: Distances along a beam, absolute pressures and temperatures: below zero they are none.
+#: Slant ranges, absolute pressures and temperatures: negative values are not valid.
 NON_NEGATIVE = frozenset({Range, DmeRange, StaticPressure, Temperature})
 FieldName = Annotated[str, pydantic.Field(pattern=r"^(_?[a-z][a-z0-9_]*|_)$", max_length=64)]
 
 
 class Field(StrictModel):
-    """What a field of the wire means.
+    """Meaning of a field.
 
-    quantity : of ``_quantities``, where the name is none; unit : of the value; SI when empty
-    lost     : what it says when it has no measurement: numbers as on the wire, or characters
-    limits   : least and largest value that is believed [unit]
-    good     : what it must say; anything else is not valid
-    needs    : other fields that must be valid for this one to be
+    quantity : of ``_quantities``, if the name is not one; unit : of the value; SI when empty
+    lost     : values without a measurement: numbers as on the wire, or text
+    limits   : minimum and maximum of a valid value [unit]
+    good     : required values; all others are not valid
+    needs    : other fields that must be valid as well
     """
 
     name: FieldName
@@ -50,7 +50,7 @@ class Field(StrictModel):
 
 @dataclass(frozen=True, slots=True)
 class FieldCodec:
-    """A field, ready for use: value [unit] = number * scale + offset, SI = value * factor + shift."""
+    """Codec of a field: value [unit] = number * scale + offset, SI = value * factor + shift."""
 
     field: Field
     quantity: Quantity | None
@@ -59,11 +59,11 @@ class FieldCodec:
 
     @property
     def is_ignored(self) -> bool:
-        """It becomes no measurement."""
+        """Does the field give no measurement?"""
         return self.field.name.startswith("_")
 
     def is_valid(self, wire: WireValue) -> bool:
-        """Does the field, looked at alone, say something that is believed?"""
+        """Is the value valid, without regard to other fields?"""
         f = self.field
         if wire is None or wire in f.lost or (f.good and wire not in f.good):
             return False
@@ -78,7 +78,7 @@ class FieldCodec:
         return 0.0 <= value * self.factor + self.shift < math.inf
 
     def measurement(self, wire: WireValue, valid: bool, stamp: Stamp) -> Measurement | None:
-        """What the field becomes; None where nothing can be said without a value."""
+        """The measurement of the field; None if the class needs a value and there is none."""
         value = wire * self.field.scale + self.field.offset if valid and isinstance(wire, float) else None
         if self.quantity is not None:
             si = None if value is None else value * self.factor + self.shift
@@ -87,11 +87,11 @@ class FieldCodec:
         return Reading(stamp=stamp, name=self.field.name, value=value, unit=self.field.unit, valid=valid, text=text)
 
     def wire(self, measurement: Measurement) -> tuple[bool, WireValue]:
-        """Whether a measurement tells this field, and what the wire says then; None: it has no word for that."""
-        said = self._carried_value(measurement)
-        if said is None:
+        """Does a measurement carry this field, and its wire value; None: the device cannot express it."""
+        carried = self._carried_value(measurement)
+        if carried is None:
             return False, None
-        valid, value = said
+        valid, value = carried
         if not valid or value is None:
             return True, self.field.lost[0] if self.field.lost else None
         if isinstance(value, str):
@@ -111,12 +111,12 @@ class FieldCodec:
         return None
 
     def default(self) -> WireValue:
-        """What the wire says when nobody tells it: something good."""
+        """Wire value without a measurement: a good one."""
         return self.field.good[0] if self.field.good else None
 
 
 def make_field_codecs(names: Sequence[str], described: Sequence[Field], to_wire: ToWire) -> dict[str, FieldCodec]:
-    """The fields of a message by name, in its order.  Raises ValueError saying which is wrong, and what is allowed."""
+    """The field codecs of a message, in its order.  Raises ValueError with the wrong field and the allowed values."""
     by_name = {f.name: f for f in described}
     for f in described:
         if f.name not in names:
@@ -126,17 +126,17 @@ def make_field_codecs(names: Sequence[str], described: Sequence[Field], to_wire:
                 raise ValueError(f"fields: {f.name}: needs {needed!r}, which is not in the message")
         if sum(other.name == f.name for other in described) > 1:
             raise ValueError(f"fields: {f.name!r} is described twice")
-    found = {
+    codecs = {
         name: _make_field_codec(_with_wire_words(by_name.get(name) or Field(name=name), by_name, to_wire))
         for name in names
     }
-    if all(m.is_ignored for m in found.values()):
+    if all(m.is_ignored for m in codecs.values()):
         raise ValueError("fields: none becomes a measurement; a name without '_' at its beginning does")
-    return found
+    return codecs
 
 
 def _with_wire_words(described: Field, by_name: Mapping[str, Field], to_wire: ToWire) -> Field:
-    """The field with its words as they are read, and with all that it needs: what those need, too."""
+    """The field with decoded words, and with all its needed fields, also indirect ones."""
 
     def read(key: str, words: Sequence[float | str]) -> tuple[float | str, ...]:
         try:
@@ -174,38 +174,38 @@ def _make_field_codec(described: Field) -> FieldCodec:
     return FieldCodec(described, QUANTITIES[name], factor, shift)
 
 
-def decode_fields(known: Mapping[str, FieldCodec], wires: Mapping[str, WireValue], stamp: Stamp) -> list[Measurement]:
-    """The measurements of one message.  wires : what each field says; one that is not there says nothing."""
-    good = {name: codec.is_valid(wires.get(name)) for name, codec in known.items()}
-    found = []
-    for name, codec in known.items():
+def decode_fields(codecs: Mapping[str, FieldCodec], wires: Mapping[str, WireValue], stamp: Stamp) -> list[Measurement]:
+    """The measurements of one message.  wires : values of its fields; a missing field has no value."""
+    good = {name: codec.is_valid(wires.get(name)) for name, codec in codecs.items()}
+    measurements = []
+    for name, codec in codecs.items():
         if codec.is_ignored:
             continue
         valid = good[name] and all(good[needed] for needed in codec.field.needs)
         measurement = codec.measurement(wires.get(name), valid, stamp)
         if measurement is not None:
-            found.append(measurement)
-    return found
+            measurements.append(measurement)
+    return measurements
 
 
 @dataclass(slots=True)
 class FieldCollector:
-    """The emulator's side: gathers what measurements say until every field of a message has been told anew."""
+    """The emulator's side: collects values from measurements until every field of a message is new."""
 
-    known: Mapping[str, FieldCodec]
+    codecs: Mapping[str, FieldCodec]
     _values: dict[str, WireValue] = field(default_factory=dict)
     _texts: dict[str, WireValue] = field(default_factory=dict)
 
-    def take(self, measurement: Measurement, is_text: Mapping[str, bool]) -> dict[str, WireValue] | None:
-        """The whole message when this completes it; None when it does not, or has no words for what was told."""
-        for name, codec in self.known.items():
-            tells, wire = (False, None) if codec.is_ignored else codec.wire(measurement)
-            if tells:
+    def add(self, measurement: Measurement, is_text: Mapping[str, bool]) -> dict[str, WireValue] | None:
+        """The values of the message if this one completes it; None if incomplete or not expressible."""
+        for name, codec in self.codecs.items():
+            is_carried, wire = (False, None) if codec.is_ignored else codec.wire(measurement)
+            if is_carried:
                 (self._texts if is_text[name] else self._values)[name] = wire
-        wanted = [n for n, m in self.known.items() if not m.is_ignored and not is_text[n]]
-        if any(name not in self._values for name in wanted):
+        required = [n for n, m in self.codecs.items() if not m.is_ignored and not is_text[n]]
+        if any(name not in self._values for name in required):
             return None
-        told, self._values = self._values, {}
-        if any(wire is None for wire in told.values()):
+        values, self._values = self._values, {}
+        if any(wire is None for wire in values.values()):
             return None
-        return {n: told.get(n, self._texts.get(n, m.default())) for n, m in self.known.items()}
+        return {n: values.get(n, self._texts.get(n, m.default())) for n, m in self.codecs.items()}

@@ -1,15 +1,15 @@
-"""Framing for every driver: find a frame, wait for its end, stamp its first byte, account for every byte.
+"""Framing for every driver: find frames, wait for their ends, stamp their first bytes, count every byte.
 
-A protocol is one pure function that looks at the bytes held and says what it sees at their beginning:
+A protocol is one pure function that checks the start of the held bytes:
 
-    measure(buffer) -> n > 0    a whole, checked frame of n bytes stands at the beginning
-                    -> 0        it may become a frame: more bytes are needed
-                    -> Skip     the first ``size`` bytes are no frame, for ``reason``
+    measure(buffer) -> n > 0    a complete, checked frame of n bytes
+                    -> 0        an incomplete frame: more bytes are needed
+                    -> Skip     the first ``size`` bytes are not a frame, for ``reason``
 
-After a Skip the search goes on behind the skipped bytes, so a lost header costs as little as it can.
-``limit`` bounds what is held and what ``measure`` sees: a corrupted length must not swallow the stream, and how the
-bytes were cut into reads must not change the result.  For the same reason ``measure`` may depend on nothing but a
-beginning of the buffer and on what it returned before.
+After a Skip the search continues after the skipped bytes, so a lost header costs as few bytes as possible.
+``limit`` bounds the held bytes and the argument of ``measure``: a corrupted length must not block the stream, and the
+division into reads must not change the result.  For the same reason ``measure`` may depend only on a prefix of the
+buffer and on its previous results.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ Measure = Callable[[bytearray], "int | Skip"]
 
 
 def skip_to(buffer: bytearray, sync: bytes, reason: str = "no_sync") -> Skip | None:
-    """The Skip to the next sync (or to a beginning of it at the end of the buffer); None when it stands first."""
+    """The Skip to the next sync (or to a prefix of it at the end of the buffer); None if the buffer begins with it."""
     at = buffer.find(sync)
     if at < 0:
         at = len(buffer) - _overlap(buffer, sync)
@@ -40,7 +40,7 @@ def skip_to(buffer: bytearray, sync: bytes, reason: str = "no_sync") -> Skip | N
 
 
 def _overlap(buffer: bytearray, sync: bytes) -> int:
-    """Length of the longest end of the buffer that is a beginning of sync."""
+    """Length of the longest suffix of the buffer that is a prefix of sync."""
     for n in range(min(len(sync) - 1, len(buffer)), 0, -1):
         if buffer.endswith(sync[:n]):
             return n
@@ -48,7 +48,7 @@ def _overlap(buffer: bytearray, sync: bytes) -> int:
 
 
 class Framer:
-    """Cuts a byte stream into frames.  measure : see above; limit : most bytes held while waiting for a frame's end."""
+    """Divides a byte stream into frames.  measure : see above; limit : maximum of held bytes of an incomplete frame."""
 
     def __init__(self, measure: Measure, counters: Counters, limit: int = 4096) -> None:
         self._measure = measure
@@ -64,36 +64,36 @@ class Framer:
             return
         buffer, counters = self._buffer, self._counters
         self._stamps.append((self._base + len(buffer), t_rx_ns))
-        self._forget_old_stamps()
+        self._discard_old_stamps()
         buffer += data
         counters.bytes_in += len(data)
         while buffer:
-            seen = self._look() if len(buffer) >= self._limit else self._measure(buffer)
-            if isinstance(seen, Skip):
-                counters.skipped[seen.reason] += seen.size
-                self._drop(seen.size)
-            elif seen:
-                frame = bytes(buffer if seen == len(buffer) else buffer[:seen])
+            result = self._measure_full() if len(buffer) >= self._limit else self._measure(buffer)
+            if isinstance(result, Skip):
+                counters.skipped[result.reason] += result.size
+                self._drop(result.size)
+            elif result:
+                frame = bytes(buffer if result == len(buffer) else buffer[:result])
                 stamp = self._stamps[0][1]
-                counters.framed += seen
-                self._drop(seen)
+                counters.framed += result
+                self._drop(result)
                 counters.held = len(buffer)
                 yield stamp, frame
             else:
                 break
         counters.held = len(buffer)
 
-    def _look(self) -> int | Skip:
-        """At as much as may be held: what is no frame by then is none."""
+    def _measure_full(self) -> int | Skip:
+        """Measure the maximum of held bytes: an incomplete frame is too long."""
         return self._measure(self._buffer[: self._limit]) or Skip(1, "too_long")
 
     def _drop(self, count: int) -> None:
         del self._buffer[:count]
         self._base += count
         if len(self._stamps) > 1:
-            self._forget_old_stamps()
+            self._discard_old_stamps()
 
-    def _forget_old_stamps(self) -> None:
-        """Keep the read that the first byte held came with, and later ones."""
+    def _discard_old_stamps(self) -> None:
+        """Keep the stamps of the read with the first held byte, and later ones."""
         while len(self._stamps) > 1 and self._stamps[1][0] <= self._base:
             self._stamps.popleft()

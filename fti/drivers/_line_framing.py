@@ -1,13 +1,12 @@
-"""Lines of text: where each ends, and whether its beginning was seen.
+"""Framing of text lines: ends of lines, and rejection of lines with a missing beginning.
 
-Any of the end characters ends a line, so CR, LF, CR LF and a doubled CR are all the same; an empty line is framed and
-means nothing.
+Any end character ends a line, so CR, LF, CR LF and a doubled CR are equivalent; an empty line is framed and ignored.
 
-A line whose beginning was not seen is not taken: the end of "130.00" is "30.00", and no checksum tells.  The first
-bytes after a connect, or after a gap, are such an end unless it is known that they begin a line.
+A line with a missing beginning is rejected: the end of "130.00" is "30.00", and there is no checksum.  The first bytes
+after a connect, or after a gap, are such a line unless they are known to begin a line.
 
-A port that is lost and opened again goes on with the same decoder, and only the pause shows it.  A line with a pause
-of ``LINE_TIMEOUT_NS`` in it is not taken, for its two halves may be of two lines; nor is the first one after a pause that is
+After a loss of the port the same decoder continues, and only a pause reveals the loss.  A line that contains a pause of
+``LINE_TIMEOUT_NS`` is rejected, since its parts may be of two lines; so is the first line after a pause that is
 ``MAX_PAUSE_RATIO`` times as long as those between the lines before it.
 """
 
@@ -21,29 +20,34 @@ from fti.drivers import Counters
 from fti.drivers._framing import Framer, Skip
 
 FirstLine = Literal["skip", "take"]
-#: A port is opened again after 0.1 s at the earliest; the bytes of a line come closer to each other.
+#: A port is reopened after 0.1 s at the earliest; the bytes of a line arrive with shorter pauses.
 LINE_TIMEOUT_NS = 100_000_000
 MAX_PAUSE_RATIO = 3
-#: The longest pause between lines is forgotten by this factor with each; so many are needed to know what is usual.
+#: Decay of the maximum pause per line; number of pauses until the usual pause is known.
 PAUSE_DECAY, MIN_PAUSES = 0.98, 10
 
 
 class LineFramer(Framer):
-    """Cuts a stream into lines, each with its end character.
+    """Divides a stream into lines, each with its end character.
 
-    refuse  : why a line (without its end) is no message, "" when it is one
-    ends    : characters that end a line; longest : most bytes of a line with its end
-    begun   : the first byte fed is the first of a line
+    refuse : reason why a line (without its end) is not a message, otherwise ""; ends : characters that end a line
+    max_length : of a line with its end [bytes]; starts_with_line : the first byte is the first of a line
     """
 
     def __init__(
-        self, refuse: Callable[[bytes], str], counters: Counters, *, longest: int, begun: bool, ends: bytes = b"\r\n"
+        self,
+        refuse: Callable[[bytes], str],
+        counters: Counters,
+        *,
+        max_length: int,
+        starts_with_line: bool,
+        ends: bytes = b"\r\n",
     ) -> None:
-        super().__init__(self._measure_line, counters, limit=longest + 1)
+        super().__init__(self._measure_line, counters, limit=max_length + 1)
         self._refuse = refuse
-        self._longest = longest
-        self._begun = begun
-        self._each_begins = begun
+        self._max_length = max_length
+        self._starts_line = starts_with_line
+        self._each_begins = starts_with_line
         self._last_ns: int | None = None
         self._usual_ns, self._pauses = 0.0, 0
         self._end = re.compile(b"[" + re.escape(ends) + b"]")
@@ -52,35 +56,35 @@ class LineFramer(Framer):
         if data:
             pause_ns = t_rx_ns - self._last_ns if self._last_ns is not None else 0
             self._last_ns = t_rx_ns
-            if self._is_torn(pause_ns):
-                self._begun = False
+            if self._is_interrupted(pause_ns):
+                self._starts_line = False
         return super().feed(data, t_rx_ns)
 
-    def _is_torn(self, pause_ns: int) -> bool:
-        """May something be missing between the last read and this one?"""
+    def _is_interrupted(self, pause_ns: int) -> bool:
+        """May bytes be missing between the last read and this one?"""
         if self._counters.held:
             return pause_ns >= LINE_TIMEOUT_NS
-        known, usual_ns = self._pauses >= MIN_PAUSES and not self._each_begins, self._usual_ns
+        is_known, usual_ns = self._pauses >= MIN_PAUSES and not self._each_begins, self._usual_ns
         self._pauses += 1
         self._usual_ns = max(pause_ns, PAUSE_DECAY * usual_ns)
-        return known and pause_ns >= max(LINE_TIMEOUT_NS, MAX_PAUSE_RATIO * usual_ns)
+        return is_known and pause_ns >= max(LINE_TIMEOUT_NS, MAX_PAUSE_RATIO * usual_ns)
 
     def _measure_line(self, buffer: bytearray) -> int | Skip:
-        found = self._end.search(buffer, 0, self._longest)
-        if found is None:
+        match = self._end.search(buffer, 0, self._max_length)
+        if match is None:
             return self._measure_open(buffer)
-        size = found.end()
-        begun, self._begun = self._begun, True
+        size = match.end()
+        is_whole, self._starts_line = self._starts_line, True
         if size == 1:
             return size
-        if not begun:
+        if not is_whole:
             return Skip(size, "no_beginning")
         reason = self._refuse(bytes(buffer[: size - 1]))
         return Skip(size, reason) if reason else size
 
     def _measure_open(self, buffer: bytearray) -> int | Skip:
-        """No end yet."""
-        if len(buffer) < self._longest:
+        """An incomplete line."""
+        if len(buffer) < self._max_length:
             return 0
-        self._begun = False
-        return Skip(self._longest, "too_long")
+        self._starts_line = False
+        return Skip(self._max_length, "too_long")

@@ -2,7 +2,7 @@
 
 Document: IS-GPS-200, 20.3.3 (subframes, figure 20-1; tables 20-I and 20-III: bits, scale factors, units).
 
-A subframe is taken without its parity: ten words of 24 bits, 30 bytes.  Numbers of bits count from 0 in these:
+A subframe has no parity here: ten words of 24 bits, 30 bytes.  Bits are counted from 0:
 
     all   0 preamble 0x8B | 24 time of the week, 17 | 41 alert | 43 number of the subframe, 3
     1     48 week, 10 | 60 accuracy, 4 | 64 health, 6 | 70 IODC, 2 | 160 TGD, 8 | 168 IODC, 8 | 176 toc, 16 | 192 af2, 8
@@ -47,7 +47,7 @@ class Subframe:
         return math.ldexp((self.unsigned(at, bits) ^ half) - half, exponent)
 
     def angle(self, at: int, bits: int, exponent: int) -> float:
-        """The same of semicircles, in radians."""
+        """``signed`` in semicircles, converted to radians."""
         return math.pi * self.signed(at, bits, exponent)
 
     @property
@@ -63,7 +63,7 @@ class Subframe:
 
 
 def read_ephemeris(number: int, subframes: Sequence[Subframe], stamp: Stamp) -> Ephemeris | None:
-    """The ephemeris in subframes 1, 2 and 3 of a satellite; None where they are not these, or of different issues."""
+    """The ephemeris in subframes 1, 2 and 3 of a satellite; None if the numbers or the issues do not match."""
     clock, orbit, plane = subframes
     if [each.number for each in subframes] != [1, 2, 3] or len({each.issue for each in subframes}) != 1:
         return None

@@ -32,18 +32,18 @@ def number(text: str) -> float | None:
     if not text:
         return None
     if not _NUMBER.fullmatch(text):
-        raise ValueError(f"{text!r} is no number")
+        raise ValueError(f"{text!r} is not a number")
     return float(text)
 
 
 def dilution(text: str) -> float | None:
-    """A dilution of precision; receivers that have none say 0, 99.0 or 99.99."""
+    """A dilution of precision; 0, 99.0 and 99.99 mean none."""
     value = number(text)
     return value if value is not None and 0.0 < value < 99.0 else None
 
 
 def quantity(text: str, letter: str, unit: str) -> float | None:
-    """A number and the field behind it, the letter of its unit, that may be missing but not be another."""
+    """A number with the unit letter in the next field, which may be empty but not different."""
     if letter not in ("", unit):
         raise ValueError(f"{letter!r} is not the unit {unit!r}")
     return number(text)
@@ -54,7 +54,7 @@ def integer(text: str) -> int | None:
     if not text:
         return None
     if not _INTEGER.fullmatch(text):
-        raise ValueError(f"{text!r} is no whole number")
+        raise ValueError(f"{text!r} is not a whole number")
     return int(text)
 
 
@@ -62,24 +62,24 @@ def time_of_day(text: str) -> int | None:
     """hhmmss.sss as time of the day [ns]; a leap second is allowed, and 24:00:00 for the end of the day."""
     if not text:
         return None
-    found = _TIME.fullmatch(text)
-    if not found:
-        raise ValueError(f"{text!r} is no time")
-    hour, minute, second = (int(found[i]) for i in (1, 2, 3))
+    match = _TIME.fullmatch(text)
+    if not match:
+        raise ValueError(f"{text!r} is not a time")
+    hour, minute, second = (int(match[i]) for i in (1, 2, 3))
     if minute > 59 or second > 60 or (hour, minute, second) > (24, 0, 0):
-        raise ValueError(f"{text!r} is no time")
-    fraction = int(f"{found[4] or '':0<9}")
+        raise ValueError(f"{text!r} is not a time")
+    fraction = int(f"{match[4] or '':0<9}")
     return ((hour * 60 + minute) * 60 + second) * 1_000_000_000 + fraction
 
 
 def day(text: str) -> date | None:
-    """ddmmyy; years below 80 are of this century.  None when there is none, or zeros for it."""
+    """ddmmyy; years below 80 are of this century.  None if empty or zero."""
     if not text or text == "000000":
         return None
-    found = _DATE.fullmatch(text)
-    if not found:
-        raise ValueError(f"{text!r} is no date")
-    return date(full_year(int(found[3])), int(found[2]), int(found[1]))
+    match = _DATE.fullmatch(text)
+    if not match:
+        raise ValueError(f"{text!r} is not a date")
+    return date(full_year(int(match[3])), int(match[2]), int(match[1]))
 
 
 def full_year(year: int) -> int:
@@ -91,11 +91,11 @@ def angle(text: str, side: str, sides: str, limit_deg: float) -> float | None:
     """ddmm.mmm and the letter of its side as radians, positive on the first of the two sides."""
     if not text:
         return None
-    found = _ANGLE.fullmatch(text)
-    if not found or len(side) != 1 or side not in sides:
-        raise ValueError(f"{text!r} {side!r} is no angle")
-    minutes = float(found[2])
-    degrees = int(found[1] or 0) + minutes / 60
+    match = _ANGLE.fullmatch(text)
+    if not match or len(side) != 1 or side not in sides:
+        raise ValueError(f"{text!r} {side!r} is not an angle")
+    minutes = float(match[2])
+    degrees = int(match[1] or 0) + minutes / 60
     if minutes >= 60 or degrees > limit_deg:
         raise ValueError(f"{text!r} is out of range")
     return math.radians(degrees if side == sides[0] else -degrees)

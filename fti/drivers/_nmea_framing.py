@@ -11,7 +11,7 @@ import re
 from fti.drivers import _nmea_fields as fields
 from fti.drivers._framing import Skip
 
-#: The standard says 82; receivers with more digits send up to about 100.
+#: The standard allows 82; receivers with more digits send up to about 100.
 MAX_SENTENCE = 160
 
 _BODY = re.compile(rb"[\x20\x22-\x23\x25-\x7e]*")
@@ -20,13 +20,13 @@ _OPEN_END = re.compile(rb"\r{0,2}\Z")
 
 
 def measure_sentence(buffer: bytearray, bare: bool = False) -> int | Skip:
-    """A sentence that begins here; nothing up to its first strange byte can be the start of another.
+    """Size of the sentence at the start; up to its first invalid byte no other sentence can begin.
 
-    bare : a sentence without asterisk and checksum is one, too
+    bare : accept a sentence without asterisk and checksum
     """
-    found = _BODY.match(buffer, 1)
-    assert found is not None
-    end = found.end()
+    match = _BODY.match(buffer, 1)
+    assert match is not None
+    end = match.end()
     if end >= MAX_SENTENCE:
         return Skip(end, "too_long")
     if _OPEN_END.match(buffer, end):
@@ -34,12 +34,12 @@ def measure_sentence(buffer: bytearray, bare: bool = False) -> int | Skip:
     line_end = _END.match(buffer, end)
     if line_end is None:
         return Skip(end, "bad_character")
-    reason = _refused(buffer[1:end], bare)
+    reason = _refusal_reason(buffer[1:end], bare)
     return Skip(end, reason) if reason else line_end.end()
 
 
-def _refused(body: bytearray, bare: bool) -> str:
-    """Why this is no sentence; "" when it is one.  body : between its start and the end of the line."""
+def _refusal_reason(body: bytearray, bare: bool) -> str:
+    """Reason why this is not a sentence, otherwise "".  body : between its start and the end of the line."""
     if b"*" not in body:
         return "" if bare and len(body) >= 6 else "no_checksum"
     if len(body) < 6 or body[-3] != ord("*"):

@@ -1,4 +1,4 @@
-"""What NMEA 0183 sentences say; their fields stand in ``nmea0183``."""
+"""Decoding of NMEA 0183 sentences; ``nmea0183`` lists their fields."""
 
 from __future__ import annotations
 
@@ -35,24 +35,24 @@ PUBX_FIXES = {
     "RK": "gnss_dead_reckoning", "TT": "time_only",
 }  # fmt: skip
 PUBX_MEASURED = frozenset({"G2", "G3", "D2", "D3", "RK"})
-#: So long the sigma of a GST holds.
+#: Validity of the sigma of a GST.
 SIGMA_NS = 10 * SECOND_NS
 KM_PER_HOUR = 1 / 3.6
-#: The weak checksum lets some damaged sentences pass; their names are counted as one.
+#: Some damaged sentences pass the weak checksum; their names are counted together.
 UNKNOWN_NAME = "(strange)"
 _NAME = re.compile(r"[A-Z0-9]{3,5}|P[A-Z0-9]{5,11}|PUBX,[0-9]{2}")
-#: So many names of other sentences are counted apart.
+#: Limit of names of other sentences that are counted separately.
 MAX_UNKNOWN_NAMES = 100
 
 
 class Sentences:
-    """What the sentences of one receiver say."""
+    """Decoder of the sentences of one receiver."""
 
     def __init__(self) -> None:
         self._calendar = Calendar()
         self._sky = SkyView()
         self._sigma: tuple[int, float | None, float | None] | None = None  # time of the day, horizontal, vertical
-        self._fix: bool | None = None  # the newest that was stated
+        self._fix: bool | None = None  # of the newest sentence with a fix
         self._unknown_names: set[str] = set()
         self._readers: dict[str, Callable[[list[str], int], list[Measurement]]] = {
             "GGA": self._gga, "GNS": self._gns, "RMC": self._rmc, "GLL": self._gll, "VTG": self._vtg,
@@ -61,19 +61,19 @@ class Sentences:
         }  # fmt: skip
 
     def read(self, frame: bytes, t_rx_ns: int) -> tuple[str, list[Measurement]]:
-        """The name of a sentence, and what it says; "... malformed" when its fields make no sense."""
+        """Name and measurements of a sentence; the name is "... malformed" if its fields are invalid."""
         f = split(frame)
         name = self._bounded(_name(f))
         reader = self._readers.get(name)
         if name != "GSA":
-            self._sky.other()
+            self._sky.end_gsa_run()
         try:
             return name, reader(f, t_rx_ns) if reader else []
         except (ValueError, IndexError, OverflowError):
             return f"{name} malformed", []
 
     def _bounded(self, name: str) -> str:
-        """The name, when it is known or one of the first others: what is counted must not grow without end."""
+        """The name, if it is known or one of the first MAX_UNKNOWN_NAMES: the counters must be bounded."""
         if name in self._readers or name in self._unknown_names:
             return name
         if len(self._unknown_names) >= MAX_UNKNOWN_NAMES:
@@ -106,7 +106,7 @@ class Sentences:
         if day is not None and of_day_ns is not None:
             self._calendar.set(day, of_day_ns)
         elif f[2] != "A":
-            self._calendar.forget()
+            self._calendar.clear()
         stamp = self._calendar.stamp(t_rx_ns, of_day_ns)
         ok = self._fix = f[2] == "A" and _measured(f, 12)
         velocity = _velocity(stamp, _knots(f[7]), f[8], ok)
@@ -148,7 +148,7 @@ class Sentences:
     # ---------------------------------------------------------------------------------- velocity, satellites, time
 
     def _vtg(self, f: list[str], t_rx_ns: int) -> list[Measurement]:
-        """Without a mode it is as good as the newest fix that was stated: receivers without one send zeros."""
+        """Without a mode its validity is that of the newest fix: receivers without a fix send zeros."""
         ok = _measured(f, 9) if len(f) > 9 and f[9] else self._fix is not False
         if len(f) <= 6:  # before 2.0: without the units
             return _velocity(Stamp(t_rx_ns), _knots(f[3]), f[1], ok)
@@ -161,12 +161,12 @@ class Sentences:
 
     def _gsa(self, f: list[str], t_rx_ns: int) -> list[Measurement]:
         pdop, hdop, vdop = (fields.dilution(text) for text in f[15:18])
-        satellites = self._sky.used(f)
+        satellites = self._sky.read_gsa(f)
         return [Satellites(stamp=Stamp(t_rx_ns), satellites=satellites, hdop=hdop, vdop=vdop, pdop=pdop)]
 
     def _gsv(self, f: list[str], t_rx_ns: int) -> list[Measurement]:
-        found = self._sky.view(f, t_rx_ns)
-        return [] if found is None else [found]
+        satellites = self._sky.read_gsv(f, t_rx_ns)
+        return [] if satellites is None else [satellites]
 
     def _zda(self, f: list[str], t_rx_ns: int) -> list[Measurement]:
         of_day_ns = fields.time_of_day(f[1])
@@ -177,7 +177,7 @@ class Sentences:
         return [DeviceTime(stamp=self._calendar.stamp(t_rx_ns, of_day_ns))]
 
     def _pashr(self, f: list[str], t_rx_ns: int) -> list[Measurement]:
-        """Attitude, with sigma where it is given; other sentences of that name say other things."""
+        """Attitude, with sigma if given; PASHR also has other formats, which are ignored."""
         if len(f) < 10 or f[3] != "T":
             return []
         heading, roll, pitch = (_radians(f[i]) for i in (2, 4, 5))
@@ -236,7 +236,7 @@ def _name(f: list[str]) -> str:
 
 
 def _lat_lon(f: list[str], ok: bool) -> tuple[float | None, float | None]:
-    """Latitude and longitude [rad]; receivers without a fix put impossible ones, and that is no error."""
+    """Latitude and longitude [rad]; impossible values of receivers without a fix are not an error."""
     try:
         return fields.angle(f[0], f[1], "NS", 90.0), fields.angle(f[2], f[3], "EW", 180.0)
     except ValueError:
@@ -246,7 +246,7 @@ def _lat_lon(f: list[str], ok: bool) -> tuple[float | None, float | None]:
 
 
 def _measured(f: list[str], at: int) -> bool:
-    """Whether the mode indicator in that field, if there is one, says that something was measured."""
+    """Does the mode indicator in that field, if any, mean a measurement?"""
     return len(f) <= at or not f[at] or f[at] in MEASURED_MODES
 
 
@@ -278,6 +278,6 @@ def _velocity(stamp: Stamp, ground_speed: float | None, course_deg: str, ok: boo
     if ground_speed is None and course is None and ok:
         return []
     if ground_speed is not None and ground_speed < 0.0:
-        raise ValueError(f"a ground speed is not {ground_speed} m/s")
+        raise ValueError(f"ground speed {ground_speed} m/s is negative")
     track = None if course is None else wrap_heading(course)
     return [Velocity(stamp=stamp, ground_speed=ground_speed, track=track, valid=ok and ground_speed is not None)]

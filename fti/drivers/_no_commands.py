@@ -1,6 +1,6 @@
-"""The sending side of a device that talks by itself: nothing is told, nothing is asked, no command is taken.
+"""Driver functions of a device without on_connect messages, poll and commands.
 
-A driver of such a device imports these names; one that must be asked has its own.
+A driver of such a device imports these names.
 """
 
 from __future__ import annotations
@@ -10,20 +10,20 @@ from collections.abc import Mapping
 from fti.config import StrictModel
 from fti.drivers import Command
 
-#: No command is taken.
+#: The device has no commands.
 COMMANDS: Mapping[str, Command] = {}
 
 
 def on_connect(options: StrictModel) -> list[bytes]:
-    """Nothing must be told."""
+    """No messages."""
     return []
 
 
 def poll(options: StrictModel) -> tuple[float, bytes] | None:
-    """Nothing is asked."""
+    """No request."""
     return None
 
 
 def command(name: str, args: Mapping[str, str], options: StrictModel | None = None) -> bytes:
-    """No command is taken."""
-    raise ValueError(f"the device takes no commands, and {name!r} is one")
+    """Raises ValueError: the device has no commands."""
+    raise ValueError(f"no command {name!r}; the device has no commands")

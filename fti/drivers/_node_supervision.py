@@ -1,13 +1,13 @@
-"""What a bus tells about its nodes beside their values: messages lost and repeated, nodes that fell silent.
+"""Supervision of the nodes of a bus: lost and repeated messages, silent nodes.
 
-Rolling counter   the counter of a message goes up by one each time and rolls over.  A step of n + 1 is n messages
-                  lost; no step is a message that came twice, told once for a node that does not count at all.
-                  A node that starts again looks like a loss.
-Silence           a decoder has no clock, so the stamps of all frames on the bus are the clock: at a frame, a node that
-                  was heard before is silent when its last message is more than N periods old, N being
-                  ``silent_after``.  The period of a node is that of its fastest message: as its DBC states, or else
-                  the running mean of its intervals once there are four, learned anew after every silence.  When the
-                  whole bus is silent nobody is told until the next frame; the state of the link says so meanwhile.
+Rolling counter   the counter of a message increases by one each time and rolls over.  A step of n + 1 means n lost
+                  messages; no step means a repeated message, reported once for a node that does not count at all.
+                  A restart of a node looks like a loss.
+Silence           a decoder has no clock; the stamps of all frames on the bus replace it.  A known node is silent when
+                  its last message is older than ``silent_after`` periods at a frame.  The period of a node is that of
+                  its fastest message: from the DBC, otherwise the running mean of its intervals after four of them,
+                  estimated again after every silence.  While the whole bus is silent nothing is reported until the
+                  next frame; the state of the link shows it meanwhile.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from dataclasses import dataclass, field
 from fti.types import DeviceStatus, Stamp
 
 MIN_INTERVALS = 4
-#: So many messages are watched; when there are more, those heard once are forgotten.
+#: Limit of supervised messages; beyond it, messages received only once are discarded.
 MAX_STREAMS = 256
-#: How much of each new interval goes into the mean.
+#: Weight of a new interval in the mean.
 MEAN_WEIGHT = 0.125
 NO_FLAGS: tuple[str, ...] = ()
 
@@ -34,22 +34,22 @@ class _Stream:
     name: str
     period_ns: float
     missing: int
-    heard: int = 0
+    count: int = 0
     last_ns: int = 0
     code: int | None = None
     repeats: bool = False
     is_stated: bool = False
 
-    def take(self, t_rx_ns: int, code: int | None, modulus: int) -> int:
-        """How many were lost before this one; -1 when it came twice."""
+    def update(self, t_rx_ns: int, code: int | None, modulus: int) -> int:
+        """Number of messages lost before this one; -1 if it is a repetition."""
         before, self.code, self.last_ns = self.code, code, t_rx_ns
-        self.heard += 1
+        self.count += 1
         if code is None or before is None:
             return 0
         return (code - before) % modulus - 1
 
     def learn(self, interval: int) -> bool:
-        """Take an interval into the mean; true when the period has just become known."""
+        """Update the mean with an interval; true when the period becomes known."""
         self.period_ns += (interval - self.period_ns) * (MEAN_WEIGHT if self.period_ns else 1.0)
         self.missing -= 1
         return self.missing == 0
@@ -63,11 +63,11 @@ class _Node:
     streams: list[_Stream] = field(default_factory=list)
 
     def period(self) -> float:
-        """Of its fastest message; infinite when none is known."""
+        """Period of its fastest message [ns]; infinite if unknown."""
         return min((s.period_ns for s in self.streams if s.missing <= 0), default=math.inf)
 
     def resume(self) -> None:
-        """It speaks again: silence was no interval, and it may speak at another rate; what is not stated is learned."""
+        """End of a silence: estimate periods that the DBC does not state again; the rate may have changed."""
         self.is_silent = False
         for stream in self.streams:
             if not stream.is_stated:
@@ -75,9 +75,9 @@ class _Node:
 
 
 class NodeSupervisor:
-    """Watches the messages of one bus.  lost, repeated : how many so far, by message.
+    """Supervises the messages of one bus.  lost, repeated : numbers by message.
 
-    silent_after : periods without a message after which a node counts as silent
+    silent_after : periods without a message until a node counts as silent
     """
 
     def __init__(self, silent_after: float, lost: Counter[str]) -> None:
@@ -85,11 +85,11 @@ class NodeSupervisor:
         self._silent_after = silent_after
         self._streams: dict[Hashable, _Stream] = {}
         self._nodes: dict[Hashable, _Node] = {}
-        self._look_ns = math.inf
+        self._next_check_ns = math.inf
 
     def tick(self, t_rx_ns: int) -> tuple[str, ...]:
-        """A frame of anybody's arrived: who is silent now?"""
-        return NO_FLAGS if t_rx_ns < self._look_ns else self._overdue(t_rx_ns)
+        """A frame arrived on the bus; returns the nodes that are newly silent, as flags."""
+        return NO_FLAGS if t_rx_ns < self._next_check_ns else self._overdue(t_rx_ns)
 
     def handle_message(
         self,
@@ -101,46 +101,46 @@ class NodeSupervisor:
         modulus: int = 256,
         cycle_ns: int | None = None,
     ) -> tuple[str, ...]:
-        """A message of a node arrived; conditions to be told.  code : its counter; cycle_ns : period, when stated."""
-        told = self.tick(t_rx_ns)
+        """A message of a node arrived; returns flags to report.  code : its counter; cycle_ns : stated period."""
+        conditions = self.tick(t_rx_ns)
         stream = self._streams.get((node, message)) or self._new_stream(node, message, cycle_ns)
         if stream is None:
-            return told
-        speaker = self._nodes[node]
+            return conditions
+        sender = self._nodes[node]
         interval = t_rx_ns - stream.last_ns if stream.last_ns else 0
-        missed = stream.take(t_rx_ns, code, modulus)
-        speaker.last_ns = t_rx_ns
+        missed = stream.update(t_rx_ns, code, modulus)
+        sender.last_ns = t_rx_ns
         if missed:
-            told += self._count(stream, missed)
+            conditions += self._count(stream, missed)
         elif stream.repeats:
             stream.repeats = False
-        if speaker.is_silent:
-            speaker.resume()
+        if sender.is_silent:
+            sender.resume()
             stream.last_ns = t_rx_ns
-            self._look_ns = min(self._look_ns, t_rx_ns)
-            told += (f"node_{speaker.name}_back",)
+            self._next_check_ns = min(self._next_check_ns, t_rx_ns)
+            conditions += (f"node_{sender.name}_back",)
         elif cycle_ns is None and interval > 0 and stream.learn(interval):
-            self._look_ns = min(self._look_ns, t_rx_ns)
-        return told
+            self._next_check_ns = min(self._next_check_ns, t_rx_ns)
+        return conditions
 
     def _new_stream(self, node: int | str, message: str, cycle_ns: int | None) -> _Stream | None:
-        """A message that was not watched yet; None when there is no room for it."""
+        """Supervise a new message; None when the limit is reached."""
         if len(self._streams) >= MAX_STREAMS:
-            self._forget()
+            self._discard_rare()
             if len(self._streams) >= MAX_STREAMS:
                 return None
         stream = _Stream(message, cycle_ns or 0.0, 0 if cycle_ns else MIN_INTERVALS, is_stated=bool(cycle_ns))
         self._streams[node, message] = stream
         self._nodes.setdefault(node, _Node(str(node))).streams.append(stream)
         if cycle_ns:
-            self._look_ns = 0
+            self._next_check_ns = 0
         return stream
 
-    def _forget(self) -> None:
-        """What was heard once is noise, or so seldom that nothing can be said of it."""
-        self._streams = {key: stream for key, stream in self._streams.items() if stream.heard > 1}
+    def _discard_rare(self) -> None:
+        """Discard messages received only once: noise, or too infrequent for supervision."""
+        self._streams = {key: stream for key, stream in self._streams.items() if stream.count > 1}
         for node in self._nodes.values():
-            node.streams = [stream for stream in node.streams if stream.heard > 1]
+            node.streams = [stream for stream in node.streams if stream.count > 1]
         self._nodes = {key: node for key, node in self._nodes.items() if node.streams}
 
     def _count(self, stream: _Stream, missed: int) -> tuple[str, ...]:
@@ -152,21 +152,21 @@ class NodeSupervisor:
         return (f"{stream.name}_lost_{missed}",)
 
     def _overdue(self, t_rx_ns: int) -> tuple[str, ...]:
-        """Who has become silent; and when to look again: the time at which the next one could be."""
-        told = NO_FLAGS
-        self._look_ns = math.inf
+        """Flags of newly silent nodes; sets the time of the next possible one."""
+        conditions = NO_FLAGS
+        self._next_check_ns = math.inf
         for node in self._nodes.values():
             if node.is_silent:
                 continue
             due = node.last_ns + self._silent_after * node.period()
             if t_rx_ns > due:
                 node.is_silent = True
-                told += (f"node_{node.name}_silent",)
+                conditions += (f"node_{node.name}_silent",)
             else:
-                self._look_ns = min(self._look_ns, due)
-        return told
+                self._next_check_ns = min(self._next_check_ns, due)
+        return conditions
 
 
-def node_status(stamp: Stamp, told: tuple[str, ...]) -> DeviceStatus:
-    """What is told, as the device's status: in order when all that happened is that nodes came back."""
-    return DeviceStatus(stamp=stamp, ok=all(flag.endswith("_back") for flag in told), flags=told)
+def node_status(stamp: Stamp, conditions: tuple[str, ...]) -> DeviceStatus:
+    """Device status with these flags; ok if nodes only returned."""
+    return DeviceStatus(stamp=stamp, ok=all(flag.endswith("_back") for flag in conditions), flags=conditions)

@@ -1,4 +1,4 @@
-"""The emulator's end of a device that speaks only when it is asked."""
+"""The emulator's side of a device that sends only on request."""
 
 from __future__ import annotations
 
@@ -6,24 +6,24 @@ MAX_HELD_BYTES = 256
 
 
 class PolledDevice:
-    """Keeps the last message, and gives it for every question; without a question, messages go out at once."""
+    """Answers every request with the last message; without a request, sends messages at once."""
 
-    def __init__(self, question: bytes) -> None:
-        self._question = question
+    def __init__(self, request: bytes) -> None:
+        self._request = request
         self._last: list[bytes] = []
-        self._heard = b""
+        self._pending = b""
 
     def offer(self, messages: list[bytes]) -> list[bytes]:
-        """What goes out of these messages now."""
-        if not self._question:
+        """The messages to send now."""
+        if not self._request:
             return messages
         self._last = messages or self._last
         return []
 
     def respond(self, data: bytes) -> list[bytes]:
-        """The answers to the questions that are complete with these bytes."""
-        if not self._question:
+        """Answers to the requests that these bytes complete."""
+        if not self._request:
             return []
-        *questions, rest = (self._heard + data).split(self._question)
-        self._heard = rest[-MAX_HELD_BYTES:]
-        return self._last * len(questions)
+        *requests, rest = (self._pending + data).split(self._request)
+        self._pending = rest[-MAX_HELD_BYTES:]
+        return self._last * len(requests)

@@ -1,6 +1,6 @@
-"""Quantities by name, for protocols whose messages are a table that the user can change (ARINC 429 labels, a DBC).
+"""Quantities by name, for protocols with user-defined message tables (ARINC 429 labels, DBC).
 
-A quantity is one field of one measurement; a unit of the wire is a factor and an offset to SI.
+A quantity is a field of a measurement class; a unit is a factor and an offset to SI.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ DIMENSIONS = (
 class Quantity:
     """One field of one measurement class.
 
-    unit  : the SI unit; sign : -1 where the wire counts the other way; constant : fixed fields of the measurement
+    unit  : the SI unit; sign : -1 if the wire has the opposite sign; constant : fixed fields of the measurement
     """
 
     measurement: type[Any]
@@ -91,20 +91,20 @@ class Quantity:
         """The measurement that carries this value; None when there is no value and the class must have one."""
         if value is None and self.field in _REQUIRED:
             return None
-        found: Measurement = self.measurement(
+        measurement: Measurement = self.measurement(
             stamp=stamp, valid=valid, **dict(self.constant), **{self.field: self._signed(value)}
         )
-        return found
+        return measurement
 
     def maker(self) -> Callable[[Stamp, float, bool], Measurement]:
-        """``make`` for values that there are, for buses that bring thousands a second."""
-        made = fast_maker(self.measurement, self.field, dict(self.constant))
+        """``make`` for existing values, for buses with thousands of messages a second."""
+        make = fast_maker(self.measurement, self.field, dict(self.constant))
         if self.sign == 1 and self.field not in ("heading", "track"):
-            return made
-        return lambda stamp, value, valid: made(stamp, self._signed(value), valid)
+            return make
+        return lambda stamp, value, valid: make(stamp, self._signed(value), valid)
 
     def pick(self, measurement: Measurement) -> float | None:
-        """The value in a measurement that this quantity carries; None when it carries none of it."""
+        """The value of this quantity in a measurement; None if the measurement does not carry it."""
         if type(measurement) is not self.measurement:
             return None
         for name, constant in self.constant:
@@ -114,7 +114,7 @@ class Quantity:
         return value if value is None or self.sign == 1 else value * self.sign
 
     def is_empty(self, measurement: Measurement) -> bool:
-        """True when the measurement is of this class and says nothing but that it is not valid."""
+        """Is the measurement of this class, invalid and without any value?"""
         return (
             type(measurement) is self.measurement
             and not getattr(measurement, "valid", True)
@@ -173,7 +173,7 @@ _VALUES = frozenset(q.field for q in QUANTITIES.values())
 
 
 def to_si(quantity: str, unit: str) -> tuple[float, float]:
-    """Factor and offset from a unit of the wire.  Raises ValueError when the unit does not measure that quantity."""
+    """Factor and offset from a unit of the wire.  Raises ValueError if the unit does not fit the quantity."""
     si = QUANTITIES[quantity].unit
     allowed = next(group for group in DIMENSIONS if si in group)
     if unit not in allowed:

@@ -1,4 +1,4 @@
-"""What the drivers of laser rangefinders share: a distance that means "no return" never becomes a range."""
+"""Common parts of laser rangefinder drivers: a distance that means "no return" never becomes a range."""
 
 from __future__ import annotations
 
@@ -6,26 +6,26 @@ from collections.abc import Sequence
 
 from fti.types import Range, Stamp
 
-#: What LightWare's products say without a return [m]: 130.00 is printed in the SF11 manual (menu n); the others stand
-#: in ArduPilot's list of such distances, without models.
+#: Distances of LightWare products without a return [m]: 130.00 is in the SF11 manual (menu n), the others in
+#: ArduPilot's list of such distances, without models.
 LOST_M = (130.0, 160.0, 230.0, 250.0)
 HALF_MM = 0.0005
 
 
 def is_lost(distance: float, lost_m: Sequence[float]) -> bool:
-    """True when a distance [m] is negative or one of those that mean "no return"."""
+    """Is a distance [m] negative or one that means "no return"?"""
     return distance < 0.0 or any(abs(distance - lost) < HALF_MM for lost in lost_m)
 
 
 def make_range(stamp: Stamp, distance: float, lost_m: Sequence[float]) -> Range:
-    """The range of a distance that the device told [m]."""
+    """The range of a distance [m] of the device."""
     if is_lost(distance, lost_m):
         return Range(stamp=stamp, slant_range=None, valid=False)
     return Range(stamp=stamp, slant_range=distance)
 
 
 def wire_distance(measurement: Range, lost_m: Sequence[float]) -> float:
-    """What the device says [m] for a range; -1 for a lost one when no distance means that."""
+    """Distance [m] of the device for a range; -1 for a lost one if no distance is defined."""
     if measurement.valid and measurement.slant_range is not None:
         return max(measurement.slant_range, 0.0)
     return lost_m[0] if lost_m else -1.0

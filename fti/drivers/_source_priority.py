@@ -1,11 +1,12 @@
-"""Which message counts where several carry the same quantity, and what becomes of the others.
+"""Priority of sources: selects one message where several messages of a device carry the same quantity.
 
-A measurement does not say which message it comes from, so a consumer must never get two kinds of it from one device:
-the position of the system and that of its receiver's antenna, raw inertial data and corrected ones.  What gives way
-becomes Readings with the names of message and field: nothing is lost, and nothing is mixed.
+A measurement does not identify its message.  A consumer must therefore get one source of each quantity of a device, for
+example either the position of the system or that of the antenna.  Measurements of other messages become Readings
+with the names of message and field, so that no data are lost or mixed.
 
-A better message takes over as soon as it is valid, a lesser one when no better one was valid for five seconds; while
-neither is, the one that counted last goes on to say so.
+1. A message with a higher priority becomes the source as soon as it is valid.
+2. A message with a lower priority becomes the source after no higher one was valid for five seconds.
+3. While none is valid, the last source remains, and reports that it is not valid.
 """
 
 from __future__ import annotations
@@ -15,9 +16,9 @@ from dataclasses import dataclass, fields
 
 from fti.types import Measurement, RadioHeight, Range, Reading
 
-#: Quantity -> place of a message among those that carry it, 0 the best.
+#: Quantity -> priority of a message among those that carry it, 0: highest.
 Ranks = Mapping[type, int]
-#: For so long after a better message the others give way [ns].
+#: A source keeps its priority for this time after its last valid message [ns].
 SOURCE_TIMEOUT_NS = 5_000_000_000
 
 HEIGHTS = ("slant_range", "height_agl")
@@ -33,7 +34,7 @@ UNIT_OF = {name: unit for unit, names in UNITS.items() for name in names}
 
 @dataclass(slots=True)
 class ActiveSource:
-    """The message that counts: its rank, when it came last, when it was valid last (None: never) [ns]."""
+    """The present source: rank, last arrival, last valid arrival (None: never) [ns]."""
 
     rank: int
     received_ns: int
@@ -43,7 +44,7 @@ class ActiveSource:
 def ranks_of(preferred: Mapping[type, tuple[tuple[str, ...], ...]]) -> dict[str, dict[type, int]]:
     """Message -> ranks.
 
-    preferred : the messages that carry a quantity, best first; those in one line come from one source and say the same
+    preferred : groups of messages that carry a quantity, highest priority first; a group has one source
     """
     ranks: dict[str, dict[type, int]] = {}
     for kind, lines in preferred.items():
@@ -54,15 +55,15 @@ def ranks_of(preferred: Mapping[type, tuple[tuple[str, ...], ...]]) -> dict[str,
 
 
 class SourcePriority:
-    """Remembers which message last carried each quantity.  A height above ground is one, whatever has measured it."""
+    """Keeps the present source of each quantity.  Range and RadioHeight count as one quantity."""
 
     def __init__(self) -> None:
         self._sources: dict[type, ActiveSource] = {}
 
-    def select(self, name: str, ranks: Ranks, found: list[Measurement]) -> list[Measurement]:
-        """The measurements of a message; those that give way as Readings."""
+    def select(self, name: str, ranks: Ranks, measurements: list[Measurement]) -> list[Measurement]:
+        """The measurements of a message; those of other sources converted to Readings."""
         out: list[Measurement] = []
-        for m in found:
+        for m in measurements:
             rank = ranks.get(type(m))
             if rank is None or self._is_active(rank, m):
                 out.append(m)
@@ -85,7 +86,7 @@ class SourcePriority:
 
 
 def _takes_over(rank: int, valid: bool, now: int, source: ActiveSource) -> bool:
-    """Does a message of another rank count from now on?"""
+    """Does a message of another rank become the source?"""
     if valid and rank < source.rank:
         return True
     since = source.valid_ns if valid else source.received_ns

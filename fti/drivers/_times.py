@@ -1,7 +1,7 @@
-"""Device time scales: GPS week and second, UTC calendar, and how the emulator's end tells the time.
+"""Device time scales: GPS week and second, UTC calendar, and the device time of the emulator.
 
 GPS time counts from 1980-01-06 without leap seconds, UTC from 1970-01-01.  GPS - UTC = 18 s since 2017-01-01
-(IERS Bulletin C 52); earlier dates are older captures and keep the scale that their message has, unconverted.
+(IERS Bulletin C 52); earlier dates (older captures) are not converted.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def utc_date(t_utc_ns: int) -> tuple[date, int]:
 
 
 def device_time_ns(stamp: Stamp, scale: TimeScale) -> int:
-    """What an emulated device says [ns] in its scale: the stamp's device time, or else its t_rx_ns taken as UTC."""
+    """Device time of an emulated device [ns] in its scale: that of the stamp, otherwise t_rx_ns as UTC."""
     if stamp.t_dev_ns is not None and stamp.time_scale is scale:
         return stamp.t_dev_ns
     utc = stamp.t_rx_ns

@@ -1,18 +1,18 @@
-r"""Any device that sends lines of text: what they look like, and what they mean, stands in the configuration.
+r"""Any device that sends text lines; the configuration describes their format and meaning.
 
-Document: none; the options are the description (docs/add-a-sensor.md).  The template of a line is explained in
-``_template``, the fields in ``_fields``.
+Document: none; the options are the description (docs/add-a-sensor.md).  ``_line_template`` documents the template
+of a line, ``_fields`` the fields.
 
     line         "$WIMTA,{static_air_temperature:.1f},C*{checksum:02X}"       fields: name, unit, scale, lost, ...
-    terminator   each of its characters ends a line; written, all of them
-    checksum     over the bytes between ``after`` (its first place) and ``before`` (its last) the field {checksum:..}
+    terminator   each of its characters ends a line; all of them are sent
+    checksum     over the bytes between the first ``after`` and the last ``before``; the field is {checksum:..}
 
-A line that is not like the template is skipped (``other_line``; ``no_match`` where it has other than printable
-characters), one whose checksum does not hold, too.  A line whose beginning was not seen is not taken.
+A line that does not match the template is skipped (``other_line``; ``no_match`` if it has unprintable characters), also
+one with a wrong checksum or a missing beginning.
 
-The default is what is assumed of the ILM 500 laser altimeter, whose format is not public: metres as a decimal number,
-CR or CR LF, at most 500 m; without a return one of the distances by which LightWare's lasers say that (``_laser``), 0,
-a negative number, or a line "E<number>".
+The default is an assumption for the ILM 500 laser altimeter, whose format is not public: metres as a decimal number, CR
+or CR LF, at most 500 m; without a return a "no return" distance of LightWare lasers (``_rangefinder``), 0, a negative
+number, or a line "E<number>".
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ from fti.drivers._polled_device import PolledDevice
 from fti.drivers._rangefinder import LOST_M
 from fti.types import Measurement, Stamp
 
-DOCUMENT = "none: the configuration describes the line; the default is assumed of the ILM 500 laser altimeter"
-MESSAGES = {"line": "a line like the template", "lost_line": 'a line that means "no measurement"'}
+DOCUMENT = "none: the configuration describes the line; the default is an assumption for the ILM 500 laser altimeter"
+MESSAGES = {"line": "a line that matches the template", "lost_line": 'a line that means "no measurement"'}
 CARRIERS = frozenset({"serial", "udp"})
 COMMANDS: Mapping[str, Command] = {
     "send": Command("send a line; the terminator is added", {"text": "the line, 1 to 256 characters"}, answered=False)
@@ -45,21 +45,21 @@ PRINTABLE = re.compile(rb"[\x20-\x7e\t]*")
 
 
 class LineChecksum(StrictModel):
-    """``kind``: the rule; ``after``, ``before``: the text between which it is taken, "" for the ends."""
+    """``kind``: the algorithm; ``after``, ``before``: delimiters of the covered text, "" : the ends of the line."""
 
     kind: ChecksumKind
     after: str = ""
     before: str = ""
 
-    def of(self, line: bytes) -> int:
-        """The checksum of what stands before {checksum} in a line."""
+    def compute(self, line: bytes) -> int:
+        """The checksum of the part of a line before {checksum}."""
         data = line.partition(self.after.encode("latin-1"))[2] if self.after else line
         data = data.rpartition(self.before.encode("latin-1"))[0] if self.before else data
-        return CHECKSUMS[self.kind].of(data)
+        return CHECKSUMS[self.kind].compute(data)
 
 
 class LinePoll(StrictModel):
-    """``send``: the question, with its terminator; ``every_s`` [s]."""
+    """``send``: the request, with its terminator; ``every_s``: period [s]."""
 
     every_s: Positive
     send: Annotated[str, pydantic.Field(min_length=1, max_length=MAX_COMMAND_BYTES)]
@@ -68,8 +68,8 @@ class LinePoll(StrictModel):
 class Options(StrictModel):
     r"""``line``: the template; ``lost_lines``: templates of lines that mean "no measurement".
 
-    ``longest``: most characters of a line; ``first_line``: "take" where the first bytes after a connect begin a line;
-    ``on_connect``: what the device is told after every connect, with terminators.
+    ``longest``: maximum length of a line; ``first_line``: "take" if the first bytes after a connect begin a line;
+    ``on_connect``: lines to the device after every connect, with terminators.
     """
 
     line: str = "{slant_range:f}"
@@ -84,65 +84,65 @@ class Options(StrictModel):
 
 
 class LineCodec:
-    """The templates and fields of the options, checked.  Raises ValueError that says what is wrong."""
+    """Codec of the lines of the options.  Raises ValueError for wrong options."""
 
     def __init__(self, options: Options) -> None:
         _check_characters(options)
         lost = {f.name: tuple(word for word in f.lost if isinstance(word, str)) for f in options.fields}
         self.template = Template(options.line, lost)
         self.lost = [_lost_line(text) for text in options.lost_lines]
-        least = len(self.template.write({})) + 1
-        if options.longest < least:
-            raise ValueError(f"longest = {options.longest}: a line with its end has at least {least} characters")
+        min_length = len(self.template.write({})) + 1
+        if options.longest < min_length:
+            raise ValueError(f"longest = {options.longest}: a line with its end has at least {min_length} characters")
         self.checksum = options.checksum
         names = [name for name in self.template.names if name != CHECKSUM]
         if not names:
-            raise ValueError("line: no {field} stands in it")
-        self.known: dict[str, FieldCodec] = make_field_codecs(
+            raise ValueError("line: has no {field}")
+        self.codecs: dict[str, FieldCodec] = make_field_codecs(
             names, _field_descriptions(options, names), self.template.to_wire
         )
         self._check_text()
         if (CHECKSUM in self.template.names) != (options.checksum is not None):
-            raise ValueError("checksum: must be described where {checksum} stands in the line, and only there")
+            raise ValueError("checksum: must be configured if the line has {checksum}, and only then")
         if options.checksum:
             _check_checksum(options.checksum, self.template)
         for text in (options.line, *options.lost_lines):
             if any(end in text for end in options.terminator):
-                raise ValueError(f"line: {text!r} has a character of the terminator {options.terminator!r} in it")
+                raise ValueError(f"line: {text!r} contains a character of the terminator {options.terminator!r}")
 
     def _check_text(self) -> None:
         for name, is_text in self.template.is_text.items():
-            meaning = self.known.get(name)
+            meaning = self.codecs.get(name)
             if is_text and meaning and (meaning.quantity or meaning.field.limits):
-                raise ValueError(f"fields: {name}: is characters in the line; a quantity, or limits, need a number")
+                raise ValueError(f"fields: {name}: is text in the line; a quantity and limits need a number")
 
     def _is_lost(self, line: bytes) -> bool:
         return any(lost.match(line) for lost in self.lost)
 
     def refuse(self, line: bytes) -> str:
-        """Why a line is no message; "" when it is one."""
+        """Reason why a line is not a message, otherwise ""."""
         if self._is_lost(line):
             return ""
-        found = self.template.match(line)
-        if found is None:
+        match = self.template.match(line)
+        if match is None:
             return "other_line" if PRINTABLE.fullmatch(line) else "no_match"
         if self.checksum is None:
             return ""
-        told = self.template.read(found)[CHECKSUM]
-        return "" if told == self.checksum.of(line[: found.start(CHECKSUM)]) else "bad_checksum"
+        stated = self.template.read(match)[CHECKSUM]
+        return "" if stated == self.checksum.compute(line[: match.start(CHECKSUM)]) else "bad_checksum"
 
     def decode(self, line: bytes, stamp: Stamp) -> tuple[str, list[Measurement]]:
-        """Name and measurements of a line that is not refused."""
-        found = None if self._is_lost(line) else self.template.match(line)
-        if found is None:
-            return "lost_line", decode_fields(self.known, {}, stamp)
-        return "line", decode_fields(self.known, self.template.read(found), stamp)
+        """Name and measurements of an accepted line."""
+        match = None if self._is_lost(line) else self.template.match(line)
+        if match is None:
+            return "lost_line", decode_fields(self.codecs, {}, stamp)
+        return "line", decode_fields(self.codecs, self.template.read(match), stamp)
 
 
 def _check_characters(options: Options) -> None:
-    """What is sent has one byte for each character.  Raises ValueError."""
-    told = {"terminator": options.terminator, "poll.send": options.poll.send if options.poll else ""}
-    for key, text in (*told.items(), *(("on_connect", text) for text in options.on_connect)):
+    """Sent text must have one byte per character.  Raises ValueError."""
+    texts = {"terminator": options.terminator, "poll.send": options.poll.send if options.poll else ""}
+    for key, text in (*texts.items(), *(("on_connect", text) for text in options.on_connect)):
         if any(ord(character) > 255 for character in text):
             raise ValueError(f"{key} = {text!r}: each character must be one byte, up to U+00FF")
 
@@ -155,22 +155,22 @@ def _lost_line(text: str) -> Template:
 
 
 def _field_descriptions(options: Options, names: list[str]) -> tuple[Field, ...]:
-    """The fields of the options; of the default ones those that stand in the line."""
+    """The fields of the options; of the default fields those in the line."""
     if "fields" in options.model_fields_set:
         return options.fields
     return tuple(f for f in options.fields if f.name in names)
 
 
 def _check_checksum(rule: LineChecksum, template: Template) -> None:
-    """Can the line have this checksum?  Raises ValueError."""
+    """Raises ValueError if the line does not fit the checksum."""
     at = template.names.index(CHECKSUM)
-    place, texts = template.places[at], [p.before for p in template.places[: at + 1]]
+    field, texts = template.fields[at], [p.before for p in template.fields[: at + 1]]
     size = 2 * CHECKSUMS[rule.kind].size
-    if place.kind not in "dxX" or (place.kind != "d" and place.width not in (0, size)):
-        raise ValueError(f"checksum: {rule.kind} is written {{checksum:0{size}X}}, 0{size}x or d")
+    if field.kind not in "dxX" or (field.kind != "d" and field.width not in (0, size)):
+        raise ValueError(f"checksum: {rule.kind} needs the format {{checksum:0{size}X}}, 0{size}x or d")
     for key, text in (("after", rule.after), ("before", rule.before)):
         if not any(text in before for before in texts):
-            raise ValueError(f"checksum: {key} = {text!r}: must stand in the line before the checksum")
+            raise ValueError(f"checksum: {key} = {text!r}: must be in the line before the checksum")
 
 
 class Decoder:
@@ -182,39 +182,39 @@ class Decoder:
         self._framer = LineFramer(
             self._line.refuse,
             self.counters,
-            longest=options.longest,
-            begun=options.first_line == "take",
+            max_length=options.longest,
+            starts_with_line=options.first_line == "take",
             ends=options.terminator.encode("latin-1"),
         )
 
     def feed(self, data: bytes, t_rx_ns: int) -> list[Measurement]:
-        found: list[Measurement] = []
+        measurements: list[Measurement] = []
         for t_ns, frame in self._framer.feed(data, t_rx_ns):
             if len(frame) > 1:
-                name, measurements = self._line.decode(frame[:-1], Stamp(t_ns))
+                name, decoded = self._line.decode(frame[:-1], Stamp(t_ns))
                 self.counters.messages[name] += 1
-                found += measurements
-        return found
+                measurements += decoded
+        return measurements
 
 
 class Encoder:
-    """The device's end: a line when every field has been told anew, at once or when it is asked.
+    """The emulated device: sends a line when every field has a new value, at once or on request.
 
-    What the device knows to be wrong, and has no word for, is not sent.
+    Invalid values that the line cannot express are not sent.
     """
 
     def __init__(self, options: Options) -> None:
         self._line = LineCodec(options)
-        self.known: Mapping[str, FieldCodec] = self._line.known
+        self.codecs: Mapping[str, FieldCodec] = self._line.codecs
         self._end = options.terminator.encode("latin-1")
-        self._collector = FieldCollector(self.known)
+        self._collector = FieldCollector(self.codecs)
         self._polled_device = PolledDevice(options.poll.send.encode("latin-1") if options.poll else b"")
 
     def encode(self, measurement: Measurement) -> list[bytes]:
-        values = self._collector.take(measurement, self._line.template.is_text)
+        values = self._collector.add(measurement, self._line.template.is_text)
         if values is None:
             return []
-        checksum = self._line.checksum.of if self._line.checksum else None
+        checksum = self._line.checksum.compute if self._line.checksum else None
         return self._polled_device.offer([self._line.template.write(values, checksum) + self._end])
 
     def respond(self, data: bytes) -> list[bytes]:
@@ -222,22 +222,22 @@ class Encoder:
 
 
 def make_decoder(options: Options) -> Decoder:
-    """A fresh decoder.  Raises ValueError when the description is wrong."""
+    """A fresh decoder.  Raises ValueError for wrong options."""
     return Decoder(options)
 
 
 def make_encoder(options: Options) -> Encoder:
-    """A fresh encoder.  Raises ValueError when the description is wrong."""
+    """A fresh encoder.  Raises ValueError for wrong options."""
     return Encoder(options)
 
 
 def on_connect(options: Options) -> list[bytes]:
-    """What the options say."""
+    """As configured."""
     return [text.encode("latin-1") for text in options.on_connect]
 
 
 def poll(options: Options) -> tuple[float, bytes] | None:
-    """What the options say."""
+    """As configured."""
     return (options.poll.every_s, options.poll.send.encode("latin-1")) if options.poll else None
 
 

@@ -1,16 +1,16 @@
-"""Any device that sends binary frames: what they look like, and what they mean, stands in the configuration.
+"""Any device that sends binary frames; the configuration describes their format and meaning.
 
-Document: none; the options are the description (docs/add-a-sensor.md).  The fields are explained in ``_fields``; each
-has a place, as the maker's table has it: ``at`` counts from the first sync byte, 0.
+Document: none; the options are the description (docs/add-a-sensor.md).  ``_fields`` documents the fields; ``at`` is
+the offset of a field from the first sync byte, 0.
 
     sync | ... | checksum | trailer         sync and trailer in hexadecimal, "5959"
 
     length     of the whole frame [bytes], or
-    length_in  where it is told: at, type, bits; the whole frame has ``plus`` bytes more than is told
-    checksum   kind; ``at``: where it stands, negative from the frame's end; over the bytes from ``start`` up to it
-               ``byte_order`` where it is not the frame's
-    where      what must stand in a frame for it to be this device's; others are framed, and counted as "(other)"
-    bits       [lowest, number]: only these bits of a whole number
+    length_in  location of a length field: at, type, bits; the whole frame has ``plus`` bytes more than it states
+    checksum   kind; ``at``: offset, negative from the end of the frame; over the bytes from ``start`` up to it
+               ``byte_order`` if it differs from that of the frame
+    where      required values of a frame of this device; others are framed and counted as "(other)"
+    bits       [lowest, count]: only these bits of an integer
 
 The default is the Benewake TFmini Plus (SJ-PM-TFmini Plus-T-01 A04, 5.3 and 5.4), little-endian:
 
@@ -34,23 +34,23 @@ from fti.drivers._polled_device import PolledDevice
 from fti.types import Measurement, Stamp
 
 DOCUMENT = "none: the configuration describes the frame; the default is Benewake SJ-PM-TFmini Plus-T-01 A04"
-MESSAGES = {"frame": "a frame of this device", "(other)": "a frame in which something else stands than ``where`` says"}
+MESSAGES = {"frame": "a frame of this device", "(other)": "a frame with other values than ``where`` requires"}
 CARRIERS = frozenset({"serial", "udp"})
 COMMANDS: Mapping[str, Command] = {
-    "send": Command("send bytes as they are", {"hex": "1 to 256 bytes in hexadecimal"}, answered=False)
+    "send": Command("send bytes unchanged", {"hex": "1 to 256 bytes in hexadecimal"}, answered=False)
 }
 MAX_COMMAND_BYTES = 256
 
 
 class FramePoll(StrictModel):
-    """``send``: the question in hexadecimal; ``every_s`` [s]."""
+    """``send``: the request in hexadecimal; ``every_s``: period [s]."""
 
     every_s: Positive
     send: Hex
 
 
 class Options(FrameOptions):
-    """The frame; ``on_connect``: what the device is told after every connect, in hexadecimal."""
+    """The frame; ``on_connect``: messages to the device after every connect, in hexadecimal."""
 
     on_connect: tuple[Hex, ...] = ()
     poll: FramePoll | None = None
@@ -69,7 +69,7 @@ TFMINI_PLUS = Options(
 
 
 def make_frame_codec(options: Options) -> FrameCodec:
-    """The frame that the options describe; the default's when they describe none.  Raises ValueError."""
+    """The frame of the options, or the default without fields.  Raises ValueError."""
     if options.fields:
         return FrameCodec(options)
     described = options.model_fields_set - {"on_connect", "poll", "fields"}
@@ -87,29 +87,29 @@ class Decoder:
         self._framer = Framer(self._frame.measure, self.counters, limit=MAX_FRAME_BYTES + 1)
 
     def feed(self, data: bytes, t_rx_ns: int) -> list[Measurement]:
-        found: list[Measurement] = []
+        measurements: list[Measurement] = []
         for t_ns, frame in self._framer.feed(data, t_rx_ns):
-            name, measurements = self._frame.decode(frame, Stamp(t_ns))
+            name, decoded = self._frame.decode(frame, Stamp(t_ns))
             self.counters.messages[name] += 1
-            found += measurements
-        return found
+            measurements += decoded
+        return measurements
 
 
 class Encoder:
-    """The device's end: a frame when every field has been told anew, at once or when it is asked.
+    """The emulated device: sends a frame when every field has a new value, at once or on request.
 
-    What the device knows to be wrong, and has no word for, is not sent.
+    Invalid values that the frame cannot express are not sent.
     """
 
     def __init__(self, options: Options) -> None:
         self._frame = make_frame_codec(options)
-        self.known: Mapping[str, FieldCodec] = self._frame.known
-        self._collector = FieldCollector(self.known)
+        self.codecs: Mapping[str, FieldCodec] = self._frame.codecs
+        self._collector = FieldCollector(self.codecs)
         self._polled_device = PolledDevice(bytes.fromhex(options.poll.send) if options.poll else b"")
-        self._is_text = dict.fromkeys(self.known, False)
+        self._is_text = dict.fromkeys(self.codecs, False)
 
     def encode(self, measurement: Measurement) -> list[bytes]:
-        values = self._collector.take(measurement, self._is_text)
+        values = self._collector.add(measurement, self._is_text)
         return [] if values is None else self._polled_device.offer([self._frame.encode(values)])
 
     def respond(self, data: bytes) -> list[bytes]:
@@ -117,22 +117,22 @@ class Encoder:
 
 
 def make_decoder(options: Options) -> Decoder:
-    """A fresh decoder.  Raises ValueError when the description is wrong."""
+    """A fresh decoder.  Raises ValueError for wrong options."""
     return Decoder(options)
 
 
 def make_encoder(options: Options) -> Encoder:
-    """A fresh encoder.  Raises ValueError when the description is wrong."""
+    """A fresh encoder.  Raises ValueError for wrong options."""
     return Encoder(options)
 
 
 def on_connect(options: Options) -> list[bytes]:
-    """What the options say."""
+    """As configured."""
     return [bytes.fromhex(text) for text in options.on_connect]
 
 
 def poll(options: Options) -> tuple[float, bytes] | None:
-    """What the options say."""
+    """As configured."""
     return (options.poll.every_s, bytes.fromhex(options.poll.send)) if options.poll else None
 
 

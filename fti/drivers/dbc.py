@@ -1,7 +1,7 @@
-"""Any message on CAN, through a DBC: a sensor that needs a file and no code.
+"""Any messages on CAN, described by a DBC: a sensor that needs a file and no code.
 
 Document: DBC file format (Vector Informatik, "DBC File Format Documentation" 1.0.5), as cantools reads it; the
-layout of every message is in the DBC itself.
+DBC contains the layout of every message.
 
     BO_ identifier name: length sender         29-bit identifiers have bit 31 set; more than 8 bytes is CAN FD
      SG_ name [M|m3] : start|bits@order+sign (factor,offset) [min|max] "unit" receivers
@@ -9,21 +9,21 @@ layout of every message is in the DBC itself.
     BA_ "GenMsgCycleTime" BO_ identifier 100;  period [ms]
     SIG_VALTYPE_ identifier signal : 1;        1 float, 2 double
 
-What becomes of a signal:
+Conversion of a signal:
 
-    its name is a quantity (``_quantities``) and its unit measures that      the measurement, in SI
-    any other                                                                Reading "MESSAGE.SIGNAL" in the DBC's unit
+    its name is a quantity (``_quantities``) and its unit fits      the measurement, in SI
+    any other                                                       Reading "MESSAGE.SIGNAL" in the unit of the DBC
 
 Big- and little-endian, signed, float, multiplexed (also one in the other, ranges of selectors), extended identifiers,
-CAN FD.  A value outside [min|max] is not valid; a raw value that a value table names is the ``text`` of the Reading,
-and where the signal measures something (it has a unit, a factor or an offset) it is a state, not a number: "not
-available" never comes out as 655.35.  A quantity whose unit does not measure it is a Reading like any other.  A value
-is a float: integers beyond 2^53 lose their last digits.  Signals may overlap.  A frame shorter than its message is
-skipped; of one whose multiplexer says what the DBC does not know, the rest is decoded.
+CAN FD.  A value outside [min|max] is not valid.  A raw value with a name in a value table gives the ``text`` of the
+Reading; for a physical signal (with a unit, a factor or an offset) it is a state, not a number: "not available" never
+becomes 655.35.  A quantity whose unit does not fit becomes a Reading.  A value is a float: integers beyond 2^53 lose
+their last digits.  Signals may overlap.  A frame shorter than its message is skipped; of a frame with an unknown
+multiplexer value, the other signals are decoded.
 
-Option ``counter`` names the signal that counts the messages (``_bus_watch``): what was lost and who fell silent is
-told as a DeviceStatus.  Nodes are the senders of the DBC, or else the messages themselves.  Without a DBC the driver
-has that of CANaerospace, which shows what it does.
+Option ``counter`` names the signal that counts the messages (``_node_supervision``): lost messages and silent nodes are
+reported as a DeviceStatus.  Nodes are the senders of the DBC, otherwise the messages.  Without a DBC the driver uses
+that of CANaerospace as an example.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ from fti.drivers._node_supervision import NodeSupervisor, node_status
 from fti.drivers._quantities import QUANTITIES
 from fti.types import Measurement, Reading, Stamp
 
-DOCUMENT = "DBC file format 1.0.5 (Vector Informatik); the messages are those of the DBC that is configured"
+DOCUMENT = "DBC file format 1.0.5 (Vector Informatik); messages of the configured DBC"
 MESSAGES = {"(other)": "every message of the DBC, by its name: quantities as measurements, other signals as readings"}
 CARRIERS = frozenset({"can"})
 
@@ -57,8 +57,8 @@ BUILT_IN_DBC = importlib.resources.files("fti.drivers.canaerospace").joinpath("p
 class Options(StrictModel):
     """``dbc_file`` names the DBC (``dbc`` is its text, filled in from the file).
 
-    ``counter``: signal that counts the messages of an identifier and rolls over at its maximum; empty: none does.
-    ``silent_after``: periods without a message after which a node is told to be silent.
+    ``counter``: signal that counts the messages of an identifier and rolls over at its maximum; empty: none.
+    ``silent_after``: periods without a message until a node is reported as silent.
     """
 
     dbc_file: str | None = None
@@ -68,12 +68,12 @@ class Options(StrictModel):
 
 
 def text_of(options: Options) -> str:
-    """The DBC that is used."""
+    """The text of the DBC."""
     return options.dbc or BUILT_IN_DBC.read_text("utf-8")
 
 
 class MessagePlan:
-    """What to do with the frames of one message."""
+    """Decoding plan of one message."""
 
     def __init__(self, layout: DbcMessage, counter: str) -> None:
         self.layout, self.name, self.length = layout, layout.name, layout.length
@@ -81,25 +81,25 @@ class MessagePlan:
         self.counter = next((s for s in layout.signals if s.name == counter and not s.selector), None)
         self._makers = {s.name: maker_of(layout.name, s) for s in layout.signals}
         self._always = tuple(self._makers.values())
-        self._chosen: dict[int, tuple[Maker, ...]] = {}  # by identity: the layout keeps one tuple for each case
+        self._cases: dict[int, tuple[Maker, ...]] = {}  # by identity: the layout has one tuple for each case
 
     def makers(self, little: int, big: int) -> tuple[Maker, ...]:
         """The makers of the signals that are in this frame."""
         if not self.layout.selectors:
             return self._always
         signals = self.layout.signals_in(little, big)
-        makers = self._chosen.get(id(signals))
+        makers = self._cases.get(id(signals))
         if makers is None:
-            makers = self._chosen[id(signals)] = tuple(self._makers[s.name] for s in signals)
+            makers = self._cases[id(signals)] = tuple(self._makers[s.name] for s in signals)
         return makers
 
 
 @cache
 def read_plans(text: str, counter: str) -> dict[int, MessagePlan]:
-    """The messages of a DBC by the first word of their frames.  Raises ValueError naming what is wrong."""
+    """The messages of a DBC by the first word of their frames.  Raises ValueError with the error."""
     plans = {layout.can_id | EXTENDED * layout.extended: MessagePlan(layout, counter) for layout in read_layouts(text)}
     if not plans:
-        raise ValueError("dbc: there is no message in it")
+        raise ValueError("dbc: contains no message")
     return plans
 
 
@@ -109,9 +109,9 @@ class Decoder:
     def __init__(self, options: Options) -> None:
         self.counters = Counters()
         self._plans = read_plans(text_of(options), options.counter)
-        stated = options.counter if "counter" in options.model_fields_set else ""
-        if stated and not any(plan.counter for plan in self._plans.values()):
-            raise ValueError(f"counter = {stated!r}: no message of the DBC has such a signal")
+        counter = options.counter if "counter" in options.model_fields_set else ""
+        if counter and not any(plan.counter for plan in self._plans.values()):
+            raise ValueError(f"counter = {counter!r}: no message of the DBC has such a signal")
         self._watch = NodeSupervisor(options.silent_after, self.counters.lost)
 
     def feed(self, data: bytes, t_rx_ns: int) -> list[Measurement]:
@@ -121,18 +121,18 @@ class Decoder:
         plan = self._plans.get(word)
         if plan is None or length < plan.length:
             counters.skipped["bad_data" if plan else skip_reason(data)] += len(data)
-            told = self._watch.tick(t_rx_ns)
-            return [node_status(Stamp(t_rx_ns), told)] if told else []
+            conditions = self._watch.tick(t_rx_ns)
+            return [node_status(Stamp(t_rx_ns), conditions)] if conditions else []
         counters.framed += len(data)
         counters.messages[plan.name] += 1
         return self._decode(plan, data[8 : 8 + plan.length], fast_stamp(t_rx_ns))
 
     def _decode(self, plan: MessagePlan, data: bytes, stamp: Stamp) -> list[Measurement]:
         little, big = int.from_bytes(data, "little"), int.from_bytes(data, "big")
-        found = [m for make in plan.makers(little, big) if (m := make(stamp, little, big)) is not None]
-        if told := self._update_supervision(plan, stamp.t_rx_ns, little, big):
-            found.append(node_status(stamp, told))
-        return found
+        measurements = [m for make in plan.makers(little, big) if (m := make(stamp, little, big)) is not None]
+        if conditions := self._update_supervision(plan, stamp.t_rx_ns, little, big):
+            measurements.append(node_status(stamp, conditions))
+        return measurements
 
     def _update_supervision(self, plan: MessagePlan, t_rx_ns: int, little: int, big: int) -> tuple[str, ...]:
         counter = plan.counter
@@ -145,7 +145,7 @@ class Decoder:
 
 
 class Encoder:
-    """The units' end of the bus: a message goes out when every signal of it has been told anew."""
+    """The emulated units: a message is sent when every signal of it has a new value."""
 
     def __init__(self, options: Options) -> None:
         self._counter = options.counter
@@ -156,16 +156,16 @@ class Encoder:
 
     def encode(self, measurement: Measurement) -> list[bytes]:
         if isinstance(measurement, Reading):
-            taken = self._take_reading(measurement)
+            builders = self._set_reading(measurement)
         else:
-            taken = [b for b in self._builders.values() if self._take_quantities(b, measurement)]
-        frames = [self._frame(builder) for builder in taken]
+            builders = [b for b in self._builders.values() if self._set_quantities(b, measurement)]
+        frames = [self._frame(builder) for builder in builders]
         return [frame for frame in frames if frame is not None]
 
     def respond(self, data: bytes) -> list[bytes]:
         return []
 
-    def _take_reading(self, reading: Reading) -> list[FrameBuilder]:
+    def _set_reading(self, reading: Reading) -> list[FrameBuilder]:
         message, _, name = reading.name.partition(".")
         builder = self._builders.get(message)
         if builder is None or name not in builder.signals:
@@ -175,10 +175,10 @@ class Encoder:
             builder.set_raw(name, raw)
         return [builder]
 
-    def _take_quantities(self, builder: FrameBuilder, measurement: Measurement) -> bool:
+    def _set_quantities(self, builder: FrameBuilder, measurement: Measurement) -> bool:
         if not getattr(measurement, "valid", True):
             return False
-        taken = False
+        is_updated = False
         for signal in builder.layout.signals:
             scale = quantity_scale(signal)
             if scale is None:
@@ -186,20 +186,20 @@ class Encoder:
             value = QUANTITIES[signal.name].pick(measurement)
             if value is not None:
                 builder.set_raw(signal.name, signal.raw((value - scale[1]) / scale[0]))
-                taken = True
-        return taken
+                is_updated = True
+        return is_updated
 
     def _frame(self, builder: FrameBuilder) -> bytes | None:
         name = builder.layout.name
         code = self._codes.get(name, 0)
-        frame = builder.frame({self._counter: code})
+        frame = builder.build({self._counter: code})
         if frame is not None and self._counter in builder.signals:
             self._codes[name] = (code + 1) % builder.signals[self._counter].modulus
         return frame
 
 
 def raw_of(signal: DbcSignal, reading: Reading) -> float | None:
-    """The raw value of a reading: of its name, or of its number; None when it says neither."""
+    """The raw value of a reading, from its text or its number; None without both."""
     if reading.text in signal.states.values():
         return next(raw for raw, name in signal.states.items() if name == reading.text)
     if reading.value is None:
@@ -208,10 +208,10 @@ def raw_of(signal: DbcSignal, reading: Reading) -> float | None:
 
 
 def make_decoder(options: Options) -> Decoder:
-    """A fresh decoder.  Raises ValueError when the DBC is wrong."""
+    """A fresh decoder.  Raises ValueError for a wrong DBC."""
     return Decoder(options)
 
 
 def make_encoder(options: Options) -> Encoder:
-    """A fresh encoder.  Raises ValueError when the DBC is wrong."""
+    """A fresh encoder.  Raises ValueError for a wrong DBC."""
     return Encoder(options)

@@ -8,14 +8,14 @@ airborne logger decodes (third party):
 
     status bit 0 ascending, 1 self test, 2 failure, 3 unlocked or invalid, 4 in air
 
-Open, therefore options: the rule of byte 6 (default: not checked) and DLE stuffing (default: none).  The baud rate is
-the link's.  0x10 may stand inside the data; the trailer decides what is a frame.  Its ARINC 429 output is label 164,
-which is the driver ``arinc429``'s.  That reaches to 8192 ft, so a height from there on is not valid: all bits set, or
-a few feet below zero on the ground if the number has a sign, which is open, would be 20 km.
+Unknown, therefore options: the algorithm of byte 6 (default: not checked) and DLE stuffing (default: none).  0x10 may
+occur inside the data; the trailer confirms a frame.  The driver ``arinc429`` decodes the ARINC 429 output, label 164.
+Its range ends at 8192 ft, so larger heights are not valid: all bits set, or a few feet below zero on the ground if the
+number is signed (unknown), would be 20 km.
 
-Quantisation: ``fti.ranging.radar.quantise``.  Sigma is the root of the sum of squares of step / sqrt(12) and of what
-the instrument's own accuracy is taken to be: ``sd_ft`` and ``sd_percent`` of the height.  How the maker states it is
-not public: both are 0 by default, so that sigma is that of the step alone.
+Quantisation: ``fti.ranging.radar.quantise``.  Sigma is the root sum square of step / sqrt(12) and of the assumed
+accuracy of the instrument: ``sd_ft``, and ``sd_percent`` of the height.  The accuracy is not published: both are 0 by
+default, so that sigma is that of the step only.
 """
 
 from __future__ import annotations
@@ -45,15 +45,15 @@ BODY = 4  # altitude, status, checksum
 STATUS_FLAGS = {0: "ascending", 1: "self_test", 2: "failure", 3: "unlocked", 4: "in_air"}
 INVALIDATING = ("self_test", "failure", "unlocked")
 FULL_SCALE_FT = 8192
-#: A port is opened again after 0.1 s at the earliest; the bytes of a frame come closer to each other.
+#: A port is reopened after 0.1 s at the earliest; the bytes of a frame arrive with shorter pauses.
 FRAME_TIMEOUT_NS = 100_000_000
 NotNegative = Annotated[float, Field(ge=0)]
 
 
 class Options(StrictModel):
-    """``checksum``: the rule of byte 6 over bytes 3-5; ``dle_stuffing``: 0x10 in the data is sent twice.
+    """``checksum``: algorithm of byte 6 over bytes 3-5; ``dle_stuffing``: 0x10 in the data is sent twice.
 
-    ``sd_ft``, ``sd_percent``: one sigma of the instrument itself, in feet and in percent of the height.
+    ``sd_ft``, ``sd_percent``: one sigma of the instrument, in feet and in percent of the height.
     """
 
     checksum: Literal["none", "xor", "sum"] = "none"
@@ -88,7 +88,7 @@ def decode_height(body: bytes, t_rx_ns: int, options: Options) -> list[Measureme
 
 
 def encode_height(height_agl: float, flags: tuple[str, ...], options: Options) -> bytes:
-    """One frame; the height [m] is quantised as the instrument does."""
+    """One frame; the height [m] is quantised like in the instrument."""
     status = sum(1 << bit for bit, name in STATUS_FLAGS.items() if name in flags)
     body = quantise_ft(height_agl / FOOT).to_bytes(2, "big") + bytes([status])
     body += bytes([_checksum(options.checksum, body)])
@@ -107,23 +107,23 @@ class Decoder:
         self._last_ns = 0
 
     def feed(self, data: bytes, t_rx_ns: int) -> list[Measurement]:
-        found: list[Measurement] = []
+        measurements: list[Measurement] = []
         if self.counters.held and t_rx_ns - self._last_ns >= FRAME_TIMEOUT_NS:
-            self._forget()
+            self._discard_partial()
         self._last_ns = t_rx_ns
         for stamp, frame in self._framer.feed(data, t_rx_ns):
             self.counters.messages["height"] += 1
-            found += decode_height(self._body(frame)[:BODY], stamp, self._options)
-        return found
+            measurements += decode_height(self._body(frame)[:BODY], stamp, self._options)
+        return measurements
 
-    def _forget(self) -> None:
-        """Half a frame before a pause and half of another one behind it would be a height of both."""
+    def _discard_partial(self) -> None:
+        """Discard a partial frame before a pause: its rest may be missing."""
         self.counters.skipped["pause"] += self.counters.held
         self.counters.held = 0
         self._framer = Framer(self._measure, self.counters, limit=64)
 
     def _body(self, buffer: bytes | bytearray) -> bytes:
-        """The body without stuffing, as far as it has arrived."""
+        """The received part of the body, without stuffing."""
         inner = bytes(buffer[len(HEADER) :])
         return inner.replace(bytes([DLE, DLE]), bytes([DLE])) if self._options.dle_stuffing else inner
 
@@ -143,7 +143,7 @@ class Decoder:
         return length
 
     def _length(self, buffer: bytearray) -> int | Skip:
-        """Length of the frame that begins here; 0 while stuffing leaves it open."""
+        """Length of the frame at the start of the buffer; 0 while stuffing leaves it unknown."""
         if not self._options.dle_stuffing:
             return len(HEADER) + BODY + len(TRAILER)
         at = len(HEADER)
@@ -157,7 +157,7 @@ class Decoder:
 
 
 class Encoder:
-    """The altimeter's end of the line: a frame for each RadioHeight, with the flags of the last DeviceStatus."""
+    """The emulated altimeter: a frame for each RadioHeight, with the flags of the last DeviceStatus."""
 
     def __init__(self, options: Options) -> None:
         self._options = options

@@ -23,13 +23,14 @@ guide, version 0, pages 21-32 (the same packet, another table of outputs, which 
      9    last return strength
     10    background noise
 
-A packet does not say which outputs it has: they are those that the device was told after the connect (``outputs``).
-One of another length is counted as "distance_of_other_outputs", and nothing is made of it.
+A packet does not identify its outputs: they are those configured after the connect (``outputs``).  A packet of another
+length is counted as "distance_of_other_outputs" and not decoded.
 
-Without a return the distance is -1000 mm (SF20 product guide of the newer firmware, command 95; how often it must be
-missed before that is told is its setting).  Lost is what is negative or in ``lost_m``, the distances of the text
-protocol (``lightware_ascii``), for what older firmware says is open; a true distance of just that centimetre is lost,
-too.  The stream's number is a byte in the LW20's guide and a uint32 in the others: four bytes are sent.
+Without a return the distance is -1000 mm (SF20 product guide of the newer firmware, command 95, which also sets the
+number of missed returns).  Negative distances and those in ``lost_m``, the ones of the text protocol
+(``lightware_ascii``), mean a lost signal, because the behaviour of older firmware is unknown; a true distance of
+exactly that centimetre is lost as well.  The stream number is a byte in the guide of the LW20 and a uint32 in the
+others: four bytes are sent.
 """
 
 from __future__ import annotations
@@ -79,7 +80,7 @@ LAYOUTS = {
     "sf45": ("first_raw", "first_filtered", "first_strength", "last_raw", "last_filtered", "last_strength", "noise",
              "temperature", "yaw_angle"),
 }  # fmt: skip
-#: Factor and unit of what is no distance.
+#: Factor and unit of outputs other than distances.
 READINGS = {
     "first_strength": (1.0, "%"),
     "last_strength": (1.0, "%"),
@@ -91,14 +92,14 @@ COMMANDS: Mapping[str, Command] = {
     "identify": Command("name of the product"),
     "laser": Command("switch the laser", {"state": "on or off"}),
     "zero_offset": Command("move the zero of the measurement away from the sensor", {"mm": "-10000 to 10000 mm"}),
-    "stream": Command("let the distance come by itself, or stop it", {"state": "on or off"}),
+    "stream": Command("start or stop the stream of distances", {"state": "on or off"}),
 }
 
 
 class Options(StrictModel):
-    """``family``: the table of outputs; ``outputs``: those that are switched on; ``distance``: the one that counts.
+    """``family``: the table of outputs; ``outputs``: the enabled ones; ``distance``: the one for Range.
 
-    ``unit``: "mm" (command 45) where the device has it; ``lost_m``: distances that mean "no return" [m].
+    ``unit``: "mm" (command 45) if the device supports it; ``lost_m``: distances that mean "no return" [m].
     """
 
     family: Literal["sf20", "sf45"] = "sf20"
@@ -109,19 +110,19 @@ class Options(StrictModel):
 
 
 class OutputLayout:
-    """The outputs of the options in the order of their bits.  Raises ValueError for one that the family has not."""
+    """The outputs of the options in the order of their bits.  Raises ValueError for an unknown one."""
 
     def __init__(self, options: Options) -> None:
-        known = LAYOUTS[options.family]
+        names = LAYOUTS[options.family]
         for name in options.outputs:
-            if name not in known:
-                raise ValueError(f"outputs: {name!r}; {options.family} has {', '.join(known)}")
-        distances = [n for n in known if n in options.outputs and n not in READINGS]
+            if name not in names:
+                raise ValueError(f"outputs: {name!r}; {options.family} has {', '.join(names)}")
+        distances = [n for n in names if n in options.outputs and n not in READINGS]
         if options.distance not in distances:
             raise ValueError(f"distance = {options.distance!r}: must be one of the outputs: {', '.join(distances)}")
-        self.names = tuple(n for n in known if n in options.outputs)
+        self.names = tuple(n for n in names if n in options.outputs)
         self.distance, self.lost_m = options.distance, options.lost_m
-        self.bits = sum(1 << known.index(n) for n in self.names)
+        self.bits = sum(1 << names.index(n) for n in self.names)
         self.command, self.metre = (CM, 0.01) if options.unit == "cm" else (MM, 0.001)
         self.form = struct.Struct(f"<{len(self.names)}{'h' if options.unit == 'cm' else 'i'}")
 
@@ -133,14 +134,14 @@ def make_packet(command_id: int, data: bytes = b"", write: bool = False) -> byte
 
 
 def decode_distance(data: bytes, layout: OutputLayout, stamp: Stamp) -> list[Measurement]:
-    """Readings, and last the range in metres, of the data of 44 or 45."""
+    """Readings and then the range [m] from the data of 44 or 45."""
     values = dict(zip(layout.names, layout.form.unpack(data), strict=True))
-    found: list[Measurement] = [
+    readings: list[Measurement] = [
         Reading(stamp=stamp, name=name, value=values[name] * factor, unit=unit)
         for name, (factor, unit) in READINGS.items()
         if name in values
     ]
-    return [*found, make_range(stamp, values[layout.distance] * layout.metre, layout.lost_m)]
+    return [*readings, make_range(stamp, values[layout.distance] * layout.metre, layout.lost_m)]
 
 
 def decode_answer(command_id: int, data: bytes, stamp: Stamp) -> tuple[str, list[Measurement]]:
@@ -153,7 +154,7 @@ def decode_answer(command_id: int, data: bytes, stamp: Stamp) -> tuple[str, list
 
 
 def measure(buffer: bytearray) -> int | Skip:
-    """What stands at the beginning of the bytes, as ``_framing`` asks."""
+    """Size of the packet at the start of the buffer, or a Skip; see ``_framing``."""
     if skip := skip_to(buffer, START):
         return skip
     if len(buffer) < 3:
@@ -164,8 +165,8 @@ def measure(buffer: bytearray) -> int | Skip:
         return Skip(1, "bad_length")
     if len(buffer) < length:
         return 0
-    told = int.from_bytes(buffer[length - 2 : length], "little")
-    return length if binascii.crc_hqx(buffer[: length - 2], 0) == told else Skip(1, "bad_checksum")
+    stated = int.from_bytes(buffer[length - 2 : length], "little")
+    return length if binascii.crc_hqx(buffer[: length - 2], 0) == stated else Skip(1, "bad_checksum")
 
 
 class Decoder:
@@ -177,12 +178,12 @@ class Decoder:
         self._framer = Framer(measure, self.counters, limit=MAX_PACKET_BYTES + 1)
 
     def feed(self, data: bytes, t_rx_ns: int) -> list[Measurement]:
-        found: list[Measurement] = []
+        measurements: list[Measurement] = []
         for t_ns, packet in self._framer.feed(data, t_rx_ns):
-            name, measurements = self._decode(packet[3], packet[4:-2], Stamp(t_ns))
+            name, decoded = self._decode(packet[3], packet[4:-2], Stamp(t_ns))
             self.counters.messages[name] += 1
-            found += measurements
-        return found
+            measurements += decoded
+        return measurements
 
     def _decode(self, command_id: int, data: bytes, stamp: Stamp) -> tuple[str, list[Measurement]]:
         if command_id not in (CM, MM):
@@ -193,12 +194,12 @@ class Decoder:
 
 
 class Encoder:
-    """The rangefinder's end: distance data for each Range; the readings are those told before it."""
+    """The emulated rangefinder: distance data for each Range, with the preceding readings."""
 
     def __init__(self, options: Options) -> None:
         self._layout = OutputLayout(options)
         self._readings: dict[str, float] = {}
-        self._heard = Framer(measure, Counters(), limit=MAX_PACKET_BYTES + 1)
+        self._request_framer = Framer(measure, Counters(), limit=MAX_PACKET_BYTES + 1)
 
     def encode(self, measurement: Measurement) -> list[bytes]:
         if isinstance(measurement, Reading) and measurement.name in READINGS:
@@ -216,26 +217,26 @@ class Encoder:
         return wire_distance(measurement, self._layout.lost_m) / self._layout.metre
 
     def respond(self, data: bytes) -> list[bytes]:
-        return [_answer(packet) for _, packet in self._heard.feed(data, 0)]
+        return [_answer(packet) for _, packet in self._request_framer.feed(data, 0)]
 
 
 def _answer(packet: bytes) -> bytes:
-    """Every request is answered: with the name, or with what was written."""
+    """Answer to a request: the name, or the written data."""
     return make_packet(NAME, b"SF20".ljust(16, b"\0")) if packet[3] == NAME else make_packet(packet[3], packet[4:-2])
 
 
 def make_decoder(options: Options) -> Decoder:
-    """A fresh decoder.  Raises ValueError when the outputs do not fit the family."""
+    """A fresh decoder.  Raises ValueError if the outputs do not fit the family."""
     return Decoder(options)
 
 
 def make_encoder(options: Options) -> Encoder:
-    """A fresh encoder.  Raises ValueError when the outputs do not fit the family."""
+    """A fresh encoder.  Raises ValueError if the outputs do not fit the family."""
     return Encoder(options)
 
 
 def on_connect(options: Options) -> list[bytes]:
-    """Wake the serial port and the protocol, which swallow a request each; then the outputs and the stream."""
+    """Wake serial port and protocol, each of which loses a request; then set the outputs and the stream."""
     layout = OutputLayout(options)
     return [
         *[make_packet(NAME)] * 3,

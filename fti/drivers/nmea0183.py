@@ -16,18 +16,18 @@ Document: NMEA 0183 4.11 as publicly documented (gpsd, "NMEA Revealed", E. S. Ra
     PUBX,00  time lat N lon E altHAE fix hAcc vAcc speed[km/h] course down age hdop vdop tdop used    (u-blox)
     PUBX,04  time ddmmyy tow week leap clockBias[ns] clockDrift[ns/s] granularity                     (u-blox)
 
-Checksum: exclusive or of the bytes between start and asterisk; a sentence without one is not taken, unless the
-option says that the device sends none.  Lines that begin with # are comments of capture files.  Other sentences are
-framed and counted by name; those whose fields do not make sense are counted as malformed.  Fields are taken apart
-here, and not by a package, so that independent parsers can judge all of them.
+Checksum: exclusive or of the bytes between start and asterisk; a sentence without one is rejected, unless the
+option ``checksum`` is "optional".  Lines that begin with # are comments of capture files.  Other sentences are framed
+and counted by name; those with invalid fields are counted as malformed.  The fields are decoded here, not by a package,
+so that the tests can compare them with independent parsers.
 
-Talkers GP GL GA GB BD GQ QZ GI name the system of satellites, GN and others leave it to the number or to the system
-identifier of 4.11.  Satellites are numbered within their system, as in RINEX: GLONASS 65 is 1, SBAS 33 is 120, QZSS 193
-is 1.  Each list of satellites has all systems, each satellite once with the strongest of its signals, and whether the
-GSA before it says that it is used.  The sigma of a GST holds for the positions of the next 10 s.  A VTG without mode is
-as good as the newest fix that was stated.  A dilution of precision of 0, or from 99 on, means that there is none.
+Talkers GP GL GA GB BD GQ QZ GI identify the satellite system; for GN and others the number or the system identifier
+of 4.11 does.  Satellites are numbered within their system, as in RINEX: GLONASS 65 is 1, SBAS 33 is 120, QZSS 193
+is 1.  Each list of satellites has all systems, each satellite once with its strongest signal, and whether the last
+GSA lists it as used.  The sigma of a GST holds for the positions of the next 10 s.  A VTG without mode
+has the validity of the newest fix.  A dilution of precision of 0, or of 99 and above, means none.
 
-alt = altMSL + undulation of the same sentence.  The device time is UTC as soon as RMC or ZDA have told the date; a
+alt = altMSL + undulation of the same sentence.  The device time is UTC after RMC or ZDA have set the date; a
 sentence soon after midnight belongs to the new day.  The emulated receiver sends RMC and GGA for a Position (with
 the Velocity and the Satellites of the same t_rx_ns), before them GST where it has a sigma, HDT for a heading, ZDA for a
 DeviceTime.
@@ -71,13 +71,13 @@ MESSAGES = {
 CARRIERS = frozenset({"serial", "udp"})
 
 _NO_START = re.compile(rb"[^$!#]+")
-#: What stands for a dilution of precision that there is not.
+#: Dilution of precision that means none.
 NO_DILUTION = 99.99
 _COMMENT = re.compile(rb"[^$!\n]*\n?")
 
 
 class Options(StrictModel):
-    """checksum : "required", or "optional" for a device that sends none; one that is there must hold all the same."""
+    """checksum : "required", or "optional" for a device that sends none; an existing one must be correct."""
 
     checksum: Literal["required", "optional"] = "required"
 
@@ -86,9 +86,9 @@ class Options(StrictModel):
 
 
 class SentenceFraming:
-    """Framing; see ``fti.drivers._framing``.  It remembers whether a comment goes on.
+    """Framing; see ``fti.drivers._framing``.  Stateful: a comment may continue.
 
-    bare : sentences without a checksum are taken
+    bare : accept sentences without a checksum
     """
 
     def __init__(self, bare: bool) -> None:
@@ -96,18 +96,18 @@ class SentenceFraming:
         self._comment = False
 
     def measure(self, buffer: bytearray) -> int | Skip:
-        """What stands at the beginning."""
+        """Size of the sentence at the start of the buffer, or a Skip."""
         if buffer[0] in b"$!":
             self._comment = False
             return measure_sentence(buffer, self._bare)
         if buffer[0] == ord("#"):
             self._comment = True
-        found = (_COMMENT if self._comment else _NO_START).match(buffer)
-        assert found is not None
+        match = (_COMMENT if self._comment else _NO_START).match(buffer)
+        assert match is not None
         if not self._comment:
-            return Skip(found.end(), "no_sync")
-        self._comment = buffer[found.end() - 1] != ord("\n")
-        return Skip(found.end(), "comment")
+            return Skip(match.end(), "no_sync")
+        self._comment = buffer[match.end() - 1] != ord("\n")
+        return Skip(match.end(), "comment")
 
 
 # ------------------------------------------------------------------------------------------------------- streams
@@ -124,16 +124,16 @@ class Decoder:
         )
 
     def feed(self, data: bytes, t_rx_ns: int) -> list[Measurement]:
-        found: list[Measurement] = []
+        measurements: list[Measurement] = []
         for stamp, frame in self._framer.feed(data, t_rx_ns):
             name, read = self._sentences.read(frame, stamp)
             self.counters.messages[name] += 1
-            found += read
-        return found
+            measurements += read
+        return measurements
 
 
 class Encoder:
-    """The receiver's end of the line."""
+    """The emulated receiver."""
 
     def __init__(self, options: Options) -> None:
         self._velocity: Velocity | None = None
@@ -171,7 +171,7 @@ class Encoder:
         ]
 
     def _quality(self, t_rx_ns: int) -> str:
-        """Satellites used and HDOP; a receiver that was told nothing of them is content."""
+        """Satellites used and HDOP; good values if none are given."""
         sky = self._sky
         if sky is None or sky.stamp.t_rx_ns != t_rx_ns:
             return "12,0.80"
@@ -190,7 +190,7 @@ class Encoder:
 
 
 def _sigma(time: str, position: Position) -> list[bytes]:
-    """GST, where the position says how good it is."""
+    """GST, if the position has a sigma."""
     if position.horizontal_sd is None:
         return []
     horizontal, vertical = (fields.format_number(sd, 2) for sd in (position.horizontal_sd, position.vertical_sd))

@@ -1,26 +1,26 @@
 r"""Power distribution unit of the laboratory: a circuit breaker for each device, over a serial line or UDP.
 
-Document: this docstring.  The protocol is this project's own, for the power unit that the emulator plays in the manner
-of the one beside the interface cabinet (Spiegel 2018, section 6.5, figure 6.16).  A unit in an aircraft speaks another
-one, and gets a driver of its own.
+Document: this docstring.  The protocol is our own, for the emulated power unit, which is modelled on the one beside the
+interface cabinet (Spiegel 2018, section 6.5, figure 6.16).  A unit in an aircraft has another protocol and needs its
+own driver.
 
-Sentences of NMEA 0183: ``$``, fields, ``*``, the exclusive or of what stands between as two hexadecimal digits, CR LF.
+Sentences of NMEA 0183: ``$``, fields, ``*``, exclusive or of the characters between as two hexadecimal digits, CR LF.
 
     $PFTI,BRK,<breaker>,<state>,<current>*hh            each breaker, at the rate of the unit; current [A], 2 decimals
-    $PFTI,PDU,<voltage>,<current>,<count>*hh            behind them: supply [V], all of them together [A], how many
+    $PFTI,PDU,<voltage>,<current>,<count>*hh            after them: supply [V], total current [A], number of breakers
     $PFTI,SET,<command>,<breaker>*hh                    to the unit: on, off, trip, reset
-    $PFTI,ACK,<command>,<breaker>,<0 or 1>,<words>*hh   its answer: 1 done; what it says about it
+    $PFTI,ACK,<command>,<breaker>,<0 or 1>,<words>*hh   its answer: 1 done; text
 
     state   on          the device has power and has started
-            starting    it has power, and has not started yet
-            off         switched off by hand
-            tripped     opened by itself, and stays open until it is reset
-            brown_out   closed, but the supply is below what the device needs
+            starting    the device has power and is starting
+            off         switched off by command
+            tripped     opened by an overload; open until reset
+            brown_out   closed, but the supply voltage is too low for the device
 
 A breaker has the name of the device that it feeds.  The unit feeds itself and has none.
 
-``DeviceStatus`` is told when as many breakers were heard as the unit says that it has; it is ok when all are on, and a
-flag names each other one: ``altimeter_tripped``.  ``Reading`` of a breaker: its current, and its state as ``text``.
+A ``DeviceStatus`` follows when the number of received breakers equals that of PDU; it is ok when all are on, and a flag
+names each other one: ``altimeter_tripped``.  ``Reading`` of a breaker: its current, and its state as ``text``.
 """
 
 from __future__ import annotations
@@ -36,11 +36,11 @@ from fti.drivers._nmea_fields import sentence
 from fti.drivers._nmea_framing import MAX_SENTENCE, measure_sentence, split
 from fti.types import Ack, DeviceStatus, Measurement, Reading, Stamp
 
-DOCUMENT = "this project's own protocol for the laboratory: docstring of fti/drivers/power_unit.py"
+DOCUMENT = "our own protocol for the laboratory: docstring of fti/drivers/power_unit.py"
 MESSAGES = {
     "breaker": "state and current of a breaker",
     "supply": "voltage and current of the unit",
-    "answer": "what the unit answers to a command",
+    "answer": "answer of the unit to a command",
     "(other)": "a sentence of another kind, or one whose fields are wrong",
 }
 CARRIERS = frozenset({"serial", "udp"})
@@ -64,7 +64,7 @@ COMMANDS: Mapping[str, Command] = {
     "reset": Command("close a breaker that has tripped", BREAKER_ARGUMENT),
 }
 
-#: What a unit does with (command, breaker): whether it did it, and its words.
+#: Executes (command, breaker); returns whether it succeeded, and a text.
 CommandHandler = Callable[[str, str], tuple[bool, str]]
 
 
@@ -78,30 +78,28 @@ class Decoder:
     def __init__(self, options: Options) -> None:
         self.counters = Counters()
         self._framer = Framer(_measure, self.counters, limit=MAX_SENTENCE)
-        self._states: dict[str, str] = {}  # of the breakers heard since the last word about the supply
+        self._states: dict[str, str] = {}  # of the breakers received since the last PDU
 
     def feed(self, data: bytes, t_rx_ns: int) -> list[Measurement]:
-        found: list[Measurement] = []
+        measurements: list[Measurement] = []
         for t_ns, frame in self._framer.feed(data, t_rx_ns):
             name, read = self._read(",".join(split(frame)), Stamp(t_ns))
             self.counters.messages[name] += 1
-            found += read
-        return found
+            measurements += read
+        return measurements
 
     def _read(self, text: str, stamp: Stamp) -> tuple[str, list[Measurement]]:
-        if seen := BRK.fullmatch(text):
-            self._states[seen[1]] = seen[2]
-            return "breaker", [Reading(stamp=stamp, name=seen[1], value=float(seen[3]), unit="A", text=seen[2])]
-        if seen := PDU.fullmatch(text):
-            return "supply", [*self._status(int(seen[3]), stamp), *decode_supply(float(seen[1]), float(seen[2]), stamp)]
-        if seen := ACK.fullmatch(text):
-            return "answer", [
-                Ack(stamp=stamp, command=seen[1], accepted=seen[3] == "1", detail=f"{seen[2]}: {seen[4]}")
-            ]
+        if m := BRK.fullmatch(text):
+            self._states[m[1]] = m[2]
+            return "breaker", [Reading(stamp=stamp, name=m[1], value=float(m[3]), unit="A", text=m[2])]
+        if m := PDU.fullmatch(text):
+            return "supply", [*self._status(int(m[3]), stamp), *decode_supply(float(m[1]), float(m[2]), stamp)]
+        if m := ACK.fullmatch(text):
+            return "answer", [Ack(stamp=stamp, command=m[1], accepted=m[3] == "1", detail=f"{m[2]}: {m[4]}")]
         return "(other)", []
 
     def _status(self, count: int, stamp: Stamp) -> list[Measurement]:
-        """The state of all breakers; nothing when some of them were not heard."""
+        """The state of all breakers; none if some are missing."""
         states, self._states = self._states, {}
         if len(states) != count:
             return []
@@ -122,17 +120,17 @@ def decode_supply(volts: float, amps: float, stamp: Stamp) -> list[Measurement]:
 
 
 def refuse(command: str, breaker: str) -> tuple[bool, str]:
-    """What a unit without breakers says."""
-    return False, f"there is no breaker {breaker}"
+    """Command handler of a unit without breakers."""
+    return False, f"unknown breaker {breaker}"
 
 
 class Encoder:
-    """The unit's end of the line.  ``handle_command`` : what does the commands; it has no breakers until it is given another."""
+    """The emulated unit.  ``handle_command`` : executes commands; the default refuses all of them."""
 
     def __init__(self, options: Options) -> None:
         self.handle_command: CommandHandler = refuse
         self._volts, self._count = 0.0, 0
-        self._heard = Framer(_measure, Counters(), limit=MAX_SENTENCE)
+        self._command_framer = Framer(_measure, Counters(), limit=MAX_SENTENCE)
 
     def encode(self, measurement: Measurement) -> list[bytes]:
         if not isinstance(measurement, Reading):
@@ -148,8 +146,8 @@ class Encoder:
         return [sentence(f"PFTI,BRK,{measurement.name},{measurement.text},{amps:.2f}")]
 
     def respond(self, data: bytes) -> list[bytes]:
-        asked = (SET.fullmatch(",".join(split(frame))) for _, frame in self._heard.feed(data, 0))
-        return [self._answer(found[1], found[2]) for found in asked if found]
+        commands = (SET.fullmatch(",".join(split(frame))) for _, frame in self._command_framer.feed(data, 0))
+        return [self._answer(match[1], match[2]) for match in commands if match]
 
     def _answer(self, name: str, breaker: str) -> bytes:
         done, words = self.handle_command(name, breaker)
@@ -167,12 +165,12 @@ def make_encoder(options: Options) -> Encoder:
 
 
 def on_connect(options: Options) -> list[bytes]:
-    """Nothing must be told."""
+    """No messages."""
     return []
 
 
 def poll(options: Options) -> tuple[float, bytes] | None:
-    """Nothing is asked: the unit talks by itself."""
+    """No request: the unit sends by itself."""
     return None
 
 

@@ -5,9 +5,9 @@ Where the air is dT warmer than the standard at the same pressure, the hydrostat
     dz = (1 + dT / T(H)) dH,    T(H) = T_0 - L H
     z - z_s = H - H_s + dT / L ln(T(H_s) / T(H)),    H_s = z_s + H(QNH)
 
-with the pressure altitude H and the station z_s whose barometer the QNH was made from: a set altimeter is right there,
-whatever the temperature, and goes wrong above it.  In air 20 K colder than standard one that is 300 m above the station
-reads 22 m too much.  All of it is the troposphere: below a pressure altitude of 11 km.
+with the pressure altitude H and the height z_s of the QNH station: a set altimeter is exact there at any temperature,
+and has errors above it.  In air 20 K colder than standard it reads 22 m too much at 300 m above the station.  Valid in
+the troposphere: below a pressure altitude of 11 km.
 
 Source: ISO 2533 (constants, pressure and temperature by height); ICAO Doc 8168, volume I, part III (temperature
 corrections).  Heights are taken as geopotential: the geometric one is 0.05 % larger at 3 km.
@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 #: Sea level temperature [K], pressure [Pa], lapse [K/m], gas constant [J/(kg K)].
 ISA_TEMPERATURE, ISA_PRESSURE, ISA_LAPSE, GAS_CONSTANT = 288.15, 101325.0, 0.0065, 287.05287
 ISA_EXPONENT = 9.80665 / (ISA_LAPSE * GAS_CONSTANT)
-#: Newton's steps to the pressure altitude; each squares an error that begins at a tenth.
+#: Newton steps to the pressure altitude; each squares the relative error, initially 0.1.
 _STEPS = 4
 
 
@@ -52,10 +52,10 @@ class Atmosphere:
     def pressure_altitude(self, alt_msl: ArrayLike) -> Array:
         """What an altimeter on the standard setting shows [m] at a height above mean sea level [m]."""
         wanted = np.asarray(alt_msl, dtype=np.float64)
-        found = wanted + pressure_altitude(self.qnh)
+        altitude = wanted + pressure_altitude(self.qnh)
         for _ in range(_STEPS):
-            found = found + (wanted - self.alt_msl(found)) / (1.0 + self.deviation / _standard(found))
-        return np.asarray(found)
+            altitude = altitude + (wanted - self.alt_msl(altitude)) / (1.0 + self.deviation / _standard(altitude))
+        return np.asarray(altitude)
 
     def p_static(self, alt_msl: ArrayLike) -> Array:
         """Static pressure [Pa] at a height above mean sea level [m]."""

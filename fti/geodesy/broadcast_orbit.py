@@ -1,7 +1,7 @@
-"""Place and clock of a GPS satellite by its broadcast ephemeris.
+"""Position and clock of a GPS satellite by its broadcast ephemeris.
 
     n = sqrt(mu / a^3) + delta_n,   M = M0 + n tk,   M = E - e sin E,   tk = t - toe
-    argument of latitude, radius and inclination from E with their second harmonics; Omega in the turning earth frame
+    argument of latitude, radius and inclination from E with their second harmonics; Omega in the rotating earth frame
     dt = af0 + af1 (t - toc) + af2 (t - toc)^2 + F e sqrt_a sin E
 
 Source: IS-GPS-200, 20.3.3.3.3 (clock) and table 20-IV (orbit).  Checked against rtklib on a real receiver's data:
@@ -23,9 +23,9 @@ Array = NDArray[np.float64]
 #: Of IS-GPS-200: gravitational constant [m^3/s^2], rate of the earth [rad/s], relativity [s/m^0.5].
 MU, EARTH_RATE, RELATIVITY = 3.986005e14, 7.2921151467e-5, -4.442807633e-10
 WEEK_S = 604_800.0
-#: Newton's steps of Kepler's equation: exact to rounding below an eccentricity of 0.1.
+#: Newton steps of Kepler's equation: exact to rounding below an eccentricity of 0.1.
 KEPLER_STEPS = 6
-#: Steps for the time of transmission: the clock's error moves it by at most milliseconds, in which it does not change.
+#: Steps for the time of transmission: the clock error of at most milliseconds is constant over that time.
 CLOCK_STEPS = 2
 
 
@@ -37,10 +37,10 @@ def seconds_after(t: float, reference: float) -> float:
 def _eccentric_anomaly(m: Ephemeris, tk: float) -> float:
     a = m.sqrt_a**2
     mean = m.m0 + (math.sqrt(MU / a**3) + m.delta_n) * tk
-    found = mean
+    anomaly = mean
     for _ in range(KEPLER_STEPS):
-        found -= (found - m.e * math.sin(found) - mean) / (1.0 - m.e * math.cos(found))
-    return found
+        anomaly -= (anomaly - m.e * math.sin(anomaly) - mean) / (1.0 - m.e * math.cos(anomaly))
+    return anomaly
 
 
 def clock_offset(m: Ephemeris, t: float) -> float:
@@ -52,7 +52,7 @@ def clock_offset(m: Ephemeris, t: float) -> float:
 
 
 def position_e(m: Ephemeris, t: float) -> Array:
-    """Place at t [s of the week], in the earth frame of that time, shape (3,) [m]."""
+    """Position at t [s of the week], in the earth frame of that time, shape (3,) [m]."""
     tk = seconds_after(t, m.toe)
     anomaly = _eccentric_anomaly(m, tk)
     true = math.atan2(math.sqrt(1.0 - m.e**2) * math.sin(anomaly), math.cos(anomaly) - m.e)
@@ -73,7 +73,7 @@ def position_e(m: Ephemeris, t: float) -> Array:
 def transmission_time(m: Ephemeris, t_receiver: float, pseudorange: float) -> float:
     """GPS time at which a signal left the satellite [s of the week].
 
-    t_receiver : of the receiver's clock [s of the week], whose error is in the pseudorange [m], too, and cancels
+    t_receiver : of the receiver clock [s of the week]; its error is also in the pseudorange [m] and cancels
     """
     by_satellite = t_receiver - pseudorange / SPEED_OF_LIGHT
     t = by_satellite
@@ -83,7 +83,7 @@ def transmission_time(m: Ephemeris, t_receiver: float, pseudorange: float) -> fl
 
 
 def rotate_with_earth(pos_e: Array, seconds: float) -> Array:
-    """A place in the earth frame of some seconds later, in which the earth has turned; shape (3,) [m]."""
+    """A position in the earth frame of ``seconds`` later, after the rotation of the earth; shape (3,) [m]."""
     c, s = math.cos(EARTH_RATE * seconds), math.sin(EARTH_RATE * seconds)
     x, y, z = pos_e
     return np.array([c * x + s * y, c * y - s * x, z])

@@ -1,9 +1,9 @@
-"""Undulation of the geoid EGM96 from a coarse grid that is part of the package, for who only checks another one.
+"""Undulation of the geoid EGM96 from a coarse grid in the package, for plausibility checks only.
 
 Heights are converted with ``fti.geodesy.geoid``, which needs a grid of the system.  This one has posts every 30 arc
-minutes, rounded to 0.1 m: every second post of ``egm96_15.gtx`` (PROJ, package proj-data), which was made from the grid
-of 15 arc minutes of NGA and NASA.  Between the posts it is bilinear.  At the posts between, that were left out, it is
-up to 3.9 m off (trenches and island arcs), below 1.3 m at 99.9 %, 0.13 m RMS.
+minutes, rounded to 0.1 m: every second post of ``egm96_15.gtx`` (PROJ, package proj-data), which is the grid of 15 arc
+minutes of NGA and NASA.  It is bilinear between the posts.  At the omitted posts its error is up to 3.9 m (trenches and
+island arcs), below 1.3 m at 99.9 %, 0.13 m RMS.
 
 Source: Lemoine et al. 1998, NASA/TP-1998-206861; a work of the US government, in the public domain.
 """
@@ -39,9 +39,9 @@ def _corners(i: int, j: int) -> tuple[float, float, float, float]:
 
 
 def undulation(lat: float, lon: float) -> float:
-    """Height of the geoid above the ellipsoid [m] at lat, lon [rad].  Raises ValueError for a place off the Earth."""
+    """Height of the geoid above the ellipsoid [m] at lat, lon [rad].  Raises ValueError for an invalid position."""
     if not abs(lat) <= math.pi / 2 or not math.isfinite(lon):
-        raise ValueError(f"there is no place at {lat} rad north, {lon} rad east")
+        raise ValueError(f"invalid position: latitude {lat} rad, longitude {lon} rad")
     row = (math.degrees(lat) + 90.0) * PER_DEGREE
     column = ((math.degrees(lon) + 180.0) % 360.0) * PER_DEGREE
     i, j = min(int(row), 180 * PER_DEGREE - 1), int(column)

@@ -2,11 +2,11 @@
 
     alt = alt_msl + undulation(lat, lon)
 
-PROJ replaces a grid that it does not find by no shift at all and says nothing: 47 m in central Europe.  Here the grid
-is looked for by us, named to PROJ by its path, and refused where it is missing.  Nothing is fetched over a network.
+PROJ silently applies no shift if it does not find a grid: an error of 47 m in central Europe.  Therefore this module
+searches the grid, gives its path to PROJ, and raises an error if it is missing.  Nothing is downloaded.
 
-Between the posts of the grid the undulation is bilinear: with EGM96's of 15 arc minutes up to a few centimetres off the
-model in rough country (4 cm at the test points of NGA, whose own program goes between the posts by splines).
+The undulation is bilinear between the posts of the grid: for EGM96 with 15 arc minutes up to a few centimetres off the
+model in rough terrain (4 cm at the test points of NGA, whose own program uses splines).
 
 Source: Lemoine et al. 1998, NASA/TP-1998-206861 (EGM96); Pavlis et al. 2012 (EGM2008).
 """
@@ -28,34 +28,34 @@ from fti.errors import MissingError
 
 Array = NDArray[np.float64]
 
-set_network_enabled(False)  # whatever PROJ_NETWORK says
+set_network_enabled(False)  # overrides PROJ_NETWORK
 
-#: The files that may hold each model, and how to get one.
+#: Possible files of each model, and how to get one.
 GRIDS = {
-    "egm96": (("egm96_15.gtx", "us_nga_egm96_15.tif"), "Debian's package proj-data has it: apt install proj-data"),
-    "egm2008": (("us_nga_egm08_25.tif", "egm08_25.gtx"), "PROJ fetches it: projsync --file us_nga_egm08_25.tif"),
+    "egm96": (("egm96_15.gtx", "us_nga_egm96_15.tif"), "install the Debian package proj-data: apt install proj-data"),
+    "egm2008": (("us_nga_egm08_25.tif", "egm08_25.gtx"), "download it with PROJ: projsync --file us_nga_egm08_25.tif"),
 }
-#: Where Debian's package puts its grids.
+#: Grid directory of the Debian package.
 SYSTEM = Path("/usr/share/proj")
 
 
 def grid_directories() -> tuple[Path, ...]:
-    """Where grids are looked for: $PROJ_DATA, the user's and pyproj's own directory, the system's."""
+    """Search path of grids: $PROJ_DATA, the directories of the user, of pyproj and of the system."""
     named = os.environ.get("PROJ_DATA", "").split(os.pathsep)
     places = [*filter(None, named), get_user_data_dir(), *get_data_dir().split(os.pathsep), str(SYSTEM)]
     return tuple(map(Path, dict.fromkeys(places)))
 
 
 def find_grid(model: str, directories: Sequence[Path]) -> Path:
-    """The file of a model's grid.  Raises ValueError for a model that is not known, MissingError without a file."""
+    """The file of a model's grid.  Raises ValueError for an unknown model, MissingError without a file."""
     if model not in GRIDS:
-        raise ValueError(f"the geoid {model!r} is not known; there are {', '.join(GRIDS)}")
+        raise ValueError(f"unknown geoid {model!r}; must be one of {', '.join(GRIDS)}")
     names, remedy = GRIDS[model]
     for path in _candidates(names, directories):
         if path.is_file():
             return path
-    looked = ", ".join(map(str, directories)) or "no directory at all"
-    raise MissingError(f"the geoid grid of {model} ({' or '.join(names)}) is not in {looked}; {remedy}")
+    searched = ", ".join(map(str, directories)) or "no directory"
+    raise MissingError(f"the geoid grid of {model} ({' or '.join(names)}) is not in {searched}; {remedy}")
 
 
 def _candidates(names: Sequence[str], directories: Sequence[Path]) -> Iterator[Path]:

@@ -1,4 +1,4 @@
-"""Normal gravity, and how the level of a place turns when the place is left.
+"""Normal gravity, and the transport rate: rotation of the navigation frame due to motion.
 
 Source: NIMA TR 8350.2, third edition, 4.1 (Somigliana's formula); Titterton and Weston 2004, section 3.5 (transport
 rate).
@@ -29,14 +29,15 @@ def normal_gravity(lat: ArrayLike, alt: ArrayLike) -> Array:
 
 
 def somigliana(sin_sq_lat: Array) -> Array:
-    """Normal gravity on the ellipsoid [m/s^2] where the squared sine of the latitude is so."""
+    """Normal gravity on the ellipsoid [m/s^2] by the squared sine of the latitude."""
     return GRAVITY_EQUATOR * (1.0 + SOMIGLIANA * sin_sq_lat) / np.sqrt(1.0 - ECC_SQ * sin_sq_lat)
 
 
 def transport_rate(lat: Array, alt: Array, vel_n: Array) -> Array:
-    """omega_en_n [rad/s], shape (n, 3): turn of n against e for who moves with vel_n [m/s], shape (n, 3).
+    """omega_en_n [rad/s], shape (n, 3): rotation rate of n against e at a velocity vel_n [m/s], shape (n, 3).
 
-    lat [rad], alt [m] : shape (n,).  Its down part grows without bound towards the poles, where n turns at a step.
+    lat [rad], alt [m] : shape (n,).  The down component grows without bound towards the poles, where n is
+                         discontinuous.
     """
     r_meridian, r_normal = radii(lat)
     north, east = vel_n[:, 0] / (r_meridian + alt), vel_n[:, 1] / (r_normal + alt)

@@ -1,18 +1,18 @@
-"""Heights that know what they are counted from, so that 47 m of geoid or 83 m of altimeter setting are not lost.
+"""Heights with their vertical reference, to prevent errors of 47 m (geoid) or 83 m (altimeter setting).
 
     Height(536.2, MSL("egm96")) - Height(489.0, ELLIPSOID)      ValueError: mixed
 
 A difference of two heights of one kind is a length (a plain number); a height plus a length is a height.  Everything
-else raises.  From one kind to another lead only functions with a name, which ask for what they need:
+else raises.  Named functions convert between kinds; their arguments are the needed data:
 
     to_ellipsoid, to_msl             the geoid
-    to_ellipsoid_by_message          the undulation that came in the same message
+    to_ellipsoid_by_message          the undulation of the same message
     pressure_to_msl, msl_to_pressure the air: QNH, its station and the temperature
-    reset_altimeter                  the new setting: no air is needed, an altimeter does the same
-    above_ground, from_ground        the height of the terrain there
+    reset_altimeter                  the new setting, as on an altimeter
+    above_ground, from_ground        the height of the terrain at the position
     to_point                         the lever arm and the attitude
 
-All values [m], all settings [Pa]; arrays as numbers.  A height says nothing of the place: whoever converts says it.
+All values [m], all settings [Pa]; arrays or numbers.  A height has no position: conversions take it as an argument.
 """
 
 from __future__ import annotations
@@ -32,10 +32,10 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class HeightKind:
-    """What a height is counted from, and what belongs to that.
+    """The vertical reference of a height, and its parameter.
 
     detail : geoid model for MSL (or ``receiver``: the one inside a GNSS receiver), altimeter setting [Pa] for
-             PRESSURE, for AGL the point of the aircraft whose height it is, None for the ellipsoid
+             PRESSURE, reference point of the aircraft for AGL, None for the ellipsoid
     """
 
     datum: Datum
@@ -53,19 +53,19 @@ class HeightKind:
 
 #: Above the WGS84 ellipsoid.
 ELLIPSOID = HeightKind(Datum.ELLIPSOID)
-#: The model of MSL where a receiver says mean sea level and not which.
+#: The model of MSL of a receiver that does not state its model.
 RECEIVER = "receiver"
 
 
-def MSL(model: str) -> HeightKind:  # noqa: N802 - a kind of height, as ELLIPSOID is
-    """Above mean sea level as a geoid model has it."""
+def MSL(model: str) -> HeightKind:  # noqa: N802 - a kind of height, like ELLIPSOID
+    """Above mean sea level by a geoid model."""
     return HeightKind(Datum.MSL, model)
 
 
 def PRESSURE(setting: float = ISA_PRESSURE) -> HeightKind:  # noqa: N802
-    """What an altimeter shows that is set to a pressure [Pa].  Raises ValueError for one that is not positive."""
+    """Indication of an altimeter set to a pressure [Pa].  Raises ValueError if it is not positive."""
     if not setting > 0.0:
-        raise ValueError(f"an altimeter setting of {setting} Pa; must be positive")
+        raise ValueError(f"altimeter setting = {setting} Pa: must be positive")
     return HeightKind(Datum.PRESSURE, float(setting))
 
 
@@ -76,10 +76,10 @@ def AGL(point: Point) -> HeightKind:  # noqa: N802
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Height:
-    """One height or an array of them, and what they are counted from.
+    """One height or an array of heights, with their vertical reference.
 
     metres : float or ndarray (read-only) [m]
-    Raises ValueError when two kinds meet in a difference or a comparison, and when two heights are added.
+    Raises ValueError for a difference or comparison of two kinds, and for a sum of two heights.
     """
 
     metres: float | Array
@@ -99,7 +99,7 @@ class Height:
 
     def __add__(self, length: ArrayLike) -> Height:
         if isinstance(length, Height):
-            raise ValueError(f"{length.kind} cannot be added to {self.kind}: a height takes a length only")
+            raise ValueError(f"{length.kind} cannot be added to {self.kind}: only a length can be added to a height")
         return Height(self.metres + np.asarray(length, dtype=np.float64), self.kind)
 
     __radd__ = __add__
@@ -136,15 +136,15 @@ class Height:
         return result if np.ndim(result) else bool(result)
 
     def must_match(self, other: Height, what: str) -> None:
-        """Raises ValueError when the other height is of another kind; what : was to be done with it, in words."""
+        """Raises ValueError when the other height is of another kind; what : the operation, for the message."""
         if other.kind != self.kind:
             raise ValueError(f"{other.kind} cannot be {what} {self.kind}: convert one of the heights first")
 
 
 def _metres(height: Height, datum: Datum, wanted: str) -> float | Array:
-    """The values of a height that must be of one datum."""
+    """The values of a height that must have this datum."""
     if height.kind.datum is not datum:
-        raise ValueError(f"{wanted} asks for a height of the kind {datum.name}, not {height.kind}")
+        raise ValueError(f"{wanted} needs a height of the kind {datum.name}, not {height.kind}")
     return height.metres
 
 
@@ -154,7 +154,7 @@ def _metres(height: Height, datum: Datum, wanted: str) -> float | Array:
 def to_ellipsoid(height: Height, lat: ArrayLike, lon: ArrayLike, geoid: Geoid) -> Height:
     """A height above mean sea level at lat, lon [rad] as one above the ellipsoid.
 
-    Raises ValueError when the height is counted from another geoid model.
+    Raises ValueError when the height refers to another geoid model.
     """
     metres = _metres(height, Datum.MSL, "to_ellipsoid")
     if height.kind.detail != geoid.model:
@@ -168,9 +168,9 @@ def to_msl(height: Height, lat: ArrayLike, lon: ArrayLike, geoid: Geoid) -> Heig
 
 
 def to_ellipsoid_by_message(height: Height, undulation: ArrayLike) -> Height:
-    """A height above mean sea level, whatever the model, with the undulation [m] that came in the same message.
+    """A height above mean sea level of any model, with the undulation [m] of the same message.
 
-    The receiver subtracted that very undulation, so its geoid, coarse or old as it may be, drops out.
+    The receiver subtracted the same undulation, so the error of its geoid cancels.
     """
     return Height(_metres(height, Datum.MSL, "to_ellipsoid_by_message") + np.asarray(undulation), ELLIPSOID)
 
@@ -179,13 +179,13 @@ def to_ellipsoid_by_message(height: Height, undulation: ArrayLike) -> Height:
 
 
 def reset_altimeter(height: Height, setting: float) -> Height:
-    """What the altimeter would show when set to another pressure [Pa]: 83 m more for 10 hPa more, at sea level."""
+    """Indication of the altimeter set to another pressure [Pa]: 83 m more for 10 hPa more, at sea level."""
     metres = _metres(height, Datum.PRESSURE, "reset_altimeter")
     return Height(metres + _standard(height.kind) - _standard(PRESSURE(setting)), PRESSURE(setting))
 
 
 def pressure_to_msl(height: Height, air: Atmosphere, model: str) -> Height:
-    """What an altimeter shows as a height above mean sea level.
+    """The height above mean sea level at an altimeter indication.
 
     air : QNH, its station and the temperature; model : of the mean sea level that the station's height refers to
     """
@@ -194,7 +194,7 @@ def pressure_to_msl(height: Height, air: Atmosphere, model: str) -> Height:
 
 
 def msl_to_pressure(height: Height, air: Atmosphere, setting: float) -> Height:
-    """What an altimeter that is set to a pressure [Pa] shows at a height above mean sea level."""
+    """Indication of an altimeter set to a pressure [Pa] at a height above mean sea level."""
     shown = air.pressure_altitude(_metres(height, Datum.MSL, "msl_to_pressure")) - _standard(PRESSURE(setting))
     return Height(shown, PRESSURE(setting))
 
@@ -210,7 +210,7 @@ def _standard(kind: HeightKind) -> float:
 def above_ground(height: Height, ground: Height, point: Point) -> Height:
     """Height of a point of the aircraft above the ground below it; both heights of one kind, ELLIPSOID or MSL.
 
-    ground : of the terrain at the same latitude and longitude, as ``Terrain.height`` has it (above the ellipsoid)
+    ground : of the terrain at the same latitude and longitude, as from ``Terrain.height`` (above the ellipsoid)
     """
     _must_be_ground(ground, "above_ground")
     height.must_match(ground, "subtracted from")
@@ -218,24 +218,24 @@ def above_ground(height: Height, ground: Height, point: Point) -> Height:
 
 
 def from_ground(height: Height, ground: Height) -> Height:
-    """A height above ground, of the kind in which the ground's own height is given: ELLIPSOID or MSL."""
+    """A height above ground as one of the kind of the ground height: ELLIPSOID or MSL."""
     metres = _metres(height, Datum.AGL, "from_ground")
     _must_be_ground(ground, "from_ground")
     return ground + metres
 
 
 def _must_be_ground(ground: Height, wanted: str) -> None:
-    """Raises ValueError for the ground's height by pressure (7 % of a difference too much in cold air), or AGL."""
+    """Raises ValueError for a ground height by pressure (up to 7 % error in cold air) or AGL."""
     if ground.kind.datum not in (Datum.ELLIPSOID, Datum.MSL):
-        raise ValueError(f"{wanted} asks for the ground's height above ELLIPSOID or MSL, not {ground.kind}")
+        raise ValueError(f"{wanted} needs the ground height above ELLIPSOID or MSL, not {ground.kind}")
 
 
 def to_point(height: Height, point: Point, lever_arm_b: ArrayLike, mat_nb: ArrayLike) -> Height:
-    """A height above ground of one point of the aircraft as that of another, both above the same ground.
+    """Converts a height above ground from one point of the aircraft to another, above the same ground.
 
         h(point) = h + (0 0 1) mat_nb lever_arm_b
 
-    lever_arm_b : ndarray, shape (..., 3) [m]  leads from ``point`` to the point that the height is of, body frame
+    lever_arm_b : ndarray, shape (..., 3) [m]  from ``point`` to the point of the given height, body frame
     mat_nb      : ndarray, shape (..., 3, 3)   attitude, body to north, east, down
     Source      : Spiegel 2018, eq. 2.38 ff., with the lever arm from the reference point to the sensor throughout
     """

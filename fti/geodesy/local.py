@@ -1,4 +1,4 @@
-"""The local frame l: east, north, up in the plane that touches the ellipsoid's normal at one point."""
+"""The local frame l: east, north, up in the tangent plane at one point."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ class LocalFrame:
 
         x_l = mat_le (x_e - x_e0)
 
-    It is a rigid rotation of the earth frame, so distances and rays are true.  ``up`` is not a height: a point
-    at distance d with the height alt has up = alt - alt0 - d^2 / 2R and a little (the exact value is computed).
+    It is a rigid rotation of the earth frame, so distances and rays are preserved.  ``up`` is not a height: a point at
+    distance d with the height alt has about up = alt - alt0 - d^2 / 2R (the exact value is computed).
     """
 
     lat0: float
@@ -47,7 +47,7 @@ class LocalFrame:
     def mat_ln(self, lat: ArrayLike, lon: ArrayLike) -> Array:
         """North, east, down at lat, lon [rad] to this frame, shape (..., 3, 3).
 
-        At the origin it only reorders the axes; elsewhere it holds the turn of the vertical along the Earth's
-        curvature too (0.9 mrad at 6 km).
+        At the origin it only reorders the axes; elsewhere it includes the rotation of the vertical by the Earth's
+        curvature (0.9 mrad at 6 km).
         """
         return np.asarray(self.mat_le @ mat_en(lat, lon))

@@ -1,8 +1,8 @@
-"""Geodesy of one point, in plain numbers: what ``fti.geodesy`` does for arrays, for who asks point by point.
+"""Geodesy of single points, in plain numbers: the functions of ``fti.geodesy`` for arrays, for one point.
 
-An array of one number costs ten times what the number costs.  Formulas, order and sines are those of ``wgs84`` and
-``local``, so the answers are theirs to the last bit (tests/geodesy/test_one_point.py): sines stay with numpy, whose are
-not those of ``math``.
+An array of one number takes ten times as long.  Formulas and order of operations are those of ``wgs84`` and ``local``,
+so results are identical to the last bit (tests/geodesy/test_one_point.py).  Sines are those of numpy, because those of
+``math`` differ.
 """
 
 from __future__ import annotations

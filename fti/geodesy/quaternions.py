@@ -1,6 +1,6 @@
-"""Unit quaternions of a rotation: w first, Hamilton's product; ``quat_ab`` takes b to a, as ``mat_ab`` does.
+"""Unit quaternions of a rotation: w first, Hamilton's product; ``quat_ab`` transforms b to a, as ``mat_ab`` does.
 
-No angle of theirs has a pole, and they can be interpolated: that is what they are here for.
+They have no singularity and can be interpolated.
 Source: Titterton and Weston 2004, section 3.6.4.  Checked against rotation matrices, tests/geodesy/test_quaternions.py.
 """
 
@@ -47,7 +47,7 @@ def quat_from_mat(mat: ArrayLike) -> Array:
 
 
 def make_continuous(quat: ArrayLike) -> Array:
-    """The same rotations, shape (n, 4), each with the sign that is the nearer one to its predecessor's."""
+    """The same rotations, shape (n, 4), each with the sign nearer to its predecessor."""
     quats = np.asarray(quat, dtype=np.float64)
     turned = np.where(np.sum(quats[1:] * quats[:-1], axis=-1) < 0.0, -1.0, 1.0)
     return quats * np.cumprod(np.concatenate(([1.0], turned)))[:, None]
@@ -58,7 +58,7 @@ def rate_from_quat(quat_ab: ArrayLike, derivative: ArrayLike) -> Array:
 
         omega_ab_b = 2 Im(q* dq/dt) / |q|^2
 
-    A change of the length alone is real and drops out.
+    A change of the length alone has no effect.
     """
     w, x, y, z = np.moveaxis(np.asarray(quat_ab, dtype=np.float64), -1, 0)
     dw, dx, dy, dz = np.moveaxis(np.asarray(derivative, dtype=np.float64), -1, 0)

@@ -1,4 +1,5 @@
-"""Rotation matrices between body, navigation and earth frames.  A matrix names two frames: ``mat_nb`` takes b to n."""
+"""Rotation matrices between body, navigation and earth frames.  A matrix is named by two frames: ``mat_nb`` transforms
+b to n."""
 
 from __future__ import annotations
 
@@ -34,7 +35,7 @@ def mat_from_rpy(roll: ArrayLike, pitch: ArrayLike, heading: ArrayLike) -> Array
 
 
 def down_row(roll: float, pitch: float) -> tuple[float, float, float]:
-    """(0 0 1) mat_nb: what takes a body vector to its downward component.  roll, pitch : [rad]."""
+    """(0 0 1) mat_nb: gives the downward component of a body vector.  roll, pitch : [rad]."""
     cp = math.cos(pitch)
     return (-math.sin(pitch), math.sin(roll) * cp, math.cos(roll) * cp)
 
@@ -44,7 +45,7 @@ def rpy_from_mat(mat_nb: ArrayLike) -> tuple[Array, Array, Array]:
 
     mat_nb  : ndarray, shape (..., 3, 3)
     Returns : roll in (-pi, pi], pitch in [-pi/2, pi/2], heading in [0, 2 pi) [rad].  At a pitch of +-90 deg roll and
-              heading turn about one axis and only their sum or difference means something.
+              heading rotate about one axis and only their sum or difference is defined.
     """
     mat = np.asarray(mat_nb, dtype=np.float64)
     roll = np.arctan2(mat[..., 2, 1], mat[..., 2, 2])

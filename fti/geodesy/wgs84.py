@@ -20,7 +20,7 @@ ECC2_SQ = ECC_SQ / (1.0 - ECC_SQ)
 #: Angular rate of the Earth [rad/s].
 EARTH_RATE = 7.292115e-5
 
-#: Of the iteration for the latitude.
+#: Steps of the iteration for the latitude.
 BOWRING_STEPS = 3
 
 
@@ -52,9 +52,9 @@ def ecef_from_geodetic(lat: ArrayLike, lon: ArrayLike, alt: ArrayLike) -> Array:
 def geodetic_from_ecef(xyz: ArrayLike) -> tuple[Array, Array, Array]:
     """Geodetic position: the inverse of ``ecef_from_geodetic``.
 
-    Bowring's iteration on the reduced latitude, in sines and cosines so that the poles are no exception; three
+    Bowring's iteration on the reduced latitude, in sines and cosines, so that the poles need no special case; three
     steps are exact to rounding (about 1e-9 m) between 1000 km below and 50 000 km above the ellipsoid.  The height is
-    p cos lat + z sin lat - a sqrt(1 - e^2 sin^2 lat), which divides by nothing.
+    p cos lat + z sin lat - a sqrt(1 - e^2 sin^2 lat), without a division.
 
     xyz     : ndarray, shape (..., 3) [m], e frame
     Returns : lat, lon [rad], alt above the ellipsoid [m], each of shape (...)

@@ -1,17 +1,16 @@
-"""One device, from what it measures to what leaves at its connector, with everything that goes wrong on the way.
+"""One emulated device, from its measurements to the bytes at its connector, with all its faults.
 
     measure -> clock -> values -> encode -> bytes, message by message -> line
 
-Faults of clock and values count from the time of the sample, those of bytes and lines from when a message leaves.
-Nothing is opened here and nobody waits: ``due_s`` says when ``step`` has something to give.
+Faults of clock and values act by the time of the sample, faults of bytes and lines by the send time of the message.
+This class opens nothing and never waits: ``due_s`` is the time at which ``step`` returns the next messages.
 
-The messages of the next cycles can be made before they are due (``prepare_cycle``), so that at their instant they only
-leave.  What goes wrong with bytes and lines goes wrong then all the same; and a device that was switched off and on
-since has forgotten what it had made.  Made at their instant are those of a device
+``prepare_cycle`` encodes the messages of the next cycles before they are due.  Faults of bytes and lines still act at
+the send time.  A restart of the device discards its prepared messages.  These devices are not prepared:
 
-    that is told something in flight    answers and messages keep their order, and settings act with the next message
-    of which the scenario takes power   what it would have said without is not computed
-    that says how others are            the power unit
+    those that receive bytes in flight    answers and messages keep their order; settings act with the next message
+    those whose power the scenario cuts   nothing is computed for a device without power
+    power units                           their messages depend on the state of other devices
 """
 
 from __future__ import annotations
@@ -38,8 +37,8 @@ def _always(t: float | None) -> bool:
 class DevicePipeline:
     """A device in one flight.
 
-    until_s    : the flight is cut off there [s]; nothing is held back any longer
-    is_powered : does it have power at t [s]?  None: at the last instant that it was asked for
+    until_s    : end of the flight [s]; line faults hold nothing back beyond it
+    is_powered : whether the device has power at t [s]; None: at the time of the last call
     """
 
     def __init__(
@@ -56,17 +55,17 @@ class DevicePipeline:
         self._values = DeviceFaults(sensor.name, faults, seed)
         self._stages = stages_of(sensor.bound, faults, seed, end_s)
         self._k = 0
-        self._prepared: deque[list[bytes]] = deque()  # of the cycles from the next one on
+        self._prepared: deque[list[bytes]] = deque()  # messages by cycle, beginning with the next one
         self._prepared_by: Encoder = sensor.encoder
-        self._answers: list[bytes] = []  # to what it was told since it has made what is not due yet
+        self._answers: list[bytes] = []  # answers to commands, to be sent after the prepared messages
         self._can_prepare = not sensor.is_live and not any(
             isinstance(fault, PowerFault) and fault.includes_device(sensor.name) for fault in faults
         )
-        # arrays: the collector of cycles goes through every element of a list, and here are hundreds of thousands
+        # arrays: the garbage collector would traverse lists of hundreds of thousands of floats
         self._times, self._cycles_s = array("d", sensor.t), array("d", sensor.due)
 
     def due_s(self) -> float | None:
-        """When something may leave next [s]; None when nothing will."""
+        """Time of the next possible message [s]; None at the end."""
         if not self._stages:
             return self.cycle_s
         instants = [self.cycle_s, *(stage.due_s() for stage in self._stages)]
@@ -74,17 +73,17 @@ class DevicePipeline:
 
     @property
     def cycle_s(self) -> float | None:
-        """When the device itself has the next thing to say [s]; None when it has said everything."""
+        """Time of the next cycle of the device itself [s]; None after the last one."""
         return self._cycles_s[self._k] if self._k < len(self._cycles_s) else None
 
     @property
     def unprepared_s(self) -> float | None:
-        """When the first cycle is due that could be made ahead and is not [s]; None when there is none."""
+        """Due time of the first cycle that can be prepared and is not [s]; None when there is none."""
         k = self._k + len(self._prepared)
         return self._cycles_s[k] if self._can_prepare and k < len(self._cycles_s) else None
 
     def step(self, start_ns: int) -> list[bytes]:
-        """What leaves at ``due_s``.  start_ns : FTI time of the beginning of the flight."""
+        """Messages that leave at ``due_s``.  start_ns : FTI time of the beginning of the flight."""
         t, cycle_s = self.due_s(), self.cycle_s
         assert t is not None
         messages = []
@@ -94,7 +93,7 @@ class DevicePipeline:
         return self._apply_stages(t, messages)
 
     def prepare_cycle(self, start_ns: int, until_s: float = float("inf")) -> bool:
-        """Make what leaves in the first cycle that is not made, if it is due until then; was it made?"""
+        """Encode the first cycle that is not prepared if it is due by until_s [s].  Returns whether it was encoded."""
         self._discard_outdated()
         unprepared_s = self.unprepared_s
         if unprepared_s is None or unprepared_s > until_s or not self._is_powered(None):
@@ -103,26 +102,26 @@ class DevicePipeline:
         return True
 
     def complete(self, start_ns: int) -> None:
-        """Make what leaves at ``due_s``, unless it is made or nothing does: ``step`` has nothing more to make then."""
+        """Encode the messages of the cycle due at ``due_s`` unless they are prepared, so that ``step`` only sends."""
         t, cycle_s = self.due_s(), self.cycle_s
         if t is not None and cycle_s is not None and cycle_s <= t and self._is_powered(t):
             self._prepare_due(start_ns)
 
     def _prepare_due(self, start_ns: int) -> None:
-        """Make the messages of the cycle that is due, unless they are."""
+        """Encode the messages of the next cycle unless they are prepared."""
         self._discard_outdated()
         if not self._prepared:
             self._prepared.append(self._answers + self._cycle(self._k, start_ns))
             self._answers = []
 
     def _discard_outdated(self) -> None:
-        """What was made before a restart is made anew."""
+        """Discard messages that were prepared before a restart."""
         if self._prepared_by is not self.sensor.encoder:
             self._prepared.clear()
             self._prepared_by = self.sensor.encoder
 
     def _pop_messages(self, start_ns: int) -> list[bytes]:
-        """The messages of the cycle that is due; behind the last that was made before an answer, the answer."""
+        """The messages of the cycle that is due; answers follow the last cycle that was prepared before them."""
         self._prepare_due(start_ns)
         messages = self._prepared.popleft()
         if self._answers and not self._prepared:
@@ -130,13 +129,13 @@ class DevicePipeline:
         return messages
 
     def _discard_all(self) -> list[bytes]:
-        """Without power nothing leaves, and nothing is kept."""
+        """Discard prepared messages and answers of a device without power."""
         self._prepared.clear()
         self._answers = []
         return []
 
     def respond(self, data: bytes, t: float) -> list[bytes]:
-        """What it answers at t [s] to bytes from the daemon; before the flight begins (t < 0) nothing goes wrong."""
+        """Answers at t [s] to bytes from the daemon; before the flight begins (t < 0) no fault acts."""
         if not self._is_powered(t):
             return []
         answers = self.sensor.encoder.respond(data)
@@ -149,15 +148,15 @@ class DevicePipeline:
         return self._apply_stages(t, answers)
 
     def _cycle(self, k: int, start_ns: int) -> list[bytes]:
-        """The messages of sample k, before anything is wrong with their bytes."""
+        """The messages of sample k, before faults of bytes and lines."""
         t = self._times[k]
         measurements = self._clock.apply(t, self.sensor.measure(k, start_ns))
-        said = self._values.apply(t, measurements)
-        encode = self._encode_faulty if said is not measurements else self.sensor.encoder.encode
-        return [message for m in said for message in encode(m)]
+        faulty = self._values.apply(t, measurements)
+        encode = self._encode_faulty if faulty is not measurements else self.sensor.encoder.encode
+        return [message for m in faulty for message in encode(m)]
 
     def _encode_faulty(self, measurement: Measurement) -> list[bytes]:
-        """A wrong number may be one that no message can carry: then nothing is sent."""
+        """Encode a faulty measurement; a value outside the range of its field gives no message."""
         try:
             return self.sensor.encoder.encode(measurement)
         except (struct.error, OverflowError):

@@ -1,8 +1,8 @@
-"""The emulator: the far end of every link of the daemon's configuration, flown through a scenario.
+"""The emulator: the far end of every link of the daemon's configuration during a scenario.
 
-Life: made -> ``prepare`` (terrain, beams and sensors of the whole flight; seconds) -> ``run`` opens the endpoints and
-sets ``ready`` -> ``start`` lets the flight begin (it may be called before) -> the flight ends, or ``stop`` is set.
-Endpoints exist, and answer, before the flight begins: a daemon can connect to a device that does not talk yet.
+Life cycle: constructed -> ``prepare`` (terrain, beams and sensors of the whole flight; seconds) -> ``run`` opens the
+endpoints and sets ``ready`` -> ``start`` lets the flight begin (it may be called before) -> the flight ends, or
+``stop`` is set.  Endpoints are open and answer before the flight begins, so that a daemon can connect early.
 """
 
 from __future__ import annotations
@@ -49,14 +49,14 @@ from fti.terrain.demo_region import demo_region
 from fti.terrain.terrain import Terrain
 
 SECOND_NS = 1_000_000_000
-#: After a flight, lines have so long to carry what is on them.
+#: Time for the lines to send their backlog after the flight.
 DRAIN_S = 2.0
 
 
 class Emulator:
-    """Plays the devices of a configuration.
+    """Emulates the devices of a configuration.
 
-    bench : where the devices stand; truth : file for the truth, or None; world : made from the scenario when None
+    backend : clock and ports; truth : file for the ground truth, or None; world : made from the scenario when None
     """
 
     def __init__(
@@ -83,13 +83,13 @@ class Emulator:
 
     @property
     def report(self) -> TransmissionReport:
-        """What was sent so far and how late, at any time; milliseconds, most of them for the links."""
+        """Messages sent so far and their lateness.  The call takes milliseconds, mostly for the link statistics."""
         return replace(self.brief_report, link_lateness=lateness_by_link([device.meter for device in self._devices]))
 
     @property
     def brief_report(self) -> TransmissionReport:
-        """The same without the lateness of each link; some 30 us for each device."""
-        late = self._scheduler.lateness if self._scheduler else LatencyHistogram().lateness
+        """The report without the lateness of each link; the call takes about 30 us per device."""
+        late = self._scheduler.lateness if self._scheduler else LatencyHistogram().summary
         counters = {name: endpoint.counters for name, endpoint in self._endpoints.items()}
         return TransmissionReport(counters, late, rates=[device.meter.rate for device in self._devices])
 
@@ -100,7 +100,7 @@ class Emulator:
 
     @property
     def duration_s(self) -> float | None:
-        """How long the flight is [s]; None before ``prepare``."""
+        """Duration of the flight [s]; None before ``prepare``."""
         return self._world.duration if self._world else None
 
     @property
@@ -110,11 +110,11 @@ class Emulator:
 
     @property
     def messages(self) -> dict[str, int]:
-        """How many each device has sent in the flight."""
+        """Number of messages that each device has sent in the flight."""
         return {device.meter.name: device.messages for device in self._devices}
 
     def prepare(self, progress: Callable[[str], None] = lambda _: None) -> None:
-        """Make the terrain and compute what every sensor will measure.  progress : told each step."""
+        """Load the terrain and compute the measurements of every sensor.  progress : called with each step."""
         if self._sensors is not None:
             return
         progress(f"terrain of {self.scenario.airfield}")
@@ -132,7 +132,7 @@ class Emulator:
             self._truth_rows = TruthRows(self._world, altimeters, rates, intended)
 
     def start(self) -> None:
-        """Let the flight begin (as soon as the endpoints are there)."""
+        """Let the flight begin as soon as the endpoints are open."""
         self._started.set()
 
     async def wait_for_readers(self) -> None:
@@ -142,11 +142,14 @@ class Emulator:
             await endpoint.wait_for_reader()
 
     async def run(
-        self, duration_s: float | None = None, stop: asyncio.Event | None = None, over: Callable[[], None] | None = None
+        self,
+        duration_s: float | None = None,
+        stop: asyncio.Event | None = None,
+        on_finish: Callable[[], None] | None = None,
     ) -> TransmissionReport:
-        """Open the endpoints, wait for ``start``, fly; at most duration_s [s] of the flight.
+        """Open the endpoints, wait for ``start``, fly at most duration_s [s] of the flight.
 
-        over : called when all has been sent, before the endpoints are closed
+        on_finish : called after the last message, before the endpoints are closed
         """
         self.prepare()
         assert self._sensors is not None
@@ -162,12 +165,12 @@ class Emulator:
                     await self._drain()
                 if truth is not None:
                     truth.note_end(self._sent_in_flight())
-                if over is not None:
-                    over()
+                if on_finish is not None:
+                    on_finish()
         return self.report
 
     def _sent_in_flight(self) -> dict[str, EndpointCounters]:
-        """What each endpoint has sent since the flight began, answers to the daemon with it."""
+        """Messages and bytes of each endpoint since the flight began, answers to the daemon included."""
         return {
             name: EndpointCounters(endpoint.counters.messages - before.messages, endpoint.counters.bytes - before.bytes)
             for name, endpoint in self._endpoints.items()
@@ -175,7 +178,7 @@ class Emulator:
         }
 
     async def _drain(self) -> None:
-        """Let what is on the lines arrive; where nobody reads it never does."""
+        """Wait until the lines have sent their backlog, at most ``DRAIN_S``: a line may have no reader."""
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(DRAIN_S):
                 await asyncio.gather(*(endpoint.drain() for endpoint in self._endpoints.values()))
@@ -185,11 +188,11 @@ class Emulator:
 
     def _make_endpoints(self, lines: list[DevicePipeline]) -> dict[str, Endpoint]:
         def respond(link: str) -> Callable[[bytes], list[bytes]]:
-            there = [line for line in lines if line.sensor.link == link]
+            on_link = [line for line in lines if line.sensor.link == link]
 
             def answer(data: bytes) -> list[bytes]:
                 t = -1.0 if self.flight_s is None else self.flight_s
-                return [said for line in there for said in line.respond(data, t)]
+                return [message for line in on_link for message in line.respond(data, t)]
 
             return answer
 
@@ -239,9 +242,9 @@ class Emulator:
 
 
 def _config_texts(config: Config) -> dict[str, str]:
-    """A configuration and what it names, as a session has them attached; what nobody can read is left out."""
+    """A configuration and the files that it names, as attached to a session; unreadable files are left out."""
     texts = {CONFIG_ATTACHMENT: config.text} if config.text else {}
-    with contextlib.suppress(MissingError):  # an approach of the daemon, which the emulator does not need
+    with contextlib.suppress(MissingError):  # the emulator does not need the daemon's approach file
         texts |= read_texts(config)
     return texts
 
@@ -251,10 +254,10 @@ DEMO_UNDULATION = -31.0
 
 
 def make_environment(scenario: Scenario, progress: Callable[[str], None] = lambda _: None) -> Environment:
-    """The demo airfield and its ground, with what the scenario puts on it; progress : told how far it is.
+    """The demo airfield with its terrain and the obstacles of the scenario; progress : called with each step.
 
-    Where the aircraft goes beyond the strip below the approach, the country around belongs to the ground: one with a
-    model of its flight goes where it will.
+    The terrain is the whole demo region for JSBSim flights and where a waypoint lies beyond the strip below the
+    approach.
     """
     airfield = load_airfield(demo_scene.DEMO_AIRFIELD.read_text(encoding="utf-8"), str(demo_scene.DEMO_AIRFIELD))
     terrain = demo_region() if isinstance(scenario.flight, JsbsimFlight) else demo_scene.demo_scene()
@@ -264,6 +267,6 @@ def make_environment(scenario: Scenario, progress: Callable[[str], None] = lambd
 
 
 def _is_beyond_terrain(flight: WaypointFlight, terrain: Terrain) -> bool:
-    """Is a waypoint beyond the ground?"""
+    """Is a waypoint outside the terrain?"""
     lat, lon = np.radians([(point.lat_deg, point.lon_deg) for point in flight.waypoint]).T
     return bool(np.isnan(terrain.height(lat, lon)).any())

@@ -1,4 +1,4 @@
-"""The world that simulated sensors measure: the flight, the ground below it, and the air around it."""
+"""The environment that simulated sensors measure: flight, terrain and air."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ Array = NDArray[np.float64]
 
 HEAT_RATIO = 1.4
 LASER_RANGE = 2000.0
-#: Makers state the range of a laser on surfaces of this reflectance, and pulses of this length are usual [s].
+#: Reflectance for which data sheets state the range of a laser, and a common pulse length [s].
 LASER_REFLECTANCE, PULSE_S = 0.2, 10e-9
-#: Here, and one metre east, west, north and south of here.
+#: The position itself, and one metre east, west, north and south of it.
 SIDE_OFFSETS = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, -1.0, 0.0]])
 
 
@@ -52,12 +52,12 @@ def calibrated_airspeed(q_c: ArrayLike) -> Array:
 
 
 class Environment:
-    """Everything that is true during one scenario.
+    """The ground truth of one scenario.
 
-    scenario : its seed, settings and faults are read by the models of sensors
-    path : the published approach, whether it is flown or not; terrain : the ground as the unit under test knows it;
-    undulation : geoid above WGS84 [m]; progress : told how far the making of the flight is
-    Raises ConfigError or MissingError for a flight that cannot be made, or that is below the ground.
+    scenario : sensor models read its seed, settings and faults
+    path : the published approach, whether it is flown or not; terrain : the terrain data of the unit under test;
+    undulation : geoid above WGS84 [m]; progress : called with each step of computing the flight
+    Raises ConfigError or MissingError for a flight that cannot be computed, or that is below the ground.
     """
 
     def __init__(
@@ -75,18 +75,18 @@ class Environment:
             ground = true_ground(terrain, scenario.terrain_shifts)
             self.terrain = add_obstacles(ground, path, scenario.obstacles)
         except ValueError as error:
-            raise ConfigError(f"{scenario.where}: fault: {error}") from None
+            raise ConfigError(f"{scenario.source_name}: fault: {error}") from None
         self.undulation = undulation
         station = path.airfield.threshold_alt_m - undulation
         self.atmosphere = Atmosphere(air.qnh_hpa * 100.0, air.isa_deviation_k, station)
-        made = make_flight(scenario, FlightSite(path, self.terrain, self.atmosphere, undulation, progress))
-        self._flight = made.flight
-        self._surfaces_t, self._surfaces = made.surfaces_t, made.surfaces
+        build = make_flight(scenario, FlightSite(path, self.terrain, self.atmosphere, undulation, progress))
+        self._flight = build.flight
+        self._surfaces_t, self._surfaces = build.surfaces_t, build.surfaces
         self.duration = self._flight.end
-        #: What is to be told of the flight before it begins.
+        #: Remarks on the flight, for the user before it begins.
         self.remarks = (
-            made.remarks
-            + check_coverage(made.flight, ground, scenario.where)
+            build.remarks
+            + check_coverage(build.flight, ground, scenario.source_name)
             + _unreached_faults(scenario, self.duration)
         )
         self._radars = functools.cache(NearestReturn)
@@ -96,7 +96,7 @@ class Environment:
         return self._flight.state(t)
 
     def surfaces(self, t: Array) -> dict[str, Array]:
-        """Deflections of the control surfaces [rad] at t [s] by name; none where the flight was not flown with any."""
+        """Deflections of the control surfaces [rad] at t [s] by name; empty for a flight without control surfaces."""
         return {name: np.interp(t, self._surfaces_t, angles) for name, angles in self._surfaces.items()}
 
     def radar_ranges(self, t: Array, beam_width: float, device: Device) -> Array:
@@ -108,7 +108,7 @@ class Environment:
         return self.returns(self.laser(device), t, device).slant_range
 
     def laser(self, device: Device) -> Laser:
-        """A laser that sees everything; in fog one that sees as far as its device says on dark ground in clear air."""
+        """An ideal laser of range ``LASER_RANGE``; in fog one with the range that its device states in clear air."""
         air = self.scenario.air
         if air.visibility_m is None:
             return Laser(max_range=LASER_RANGE)
@@ -119,12 +119,12 @@ class Environment:
         )  # fmt: skip
 
     def returns(self, sensor: RangingSensor, t: Array, device: Device) -> Returns:
-        """What a sensor, mounted where the device is, says at times t [s]; without the instrument's own noise."""
+        """Returns of a sensor with the mounting of the device at times t [s], without noise of the instrument."""
         return sensor.measure(self.terrain, self._poses(t, device))
 
     def range_bounds(self, t: Array, device: Device, within: float) -> tuple[Array, Array, Array]:
-        """Range [m] of an altimeter at times t [s], the least and the largest one ``within`` [m] of its place, in the
-        attitude of that time: what it would measure a little east, west, north, south of where it is.
+        """Range [m] of an altimeter at times t [s], and the smallest and largest of the ranges at its position and
+        ``within`` [m] east, west, north and south of it, in the attitude of that time.
         """
         limits = device.altimeter
         if limits is None:
@@ -132,11 +132,11 @@ class Environment:
         is_laser = limits.kind == "laser"
         sensor = self.laser(device) if is_laser else self._radars(math.radians(limits.beam_deg))
         poses = self._poses(t, device)
-        found = [
-            sensor.measure(self.terrain, replace(poses, origins_l=poses.origins_l + aside)).slant_range
-            for aside in within * SIDE_OFFSETS
+        ranges = [
+            sensor.measure(self.terrain, replace(poses, origins_l=poses.origins_l + offset)).slant_range
+            for offset in within * SIDE_OFFSETS
         ]
-        return found[0], np.fmin.reduce(found), np.fmax.reduce(found)
+        return ranges[0], np.fmin.reduce(ranges), np.fmax.reduce(ranges)
 
     def _poses(self, t: Array, device: Device) -> Poses:
         now = self.state(t)
@@ -151,9 +151,9 @@ class Environment:
 
 
 def _unreached_faults(scenario: Scenario, duration: float) -> tuple[str, ...]:
-    """Faults that the flight does not live to see, which may be a mistake: it is as long as its route."""
+    """Remarks on faults that begin after the end of the flight."""
     return tuple(
-        f"fault[{i}], {describe(fault)}, begins at {fault.from_s:g} s: the flight is over after {duration:.0f} s"
+        f"fault[{i}], {describe(fault)}, begins at {fault.from_s:g} s, but the flight ends at {duration:.0f} s"
         for i, fault in enumerate(scenario.fault)
         if not isinstance(fault, WholeFlightFault) and fault.from_s >= duration
     )
@@ -166,7 +166,7 @@ def mounting(device: Device) -> Array:
 
 
 def true_ground(terrain: Terrain, shifts: Sequence[TerrainShift]) -> Terrain:
-    """The ground of which ``terrain`` is a copy that these shifts displace: the same posts in a frame that is moved."""
+    """The true ground if ``terrain`` is displaced from it by these shifts: the same posts in a shifted frame."""
     if not shifts:
         return terrain
     north, east, up = (sum(getattr(shift, name) for shift in shifts) for name in ("north_m", "east_m", "up_m"))
@@ -180,7 +180,7 @@ def true_ground(terrain: Terrain, shifts: Sequence[TerrainShift]) -> Terrain:
 def add_obstacles(terrain: Terrain, path: ApproachPath, obstacles: Sequence[Obstacle]) -> Terrain:
     """The terrain with boxes on it, aligned with the track; at least one post each.
 
-    Raises ValueError for a box that is not on the terrain, or between its posts.
+    Raises ValueError for a box that is outside the terrain or lies between its posts.
     """
     if not obstacles:
         return terrain
@@ -188,7 +188,7 @@ def add_obstacles(terrain: Terrain, path: ApproachPath, obstacles: Sequence[Obst
     heights = layer.heights.copy()
     grid = np.stack(np.broadcast_arrays(layer.east[None, :], layer.north[:, None], 0.0), axis=-1)
     lat, lon, _ = terrain.frame.to_geodetic(grid)
-    s, y = path.along(lat, lon)
+    s, y = path.to_path(lat, lon)
     for box in obstacles:
         along, across = np.abs(s - path.x_gpi - box.before_threshold_m), np.abs(y - box.right_m)
         inside = (along <= box.length_m / 2) & (across <= box.width_m / 2)

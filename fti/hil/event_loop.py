@@ -1,7 +1,7 @@
-"""The event loop of everything that sends on time (docs/decisions/0020).
+"""The event loop of emulator and replay, with precise sleeps (docs/decisions/0020).
 
 ``epoll`` counts its time-out in milliseconds and rounds up, so a sleep of asyncio is up to 1 ms too long.  ``select``
-counts in microseconds; here it waits for the one descriptor of the epoll, which is then asked without waiting.
+counts in microseconds: it waits for the descriptor of the epoll, which is then polled without waiting.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from collections.abc import Coroutine, Iterator
 from typing import Any, TypeVar
 
 Result = TypeVar("Result")
-#: Another thread gives way to the loop after this time [s]; Python's own 5 ms are later than a message may be.
+#: Another thread yields the interpreter lock after this time [s]; Python's default of 5 ms makes messages late.
 SWITCH_INTERVAL_S = 0.0005
-#: Lowest of the real-time priorities: before every ordinary process, behind whoever has more reason.
+#: Lowest of the real-time priorities.
 PRIORITY = 1
-#: Without a second core it would keep the one from whoever reads what is sent.
+#: On a single core, real-time priority would keep the receiver from running.
 MIN_CORES = 2
 
 
@@ -29,7 +29,7 @@ class FineSelector(selectors.EpollSelector):
     """An epoll selector that wakes within some tens of microseconds of its time-out."""
 
     def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
-        """As any selector."""
+        """See ``selectors.BaseSelector``."""
         if timeout is not None and timeout > 0.0:
             if not select.select([self.fileno()], [], [], timeout)[0]:
                 return []
@@ -39,10 +39,10 @@ class FineSelector(selectors.EpollSelector):
 
 @contextlib.contextmanager
 def realtime_priority() -> Iterator[None]:
-    """The calling thread comes before every ordinary process while the block lasts, where it may ask for that.
+    """Give the calling thread real-time priority while the block lasts, if the user is allowed to set it.
 
-    One that has a real-time priority already (``chrt``) keeps its own.  What it starts has none: processes and threads
-    begin as ordinary ones (an ordinary user cannot undo that).
+    A thread that has a real-time priority already (``chrt``) keeps it.  Processes and threads that it starts have
+    ordinary priority.
     """
     usual, parameters = os.sched_getscheduler(0) | os.SCHED_RESET_ON_FORK, os.sched_getparam(0)
     ordinary = usual & ~os.SCHED_RESET_ON_FORK not in (os.SCHED_FIFO, os.SCHED_RR)
@@ -53,13 +53,12 @@ def realtime_priority() -> Iterator[None]:
         yield
     finally:
         with contextlib.suppress(OSError):
-            os.sched_setscheduler(
-                0, usual | os.SCHED_RESET_ON_FORK, parameters
-            )  # which an ordinary user cannot take back
+            # an ordinary user cannot clear the flag
+            os.sched_setscheduler(0, usual | os.SCHED_RESET_ON_FORK, parameters)
 
 
 def run(main: Coroutine[Any, Any, Result]) -> Result:
-    """As ``asyncio.run``, on time: fine sleeps, before others, a collector that leaves what exists now."""
+    """As ``asyncio.run``, with precise sleeps, real-time priority, and existing objects frozen for the collector."""
     gc.collect()
     gc.freeze()
     before_s = sys.getswitchinterval()

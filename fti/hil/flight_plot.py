@@ -1,4 +1,4 @@
-"""A picture of what is flown: the track over the ground, height and clearance, airspeed, bank."""
+"""Plot of the planned flight: ground track, height and clearance, airspeed, bank."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from numpy.typing import NDArray
 
 from fti.hil.environment import Environment, calibrated_airspeed, impact_pressure
 from fti.hil.flight.trajectory import FlightState
-from fti.plot_style import BLUE, GREY, GROUND, VERMILION, label, new_figure
+from fti.plot_style import BLUE, GREY, GROUND, VERMILION, label_axes, new_figure
 
 Array = NDArray[np.float64]
 
 SAMPLES = 2000
-#: Of the map: points across it, and the country beside the track [m].
+#: Points across the map, and its margin around the track [m].
 MAP_POINTS, MAP_MARGIN_M = 300, 800.0
-#: The glide path is drawn where the flight is so close to its track [m].
+#: The glide path is drawn where the flight is within this distance of its track [m].
 TRACK_TOLERANCE_M = 150.0
-#: Marks of time on the track [s].
+#: Interval of the time marks on the track [s].
 MARK_PERIOD_S = 60.0
 
 
@@ -35,7 +35,7 @@ def draw_flight(world: Environment) -> Figure:
     _heights(panels[0], world, state)
     _airspeed(panels[1], world, state)
     panels[2].plot(state.t, np.rad2deg(state.roll), color=BLUE)
-    label(panels[2], "time [s]", "[deg]", "bank, right wing down")
+    label_axes(panels[2], "time [s]", "[deg]", "bank, right wing down")
     return figure
 
 
@@ -51,16 +51,16 @@ def _map(axes: Axes, world: Environment, state: FlightState) -> None:
     axes.figure.colorbar(image, ax=axes, label="ground above the ellipsoid [m]", location="bottom", shrink=0.7)
     axes.plot(*(track.T / 1000.0), color=VERMILION, linewidth=1.8)
     for t in np.arange(0.0, world.duration, MARK_PERIOD_S):
-        place = _at(t, state.t, track[:, 0]), _at(t, state.t, track[:, 1])
-        axes.plot(*place, marker="o", color=VERMILION, markersize=4)
-        axes.annotate(f"{t:.0f} s", place, xytext=(5, 4), textcoords="offset points", fontsize=8)
+        position = _at(t, state.t, track[:, 0]), _at(t, state.t, track[:, 1])
+        axes.plot(*position, marker="o", color=VERMILION, markersize=4)
+        axes.annotate(f"{t:.0f} s", position, xytext=(5, 4), textcoords="offset points", fontsize=8)
     axes.set_aspect("equal")
     axes.grid(visible=False)
-    label(axes, "east of the threshold [km]", "north [km]", "track")
+    label_axes(axes, "east of the threshold [km]", "north [km]", "track")
 
 
 def _at(t: float, times: Array, metres: Array) -> float:
-    """Of a coordinate [m], the value at t [km]."""
+    """Value of a coordinate [m] at t, in km."""
     return float(np.interp(t, times, metres)) / 1000.0
 
 
@@ -69,16 +69,16 @@ def _heights(axes: Axes, world: Environment, state: FlightState) -> None:
     clearance = state.alt - ground
     axes.fill_between(state.t, ground, np.nanmin(ground) - 20.0, color=GROUND, linewidth=0.0)
     axes.plot(state.t, state.alt, color=BLUE)
-    s, y = world.path.along(state.lat, state.lon)
+    s, y = world.path.to_path(state.lat, state.lon)
     glide = np.where((s > 0.0) & (np.abs(y) < TRACK_TOLERANCE_M), world.path.alt_path(s), np.nan)
     axes.plot(state.t, glide, color=GREY, linestyle="--", label="published glide path")
     if np.isfinite(glide).any():
         axes.legend(loc="upper center")
-    label(axes, "", "[m]", f"height above the ellipsoid; lowest {np.nanmin(clearance):.0f} m above the ground")
+    label_axes(axes, "", "[m]", f"height above the ellipsoid; lowest {np.nanmin(clearance):.0f} m above the ground")
 
 
 def _airspeed(axes: Axes, world: Environment, state: FlightState) -> None:
     alt_msl = state.alt - world.undulation
     p_static, temperature = world.atmosphere.p_static(alt_msl), world.atmosphere.temperature(alt_msl)
     axes.plot(state.t, calibrated_airspeed(impact_pressure(state.tas, p_static, temperature)), color=BLUE)
-    label(axes, "", "[m/s]", "calibrated airspeed")
+    label_axes(axes, "", "[m/s]", "calibrated airspeed")

@@ -1,4 +1,4 @@
-"""Where the emulated devices stand: on the ports of this machine and in its time, or elsewhere."""
+"""Clock and ports of the emulator: those of this machine in real time, or others such as in-memory ones."""
 
 from __future__ import annotations
 
@@ -17,26 +17,26 @@ from fti.hil.scheduler import Stream
 
 
 class IoBackend(Protocol):
-    """What an emulator needs of the world outside.  is_real_time : time passes while something is computed"""
+    """Clock, ports and additional streams of an emulator.  is_real_time : time passes during computations"""
 
     clock: Clock
     is_real_time: ClassVar[bool]
 
     def make_endpoint(self, link: Link, respond: Responder) -> Endpoint:
-        """The far end of a link; respond : what its devices answer."""
+        """The far end of a link; respond : returns the answers of its devices."""
 
     async def sleep(self, seconds: float) -> None:
-        """Let time pass."""
+        """Wait for a time of ``clock``."""
 
     def streams(self, start_ns: int) -> Sequence[Stream]:
-        """What happens beside the devices in a flight that begins at start_ns (FTI time)."""
+        """Streams in addition to those of the devices, for a flight that begins at start_ns (FTI time)."""
 
 
 class PortBackend:
     """Ports of this machine, in real time.
 
-    links_dir : where the symlinks to ptys stand; epoch_ns : as SystemClock
-    outside   : links that end outside this machine; tell : told of what a person at the bench should know
+    links_dir  : folder of the symlinks to ptys; epoch_ns : as SystemClock
+    real_ports : links that end outside this machine; notify : called with messages for the user
     """
 
     is_real_time: ClassVar[bool] = True
@@ -52,7 +52,7 @@ class PortBackend:
         self._folder, self._real_ports, self._notify = links_dir, real_ports, notify
 
     def make_endpoint(self, link: Link, respond: Responder) -> Endpoint:
-        """A pty, a socket, a node on a bus."""
+        """A pty, a socket or a node on a bus."""
         port = self._real_ports.get(link.name)
         return make_endpoint(link, self._folder, respond, paced=True, notify=self._notify, port=port)
 
@@ -61,5 +61,5 @@ class PortBackend:
         await asyncio.sleep(seconds)
 
     def streams(self, start_ns: int) -> Sequence[Stream]:
-        """Nothing."""
+        """None."""
         return ()

@@ -1,11 +1,11 @@
-"""A flight as fast as it can be computed: emulated frames go straight into the daemon's chain, in a time of their own.
+"""A flight faster than real time: emulated frames go through memory into the daemon's decode chain.
 
-Nothing is opened, nobody waits: the emulator's streams run on a clock that jumps from instant to instant, each message
-is one frame, and what the daemon would record is written into a session: frames, ticks, measurements, outputs, events,
-alarms, health and ledger.  The same scenario and software give the same session, bit for bit.
+No port is opened and nothing waits: the emulator's streams run on a clock that jumps from one instant to the next.
+Each message is one frame.  The session contains what the daemon would record: frames, ticks, measurements, outputs,
+events, alarms, health and ledger.  The same scenario and software give the same session, bit for bit.
 
-What only real ports have is not there: what a line takes at its baud rate, what a controller or an adapter says of
-itself, what the kernel does to stamps, processes that end.
+Not modelled: transmission time at the baud rate, status of controllers and adapters, kernel timestamps, and the end of
+processes.
 """
 
 from __future__ import annotations
@@ -41,19 +41,19 @@ from fti.service.supervisor.health import HealthBoard
 from fti.types import TICK_LINK, TICK_PERIOD_NS, Event, LinkState, RawFrame
 
 SECOND_NS = 1_000_000_000
-#: FTI time at which every such session begins: 2026-01-01, 00:00 UTC.
+#: FTI time at the beginning of every offline flight: 2026-01-01, 00:00 UTC.
 BEGIN_NS = 1_767_225_600 * SECOND_NS
-#: The daemon has run for so many ticks before the flight begins.
+#: Ticks of the daemon before the flight begins.
 LEAD_TICKS = 50
 HEALTH_PERIOD_S = 0.5
 SILENCE_TIMEOUT_NS = SECOND_NS
 FLUSH_PERIOD_TICKS = 250
-#: Measurements are kept at this rate of each kind: what comes of them is kept whole.
+#: Measurements of each kind are recorded at this rate; outputs are recorded in full.
 DECIMATE_HZ = 5.0
 
 
 class MemoryEndpoint:
-    """A link without a port: what is sent is received at once."""
+    """A link in memory: messages are received at once."""
 
     is_stream: ClassVar[bool] = False
 
@@ -65,7 +65,7 @@ class MemoryEndpoint:
         """Nothing to open."""
 
     async def wait_for_reader(self) -> None:
-        """Somebody always listens."""
+        """Return at once: the receiver is always present."""
 
     def send(self, data: bytes) -> None:
         """Hand over."""
@@ -78,20 +78,20 @@ class MemoryEndpoint:
         self.send(data)
 
     async def drain(self) -> None:
-        """It is."""
+        """Return at once: nothing is queued."""
 
     def close(self) -> None:
         """Nothing to close."""
 
 
 class MemoryStreamEndpoint(MemoryEndpoint):
-    """A serial line without a port."""
+    """A serial line in memory."""
 
     is_stream: ClassVar[bool] = True
 
 
 class MemoryBackend:
-    """The bench of such a flight.  receive : gets each message with the name of its link"""
+    """Clock and endpoints of an offline flight.  receive : gets each message with the name of its link"""
 
     is_real_time: ClassVar[bool] = False
 
@@ -101,16 +101,16 @@ class MemoryBackend:
         self._receive, self._streams = receive, streams
 
     def make_endpoint(self, link: Link, respond: Responder) -> Endpoint:
-        """A wire.  The chain asks nothing, so that nothing is answered."""
+        """An endpoint in memory.  ``respond`` is not used, because the chain sends nothing."""
         kind = MemoryStreamEndpoint if link.kind == "serial" else MemoryEndpoint
         return kind(lambda data: self._receive(link.name, data))
 
     async def sleep(self, seconds: float) -> None:
-        """The clock jumps, by a whole nanosecond at least, so that it gets there."""
+        """Advance the clock, rounded up to a whole nanosecond."""
         self._time.time_ns += math.ceil(seconds * SECOND_NS)
 
     def streams(self, start_ns: int) -> Sequence[Stream]:
-        """What the daemon does by the clock."""
+        """The ticks of the daemon."""
         return self._streams
 
 
@@ -122,7 +122,7 @@ class TickStream:
         self._k = 0
 
     def due_s(self) -> float | None:
-        """When the next tick falls."""
+        """Time of the next tick."""
         return self._k * TICK_PERIOD_NS / SECOND_NS
 
     async def send(self) -> None:
@@ -132,7 +132,7 @@ class TickStream:
 
 
 class OfflineSession:
-    """What the daemon would record of the frames that it is given."""
+    """The session that the daemon would record from the frames."""
 
     def __init__(self, config: Config, folder: SessionFolder, metadata: dict[str, str]) -> None:
         texts = read_texts(config)
@@ -145,7 +145,7 @@ class OfflineSession:
         self._frames: Counter[str] = Counter()
         self._bytes: Counter[str] = Counter()
         self._last_ns: dict[str, int] = {}
-        about: dict[str, Any] = {
+        log_options: dict[str, Any] = {
             "split_s": config.session.split_s,
             "split_mb": config.session.split_mb,
             "attachments": [
@@ -153,27 +153,27 @@ class OfflineSession:
             ],
             "metadata": {"fti": metadata},
         }
-        self._raw = RawLog(folder, [RawTopic(name, kind, {}) for name, kind in self._links.items()], **about)
-        self._derived = DerivedLog(folder, decimate_hz=DECIMATE_HZ, **about)
-        # Reports and health have their own times, and nobody listens to the list: its clock may stand.
-        self._alarms = AlarmBoard(FakeClock(BEGIN_NS), lambda topic, payload: None, self._raw.json, lambda: None)
+        self._raw = RawLog(folder, [RawTopic(name, kind, {}) for name, kind in self._links.items()], **log_options)
+        self._derived = DerivedLog(folder, decimate_hz=DECIMATE_HZ, **log_options)
+        # The clock of the alarm board may stand still: reports and health carry their own times.
+        self._alarms = AlarmBoard(FakeClock(BEGIN_NS), lambda topic, payload: None, self._raw.write_json, lambda: None)
         if config.nav.terrain:
             ground = load_terrain(config.nav.terrain)
             self._keep(self._chain.set_terrain(ground, None, -1, BEGIN_NS - LEAD_TICKS * TICK_PERIOD_NS))
 
     def receive(self, link: str, data: bytes, t_ns: int) -> None:
-        """A frame."""
+        """Record and decode a frame."""
         self._frames[link] += 1
         self._bytes[link] += len(data)
         self._last_ns[link] = t_ns
         frame = RawFrame(link, self._seq, t_ns, data)
-        self._raw.frame(link, frame.seq, t_ns, data)
+        self._raw.write_frame(link, frame.seq, t_ns, data)
         self._take(frame)
 
     def tick(self, t_ns: int) -> None:
-        """A tick, and what falls due with it."""
+        """Record and process a tick; write health and flush files when they are due."""
         frame = RawFrame(TICK_LINK, self._seq, t_ns, b"")
-        self._raw.tick(frame.seq, t_ns)
+        self._raw.write_tick(frame.seq, t_ns)
         self._take(frame)
         if self._ticks % round(HEALTH_PERIOD_S * SECOND_NS / TICK_PERIOD_NS) == 0:
             self._publish_health(t_ns)
@@ -194,30 +194,30 @@ class OfflineSession:
 
     def _keep(self, products: ChainOutput) -> None:
         for device, measurement in products.measurements:
-            self._derived.measurement(device, measurement)
+            self._derived.write_measurement(device, measurement)
         for topic, t_ns, content in products.notes:
-            self._derived.note(topic, t_ns, content)
+            self._derived.write_note(topic, t_ns, content)
             if topic == ALARM_REPORT_TOPIC:
                 self._alarms.handle_report(content)
         for output in products.outputs:
-            self._derived.output(output)
+            self._derived.write_output(output)
             if isinstance(output, Event):
-                self._raw.json("/fti/event", output.t_ns, asdict(output))
+                self._raw.write_json("/fti/event", output.t_ns, asdict(output))
 
     def _publish_health(self, t_ns: int) -> None:
-        """Told twice a second, recorded once a second, as the daemon does."""
+        """Compose health twice a second and record it once a second, as the daemon does."""
         self._board.navigation = {"devices": self._diagnosis.devices(t_ns), "navigation": {"lag_ms": 0.0}}
         self._board.recorder = {"t_ns": t_ns, "links": {name: self._link(name, t_ns) for name in self._links}}
         health = self._board.compose(t_ns, ())
         self._alarms.handle_health(health)
         self._health_count += 1
         if self._health_count % 2 == 0:
-            self._raw.json("/fti/health", t_ns, health)
+            self._raw.write_json("/fti/health", t_ns, health)
 
     def _link(self, name: str, t_ns: int) -> dict[str, Any]:
         last_ns = self._last_ns.get(name)
-        heard = last_ns is not None and t_ns - last_ns < SILENCE_TIMEOUT_NS
-        state = LinkState.GOOD if heard else LinkState.SILENT
+        is_active = last_ns is not None and t_ns - last_ns < SILENCE_TIMEOUT_NS
+        state = LinkState.GOOD if is_active else LinkState.SILENT
         counts = {"frames": self._frames[name], "bytes": self._bytes[name]}
         return {"kind": self._links[name], "state": state, "hint": "", **counts}
 
@@ -225,10 +225,10 @@ class OfflineSession:
 def fly(
     config: Config, scenario: Scenario, out: Path, *, world: Environment | None = None, until_s: float | None = None
 ) -> Path:
-    """Fly a scenario past the chain; returns the session folder below ``out``, which has the truth too.
+    """Fly a scenario through the decode chain; returns the session folder below ``out``, with the truth file.
 
-    world : made from the scenario when None; until_s : the flight is cut off there [s].  Raises what the emulator
-    raises; what was recorded until then is closed in good order.
+    world : made from the scenario when None; until_s : end of the flight [s].  Raises the errors of the emulator; the
+    files are closed properly in any case.
     """
     world = world or make_environment(scenario)
     folder = SessionFolder.create(out, config.session.name, BEGIN_NS)

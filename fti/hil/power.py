@@ -1,21 +1,19 @@
-"""The electrical layer of the laboratory: a circuit breaker for each device, and a supply that can sag.
+"""Power supply of the emulated devices: a circuit breaker for each device, and a supply that can sag.
 
-    off, on     by hand                              trip, reset    it opens by itself, and is closed again
-    brown-out   the supply is below what the device needs: it stops, and starts anew when the voltage is back
-    starting    power is there, and the first message comes ``boot_s`` later
+    off, on     switched by command                  trip, reset    opens by itself, and is closed again
+    brown-out   the supply is below the minimum voltage of the device: it stops, and restarts when the voltage is back
+    starting    the device has power; its first message comes ``boot_s`` later
 
-A device that gets power again has forgotten what it was told: a receiver that is silent until asked is silent until it
-is asked, what counts begins at 0, and so does a time since power-on.
+A power cycle resets a device: its settings are those of the configuration, and its counters and its time since
+power-on begin at 0.
 
-Two hands are on the breakers: the faults ``breaker`` of the scenario, and a person's commands.  **A person wins**: a
-breaker that was commanded once is his for the rest of the flight, and the scenario touches it no more.  The voltage is
-nobody's: ``brown_out`` comes whoever has the breaker.
+Faults ``breaker`` of the scenario and operator commands switch the breakers.  **Commands win**: after its first command
+a breaker ignores the scenario for the rest of the flight.  ``brown_out`` acts on all breakers.
 
-Time is that of the flight [s], and the unit has no clock: it is where its devices are.  A command takes effect with
-the next message that any of them is due to send.
+Time is that of the flight [s].  The unit has no clock: a command takes effect with the next message of any device.
 
 Source: Spiegel 2018, section 6.5 and figure 6.16 (power distribution unit, breakers per sensor); voltages of a 28 V
-system: MIL-STD-704F, 28 V steady, 18 V the least in an emergency.
+system: MIL-STD-704F, 28 V steady, at least 18 V in an emergency.
 """
 
 from __future__ import annotations
@@ -29,12 +27,12 @@ from enum import StrEnum
 from fti.hil.tables.fault_types import Breaker, BrownOut, Fault
 
 SUPPLY_V = 28.0
-#: What a device draws [A]; none of them is known, so it is the same for all and only shows that there is a load.
+#: Current of a device [A]: assumed, the same for all, to show that there is a load.
 LOAD_A = 0.5
 
 
 class BreakerState(StrEnum):
-    """What becomes of a device's power."""
+    """State of the power of a device."""
 
     ON = "on"
     STARTING = "starting"
@@ -43,7 +41,7 @@ class BreakerState(StrEnum):
     BROWN_OUT = "brown_out"
 
 
-#: Command: from which position of the breaker to which; from others it is refused.
+#: Allowed transitions of the breaker by command; others are refused.
 TRANSITIONS: Mapping[str, Mapping[BreakerState, BreakerState]] = {
     "on": {BreakerState.OFF: BreakerState.ON, BreakerState.ON: BreakerState.ON},
     "off": dict.fromkeys((BreakerState.ON, BreakerState.OFF, BreakerState.TRIPPED), BreakerState.OFF),
@@ -58,7 +56,7 @@ REFUSAL_TEXTS = {
 
 
 def _ignore_restart(t: float) -> None:
-    """Nobody is told."""
+    """Do nothing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +64,7 @@ class PowerFeed:
     """A device behind its breaker.
 
     boot_s    : from power to its first message [s]; minimum_v : below this voltage it stops [V]
-    restart   : told when it gets power again [s of the flight]
+    restart   : called with the time at which power returns [s of the flight]
     """
 
     name: str
@@ -77,7 +75,7 @@ class PowerFeed:
 
 @dataclass(slots=True)
 class _Circuit:
-    """A breaker and what is behind it.  since_s : it has had power since then; None while it has none"""
+    """A breaker with its device.  since_s : time since which the device has power [s]; None while it has none"""
 
     feed: PowerFeed
     position: BreakerState = BreakerState.ON  # or off, or tripped
@@ -93,7 +91,7 @@ class _Circuit:
         return BreakerState.ON if t >= self.since_s + self.feed.boot_s else BreakerState.STARTING
 
     def settle(self, at: float) -> None:
-        """Give power or take it, at a time [s]."""
+        """Switch the power on or off at a time [s], by position and voltage."""
         if self.position is not BreakerState.ON or self.volts < self.feed.minimum_v:
             self.since_s = None
         elif self.since_s is None:
@@ -104,7 +102,7 @@ class _Circuit:
 class PowerUnit:
     """The breakers of the devices of one flight; at its beginning all are closed and every device has started.
 
-    Devices that it does not feed (itself) always have power.
+    Devices without a breaker, such as the unit itself, always have power.
     """
 
     def __init__(self, feeds: Sequence[PowerFeed], faults: Sequence[Fault] = ()) -> None:
@@ -115,7 +113,7 @@ class PowerUnit:
         self._t = 0.0
 
     def is_on(self, device: str, t: float | None = None) -> bool:
-        """Does the device work at t [s]?  None: at the last instant that the unit was told."""
+        """Whether the device works at t [s]; None: at the time of the last call."""
         self._step(self._t if t is None else t)
         line = self._circuits.get(device)
         return line is None or line.state(self._t) is BreakerState.ON
@@ -134,7 +132,7 @@ class PowerUnit:
         return 0.0 if self._circuits[device].since_s is None else LOAD_A
 
     def handle_command(self, command: str, breaker: str) -> tuple[bool, str]:
-        """Do what a person wants with a breaker.  Returns whether it was done, and what there is to say."""
+        """Execute an operator command on a breaker.  Returns success, and the new state or the reason for refusal."""
         line = self._circuits.get(breaker)
         if line is None:
             return False, f"it has no breaker: {breaker} is not fed by this unit"
@@ -145,7 +143,7 @@ class PowerUnit:
         return True, line.state(self._t).value
 
     def _step(self, t: float) -> None:
-        """What the scenario does to the power up to t [s], each at its own time."""
+        """Apply the power faults of the scenario up to t [s], each at its own time."""
         while self._edges and self._edges[0] <= t:
             self._change(self._edges.popleft())
         self._t = max(self._t, t)

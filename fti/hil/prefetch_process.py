@@ -1,10 +1,10 @@
-"""Frames of a recording, read ahead by a process of their own.
+"""A process that prefetches the frames of a recording.
 
-Reading a chunk and sorting it holds the interpreter for tens of milliseconds, many times what a frame may be late: a
-thread would hold up who sends, so it is a process (docs/decisions/0020).  It reads as far ahead as a pipe holds.
+Reading and sorting a chunk holds the interpreter lock for tens of milliseconds.  In a thread this would delay the
+sender, therefore a process reads (docs/decisions/0020).  It prefetches as much as the pipe holds.
 
     standard input    the request, as JSON
-    standard output   pickled batches of (link, seq, t_rx_ns, data); what went wrong, as an FtiError; at the end: []
+    standard output   pickled batches of (link, seq, t_rx_ns, data), or an FtiError; at the end an empty list
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ from fti.logger.reading.recording import Recording
 from fti.types import TICK_LINK, RawFrame
 
 SECOND_NS = 1_000_000_000
-#: Frames that are handed over together, and what the pipe may hold: seconds of the usual rates.
+#: Frames per batch, and capacity of the pipe: seconds at usual rates.
 BATCH_FRAMES, PIPE_BYTES = 256, 1 << 20
 TERMINATE_TIMEOUT_S = 5.0
 
 
 @dataclass(frozen=True, slots=True)
 class PrefetchRequest:
-    """Which frames.  path : of the session; the rest : see ``select_frames``"""
+    """Selection of frames.  path : of the session; other fields : see ``select_frames``"""
 
     path: str
     from_s: float = 0.0
@@ -42,7 +42,7 @@ class PrefetchRequest:
     loop: bool = False
 
     def frames(self) -> Iterator[RawFrame]:
-        """The frames.  Raises MissingError where there is no such session."""
+        """The frames.  Raises MissingError when the session does not exist."""
         recording = Recording.open(Path(self.path))
         yield from select_frames(recording.frames, from_s=self.from_s, only=self.only, loop=self.loop)
 
@@ -50,31 +50,31 @@ class PrefetchRequest:
 def select_frames(
     frames: Callable[[], Iterable[RawFrame]], *, from_s: float = 0.0, only: Sequence[str] = (), loop: bool = False
 ) -> Iterator[RawFrame]:
-    """The frames that a replay sends; t_rx_ns counts from its begin, which is from_s after the first frame.
+    """The frames that a replay sends; t_rx_ns counts from its beginning, which is from_s after the first frame.
 
-    frames : makes an iterator over a recording, anew for each pass
-    only   : these links alone (none named: all); loop : the first frame again at the instant of the last, for ever
+    frames : returns a new iterator over a recording for each pass
+    only   : send these links only (empty: all); loop : begin again at the time of the last frame, endlessly
     """
     begin_ns = end_ns = 0
     while True:
         links = (frame for frame in frames() if frame.link != TICK_LINK)
-        origin_ns, found = None, False
+        origin_ns, has_frames = None, False
         for frame in links:
             if origin_ns is None:
                 origin_ns = frame.t_rx_ns + round(from_s * SECOND_NS)
             if frame.t_rx_ns >= origin_ns and (not only or frame.link in only):
                 end_ns = max(end_ns, begin_ns + frame.t_rx_ns - origin_ns)
-                found = True
+                has_frames = True
                 yield RawFrame(frame.link, frame.seq, begin_ns + frame.t_rx_ns - origin_ns, frame.data)
-        if not loop or not found:
+        if not loop or not has_frames:
             return
         begin_ns = end_ns
 
 
 class PrefetchProcess:
-    """The frames of a request, read before they are wanted; use it as a context, which gives the iterator.
+    """Prefetches the frames of a request; a context manager that returns their iterator.
 
-    The process begins with the object.  Raises, in its place, what reading raised.
+    The constructor starts the process.  The iterator raises the errors of reading at their place.
     """
 
     def __init__(self, request: PrefetchRequest) -> None:
@@ -82,14 +82,14 @@ class PrefetchProcess:
             [sys.executable, "-m", "fti.hil.prefetch_process"],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
-            start_new_session=True,  # Ctrl-C is for who sends
+            start_new_session=True,  # Ctrl-C must reach the sender only
         )
         assert self._process.stdin and self._process.stdout
         self._pipe = self._process.stdout
-        with contextlib.suppress(OSError):  # an unprivileged user may have used up what pipes may hold
+        with contextlib.suppress(OSError):  # the limit of pipe memory of an unprivileged user may be reached
             fcntl.fcntl(self._pipe, fcntl.F_SETPIPE_SZ, PIPE_BYTES)
-        with self._process.stdin as order:
-            order.write(json.dumps(asdict(request)).encode())
+        with self._process.stdin as stdin:
+            stdin.write(json.dumps(asdict(request)).encode())
 
     def __enter__(self) -> Iterator[RawFrame]:
         return self._take()
@@ -103,21 +103,21 @@ class PrefetchProcess:
 
     def _take(self) -> Iterator[RawFrame]:
         while batch := self._load():
-            for one in batch:
-                yield RawFrame(*one)
+            for fields in batch:
+                yield RawFrame(*fields)
 
     def _load(self) -> list[tuple[str, int, int, bytes]]:
         try:
             batch: list[tuple[str, int, int, bytes]] | FtiError = pickle.load(self._pipe)  # noqa: S301  our own process
         except (EOFError, pickle.UnpicklingError):
-            raise RecordingError("the process that reads the recording has ended before the recording did") from None
+            raise RecordingError("the process that reads the recording ended unexpectedly") from None
         if isinstance(batch, FtiError):
             raise batch
         return batch
 
 
 def write_batches(frames: Iterator[RawFrame], pipe: IO[bytes]) -> None:
-    """Write frames as batches, and at the end that it is one."""
+    """Write frames in batches, then an empty batch, or the error of reading."""
 
     def write(batch: object) -> None:
         pickle.dump(batch, pipe, pickle.HIGHEST_PROTOCOL)
@@ -137,7 +137,7 @@ def write_batches(frames: Iterator[RawFrame], pipe: IO[bytes]) -> None:
 
 
 def main() -> None:
-    """``python -m fti.hil.prefetch_process``: started by ``PrefetchProcess`` alone; it ends when nobody wants more."""
+    """``python -m fti.hil.prefetch_process``: started by ``PrefetchProcess``; ends when the pipe is closed."""
     request = PrefetchRequest(**json.load(sys.stdin))
     with contextlib.suppress(BrokenPipeError):
         write_batches(request.frames(), sys.stdout.buffer)

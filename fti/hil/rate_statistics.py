@@ -1,7 +1,7 @@
-"""How late the messages of a device went out, and whether it held its rate.
+"""Lateness of the messages of a device, and whether it held its rate.
 
-A device holds its rate when 99 of 100 of its messages are less than half a period late and its line carries what it
-sends.  Later than that, a message is nearer to the instant of the next one than to its own: the rate is then a claim.
+A device holds its rate when 99 of 100 of its messages are less than half a period late and its line dropped none.
+A message that is later is closer to the due time of the next one than to its own.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ from fti.latency_histogram import LatencyHistogram, LatencySummary
 
 @dataclass(frozen=True, slots=True)
 class Rate:
-    """What was asked of a device and what it did.
+    """Requested and achieved rate of a device.
 
-    asked_hz : of the configuration, or of the device's kind; sent_hz : None before the second message
+    asked_hz : rate of the configuration, or default of the driver; sent_hz : None before the second message
     """
 
     name: str
@@ -26,12 +26,12 @@ class Rate:
 
     @property
     def is_held(self) -> bool:
-        """Was it punctual enough for its rate?"""
+        """Whether the p99 lateness is below half a period."""
         return self.lateness.p99_ms < 0.5e3 / self.asked_hz
 
 
 class Meter:
-    """Measures one device.  name, link : of the configuration; asked_hz : its rate"""
+    """Measures the lateness and rate of one device.  name, link : of the configuration; asked_hz : its rate"""
 
     def __init__(self, name: str, link: str, asked_hz: float) -> None:
         self.name, self.link = name, link
@@ -42,9 +42,9 @@ class Meter:
         self._last_s = 0.0
 
     def note(self, due_s: float, late_s: float, *, is_cycle: bool = True) -> None:
-        """A message that was due at due_s [s] goes out so much later.
+        """Record a message that was due at due_s [s] and leaves late_s later.
 
-        is_cycle : it is one of the device's own, not one that something had held back and that does not count as rate
+        is_cycle : the message is a cycle of the device, not one that a fault held back; only cycles count for the rate
         """
         self.late.add(late_s)
         if not is_cycle:
@@ -56,7 +56,7 @@ class Meter:
 
     @property
     def rate(self) -> Rate:
-        """What may be said so far."""
+        """The rate so far."""
         lasted_s = self._last_s - (self._first_s or 0.0)
         sent_hz = (self._cycles - 1) / lasted_s if self._cycles > 1 and lasted_s > 0.0 else None
-        return Rate(self.name, self.link, self._asked_hz, sent_hz, self.late.lateness)
+        return Rate(self.name, self.link, self._asked_hz, sent_hz, self.late.summary)

@@ -1,9 +1,9 @@
-"""Replay: the bytes of a recorded session again, on the same links, at their timing.
+"""Replay: sends the bytes of a recorded session on the same links with the same timing.
 
-One read, datagram or CAN frame of the recording is one message here.  Nothing is lost: where a pty is full, the
-replay waits (and is late).  It begins when somebody has opened every serial line, slcan channel and UDP port; a CAN
-bus does not tell, which is what the extra wait is for.  It ends when the serial readers have read everything.  What
-the recorder itself had sent on a link is not sent again: the far end never said that.
+One read, datagram or CAN frame of the recording is one message.  Nothing is lost: when a pty is full, the replay waits
+and is late.  It begins when every serial line, slcan channel and UDP port has a reader, plus an extra wait for CAN
+buses, whose readers are not visible.  It ends when the serial readers have read everything.  Frames that the recorder
+itself transmitted are not replayed.
 """
 
 from __future__ import annotations
@@ -27,15 +27,15 @@ from fti.hil.scheduler import Scheduler
 from fti.logger.reading.recording import Recording
 from fti.types import RawFrame
 
-#: A replay has held its speed when its last frame was late by no more than this, or a thousandth of its length.
+#: A replay has held its speed when its last frame was late by at most this time, or this share of its duration.
 MAX_LATE_S, MAX_LATE_SHARE = 0.02, 0.001
 
 
 class Replay:
-    """A session, sent again.
+    """Replays a session.
 
-    links_dir : where the symlinks to ptys stand; wait_s : time between the last reader's coming and the first frame
-    loop      : again and again; only : these links alone (none named: all)
+    links_dir : folder of the symlinks to ptys; wait_s : time between the arrival of the last reader and the first frame
+    loop      : repeat endlessly; only : replay these links only (empty: all)
     """
 
     def __init__(
@@ -64,16 +64,16 @@ class Replay:
         for name in only:
             if name not in [link.name for link in self._links]:
                 known = ", ".join(link.name for link in config.link)
-                raise MissingError(f"{name!r} is no link of {config.path}; there are {known}")
+                raise MissingError(f"{config.path}: unknown link {name!r}; configured: {known}")
 
     @property
     def position_s(self) -> float | None:
-        """Where in the recording it is [s after its first frame], counted on through a loop; None before it begins."""
+        """Position in the recording [s after its first frame]; a loop counts on; None before the replay begins."""
         return self._from_s + self._stream.elapsed_s * self._speed if self._stream else None
 
     @property
     def report(self) -> TransmissionReport:
-        """What was sent so far and how late, at any time."""
+        """Messages sent so far and their lateness."""
         link_lateness = self._stream.link_lateness if self._stream else {}
         counters = {name: endpoint.counters for name, endpoint in self._endpoints.items()}
         return TransmissionReport(counters, self._scheduler.lateness, link_lateness, remarks=self._speed_problem())
@@ -85,7 +85,7 @@ class Replay:
     async def run(
         self, stop: asyncio.Event | None = None, progress: Callable[[str], None] = lambda _: None
     ) -> TransmissionReport:
-        """Open the endpoints, wait for readers, send everything.  progress : told what is waited for."""
+        """Open the endpoints, wait for readers, send everything.  progress : called with each step."""
         ended = stop or asyncio.Event()
         ends = {link.name: make_endpoint(link, self._folder, lambda _: [], notify=progress) for link in self._links}
         self._endpoints = ends
@@ -110,12 +110,12 @@ class Replay:
             await endpoint.drain()
 
     def _speed_problem(self) -> list[str]:
-        """What may not be claimed of the speed."""
+        """A message when the requested speed was not reached."""
         stream = self._stream
         if stream is None or stream.last_late_s <= max(MAX_LATE_S, MAX_LATE_SHARE * stream.elapsed_s):
             return []
         reached = self._speed * stream.elapsed_s / (stream.elapsed_s + stream.last_late_s)
-        return [f"speed {self._speed:g} was asked for, {reached:.3g} was reached"]
+        return [f"speed {reached:.3g} was reached, {self._speed:g} was requested"]
 
 
 async def _wait_for_readers(endpoints: Mapping[str, Endpoint], progress: Callable[[str], None]) -> None:
@@ -125,7 +125,7 @@ async def _wait_for_readers(endpoints: Mapping[str, Endpoint], progress: Callabl
 
 
 def length_s(recording: Recording) -> float | None:
-    """How long a recording is [s], as its finished files say; None when one of them has no end."""
+    """Duration of a recording [s] by the summaries of its files; None when a file has no summary."""
     begins, ends = [], []
     for path in recording.frame_files:
         with path.open("rb") as file:

@@ -1,7 +1,7 @@
-"""Where ``fti replay`` may send by the configuration that stands in a recording: to this machine, and nowhere else.
+"""Limits the addresses to which ``fti replay`` sends by the configuration of a recording to this machine.
 
-A recording may come from anybody, and its links name addresses and buses.  Serial lines and slcan adapters are ptys of
-our own; datagrams and frames go where the link says.
+Recordings may come from untrusted sources, and their links name addresses and buses.  Serial lines and slcan adapters
+are local ptys; datagrams and CAN frames go to the address of the link.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from collections.abc import Iterator, Sequence
 from fti.config import CanLink, Link, UdpLink
 from fti.errors import ConfigError
 
-#: SocketCAN interfaces of this prefix are virtual; others may be a bus outside.
+#: SocketCAN interfaces with this prefix are virtual; others may be a physical bus.
 VIRTUAL_CAN = "vcan"
 
 
@@ -22,8 +22,8 @@ def check_links(links: Sequence[Link], session: str) -> None:
         for key, value in _addresses(link):
             raise ConfigError(
                 f"{session}: link {link.name!r}: the recording names {key} = {value!r}; a recording may name loopback "
-                f"addresses, multicast groups and {VIRTUAL_CAN}* only: give --allow-remote to send there, or --config "
-                "with a configuration of your own"
+                f"addresses, multicast groups and {VIRTUAL_CAN}* only: use --allow-remote to send there, or --config "
+                "with another configuration"
             )
 
 
@@ -55,7 +55,7 @@ def _can_addresses(link: CanLink) -> Iterator[tuple[str, str]]:
     }
     if not is_here.get(link.interface, False):
         yield "channel", f"{link.interface}:{link.channel}"
-    for key, value in link.settings.items():  # arguments of python-can, whatever they are
+    for key, value in link.settings.items():  # arbitrary arguments of python-can
         if key not in ("port", "receive_own_messages", "hop_limit"):
             yield f"settings.{key}", str(value)
 
@@ -63,7 +63,7 @@ def _can_addresses(link: CanLink) -> Iterator[tuple[str, str]]:
 def _address(text: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address | None:
     try:
         return ipaddress.ip_address(text)
-    except ValueError:  # a name, which somebody else resolves
+    except ValueError:  # a host name, whose address is unknown
         return None
 
 
@@ -73,12 +73,12 @@ def _is_here(text: str) -> bool:
 
 
 def _is_group(text: str) -> bool:
-    """A multicast group of IPv4: it is sent to with hop limit 0, and stays here."""
+    """A multicast group of IPv4: datagrams have hop limit 0 and do not leave this machine."""
     address = _address(text)
     return address is not None and address.version == 4 and address.is_multicast
 
 
 def _is_group6(text: str) -> bool:
-    """python-can sends to those of IPv6 with hop limit 0, too; datagrams of a udp link do not."""
+    """A multicast group of IPv6: python-can sends with hop limit 0, a udp link does not."""
     address = _address(text)
     return address is not None and address.version == 6 and address.is_multicast

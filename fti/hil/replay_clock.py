@@ -1,4 +1,4 @@
-"""The time of a replay, and its frames in it."""
+"""The clock of a replay, and the stream of its frames."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from fti.latency_histogram import LatencyHistogram, LatencySummary
 from fti.types import RawFrame
 
 SECOND_NS = 1_000_000_000
-#: A longer pause is told: in a snapshot it may last until the next trigger.
+#: A longer pause is reported: in a snapshot it may last until the next trigger.
 MIN_PAUSE_S = 5.0
 
 
 class ReplayClock:
-    """Time that runs, stands, or goes on by one frame.  real_s : a clock [s]; time 0 is ``start``"""
+    """A clock that can be paused and stepped by one frame.  real_s : a clock [s]; time 0 is ``start``"""
 
     def __init__(self, real_s: Callable[[], float]) -> None:
         self._real_s = real_s
@@ -26,24 +26,24 @@ class ReplayClock:
         self.next_s = 0.0  # when the next frame is due
 
     def start(self) -> None:
-        """Now is the begin."""
+        """Set the time to 0."""
         self._zero_s = self._real_s()
         if self._paused_at_s is not None:
             self._paused_at_s = 0.0
 
     @property
     def is_paused(self) -> bool:
-        """Is it paused?"""
+        """Whether the clock is paused."""
         return self._paused_at_s is not None
 
     def now_s(self) -> float:
-        """The time [s]; while it stands nothing is due, and with a step to do the next frame is."""
+        """The time [s]; while paused nothing is due, or with a pending step the next frame."""
         if self._paused_at_s is None:
             return self._real_s() - self._zero_s
         return max(self._paused_at_s, self.next_s) if self._steps else -math.inf
 
     def pause(self) -> None:
-        """Stand still, or go on from there."""
+        """Pause, or resume."""
         if self._paused_at_s is None:
             self._paused_at_s = self._real_s() - self._zero_s
         else:
@@ -51,13 +51,13 @@ class ReplayClock:
             self._paused_at_s, self._steps = None, 0
 
     def step(self) -> None:
-        """One frame more, and stand still."""
+        """Release one frame, then pause."""
         if self._paused_at_s is None:
             self.pause()
         self._steps += 1
 
     def advance(self) -> None:
-        """The next frame was sent."""
+        """Complete a step after its frame was sent."""
         if self._paused_at_s is not None and self._steps:
             self._steps -= 1
             self._paused_at_s = max(self._paused_at_s, self.next_s)
@@ -67,7 +67,7 @@ class FrameStream:
     """Frames as ``fti.hil.prefetch_process`` gives them, as a stream of the scheduler.
 
     speed    : 2 is twice as fast
-    progress : told of long pauses
+    progress : called with a message at long pauses
     """
 
     def __init__(
@@ -86,16 +86,16 @@ class FrameStream:
 
     @property
     def link_lateness(self) -> dict[str, LatencySummary]:
-        """How late the frames of each link were."""
-        return {link: late.lateness for link, late in self._late.items()}
+        """Lateness of the frames of each link."""
+        return {link: late.summary for link, late in self._late.items()}
 
     @property
     def elapsed_s(self) -> float:
-        """How long the frames so far take at the speed that was asked for [s]."""
+        """Duration of the frames so far at the requested speed [s]."""
         return self._due
 
     def due_s(self) -> float | None:
-        """When the next frame goes out; frames keep their order also where their stamps do not."""
+        """Due time of the next frame; frames keep their order even if their stamps do not increase."""
         if self._next is None:
             return None
         self._due = max(self._due, self._next.t_rx_ns / SECOND_NS / self._speed)
@@ -103,7 +103,7 @@ class FrameStream:
         return self._due
 
     def note(self, due_s: float, late_s: float) -> None:
-        """How late the next frame goes out."""
+        """Record the lateness of the next frame."""
         assert self._next is not None
         self.last_late_s = late_s
         self._late.setdefault(self._next.link, LatencyHistogram()).add(late_s)
@@ -119,4 +119,4 @@ class FrameStream:
         self._next = next(self._frames, None)
         before_s = self._due
         if (due_s := self.due_s()) is not None and due_s - before_s > MIN_PAUSE_S:
-            self._progress(f"no frames were recorded now; it goes on in {due_s - before_s:.0f} s")
+            self._progress(f"pause in the recording; the next frame follows in {due_s - before_s:.0f} s")

@@ -1,4 +1,4 @@
-"""What became of everything that was sent, and how late it was: for the person, for programs, and live."""
+"""Transmission statistics of an emulator or replay: counters and lateness, as text, JSON and live status."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from fti.latency_histogram import LatencyHistogram, LatencySummary
 
 @dataclass(frozen=True, slots=True)
 class TransmissionReport:
-    """What was sent, per link, and how late.
+    """Counters and lateness per link.
 
-    rates : of the devices, where devices have any; remarks : what else may not be claimed
+    rates : of the devices, if any; remarks : other problems
     """
 
     links: Mapping[str, EndpointCounters]
@@ -27,7 +27,7 @@ class TransmissionReport:
 
     @property
     def problems(self) -> list[str]:
-        """What may not be claimed, and why not."""
+        """Requirements that were not met, with the reason."""
         return [*self.remarks, *(why for rate in self.rates if (why := self._rate_problem(rate)))]
 
     def _rate_problem(self, rate: Rate) -> str:
@@ -37,10 +37,10 @@ class TransmissionReport:
         if rate.is_held:
             return ""
         limit_ms = 0.5e3 / rate.asked_hz
-        return f"{rate.name}: p99 of its lateness is {rate.lateness.p99_ms:.2f} ms, half a period is {limit_ms:.2f} ms"
+        return f"{rate.name}: p99 lateness is {rate.lateness.p99_ms:.2f} ms, above half a period of {limit_ms:.2f} ms"
 
     def as_json(self) -> dict[str, Any]:
-        """The same, for programs."""
+        """The report as JSON types."""
         return {
             "lateness": asdict(self.lateness),
             "links": {
@@ -56,9 +56,9 @@ class TransmissionReport:
 
 
 def lateness_by_link(meters: Sequence[Meter]) -> dict[str, LatencySummary]:
-    """Of each link, over all its devices."""
+    """Lateness of each link over all its devices."""
     ordered = sorted(meters, key=lambda meter: meter.link)
     return {
-        link: LatencyHistogram.merge(meter.late for meter in group).lateness
+        link: LatencyHistogram.merge(meter.late for meter in group).summary
         for link, group in groupby(ordered, key=lambda meter: meter.link)
     }

@@ -1,9 +1,9 @@
-"""One deadline scheduler for everything that the emulator sends.
+"""One deadline scheduler for all streams of the emulator.
 
-Each stream names its next instant; a heap holds one entry per stream.  Nothing is sent early, nothing is left out, and
-how late each message goes out is kept, because a bench that is late must say so: what its own making takes at its
-instant belongs to that.  How fine a sleep is, is the loop's: ``fti.hil.event_loop``.  Where there is time until the next
-instant, messages are made ahead, several of a stream in a row: the soonest of those whose making fits in.
+Each stream names its next due time; a heap holds one entry per stream.  Nothing is sent early or left out.  The
+lateness of each message is recorded and includes its encoding at the due time.  The event loop determines the
+precision of sleeps (``fti.hil.event_loop``).  Idle time is used to prepare messages, several of a stream in a row: the
+earliest ones whose preparation fits into the time until the next due message.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from typing import Protocol, runtime_checkable
 
 from fti.latency_histogram import LatencyHistogram, LatencySummary
 
-#: Longest sleep [s], so that a request to stop is seen; and messages sent before other tasks are let in.
+#: Longest sleep [s], so that a stop request is noticed; and messages sent before other tasks run.
 MAX_SLEEP_S = 0.05
 MAX_BATCH_MESSAGES = 32
-#: Messages are made so much before their instant at most [s]: so long an answer of their device may have to wait.
-#: A stream goes on with making when what it has made lasts no longer than REFILL_S, which no sleep passes over.
+#: Messages are prepared at most MAX_LEAD_S before they are due [s]: an answer of the device waits as long.
+#: A stream prepares again when its prepared messages last at most REFILL_S [s], which is longer than any sleep.
 MAX_LEAD_S, REFILL_S = 0.1, 0.06
 
 
@@ -28,49 +28,49 @@ class Stream(Protocol):
     """Messages of one sender, in the order of their instants."""
 
     def due_s(self) -> float | None:
-        """Instant of the next message [s] after the start; None when there is no more."""
+        """Due time of the next message [s] after the start; None when there is none."""
 
     async def send(self) -> None:
-        """Send the message that is due and step to the next one."""
+        """Send the message that is due and advance to the next one."""
 
 
 @runtime_checkable
 class MeteredStream(Protocol):
-    """A stream that keeps how late its own messages are."""
+    """A stream that records the lateness of its own messages."""
 
     def note(self, due_s: float, late_s: float) -> None:
-        """The next message was due at due_s [s] and goes out so much later."""
+        """Record that the next message was due at due_s [s] and leaves late_s later."""
 
 
 @runtime_checkable
 class PreparableStream(Protocol):
-    """A stream that can make its next messages before they are due."""
+    """A stream that can encode its next messages before they are due."""
 
     def unprepared_s(self) -> float | None:
-        """Instant of the first message that could be made ahead and is not; None when there is none."""
+        """Due time of the first message that can be prepared and is not; None when there is none."""
 
     def prepare(self, within_s: float, until_s: float) -> bool:
-        """Make messages that are due until then, in no more than within_s [s]; was one made?"""
+        """Encode messages due by until_s, in at most within_s [s].  Returns whether one was encoded."""
 
     def complete(self) -> None:
-        """The next message is due: make it, unless it is made."""
+        """Encode the next message, which is due, unless it is prepared."""
 
 
 class PreparationQueue:
-    """The first messages that are not made, of all streams that can make them ahead, soonest first."""
+    """First unprepared messages of all preparable streams, in the order of their due times."""
 
     def __init__(self, streams: Sequence[Stream]) -> None:
-        self._makers = {i: stream for i, stream in enumerate(streams) if isinstance(stream, PreparableStream)}
-        self._first: dict[int, float | None] = dict.fromkeys(self._makers)
+        self._preparable = {i: stream for i, stream in enumerate(streams) if isinstance(stream, PreparableStream)}
+        self._first: dict[int, float | None] = dict.fromkeys(self._preparable)
         self._waiting: list[tuple[float, int]] = []
-        for i in self._makers:
+        for i in self._preparable:
             self.update(i)
 
     def update(self, index: int) -> None:
-        """A stream has made or sent something: which is the first now?"""
-        if index not in self._makers:
+        """Update the entry of a stream that has prepared or sent messages."""
+        if index not in self._preparable:
             return
-        first, before = self._makers[index].unprepared_s(), self._first[index]
+        first, before = self._preparable[index].unprepared_s(), self._first[index]
         if first != before:
             if before is not None:
                 self._waiting.remove((before, index))
@@ -79,26 +79,26 @@ class PreparationQueue:
             self._first[index] = first
 
     def complete(self, index: int) -> None:
-        """Its next message is due: it is made now, unless it was before."""
-        if index in self._makers:
-            self._makers[index].complete()
+        """Encode the next message of a stream, which is due, unless it is prepared."""
+        if index in self._preparable:
+            self._preparable[index].complete()
 
     def prepare_next(self, now: float, within_s: float) -> bool:
-        """Make messages of the soonest stream for which there is time; false when there is none."""
+        """Prepare messages of the first stream for which there is time; False when there is none."""
         for first, i in self._waiting:
             if first > now + REFILL_S:
                 return False
-            if self._makers[i].prepare(within_s, now + MAX_LEAD_S):
+            if self._preparable[i].prepare(within_s, now + MAX_LEAD_S):
                 self.update(i)
                 return True
         return False
 
 
 class Scheduler:
-    """Sends streams at their instants.
+    """Sends the messages of streams at their due times.
 
-    now   : time since the start [s]; sleep : as asyncio.sleep
-    ahead : make messages ahead; nothing is gained by a clock that stands still meanwhile
+    now         : time since the start [s]; sleep : as asyncio.sleep
+    can_prepare : prepare messages in idle time; useless with a simulated clock
     """
 
     def __init__(
@@ -110,21 +110,21 @@ class Scheduler:
     ) -> None:
         self._now = now
         self._sleep = sleep
-        self._ahead = can_prepare
+        self._can_prepare = can_prepare
         self._late = LatencyHistogram()
         self._preparation = PreparationQueue(())
 
     @property
     def lateness(self) -> LatencySummary:
-        """How late the messages so far were."""
-        return self._late.lateness
+        """Lateness of the messages so far."""
+        return self._late.summary
 
     async def run(self, streams: Sequence[Stream], stop: asyncio.Event, until_s: float = float("inf")) -> None:
         """Send until the streams end, ``until_s`` has passed or ``stop`` is set."""
         heap = [(due, i) for i, stream in enumerate(streams) if (due := stream.due_s()) is not None]
         heapq.heapify(heap)
         meters = [stream if isinstance(stream, MeteredStream) else None for stream in streams]
-        self._preparation = PreparationQueue(streams if self._ahead else ())
+        self._preparation = PreparationQueue(streams if self._can_prepare else ())
         sent = 0
         while heap and heap[0][0] <= until_s and not stop.is_set():
             due, i = heap[0]
@@ -150,7 +150,7 @@ class Scheduler:
             meter.note(due, late)
 
     async def _wait(self, due: float) -> bool:
-        """Use or sleep a part of the time that is left; False when the instant has come."""
+        """Prepare messages or sleep for a part of the remaining time; False when the message is due."""
         now = self._now()
         left = due - now
         if left <= 0:

@@ -1,16 +1,15 @@
-"""What the emulator or a replay is doing, for the page and ``fti watch``: twice a second on the daemon's bus, ``/hil``.
+"""Status of the emulator or a replay for the page and ``fti watch``: twice a second on the daemon's bus, ``/hil``.
 
-scenario, flight_s, duration_s     title; time of the flight, null before it begins; how long it is [s]
-devices   {name: link, asked_hz, messages, breaker (null: it feeds itself), faults (kinds that name it)}
+scenario, flight_s, duration_s     title; time of the flight, null before it begins; its duration [s]
+devices   {name: link, asked_hz, messages, breaker (null: without breaker), faults (kinds that name it)}
 links     {name: messages, bytes, dropped_messages, dropped_bytes, received_bytes}
-faults    those that act now: kind, words, on, until_s
+faults    active faults: kind, words, on, until_s
 supply_v  voltage before the breakers [V]
-lateness  messages, p50_ms, p99_ms, max_ms; holds: every device holds its rate; not_held: which does not, and why
+lateness  messages, p50_ms, p99_ms, max_ms; holds: every device holds its rate; not_held: devices that do not, and why
 
-A replay has no devices, breakers and faults: the bytes are from where the session was recorded.  Its scenario is the
-name of the session, its time that of the recording.
+A replay has no devices, breakers and faults.  Its scenario is the name of the session, its time that of the recording.
 
-It is said in a thread of its own and nobody waits for it: without a daemon the flight is the same.
+A thread publishes the status.  The flight does not depend on it and runs without a daemon.
 """
 
 from __future__ import annotations
@@ -36,14 +35,14 @@ from fti.service.run_directory import base, find_daemon
 TOPIC = "/hil"
 PROCESS = "emulator"
 PERIOD_S = 0.5
-#: Older than that, it is not known what the emulator does [ms].
+#: An older status is late [ms].
 MAX_AGE_MS = 1500.0
 
 
 def describe(emulator: Emulator) -> dict[str, Any]:
-    """The message, in plain JSON types."""
+    """The status message of an emulator, as JSON types."""
     report, t = emulator.brief_report, emulator.flight_s
-    late = report.problems
+    problems = report.problems
     faults = list(descriptions.active_faults(emulator.scenario.fault, t or 0.0))
     return {
         "scenario": emulator.scenario.title,
@@ -54,13 +53,13 @@ def describe(emulator: Emulator) -> dict[str, Any]:
         "faults": faults,
         "supply_v": emulator.power.volts,
         "lateness": asdict(report.lateness),
-        "holds": not late,
-        "not_held": late,
+        "holds": not problems,
+        "not_held": problems,
     }
 
 
 def describe_replay(replay: Replay, title: str, length_s: float | None) -> dict[str, Any]:
-    """The same of a replay.  title : of the session; length_s : how long it is [s], None where that is not known"""
+    """The status message of a replay.  title : of the session; length_s : its duration [s], None when unknown"""
     report = replay.report
     return {
         "scenario": title,
@@ -91,17 +90,17 @@ def _devices(emulator: Emulator, faults: list[dict[str, Any]]) -> dict[str, Any]
 
 
 class StatusPublisher:
-    """Publishes in a thread of its own while the block lasts, whenever there is a daemon.
+    """Publishes in a thread while the block lasts, whenever a daemon runs.
 
-    describe : makes the message; clock : its time; name : of the daemon's session
-    run_dir  : of the daemon, when it is not the one that the name says
+    describe : returns the message; clock : its time; name : of the daemon's session
+    run_dir  : of the daemon; None: the run directory of that name
     """
 
     def __init__(self, describe: Callable[[], dict[str, Any]], clock: Clock, name: str, run_dir: str | None) -> None:
         self._describe, self._clock = describe, clock
         self._run_dir = run_dir or str(base() / name)
         self._ended = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="fti-hil-teller")
+        self._thread = threading.Thread(target=self._run, name="fti-hil-status")
         self._publisher: Publisher | None = None
 
     def __enter__(self) -> StatusPublisher:
@@ -115,7 +114,7 @@ class StatusPublisher:
         self._thread.join()
 
     def _run(self) -> None:
-        """It is as urgent as who sends: while it holds the interpreter and has to wait for a core, so has that one."""
+        """Publish with real-time priority, because a wait for a core with the interpreter lock delays the sender."""
         with realtime_priority():
             while not self._ended.wait(PERIOD_S):
                 if self._join():
@@ -123,7 +122,7 @@ class StatusPublisher:
             self._leave()
 
     def _join(self) -> bool:
-        """Is there a daemon?  The publisher finds its bus, and that of the next one."""
+        """Connect to the bus of a running daemon, also after its restart.  Returns whether a daemon runs."""
         if not _is_running(self._run_dir):
             self._leave()
         elif self._publisher is None:

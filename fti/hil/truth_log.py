@@ -1,12 +1,12 @@
-"""The truth of a simulated flight as MCAP: topic ``/truth/state``, JSON, 25 Hz.
+"""The ground truth of a simulated flight as MCAP: topic ``/truth/state``, JSON, 25 Hz.
 
-Log time is the instant of a row, publish time when it was written: how late the emulator was, as everything it sent.
-Topic ``/truth/end`` has the last message: how many rows there are, and what was sent on each link.
-Topic ``/truth/late`` has when the kernel was late with what the emulator had sent: log time when, publish time until.
-The file says which scenario was flown (attachment ``scenario.json``), whether in real time or faster (metadata
-``flight``), with which configuration (its text and the texts that it names are attached as to a session), and how often
-each device sends each kind of measurement (``sent_rates.json``).  What each device means to state once a second is on
-``/truth/measurement/<device>``, at the time of the sample.
+Log time is the time of a row, publish time when it was written; the difference is the lateness of the emulator.
+Topic ``/truth/end`` has the last message: number of rows, and messages and bytes sent on each link.
+Topic ``/truth/late`` has the intervals in which the kernel delayed sent bytes: log time begin, publish time end.
+Attachments and metadata: the scenario (``scenario.json``), whether the flight was in real time (metadata ``flight``),
+the configuration with the files that it names, as in a session, and the rate of each kind of measurement of each device
+(``sent_rates.json``).  The values that each device intends to send, once a second, are on
+``/truth/measurement/<device>`` at the time of the sample.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ SECOND_NS = 1_000_000_000
 TOPIC, LATE_TOPIC, END_TOPIC = "/truth/state", "/truth/late", "/truth/end"
 MEASUREMENT = "/truth/measurement/"
 SCENARIO_ATTACHMENT, RATES_ATTACHMENT = "scenario.json", "sent_rates.json"
-#: Metadata of the file, and what it says: "true" or "false".
+#: Metadata of the file, and its key, with the value "true" or "false".
 FLIGHT_METADATA, REAL_TIME_KEY = "flight", "real_time"
-#: Nobody knows better where an aircraft is [m]: ``range_bounds`` of the world.
+#: Accuracy with which the position of an aircraft can be known [m], for ``Environment.range_bounds``.
 POSITION_TOLERANCE_M = 3.0
 QUANTITIES = {
     "lat": "latitude [rad]",
@@ -52,13 +52,13 @@ QUANTITIES = {
     "y": "offset right of the track [m]",
     "height_agl": "height of P above the surface below it [m]",
     "dh": "height above the glide path [m]",
-    "deviation": "angle above the glide path as seen from its intercept point [rad]; left out behind it",
+    "deviation": "angle above the glide path as seen from its intercept point [rad]; absent beyond it",
 }
-#: Of each altimeter, before its name.
+#: Columns of each altimeter, as prefix of its name.
 RANGES = {
-    "range_": "of this altimeter's beam, without noise [m]; left out where it meets nothing",
-    "least_range_": f"the least within {POSITION_TOLERANCE_M:g} m of the place, in the same attitude [m]",
-    "most_range_": "the largest [m]",
+    "range_": "of this altimeter, without noise [m]; absent without return",
+    "least_range_": f"smallest range within {POSITION_TOLERANCE_M:g} m of the position, in the same attitude [m]",
+    "most_range_": "largest range, likewise [m]",
 }
 
 
@@ -77,9 +77,9 @@ _INTENDED_SCHEMA = {
 
 
 class TruthRows:
-    """What stands in the truth file of one flight; everything is computed before the flight begins.
+    """Contents of the truth file of one flight.
 
-    That takes a second of a core, in which whoever comes before others would keep others from theirs.
+    They are computed before the flight, because a second of computation at real-time priority would delay others.
     """
 
     def __init__(
@@ -89,13 +89,13 @@ class TruthRows:
         rates: Mapping[str, Mapping[str, float]] | None = None,
         intended: Sequence[IntendedValues] = (),
     ) -> None:
-        self.altimeters, self.flown = altimeters, world.scenario.flown
+        self.altimeters, self.scenario_text = altimeters, world.scenario.flight_key
         self.rates, self.intended = rates or {}, intended
         self.t = np.arange(0.0, world.duration, 1.0 / RATE_HZ)
         self._columns = _columns(world, self.t)
         for device in altimeters:
-            around = world.range_bounds(self.t, device, POSITION_TOLERANCE_M)
-            self._columns |= {begin + device.name: column for begin, column in zip(RANGES, around, strict=True)}
+            bounds = world.range_bounds(self.t, device, POSITION_TOLERANCE_M)
+            self._columns |= {prefix + device.name: column for prefix, column in zip(RANGES, bounds, strict=True)}
 
     @property
     def columns(self) -> Mapping[str, np.ndarray[tuple[int], np.dtype[np.float64]]]:
@@ -103,15 +103,15 @@ class TruthRows:
         return self._columns
 
     def row(self, k: int) -> dict[str, float]:
-        """What is known of row k."""
-        known = {name: float(column[k]) for name, column in self._columns.items()}
-        return {name: value for name, value in known.items() if math.isfinite(value)}
+        """The finite values of row k."""
+        values = {name: float(column[k]) for name, column in self._columns.items()}
+        return {name: value for name, value in values.items() if math.isfinite(value)}
 
 
 class TruthLog:
     """The truth file of one flight.
 
-    real_time : the bench's, not a clock that jumps; texts : the configuration that is played, by names of attachments
+    real_time : the flight runs in real time; texts : the files of the configuration by names of attachments
     """
 
     def __init__(
@@ -120,7 +120,7 @@ class TruthLog:
         self._rows = rows
         path.parent.mkdir(parents=True, exist_ok=True)
         self._writer = StreamWriter(path)
-        self._writer.add_attachment(SCENARIO_ATTACHMENT, "application/json", rows.flown.encode(), log_time=0)
+        self._writer.add_attachment(SCENARIO_ATTACHMENT, "application/json", rows.scenario_text.encode(), log_time=0)
         rates_json = json.dumps(rows.rates).encode()
         self._writer.add_attachment(RATES_ATTACHMENT, "application/json", rates_json, log_time=0)
         for name, text in texts.items():
@@ -153,7 +153,7 @@ class TruthLog:
             self._writer.flush()
 
     def _write_intended(self, until_s: float, start_ns: int, now_ns: int) -> None:
-        """Write what devices have meant to state until a time of the flight."""
+        """Write the intended values of all devices until a time of the flight."""
         intended = self._rows.intended
         while self._written < len(intended) and intended[self._written].t_s <= until_s:
             one = intended[self._written]
@@ -163,13 +163,13 @@ class TruthLog:
             self._written += 1
 
     def note_late(self, from_ns: int, until_ns: int) -> None:
-        """What was sent at from_ns came out of this machine's port at until_ns."""
+        """Record that bytes sent at from_ns left the port at until_ns."""
         text = json.dumps({"from_ns": from_ns, "until_ns": until_ns})
         self._writer.write(self._late_channel, from_ns, text.encode(), publish_time=until_ns)
 
-    def note_end(self, sent: Mapping[str, EndpointCounters]) -> None:
-        """The flight has ended, here or because it was stopped.  sent : of each link"""
-        links = {name: {"messages": one.messages, "bytes": one.bytes} for name, one in sent.items()}
+    def note_end(self, counters: Mapping[str, EndpointCounters]) -> None:
+        """Record the end of the flight, complete or stopped.  counters : of each link"""
+        links = {name: {"messages": one.messages, "bytes": one.bytes} for name, one in counters.items()}
         text = json.dumps({"rows": self._count, "sent": links})
         self._writer.write(self._end_channel, self._last_ns, text.encode(), publish_time=self._last_ns)
 
@@ -179,7 +179,7 @@ class TruthLog:
 
 
 class TruthStream:
-    """Rows of the truth at their instants."""
+    """Rows of the truth as a stream of the scheduler."""
 
     def __init__(
         self,
@@ -192,7 +192,7 @@ class TruthStream:
         self._k = 0
 
     def due_s(self) -> float | None:
-        """Instant of the next row."""
+        """Time of the next row."""
         return float(self._t[self._k]) if self._k < len(self._t) else None
 
     async def send(self) -> None:
@@ -216,7 +216,7 @@ def _schema(altimeters: Sequence[Device]) -> dict[str, object]:
 def _columns(world: Environment, t: np.ndarray[tuple[int], np.dtype[np.float64]]) -> dict[str, np.ndarray]:
     now = world.state(t)
     path = world.path
-    s, y = path.along(now.lat, now.lon)
+    s, y = path.to_path(now.lat, now.lon)
     dh = now.alt - path.alt_path(s)
     deviation = np.where(s > 0.0, np.arctan2(s * math.tan(path.glide) + dh, s) - path.glide, np.nan)
     north, east, down = now.vel_n.T

@@ -1,7 +1,7 @@
 """Links: serial, UDP, CAN.  The only code that touches a port.
 
-``open_link`` makes the link of a configuration; its task is ``run``.  A port that is absent, denied, busy or lost is
-tried again until the task is cancelled; ``status`` says in which state the link is, with a hint, and counts.
+``open_link`` creates the link of a configuration; its task is ``run``.  A port that is absent, denied, busy or lost is
+retried until the task is cancelled; ``status`` holds the state of the link with a hint, and its counters.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ __all__ = ["Link", "LinkStatus", "Sink", "add_beat_callbacks", "open_link", "per
 
 
 class Link(Protocol):
-    """One link; see ``fti.links.base.BaseLink`` for what each does exactly."""
+    """One link; ``fti.links.base.BaseLink`` documents the details."""
 
     name: str
     status: LinkStatus
@@ -26,23 +26,23 @@ class Link(Protocol):
     urgent: bool
 
     async def run(self) -> None:
-        """Open, read, come back when lost; until cancelled, then everything is closed."""
+        """Open, read, reconnect after a loss; cancellation closes everything."""
 
     async def send(self, data: bytes, timeout_s: float = 1.0) -> int:
-        """Send; LinkError when it cannot be done now, ValueError when this link may not send."""
+        """Send.  Raises LinkError when sending is not possible now, ValueError when this link may not send."""
 
     async def drain(self) -> None:
-        """Read what the kernel still holds, before ``run`` is cancelled; nothing is sent from now on."""
+        """Read the remaining data of the kernel before ``run`` is cancelled; sending is refused from now on."""
 
 
 def open_link(link: config.Link, clock: Clock, sink: Sink, *, on_connect: Sequence[bytes] = ()) -> Link:
     """The link of a configuration; nothing is opened before ``run``.
 
-    sink       : gets reads, datagrams or CAN frames (little-endian ``can_frame``) and their arrivals [ns]; see ``Sink``
+    sink       : receives reads, datagrams or CAN frames (little-endian ``can_frame``) and arrival times [ns]: ``Sink``
     on_connect : sent after every connect, when the link may send
-    Raises ConfigError when the configuration can never work.
+    Raises ConfigError when the configuration is invalid for this kind of link.
     """
-    # The libraries of a kind of link are loaded when there is such a link: the recorder starts in less time.
+    # Libraries are imported only for the kinds of links that are configured: the recorder starts faster.
     if isinstance(link, config.SerialLink):
         if link.half_duplex or link.echo:
             from fti.links.half_duplex import HalfDuplexLink  # noqa: PLC0415
@@ -52,9 +52,9 @@ def open_link(link: config.Link, clock: Clock, sink: Sink, *, on_connect: Sequen
 
         return SerialPortLink(link, clock, sink, on_connect)
     if isinstance(link, config.UdpLink):
-        from fti.links.udp import UdpLink  # noqa: PLC0415
+        from fti.links.udp import UdpSocketLink  # noqa: PLC0415
 
-        return UdpLink(link, clock, sink, on_connect)
+        return UdpSocketLink(link, clock, sink, on_connect)
     if link.interface == "slcan":
         from fti.links.slcan import SlcanLink  # noqa: PLC0415
 

@@ -1,8 +1,8 @@
-"""Many datagrams with one call of the kernel: ``recvmmsg``, and the memory that it fills.
+"""Reads many datagrams with one system call: ``recvmmsg`` and its buffers.
 
-The memory is one for all sockets of a process: one thread reads them, and takes out what a call has brought before
-it calls again.  Each datagram has 64 KiB of address space, so that none is ever cut; memory is used only where
-datagrams have been, so short ones cost a page each.
+All sockets of a process share one buffer: one thread reads them, and takes the datagrams of a call out before the next
+call.  Each datagram has 64 KiB of address space, so none is truncated; memory is allocated only for pages that were
+used, one for a short datagram.
 """
 
 from __future__ import annotations
@@ -20,14 +20,13 @@ from collections.abc import Sequence
 from fti.clock import SECOND_NS
 
 MAX_DATAGRAMS = 64  # datagrams in a call, so that no link starves another
-#: Place for a datagram; a little more than its size, so that the first bytes do not all compete for the same cache.
+#: Slot of a datagram; slightly more than its maximum size, so that the first bytes use different cache sets.
 SLOT_SIZE_BYTES = 65536 + 192
 NAME_BYTES = 32  # the largest address is sockaddr_in6, 28 bytes
 CONTROL_BYTES = 64
 STAMP_BYTES = socket.CMSG_SPACE(16)  # struct timespec; the kernel puts the stamp first
 DROPS_BYTES = STAMP_BYTES + socket.CMSG_SPACE(4)
 NO_STAMP = -(2**63)
-MAX_UNBATCHED = 4  # up to so many are taken out one by one
 _SLOT_OFFSETS = range(0, MAX_DATAGRAMS * SLOT_SIZE_BYTES, SLOT_SIZE_BYTES)
 
 
@@ -64,10 +63,10 @@ _DROPS = STAMP_BYTES + socket.CMSG_LEN(0)
 
 
 class ReceiveBatch:
-    """What one call has brought; what is asked of it is valid until the next call."""
+    """The datagrams of one call; all results are valid until the next call."""
 
     def __init__(self) -> None:
-        # PyDLL keeps the interpreter: the call never waits, and to give it away and get it back costs more.
+        # PyDLL keeps the GIL: the call never blocks, and releasing the GIL would cost more.
         self._call = ctypes.PyDLL(None, use_errno=True).recvmmsg
         self._data = mmap.mmap(-1, MAX_DATAGRAMS * SLOT_SIZE_BYTES, flags=mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS)
         self._names = bytearray(MAX_DATAGRAMS * NAME_BYTES)
@@ -77,7 +76,7 @@ class ReceiveBatch:
         self._fill(slots)
         self._arguments = ctypes.byref(slots), ctypes.c_uint(MAX_DATAGRAMS), ctypes.c_int(socket.MSG_DONTWAIT), None
         self._slots = memoryview(slots).cast("B").cast("I")
-        self._fresh = memoryview(bytes(slots)).cast("I")
+        self._initial_slots = memoryview(bytes(slots)).cast("I")
         self._count = 0
         self._control_lengths: Sequence[int] = ()
         self._flags: Sequence[int] = ()
@@ -88,19 +87,19 @@ class ReceiveBatch:
         for i in range(MAX_DATAGRAMS):
             self._vectors[i] = _Vector(data + i * SLOT_SIZE_BYTES, SLOT_SIZE_BYTES)
             vector = ctypes.addressof(self._vectors[i])
-            place = names + i * NAME_BYTES, NAME_BYTES, vector, 1, control + i * CONTROL_BYTES, CONTROL_BYTES, 0
-            slots[i].message = _Message(*place)
+            message = names + i * NAME_BYTES, NAME_BYTES, vector, 1, control + i * CONTROL_BYTES, CONTROL_BYTES, 0
+            slots[i].message = _Message(*message)
 
     def receive(self, fd: int) -> int:
-        """Take what waits in a socket, at most COUNT datagrams; how many.  Raises OSError."""
-        if self._count:  # the kernel has written how much it used of each
+        """Read waiting datagrams of a socket, at most MAX_DATAGRAMS; returns their number.  Raises OSError."""
+        if self._count:  # the kernel has overwritten the lengths of the slots
             used = self._count * _SLOT_WORDS
-            self._slots[:used] = self._fresh[:used]
+            self._slots[:used] = self._initial_slots[:used]
         count = self._call(fd, *self._arguments)
         self._count = max(count, 0)
         if count > 0:
-            found = _slots(count).unpack_from(self._slots)
-            self._control_lengths, self._flags, self._lengths = found[::3], found[1::3], found[2::3]
+            words = _slots(count).unpack_from(self._slots)
+            self._control_lengths, self._flags, self._lengths = words[::3], words[1::3], words[2::3]
         elif (number := ctypes.get_errno()) != errno.EAGAIN:
             raise OSError(number, os.strerror(number))
         return self._count
@@ -114,21 +113,21 @@ class ReceiveBatch:
         return [data[at : at + length] for at, length in zip(_SLOT_OFFSETS, lengths, strict=False)]
 
     def stamps(self, offset_ns: int = 0) -> list[int]:
-        """When they arrived: CLOCK_REALTIME + offset [ns]; UNSTAMPED where the kernel has not said it."""
-        told = _stamps(self._count).unpack_from(self._control)
-        seconds, nanoseconds = told[::2], told[1::2]
+        """Arrival times: CLOCK_REALTIME + offset [ns]; NO_STAMP without a kernel stamp."""
+        words = _stamps(self._count).unpack_from(self._control)
+        seconds, nanoseconds = words[::2], words[1::2]
         if seconds.count(seconds[0]) == self._count:
             base = seconds[0] * SECOND_NS + offset_ns
-            found = [base + ns for ns in nanoseconds]
+            stamps = [base + ns for ns in nanoseconds]
         else:
-            found = [s * SECOND_NS + ns + offset_ns for s, ns in zip(seconds, nanoseconds, strict=True)]
+            stamps = [s * SECOND_NS + ns + offset_ns for s, ns in zip(seconds, nanoseconds, strict=True)]
         lengths = self._control_lengths
         if min(lengths) < STAMP_BYTES:
-            return [t if length >= STAMP_BYTES else NO_STAMP for t, length in zip(found, lengths, strict=True)]
-        return found
+            return [t if length >= STAMP_BYTES else NO_STAMP for t, length in zip(stamps, lengths, strict=True)]
+        return stamps
 
     def drops(self) -> int | None:
-        """What the kernel had dropped before the last of them; None when it had not dropped any."""
+        """Number of datagrams that the kernel dropped before the last one; None if it dropped none."""
         if self._control_lengths[-1] < DROPS_BYTES:
             return None
         at = (self._count - 1) * CONTROL_BYTES + _DROPS
@@ -139,14 +138,14 @@ class ReceiveBatch:
         return self._flags
 
     def senders(self) -> list[bytes]:
-        """The address of each sender as the kernel writes it (``struct sockaddr``)."""
+        """Address of each sender as ``struct sockaddr``."""
         names = bytes(self._names[: self._count * NAME_BYTES])
         return [names[at : at + NAME_BYTES] for at in range(0, len(names), NAME_BYTES)]
 
 
 @functools.cache
 def _slots(count: int) -> struct.Struct:
-    """What the kernel writes into so many slots: used control bytes, flags, length, of each."""
+    """Results of the kernel in so many slots: control length, flags, data length of each."""
     control, flags, length = _Message.control_length.offset, _Message.flags.offset, _Slot.length.offset
     return struct.Struct("@" + f"{control}xNI{length - flags - 4}xI{SLOT_BYTES - length - 4}x" * count)
 
@@ -159,7 +158,7 @@ def _stamps(count: int) -> struct.Struct:
 
 @functools.lru_cache(maxsize=1024)
 def _equal(count: int, length: int) -> struct.Struct:
-    """Datagrams of one length, as they lie in the memory."""
+    """Layout of datagrams of one length in the buffer."""
     return struct.Struct(f"{length}s{SLOT_SIZE_BYTES - length}x" * (count - 1) + f"{length}s")
 
 
@@ -169,5 +168,5 @@ def _address(memory: bytearray | mmap.mmap) -> int:
 
 @functools.cache
 def shared_batch() -> ReceiveBatch:
-    """The memory of this process, made when the first socket is opened."""
+    """The batch of this process, created when the first socket is opened."""
     return ReceiveBatch()

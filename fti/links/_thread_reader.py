@@ -1,4 +1,4 @@
-"""A thread that reads a CAN bus for which the loop cannot wait."""
+"""A thread that reads a CAN bus without a file descriptor."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ FINISH_S = 2.0
 
 
 class ThreadReader:
-    """One thread that waits for frames of a bus without a descriptor and hands them to the loop, stamped.
+    """A thread that reads frames of a bus without a file descriptor and hands them to the loop with their stamps.
 
-    It is the only one that reads the bus: a second one would change their order.
+    It is the only reader of the bus: a second one would change the order.
     """
 
     def __init__(
@@ -44,7 +44,7 @@ class ThreadReader:
         while not self._stopping.is_set():
             try:
                 message = self._bus.recv(timeout=0 if self._finishing.is_set() else WAIT_S)
-            except Exception as error:  # noqa: BLE001  a vendor's driver may raise anything, and must be read on
+            except Exception as error:  # noqa: BLE001  a vendor's driver may raise anything; keep reading
                 self._loop.call_soon_threadsafe(self._on_error, error)
                 self._stopping.wait(WAIT_S)
                 continue
@@ -55,17 +55,17 @@ class ThreadReader:
                 return
 
     def deliver(self) -> None:
-        """In the loop: what the thread has read."""
+        """Pass on the frames of the thread; called in the loop."""
         while self._received:
             self._on_message(*self._received.popleft())
 
     def finish(self) -> None:
-        """Outside the loop: wait until the thread has read what the bus holds, and has ended."""
+        """Wait until the thread has read the remaining frames and ended; called outside the loop."""
         self._finishing.set()
         self._thread.join(timeout=FINISH_S)
 
     def stop(self) -> None:
-        """End the thread; takes one wait at most, more only when a driver ignores its time limit."""
+        """Stop the thread; takes WAIT_S at most, longer only if a driver ignores its timeout."""
         self._stopping.set()
         self._thread.join(timeout=20 * WAIT_S)
         self.deliver()

@@ -1,8 +1,8 @@
-"""What every link does: open, tell the device what it must hear, read, and come back when the device was lost.
+"""Base class of links: open, send the configuration of the device, read, and reconnect after a loss.
 
-A link has one task, ``run``.  It opens the port and stays until it is cancelled; a port that cannot be opened or is
-lost is tried again after 0.1 s, then twice as long each time, to 2 s.  The reading itself is a callback of the loop:
-the time from arrival to stamp is one call.  Nothing here looks into the bytes.
+A link has one task, ``run``.  It opens the port and runs until it is cancelled; it reopens a port that cannot be opened
+or is lost after 0.1 s, then after twice the delay each time, up to 2 s.  Reading is a callback of the loop: the time
+from arrival to stamp is one call.  Links do not interpret the bytes.
 """
 
 from __future__ import annotations
@@ -19,50 +19,50 @@ from fti.errors import LinkError, PartialSendError
 from fti.links._beat_scheduler import schedule_early_poll
 from fti.types import LinkState
 
-#: Gets frames that arrived together (each a read, a datagram or a CAN frame) and their FTI times of arrival [ns], at
-#: least one.  The times ascend, also from call to call.  Nobody changes either afterwards.  It must not raise.
+#: Receives frames that arrived together (each a read, a datagram or a CAN frame; at least one) and their FTI times of
+#: arrival [ns].  The times do not decrease, also between calls.  Both are never changed afterwards.  It must not raise.
 Sink = Callable[[Sequence[bytes], Sequence[int]], None]
 
 NOT_OPENED = "not opened yet"
 GOOD = LinkState.GOOD
 MIN_RETRY_S, MAX_RETRY_S = 0.1, 2.0
-#: How often an open link is looked at; all of them are with the same beat.
+#: Period of the checks of an open link; all links are checked with the same beat.
 CHECK_PERIOD_S = 0.5
-#: Of a link that brings more messages than these, the first one after a beat is seldom the altimeter's [Hz].
+#: Above this message rate of a link, the first message after a beat is seldom the altimeter's [Hz].
 MAX_EARLY_HZ = 120.0
-#: A link on which nothing came for so long is silent.
+#: A link that received nothing for this time is silent.
 SILENCE_TIMEOUT_NS = 2 * SECOND_NS
-#: For so long after the kernel dropped frames, the link is not good.
+#: Time after a drop of the kernel during which the link state is overflow.
 OVERFLOW_HOLD_NS = 10 * SECOND_NS
-#: States of an open port that brings frames.
+#: States of an open port that receives frames.
 RECEIVING = (GOOD, LinkState.OVERFLOW)
-#: Draining ends when nothing came for so long, and at the latest after DRAIN_S.
+#: Draining ends when nothing arrived for QUIET_S, at the latest after DRAIN_S.
 QUIET_S, DRAIN_S = 0.01, 2.0
 
 
 def per_frame_sink(accept: Callable[[bytes, int], None]) -> Sink:
-    """A sink for whoever looks at each frame for itself."""
+    """A sink that calls ``accept`` for each frame."""
 
-    def take(frames: Sequence[bytes], times_ns: Sequence[int]) -> None:
+    def sink(frames: Sequence[bytes], times_ns: Sequence[int]) -> None:
         for frame, t_rx_ns in zip(frames, times_ns, strict=True):
             accept(frame, t_rx_ns)
 
-    return take
+    return sink
 
 
 @dataclass(slots=True)
 class LinkStatus:
-    """State of a link from its own point of view, a sentence for the person at the connector, and its counters.
+    """State of a link, a hint for the engineer at the connector, and its counters.
 
-    frames, bytes, last_rx_ns : what was received, and when last (FTI time; None before the first)
-    connects       : how often the port was opened
-    refused        : datagrams from others than the configured source; frames that the bus library could not read
-    noise_bytes    : bytes of an adapter's protocol that are no frame and no answer
-    socket_dropped : frames that the kernel dropped because nobody read in time; dropped_ns : counted last at this FTI
-                     time; None before the first
-    stamp_refused  : kernel stamps that were not believed
-    echo_bytes     : our own bytes that came back, which is no reception
-    errors         : line errors since the start, by name, of a UART or a CAN controller; only what is really counted
+    frames, bytes, last_rx_ns : received frames and bytes, last arrival (FTI time; None before the first)
+    connects       : number of times the port was opened
+    refused        : datagrams from other sources than the configured one; frames that the bus library could not read
+    noise_bytes    : bytes on the line of an adapter that are neither frame nor answer
+    socket_dropped : frames that the kernel dropped because its queue was full; dropped_ns : FTI time of the last drop
+                     counted; None before the first
+    stamp_refused  : rejected kernel stamps
+    echo_bytes     : received bytes that were our own transmissions; not counted as received
+    errors         : line errors since the start, by name, of a UART or a CAN controller; only available counters
     """
 
     state: LinkState = LinkState.ABSENT
@@ -83,14 +83,14 @@ class LinkStatus:
 
 
 class BaseLink(ABC):
-    """The life of a link; a transport says how to open, read, write and close.
+    """Connection management of a link; subclasses open, read, write and close the transport.
 
-    name      : of the configuration; transmit : it may send
+    name      : of the configuration; transmit : sending is allowed
     sink      : see ``Sink``
     on_connect: sent after every connect, when the link may send
-    on_sent   : gets what was sent, and when; None until somebody wants to know
-    urgent    : what it receives does not wait for the beat, unless it brings too much; set before ``run``
-    receives_pieces : a reception is a piece of a message, so the number of receptions is not that of messages
+    on_sent   : receives sent frames and their times; None: nobody
+    urgent    : received frames trigger an early poll, unless the message rate is too high; set before ``run``
+    receives_pieces : a read is a piece of a message, so reads do not count messages
     """
 
     receives_pieces: ClassVar[bool] = False
@@ -107,7 +107,7 @@ class BaseLink(ABC):
         self._measured = 0, 0  # frames until then, FTI time [ns]
         self._on_connect = tuple(on_connect)
         self._send_lock = asyncio.Lock()
-        self._partial_sends: list[str] = []  # what has gone out of that which is being written, should it be given up
+        self._partial_sends: list[str] = []  # sent parts of the present write, for the error if it is aborted
         self._lost: asyncio.Future[LinkError] | None = None  # pending while the port is open
         self._ending = False
 
@@ -115,28 +115,28 @@ class BaseLink(ABC):
 
     @abstractmethod
     async def _open(self) -> None:
-        """Open the port and begin to read.  Raises LinkError; then ``_close`` is called too."""
+        """Open the port and begin to read.  Raises LinkError; ``_close`` is then called as well."""
 
     @abstractmethod
     def _close(self) -> None:
-        """Give everything back, also after half an ``_open``."""
+        """Release all resources, also after an incomplete ``_open``."""
 
     @abstractmethod
     def _read(self) -> bool:
-        """Take what the kernel has now, up to a bounded amount; true when there may be more.  May raise OSError."""
+        """Read the available data, up to a limit; true when there may be more.  May raise OSError."""
 
     @abstractmethod
     async def _write(self, data: bytes) -> None:
-        """Write everything; cancelled when the time is over.  May raise OSError or LinkError."""
+        """Write all data; cancelled at the timeout.  May raise OSError or LinkError."""
 
     @abstractmethod
     def _silent_hint(self) -> str:
-        """What to look for when the port is open and nothing comes."""
+        """Possible causes when the port is open and nothing arrives."""
 
     # ------------------------------------------------------------------------------------------------------- life
 
     async def run(self) -> None:
-        """Keep the link up until cancelled; then everything is closed."""
+        """Keep the link connected until cancelled; then close everything."""
         delay = MIN_RETRY_S
         while True:
             connects = self.status.connects
@@ -160,18 +160,18 @@ class BaseLink(ABC):
         except OSError as error:
             raise LinkError(f"link {self.name}: {error.strerror or error}") from None
         finally:
-            self._fail(LinkError(f"link {self.name}: closed"))  # whoever waits to send
+            self._fail(LinkError(f"link {self.name}: closed"))  # wakes pending senders
             self._lost = None
             self._close()
 
     async def _send_on_connect(self) -> None:
-        """Tell the device what it must hear.  What cannot be sent now is no reason not to listen."""
+        """Send the configuration of the device.  The link also receives if sending fails."""
         for data in self._on_connect:
             with contextlib.suppress(LinkError):
                 await self.send(data)
 
     async def _run_checks(self, lost: asyncio.Future[LinkError]) -> None:
-        """Until the link is lost, look at it now and then."""
+        """Check the link periodically until it is lost."""
         self._schedule_check(lost)
         await asyncio.wait([lost])
         raise lost.result()
@@ -195,8 +195,8 @@ class BaseLink(ABC):
         if status.last_rx_ns is None or now - status.last_rx_ns >= SILENCE_TIMEOUT_NS:
             status.state, status.hint = LinkState.SILENT, self._silent_hint()
         elif status.dropped_ns is not None and now - status.dropped_ns < OVERFLOW_HOLD_NS:
-            lost = f"the kernel has dropped {status.socket_dropped} frames"
-            status.state, status.hint = LinkState.OVERFLOW, f"{lost}: its queue was full before the recorder read it"
+            text = f"the kernel has dropped {status.socket_dropped} frames"
+            status.state, status.hint = LinkState.OVERFLOW, f"{text}: its queue was full before the recorder read it"
         else:
             status.state, status.hint = GOOD, ""
 
@@ -208,7 +208,7 @@ class BaseLink(ABC):
             self._measured = self.status.frames, now_ns
 
     def _fail(self, error: LinkError) -> None:
-        """The port is lost; ``run`` closes it and tries again."""
+        """The port is lost; ``run`` closes and reopens it."""
         if self._lost and not self._lost.done():
             self._lost.set_result(error)
 
@@ -221,13 +221,13 @@ class BaseLink(ABC):
             return False
 
     def _handle_loss(self, error: LinkError | OSError) -> None:
-        """The port has said that it is lost."""
+        """An operation on the port failed: the port is lost."""
         if isinstance(error, OSError):
             error = LinkError(f"link {self.name}: {error.strerror or error}")
         self._fail(error)
 
     def _receive(self, frames: Sequence[bytes], times_ns: Sequence[int]) -> None:
-        """Count what has arrived, and hand it on."""
+        """Count received frames and pass them to the sink."""
         status = self.status
         status.frames += len(frames)
         status.bytes += sum(map(len, frames))
@@ -239,17 +239,17 @@ class BaseLink(ABC):
             schedule_early_poll(self)
 
     def _is_early(self) -> bool:
-        """May what it receives be handed on before the beat?"""
+        """May received frames trigger an early poll?"""
         return self.urgent and (self.receives_pieces or self._rate_hz <= MAX_EARLY_HZ)
 
     async def drain(self) -> None:
-        """Read what the kernel still holds, before the link is cancelled; nothing is sent from now on."""
+        """Read the remaining data of the kernel before the link is cancelled; sending is refused from now on."""
         self._ending = True
         loop = asyncio.get_running_loop()
         end, quiet = loop.time() + DRAIN_S, 0
         while self._lost and not self._lost.done() and quiet < 2 and loop.time() < end:
             before = self.status.frames
-            more = self._on_readable()  # also of what is not ours, and stands before it in the queue
+            more = self._on_readable()  # also true for datagrams of other sources, which may precede ours
             quiet = 0 if more or self.status.frames > before else quiet + 1
             await asyncio.sleep(QUIET_S if quiet else 0)
 
@@ -258,20 +258,20 @@ class BaseLink(ABC):
     async def send(self, data: bytes, timeout_s: float = 1.0) -> int:
         """Send bytes (serial), one datagram or one CAN frame; returns its length.
 
-        Raises LinkError when the link is down or the device takes nothing for timeout_s, SentInPart when something
-        has gone out nevertheless; ValueError when the configuration does not allow this link to send.
+        Raises LinkError when the link is down or the device accepts nothing for timeout_s, PartialSendError when a part
+        was sent nevertheless; ValueError when the configuration does not allow this link to send.
         """
         if not self._transmit:
             raise ValueError(f"link {self.name}: transmit is false in the configuration")
-        gone: list[str] = []
+        sent_parts: list[str] = []
         try:
             async with asyncio.timeout(timeout_s), self._send_lock:
                 self._require_connection()
-                self._partial_sends = gone
+                self._partial_sends = sent_parts
                 await self._write(data)
         except (OSError, LinkError) as error:
             text = self._describe_failure(error, len(data), timeout_s)
-            raise (PartialSendError if gone else LinkError)("; ".join([text, *gone])) from None
+            raise (PartialSendError if sent_parts else LinkError)("; ".join([text, *sent_parts])) from None
         self._count_sent(data)
         return len(data)
 
@@ -279,11 +279,11 @@ class BaseLink(ABC):
         if isinstance(error, LinkError):
             return str(error)
         if isinstance(error, TimeoutError):
-            return f"link {self.name}: {size} bytes could not be sent within {timeout_s:g} s{self._why_not_sent()}"
+            return f"link {self.name}: {size} bytes could not be sent within {timeout_s:g} s{self._timeout_hint()}"
         return f"link {self.name}: cannot send: {error.strerror or error}"
 
     def _require_connection(self) -> None:
-        """Raises LinkError when the link is down, or about to be."""
+        """Raises LinkError when the link is down or the session ends."""
         if self._ending:
             raise LinkError(f"link {self.name}: the session ends")
         if self._lost is None or self._lost.done():
@@ -292,19 +292,19 @@ class BaseLink(ABC):
     def _not_connected(self) -> LinkError:
         return LinkError(f"link {self.name}: is not connected: {self.status.hint}")
 
-    def _why_not_sent(self) -> str:
-        """What may keep this kind of link from sending in time, for the person who waits."""
+    def _timeout_hint(self) -> str:
+        """Possible causes of a timeout on this kind of link."""
         return ""
 
     def _count_sent(self, data: bytes) -> None:
-        """Count what was sent, and hand it on."""
+        """Count a sent frame and pass it to ``on_sent``."""
         self.status.tx_frames += 1
         self.status.tx_bytes += len(data)
         if self.on_sent:
             self.on_sent((data,), (self._clock.now_ns(),))
 
     async def _writable(self, fd: int) -> None:
-        """Wait until the kernel takes more.  Raises LinkError when the link is lost meanwhile."""
+        """Wait until the kernel accepts more data.  Raises LinkError when the link is lost meanwhile."""
         loop = asyncio.get_running_loop()
         lost = self._lost
         assert lost
@@ -314,13 +314,13 @@ class BaseLink(ABC):
         try:
             await asyncio.wait(waited, return_when=asyncio.FIRST_COMPLETED)
         finally:
-            if not lost.done():  # else the descriptor is closed already, or another one
+            if not lost.done():  # otherwise the descriptor is closed or reused
                 loop.remove_writer(fd)
         if lost.done():
             raise lost.result()
 
 
 def _complete(future: asyncio.Future[Any]) -> None:
-    """A writer's callback may come more than once before it is removed."""
+    """A writer callback may be called more than once before it is removed."""
     if not future.done():
         future.set_result(None)

@@ -1,12 +1,12 @@
 """CAN buses through python-can.
 
-SocketCAN is read with ``recvmmsg`` on the bus's own socket: the kernel's stamp, its drop counter, a receive buffer of
-4 MiB (the default loses frames silently).  An interface that goes down is reported once by the kernel; the same
-socket works again when it is up.  Other interfaces are read by the loop when they have a descriptor, else by one
+SocketCAN is read with ``recvmmsg`` on the socket of the bus: kernel stamps, drop counter, a receive buffer of 4 MiB
+(the default loses frames silently).  The kernel reports once that an interface goes down; the same socket works again
+when the interface is up.  Other interfaces are read by the loop if they have a file descriptor, otherwise by one
 blocking thread that hands each frame to the loop; their frames are stamped when they are read.
 
-Frames are ``can_frame`` (16 B) or ``canfd_frame`` (72 B), see ``fti.canframe``.  Frames that this link sent itself
-are recorded as sent, not as received.
+Frames are ``can_frame`` (16 B) or ``canfd_frame`` (72 B), see ``fti.canframe``.  Frames that this link sent are
+recorded as sent, not as received.
 """
 
 from __future__ import annotations
@@ -39,13 +39,13 @@ from fti.links.ports import can_interfaces
 from fti.types import LinkState
 
 RETRY_S = 0.002  # CAN has no writable event for a full transmit queue (ENOBUFS)
-MAX_ERRORS = 100  # one after the other, without a frame: then the bus is opened again
+MAX_ERRORS = 100  # consecutive errors without a frame: then the bus is reopened
 MAX_ECHOES = 64
-SEND_S = 1.0  # so long a driver of python-can may try
-MAX_FINAL_BATCHES = 1000  # from an interface that is gone
-#: In the errors of the link: frames that the library or its driver could not read.
+SEND_S = 1.0  # timeout of a python-can driver
+MAX_FINAL_BATCHES = 1000  # from an interface that was removed
+#: Counter in the errors of the link: frames that the library or its driver could not read.
 UNREADABLE = "can_unreadable"
-#: Interfaces whose bit rate is not set by the program.
+#: Interfaces whose bit rate the program does not set.
 NO_BITRATE = ("socketcan", "udp_multicast", "virtual")
 
 
@@ -65,16 +65,16 @@ def pack_message(message: can.Message) -> bytes:
 
 def unpack_message(frame: bytes) -> can.Message:
     """The python-can message of a frame."""
-    found = canframe.unpack_can(frame)
+    can_frame = canframe.unpack_can(frame)
     return can.Message(
-        arbitration_id=found.can_id,
-        is_extended_id=found.extended,
-        is_remote_frame=found.remote,
-        is_error_frame=found.error,
-        is_fd=found.fd,
-        bitrate_switch=found.fd and bool(frame[5] & canframe.FD_BRS),
-        dlc=len(found.data),
-        data=None if found.remote else found.data,
+        arbitration_id=can_frame.can_id,
+        is_extended_id=can_frame.extended,
+        is_remote_frame=can_frame.remote,
+        is_error_frame=can_frame.error,
+        is_fd=can_frame.fd,
+        bitrate_switch=can_frame.fd and bool(frame[5] & canframe.FD_BRS),
+        dlc=len(can_frame.data),
+        data=None if can_frame.remote else can_frame.data,
     )
 
 
@@ -88,14 +88,14 @@ class CanBusLink(BaseLink):
             raise ConfigError(f"link {config.name}: interface = {config.interface!r}: allowed are {allowed}")
         self._config = config
         self._bus: can.BusABC | None = None
-        self._socket: socket.socket | None = None  # SocketCAN's own
-        self._queue: socket.socket | None = None  # where the kernel counts what it drops
+        self._socket: socket.socket | None = None  # of SocketCAN
+        self._queue: socket.socket | None = None  # the socket with the drop counter
         self._arrival = Arrival(clock, self.status)
         self._reader: ThreadReader | None = None
         self._fd = -1
         self._errors = 0
         self._controller = ControllerWatch(self.status.errors, config.channel)
-        self._echoes: deque[bytes] = deque(maxlen=MAX_ECHOES)  # sent, and not yet heard again
+        self._echoes: deque[bytes] = deque(maxlen=MAX_ECHOES)  # sent, and not yet received back
 
     # --------------------------------------------------------------------------------------------- opening, closing
 
@@ -111,7 +111,7 @@ class CanBusLink(BaseLink):
             self._controller.begin(self._clock.now_ns())
         self._fd = _fileno(self._bus)
         self._queue = self._socket or _socket_at(self._fd)
-        if self._queue:  # a bus of the library may be a socket with the usual queue, a quarter of a second
+        if self._queue:  # a bus of the library may be a socket with the default queue, a quarter of a second
             enlarge(self._queue)
         if self._socket:
             watch(self._fd, self._on_readable, is_early=self._is_early if self.urgent else None)
@@ -121,7 +121,7 @@ class CanBusLink(BaseLink):
             self._reader = ThreadReader(self._bus, self._clock, self._on_message, self._on_error, self.name)
 
     async def _make_bus(self) -> can.BusABC:
-        """Open the bus in a thread: drivers of vendors take their time, and other links must be read meanwhile."""
+        """Open the bus in a thread: drivers of vendors may block for long, and other links must be read meanwhile."""
         config = self._config
         make = functools.partial(can.Bus, config.channel, config.interface, ignore_config=True, **self._arguments())
         opening = asyncio.get_running_loop().run_in_executor(None, make)
@@ -136,22 +136,22 @@ class CanBusLink(BaseLink):
     def _arguments(self) -> dict[str, Any]:
         config = self._config
         rate = {} if config.bitrate is None or config.interface in NO_BITRATE else {"bitrate": config.bitrate}
-        fixed = {"hop_limit": 0} if config.interface == "udp_multicast" else {}  # never leaves this machine
+        fixed = {"hop_limit": 0} if config.interface == "udp_multicast" else {}  # stays on this machine
         return {**rate, **({"fd": True} if config.fd else {}), **config.settings, **fixed}
 
     def _open_error(self, error: Exception) -> LinkError:
         config, number = self._config, getattr(error, "errno", None)
-        place = f"{config.interface} {config.channel}"
+        name = f"{config.interface} {config.channel}"
         if number in (errno.EACCES, errno.EPERM):
-            return PortDenied(f"{place}: permission denied")
+            return PortDenied(f"{name}: permission denied")
         if number == errno.EBUSY:
-            return PortBusy(f"{place}: in use by another program")
+            return PortBusy(f"{name}: in use by another program")
         if config.interface == "socketcan" and number in (errno.ENODEV, errno.ENXIO):
-            there = ", ".join(f"{p.name} ({p.state})" for p in can_interfaces())
-            return PortAbsent(f"{place}: no such interface; there are {there or 'none'}")
+            present = ", ".join(f"{p.name} ({p.state})" for p in can_interfaces())
+            return PortAbsent(f"{name}: no such interface; present: {present or 'none'}")
         if number == errno.EAFNOSUPPORT:
-            return PortAbsent(f"{place}: this kernel has no SocketCAN")
-        return PortAbsent(f"{place}: cannot be opened: {error}")
+            return PortAbsent(f"{name}: this kernel has no SocketCAN")
+        return PortAbsent(f"{name}: cannot be opened: {error}")
 
     def _close(self) -> None:
         if self._fd >= 0:
@@ -179,7 +179,7 @@ class CanBusLink(BaseLink):
         for _ in range(MAX_DATAGRAMS):
             try:
                 message = self._bus.recv(timeout=0) if self._bus else None
-            except Exception as error:  # noqa: BLE001  a vendor's driver may raise anything, and must be read on
+            except Exception as error:  # noqa: BLE001  a vendor's driver may raise anything; keep reading
                 self._on_error(error)
                 return False
             if message is None:
@@ -194,10 +194,10 @@ class CanBusLink(BaseLink):
             if error.errno != errno.ENETDOWN:
                 self._read_last()
                 raise
-            return True  # told once; frames come again when the interface is up
+            return True  # reported once; frames arrive again when the interface is up
 
     def _read_last(self) -> None:
-        """The kernel tells an error before what came earlier, and keeps that."""
+        """Read earlier frames: the kernel reports an error before them, and keeps them."""
         with contextlib.suppress(OSError):
             for _ in range(MAX_FINAL_BATCHES):
                 if not self._read_batch():
@@ -209,8 +209,8 @@ class CanBusLink(BaseLink):
             return False
         count, own = len(frames), [flags & socket.MSG_CONFIRM for flags in self._arrival.batch.flags()]
         if any(own):
-            heard = [not mine for mine in own]
-            frames, times = list(compress(frames, heard)), list(compress(times, heard))
+            foreign = [not flag for flag in own]
+            frames, times = list(compress(frames, foreign)), list(compress(times, foreign))
         if frames:
             self._receive(frames, times)
         return count == MAX_DATAGRAMS
@@ -230,7 +230,7 @@ class CanBusLink(BaseLink):
             self._receive((frame,), (t_rx_ns,))
 
     def _on_error(self, error: Exception) -> None:
-        """The library could not read a frame; one bad frame is no lost bus, a hundred in a row are."""
+        """The library could not read a frame; MAX_ERRORS in a row mean that the bus is lost."""
         self._refuse()
         self._errors += 1
         if self._errors >= MAX_ERRORS or isinstance(error, OSError):
@@ -241,11 +241,11 @@ class CanBusLink(BaseLink):
         self.status.errors[UNREADABLE] = self.status.refused
 
     async def drain(self) -> None:
-        """Read what the kernel or the driver still holds, before the link is cancelled."""
+        """Read the remaining frames of the kernel or the driver before the link is cancelled."""
         if self._reader is None:
             await super().drain()
             return
-        await asyncio.to_thread(self._reader.finish)  # what it has handed to the loop by then is taken first
+        await asyncio.to_thread(self._reader.finish)  # frames that it has handed to the loop are processed first
 
     def _receive(self, frames: Sequence[bytes], times_ns: Sequence[int]) -> None:
         for frame in filter(is_error, frames):
@@ -257,7 +257,7 @@ class CanBusLink(BaseLink):
             self._arrival.ask_drops(self._queue)
         super()._check()
         if self._socket:
-            self._controller.look(self._clock.now_ns())
+            self._controller.read_if_due(self._clock.now_ns())
         state = next((p.state for p in can_interfaces() if p.name == self._config.channel), "")
         if self._socket and state != "up":
             self.status.state = LinkState.ABSENT
@@ -285,14 +285,14 @@ class CanBusLink(BaseLink):
                 if error.errno != errno.ENOBUFS:
                     raise
                 await asyncio.sleep(RETRY_S)
-        raise self._not_connected()  # it was lost while we waited
+        raise self._not_connected()  # lost while waiting
 
     async def _write_bus(self, data: bytes) -> None:
-        if self._bus is None:  # it is being opened
+        if self._bus is None:  # not open yet
             raise self._not_connected()
         message = unpack_message(data)
         if self._config.interface == "udp_multicast":
-            self._echoes.append(data)  # a multicast group hears itself
+            self._echoes.append(data)  # a multicast group receives its own frames
         sending = asyncio.get_running_loop().run_in_executor(None, self._bus.send, message, SEND_S)
         try:
             await asyncio.shield(sending)
@@ -300,27 +300,27 @@ class CanBusLink(BaseLink):
             await self._await_driver(sending, data)
             raise
         except Exception as error:  # noqa: BLE001  a vendor's driver may raise anything
-            self._forget_echo(data)
+            self._remove_echo(data)
             raise LinkError(f"link {self.name}: cannot send: {error}") from None
 
     async def _await_driver(self, sending: asyncio.Future[None], data: bytes) -> None:
-        """It was given up, and the driver goes on trying: what it does then is said and recorded all the same."""
+        """Sending was aborted while the driver may continue: report and record the result of the driver."""
         await asyncio.wait([sending], timeout=2 * SEND_S)
         if not sending.done():
-            self._partial_sends.append("the driver of the bus still has it")
+            self._partial_sends.append("the driver of the bus may still send it")
         elif sending.exception():
-            self._forget_echo(data)
+            self._remove_echo(data)
         else:
-            self._partial_sends.append("the driver of the bus has sent it after that")
+            self._partial_sends.append("the driver of the bus sent it later")
             self._count_sent(data)
 
-    def _forget_echo(self, data: bytes) -> None:
-        with contextlib.suppress(ValueError):  # heard all the same, or no bus that hears itself
+    def _remove_echo(self, data: bytes) -> None:
+        with contextlib.suppress(ValueError):  # received back already, or a bus without echo
             self._echoes.remove(data)
 
 
 def _fileno(bus: can.BusABC) -> int:
-    """The descriptor of a bus; -1 when it has none."""
+    """File descriptor of a bus; -1 if it has none."""
     try:
         return bus.fileno()
     except (NotImplementedError, can.CanError):
@@ -328,7 +328,7 @@ def _fileno(bus: can.BusABC) -> int:
 
 
 def _socket_at(fd: int) -> socket.socket | None:
-    """The descriptor as a socket of our own; None when it is none."""
+    """A duplicate of the descriptor as a socket; None if it is not a socket."""
     try:
         own = os.dup(fd)
     except OSError:
@@ -341,6 +341,6 @@ def _socket_at(fd: int) -> socket.socket | None:
 
 
 def _shut_down(opening: asyncio.Future[can.BusABC]) -> None:
-    """A bus that nobody waits for any more."""
+    """Shut down a bus after a cancelled opening."""
     if opening.exception() is None:
         opening.result().shutdown()

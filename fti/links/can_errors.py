@@ -1,11 +1,11 @@
 """Error frames of a CAN controller, counted by class.
 
 Source: Linux ``include/uapi/linux/can/error.h``.  The identifier of an error frame is a set of classes; byte 1 of its
-data says more of a problem of the controller itself.  One frame may tell of several.  The frames are recorded as they
-come; the counts stand in the ledger and can be made again from the file.
+data details a problem of the controller.  One frame may contain several classes.  The frames are recorded unchanged;
+the counts are in the ledger and can be recomputed from the file.
 
-``can_rx_overflow`` tells that the controller lost frames, not how many; ``can_rx_over_errors`` is what the driver of a
-SocketCAN interface counts (Linux, ``Documentation/ABI/testing/sysfs-class-net-statistics``), where it does.
+``can_rx_overflow`` reports that the controller lost frames, not how many; ``can_rx_over_errors`` is the counter of the
+driver of a SocketCAN interface (Linux, ``Documentation/ABI/testing/sysfs-class-net-statistics``), if it has one.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ CLASSES = {
     0x100: "can_restarted",
 }
 CONTROLLER = 0x004
-#: Bits of byte 1 of the data -> what the controller says.
+#: Bits of byte 1 of the data -> state of the controller.
 CONTROLLER_CLASSES = {
     0x01: "can_rx_overflow",
     0x02: "can_tx_overflow",
@@ -46,12 +46,12 @@ def is_error(frame: bytes) -> bool:
 
 
 def classes_of(frame: bytes) -> list[str]:
-    """The classes that an error frame tells of."""
+    """The classes in an error frame."""
     word = int.from_bytes(frame[:4], "little")
-    found = [name for bit, name in CLASSES.items() if word & bit]
+    classes = [name for bit, name in CLASSES.items() if word & bit]
     if word & CONTROLLER:
-        found += [name for bits, name in CONTROLLER_CLASSES.items() if frame[9] & bits]
-    return found
+        classes += [name for bits, name in CONTROLLER_CLASSES.items() if frame[9] & bits]
+    return classes
 
 
 def count_error(errors: dict[str, int], frame: bytes) -> None:
@@ -61,7 +61,7 @@ def count_error(errors: dict[str, int], frame: bytes) -> None:
 
 
 class ControllerWatch:
-    """Adds what the driver of an interface says that its controller lost, once a second, over all connections."""
+    """Adds the losses of a controller as counted by its driver, once a second, over all connections."""
 
     def __init__(self, errors: dict[str, int], interface: str, root: Path = Path("/sys/class/net")) -> None:
         self._errors = errors
@@ -70,24 +70,24 @@ class ControllerWatch:
         self._due_ns = 0
 
     def begin(self, now_ns: int) -> None:
-        """The interface was opened: what was counted before is not ours."""
+        """The interface was opened: earlier counts are the baseline."""
         self._last = self._read()
         self._due_ns = now_ns + SECOND_NS
         if self._last is not None:
             self._errors.setdefault(OVER_ERRORS, 0)
 
-    def look(self, now_ns: int) -> None:
+    def read_if_due(self, now_ns: int) -> None:
         """Read when a second has passed."""
         if now_ns >= self._due_ns:
             self._due_ns = now_ns + SECOND_NS
             self.read()
 
     def read(self) -> None:
-        """Read now: before the interface is closed.  A counter that has begun again counts from zero."""
-        found = self._read()
-        if found is not None and self._last is not None:
-            self._errors[OVER_ERRORS] += found - self._last if found >= self._last else found
-            self._last = found
+        """Read now, before the interface is closed.  A smaller value means that the counter was reset."""
+        count = self._read()
+        if count is not None and self._last is not None:
+            self._errors[OVER_ERRORS] += count - self._last if count >= self._last else count
+            self._last = count
 
     def _read(self) -> int | None:
         try:

@@ -1,9 +1,9 @@
-"""RS-485 with two wires: one talks at a time, and a transceiver may hear itself.
+"""RS-485 with two wires: only one station may send at a time, and a transceiver may receive its own bytes.
 
-Whoever talks into an answer destroys both.  So on such a line there is one question at a time, whatever it is (a poll,
-a command, what is sent at each connect): nothing is sent before the line was quiet for a moment, nor before the answer
-to the last question has come, or has had its time to begin.  Nothing here knows what the bytes mean: an answer is what
-comes after a question, and it is over when the line is quiet.
+A transmission during an answer destroys both.  On such a line there is therefore one request at a time (a poll, a
+command, a message at connect): the link sends after the line was quiet for a moment, and after the answer to the last
+request has arrived or its timeout has passed.  The link does not interpret the bytes: an answer is any data after a
+request, and it ends when the line is quiet.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ from fti.config import SerialLink as SerialConfig
 from fti.links.base import Sink
 from fti.links.serial import SerialPortLink
 
-#: A pause of 3.5 characters ends a message (Modbus over Serial Line V1.02, 2.5.1.1); a USB adapter hands on what it has
-#: up to 16 ms late, and the kernel takes its moment.
+#: A pause of 3.5 characters ends a message (Modbus over Serial Line V1.02, 2.5.1.1); a USB adapter delays data by up to
+#: 16 ms, and the kernel adds some delay.
 QUIET_CHARACTERS, ADAPTER_S = 3.5, 0.020
-#: An echo that has not come back so long after it was sent does not come [s].
+#: An echo that has not arrived within this time after sending counts as missing [s].
 ECHO_S = 0.5
 GARBLED, MISSING = "echo_garbled", "echo_missing"
 
@@ -30,19 +30,19 @@ TimedBytes = tuple[bytes, int]
 
 
 def character_s(config: SerialConfig) -> float:
-    """How long one character is on the line [s]: start, data, parity and stop bits."""
+    """Duration of one character [s]: start, data, parity and stop bits."""
     return (1 + config.data_bits + (config.parity != "none") + config.stop_bits) / config.baud
 
 
 def quiet_s(config: SerialConfig) -> float:
-    """How long the line must be quiet before something is sent [s]."""
+    """Required quiet time of the line before sending [s]."""
     if config.quiet_ms is not None:
         return config.quiet_ms / 1000
     return QUIET_CHARACTERS * character_s(config) + ADAPTER_S
 
 
 class LineTurn:
-    """When may we talk?  now_s, sizes [B] and all times [s]: those of the loop."""
+    """Decides when sending is allowed.  Sizes in bytes; now_s and all times [s] of the event loop."""
 
     def __init__(self, quiet_s: float, answer_s: float, character_s: float) -> None:
         self._quiet_s, self._answer_s, self._character_s = quiet_s, answer_s, character_s
@@ -51,26 +51,26 @@ class LineTurn:
         self._changed = asyncio.Event()
 
     def mark_sent(self, size: int, now_s: float) -> None:
-        """We have begun to send."""
+        """We began to send."""
         self._busy_until_s = max(now_s, self._busy_until_s) + size * self._character_s
         self._answer_until_s = self._busy_until_s + self._answer_s
 
     def mark_received(self, now_s: float) -> None:
-        """Somebody else talks: to us, when we have asked."""
+        """Data arrived: the answer, if we have sent a request."""
         self._busy_until_s = max(now_s, self._busy_until_s)
         self._answer_until_s = float("-inf")
         self._changed.set()
 
     def transmit_time_left_s(self, now_s: float) -> float:
-        """How long what we send is on the line yet."""
+        """Remaining time of our transmission on the line [s]."""
         return max(0.0, self._busy_until_s - now_s)
 
     def wait_time_s(self, now_s: float) -> float:
-        """How long we must be silent yet, as it looks now; 0 or less: not any more."""
+        """Remaining waiting time before sending, as known now [s]; 0 or less: none."""
         return max(self._busy_until_s + self._quiet_s, self._answer_until_s) - now_s
 
     async def wait_for_turn(self) -> None:
-        """Wait for it."""
+        """Wait until sending is allowed."""
         now = asyncio.get_running_loop().time
         while (left := self.wait_time_s(now())) > 0:
             self._changed.clear()
@@ -80,24 +80,24 @@ class LineTurn:
 
 
 class Echo:
-    """Takes what we have sent ourselves out of what comes in.
+    """Removes the echo of our own transmissions from the received data.
 
-    An echo that is damaged, or does not come, is given up: what was taken for its beginning was received all the same.
-    garbled, missing : how many echoes were; size : bytes of those that came
+    A damaged or missing echo is given up: bytes that were taken for its beginning are then received data.
+    garbled, missing : numbers of such echoes; size : bytes of the received echoes
     """
 
     def __init__(self) -> None:
-        self._expected: deque[tuple[bytes, float]] = deque()  # and until when [s]
+        self._expected: deque[tuple[bytes, float]] = deque()  # and its deadline [s]
         self._held = bytearray()
         self._held_ns = 0
         self.size = self.garbled = self.missing = 0
 
     def expect(self, data: bytes, until_s: float) -> None:
-        """This was sent; its echo comes until then."""
+        """This was sent; its echo arrives by then."""
         self._expected.append((data, until_s))
 
     def take(self, data: bytes, t_rx_ns: int) -> list[TimedBytes]:
-        """What of a read is not ours."""
+        """The part of a read that is not an echo."""
         at = 0
         while self._expected and at < len(data):
             message = self._expected[0][0]
@@ -115,7 +115,7 @@ class Echo:
         return [(data[at:], t_rx_ns)] if at < len(data) else []
 
     def expire(self, now_s: float) -> list[TimedBytes]:
-        """What was taken for the beginning of an echo that does not come any more."""
+        """Bytes that were taken for the beginning of an echo that is missing now."""
         if not self._expected or now_s < self._expected[0][1]:
             return []
         self.missing += 1
@@ -128,7 +128,7 @@ class Echo:
 
 
 class HalfDuplexLink(SerialPortLink):
-    """A serial line on which only one may talk (``half_duplex``), or that hears itself (``echo``), or both."""
+    """A serial line with one sender at a time (``half_duplex``), or with an echo (``echo``), or both."""
 
     def __init__(self, config: SerialConfig, clock: Clock, sink: Sink, on_connect: Sequence[bytes] = ()) -> None:
         super().__init__(config, clock, sink, on_connect)
@@ -140,7 +140,7 @@ class HalfDuplexLink(SerialPortLink):
 
     async def _open(self) -> None:
         await super()._open()
-        self._line_turn.mark_received(asyncio.get_running_loop().time())  # somebody may be talking
+        self._line_turn.mark_received(asyncio.get_running_loop().time())  # the line may be in use
 
     async def _write(self, data: bytes) -> None:
         if self._config.half_duplex:
@@ -156,17 +156,17 @@ class HalfDuplexLink(SerialPortLink):
 
     def _deliver(self, data: bytes, t_rx_ns: int) -> None:
         if self._echo is None:
-            self._hear([(data, t_rx_ns)])
+            self._handle([(data, t_rx_ns)])
         else:
-            self._hear([*self._echo.expire(asyncio.get_running_loop().time()), *self._echo.take(data, t_rx_ns)])
-            self._count(self._echo)
+            self._handle([*self._echo.expire(asyncio.get_running_loop().time()), *self._echo.take(data, t_rx_ns)])
+            self._count_echoes(self._echo)
 
-    def _hear(self, reads: Sequence[TimedBytes]) -> None:
+    def _handle(self, reads: Sequence[TimedBytes]) -> None:
         if reads:
             self._line_turn.mark_received(asyncio.get_running_loop().time())
             self._receive([data for data, _ in reads], [t_rx_ns for _, t_rx_ns in reads])
 
-    def _count(self, echo: Echo) -> None:
+    def _count_echoes(self, echo: Echo) -> None:
         self.status.echo_bytes = echo.size
         self.status.errors |= {GARBLED: echo.garbled, MISSING: echo.missing}
 
@@ -180,11 +180,11 @@ class HalfDuplexLink(SerialPortLink):
 
     def _expire(self, now_s: float) -> None:
         if self._echo:
-            self._hear(self._echo.expire(now_s))
-            self._count(self._echo)
+            self._handle(self._echo.expire(now_s))
+            self._count_echoes(self._echo)
 
-    def _why_not_sent(self) -> str:
+    def _timeout_hint(self) -> str:
         if not self._config.half_duplex:
             return ""
-        quiet = f"the line must be quiet for {self._quiet_s * 1000:.0f} ms before"
+        quiet = f"the line must be quiet for {self._quiet_s * 1000:.0f} ms before sending"
         return f"; half_duplex: {quiet}, and an answer has {self._config.answer_ms:.0f} ms to begin"

@@ -1,7 +1,7 @@
-"""What there is to plug in: serial ports, CAN interfaces, addresses; and in which state, without opening any.
+"""Lists serial ports, CAN interfaces and addresses with their states, without opening any.
 
-Opening a serial port would raise its modem lines, which resets some devices.  So a port is busy when a process that
-we may look at has it open; the processes of other users are hidden from all but root.
+Opening a serial port would raise its modem lines, which resets some devices.  Instead, a port counts as busy when a
+process has it open; only root sees processes of other users.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ SIOCGIFADDR = 0x8915
 
 @dataclass(frozen=True, slots=True)
 class PortInfo:
-    """name : as the configuration wants it; kind : serial, can or udp; state : free, busy, denied, up, down."""
+    """A port.  name : as in the configuration; kind : serial, can or udp; state : free, busy, denied, up, down."""
 
     name: str
     kind: str
@@ -39,15 +39,15 @@ def serial_names() -> list[str]:
 
 
 def serial_ports(folder: Path | None = None) -> list[PortInfo]:
-    """The serial ports, their stable names, and the ports that an emulator has put into a folder."""
+    """The serial ports, their stable names, and the ports of an emulator in a folder."""
     opened = _opened_devices()
     described = {str(p.device): str(p.description or "") for p in list_ports.comports()}
-    found = [_serial_port(Path(name), opened, described[name]) for name in sorted(described)]
-    for place in (BY_ID, folder):
-        links = sorted(place.iterdir()) if place and place.is_dir() else []
+    ports = [_serial_port(Path(name), opened, described[name]) for name in sorted(described)]
+    for parent in (BY_ID, folder):
+        links = sorted(parent.iterdir()) if parent and parent.is_dir() else []
         links = [link for link in links if link.is_symlink() and link.exists()]
-        found += [_serial_port(link, opened, f"-> {link.resolve()}") for link in links]
-    return found
+        ports += [_serial_port(link, opened, f"-> {link.resolve()}") for link in links]
+    return ports
 
 
 def _serial_port(path: Path, opened: set[int], detail: str) -> PortInfo:
@@ -57,7 +57,7 @@ def _serial_port(path: Path, opened: set[int], detail: str) -> PortInfo:
 
 
 def group_of(path: Path) -> str:
-    """The group that may use a device."""
+    """The group with access to a device."""
     try:
         return grp.getgrgid(path.stat().st_gid).gr_name
     except (OSError, KeyError):
@@ -65,19 +65,19 @@ def group_of(path: Path) -> str:
 
 
 def _opened_devices() -> set[int]:
-    """Device numbers that some process has open, as far as we may look."""
-    found = set()
+    """Device numbers that processes have open, as far as they are visible to us."""
+    devices = set()
     for entry in Path("/proc").glob("[0-9]*/fd/*"):
         try:
             if str(entry.readlink()).startswith("/dev/"):
-                found.add(entry.stat().st_rdev)
+                devices.add(entry.stat().st_rdev)
         except OSError:
-            continue  # closed meanwhile, or not ours to see
-    return found
+            continue  # closed meanwhile, or not visible
+    return devices
 
 
 def can_interfaces() -> list[PortInfo]:
-    """The CAN interfaces that the kernel knows."""
+    """The CAN interfaces of the kernel."""
     return [
         PortInfo(net.name, "can", "up" if _flags(net) & IFF_UP else "down", _driver(net))
         for net in sorted(NET.iterdir())
@@ -103,7 +103,7 @@ def _text(file: Path) -> str:
 
 def ipv4_addresses() -> list[PortInfo]:
     """The first IPv4 address of every network interface that has one."""
-    found = []
+    addresses = []
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
         for _, name in socket.if_nameindex():
             request = struct.pack("256s", name.encode())
@@ -112,5 +112,5 @@ def ipv4_addresses() -> list[PortInfo]:
             except OSError:
                 continue  # an interface without an address
             state = "up" if _flags(NET / name) & IFF_UP else "down"
-            found.append(PortInfo(socket.inet_ntoa(answer[20:24]), "udp", state, name))
-    return found
+            addresses.append(PortInfo(socket.inet_ntoa(answer[20:24]), "udp", state, name))
+    return addresses

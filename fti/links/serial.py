@@ -1,9 +1,8 @@
 """Serial lines: RS-232, RS-422, RS-485 behind a tty, or a pty.
 
-Opened exclusively, raw, without discarding what has already arrived.  One read is one frame.  The port is known by
-its path, not by what the path leads to: when a symbolic link changes to another device, that one is opened.
-A pty has no wire, so it has no parity, no data bits other than 8, no flow control and no direction: there these
-settings are left.
+Opened exclusively, in raw mode, without discarding received data.  One read is one frame.  The path identifies the
+port: when a symbolic link changes to another device, that device is opened.  A pty has no wire, hence no parity, 8 data
+bits, no flow control and no direction control: these settings are ignored.
 """
 
 from __future__ import annotations
@@ -28,7 +27,7 @@ from fti.links.ports import group_of, serial_names
 from fti.links.uart_errors import LineWatch
 
 READ_BYTES = 65536
-MAX_FINAL_READS = 1000  # from a device that is about to be left
+MAX_FINAL_READS = 1000  # from a device that is about to be closed
 PTY_MAJORS = range(136, 144)
 PARITIES = {"none": "N", "even": "E", "odd": "O", "mark": "M", "space": "S"}
 DENIED = (errno.EACCES, errno.EPERM)
@@ -36,9 +35,9 @@ BUSY = (errno.EAGAIN, errno.EBUSY)
 
 
 class _Port(pyserial.Serial):
-    """pyserial, without its habit of discarding what arrived before the port was opened.
+    """pyserial without discarding the data that arrived before the port was opened.
 
-    It leaves what an earlier user has set: that a break empties the kernel's queue, that torn bytes are left out.
+    It also clears settings that pyserial leaves: flush of the kernel's queue on a break, suppression of damaged bytes.
     """
 
     def _reset_input_buffer(self) -> None:
@@ -62,7 +61,7 @@ def open_port(config: SerialConfig) -> _Port:
         rtscts=config.flow == "rtscts",
         xonxoff=config.flow == "xonxoff",
         exclusive=True,
-        inter_byte_timeout=0,  # VMIN 1: else a read of nothing looks like a device that went away
+        inter_byte_timeout=0,  # VMIN 1: otherwise an empty read looks like a removed device
     )
     if config.rs485 != "none" and not is_pty(config.port):
         high = config.rs485 == "rts_high"
@@ -78,7 +77,7 @@ def open_port(config: SerialConfig) -> _Port:
 
 
 def is_pty(port: str) -> bool:
-    """The path leads to the slave of a pseudo terminal."""
+    """Is the port the slave of a pseudo terminal?"""
     try:
         status = Path(port).stat()
     except OSError:
@@ -87,7 +86,7 @@ def is_pty(port: str) -> bool:
 
 
 def _open_error(config: SerialConfig, error: Exception) -> LinkError:
-    """Why the port cannot be opened, in words that help."""
+    """The error of a failed opening, with a hint."""
     port, number = config.port, getattr(error, "errno", None)
     if number in DENIED:
         return PortDenied(f"{port}: permission denied; the user must be in group {group_of(Path(port))}")
@@ -95,17 +94,17 @@ def _open_error(config: SerialConfig, error: Exception) -> LinkError:
         return PortBusy(f"{port}: in use by another program")
     if "RS485" in str(error):
         return LinkError(
-            f'{port}: its driver does not switch the direction of an RS-485 line; leave out rs485 = "{config.rs485}" '
-            "where the adapter does that itself"
+            f'{port}: its driver does not switch the direction of an RS-485 line; remove rs485 = "{config.rs485}" '
+            "if the adapter switches it"
         )
     if number is None and Path(port).exists():
         settings = f"{config.baud} baud, {config.data_bits} bits, parity {config.parity}, {config.stop_bits} stop bits"
-        return LinkError(f"{port}: does not take {settings}: {error}")
-    return PortAbsent(f"{port}: no such port; there are {', '.join(serial_names()) or 'none'}")
+        return LinkError(f"{port}: does not accept {settings}: {error}")
+    return PortAbsent(f"{port}: no such port; present: {', '.join(serial_names()) or 'none'}")
 
 
 class SerialPortLink(BaseLink):
-    """The life of anything on a serial line; ``_deliver`` says what becomes of a read."""
+    """A link on a serial port; ``_deliver`` processes a read."""
 
     receives_pieces = True
 
@@ -133,7 +132,7 @@ class SerialPortLink(BaseLink):
         self._errors.read(self._fd)
         if os.major(self._device) not in PTY_MAJORS:
             with contextlib.suppress(termios.error):
-                termios.tcflush(self._fd, termios.TCOFLUSH)  # else closing waits up to 30 s for a stopped device
+                termios.tcflush(self._fd, termios.TCOFLUSH)  # otherwise closing waits up to 30 s for a stopped device
         self._port.close()
         self._port, self._fd = None, -1
 
@@ -144,7 +143,7 @@ class SerialPortLink(BaseLink):
             return False
         t_rx_ns = self._clock.now_ns()
         if not data:
-            raise PortAbsent(f"{self._config.port}: the device went away")
+            raise PortAbsent(f"{self._config.port}: the device was removed")
         self._deliver(data, t_rx_ns)
         return True
 
@@ -168,24 +167,24 @@ class SerialPortLink(BaseLink):
                 self._on_partial_write(data[:sent])
 
     def _on_written(self, data: bytes) -> None:
-        """The kernel has taken these bytes."""
+        """The kernel has accepted these bytes."""
 
     def _on_partial_write(self, data: bytes) -> None:
-        """Sending was given up halfway: what is on the line already stands in the file, too."""
+        """Sending was aborted halfway: record the bytes that were sent."""
         self._count_sent(data)
 
     def _check(self) -> None:
         super()._check()
-        self._errors.look(self._fd, self._clock.now_ns())
+        self._errors.read_if_due(self._fd, self._clock.now_ns())
         try:
             device = Path(self._config.port).stat().st_rdev
         except OSError:
-            return  # the name is gone; the device itself still answers, or reading says that it does not
+            return  # the path was removed; the device may still work, otherwise reading fails
         if device != self._device:
             for _ in range(MAX_FINAL_READS):
                 if not self._read():
                     break
-            raise PortAbsent(f"{self._config.port}: leads to another device now")
+            raise PortAbsent(f"{self._config.port}: is another device now")
 
     def _silent_hint(self) -> str:
         return (

@@ -6,14 +6,14 @@ Document: Lawicel AB, CAN232 manual, version 3 (2013), ASCII commands; CAN FD le
     frames, both ways  tiiil[dd..]  standard     Tiiiiiiiil[dd..]  extended     r, R  remote request, no data
                        d, D  CAN FD; b, B  with bit-rate switch; l is then a data length code 0..F
                        from the adapter: 4 hex digits of its clock [ms] may follow; CR
-    answers            CR done   BEL refused   z, Z  a frame was taken; V N F with their values
+    answers            CR done   BEL refused   z, Z  frame accepted; V N F with their values
 
-What is delivered are ``can_frame`` bytes (see ``fti.canframe``), stamped with the read that brought the first letter.
-Text that is no frame and no answer is counted as noise; a frame behind a lost CR is found again by its letter.
+The link delivers ``can_frame`` bytes (see ``fti.canframe``), stamped with the read that contained the first letter.
+Text that is neither frame nor answer counts as noise; after a lost CR the next frame is found by its letter.
 
-The adapter is opened and asked for its status (``fti.links.slcan_status``) whether or not the link may transmit, and
-also with listen_only: these commands end in the adapter, nothing of them reaches the bus.  Asking costs four letters a
-second on the serial line, and puts out the adapter's red lamp: what it shone for stands in the ledger then.
+The link opens the adapter and requests its status (``fti.links.slcan_status``) even if it may not transmit or is
+listen_only: these commands end in the adapter and never reach the bus.  The requests cost four characters a second on
+the serial line and switch off the adapter's error lamp; its cause is then in the ledger.
 """
 
 from __future__ import annotations
@@ -49,13 +49,13 @@ MAX_LINE_BYTES = 1 + 8 + 1 + 128 + 4
 DEFAULT_BAUD = 115200
 OPEN_S = 1.0
 ANSWER = re.compile(rb"[zZ]?|V[0-9A-Fa-f]{4}|v[0-9A-Za-z]*|N[0-9A-Za-z]{4}|F[0-9A-Fa-f]{2}")
-#: In the errors of the link: bytes that are no frame and no answer; how often the channel was found closed.
+#: Counters in the errors of the link: bytes that are neither frame nor answer; times the channel was found closed.
 NOISE, CLOSED = "slcan_noise_bytes", "slcan_channel_closed"
-CLASSIC_LETTERS = b"tTrR"  # no hex digits: they cannot stand inside a frame
+CLASSIC_LETTERS = b"tTrR"  # no hex digits: they cannot occur inside a frame
 
 
 class Form(NamedTuple):
-    """What the letter of a frame means."""
+    """Format of a frame, selected by its letter."""
 
     digits: int
     remote: bool = False
@@ -76,7 +76,7 @@ FORMS = {
 
 
 def parse_line(line: bytes) -> bytes | None:
-    """The frame of one line without its CR; None when it is none."""
+    """The frame in a line without its CR; None if the line is not a frame."""
     form = FORMS.get(line[0]) if line else None
     if form is None or not _all_hex(line[1:]):
         return None
@@ -102,7 +102,7 @@ def _with_switch(frame: bytes) -> bytes:
 
 
 def format_frame(frame: bytes) -> bytes:
-    """A frame as the adapter wants it, with CR.  Raises ValueError for an error frame."""
+    """A frame as text for the adapter, with CR.  Raises ValueError for an error frame."""
     if len(frame) == canframe.CAN_SIZE and (begin := _data_begin(frame[:5])):
         return begin + frame[8 : 8 + frame[4]].hex().upper().encode() + b"\r"
     return _format_any(frame)
@@ -110,44 +110,46 @@ def format_frame(frame: bytes) -> bytes:
 
 @lru_cache(maxsize=1024)
 def _data_begin(head: bytes) -> bytes:
-    """The text before the data of a classic data frame, from its identifier and length; none for another frame."""
-    found = canframe.unpack_can(head.ljust(canframe.CAN_SIZE, b"\0"))
-    return b"" if found.error or found.remote else _format_any(head.ljust(canframe.CAN_SIZE, b"\0"))[: -1 - 2 * head[4]]
+    """Text before the data of a classic data frame, from its identifier and length; empty for another frame."""
+    fields = canframe.unpack_can(head.ljust(canframe.CAN_SIZE, b"\0"))
+    if fields.error or fields.remote:
+        return b""
+    return _format_any(head.ljust(canframe.CAN_SIZE, b"\0"))[: -1 - 2 * head[4]]
 
 
 def _format_any(frame: bytes) -> bytes:
-    found = canframe.unpack_can(frame)
-    if found.error:
+    fields = canframe.unpack_can(frame)
+    if fields.error:
         raise ValueError("an error frame cannot be sent")
-    switch = found.fd and bool(frame[5] & canframe.FD_BRS)
-    letter = "b" if switch else "d" if found.fd else "r" if found.remote else "t"
-    shown = f"{letter.upper()}{found.can_id:08X}" if found.extended else f"{letter}{found.can_id:03X}"
-    code = canframe.FD_LENGTHS.index(len(found.data))
-    return f"{shown}{code:X}{'' if found.remote else found.data.hex().upper()}\r".encode()
+    switch = fields.fd and bool(frame[5] & canframe.FD_BRS)
+    letter = "b" if switch else "d" if fields.fd else "r" if fields.remote else "t"
+    head = f"{letter.upper()}{fields.can_id:08X}" if fields.extended else f"{letter}{fields.can_id:03X}"
+    code = canframe.FD_LENGTHS.index(len(fields.data))
+    return f"{head}{code:X}{'' if fields.remote else fields.data.hex().upper()}\r".encode()
 
 
 class Lawicel:
-    """Text of an adapter to frames.  Every byte is part of a frame, of an answer, held, or noise.
+    """Parses the text of an adapter.  Every byte is part of a frame or of an answer, held, or noise.
 
     deliver  : called with (frame, arrival of its first letter [ns])
-    watch    : gets the answers that tell the status
-    refusals : BELs that answered something else
+    watch    : gets the answers to status requests
+    refusals : BELs in answer to other commands
     """
 
     def __init__(self, deliver: Callable[[bytes, int], None], watch: StatusWatch) -> None:
         self._deliver = deliver
         self._watch = watch
         self._line = bytearray()
-        self._reads: list[tuple[int, int]] = []  # where in the line a read began, and when it arrived
+        self._reads: list[tuple[int, int]] = []  # position in the line where a read began, and its arrival
         self.framed = self.answers = self.refusals = self.noise = 0
 
     @property
     def held(self) -> int:
-        """Bytes of a line that has not ended yet."""
+        """Bytes of the incomplete line."""
         return len(self._line)
 
     def feed(self, data: bytes, t_rx_ns: int) -> None:
-        """Take what one read brought at t_rx_ns."""
+        """Process a read that arrived at t_rx_ns."""
         *lines, rest = data.replace(b"\a", b"\a\r").split(b"\r")
         for line in lines:
             self._hold(line, t_rx_ns)
@@ -155,7 +157,7 @@ class Lawicel:
         self._hold(rest, t_rx_ns)
 
     def discard_line(self) -> None:
-        """The line that is held will not be ended: it is noise."""
+        """Count the incomplete line as noise: its end will not arrive."""
         self.noise += len(self._line)
         self._line.clear()
         self._reads = []
@@ -176,7 +178,7 @@ class Lawicel:
         self._line.clear()
         self._reads = []
         if line.endswith(b"\a"):
-            self.refusals += not self._watch.refused()
+            self.refusals += not self._watch.take_refusal()
             self.answers += 1
             self.noise += len(line) - 1
         elif self._watch.take(line) or ANSWER.fullmatch(line):
@@ -185,7 +187,7 @@ class Lawicel:
             self._find_frame(line, reads)
 
     def _find_frame(self, line: bytes, reads: list[tuple[int, int]]) -> None:
-        """The line is a frame, or its end is one, or it is noise."""
+        """The line is a frame, ends with one, or is noise."""
         at, frame = 0, parse_line(line)
         if frame is None:
             at = max(line.rfind(letter) for letter in CLASSIC_LETTERS)
@@ -207,15 +209,15 @@ class SlcanLink(SerialPortLink):
         settings = dict(config.settings)
         baud, listen_only = settings.pop("tty_baudrate", DEFAULT_BAUD), settings.pop("listen_only", False)
         if settings:
-            where = f"link {config.name}: settings.{min(settings)}"
-            raise ConfigError(f"{where}: there is no such key; allowed here: listen_only, tty_baudrate")
+            key = f"link {config.name}: settings.{min(settings)}"
+            raise ConfigError(f"{key}: there is no such key; allowed here: listen_only, tty_baudrate")
         port = SerialLink(name=config.name, kind="serial", port=config.channel, baud=baud, transmit=config.transmit)
         super().__init__(port, clock, sink, on_connect)
         self._commands = _open_commands(config, listen_only)
         self._controller = StatusWatch(self.status.errors)
         self._parser = Lawicel(self._receive_frame, self._controller)
-        self._rest = b""  # of a line whose begin has been written
-        self._owed = b""  # the frame of that line, when its sender has given up
+        self._rest = b""  # of a line whose beginning was written
+        self._owed = b""  # the frame of that line, if its sender has aborted
         self._noise_before = 0
 
     async def _open(self) -> None:
@@ -223,14 +225,14 @@ class SlcanLink(SerialPortLink):
         self._rest = self._owed = b""
         self._noise_before = self.status.noise_bytes
         self._parser = Lawicel(self._receive_frame, self._controller)
-        self._start_watching()
+        self._start_status_requests()
         try:
             async with asyncio.timeout(OPEN_S):
                 await super()._write(self._commands)
         except TimeoutError:
-            raise LinkError(f"{self._config.port}: the adapter takes no command") from None
+            raise LinkError(f"{self._config.port}: the adapter accepts no command") from None
 
-    def _start_watching(self) -> None:
+    def _start_status_requests(self) -> None:
         self._controller.begin(self._clock.now_ns(), self._commands.count(b"\r") - 1)
 
     def _close(self) -> None:
@@ -251,7 +253,7 @@ class SlcanLink(SerialPortLink):
     # ------------------------------------------------------------------------------------------------------- writing
 
     def _on_partial_write(self, data: bytes) -> None:
-        """Half a line of the adapter's protocol is no frame."""
+        """An incomplete line is not a frame: record nothing."""
 
     async def _write(self, data: bytes) -> None:
         line = format_frame(data)
@@ -262,13 +264,13 @@ class SlcanLink(SerialPortLink):
                 await self._writable(self._fd)
         except BaseException:
             self._owed = data
-            self._partial_sends.append("its line is begun, and will be ended when the adapter takes more")
+            self._partial_sends.append("its line is incomplete, and will be completed when the adapter accepts more")
             raise
 
     def _begin_line(self, line: bytes) -> bool:
-        """Write what the kernel takes of a line; false when it takes nothing.
+        """Write as much of a line as the kernel accepts; false if it accepts nothing.
 
-        A line that was begun is ended first: half a line with another one behind it could be a frame that nobody sent.
+        An incomplete line is completed first: half a line followed by another could be a frame that nobody sent.
         """
         if not self._end_line():
             return False
@@ -294,31 +296,31 @@ class SlcanLink(SerialPortLink):
     def _check(self) -> None:
         super()._check()
         if self._controller.is_due(self._clock.now_ns()) and not self._send_lock.locked():
-            self._ask()
+            self._request_status()
 
-    def _ask(self) -> None:
-        """Ask for the status; an adapter that has closed its channel (it was without power) is opened again."""
+    def _request_status(self) -> None:
+        """Request the status; reopen the channel of an adapter that has closed it (after a loss of power)."""
         if not self._controller.is_channel_closed:
             if self._begin_line(ASK):
                 self._controller.mark_requested()
         elif self._begin_line(self._commands):
-            self._start_watching()
+            self._start_status_requests()
             self.status.errors[CLOSED] = self.status.errors.get(CLOSED, 0) + 1
 
     def _silent_hint(self) -> str:
         if self._controller.flags & BUS_TROUBLE:
-            return f"{self._config.port}: errors on the bus, says the adapter: is the bit rate right, is it terminated?"
-        if self._parser.refusals and not self._controller.known:
+            return f"{self._config.port}: the adapter reports bus errors: is the bit rate right, is the bus terminated?"
+        if self._parser.refusals and not self._controller.is_supported:
             return f"{self._config.port}: the adapter refused a command: does it know the bit rate?"
         if self._parser.noise:
-            return f"{self._config.port}: text that is no CAN frame: is it a Lawicel adapter, is tty_baudrate right?"
-        return f"{self._config.port}: the adapter is open and no frame arrives: is the bus there, its bit rate right?"
+            return f"{self._config.port}: text that is not a CAN frame: is it a Lawicel adapter, is tty_baudrate right?"
+        return f"{self._config.port}: the adapter is open, no frame arrives: is the bus connected, its bit rate right?"
 
 
 def _open_commands(config: CanLink, listen_only: bool) -> bytes:
-    """Close (it may be open), bit rate, open; what the status says now is of before."""
+    """Close (it may be open), bit rate, open, and a status request whose answer is the baseline."""
     if config.bitrate is not None and config.bitrate not in BITRATES:
         allowed = ", ".join(map(str, BITRATES))
-        raise ConfigError(f"link {config.name}: bitrate = {config.bitrate}: a Lawicel adapter knows {allowed}")
+        raise ConfigError(f"link {config.name}: bitrate = {config.bitrate}: a Lawicel adapter supports {allowed}")
     rate = [BITRATES[config.bitrate]] if config.bitrate else []
     return b"".join(command + b"\r" for command in (b"C", *rate, b"L" if listen_only else b"O")) + ASK

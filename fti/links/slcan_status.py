@@ -1,16 +1,16 @@
-"""What the controller of a Lawicel adapter says of itself: command ``F``, asked once a second.
+"""Status flags of the CAN controller of a Lawicel adapter: command ``F``, sent once a second.
 
-Document: Lawicel AB, CAN232 manual, version 3 (2013), command F.  While the channel is open it is answered ``Fxx`` CR,
-else BEL.
+Document: Lawicel AB, CAN232 manual, version 3 (2013), command F.  While the channel is open the answer is ``Fxx`` CR,
+otherwise BEL.
 
-The adapter forgets its flags with the answer, so a flag says "at least once since last asked", or that a state lasts;
-how many frames a full queue has cost, it does not tell.  What is counted is therefore the number of answers in which a
-flag stood: about the number of seconds in which it happened.  Flags from before the channel was opened are not ours.
+The answer clears the flags, so a flag means "at least once since the last request", or that a state lasts; the adapter
+does not report the number of lost frames.  The counters are therefore numbers of answers with the flag: about the
+number of seconds in which it occurred.  Flags from before the channel was opened are discarded.
 
-Many adapters do not know the command.  Some refuse it or are mute; some answer two digits without the F, which mean
-something else (EasySYNC USB2-F-7001, Titan USB-2CAN).  Those are soon left alone, and have no counts, which is not the
-same as zero.  Firmware for the MCP2515 answers that controller's register as if it were this one; nothing tells it
-apart but bit 4, which is unused here.
+Many adapters do not support the command.  Some refuse it or do not answer; some answer two digits without the F, with
+another meaning (EasySYNC USB2-F-7001, Titan USB-2CAN).  Requests to those soon stop, and they have no counters, which
+is not the same as zero.  Firmware for the MCP2515 answers with a register of that controller; only bit 4, which is
+unused here, reveals it.
 """
 
 from __future__ import annotations
@@ -32,72 +32,72 @@ FLAGS = {
 UNUSED = 0x10
 BUS_TROUBLE = 0x04 | 0x20 | 0x80
 PERIOD_NS = SECOND_NS
-#: An adapter that never answered is asked so often; one that did has closed its channel when it refuses so often.
+#: Requests to an adapter that never answered; refusals of one that did, after which its channel counts as closed.
 MAX_UNANSWERED = 3
 STATUS = re.compile(rb"F[0-9A-Fa-f]{2}")
 BARE_STATUS = re.compile(rb"[0-9A-Fa-f]{2}")
 
 
 class StatusWatch:
-    """Who asks, what was answered, and the counts, over all connections.
+    """Requests, answers and counters, over all connections.
 
-    errors : of ``LinkStatus``; gets a key for each flag as soon as an adapter has answered
+    errors : of ``LinkStatus``; gets a key for each flag after the first answer of an adapter
     flags  : of the last answer
-    known  : the adapter has answered since its channel was opened, in the language of the manual
+    is_supported : the adapter has answered as in the manual since its channel was opened
     """
 
     def __init__(self, errors: dict[str, int]) -> None:
         self._errors = errors
         self._due_ns = 0
-        self._forget()
+        self._reset()
 
-    def _forget(self) -> None:
+    def _reset(self) -> None:
         self.flags = 0
-        self.known = False
-        self._base = True  # the next answer tells of before
-        self._others = 0  # answers to other commands, which come first
+        self.is_supported = False
+        self._base = True  # the next answer is the baseline
+        self._others = 0  # pending answers to other commands, which precede
         self._waiting = False
-        self._owed = 0  # answers that may still come, late ones too
-        self._foreign = False
+        self._pending = 0  # answers that may still arrive, also late ones
+        self._is_unsupported = False
         self._unanswered = self._refused = 0  # since the last answer
 
     def begin(self, now_ns: int, commands: int) -> None:
-        """The channel is opened with so many commands, and asked for the first time."""
-        self._forget()
+        """The channel is opened with so many commands and the first request."""
+        self._reset()
         self._others = commands
         self._due_ns = now_ns + PERIOD_NS
         self.mark_requested()
 
     def is_due(self, now_ns: int) -> bool:
-        """Is it time to ask, and worth it?  Once a second, as this is asked."""
+        """Is a request due?  True at most once a second, and only for an adapter that supports it."""
         if now_ns < self._due_ns:
             return False
         self._due_ns = now_ns + PERIOD_NS
         self._unanswered += self._waiting
         self._waiting = False
         self._others = 0
-        return not self._foreign and (self.known or self._unanswered < MAX_UNANSWERED)
+        return not self._is_unsupported and (self.is_supported or self._unanswered < MAX_UNANSWERED)
 
     def mark_requested(self) -> None:
         """``ASK`` was written."""
         self._waiting = True
-        self._owed += 1
+        self._pending += 1
 
     def take(self, line: bytes) -> bool:
-        """Is this line, without its CR, an answer to ours?  Then it is counted."""
+        """Is this line, without its CR, an answer to our request?  Then count it."""
         self._others -= not line and self._others > 0
-        if not self._owed or not (STATUS.fullmatch(line) or BARE_STATUS.fullmatch(line)):
+        if not self._pending or not (STATUS.fullmatch(line) or BARE_STATUS.fullmatch(line)):
             return False
-        self._owed -= 1
+        self._pending -= 1
         flags = int(line[-2:], 16)
         if len(line) < 3 or flags & UNUSED:
-            self.known, self._foreign = False, True
-        elif not self._foreign:
+            self.is_supported, self._is_unsupported = False, True
+        elif not self._is_unsupported:
             self._count(flags)
         return True
 
-    def refused(self) -> bool:
-        """A BEL has come: was it for us?"""
+    def take_refusal(self) -> bool:
+        """A BEL arrived: was it the answer to our request?  Then count it."""
         if self._others or not self._waiting:
             self._others -= self._others > 0
             return False
@@ -108,11 +108,11 @@ class StatusWatch:
 
     @property
     def is_channel_closed(self) -> bool:
-        """The adapter has answered, and refuses now: its channel is no longer open."""
-        return self.known and self._refused >= MAX_UNANSWERED
+        """The adapter has answered earlier and refuses now: its channel is closed."""
+        return self.is_supported and self._refused >= MAX_UNANSWERED
 
     def _count(self, flags: int) -> None:
-        self.flags, self.known, self._waiting = flags, True, False
+        self.flags, self.is_supported, self._waiting = flags, True, False
         self._others = self._unanswered = self._refused = 0
         for bit, name in FLAGS.items():
             self._errors[name] = self._errors.get(name, 0) + (bool(flags & bit) and not self._base)

@@ -1,8 +1,8 @@
-"""Line errors that the driver of a UART counts: bytes that were lost or torn before anybody could stamp them.
+"""Line errors that a UART driver counts: bytes that were lost or damaged before they were read.
 
-``TIOCGICOUNT`` (Linux, ``include/uapi/linux/serial.h``, ``struct serial_icounter_struct``) tells what a serial driver
-has counted since it was loaded.  What was counted before the port was opened is not ours: the first reading is the
-base line.  Drivers without it (a pty, some adapters) refuse; then there are no counts, which is not the same as zero.
+``TIOCGICOUNT`` (Linux, ``include/uapi/linux/serial.h``, ``struct serial_icounter_struct``) reads the counters of a
+serial driver since it was loaded.  The first reading after the port was opened is the baseline.  Drivers without it (a
+pty, some adapters) refuse; then there are no counts, which is not the same as zero.
 
     uart_overrun         the receiver's FIFO was full: bytes lost        uart_framing   no stop bit: wrong rate, noise
     uart_buffer_overrun  the kernel's buffer was full: bytes lost        uart_parity    uart_break
@@ -28,7 +28,7 @@ Ioctl = Callable[[int, int, bytes], bytes]
 
 
 class LineErrors(NamedTuple):
-    """What a driver has counted."""
+    """Counters of a driver."""
 
     uart_overrun: int
     uart_framing: int
@@ -38,7 +38,7 @@ class LineErrors(NamedTuple):
 
 
 def read_line_errors(fd: int, ioctl: Ioctl = fcntl.ioctl) -> LineErrors | None:
-    """The driver's counters; None when it has none."""
+    """The counters of the driver; None if it has none."""
     try:
         counts = _ICOUNTER.unpack(ioctl(fd, TIOCGICOUNT, bytes(_ICOUNTER.size)))
     except OSError:
@@ -47,9 +47,9 @@ def read_line_errors(fd: int, ioctl: Ioctl = fcntl.ioctl) -> LineErrors | None:
 
 
 class LineWatch:
-    """Adds what a driver counts to the errors of a link, once a second, over all connections.
+    """Adds the counters of a driver to the errors of a link, once a second, over all connections.
 
-    errors : of ``LinkStatus``; gets a key for each count as soon as a driver has told of it
+    errors : of ``LinkStatus``; gets a key for each counter after the first successful reading
     """
 
     def __init__(self, errors: dict[str, int], ioctl: Ioctl = fcntl.ioctl) -> None:
@@ -59,24 +59,24 @@ class LineWatch:
         self._due_ns = 0
 
     def begin(self, fd: int, now_ns: int) -> None:
-        """A port was opened: what was counted before is not ours."""
+        """A port was opened: earlier counts are the baseline."""
         self._last = read_line_errors(fd, self._ioctl)
         self._due_ns = now_ns + PERIOD_NS
         for name in LineErrors._fields if self._last else ():
             self._errors.setdefault(name, 0)
 
-    def look(self, fd: int, now_ns: int) -> None:
+    def read_if_due(self, fd: int, now_ns: int) -> None:
         """Read when a second has passed."""
         if now_ns >= self._due_ns:
             self.read(fd)
             self._due_ns = now_ns + PERIOD_NS
 
     def read(self, fd: int) -> None:
-        """Read now: before the port is closed."""
-        found = read_line_errors(fd, self._ioctl) if self._last else None
-        if found is None or self._last is None:
+        """Read now, before the port is closed."""
+        errors = read_line_errors(fd, self._ioctl) if self._last else None
+        if errors is None or self._last is None:
             return
-        for name, before, after in zip(LineErrors._fields, self._last, found, strict=True):
-            fresh = (after - before) & _MASK
-            self._errors[name] += fresh if fresh < _HALF else after & _MASK  # the driver has begun again
-        self._last = found
+        for name, before, after in zip(LineErrors._fields, self._last, errors, strict=True):
+            increment = (after - before) & _MASK
+            self._errors[name] += increment if increment < _HALF else after & _MASK  # the counter was reset
+        self._last = errors

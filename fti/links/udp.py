@@ -1,8 +1,8 @@
 """UDP: one datagram is one frame, with the kernel's time stamp.
 
-Bound to the address of the configuration; only datagrams of the configured source are taken, others are counted.
-A link with a ``group`` is bound to the multicast group at the port of ``bind`` and joins it on the interface that has
-the address of ``bind``: it hears the group and nothing else.  Sends to ``peer``, else to whom it heard last.
+The link is bound to the configured address; it accepts only datagrams of the configured source and counts the others.
+A link with a ``group`` is bound to the multicast group at the port of ``bind`` and joins it on the interface with the
+address of ``bind``: it receives the group only.  It sends to ``peer``, otherwise to the last sender.
 """
 
 from __future__ import annotations
@@ -26,24 +26,24 @@ from fti.links.ports import ipv4_addresses
 
 Address = tuple[str, int]
 OTHER_SOURCE = "udp_other_source"
-#: Where the host stands in the kernel's form of an address.
+#: Position of the host in ``struct sockaddr``.
 HOSTS = {socket.AF_INET: slice(4, 8), socket.AF_INET6: slice(8, 24)}
 
 
 def split_endpoint(text: str) -> Address:
-    """Address and port of ``1.2.3.4:5`` or ``[::1]:5``.  Raises ConfigError when one of them cannot be."""
+    """Address and port of ``1.2.3.4:5`` or ``[::1]:5``.  Raises ConfigError when one is invalid."""
     address, _, port = text.rpartition(":")
     try:
-        shown = str(ipaddress.ip_address(address.strip("[]")))
+        host = str(ipaddress.ip_address(address.strip("[]")))
     except ValueError:
         raise ConfigError(f"{text}: {address} is not an IP address") from None
     if int(port) > 65535:
         raise ConfigError(f"{text}: port {port}; allowed is 0 to 65535")
-    return shown, int(port)
+    return host, int(port)
 
 
-class UdpLink(BaseLink):
-    """Datagrams of one port."""
+class UdpSocketLink(BaseLink):
+    """A UDP socket."""
 
     def __init__(self, config: UdpConfig, clock: Clock, sink: Sink, on_connect: Sequence[bytes] = ()) -> None:
         super().__init__(config.name, config.transmit, clock, sink, on_connect)
@@ -52,7 +52,7 @@ class UdpLink(BaseLink):
         self._family = socket.AF_INET6 if ":" in self._bind[0] else socket.AF_INET
         self._source = _address(config.source, config.name, "source") if config.source else None
         self._source_host = ipaddress.ip_address(self._source).packed if self._source else b""
-        self._last_sender: bytes | None = None  # who was heard last, in the kernel's form; kept when answers go there
+        self._last_sender: bytes | None = None  # ``struct sockaddr`` of the last sender, if answers go there
         self._keep_last_sender = config.transmit and self._peer is None
         self._group = _group(config.group, config.name) if config.group else None
         self._socket: socket.socket | None = None
@@ -61,7 +61,7 @@ class UdpLink(BaseLink):
 
     @property
     def address(self) -> Address:
-        """Where the link listens; the real port when 0 was asked for.  Raises LinkError while it is down."""
+        """Local address; the actual port if 0 is configured.  Raises LinkError while the link is down."""
         if self._socket is None:
             raise LinkError(f"link {self.name}: is not open")
         host, port = self._socket.getsockname()[:2]
@@ -85,7 +85,7 @@ class UdpLink(BaseLink):
         watch(self._fd, self._on_readable, is_early=self._is_early if self.urgent else None)
 
     def _join(self, sock: socket.socket, group: str) -> None:
-        """Join the group on the interface of ``bind``, and send to groups through it, never beyond the first router."""
+        """Join the group on the interface of ``bind``; also send to groups through it, with the default TTL of 1."""
         interface = socket.inet_aton(self._bind[0])
         sock.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, socket.inet_aton(group) + interface)
         sock.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, interface)
@@ -97,8 +97,8 @@ class UdpLink(BaseLink):
         if error.errno in (errno.EACCES, errno.EPERM):
             return PortDenied(f"{host}:{port}: permission denied; ports below 1024 belong to root")
         if error.errno in (errno.EADDRNOTAVAIL, errno.ENODEV):
-            there = ", ".join(f"{p.name} ({p.detail})" for p in ipv4_addresses())
-            return PortAbsent(f"{host}: is not an address of this machine; there are {there or 'none'}")
+            present = ", ".join(f"{p.name} ({p.detail})" for p in ipv4_addresses())
+            return PortAbsent(f"{host}: is not an address of this machine; present: {present or 'none'}")
         return LinkError(f"{host}:{port}: cannot listen: {error.strerror}")
 
     def _close(self) -> None:
@@ -114,15 +114,15 @@ class UdpLink(BaseLink):
         frames, times = self._arrival.read(self._fd)
         count = len(frames)
         if frames and self._source:
-            frames, times = self._of_source(frames, times)
+            frames, times = self._filter_source(frames, times)
         elif frames and self._keep_last_sender:
             self._last_sender = self._arrival.batch.senders()[-1]
         if frames:
             self._receive(frames, times)
         return count == MAX_DATAGRAMS
 
-    def _of_source(self, frames: Sequence[bytes], times: Sequence[int]) -> tuple[Sequence[bytes], Sequence[int]]:
-        """What the configured source has sent; the rest is counted."""
+    def _filter_source(self, frames: Sequence[bytes], times: Sequence[int]) -> tuple[Sequence[bytes], Sequence[int]]:
+        """Datagrams of the configured source; the others are counted."""
         host, senders = HOSTS[self._family], self._arrival.batch.senders()
         own = [sender[host] == self._source_host for sender in senders]
         if any(own):
@@ -136,7 +136,7 @@ class UdpLink(BaseLink):
     async def _write(self, data: bytes) -> None:
         peer = self._peer or (self._last_sender and _endpoint_of(self._family, self._last_sender))
         if peer is None:
-            raise LinkError(f"link {self.name}: nobody to send to; no peer is configured and none was heard")
+            raise LinkError(f"link {self.name}: no destination: no peer is configured and nothing was received")
         while self._socket:
             try:
                 self._socket.sendto(data, peer)
@@ -150,10 +150,10 @@ class UdpLink(BaseLink):
         super()._check()
 
     def _silent_hint(self) -> str:
-        place = f"{self._group or self._bind[0]}:{self._bind[1]}"
+        address = f"{self._group or self._bind[0]}:{self._bind[1]}"
         if self.status.refused:
-            return f"{self.status.refused} datagrams at {place}, none from {self._source}: is the source right?"
-        return f"listening at {place} and nothing arrives: is the device on, and does it send to this address?"
+            return f"{self.status.refused} datagrams at {address}, none from {self._source}: is the source right?"
+        return f"listening at {address} and nothing arrives: is the device on, and does it send to this address?"
 
 
 def _address(text: str, link: str, key: str) -> str:
@@ -164,7 +164,7 @@ def _address(text: str, link: str, key: str) -> str:
 
 
 def _endpoint_of(family: socket.AddressFamily, address: bytes) -> tuple[str | int, ...]:
-    """What Python calls an address that the kernel has written."""
+    """Python's form of a ``struct sockaddr``."""
     host = socket.inet_ntop(family, address[HOSTS[family]])
     port, flow = struct.unpack_from("!HI", address, 2)
     if family is socket.AF_INET:

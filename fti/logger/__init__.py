@@ -1,5 +1,5 @@
-"""Recording.  Here stands what writes: records, session folders, files that split, places, schemas.
+"""Recording: MCAP records, session folders, split files, storage targets and schemas.
 
-What is done with the files later has rooms of its own, which nothing here imports: ``reading``, ``survey``, ``export``,
-``proof``, ``recovery`` and ``packing``.
+The subpackages ``reading``, ``statistics``, ``export``, ``verify``, ``recovery`` and ``packing`` process finished
+files.  The modules of this level import none of them.
 """

@@ -1,11 +1,11 @@
-"""Checkpoints of a chunk: how many bytes of records it held at each sync, and their CRC-32.
+"""Checkpoints of a chunk: the number of its record bytes at each sync, and their CRC-32.
 
-A chunk of this program follows a private record (opcode 0x81, which the MCAP specification leaves to applications and
-readers skip) of SLOTS slots.  Before each sync the writer fills the next slot.  The checksum of a chunk is cumulative:
-from the value in one slot and the bytes up to the next, the value in the next follows.  So each stretch of records
-between two slots is proved by itself, also when the stretch before it is damaged, and bytes are summed once.
+A private record of SLOTS slots precedes each chunk (opcode 0x81, which the MCAP specification reserves for applications
+and readers skip).  Before each sync the writer fills the next slot.  The checksum is cumulative: the value of a slot
+follows from the value of the previous slot and the bytes between them.  Each segment between two slots can therefore be
+verified alone, even after a damaged segment, and every byte is summed once.
 
-    slot: size u64 | CRC-32 of the records up to there u32 | CRC-32 of these twelve bytes u32; zeros: not filled
+    slot: size u64 | CRC-32 of the records up to size u32 | CRC-32 of these twelve bytes u32; zeros: empty slot
 
 See docs/decisions/0023.
 """
@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 from fti.logger.records import HEAD, Op, record
 
-#: A chunk ends at the latest with the sync that fills the last slot.
+#: The sync that fills the last slot ends the chunk.
 SLOTS = 64
 SLOT_BYTES = 16
 RECORD_BYTES = HEAD.size + SLOTS * SLOT_BYTES
@@ -27,7 +27,7 @@ _VALUES = struct.Struct("<QI")
 
 
 class Checkpoint(NamedTuple):
-    """Bytes of records in a chunk, and their CRC-32."""
+    """A number of record bytes of a chunk, and their CRC-32."""
 
     size: int
     crc: int
@@ -37,7 +37,7 @@ START = Checkpoint(0, 0)
 
 
 def empty_record() -> bytes:
-    """The record before a chunk; no slot is filled."""
+    """The record before a chunk, with empty slots."""
     return record(Op.CHECKPOINTS, bytes(SLOTS * SLOT_BYTES))
 
 
@@ -48,10 +48,10 @@ def slot(checkpoint: Checkpoint) -> bytes:
 
 
 def read_slots(body: bytes) -> tuple[list[Checkpoint], int]:
-    """Checkpoints in the body of a record, rising in size, and the number of slots that are damaged."""
+    """Checkpoints in the body of a record, by increasing size, and the number of damaged slots."""
     found: list[Checkpoint] = []
     damaged = 0
-    body = body.rstrip(b"\0")  # slots are filled one after another: an empty one before a filled one is damaged, too
+    body = body.rstrip(b"\0")  # slots are filled in order: an empty slot before a filled one is damaged too
     for at in range(0, len(body), SLOT_BYTES):
         entry = body[at : at + SLOT_BYTES].ljust(SLOT_BYTES, b"\0")
         checkpoint = Checkpoint(*_VALUES.unpack_from(entry))
@@ -73,9 +73,9 @@ class ChunkSegment(NamedTuple):
 
 
 def segments(data: bytes, checkpoints: Sequence[Checkpoint]) -> list[ChunkSegment]:
-    """What each checkpoint proves of the records of a chunk.
+    """Verify each segment of a chunk between two checkpoints.
 
-    data : the records as they are found, which may end before a checkpoint; checkpoints : rising in size
+    data : the records as found, which may end before a checkpoint; checkpoints : by increasing size
     """
     found, view, last = [], memoryview(data), START
     for checkpoint in checkpoints:

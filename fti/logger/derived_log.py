@@ -1,4 +1,4 @@
-"""The derived recording: measurements (decimated), outputs, events and gaps as JSON."""
+"""Writer of the derived files: decimated measurements, outputs, events and gaps as JSON."""
 
 from __future__ import annotations
 
@@ -35,14 +35,14 @@ from fti.types import (
 SECOND_NS = 1_000_000_000
 GAP_TOPIC = "/fti/gap"
 LOCATION_TOPIC = "/nav/location"
-#: Whoever forgets to flush (a reprocess as fast as it goes) does not fill the memory.
+#: Limit of buffered bytes: reprocessing at full speed never flushes.
 PENDING_LIMIT = 2**20
 
 
 def _make_stream_key(kind: Any) -> Callable[[Any], object]:
-    """What tells streams of this class on one topic apart, decimated one by one: whose it is, what a message lacks.
+    """Key function that separates the streams of this class on one topic: by identity field and by absent fields.
 
-    Roll, pitch and heading of an ARINC 429 line come as three streams of Attitude.
+    Each stream is decimated alone.  Roll, pitch and heading of an ARINC 429 line are three streams of Attitude.
     """
     names = [field.name for field in dataclasses.fields(kind) if field.default is None]
     stream_field = STREAM_FIELD.get(kind)
@@ -54,9 +54,9 @@ def _make_stream_key(kind: Any) -> Callable[[Any], object]:
     return lambda m: [getattr(m, name) is None for name in names] == [True]
 
 
-#: What of its device a measurement is of.
+#: The field that names the object measured, for classes with several objects per device.
 STREAM_FIELD = {SurfaceDeflection: "surface", Reading: "name", DmeRange: "station"}
-#: Of these every one is kept.
+#: Classes that are never decimated.
 UNDECIMATED = (Ack, Calibration)
 STREAM_KEY = {kind: _make_stream_key(kind) for kind in typing.get_args(Measurement) if kind not in UNDECIMATED}
 
@@ -68,7 +68,7 @@ def snake_case(name: str) -> str:
 
 
 def output_topic(output: Output) -> str:
-    """``/nav/<class>``, with the sensor behind it where there are several; the bus uses it too."""
+    """``/nav/<class>``, with the sensor or source appended where there are several; the bus uses it too."""
     topic = f"/nav/{snake_case(type(output).__name__)}"
     if isinstance(output, SourceValidity | ProvisionalSolution):
         return f"{topic}/{output.source}"
@@ -76,7 +76,7 @@ def output_topic(output: Output) -> str:
 
 
 class Decimator:
-    """Lets through at most ``rate_hz`` of each stream on average; a stream of that rate with jitter passes whole."""
+    """Passes at most ``rate_hz`` of each stream on average; a stream of that rate with jitter passes completely."""
 
     def __init__(self, rate_hz: float) -> None:
         self._period_ns = round(SECOND_NS / rate_hz)
@@ -84,7 +84,7 @@ class Decimator:
         self._due: dict[object, int] = {}
 
     def is_due(self, stream: object, t_ns: int) -> bool:
-        """Is this one to be kept?"""
+        """Is this message to be recorded?  Call once for each, in order."""
         due = self._due.get(stream, t_ns)
         if t_ns < due - self._early_ns:
             return False
@@ -93,9 +93,9 @@ class Decimator:
 
 
 class DerivedLog(Log):
-    """Writes the derived files of a session.  Every call but ``flush``, ``sync`` and ``close`` only buffers.
+    """Writes the derived files of a session.  All methods except ``flush``, ``sync`` and ``close`` only buffer.
 
-    folder, places : see SplitLog
+    folder, folders : see SplitLog
     """
 
     def __init__(
@@ -107,7 +107,7 @@ class DerivedLog(Log):
         attachments: Sequence[Attachment] = (),
         metadata: Metadata | None = None,
         decimate_hz: float = 25.0,
-        places: Sequence[Path] = (),
+        folders: Sequence[Path] = (),
     ) -> None:
         super().__init__(
             SplitLog(
@@ -118,7 +118,7 @@ class DerivedLog(Log):
                     split_mb=split_mb,
                     attachments=attachments,
                     metadata=metadata or {},
-                    places=places,
+                    folders=folders,
                 ),
             )
         )
@@ -126,13 +126,13 @@ class DerivedLog(Log):
         self._channels: dict[str, int] = {}
         self._channels_of: dict[tuple[str, type], int] = {}
 
-    def measurement(self, device: str, measurement: Measurement) -> None:
-        """A measurement on ``/<device>/<class>``: log time is its arrival, publish time when it was true."""
+    def write_measurement(self, device: str, measurement: Measurement) -> None:
+        """Decimate and write a measurement on ``/<device>/<class>``: log time is arrival, publish time is validity."""
         if self.is_due(device, measurement):
             self.write_undecimated(device, measurement)
 
     def is_due(self, device: str, measurement: Measurement) -> bool:
-        """Is this one kept?  To be asked once for each, in order; for those who let measurements wait."""
+        """Is this measurement to be recorded?  Call once for each, in order; for callers that queue measurements."""
         kind = type(measurement)
         stream_key = STREAM_KEY.get(kind)
         return stream_key is None or self._decimator.is_due(
@@ -140,7 +140,7 @@ class DerivedLog(Log):
         )
 
     def write_undecimated(self, device: str, measurement: Measurement) -> None:
-        """``measurement`` for one that is wanted."""
+        """Write a measurement for which ``is_due`` was true."""
         kind = type(measurement)
         channel = self._channels_of.get((device, kind))
         if channel is None:
@@ -149,8 +149,8 @@ class DerivedLog(Log):
         stamp = measurement.stamp
         self._write(channel, (stamp.t_rx_ns, stamp.t_valid_ns), encode(measurement))
 
-    def output(self, output: Output | Event) -> None:
-        """An output on ``/nav/<class>``, an event on ``/fti/event``: log time is its time."""
+    def write_output(self, output: Output | Event) -> None:
+        """Write an output on ``/nav/<class>`` or an event on ``/fti/event``; log time is its time."""
         if isinstance(output, Event):
             channel = self._channel(EVENT_TOPIC, schemas.note_schema(EVENT_TOPIC))
             self._write(channel, (output.t_ns, None), schemas.encode_note(EVENT_TOPIC, output))
@@ -161,12 +161,12 @@ class DerivedLog(Log):
         if isinstance(output, NavSolution) and (fix := foxglove.location(output)):
             self._write(self._channel(LOCATION_TOPIC, schemas.foxglove_schema("LocationFix")), times, encode(fix))
 
-    def gap(self, t_ns: int, what: str | Mapping[str, Any]) -> None:
-        """What navigation did not get to see, or that it was restarted."""
-        self.note(GAP_TOPIC, t_ns, {"t_ns": t_ns, **({"text": what} if isinstance(what, str) else what)})
+    def write_gap(self, t_ns: int, what: str | Mapping[str, Any]) -> None:
+        """Write a gap of navigation's input, or its restart, on ``/fti/gap``."""
+        self.write_note(GAP_TOPIC, t_ns, {"t_ns": t_ns, **({"text": what} if isinstance(what, str) else what)})
 
-    def note(self, topic: str, t_ns: int, content: Mapping[str, Any]) -> None:
-        """A note on ``/fti/gap`` or ``/fti/device_clock``.  Raises ValueError for a topic that has no schema."""
+    def write_note(self, topic: str, t_ns: int, content: Mapping[str, Any]) -> None:
+        """Write a note on ``/fti/gap`` or ``/fti/device_clock``.  Raises ValueError for a topic without a schema."""
         self._write(self._channel(topic, schemas.note_schema(topic)), (t_ns, None), encode(content))
 
     def _channel(self, topic: str, schema: Schema) -> int:

@@ -1,8 +1,8 @@
-"""Records as JSON: compact, fields in the order of the class, NaN and infinity are null, enums their values.
+"""Encoder of records as compact JSON: fields in class order, NaN and infinity as null, enums as their values.
 
-``orjson`` writes them, in a tenth of the time of ``json``: eight hundred records a second go through here, in flight on
-the core that navigates.  What it refuses - whole numbers beyond 64 bits, keys that are no texts, texts with what is no
-character - is rare, and written slowly rather than lost (docs/decisions/0022).
+``orjson`` needs a tenth of the time of ``json``: in flight, navigation's core encodes 800 records a second.  ``orjson``
+refuses integers beyond 64 bits, keys that are not texts and texts with invalid characters.  They are rare, and ``json``
+writes them (docs/decisions/0022).
 """
 
 from __future__ import annotations
@@ -17,10 +17,9 @@ import orjson
 
 
 def encode(obj: Any) -> bytes:
-    """A dataclass or table as JSON.  Raises TypeError for what JSON cannot say.
+    """Encode a dataclass or table as JSON.  Raises TypeError for types that JSON cannot represent.
 
-    What is no character (a stray byte of a command line) becomes a question mark; of two keys with one name the last
-    one counts.
+    An invalid character (a stray byte of a command line) becomes a question mark.  The last of duplicate keys counts.
     """
     try:
         return orjson.dumps(obj, _to_known_type)
@@ -30,18 +29,18 @@ def encode(obj: Any) -> bytes:
 
 
 def _to_known_type(value: Any) -> Any:
-    """A value in a type that orjson knows: one of numpy's floats, another kind of table or sequence."""
+    """Convert numpy floats and other mappings and sequences to a type that orjson supports."""
     if isinstance(value, float):
         return float(value)
     if isinstance(value, Mapping):
         return dict(value)
     if isinstance(value, Sequence):
         return list(value)
-    raise TypeError(f"{type(value).__name__} has no form in JSON")
+    raise TypeError(f"{type(value).__name__} cannot be encoded as JSON")
 
 
 def _plain(value: Any) -> Any:
-    """A value of nothing but what ``json`` can write."""
+    """Convert a value to types that ``json`` supports."""
     if value is None or isinstance(value, bool | str | int):
         return value
     if dataclasses.is_dataclass(value):

@@ -1,4 +1,4 @@
-"""Bringing the entries of a folder onto its medium, so that a new or renamed file survives a power cut."""
+"""Sync of folder entries, so that a new or renamed file survives a power cut."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ def sync_folder(folder: Path) -> None:
     try:
         os.fsync(fd)
     except OSError as error:
-        if error.errno not in (errno.EINVAL, errno.ENOTSUP):  # some file systems have nothing to sync there
+        if error.errno not in (errno.EINVAL, errno.ENOTSUP):  # some file systems cannot sync a folder
             raise
     finally:
         os.close(fd)

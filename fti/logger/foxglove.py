@@ -1,7 +1,7 @@
-"""The two well-known messages of Foxglove that fit: ``foxglove.LocationFix`` and ``foxglove.Log``, as JSON.
+"""The Foxglove messages ``foxglove.LocationFix`` and ``foxglove.Log`` as JSON.
 
-Field names, types and enumerations as in the message reference at https://docs.foxglove.dev/docs/sdk/schemas; fields
-that this service does not fill are left out of the schemas.
+Source of field names, types and enumerations: https://docs.foxglove.dev/docs/sdk/schemas.  The schemas omit the fields
+that this service does not fill.
 """
 
 from __future__ import annotations
@@ -68,16 +68,16 @@ def _time(t_ns: int) -> Json:
 
 
 def log(event: Event, who: str = "") -> Json:
-    """An event as ``foxglove.Log``; who has caused it stands in ``file``, which has no other use here."""
+    """An event as ``foxglove.Log``; the otherwise unused field ``file`` holds ``who``, the originator."""
     level = LOG_LEVELS.get(event.level, LOG_LEVELS["unknown"])
-    told = {"level": level, "message": event.text, "name": event.source, "file": who, "line": 0}
-    return {"timestamp": _time(event.t_ns), **told}
+    fields = {"level": level, "message": event.text, "name": event.source, "file": who, "line": 0}
+    return {"timestamp": _time(event.t_ns), **fields}
 
 
 def location(solution: NavSolution) -> Json | None:
     """A valid solution as ``foxglove.LocationFix``: degrees, height above the ellipsoid [m], covariance ENU [m^2].
 
-    None when it is not valid or has no position.  The horizontal sigma is taken as that of each axis.
+    None without a valid position.  The horizontal sigma is used for each axis.
     """
     if not solution.valid or solution.lat is None or solution.lon is None or solution.alt is None:
         return None

@@ -1,4 +1,4 @@
-"""Who holds a file: its writer has an exclusive lock on it, so that repair and pack leave it alone."""
+"""File locks: a writer holds an exclusive lock, so that repair and pack do not touch its file."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from fti.logger.regular_file import open_descriptor
 
 
 def is_being_written(path: Path) -> bool:
-    """Does a writer hold the file?  Files that cannot be opened are not."""
+    """Does a writer hold the lock of the file?  False for a file that cannot be opened."""
     try:
         fd = open_descriptor(path)
     except OSError:
@@ -29,7 +29,7 @@ def is_being_written(path: Path) -> bool:
 
 @contextmanager
 def exclusive_lock(path: Path) -> Iterator[int]:
-    """Hold a file against every writer, repair and pack; gives its descriptor.  Raises StorageError."""
+    """Lock a file against writers, repair and pack; yields its descriptor.  Raises StorageError."""
     try:
         fd = open_descriptor(path, os.O_RDWR)
     except OSError as error:

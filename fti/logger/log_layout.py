@@ -1,4 +1,4 @@
-"""What the files of a log have in common: kind and numbers, what makes each readable alone, when the next begins."""
+"""Common properties of the files of a log: kind, numbering, file head, channels and split limits."""
 
 from __future__ import annotations
 
@@ -15,29 +15,29 @@ SECOND_NS = 1_000_000_000
 #: Name, media type, content.
 Attachment = tuple[str, str, bytes]
 Metadata = Mapping[str, Mapping[str, str]]
-#: What each file says of itself: kind, session; ``place_0``, ``place_1``: the folders in which parts may lie;
-#: ``given_up_numbers``: smaller numbers of files, separated by spaces, that were taken and whose file was not written
-#: to when this file began, as where a medium did not open it in time.
+#: Metadata of each file: kind, session; ``place_0``, ``place_1``: the folders of the storage targets;
+#: ``given_up_numbers``: smaller file numbers, separated by spaces, that were allocated but whose file had not been
+#: written to when this file began, for example because a medium did not open it in time.
 FILE_METADATA = "fti.file"
 STORAGE_TARGET_KEY = "place_"
 SKIPPED_NUMBERS_KEY = "given_up_numbers"
-#: What a file that was recovered from a damaged one says of that.
+#: Metadata of a file that was recovered from a damaged one.
 RECOVERED_METADATA = "fti.recovered"
-#: What a file says that its writer did not finish and that was closed later.
+#: Metadata of a file that its writer did not finish and that was closed later.
 CLOSED_METADATA = "fti.closed"
 
 
 def altered_tables(tables: Metadata) -> list[str]:
-    """Names of the metadata tables of a file that are not as they were written."""
+    """Names of the metadata tables of a file that do not match their checksums."""
     return all_changed_tables(FILE_METADATA, tables, (CLOSED_METADATA, RECOVERED_METADATA))
 
 
 class LogLayout:
-    """Of the files of one kind of a session.
+    """Layout of the files of one kind of a session.
 
-    split_s, split_mb : a file that holds messages of so much time, or so many MiB, is followed by the next
-    numbering         : of the files, shared with who else numbers them
-    places            : the folders in which files of the session may lie; every file names them
+    split_s, split_mb : time span of the messages [s] and size [MiB] at which the next file begins
+    numbering         : of the files, shared with other users of the same numbers
+    folders           : all folders that may hold files of the session; every file lists them
     """
 
     def __init__(
@@ -49,7 +49,7 @@ class LogLayout:
         attachments: Sequence[Attachment],
         metadata: Metadata,
         numbering: Numbering | None = None,
-        places: Sequence[Path] = (),
+        folders: Sequence[Path] = (),
     ) -> None:
         self.kind = kind
         self.numbering = numbering or Numbering()
@@ -57,26 +57,26 @@ class LogLayout:
         self.split_bytes = round(split_mb * MEGABYTE)
         self._attachments = tuple(attachments)
         self._metadata = metadata
-        self._places = {f"{STORAGE_TARGET_KEY}{n}": str(path) for n, path in enumerate(places)}
+        self._folders = {f"{STORAGE_TARGET_KEY}{n}": str(path) for n, path in enumerate(folders)}
         self._schemas: dict[str, tuple[int, Schema]] = {}
         self._channels: list[tuple[str, str, int, Mapping[str, str]]] = []
 
     def is_full(self, writer: StreamWriter) -> bool:
-        """Is it time for the next file?"""
+        """Has the file reached a split limit?"""
         return writer.span_ns >= self.split_ns or writer.bytes_written >= self.split_bytes
 
     def write_head(self, writer: StreamWriter, session: str, number: int) -> None:
-        """Write what makes a file readable alone.  number : of this file.  Raises StorageError."""
-        about = {"kind": self.kind, "session": session, **self._places}
+        """Write metadata and attachments: the file is readable alone.  number : of this file.  Raises StorageError."""
+        file_table = {"kind": self.kind, "session": session, **self._folders}
         if skipped_numbers := self.numbering.unconfirmed_before(number):
-            about[SKIPPED_NUMBERS_KEY] = " ".join(map(str, skipped_numbers))
-        for name, table in with_checksums(FILE_METADATA, {FILE_METADATA: about, **self._metadata}).items():
+            file_table[SKIPPED_NUMBERS_KEY] = " ".join(map(str, skipped_numbers))
+        for name, table in with_checksums(FILE_METADATA, {FILE_METADATA: file_table, **self._metadata}).items():
             writer.add_metadata(name, table)
         for name, media_type, data in self._attachments:
             writer.add_attachment(name, media_type, data, log_time=0)
 
     def declare(self, writer: StreamWriter) -> None:
-        """Make schemas and channels known to a file; the same ids in all files."""
+        """Declare schemas and channels in a file; the ids are the same in all files."""
         for _, schema in self._schemas.values():
             writer.add_schema(schema.name, schema.encoding, schema.data)
         for channel in self._channels:
@@ -90,7 +90,7 @@ class LogLayout:
         schema: Schema | None = None,
         metadata: Mapping[str, str] | None = None,
     ) -> int:
-        """Make a channel known in all later files, and in the one that is open; returns its id, counted from 1."""
+        """Declare a channel in the open file and all later ones; returns its id, counted from 1."""
         schema_id = self._add_schema(writer, schema) if schema else 0
         self._channels.append((topic, encoding, schema_id, metadata or {}))
         if writer:

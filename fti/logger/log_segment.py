@@ -1,6 +1,6 @@
-"""The part of a log that lies at one place: its files in one folder, one after another.
+"""Segment of a log: its consecutive files in one folder.
 
-The next file is opened before the last one is closed, so that a medium that refuses leaves a file to write to.
+The next file is opened before the previous one is closed, so that a file stays open if the medium refuses the next.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ COPY_BLOCK_BYTES = 2**20
 
 
 class LogSegment:
-    """The files of a log in one folder, one after another.  For one thread.
+    """The consecutive files of a log in one folder.  For one thread.
 
-    number : of the present file
-    writer : of the present file
-    fault  : why the next file cannot be made or the last one not be closed; the present one goes on.  Else None.
+    number : of the current file
+    writer : of the current file
+    fault  : why the next file cannot be created or the previous one cannot be closed; else None.  Writing continues.
     """
 
     def __init__(self, log_layout: LogLayout, folder: SessionFolder) -> None:
@@ -38,9 +38,9 @@ class LogSegment:
         self._path_watch = PathWatch(self.path, self.writer.fileno())
 
     def _sync_new_file(self) -> None:
-        """Bring the empty file onto the medium, so that its number is not missing when that fails in its first second.
+        """Sync the empty file, so that its number is not missing if the medium fails within the first second.
 
-        A later file of this part becomes known when the one before it is closed.
+        Later files of this segment are synced when the previous one is closed.
         """
         try:
             self.writer.sync()
@@ -55,23 +55,22 @@ class LogSegment:
 
     @property
     def bytes_written(self) -> int:
-        """Bytes in all files of this part."""
+        """Bytes in all files of this segment."""
         return self._closed_bytes + sum(w.bytes_written for w in {*self._unclosed, self.writer})
 
     def free_mb(self) -> float:
-        """Space left for us on the medium [MiB].  Raises StorageError."""
+        """Free space on the medium [MiB].  Raises StorageError."""
         return free_mb(self.folder.path)
 
-    def stray(self) -> LostFile | None:
-        """Does its path still lead to the present file?  Then None."""
-        return self._path_watch.stray()
+    def find_lost_file(self) -> LostFile | None:
+        """The current file if its path no longer leads to it; else None."""
+        return self._path_watch.find_lost_file()
 
     def flush(self, *, may_split: bool = True) -> None:
-        """Bring what is buffered into the file; go on to the next file when it is time.
+        """Write the buffer to the file; switch to the next file at a split limit.
 
-        may_split : False while a file is being opened at another place, which a next file here would overtake
-        Raises StorageError only when the file takes nothing; see ``fault`` for the rest, which the next flush tries
-        again.
+        may_split : False while a file is being opened on another target, which a next file here would supersede
+        Raises StorageError only when the file accepts no bytes.  Other errors are in ``fault``; the next flush retries.
         """
         self.writer.flush()
         try:
@@ -84,54 +83,54 @@ class LogSegment:
             self.fault = None
 
     def sync(self) -> None:
-        """Bring what is in the files onto the medium.  When that fails they take nothing any more."""
+        """Sync the files to the medium.  After an error they accept no more bytes."""
         for writer in (*self._unclosed, self.writer):
             writer.sync()
 
     def close(self) -> None:
-        """Finish all files.  When the medium refuses they are released as they are, and StorageError is raised."""
+        """Finish all files.  Raises StorageError when the medium refuses; the files are then released unfinished."""
         refusal: StorageError | None = None
         for writer in dict.fromkeys((*self._unclosed, self.writer)):
             try:
                 writer.close()
-            except StorageError as error:  # the others may have better luck
+            except StorageError as error:  # the other files may still be closed
                 refusal = refusal or error
         self.abandon()
         if refusal:
             raise refusal
 
     def abandon(self) -> None:
-        """Release all files as they are; a later repair closes them."""
+        """Release all files unfinished; a later repair closes them."""
         for writer in {*self._unclosed, self.writer}:
             writer.abandon()
 
     def discard(self) -> None:
-        """Remove the only file, into which nothing was written."""
+        """Remove the only file, which holds no messages."""
         self.writer.abandon()
         with contextlib.suppress(OSError):
             self.path.unlink()
         self._log_layout.numbering.release_number(self.number)
 
     def copy_deleted_file(self, folder: SessionFolder) -> Path:
-        """Close the present file, which was deleted, and write it again in a folder; returns its path.
+        """Close the current, deleted file and copy it to a folder; returns the path of the copy.
 
-        Its content is there as long as it is open.  Raises StorageError.
+        The content exists as long as the file is open.  Raises StorageError.
         """
-        rescued = folder.file_path(self._log_layout.kind, self.number)
+        copy_path = folder.file_path(self._log_layout.kind, self.number)
         fd = os.dup(self.writer.fileno())
         try:
             self.close()
-            with os.fdopen(create_file(rescued), "wb") as copy:
+            with os.fdopen(create_file(copy_path), "wb") as copy:
                 at = 0
                 while block := os.pread(fd, COPY_BLOCK_BYTES, at):
                     at += copy.write(block)
                 copy.flush()
                 os.fsync(copy.fileno())
         except OSError as error:
-            raise StorageError(f"{rescued}: cannot be written again: {error.strerror}") from error
+            raise StorageError(f"{copy_path}: cannot be copied: {error.strerror}") from error
         finally:
             os.close(fd)
-        return rescued
+        return copy_path
 
     def _split(self) -> None:
         number, fresh = self._open_next()

@@ -1,7 +1,7 @@
-"""A checksum for the metadata of a file: MCAP has one for chunks, attachments and the summary, and none for these.
+"""Checksums of the metadata tables of a file: MCAP has checksums for chunks, attachments and the summary only.
 
-The main table of a file holds the checksum of every other one, as it stands in the file, and of itself without that.
-It is written behind the others: a file that breaks off between its tables is one whose tables are not sealed yet.
+The main table holds the checksum of every other table and of itself without that entry.  It is written last: a file
+that ends between its tables has no checksums yet.
 """
 
 from __future__ import annotations
@@ -15,35 +15,35 @@ CHECKSUM_KEY = "crc32"
 
 
 def with_checksums(main: str, tables: Mapping[str, Mapping[str, str]]) -> dict[str, dict[str, str]]:
-    """The tables in the order in which they are to be written.  main : name of the one with the checksums, the last."""
+    """The tables in the order of writing.  main : name of the table with the checksums, the last one."""
     others = {name: dict(table) for name, table in tables.items() if name != main}
-    about = {**tables[main], **{f"{CHECKSUM_KEY}_{name}": _sum_of(name, table) for name, table in others.items()}}
-    return {**others, main: {**about, CHECKSUM_KEY: _sum_of(main, about)}}
+    main_table = {**tables[main], **{f"{CHECKSUM_KEY}_{name}": _sum_of(name, table) for name, table in others.items()}}
+    return {**others, main: {**main_table, CHECKSUM_KEY: _sum_of(main, main_table)}}
 
 
 def changed_tables(main: str, tables: Mapping[str, Mapping[str, str]]) -> list[str]:
-    """Names of the tables that are not as they were sealed; none where nothing is sealed."""
+    """Names of the tables that do not match their checksums; none without checksums."""
     if main not in tables:
-        return [name for name, table in tables.items() if CHECKSUM_KEY in table]  # its name is not as it was
-    about = tables[main]
-    if not any(key.startswith(CHECKSUM_KEY) for key in about):
+        return [name for name, table in tables.items() if CHECKSUM_KEY in table]  # its name was changed
+    main_table = tables[main]
+    if not any(key.startswith(CHECKSUM_KEY) for key in main_table):
         return []
-    own = {key: value for key, value in about.items() if key != CHECKSUM_KEY}
-    wrong = [main] if about.get(CHECKSUM_KEY) != _sum_of(main, own) else []
-    for key, told in own.items():
+    own = {key: value for key, value in main_table.items() if key != CHECKSUM_KEY}
+    changed = [main] if main_table.get(CHECKSUM_KEY) != _sum_of(main, own) else []
+    for key, stated in own.items():
         name = key.removeprefix(f"{CHECKSUM_KEY}_")
-        if name != key and told != _sum_of(name, tables.get(name, {})):
-            wrong.append(name)
-    return wrong
+        if name != key and stated != _sum_of(name, tables.get(name, {})):
+            changed.append(name)
+    return changed
 
 
 def with_own_checksum(name: str, table: Mapping[str, str]) -> dict[str, str]:
-    """A table that is added later than the others, with its own checksum."""
+    """A table that is added later, with its own checksum."""
     return {**table, CHECKSUM_KEY: _sum_of(name, table)}
 
 
 def all_changed_tables(main: str, tables: Mapping[str, Mapping[str, str]], later: Collection[str]) -> list[str]:
-    """Names of the tables that are not as they were written; later : those that are self-sealed."""
+    """Names of the tables that do not match their checksums; later : tables with their own checksum."""
     covered_tables = {name: table for name, table in tables.items() if name not in later}
     return [
         *changed_tables(main, covered_tables),
@@ -52,7 +52,7 @@ def all_changed_tables(main: str, tables: Mapping[str, Mapping[str, str]], later
 
 
 def is_intact(name: str, table: Mapping[str, str]) -> bool:
-    """Is a self-sealed table as it was written?  One without a checksum was written by fti 0.1."""
+    """Does a table match its own checksum?  One without a checksum was written by fti 0.1."""
     own = {key: value for key, value in table.items() if key != CHECKSUM_KEY}
     return CHECKSUM_KEY not in table or table[CHECKSUM_KEY] == _sum_of(name, own)
 

@@ -1,31 +1,31 @@
-"""Records of ``/fti/health`` and ``/fti/ledger`` that hold what has changed; every ten seconds one that holds all.
+"""Records of changes on ``/fti/health`` and ``/fti/ledger``, with a complete record every ten seconds.
 
-A record with ``complete`` true holds everything: the first one of a file, one every ten seconds, the last ledger of a
-recorder.  A record with ``complete`` false follows the record of the same topic whose log time is ``since_ns``.  An
-entry of ``links``, ``devices`` or ``processes`` that is not in it is as it was there, only ``age_ms`` has grown with
-the time.  Everything else is in every record.  ``fti.logger.reading.note_states`` puts the entries together again.
+A record with ``complete`` true holds everything: the first one of a file, one every ten seconds, the final ledger of a
+recorder.  A record with ``complete`` false follows the record of the same topic whose log time is ``since_ns``.  It
+omits unchanged entries of ``links``, ``devices`` and ``processes``; only their ``age_ms`` has grown with the time.
+Everything else is in every record.  ``fti.logger.reading.note_states`` restores the complete notes.
 
-An entry has changed when anything of it has, but for its age and for estimates that go on without new messages.
+Changes of the age, and of estimates that are extrapolated without new messages, do not count.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
-#: The tables of each topic whose entries are left out while they do not change.
+#: The tables of each topic whose unchanged entries are omitted.
 LEDGER_TOPIC = "/fti/ledger"
 ENTRY_TABLES = {"/fti/health": ("links", "devices", "processes"), LEDGER_TOPIC: ("links",)}
 COMPLETE, SINCE, AGE, CLOCKS = "complete", "since_ns", "age_ms", "clocks"
-#: Values of an entry and of its clocks that go on without anything having happened.
+#: Values of an entry and of its clocks that change without new messages.
 VOLATILE_FIELDS = frozenset({AGE, "offset_ms", "offset_sd_ms", "drift_ppm", "drift_sd_ppm", "late_share"})
-#: A complete record comes so long after the last one; records come every second, not exactly.
+#: Period of complete records, and jitter of the records, which come about every second.
 COMPLETE_PERIOD_NS = 10_000_000_000
 JITTER_NS = 500_000_000
 Table = dict[str, Any]
 
 
 class NoteChanges:
-    """What is recorded of the notes of one topic.  A note that was recorded must not be altered afterwards."""
+    """Makes the records of the notes of one topic.  A recorded note must not be changed afterwards."""
 
     def __init__(self, topic: str) -> None:
         self._tables = ENTRY_TABLES[topic]
@@ -35,7 +35,7 @@ class NoteChanges:
         self._entries: dict[str, Table] = {}
 
     def record_of(self, file: object, t_ns: int, note: Table) -> Table:
-        """The record of a note.  file : in which it is to stand; t_ns : its log time"""
+        """The record of a note.  file : the file to write it to; t_ns : its log time"""
         since_complete_ns = t_ns - self._complete_ns
         recent = 0 <= since_complete_ns < COMPLETE_PERIOD_NS - JITTER_NS
         if file is not self._file or not recent or note.get("final"):
@@ -43,16 +43,16 @@ class NoteChanges:
         changed = {name: self._changed(name, note[name]) for name in self._tables if isinstance(note.get(name), dict)}
         return {**note, COMPLETE: False, SINCE: self._last_ns, **changed}
 
-    def keep(self, file: object, t_ns: int, record: Table) -> None:
-        """The record is in the file."""
+    def mark_recorded(self, file: object, t_ns: int, record: Table) -> None:
+        """Note that the record is in the file; the next record holds the changes since then."""
         self._file, self._last_ns = file, t_ns
         if record[COMPLETE]:
             self._complete_ns = t_ns
             self._entries = {}
         for name in self._tables:
             if isinstance(record.get(name), dict):
-                kept = {key: _copy(entry) for key, entry in record[name].items()}
-                self._entries.setdefault(name, {}).update(kept)
+                copies = {key: _copy(entry) for key, entry in record[name].items()}
+                self._entries.setdefault(name, {}).update(copies)
 
     def _changed(self, name: str, now: Table) -> Table:
         before = self._entries.get(name, {})
@@ -60,14 +60,14 @@ class NoteChanges:
 
 
 def _copy(entry: Any) -> Any:
-    """What is kept of an entry for ``_is_changed``."""
+    """Copy of an entry for ``_is_changed``, which sets its age."""
     return dict(entry) if isinstance(entry, dict) and AGE in entry else entry
 
 
 def _is_changed(before: Any, now: Any) -> bool:
-    """Has anything of an entry changed that is not ``VOLATILE_FIELDS``?  before : of ``_copy``; its age is set
+    """Has an entry changed, apart from ``VOLATILE_FIELDS``?  before : from ``_copy``; its age is set to that of now
 
-    With the same age, most entries can be compared as a whole: this is done for each link every second.
+    With equal ages, most entries can be compared as a whole.  This runs for each link every second.
     """
     if not isinstance(before, dict) or not isinstance(now, dict):
         return bool(before != now)
@@ -77,7 +77,7 @@ def _is_changed(before: Any, now: Any) -> bool:
 
 
 def _same(before: Any, now: Any) -> bool:
-    """Is a value as it was, but for what is ``VOLATILE_FIELDS``?"""
+    """Are the values equal, apart from ``VOLATILE_FIELDS``?"""
     if isinstance(before, dict) and isinstance(now, dict):
         keys_are = before.keys() == now.keys()
         return keys_are and all(key in VOLATILE_FIELDS or _same(value, now[key]) for key, value in before.items())

@@ -1,4 +1,4 @@
-"""The raw recording: every frame of every link as it came, what was sent, ticks, clocks, ledger, health, events."""
+"""Writer of the raw files: received and sent frames of every link, ticks, clocks, ledger, health and events."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ class RawTopic:
 
 
 class RawLog(Log):
-    """Writes the raw files of a session.  ``write_batches`` and ``json`` buffer; ``flush`` writes.
+    """Writes the raw files of a session.  ``write_batches`` and ``write_json`` only buffer; ``flush`` writes.
 
-    folder : see SplitLog; numbering, places : see Blueprint
+    folder : see SplitLog; numbering, folders : see Blueprint
     MCAP sequence is the low 32 bits of seq; log time and publish time are the time of arrival.
     """
 
@@ -45,7 +45,7 @@ class RawLog(Log):
         attachments: Sequence[Attachment] = (),
         metadata: Metadata | None = None,
         numbering: Numbering | None = None,
-        places: Sequence[Path] = (),
+        folders: Sequence[Path] = (),
         kind: Kind = "raw",
     ) -> None:
         super().__init__(
@@ -58,42 +58,42 @@ class RawLog(Log):
                     attachments=attachments,
                     metadata={**(metadata or {}), LINKS_METADATA: {topic.link: topic.kind for topic in links}},
                     numbering=numbering,
-                    places=places,
+                    folders=folders,
                 ),
             )
         )
         self._write = self._log.write
         self.write_batches = self._log.write_batches
-        self._received = {topic.link: self._add_link("/raw/", topic) for topic in links}
-        self._sent = {topic.link: self._add_link("/tx/", topic) for topic in links}
+        self._received_channels = {topic.link: self._add_link("/raw/", topic) for topic in links}
+        self._sent_channels = {topic.link: self._add_link("/tx/", topic) for topic in links}
         self.tick_channel = self._log.add_channel(TICK_TOPIC, RAW_ENCODING)
         self._notes: dict[str, int] = {}
         self._changes = {topic: NoteChanges(topic) for topic in ENTRY_TABLES}
 
     def _add_link(self, prefix: str, topic: RawTopic) -> int:
-        about = {"link": topic.link, "kind": topic.kind, **topic.settings}
-        return self._log.add_channel(prefix + topic.link, RAW_ENCODING, None, about)
+        channel_metadata = {"link": topic.link, "kind": topic.kind, **topic.settings}
+        return self._log.add_channel(prefix + topic.link, RAW_ENCODING, None, channel_metadata)
 
     def channels(self, link: str) -> tuple[int, int]:
-        """The channels of what arrives on a link, and of what is sent on it; both are numbered together."""
-        return self._received[link], self._sent[link]
+        """The channels of received and of sent frames of a link; both share one numbering."""
+        return self._received_channels[link], self._sent_channels[link]
 
-    def frame(self, link: str, seq: int, t_rx_ns: int, data: bytes) -> None:
-        """A frame that arrived."""
-        self.write_batches([(self._received[link], (single_frame_batch(seq, t_rx_ns, data),))])
+    def write_frame(self, link: str, seq: int, t_rx_ns: int, data: bytes) -> None:
+        """Write a received frame."""
+        self.write_batches([(self._received_channels[link], (single_frame_batch(seq, t_rx_ns, data),))])
 
-    def sent(self, link: str, seq: int, t_ns: int, data: bytes) -> None:
-        """Bytes that were sent."""
-        self.write_batches([(self._sent[link], (single_frame_batch(seq, t_ns, data),))])
+    def write_sent(self, link: str, seq: int, t_ns: int, data: bytes) -> None:
+        """Write sent bytes."""
+        self.write_batches([(self._sent_channels[link], (single_frame_batch(seq, t_ns, data),))])
 
-    def tick(self, seq: int, t_ns: int) -> None:
-        """A tick frame."""
+    def write_tick(self, seq: int, t_ns: int) -> None:
+        """Write a tick frame."""
         self.write_batches([(self.tick_channel, (single_frame_batch(seq, t_ns, b""),))])
 
-    def json(self, topic: str, t_ns: int, obj: Any) -> None:
-        """A note on ``/fti/clock``, ``/fti/ledger``, ``/fti/health``, ``/fti/event`` or ``/fti/gap``.
+    def write_json(self, topic: str, t_ns: int, obj: Any) -> None:
+        """Write a note on ``/fti/clock``, ``/fti/ledger``, ``/fti/health``, ``/fti/event`` or ``/fti/gap``.
 
-        obj : a table, or for ``/fti/event`` an Event; of health and ledger the file gets what has changed, see
+        obj : a table, or for ``/fti/event`` an Event.  Of health and ledger the changes are recorded, see
         ``fti.logger.note_changes``.  Raises ValueError for another topic.
         """
         channel = self._notes.get(topic)
@@ -106,4 +106,4 @@ class RawLog(Log):
         file = self._log.segment.writer
         record = changes.record_of(file, t_ns, obj)
         self._write(channel, t_ns, schemas.encode_note(topic, record))
-        changes.keep(file, t_ns, record)
+        changes.mark_recorded(file, t_ns, record)

@@ -1,7 +1,7 @@
-"""MCAP records as bytes: what the writer appends and repair rebuilds.
+"""Encoder of MCAP records, for the writer and for repair.
 
-Specification: https://mcap.dev/spec, version 0.  Every record is opcode (u8), length of the body (u64), body; numbers
-are little-endian, strings have a u32 length in front.  This module imports nothing: the recorder uses it.
+Specification: https://mcap.dev/spec, version 0.  A record is opcode (u8), length of the body (u64), body.  Numbers are
+little-endian; a u32 length precedes each string.  This module imports no other of the product: the recorder uses it.
 """
 
 from __future__ import annotations
@@ -13,12 +13,12 @@ from enum import IntEnum
 
 MAGIC = b"\x89MCAP0\r\n"
 SECTOR = 512
-#: Of chunk heads, and so of the checkpoints before them [B].
+#: Alignment of chunk heads, and so of the checkpoints before them [B].
 ALIGNMENT = 16
 
 
 class Op(IntEnum):
-    """Opcodes of the records.  Those from 0x80 on lie in the range that the specification leaves to applications."""
+    """Opcodes of the records.  The specification reserves those from 0x80 on for applications."""
 
     HEADER = 0x01
     FOOTER = 0x02
@@ -62,7 +62,7 @@ def _text(value: str) -> bytes:
 
 
 def read_text(data: bytes, at: int) -> tuple[str, int]:
-    """String at an offset, and where it ends.  Raises struct.error or UnicodeDecodeError when there is none."""
+    """String at an offset, and its end.  Raises struct.error or UnicodeDecodeError when it is invalid."""
     (length,) = struct.unpack_from("<I", data, at)
     end = at + 4 + length
     return data[at + 4 : end].decode(), end
@@ -79,7 +79,7 @@ def header(profile: str, library: str) -> bytes:
 
 
 def file_head(profile: str = "fti", library: str = "fti") -> bytes:
-    """Magic and header: the begin of a file."""
+    """Magic and header, with which a file begins."""
     return MAGIC + header(profile, library)
 
 
@@ -96,15 +96,15 @@ def channel(channel_id: int, topic: str, encoding: str, schema_id: int, metadata
 
 
 def chunk_head(first_ns: int, last_ns: int, size: int, crc: int) -> bytes:
-    """Everything of an uncompressed chunk before its records, of which there are ``size`` bytes."""
+    """Head of an uncompressed chunk with ``size`` bytes of records."""
     return CHUNK.pack(Op.CHUNK, CHUNK_BODY + size, first_ns, last_ns, size, crc, 0, size)
 
 
 def padding(offset: int) -> bytes:
-    """What must stand at ``offset`` so that a chunk head after it lies within one sector, at a multiple of ALIGNMENT.
+    """Padding at ``offset`` that puts the following chunk head within one sector, at a multiple of ALIGNMENT.
 
-    Patching a chunk head or a checkpoint before it then writes within one page, which a kill cannot split, and within
-    one sector, which a power cut splits least often.
+    A patch of the head or of a checkpoint then stays within one page, which a kill cannot split, and within one sector,
+    which a power cut rarely splits.
     """
     gap = -offset % ALIGNMENT
     while 0 < gap < HEAD.size or (offset + gap) % SECTOR > SECTOR - CHUNK.size:
@@ -151,9 +151,9 @@ def attachment(name: str, media_type: str, data: bytes, log_time: int) -> bytes:
     return record(Op.ATTACHMENT, body, struct.pack("<I", zlib.crc32(body)))
 
 
-def attachment_index(place: tuple[int, int], log_time: int, size: int, name: str, media_type: str) -> bytes:
+def attachment_index(location: tuple[int, int], log_time: int, size: int, name: str, media_type: str) -> bytes:
     """Attachment index record; place : offset and length of the attachment record."""
-    head = struct.pack("<QQQQQ", *place, log_time, log_time, size)
+    head = struct.pack("<QQQQQ", *location, log_time, log_time, size)
     return record(Op.ATTACHMENT_INDEX, head, _text(name), _text(media_type))
 
 

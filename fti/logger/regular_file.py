@@ -1,7 +1,7 @@
-"""Opening files that were found by their names: only regular files are recordings, and nothing else is waited for.
+"""Opening of regular files only: recordings are found by name, and a name may lead to something else.
 
-Opening a FIFO waits for whoever writes into it, and opening a device may do anything.  What a name stands for is asked
-before it is opened, and again of the open file, which may be another one by then.
+Opening a FIFO blocks until a writer opens it, and opening a device may have side effects.  The type is checked before
+the file is opened, and again on the descriptor, because the name may lead to another file by then.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _KINDS = {
 
 
 def why_not_regular(path: Path) -> str | None:
-    """Why this is not a file to be read, in words; None for a regular file."""
+    """Why a path is not a regular file; None for a regular file."""
     try:
         _check(path.stat())
     except OSError as error:
@@ -31,7 +31,7 @@ def why_not_regular(path: Path) -> str | None:
 
 
 def open_descriptor(path: Path, flags: int = os.O_RDONLY) -> int:
-    """A descriptor of a regular file.  Raises OSError, with a sentence as ``strerror``, for anything else."""
+    """Descriptor of a regular file.  Raises OSError, with a sentence as ``strerror``, for anything else."""
     _check(path.stat())
     descriptor = os.open(path, flags | os.O_NONBLOCK | os.O_CLOEXEC)
     try:
@@ -43,12 +43,12 @@ def open_descriptor(path: Path, flags: int = os.O_RDONLY) -> int:
 
 
 def open_regular(path: Path) -> BinaryIO:
-    """A regular file, for reading bytes.  Raises OSError as ``open_descriptor``."""
+    """Open a regular file for reading bytes.  Raises OSError as ``open_descriptor``."""
     return os.fdopen(open_descriptor(path), "rb")
 
 
 def mcap_files(folder: Path) -> Iterator[Path]:
-    """The MCAP files of a folder; other things of such a name are left out."""
+    """The regular MCAP files of a folder."""
     return (path for path in folder.glob("*.mcap") if why_not_regular(path) is None)
 
 

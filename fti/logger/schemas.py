@@ -1,8 +1,7 @@
-"""The JSON schemas that stand in the file beside measurements, outputs and notes; these as ``encoding`` writes them.
+"""JSON schemas of the recorded measurements, outputs and notes, in the form that ``encoding`` writes.
 
-A viewer (Foxglove) wants one plain ``type`` per field, a validator must allow null.  The schemas are draft 7, where a
-validator takes ``$ref`` and ignores what stands beside it, and a viewer does the opposite: a field that may be null
-has both.
+A viewer (Foxglove) needs one plain ``type`` per field; a validator must allow null.  In draft 7 a validator follows
+``$ref`` and ignores its siblings, and a viewer does the opposite.  A field that may be null therefore has both.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ Json = dict[str, Any]
 
 @dataclass(frozen=True, slots=True)
 class Schema:
-    """A schema as MCAP has it."""
+    """An MCAP schema."""
 
     name: str
     encoding: str
@@ -35,7 +34,7 @@ class Schema:
 
 
 _SCHEMAS: dict[type, Schema] = {}
-#: Of classes whose fields had another meaning in recordings of an earlier version.
+#: Descriptions of classes whose fields had another meaning in recordings of an earlier version.
 DESCRIPTIONS: dict[type, str] = {
     HeightAboveGround: "height_agl, sd: height of the reference point above the ground straight below it, and one "
     "sigma of its error [m]. nearest, nearest_sd: height above what the beam sees. A schema without a field nearest is "
@@ -48,12 +47,12 @@ def json_schema(cls: type) -> Json:
     """JSON schema of a dataclass."""
     definitions: Json = {}
     root = _object_schema(cls, definitions)
-    about = {"description": DESCRIPTIONS[cls]} if cls in DESCRIPTIONS else {}
-    return {"$schema": DRAFT, "title": f"fti.{cls.__name__}", **about, **root, "definitions": definitions}
+    description = {"description": DESCRIPTIONS[cls]} if cls in DESCRIPTIONS else {}
+    return {"$schema": DRAFT, "title": f"fti.{cls.__name__}", **description, **root, "definitions": definitions}
 
 
 def schema_of(cls: type) -> Schema:
-    """The same for a file."""
+    """The JSON schema of a dataclass as an MCAP schema."""
     if cls not in _SCHEMAS:
         text = json.dumps(json_schema(cls), separators=(",", ":"))
         _SCHEMAS[cls] = Schema(f"fti.{cls.__name__}", JSON_SCHEMA, text.encode())
@@ -86,11 +85,11 @@ def _bare_schema(hint: Any, definitions: Json) -> Json:
 
 
 def _nullable(schema: Json, hint: Any, definitions: Json) -> Json:
-    """The type for viewers and, for validators, a reference to the same or null."""
+    """The type for viewers and, for validators, a reference to the same type or null."""
     name = f"{getattr(hint, '__name__', 'value')}_or_null"
     definitions[name] = {"anyOf": [schema, {"type": "null"}]}
-    shown = {key: value for key, value in schema.items() if key in ("type", "items", "properties")}
-    return {**shown, "$ref": f"#/definitions/{name}"}
+    plain = {key: value for key, value in schema.items() if key in ("type", "items", "properties")}
+    return {**plain, "$ref": f"#/definitions/{name}"}
 
 
 # ------------------------------------------------------------------------------------------------------------ notes
@@ -98,7 +97,7 @@ def _nullable(schema: Json, hint: Any, definitions: Json) -> Json:
 _INTEGER: Json = {"type": "integer"}
 _STRING: Json = {"type": "string"}
 _STRINGS: Json = {"type": "array", "items": _STRING}
-#: As in ``_nullable``: the type for viewers, and for validators a reference to the same or null.
+#: As in ``_nullable``: the type for viewers and, for validators, a reference to the same type or null.
 _OR_NULL: Json = {
     f"{name}_or_null": {"anyOf": [{"type": name}, {"type": "null"}]} for name in ("string", "integer", "number")
 }
@@ -107,7 +106,7 @@ _MAYBE_STRING, _MAYBE_INTEGER, _MAYBE_NUMBER = (
 )
 _TABLE: Json = {"type": "object", "properties": {}}
 _COUNTS: Json = {f"{part}_{what}": _INTEGER for part in ("in", "recorded", "held") for what in ("frames", "bytes")}
-#: By reason; how many bytes the kernel dropped is not known: null.
+#: By reason; bytes are null where the kernel dropped an unknown number.
 _DROPPED: Json = {
     **_TABLE,
     "additionalProperties": {
@@ -122,7 +121,7 @@ _LINK_ACCOUNT: Json = {
     "properties": {**_ACCOUNT["properties"], "sent": _ACCOUNT, "errors": _TABLE, "stamp_refused": _INTEGER},
 }
 _RECORDER: Json = {"type": "object", "properties": dict.fromkeys(("pid", "started_ns", "first_seq"), _INTEGER)}
-#: Of the notes that hold changes; see ``fti.logger.note_changes``.
+#: Fields of notes that are recorded as changes; see ``fti.logger.note_changes``.
 _CHANGES: Json = {
     "complete": {
         "type": "boolean",
@@ -178,17 +177,17 @@ EVENT_TOPIC = "/fti/event"
 DEVICE_CLOCK_TOPIC = "/fti/device_clock"
 TERRAIN_TOPIC = "/fti/terrain"
 READMISSION_TOPIC = "/fti/readmission"
-#: What navigation finds wrong, in derived files; the alarms of the daemon, in raw files.
+#: Reports of navigation, in derived files; alarms of the daemon, in raw files.
 ALARM_REPORT_TOPIC, ALARM_TOPIC = WITH_NULLS = "/fti/alarm_report", "/fti/alarm"
 
 
 @cache
 def note_schema(topic: str) -> Schema:
-    """Schema of a note of the service.  Raises ValueError for a topic that has none."""
+    """Schema of a note of the service.  Raises ValueError for a topic without notes."""
     if topic == EVENT_TOPIC:
         return foxglove_schema("Log")
     if topic not in _NOTES:
-        raise ValueError(f"no note is kept on {topic!r}; there are {EVENT_TOPIC}, {', '.join(_NOTES)}")
+        raise ValueError(f"{topic!r} is not a topic of notes; there are {EVENT_TOPIC}, {', '.join(_NOTES)}")
     name, properties = _NOTES[topic]
     table = {"$schema": DRAFT, "title": name, "type": "object", "properties": properties}
     if topic in WITH_NULLS:
@@ -197,7 +196,7 @@ def note_schema(topic: str) -> Schema:
 
 
 def encode_note(topic: str, obj: Any) -> bytes:
-    """A note as JSON; an event, and ``who`` has caused it, becomes a ``foxglove.Log``."""
+    """Encode a note as JSON; an event, with its originator ``who``, becomes a ``foxglove.Log``."""
     if topic == EVENT_TOPIC:
         if isinstance(obj, Event):
             return encode(foxglove.log(obj))
@@ -207,5 +206,5 @@ def encode_note(topic: str, obj: Any) -> bytes:
 
 @cache
 def foxglove_schema(name: str) -> Schema:
-    """A well-known schema of Foxglove, for a file."""
+    """The MCAP schema of a Foxglove message."""
     return Schema(f"foxglove.{name}", JSON_SCHEMA, foxglove.schema_text(name))

@@ -1,4 +1,4 @@
-"""The folder of a session and the names of its files.  Nothing that exists is ever overwritten."""
+"""The folder of a session and the names of its files.  Existing files are never overwritten."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from fti.errors import FtiError, MissingError, StorageError
 from fti.logger.file_mode import make_folder
 from fti.logger.regular_file import why_not_regular
 
-#: The attachment of every file of a session that holds the configuration it was recorded with.
+#: The attachment of every file that holds the configuration of the session.
 CONFIG_ATTACHMENT = "config.toml"
 Kind = Literal["raw", "derived", "truth", "snapshot"]
 _SECOND_NS = 1_000_000_000
@@ -34,10 +34,9 @@ class SessionFolder:
     def create(
         cls, directory: str | Path, name: str, started_ns: int, other: str | Path | None = None
     ) -> SessionFolder:
-        """Make a new folder in ``directory`` (made too); started_ns : real time [ns].
+        """Create a folder in ``directory``, which is created too; started_ns : real time [ns].
 
-        n is the smallest number that is free, also when the clock is wrong, and also in ``other``, where the session
-        may have to go on.  Raises StorageError.
+        n is the smallest number free in ``directory`` and in ``other``, the fallback directory.  Raises StorageError.
         """
         parent = Path(directory)
         stem = f"{name}_{datetime.fromtimestamp(started_ns // _SECOND_NS, UTC):%Y%m%dT%H%M%SZ}"
@@ -53,14 +52,14 @@ class SessionFolder:
 
     @classmethod
     def open(cls, path: str | Path) -> SessionFolder:
-        """The folder of a session that exists.  Raises MissingError."""
+        """The folder of an existing session.  Raises MissingError."""
         if not Path(path).is_dir():
             raise MissingError(f"{path}: there is no such session folder")
         return cls(Path(path))
 
     @property
     def name(self) -> str:
-        """Name of the folder, with which the names of its files begin."""
+        """Name of the folder, the prefix of its file names."""
         return self.path.absolute().name
 
     def file_path(self, kind: Kind, number: int) -> Path:
@@ -69,7 +68,7 @@ class SessionFolder:
         return self.path / f"{self.name}{part}_{number:03d}.mcap"
 
     def next_number(self, kind: Kind) -> int:
-        """The number after the highest that is there."""
+        """One above the highest existing number."""
         return max((number for number, _ in self._named(kind)), default=-1) + 1
 
     def next_path(self, kind: Kind) -> Path:
@@ -77,74 +76,77 @@ class SessionFolder:
         return self.file_path(kind, self.next_number(kind))
 
     def files(self, kind: Kind) -> list[Path]:
-        """The files of a kind, in order of their numbers; only regular ones."""
+        """The regular files of a kind, in order of their numbers."""
         return [path for _, path in sorted(self._named(kind)) if why_not_regular(path) is None]
 
     def _named(self, kind: Kind) -> list[tuple[int, Path]]:
-        """Everything that has the name of such a file, with its number."""
+        """All paths with the name of such a file, with their numbers."""
         return [(number, path) for path in self.path.glob("*.mcap") for k, number in [name_parts(path)] if k == kind]
 
 
 class Numbering:
-    """The numbers of the files of one kind of a session, wherever they lie.  For any thread.
+    """Allocates the numbers of the files of one kind of a session, on all storage targets.  Thread-safe.
 
-    A number is taken before its file is made, confirmed when the file is written to, and given back when the file was
-    not made.  No two files of a process have the same number, and the files are written in the order of their numbers.
-    least     : the first number that may be taken, where files that have it may be out of sight
-    given_up  : numbers below ``least`` that an earlier process has taken and not confirmed
-    on_change : gets each number with False when it is taken, before its file is made, and with True when confirmed
+    A number is allocated before its file is created, confirmed when the file is written to, and released when the file
+    was not created.  Files of a process have different numbers and are written in the order of their numbers.
+    first_number    : the first number to allocate; smaller ones may be on a target that is absent
+    skipped_numbers : numbers below ``first_number`` that an earlier process allocated and did not confirm
+    on_change       : called with each number and False before its file is created, and with True when it is confirmed
     """
 
     def __init__(
-        self, least: int = 0, skipped_numbers: Iterable[int] = (), on_change: Callable[[int, bool], None] | None = None
+        self,
+        first_number: int = 0,
+        skipped_numbers: Iterable[int] = (),
+        on_change: Callable[[int, bool], None] | None = None,
     ) -> None:
-        self._next = least
+        self._next = first_number
         self._unconfirmed = set(skipped_numbers)
         self._last_confirmed = -1
         self._on_change = on_change or (lambda number, confirmed: None)
         self._lock = threading.Lock()
 
     def allocate(self, folder: SessionFolder, kind: Kind) -> int:
-        """The next number: behind all that were taken, and all that are in the folder."""
-        there = folder.next_number(kind)
+        """Allocate the next number above all allocated ones and all in the folder."""
+        next_in_folder = folder.next_number(kind)
         with self._lock:
-            number = max(self._next, there)
+            number = max(self._next, next_in_folder)
             self._next = number + 1
             self._unconfirmed.add(number)
         self._on_change(number, False)
         return number
 
     def confirm(self, number: int) -> None:
-        """The file is written to."""
+        """Note that the file is written to."""
         with self._lock:
             self._unconfirmed.discard(number)
             self._last_confirmed = max(self._last_confirmed, number)
         self._on_change(number, True)
 
     def release_number(self, number: int) -> None:
-        """The file was not made.  The number is used again, unless a greater one has been taken since."""
+        """Release the number of a file that was not created; it is reused unless a greater one was allocated."""
         with self._lock:
             if self._next == number + 1:
                 self._next = number
                 self._unconfirmed.discard(number)
 
     def is_superseded(self, number: int) -> bool:
-        """Is a file with a greater number written to, or was one?  Then this number comes too late."""
+        """Has a file with a greater number been written to?  Then this number is too late."""
         with self._lock:
             return number < self._last_confirmed
 
     def unconfirmed_before(self, number: int) -> list[int]:
-        """Smaller numbers that were taken, and of which no file is known that was written to."""
+        """Smaller numbers that were allocated and not confirmed."""
         with self._lock:
             return sorted(other for other in self._unconfirmed if other < number)
 
 
 def name_parts(path: Path) -> tuple[Kind, int]:
-    """Kind and number that the name of a file tells; a foreign name is raw, number 0."""
-    found = _FILE.search(path.name)
-    if found is None:
+    """Kind and number in the name of a file; a foreign name is raw, number 0."""
+    match = _FILE.search(path.name)
+    if match is None:
         return "raw", 0
-    return cast(Kind, found["kind"] or "raw"), int(found["number"])
+    return cast(Kind, match["kind"] or "raw"), int(match["number"])
 
 
 def _create_folder(path: Path) -> bool:

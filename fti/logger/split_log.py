@@ -1,9 +1,9 @@
-"""A log in several files: one class for the raw and the derived recording.
+"""A log in several files, for the raw and the derived recording.
 
-Files are split by time (of the messages) and by size.  Each is readable alone: it repeats attachments and metadata,
-and declares its own channels (``log_layout``).
+Files are split by message time and by size.  Each is readable alone: it repeats attachments and metadata, and declares
+its channels (``log_layout``).
 
-The files that lie at one place (a folder on a medium) are a ``segment``.  A log can go on in a part at another place.
+The files in one folder are a ``segment``.  A log can switch to a segment on another storage target.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from fti.logger.session import SessionFolder
 
 
 class SplitLog:
-    """Writes the files of one kind of a session.  Raises StorageError as StreamWriter does; nothing is lost by it.
+    """Writes the files of one kind of a session.  Raises StorageError as StreamWriter; no buffered data are lost by it.
 
-    folder : where it begins; None : nothing can be written before a part is opened and adopted
+    folder : of the first segment; None : open a segment and switch to it before the first write
     """
 
     def __init__(self, folder: SessionFolder | None, log_layout: LogLayout) -> None:
@@ -31,21 +31,21 @@ class SplitLog:
         if folder:
             self.switch_to(self.open_segment(folder))
 
-    # ---------------------------------------------------------------------------------------------------- its parts
+    # ----------------------------------------------------------------------------------------------------- segments
 
     @property
     def segment(self) -> LogSegment:
-        """Where it is written now.  Raises ValueError when nothing is open."""
+        """The current segment.  Raises ValueError when none is open."""
         if self._segment is None:
             raise ValueError(f"no file of the {self.log_layout.kind} log is open")
         return self._segment
 
     def open_segment(self, folder: SessionFolder) -> LogSegment:
-        """A first file in a folder, ready to be adopted; for any thread.  Raises StorageError."""
+        """Open a segment in a folder, for ``switch_to``; for any thread.  Raises StorageError."""
         return LogSegment(self.log_layout, folder)
 
     def switch_to(self, segment: LogSegment) -> None:
-        """Go on in another part.  What waited for a flush is in neither: whoever wrote it writes it again."""
+        """Continue in another segment.  Unflushed data are dropped; the caller writes them again."""
         if self._segment is not None:
             self._left_bytes += self._segment.bytes_written
         self.log_layout.numbering.confirm(segment.number)
@@ -62,7 +62,7 @@ class SplitLog:
     def add_channel(
         self, topic: str, encoding: str, schema: Schema | None = None, metadata: Mapping[str, str] | None = None
     ) -> int:
-        """Make a channel known in this and all later files; returns its id, counted from 1."""
+        """Declare a channel in this and all later files; returns its id, counted from 1."""
         writer = self._segment.writer if self._segment else None
         return self.log_layout.add_channel(writer, topic, encoding, schema, metadata)
 
@@ -73,12 +73,12 @@ class SplitLog:
         self.segment.writer.write(channel_id, log_time, data, sequence, publish_time)
 
     def write_batches(self, channel_batches: Sequence[ChannelBatches]) -> None:
-        """Buffer what several channels have."""
+        """Buffer the batches of several channels."""
         self.segment.writer.write_batches(channel_batches)
 
 
 class Log:
-    """What the raw and the derived log share: files that are flushed, synced and finished."""
+    """Base of the raw and the derived log: flush, sync, close and segments."""
 
     def __init__(self, log: SplitLog) -> None:
         self._log = log
@@ -90,7 +90,7 @@ class Log:
 
     @property
     def folder(self) -> SessionFolder:
-        """The folder of that file."""
+        """The folder of the current file."""
         return self._log.segment.folder
 
     @property
@@ -100,24 +100,24 @@ class Log:
 
     @property
     def pending_bytes(self) -> int:
-        """Bytes that wait for a flush."""
+        """Bytes to write with the next flush."""
         return self._log.segment.writer.pending_bytes
 
     @property
     def fault(self) -> str | None:
-        """Why the file cannot be split, though it takes what is written; else None."""
+        """Why the file cannot be split, although it accepts bytes; else None."""
         return self._log.segment.fault
 
     def free_mb(self) -> float:
-        """Space left on the medium [MiB].  Raises StorageError."""
+        """Free space on the medium [MiB].  Raises StorageError."""
         return self._log.segment.free_mb()
 
     def flush(self) -> None:
-        """Bring what is buffered into the file, so that it survives the end of this process."""
+        """Write the buffer to the file, so that it survives the end of this process."""
         self._log.segment.flush()
 
     def sync(self) -> None:
-        """Bring what is in the file onto the medium, so that it survives a power cut."""
+        """Sync the file to the medium, so that it survives a power cut."""
         self._log.segment.sync()
 
     def close(self) -> None:
@@ -125,13 +125,13 @@ class Log:
         self._log.segment.close()
 
     def open_segment(self, folder: SessionFolder) -> LogSegment:
-        """A first file in another folder, ready to be adopted; for any thread.  Raises StorageError."""
+        """Open a segment in another folder, for ``switch_to``; for any thread.  Raises StorageError."""
         return self._log.open_segment(folder)
 
     def is_superseded(self, segment: LogSegment) -> bool:
-        """Has a later file been written to since the part was opened?  Then it must not be adopted."""
+        """Has a later file been written to since the segment was opened?  Then do not switch to it."""
         return self._log.log_layout.numbering.is_superseded(segment.number)
 
     def switch_to(self, segment: LogSegment) -> None:
-        """Go on in another part.  What waited for a flush is in neither: whoever wrote it writes it again."""
+        """Continue in another segment.  Unflushed data are dropped; the caller writes them again."""
         self._log.switch_to(segment)

@@ -1,4 +1,4 @@
-"""A place that a recording can go to: the folder of the session on one medium, which may come and go."""
+"""Storage target of a recording: the folder of the session on one medium, which may be absent at times."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ MEGABYTE = 2**20
 
 @dataclass(frozen=True, slots=True)
 class StorageTarget:
-    """A session folder that may not exist (yet, or for a while).
+    """A session folder that may be absent.
 
-    mount : the mount point that it lies below.  When another one is in its place, the medium is not there, and what
-            is written would hide behind the medium when it comes back.
+    mount : its mount point.  A different mount point means that the medium is absent: files written then would be
+            hidden when it is mounted again.
     """
 
     folder: Path
@@ -26,13 +26,13 @@ class StorageTarget:
 
     @classmethod
     def of(cls, folder: str | Path) -> StorageTarget:
-        """A place whose medium is there now."""
+        """The target of a folder whose medium is mounted now."""
         return cls(Path(folder), find_mount_point(Path(folder)))
 
     def prepare(self, min_free_mb: float = 0.0) -> SessionFolder:
-        """The folder, made if need be.  Raises StorageError when the medium is not there, refuses, or has less space.
+        """The folder, created if necessary.  Raises StorageError when the medium is absent, refuses, or has less space.
 
-        May take as long as the medium likes.
+        May block for as long as the medium does.
         """
         mount = find_mount_point(self.folder)
         if mount != self.mount:
@@ -42,7 +42,7 @@ class StorageTarget:
             if not self.folder.is_dir():
                 make_folder(self.folder)
         except OSError as error:
-            raise StorageError(f"{self.folder}: cannot be made: {error.strerror}") from error
+            raise StorageError(f"{self.folder}: cannot be created: {error.strerror}") from error
         if min_free_mb and (free := free_mb(self.folder)) < min_free_mb:
             raise StorageError(
                 f"{self.folder}: only {free:.0f} MB of {min_free_mb:g} MB (session.min_free_mb) are free"
@@ -51,50 +51,51 @@ class StorageTarget:
 
 
 def find_mount_point(path: Path) -> Path:
-    """The mount point that a path lies below, or would lie below if it were made."""
-    here = path.absolute()
-    while not os.path.ismount(here) and here != here.parent:
-        here = here.parent
-    return here
+    """The mount point of a path, which need not exist."""
+    point = path.absolute()
+    while not os.path.ismount(point) and point != point.parent:
+        point = point.parent
+    return point
 
 
 def free_mb(folder: Path) -> float:
-    """Space left for us where a folder lies [MiB].  Raises StorageError."""
+    """Free space of the medium of a folder [MiB].  Raises StorageError."""
     try:
         state = os.statvfs(folder)
     except OSError as error:
-        raise StorageError(f"{folder}: cannot be asked for its free space: {error.strerror}") from error
+        raise StorageError(f"{folder}: cannot read its free space: {error.strerror}") from error
     return state.f_bavail * state.f_frsize / MEGABYTE
 
 
 @dataclass(frozen=True, slots=True)
 class LostFile:
-    """A file that its path does not lead to any more.  lost : it has been deleted, no path leads to it."""
+    """A file to which its path no longer leads.  is_deleted : no path leads to it."""
 
     text: str
-    lost: bool
+    is_deleted: bool
 
 
 class PathWatch:
-    """Whether a path still leads to the file that was opened by it."""
+    """Checks whether a path still leads to the file that was opened by it."""
 
     def __init__(self, path: Path, fd: int) -> None:
         self._path = path
         self._fd = fd
-        self._tells = self._leads()  # some file systems number a file anew at every look
+        self._was_reachable = self._is_reachable()  # some file systems change the number of a file with every access
 
-    def stray(self) -> LostFile | None:
-        """None while the path leads to the file."""
+    def find_lost_file(self) -> LostFile | None:
+        """The file if the path no longer leads to it; else None."""
         if os.fstat(self._fd).st_nlink == 0:
-            return LostFile(f"{self._path}: was deleted while it was being written", lost=True)
-        if self._tells and not self._leads():
-            return LostFile(f"{self._path}: its folder has vanished; what comes goes on into the open file", lost=False)
+            return LostFile(f"{self._path}: was deleted while it was being written", is_deleted=True)
+        if self._was_reachable and not self._is_reachable():
+            text = f"{self._path}: its folder has vanished; recording continues in the open file"
+            return LostFile(text, is_deleted=False)
         return None
 
-    def _leads(self) -> bool:
+    def _is_reachable(self) -> bool:
         try:
-            there = self._path.stat()
+            path_status = self._path.stat()
         except OSError:
             return False
-        here = os.fstat(self._fd)
-        return (here.st_dev, here.st_ino) == (there.st_dev, there.st_ino)
+        file_status = os.fstat(self._fd)
+        return (file_status.st_dev, file_status.st_ino) == (path_status.st_dev, path_status.st_ino)

@@ -1,13 +1,13 @@
-"""The MCAP writer of the recorder: what has been flushed survives a kill, and is readable while the file grows.
+"""The MCAP writer of the recorder: flushed data survive a kill and are readable while the file grows.
 
 A flush appends the buffered records to the open, uncompressed chunk with one write, and then patches length, size,
 times and checksum of the chunk's head with a second one.  The first flush of a chunk writes head and records together.
-At every moment the file is therefore: whole records, a chunk whose head covers and proves whole records that are there,
-and perhaps records that no head covers yet.  A sync notes size and checksum of the open chunk in the next slot of the
-record before it (``checkpoints``): what a power cut or a damaged byte takes away is no more than came since, or between
-two syncs.
+At every moment the file therefore holds whole records, a chunk whose head covers whole records and has their checksum,
+and perhaps records that no head covers yet.  A sync writes size and checksum of the open chunk to the next slot of the
+record before it (``checkpoints``): a power cut costs at most the data since the last sync, and a damaged byte at most
+the data between two syncs.
 
-Schemas and channels are repeated in every chunk that uses them, so that a damaged chunk costs one chunk.
+Schemas and channels are repeated in every chunk that uses them, so that damage to one chunk affects no other.
 The writer holds an exclusive ``flock`` on the file while it is open; repair leaves such a file alone.
 """
 
@@ -38,8 +38,8 @@ _PACK = MESSAGE.pack
 class StreamWriter:
     """Writes one MCAP file, which must not exist yet.
 
-    Raises StorageError when the medium refuses.  What was not written then stays buffered, the file stays readable,
-    and the same call can be made again.
+    Raises StorageError when the medium refuses.  Unwritten data then stay buffered, the file stays readable, and the
+    call can be repeated.
     """
 
     def __init__(self, path: Path, *, profile: str = "fti", library: str = "fti", chunk_bytes: int = 4 * 2**20) -> None:
@@ -49,11 +49,11 @@ class StreamWriter:
         self._channels: list[tuple[int, bytes]] = []
         self._summary = Summary()
         self._fd = _create(path)
-        self._end = 0  # bytes of the file that are good; what follows is a torn append
+        self._end = 0  # valid bytes of the file; a torn append may follow
         self._torn = False
         self._finished = False
         self._entry_synced = False
-        self._given_up = ""  # why nothing is written into it any more
+        self._write_fault = ""  # why the file accepts no more writes
         self._pending = bytearray()
         self._begin_chunk()
         try:
@@ -68,14 +68,14 @@ class StreamWriter:
         self._chunk_at: int | None = None
         self._size = 0  # bytes of records in the file's open chunk
         self._crc = 0
-        self._stale = False  # the head does not cover all that is in the file
+        self._stale = False  # the head does not cover all records of the file
         self._slots = 0  # checkpoints of this chunk
         self._checked_size = 0  # bytes of records before the last of them
         self._first = NO_TIME
         self._last = 0
         self._index: dict[int, array[int]] = {}
 
-    # ------------------------------------------------------------------------------------------------ what there is
+    # --------------------------------------------------------------------------------------------------------- state
 
     def fileno(self) -> int:
         """Descriptor of the file; negative when it has been released."""
@@ -100,14 +100,14 @@ class StreamWriter:
     # ------------------------------------------------------------------------------------------------------ filling
 
     def add_schema(self, name: str, encoding: str, data: bytes) -> int:
-        """Make a schema known; returns its id, counted from 1."""
+        """Declare a schema; returns its id, counted from 1."""
         self._schemas.append(records.schema(len(self._schemas) + 1, name, encoding, data))
         return len(self._schemas)
 
     def add_channel(
         self, topic: str, message_encoding: str, schema_id: int = 0, metadata: Mapping[str, str] | None = None
     ) -> int:
-        """Make a channel known; returns its id, counted from 1.  schema_id 0 : no schema."""
+        """Declare a channel; returns its id, counted from 1.  schema_id 0 : no schema."""
         if not 0 <= schema_id <= len(self._schemas):
             raise ValueError(f"channel {topic}: schema id {schema_id} is not in 0..{len(self._schemas)}")
         channel_id = len(self._channels) + 1
@@ -139,7 +139,7 @@ class StreamWriter:
             self._last = log_time
 
     def write_batches(self, channel_batches: Sequence[ChannelBatches]) -> None:
-        """Buffer what several channels have, all or none; sequence is the low 32 bits of the position."""
+        """Buffer the batches of several channels, all or none; sequence is the low 32 bits of the position."""
         for channel_id, _ in channel_batches:
             if channel_id not in self._index:
                 self._declare(channel_id)
@@ -170,16 +170,16 @@ class StreamWriter:
     # ------------------------------------------------------------------------------------------------------ writing
 
     def flush(self) -> None:
-        """Bring what is buffered into the file, so that it survives the end of this process."""
+        """Write the buffer to the file, so that it survives the end of this process."""
         self._commit()
         if self._size >= self._chunk_bytes:
             self.close_chunk()
 
     def sync(self) -> None:
-        """Bring what is in the file onto the medium, so that it survives a power cut.
+        """Sync the file to the medium, so that it survives a power cut.
 
-        When that fails the file takes nothing any more: the kernel tells once that it could not write, forgets what it
-        was, and the next call would find all well (fsync(2)).
+        After an error the file accepts no more writes: the kernel reports a failed write once and drops the data, and
+        the next call would succeed (fsync(2)).
         """
         self._checkpoint()
         try:
@@ -188,11 +188,11 @@ class StreamWriter:
                 self._attempt(lambda: sync_folder(self.path.parent))
                 self._entry_synced = True
         except StorageError as error:
-            self._given_up = self._given_up or f"{error}, and a part of it may be lost"
+            self._write_fault = self._write_fault or f"{error}, and a part of it may be lost"
             raise
 
     def _checkpoint(self) -> None:
-        """Note size and checksum of the open chunk; one whose slots are all filled ends here."""
+        """Write size and checksum of the open chunk to the next slot; close a chunk without a free slot."""
         if self._chunk_at is None or self._checked_size == self._size:
             return
         if self._slots == SLOTS:
@@ -204,7 +204,7 @@ class StreamWriter:
         self._slots, self._checked_size = self._slots + 1, self._size
 
     def close_chunk(self) -> None:
-        """Flush; give the open chunk its checksum and its message index.  The next message begins a new chunk."""
+        """Flush and write the message index of the open chunk.  The next message begins a new chunk."""
         self._commit()
         if self._chunk_at is None:
             return
@@ -230,7 +230,7 @@ class StreamWriter:
         self._summary.add_metadata(at, len(record), name)
 
     def close(self) -> None:
-        """Close the chunk, write summary and footer, bring everything onto the medium, release the file."""
+        """Close the chunk, write summary and footer, sync everything, release the file."""
         if self._fd < 0:
             return
         if not self._finished:
@@ -242,7 +242,7 @@ class StreamWriter:
         self.abandon()
 
     def abandon(self) -> None:
-        """Release the file as it is; a later repair closes it."""
+        """Release the file unfinished; a later repair closes it."""
         if self._fd >= 0:
             os.close(self._fd)
         self._fd = -1
@@ -250,7 +250,7 @@ class StreamWriter:
     # ------------------------------------------------------------------------------------------------------- moving
 
     def _commit(self) -> None:
-        """Append what is buffered, then let the head of the chunk cover it."""
+        """Append the buffer, then patch the head of the chunk to cover it."""
         pending = self._pending
         if pending:
             crc = zlib.crc32(pending, self._crc)
@@ -275,29 +275,29 @@ class StreamWriter:
         self._attempt(lambda: _write_all(self._fd, head, at))
 
     def _append(self, data: bytes | bytearray) -> None:
-        """Write at the end of the file, wholly or, as far as the file's readers see, not at all."""
+        """Append to the file, completely or, as seen by readers, not at all."""
         if self._finished or self._fd < 0:
             raise ValueError(f"{self.path}: is closed")
-        self._cut()
+        self._truncate()
         self._torn = True
         try:
             self._attempt(lambda: _write_all(self._fd, data, self._end))
         except StorageError:
             with contextlib.suppress(StorageError):  # the next append tries again, before it writes
-                self._cut()
+                self._truncate()
             raise
         self._torn = False
         self._end += len(data)
 
-    def _cut(self) -> None:
-        """Remove what a failed append has left."""
+    def _truncate(self) -> None:
+        """Remove the bytes of a failed append."""
         if self._torn:
             self._attempt(lambda: os.ftruncate(self._fd, self._end))
             self._torn = False
 
     def _attempt(self, action: Callable[[], None]) -> None:
-        if self._given_up:
-            raise StorageError(self._given_up)
+        if self._write_fault:
+            raise StorageError(self._write_fault)
         try:
             action()
         except OSError as error:
@@ -317,7 +317,7 @@ def _create(path: Path) -> int:
 
 
 def _write_all(fd: int, data: bytes | bytearray, offset: int) -> None:
-    """pwrite until everything is written; a medium that takes nothing is full."""
+    """pwrite until everything is written; a medium that accepts no byte is full."""
     with memoryview(data) as view:
         done = os.pwrite(fd, view, offset)
         while done < len(view):

@@ -1,4 +1,4 @@
-"""What a file holds, gathered while it is written or repaired, and written at its end."""
+"""Summary of an MCAP file, collected while it is written or repaired, and written at its end."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Summary:
         self._metadata: list[bytes] = []
 
     def chunk_tail(self, end: int, index: Mapping[int, array[int]]) -> tuple[bytes, dict[int, int]]:
-        """Message index records that follow a chunk ending at ``end``, and where each will stand."""
+        """Message index records that follow a chunk ending at ``end``, and their offsets."""
         tail, offsets = [], {}
         for channel_id, entries in index.items():
             offsets[channel_id] = end
@@ -42,7 +42,7 @@ class Summary:
         *,
         packed: tuple[str, int] = ("", 0),
     ) -> None:
-        """A finished chunk: its place, the size of its records, its first and last log time, its message index.
+        """Add a finished chunk: its offset, the size of its records, its first and last log time, its message index.
 
         packed : compression and stored bytes of a compressed chunk.
         """
@@ -53,12 +53,12 @@ class Summary:
         self.first_ns = times[0] if self.first_ns is None else min(self.first_ns, times[0])
         self.last_ns = max(self.last_ns, times[1])
 
-    def add_attachment(self, place: tuple[int, int], log_time: int, size: int, name: str, media_type: str) -> None:
-        """An attachment of ``size`` bytes; place : offset and length of its record."""
-        self._attachments.append(records.attachment_index(place, log_time, size, name, media_type))
+    def add_attachment(self, location: tuple[int, int], log_time: int, size: int, name: str, media_type: str) -> None:
+        """Add an attachment of ``size`` bytes; location : offset and length of its record."""
+        self._attachments.append(records.attachment_index(location, log_time, size, name, media_type))
 
     def add_metadata(self, offset: int, length: int, name: str) -> None:
-        """A metadata record."""
+        """Add a metadata record."""
         self._metadata.append(records.metadata_index(offset, length, name))
 
     def tail(self, offset: int) -> bytes:

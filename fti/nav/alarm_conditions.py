@@ -1,7 +1,7 @@
-"""Conditions that follow from outputs: what is wrong with heights, integrity, position, attitude and sources.
+"""Alarm conditions from outputs: faults of heights, integrity, position, attitude and sources.
 
-A subject is reported when what is wrong with it has changed.  An output that cannot tell whether a condition has ended
-reports nothing: so none ends because navigation was started again, and what was never valid was never lost.
+A subject is reported when its condition changes.  An output that does not show whether a condition has ended reports
+nothing: a restart of navigation ends no condition, and a value that was never valid is never reported as lost.
 Source: docs/alarms.md.
 """
 
@@ -29,9 +29,9 @@ from fti.types import (
     SourceValidity,
 )
 
-#: Altimeters that are outside their range say so; on an approach that is an alarm all the same.
+#: Altimeter outside its range; no alarm, except on an approach.
 OUT_OF_RANGE = frozenset({Reason.ABOVE_RANGE, Reason.BELOW_RANGE, Reason.NO_RETURN, Reason.ROLL, Reason.PITCH})
-#: What is wrong with an altimeter itself.
+#: Faults of an altimeter itself.
 ALTIMETER_FAULTS = frozenset(
     {
         Reason.DEVICE_FLAG,
@@ -42,25 +42,25 @@ ALTIMETER_FAULTS = frozenset(
         Reason.EXCLUDED,
     }
 )
-#: A single sample that deviates is no failure of its altimeter.
+#: Minimum duration of a fault of an altimeter: a single deviating sample is not one.
 ALTIMETER_FAULT_NS = SECOND_NS // 2
-#: A device that is silent is reported as such, and not as a source that contradicts others.
+#: A silent device has an alarm of its own, and is not reported as a refused source.
 SILENCE = frozenset({Reason.STALE, Reason.SILENT})
-#: An approach ends like this.
+#: Regular ends of an approach.
 EXPECTED_END = frozenset({Reason.END, Reason.GO_AROUND, Reason.NO_PROFILE})
-#: There is none.
+#: The aircraft is not on an approach.
 NO_APPROACH = EXPECTED_END | {Reason.OUTSIDE_PROFILE, Reason.OFF_TRACK}
-#: The monitor judges.
+#: States in which the monitor tests the clearance.
 MONITORING_STATES = frozenset({IntegrityState.MONITOR, IntegrityState.OK, IntegrityState.CAUTION, IntegrityState.ALERT})
-#: What gives a position, an attitude or an altitude where no device does.
+#: Fallback sources of position, attitude or altitude.
 FALLBACKS = {"filter": "FILTER", "radio": "RADIO", "vertical": "VERTICAL CHANNEL"}
-#: A condition of which only the value changes is reported so often.
+#: Minimum time between reports if only the value of a condition changes.
 VALUE_NS = SECOND_NS
 INTEGRITY_IDS = ("integrity_alert", "integrity_caution", "integrity_unavailable")
 
 
 class OutputConditions:
-    """Looks at the outputs of navigation in order."""
+    """Evaluates the outputs of navigation in order."""
 
     def __init__(self, config: Config) -> None:
         nav = config.nav
@@ -83,7 +83,7 @@ class OutputConditions:
             FilterSolution: self._feed_filter,
             SourceValidity: self._feed_source,
         }
-        self._was_valid: set[str] = set()  # what was valid before
+        self._was_valid: set[str] = set()  # subjects that were valid before
         self._is_on_approach: bool | None = None if nav.approach else False  # None: not known yet
         self._is_over = False
         self._altimeters: dict[str, frozenset[Reason]] = {name: frozenset() for name in nav.altimeters}
@@ -91,39 +91,39 @@ class OutputConditions:
         self._tested: dict[str, SourceValidity] = {}
         self._excluded: frozenset[str] = frozenset()
         self._reported: dict[str, ConditionReport] = {}
-        self._found: list[ConditionReport] = []
+        self._reports: list[ConditionReport] = []
 
-    def take(self, outputs: Iterable[Output | Event]) -> list[ConditionReport]:
-        """What is another condition now than before these outputs."""
+    def feed(self, outputs: Iterable[Output | Event]) -> list[ConditionReport]:
+        """Conditions that these outputs change."""
         for output in outputs:
             if handler := self._handlers.get(type(output)):
                 handler(output)
-        found, self._found = self._found, []
-        return found
+        reports, self._reports = self._reports, []
+        return reports
 
     @staticmethod
     def report_terrain(t_ns: int, fault: str | None) -> ConditionReport:
-        """The terrain is known from now on, or ``fault`` says why it never will be."""
+        """The condition of the terrain.  fault : why it cannot be loaded, None: it is loaded"""
         cause = f"{fault}; heights are not compared with it"
         condition = Condition("terrain", Severity.CAUTION, "NO TERRAIN", cause) if fault else None
         return ConditionReport(t_ns, "terrain", condition)
 
     def end_all(self, t_ns: int) -> list[ConditionReport]:
-        """Navigation begins anew: nothing that was before counts, but the terrain, which no output tells of."""
+        """Navigation restarts: end all conditions except that of the terrain, which follows from no output."""
         return [ConditionReport(t_ns, subject, None) for subject, report in self._reported.items() if report.condition]
 
-    # ------------------------------------------------------------------------------------------------- each output
+    # ---------------------------------------------------------------------------------------------------------- outputs
 
     def _feed_integrity(self, output: ClearanceIntegrity) -> None:
         state, reasons = output.state, frozenset(output.reasons)
         self._follow_approach(state, reasons)
         cause = _describe(output.reasons)
         if state is IntegrityState.ALERT:
-            found = Condition("integrity_alert", Severity.WARNING, "GROUND CLEARANCE ALERT", cause)
+            condition = Condition("integrity_alert", Severity.WARNING, "GROUND CLEARANCE ALERT", cause)
         elif state is IntegrityState.CAUTION:
-            found = Condition("integrity_caution", Severity.CAUTION, "GROUND CLEARANCE CAUTION", cause)
+            condition = Condition("integrity_caution", Severity.CAUTION, "GROUND CLEARANCE CAUTION", cause)
         elif state is IntegrityState.UNAVAILABLE and "integrity" in self._was_valid and not self._is_over:
-            found = Condition(
+            condition = Condition(
                 "integrity_unavailable",
                 Severity.CAUTION,
                 "GROUND CLEARANCE NOT MONITORED",
@@ -131,21 +131,21 @@ class OutputConditions:
                 explained_by=("height", "position", *self._explained["height"], *self._explained["position"]),
             )
         else:
-            self._note_integrity(output)
+            self._clear_integrity(output)
             return
         self._was_valid.add("integrity")
-        self._report("integrity", output.t_ns, found)
+        self._report("integrity", output.t_ns, condition)
 
     def _follow_approach(self, state: IntegrityState, reasons: frozenset[Reason]) -> None:
-        """A monitor that cannot judge, because a height or a position is lost, does not end an approach."""
+        """Update the approach state; a monitor that lacks a height or a position does not end an approach."""
         self._is_over = bool(reasons & EXPECTED_END) or state is IntegrityState.NO_PROFILE
         if state in MONITORING_STATES or state is IntegrityState.ACQUIRE:
             self._is_on_approach = True
         elif self._is_over or reasons & NO_APPROACH:
             self._is_on_approach = False
 
-    def _note_integrity(self, output: ClearanceIntegrity) -> None:
-        """Nothing is wrong where the monitor judges, or the approach is over; not while it collects its window."""
+    def _clear_integrity(self, output: ClearanceIntegrity) -> None:
+        """Clear the condition if the monitor tests, or the approach is over; not while it collects its window."""
         if output.state is IntegrityState.OK:
             self._was_valid.add("integrity")
         elif self._is_over:
@@ -169,9 +169,9 @@ class OutputConditions:
     def _feed_altimeter(self, output: HeightAboveGround) -> None:
         name, reasons = output.sensor, frozenset(output.reasons)
         self._altimeters[name] = reasons
-        if Reason.STALE in reasons:  # its last height was judged when it came; that it is silent is another alarm
+        if Reason.STALE in reasons:  # its last height was tested when it came; silence is another alarm
             if output.t_ns - self._fault_since_ns.get(name, output.t_ns) >= ALTIMETER_FAULT_NS:
-                del self._fault_since_ns[name]  # after a silence its heights are judged anew
+                del self._fault_since_ns[name]  # after a silence its heights are tested again
             return
         faults = [reason for reason in output.reasons if reason in ALTIMETER_FAULTS]
         if not faults or reasons & OUT_OF_RANGE:
@@ -180,8 +180,8 @@ class OutputConditions:
                 self._report(f"altimeter {name}", output.t_ns, None)
         elif output.t_ns - self._fault_since_ns.setdefault(name, output.t_ns) >= ALTIMETER_FAULT_NS:
             title = f"HEIGHT OF {in_title(name)} REFUSED"
-            found = Condition(f"altimeter:{name}", Severity.CAUTION, title, _describe(faults))
-            self._report(f"altimeter {name}", output.t_ns, found)
+            condition = Condition(f"altimeter:{name}", Severity.CAUTION, title, _describe(faults))
+            self._report(f"altimeter {name}", output.t_ns, condition)
 
     def _feed_height(self, output: HeightBelowAircraft) -> None:
         is_far = all(map(OUT_OF_RANGE.intersection, self._altimeters.values()))
@@ -189,7 +189,7 @@ class OutputConditions:
             self._was_valid |= {"height"} if output.valid else set()
             self._report("height", output.t_ns, None)
         elif "height" in self._was_valid and not (is_far and self._is_on_approach is None):
-            reasons = sorted({reason for found in self._altimeters.values() for reason in found})
+            reasons = sorted({reason for reasons_of in self._altimeters.values() for reason in reasons_of})
             self._report_loss("height", "HEIGHT NOT VALID", output.t_ns, reasons or output.reasons)
 
     def _feed_solution(self, output: NavSolution) -> None:
@@ -199,7 +199,7 @@ class OutputConditions:
         elif "position" in self._was_valid:
             self._report_loss("position", "POSITION NOT VALID", output.t_ns, reasons)
         if "position" in self._was_valid:
-            self._judge_position_source(output)
+            self._check_position_source(output)
         if output.attitude_valid:
             self._was_valid.add("attitude")
             self._report("attitude", output.t_ns, _by_fallback("attitude", output.attitude_source, None))
@@ -210,12 +210,12 @@ class OutputConditions:
             self._report("altitude", output.t_ns, _by_fallback("altitude", own, output.vertical_sd))
         for name in sorted(self._excluded.symmetric_difference(output.refused)):
             self._excluded ^= {name}
-            self._judge_source(name, output.t_ns)
+            self._check_source(name, output.t_ns)
         if output.position_source is not None:
-            self._judge_comparison(output.t_ns, is_short=Reason.REACQUIRED in output.unchecked)
+            self._check_comparison(output.t_ns, is_short=Reason.REACQUIRED in output.unchecked)
 
-    def _judge_comparison(self, t_ns: int, *, is_short: bool) -> None:
-        """Sources are compared for a short time only: expected until it has been long enough for the first time."""
+    def _check_comparison(self, t_ns: int, *, is_short: bool) -> None:
+        """Report short comparison times of sources; they are expected until the first one was long enough."""
         if not is_short:
             self._was_valid |= {"comparison"} if "short comparison" in self._was_valid else set()
             self._report("comparison", t_ns, None)
@@ -225,33 +225,33 @@ class OutputConditions:
         else:
             self._was_valid.add("short comparison")
 
-    def _judge_position_source(self, output: NavSolution) -> None:
-        """Report that another device gives the position, once the first one has: nobody knows what was before that."""
+    def _check_position_source(self, output: NavSolution) -> None:
+        """Report that another device gives the position, if the first one has given it before."""
         source, first = output.position_source, self._first_position
         if source == first or source is None:
             self._was_valid |= {"first position"} if source else set()
             self._report("position source", output.t_ns, None)
         elif source in FALLBACKS:
-            found = _by_fallback("position", source, output.horizontal_sd)
-            self._report("position source", output.t_ns, found)
+            condition = _by_fallback("position", source, output.horizontal_sd)
+            self._report("position source", output.t_ns, condition)
         elif "first position" in self._was_valid:
             title, cause = f"POSITION BY {in_title(source)}", f"{first} is not used"
             causes = (f"source:{first}", "position")
-            found = Condition(f"position_by:{source}", Severity.ADVISORY, title, cause, explained_by=causes)
-            self._report("position source", output.t_ns, found)
+            condition = Condition(f"position_by:{source}", Severity.ADVISORY, title, cause, explained_by=causes)
+            self._report("position source", output.t_ns, condition)
 
     def _feed_filter(self, output: FilterSolution) -> None:
         is_unresolved = Reason.CONTRADICTION in output.reasons
         cause = "none of them is known to be right; the protection levels contain all"
-        found = Condition("contradiction", Severity.CAUTION, "SOURCES CONTRADICT EACH OTHER", cause)
-        self._report("contradiction", output.t_ns, found if is_unresolved else None)
+        condition = Condition("contradiction", Severity.CAUTION, "SOURCES CONTRADICT EACH OTHER", cause)
+        self._report("contradiction", output.t_ns, condition if is_unresolved else None)
 
     def _feed_source(self, output: SourceValidity) -> None:
         self._tested[output.source] = output
-        self._judge_source(output.source, output.t_ns)
+        self._check_source(output.source, output.t_ns)
 
-    def _judge_source(self, name: str, t_ns: int) -> None:
-        """By the tests of the source alone, and by its exclusion because it contradicts others."""
+    def _check_source(self, name: str, t_ns: int) -> None:
+        """Report the tests of the source itself, and its exclusion because it contradicts others."""
         tested = self._tested.get(name)
         reasons = [reason for reason in tested.reasons if reason not in SILENCE] if tested else []
         cause = "; ".join(filter(None, (_describe(reasons), tested.readmission if tested else "")))
@@ -263,10 +263,10 @@ class OutputConditions:
         elif tested is None or tested.valid:
             self._report(f"source {name}", t_ns, None)
 
-    # --------------------------------------------------------------------------------------------------- reporting
+    # ---------------------------------------------------------------------------------------------------------- reports
 
     def _report_loss(self, role: str, title: str, t_ns: int, reasons: Iterable[Reason]) -> None:
-        """What was valid is not any more; on an approach a person must act at once."""
+        """Report that a valid value is lost; on an approach immediate action is needed."""
         is_grave = self._is_on_approach and role != "attitude"
         severity = Severity.WARNING if is_grave else Severity.CAUTION
         self._report(role, t_ns, Condition(role, severity, title, _describe(reasons), explained_by=self._lost_by[role]))
@@ -276,17 +276,17 @@ class OutputConditions:
         if last is not None and _is_same(last, report):
             return
         self._reported[subject] = report
-        self._found.append(report)
+        self._reports.append(report)
 
 
 def _reasons_of_position(output: NavSolution) -> list[Reason]:
-    """Why it is not valid beside its attitude, which has an alarm of its own; "unchecked" is of the position alone."""
+    """Reasons of the position only; the attitude has an alarm of its own, ``unchecked`` belongs to the position."""
     of_attitude = set(output.attitude_reasons).difference(output.unchecked)
     return [reason for reason in output.reasons if reason not in of_attitude]
 
 
 def _by_fallback(role: str, source: str | None, sd: float | None) -> Condition | None:
-    """No device gives it; the value is one sigma."""
+    """The condition that no device gives a quantity; its value is one sigma."""
     if source not in FALLBACKS:
         return None
     title = f"{role.upper()} BY {FALLBACKS[source]}"
@@ -299,7 +299,7 @@ def _describe(reasons: Iterable[Reason]) -> str:
 
 
 def _is_same(last: ConditionReport, report: ConditionReport) -> bool:
-    """Nothing has changed, or nothing but the value a moment ago."""
+    """Whether nothing has changed, or only the value within ``VALUE_NS``."""
     if last.condition is None or report.condition is None:
         return last.condition is report.condition
     if report.t_ns - last.t_ns < VALUE_NS:

@@ -1,12 +1,11 @@
-"""Which altimeters hold the altitude of navigation alone.
+"""Detects that altimeters are the only sources that bound the altitude of navigation.
 
-Without satellites and barometer the heights of an altimeter over known ground hold the altitude of the filter, of the
-vertical channel and of the fix by radio.  Each of its samples is then compared with a prediction from its own older
-samples: a drift that is slow enough passes, and the altitude follows.  With a radar 100 m above level ground the
-fastest drift that passed for a minute was 1 m/s with an inertial unit of navigation grade, 1.5 m/s of tactical grade
-and 3.5 m/s of MEMS; a fix by radio follows any.  The sigmas of height and altitude are those of sound altimeters all
-the same, as over unknown ground.  An event says who holds the altitude, and NOT_INDEPENDENT in ``unchecked`` that the
-comparison is no check.
+Without satellites and barometer the heights of an altimeter over known ground bound the altitude of the filter, of the
+vertical channel and of the radio fix.  Each of its samples is then compared with a prediction from its own older
+samples: a slow drift passes, and the altitude follows.  With a radar 100 m above level ground the fastest drift that
+passed for a minute was 1 m/s with an inertial unit of navigation grade, 1.5 m/s of tactical grade and 3.5 m/s of MEMS;
+a radio fix follows any drift.  The sigmas of height and altitude remain those of sound altimeters, as over unknown
+ground.  An event reports the altimeters; NOT_INDEPENDENT in ``unchecked`` marks that the comparison proves nothing.
 """
 
 from __future__ import annotations
@@ -15,20 +14,20 @@ from collections.abc import Sequence
 
 from fti.nav.time_series import SECOND_NS
 
-#: Another source bounds the altitude for so long after its last measurement, an altimeter holds it for so long [ns].
+#: Time after its last measurement for which another source, or an altimeter, bounds the altitude [ns].
 OTHER_NS, HOLD_NS = 2 * SECOND_NS, 5 * SECOND_NS
 
 
 class HoldMonitor:
-    """Of the altitude of one source.  altimeters : that hold it; none while another source bounds it"""
+    """Of the altitude of one source.  altimeters : that alone bound it; none while another source bounds it"""
 
     def __init__(self) -> None:
         self.altimeters: tuple[str, ...] = ()
 
     def update(self, t_ns: int, other_ns: int | None, altimeters: Sequence[str]) -> None:
-        """Take the state at a time; an altimeter that stops goes on holding what its last heights made.
+        """Update at a time; an altimeter that stops still counts, because its last heights determine the altitude.
 
-        other_ns : when another source bounded the altitude last;  altimeters : those that have bounded it lately
+        other_ns : last time when another source bounded the altitude;  altimeters : those that bound it within HOLD_NS
         """
         if other_ns is not None and t_ns - other_ns <= OTHER_NS:
             self.altimeters = ()

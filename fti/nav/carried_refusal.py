@@ -1,6 +1,6 @@
-"""Refusals that outlive a navigation process: its successor begins with what it had refused.
+"""Refusals that are carried over to the next navigation process.
 
-What a refusal was compared with is lost.  A contradiction that stood therefore stands until the operator readmits the
+The reference of the comparison is lost.  A lasting contradiction therefore remains until the operator readmits the
 source; another refusal ends when the tests have passed for their time.
 """
 
@@ -15,7 +15,7 @@ from fti.types import Reason
 
 
 class RefusedPart(StrEnum):
-    """What of a source is refused, and by which tests."""
+    """The refused part of a source, and the tests that refuse it."""
 
     POSITION = "position"  # tests of one source
     ALTITUDE = "altitude"
@@ -28,7 +28,7 @@ class RefusedPart(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class CarriedRefusal:
-    """Of one part of a source.  is_standing : its contradiction stands;  size_m : of it, 0 where it is unknown"""
+    """Refusal of one part of a source.  is_standing : its contradiction lasts;  size_m : of it, 0: unknown"""
 
     source: str
     part: RefusedPart

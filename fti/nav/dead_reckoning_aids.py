@@ -1,7 +1,7 @@
-"""Which airspeeds and magnetic fields aid the filter, how often, and with which sigma.
+"""Selection, period and sigma of the airspeeds and magnetic fields that aid the filter.
 
-Gusts last for L / V; a sample every T counts with sigma^2 2 L / (V T), as a velocity of a receiver does.  So an
-airspeed every 5 s says as much as ten a second, and a wrong one stands out farther.
+Gusts are correlated for L / V; a sample every T has the variance sigma^2 2 L / (V T), like a velocity of a receiver.
+So an airspeed every 5 s contains as much information as ten a second, and a wrong one is detected more easily.
 """
 
 from __future__ import annotations
@@ -14,44 +14,44 @@ from fti.nav.filter.dead_reckoning import MagneticHeading, TrueAirspeed
 from fti.nav.time_series import SECOND_NS
 from fti.types import Airspeed, MagneticField, Measurement
 
-#: So often each of them aids [ns].
+#: Period of aiding by each of them [ns].
 AIRSPEED_NS, HEADING_NS = 5 * SECOND_NS, SECOND_NS
-#: Of a slower one the impact pressure, 138 Pa, is little more than what errors of the static port make [m/s].
+#: Minimum airspeed: its impact pressure, 138 Pa, is little more than errors of the static port [m/s].
 MIN_TAS = 15.0
 #: Sigma of an airspeed without gusts [m/s], and of the levelled heading without its slow error [rad]: assumed.
 TAS_SD, HEADING_SD = 1.0, math.radians(1.0)
 #: Gusts: sigma [m/s] and length [m] of light turbulence above 2000 ft, 5 ft/s and 1750 ft (MIL-F-8785C, 3.7.2).
 GUST_SD, GUST_LENGTH = 1.5, 533.0
-#: The Earth's field is 22 to 67 uT (IGRF-13); another one is that of something else [T].
+#: Plausible field: that of the Earth is 22 to 67 uT (IGRF-13) [T].
 MIN_FIELD, MAX_FIELD = 20e-6, 75e-6
 
 
 def airspeed_name(device: str) -> str:
-    """Name under which the gate judges airspeeds of a device."""
+    """Name of airspeeds of a device in the gate."""
     return f"{device}.airspeed"
 
 
 def heading_name(device: str) -> str:
-    """Name under which the gate judges magnetic headings of a device."""
+    """Name of magnetic headings of a device in the gate."""
     return f"{device}.heading"
 
 
 def dead_reckoning_names(settings: Filter) -> frozenset[str]:
-    """Names of all that aids without satellites and has no position."""
+    """Names of all aids that are used without satellites and have no position."""
     airspeed = () if settings.airspeed is None else (airspeed_name(settings.airspeed),)
     heading = () if settings.heading is None else (heading_name(settings.heading),)
     return frozenset((*airspeed, *heading))
 
 
 class DeadReckoningAids:
-    """Of one filter, which is aided as the settings say."""
+    """Dead-reckoning aids of one filter.  settings : its aiding sources"""
 
     def __init__(self, settings: Filter) -> None:
         self._settings = settings
-        self._taken_ns: dict[str, int] = {}
+        self._last_ns: dict[str, int] = {}
 
     def make(self, device: str, m: Measurement, t_ns: int) -> Aiding | None:
-        """What a measurement that was true at t_ns aids with; None where it does not."""
+        """The aiding of a measurement that is valid at t_ns; None if it does not aid."""
         if isinstance(m, Airspeed) and device == self._settings.airspeed:
             return self._airspeed(device, m, t_ns)
         if isinstance(m, MagneticField) and device == self._settings.heading:
@@ -73,9 +73,9 @@ class DeadReckoningAids:
         return MagneticHeading(m.field_b, declination, HEADING_SD, name)
 
     def _is_due(self, name: str, t_ns: int, period_ns: int) -> bool:
-        """Whether the last one is long enough ago; then this is the last one."""
-        last_ns = self._taken_ns.get(name)
+        """Whether the last one is at least a period ago; then this one becomes the last."""
+        last_ns = self._last_ns.get(name)
         if last_ns is not None and abs(t_ns - last_ns) < period_ns:
             return False
-        self._taken_ns[name] = t_ns
+        self._last_ns[name] = t_ns
         return True

@@ -22,7 +22,7 @@ def own_states(sensor: str) -> tuple[str, str]:
 
 
 class ExclusionEvents:
-    """Compares who is excluded with who was.  sensors : altimeters that aid the filter"""
+    """Compares present with previous exclusions.  sensors : altimeters that aid the filter"""
 
     def __init__(self, navigator: InertialNavigator, sensors: Iterable[str]) -> None:
         self._navigator = navigator
@@ -34,15 +34,15 @@ class ExclusionEvents:
         return sensor in self._excluded
 
     def drain_events(self, t_ns: int) -> list[Event]:
-        """What has changed since the last call."""
-        exclusions, before = self._navigator.exclusions, self._excluded
+        """Events of the changes since the last call."""
+        exclusions, previous = self._navigator.exclusions, self._excluded
         self._excluded = frozenset(s for s in self._sensors if altitude_name(s) in exclusions)
         events = []
-        for sensor in sorted(self._excluded - before):
+        for sensor in sorted(self._excluded - previous):
             text = _describe(sensor, exclusions[altitude_name(sensor)], t_ns, self._navigator.at(t_ns))
             events.append(Event(t_ns=t_ns, level="warning", source="nav", text=text))
-        back = [describe_return(sensor) for sensor in sorted(before - self._excluded)]
-        return events + [Event(t_ns=t_ns, level="info", source="nav", text=text) for text in back]
+        texts = [describe_return(sensor) for sensor in sorted(previous - self._excluded)]
+        return events + [Event(t_ns=t_ns, level="info", source="nav", text=text) for text in texts]
 
 
 def describe_return(sensor: str) -> str:
@@ -50,13 +50,13 @@ def describe_return(sensor: str) -> str:
     return f"{sensor}: aids the filter again"
 
 
-def _describe(sensor: str, exclusion: Exclusion, t_ns: int, here: Estimate | None) -> str:
-    """Which altimeter is excluded, why, and since when it has contradicted the others."""
+def _describe(sensor: str, exclusion: Exclusion, t_ns: int, estimate: Estimate | None) -> str:
+    """Text: the excluded altimeter, the cause, and the duration of its contradiction."""
     seconds = (t_ns - (exclusion.since_ns or t_ns)) / SECOND_NS
-    why = "its heights are outside the gate"
-    if exclusion.cause is Cause.BIAS and here is not None:
+    reason = "its heights are outside the gate"
+    if exclusion.cause is Cause.BIAS and estimate is not None:
         bias, scale = own_states(sensor)
-        bias_sd, scale_sd = here.drift_sd(bias) or 0.0, here.drift_sd(scale) or 0.0
-        why = f"bias {here.drift(bias):.1f} m (sd {bias_sd:.1f} m)"
-        why += f", scale {100.0 * here.drift(scale):.1f} % (sd {100.0 * scale_sd:.1f} %)"
-    return f"{sensor}: excluded from the filter: {why}, for {seconds:.0f} s"
+        bias_sd, scale_sd = estimate.drift_sd(bias) or 0.0, estimate.drift_sd(scale) or 0.0
+        reason = f"bias {estimate.drift(bias):.1f} m (sd {bias_sd:.1f} m)"
+        reason += f", scale {100.0 * estimate.drift(scale):.1f} % (sd {100.0 * scale_sd:.1f} %)"
+    return f"{sensor}: excluded from the filter: {reason}, for {seconds:.0f} s"

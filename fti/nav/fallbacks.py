@@ -1,7 +1,7 @@
-"""What takes the place of devices, in order: the filter, the fix by radio; for an altitude alone the vertical channel.
+"""Fallbacks for missing devices, in order: the filter, the radio fix; for the altitude only the vertical channel.
 
-Each is there when it is configured (``[nav.filter]``, ``[nav.radio]``), sees every measurement, and says at its own
-rate what it has found, needed or not.
+Each exists if it is configured (``[nav.filter]``, ``[nav.radio]``), receives every measurement, and gives outputs at
+its own rate, whether they are used or not.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ FILTER_TICKS, VERTICAL_TICKS, FIX_TICKS = 10, 10, 25
 
 
 class Fallbacks:
-    """All that are configured."""
+    """All configured fallbacks."""
 
     def __init__(self, config: Config) -> None:
         nav, devices = config.nav, {device.name: device for device in config.device}
@@ -37,20 +37,20 @@ class Fallbacks:
         self._ticks = 0
 
     def set_terrain(self, ground: Ground | None) -> None:
-        """The known ground is there from now on."""
+        """Set the known ground."""
         for part in (self._aided, self._radio):
             if part:
                 part.set_terrain(ground)
 
     def handlers(self, device: str, kind: type[Measurement]) -> list[Callable[[Any, int], None]]:
-        """What takes measurements of a kind of a device, each with the time at which it was true."""
-        parts = [part for part in (self._aided, self._radio) if part and part.wants(device, kind)]
+        """Handlers of measurements of a kind of a device; they take a measurement and its time of validity."""
+        parts = [part for part in (self._aided, self._radio) if part and part.accepts(device, kind)]
         return [partial(part.feed, device) for part in parts]
 
-    def feed_unconfirmed(self, device: str, m: Measurement, what: UnconfirmedSource, t_ns: int) -> None:
-        """Take a measurement of a source that is unconfirmed: it aids a provisional filter alone."""
+    def feed_unconfirmed(self, device: str, m: Measurement, unconfirmed: UnconfirmedSource, t_ns: int) -> None:
+        """Take a measurement of an unconfirmed source: it aids a provisional filter only."""
         if self._aided:
-            self._aided.feed_unconfirmed(device, m, what, t_ns)
+            self._aided.feed_unconfirmed(device, m, unconfirmed, t_ns)
 
     def feed_height(self, height: HeightAboveGround, nav: NavState) -> None:
         """Take an output of an altimeter."""
@@ -63,15 +63,15 @@ class Fallbacks:
         return self._aided is not None and self._aided.is_excluded(altimeter)
 
     def set_suspects(self, devices: frozenset[str]) -> None:
-        """Receivers that tests of one source suspect from now on."""
+        """Set the receivers that tests of one source suspect."""
         if self._aided:
             self._aided.set_suspects(devices)
 
     def tick(self, t_ns: int, nav: NavState) -> list[Output | Event]:
-        """What is due at a tick.  nav : what is known then"""
+        """Outputs that are due at a tick.  nav : the state at that time"""
         self._ticks += 1
         if self._aided:
-            self._aided.note(nav)
+            self._aided.set_nav_state(nav)
         out: list[Output | Event] = []
         if self._aided and self._ticks % FILTER_TICKS == 0:
             out += [*self._aided.events(t_ns), self._aided.solution(t_ns), *self._aided.provisional_solutions(t_ns)]
@@ -83,11 +83,11 @@ class Fallbacks:
         return out
 
     def position(self, t_ns: int) -> tuple[PositionState, str] | None:
-        """A position and whose it is."""
-        if self._aided and (found := self._aided.position(t_ns)):
-            return found, FILTER
-        if self._radio and (found := self._radio.position(t_ns)):
-            return found, RADIO
+        """A position and its source."""
+        if self._aided and (position := self._aided.position(t_ns)):
+            return position, FILTER
+        if self._radio and (position := self._radio.position(t_ns)):
+            return position, RADIO
         return None
 
     def attitude(self, t_ns: int) -> AttitudeState | None:
@@ -98,9 +98,9 @@ class Fallbacks:
         """Of the vertical channel."""
         return self._aided.altitude(t_ns) if self._aided else None
 
-    def compared(self, t_ns: int) -> FilterReference | None:
-        """The filter and its protection levels; None where it has no position."""
-        return self._aided.compared(t_ns) if self._aided else None
+    def filter_reference(self, t_ns: int) -> FilterReference | None:
+        """The filter and its protection levels; None if it has no position."""
+        return self._aided.filter_reference(t_ns) if self._aided else None
 
     @property
     def refused(self) -> frozenset[str]:
@@ -113,7 +113,7 @@ class Fallbacks:
         return self._aided.refused_heights if self._aided else frozenset()
 
     def readmit(self, device: str, t_ns: int) -> None:
-        """Let a receiver aid the filter again because the operator commands it."""
+        """Let a receiver aid the filter again on the operator's command."""
         if self._aided:
             self._aided.readmit(device, t_ns)
 
@@ -127,22 +127,22 @@ class Fallbacks:
         """Contradictions of receivers that do not aid the filter, by device."""
         return self._aided.contradiction_sizes if self._aided else {}
 
-    def confirm(self, found: Confirmation, t_ns: int) -> None:
+    def confirm(self, confirmation: Confirmation, t_ns: int) -> None:
         """An independent source agrees with a receiver that does not aid the filter."""
         if self._aided:
-            self._aided.confirm(found, t_ns)
+            self._aided.confirm(confirmation, t_ns)
 
     def fix(self, t_ns: int) -> PositionState | None:
         """By radio."""
         return self._radio.position(t_ns) if self._radio else None
 
     def restore(self, refusals: Iterable[CarriedRefusal], t_ns: int) -> None:
-        """Begin with refusals of before this process."""
+        """Start with refusals from before this process."""
         if self._aided:
             self._aided.restore(refusals, t_ns)
 
     def altitude_holders(self, source: str | None) -> tuple[str, ...]:
-        """Altimeters that alone hold the altitude of the filter, of the vertical channel or of the fix."""
+        """Altimeters that alone bound the altitude of the filter, of the vertical channel or of the fix."""
         if self._aided and source in {FILTER, VERTICAL}:
             return self._aided.vertical_holders if source == VERTICAL else self._aided.filter_holders
         return self._radio.altitude_holders if self._radio and source == RADIO else ()

@@ -1,12 +1,11 @@
-"""Inertial navigation of our own, live: the error-state filter and the vertical channel, fed by devices.
+"""Live aided inertial navigation: the error-state filter and the vertical channel, with measurements of devices.
 
-Both take the inertial samples of one device.  The filter is aided by GNSS, pressure altitude, altimeters over known
-ground, airspeed and magnetic heading, and takes the place of devices that give no position, altitude or attitude any
-more; the vertical channel gives the altitude when the filter gives none either.  Heights of altimeters count once a
-second: samples that follow see the same ground.  What a receiver states of its position, and what is known of the
-ground, is for the most part one error that lasts: it sizes the slow state, or many fixes would average away what they
-have in common; a velocity every dt counts with sigma^2 2 T / dt.  Configured by ``[nav.filter]``; without it nothing of
-this runs.
+Both use the inertial samples of one device.  The filter is aided by GNSS, pressure altitude, altimeters over known
+ground, airspeed and magnetic heading, and replaces devices that no longer give position, altitude or attitude.  The
+vertical channel gives the altitude if the filter does not, either.  Heights of altimeters are used once a second,
+because consecutive samples are from the same ground.  Stated sigmas of positions and of the ground are mostly slow
+errors: they scale the slow state, so that many fixes do not average out a common error.  A velocity every dt has the
+variance sigma^2 2 T / dt.  Configured by ``[nav.filter]``; without it nothing runs.
 """
 
 from __future__ import annotations
@@ -77,22 +76,22 @@ from fti.types import (
     VerticalSolution,
 )
 
-#: Sigmas of what states none: position, height [m], velocity [m/s], pressure altitude [m].
+#: Sigmas if none is stated: position, height [m], velocity [m/s], pressure altitude [m].
 POSITION_SD, HEIGHT_SD, VELOCITY_SD, BARO_SD = 3.0, 5.0, 0.1, 1.0
 #: Sigma of a climb that is the slope of positions [m/s].
 CLIMB_SD = 0.5
-#: Errors of a receiver's velocity hang together for so long [s].
+#: Correlation time of errors of a receiver's velocity [s].
 VELOCITY_TAU_S = 5.0
-#: No altitude, speed or sigma in SI units is larger.
-LARGEST = 1e6
+#: Limit of plausible altitude, speed and sigma in SI units.
+MAX_VALUE = 1e6
 CHECKED_FIELDS = (
     "alt", "alt_msl", "alt_press", "north", "east", "down", "ground_speed", "sd", "horizontal_sd", "vertical_sd", "tas"
 )  # fmt: skip
-#: A climb belongs to the height of a receiver that is true within so long of it [ns].
+#: Maximum time between a climb and a height of a receiver that belong together [ns].
 CLIMB_NS = 500_000_000
-#: A barometer that was not heard for so long makes place for the next one [ns].
+#: A barometer that is silent for so long is replaced by the next one [ns].
 BARO_NS = 2_000_000_000
-#: So often a height of one altimeter aids [ns].
+#: Period of heights of one altimeter that aid [ns].
 HEIGHT_NS = 1_000_000_000
 
 
@@ -109,49 +108,49 @@ class AidedNavigation:
         self._vertical = VerticalChannel()
         self._filter_hold, self._vertical_hold = HoldMonitor(), HoldMonitor()
         self._ground: Ground | None = None
-        self._place: HorizontalMotion | None = None
+        self._motion: HorizontalMotion | None = None
         self._tilt: tuple[float, float] | None = None
         self._alts = {name: Series() for name in settings.gnss}
         self._used_ns: dict[str, int] = {}
         self._velocity_ns: dict[str, int] = {}
-        self._unconfirmed_ns: dict[str, int] = {}  # of velocities that aid provisional filters alone
+        self._unconfirmed_ns: dict[str, int] = {}  # of velocities that aid provisional filters only
         self._pressure_ns: dict[str, int] = {}
         self._barometer: str | None = None
         self._climbs: dict[str, tuple[int, float | None, float | None]] = {}
         self._last_altimeter: str | None = None
-        self._solution: FilterSolution | None = None  # until the filter takes anything
+        self._solution: FilterSolution | None = None  # valid until the next input of the filter
 
     def set_terrain(self, ground: Ground | None) -> None:
-        """Heights of altimeters above this ground aid from now on."""
+        """Set the ground; heights of altimeters above it aid."""
         self._ground = ground
 
-    # ---------------------------------------------------------------------------------------------------- taking
+    # ----------------------------------------------------------------------------------------------------------- inputs
 
-    def note(self, nav: NavState) -> None:
-        """What is known at a tick: place and attitude of the inertial samples until the next one.
+    def set_nav_state(self, nav: NavState) -> None:
+        """Set position and attitude for the inertial samples until the next tick.
 
-        The last place will do when there is none any more: gravity hardly changes with it.  An attitude that is 20 ms
-        old is 0.4 deg off at 20 deg/s, and as far to the other side when the turn ends.
+        Without a new position the last one is kept: gravity hardly changes with it.  An attitude that is 20 ms old has
+        an error of 0.4 deg at 20 deg/s, which cancels when the turn ends.
         """
         self._tilt = (nav.attitude.roll, nav.attitude.pitch) if nav.attitude else None
         if nav.position and _is_conceivable(nav.position):
-            self._place = HorizontalMotion(nav.position.lat, nav.position.north or 0.0, nav.position.east or 0.0)
-        self._note_holds(nav.t_ns)
+            self._motion = HorizontalMotion(nav.position.lat, nav.position.north or 0.0, nav.position.east or 0.0)
+        self._update_holds(nav.t_ns)
 
-    def _note_holds(self, t_ns: int) -> None:
-        """Who holds the altitudes of the filter and of the vertical channel at a tick."""
-        believed = self._navigator.accepted_ns("vertical")
+    def _update_holds(self, t_ns: int) -> None:
+        """Update which altimeters alone bound the altitudes of the filter and of the vertical channel."""
+        accepted = self._navigator.accepted_ns("vertical")
         own = {altitude_name(sensor): sensor for sensor in self._settings.altimeters}
-        others = [then_ns for name, then_ns in believed.items() if name not in own]
-        holding = [own[name] for name, then_ns in believed.items() if name in own and t_ns - then_ns <= HOLD_NS]
+        others = [last_ns for name, last_ns in accepted.items() if name not in own]
+        holding = [own[name] for name, last_ns in accepted.items() if name in own and t_ns - last_ns <= HOLD_NS]
         self._filter_hold.update(t_ns, max(others, default=None), sorted(holding))
         last_accepted_ns = self._vertical.last_accepted_ns(HeightAiding.ALTIMETER)
         is_aided = last_accepted_ns is not None and t_ns - last_accepted_ns <= HOLD_NS
-        holding = [sensor for sensor, then_ns in self._used_ns.items() if is_aided and t_ns - then_ns <= HOLD_NS]
+        holding = [sensor for sensor, last_ns in self._used_ns.items() if is_aided and t_ns - last_ns <= HOLD_NS]
         self._vertical_hold.update(t_ns, self._vertical.last_accepted_ns(HeightAiding.SATELLITES), sorted(holding))
 
-    def wants(self, device: str, kind: type[Measurement]) -> bool:
-        """Whether measurements of this kind of a device say anything here."""
+    def accepts(self, device: str, kind: type[Measurement]) -> bool:
+        """Whether measurements of this kind of a device are used here."""
         settings = self._settings
         fed = {
             ImuSample: (settings.imu,),
@@ -164,7 +163,7 @@ class AidedNavigation:
         return issubclass(kind, Attitude) or any(issubclass(kind, of) and device in by for of, by in fed.items())
 
     def feed(self, device: str, m: Measurement, t_ns: int) -> None:
-        """Take a measurement that was true at t_ns."""
+        """Take a measurement that is valid at t_ns."""
         settings = self._settings
         self._solution = None
         if isinstance(m, ImuSample) and device == settings.imu:
@@ -173,7 +172,7 @@ class AidedNavigation:
             if abs(m.roll) <= MAX_PART_VALUES["roll"] and abs(m.pitch) <= MAX_PART_VALUES["pitch"]:
                 self._navigator.feed_attitude(t_ns, m.roll, m.pitch, m.heading)
         elif not _is_conceivable(m) or (device in self.refused and not self._navigator.is_aligned):
-            return  # the filter does not begin with a receiver that contradicted it
+            return  # the filter does not start with a receiver that contradicted it
         elif device in settings.gnss and isinstance(m, Velocity) and m.valid:
             self._feed_velocity(device, m, t_ns)
         elif device in settings.gnss and isinstance(m, Position) and m.valid:
@@ -183,25 +182,25 @@ class AidedNavigation:
         elif (aiding := self._dead_reckoning.make(device, m, t_ns)) is not None:
             self._navigator.feed_aiding(t_ns, aiding)
 
-    def feed_unconfirmed(self, device: str, m: Measurement, what: UnconfirmedSource, t_ns: int) -> None:
-        """Take a measurement of an unconfirmed receiver, true at t_ns: it aids a provisional filter alone."""
+    def feed_unconfirmed(self, device: str, m: Measurement, unconfirmed: UnconfirmedSource, t_ns: int) -> None:
+        """Take a measurement of an unconfirmed receiver, valid at t_ns: it aids a provisional filter only."""
         if device not in self._settings.gnss or not _is_conceivable(m):
             return
         aiding: GnssPosition | GnssVelocity | None = None
         if isinstance(m, Position) and m.valid:
             aiding = self._position_aiding(device, m)
         elif isinstance(m, Velocity) and m.valid:
-            level = m if "height" in what.quantities else replace(m, down=None)
-            aiding = self._velocity_aiding(device, level, self._correlation_factor(self._unconfirmed_ns, device, t_ns))
+            m = m if "height" in unconfirmed.quantities else replace(m, down=None)
+            aiding = self._velocity_aiding(device, m, self._correlation_factor(self._unconfirmed_ns, device, t_ns))
         if aiding is not None and is_known(aiding):
             parts = aiding.split() if isinstance(aiding, GnssPosition) else (aiding,)
-            self._faults.feed_unconfirmed(device, what, t_ns, parts)
+            self._faults.feed_unconfirmed(device, unconfirmed, t_ns, parts)
 
     def _feed_pressure(self, device: str, alt: float, t_ns: int) -> None:
-        """One barometer aids: the first one of the list that was heard lately; each has an offset of its own."""
+        """One barometer aids: the first one of the list that is not silent; each has an offset of its own."""
         self._pressure_ns[device] = t_ns
-        before = self._settings.baro[: self._settings.baro.index(device)]
-        if any(t_ns - self._pressure_ns[name] <= BARO_NS for name in before if name in self._pressure_ns):
+        preferred = self._settings.baro[: self._settings.baro.index(device)]
+        if any(t_ns - self._pressure_ns[name] <= BARO_NS for name in preferred if name in self._pressure_ns):
             return
         is_new_source, self._barometer = self._barometer not in (None, device), device
         self._navigator.feed_aiding(t_ns, BaroAltitude(alt, BARO_SD, altitude_name(device), is_new_source))
@@ -210,14 +209,14 @@ class AidedNavigation:
         if m.accel_b is None or m.gyro_b is None:
             return
         self._navigator.feed_inertial(t_ns, m.accel_b, m.gyro_b)
-        if self._tilt and self._place:
-            self._vertical.feed_imu(t_ns, m.accel_b, *self._tilt, self._place)
+        if self._tilt and self._motion:
+            self._vertical.feed_imu(t_ns, m.accel_b, *self._tilt, self._motion)
 
     def _feed_velocity(self, device: str, m: Velocity, t_ns: int) -> None:
         self._climbs[device] = t_ns, -m.down if m.down is not None else None, m.sd
         if None in level_velocity(m):
             return
-        if m.down is None and not self._navigator.reaches(t_ns):  # it begins with a climb, if only of the positions
+        if m.down is None and not self._navigator.reaches(t_ns):  # the alignment needs a climb, at least from positions
             climb, sd = self._alts[device].slope(t_ns), VELOCITY_SD if m.sd is None else m.sd
             m = replace(m, down=None if climb is None else -climb, sd=max(sd, CLIMB_SD))
         aiding = self._velocity_aiding(device, m, self._correlation_factor(self._velocity_ns, device, t_ns))
@@ -225,7 +224,7 @@ class AidedNavigation:
             self._navigator.feed_aiding(t_ns, aiding)
 
     def _velocity_aiding(self, device: str, m: Velocity, factor: float) -> GnssVelocity | None:
-        """None where it has no horizontal velocity.  factor : so many times its sigma counts"""
+        """None if it has no horizontal velocity.  factor : of its sigma"""
         north, east = level_velocity(m)
         if north is None or east is None:
             return None
@@ -234,11 +233,11 @@ class AidedNavigation:
 
     @staticmethod
     def _correlation_factor(velocity_ns: dict[str, int], device: str, t_ns: int) -> float:
-        """How many times its sigma a velocity counts, whose error hangs together with the last one's."""
+        """Factor of the sigma of a velocity, whose error is correlated with the last one's."""
         last = velocity_ns.get(device)
         velocity_ns[device] = t_ns
-        apart_s = (t_ns - last) / SECOND_NS if last is not None and t_ns > last else 1.0
-        return math.sqrt(max(1.0, 2.0 * VELOCITY_TAU_S / apart_s))
+        interval_s = (t_ns - last) / SECOND_NS if last is not None and t_ns > last else 1.0
+        return math.sqrt(max(1.0, 2.0 * VELOCITY_TAU_S / interval_s))
 
     def _feed_position(self, device: str, m: Position, t_ns: int) -> None:
         aiding = self._position_aiding(device, m)
@@ -246,7 +245,7 @@ class AidedNavigation:
             return
         refuses_height = device in self.refused_heights
         if refuses_height and not self._navigator.is_aligned:
-            aiding = replace(aiding, alt=None)  # the filter does not begin with a height that contradicted it
+            aiding = replace(aiding, alt=None)  # the filter does not start with a height that contradicted it
         self._navigator.feed_aiding(t_ns, aiding)
         if aiding.alt is not None and not refuses_height:
             self._alts[device].push(t_ns, aiding.alt)
@@ -254,44 +253,43 @@ class AidedNavigation:
             self._vertical.feed_satellites(t_ns, alt, aiding.vertical_sd, *self._climb_at(device, t_ns))
 
     def _position_aiding(self, device: str, m: Position) -> GnssPosition | None:
-        """None where it has no place."""
+        """None if it has no horizontal position."""
         if m.lat is None or m.lon is None:
             return None
-        level = POSITION_SD if m.horizontal_sd is None else m.horizontal_sd
-        high = HEIGHT_SD if m.vertical_sd is None else m.vertical_sd
-        slow = (
-            _at_least_once(level, GNSS_DRIFTS[Extra.GNSS_NORTH]), _at_least_once(high, GNSS_DRIFTS[Extra.GNSS_DOWN])
-        )  # fmt: skip
+        horizontal = POSITION_SD if m.horizontal_sd is None else m.horizontal_sd
+        vertical = HEIGHT_SD if m.vertical_sd is None else m.vertical_sd
+        north, down = GNSS_DRIFTS[Extra.GNSS_NORTH], GNSS_DRIFTS[Extra.GNSS_DOWN]
+        slow, sds = (_drift_factor(horizontal, north), _drift_factor(vertical, down)), (horizontal, vertical)
         own = own_drifts(device) if len(self._settings.gnss) > 1 else ()
         return GnssPosition(
-            m.lat, m.lon, ellipsoidal_height(m), level, high, self._arms[device], f"{device}.position", slow, own
+            m.lat, m.lon, ellipsoidal_height(m), *sds, self._arms[device], f"{device}.position", slow, own
         )  # fmt: skip
 
     def _antenna_below(self, arm: Vector) -> float:
-        """How far below P the antenna is [m], as the aircraft lies now."""
+        """Distance of the antenna below P [m], with the present attitude."""
         row = down_row(*self._tilt) if self._tilt else (0.0, 0.0, 1.0)
         return row[0] * arm[0] + row[1] * arm[1] + row[2] * arm[2]
 
     def _climb_at(self, device: str, t_ns: int) -> tuple[float | None, float | None]:
-        """Climb and its sigma that a receiver told with a height; an old one says nothing of now."""
-        told_ns, climb, sd = self._climbs.get(device, (t_ns, None, None))
-        return (climb, sd) if abs(t_ns - told_ns) <= CLIMB_NS else (None, None)
+        """Climb of a receiver and its sigma for a height at t_ns; None if it is too old."""
+        climb_ns, climb, sd = self._climbs.get(device, (t_ns, None, None))
+        return (climb, sd) if abs(t_ns - climb_ns) <= CLIMB_NS else (None, None)
 
     def feed_height(self, height: HeightAboveGround, nav: NavState) -> None:
-        """An altimeter over known ground, judged valid; the ground is that below the position of its time."""
+        """A valid height of an altimeter over known ground; the ground is that below the position of its time."""
         if not self._is_due(height) or height.t_valid_ns is None:
             return
-        found = altitude_over_terrain(height, self._ground, nav.position)
-        if found is None or self._ground is None:
+        known = altitude_over_terrain(height, self._ground, nav.position)
+        if known is None or self._ground is None:
             return
         self._solution = None
-        t_ns, known, sd = height.t_valid_ns, found.height_agl, found.height_sd
+        t_ns, height_agl, sd = height.t_valid_ns, known.height_agl, known.height_sd
         self._used_ns[height.sensor], self._last_altimeter = t_ns, height.sensor
         if not self._exclusions.is_excluded(height.sensor):
-            self._vertical.feed_height(t_ns, known, sd, found.ground, found.ground_sd)
-        slow = _at_least_once(found.ground_sd, DEM_DRIFT)  # the place is wrong for long, too
+            self._vertical.feed_height(t_ns, height_agl, sd, known.ground, known.ground_sd)
+        slow = _drift_factor(known.ground_sd, DEM_DRIFT)  # position errors last long, too
         name, own = altitude_name(height.sensor), own_states(height.sensor)
-        altitude = TerrainAltitude(known + found.ground, sd or self._ground.sd, known, name, slow, *own)
+        altitude = TerrainAltitude(height_agl + known.ground, sd or self._ground.sd, height_agl, name, slow, *own)
         self._navigator.feed_aiding(t_ns, altitude)
 
     def _is_due(self, height: HeightAboveGround) -> bool:
@@ -300,7 +298,7 @@ class AidedNavigation:
             return False
         return last is None or abs(height.t_valid_ns - last) >= HEIGHT_NS
 
-    # --------------------------------------------------------------------------------------------------- telling
+    # ---------------------------------------------------------------------------------------------------------- outputs
 
     def is_excluded(self, altimeter: str) -> bool:
         """Whether the filter excludes an altimeter from aiding."""
@@ -308,52 +306,52 @@ class AidedNavigation:
 
     @property
     def filter_holders(self) -> tuple[str, ...]:
-        """Altimeters that hold the altitude of the filter alone."""
+        """Altimeters that alone bound the altitude of the filter."""
         return self._filter_hold.altimeters
 
     @property
     def vertical_holders(self) -> tuple[str, ...]:
-        """Altimeters that hold the altitude of the vertical channel alone."""
+        """Altimeters that alone bound the altitude of the vertical channel."""
         return self._vertical_hold.altimeters
 
     def solution(self, t_ns: int) -> FilterSolution:
-        """What the filter says; of one time it is asked several times, for place, attitude and output."""
+        """Solution of the filter; cached, because position, attitude and output need it at the same time."""
         if self._solution is None or self._solution.t_ns != t_ns:
             self._solution = self._with_protection(self._navigator.output(t_ns))
         return self._solution
 
-    def _with_protection(self, found: FilterSolution) -> FilterSolution:
-        levels = self._faults.levels(found.t_ns) if found.valid else None
-        return found if levels is None else replace(found, hpl=levels.horizontal, vpl=levels.vertical)
+    def _with_protection(self, solution: FilterSolution) -> FilterSolution:
+        levels = self._faults.levels(solution.t_ns) if solution.valid else None
+        return solution if levels is None else replace(solution, hpl=levels.horizontal, vpl=levels.vertical)
 
     def provisional_solutions(self, t_ns: int) -> list[ProvisionalSolution]:
-        """What the filter would give with each unconfirmed receiver; none while the filter is invalid."""
+        """Solutions of the filter with each unconfirmed receiver; none while the filter is invalid."""
         running = self._faults.provisional(t_ns)
-        here = self.solution(t_ns) if running else None
-        return [make_solution(here, each) for each in running] if here is not None and here.valid else []
+        solution = self.solution(t_ns) if running else None
+        return [make_solution(solution, each) for each in running] if solution is not None and solution.valid else []
 
     def vertical_solution(self, t_ns: int) -> VerticalSolution:
-        """What the vertical channel says."""
-        found = self._vertical.at(t_ns)
+        """Solution of the vertical channel."""
+        state = self._vertical.at(t_ns)
         return VerticalSolution(
             t_ns=t_ns,
-            t_valid_ns=t_ns if found.alt is not None else None,
-            valid=found.valid,
-            reasons=found.reasons,
-            alt=found.alt,
-            vertical_sd=found.alt_sd,
-            vel_down=-found.climb if found.climb is not None else None,
-            vel_down_sd=found.climb_sd,
+            t_valid_ns=t_ns if state.alt is not None else None,
+            valid=state.valid,
+            reasons=state.reasons,
+            alt=state.alt,
+            vertical_sd=state.alt_sd,
+            vel_down=-state.climb if state.climb is not None else None,
+            vel_down_sd=state.climb_sd,
             altimeter=self._last_altimeter,
             rejected=self._vertical.altimeter_refused,
         )
 
     def set_suspects(self, devices: frozenset[str]) -> None:
-        """Receivers that tests of one source suspect from now on: copies that know better are kept."""
+        """Set the receivers that tests of one source suspect: their older copies are kept."""
         self._faults.set_suspects(devices)
 
     def events(self, t_ns: int) -> list[Event]:
-        """Follow the filter with the tests between sources; who was excluded, or aids again, since the last call."""
+        """Run the tests between sources; events of exclusions and readmissions since the last call."""
         self._faults.update(t_ns)
         events = [*self._exclusions.drain_events(t_ns), *self._faults.drain_events()]
         if events:
@@ -376,7 +374,7 @@ class AidedNavigation:
         return self._faults.separations
 
     def readmit(self, device: str, t_ns: int) -> None:
-        """Let a receiver back in because the operator commands it, if it is excluded."""
+        """Readmit a receiver on the operator's command, if it is excluded."""
         self._faults.readmit(device, t_ns)
 
     @property
@@ -389,54 +387,56 @@ class AidedNavigation:
         """Contradictions of receivers that do not aid, by device."""
         return self._faults.contradiction_sizes
 
-    def confirm(self, found: Confirmation, t_ns: int) -> None:
+    def confirm(self, confirmation: Confirmation, t_ns: int) -> None:
         """An independent source agrees with a receiver that does not aid."""
         self._solution = None
-        self._faults.confirm(found, t_ns)
+        self._faults.confirm(confirmation, t_ns)
 
     def restore(self, refusals: Iterable[CarriedRefusal], t_ns: int) -> None:
-        """Begin with refusals of before this process."""
+        """Start with refusals from before this process."""
         self._faults.restore(refusals, t_ns)
 
-    def compared(self, t_ns: int) -> FilterReference | None:
-        """What devices are compared with; None while the filter has no position."""
-        position, told = self.position(t_ns), self.solution(t_ns)
-        if position is None or told.hpl is None or told.vpl is None:
+    def filter_reference(self, t_ns: int) -> FilterReference | None:
+        """Reference for the comparison of devices; None while the filter has no position."""
+        position, output = self.position(t_ns), self.solution(t_ns)
+        if position is None or output.hpl is None or output.vpl is None:
             return None
         table = ((Reason.CONTRADICTION, self._faults.is_unresolved), (Reason.REACQUIRED, self._faults.is_reacquired))
         unchecked = tuple(reason for reason, holds in table if holds)
-        return FilterReference(position, told.hpl, told.vpl, frozenset(self._settings.gnss), self.refused, unchecked)
+        return FilterReference(
+            position, output.hpl, output.vpl, frozenset(self._settings.gnss), self.refused, unchecked
+        )
 
     def position(self, t_ns: int) -> PositionState | None:
-        """Of the filter, for who has no other; None where it is not valid."""
-        told = self.solution(t_ns)
-        if not told.valid or told.lat is None or told.lon is None:
+        """Position of the filter; None if it is not valid."""
+        output = self.solution(t_ns)
+        if not output.valid or output.lat is None or output.lon is None:
             return None
         return PositionState(
-            told.lat, told.lon, told.alt, told.horizontal_sd, told.vertical_sd,
-            told.vel_north, told.vel_east, told.vel_down, t_ns,
+            output.lat, output.lon, output.alt, output.horizontal_sd, output.vertical_sd,
+            output.vel_north, output.vel_east, output.vel_down, t_ns,
         )  # fmt: skip
 
     def attitude(self, t_ns: int) -> AttitudeState | None:
-        """Of the filter, for who has no other."""
-        told = self.solution(t_ns)
-        if not told.valid or told.roll is None or told.pitch is None:
+        """Attitude of the filter; None if it is not valid."""
+        output = self.solution(t_ns)
+        if not output.valid or output.roll is None or output.pitch is None:
             return None
-        tilt_sd = told.tilt_sd
-        return AttitudeState(told.roll, told.pitch, told.heading, tilt_sd, tilt_sd, tilt_sd, told.heading_sd)
+        tilt_sd = output.tilt_sd
+        return AttitudeState(output.roll, output.pitch, output.heading, tilt_sd, tilt_sd, tilt_sd, output.heading_sd)
 
     def altitude(self, t_ns: int) -> VerticalState | None:
-        """Of the vertical channel, for who has no other."""
-        found = self._vertical.at(t_ns)
-        return found if found.valid else None
+        """State of the vertical channel; None if it is not valid."""
+        state = self._vertical.at(t_ns)
+        return state if state.valid else None
 
 
 def _is_conceivable(m: Measurement | PositionState) -> bool:
-    """No number that no aircraft has: squares of the largest ones are no numbers any more."""
+    """Whether all values are plausible; squares of larger ones could overflow."""
     kind: Any = type(m)
     for name in _checked_fields_of(kind):
         value = getattr(m, name)
-        if value is not None and not abs(value) <= LARGEST:
+        if value is not None and not abs(value) <= MAX_VALUE:
             return False
     return True
 
@@ -446,8 +446,8 @@ def _checked_fields_of(kind: Any) -> tuple[str, ...]:
     return tuple(name for name in CHECKED_FIELDS if hasattr(kind, name))
 
 
-def _at_least_once(sd: float, drift: Drift) -> float:
-    """How many times a slow error counts where a source states a sigma."""
+def _drift_factor(sd: float, drift: Drift) -> float:
+    """Factor of a slow error for the stated sigma of a source; at least 1."""
     return max(1.0, sd / drift.sd)
 
 

@@ -1,4 +1,4 @@
-"""Everything that a configuration needs compiled, before time matters."""
+"""Compiles all kernels that a configuration needs, before live operation."""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ Every observation gives ``equations``: measured minus predicted and H, both divi
 Gauss and Newton's iteration; arrays of measurements (many runs over one geometry) are solved at once.
 
 The weighted dilution of precision of the source is D_w = P / sigma_G^2, with sigma_G of the satellites; its square root
-times sigma_G is the sigma of P's diagonal.
+times sigma_G is the sigma on P's diagonal.
 
 Source: Koo, eq. 1 to 24 (errata: 22 must be diag(I, (sigma_G / sigma_D)^2 I); with W = R^-1, 24 is sigma_G times too
 large).  Checked against: Monte Carlo (``fti study wdop``), tests/nav/test_radio_least_squares.py.
@@ -29,14 +29,14 @@ from fti.geodesy.wgs84 import geodetic_from_ecef
 
 Array = NDArray[np.float64]
 
-#: The iteration ends when no run moves farther [m], or after so many steps.
+#: Convergence limit of the iteration [m], and its maximum number of steps.
 CLOSE_M, STEPS = 1e-4, 12
-#: A position that is worse than that in some direction [m] is none: the ranges are not straight over such a length.
+#: A position with a larger sigma in any direction is not valid [m]: ranges are not linear over such a length.
 MAX_SD_M = 20_000.0
 
 
 class FixObservation(Protocol):
-    """Something that was measured."""
+    """One kind of observation."""
 
     def equations(self, x: Array) -> tuple[Array, Array]:
         """(nu, H) at x, shape (..., 4): nu (..., k) measured minus predicted, H (..., k, 4), both over sigma."""
@@ -47,7 +47,7 @@ class RangeObservation:
     """Ranges to points.
 
     points_e : ndarray, shape (n, 3) [m]   measured : shape (..., n) [m]   sd : shape (n,) [m]
-    clock    : they hold the error of the receiver's clock
+    clock    : whether they contain the error of the receiver's clock
     """
 
     points_e: Array
@@ -97,11 +97,11 @@ class PositionObservation:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LeastSquaresSolution:
-    """What follows from observations.
+    """Solution of observations.
 
-    x     : ndarray, shape (..., 4)      position, e frame, and clock error [m] (0 where no range holds it)
+    x     : ndarray, shape (..., 4)      position, e frame, and clock error [m] (0 if no range contains it)
     cov   : ndarray, shape (..., 4, 4)   covariance of that [m^2]
-    tests : ndarray, shape (..., k)      what is left of each equation over its own sigma; NaN where nothing checks it
+    tests : ndarray, shape (..., k)      residual of each equation over its sigma; NaN without redundancy
     """
 
     x: Array
@@ -120,10 +120,10 @@ class LeastSquaresSolution:
 
 
 def solve(observations: Sequence[FixObservation], start_e: Array) -> LeastSquaresSolution | None:
-    """The position that fits best, near a start, shape (..., 3) [m], within the horizon of what is observed.
+    """The least-squares position near a start, shape (..., 3) [m].
 
-    None where the observations do not fix a position, or the iteration finds no end.  Two stations alone have two
-    solutions: it is the nearer one.
+    None if the observations do not determine a position, or the iteration does not converge.  Two stations alone have
+    two solutions: it is the nearer one.
     """
     x = np.concatenate((start_e, np.zeros((*start_e.shape[:-1], 1))), axis=-1)
     for _ in range(STEPS):
@@ -139,19 +139,19 @@ def solve(observations: Sequence[FixObservation], start_e: Array) -> LeastSquare
 
 
 def covariance(observations: Sequence[FixObservation], pos_e: Array) -> Array | None:
-    """P, shape (4, 4), of what the observations would give at a position, whatever they measured; None as above."""
+    """P, shape (4, 4), of the observations at a position, independent of the measured values; None as above."""
     return _covariance(_stacked(observations, np.concatenate((pos_e, [0.0])))[1])
 
 
 def _stacked(observations: Sequence[FixObservation], x: Array) -> tuple[Array, Array]:
-    found = [observation.equations(x) for observation in observations]
-    if not found:
+    equations = [observation.equations(x) for observation in observations]
+    if not equations:
         return np.zeros((*x.shape[:-1], 0)), np.zeros((*x.shape[:-1], 0, 4))
-    return np.concatenate([nu for nu, _ in found], axis=-1), np.concatenate([H for _, H in found], axis=-2)
+    return np.concatenate([nu for nu, _ in equations], axis=-1), np.concatenate([H for _, H in equations], axis=-2)
 
 
 def _covariance(H: Array) -> Array | None:
-    """(H^T H)^-1; where no equation has the clock, it is left out and its variance is zero."""
+    """(H^T H)^-1; if no equation contains the clock, it is left out and its variance is zero."""
     unknown = 4 if H.shape[-2] and np.any(H[..., 3]) else 3
     normal = np.swapaxes(H, -1, -2)[..., :unknown, :] @ H[..., :unknown]
     if not np.isfinite(normal).all() or np.linalg.eigvalsh(normal).min() < MAX_SD_M**-2:
@@ -162,7 +162,7 @@ def _covariance(H: Array) -> Array | None:
 
 
 def _tests(nu: Array, H: Array, dx: Array, cov: Array) -> Array:
-    """What is left, over sqrt(1 - h P h^T); NaN where that is nothing (Baarda 1968)."""
-    left = nu - (H @ dx[..., None])[..., 0]
+    """Residuals over sqrt(1 - h P h^T); NaN without redundancy (Baarda 1968)."""
+    residual = nu - (H @ dx[..., None])[..., 0]
     redundancy = 1.0 - np.einsum("...ki,...ij,...kj->...k", H, cov, H)
-    return np.where(redundancy > 1e-6, left / np.sqrt(np.maximum(redundancy, 1e-6)), np.nan)
+    return np.where(redundancy > 1e-6, residual / np.sqrt(np.maximum(redundancy, 1e-6)), np.nan)

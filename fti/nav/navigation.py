@@ -1,4 +1,4 @@
-"""Roles: which device gives the attitude and which the position, and what they say at one time."""
+"""Roles: selection of the devices for attitude and position, and the navigation state at one time."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Protocol
 from fti.config import AlertLimits
 from fti.nav.attitude_protection import AttitudeLevels
 from fti.nav.carried_refusal import CarriedRefusal
-from fti.nav.protection import FilterReference, Protection, compare_with_filter, is_beyond, unchecked
+from fti.nav.protection import FilterReference, Protection, compare_with_filter, is_beyond, stated_levels
 from fti.nav.source_check import SourceCheck
 from fti.nav.source_interpolation import AttitudeState, NavSource, PositionState
 from fti.types import Event, NavSolution, Reason
@@ -18,19 +18,19 @@ from fti.types import Event, NavSolution, Reason
 if TYPE_CHECKING:
     from fti.nav.vertical.vertical_channel import VerticalState
 
-#: After a gap in what arrives, so long is waited before a source is said to be another one or gone [ns].
+#: After a gap in the input, changes of sources are not reported for so long [ns].
 SETTLE_NS = 300_000_000
-#: Sources that are no device.
+#: Sources that are not devices.
 FILTER, VERTICAL, RADIO = "filter", "vertical", "radio"
-#: Sigmas of what states none and is no device [m].
+#: Sigmas of a fallback that states none [m].
 UNKNOWN_SD = (5.0, 10.0)
 
 
 @dataclass(frozen=True, slots=True)
 class NavState:
-    """Everything that is known at t_ns; None where nothing is.
+    """State of navigation at t_ns; unknown values are None.
 
-    altitude_holders : altimeters that hold the altitude without another source (``fti.nav.altitude_hold``)
+    altitude_holders : altimeters that alone bound the altitude (``fti.nav.altitude_hold``)
     """
 
     t_ns: int
@@ -43,22 +43,22 @@ class NavState:
 
 
 class Fallback(Protocol):
-    """What takes the place of devices."""
+    """Replacement for devices."""
 
     def position(self, t_ns: int) -> tuple[PositionState, str] | None:
-        """Position with altitude, and the name of what gives it."""
+        """Position with altitude, and the name of its source."""
 
     def attitude(self, t_ns: int) -> AttitudeState | None:
         """Attitude."""
 
     def altitude(self, t_ns: int) -> VerticalState | None:
-        """Altitude alone."""
+        """Altitude only."""
 
     def altitude_holders(self, source: str | None) -> tuple[str, ...]:
-        """Altimeters that alone hold the altitude of a source."""
+        """Altimeters that alone bound the altitude of a source."""
 
-    def compared(self, t_ns: int) -> FilterReference | None:
-        """What devices are compared with; None where there is nothing."""
+    def filter_reference(self, t_ns: int) -> FilterReference | None:
+        """Reference for the comparison of devices; None if there is none."""
 
     @property
     def refused(self) -> frozenset[str]:
@@ -70,9 +70,9 @@ class Fallback(Protocol):
 
 
 class Navigation:
-    """The roles ``nav.attitude`` and ``nav.position``: the first device in order of preference that has an answer.
+    """The roles ``nav.attitude`` and ``nav.position``: the first device in order of preference with a valid value.
 
-    fallback : asked where no device has; sources are then FILTER or RADIO, and VERTICAL for an altitude alone
+    fallback : used if no device has one; sources are then FILTER or RADIO, and VERTICAL for the altitude only
     assumed  : sigmas of positions that state none, by device [m]
     """
 
@@ -89,13 +89,13 @@ class Navigation:
         self._assumed = assumed
         self._check = SourceCheck(assumed)
         self._reported: dict[str, str | None] = {"attitude": None, "position": None}
-        self._is_vertical_alone = False  # the altitude is that of the vertical channel
+        self._is_vertical_alone = False  # only the altitude is from the vertical channel
         self._held_by: tuple[str, ...] = ()
         self._after_gap = False
         self._quiet_until_ns = 0
 
     def reset_after_gap(self) -> None:
-        """What arrives has a gap here that is not the sources': their silence in it is no news."""
+        """The input has a gap that is not caused by the sources: do not report their silence."""
         self._after_gap = True
 
     def at(self, t_ns: int) -> NavState:
@@ -119,7 +119,7 @@ class Navigation:
         return None, None
 
     def _find_position(self, t_ns: int, attitude: AttitudeState | None) -> tuple[PositionState | None, str | None]:
-        """A whole position if any device has one, or the fallback, else the first horizontal one."""
+        """A position with altitude from a device or the fallback, else the first horizontal one."""
         flat: tuple[PositionState | None, str | None] = (None, None)
         refused, without_height = self.refused, self._fallback.refused_heights if self._fallback else frozenset()
         for source in self._position:
@@ -136,75 +136,75 @@ class Navigation:
 
     @property
     def refused(self) -> frozenset[str]:
-        """Devices of ``nav.position`` that are not used, because they contradict others."""
+        """Devices of ``nav.position`` that are not used because they contradict others."""
         return self._check.refused | (self._fallback.refused if self._fallback else frozenset())
 
     @property
     def refusals(self) -> list[CarriedRefusal]:
-        """By the comparison with the filter, in force."""
+        """Refusals in force by the comparison with the filter."""
         return self._check.refusals
 
     def restore(self, refusals: Iterable[CarriedRefusal], t_ns: int) -> list[Event]:
-        """Begin with refusals of before this process."""
+        """Start with refusals from before this process."""
         return self._check.restore(refusals, t_ns)
 
     def readmit(self, device: str, t_ns: int) -> list[Event]:
-        """Use a device again that the filter contradicted, because the operator commands it."""
+        """Use a device again that the filter contradicts, on the operator's command."""
         return self._check.readmit(device, t_ns)
 
     def compare(self, state: NavState) -> list[Event]:
-        """Compare devices that do not aid the filter with it; an event for each that is refused, or used again."""
-        compared = self._fallback.compared(state.t_ns) if self._fallback else None
-        if compared is None:
+        """Compare devices that do not aid the filter with it; an event for each that is refused or used again."""
+        reference = self._fallback.filter_reference(state.t_ns) if self._fallback else None
+        if reference is None:
             return []
-        others = [source for source in self._position if source.name not in compared.aided_by]
+        others = [source for source in self._position if source.name not in reference.aided_by]
         positions = {source.name: source.position(state.t_ns, state.attitude) for source in others}
         known = {name: position for name, position in positions.items() if position is not None}
-        return self._check.update(state.t_ns, known, compared)
+        return self._check.update(state.t_ns, known, reference)
 
     def protection(self, state: NavState) -> Protection:
         """Protection levels of the position of a state."""
         if state.position is None:
             return Protection(None, None)
-        compared = self._fallback.compared(state.t_ns) if self._fallback else None
-        if compared is not None:
-            return compare_with_filter(state.position, compared)
-        return unchecked(state.position, self._assumed.get(state.position_source or "", UNKNOWN_SD))
+        reference = self._fallback.filter_reference(state.t_ns) if self._fallback else None
+        if reference is not None:
+            return compare_with_filter(state.position, reference)
+        return stated_levels(state.position, self._assumed.get(state.position_source or "", UNKNOWN_SD))
 
     def changes(self, state: NavState) -> list[Event]:
-        """An event for every role whose source is another one than last time."""
+        """An event for every role whose source has changed since the last call."""
         if self._after_gap:
             self._after_gap, self._quiet_until_ns = False, state.t_ns + SETTLE_NS
         if state.t_ns < self._quiet_until_ns:
             return []
-        now = {"attitude": state.attitude_source, "position": state.position_source}
+        current = {"attitude": state.attitude_source, "position": state.position_source}
         events = [
-            _event(state.t_ns, role, self._reported[role], now[role])
-            for role in now
-            if now[role] != self._reported[role]
+            _event(state.t_ns, role, self._reported[role], current[role])
+            for role in current
+            if current[role] != self._reported[role]
         ]
-        self._reported = now
-        alone = state.altitude_source == VERTICAL
-        if alone != self._is_vertical_alone:
-            events.append(_altitude_event(state.t_ns, alone))
-            self._is_vertical_alone = alone
+        self._reported = current
+        is_alone = state.altitude_source == VERTICAL
+        if is_alone != self._is_vertical_alone:
+            events.append(_altitude_event(state.t_ns, is_alone))
+            self._is_vertical_alone = is_alone
         if state.altitude_holders != self._held_by:
             events.append(_hold_event(state.t_ns, state.altitude_holders))
             self._held_by = state.altitude_holders
         return events
 
 
-def _event(t_ns: int, role: str, before: str | None, now: str | None) -> Event:
-    if now is None:
-        return Event(t_ns=t_ns, level="warning", source="nav", text=f"{role}: no source; {before} went away")
-    if before is None:
-        return Event(t_ns=t_ns, level="info", source="nav", text=f"{role}: from {now}")
-    return Event(t_ns=t_ns, level="warning", source="nav", text=f"{role}: from {now} instead of {before}")
+def _event(t_ns: int, role: str, previous: str | None, current: str | None) -> Event:
+    if current is None:
+        return Event(t_ns=t_ns, level="warning", source="nav", text=f"{role}: no source; {previous} went away")
+    if previous is None:
+        return Event(t_ns=t_ns, level="info", source="nav", text=f"{role}: from {current}")
+    return Event(t_ns=t_ns, level="warning", source="nav", text=f"{role}: from {current} instead of {previous}")
 
 
-def _altitude_event(t_ns: int, alone: bool) -> Event:
-    text = "altitude: from the vertical channel" if alone else "altitude: not from the vertical channel any more"
-    return Event(t_ns=t_ns, level="warning" if alone else "info", source="nav", text=text)
+def _altitude_event(t_ns: int, is_alone: bool) -> Event:
+    text = "altitude: from the vertical channel" if is_alone else "altitude: not from the vertical channel any more"
+    return Event(t_ns=t_ns, level="warning" if is_alone else "info", source="nav", text=text)
 
 
 def _hold_event(t_ns: int, altimeters: tuple[str, ...]) -> Event:
@@ -219,7 +219,7 @@ def _hold_event(t_ns: int, altimeters: tuple[str, ...]) -> Event:
 def solution(
     state: NavState, protection: Protection, tilted: AttitudeLevels, limits: AlertLimits, refused: frozenset[str]
 ) -> NavSolution:
-    """The state as an output: valid when position, height, velocity and attitude are all known, and well enough.
+    """The state as an output: valid if position, height, velocity and attitude are known within their limits.
 
     protection, tilted : protection levels of the position and of the attitude
     """
@@ -258,7 +258,7 @@ def solution(
 
 
 def _of_position(state: NavState, protection: Protection, limits: AlertLimits) -> tuple[Reason, ...]:
-    """Why position, altitude or velocity are not valid."""
+    """Reasons why position, altitude or velocity are not valid."""
     position = state.position
     is_alone = limits.compared and Reason.NOTHING_TO_COMPARE in protection.unchecked
     table = (

@@ -1,13 +1,13 @@
 """The live pipeline: measurements and ticks in, outputs and events out.
 
-Pure and deterministic: it knows no time but stamps and ticks, and takes its inputs in the order of ``seq``.  Stamps
-of different links may be out of order by milliseconds; every history is ordered by ``t_valid_ns``.
+Pure and deterministic: its only time is that of stamps and ticks, and it takes its inputs in the order of ``seq``.
+Stamps of different links may be out of order by milliseconds; every history is ordered by ``t_valid_ns``.
 
-    t_valid_ns : by the clock of the device once it is known (``fti.nav.device_time.device_times``), else t_rx_ns - latency
+    t_valid_ns : by the known clock of the device (``fti.nav.device_time.device_times``), else t_rx_ns - latency
 
 Rates: HeightAboveGround per sample; HeightBelowAircraft per sample of the chosen altimeter; NavSolution every second
-tick (25 Hz), moved on to the time of the tick; what takes the place of devices as ``fti.nav.fallbacks`` says;
-ClearanceIntegrity and GlideSlope per update of the monitor.  What has nothing new to say is repeated at 2 Hz.
+tick (25 Hz), extrapolated to the time of the tick; fallbacks by ``fti.nav.fallbacks``; ClearanceIntegrity and
+GlideSlope per update of the monitor.  Outputs without new values are repeated at 2 Hz.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ if TYPE_CHECKING:
 
 #: Ticks of 20 ms between outputs; protection levels change in seconds.
 SOLUTION_TICKS, PROTECTION_TICKS = 2, 10
-#: Takes a measurement that was true at a time; what it has to say at once.
+#: Takes a measurement and its time of validity; returns immediate outputs.
 MeasurementHandler = Callable[[Any, int], list[Output | Event] | None]
 
 
@@ -82,7 +82,7 @@ class Pipeline:
         )
         self._limits = roles.alert_limits
         self._protection = Protection(None, None)
-        self._protection_state = NavState(0, None, None, None, None, None)  # whose levels these are
+        self._protection_state = NavState(0, None, None, None, None, None)  # the state that the levels belong to
         self._attitude_protection = AttitudeProtection(config, self._sources)
         self._plausibility = PlausibilityMonitor(config)
         self._witnesses = WitnessMonitor(config, unstated_sigmas(config))
@@ -91,31 +91,31 @@ class Pipeline:
         self._handlers: dict[tuple[str, type[Measurement]], tuple[MeasurementHandler, ...]] = {}
 
     def set_terrain(self, ground: Ground | None) -> None:
-        """The known ground is there from now on; None: there will be none."""
+        """Set the known ground; None: there is none."""
         for channel in self._altimeters.values():
             channel.set_terrain(ground)
         if self._fallbacks:
             self._fallbacks.set_terrain(ground)
 
     def feed(self, device: str, m: Measurement) -> list[Output | Event]:
-        """Take one measurement of a device; where nobody has said when it was true, its arrival counts."""
+        """Take one measurement of a device; without a time of validity, its arrival is used."""
         handlers = self._handlers.get((device, type(m)))
         if handlers is None:
             handlers = self._handlers[device, type(m)] = self._find_handlers(device, type(m))
-        if not handlers:  # half of what comes
+        if not handlers:  # half of all measurements
             return []
         t_valid_ns = m.stamp.t_valid_ns
         if t_valid_ns is None:
             t_valid_ns = m.stamp.t_rx_ns - self._latency_ns.get(device, 0)
         out: list[Output | Event] = []
-        for take in handlers:
-            out += take(m, t_valid_ns) or ()
+        for handle in handlers:
+            out += handle(m, t_valid_ns) or ()
         return out
 
     def readmit(self, device: str, t_ns: int) -> list[Event]:
-        """The operator has confirmed a source of position that contradicts itself or others.  Raises KeyError.
+        """Readmit a source of position, confirmed by the operator, that contradicts itself or others.  Raises KeyError.
 
-        The filter tells it with its next output.
+        The filter reports it with its next output.
         """
         events = [*self._plausibility.readmit(device, t_ns), *self._navigation.readmit(device, t_ns)]
         if self._fallbacks:
@@ -124,18 +124,18 @@ class Pipeline:
 
     @property
     def refusals(self) -> list[CarriedRefusal]:
-        """Of sources, in force; whoever goes on after this pipeline begins with them (``restore``)."""
+        """Refusals of sources in force; the next pipeline starts with them (``restore``)."""
         filtered = self._fallbacks.refusals if self._fallbacks else []
         return [*self._plausibility.refusals, *self._navigation.refusals, *filtered]
 
     def restore(self, refusals: Sequence[CarriedRefusal], t_ns: int) -> list[Event]:
-        """Begin with refusals of another process.  The filter tells those of it with its next output."""
+        """Start with refusals of another process.  The filter reports its own with its next output."""
         if self._fallbacks:
             self._fallbacks.restore(refusals, t_ns)
         return [*self._plausibility.restore(refusals, t_ns), *self._navigation.restore(refusals, t_ns)]
 
     def _find_handlers(self, device: str, kind: type[Measurement]) -> tuple[MeasurementHandler, ...]:
-        """Who wants measurements of this kind of a device, in order; most are nobody's, so it is asked once."""
+        """Handlers of measurements of this kind of a device, in order; cached, because most have none."""
         if issubclass(kind, (RadioHeight, Range)):
             channel = self._altimeters.get(device)
             return (partial(self._feed_altimeter, channel),) if channel else ()
@@ -152,27 +152,27 @@ class Pipeline:
             handlers.append(source.push_position)
         elif source and issubclass(kind, Velocity):
             handlers.append(source.push_velocity)
-        if handlers and self._plausibility.wants(device, kind):
+        if handlers and self._plausibility.accepts(device, kind):
             return (partial(self._feed_tested, device, tuple(handlers)),)
         return tuple(handlers)
 
     def _feed_tested(
         self, device: str, handlers: tuple[MeasurementHandler, ...], m: Measurement, t_valid_ns: int
     ) -> list[Output | Event]:
-        """What the tests of one source leave of a measurement goes to all who want it."""
+        """Pass the parts of a measurement that the tests of one source admit to all handlers."""
         out: list[Output | Event] = []
         passed = self._plausibility.check(device, m, t_valid_ns)
         if self._witnesses.is_useful:
-            self._witnesses.take(device, m, passed, t_valid_ns)
+            self._witnesses.feed(device, m, passed, t_valid_ns)
         if self._fallbacks and (unconfirmed := self._plausibility.find_unconfirmed(device)):
             self._fallbacks.feed_unconfirmed(device, m, unconfirmed, t_valid_ns)
         for admitted in passed:
-            for take in handlers:
-                out += take(admitted, t_valid_ns) or ()
+            for handle in handlers:
+                out += handle(admitted, t_valid_ns) or ()
         return [*out, *self._plausibility.drain_events()]
 
     def _confirm(self, nav: NavState) -> list[Event]:
-        """Receivers whose contradiction stands, and with which an independent source agrees, are back in."""
+        """Readmit receivers with a lasting contradiction with which an independent source agrees."""
         if not self._witnesses.is_useful:
             return []
         filtered = self._fallbacks
@@ -180,22 +180,22 @@ class Pipeline:
         sizes |= filtered.contradiction_sizes if filtered else {}
         refused = {refusal.source: refusal.is_standing for refusal in self._plausibility.refusals}
         sizes = {name: size for name, size in sizes.items() if refused.get(name, True)}
-        compared = filtered.compared(nav.t_ns) if filtered and sizes else None
+        reference = filtered.filter_reference(nav.t_ns) if filtered and sizes else None
         fix = filtered.fix(nav.t_ns) if filtered and sizes and self._witnesses.has_dme_fix else None
         events = list[Event]()
-        for found in self._witnesses.update(nav.t_ns, sizes, nav.attitude, compared, fix):
-            if found.is_against_filter and found.device in refused:
+        for confirmation in self._witnesses.update(nav.t_ns, sizes, nav.attitude, reference, fix):
+            if confirmation.is_against_filter and confirmation.device in refused:
                 continue
-            events += self._plausibility.confirm(found.device, nav.t_ns)
+            events += self._plausibility.confirm(confirmation.device, nav.t_ns)
             if filtered:
-                filtered.confirm(found, nav.t_ns)
+                filtered.confirm(confirmation, nav.t_ns)
         return events
 
     def _feed_altimeter(
         self, channel: AltimeterChannel, m: RadioHeight | Range, t_valid_ns: int
     ) -> list[Output | Event]:
         nav = self._navigation.at(t_valid_ns)
-        height = channel.take(channel.read(m, t_valid_ns), nav)
+        height = channel.feed(channel.read(m, t_valid_ns), nav)
         events = self._ground_check.update(height)
         against = self._agreement.update(height, channel.since_ns)
         height = channel.widen(height)
@@ -206,31 +206,31 @@ class Pipeline:
             each.set_ground_contradicted(name in self._ground_check.contradicted)
         if self._fallbacks:
             self._fallbacks.feed_height(height, nav)
-        if self._is_excluded(height):  # after the filter took it: its agreement ends the exclusion
+        if self._is_excluded(height):  # after the filter has taken it: its agreement ends the exclusion
             height = replace(height, valid=False, reasons=(*height.reasons, Reason.EXCLUDED))
-        return [height, *events, *self._selector.take(height), *self._approach.take(height, nav)]
+        return [height, *events, *self._selector.feed(height), *self._approach.feed(height, nav)]
 
     def _is_excluded(self, height: HeightAboveGround) -> bool:
-        """Whether the filter excludes the altimeter; one that another altimeter confirms against the ground it may not.
+        """Whether the filter excludes the altimeter; not if another altimeter confirms it against the ground.
 
-        Then the altitude is wrong, or the ground, by which the filter judges altimeters.
+        Then the altitude or the ground, which the filter uses to test altimeters, is wrong.
         """
         if self._fallbacks is None or Reason.GROUND_CONTRADICTED in height.unchecked:
             return False
         return self._fallbacks.is_excluded(height.sensor)
 
     def reset_after_gap(self) -> None:
-        """Measurements are missing before the next one that are not the devices' silence."""
+        """Measurements before the next one are missing, but the devices were not silent."""
         self._navigation.reset_after_gap()
 
     def tick(self, t_ns: int) -> list[Output | Event]:
-        """Let time pass: what became stale is said, the solution is given, what has been quiet is repeated."""
+        """Outputs of a tick: stale values, the solution, and repetitions."""
         tested = self._plausibility.tick(t_ns)
         nav = self._navigation.at(t_ns)
         out: list[Output | Event] = [*tested, *self._navigation.changes(nav)]
         for channel in self._altimeters.values():
             for height in channel.tick(t_ns, nav):
-                out += [height, *self._selector.take(height), *self._approach.take(height, nav)]
+                out += [height, *self._selector.feed(height), *self._approach.feed(height, nav)]
         out += self._approach.tick(t_ns, nav)
         self._ticks += 1
         if self._ticks % PROTECTION_TICKS == 0:
@@ -245,19 +245,19 @@ class Pipeline:
         if self._fallbacks:
             self._fallbacks.set_suspects(self._plausibility.suspected)
             fallback = self._fallbacks.tick(t_ns, nav)
-            for solved in fallback:
-                if isinstance(solved, FilterSolution):
-                    self._plausibility.feed_filter(solved)
-                    self._attitude_protection.feed_filter(solved)
+            for output in fallback:
+                if isinstance(output, FilterSolution):
+                    self._plausibility.feed_filter(output)
+                    self._attitude_protection.feed_filter(output)
             out += fallback
         return out
 
     def _protect(self, nav: NavState) -> Protection:
-        """Protection levels of a state: those of the last comparison, and what it has stepped since."""
-        then, now = self._protection_state.position, nav.position
-        if then is None or now is None:
+        """Protection levels of a state: those of the last comparison, enlarged by steps since."""
+        last, current = self._protection_state.position, nav.position
+        if last is None or current is None:
             return self._protection
-        return extrapolate_levels(self._protection, then, now, (nav.t_ns - self._protection_state.t_ns) / SECOND_NS)
+        return extrapolate_levels(self._protection, last, current, (nav.t_ns - self._protection_state.t_ns) / SECOND_NS)
 
 
 def _fallbacks(config: Config) -> Fallbacks | None:

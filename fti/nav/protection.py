@@ -1,10 +1,10 @@
-"""Protection levels of the position that navigation uses, whatever device gives it.
+"""Protection levels of the position that navigation uses, from any device.
 
     compared with the filter     HPL = |x - x_0| + HPL of the filter      x_0 : the filter at the same time
-    nothing to compare with      HPL = 4.80 sigma, VPL = 4.42 sigma; ``unchecked`` says so
+    nothing to compare with      HPL = 4.80 sigma, VPL = 4.42 sigma; marked in ``unchecked``
 
-The filter's own levels hold for what its sources may do wrong (``fti.nav.separation.protection``), so the first holds
-whatever sigma the device states.  A sigma that is not stated is that of ``[nav.unstated_sd]``.
+The filter's levels cover faults of its sources (``fti.nav.separation.protection``), so the first formula holds for any
+stated sigma of the device.  A sigma that is not stated is that of ``[nav.unstated_sd]``.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ K_RADIAL, K_AXIS = 4.80, 4.42
 
 
 class Protection(NamedTuple):
-    """Horizontal and vertical protection level [m], None where there is no position or height.
+    """Horizontal and vertical protection level [m], None without position or height.
 
-    unchecked : why they rest on what the source states of itself alone;  assumed : its sigma is not even stated
+    unchecked : why they depend on the sigma of the source only;  assumed : whether that sigma is not stated
     """
 
     horizontal: float | None
@@ -37,7 +37,7 @@ class FilterReference(NamedTuple):
     """A position of the filter and its protection levels [m].
 
     aided_by  : devices whose positions aid it;  refused : those of them that are excluded
-    unchecked : why the levels do not yet hold as they will
+    unchecked : why the levels do not fully hold yet
     """
 
     position: PositionState
@@ -48,58 +48,59 @@ class FilterReference(NamedTuple):
     unchecked: tuple[Reason, ...] = ()
 
 
-def compare_with_filter(here: PositionState, compared: FilterReference) -> Protection:
-    """Of a position that the filter was compared with at the same time."""
-    level, high = differences(here, compared.position)
-    vertical = None if high is None else high + compared.vertical
-    return Protection(level + compared.horizontal, vertical, compared.unchecked)
+def compare_with_filter(position: PositionState, reference: FilterReference) -> Protection:
+    """Protection of a position by comparison with the filter at the same time."""
+    horizontal, vertical_difference = differences(position, reference.position)
+    vertical = None if vertical_difference is None else vertical_difference + reference.vertical
+    return Protection(horizontal + reference.horizontal, vertical, reference.unchecked)
 
 
-def unchecked(here: PositionState, assumed: tuple[float, float]) -> Protection:
-    """Of a position that nothing is compared with.  assumed : sigmas where it states none, horizontal, vertical [m]"""
-    level, high = _valid_sd(here.horizontal_sd), _valid_sd(here.vertical_sd)
-    is_assumed = level is None or (here.alt is not None and high is None)
-    horizontal = K_RADIAL * (assumed[0] if level is None else level)
-    vertical = None if here.alt is None else K_AXIS * (assumed[1] if high is None else high)
+def stated_levels(position: PositionState, assumed: tuple[float, float]) -> Protection:
+    """Protection of a position by its sigma.  assumed : horizontal and vertical sigma if it states none [m]"""
+    horizontal_sd, vertical_sd = _valid_sd(position.horizontal_sd), _valid_sd(position.vertical_sd)
+    is_assumed = horizontal_sd is None or (position.alt is not None and vertical_sd is None)
+    horizontal = K_RADIAL * (assumed[0] if horizontal_sd is None else horizontal_sd)
+    vertical = None if position.alt is None else K_AXIS * (assumed[1] if vertical_sd is None else vertical_sd)
     return Protection(horizontal, vertical, (Reason.NOTHING_TO_COMPARE,), is_assumed)
 
 
-def extrapolate_levels(found: Protection, then: PositionState, now: PositionState, seconds: float) -> Protection:
-    """Levels of a position that was compared with the filter so long ago, and has gone on by more than its velocity.
+def extrapolate_levels(levels: Protection, last: PositionState, current: PositionState, seconds: float) -> Protection:
+    """Levels some seconds after the comparison, enlarged by position changes that the velocity does not explain.
 
-    A fix that repeats the one before steps back by 0.2 s of flight: its error grows by that at once.
+    A fix that repeats the previous one is wrong by 0.2 s of flight: its error grows by that at once.
     """
-    if Reason.NOTHING_TO_COMPARE in found.unchecked or then.north is None or then.east is None:
-        return found
-    meridian, normal = radii(then.lat)
-    north = (now.lat - then.lat) * meridian - then.north * seconds
-    east = math.remainder(now.lon - then.lon, 2.0 * math.pi) * normal * math.cos(then.lat) - then.east * seconds
-    up = 0.0 if now.alt is None or then.alt is None else now.alt - then.alt + (then.down or 0.0) * seconds
-    horizontal = None if found.horizontal is None else found.horizontal + math.hypot(north, east)
-    return found._replace(horizontal=horizontal, vertical=None if found.vertical is None else found.vertical + abs(up))
+    if Reason.NOTHING_TO_COMPARE in levels.unchecked or last.north is None or last.east is None:
+        return levels
+    meridian, normal = radii(last.lat)
+    north = (current.lat - last.lat) * meridian - last.north * seconds
+    east = math.remainder(current.lon - last.lon, 2.0 * math.pi) * normal * math.cos(last.lat) - last.east * seconds
+    up = 0.0 if current.alt is None or last.alt is None else current.alt - last.alt + (last.down or 0.0) * seconds
+    horizontal = None if levels.horizontal is None else levels.horizontal + math.hypot(north, east)
+    vertical = None if levels.vertical is None else levels.vertical + abs(up)
+    return levels._replace(horizontal=horizontal, vertical=vertical)
 
 
-def is_beyond(found: Protection, limits: AlertLimits) -> bool:
-    """Whether a level is above its alert limit; those of an assumed sigma are of a kind and not of this source."""
-    if found.assumed:
+def is_beyond(levels: Protection, limits: AlertLimits) -> bool:
+    """Whether a level is above its alert limit; never for an assumed sigma, which is not that of the source."""
+    if levels.assumed:
         return False
-    horizontal, vertical = found.horizontal or 0.0, found.vertical or 0.0
+    horizontal, vertical = levels.horizontal or 0.0, levels.vertical or 0.0
     return horizontal > limits.position_m or vertical > limits.altitude_m
 
 
 def unstated_sigmas(config: Config) -> Mapping[str, tuple[float, float]]:
-    """Horizontal and vertical sigma [m] that count where a source states none, by the name of the source."""
+    """Horizontal and vertical sigma [m] if a source states none, by the name of the source."""
     kinds, inertial = config.nav.unstated_sd, frozenset(config.nav.attitude)
     return {name: kinds.inertial if name in inertial else kinds.satellites for name in config.nav.position}
 
 
 def differences(one: PositionState, other: PositionState) -> tuple[float, float | None]:
-    """Horizontal and vertical difference [m], not negative; a sphere beyond some hundred kilometres is no matter."""
+    """Horizontal and vertical difference [m], not negative; approximate beyond some hundred kilometres."""
     meridian, normal = radii(other.lat)
     north = (one.lat - other.lat) * meridian
     east = math.remainder(one.lon - other.lon, 2.0 * math.pi) * normal * math.cos(other.lat)
-    high = None if one.alt is None or other.alt is None else abs(one.alt - other.alt)
-    return math.hypot(north, east), high
+    vertical = None if one.alt is None or other.alt is None else abs(one.alt - other.alt)
+    return math.hypot(north, east), vertical
 
 
 def _valid_sd(sd: float | None) -> float | None:

@@ -1,4 +1,4 @@
-"""Position by satellites and DME, live: which devices feed it is configured by ``[nav.radio]``."""
+"""Live position from satellites and DME; the devices are configured by ``[nav.radio]``."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from fti.types import DmeRange, HeightAboveGround, Measurement, Position, Positi
 class RadioPosition:
     """Satellites of one receiver, DME ranges to known stations, and an altimeter over known ground.
 
-    devices : by name.  Of the antenna's place beside P the height counts, as in level flight
+    devices : by name.  Of the antenna's lever arm only the vertical part is used, as in level flight
     """
 
     def __init__(self, settings: Radio, devices: Mapping[str, Device]) -> None:
@@ -39,21 +39,21 @@ class RadioPosition:
         self._refused = frozenset[str]()
 
     def refuse(self, receivers: frozenset[str]) -> None:
-        """Positions and velocities of these receivers, which the filter excludes, do not count from now on."""
+        """Set the receivers that the filter excludes; their positions and velocities are not used."""
         self._refused = receivers
 
     def set_terrain(self, ground: Ground | None) -> None:
-        """Heights above this ground count from now on."""
+        """Set the ground; heights above it are used."""
         self._ground = ground
 
-    def wants(self, device: str, kind: type[Measurement]) -> bool:
-        """Whether measurements of this kind of a device say anything here."""
+    def accepts(self, device: str, kind: type[Measurement]) -> bool:
+        """Whether measurements of this kind of a device are used here."""
         return issubclass(kind, DmeRange) or (
             device == self._settings.receiver and issubclass(kind, (Satellites, Position, Velocity))
         )
 
     def feed(self, device: str, m: Measurement, t_ns: int) -> None:
-        """Take a measurement that was true at t_ns."""
+        """Take a measurement that is valid at t_ns."""
         if isinstance(m, DmeRange) and m.valid:
             self._radio.feed_dme(t_ns, m.station, m.slant_range)
         if device != self._settings.receiver:
@@ -70,7 +70,7 @@ class RadioPosition:
                 self._radio.feed_velocity(t_ns, north, east, m.down or 0.0)
 
     def _feed_satellites(self, m: Satellites, t_ns: int) -> None:
-        """Many messages say how many satellites are used, or which, and not where: they take no sky away."""
+        """Messages without satellite directions are ignored: the last directions stay valid."""
         known = [s for s in m.satellites if s.used is not None and s.azimuth is not None and s.elevation is not None]
         if known:
             used = np.array([(s.azimuth, s.elevation) for s in known if s.used], dtype=np.float64).reshape(-1, 2)
@@ -84,46 +84,46 @@ class RadioPosition:
             )
 
     def feed_height(self, height: HeightAboveGround, nav: NavState) -> None:
-        """A height of the configured altimeter, judged valid; straight down where the ground tells that one."""
+        """A valid height of the configured altimeter, vertical if the ground is known."""
         if height.sensor != self._settings.altimeter or not height.valid or height.t_valid_ns is None:
             return
-        if found := altitude_over_terrain(height, self._ground, nav.position):
-            self._radio.feed_height(height.t_valid_ns, found.height_agl, found.height_sd, found.ground, found.ground_sd)
+        if known := altitude_over_terrain(height, self._ground, nav.position):
+            self._radio.feed_height(height.t_valid_ns, known.height_agl, known.height_sd, known.ground, known.ground_sd)
 
     @property
     def altitude_holders(self) -> tuple[str, ...]:
-        """The altimeter, where it alone holds the altitude of the fix."""
+        """The altimeter, if it alone bounds the altitude of the fix."""
         return self._hold.altimeters
 
-    def _note_hold(self, t_ns: int, found: RadioState) -> None:
-        """Satellites bound the altitude; ranges to stations only where the altimeter is left out."""
-        used = set(found.used) - set(found.refused)
-        if found.valid and (FIX in used or HEIGHT not in used):
+    def _update_hold(self, t_ns: int, state: RadioState) -> None:
+        """Satellites bound the altitude; ranges to stations do only if the altimeter is not used."""
+        used = set(state.used) - set(state.refused)
+        if state.valid and (FIX in used or HEIGHT not in used):
             self._other_ns = t_ns
         altimeter = self._settings.altimeter
-        self._hold.update(t_ns, self._other_ns, (altimeter,) if altimeter and found.valid and HEIGHT in used else ())
+        self._hold.update(t_ns, self._other_ns, (altimeter,) if altimeter and state.valid and HEIGHT in used else ())
 
     def solution(self, t_ns: int) -> PositionFix:
         """The fix at t_ns."""
-        found = self._radio.at(t_ns)
-        self._note_hold(t_ns, found)
+        state = self._radio.at(t_ns)
+        self._update_hold(t_ns, state)
         return PositionFix(
             t_ns=t_ns,
-            t_valid_ns=t_ns if found.lat is not None else None,
-            valid=found.valid,
-            reasons=found.reasons,
-            lat=found.lat,
-            lon=found.lon,
-            alt=found.alt,
-            horizontal_sd=found.horizontal_sd,
-            vertical_sd=found.vertical_sd,
-            altitude_source=found.source.value if found.source else None,
+            t_valid_ns=t_ns if state.lat is not None else None,
+            valid=state.valid,
+            reasons=state.reasons,
+            lat=state.lat,
+            lon=state.lon,
+            alt=state.alt,
+            horizontal_sd=state.horizontal_sd,
+            vertical_sd=state.vertical_sd,
+            altitude_source=state.source.value if state.source else None,
         )
 
     def position(self, t_ns: int) -> PositionState | None:
-        """For who has no other position."""
-        found = self._radio.at(t_ns)
-        if not found.valid or found.lat is None or found.lon is None:
+        """The position at t_ns; None if it is not valid."""
+        state = self._radio.at(t_ns)
+        if not state.valid or state.lat is None or state.lon is None:
             return None
-        sds = found.horizontal_sd, found.vertical_sd
-        return PositionState(found.lat, found.lon, found.alt, *sds, None, None, None, t_ns)
+        sds = state.horizontal_sd, state.vertical_sd
+        return PositionState(state.lat, state.lon, state.alt, *sds, None, None, None, t_ns)

@@ -1,4 +1,4 @@
-"""From the axes of a case to those of the aircraft, for measurements that a driver can only give in the former."""
+"""Rotation from sensor axes to body axes, for measurements that a driver gives in sensor axes."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ Vector = tuple[float, float, float]
 
 
 class Mountings:
-    """How the devices are mounted: ``rpy_bs_deg``.
+    """Mounting angles of the devices: ``rpy_bs_deg``.
 
         v_b = mat_bs v_s,      a magnetic field, a specific force, a turn rate
 
-    A range stays as it is: it has a direction of its own, see ``fti.nav.altimetry.compensation``.  So does an attitude:
-    who knows one has been told how he lies.
+    Ranges are not rotated: they have a direction of their own, see ``fti.nav.altimetry.compensation``.  Attitudes are
+    not rotated, because devices that give one know their mounting.
     """
 
     def __init__(self, devices: Iterable[Device]) -> None:

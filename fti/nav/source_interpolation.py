@@ -1,10 +1,10 @@
-"""Joining: the parts that messages carry become position, velocity and attitude at one time.
+"""Interpolation of the quantities of one device to position, velocity and attitude at one time of validity.
 
-One place, by ``t_valid_ns``.  A device may send roll, pitch and heading, or latitude and longitude, in messages of
-their own (ARINC 429 does); each part has its own history.  Between two entries a part is interpolated; beyond the
-newest, a position is moved on with the velocity of the same device (60 m/s and 10 Hz would otherwise be 6 m), and an
-attitude is held, with a sigma that grows with its age.  Without a velocity the rate of the last second of positions is
-taken.  The age that counts is the device's ``max_age_ms``.
+A device may send roll, pitch and heading, or latitude and longitude, in separate messages (as in ARINC 429); each
+quantity has its own history.  Between two entries it is interpolated.  After the newest entry a position is
+extrapolated with the velocity of the same device (otherwise the error at 60 m/s and 10 Hz is 6 m), and an attitude is
+held with a growing sigma.  Without a velocity the rate of the last second of positions is used.  The maximum age is
+the device's ``max_age_ms``.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from fti.geodesy.rotations import down_row
 from fti.nav.time_series import SECOND_NS, Series, Value, wrap
 from fti.types import Attitude, Position, Velocity
 
-#: What no flight has [rad, m, m/s]: how some devices say that they do not know, and what a line makes of a number.
-#: Angles of single precision are rounded beyond their end by 2e-7.
+#: Limits of plausible values [rad, m, m/s]: some devices send larger ones if they are unknown, or after line errors.
+#: Angles in single precision exceed their limit by up to 2e-7.
 ROUNDING_MARGIN = 1e-6
 MAX_SPEED_MPS = 2000.0
 MAX_PART_VALUES = {
@@ -33,16 +33,16 @@ MAX_PART_VALUES = {
     "track": 2 * math.pi + ROUNDING_MARGIN,
     **dict.fromkeys(("north", "east", "down", "ground_speed"), MAX_SPEED_MPS),
 }
-#: One sigma of an extrapolating velocity when the source states none [m/s].
+#: One sigma of a velocity for extrapolation if the source states none [m/s].
 VELOCITY_SD_UNKNOWN = 1.0
-#: One sigma of a rate of roll and pitch that nobody states [rad/s]: 30 deg/s are three.  Stated.
+#: Assumed sigma of an unknown rate of roll and pitch [rad/s]: 30 deg/s are three sigma.
 RATE_SD = math.radians(10.0)
-#: Roll, pitch and heading that are held go on turning at the rate of so long before [ns].
+#: Held roll, pitch and heading are assumed to rotate at the rate of so long before [ns].
 RATE_SPAN_NS = SECOND_NS // 4
-#: One interval of 50 Hz: an attitude that is held for no longer, or lies between two entries that are no farther apart
-#: than MAX_BETWEEN_NS, is as good as stated.  Between those 60 deg/s^2 make 0.08 deg, a_max T^2 / 8 [ns].
+#: An attitude that is held for at most one interval of 50 Hz, or interpolated over at most MAX_BETWEEN_NS, keeps its
+#: stated sigma.  The interpolation error at 60 deg/s^2 is 0.08 deg, a_max T^2 / 8 [ns].
 MAX_HELD_NS, MAX_BETWEEN_NS = SECOND_NS // 50, SECOND_NS // 10
-#: One sigma of a roll or pitch when the source states none [rad], as a small MEMS unit has it.
+#: One sigma of a roll or pitch if the source states none [rad], as of a small MEMS unit.
 ATTITUDE_SD_UNKNOWN = math.radians(0.5)
 
 
@@ -51,7 +51,7 @@ class AttitudeState:
     """Attitude at one time [rad]; heading may be unknown.
 
     roll_sd, pitch_sd   : one sigma, grown by the age
-    tilt_sd, heading_sd : as the source states them, the larger one of roll and pitch; None where it states none
+    tilt_sd, heading_sd : as stated by the source, the larger one of roll and pitch; None if not stated
     """
 
     roll: float
@@ -65,9 +65,9 @@ class AttitudeState:
 
 @dataclass(frozen=True, slots=True)
 class PositionState:
-    """Position of the reference point P at one time; alt is None when the source gives a mean-sea-level height alone.
+    """Position of the reference point P at one time; alt is None if the source gives a mean-sea-level height only.
 
-    newest_ns : when the newest entry that it was made from was true
+    newest_ns : time of validity of its newest entry
     """
 
     lat: float
@@ -82,7 +82,7 @@ class PositionState:
 
 
 class NavSource:
-    """What one device says about position, velocity and attitude."""
+    """Position, velocity and attitude of one device."""
 
     PARTS = ("roll", "pitch", "heading", "lat", "lon", "alt", "north", "east", "down", "ground_speed", "track")
     ANGLES = frozenset({"roll", "pitch", "heading", "lon", "track"})
@@ -94,27 +94,27 @@ class NavSource:
         self._velocity_sd = VELOCITY_SD_UNKNOWN
         self._parts = {name: Series(angle=name in self.ANGLES) for name in self.PARTS}
 
-    # ---------------------------------------------------------------------------------------------------- taking
+    # ----------------------------------------------------------------------------------------------------------- inputs
 
     def push_attitude(self, m: Attitude, t_ns: int) -> None:
-        """Take the parts of an attitude."""
+        """Add the parts of an attitude."""
         parts = (("roll", m.roll, m.roll_sd), ("pitch", m.pitch, m.pitch_sd), ("heading", m.heading, m.heading_sd))
         self._push(t_ns, m.valid, parts)
 
     def push_position(self, m: Position, t_ns: int) -> None:
-        """Take the parts of a position; the ellipsoidal height from the undulation of the same message if need be."""
+        """Add the parts of a position; the ellipsoidal height from the undulation of the same message if necessary."""
         alt = ellipsoidal_height(m)
         parts = (("lat", m.lat, m.horizontal_sd), ("lon", m.lon, m.horizontal_sd), ("alt", alt, m.vertical_sd))
         self._push(t_ns, m.valid, parts)
 
     def push_velocity(self, m: Velocity, t_ns: int) -> None:
-        """Take the parts of a velocity; ground speed and track of one message become north and east."""
+        """Add the parts of a velocity; ground speed and track of one message become north and east."""
         north, east = level_velocity(m)
         parts = (("north", north, m.sd), ("east", east, m.sd), ("down", m.down, m.sd))
-        alone = (("ground_speed", m.ground_speed, m.sd), ("track", m.track, None))
-        self._push(t_ns, m.valid, parts + alone)
-        told = m.sd is not None and math.isfinite(m.sd) and m.sd > 0.0
-        self._velocity_sd = m.sd if told and m.sd is not None else VELOCITY_SD_UNKNOWN
+        polar = (("ground_speed", m.ground_speed, m.sd), ("track", m.track, None))
+        self._push(t_ns, m.valid, parts + polar)
+        has_sd = m.sd is not None and math.isfinite(m.sd) and m.sd > 0.0
+        self._velocity_sd = m.sd if has_sd and m.sd is not None else VELOCITY_SD_UNKNOWN
 
     def _push(self, t_ns: int, valid: bool, parts: tuple[tuple[str, float | None, float | None], ...]) -> None:
         silent = not valid and all(value is None for _, value, _ in parts)
@@ -122,10 +122,10 @@ class NavSource:
             if value is None and not silent:
                 continue
             known = valid and value is not None and abs(value) <= MAX_PART_VALUES[name]
-            told = sd is not None and 0.0 < sd < inf
-            self._parts[name].push(t_ns, value if known else None, sd if told else None)
+            has_sd = sd is not None and 0.0 < sd < inf
+            self._parts[name].push(t_ns, value if known else None, sd if has_sd else None)
 
-    # ---------------------------------------------------------------------------------------------------- joining
+    # ---------------------------------------------------------------------------------------------------- interpolation
 
     def _at(self, part: str, t_ns: int, rate: float = 0.0) -> Value | None:
         return self._parts[part].at(t_ns, self._max_age_ns, rate)
@@ -136,20 +136,20 @@ class NavSource:
         if roll is None or pitch is None:
             return None
         heading = self._at("heading", t_ns)
-        turned = heading.value % (2 * math.pi) if heading else None
-        level = roll.value if abs(roll.value) <= math.pi else wrap(roll.value)  # between two entries beside 180 deg
+        azimuth = heading.value % (2 * math.pi) if heading else None
+        bank = roll.value if abs(roll.value) <= math.pi else wrap(roll.value)  # between two entries near 180 deg
         tilt_sd = None if roll.sd is None or pitch.sd is None else max(roll.sd, pitch.sd)
         heading_sd = heading.sd if heading else None
-        return AttitudeState(level, pitch.value, turned, _held_sd(roll), _held_sd(pitch), tilt_sd, heading_sd)
+        return AttitudeState(bank, pitch.value, azimuth, _held_sd(roll), _held_sd(pitch), tilt_sd, heading_sd)
 
-    def turned(self, t_ns: int) -> tuple[float, float]:
-        """How far tilt and heading may have turned since their newest entries [rad], not negative."""
+    def rotation_since(self, t_ns: int) -> tuple[float, float]:
+        """Possible rotation of tilt and heading since their newest entries [rad], not negative."""
         return math.hypot(self._rotation_of("roll", t_ns), self._rotation_of("pitch", t_ns)), self._rotation_of(
             "heading", t_ns
         )
 
     def _rotation_of(self, part: str, t_ns: int) -> float:
-        """At the rate of the last RATE_SPAN_NS; at the sigma of an unknown one where there are no two entries in it."""
+        """With the rate of the last RATE_SPAN_NS; with RATE_SD if it contains fewer than two entries."""
         series = self._parts[part]
         newest_ns = series.newest_ns
         if newest_ns is None or newest_ns >= t_ns:
@@ -159,12 +159,12 @@ class NavSource:
 
     def position(self, t_ns: int, attitude: AttitudeState | None) -> PositionState | None:
         """Position of P at t_ns; None unless latitude and longitude are both known."""
-        here = self._at("lat", t_ns)
-        if here is None:
+        latitude = self._at("lat", t_ns)
+        if latitude is None:
             return None
         north, east, down = self._velocity(t_ns)
-        high = self._at("alt", t_ns, -(down or 0.0))
-        meridian, parallel = _metres_per_radian(here.value, high.value if high else 0.0)
+        altitude = self._at("alt", t_ns, -(down or 0.0))
+        meridian, parallel = _metres_per_radian(latitude.value, altitude.value if altitude else 0.0)
         lat = self._at("lat", t_ns, (north or 0.0) / meridian)
         lon = self._at("lon", t_ns, (east or 0.0) / parallel)
         if lat is None or lon is None:
@@ -173,9 +173,9 @@ class NavSource:
         place = _on_earth(lat.value - arm_n / meridian, lon.value - arm_e / parallel)
         return PositionState(
             *place,
-            alt=high.value + arm_d if high else None,
+            alt=altitude.value + arm_d if altitude else None,
             horizontal_sd=self._inflated_sd(lat),
-            vertical_sd=self._inflated_sd(high) if high else None,
+            vertical_sd=self._inflated_sd(altitude) if altitude else None,
             north=north,
             east=east,
             down=down,
@@ -203,7 +203,7 @@ class NavSource:
         return (north, east) if north is not None and east is not None else (None, None)
 
     def _lever_arm_n(self, attitude: AttitudeState | None) -> tuple[float, float, float]:
-        """The sensor's lever arm in north, east, down [m]; zero as far as the attitude is unknown."""
+        """The sensor's lever arm in north, east, down [m]; components are zero if the attitude is unknown."""
         if attitude is None or self._lever_arm_b == (0.0, 0.0, 0.0):
             return 0.0, 0.0, 0.0
         x, y, z = self._lever_arm_b
@@ -218,14 +218,14 @@ class NavSource:
         return ch * forward - sh * right, sh * forward + ch * right, down
 
     def _inflated_sd(self, value: Value) -> float | None:
-        """Sigma of a value that was moved over its age with a velocity."""
+        """Sigma of a value that was extrapolated over its age with a velocity."""
         if value.sd is None:
             return None
         return math.hypot(value.sd, self._velocity_sd * value.age_ns / SECOND_NS)
 
 
 def _held_sd(angle: Value) -> float | None:
-    """Sigma of a roll or pitch [rad]: the aircraft may have turned since."""
+    """Sigma of a roll or pitch [rad], grown by a possible rotation since."""
     is_near = angle.age_ns <= MAX_HELD_NS if angle.between_ns is None else angle.between_ns <= MAX_BETWEEN_NS
     if is_near:
         return angle.sd
@@ -233,26 +233,26 @@ def _held_sd(angle: Value) -> float | None:
 
 
 def ellipsoidal_height(m: Position) -> float | None:
-    """Height above the ellipsoid [m], with the undulation of the same message if need be; None when it has none."""
+    """Height above the ellipsoid [m], with the undulation of the same message if necessary; None if unknown."""
     if m.alt is None and m.alt_msl is not None and m.undulation is not None:
         return m.alt_msl + m.undulation
     return m.alt
 
 
 def level_velocity(m: Velocity) -> tuple[float | None, float | None]:
-    """North and east [m/s], from ground speed and track of the same message if need be."""
+    """North and east [m/s], from ground speed and track of the same message if necessary."""
     if m.north is None and m.ground_speed is not None and m.track is not None and math.isfinite(m.track):
         return m.ground_speed * math.cos(m.track), m.ground_speed * math.sin(m.track)
     return m.north, m.east
 
 
 def _plausible_speed(speed: float | None) -> float | None:
-    """The speed between positions, if anybody flies that fast: one of them may be wrong by a continent."""
+    """The speed between positions, if it is plausible, else None: a position may be wrong by a large distance."""
     return speed if speed is not None and abs(speed) <= MAX_SPEED_MPS else None
 
 
 def _on_earth(lat: float, lon: float) -> tuple[float, float]:
-    """The same place with lat in [-pi/2, pi/2], lon in [-pi, pi): who moves on over a pole is on the other side."""
+    """The same position with lat in [-pi/2, pi/2], lon in [-pi, pi), also after an extrapolation over a pole."""
     if abs(lat) > math.pi / 2:
         return math.copysign(math.pi, lat) - lat, wrap(lon + math.pi)
     return lat, wrap(lon)

@@ -1,4 +1,4 @@
-"""The ground as navigation knows it: a terrain, how good it is, and which one it was."""
+"""Reference terrain of navigation: surface, accuracy and identity."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 class Ground:
     """Known elevation.
 
-    terrain : the surface; name : what it was made from; files : where they lay
-    sd      : one sigma of the heights of what it was made from [m]; of the surface, with its change of posts: ``sd_at``
+    terrain : the surface; name : its data source; files : paths of the source files
+    sd      : one sigma of the heights of the source [m]; of the surface, with its resampling: ``sd_at``
     """
 
     terrain: Terrain
@@ -28,21 +28,21 @@ class Ground:
     files: tuple[str, ...] = ()
 
     def sd_at(self, east: float, north: float) -> float:
-        """One sigma of the surface [m] at a place of the terrain's frame [m]: sqrt(sd^2 + RMS of the resampling^2).
+        """One sigma of the surface [m] at a position in the terrain's frame [m]: sqrt(sd^2 + RMS of the resampling^2).
 
-        The RMS is that of the layer which counts there.  Beside all layers, and where the posts came from no file: sd.
+        The RMS is that of the layer at the position.  Outside all layers, and for layers without a file: sd.
         """
-        for layer, found in zip(self.terrain.layers, self.terrain.resampling, strict=False):
+        for layer, resampling in zip(self.terrain.layers, self.terrain.resampling, strict=False):
             if layer.east0 <= east <= layer.east1 and layer.north0 <= north <= layer.north1:
-                return math.hypot(self.sd, found.rms_m)
+                return math.hypot(self.sd, resampling.rms_m)
         return self.sd
 
     @functools.cached_property
     def digest(self) -> str:
-        """SHA-256 over the frame, the layers' places and their posts: equal for the same ground, hexadecimal."""
+        """SHA-256 over the frame, the layers' extents and their posts, hexadecimal: equal for the same ground."""
         frame = self.terrain.frame
-        found = hashlib.sha256(repr((frame.lat0, frame.lon0, frame.alt0)).encode())
+        digest = hashlib.sha256(repr((frame.lat0, frame.lon0, frame.alt0)).encode())
         for layer in self.terrain.layers:
-            found.update(repr((layer.east0, layer.north0, layer.cell_m, layer.heights.shape)).encode())
-            found.update(np.ascontiguousarray(layer.heights).ravel().data)
-        return found.hexdigest()
+            digest.update(repr((layer.east0, layer.north0, layer.cell_m, layer.heights.shape)).encode())
+            digest.update(np.ascontiguousarray(layer.heights).ravel().data)
+        return digest.hexdigest()

@@ -1,4 +1,4 @@
-"""A short history of one scalar by the time at which it was true."""
+"""A short history of one scalar, by time of validity."""
 
 from __future__ import annotations
 
@@ -6,19 +6,19 @@ import math
 from bisect import bisect_left, bisect_right
 from typing import NamedTuple
 
-#: Entries kept: 0.6 s of a source at 400 Hz.
+#: Number of stored entries: 0.6 s of a source at 400 Hz.
 MAX_ENTRIES = 256
 SECOND_NS = 1_000_000_000
 
 
-#: A value, None where the source declared it invalid, and its sigma.
+#: A value, None if the source declared it invalid, and its sigma.
 Entry = tuple[float | None, float | None]
 
 
 class Value(NamedTuple):
-    """A value at the time asked for, the sigma of the entry it was made from, and that entry's distance in time.
+    """A value at the requested time, the sigma of its nearest entry, and the distance in time of that entry.
 
-    between_ns : time between the two entries that it was interpolated from; None where it was moved from one
+    between_ns : time between the two entries of the interpolation; None if it was extrapolated
     """
 
     value: float
@@ -33,9 +33,9 @@ def wrap(angle: float) -> float:
 
 
 class Series:
-    """Entries in order of time, however they arrive; angles are interpolated the short way round.
+    """Entries in order of time, with any order of arrival; angles are interpolated over the shorter arc.
 
-    Times are a list of their own: a thousand entries come in a second, and whole numbers are searched fastest.
+    Times are a separate list: 1000 entries arrive per second, and a search over integers is fastest.
     """
 
     __slots__ = ("_angle", "_entries", "_times")
@@ -67,9 +67,9 @@ class Series:
         return self._times[-1] if self._times else None
 
     def at(self, t_ns: int, max_age_ns: int, rate: float = 0.0) -> Value | None:
-        """The value at t_ns: between two entries interpolated, beyond the newest moved on with ``rate`` [1/s].
+        """The value at t_ns: interpolated between two entries, extrapolated after the newest with ``rate`` [1/s].
 
-        None when there is no entry within max_age_ns, or when the entry that counts was declared invalid.
+        None if there is no entry within max_age_ns, or if the entry was declared invalid.
         """
         times = self._times
         if not times:
@@ -79,12 +79,12 @@ class Series:
         i = bisect_right(times, t_ns)
         if i == 0:
             return self._extrapolate(0, t_ns, max_age_ns, rate)
-        if times[i] - times[i - 1] <= max_age_ns and (found := self._interpolate(i, t_ns)):
-            return found
+        if times[i] - times[i - 1] <= max_age_ns and (value := self._interpolate(i, t_ns)):
+            return value
         return self._extrapolate(i if t_ns - times[i - 1] > max_age_ns else i - 1, t_ns, max_age_ns, rate)
 
     def slope(self, t_ns: int, span_ns: int = SECOND_NS, min_span_ns: int = SECOND_NS // 5) -> float | None:
-        """Mean rate [1/s] over the entries of the last span_ns before t_ns; None over less than least_ns."""
+        """Mean rate [1/s] over the entries of the last span_ns before t_ns; None over less than min_span_ns."""
         times = self._times
         first, last = bisect_left(times, t_ns - span_ns), bisect_right(times, t_ns) - 1
         if last < first or times[last] - times[first] < min_span_ns:
@@ -98,17 +98,17 @@ class Series:
         return wrap(b - a) if self._angle else b - a
 
     def _interpolate(self, i: int, t_ns: int) -> Value | None:
-        """Between entries i - 1 and i; None where one of them was declared invalid."""
+        """Between entries i - 1 and i; None if one of them was declared invalid."""
         (before, before_sd), (after, after_sd) = self._entries[i - 1 : i + 1]
         if before is None or after is None:
             return None
-        past, ahead = t_ns - self._times[i - 1], self._times[i] - t_ns
-        share = past / (past + ahead)
+        since_ns, until_ns = t_ns - self._times[i - 1], self._times[i] - t_ns
+        share = since_ns / (since_ns + until_ns)
         value = before + share * self._difference(before, after)
-        return Value(value, before_sd if share < 0.5 else after_sd, min(past, ahead), past + ahead)
+        return Value(value, before_sd if share < 0.5 else after_sd, min(since_ns, until_ns), since_ns + until_ns)
 
     def _extrapolate(self, i: int, t_ns: int, max_age_ns: int, rate: float) -> Value | None:
-        """Entry i, moved on, or back."""
+        """Entry i, extrapolated forward or backward."""
         value, sd = self._entries[i]
         age = t_ns - self._times[i]
         if value is None or abs(age) > max_age_ns:

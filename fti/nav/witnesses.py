@@ -1,13 +1,13 @@
-"""Sources that can confirm a receiver whose contradiction stands, because they share nothing with it.
+"""Witnesses: independent sources that can confirm a receiver with a lasting contradiction.
 
-What a source depends on is declared (``depends_on`` of its device); one that declares nothing confirms nothing.  A fix
-by DME stations alone depends on nothing that is shared.  For WITNESS_NS and WITNESS_COUNT fixes without a break
+The dependences of a source are declared (``depends_on`` of its device); a source without a declaration is never a
+witness.  A fix from DME stations only has no shared dependence.  For WITNESS_NS and WITNESS_COUNT consecutive fixes
 
     |z - w| <= K hypot(sigma_z, sigma_w)                    they agree
-    |z - w| + K sigma_w < D / 2 and the alert limit         a lie of the size of the contradiction would be seen
+    |z - w| + K sigma_w < D / 2 and the alert limit         an error of the size of the contradiction would be detected
 
 z, w : position of the receiver and of the witness;  D : contradiction of the receiver;  K = 4.80, vertically 4.42.
-Where the filter refuses both, beyond its protection level and K sigma, the filter is wrong, and begins anew.
+If the filter refuses both, beyond its protection level and K sigma, the filter is wrong and restarts.
 
 Source: the specification in docs/fault-detection.md.  Checked against: tests/nav/test_witnesses.py.
 """
@@ -25,21 +25,21 @@ from fti.nav.source_interpolation import AttitudeState, NavSource, PositionState
 from fti.types import Measurement, Position, Velocity
 
 WITNESS_NS, WITNESS_COUNT = 30_000_000_000, 30
-#: Dependence of a receiver that declares none.
+#: Dependence of a receiver without declaration.
 SATELLITES = frozenset({"satellites"})
 
 
 class Size(NamedTuple):
-    """Of a contradiction that stands [m]: horizontally, and in height; None: none there."""
+    """Size of a lasting contradiction [m]: horizontally, and in height; None: no contradiction."""
 
-    level: float | None
+    horizontal: float | None
     height: float | None = None
 
 
 class Confirmation(NamedTuple):
     """A witness agrees with a receiver.
 
-    tolerance : how far the receiver may be wrong all the same [m]
+    tolerance : possible remaining error of the receiver [m]
     is_against_filter : both contradict the filter
     """
 
@@ -51,27 +51,27 @@ class Confirmation(NamedTuple):
 
 @dataclass(slots=True)
 class _Agreement:
-    """Of a receiver and a witness.  since_ns, fixes : without a break;  newest_ns : of the last fix"""
+    """Of a receiver and a witness.  since_ns, fixes : start and number of consecutive fixes;  newest_ns : last fix"""
 
     since_ns: int
     is_against_filter: bool
     fixes: int = 0
     newest_ns: int = 0
 
-    def take(self, newest_ns: int) -> None:
-        """Count a fix once."""
+    def count(self, newest_ns: int) -> None:
+        """Count each fix once."""
         self.fixes += newest_ns != self.newest_ns
         self.newest_ns = newest_ns
 
     def has_lasted(self, t_ns: int) -> bool:
-        """For long enough, in enough fixes."""
+        """Whether it has lasted for WITNESS_NS and WITNESS_COUNT fixes."""
         return t_ns - self.since_ns >= WITNESS_NS and self.fixes >= WITNESS_COUNT
 
 
 class WitnessMonitor:
-    """Of a configuration.  assumed : sigmas of positions that state none, by device [m]
+    """Witnesses of a configuration.  assumed : sigmas of positions that state none, by device [m]
 
-    is_fixed : whether positions by DME alone are a witness, too
+    has_dme_fix : whether positions from DME only are a witness, too
     """
 
     def __init__(self, config: Config, assumed: Mapping[str, tuple[float, float]]) -> None:
@@ -93,8 +93,8 @@ class WitnessMonitor:
         """Whether there is any witness."""
         return bool(self._witnesses) or self.has_dme_fix
 
-    def take(self, device: str, m: Measurement, admitted: Iterable[Measurement], t_ns: int) -> None:
-        """Take a measurement: of a witness what tests of one source admit of it, of others before they refuse it."""
+    def feed(self, device: str, m: Measurement, admitted: Iterable[Measurement], t_ns: int) -> None:
+        """Take a measurement: of a witness the parts that tests of one source admit, of others all parts."""
         source = self._sources.get(device)
         if source is None:
             return
@@ -109,27 +109,27 @@ class WitnessMonitor:
         t_ns: int,
         sizes: Mapping[str, Size],
         attitude: AttitudeState | None,
-        compared: FilterReference | None,
+        reference: FilterReference | None,
         fix: PositionState | None,
     ) -> list[Confirmation]:
-        """Compare receivers whose contradiction stands with the witnesses.
+        """Compare receivers with lasting contradictions with the witnesses.
 
-        sizes : of contradictions by receiver;  compared : the filter;  fix : by DME alone, None where there is none
+        sizes : of contradictions by receiver;  reference : the filter;  fix : from DME only, or None
         """
-        found = [
-            self._compare(t_ns, (device, name), size, (self._at(device, t_ns, attitude), witness), compared)
+        confirmations = [
+            self._compare(t_ns, (device, name), size, (self._at(device, t_ns, attitude), witness), reference)
             for device, size in sizes.items()
             if device in self._sources
             for name, witness in self._positions(device, t_ns, attitude, fix)
             if name not in sizes
         ]
         self._agreements = {key: agreement for key, agreement in self._agreements.items() if key[0] in sizes}
-        return [confirmation for confirmation in found if confirmation]
+        return [confirmation for confirmation in confirmations if confirmation]
 
     def _positions(
         self, device: str, t_ns: int, attitude: AttitudeState | None, fix: PositionState | None
     ) -> Iterator[tuple[str, PositionState | None]]:
-        """Of all that share nothing with a receiver."""
+        """Positions of all witnesses without shared dependences with a receiver."""
         for name in self._witnesses:
             if self._depends[name].isdisjoint(self._depends[device]):
                 yield name, self._at(name, t_ns, attitude)
@@ -137,12 +137,12 @@ class WitnessMonitor:
             yield "radio", fix
 
     def _at(self, name: str, t_ns: int, attitude: AttitudeState | None) -> PositionState | None:
-        """A position with sigmas, the assumed ones where it states none."""
-        found = self._sources[name].position(t_ns, attitude)
-        if found is None:
+        """A position with sigmas, the assumed ones if it states none."""
+        position = self._sources[name].position(t_ns, attitude)
+        if position is None:
             return None
-        level, height = self._assumed.get(name, (None, None))
-        return replace(found, horizontal_sd=found.horizontal_sd or level, vertical_sd=found.vertical_sd or height)
+        sd_h, sd_v = self._assumed.get(name, (None, None))
+        return replace(position, horizontal_sd=position.horizontal_sd or sd_h, vertical_sd=position.vertical_sd or sd_v)
 
     def _compare(
         self,
@@ -150,50 +150,50 @@ class WitnessMonitor:
         names: tuple[str, str],
         size: Size,
         positions: tuple[PositionState | None, PositionState | None],
-        compared: FilterReference | None,
+        reference: FilterReference | None,
     ) -> Confirmation | None:
         """names, positions : of receiver and witness"""
-        here, witness = positions
-        tolerance = find_tolerance(here, witness, size, self._limits) if here and witness else None
-        if here is None or witness is None or tolerance is None:
+        position, witness = positions
+        tolerance = find_tolerance(position, witness, size, self._limits) if position and witness else None
+        if position is None or witness is None or tolerance is None:
             self._agreements.pop(names, None)
             return None
-        is_beyond = _is_beyond(here, compared)
-        if is_beyond != _is_beyond(witness, compared):
+        is_beyond = _is_beyond(position, reference)
+        if is_beyond != _is_beyond(witness, reference):
             self._agreements.pop(names, None)
             return None
         agreement = self._agreements.get(names)
         if agreement is None or agreement.is_against_filter != is_beyond:
             agreement = self._agreements[names] = _Agreement(t_ns, is_beyond)
-        agreement.take(here.newest_ns)
+        agreement.count(position.newest_ns)
         return Confirmation(*names, tolerance, is_beyond) if agreement.has_lasted(t_ns) else None
 
 
-def find_tolerance(here: PositionState, witness: PositionState, size: Size, limits: AlertLimits) -> float | None:
-    """How far a receiver may be wrong that a witness agrees with [m]; None: it does not agree, or proves too little."""
-    level, height = differences(here, witness)
-    found = _tolerance(level, (here.horizontal_sd, witness.horizontal_sd), K_RADIAL)
-    if found is None or size.level is None or found >= min(0.5 * size.level, limits.position_m):
+def find_tolerance(position: PositionState, witness: PositionState, size: Size, limits: AlertLimits) -> float | None:
+    """Possible error of a receiver that a witness confirms [m]; None: no agreement, or not enough proof."""
+    horizontal, height = differences(position, witness)
+    tolerance = _tolerance(horizontal, (position.horizontal_sd, witness.horizontal_sd), K_RADIAL)
+    if tolerance is None or size.horizontal is None or tolerance >= min(0.5 * size.horizontal, limits.position_m):
         return None
     if size.height is None:
-        return found
-    high = None if height is None else _tolerance(height, (here.vertical_sd, witness.vertical_sd), K_AXIS)
-    if high is None or high >= min(0.5 * size.height, limits.altitude_m):
+        return tolerance
+    vertical = None if height is None else _tolerance(height, (position.vertical_sd, witness.vertical_sd), K_AXIS)
+    if vertical is None or vertical >= min(0.5 * size.height, limits.altitude_m):
         return None
-    return max(found, high)
+    return max(tolerance, vertical)
 
 
 def _tolerance(difference: float, sds: tuple[float | None, float | None], k: float) -> float | None:
-    """What a difference leaves possible [m]; None: it is too large, or a sigma is unknown.  sds : receiver, witness"""
+    """Possible error for a difference [m]; None: it is too large, or a sigma is unknown.  sds : receiver, witness"""
     sd, witness_sd = sds
     if not sd or not witness_sd or difference > k * math.hypot(sd, witness_sd):
         return None
     return difference + k * witness_sd
 
 
-def _is_beyond(position: PositionState, compared: FilterReference | None) -> bool:
+def _is_beyond(position: PositionState, reference: FilterReference | None) -> bool:
     """Whether a position contradicts the filter horizontally."""
-    if compared is None:
+    if reference is None:
         return False
-    difference, _ = differences(position, compared.position)
-    return difference > compared.horizontal + K_RADIAL * (position.horizontal_sd or 0.0)
+    difference, _ = differences(position, reference.position)
+    return difference > reference.horizontal + K_RADIAL * (position.horizontal_sd or 0.0)

@@ -1,4 +1,4 @@
-"""A picture of a session's activity over time, as SVG or HTML that needs nothing else.
+"""Plot of a session's activity over time, as self-contained SVG or HTML.
 
 One row per link: the colour is its rate relative to its median, gaps are red, marks are vertical lines.
 """
@@ -21,10 +21,10 @@ HEAD, LANE, ROW, STRIP, FOOT = 104, 17, 36, 24, 92
 MAX_LANES, MAX_LABEL_CHARACTERS, LETTER = 6, 34, 6.3
 CELLS = (RIGHT - LEFT) // 2
 CRISP = 'shape-rendering="crispEdges"'
-MAX_SOLID_GAP_WIDTH = 10.0  # a gap that is not wider is drawn full
+MAX_SOLID_GAP_WIDTH = 10.0  # a wider gap is hatched
 PAGE, PANEL, LINE, TEXT, SOFT, DIM = "#070b10", "#0e151d", "#223040", "#f2f6fa", "#a9b8c7", "#7b8c9d"
 RED, AMBER, CYAN = "#ff4453", "#ffb224", "#4cc9f0"
-#: Colour from a rate on, relative to the median.
+#: Lowest rate of each colour, relative to the median.
 COLOURS = (
     (0.001, "#17354a"),
     (0.25, "#1b5a75"),
@@ -53,7 +53,7 @@ HATCH = f"""<pattern id="gap" width="7" height="7" patternUnits="userSpaceOnUse"
 
 
 def write_plot(view: Overview, path: Path) -> None:
-    """Write the picture; ``.html`` or ``.svg``.  Raises StorageError; nothing is overwritten."""
+    """Write the plot to a new file, ``.html`` or ``.svg``.  Raises StorageError."""
     picture = make_svg(view)
     name = escape(view.recording.path.absolute().name)
     page = (
@@ -69,12 +69,12 @@ def write_plot(view: Overview, path: Path) -> None:
 
 
 def make_svg(view: Overview) -> str:
-    """The picture as one SVG element."""
-    return "\n".join(_Picture(view).lines())
+    """The plot as one SVG element."""
+    return "\n".join(_Plot(view).lines())
 
 
-class _Picture:
-    """Where everything stands."""
+class _Plot:
+    """Layout and elements of the plot."""
 
     def __init__(self, view: Overview) -> None:
         self._view = view
@@ -116,11 +116,11 @@ class _Picture:
         messages = sum(topic.messages for topic in view.statistics.topics if not view.is_copy(topic))
         config = f"configuration {view.session_metadata.get('config_sha256', 'unknown')[:12]}"
         software = f"fti {view.session_metadata.get('software', 'unknown')}"
-        told = "  ·  ".join((begin, length, f"{messages:,} messages", software, config))
+        summary = "  ·  ".join((begin, length, f"{messages:,} messages", software, config))
         yield f'<rect x="28" y="26" width="{width:.0f}" height="26" rx="5" fill="{colour}"/>'
         yield f'<text class="badge middle" x="{28 + width / 2:.0f}" y="44">{escape(word)}</text>'
         yield f'<text class="title" x="{44 + width:.0f}" y="46">{escape(view.recording.path.absolute().name)}</text>'
-        yield f'<text x="28" y="76">{escape(told)}</text>'
+        yield f'<text x="28" y="76">{escape(summary)}</text>'
         yield f'<line x1="28" x2="{RIGHT}" y1="90" y2="90" stroke="{LINE}"/>'
 
     def _axis(self) -> Iterator[str]:
@@ -134,33 +134,33 @@ class _Picture:
             yield f'<text class="middle" x="{x:.1f}" y="{self._bottom + 20}">{clock(n * step)}</text>'
             at = f"{datetime.fromtimestamp(t_ns / SECOND_NS, UTC):%H:%M:%S}"
             yield f'<text class="small middle" x="{x:.1f}" y="{self._bottom + 35}">{at}</text>'
-        yield f'<text class="small end" x="{LEFT - 38}" y="{self._bottom + 20}">since the begin</text>'
+        yield f'<text class="small end" x="{LEFT - 38}" y="{self._bottom + 20}">since the start</text>'
         yield f'<text class="small end" x="{LEFT - 38}" y="{self._bottom + 35}">UTC</text>'
 
     # ----------------------------------------------------------------------------------------------------- rows
 
     def _row(self, topic: TopicStatistics, y: int) -> Iterator[str]:
-        find_gaps = self._view.find_gaps(topic)
+        gaps = self._view.find_gaps(topic)
         name = topic.topic.removeprefix("/raw/")
         yield f'<text class="name" x="28" y="{y + 15}">{escape(name)}</text>'
         yield self._figures(topic, y + 29)
         at = f'y="{y + 6}" height="{STRIP}"'
         yield f'<rect x="{LEFT}" {at} width="{RIGHT - LEFT}" rx="2" fill="{PANEL}"/>'
         yield from self._cells(topic, at)
-        for gap in find_gaps:
+        for gap in gaps:
             yield self._gap(gap, at)
 
     def _figures(self, topic: TopicStatistics, y: int) -> str:
         if not topic.messages:
-            return f'<text class="small bad" x="28" y="{y}">never heard</text>'
+            return f'<text class="small bad" x="28" y="{y}">no message</text>'
         rate = f"{topic.rate_hz:.2f} Hz" if topic.rate_hz else f"{topic.messages} messages"
         gaps = topic.intervals.gap_count
         words = f"{gaps} {'gap' if gaps == 1 else 'gaps'}, longest {topic.longest_gap_ns / SECOND_NS:.2f} s"
-        told = f'<tspan class="bad">  ·  {words}</tspan>'
-        return f'<text class="small" x="28" y="{y}" xml:space="preserve">{rate}{told if gaps else ""}</text>'
+        warning = f'<tspan class="bad">  ·  {words}</tspan>'
+        return f'<text class="small" x="28" y="{y}" xml:space="preserve">{rate}{warning if gaps else ""}</text>'
 
     def _cells(self, topic: TopicStatistics, at: str) -> Iterator[str]:
-        """Neighbours of one colour are one rectangle."""
+        """Adjacent cells of one colour are one rectangle."""
         usual_ns = (topic.intervals.usual_s or 0.0) * SECOND_NS
         rates = topic.activity.relative(self._view.begin_ns, self._view.end_ns, CELLS, usual_ns)
         place, width = 0, (RIGHT - LEFT) / CELLS
@@ -176,8 +176,8 @@ class _Picture:
         width = max(end - x, 3.0)
         fill = RED if width <= MAX_SOLID_GAP_WIDTH else "url(#gap)"
         begin_s = self._view.since_begin_s(gap.begin_ns)
-        told = f"silent for {gap.length_ns / SECOND_NS:.3f} s from {begin_s:.3f} s on"
-        return f'<rect x="{x:.1f}" {at} width="{width:.1f}" fill="{fill}" {CRISP}><title>{told}</title></rect>'
+        title = f"silent for {gap.length_ns / SECOND_NS:.3f} s from {begin_s:.3f} s on"
+        return f'<rect x="{x:.1f}" {at} width="{width:.1f}" fill="{fill}" {CRISP}><title>{title}</title></rect>'
 
     # --------------------------------------------------------------------------------------------------- events
 
@@ -188,16 +188,16 @@ class _Picture:
             side, shift = ("end", -6) if anchor == "end" else ("", 6)
             ends = f'x1="{x:.1f}" x2="{x:.1f}" y1="{y - 8}" y2="{self._bottom + 5}"'
             yield f'<line {ends} stroke="{CYAN}" stroke-width="1.5"/>'
-            told = f"<title>{self._view.since_begin_s(note.t_ns):.3f} s: {escape(note.text)}</title>"
-            yield f'<text class="mark {side}" x="{x + shift:.1f}" y="{y}">{escape(label)}{told}</text>'
+            title = f"<title>{self._view.since_begin_s(note.t_ns):.3f} s: {escape(note.text)}</title>"
+            yield f'<text class="mark {side}" x="{x + shift:.1f}" y="{y}">{escape(label)}{title}</text>'
 
     def _draw_alerts(self) -> Iterator[str]:
         """Warnings and errors as arrows above the rows."""
         for note in self._alerts:
             colour = RED if note.level == "error" else AMBER
-            told = f"{self._view.since_begin_s(note.t_ns):.3f} s: {note.source}: {note.text}"
+            title = f"{self._view.since_begin_s(note.t_ns):.3f} s: {note.source}: {note.text}"
             arrow = f"M{self._x(note.t_ns):.1f} {self._top - 2} l-5 -9 h10 Z"
-            yield f'<path d="{arrow}" fill="{colour}"><title>{escape(told)}</title></path>'
+            yield f'<path d="{arrow}" fill="{colour}"><title>{escape(title)}</title></path>'
 
     def _legend(self) -> Iterator[str]:
         y = self._height - 30
@@ -221,7 +221,7 @@ def _colour(rate: float) -> str | None:
 
 
 def _place_labels(marks: list[tuple[float, EventNote]]) -> list[tuple[float, EventNote, str, int]]:
-    """Labels in the first lane where they hide no other: x, mark, side of the text, lane."""
+    """Labels in the first lane in which they overlap no other label: x, mark, side of the text, lane."""
     ends = [0.0] * MAX_LANES
     placed = []
     for x, note in marks:

@@ -1,8 +1,7 @@
-"""How late the altimeters of a session spoke: what they said beside what the known ground says they should have.
+"""Latency of the altimeters of a session, from recorded ranges and ranges predicted from terrain.
 
-Read from the outputs that navigation wrote beside the recording (``fti reprocess`` makes them again): of each height
-above ground the range that was measured and the one that was predicted, at the time at which the range is believed to
-have been true.  What is found comes on top of the ``latency_ms`` that was configured.
+Reads the outputs of navigation (``fti reprocess`` writes them again): the measured and the predicted range of each
+height above ground, at its time of validity.  The estimate is in addition to the configured ``latency_ms``.
 """
 
 from __future__ import annotations
@@ -22,9 +21,9 @@ NAMES = ("t_valid_ns", "raw", "predicted")
 
 
 def altimeter_latencies(recording: Recording, folder: Path) -> dict[str, LatencyEstimate | None]:
-    """Of each altimeter with predictions; None where it cannot be told.
+    """The latency of each altimeter with predictions; None where it cannot be estimated.
 
-    Raises MissingError where nothing was predicted: without ``[nav] terrain`` nobody knows what should have been said.
+    Raises MissingError where nothing was predicted, as without ``[nav] terrain``.
     """
     series: dict[str, list[tuple[int, float, float]]] = defaultdict(list)
     for topic, t_ns, _, _, data in recording.messages(HEIGHT):
@@ -34,9 +33,7 @@ def altimeter_latencies(recording: Recording, folder: Path) -> dict[str, Latency
                 valid_ns, raw, predicted = (output[name] for name in NAMES)
                 series[topic.removeprefix(HEIGHT)].append((whole_number(valid_ns), float(raw), float(predicted)))
     if not series:
-        raise MissingError(
-            f"{folder}: no height has a prediction beside it: fti reprocess, with [nav] terrain, makes them"
-        )
+        raise MissingError(f"{folder}: no height has a predicted range; run fti reprocess with [nav] terrain")
     return {sensor: _estimate(rows) for sensor, rows in sorted(series.items())}
 
 
@@ -46,13 +43,13 @@ def _estimate(rows: list[tuple[int, float, float]]) -> LatencyEstimate | None:
     return estimate_latency(t, raw, t, predicted)
 
 
-def as_line(sensor: str, found: LatencyEstimate | None) -> str:
-    """What was found of an altimeter, for a person."""
-    if found is None:
-        return f"{sensor}: cannot be told: 80 s over ground with relief are needed, and a latency below a second"
-    late, sd = 1e3 * found.latency, 1e3 * found.latency_sd
-    mean, mean_sd = 1e3 * found.averaging, 1e3 * found.averaging_sd
+def as_line(sensor: str, estimate: LatencyEstimate | None) -> str:
+    """The estimate of an altimeter as text."""
+    if estimate is None:
+        return f"{sensor}: cannot be estimated: needs 80 s over terrain with relief, and a latency below 1 s"
+    late, sd = 1e3 * estimate.latency, 1e3 * estimate.latency_sd
+    mean, mean_sd = 1e3 * estimate.averaging, 1e3 * estimate.averaging_sd
     return (
-        f"{sensor}: {late:+.0f} ms on top of its latency_ms, sigma {sd:.0f} ms; averaged over {mean:.0f} ms, sigma"
-        f" {mean_sd:.0f} ms; correlation {found.correlation:.3f}, {found.count} ranges"
+        f"{sensor}: {late:+.0f} ms in addition to latency_ms, sigma {sd:.0f} ms; averaged over {mean:.0f} ms, sigma"
+        f" {mean_sd:.0f} ms; correlation {estimate.correlation:.3f}, {estimate.count} ranges"
     )

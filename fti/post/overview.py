@@ -1,4 +1,4 @@
-"""A session the minute after landing: what it is, its files, its topics with the rates they should have."""
+"""Overview of a session: metadata, files, and topics with their configured rates."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class FileState:
 
     @property
     def words(self) -> str:
-        """What a person reads."""
+        """The state as text."""
         if self.fault:
             return self.fault
         packed = f", packed ({self.compression})" if self.compression else ""
@@ -63,17 +63,17 @@ class Overview:
 
     @property
     def session_metadata(self) -> Mapping[str, str]:
-        """What the session says of itself: name, origin, software, ..."""
+        """Name, origin, software, ... of the session."""
         return self.recording.metadata.get("fti", {})
 
     @property
     def origin(self) -> str:
-        """flight, hil or replay; unknown when the file does not say."""
+        """flight, hil or replay; unknown when the file does not state it."""
         return self.session_metadata.get("origin", "unknown")
 
     @property
     def mode(self) -> str:
-        """continuous, or snapshot: only what was around a trigger is there."""
+        """continuous, or snapshot: only the data around a trigger are recorded."""
         return self.session_metadata.get("mode", CONTINUOUS)
 
     @property
@@ -83,37 +83,37 @@ class Overview:
 
     @property
     def links(self) -> list[TopicStatistics]:
-        """What is drawn, one row each: the links; in a file without them, all topics."""
+        """The topics to plot, one row each: the links; in a file without links, all topics."""
         topics = [topic for topic in self.statistics.topics if not self.is_copy(topic)]
         return [topic for topic in topics if topic.topic.startswith(RAW_PREFIX)] or topics
 
     def is_copy(self, topic: TopicStatistics) -> bool:
-        """A snapshot has copies of what raw files have; its frames are copies beside a continuous recording only."""
-        beside = topic.kind == "snapshot" and bool(self.recording.raw_files)
-        return beside and (self.mode == CONTINUOUS or not topic.topic.startswith((RAW_PREFIX, SENT_PREFIX)))
+        """Does a raw file have the same messages?  Frames of a snapshot are copies only in a continuous recording."""
+        has_raw = topic.kind == "snapshot" and bool(self.recording.raw_files)
+        return has_raw and (self.mode == CONTINUOUS or not topic.topic.startswith((RAW_PREFIX, SENT_PREFIX)))
 
     def since_begin_s(self, t_ns: int) -> float:
         """Time after the first message [s]."""
         return (t_ns - self.begin_ns) / SECOND_NS
 
     def find_gaps(self, topic: TopicStatistics) -> list[TimeGap]:
-        """The gaps of a topic; also before its first message and behind its last one."""
+        """The gaps of a topic; also before its first message and after its last one."""
         if not topic.messages:
             return [TimeGap(self.begin_ns, self.end_ns - self.begin_ns)]
         limit_ns = (topic.intervals.gap_limit_s or 0.0) * SECOND_NS
         before = TimeGap(self.begin_ns, topic.first_ns - self.begin_ns)
-        behind = TimeGap(topic.last_ns, self.end_ns - topic.last_ns)
-        edges = [gap for gap in (before, behind) if limit_ns and gap.length_ns > max(limit_ns, SECOND_NS)]
+        after = TimeGap(topic.last_ns, self.end_ns - topic.last_ns)
+        edges = [gap for gap in (before, after) if limit_ns and gap.length_ns > max(limit_ns, SECOND_NS)]
         return sorted([*edges, *topic.intervals.gaps])
 
     def gnss(self) -> GnssTime | None:
         """GNSS time at the end of the session; None when no clock of it was known."""
-        told = self.statistics.gnss
-        if not told:
+        clock = self.statistics.gnss
+        if not clock:
             return None
-        gps = told["scale"] == TimeScale.GPS
-        utc_ns = told["time_ns"] + (GPS_EPOCH_UTC_NS - LEAP_NS if gps else 0)
-        return GnssTime(told["device"], told["scale"], utc_ns - told["t_ns"])
+        is_gps = clock["scale"] == TimeScale.GPS
+        utc_ns = clock["time_ns"] + (GPS_EPOCH_UTC_NS - LEAP_NS if is_gps else 0)
+        return GnssTime(clock["device"], clock["scale"], utc_ns - clock["t_ns"])
 
     def clock_offset_s(self) -> tuple[float, float] | None:
         """Real-time clock minus FTI time at the first and the last ``/fti/clock`` [s]; None when there is none."""
@@ -141,15 +141,17 @@ def _file_state(recording: Recording, path: Path) -> FileState:
 
 
 def configured_rates(recording: Recording) -> dict[str, float]:
-    """Rates that the attached configuration names: of the links that have one device, by topic [Hz]."""
+    """Rates of the attached configuration, for links with one device, by topic [Hz]."""
     devices = _devices(recording.attachments().get(CONFIG_ATTACHMENT, b""))
     lines = [device["link"] for device in devices]
-    alone = (device for device in devices if lines.count(device["link"]) == 1)
-    return {f"{RAW_PREFIX}{d['link']}": float(d["rate_hz"]) for d in alone if isinstance(d.get("rate_hz"), int | float)}
+    single = (device for device in devices if lines.count(device["link"]) == 1)
+    return {
+        f"{RAW_PREFIX}{d['link']}": float(d["rate_hz"]) for d in single if isinstance(d.get("rate_hz"), int | float)
+    }
 
 
 def _devices(text: bytes) -> list[dict[str, Any]]:
-    """The devices of a configuration, perhaps of another version."""
+    """The devices of a configuration, which may have another version."""
     try:
         tables = parse_toml(decode_text(text, CONFIG_ATTACHMENT), CONFIG_ATTACHMENT).get("device", [])
     except ConfigError:

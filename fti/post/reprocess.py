@@ -1,8 +1,8 @@
-"""Navigation again, from the raw bytes of a session: the same chain, the same order, the same outputs bit for bit.
+"""Run navigation again over the raw bytes of a session: the same chain and order, the same outputs bit for bit.
 
-With ``as_flown`` also what the ring lost and where navigation was started again is repeated; without, it is healed.
-The terrain is there from the frame on from which it was there in flight; with another configuration from the first one.
-Equal means: the same range of ``seq``, software, configuration and processor model.
+With ``as_flown`` frames that the ring lost, and restarts of navigation, are repeated; without, navigation gets all
+frames.  The terrain is set at the same frame as in flight; with another configuration at the first frame.
+The outputs are equal for the same range of ``seq``, software, configuration and processor model.
 """
 
 from __future__ import annotations
@@ -37,13 +37,13 @@ from fti.types import ALL_SOURCES, RawFrame
 
 Progress = Callable[[int], None]
 FLUSH_FRAMES = 5000
-#: So many new objects are looked through for cycles at a time.
+#: Threshold of the cyclic garbage collector [new objects].
 GC_THRESHOLD = 100_000
 
 
 @dataclass(frozen=True, slots=True)
-class GroundNote:
-    """From behind frame ``after_seq`` on there was the ground, or it was known that there is none (``fault``)."""
+class TerrainNote:
+    """After frame ``after_seq`` the terrain was loaded, or loading it had failed (``fault``)."""
 
     after_seq: int
     t_ns: int
@@ -53,7 +53,7 @@ class GroundNote:
 
 @dataclass(frozen=True, slots=True)
 class Readmission:
-    """Behind frame ``after_seq`` the operator has confirmed a source."""
+    """After frame ``after_seq`` the operator readmitted a source."""
 
     after_seq: int
     t_ns: int
@@ -62,18 +62,18 @@ class Readmission:
 
 @dataclass(frozen=True, slots=True)
 class Setup:
-    """A configuration with all that it names.
+    """A configuration with the files that it names.
 
-    grounds  : when the ground was there in flight
-    readmissions : what the operator readmitted in flight, in order
-    recorded : the configuration is that of the recording, and names elevation files only as ``fti.terrain`` lets it
+    terrain_notes : when the terrain was loaded in flight
+    readmissions : sources that the operator readmitted in flight, in order
+    recorded : the configuration is that of the recording; ``fti.terrain`` restricts its elevation files
     """
 
     config: Config
     texts: dict[str, str]
     devices: list[BoundDevice]
     reference: ApproachReference | None
-    grounds: tuple[GroundNote, ...] = ()
+    terrain_notes: tuple[TerrainNote, ...] = ()
     recorded: bool = False
     readmissions: tuple[Readmission, ...] = ()
 
@@ -81,35 +81,35 @@ class Setup:
         """A fresh chain."""
         return Chain(self.config, self.devices, self.reference)
 
-    def ground_in(self, segment: NavigationRun) -> GroundNote | None:
-        """When the ground is there in a segment; None where none is configured, or it was not there in time."""
+    def terrain_note_of(self, segment: NavigationRun) -> TerrainNote | None:
+        """When the terrain is set in a segment; None where none is configured, or it was not loaded in time."""
         if self.config.nav.terrain is None:
             return None
-        if not self.grounds:
-            return GroundNote(segment.first - 1, 0)
+        if not self.terrain_notes:
+            return TerrainNote(segment.first - 1, 0)
         last = math.inf if segment.last is None else segment.last
-        return next((note for note in self.grounds if segment.first - 1 <= note.after_seq <= last), None)
+        return next((note for note in self.terrain_notes if segment.first - 1 <= note.after_seq <= last), None)
 
     def readmissions_in(self, segment: NavigationRun) -> list[Readmission]:
-        """Those of sources that this configuration has, of one navigation process."""
+        """The readmissions in a segment whose source is in this configuration."""
         sources = {ALL_SOURCES, *position_sources(self.config.nav)}
         last = math.inf if segment.last is None else segment.last
         return [r for r in self.readmissions if segment.first - 1 <= r.after_seq <= last and r.source in sources]
 
     def load_terrain(self) -> Ground | None:
-        """The ground, if it was there at all.
+        """The terrain, if navigation had one.
 
-        Raises ConfigError or MissingError where it is not there now, RecordingError where it is another one.
+        Raises ConfigError or MissingError where it cannot be loaded now, RecordingError where it has changed.
         """
         settings = self.config.nav.terrain
-        if settings is None or (self.grounds and all(note.fault for note in self.grounds)):
+        if settings is None or (self.terrain_notes and all(note.fault for note in self.terrain_notes)):
             return None
         ground = load_terrain(settings, local_only=self.recorded)
-        for note in self.grounds:
+        for note in self.terrain_notes:
             if note.sha256 not in (None, ground.digest):
                 raise RecordingError(
                     f"{ground.name}: is not the terrain of the flight (SHA-256 {note.sha256}); name a configuration "
-                    "with the terrain that is to be taken"
+                    "with the terrain to use"
                 )
         return ground
 
@@ -126,25 +126,25 @@ NOTHING_RESTORED = Restored()
 
 @dataclass(frozen=True, slots=True)
 class NavigationRun:
-    """What one navigation process saw: frames first <= seq <= last (None: to the end) without those in ``lost``.
+    """Frames of one navigation process: first <= seq <= last (None: to the end) without those in ``lost``.
 
-    restored : the refusals of the process before with which it began, and when [ns]
+    restored : refusals that it took over from the process before, and when [ns]
     """
 
     first: int
     last: int | None
-    lost: tuple[tuple[int, int], ...] = ()  # (after, before) in order: everything between was not seen
+    lost: tuple[tuple[int, int], ...] = ()  # (after, before) in order: the frames between were missed
     restored: Restored = NOTHING_RESTORED
 
     def contains(self, seq: int) -> bool:
-        """Was this frame seen?"""
+        """Did the process get this frame?"""
         if seq < self.first or (self.last is not None and seq > self.last):
             return False
         gaps = self.gaps_before(seq) if self.lost else 0
         return not gaps or seq >= self.lost[gaps - 1][1]
 
     def gaps_before(self, seq: int) -> int:
-        """How many gaps begin before this frame."""
+        """Number of gaps that begin before this frame."""
         return bisect_left(self.lost, seq, key=itemgetter(0))
 
 
@@ -153,15 +153,19 @@ def recorded_setup(recording: Recording, file: Path) -> Setup:
     config, texts = attached_config(recording.attachments(), file)
     setup = _setup(config, texts)
     files: list[str] = []
-    grounds: list[GroundNote] = []
+    terrain_notes: list[TerrainNote] = []
     for topic, t_ns, _, _, data in recording.messages(TERRAIN_TOPIC, kind="derived"):
         with using_message(topic, t_ns):
             note = parse_table(data)
             files += map(_text, note.get("files", ()))
-            grounds.append(_ground_note(note))
+            terrain_notes.append(_terrain_note(note))
     config = _with_files(setup.config, tuple(files))
     return replace(
-        setup, config=config, grounds=tuple(grounds), recorded=True, readmissions=tuple(_readmissions(recording))
+        setup,
+        config=config,
+        terrain_notes=tuple(terrain_notes),
+        recorded=True,
+        readmissions=tuple(_readmissions(recording)),
     )
 
 
@@ -169,27 +173,29 @@ def _readmissions(recording: Recording) -> Iterator[Readmission]:
     for topic, t_ns, _, _, data in recording.messages(READMISSION_TOPIC, kind="derived"):
         with using_message(topic, t_ns):
             note = parse_table(data)
-            found = Readmission(whole_number(note["after_seq"]), whole_number(note["t_ns"]), _text(note["source"]))
-        yield found
+            readmission = Readmission(
+                whole_number(note["after_seq"]), whole_number(note["t_ns"]), _text(note["source"])
+            )
+        yield readmission
 
 
 def attached_config(attachments: Mapping[str, bytes], file: Path) -> tuple[Config, dict[str, str]]:
-    """A configuration and the texts that it names, from the attachments of a file.
+    """A configuration and the texts of its files, from the attachments of a file.
 
-    Raises RecordingError where there is none, ConfigError where it is wrong.
+    Raises RecordingError where there is none, ConfigError where it is invalid.
     """
     texts = {name: configuration.decode_text(data, f"{file / name}") for name, data in attachments.items()}
     text = texts.pop(CONFIG_ATTACHMENT, None)
     if text is None:
-        raise RecordingError(f"{file}: holds no configuration; name one")
+        raise RecordingError(f"{file}: contains no configuration; name one")
     place = file / CONFIG_ATTACHMENT
     return configuration.parse(configuration.parse_toml(text, str(place)), text, place), texts
 
 
-def _ground_note(note: dict[str, Any]) -> GroundNote:
+def _terrain_note(note: dict[str, Any]) -> TerrainNote:
     """Raises KeyError or ValueError."""
     sha256, fault = (None if note.get(key) is None else _text(note[key]) for key in ("sha256", "fault"))
-    return GroundNote(whole_number(note["after_seq"]), whole_number(note["t_ns"]), sha256, fault)
+    return TerrainNote(whole_number(note["after_seq"]), whole_number(note["t_ns"]), sha256, fault)
 
 
 def _text(value: Any) -> str:
@@ -199,7 +205,7 @@ def _text(value: Any) -> str:
 
 
 def _with_files(config: Config, files: tuple[str, ...]) -> Config:
-    """The same configuration with the elevation files where they were in flight: a recorded text is elsewhere."""
+    """The same configuration with the paths of the elevation files in flight."""
     terrain = config.nav.terrain
     if terrain is None or not files:
         return config
@@ -218,7 +224,7 @@ def _setup(config: Config, texts: dict[str, str]) -> Setup:
 
 
 def read_navigation_runs(recording: Recording) -> list[NavigationRun]:
-    """What each navigation process of the flight saw, from the gaps that it noted."""
+    """The frames of each navigation process of the flight, from its recorded gaps."""
     segments: list[NavigationRun] = []
     first, lost, restored = 0, list[tuple[int, int]](), NOTHING_RESTORED
     for kind, after, before, began in _gaps(recording):
@@ -231,7 +237,7 @@ def read_navigation_runs(recording: Recording) -> list[NavigationRun]:
 
 
 def _gaps(recording: Recording) -> Iterator[tuple[str, int, int, Restored]]:
-    """Kind of each gap of navigation, the frames before and behind it, and what the process behind it began with."""
+    """Kind of each gap of navigation, the frames before and after it, and the refusals restored after it."""
     for topic, t_ns, _, _, data in recording.messages("/fti/gap", kind="derived"):
         with using_message(topic, t_ns):
             note = parse_table(data)
@@ -244,13 +250,13 @@ def _gaps(recording: Recording) -> Iterator[tuple[str, int, int, Restored]]:
 def reprocess(recording: Recording, setup: Setup, out: Path, *, as_flown: bool, progress: Progress) -> Path:
     """Run navigation over a recording; returns the new session folder below ``out``.
 
-    progress : called now and then with the number of frames done
+    progress : called periodically with the sequence number of the last frame
     """
     segments = read_navigation_runs(recording) if as_flown else [NavigationRun(0, None)]
     frames = recording.frames()
     first = next(frames, None)
     if first is None:
-        raise MissingError("the recording holds no frames")
+        raise MissingError(f"{recording.path}: contains no frames")
     ground = setup.load_terrain()
     session = setup.config.session
     texts = {CONFIG_ATTACHMENT: setup.config.text, **setup.texts}
@@ -268,8 +274,8 @@ def reprocess(recording: Recording, setup: Setup, out: Path, *, as_flown: bool, 
         for segment in segments:
             fresh = setup.make_chain()
             _write(fresh.restore(segment.restored.refusals, segment.restored.t_ns), log)
-            given = _ReadmissionReplay(fresh, setup.readmissions_in(segment))
-            chain = _TerrainReplay(given, ground, setup.ground_in(segment))
+            readmission_replay = _ReadmissionReplay(fresh, setup.readmissions_in(segment))
+            chain = _TerrainReplay(readmission_replay, ground, setup.terrain_note_of(segment))
             for frame in _feed(frames, segment, chain, log):
                 done += 1
                 if done % FLUSH_FRAMES == 0:
@@ -282,7 +288,7 @@ def reprocess(recording: Recording, setup: Setup, out: Path, *, as_flown: bool, 
 
 @contextmanager
 def infrequent_gc() -> Iterator[None]:
-    """Measurements are in no cycles: to look for those after every 700 of them is a tenth of the time."""
+    """Collect cycles rarely: measurements are in no cycles, and the default threshold costs a tenth of the time."""
     before = gc.get_threshold()
     gc.set_threshold(GC_THRESHOLD, *before[1:])
     try:
@@ -292,14 +298,14 @@ def infrequent_gc() -> Iterator[None]:
 
 
 class _ReadmissionReplay:
-    """A chain that is told of each readmission in front of the frame in front of which it was told in flight."""
+    """A chain that gets each readmission before the same frame as in flight."""
 
     def __init__(self, chain: Chain, readmissions: list[Readmission]) -> None:
         self._chain, self._waiting = chain, deque(readmissions)
         self.reset_after_gap, self.set_terrain = chain.reset_after_gap, chain.set_terrain
 
     def feed(self, frame: RawFrame) -> list[ChainOutput]:
-        """What follows from readmissions and from the frame."""
+        """Outputs of due readmissions and of the frame."""
         out: list[ChainOutput] = []
         while self._waiting and frame.seq > self._waiting[0].after_seq:
             due = self._waiting.popleft()
@@ -308,21 +314,21 @@ class _ReadmissionReplay:
 
 
 class _TerrainReplay:
-    """A chain that gets its ground in front of the frame in front of which it got it in flight."""
+    """A chain that gets its terrain before the same frame as in flight."""
 
-    def __init__(self, chain: _ReadmissionReplay, ground: Ground | None, note: GroundNote | None) -> None:
+    def __init__(self, chain: _ReadmissionReplay, ground: Ground | None, note: TerrainNote | None) -> None:
         self._chain, self._ground, self._note = chain, ground, note
         self.reset_after_gap = chain.reset_after_gap
 
     def feed(self, frame: RawFrame) -> list[ChainOutput]:
-        """What follows from the frame, and before it from the ground."""
+        """Outputs of the terrain, if it is due, and of the frame."""
         note = self._note
         if note is None or frame.seq <= note.after_seq:
             return self._chain.feed(frame)
         self._note = None
         ground = None if note.fault else self._ground
-        given = self._chain.set_terrain(ground, note.fault, note.after_seq, note.t_ns or frame.t_rx_ns)
-        return [given, *self._chain.feed(frame)]
+        products = self._chain.set_terrain(ground, note.fault, note.after_seq, note.t_ns or frame.t_rx_ns)
+        return [products, *self._chain.feed(frame)]
 
 
 def _feed(
@@ -342,8 +348,8 @@ def _feed(
 
 def _write(products: ChainOutput, log: DerivedLog) -> None:
     for device, measurement in products.measurements:
-        log.measurement(device, measurement)
+        log.write_measurement(device, measurement)
     for note in products.notes:
-        log.note(*note)
+        log.write_note(*note)
     for output in products.outputs:
-        log.output(output)
+        log.write_output(output)

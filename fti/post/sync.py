@@ -1,7 +1,7 @@
-"""All clocks of a session against FTI time: the devices', the computer's, and GNSS time (source 003, figure 6.10).
+"""All clocks of a session against FTI time: devices, computer, and GNSS time (source 003, figure 6.10).
 
-Everything is in the file, so each segment of a clock is fitted over its whole length, which navigation could not.
-Raw stamps are read and never touched.
+Each segment of a clock is fitted over its whole length, which navigation cannot do in flight.  Raw timestamps are never
+changed.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ from fti.nav.device_time.device_times import device_time_of
 from fti.types import RawFrame, TimeScale
 
 Ints = NDArray[np.int64]
-#: Told the number of frames done.
+#: Called with the number of frames done.
 Progress = Callable[[int], None]
 
 SECOND_NS = 1_000_000_000
 PROGRESS_FRAMES = 5000
-#: The real-time clock was set when it moved against the monotonic one by more than both readings can be wrong.
+#: The real-time clock was set when it moved against the monotonic clock by more than the errors of both readings.
 STEP_NS = 100_000
-#: What is read of ``/fti/clock``, each with ``_ns``.
+#: Fields of ``/fti/clock``, each with ``_ns``.
 CLOCKS = ("t", "monotonic_raw", "realtime", "width")
 GNSS_SCALES = (TimeScale.GPS, TimeScale.UTC)
 
@@ -51,17 +51,17 @@ class DeviceClockSeries:
         """Scale of its time."""
         return self.clock.scale
 
-    def take(self, t_rx_ns: int, t_dev_ns: int) -> None:
-        """A message; several measurements of one message count once."""
+    def feed(self, t_rx_ns: int, t_dev_ns: int) -> None:
+        """Add a message; several measurements of one message count once."""
         if self._last == (t_rx_ns, t_dev_ns):
             return
         self._last = t_rx_ns, t_dev_ns
-        self.clock.take(t_rx_ns, t_dev_ns)
+        self.clock.feed(t_rx_ns, t_dev_ns)
         self.t_rx.append(t_rx_ns)
         self.t_dev.append(t_dev_ns + self.clock.unwrap_ns)
 
     def delays(self, segment: ClockSegment) -> tuple[Ints, Ints]:
-        """Arrivals in a segment, and how late each message was against the shortest way [ns]."""
+        """Arrivals in a segment, and the delay of each message beyond the minimum delay [ns]."""
         t_rx, t_dev = np.asarray(self.t_rx, dtype=np.int64), np.asarray(self.t_dev, dtype=np.int64)
         begin, end = np.searchsorted(t_rx, [segment.first_ns, segment.last_ns + 1])
         return t_rx[begin:end], segment.lateness_of(t_rx[begin:end], t_dev[begin:end])
@@ -83,14 +83,14 @@ class ComputerClock:
 
     @property
     def steps(self) -> list[tuple[int, int]]:
-        """When the real-time clock was set (FTI time), and by how much [ns]."""
-        moved = np.diff(self.offset)
-        apart = np.abs(moved) > STEP_NS + (self.width[1:] + self.width[:-1]) // 2
-        return [(int(self.t[i + 1]), int(moved[i])) for i in np.flatnonzero(apart)]
+        """FTI times at which the real-time clock was set, with the size of the step [ns]."""
+        changes = np.diff(self.offset)
+        is_step = np.abs(changes) > STEP_NS + (self.width[1:] + self.width[:-1]) // 2
+        return [(int(self.t[i + 1]), int(changes[i])) for i in np.flatnonzero(is_step)]
 
     @property
     def slew_ppm(self) -> float | None:
-        """How much faster the kernel let CLOCK_MONOTONIC run than the oscillator (CLOCK_MONOTONIC_RAW)."""
+        """Rate of CLOCK_MONOTONIC against the oscillator (CLOCK_MONOTONIC_RAW), positive: faster."""
         if len(self.t) < 2:
             return None
         return 1e6 * (float(self.t[-1] - self.t[0]) / float(self.raw[-1] - self.raw[0]) - 1.0)
@@ -98,9 +98,9 @@ class ComputerClock:
 
 @dataclass(frozen=True, slots=True)
 class Sync:
-    """What is known of the clocks of a session.
+    """The clocks of a session.
 
-    begin_ns : FTI time of its first frame; about : of which session, see ``fti.logger.reading.session_metadata``
+    begin_ns : FTI time of its first frame; session_metadata : see ``fti.logger.reading.session_metadata``
     """
 
     begin_ns: int
@@ -109,13 +109,13 @@ class Sync:
     session_metadata: Mapping[str, str] = field(default_factory=dict)
 
     def gnss(self) -> DeviceClockSeries | None:
-        """The clock that stands for GNSS time: known, GPS before UTC, in the order of the configuration."""
-        known = [h for h in self.clock_series if h.clock.segments and any(s.known for s in h.clock.segments)]
+        """The clock for GNSS time: a known one, GPS before UTC, in the order of the configuration."""
+        known = [h for h in self.clock_series if h.clock.segments and any(s.is_known for s in h.clock.segments)]
         return next((h for scale in GNSS_SCALES for h in known if h.scale is scale), None)
 
 
 def analyse(recording: Recording, devices: list[BoundDevice], progress: Progress) -> Sync:
-    """Decode everything and fit every clock.  progress : told now and then how many frames are done."""
+    """Decode everything and fit every clock.  progress : called periodically with the number of frames done"""
     collector = _ClockCollector(devices)
     begin_ns = 0
     for done, frame in enumerate(recording.frames()):
@@ -127,7 +127,7 @@ def analyse(recording: Recording, devices: list[BoundDevice], progress: Progress
 
 
 class _ClockCollector:
-    """Every device's decoder, and the clocks that they hear."""
+    """The decoder of every device, and the clocks in its measurements."""
 
     def __init__(self, devices: list[BoundDevice]) -> None:
         self._devices = devices
@@ -137,12 +137,12 @@ class _ClockCollector:
         self._clock_series: dict[tuple[str, TimeScale], DeviceClockSeries] = {}
 
     def add_frame(self, frame: RawFrame) -> None:
-        """Take a frame."""
+        """Decode a frame and add its device times."""
         for device, decoder in self._on_link.get(frame.link, ()):
             for measurement in decoder.feed(frame.data, frame.t_rx_ns):
-                if told := device_time_of(measurement.stamp):
-                    scale, t_dev_ns = told
-                    self._of(device, scale).take(measurement.stamp.t_rx_ns, t_dev_ns)
+                if device_time := device_time_of(measurement.stamp):
+                    scale, t_dev_ns = device_time
+                    self._of(device, scale).feed(measurement.stamp.t_rx_ns, t_dev_ns)
 
     def _of(self, device: Device, scale: TimeScale) -> DeviceClockSeries:
         key = device.name, scale
@@ -153,7 +153,7 @@ class _ClockCollector:
         return self._clock_series[key]
 
     def finish(self) -> list[DeviceClockSeries]:
-        """The clocks in the order of the configuration, fitted over all that was heard."""
+        """The clocks in the order of the configuration, fitted over all messages."""
         order = [bound.device.name for bound in self._devices]
         clock_series = sorted(self._clock_series.values(), key=lambda h: (order.index(h.device.name), h.scale))
         for each in clock_series:

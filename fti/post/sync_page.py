@@ -1,4 +1,4 @@
-"""The plot of ``fti sync``: one page that holds everything it needs, uPlot included, and loads nothing."""
+"""The plot page of ``fti sync``: one self-contained HTML file, with uPlot, that loads nothing."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ for (const curve of JSON.parse(document.getElementById("curves").textContent)) {
   const series = [{ label: "FTI time [s]" }];
   const data = [curve.t];
   if (curve.high) { series.push(points("latest")); data.push(curve.high); }
-  if (curve.low) { series.push(points("quickest")); data.push(curve.low); }
-  series.push({ label: curve.low ? "shortest way" : "difference", stroke: LINE, width: 2 });
+  if (curve.low) { series.push(points("earliest")); data.push(curve.low); }
+  series.push({ label: curve.low ? "minimum delay" : "difference", stroke: LINE, width: 2 });
   data.push(curve.line);
   new uPlot({
     width: Math.max(place.clientWidth, 400), height: 320, series,
     scales: { x: { time: false }, y: { range: (_, min, max) => [Math.min(min, -0.5), Math.max(max, 0.5)] } },
-    axes: [axis("FTI time since the begin [s]", 44), axis("ms", 64)],
+    axes: [axis("FTI time since the start [s]", 44), axis("ms", 64)],
   }, data, place);
 }
 """
@@ -55,8 +55,8 @@ def page(sync: Sync, title: str) -> str:
 <body>
 <h1>{html.escape(title)}: clocks against FTI time</h1>
 <pre>{html.escape(chr(10).join(as_text(sync)))}</pre>
-<p>Differences are less their value at the begin. Each dot is the quickest or the latest message around its time;
-the line is the shortest way, below which next to none lies. A clock that runs fast falls.</p>
+<p>Differences are relative to their value at the start. Each dot is the earliest or the latest message around its time;
+the line is the minimum delay, below which almost no message lies. A falling line is a fast clock.</p>
 {plots}
 <script type="application/json" id="curves">{data}</script>
 <script type="module">
@@ -69,7 +69,7 @@ the line is the shortest way, below which next to none lies. A clock that runs f
 
 
 def write_page(sync: Sync, title: str, path: Path) -> None:
-    """Write the page to a new file.  Raises StorageError when it cannot be made."""
+    """Write the page to a new file.  Raises StorageError when it cannot be written."""
     try:
         with path.open("x", encoding="utf-8") as file:
             file.write(page(sync, title))

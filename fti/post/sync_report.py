@@ -1,4 +1,4 @@
-"""What ``fti sync`` says: tables for programs, lines for a person, curves for the plot."""
+"""Output of ``fti sync``: JSON, text, and curves for the plot."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ BINS = 700
 
 
 def as_json(sync: Sync) -> dict[str, Any]:
-    """Everything.  Times in ns, drifts in ppm (how much faster than FTI time), delays in ms.
+    """Times in ns, drifts in ppm (positive: faster than FTI time), delays in ms.
 
     drift_95_ppm : half of the 95 % interval
-    delay        : of the messages, beyond the shortest way; late : beyond what is usual
+    delay        : of the messages, beyond the minimum delay; late : messages beyond ``late_beyond_ms``
     """
     return {
         "session": dict(sync.session_metadata),
@@ -44,9 +44,9 @@ def _segment(clock_series: DeviceClockSeries, segment: ClockSegment) -> dict[str
         "first_ns": segment.first_ns,
         "last_ns": segment.last_ns,
         "messages": segment.messages,
-        "known": segment.known,
+        "known": segment.is_known,
     }
-    if not segment.known:
+    if not segment.is_known:
         return found
     latency_ns = round(clock_series.device.latency_ms * 1e6)
     first_dev_ns, last_dev_ns = (segment.device_ns(t + latency_ns) for t in (segment.first_ns, segment.last_ns))
@@ -80,11 +80,11 @@ def _computer(sync: Sync) -> dict[str, Any]:
 
 
 def _gnss(sync: Sync) -> dict[str, Any] | None:
-    """FTI time against GNSS time: what figure 6.10 of source 003 shows."""
+    """FTI time against GNSS time (source 003, figure 6.10)."""
     clock_series = sync.gnss()
     if clock_series is None:
         return None
-    segment = max((s for s in clock_series.clock.segments if s.known), key=lambda s: s.last_ns - s.first_ns)
+    segment = max((s for s in clock_series.clock.segments if s.is_known), key=lambda s: s.last_ns - s.first_ns)
     return {
         "device": clock_series.device.name,
         "scale": clock_series.scale.value,
@@ -98,17 +98,18 @@ def _gnss(sync: Sync) -> dict[str, Any] | None:
 
 
 def as_text(sync: Sync) -> list[str]:
-    """Lines for a person."""
+    """Lines of text."""
     note = [f"*** {sync.session_metadata['note']} ***"] if "note" in sync.session_metadata else []
     lines = [line for clock_series in sync.clock_series for line in _device_lines(clock_series, sync.begin_ns)]
-    devices = lines or ["no device of this session says its own time"]
+    devices = lines or ["no device of this session sends its own time"]
     return [*note, *devices, *_computer_lines(sync), *_gnss_lines(sync)]
 
 
 def _device_lines(clock_series: DeviceClockSeries, begin_ns: int) -> list[str]:
     refused = f", {clock_series.clock.refused} refused" if clock_series.clock.refused else ""
     count = len(clock_series.clock.segments)
-    head = f"{clock_series.device.name}  {clock_series.scale} time, {len(clock_series.t_rx)} messages{refused}, {count} segment"
+    name, messages = clock_series.device.name, len(clock_series.t_rx)
+    head = f"{name}  {clock_series.scale} time, {messages} messages{refused}, {count} segment"
     return [head + ("s" if count > 1 else "")] + [
         line
         for segment in clock_series.clock.segments
@@ -120,13 +121,13 @@ def _segment_lines(found: dict[str, Any], begin_ns: int) -> list[str]:
     first, last = ((found[key] - begin_ns) / SECOND_NS for key in ("first_ns", "last_ns"))
     span = f"  {first:.1f} to {last:.1f} s: "
     if not found["known"]:
-        return [f"{span}too few messages to say"]
+        return [f"{span}too few messages"]
     delay = found["delay_ms"]
     return [
         f"{span}drift {found['drift_ppm']:+.3f} ppm, 95 % within {found['drift_95_ppm']:.3f} ({found['method']})",
-        f"    device - FTI {_seconds(found['offset_ns'])} s +- {found['offset_sd_ns'] / 1e6:.3f} ms at the begin",
-        f"    delay beyond the shortest way: median {delay['p50']:.2f}, 99 % {delay['p99']:.2f}, "
-        f"largest {delay['max']:.2f} ms; {found['late']} messages late by more than {found['late_beyond_ms']:.0f} ms",
+        f"    device - FTI {_seconds(found['offset_ns'])} s +- {found['offset_sd_ns'] / 1e6:.3f} ms at the start",
+        f"    delay beyond the minimum: median {delay['p50']:.2f}, 99 % {delay['p99']:.2f}, "
+        f"maximum {delay['max']:.2f} ms; {found['late']} messages late by more than {found['late_beyond_ms']:.0f} ms",
     ]
 
 
@@ -134,7 +135,7 @@ def _computer_lines(sync: Sync) -> list[str]:
     clock = sync.computer
     if len(clock.t) == 0:
         return ["computer  no /fti/clock in this session"]
-    lines = [f"computer  real time - FTI {_seconds(int(clock.offset[0]))} s at the begin, {len(clock.steps)} steps"]
+    lines = [f"computer  real time - FTI {_seconds(int(clock.offset[0]))} s at the start, {len(clock.steps)} steps"]
     lines += [f"  {(t - sync.begin_ns) / SECOND_NS:.1f} s: set by {by / SECOND_NS:+.6f} s" for t, by in clock.steps]
     if clock.slew_ppm is not None:
         lines.append(f"  the kernel slews its clocks by {clock.slew_ppm:+.3f} ppm against the oscillator")
@@ -158,15 +159,15 @@ def _seconds(t_ns: int) -> str:
 
 
 def curves(sync: Sync) -> list[dict[str, Any]]:
-    """For each known segment: arrival minus device time over FTI time [s], less its value at the begin [ms].
+    """For each known segment: arrival minus device time over FTI time [s], relative to its value at the start [ms].
 
-    line : the shortest way; low, high : the quickest and the latest message around each time
+    line : minimum delay; low, high : the earliest and the latest message around each time
     """
     return [
         _curve(clock_series, s, sync.begin_ns)
         for clock_series in sync.clock_series
         for s in clock_series.clock.segments
-        if s.known
+        if s.is_known
     ]
 
 
@@ -190,15 +191,15 @@ def _round_values(values: Any) -> list[float]:
 
 
 def computer_curve(sync: Sync) -> dict[str, Any] | None:
-    """Real time - FTI time over FTI time [s], less its value at the begin [ms]; None without ``/fti/clock``."""
+    """Real time - FTI time over FTI time [s], relative to its value at the start [ms]; None without ``/fti/clock``."""
     clock = sync.computer
     if len(clock.t) < 2:
         return None
-    some: Ints = np.unique(np.linspace(0, len(clock.t) - 1, BINS).astype(np.int64))
-    moved_ms = (clock.offset[some] - clock.offset[0]) / 1e6
+    samples: Ints = np.unique(np.linspace(0, len(clock.t) - 1, BINS).astype(np.int64))
+    moved_ms = (clock.offset[samples] - clock.offset[0]) / 1e6
     return {
         "title": "computer: real time - FTI time",
         "drift": f"{len(clock.steps)} steps",
-        "t": _round_values((clock.t[some] - sync.begin_ns) / SECOND_NS),
+        "t": _round_values((clock.t[samples] - sync.begin_ns) / SECOND_NS),
         "line": _round_values(moved_ms),
     }

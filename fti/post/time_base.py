@@ -1,8 +1,8 @@
-"""The corrected time base of a session: for every clock, what it showed at which FTI time, joined by straight lines.
+"""The corrected time base of a session: for every clock its reading over FTI time, piecewise linear.
 
-Raw stamps stay as they are; whoever wants GNSS, device or real time of a stamp interpolates between two rows of the
-same clock and segment.  A segment of up to an hour is one line.  A longer one bends with its temperature: it has a row
-every ten minutes, each from the line of the hour around it.
+Raw timestamps are not changed; to convert one to GNSS, device or real time, interpolate between two rows of the same
+clock and segment.  A segment of up to an hour is one line.  A longer one varies with temperature: it has a row every
+ten minutes, each from the fit of the hour around it.
 """
 
 from __future__ import annotations
@@ -33,11 +33,11 @@ SUFFIXES = (".csv", ".mcap")
 
 @dataclass(frozen=True, slots=True)
 class TimeBaseRow:
-    """At the FTI time t_fti_ns the clock showed clock_ns, with one sigma of sd_ns.
+    """At the FTI time t_fti_ns the clock showed clock_ns, with a 1-sigma of sd_ns.
 
-    device  : of the configuration, or "computer" for its real-time clock; link : where it is
-    scale   : gps | utc | boot, see ``fti.types.TimeScale``; a counter that starts again goes on here
-    segment : rows of one segment may be joined, from 0
+    device  : of the configuration, or "computer" for its real-time clock; link : its link
+    scale   : gps | utc | boot, see ``fti.types.TimeScale``; a counter that wraps is unwrapped
+    segment : interpolate only between rows of one segment, from 0
     """
 
     device: str
@@ -58,7 +58,7 @@ def time_base(sync: Sync) -> list[TimeBaseRow]:
 def _device_rows(clock_series: DeviceClockSeries) -> Iterator[TimeBaseRow]:
     clock, device = clock_series.clock, clock_series.device
     latency_ns = round(device.latency_ms * 1e6)
-    for number, segment in enumerate(s for s in clock.segments if s.known):
+    for number, segment in enumerate(s for s in clock.segments if s.is_known):
         for t_ns, line in _lines(segment):
             shown_ns = segment.device_ns(t_ns + latency_ns, line)
             row = (t_ns, shown_ns, round(segment.sd_ns(shown_ns, line)))
@@ -66,7 +66,7 @@ def _device_rows(clock_series: DeviceClockSeries) -> Iterator[TimeBaseRow]:
 
 
 def _lines(segment: ClockSegment) -> Iterator[tuple[int, EnvelopeLine]]:
-    """The times of the rows of a segment, and the line that holds there."""
+    """The times of the rows of a segment, and the line at each time."""
     first, last = segment.first_ns, segment.last_ns
     if last - first <= HOUR_NS:
         yield first, segment.line
@@ -80,11 +80,11 @@ def _lines(segment: ClockSegment) -> Iterator[tuple[int, EnvelopeLine]]:
 
 
 def _computer_rows(clock: ComputerClock) -> Iterator[TimeBaseRow]:
-    """The real-time clock at the begin, before and after each step, and at the end."""
+    """The real-time clock at the start, before and after each step, and at the end."""
     if len(clock.t) == 0:
         return
-    stepped = np.searchsorted(clock.t, [t_ns for t_ns, _ in clock.steps])
-    bounds = [0, *map(int, stepped), len(clock.t)]
+    step_indices = np.searchsorted(clock.t, [t_ns for t_ns, _ in clock.steps])
+    bounds = [0, *map(int, step_indices), len(clock.t)]
     for number, (begin, end) in enumerate(itertools.pairwise(bounds)):
         for i in dict.fromkeys((begin, end - 1)):
             shown = (int(clock.t[i]), int(clock.realtime[i]), int(clock.width[i]))
@@ -95,23 +95,23 @@ def _computer_rows(clock: ComputerClock) -> Iterator[TimeBaseRow]:
 
 
 def check_output_path(path: Path) -> None:
-    """Raises ConfigError when no file of that name can be written, StorageError when it is there, or its folder not."""
+    """Raises ConfigError for another suffix, StorageError when the file exists, or its folder does not."""
     if path.suffix not in SUFFIXES:
-        raise ConfigError(f"{path}: the name must end in {' or '.join(SUFFIXES)}")
+        raise ConfigError(f"{path}: must end with {' or '.join(SUFFIXES)}")
     if not path.parent.is_dir():
-        raise StorageError(f"{path}: cannot be written: there is no folder {path.parent}")
+        raise StorageError(f"{path}: cannot be written: no folder {path.parent}")
     for file in (path, _metadata_path(path)):
         if file.exists():
-            raise StorageError(f"{file}: cannot be written: it exists already")
+            raise StorageError(f"{file}: already exists; choose another name")
 
 
 def _metadata_path(path: Path) -> Path:
-    """What says of a table of which session it is."""
+    """The file with the session metadata of a table."""
     return path.with_suffix(".json") if path.suffix == ".csv" else path
 
 
 def write(sync: Sync, path: Path) -> None:
-    """The rows to a new ``.csv`` or ``.mcap`` file, with what is told of the session: of a table, in a file beside it.
+    """Write the rows to a new ``.csv`` or ``.mcap`` file, with the session metadata (for CSV in a file beside it).
 
     Raises as ``check_output_path``, and StorageError when it cannot be written.
     """

@@ -1,18 +1,18 @@
-"""Three antennas across the aircraft: look angle from the differences of their phases, and which whole turns they lost.
+"""Three antennas across the aircraft: look angle from their phase differences, with ambiguity resolution.
 
 The antennas L, A, R lie along +y of the sensor (to the right), A between the others.  A wave from the look angle theta
-(positive to the right) has a way to L that is B sin(theta) longer than to a neighbour B to the right, so
+(positive to the right) has a path to L that is B sin(theta) longer than to an antenna at B to the right, so
 
     phi_ij = 2 pi B_ij sin(theta) / lambda - 2 pi n_ij,          ij = LA, AR, LR,    B_LR = B_LA + B_AR        (4)
 
-with n_ij turns that nobody counted.  With the right integers every baseline tells the same sin(theta), and their mean,
-weighted by length, is the answer:
+with unknown integers n_ij.  With the correct integers every baseline gives the same sin(theta); the result is their
+mean, weighted by length:
 
     sin(theta) = (B_LA s_LA + B_AR s_AR + B_LR s_LR) / (B_LA + B_AR + B_LR)                       (3, as corrected)
 
-The integers are those of the least error  e = (B_AR psi_LA - B_LA psi_AR) / B_LR,  psi_ij = phi_ij + 2 pi n_ij,  by
-which the short baselines disagree; with them the weighted mean is what the long baseline says.  The waves are taken as
-plane: a point at the distance rho adds B^2 cos^2(theta) / (2 rho) to a way (1 mm at 1 m and 500 m).
+The integers are those of the minimum error  e = (B_AR psi_LA - B_LA psi_AR) / B_LR,  psi_ij = phi_ij + 2 pi n_ij,  by
+which the short baselines disagree; with them the weighted mean equals the result of the long baseline.  The waves are
+assumed plane: a point at the distance rho adds B^2 cos^2(theta) / (2 rho) to a path (1 mm at 1 m and 500 m).
 
 Source: Park, section II.A, eq. 3, 4, as corrected in docs/errata.md.  Neither wavelength nor baselines are published.
 """
@@ -30,7 +30,7 @@ from fti.ranging.sensor import Validity
 Array = NDArray[np.float64]
 Codes = NDArray[np.uint8]
 
-#: An error beyond so many of its own sigma is not believed: one in a thousand.
+#: Limit of the error e [sigmas]: exceeded once in a thousand.
 MAX_ERROR_SIGMAS = 3.29
 _EXACT = 1e-9  # [rad] phases without noise fit to rounding
 _TURN = 2.0 * np.pi
@@ -43,8 +43,8 @@ class Baselines:
     wavelength  : [m]
     la, ar      : from L to A and from A to R [m]
     phase_sd    : of the phase of each antenna [rad]; the difference of two has sqrt(2) of it
-    look_limit  : look angles lie within +- this [rad], in (0, pi/2); integers that say otherwise are not looked at
-    Raises ValueError for figures out of range.
+    look_limit  : look angles lie within +- this [rad], in (0, pi/2); integers beyond are excluded
+    Raises ValueError for values out of range.
     """
 
     wavelength: float
@@ -68,11 +68,11 @@ class Baselines:
 
     @property
     def error_sd(self) -> float:
-        """One sigma of the error e of the right integers [rad]."""
+        """One sigma of the error e with the correct integers [rad]."""
         return self.phase_sd * math.sqrt(2.0 * (self.la**2 + self.ar**2 + self.la * self.ar)) / self.lr
 
     def look_angle_sd(self, look_angle: ArrayLike) -> Array:
-        """One sigma of the look angle with the right integers [rad]: sqrt(2) phase_sd lambda / (2 pi B_LR cos)."""
+        """One sigma of the look angle with the correct integers [rad]: sqrt(2) phase_sd lambda / (2 pi B_LR cos)."""
         return np.asarray(math.sqrt(2.0) * self.phase_sd * self.wavelength / (_TURN * self.lr * np.cos(look_angle)))
 
     def phases(self, look_angle: ArrayLike, rng: np.random.Generator | None = None) -> Array:
@@ -85,11 +85,11 @@ class Baselines:
         return _wrap(np.stack((middle - left, right - middle, right - left), axis=-1))
 
     def resolve(self, phases: ArrayLike) -> tuple[Array, Codes]:
-        """Look angle [rad] by the integers of least error, and whether it can be believed.
+        """Look angle [rad] by the integers of minimum error, and its validity.
 
         phases   : (..., 3) [rad] differences of LA, AR, LR
         Validity : AMBIGUOUS when a second candidate fits within 3.29 sigma of the noise, WEAK when none does, and
-                   UNKNOWN (NaN) for phases that are no numbers or leave no look angle within the limit
+                   UNKNOWN (NaN) for phases that are not finite or give no look angle within the limit
         """
         measured = np.asarray(phases, dtype=np.float64)
         sines, errors = self._candidates(measured[..., 0], measured[..., 1], measured[..., 2])
@@ -102,9 +102,9 @@ class Baselines:
 
     def _candidates(self, la: Array, ar: Array, lr: Array) -> tuple[Array, Array]:
         """sin(theta) of eq. 3 and |e| [rad] of each choice of integers, (..., k); infinite beyond the limit."""
-        most = math.ceil(self.la * math.sin(self.look_limit) / self.wavelength) + 1
-        turns_la = np.repeat(np.arange(-most, most + 1), 2)
-        upper = np.tile([0.0, 1.0], 2 * most + 1)
+        max_turns = math.ceil(self.la * math.sin(self.look_limit) / self.wavelength) + 1
+        turns_la = np.repeat(np.arange(-max_turns, max_turns + 1), 2)
+        upper = np.tile([0.0, 1.0], 2 * max_turns + 1)
         psi_la = la[..., None] + _TURN * turns_la
         psi_ar = ar[..., None] + _TURN * (np.floor((psi_la * self.ar / self.la - ar[..., None]) / _TURN) + upper)
         psi_lr = lr[..., None] + _TURN * np.rint((psi_la + psi_ar - lr[..., None]) / _TURN)
@@ -113,7 +113,7 @@ class Baselines:
         return sines, np.where(np.abs(sines) <= math.sin(self.look_limit), errors, np.inf)
 
     def wrong_integer_probability(self, look_angle: float) -> float:
-        """Probability that noise makes other integers the ones of least error, at a look angle [rad] inside the limit.
+        """Probability that noise gives wrong integers the minimum error, at a look angle [rad] inside the limit.
 
         Other integers shift e by  d = 2 pi (B_AR m - B_LA k) / B_LR  and sin(theta) by  lambda (m + k) / B_LR.  The
         nearest one above and the nearest one below that stay inside the limit decide: Q(d / 2 sigma_e) of each.
@@ -127,8 +127,8 @@ class Baselines:
     def _shifts(self, sine: float) -> Array:
         """Shifts of e [rad] of all other integers whose look angle stays inside the limit."""
         limit = math.sin(self.look_limit)
-        most = math.ceil(2.0 * limit * self.lr / self.wavelength) + 1
-        m, k = np.meshgrid(np.arange(-most, most + 1), np.arange(-most, most + 1))
+        max_turns = math.ceil(2.0 * limit * self.lr / self.wavelength) + 1
+        m, k = np.meshgrid(np.arange(-max_turns, max_turns + 1), np.arange(-max_turns, max_turns + 1))
         inside = np.abs(sine + self.wavelength * (m + k) / self.lr) <= limit
         others = inside & ((m != 0) | (k != 0))
         return np.asarray(_TURN * (self.ar * m - self.la * k)[others] / self.lr)

@@ -1,4 +1,4 @@
-"""Echoes of a laser pulse: the rays of its footprint, and what of their returns a receiver can tell apart."""
+"""Echoes of a laser pulse: the rays of its footprint, and their returns as resolved by a receiver."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ RINGS = 2
 
 
 class PulseEchoes(NamedTuple):
-    """What comes back of n pulses, up to m echoes each, (n, m): range [m], P_rx / P_tx, spread [m]; NaN is none."""
+    """Echoes of n pulses, up to m each, (n, m): range [m], P_rx / P_tx, spread [m]; NaN is none."""
 
     ranges: Array
     power: Array
@@ -29,17 +29,17 @@ class PulseEchoes(NamedTuple):
         """Echoes of single rays."""
         return cls(ranges, power, np.where(np.isnan(power), np.nan, 0.0))
 
-    def beside(self, others: PulseEchoes) -> PulseEchoes:
-        """These and others of the same pulses."""
+    def extend_with(self, others: PulseEchoes) -> PulseEchoes:
+        """These echoes and others of the same pulses."""
         return PulseEchoes(*(np.concatenate(pair, axis=1) for pair in zip(self, others, strict=True)))
 
-    def told(self, heard: NDArray[np.bool_], which: str) -> PulseEchoes:
-        """The first and, or the last of the echoes that are heard (n, m): (n, 1), or with "both" (n, 2)."""
-        only = PulseEchoes(*(np.where(heard, values, np.nan) for values in self))
+    def select(self, received: NDArray[np.bool_], which: str) -> PulseEchoes:
+        """The first or the last received echo, mask (n, m): (n, 1); with "both" (n, 2)."""
+        only = PulseEchoes(*(np.where(received, values, np.nan) for values in self))
         if which != "both" and self.ranges.shape[1] == 1:
             return only
-        first = np.where(heard, self.ranges, np.inf).argmin(axis=1)
-        last = np.where(heard, self.ranges, -np.inf).argmax(axis=1)
+        first = np.where(received, self.ranges, np.inf).argmin(axis=1)
+        last = np.where(received, self.ranges, -np.inf).argmax(axis=1)
         columns = np.stack({"first": [first], "last": [last], "both": [first, last]}[which], axis=1)
         return PulseEchoes(*(np.take_along_axis(values, columns, axis=1) for values in only))
 
@@ -47,16 +47,16 @@ class PulseEchoes(NamedTuple):
 def footprint_rays(divergence: float) -> Array:
     """Small angles (19, 2) [rad] across the beam of rays with equal solid angles, over a beam of that full width.
 
-    Each ring lies at the root mean square radius of its share, so that the mean square of the radius is that of an even
-    disc, 1/8 of the squared width, within 0.3 %.
+    Each ring lies at the root mean square radius of its share, so that the mean square of the radius is that of a
+    uniform disc, 1/8 of the squared width, within 0.3 %.
     """
     counts = np.array([1 + 3 * ring * (ring + 1) for ring in range(RINGS + 1)])
-    found = [np.zeros((1, 2))]
+    rings = [np.zeros((1, 2))]
     for ring in range(1, RINGS + 1):
         radius = 0.5 * divergence * np.sqrt((counts[ring - 1] + counts[ring]) / (2.0 * counts[-1]))
-        around = 2.0 * np.pi * np.arange(6 * ring) / (6 * ring)
-        found.append(radius * np.stack((np.cos(around), np.sin(around)), axis=-1))
-    return np.concatenate(found)
+        angle = 2.0 * np.pi * np.arange(6 * ring) / (6 * ring)
+        rings.append(radius * np.stack((np.cos(angle), np.sin(angle)), axis=-1))
+    return np.concatenate(rings)
 
 
 def beams(directions: Array, divergence: float) -> Array:
@@ -69,8 +69,8 @@ def beams(directions: Array, divergence: float) -> Array:
     return np.asarray(rays_m @ np.swapaxes(mat_sm(directions), -1, -2))
 
 
-def outcome(codes: Codes) -> Codes:
-    """Of a pulse (n,), from those of its rays (n, m): what leaves any of it unknown, else a hit if there is one."""
+def pulse_outcome(codes: Codes) -> Codes:
+    """Outcome of pulses (n,) from their rays (n, m): an unknown one if any, else a hit if there is one."""
     worst, best = codes.max(axis=1), codes.min(axis=1)
     return np.asarray(np.where(worst > RayOutcome.NOTHING, worst, best), dtype=np.uint8)
 

@@ -2,8 +2,8 @@
 
     d d = d (s_d + n_s) + b_d + n_d
 
-With n_s = 0 this is eq. 2.63, else eq. 2.64.  It describes a pencil beam; what a wide beam adds is geometry and signal,
-and comes from the beam.  Source: Spiegel 2018, section 2.2.4.
+With n_s = 0 this is eq. 2.63, else eq. 2.64.  It describes a pencil beam; a wide beam adds
+geometry and signal effects, which the beam model contains.  Source: Spiegel 2018, section 2.2.4.
 """
 
 from __future__ import annotations

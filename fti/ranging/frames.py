@@ -35,8 +35,8 @@ def _rotate_back(mat: ArrayLike, vec: ArrayLike) -> Array:
 def mat_sm(direction_s: ArrayLike) -> Array:
     """Measurement frame to sensor frame: +z of m is ``direction_s``, a unit vector.
 
-    A range does not know a turn about its own beam; of all such frames this is the one that is turned least, and for
-    beams that point backwards (z < 0) one that is orthonormal just as exactly.
+    The rotation about the beam is arbitrary; this frame has the smallest total rotation, and for beams that point
+    backwards (z < 0) it is orthonormal as well.
     Source: Duff and others 2017, "Building an Orthonormal Basis, Revisited".  Eq. 2.37 needs the last column only.
     """
     x, y, z = np.moveaxis(np.asarray(direction_s, dtype=np.float64), -1, 0)
@@ -82,7 +82,7 @@ def metres_per_geodetic(lat: ArrayLike, alt: ArrayLike) -> Array:
 
 
 def point_geodetic(lat: ArrayLike, lon: ArrayLike, alt: ArrayLike, d_n: ArrayLike) -> tuple[Array, Array, Array]:
-    """lat, lon [rad] and alt above the ellipsoid [m] of the point on the ground: 2.40, then exact to rounding.
+    """lat, lon [rad] and alt above the ellipsoid [m] of the point on the ground: 2.40, exact to rounding.
 
     lat, lon, alt : of P, floats or (...);  d_n : (..., 3) [m]
     """
@@ -92,13 +92,13 @@ def point_geodetic(lat: ArrayLike, lon: ArrayLike, alt: ArrayLike, d_n: ArrayLik
 def point_geodetic_linear(lat: ArrayLike, lon: ArrayLike, alt: ArrayLike, d_n: ArrayLike) -> tuple[Array, Array, Array]:
     """The same by lambda(M) = lambda(P) + D^-1 d_n: eq. 2.42 without its R_en, since D^-1 acts on an n-frame vector.
 
-    What it leaves out, for a point s to the side of P (north or east) and R = 6.37e6 m:
+    Errors for a point at the horizontal distance s of P (north or east), with R = 6.37e6 m:
         height     s^2 / 2R too low:                        0.08 m at 1 km, 0.79 m at 3.2 km, 7.8 m at 10 km
-        north      e^2 tan(lat) / 2R too far, e the way east: 0.08 m at 1 km and 45 deg
-        east       e n tan(lat) / R too near, n the way north: 0.16 m at 1 km each and 45 deg
-        both       a share down / R of the way too near:     0.16 m at 1 km to the side, 1 km below
-    Longitude is not brought back to +-pi.  NaN where the axis of the Earth is no farther than the point: longitude is
-    not linear there.  Use it for Jacobians and short ways.
+        north      e^2 tan(lat) / 2R too far, e distance east: 0.08 m at 1 km and 45 deg
+        east       e n tan(lat) / R too near, n distance north: 0.16 m at 1 km each and 45 deg
+        both       a share down / R of the distance too near: 0.16 m at 1 km horizontally, 1 km below
+    Longitude is not wrapped to +-pi.  NaN where the axis of the Earth is not farther than the point, because longitude
+    is not linear there.  Use it for Jacobians and short distances.
     """
     way, metres = np.asarray(d_n, dtype=np.float64), metres_per_geodetic(lat, alt)
     off_axis = np.hypot(way[..., 0], way[..., 1]) < metres[..., 1]
@@ -110,7 +110,7 @@ def point_geodetic_linear(lat: ArrayLike, lon: ArrayLike, alt: ArrayLike, d_n: A
 def topographic_height(alt: ArrayLike, d_n: ArrayLike) -> Array:
     """Height of M above the ellipsoid [m] from that of P: h(M) = h(P) - (0 0 1) d_n.  Eq. 2.43 to 2.45.
 
-    With the plumb line of P, so s^2 / 2R too low for a point s to the side; ``point_geodetic`` has the exact one.
+    Along the plumb line of P, so s^2 / 2R too low at a horizontal distance s; ``point_geodetic`` is exact.
     """
     return np.asarray(np.asarray(alt, np.float64) - np.asarray(d_n, np.float64)[..., 2])
 
@@ -123,9 +123,9 @@ def from_point_e(x_e: ArrayLike, lat: ArrayLike, lon: ArrayLike, alt: ArrayLike)
 def in_measurement(
     d_n: ArrayLike, mat_nb: ArrayLike, mat_bs: ArrayLike, mat_sm: ArrayLike, lever_arm_b: ArrayLike
 ) -> Array:
-    """d_m = mat_ms mat_sb (mat_bn d_n - lever_arm_b), sensor to ground in the frame m; d_n as ``from_point_e`` has it.
+    """d_m = mat_ms mat_sb (mat_bn d_n - lever_arm_b), sensor to ground in the frame m; d_n as from ``from_point_e``.
 
-    (0 0 d)^T when the point lies on the measured direction; what is left in x and y is the way beside it.
+    (0 0 d)^T when the point lies on the measured direction; x and y are the offset from it.
     Source: eq. 2.46 with the sign of the lever arm corrected: the inverse of 2.37 to 2.39.
     """
     d_s = _rotate_back(mat_bs, _rotate_back(mat_nb, d_n) - np.asarray(lever_arm_b, dtype=np.float64))
@@ -135,7 +135,7 @@ def in_measurement(
 def range_over_level(
     height_p: ArrayLike, mat_nb: ArrayLike, mat_bs: ArrayLike, mat_sm: ArrayLike, lever_arm_b: ArrayLike
 ) -> Array:
-    """Slant range to level ground ``height_p`` = h(P) - h(M) [m] below P; NaN where the beam does not meet it.
+    """Slant range to level ground ``height_p`` = h(P) - h(M) [m] below P; NaN where the beam does not reach it.
 
         d = (h(P) - h(M) - (0 0 1) mat_nb lever_arm_b) / ((0 0 1) mat_nb mat_bs mat_sm (0 0 1)^T)
 

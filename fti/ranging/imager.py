@@ -5,10 +5,10 @@ Pixel (row, column) looks along
     direction_s = (x, y, 1) / |(x, y, 1)|,     x = tan(fov_x / 2) ((2 column + 1) / p_x - 1),    y likewise with the row
 
 so that over level ground the points lie on a regular grid; x is forward and y right when the sensor's axes are the
-body's.  A scanner that told as much would need f_s p_x p_y measurements per second: 6.4 MHz for 200 x 200 at 160 Hz.
+body's.  An equivalent scanner would need f_s p_x p_y measurements per second: 6.4 MHz for 200 x 200 at 160 Hz.
 
-Each pixel is taken as one ray through its middle and as a laser of its own (range limit, weather, noise); what the
-illumination loses by being spread over all pixels is in the ``max_range`` that is stated for it.
+Each pixel is one ray through its middle and a separate laser (range limit, weather, noise); the loss by spreading the
+illumination over all pixels is contained in the stated ``max_range``.
 
 Source: Spiegel 2018, sections 2.1.5 and 5.2, eq. 5.6.
 """
@@ -31,11 +31,11 @@ Array = NDArray[np.float64]
 class RangeImager(RangingSensor):
     """A range imager; the defaults are those of table 7.8.
 
-    laser  : what each pixel measures with
+    laser  : laser of each pixel
     pixels : p_x, p_y
     field_of_view : along x and along y, each in (0, pi) [rad]
     frame_rate    : f_s, matrices per second [Hz]
-    Raises ValueError for figures out of range.
+    Raises ValueError for values out of range.
     """
 
     laser: Laser = field(default_factory=lambda: Laser(max_range=1000.0))
@@ -53,7 +53,7 @@ class RangeImager(RangingSensor):
 
     @property
     def scanner_rate(self) -> float:
-        """Measurements per second [Hz] of a scanner that tells as much: f_s p_x p_y."""
+        """Measurements per second [Hz] of an equivalent scanner: f_s p_x p_y."""
         return self.frame_rate * self.pixels[0] * self.pixels[1]
 
     def directions_s(self) -> Array:
@@ -71,7 +71,7 @@ class RangeImager(RangingSensor):
         return along, across
 
     def overlap_interval(self, height: ArrayLike, speed: ArrayLike) -> Array:
-        """Longest time between matrices [s] that overlap by half along x, at a ground speed [m/s].  Eq. 5.6."""
+        """Maximum time between matrices [s] that overlap by half along x, at a ground speed [m/s].  Eq. 5.6."""
         return np.asarray(0.5 * self.footprint(height)[0] / np.asarray(speed))
 
     def measure(self, terrain: Terrain, poses: Poses, rng: np.random.Generator | None = None) -> Returns:
@@ -79,4 +79,4 @@ class RangeImager(RangingSensor):
         rays_s = self.directions_s()
         rays_l = rays_s.reshape(-1, 3) @ np.swapaxes(poses.mats_ls, -1, -2)
         rays_l = rays_l.reshape(len(poses), *rays_s.shape)
-        return self.laser.along(terrain, poses.origins_l[:, None, None], rays_l, rays_s, rng)
+        return self.laser.measure_directions(terrain, poses.origins_l[:, None, None], rays_l, rays_s, rng)

@@ -1,22 +1,22 @@
 """Interferometric radar altimeter: the nearest point in the strip of zero Doppler shift, by range and two angles.
 
-The Doppler filter keeps what lies near the plane through the sensor perpendicular to its velocity; of this the first
-echo is measured.  With u the unit vector from the sensor to that point, v the one along the velocity and y the sensor's
+The Doppler filter passes echoes from near the plane through the sensor perpendicular to its velocity; the first of them
+is measured.  With u the unit vector from the sensor to that point, v the one along the velocity and y the sensor's
 axis to the right, along which the antennas lie,
 
     slant angle  gamma = asin(v . u)   positive ahead of the plane                                     (8)
     look angle   theta = asin(y . u)   positive to the right                                           (9, as corrected)
 
-so two angles and the velocity in the sensor's frame give u back, even when crab makes v and y oblique:
+so two angles and the velocity in the sensor's frame give u, even when crab makes v and y oblique:
 
     u = a v + b y + c w,   w = v x y / |v x y| (down),   k = v . y
     a = (sin gamma - k sin theta) / (1 - k^2),   b = (sin theta - k sin gamma) / (1 - k^2),   c > 0 from |u| = 1
 
-The nearest point is searched for on the exact surface: rays on a grid of both angles, then windows of rays around the
-three best hollows.  What it leaves, against a search 33 times as dense: 1 mm in the mean, 15 mm at 99 %, 0.14 m at most
-(400 poses, 2.5 km over hills of 40 m, posts of 90 m, seed 1).  On the same poses a search among points, as the source
-has it, is too long: among the posts by 1.8 m in the mean and 16 m at most; among points of 10 m around the nearest post
-by 0.2 and 4.6 m; among points of 10 m everywhere by 0.13 and 1.4 m.
+The nearest point is searched on the exact surface: rays on a grid of both angles, then windows of rays around the three
+best local minima.  Error against a search 33 times as dense: mean 1 mm, 15 mm at 99 %, maximum 0.14 m (400 poses, 2.5
+km over hills of 40 m, posts of 90 m, seed 1).  On the same poses a search among points, as in the source, gives too
+long ranges: among the posts by 1.8 m in the mean and 16 m at most; among points of 10 m around the nearest post by 0.2
+and 4.6 m; among points of 10 m everywhere by 0.13 and 1.4 m.
 
 Source: Park, section II and table III, eq. 1, 6-9 as corrected in docs/errata.md; Oh 2019, section 3 (line of zero
 Doppler shift, look angle against the axes of the aircraft).
@@ -38,13 +38,13 @@ from fti.terrain.terrain import Terrain
 Array = NDArray[np.float64]
 Codes = NDArray[np.uint8]
 
-#: The search looks around the best hollows of its grid in windows of 7 x 7 rays, each half as wide as the one before.
+#: Number of local minima, windows of 7 x 7 rays around each, and ratio of the widths of consecutive windows.
 _CANDIDATES, _WINDOWS, _WINDOW_RATIO = 3, 18, 0.5
 _WINDOW = np.stack(np.meshgrid(*2 * (np.linspace(-1.0, 1.0, 7),), indexing="ij"), axis=-1).reshape(-1, 2)
-#: Poses searched at a time: 2 MB of rays.
+#: Poses per search: 2 MB of rays.
 _POSES = 200
 _UNKNOWN_OUTCOMES = (RayOutcome.OUTSIDE, RayOutcome.HOLE, RayOutcome.BURIED)
-#: With less than this between velocity and the axis of the antennas there is no plane to search [sin^2].
+#: Minimum sin^2 of the angle between velocity and antenna axis; below, there is no plane to search.
 _MIN_OBLIQUITY = 1e-6
 
 
@@ -58,8 +58,8 @@ def direction_from_angles(slant_angle: ArrayLike, look_angle: ArrayLike, velocit
     """Unit vectors (..., 3) in the sensor frame: the inverse of ``angles_from_direction`` below the aircraft.
 
     slant_angle, look_angle : (...) [rad]; velocity_s : (..., 3), of any length
-    Returns NaN where no such direction exists, and where there is no velocity along x of the sensor: without one at
-    all, or along the antennas, there is no plane, and with one straight down the plane has no lower half.
+    Returns NaN where no such direction exists, and without velocity along x of the sensor: at rest or with a velocity
+    along the antennas there is no plane, and with a vertical velocity the plane has no lower half.
     """
     v = _unit(np.asarray(velocity_s, dtype=np.float64))
     k, along, across = v[..., 1], np.sin(slant_angle), np.sin(look_angle)
@@ -79,7 +79,7 @@ def _unit(vector: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class InterferometricReturns(Returns):
-    """Returns (n,) with the angles as the instrument measures them [rad], and the velocity that they are against.
+    """Returns (n,) with the measured angles [rad].
 
     slant_angle : positive ahead;  look_angle : positive to the right;  both NaN where not valid
     """
@@ -95,16 +95,16 @@ class InterferometricAltimeter(RangingSensor):
     swath_width    : full width of the Doppler filter's strip [rad], 0 is the plane itself
     field_of_view  : full width of the antennas across, about the sensor's x-z plane [rad]
     max_range      : beyond it there is no return [m]
-    range_sd, slant_angle_sd, look_angle_sd : noise [m, rad, rad]; table III.  They are drawn independently: see below
-    baselines      : the three antennas: then the look angle comes from their phases instead of ``look_angle_sd``; their
-                     look_limit must hold the field of view
+    range_sd, slant_angle_sd, look_angle_sd : noise [m, rad, rad]; table III.  Drawn independently, see below
+    baselines      : the three antennas; if given, the look angle comes from their phases instead of ``look_angle_sd``;
+                     their look_limit must cover the field of view
     rays           : rays of the search, along and across the track
-    Raises ValueError for figures out of range.
+    Raises ValueError for values out of range.
 
-    Table III was made from errors of 3.40, 0.40, 4.61 m forward, right and down.  Such errors at 2.55 km and look
-    angles of 10.3 deg rms do give its 4.54 m, 1.3 mrad and 0.36 mrad, but with errors of range and look angle that are
-    correlated (-0.7 on the right), which table III does not say.  Drawn independently its figures give 3.3, 1.2, 4.5 m:
-    the 0.40 m to the right is not reproducible from them.
+    Table III was derived from errors of 3.40, 0.40, 4.61 m forward, right and down.  Such errors at 2.55 km and look
+    angles of 10.3 deg rms give its 4.54 m, 1.3 mrad and 0.36 mrad, but with correlated errors of range and look angle
+    (-0.7 on the right), which table III does not state.  Independent draws with its values give 3.3, 1.2, 4.5 m: the
+    0.40 m to the right is not reproducible from them.
     """
 
     swath_width: float = float(np.radians(5.0))
@@ -117,8 +117,8 @@ class InterferometricAltimeter(RangingSensor):
     rays: tuple[int, int] = (5, 61)
 
     def __post_init__(self) -> None:
-        for name, least in (("swath_width", 0.0), ("field_of_view", 1e-6)):
-            if not least <= getattr(self, name) < np.pi:
+        for name, minimum in (("swath_width", 0.0), ("field_of_view", 1e-6)):
+            if not minimum <= getattr(self, name) < np.pi:
                 raise ValueError(f"{name} is {getattr(self, name)} rad, must lie between 0 and pi")
         for name in ("range_sd", "slant_angle_sd", "look_angle_sd"):
             if not 0.0 <= getattr(self, name) < np.inf:
@@ -130,25 +130,25 @@ class InterferometricAltimeter(RangingSensor):
         self._check_look_limit()
 
     def _check_look_limit(self) -> None:
-        """From beyond the limit of the antennas other integers may fit as well as the right ones never tried."""
+        """Beyond the limit of the antennas wrong integers may fit, because the correct ones are excluded."""
         if self.baselines is not None:
             edge = 0.5 * self.field_of_view
             needed = edge + MAX_ERROR_SIGMAS * float(self.baselines.look_angle_sd(edge))
             if self.baselines.look_limit < needed:
-                said = f"look_limit of the baselines is {self.baselines.look_limit:.4f} rad"
-                raise ValueError(f"{said}, must be at least half the field of view and its noise, {needed:.4f} rad")
+                text = f"look_limit of the baselines is {self.baselines.look_limit:.4f} rad"
+                raise ValueError(f"{text}, must be at least half the field of view and its noise, {needed:.4f} rad")
 
     def measure(self, terrain: Terrain, poses: Poses, rng: np.random.Generator | None = None) -> InterferometricReturns:
-        """The nearest point in the strip at each pose; not valid where ground within that range is not known.
+        """The nearest point in the strip at each pose; not valid where ground within that range is unknown.
 
         Validity besides that of rays: UNKNOWN without a velocity along x of the sensor (there is no plane), TOO_NEAR
-        where noise makes the range negative, AMBIGUOUS and WEAK as ``Baselines.resolve`` says.  Dispersion and power
-        are not known to this form.
+        where noise makes the range negative, AMBIGUOUS and WEAK as from ``Baselines.resolve``.  Dispersion and power
+        are not modelled.
         """
         velocity_s = np.einsum("nji,nj->ni", poses.mats_ls, poses.vels_l)
         ranges, angles, validity = self._nearest(terrain, poses, velocity_s)
-        slant, look, said = self._measure_angles(angles, rng)
-        validity = np.where(validity == Validity.VALID, said, validity).astype(np.uint8)
+        slant, look, angle_validity = self._measure_angles(angles, rng)
+        validity = np.where(validity == Validity.VALID, angle_validity, validity).astype(np.uint8)
         if rng is not None:
             ranges = ranges + self.range_sd * rng.standard_normal(ranges.shape)
         validity[(validity == Validity.VALID) & (ranges < 0.0)] = Validity.TOO_NEAR
@@ -173,7 +173,7 @@ class InterferometricAltimeter(RangingSensor):
         return ranges, angles, validity
 
     def _measure_angles(self, angles: Array, rng: np.random.Generator | None) -> tuple[Array, Array, Codes]:
-        """Slant and look angle with their noise, and what the antennas say of the latter."""
+        """Slant and look angle with noise, and the validity of the latter from the antennas."""
         slant, look = angles[:, 0], angles[:, 1]
         validity = np.full(look.shape, Validity.VALID, dtype=np.uint8)
         if rng is not None:
@@ -197,17 +197,18 @@ class _Search:
     max_range: float
 
     def nearest(self) -> tuple[Array, Array, Codes]:
-        """Range (n,) and angles (n, 2) of the nearest point, NaN without one; and why there is none."""
+        """Range (n,) and angles (n, 2) of the nearest point, NaN without one; and the validity."""
         sides = [np.linspace(-edge, edge, count) for edge, count in zip(self.half, self.rays, strict=True)]
         grid = np.stack(np.meshgrid(*sides, indexing="ij"), axis=-1).reshape(-1, 2)
         ranges, outcomes = self._cast(np.broadcast_to(grid, (len(self.poses), *grid.shape)))
         ranges = np.where(np.isnan(ranges), np.inf, ranges)
         chosen = np.argsort(_local_minima(ranges, self.rays), axis=1)[:, :_CANDIDATES]
-        found, angles = self._refine(np.take_along_axis(ranges, chosen, axis=1), grid[chosen])
-        best = np.argmin(found, axis=1)[:, None]
-        found, angles = np.take_along_axis(found, best, 1)[:, 0], np.take_along_axis(angles, best[..., None], 1)[:, 0]
-        validity = np.array([self._reason(k, found[k], grid, outcomes[k]) for k in range(len(found))], np.uint8)
-        return found, angles, validity
+        nearest, angles = self._refine(np.take_along_axis(ranges, chosen, axis=1), grid[chosen])
+        best = np.argmin(nearest, axis=1)[:, None]
+        nearest = np.take_along_axis(nearest, best, 1)[:, 0]
+        angles = np.take_along_axis(angles, best[..., None], 1)[:, 0]
+        validity = np.array([self._reason(k, nearest[k], grid, outcomes[k]) for k in range(len(nearest))], np.uint8)
+        return nearest, angles, validity
 
     def _cast(self, angles: Array) -> tuple[Array, Codes]:
         """Ranges and outcomes (n, k) of rays at angles (n, k, 2), the slant angle first."""
@@ -218,15 +219,16 @@ class _Search:
     def _refine(self, ranges: Array, angles: Array) -> tuple[Array, Array]:
         """Nearer points around candidates (n, k), inside the strip: windows of rays that follow the best and narrow.
 
-        Windows, not a descent: edges between cells are creases, on which a descent stays.
+        A gradient descent would stop at the creases between cells.
         """
         side = 2.0 * self.half / (np.array(self.rays) - 1)
         for _ in range(_WINDOWS):
             tried = np.clip(angles[:, :, None, :] + _WINDOW * side, -self.half, self.half)
-            found = self._cast(tried.reshape(len(tried), math.prod(tried.shape[1:3]), 2))[0].reshape(tried.shape[:-1])
-            found = np.where(np.isnan(found), np.inf, found)
-            best = np.argmin(found, axis=-1)[..., None]
-            nearest = np.take_along_axis(found, best, axis=-1)[..., 0]
+            rays = tried.reshape(len(tried), math.prod(tried.shape[1:3]), 2)
+            tried_ranges = self._cast(rays)[0].reshape(tried.shape[:-1])
+            tried_ranges = np.where(np.isnan(tried_ranges), np.inf, tried_ranges)
+            best = np.argmin(tried_ranges, axis=-1)[..., None]
+            nearest = np.take_along_axis(tried_ranges, best, axis=-1)[..., 0]
             moved = np.take_along_axis(tried, best[..., None], axis=-2)[..., 0, :]
             angles = np.where((nearest < ranges)[..., None], moved, angles)
             ranges = np.minimum(nearest, ranges)
@@ -234,7 +236,7 @@ class _Search:
         return ranges, angles
 
     def _reason(self, pose: int, nearest: float, grid: Array, outcomes: Codes) -> int:
-        """Whether there is a nearest point, and none could be nearer where nobody knows the ground."""
+        """VALID if there is a nearest point and none can be nearer on unknown ground; otherwise the reason."""
         if (outcomes == RayOutcome.UNKNOWN).all():
             return Validity.UNKNOWN
         doubtful = np.isin(outcomes, _UNKNOWN_OUTCOMES)
@@ -254,5 +256,5 @@ def _local_minima(ranges: Array, rays: tuple[int, int]) -> Array:
     grid = ranges.reshape(len(ranges), *rays)
     framed = np.pad(grid, ((0, 0), (1, 1), (1, 1)), constant_values=np.inf)
     rows, columns = rays
-    around = [framed[:, i : i + rows, j : j + columns] for i in range(3) for j in range(3)]
-    return np.where(grid <= np.min(around, axis=0), grid, np.inf).reshape(ranges.shape)
+    neighbours = [framed[:, i : i + rows, j : j + columns] for i in range(3) for j in range(3)]
+    return np.where(grid <= np.min(neighbours, axis=0), grid, np.inf).reshape(ranges.shape)

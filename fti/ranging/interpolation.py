@@ -7,9 +7,9 @@ epoch to the next about one fixed axis at a constant rate (slerp).  With epochs 
     Hermite          |x''''| dt^4 / 384      10 ms and 100 m/s^4: 3 nm        100 ms: 26 um
     slerp            |w'| dt^2 / 8           10 ms and 1 rad/s^2: 13 urad     100 ms: 1.3 mrad, 0.4 m at 300 m
 
-x'' is the acceleration, x'''' its second derivative, w' the angular acceleration.  A velocity that is off by dv, as
-that of a lever arm whose turning is left out, costs Hermite at most dv dt / 4 (both ends off to opposite sides); the
-straight line does not use it.
+x'' is the acceleration, x'''' its second derivative, w' the angular acceleration.  A velocity error dv, as from the
+neglected rotation of a lever arm, causes an error of at most dv dt / 4 with Hermite (opposite errors at both ends); the
+straight line does not use velocities.
 
 Sources: Spiegel 2018, section 2.1.4 (poses have to be interpolated); de Boor 1978, ch. IV (errors of the line and of
 the cubic); Shoemake 1985 (slerp).
@@ -26,7 +26,7 @@ from fti.ranging.sensor import Poses
 
 Array = NDArray[np.float64]
 
-#: Which way an attitude has turned is not known of epochs that differ by about half a turn [rad].
+#: Maximum rotation between epochs [rad]: near half a turn its direction is ambiguous.
 MAX_TURN_RAD = 3.0
 
 
@@ -35,16 +35,16 @@ def interpolate_poses(
 ) -> Poses:
     """Poses at ``at`` (k,) [s] from those of epochs at ``times`` (n,) [s], n >= 2.
 
-    NaN before the first and after the last epoch, beside an epoch that is NaN, and between epochs more than
+    NaN before the first and after the last epoch, next to an epoch that is NaN, and between epochs more than
     ``MAX_TURN_RAD`` apart in attitude.  Velocities are the derivative of the cubic, or a line between the epochs'.
-    Raises ValueError for times that do not ascend, or are not as many as the epochs, and for another ``position``.
+    Raises ValueError for times that do not ascend or do not match the epochs, and for another ``position``.
     """
     place = {"hermite": _hermite, "line": _line}.get(position)
     if place is None:
         raise ValueError(f"position is {position!r}, must be hermite or line")
     knots, when = np.asarray(times, dtype=np.float64), np.asarray(at, dtype=np.float64)
     if knots.shape != (len(epochs),) or len(knots) < 2 or not (np.diff(knots) > 0.0).all():
-        raise ValueError(f"{len(epochs)} epochs need as many times, at least 2, ascending; there are {knots.shape}")
+        raise ValueError(f"times have the shape {knots.shape}, must be ({len(epochs)},), at least 2, ascending")
     before = np.clip(np.searchsorted(knots, when, side="right") - 1, 0, len(knots) - 2)
     step = np.diff(knots)[before]
     share = (when - knots[before]) / step

@@ -1,22 +1,22 @@
-"""Laser altimeter: one pulse along the boresight (sensor +z), answered by ground, by the edge of a roof, or by a cloud.
+"""Laser altimeter: one pulse along the boresight (sensor +z), with echoes of ground, roof edges and clouds.
 
-How far it sees.  A diffuse surface that is wider than the beam returns, through an aperture of the diameter D,
+Maximum range.  A diffuse surface that is wider than the beam returns, through an aperture of the diameter D,
 
     P_rx / P_tx = rho cos(i) D^2 / (4 d^2) exp(-2 tau)
 
 with the reflectance rho, the angle of incidence i (Lambert) and the optical depth tau of fog or cloud: it falls with
 the square of the distance, not with the fourth power of eq. 2.18, because the surface is wider than the beam.  The
-receiver answers above a threshold.  So a laser that reaches ``max_range`` on a surface with ``reflectance``, at normal
-incidence in clear air, reaches
+receiver detects echoes above a threshold.  So a laser with ``max_range`` on a surface with ``reflectance``, at normal
+incidence in clear air, has
 
     d_max = max_range sqrt(rho cos(i) / reflectance) exp(-tau)
 
-How near.  While the pulse leaves, the receiver is blind: d_min = c T_p / 2, 1.5 m at 10 ns (eq. 2.5).
+Minimum range.  During the pulse the receiver is blind: d_min = c T_p / 2, 1.5 m at 10 ns (eq. 2.5).
 
-How wide.  The footprint has the diameter divergence x d, 0.5 to 1.5 m at 500 m for 1 to 3 mrad.  Its light is taken as
-even (a top hat) and sampled by ``footprint_rays`` of equal solid angle.  Parts of it that lie nearer together than
-c T_p / 2 are one echo at their mean range, weighted by power; others are echoes of their own, of which the receiver
-tells the first or the last that is strong enough (fig. 2.16).
+Footprint.  It has the diameter divergence x d, 0.5 to 1.5 m at 500 m for 1 to 3 mrad.  Its light is uniform (a top hat)
+and sampled by ``footprint_rays`` of equal solid angle.  Parts of it within c T_p / 2 in range are one echo at their
+mean range, weighted by power; others are separate echoes.  The receiver reports the first or the last one that is
+strong enough (fig. 2.16).
 
 Sources: Spiegel 2018, sections 2.1.2 and 2.1.4, eq. 2.5, 2.67; Wehr and Lohr 1999 (power and range of a laser over
 extended diffuse targets).
@@ -31,7 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fti.constants import SPEED_OF_LIGHT
-from fti.ranging.echoes import PulseEchoes, beams, merge_echoes, outcome
+from fti.ranging.echoes import PulseEchoes, beams, merge_echoes, pulse_outcome
 from fti.ranging.error_model import RangeError
 from fti.ranging.reflectance import CoverAt, reflectance_at
 from fti.ranging.sensor import Poses, RangingSensor, Returns, Validity
@@ -44,29 +44,29 @@ Array = NDArray[np.float64]
 Codes = NDArray[np.uint8]
 Mask = NDArray[np.bool_]
 
-#: Pulses at a time: beside the returns a minute of a scanner's footprints would hold gigabytes.
+#: Pulses per chunk: all footprints of a minute of a scanner would need gigabytes.
 _CHUNK = 1 << 14
-#: The instrument tells what it sees.
+#: No error.
 EXACT = RangeError()
-#: What an instrument means that says its value for "no return".
+#: Validities for which an instrument outputs its value of "no return".
 SILENT = (Validity.NO_RETURN, Validity.WEAK, Validity.TOO_NEAR)
 
 
 @dataclass(frozen=True)
 class Laser(RangingSensor):
-    """A laser altimeter; as it stands a pencil beam that sees any surface up to ``max_range``.
+    """A laser altimeter; by default a pencil beam that detects any surface up to ``max_range``.
 
-    max_range    : [m] how far it sees a surface with ``reflectance``
-    reflectance  : of the surface that ``max_range`` is stated for; None: it sees every surface as far, at any incidence
+    max_range    : [m] on a surface with ``reflectance``
+    reflectance  : of the surface of ``max_range``; None: every surface up to ``max_range``, at any incidence
     cover        : land cover, for the reflectance of the ground: one kind, or ``Landscape.cover_at``
-    pulse_length : T_p [s]; nearer than c T_p / 2 it sees nothing, and echoes nearer to each other are one
+    pulse_length : T_p [s]; the minimum range is c T_p / 2, which is also the range resolution of echoes
     divergence   : full width of the beam [rad]; 0 is one ray
     returns      : "first" or "last" echo, shape (n,), or "both", shape (n, 2)
     aperture     : diameter of the receiver's lens [m], for the power; its optics lose nothing
-    weather      : clouds and fog; they need ``reflectance``, and to be seen ``pulse_length``
-    error        : of a range that is told
-    sentinel     : what the instrument says without a return [m] (LightWare SF11: 130.00); None: nothing, NaN
-    Raises ValueError for figures out of range.
+    weather      : clouds and fog; they need ``reflectance``, and ``pulse_length`` to be detected
+    error        : of a reported range
+    sentinel     : output of the instrument without a return [m] (LightWare SF11: 130.00); None: NaN
+    Raises ValueError for values out of range.
     """
 
     max_range: float = 300.0
@@ -95,29 +95,29 @@ class Laser(RangingSensor):
         if not (isinstance(self.cover, Cover) or callable(self.cover)):
             raise ValueError(f"cover is {self.cover!r}, must be a Cover or a function of east and north")
         if self.weather and self.reflectance is None:
-            raise ValueError("weather needs reflectance: the surface that max_range is stated for")
+            raise ValueError("weather needs reflectance, that of the surface of max_range")
 
     @property
     def min_range(self) -> float:
-        """The nearest range that is seen, c T_p / 2 [m].  Eq. 2.5."""
+        """Minimum range, c T_p / 2 [m].  Eq. 2.5."""
         return 0.5 * SPEED_OF_LIGHT * self.pulse_length
 
     @property
     def reach(self) -> float:
-        """The farthest that anything can be seen [m]: a white surface at normal incidence in clear air."""
+        """Maximum range on any surface [m]: a white one at normal incidence in clear air."""
         return self.max_range if self.reflectance is None else self.max_range / float(np.sqrt(self.reflectance))
 
     @property
     def threshold(self) -> float:
-        """P_rx / P_tx that the receiver needs to answer."""
+        """Minimum P_rx / P_tx of a detected echo."""
         return 0.0 if self.reflectance is None else self.reflectance * float(self._collected_share(self.max_range))
 
     def measure(self, terrain: Terrain, poses: Poses, rng: np.random.Generator | None = None) -> Returns:
         """Slant range along the boresight at each pose: shape (n,), with both returns (n, 2)."""
         boresight = np.broadcast_to([0.0, 0.0, 1.0], (len(poses), 3))
-        return self.along(terrain, poses.origins_l, poses.mats_ls[:, :, 2], boresight, rng)
+        return self.measure_directions(terrain, poses.origins_l, poses.mats_ls[:, :, 2], boresight, rng)
 
-    def along(
+    def measure_directions(
         self,
         terrain: Terrain,
         origins_l: Array,
@@ -125,9 +125,9 @@ class Laser(RangingSensor):
         directions_s: Array,
         rng: np.random.Generator | None = None,
     ) -> Returns:
-        """What pulses return, of any leading shape: (...), with both returns (..., 2).
+        """Returns of pulses, of any leading shape: (...), with both returns (..., 2).
 
-        origins_l    : (..., 3) [m]   where they leave
+        origins_l    : (..., 3) [m]   where they start
         directions_l : (..., 3)       unit vectors
         directions_s : (..., 3)       the same in the sensor frame, for ``direction_s``
         """
@@ -137,18 +137,18 @@ class Laser(RangingSensor):
             for vectors in (origins_l, directions_l, directions_s)
         )
         some = [slice(i, i + _CHUNK) for i in range(0, max(len(rays), 1), _CHUNK)]
-        told = _concatenate([self._pulses(terrain, starts[part], rays[part], rays_s[part], rng) for part in some])
-        return _reshape(told, (*shape, 2) if self.returns == "both" else shape)
+        returns = _concatenate([self._pulses(terrain, starts[part], rays[part], rays_s[part], rng) for part in some])
+        return _reshape(returns, (*shape, 2) if self.returns == "both" else shape)
 
     def _pulses(
         self, terrain: Terrain, starts: Array, rays: Array, rays_s: Array, rng: np.random.Generator | None
     ) -> Returns:
-        """What n pulses return, shape (n, 1), with both (n, 2)."""
-        starts = np.where(np.isfinite(starts), starts, np.nan)  # an infinite place is as unknown as none
+        """Returns of n pulses, shape (n, 1), with both (n, 2)."""
+        starts = np.where(np.isfinite(starts), starts, np.nan)  # an infinite position is unknown
         air = cross_clouds(self.weather, starts, rays, rng)
         echoes, code = self._ground(terrain, starts, rays, air)
         if self.weather:
-            echoes = echoes.beside(self._clouds(echoes, air))
+            echoes = echoes.extend_with(self._clouds(echoes, air))
         return self._receive(echoes, code, rays_s, rng)
 
     def _collected_share(self, ranges: Array | float) -> Array:
@@ -170,10 +170,10 @@ class Laser(RangingSensor):
         ranges = ranges.reshape(shape)
         power = (scattered * self._collected_share(ranges.ravel())).reshape(shape) * air.transmission(ranges) / shape[1]
         echoes = merge_echoes(ranges, power, self.min_range) if shape[1] > 1 else PulseEchoes.sharp(ranges, power)
-        return echoes, outcome(codes.reshape(shape))
+        return echoes, pulse_outcome(codes.reshape(shape))
 
     def _clouds(self, ground: PulseEchoes, air: CloudLayers) -> PulseEchoes:
-        """What clouds answer (n, k) before the ground does."""
+        """Echoes of clouds (n, k) before the ground."""
         nearest = np.fmin.reduce(ground.ranges, axis=1, initial=np.inf)
         where, reflectance = air.echoes(self.min_range, nearest)
         return PulseEchoes.sharp(where, reflectance * self._collected_share(where))
@@ -181,16 +181,16 @@ class Laser(RangingSensor):
     def _receive(
         self, echoes: PulseEchoes, code: Codes, directions_s: Array, rng: np.random.Generator | None
     ) -> Returns:
-        """What the receiver makes of the echoes: shape (n, 1), with both (n, 2)."""
-        seen = echoes.ranges >= self.min_range
-        heard = seen & (echoes.power >= self.threshold) & (code <= RayOutcome.NOTHING)[:, None]
-        told = echoes.told(heard, self.returns)
-        ranges = self.error.apply(told.ranges, rng)
-        validity = np.repeat(_validity(code, echoes, seen, heard)[:, None], ranges.shape[1], axis=1)
+        """Output of the receiver for echoes: shape (n, 1), with both (n, 2)."""
+        far_enough = echoes.ranges >= self.min_range
+        received = far_enough & (echoes.power >= self.threshold) & (code <= RayOutcome.NOTHING)[:, None]
+        selected = echoes.select(received, self.returns)
+        ranges = self.error.apply(selected.ranges, rng)
+        validity = np.repeat(_validity(code, echoes, far_enough, received)[:, None], ranges.shape[1], axis=1)
         directions = np.where(np.isfinite(ranges)[..., None], directions_s[:, None, :], np.nan)
         if self.sentinel is not None:
             ranges = np.where(np.isin(validity, SILENT), self.sentinel, ranges)
-        return Returns(ranges, directions, told.spread, told.power, validity)
+        return Returns(ranges, directions, selected.spread, selected.power, validity)
 
 
 def _facing(terrain: Terrain, east: Array, north: Array, rays: Array) -> Array:
@@ -200,25 +200,25 @@ def _facing(terrain: Terrain, east: Array, north: Array, rays: Array) -> Array:
     return np.asarray(np.maximum(against / np.sqrt(1.0 + to_east**2 + to_north**2), 0.0))
 
 
-def _validity(code: Codes, echoes: PulseEchoes, seen: Mask, heard: Mask) -> Codes:
-    """Of each pulse (n,), from its outcome and from which echoes (n, m) are far and strong enough."""
+def _validity(code: Codes, echoes: PulseEchoes, far_enough: Mask, received: Mask) -> Codes:
+    """Validity of pulses (n,), from their outcomes and the masks of far and strong enough echoes (n, m)."""
     there = np.isfinite(echoes.ranges)
-    silence = np.where(seen.any(axis=1), Validity.WEAK, np.where(there.any(axis=1), Validity.TOO_NEAR, code))
-    silence = np.where(heard.any(axis=1), Validity.VALID, silence)
+    silence = np.where(far_enough.any(axis=1), Validity.WEAK, np.where(there.any(axis=1), Validity.TOO_NEAR, code))
+    silence = np.where(received.any(axis=1), Validity.VALID, silence)
     return np.where(code > RayOutcome.NOTHING, code, silence).astype(np.uint8)
 
 
 def _concatenate(parts: list[Returns]) -> Returns:
-    """The returns of one part of the pulses after the other."""
+    """The returns of all parts of the pulses in order."""
     return Returns(*(np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(Returns)))
 
 
-def _reshape(found: Returns, shape: tuple[int, ...]) -> Returns:
+def _reshape(returns: Returns, shape: tuple[int, ...]) -> Returns:
     """The same returns in another shape."""
     return Returns(
-        found.slant_range.reshape(shape),
-        found.direction_s.reshape(*shape, 3),
-        found.dispersion.reshape(shape),
-        found.power.reshape(shape),
-        found.validity.reshape(shape),
+        returns.slant_range.reshape(shape),
+        returns.direction_s.reshape(*shape, 3),
+        returns.dispersion.reshape(shape),
+        returns.power.reshape(shape),
+        returns.validity.reshape(shape),
     )

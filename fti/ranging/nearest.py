@@ -1,11 +1,11 @@
-"""The nearest return within a beam: a leading-edge radar altimeter without antenna, power and receiver, and fast.
+"""The nearest return within a beam: a fast model of a leading-edge radar without antenna, power and receiver.
 
 The beam is a cone of the full width ``beam_width`` around the boresight (sensor +z), sampled by a centre ray and
 concentric rings of 6, 12, 18 ... rays at equal angular steps: 1 + 3 r (r + 1) rays for r rings.  A leading-edge
 tracker locks to the first echo above its threshold, so every ray inside the beam counts alike and the beam's edge is
 the threshold: no weight by gain, incidence or range.  The nearest ray is refined by a local search inside the beam;
 over level ground h below the antenna the range is at most h (delta / 2^steps)^2 too long, delta the ring step: 0.6 mm
-at 300 m.  What it leaves out: side lobes, reflectivity, averaging, receiver noise.
+at 300 m.  Not modelled: side lobes, reflectivity, averaging, receiver noise.
 
 Source: Spiegel 2018, sections 2.2.5 (bundle of rays) and 2.3.2.3, fig. 2.53 (leading edge).
 """
@@ -29,13 +29,13 @@ REFINE_STEPS = 5
 def ring_angles(beam_width: float, rings: int) -> Array:
     """Angles of the rays, shape (1 + 3 r (r + 1), 2) [rad]: off the boresight, times the direction across it.
 
-    The outermost ring lies on the edge of the beam; ring k has 6 k rays, alternately turned by half a step.
+    The outermost ring lies on the edge of the beam; ring k has 6 k rays, alternately rotated by half a step.
     """
-    found = [np.zeros((1, 2))]
+    angles = [np.zeros((1, 2))]
     for ring in range(1, rings + 1):
-        around = 2.0 * np.pi * (np.arange(6 * ring) + 0.5 * (ring % 2)) / (6 * ring)
-        found.append(0.5 * beam_width * ring / rings * np.stack((np.cos(around), np.sin(around)), axis=-1))
-    return np.concatenate(found)
+        azimuth = 2.0 * np.pi * (np.arange(6 * ring) + 0.5 * (ring % 2)) / (6 * ring)
+        angles.append(0.5 * beam_width * ring / rings * np.stack((np.cos(azimuth), np.sin(azimuth)), axis=-1))
+    return np.concatenate(angles)
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,13 +67,13 @@ class NearestReturn(RangingSensor):
         return self.beam_width
 
     def measure(self, terrain: Terrain, poses: Poses, rng: np.random.Generator | None = None) -> Returns:
-        """The leading edge at each pose; no noise, and neither dispersion nor power, which this form does not know."""
-        half, farthest = 0.5 * self.beam_width, float(self.max_range)
-        found, angles, outcomes = cast_bundle_min(
-            terrain.pyramid, poses.origins_l, poses.mats_ls, self._angles, half, REFINE_STEPS, farthest
+        """The leading edge at each pose, without noise; dispersion and power are not modelled."""
+        half, max_range = 0.5 * self.beam_width, float(self.max_range)
+        ranges, angles, outcomes = cast_bundle_min(
+            terrain.pyramid, poses.origins_l, poses.mats_ls, self._angles, half, REFINE_STEPS, max_range
         )
-        unknown = np.full_like(found, np.nan)
-        return Returns(found, directions(angles), unknown, unknown, outcomes)
+        unknown = np.full_like(ranges, np.nan)
+        return Returns(ranges, directions(angles), unknown, unknown, outcomes)
 
 
 def directions(angles: Array) -> Array:

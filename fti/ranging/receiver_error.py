@@ -1,23 +1,22 @@
-"""How far the range of an unknown receiver may lie from the predicted one: the model error of a radar's beam.
+"""Model error of a radar: difference between the range of an unknown receiver and the predicted one.
 
-A prediction has one antenna pattern and one detector; the altimeter in the aircraft has another.  Over level ground
-they agree: the nearest point lies straight below and every detector finds it.  Over hills, edges of woods and in a bank
-they do not, because one of them takes an echo that the other has too far from its axis or too weak.  So nine receivers
-that are possible look at the ground below, and the root mean square of their ranges minus the predicted one is the
-model error:
+A prediction has one antenna pattern and one detector; those of the real altimeter differ.  Over level ground they
+agree: the nearest point lies straight below and every detector finds it.  Over hills, edges of woods and in a bank they
+do not, because an echo may be too far off the axis or too weak for one of them.  Therefore nine possible receivers are
+simulated, and the root mean square of their ranges minus the predicted one is the model error:
 
     pattern    two-way Gaussian, G^2 = exp(-2 ln 2 (angle / half beam)^2), full width 0.85, 1 and 1.15 times the stated
     detector   first range at which the power within a resolution cell is above 0.25, 0.1 and 0.04 of its maximum
-               (-6, -10 and -14 dB: leading edges; the last one is all but the nearest return)
+               (-6, -10 and -14 dB: leading edges; the last one is nearly the nearest return)
     cell       1 % of the range, at least 1 m: coarser than the range bin, as so few rays leave gaps between them
 
     s^2 = s_detector^2 + mean over the nine of (range - predicted)^2
 
-217 rays in rings of equal solid angle reach to 1.375 times half the beam, where the widest pattern is 8.6 dB down.
-Incidence is left out.  s_detector is half a range bin of 0.5 m and what averaging leaves of it.
+217 rays in rings of equal solid angle extend to 1.375 times half the beam, where the widest pattern is 8.6 dB down.
+Incidence is neglected.  s_detector is half a range bin of 0.5 m, reduced by averaging.
 
 Source: Spiegel 2018, sections 2.2.5 (bundle of rays, radar equation) and 2.3.2.3 (leading edge); the ensemble and its
-figures are stated, not measured (docs/decisions/0038).  ``fti study compensation`` judges error over sigma.
+values are chosen, not measured (docs/decisions/0038).  ``fti study compensation`` verifies error over sigma.
 """
 
 # ruff: noqa: PLR0917 - compiled kernels take their scalars by position
@@ -40,14 +39,14 @@ from fti.terrain.terrain import Terrain
 Array = NDArray[np.float64]
 
 RINGS = 8
-#: The rays reach so many times half the beam; beyond the horizontal there is no ground.
+#: Extent of the rays in half beams, and their maximum angle: there is no ground beyond the horizontal.
 REACH = 1.375
 MAX_REACH = math.radians(85.0)
 WIDTHS = np.array([0.85, 1.0, 1.15])
 THRESHOLDS = np.array([0.25, 0.1, 0.04])
-#: A resolution cell: share of the range, and its least length [m].
+#: A resolution cell: share of the range, and its minimum length [m].
 CELL_SHARE, MIN_CELL_M = 0.01, 1.0
-#: What another detector makes of level ground [m].
+#: Sigma by another detector over level ground [m].
 DETECTOR_SD = 0.3
 _HIT = int(RayOutcome.HIT)
 
@@ -77,9 +76,9 @@ def model_error(p: Pyramid, origin: Array, mat_ls: Array, rays: Array, square_an
         east = mat_ls[0, 0] * x + mat_ls[0, 1] * y + mat_ls[0, 2] * z
         north = mat_ls[1, 0] * x + mat_ls[1, 1] * y + mat_ls[1, 2] * z
         up = mat_ls[2, 0] * x + mat_ls[2, 1] * y + mat_ls[2, 2] * z
-        found, what = cast_one(p, origin[0], origin[1], origin[2], east, north, up, math.inf)
-        if what == _HIT:
-            ranges[count], squares[count] = found, square_angles[k]
+        distance, outcome = cast_one(p, origin[0], origin[1], origin[2], east, north, up, math.inf)
+        if outcome == _HIT:
+            ranges[count], squares[count] = distance, square_angles[k]
             count += 1
     if count == 0:
         return math.nan
@@ -95,7 +94,7 @@ def model_error(p: Pyramid, origin: Array, mat_ls: Array, rays: Array, square_an
 
 @kernel
 def leading_edges(ranges: Array, powers: Array) -> Array:
-    """Ranges (3,) [m] from which on a resolution cell holds each share of the most that one holds.
+    """Ranges (3,) [m] from which a resolution cell has each share of the maximum power of a cell.
 
     ranges : (n,) ascending [m];  powers : (n,)
     """
@@ -108,10 +107,10 @@ def leading_edges(ranges: Array, powers: Array) -> Array:
             end += 1
         held[k] = power
         power -= powers[k]
-    edges, most = np.empty(len(THRESHOLDS)), held.max()
+    edges, max_power = np.empty(len(THRESHOLDS)), held.max()
     for i in range(len(THRESHOLDS)):
         k = 0
-        while held[k] < THRESHOLDS[i] * most:
+        while held[k] < THRESHOLDS[i] * max_power:
             k += 1
         edges[i] = ranges[k]
     return edges
@@ -121,9 +120,9 @@ def leading_edges(ranges: Array, powers: Array) -> Array:
 def model_errors(
     p: Pyramid, origins: Array, mats_ls: Array, rays: Array, square_angles: Array, predicted: Array
 ) -> Array:
-    """The same of n poses (n,) [m]."""
-    found = np.full(len(origins), math.nan)
+    """``model_error`` of n poses (n,) [m]."""
+    errors = np.full(len(origins), math.nan)
     for i in range(len(origins)):
         if math.isfinite(predicted[i]):
-            found[i] = model_error(p, origins[i], mats_ls[i], rays, square_angles, predicted[i])
-    return found
+            errors[i] = model_error(p, origins[i], mats_ls[i], rays, square_angles, predicted[i])
+    return errors

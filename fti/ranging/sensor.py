@@ -1,7 +1,7 @@
-"""What every ranging sensor has: where it is, which way it looks, and what it measures there.
+"""Common interface of ranging sensors: poses, returns, validity.
 
-A sensor is a frozen value with the parameters of a make; ``measure`` is a pure function of terrain, poses and random
-numbers.  Without random numbers (``rng=None``) it says what an instrument without noise would say.
+A sensor is an immutable value with the parameters of a model; ``measure`` is a pure function of terrain, poses and
+random numbers.  Without random numbers (``rng=None``) it returns the measurement without noise.
 """
 
 # ruff: noqa: PLR0917 - a pose is six numbers in the field's order
@@ -25,7 +25,7 @@ Codes = NDArray[np.uint8]
 
 
 class Validity(IntEnum):
-    """Whether a measurement is one, and why not; the first are those of a ray."""
+    """Validity of a measurement; the first values are those of ``RayOutcome``."""
 
     VALID = RayOutcome.HIT
     NO_RETURN = RayOutcome.NOTHING
@@ -33,15 +33,15 @@ class Validity(IntEnum):
     HOLE = RayOutcome.HOLE
     BURIED = RayOutcome.BURIED
     UNKNOWN = RayOutcome.UNKNOWN
-    TOO_NEAR = 6  #: nearer than the instrument resolves
+    TOO_NEAR = 6  #: below the minimum range of the instrument
     TOO_FAR = 7  #: beyond the instrument's range
     WEAK = 8  #: the return lies below the receiver's threshold
-    AMBIGUOUS = 9  #: more than one answer fits what was received
+    AMBIGUOUS = 9  #: more than one solution fits the received signal
 
 
 @dataclass(frozen=True, eq=False)
 class Poses:
-    """Where a sensor is at n moments, which way it looks and how it moves.
+    """Positions, attitudes and velocities of a sensor at n times.
 
     origins_l : ndarray, shape (n, 3)     [m]    sensor in the terrain's frame: east, north, up
     mats_ls   : ndarray, shape (n, 3, 3)         sensor frame to that frame; +z is the boresight
@@ -62,7 +62,7 @@ class Poses:
             object.__setattr__(self, name, value)
 
     @classmethod
-    def still(cls, origins_l: ArrayLike, mats_ls: ArrayLike) -> Poses:
+    def stationary(cls, origins_l: ArrayLike, mats_ls: ArrayLike) -> Poses:
         """Poses without velocity."""
         origins = np.asarray(origins_l, dtype=np.float64)
         return cls(origins, np.asarray(mats_ls, dtype=np.float64), np.zeros_like(origins))
@@ -83,7 +83,7 @@ def sensor_poses(
     mat_bs: ArrayLike | None = None,
     vel_n: ArrayLike = (0.0, 0.0, 0.0),
 ) -> Poses:
-    """Poses of a sensor along a flown path.
+    """Poses of a sensor along a flight path.
 
         x_l = x_l(P) + mat_ln mat_nb lever_arm_b,      mat_ls = mat_ln mat_nb mat_bs
 
@@ -91,7 +91,7 @@ def sensor_poses(
     roll, pitch, heading [rad]        : attitude of the body; floats or (n,)
     lever_arm_b : ndarray, shape (3,) [m]  reference point P to sensor
     mat_bs      : ndarray, shape (3, 3)    sensor to body; None: the sensor's axes are the body's (looks down)
-    vel_n       : ndarray, shape (3,) or (n, 3) [m/s]  of P; the turning of the lever arm is left out
+    vel_n       : ndarray, shape (3,) or (n, 3) [m/s]  of P; the rotation of the lever arm is neglected
     Source      : Spiegel 2018, eq. 2.38-2.40 with the sign of the lever arm as in the conventions of ``fti``.
     """
     mat_ln = frame.mat_ln(lat, lon)
@@ -106,12 +106,12 @@ def sensor_poses(
 
 @dataclass(frozen=True, eq=False)
 class Returns:
-    """What a sensor measured: shape (n,) for one return per pose, (n, k) for k of them.
+    """Measurements of a sensor: shape (n,) for one return per pose, (n, k) for k of them.
 
-    slant_range : [m] NaN where not valid, or the value by which the instrument says so
-    direction_s : shape (..., 3)  unit vector from the sensor to where the return came from; NaN where not valid
+    slant_range : [m] where not valid NaN, or the value by which the instrument indicates this
+    direction_s : shape (..., 3)  unit vector from the sensor to the measured point; NaN where not valid
     dispersion  : [m] standard deviation of the ranges across the beam, weighted by their power; 0 for a pencil beam
-    power       : received power over transmitted power; NaN where nothing came back
+    power       : received power over transmitted power; NaN without a return
     validity    : numbers of ``Validity``
     """
 
@@ -132,7 +132,7 @@ class RangingSensor(ABC):
 
     @property
     def model_beam(self) -> float | None:
-        """Full width of the beam in which the receiver that is aboard may find another range [rad]; None of a pencil.
+        """Full width of the beam in which a real receiver may measure another range [rad]; None for a pencil.
 
         See ``fti.ranging.receiver_error``.
         """
@@ -140,4 +140,4 @@ class RangingSensor(ABC):
 
     @abstractmethod
     def measure(self, terrain: Terrain, poses: Poses, rng: np.random.Generator | None = None) -> Returns:
-        """What the instrument says at each pose; the same generator gives the same, None leaves the noise out."""
+        """The measurement at each pose; reproducible with the same generator, without noise for None."""

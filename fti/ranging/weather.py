@@ -1,18 +1,18 @@
-"""Fog and cloud in the way of a laser: the ground fades, and the cloud itself answers.
+"""Fog and cloud in the path of a laser: attenuation of the ground echo, and echoes of the cloud.
 
-A cloud is a level layer of droplets with the extinction sigma; fog is a cloud on the ground.  Two things follow.
+A cloud is a level layer of droplets with the extinction sigma; fog is a cloud on the ground.  It has two effects.
 
-The ground fades by exp(-2 tau), tau the way through the layer times sigma, so a laser that reaches R_0 in clear air
-reaches R exp(sigma R) = R_0 inside fog.
+The ground echo is attenuated by exp(-2 tau), tau the path in the layer times sigma, so a laser with the range R_0 in
+clear air has R exp(sigma R) = R_0 inside fog.
 
-The droplets scatter back beta = sigma / S, S the lidar ratio.  Of a pulse that has entered the layer, as much light
-comes back within one pulse length, a way of g = c T_p / 2, as from a surface with the diffuse reflectance
+The droplets scatter back beta = sigma / S, S the lidar ratio.  From a pulse in the layer, the light returned within one
+pulse length, a path of g = c T_p / 2, is that of a surface with the diffuse reflectance
 
     rho = pi / (2 S) (1 - exp(-2 sigma g)),           at most 0.084
 
 since a Lambertian surface returns rho / pi per steradian and the layer the integral of beta exp(-2 sigma r) over g.
-Deeper light is weaker, so a receiver with a threshold answers at the near edge of the layer, or, inside it, as near as
-it can see: an early return that nothing tells from ground.  That is what a recorded approach shows: ranges that fall
+Deeper light is weaker, so a receiver with a threshold detects the near edge of the layer, or, inside it, its minimum
+range: an early return that cannot be distinguished from ground.  A recorded approach shows this: ranges that fall
 from 75 m to 5 m while the aircraft sinks towards and into a cloud, never marked invalid, and the ground again below it.
 
 From pulse to pulse the extinction varies.  It is drawn for each pulse and layer from a gamma distribution with the mean
@@ -91,9 +91,9 @@ def _kim_exponent(visibility_km: float) -> float:
 
 @dataclass(frozen=True, eq=False)
 class CloudLayers:
-    """What lies along n pulses: for each of k layers where it begins and ends [m] and its extinction [1/m], (n, k).
+    """Cloud layers along n pulses: begin and end [m] and extinction [1/m] of each of k layers, (n, k).
 
-    An end that is not behind the beginning is a layer that the pulse does not meet.
+    An end that is not beyond the begin is a layer that the pulse does not cross.
     """
 
     begins: Array
@@ -101,7 +101,7 @@ class CloudLayers:
     extinction: Array
 
     def transmission(self, ranges: Array) -> Array:
-        """The share of the light that survives the way to ranges (n, m) [m] and back; NaN stays NaN."""
+        """Transmission of the light to ranges (n, m) [m] and back; NaN stays NaN."""
         depth = np.zeros_like(ranges)
         for begin, end, extinction in zip(self.begins.T, self.ends.T, self.extinction.T, strict=True):
             through = np.minimum(ranges, end[:, None]) - begin[:, None]
@@ -109,10 +109,10 @@ class CloudLayers:
         return np.exp(-2.0 * depth)
 
     def echoes(self, gate: float, ground: Array) -> tuple[Array, Array]:
-        """What the layers answer: where (n, k) [m], and as a diffuse reflectance seen through the air before it.
+        """Echoes of the layers: ranges (n, k) [m], and equivalent diffuse reflectances, attenuated by the air before.
 
-        gate   : c T_p / 2 [m], also the nearest range that the receiver sees
-        ground : where the pulse ends, (n,) [m]; inf where it meets no ground.  No answer is NaN
+        gate   : c T_p / 2 [m], also the minimum range of the receiver
+        ground : where the pulse ends, (n,) [m]; inf where it meets no ground.  No echo is NaN
         """
         near = np.maximum(self.begins, gate)
         inside = np.minimum(self.ends, ground[:, None]) - near
@@ -134,7 +134,7 @@ def cross_clouds(
 
 
 def _crossing(cloud: Cloud, up: Array, climb: Array) -> tuple[Array, Array]:
-    """Where rays from ``up`` [m] that climb so much per metre begin and end to be inside the cloud [m]."""
+    """Ranges [m] at which rays from ``up`` [m] with a ``climb`` per metre enter and leave the cloud."""
     with np.errstate(divide="ignore", invalid="ignore"):
         to_base, to_top = (cloud.base - up) / climb, (cloud.top - up) / climb
     level = climb == 0.0

@@ -1,1 +1,1 @@
-"""One main per process, and the guard under which every unit runs."""
+"""The processes of the daemon, and the fault guard under which every unit runs."""

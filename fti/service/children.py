@@ -1,4 +1,4 @@
-"""A child process of the supervisor: started, watched, started again."""
+"""A child process of the supervisor: start, exit, restart, standby process."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from typing import NamedTuple
 from fti.service.control_channel import ControlChannel, send_startup
 from fti.service.restart_delay import DoublingDelay, RestartDelay, StandbyDelay
 
-#: Linear algebra in one thread: a pool of it in navigation would take the processors from the recorder, and on busy
-#: ones it waits for its own threads a hundred times longer than it calculates.
+#: Linear algebra in one thread: a thread pool in navigation would take the processors from the recorder, and on busy
+#: processors it waits for its own threads a hundred times longer than it calculates.
 SINGLE_THREAD_ENV = {"OPENBLAS_NUM_THREADS": "1"}
-#: A stand-in that dies while it waits is replaced so long after it was spawned, not sooner.
+#: Minimum time between two spawns of a standby process.
 STANDBY_PERIOD_S = 5.0
 
 
 class ProcessState(StrEnum):
-    """What the display shows of a process."""
+    """State of a process, as the display shows it."""
 
     STARTING = "starting"
     RUNNING = "running"
@@ -35,7 +35,7 @@ class ProcessState(StrEnum):
 
 
 class WaitingProcess(NamedTuple):
-    """A process that waits for its order, and our end of its control channel."""
+    """A process that waits for its startup message, and our end of its control channel."""
 
     process: subprocess.Popen[bytes]
     socket: socket.socket
@@ -43,11 +43,11 @@ class WaitingProcess(NamedTuple):
 
 @dataclass(slots=True)
 class Child:
-    """One child.  It inherits its end of the control channel; order and ring come over it.
+    """One child.  It inherits its end of the control channel and receives startup message and ring over it.
 
-    It is never forked from us, and has a process group of its own: Ctrl-C goes to the supervisor alone.
-    has_stand_in : another process of it always waits, so that one that dies is replaced at once
-    delay_s      : after a death: how long the restart waits [s]
+    It is spawned, not forked, and has its own process group: Ctrl-C reaches only the supervisor.
+    has_standby : a second process always waits, so that a process that dies is replaced at once
+    delay_s     : delay of the restart after an exit [s]
     """
 
     name: str
@@ -72,16 +72,16 @@ class Child:
 
     @property
     def early_deaths(self) -> int:
-        """So many times one after another it died soon after its start."""
+        """Number of consecutive exits soon after the start."""
         return self._delay.early_deaths
 
     def ensure_standby(self) -> None:
-        """See to it that a stand-in waits while the process runs."""
+        """Spawn a standby process if none waits while the process runs."""
         if self.has_standby and self.process and time.monotonic() >= self._spawned + STANDBY_PERIOD_S:
             self.prepare()
 
     def prepare(self) -> None:
-        """Have a process at hand that has loaded what it needs and waits for its order."""
+        """Spawn a process that loads its libraries and waits for its startup message, unless one waits."""
         if self._waiting is not None:
             if self._waiting.process.poll() is None:
                 return
@@ -102,13 +102,13 @@ class Child:
         return WaitingProcess(process, ours)
 
     def start(self) -> ControlChannel:
-        """Give the process at hand (or a new one) its order; returns our end of its control channel."""
+        """Send the waiting process (or a new one) its startup message; returns our end of its control channel."""
         self.prepare()
         assert self._waiting is not None
         self.process, sock = self._waiting
-        self._waiting, self._spawned = None, -math.inf  # the next stand-in need not wait
+        self._waiting, self._spawned = None, -math.inf  # the next standby process is spawned at once
         if self.startup is not None and self.ring_fds is not None:
-            with contextlib.suppress(OSError):  # it has just died, which ``died`` will tell
+            with contextlib.suppress(OSError):  # it has just died, which ``poll_exit`` reports
                 send_startup(sock, self.startup, self.ring_fds)
         self.channel = ControlChannel(sock)
         self.state = ProcessState.STARTING
@@ -120,10 +120,10 @@ class Child:
         """Process number while it runs."""
         return self.process.pid if self.process else None
 
-    def died(self) -> int | None:
-        """The exit code, once, when the process has ended; afterwards it waits for its restart.
+    def poll_exit(self) -> int | None:
+        """The exit code, once, after the process has ended; the state is then RESTARTING.
 
-        The channel stays open: what the child said last is still to be heard.
+        The channel stays open, so that the last messages can be received.
         """
         code = self.process.poll() if self.process else None
         if code is None:
@@ -136,22 +136,22 @@ class Child:
         return code
 
     def restart_is_due(self) -> bool:
-        """It has died, and has waited long enough."""
+        """The process has ended and the restart delay is over."""
         return self.state is ProcessState.RESTARTING and time.monotonic() >= self._restart_at
 
     def kill(self) -> None:
-        """End it now, also when it is stopped."""
+        """Kill the process, also when it is stopped."""
         if self.process:
             self.process.send_signal(signal.SIGKILL)
 
     def close(self) -> None:
-        """Close our end of the channel: for the child, that is the end."""
+        """Close our end of the channel; the child then exits."""
         if self.channel:
             self.channel.close()
             self.channel = None
 
     def dismiss(self) -> None:
-        """Let go of the process, and of the one that waits, and wait for their ends."""
+        """Close the channels of the process and of the standby process, and wait until both have ended."""
         self.close()
         if self._waiting:
             self._waiting.socket.close()

@@ -1,9 +1,8 @@
 """The control channel between the supervisor and a child: JSON lines on a pair of Unix stream sockets.
 
-End of file means that the other side is gone: a child then finishes its work and exits.  Sending never waits: what
-the socket does not take is kept and goes with the next call.  What a child must know from the beginning does not
-come this way but in a memory file, whole, whose descriptor comes over the same socket before anything else.  So a
-child can be started before its order is known, and loads its libraries meanwhile.
+At end of file a child finishes its work and exits.  Sending never blocks: unsent bytes are queued and sent with the
+next call.  The startup message comes in a memory file, whose descriptor is the first thing sent over the socket.  So
+a child can be spawned before its startup message is known, and loads its libraries meanwhile.
 """
 
 from __future__ import annotations
@@ -18,31 +17,31 @@ from typing import Any
 
 ControlMessage = dict[str, Any]
 STARTUP_MARK = b"\n"
-#: More than this is only waiting when the other side has stopped reading; it is then worth nothing any more.
+#: More bytes wait only when the other side has stopped reading; further messages are then discarded.
 MAX_PENDING_BYTES = 2**20
-#: What is sent once waits behind so much, before it is lost like all else: alarm reports of a day [B].
+#: Limit for messages that are sent only once: alarm reports of a day [B].
 MAX_KEPT_BYTES = 2**26
 
 
 class ControlChannel:
-    """One end of a control channel.  ``ended`` is true once the other side has closed."""
+    """One end of a control channel.  ``has_ended`` is true once the other side has closed."""
 
     def __init__(self, sock: socket.socket) -> None:
         sock.setblocking(False)
         self._socket = sock
         self._received = bytearray()
         self._pending = bytearray()
-        self._sending = threading.Lock()  # a writer thread tells of its failures too
-        self.ended = False
+        self._sending = threading.Lock()  # writer threads report failures, too
+        self.has_ended = False
 
     def fileno(self) -> int:
-        """Descriptor to wait on."""
+        """Descriptor for select and poll."""
         return self._socket.fileno()
 
     def send(self, message: Mapping[str, Any], *, is_kept: bool = False) -> bool:
         """Queue a message; False when the other side is gone or has stopped reading.
 
-        is_kept : it is sent once, so it may wait behind more than others
+        is_kept : the message is not repeated, so the larger limit applies
         """
         line = json.dumps(message, separators=(",", ":")).encode() + b"\n"
         with self._sending:
@@ -52,7 +51,7 @@ class ControlChannel:
             return self._hand_over()
 
     def flush(self) -> bool:
-        """Hand over what is queued, as far as the socket takes it; False when the other side is gone."""
+        """Send queued bytes as far as the socket takes them; False when the other side is gone."""
         with self._sending:
             return self._hand_over()
 
@@ -62,22 +61,22 @@ class ControlChannel:
                 del self._pending[: self._socket.send(self._pending)]
         except BlockingIOError:
             return True
-        except OSError:  # gone; what it said before is still there to be received
+        except OSError:  # gone; its last messages can still be received
             self._pending.clear()
             return False
         return True
 
     def receive(self) -> list[ControlMessage]:
-        """The messages that have arrived; empty when there is none."""
+        """The messages that have arrived; empty if none."""
         self.flush()
-        while not self.ended:
+        while not self.has_ended:
             try:
                 data = self._socket.recv(65536)
             except BlockingIOError:
                 break
             except OSError:
                 data = b""
-            self.ended = not data
+            self.has_ended = not data
             self._received += data
         *lines, rest = bytes(self._received).split(b"\n")
         self._received = bytearray(rest)
@@ -105,7 +104,7 @@ def read_memory_file(fd: int) -> bytes:
 
 
 def send_startup(sock: socket.socket, startup: bytes, ring_fds: tuple[int, int]) -> None:
-    """Tell a new child what to do: its order and the ring."""
+    """Send a new child its startup message and the ring."""
     fd = make_memory_file("fti_order", startup)
     try:
         socket.send_fds(sock, [STARTUP_MARK], [fd, *ring_fds])
@@ -114,7 +113,7 @@ def send_startup(sock: socket.socket, startup: bytes, ring_fds: tuple[int, int])
 
 
 def await_startup(control_fd: int) -> tuple[ControlChannel, bytes, tuple[int, int]] | None:
-    """In a child: wait for the order; channel, order and descriptors of the ring, or None when nobody is there."""
+    """In a child: wait for the startup message; channel, message, ring descriptors; None without a supervisor."""
     sock = socket.socket(fileno=control_fd)
     mark, fds, _, _ = socket.recv_fds(sock, len(STARTUP_MARK), 3)
     if mark != STARTUP_MARK:
@@ -123,12 +122,12 @@ def await_startup(control_fd: int) -> tuple[ControlChannel, bytes, tuple[int, in
 
 
 def open_inherited_channel(fd: int) -> ControlChannel:
-    """In a child that takes no order: its end, from the inherited descriptor."""
+    """In a child without a startup message: its end of the channel, from the inherited descriptor."""
     return ControlChannel(socket.socket(fileno=fd))
 
 
 def notify_systemd(state: str) -> None:
-    """Tell systemd (``READY=1``) when it started us; nothing otherwise."""
+    """Send a state (``READY=1``) to systemd if it started the daemon."""
     address = os.environ.get("NOTIFY_SOCKET")
     if not address:
         return

@@ -15,9 +15,9 @@ ANSWER_TIMEOUT_S = 5.0
 def send_command(
     command: dict[str, Any], run_dir: str | None = None, answer_s: float = ANSWER_TIMEOUT_S
 ) -> dict[str, Any]:
-    """Send a command and return the answer, which comes within answer_s [s].
+    """Send a command and return the answer, waiting at most answer_s [s].
 
-    Raises MissingError (no daemon, or one of another user) or FtiError (it refuses).
+    Raises MissingError (no daemon, or a daemon of another user) or FtiError (the daemon refuses the command).
     """
     info = find_daemon(run_dir)
     try:
@@ -27,7 +27,7 @@ def send_command(
     except OSError as error:
         raise MissingError(f"{info.sock}: the daemon does not answer: {error}") from None
     if not line.endswith(b"\n"):
-        raise MissingError(f"{info.sock}: the daemon has gone before it had answered")
+        raise MissingError(f"{info.sock}: the daemon ended before it answered")
     answer: dict[str, Any] = json.loads(line)
     if "fault" in answer:
         raise FtiError(f"the daemon refuses: {answer['fault']}")

@@ -1,4 +1,4 @@
-"""The daemon in one call: a supervisor, and the signals that end it."""
+"""The daemon in one call: the supervisor and the signals that stop it."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ if TYPE_CHECKING:
     from fti.service.supervisor.event_publisher import Announce
     from fti.service.supervisor.process import Supervisor
 
-#: What else runs with the daemon, from its first recorded moment on; the daemon ends when it has ended.
+#: A task that runs beside the daemon from the start of the recording on; the daemon ends when the task has ended.
 Companion = Callable[["Supervisor"], Awaitable[None]]
 
 
 @contextlib.contextmanager
 def early_recorder() -> Iterator[Child]:
-    """The recorder, started before anything else is loaded: it is ready when the configuration is."""
+    """Spawn the recorder before anything else is loaded, so that it is ready when the configuration is."""
     limits.raise_open_files()
     child = Child("recorder", has_standby=True)
     child.prepare()
@@ -44,16 +44,16 @@ async def serve(
     companion: Companion | None = None,
     shows_key: bool = False,
 ) -> bool:
-    """Run one session to its end.  Ctrl-C and SIGTERM end it in good order.
+    """Run one session.  Ctrl-C and SIGTERM shut it down in order.
 
     recorder   : see ``early_recorder``
-    duration_s : end after so long [s]; None runs until a signal comes
+    duration_s : stop after this time [s]; None: at a signal
     companion  : runs beside the daemon (the emulator of a demonstration); the first signal cancels it, and the daemon
-                 ends after it, so that all that the companion sends is recorded
-    shows_key  : the line with the page's address has the key to command from it; for a terminal alone
-    Returns True when a signal ended it.  Raises RecordingError when not everything was recorded.
+                 stops after it, so that everything the companion sends is recorded
+    shows_key  : print the page's address with the command key; only for a terminal
+    Returns True when a signal stopped it.  Raises RecordingError when not everything was recorded.
     """
-    # Before there is anything to be left behind; a callback of the loop, it comes when there is a supervisor.
+    # Installed before anything is created; the callback runs in the loop, when the supervisor exists.
     signalled = _stop_on_signals(lambda: stop())  # noqa: PLW0108
     from fti.clock import choose_epoch_ns  # noqa: PLC0415 - while this is loaded, the recorder starts
     from fti.service.supervisor.process import Supervisor  # noqa: PLC0415
@@ -77,7 +77,7 @@ async def serve(
             companion_task.cancel()
             await asyncio.gather(companion_task, return_exceptions=True)
     if supervisor.failed:
-        raise FtiError("the recorder cannot start; what it said stands above")
+        raise FtiError("the recorder cannot start; see the messages above")
     if supervisor.loss:
         raise RecordingError(supervisor.loss)
     if companion_task and not companion_task.cancelled() and (error := companion_task.exception()):
@@ -86,13 +86,13 @@ async def serve(
 
 
 def _suppress_output_errors(announce: Announce) -> Announce:
-    """A terminal that is gone, or a log on a full medium, must not disturb the recording."""
+    """A closed terminal, or a log on a full disk, must not disturb the recording."""
 
-    def tell(line: str) -> None:
+    def announce_safely(line: str) -> None:
         with contextlib.suppress(OSError, ValueError):
             announce(line)
 
-    return tell
+    return announce_safely
 
 
 def _stop_on_signals(stop_supervisor: Callable[[], None]) -> asyncio.Event:
@@ -111,12 +111,12 @@ def _stop_on_signals(stop_supervisor: Callable[[], None]) -> asyncio.Event:
 
 
 def _start_companion(supervisor: Supervisor, companion: Companion) -> asyncio.Task[None]:
-    """A companion that fails or ends takes the session with it, also one that is cancelled before it begins."""
+    """Run the companion after the recording has started; the session stops when it ends, fails or is cancelled."""
 
-    async def accompany() -> None:
-        await supervisor.recording.wait()
+    async def run_companion() -> None:
+        await supervisor.recording_started.wait()
         await companion(supervisor)
 
-    task = asyncio.create_task(accompany(), name="companion")
+    task = asyncio.create_task(run_companion(), name="companion")
     task.add_done_callback(lambda _: supervisor.stop())
     return task

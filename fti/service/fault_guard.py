@@ -1,7 +1,7 @@
-"""The guard: the one place that catches everything.
+"""The fault guard: the only place that catches all exceptions.
 
 Every link task, writer loop, decoder call and handler runs under it.  A failure is reported and counted, and only the
-unit that failed starts again; its neighbours never notice.
+failed unit is restarted.
 """
 
 from __future__ import annotations
@@ -15,22 +15,22 @@ FailureHandler = Callable[[str, Exception], None]
 
 FIRST_DELAY_S = 0.1
 MAX_DELAY_S = 5.0
-#: What ends a program or a task on purpose.  A group may hold one of them.
+#: Exceptions that end a program or a task on purpose; a group may contain one of them.
 EXIT_EXCEPTIONS = (KeyboardInterrupt, SystemExit, GeneratorExit, asyncio.CancelledError, BaseExceptionGroup)
 
 
 class Panic(Exception):
-    """A failure that is no Exception, as the panic of a library in Rust; in words, with its class."""
+    """A failure that is not an Exception, such as the panic of a Rust library; text: its class and message."""
 
 
 class Guard(ABC):
-    """A context that no failure leaves.  No generator: navigation enters one for each measurement."""
+    """A context manager that suppresses failures.  A class for speed: navigation enters it for each measurement."""
 
     __slots__ = ()
 
     @abstractmethod
     def report(self, error: Exception) -> None:
-        """Told of a failure."""
+        """Report a failure."""
 
     def __enter__(self) -> Guard:
         return self
@@ -58,12 +58,12 @@ class _ReportingGuard(Guard):
 
 
 def catch_failures(unit: str, report: FailureHandler) -> Guard:
-    """Run the body; a failure is handed to ``report(unit, error)`` and goes no further."""
+    """Run the body; a failure is passed to ``report(unit, error)`` and suppressed."""
     return _ReportingGuard(unit, report)
 
 
 async def keep_running(unit: str, make: Callable[[], Awaitable[None]], report: FailureHandler) -> None:
-    """Run ``make()`` until it returns; after a failure run it again, with growing delays."""
+    """Run ``make()`` until it returns; after a failure run it again, with increasing delays."""
     delay = FIRST_DELAY_S
     while True:
         with catch_failures(unit, report):

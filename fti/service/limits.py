@@ -1,7 +1,7 @@
-"""Limits of the user's processes (``ulimit``), before the session begins: open files and the size of a file.
+"""Limits of the user's processes (``ulimit``), before the session begins: open files and file size.
 
-A limit that is too low ends in faults at any place.  So the soft limit of open files is raised as far as it may be,
-what cannot work is refused in one sentence, and files are split before they reach the limit of their size.
+The soft limit of open files is raised to the hard limit, limits that are too low are an error, and files are split
+before they reach the limit of their size.
 """
 
 from __future__ import annotations
@@ -14,21 +14,21 @@ from fti.config import Config, with_session
 from fti.errors import MissingError
 
 MIB = 2**20
-#: Open files of the largest process beside those of the links: files, sockets of the bus and of the page.
+#: Open files of the largest process without those of the links: files, sockets of the bus and of the page.
 BASE_FILES = 64
 FILES_PER_LINK = 4
-#: Between the end of a file by ``split_mb`` and its limit of size [B]: what may be written in between.
+#: Distance between the split size and the limit of the file size [B].
 SPLIT_MARGIN = 16 * MIB
 
 
 def raise_open_files() -> None:
-    """As many open files as this user may have, for this process and its children."""
+    """Raise the soft limit of open files to the hard limit, for this process and its children."""
     _, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))
 
 
 def fit(config: Config, announce: Callable[[str], None]) -> Config:
-    """The configuration, with files that stay below the limit.  Raises MissingError for a limit that is too low."""
+    """The configuration with ``split_mb`` below the limit.  Raises MissingError for a limit that is too low."""
     _check_open_files(len(config.link))
     size, _ = resource.getrlimit(resource.RLIMIT_FSIZE)
     if size == resource.RLIM_INFINITY:
@@ -36,7 +36,7 @@ def fit(config: Config, announce: Callable[[str], None]) -> Config:
     needed = ring_size(config.link) + MIB  # the ring is a file in memory
     if size < needed:
         raise MissingError(
-            f"the limit of file size (ulimit -f) is {size} bytes; must be {needed} at least for "
+            f"the limit of file size (ulimit -f) is {size} bytes; must be at least {needed} for "
             f"{len(config.link)} links"
         )
     split_mb = max(size / 2, size - SPLIT_MARGIN) / MIB
@@ -54,6 +54,6 @@ def _check_open_files(links: int) -> None:
     allowed, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
     if allowed < needed:
         raise MissingError(
-            f"the limit of open files (ulimit -n, LimitNOFILE= of systemd) is {allowed}; must be {needed} at least for "
+            f"the limit of open files (ulimit -n, LimitNOFILE= of systemd) is {allowed}; must be at least {needed} for "
             f"{links} links"
         )

@@ -1,4 +1,4 @@
-"""A look at every link of a configuration, without recording: what the daemon would say of it."""
+"""Probe every link of a configuration without recording: the state and hint that the daemon would show."""
 
 from __future__ import annotations
 
@@ -17,28 +17,28 @@ from fti.service.navigation.device_monitor import DeviceMonitor
 from fti.service.supervisor.health import merge_link
 from fti.types import RawFrame
 
-LOOK_S = 0.5
+POLL_PERIOD_S = 0.5
 
 
 async def probe_links(config: Config, devices: Sequence[BoundDevice], duration_s: float) -> dict[str, dict[str, Any]]:
-    """Open every link for so long [s]; per link its state, hint, frames and bytes.  Nothing is sent."""
+    """Open every link for duration_s [s]; returns state, hint, frames and bytes per link.  Nothing is sent."""
     clock = SystemClock(choose_epoch_ns())
     chain = Chain(config, devices, None)
-    diagnosis = DeviceMonitor(config, chain)
+    device_monitor = DeviceMonitor(config, chain)
 
     def sink_for(name: str) -> Sink:
         def accept(data: bytes, t_rx_ns: int) -> None:
             frame = RawFrame(name, 0, t_rx_ns, data)
-            diagnosis.feed(frame)
+            device_monitor.feed(frame)
             chain.feed(frame)
 
         return per_frame_sink(accept)
 
-    quiet = [link.model_copy(update={"transmit": False}) for link in config.link]
-    links = [open_link(link, clock, sink_for(link.name)) for link in quiet]
+    listen_only = [link.model_copy(update={"transmit": False}) for link in config.link]
+    links = [open_link(link, clock, sink_for(link.name)) for link in listen_only]
     tasks = [asyncio.create_task(keep_running(k.name, k.run, lambda unit, error: None), name=k.name) for k in links]
     try:
-        return await _watch(links, diagnosis, clock, duration_s)
+        return await _watch(links, device_monitor, clock, duration_s)
     finally:
         for task in tasks:
             task.cancel()
@@ -46,14 +46,14 @@ async def probe_links(config: Config, devices: Sequence[BoundDevice], duration_s
 
 
 async def _watch(
-    links: Sequence[Link], diagnosis: DeviceMonitor, clock: SystemClock, duration_s: float
+    links: Sequence[Link], device_monitor: DeviceMonitor, clock: SystemClock, duration_s: float
 ) -> dict[str, dict[str, Any]]:
     end = asyncio.get_running_loop().time() + duration_s
     while True:
-        devices = diagnosis.devices(clock.now_ns())
+        devices = device_monitor.devices(clock.now_ns())
         if asyncio.get_running_loop().time() >= end:
             return {link.name: merge_link(link.name, _status_fields(link), devices) for link in links}
-        await asyncio.sleep(LOOK_S)
+        await asyncio.sleep(POLL_PERIOD_S)
 
 
 def _status_fields(link: Link) -> dict[str, Any]:

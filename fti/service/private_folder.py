@@ -1,8 +1,7 @@
-"""Folders that nobody else can have prepared: checked when they are opened, and used by their descriptor.
+"""Folders of this user alone: checked when they are opened, and used by their descriptor.
 
-In a folder that everybody may write (``/tmp``) a name says nothing about who made what it names.  So a symlink is not
-followed, owner and mode are those of the open descriptor, and files are reached through it: what the name means later
-changes nothing.
+In a world-writable folder (``/tmp``) another user may have created or may replace any name.  So a symlink is not
+followed, owner and mode are read from the open descriptor, and files are reached through that descriptor.
 """
 
 from __future__ import annotations
@@ -20,16 +19,16 @@ WRITABLE_BY_OTHERS = stat.S_IWGRP | stat.S_IWOTH
 
 
 def make_own(path: Path) -> int:
-    """The folder, created for us alone where there is none; returns its descriptor.
+    """Create the folder for this user alone if it does not exist; returns its descriptor.
 
-    Raises OSError when it cannot be made, MissingError as ``open_own``.
+    Raises OSError when it cannot be created, MissingError as ``open_own``.
     """
     path.mkdir(parents=True, exist_ok=True, mode=0o700)
     return open_own(path)
 
 
 def open_own(path: Path) -> int:
-    """Descriptor of a folder that belongs to us and that only we can write.
+    """Descriptor of a folder that belongs to this user and that no other user can write.
 
     Raises MissingError when it is a symlink, another user's, or writable by others; OSError when it cannot be opened.
     """
@@ -39,7 +38,7 @@ def open_own(path: Path) -> int:
 def check_trusted(path: Path) -> None:
     """Raise MissingError when a folder is a symlink, neither ours nor root's, or writable by others.
 
-    What is no folder, or may not be opened, is for whoever needs it to say.
+    A missing folder, or one that may not be opened, is not an error here.
     """
     with contextlib.suppress(OSError):
         os.close(_open_of(path, (os.geteuid(), ROOT_UID)))
@@ -47,7 +46,7 @@ def check_trusted(path: Path) -> None:
 
 def _open_of(path: Path, owners: tuple[int, ...]) -> int:
     if path.is_symlink():
-        raise MissingError(f"{path}: is a symlink, which another user may have put there; name the directory itself")
+        raise MissingError(f"{path}: is a symlink, which another user may have created; name the directory itself")
     fd = os.open(path, OPEN_FOLDER)
     found = os.fstat(fd)
     if found.st_uid not in owners:
@@ -67,7 +66,7 @@ def read_file(folder_fd: int, name: str) -> bytes:
 
 
 def write_file(folder_fd: int, name: str, data: bytes) -> None:
-    """Write a file of our own (0600) so that a reader sees the old one or the new one, never half of it."""
+    """Replace a file (mode 0600) atomically."""
     draft = f"{name}.new"
     remove_file(folder_fd, draft)
     flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
@@ -77,11 +76,11 @@ def write_file(folder_fd: int, name: str, data: bytes) -> None:
 
 
 def remove_file(folder_fd: int, name: str) -> None:
-    """Remove a file of an open folder, if it is there."""
+    """Remove a file of an open folder, if it exists."""
     with contextlib.suppress(FileNotFoundError):
         os.unlink(name, dir_fd=folder_fd)
 
 
 def path_within(folder_fd: int, name: str) -> str:
-    """A path that means a file of this open folder, whatever becomes of the folder's name: for bind and connect."""
+    """A path of a file in this open folder, also after the folder was renamed: for bind and connect."""
     return f"/proc/self/fd/{folder_fd}/{name}"

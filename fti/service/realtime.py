@@ -1,13 +1,13 @@
-"""What makes the machine prompt for the recorder: processors, scheduler, locked memory, no collector of cycles.
+"""Real-time settings of the recorder: CPU affinity, scheduler, locked memory, garbage collector.
 
-Everything is off by default.  What the machine does not permit is found out before anything is created, by trying it:
-affinity and scheduler belong to a thread, so a thread that ends at once tries them.
+All are off by default.  Before anything is created, each setting is tried: affinity and scheduler belong to a thread,
+so a temporary thread tries them.
 
-With ``scheduler = "fifo"`` the reader runs before every ordinary process, and the other threads of the recorder one
-below it.  They may not stay ordinary: one of them that waits for a processor while it holds the interpreter would hold
-the reader, too.  They may not be above or beside it: packing and checksums must never delay a stamp.  Nor may they
-starve the machine when one of them runs wild: the interpreter lock keeps the recorder on one processor at a time, and
-there the kernel leaves a part of every second to the others.  Where that is switched off, ``fifo`` is refused.
+With ``scheduler = "fifo"`` the reader runs before every ordinary process, and the other threads of the recorder run
+one priority below it.  With an ordinary priority, a thread that holds the interpreter lock while it waits for a
+processor would block the reader.  With the same or a higher priority, compression and checksums would delay a
+timestamp.  A runaway thread cannot starve the machine: the interpreter lock keeps the recorder on one processor at a
+time, and the kernel reserves a part of every second for others.  If that reserve is off, ``fifo`` is refused.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ from fti.config import Config, RecorderTuning
 from fti.errors import ConfigError
 
 MCL_CURRENT, MCL_FUTURE, MCL_ONFAULT = 1, 2, 4
-#: A limit of locked memory that is never in the way, besides the memory of the snapshot sink [B].
+#: Sufficient limit of locked memory, without the memory of the snapshot sink [B].
 MIN_LOCKED_LIMIT_BYTES = 2**30
-#: Time of each period that the kernel leaves to threads under ``fifo`` [us]; -1 : all of it.
+#: Share of each period that ``fifo`` threads may use [us]; -1 : all of it.
 RT_RUNTIME_PATH = Path("/proc/sys/kernel/sched_rt_runtime_us")
 
 
@@ -44,7 +44,7 @@ def check(config: Config) -> None:
         )
     if tuning.scheduler == "fifo" and _is_unbounded():
         raise ConfigError(
-            f"{config.path}: recorder.scheduler = 'fifo': this machine lets such a process take all of a processor "
+            f"{config.path}: recorder.scheduler = 'fifo': such a process could occupy a processor completely "
             f"({RT_RUNTIME_PATH} is -1); allowed here is 'other', or set kernel.sched_rt_runtime_us = 950000"
         )
     if tuning.lock_memory and not _may_lock(config):
@@ -65,15 +65,15 @@ def _is_unbounded() -> bool:
 def _check_cpus(path: str, cpus: tuple[int, ...]) -> None:
     for index, cpu in enumerate(cpus):
         if _try_change(lambda cpu=cpu: os.sched_setaffinity(0, {cpu})):  # type: ignore[misc]
-            there = ", ".join(str(c) for c in sorted(os.sched_getaffinity(0)))
+            allowed = ", ".join(str(c) for c in sorted(os.sched_getaffinity(0)))
             raise ConfigError(
-                f"{path}: recorder.cpu[{index}] = {cpu}: there is no such processor for us; allowed are {there} "
-                "(systemd: AllowedCPUs and CPUAffinity say which)"
+                f"{path}: recorder.cpu[{index}] = {cpu}: processor not available; allowed are {allowed} "
+                "(systemd: AllowedCPUs, CPUAffinity)"
             )
 
 
 def _try_change(change: Callable[[], None]) -> str | None:
-    """Why a change of the calling thread is refused; None when it is not.  Tried in a thread that ends with it."""
+    """Try a change in a temporary thread; returns why it is refused, or None."""
     refusals: list[str] = []
 
     def attempt() -> None:
@@ -89,7 +89,7 @@ def _try_change(change: Callable[[], None]) -> str | None:
 
 
 def _may_lock(config: Config) -> bool:
-    """Locking one page more than the limit allows shows whether it holds for us."""
+    """Lock one page more than the limit allows, to see whether the limit applies to this process."""
     limit = resource.getrlimit(resource.RLIMIT_MEMLOCK)[0]
     needed = MIN_LOCKED_LIMIT_BYTES + round(config.snapshot.max_mb * 2**20 if config.snapshot else 0)
     if limit == resource.RLIM_INFINITY or limit >= needed:
@@ -110,7 +110,7 @@ def _libc() -> ctypes.CDLL:
 
 
 def apply(tuning: RecorderTuning) -> list[str]:
-    """Do it, for the calling thread (the reader) and those that it will start.  Returns what was refused after all."""
+    """Apply the settings to the calling thread (the reader) and its later threads.  Returns refused settings."""
     steps: list[Callable[[], None]] = []
     if tuning.cpu:
         steps.append(lambda: os.sched_setaffinity(0, tuning.cpu))
@@ -134,14 +134,14 @@ def _set_fifo(priority: int) -> None:
 
 
 def step_below_reader() -> None:
-    """For every other thread, as its first step: it was started with the priority of the reader."""
+    """First step of every other thread, which was started with the priority of the reader."""
     if os.sched_getscheduler(0) == os.SCHED_FIFO:
-        with contextlib.suppress(OSError):  # beside the reader is better than not at all
+        with contextlib.suppress(OSError):  # the priority of the reader is acceptable
             _set_fifo(os.sched_getparam(0).sched_priority - 1)
 
 
 def _lock_memory() -> None:
-    """What there is now comes in and stays; what will be there stays from its first use on."""
+    """Lock present pages now, and later pages at their first use."""
     for flags in (MCL_CURRENT, MCL_FUTURE | MCL_ONFAULT):
         if _libc().mlockall(flags) != 0:
             number = ctypes.get_errno()

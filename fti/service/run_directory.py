@@ -2,15 +2,15 @@
 
 ``$XDG_RUNTIME_DIR/fti/<name>/`` (or ``/tmp/fti-<uid>/<name>/``) holds three files, for the owner alone (0600):
 
-    fti.json    pid, session, addresses, that of the page with the key to command from it
+    fti.json    pid, session, addresses, that of the page with the command key
     fti.sock    the control socket
-    page.html   leads a browser to the page with its key
+    page.html   redirects a browser to the page with its key
 
-Daemon and clients use a directory only when it is their user's own and nobody else can write to it
+Daemon and clients use a directory only when it belongs to their user and nobody else can write to it
 (``private_folder``), and a socket only when its other end is a process of this user or of root.
 
-A lock (``flock``) on the directory says that it is taken.  Clients see that from a second lock, which can be looked at
-without being taken; a process number would mean another process one day.
+A daemon holds a lock (``flock``) on its directory.  Clients query a second lock without taking it; a process number
+could belong to another process later.
 """
 
 from __future__ import annotations
@@ -35,9 +35,9 @@ from fti.service.private_folder import make_own, open_own, path_within, read_fil
 INFO = "fti.json"
 SOCKET = "fti.sock"
 PAGE = "page.html"
-#: Leads a browser on; on its command line, which every user can read, the key would stand otherwise.
+#: Redirects a browser; without it the key would be on its command line, which every user can read.
 REDIRECT = '<!doctype html><meta charset="utf-8"><meta http-equiv="refresh" content="0; url={url}"><title>fti</title>\n'
-#: What an address of a Unix socket holds [B].
+#: Maximum length of the address of a Unix socket [B].
 MAX_SOCKET_PATH_BYTES = 107
 ADVICE = "choose another one with --run-dir"
 _LOCK = struct.Struct("hhqqi4x")  # struct flock: type, whence, start, length, pid
@@ -45,9 +45,9 @@ _LOCK = struct.Struct("hhqqi4x")  # struct flock: type, whence, start, length, p
 
 @dataclass(frozen=True, slots=True)
 class DaemonInfo:
-    """What a client must know of a running daemon; ``display`` and ``zenoh`` are None when switched off.
+    """A running daemon, for its clients; ``display`` and ``zenoh`` are None when switched off.
 
-    display : address of the page for everybody, who can only look; page : with the key, for the owner
+    display : address of the read-only page, for all users; page : address with the key, for the owner
     """
 
     pid: int
@@ -68,18 +68,18 @@ def base() -> Path:
 
 @dataclass(frozen=True, slots=True)
 class RunDirectory:
-    """A run directory that is ours: nobody else gets it before ``withdraw`` or the end of this process."""
+    """A locked run directory; the lock lasts until ``withdraw`` or the end of this process."""
 
     path: Path
     fd: int
 
     @property
     def control_socket(self) -> Path:
-        """Where the control socket is."""
+        """Path of the control socket."""
         return self.path / SOCKET
 
     def publish(self, info: DaemonInfo) -> None:
-        """Let clients find the daemon, and the owner's browser its page."""
+        """Write the files by which clients find the daemon and the owner's browser finds the page."""
         if info.page:
             write_file(self.fd, PAGE, REDIRECT.format(url=info.page).encode())
         else:
@@ -87,7 +87,7 @@ class RunDirectory:
         write_file(self.fd, INFO, json.dumps(asdict(info)).encode())
 
     def bind(self, name: str = SOCKET) -> socket.socket:
-        """A Unix socket in the directory that nobody else can open at any moment.  Raises MissingError."""
+        """Bind a Unix socket in the directory, for the owner alone.  Raises MissingError."""
         remove_file(self.fd, name)
         sock = socket.socket(socket.AF_UNIX)
         before = os.umask(0o177)
@@ -95,13 +95,13 @@ class RunDirectory:
             sock.bind(path_within(self.fd, name))
         except OSError as error:
             sock.close()
-            raise MissingError(f"{self.path / name}: cannot be a socket: {error.strerror}; {ADVICE}") from None
+            raise MissingError(f"{self.path / name}: cannot create the socket: {error.strerror}; {ADVICE}") from None
         finally:
             os.umask(before)
         return sock
 
     def withdraw(self) -> None:
-        """Remove what ``publish`` and ``bind`` left, and let others have the directory."""
+        """Remove the files of ``publish`` and ``bind``, and release the directory."""
         for name in (INFO, SOCKET, PAGE, SOCKET_NAME):
             remove_file(self.fd, name)
         os.close(self.fd)
@@ -111,7 +111,7 @@ def make(name: str, run_dir: str | None) -> RunDirectory:
     """The run directory of a daemon, created for the owner alone.
 
     A second daemon of the same name gets one with a number, also when both start at the same moment.  Raises
-    MissingError when the directory cannot be made, is not safe, its path is too long, or the one asked for is in use.
+    MissingError when the directory cannot be created, is not safe, is in use, or its path is too long.
     """
     if run_dir is None:
         os.close(_open_or_explain(base()))
@@ -124,7 +124,7 @@ def make(name: str, run_dir: str | None) -> RunDirectory:
 
 
 def _claim(path: Path) -> RunDirectory | None:
-    """The directory, made and locked; None when another daemon has it."""
+    """Create and lock the directory; None when another daemon has it."""
     if len(os.fsencode(path / SOCKET)) > MAX_SOCKET_PATH_BYTES:
         raise MissingError(
             f"{path / SOCKET}: too long for a control socket (limit {MAX_SOCKET_PATH_BYTES} bytes); {ADVICE}"
@@ -145,13 +145,13 @@ def _open_or_explain(path: Path) -> int:
     try:
         return make_own(path)
     except OSError as error:
-        raise MissingError(f"{path}: the run directory cannot be made: {error.strerror}") from None
+        raise MissingError(f"{path}: the run directory cannot be created: {error.strerror}") from None
     except MissingError as error:
         raise MissingError(f"{error}; or {ADVICE}") from None
 
 
 def find_daemon(run_dir: str | None = None) -> DaemonInfo:
-    """The daemon of a run directory, or the only one of this user.  Raises MissingError when there is none."""
+    """The daemon of a run directory, or the only daemon of this user.  Raises MissingError if none runs."""
     if run_dir:
         info = _read(Path(run_dir))
         if info is None:
@@ -167,18 +167,18 @@ def find_daemon(run_dir: str | None = None) -> DaemonInfo:
 
 
 def connect(path: Path, timeout_s: float) -> socket.socket:
-    """A connection to a socket in a run directory.
+    """Connect to a socket in a run directory.
 
-    Raises MissingError when the directory or the process that listens is not of this user (or of root), OSError when
-    nobody listens.
+    Raises MissingError when the directory or the listening process belongs to another user (other than root), OSError
+    when no process listens.
     """
     with _opened(path.parent) as fd:
         sock = socket.socket(socket.AF_UNIX)
         try:
             sock.settimeout(timeout_s)
             sock.connect(path_within(fd, path.name))
-            if not (peer := Peer.of(sock)).is_trusted:
-                raise MissingError(f"{path}: {peer} answers there, which is not yours; {ADVICE}")
+            if not (peer := Peer.from_socket(sock)).is_trusted:
+                raise MissingError(f"{path}: the socket belongs to {peer}, another user; {ADVICE}")
         except BaseException:
             sock.close()
             raise
@@ -204,7 +204,7 @@ def _candidates() -> list[Path]:
 
 
 def _read(path: Path) -> DaemonInfo | None:
-    """What the daemon that runs in a directory has published; None when there is none."""
+    """The published information of the daemon in a directory; None if no daemon runs there."""
     try:
         with _opened(path) as fd:
             return DaemonInfo(**json.loads(read_file(fd, INFO))) if _is_taken(fd) else None
@@ -213,7 +213,7 @@ def _read(path: Path) -> DaemonInfo | None:
 
 
 def _is_taken(fd: int) -> bool:
-    """A daemon has locked the directory.  A lock is not tried, so that it is never taken from one that starts."""
+    """A daemon has locked the directory.  The lock is only queried: taking it could fail a daemon that starts."""
     question = _LOCK.pack(fcntl.F_WRLCK, os.SEEK_SET, 0, 0, 0)
     found: int = _LOCK.unpack(fcntl.fcntl(fd, fcntl.F_OFD_GETLK, question))[0]
     return found != fcntl.F_UNLCK

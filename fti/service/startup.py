@@ -1,4 +1,4 @@
-"""What recorder and navigation are told at their start, once, by the supervisor."""
+"""Startup messages of the supervisor to recorder and navigation, sent once at their start."""
 
 from __future__ import annotations
 
@@ -10,26 +10,26 @@ from fti.logger.storage_target import StorageTarget
 
 
 class LinkStartup(StrictModel):
-    """What the recorder sends on a link by itself (hexadecimal; it never understands it)."""
+    """Data that the recorder sends on a link by itself (hexadecimal; it does not interpret them)."""
 
     on_connect: tuple[str, ...] = ()
     polls: tuple[tuple[float, str], ...] = ()
 
 
 class StorageStartup(StrictModel):
-    """Where files go.
+    """The storage targets.
 
-    folder   : of the session
-    fallback : where it goes on while that refuses
-    mounts   : the mount points below which both lay at the start of the session; none : where they lie now
+    folder   : folder of the session
+    fallback : folder used while ``folder`` cannot be written
+    mounts   : mount points of both at the start of the session; empty: the present mount points
     """
 
     folder: str
     fallback: str | None = None
     mounts: tuple[str, ...] = ()
 
-    def places(self) -> list[StorageTarget]:
-        """The places, the main one first."""
+    def targets(self) -> list[StorageTarget]:
+        """The storage targets, the main one first."""
         folders = [folder for folder in (self.folder, self.fallback) if folder]
         if not self.mounts:
             return [StorageTarget.of(folder) for folder in folders]
@@ -37,11 +37,11 @@ class StorageStartup(StrictModel):
 
 
 class RecorderStartup(StorageStartup):
-    """All that the recorder is told, once, by the supervisor.
+    """Startup message of the recorder.
 
-    first_number : of its files; those of an earlier recorder may be out of sight
-    given_up     : smaller numbers that an earlier recorder has taken, of which no file is known that it wrote to
-    sending      : for the links that may transmit
+    first_number    : number of its first file; files of an earlier recorder may be on an unmounted medium
+    skipped_numbers : smaller numbers taken by an earlier recorder without a known file
+    sending         : for the links that may transmit
     """
 
     config: Config
@@ -54,10 +54,10 @@ class RecorderStartup(StorageStartup):
 
 
 class NavigationStartup(StorageStartup):
-    """All that the navigation process is told, once, by the supervisor.
+    """Startup message of the navigation process.
 
-    without_terrain : why it is not to load the configured one; None : it is
-    refusals : of sources, when the process before it ended (rows of ``fti.nav.carried_refusal``)
+    without_terrain : reason for not loading the configured terrain; None : load it
+    refusals : refusals of sources when the previous process ended (rows of ``fti.nav.carried_refusal``)
     """
 
     config: Config

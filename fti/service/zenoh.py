@@ -1,7 +1,7 @@
-"""The zenoh process: gives what is on the bus to foreign zenoh clients, who can only read.
+"""The zenoh process: forwards the messages of the bus to zenoh clients, which can only read.
 
-It is there when ``[bus]`` asks for it.  zenoh is a library in Rust that panics at times (a real-time clock before 1970
-or after 2106 is enough); here that harms nobody else.  After a failure it is tried again every five seconds.
+It runs when ``[bus]`` enables it.  The Rust library zenoh may panic (for example with a real-time clock before 1970 or
+after 2106); a separate process protects the others.  After a failure it retries every five seconds.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ RETRY_S = 5.0
 
 
 class ZenohRelay:
-    """From the bus to zenoh.
+    """Forwards messages from the bus to zenoh.
 
     bus : socket of the bus; session, port : of the endpoint; clock : for events; channel : to the supervisor
     """
@@ -39,7 +39,7 @@ class ZenohRelay:
         self._reported = ""
 
     def run(self) -> None:
-        """Until the supervisor says stop or has gone."""
+        """Forward until the supervisor sends stop or has ended."""
         while True:
             if self._endpoint is None:
                 with catch_failures(PROCESS, self._report):
@@ -77,14 +77,14 @@ class ZenohRelay:
                 self._endpoint.set_alive(process, is_alive)
 
     def _is_over(self) -> bool:
-        """Wait for a word of the supervisor for so long."""
+        """Wait at most ``RETRY_S`` for a message; is the end requested?"""
         select.select([self._channel], [], [], RETRY_S)
-        return any(message.get("stop") for message in self._channel.receive()) or self._channel.ended
+        return any(message.get("stop") for message in self._channel.receive()) or self._channel.has_ended
 
     def _report(self, unit: str, error: Exception) -> None:
-        """Tell of a failure once; the next one only if it is another."""
+        """Report a failure, unless it is the same as the last one."""
         self._failed = True
-        text = f"foreign clients get nothing: {error}"
+        text = f"zenoh clients receive no data: {error}"
         if text != self._reported:
             self._reported = text
             event = {"level": "warning", "source": unit, "text": text, "t_ns": self._clock.now_ns()}

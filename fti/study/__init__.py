@@ -1,13 +1,13 @@
-"""Studies: a published result again, each with its target beside what was found.
+"""Studies: each reproduces a published result and compares it with a target.
 
 A study is a module or package of this package whose name does not begin with ``_``, except ``HELPERS``.  A study has:
 
-    docstring   first line: what is shown; then the source, and how the comparison is fair
-    ``RUNS``    how many runs it takes unless told otherwise
-    ``SEED``    seed of its random numbers unless told otherwise; the same seed gives the same results
-    ``study(runs, seed, progress) -> [Result]``   progress is told the share that is done, 0 to 1
+    docstring   first line: the result that is shown; then the source, and why the comparison is fair
+    ``RUNS``    default number of runs
+    ``SEED``    default seed of its random numbers; the same seed gives the same results
+    ``study(runs, seed, progress) -> [StudyResult]``   it calls ``progress`` with the completed share, 0 to 1
 
-and, where there is something to see,
+and optionally
 
     ``drawings(seed) -> {name: draw}``   figures by name; each is computed and drawn when its ``draw()`` is called, in
                                          the look of ``fti.plot_style``
@@ -27,7 +27,7 @@ from fti.errors import MissingError
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: Told the share that is done, 0 to 1.
+#: Called with the completed share, 0 to 1.
 Progress = Callable[[float], None]
 #: Draws one figure.
 DrawFigure = Callable[[], "Figure"]
@@ -35,13 +35,13 @@ DrawFigure = Callable[[], "Figure"]
 
 #: Modules that studies share.
 HELPERS = {"workers"}
-#: Target of a result that is told and not judged.
+#: Target of a result that is reported and not judged.
 REPORTED = "reported"
 
 
 @dataclass(frozen=True, slots=True)
 class StudyResult:
-    """One quantity.  id : of the target; value : found; target : in words; holds : the target is reached."""
+    """One quantity.  id : of the target; value : result; target : as text; holds : the target is met."""
 
     id: str
     quantity: str
@@ -51,13 +51,13 @@ class StudyResult:
 
 
 class Study(Protocol):
-    """What a study module offers."""
+    """Interface of a study module."""
 
     RUNS: int
     SEED: int
 
     def study(self, runs: int, seed: int, progress: Progress) -> list[StudyResult]:
-        """Do it."""
+        """Run the study."""
 
 
 @runtime_checkable
@@ -65,21 +65,21 @@ class PlottedStudy(Study, Protocol):
     """A study with figures."""
 
     def drawings(self, seed: int) -> dict[str, DrawFigure]:
-        """What draws each figure, by its name."""
+        """Functions that draw the figures, by figure name."""
 
 
 def names() -> list[str]:
-    """Names of the studies there are, sorted."""
+    """Names of all studies, sorted."""
     modules = (m.name for m in pkgutil.iter_modules(__path__) if not m.name.startswith("_"))
     return sorted(set(modules) - HELPERS)
 
 
 def load(name: str) -> Study:
-    """The study of that name, written with ``-`` or ``_``.  Raises MissingError naming those that exist."""
-    wanted = name.replace("-", "_")
-    if wanted not in names():
+    """The study of that name, written with ``-`` or ``_``.  Raises MissingError that lists the studies."""
+    module_name = name.replace("-", "_")
+    if module_name not in names():
         raise MissingError(f"no study {name!r}; there are {', '.join(names())}")
-    module: Study = importlib.import_module(f"{__name__}.{wanted}")
+    module: Study = importlib.import_module(f"{__name__}.{module_name}")
     return module
 
 

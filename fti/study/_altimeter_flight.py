@@ -1,4 +1,4 @@
-"""Three altimeters on one flight: what each measured, and what it should have."""
+"""Three altimeters on one flight: measured range and true height of each sample."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from fti.terrain.terrain import Terrain
 
 Array = NDArray[np.float64]
 
-#: Radar altimeters for aircraft end at 762 m (2500 ft); those of the source's figures do not, nor do these [m].
+#: Maximum range [m].  Radar altimeters for aircraft end at 762 m (2500 ft), those of the source's figures do not.
 FARTHEST_M = 4000.0
-#: Orders of the domes: 2051 rays to judge by, 8101 to draw, so that no comb of rays shows.
+#: Orders of the domes: 2051 rays for results, 8101 rays for plots, so that single rays do not show.
 ORDER, FINE = 20, 40
 
 
 @functools.cache
 def sensors(order: int) -> dict[str, RangingSensor]:
-    """Half power 15 deg off the boresight, and 35 deg in roll; receiver noise as the radar has it."""
+    """Half power 15 deg off the boresight, and 35 deg in roll; receiver noise as in the radar model."""
     narrow = RadarAltimeter(antenna=NARROW, order=order, max_range=FARTHEST_M)
     return {
         "pencil": Laser(max_range=FARTHEST_M),
@@ -37,7 +37,7 @@ def sensors(order: int) -> dict[str, RangingSensor]:
 
 @dataclass(frozen=True, eq=False)
 class AltimeterFlight:
-    """A flight over a ground.  nadir : height above it (n,) [m]; measured : of each sensor (n,) [m], NaN: nothing."""
+    """A flight over terrain.  nadir : height above it (n,) [m]; measured : by sensor (n,) [m], NaN: no return."""
 
     flight: SampledFlight
     nadir: Array
@@ -49,7 +49,7 @@ class AltimeterFlight:
 
 
 def fly(flight: SampledFlight, ground: Terrain, order: int = ORDER) -> AltimeterFlight:
-    """Measure all along the flight; the receivers' noise enters by its mean."""
+    """Measure along the flight; receiver noise enters by its mean."""
     east, north, up = flight.origins_l.T
     poses = flight.poses()
     measured = {name: sensor.measure(ground, poses).slant_range for name, sensor in sensors(order).items()}

@@ -9,12 +9,12 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure, SubFigure
 
-from fti.plot_style import BLACK, BLUE, ORANGE, VERMILION, label, new_figure
+from fti.plot_style import BLACK, BLUE, ORANGE, VERMILION, label_axes, new_figure
 from fti.ranging.radar.antenna import NARROW, WIDE, Antenna
 from fti.ranging.radar.dome import half_dome, sphere
 from fti.study import ranging
 
-#: The antenna looks down: sensor axes to those of the picture.  From where a body is looked at [rad].
+#: The antenna points down: sensor axes to plot axes.  View direction [rad].
 DOWN = np.array([1.0, 1.0, -1.0])
 ELEVATION, AZIMUTH = np.radians(-28.0), np.radians(-60.0)
 #: Gain at the centre of the antenna pictures [dBi].
@@ -36,7 +36,7 @@ def dome() -> Figure:
 
 
 def _draw_dome(figure: SubFigure) -> None:
-    """Seen from below and aside; what the dome itself hides is left out."""
+    """View from below and from the side; rays that the dome hides are omitted."""
     axes: Any = figure.add_subplot(projection="3d")
     whole, half = sphere(ranging.ORDER), half_dome(ranging.ORDER)
     shown = whole.triangles[(whole.rays[whole.triangles, 2] > -1e-9).all(axis=1)]
@@ -53,7 +53,7 @@ def _draw_dome(figure: SubFigure) -> None:
 
 
 def _hide_axes(axes: Any, half: float, depth: float, zoom: float) -> None:
-    """No frame and no ticks around a body that reaches ``half`` to every side and hangs down by ``depth``."""
+    """Hide frame and ticks of a body with half width ``half`` and height ``depth``."""
     axes.set(xlim=(-half, half), ylim=(-half, half), zlim=(-depth, 0.0))
     axes.set_box_aspect((1.0, 1.0, 0.5 * depth / half), zoom=zoom)
     axes.set_axis_off()
@@ -67,9 +67,9 @@ def _draw_ranges(figure: SubFigure) -> None:
     above.plot(np.degrees(curve), ranging.LEVEL_HEIGHT_M / np.cos(curve), color=BLACK, label="h / cos  (eq. 2.67)")
     above.plot(np.degrees(angle), found, "o", ms=3.0, color=VERMILION, alpha=0.6, label="rays cast on the surface")
     above.legend()
-    label(above, y="range [m]")
+    label_axes(above, y="range [m]")
     below.plot(np.degrees(angle), 1e15 * (found * np.cos(angle) / ranging.LEVEL_HEIGHT_M - 1.0), ".", ms=3, color=BLUE)
-    label(below, "angle off the boresight [deg]", "relative error [1e-15]")
+    label_axes(below, "angle off the boresight [deg]", "relative error [1e-15]")
 
 
 def antennas() -> Figure:
@@ -102,8 +102,8 @@ def _draw_antenna(figure: SubFigure, antenna: Antenna, title: str) -> None:
 
 
 def _draw_body(figure: SubFigure, antenna: Antenna) -> None:
-    off, around = np.meshgrid(np.radians(np.linspace(0.0, 90.0, 61)), np.radians(np.linspace(0.0, 360.0, 121)))
-    rays_s = np.stack((np.sin(off) * np.cos(around), np.sin(off) * np.sin(around), np.cos(off)), axis=-1)
+    off, azimuth = np.meshgrid(np.radians(np.linspace(0.0, 90.0, 61)), np.radians(np.linspace(0.0, 360.0, 121)))
+    rays_s = np.stack((np.sin(off) * np.cos(azimuth), np.sin(off) * np.sin(azimuth), np.cos(off)), axis=-1)
     gain = antenna.gain_dbi(rays_s)
     x, y, z = np.moveaxis(np.maximum(gain - CENTRE_DBI, 0.0)[..., None] * rays_s * DOWN, -1, 0)
     axes: Any = figure.add_subplot(1, 2, 2, projection="3d")

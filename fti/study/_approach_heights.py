@@ -1,11 +1,11 @@
-"""The height of an inertial system on the pattern: by GNSS alone, with the radar as it is, with what is made of it.
+"""Height of an inertial system on the pattern: GNSS alone, with the raw radar, with the compensated radar.
 
 Source 003, fig. 7.8.  One filter of nine states and biases, three times with the same inertial data and the same GNSS
 (2 m / 3 m, of which 1.5 m / 2.5 m are slow); the altimeter aids once a second:
 
-    raw          what it says is the height straight below, with the noise that its maker states
+    raw          the range is used as the height straight below, with the noise that the maker states
     compensated  for attitude, terrain and beam, predicted at the filter's own estimate with another beam of 2051 rays,
-                 with the sigma that the ground around gives (``sampled_height_variance``)
+                 with a sigma from the local relief (``sampled_height_variance``)
 
 The elevation is the surface itself.
 """
@@ -45,7 +45,7 @@ Array = NDArray[np.float64]
 Rng = np.random.Generator
 
 WHITE_SD = (np.sqrt(2.0**2 - 1.5**2), np.sqrt(3.0**2 - 2.5**2))
-#: Measurements until the filter has settled.
+#: Measurements until the filter settles.
 SETTLE = 10
 WAYS = ("GNSS alone", "radar, raw", "radar, compensated")
 
@@ -62,14 +62,14 @@ class HeightChannel(NamedTuple):
         return float(np.mean(error**2)), float(np.mean((error / sd) ** 2))
 
 
-def channels(pattern: Pattern, told: Array, seed: int) -> dict[str, HeightChannel]:
-    """Of each way.  told : what the radar said on the pattern (n,) [m], NaN where nothing"""
+def channels(pattern: Pattern, ranges: Array, seed: int) -> dict[str, HeightChannel]:
+    """Height errors by way of aiding.  ranges : of the radar on the pattern (n,) [m], NaN without a return"""
     flight, surface = _flight(pattern), pattern.surface
     model = FilterModel(PURE_UNIT, extras={**GNSS_DRIFTS, Extra.ALTIMETER: ALTIMETER_DRIFT})
     rng = np.random.default_rng([seed, 78])
     t = np.arange(flight.begin, flight.end - INERTIAL_S, INERTIAL_S)
     state, fixes = flight.state(t), flight.state(pattern.flight.t[1:-1])
-    felt = np.concatenate(
+    imu_samples = np.concatenate(
         measure_matched(FilterCase("approach", model, aided=True, outages=False), state, rng)[:2], axis=1
     )
     start, gnss = draw_start(flight.state(t[:1]), rng), _gnss(fixes, rng)
@@ -83,21 +83,21 @@ def channels(pattern: Pattern, told: Array, seed: int) -> dict[str, HeightChanne
     found: dict[str, HeightChannel] = {}
     for way in WAYS:
         navigator = InertialNavigator(model)
-        navigator.begin(_ns(t[0]), start, felt[0, :3], felt[0, 3:])
+        navigator.begin(_ns(t[0]), start, imu_samples[0, :3], imu_samples[0, 3:])
         heights, k = list[tuple[float, float]](), 1
         for i, at in enumerate(fixes.t.tolist()):
             while k < len(t) and t[k] <= at + INERTIAL_S:
-                navigator.feed_inertial(_ns(t[k]), felt[k, :3], felt[k, 3:])
+                navigator.feed_inertial(_ns(t[k]), imu_samples[k, :3], imu_samples[k, 3:])
                 k += 1
             for one in gnss[i]:
                 navigator.feed_aiding(_ns(at), one)
             here = navigator.at(_ns(at))
             assert here is not None
-            if height := aiding(way, here, float(told[i + 1])):
+            if height := aiding(way, here, float(ranges[i + 1])):
                 navigator.feed_aiding(_ns(at), height)
                 here = navigator.at(_ns(at))
                 assert here is not None
-            heights.append((here.place[2] - float(fixes.alt[i]), float(here.sd_n[2])))
+            heights.append((here.geodetic[2] - float(fixes.alt[i]), float(here.sd_n[2])))
         found[way] = HeightChannel(*np.array(heights).T)
     return found
 
@@ -107,10 +107,10 @@ def _ns(t: float) -> int:
 
 
 def _flight(pattern: Pattern) -> SplineFlight:
-    """The same over the Earth, for inertial sensors."""
-    flown = pattern.flight
-    lat, lon, alt = pattern.surface.frame.to_geodetic(flown.origins_l)
-    return SplineFlight.from_samples(FlightSamples(flown.t, lat, lon, alt, flown.roll, flown.pitch, flown.heading))
+    """The flight of the pattern in geodetic coordinates, for inertial sensors."""
+    flight = pattern.flight
+    lat, lon, alt = pattern.surface.frame.to_geodetic(flight.origins_l)
+    return SplineFlight.from_samples(FlightSamples(flight.t, lat, lon, alt, flight.roll, flight.pitch, flight.heading))
 
 
 def _gnss(state: FlightState, rng: Rng) -> list[tuple[GnssPosition, GnssVelocity]]:
@@ -118,27 +118,27 @@ def _gnss(state: FlightState, rng: Rng) -> list[tuple[GnssPosition, GnssVelocity
     slow = [gauss_markov(drift, state.t, np.zeros(n), rng) for drift in GNSS_DRIFTS.values()]
     level, high = WHITE_SD
     offset = np.stack(slow, axis=1) + rng.normal(0.0, (level, level, high), (n, 3))
-    place = np.stack(displaced_place(state, offset), axis=1).tolist()
+    positions = np.stack(displaced_place(state, offset), axis=1).tolist()
     vel = (state.vel_n + rng.normal(0.0, VELOCITY_SD, (n, 3))).tolist()
     return [
         (
             GnssPosition(lat, lon, alt, float(level), float(high)),
             GnssVelocity(north, east, down, VELOCITY_SD),
         )
-        for (lat, lon, alt), (north, east, down) in zip(place, vel, strict=True)
+        for (lat, lon, alt), (north, east, down) in zip(positions, vel, strict=True)
     ]
 
 
 def _raw_altitude(surface: Terrain, here: Estimate, value: float) -> TerrainAltitude | None:
-    ground = float(surface.height(*here.place[:2]))
+    ground = float(surface.height(*here.geodetic[:2]))
     return TerrainAltitude(value + ground, NOISE_M, value) if np.isfinite(ground) else None
 
 
 def _compensated_altitude(predictor: Predictor, here: Estimate, value: float) -> TerrainAltitude | None:
-    seen = predictor.at(*here.place, *here.rpy, here.vel_n)
+    prediction = predictor.at(*here.geodetic, *here.rpy, here.vel_n)
     pose = here.cov_n[np.ix_([0, 1, 2, 6, 7, 8], [0, 1, 2, 6, 7, 8])]
     errors = ErrorModel(pose, NOISE_M)
-    height = float(height_over_ground(value, seen)[0])
-    sd = float(np.sqrt(sampled_height_variance(predictor.terrain, seen, errors, nearest=True)[0]))
-    alt = height + float(predictor.terrain.height(*here.place[:2]))
+    height = float(height_over_ground(value, prediction)[0])
+    sd = float(np.sqrt(sampled_height_variance(predictor.terrain, prediction, errors, nearest=True)[0]))
+    alt = height + float(predictor.terrain.height(*here.geodetic[:2]))
     return TerrainAltitude(alt, sd, height) if np.isfinite(alt + sd) else None

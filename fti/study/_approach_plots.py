@@ -8,7 +8,7 @@ from matplotlib.colors import LightSource
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from fti.plot_style import BLACK, BLUE, GREY, GROUND, ORANGE, VERMILION, add_legend, label, new_figure
+from fti.plot_style import BLACK, BLUE, GREY, GROUND, ORANGE, VERMILION, add_legend, label_axes, new_figure
 from fti.study import approach
 from fti.study._approach_heights import WAYS
 from fti.study._pattern import Pattern, make_pattern
@@ -41,15 +41,15 @@ def track(seed: int) -> Figure:
     axes.set_aspect("equal")
     axes.grid(visible=False)
     axes.legend(loc="upper left")
-    label(axes, "east [km]", "north [km]")
+    label_axes(axes, "east [km]", "north [km]")
     return figure
 
 
 def heights(seed: int) -> Figure:
     """Fig. 7.6 and 7.7: profile, height above ground, and its error, raw and compensated."""
     pattern, rng = make_pattern(seed, FINE_S), np.random.default_rng([seed, 15, 0])
-    known = approach.elevation_model(pattern.surface, np.random.default_rng([seed, 14]))
-    errors = approach.pattern_errors(pattern, known, "wide", rng)
+    elevation = approach.elevation_model(pattern.surface, np.random.default_rng([seed, 14]))
+    errors = approach.pattern_errors(pattern, elevation, "wide", rng)
     figure = new_figure(
         "Approach by radar altimeter: raw, and compensated for attitude, terrain and beam",
         "Wide beam, 8101 rays, 0.5 m noise. Compensated by 2051 other rays over the surface; over an elevation model"
@@ -65,7 +65,7 @@ def heights(seed: int) -> Figure:
         _draw_error(left, pattern.flight.t, errors[kind].compensated, name, colour)
     attitude.plot(pattern.flight.t, np.degrees(pattern.flight.roll), color=BLACK, label="roll")
     attitude.plot(pattern.flight.t, np.degrees(pattern.flight.pitch), color=GREY, label="pitch")
-    label(attitude, "time [s]", "[deg]")
+    label_axes(attitude, "time [s]", "[deg]")
     add_legend(attitude)
     figure.align_ylabels()
     return figure
@@ -74,10 +74,10 @@ def heights(seed: int) -> Figure:
 def height_channel(seed: int) -> Figure:
     """Fig. 7.8: error and sigma of the height of a filter, by GNSS alone, with the raw and the compensated radar."""
     pattern = make_pattern(seed)
-    found, t = approach.aided(pattern, seed), pattern.flight.t[1:-1]
+    found, t = approach.inertial_heights(pattern, seed), pattern.flight.t[1:-1]
     figure = new_figure(
         "Height of an inertial system aided by GNSS, and by a radar altimeter too",
-        "The same inertial data and GNSS three times; sigma is what the filter says. Elevation: the surface itself.",
+        "The same inertial data and GNSS three times; sigma as the filter states it. Elevation: the surface itself.",
         width=10.0,
         height=8.0,
     )
@@ -87,9 +87,9 @@ def height_channel(seed: int) -> Figure:
         axes.fill_between(t, -one.sd, one.sd, color=colour, alpha=0.25, lw=0.0, label="one sigma")
         axes.plot(t, one.error, color=colour, lw=1.0, label=f"{way}, RMS {np.sqrt(np.mean(one.error**2)):.2f} m")
         axes.set_ylim(-limit, limit)
-        label(axes, y="error [m]")
+        label_axes(axes, y="error [m]")
         add_legend(axes)
-    label(panels[-1], x="time [s]")
+    label_axes(panels[-1], x="time [s]")
     return figure
 
 
@@ -100,7 +100,7 @@ def _draw_profile(axes: Axes, pattern: Pattern) -> None:
     axes.fill_between(pattern.flight.t, floor, ground, color=GROUND, lw=0.0, label="surface below")
     axes.plot(pattern.flight.t, up, color=BLACK, label="aircraft")
     axes.set_ylim(floor, None)
-    label(axes, y="height [m]")
+    label_axes(axes, y="height [m]")
     add_legend(axes)
 
 
@@ -108,12 +108,12 @@ def _draw_heights(axes: Axes, pattern: Pattern, raw: Array) -> None:
     axes.plot(pattern.flight.t, pattern.nadir, color=BLACK, lw=2.0, label="nadir (truth)")
     axes.plot(pattern.flight.t, pattern.nadir + raw, color=VERMILION, lw=1.0, label="radar altimeter")
     axes.set_ylim(0.0, None)
-    label(axes, y="above ground [m]")
+    label_axes(axes, y="above ground [m]")
     add_legend(axes)
 
 
 def _draw_error(axes: Axes, t: Array, error: Array, name: str, colour: str) -> None:
     rms = float(np.sqrt(np.nanmean(error**2)))
     axes.plot(t, error, color=colour, lw=0.9, label=f"{name}, RMS {rms:.2f} m")
-    label(axes, y="error [m]")
+    label_axes(axes, y="error [m]")
     add_legend(axes)

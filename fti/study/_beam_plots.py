@@ -1,4 +1,4 @@
-"""Pictures of what comes back: over roll and range, and one response with its leading edge (fig. 2.50, 2.53)."""
+"""Plots of the received power: over roll and range, and one response with its leading edge (fig. 2.50, 2.53)."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 
-from fti.plot_style import BLACK, BLUE, GREY, ORANGE, SKY, VERMILION, label, new_figure
+from fti.plot_style import BLACK, BLUE, GREY, ORANGE, SKY, VERMILION, label_axes, new_figure
 from fti.ranging.radar.altimeter import RadarAltimeter
 from fti.ranging.radar.antenna import WIDE
 from fti.ranging.radar.beam import trace_beam
@@ -16,7 +16,7 @@ from fti.study._level_run import make_site
 from fti.study._signals import LEVEL
 from fti.study._sweep import D_MAX, HEIGHTS_M, ROLLS_DEG, Sweep, highest, sweep
 
-#: Ranges shown over each height [m], and the levels [dB under the echo wings level].
+#: Plotted ranges over each height [m], and the levels [dB below the wings-level echo].
 SHOWN_M = {100.0: (80.0, 360.0), 400.0: (340.0, 1200.0), 800.0: (700.0, 2000.0)}
 LOWEST_DB = -50.0
 ROWS = 280
@@ -66,7 +66,7 @@ def _draw_sweep(axes: Axes, found: Sweep) -> AxesImage:
 
 
 def _merge(found: Sweep, low: float, high: float) -> np.ndarray:
-    """Power per range bin (roll, row) between two ranges [m], neighbouring bins averaged until there are ``ROWS``."""
+    """Power per range bin (roll, row) between two ranges [m], neighbouring bins averaged to ``ROWS`` rows."""
     shown = found.spectra[:, (found.ranges >= low) & (found.ranges <= high)]
     together = max(1, shown.shape[1] // ROWS)
     whole = shown[:, : shown.shape[1] // together * together]
@@ -80,7 +80,7 @@ def response(seed: int) -> Figure:
     rng = np.random.default_rng([seed, 6])
     east, north = rng.uniform(-300.0, 300.0, 2)
     nadir = float(world.truth.up(east, north))
-    poses = Poses.still([[east, north, nadir + RESPONSE_HEIGHT_M]], LEVEL[None])
+    poses = Poses.stationary([[east, north, nadir + RESPONSE_HEIGHT_M]], LEVEL[None])
     echoes = trace_beam(world.truth, poses, mean.beam, mean.ground, mean.max_range)
     smooth, speckled = mean.spectra(echoes)[0], ramp.spectra(echoes, rng)[0]
     found = mean.edge.find(smooth[None])
@@ -101,5 +101,5 @@ def response(seed: int) -> Figure:
     axes.axvline(RESPONSE_HEIGHT_M, color=BLACK, ls="--", lw=1.0, label=f"nadir {RESPONSE_HEIGHT_M:.1f} m")
     axes.set(xlim=(100.0, 450.0), ylim=(-75.0, 6.0))
     axes.legend(loc="upper right")
-    label(axes, "range [m]", "power in a range bin [dB of the peak]")
+    label_axes(axes, "range [m]", "power in a range bin [dB of the peak]")
     return figure

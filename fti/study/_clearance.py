@@ -1,4 +1,4 @@
-"""Approaches of the study ``clearance`` on which nothing is wrong, and those that join the track late."""
+"""Fault-free approaches of the study ``clearance``, and approaches that join the track late."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from fti.study._clearance_ground import (
 )
 from fti.types import ClearanceIntegrity, IntegrityState
 
-#: As the demonstration is configured.
+#: Settings of the demonstration.
 SETTINGS = Approach(profile="", alert_v_m=50.0)
 #: Where the late approach joins the track, before the threshold [m].
 LATE_JOIN_M = 2200.0
@@ -47,23 +47,25 @@ class NominalApproach(NamedTuple):
 
 def fly_nominal(argument: tuple[int, int]) -> NominalApproach:
     """One nominal approach, seed and number."""
-    flown = simulate(
+    flight = simulate(
         range_map_ground(),
         reference().header.profile.s_max_m,
         np.random.default_rng([*argument, 0]),
         spread=assumed_spread(),
     )
-    scan = BatchMonitor(reference(), SETTINGS).scan(track_of(flown), flown.vertical_sd)
-    available, observable = _monitor_shares(flown) if scan is None else _scan_shares(scan)
-    alarm, strict_alarm = (_alarms(known, flown, scan) for known in (reference(), strict_reference()))
+    scan = BatchMonitor(reference(), SETTINGS).scan(track_of(flight), flight.vertical_sd)
+    available, observable = _monitor_shares(flight) if scan is None else _scan_shares(scan)
+    alarm, strict_alarm = (_alarms(known, flight, scan) for known in (reference(), strict_reference()))
     return NominalApproach(alarm, strict_alarm, available, observable)
 
 
-def _alarms(known: ApproachReference, flown: SimulatedApproach, scan: WindowBatch | None) -> bool:
-    """Whether there is an ALERT; the profile of both references is the same, and so are their statistics."""
+def _alarms(known: ApproachReference, flight: SimulatedApproach, scan: WindowBatch | None) -> bool:
+    """Whether there is an ALERT.  Both references have the same profile and therefore the same statistics."""
     if not may_alarm(scan, known.header.limits):
         return False
-    return any(output.state is IntegrityState.ALERT for output in run_monitor(ClearanceMonitor(known, SETTINGS), flown))
+    return any(
+        output.state is IntegrityState.ALERT for output in run_monitor(ClearanceMonitor(known, SETTINGS), flight)
+    )
 
 
 def _scan_shares(scan: WindowBatch) -> tuple[float, float]:
@@ -76,9 +78,9 @@ def _scan_shares(scan: WindowBatch) -> tuple[float, float]:
     return float(np.mean(protector.factor_v * scan.height_error_sd <= alert)), float(np.mean(sharp & near))
 
 
-def _monitor_shares(flown: SimulatedApproach) -> tuple[float, float]:
-    """The same, said by the monitor itself: for an approach that cannot be scanned."""
-    outputs = [o for o in run_monitor(ClearanceMonitor(reference(), SETTINGS), flown) if o.t1_ratio is not None]
+def _monitor_shares(flight: SimulatedApproach) -> tuple[float, float]:
+    """The same from the monitor itself, for an approach that the batch monitor cannot evaluate."""
+    outputs = [o for o in run_monitor(ClearanceMonitor(reference(), SETTINGS), flight) if o.t1_ratio is not None]
     return float(np.mean([o.valid for o in outputs])), float(np.mean([is_observable(o) for o in outputs]))
 
 
@@ -86,7 +88,7 @@ def _monitor_shares(flown: SimulatedApproach) -> tuple[float, float]:
 
 
 def late_flight(seed: int, run: int) -> SimulatedApproach:
-    """An approach that joins the published track 2200 m before the threshold, at 30 deg, and navigation knows it."""
+    """An approach that joins the published track 2200 m before the threshold, at 30 deg; navigation is correct."""
     join = LATE_JOIN_M + path().x_gpi
     return simulate(
         ray_traced_ground(), join + 1500.0, np.random.default_rng([seed, 99, run]),
@@ -97,14 +99,14 @@ def late_flight(seed: int, run: int) -> SimulatedApproach:
 class LateJoin(NamedTuple):
     """An approach that joins the track late.
 
-    before  : it was trusted (OK or MONITOR) before it was on the track
-    alerted : there was an ALERT before it was trusted
-    behind  : how far behind the joining it was first trusted [m], NaN: never
+    trusted_before : an output was OK or MONITOR before the aircraft was on the track
+    alerted        : there was an ALERT before the first OK or MONITOR
+    join_distance  : distance from the joining point to the first OK or MONITOR [m], NaN: never
     """
 
-    before: bool
+    trusted_before: bool
     alerted: bool
-    behind: float
+    join_distance: float
 
 
 def fly_late_join(argument: tuple[int, int]) -> LateJoin:
@@ -113,12 +115,12 @@ def fly_late_join(argument: tuple[int, int]) -> LateJoin:
 
 
 def judge_late_join(outputs: Sequence[ClearanceIntegrity]) -> LateJoin:
-    """What the monitor said of a late flight."""
+    """Evaluate the outputs of the monitor on a late flight."""
     join = LATE_JOIN_M + path().x_gpi
     first = next((k for k, o in enumerate(outputs) if o.state in TRUSTED and o.s_end is not None), len(outputs))
     s_end = outputs[first].s_end if first < len(outputs) else None
-    behind = math.nan if s_end is None else join - s_end
-    return LateJoin(behind < 0.0, any(o.state is IntegrityState.ALERT for o in outputs[:first]), behind)
+    join_distance = math.nan if s_end is None else join - s_end
+    return LateJoin(join_distance < 0.0, any(o.state is IntegrityState.ALERT for o in outputs[:first]), join_distance)
 
 
 def fly_one(argument: tuple[str, int, int]) -> Any:

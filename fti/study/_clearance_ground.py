@@ -1,4 +1,4 @@
-"""What the study ``clearance`` flies over: its references, and ground that their limits were not made from."""
+"""Ground of the study ``clearance``: its references, and ground that was not used for their limits."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from fti.terrain.demo_scene import demo_scene
 from fti.terrain.terrain import Terrain
 
 PROFILES = FOLDER.parent / "profiles"
-#: Vegetation that no approach of the calibration has met.
+#: Vegetation that does not occur in the calibration.
 VEGETATION = (0.85, 1.15)
-#: Receivers that no draw of a reference is: another pattern, one threshold beyond those that are drawn (-13 to -3 dB).
+#: Receivers that the references do not contain: another pattern, one threshold outside their range (-13 to -3 dB).
 RECEIVERS = tuple(
     ReceiverVariant("aperture", math.radians(beam), 10.0 ** (threshold / 10.0), exponent=2.5)
     for threshold in (-14.5, -10.0, -5.0)
     for beam in (38.0, 42.0)
 )
-#: Where obstacles stand before the intercept point [m], how high and how wide and long they are [m].
+#: Obstacles: distance before the intercept point [m], height, width and length [m].
 PLACES_M = (1900.0, 2600.0, 3291.0, 4400.0, 6000.0)
 OBSTACLES = {
     "obstacle_30": (30.0, 20.0),
@@ -37,13 +37,13 @@ OBSTACLES = {
 
 @functools.cache
 def reference() -> ApproachReference:
-    """The reference that the demonstration flies with: Pfa 1 %."""
+    """The reference of the demonstration: Pfa 1 %."""
     return _read("demo.csv")
 
 
 @functools.cache
 def strict_reference() -> ApproachReference:
-    """The same profile, its limits made for Pfa 0.1 %."""
+    """The same profile with limits for Pfa 0.1 %."""
     return _read("demo_strict.csv")
 
 
@@ -53,10 +53,10 @@ def _read(name: str) -> ApproachReference:
 
 
 def promises(kind: str, place: int) -> bool:
-    """Whether the reference promises that an obstacle is seen there."""
+    """Whether the reference promises detection of the obstacle at this place."""
     height, width = OBSTACLES[kind]
     table = reference().header.obstacles
-    return table is not None and table.least(PLACES_M[place], width) <= height
+    return table is not None and table.min_height(PLACES_M[place], width) <= height
 
 
 @functools.cache
@@ -77,7 +77,7 @@ def assumed_spread() -> Spread:
 
 @functools.cache
 def path() -> ApproachPath:
-    """The approach of both."""
+    """The approach of both references."""
     return ApproachPath(reference().header.airfield)
 
 
@@ -88,19 +88,19 @@ def _terrain(vegetation: float) -> Terrain:
 
 @functools.cache
 def ray_traced_ground() -> TerrainGround:
-    """The ground, every range traced, for receivers that the reference does not know."""
+    """Ground whose ranges are all traced, for receivers that the reference does not contain."""
     return TerrainGround(path(), RA4500, tuple(map(_terrain, VEGETATION)), RECEIVERS)
 
 
 @functools.cache
 def range_map_ground() -> MappedGround:
-    """The same, looked up."""
+    """The same ground with tabulated ranges."""
     return map_ground(ray_traced_ground(), reference().header.profile.s_max_m, lambda _: None)
 
 
 @functools.cache
 def with_obstacle(kind: str, place: int) -> TerrainGround:
-    """The ground with an obstacle that the reference does not know."""
+    """The ground with an obstacle that the reference does not contain."""
     height, width = OBSTACLES[kind]
     before = PLACES_M[place] - path().x_gpi
     box = Obstacle(kind="obstacle", before_threshold_m=before, height_m=height, length_m=width, width_m=width)

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from fti.hil.approach_reference.approaches import SimulatedApproach, run_monitor, simulate, track_of
 from fti.nav.integrity.monitor import ClearanceMonitor
-from fti.plot_style import BLACK, BLUE, GREEN, GREY, GROUND, ORANGE, SKY, VERMILION, add_legend, label, new_figure
+from fti.plot_style import BLACK, BLUE, GREEN, GREY, GROUND, ORANGE, SKY, VERMILION, add_legend, label_axes, new_figure
 from fti.study import _clearance as cases
 from fti.study._clearance_faults import fly_with_fault
 from fti.study._clearance_ground import path, ray_traced_ground, reference
@@ -19,7 +19,7 @@ from fti.types import ClearanceIntegrity, IntegrityState
 
 Array = NDArray[np.float64]
 
-#: What a state looks like.
+#: Colour and label of each state.
 COLOURS = {
     IntegrityState.OK: GREEN,
     IntegrityState.MONITOR: SKY,
@@ -33,9 +33,9 @@ RATIOS = (("t1_ratio", "T1 match", BLUE), ("t2_ratio", "T2 shift", SKY), ("t3_ra
 
 
 def nominal(seed: int) -> Figure:
-    """An approach as it should be."""
-    flown = simulate(ray_traced_ground(), 5000.0, np.random.default_rng([seed, 0]))
-    return _picture(flown, "A nominal approach", "5 m off track and path, vegetation 15 % off its survey")
+    """A nominal approach."""
+    flight = simulate(ray_traced_ground(), 5000.0, np.random.default_rng([seed, 0]))
+    return _picture(flight, "A nominal approach", "5 m off track and path, vegetation 15 % off its survey")
 
 
 def joined_late(seed: int) -> Figure:
@@ -45,52 +45,52 @@ def joined_late(seed: int) -> Figure:
 
 def obstacle(seed: int) -> Figure:
     """150 m high, 3000 m before the threshold, and not in the reference."""
-    flown, *_ = fly_with_fault("obstacle_150", seed, 4)
-    return _picture(flown, "An unexpected obstacle of 150 m", "3000 m before the threshold")
+    flight, *_ = fly_with_fault("obstacle_150", seed, 4)
+    return _picture(flight, "An unexpected obstacle of 150 m", "3000 m before the threshold")
 
 
-def _picture(flown: SimulatedApproach, title: str, subtitle: str) -> Figure:
-    outputs = run_monitor(ClearanceMonitor(reference(), cases.SETTINGS), flown)
+def _picture(flight: SimulatedApproach, title: str, subtitle: str) -> Figure:
+    outputs = run_monitor(ClearanceMonitor(reference(), cases.SETTINGS), flight)
     figure = new_figure(title, subtitle, width=9.0, height=6.5)
     heights, ratios, states = figure.subplots(3, 1, sharex=True, height_ratios=(1.4, 1.0, 0.25))
-    _heights(heights, flown)
+    _heights(heights, flight)
     _ratios(ratios, outputs)
-    _states(states, flown, outputs)
+    _states(states, flight, outputs)
     states.invert_xaxis()
     return figure
 
 
-def _heights(axes: Axes, flown: SimulatedApproach) -> None:
+def _heights(axes: Axes, flight: SimulatedApproach) -> None:
     s = reference().s
     expected = path().alt_path(s) - reference().z_ref
     axes.plot(_distance_before(s), expected, color=GROUND, lw=2.5, label="height above ground as published")
-    axes.plot(_distance_before(flown.nav_s), flown.agl, color=BLUE, lw=1.0, label="altimeter")
-    axes.set(xlim=(float(_distance_before(flown.s[-1])), float(_distance_before(flown.s[0]))))
-    label(axes, y="height above ground [m]")
+    axes.plot(_distance_before(flight.nav_s), flight.agl, color=BLUE, lw=1.0, label="altimeter")
+    axes.set(xlim=(float(_distance_before(flight.s[-1])), float(_distance_before(flight.s[0]))))
+    label_axes(axes, y="height above ground [m]")
     add_legend(axes)
 
 
 def _ratios(axes: Axes, outputs: Sequence[ClearanceIntegrity]) -> None:
-    judged = [output for output in outputs if output.t1_ratio is not None]
-    s = _distance_before([output.s_end or 0.0 for output in judged])
+    windows = [output for output in outputs if output.t1_ratio is not None]
+    s = _distance_before([output.s_end or 0.0 for output in windows])
     for name, text, colour in RATIOS:
-        values = [getattr(output, name) for output in judged]
+        values = [getattr(output, name) for output in windows]
         axes.plot(s, [np.nan if value is None else max(value, 1e-2) for value in values], color=colour, label=text)
     axes.axhline(1.0, color=BLACK, lw=0.8, ls="--")
     axes.set(yscale="log")
-    label(axes, y="statistic / limit")
+    label_axes(axes, y="statistic / limit")
     add_legend(axes)
 
 
-def _states(axes: Axes, flown: SimulatedApproach, outputs: Sequence[ClearanceIntegrity]) -> None:
-    """The state at each output, where it was said: what does not judge has no window that would tell."""
-    track = track_of(flown)
+def _states(axes: Axes, flight: SimulatedApproach, outputs: Sequence[ClearanceIntegrity]) -> None:
+    """State of each output, at the position of its time."""
+    track = track_of(flight)
     for state, colour in COLOURS.items():
         t_ns = [output.t_ns for output in outputs if output.state is state]
         s = _distance_before(np.interp(t_ns, track.t_ns, track.s))
         axes.plot(s, np.zeros(len(s)), "|", color=colour, ms=16, mew=2.0, label=state.value)
     axes.set(yticks=[])
-    label(axes, x="distance to the threshold [m]")
+    label_axes(axes, x="distance to the threshold [m]")
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -1.2), ncols=len(COLOURS), frameon=False)
 
 

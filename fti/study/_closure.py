@@ -1,4 +1,4 @@
-"""Flights for the study of trajectories, what ideal inertial sensors would feel on them, and how far off it leads."""
+"""Flights of the study of trajectories, ideal inertial measurements on them, and the errors of their integration."""
 
 from __future__ import annotations
 
@@ -47,17 +47,17 @@ class Closure:
 
     @property
     def horizontal(self) -> float:
-        """Greatest error on the level [m]."""
+        """Maximum horizontal error [m]."""
         return float(np.hypot(self.pos_n[:, 0], self.pos_n[:, 1]).max())
 
     @property
     def vertical(self) -> float:
-        """Greatest error of the height [m]."""
+        """Maximum height error [m]."""
         return float(np.abs(self.pos_n[:, 2]).max())
 
     @property
     def velocity(self) -> float:
-        """Greatest error of the velocity [m/s]."""
+        """Maximum velocity error [m/s]."""
         return float(np.linalg.norm(self.vel_n, axis=1).max())
 
 
@@ -75,7 +75,7 @@ def random_flight(rng: Rng, duration: float) -> SplineFlight:
 
 
 def calm_flight(rng: Rng, duration: float) -> SplineFlight:
-    """Long legs that bend a little, level but for slow climbs, in still air; banks of 10 deg."""
+    """Long legs with small turns of 10 deg bank, slow climbs, no wind."""
     place = np.array([np.deg2rad(rng.uniform(-LAT_DEG, LAT_DEG)), rng.uniform(-np.pi, np.pi)])
     course, waypoints, way = rng.uniform(0.0, 2.0 * np.pi), [], 0.0
     while way < duration * CALM_SPEED + CALM_LEG_M[1]:
@@ -87,7 +87,7 @@ def calm_flight(rng: Rng, duration: float) -> SplineFlight:
 
 
 def s_turn_flight(rng: Rng) -> SplineFlight:
-    """To one side and to the other, at one height, for ten minutes."""
+    """S-turns at constant height for ten minutes."""
     start = np.array([np.deg2rad(rng.uniform(-LAT_DEG, LAT_DEG)), rng.uniform(-np.pi, np.pi)])
     places = [_displaced(start, k * S_ALONG_M, (-1) ** k * S_ASIDE_M) for k in range(S_TURNS)]
     return waypoint_flight([_waypoint(place, 1000.0, 60.0) for place in places], BANK, (0.0, 0.0))
@@ -102,7 +102,7 @@ def _displaced(place: Array, north: float, east: float) -> Array:
 
 
 def close(flight: SplineFlight, step: float, duration: float, by: Integrator = integrate) -> Closure:
-    """Integrate what ideal sensors feel on a flight, sampled every so often [s], and compare about once a second."""
+    """Integrate ideal inertial samples of a flight, ``step`` [s] apart, and compare about once a second."""
     t = step * np.arange(round(duration / step) + 1, dtype=np.float64)
     every = max(1, round(1.0 / step))
     state = flight.state(t)
@@ -130,7 +130,7 @@ def _unit(quats: Array) -> Array:
 
 
 def sample_recording(flight: SplineFlight, step: float) -> FlightSamples:
-    """The flight as a recorder keeps it that has radians in single precision."""
+    """The flight as a recorder stores it: radians in single precision."""
     t = np.arange(0.0, flight.end, step)
     state = flight.state(t)
     names = ("lat", "lon", "roll", "pitch", "heading")

@@ -7,23 +7,23 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from fti.plot_style import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION, add_legend, label, new_figure
+from fti.plot_style import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION, add_legend, label_axes, new_figure
 from fti.study import _low_level, compensation
 from fti.study._low_level import Knowledge
 
 Array = NDArray[np.float64]
 
 COLOURS = {"raw": VERMILION, "attitude": ORANGE, "excess": PURPLE, "range": SKY, "beam": BLUE}
-#: What is drawn of each sensor: for a laser the excess is the attitude, and the beam a ray.
+#: Plotted methods of each sensor: for a laser, excess equals attitude, and beam equals range.
 SHOWN = {"laser": ("raw", "attitude", "range"), "radar": ("raw", "attitude", "range", "beam")}
-#: Errors beyond are drawn at the edge [m].
+#: Larger errors are plotted at the edge [m].
 EDGE_M = 60.0
 
 
 def errors(seed: int, sensor: str) -> Figure:
     """Errors of the mix by bank, with the surface as it is, and how they are distributed with and without errors."""
     mix = _low_level.fly(seed)
-    heights = {known: compensation.compensated(mix, _low_level.predict(mix, known, seed)) for known in Knowledge}
+    heights = {known: compensation.compensate(mix, _low_level.predict(mix, known, seed)) for known in Knowledge}
     figure = new_figure(
         f"Low over forest and buildings: {sensor} altimeter, raw and compensated",
         "One country, 200 poses, 40 to 350 m above the surface; 70 % rolled less than 10 deg, 30 % up to 50 deg.",
@@ -37,7 +37,7 @@ def errors(seed: int, sensor: str) -> Figure:
         shown = np.clip(error, -EDGE_M, EDGE_M)
         name = f"{way}, {rms:.1f} m"
         by_bank.plot(np.degrees(np.abs(mix.roll)), shown, ".", ms=5.0, color=COLOURS[way], label=name)
-    label(by_bank, "bank [deg]", "error [m]")
+    label_axes(by_bank, "bank [deg]", "error [m]")
     add_legend(by_bank)
     _draw_shares(shares, heights, mix.nadir, sensor)
     return figure
@@ -51,7 +51,7 @@ def _draw_shares(axes: Axes, heights: dict[Knowledge, dict[tuple[str, str], Arra
             *_share(heights[known][sensor, "beam"] - nadir), color=colour, label=f"compensated, {known.value}"
         )
     axes.set_xlim(0.05, 200.0)
-    label(axes, "size of the error [m]", "share below")
+    label_axes(axes, "size of the error [m]", "share below")
     add_legend(axes)
 
 
@@ -61,10 +61,10 @@ def _share(error: Array) -> tuple[Array, Array]:
 
 
 def banks(seed: int) -> Figure:
-    """RMS error over bank, for each beam: raw, by attitude, and by the excess of the tilt over half the beam."""
+    """RMS error over bank, for each beam: raw, by attitude, by excess of the tilt over half the beam."""
     table = compensation.bank_table([compensation.fly(seed)])
     figure = new_figure(
-        "ConstantField the attitude helps a radar that nobody tells the ground",
+        "Where the attitude helps a radar without terrain",
         "One country, 40 to 350 m above forest and buildings; RMS error. A leading edge is short already.",
         width=10.0,
         height=6.0,
@@ -72,7 +72,7 @@ def banks(seed: int) -> Figure:
     for k, axes in enumerate(figure.subplots(2, 3, sharex=True, sharey=True).flat):
         for way, name in enumerate(("raw", "attitude", "excess")):
             axes.semilogy(compensation.BANKS_DEG, table[k, :, way], ".-", color=COLOURS[name], label=name)
-        label(axes, "bank [deg]" if k > 2 else "", "RMS error [m]" if k % 3 == 0 else "", "")
+        label_axes(axes, "bank [deg]" if k > 2 else "", "RMS error [m]" if k % 3 == 0 else "", "")
         axes.set_title(f"beam {compensation.WIDTHS_DEG[k]} deg")
         if k == 0:
             axes.legend()

@@ -1,14 +1,14 @@
-"""Flights for the study of the filter, and what sensors say on them: drawn from the filter's own model, or rich.
+"""Flights of the study of the filter and their measurements: drawn from the filter's own model, or rich.
 
 A flight: 250 s along waypoints of random legs, climbs and wind, anywhere between 60 deg south and north.  Inertial
 samples at 25 Hz, GNSS position and velocity and pressure altitude once a second, altitude by altimeter and elevation
 model at 2 Hz, none of them at the time of an inertial sample.
 
-    matched   start, biases, drifts and white noise are drawn from P0, Q and R of the filter that is to judge itself
+    matched   start, biases, drifts and white noise are drawn from P0, Q and R of the filter under test
     rich      the inertial unit is that of ``fti.hil.sensors.imu`` (in-run flicker, scale, misalignment, steps of the
               output) on a vibrating airframe; GNSS errors are sums of processes of 30 s and 300 s, its velocity errors
-              last 5 s; the elevation model errs over 30 m and 300 m; 1 % of the altitudes are outliers.  The filter is
-              told as much as one knows: sigma of the velocity for errors that last, altitudes only once a second
+              last 5 s; the elevation model errs over 30 m and 300 m; 1 % of the altitudes are outliers.  The filter
+              gets a velocity sigma for correlated errors, and altitudes only once a second
 """
 
 from __future__ import annotations
@@ -40,32 +40,32 @@ GNSS_S, BARO_S, ALTIMETER_S = 1.0, 1.0, 0.5
 LEVEL_SD, HEIGHT_SD, VELOCITY_SD, BARO_SD, ALTIMETER_SD = 1.0, 1.5, 0.1, 1.0, 1.0
 #: P0: position [m], velocity [m/s], tilt and heading [rad].
 POS_SD, VEL_SD, TILT_SD, HEADING_SD = (3.0, 3.0, 5.0), (0.3, 0.3, 0.3), np.deg2rad(0.3), np.deg2rad(1.0)
-#: Without satellites, as the source has it (table 7.5) [s].
+#: GNSS outages of the source (table 7.5) [s].
 OUTAGES_S = ((30.0, 40.0), (80.0, 100.0), (170.0, 200.0))
-#: Vibration of the airframe as the sensors feel it between two samples [m/s^2, rad/s].
+#: Vibration of the airframe between two samples [m/s^2, rad/s].
 SHAKE, SHAKE_TURN = 0.05, 0.002
-#: Height over the ground that the altimeter's error of scale counts from, 1 % [m].
+#: Height above ground for the altimeter's scale error of 1 % [m].
 AGL_M = 150.0
 OUTLIER_SHARE, OUTLIER_M = 0.01, 15.0
-#: In the rich case velocity errors last so long [s], the altimeter is used so seldom [s], and what the elevation model
-#: errs by over so short a way [m] is white from one time to the next.
+#: Rich case: correlation time of velocity errors [s], period of altimeter use [s], and correlation length [m] up to
+#: which errors of the elevation model are white between two uses.
 VELOCITY_ERROR_TAU_S, RICH_ALTIMETER_PERIOD_S, SHORT_DEM_LENGTH_M = 5.0, 1.0, 30.0
 SECOND_NS = 1_000_000_000
 
 
-#: The filter of the matched flights: no scale errors, for none are drawn.
+#: The filter of the matched flights.  No scale errors are drawn, so it has no scale states.
 PURE_UNIT = ImuErrorModel(
     *(
         dataclasses.replace(triad, scale=0.0)
         for triad in (IMU_ERROR_MODELS["tactical"].accel, IMU_ERROR_MODELS["tactical"].gyro)
     )
 )
-#: That of the rich flights knows of scale and vibration.
+#: The filter of the rich flights models scale errors and vibration.
 VIBRATING_UNIT = ImuErrorModel(
     dataclasses.replace(IMU_ERROR_MODELS["tactical"].accel, white=SHAKE * np.sqrt(INERTIAL_S)),
     dataclasses.replace(IMU_ERROR_MODELS["tactical"].gyro, white=SHAKE_TURN * np.sqrt(INERTIAL_S)),
 )
-#: A pressure altitude that was set to the field's pressure.
+#: A pressure altitude with the pressure setting of the airfield.
 BARO_DRIFT = Drift(30.0, period_s=1800.0)
 AIDED_DRIFTS: dict[str, Drift] = {
     **GNSS_DRIFTS,
@@ -78,7 +78,7 @@ AIDED_DRIFTS |= {Extra.ALTIMETER_SCALE: SCALE_DRIFT}
 
 @dataclass(frozen=True)
 class FilterCase:
-    """What is flown.  aided : baro and altimeter, too;  outages : GNSS is gone now and then;  rich : truth."""
+    """One case.  aided : with baro and altimeter;  outages : of GNSS;  rich : truth differs from the model."""
 
     name: str
     model: FilterModel
@@ -104,12 +104,12 @@ CASES = (
 
 @dataclass(frozen=True, eq=False)
 class FilterFlight:
-    """A flight as its sensors tell it.
+    """Measurements of a flight.
 
-    t, accel_b, gyro_b : inertial samples (n,) [s], (n, 3);   start : P0 and where the filter begins
-    biases_b           : what is wrong with them (n, 6) beside white noise; NaN where it is not one number (rich)
-    aids               : what aids, in order of time [s]
-    drifts             : of what aids, by name, (n,) at t [m]; none where they are not one (rich)
+    t, accel_b, gyro_b : inertial samples (n,) [s], (n, 3);   start : P0 and initial state of the filter
+    biases_b           : their biases (n, 6) without white noise; NaN in the rich case, which has no single bias
+    aids               : aiding measurements in order of time [s]
+    drifts             : drifts of the aiding sensors, by name, (n,) at t [m]; empty in the rich case
     """
 
     flight: SplineFlight
@@ -139,7 +139,7 @@ def draw_flight(case: FilterCase, rng: Rng) -> FilterFlight:
 
 
 def draw_start(state: FlightState, rng: Rng) -> InitialState:
-    """A start that lies beside the truth as P0 says."""
+    """An initial state with an error drawn from P0."""
     turn_sd = (TILT_SD, TILT_SD, HEADING_SD)
     pos, vel, turn = (rng.normal(0.0, sd) for sd in (POS_SD, VEL_SD, turn_sd))
     lat, lon, alt = displaced_place(state, pos[None])
@@ -174,7 +174,7 @@ def displaced_place(state: FlightState, by_n: Array) -> tuple[Array, Array, Arra
 
 
 def measure_matched(case: FilterCase, state: FlightState, rng: Rng) -> tuple[Array, Array, Array]:
-    """What is felt, with biases that wander and white noise as Q has it; of nine states the biases are white, too."""
+    """Inertial samples with biases and white noise drawn from Q; with nine states the biases are white too."""
     n, unit, found, biases = len(state.t), case.model.unit, [], []
     for triad, true in ((unit.accel, specific_force_b(state)), (unit.gyro, angular_rate_b(state))):
         slow_b = np.stack([_bias(triad, n, rng) for _ in range(3)], axis=1) if case.model.biased else np.zeros((n, 3))
@@ -199,7 +199,7 @@ def _measure_rich(case: FilterCase, state: FlightState, rng: Rng) -> tuple[Array
 
 
 def gauss_markov(drift: Drift, t: Array, way: Array, rng: Rng) -> Array:
-    """A first-order Gauss-Markov process over time and way flown, stationary from the start, shape (n,)."""
+    """A first-order Gauss-Markov process over time and distance, stationary from the start, shape (n,)."""
     spent = np.diff(t) / drift.period_s + np.diff(way) / drift.length_m
     keep = np.exp(-spent)
     found = np.empty(len(t))
@@ -229,7 +229,7 @@ def _rich_drift(extra: str, t: Array, way: Array, rng: Rng) -> Array:
 
 @dataclass(frozen=True)
 class DriftSum:
-    """Drifts of what aids, by name, at t."""
+    """Drifts of the aiding sensors, by name, at t."""
 
     t: Array
     drifts: dict[str, Array]
@@ -247,12 +247,12 @@ def _aids(case: FilterCase, flight: SplineFlight, drifting: DriftSum, rng: Rng) 
 
 
 def sample_times(every: float, phase: float) -> Array:
-    """Every so many seconds, never with an inertial sample."""
+    """Times with a period [s], never at the time of an inertial sample."""
     return np.asarray(np.arange(every + phase, SECONDS - INERTIAL_S, every))
 
 
 def has_satellites(t: Array, outages: bool) -> NDArray[np.bool_]:
-    """Where there are satellites."""
+    """Mask of the times with satellites."""
     hidden = [(t >= begin) & (t < end) for begin, end in OUTAGES_S] if outages else [np.zeros(len(t), dtype=bool)]
     return np.asarray(~np.any(hidden, axis=0))
 
@@ -265,11 +265,11 @@ def _gnss(case: FilterCase, flight: SplineFlight, drifting: DriftSum, rng: Rng) 
     offset = np.stack(slow_n, axis=1) + rng.normal(0.0, (LEVEL_SD, LEVEL_SD, HEIGHT_SD), shape)
     lat, lon, alt = (x.tolist() for x in displaced_place(state, offset))
     vel = (state.vel_n + _velocity_errors(case, t, rng)).tolist()
-    said = _effective_sd(VELOCITY_SD, VELOCITY_ERROR_TAU_S / GNSS_S) if case.rich else VELOCITY_SD
+    velocity_sd = _effective_sd(VELOCITY_SD, VELOCITY_ERROR_TAU_S / GNSS_S) if case.rich else VELOCITY_SD
     found: list[tuple[float, Aiding]] = []
     for k, at in enumerate(t.tolist()):
         found.append((at, GnssPosition(lat[k], lon[k], alt[k], LEVEL_SD, HEIGHT_SD)))
-        found.append((at, GnssVelocity(vel[k][0], vel[k][1], vel[k][2], said)))
+        found.append((at, GnssVelocity(vel[k][0], vel[k][1], vel[k][2], velocity_sd)))
     return found
 
 
@@ -282,7 +282,7 @@ def _velocity_errors(case: FilterCase, t: Array, rng: Rng) -> Array:
 
 
 def _effective_sd(sd: float, lasting: float) -> float:
-    """Sigma of white errors that tell as much, of those that are correlated over so many samples."""
+    """Sigma of white errors with the information of errors that are correlated over so many samples."""
     keep = float(np.exp(-1.0 / lasting))
     return float(sd * np.sqrt((1.0 + keep) / (1.0 - keep)))
 

@@ -7,10 +7,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from fti.plot_style import BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, add_legend, label, new_figure
+from fti.plot_style import BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, add_legend, label_axes, new_figure
 from fti.study._filter_flights import CASES, OUTAGES_S
 from fti.study._filter_runs import INSTANTS_S, FilterRun
-from fti.study._filter_terrain import SPELLS_S, Height, HeightPair
+from fti.study._filter_terrain import SPELLS_S, HeightErrors, HeightPair
 
 Array = NDArray[np.float64]
 
@@ -20,20 +20,20 @@ COLOURS = (GREEN, SKY, BLUE, PURPLE, VERMILION)
 def heights(found: dict[str, HeightPair]) -> Figure:
     """Error of the height with and without altimeter, and three sigma, for bad satellites and for none."""
     figure = new_figure(
-        "Height with and without a laser altimeter over an elevation model, GNSS bad or gone",
-        "One run. Shaded: GNSS of 4 m / 6 m, 5 m / 7 m, 6 m / 8 m (above), none at all (below). Thin: 3 sigma.",
+        "Height with and without a laser altimeter over an elevation model, GNSS degraded or lost",
+        "One run. Shaded: GNSS of 4 m / 6 m, 5 m / 7 m, 6 m / 8 m (above), outage (below). Thin: 3 sigma.",
         height=7.0,
     )
     for axes, (name, pair) in zip(figure.subplots(2, 1, sharex=True), found.items(), strict=True):
         _shade(axes, SPELLS_S)
         _draw(axes, pair.unaided, ORANGE, "without altimeter")
         _draw(axes, pair.aided, BLUE, "with altimeter from 30 s")
-        label(axes, x="time [s]" if name == "outage" else "", y="error [m]", title=f"GNSS {name}")
+        label_axes(axes, x="time [s]" if name == "outage" else "", y="error [m]", title=f"GNSS {name}")
         add_legend(axes)
     return figure
 
 
-def _draw(axes: Axes, height: Height, colour: str, name: str) -> None:
+def _draw(axes: Axes, height: HeightErrors, colour: str, name: str) -> None:
     t = np.arange(len(height.error))
     axes.plot(t, height.error, color=colour, label=name)
     for sign in (-3.0, 3.0):
@@ -59,20 +59,20 @@ def one_flight(run: FilterRun) -> Figure:
         _shade(axes, OUTAGES_S)
         axes.fill_between(t, -3.0 * sd, 3.0 * sd, color=SKY, alpha=0.35, lw=0.0)
         axes.plot(t, error, color=BLUE)
-        label(axes, x="time [s]" if name == "down" else "", y=f"{name} [m]")
+        label_axes(axes, x="time [s]" if name == "down" else "", y=f"{name} [m]")
     return figure
 
 
 def consistency(cases: list[list[FilterRun]]) -> Figure:
     """NEES over its n at the instants, by case."""
     figure = new_figure(
-        "Normalised error squared over its number of states: 1 is an honest filter",
+        "Normalised error squared over its number of states: 1 is a consistent filter",
         f"Mean of {len(cases[0])} flights of each case at ten instants; the band is 0.85 to 1.15.",
     )
     axes = figure.subplots()
     axes.axhspan(0.85, 1.15, color=GREY, alpha=0.2, lw=0.0)
     for case, runs, colour in zip(CASES, cases, COLOURS, strict=True):
         axes.plot(INSTANTS_S, np.mean([run.nees for run in runs], axis=0), "o-", color=colour, label=case.name)
-    label(axes, x="time [s]", y="NEES / n")
+    label_axes(axes, x="time [s]", y="NEES / n")
     add_legend(axes)
     return figure

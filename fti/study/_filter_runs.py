@@ -1,4 +1,4 @@
-"""One flight through the filter: what it was wrong by, beside what it said of itself."""
+"""One flight through the filter: its errors and its stated sigmas."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ from fti.study._filter_flights import CASES, INERTIAL_S, SECOND_NS, SECONDS, Fil
 
 Array = NDArray[np.float64]
 
-#: The fixed instants [s].
+#: Evaluation times [s].
 INSTANTS_S = tuple(np.linspace(25.0, SECONDS, 10))
-#: The history for the pictures and the outages, every so often [s].
+#: Period of the history for plots and outages [s].
 HISTORY_S = 1.0
 
 
 @dataclass(frozen=True, eq=False)
 class FilterRun:
-    """Of one flight.
+    """Result of one flight.
 
     ratios  : error over sigma at the instants, in n (10, n); the errors of navigation, then biases and drifts
     nees    : normalised error squared over its n at the instants (10,)
     nis     : mean of the normalised innovations squared over their degrees of freedom;  refused : share of them
-    errors  : north, east, down, truth minus estimate, every second (s, 3) [m];  sds : and its sigma
+    errors  : north, east, down, truth minus estimate, every second (s, 3) [m];  sds : sigma of each
     spread  : sigma at the end over that of the start, by state (n,)
     """
 
@@ -53,7 +53,7 @@ def run(task: tuple[int, int, int]) -> FilterRun:
 
 
 def run_filter(flight: FilterFlight, navigator: InertialNavigator) -> FilterRun:
-    """Fly it."""
+    """Run the filter over a flight."""
     rows, history, verdicts = list[tuple[Array, Array, float]](), list[tuple[Array, Array]](), []
     first, waiting = Estimate(0, *_start(flight, navigator), np.zeros(6), navigator.model), list(reversed(flight.aids))
     instants = {round(t / INERTIAL_S) for t in INSTANTS_S}
@@ -101,7 +101,7 @@ def _pos_e(truth: FlightState, k: int) -> Array:
 def normalized_errors(here: Estimate, truth: FlightState, k: int, flight: FilterFlight) -> tuple[Array, Array, float]:
     """Errors over sigma in n, sigma, and NEES over n, at inertial sample k.
 
-    Where biases and drifts are not one number (rich) the errors of navigation alone are judged.
+    In the rich case, which has no single bias and drift, only navigation errors are evaluated.
     """
     error = errors(here, truth, k, flight)
     known = np.isfinite(error)
@@ -114,7 +114,7 @@ def normalized_errors(here: Estimate, truth: FlightState, k: int, flight: Filter
 
 
 def errors(here: Estimate, truth: FlightState, k: int, flight: FilterFlight) -> Array:
-    """Truth minus estimate (n,), as the filter has its states; NaN where the truth is not one number."""
+    """Truth minus estimate (n,), in the order of the filter's states; NaN for states without a true value."""
     model, found = here.model, np.full(here.model.size, np.nan)
     at = slice(k, k + 1)
     found[0:3] = _pos_e(truth, k) - here.y[0:3]

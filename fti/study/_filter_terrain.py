@@ -1,15 +1,15 @@
 """T16, its vertical part: the height of GNSS and inertial navigation, with and without a laser altimeter over terrain.
 
-    country    broken and bare: fractal relief of 40 m; ten of them in a hundred runs.  What stands on
-               the ground is the matter of T20 and T21
+    country    rough and bare: fractal relief of 40 m; ten of them in a hundred runs.  T20 and T21 treat vegetation
+               and buildings
     model      elevation with a bias drawn from 1 m, 1.5 m of noise (half of its variance over 30 m, half over 300 m)
     flight     250 s round the middle of it at 55 m/s, 150 m over the highest point, turns of 25 deg
-    altimeter  a ray along the boresight, 0.3 m of noise, once a second: what the elevation model errs by over 30 m is
-               another then.  The filter predicts it at its own estimate, and compensates it inside H
+    altimeter  a ray along the boresight, 0.3 m of noise, once a second: errors of the elevation model over 30 m are
+               independent then.  The filter predicts it at its own estimate, and compensates it inside H
     GNSS       2 m / 3 m, of which 1.5 m / 2.5 m are slow; in three spells 4 m / 6 m, 5 m / 7 m and 6 m / 8 m
                (``degraded``), or none at all (``outage``).  The altimeter is on from 30 s
 
-Both filters have the same sensors: what one has the other has too, to the bit, but for the altimeter.
+Both filters get bit-identical measurements, except for the altimeter.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ Array = NDArray[np.float64]
 Rng = np.random.Generator
 
 COUNTRIES = 10
-#: Spells, and GNSS on the level and in height then [s, m]; else [m].
+#: Intervals [s], and GNSS sigma horizontal and vertical in them [m]; otherwise [m].
 SPELLS_S, SPELLS_SD = ((30.0, 40.0), (80.0, 100.0), (170.0, 200.0)), ((4.0, 6.0), (5.0, 7.0), (6.0, 8.0))
 GNSS_SD, SLOW_SD = (2.0, 3.0), (1.5, 2.5)
 ON_S = 30.0
@@ -68,7 +68,7 @@ MODEL = FilterModel(
 )
 
 
-class Height(NamedTuple):
+class HeightErrors(NamedTuple):
     """Truth minus estimate of the height, up, and its sigma, every second (s,) [m]."""
 
     error: Array
@@ -79,17 +79,17 @@ class Height(NamedTuple):
 class HeightPair:
     """One run: without and with the altimeter."""
 
-    unaided: Height
-    aided: Height
+    unaided: HeightErrors
+    aided: HeightErrors
 
 
-#: What one run comes to: with bad satellites in the spells, and with none.
+#: Result of one run: with degraded GNSS in the intervals, and with outages.
 SCENARIOS = ("degraded", "outage")
 
 
 @functools.lru_cache(maxsize=1)
 def _country(seed: int, number: int) -> tuple[Terrain, Terrain]:
-    """What is there, and the elevation model of it."""
+    """The true ground and its elevation model."""
     rng = np.random.default_rng([seed, 161, number])
     terrain = synthetic_terrain("rough", int(rng.integers(2**31)))
     error = DemError(bias=float(rng.normal(0.0, DEM_BIAS_M)), noise_sd=DEM_NOISE_M)
@@ -108,27 +108,27 @@ def fly_pairs(task: tuple[int, int, int]) -> dict[str, HeightPair]:
 def _fly_pair(flight: SplineFlight, terrain: Terrain, dem: Terrain, outage: bool, rng: Rng) -> HeightPair:
     state = flight.state(np.arange(0.0, SECONDS + INERTIAL_S / 2, INERTIAL_S))
     case = FilterCase("terrain", MODEL, aided=True, outages=outage)
-    felt = np.concatenate(measure_matched(case, state, rng)[:2], axis=1)
+    imu_samples = np.concatenate(measure_matched(case, state, rng)[:2], axis=1)
     start = draw_start(flight.state(np.zeros(1)), rng)
     gnss = _gnss(flight, outage, rng)
     ranges = _ranges(Predictor(terrain, Laser(max_range=FARTHEST_M)), flight, rng)
     truth = state.alt[:: round(1.0 / INERTIAL_S)]
 
-    def flown(predictor: Predictor | None) -> Height:
+    def run(predictor: Predictor | None) -> HeightErrors:
         navigator = InertialNavigator(MODEL)
-        navigator.begin(0, start, felt[0, :3], felt[0, 3:])
-        return _run_filter(navigator, felt, gnss, ranges if predictor else [], predictor, truth)
+        navigator.begin(0, start, imu_samples[0, :3], imu_samples[0, 3:])
+        return _run_filter(navigator, imu_samples, gnss, ranges if predictor else [], predictor, truth)
 
-    return HeightPair(flown(None), flown(Predictor(dem, Laser(max_range=FARTHEST_M))))
+    return HeightPair(run(None), run(Predictor(dem, Laser(max_range=FARTHEST_M))))
 
 
 def circuit_flight(terrain: Terrain, rng: Rng) -> SplineFlight:
-    """Corner by corner round the origin of the terrain's frame, level."""
+    """A level flight along corners round the origin of the terrain's frame."""
     height = CLEARANCE_M + float(np.nanmax(terrain.finest.heights))
     turned = rng.uniform(0.0, 2.0 * np.pi) + 0.5 * np.pi * np.arange(CORNERS)
-    places = np.sqrt(2.0) * CORNER_M * np.stack((np.cos(turned), np.sin(turned), np.zeros(CORNERS)), axis=1)
-    places[:, :2] += rng.uniform(-JITTER_M, JITTER_M, (CORNERS, 2))
-    lat, lon, _ = terrain.frame.to_geodetic(places)
+    corners = np.sqrt(2.0) * CORNER_M * np.stack((np.cos(turned), np.sin(turned), np.zeros(CORNERS)), axis=1)
+    corners[:, :2] += rng.uniform(-JITTER_M, JITTER_M, (CORNERS, 2))
+    lat, lon, _ = terrain.frame.to_geodetic(corners)
     alt = terrain.frame.alt0 + height
     waypoints = [Waypoint(float(a), float(b), alt, SPEED) for a, b in zip(lat, lon, strict=True)]
     return waypoint_flight(waypoints, BANK, (0.0, 0.0)).section(0.0, SECONDS + 1.0)
@@ -157,29 +157,29 @@ def _gnss(flight: SplineFlight, outage: bool, rng: Rng) -> list[tuple[float, Aid
 
 
 def _ranges(truth: Predictor, flight: SplineFlight, rng: Rng) -> list[tuple[float, float]]:
-    """When, and what the altimeter says [s, m]."""
+    """Time and range of each altimeter measurement [s, m]."""
     t = sample_times(1.0, 0.021)
     t = t[t >= ON_S]
     state = flight.state(t)
     exact = truth.at(state.lat, state.lon, state.alt, state.roll, state.pitch, state.heading).slant_range
-    said = exact + rng.normal(0.0, NOISE_M, len(t))
-    return [(at, d) for at, d in zip(t.tolist(), said.tolist(), strict=True) if np.isfinite(d)]
+    ranges = exact + rng.normal(0.0, NOISE_M, len(t))
+    return [(at, d) for at, d in zip(t.tolist(), ranges.tolist(), strict=True) if np.isfinite(d)]
 
 
 def _run_filter(  # noqa: PLR0917
     navigator: InertialNavigator,
-    felt: Array,
+    imu_samples: Array,
     gnss: list[tuple[float, Aiding]],
     ranges: list[tuple[float, float]],
     predictor: Predictor | None,
     truth: Array,
-) -> Height:
+) -> HeightErrors:
     fixes, echoes, errors, sds = list(reversed(gnss)), list(reversed(ranges)), list[float](), list[float]()
     every = round(1.0 / INERTIAL_S)
-    for k in range(len(felt)):
+    for k in range(len(imu_samples)):
         t = k * INERTIAL_S
         if k:
-            navigator.feed_inertial(round(t * SECOND_NS), felt[k, :3], felt[k, 3:])
+            navigator.feed_inertial(round(t * SECOND_NS), imu_samples[k, :3], imu_samples[k, 3:])
         while fixes and fixes[-1][0] < t:
             at, aiding = fixes.pop()
             navigator.feed_aiding(round(at * SECOND_NS), aiding)
@@ -188,28 +188,28 @@ def _run_filter(  # noqa: PLR0917
         if k % every == 0:
             here = navigator.at(round(t * SECOND_NS))
             assert here is not None
-            errors.append(float(truth[k // every]) - here.place[2])
+            errors.append(float(truth[k // every]) - here.geodetic[2])
             sds.append(float(here.sd_n[2]))
-    return Height(np.array(errors), np.array(sds))
+    return HeightErrors(np.array(errors), np.array(sds))
 
 
 def _take_range(navigator: InertialNavigator, predictor: Predictor, at: float, measured: float) -> None:
     here = navigator.at(round(at * SECOND_NS))
     assert here is not None
-    expected = predictor.at(*here.place, *here.rpy)
+    expected = predictor.at(*here.geodetic, *here.rpy)
     if expected.valid[0]:
         navigator.feed_aiding(round(at * SECOND_NS), slant_range_aiding(here, expected, measured))
 
 
 def slant_range_aiding(here: Estimate, expected: Prediction, measured: float) -> SlantRange:
-    """What a range means, predicted at an estimate; the short part of the elevation's error counts as white."""
+    """Altitude from a range, predicted at an estimate; the short-range part of the elevation error counts as white."""
     u, n = expected.direction_n[0], expected.normal_n[0]
     white = float(np.hypot(NOISE_M, SHORT_SD * n[2] / (n @ u)))
     ray, normal = (tuple(v.tolist()) for v in (u, n))
-    return SlantRange(measured, white, float(expected.slant_range[0]), *here.place, ray, normal)
+    return SlantRange(measured, white, float(expected.slant_range[0]), *here.geodetic, ray, normal)
 
 
-def spell_rms(heights: list[Height], spell: tuple[float, float]) -> Array:
-    """Root mean square of the height's error in a spell, by run [m]."""
+def spell_rms(heights: list[HeightErrors], spell: tuple[float, float]) -> Array:
+    """RMS of the height error in an interval, by run [m]."""
     rows = slice(round(spell[0]), round(spell[1]) + 1)
     return np.array([np.sqrt(np.mean(h.error[rows] ** 2)) for h in heights])

@@ -1,7 +1,7 @@
 """Flights of the studies: legs of turning and climbing, rolled in and out smoothly, turns coordinated.
 
-What a leg commands (turn rate, speed, path angle, extra roll) is smoothed by a Hann window of unit area as long as the
-aircraft takes to answer, so a turn ends exactly on its heading.  Then
+The commands of a leg (turn rate, speed, path angle, extra roll) are smoothed by a Hann window of unit area with the
+length of the response time, so a turn ends exactly on its heading.  Then
 
     roll = atan(turn rate x speed / g) + extra,     pitch = path angle + aoa cos(roll),     aoa = trim / cos(roll)
 
@@ -48,7 +48,7 @@ class FlightLeg:
 
 
 def turn(heading_change: float, bank: float, speed: float, path: float = 0.0) -> FlightLeg:
-    """The leg that changes the heading by so much, right positive [rad], with that bank, always positive [rad]."""
+    """The leg that changes the heading by an angle, right positive [rad]; bank : positive [rad]."""
     rate = STANDARD_GRAVITY * np.tan(bank) / speed
     return FlightLeg(float(abs(heading_change) / rate), speed, float(np.copysign(bank, heading_change)), path)
 
@@ -70,13 +70,13 @@ class SampledFlight:
         return np.asarray(MAT_ENU_NED @ mat_from_rpy(self.roll, self.pitch, self.heading))
 
     def poses(self) -> Poses:
-        """Of a sensor at P that looks down along the body's axis."""
+        """Poses of a sensor at P that points down along the body axis."""
         return Poses(self.origins_l, self.mats_lb, self.vels_l)
 
 
 @dataclass(frozen=True, eq=False)
 class CommandedTrack:
-    """The ground track of a flight and what it commands, at ``STEP_S``; speed [m/s], path and extra [rad]."""
+    """The ground track of a flight and its commands, at ``STEP_S``; speed [m/s], path and extra [rad]."""
 
     t: Array
     east: Array
@@ -89,10 +89,10 @@ class CommandedTrack:
 
     @property
     def height_gain(self) -> Array:
-        """Height over the first point, when the path angles are flown [m]."""
+        """Height over the first point that the path angles give [m]."""
         return _integrate(self.speed * np.tan(self.path))
 
-    def flown(self, up: Array, every_s: float) -> SampledFlight:
+    def flight_at(self, up: Array, every_s: float) -> SampledFlight:
         """The flight over this track at heights ``up`` [m], one sample every so many seconds."""
         climb = np.gradient(up, STEP_S)
         roll = np.arctan(self.turn_rate * self.speed / STANDARD_GRAVITY) + self.extra
@@ -109,7 +109,7 @@ def track(
 ) -> CommandedTrack:
     """Fly the legs one after the other from a heading [rad]; the last point lies at ``end``, east and north [m].
 
-    answer_s : how long a command takes to be followed [s]
+    answer_s : response time of the aircraft to a command [s]
     """
     rate, speed, path, extra = (
         _smoothed(legs, [getattr(leg, name) for leg in legs], answer_s)
@@ -122,8 +122,8 @@ def track(
 
 
 def _smoothed(legs: list[FlightLeg], values: list[float], answer_s: float) -> Array:
-    """Values held through their legs and smoothed; as long as the legs together."""
-    seconds = np.array([*(leg.seconds for leg in legs), STEP_S])  # the last leg goes on until its step is whole
+    """Smoothed values, constant in each leg; as long as all legs together."""
+    seconds = np.array([*(leg.seconds for leg in legs), STEP_S])  # the last leg is extended to a whole step
     ends = np.concatenate(([0.0], np.cumsum(seconds)))
     total = np.concatenate(([0.0], np.cumsum(seconds * [*values, values[-1]])))
     edges = STEP_S * np.arange(np.ceil(ends[-2] / STEP_S) + 1)

@@ -1,10 +1,11 @@
 """T1: a radar altimeter over forest and buildings, measured, and predicted from an elevation model with errors.
 
-"Measured" is what an instrument says over the true surface: the beam by other rays (four times as many, the dome
+"Measured" is the range of an instrument over the true surface: the beam by other rays (four times as many, the dome
 rotated at random), 0.5 m of noise.  The model is the same kind of radar over an elevation model of 5 m posts with 1.5 m
 of noise (half of its variance over 30 m, half over 300 m), 2051 rays, no noise.  The nadir height is that over the
 elevation model, straight down.  Posts, accuracy, rays and carrier are those of table 2.8; the antenna of the campaign
-is not published, so both of the study's are flown.  Level run, approach and vertical ramp as in section 2.2.8.
+is not published, so both antennas of the study are simulated.  Level run, approach and vertical ramp as in section
+2.2.8.
 """
 
 from __future__ import annotations
@@ -45,9 +46,9 @@ ANTENNAS = {"wide": WIDE, "narrow": NARROW}
 REACH_M, STEP_M = 800.0, 16.0
 RAMP_M = (10.0, 100.0, 2.0)
 LEVEL_M, GLIDE = 100.0, np.radians(3.0)
-#: The approach ends so far above the highest surface under it [m].
+#: Height of the end of the approach above the highest surface under it [m].
 CLEAR_M = 15.0
-#: Roll and pitch of an octocopter that flies steadily, one sigma [rad].
+#: Roll and pitch of an octocopter in steady flight, one sigma [rad].
 ATTITUDE_SD = np.radians(2.0)
 #: Model over nadir, with its upper bound.
 LIMIT = 0.5
@@ -57,7 +58,7 @@ Path = tuple[Array, Array]
 
 @dataclass(frozen=True, eq=False)
 class LevelRunSite:
-    """The true surface, its elevation model, and what grows there."""
+    """The true surface, its elevation model, and its land cover."""
 
     truth: Terrain
     dsm: Terrain
@@ -66,8 +67,8 @@ class LevelRunSite:
 
 @dataclass(frozen=True, eq=False)
 class LevelRun:
-    """along [m]; up of the aircraft [m]; heights above ground [m]: nadir over the model, measured, by the model, and
-    what was measured, compensated with that (``fti.nav.altimetry.compensation``).
+    """along [m]; up of the aircraft [m]; heights above ground [m]: nadir over the model, measured, by the model,
+    and the measured range compensated with it (``fti.nav.altimetry.compensation``).
     """
 
     along: Array
@@ -94,7 +95,7 @@ def make_site(seed: int) -> LevelRunSite:
 
 
 def level(world: LevelRunSite, rng: Rng, step: float = STEP_M) -> Path:
-    """A level run across the country, 100 m over the mean of the surface, measured every so many metres."""
+    """A level run across the country, 100 m over the mean of the surface, measured at equal distances."""
     along, east, north, surface = _across(world, rng, step)
     up = np.full_like(along, np.mean(surface) + LEVEL_M)
     return along, np.stack((east, north, up), axis=-1)
@@ -108,7 +109,7 @@ def approach(world: LevelRunSite, rng: Rng) -> Path:
 
 
 def ramp(world: LevelRunSite, rng: Rng) -> Path:
-    """Straight up and down again over open ground near the middle; distance is what has been flown."""
+    """Straight up and down again over open ground near the middle; the abscissa is the flown distance."""
     east, north = rng.uniform(-REACH_M, REACH_M, (2, 400))
     opened = np.isin(world.landscape.cover_at(east, north), [Cover.GRASS, Cover.CROP])
     place = np.array([east[opened][0], north[opened][0]])
@@ -132,7 +133,7 @@ def fly(world: LevelRunSite, path: Path, antenna: str, rng: Rng) -> LevelRun:
     """Measure and predict along a path."""
     along, origins_l = path
     roll, pitch = ATTITUDE_SD * rng.standard_normal((2, len(along)))
-    poses = Poses.still(origins_l, MAT_ENU_NED @ mat_from_rpy(roll, pitch, np.zeros_like(roll)))
+    poses = Poses.stationary(origins_l, MAT_ENU_NED @ mat_from_rpy(roll, pitch, np.zeros_like(roll)))
     model = RadarAltimeter(antenna=ANTENNAS[antenna], waveform=WAVEFORM_24_GHZ, order=MODEL_ORDER)
     instrument = dataclasses.replace(
         model, order=TRUTH_ORDER, turn=random_turn(rng), error=RangeError(noise_sd=NOISE_M)
@@ -146,7 +147,7 @@ def fly(world: LevelRunSite, path: Path, antenna: str, rng: Rng) -> LevelRun:
     return LevelRun(along, up, nadir, measured, expected.slant_range, compensated)
 
 
-def flown(seed: int) -> dict[tuple[str, str], LevelRun]:
+def fly_paths(seed: int) -> dict[tuple[str, str], LevelRun]:
     """Runs over the country of that seed: of (path, antenna).  Both antennas fly the level run, the wide one all."""
     world = make_site(seed)
     pairs = [(path, "wide") for path in PATHS] + [("level", "narrow")]

@@ -8,7 +8,7 @@ from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from fti.plot_style import BLACK, BLUE, GREY, GROUND, VERMILION, add_legend, label, new_figure
+from fti.plot_style import BLACK, BLUE, GREY, GROUND, VERMILION, add_legend, label_axes, new_figure
 from fti.study import _level_run
 from fti.study._level_run import REACH_M, LevelRun, LevelRunSite, Path
 from fti.terrain.landscape import Cover
@@ -22,7 +22,7 @@ COVERS = {
 
 
 def level_run(seed: int) -> Figure:
-    """Map with the track; profile of the surface; heights; errors of model and nadir against what was measured."""
+    """Map with the track; profile of the surface; heights; errors of model and nadir against the measured ranges."""
     world, rng = _level_run.make_site(seed), np.random.default_rng([seed, 0])
     path = _level_run.level(world, rng, step=5.0)
     run = _level_run.fly(world, path, "wide", rng)
@@ -61,7 +61,7 @@ def _draw_map(axes: Axes, world: LevelRunSite, path: Path) -> None:
     axes.grid(visible=False)
     patches = [Patch(color=colour, label=name) for name, colour in COVERS.values()]
     axes.legend(handles=patches, loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=4, handlelength=1.2)
-    label(axes, "east [m]", "north [m]", "track, from the circle on")
+    label_axes(axes, "east [m]", "north [m]", "track, from the circle on")
 
 
 def _draw_profile(axes: Axes, world: LevelRunSite, path: Path, run: LevelRun) -> None:
@@ -74,7 +74,7 @@ def _draw_profile(axes: Axes, world: LevelRunSite, path: Path, run: LevelRun) ->
     axes.fill_between(along, bare, top, color=COVERS[Cover.FOREST][1], lw=0.0, label="trees, houses, crops")
     axes.plot(run.along, run.up, color=BLACK, label="aircraft")
     axes.set_ylim(floor, None)
-    label(axes, y="height [m]")
+    label_axes(axes, y="height [m]")
     add_legend(axes)
 
 
@@ -82,7 +82,7 @@ def _draw_heights(axes: Axes, run: LevelRun) -> None:
     axes.plot(run.along, run.nadir, color=GREY, lw=1.0, label="nadir")
     axes.plot(run.along, run.measured, color=BLACK, lw=2.2, label="measured")
     axes.plot(run.along, run.model, color=BLUE, lw=1.2, label="model")
-    label(axes, y="height above\nground [m]")
+    label_axes(axes, y="height above\nground [m]")
     add_legend(axes)
 
 
@@ -91,6 +91,6 @@ def _draw_errors(axes: Axes, run: LevelRun) -> None:
     axes.plot(run.along, run.nadir - run.measured, color=VERMILION, lw=1.0, label=f"nadir, RMS {nadir:.1f} m")
     axes.plot(run.along, run.model - run.measured, color=BLUE, lw=1.3, label=f"model, RMS {model:.1f} m")
     axes.axhline(0.0, color=BLACK, lw=0.8)
-    label(axes, "distance [m]", "minus\nmeasured [m]")
+    label_axes(axes, "distance [m]", "minus\nmeasured [m]")
     add_legend(axes)
     axes.set_xlim(run.along[0], run.along[-1])

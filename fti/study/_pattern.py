@@ -1,8 +1,8 @@
-"""A light aircraft's traffic pattern at an airfield in a river valley, and what its radar altimeter measures.
+"""A light aircraft's traffic pattern at an airfield in a river valley, and its radar altimeter.
 
 Downwind at a constant height, base, a steep final that leads 30 deg askew to the runway, and the turn onto it before
-the threshold, as hills on either side demand (source 003, section 7.2.1; its elevation and its flight are not public).
-The pattern lies west or east of the field; its legs, banks and the country are others for each seed.
+the threshold, because of hills on both sides (source 003, section 7.2.1; its elevation and its flight are not public).
+The pattern lies west or east of the field; its legs, banks and the country depend on the seed.
 """
 
 from __future__ import annotations
@@ -36,25 +36,25 @@ TRUTH_ORDER, MODEL_ORDER, NOISE_M = 40, 20, 0.5
 
 @dataclass(frozen=True, eq=False)
 class Pattern:
-    """A flight, the surface under it, and the true height over that straight below (n,) [m]."""
+    """A flight, the surface under it, and the true height over the surface straight below (n,) [m]."""
 
     flight: SampledFlight
     surface: Terrain
     nadir: Array
 
     def predict(self, known: Terrain, model: RadarAltimeter) -> Prediction:
-        """What a radar should measure along the flight, from the surface that is known."""
+        """Predicted radar measurements along the flight over a known surface."""
         flight = self.flight
         vel_n = flight.vels_l[:, [1, 0, 2]] * [1.0, 1.0, -1.0]
         mats_nb = mat_from_rpy(flight.roll, flight.pitch, flight.heading)
-        return Predictor(known, model).along(flight.origins_l, mats_nb, vel_n=vel_n)
+        return Predictor(known, model).predict_local(flight.origins_l, mats_nb, vel_n=vel_n)
 
 
 def make_pattern(seed: int, every_s: float = EVERY_S) -> Pattern:
     """The flight and the country of that seed."""
     rng = np.random.default_rng([seed, 13])
-    flown = track(_legs(rng), np.pi, ANSWER_S)
-    flight = flown.flown(flown.height_gain - flown.height_gain[-1] + THRESHOLD_M, every_s)
+    commanded = track(_legs(rng), np.pi, ANSWER_S)
+    flight = commanded.flight_at(commanded.height_gain - commanded.height_gain[-1] + THRESHOLD_M, every_s)
     surface = synthetic_landscape("river_valley", seed, extent_m=EXTENT_M, cell_m=CELL_M).surface
     east, north, up = flight.origins_l.T
     return Pattern(flight, surface, up - surface.up(east, north))
@@ -76,11 +76,11 @@ def _legs(rng: Rng) -> list[FlightLeg]:
 
 
 def instrument(antenna: Antenna, rng: Rng) -> RadarAltimeter:
-    """A radar as it is: 8101 rays of a dome rotated at random, 0.5 m of noise, no steps."""
+    """The true radar: 8101 rays of a dome rotated at random, 0.5 m of noise, no steps."""
     noise = RangeError(noise_sd=NOISE_M)
     return RadarAltimeter(antenna=antenna, order=TRUTH_ORDER, turn=random_turn(rng), error=noise)
 
 
 def remove_errors(radar: RadarAltimeter) -> RadarAltimeter:
-    """The very beam of an instrument, without its noise and steps."""
+    """The beam of an instrument without noise and steps."""
     return dataclasses.replace(radar, error=RangeError(), quantised=False)

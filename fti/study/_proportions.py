@@ -1,4 +1,4 @@
-"""Shares of runs: their limits of confidence, and how many may fail by chance."""
+"""Shares of runs: confidence limits, and the number of failures by chance."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ Z = 1.959964
 
 
 def wilson(successes: int, n: int) -> tuple[float, float]:
-    """95 % interval of a probability of which ``successes`` of n runs were seen; (0, 1) without runs.
+    """95 % interval of a probability with ``successes`` in n runs; (0, 1) without runs.
 
     Source: Wilson 1927.
     """
@@ -22,7 +22,7 @@ def wilson(successes: int, n: int) -> tuple[float, float]:
 
 
 def max_failures_by_chance(n: int, p: float, level: float = 0.95) -> int:
-    """The least k with P(X <= k) >= level for X binomial: what n runs may show when each has the probability p."""
+    """The least k with P(X <= k) >= level for X binomial with n runs of probability p."""
     total, k = 0.0, -1
     while total < level:
         k += 1

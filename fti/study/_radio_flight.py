@@ -1,9 +1,9 @@
 """An hour of flight with few satellites, five DME stations and a radio altimeter: the geometry of the study ``wdop``.
 
 A circle of 15 km radius at 36.72 deg north, 127.5 deg east, between 15 m and 2975 m above ground that rises and falls
-by 110 m with slopes of up to 4 %.  The 24 GPS satellites of ``fti.hil.sensors.constellation``; of those above the
-horizon the ones above the median elevation, as the source does it: four or five, and from minute 20 to 40 the three
-highest.  The stations are invented.  Errors are white: from run to run, and from epoch to epoch.
+by 110 m with slopes of up to 4 %.  Of the 24 GPS satellites of ``fti.hil.sensors.constellation`` above the horizon, the
+source uses those above the median elevation: four or five, and from minute 20 to 40 the three highest.  The stations
+are invented.  Errors are white: from run to run, and from epoch to epoch.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 
 LAT, LON = math.radians(36.72), math.radians(127.5)
 HOUR_S, EPOCH_S, SKY_S = 3600.0, 10.0, 12_600.0
-#: When there are few satellites [s], and how many.
+#: Interval with few satellites [s], and their number.
 FEW_S, FEW = (1200.0, 2400.0), 3
 RADIUS_M, LOWEST_M, HIGHEST_M = 15_000.0, 15.0, 2975.0
 #: Of the stations: bearing [deg] and distance [m] from the circle's centre, height above the ellipsoid [m].
@@ -62,7 +62,7 @@ class Geometry:
         self._stations_e = np.stack([self._station(*station) for station in STATIONS])
 
     def epochs(self) -> list[RadioEpoch]:
-        """All of them."""
+        """All epochs."""
         return [self.epoch(float(t)) for t in np.arange(0.0, HOUR_S + EPOCH_S, EPOCH_S)]
 
     def epoch(self, t: float) -> RadioEpoch:
@@ -78,7 +78,7 @@ class Geometry:
         )
 
     def _visible_satellites(self, t: float, pos_e: Array, lat: float, lon: float) -> Array:
-        """Satellites that are used, shape (n, 3), e frame."""
+        """Used satellites, shape (n, 3), e frame."""
         angle = EARTH_RATE * (SKY_S + t)
         x, y, z = self._sky.state(SKY_S + t)[0][self._gps].T
         at_e = np.stack([x * np.cos(angle) + y * np.sin(angle), y * np.cos(angle) - x * np.sin(angle), z], axis=1)
@@ -106,9 +106,9 @@ def ground(lat: Array, lon: Array) -> tuple[Array, Array, Array]:
 
 @dataclass(frozen=True, eq=False)
 class Heights:
-    """Errors of the height [m] and what was predicted for them [m], of many runs at one epoch, shape (runs,) each.
+    """Errors of the height [m] and their predicted sigmas [m], of many runs at one epoch, shape (runs,) each.
 
-    joined : the altimeter as one more observation of the least squares;  from_altimeter : whose height was chosen
+    combined : the altimeter is one more observation of the least squares;  from_altimeter : its height was chosen
     """
 
     ranges: Array
@@ -117,14 +117,14 @@ class Heights:
     altimeter_sd: Array
     fused: Array
     fused_sd: Array
-    joined: Array
-    joined_sd: Array
+    combined: Array
+    combined_sd: Array
     from_altimeter: NDArray[np.bool_]
     satellites: int
 
 
 def measure(epoch: RadioEpoch, runs: int, rng: np.random.Generator, undulation: float = UNDULATION) -> Heights:
-    """So many runs of one epoch.  undulation : what is added to the elevation model, which counts from the sea [m]."""
+    """Runs of one epoch.  undulation : added to the elevation model, whose heights are above the sea [m]."""
     slants = [
         _slant(epoch, epoch.satellites_e, SATELLITE_SD, runs, rng, clock=True),
         _slant(epoch, epoch.stations_e, DME_SD, runs, rng, clock=False),
@@ -137,12 +137,12 @@ def measure(epoch: RadioEpoch, runs: int, rng: np.random.Generator, undulation: 
     agl = epoch.agl + rng.uniform(-1.0, 1.0, runs) * float(altimeter_sd(epoch.agl)) / UNIFORM
     high, *slopes = ground(lat, lon)
     slope = np.stack(slopes, axis=-1)
-    wrong_place = np.einsum("ri,rij,rj->r", slope, cov_n[:, :2, :2], slope)
+    position_variance = np.einsum("ri,rij,rj->r", slope, cov_n[:, :2, :2], slope)
     below = agl + high + rng.normal(0.0, DEM_SD, runs) + undulation
-    below_sd = np.sqrt(altimeter_sd(agl) ** 2 + DEM_SD**2 + wrong_place)
+    below_sd = np.sqrt(altimeter_sd(agl) ** 2 + DEM_SD**2 + position_variance)
     ranges_sd = np.sqrt(cov_n[:, 2, 2])
-    joined = solve([*slants, AltitudeObservation(below, below_sd)], start_e)
-    assert joined is not None
+    combined = solve([*slants, AltitudeObservation(below, below_sd)], start_e)
+    assert combined is not None
     chosen = [choose_altitude(*pair) for pair in zip(ranges_sd.tolist(), below_sd.tolist(), strict=True)]
     from_altimeter = np.array([c is not None and c[0] is AltitudeSource.ALTIMETER for c in chosen])
     true = epoch.place[2]
@@ -153,8 +153,8 @@ def measure(epoch: RadioEpoch, runs: int, rng: np.random.Generator, undulation: 
         altimeter_sd=below_sd,
         fused=np.where(from_altimeter, below, alt) - true,
         fused_sd=np.array([math.nan if c is None else c[1] for c in chosen]),
-        joined=joined.geodetic()[2] - true,
-        joined_sd=np.sqrt(joined.cov_n()[:, 2, 2]),
+        combined=combined.geodetic()[2] - true,
+        combined_sd=np.sqrt(combined.cov_n()[:, 2, 2]),
         from_altimeter=from_altimeter,
         satellites=len(epoch.satellites_e),
     )

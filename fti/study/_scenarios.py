@@ -1,10 +1,9 @@
 """The two flights of source 003, section 2.3.3, and the ground under them.
 
 The approach begins downwind at 8000 ft, turns onto base and the intercept, and follows a 3 deg glide path to the
-threshold: three turns, the first and the last shallow, the second at the bank that airliners do not exceed.  The
-low-level flight follows rough country 90 m over what lies ahead, with turns of 35 to 75 deg of bank, and once rolls
-past the vertical as a fighter does to pull down behind a ridge.  Both are drawn about their plan, a different one for
-each seed.
+threshold: three turns, the first and the last shallow, the second at the maximum bank of airliners.  The
+low-level flight follows rough terrain 90 m above the highest ground ahead, with turns of 35 to 75 deg of bank, and
+once rolls past the vertical as a fighter does to pull down behind a ridge.  Both are drawn about a plan for each seed.
 """
 
 from __future__ import annotations
@@ -21,13 +20,13 @@ from fti.terrain.terrain import Terrain
 Array = NDArray[np.float64]
 Rng = np.random.Generator
 
-#: The approach ends so high over the threshold [m].
+#: Height of the end of the approach over the threshold [m].
 THRESHOLD_M = 15.0
 GLIDE = np.radians(3.0)
 DESCENT = np.radians(-3.2)
 APPROACH_EXTENT_M, LOW_EXTENT_M, CELL_M = 44_000.0, 40_000.0, 40.0
 AIRLINER_ANSWER_S, FIGHTER_ANSWER_S = 6.0, 2.0
-#: Low-level: clearance of the highest ground ahead and beside [m], and how far ahead it is looked at [s].
+#: Low-level: clearance of the highest ground ahead and to the sides [m], and look-ahead time [s].
 CLEARANCE_M, AHEAD_S = 90.0, 6.0
 
 
@@ -71,10 +70,10 @@ def approach(seed: int, every_s: float) -> RangingScenario:
         FlightLeg(20.0, 75.0),
         FlightLeg(rng.uniform(110.0, 120.0), 70.0, path=-GLIDE),
     ]
-    flown = track(legs, np.pi, AIRLINER_ANSWER_S)
-    up = flown.height_gain - flown.height_gain[-1] + THRESHOLD_M
+    commanded = track(legs, np.pi, AIRLINER_ANSWER_S)
+    up = commanded.height_gain - commanded.height_gain[-1] + THRESHOLD_M
     country = synthetic_terrain("river_valley", seed, extent_m=APPROACH_EXTENT_M, cell_m=CELL_M)
-    return RangingScenario("approach", flown.flown(up, every_s), country)
+    return RangingScenario("approach", commanded.flight_at(up, every_s), country)
 
 
 def low_level(seed: int, every_s: float) -> RangingScenario:
@@ -88,14 +87,16 @@ def low_level(seed: int, every_s: float) -> RangingScenario:
         legs += [turn(change, bank, speed), FlightLeg(rng.uniform(8.0, 12.0), speed)]
     past = turn(np.radians(-45.0), np.radians(60.0), speed)
     legs += [FlightLeg(past.seconds, speed, past.bank, extra=-over), FlightLeg(12.0, speed)]
-    flown = track(legs, np.radians(270.0), FIGHTER_ANSWER_S, end=(-8000.0, 3000.0))
+    commanded = track(legs, np.radians(270.0), FIGHTER_ANSWER_S, end=(-8000.0, 3000.0))
     country = synthetic_terrain("rough", seed, extent_m=LOW_EXTENT_M, cell_m=CELL_M)
-    return RangingScenario("low_level", flown.flown(_terrain_following_heights(flown, country), every_s), country)
+    return RangingScenario(
+        "low_level", commanded.flight_at(_terrain_following_heights(commanded, country), every_s), country
+    )
 
 
-def _terrain_following_heights(flown: CommandedTrack, country: Terrain) -> Array:
-    """Heights [m] that clear the ground within ``AHEAD_S`` by the clearance, and rise and fall softly."""
-    ground = country.up(flown.east, flown.north)
+def _terrain_following_heights(commanded: CommandedTrack, country: Terrain) -> Array:
+    """Heights [m] that clear the ground within ``AHEAD_S`` by the clearance, smoothed."""
+    ground = country.up(commanded.east, commanded.north)
     reach = round(AHEAD_S / STEP_S)
     padded = np.pad(ground, reach, mode="edge")[:: reach // 8]
     highest = np.lib.stride_tricks.sliding_window_view(padded, 17).max(axis=-1)

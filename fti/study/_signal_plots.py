@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from fti.plot_style import BLACK, BLUE, GREY, GROUND, ORANGE, VERMILION, label, new_figure
+from fti.plot_style import BLACK, BLUE, GREY, GROUND, ORANGE, VERMILION, label_axes, new_figure
 from fti.ranging.radar.doppler import range_error
 from fti.ranging.radar.receivers import line_spectrum
 from fti.ranging.radar.waveform import Waveform, loat_plan, ssb_plan
@@ -25,13 +25,13 @@ GROUND_RISE, GROUND_WAVE = 50.0, 1500.0
 SAMPLES = 1 << 18
 GHZ, MHZ = 1e9, 1e6
 FLOOR_DB = -70.0
-#: Points drawn for a sample, and samples beside the picture, where what lies between them is not known well.
+#: Plotted points per sample, and samples outside the plot, where the interpolation is inaccurate.
 FINER, MARGIN = 6, 64
 
 
 @dataclass(frozen=True)
 class ReceiverStage:
-    """One row: name, how much time is shown [s], the spectrum's unit and end [Hz], and the lines that are expected."""
+    """One row: name, plotted time [s], unit and end of the spectrum [Hz], and the expected lines."""
 
     name: str
     title: str
@@ -88,7 +88,7 @@ def _stages(example: Example, stages: list[ReceiverStage], title: str, subtitle:
     first = round((F_TX - wave.f_c) / wave.slope * receiver.rate) - SAMPLES // 2
     signals = receiver.stages(rays.ranges, rays.powers, rays.phases, first, SAMPLES)
     scene = f"{len(rays.ranges)} rays of the wide antenna, {rays.height:.1f} m over level ground"
-    below = f"{subtitle}; {scene}. Dashed: where the frequency plan puts it."
+    below = f"{subtitle}; {scene}. Dashed: frequency plan."
     figure = new_figure(title, below, width=10.5, height=2.0 * len(stages) + 0.8)
     rows = figure.subplots(len(stages), 2, squeeze=False, width_ratios=(1.0, 1.25))
     scale = float(np.max(np.abs(signals["rx"])))
@@ -103,12 +103,12 @@ def _draw_time(axes: Axes, signal: Array, rate: float, stage: ReceiverStage) -> 
     half, middle = round(0.5 * stage.seconds * rate), len(signal) // 2
     fine = _interpolated(signal[middle - half - MARGIN : middle + half + MARGIN])[FINER * MARGIN : -FINER * MARGIN]
     axes.plot(np.arange(len(fine)) / (FINER * rate * unit), fine, color=BLUE, lw=1.0)
-    label(axes, f"time [{name}]", "amplitude\n[of peak]", stage.title)
+    label_axes(axes, f"time [{name}]", "amplitude\n[of peak]", stage.title)
     axes.set_xlim(0.0, stage.seconds / unit)
 
 
 def _interpolated(signal: Array) -> Array:
-    """What lies between the samples of a tone: ``FINER`` times as many, by its spectrum."""
+    """Interpolate a tone by its spectrum to ``FINER`` times as many samples."""
     lines = np.fft.rfft(signal)
     return np.asarray(np.fft.irfft(lines, FINER * len(signal)) * FINER)
 
@@ -121,11 +121,11 @@ def _draw_lines(axes: Axes, signal: Array, rate: float, stage: ReceiverStage) ->
     for text, at in stage.lines.items():
         axes.axvline(at / stage.unit, color=VERMILION, lw=0.9, ls="--", zorder=0)
         axes.annotate(
-            f"{text}\n{_frequency_text(at)}", (at / stage.unit, 4.0), annotation_clip=False, fontsize=7.5, color=VERMILION,
-            ha="center", va="bottom",
+            f"{text}\n{_frequency_text(at)}", (at / stage.unit, 4.0), annotation_clip=False, fontsize=7.5,
+            color=VERMILION, ha="center", va="bottom",
         )  # fmt: skip
     axes.set(xlim=(0.0, stage.end / stage.unit), ylim=(FLOOR_DB, 4.0))
-    label(axes, f"frequency [{'GHz' if stage.unit == GHZ else 'MHz'}]", "level [dB]")
+    label_axes(axes, f"frequency [{'GHz' if stage.unit == GHZ else 'MHz'}]", "level [dB]")
 
 
 def _frequency_text(frequency: float) -> str:
@@ -135,8 +135,8 @@ def _frequency_text(frequency: float) -> str:
 def baseband() -> Figure:
     """Fig. 2.38: the spectrum of the beat from the radio-frequency chains, and from the baseband without a carrier."""
     figure = new_figure(
-        "Baseband beside radio frequency: the same beat, four hundred times fewer samples",
-        "One ramp, rays with their phases (speckle), wide antenna over level ground. Below: what the two differ by.",
+        "Baseband and radio frequency: the same beat, four hundred times fewer samples",
+        "One ramp, rays with their phases (speckle), wide antenna over level ground. Below: their difference.",
         width=10.0,
         height=6.0,
     )
@@ -159,13 +159,13 @@ def _draw_pair(column: Array, example: Example) -> None:
     above.axvline(beat, color=GREY, ls="--", lw=0.9, zorder=0, label=f"height: {beat:.1f} MHz")
     above.legend(loc="upper right")
     above.set(xlim=(0.6 * beat, 3.0 * beat), ylim=(-60.0, 5.0))
-    label(above, y="power [dB]", title=f"{example.name}, {rays.height:.1f} m")
+    label_axes(above, y="power [dB]", title=f"{example.name}, {rays.height:.1f} m")
     below.plot(mhz, 1e6 * (np.sqrt(with_carrier) - np.sqrt(without)) / np.sqrt(top), color=BLACK, lw=0.8)
-    label(below, "beat frequency [MHz]", "difference of\namplitudes\n[1e-6 of peak]")
+    label_axes(below, "beat frequency [MHz]", "difference of\namplitudes\n[1e-6 of peak]")
 
 
 def doppler() -> Figure:
-    """Fig. 2.13: the height error that the Doppler shift makes on an approach."""
+    """Fig. 2.13: the height error of the Doppler shift on an approach."""
     t = np.linspace(0.0, APPROACH_START / APPROACH_SPEED, 1200)
     to_go = APPROACH_START - APPROACH_SPEED * t
     ground = GROUND_RISE * np.cos(2.0 * np.pi * to_go / GROUND_WAVE)
@@ -181,10 +181,10 @@ def doppler() -> Figure:
     profile.fill_between(t, -80.0, ground, color=GROUND, lw=0.0, label="ground")
     profile.plot(t, height, color=BLACK, label="aircraft")
     profile.legend()
-    label(profile, y="height [m]")
+    label_axes(profile, y="height [m]")
     speed.plot(t, rate, color=BLUE)
-    label(speed, y="rate of the height\nabove ground [m/s]")
+    label_axes(speed, y="rate of the height\nabove ground [m/s]")
     error.plot(t, 100.0 * range_error(rate, Waveform()), color=VERMILION)
-    label(error, "time [s]", "height error [cm]")
+    label_axes(error, "time [s]", "height error [cm]")
     figure.align_ylabels()
     return figure

@@ -1,4 +1,4 @@
-"""The receivers of section 2.2.6 on what comes back from level ground: T4, and what its pictures show."""
+"""The receivers of section 2.2.6 on the return of level ground: T4 and its plots."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from fti.terrain.terrain import Terrain
 
 Array = NDArray[np.float64]
 
-#: Transmitted frequency at which the figures look [Hz].
+#: Transmitted frequency of the figures [Hz].
 F_TX = 4.3666e9
-#: The source cuts 866.7 ns to 866 before it goes on.
+#: The source truncates 866.7 ns to 866 ns.
 PRINTED_DELAY = 866e-9
 ORDER = 12
 FARTHEST_M = 800.0
@@ -31,7 +31,7 @@ LEVEL = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 
 @dataclass(frozen=True)
 class Example:
-    """A receiver, and the beat [Hz] at which the source looks."""
+    """A receiver, and the beat [Hz] of the source."""
 
     name: str
     receiver: FmcwReceiver
@@ -39,7 +39,7 @@ class Example:
 
     @property
     def height(self) -> float:
-        """The range that makes the beat [m]."""
+        """The range of the beat [m]."""
         return float(self.receiver.base.waveform.range_of_beat(self.beat))
 
 
@@ -49,7 +49,7 @@ EXAMPLES = (LOAT, SSB)
 
 @dataclass(frozen=True, eq=False)
 class Rays:
-    """What comes back to the wide antenna at a height [m] over level ground: (n,) range [m], power, phase [rad]."""
+    """Return at the wide antenna at a height [m] over level ground: (n,) range [m], power, phase [rad]."""
 
     height: float
     ranges: Array
@@ -61,7 +61,7 @@ class Rays:
         """The rays of the dome of order 12; phases drawn."""
         ground = Terrain.from_array(np.zeros((3, 3)), 5000.0, east0=-5000.0, north0=-5000.0)
         beam = make_beam(WIDE, half_dome(ORDER), Waveform().wavelength)
-        poses = Poses.still([[0.0, 0.0, height]], LEVEL[None])
+        poses = Poses.stationary([[0.0, 0.0, height]], LEVEL[None])
         echoes = trace_beam(ground, poses, beam, Backscatter(), FARTHEST_M)
         phases = np.random.default_rng([seed, 4]).uniform(0.0, 2.0 * np.pi, len(beam))
         return cls(height, echoes.ranges[0], echoes.powers[0], phases)
@@ -73,13 +73,13 @@ def edge_of(spectrum: Array) -> float:
 
 
 def chain(example: Example) -> float:
-    """Range [m] that the whole chain finds for a lone scatterer that makes the beat."""
+    """Range [m] that the whole chain measures for a single scatterer at the range of the beat."""
     spectrum = example.receiver.coherent([example.height], [1.0])
     return float(example.receiver.base.waveform.range_of_bin(edge_of(spectrum)))
 
 
 def edge_distance(receiver: FmcwReceiver, rays: Rays) -> float:
-    """Distance [bins] between the leading edges that the receiver and the baseband find in one beam."""
+    """Distance [bins] between the leading edges of the receiver and the baseband in one beam."""
     columns = rays.ranges, rays.powers, rays.phases
     return abs(edge_of(receiver.coherent(*columns)) - edge_of(receiver.base.coherent(*columns)))
 
@@ -94,7 +94,7 @@ def receivers(seed: int) -> list[StudyResult]:
 
 
 def beats() -> list[StudyResult]:
-    """What follows from the frequencies."""
+    """Results that follow from the frequencies."""
     wave = LOAT.receiver.base.waveform
     near, far = 1e9 * float(wave.delay_of_beat(LOAT.beat)), 1e6 * float(wave.delay_of_beat(SSB.beat))
     cut, metres = float(range_of_delay(PRINTED_DELAY)), float(wave.range_of_beat(SSB.beat))
@@ -107,10 +107,10 @@ def beats() -> list[StudyResult]:
 
 
 def _chain_result(example: Example) -> StudyResult:
-    wave, wanted, found = example.receiver.base.waveform, example.height, chain(example)
+    wave, expected, found = example.receiver.base.waveform, example.height, chain(example)
     text = f"lone scatterer through the whole {example.name} chain, +- half a bin [m]"
-    holds = abs(found - wanted) <= 0.5 * wave.range_bin
-    return StudyResult(f"T4.chain_{example.name}", text, found, f"{wanted:.2f}", holds)
+    holds = abs(found - expected) <= 0.5 * wave.range_bin
+    return StudyResult(f"T4.chain_{example.name}", text, found, f"{expected:.2f}", holds)
 
 
 def _edge_distance_result(example: Example, seed: int) -> StudyResult:

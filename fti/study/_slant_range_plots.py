@@ -9,7 +9,7 @@ from matplotlib.colors import LightSource
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from fti.plot_style import BLACK, BLUE, GREY, GROUND, ORANGE, VERMILION, add_legend, label, new_figure
+from fti.plot_style import BLACK, BLUE, GREY, GROUND, ORANGE, VERMILION, add_legend, label_axes, new_figure
 from fti.study._altimeter_flight import FINE, AltimeterFlight, fly
 from fti.study._scenarios import RangingScenario
 
@@ -20,11 +20,11 @@ NAMES = {"pencil": "laser (pencil beam)", "narrow": "radar, narrow beam", "wide"
 TITLES = {"approach": "Approach", "low_level": "Low-level flight"}
 KM, MARGIN_M = 1e-3, 2000.0
 GROUNDS = {"flat": "level ground", "rough": "rough ground"}
-#: Errors are drawn from here to there [m], heights up to so many times the greatest nadir height.
+#: Limits of plotted errors [m]; plotted heights over the maximum nadir height.
 LIMITS = {"flat": (-20.0, 130.0), "rough": (-80.0, 130.0)}
 HEADROOM = {"approach": 1.1, "low_level": 1.7}
 SUBTITLES = {
-    ("approach", "flat"): "The pencil beam reads long in each turn; both radars hold the first and the last, "
+    ("approach", "flat"): "The pencil beam reads long in each turn; both radars are right in the first and the last, "
     "only the wide one the second.",
     (
         "approach",
@@ -33,58 +33,58 @@ SUBTITLES = {
     (
         "low_level",
         "flat",
-    ): "Banks of 35 to 75 deg: the wide beam holds the nadir where the narrow one has lost it.",
-    ("low_level", "rough"): "The first return is short wings level, and long where the beam has left the nadir.",
+    ): "Banks of 35 to 75 deg: the wide beam keeps the nadir where the narrow one loses it.",
+    ("low_level", "rough"): "The first return is short wings level, and long where the nadir is outside the beam.",
 }
 
 
 def situation(scenario: RangingScenario, ground: str) -> Figure:
     """Height profile, height above ground, error and attitude over time."""
-    flown = fly(scenario.flight, scenario.ground(ground), FINE)
+    record = fly(scenario.flight, scenario.ground(ground), FINE)
     title = f"{TITLES[scenario.name]} over {GROUNDS[ground]}"
     figure = new_figure(title, SUBTITLES[scenario.name, ground], width=10.0, height=9.0)
     profile, height, error, attitude = figure.subplots(4, 1, sharex=True, height_ratios=(1.0, 1.2, 1.5, 0.9))
-    _draw_profile(profile, flown)
-    _draw_heights(height, flown, HEADROOM[scenario.name])
-    _draw_errors(error, flown, LIMITS[ground])
-    _draw_attitude(attitude, flown)
-    profile.set_xlim(flown.flight.t[0], flown.flight.t[-1])
+    _draw_profile(profile, record)
+    _draw_heights(height, record, HEADROOM[scenario.name])
+    _draw_errors(error, record, LIMITS[ground])
+    _draw_attitude(attitude, record)
+    profile.set_xlim(record.flight.t[0], record.flight.t[-1])
     figure.align_ylabels()
     return figure
 
 
-def _draw_profile(axes: Axes, flown: AltimeterFlight) -> None:
-    t, up = flown.flight.t, flown.flight.origins_l[:, 2]
-    ground = up - flown.nadir
+def _draw_profile(axes: Axes, record: AltimeterFlight) -> None:
+    t, up = record.flight.t, record.flight.origins_l[:, 2]
+    ground = up - record.nadir
     floor = min(0.0, float(np.min(ground))) - 0.1 * float(np.ptp(up) + 100.0)
     axes.fill_between(t, floor, ground, color=GROUND, lw=0.0, label="ground below")
     axes.plot(t, up, color=BLACK, label="aircraft")
     axes.set_ylim(floor, None)
-    label(axes, y="height [m]")
+    label_axes(axes, y="height [m]")
     add_legend(axes)
 
 
-def _draw_heights(axes: Axes, flown: AltimeterFlight, headroom: float) -> None:
-    axes.plot(flown.flight.t, flown.nadir, color=BLACK, lw=2.4, label="nadir (truth)")
+def _draw_heights(axes: Axes, record: AltimeterFlight, headroom: float) -> None:
+    axes.plot(record.flight.t, record.nadir, color=BLACK, lw=2.4, label="nadir (truth)")
     for name, colour in COLOURS.items():
-        axes.plot(flown.flight.t, flown.measured[name], color=colour, lw=1.0, label=NAMES[name])
-    axes.set_ylim(0.0, headroom * float(np.max(flown.nadir)))
-    label(axes, y="height above\nground [m]")
+        axes.plot(record.flight.t, record.measured[name], color=colour, lw=1.0, label=NAMES[name])
+    axes.set_ylim(0.0, headroom * float(np.max(record.nadir)))
+    label_axes(axes, y="height above\nground [m]")
     add_legend(axes)
 
 
-def _draw_errors(axes: Axes, flown: AltimeterFlight, limits: tuple[float, float]) -> None:
+def _draw_errors(axes: Axes, record: AltimeterFlight, limits: tuple[float, float]) -> None:
     for name, colour in COLOURS.items():
-        axes.plot(flown.flight.t, flown.error(name), color=colour, lw=1.1)
+        axes.plot(record.flight.t, record.error(name), color=colour, lw=1.1)
     axes.axhline(0.0, color=BLACK, lw=0.8)
     axes.set_ylim(limits)
-    label(axes, y="error against\nnadir [m]")
+    label_axes(axes, y="error against\nnadir [m]")
 
 
-def _draw_attitude(axes: Axes, flown: AltimeterFlight) -> None:
-    axes.plot(flown.flight.t, np.degrees(flown.flight.roll), color=BLACK, label="roll")
-    axes.plot(flown.flight.t, np.degrees(flown.flight.pitch), color=GREY, label="pitch")
-    label(axes, "time [s]", "attitude [deg]")
+def _draw_attitude(axes: Axes, record: AltimeterFlight) -> None:
+    axes.plot(record.flight.t, np.degrees(record.flight.roll), color=BLACK, label="roll")
+    axes.plot(record.flight.t, np.degrees(record.flight.pitch), color=GREY, label="pitch")
+    label_axes(axes, "time [s]", "attitude [deg]")
     add_legend(axes)
 
 
@@ -106,7 +106,7 @@ def track(scenario: RangingScenario) -> Figure:
     _mark(axes, flight.t, points)
     axes.set(xlim=extent[:2], ylim=extent[2:], aspect="equal")
     axes.grid(visible=False)
-    label(axes, "east [km]", "north [km]")
+    label_axes(axes, "east [km]", "north [km]")
     return figure
 
 
@@ -119,7 +119,7 @@ def _shaded_relief(scenario: RangingScenario, low: Array, high: Array) -> Array:
 
 
 def _mark(axes: Axes, t: Array, points: Array) -> None:
-    """The time, now and then along the track."""
+    """Time marks along the track."""
     for moment in np.arange(0.0, t[-1], 60.0 if t[-1] > 300.0 else 20.0):
         x, y = points[np.searchsorted(t, moment)]
         axes.plot(x, y, "o", ms=4.5, color="white", mec=BLACK, mew=0.9)

@@ -10,27 +10,27 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 
 RESAMPLINGS = 4000
-#: One-sided level of all sign tests of a study together; m of them have an m-th of it each.
+#: One-sided level of all sign tests of a study together; each of m tests has the m-th part of it.
 LEVEL = 0.01
 
 
 def sign_test(positive: int, n: int) -> float:
-    """p that ``positive`` of n differences, or more, are positive when either sign is as likely: one-sided."""
+    """One-sided p of ``positive`` or more positive values among n differences when both signs are equally likely."""
     return sum(math.comb(n, k) for k in range(positive, n + 1)) / 2.0**n
 
 
 def min_positive(n: int, level: float) -> int:
-    """How many of n must be positive for p < level; all of them where n is too small for that."""
+    """Number of positive values among n for p < level; n where n is too small for that."""
     return next((k for k in range(n) if sign_test(k, n) < level), n)
 
 
 def pooled_ratio(above: ArrayLike, below: ArrayLike) -> float:
-    """Root of the ratio of two sums of mean squares, one of each unit."""
+    """Root of the ratio of two sums of mean squares, one value for each unit."""
     return float(np.sqrt(np.sum(above) / np.sum(below)))
 
 
 def ratio_interval(above: ArrayLike, below: ArrayLike, rng: np.random.Generator) -> tuple[float, float]:
-    """95 % interval of ``pooled_ratio`` by drawing units again (bootstrap, percentiles)."""
+    """95 % interval of ``pooled_ratio`` by resampling units (bootstrap, percentiles)."""
     low, high = np.percentile(_resample(above, below, rng), [2.5, 97.5])
     return float(low), float(high)
 
@@ -47,7 +47,7 @@ def _resample(above: ArrayLike, below: ArrayLike, rng: np.random.Generator) -> A
 
 
 def mean_interval(values: ArrayLike, rng: np.random.Generator) -> tuple[float, float]:
-    """95 % interval of the mean of values, one of each unit, by drawing units again (bootstrap, percentiles)."""
+    """95 % interval of the mean of values, one of each unit, by resampling units (bootstrap, percentiles)."""
     each = np.asarray(values, dtype=np.float64)
     means = each[rng.integers(0, len(each), (RESAMPLINGS, len(each)))].mean(axis=1)
     low, high = np.percentile(means, [2.5, 97.5])

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from fti.plot_style import BLUE, GREEN, GREY, ORANGE, VERMILION, add_legend, label, new_figure
+from fti.plot_style import BLUE, GREEN, GREY, ORANGE, VERMILION, add_legend, label_axes, new_figure
 from fti.study._closure import Closure
 from fti.study.trajectory import STEPS_S
 
@@ -27,7 +27,7 @@ def steps(errors: dict[str, Array]) -> Figure:
     axes.loglog(
         STEPS_S, errors["live"][0] * np.square(np.array(STEPS_S) / STEPS_S[0]), color=GREY, label="step squared"
     )
-    label(axes, x="step [s]", y="error [m]")
+    label_axes(axes, x="step [s]", y="error [m]")
     add_legend(axes)
     return figure
 
@@ -35,12 +35,12 @@ def steps(errors: dict[str, Array]) -> Figure:
 def hour(found: Closure) -> Figure:
     """The fast form minus the flight."""
     figure = new_figure(
-        "An hour of free inertial navigation by the fast form at 100 Hz, minus the flight that the sensors felt",
+        "An hour of free inertial navigation by the fast form at 100 Hz, minus the true flight",
         "Legs, turns, climbs and wind; ideal sensors.",
     )
     axes = figure.subplots()
     for column, colour, name in zip(found.pos_n.T, (BLUE, ORANGE, GREEN), ("north", "east", "down"), strict=True):
         axes.plot(found.t / 60.0, 1e3 * column, color=colour, label=name)
-    label(axes, x="time [min]", y="position [mm]")
+    label_axes(axes, x="time [min]", y="position [mm]")
     add_legend(axes)
     return figure

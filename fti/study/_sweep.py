@@ -1,4 +1,4 @@
-"""Fig. 2.50: what comes back from level ground over roll and range, through a narrow and a wide antenna."""
+"""Fig. 2.50: return of level ground over roll and range, with a narrow and a wide antenna."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ Array = NDArray[np.float64]
 ANTENNAS = {"narrow": NARROW, "wide": WIDE}
 HEIGHTS_M = (100.0, 400.0, 800.0)
 ROLLS_DEG = np.arange(0.0, 75.1, 1.0)
-#: The range at which an altimeter ends (2.1.4) [m]; the pictures go on.
+#: Maximum range of an altimeter (2.1.4) [m]; the plots extend beyond it.
 D_MAX = 1000.0
 FARTHEST_M = 3000.0
 ORDER = 40
-#: Roll that the wide antenna holds, and its error there, of the height.
+#: Roll up to which the wide antenna keeps the nadir, and its relative error there.
 HELD_DEG, HELD_ERROR = 35.0, 0.005
-#: Roll at which the narrow one has lost the nadir.
+#: Roll at which the narrow antenna loses the nadir.
 LOST_DEG = 30.0
 
 
@@ -62,14 +62,14 @@ def sweep(antenna: str, height: float) -> Sweep:
     ground = Terrain.from_array(np.zeros((3, 3)), 10_000.0, east0=-10_000.0, north0=-10_000.0)
     roll = np.radians(ROLLS_DEG)
     mats = MAT_ENU_NED @ mat_from_rpy(roll, np.zeros_like(roll), np.zeros_like(roll))
-    poses = Poses.still(np.tile([0.0, 0.0, height], (len(roll), 1)), mats)
+    poses = Poses.stationary(np.tile([0.0, 0.0, height], (len(roll), 1)), mats)
     spectra = radar.spectra(trace_beam(ground, poses, radar.beam, radar.ground, FARTHEST_M))
     returns = radar.measure(ground, poses)
     return Sweep(height, radar.baseband.ranges, spectra, returns.slant_range, returns.dispersion)
 
 
 def attitude() -> list[StudyResult]:
-    """What fig. 2.50 shows, over all its heights."""
+    """Results of fig. 2.50 over all its heights."""
     narrow, wide = ([sweep(name, height) for height in HEIGHTS_M] for name in ("narrow", "wide"))
     held = max(float(np.max(np.abs(s.error[ROLLS_DEG <= HELD_DEG]))) for s in wide)
     worse = min(

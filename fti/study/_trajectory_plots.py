@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 from fti.geodesy.local import LocalFrame
 from fti.hil.flight.smoothing import FlightFit
 from fti.hil.flight.trajectory import FlightSamples, FlightState
-from fti.plot_style import BLACK, BLUE, GREEN, ORANGE, VERMILION, add_legend, label, new_figure
+from fti.plot_style import BLACK, BLUE, GREEN, ORANGE, VERMILION, add_legend, label_axes, new_figure
 from fti.study._closure import Closure
 
 Array = NDArray[np.float64]
 
 FINE_S = 0.1
-#: Part of the flight that the small picture shows [s]: the steps of the recorder.
+#: Part of the flight in the small plot [s]: the steps of the recorder.
 PART_S = (100.0, 104.0)
 FILTERED, SPLINE = VERMILION, BLUE
 MINUTE = 1.0 / 60.0
@@ -45,7 +45,7 @@ def _draw_position(axes: Axes, frame: LocalFrame, state: FlightState) -> None:
     for values, colour, name in ((east, BLUE, "east"), (north, ORANGE, "north")):
         axes.plot(state.t, values, color=colour, label=name)
     axes.plot(state.t, (state.alt - state.alt[0]) / 100.0, color=GREEN, label="height / 100 m")
-    label(axes, y="from the start [km]", title="Position")
+    label_axes(axes, y="from the start [km]", title="Position")
     add_legend(axes)
 
 
@@ -57,12 +57,12 @@ def _draw_attitude(axes: Axes, state: FlightState) -> None:
         (turned / 10, GREEN, "turned / 10"),
     ):
         axes.plot(state.t, np.rad2deg(values), color=colour, label=name)
-    label(axes, x="time [s]", y="[deg]", title="Attitude")
+    label_axes(axes, x="time [s]", y="[deg]", title="Attitude")
     add_legend(axes)
 
 
 def _draw_steps(axes: Axes, frame: LocalFrame, fit: FlightFit) -> None:
-    """A few seconds: where the recorded places are off the spline, across the way."""
+    """A few seconds: cross-track offset of the recorded positions from the spline."""
     t = fit.filtered_samples.t[(fit.filtered_samples.t >= PART_S[0]) & (fit.filtered_samples.t < PART_S[1])]
     rows = np.searchsorted(fit.filtered_samples.t, t)
     for samples, colour, name, style in (
@@ -72,7 +72,7 @@ def _draw_steps(axes: Axes, frame: LocalFrame, fit: FlightFit) -> None:
         offset = _local(frame, samples)[rows] - frame.to_local(*_place(fit.flight.state(t)))
         axes.plot(t, offset[:, 0], style, color=colour, label=f"{name}, east")
         axes.plot(t, offset[:, 1], style, color=colour, alpha=0.4, label=f"{name}, north")
-    label(axes, x="time [s]", y="from the spline [m]", title="Four seconds of it")
+    label_axes(axes, x="time [s]", y="from the spline [m]", title="Four seconds of it")
     add_legend(axes)
 
 
@@ -87,7 +87,7 @@ def _place(state: FlightState) -> tuple[Array, Array, Array]:
 def fit_errors(fit: FlightFit) -> Figure:
     """Both steps of the fit, position and attitude."""
     figure = new_figure(
-        "Errors of the fit", "What the filter takes out are the steps of the recorder; the spline follows it closely."
+        "Errors of the fit", "The filter removes the steps of the recorder; the spline follows it closely."
     )  # fmt: skip
     position, attitude = figure.subplots(2, 1, sharex=True)
     t = fit.filtered_samples.t
@@ -98,8 +98,8 @@ def fit_errors(fit: FlightFit) -> Figure:
         axes.semilogy(t, filtered_samples, color=FILTERED, lw=0.8, label="filtered minus recorded")
         axes.semilogy(fit.intermediate_t, splined, color=SPLINE, lw=0.8, label="spline minus filtered")
         axes.set_ylim(bottom=floor)
-    label(position, y="[m]", title="Position")
-    label(attitude, x="time [s]", y="[deg]", title="Attitude")
+    label_axes(position, y="[m]", title="Position")
+    label_axes(attitude, x="time [s]", y="[deg]", title="Attitude")
     add_legend(position)
     return figure
 
@@ -107,7 +107,7 @@ def fit_errors(fit: FlightFit) -> Figure:
 def closure(found: Closure) -> Figure:
     """Free inertial navigation minus the flight."""
     figure = new_figure(
-        "An hour of free inertial navigation at 100 Hz, minus the flight that the sensors felt",
+        "An hour of free inertial navigation at 100 Hz, minus the true flight",
         "The vertical channel is unstable, an error of height grows 280-fold; the horizontal ones swing with Schuler.",
         height=7.0,
     )
@@ -117,8 +117,8 @@ def closure(found: Closure) -> Figure:
         for column, colour, name in zip(values.T, (BLUE, ORANGE, GREEN), ("north", "east", "down"), strict=True):
             axes.plot(t, scale * column, color=colour, label=name)
     attitude.plot(t, np.rad2deg(found.angle) * 1e12, color=BLACK)
-    label(position, y="[um]", title="Position")
-    label(velocity, y="[nm/s]", title="Velocity")
-    label(attitude, x="time [min]", y="[1e-12 deg]", title="Attitude")
+    label_axes(position, y="[um]", title="Position")
+    label_axes(velocity, y="[nm/s]", title="Velocity")
+    label_axes(attitude, x="time [min]", y="[1e-12 deg]", title="Attitude")
     add_legend(position)
     return figure

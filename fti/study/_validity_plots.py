@@ -1,4 +1,4 @@
-"""Pictures of what validity lets through (source 003, fig. 7.56 to 7.61)."""
+"""Plots of the samples that validity accepts (source 003, fig. 7.56 to 7.61)."""
 
 from __future__ import annotations
 
@@ -6,17 +6,17 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from fti.plot_style import BLACK, BLUE, CANOPY, GROUND, ORANGE, SKY, VERMILION, add_legend, label, new_figure
+from fti.plot_style import BLACK, BLUE, CANOPY, GROUND, ORANGE, SKY, VERMILION, add_legend, label_axes, new_figure
 from fti.study import validity
 from fti.study._low_level import EVERY_S, Knowledge, Mix, orbit
 from fti.types import Reason
 
-#: Countries that the shares of the reasons are counted over.
+#: Number of countries for the shares of the reasons.
 COUNTRIES = 4
 
 
 def flight(seed: int, name: str) -> Figure:
-    """A flight: heights; error of what was measured, valid or refused; attitude."""
+    """A flight: heights; error of valid and refused measurements; attitude."""
     mix = orbit(seed)
     refused = np.array(
         [bool(reasons) for reasons in validity.reasons_by_variant(mix, Knowledge.PLACE_ERROR, seed)[name]]
@@ -51,7 +51,7 @@ def _draw_heights(axes: Axes, mix: Mix) -> None:
     axes.plot(t, up, color=BLACK, label="aircraft")
     axes.set_ylim(floor, None)
     add_legend(axes)
-    label(axes, y="height [m]")
+    label_axes(axes, y="height [m]")
 
 
 def _draw_errors(axes: Axes, error: np.ndarray, refused: np.ndarray) -> None:
@@ -64,7 +64,7 @@ def _draw_errors(axes: Axes, error: np.ndarray, refused: np.ndarray) -> None:
     low, high = float(np.min(error)), float(np.max(error))
     axes.set_ylim(1.2 * min(low, -10.0), 1.2 * max(high, 10.0))
     add_legend(axes)
-    label(axes, y="measured - true height [m]")
+    label_axes(axes, y="measured - true height [m]")
 
 
 def _draw_attitude(axes: Axes, mix: Mix, name: str) -> None:
@@ -73,14 +73,14 @@ def _draw_attitude(axes: Axes, mix: Mix, name: str) -> None:
     axes.plot(t, np.degrees(mix.roll), color=BLUE, label="roll")
     axes.plot(t, np.degrees(mix.pitch), color=ORANGE, label="pitch")
     add_legend(axes)
-    label(axes, "time [s]", "[deg]")
+    label_axes(axes, "time [s]", "[deg]")
 
 
 def reasons(seed: int) -> Figure:
     """How many samples of the mix each reason refuses."""
     runs = [validity.run(seed + k) for k in range(COUNTRIES)]
     figure = new_figure(
-        "What refuses a sample",
+        "Reasons of refused samples",
         f"Share of the samples of the mix, {COUNTRIES} countries; a sample may have several reasons.",
         width=9.0,
         height=4.2,
@@ -99,4 +99,4 @@ def _draw_reasons(axes: Axes, runs: list[validity.Run], name: str) -> None:
     axes.set_yticks(place, [reason.value.replace("_", " ") for reason in shown])
     if name == "radar":
         axes.legend(loc="upper right")
-    label(axes, "refused [%]", title=f"{name} altimeter")
+    label_axes(axes, "refused [%]", title=f"{name} altimeter")

@@ -1,9 +1,9 @@
-"""The simulation of source 001: five error states, an altimeter that is noisy, and four faults; many runs at once.
+"""The simulation of source 001: five error states, a noisy altimeter, and four faults; many runs at once.
 
     x(k) = (I + dt F) x(k-1) + G u(k-1),    z(k) = dH(k) - dHR(k) + v(k),    v ~ N(0, 1000 m^2)
 
 In faulted steps the sigma of v is a hundred times as large.  Two variants (errata, Hajiyev H1): ``PRINTED``, which
-gives the source's table 1, and ``PHYSICAL``, which is what its equations say.
+gives the source's table 1, and ``PHYSICAL``, which follows its equations.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ DT_S, ITERATIONS = 0.1, 500
 GRAVITY, RADIUS_KM = 9.89, 6372.0
 ACCEL_RATE, GRAVITY_RATE, ALTIMETER_RATE = 1e-3, 5e-3, 0.1
 ACCEL_SD, GRAVITY_SD, NOISE_VARIANCE = 1e-3, 1e-4, 1000.0
-#: Initial errors; what is faulted, and how much larger the noise is then.
+#: Initial errors; faulted steps, and the factor of the noise in them.
 START = np.array([23.0, 2e-3, 1e-3, 1e-4, 2.0])
 FAULT_STEPS, FAULT_FACTOR = (101, 201, 301, 401), 100.0
 #: Not given by the source: one sigma of the altimeter's slow error in the long run [m].  P0 = diag(START^2).
 ALTIMETER_SD = 2.0
-#: Where filters are judged: the iterations of table 1.
+#: Iterations at which filters are judged, as in table 1.
 INSTANTS = range(50, ITERATIONS + 1, 50)
 #: z = h x + v.
 MEASUREMENT_ROW = np.zeros(STATES)
@@ -38,7 +38,7 @@ MEASUREMENT_ROW[[HEIGHT, ALTIMETER]] = 1.0, -1.0
 
 @dataclass(frozen=True, slots=True)
 class ChannelVariant:
-    """Radius in the unit that it is used in, and by what the driving noise is multiplied."""
+    """Radius in the unit of the variant, and factor of the driving noise."""
 
     name: str
     radius: float
@@ -52,7 +52,7 @@ class ChannelVariant:
 
     @property
     def driving_sd(self) -> Array:
-        """One sigma of what a step adds, shape (5,)."""
+        """One sigma of the driving noise of a step, shape (5,)."""
         keep = 1.0 - DT_S * ALTIMETER_RATE
         slow = ALTIMETER_SD * math.sqrt(1.0 - keep**2)
         return np.array([0.0, 0.0, ACCEL_SD * self.noise, GRAVITY_SD * self.noise, slow])
@@ -74,7 +74,7 @@ class ChannelTruth:
 def simulate(
     variant: ChannelVariant, runs: int, rng: np.random.Generator, *, drawn: bool, faulted: bool
 ) -> ChannelTruth:
-    """So many runs.  drawn : the start from N(0, P0), else the source's one;  faulted : with the four faults."""
+    """Simulate runs.  drawn : the start from N(0, P0), else the source's one;  faulted : with the four faults."""
     x = np.empty((ITERATIONS + 1, runs, STATES))
     x[0] = START * (rng.normal(size=(runs, STATES)) if drawn else 1.0)
     phi, sd = variant.phi, variant.driving_sd
@@ -88,11 +88,11 @@ def simulate(
 
 @dataclass(frozen=True, eq=False)
 class ChannelEstimate:
-    """What a filter makes of measurements, after each iteration.
+    """Result of a filter after each iteration.
 
     x  : (iterations + 1, runs, 5);  sd : the same, one sigma
     P  : (instants, runs, 5, 5) at ``INSTANTS``
-    innovation : (iterations + 1, runs), over its sigma;  taken : the same, whether it was
+    innovation : (iterations + 1, runs), over its sigma;  taken : the same shape, True for a used measurement
     """
 
     x: Array
@@ -103,7 +103,7 @@ class ChannelEstimate:
 
 
 def estimate(variant: ChannelVariant, z: Array, gate: float, lockout_s: float = math.inf) -> ChannelEstimate:
-    """The filter over measurements of shape (iterations + 1, runs)."""
+    """Run the filter over measurements of shape (iterations + 1, runs)."""
     runs, Q = z.shape[1], np.diag(variant.driving_sd**2)
     channel = ErrorFilter(np.zeros((runs, STATES)), np.tile(np.diag(START**2), (runs, 1, 1)), gate, lockout_s)
     x, sd = np.zeros((*z.shape, STATES)), np.zeros((*z.shape, STATES))
@@ -120,7 +120,7 @@ def estimate(variant: ChannelVariant, z: Array, gate: float, lockout_s: float = 
 
 
 def expected_error(variant: ChannelVariant, iterations: int) -> tuple[float, float]:
-    """Mean and one sigma of the INS error after so many iterations [m]: exact, of the source's start."""
+    """Mean and one sigma of the INS error after ``iterations`` [m]: exact, from the source's start."""
     phi, Q = variant.phi, np.diag(variant.driving_sd**2)
     mean, cov = START, np.zeros((STATES, STATES))
     for _ in range(iterations):

@@ -1,9 +1,9 @@
-"""Flights for the live form of the vertical channel: satellites for two minutes, then an altimeter alone.
+"""Flights of the live form of the vertical channel: GNSS for two minutes, then an altimeter alone.
 
 Ten minutes at 60 m/s in 48 deg north, climbing and sinking by up to 100 m, banking by up to 20 deg.  25 Hz of specific
-force; satellites' height and climb at 1 Hz, 0.2 s late; an altimeter at 5 Hz, 0.12 s late, of which ``WILD`` returns
-are anything from 0 to 600 m; the ground is known.  Truth is drawn from what the filter believes (``VerticalModel``),
-or richer: accelerometers off by a constant milli-g, attitude by 0.2 deg, vibration of 2 m/s^2 at 7 Hz, an elevation
+force; GNSS height and climb at 1 Hz, 0.2 s late; an altimeter at 5 Hz, 0.12 s late, with a share ``WILD`` of returns
+between 0 and 600 m; the ground is known.  Truth is drawn from the filter's model (``VerticalModel``), or richer:
+constant accelerometer errors of a milli-g, attitude errors of 0.2 deg, vibration of 2 m/s^2 at 7 Hz, an elevation
 model that is 1.5 m off as a whole and 1.5 m over 30 m and over 300 m each, and 1 % of it 10 m.
 """
 
@@ -31,19 +31,19 @@ SATELLITE_DELAY_S, ALTIMETER_DELAY_S = 0.2, 0.12
 SATELLITE_SD, SATELLITE_TAU_S, CLIMB_SD, CLIMB_TAU_S = 3.0, 150.0, 0.1, 5.0
 ALTIMETER_NOISE, WILD, WILD_M = 0.5, 0.05, 600.0
 SPEED, LAT = 60.0, math.radians(48.0)
-#: When the height is judged [s].
+#: Times at which the height is judged [s].
 INSTANTS_S = tuple(range(180, SECONDS + 1, 60))
-#: How much richer truth is: bias [m/s^2], tilt [rad], vibration [m/s^2] and [Hz], elevation [m].
+#: Additional errors of the richer truth: bias [m/s^2], tilt [rad], vibration [m/s^2] and [Hz], elevation [m].
 BIAS, TILT, SHAKE, SHAKE_HZ = 9.81e-3, math.radians(0.2), 2.0, 7.0
 DEM_BIAS, DEM_SD, DEM_LENGTHS_M, DEM_OUTLIER_M, DEM_OUTLIERS = 1.5, 1.5, (30.0, 300.0), 10.0, 0.01
 MAX_RICH_RATIO = 1.5
-#: So many times fewer flights with the richer truth, and without an altimeter.
+#: Divisor of the number of flights with the richer truth, and without an altimeter.
 REDUCTION_FACTOR = 4
 
 
 @dataclass(frozen=True, slots=True)
 class VerticalCase:
-    """Which flight: seed, its number, whether truth is richer, whether there is an altimeter."""
+    """A flight: seed, number, richer truth, altimeter."""
 
     seed: int
     number: int
@@ -53,7 +53,7 @@ class VerticalCase:
 
 @dataclass(frozen=True, eq=False)
 class VerticalFlight:
-    """Every fifth of a second: time [s], true and estimated height with its sigma, error of climb with its; valid."""
+    """At 5 Hz: time [s], true and estimated height with sigma, error of climb with sigma; validity."""
 
     t: Array
     alt: Array
@@ -69,7 +69,7 @@ class VerticalFlight:
 
 
 def gauss_markov(n: int, step_s: float, sd: float, tau_s: float, rng: np.random.Generator) -> Array:
-    """A first-order Gauss-Markov process, shape (n,), drawn in its long run."""
+    """A first-order Gauss-Markov process, shape (n,), stationary."""
     keep = math.exp(-step_s / tau_s)
     values = rng.normal(0.0, sd, n)
     values[1:] *= math.sqrt(1.0 - keep**2)
@@ -80,7 +80,7 @@ def gauss_markov(n: int, step_s: float, sd: float, tau_s: float, rng: np.random.
 
 @dataclass(frozen=True, eq=False)
 class Sensors:
-    """What is true and what is measured, at IMU_HZ: accel_b (n, 3), roll, pitch; altimeter's and satellites' errors."""
+    """Truth and measurements at IMU_HZ: accel_b (n, 3), roll, pitch; altimeter's and satellites' errors."""
 
     t: Array
     alt: Array
@@ -188,7 +188,7 @@ def _altimeter(channel: VerticalChannel, s: Sensors, k: int, rng: np.random.Gene
 
 
 def judge_flights(flights: int, seed: int, progress: Progress) -> list[StudyResult]:
-    """F: honest and rich truth, and without an altimeter."""
+    """F: matched and richer truth, and without an altimeter."""
     from fti.study.robust_altimeter import judge_consistency  # noqa: PLC0415 - it uses this module
 
     few = max(2, flights // REDUCTION_FACTOR)
@@ -210,17 +210,17 @@ def judge_flights(flights: int, seed: int, progress: Progress) -> list[StudyResu
     ]  # fmt: skip
 
 
-def _scores(flown: list[VerticalFlight]) -> tuple[Array, Array]:
+def _scores(flights: list[VerticalFlight]) -> tuple[Array, Array]:
     """Error of height and climb over sigma (instants, flights, 2), and the mean of their squares (instants, flights).
 
     That mean is 1 whatever the correlation of the two is.
     """
-    height = np.stack([f.at_instants((f.found - f.alt) / f.sd) for f in flown], axis=1)
-    climb = np.stack([f.at_instants(f.climb_error / f.climb_sd) for f in flown], axis=1)
+    height = np.stack([f.at_instants((f.found - f.alt) / f.sd) for f in flights], axis=1)
+    climb = np.stack([f.at_instants(f.climb_error / f.climb_sd) for f in flights], axis=1)
     normal = np.stack([height, climb], axis=-1)
     return normal, np.asarray(0.5 * np.sum(normal**2, axis=-1))
 
 
-def _reported_result(name: str, words: str, flown: list[VerticalFlight]) -> StudyResult:
-    error = np.concatenate([f.at_instants(f.found - f.alt) for f in flown])
+def _reported_result(name: str, words: str, flights: list[VerticalFlight]) -> StudyResult:
+    error = np.concatenate([f.at_instants(f.found - f.alt) for f in flights])
     return StudyResult(name, f"{words}: RMS error [m]", float(np.sqrt(np.mean(error**2))), REPORTED, holds=True)

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from fti.nav.vertical.error_model import HEIGHT
 from fti.nav.vertical.kalman_filter import GATE
-from fti.plot_style import BLACK, BLUE, GREEN, GREY, ORANGE, SKY, VERMILION, add_legend, label, new_figure
+from fti.plot_style import BLACK, BLUE, GREEN, GREY, ORANGE, SKY, VERMILION, add_legend, label_axes, new_figure
 from fti.study._vertical_channel import (
     DT_S,
     FAULT_STEPS,
@@ -24,7 +24,7 @@ from fti.study._vertical_channel import (
 from fti.study._vertical_flights import LOST_S, VerticalCase, VerticalFlight, fly
 from fti.study.robust_altimeter import jumps
 
-#: Runs of the picture of the jumps.
+#: Runs of the plot of the jumps.
 PLOT_RUNS = 500
 
 
@@ -47,8 +47,8 @@ def one_run(variant: ChannelVariant, seed: int, gate: float, *, faulted: bool) -
     errors.plot(t, estimated - ins, color=VERMILION, label="error of the integrated height")
     if faulted:
         _mark_faults(heights, errors)
-    label(heights, y="[m]", title="Height")
-    label(errors, x="time [s]", y="[m]", title="Integrated")
+    label_axes(heights, y="[m]", title="Height")
+    label_axes(errors, x="time [s]", y="[m]", title="Integrated")
     add_legend(heights)
     add_legend(errors)
     return figure
@@ -63,7 +63,7 @@ def _mark_faults(*all_axes: Axes) -> None:
 def jumps_at_faults(seed: int) -> Figure:
     """Jumps of all faults of many runs, with and without refusal: their distribution."""
     figure = new_figure(
-        "What a fault does to the estimate",
+        "Effect of a fault on the estimate",
         f"Change of the estimated INS error at the faulted iterations; {PLOT_RUNS} runs of four faults each.",
         width=10.0,
         height=4.6,
@@ -74,7 +74,7 @@ def jumps_at_faults(seed: int) -> Figure:
             found = np.sort(jumps(estimate(variant, truth.z, gate)).ravel())
             axes.semilogx(found, np.linspace(0.0, 100.0, len(found)), color=colour, label=name)
         axes.axvline(1.0, color=GREY, ls=":", lw=1.0)
-        label(axes, x="jump [m]", title=variant.name.capitalize())
+        label_axes(axes, x="jump [m]", title=variant.name.capitalize())
         add_legend(axes)
     figure.axes[0].set_ylabel("faults with a smaller one [%]")
     return figure
@@ -84,21 +84,21 @@ def flight(seed: int) -> Figure:
     """The live form, with an altimeter and without."""
     figure = new_figure(
         "Ten minutes, satellites for the first two",
-        "Then an altimeter over known ground, one return in twenty is anything; or the inertial channel alone.",
+        "Then an altimeter over known ground, one return in twenty is random; or the inertial channel alone.",
         height=7.0,
     )
     aided, alone = figure.subplots(2, 1, sharex=True)
     for axes, altimeter, title in ((aided, True, "With an altimeter"), (alone, False, "Inertial alone")):
         _draw_flight(axes, fly(VerticalCase(seed, 0, altimeter=altimeter)))
-        label(axes, y="height minus truth [m]", title=title)
+        label_axes(axes, y="height minus truth [m]", title=title)
         add_legend(axes)
     alone.set_xlabel("time [s]")
     return figure
 
 
-def _draw_flight(axes: Axes, flown: VerticalFlight) -> None:
-    axes.fill_between(flown.t, -flown.sd, flown.sd, color=SKY, alpha=0.4, lw=0.0, label="one sigma")
-    error = flown.found - flown.alt
-    axes.plot(flown.t, error, color=ORANGE, lw=0.8, label="not valid")
-    axes.plot(flown.t, np.where(flown.valid, error, np.nan), color=GREEN, label="valid")
+def _draw_flight(axes: Axes, flight: VerticalFlight) -> None:
+    axes.fill_between(flight.t, -flight.sd, flight.sd, color=SKY, alpha=0.4, lw=0.0, label="one sigma")
+    error = flight.found - flight.alt
+    axes.plot(flight.t, error, color=ORANGE, lw=0.8, label="not valid")
+    axes.plot(flight.t, np.where(flight.valid, error, np.nan), color=GREEN, label="valid")
     axes.axvline(LOST_S, color=GREY, ls=":", lw=1.0)

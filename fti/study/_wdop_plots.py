@@ -8,13 +8,13 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from fti.plot_style import BLACK, BLUE, GREEN, GREY, ORANGE, SKY, VERMILION, add_legend, label, new_figure
+from fti.plot_style import BLACK, BLUE, GREEN, GREY, ORANGE, SKY, VERMILION, add_legend, label_axes, new_figure
 from fti.study._radio_flight import DME_SD, EPOCH_S, HOUR_S, STATIONS, Geometry, Heights
 from fti.study.wdop import WORDS, fly_hour, rms
 
 Array = NDArray[np.float64]
 
-#: Runs of the pictures.
+#: Runs of the plots.
 RUNS = 200
 COLOURS = {"ranges": BLUE, "altimeter": ORANGE, "fused": VERMILION}
 MINUTES = np.arange(0.0, HOUR_S + EPOCH_S, EPOCH_S) / 60.0
@@ -44,36 +44,36 @@ def satellites() -> Figure:
     height.plot(minutes, [epoch.agl for epoch in epochs], color=GREEN)
     number.step(minutes, [len(epoch.satellites_e) for epoch in epochs], color=BLACK, where="post")
     number.set_ylim(0.0, 6.0)
-    label(plan, x="east [km]", y="north [km]")
-    label(height, y="[m]", title="Height above ground")
-    label(number, x="time [min]", y="", title="Satellites used")
+    label_axes(plan, x="east [km]", y="north [km]")
+    label_axes(height, y="[m]", title="Height above ground")
+    label_axes(number, x="time [min]", y="", title="Satellites used")
     add_legend(plan)
     return figure
 
 
 def predicted(seed: int) -> Figure:
-    """Fig. 5 and 6: RMS of both heights and what was predicted."""
+    """Fig. 5 and 6: RMS of both heights and predicted sigma."""
     found = _fly_hour(seed)
-    figure = new_figure("Height: RMS error and what was predicted", f"{RUNS} runs.", height=6.5)
+    figure = new_figure("Height: RMS error and predicted sigma", f"{RUNS} runs.", height=6.5)
     for axes, name in zip(figure.subplots(2, 1, sharex=True), ("ranges", "altimeter"), strict=True):
         axes.semilogy(MINUTES, rms(found, name), color=COLOURS[name], lw=1.0, label="RMS error")
         axes.semilogy(MINUTES, rms(found, f"{name}_sd"), "--", color=BLACK, lw=1.0, label="predicted sigma")
-        label(axes, y="[m]", title=WORDS[name][0].upper() + WORDS[name][1:])
+        label_axes(axes, y="[m]", title=WORDS[name][0].upper() + WORDS[name][1:])
         add_legend(axes)
     figure.axes[-1].set_xlabel("time [min]")
     return figure
 
 
 def choice(seed: int) -> Figure:
-    """Fig. 7 and 8: what was chosen, and how good that is."""
+    """Fig. 7 and 8: the selected height and its error."""
     found = _fly_hour(seed)
-    figure = new_figure("Which height is taken, and its error", f"{RUNS} runs.", height=6.5)
+    figure = new_figure("Selected height and its error", f"{RUNS} runs.", height=6.5)
     errors, chosen = figure.subplots(2, 1, sharex=True, height_ratios=(3.0, 1.0))
     for name, colour in COLOURS.items():
         errors.semilogy(MINUTES, rms(found, name), color=colour, lw=2.2 if name == "fused" else 1.0, label=WORDS[name])
-    errors.semilogy(MINUTES, rms(found, "joined"), ":", color=GREY, lw=1.2, label="all in one least squares")
+    errors.semilogy(MINUTES, rms(found, "combined"), ":", color=GREY, lw=1.2, label="all in one least squares")
     chosen.fill_between(MINUTES, [h.from_altimeter.mean() for h in found], color=SKY, step="post", lw=0.0)
-    label(errors, y="RMS error [m]")
-    label(chosen, x="time [min]", y="share", title="Runs that take the altimeter's")
+    label_axes(errors, y="RMS error [m]")
+    label_axes(chosen, x="time [min]", y="share", title="Runs that take the altimeter's")
     add_legend(errors)
     return figure

@@ -8,12 +8,12 @@ compensated over raw, must lie under the target.  The truth is made with 8101 ra
 of noise; half power 35 and 26 deg off the boresight (the narrow antenna, 15 deg, is reported).  Compensated with
 
     independent   the surface itself, and a beam of 2051 rays of another dome
-    same          the surface and the very beam: the model inverts itself, and what is left is the noise
+    same          the surface and the same beam: the model inverts itself, and only the noise is left
     dem           an elevation model with 1.5 m of noise (half of its variance over 30 m, half over 300 m), 10 m beside
                   the truth in a random direction; the measurement in the steps of the instrument, 2 to 100 ft
 
-And what it is for (fig. 7.8): the height of an inertial system that GNSS and the altimeter aid (``_approach_heights``),
-RMS error, and error over the sigma that the filter says.
+Application (fig. 7.8): the height of an inertial system that GNSS and the altimeter aid (``_approach_heights``): RMS
+error, and error over the stated sigma.
 """
 
 from __future__ import annotations
@@ -43,9 +43,9 @@ SEED = 13
 
 ANTENNAS = {"wide": WIDE, "narrow": NARROW}
 DEM_NOISE_M, DEM_SHIFT_M = 1.5, 10.0
-#: Upper bound of compensated over raw, by what it was compensated with.
+#: Upper bound of compensated over raw, by kind of compensation.
 LIMITS = {"independent": 0.30, "same": 0.10, "dem": 0.70}
-#: Largest RMS of error over sigma of a height that a compensated radar aids.
+#: Maximum RMS of error over sigma of a height that a compensated radar aids.
 MAX_OVER_SIGMA = 1.25
 DESCRIPTIONS = {
     "independent": "exact elevation, independent beam",
@@ -55,13 +55,13 @@ DESCRIPTIONS = {
 
 
 class PatternErrors(NamedTuple):
-    """Of a pattern: error [m] against the true height (n,), of what the radar said and of what was made of it."""
+    """Errors [m] of a pattern against the true height (n,): raw and compensated radar."""
 
     raw: Array
     compensated: Array
 
     def mean_squares(self) -> tuple[float, float]:
-        """Of compensated and raw [m^2], where there are both."""
+        """Mean squares of compensated and raw [m^2], over samples that have both."""
         both = np.isfinite(self.raw) & np.isfinite(self.compensated)
         return float(np.mean(self.compensated[both] ** 2)), float(np.mean(self.raw[both] ** 2))
 
@@ -69,71 +69,73 @@ class PatternErrors(NamedTuple):
 class PatternRun(NamedTuple):
     """Mean squares of a pattern.
 
-    altimeter : of compensated and raw [m^2], by (antenna, what it was compensated with)
-    aided     : of the height's error [m^2] and of error over sigma, by what aids
+    altimeter : of compensated and raw [m^2], by (antenna, kind of compensation)
+    inertial  : of the height error [m^2] and of error over sigma, by way of aiding
     """
 
     altimeter: dict[tuple[str, str], tuple[float, float]]
-    aided: dict[str, tuple[float, float]]
+    inertial: dict[str, tuple[float, float]]
 
 
 def study(runs: int, seed: int, progress: Progress) -> list[StudyResult]:
     """``runs`` patterns."""
-    flown = run_all(fly, range(seed, seed + runs), progress)
+    pattern_runs = run_all(fly, range(seed, seed + runs), progress)
     judged = [
         result
-        for key in flown[0].altimeter
-        for result in _judge_ratio([run.altimeter[key] for run in flown], *key, seed)
+        for key in pattern_runs[0].altimeter
+        for result in _judge_ratio([run.altimeter[key] for run in pattern_runs], *key, seed)
     ]
     return judged + [
-        result for way in WAYS for result in _judge_inertial_heights([run.aided[way] for run in flown], way)
+        result for way in WAYS for result in _judge_inertial_heights([run.inertial[way] for run in pattern_runs], way)
     ]
 
 
 def fly(seed: int) -> PatternRun:
     """The pattern of that seed, by each antenna."""
     pattern = make_pattern(seed)
-    known = elevation_model(pattern.surface, np.random.default_rng([seed, 14]))
+    elevation = elevation_model(pattern.surface, np.random.default_rng([seed, 14]))
     altimeter = {
         (antenna, kind): errors.mean_squares()
         for number, antenna in enumerate(ANTENNAS)
-        for kind, errors in pattern_errors(pattern, known, antenna, np.random.default_rng([seed, 15, number])).items()
+        for kind, errors in pattern_errors(
+            pattern, elevation, antenna, np.random.default_rng([seed, 15, number])
+        ).items()
     }
-    return PatternRun(altimeter, {way: one.mean_squares() for way, one in aided(pattern, seed).items()})
+    return PatternRun(altimeter, {way: one.mean_squares() for way, one in inertial_heights(pattern, seed).items()})
 
 
-def aided(pattern: Pattern, seed: int) -> dict[str, HeightChannel]:
-    """The height of an inertial system, by what aids it, with the wide antenna."""
+def inertial_heights(pattern: Pattern, seed: int) -> dict[str, HeightChannel]:
+    """The height of an inertial system by way of aiding, with the wide antenna."""
     rng = np.random.default_rng([seed, 15, 0])
-    told = instrument(ANTENNAS["wide"], rng).measure(pattern.surface, pattern.flight.poses(), rng).slant_range
-    return channels(pattern, told, seed)
+    ranges = instrument(ANTENNAS["wide"], rng).measure(pattern.surface, pattern.flight.poses(), rng).slant_range
+    return channels(pattern, ranges, seed)
 
 
 def elevation_model(surface: Terrain, rng: Rng) -> Terrain:
-    """With errors, and beside the truth."""
+    """The surface as an elevation model with errors and a horizontal offset."""
     course = rng.uniform(0.0, 2.0 * np.pi)
     east, north = float(DEM_SHIFT_M * np.sin(course)), float(DEM_SHIFT_M * np.cos(course))
     return DemError(noise_sd=DEM_NOISE_M, shift_east=east, shift_north=north).apply(surface, rng)
 
 
-def pattern_errors(pattern: Pattern, known: Terrain, antenna: str, rng: Rng) -> dict[str, PatternErrors]:
-    """Errors of a pattern by what it was compensated with."""
+def pattern_errors(pattern: Pattern, elevation: Terrain, antenna: str, rng: Rng) -> dict[str, PatternErrors]:
+    """Errors of a pattern by kind of compensation."""
     radar = instrument(ANTENNAS[antenna], rng)
     stepped = dataclasses.replace(radar, quantised=True)
     model = RadarAltimeter(antenna=ANTENNAS[antenna], order=MODEL_ORDER)
-    told, told_in_steps = (
+    ranges, quantised_ranges = (
         r.measure(pattern.surface, pattern.flight.poses(), rng).slant_range for r in (radar, stepped)
     )
     cases = {
-        "independent": (told, pattern.surface, model),
-        "same": (told, pattern.surface, remove_errors(radar)),
-        "dem": (told_in_steps, known, model),
+        "independent": (ranges, pattern.surface, model),
+        "same": (ranges, pattern.surface, remove_errors(radar)),
+        "dem": (quantised_ranges, elevation, model),
     }
     return {
         kind: PatternErrors(
-            said - pattern.nadir, height_over_ground(said, pattern.predict(ground, by)) - pattern.nadir
+            measured - pattern.nadir, height_over_ground(measured, pattern.predict(ground, by)) - pattern.nadir
         )
-        for kind, (said, ground, by) in cases.items()
+        for kind, (measured, ground, by) in cases.items()
     }  # fmt: skip
 
 
@@ -151,7 +153,7 @@ def _judge_ratio(squares: list[tuple[float, float]], antenna: str, kind: str, se
 
 
 def _judge_inertial_heights(squares: list[tuple[float, float]], way: str) -> list[StudyResult]:
-    """The error of a way, and its sigma: judged of what flies, the radar with what is made of it."""
+    """Error and error over sigma of a way; only the compensated radar is judged."""
     rms, ratio = np.sqrt(np.mean(squares, axis=0)).tolist()
     name = f"T13.filter.{way.replace(', ', '_').replace(' ', '_').lower()}"
     text = f"height of an inertial system, {way}; {len(squares)} terrains"

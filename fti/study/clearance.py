@@ -1,39 +1,39 @@
-"""Ground-clearance integrity: false alarms, what is detected, and how soon.
+"""Ground-clearance integrity: false alarms, detection, and time to alert.
 
 Source 003, section 7.2.2 with figures 7.12 to 7.16, its four criteria as tests with calibrated limits (docs/safety.md).
-The reference is the one that the demonstration flies with; the approaches are others than those that its limits were
-made from, over ground whose vegetation is 15 % lower or higher than surveyed: wind, 5 m of track, 5 m of height,
+The reference is that of the demonstration; the approaches are independent of those that its limits were
+computed from, over ground whose vegetation is 15 % lower or higher than surveyed: wind, 5 m of track, 5 m of height,
 latency, quantiser, elevation error.
 
-N = runs nominal approaches; a fifteenth as many for each fault.  The unit is the approach.  Alarms must be no more
-than the binomial 95 % limit of Pfa: for the limits that the demonstration flies with (1 %), and for those of 0.1 % on
-the same approaches.  Detection has Wilson limits of 95 % and is told apart by whether a shift was observable.  It must
-be 0.97 (``.detected``) where it is claimed:
+N = runs nominal approaches; a fifteenth as many for each fault.  The unit is the approach.  Alarms must be no more than
+the binomial 95 % limit of Pfa: for the limits of the demonstration (1 %), and for those of 0.1 % on the same
+approaches.  Detection has Wilson limits of 95 % and is reported separately with and without an observable shift.  It
+must be 0.97 (``.detected``) where it is claimed:
 
     obstacle of 150 m          everywhere
     other obstacles            where the reference promises it (its table of obstacles, by width and part of the way)
-    beside and along the track where the error passes its alert limit and a shift was observable
+    across and along the track where the error passes its alert limit and a shift was observable
     the others                 where the error passes its alert limit
 
-What is below its limit, and what the ground does not show, is told.
+Faults below their limit, and faults that the ground does not show, are reported.
 
 The time to the ALERT is judged by its 95th percentile from the first sample over the limit: 2 s for an obstacle, one
-window and 1 s for the others.  Beside and along the track it is judged where a shift was observable in the window
+window and 1 s for the others.  Across and along the track it is judged where a shift was observable in the window
 before the fault, as detection is.  An approach without an ALERT counts as one on which it never comes.
 
 The limit of an error of place or height is its alert limit, with the defaults of the configuration: AL_s 50 m, AL_y
-100 m, AL_v = max(5 m, 0.35 deg x s).  That is what the function promises: an error below it is not hazardous, and for
-50 m beside the track no time is promised at all.  An obstacle has no alert limit; its limit is that of T4.  Earlier the
+100 m, AL_v = max(5 m, 0.35 deg x s).  The function promises no more: an error below it is not hazardous, and for
+50 m across the track no time is promised.  An obstacle has no alert limit; its limit is that of T4.  Earlier the
 time was counted from where a fault had reached its size, whether that is above its alert limit or not; that figure is
-told as ``size_p50`` and ``size_p95``, of those that are seen, and for 50 m beside the track and 10 m of height it is
+reported as ``size_p50`` and ``size_p95``, of detected faults, and for 50 m across the track and 10 m of height it is
 longer than a window and 1 s.  Where a fault grows, the new count begins sooner, and is the stricter one.
 
-``misled`` is what a time to alert is for: approaches with an error over its limit on which, that time later, there had
-been neither an ALERT nor a CAUTION nor UNAVAILABLE (docs/safety.md: hazardously misleading).  ``again`` is the other
-way to it: those on which an ALERT ended while the error was still over its limit.
+``misled`` is the hazard that the time to alert limits: approaches with an error over its limit on which, that time
+later, there had been neither an ALERT nor a CAUTION nor UNAVAILABLE (docs/safety.md: hazardously misleading).
+``again`` is the other hazard: approaches on which an ALERT ended while the error was still over its limit.
 
 T14, off the track and back on it, are two groups: without an ALERT before, it is trusted within 300 m; after one a
-whole calm window is needed, and 1100 m are right: what was beside the track leaves the window, a new one is calm, and a
+whole calm window is needed, which takes 1100 m: what was beside the track leaves the window, a new one is calm, and a
 turn.
 """
 
@@ -65,46 +65,47 @@ OBSTACLE_S, SPEED_MS, MARGIN_S = 2.0, 60.0, 1.0
 PD = 0.97
 #: Kinds of errors that only ground with relief shows.
 RELIEF_KINDS = ("lateral", "along")
-#: The late approach is trusted so soon behind its joining [m]; after an ALERT what was beside the track leaves the
-#: window first, and a whole new one must be calm.
+#: Distance from the joining point to the first trust of a late approach [m]; after an ALERT the off-track part must
+#: leave the window first, and a whole new window must be calm.
 TRUSTED_M = 300.0
 TRUSTED_AGAIN_M = 2 * WINDOW_M + TRUSTED_M
-#: Faults that reach a size at a place; the others are there from the start, or grow on.
+#: Faults that reach a size at a place; the others exist from the start, or keep growing.
 STEP_FAULTS = ("lateral_50", "lateral_100", "lateral_200", "along_60", "height_10", "altimeter_stuck")
 
 
 def study(runs: int, seed: int, progress: Progress) -> list[StudyResult]:
-    """``runs`` nominal approaches and what belongs to them; in one go, for what a process prepares takes a while."""
+    """``runs`` nominal approaches, faulty and late ones in one pool, because processes prepare slowly."""
     each, late = max(runs // NOMINAL_PER_FAULT, 2), max(runs // NOMINAL_PER_JOINED, 2)
     counts = {NOMINAL: runs, **dict.fromkeys(FAULTS, each), LATE_JOIN: late}
     found = iter(run_all(fly_one, [(kind, seed, run) for kind, n in counts.items() for run in range(n)], progress))
-    flown = {kind: list(itertools.islice(found, n)) for kind, n in counts.items()}
-    results = _judge_nominal(flown[NOMINAL])
+    approaches = {kind: list(itertools.islice(found, n)) for kind, n in counts.items()}
+    results = _judge_nominal(approaches[NOMINAL])
     for kind in FAULTS:
-        results += _judge_detection(kind, flown[kind])
-    return results + _judge_late_joins(flown[LATE_JOIN])
+        results += _judge_detection(kind, approaches[kind])
+    return results + _judge_late_joins(approaches[LATE_JOIN])
 
 
-def _judge_nominal(flown: Sequence[NominalApproach]) -> list[StudyResult]:
-    n, whole = len(flown), sum(run.available == 1.0 for run in flown)
+def _judge_nominal(approaches: Sequence[NominalApproach]) -> list[StudyResult]:
+    n, whole = len(approaches), sum(run.available == 1.0 for run in approaches)
     return [
-        *_alarms("nominal", reference().header.limits.pfa, [run.alarm for run in flown]),
-        *_alarms("strict", strict_reference().header.limits.pfa, [run.strict_alarm for run in flown]),
-        _reported_result("nominal.available", "share of windows that are judged", float(np.mean([r.available for r in flown]))),
-        _reported_result("nominal.continuous", "share of approaches judged from the first window to the last", whole / n),
+        *_alarms("nominal", reference().header.limits.pfa, [run.alarm for run in approaches]),
+        *_alarms("strict", strict_reference().header.limits.pfa, [run.strict_alarm for run in approaches]),
+        _reported_result("nominal.available", "share of windows that are judged",
+              float(np.mean([r.available for r in approaches]))),
+        _reported_result("nominal.continuous", "share of approaches judged from first window to last", whole / n),
         _reported_result("nominal.observable", "share of windows in which a shift of 50 m would show",
-              float(np.mean([r.observable for r in flown]))),
+              float(np.mean([r.observable for r in approaches]))),
     ]  # fmt: skip
 
 
 def _alarms(name: str, pfa: float, alarms: Sequence[bool]) -> list[StudyResult]:
-    """False alarms with limits that were made for a Pfa."""
+    """False alarms with limits for a Pfa."""
     count, n = sum(alarms), len(alarms)
-    most = max_failures_by_chance(n, pfa)
+    max_alarms = max_failures_by_chance(n, pfa)
     text = f"of {n} nominal approaches with an ALERT, limits of {100 * pfa:g} %"
     high = wilson(count, n)[1]
     return [
-        StudyResult(f"{name}.alarms", text, count, f"<= {most}", count <= most),
+        StudyResult(f"{name}.alarms", text, count, f"<= {max_alarms}", count <= max_alarms),
         _reported_result(f"{name}.pfa_high", "upper 95 % limit of the probability of a false alarm", high),
     ]
 
@@ -113,56 +114,57 @@ def _reported_result(name: str, quantity: str, value: float) -> StudyResult:
     return StudyResult(name, quantity, value, REPORTED, holds=True)
 
 
-def _judge_detection(name: str, flown: Sequence[FaultyApproach]) -> list[StudyResult]:
+def _judge_detection(name: str, approaches: Sequence[FaultyApproach]) -> list[StudyResult]:
     """Detection of one fault, and time to the ALERT."""
     results = [
-        _share(f"{name}{part}.pd", "detected", [run.detected for run in some]) for part, some in _parts(flown).items()
+        _share(f"{name}{part}.pd", "detected", [run.detected for run in some])
+        for part, some in _parts(approaches).items()
     ]
-    results += _judge_claim(name, flown)
+    results += _judge_claim(name, approaches)
     results.append(
-        _share(f"{name}.strict_pd", "detected with the limits of 0.1 %", [run.strict_detected for run in flown])
+        _share(f"{name}.strict_pd", "detected with the limits of 0.1 %", [run.strict_detected for run in approaches])
     )
     if name in STEP_FAULTS:
-        detected = [run.size_s for run in flown if math.isfinite(run.size_s)]
+        detected = [run.size_s for run in approaches if math.isfinite(run.size_s)]
         results += _times(f"{name}.size", "from where it has its size to the ALERT, where there is one", detected)
-    over = [run for run in flown if run.over]
-    results.append(_reported_result(f"{name}.over", f"of {len(flown)} approaches: it passes its limit", len(over)))
+    over = [run for run in approaches if run.over]
+    results.append(_reported_result(f"{name}.over", f"of {len(approaches)} approaches: it passes its limit", len(over)))
     return results + (_judge_delay(name, over) if over else [])
 
 
-def _judge_claim(name: str, flown: Sequence[FaultyApproach]) -> list[StudyResult]:
-    """Detection where it is claimed: no result where it is nowhere."""
+def _judge_claim(name: str, approaches: Sequence[FaultyApproach]) -> list[StudyResult]:
+    """Detection where it is claimed; no result without such an approach."""
     if name == "obstacle_150":
-        where, some = "", list(flown)
+        where, some = "", list(approaches)
     elif name in OBSTACLES:
-        where, some = ", where the reference promises it", [run for run in flown if run.promised]
+        where, some = ", where the reference promises it", [run for run in approaches if run.is_promised]
     elif name.startswith(RELIEF_KINDS):
-        where, some = ", over its limit where a shift is observable", [r for r in flown if r.over and r.observable]
+        where, some = ", over its limit where a shift is observable", [r for r in approaches if r.over and r.observable]
     else:
-        where, some = ", over its limit", [run for run in flown if run.over]
+        where, some = ", over its limit", [run for run in approaches if run.over]
     if not some:
         return []
-    told = _share(f"{name}.detected", f"detected{where}", [run.detected for run in some])
-    return [dataclasses.replace(told, target=f">= {PD:g}", holds=told.value >= PD)]
+    share = _share(f"{name}.detected", f"detected{where}", [run.detected for run in some])
+    return [dataclasses.replace(share, target=f">= {PD:g}", holds=share.value >= PD)]
 
 
 def _judge_delay(name: str, over: Sequence[FaultyApproach]) -> list[StudyResult]:
-    """How soon, where the fault passes its limit."""
+    """Time to the ALERT where the fault exceeds its limit."""
     limit = OBSTACLE_S if name in OBSTACLES else WINDOW_M / SPEED_MS + MARGIN_S
-    promised = _judged_part(name, over)
+    judged = _judged_part(name, over)
     times, misled = list[StudyResult](), list[StudyResult]()
     for part, some in _parts(over).items():
         delays = [run.delay_s if math.isfinite(run.delay_s) else math.inf for run in some]
         middle, late = _times(f"{name}{part}.time", "from its limit to the ALERT", delays)
-        if part == promised:
+        if part == judged:
             late = dataclasses.replace(late, target=f"<= {limit:.2g} s", holds=late.value <= limit)
         times += [middle, late]
         trusted = [not run.warned_s <= limit for run in some]
         misled.append(_share(f"{name}{part}.misled", f"over its limit for {limit:.2g} s, and trusted", trusted))
-    again = _share(
-        f"{name}.again", "trusted again after an ALERT, and still over its limit", [run.again for run in over]
+    trusted_again = _share(
+        f"{name}.again", "trusted again after an ALERT, and still over its limit", [run.trusted_again for run in over]
     )
-    return [*times, *misled, again]
+    return [*times, *misled, trusted_again]
 
 
 def _judged_part(name: str, over: Sequence[FaultyApproach]) -> str:
@@ -171,17 +173,17 @@ def _judged_part(name: str, over: Sequence[FaultyApproach]) -> str:
     return ".observable" if needs_relief and not all(run.observable for run in over) else ""
 
 
-def _parts(flown: Sequence[FaultyApproach]) -> dict[str, Sequence[FaultyApproach]]:
-    """All, and apart where a shift was observable and where not, if there are both."""
+def _parts(approaches: Sequence[FaultyApproach]) -> dict[str, Sequence[FaultyApproach]]:
+    """All approaches; also split by an observable shift, if there are both kinds."""
     apart = {
-        ".observable": [run for run in flown if run.observable],
-        ".not_observable": [run for run in flown if not run.observable],
+        ".observable": [run for run in approaches if run.observable],
+        ".not_observable": [run for run in approaches if not run.observable],
     }
-    return {"": flown, **(apart if all(apart.values()) else {})}
+    return {"": approaches, **(apart if all(apart.values()) else {})}
 
 
 def _times(name: str, text: str, times: Sequence[float]) -> list[StudyResult]:
-    """Median and 95th percentile [s]; inf: never, between which and a time there is none."""
+    """Median and 95th percentile [s] without interpolation to inf (never)."""
     if not times:
         return []
     method: Literal["linear", "inverted_cdf"] = "linear" if np.all(np.isfinite(times)) else "inverted_cdf"
@@ -199,27 +201,30 @@ def _share(name: str, text: str, those: Sequence[bool]) -> StudyResult:
     )
 
 
-def _judge_late_joins(flown: Sequence[LateJoin]) -> list[StudyResult]:
-    """T14: refused until the published track is joined, trusted behind it; after an ALERT a calm window later."""
-    before = sum(run.before for run in flown)
-    text = f"of {len(flown)} approaches that join 2200 m before the threshold: trusted before"
+def _judge_late_joins(approaches: Sequence[LateJoin]) -> list[StudyResult]:
+    """T14: refused until the published track is joined, trusted after it; after an ALERT a calm window later."""
+    trusted_before = sum(run.trusted_before for run in approaches)
+    text = f"of {len(approaches)} approaches that join 2200 m before the threshold: trusted before"
     return [
-        StudyResult("T14.before", text, before, "= 0", before == 0),
+        StudyResult("T14.before", text, trusted_before, "= 0", trusted_before == 0),
         *_judge_join_distance(
-            "T14.behind", "without an ALERT", [run.behind for run in flown if not run.alerted], TRUSTED_M
+            "T14.behind", "without an ALERT", [run.join_distance for run in approaches if not run.alerted], TRUSTED_M
         ),
         *_judge_join_distance(
-            "T14.behind_alert", "with an ALERT", [run.behind for run in flown if run.alerted], TRUSTED_AGAIN_M
+            "T14.behind_alert",
+            "with an ALERT",
+            [run.join_distance for run in approaches if run.alerted],
+            TRUSTED_AGAIN_M,
         ),
     ]
 
 
 def _judge_join_distance(name: str, which: str, distances: Sequence[float], limit: float) -> list[StudyResult]:
-    """How far behind the joining a group was first trusted, the worst of it; NaN: never."""
+    """Maximum distance from the joining point to the first trust in a group; NaN: never."""
     if not distances:
         return []
     worst = float(np.max(np.nan_to_num(distances, nan=np.inf)))
-    text = f"first trusted so far behind the joining, the worst of {len(distances)} {which} before [m]"
+    text = f"distance from joining to first trust, the worst of {len(distances)} {which} before [m]"
     return [StudyResult(name, text, worst, f"<= {limit:g} m", worst <= limit)]
 
 

@@ -1,27 +1,28 @@
-"""Compensation: altimeters over forest and buildings, by attitude, range and beam, and where each of them helps.
+"""Compensation of altimeters over forest and buildings by attitude, range and beam, and where each method helps.
 
 T21 and T2, source 003, sections 3.3 and 7.5.4: laser raw 11.5 m, compensated 3.0 m; radar raw 15.8 m, by attitude
 6.6 m, by beam 4.8 m.  Records and elevation are not public.  N = runs countries of the low-level mix (``_low_level``),
 200 poses in each; the unit is the country, an ordering must hold on so many that a sign test has p < 0.01 / m, m the
 number of these tests.  Errors are against the true height over the surface straight below.
 
-    attitude   range times the cosine of the boresight's tilt: nothing is known of the ground
-    excess     a radar's range times the cosine of what the tilt exceeds half its beam: all that flies without a ground
-    range      with what a pencil along the boresight should measure
-    beam       with what the sensor's own beam should measure
+    attitude   range times the cosine of the boresight's tilt: without terrain
+    excess     a radar's range times the cosine of the excess of the tilt over half its beam: the live method without
+    terrain
+    range      with the predicted range of a pencil along the boresight
+    beam       with the predicted range of the sensor's own beam
 
-T21 is judged with the surface as it is; a place with errors of 10 m / 2 m, and an elevation model with 1.5 m of noise,
-10 m beside, are reported beside it.  For the laser range and beam are one.  **The attitude makes a radar worse** in
-most configurations, since a leading edge is short already: ``bank`` lists, for beams of 10 to 70 deg, from which bank
-on its RMS error falls at all (91: not up to 60 deg), and what the excess makes of it.
+T21 is judged with the exact surface; a position with errors of 10 m / 2 m, and an elevation model with 1.5 m of noise
+and an offset of 10 m, are reported too.  For the laser range and beam are equal.  **The attitude makes a radar worse**
+in most configurations, since a leading edge is already short: ``bank`` lists, for beams of 10 to 70 deg, the bank from
+which its RMS error falls (91: not up to 60 deg), and the error by excess.
 
-``sigma`` is error over predicted sigma, RMS over all poses, where the place is known to 10 m / 2 m: of compensated
-heights, and of measured minus predicted ranges, with the sigma of the ground around N and M (``sampled_height_variance``)
-and with that of the planes through them (``height_variance``).  The first is what flies, and is judged for the laser,
-for the radar's own beam and for a nearest return, which is what a configuration predicts by default: at least 60 % of
-the errors within one sigma, 93 % within two, and an RMS of 0.5 or more, so that it is not bought by a large sigma.  The
-RMS has no upper limit: one roof in 1600 poses that lies three sigmas beside the believed place makes it 2.5.  The
-planes do not know the edges of woods and roofs, and are reported.
+``sigma`` is error over predicted sigma, RMS over all poses, where the position is known to 10 m / 2 m: of compensated
+heights, and of measured minus predicted ranges, with the sigma of the ground round N and M
+(``sampled_height_variance``) and of the planes through them (``height_variance``).  The product uses the first; it is
+judged for the laser, for the radar's own beam and for a nearest return, the default of a configuration: at least 60 %
+of the errors within one sigma, 93 % within two, and an RMS of 0.5 or more, so that a large sigma does not pass.  The
+RMS has no upper limit: one roof in 1600 poses that lies three sigmas from the estimated position makes it 2.5.  The
+planes do not model the edges of woods and roofs, and are reported.
 
 T2 is the octocopter's level run (3.8 m raw, 1.7 m compensated) over the countries of study ``ranging``, T1, with an
 elevation model of 1.5 m: the same quantity, so reported.
@@ -67,7 +68,7 @@ SIGMAS = {
     "range_plane": "of the range, by the plane through M",
     "range_around": "of the range, by the ground around it",
 }
-#: What flies; the least shares within one and two sigmas, and the least RMS of error over sigma.
+#: Judged sigmas; minimum shares within one and two sigmas, and minimum RMS of error over sigma.
 JUDGED_SIGMAS = ("around", "range_around")
 WITHIN, RMS = (0.60, 0.93), 0.5
 #: Full widths of beams and banks [deg] of the table, and poses at each.
@@ -76,10 +77,10 @@ BANKS_DEG = tuple(range(0, 61, 10))
 BANK_POSES = 40
 NEVER_DEG = 91
 WAYS = ("raw", "attitude", "excess", "range", "beam")
-#: Ways that are told of each sensor, and which of them need no ground.
+#: Reported ways of each sensor, and ways without terrain.
 REPORTED_WAYS = {"laser": ("raw", "attitude", "range"), "radar": WAYS}
 TERRAIN_FREE_WAYS = ("raw", "attitude", "excess")
-#: What must err less than what, by sensor.
+#: By sensor: the first way must have smaller errors than the second.
 ORDERINGS = (
     ("laser", "beam", "attitude"),
     ("laser", "attitude", "raw"),
@@ -89,9 +90,9 @@ ORDERINGS = (
 
 
 class CompensationRun(NamedTuple):
-    """Of a country: mean squares [m^2].
+    """Mean squares [m^2] of a country.
 
-    mix   : by (what was known, sensor, way)
+    mix   : by (knowledge, sensor, way)
     sigma : of error over sigma, and shares within one and two sigmas [1], by (sensor, which sigma)
     bank  : (width, bank, way), the ways raw, attitude, excess
     run   : raw and compensated of the level run
@@ -118,32 +119,36 @@ def study(runs: int, seed: int, progress: Progress) -> list[StudyResult]:
 def fly(seed: int) -> CompensationRun:
     """The country of that seed."""
     mix = _low_level.fly(seed)
-    seen = {known: _low_level.predict(mix, known, seed) for known in Knowledge}
+    predictions = {known: _low_level.predict(mix, known, seed) for known in Knowledge}
     squares = {
         (known, sensor, way): _mean_square(height - mix.nadir)
         for known in Knowledge
-        for (sensor, way), height in compensated(mix, seen[known]).items()
+        for (sensor, way), height in compensate(mix, predictions[known]).items()
     }
-    return CompensationRun(squares, _sigma_statistics(mix, seen[Knowledge.PLACE_ERROR]), _banks(mix, seed), _run(seed))
+    return CompensationRun(
+        squares, _sigma_statistics(mix, predictions[Knowledge.PLACE_ERROR]), _banks(mix, seed), _run(seed)
+    )
 
 
-def _sigma_statistics(mix: Mix, seen: dict[str, Prediction]) -> dict[tuple[str, str], tuple[float, float, float]]:
-    """Error over sigma by (sensor, which sigma), predicted with errors of the place, as in ``CompensationRun.sigma``."""
+def _sigma_statistics(
+    mix: Mix, predictions: dict[str, Prediction]
+) -> dict[tuple[str, str], tuple[float, float, float]]:
+    """Error over sigma by (sensor, which sigma), with a position error, as in ``CompensationRun.sigma``."""
     flat, high = _low_level.HORIZONTAL_SD, _low_level.VERTICAL_SD
     noise = {"laser": _low_level.LASER_NOISE_M, "radar": _low_level.RADAR_NOISE_M}
     found: dict[tuple[str, str], tuple[float, float, float]] = {}
-    for sensor, told in (("laser", "laser"), ("radar", "radar"), ("radar_nearest", "radar")):
-        said, nearest = mix.measured[told], told == "radar"
-        errors = ErrorModel(pose_cov((flat, flat, high), 0.0), noise[told])
-        error = height_over_ground(said, seen[sensor]) - mix.nadir
-        off, surface = said - seen[sensor].slant_range, mix.country.surface
-        judged = {
-            "plane": (error, height_variance(seen[sensor], errors, nearest=nearest)),
-            "around": (error, sampled_height_variance(surface, seen[sensor], errors, nearest=nearest)),
-            "range_plane": (off, range_variance(seen[sensor], errors, nearest=nearest)),
-            "range_around": (off, sampled_range_variance(surface, seen[sensor], errors, nearest=nearest)),
+    for sensor, instrument in (("laser", "laser"), ("radar", "radar"), ("radar_nearest", "radar")):
+        measured, nearest = mix.measured[instrument], instrument == "radar"
+        errors = ErrorModel(pose_cov((flat, flat, high), 0.0), noise[instrument])
+        error = height_over_ground(measured, predictions[sensor]) - mix.nadir
+        off, surface = measured - predictions[sensor].slant_range, mix.country.surface
+        cases = {
+            "plane": (error, height_variance(predictions[sensor], errors, nearest=nearest)),
+            "around": (error, sampled_height_variance(surface, predictions[sensor], errors, nearest=nearest)),
+            "range_plane": (off, range_variance(predictions[sensor], errors, nearest=nearest)),
+            "range_around": (off, sampled_range_variance(surface, predictions[sensor], errors, nearest=nearest)),
         }
-        found |= {(sensor, which): _consistency(e / np.sqrt(v)) for which, (e, v) in judged.items()}
+        found |= {(sensor, which): _consistency(e / np.sqrt(v)) for which, (e, v) in cases.items()}
     return found
 
 
@@ -153,14 +158,14 @@ def _consistency(z: Array) -> tuple[float, float, float]:
     return float(np.mean(known**2)), float(np.mean(known < 1.0)), float(np.mean(known < 2.0))
 
 
-def compensated(mix: Mix, seen: dict[str, Prediction]) -> dict[tuple[str, str], Array]:
-    """Heights [m] by (sensor, way); NaN where one of the ways has none, so that all have the same poses."""
+def compensate(mix: Mix, predictions: dict[str, Prediction]) -> dict[tuple[str, str], Array]:
+    """Heights [m] by (sensor, way); NaN where one of the ways has no height, so that all have the same poses."""
     cosine = mix.mats_nb[:, 2, 2]
     heights: dict[tuple[str, str], Array] = {}
-    for sensor, said in mix.measured.items():
+    for sensor, measured in mix.measured.items():
         half = HALF_BEAM if sensor == "radar" else 0.0
-        ways = (said, said * cosine, said * _excess_cosine(cosine, half))
-        grounded = (height_over_ground(said, seen[by]) for by in ("laser", sensor))
+        ways = (measured, measured * cosine, measured * _excess_cosine(cosine, half))
+        grounded = (height_over_ground(measured, predictions[by]) for by in ("laser", sensor))
         every = np.array([*ways, *grounded])
         every[:, ~np.isfinite(every).all(axis=0)] = np.nan
         heights |= {(sensor, way): height for way, height in zip(WAYS, every, strict=True)}
@@ -186,15 +191,15 @@ def _banks(mix: Mix, seed: int) -> Array:
         radar = RadarAltimeter(antenna=cosine_antenna(width, width), order=_low_level.TRUTH_ORDER)
         for j, bank in enumerate(np.radians(BANKS_DEG)):
             mats_nb = mat_from_rpy(np.full(BANK_POSES, bank), np.zeros(BANK_POSES), headings)
-            said = radar.measure(mix.country.surface, Poses.still(points, MAT_ENU_NED @ mats_nb)).slant_range
+            measured = radar.measure(mix.country.surface, Poses.stationary(points, MAT_ENU_NED @ mats_nb)).slant_range
             cosine = mats_nb[:, 2, 2]
-            heights = (said, said * cosine, said * _excess_cosine(cosine, 0.5 * width))
+            heights = (measured, measured * cosine, measured * _excess_cosine(cosine, 0.5 * width))
             squares[i, j] = [_mean_square(height - nadir) for height in heights]
     return squares
 
 
 def _run(seed: int) -> tuple[float, float]:
-    """Mean squares [m^2] of the level run: what was measured, and compensated, against the true height below."""
+    """Mean squares [m^2] of the level run: raw and compensated, against the true height below."""
     world, rng = _level_run.make_site(seed), np.random.default_rng([seed, 212])
     path = _level_run.level(world, rng)
     run = _level_run.fly(world, path, "wide", rng)
@@ -210,14 +215,14 @@ def _rms(squares: list[float]) -> float:
 
 def _judge_ordering(found: list[CompensationRun], sensor: str, less: str, more: str) -> StudyResult:
     pairs = [(one.mix[Knowledge.ALL, sensor, less], one.mix[Knowledge.ALL, sensor, more]) for one in found]
-    count, least = sum(a < b for a, b in pairs), min_positive(len(found), LEVEL / len(ORDERINGS))
+    count, min_count = sum(a < b for a, b in pairs), min_positive(len(found), LEVEL / len(ORDERINGS))
     below, above = zip(*pairs, strict=True)
     text = f"countries of {len(found)} where {less} < {more}; RMS {_rms(list(below)):.2f} / {_rms(list(above)):.2f} m"
-    return StudyResult(f"T21.{sensor}.{less}_{more}", text, count, f">= {least}", count >= least)
+    return StudyResult(f"T21.{sensor}.{less}_{more}", text, count, f">= {min_count}", count >= min_count)
 
 
 def _mix_results(found: list[CompensationRun]) -> list[StudyResult]:
-    """Every way with everything that may be known; what needs no ground once."""
+    """Every way with every knowledge; ways without terrain once."""
     results = []
     for known, sensor, way in found[0].mix:
         if way not in REPORTED_WAYS[sensor] or (known is not Knowledge.ALL and way in TERRAIN_FREE_WAYS):
@@ -238,11 +243,11 @@ def _sigmas(found: list[CompensationRun]) -> list[StudyResult]:
             (".within_1", f"{text}: share of errors within one sigma", one, WITHIN[0]),
             (".within_2", f"{text}: share of errors within two", two, WITHIN[1]),
         )
-        for name, what, value, least in rows:
-            judged = which in JUDGED_SIGMAS
-            target = f">= {least:g}" if judged else REPORTED
+        for name, what, value, minimum in rows:
+            is_judged = which in JUDGED_SIGMAS
+            target = f">= {minimum:g}" if is_judged else REPORTED
             results.append(
-                StudyResult(f"sigma.{sensor}.{which}{name}", what, value, target, not judged or value >= least)
+                StudyResult(f"sigma.{sensor}.{which}{name}", what, value, target, not is_judged or value >= minimum)
             )
     return results
 
@@ -253,7 +258,7 @@ def bank_table(found: list[CompensationRun]) -> Array:
 
 
 def min_helpful_bank(table: Array, way: int) -> list[int]:
-    """Of each width, from which bank [deg] on a way errs less than raw at all greater ones; 91: at none."""
+    """By width, the bank [deg] from which on a way has smaller errors than raw; 91: none."""
     helps = table[:, :, way] < table[:, :, 0]
     onwards = np.logical_and.accumulate(helps[:, ::-1], axis=1)[:, ::-1]
     return [BANKS_DEG[int(np.argmax(row))] if row.any() else NEVER_DEG for row in onwards]
@@ -262,11 +267,13 @@ def min_helpful_bank(table: Array, way: int) -> list[int]:
 def _bank_results(found: list[CompensationRun]) -> list[StudyResult]:
     table, results = bank_table(found), []
     for i, (width, attitude) in enumerate(zip(WIDTHS_DEG, min_helpful_bank(table, 1), strict=True)):
-        said = "; ".join(
+        bank_text = "; ".join(
             f"{bank}: {raw:.0f}/{by:.0f}/{excess:.0f}"
             for bank, (raw, by, excess) in zip(BANKS_DEG, table[i], strict=True)
         )
-        text = f"beam {width} deg: attitude helps from this bank on [deg]; RMS raw/attitude/excess by bank: {said} m"
+        text = (
+            f"beam {width} deg: attitude helps from this bank on [deg]; RMS raw/attitude/excess by bank: {bank_text} m"
+        )
         results.append(StudyResult(f"bank.{width}", text, attitude, REPORTED, holds=True))
     return results
 

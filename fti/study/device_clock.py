@@ -1,4 +1,4 @@
-"""Drift of a device's clock, found under jitter and delays of one sign.
+"""Drift of a device's clock, estimated under jitter and delays of one sign.
 
 Source 003, section 6.3, figure 6.10: the FTI clock drifts by 4 ms an hour (1.1 ppm) against GNSS time, and logs come
 up to 25 ms late.  The record is not public; messages are drawn here.  N = runs of one hour at 1 Hz, each with a drift
@@ -7,7 +7,7 @@ of its own (normal, 20 ppm) or with 1.1 ppm; the unit is the run.
     T11   jitter of both signs, 1 ms (one sigma); one message in five late by 0 to 25 ms (uniform)
     I3    every message late by 0 to 25 ms (uniform), 1.1 ppm
 
-The clock model is the one that flies (``fti.nav.device_time.clock_estimator``), fed message by message.
+The clock model is that of the product (``fti.nav.device_time.clock_estimator``), fed message by message.
 """
 
 from __future__ import annotations
@@ -26,19 +26,19 @@ HOUR_S = 3600
 JITTER_MS, LATE_MS, LATE_SHARE = 1.0, 25.0, 0.2
 FIG_6_10_PPM = 1.1
 DRIFT_SD_PPM = 20.0
-#: What an hour must yield [ppm], for so many of a hundred runs.
+#: Maximum error after an hour [ppm], for this percentage of the runs.
 LIMIT_PPM, MIN_PERCENT = 0.05, 95
-#: So many of a hundred runs have their drift inside their own 95 % interval.
+#: Percentage of runs that must have their drift inside their own 95 % interval.
 INSIDE = 90
 LATENCY_NS, MAX_AGE_NS = 50_000_000, 1_000_000_000
 
 
 def estimate_drift(drift_ppm: float, delays_ms: np.ndarray) -> tuple[float, float]:
-    """Drift that the model finds [ppm] and half of its 95 % interval, one message a second with these delays."""
+    """Drift that the model estimates [ppm] and half of its 95 % interval, one message a second with these delays."""
     clock = ClockEstimator(TimeScale.GPS, LATENCY_NS, MAX_AGE_NS)
     for k, delay in enumerate(delays_ms):
         true_ns = k * SECOND_NS
-        clock.take(true_ns + LATENCY_NS + round(1e6 * delay), true_ns + round(true_ns * 1e-6 * drift_ppm))
+        clock.feed(true_ns + LATENCY_NS + round(1e6 * delay), true_ns + round(true_ns * 1e-6 * drift_ppm))
     clock.finish()
     segment = clock.segments[-1]
     return segment.drift_ppm, 1e6 * segment.line.slope_95
@@ -69,28 +69,28 @@ def study(runs: int, seed: int, progress: Progress) -> list[StudyResult]:
 
 def _error(drift_ppm: float, delays_ms: np.ndarray) -> tuple[float, float]:
     """Error of the drift and half of its interval [ppm]."""
-    found_ppm, interval_ppm = estimate_drift(drift_ppm, delays_ms)
-    return found_ppm - drift_ppm, interval_ppm
+    estimate_ppm, interval_ppm = estimate_drift(drift_ppm, delays_ms)
+    return estimate_ppm - drift_ppm, interval_ppm
 
 
 def _judge(name: str, errors: np.ndarray) -> list[StudyResult]:
     size, interval = np.abs(errors[:, 0]), errors[:, 1]
     inside = int(np.count_nonzero(size <= interval))
-    least = INSIDE * len(size) / 100
-    most_ppm = float(np.percentile(size, MIN_PERCENT))
+    min_inside = INSIDE * len(size) / 100
+    percentile_ppm = float(np.percentile(size, MIN_PERCENT))
     return [
         StudyResult(
             f"{name}.interval",
             f"runs of {len(size)} with the drift inside its own 95 % interval",
             inside,
-            f">= {least:g}",
-            inside >= least,
+            f">= {min_inside:g}",
+            inside >= min_inside,
         ),
         StudyResult(
             f"{name}.error",
             f"error of the drift after an hour that {MIN_PERCENT} % of {len(size)} runs keep [ppm]",
-            most_ppm,
+            percentile_ppm,
             f"<= {LIMIT_PPM}",
-            most_ppm <= LIMIT_PPM,
+            percentile_ppm <= LIMIT_PPM,
         ),
     ]

@@ -1,10 +1,10 @@
-"""Whether the navigation filter is honest: errors over the sigma that it states, with satellites, altimeter, outages.
+"""Consistency of the navigation filter: errors over stated sigma, with satellites, altimeter, outages.
 
 Truth is drawn from the filter's own P0, Q and R (``_filter_flights``): then the ratio of each state's error to its
 sigma must have a root mean square of 1 over the flights at every instant, and the normalised squares of errors (NEES)
 and of innovations (NIS) their expectation.  Cases: nine states; fifteen with GNSS; with barometer and altimeter, too;
-the same with GNSS gone from 30 to 40, 80 to 100 and 170 to 200 s.  Beside it the same filter on rich truth, whose
-errors are not those that it assumes, which must stay within 1.5 sigma.
+the same with GNSS gone from 30 to 40, 80 to 100 and 170 to 200 s.  The same filter also runs on rich truth, whose
+errors differ from its assumptions; there it must stay within 1.5 sigma.
 
 T16, its vertical part: 250 s over broken country with GNSS of 2 m / 3 m that becomes worse, or is gone, in three
 spells: the height with a laser altimeter over an elevation model against the height without, flight by flight
@@ -33,11 +33,11 @@ Array = NDArray[np.float64]
 RUNS = 200
 SEED = 16
 
-#: Of honest filters: RMS of the ratio by state and instant; NEES and NIS; share of instants whose NEES is inside; rich.
+#: Consistent filters: RMS of the ratio by state and instant; NEES and NIS; share of instants with NEES inside; rich.
 RATIO, SQUARE, INSIDE, RICH = (0.80, 1.25), (0.85, 1.15), 0.90, 1.5
 #: T16: share inside 3 sigma; how much worse the first spell may be.
 INSIDE_SHARE, MAX_RATIO = 0.99, 1.05
-#: A state whose sigma has not fallen to this share of its first is not observed.
+#: A state is unobserved while its sigma is above this share of its initial value.
 UNOBSERVED = 0.9
 RESAMPLINGS = 2000
 STATES = (
@@ -51,14 +51,14 @@ def study(runs: int, seed: int, progress: Progress) -> list[StudyResult]:
     """Every case, ``runs`` flights each; over terrain half as many."""
     flights = [(seed, which, number) for which in range(len(CASES)) for number in range(runs)]
     over = [(seed, number * COUNTRIES // (runs // 2 or 1), number) for number in range(runs // 2 or 1)]
-    share = len(flights) / (len(flights) + 4 * len(over))  # four filters fly each of these
+    share = len(flights) / (len(flights) + 4 * len(over))  # four filters run on each of these
     found = run_all(run, flights, lambda done: progress(share * done))
-    found_over = run_all(fly_pairs, over, lambda done: progress(share + (1.0 - share) * done))
+    terrain_pairs = run_all(fly_pairs, over, lambda done: progress(share + (1.0 - share) * done))
     rng, results = np.random.default_rng([seed, 99]), list[StudyResult]()
     for which in range(len(CASES)):
         results += judge(which, found[which * runs : (which + 1) * runs], rng)
     for scenario in SCENARIOS:
-        results += judge_terrain(scenario, [pair[scenario] for pair in found_over], rng)
+        results += judge_terrain(scenario, [pair[scenario] for pair in terrain_pairs], rng)
     return results
 
 
@@ -164,12 +164,12 @@ def _interval(name: str, quantity: str, by_flight: Array, rng: np.random.Generat
     ]
 
 
-def _judge_min(name: str, quantity: str, value: float, least: float) -> StudyResult:
-    return StudyResult(name, quantity, value, f">= {least:g}", value >= least)
+def _judge_min(name: str, quantity: str, value: float, minimum: float) -> StudyResult:
+    return StudyResult(name, quantity, value, f">= {minimum:g}", value >= minimum)
 
 
-def _judge_max(name: str, quantity: str, value: float, most: float) -> StudyResult:
-    return StudyResult(name, quantity, value, f"<= {most:g}", value <= most)
+def _judge_max(name: str, quantity: str, value: float, maximum: float) -> StudyResult:
+    return StudyResult(name, quantity, value, f"<= {maximum:g}", value <= maximum)
 
 
 def _reported_result(name: str, quantity: str, value: float) -> StudyResult:

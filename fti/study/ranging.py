@@ -1,10 +1,10 @@
 """Ranging sensors: closed forms, receivers, beam, and a level run over forest and buildings.
 
-Source 003, chapter 2.  Elevation and records of the source are not public: what follows from geometry and physics is
-exact here, and what depends on the terrain is a ratio over synthetic terrains.
+Source 003, chapter 2.  Elevation and records of the source are not public: results of geometry and physics are
+exact here, and results that depend on the terrain are ratios over synthetic terrains.
 
-    T3   what a pulse does not resolve (eq. 2.5) and how often 1000 m can be measured (eq. 2.36)
-    T4   beats of 2.6 and 4 MHz through two receivers at radio frequency, mixer by mixer, and beside the baseband
+    T3   minimum range of a pulse (eq. 2.5) and maximum rate of measurements of 1000 m (eq. 2.36)
+    T4   beats of 2.6 and 4 MHz through two receivers at radio frequency, mixer by mixer, compared with the baseband
     T5   a level surface: d = h / cos (eq. 2.67), for every ray within 75 deg of the boresight
     T6   triangles, corners and rays of the geodesic dome (eq. 2.65, 2.66)
     F    fig. 2.50: roll of 0 to 75 deg at 100, 400 and 800 m, narrow and wide beam; exact, no random numbers
@@ -30,11 +30,11 @@ SEED = 3
 #: Pulses of a radar and of a laser altimeter (2.1.1.3, 2.1.2) [s], and the range of eq. 2.36 [m].
 PULSES_S = (100e-9, 10e-9)
 FARTHEST_M = 1000.0
-#: Order of the dome of fig. 2.30, and how far off the boresight its rays are compared with eq. 2.67.
+#: Order of the dome of fig. 2.30, and maximum angle off the boresight for the comparison with eq. 2.67.
 ORDER = 12
 MAX_OFF_BORESIGHT = np.radians(75.0)
 LEVEL_HEIGHT_M = 100.0
-#: Share of the time that what is exact takes.
+#: Share of the exact parts in the progress.
 EXACT_SHARE = 0.3
 
 
@@ -42,11 +42,11 @@ def study(runs: int, seed: int, progress: Progress) -> list[StudyResult]:
     """Closed forms, the beam, the receivers; then ``runs`` terrains."""
     exact = [*pulses(), *receivers(seed), *beam(), *attitude()]
     progress(EXACT_SHARE)
-    flown = []
+    level_runs = []
     for run in range(runs):
-        flown.append(_level_run.flown(seed + run))
+        level_runs.append(_level_run.fly_paths(seed + run))
         progress(EXACT_SHARE + (1.0 - EXACT_SHARE) * (run + 1) / runs)
-    return [*exact, *_level_run.judge(flown, seed)]
+    return [*exact, *_level_run.judge(level_runs, seed)]
 
 
 def drawings(seed: int) -> dict[str, DrawFigure]:
@@ -79,7 +79,7 @@ def pulses() -> list[StudyResult]:
 
 
 def level_ranges() -> tuple[np.ndarray, np.ndarray]:
-    """Angle off the boresight [rad] and range [m] of the rays of a beam that looks straight down on a level surface."""
+    """Angle off boresight [rad] and range [m] of the rays of a beam that points straight down on a level surface."""
     rays_s = half_dome(ORDER).within(MAX_OFF_BORESIGHT).rays_s
     ground = Terrain.from_array(np.zeros((51, 51)), 20.0, lat0=0.8, lon0=0.2, east0=-500.0, north0=-500.0)
     rays_l = rays_s * [1.0, 1.0, -1.0]

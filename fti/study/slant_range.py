@@ -1,13 +1,13 @@
-"""Slant range: what attitude, beam and relief make of a height above ground, on an approach and low over hills.
+"""Slant range: effect of attitude, beam and relief on a height above ground, on an approach and low over hills.
 
 Source 003, section 2.3.3, figures 2.54 to 2.59: an airliner's approach (8000 ft, three turns, 3 deg glide path) and a
 fighter's low-level flight (banks of 35 to 75 deg, once past the vertical), each over level and over rough ground, with
 a laser (pencil beam) and two radar altimeters (half power 15 deg and 35 deg off the boresight).  Elevation and flights
-of the source are not public: these are drawn, and only what does not depend on them is judged.
+of the source are not public: these are drawn, and only results independent of them are judged.
 
 N = runs: as many flights of each kind, each over a country of its own.  The unit is the flight, never the sample; an
 ordering must hold on so many flights that a sign test has p < 0.01 / m, m the number of these tests.  The error is
-measured slant range minus nadir height, no noise beyond the receivers'.  What is "reported" is not judged.
+measured slant range minus nadir height, no noise beyond the receivers'.  "Reported" results are not judged.
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ from fti.study.workers import run_all
 RUNS = 15
 SEED = 23
 
-#: Between two measurements on the approach and on the low-level flight [s].
+#: Period of measurements on the approach and on the low-level flight [s].
 EVERY_S = {"approach": 3.0, "low_level": 0.5}
 SCENARIOS: dict[str, Callable[[int, float], RangingScenario]] = {"approach": approach, "low_level": low_level}
 GROUNDS = ("flat", "rough")
 #: Roll [rad]: level, inside both beams, inside the wide beam and outside the narrow one, past both.
 LEVEL_ROLL, NARROW_ROLL, BEYOND_ROLL, WIDE_ROLL, LARGE_ROLL = np.radians([3.0, 14.0, 20.0, 35.0, 45.0])
-#: A radar that compensates a turn keeps its error below this share of the pencil beam's.
+#: The error of a radar that tolerates a turn is below this share of the pencil beam's.
 COMPENSATED_SHARE = 0.2
 EXACT = 1e-9
 
@@ -44,52 +44,52 @@ Mask = NDArray[np.bool_]
 
 
 class Ordering(NamedTuple):
-    """Something that holds on a flight, or not."""
+    """A property that holds on a flight or not."""
 
     id: str
     quantity: str
     holds: Callable[[Run], bool]
 
 
-def _rms(flown: AltimeterFlight, name: str, where: Mask) -> float:
-    """Of the error [m] where there is a measurement."""
-    error = flown.error(name)[where]
+def _rms(record: AltimeterFlight, name: str, where: Mask) -> float:
+    """RMS error [m] of the measurements in a mask."""
+    error = record.error(name)[where]
     return float(np.sqrt(np.nanmean(error**2)))
 
 
-def _roll_mask(flown: AltimeterFlight, low: float, high: float = np.pi / 2) -> Mask:
-    """Where the roll to either side lies between two angles [rad]."""
-    roll = np.abs(flown.flight.roll)
+def _roll_mask(record: AltimeterFlight, low: float, high: float = np.pi / 2) -> Mask:
+    """Mask of the samples whose absolute roll is between two angles [rad]."""
+    roll = np.abs(record.flight.roll)
     return np.asarray((roll >= low) & (roll < high))
 
 
 def _compensates(run: Run, name: str, low: float, high: float) -> bool:
-    flown = run["approach", "flat"]
-    turning = _roll_mask(flown, low, high)
-    return _rms(flown, name, turning) < COMPENSATED_SHARE * _rms(flown, "pencil", turning)
+    record = run["approach", "flat"]
+    turning = _roll_mask(record, low, high)
+    return _rms(record, name, turning) < COMPENSATED_SHARE * _rms(record, "pencil", turning)
 
 
 def _narrow_is_worse(run: Run, kind: str, ground: str, beyond: float) -> bool:
-    flown = run[kind, ground]
-    turning = _roll_mask(flown, beyond)
-    return _rms(flown, "narrow", turning) > _rms(flown, "wide", turning)
+    record = run[kind, ground]
+    turning = _roll_mask(record, beyond)
+    return _rms(record, "narrow", turning) > _rms(record, "wide", turning)
 
 
 def _reads_short(run: Run, kind: str, name: str) -> bool:
-    flown = run[kind, "rough"]
-    return bool(np.nanmedian(flown.error(name)[_roll_mask(flown, 0.0, LEVEL_ROLL)]) < 0.0)
+    record = run[kind, "rough"]
+    return bool(np.nanmedian(record.error(name)[_roll_mask(record, 0.0, LEVEL_ROLL)]) < 0.0)
 
 
 def _wide_is_worse_level(run: Run) -> bool:
-    flown = run["low_level", "rough"]
-    level = _roll_mask(flown, 0.0, LEVEL_ROLL)
-    return _rms(flown, "wide", level) > _rms(flown, "narrow", level)
+    record = run["low_level", "rough"]
+    level = _roll_mask(record, 0.0, LEVEL_ROLL)
+    return _rms(record, "wide", level) > _rms(record, "narrow", level)
 
 
 def _attitude_dominates(run: Run, kind: str) -> bool:
-    flown = run[kind, "rough"]
-    return _rms(flown, "pencil", _roll_mask(flown, BEYOND_ROLL)) > 2.0 * _rms(
-        flown, "pencil", _roll_mask(flown, 0.0, LEVEL_ROLL)
+    record = run[kind, "rough"]
+    return _rms(record, "pencil", _roll_mask(record, BEYOND_ROLL)) > 2.0 * _rms(
+        record, "pencil", _roll_mask(record, 0.0, LEVEL_ROLL)
     )
 
 
@@ -131,11 +131,11 @@ ORDERINGS = (
 
 def study(runs: int, seed: int, progress: Progress) -> list[StudyResult]:
     """``runs`` flights of each kind over each ground."""
-    flown = run_all(fly_all, range(seed, seed + runs), progress)
+    flights = run_all(fly_all, range(seed, seed + runs), progress)
     return [
-        pencil_on_level_ground(flown),
-        *(_judge_ordering(ordering, flown) for ordering in ORDERINGS),
-        *_reported_results(flown),
+        pencil_on_level_ground(flights),
+        *(_judge_ordering(ordering, flights) for ordering in ORDERINGS),
+        *_reported_results(flights),
     ]
 
 
@@ -149,36 +149,36 @@ def fly_all(seed: int) -> Run:
     }
 
 
-def pencil_on_level_ground(flown: list[Run]) -> StudyResult:
+def pencil_on_level_ground(flights: list[Run]) -> StudyResult:
     """On level ground a pencil beam measures h / (cos roll cos pitch) (eq. 2.67)."""
-    worst = max(_pencil_error(run[kind, "flat"]) for run in flown for kind in SCENARIOS)
+    worst = max(_pencil_error(run[kind, "flat"]) for run in flights for kind in SCENARIOS)
     return StudyResult(
         "flat.pencil", "pencil beam is h / cos, the worst, relative", worst, f"< {EXACT:g}", worst < EXACT
     )
 
 
-def _pencil_error(flown: AltimeterFlight) -> float:
-    cosine = np.cos(flown.flight.roll) * np.cos(flown.flight.pitch)
-    seen = np.isfinite(flown.measured["pencil"])
-    return float(np.max(np.abs(flown.measured["pencil"] * cosine / flown.nadir - 1.0)[seen]))
+def _pencil_error(record: AltimeterFlight) -> float:
+    cosine = np.cos(record.flight.roll) * np.cos(record.flight.pitch)
+    is_measured = np.isfinite(record.measured["pencil"])
+    return float(np.max(np.abs(record.measured["pencil"] * cosine / record.nadir - 1.0)[is_measured]))
 
 
-def _judge_ordering(ordering: Ordering, flown: list[Run]) -> StudyResult:
-    count, least = sum(map(ordering.holds, flown)), min_positive(len(flown), LEVEL / len(ORDERINGS))
-    text = f"flights of {len(flown)}; {ordering.quantity}"
-    return StudyResult(ordering.id, text, count, f">= {least}", count >= least)
+def _judge_ordering(ordering: Ordering, flights: list[Run]) -> StudyResult:
+    count, min_count = sum(map(ordering.holds, flights)), min_positive(len(flights), LEVEL / len(ORDERINGS))
+    text = f"flights of {len(flights)}; {ordering.quantity}"
+    return StudyResult(ordering.id, text, count, f">= {min_count}", count >= min_count)
 
 
-def _reported_results(flown: list[Run]) -> list[StudyResult]:
+def _reported_results(flights: list[Run]) -> list[StudyResult]:
     """RMS of all flights together, wings level and in turns below 80 deg."""
     results: list[StudyResult] = []
-    for kind, ground in flown[0]:
-        for name in flown[0][kind, ground].measured:
+    for kind, ground in flights[0]:
+        for name in flights[0][kind, ground].measured:
             for part, low, high in (("level", 0.0, LEVEL_ROLL), ("turns", LEVEL_ROLL, np.radians(80.0))):
                 squares = [
-                    _rms(run[kind, ground], name, _roll_mask(run[kind, ground], low, high)) ** 2 for run in flown
+                    _rms(run[kind, ground], name, _roll_mask(run[kind, ground], low, high)) ** 2 for run in flights
                 ]
-                rms, text = float(np.sqrt(np.mean(squares))), f"RMS error of {len(flown)} flights [m]"
+                rms, text = float(np.sqrt(np.mean(squares))), f"RMS error of {len(flights)} flights [m]"
                 results.append(StudyResult(f"{kind}.{ground}.{name}.{part}", text, rms, REPORTED, holds=True))
     return results
 

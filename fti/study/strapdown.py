@@ -1,13 +1,13 @@
-"""Free inertial navigation by the two strapdowns: the high-order one, and the fast form that is used live.
+"""Free inertial navigation by the two strapdowns: the high-order form, and the fast form for live use.
 
-Flights are splines, what ideal sensors would feel on them is made by ``fti.hil``, and neither strapdown has a part in
-that.  T12: the high-order one closes an hour of legs, turns and climbs at 100 Hz to a millimetre; the fast form stays
-within 0.1 m on the level and 1 m in height through an hour of a calm track, and its error after S-turns falls at least
-3.5 times whenever the step is halved.  How it does on the lively hour is told beside.
+Flights are splines; ``fti.hil`` computes ideal samples on them, independent of both strapdowns.  T12: the high-order
+one closes an hour of legs, turns and climbs at 100 Hz to a millimetre; the fast form stays within 0.1 m on the level
+and 1 m in height through an hour of a calm track, and its error after S-turns falls at least 3.5 times whenever the
+step is halved.  Its error on the lively hour is reported.
 
 Source: Spiegel 2018, section 7.1, fig. 7.4.  The source's micrometre in an hour needs increments that are the exact
-inverse of the strapdown; samples of rate and force are what a sensor gives.  The limits of the calm track are those
-that increments of pyins reach; on samples it flies beside these in ``benchmarks/strapdown.py``.  ``fti study
+inverse of the strapdown; sensors give samples of rate and force.  The limits of the calm track are those
+that increments of pyins reach; ``benchmarks/strapdown.py`` compares with pyins on samples.  ``fti study
 trajectory`` shows how recorded flights become splines.
 """
 
@@ -50,7 +50,7 @@ def study(runs: int, seed: int, progress: Progress) -> list[StudyResult]:
 
 
 def fly(duration: float, task: tuple[int, int]) -> Found:
-    """Run ``task[1]`` of a seed, flights so long [s]."""
+    """Run ``task[1]`` of a seed, with flights of a length [s]."""
     seed, run = task
     lively = random_flight(np.random.default_rng([seed, run, 2]), duration)
     still = calm_flight(np.random.default_rng([seed, run, 4]), duration)
@@ -84,26 +84,26 @@ def judge_live(still: list[Closure], lively: list[Closure]) -> list[StudyResult]
             name,
             f"error of the {what} {words}, {track} [m]",
             value,
-            REPORTED if most is None else f"<= {most:g}",
-            most is None or value <= most,
+            REPORTED if limit is None else f"<= {limit:g}",
+            limit is None or value <= limit,
         )
-        for name, what, track, value, most in figures
+        for name, what, track, value, limit in figures
     ]
 
 
 def judge_turns(found: list[dict[str, Array]]) -> list[StudyResult]:
-    """By how much the error after S-turns falls at least when the step is halved."""
+    """Minimum factor by which the error after S-turns falls when the step is halved."""
     results = []
     for form in FORMS:
-        least = min(float(np.min(errors[form][:-1] / errors[form][1:])) for errors in found)
+        min_factor = min(float(np.min(errors[form][:-1] / errors[form][1:])) for errors in found)
         words = f"times that the error after S-turns falls when the step is halved, least of {len(found)} flights"
         name = f"T12.turns_{form.replace(' ', '_')}"
-        results.append(StudyResult(name, f"{words}, {form}", least, f">= {FACTOR:g}", least >= FACTOR))
+        results.append(StudyResult(name, f"{words}, {form}", min_factor, f">= {FACTOR:g}", min_factor >= FACTOR))
     return results
 
 
 def drawings(seed: int) -> dict[str, DrawFigure]:
-    """The error over the step after S-turns; the hour of the fast form as fig. 7.4 of the source has the other."""
+    """The error over the step after S-turns; the hour of the fast form, as fig. 7.4 of the source."""
     from fti.study import _strapdown_plots as plots  # noqa: PLC0415 - matplotlib is slow to load
 
     return {

@@ -6,15 +6,15 @@ are drawn, anywhere between 60 deg south and north; the unit is the flight.
     fit      ten minutes, 10 Hz, radians in single precision (steps of up to 1.5 m: errata, 7.1); filtered over 2 s; one
              knot in 0.5 s.  The source: the filter moves positions by a few decimetres and attitudes by 0.02 deg; the
              spline is within millimetres, and in attitude within half of what the filter did
-    closure  T12: what ideal sensors feel of a flight (eq. 7.2, 7.3), 100 Hz, integrated over an hour without aid by who
-             did not make it: ``fti.nav.inertial.strapdown``, earth frame, Runge-Kutta on samples; it has neither the
-             spline nor its derivatives.  The source says 1 um, 1 nm/s and 5e-12 deg, for increments that are the exact
-             inverse of its strapdown; samples of a rate say nothing of what is between them, so the targets here are
+    closure  T12: ideal inertial samples of a flight (eq. 7.2, 7.3), 100 Hz, integrated over an hour without aid by an
+             independent algorithm: ``fti.nav.inertial.strapdown``, earth frame, Runge-Kutta on samples; it uses neither
+             the spline nor its derivatives.  The source states 1 um, 1 nm/s and 5e-12 deg, for increments that are the
+             exact inverse of its strapdown; samples of a rate have no information between them, so the targets here are
              wider
     turns    ten minutes of S-turns, sampled every 0.16 s, 0.08 s, 0.04 s and 0.02 s: the error falls by this factor or
              more each time the step is halved
 
-Beside pyins, which is not among what this project installs: ``benchmarks/strapdown.py``.
+``benchmarks/strapdown.py`` compares with pyins, which this project does not install.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ def s_turn_errors(seed: int, run: int) -> Array:
 
 
 def min_factor(seed: int, run: int) -> float:
-    """By how much the error falls at least when the step is halved."""
+    """Minimum factor by which the error falls when the step is halved."""
     errors = s_turn_errors(seed, run)
     return float(np.min(errors[:-1] / errors[1:]))
 
@@ -107,19 +107,19 @@ def judge_closures(closures: list[Closure]) -> list[StudyResult]:
         ("attitude", "attitude", "deg", float(np.rad2deg(max(c.angle.max() for c in closures))), ANGLE_DEG),
     ]
     return [
-        _judge_max(f"T12.{name}", f"error of the {what} {words} [{unit}]", v, most)
-        for name, what, unit, v, most in found
+        _judge_max(f"T12.{name}", f"error of the {what} {words} [{unit}]", v, limit)
+        for name, what, unit, v, limit in found
     ]
 
 
 def _factor(factors: list[float]) -> StudyResult:
-    least = min(factors)
+    lowest = min(factors)
     quantity = f"times that the error after S-turns falls when the step is halved, least of {len(factors)} flights"
-    return StudyResult("T12.turns", quantity, least, f">= {FACTOR:g}", least >= FACTOR)
+    return StudyResult("T12.turns", quantity, lowest, f">= {FACTOR:g}", lowest >= FACTOR)
 
 
-def _judge_max(name: str, quantity: str, value: float, most: float) -> StudyResult:
-    return StudyResult(name, quantity, float(value), f"<= {most:g}", bool(value <= most))
+def _judge_max(name: str, quantity: str, value: float, limit: float) -> StudyResult:
+    return StudyResult(name, quantity, float(value), f"<= {limit:g}", bool(value <= limit))
 
 
 def _reported_result(name: str, quantity: str, values: Array) -> StudyResult:

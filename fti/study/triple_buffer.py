@@ -1,6 +1,6 @@
-"""Time stamps and triple buffer of source 003: what they hold, and what is missing after a stall.
+"""Time stamps and triple buffer of source 003: capacity, and lost frames after a stall.
 
-Source 003, section 6.3, eq. 6.1 and 6.2.  Closed forms are exact.  The stall is fed through the buffer that records:
+Source 003, section 6.3, eq. 6.1 and 6.2.  Closed forms are exact.  The stall is fed through the recorder's buffer:
 100 messages a second of 66 B, each in two receptions of 33 B, while storage accepts nothing.  N = runs, each with a
 stall of a length of its own; the unit is the stall.
 """
@@ -14,7 +14,7 @@ import numpy as np
 
 from fti.buffers.triple_buffer import TripleBuffer
 from fti.config import LinkTable
-from fti.frame_batch import entries
+from fti.frame_batch import iter_frames
 from fti.study import Progress, StudyResult
 
 RUNS = 10
@@ -25,7 +25,7 @@ DAY_S = 86_400.0
 LINKS, QUEUES = 23, 3
 RATE_HZ, MESSAGE_BYTES, RECEPTIONS = 100, 66, 2
 EXPECTED_STALL_S = 121.5
-#: Stalls are drawn from this interval [s]; all are longer than what is survived.
+#: Stalls are drawn from this interval [s]; all exceed the capacity.
 STALLS_S = (122.0, 240.0)
 
 
@@ -40,7 +40,7 @@ def study(runs: int, seed: int, progress: Progress) -> list[StudyResult]:
 
 
 def closed_forms() -> list[StudyResult]:
-    """What follows from the widths of the numbers and the size of the buffers."""
+    """Results that follow from the widths of the numbers and the size of the buffers."""
     fine_d = (2**32 - 1) * 50e-6 / DAY_S
     coarse_d = (2**32 - 1) * 1e-3 / DAY_S
     capacity = int(LinkTable.model_fields["buffer_bytes"].default)
@@ -62,10 +62,10 @@ def closed_forms() -> list[StudyResult]:
 
 @dataclass(frozen=True, slots=True)
 class StallResult:
-    """What became of a stall.
+    """Result of a stall.
 
-    first_loss_s : when the first frame was dropped; oldest_only : exactly the oldest frames are missing, the newest are
-    all there, and the buffer's account names number, bytes and time span of what is missing
+    first_loss_s : when the first frame was dropped; oldest_only : exactly the oldest frames are missing, all
+    newer ones are kept, and the buffer's gap record has number, bytes and time span of the missing frames
     """
 
     first_loss_s: float
@@ -83,25 +83,25 @@ def stall(length_s: float) -> StallResult:
         buffer.put(seq, seq * period_ns, reception)
         if first_loss_s is None and buffer.stats.dropped_frames:
             first_loss_s = seq * period_ns / SECOND_NS
-    kept = _drain(buffer)
-    return StallResult(first_loss_s or length_s, _oldest_only(buffer, kept, count, period_ns))
+    numbers = _drain(buffer)
+    return StallResult(first_loss_s or length_s, _oldest_only(buffer, numbers, count, period_ns))
 
 
 def _drain(buffer: TripleBuffer) -> list[int]:
-    """Storage accepts again: the numbers of what was kept, as they come."""
-    kept: list[int] = []
-    while not buffer.empty:
-        taken = buffer.take()
-        kept += [entry[0] for entry in entries(taken)]
-        buffer.confirm_written(len(taken))
-    return kept
+    """Storage accepts again: sequence numbers of the kept frames in order."""
+    numbers: list[int] = []
+    while not buffer.is_empty:
+        data = buffer.take()
+        numbers += [entry[0] for entry in iter_frames(data)]
+        buffer.confirm_written(len(data))
+    return numbers
 
 
-def _oldest_only(buffer: TripleBuffer, kept: list[int], count: int, period_ns: int) -> bool:
-    """One gap in the numbers: behind what ``global`` held when the stall began, before everything that is newer."""
-    gaps = [(a + 1, b - 1) for a, b in itertools.pairwise(kept) if b != a + 1]
+def _oldest_only(buffer: TripleBuffer, numbers: list[int], count: int, period_ns: int) -> bool:
+    """One gap in the numbers: after the frames in ``global`` when the stall began, before all newer frames."""
+    gaps = [(a + 1, b - 1) for a, b in itertools.pairwise(numbers) if b != a + 1]
     spans = buffer.stats.drops
-    if len(gaps) != 1 or len(spans) != 1 or kept[0] != 0 or kept[-1] != count - 1:
+    if len(gaps) != 1 or len(spans) != 1 or numbers[0] != 0 or numbers[-1] != count - 1:
         return False
     (first, last), span = gaps[0], spans[0]
     named = (span.first_seq, span.last_seq, span.frames, span.first_t_ns, span.last_t_ns)
@@ -109,15 +109,15 @@ def _oldest_only(buffer: TripleBuffer, kept: list[int], count: int, period_ns: i
 
 
 def _judge(stalls: list[StallResult]) -> list[StudyResult]:
-    least_s = min(stall.first_loss_s for stall in stalls)
+    min_s = min(stall.first_loss_s for stall in stalls)
     right = sum(stall.oldest_only for stall in stalls)
     return [
         StudyResult(
             "T10.stall",
             f"time without loss, the shortest of {len(stalls)} stalls [s]",
-            least_s,
+            min_s,
             ">= 121.4",
-            least_s >= 121.4,
+            min_s >= 121.4,
         ),
         StudyResult(
             "T10.oldest",

@@ -1,13 +1,13 @@
 """Runs of a study over all cores of this machine, or over a cluster: ``run_all``.
 
-A run is a function of its argument alone (a seed, a tuple with one), so where it is done changes nothing, and results
-come in the order of the arguments.  Function and argument must be picklable: a function of a module, or a
+A run is a function of its argument alone (a seed, a tuple with one), so its process does not affect the result, and
+results have the order of the arguments.  Function and argument must be picklable: a function of a module, or a
 ``functools.partial`` of one.
 
-Here: runs begin in this process; where more than one is left after ``LOCAL_LIMIT_S``, processes take them, one for each
-core, started afresh (never forked), linear algebra in one thread each.  They end with the one that started them,
-however that ends; Ctrl-C goes to that one alone.  On a cluster: ``with on_cluster("tcp://10.0.0.1:8786"):`` gives the
-runs to that Dask scheduler; its workers need the same ``fti``.
+Runs begin in this process.  If more than one is left after ``LOCAL_LIMIT_S``, worker processes do them: one for each
+core, spawned (never forked), with single-threaded linear algebra.  They end when their parent ends, for any reason;
+Ctrl-C reaches the parent only.  On a cluster: ``with on_cluster("tcp://10.0.0.1:8786"):`` gives the runs to that Dask
+scheduler; its workers need the same ``fti``.
 """
 
 from __future__ import annotations
@@ -31,13 +31,13 @@ from fti.errors import FtiError, MissingError
 from fti.study import Progress
 
 Argument = TypeVar("Argument")
-Found = TypeVar("Found")
+Output = TypeVar("Output")
 
-#: A process takes about two seconds to start: runs that are done sooner are done here.
+#: A process takes about two seconds to start, so shorter work is done in this process.
 LOCAL_LIMIT_S = 3.0
-#: A pool of threads in each process would take the cores from the others.
+#: Limits each process to one thread, so that processes do not compete for cores.
 SINGLE_THREAD_ENV = {"OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
-#: How long a cluster may take to answer [s], and a process that is told to end.
+#: Timeout of the answer of a cluster and of the end of a process [s].
 CLUSTER_TIMEOUT_S, END_TIMEOUT_S = 10.0, 5.0
 
 _client: ContextVar[Any] = ContextVar("_client", default=None)
@@ -45,9 +45,9 @@ _client: ContextVar[Any] = ContextVar("_client", default=None)
 
 @contextlib.contextmanager
 def on_cluster(scheduler: str | None) -> Iterator[None]:
-    """Within it, runs are done by the cluster of the Dask scheduler at that address; None: here.
+    """Context in which the cluster of a Dask scheduler does the runs; None: this machine.
 
-    Raises MissingError without the package ``distributed``, and for a cluster that is not there or has no workers.
+    Raises MissingError without the package ``distributed``, and for a cluster that does not answer or has no workers.
     """
     with contextlib.nullcontext() if scheduler is None else _connect(scheduler) as client:
         token = _client.set(client)
@@ -60,46 +60,46 @@ def on_cluster(scheduler: str | None) -> Iterator[None]:
 def _connect(scheduler: str) -> Any:
     """A client of the cluster.
 
-    Asked first without one: a client that does not come about prints a traceback when Python ends, or waits there.
+    The scheduler is queried first without a client: a client without connection prints a traceback or waits at exit.
     """
     try:
         from distributed import Client  # noqa: PLC0415 - an extra, for who has a cluster
     except ImportError:
         raise MissingError("a cluster needs the package distributed: pip install 'fti[dask]'") from None
     try:
-        told = asyncio.run(asyncio.wait_for(_identity(scheduler), CLUSTER_TIMEOUT_S))
+        identity = asyncio.run(asyncio.wait_for(_identity(scheduler), CLUSTER_TIMEOUT_S))
     except (OSError, ValueError) as error:  # ValueError: no address
-        why = str(error) or f"silent for {CLUSTER_TIMEOUT_S:g} s"
+        why = str(error) or f"no answer within {CLUSTER_TIMEOUT_S:g} s"
         raise MissingError(f"no Dask scheduler answers at {scheduler!r}: {why}") from error
-    if not told["workers"]:
+    if not identity["workers"]:
         raise MissingError(f"the Dask scheduler at {scheduler} has no workers: dask worker {scheduler}")
     return Client(scheduler, timeout=CLUSTER_TIMEOUT_S, set_as_default=False)
 
 
 async def _identity(scheduler: str) -> Any:
-    """What a Dask scheduler says of itself; who cannot be reached is known before who says nothing."""
+    """Identity of a Dask scheduler; its connection has a shorter timeout than its answer."""
     from distributed import rpc  # noqa: PLC0415 - see above
 
-    async with rpc(scheduler, timeout=CLUSTER_TIMEOUT_S / 2) as asked:
-        return await asked.identity()
+    async with rpc(scheduler, timeout=CLUSTER_TIMEOUT_S / 2) as server:
+        return await server.identity()
 
 
-def run_all(task: Callable[[Argument], Found], arguments: Iterable[Argument], progress: Progress) -> list[Found]:
-    """What ``task`` returns for each argument, in their order; progress : told the share of them that is done.
+def run_all(task: Callable[[Argument], Output], arguments: Iterable[Argument], progress: Progress) -> list[Output]:
+    """Results of ``task`` for each argument, in their order; progress : called with the completed share.
 
-    Raises what the task raises of the errors of ``fti.errors``; RuntimeError where a process ends by itself, which it
-    does, saying why on standard error, after any other error.
+    Raises errors of ``fti.errors`` that the task raises.  After any other error a process prints it on standard error
+    and ends; this raises RuntimeError.
     """
     todo, client = list(arguments), _client.get()
-    found: dict[int, Found] = {}
+    found: dict[int, Output] = {}
     for number, result in _run_locally(task, todo) if client is None else _run_on_cluster(task, todo, client):
         found[number] = result
         progress(len(found) / len(todo))
     return [found[number] for number in range(len(todo))]
 
 
-def _run_locally(task: Callable[[Any], Found], todo: Sequence[Any]) -> Iterator[tuple[int, Found]]:
-    """Results with the numbers of their arguments, as they come."""
+def _run_locally(task: Callable[[Any], Output], todo: Sequence[Any]) -> Iterator[tuple[int, Output]]:
+    """Results with the indices of their arguments, in order of completion."""
     cores = len(os.sched_getaffinity(0))
     begin = time.monotonic()
     for number, argument in enumerate(todo):
@@ -111,18 +111,18 @@ def _run_locally(task: Callable[[Any], Found], todo: Sequence[Any]) -> Iterator[
 
 
 class _Worker(NamedTuple):
-    """A process that works, and our end of the pipe to it."""
+    """A worker process, and the parent's end of the pipe to it."""
 
     process: SpawnProcess
     pipe: Connection
 
     def hand_out(self, numbered: tuple[int, Any]) -> None:
-        """An argument with its number; one that has ended does not take it, which ``answer`` tells."""
+        """Send an argument with its index; ``answer`` reports a process that has ended."""
         with contextlib.suppress(BrokenPipeError, ConnectionResetError):
             self.pipe.send(numbered)
 
     def answer(self) -> tuple[int, Any]:
-        """The number of an argument and what was found for it."""
+        """Index of an argument and its result."""
         try:
             number, result = self.pipe.recv()
         except (EOFError, ConnectionResetError):
@@ -133,7 +133,7 @@ class _Worker(NamedTuple):
         return number, result
 
     def end(self) -> None:
-        """Now, whatever it is doing."""
+        """Kill the process."""
         self.pipe.close()
         self.process.terminate()
         self.process.join(END_TIMEOUT_S)
@@ -141,8 +141,8 @@ class _Worker(NamedTuple):
 
 
 def _run_in_processes(
-    task: Callable[[Any], Found], todo: Sequence[tuple[int, Any]], cores: int
-) -> Iterator[tuple[int, Found]]:
+    task: Callable[[Any], Output], todo: Sequence[tuple[int, Any]], cores: int
+) -> Iterator[tuple[int, Output]]:
     workers: list[_Worker] = []
     try:
         with _worker_environment():
@@ -155,7 +155,7 @@ def _run_in_processes(
 
 
 def _distribute(workers: Sequence[_Worker], todo: Sequence[tuple[int, Any]]) -> Iterator[tuple[int, Any]]:
-    """Whoever has answered gets the next argument."""
+    """Give the next argument to each process that has answered."""
     waiting = iter(todo)
     busy = {worker.pipe: worker for worker in workers}
     for worker in workers:
@@ -171,9 +171,9 @@ def _distribute(workers: Sequence[_Worker], todo: Sequence[tuple[int, Any]]) -> 
 
 @contextlib.contextmanager
 def _worker_environment() -> Iterator[None]:
-    """What is started within it inherits ``SINGLE_THREAD_ENV`` and is deaf to Ctrl-C from its first instruction."""
+    """Processes started here inherit ``SINGLE_THREAD_ENV`` and ignore Ctrl-C from their first instruction."""
     before = {name: os.environ.get(name) for name in SINGLE_THREAD_ENV}
-    resource_tracker.ensure_running()  # the first start of a process would do it, and let Ctrl-C through again
+    resource_tracker.ensure_running()  # the first start of a process would start it too, and enable Ctrl-C again
     mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     os.environ.update(SINGLE_THREAD_ENV)
     try:
@@ -192,12 +192,12 @@ def _start(task: Callable[[Any], Any]) -> _Worker:
     ours, theirs = context.Pipe()
     process = context.Process(target=_work, args=(task, theirs), daemon=True)
     process.start()
-    theirs.close()  # so that we see its end
+    theirs.close()  # so that the parent detects the end of the process
     return _Worker(process, ours)
 
 
 def _work(task: Callable[[Any], Any], pipe: Connection) -> None:
-    """A process: do what comes, until whoever sends it has gone."""
+    """Worker process: run the task until the parent ends."""
     threading.Thread(target=_end_with_parent, daemon=True).start()
     with contextlib.suppress(EOFError, BrokenPipeError, ConnectionResetError):
         while True:
@@ -206,7 +206,7 @@ def _work(task: Callable[[Any], Any], pipe: Connection) -> None:
 
 
 def _end_with_parent() -> None:
-    """In the middle of a run, too: a study that was killed would hold the machine for minutes."""
+    """End also in the middle of a run: workers of a killed study would load the machine for minutes."""
     parent = multiprocessing.parent_process()
     assert parent is not None
     parent.join()
@@ -220,10 +220,10 @@ def _run_task(task: Callable[[Any], Any], argument: object) -> Any:
         return error
 
 
-def _run_on_cluster(task: Callable[[Any], Found], todo: Sequence[Any], client: Any) -> Iterator[tuple[int, Found]]:
+def _run_on_cluster(task: Callable[[Any], Output], todo: Sequence[Any], client: Any) -> Iterator[tuple[int, Output]]:
     from distributed import as_completed  # noqa: PLC0415 - see above
 
     futures = client.map(task, todo, pure=False)
     numbers = {future.key: number for number, future in enumerate(futures)}
-    for future in as_completed(futures, loop=client.loop):  # else it looks for a client of the whole process
+    for future in as_completed(futures, loop=client.loop):  # otherwise it searches a client of the whole process
         yield numbers[future.key], future.result()

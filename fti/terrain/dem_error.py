@@ -1,13 +1,13 @@
-"""What is wrong with an elevation model: its heights, its place, what its sensor saw, and its age.
+"""Errors of an elevation model: height, horizontal shift, sensed surface, and age.
 
     h_dem(x) = h(x - shift) + bias + noise(x) + outlier(x)
 
-To first order in the shift the error at a place is  -grad h . shift + bias + noise + outlier:  a horizontal error
+To first order in the shift the error at a point is  -grad h . shift + bias + noise + outlier:  a horizontal error
 becomes a vertical one on a slope (eq. 2.49).  The noise is Gaussian, the sum of two stationary parts with the
-autocorrelation exp(-distance / length): one as short as what a survey smooths over, one as long as its strips.
+autocorrelation exp(-distance / length): one as short as the smoothing of a survey, one as long as its strips.
 
-The surface h is that of the day of the survey and of the sensor that made it (``survey``).
-Source: Spiegel 2018, section 2.2.1 and eq. 2.49; lengths, shares and sizes are stated, not measured.
+The surface h is that of the day of the survey and of its sensor (``survey``).
+Source: Spiegel 2018, section 2.2.1 and eq. 2.49; lengths, shares and sizes are chosen, not measured.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ from fti.terrain.terrain import Terrain
 Array = NDArray[np.float64]
 Rng = np.random.Generator
 
-_FAR = 6.0  # lengths of margin, so that one side of the field does not know the other: exp(-6) is 0.25 %
+_FAR = 6.0  # margin in lengths, so that both sides of the field are uncorrelated: exp(-6) is 0.25 %
 
 
 def correlated_noise(shape: tuple[int, int], cell_m: float, rng: Rng, length_m: float) -> Array:
     """Gaussian noise of mean 0 and variance 1 with the autocorrelation exp(-distance / length_m) on a grid.
 
-    By circulant embedding: exact but for 0.25 % at great distances and for eigenvalues below zero, which are cut.
+    By circulant embedding: exact except 0.25 % at large distances and negative eigenvalues, which are set to zero.
     Source: Dietrich and Newsam 1997.
     """
     margin = int(_FAR * length_m / cell_m)
@@ -43,22 +43,22 @@ def correlated_noise(shape: tuple[int, int], cell_m: float, rng: Rng, length_m: 
     return np.ascontiguousarray(noise[: shape[0], : shape[1]])
 
 
-def _check_not_negative(value: object, *names: str, at_most: float = np.inf) -> None:
+def _check_not_negative(value: object, *names: str, maximum: float = np.inf) -> None:
     for name in names:
-        if not 0.0 <= getattr(value, name) <= at_most:
-            limits = "not be negative" if np.isinf(at_most) else f"lie in [0, {at_most:g}]"
+        if not 0.0 <= getattr(value, name) <= maximum:
+            limits = "not be negative" if np.isinf(maximum) else f"lie in [0, {maximum:g}]"
             raise ValueError(f"{name} is {getattr(value, name)}, must {limits}")
 
 
 @dataclass(frozen=True, slots=True)
 class Changes:
-    """What has changed in a landscape since it was surveyed; the elevation model knows nothing of it.
+    """Changes of a landscape since its survey, which are not in the elevation model.
 
-    growth       : by which trees have grown [m]; where that is all of their height there were none
-    felled       : share of what is open now (bare, grass, crop) on which trees stood then, 10 to 25 m high
-    new_forest   : share of the forest of now that was open then
-    new_buildings: share of the buildings of now that were not there
-    Raises ValueError for a growth that is negative and for a share outside [0, 1].
+    growth         : growth of trees [m]; lower trees did not exist then
+    cleared_forest : share of the ground that is open now (bare, grass, crop) and had trees then, 10 to 25 m high
+    new_forest     : share of the present forest that was open then
+    new_buildings  : share of the present buildings that did not exist then
+    Raises ValueError for a negative growth and for a share outside [0, 1].
     """
 
     growth: float = 0.0
@@ -68,23 +68,23 @@ class Changes:
 
     def __post_init__(self) -> None:
         _check_not_negative(self, "growth")
-        _check_not_negative(self, "felled", "new_forest", "new_buildings", at_most=1.0)
+        _check_not_negative(self, "cleared_forest", "new_forest", "new_buildings", maximum=1.0)
 
     def revert(self, now: Landscape, rng: Rng) -> Landscape:
-        """The landscape on the day of the survey, from that of now; stands and single buildings, not posts.
+        """The landscape on the day of the survey; changes whole stands and buildings, not single posts.
 
-        Roofs of one height are one building.
+        Roofs of equal height count as one building.
         """
         canopy, cover = now.canopy.copy(), now.cover.copy()
         trees = cover == Cover.FOREST
         canopy[trees] = np.maximum(canopy[trees] - self.growth, 0.0)
-        gone = trees & (_stands(now, rng, trees, self.new_forest)[0] | (canopy == 0.0))
+        removed = trees & (_stands(now, rng, trees, self.new_forest)[0] | (canopy == 0.0))
         built = cover == Cover.BUILDING
         roofs = np.unique(canopy[built])
-        gone |= built & np.isin(canopy, roofs[rng.random(len(roofs)) < self.new_buildings])
+        removed |= built & np.isin(canopy, roofs[rng.random(len(roofs)) < self.new_buildings])
         open_now = np.isin(cover, [Cover.BARE, Cover.GRASS, Cover.CROP])
         cleared_forest, heights = _stands(now, rng, open_now, self.cleared_forest)
-        canopy[gone], cover[gone] = 0.0, Cover.GRASS
+        canopy[removed], cover[removed] = 0.0, Cover.GRASS
         canopy[cleared_forest], cover[cleared_forest] = heights[cleared_forest], Cover.FOREST
         return Landscape(now.ground, canopy, cover)
 
@@ -104,9 +104,9 @@ class DemError:
     noise_sd                : of the correlated noise, both parts together [m]
     short_m, long_m         : distances at which the autocorrelation of the parts has fallen to 1/e [m]
     short_share             : share of the noise's variance that is in the short part
-    shift_east, shift_north : by which the model lies beside the truth [m]
-    outlier_share           : of the posts, each by itself
-    outlier_sd              : of their further error [m]
+    shift_east, shift_north : horizontal offset of the model from the truth [m]
+    outlier_share           : share of the posts, independent
+    outlier_sd              : of their additional error [m]
     Raises ValueError for a figure that is not finite, a negative sd, a share outside [0, 1] or a length of 0.
     """
 
@@ -125,17 +125,17 @@ class DemError:
             if not np.isfinite(getattr(self, field.name)):
                 raise ValueError(f"{field.name} is {getattr(self, field.name)}, must be finite")
         _check_not_negative(self, "noise_sd", "outlier_sd")
-        _check_not_negative(self, "short_share", "outlier_share", at_most=1.0)
+        _check_not_negative(self, "short_share", "outlier_share", maximum=1.0)
         if not min(self.short_m, self.long_m) > 0.0:
             raise ValueError(f"short_m is {self.short_m}, long_m {self.long_m}: must be positive")
 
     def apply(self, terrain: Terrain, rng: Rng) -> Terrain:
-        """An elevation model of the terrain: the same posts, in the wrong place and of the wrong height; holes stay.
+        """An elevation model of the terrain: the same posts with errors of position and height; holes remain.
 
-        Raises ValueError for a terrain of several layers: each is a model of its own, with errors of its own.
+        Raises ValueError for a terrain of several layers: each is a separate model with separate errors.
         """
         if len(terrain.layers) != 1:
-            raise ValueError(f"the terrain has {len(terrain.layers)} layers: apply errors to each before they are one")
+            raise ValueError(f"the terrain has {len(terrain.layers)} layers, must have one: apply errors to each one")
         layer = terrain.finest
         heights = layer.heights + self._height_errors(layer.heights.shape, layer.cell_m, rng)
         east0, north0 = layer.east0 + self.shift_east, layer.north0 + self.shift_north
@@ -151,9 +151,9 @@ class DemError:
         return errors
 
     def survey(self, now: Landscape, rng: Rng, *, sensed: SensedSurface, changes: Changes | None = None) -> Terrain:
-        """The elevation model that one has of a landscape: made before the ``changes``, by a sensor that ``sensed`` so.
+        """The elevation model of a landscape, surveyed before the ``changes``, of the ``sensed`` surface.
 
-        Its difference to ``now.surface_for`` is the whole error of the model, canopy and age included.
+        Its difference to ``now.surface_for`` is the total error of the model, including canopy and age.
         """
-        then = now if changes is None else changes.revert(now, rng)
-        return self.apply(then.surface_for(sensed), rng)
+        before = now if changes is None else changes.revert(now, rng)
+        return self.apply(before.surface_for(sensed), rng)

@@ -1,7 +1,7 @@
-"""The country around the demo airfield: the scene of ``scenes`` in the middle, the real elevation around it.
+"""The region around the demo airfield: the scene of ``demo_scene`` in the middle, the real elevation around it.
 
 For flights that leave the strip of the approach: patterns, go-arounds, low-level routes.  The scene lies in the coarser
-layer and runs out into it over EDGE_M, so that nothing gapes; its middle is unchanged.
+layer and is blended into it over EDGE_M, so that there is no gap; its middle is unchanged.
 """
 
 from __future__ import annotations
@@ -18,26 +18,26 @@ from fti.terrain.terrain import Terrain
 
 Array = NDArray[np.float64]
 
-#: Between the posts of the country [m]: the elevation has them 75 to 93 m apart.
+#: Distance of the posts of the region [m]; those of the elevation are 75 to 93 m apart.
 CELL_M = 40.0
-#: West, east, south and north of the threshold that the country reaches [m]; the elevation ends 8 km east of it.
+#: Edges of the region, relative to the threshold [m]; the elevation ends 8 km east of it.
 WEST_M, EAST_M, SOUTH_M, NORTH_M = -15000.0, 7800.0, -9000.0, 9000.0
-#: The scene becomes the country over so much at its edges [m].
+#: Width of the blending at the edges of the scene [m].
 EDGE_M = 200.0
-#: Relief that the elevation is too coarse to hold: standard deviation, longest and shortest wave [m].
+#: Relief below the resolution of the elevation: standard deviation, longest and shortest wave [m].
 RELIEF_M = 3.0, 800.0, 160.0
 
 
 def demo_region(seed: int = 2018) -> Terrain:
-    """The demo scene with the country around it: posts of 5 m in the scene, 40 m around; frame and scene are its."""
+    """The demo scene with its surroundings: posts of 5 m in the scene, 40 m around, in the frame of the scene."""
     scene = demo_scene(seed)
     country = _coarse_layer(scene, np.random.default_rng([seed, 1]))
     fine = _crop(scene.finest)
     return Terrain((_blend_edges(fine, country), country), scene.frame)
 
 
-def inside(scene: str, before: ArrayLike, right: ArrayLike) -> Array:
-    """How far the ground of a scene is known around a point [m]; negative beyond its edge.
+def edge_distance(scene: str, before: ArrayLike, right: ArrayLike) -> Array:
+    """Distance of a point from the edge of a scene [m]; negative outside.
 
     scene : ``demo`` or ``demo_region``; before, right : of the threshold and of the track [m]
     """
@@ -54,13 +54,13 @@ def _coarse_layer(scene: Terrain, rng: np.random.Generator) -> Layer:
     for _ in range(3):
         lat, lon, alt = frame.to_geodetic(np.stack(np.broadcast_arrays(east[None, :], north[:, None], up), axis=-1))
         up = up + elevation.height(lat, lon) - alt
-    sd, longest, shortest = RELIEF_M
-    up += fractal_relief(up.shape, CELL_M, rng, sd=sd, longest_m=longest, shortest_m=shortest)
+    sd, max_wave, min_wave = RELIEF_M
+    up += fractal_relief(up.shape, CELL_M, rng, sd=sd, max_size_m=max_wave, min_size_m=min_wave)
     return Layer(up, CELL_M, float(east[0]), float(north[0]))
 
 
 def _crop(layer: Layer) -> Layer:
-    """The layer as far as its edges can lie on posts of the country."""
+    """The layer cropped so that its edges lie on posts of the region."""
     columns = _whole_cells(layer.east)
     rows = _whole_cells(layer.north)
     heights = np.ascontiguousarray(layer.heights[rows, columns])
@@ -70,16 +70,16 @@ def _crop(layer: Layer) -> Layer:
 def _whole_cells(places: Array) -> slice:
     """The places from the first to the last multiple of CELL_M."""
     first, last = np.ceil(places[0] / CELL_M) * CELL_M, np.floor(places[-1] / CELL_M) * CELL_M
-    inside = np.flatnonzero((places >= first - 1e-6) & (places <= last + 1e-6))
-    return slice(int(inside[0]), int(inside[-1]) + 1)
+    indices = np.flatnonzero((places >= first - 1e-6) & (places <= last + 1e-6))
+    return slice(int(indices[0]), int(indices[-1]) + 1)
 
 
 def _blend_edges(fine: Layer, coarse: Layer) -> Layer:
     """The fine layer, blended into the coarse surface at its edges."""
     east, north = np.broadcast_arrays(fine.east[None, :], fine.north[:, None])
-    around = look_up(gather((coarse,)), east.ravel(), north.ravel()).reshape(fine.heights.shape)
+    surrounding = look_up(gather((coarse,)), east.ravel(), north.ravel()).reshape(fine.heights.shape)
     inward = np.minimum(
         np.minimum(east - fine.east0, fine.east1 - east), np.minimum(north - fine.north0, fine.north1 - north)
     )
     share = smooth_step(inward / EDGE_M)
-    return Layer(share * fine.heights + (1.0 - share) * around, fine.cell_m, fine.east0, fine.north0)
+    return Layer(share * fine.heights + (1.0 - share) * surrounding, fine.cell_m, fine.east0, fine.north0)

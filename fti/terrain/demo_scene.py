@@ -1,6 +1,6 @@
 """The scene of the demonstration: real elevation around an imaginary airfield, refined by synthetic detail.
 
-The elevation is resampled (cubic) from 3 arc seconds to 5 m.  On it lie fractal relief, forest and buildings.  Under
+The elevation is resampled (cubic) from 3 arc seconds to 5 m, with fractal relief, forest and buildings added.  Under
 the approach low ridges and hollows cross the track, woods on the crests and fields between them: a pattern that differs
 from itself 50 m on, and little from itself 15 m to the side, so that an error along the track is observable.  The
 runway and its strip are level with the runway plane, and nothing stands in the approach: below the obstacle limit
@@ -8,7 +8,7 @@ runway and its strip are level with the runway plane, and nothing stands in the 
     limit = max(0.02 (d - 60), 15.24 + d tan g - 65) + 0.15 max(0, |y| - 150)     d before the threshold, y sideways [m]
 
 (2 % as in ICAO Annex 14, table 4-1) so that the glide path clears everything under it by 60 m and more beyond 1500 m.
-What is natural above the limit is cut, trees are kept down to it and houses no higher; the last 300 m are bare.
+Ground, trees and houses above the limit are cut to it; the last 300 m are bare.
 """
 
 from __future__ import annotations
@@ -28,38 +28,38 @@ from fti.terrain.terrain import Terrain
 
 Array = NDArray[np.float64]
 
-#: The published approach that the scene is built for; the one place that holds its numbers.
+#: The published approach of the scene.
 DEMO_AIRFIELD = Path(__file__).parent / "data" / "demo_airfield.toml"
 
-#: Heights of the vegetation that approaches may meet, times that of the survey.
+#: Factors on the height of vegetation at the survey.
 VEGETATION = (0.8, 0.9, 1.0, 1.1, 1.2)
 
 CELL_M = 5.0
-#: The elevation is read at every fourth post and interpolated between: its own posts are 75 to 93 m apart.
+#: The elevation is sampled at every fourth post and interpolated: its own posts are 75 to 93 m apart.
 COARSE = 4
-#: The strip that the scene covers, before and behind the threshold and to each side of the track [m].
+#: Extent of the scene before and behind the threshold, and to each side of the track [m].
 APPROACH_LENGTH_M, DEPARTURE_LENGTH_M, SIDE_M = 7500.0, 1700.0, 1000.0
-#: Half width and overrun of the level runway strip, and the distance over which it runs out into the country [m].
+#: Half width and overrun of the level runway strip, and width of its blending into the surroundings [m].
 STRIP_HALF_M, STRIP_END_M, BLEND_M = 75.0, 60.0, 150.0
 
 
-#: Standard deviation of the fractal relief (30 to 500 m) that the elevation is too coarse to hold.
+#: Standard deviation of the fractal relief (30 to 500 m) below the resolution of the elevation.
 RELIEF_SD_M = 3.0
-#: Trees below the limit are kept cut to it; what would be lower than this is cleared [m].
+#: Trees are cut to the limit; lower ones than this are removed [m].
 MIN_COVER_M = 1.0
-#: Nothing grows or stands from this far before the threshold on, within so much of the track [m].
+#: Bare ground: distance before the threshold, half width about the track [m].
 CLEARED_M, CLEARED_HALF_M = 300.0, 150.0
-#: Ridges, hollows and fields run across the approach, askew by up to so much [tangent], which changes this often [m].
+#: Maximum skew of ridges, hollows and fields across the approach [tangent], and step of its variation [m].
 SKEW, WANDER_STEP_M = 0.25, 600.0
-#: How far ridges and hollows reach to each side of the track before they run out, over as much again [m].
+#: Half width of ridges and hollows about the track; they fade out over the same distance [m].
 RIDGES_HALF_M = 220.0
-#: How far fields reach to each side of the track, at least and at most; forest and houses stand beyond [m].
+#: Minimum and maximum half width of the fields about the track; forest and houses are beyond [m].
 FIELDS_HALF_M = (150.0, 210.0)
 
 
 @dataclass(frozen=True)
 class _Runway:
-    """What of the airfield file shapes the ground; angles in radians."""
+    """Values of the airfield file that shape the ground; angles in radians."""
 
     lat: float
     lon: float
@@ -128,7 +128,7 @@ def _resample(
 
 
 def _country_weight(before: Array, right: Array, length: float) -> Array:
-    """0 on the level strip of the runway, 1 in the country, smooth between."""
+    """0 on the level strip of the runway, 1 in the surroundings, smooth between."""
     beyond_end = np.maximum(before - STRIP_END_M, -before - length - STRIP_END_M)
     outside = np.hypot(np.maximum(beyond_end, 0.0), np.maximum(np.abs(right) - STRIP_HALF_M, 0.0))
     return smooth_step(outside / BLEND_M)
@@ -149,18 +149,18 @@ def _limit(runway: _Runway, before: Array, right: Array) -> Array:
 
 
 def _wander(along: Array, rng: np.random.Generator, low: float, high: float) -> Array:
-    """A figure between low and high that changes on the way: random every WANDER_STEP_M of ``along`` [m], linear."""
+    """A random value between low and high every WANDER_STEP_M of ``along`` [m], linear between."""
     nodes = np.arange(-DEPARTURE_LENGTH_M - SIDE_M, APPROACH_LENGTH_M + SIDE_M + WANDER_STEP_M, WANDER_STEP_M)
     return np.interp(along, nodes, rng.uniform(low, high, len(nodes)))
 
 
 def _across(before: Array, right: Array, rng: np.random.Generator) -> Array:
-    """Distance before the threshold [m], on the track, of the line of the country through a point.
+    """Distance before the threshold [m], on the track, of the terrain line through a point.
 
-    The lines cross the track at angles that change on the way and meander: 100 m beside it every edge is elsewhere.
+    The lines cross the track at varying angles and meander: 100 m off the track every edge is elsewhere.
     """
     skew = _wander(before, rng, -SKEW, SKEW)
-    meander = fractal_relief(before.shape, CELL_M, rng, sd=8.0, longest_m=800.0, shortest_m=200.0)
+    meander = fractal_relief(before.shape, CELL_M, rng, sd=8.0, max_size_m=800.0, min_size_m=200.0)
     return np.asarray(before + skew * right + meander)
 
 
@@ -170,8 +170,8 @@ def _near_track(right: Array) -> Array:
 
 
 def _cover(across: Array, right: Array, crests: NDArray[np.bool_], rng: np.random.Generator) -> Array:
-    """Height of what stands on the ground [m]: fields and woods along the track, forest and houses beyond them."""
-    row = fields(across, crests, rng, shortest_m=80.0, longest_m=200.0)
+    """Height of cover on the ground [m]: fields and woods along the track, forest and houses beyond them."""
+    row = fields(across, crests, rng, min_size_m=80.0, max_size_m=200.0)
     wild = np.maximum(forest(across.shape, CELL_M, rng, cover=0.4), buildings(across.shape, CELL_M, rng))
     return np.where(np.abs(right) < _wander(across, rng, *FIELDS_HALF_M), row, wild)
 
@@ -197,7 +197,7 @@ def strip_edges() -> tuple[float, float, float, float]:
 def demo_scene(seed: int = 2018, vegetation: float = 1.0) -> Terrain:
     """The terrain around the demo airfield: posts of 5 m, 7.5 km before to 1.7 km behind the threshold, +-1 km.
 
-    vegetation : height of what stands on the ground, times that of the survey: season, growth, what a beam passes
+    vegetation : factor on the height of cover at the survey: season, growth, penetration of a beam
     The frame's origin is the threshold, at its height.  The same arguments give the same bytes.
     """
     runway, rng = _load_runway(DEMO_AIRFIELD), np.random.default_rng(seed)
@@ -209,9 +209,9 @@ def demo_scene(seed: int = 2018, vegetation: float = 1.0) -> Terrain:
     limit = _limit(runway, before, right)
 
     natural = _resample(load_jacksboro(), frame, east[0], north[0], shape)
-    natural += fractal_relief(shape, CELL_M, rng, sd=RELIEF_SD_M, longest_m=500.0, shortest_m=30.0)
+    natural += fractal_relief(shape, CELL_M, rng, sd=RELIEF_SD_M, max_size_m=500.0, min_size_m=30.0)
     across = _across(before, right, rng)
-    waves = ridges(across, rng, low=8.0, high=12.0, shortest_m=140.0, longest_m=220.0)
+    waves = ridges(across, rng, low=8.0, high=12.0, min_size_m=140.0, max_size_m=220.0)
     natural += waves * _near_track(right)
     ground = np.minimum(country * natural + (1.0 - country) * _plane(runway, before, right), limit)
     cover = np.minimum(vegetation * _cover(across, right, waves > 1.0, rng), limit - ground)

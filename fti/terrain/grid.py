@@ -1,4 +1,4 @@
-"""Elevation on a regular grid of latitude and longitude, as elevation models are delivered."""
+"""Elevation on a regular grid of latitude and longitude, the usual form of elevation models."""
 
 from __future__ import annotations
 
@@ -54,10 +54,10 @@ class ElevationGrid:
 
 
 def load_jacksboro() -> ElevationGrid:
-    """The real elevation that comes with the package, 3 arc seconds; see ``data/JACKSBORO.md``.
+    """The real elevation in the package, 3 arc seconds; see ``data/JACKSBORO.md``.
 
     The bounds in the file are outer edges (403 x 3" = xmax - xmin) and ymin, ymax are swapped; the vertical datum
-    is unstated and taken as the ellipsoid.
+    is not stated and assumed to be the ellipsoid.
     """
     with np.load(JACKSBORO) as file:
         step = float(file["dx"])

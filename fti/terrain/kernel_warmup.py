@@ -1,4 +1,4 @@
-"""Everything compiled before time matters."""
+"""Compilation of the terrain kernels before live use."""
 
 from __future__ import annotations
 

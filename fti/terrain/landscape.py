@@ -1,7 +1,7 @@
-"""Ground, what stands on it, and of what kind it is: the reason why two sensors over one place see two surfaces.
+"""Ground, canopy and land cover: the reason why two sensors measure two surfaces at one point.
 
-Bare ground is what a terrain model (DTM) holds, the tops of trees and roofs what a surface model (DSM) holds.  A laser
-returns from the top first and from the ground last, a radar from somewhere in between, and none looks through a roof.
+A terrain model (DTM) is the bare ground, a surface model (DSM) the tops of trees and roofs.  The first return of a
+laser comes from the top, the last from the ground, that of a radar from in between; no sensor penetrates a roof.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from fti.terrain.terrain import Terrain
 Array = NDArray[np.float64]
 Codes = NDArray[np.uint8]
 
-#: What ``Landscape.cover_at`` says outside the coverage.
+#: Value of ``Landscape.cover_at`` outside the coverage.
 NO_COVER = 255
 
 
@@ -37,16 +37,16 @@ class Cover(IntEnum):
 
 
 class SensedSurface(IntEnum):
-    """Which surface a kind of sensor returns from."""
+    """The surface that a kind of sensor measures."""
 
     TOP = 0  #: the first return of a laser, photogrammetry: tree tops and roofs
-    RADAR = 1  #: a share of the canopy's height above the ground, by land cover; roofs
+    RADAR = 1  #: a share of the canopy height above the ground, by land cover; roofs
     LAST = 2  #: the last return of a laser: the ground between the plants, but roofs
     GROUND = 3  #: a terrain model: the ground alone
 
 
-#: Height at which a radar returns, as a share of the canopy's: 0.3 where it is sparse to 0.9 where it is dense; stated,
-#: not measured.
+#: Height of a radar return as a share of the canopy height: 0.3 for sparse to 0.9 for dense canopy; chosen, not
+#: measured.
 RADAR_SHARE: Mapping[Cover, float] = MappingProxyType({Cover.GRASS: 0.3, Cover.CROP: 0.5, Cover.FOREST: 0.7})
 
 _ROOF = frozenset({Cover.BUILDING})
@@ -59,8 +59,8 @@ class Landscape:
     ground : Terrain of one layer, the bare ground
     canopy : ndarray, shape (rows, columns) [m]    height of plants and buildings above it, >= 0
     cover  : ndarray, shape (rows, columns), uint8  numbers of ``Cover``
-    Raises ValueError for another shape, a canopy that is negative or no number, a cover that is no
-    uint8 or no number of ``Cover``.
+    Raises ValueError for another shape, a negative or non-finite canopy, and a cover that is not uint8 or not a number
+    of ``Cover``.
     """
 
     ground: Terrain
@@ -70,16 +70,16 @@ class Landscape:
     def __post_init__(self) -> None:
         shape = self.ground.finest.heights.shape
         if len(self.ground.layers) != 1:
-            raise ValueError(f"a landscape stands on one layer of ground, not {len(self.ground.layers)}")
+            raise ValueError(f"ground has {len(self.ground.layers)} layers, must have one")
         for name in ("canopy", "cover"):
             if getattr(self, name).shape != shape:
                 raise ValueError(f"{name} has the shape {getattr(self, name).shape}, must be that of ground, {shape}")
         if not ((self.canopy >= 0.0) & np.isfinite(self.canopy)).all():
-            raise ValueError("canopy has posts that are negative or no number")
+            raise ValueError("canopy has posts that are negative or not finite")
         unknown = np.setdiff1d(self.cover, list(Cover))
         if len(unknown) or self.cover.dtype != np.uint8:
-            said = f"the number {unknown[0]}" if len(unknown) else f"the type {self.cover.dtype}"
-            raise ValueError(f"cover has {said}, must be uint8 of Cover, 0 to {max(Cover)}")
+            value = f"the number {unknown[0]}" if len(unknown) else f"the type {self.cover.dtype}"
+            raise ValueError(f"cover has {value}, must be uint8 of Cover, 0 to {max(Cover)}")
 
     @functools.cached_property
     def surface(self) -> Terrain:
@@ -87,10 +87,10 @@ class Landscape:
         return self.surface_for(SensedSurface.TOP)
 
     def surface_for(self, sensed: SensedSurface, radar_share: Mapping[Cover, float] = RADAR_SHARE) -> Terrain:
-        """The surface from which a kind of sensor returns.
+        """The surface that a kind of sensor measures.
 
-        radar_share : height of the return over height of the canopy for ``SensedSurface.RADAR``, in [0, 1]; a cover that is
-                      not named returns from its ground, a building always from its roof
+        radar_share : height of the return over height of the canopy for ``SensedSurface.RADAR``, in [0, 1]; a cover
+                      that is not named returns from its ground, a building always from its roof
         """
         share = self._shares(sensed, radar_share)[self.cover]
         return self.ground.with_finest(self.ground.finest.heights + share * self.canopy)

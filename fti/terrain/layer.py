@@ -16,12 +16,12 @@ class Layer:
     """Posts over a rectangle of the east, north plane of a local frame l.
 
     heights       : ndarray, shape (rows, columns), float64 [m]  ``up`` of the posts; row 0 south, column 0 west;
-                    NaN where nobody knows: a cell that touches such a post is a hole
+                    NaN where unknown: a cell that touches such a post is a hole
     cell_m        : distance between posts, both ways [m]
     east0, north0 : the post [0, 0] in the frame [m]
     origin        : ndarray, shape (rows, columns), uint8  number of the source of each post; None: all from source 0
-    Raises ValueError for fewer than 2 x 2 posts, an infinite post, a cell that is not positive, a corner that is no
-    number, or numbers of sources of another shape.
+    Raises ValueError for fewer than 2 x 2 posts, an infinite post, a cell that is not positive, a corner that is not
+    finite, or source numbers of another shape.
     """
 
     heights: Array
@@ -33,13 +33,13 @@ class Layer:
     def __post_init__(self) -> None:
         posts = np.ascontiguousarray(self.heights, dtype=np.float64)
         if posts.ndim != 2 or min(posts.shape) < 2:
-            raise ValueError(f"a terrain needs at least 2 x 2 posts, not {posts.shape}")
+            raise ValueError(f"heights have the shape {posts.shape}, must be at least 2 x 2 posts")
         if np.isinf(posts).any():
-            raise ValueError(f"{np.count_nonzero(np.isinf(posts))} posts are infinite")
+            raise ValueError(f"heights: {np.count_nonzero(np.isinf(posts))} posts are infinite; must be finite or NaN")
         if not (self.cell_m > 0.0 and np.isfinite(self.cell_m)):
             raise ValueError(f"cell_m is {self.cell_m}, must be positive")
         if not np.isfinite([self.east0, self.north0]).all():
-            raise ValueError(f"the first post lies at east0 {self.east0}, north0 {self.north0}, must be numbers")
+            raise ValueError(f"east0 is {self.east0}, north0 {self.north0}: must be finite")
         if self.origin is not None and self.origin.shape != posts.shape:
             raise ValueError(f"origin has the shape {self.origin.shape}, must be that of heights, {posts.shape}")
         object.__setattr__(self, "heights", posts)

@@ -18,7 +18,7 @@ from fti.terrain.surface import locate
 Array = NDArray[np.float64]
 Codes = NDArray[np.uint8]
 
-#: Moves of the search for the nearest return, per halving of its step; more would be a walk along a level ridge.
+#: Maximum moves of the search per halving of its step, to limit a walk along a level ridge.
 _MOVES = 4
 
 _HIT, _OUTSIDE, _HOLE = int(RayOutcome.HIT), int(RayOutcome.OUTSIDE), int(RayOutcome.HOLE)
@@ -51,7 +51,7 @@ def _leaves(q: PyramidAddresses, o: Array, mat: Array, angles: Array, distance: 
 def _nearest(
     q: PyramidAddresses, o: Array, mat: Array, angles: Array, half_width: float, steps: int, max_range: float
 ) -> tuple[float, float, float, int]:
-    """Range and angles of the nearest return at one pose, and what became of the bundle; see ``cast_bundle_min``."""
+    """Range and angles of the nearest return at one pose, and the outcome of the bundle; see ``cast_bundle_min``."""
     nearest, at_x, at_y, hole, outcome = max_range, 0.0, 0.0, math.inf, -1
     for k in range(len(angles)):
         dx, dy, dz = _direction(mat, angles[k, 0], angles[k, 1])
@@ -92,11 +92,11 @@ def cast_bundle_min(
 ) -> tuple[Array, Array, Codes]:
     """The nearest return of a bundle of rays for many poses: range (n,) [m], angles (n, 2) [rad] and outcome (n,).
 
-    Each ray is cast only as far as the nearest return so far.  Then six rays around the nearest one are tried, at half
+    Each ray is cast only as far as the nearest return so far.  Then six rays around the nearest one are cast, at half
     the spacing of the bundle and inside its half width; the search moves while one is nearer, and otherwise halves
-    the spacing, ``steps`` times in all.  Range and angles are NaN without a return, and where a nearer one is not
-    ruled out: a ray passes over a hole before (HOLE), or leaves the coverage before (OUTSIDE).  Where nothing returns
-    the outcome is that of the first ray.
+    the spacing, ``steps`` times in all.  Range and angles are NaN without a return, and where a nearer one is possible:
+    a ray passes over a hole before (HOLE), or leaves the coverage before (OUTSIDE).  Without a return the outcome is
+    that of the first ray.
 
     origins : (n, 3) [m] east, north, up; mats_ls : (n, 3, 3) sensor to local frame; half_width [rad]
     angles  : (k, 2) [rad] angle from the boresight times the direction across it: the centre first, then a
@@ -105,7 +105,7 @@ def cast_bundle_min(
     ranges, places = np.full(len(origins), np.nan), np.full((len(origins), 2), np.nan)
     outcomes = np.empty(len(origins), np.uint8)
     for i in range(len(origins)):
-        r, ax, ay, outcomes[i] = _nearest(p.places, origins[i], mats_ls[i], angles, half_width, steps, max_range)
+        r, ax, ay, outcomes[i] = _nearest(p.addresses, origins[i], mats_ls[i], angles, half_width, steps, max_range)
         if outcomes[i] == _HIT:
             ranges[i], places[i, 0], places[i, 1] = r, ax, ay
     return ranges, places, outcomes

@@ -1,13 +1,13 @@
-"""Maxima of the surface over ever larger nodes: what lets a ray skip the ground far below it.
+"""Maxima of the surface over a tree of nodes, with which a ray skips the ground far below it.
 
 Each layer has a tree of its own.  A node of level 0 is one cell, a node of the next level 4 x 4 nodes of the one
-below.  Those sixteen are stored together: 64 bytes, one line of the processor's cache.  Maxima are single precision,
-rounded up, so that a skip is never wrong; the surface itself stays double.
+below.  Those sixteen are stored together: 64 bytes, one cache line.  Maxima are single precision, rounded up, so that a
+skip is never wrong; the surface itself stays double precision.
 
-A hole (a cell that touches a post nobody knows) has the maximum +inf: every ray above it comes down to look at it.
-What a finer layer covers has -inf: no ray does.
+A hole (a cell that touches an unknown post) has the maximum +inf: every ray above it descends to it.  Cells covered by
+a finer layer have -inf: no ray does.
 
-Source: Tevs, Ihrke, Seidel 2008 (maximum mipmaps); the width of 4 and the layout are ours.
+Source: Tevs, Ihrke, Seidel 2008 (maximum mipmaps); the width of 4 and the layout are own choices.
 """
 
 # ruff: noqa: PLR0917 - compiled kernels take their scalars by position
@@ -31,18 +31,18 @@ Maxima = NDArray[np.float32]
 
 _LINE_BYTES = 64
 
-#: A level of a layer's tree: where its maxima begin, and how many groups of 4 x 4 lie beside each other.
+#: A level of a layer's tree: index of its first maximum, and number of groups of 4 x 4 in a row.
 LEVEL = np.dtype([("start", np.int64), ("wide", np.int64)], align=True)
-#: A layer's tree: its first level, the number of its last one, and the highest maximum [m].
+#: A layer's tree: index of its first level, number of its last one, and the highest maximum [m].
 TREE = np.dtype([("first", np.int64), ("top", np.int64), ("highest", np.float64)], align=True)
 
 
 class PyramidAddresses(NamedTuple):
-    """Where the arrays of a ``Pyramid`` lie in memory, how many layers there are, and their highest maximum [m].
+    """Addresses of the arrays of a ``Pyramid``, number of layers, and their highest maximum [m].
 
-    Plain numbers: a kernel that takes arrays counts references to them, with a locked operation each, at every call.
-    That made a tenth of a cast; so the kernels within the cast take this and see the arrays through ``heights_at``
-    and the like.  It holds while the ``Pyramid`` is held.
+    Plain numbers: a kernel with array arguments counts references to them with locked operations at every call, a tenth
+    of the time of a cast.  Therefore the inner kernels take this and access the arrays by ``heights_at`` and the like.
+    It is valid while the ``Pyramid`` exists.
     """
 
     heights: int
@@ -60,7 +60,7 @@ class Pyramid(NamedTuple):
     heights, layers : as in ``surface.Posts``
     maxima          : (n,) [m]  of all nodes, level by level, groups of 16 row by row, each group row by row
     levels, trees   : records of ``LEVEL`` and ``TREE``
-    places          : where these lie
+    addresses       : of these in memory
     """
 
     heights: Array
@@ -68,10 +68,10 @@ class Pyramid(NamedTuple):
     maxima: Maxima
     levels: Records
     trees: Records
-    places: PyramidAddresses
+    addresses: PyramidAddresses
 
     def __reduce__(self) -> tuple[object, ...]:
-        """A copy, here or in another process, lies elsewhere: it is built anew."""
+        """Rebuild a copy, because its addresses differ."""
         return build_pyramid, (Posts(self.heights, self.layers),)
 
 
@@ -88,8 +88,9 @@ def build_pyramid(posts: Posts) -> Pyramid:
     for k in range(len(plans)):
         _fill(posts.heights, posts.layers, k, maxima, levels, trees)
     arrays = (posts.heights, posts.layers, maxima, levels, trees)
-    places = PyramidAddresses(*(int(array.ctypes.data) for array in arrays), len(plans), float(trees["highest"].max()))  # type: ignore[call-arg]
-    return Pyramid(*arrays, places)
+    pointers, summit = (int(array.ctypes.data) for array in arrays), float(trees["highest"].max())
+    addresses = PyramidAddresses(*pointers, len(plans), summit)  # type: ignore[call-arg]
+    return Pyramid(*arrays, addresses)
 
 
 def _plan(rows: int, columns: int) -> list[tuple[int, int]]:
@@ -103,14 +104,14 @@ def _plan(rows: int, columns: int) -> list[tuple[int, int]]:
 
 
 def _aligned(count: int) -> Maxima:
-    """Room for so many maxima, all -inf, that begins with a line of the cache."""
+    """An array of maxima, all -inf, aligned to a cache line."""
     room = np.full(count + _LINE_BYTES // 4, -np.inf, dtype=np.float32)
     skip = -room.ctypes.data % _LINE_BYTES // 4
     return room[skip : skip + count]
 
 
 def _as_pointer(_typing: Any, _address: Any) -> Any:
-    """What the compiler makes of ``_pointer(address)``."""
+    """Code generation of ``_pointer(address)``."""
 
     def generate(_context: Any, builder: Any, _signature: Any, args: Any) -> Any:
         return builder.inttoptr(args[0], cgutils.voidptr_t)
@@ -124,7 +125,7 @@ _array: Any = numba.carray  # type: ignore[attr-defined]
 
 @kernel
 def heights_at(q: PyramidAddresses) -> Array:
-    """``Pyramid.heights``; the length of this and the next is not theirs."""
+    """``Pyramid.heights``; the length of this array and the next one is a dummy."""
     return _array(_pointer(q.heights), (1,), np.float64)  # type: ignore[no-any-return]
 
 
@@ -154,7 +155,7 @@ def trees_at(q: PyramidAddresses) -> Records:
 
 @kernel
 def _rounded_up(value: float) -> np.float32:
-    """The least single that is not below a double."""
+    """The smallest single precision value that is not below a double."""
     single = np.float32(value)
     if np.float64(single) < value:
         single = np.nextafter(single, np.float32(math.inf))
@@ -163,7 +164,7 @@ def _rounded_up(value: float) -> np.float32:
 
 @kernel
 def slot(x: int, y: int, wide: int) -> int:
-    """Where a node lies within its level."""
+    """Index of a node within its level."""
     return (((y >> 2) * wide + (x >> 2)) << 4) + ((y & 3) << 2) + (x & 3)
 
 

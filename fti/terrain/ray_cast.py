@@ -1,9 +1,9 @@
 """Rays on a bilinear surface: compiled kernels, float64, exact to rounding, without the interpreter lock.
 
-Traversal: a tree of maxima for each layer (``pyramid``).  A node whose maximum lies under the ray is skipped whole;
-otherwise the ray goes on to where it dives under that maximum and looks at the child there, down to one cell.  Cells
-are counted in integers, so that a ray along an edge or through a post cannot get lost between two cells.  What happens
-first in any of the layers is what happens.
+Traversal: a tree of maxima for each layer (``pyramid``).  A node whose maximum lies under the ray is skipped; otherwise
+the ray advances to the height of that maximum and descends to the child there, down to one cell.  Cells are counted in
+integers, so that a ray along an edge or through a post cannot get lost between two cells.  The first event in any layer
+is the result.
 
 Intersection: with u, v in [0, 1] inside a cell the surface is  h + A u + B v + k u v  (eq. 2.52).  With the ray at
 (u0, v0) somewhere in the cell and tau counted from there, its height above the surface is the quadratic
@@ -11,13 +11,13 @@ Intersection: with u, v in [0, 1] inside a cell the surface is  h + A u + B v + 
     f(tau) = f0 + b tau + a tau^2,     a = -k vx vy,     b = dz - vx (A + k v0) - vy (B + k u0)
 
 and the hit is its smallest positive root inside the cell.  This replaces the two auxiliary planes of eq. 2.53-2.62,
-which fail for the vertical ray (2.54) and the plane cell (2.60).  f0 > 0 at the entry; so the root is written as
-2 f0 / (-b + sqrt(b^2 - 4 a f0)) for b < 0, which needs no case for a = 0 and loses no digits.
+which fail for the vertical ray (2.54) and the plane cell (2.60).  f0 > 0 at the entry, so the root is written as
+2 f0 / (-b + sqrt(b^2 - 4 a f0)) for b < 0, which needs no special case for a = 0 and loses no digits.
 
 Sources: Spiegel 2018, section 2.2.3, as corrected in docs/errata.md; Tevs, Ihrke, Seidel 2008 (maximum mipmaps).
 """
 
-# ruff: noqa: PLR0915, PLR0917 - a kernel is as long as its mathematics and takes its scalars by position
+# ruff: noqa: PLR0915, PLR0917 - compiled kernels are long and take their scalars by position
 
 from __future__ import annotations
 
@@ -43,11 +43,11 @@ from fti.terrain.surface import ON_EDGE, Posts, locate, surface
 Array = NDArray[np.float64]
 Codes = NDArray[np.uint8]
 
-#: The level on which a ray begins: nodes of 64 x 64 cells.  It climbs by itself where the ground is far.
+#: Initial level of a ray: nodes of 64 x 64 cells.  It ascends where the ground is far.
 _BEGIN = 3
-#: So near the surface [m] a point is on it.
+#: Distance from the surface within which a point is on it [m].
 _TOUCH_M = 1e-9
-#: From where a ray enters a layer so much of a cell back lies what it comes from.
+#: Step back from the entry into a layer to find the previous layer [cells].
 _BACK = 1e-3
 
 _HIT, _NOTHING, _OUTSIDE = int(RayOutcome.HIT), int(RayOutcome.NOTHING), int(RayOutcome.OUTSIDE)
@@ -78,7 +78,7 @@ def _hit_cell(
     vy: float,
     dz: float,
 ) -> tuple[float, float]:
-    """Height of a ray at u, v, z above the surface of its cell, and the way to the hit; infinite without one."""
+    """Height of a ray at u, v, z above the surface of its cell, and the distance to the hit; infinite without one."""
     f0 = (z - base) - (rise_x * u + v * (rise_y + twist * u))
     a = -twist * vx * vy
     b = dz - vx * (rise_x + twist * v) - vy * (rise_y + twist * u)
@@ -98,8 +98,9 @@ def _hit_cell(
 def _walk(
     q: PyramidAddresses, k: int, ox: float, oy: float, oz: float, dx: float, dy: float, dz: float, max_range: float
 ) -> tuple[float, int]:
-    """What happens first to a ray in layer k, as if there were no other: the way there, and HIT, HOLE, BURIED or
-    NOTHING.  BURIED: it comes into the layer from its side, below the surface.
+    """The first event of a ray in layer k alone: its distance, and HIT, HOLE, BURIED or NOTHING.
+
+    BURIED: the ray enters the layer from its side, below the surface.
     """
     heights, maxima, levels = heights_at(q), maxima_at(q), levels_at(q)
     layer, tree = layers_at(q)[k], trees_at(q)[k]
@@ -163,7 +164,7 @@ def _walk(
 
 @kernel
 def _comes_from_a_layer(q: PyramidAddresses, k: int, ox: float, oy: float, dx: float, dy: float, t: float) -> bool:
-    """Whether another layer lies where a ray was just before it came into layer k at t."""
+    """Whether a ray was in another layer just before it entered layer k at t."""
     back = _BACK * layers_at(q)[k].cell / math.hypot(dx, dy)
     return locate(layers_at(q), ox + dx * (t - back), oy + dy * (t - back))[0] >= 0
 
@@ -182,7 +183,7 @@ def _outcome_at_origin(q: PyramidAddresses, ox: float, oy: float, oz: float) -> 
 
 @kernel
 def _miss_outcome(q: PyramidAddresses, east: float, north: float) -> int:
-    """NOTHING where a ray that met nothing ends over the coverage, otherwise OUTSIDE."""
+    """NOTHING where a ray without a hit ends over the coverage, otherwise OUTSIDE."""
     return _NOTHING if locate(layers_at(q), east, north)[0] >= 0 else _OUTSIDE
 
 
@@ -190,7 +191,8 @@ def _miss_outcome(q: PyramidAddresses, east: float, north: float) -> int:
 def first_event(
     q: PyramidAddresses, ox: float, oy: float, oz: float, dx: float, dy: float, dz: float, max_range: float
 ) -> tuple[float, int]:
-    """How far along a ray something happens to it, and what (``RayOutcome``); the arguments are those of ``cast_one``."""
+    """How far along a ray something happens to it, and what (``RayOutcome``); the arguments are those of
+    ``cast_one``."""
     at, outcome = 0.0, _NOTHING
     if math.isnan(ox + oy + oz + dx + dy + dz + max_range):
         outcome = _UNKNOWN
@@ -213,11 +215,11 @@ def first_event(
 def cast_one(
     p: Pyramid, ox: float, oy: float, oz: float, dx: float, dy: float, dz: float, max_range: float
 ) -> tuple[float, int]:
-    """Range [m] of one ray, NaN unless it hits, and what became of it (``RayOutcome``); for other compiled kernels.
+    """Range [m] of one ray, NaN unless it hits, and its ``RayOutcome``; for other compiled kernels.
 
     ox, oy, oz : origin: east, north, up [m]; dx, dy, dz : unit vector; max_range [m], may be infinite
     """
-    at, outcome = first_event(p.places, ox, oy, oz, dx, dy, dz, max_range)
+    at, outcome = first_event(p.addresses, ox, oy, oz, dx, dy, dz, max_range)
     return at if outcome == _HIT else math.nan, outcome
 
 
@@ -232,12 +234,12 @@ def cast_rays(
     ranges: Array,
     outcomes: Codes,
 ) -> int:
-    """Fill ranges [m] and outcomes (n,) of the rays begin to end; returns how many directions have no length.
+    """Fill ranges [m] and outcomes (n,) of the rays begin to end; returns the number of directions without length.
 
     origins    : (n, 3) or (1, 3) for all [m]
     directions : (n, 3) or (1, 3) for all, of any length
     """
-    pointless, q = 0, p.places
+    pointless, q = 0, p.addresses
     for i in range(begin, end):
         o, d = origins[min(i, len(origins) - 1)], directions[min(i, len(directions) - 1)]
         norm = math.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2])

@@ -1,4 +1,4 @@
-"""What became of a ray."""
+"""Outcomes of rays."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from enum import IntEnum
 
 
 class RayOutcome(IntEnum):
-    """Why a ray has no range; the kernels write these numbers."""
+    """Outcome of a ray; the kernels write these numbers."""
 
     HIT = 0
-    NOTHING = 1  #: no surface within the range asked for
-    OUTSIDE = 2  #: the ray left the coverage, or never came into it
-    HOLE = 3  #: the ray passes over ground that the elevation does not know
-    BURIED = 4  #: the ray begins below the surface, or comes into the coverage below it
+    NOTHING = 1  #: no surface within the maximum range
+    OUTSIDE = 2  #: the ray left the coverage, or never entered it
+    HOLE = 3  #: the ray passes over unknown ground
+    BURIED = 4  #: the ray begins below the surface, or enters the coverage below it
     UNKNOWN = 5  #: origin or direction is not a number

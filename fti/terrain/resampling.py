@@ -1,4 +1,4 @@
-"""How far the surface of a layer is off the surfaces of the files that it was made from."""
+"""Difference between the surface of a layer and the surfaces of its files."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class ResamplingError:
-    """The vertical distance between a layer and the bilinear surface of its files, over a sample of places.
+    """The vertical distance between a layer and the bilinear surface of its files, over a sample of points.
 
-    rms_m   : root of the mean square over places that are spread evenly over the layer [m]
-    max_m   : the largest one, also at posts of the files, where the surfaces differ most [m]
-    samples : places and posts that were compared; 0: none, and the error is unknown and told as 0
+    rms_m   : root mean square over points that are spread evenly over the layer [m]
+    max_m   : maximum, also at posts of the files, where the surfaces differ most [m]
+    samples : number of compared points and posts; 0: the error is unknown and given as 0
     """
 
     rms_m: float = 0.0

@@ -1,4 +1,4 @@
-"""How the layers of a terrain must fit, so that no ray slips through between two of them."""
+"""Checks that layers of a terrain fit, so that no ray passes through a gap between two of them."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from fti.terrain.surface import gather, look_up
 
 Array = NDArray[np.float64]
 
-#: How far the outermost posts of a layer may lie off the coarser surface [m]: rounding, also of single precision files.
+#: Maximum distance of outermost posts from the coarser surface [m]: rounding, also of single precision files.
 SEAM_M = 1e-3
-#: How far an edge may lie off the coarser layer's posts, in cells of the coarser one.
+#: Maximum distance of an edge from the posts of the coarser layer [cells of the coarser one].
 _ALIGNED = 1e-6
 
 
 def check_stack(layers: Sequence[Layer]) -> None:
-    """Raises ValueError where the layers are not in order, not aligned, or gape at a seam."""
+    """Raises ValueError where the layers are not in order, not aligned, or have a gap at a seam."""
     if not layers:
         raise ValueError("a terrain needs at least one layer")
     for number, fine in enumerate(layers):
@@ -40,7 +40,7 @@ def _check_pair(layers: Sequence[Layer], number: int, coarse_number: int) -> Non
         return
     ratio = coarse.cell_m / fine.cell_m
     if abs(ratio - round(ratio)) > _ALIGNED:
-        raise ValueError(f"{coarse.cell_m} m, the cell of layer {coarse_number}, is no multiple of {fine.cell_m} m")
+        raise ValueError(f"{coarse.cell_m} m, the cell of layer {coarse_number}, is not a multiple of {fine.cell_m} m")
     for edge, begin, end in (
         (fine.east0, coarse.east0, coarse.east1),
         (fine.east1, coarse.east0, coarse.east1),

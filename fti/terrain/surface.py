@@ -4,8 +4,8 @@ A cell with the posts h (south-west), h + A (south-east), h + B (north-west) and
 
     up = h + A u + B v + k u v,      d up / d east = (A + k v) / cell,      d up / d north = (B + k u) / cell
 
-with u, v in [0, 1] counted from the south-west post.  The printed form of the weights (eq. 2.51) exchanges latitude
-and longitude in its denominators, which are zero then.
+with u, v in [0, 1] from the south-west post.  The printed form of the weights (eq. 2.51) exchanges latitude and
+longitude in its denominators, which makes them zero.
 
 Source: Spiegel 2018, section 2.2.2, eq. 2.50-2.51 and 4.6-4.8, as corrected in docs/errata.md.
 """
@@ -28,10 +28,10 @@ Array = NDArray[np.float64]
 Whole = NDArray[np.int64]
 Records = NDArray[np.void]
 
-#: A place so many cells outside a layer is on its edge: what rounding does to a point that was computed to lie there.
+#: A point within this distance outside a layer is on its edge [cells]: rounding errors of computed points.
 ON_EDGE = 1e-11
 
-#: A layer for the kernels: where its posts begin, how many there are, their distance and the first one's place [m].
+#: A layer for the kernels: index of its first post, rows, columns, distance of posts, position of the first post [m].
 LAYER = np.dtype(
     [
         ("start", np.int64),
@@ -70,25 +70,25 @@ def gather(layers: Sequence[Layer]) -> Posts:
 
 @kernel
 def locate(layers: Records, east: float, north: float) -> tuple[int, int, float, float]:
-    """The first layer that a place lies in, its cell's south-west post and u, v; -1 in none."""
-    found, at, u, v, k = -1, 0, math.nan, math.nan, 0
-    while found < 0 and k < len(layers):
+    """The first layer that contains a point, the south-west post of the cell, and u, v; -1 for none."""
+    number, at, u, v, k = -1, 0, math.nan, math.nan, 0
+    while number < 0 and k < len(layers):
         layer = layers[k]
         x, y = (east - layer.east0) / layer.cell, (north - layer.north0) / layer.cell
         width, height = layer.columns - 1, layer.rows - 1
         if -ON_EDGE <= x <= width + ON_EDGE and -ON_EDGE <= y <= height + ON_EDGE:
             column, row = min(max(int(x), 0), width - 1), min(max(int(y), 0), height - 1)
-            found, at = k, layer.start + row * layer.columns + column
+            number, at = k, layer.start + row * layer.columns + column
             u, v = min(max(x - column, 0.0), 1.0), min(max(y - row, 0.0), 1.0)
         k += 1
-    return found, at, u, v
+    return number, at, u, v
 
 
 @kernel
 def _bilinear(
     south_west: float, south_east: float, north_west: float, north_east: float, u: float, v: float
 ) -> tuple[float, float, float]:
-    """``up`` in a cell, and how it grows with u and v."""
+    """``up`` in a cell, and its derivatives by u and v."""
     rise_east, rise_north = south_east - south_west, north_west - south_west
     twist = north_east - north_west - rise_east
     return south_west + u * rise_east + v * (rise_north + u * twist), rise_east + v * twist, rise_north + u * twist
@@ -96,7 +96,7 @@ def _bilinear(
 
 @kernel
 def surface(p: Posts, east: float, north: float) -> tuple[float, float, float]:
-    """``up`` [m] and its derivatives to east and north at a place; NaN outside of all layers and in a hole."""
+    """``up`` [m] and its derivatives to east and north at a point; NaN outside of all layers and in a hole."""
     heights, layers = p.heights, p.layers
     up, to_east, to_north = math.nan, math.nan, math.nan
     k, at, u, v = locate(layers, east, north)
@@ -109,8 +109,8 @@ def surface(p: Posts, east: float, north: float) -> tuple[float, float, float]:
 
 @kernel
 def look_up(p: Posts, east: Array, north: Array) -> Array:
-    """``up`` [m] at places (n,) [m]; NaN outside of all layers and in holes."""
-    heights, layers = p.heights, p.layers  # once: a call that takes p counts references, and that takes longer
+    """``up`` [m] at points (n,) [m]; NaN outside of all layers and in holes."""
+    heights, layers = p.heights, p.layers  # once: a call with the argument p counts references and takes longer
     ups = np.full(len(east), np.nan)
     for i in range(len(east)):
         k, at, u, v = locate(layers, east[i], north[i])
@@ -122,7 +122,7 @@ def look_up(p: Posts, east: Array, north: Array) -> Array:
 
 @kernel
 def slopes(p: Posts, east: Array, north: Array) -> tuple[Array, Array]:
-    """d up / d east and d up / d north at places (n,) [m]; NaN outside of all layers and in holes."""
+    """d up / d east and d up / d north at points (n,) [m]; NaN outside of all layers and in holes."""
     to_east, to_north = np.empty(len(east)), np.empty(len(east))
     for i in range(len(east)):
         _, to_east[i], to_north[i] = surface(p, east[i], north[i])
@@ -131,7 +131,7 @@ def slopes(p: Posts, east: Array, north: Array) -> tuple[Array, Array]:
 
 @kernel
 def nearest_posts(p: Posts, east: Array, north: Array) -> tuple[Whole, Whole]:
-    """The layer of each place (n,) and its nearest post, counted within the layer; -1 outside of all layers."""
+    """The layer of each point (n,) and its nearest post, counted within the layer; -1 outside of all layers."""
     layers = p.layers
     numbers, posts = np.full(len(east), -1, np.int64), np.full(len(east), -1, np.int64)
     for i in range(len(east)):

@@ -1,7 +1,7 @@
 """Seeded synthetic surfaces: fractal relief, ridges and fields in a row, forest, buildings, an obstacle.
 
 Each function takes a numpy Generator and returns an array of heights [m] on the posts of a grid; the same seed gives
-the same bytes.  The figures are those of wooded hill country; they are stated, not measured.
+the same bytes.  The parameters are those of wooded hills; they are chosen, not measured.
 """
 
 from __future__ import annotations
@@ -19,19 +19,19 @@ _FFT_BLOCK = 64  # sizes for the transform are multiples of this: small prime fa
 
 
 def fft_shape(shape: Shape) -> Shape:
-    """The next larger shape of a grid whose transform is quick."""
+    """The next larger shape of a grid with a fast transform."""
     rows, columns = (size + -size % _FFT_BLOCK for size in shape)
     return rows, columns
 
 
 def smooth_step(share: Array) -> Array:
-    """0 below 0, 1 above 1, without a kink between."""
+    """0 below 0, 1 above 1, smooth between."""
     t = np.clip(share, 0.0, 1.0)
     return np.asarray(t * t * (3.0 - 2.0 * t))
 
 
 def fractal_relief(
-    shape: Shape, cell_m: float, rng: Rng, *, sd: float, longest_m: float, shortest_m: float, hurst: float = 0.8
+    shape: Shape, cell_m: float, rng: Rng, *, sd: float, max_size_m: float, min_size_m: float, hurst: float = 0.8
 ) -> Array:
     """Gaussian relief with a power-law spectrum between two wavelengths, mean 0 and standard deviation ``sd`` [m].
 
@@ -42,8 +42,8 @@ def fractal_relief(
     rows, columns = fft_shape(shape)
     fy, fx = np.fft.fftfreq(rows, cell_m)[:, None], np.fft.rfftfreq(columns, cell_m)[None, :]
     frequency = np.hypot(fx, fy)
-    band = (frequency >= 1.0 / longest_m) & (frequency <= 1.0 / shortest_m)
-    amplitude = np.where(band, np.maximum(frequency, 1.0 / longest_m) ** -(hurst + 1.0), 0.0)
+    band = (frequency >= 1.0 / max_size_m) & (frequency <= 1.0 / min_size_m)
+    amplitude = np.where(band, np.maximum(frequency, 1.0 / max_size_m) ** -(hurst + 1.0), 0.0)
     noise = np.fft.rfft2(rng.standard_normal((rows, columns)))
     relief = np.fft.irfft2(noise * amplitude, s=(rows, columns))[: shape[0], : shape[1]]
     return np.ascontiguousarray(sd * (relief - relief.mean()) / relief.std())
@@ -52,13 +52,13 @@ def fractal_relief(
 def forest(
     shape: Shape, cell_m: float, rng: Rng, *, cover: float = 0.45, stand_m: float = 350.0, crown_sd: float = 1.5
 ) -> Array:
-    """Canopy height of stands with sharp edges, 0 in the open: 10 to 25 m, one height a stand, rough crowns.
+    """Canopy height of stands with sharp edges, 0 in the open: 10 to 25 m, one height per stand, rough crowns.
 
     cover    : share of the ground under trees
     stand_m  : typical size of a stand and of a clearing [m]
     crown_sd : roughness of the crowns from post to post [m]
     """
-    smooth = {"sd": 1.0, "longest_m": 3.0 * stand_m, "shortest_m": stand_m / 3.0, "hurst": 0.3}
+    smooth = {"sd": 1.0, "max_size_m": 3.0 * stand_m, "min_size_m": stand_m / 3.0, "hurst": 0.3}
     pattern = fractal_relief(shape, cell_m, rng, **smooth)
     age = np.clip(0.5 + 0.3 * fractal_relief(shape, cell_m, rng, **smooth), 0.0, 1.0)
     stand = np.clip(10.0 + 15.0 * age + crown_sd * rng.standard_normal(shape), 10.0, 25.0)
@@ -66,33 +66,33 @@ def forest(
     return np.where(pattern > open_below, stand, 0.0)
 
 
-def irregular_steps(begin: float, end: float, rng: Rng, *, shortest_m: float, longest_m: float) -> Array:
-    """Ascending positions [m] from ``begin`` to beyond ``end``, shortest_m to longest_m apart, without a period."""
-    count = int((end - begin) / shortest_m) + 2
-    steps = rng.uniform(shortest_m, longest_m, count).cumsum()
+def irregular_steps(begin: float, end: float, rng: Rng, *, min_size_m: float, max_size_m: float) -> Array:
+    """Ascending positions [m] from ``begin`` to beyond ``end``, min_size_m to max_size_m apart, aperiodic."""
+    count = int((end - begin) / min_size_m) + 2
+    steps = rng.uniform(min_size_m, max_size_m, count).cumsum()
     return np.asarray(begin + np.concatenate(([0.0], steps)))
 
 
-def ridges(along: Array, rng: Rng, *, low: float, high: float, shortest_m: float, longest_m: float) -> Array:
-    """Low ridges and hollows in turn, at distances ``along`` [m] in the direction in which they follow each other.
+def ridges(along: Array, rng: Rng, *, low: float, high: float, min_size_m: float, max_size_m: float) -> Array:
+    """Low ridges and hollows in turn, at distances ``along`` [m] across the ridges.
 
-    low, high            : least and greatest height of a ridge over the mean, and depth of a hollow under it [m]
-    shortest_m, longest_m : from a crest to the next hollow [m]; the slope between is half a wave of a cosine
+    low, high            : minimum and maximum height of a ridge over the mean, and depth of a hollow under it [m]
+    min_size_m, max_size_m : from a crest to the next hollow [m]; the slope between is half a wave of a cosine
     """
-    nodes = irregular_steps(float(along.min()), float(along.max()), rng, shortest_m=shortest_m, longest_m=longest_m)
+    nodes = irregular_steps(float(along.min()), float(along.max()), rng, min_size_m=min_size_m, max_size_m=max_size_m)
     heights = rng.uniform(low, high, len(nodes)) * np.where(np.arange(len(nodes)) % 2, 1.0, -1.0)
     at = np.searchsorted(nodes, along, side="right") - 1
     share = 0.5 - 0.5 * np.cos(np.pi * (along - nodes[at]) / (nodes[at + 1] - nodes[at]))
     return np.asarray(heights[at] + share * (heights[at + 1] - heights[at]))
 
 
-def fields(along: Array, wooded: NDArray[np.bool_], rng: Rng, *, shortest_m: float, longest_m: float) -> Array:
-    """Height of what grows on a row of fields and woods, at distances ``along`` [m] down the row; edges are sharp.
+def fields(along: Array, wooded: NDArray[np.bool_], rng: Rng, *, min_size_m: float, max_size_m: float) -> Array:
+    """Height of vegetation on a row of fields and woods, at distances ``along`` [m]; edges are sharp.
 
-    wooded                : where trees stand, 9 to 18 m high; elsewhere nothing, a crop or an orchard of up to 4 m
-    shortest_m, longest_m : what is grown changes after so much [m]
+    wooded                : where trees are, 9 to 18 m high; elsewhere nothing, a crop or an orchard of up to 4 m
+    min_size_m, max_size_m : length of a field [m]
     """
-    edges = irregular_steps(float(along.min()), float(along.max()), rng, shortest_m=shortest_m, longest_m=longest_m)
+    edges = irregular_steps(float(along.min()), float(along.max()), rng, min_size_m=min_size_m, max_size_m=max_size_m)
     trees, crops = rng.uniform(9.0, 18.0, len(edges)), rng.uniform(0.0, 4.0, len(edges))
     at = np.searchsorted(edges, along, side="right") - 1
     return np.where(wooded, trees[at], crops[at])
@@ -113,7 +113,8 @@ def buildings(shape: Shape, cell_m: float, rng: Rng, *, per_km2: float = 25.0) -
 def with_obstacle(terrain: Terrain, east: float, north: float, height: float, width: float) -> Terrain:
     """The terrain with a flat-topped square block around east, north [m] of its frame.
 
-    height : of the roof above the surface at east, north [m]; width : of the square [m].  The walls lean over one cell.
+    height : of the roof above the surface at east, north [m]; width : of the square [m].  The walls slope over one
+             cell.
     Raises ValueError outside the coverage or when the block holds no post.
     """
     roof = float(terrain.up(east, north)) + height
@@ -123,5 +124,5 @@ def with_obstacle(terrain: Terrain, east: float, north: float, height: float, wi
     under_east, under_north = np.abs(layer.east - east) <= width / 2, np.abs(layer.north - north) <= width / 2
     inside = under_north[:, None] & under_east[None, :]
     if not inside.any():
-        raise ValueError(f"an obstacle {width:.1f} m wide holds no post of a grid of {layer.cell_m:.1f} m")
+        raise ValueError(f"an obstacle {width:.1f} m wide covers no post of a grid of {layer.cell_m:.1f} m")
     return terrain.with_finest(np.where(inside, np.maximum(layer.heights, roof), layer.heights))

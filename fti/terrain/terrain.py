@@ -6,7 +6,7 @@ ellipsoidal height alt has
 
     up = alt - alt0 - d^2 / (2 (R + alt)) + O(d^4 / R^3)
 
-and the code uses the exact transformation (``LocalFrame``).  Whoever takes alt - alt0 for ``up``, a flat Earth, errs by
+and the code uses the exact transformation (``LocalFrame``).  A flat Earth, with alt - alt0 for ``up``, has an error of
 0.08 m at 1 km, 2.0 m at 5 km, 7.8 m at 10 km and 196 m at 50 km, and tilts the vertical by 0.16 mrad a kilometre.
 
 Source: Spiegel 2018, section 2.2.2, eq. 2.50-2.51 (bilinear tile; the printed denominators of 2.51 are corrected).
@@ -36,10 +36,10 @@ from fti.terrain.seams import check_stack
 Array = NDArray[np.float64]
 Numbers = NDArray[np.uint8]
 
-#: The place above a latitude and longitude moves with its height by d h / R; each step divides the error by > 1000.
+#: The point above a latitude and longitude moves with its height by d h / R; each step divides the error by > 1000.
 _HEIGHT_STEPS = 4
 
-#: Rays of a piece of work for one thread: 10 ms.
+#: Rays of one task of a thread: 10 ms.
 _CHUNK = 16384
 
 
@@ -47,11 +47,11 @@ _CHUNK = 16384
 class Terrain:
     """A bilinear surface over the east, north plane of a local frame.
 
-    layers  : finest first; where several lie above each other the first one counts.  The edge of a finer layer runs
-              along posts of the coarser one and its outermost posts lie on the coarser surface, so nothing gapes
+    layers  : finest first; where several overlap the first one counts.  The edge of a finer layer runs along posts of
+              the coarser one and its outermost posts lie on the coarser surface, so there are no gaps
     frame   : the local frame l
-    sources : the files that the posts were read from; ``Layer.origin`` and ``source`` count in them
-    resampling : of each layer, how far it is off its files' own surfaces; none where posts came from no file
+    sources : the files of the posts; ``Layer.origin`` and ``source`` are indices of them
+    resampling : of each layer, its error against the surfaces of its files; empty without files
     Raises ValueError for layers that do not fit each other.
     """
 
@@ -78,7 +78,7 @@ class Terrain:
     ) -> Terrain:
         """A terrain of one layer, from posts [m, ``up`` of the frame at lat0, lon0 [rad], alt0 [m]].
 
-        heights : row 0 south, column 0 west; NaN is a hole.  Raises ValueError for what is no ``Layer``.
+        heights : row 0 south, column 0 west; NaN is a hole.  Raises ValueError as ``Layer``.
         """
         layer = Layer(np.asarray(heights, dtype=np.float64), float(cell_m), float(east0), float(north0))
         return cls((layer,), LocalFrame(lat0, lon0, alt0))
@@ -95,20 +95,20 @@ class Terrain:
         progress: Callable[[float], None] | None = None,
         local_only: bool = False,
     ) -> Terrain:
-        """A terrain from elevation files: GeoTIFF, DTED, SRTM HGT, whatever GDAL reads, in any mixture.
+        """A terrain from elevation files: GeoTIFF, DTED, SRTM HGT, or any format of GDAL, in any mixture.
 
-        paths    : the files; where several know the ground the finest one counts, then the first one
+        paths    : the files; where several overlap the finest one counts, then the first one
         centre   : latitude, longitude of the frame's origin [rad]; with radius_m [m] the area is the square around it.
                    Neither: all that the files cover.  The frame lies on the ellipsoid, ``alt0`` is 0
         cell_m   : between the posts of the finest layer [m]; None: as far apart as those of the finest file
-        vertical : what the heights are counted from where a file does not say it: ``egm96``, ``egm2008`` or
-                   ``ellipsoid``; or such words by path, ``*`` for the others
-        progress : hears how far it is, 0 to 1
+        vertical : vertical datum of files that do not state it: ``egm96``, ``egm2008`` or ``ellipsoid``; or a mapping
+                   from paths to these, ``*`` for the others
+        progress : receives the progress, 0 to 1
         local_only : a recording names the files: only single local ones of the formats GTiff, SRTMHGT, DTED, AAIGrid
                    and HFA are opened, also in a local zip; no sidecar files, no address
-        Raises MissingError for a file or a geoid grid that is not there; ConfigError for what is no elevation file,
-        one without coordinate system or vertical datum, files of which none touches the area, and an area too large
-        for its cell; ValueError for arguments that make no sense.
+        Raises MissingError for a missing file or geoid grid; ConfigError for a file that is not an elevation file or
+        has no coordinate system or vertical datum, if no file touches the area, and for an area too large for its cell;
+        ValueError for invalid arguments.
         """
         from fti.terrain.files.open_terrain import open_terrain  # noqa: PLC0415 - GDAL and PROJ are slow to load
 
@@ -162,12 +162,12 @@ class Terrain:
         """Number of the source of the nearest post at east, north [m]; ``NO_SOURCE`` where ``up`` is NaN."""
         shape, to_east, to_north = _flat(east, north)
         of_layer, posts = surface.nearest_posts(self.posts, to_east, to_north)
-        found = np.full(len(posts), NO_SOURCE, dtype=np.uint8)
+        sources = np.full(len(posts), NO_SOURCE, dtype=np.uint8)
         for k, layer in enumerate(self.layers):
             here = of_layer == k
-            found[here] = 0 if layer.origin is None else layer.origin.ravel()[posts[here]]
-        found[np.isnan(surface.look_up(self.posts, to_east, to_north))] = NO_SOURCE
-        return found.reshape(shape)
+            sources[here] = 0 if layer.origin is None else layer.origin.ravel()[posts[here]]
+        sources[np.isnan(surface.look_up(self.posts, to_east, to_north))] = NO_SOURCE
+        return sources.reshape(shape)
 
     def cell(self, east: ArrayLike, north: ArrayLike) -> Array:
         """Distance between the posts [m] of the layer that counts at east, north [m]; NaN outside the coverage."""
@@ -194,7 +194,7 @@ class Terrain:
         directions : ndarray, shape (n, 3) or (3,)       of any length but zero; the result is in metres
         pool       : threads that share the work; the result is the same, bit by bit
         Returns    : ndarray, shape (n,), or () for one origin and one direction.  0 where the origin is on the surface
-                     (within 1 nm), NaN where ``trace`` says anything but HIT.
+                     (within 1 nm), NaN where the outcome of ``trace`` is not HIT.
         Raises ValueError for a direction without length or a max_range that is not positive.
         """
         return self.trace(origin, directions, max_range, pool)[0]
@@ -202,23 +202,23 @@ class Terrain:
     def trace(
         self, origin: ArrayLike, directions: ArrayLike, max_range: float, pool: Executor | None = None
     ) -> tuple[Array, Numbers]:
-        """Ranges as ``cast`` gives them, and what became of each ray: numbers of ``Outcome``, same shape.
+        """Ranges as from ``cast``, and the outcome of each ray: numbers of ``RayOutcome``, same shape.
 
-        A ray that passes over a hole ends there, however high it flies: what stands in the hole is unknown.  Rays may
-        begin outside the coverage; one that comes into it below the surface is BURIED.
+        A ray that passes over a hole ends there at any height, because obstacles in the hole are unknown.  Rays may
+        begin outside the coverage; one that enters it below the surface is BURIED.
         """
         if not max_range > 0.0:
             raise ValueError(f"max_range is {max_range}, must be positive")
         starts, rays = np.asarray(origin, dtype=np.float64), np.asarray(directions, dtype=np.float64)
         shape = np.broadcast_shapes(starts.shape, rays.shape)
         if shape[-1:] != (3,):
-            raise ValueError(f"origin and directions are vectors of three numbers, not of shape {shape}")
+            raise ValueError(f"origin and directions have the shape {shape}, must be vectors of three numbers")
         ranges, outcomes = np.empty(math.prod(shape[:-1])), np.empty(math.prod(shape[:-1]), dtype=np.uint8)
         work = (self.pyramid, _rows(starts, shape), _rows(rays, shape), float(max_range))
         chunks = [(begin, min(begin + _CHUNK, len(ranges))) for begin in range(0, len(ranges), _CHUNK)]
         run = map if pool is None else pool.map
         if sum(run(lambda chunk: cast_rays(*work, chunk[0], chunk[1], ranges, outcomes), chunks)):
-            raise ValueError("a direction has no length")
+            raise ValueError("a direction has length 0")
         return ranges.reshape(shape[:-1]), outcomes.reshape(shape[:-1])
 
 

@@ -1,9 +1,9 @@
-"""A bench: one flight with emulator, recorder and unit under test, in one folder, ended in one order.
+"""A bench: one flight with emulator, recorder and unit under test, in one folder, with one shutdown sequence.
 
 links           ptys of the emulator
-session/NAME    what the recorder recorded, with the truth of the flight
-*.toml          scenario and configurations as they were used
-*_stdout.txt    what each program wrote; *_stderr.txt
+session/NAME    the recorded session, with the truth of the flight
+*.toml          scenario and configurations of the flight
+*_stdout.txt    output of each program; *_stderr.txt
 """
 
 from __future__ import annotations
@@ -31,14 +31,13 @@ ResultT = TypeVar("ResultT")
 class Bench:
     """A context: leaving it ends every program and moves the truth into the session.
 
-    folder : of everything that remains, made where there is none; slots : how many flights may be under way on this
-    machine; None : any number
+    folder : of all results, made if missing; slots : limit of simultaneous flights on this machine; None : no limit
     """
 
     def __init__(self, folder: Path, slots: FlightSlots | None = None) -> None:
         self.folder = folder.absolute()
         self.folder.mkdir(parents=True, exist_ok=True, mode=0o700)
-        #: Sockets have short names only, and the folder of a test has a long one.
+        #: The path of a socket must be short, and that of a test folder is long.
         self.run_folder = Path(tempfile.mkdtemp(prefix="fti_bench_"))
         self.slots = contextlib.ExitStack()
         self._slots = slots
@@ -58,23 +57,23 @@ class Bench:
     @property
     def processes(self) -> list[BenchProcess]:
         """Every program that was started."""
-        ours = [part.process for part in (self.emulator, self.recorder) if part.process]
-        return [*self.unit.programs, *ours]
+        bench_processes = [part.process for part in (self.emulator, self.recorder) if part.process]
+        return [*self.unit.programs, *bench_processes]
 
     @property
     def placeholders(self) -> dict[str, SimpleNamespace]:
-        """What ``{emulator.LINK.path}`` and the like stand for in arguments and environment of the unit under test."""
+        """Values of ``{emulator.LINK.path}`` etc. in arguments and environment of the unit under test."""
         parts = {"emulator": self.emulator.links, "recorder": self.recorder.links}
         return {name: SimpleNamespace(**links) for name, links in parts.items()}
 
     def take_slot(self) -> None:
-        """Wait until a flight may begin on this machine; once for each bench."""
+        """Wait for a slot for a flight on this machine; once for each bench."""
         if self._slots:
             self.slots.enter_context(self._slots.hold())
             self._slots = None
 
     def wait_for(self, condition: Callable[[], ResultT], timeout_s: float, what: Callable[[], str]) -> ResultT:
-        """Wait until a condition holds while every program runs.  Raises BenchError, which says what was waited for."""
+        """Wait until a condition holds while every program runs.  Raises BenchError, which names the condition."""
         deadline = time.monotonic() + timeout_s
         while not (found := condition()):
             self.check_running()
@@ -93,22 +92,22 @@ class Bench:
                 )
 
     def end_flight(self) -> None:
-        """End the unit under test, then the emulator, then the recorder, which so records the last messages."""
-        with contextlib.ExitStack() as stack:  # in reverse order, each whatever becomes of the others
+        """End the unit under test, then the emulator, then the recorder, so that it records the last messages."""
+        with contextlib.ExitStack() as stack:  # in reverse order, each even if another fails
             stack.callback(self.slots.close)
             stack.callback(self.recorder.end)
             stack.callback(self.emulator.end)
             stack.callback(self.unit.end)
 
     def close(self) -> None:
-        """End what is still running."""
+        """End every program that is still running."""
         if not self.is_closed:
             self.is_closed = True
             with _remove_folder(self.run_folder):
                 self.end_flight()
 
     def sections(self) -> Iterator[tuple[str, str]]:
-        """What belongs into the report of a failure: title and text of each program."""
+        """Title and last lines of each program, for the report of a failure."""
         for program in self.processes:
             if text := program.last_lines():
                 yield f"{program.title} ({program.stdout.parent})", text

@@ -1,4 +1,4 @@
-"""What the messages of a topic say against the ground truth at the same time."""
+"""Deviations of the messages of a topic from the ground truth at the same time."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from fti.post.score.series import TopicSeries
 from fti.post.score.truth_table import TruthTable
 
 Array = NDArray[np.float64]
-#: Measurement and field -> quantity of the truth, where they have not the same name.
+#: Measurement and field -> quantity of the truth, where the names differ.
 TRUTH_OF: Mapping[tuple[str, str], str] = {
     ("velocity", "north"): "vel_north",
     ("velocity", "east"): "vel_east",
     ("velocity", "down"): "vel_down",
 }
-#: Their differences are taken around the circle [rad].
+#: Quantities whose differences are wrapped to half a turn [rad].
 ANGLES = frozenset(("roll", "pitch", "heading", "lat", "lon", "deviation"))
 SPEEDS = frozenset(("vel_north", "vel_east", "vel_down", "ground_speed", "tas"))
 POSITION_ANGLES = frozenset(("lat", "lon"))
@@ -49,9 +49,9 @@ class TruthDeviations:
 
 
 def compare(series: TopicSeries, quantity: str, truth: TruthTable, name: str | None = None) -> TruthDeviations:
-    """Compare the valid messages whose number is known, as is the truth at their time of validity.
+    """Compare valid messages with the truth at their time of validity, where both numbers are known.
 
-    name : quantity of the truth; None : that of the same name
+    name : quantity of the truth; None : the same name
     """
     kind = series.topic.rpartition("/")[2]
     name = name or TRUTH_OF.get((kind, quantity), quantity)
@@ -67,6 +67,6 @@ def compare(series: TopicSeries, quantity: str, truth: TruthTable, name: str | N
 
 
 def _metres_per_radian(name: str, lat: Array) -> Array:
-    """Of latitude or longitude, along the ground at lat [rad]."""
+    """Length of a radian of latitude or longitude at lat [rad]."""
     meridian, normal = radii(lat)
     return np.asarray(meridian if name == "lat" else normal * np.cos(lat), dtype=np.float64)

@@ -1,4 +1,4 @@
-"""The emulator of a bench: ``fti hil`` as a program of its own, on ptys and UDP ports of the bench."""
+"""The emulator of a bench: ``fti hil`` as a separate program, on ptys and UDP ports of the bench."""
 
 from __future__ import annotations
 
@@ -24,18 +24,17 @@ if TYPE_CHECKING:
 FTI = (sys.executable, "-m", "fti.cli.main")
 TIMEOUT_PREPARE_S = 120.0
 TIMEOUT_BEGIN_S = 60.0
-#: The emulator writes the truth five times a second: longer without a row, it stands still.
+#: The emulator writes the truth five times a second: without a row for this time it has stalled.
 TIMEOUT_TRUTH_S = 30.0
 TIMEOUT_END_S = 20.0
-#: At the end of the flight the ports go away a moment before the emulator ends, and a unit under test that ends then
-#: has not ended early [s].
-PORTS_GONE_S = 2.0
+#: The ports close a moment before the emulator ends; a unit under test that ends in between has not ended early [s].
+TIMEOUT_AFTER_PORTS_S = 2.0
 
 
 class Emulator:
     """Flies one scenario.
 
-    links : where each of its links is, by name; truth : the truth file; scenario : what is flown; None before ``start``
+    links : address of each link, by name; truth : the truth file; scenario : of the flight, None before ``start``
     """
 
     def __init__(self, bench: Bench) -> None:
@@ -53,17 +52,17 @@ class Emulator:
         duration_s: float | None = None,
         wait_for_ports: bool = True,
     ) -> None:
-        """Make the ports of a flight.  The flight begins when the unit under test has opened every one of them.
+        """Make the ports of a flight.  The flight begins when the unit under test has opened all of them.
 
         scenario : name of a shipped one (``fti hil --list``), a file, or an object of ``fti.hil.scenario``
-        config : of the sensors, in place of the scenario's; its UDP links get free ports of loopback, its serial and
+        config : of the sensors, instead of the scenario's; its UDP links get free ports of loopback, its serial and
         slcan links ptys
         duration_s : end after so many seconds of the flight; None : at its end
-        wait_for_ports : False : the flight begins at once, whoever listens
-        Raises MissingError or ConfigError in one sentence, BenchError when the emulator does not start.
+        wait_for_ports : False : the flight begins at once, without readers
+        Raises MissingError or ConfigError with one sentence, BenchError when the emulator does not start.
         """
         if self.process:
-            raise BenchError("the emulator of this bench was started already: one bench is one flight")
+            raise BenchError("the emulator of this bench was already started: a bench is for one flight")
         from fti.hil import scenario as scenarios
 
         if isinstance(scenario, str | Path):
@@ -80,19 +79,19 @@ class Emulator:
         self._wait_until_ready(self.process)
 
     def _command(self, scenario: Scenario, config: Config, ptys: Path) -> list[str]:
-        """The program with the files of the flight, which are written."""
+        """Write the files of the flight, and return the command."""
         folder = self._bench.folder
-        flown, sensors = folder / "scenario.toml", folder / "sensors.toml"
-        write_scenario(scenario, flown)
+        scenario_file, sensors = folder / "scenario.toml", folder / "sensors.toml"
+        write_scenario(scenario, scenario_file)
         write_config(config, sensors)
-        places = {
+        options = {
             "--config": sensors,
             "--links": ptys,
             "--truth": self.truth,
             "--report": folder / "emulator_report.json",
             "--run-dir": self._bench.recorder.run_dir,
         }
-        return [*FTI, "hil", str(flown), *(str(one) for pair in places.items() for one in pair)]
+        return [*FTI, "hil", str(scenario_file), *(str(one) for pair in options.items() for one in pair)]
 
     def _wait_until_ready(self, process: BenchProcess) -> None:
         def is_ready() -> bool:
@@ -110,8 +109,8 @@ class Emulator:
     def fly(self, *, begin_within_s: float = TIMEOUT_BEGIN_S) -> Flight:
         """Wait for the end of the flight while every program runs, then end the unit under test and the recorder.
 
-        begin_within_s : the unit under test must have opened every port of the emulator so long after this call.
-        Raises BenchError when the flight does not begin, or a program ends before it is over.
+        begin_within_s : the unit under test must open every port of the emulator within this time.
+        Raises BenchError when the flight does not begin, or a program ends before the flight.
         """
         from fti.testing.flight import Flight
 
@@ -134,14 +133,14 @@ class Emulator:
 
     def _begin_failure(self) -> str:
         missing = [str(link) for link in self.links.values() if link.kind == "udp" and not _has_listener(link)]
-        told = f"nobody listens at {', '.join(missing)}" if missing else ", ".join(map(str, self.links.values()))
+        links = f"no listener at {', '.join(missing)}" if missing else ", ".join(map(str, self.links.values()))
         return (
             "the begin of the flight: it begins when the unit under test has opened every link of the emulator "
-            f"(start(wait_for_ports=False) does not wait); {told}"
+            f"(start(wait_for_ports=False) does not wait); {links}"
         )
 
     def _wait_for_end(self, process: BenchProcess) -> None:
-        """Raises BenchError when the emulator fails or stands still."""
+        """Raises BenchError when the emulator fails or stalls."""
         size, since = -1, time.monotonic()
 
         def has_ended() -> bool:
@@ -156,25 +155,25 @@ class Emulator:
         try:
             self._bench.wait_for(has_ended, float("inf"), lambda: "the end of the flight")
         except BenchError:
-            if process.ends_within(PORTS_GONE_S) != 0:
+            if process.ends_within(TIMEOUT_AFTER_PORTS_S) != 0:
                 raise
         if process.exit_code != 0:
             raise BenchError(f"the emulator ended with exit code {process.exit_code}\n{process.last_lines()}")
 
     def end(self) -> None:
-        """End the flight where it is."""
+        """End the flight now."""
         if self.process:
             self.process.end(signal.SIGTERM, TIMEOUT_END_S)
 
 
 def write_scenario(scenario: Scenario, file: Path) -> None:
-    """Write a scenario as TOML; the faults of its profile are among its own already."""
+    """Write a scenario as TOML; its own faults include those of its profile."""
     table = scenario.model_dump(mode="json", exclude_unset=True, exclude_none=True, exclude={"profile"})
     file.write_text(toml_text(table), encoding="utf-8")
 
 
 def quiet_environment() -> dict[str, str]:
-    """Of our own programs: what one writes is there at once."""
+    """Environment of emulator and recorder, with unbuffered output."""
     return {**os.environ, "PYTHONUNBUFFERED": "1"}
 
 

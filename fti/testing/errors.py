@@ -1,11 +1,11 @@
-"""Why a test on the bench fails before any assertion of it."""
+"""Errors of a bench, before any assertion of a test."""
 
 from __future__ import annotations
 
 
 class BenchError(AssertionError):
-    """A program of the bench did not start, ended early, or did not do what was waited for; the message says which."""
+    """A program of the bench did not start, ended early, or a wait timed out; the message names it."""
 
 
 class UnitKilledWarning(UserWarning):
-    """A program of the unit under test did not end when it was asked to, and was killed."""
+    """A program of the unit under test did not end after its signal, and was killed."""

@@ -1,4 +1,4 @@
-"""When a flag stands on a topic."""
+"""Intervals in which a flag is set on a topic."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ LISTS = ("flags", "reasons")
 
 
 class FlagSpan(NamedTuple):
-    """A flag stands from the message that has it until the first that has not; infinity where none follows [s]."""
+    """A flag is set from the message that has it to the first without it; infinity where none follows [s]."""
 
     from_s: float
     until_s: float
 
 
 def spans_of(times_s: Sequence[float], rows: Sequence[dict[str, Any]], flag: str | Condition) -> list[FlagSpan]:
-    """When a flag stood, in order.  times_s : of the rows, ascending"""
-    is_paused: Condition = flag if callable(flag) else lambda row: _has(row, flag)
+    """Intervals in which a flag is set, in order.  times_s : of the rows, ascending"""
+    is_set: Condition = flag if callable(flag) else lambda row: _has(row, flag)
     spans = list[FlagSpan]()
     begin: float | None = None
     for t_s, row in zip(times_s, rows, strict=True):
-        if is_paused(row):
+        if is_set(row):
             begin = t_s if begin is None else begin
         elif begin is not None:
             spans.append(FlagSpan(begin, t_s))
@@ -33,7 +33,7 @@ def spans_of(times_s: Sequence[float], rows: Sequence[dict[str, Any]], flag: str
 
 
 def show(flag: str | Condition) -> str:
-    """A flag in a message."""
+    """A flag as text for a failure message."""
     return repr(flag) if isinstance(flag, str) else "of the given condition"
 
 

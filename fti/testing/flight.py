@@ -1,4 +1,4 @@
-"""A flight that is over: what the unit under test sent, and what was true."""
+"""A completed flight: the messages of the unit under test, and the ground truth."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from fti.testing.session_topics import SessionTopics
 from fti.testing.topic import FlightContext, Topic
 
 SECOND_NS = 1_000_000_000
-#: An emulator that was later than this is named in the message of a failure [s].
+#: A failure message states a larger lateness of the emulator [s].
 LATE_S = 0.15
 
 
 class Flight:
     """One flight.
 
-    session : what the recorder recorded, None without a recorder; truth_file : what the emulator knows; faults : of the
-    scenario, in order
+    session : the recorded session, None without a recorder; truth_file : of the emulator; faults : of the scenario, in
+    order
     """
 
     def __init__(self, session: Path | None, truth_file: Path, faults: Sequence[Fault] = ()) -> None:
@@ -36,19 +36,19 @@ class Flight:
 
     @property
     def duration_s(self) -> float:
-        """How long the flight was [s]."""
+        """Duration of the flight [s]."""
         return self.truth.duration_s
 
     @cached_property
     def emulator_late_s(self) -> float:
-        """How late the emulator was at most [s]: what it sent then came later than the sensors would have sent it."""
+        """Maximum lateness of the emulator [s]: its messages were later than those of real sensors."""
         rows = (item for item in McapFile(self.truth_file).items() if item.topic.name == TOPIC)
         return max((row.publish_time - row.log_time for row in rows), default=0) / SECOND_NS
 
     @cached_property
     def _session_topics(self) -> SessionTopics:
         if self.session is None:
-            raise BenchError("nothing was recorded in this flight: start the recorder with the unit's output links")
+            raise BenchError("this flight was not recorded: start the recorder with the unit's output links")
         return SessionTopics(self.session)
 
     @property
@@ -67,20 +67,20 @@ class Flight:
         """The messages of a topic that arrived in an interval of the flight, for assertions.
 
         from_s, until_s : seconds of the flight; None : to its end
-        where : of those whose fields have these values alone: ``{"name": "dh"}``
-        Raises AssertionError, which names the topics that there are, where the session has none of that name.
+        where : only messages whose fields have these values: ``{"name": "dh"}``
+        Raises AssertionError with the existing topics where the session has none of that name.
         """
         __tracebackhide__ = True
         series = self._session_topics.series(name)
         if not len(series):
-            there = ", ".join(self.topics) or "none"
-            raise AssertionError(f"{name}: no such topic in {self.session}; there are {there}")
+            topics = ", ".join(self.topics) or "none"
+            raise AssertionError(f"{name}: no such topic in {self.session}; topics: {topics}")
         end_s = self.duration_s if until_s is None else until_s
         background = FlightContext(self.truth, self.faults, self._failure_context())
         return Topic(series, background, (from_s, end_s), where or {})
 
     def _failure_context(self) -> str:
-        """What stands below the message of a failure."""
+        """Text below a failure message."""
         late = self.emulator_late_s
         bench = f"\nthe emulator was late by up to {late:.2f} s: this machine was busy" if late > LATE_S else ""
         return f"\nsession: {self.session}{bench}"

@@ -1,6 +1,6 @@
-"""The pytest plugin: options, fixtures, and what the programs of a bench wrote in the report of a failure.
+"""The pytest plugin: options, fixtures, and the output of the programs of a bench in the report of a failure.
 
-pytest loads it wherever fti is installed, so that it imports pytest and nothing else before a fixture is used.
+pytest loads it wherever fti is installed, therefore it imports only pytest before a fixture is used.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ if TYPE_CHECKING:
 KEEP, FLIGHTS = "--fti-keep", "--fti-flights"
 _NOT_IN_NAMES = re.compile(r"[^A-Za-z0-9_.-]+")
 _MAX_NAME = 100
-#: Benches of this process whose programs belong into the report of a failure.
+#: Benches of this process, for the report of a failure.
 _benches = pytest.StashKey["list[Bench]"]()
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """The options."""
+    """Add the options."""
     group = parser.getgroup("fti", "flights of fti.testing")
     group.addoption(
-        KEEP, metavar="DIR", type=Path, help="keep the folder of each flight below DIR, of passed tests too"
+        KEEP, metavar="DIR", type=Path, help="keep the folder of each flight below DIR, also of passed tests"
     )
     group.addoption(
         FLIGHTS,
@@ -50,13 +50,13 @@ def _count(text: str) -> int:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Nothing flies yet."""
+    """Begin with an empty list of benches."""
     config.stash[_benches] = []
 
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestReport, pytest.TestReport]:
-    """A failure shows what the programs of the bench wrote last."""
+    """Add the last output of the programs of the bench to a failure."""
     report = yield
     benches = item.config.stash[_benches]
     if report.failed:
@@ -71,7 +71,7 @@ def fti_bench_factory(
     request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
 ) -> Callable[[str], AbstractContextManager[Bench]]:
     """Make a bench for a fixture of your own: ``with fti_bench_factory("nominal") as bench: ... yield flight``."""
-    kept: Path | None = request.config.getoption(KEEP)
+    keep: Path | None = request.config.getoption(KEEP)
     slots = _slots(request.config, tmp_path_factory)
 
     @contextmanager
@@ -79,7 +79,7 @@ def fti_bench_factory(
         from fti.testing.bench import Bench
 
         name = _NOT_IN_NAMES.sub("_", name)[-_MAX_NAME:]
-        folder = tmp_path_factory.mktemp(f"fti_{name[:30]}") if kept is None else _new_folder(kept.absolute(), name)
+        folder = tmp_path_factory.mktemp(f"fti_{name[:30]}") if keep is None else _new_folder(keep.absolute(), name)
         with Bench(folder, slots) as bench:
             request.config.stash[_benches].append(bench)
             yield bench
@@ -88,7 +88,7 @@ def fti_bench_factory(
 
 
 def _slots(config: pytest.Config, tmp_path_factory: pytest.TempPathFactory) -> FlightSlots:
-    """Shared by the workers of pytest-xdist, whose base folders are in one."""
+    """The slots, shared by the workers of pytest-xdist, whose base folders have one parent."""
     from fti.testing.slots import FlightSlots
 
     base = tmp_path_factory.getbasetemp()
@@ -97,7 +97,7 @@ def _slots(config: pytest.Config, tmp_path_factory: pytest.TempPathFactory) -> F
 
 
 def _new_folder(parent: Path, name: str) -> Path:
-    """A folder of that name, with a number where there is one already."""
+    """A new folder of that name, with a number if it exists."""
     number = 0
     while True:
         folder = parent / (f"{name}_{number}" if number else name)
@@ -113,7 +113,7 @@ def _new_folder(parent: Path, name: str) -> Path:
 def fti_bench(
     request: pytest.FixtureRequest, fti_bench_factory: Callable[[str], AbstractContextManager[Bench]]
 ) -> Iterator[Bench]:
-    """The bench of this test: emulator, recorder and unit under test, and their folder; it ends with the test."""
+    """The bench of this test: emulator, recorder, unit under test and their folder; it ends with the test."""
     with fti_bench_factory(request.node.name) as bench:
         yield bench
 
@@ -126,7 +126,7 @@ def fti_emulator(fti_bench: Bench) -> Emulator:
 
 @pytest.fixture
 def fti_recorder(fti_bench: Bench) -> Recorder:
-    """Records what the unit under test sends: ``start(CONFIG)``."""
+    """Records the output of the unit under test: ``start(CONFIG)``."""
     return fti_bench.recorder
 
 

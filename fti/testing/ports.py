@@ -1,4 +1,4 @@
-"""Configurations on ports that nobody else has: loopback and free UDP ports, ptys in a folder of the test."""
+"""Configurations on private ports: free UDP ports of loopback, ptys in a folder of the test."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from fti.devices import option_files
 from fti.testing.toml_text import toml_text
 
 LOOPBACK = "127.0.0.1"
-#: Below the ports that the kernel gives to sockets without one, so that none of those takes a port meanwhile.
+#: Below the kernel's ephemeral ports, so that no other socket takes a port in the meantime.
 FIRST_PORT, LAST_PORT = 15_000, 32_000
 MAX_TRIES = 1000
 #: State of a listening socket in /proc/net/tcp.
@@ -26,10 +26,10 @@ _issued_ports: set[int] = set()
 
 @dataclass(frozen=True, slots=True)
 class LinkAddress:
-    """Where a link of a bench is; None where the link has no such thing.
+    """Address of a link of a bench; None where it does not apply.
 
-    path : of a serial line or an slcan adapter: the device file; port : of UDP, which the receiver binds
-    peer_port : of UDP, from which the other side sends, and where it takes answers
+    path : device file of a serial line or an slcan adapter; port : UDP port that the receiver binds
+    peer_port : UDP port from which the other side sends, and at which it receives answers
     """
 
     name: str
@@ -45,7 +45,7 @@ class LinkAddress:
 
 
 def free_udp_port() -> int:
-    """A UDP port of loopback that nobody has bound, and that this process has not given to anybody."""
+    """A UDP port of loopback that is not bound, and that this process has not returned before."""
     for _ in range(MAX_TRIES):
         port = _random.randint(FIRST_PORT, LAST_PORT)
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
@@ -70,7 +70,7 @@ def is_tcp_port_open(port: int) -> bool:
 
 
 def _sockets(protocol: str) -> Iterator[tuple[int, str]]:
-    """Port and state of each socket of this machine: to look disturbs nobody, and to bind or connect would."""
+    """Port and state of each socket of this machine, without binding or connecting, which would disturb it."""
     for table in (protocol, f"{protocol}6"):
         with contextlib.suppress(OSError), Path(f"/proc/net/{table}").open(encoding="ascii") as lines:
             next(lines, None)
@@ -80,7 +80,7 @@ def _sockets(protocol: str) -> Iterator[tuple[int, str]]:
 
 
 def on_free_ports(config: Config) -> Config:
-    """The same configuration on loopback and free UDP ports, without page and bus; files it names are absolute."""
+    """The same configuration on free UDP ports of loopback, without page and bus, with absolute file names."""
     files = option_files(config)
     devices = tuple(
         device.model_copy(update={"options": _absolute(device.options, f"device[{i}].options", files)})
@@ -117,7 +117,7 @@ def write_config(config: Config, file: Path) -> None:
 
 
 def addresses(config: Config, ptys: Path | None) -> dict[str, LinkAddress]:
-    """Where each link of a configuration is, by its name.  ptys : folder of those of an emulator, or None."""
+    """The address of each link of a configuration, by its name.  ptys : folder of an emulator's ptys, or None"""
     return {link.name: _address(link, ptys) for link in config.link}
 
 

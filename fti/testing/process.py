@@ -1,4 +1,4 @@
-"""A program of the bench: started in a process group of its own, its output kept in files, ended at all events."""
+"""A program of the bench: runs in its own process group, writes its output to files, and is always ended."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ _LIBC = ctypes.CDLL(None)
 
 
 class BenchProcess:
-    """One program, running from the beginning on.
+    """One program, started by the constructor.
 
     name : of its files in the folder: NAME_stdout.txt, NAME_stderr.txt; title : in messages
-    environment, cwd : None for those of this process.  Raises BenchError when it cannot be started.
+    environment, cwd : None : those of this process.  Raises BenchError when it cannot be started.
     """
 
     def __init__(
@@ -47,7 +47,7 @@ class BenchProcess:
                     stderr=err,
                     env=None if environment is None else dict(environment),
                     cwd=cwd,
-                    start_new_session=True,  # Ctrl-C is for pytest alone, which ends everything in order
+                    start_new_session=True,  # Ctrl-C reaches only pytest, which ends all programs in order
                     preexec_fn=_end_with_parent,  # noqa: PLW1509  one system call, no lock is taken
                 )
             except OSError as error:
@@ -65,11 +65,11 @@ class BenchProcess:
 
     @property
     def output(self) -> str:
-        """What it has written on stdout and stderr so far."""
+        """Its output on stdout and stderr so far."""
         return _text(self.stdout) + _text(self.stderr)
 
     def last_lines(self, count: int = LAST_LINES) -> str:
-        """The end of both streams, each with its name before it; "" where it has written nothing."""
+        """The last lines of both streams, each with a heading; "" without output."""
         parts = list[str]()
         for file in (self.stdout, self.stderr):
             if lines := _text(file).splitlines():
@@ -78,7 +78,7 @@ class BenchProcess:
         return "\n".join(parts)
 
     def ends_within(self, timeout_s: float) -> int | None:
-        """Wait so long for its end; returns the exit code, None while it runs."""
+        """Wait for its end; returns the exit code, None while it runs."""
         with contextlib.suppress(subprocess.TimeoutExpired):
             self._process.wait(timeout_s)
         return self.exit_code
@@ -97,12 +97,12 @@ class BenchProcess:
 
 
 def _end_with_parent() -> None:
-    """Between fork and exec: when pytest is killed, nobody ends this program otherwise."""
+    """Between fork and exec: the kernel ends this program when pytest is killed."""
     _LIBC.prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
 
 
 def _text(file: Path) -> str:
-    """The end of a text file of a program, which may be writing a line just now."""
+    """The end of a text file that a program may be writing."""
     with file.open("rb") as stream:
         size = stream.seek(0, os.SEEK_END)
         stream.seek(max(size - MAX_SHOWN_BYTES, 0))

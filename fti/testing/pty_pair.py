@@ -1,4 +1,4 @@
-"""Two ptys that are one serial cable: what is written at one end is read at the other."""
+"""A serial cable of two ptys: data written at one end are read at the other."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ READ_BYTES = 4096
 class PtyPair:
     """A cable between two device files, until ``close``.
 
-    ends : where symlinks to the device files are made.  What an end does not read is lost when its buffer is full, as
-    on a serial line without flow control.
+    ends : symlinks to the device files.  Unread data are lost when the buffer of an end is full, as on a serial line
+    without flow control.
     """
 
     def __init__(self, ends: tuple[Path, Path]) -> None:
@@ -27,7 +27,7 @@ class PtyPair:
         self._thread.start()
 
     def _open(self, end: Path) -> int:
-        """Its master.  The slave is kept open too: without a reader the master would report an end of file."""
+        """Open one end; returns the master.  The slave stays open: otherwise the master reports an end of file."""
         master, slave = os.openpty()
         self._descriptors += master, slave
         tty.setraw(slave)
@@ -47,7 +47,7 @@ class PtyPair:
                     os.write(other[master], os.read(master, READ_BYTES))
 
     def close(self) -> None:
-        """Pull the cable."""
+        """Stop the transfer and close both ptys."""
         os.eventfd_write(self._stop, 1)
         self._thread.join()
         for descriptor in (*self._descriptors, self._stop):

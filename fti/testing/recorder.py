@@ -1,4 +1,4 @@
-"""The recorder of a bench: ``fti run`` as a program of its own, on the links on which the unit under test sends."""
+"""The recorder of a bench: ``fti run`` as a separate program, on the output links of the unit under test."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ if TYPE_CHECKING:
 
 TIMEOUT_START_S = 60.0
 TIMEOUT_END_S = 30.0
-#: Exit codes of a recording that is whole: it was asked to end.
+#: Exit code of a complete recording after SIGINT.
 INTERRUPTED = 130
 
 
 class Recorder:
-    """Records what the unit under test sends, every byte of it.
+    """Records every byte that the unit under test sends.
 
-    links : where each of its links is, by name; session : the session folder, None before ``start``
+    links : address of each link, by name; session : the session folder, None before ``start``
     """
 
     def __init__(self, bench: Bench) -> None:
@@ -43,19 +43,19 @@ class Recorder:
 
     @property
     def run_dir(self) -> Path:
-        """Where ``fti watch`` finds it."""
+        """Its run directory, as for ``fti watch``."""
         return self._bench.run_folder / "run"
 
     def start(self, config: str | Path, *, real_ports: bool = False) -> None:
         """Record the links of a configuration.
 
-        config : links, on which the unit sends, and devices, which say how its bytes are understood; UDP links get
-        free ports of loopback, and the unit's end of a serial line or an slcan adapter is a pty
-        real_ports : serial lines and slcan adapters are opened where the configuration has them
-        Raises MissingError or ConfigError in one sentence, BenchError when the recorder does not start.
+        config : output links of the unit, and devices, which define the drivers for its bytes; UDP links get free
+        ports of loopback, and the unit's end of a serial line or an slcan adapter is a pty
+        real_ports : open serial lines and slcan adapters at the configured ports
+        Raises MissingError or ConfigError with one sentence, BenchError when the recorder does not start.
         """
         if self.process:
-            raise BenchError("the recorder of this bench was started already")
+            raise BenchError("the recorder of this bench was already started")
         bench = self._bench
         loaded = configuration.load(config)
         bind_devices(loaded)
@@ -71,14 +71,14 @@ class Recorder:
             self._cables = [PtyPair((unit_ends / name, own_ends / name)) for name in lines]
             command += ["--links", str(own_ends)] * bool(lines)
         self.process = BenchProcess("recorder", "recorder", command, bench.folder, environment=quiet_environment())
-        told = self.run_dir / INFO
-        bench.wait_for(told.is_file, TIMEOUT_START_S, lambda: "the recorder")
-        self.session = Path(json.loads(told.read_text())["session"])
+        info_file = self.run_dir / INFO
+        bench.wait_for(info_file.is_file, TIMEOUT_START_S, lambda: "the recorder")
+        self.session = Path(json.loads(info_file.read_text())["session"])
 
     def end(self) -> None:
         """End the recording and move the truth of the flight into it.
 
-        Raises BenchError when not everything was recorded.
+        Raises BenchError when the recording is incomplete.
         """
         process, truth = self.process, self._bench.emulator.truth
         if process is None or self._has_ended:

@@ -1,7 +1,7 @@
-"""The topics of a session, every message of them.
+"""The topics of a session with all of their messages.
 
-The recorder keeps measurements at most 25 times a second; here they are decoded again from the raw bytes, so that an
-assertion looks at each.  Outputs, events and health are taken as they were recorded.
+The derived file has measurements at most 25 times a second; this module decodes them again from the raw bytes, so that
+an assertion checks each.  Outputs, events and health are read from the recording.
 """
 
 from __future__ import annotations
@@ -46,6 +46,6 @@ class SessionTopics:
         return sorted({*self._measurements, *(topic for topic, *_ in self._recording.messages(kind="derived"))})
 
     def series(self, topic: str) -> TopicSeries:
-        """The messages of a topic; none where there is no such topic."""
+        """The messages of a topic; empty where it does not exist."""
         found = self._measurements.get(topic)
         return found if found is not None else read_series(self._recording, [topic])[topic]

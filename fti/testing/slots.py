@@ -1,4 +1,4 @@
-"""How many flights are under way at a time on this machine: real-time flights that share too few cores are late."""
+"""Limit of simultaneous flights on this machine: real-time flights that share too few cores are late."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 POLL_S = 0.2
-#: Cores that a flight needs: emulator and recorder beside the unit under test.
+#: Cores of a flight: for emulator, recorder and the unit under test.
 CORES_OF_A_FLIGHT = 2
 
 
@@ -24,9 +24,9 @@ class FlightSlots:
 
     @contextlib.contextmanager
     def hold(self) -> Iterator[None]:
-        """Wait for a free slot and hold it; it is free again when this process ends, however it does.
+        """Wait for a free slot and hold it; the kernel frees it when this process ends.
 
-        A test that flies two benches at once has one slot for both: it would wait for itself.
+        A test with two simultaneous benches has one slot for both; otherwise it would wait for itself.
         """
         with self._one() if not self._holders else contextlib.nullcontext():
             self._holders += 1

@@ -1,6 +1,6 @@
-"""Tables as TOML text: scenarios and configurations that exist in memory, for programs that read files.
+"""Tables as TOML text: writes scenarios and configurations from memory for programs that read files.
 
-Each key of the first level is one line; what is below it is inline.  It is read by programs, hardly by people.
+Each key of the first level is one line; its value is inline.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from typing import Any
 
 
 def toml_text(table: Mapping[str, Any]) -> str:
-    """A TOML document; values are texts, numbers, truth values, lists and tables of them.  Raises ValueError."""
+    """A TOML document; values are strings, numbers, booleans, lists and tables of them.  Raises ValueError."""
     return "".join(f"{_text(key)} = {_value(value)}\n" for key, value in table.items())
 
 
@@ -30,5 +30,5 @@ def _value(value: Any) -> str:
 
 
 def _text(text: str) -> str:
-    """A basic string: JSON's escapes, and DEL, which JSON lets stand."""
+    """A basic string: the escapes of JSON, and DEL, which JSON does not escape."""
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")

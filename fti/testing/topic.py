@@ -1,7 +1,7 @@
 """Assertions on the messages of one topic, over an interval of the flight.
 
-Times are seconds of the flight; quantities are SI and radians.  What is wrong is an AssertionError with topic,
-quantity, limit, what was found, the time of the worst, and the session folder.
+Times are seconds of the flight; quantities are SI and radians.  A failure is an AssertionError with topic, quantity,
+limit, measured value, time of the largest deviation, and session folder.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 
 class FlightContext(NamedTuple):
-    """What all topics of a flight share.  circumstances : what stands below the message of each failure"""
+    """Shared by all topics of a flight.  failure_context : text below each failure message"""
 
     truth: TruthTable
     faults: Sequence[Fault]
@@ -46,10 +46,10 @@ class Topic:
         self._truth, self._faults, self._failure_context = background
         self.from_s, self.until_s = interval
         t_s = self._truth.seconds(series.log_ns)
-        wanted = (t_s >= self.from_s) & (t_s <= self.until_s)
+        selected = (t_s >= self.from_s) & (t_s <= self.until_s)
         for key, value in where.items():
-            wanted &= np.array([one == value for one in series.values(key)], dtype=bool)
-        self.series, self.times_s = series.pick(wanted), t_s[wanted]
+            selected &= np.array([one == value for one in series.values(key)], dtype=bool)
+        self.series, self.times_s = series.pick(selected), t_s[selected]
 
     def __len__(self) -> int:
         return len(self.series)
@@ -59,38 +59,38 @@ class Topic:
         """The messages as tables."""
         return self.series.rows
 
-    # --------------------------------------------------------------------------------------------------- when they came
+    # --------------------------------------------------------------------------------------------------- arrival times
 
     def assert_rate(self, at_least_hz: float, at_most_hz: float | None = None) -> None:
         """Messages come at a mean rate within these limits [Hz]."""
         __tracebackhide__ = True
         rate = len(self) / (self.until_s - self.from_s)
         if rate < at_least_hz or (at_most_hz is not None and rate > at_most_hz):
-            most = "" if at_most_hz is None else f", at most {at_most_hz:g} Hz"
+            upper = "" if at_most_hz is None else f", at most {at_most_hz:g} Hz"
             gap, at_s = self._longest_gap()
             self._fail(
-                f"rate {rate:.2f} Hz ({len(self)} messages); limit at least {at_least_hz:g} Hz{most}; "
+                f"rate {rate:.2f} Hz ({len(self)} messages); limit at least {at_least_hz:g} Hz{upper}; "
                 f"longest gap {gap:.3f} s, from {at_s:.2f} s on"
             )
 
     def assert_longest_gap(self, limit_s: float) -> None:
-        """Between messages, and between them and both ends of the interval, there is never a longer gap [s]."""
+        """No gap between messages, or between them and an end of the interval, is longer [s]."""
         __tracebackhide__ = True
         gap, at_s = self._longest_gap()
         if gap > limit_s:
             self._fail(f"longest gap {gap:.3f} s, from {at_s:.2f} s on; limit {limit_s:g} s")
 
     def _longest_gap(self) -> tuple[float, float]:
-        """How long, and from when on [s]."""
+        """Length and begin of the longest gap [s]."""
         edges = np.array([self.from_s, *self.times_s, self.until_s])
         gaps = np.diff(edges)
         k = int(np.argmax(gaps))
         return float(gaps[k]), float(edges[k])
 
-    # --------------------------------------------------------------------------------------------------- what they say
+    # --------------------------------------------------------------------------------------------------------- content
 
     def assert_valid_share(self, at_least: float) -> None:
-        """At least this share (0 to 1) of the messages declares itself valid."""
+        """At least this share (0 to 1) of the messages is flagged valid."""
         __tracebackhide__ = True
         self._assert_any(self.series)
         valid = self.series.valid
@@ -98,17 +98,17 @@ class Topic:
         if share < at_least:
             first_s = float(self.times_s[~valid][0])
             self._fail(
-                f"{share:.1%} of {len(self)} messages are valid; limit at least {at_least:.1%}; the first that is not "
-                f"came at {first_s:.2f} s"
+                f"{share:.1%} of {len(self)} messages are valid; limit at least {at_least:.1%}; first invalid message "
+                f"at {first_s:.2f} s"
             )
 
     def assert_error(self, quantity: str, limit: float, *, truth: str | None = None, share: float = 1.0) -> None:
         """The error against the ground truth is within +-limit in this share (0 to 1) of the valid messages.
 
-        A message is compared with the truth at its time of validity; that of the unit's own delay is an error of the
-        unit, unless the recorder's configuration states it (``latency_ms``, or the time in the message).
+        A message is compared with the truth at its time of validity; a delay of the unit is an error of the unit,
+        unless the recorder's configuration states it (``latency_ms``, or the time in the message).
         limit : in SI, angles in rad, lat and lon in metres along the ground
-        truth : quantity of the truth file (``fti.hil.truth_log.QUANTITIES``); None : that of the same name
+        truth : quantity of the truth file (``fti.hil.truth_log.QUANTITIES``); None : the same name
         """
         __tracebackhide__ = True
         found = self._compare(quantity, truth)
@@ -121,9 +121,9 @@ class Topic:
         __tracebackhide__ = True
         found = self._compare(quantity, truth)
         stated = self.series.column(sd)[found.rows]
-        without = np.flatnonzero(~(stated > 0.0))
-        if len(without):
-            self._fail(f"{quantity}: {len(without)} messages state no {sd}, the first at {found.t_s[without[0]]:.2f} s")
+        missing = np.flatnonzero(~(stated > 0.0))
+        if len(missing):
+            self._fail(f"{quantity}: {len(missing)} messages state no {sd}, the first at {found.t_s[missing[0]]:.2f} s")
         self._judge(quantity, found, k * stated, share, f"{k:g} {sd} = ")
 
     def _compare(self, quantity: str, truth: str | None) -> TruthDeviations:
@@ -131,18 +131,18 @@ class Topic:
         self._assert_any(self.series)
         fields = sorted({name for row in self.rows for name in row if name != "stamp"})
         if quantity not in fields:
-            self._fail(f"no message has a field {quantity!r}; they have {', '.join(fields)}")
+            self._fail(f"no message has a field {quantity!r}; fields: {', '.join(fields)}")
         found = compare(self.series, quantity, self._truth, truth)
         if found.name not in self._truth.columns:
-            there = ", ".join(self._truth.columns)
-            self._fail(f"{quantity}: the truth knows no {found.name!r}; name one of them with truth=: {there}")
+            names = ", ".join(self._truth.columns)
+            self._fail(f"{quantity}: the truth has no {found.name!r}; select a quantity with truth=: {names}")
         if not len(found.error):
             valid = int(self.series.valid.sum())
             self._fail(f"{quantity}: nothing to compare: {valid} of {len(self)} messages are valid, none with a number")
         return found
 
     def _judge(self, quantity: str, found: TruthDeviations, limits: Array, share: float, factor: str = "") -> None:
-        """limits : of each message, shape (n,); factor : of which they are made, where they differ"""
+        """limits : of each message, shape (n,); factor : text of the factor, where they differ"""
         __tracebackhide__ = True
         beyond = ~(np.abs(found.error) <= limits)
         if 1.0 - float(beyond.mean()) >= share:
@@ -167,7 +167,7 @@ class Topic:
         fault: int | None = None,
         cause_s: tuple[float, float] | None = None,
     ) -> None:
-        """A flag is raised in time after its cause begins, not before, and is gone in time after the cause ends.
+        """A flag is raised in time after its cause begins, not before, and cleared in time after the cause ends.
 
         flag : a word in the ``flags`` or ``reasons`` of a message, or a condition: ``lambda row: not row["valid"]``
         raised_within_s, cleared_within_s : after begin and end of the cause; None : it may stay
@@ -177,20 +177,20 @@ class Topic:
         begin_s, end_s = self._cause(fault, cause_s)
         spans, name = spans_of(self.times_s.tolist(), self.rows, flag), f"flag {show(flag)}"
         due_s = begin_s + raised_within_s
-        standing = next((span for span in spans if span.from_s <= due_s and span.until_s > begin_s), None)
-        if standing is None:
+        raised = next((span for span in spans if span.from_s <= due_s and span.until_s > begin_s), None)
+        if raised is None:
             later = [f"; it was raised at {span.from_s:.2f} s" for span in spans if span.from_s > due_s]
-            said = later[0] if later else "; it never was" if not spans else ""
-            self._fail(f"{name}: not raised between {begin_s:.2f} s and {due_s:.2f} s{said}")
-        if standing.from_s < begin_s:
-            self._fail(f"{name}: raised at {standing.from_s:.2f} s, before its cause at {begin_s:.2f} s")
+            remark = later[0] if later else "; it was never raised" if not spans else ""
+            self._fail(f"{name}: not raised between {begin_s:.2f} s and {due_s:.2f} s{remark}")
+        if raised.from_s < begin_s:
+            self._fail(f"{name}: raised at {raised.from_s:.2f} s, before its cause at {begin_s:.2f} s")
         if cleared_within_s is None:
             return
         for span in spans:
             if span.until_s > end_s + cleared_within_s and span.from_s >= begin_s:
-                gone = "is not cleared" if span.until_s == float("inf") else f"is cleared at {span.until_s:.2f} s"
+                end = "is not cleared" if span.until_s == float("inf") else f"is cleared at {span.until_s:.2f} s"
                 self._fail(
-                    f"{name}: raised at {span.from_s:.2f} s, {gone}; its cause ended at {end_s:.2f} s, limit "
+                    f"{name}: raised at {span.from_s:.2f} s, {end}; its cause ended at {end_s:.2f} s, limit "
                     f"{cleared_within_s:g} s after it"
                 )
 

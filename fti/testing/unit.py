@@ -23,15 +23,15 @@ TIMEOUT_END_S = 5.0
 class UnitUnderTest:
     """The programs of the unit under test.
 
-    Arguments and environment may have placeholders, for each link of emulator and recorder by its name:
+    Arguments and environment may have placeholders for each link of emulator and recorder:
     ``{emulator.LINK.path}`` (device file of a serial line or an slcan adapter), ``{emulator.LINK.port}`` (UDP port that
-    the unit binds), ``{recorder.LINK.port}`` (to which it sends), ``.host``, ``.peer_port``.  A brace is written twice.
+    the unit binds), ``{recorder.LINK.port}`` (to which it sends), ``.host``, ``.peer_port``.  Write a brace twice.
     """
 
     def __init__(self, bench: Bench) -> None:
         self._bench = bench
         self.programs: list[BenchProcess] = []
-        self._ways_to_end: list[tuple[BenchProcess, int, float]] = []
+        self._end_methods: list[tuple[BenchProcess, int, float]] = []
 
     def start(
         self,
@@ -48,11 +48,11 @@ class UnitUnderTest:
     ) -> BenchProcess:
         """Start a program and wait until it is ready; several calls start several programs.
 
-        env : beside the variables of this process
+        env : in addition to the variables of this process
         ready_text : the program is ready when it has written this on stdout or stderr
         ready_udp_port, ready_tcp_port : ... when it has bound this port of loopback; a number or a placeholder
-        end_signal, end_within_s : how it is ended; when it has not ended so long after the signal, it is killed, which
-        is a ``UnitKilledWarning``
+        end_signal, end_within_s : signal that ends it, and timeout after which it is killed with a
+        ``UnitKilledWarning``
         Raises BenchError with its last lines when it ends or is not ready in time.
         """
         arguments = [self._fill_placeholders(str(part)) for part in command]
@@ -68,7 +68,7 @@ class UnitUnderTest:
             cwd=None if cwd is None else Path(cwd),
         )
         self.programs.append(program)
-        self._ways_to_end.append((program, end_signal, end_within_s))
+        self._end_methods.append((program, end_signal, end_within_s))
         udp, tcp = (self._port(port) for port in (ready_udp_port, ready_tcp_port))
 
         def is_ready() -> bool:
@@ -78,30 +78,30 @@ class UnitUnderTest:
                 and (tcp is None or is_tcp_port_open(tcp))
             )
 
-        wanted = {"text": ready_text, "UDP port": udp, "TCP port": tcp}
-        what = ", ".join(f"{kind} {value!r}" for kind, value in wanted.items() if value is not None)
-        self._bench.wait_for(is_ready, ready_within_s, lambda: f"{what} of {title}\n{program.last_lines()}")
+        conditions = {"text": ready_text, "UDP port": udp, "TCP port": tcp}
+        text = ", ".join(f"{kind} {value!r}" for kind, value in conditions.items() if value is not None)
+        self._bench.wait_for(is_ready, ready_within_s, lambda: f"{text} of {title}\n{program.last_lines()}")
         return program
 
     def _port(self, port: str | int | None) -> int | None:
         return None if port is None else int(self._fill_placeholders(str(port)))
 
     def _fill_placeholders(self, text: str) -> str:
-        """A text with its placeholders filled in.  Raises BenchError, which names the links that there are."""
+        """A text with its placeholders filled in.  Raises BenchError, which names the existing links."""
         try:
             return text.format(**self._bench.placeholders)
         except (AttributeError, KeyError, IndexError, ValueError) as error:
             links = [f"{part}.{name}" for part, found in self._bench.placeholders.items() for name in vars(found)]
             raise BenchError(
-                f"{text!r}: is no valid placeholder ({error}); there are {', '.join(links) or 'no links yet'}, each "
-                "with .path, .host, .port and .peer_port; a brace is written twice"
+                f"{text!r}: invalid placeholder ({error}); links: {', '.join(links) or 'none yet'}, each with .path, "
+                ".host, .port and .peer_port; write a brace twice"
             ) from None
 
     def end(self) -> None:
-        """End every program: by its signal, or by SIGKILL when that is not enough."""
-        for program, number, timeout_s in self._ways_to_end:
+        """End every program: by its signal, or by SIGKILL after the timeout."""
+        for program, number, timeout_s in self._end_methods:
             program.end(number, timeout_s)
             if program.was_killed:
-                said = f"{program.title} did not end within {timeout_s:g} s of {signal.Signals(number).name}; killed"
-                warnings.warn(said, UnitKilledWarning, stacklevel=2)
-        self._ways_to_end.clear()
+                text = f"{program.title} did not end within {timeout_s:g} s of {signal.Signals(number).name}; killed"
+                warnings.warn(text, UnitKilledWarning, stacklevel=2)
+        self._end_methods.clear()

@@ -1,9 +1,9 @@
-"""What a page may ask for: a mark, a snapshot (a mark that triggers), a command to a device, or to acknowledge alarms.
+"""Commands of the page: mark, snapshot (a mark that triggers), command to a device, acknowledgement of alarms.
 
-Bounded in size and rate, and only with the key of this start, which the owner of the daemon alone can read.
+They are limited in size and rate, and need the key of this start, which only the owner of the daemon can read.
 
-Every program of this machine can open the WebSocket and claim any Origin, so neither is a permission.  A page has the
-key from the address that its owner opened; one without it only shows.  ``check`` asks whether a key fits.
+Every program of this machine can open the WebSocket and send any Origin, so neither is a permission.  A page has the
+key from the address that its owner opened; a page without it is read-only.  ``check`` tests a key.
 """
 
 from __future__ import annotations
@@ -17,34 +17,34 @@ from typing import Any
 
 MAX_TEXT_CHARS = 200
 MAX_PER_SECOND = 5
-#: A connection that has shown so many keys that do not fit is closed.
+#: A connection is closed after this number of wrong keys.
 MAX_WRONG_KEYS = 3
 NS_PER_S = 1_000_000_000
-#: Command of the page to what the daemon is told beside the text of a mark.
+#: Commands of the page, with further fields of the message to the daemon.
 MARKS: dict[str, dict[str, bool]] = {"mark": {}, "snapshot": {"trigger": True}}
-UNKNOWN_COMMAND = "there is no such command"
+UNKNOWN_COMMAND = "unknown command"
 CHECK = "check"
 WITHOUT_KEY = "view only; to control: fti page"
 WRONG_KEY = "the key is old; to control: fti page"
-#: Hands a command to the daemon; False when it cannot be reached.
+#: Sends a command to the daemon; False when it cannot be reached.
 Send = Callable[[Mapping[str, Any]], bool]
 
 
 @dataclass(slots=True)
 class PageClient:
-    """A connected page.  user : whose program it is, as far as that is known; wrong_keys : how many it has shown"""
+    """A connected page.  user : user of its program, if known; wrong_keys : number of wrong keys"""
 
     user: str
     wrong_keys: int = 0
 
     @property
     def is_refused(self) -> bool:
-        """It has shown too many."""
+        """It has sent too many wrong keys."""
         return self.wrong_keys >= MAX_WRONG_KEYS
 
 
 class CommandGate:
-    """Takes the messages of all pages together.  key : with which they may command; now_ns : monotonic clock."""
+    """Handles the messages of all pages.  key : the command key; now_ns : monotonic clock"""
 
     def __init__(self, key: str, send: Send, now_ns: Callable[[], int]) -> None:
         self._key = key.encode()
@@ -53,7 +53,7 @@ class CommandGate:
         self._taken: deque[int] = deque(maxlen=MAX_PER_SECOND)
 
     def handle_message(self, message: str, client: PageClient) -> dict[str, Any] | None:
-        """Do what a message says; ``{"type": "answer", "id", "fault"}``, or None when it is no command."""
+        """Execute a message; returns ``{"type": "answer", "id", "fault"}``, or None if it is not a command."""
         try:
             command = json.loads(message)
         except (ValueError, RecursionError):
@@ -63,7 +63,7 @@ class CommandGate:
         return {"type": "answer", "id": command.get("id"), "fault": self._refusal(command, client)}
 
     def _refusal(self, command: Mapping[str, Any], client: PageClient) -> str | None:
-        """Why a command is refused; None when it was handed on."""
+        """Why a command is refused; None when it was sent to the daemon."""
         if fault := self._fault_of_key(command.get("key"), client):
             return fault
         if command["command"] == CHECK:
@@ -71,12 +71,12 @@ class CommandGate:
         found = READERS.get(str(command["command"]), read_mark)(command, client.user)
         if isinstance(found, str):
             return found
-        if not self._has_room():
-            return f"more than {MAX_PER_SECOND} marks or commands in a second"
-        return None if self._send(found) else "the daemon does not listen"
+        if not self._is_within_rate():
+            return f"more than {MAX_PER_SECOND} marks or commands per second"
+        return None if self._send(found) else "the daemon cannot be reached"
 
     def _fault_of_key(self, key: object, client: PageClient) -> str | None:
-        """Why a client may not command; one that has shown too many keys may not any more."""
+        """Why a client may not command; None with the right key, unless it has sent too many wrong ones."""
         if not isinstance(key, str) or not key:
             return WITHOUT_KEY
         if not client.is_refused and hmac.compare_digest(key.encode(errors="replace"), self._key):
@@ -84,8 +84,8 @@ class CommandGate:
         client.wrong_keys += 1
         return WRONG_KEY
 
-    def _has_room(self) -> bool:
-        """Count a command, unless the last second was full of them."""
+    def _is_within_rate(self) -> bool:
+        """Count a command, unless the rate limit is reached."""
         now = self._now_ns()
         if len(self._taken) == MAX_PER_SECOND and now - self._taken[0] < NS_PER_S:
             return False
@@ -94,7 +94,7 @@ class CommandGate:
 
 
 def read_mark(command: Mapping[str, Any], user: str) -> dict[str, Any] | str:
-    """A mark as the daemon takes it, or why it is none.  user : whose browser it comes from"""
+    """The message to the daemon for a mark, or its error.  user : user of the browser"""
     text, name = clean_text(command.get("text")), command["command"]
     if not isinstance(name, str) or name not in MARKS or text is None:
         return UNKNOWN_COMMAND
@@ -102,10 +102,10 @@ def read_mark(command: Mapping[str, Any], user: str) -> dict[str, Any] | str:
 
 
 def read_device_command(command: Mapping[str, Any], user: str) -> dict[str, Any] | str:
-    """A command to a device, ``{device, name, args, request}``, as the daemon takes it, or why it is none.
+    """The message to the daemon for a command to a device, ``{device, name, args, request}``, or its error.
 
-    request : the page's number of it, made once for each click; the daemon sends the same one once
-    user    : whose browser it comes from
+    request : identifier chosen by the page for each click; the daemon sends a repetition only once
+    user    : user of the browser
     """
     texts = {key: command.get(source) for key, source in (("id", "request"), ("device", "device"), ("command", "name"))}
     args = command.get("args")
@@ -115,19 +115,19 @@ def read_device_command(command: Mapping[str, Any], user: str) -> dict[str, Any]
 
 
 def read_acknowledgement(command: Mapping[str, Any], user: str) -> dict[str, Any] | str:
-    """The identity of an alarm, or None for all, as the daemon takes it; or why it is none.  user : who has seen it"""
+    """The message to the daemon for the acknowledgement of an alarm, or of all (None), or its error."""
     alarm_id = command.get("alarm")
     if alarm_id is not None and not (isinstance(alarm_id, str) and len(alarm_id) <= MAX_TEXT_CHARS):
         return UNKNOWN_COMMAND
     return {"acknowledge": alarm_id, "who": user}
 
 
-#: What reads a command; all others are marks.
+#: Reader of each command; all others are marks.
 READERS = {"send": read_device_command, "acknowledge": read_acknowledgement}
 
 
 def clean_text(text: object) -> str | None:
-    """A text on one line of printable characters; None when it is no text."""
+    """A text on one line of printable characters; None if it is not a text."""
     if not isinstance(text, str):
         return None
     return " ".join("".join(c if c.isprintable() else " " for c in text).split())
@@ -137,4 +137,4 @@ def fault_of_mark(text: str) -> str | None:
     """Why a text cannot be a mark; None when it can."""
     if 1 <= len(text) <= MAX_TEXT_CHARS:
         return None
-    return f"a mark has 1 to {MAX_TEXT_CHARS} characters, not {len(text)}"
+    return f"a mark must have 1 to {MAX_TEXT_CHARS} characters, not {len(text)}"

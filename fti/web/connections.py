@@ -1,7 +1,7 @@
 """Limits of the connections to the page, so that it stays reachable for its owner.
 
-Any process of the machine can connect and send nothing, or half of a request.  Such a connection is closed after a
-while, and the oldest ones at once when there are too many; a connection that has made a request keeps its place.
+Any process of the machine can connect without sending a complete request.  Such a connection is closed after a timeout,
+and the oldest ones at once when there are too many; connections with a request are not closed.
 """
 
 from __future__ import annotations
@@ -13,18 +13,18 @@ from aiohttp import web
 from aiohttp.typedefs import Handler, Middleware
 from aiohttp.web_protocol import RequestHandler
 
-#: A whole request comes within this time after the connection [s].
+#: Timeout of the first complete request of a connection [s].
 REQUEST_TIMEOUT_S = 5.0
-#: So many connections without a request are held at a time.
+#: Maximum number of connections without a request.
 MAX_WAITING = 64
-#: So many connections that have made a request are held at a time: a browser has six, and a socket.
+#: Maximum number of connections with a request; a browser has six and a WebSocket.
 MAX_SERVED = 128
-#: Between two looks [s].
+#: Period of the check [s].
 PERIOD_S = 0.1
 
 
 class ConnectionLimits:
-    """Closes connections of one server that make no request, and refuses requests of too many."""
+    """Closes connections of a server without a request, and refuses requests of too many connections."""
 
     def __init__(self) -> None:
         self._since: dict[RequestHandler, float] = {}
@@ -33,7 +33,7 @@ class ConnectionLimits:
 
     @property
     def note_request(self) -> Middleware:
-        """A middleware, the first one: sees every whole request, and refuses those of too many connections."""
+        """The first middleware: counts complete requests, and refuses those of too many connections."""
 
         @web.middleware
         async def note(request: web.Request, handler: Handler) -> web.StreamResponse:
@@ -49,7 +49,7 @@ class ConnectionLimits:
         self._task = asyncio.create_task(self._watch(server), name="connection-limits")
 
     def stop(self) -> None:
-        """Watch no more."""
+        """Stop watching."""
         if self._task:
             self._task.cancel()
             self._task = None
@@ -60,7 +60,7 @@ class ConnectionLimits:
             await asyncio.sleep(PERIOD_S)
 
     def check(self, connections: Collection[RequestHandler], now: float) -> None:
-        """Close what has waited too long, and the oldest of too many.  now : time of the loop [s]"""
+        """Close connections after the timeout, and the oldest of too many.  now : time of the loop [s]"""
         self._served.intersection_update(connections)
         waiting = [one for one in connections if one not in self._served]
         self._since = {one: self._since.get(one, now) for one in waiting}

@@ -1,4 +1,4 @@
-"""The last two minutes of what is plotted, thinned to five rows a second, on one time axis."""
+"""History of the plotted values: the last two minutes, five rows per second, on one time axis."""
 
 from __future__ import annotations
 
@@ -8,20 +8,20 @@ from typing import Any
 
 SPAN_NS = 120_000_000_000
 PERIOD_NS = 200_000_000
-GAP_NS = 1_000_000_000  # a longer silence is a gap in the lines
+GAP_NS = 1_000_000_000  # a longer interruption is a gap in the lines
 HEIGHT = "/nav/height_above_ground/"
 GLIDE = "/nav/glide_slope"
 
 
 class History:
-    """Rows of ``{series: value}``; a series is ``topic:field``, a value that is not valid is None."""
+    """Rows of ``{series: value}``; a series is ``topic:field``, an invalid value is None."""
 
     def __init__(self) -> None:
         self._rows: deque[tuple[int, dict[str, float | None]]] = deque()
         self._now: dict[str, float | None] = {}
 
     def update(self, topic: str, fields: Mapping[str, Any]) -> None:
-        """Take one output; a row is added when the last one is old enough."""
+        """Handle an output; add a row if the last one is old enough."""
         if not topic.startswith((HEIGHT, GLIDE)) or not isinstance(fields.get("t_ns"), int):
             return
         self._now |= _values(topic, fields)

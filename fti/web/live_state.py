@@ -1,9 +1,9 @@
-"""What a display knows: the latest of every topic, how old it is now, and what a person must be told at once.
+"""State of a display: the latest message of every topic with its present age, events and alarms.
 
-Fed from any thread; without clock, port or thread of its own.  ``now_ns`` is monotonic time [ns] throughout.
-Alarms are the daemon's: a display decides none, but that it hears nothing from the daemon.
-A value that lies here grows older: ``age_ms`` = age when it was published + time since it arrived.  Above its own
-``max_age_ms``, or when navigation or the daemon has stopped, it is late for every consumer, and late is not valid.
+May be fed from any thread; has no clock, port or thread.  ``now_ns`` is monotonic time [ns] throughout.
+Alarms come from the daemon; a display adds only one, when the daemon is silent.
+Values age: ``age_ms`` = age at publication + time since arrival.  Above its ``max_age_ms``, or when navigation or the
+daemon has stopped, a value is late for every consumer, and a late value is not valid.
 """
 
 from __future__ import annotations
@@ -27,48 +27,48 @@ NS_PER_MS = 1_000_000
 MAX_EVENTS = 50
 MAX_TOPICS = 256
 DEFAULT_MAX_AGE_MS = 1000.0
-#: The daemon publishes health twice a second; one that has been silent for longer has stopped, as far as is known here.
+#: The daemon publishes health twice a second; after this silence it counts as stopped.
 HEALTH_LIMIT_MS = 2000.0
-#: While one of these alarms lasts, no output is in time.
+#: While one of these alarms is active, all outputs are late.
 OUTPUT_STOPPING_ALARMS = frozenset({"navigation", "daemon"})
-#: Without these a message is not of an emulator.
+#: Required fields of a message of an emulator.
 HIL_FIELDS = frozenset(("scenario", "flight_s", "duration_s", "devices", "faults", "supply_v", "lateness", "holds"))
-#: Fields of the navigation solution that hold reasons of its attitude.
+#: Fields of the navigation solution with reasons of its attitude.
 ATTITUDE_REASON_FIELDS = ("attitude_reasons", "attitude_unchecked")
 
 
 @dataclass(frozen=True, slots=True)
 class ReceivedMessage:
-    """A message and the moment of its arrival."""
+    """A message and its arrival time."""
 
     fields: Fields
     at_ns: int
 
     def elapsed_ms(self, now_ns: int) -> float:
-        """Time since it arrived [ms]."""
+        """Time since its arrival [ms]."""
         return (now_ns - self.at_ns) / NS_PER_MS
 
     def age_ms(self, now_ns: int) -> float:
-        """Age of the value now [ms]."""
+        """Present age of the value [ms]."""
         return to_number(self.fields.get("age_ms")) + self.elapsed_ms(now_ns)
 
     def is_late(self, now_ns: int) -> bool:
-        """It was late when it was published, or has grown too old since."""
+        """It was late at publication, or has become too old since."""
         limit_ms = to_number(self.fields.get("max_age_ms"), DEFAULT_MAX_AGE_MS)
         return bool(self.fields.get("late")) or self.age_ms(now_ns) > limit_ms
 
 
 def to_number(value: object, otherwise: float = 0.0) -> float:
-    """A number from the bus, which is not trusted to be one."""
+    """A finite number from an untrusted value of the bus, or ``otherwise``."""
     try:
         found = float(value) if isinstance(value, int | float) else otherwise
-    except OverflowError:  # a whole number of hundreds of digits
+    except OverflowError:  # an integer beyond the range of float
         return otherwise
     return found if math.isfinite(found) else otherwise
 
 
 class LiveState:
-    """The picture behind the page and ``fti watch``."""
+    """The state shown by the page and ``fti watch``."""
 
     def __init__(self, now_ns: int) -> None:
         self._lock = threading.Lock()
@@ -83,7 +83,7 @@ class LiveState:
         self._history = History()
 
     def update(self, topic: str, fields: Fields, now_ns: int) -> None:
-        """Take one message of the bus.  now_ns : when it was published, which counts as its arrival"""
+        """Handle a message of the bus.  now_ns : its publication time, used as arrival time"""
         with self._lock:
             if topic == "/health":
                 self._health = ReceivedMessage(fields, now_ns)
@@ -98,20 +98,20 @@ class LiveState:
                 self._history.update(topic, fields)
 
     def warn(self, source: str, text: str, now_ns: int) -> None:
-        """Show a warning of this display's own."""
+        """Add a warning event of this display."""
         with self._lock:
             t_ns = self._fti_time_ns(now_ns)
             self._events.append({"t_ns": t_ns, "level": "warning", "source": source, "text": text})
 
     def set_alive(self, process: str, is_alive: bool) -> None:
-        """Take what the bus says about the life of a process."""
+        """Set whether a process is alive."""
         with self._lock:
             self._alive[process] = is_alive
 
     def state(self, now_ns: int) -> dict[str, Any]:
-        """Everything that a display shows now, ready for JSON."""
+        """The complete present state, ready for JSON."""
         with self._lock:
-            alarms = [*self._judge_daemon(now_ns), *self._alarms]
+            alarms = [*self._daemon_alarms(now_ns), *self._alarms]
             stopped = any(alarm["id"] in OUTPUT_STOPPING_ALARMS and alarm["end_ns"] is None for alarm in alarms)
             stopped = stopped or not self._alive.get("navigation", True)
             health = self._health
@@ -133,18 +133,18 @@ class LiveState:
             return self._history.message()
 
     def _fti_time_ns(self, now_ns: int) -> int | None:
-        """FTI time now, counted on from the last health message."""
+        """Present FTI time, extrapolated from the last health message."""
         if self._health is None or "t_ns" not in self._health.fields:
             return None
         return int(to_number(self._health.fields["t_ns"])) + now_ns - self._health.at_ns
 
     def _silence_ms(self, now_ns: int) -> float:
-        """Time since anything arrived [ms]."""
+        """Time since the last message [ms]."""
         last = max(r.at_ns for r in (self._started, self._health, self._last_nav) if r)
         return (now_ns - last) / NS_PER_MS
 
-    def _judge_daemon(self, now_ns: int) -> Iterator[dict[str, Any]]:
-        """That the daemon says nothing any more, which it cannot say itself."""
+    def _daemon_alarms(self, now_ns: int) -> Iterator[dict[str, Any]]:
+        """The alarm that the daemon is silent."""
         silence_ms = (self._health or self._started).elapsed_ms(now_ns)
         if silence_ms <= HEALTH_LIMIT_MS and self._alive.get("supervisor", True):
             return

@@ -1,13 +1,13 @@
-"""The page's server: HTTP and one WebSocket on loopback, for its own origin alone.
+"""The server of the page: HTTP and a WebSocket on loopback, only for its own origin.
 
-``/`` is the page, ``/<file>`` its parts, all from this package and read into memory at the start.  ``/ws`` sends
-``{"type": "history"}`` once and then ``{"type": "state"}`` at 10 Hz; where commands may be sent to devices, also
-``{"type": "commands"}`` at first and after each change.  A client may only set a mark, trigger a snapshot, or send such
-a command: ``{"command": "mark" | "snapshot" | "send" | "check", ..., "key", "id"}``; the key is the owner's, and is in
-nothing that is served (see ``fti.web.commands``).
+``/`` is the page, ``/<file>`` its parts, all read into memory from this package at the start.  ``/ws`` sends
+``{"type": "history"}`` once and then ``{"type": "state"}`` at 10 Hz; if a link may transmit, also
+``{"type": "commands"}`` at first and after each change.  A client may set a mark, trigger a snapshot, send a command to
+a device, or acknowledge alarms: ``{"command": "mark" | "snapshot" | "send" | "acknowledge" | "check", ..., "key",
+"id"}``; the key is never served (see ``fti.web.commands``).
 
-A request is refused (403) when its Host is not this server on loopback (a page elsewhere whose name was made to point
-here), or when its Origin is another one; the WebSocket, which a browser lets any page open, demands an Origin.
+A request is refused (403) when its Host is not this server on loopback (DNS rebinding), or when its Origin differs; the
+WebSocket requires an Origin, because a browser lets any page open one.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ LOOPBACK = "127.0.0.1"
 NAMES = ("127.0.0.1", "localhost", "[::1]")
 PERIOD_S = 0.1
 MAX_MESSAGE_BYTES = 2048
-IDLE_S = 15.0  # a connection without a request is kept so long
+IDLE_S = 15.0  # timeout of idle keep-alive connections
 CONTENT_TYPES = {
     ".html": "text/html",
     ".css": "text/css",
@@ -55,7 +55,7 @@ CLOSED = (WSMsgType.CLOSE, WSMsgType.CLOSING, WSMsgType.CLOSED, WSMsgType.ERROR)
 
 
 def static_files() -> dict[str, tuple[bytes, str]]:
-    """Path on the server to content and content type, of everything that the page is made of."""
+    """Content and content type of all parts of the page, by path on the server."""
     root = resources.files("fti.web") / "static"
     files = {path: (entry.read_bytes(), _content_type(entry.name)) for path, entry in _walk(root, "/")}
     return files | {"/": files["/index.html"]}
@@ -74,12 +74,12 @@ def _content_type(name: str) -> str:
 
 
 def _to_json(message: Mapping[str, Any]) -> str:
-    """A message that every browser can read.  Raises ValueError for NaN, which the checks of the bus have refused."""
+    """A message as standard JSON.  Raises ValueError for NaN, which the checks of the bus exclude."""
     return json.dumps(message, allow_nan=False)
 
 
 def is_allowed(request: web.Request) -> bool:
-    """The request names this server on loopback and comes from its own page, or from no page at all."""
+    """The request is for this server on loopback, and from its own page or without a page."""
     port = request.transport.get_extra_info("sockname")[1] if request.transport else None
     host = request.headers.get("Host")
     if host not in [f"{name}:{port}" for name in NAMES]:
@@ -90,17 +90,17 @@ def is_allowed(request: web.Request) -> bool:
 
 @web.middleware
 async def guard_origin(request: web.Request, handler: Handler) -> web.StreamResponse:
-    """Refuse strangers."""
+    """Refuse requests of other origins."""
     if not is_allowed(request):
         raise web.HTTPForbidden(text="only this server's own page on loopback is served", headers=HEADERS)
     return await handler(request)
 
 
 class PageServer:
-    """Serves the page of one feed.
+    """Serves the page of one live state.
 
-    now_ns  : the monotonic clock of the feed; gate : takes commands; board : what the daemon says of them
-    user_of : whose program is connected from one address to another, our own
+    now_ns  : monotonic clock; gate : handles commands; board : state of commands to devices
+    user_of : returns the user of the program that is connected from one address to another
     """
 
     def __init__(self, feed: LiveState, now_ns: Callable[[], int], gate: CommandGate, user_of: UserLookup) -> None:
@@ -115,7 +115,7 @@ class PageServer:
         self._limits = ConnectionLimits()
 
     def make_app(self) -> web.Application:
-        """The application; ``start`` serves it."""
+        """The application that ``start`` serves."""
         app = web.Application(middlewares=[self._limits.note_request, guard_origin])
         app.router.add_get("/ws", self._serve_socket)
         app.router.add_get("/{path:.*}", self._serve_file)
@@ -148,7 +148,7 @@ class PageServer:
     async def _serve_file(self, request: web.Request) -> web.Response:
         found = self._files.get(request.path)
         if found is None:
-            raise web.HTTPNotFound(text="there is no such file", headers=HEADERS)
+            raise web.HTTPNotFound(text="no such file", headers=HEADERS)
         body, content_type = found
         charset = "utf-8" if content_type.startswith("text/") else None
         return web.Response(body=body, content_type=content_type, charset=charset, headers=HEADERS)
@@ -160,15 +160,15 @@ class PageServer:
         client = self._describe_client(request)
         try:
             await socket.send_str(_to_json(self._feed.history()))
-            shown = 0
+            sent_version = 0
             while not socket.closed:
-                if shown != self.board.version:
-                    shown = self.board.version
+                if sent_version != self.board.version:
+                    sent_version = self.board.version
                     await socket.send_str(_to_json(self.board.message()))
                 await socket.send_str(_to_json(self._feed.state(self._now_ns())))
                 await self._pause(socket, client)
         except ConnectionResetError:
-            pass  # the browser has gone
+            pass  # the browser has closed the connection
         return socket
 
     def _describe_client(self, request: web.Request) -> PageClient:
@@ -177,11 +177,11 @@ class PageServer:
         return PageClient(self._user_of(peer, here))
 
     async def _pause(self, socket: web.WebSocketResponse, client: PageClient) -> None:
-        """Wait for the next turn; commands that arrive meanwhile and a closing handshake are answered."""
+        """Wait for the next period; answer commands and a closing handshake meanwhile."""
         end = asyncio.get_running_loop().time() + PERIOD_S
-        while (left := end - asyncio.get_running_loop().time()) > 0 and not socket.closed:
+        while (remaining_s := end - asyncio.get_running_loop().time()) > 0 and not socket.closed:
             try:
-                message = await socket.receive(timeout=left)
+                message = await socket.receive(timeout=remaining_s)
             except TimeoutError:
                 return
             if message.type in CLOSED:

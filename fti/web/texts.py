@@ -1,4 +1,4 @@
-"""The words that a person reads for states; the page and the terminal say the same."""
+"""Texts for states, for the page and the terminal."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ STATES: dict[str, str] = {
     IntegrityState.OK: "ground matches the published approach",
     IntegrityState.CAUTION: "one test over its limit",
     IntegrityState.ALERT: "do not trust height or position",
-    IntegrityState.UNAVAILABLE: "monitor does not judge",
+    IntegrityState.UNAVAILABLE: "monitor not available",
 }
 
 
-#: How a session is recorded, when it is not all of it: banner and explanation.
-MODES: dict[str, tuple[str, str]] = {"snapshot": ("SNAPSHOT", "only what is around a trigger is recorded")}
+#: Recording modes other than continuous: banner and explanation.
+MODES: dict[str, tuple[str, str]] = {"snapshot": ("SNAPSHOT", "only data around a trigger are recorded")}
 CONTINUOUS = "continuous"
 
 

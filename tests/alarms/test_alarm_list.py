@@ -18,14 +18,14 @@ DEVICE = Condition("device:ins", Severity.CAUTION, "DEVICE INS SILENT", explaine
 POSITION = Condition("position", Severity.WARNING, "POSITION NOT VALID", explained_by=("device:ins", "source:ins"))
 
 
-class Kept(AlarmList):
+class RecordedAlarms(AlarmList):
     """A list with what it has recorded."""
 
     def __init__(self) -> None:
         super().__init__()
         self.recorded: list[dict[str, Any]] = []
 
-    def say(self, t_ns: int, subject: str, condition: Condition | None) -> None:
+    def report_condition(self, t_ns: int, subject: str, condition: Condition | None) -> None:
         self.report(ConditionReport(t_ns, subject, condition))
         self.recorded += self.take_changes()
 
@@ -39,9 +39,9 @@ class Kept(AlarmList):
 
 
 def test_it_stays_after_its_end_until_it_is_acknowledged() -> None:
-    alarms = Kept()
-    alarms.say(10, "integrity", ALERT)
-    alarms.say(26, "integrity", None)
+    alarms = RecordedAlarms()
+    alarms.report_condition(10, "integrity", ALERT)
+    alarms.report_condition(26, "integrity", None)
     (row,) = alarms.rows()
     assert (row["id"], row["begin_ns"], row["end_ns"], row["is_acknowledged"]) == ("integrity_alert", 10, 26, False)
     assert alarms.acknowledge("anna", 30) == 1
@@ -51,72 +51,72 @@ def test_it_stays_after_its_end_until_it_is_acknowledged() -> None:
 
 
 def test_it_stays_after_its_acknowledgement_until_it_ends() -> None:
-    alarms = Kept()
-    alarms.say(10, "integrity", ALERT)
+    alarms = RecordedAlarms()
+    alarms.report_condition(10, "integrity", ALERT)
     alarms.acknowledge("anna", 12)
     (row,) = alarms.rows()
     assert (row["end_ns"], row["is_acknowledged"], row["acknowledged_by"]) == (None, True, "anna")
-    alarms.say(20, "integrity", None)
+    alarms.report_condition(20, "integrity", None)
     assert alarms.rows() == []
 
 
 def test_another_condition_of_the_subject_ends_it_and_begins() -> None:
-    alarms = Kept()
-    alarms.say(10, "integrity", ALERT)
-    alarms.say(15, "integrity", CAUTION)
+    alarms = RecordedAlarms()
+    alarms.report_condition(10, "integrity", ALERT)
+    alarms.report_condition(15, "integrity", CAUTION)
     assert {row["id"]: row["end_ns"] for row in alarms.rows()} == {"integrity_alert": 15, "integrity_caution": None}
     assert alarms.ids == ["integrity_alert", "integrity_caution"], "a warning that nobody has seen stays above"
 
 
 def test_one_that_returns_counts_and_must_be_acknowledged_anew() -> None:
-    alarms = Kept()
+    alarms = RecordedAlarms()
     for begin in (10, 20, 30):
-        alarms.say(begin, "integrity", ALERT)
-        alarms.say(begin + 5, "integrity", None)
+        alarms.report_condition(begin, "integrity", ALERT)
+        alarms.report_condition(begin + 5, "integrity", None)
     (row,) = alarms.rows()
     assert (row["first_ns"], row["begin_ns"], row["end_ns"], row["count"]) == (10, 30, 35, 3)
-    alarms.say(40, "integrity", ALERT)
+    alarms.report_condition(40, "integrity", ALERT)
     alarms.acknowledge("anna", 41)
-    alarms.say(42, "integrity", None)
-    alarms.say(50, "integrity", ALERT)
+    alarms.report_condition(42, "integrity", None)
+    alarms.report_condition(50, "integrity", ALERT)
     (row,) = alarms.rows()
     assert (row["first_ns"], row["count"], row["is_acknowledged"]) == (50, 1, False)
 
 
 def test_the_same_condition_again_changes_its_words_and_is_not_recorded() -> None:
-    alarms = Kept()
-    alarms.say(10, "integrity", ALERT)
+    alarms = RecordedAlarms()
+    alarms.report_condition(10, "integrity", ALERT)
     before = alarms.rows()
-    alarms.say(11, "integrity", ALERT)
+    alarms.report_condition(11, "integrity", ALERT)
     assert alarms.rows() == before
-    alarms.say(12, "integrity", Condition(ALERT.id, ALERT.severity, ALERT.title, "height error"))
+    alarms.report_condition(12, "integrity", Condition(ALERT.id, ALERT.severity, ALERT.title, "height error"))
     assert alarms.rows() != before
     assert alarms.rows()[0]["cause"] == "height error"
     assert alarms.changes_of(ALERT.id) == [(10, "begins")]
 
 
 def test_a_change_of_severity_is_recorded() -> None:
-    alarms = Kept()
-    alarms.say(10, "position", POSITION)
-    alarms.say(12, "position", Condition(POSITION.id, Severity.CAUTION, POSITION.title))
+    alarms = RecordedAlarms()
+    alarms.report_condition(10, "position", POSITION)
+    alarms.report_condition(12, "position", Condition(POSITION.id, Severity.CAUTION, POSITION.title))
     assert alarms.changes_of(POSITION.id) == [(10, "begins"), (12, "changes")]
 
 
 def test_one_that_becomes_more_severe_must_be_acknowledged_anew() -> None:
-    alarms = Kept()
+    alarms = RecordedAlarms()
     lesser = Condition(POSITION.id, Severity.CAUTION, POSITION.title)
     for condition, is_acknowledged in ((lesser, True), (POSITION, False), (lesser, False)):
-        alarms.say(10, "position", condition)
+        alarms.report_condition(10, "position", condition)
         if condition is lesser and is_acknowledged:
             alarms.acknowledge("anna", 11)
         assert [row["is_acknowledged"] for row in alarms.rows()] == [is_acknowledged]
     alarms.acknowledge("anna", 12)
-    alarms.say(13, "position", lesser)
+    alarms.report_condition(13, "position", lesser)
     assert [row["is_acknowledged"] for row in alarms.rows()] == [True]
 
 
 def test_what_happened_at_a_moment_is_listed_until_it_is_acknowledged() -> None:
-    alarms = Kept()
+    alarms = RecordedAlarms()
     for t_ns in (5, 9):
         alarms.record(Condition("losses", Severity.CAUTION, "DATA LOST"), t_ns)
     (row,) = alarms.rows()
@@ -126,9 +126,9 @@ def test_what_happened_at_a_moment_is_listed_until_it_is_acknowledged() -> None:
 
 
 def test_consequences_are_shown_with_their_cause_and_make_it_as_severe() -> None:
-    alarms = Kept()
+    alarms = RecordedAlarms()
     for subject, condition in (("position", POSITION), ("device", DEVICE), ("link", LINK), ("integrity", CAUTION)):
-        alarms.say(10, subject, condition)
+        alarms.report_condition(10, subject, condition)
     first, second = alarms.rows()
     assert (first["id"], first["severity"]) == ("link:ins", "warning")
     assert {each["id"] for each in first["consequences"]} == {"device:ins", "position"}
@@ -136,19 +136,19 @@ def test_consequences_are_shown_with_their_cause_and_make_it_as_severe() -> None
 
 
 def test_a_consequence_that_outlasts_its_cause_stands_alone() -> None:
-    alarms = Kept()
+    alarms = RecordedAlarms()
     for subject, condition in (("link", LINK), ("device", DEVICE)):
-        alarms.say(10, subject, condition)
-    alarms.say(20, "link", None)
+        alarms.report_condition(10, subject, condition)
+    alarms.report_condition(20, "link", None)
     assert sorted(alarms.ids) == ["device:ins", "link:ins"]
-    alarms.say(30, "device", None)
+    alarms.report_condition(30, "device", None)
     assert alarms.ids == ["link:ins"], "both have ended"
 
 
 def test_an_alarm_is_acknowledged_with_its_consequences_and_not_with_others() -> None:
-    alarms = Kept()
+    alarms = RecordedAlarms()
     for subject, condition in (("link", LINK), ("device", DEVICE), ("integrity", CAUTION)):
-        alarms.say(10, subject, condition)
+        alarms.report_condition(10, subject, condition)
     assert alarms.acknowledge("anna", 11, "link:ins") == 2
     assert {row["id"]: row["is_acknowledged"] for row in alarms.rows()} == {
         "link:ins": True,
@@ -158,17 +158,19 @@ def test_an_alarm_is_acknowledged_with_its_consequences_and_not_with_others() ->
 
 
 def test_what_ends_by_itself_needs_no_acknowledgement() -> None:
-    alarms = Kept()
-    alarms.say(1, "terrain", Condition("terrain_loading", Severity.ADVISORY, "TERRAIN LOADING", is_latched=False))
+    alarms = RecordedAlarms()
+    alarms.report_condition(
+        1, "terrain", Condition("terrain_loading", Severity.ADVISORY, "TERRAIN LOADING", is_latched=False)
+    )
     assert alarms.ids == ["terrain_loading"]
-    alarms.say(5, "terrain", None)
+    alarms.report_condition(5, "terrain", None)
     assert alarms.ids == []
 
 
 def test_those_that_have_begun_since_a_time_are_acknowledged() -> None:
-    alarms = Kept()
-    alarms.say(10, "link", LINK)
-    alarms.say(20, "integrity", CAUTION)
+    alarms = RecordedAlarms()
+    alarms.report_condition(10, "link", LINK)
+    alarms.report_condition(20, "integrity", CAUTION)
     assert alarms.acknowledge("anna", 21, since_ns=15) == 1
     assert {row["id"]: row["is_acknowledged"] for row in alarms.rows()} == {
         "link:ins": False,
@@ -177,9 +179,9 @@ def test_those_that_have_begun_since_a_time_are_acknowledged() -> None:
 
 
 def test_causes_in_a_circle_are_shown_all_the_same() -> None:
-    alarms = Kept()
-    alarms.say(1, "a", Condition("a", Severity.CAUTION, "A", explained_by=("b",)))
-    alarms.say(1, "b", Condition("b", Severity.CAUTION, "B", explained_by=("a",)))
+    alarms = RecordedAlarms()
+    alarms.report_condition(1, "a", Condition("a", Severity.CAUTION, "A", explained_by=("b",)))
+    alarms.report_condition(1, "b", Condition("b", Severity.CAUTION, "B", explained_by=("a",)))
     shown = [each["id"] for row in alarms.rows() for each in (row, *row["consequences"])]
     assert sorted(shown) == ["a", "b"]
 

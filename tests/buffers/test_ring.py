@@ -28,7 +28,7 @@ def ring() -> Iterator[Ring]:
 
 
 def payload(seq: int) -> bytes:
-    """What a frame of that number carries, so that a mix-up shows."""
+    """Data of the frame with this number, so that a mix-up is detected."""
     return seq.to_bytes(4, "little") * (seq % 40)
 
 
@@ -118,7 +118,7 @@ def test_what_is_too_much_for_one_record_is_divided() -> None:
 
 
 def test_a_frame_that_is_too_large_is_refused_also_in_company(ring: Ring) -> None:
-    with pytest.raises(ValueError, match="allowed are 4"):
+    with pytest.raises(ValueError, match="the limit is 4"):
         ring.put_many([0] * 3, 0, [0, 1, 2], [b"", bytes(PAGE), b""])
 
 
@@ -170,7 +170,7 @@ def test_what_was_skipped_stays_skipped_for_the_next_reader(ring: Ring) -> None:
     reader = RingReader(ring)
     put(ring, *range(10))
     reader.skip()
-    assert check(RingReader(ring).read(2)) == [0, 1]  # nobody has said yet that it was skipped
+    assert check(RingReader(ring).read(2)) == [0, 1]  # the skip is not committed yet
     reader.commit()
     put(ring, 10)
     follower = RingReader(ring)
@@ -212,7 +212,7 @@ def test_damaged_memory_is_skipped_and_counted(ring: Ring) -> None:
 
 
 def test_what_does_not_fit_is_refused(ring: Ring) -> None:
-    with pytest.raises(ValueError, match="allowed are 4"):
+    with pytest.raises(ValueError, match="the limit is 4"):
         ring.put_many([0], 0, [0], [bytes(PAGE)])
     with pytest.raises(ValueError, match="at least"):
         Ring.create(100)
@@ -232,7 +232,7 @@ from fti.buffers.ring_reader import RingReader
 reader = RingReader(Ring.attach((int(sys.argv[1]), int(sys.argv[2]))))
 print("ready", flush=True)
 waits = 0
-while not reader.finished:
+while not reader.is_finished:
     if not reader.read():
         waits += 1
         reader.wait(3600)
@@ -284,19 +284,19 @@ def test_the_oldest_frame_that_waits_is_known_to_all(ring: Ring) -> None:
 def test_end_mark(ring: Ring) -> None:
     reader = RingReader(ring)
     put(ring, 1)
-    assert not ring.ended
+    assert not ring.has_ended
     ring.end()
-    assert ring.ended
-    assert not reader.finished
+    assert ring.has_ended
+    assert not reader.is_finished
     reader.read()
-    assert reader.finished
+    assert reader.is_finished
 
 
 def test_new_reader_goes_on_where_the_last_one_stopped(ring: Ring) -> None:
     put(ring, *range(10))
     first = RingReader(ring)
     assert check(first.read(4)) == [0, 1, 2, 3]
-    assert check(RingReader(ring).read(4)) == [0, 1, 2, 3]  # nobody said that they were worked on
+    assert check(RingReader(ring).read(4)) == [0, 1, 2, 3]  # the frames were not committed
     first.commit()
     assert check(RingReader(ring).read(4)) == [4, 5, 6, 7]
 
@@ -386,7 +386,7 @@ import os, sys
 from fti.buffers.ring import Ring
 from fti.buffers.ring_reader import RingReader
 reader = RingReader(Ring.attach((int(sys.argv[1]), int(sys.argv[2]))))
-while not reader.finished:
+while not reader.is_finished:
     lines = ""
     for link, seq, t, data in reader.read(50):
         assert data == seq.to_bytes(4, "little") * (seq % 40) and t == 10 * seq and link == seq % 7
@@ -465,7 +465,7 @@ def test_reader_and_writer_race(ring: Ring) -> None:
     last, found, reader = 30_000, list[int](), RingReader(ring)
     process = start(WRITER, ring, last)
     deadline = time.monotonic() + 60
-    while not reader.finished and time.monotonic() < deadline:
+    while not reader.is_finished and time.monotonic() < deadline:
         found.extend(check(reader.read(20)))
     assert process.wait() == 0
     assert found == sorted(set(found))

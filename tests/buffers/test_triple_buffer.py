@@ -1,4 +1,4 @@
-"""Triple buffer: nothing lost while it fits, then the oldest; the account always closes; nobody waits."""
+"""Triple buffer: no loss while frames fit, then the oldest are dropped; the account is exact; no blocking."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
 from fti.buffers.triple_buffer import TripleBuffer
-from fti.frame_batch import NumberedFrame, entries
+from fti.frame_batch import NumberedFrame, iter_frames
 
 
 def flush(buffer: TripleBuffer) -> list[NumberedFrame]:
     found: list[NumberedFrame] = []
-    while not buffer.empty:
-        found += entries(buffer.take())
+    while not buffer.is_empty:
+        found += iter_frames(buffer.take())
         buffer.confirm_written()
     return found
 
 
 def take(buffer: TripleBuffer) -> list[NumberedFrame]:
-    return list(entries(buffer.take()))
+    return list(iter_frames(buffer.take()))
 
 
 def test_entries_come_out_as_they_went_in() -> None:
@@ -44,7 +44,7 @@ def test_what_storage_refused_comes_again_first() -> None:
     buffer.confirm_written(1)
     assert [e[0] for e in take(buffer)] == [2]
     buffer.confirm_written()
-    assert buffer.empty
+    assert buffer.is_empty
 
 
 def test_write_queue_is_bounded_too() -> None:
@@ -61,10 +61,10 @@ def test_writer_is_called_at_the_threshold_once_per_take() -> None:
     buffer = TripleBuffer(1000, threshold=0.5, on_ready=lambda: calls.append(1))
     for i in range(4):
         buffer.put(i, 0, bytes(92))
-    assert not buffer.ready
+    assert not buffer.is_ready
     for i in range(4):
         buffer.put(i, 0, bytes(92))
-    assert buffer.ready
+    assert buffer.is_ready
     assert len(calls) == 1
     flush(buffer)
     for i in range(5):
@@ -98,15 +98,15 @@ def test_stalled_storage_loses_nothing_for_that_long_and_then_the_oldest() -> No
     assert stats.global_ == pytest.approx(1.0, abs=1e-4)
     assert stats.receive == pytest.approx(0.9, abs=1e-4)
     buffer.confirm_written()
-    kept = [e[0] for e in stuck] + [e[0] for e in flush(buffer)]
+    seqs = [e[0] for e in stuck] + [e[0] for e in flush(buffer)]
     (span,) = stats.drops
-    missing = sorted(set(range(first + survived + extra)) - set(kept))
+    missing = sorted(set(range(first + survived + extra)) - set(seqs))
     assert missing == list(range(span.first_seq, span.last_seq + 1))
     assert (span.frames, span.bytes) == (extra, extra * 33)
     assert (span.first_t_ns, span.last_t_ns) == (span.first_seq, span.last_seq)
     # what global held when it was full is older and stays: what goes is the oldest that has not been handed over
     assert span.first_seq == first + 2**19 // 41
-    assert kept[-1] == first + survived + extra - 1
+    assert seqs[-1] == first + survived + extra - 1
 
 
 def test_two_stalls_are_two_spans() -> None:
@@ -120,7 +120,7 @@ def test_two_stalls_are_two_spans() -> None:
     assert first.frames + second.frames == buffer.stats.dropped_frames
 
 
-def test_many_stalls_are_told_in_a_bounded_list() -> None:
+def test_many_stalls_are_reported_in_a_bounded_list() -> None:
     buffer = TripleBuffer(100)
     for turn in range(200):
         for seq in range(20 * turn, 20 * turn + 20):
@@ -161,7 +161,7 @@ def test_held_global_queue_costs_frames_only_when_receive_is_full() -> None:
 
 @pytest.mark.parametrize("values", [{"capacity_bytes": 0}, {"threshold": 0.0}, {"threshold": 1.1}])
 def test_senseless_sizes_are_refused(values: dict[str, float]) -> None:
-    with pytest.raises(ValueError, match="allowed are"):
+    with pytest.raises(ValueError, match="must be > 0 and"):
         TripleBuffer(**values)  # type: ignore[arg-type]
 
 
@@ -240,11 +240,11 @@ def test_two_threads_hammer_it() -> None:
 
     def write() -> None:
         dice = random.Random(1)
-        while not (done.is_set() and buffer.empty):
+        while not (done.is_set() and buffer.is_empty):
             taken = buffer.take()
             if dice.random() < 0.9:  # else storage refuses
                 buffer.confirm_written(len(taken))
-                out.extend(e[0] for e in entries(taken))
+                out.extend(e[0] for e in iter_frames(taken))
 
     threads = [threading.Thread(target=read), threading.Thread(target=write)]
     for thread in threads:
@@ -275,12 +275,12 @@ def test_together_is_as_one_by_one(batches: list[tuple[list[int], int]]) -> None
         for i, frame in enumerate(frames):
             single.put(seq + i, seq + i, frame)
         seq += len(sizes)
-        for buffer, kept in zip((together, single), out, strict=True):
+        for buffer, seqs in zip((together, single), out, strict=True):
             if turn:
                 taken = take(buffer)
                 if turn == 2:  # storage accepts
                     buffer.confirm_written()
-                    kept.extend(taken)
+                    seqs.extend(taken)
         assert together.stats == single.stats
     assert out[0] == out[1]
     assert flush(together) == flush(single)
@@ -300,7 +300,7 @@ def test_a_row_of_drops_is_handed_out_once_when_it_has_ended() -> None:
         buffer.put(seq, seq, bytes(12))
     (last,) = buffer.take_drops(final=True)
     assert span.frames + last.frames == buffer.stats.dropped_frames
-    buffer.put(40, 40, bytes(12))  # who goes on all the same is told all the same
+    buffer.put(40, 40, bytes(12))  # drops after a final take form a new span
     assert len(buffer.take_drops(final=True)) == 1
 
 

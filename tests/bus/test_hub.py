@@ -1,4 +1,4 @@
-"""The bus between real processes: of the owner alone, slowed by nobody; it survives the death of every one of them."""
+"""The bus between real processes: for the owner alone, not slowed by a client; it survives the end of each process."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ sys.stdin.read()
 
 
 class Listener:
-    """What a subscriber of this process has heard."""
+    """The messages of a subscriber of this process."""
 
     def __init__(self, path: Path) -> None:
         self.messages: list[tuple[str, bytes]] = []
@@ -119,18 +119,18 @@ def test_a_message_of_the_largest_size_arrives_whole(running: RunningHub, listen
     barrier(running, listener)
     assert listener.payloads("/health") == [large]
     assert len(running.warnings) == 1
-    assert "at most 4194304 are allowed" in running.warnings[0]
+    assert "the limit is 4194304" in running.warnings[0]
 
 
 def test_the_socket_is_its_owners_alone(path: Path) -> None:
     assert path.stat().st_mode & 0o777 == 0o600
 
 
-class Stranger:
+class ForeignPeer:
     """In place of ``Peer``: every other end belongs to another user."""
 
     @staticmethod
-    def of(sock: socket.socket) -> Peer:
+    def from_socket(sock: socket.socket) -> Peer:
         return Peer(pid=1, uid=os.getuid() + 1)
 
 
@@ -138,7 +138,7 @@ def test_another_user_is_refused_whatever_the_mode_of_the_socket(
     running: RunningHub, path: Path, listener: Listener, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     running.wait_for_subscribers(1)
-    monkeypatch.setattr(hub, "Peer", Stranger)
+    monkeypatch.setattr(hub, "Peer", ForeignPeer)
     with socket.socket(socket.AF_UNIX) as sock:
         sock.connect(str(path))
         sock.settimeout(DEADLINE_S)
@@ -147,26 +147,26 @@ def test_another_user_is_refused_whatever_the_mode_of_the_socket(
 
 
 def test_a_hub_of_another_user_is_none(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(frame, "Peer", Stranger)
+    monkeypatch.setattr(frame, "Peer", ForeignPeer)
     with pytest.raises(MissingError, match="no bus of this user"):
         Subscriber(path, "test", lambda topic, payload, sent_ns: None)
 
 
 def test_nobody_publishes_for_others(running: RunningHub, path: Path, listener: Listener) -> None:
-    emulator, stranger = Publisher(path, "emulator"), Publisher(path, "stranger")
+    emulator, unknown = Publisher(path, "emulator"), Publisher(path, "unknown")
     emulator.publish("/nav/clearance_integrity", b"ok")
     emulator.publish("/health", b"stopped")
     emulator.publish("@alive/navigation", b"0")
-    stranger.publish("/nav/clearance_integrity", b"ok")
+    unknown.publish("/nav/clearance_integrity", b"ok")
     emulator.publish("/hil", b"last")
     wait_for(lambda: listener.messages, "the message that is allowed")
     assert listener.messages == [("/hil", b"last")]
     assert set(listener.alive) == {"supervisor", "emulator"}
     wait_for(lambda: len(running.warnings) == 2, "two sentences")
-    assert "emulator: may not publish on '/nav/clearance_integrity'; such messages are thrown away" in running.warnings
-    assert "a client: 'stranger' may not publish or subscribe; the connection is closed" in running.warnings
+    assert "emulator: may not publish on '/nav/clearance_integrity'; such messages are discarded" in running.warnings
+    assert "a client: 'unknown' may not publish or subscribe; the connection is closed" in running.warnings
     emulator.close()
-    stranger.close()
+    unknown.close()
 
 
 @pytest.mark.parametrize(
@@ -196,7 +196,7 @@ def test_nonsense_ends_its_own_connection_alone(
     assert "the connection is closed" in running.warnings[0]
 
 
-def test_a_client_that_does_wrong_very_often_is_told_of_a_few_times(
+def test_a_client_that_does_wrong_very_often_is_reported_of_a_few_times(
     running: RunningHub, path: Path, listener: Listener
 ) -> None:
     for _ in range(50):
@@ -208,7 +208,7 @@ def test_a_client_that_does_wrong_very_often_is_told_of_a_few_times(
                 assert sock.recv(1) == b""
     barrier(running, listener)
     assert len(running.warnings) == hub.MAX_WARNINGS
-    assert running.warnings[-1].endswith("further warnings are left out for 10 s")
+    assert running.warnings[-1].endswith("further warnings are suppressed for 10 s")
 
 
 def test_connections_are_bounded(running: RunningHub, path: Path, listener: Listener) -> None:
@@ -257,7 +257,7 @@ def test_a_stopped_subscriber_slows_nobody_and_gets_the_newest(running: RunningH
     deaf.close()
 
 
-def test_events_are_kept_as_long_as_the_queue_lasts_and_losses_are_told(running: RunningHub, path: Path) -> None:
+def test_events_are_kept_as_long_as_the_queue_lasts_and_losses_are_reported(running: RunningHub, path: Path) -> None:
     deaf = frame.connect(path, frame.SUBSCRIBE, "deaf")
     assert deaf is not None
     reader = frame.FrameReader()
@@ -276,12 +276,12 @@ def test_events_are_kept_as_long_as_the_queue_lasts_and_losses_are_told(running:
     lost = 400 - len(events)
     assert lost > 0
     wait_for(lambda: running.warnings, "the sentence")
-    assert running.warnings == [f"deaf read too slowly: {lost} messages are lost"]
+    assert running.warnings == [f"deaf reads too slowly: {lost} messages are lost"]
     deaf.close()
     listener.subscriber.close()
 
 
-def test_killed_publisher_is_noticed_and_its_successor_heard(path: Path, listener: Listener) -> None:
+def test_killed_publisher_is_noticed_and_its_successor_received(path: Path, listener: Listener) -> None:
     for _ in range(2):
         process = start(PUBLISHER, path)
         wait_for(lambda: listener.alive.get("navigation"), "navigation appears")
@@ -325,17 +325,17 @@ def test_everyone_returns_to_a_restarted_hub(tmp_path: Path) -> None:
         listener.subscriber.close()
 
 
-def test_without_a_hub_publishing_returns_and_subscribing_says_so(tmp_path: Path) -> None:
+def test_without_a_hub_publishing_returns_and_subscribing_raises(tmp_path: Path) -> None:
     path = tmp_path / "bus.sock"
     publisher = Publisher(path, "navigation")
     for _ in range(1000):
         publisher.publish("/nav/glide_slope", b"x" * 400)
     assert publisher.lost == 1000
-    with pytest.raises(MissingError, match=f"{path}: there is no bus of this user; is the daemon running"):
+    with pytest.raises(MissingError, match=f"{path}: no bus of this user found; is the daemon running"):
         Subscriber(path, "test", lambda topic, payload, sent_ns: None)
 
 
-def test_a_failure_of_the_hub_is_told_and_it_works_on(
+def test_a_failure_of_the_hub_is_reported_and_it_works_on(
     running: RunningHub, path: Path, listener: Listener, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     spread, failed = hub.Hub._broadcast, threading.Event()
@@ -346,7 +346,7 @@ def test_a_failure_of_the_hub_is_told_and_it_works_on(
             raise RuntimeError("sick")
         spread(self, message)
 
-    monkeypatch.setattr(hub.Hub, "_spread", fail_once)
+    monkeypatch.setattr(hub.Hub, "_broadcast", fail_once)
     running.hub.publish("/health", b"lost")
     wait_for(failed.is_set, "the failure")
     barrier(running, listener)

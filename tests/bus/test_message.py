@@ -1,4 +1,4 @@
-"""The payload of the bus: ages, lateness, and nothing that JSON cannot say."""
+"""The payload of the bus: ages, lateness, and only valid JSON."""
 
 import contextlib
 import io
@@ -84,7 +84,7 @@ def refusal(topic: str, payload: bytes) -> str:
 
 
 @pytest.mark.parametrize("topic", TOPICS)
-def test_what_the_daemon_says_is_taken_as_it_is(topic: str) -> None:
+def test_messages_of_the_daemon_are_accepted_unchanged(topic: str) -> None:
     payload = message.encode_with_age(TOPICS[topic], 0, 0, MAX_AGE_MS)
     assert message.decode(topic, payload) == json.loads(payload)
 
@@ -109,7 +109,7 @@ def test_what_the_daemon_says_is_taken_as_it_is(topic: str) -> None:
         (b'"sensor":"\xff"', "is not JSON"),
         (b'"more":' + b"[" * 17 + b"]" * 17, "is nested more than 16 deep"),
         (b'"more":' + b"[" * 20000 + b"]" * 20000, "is not JSON"),
-        (b'"more":"' + b"x" * 65536 + b'"', "bytes; at most 65536 are allowed"),
+        (b'"more":"' + b"x" * 65536 + b'"', "bytes; the limit is 65536"),
     ],
 )
 def test_what_no_display_could_show_is_refused_with_the_reason(fields: bytes, why: str) -> None:
@@ -128,7 +128,7 @@ def test_a_field_that_is_missing_is_named_unless_it_came_with_a_later_version() 
 
 @pytest.mark.parametrize("topic", ["", "/", "/other", "nav", "@alive/navigation", "/nav" * 3000])
 def test_other_topics_are_refused(topic: str) -> None:
-    assert refusal(topic, b"{}") == "there is no such topic"
+    assert refusal(topic, b"{}") == "unknown topic"
 
 
 def test_an_output_of_a_later_version_is_checked_for_what_all_have() -> None:
@@ -143,7 +143,7 @@ def test_an_event_with_a_very_long_text_is_shortened_not_lost() -> None:
     assert (len(found["text"]), found["text"][-1]) == (4096, "…")
 
 
-# What JSON has, well and badly formed: an independent judge says what a display may meet.
+# Valid and invalid JSON: an independent check of the messages for a display.
 LEAVES = st.one_of(
     st.none(),
     st.booleans(),
@@ -169,7 +169,7 @@ def changed(value: Any, path: tuple[Any, ...], new: Any) -> Any:
 
 
 def show(topic: str, payload: bytes) -> None:
-    """What a display does with it, after one good message of each topic."""
+    """Feed it to a display, after one good message of each topic."""
     feed = LiveState(0)
     for known, good in TOPICS.items():
         feed.update(known, message.decode(known, message.encode_with_age(good, 0, 0, MAX_AGE_MS)), 0)

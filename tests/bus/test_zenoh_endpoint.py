@@ -87,10 +87,10 @@ def publish_until(running: RunningHub, topic: str, client: ForeignClient) -> Non
 
 
 def test_clients_read_and_what_they_send_reaches_nobody(running: RunningHub) -> None:
-    heard: list[tuple[str, bytes]] = []
+    messages: list[tuple[str, bytes]] = []
     with (
         closing(Publisher(running.hub.path, "navigation")) as navigation,
-        closing(Subscriber(running.hub.path, "page", lambda topic, payload, _: heard.append((topic, payload)))),
+        closing(Subscriber(running.hub.path, "page", lambda topic, payload, _: messages.append((topic, payload)))),
         closing(ZenohProcess(running.hub.path)) as process,
         closing(ForeignClient(describe_endpoint(process.port))) as hostile,
         closing(ForeignClient(describe_endpoint(process.port))) as reader,
@@ -108,7 +108,7 @@ def test_clients_read_and_what_they_send_reaches_nobody(running: RunningHub) -> 
         publish_until(running, "/event", reader)
         assert {payload for _, payload in reader.messages} == {b"payload", b"true"}
         assert set(reader.alive) == set(tokens)
-        assert {payload for _, payload in heard} == {b"payload", b"true"}
+        assert {payload for _, payload in messages} == {b"payload", b"true"}
         navigation.close()
         wait_for(lambda: reader.alive.get(tokens[0]) is False, "the end of navigation")
         token.undeclare()  # type: ignore[no-untyped-call]
@@ -147,7 +147,7 @@ class Failing:
         self.closed = True
 
 
-def test_a_panic_of_the_library_is_told_once_and_tried_again(
+def test_a_panic_of_the_library_is_reported_once_and_tried_again(
     running: RunningHub, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     made: list[Failing] = []
@@ -175,8 +175,8 @@ def test_a_panic_of_the_library_is_told_once_and_tried_again(
     ending.set()
     thread.join()
     assert [message["event"]["text"] for message in supervisor.receive()] == [
-        "foreign clients get nothing: PanicException: clock before 1970",
-        "foreign clients get nothing: PanicException: called `Result::unwrap()` on an `Err` value: SystemTimeError",
+        "zenoh clients receive no data: PanicException: clock before 1970",
+        "zenoh clients receive no data: PanicException: called `Result::unwrap()` on an `Err` value: SystemTimeError",
     ]
     assert len(made) == 6
     assert all(endpoint.closed for endpoint in made[1:])

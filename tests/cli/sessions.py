@@ -44,7 +44,7 @@ def record_raw(
     for seq in seqs:
         t_ns = STARTED + seq * SECOND // 50
         if not skip(seq):
-            log.frame("ins" if seq % 2 else "radar", seq, t_ns, bytes(10))
+            log.write_frame("ins" if seq % 2 else "radar", seq, t_ns, bytes(10))
         if seq % 50 == 49:
             log.flush()
     log.flush()
@@ -61,28 +61,28 @@ def record_snapshots(folder: SessionFolder, *parts: range) -> None:
     }
     log = RawLog(folder, LINKS, **keys)
     for seq in range(0, 300, 10):
-        log.tick(seq, STARTED + seq * SECOND // 50)
+        log.write_tick(seq, STARTED + seq * SECOND // 50)
     mark(log, 2.0, "flutter")
     log.close()
     for part in parts:
         shot = RawLog(folder, LINKS, kind="snapshot", **keys)
         for seq in (seq for seq in part if seq % 10):
-            shot.frame("ins" if seq % 2 else "radar", seq, STARTED + seq * SECOND // 50, bytes(10))
+            shot.write_frame("ins" if seq % 2 else "radar", seq, STARTED + seq * SECOND // 50, bytes(10))
         shot.close()
 
 
 def mark(log: RawLog, t_s: float, text: str) -> None:
     """A mark at a time after the start of the session."""
     t_ns = STARTED + round(t_s * SECOND)
-    log.json("/fti/event", t_ns, Event(t_ns=t_ns, level="info", source="mark", text=text))
+    log.write_json("/fti/event", t_ns, Event(t_ns=t_ns, level="info", source="mark", text=text))
 
 
 def record_derived(folder: SessionFolder) -> None:
     """Two inertial samples, the first unknown; a glide slope with reasons; an attitude."""
     log = DerivedLog(folder, split_s=300, split_mb=100)
-    log.measurement("imu", ImuSample(stamp=Stamp(STARTED)))
-    log.measurement("imu", ImuSample(stamp=Stamp(STARTED + SECOND), accel_b=(0.1, -0.2, 9.81)))
-    log.measurement("ins", Attitude(stamp=Stamp(STARTED + SECOND), roll=0.01, valid=True))
+    log.write_measurement("imu", ImuSample(stamp=Stamp(STARTED)))
+    log.write_measurement("imu", ImuSample(stamp=Stamp(STARTED + SECOND), accel_b=(0.1, -0.2, 9.81)))
+    log.write_measurement("ins", Attitude(stamp=Stamp(STARTED + SECOND), roll=0.01, valid=True))
     reasons = (Reason.ROLL, Reason.STALE)
-    log.output(GlideSlope(t_ns=STARTED, t_valid_ns=None, valid=False, reasons=reasons, deviation=1e-3))
+    log.write_output(GlideSlope(t_ns=STARTED, t_valid_ns=None, valid=False, reasons=reasons, deviation=1e-3))
     log.close()

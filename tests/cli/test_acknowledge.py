@@ -14,9 +14,9 @@ from fti.service.supervisor.control_socket import serve_commands
 from tests.run_dirs import running_daemon
 
 
-@pytest.mark.parametrize(("arguments", "asked"), [([], None), (["integrity_alert"], "integrity_alert")])
+@pytest.mark.parametrize(("arguments", "alarm"), [([], None), (["integrity_alert"], "integrity_alert")])
 def test_it_asks_for_one_alarm_or_for_all(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], asked: str | None
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], alarm: str | None
 ) -> None:
     commands: list[dict[str, Any]] = []
 
@@ -24,12 +24,12 @@ def test_it_asks_for_one_alarm_or_for_all(
         commands.append(command)
         return {"acknowledged": 2, "t_ns": 1}
 
-    async def beside(made: RunDirectory) -> int:
-        server = await serve_commands(made.bind(), obey, lambda unit, error: pytest.fail(f"{unit}: {error}"))
+    async def run_command(directory: RunDirectory) -> int:
+        server = await serve_commands(directory.bind(), obey, lambda unit, error: pytest.fail(f"{unit}: {error}"))
         async with server:
             return await asyncio.to_thread(main, ["acknowledge", *arguments, "--run-dir", str(tmp_path)])
 
-    with running_daemon(tmp_path) as made:
-        assert asyncio.run(beside(made)) == 0
-    assert commands == [{"acknowledge": asked}]
+    with running_daemon(tmp_path) as directory:
+        assert asyncio.run(run_command(directory)) == 0
+    assert commands == [{"acknowledge": alarm}]
     assert capsys.readouterr().out == "2 alarms acknowledged\n"

@@ -66,7 +66,7 @@ def test_lists_have_one_thing_per_line_name_first(file: Path, capsys: pytest.Cap
     assert "radar" in printed[5]
     assert "recorded, not decoded" in printed[6]
     assert "no_attitude" in printed[10]
-    assert printed[-1].endswith("links line and spare want the same port /dev/ttyUSB0")
+    assert printed[-1].endswith("links line and spare use the same port /dev/ttyUSB0")
 
 
 def test_json_is_json_only(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -82,7 +82,7 @@ def test_json_is_json_only(file: Path, capsys: pytest.CaptureFixture[str]) -> No
 
 
 @pytest.mark.parametrize(("beam_deg", "reason"), [(40, None), (25, "assumption")])
-def test_a_reference_of_another_altimeter_is_told(
+def test_a_reference_of_another_altimeter_is_reported(
     file: Path, capsys: pytest.CaptureFixture[str], beam_deg: float, reason: str | None
 ) -> None:
     altimeter = BENCH.replace("[0, 800]", f"[0, 800], beam_deg = {beam_deg}")
@@ -93,15 +93,15 @@ def test_a_reference_of_another_altimeter_is_told(
     assert main(["check", str(file)]) == 0
     (line,) = (line for line in capsys.readouterr().out.splitlines() if line.split()[0] == "approach")
     assert str(REFERENCE) in line
-    assert ("what needs it stays invalid (assumption)" in line) is (reason is not None)
+    assert ("outputs that need it stay invalid (assumption)" in line) is (reason is not None)
 
 
 def test_a_filter_on_a_device_without_inertial_data_is_refused(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file.write_text(BENCH + '\n[nav.filter]\nimu = "radar"\n')
     assert main(["check", str(file)]) == 2
-    said = capsys.readouterr().err
-    assert f"{file}: nav.filter.imu = 'radar': freeflight_ra4500 gives no inertial data" in said
-    assert said.rstrip().endswith("imar_ixcom, mavlink")
+    output = capsys.readouterr().err
+    assert f"{file}: nav.filter.imu = 'radar': freeflight_ra4500 provides no inertial data" in output
+    assert output.rstrip().endswith("imar_ixcom, mavlink")
     file.write_text(file.read_text().replace("freeflight_ra4500", "imar_ixcom"))
     assert main(["check", str(file)]) == 0
 
@@ -158,12 +158,12 @@ def test_the_worst_load_of_a_link(link: config.Link, rate_hz: float, message_byt
         (
             "[nav]",
             f'[nav]\napproach = {{ profile = "{REFERENCE}" }}',
-            "alert_v_m: 5 m is below the least protection level ",
+            "alert_v_m: 5 m is below the minimum protection level ",
         ),
         (
             "[nav]",
             "[nav]\nalert_limits = { compared = true }",
-            "nav.alert_limits.compared = true: no position would ever be valid, ",
+            "nav.alert_limits.compared = true: no position would ever be valid: ",
         ),
     ],
 )
@@ -188,19 +188,19 @@ def test_elevation_files_are_opened(file: Path, capsys: pytest.CaptureFixture[st
     write_ground(file.parent / "wgs.tif", lambda lat, lon: 500.0 + 0.0 * lat * lon, "EPSG:4979", 20, 1e-3)
     with_terrain("ellipsoid")
     assert main(["check", str(file)]) == 0
-    told = capsys.readouterr().out
+    output = capsys.readouterr().out
     assert re.search(
-        r"dem\.tif +GTiff +20 x 20 posts +10(\.\d+)? x 10(\.\d+)? m apart +ellipsoid, says the caller", told
+        r"dem\.tif +GTiff +20 x 20 posts +10(\.\d+)? x 10(\.\d+)? m apart +ellipsoid \(from the caller\)", output
     )
-    assert "ellipsoid, says its coordinate system" in told
+    assert "ellipsoid (from its coordinate system)" in output
     with_terrain("egm96")
     assert main(["check", str(file)]) == 2
-    told = capsys.readouterr().err
-    assert "nav.terrain.files[0] = " in told
-    assert "its coordinate system says ellipsoid and vertical says 'egm96'" in told
+    output = capsys.readouterr().err
+    assert "nav.terrain.files[0] = " in output
+    assert "its coordinate system states ellipsoid, but vertical is 'egm96'" in output
     (file.parent / "wgs.tif").write_text("no elevation")
     assert main(["check", str(file)]) == 2
-    assert "wgs.tif: is no elevation file that GDAL reads" in capsys.readouterr().err
+    assert "wgs.tif: is not an elevation file that GDAL can read" in capsys.readouterr().err
 
 
 def test_the_sigma_of_the_terrain_is_shown_with_its_parts(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -217,15 +217,16 @@ def test_the_sigma_of_the_terrain_is_shown_with_its_parts(file: Path, capsys: py
     terrain = '[nav]\nterrain = { files = ["dem.tif"], vertical = "ellipsoid", sd_m = 2.0 }'
     file.write_text(BENCH.replace("[nav]", terrain, 1))
     assert main(["check", str(file)]) == 0
-    told = capsys.readouterr().out
+    output = capsys.readouterr().out
     found = re.search(
-        r"posts 50 m apart +sigma (\S+) m: 2 m of the files \(sd_m\) and (\S+) m RMS of resampling them, (\S+) m", told
+        r"posts 50 m apart +sigma (\S+) m: 2 m of the files \(sd_m\) and (\S+) m RMS of resampling, (\S+) m",
+        output,
     )
-    assert found, told
-    sigma, rms, most = map(float, found.groups())
+    assert found, output
+    sigma, rms, maximum = map(float, found.groups())
     assert rms == pytest.approx(4.0 * math.sqrt(8 / 45), rel=0.06)
     assert sigma == pytest.approx(math.hypot(2.0, rms), abs=0.01)
-    assert 3.5 < most < 4.1
+    assert 3.5 < maximum < 4.1
     assert main(["check", str(file), "--json"]) == 0
     (layer,) = json.loads(capsys.readouterr().out)["terrain_layers"]
     assert layer["sigma_m"] == pytest.approx(sigma, abs=0.01)
@@ -236,29 +237,29 @@ def test_a_missing_file_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[s
     assert "none.toml: cannot be read: No such file" in capsys.readouterr().err
 
 
-def test_the_storage_plan_names_both_places_and_doubts_one_medium(
+def test_the_storage_plan_names_both_places_and_warns_of_one_medium(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "bench.toml"
     path.write_text(BENCH.replace('name = "bench"', 'name = "bench"\nfallback = "not/there/yet"'))
     assert main(["check", str(path), "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert [place["role"] for place in told["storage"]] == ["main", "fallback"]
-    assert told["storage"][1]["directory"] == str(tmp_path / "not/there/yet")
-    assert told["storage"][1]["free_mb"] > 0
-    assert any("on the same medium" in warning for warning in told["warnings"])
+    output = json.loads(capsys.readouterr().out)
+    assert [place["role"] for place in output["storage"]] == ["main", "fallback"]
+    assert output["storage"][1]["directory"] == str(tmp_path / "not/there/yet")
+    assert output["storage"][1]["free_mb"] > 0
+    assert any("on the same medium" in warning for warning in output["warnings"])
     path.write_text(BENCH.replace('name = "bench"', 'name = "bench"\ndirectory = "d"\nfallback = "./d"'))
     assert main(["check", str(path)]) == 2
     assert "session.fallback" in capsys.readouterr().err
 
 
-def test_a_device_whose_own_time_is_not_used_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_device_whose_own_time_is_not_used_is_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "bench.toml"
     path.write_text(BENCH.replace("rate_hz = 25", "rate_hz = 25\nuse_device_time = false"))
     assert main(["check", str(path), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["devices"][0]["use_device_time"] is False
     assert main(["check", str(path)]) == 0
-    assert "valid as of its arrival" in capsys.readouterr().out
+    assert "valid at arrival" in capsys.readouterr().out
     path.write_text(BENCH)
     main(["check", str(path)])
     assert "valid as of" not in capsys.readouterr().out
@@ -281,7 +282,7 @@ def test_a_computer_that_gives_sockets_little_is_a_hint(
     path = tmp_path / "c.toml"
     monkeypatch.setattr(_receive_buffer, "granted_bytes", lambda: 2 * 212_992)  # what most distributions allow
     (hint,) = hints_of(path, UDP + BUS.format("socketcan"), capsys)
-    for words in ("net, bus: ", "208 KiB", "4096", "about 512 datagrams of 100 B", "not 10082"):
+    for words in ("net, bus: ", "208 KiB", "4096", "about 512 unread datagrams of 100 B", "instead of 10082"):
         assert words in hint
     assert "sudo sysctl -w net.core.rmem_max=4194304" in hint
     assert main(["check", str(path)]) == 0
@@ -291,12 +292,12 @@ def test_a_computer_that_gives_sockets_little_is_a_hint(
     assert hints_of(path, UDP, capsys) == []
 
 
-def test_what_a_socket_gets_is_asked_of_the_kernel() -> None:
+def test_what_a_socket_gets_is_read_from_the_kernel() -> None:
     granted, limit = _receive_buffer.granted_bytes(), int(Path("/proc/sys/net/core/rmem_max").read_text())
     assert granted in (2 * min(limit, RECEIVE_BUFFER), 2 * RECEIVE_BUFFER)
 
 
-def test_it_says_how_long_the_memory_of_snapshots_holds(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_it_reports_how_long_the_memory_of_snapshots_holds(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "c.toml"
     line = '[[link]]\nname = "line"\nkind = "serial"\nport = "/dev/x"\nbaud = 115200\n'
     path.write_text(f'[session]\nname = "x"\nmode = "snapshot"\n[snapshot]\nbefore_s = 60.0\nmax_mb = 4.0\n{line}')
@@ -306,5 +307,5 @@ def test_it_says_how_long_the_memory_of_snapshots_holds(tmp_path: Path, capsys: 
     rate = 11520 + (2 * 100 + 50) * 22
     assert shot == {"before_s": 60.0, "after_s": 10.0, "max_mb": 4.0, "holds_s": round(4 * 2**20 / rate, 1)}
     assert main(["check", str(path)]) == 0
-    said = capsys.readouterr().out
-    assert "nothing but this is recorded of the links; 4 MB hold 246.4 s" in said
+    output = capsys.readouterr().out
+    assert "the links are recorded only on a trigger; 4 MB hold 246.4 s" in output

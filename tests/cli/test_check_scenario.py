@@ -109,7 +109,7 @@ def test_people_read_the_same(file: Path, capsys: pytest.CaptureFixture[str]) ->
         ('kind = "clock_drift"\ndevices = ["ins"]\nppm = 5\nfrom_s = 30\nto_s = 32', "slow drift"),
         ('kind = "brown_out"\ndevices = ["ins"]\nsupply_v = 20\nfrom_s = 30\nto_s = 32', "works at this voltage"),
         ('kind = "fog"\ndevices = ["altimeter"]\nvisibility_m = 9\nfrom_s = 3\nto_s = 9', "is not a laser altimeter"),
-        ('kind = "obstacle"\nbefore_threshold_m = 600\nright_m = 90\nheight_m = 60', "beside the track"),
+        ('kind = "obstacle"\nbefore_threshold_m = 600\nright_m = 90\nheight_m = 60', "off the track"),
     ],
 )
 def test_a_fault_that_raises_nothing_has_a_reason(
@@ -132,7 +132,7 @@ def test_who_takes_over_belongs_to_the_fault_that_takes_the_last_device(capsys: 
 def test_a_fault_behind_the_end_is_a_warning(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file.write_text(HEAD + CUT.replace("30", "90").replace("36", "99"))
     found = checked(file, capsys)
-    assert ["the flight is over after 82 s" in warning for warning in found["warnings"]] == [True]
+    assert ["the flight ends at 82 s" in warning for warning in found["warnings"]] == [True]
     assert all(flag["after_flight"] for flag in found["faults"][0]["subjects"][0]["flags"])
     printed = "\n".join(lines(found))
     assert "\nwarning: fault[0], cable cut, begins at 90 s" in printed
@@ -154,15 +154,15 @@ WAYPOINTS = "".join(
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "message"),
     [
         ("sed = 1", "sed: there is no such key; allowed here: air, airfield, "),
         ('[[fault]]\nkind = "cuts"', "fault[0]"),
-        (CUT.replace("altimeter", "laser"), "fault[0].devices: 'laser' is no device of "),
+        (CUT.replace("altimeter", "laser"), "fault[0].devices: unknown device 'laser'; "),
         (CUT.replace("to_s = 36", "to_s = 6"), "fault[0].to_s = 6.0: must be after from_s = 30.0"),
         (CUT.replace("cut", "gnss_outages"), "fault[0]"),
-        (CUT.replace('"cut"', '"clock_jump"\nby_s = 2'), "freeflight_ra4500 does not send its time; arinc429, "),
-        (CUT.replace('"cut"', '"wrong_label"'), "freeflight_ra4500 gives its messages no identifier"),
+        (CUT.replace('"cut"', '"clock_jump"\nby_s = 2'), "does not send its time; allowed: arinc429, "),
+        (CUT.replace('"cut"', '"wrong_label"'), "freeflight_ra4500 has no message identifier"),
         (
             CUT.replace('"cut"', '"bias"\nquantity = "attitude.roll"\nvalue = 1'),
             "fault[0].quantity: 'altimeter' does not measure attitude.roll; it has radio_height.height_agl",
@@ -171,17 +171,17 @@ WAYPOINTS = "".join(
         ('[[fault]]\nkind = "obstacle"\nbefore_threshold_m = 90000\nheight_m = 9', "is outside the terrain"),
         ("[sensor.altimeter]\ngrade = 1", "sensor.altimeter.grade: there is no such key; allowed here: "),
         ('[port.gnss_line]\nchannel = "vcan0"', "port.gnss_line"),
-        ('[port.nothing]\ndevice = "/dev/ttyS9"', "port: 'nothing' is no link of "),
+        ('[port.nothing]\ndevice = "/dev/ttyS9"', "port: unknown link 'nothing'; "),
         ('profile = "none.csv"', "none.csv: cannot be read: No such file"),
         ('[flight]\nkind = "recorded"\nfile = "none.csv"', "none.csv: cannot be read: No such file"),
         ('[flight]\nkind = "recorded"\nfile = "."', "holds no MCAP files"),
         (f'[flight]\nkind = "waypoints"\n{WAYPOINTS}', "m below the ground at "),
-        ('[[expect]]\nchannel = "/nav/nav_solution.speed"\nat_s = 1\nvalue = 1', "there is no field 'speed'"),
+        ('[[expect]]\nchannel = "/nav/nav_solution.speed"\nat_s = 1\nvalue = 1', "unknown field 'speed'"),
         ("[session]", "session: there is no such key"),
     ],
 )
 def test_a_mistake_is_the_sentence_with_which_the_flight_would_be_refused(
-    file: Path, capsys: pytest.CaptureFixture[str], text: str, said: str
+    file: Path, capsys: pytest.CaptureFixture[str], text: str, message: str
 ) -> None:
     file.write_text(HEAD + text)
     assert main(["check", str(file)]) == 2
@@ -189,16 +189,16 @@ def test_a_mistake_is_the_sentence_with_which_the_flight_would_be_refused(
     assert printed.out == ""
     *_, sentence = printed.err.splitlines()
     assert sentence.startswith("fti: ")
-    assert said in sentence
+    assert message in sentence
     assert main(["hil", str(file), "--links", str(file.parent / "links")]) == 2
     assert capsys.readouterr().err.splitlines()[-1] == sentence
 
 
-def test_what_a_profile_says_is_checked_with_its_line(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_a_profile_contains_is_checked_with_its_line(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file.write_text(f'{HEAD}profile = "faults.csv"')
     file.with_name("faults.csv").write_text("time, channel, fault\n3, altimeter, cut\n")
     assert main(["check", str(file)]) == 2
-    assert "faults.csv: line 2, fault = 'cut': it never ends" in capsys.readouterr().err
+    assert "faults.csv: line 2, fault = 'cut': never ends" in capsys.readouterr().err
 
 
 def test_a_missing_configuration_is_named(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -223,14 +223,14 @@ def test_missing_flight_dynamics_are_named(capsys: pytest.CaptureFixture[str], m
 # ------------------------------------------------------------------------------------- a configuration or a scenario
 
 
-def test_what_is_neither_is_told_what_each_has(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_is_neither_shows_what_each_has(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for text in ("", "[tool.ruff]\nline-length = 120\n"):
         file.write_text(text)
         assert main(["check", str(file)]) == 2
-        said = capsys.readouterr().err
-        assert said.startswith(f"fti: {file}: is neither a configuration nor a scenario: ")
-        assert "[session]" in said
-        assert "[flight]" in said
+        message = capsys.readouterr().err
+        assert message.startswith(f"fti: {file}: is neither a configuration nor a scenario: ")
+        assert "[session]" in message
+        assert "[flight]" in message
 
 
 def test_a_word_that_is_neither_a_file_nor_a_scenario_lists_the_scenarios(
@@ -238,7 +238,7 @@ def test_a_word_that_is_neither_a_file_nor_a_scenario_lists_the_scenarios(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     assert main(["check", "nomnal"]) == 2
-    assert "fti: nomnal: is neither a file nor a shipped scenario; shipped are altimeter_failure, " in (
+    assert "fti: nomnal: not a file and not a shipped scenario; shipped: altimeter_failure, " in (
         capsys.readouterr().err
     )
 
@@ -269,9 +269,9 @@ def test_what_belongs_to_a_configuration_is_refused_of_a_scenario(
     with pytest.raises(SystemExit) as ended:
         main(["check", "nominal", *options])
     assert ended.value.code == 2
-    said = capsys.readouterr().err
-    assert said.startswith("usage: fti check ")
-    assert f"error: {options[0]} belongs to a configuration, and nominal is a scenario" in said
+    message = capsys.readouterr().err
+    assert message.startswith("usage: fti check ")
+    assert f"error: {options[0]}: only with a configuration; nominal is a scenario" in message
 
 
 def test_another_configuration_belongs_to_a_scenario(capsys: pytest.CaptureFixture[str]) -> None:
@@ -279,7 +279,7 @@ def test_another_configuration_belongs_to_a_scenario(capsys: pytest.CaptureFixtu
     with pytest.raises(SystemExit) as ended:
         main(["check", demo, "--config", demo])
     assert ended.value.code == 2
-    assert "error: --config belongs to a scenario, and " in capsys.readouterr().err
+    assert "error: --config: only with a scenario; " in capsys.readouterr().err
 
 
 def test_every_promised_output_is_listed_with_its_rate(capsys: pytest.CaptureFixture[str]) -> None:

@@ -23,13 +23,13 @@ def record(folder: Path, frames: Frames) -> str:
     log = RawLog(session, [RawTopic(link, kind, {}) for link, kind in LINKS if link in frames], split_s=9, split_mb=9)
     arrived = [(link, data) for link, all_of_it in frames.items() for data in all_of_it]
     for seq, (link, data) in enumerate(arrived):
-        log.frame(link, seq, START_NS + seq, data)
-    log.sent("eth", len(arrived), START_NS, b"what was sent is not compared") if "eth" in frames else None
+        log.write_frame(link, seq, START_NS + seq, data)
+    log.write_sent("eth", len(arrived), START_NS, b"what was sent is not compared") if "eth" in frames else None
     log.close()
     return str(session.path)
 
 
-def test_the_hash_is_what_its_page_says(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_hash_is_what_its_page_reports(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["compare", record(tmp_path, FRAMES), "--json"]) == 0
     found = json.loads(capsys.readouterr().out)["links"]
     assert found["line"]["sha256"] == hashlib.sha256(b"abcdef").hexdigest()
@@ -53,10 +53,10 @@ def test_each_link_has_its_verdict(
     other: Frames, verdicts: dict[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     code = main(["compare", record(tmp_path, FRAMES), record(tmp_path, other)])
-    said = {line.split()[0]: line for line in capsys.readouterr().out.splitlines()}
-    assert said.keys() == verdicts.keys()
+    lines = {line.split()[0]: line for line in capsys.readouterr().out.splitlines()}
+    assert lines.keys() == verdicts.keys()
     for link, verdict in verdicts.items():
-        assert verdict in said[link]
+        assert verdict in lines[link]
     assert code == (0 if set(verdicts.values()) == {"EQUAL"} else 1)
 
 
@@ -73,4 +73,4 @@ def test_single_links_are_compared_alone(tmp_path: Path, capsys: pytest.CaptureF
     first, second = record(tmp_path, FRAMES), record(tmp_path, {"line": FRAMES["line"]})
     assert main(["compare", first, second, "--only", "line"]) == 0
     assert main(["compare", first, second, "--only", "eth"]) == 2
-    assert "has no link 'eth'; there are line" in capsys.readouterr().err
+    assert "no link 'eth'; links: line" in capsys.readouterr().err

@@ -21,7 +21,7 @@ def lidar(tmp_path: Path) -> str:
     return str(file)
 
 
-def test_a_capture_is_decoded_as_a_device_says(lidar: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_capture_is_decoded_as_a_device_reports(lidar: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["decode", lidar, "--config", SENSORS, "--device", "lidar", "--json"]) == 0
     lines = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
     assert lines[0]["values"]["slant_range"] == 10.0
@@ -37,7 +37,7 @@ def test_a_capture_is_decoded_as_a_device_says(lidar: str, capsys: pytest.Captur
         (("--config", SENSORS), "--config and --device go together"),
         (("--config", SENSORS, "--device", "lidar", "--driver", "mavlink"), "without --driver and --option"),
         (("--config", SENSORS, "--device", "lidar", "--option", "length=8"), "without --driver and --option"),
-        (("--config", SENSORS, "--device", "sonar"), "no device 'sonar'; there are lidar, weather"),
+        (("--config", SENSORS, "--device", "sonar"), "no device 'sonar'; configured: lidar, weather"),
         (("--config", "gone.toml", "--device", "lidar"), "gone.toml: cannot be read"),
     ],
 )

@@ -43,25 +43,28 @@ async def test_an_emulator_that_stands_still_does_not_outlive_the_demonstration(
         return emulator
 
     monkeypatch.setattr(asyncio, "create_subprocess_exec", start)
-    monkeypatch.setattr(demo, "EMULATOR_END_S", 0.01)
+    monkeypatch.setattr(demo, "EMULATOR_END_TIMEOUT_S", 0.01)
     folder = SimpleNamespace(next_path=lambda kind: tmp_path / f"{kind}.mcap")
-    told = list[str]()
-    calls = {name: partial(told.append, name) for name in ("expect_sensors", "sensors_begin", "expect_end")}
+    received = list[str]()
+    calls = {
+        name: partial(received.append, name)
+        for name in ("suppress_sensor_alarms", "resume_sensor_alarms", "expect_end")
+    }
     supervisor = cast("Supervisor", SimpleNamespace(folder=folder, run_dir=tmp_path, **calls))
     scenario, config, begun = tmp_path / "s.toml", tmp_path / "c.toml", asyncio.Event()
     flying = asyncio.create_task(demo._run_flight(scenario, config, "links", supervisor, begun.set))
     await started.wait()
     assert not begun.is_set()
-    assert told == ["expect_sensors"]
+    assert received == ["suppress_sensor_alarms"]
     emulator.stdout.feed_data(b"ready\n")
     await begun.wait()
     emulator.stdout.feed_data(b"gnss 3 messages\nover\n")
-    await until_async(lambda: len(told) == 3)
+    await until_async(lambda: len(received) == 3)
     flying.cancel()
     with pytest.raises(asyncio.CancelledError):
         await flying
     assert emulator.ended.is_set()
-    assert told == ["expect_sensors", "sensors_begin", "expect_sensors", "expect_end"]
+    assert received == ["suppress_sensor_alarms", "resume_sensor_alarms", "suppress_sensor_alarms", "expect_end"]
 
 
 async def test_the_time_runs_from_the_first_flight_on() -> None:

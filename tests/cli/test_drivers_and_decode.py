@@ -124,14 +124,14 @@ def test_lines_of_candump_are_frames() -> None:
 @pytest.mark.parametrize(
     ("args", "sentence"),
     [
-        (("decode", CAPTURE, "--driver", "canaerospace"), "is text, and not as candump -L writes it: '# "),
-        (("drivers", "nmea"), "no driver 'nmea'; there are arinc429"),
-        (("decode", CAPTURE, "--driver", "nmea"), "no driver 'nmea'; there are arinc429"),
+        (("decode", CAPTURE, "--driver", "canaerospace"), "is text but not a candump -L log: '# "),
+        (("drivers", "nmea"), "no driver 'nmea'; drivers: arinc429"),
+        (("decode", CAPTURE, "--driver", "nmea"), "no driver 'nmea'; drivers: arinc429"),
         (("decode", "no_such_file", "--driver", "nmea0183"), "no_such_file: cannot be read: No such file"),
         (("decode", CAPTURE, "--driver", "nmea0183", "--chunk", "0"), "--chunk = 0: must be 1 or more"),
         (("decode", CAPTURE, "--driver", "nmea0183", "--option", "x"), "--option = 'x': must be KEY=VALUE"),
         (("decode", CAPTURE, "--driver", "nmea0183", "--option", "x=1"), "--option: x: there is no such key"),
-        (("decode", WORDS, "--driver", "arinc429", "--option", "set=none"), "--option: labels: none are enabled"),
+        (("decode", WORDS, "--driver", "arinc429", "--option", "set=none"), "--option: labels: none enabled"),
         (("decode", VESSEL, "--driver", "canaerospace", "--option", "dbc_file=gone.dbc"), "gone.dbc: cannot be read"),
         (("decode", VESSEL, "--driver", "canaerospace", "--option", f"dbc_file={WORDS}"), "is not UTF-8 text"),
         (
@@ -154,7 +154,7 @@ def test_a_damaged_can_log_names_the_line(capsys: pytest.CaptureFixture[str], tm
     log.write_text("(1.0) can0 123#00\n(1.0) can0 123\n")
     code, _, err = run(capsys, "decode", str(log), "--driver", "canaerospace")
     assert code == 2
-    assert "line 2: is no candump line" in err[0]
+    assert "line 2: is not a candump line" in err[0]
 
 
 def test_a_can_log_may_begin_with_comments(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:

@@ -26,13 +26,13 @@ from tests.helpers import until
 
 @pytest.fixture
 def folder(tmp_path: Path) -> SessionFolder:
-    made = make_folder(tmp_path)
-    log = record_raw(made, range(300))
-    log.sent("radar", 300, STARTED + 6 * SECOND, b"ask")
+    session = make_folder(tmp_path)
+    log = record_raw(session, range(300))
+    log.write_sent("radar", 300, STARTED + 6 * SECOND, b"ask")
     mark(log, 3.0, "flare, 2nd")
     log.close()
-    record_derived(made)
-    return made
+    record_derived(session)
+    return session
 
 
 def export(folder: SessionFolder, out: Path, *arguments: str) -> int:
@@ -72,7 +72,9 @@ def test_rows_of_health_hold_what_a_record_left_out(tmp_path: Path) -> None:
             "quiet": {"state": "silent", "age_ms": 1000.0 * n},
             "busy": {"state": "good", "age_ms": 1.0, "frames": n},
         }
-        log.json("/fti/health", STARTED + n * SECOND, {"t_ns": STARTED + n * SECOND, "links": links, "devices": {}})
+        log.write_json(
+            "/fti/health", STARTED + n * SECOND, {"t_ns": STARTED + n * SECOND, "links": links, "devices": {}}
+        )
     log.close()
     is_paused = [json.loads(data) for *_, data in Recording.open(folder.path).messages("/fti/health", kind="raw")]
     assert sum("quiet" in record["links"] for record in is_paused) == 2
@@ -129,10 +131,10 @@ def test_topics_and_times_are_chosen(folder: SessionFolder, tmp_path: Path, caps
     capsys.readouterr()
     assert export(folder, tmp_path / "c", "--topic", "/inz/*") == 2
     found = capsys.readouterr().err
-    assert found.startswith("fti: --topic /inz/*: matches nothing; there are /fti/event, /imu/imu_sample, ")
-    assert "with --raw the bytes of the links" in found
+    assert found.startswith("fti: --topic /inz/*: matches nothing; topics: /fti/event, /imu/imu_sample, ")
+    assert "(with --raw also those" in found
     assert export(folder, tmp_path / "c", "--from", "3", "--to", "2") == 2
-    assert "--to 2: is before --from 3" in capsys.readouterr().err
+    assert "--to 2: must not be before --from 3" in capsys.readouterr().err
 
 
 def test_a_session_in_several_folders_is_exported_as_one(
@@ -152,14 +154,14 @@ def test_a_session_in_several_folders_is_exported_as_one(
 
 
 @pytest.mark.parametrize("form", ["csv", "parquet"])
-def test_tables_of_a_snapshot_say_so(form: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    made, out = make_folder(tmp_path), tmp_path / "t"
-    record_snapshots(made, range(50, 100), range(200, 230))
-    assert export(made, out, "--raw", "--format", form) == 0
+def test_tables_of_a_snapshot_report_it(form: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    session, out = make_folder(tmp_path), tmp_path / "t"
+    record_snapshots(session, range(50, 100), range(200, 230))
+    assert export(session, out, "--raw", "--format", form) == 0
     assert capsys.readouterr().err.startswith("note: SNAPSHOT: not a continuous recording")
     session_metadata = json.loads((out / "session.json").read_text())
     assert (session_metadata["session"], session_metadata["origin"], session_metadata["mode"]) == (
-        made.name,
+        session.name,
         "hil",
         "snapshot",
     )
@@ -191,17 +193,17 @@ def test_tables_of_two_sessions_are_not_mixed(
     other = SessionFolder.create(tmp_path, "other", STARTED)
     record_raw(other, range(10)).close()
     assert export(other, tmp_path / "t", "--raw") == 2
-    assert "session.json: the tables in this folder are of another session" in capsys.readouterr().err
+    assert "session.json: the tables in this folder belong to another session" in capsys.readouterr().err
     assert sorted(p.name for p in (tmp_path / "t").iterdir()) == ["nav_glide_slope.csv", "session.json"]
 
 
 def test_nothing_is_overwritten(folder: SessionFolder, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    kept = tmp_path / "t" / "nav_glide_slope.csv"
-    kept.parent.mkdir()
-    kept.write_text("mine")
-    assert export(folder, kept.parent) == 2
+    existing = tmp_path / "t" / "nav_glide_slope.csv"
+    existing.parent.mkdir()
+    existing.write_text("mine")
+    assert export(folder, existing.parent) == 2
     assert "nav_glide_slope.csv: cannot be written: it exists already" in capsys.readouterr().err
-    assert list(kept.parent.iterdir()) == [kept] and kept.read_text() == "mine"
+    assert list(existing.parent.iterdir()) == [existing] and existing.read_text() == "mine"
 
 
 class FullTable(csv_table.CsvTable):

@@ -54,7 +54,7 @@ def test_scenarios_are_listed_name_first() -> None:
     assert {"nominal", "obstacle", "silence", "table"} <= set(names)
 
 
-def test_a_flight_says_ready_flies_and_reports(tmp_path: Path) -> None:
+def test_a_flight_reports_ready_flies_and_reports(tmp_path: Path) -> None:
     truth = tmp_path / "out" / "truth.mcap"
     done = fti(
         *("hil", "nominal", "--duration", "0.5", "--config", str(demo_config(tmp_path))),
@@ -69,7 +69,7 @@ def test_a_flight_says_ready_flies_and_reports(tmp_path: Path) -> None:
     assert truth.stat().st_size > 0
     report = json.loads((tmp_path / "report.json").read_text())
     assert report["devices"]["ins"]["asked_hz"] == 100
-    assert f"100 Hz asked for, {report['devices']['ins']['sent_hz']:.2f} Hz sent" in done.stdout
+    assert f"100 Hz requested, {report['devices']['ins']['sent_hz']:.2f} Hz sent" in done.stdout
     assert lines[-1] == f"lateness of {report['lateness']['messages']} messages: " + shown(report["lateness"])
 
 
@@ -78,11 +78,11 @@ def shown(late: dict[str, float]) -> str:
 
 
 @pytest.mark.parametrize(("arguments", "code"), [((), 0), (("--hold",), 1)])
-def test_a_rate_that_is_not_held_is_no_failure_unless_it_is_asked_for(
+def test_a_rate_that_is_not_held_is_no_failure_unless_it_is_required(
     arguments: tuple[str, ...], code: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(Rate, "held", property(lambda rate: rate.name != "ins"))
-    monkeypatch.setattr("fti.hil.emulator.make_world", lambda *_: world(0.5))
+    monkeypatch.setattr(Rate, "is_held", property(lambda rate: rate.name != "ins"))
+    monkeypatch.setattr("fti.hil.emulator.make_environment", lambda *_: world(0.5))
     config, links = str(demo_config(tmp_path)), str(tmp_path / "links")
     assert main(["hil", "nominal", "--duration", "0.2", "--config", config, "--links", links, *arguments]) == code
 
@@ -105,22 +105,22 @@ def test_each_of_these_signals_ends_a_flight_in_good_order(number: signal.Signal
         os.kill(os.getpid(), number)
         async with asyncio.timeout(END_S):
             await stop.wait()
-        return TransmissionReport({}, LatencyHistogram().lateness)
+        return TransmissionReport({}, LatencyHistogram().summary)
 
-    async def flown() -> tuple[TransmissionReport, bool]:
+    async def run_flight() -> tuple[TransmissionReport, bool]:
         return await run_until_stopped(fly, asyncio.Event())
 
-    _, interrupted = asyncio.run(flown())
+    _, interrupted = asyncio.run(run_flight())
     assert interrupted
 
 
-def test_a_second_one_in_the_same_folder_is_told_and_a_later_one_is_not(
+def test_a_second_one_in_the_same_folder_is_reported_and_a_later_one_is_not(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with claim_ports(tmp_path / "links"):
         assert not capsys.readouterr().err
         with claim_ports(tmp_path / "links"):
-            assert "links: another fti hil or fti replay has its ports there" in capsys.readouterr().err
+            assert "links: another fti hil or fti replay uses this folder" in capsys.readouterr().err
     with claim_ports(tmp_path / "links"):
         assert not capsys.readouterr().err
 
@@ -131,18 +131,18 @@ def test_ports_that_another_user_can_replace_are_neither_made_nor_read(
     folder = tmp_path / "links"
     folder.mkdir()
     folder.chmod(0o1777)
-    said = f"{folder}: other users can write to it (mode 1777); chmod go-w {folder}"
-    with pytest.raises(MissingError, match=re.escape(said)), claim_ports(folder):
+    message = f"{folder}: other users can write to it (mode 1777); chmod go-w {folder}"
+    with pytest.raises(MissingError, match=re.escape(message)), claim_ports(folder):
         pass
     monkeypatch.setattr("fti.service.daemon.serve", lambda *_, **__: pytest.fail("it was started"))
     assert main(["run", str(demo_config(tmp_path)), "--links", str(folder)]) == 2
-    assert capsys.readouterr().err == f"fti: {said}\n"
+    assert capsys.readouterr().err == f"fti: {message}\n"
 
 
 def test_mistakes_are_one_sentence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    for arguments, said in (
-        (["hil", "nomnal"], "fti: no scenario 'nomnal'; there are "),
-        (["hil"], "fti: which scenario? There are "),
+    for arguments, message in (
+        (["hil", "nomnal"], "fti: unknown scenario 'nomnal'; allowed: a file, or one of "),
+        (["hil"], "fti: SCENARIO: missing; shipped: "),
         (["replay", str(tmp_path / "nothing")], "there is no such session"),
         (
             ["hil", "nominal", "--report", str(tmp_path / "no" / "report.json")],
@@ -151,9 +151,9 @@ def test_mistakes_are_one_sentence(tmp_path: Path, capsys: pytest.CaptureFixture
         (["replay", "s", "--report", str(tmp_path / "no" / "report.json")], "report.json: cannot be written: No such"),
     ):
         assert main(arguments) == 2
-        told = capsys.readouterr().err
-        assert said in told
-        assert told.count("\n") == 1
+        error = capsys.readouterr().err
+        assert message in error
+        assert error.count("\n") == 1
 
 
 # ------------------------------------------------------------------------------------------------- kinds of faults
@@ -211,9 +211,9 @@ def test_kinds_of_faults_as_json(capsys: pytest.CaptureFixture[str]) -> None:
 def test_wrong_calls_about_kinds_of_faults(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["hil", "--faults", "cuts"]) == 2
     assert capsys.readouterr().err.startswith(
-        "fti: 'cuts' is not a kind of fault; there are obstacle, off_track, terrain_shift, cut, "
+        "fti: --faults 'cuts': not a kind of fault; kinds: obstacle, off_track, terrain_shift, cut, "
     )
     with pytest.raises(SystemExit) as ended:
         main(["hil", "nominal", "--json"])
     assert ended.value.code == 2
-    assert "--json belongs to --faults" in capsys.readouterr().err
+    assert "--json: only with --faults" in capsys.readouterr().err

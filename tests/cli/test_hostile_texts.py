@@ -78,8 +78,8 @@ def session(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     )
     for seq in range(100):
         t_ns = STARTED + seq * SECOND // 50
-        log.frame("radar" if seq % 2 else EVIL, seq, t_ns, bytes(10))
-    log.json("/fti/event", STARTED, Event(t_ns=STARTED, level="error", source=EVIL, text=EVIL))
+        log.write_frame("radar" if seq % 2 else EVIL, seq, t_ns, bytes(10))
+    log.write_json("/fti/event", STARTED, Event(t_ns=STARTED, level="error", source=EVIL, text=EVIL))
     log.close()
     write_foreign(folder.file_path("derived", 0), {f"/{EVIL}": [{EVIL: EVIL}]})
     name = EVIL.replace("/", "")
@@ -179,7 +179,7 @@ def test_what_the_supervisor_announces_goes_through_the_same_way(capsys: pytest.
     event_publisher = EventPublisher(
         FakeClock(), lambda *_: None, lambda line: print_line(line, flush=True), lambda *_: None
     )
-    event_publisher.event("error", EVIL, EVIL)
+    event_publisher.publish_event("error", EVIL, EVIL)
     out = capsys.readouterr().out
     assert out.count("\n") == 1
     assert FORBIDDEN.search(out) is None

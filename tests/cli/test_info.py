@@ -40,14 +40,16 @@ def folder(tmp_path: Path) -> SessionFolder:
 def record_with_gap(folder: SessionFolder) -> None:
     """Ten seconds of radar at 25 Hz, silent from 4 s to 6 s and from 9 s on; nothing from ins; two marks."""
     log = record_raw(folder, range(500), skip=lambda seq: seq % 2 == 1 or 200 <= seq < 300 or seq >= 450)
-    log.tick(500, STARTED + 10 * SECOND)
+    log.write_tick(500, STARTED + 10 * SECOND)
     mark(log, 2.5, "begin of <approach> 3")
     mark(log, 3.0, "flare")
-    log.json("/fti/event", STARTED + SECOND, {"t_ns": STARTED, "level": "warning", "source": "ins", "text": "silent"})
+    log.write_json(
+        "/fti/event", STARTED + SECOND, {"t_ns": STARTED, "level": "warning", "source": "ins", "text": "silent"}
+    )
     clock = {"monotonic_ns": 0, "monotonic_raw_ns": 0}
     for t_s, offset in ((1, 250_000_000), (5, 9_000_000), (9, 251_000_000)):
         t_ns = STARTED + t_s * SECOND
-        log.json("/fti/clock", t_ns, {"t_ns": t_ns, **clock, "realtime_ns": t_ns + offset})
+        log.write_json("/fti/clock", t_ns, {"t_ns": t_ns, **clock, "realtime_ns": t_ns + offset})
     log.close()
 
 
@@ -55,15 +57,15 @@ def info(folder: SessionFolder, *arguments: str) -> int:
     return main(["info", str(folder.path), *arguments])
 
 
-def told(folder: SessionFolder, capsys: pytest.CaptureFixture[str]) -> dict[str, Any]:
+def info_json(folder: SessionFolder, capsys: pytest.CaptureFixture[str]) -> dict[str, Any]:
     assert info(folder, "--json") == 0
     found: dict[str, Any] = json.loads(capsys.readouterr().out)
     return found
 
 
-def test_json_tells_everything(folder: SessionFolder, capsys: pytest.CaptureFixture[str]) -> None:
+def test_json_reports_everything(folder: SessionFolder, capsys: pytest.CaptureFixture[str]) -> None:
     record_with_gap(folder)
-    found = told(folder, capsys)
+    found = info_json(folder, capsys)
     assert found["metadata"]["fti"] == ABOUT and found["links"] == {"ins": "udp", "radar": "serial"}
     assert (found["origin"], found["mode"], found["software"]) == ("hil", "continuous", "0.1.0")
     assert (found["first_ns"], found["duration_s"]) == (STARTED, 10.0)
@@ -85,7 +87,7 @@ def test_json_tells_everything(folder: SessionFolder, capsys: pytest.CaptureFixt
     assert [file["finished"] for file in found["files"]] == [True] * len(folder.files("raw"))
 
 
-def test_text_tells_it_to_a_person(folder: SessionFolder, capsys: pytest.CaptureFixture[str]) -> None:
+def test_text_reports_it_to_a_person(folder: SessionFolder, capsys: pytest.CaptureFixture[str]) -> None:
     record_with_gap(folder)
     record_derived(folder)
     assert info(folder) == 0
@@ -95,11 +97,11 @@ def test_text_tells_it_to_a_person(folder: SessionFolder, capsys: pytest.Capture
         "2026-01-02 03:04:05 UTC, 10.0 s",
         "HIL: emulated sensors",
         "fti 0.1.0, configuration unknown 5e4f0a1b77c2",
-        "real time - FTI time +0.250000 s at the begin, +0.251000 s at the end",
+        "real time - FTI time +0.250000 s at the start, +0.251000 s at the end",
         "attached  config.toml",
         "03:04:08.960      +3.960 s  /raw/radar: 2.040 s",
         "03:04:13.960      +8.960 s  /raw/radar: 1.040 s until the end",
-        "/raw/ins: never heard",
+        "/raw/ins: no message",
         "03:04:06.000      +1.000 s  warning: ins: silent",
         "03:04:08.000      +3.000 s  mark: flare",
     ):
@@ -114,18 +116,24 @@ def test_text_tells_it_to_a_person(folder: SessionFolder, capsys: pytest.Capture
     ("scale", "epoch_s"),
     [("utc", 0), ("gps", 315_964_800 - 18)],  # GPS runs 18 s before UTC, from 1980-01-06 on
 )
-def test_gnss_time_is_told(folder: SessionFolder, scale: str, epoch_s: int, capsys: pytest.CaptureFixture[str]) -> None:
+def test_gnss_time_is_reported(
+    folder: SessionFolder, scale: str, epoch_s: int, capsys: pytest.CaptureFixture[str]
+) -> None:
     log = DerivedLog(folder, split_s=300, split_mb=100)
     utc_ns = STARTED + 3_600_250_000_000
     gnss = {"device": "gnss", "scale": scale, "time_ns": utc_ns - epoch_s * SECOND}
     for known in ({}, gnss, {}):
-        log.note("/fti/device_clock", STARTED, {"t_ns": STARTED, "clocks": {}, "gnss": known})
+        log.write_note("/fti/device_clock", STARTED, {"t_ns": STARTED, "clocks": {}, "gnss": known})
     log.close()
     assert info(folder) == 0
     assert (
         f"UTC - FTI time +3600.250000 s by gnss ({scale}): started 2026-01-02 04:04:05 UTC" in capsys.readouterr().out
     )
-    assert told(folder, capsys)["gnss"] == {"device": "gnss", "scale": scale, "utc_minus_fti_ns": 3_600_250_000_000}
+    assert info_json(folder, capsys)["gnss"] == {
+        "device": "gnss",
+        "scale": scale,
+        "utc_minus_fti_ns": 3_600_250_000_000,
+    }
 
 
 def test_the_pictures_of_all_topics_are_as_wide(folder: SessionFolder, capsys: pytest.CaptureFixture[str]) -> None:
@@ -139,19 +147,19 @@ def test_the_pictures_of_all_topics_are_as_wide(folder: SessionFolder, capsys: p
     assert len(lines[head]) == len(pictures[0])
 
 
-def test_a_snapshot_session_says_so(folder: SessionFolder, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_snapshot_session_reports_it(folder: SessionFolder, capsys: pytest.CaptureFixture[str]) -> None:
     record_snapshots(folder, range(50, 150))
     assert info(folder) == 0
     assert "*** SNAPSHOT: not a continuous recording" in capsys.readouterr().out
-    found = told(folder, capsys)
+    found = info_json(folder, capsys)
     assert found["mode"] == "snapshot" and found["remarks"][0].startswith("SNAPSHOT")
 
 
-def test_a_snapshot_file_of_a_continuous_session_says_so(
+def test_a_snapshot_file_of_a_continuous_session_reports_it(
     folder: SessionFolder, capsys: pytest.CaptureFixture[str]
 ) -> None:
     log = RawLog(folder, LINKS, kind="snapshot", split_s=4, split_mb=100, metadata={"fti": ABOUT})
-    log.frame("ins", 0, STARTED, b"x")
+    log.write_frame("ins", 0, STARTED, b"x")
     log.close()
     assert main(["info", str(folder.files("snapshot")[0])]) == 0
     assert "*** SNAPSHOT: not a continuous recording" in capsys.readouterr().out
@@ -166,10 +174,10 @@ def record_in_two_places(tmp_path: Path) -> tuple[Path, Path]:
     main_place.mkdir(parents=True)
     spare.mkdir(parents=True)
     log = RawLog(
-        SessionFolder(main_place), LINKS, split_s=2, split_mb=100, metadata={"fti": ABOUT}, places=[main_place, spare]
+        SessionFolder(main_place), LINKS, split_s=2, split_mb=100, metadata={"fti": ABOUT}, folders=[main_place, spare]
     )
     for seq in range(300):
-        log.frame("ins" if seq % 2 else "radar", seq, STARTED + seq * SECOND // 50, bytes(10))
+        log.write_frame("ins" if seq % 2 else "radar", seq, STARTED + seq * SECOND // 50, bytes(10))
         if seq % 50 == 49:
             log.flush()
     log.close()
@@ -178,7 +186,7 @@ def record_in_two_places(tmp_path: Path) -> tuple[Path, Path]:
     return main_place, spare
 
 
-def test_a_session_in_several_folders_is_told_as_one(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_session_in_several_folders_is_reported_as_one(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     first, second = record_in_two_places(tmp_path)
     assert main(["info", str(first), str(second), "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
@@ -189,26 +197,26 @@ def test_a_session_in_several_folders_is_told_as_one(tmp_path: Path, capsys: pyt
     assert f"{second}/s_20260102T030405Z_0_001.mcap" in capsys.readouterr().out
 
 
-def test_who_gives_one_folder_of_several_is_told_of_the_others(
+def test_who_gives_one_folder_of_several_gets_the_others_named(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     first, second = record_in_two_places(tmp_path)
     assert main(["info", str(first)]) == 0
-    assert f"more of this session lies in {second}; name all its folders" in capsys.readouterr().out
+    assert f"more of this session is in {second}; name all its folders" in capsys.readouterr().out
     shutil.rmtree(second)  # the medium is not there
     assert main(["info", str(first)]) == 0
-    assert f"raw files 001 are not here; they may lie in {second}" in capsys.readouterr().out
+    assert f"raw files 001 are missing; they may be in {second}" in capsys.readouterr().out
     assert main(["info", str(SessionFolder(first).files("raw")[0])]) == 0
     assert "not here" not in capsys.readouterr().out  # who gives a file, means a file
 
 
 def test_folders_of_two_sessions_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folders = [SessionFolder.create(tmp_path, name, STARTED) for name in ("s", "t")]
-    for made in folders:
-        record_raw(made, range(10)).close()
+    for session in folders:
+        record_raw(session, range(10)).close()
     for command in (["info"], ["export", "--out", str(tmp_path / "tables")]):
-        assert main([command[0], *(str(made.path) for made in folders), *command[1:]]) == 2
-        assert "is of session t_20260102T030405Z_0, and" in capsys.readouterr().err
+        assert main([command[0], *(str(session.path) for session in folders), *command[1:]]) == 2
+        assert "belongs to session t_20260102T030405Z_0, but" in capsys.readouterr().err
     assert not (tmp_path / "tables").exists()
 
 
@@ -227,7 +235,7 @@ def test_a_snapshot_beside_the_recording_counts_nothing_twice(
     assert (tmp_path / "t" / "fti_event.csv").read_text().count("flare") == 1
 
 
-def test_a_killed_and_a_damaged_file_are_told(
+def test_a_killed_and_a_damaged_file_are_reported(
     folder: SessionFolder, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     log = record_raw(folder, range(230))
@@ -262,7 +270,9 @@ def test_a_packed_file_is_read_and_named(tmp_path: Path, capsys: pytest.CaptureF
     assert "finished, packed (zstd)" in text and "/raw/ins" in text
 
 
-def test_an_empty_session_is_told(folder: SessionFolder, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_an_empty_session_is_reported(
+    folder: SessionFolder, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
     record_raw(folder, range(0)).close()
     assert info(folder, "--plot", str(tmp_path / "p.svg")) == 0
     assert "no messages" in capsys.readouterr().out
@@ -286,7 +296,7 @@ def test_the_plot_shows_links_gaps_and_marks(
     text = path.read_text()
     root = ET.fromstring(text[text.index("<svg") : text.index("</svg>") + 6])
     texts = ["".join(element.itertext()) for element in root.iter(f"{SVG}text")]
-    assert "ins" in texts and "radar" in texts and "never heard" in texts
+    assert "ins" in texts and "radar" in texts and "no message" in texts
     assert any(line.startswith("begin of <approach> 3") for line in texts)
     silent = [title.text for title in root.iter(f"{SVG}title") if title.text and title.text.startswith("silent for")]
     assert silent == [
@@ -321,13 +331,13 @@ def test_alarms_are_listed_with_their_durations(folder: SessionFolder, capsys: p
     alarms.report(ConditionReport(STARTED + 5 * SECOND, "integrity", None))
     alarms.acknowledge("anna", STARTED + 6 * SECOND, "integrity_alert")
     for change in alarms.take_changes():
-        log.json("/fti/alarm", change["t_ns"], change)
+        log.write_json("/fti/alarm", change["t_ns"], change)
     log.close()
     assert info(folder) == 0
     text = capsys.readouterr().out
     assert "warning: GROUND CLEARANCE ALERT: obstacle (3.0 s, acknowledged by anna)" in text
     assert "caution: LINK INS SILENT (to the end)" in text
-    found = told(folder, capsys)["alarms"]
+    found = info_json(folder, capsys)["alarms"]
     assert [(alarm["id"], alarm["end_ns"]) for alarm in found] == [
         ("integrity_alert", STARTED + 5 * SECOND),
         ("link:ins", None),

@@ -29,11 +29,11 @@ def recorded(tmp_path: Path, *, predicted: bool = True, late_s: float = LATE_S) 
     def should(at: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.asarray(150.0 + 4.0 * np.sin(2.0 * np.pi * at[:, None] / periods + phases).sum(axis=-1))
 
-    said = should(t - late_s) + 0.3 * rng.standard_normal(len(t))
-    for at, raw, right in zip(t, said, should(t), strict=True):
+    measured = should(t - late_s) + 0.3 * rng.standard_normal(len(t))
+    for at, raw, right in zip(t, measured, should(t), strict=True):
         t_ns = STARTED + round(at * SECOND)
         for sensor, expected in (("radar", float(right) if predicted else None), ("laser", None)):
-            log.output(
+            log.write_output(
                 HeightAboveGround(
                     t_ns=t_ns, t_valid_ns=t_ns, sensor=sensor, raw=float(raw), height_agl=float(raw), sd=0.3,
                     valid=True, reasons=(), predicted=expected,
@@ -54,11 +54,11 @@ def test_what_was_put_in_is_found(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert "radar: +1" in capsys.readouterr().out
 
 
-def test_what_cannot_be_told_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_cannot_be_estimated_is_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["latency", str(recorded(tmp_path, late_s=3.0))]) == 0
-    assert "radar: cannot be told" in capsys.readouterr().out
+    assert "radar: cannot be estimated" in capsys.readouterr().out
 
 
-def test_without_predictions_it_says_what_makes_them(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_without_predictions_it_names_the_remedy(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["latency", str(recorded(tmp_path, predicted=False))]) == 2
     assert "[nav] terrain" in capsys.readouterr().err

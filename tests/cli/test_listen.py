@@ -35,9 +35,9 @@ transmit = true
 
 @pytest.fixture
 def peer(tmp_path: Path) -> Iterator[Peer]:
-    made = Peer(tmp_path / "line")
-    yield made
-    made.power_off()
+    line_peer = Peer(tmp_path / "line")
+    yield line_peer
+    line_peer.power_off()
 
 
 class Listening:
@@ -83,11 +83,11 @@ def test_datagrams(tmp_path: Path) -> None:
             place = free.getsockname()
         command = Listening(tmp_path, f"127.0.0.1:{place[1]}")
 
-        def heard() -> bool:
+        def has_output() -> bool:
             device.sendto(FRAME, place)
             return "freeflight_ra4500" in command.err.read_text()
 
-        until(heard)
+        until(has_output)
         assert command.interrupt() == 130
     assert FRAME.hex(" ") in command.out.read_text()
 
@@ -100,9 +100,9 @@ def test_can_frames_are_shown_as_identifier_and_data() -> None:
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["/dev/ttyNOTHING"], "no such port; there are"),
+        (["/dev/ttyNOTHING"], "no such port; present:"),
         (["nothing"], "for a link give --config"),
-        (["nothing", "--config", "CONFIG"], "no link 'nothing'; there are radalt_line"),
+        (["nothing", "--config", "CONFIG"], "no link 'nothing'; configured: radalt_line"),
         (["127.0.0.1:70000"], "allowed is 0 to 65535"),
         (["192.0.2.1:4000"], "not an address of this machine"),
         (["x:y"], "link"),

@@ -48,9 +48,9 @@ def test_what_nobody_expected_is_one_sentence(
     monkeypatch.delenv("FTI_TRACEBACK")
     _failing(monkeypatch, error)
     assert main(["ports"]) == 3
-    said = capsys.readouterr().err
-    assert said.startswith("fti: ports: ") and said.count("\n") == 1
-    assert type(error).__name__ in said and "FTI_TRACEBACK=1" in said
+    message = capsys.readouterr().err
+    assert message.startswith("fti: ports: ") and message.count("\n") == 1
+    assert type(error).__name__ in message and "FTI_TRACEBACK=1" in message
 
 
 def test_with_the_variable_it_keeps_its_traceback(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -64,12 +64,12 @@ def test_half_of_a_surrogate_pair_is_printed_escaped(tmp_path: Path) -> None:
     """In a process of its own: there standard output is strict."""
     name = os.fsdecode(b"\xff\xfe.mcap")
     (tmp_path / name).write_bytes(b"\x89MCAP0\r\n")
-    made = subprocess.run(
+    done = subprocess.run(
         [sys.executable, "-m", "fti.cli.main", "info", name],
         capture_output=True,
         cwd=tmp_path,
         env={**os.environ, "PYTHONUTF8": "1", "PYTHONIOENCODING": "utf-8:strict"},
         check=False,
     )
-    assert made.returncode == 3, made.stderr
-    assert b"\\udcff\\udcfe.mcap" in made.stdout and b"Traceback" not in made.stderr
+    assert done.returncode == 3, done.stderr
+    assert b"\\udcff\\udcfe.mcap" in done.stdout and b"Traceback" not in done.stderr

@@ -16,19 +16,19 @@ from tests.run_dirs import running_daemon
 
 def mark(run_dir: Path, *arguments: str) -> tuple[int, list[dict[str, Any]]]:
     """Exit code of the command beside a daemon, and what the daemon was asked."""
-    asked: list[dict[str, Any]] = []
+    commands: list[dict[str, Any]] = []
 
     async def obey(command: dict[str, Any], who: str) -> dict[str, Any]:
-        asked.append(command)
+        commands.append(command)
         return {"t_ns": 1_500_000_000}
 
-    async def beside(made: RunDirectory) -> int:
-        server = await serve_commands(made.bind(), obey, lambda unit, error: pytest.fail(f"{unit}: {error}"))
+    async def run_command(directory: RunDirectory) -> int:
+        server = await serve_commands(directory.bind(), obey, lambda unit, error: pytest.fail(f"{unit}: {error}"))
         async with server:
             return await asyncio.to_thread(main, ["mark", *arguments, "--run-dir", str(run_dir)])
 
-    with running_daemon(run_dir) as made:
-        return asyncio.run(beside(made)), asked
+    with running_daemon(run_dir) as directory:
+        return asyncio.run(run_command(directory)), commands
 
 
 def test_a_mark_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -40,7 +40,7 @@ def test_a_mark_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
 @pytest.mark.parametrize(("text", "length"), [("x" * 201, 201), ("", 0), (" \t\n", 0)])
 def test_its_length_is_bounded(text: str, length: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert mark(tmp_path, text) == (2, [])
-    assert capsys.readouterr().err == f"fti: a mark has 1 to 200 characters, not {length}\n"
+    assert capsys.readouterr().err == f"fti: a mark must have 1 to 200 characters, not {length}\n"
 
 
 def test_the_longest_one_arrives(tmp_path: Path) -> None:

@@ -25,9 +25,9 @@ def opened(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 
 def test_the_browser_gets_the_name_of_a_file_that_only_its_owner_can_read(tmp_path: Path, opened: list[str]) -> None:
-    with running_daemon(tmp_path / "run", page=PAGE) as made:
-        assert main(["page", "--run-dir", str(made.path)]) == 0
-        file = made.path / "page.html"
+    with running_daemon(tmp_path / "run", page=PAGE) as directory:
+        assert main(["page", "--run-dir", str(directory.path)]) == 0
+        file = directory.path / "page.html"
         assert opened == [f"file://{file}"]
         assert file.stat().st_mode & 0o777 == 0o600
         assert f'content="0; url={PAGE}"' in file.read_text()
@@ -43,7 +43,7 @@ def test_the_address_is_printed_on_demand(
     assert opened == []
 
 
-def test_without_a_daemon_a_page_or_a_browser_it_says_so(
+def test_without_a_daemon_a_page_or_a_browser_it_reports_it(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(webbrowser, "open", lambda url: False)
@@ -55,4 +55,4 @@ def test_without_a_daemon_a_page_or_a_browser_it_says_so(
     assert "serves no page: display.enabled is false" in capsys.readouterr().err
     with running_daemon(tmp_path, page=PAGE):
         assert main(arguments) == 2
-    assert capsys.readouterr().err == "fti: no browser can be opened here; fti page --print prints the address\n"
+    assert capsys.readouterr().err == "fti: cannot open a browser; fti page --print prints the address\n"

@@ -44,7 +44,7 @@ def test_port_that_nobody_has_open_is_free_and_one_without_permission_denied(
     assert "group " in denied.detail
 
 
-def test_can_interfaces_are_told_by_their_type(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_can_interfaces_are_reported_by_their_type(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for name, kind, flags in (("can0", "280", "0x40080"), ("can1", "280", "0x40081"), ("eth0", "1", "0x1003")):
         folder = tmp_path / name
         folder.mkdir()

@@ -16,19 +16,19 @@ from tests.run_dirs import running_daemon
 
 def readmit(run_dir: Path, argument: str, answer: dict[str, Any]) -> tuple[int, list[dict[str, Any]]]:
     """Exit code of the command beside a daemon that answers, and what the daemon was asked."""
-    asked: list[dict[str, Any]] = []
+    commands: list[dict[str, Any]] = []
 
     async def obey(command: dict[str, Any], who: str) -> dict[str, Any]:
-        asked.append(command)
+        commands.append(command)
         return answer
 
-    async def beside(made: RunDirectory) -> int:
-        server = await serve_commands(made.bind(), obey, lambda unit, error: pytest.fail(f"{unit}: {error}"))
+    async def run_command(directory: RunDirectory) -> int:
+        server = await serve_commands(directory.bind(), obey, lambda unit, error: pytest.fail(f"{unit}: {error}"))
         async with server:
             return await asyncio.to_thread(main, ["readmit", argument, "--run-dir", str(run_dir)])
 
-    with running_daemon(run_dir) as made:
-        return asyncio.run(beside(made)), asked
+    with running_daemon(run_dir) as directory:
+        return asyncio.run(run_command(directory)), commands
 
 
 def test_the_source_reaches_the_daemon(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -38,7 +38,7 @@ def test_the_source_reaches_the_daemon(tmp_path: Path, capsys: pytest.CaptureFix
 
 def test_all_sources_reach_the_daemon_as_one(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert readmit(tmp_path, "--all", {"t_ns": 1}) == (0, [{"readmit": "*"}])
-    assert "navigation begins anew" in capsys.readouterr().out
+    assert "navigation starts again" in capsys.readouterr().out
 
 
 def test_what_the_daemon_refuses_is_a_wrong_call(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

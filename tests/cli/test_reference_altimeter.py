@@ -16,10 +16,10 @@ from tests.helpers import ROOT
 DEMO = ROOT / "configs" / "profiles" / "demo.csv"
 
 
-def arguments(*given: str) -> argparse.Namespace:
+def arguments(*options: str) -> argparse.Namespace:
     parser = argparse.ArgumentParser()
     add_make(parser)
-    return parser.parse_args(["--airfield", "a", "--terrain", "demo", "--out", "o", *given])
+    return parser.parse_args(["--airfield", "a", "--terrain", "demo", "--out", "o", *options])
 
 
 @pytest.fixture
@@ -30,14 +30,14 @@ def config(tmp_path: Path) -> Path:
     return file
 
 
-@pytest.mark.parametrize(("given", "beam"), [([], 40.0), (["--beam", "60"], 60.0)])
-def test_without_a_configuration_it_is_an_ra4500(given: list[str], beam: float) -> None:
-    assert model_of(arguments(*given), None).sensor.model_dump() == {"kind": "radar", "beam_deg": beam}
+@pytest.mark.parametrize(("options", "beam"), [([], 40.0), (["--beam", "60"], 60.0)])
+def test_without_a_configuration_it_is_an_ra4500(options: list[str], beam: float) -> None:
+    assert model_of(arguments(*options), None).sensor.model_dump() == {"kind": "radar", "beam_deg": beam}
 
 
-@pytest.mark.parametrize(("given", "beam"), [([], 25.0), (["--beam", "60"], 60.0)])
-def test_the_beam_is_that_of_the_configured_altimeter(config: Path, given: list[str], beam: float) -> None:
-    assert model_of(arguments(*given), load(config)).sensor.beam_deg == beam
+@pytest.mark.parametrize(("options", "beam"), [([], 25.0), (["--beam", "60"], 60.0)])
+def test_the_beam_is_that_of_the_configured_altimeter(config: Path, options: list[str], beam: float) -> None:
+    assert model_of(arguments(*options), load(config)).sensor.beam_deg == beam
 
 
 def test_an_alert_limit_below_the_protection_level_is_refused(config: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -49,7 +49,7 @@ def test_an_alert_limit_below_the_protection_level_is_refused(config: Path, caps
     check_alert_limit(reference, load(config), Path("x.csv"))
     assert "nav.approach.alert_v_m must be at least " in capsys.readouterr().out
     config.write_text(text.replace("LIMIT", "5.0"))
-    with pytest.raises(ConfigError, match=r"alert_v_m: 5 m is below the least protection level .* of x\.csv; at least"):
+    with pytest.raises(ConfigError, match=r"alert_v_m: 5 m is below the minimum protection level .* x\.csv; must be"):
         check_alert_limit(reference, load(config), Path("x.csv"))
 
 

@@ -108,8 +108,8 @@ def test_the_receiver_that_was_flown_is_found(session: Path, folder: Path, capsy
     out = folder / "receiver.toml"
     words = ["reference", "fit", str(session), "--model", "nearest", "--samples", "800", "--out", str(out)]
     assert main([*words, "--json", "--plot", str(folder / "fit.png")]) == 0
-    told = capsys.readouterr().out
-    found = json.loads(told[: told.rindex("}") + 1])
+    output = capsys.readouterr().out
+    found = json.loads(output[: output.rindex("}") + 1])
     true = {"beam_deg": BEAM_DEG, "bias_m": BIAS_M, "scale": SCALE}
     for name, value in true.items():
         one = found["parameters"][name]
@@ -151,24 +151,26 @@ def test_what_is_written_makes_the_live_prediction_right(session: Path, folder: 
 
 def test_for_people(session: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["reference", "fit", str(session), "--model", "nearest", "--samples", "300"]) == 0
-    told = capsys.readouterr().out
-    assert "  beam_deg      " in told
-    assert "(configured: 40)" in told
-    assert "m RMS as configured, " in told
+    output = capsys.readouterr().out
+    assert "  beam_deg      " in output
+    assert "(configured: 40)" in output
+    assert "m RMS as configured, " in output
 
 
 def test_mistakes_are_one_sentence_with_file_and_key(
     session: Path, folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def said(*words: str) -> str:
+    def error_of(*words: str) -> str:
         assert main(["reference", "fit", *words]) == 2
         printed = capsys.readouterr().err
         assert printed.count("\n") == 1
         return printed
 
-    assert "nowhere" in said(str(folder / "nowhere"))
-    assert f"{session}: device: has no altimeter 'radar' (--sensor)" in said(str(session), "--sensor", "radar")
+    assert "nowhere" in error_of(str(folder / "nowhere"))
+    assert f"{session}: device: no altimeter 'radar'; name one with --sensor" in error_of(
+        str(session), "--sensor", "radar"
+    )
     bare = folder / "bare.toml"
     bare.write_text(CONFIG.replace('terrain = { files = ["hills.tif"], vertical = "ellipsoid" }\n', ""))
-    assert f"{bare}: nav.terrain: is missing" in said(str(session), "--config", str(bare))
-    assert "is a folder" in said(str(session), "--out", str(folder))
+    assert f"{bare}: nav.terrain: is missing" in error_of(str(session), "--config", str(bare))
+    assert "is a folder" in error_of(str(session), "--out", str(folder))

@@ -16,7 +16,7 @@ from fti.cli.main import main
 from fti.hil import scenario as scenarios
 from fti.logger.reading.mcap_file import McapFile, McapMessage
 from fti.logger.stream_writer import StreamWriter
-from tests.post.score.short_flight import daemon_config, session_of, short
+from tests.post.score.short_flight import daemon_config, session_of, short_scenario
 
 FAULT = {"kind": "cut", "devices": ("altimeter",), "from_s": 10.0, "to_s": 13.0}
 SCENARIO = """
@@ -37,13 +37,13 @@ to_s = 13
 
 
 @pytest.fixture(scope="module")
-def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with scenario.toml and out/SESSION."""
     folder = tmp_path_factory.mktemp("flown")
     (folder / "scenario.toml").write_text(SCENARIO.format(seed=1))
     (folder / "other.toml").write_text(SCENARIO.format(seed=2))
     daemon_config(folder)
-    session_of(short((FAULT,)), folder)
+    session_of(short_scenario((FAULT,)), folder)
     return folder
 
 
@@ -82,78 +82,84 @@ def reasons_become(change: Callable[[set[str]], set[str]]) -> Callable[[McapMess
     return changed
 
 
-def test_a_session_that_holds(flown: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["score", str(flown / "scenario.toml"), str(session(flown))]) == 0
+def test_a_session_that_holds(recorded: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["score", str(recorded / "scenario.toml"), str(session(recorded))]) == 0
     out = capsys.readouterr().out
     assert "1 cable cut, 10.0-13.0 s  altimeter  /nav/height_above_ground/altimeter stale  found" in out
-    conclusion = r"holds: 1 of 1 expected flags found in time; (\d+) of \1 checks of outputs hold; nothing that"
+    conclusion = r"holds: 1 of 1 expected flags found in time; (\d+) of \1 checks of outputs hold; no unexpected flags"
     assert re.match(conclusion, out.splitlines()[-1])
 
 
-def test_a_doctored_session_misses_the_flag(flown: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    wrong = doctored(flown, tmp_path, reasons_become(lambda told: told - {"stale"}))
-    assert main(["score", str(flown / "scenario.toml"), str(wrong)]) == 1
+def test_a_doctored_session_misses_the_flag(recorded: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    wrong = doctored(recorded, tmp_path, reasons_become(lambda reasons: reasons - {"stale"}))
+    assert main(["score", str(recorded / "scenario.toml"), str(wrong)]) == 1
     assert "altimeter stale  missing" in capsys.readouterr().out
 
 
-def test_a_flag_that_never_goes_is_told(flown: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    wrong = doctored(flown, tmp_path, reasons_become(lambda told: told | {"stale"}))
-    assert main(["score", str(flown / "scenario.toml"), str(wrong), "--json"]) == 1
-    (told,) = json.loads(capsys.readouterr().out)
-    assert told["rows"][0]["verdict"] == "does not clear"
-    assert {one["word"] for one in told["unexpected"]} == {"stale"}
+def test_a_flag_that_never_goes_is_reported(recorded: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    wrong = doctored(recorded, tmp_path, reasons_become(lambda reasons: reasons | {"stale"}))
+    assert main(["score", str(recorded / "scenario.toml"), str(wrong), "--json"]) == 1
+    (printed,) = json.loads(capsys.readouterr().out)
+    assert printed["rows"][0]["verdict"] == "does not clear"
+    assert {one["word"] for one in printed["unexpected"]} == {"stale"}
 
 
-def test_another_scenario_is_refused(flown: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["score", str(flown / "other.toml"), str(session(flown))]) == 2
+def test_another_scenario_is_refused(recorded: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["score", str(recorded / "other.toml"), str(session(recorded))]) == 2
     assert "they differ in seed" in capsys.readouterr().err
 
 
-def test_without_a_truth_it_says_how_to_get_one(
-    flown: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_without_a_truth_it_names_the_option(
+    recorded: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    copy = tmp_path / session(flown).name
-    shutil.copytree(session(flown), copy)
+    copy = tmp_path / session(recorded).name
+    shutil.copytree(session(recorded), copy)
     (truth,) = copy.glob("*_truth_*")
     apart = truth.rename(tmp_path / "apart.mcap")
-    assert main(["score", str(flown / "scenario.toml"), str(copy)]) == 2
+    assert main(["score", str(recorded / "scenario.toml"), str(copy)]) == 2
     assert "fti hil SCENARIO --truth FILE" in capsys.readouterr().err
-    assert main(["score", str(flown / "scenario.toml"), str(copy), "--truth", str(apart)]) == 0
+    assert main(["score", str(recorded / "scenario.toml"), str(copy), "--truth", str(apart)]) == 0
 
 
-def test_what_is_no_truth_is_refused(flown: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_is_no_truth_is_refused(recorded: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (raw,) = (
-        path for path in session(flown).glob("*_000.mcap") if "derived" not in path.name and "truth" not in path.name
+        path for path in session(recorded).glob("*_000.mcap") if "derived" not in path.name and "truth" not in path.name
     )
-    assert main(["score", str(flown / "scenario.toml"), str(session(flown)), "--truth", str(raw)]) == 2
-    assert "is no truth of the emulator" in capsys.readouterr().err
+    assert main(["score", str(recorded / "scenario.toml"), str(session(recorded)), "--truth", str(raw)]) == 2
+    assert "is not a truth file of the emulator" in capsys.readouterr().err
 
 
-def test_a_picture_is_drawn_once(flown: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    command = ["score", str(flown / "scenario.toml"), str(session(flown)), "--plot", str(tmp_path / "score.svg")]
+def test_a_picture_is_drawn_once(recorded: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    command = ["score", str(recorded / "scenario.toml"), str(session(recorded)), "--plot", str(tmp_path / "score.svg")]
     assert main(command) == 0
     assert "cable cut" in (tmp_path / "score.svg").read_text()
     assert main(command) == 2
-    assert "cannot be written" in capsys.readouterr().err
+    assert "already exists" in capsys.readouterr().err
 
 
-def test_junit_says_what_failed_and_is_written_once(
-    flown: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_junit_reports_what_failed_and_is_written_once(
+    recorded: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    wrong = doctored(flown, tmp_path, reasons_become(lambda told: told - {"stale"}))
-    command = ["score", str(flown / "scenario.toml"), str(wrong), "--junit", str(tmp_path / "score.xml")]
+    wrong = doctored(recorded, tmp_path, reasons_become(lambda reasons: reasons - {"stale"}))
+    command = ["score", str(recorded / "scenario.toml"), str(wrong), "--junit", str(tmp_path / "score.xml")]
     assert main(command) == 1
     (failed,) = ElementTree.parse(tmp_path / "score.xml").iterfind(".//testcase[failure]")
     assert failed.attrib["name"].endswith("/nav/height_above_ground/altimeter stale")
     capsys.readouterr()
     assert main(command) == 2
-    assert "score.xml: cannot be written: File exists" in capsys.readouterr().err
+    assert "score.xml: already exists; choose another name" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("wrong", [[], ["--fly", "somewhere", "SESSION"], ["SESSION", "--plot", "score.pdf"]])
-def test_wrong_calls(flown: Path, wrong: list[str]) -> None:
+def test_wrong_calls(recorded: Path, wrong: list[str]) -> None:
     with pytest.raises(SystemExit) as ended:
-        main(["score", str(flown / "scenario.toml"), *(str(session(flown)) if w == "SESSION" else w for w in wrong)])
+        main(
+            [
+                "score",
+                str(recorded / "scenario.toml"),
+                *(str(session(recorded)) if w == "SESSION" else w for w in wrong),
+            ]
+        )
     assert ended.value.code == 2
 
 
@@ -163,56 +169,56 @@ LATER = {**FAULT, "from_s": 20.0, "to_s": 23.0}
 
 
 @pytest.fixture(scope="module")
-def several(flown: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+def several(recorded: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     """Two scenarios and their sessions."""
     folder = tmp_path_factory.mktemp("several")
     daemon_config(folder)
     text = SCENARIO.format(seed=1).replace("from_s = 10\nto_s = 13", "from_s = 20\nto_s = 23")
     (folder / "later.toml").write_text(text.replace('"test"', '"later"'))
-    later = session_of(short((LATER,), title="later"), folder)
-    scenarios = {"scenario": str(flown / "scenario.toml"), "later": str(folder / "later.toml")}
-    return {**scenarios, "session": str(session(flown)), "later_session": str(later)}
+    later = session_of(short_scenario((LATER,), title="later"), folder)
+    scenarios = {"scenario": str(recorded / "scenario.toml"), "later": str(folder / "later.toml")}
+    return {**scenarios, "session": str(session(recorded)), "later_session": str(later)}
 
 
-def test_each_session_is_judged_by_the_scenario_that_was_flown(
+def test_each_session_is_scored_by_the_scenario_that_was_flown(
     several: dict[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     names = (several[name] for name in ("scenario", "later", "later_session", "session"))
     assert main(["score", *names, "--junit", str(tmp_path / "all.xml")]) == 0
-    told = capsys.readouterr()
-    assert told.out.splitlines()[-1] == "2 flights: 2 holds"
-    test, later = (line.split() for line in told.out.splitlines()[-4:-2])
+    printed = capsys.readouterr()
+    assert printed.out.splitlines()[-1] == "2 flights: 2 holds"
+    test, later = (line.split() for line in printed.out.splitlines()[-4:-2])
     assert (test[:2], later[:2]) == (["test", "holds"], ["later", "holds"])
-    assert [line.split(":")[0] for line in told.err.splitlines()] == ["1 of 2", "2 of 2"]
+    assert [line.split(":")[0] for line in printed.err.splitlines()] == ["1 of 2", "2 of 2"]
     assert len(ElementTree.parse(tmp_path / "all.xml").findall("testsuite")) == 2
 
 
-def test_one_that_fails_is_told_beside_one_that_holds(
-    several: dict[str, str], flown: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_one_that_fails_is_reported_beside_one_that_holds(
+    several: dict[str, str], recorded: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    wrong = str(doctored(flown, tmp_path, reasons_become(lambda told: told - {"stale"})))
+    wrong = str(doctored(recorded, tmp_path, reasons_become(lambda reasons: reasons - {"stale"})))
     assert main(["score", several["scenario"], several["later"], wrong, several["later_session"], "--json"]) == 1
     assert [one["outcome"] for one in json.loads(capsys.readouterr().out)] == ["failed", "holds"]
 
 
 def test_a_session_of_none_of_the_scenarios_is_refused(
-    several: dict[str, str], flown: Path, capsys: pytest.CaptureFixture[str]
+    several: dict[str, str], recorded: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    names = (several["later"], str(flown / "other.toml"), several["later_session"], several["session"])
+    names = (several["later"], str(recorded / "other.toml"), several["later_session"], several["session"])
     assert main(["score", *names]) == 2
-    told = capsys.readouterr()
-    assert "is the truth of 'test', seed 1, and not of any of the scenarios" in told.err
-    assert (told.out, len(told.err.splitlines())) == ("", 1)
+    printed = capsys.readouterr()
+    assert "is the truth of 'test', seed 1, and not of the present version of any scenario" in printed.err
+    assert (printed.out, len(printed.err.splitlines())) == ("", 1)
 
 
 def test_a_scenario_without_a_session_is_refused(several: dict[str, str], capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["score", several["scenario"], several["later"], several["session"]]) == 2
-    told = capsys.readouterr()
-    assert f"{several['later']}: none of the sessions is of this scenario" in told.err
-    assert (told.out, len(told.err.splitlines())) == ("", 1)
+    printed = capsys.readouterr()
+    assert f"{several['later']}: no session belongs to this scenario" in printed.err
+    assert (printed.out, len(printed.err.splitlines())) == ("", 1)
 
 
-def test_a_flight_that_cannot_be_judged_does_not_hide_the_others(
+def test_a_flight_that_cannot_be_scored_does_not_hide_the_others(
     several: dict[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     blind = shutil.copytree(several["later_session"], tmp_path / "blind")
@@ -222,12 +228,12 @@ def test_a_flight_that_cannot_be_judged_does_not_hide_the_others(
     assert main(["score", *names, "--json", "--junit", str(tmp_path / "all.xml")]) == 2
     good, wrong = json.loads(capsys.readouterr().out)
     assert (good["outcome"], wrong["outcome"], wrong["scenario"]) == ("holds", "not judged", str(blind))
-    assert "holds no truth" in wrong["error"]
+    assert "contains no truth file" in wrong["error"]
     assert len(list(ElementTree.parse(tmp_path / "all.xml").iter("error"))) == 1
     assert main(["score", *names]) == 2
-    told = capsys.readouterr()
-    assert told.out.splitlines()[-1] == "2 flights: 1 holds, 1 not judged"
-    assert "holds no truth" in told.err
+    printed = capsys.readouterr()
+    assert printed.out.splitlines()[-1] == "2 flights: 1 holds, 1 not judged"
+    assert "contains no truth file" in printed.err
 
 
 def test_several_are_flown_each_below_a_folder_of_its_name(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -252,9 +258,9 @@ def test_a_flight_that_cannot_be_flown_does_not_hide_the_others(
     (tmp_path / "wrong.toml").write_text(text.replace('"altimeter"', '"nobody"'))
     files = [str(tmp_path / "wrong.toml"), str(tmp_path / "good.toml")]
     assert main(["score", *files, "--fly", str(tmp_path / "out")]) == 2
-    told = capsys.readouterr()
-    assert told.out.splitlines()[-1] == "2 flights: 1 holds, 1 not judged"
-    assert "'nobody' is no device" in told.err
+    printed = capsys.readouterr()
+    assert printed.out.splitlines()[-1] == "2 flights: 1 holds, 1 not judged"
+    assert "fault[0].devices" in printed.err
 
 
 def test_all_are_the_shipped_ones(several: dict[str, str]) -> None:
@@ -263,15 +269,15 @@ def test_all_are_the_shipped_ones(several: dict[str, str]) -> None:
 
 
 def test_what_is_no_scenario_behind_one_is_a_session_that_is_not_there(
-    flown: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    recorded: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["score", str(flown / "scenario.toml"), str(tmp_path / "nothing")]) == 2
+    assert main(["score", str(recorded / "scenario.toml"), str(tmp_path / "nothing")]) == 2
     assert "there is no such session folder or file" in capsys.readouterr().err
     assert main(["score", "silense", "--fly", str(tmp_path)]) == 2
-    assert "no scenario 'silense'" in capsys.readouterr().err
+    assert "unknown scenario 'silense'" in capsys.readouterr().err
 
 
-def test_accelerated_flights_are_the_same(flown: Path, tmp_path: Path) -> None:
-    again = session_of(short((FAULT,)), tmp_path)
-    for file in sorted(session(flown).iterdir()):
+def test_accelerated_flights_are_the_same(recorded: Path, tmp_path: Path) -> None:
+    again = session_of(short_scenario((FAULT,)), tmp_path)
+    for file in sorted(session(recorded).iterdir()):
         assert (again / file.name).read_bytes() == file.read_bytes(), file.name

@@ -31,28 +31,28 @@ DEVICES = [
 
 def send(run_dir: Path, *arguments: str, state: str = "acknowledged", fault: str = "") -> tuple[int, list[Any]]:
     """Exit code of the command beside a daemon, and what the daemon was asked."""
-    asked: list[dict[str, Any]] = []
+    commands: list[dict[str, Any]] = []
 
     async def obey(command: dict[str, Any], who: str) -> dict[str, Any]:
-        asked.append(command)
+        commands.append(command)
         if "commands" in command:
             return {"devices": DEVICES}
         title = f"1: {command['send']['device']} {command['send']['command']}"
         return {"fault": fault} if fault else {"state": state, "title": title, "outcome": f"{state}: why"}
 
-    async def beside(made: RunDirectory) -> int:
-        server = await serve_commands(made.bind(), obey, lambda unit, error: pytest.fail(f"{unit}: {error}"))
+    async def run_command(directory: RunDirectory) -> int:
+        server = await serve_commands(directory.bind(), obey, lambda unit, error: pytest.fail(f"{unit}: {error}"))
         async with server:
             return await asyncio.to_thread(main, ["send", *arguments, "--run-dir", str(run_dir)])
 
-    with running_daemon(run_dir) as made:
-        return asyncio.run(beside(made)), asked
+    with running_daemon(run_dir) as directory:
+        return asyncio.run(run_command(directory)), commands
 
 
 def test_a_command_with_its_arguments(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    code, (asked,) = send(tmp_path, "magnetometer", "set_rate", "rate=20", "note=a=b c", "--timeout", "1.5")
-    key = asked["send"].pop("id")
-    assert asked["send"] == {
+    code, (commands,) = send(tmp_path, "magnetometer", "set_rate", "rate=20", "note=a=b c", "--timeout", "1.5")
+    key = commands["send"].pop("id")
+    assert commands["send"] == {
         "device": "magnetometer",
         "command": "set_rate",
         "args": {"rate": "20", "note": "a=b c"},
@@ -69,26 +69,26 @@ def test_an_absurd_time_is_the_daemons_to_refuse(tmp_path: Path, capsys: pytest.
     assert why in capsys.readouterr().err
 
 
-def test_a_daemon_that_goes_within_its_answer_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_daemon_that_goes_within_its_answer_is_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     async def die(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         await reader.readline()
         writer.write(b'{"state": "ackn')
         writer.close()
 
-    async def beside(made: RunDirectory) -> int:
-        async with await asyncio.start_unix_server(die, sock=made.bind()):
+    async def run_command(directory: RunDirectory) -> int:
+        async with await asyncio.start_unix_server(die, sock=directory.bind()):
             return await asyncio.to_thread(main, ["send", "magnetometer", "reset", "--run-dir", str(tmp_path)])
 
-    with running_daemon(tmp_path) as made:
-        assert asyncio.run(beside(made)) == 2
-    assert "the daemon has gone before it had answered" in capsys.readouterr().err
+    with running_daemon(tmp_path) as directory:
+        assert asyncio.run(run_command(directory)) == 2
+    assert "the daemon ended before it answered" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
     ("state", "code"),
     [("acknowledged", 0), ("sent", 0), ("refused", 1), ("timed out", 1), ("not sent", 1), ("unknown", 1)],
 )
-def test_the_exit_code_says_whether_it_was_done(
+def test_the_exit_code_reports_whether_it_was_done(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], state: str, code: int
 ) -> None:
     assert send(tmp_path, "magnetometer", "reset", "--json", state=state)[0] == code
@@ -102,23 +102,23 @@ def test_what_is_denied_is_a_wrong_call(tmp_path: Path, capsys: pytest.CaptureFi
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "message"),
     [
         ((), "fti send --list"),
         (("magnetometer", "--list"), "fti send --list"),
-        (("magnetometer", "set_rate", "20"), "written KEY=VALUE"),
-        (("magnetometer", "set_rate", "=20"), "written KEY=VALUE"),
-        (("magnetometer", "set_rate", "rate=1", "rate=2"), "is given once"),
-        (("none",), "there is no device 'none'; there are magnetometer, gnss"),
+        (("magnetometer", "set_rate", "20"), "must be KEY=VALUE"),
+        (("magnetometer", "set_rate", "=20"), "must be KEY=VALUE"),
+        (("magnetometer", "set_rate", "rate=1", "rate=2"), "each key at most once"),
+        (("none",), "no device 'none'; configured: magnetometer, gnss"),
     ],
 )
 def test_a_wrong_call_sends_nothing(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: tuple[str, ...], said: str
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: tuple[str, ...], message: str
 ) -> None:
-    code, asked = send(tmp_path, *arguments)
+    code, commands = send(tmp_path, *arguments)
     assert code == 2
-    assert said in capsys.readouterr().err
-    assert not any("send" in command for command in asked)
+    assert message in capsys.readouterr().err
+    assert not any("send" in command for command in commands)
 
 
 def test_it_teaches(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -128,11 +128,11 @@ def test_it_teaches(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert "may not transmit (transmit = false)" in second
     assert second.endswith("no commands")
     assert send(tmp_path, "magnetometer")[0] == 0
-    told = capsys.readouterr().out
-    assert "fti send magnetometer set_rate rate=...\n  set the output rate\n  rate             Hz, 10 to 154" in told
-    assert "start again (not acknowledged)" in told
+    output = capsys.readouterr().out
+    assert "fti send magnetometer set_rate rate=...\n  set the output rate\n  rate             Hz, 10 to 154" in output
+    assert "start again (not acknowledged)" in output
     send(tmp_path, "gnss")
-    assert "it takes no commands" in capsys.readouterr().out
+    assert "no commands" in capsys.readouterr().out
     send(tmp_path, "--list", "--json")
     assert json.loads(capsys.readouterr().out) == DEVICES
 

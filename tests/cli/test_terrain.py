@@ -46,28 +46,28 @@ def words(files: list[str]) -> list[str]:
 
 def test_info_for_people(files: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["terrain", "info", *words(files)]) == 0
-    told = capsys.readouterr().out
+    output = capsys.readouterr().out
     for line in (
         r"0  .*fine\.tif",
         r"GTiff, 100 x 100 posts, a pixel is an area around its post",
         r"WGS 84 / UTM zone 32N; to WGS84 with an accuracy of 0 m",
         r"spacing      4\.00 m along a row, 4\.00 m along a column",
-        r"vertical     ellipsoid, says the caller$",
-        r"vertical     ellipsoid, says its coordinate system$",
+        r"vertical     ellipsoid \(from the caller\)$",
+        r"vertical     ellipsoid \(from its coordinate system\)$",
         r"heights      5\d\d\.\d\d to 6\d\d\.\d\d m above the ellipsoid",
         r"holes        \d{3} posts, 3\.9 %",
         r"date         2020:01:02",
         r"layer 0      4 m, \d+ x \d+ posts, 0\.\d+ x 0\.\d+ km: fine\.tif",
-        r"resampling   0\.\d\d m RMS, \d\.\d m at most at \d+ places, against the files' own surface; "
+        r"resampling   0\.\d\d m RMS, \d\.\d m at most at \d+ points, against the files' own surface; "
         r"sigma of the layer 1\.5\d m with sd_m = 1\.5 m of the files$",
         r"seam         at east -2\d\d and 2\d\d m, north -2\d\d and 2\d\d m, on posts of layer 1",
         r"layer 1      20 m, \d+ x \d+ posts, 1\.4\d x 1\.4\d km: coarse\.tif",
-        r"geoid        none is needed",
+        r"geoid        none required",
     ):
-        assert re.search(line, told, re.MULTILINE), line
+        assert re.search(line, output, re.MULTILINE), line
 
 
-def test_info_for_programs_says_what_the_terrain_becomes(files: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+def test_info_for_programs_has_the_layers(files: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["terrain", "info", *words(files), "--json"]) == 0
     table: dict[str, Any] = json.loads(capsys.readouterr().out)
     fine = table["files"][0]
@@ -86,15 +86,15 @@ def test_info_for_programs_says_what_the_terrain_becomes(files: list[str], capsy
     assert (table["refused"], table["geoids"]) == (None, {})
 
 
-def test_info_tells_why_there_is_no_terrain(files: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+def test_info_reports_why_there_is_no_terrain(files: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["terrain", "info", files[1], "--cell", "0.01"]) == 0
-    assert "none         " in (told := capsys.readouterr().out)
-    assert "must be 67 million at most: give a larger cell_m" in told
+    assert "none         " in (output := capsys.readouterr().out)
+    assert "must be at most 67 million: use a larger cell_m" in output
     assert main(["terrain", "info", files[1], "--at", "0,0", "--radius", "100"]) == 0
-    told = capsys.readouterr().out
-    assert "none         " in told
-    assert "does not touch the area of 0.1 km around 0.00000, 0.00000" in told
-    assert "deg east; in no layer" in told
+    output = capsys.readouterr().out
+    assert "none         " in output
+    assert "does not touch the area within 0.1 km around 0.00000, 0.00000" in output
+    assert "deg east; in no layer" in output
 
 
 @pytest.mark.usefixtures("small_picture")
@@ -107,7 +107,7 @@ def test_plot(files: list[str], suffix: str, tmp_path: Path, capsys: pytest.Capt
     assert out.read_bytes()[:5] in (b"\x89PNG\r", b"<?xml")
     with pytest.raises(SystemExit):  # nothing is overwritten
         main(["terrain", "plot", *words(files), "--out", str(out)])
-    assert "is there already, and nothing is overwritten" in capsys.readouterr().err
+    assert "already exists; choose another name" in capsys.readouterr().err
 
 
 def texts_of(legend: Legend | None) -> list[str]:
@@ -154,10 +154,10 @@ def test_a_picture_of_next_to_nothing(files: list[str]) -> None:
 @pytest.mark.usefixtures("small_picture")
 def test_mistakes_are_one_sentence(files: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for arguments, sentence in [
-        (["info", str(tmp_path / "none.tif")], "none.tif: there is no such file"),
-        (["info", files[0]], "fine.tif: nothing says what its heights are counted from"),
+        (["info", str(tmp_path / "none.tif")], "none.tif: file not found"),
+        (["info", files[0]], "fine.tif: its vertical datum is unknown"),
         (["info", *files, "--vertical", "msl"], "vertical = 'msl': must be one of egm96, egm2008, ellipsoid"),
-        (["info", *files, "--vertical", "egm96"], "its coordinate system says ellipsoid and vertical says 'egm96'"),
+        (["info", *files, "--vertical", "egm96"], "its coordinate system states ellipsoid, but vertical is 'egm96'"),
         (
             ["plot", *files, "--vertical", f"{files[0]}=ellipsoid", "--at", "10,20", "--radius", "100"],
             "does not touch the area",
@@ -165,12 +165,12 @@ def test_mistakes_are_one_sentence(files: list[str], tmp_path: Path, capsys: pyt
     ]:
         out = ["--out", str(tmp_path / "x.png")] if arguments[0] == "plot" else []
         assert main(["terrain", *arguments, *out]) == 2
-        told = capsys.readouterr().err
-        assert sentence in told
-        assert len(told.splitlines()) == 1
-    beside = ["--profile=-10,20/-10,21", "--out", str(tmp_path / "x.png")]
-    assert main(["terrain", "plot", *words(files), *beside]) == 2
-    assert "no height is known between the two places" in capsys.readouterr().err
+        output = capsys.readouterr().err
+        assert sentence in output
+        assert len(output.splitlines()) == 1
+    outside = ["--profile=-10,20/-10,21", "--out", str(tmp_path / "x.png")]
+    assert main(["terrain", "plot", *words(files), *outside]) == 2
+    assert "no height is known between the two points" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -178,14 +178,14 @@ def test_mistakes_are_one_sentence(files: list[str], tmp_path: Path, capsys: pyt
     [
         (["--at", "47.9"], "must be latitude,longitude in degrees"),
         (["--at", "97.9,11"], "must be -90 to 90 and -360 to 360 degrees"),
-        (["--at", "47.9,11.8"], "--at and --radius belong together"),
+        (["--at", "47.9,11.8"], "--at, --radius: only both together"),
         (["--radius", "-3"], "must be a length above 0"),
         (["--cell", "wide"], "must be a length above 0"),
         (
             ["--vertical", "egm96", "--vertical", "ellipsoid"],
-            "--vertical ellipsoid: another datum was said before, egm96",
+            "--vertical ellipsoid: contradicts the earlier egm96",
         ),
-        (["--profile", "47.9,11.8"], "must be two places"),
+        (["--profile", "47.9,11.8"], "must be two points"),
         (["--out", "map.jpg"], "must end with .png or .svg"),
     ],
 )

@@ -30,16 +30,16 @@ def daemon() -> Iterator[FakeDaemon]:
     with tempfile.TemporaryDirectory(prefix="fti-") as runtime:  # short, for a socket
         path = Path(runtime) / "fti" / "demo"
         path.mkdir(parents=True, mode=0o700)
-        made = FakeDaemon(60.0, path / SOCKET_NAME)
-        made.start()
-        yield made
-        made.close()
+        fake = FakeDaemon(60.0, path / SOCKET_NAME)
+        fake.start()
+        yield fake
+        fake.close()
 
 
 @pytest.fixture
 def run_dir(daemon: FakeDaemon) -> Iterator[Path]:
-    with running_daemon(daemon.hub.path.parent, SESSION) as made:
-        yield made.path
+    with running_daemon(daemon.hub.path.parent, SESSION) as directory:
+        yield directory.path
 
 
 def test_once_json_is_one_object(run_dir: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -69,12 +69,12 @@ def test_a_stopped_navigation_is_in_the_json(
     assert all(output["late"] and not output["valid"] for output in found["outputs"].values())
 
 
-def test_without_a_daemon_or_a_bus_it_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_without_a_daemon_or_a_bus_it_reports_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["watch", "--run-dir", str(tmp_path), "--once"]) == 2
     assert "no daemon is running there" in capsys.readouterr().err
     with running_daemon(tmp_path):
         assert main(["watch", "--run-dir", str(tmp_path), "--once"]) == 2
-    assert "there is no bus of this user" in capsys.readouterr().err
+    assert "no bus of this user found" in capsys.readouterr().err
 
 
 def test_json_goes_on_until_interrupted(run_dir: Path) -> None:
@@ -107,8 +107,8 @@ def make_feed(**height: Any) -> LiveState:
 def test_a_provisional_filter_is_shown_struck_out_until_it_is_late() -> None:
     feed = make_feed()
     fields = {"distance": 103.8, "height_difference": -1.2, "horizontal_sd": 1.8, "hpl": 154.4, "quantities": []}
-    said = {"t_ns": 0, "valid": False, "reasons": ["unconfirmed"], "readmission": "", "max_age_ms": 500.0}
-    feed.update("/nav/provisional_solution/gnss", fields | said, 0)
+    status = {"t_ns": 0, "valid": False, "reasons": ["unconfirmed"], "readmission": "", "max_age_ms": 500.0}
+    feed.update("/nav/provisional_solution/gnss", fields | status, 0)
     text = rendered(feed, 0)
     for words in ("gnss, provisional", "\x1b[9;90m104 m off, height -1 m", "HPL 154 m", "not confirmed after a fault"):
         assert words in text
@@ -136,7 +136,7 @@ def test_what_a_controller_has_counted_is_shown_beside_the_hint() -> None:
     assert "/dev/ttyUSB3 does not exist; there are ttyUSB0, ttyUSB1  uart_overrun 3" in text
 
 
-def test_what_the_terrain_says_of_a_height_is_shown_or_why_it_cannot_be_asked() -> None:
+def test_what_the_terrain_reports_of_a_height_is_shown_or_why_it_is_unknown() -> None:
     known = {"predicted": 122.4, "nearest": 118.26, "nearest_sd": 0.8, "compensation": "beam", "unchecked": []}
     text = rendered(make_feed(**known), 0)
     for words in ("nearest return", "118.3 m", "± 0.80 m", "predicts 122.4 m", "beam"):
@@ -226,12 +226,12 @@ def test_every_alarm_is_shown_until_it_has_ended_and_was_acknowledged(case: Case
     assert case.title not in shown()
 
 
-def test_a_snapshot_session_is_said() -> None:
+def test_a_snapshot_session_is_reported() -> None:
     feed, health = make_feed(), make_health(10.0, 0, 0)
     health["session"]["mode"] = "snapshot"
     feed.update("/health", health, 0)
     text = rendered(feed, 0)
-    assert "SNAPSHOT: only what is around a trigger is recorded" in text
+    assert "SNAPSHOT: only data around a trigger are recorded" in text
     assert "SNAPSHOT" not in rendered(make_feed(), 0)
 
 
@@ -254,11 +254,11 @@ def test_before_the_first_health_there_is_a_picture() -> None:
     assert "–" in rendered(LiveState(0), 0)
 
 
-def test_what_plays_the_sensors_is_told_and_struck_out_when_it_is_silent() -> None:
+def test_what_plays_the_sensors_is_reported_and_struck_out_when_it_is_silent() -> None:
     feed = make_feed()
     assert "LABORATORY" not in rendered(feed, 0)
-    told = make_laboratory(75.0, gnss="tripped", arinc="brown_out") | {"age_ms": 0.0, "max_age_ms": 1500.0}
-    feed.update("/hil", told | {"holds": False, "not_held": ["ins: late"]}, 0)
+    laboratory = make_laboratory(75.0, gnss="tripped", arinc="brown_out") | {"age_ms": 0.0, "max_age_ms": 1500.0}
+    feed.update("/hil", laboratory | {"holds": False, "not_held": ["ins: late"]}, 0)
     text = rendered(feed, 0)
     for words in (
         "Fog over the threshold, 75 s of 240 s",

@@ -1,4 +1,4 @@
-"""Does the checksum of a frame hold?  Said without the drivers' own code, for every driver whose frames have one."""
+"""Verification of frame checksums without the code of the drivers, for every driver whose frames have one."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ def _xmodem(frame: bytes) -> bool:
 
 def _exclusive_or(frame: bytes) -> bool:
     """NMEA 0183: exclusive or of what stands between the start and the asterisk, in two hexadecimal digits."""
-    body, _, told = frame[1:].rstrip(b"\r\n").rpartition(b"*")
-    return len(told) == 2 and functools.reduce(operator.xor, body, 0) == int(told, 16)
+    body, _, reported = frame[1:].rstrip(b"\r\n").rpartition(b"*")
+    return len(reported) == 2 and functools.reduce(operator.xor, body, 0) == int(reported, 16)
 
 
 def _arinc429(frame: bytes) -> bool:
@@ -38,8 +38,8 @@ def _novatel(frame: bytes) -> bool:
     if frame[:1] == b"\xaa":
         return _plain_crc32(frame[:-4]) == int.from_bytes(frame[-4:], "little")
     if frame[:1] in (b"#", b"%"):
-        body, _, told = frame[1:].rstrip(b"\r\n").rpartition(b"*")
-        return _plain_crc32(body) == int(told, 16)
+        body, _, reported = frame[1:].rstrip(b"\r\n").rpartition(b"*")
+        return _plain_crc32(body) == int(reported, 16)
     return frame[:1] == b"<"
 
 

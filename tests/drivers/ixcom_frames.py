@@ -1,4 +1,4 @@
-"""Frames of iXCOM as the maker's package writes them, and what a fresh decoder makes of them."""
+"""Frames of iXCOM encoded by the maker's package, and their decoding by a new decoder."""
 
 from __future__ import annotations
 

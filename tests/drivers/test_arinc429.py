@@ -1,4 +1,4 @@
-"""ARINC 429: the word against another encoder, sign/status, options, and finding the words again."""
+"""ARINC 429: words against another encoder, sign/status, options, resynchronisation."""
 
 from __future__ import annotations
 
@@ -92,9 +92,9 @@ def test_a_twenty_bit_word_reaches_into_the_sdi() -> None:
 def test_the_scale_saturates_and_an_angle_goes_on_at_the_other_end() -> None:
     assert wire.decode_bnr(height_word(9000.0), 8192.0, 16) == 8191.875
     assert wire.decode_bnr(height_word(-9000.0), 8192.0, 16) == -8192.0
-    for angle, seen in ((270.0, -90.0), (180.0, -180.0), (-190.0, 170.0)):
+    for angle, measurements in ((270.0, -90.0), (180.0, -180.0), (-190.0, 170.0)):
         word = wire.encode_bnr("314", angle, 180.0, 16, state=BnrState.NORMAL, turns=True)
-        assert wire.decode_bnr(word, 180.0, 16) == pytest.approx(seen, abs=0.003)
+        assert wire.decode_bnr(word, 180.0, 16) == pytest.approx(measurements, abs=0.003)
 
 
 @given(st.integers(0, 79_999), st.booleans())

@@ -1,4 +1,4 @@
-"""Label sets: every label of every built-in set over its whole range, sets of a user, and what is refused."""
+"""Label sets: every label of every built-in set over its whole range, user sets, invalid sets."""
 
 from __future__ import annotations
 
@@ -94,9 +94,9 @@ def ends(label: Label) -> tuple[float, float]:
     return -top, top - resolution(label)
 
 
-def off_by(label: Label, seen: float, value: float) -> float:
+def off_by(label: Label, measurements: float, value: float) -> float:
     turns = label.unit == "deg" and label.range == 180.0
-    return abs(math.remainder(seen - value, 360.0)) if turns else abs(seen - value)
+    return abs(math.remainder(measurements - value, 360.0)) if turns else abs(measurements - value)
 
 
 @pytest.mark.parametrize("label", NUMBERS)
@@ -123,8 +123,8 @@ def test_beyond_its_range_a_label_saturates_and_an_angle_turns(label: Label) -> 
     if label.steps:
         return
     if label.unit == "deg" and label.range == 180.0:
-        for value, seen in ((180.0, -180.0), (270.0, -90.0), (359.0, -1.0), (-190.0, 170.0)):
-            assert off_by(label, there_and_back(label, value), seen) <= resolution(label)
+        for value, measurements in ((180.0, -180.0), (270.0, -90.0), (359.0, -1.0), (-190.0, 170.0)):
+            assert off_by(label, there_and_back(label, value), measurements) <= resolution(label)
         return
     slack = 1e-9 * high
     assert there_and_back(label, 1.5 * high) == pytest.approx(high, abs=slack)
@@ -231,16 +231,16 @@ def test_one_configuration_reads_label_165_as_a_height_and_as_a_vertical_speed(t
     assert found[0].height_agl == pytest.approx(1234.5 * FOOT)
     sent = gps.driver.make_encoder(gps.options).encode(Velocity(stamp=S, down=-1500.0 * FOOT / 60))
     assert int.from_bytes(sent[0][-4:], "big") == CLIMB_165
-    (seen,) = gps.make_decoder().feed(sent[0], 1)
-    assert isinstance(seen, Velocity)
-    assert seen.down == pytest.approx(-7.62)
+    (measurements,) = gps.make_decoder().feed(sent[0], 1)
+    assert isinstance(measurements, Velocity)
+    assert measurements.down == pytest.approx(-7.62)
 
 
 def test_labels_beside_a_file_of_labels_are_not_lost_without_a_word(tmp_path: Path) -> None:
     both = CONFIGURATION.replace('set = "our_gps",', 'set = "our_gps", labels = [],')
     (tmp_path / "two.toml").write_text(both)
     (tmp_path / "our_labels.toml").write_text(OUR_LABELS)
-    with pytest.raises(ConfigError, match=r"device\[1\].options: labels and labels_file: give one of them"):
+    with pytest.raises(ConfigError, match=r"device\[1\].options: labels and labels_file: only one of them is allowed"):
         bind_devices(config.load(tmp_path / "two.toml"))
 
 
@@ -369,20 +369,20 @@ PANEL = {"label": "270", "kind": "discrete", "name": "panel", "flags": {"test": 
     [
         (GOOD | {"label": "999"}, "pattern"),
         (GOOD | {"quantity": "colour"}, "no quantity 'colour'"),
-        (GOOD | {"reading": "height"}, "either quantity or reading"),
-        (GOOD | {"quantity": ""}, "either quantity or reading"),
+        (GOOD | {"reading": "height"}, "exactly one of quantity and reading"),
+        (GOOD | {"quantity": ""}, "exactly one of quantity and reading"),
         (GOOD | {"unit": "kt"}, "unit 'kt'; allowed here: m, ft"),
         (GOOD | {"bits": None}, "needs range and bits"),
         (GOOD | {"kind": "bcd"}, "needs resolution"),
         (GOOD | {"kind": "bcd", "resolution": 1.0, "fine_label": "120"}, "a BCD word has no fine_label"),
         (GOOD | {"bits": 21}, "less than or equal to 20"),
-        (GOOD | {"bits": 19, "sdi": 1}, "a word of 19 bits has no room for an sdi"),
-        (GOOD | {"quantity": "altitude", "steps": "freeflight_ra4500"}, "steps are those of a radio_height"),
+        (GOOD | {"bits": 19, "sdi": 1}, "a word of 19 bits has no sdi"),
+        (GOOD | {"quantity": "altitude", "steps": "freeflight_ra4500"}, "steps needs the quantity radio_height"),
         (PANEL | {"flags": {}}, "needs a name, and flags or fields"),
         (PANEL | {"name": ""}, "needs a name, and flags or fields"),
         (PANEL | {"flags": {"test": 10}}, "greater than or equal to 11"),
         (PANEL | {"not_ok": ["tset"]}, "not_ok names tset; flags are test"),
-        (PANEL | {"fields": {"mode": [15, 13]}}, "field mode: the lowest bit comes first"),
+        (PANEL | {"fields": {"mode": [15, 13]}}, "field mode: the lowest bit must be first"),
     ],
 )
 def test_a_wrong_label_is_refused_in_a_sentence(label: dict[str, object], sentence: str) -> None:
@@ -405,7 +405,7 @@ def test_a_wrong_label_is_named_by_its_place() -> None:
         (
             "[ours]\nlabels = [{ label = '164' }]",
             ConfigError,
-            r"labels_file: ours.labels\[0\].*either quantity or reading",
+            r"labels_file: ours.labels\[0\].*exactly one of quantity and reading",
         ),
     ],
 )
@@ -418,11 +418,11 @@ def test_labels_must_be_there_and_differ() -> None:
     def decoder(**changes: object) -> None:
         arinc429.make_decoder(bind(arinc429.Options, changes, "test.toml"))
 
-    with pytest.raises(ValueError, match="none are enabled"):
+    with pytest.raises(ValueError, match="none enabled"):
         decoder(set="none")
-    with pytest.raises(ValueError, match="164 stands twice"):
+    with pytest.raises(ValueError, match="164 occurs twice"):
         decoder(labels=[GOOD, GOOD])
-    with pytest.raises(ValueError, match=r"set 'fms': there is no such set; built in: radio_altimeter, .*none$"):
+    with pytest.raises(ValueError, match=r"set 'fms': unknown set; built in: radio_altimeter, .*none$"):
         decoder(set="fms")
     with pytest.raises(ValueError, match="none; in labels_file: our_gps"):
         decoder(set="gbs", labels=OUR_LABELS)

@@ -1,4 +1,4 @@
-"""ARINC 429 words in packets: what the packets say of them, damaged packets, and how long they may be."""
+"""ARINC 429 words in packets: bus, time and error flags, damaged packets, maximum sizes."""
 
 from __future__ import annotations
 
@@ -36,8 +36,8 @@ def decoder(kind: str, **changes: object) -> arinc429.Decoder:
 
 
 def heights(found: list[Measurement]) -> list[float]:
-    seen = [m.height_agl for m in found if isinstance(m, RadioHeight)]
-    return [round(height / FOOT, 6) for height in seen if height is not None]
+    measurements = [m.height_agl for m in found if isinstance(m, RadioHeight)]
+    return [round(height / FOOT, 6) for height in measurements if height is not None]
 
 
 def packet(kind: str, *heights_ft: float, bus: int = 0, packer: Packets | None = None) -> bytes:
@@ -56,7 +56,7 @@ def test_a_word_has_the_time_of_the_maker_of_packets(kind: str) -> None:
 
 
 @each_kind
-def test_only_the_configured_bus_is_heard(kind: str) -> None:
+def test_only_the_configured_bus_is_received(kind: str) -> None:
     data = packet(kind, 100.0, bus=2) + packet(kind, 200.0, 300.0, bus=3)
     assert heights(decoder(kind).feed(data, 1)) == [100.0, 200.0, 300.0]
     chosen = decoder(kind, bus=3)
@@ -67,9 +67,9 @@ def test_only_the_configured_bus_is_heard(kind: str) -> None:
 @each_kind
 def test_a_word_in_bad_parity_is_counted_and_nothing_more(kind: str) -> None:
     data = KINDS[kind]().pack([height_word(100.0) ^ 1 << 20, height_word(200.0)], 0, 0)
-    judged = decoder(kind)
-    assert heights(judged.feed(data, 1)) == [200.0]
-    assert judged.counters.messages == {"bad_parity": 1, "radio_height": 1}
+    reference = decoder(kind)
+    assert heights(reference.feed(data, 1)) == [200.0]
+    assert reference.counters.messages == {"bad_parity": 1, "radio_height": 1}
     assert len(heights(decoder(kind, parity="none").feed(data, 1))) == 2
 
 
@@ -86,10 +86,10 @@ def test_labels_that_the_card_has_turned(kind: str) -> None:
 def test_packets_that_never_came_are_counted_and_a_new_beginning_is_none(kind: str) -> None:
     packer = KINDS[kind]()
     data = [packer.pack([height_word(100.0)], 0, k * 1_000_000) for k in range(10)]
-    seen = decoder(kind)
+    measurements = decoder(kind)
     for k in (0, 1, 4, 5, 9, 0, 1):
-        seen.feed(data[k], 1)
-    assert seen.counters.lost == {kind: 2 + 3}
+        measurements.feed(data[k], 1)
+    assert measurements.counters.lost == {kind: 2 + 3}
 
 
 @each_kind
@@ -97,8 +97,8 @@ def test_packets_that_never_came_are_counted_and_a_new_beginning_is_none(kind: s
 def test_the_next_whole_packet_is_found_after_a_broken_one(kind: str, lost: int, noise: bytes) -> None:
     broken = packet(kind, 100.0, 101.0)
     found = decoder(kind)
-    seen = heights(found.feed(broken[: len(broken) - lost - 1] + noise + packet(kind, 200.0, bus=1) * 3, 1))
-    assert seen[-2:] == [200.0, 200.0]
+    measurements = heights(found.feed(broken[: len(broken) - lost - 1] + noise + packet(kind, 200.0, bus=1) * 3, 1))
+    assert measurements[-2:] == [200.0, 200.0]
     assert found.counters.held < 64
 
 
@@ -109,13 +109,13 @@ def test_the_converter_says_what_it_does_not_believe() -> None:
     """Bit 31 of the control word; and a status whose low half is not zero."""
     good = packet("apmp", 100.0, 200.0)
     marked = good[:48] + bytes([0x80]) + good[49:]
-    seen = decoder("apmp")
-    assert heights(seen.feed(marked, 1)) == [200.0]
-    assert seen.counters.messages == {"bus_error": 1, "radio_height": 1}
+    measurements = decoder("apmp")
+    assert heights(measurements.feed(marked, 1)) == [200.0]
+    assert measurements.counters.messages == {"bus_error": 1, "radio_height": 1}
     bad_status = good[:8] + struct.pack(">I", 0x00010002) + good[12:]
-    seen = decoder("apmp")
-    assert heights(seen.feed(bad_status + good, 1)) == [100.0, 200.0]
-    assert seen.counters.messages == {"bad_status": 1, "radio_height": 2}
+    measurements = decoder("apmp")
+    assert heights(measurements.feed(bad_status + good, 1)) == [100.0, 200.0]
+    assert measurements.counters.messages == {"bad_status": 1, "radio_height": 2}
 
 
 @pytest.mark.parametrize(
@@ -124,17 +124,17 @@ def test_the_converter_says_what_it_does_not_believe() -> None:
 def test_what_is_no_packet_of_words_is_skipped(at: int, value: int, reason: str) -> None:
     data = bytearray(packet("apmp", 100.0))
     data[at : at + 4] = struct.pack(">I", value)
-    seen = decoder("apmp")
-    assert heights(seen.feed(bytes(data) + packet("apmp", 200.0), 1)) == [200.0]
-    assert seen.counters.skipped[reason] == 1
+    measurements = decoder("apmp")
+    assert heights(measurements.feed(bytes(data) + packet("apmp", 200.0), 1)) == [200.0]
+    assert measurements.counters.skipped[reason] == 1
 
 
 def test_a_length_that_reaches_over_other_packets_is_not_waited_for() -> None:
     """The last byte of the header has become 240, where three packets of 64 bytes follow."""
     broken = packet("apmp", 100.0)[:31] + bytes([240])
-    seen = decoder("apmp")
-    assert heights(seen.feed(broken + packet("apmp", 200.0) * 3, 1)) == [200.0] * 3
-    assert seen.counters.skipped["cut_short"] == 1
+    measurements = decoder("apmp")
+    assert heights(measurements.feed(broken + packet("apmp", 200.0) * 3, 1)) == [200.0] * 3
+    assert measurements.counters.skipped["cut_short"] == 1
 
 
 def test_a_packet_and_each_channel_count_on() -> None:
@@ -154,9 +154,9 @@ def test_no_packet_is_believed_whose_checksum_does_not_hold() -> None:
     for bit in range(len(data) * 8):
         broken = bytearray(data)
         broken[bit // 8] ^= 1 << bit % 8
-        seen = vector.decoder()
-        assert seen.feed(bytes(broken), 1) == []
-        assert seen.counters.framed == 0
+        measurements = vector.decoder()
+        assert measurements.feed(bytes(broken), 1) == []
+        assert measurements.counters.framed == 0
 
 
 def test_nor_one_whose_secondary_header_is_damaged() -> None:
@@ -166,36 +166,36 @@ def test_nor_one_whose_secondary_header_is_damaged() -> None:
     for bit in range(24 * 8, 36 * 8):
         broken = bytearray(data)
         broken[bit // 8] ^= 1 << bit % 8
-        seen = vector.decoder()
-        assert seen.feed(bytes(broken), 1) == []
-        assert seen.counters.skipped["bad_checksum"] == 1
+        measurements = vector.decoder()
+        assert measurements.feed(bytes(broken), 1) == []
+        assert measurements.counters.skipped["bad_checksum"] == 1
 
 
-def test_the_header_of_a_datagram_is_told_apart() -> None:
-    seen = decoder("chapter10")
+def test_the_header_of_a_datagram_is_distinguished() -> None:
+    measurements = decoder("chapter10")
     datagram = b"\x01\x34\x12\x00" + packet("chapter10", 100.0)
     for data in (datagram, datagram):
-        assert heights(seen.feed(data, 1)) == [100.0]
-    assert seen.counters.skipped == {"transfer_header": 8}
+        assert heights(measurements.feed(data, 1)) == [100.0]
+    assert measurements.counters.skipped == {"transfer_header": 8}
 
 
 def test_a_packet_that_is_longer_than_any_is_not_waited_for() -> None:
     head = HEADER.pack(b"\x25\xeb", 1, 131_072, 131_000, 6, 0, 0, 0x40, 0, 0, 0)
     head = head[:-2] + struct.pack("<H", sum(struct.unpack("<11H", head[:-2])) & 0xFFFF)
-    seen = decoder("chapter10")
-    assert heights(seen.feed(head + packet("chapter10", 100.0), 1)) == [100.0]
-    assert seen.counters.skipped["too_long"] == 1
+    measurements = decoder("chapter10")
+    assert heights(measurements.feed(head + packet("chapter10", 100.0), 1)) == [100.0]
+    assert measurements.counters.skipped["too_long"] == 1
 
 
 def test_a_count_that_does_not_fit_the_length_is_refused_before_the_body_has_come() -> None:
     data = bytearray(packet("chapter10", 100.0, 200.0))
     data[24] = 9
-    seen = decoder("chapter10")
-    seen.feed(bytes(data[:32]), 1)
-    assert seen.counters.skipped["bad_count"] == 1
+    measurements = decoder("chapter10")
+    measurements.feed(bytes(data[:32]), 1)
+    assert measurements.counters.skipped["bad_count"] == 1
 
 
 def test_the_counter_of_the_recorder_has_48_bits() -> None:
     last = ((1 << 48) - 1) * 100
-    (heard,) = Chapter10().unpack(Chapter10().pack([height_word(1.0)], 0, last))[1]
-    assert heard.t_dev_ns == last
+    (received,) = Chapter10().unpack(Chapter10().pack([height_word(1.0)], 0, last))[1]
+    assert received.t_dev_ns == last

@@ -1,4 +1,4 @@
-"""ARINC 429 words on a line: where they begin, in noise, after losses, and when nothing changes."""
+"""ARINC 429 words on a line: synchronisation in noise, after losses, and with constant words."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ def height_word(height_ft: float) -> int:
 
 
 def heights(found: list[Measurement]) -> list[float]:
-    seen = [m.height_agl for m in found if isinstance(m, RadioHeight)]
-    return [round(height / FOOT, 6) for height in seen if height is not None]
+    measurements = [m.height_agl for m in found if isinstance(m, RadioHeight)]
+    return [round(height / FOOT, 6) for height in measurements if height is not None]
 
 
 HEIGHT_100 = height_word(100.0)

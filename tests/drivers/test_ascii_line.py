@@ -1,4 +1,4 @@
-"""Lines that the configuration describes: templates, fields, checksums, and sentences for what is wrong."""
+"""Configured lines: templates, fields, checksums, error messages."""
 
 from __future__ import annotations
 
@@ -91,13 +91,13 @@ def test_any_template_is_refused_in_a_sentence_or_reads_what_it_writes(text: str
         assert str(error).startswith("line: ")
         return
     template.match(line.encode("utf-8"))
-    values: dict[str, Any] = {p.name: "a" * (p.width or 1) if p.kind == "s" else 3.0 for p in template.places}
+    values: dict[str, Any] = {p.name: "a" * (p.width or 1) if p.kind == "s" else 3.0 for p in template.fields}
     assert template.match(template.write(values))
 
 
 def test_fields_that_would_give_characters_back_to_one_another_are_refused() -> None:
     """Twenty numbers with a 1 between them could share a line of ones in 10^20 ways; no field gives anything back."""
-    with pytest.raises(ValueError, match="cannot be told from what follows"):
+    with pytest.raises(ValueError, match="cannot be separated from the next"):
         Template("1".join(f"{{x{i}:d}}" for i in range(20)) + "!")
     template = Template(",".join(f"{{x{i}:f}}" for i in range(20)) + "!")
     assert template.match(b",".join([b"111111111111111"] * 20) + b"?") is None
@@ -106,21 +106,21 @@ def test_fields_that_would_give_characters_back_to_one_another_are_refused() -> 
 @pytest.mark.parametrize(
     ("line", "sentence"),
     [
-        ("plain", "line: no {field} stands in it"),
-        ("{a:d} {a:d}", "line: 'a' stands there twice"),
+        ("plain", "line: has no {field}"),
+        ("{a:d} {a:d}", "line: 'a' occurs twice"),
         ("{A:d}", "small letters"),
         ("{0}", "small letters"),
         ("{a!r}", "small letters"),
         ("{a:.2e}", "must be like f, .2f"),
         ("{a:.2d}", "must be like f, .2f"),
         ("{a:08s}", "must be like f, .2f"),
-        ("{a:d}{b:d}", "cannot be told from what follows it"),
-        ("{a:s}{b:d}", "cannot be told from what follows it"),
+        ("{a:d}{b:d}", "cannot be separated from the next one"),
+        ("{a:s}{b:d}", "cannot be separated from the next one"),
         ("{a", "line: expected '}'"),
         ("{a:d}\u20ac", "line: 'latin-1' codec can't encode"),
-        ("{a:d}\r", "has a character of the terminator"),
+        ("{a:d}\r", "contains a character of the terminator"),
         ("{_a:d}", "none becomes a measurement"),
-        ("{a:d}*{checksum:02X}", "checksum: must be described"),
+        ("{a:d}*{checksum:02X}", "checksum: must be configured"),
     ],
 )
 def test_a_wrong_template_is_one_sentence(line: str, sentence: str) -> None:
@@ -131,7 +131,7 @@ def test_a_wrong_template_is_one_sentence(line: str, sentence: str) -> None:
 # ---------------------------------------------------------------------------------------------------------- fields
 
 
-def test_a_quantity_is_told_in_its_unit_and_becomes_si() -> None:
+def test_a_quantity_is_sent_in_its_unit_and_becomes_si() -> None:
     """1013.25 hPa, 15 degC and 100 kt, by hand: 101325 Pa, 288.15 K, 51.4444 m/s."""
     fields = [
         {"name": "static_pressure", "unit": "hPa"},
@@ -248,7 +248,7 @@ def test_limits_good_words_and_needs_decide_on_validity() -> None:
     assert all(m.valid or m.slant_range is None for m in found if isinstance(m, Range))
 
 
-def test_what_cannot_be_without_a_value_is_not_said_when_there_is_none() -> None:
+def test_what_cannot_be_without_a_value_is_not_sent_when_there_is_none() -> None:
     """A pressure of nothing does not exist; the line is counted all the same."""
     table = {"line": "{static_pressure:.1f}", "fields": [{"name": "static_pressure", "unit": "hPa", "lost": [0]}]}
     decoder = al.make_decoder(options(**table))
@@ -275,8 +275,8 @@ def test_characters_are_a_reading_too() -> None:
         ([{"name": "x", "limits": [5, 1]}], "fields: x: limits = [5.0, 1.0]; the first must be below"),
         ([{"name": "x", "needs": ["z"]}], "fields: x: needs 'z', which is not in the message"),
         ([{"name": "x"}, {"name": "x"}], "fields: 'x' is described twice"),
-        ([{"name": "x", "lost": [130.5]}], "fields: x: lost: 130.5 cannot stand in {x:d}"),
-        ([{"name": "x", "good": [0.1]}], "fields: x: good: 0.1 cannot stand in {x:d}"),
+        ([{"name": "x", "lost": [130.5]}], "fields: x: lost: 130.5 does not fit into {x:d}"),
+        ([{"name": "x", "good": [0.1]}], "fields: x: good: 0.1 does not fit into {x:d}"),
     ],
 )
 def test_a_wrong_field_is_one_sentence(fields: list[dict[str, Any]], sentence: str) -> None:
@@ -336,11 +336,11 @@ def test_a_line_with_its_checksum_goes_there_and_back(kind: str) -> None:
 @pytest.mark.parametrize(
     ("line", "fields", "sentence"),
     [
-        ("{x:s}", [{"name": "x", "lost": [9]}], "x: lost: 9 is a number, and the field has characters"),
-        ("{x:s}", [{"name": "x", "limits": [0, 9]}], "fields: x: is characters in the line"),
-        ("{slant_range:s}", [], "fields: slant_range: is characters in the line"),
-        ("{x:04X}", [{"name": "x", "lost": [-1]}], "x: lost: -1 cannot stand in {x:04X}"),
-        ("{x:.1f}", [{"name": "x", "lost": [0.25]}], "x: lost: 0.25 cannot stand in {x:.1f}"),
+        ("{x:s}", [{"name": "x", "lost": [9]}], "x: lost: 9 is a number, but the field is text"),
+        ("{x:s}", [{"name": "x", "limits": [0, 9]}], "fields: x: is text in the line"),
+        ("{slant_range:s}", [], "fields: slant_range: is text in the line"),
+        ("{x:04X}", [{"name": "x", "lost": [-1]}], "x: lost: -1 does not fit into {x:04X}"),
+        ("{x:.1f}", [{"name": "x", "lost": [0.25]}], "x: lost: 0.25 does not fit into {x:.1f}"),
     ],
 )
 def test_a_word_that_the_device_cannot_send_is_one_sentence(
@@ -370,11 +370,11 @@ def test_what_cannot_be_sent_or_read_is_one_sentence(table: dict[str, Any], sent
 @pytest.mark.parametrize(
     ("spec", "rule", "sentence"),
     [
-        (":s", {}, "checksum: xor8 is written {checksum:02X}, 02x or d"),
-        ("", {}, "checksum: xor8 is written"),
-        (":02X", {"kind": "crc16_modbus"}, "checksum: crc16_modbus is written {checksum:04X}"),
-        (":02X", {"after": "!"}, "checksum: after = '!': must stand in the line before the checksum"),
-        (":02X", {"before": ";"}, "checksum: before = ';': must stand in the line before the checksum"),
+        (":s", {}, "checksum: xor8 needs the format {checksum:02X}, 02x or d"),
+        ("", {}, "checksum: xor8 needs the format"),
+        (":02X", {"kind": "crc16_modbus"}, "checksum: crc16_modbus needs the format {checksum:04X}"),
+        (":02X", {"after": "!"}, "checksum: after = '!': must be in the line before the checksum"),
+        (":02X", {"before": ";"}, "checksum: before = ';': must be in the line before the checksum"),
     ],
 )
 def test_a_checksum_that_no_line_can_have_is_one_sentence(spec: str, rule: dict[str, str], sentence: str) -> None:
@@ -415,16 +415,16 @@ def test_a_line_that_is_too_long_is_left_behind() -> None:
     assert decoder.counters.skipped == {"too_long": 96, "no_beginning": 5}
 
 
-def test_bytes_that_are_no_characters_are_told_from_other_lines() -> None:
+def test_bytes_that_are_no_characters_are_distinguished_from_other_lines() -> None:
     decoder = al.make_decoder(options(line="{x:d}"))
     decoder.feed(b"hello\r\n\xff\x00\r\n", 1)
     assert decoder.counters.skipped == {"other_line": 6, "no_match": 3}
 
 
-def test_a_line_goes_out_when_every_field_was_told_anew() -> None:
+def test_a_line_goes_out_when_every_field_was_set_again() -> None:
     encoder = al.make_encoder(options(line="{x:.1f},{y:d},{_z:d}", fields=[{"name": "_z", "good": [7]}]))
-    told = [("x", 1.0), ("x", 2.0), ("y", 3.0), ("y", 4.0), ("z", 1.0), ("x", 5.0)]
-    sent = [encoder.encode(Reading(stamp=S, name=name, value=value)) for name, value in told]
+    reported = [("x", 1.0), ("x", 2.0), ("y", 3.0), ("y", 4.0), ("z", 1.0), ("x", 5.0)]
+    sent = [encoder.encode(Reading(stamp=S, name=name, value=value)) for name, value in reported]
     assert [line for lines in sent for line in lines] == [b"2.0,3,7\r\n", b"5.0,4,7\r\n"]
 
 
@@ -438,10 +438,10 @@ def test_what_the_device_has_no_word_for_is_not_sent() -> None:
 
 
 def test_a_device_that_is_asked() -> None:
-    asked = options(line="{x:d}", poll={"every_s": 0.5, "send": "?\r\n"}, on_connect=["mode=1\r\n"])
-    assert al.poll(asked) == (0.5, b"?\r\n")
-    assert al.on_connect(asked) == [b"mode=1\r\n"]
-    encoder = al.make_encoder(asked)
+    requests = options(line="{x:d}", poll={"every_s": 0.5, "send": "?\r\n"}, on_connect=["mode=1\r\n"])
+    assert al.poll(requests) == (0.5, b"?\r\n")
+    assert al.on_connect(requests) == [b"mode=1\r\n"]
+    encoder = al.make_encoder(requests)
     assert encoder.encode(Reading(stamp=S, name="x", value=1.0)) == []
     assert encoder.respond(b"?\r\n") == [b"1\r\n"]
 

@@ -1,4 +1,4 @@
-"""Frames that the configuration describes; two of them are those of drivers that have code of their own."""
+"""Configured binary frames; two of them are compared with drivers that have their own code."""
 
 from __future__ import annotations
 
@@ -193,7 +193,7 @@ def test_a_number_that_is_none_is_not_valid() -> None:
         ({"length": 2}, "x: ends at byte 3, the data at 2"),
         ({"trailer": "0d0a0d0a"}, "shorter than sync, checksum and trailer"),
         ({"where": [{"at": 9, "type": "u8", "value": 1}]}, "where: ends at byte 10, the data at 3"),
-        ({"checksum": {"kind": "crc16_xmodem", "at": 2}}, "a frame written as described is not whole"),
+        ({"checksum": {"kind": "crc16_xmodem", "at": 2}}, "a frame encoded as described cannot be decoded"),
         (
             {"fields": [{"name": "x", "at": 1, "type": "i16", "bits": [0, 4]}]},
             "fields: x: bits = [0, 4]: must lie in a u8",
@@ -205,19 +205,19 @@ def test_a_number_that_is_none_is_not_valid() -> None:
         ({"fields": []}, "fields: must be given where length, sync is"),
         (
             {"fields": [{"name": "x", "at": 1, "type": "u16", "lost": [-1]}]},
-            "fields: x: lost: -1 cannot stand there: whole numbers from 0 to 65535 can",
+            "fields: x: lost: -1 does not fit; allowed are whole numbers from 0 to 65535",
         ),
         (
             {"fields": [{"name": "x", "at": 1, "type": "i16", "lost": [0x8000]}]},
-            "fields: x: lost: 32768 cannot stand there: whole numbers from -32768 to 32767 can",
+            "fields: x: lost: 32768 does not fit; allowed are whole numbers from -32768 to 32767",
         ),
         (
             {"fields": [{"name": "x", "at": 1, "type": "u8", "bits": [0, 2], "good": [4]}]},
-            "fields: x: good: 4 cannot stand there: whole numbers from 0 to 3 can",
+            "fields: x: good: 4 does not fit; allowed are whole numbers from 0 to 3",
         ),
         (
             {"fields": [{"name": "x", "at": 1, "type": "u16", "lost": ["FFFF"]}]},
-            "fields: x: lost: 'FFFF' is characters, and a frame has numbers",
+            "fields: x: lost: 'FFFF' is text; a frame has only numbers",
         ),
         (
             {"length": 5, "fields": [{"name": "x", "at": 1, "type": "f32", "lost": [1e300]}]},
@@ -225,7 +225,7 @@ def test_a_number_that_is_none_is_not_valid() -> None:
         ),
         (
             {"where": [{"at": 1, "type": "u8", "value": 300}]},
-            "where[0]: value = 300 cannot stand there: whole numbers from 0 to 255 can",
+            "where[0]: value = 300 does not fit; allowed are whole numbers from 0 to 255",
         ),
     ],
 )
@@ -255,10 +255,10 @@ def test_bytes_can_be_sent_and_asked() -> None:
     for args in ({}, {"hex": ""}, {"hex": "5"}, {"hex": "00" * 257}, {"hex": "00", "x": ""}):
         with pytest.raises(ValueError, match="send: "):
             bs.command("send", args)
-    asked = options(ONE, poll={"every_s": 0.1, "send": "5A0404"}, on_connect=["5A05"])
-    assert bs.poll(asked) == (0.1, b"\x5a\x04\x04")
-    assert bs.on_connect(asked) == [b"\x5a\x05"]
-    encoder = bs.make_encoder(asked)
+    requests = options(ONE, poll={"every_s": 0.1, "send": "5A0404"}, on_connect=["5A05"])
+    assert bs.poll(requests) == (0.1, b"\x5a\x04\x04")
+    assert bs.on_connect(requests) == [b"\x5a\x05"]
+    encoder = bs.make_encoder(requests)
     assert encoder.encode(Reading(stamp=S, name="x", value=1.0)) == []
     assert encoder.respond(b"\x5a\x04\x04") == [b"\xa5\x01\x00"]
 

@@ -1,4 +1,4 @@
-"""CANaerospace: data types, node services, emergency events, message codes, silent nodes, identifiers of one's own."""
+"""CANaerospace: data types, node services, emergency events, message codes, silent nodes, user-defined identifiers."""
 
 from __future__ import annotations
 
@@ -159,7 +159,7 @@ def test_an_identification_is_asked_for_and_answered() -> None:
     assert can.make_encoder(can.Options(node=7)).respond(answer) == []
 
 
-def test_what_identify_takes_is_told() -> None:
+def test_what_identify_takes_is_reported() -> None:
     with pytest.raises(ValueError, match=r"identify: node = '256'; allowed is 0 to 255"):
         can.command("identify", {"node": "256"})
     with pytest.raises(ValueError, match=r"identify: no argument 'nod'; there is node"):
@@ -176,30 +176,30 @@ def test_other_node_services_are_counted_by_name() -> None:
 # ---------------------------------------------------------------------------------------- lost, repeated, silent
 
 
-def told(found: list[Measurement]) -> list[str]:
+def reported(found: list[Measurement]) -> list[str]:
     return [flag for m in found if isinstance(m, DeviceStatus) for flag in m.flags]
 
 
 def test_message_codes_tell_what_was_lost_and_what_came_twice() -> None:
     decoder = can.make_decoder(can.Options())
     found = [m for code in (253, 254, 254, 1, 2) for m in decoder.feed(static_pressure(1000.0, code=code), 1)]
-    assert told(found) == ["static_pressure_repeated", "static_pressure_lost_2"]
+    assert reported(found) == ["static_pressure_repeated", "static_pressure_lost_2"]
     assert len([m for m in found if isinstance(m, StaticPressure)]) == 5
     assert decoder.counters.lost == {"static_pressure": 2}
 
 
 def test_two_nodes_that_send_the_same_have_counters_of_their_own() -> None:
     frames = [static_pressure(1000.0, node=node, code=code) for code in (5, 6, 7) for node in (1, 2)]
-    assert not told(feed(*frames)[0])
+    assert not reported(feed(*frames)[0])
 
 
 def silences(frames: dict[int, bytes]) -> list[tuple[int, str]]:
     """What is told, and when [ms]; frames : by time [ms]."""
     decoder = can.make_decoder(can.Options())
-    return [(t, flag) for t, frame in sorted(frames.items()) for flag in told(decoder.feed(frame, 1 + t * MS))]
+    return [(t, flag) for t, frame in sorted(frames.items()) for flag in reported(decoder.feed(frame, 1 + t * MS))]
 
 
-def test_a_node_that_falls_silent_is_told_by_the_stamps_of_others() -> None:
+def test_a_node_that_falls_silent_is_reported_by_the_stamps_of_others() -> None:
     """Both send every 100 ms; node 2 stops after 1000 ms and comes back at 3000."""
     first = {t: static_pressure(1000.0, node=1, code=t // 100 % 256) for t in range(0, 4000, 100)}
     second = {t + 50: static_pressure(900.0, node=2, code=t // 100 % 256) for t in range(0, 1000, 100)}
@@ -207,7 +207,7 @@ def test_a_node_that_falls_silent_is_told_by_the_stamps_of_others() -> None:
     assert silences(first | second | again) == [(1500, "node_2_silent"), (3050, "node_2_back")]
 
 
-def test_a_bus_that_is_silent_as_a_whole_is_told_when_it_speaks_again() -> None:
+def test_a_bus_that_is_silent_as_a_whole_is_reported_when_it_speaks_again() -> None:
     early = {t: static_pressure(1000.0, code=t // 100) for t in range(0, 1000, 100)}
     late = {t: static_pressure(1000.0, code=t // 100 - 40) for t in range(5000, 6000, 100)}
     assert silences(early | late) == [(5000, "node_1_silent"), (5000, "node_1_back")]
@@ -259,9 +259,9 @@ def test_a_dbc_is_the_table_of_identifiers() -> None:
     ("text", "sentence"),
     [
         ("garbage", "dbc: Invalid syntax at line 1, column 1"),
-        (AIR_DATA, "dbc: message 'air_data_fast': must have the header node_id, .* for the driver dbc"),
+        (AIR_DATA, "dbc: message 'air_data_fast': must have the header node_id, .* use the driver dbc"),
         (OWN_TABLE.replace('"kt"', '"knots"'), "calibrated_airspeed: unit 'knots'; allowed here: m/s, kt"),
-        (OWN_TABLE.split("BO_ 1600", maxsplit=1)[0], "dbc: there is no message in it"),
+        (OWN_TABLE.split("BO_ 1600", maxsplit=1)[0], "dbc: contains no message"),
     ],
 )
 def test_a_wrong_dbc_is_refused_in_a_sentence(text: str, sentence: str) -> None:

@@ -1,4 +1,4 @@
-"""What every driver must keep.  A new driver adds its vector files and passes; nothing here names one."""
+"""Contract of all drivers.  A new driver adds its vector files; this module names no driver."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from tests.drivers.vectorfiles import (
 
 #: More than any decoder may hold: after that many good bytes it must be in step again.
 MAX_HELD = 4096
-LONGEST_GARBAGE = 512  # of which each byte may begin something that looks like a frame
+MAX_GARBAGE_BYTES = 512  # of which each byte may begin something that looks like a frame
 NAMES = drivers.names()
 
 each_driver = pytest.mark.parametrize("name", NAMES)
@@ -67,8 +67,8 @@ def test_questions_and_commands_have_their_form(name: str) -> None:
     driver = drivers.load(name)
     options = driver.Options()
     assert all(isinstance(data, bytes) for data in driver.on_connect(options))
-    asked = driver.poll(options)
-    assert asked is None or (asked[0] > 0 and isinstance(asked[1], bytes))
+    requests = driver.poll(options)
+    assert requests is None or (requests[0] > 0 and isinstance(requests[1], bytes))
     assert driver.make_encoder(options).respond(b"") == []
     with pytest.raises(ValueError, match="no_such_command"):
         driver.command("no_such_command", {}, options)
@@ -105,8 +105,8 @@ def test_vector_is_decoded_to_what_the_independent_side_says(vector: Vector) -> 
     for number, expected in enumerate(vector.facts["expect"]):
         facts = dict(expected)
         kind, index, tolerance = facts.pop("measurement"), facts.pop("index"), facts.pop("tolerance", 1e-12)
-        seen = list(of_class(found, kind))[index]
-        assert_matches(seen, facts, tolerance, f"expect[{number}] {kind}[{index}]")
+        measurements = list(of_class(found, kind))[index]
+        assert_matches(measurements, facts, tolerance, f"expect[{number}] {kind}[{index}]")
 
 
 @each_vector
@@ -164,14 +164,14 @@ def test_how_the_bytes_are_cut_changes_nothing(vector: Vector) -> None:
 def test_a_message_carries_the_arrival_of_its_first_byte(vector: Vector) -> None:
     stream = vector.data * 2
     decoder = vector.decoder()
-    seen = []
+    measurements = []
     for at in range(len(stream)):
         for measurement in decoder.feed(stream[at : at + 1], at):
             assert measurement.stamp.t_rx_ns < at  # a message has more than one byte
             assert measurement.stamp.t_valid_ns is None
-            seen.append(measurement.stamp.t_rx_ns)
-    assert seen
-    for start in set(seen):
+            measurements.append(measurement.stamp.t_rx_ns)
+    assert measurements
+    for start in set(measurements):
         assert first_stamp(vector, stream + vector.data, start) == start
 
 
@@ -220,7 +220,7 @@ def check_garbage(vector: Vector, check: Callable[[bytes], None]) -> None:
 @byte_streams
 def test_garbage_is_survived_accounted_bounded_and_left_behind(vector: Vector) -> None:
     steady = len(feed_all(vector.decoder(), [vector.data] * 3)) - len(feed_all(vector.decoder(), [vector.data] * 2))
-    settle = [vector.data] * ((MAX_HELD + LONGEST_GARBAGE) // len(vector.data) + 1)
+    settle = [vector.data] * ((MAX_HELD + MAX_GARBAGE_BYTES) // len(vector.data) + 1)
 
     def survive(garbage: bytes) -> None:
         decoder = vector.decoder()
@@ -284,19 +284,19 @@ def test_a_value_comes_back_to_half_the_resolution_of_the_wire(vector: Vector, t
     def come_back(value: float) -> None:
         content = [value] * 3 if trip.get("vector") else value
         sent = {"measurement": trip["measurement"], trip["field"]: content, **trip.get("also", {})}
-        given_to = [make(facts, stamp) for facts in (sent, *trip.get("then", ()))]
-        reads = [data for _ in range(3) for m in given_to for data in encoder.encode(m)]
+        passed_to = [make(facts, stamp) for facts in (sent, *trip.get("then", ()))]
+        reads = [data for _ in range(3) for m in passed_to for data in encoder.encode(m)]
         found = [
-            seen
+            measurements
             for m in of_class(feed_all(vector.decoder(), reads), trip["measurement"])
-            if (seen := getattr(m, trip["field"])) is not None
+            if (measurements := getattr(m, trip["field"])) is not None
         ]
         assert found
-        for seen in found:
-            error = abs((seen[0] if trip.get("vector") else seen) - value)
+        for measurements in found:
+            error = abs((measurements[0] if trip.get("vector") else measurements) - value)
             if trip.get("wrap"):
                 error = min(error, math.tau - error)
-            assert error <= trip["half_lsb"] * (1 + 1e-6) + 1e-12, (seen, value)
+            assert error <= trip["half_lsb"] * (1 + 1e-6) + 1e-12, (measurements, value)
 
     for edge in (trip["low"], trip["high"]):
         come_back(float(edge))

@@ -62,7 +62,7 @@ def readings(found: list[Measurement]) -> dict[str, Reading]:
     return {m.name: m for m in found if isinstance(m, Reading)}
 
 
-# ------------------------------------------------------------------------------------------- cantools is the judge
+# ----------------------------------------------------------------------------------------- comparison with cantools
 
 
 def signal_lines(layout: list[tuple[int, int, bool, bool]]) -> str:
@@ -106,19 +106,19 @@ def test_every_feature_is_decoded_as_cantools_does(word: int, noise: bytes) -> N
         FEATURES, pack_can(message.frame_id, data, extended=message.is_extended_frame, fd=word == 514)
     )
     assert decoder.counters.messages == {message.name: 1}
-    seen = {name.partition(".")[2]: m for name, m in readings(found).items()}
+    measurements = {name.partition(".")[2]: m for name, m in readings(found).items()}
     try:
         expected = message.decode(data, decode_choices=False)
     except DecodeError:
-        assert {"page"} <= set(seen) <= {"page", "part"}
+        assert {"page"} <= set(measurements) <= {"page", "part"}
         return
-    assert set(seen) == set(expected)
+    assert set(measurements) == set(expected)
     for name, value in expected.items():
         stated = message.get_signal_by_name(name).choices or {}
         if math.isnan(value) or (name == "oil_temperature" and value + 40 in stated):
-            assert (seen[name].value, seen[name].valid) == (None, False)
+            assert (measurements[name].value, measurements[name].valid) == (None, False)
         else:
-            assert seen[name].value == value or not seen[name].valid
+            assert measurements[name].value == value or not measurements[name].valid
 
 
 @settings(max_examples=settings().max_examples // 3)
@@ -133,16 +133,16 @@ def test_frames_are_built_as_cantools_does(text: str, data: st.DataObject) -> No
     }
     raw: dict[str, float] = {}
     for s in layout.signals_for(chosen):
-        numbers = st.integers(int(s.min_raw), int(s.most)) if not s.is_float else st.floats(-1e4, 1e4, width=16)
+        numbers = st.integers(int(s.min_raw), int(s.max_raw)) if not s.is_float else st.floats(-1e4, 1e4, width=16)
         raw[s.name] = chosen[s.name] if s.name in chosen else data.draw(numbers)
     builder = FrameBuilder(layout)
     for name in [*raw][1:]:
         builder.set_raw(name, raw[name])
     first = next(iter(raw))
-    assert builder.frame({}) is None
+    assert builder.build({}) is None
     expected = layout.message.encode(raw, scaling=False, strict=False)
     fd = layout.length > 8
-    assert builder.frame({first: raw[first]}) == pack_can(layout.can_id, expected, extended=layout.extended, fd=fd)
+    assert builder.build({first: raw[first]}) == pack_can(layout.can_id, expected, extended=layout.extended, fd=fd)
 
 
 @given(st.data())
@@ -157,9 +157,9 @@ def test_what_is_encoded_comes_back_to_half_a_bit(data: st.DataObject) -> None:
     encoder = dbc.make_encoder(dbc.Options(dbc=FEATURES))
     sent = [Reading(stamp=S, name=f"engine.{name}", value=value) for name, value in values.items()]
     (frame,) = [frame for reading in sent for frame in encoder.encode(reading)]
-    seen = readings(feed(FEATURES, frame)[0])
+    measurements = readings(feed(FEATURES, frame)[0])
     for name, half in (("speed", 0.125), ("torque", 0.25), ("oil_temperature", 0.5)):
-        assert seen[f"engine.{name}"].value == pytest.approx(values[name], abs=half * (1 + 1e-9))
+        assert measurements[f"engine.{name}"].value == pytest.approx(values[name], abs=half * (1 + 1e-9))
 
 
 # --------------------------------------------------------------------------------------------------- a real bus
@@ -250,7 +250,7 @@ def test_a_longer_frame_than_the_dbc_says_is_read_as_far_as_it_says() -> None:
 # ------------------------------------------------------------------------------------- lost, repeated, silent
 
 
-def told(found: list[Measurement]) -> list[str]:
+def reported(found: list[Measurement]) -> list[str]:
     return [flag for m in found if isinstance(m, DeviceStatus) for flag in m.flags]
 
 
@@ -284,21 +284,21 @@ def test_a_value_at_its_limit_is_within_it() -> None:
 def test_a_counter_tells_what_was_lost_and_what_came_twice() -> None:
     codes = (13, 14, 14, 1, 2)  # four bits: 15 and 0 never came
     found, decoder = feed(FEATURES, *(engine(message_code=code) for code in codes))
-    assert told(found) == ["engine_repeated", "engine_lost_2"]
+    assert reported(found) == ["engine_repeated", "engine_lost_2"]
     assert decoder.counters.lost == {"engine": 2}
     assert decoder.counters.messages == {"engine": 5}
 
 
-def test_a_node_that_falls_silent_is_told_at_a_frame_of_another() -> None:
+def test_a_node_that_falls_silent_is_reported_at_a_frame_of_another() -> None:
     """The DBC says 100 ms; silent is five periods."""
     decoder = dbc.make_decoder(dbc.Options(dbc=FEATURES))
     other = pack_can(0x123, b"")
     ms = 1_000_000
     found: list[tuple[int, str]] = []
     for t in range(0, 3000, 20):
-        heard = [] if 1000 < t <= 2000 else [engine(message_code=t // 100 % 16)] if t % 100 == 0 else []
-        for frame in (*heard, other):
-            found += [(t, flag) for flag in told(decoder.feed(frame, 1 + t * ms))]
+        received = [] if 1000 < t <= 2000 else [engine(message_code=t // 100 % 16)] if t % 100 == 0 else []
+        for frame in (*received, other):
+            found += [(t, flag) for flag in reported(decoder.feed(frame, 1 + t * ms))]
     assert found[0] == (1520, "node_engine_silent")
     assert [flag for _, flag in found[1:]] == ["engine_lost_10", "node_engine_back"]
     assert found[1][0] == 2100
@@ -321,7 +321,7 @@ def test_a_makers_air_data_unit() -> None:
     assert heater == Reading(stamp=S, name="air_data_slow.heater_state", value=1.0)
 
 
-def test_a_frame_of_several_signals_waits_until_all_are_told() -> None:
+def test_a_frame_of_several_signals_waits_until_all_are_set() -> None:
     encoder = dbc.make_encoder(dbc.Options(dbc=AIR_DATA))
     before = (StaticPressure(stamp=S, p_static=95_000.0), ImpactPressure(stamp=S, q_c=1000.0))
     last = FlowAngles(stamp=S, aoa=0.1, aos=-0.05)
@@ -372,7 +372,7 @@ def test_signals_may_overlap_and_those_of_no_message_are_left_alone() -> None:
             AIR_DATA.replace(": 48|16@1-", ": 60|16@1-"),
             "dbc: signal 'sideslip' does not fit into the 8 bytes of its message",
         ),
-        (re.sub(r"BO_ .*", "", AIR_DATA, flags=re.DOTALL), "dbc: there is no message in it"),
+        (re.sub(r"BO_ .*", "", AIR_DATA, flags=re.DOTALL), "dbc: contains no message"),
         (
             ALIVE + ALIVE.partition("BU_: a\n")[2].replace(" m:", " n:"),
             "dbc: messages 'm' and 'n' have the same identifier 291",

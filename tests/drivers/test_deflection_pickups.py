@@ -1,4 +1,4 @@
-"""Deflection pickups: tables, commands all the way to the node and back, raw counts only, layouts of one's own."""
+"""Deflection pickups: tables, commands to the node and their answers, raw counts only, user-defined layouts."""
 
 from __future__ import annotations
 
@@ -72,8 +72,8 @@ def one(found: list[Measurement], kind: type[Any]) -> Any:
 
 
 def degrees(found: list[Measurement]) -> float | None:
-    seen: float | None = one(found, SurfaceDeflection).deflection
-    return None if seen is None else math.degrees(seen)
+    measurements: float | None = one(found, SurfaceDeflection).deflection
+    return None if measurements is None else math.degrees(measurements)
 
 
 # ------------------------------------------------------------------------------------------------------- tables
@@ -85,8 +85,8 @@ def degrees(found: list[Measurement]) -> float | None:
 )
 def test_between_points_a_line_and_outside_nothing(raw: int, deg: float | None) -> None:
     """20 degrees over 2000 counts, then 20 over 1000."""
-    seen = read_tables(FLAPS, ["flaps"])["flaps"].deflection(raw)
-    assert seen == (None if deg is None else pytest.approx(math.radians(deg), abs=1e-9))
+    measurements = read_tables(FLAPS, ["flaps"])["flaps"].deflection(raw)
+    assert measurements == (None if deg is None else pytest.approx(math.radians(deg), abs=1e-9))
 
 
 points = st.lists(st.tuples(st.integers(0, 65_535), st.integers(-32_768, 32_767)), max_size=40)
@@ -113,8 +113,8 @@ def test_a_table_is_monotone_or_none(found: list[tuple[int, int]], raw: int) -> 
     ("text", "sentence"),
     [
         ("flaps,1,2\n", "calibration: line 1: must be the header surface,raw,deg"),
-        ("surface,raw,deg\n# flaps,1,2\n", "calibration: there is no point in it; it needs the header surface,raw,deg"),
-        (" ", "calibration: there is no point in it"),
+        ("surface,raw,deg\n# flaps,1,2\n", "calibration: contains no point; it needs the header surface,raw,deg"),
+        (" ", "calibration: contains no point"),
         ("surface,raw,deg\nflaps,1\n", "calibration: line 2: 2 values; must be surface,raw,deg"),
         ("surface,raw,deg\n# a note\nflap,1,2\n", "calibration: line 3: surface 'flap'; there are flaps, rudder"),
         ("surface,raw,deg\nflaps,-1,2\n", "calibration: line 2: raw = '-1'; allowed is 0 to 65535"),
@@ -207,7 +207,7 @@ def test_a_deflection_that_is_no_number_is_not_valid(value: float) -> None:
     assert (one(found, SurfaceDeflection).deflection, one(found, SurfaceDeflection).valid) == (None, False)
 
 
-def test_lost_messages_and_silent_nodes_are_told() -> None:
+def test_lost_messages_and_silent_nodes_are_reported() -> None:
     nodes, decoder = pickups.make_encoder(options()), pickups.make_decoder(options())
     found: list[Measurement] = []
     for n in range(30):
@@ -217,8 +217,8 @@ def test_lost_messages_and_silent_nodes_are_told() -> None:
             found += decoder.feed(frame, 1 + 100 * n * MS)
         for frame in nodes.encode(deflection("elevator", 2000)):
             found += decoder.feed(frame, 1 + 100 * n * MS + 1)
-    told = [flag for m in found if isinstance(m, DeviceStatus) for flag in m.flags]
-    assert told == ["left_aileron_raw_lost_3", "left_aileron_deflection_lost_3", "node_left_wing_silent"]
+    reported = [flag for m in found if isinstance(m, DeviceStatus) for flag in m.flags]
+    assert reported == ["left_aileron_raw_lost_3", "left_aileron_deflection_lost_3", "node_left_wing_silent"]
     assert decoder.counters.lost == {"left_aileron_raw": 3, "left_aileron_deflection": 3}
 
 
@@ -236,13 +236,13 @@ def test_where_a_node_sends_raw_counts_only_the_table_is_applied_here() -> None:
 
 @pytest.mark.parametrize("raw", [499, 3501, 65_535])
 def test_outside_the_table_nothing_is_extrapolated(raw: int) -> None:
-    seen = one(Rig(dbc=RAW_FLAPS, calibration=FLAPS).measure("flaps", raw), SurfaceDeflection)
-    assert (seen.deflection, seen.raw, seen.valid) == (None, raw, False)
+    measurements = one(Rig(dbc=RAW_FLAPS, calibration=FLAPS).measure("flaps", raw), SurfaceDeflection)
+    assert (measurements.deflection, measurements.raw, measurements.valid) == (None, raw, False)
 
 
 def test_without_a_table_a_raw_count_is_no_deflection() -> None:
-    seen = one(Rig(dbc=RAW_FLAPS).measure("flaps", 2000), SurfaceDeflection)
-    assert (seen.deflection, seen.raw, seen.valid) == (None, 2000, False)
+    measurements = one(Rig(dbc=RAW_FLAPS).measure("flaps", 2000), SurfaceDeflection)
+    assert (measurements.deflection, measurements.raw, measurements.valid) == (None, 2000, False)
 
 
 def test_a_node_that_calibrates_sends_no_deflection_outside_its_table() -> None:
@@ -263,12 +263,12 @@ def test_a_point_is_inserted_modified_and_deleted() -> None:
     ]
     for name, args, expected in steps:
         found = rig.send(name, **args)
-        ack, told = one(found, Ack), one(found, Calibration)
+        ack, reported = one(found, Ack), one(found, Calibration)
         assert (ack.command, ack.accepted) == (name, True)
         assert ack.detail.startswith("flaps: raw 1500")
-        assert (told.surface, told.change.split()[0]) == ("flaps", name)
+        assert (reported.surface, reported.change.split()[0]) == ("flaps", name)
         assert degrees(rig.measure("flaps", 1500)) == pytest.approx(expected, abs=1e-9)
-    assert [p.raw for p in told.points] == [500, 2500, 3500]
+    assert [p.raw for p in reported.points] == [500, 2500, 3500]
 
 
 def test_a_node_that_calibrates_uses_what_it_has_stored() -> None:
@@ -281,10 +281,10 @@ def test_a_node_that_calibrates_uses_what_it_has_stored() -> None:
     ("name", "args", "reason"),
     [
         ("insert_point", {"raw": "1500", "deg": "20"}, "the table would not be monotone"),
-        ("insert_point", {"raw": "500", "deg": "1"}, "there is a point with this raw count"),
+        ("insert_point", {"raw": "500", "deg": "1"}, "a point with this raw count exists"),
         ("modify_point", {"raw": "2500", "deg": "40"}, "the table would not be monotone"),
-        ("modify_point", {"raw": "2501", "deg": "21"}, "there is no point with this raw count"),
-        ("delete_point", {"raw": "2501"}, "there is no point with this raw count"),
+        ("modify_point", {"raw": "2501", "deg": "21"}, "no point with this raw count"),
+        ("delete_point", {"raw": "2501"}, "no point with this raw count"),
     ],
 )
 def test_what_would_spoil_the_table_is_refused_and_changes_nothing(
@@ -517,7 +517,7 @@ def test_a_makers_own_layout_is_a_dbc() -> None:
         ({"dbc": "garbage"}, "dbc: Invalid syntax at line 1"),
         ({"dbc": OWN.replace("_raw", "_r").replace("_deflection", "_d")}, "dbc: no signal is named <surface>_raw or"),
         ({"dbc": OWN.replace('"deg"', '"%"')}, "dbc: signal 'left_flap_deflection': unit '%'; allowed here: deg, rad"),
-        ({"nodes": ("nose",)}, "nodes: 'nose' sends no deflection in the DBC; those that do are flaps, left_wing"),
+        ({"nodes": ("nose",)}, "nodes: 'nose' has no deflection in the DBC; allowed: flaps, left_wing"),
         ({"calibration": "surface,raw,deg\nnose,1,2\n"}, "calibration: line 2: surface 'nose'; there are elevator"),
     ],
 )

@@ -1,4 +1,4 @@
-"""What the emulated devices send is what they have always sent: sha256 of the bytes of sixty cycles, for each driver.
+"""The bytes of the emulated devices do not change: sha256 of the bytes of sixty cycles, for each driver.
 
 The sums were taken before the encoders were made faster.  One that is to send something else needs a new sum, and a
 reason.
@@ -99,7 +99,7 @@ def cycle(k: int) -> list[Measurement]:
     """What a device that measures everything measures; now and then something is missing."""
     t_ns = BEGIN_NS + k * 100_000_000
     stamp = Stamp(t_ns, t_ns, TimeScale.UTC) if k % 2 else Stamp(t_ns, k * 100_000_000, TimeScale.BOOT)
-    return [*inertial(k, stamp), *air(k, stamp), *heights(k, stamp), *radio(k, stamp), *told(k, stamp)]
+    return [*inertial(k, stamp), *air(k, stamp), *heights(k, stamp), *radio(k, stamp), *reported(k, stamp)]
 
 
 def inertial(k: int, stamp: Stamp) -> Iterator[Measurement]:
@@ -137,22 +137,25 @@ def air(k: int, stamp: Stamp) -> Iterator[Measurement]:
 
 
 def heights(k: int, stamp: Stamp) -> Iterator[Measurement]:
-    height, seen = number(k, 26, 0.0, 700.0), k % 11 != 5
+    height, measurements = number(k, 26, 0.0, 700.0), k % 11 != 5
     yield Reading(stamp=stamp, name="first_strength", value=number(k, 27, 0.0, 100.0), unit="%")
-    yield Range(stamp=stamp, slant_range=height if seen else None, sd=0.05, valid=seen)
-    yield RadioHeight(stamp=stamp, height_agl=height if seen else None, valid=seen)
+    yield Range(stamp=stamp, slant_range=height if measurements else None, sd=0.05, valid=measurements)
+    yield RadioHeight(stamp=stamp, height_agl=height if measurements else None, valid=measurements)
 
 
 def radio(k: int, stamp: Stamp) -> Iterator[Measurement]:
     for n in range(1, 5):
-        heard = (k + n) % 6 != 0
+        received = (k + n) % 6 != 0
         yield DmeRange(
-            stamp=stamp, station=f"dme_{n}", slant_range=9e4 * number(k, 28 + n, 0, 1) if heard else None, valid=heard
+            stamp=stamp,
+            station=f"dme_{n}",
+            slant_range=9e4 * number(k, 28 + n, 0, 1) if received else None,
+            valid=received,
         )
     yield Deviation(stamp=stamp, localizer_ddm=number(k, 33, -0.2, 0.2), glide_slope_ddm=None if k % 9 == 4 else 0.1)
 
 
-def told(k: int, stamp: Stamp) -> Iterator[Measurement]:
+def reported(k: int, stamp: Stamp) -> Iterator[Measurement]:
     for n, surface in enumerate(SURFACES):
         yield SurfaceDeflection(stamp=stamp, surface=surface, deflection=None, raw=(k * 577 + n * 991) % 4096)
     yield Reading(stamp=stamp, name="gnss_mode", value=12.0 if k % 7 != 3 else 8.0)
@@ -161,13 +164,13 @@ def told(k: int, stamp: Stamp) -> Iterator[Measurement]:
     yield DeviceStatus(stamp=stamp, ok=True, flags=("in_air", "active", "auto") if k % 8 else ("unlocked",))
 
 
-def sum_of(name: str, options: dict[str, Any], asked: tuple[str, ...] = ()) -> str:
+def sum_of(name: str, options: dict[str, Any], requests: tuple[str, ...] = ()) -> str:
     """Of all messages, each with its length; behind how many there are.  asked : commands before the first cycle"""
     driver = drivers.load(name)
     bound = config.bind(driver.Options, options, "test.toml", "options")
     encoder = driver.make_encoder(bound)
     digest, count = hashlib.sha256(), 0
-    for data in [*driver.on_connect(bound), *(driver.command(text, {}, bound) for text in asked)]:
+    for data in [*driver.on_connect(bound), *(driver.command(text, {}, bound) for text in requests)]:
         encoder.respond(data)
     for k in range(CYCLES):
         for message in (message for m in cycle(k) for message in encoder.encode(m)):

@@ -1,4 +1,4 @@
-"""What is made quickly is what the class itself makes."""
+"""Fast construction gives the same objects as the classes."""
 
 from __future__ import annotations
 

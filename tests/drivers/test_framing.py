@@ -42,8 +42,8 @@ def test_a_frame_over_three_reads_has_the_stamp_of_the_first() -> None:
 def test_frames_held_back_by_a_false_header_keep_their_own_stamps() -> None:
     def checked(buffer: bytearray) -> int | Skip:
         """No frame of this protocol is longer than ten bytes, and that shows at its end only."""
-        seen = measure(buffer)
-        return Skip(1, "bad_checksum") if isinstance(seen, int) and seen > 10 else seen
+        measurements = measure(buffer)
+        return Skip(1, "bad_checksum") if isinstance(measurements, int) and measurements > 10 else measurements
 
     counters = Counters()
     framer = Framer(checked, counters, 64)

@@ -65,10 +65,10 @@ def test_sync_and_trailer_bytes_inside_the_data_do_no_harm(altitude: int) -> Non
 
 @pytest.mark.parametrize(("status", "flag"), [(0x02, "self_test"), (0x04, "failure"), (0x08, "unlocked")])
 def test_the_device_says_when_it_is_not_to_be_believed(status: int, flag: str) -> None:
-    seen = ra.make_decoder(ra.Options()).feed(frame(500, status), 1)
-    assert [m.ok if isinstance(m, DeviceStatus) else getattr(m, "valid", None) for m in seen] == [False, False]
-    assert isinstance(seen[0], DeviceStatus)
-    assert seen[0].flags == (flag,)
+    measurements = ra.make_decoder(ra.Options()).feed(frame(500, status), 1)
+    assert [m.ok if isinstance(m, DeviceStatus) else getattr(m, "valid", None) for m in measurements] == [False, False]
+    assert isinstance(measurements[0], DeviceStatus)
+    assert measurements[0].flags == (flag,)
 
 
 @pytest.mark.parametrize(("altitude", "valid"), [(8191, True), (8192, False), (0xFFFE, False), (0xFFFF, False)])
@@ -125,10 +125,10 @@ def test_a_frame_without_its_trailer_is_not_believed(at: int) -> None:
 
 def test_halves_of_two_frames_with_the_loss_of_the_port_between_them_are_no_height() -> None:
     """0x02FF ft before, 0x0300 ft behind it: the halves together would be 0x0200 or 0x03FF ft."""
-    before, behind = frame(0x02FF), frame(0x0300)
+    before, following = frame(0x02FF), frame(0x0300)
     decoder = ra.make_decoder(ra.Options())
     assert decoder.feed(before[:4], 0) == []
-    assert decoder.feed(behind[4:], 500_000_000) == []
-    assert len(decoder.feed(behind[:4], 540_000_000) + decoder.feed(behind[4:], 550_000_000)) == 2
+    assert decoder.feed(following[4:], 500_000_000) == []
+    assert len(decoder.feed(following[:4], 540_000_000) + decoder.feed(following[4:], 550_000_000)) == 2
     assert decoder.counters.skipped["pause"] == 4
     assert decoder.counters.bytes_in == decoder.counters.framed + decoder.counters.skipped.total()

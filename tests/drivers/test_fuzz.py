@@ -1,4 +1,4 @@
-"""Damaged streams, by the million bytes: no exception, nothing held without bound, nothing taken that is not whole.
+"""Damaged streams of millions of bytes: no exception, bounded memory, no incomplete frame is accepted.
 
 10^5 bytes of each driver, 10^7 with ``--scale full``; seeded, so that what fails once fails again.
 """
@@ -16,15 +16,15 @@ from fti import drivers
 from fti.drivers import Decoder
 from fti.drivers._framing import Framer
 from tests.drivers.checksums import CHECKED, UNCHECKED
-from tests.drivers.test_contract import LONGEST_GARBAGE, MAX_HELD
+from tests.drivers.test_contract import MAX_GARBAGE_BYTES, MAX_HELD
 from tests.drivers.vectorfiles import CAN_FRAME, VECTORS, Vector, assert_accounted, feed_all, vectors_of
 
 SEED = 20261121
 QUICK_BYTES, FULL_BYTES = 10**5, 10**7
-LONGEST_READ = 600
+MAX_READ_BYTES = 600
 QUICK_BITS = 150
 #: A decoder may learn names and sources; what it keeps of 25 kB of damage is less than this [B].
-MOST_KEPT = 2**17
+MAX_KEPT_BYTES = 2**17
 
 each_driver = pytest.mark.parametrize("name", drivers.names())
 checked_vectors = pytest.mark.parametrize(
@@ -64,8 +64,8 @@ def stream(vectors: list[Vector], chance: Random, size: int) -> Iterator[bytes]:
         data = chance.choice(vectors).data
         pending += data if chance.random() < 1 / 3 else damaged(data, chance)
         size -= len(data)
-        while len(pending) > LONGEST_READ:
-            cut = chance.randint(1, LONGEST_READ)
+        while len(pending) > MAX_READ_BYTES:
+            cut = chance.randint(1, MAX_READ_BYTES)
             yield bytes(pending[:cut])
             del pending[:cut]
     yield bytes(pending)
@@ -120,7 +120,7 @@ def watched(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> 
 
 
 @each_driver
-def test_the_frames_of_every_driver_are_checked_or_it_is_said_why_not(name: str) -> None:
+def test_the_frames_of_every_driver_are_checked_or_the_reason_is_given(name: str) -> None:
     assert (name in CHECKED) != (name in UNCHECKED)
 
 
@@ -145,7 +145,7 @@ def test_whatever_happens_on_the_line_nothing_is_taken_that_is_not_whole(
 def assert_in_step(decoder: Decoder, vector: Vector) -> None:
     """After so many good bytes it decodes as if nothing had been."""
     steady = len(feed_all(vector.decoder(), vector.reads() * 3)) - len(feed_all(vector.decoder(), vector.reads() * 2))
-    for _ in range((MAX_HELD + LONGEST_GARBAGE) // len(vector.data) + 1):
+    for _ in range((MAX_HELD + MAX_GARBAGE_BYTES) // len(vector.data) + 1):
         for data in vector.reads():
             decoder.feed(data, 8)
     assert sum(len(decoder.feed(data, 9)) for data in vector.reads()) == steady
@@ -164,13 +164,13 @@ def test_damage_leaves_nothing_behind_in_memory(name: str) -> None:
         kept, _ = tracemalloc.get_traced_memory()
     finally:
         tracemalloc.stop()
-    assert kept < MOST_KEPT
+    assert kept < MAX_KEPT_BYTES
 
 
 @checked_vectors
 def test_a_single_turned_bit_is_seen(vector: Vector, watched: Watched, scale: int) -> None:
     """Every bit of what a checksum covers; some of them in the quick form."""
-    data = vector.data[:LONGEST_READ]
+    data = vector.data[:MAX_READ_BYTES]
     bits = range(8 * len(data))
     for at in Random(SEED).sample(bits, min(QUICK_BITS, len(bits))) if scale == 1 else bits:
         hit = bytearray(data)

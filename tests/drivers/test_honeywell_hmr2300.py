@@ -370,7 +370,7 @@ def test_factory_settings_and_stored_ones_come_back() -> None:
 def test_the_emulated_device_is_set_up_by_what_is_sent_at_connect() -> None:
     options = hmr.Options(mode="continuous", format="binary")
     device, decoder = hmr.make_encoder(hmr.Options(format="ascii")), hmr.make_decoder(options)
-    answers = [data for told in hmr.on_connect(options) for data in device.respond(told)]
+    answers = [data for reported in hmr.on_connect(options) for data in device.respond(reported)]
     found = [m for data in [*answers, *device.encode(FIELD)] for m in decoder.feed(data, 1)]
     assert counts_of(found) == [(3000, -150, 6600)]
     assert not decoder.counters.skipped

@@ -1,4 +1,4 @@
-"""iXCOM: the frames of velocity and height that the data selection names, validity, what is not said."""
+"""iXCOM: velocity frames and height datums of the data selection, validity, unknown values."""
 
 from __future__ import annotations
 

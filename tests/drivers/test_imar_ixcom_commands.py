@@ -1,4 +1,4 @@
-"""iXCOM: commands as the maker's package makes them, answers, and the conversation with the emulated system."""
+"""iXCOM: commands compared with the maker's package, answers, dialogue with the emulated system."""
 
 from __future__ import annotations
 
@@ -95,10 +95,10 @@ def test_an_external_height_is_a_message_of_the_maker() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "args", "said"),
+    ("name", "args", "stated"),
     [
-        ("dance", {}, "there is no command 'dance'; there are external_height, aid_height"),
-        ("external_height", {"sd": "1"}, r"external_height: height is missing; it is above the WGS84 ellipsoid \[m\]"),
+        ("dance", {}, "no command 'dance'; there are external_height, aid_height"),
+        ("external_height", {"sd": "1"}, r"external_height: height is missing: above the WGS84 ellipsoid \[m\]"),
         ("external_height", {"height": "1", "sd": "0"}, "sd = '0': must be a number from 0.001 to 10000"),
         ("aid_height", {"height": "nan", "sd": "1"}, "height = 'nan': must be a number from -1000 to 100000"),
         ("aid_height", {"height": "1", "sd": "1", "time": "-1"}, "time = '-1': must be a number from 0 to 604800"),
@@ -106,12 +106,12 @@ def test_an_external_height_is_a_message_of_the_maker() -> None:
         ("request_message", {"message": "INSSOL", "divider": "1.5"}, "divider = 1.5: must be a whole number from 0"),
         ("request_message", {"message": "INSSOL", "divider": "fast"}, "divider = 'fast': must be a number from 0"),
         ("open_channel", {"channel": "32"}, "channel = '32': must be a number from 0 to 31"),
-        ("align", {"now": "1"}, "align: there is no argument 'now'; it takes none"),
+        ("align", {"now": "1"}, "align: no argument 'now'; allowed: none"),
         ("status_words", {"mode": "1024"}, "mode = '1024': must be a number from 0 to 1023"),
     ],
 )
-def test_a_wrong_command_is_refused_with_what_is_allowed(name: str, args: dict[str, str], said: str) -> None:
-    with pytest.raises(ValueError, match=said):
+def test_a_wrong_command_is_refused_with_what_is_allowed(name: str, args: dict[str, str], stated: str) -> None:
+    with pytest.raises(ValueError, match=stated):
         ix.command(name, args)
 
 
@@ -176,7 +176,7 @@ def names(data: Sequence[bytes]) -> list[str]:
     return sorted(decoder.counters.messages.elements())
 
 
-def flown(encoder: Any, epochs: range) -> list[str]:
+def flight(encoder: Any, epochs: range) -> list[str]:
     return names([data for k in epochs for m in epoch(k) for data in encoder.encode(m)])
 
 
@@ -187,16 +187,16 @@ def test_nothing_is_sent_on_connect_unless_it_is_wished() -> None:
 def test_the_emulated_system_is_silent_until_it_is_asked() -> None:
     options = ix.Options(ask=True, logs={"INSSOL": 2, "IMURAW": 1}, channel=3)
     encoder = ix.make_encoder(options)
-    assert flown(encoder, range(4)) == []
-    answers = [data for asked in ix.on_connect(options) for data in encoder.respond(asked)]
+    assert flight(encoder, range(4)) == []
+    answers = [data for requests in ix.on_connect(options) for data in encoder.respond(requests)]
     assert [name for name, _, _ in acks(*answers)] == ["open_channel", "stop_all_messages", *["request_message"] * 2]
     assert all(accepted for _, accepted, _ in acks(*answers))
-    assert flown(encoder, range(4, 8)) == ["IMURAW"] * 4 + ["INSSOL"] * 2
+    assert flight(encoder, range(4, 8)) == ["IMURAW"] * 4 + ["INSSOL"] * 2
 
 
 def test_messages_are_asked_for_and_stopped() -> None:
     encoder = ix.make_encoder(ix.Options())
-    assert flown(encoder, range(2)) == ["INSSOL"] * 2
+    assert flight(encoder, range(2)) == ["INSSOL"] * 2
     for name, args in (
         ("request_message", {"message": "INSRPY", "divider": "2"}),
         ("request_message", {"message": "IMUCORR", "divider": "0"}),
@@ -204,15 +204,15 @@ def test_messages_are_asked_for_and_stopped() -> None:
         ("poll_message", {"message": "INSVELNED"}),
     ):
         assert acks(*encoder.respond(ix.command(name, args))) == [(name, True, "ok")]
-    assert flown(encoder, range(2, 6)) == ["IMUCORR"] * 4 + ["INSRPY"] * 2
+    assert flight(encoder, range(2, 6)) == ["IMUCORR"] * 4 + ["INSRPY"] * 2
     encoder.respond(ix.command("close_channel", {}))
-    assert flown(encoder, range(6, 9)) == []
+    assert flight(encoder, range(6, 9)) == []
 
 
 def test_answers_have_the_time_of_the_device_as_soon_as_it_knows_one() -> None:
     encoder, decoder = ix.make_encoder(ix.Options()), ix.make_decoder(ix.Options())
     (before,) = decoder.feed(encoder.respond(ix.command("align", {}))[0], 1)
-    flown(encoder, range(1, 2))
+    flight(encoder, range(1, 2))
     (after,) = decoder.feed(encoder.respond(ix.command("align", {}))[0], 1)
     assert (before.stamp.t_dev_ns, after.stamp.t_dev_ns) == (None, epoch(1)[0].stamp.t_dev_ns)
 
@@ -223,9 +223,9 @@ def test_what_cannot_be_done_is_refused() -> None:
         (theirs(5, 1, mode=1, channelNumber=77), "invalid channel"),
         (theirs(5, 1)[:-1] + b"\x00", None),  # the checksum does not hold any longer
     ]
-    for data, said in refused:
+    for data, stated in refused:
         encoder = ix.make_encoder(ix.Options())
-        assert [detail.split(":")[0] for _, _, detail in acks(*encoder.respond(data))] == ([said] if said else [])
+        assert [detail.split(":")[0] for _, _, detail in acks(*encoder.respond(data))] == ([stated] if stated else [])
 
 
 @pytest.mark.parametrize("payload", [b"", b"\x00", b"\x00\x00\x00\x00", b"\x05\x00\x00\x00\x01", b"\x63\x00\x00\x00"])

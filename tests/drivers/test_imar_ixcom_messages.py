@@ -1,4 +1,4 @@
-"""iXCOM beside INSSOL: layouts, units, what is no number.  Judge: the maker's package."""
+"""iXCOM messages other than INSSOL: layouts, units, non-finite values.  Reference: the maker's package."""
 
 from __future__ import annotations
 
@@ -150,8 +150,8 @@ def test_only_a_computed_gnss_solution_is_valid(solved: int, kind: int, valid: b
 def test_a_gnss_solution_that_the_system_calls_invalid_is_not_valid() -> None:
     invalid = 1 << 6
     status = {"footer": GOOD | invalid}, {"gnssStatus": 1 << 17}
-    for said in status:
-        found = decode(frame("GNSSSOL", **GNSS | said))
+    for text in status:
+        found = decode(frame("GNSSSOL", **GNSS | text))
         assert (only(Position, found).valid, only(Velocity, found).valid) == (False, False)
     timeout = frame("SYSSTAT", varsize=0, statMode=0, sysStat=1 << 17)
     assert not only(Position, decode(timeout, frame("GNSSSOL", **GNSS))).valid

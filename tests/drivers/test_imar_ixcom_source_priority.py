@@ -1,4 +1,4 @@
-"""iXCOM: which message is believed where several say the same; parts of the solution; lost messages."""
+"""iXCOM: source priority of messages with the same quantity; partial solutions; lost messages."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ def test_a_better_source_silences_the_others_for_five_seconds() -> None:
     assert position_sources(gnss, ins, gnss, ins, gnss) == [0.75, 0.5, 0.5]
     decoder = ix.make_decoder(ix.Options())
     decoder.feed(ins, 0)
-    for at_s, heard in ((5, False), (6, True)):
-        assert any(isinstance(m, Position) for m in decoder.feed(gnss, at_s * 10**9)) is heard
+    for at_s, received in ((5, False), (6, True)):
+        assert any(isinstance(m, Position) for m in decoder.feed(gnss, at_s * 10**9)) is received
 
 
-def positions_over_time(*told: tuple[float, bytes]) -> list[tuple[float | None, bool]]:
+def positions_over_time(*reported: tuple[float, bytes]) -> list[tuple[float | None, bool]]:
     """Latitude and validity of the positions of frames that come at these times [s]."""
     decoder = ix.make_decoder(ix.Options())
-    found = [m for at_s, data in told for m in decoder.feed(data, round(at_s * 1e9))]
+    found = [m for at_s, data in reported for m in decoder.feed(data, round(at_s * 1e9))]
     return [(m.lat, m.valid) for m in found if isinstance(m, Position)]
 
 
@@ -48,31 +48,31 @@ RECEIVER, LOST_RECEIVER = (frame("GNSSSOL", **GNSS | {"lat": 0.75, "solStatus": 
 
 
 def test_a_better_source_that_is_not_valid_does_not_hide_a_valid_one_for_ever() -> None:
-    told = [(0, INS), *((at, data) for at in range(1, 8) for data in (LOST_INS, RECEIVER)), (8, INS), (8, RECEIVER)]
-    assert positions_over_time(*told) == [
+    reported = [(0, INS), *((at, data) for at in range(1, 8) for data in (LOST_INS, RECEIVER)), (8, INS), (8, RECEIVER)]
+    assert positions_over_time(*reported) == [
         (0.5, True), *[(0.84, False)] * 6, (0.75, True), (0.75, True), (0.5, True)
     ]  # fmt: skip
 
 
 def test_before_the_better_source_was_ever_valid_the_other_counts_at_once() -> None:
-    told = [(0, LOST_INS), (0.1, RECEIVER), (0.2, LOST_INS), (0.3, RECEIVER), (0.4, INS), (0.5, RECEIVER)]
-    assert positions_over_time(*told) == [(0.84, False), (0.75, True), (0.75, True), (0.5, True)]
+    reported = [(0, LOST_INS), (0.1, RECEIVER), (0.2, LOST_INS), (0.3, RECEIVER), (0.4, INS), (0.5, RECEIVER)]
+    assert positions_over_time(*reported) == [(0.84, False), (0.75, True), (0.75, True), (0.5, True)]
 
 
 def test_while_no_source_is_valid_the_last_one_says_so_alone() -> None:
-    told = [(0, INS), (1, LOST_RECEIVER), (2, LOST_INS), (6.9, LOST_RECEIVER), (7, LOST_INS), (12.1, LOST_RECEIVER)]
-    assert positions_over_time(*told) == [(0.5, True), (0.84, False), (0.84, False), (0.75, False)]
+    reported = [(0, INS), (1, LOST_RECEIVER), (2, LOST_INS), (6.9, LOST_RECEIVER), (7, LOST_INS), (12.1, LOST_RECEIVER)]
+    assert positions_over_time(*reported) == [(0.5, True), (0.84, False), (0.84, False), (0.75, False)]
 
 
 def test_what_gives_way_is_kept_under_its_own_name() -> None:
     ins, gnss = frame("INSSOL", **INSSOL), frame("GNSSSOL", **GNSS | {"lat": 0.75, "stdDevPos": [1.0, 2.0, 3.0]})
     found = decode(ins, gnss, frame("IMURAW", acc=[0.0, 0.5, -9.75]))
-    said = {m.name: (m.value, m.unit, m.valid) for m in found if isinstance(m, Reading)}
-    assert said["gnsssol_lat"] == (0.75, "rad", True)
-    assert said["gnsssol_alt_msl"] == (452.75, "m", True)
-    assert said["gnsssol_horizontal_sd"] == (2.0, "m", True)
-    assert said["gnsssol_down"] == (3.0, "m/s", True)
-    assert said["imuraw_accel_b_y"] == (0.5, "m/s^2", True)
+    text = {m.name: (m.value, m.unit, m.valid) for m in found if isinstance(m, Reading)}
+    assert text["gnsssol_lat"] == (0.75, "rad", True)
+    assert text["gnsssol_alt_msl"] == (452.75, "m", True)
+    assert text["gnsssol_horizontal_sd"] == (2.0, "m", True)
+    assert text["gnsssol_down"] == (3.0, "m/s", True)
+    assert text["imuraw_accel_b_y"] == (0.5, "m/s^2", True)
     assert len([m for m in found if isinstance(m, Position | Velocity | ImuSample)]) == 3
     invalid = decode(ins, frame("GNSSSOL", **GNSS | {"solStatus": 1}))
     assert {m.valid for m in invalid if isinstance(m, Reading) and m.name.startswith("gnsssol_")} == {False}

@@ -1,4 +1,4 @@
-"""iXCOM: deviations and every bit of the status, and how long they count.  Judge: the maker's package."""
+"""iXCOM: deviations, every status bit, and their maximum age.  Reference: the maker's package."""
 
 from __future__ import annotations
 
@@ -47,9 +47,9 @@ def test_tilts_become_roll_and_pitch_as_a_rotation_does() -> None:
     mat_nb = Rotation.from_euler("ZYX", [heading, pitch, roll])
     tilts = np.stack([chance.normal(0.0, sd_n, 50_000), chance.normal(0.0, sd_e, 50_000), np.zeros(50_000)], axis=1)
     _, pitches, rolls = (Rotation.from_rotvec(tilts) * mat_nb).as_euler("ZYX").T
-    said = StandardDeviations(tilt_north=sd_n, tilt_east=sd_e)
-    assert said.roll(pitch, heading) == pytest.approx(rolls.std(), rel=0.02)
-    assert said.pitch(heading) == pytest.approx(pitches.std(), rel=0.02)
+    text = StandardDeviations(tilt_north=sd_n, tilt_east=sd_e)
+    assert text.roll(pitch, heading) == pytest.approx(rolls.std(), rel=0.02)
+    assert text.pitch(heading) == pytest.approx(pitches.std(), rel=0.02)
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -1.0])
@@ -114,12 +114,12 @@ def test_system_errors_stay_in_the_status_for_five_seconds() -> None:
     decoder = ix.make_decoder(ix.Options())
     decoder.feed(frame("SYSSTAT", varsize=0, statMode=0, sysStat=int(SysstatBit.EKF_ERROR)), 0)
     for at_s, ok in ((1, False), (5, False), (6, True)):
-        told = only(DeviceStatus, decoder.feed(frame("INSSOL", **INSSOL), at_s * 10**9))
-        assert told.ok is ok
-        assert ("ekf_error" in told.flags) is not ok
+        reported = only(DeviceStatus, decoder.feed(frame("INSSOL", **INSSOL), at_s * 10**9))
+        assert reported.ok is ok
+        assert ("ekf_error" in reported.flags) is not ok
 
 
-def test_status_is_told_when_it_changes_by_any_message() -> None:
+def test_status_is_reported_when_it_changes_by_any_message() -> None:
     raw = {footer: frame("IMURAW", footer=footer) for footer in (GOOD, GOOD | 0x20)}
     found = decode(raw[GOOD], raw[GOOD], raw[GOOD | 0x20], raw[GOOD | 0x20], raw[GOOD])
     assert [m.ok for m in found if isinstance(m, DeviceStatus)] == [True, False, True]

@@ -1,4 +1,4 @@
-"""LWNX packets: outputs in the order of their bits, lost signals, and what the device was told."""
+"""LWNX packets: outputs in the order of their bits, lost signals, configuration of the device."""
 
 from __future__ import annotations
 
@@ -62,12 +62,12 @@ def test_other_outputs_than_the_configured_ones_are_not_guessed() -> None:
     assert decoder.counters.messages == {"distance_of_other_outputs": 3}
 
 
-def test_the_device_is_woken_and_told_its_outputs_and_the_stream() -> None:
-    told = lw.on_connect(lw.Options(family="sf45", outputs=("last_raw", "yaw_angle"), distance="last_raw"))
-    assert told[:3] == [bytes.fromhex("AA400000709F")] * 3
-    assert told[3][3:8] == bytes([27, 0x08, 1, 0, 0])  # bits 3 and 8, as in lw_sf45.m
-    assert told[4][3:8] == bytes([30, 5, 0, 0, 0])
-    assert told[4][1] & 1
+def test_the_device_is_woken_and_sent_its_outputs_and_the_stream() -> None:
+    reported = lw.on_connect(lw.Options(family="sf45", outputs=("last_raw", "yaw_angle"), distance="last_raw"))
+    assert reported[:3] == [bytes.fromhex("AA400000709F")] * 3
+    assert reported[3][3:8] == bytes([27, 0x08, 1, 0, 0])  # bits 3 and 8, as in lw_sf45.m
+    assert reported[4][3:8] == bytes([30, 5, 0, 0, 0])
+    assert reported[4][1] & 1
 
 
 def test_every_request_is_answered_and_acknowledged() -> None:

@@ -1,4 +1,4 @@
-"""Ephemerides of RAWEPHEM and RXM-SFRBX against rtklib, which reads the same bytes."""
+"""Ephemerides of RAWEPHEM and RXM-SFRBX compared with rtklib on the same bytes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""MAVLink: what is refused, signatures, version 1, several systems, distance limits."""
+"""MAVLink: rejected frames, signatures, version 1, several systems, distance limits."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ KEY = bytes(range(1, 33))  # of the C library's vector
 SIGNED = load("mavlink_c_library_signed").data
 
 
-def test_a_signed_frame_is_taken_whole_and_told_to_be_unverified() -> None:
+def test_a_signed_frame_is_taken_whole_and_reported_as_unverified() -> None:
     found, counters = decode(SIGNED)
     assert len(found) == 5
     assert counters.framed == len(SIGNED)
@@ -119,7 +119,7 @@ def test_each_link_of_a_source_has_its_own_time() -> None:
     assert not counters.skipped
 
 
-def test_an_old_record_of_a_link_that_was_not_heard_yet_is_not_believed() -> None:
+def test_an_old_record_of_a_link_that_was_not_received_yet_is_not_believed() -> None:
     """As the specification says: a new source or link may be a minute behind the others, not more."""
 
     def signed(link: int, time: int) -> bytes:
@@ -272,11 +272,11 @@ def test_what_is_missing_is_counted_for_each_source() -> None:
     ]
     found, counters = decode(b"".join(numbered(*frame) for frame in stream))
     assert counters.lost == {"1/1": 2, "2/1": 2}
-    told = [(m.name, m.value) for m in found if isinstance(m, Reading)]
-    assert told == [("lost_from_1_1", 2.0), ("lost_from_2_1", 2.0)]
+    reported = [(m.name, m.value) for m in found if isinstance(m, Reading)]
+    assert reported == [("lost_from_1_1", 2.0), ("lost_from_2_1", 2.0)]
 
 
-def test_what_another_source_loses_is_counted_and_not_told() -> None:
+def test_what_another_source_loses_is_counted_and_not_reported() -> None:
     stream = numbered(0, 2) + numbered(0, 1) + numbered(5, 2) + numbered(1, 1)
     found, counters = decode(stream, system=1)
     assert counters.lost == {"2/1": 4}

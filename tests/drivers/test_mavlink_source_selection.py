@@ -1,4 +1,4 @@
-"""MAVLink: one stream for each quantity, where several messages or sensors of an autopilot carry it."""
+"""MAVLink: one source for each quantity that several messages or sensors of an autopilot carry."""
 
 from __future__ import annotations
 
@@ -63,9 +63,9 @@ def test_the_receiver_beside_the_estimate_is_a_reading() -> None:
     found = pilot.says(0.1, receiver())
     assert not of(Position, found)
     assert not of(Velocity, found)
-    told = readings(found)
-    assert told["gps_raw_int_lat"] == pytest.approx(math.radians(48.00001), abs=NEAR)
-    assert told["gps_raw_int_ground_speed"] == 5.0
+    reported = readings(found)
+    assert reported["gps_raw_int_lat"] == pytest.approx(math.radians(48.00001), abs=NEAR)
+    assert reported["gps_raw_int_ground_speed"] == 5.0
 
 
 def test_the_estimate_has_sigmas_and_undulation_of_its_receiver_while_that_has_a_fix() -> None:
@@ -141,5 +141,5 @@ def test_one_message_can_be_chosen() -> None:
     pilot = Autopilot(only=("GPS_RAW_INT",))
     assert pilot.says(0.0, estimate()) == []
     assert of(Position, pilot.says(0.1, receiver()))[0].horizontal_sd == 0.9
-    with pytest.raises(ValueError, match="'GPS' is no message"):
+    with pytest.raises(ValueError, match="'GPS' is not a message"):
         mavlink.Options(only=("GPS",))

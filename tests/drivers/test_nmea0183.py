@@ -1,4 +1,4 @@
-"""NMEA 0183: real captures against two parsers that are not ours, midnight, satellites, damaged sentences."""
+"""NMEA 0183: real captures compared with two independent parsers, midnight, satellites, damaged sentences."""
 
 from __future__ import annotations
 
@@ -177,7 +177,7 @@ def test_satellites_are_those_of_gpsd(name: str) -> None:
             (s["el"], s["az"], s["ss"] or None, s["used"] if s["gnssid"] in (0, 6) else None)
             for s in sky  # type: ignore[attr-defined]
         )
-        assert any(theirs <= seen for seen in ours), theirs
+        assert any(theirs <= measurements for measurements in ours), theirs
 
 
 def sky_of(satellites: tuple[Satellite, ...]) -> Counter[object]:
@@ -227,7 +227,7 @@ def test_a_late_sentence_is_of_the_old_day() -> None:
     assert times(DAY_1 + day_2 + late + GGA_0)[1:] == [NEW_YEAR_NS, NEW_YEAR_NS - 500_000_000, NEW_YEAR_NS]
 
 
-def test_a_date_does_not_outlast_the_receiver_that_told_it() -> None:
+def test_a_date_does_not_outlast_the_receiver_that_sent_it() -> None:
     """One that was switched off and on has some time of the day, but no date, until it has a fix."""
     started = sentence("GPRMC,000001.00,V,,,,,,,,,,N")
     no_date = sentence("GPRMC,000000.00,A,4800.0,N,01130.0,E,1.0,2.0,,,,A")  # ZDA says it
@@ -265,7 +265,7 @@ def test_gns_and_heading() -> None:
     assert decode(sentence("HEHDT,274.5,T")) == [Attitude(stamp=Stamp(1), heading=math.radians(274.5))]
 
 
-def test_a_group_of_satellites_with_a_lost_sentence_is_not_told() -> None:
+def test_a_group_of_satellites_with_a_lost_sentence_is_not_reported() -> None:
     group = [sentence(f"GPGSV,3,{i},09,{i:02d},10,020,30") for i in (1, 2, 3)]
     whole = [m for m in decode(b"".join(group)) if isinstance(m, Satellites)]
     assert [s.number for s in whole[0].satellites] == [1, 2, 3]
@@ -392,8 +392,8 @@ def satellites_of(data: bytes) -> list[Satellites]:
     ],
 )  # fmt: skip
 def test_satellites_are_numbered_within_their_system(talker: str, number: int, expected: tuple[str, int]) -> None:
-    (seen,) = satellites_of(sentence(f"{talker}GSV,1,1,01,{number},10,020,30"))[0].satellites
-    assert (seen.system, seen.number) == expected
+    (measurements,) = satellites_of(sentence(f"{talker}GSV,1,1,01,{number},10,020,30"))[0].satellites
+    assert (measurements.system, measurements.number) == expected
 
 
 def gsv(talker: str, *numbers: int, cn0: int = 30, signal: str = "") -> bytes:
@@ -413,17 +413,17 @@ def test_each_list_has_the_whole_sky_and_a_silent_system_leaves_it() -> None:
     assert found == [gps, both, both, both, both, gps]
 
 
-def test_a_satellite_on_two_signals_is_told_once_with_the_stronger() -> None:
+def test_a_satellite_on_two_signals_is_reported_once_with_the_stronger() -> None:
     weak, strong = gsv("GP", 5, cn0=31, signal=",8"), gsv("GP", 5, 6, cn0=44, signal=",1")
     for order in (weak + strong, strong + weak):
         last = satellites_of(order)[-1]
         assert {(s.number, s.cn0_dbhz) for s in last.satellites} == {(5, 44.0), (6, 44.0)}
     moved = [sentence(f"GPGSV,1,1,01,05,{el},020,30,{signal}") for el, signal in ((10, 1), (11, 8), (12, 1))]
-    (seen_last,) = satellites_of(b"".join(moved))[-1].satellites
-    assert seen_last.elevation == math.radians(12)
+    (last_measurement,) = satellites_of(b"".join(moved))[-1].satellites
+    assert last_measurement.elevation == math.radians(12)
     without_direction = sentence("GPGSV,1,1,01,05,,,50,8")
-    seen = {s.number: s for s in satellites_of(strong + without_direction)[-1].satellites}
-    assert (seen[5].cn0_dbhz, seen[5].elevation) == (50.0, math.radians(10))
+    measurements = {s.number: s for s in satellites_of(strong + without_direction)[-1].satellites}
+    assert (measurements[5].cn0_dbhz, measurements[5].elevation) == (50.0, math.radians(10))
 
 
 def test_satellites_in_use_of_more_than_one_sentence_and_system() -> None:

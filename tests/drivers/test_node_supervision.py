@@ -1,4 +1,4 @@
-"""Lost messages and silent nodes: the rules themselves, and that noise costs no memory."""
+"""Lost messages and silent nodes: rules, and bounded memory with noise."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ def test_every_gap_is_counted_whatever_the_counter_was_at(start: int, gaps: list
     assert looked.lost == Counter({"m": sum(gaps)}) - Counter()
 
 
-def test_a_node_that_does_not_count_is_told_once() -> None:
+def test_a_node_that_does_not_count_is_reported_once() -> None:
     looked = watch()
-    told = [looked.handle_message(t, 1, "m", code=0) for t in range(1, 9)]
-    assert told == [(), ("m_repeated",), *[()] * 6]
+    reported = [looked.handle_message(t, 1, "m", code=0) for t in range(1, 9)]
+    assert reported == [(), ("m_repeated",), *[()] * 6]
     assert looked.repeated == {"m": 7}
     assert (looked.handle_message(9, 1, "m", code=1), looked.handle_message(10, 1, "m", code=1)) == (
         (),
@@ -62,33 +62,33 @@ def test_the_fastest_message_of_a_node_is_its_period() -> None:
 
 def test_a_slower_rate_is_learned() -> None:
     looked = watch()
-    told = [flag for t in range(0, 1000, 20) for flag in looked.handle_message(1 + t * MS, "n", "m")]
-    told += [flag for t in range(1000, 20_000, 60) for flag in looked.handle_message(1 + t * MS, "n", "m")]
-    assert told == []
+    reported = [flag for t in range(0, 1000, 20) for flag in looked.handle_message(1 + t * MS, "n", "m")]
+    reported += [flag for t in range(1000, 20_000, 60) for flag in looked.handle_message(1 + t * MS, "n", "m")]
+    assert reported == []
     assert looked.tick(1 + (19_960 + 290) * MS) == ()
 
 
-def test_a_node_that_was_told_to_speak_ten_times_slower_is_silent_once() -> None:
+def test_a_node_that_now_sends_ten_times_slower_is_silent_once() -> None:
     looked = watch()
-    told = [flag for t in range(0, 2000, 100) for flag in looked.handle_message(1 + t * MS, "n", "m")]
+    reported = [flag for t in range(0, 2000, 100) for flag in looked.handle_message(1 + t * MS, "n", "m")]
     for t in range(2900, 30_000, 100):  # others speak all the time
-        told += looked.tick(1 + t * MS)
+        reported += looked.tick(1 + t * MS)
         if t % 1000 == 900:
-            told += looked.handle_message(1 + t * MS, "n", "m")
-    assert told == ["node_n_silent", "node_n_back"]
+            reported += looked.handle_message(1 + t * MS, "n", "m")
+    assert reported == ["node_n_silent", "node_n_back"]
     assert looked.tick(1 + (29_900 + 5001) * MS) == ("node_n_silent",)
 
 
 @pytest.mark.parametrize("cycle_ns", [None, 100 * MS])
-def test_silence_is_told_every_time(cycle_ns: int | None) -> None:
+def test_silence_is_reported_every_time(cycle_ns: int | None) -> None:
     """An hour of silence is no interval either: it would make the period nine minutes."""
-    looked, told = watch(), list[str]()
+    looked, reported = watch(), list[str]()
     for begin in (0, 3_600_000, 7_200_000):
         for t in range(begin, begin + 1000, 100):
-            told += looked.handle_message(1 + t * MS, "n", "m", cycle_ns=cycle_ns)
-            told += looked.handle_message(1 + t * MS, "n", "another", cycle_ns=cycle_ns)
-        told += looked.tick(1 + (begin + 900 + 501) * MS)
-    assert told == ["node_n_silent", "node_n_back", "node_n_silent", "node_n_back", "node_n_silent"]
+            reported += looked.handle_message(1 + t * MS, "n", "m", cycle_ns=cycle_ns)
+            reported += looked.handle_message(1 + t * MS, "n", "another", cycle_ns=cycle_ns)
+        reported += looked.tick(1 + (begin + 900 + 501) * MS)
+    assert reported == ["node_n_silent", "node_n_back", "node_n_silent", "node_n_back", "node_n_silent"]
 
 
 def test_stamps_that_stand_still_or_go_back_tell_nothing() -> None:

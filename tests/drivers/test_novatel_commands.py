@@ -1,4 +1,4 @@
-"""NovAtel OEM6: commands, answers, what is asked for after a connect, the emulated receiver."""
+"""NovAtel OEM6: commands, answers, requests after a connect, the emulated receiver."""
 
 from __future__ import annotations
 
@@ -131,7 +131,7 @@ def test_a_standing_request_is_the_line_that_the_document_prints() -> None:
     assert ours.partition(b"*")[0] == printed.partition(b"*")[0].replace(b"COM1", b"THISPORT")
 
 
-def asked_for(data: bytes) -> list[tuple[str, str, float]]:
+def requested(data: bytes) -> list[tuple[str, str, float]]:
     """Message, trigger and period of each LOG."""
     lines = [line.partition(b";")[2].decode().split(",") for line in data.splitlines()]
     return [(fields[1], fields[2], float(fields[3])) for fields in lines]
@@ -140,7 +140,7 @@ def asked_for(data: bytes) -> list[tuple[str, str, float]]:
 def test_the_aircraft_s_logs_are_asked_for_after_a_connect_and_again() -> None:
     options = novatel.Options()
     first = b"".join(novatel.on_connect(options))
-    assert asked_for(first) == [
+    assert requested(first) == [
         ("BESTPOSB", "ONTIME", 0.1), ("BESTVELB", "ONTIME", 0.1), ("TIMEB", "ONTIME", 1.0),
         ("CLOCKMODELB", "ONTIME", 1.0), ("PSRDOPB", "ONTIME", 1.0), ("RANGEB", "ONTIME", 1.0),
         ("RXSTATUSB", "ONTIME", 1.0), ("SATVIS2B", "ONTIME", 10.0),
@@ -149,14 +149,14 @@ def test_the_aircraft_s_logs_are_asked_for_after_a_connect_and_again() -> None:
     assert novatel.poll(novatel.Options(ask_again_s=0.0)) is None
     assert novatel.poll(novatel.Options(logs={})) is None
     changes = novatel.Options(logs={"rxstatus": 0.0})
-    assert asked_for(b"".join(novatel.on_connect(changes))) == [("RXSTATUSB", "ONCHANGED", 0.0)]
+    assert requested(b"".join(novatel.on_connect(changes))) == [("RXSTATUSB", "ONCHANGED", 0.0)]
 
 
 @pytest.mark.parametrize(
     ("logs", "says"),
     [
         ({"nothing": 1.0}, "message = 'nothing'"),
-        ({"999": 1.0}, "message = '999': must be a name"),
+        ({"999": 1.0}, "message = '999': must be one of"),
         ({"range": 0.3}, "period = 0.3"),
     ],
 )

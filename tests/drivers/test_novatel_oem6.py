@@ -1,4 +1,4 @@
-"""NovAtel OEM6: frames, values by hand, what is not valid, round trips."""
+"""NovAtel OEM6: frames, values calculated by hand, invalid values, round trips."""
 
 from __future__ import annotations
 
@@ -221,8 +221,8 @@ def test_satellites_of_qzss_are_numbered_within_their_system_as_other_receivers_
         observations.RANGE.unpack_from(observations.encode_range(Pseudoranges(stamp=Stamp(5), observations=(o,))), 4)[0]
         == 194
     )
-    seen = Satellite(system="qzss", number=3, azimuth=0.1, elevation=0.2, used=True)
-    (back,) = sky.encode_satvis2(Satellites(stamp=Stamp(5), satellites=(seen,)))
+    measurements = Satellite(system="qzss", number=3, azimuth=0.1, elevation=0.2, used=True)
+    (back,) = sky.encode_satvis2(Satellites(stamp=Stamp(5), satellites=(measurements,)))
     assert sky.ENTRY.unpack_from(back, sky.SATVIS2.size)[0] == 195
 
 
@@ -365,9 +365,9 @@ def test_an_observation_comes_back_to_half_the_resolution_of_the_wire(
     )  # fmt: skip
     encoder = novatel.make_encoder(novatel.Options(unasked=True))
     (data,) = encoder.encode(Pseudoranges(stamp=STAMP, observations=(sent,)))
-    (seen,) = only(data, Pseudoranges).observations
-    assert seen.doppler == pytest.approx(doppler, abs=2.0**-12)
-    assert replace(seen, doppler=doppler) == sent
+    (measurements,) = only(data, Pseudoranges).observations
+    assert measurements.doppler == pytest.approx(doppler, abs=2.0**-12)
+    assert replace(measurements, doppler=doppler) == sent
 
 
 @given(st.lists(st.integers(0, 159), unique=True))
@@ -396,9 +396,9 @@ def test_directions_and_dilution_come_back() -> None:
     dop, *views = [m for f in frames for m in decode(f) if isinstance(m, Satellites)]
     assert [split(f)[0].sequence for f in frames] == [0, 2, 1, 0]  # SATVIS2 counts down its systems
     assert (dop.used, dop.hdop, dop.vdop, dop.pdop) == (9, 0.75, 1.0, 1.25)
-    seen = [s for view in views for s in view.satellites]
+    measurements = [s for view in views for s in view.satellites]
     assert len(views) == 3
-    for a, b in zip(seen, satellites, strict=True):
+    for a, b in zip(measurements, satellites, strict=True):
         assert (a.system, a.number) == (b.system, b.number)
         assert a.azimuth == pytest.approx(b.azimuth)
         assert a.elevation == pytest.approx(b.elevation)

@@ -1,4 +1,4 @@
-"""NovAtel OEM6 against two decoders that are not ours: the maker's novatel_edie, and rtklib."""
+"""NovAtel OEM6 compared with two independent decoders: the maker's novatel_edie, and rtklib."""
 
 from __future__ import annotations
 
@@ -125,9 +125,9 @@ def test_range_says_what_the_receiver_printed(week: bytes) -> None:
             assert mine.carrier_hz == 1602e6 + 562.5e3 * (int(channel) - 7)
 
 
-def close(seen: float | None, printed: float, tolerance: float) -> None:
+def close(measurements: float | None, printed: float, tolerance: float) -> None:
     """Nothing is there where the receiver printed a value that was not locked."""
-    assert seen is None or seen == pytest.approx(printed, abs=tolerance)
+    assert measurements is None or measurements == pytest.approx(printed, abs=tolerance)
 
 
 def test_a_compressed_range_is_what_the_maker_expands_it_to() -> None:
@@ -226,12 +226,12 @@ def ours_as_rinex(data: bytes) -> dict[float, Epoch]:
     found: dict[float, Epoch] = {}
     for epoch in of(decode(data), Pseudoranges):
         assert epoch.stamp.t_dev_ns is not None
-        seen = found.setdefault(epoch.stamp.t_dev_ns / 1e9, {})
+        measurements = found.setdefault(epoch.stamp.t_dev_ns / 1e9, {})
         for o in epoch.observations:
             values = {"C": o.pseudorange, "L": o.carrier_phase, "D": o.doppler, "S": o.cn0_dbhz}
             for kind, value in values.items():
                 if value is not None:
-                    seen.setdefault(satellite(o), {})[kind + o.signal[1:]] = value
+                    measurements.setdefault(satellite(o), {})[kind + o.signal[1:]] = value
     return found
 
 

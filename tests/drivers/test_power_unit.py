@@ -1,4 +1,4 @@
-"""The laboratory's power unit on the line: commands, answers, and when its state may be believed."""
+"""The power unit of the laboratory: commands, answers, completeness of its state."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def test_every_breaker_that_is_not_on_is_a_flag() -> None:
     assert (status.ok, status.flags) == (True, ())
 
 
-def test_a_cycle_of_which_a_breaker_was_not_heard_says_nothing_of_the_whole() -> None:
+def test_a_cycle_of_which_a_breaker_was_not_received_says_nothing_of_the_whole() -> None:
     first, *others = cycle(altimeter="tripped", ins="on")
     assert statuses(*others) == []
     assert [m.ok for m in statuses(*others, first, *others)] == [False]
@@ -42,17 +42,17 @@ def test_a_cycle_of_which_a_breaker_was_not_heard_says_nothing_of_the_whole() ->
 
 @pytest.mark.parametrize("name", pdu.COMMANDS)
 def test_a_command_reaches_the_unit_in_any_pieces_and_its_answer_comes_back(name: str) -> None:
-    asked: list[tuple[str, str]] = []
+    requests: list[tuple[str, str]] = []
 
     def handle_command(command: str, breaker: str) -> tuple[bool, str]:
-        asked.append((command, breaker))
+        requests.append((command, breaker))
         return name != "reset", "so it is"
 
     encoder = pdu.make_encoder(OPTIONS)
     encoder.handle_command = handle_command
     data = b"noise" + pdu.command(name, {"breaker": "altimeter"}, OPTIONS)
     answers = [answer for at in range(len(data)) for answer in encoder.respond(data[at : at + 1])]
-    assert asked == [(name, "altimeter")]
+    assert requests == [(name, "altimeter")]
     (ack,) = decoded(*answers)
     assert ack == Ack(stamp=Stamp(7), command=name, accepted=name != "reset", detail="altimeter: so it is")
 
@@ -69,7 +69,7 @@ def test_a_damaged_command_is_not_obeyed() -> None:
 def test_a_unit_without_breakers_refuses() -> None:
     answers = pdu.make_encoder(OPTIONS).respond(pdu.command("off", {"breaker": "gnss"}, OPTIONS))
     (ack,) = decoded(*answers)
-    assert ack == Ack(stamp=Stamp(7), command="off", accepted=False, detail="gnss: there is no breaker gnss")
+    assert ack == Ack(stamp=Stamp(7), command="off", accepted=False, detail="gnss: unknown breaker gnss")
 
 
 @pytest.mark.parametrize(

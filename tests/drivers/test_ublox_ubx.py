@@ -98,9 +98,9 @@ def test_messages_are_those_that_a_second_reader_counts(name: str) -> None:
     data = read(name)
     decoder = ubx.make_decoder(ubx.Options())
     decoder.feed(data, 1)
-    seen = [(raw, parsed.identity) for raw, parsed in UBXReader(io.BytesIO(data), protfilter=2, quitonerror=0)]
-    assert decoder.counters.messages == Counter(identity for _, identity in seen)
-    assert decoder.counters.framed == sum(len(raw) for raw, _ in seen)
+    measurements = [(raw, parsed.identity) for raw, parsed in UBXReader(io.BytesIO(data), protfilter=2, quitonerror=0)]
+    assert decoder.counters.messages == Counter(identity for _, identity in measurements)
+    assert decoder.counters.framed == sum(len(raw) for raw, _ in measurements)
     assert data[-decoder.counters.held :].startswith(b"\xb5b")  # the captures end inside a message
     assert set(decoder.counters.skipped) <= {"comment", "no_sync"}
 
@@ -125,9 +125,9 @@ def test_keys_of_the_configuration_are_those_of_a_second_table() -> None:
 def test_solutions_of_nav_pvt_are_those_of_gpsd() -> None:
     found = decode(read("ublox-neo-m8n"))
     positions, velocities = by_time(of(found, Position)), by_time(of(found, Velocity))
-    judged = reports("ublox-neo-m8n", "TPV")
-    assert {report_ms(r["time"]) for r in judged} == set(positions)
-    for report in judged:
+    reference = reports("ublox-neo-m8n", "TPV")
+    assert {report_ms(r["time"]) for r in reference} == set(positions)
+    for report in reference:
         position, velocity = positions[report_ms(report["time"])], velocities[report_ms(report["time"])]
         assert position.valid
         assert velocity.valid
@@ -145,9 +145,9 @@ def test_solutions_of_nav_sol_are_those_of_gpsd() -> None:
     """Every epoch earth-centred; gpsd works out latitude and longitude for the first one only."""
     found = decode(read("ublox-neo-m8t"))
     positions, velocities = by_time(of(found, Position)), by_time(of(found, Velocity))
-    judged = [r for r in reports("ublox-neo-m8t", "TPV") if "ecefx" in r]
-    assert {report_ms(r["time"]) for r in judged} == set(positions)
-    for report in judged:
+    reference = [r for r in reports("ublox-neo-m8t", "TPV") if "ecefx" in r]
+    assert {report_ms(r["time"]) for r in reference} == set(positions)
+    for report in reference:
         position, velocity = positions[report_ms(report["time"])], velocities[report_ms(report["time"])]
         assert position.valid
         here = ecef_from_geodetic(position.lat or 0.0, position.lon or 0.0, position.alt or 0.0)
@@ -157,7 +157,7 @@ def test_solutions_of_nav_sol_are_those_of_gpsd() -> None:
         np.testing.assert_allclose(vel_e, [report[f"ecefv{axis}"] for axis in "xyz"], rtol=0, atol=0.0051)
         assert velocity.sd == pytest.approx(report["ecefvAcc"], abs=0.0051)
         assert position.horizontal_sd == pytest.approx(report["ecefpAcc"], abs=0.0051)
-    first, ours = judged[0], positions[report_ms(judged[0]["time"])]
+    first, ours = reference[0], positions[report_ms(reference[0]["time"])]
     assert math.degrees(ours.lat or 0.0) == pytest.approx(first["lat"], abs=1e-9)
     assert math.degrees(ours.lon or 0.0) == pytest.approx(first["lon"], abs=1e-9)
     assert ours.alt == pytest.approx(first["altHAE"], abs=1e-4)
@@ -165,9 +165,9 @@ def test_solutions_of_nav_sol_are_those_of_gpsd() -> None:
 
 def test_times_and_the_first_fix_of_a_timing_receiver_are_those_of_gpsd() -> None:
     positions = by_time(of(decode(read("ublox-8-time")), Position))
-    judged = reports("ublox-8-time", "TPV")
-    assert {report_ms(r["time"]) for r in judged} == set(positions)
-    first = judged[0]
+    reference = reports("ublox-8-time", "TPV")
+    assert {report_ms(r["time"]) for r in reference} == set(positions)
+    first = reference[0]
     ours = positions[report_ms(first["time"])]
     assert math.degrees(ours.lat or 0.0) == pytest.approx(first["lat"], abs=1e-9)
     assert math.degrees(ours.lon or 0.0) == pytest.approx(first["lon"], abs=1e-9)
@@ -177,13 +177,13 @@ def test_times_and_the_first_fix_of_a_timing_receiver_are_those_of_gpsd() -> Non
 @each_capture
 def test_satellites_are_those_of_gpsd(name: str) -> None:
     ours = [m for m in of(decode(read(name)), Satellites) if m.satellites]
-    judged = reports(name, "SKY")
-    assert len(ours) == len(judged) > 3
-    for found, report in zip(ours, judged, strict=True):
-        seen = {(s.system, s.number): s for s in found.satellites}
-        assert len(seen) == len(found.satellites) == report["nSat"]
+    reference = reports(name, "SKY")
+    assert len(ours) == len(reference) > 3
+    for found, report in zip(ours, reference, strict=True):
+        measurements = {(s.system, s.number): s for s in found.satellites}
+        assert len(measurements) == len(found.satellites) == report["nSat"]
         for theirs in report["satellites"]:
-            mine = seen[SYSTEMS[theirs["gnssid"]], theirs["svid"]]
+            mine = measurements[SYSTEMS[theirs["gnssid"]], theirs["svid"]]
             assert mine.used is theirs["used"]
             assert (mine.cn0_dbhz or 0.0) == theirs["ss"]
             assert mine.elevation == (pytest.approx(math.radians(theirs["el"])) if "el" in theirs else None)
@@ -193,9 +193,9 @@ def test_satellites_are_those_of_gpsd(name: str) -> None:
 @pytest.mark.parametrize("name", ["ublox-8-time", "ublox-neo-m8t"])
 def test_dilutions_are_those_of_gpsd(name: str) -> None:
     ours = [m for m in of(decode(read(name)), Satellites) if m.hdop is not None]
-    said = {(m.hdop, m.vdop, m.pdop) for m in ours}
+    stated = {(m.hdop, m.vdop, m.pdop) for m in ours}
     for report in reports(name, "SKY"):
-        assert (report["hdop"], report["vdop"], report["pdop"]) in said
+        assert (report["hdop"], report["vdop"], report["pdop"]) in stated
 
 
 def rinex_number(observation: dict[str, Any]) -> int:
@@ -205,9 +205,9 @@ def rinex_number(observation: dict[str, Any]) -> int:
 
 
 def test_raw_observations_are_those_of_gpsd() -> None:
-    ours, judged = of(decode(read("ublox-neo-m8t")), Pseudoranges), reports("ublox-neo-m8t", "RAW")
-    assert len(ours) == len(judged) == 39
-    for found, report in zip(ours, judged, strict=True):
+    ours, reference = of(decode(read("ublox-neo-m8t")), Pseudoranges), reports("ublox-neo-m8t", "RAW")
+    assert len(ours) == len(reference) == 39
+    for found, report in zip(ours, reference, strict=True):
         assert unix_ms(found.stamp) == pytest.approx(report["time"] * 1000 + report["nsec"] / 1e6, abs=0.51)
         assert len(found.observations) == len(report["rawdata"])
         for mine, theirs in zip(found.observations, report["rawdata"], strict=True):
@@ -408,7 +408,7 @@ def test_a_time_that_is_not_valid_is_none(missing: str) -> None:
     ],
     ids=["pvt", "pvt_date", "sol", "timegps"],
 )
-def test_a_week_does_not_outlast_the_receiver_that_told_it(unknown: bytes) -> None:
+def test_a_week_does_not_outlast_the_receiver_that_sent_it(unknown: bytes) -> None:
     """A receiver that was switched off and on counts iTOW from anywhere until it knows the time."""
     clock = message("NAV-CLOCK", iTOW=5000, tAcc=1)
     before, after, again = of(decode(pvt() + clock + unknown + clock + pvt() + clock), ReceiverClock)
@@ -417,7 +417,7 @@ def test_a_week_does_not_outlast_the_receiver_that_told_it(unknown: bytes) -> No
     assert again.stamp == before.stamp
 
 
-def test_time_of_the_week_is_completed_with_the_week_that_was_told() -> None:
+def test_time_of_the_week_is_completed_with_the_week_that_was_received() -> None:
     clock = message("NAV-CLOCK", iTOW=5, tAcc=1)
     assert one(clock, ReceiverClock).stamp.t_dev_ns is None
     end = message("NAV-TIMEGPS", iTOW=604_799_000, week=2300, towValid=1, weekValid=1)
@@ -446,8 +446,13 @@ def test_a_place_without_a_flag_is_as_good_as_the_fix_before_it() -> None:
 
 def test_directions_and_signals_that_are_unknown_are_none() -> None:
     row = struct.pack("<BBBbhhI", 0, 7, 0, -91, 0, 0, 0)
-    (seen,) = one(frame(0x01, 0x35, struct.pack("<IBBxx", 0, 1, 1) + row), Satellites).satellites
-    assert (seen.elevation, seen.azimuth, seen.cn0_dbhz, seen.used) == (None, None, None, False)
+    (measurements,) = one(frame(0x01, 0x35, struct.pack("<IBBxx", 0, 1, 1) + row), Satellites).satellites
+    assert (measurements.elevation, measurements.azimuth, measurements.cn0_dbhz, measurements.used) == (
+        None,
+        None,
+        None,
+        False,
+    )
 
 
 @pytest.mark.parametrize(
@@ -457,9 +462,13 @@ def test_directions_and_signals_that_are_unknown_are_none() -> None:
 )  # fmt: skip
 def test_numbers_of_svinfo(number: int, expected: tuple[str, int]) -> None:
     row = struct.pack("<BBBBBbhi", 1, number, 1, 4, 40, 45, 90, 0)
-    (seen,) = one(frame(0x01, 0x30, struct.pack("<IBBxx", 0, 1, 0) + row), Satellites).satellites
-    assert ((seen.system, seen.number), seen.used, seen.cn0_dbhz) == (expected, True, 40.0)
-    assert (seen.elevation, seen.azimuth) == pytest.approx((math.pi / 4, math.pi / 2))
+    (measurements,) = one(frame(0x01, 0x30, struct.pack("<IBBxx", 0, 1, 0) + row), Satellites).satellites
+    assert ((measurements.system, measurements.number), measurements.used, measurements.cn0_dbhz) == (
+        expected,
+        True,
+        40.0,
+    )
+    assert (measurements.elevation, measurements.azimuth) == pytest.approx((math.pi / 4, math.pi / 2))
 
 
 # -------------------------------------------------------------------------------------------------------- framing
@@ -555,8 +564,8 @@ def parsed(data: bytes, mode: int = SET) -> Any:
 
 
 def test_commands_are_what_a_second_parser_understands() -> None:
-    asked = parsed(ubx.command("message", {"name": "NAV-SAT", "rate": "5"}))
-    assert (asked.identity, asked.payload) == ("CFG-MSG", bytes((0x01, 0x35, 5)))
+    requests = parsed(ubx.command("message", {"name": "NAV-SAT", "rate": "5"}))
+    assert (requests.identity, requests.payload) == ("CFG-MSG", bytes((0x01, 0x35, 5)))
     rate = parsed(ubx.command("rate", {"period_ms": "100", "cycles": "2"}))
     assert (rate.identity, rate.measRate, rate.navRate) == ("CFG-RATE", 100, 2)
     reset = parsed(ubx.command("reset", {"kind": "cold"}))
@@ -567,15 +576,15 @@ def test_commands_are_what_a_second_parser_understands() -> None:
 
 def test_commands_for_later_receivers_are_what_a_second_parser_understands() -> None:
     options = ubx.Options(configure_with="cfg_valset", port="usb")
-    asked = parsed(ubx.command("message", {"name": "NAV-PVT"}, options))
-    assert (asked.identity, asked.ram, asked.bbr, asked.flash) == ("CFG-VALSET", 1, 0, 0)
-    assert asked.CFG_MSGOUT_UBX_NAV_PVT_USB == 1
+    requests = parsed(ubx.command("message", {"name": "NAV-PVT"}, options))
+    assert (requests.identity, requests.ram, requests.bbr, requests.flash) == ("CFG-VALSET", 1, 0, 0)
+    assert requests.CFG_MSGOUT_UBX_NAV_PVT_USB == 1
     rate = parsed(ubx.command("rate", {"period_ms": "200"}, options))
     assert (rate.CFG_RATE_MEAS, rate.CFG_RATE_NAV) == (200, 1)
 
 
 @pytest.mark.parametrize(
-    ("name", "args", "said"),
+    ("name", "args", "stated"),
     [
         ("message", {}, "message: name is missing; allowed: NAV-POSLLH"),
         ("message", {"name": "NAV-XYZ"}, "'NAV-XYZ'"),
@@ -588,8 +597,8 @@ def test_commands_for_later_receivers_are_what_a_second_parser_understands() -> 
         ("version", {"a": "b"}, "there are none"),
     ],
 )
-def test_a_bad_command_teaches(name: str, args: dict[str, str], said: str) -> None:
-    with pytest.raises(ValueError, match=said):
+def test_a_bad_command_teaches(name: str, args: dict[str, str], stated: str) -> None:
+    with pytest.raises(ValueError, match=stated):
         ubx.command(name, args)
 
 
@@ -605,11 +614,11 @@ def test_only_the_reset_is_not_answered() -> None:
 
 
 @pytest.mark.parametrize(
-    ("table", "said"),
+    ("table", "stated"),
     [({"messages": {"NAV-XYZ": 1}}, "NAV-XYZ"), ({"messages": {"NAV-PVT": 300}}, "0..255"), ({"period_ms": 10}, "25")],
 )
-def test_bad_options_are_told(table: dict[str, Any], said: str) -> None:
-    with pytest.raises(ConfigError, match=said):
+def test_bad_options_are_reported(table: dict[str, Any], stated: str) -> None:
+    with pytest.raises(ConfigError, match=stated):
         bind(ubx.Options, table, "file.toml", "device[0].options")
 
 
@@ -622,8 +631,8 @@ def test_the_emulated_receiver_is_silent_until_it_is_asked(way: str) -> None:
     device, decoder = ubx.make_encoder(options), ubx.make_decoder(options)
     here = Position(stamp=Stamp(1), lat=0.8, lon=0.2, alt=500.0)
     assert device.encode(here) == []
-    said = b"".join(ubx.on_connect(options))
-    answers = [data for at in range(len(said)) for data in device.respond(said[at : at + 1])]
+    stated = b"".join(ubx.on_connect(options))
+    answers = [data for at in range(len(stated)) for data in device.respond(stated[at : at + 1])]
     version, *taken = of([m for data in answers for m in decoder.feed(data, 1)], Ack)
     assert (version.command, version.accepted) == ("version", True)
     assert [(a.accepted, a.detail) for a in taken] == (

@@ -1,8 +1,8 @@
-"""Vectors of the drivers: ``vectors/NAME.bin`` are the bytes, ``vectors/NAME.json`` what is known about them.
+"""Vectors of the drivers: ``vectors/NAME.bin`` are the bytes, ``vectors/NAME.json`` the expected results.
 
 driver, options    which driver decodes them, and how
 origin             who made the bytes; outside = not this project
-independent        what judges the values
+independent        reference of the values
 messages           how many of each message there are; every byte belongs to one of them
 expect             fields of the index-th measurement of a class, as the independent side states them
 canonical          the emulator sends the same bytes again for what was decoded
@@ -97,20 +97,22 @@ def make(facts: dict[str, Any], stamp: Stamp) -> Measurement:
 def assert_matches(found: object, expected: dict[str, Any], tolerance: float, where: str) -> None:
     """Every field that is expected is there."""
     for name, value in expected.items():
-        seen = getattr(found, name)
+        measurements = getattr(found, name)
         if isinstance(value, dict):
-            assert_matches(seen, value, tolerance, f"{where}.{name}")
+            assert_matches(measurements, value, tolerance, f"{where}.{name}")
         elif isinstance(value, list):
-            assert len(seen) == len(value), f"{where}.{name}"
-            assert all(is_close(s, v, tolerance) for s, v in zip(seen, value, strict=True)), f"{where}.{name}: {seen}"
+            assert len(measurements) == len(value), f"{where}.{name}"
+            assert all(is_close(s, v, tolerance) for s, v in zip(measurements, value, strict=True)), (
+                f"{where}.{name}: {measurements}"
+            )
         else:
-            assert is_close(seen, value, tolerance), f"{where}.{name}: {seen!r}, expected {value!r}"
+            assert is_close(measurements, value, tolerance), f"{where}.{name}: {measurements!r}, expected {value!r}"
 
 
-def is_close(seen: Any, value: Any, tolerance: float) -> bool:
-    if isinstance(value, float) and isinstance(seen, float):
-        return math.isclose(seen, value, rel_tol=0.0, abs_tol=tolerance)
-    return bool(seen == value)
+def is_close(measurements: Any, value: Any, tolerance: float) -> bool:
+    if isinstance(value, float) and isinstance(measurements, float):
+        return math.isclose(measurements, value, rel_tol=0.0, abs_tol=tolerance)
+    return bool(measurements == value)
 
 
 def of_class(found: Iterable[Measurement], name: str) -> Iterator[Measurement]:

@@ -31,7 +31,7 @@ from fti.drivers.imar_ixcom.solution import encode_inssol
 from fti.drivers.imar_ixcom.status import HEALTHY, encode_status
 from fti.drivers.imar_ixcom.wire import encode_frame
 from fti.types import Attitude, ImuSample, Position, Stamp, Velocity
-from tests.e2e.flood import free_ports, said
+from tests.e2e.flood import free_ports, read_stdin
 from tests.e2e.harness import END_S, Line
 from tests.e2e.test_captures import Lawicel
 from tests.helpers import ROOT
@@ -200,16 +200,16 @@ def _feed(folder: Path, factor: float) -> None:
         sock.bind(("127.0.0.1", 0))
         sources, adapters = _sources(folder, ports, sock)
         print("ready", flush=True)
-        while said() is None:
+        while read_stdin() is None:
             _answer_adapters(adapters)
         begin = time.monotonic()
-        while said() is None:
+        while read_stdin() is None:
             _answer_adapters(adapters)
             elapsed, t_gps_ns = (time.monotonic() - begin) * factor, clock.now_ns() - GPS_EPOCH_NS
             for source in sources.values():
                 source.catch_up(elapsed, t_gps_ns)
         print(json.dumps({name: (source.frames, source.bytes) for name, source in sources.items()}), flush=True)
-        while said() is None:
+        while read_stdin() is None:
             _answer_adapters(adapters)
 
 

@@ -54,7 +54,7 @@ class Feeder:
         self.config = folder / "small.toml"
         self.config.write_text(CONFIG.format(port=self.port))
         self.line = Line(folder / "line")
-        self.sent: list[bytes] = []
+        self.sent_lines: list[bytes] = []
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="feeder")
@@ -80,9 +80,9 @@ class Feeder:
     def _run(self) -> None:
         due = time.monotonic()
         while not self._stop.is_set():
-            data = b"%09d\n" % len(self.sent)
+            data = b"%09d\n" % len(self.sent_lines)
             self.line.write(data)
             self._socket.sendto(data, ("127.0.0.1", self.port))
-            self.sent.append(data)
+            self.sent_lines.append(data)
             due += PERIOD_S
             time.sleep(max(0.0, due - time.monotonic()))

@@ -51,11 +51,11 @@ def free_ports(host: str, count: int) -> list[int]:
 
 
 class Flood:
-    """The process; ``sent`` tells of each link when it has been stopped."""
+    """The process; ``sent_counts``: datagrams of each link, after ``stop``."""
 
     def __init__(self, host: str, rate_hz: float, ports: Sequence[int]) -> None:
         self.rate_hz = rate_hz
-        self.sent: list[int] = []
+        self.sent_counts: list[int] = []
         self._links = len(ports)
         fd = os.memfd_create("flood")
         os.ftruncate(fd, (1 + TIMES) * WORD.size)
@@ -88,8 +88,8 @@ class Flood:
     def stop(self) -> None:
         """End it; nothing is sent any more."""
         if self._process.returncode is None:
-            said, _ = self._process.communicate(timeout=END_S)
-            self.sent = json.loads(said)
+            output, _ = self._process.communicate(timeout=END_S)
+            self.sent_counts = json.loads(output)
             self._memory.close()
 
 
@@ -104,7 +104,7 @@ def _send(host: str, rate_hz: float, memory: mmap.mmap, ports: Sequence[int]) ->
     addresses = [(host, port) for port in ports]
     begin, total = time.monotonic(), 0
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
-        while said() is None:
+        while read_stdin() is None:
             due = int((time.monotonic() - begin) * rate_hz)
             for turn in range(total, due):
                 link = turn % len(ports)
@@ -117,7 +117,7 @@ def _send(host: str, rate_hz: float, memory: mmap.mmap, ports: Sequence[int]) ->
     return sent
 
 
-def said() -> bytes | None:
+def read_stdin() -> bytes | None:
     """What came on standard input, which must not block; None when nothing came, b"" at its end."""
     try:
         return os.read(0, 1)

@@ -122,15 +122,15 @@ class Daemon:
 
     def health(self) -> dict[str, Any]:
         """The next health that the daemon publishes on the bus."""
-        said = queue.SimpleQueue[bytes]()
+        messages = queue.SimpleQueue[bytes]()
 
-        def hear(topic: str, payload: bytes, sent_ns: int) -> None:
+        def on_message(topic: str, payload: bytes, sent_ns: int) -> None:
             if topic == "/health":
-                said.put(payload)
+                messages.put(payload)
 
-        subscriber = Subscriber(Path(self.info["sock"]).with_name(SOCKET_NAME), "test", hear)
+        subscriber = Subscriber(Path(self.info["sock"]).with_name(SOCKET_NAME), "test", on_message)
         try:
-            found: dict[str, Any] = json.loads(said.get(timeout=START_S))
+            found: dict[str, Any] = json.loads(messages.get(timeout=START_S))
         finally:
             subscriber.close()
         return found

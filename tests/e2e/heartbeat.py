@@ -19,7 +19,7 @@ from collections.abc import Callable
 from typing import TypeVar
 
 from fti.service.recorder.__main__ import PRIORITY
-from tests.e2e.flood import said
+from tests.e2e.flood import read_stdin
 from tests.e2e.harness import END_S
 from tests.helpers import ROOT
 
@@ -52,8 +52,8 @@ class Heartbeats:
     def stop(self) -> None:
         """End them."""
         for process in self._processes:
-            said, _ = process.communicate(timeout=END_S)
-            self.pauses.append(json.loads(said))
+            output, _ = process.communicate(timeout=END_S)
+            self.pauses.append(json.loads(output))
         self._processes = []
 
     def longest_pause_ns(self, begin_ns: int, end_ns: int) -> int:
@@ -93,7 +93,7 @@ def _beat(core: int) -> list[tuple[int, int]]:
     print("begins", flush=True)  # after the first look at the clock: whoever reads it may stop this process at once
     while not is_over:
         time.sleep(PERIOD_NS / 1e9)
-        is_over = said() is not None
+        is_over = read_stdin() is not None
         now = time.monotonic_ns()
         if now - before > PERIOD_NS + PAUSE_NS:
             pauses.append((before + PERIOD_NS, now))

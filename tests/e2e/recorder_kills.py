@@ -125,15 +125,15 @@ class Rig:
         moment(self)
         killed_ns, sent = time.monotonic_ns() + self.epoch_ns, self._flood.sent_now()
         self._child.kill()
-        until(lambda: self._child.died() is not None, 20, "its end")
+        until(lambda: self._child.poll_exit() is not None, 20, "its end")
         self._child.close()
-        return self._judge(self.files[finished:], copies, killed_ns, sent)
+        return self._measure_loss(self.files[finished:], copies, killed_ns, sent)
 
-    def wait_random(self, most_s: float) -> None:
+    def wait_random(self, max_s: float) -> None:
         """Let a random time go by."""
-        time.sleep(self.chance.uniform(0, most_s))
+        time.sleep(self.chance.uniform(0, max_s))
 
-    def _judge(self, files: list[Path], copies: dict[Path, bytes], killed_ns: int, sent: int) -> Loss:
+    def _measure_loss(self, files: list[Path], copies: dict[Path, bytes], killed_ns: int, sent: int) -> Loss:
         received = self._received()
         lying = _merge(read_as_it_lies(path) for path in files)
         _assert_same(lying, received)

@@ -139,16 +139,16 @@ class _Health:
     """The healths that a daemon publishes."""
 
     def __init__(self, running: Daemon) -> None:
-        self._said = queue.SimpleQueue[bytes]()
+        self._messages = queue.SimpleQueue[bytes]()
         self._subscriber = Subscriber(Path(running.info["sock"]).with_name(SOCKET_NAME), "test", self._on_health)
 
     def _on_health(self, topic: str, payload: bytes, sent_ns: int) -> None:
         if topic == "/health":
-            self._said.put(payload)
+            self._messages.put(payload)
 
     def new(self) -> list[dict[str, Any]]:
         """Those that have come since the last call."""
-        return [json.loads(self._said.get()) for _ in range(self._said.qsize())]
+        return [json.loads(self._messages.get()) for _ in range(self._messages.qsize())]
 
     def close(self) -> None:
         self._subscriber.close()
@@ -164,8 +164,8 @@ def _observe(running: Daemon, duration_s: float, tell: Callable[[str], None]) ->
         while (now := time.monotonic() - begin) < duration_s:
             for name, pid in pids.items():
                 _sample(result.usage[name], now, pid)
-            for said in health.new():
-                _note(result, said)
+            for message in health.new():
+                _note(result, message)
             if len(result.usage["recorder"].times) % (SAMPLES // 12) == 0:
                 tell(f"{now:.0f} s; {', '.join(f'{n} {u.memory_mb[-1]:.1f} MB' for n, u in result.usage.items())}")
             time.sleep(period)

@@ -51,25 +51,25 @@ def write(folder: Path, declination_deg: float) -> Path:
 
 
 def test_a_declination_that_is_wrong_is_a_heading_that_is_refused(tmp_path: Path) -> None:
-    flown = fly_faster(str(write(tmp_path, WRONG_DEG)), tmp_path / "session", 12.0)
-    rejected = [row["rejected"] for row in flown.outputs("/nav/filter_solution") if row["t"] >= 8.0]
+    flight = fly_faster(str(write(tmp_path, WRONG_DEG)), tmp_path / "session", 12.0)
+    rejected = [row["rejected"] for row in flight.outputs("/nav/filter_solution") if row["t"] >= 8.0]
     assert rejected
     assert all("ins.heading" in names for names in rejected)
 
 
 def test_a_pitot_that_reads_low_is_refused_and_the_receiver_is_not(tmp_path: Path) -> None:
-    flown = fly_faster(str(write(tmp_path, DECLINATION_DEG)), tmp_path / "session", 45.0)
-    rejected = {row["t"]: tuple(row["rejected"]) for row in flown.outputs("/nav/filter_solution")}
+    flight = fly_faster(str(write(tmp_path, DECLINATION_DEG)), tmp_path / "session", 45.0)
+    rejected = {row["t"]: tuple(row["rejected"]) for row in flight.outputs("/nav/filter_solution")}
     assert not any("air_data.airspeed" in names for t, names in rejected.items() if 5.0 <= t < 20.0)
     assert all("air_data.airspeed" in names for t, names in rejected.items() if 26.0 <= t < 44.0)
     assert not any("ins.heading" in names for names in rejected.values())
-    solutions = list(flown.outputs("/nav/nav_solution"))
+    solutions = list(flight.outputs("/nav/nav_solution"))
     assert {row["position_source"] for row in solutions if 5.0 <= row["t"] < 28.0} == {"receiver"}
     assert {row["position_source"] for row in solutions if 31.0 <= row["t"] < 37.0} == {"filter"}
     assert {row["position_source"] for row in solutions if row["t"] >= 43.0} == {"receiver"}
     assert not any(row["refused"] for row in solutions)
     for row in solutions[500::10]:
-        true = flown.truth_at(float(row["t"]))
+        true = flight.truth_at(float(row["t"]))
         north = (row["lat"] - true["lat"]) * 6.37e6
         east = (row["lon"] - true["lon"]) * 6.38e6 * math.cos(true["lat"])
         assert math.hypot(north, east) < 15.0

@@ -45,16 +45,16 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     metafunc.parametrize(("name", "duration_s"), durations.items(), ids=list(durations))
 
 
-def test_the_daemon_said_what_the_scenario_expects(
+def test_the_daemon_reports_what_the_scenario_expects(
     name: str, duration_s: float | None, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     flight = fly_faster(name, tmp_path, duration_s)
-    code, said = main(["score", name, str(flight.session)]), capsys.readouterr()
-    assert code == 0, said.out + said.err
-    assert "holds: " in said.out
+    code, printed = main(["score", name, str(flight.session)]), capsys.readouterr()
+    assert code == 0, printed.out + printed.err
+    assert "holds: " in printed.out
 
 
-def test_a_daemon_that_believes_every_receiver_fails(
+def test_a_daemon_that_accepts_every_receiver_fails(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(Navigation, "refused", property(lambda _: frozenset()))

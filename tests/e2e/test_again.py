@@ -25,10 +25,10 @@ def test_reprocessing_gives_the_outputs_again_bit_for_bit(flights: dict[str, Fli
     session = flights["silence"].session
     done = fti("reprocess", str(session), "--out", str(tmp_path))
     assert done.returncode == 0, done.stderr
-    flown, again = _outputs(session), _outputs(Path(done.stdout.strip()))
-    assert len(flown) > 3000
-    assert {topic for topic, *_ in flown} >= {"/nav/clearance_integrity", "/nav/glide_slope", "/nav/nav_solution"}
-    assert again == flown
+    recorded, again = _outputs(session), _outputs(Path(done.stdout.strip()))
+    assert len(recorded) > 3000
+    assert {topic for topic, *_ in recorded} >= {"/nav/clearance_integrity", "/nav/glide_slope", "/nav/nav_solution"}
+    assert again == recorded
 
 
 def _frames(session: Path) -> dict[str, list[bytes]]:

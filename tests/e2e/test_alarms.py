@@ -51,8 +51,8 @@ def test_an_alarm_outlasts_navigation_and_display_and_is_recorded(tmp_path: Path
             _wait_for(running, STOPPED, lasts=False)
             flying.send_signal(signal.SIGCONT)
             _wait_for(running, LINK, lasts=False)
-            said = fti("acknowledge", "--run-dir", str(running.run_dir))
-            assert said.returncode == 0, said.stderr
+            done = fti("acknowledge", "--run-dir", str(running.run_dir))
+            assert done.returncode == 0, done.stderr
             assert {LINK, STOPPED}.isdisjoint(_alarms(running))
             running.stop()
     recorded = {row["id"]: row for row in json.loads(fti("info", "--json", str(session)).stdout)["alarms"]}

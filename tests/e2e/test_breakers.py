@@ -62,15 +62,15 @@ async def trips_by_command(page: Page, running: Daemon, folder: Path) -> None:
     await page.wait_for(f"{by_testid('link-radalt_line-state')}.textContent === 'silent'", LONG_S)
     await page.screenshot(folder / "tripped.png")
     await asyncio.to_thread(until, lambda: silent(watch(running)) == ["altimeter"], LONG_S, "the altimeter alone")
-    seen = await asyncio.to_thread(watch, running)
-    assert seen["hil"]["devices"]["altimeter"]["breaker"] == "tripped"
-    assert seen["hil"]["devices"]["gnss"]["breaker"] == "on"
-    assert seen["outputs"]["/nav/height_above_ground/altimeter"]["valid"] is False
+    state = await asyncio.to_thread(watch, running)
+    assert state["hil"]["devices"]["altimeter"]["breaker"] == "tripped"
+    assert state["hil"]["devices"]["gnss"]["breaker"] == "on"
+    assert state["outputs"]["/nav/height_above_ground/altimeter"]["valid"] is False
 
 
-def silent(seen: dict[str, Any]) -> list[str]:
+def silent(state: dict[str, Any]) -> list[str]:
     """Devices from which nothing comes."""
-    return [name for name, device in seen["health"]["devices"].items() if device["state"] == "silent"]
+    return [name for name, device in state["health"]["devices"].items() if device["state"] == "silent"]
 
 
 async def is_reset_on_the_page(page: Page) -> None:
@@ -108,7 +108,7 @@ def stands_in_the_file(session: Path) -> None:
         "2: pdu reset breaker=altimeter: acknowledged",
         "3: pdu off breaker=pdu: refused",
     ]
-    tripped, reset, _ = [frame.t_rx_ns for frame in recording.sent()]
+    tripped, reset, _ = [frame.t_rx_ns for frame in recording.sent_frames()]
     arrivals = [frame.t_rx_ns for frame in recording.frames() if frame.link == "radalt_line"]
     between = [t for t in arrivals if tripped + 1e9 < t < reset + 1e9 * BOOT_S * 0.9]
     assert between == []

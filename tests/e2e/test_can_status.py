@@ -49,7 +49,7 @@ class Attended:
         until(answer_and_look, what=what)
 
 
-def _told(running: Daemon) -> dict[str, int]:
+def _errors(running: Daemon) -> dict[str, int]:
     errors: dict[str, int] = running.health()["links"]["bus"]["ledger"]["errors"]
     return errors
 
@@ -63,12 +63,12 @@ def test_an_overrun_of_an_adapter_is_in_the_ledger_the_view_and_the_proof(tmp_pa
     try:
         with daemon(config, tmp_path / "out", "--links", str(links)) as running:
             session = running.session
-            wait_for_readers.until(lambda: _told(running).get("slcan_data_overrun") == 0, "the first answer")
+            wait_for_readers.until(lambda: _errors(running).get("slcan_data_overrun") == 0, "the first answer")
             wait_for_readers.adapter.flags = 0x08
-            wait_for_readers.until(lambda: _told(running)["slcan_data_overrun"], "the overrun")
+            wait_for_readers.until(lambda: _errors(running)["slcan_data_overrun"], "the overrun")
             line.write(format_frame(pack_can(0x123, b"\x01")))
             wait_for_readers.until(lambda: running.health()["links"]["bus"]["frames"] == 1, "the frame")
-            seen = fti("watch", "--once", "--run-dir", str(running.run_dir)).stdout
+            output = fti("watch", "--once", "--run-dir", str(running.run_dir)).stdout
             assert running.stop() == 130
     finally:
         line.close()
@@ -76,4 +76,4 @@ def test_an_overrun_of_an_adapter_is_in_the_ledger_the_view_and_the_proof(tmp_pa
     assert proof.returncode == 0, proof.stdout
     row = next(row for row in proof.stdout.splitlines() if row.startswith("/raw/bus"))
     assert row.split()[1:] == ["1", "1", "0", "16", "slcan_data_overrun", "1"]
-    assert "slcan_data_overrun 1" in seen
+    assert "slcan_data_overrun 1" in output

@@ -66,8 +66,8 @@ class Lawicel:
 
     def answer(self) -> bool:
         """Acknowledge what has been said; true once the bus was opened."""
-        said = self.line.read()
-        for command in said.split(b"\r")[:-1]:
+        commands = self.line.read()
+        for command in commands.split(b"\r")[:-1]:
             self.line.write(b"\r")
             if command.startswith(b"O"):
                 self.opened.set()

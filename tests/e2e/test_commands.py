@@ -69,8 +69,8 @@ class Receiver:
         self._line, self._encoder = line, ublox_ubx.make_encoder(ublox_ubx.Options())
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="receiver")
-        self.heard = bytearray()
-        self.kept: list[bytes] = []
+        self.received = bytearray()
+        self.replies: list[bytes] = []
         self.speaks = True
 
     def __enter__(self) -> Receiver:
@@ -83,14 +83,14 @@ class Receiver:
 
     def speak(self) -> None:
         """Say what was kept."""
-        self._line.write(b"".join(self.kept))
-        self.kept.clear()
+        self._line.write(b"".join(self.replies))
+        self.replies.clear()
 
     def _run(self) -> None:
         while not self._stop.wait(0.002):
             data = self._line.read()
-            self.heard += data
-            self.kept += self._encoder.respond(data) if data else []
+            self.received += data
+            self.replies += self._encoder.respond(data) if data else []
             if self.speaks:
                 self.speak()
 
@@ -108,8 +108,8 @@ class Bench:
 
     def send_command(self, key: str, period_ms: int, timeout_s: float = LONG_S, device: str = "gnss") -> dict[str, Any]:
         """The same over the control socket, with a number of our own."""
-        wish = {"id": key, "device": device, "command": "rate", "args": {"period_ms": str(period_ms)}}
-        return send_command({"send": wish | {"timeout_s": timeout_s}}, self.run_dir, 2 * LONG_S)
+        request = {"id": key, "device": device, "command": "rate", "args": {"period_ms": str(period_ms)}}
+        return send_command({"send": request | {"timeout_s": timeout_s}}, self.run_dir, 2 * LONG_S)
 
     def tx_frames(self) -> int:
         """How many the recorder says that it has sent."""
@@ -147,13 +147,13 @@ def test_commands_go_out_once_and_come_back_and_stand_in_the_file(tmp_path: Path
         sends_the_same_request_once(bench)
         asyncio.run(is_refused_without_the_key(running.display, receiver))
         asyncio.run(sends_from_the_page(running.page, receiver))
-        tells_silence_and_a_late_answer(bench)
+        reports_silence_and_a_late_answer(bench)
         outlives_the_recorder(bench)
         ends_with_the_session(bench)
         assert never.read() == b""
     with pytest.raises(FtiError):
         bench.send_command("late", 100)
-    stands_in_the_file(session, bytes(receiver.heard), tmp_path)
+    stands_in_the_file(session, bytes(receiver.received), tmp_path)
 
 
 def teaches(bench: Bench) -> None:
@@ -169,18 +169,18 @@ def refuses_what_may_not_be_sent(bench: Bench) -> None:
     code, out, err = bench.send("spare", "rate", "period_ms=100")
     assert (code, out) == (2, "")
     assert 'set transmit = true at [[link]] name = "shut"' in err
-    with pytest.raises(FtiError, match="there is no device 'none'; there are gnss, spare"):
+    with pytest.raises(FtiError, match="unknown device 'none'; configured: gnss, spare"):
         bench.send_command("a", 100, device="none")
     with pytest.raises(FtiError, match="period_ms"):
         bench.send_command("b", 1)
-    assert bench.receiver.heard == b""
+    assert bench.receiver.received == b""
 
 
 def sends_and_is_answered(bench: Bench) -> None:
     done = fti("send", "gnss", "rate", "period_ms=101", "--run-dir", bench.run_dir)
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout.startswith("1: gnss rate period_ms=101: acknowledged after ")
-    assert bench.receiver.heard == rate(101)
+    assert bench.receiver.received == rate(101)
 
 
 def sends_the_same_request_once(bench: Bench) -> None:
@@ -189,23 +189,23 @@ def sends_the_same_request_once(bench: Bench) -> None:
     assert first["state"] == "acknowledged"
     assert all(other == first for other in others)
     assert bench.send_command("button", 102) == first
-    assert bench.receiver.heard.count(rate(102)) == 1
+    assert bench.receiver.received.count(rate(102)) == 1
 
 
 async def is_refused_without_the_key(address: str, receiver: Receiver) -> None:
     """Whoever is on this machine can fetch the page and claim its Origin; that is no permission."""
-    before = bytes(receiver.heard)
+    before = bytes(receiver.received)
     async with aiohttp.ClientSession() as client, asyncio.timeout(LONG_S):
         async with client.get(address) as response:
             served = re.findall(r"[A-Za-z0-9_-]{16,}", await response.text())
         for key in [None, *served]:
             async with client.ws_connect(f"{address}ws", headers={"Origin": address.rstrip("/")}) as ws:
-                wish = {"command": "send", "device": "gnss", "name": "rate", "args": {"period_ms": "200"}}
-                await ws.send_json(wish | {"request": "forged", "token": key, "key": key, "id": 1})
+                request = {"command": "send", "device": "gnss", "name": "rate", "args": {"period_ms": "200"}}
+                await ws.send_json(request | {"request": "forged", "token": key, "key": key, "id": 1})
                 while (answer := await ws.receive_json())["type"] != "answer":
                     pass
                 assert answer["fault"].endswith("; to control: fti page")
-    assert bytes(receiver.heard) == before
+    assert bytes(receiver.received) == before
 
 
 async def sends_from_the_page(owner_address: str, receiver: Receiver) -> None:
@@ -218,13 +218,13 @@ async def sends_from_the_page(owner_address: str, receiver: Receiver) -> None:
     ):
         shown = await _next_commands(ws)
         assert [device["name"] for device in shown["devices"]] == ["gnss"]
-        wish = {"command": "send", "device": "gnss", "name": "rate", "args": {"period_ms": "105"}}
+        request = {"command": "send", "device": "gnss", "name": "rate", "args": {"period_ms": "105"}}
         for n in range(2):
-            await ws.send_json(wish | {"request": "click", "key": key, "id": n})
+            await ws.send_json(request | {"request": "click", "key": key, "id": n})
         while not any(r["id"] == "click" and r["ended"] for r in shown["requests"]):
             shown = await _next_commands(ws)
     assert shown["requests"][0]["state"] == "acknowledged"
-    assert receiver.heard.count(rate(105)) == 1
+    assert receiver.received.count(rate(105)) == 1
 
 
 async def _next_commands(ws: aiohttp.ClientWebSocketResponse) -> dict[str, Any]:
@@ -234,7 +234,7 @@ async def _next_commands(ws: aiohttp.ClientWebSocketResponse) -> dict[str, Any]:
     return found
 
 
-def tells_silence_and_a_late_answer(bench: Bench) -> None:
+def reports_silence_and_a_late_answer(bench: Bench) -> None:
     bench.receiver.speaks = False
     found = bench.send_command("silent", 103, timeout_s=0.3)
     assert (found["state"], found["detail"].partition(";")[0]) == ("timed out", "no answer within 0.3 s")
@@ -246,31 +246,31 @@ def outlives_the_recorder(bench: Bench) -> None:
     bench.receiver.speaks = False
     before, pid = bench.tx_frames(), bench.running.pid_of("recorder")
     with ThreadPoolExecutor(1) as pool:
-        asked = pool.submit(bench.send_command, "killed", 104)
+        future = pool.submit(bench.send_command, "killed", 104)
         until(lambda: bench.tx_frames() > before, LONG_S, "the word that it was sent")
         os.kill(pid, signal.SIGKILL)
         until(lambda: bench.running.pid_of("recorder") != pid, LONG_S, "another recorder")
         bench.receiver.speaks = True
-        assert asked.result()["state"] == "acknowledged"
-    assert bench.receiver.heard.count(rate(104)) == 1
+        assert future.result()["state"] == "acknowledged"
+    assert bench.receiver.received.count(rate(104)) == 1
 
 
 def ends_with_the_session(bench: Bench) -> None:
     bench.receiver.speaks = False
     before = bench.tx_frames()
     with ThreadPoolExecutor(1) as pool:
-        asked = pool.submit(bench.send_command, "open", 106)
+        future = pool.submit(bench.send_command, "open", 106)
         until(lambda: bench.tx_frames() > before, LONG_S, "the word that it was sent")
         assert bench.running.stop() == 130
-        found = asked.result()
+        found = future.result()
     assert (found["state"], found["detail"]) == ("unknown", "sent, but the session ended before an answer came")
 
 
-def stands_in_the_file(session: Path, heard: bytes, tmp_path: Path) -> None:
+def stands_in_the_file(session: Path, received: bytes, tmp_path: Path) -> None:
     recording = Recording.open(session)
-    sent = [frame.data for frame in recording.sent()]
-    assert sent == [rate(ms) for ms in (101, 102, 105, 103, 104, 106)]
-    assert b"".join(sent) == heard
+    frames = [frame.data for frame in recording.sent_frames()]
+    assert frames == [rate(ms) for ms in (101, 102, 105, 103, 104, 106)]
+    assert b"".join(frames) == received
     events = [json.loads(data) for *_, data in recording.messages("/fti/event", kind="raw")]
     texts = [event["message"] for event in events if event["name"] == "command"]
     assert f"1: gnss rate period_ms=101 for {os.environ.get('USER', 'root')} (process " in texts[3]
@@ -281,7 +281,7 @@ def stands_in_the_file(session: Path, heard: bytes, tmp_path: Path) -> None:
         "1: gnss rate period_ms=101: acknowledged",
         "2: gnss rate period_ms=102: acknowledged",
         "3: gnss rate period_ms=105: acknowledged",
-        "4: gnss rate period_ms=103: answered late, acknowledged",
+        "4: gnss rate period_ms=103: late answer: acknowledged",
         "5: gnss rate period_ms=104: acknowledged",
     ]
     assert sum("not sent for" in text for text in texts) == 3

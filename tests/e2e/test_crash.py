@@ -35,7 +35,7 @@ def _feed(feeder: Feeder, running: Daemon) -> None:
     """Start to feed when both links are open, so that nothing is sent to nobody."""
     until(lambda: running.health().get("links", {}).get("line", {}).get("state") == "silent", what="an open line")
     feeder.start()
-    until(lambda: len(feeder.sent) > 50, what="fed frames")
+    until(lambda: len(feeder.sent_lines) > 50, what="fed frames")
 
 
 def _bytes(session: Path, link: str) -> bytes:
@@ -44,7 +44,7 @@ def _bytes(session: Path, link: str) -> bytes:
 
 def _assert_complete(session: Path, feeder: Feeder) -> None:
     """Every byte that was sent is in the recording, in order, and every seq is there."""
-    expected = b"".join(feeder.sent)
+    expected = b"".join(feeder.sent_lines)
     assert _bytes(session, "line") == expected
     assert _bytes(session, "eth") == expected
     seqs = [f.seq for f in Recording.open(session).frames()]
@@ -101,8 +101,8 @@ def test_nothing_downstream_touches_the_recording(tmp_path: Path, harm: Callable
             if harm is not _freeze_navigation:
                 name = "navigation" if harm is _kill_navigation else "display"
                 until(lambda: running.health()["processes"][name]["restarts"] == 1, what="a restart")
-            fed = len(feeder.sent)
-            until(lambda: len(feeder.sent) > fed + 100, what="more frames")
+            fed = len(feeder.sent_lines)
+            until(lambda: len(feeder.sent_lines) > fed + 100, what="more frames")
             feeder.stop()
             running.stop()
         _assert_readable(session)
@@ -118,13 +118,13 @@ def test_a_killed_recorder_loses_at_most_its_last_moments_and_comes_back(
             session = running.session
             _feed(feeder, running)
             pid, epoch = running.pid_of("recorder"), running.info["epoch_ns"]
-            until(lambda: len(feeder.sent) > 400, what="the stand-in")
+            until(lambda: len(feeder.sent_lines) > 400, what="the stand-in")
             killed = time.monotonic_ns() + epoch
             os.kill(pid, signal.SIGKILL)
             last = _last_time(next(iter(sorted(session.glob("*_000.mcap")))))
             until(lambda: running.health()["processes"]["recorder"]["restarts"] == 1, what="a restart")
-            fed = len(feeder.sent)
-            until(lambda: len(feeder.sent) > fed + 100, what="more frames")
+            fed = len(feeder.sent_lines)
+            until(lambda: len(feeder.sent_lines) > fed + 100, what="more frames")
             feeder.stop()
             running.stop()
         heartbeats.stop()
@@ -133,7 +133,7 @@ def test_a_killed_recorder_loses_at_most_its_last_moments_and_comes_back(
         first, second = (_frames_of(session, n) for n in ("000", "001"))
         assert first[-1].seq < second[0].seq
         assert second[0].t_rx_ns - killed < RESTART_NS
-        assert _bytes(session, "line").endswith(feeder.sent[-1])
+        assert _bytes(session, "line").endswith(feeder.sent_lines[-1])
 
 
 def _recorders(running: Daemon) -> set[int]:
@@ -145,11 +145,11 @@ def _kill_recorder(running: Daemon, feeder: Feeder) -> int:
     """Kill it when a stand-in waits, which takes over; when that was, on the monotonic clock [ns]."""
     before = running.pid_of("recorder")
     (stand_in,) = until(lambda: _recorders(running) - {before}, what="the stand-in")
-    fed = len(feeder.sent)
+    fed = len(feeder.sent_lines)
     killed = time.monotonic_ns()
     os.kill(before, signal.SIGKILL)
     assert until(lambda: pid if (pid := running.pid_of("recorder")) != before else None, what="the next") == stand_in
-    until(lambda: len(feeder.sent) > fed + 50, what="more frames")
+    until(lambda: len(feeder.sent_lines) > fed + 50, what="more frames")
     return killed
 
 
@@ -189,7 +189,7 @@ def test_recorder_and_stand_in_killed_with_nobody_reading_the_output(tmp_path: P
             feeder.stop()
             running.process.send_signal(signal.SIGINT)
             running.process.wait(timeout=END_S)
-        assert _bytes(session, "line") == b"".join(feeder.sent)
+        assert _bytes(session, "line") == b"".join(feeder.sent_lines)
         events = [data for _, _, _, _, data in Recording.open(session).messages("/fti/event", kind="raw")]
         assert any(b"ended with signal 9" in data for data in events)
 

@@ -41,10 +41,10 @@ def test_the_demonstration_leaves_what_it_promises(tmp_path: Path) -> None:
     found = _messages(derived)
     assert {channel.topic for _, channel, _ in found} >= {f"/nav/{name}" for name in OUTPUTS}
     _assert_schemas(found)
-    flown = _messages(truth)
-    assert len(flown) > 100
-    assert flown[-1][1].topic == END_TOPIC  # the emulator has ended by itself, before what records it
-    rows_ns = [message.log_time for _, channel, message in flown if channel.topic == TOPIC]
+    truth_messages = _messages(truth)
+    assert len(truth_messages) > 100
+    assert truth_messages[-1][1].topic == END_TOPIC  # the emulator has ended by itself, before what records it
+    rows_ns = [message.log_time for _, channel, message in truth_messages if channel.topic == TOPIC]
     assert max(message.log_time for _, channel, message in found if channel.topic == "/nav/nav_solution") > rows_ns[-1]
     assert fti("verify", str(session)).returncode == 0
 

@@ -25,7 +25,7 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     metafunc.parametrize("factor", [4] if quick else [1, 4])
 
 
-def test_every_device_is_heard_at_a_multiple_of_its_rate(factor: int, tmp_path: Path, scale: int) -> None:
+def test_every_device_is_received_at_a_multiple_of_its_rate(factor: int, tmp_path: Path, scale: int) -> None:
     seconds, config = QUICK_S if scale == 1 else FULL_S, write_config(tmp_path, factor)
     arguments = ("hil", "nominal", "--config", config, "--wait", "--duration", seconds)
     report, session, _ = play(tmp_path, arguments, configuration.load(config).link)

@@ -47,7 +47,7 @@ def write_config(folder: Path, enabled: bool) -> Path:
     return path
 
 
-def hears(client: ForeignClient, topic: str) -> bool:
+def receives(client: ForeignClient, topic: str) -> bool:
     return any(key == f"fti/guests{topic}" and b"spoofed" not in payload for key, payload in client.messages)
 
 
@@ -56,12 +56,12 @@ def test_what_a_zenoh_client_sends_is_neither_shown_nor_recorded(tmp_path: Path)
         session = running.session
         client = ForeignClient(running.info["zenoh"])
         with closing(client):
-            until(lambda: hears(client, "/health"), START_S, "health")
+            until(lambda: receives(client, "/health"), START_S, "health")
             until(lambda: client.alive.get("fti/guests/@alive/navigation"), START_S, "navigation alive")
             for topic, fields in SPOOFED.items():
                 client.session.put(f"fti/guests{topic}", json.dumps(fields))
             assert fti("mark", "behind it", "--run-dir", str(running.run_dir)).returncode == 0
-            until(lambda: hears(client, "/event"), START_S, "the mark")
+            until(lambda: receives(client, "/event"), START_S, "the mark")
             shown = running.watch()
             assert "spoofed" not in json.dumps(shown)
             assert shown["outputs"]["/nav/clearance_integrity"]["state"] == "no_profile"
@@ -87,7 +87,7 @@ def test_a_port_in_use_is_one_sentence(tmp_path: Path) -> None:
         config.write_text(config.read_text() + f"port = {port}\n")
         done = fti("run", str(config), "--out", str(tmp_path / "out"), "--run-dir", str(tmp_path / "run"))
     assert done.returncode == 2
-    expected = f"bus.port = {port}: cannot be used on 127.0.0.1: Address already in use; 0 takes a free one"
+    expected = f"bus.port = {port}: cannot be used on 127.0.0.1: Address already in use; 0 chooses a free port"
     assert done.stderr.count("\n") == 1
     assert expected in done.stderr
 
@@ -99,5 +99,5 @@ def test_a_killed_zenoh_process_is_started_again_at_the_same_endpoint(tmp_path: 
         until(lambda: running.pid_of("zenoh") != first, START_S, "another process")
         client = ForeignClient(endpoint)
         with closing(client):
-            until(lambda: hears(client, "/health"), START_S, "health")
+            until(lambda: receives(client, "/health"), START_S, "health")
         assert running.health()["processes"]["navigation"]["restarts"] == 0

@@ -15,7 +15,7 @@ pytestmark = pytest.mark.e2e
 STOPPED_S, TOLERANCE_NS = 0.3, 15_000_000
 
 
-def test_a_heart_that_was_stopped_tells_when_and_for_how_long(heartbeats: Heartbeats) -> None:
+def test_a_heart_that_was_stopped_reports_when_and_for_how_long(heartbeats: Heartbeats) -> None:
     one = heartbeats._processes[0].pid
     os.kill(one, signal.SIGSTOP)
     begin_ns = time.monotonic_ns()

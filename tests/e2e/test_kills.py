@@ -24,7 +24,7 @@ pytestmark = [pytest.mark.e2e, pytest.mark.alone, pytest.mark.timeout(3000)]
 SEED = 20261121
 LOST_NS = 50_000_000
 MEDIAN_NS = 20_000_000
-ENOUGH_FOR_A_MEDIAN = 50
+MIN_KILLS_FOR_A_MEDIAN = 50
 
 
 def _at_any_time(rig: Rig) -> None:
@@ -60,7 +60,7 @@ def _kill_often(
     for span in over:
         paused = hearts.paused_ns(span.began_ns - rig.epoch_ns, span.ended_ns - rig.epoch_ns)
         assert span.ns - paused <= LOST_NS, row
-    if kills >= ENOUGH_FOR_A_MEDIAN:
+    if kills >= MIN_KILLS_FOR_A_MEDIAN:
         assert median(lost(loss).ns for loss in losses) <= MEDIAN_NS, row
 
 

@@ -110,17 +110,17 @@ def test_a_line_with_damaged_bytes_is_invalid(tmp_path: Path) -> None:
     assert "damaged" in _hint_on(tmp_path, frame + frame[:-1] + b"\x55", 0.04, "invalid")
 
 
-def test_a_wrong_rate_is_told(tmp_path: Path) -> None:
+def test_a_wrong_rate_is_reported(tmp_path: Path) -> None:
     frame = freeflight_ra4500.encode_height(100.0, (), freeflight_ra4500.Options())
     assert "rate_hz = 25" in _hint_on(tmp_path, frame, 0.2, "wrong rate")
 
 
-def test_a_silent_line_is_told(tmp_path: Path) -> None:
+def test_a_silent_line_is_reported(tmp_path: Path) -> None:
     frame = freeflight_ra4500.encode_height(100.0, (), freeflight_ra4500.Options())
     assert "power" in _hint_on(tmp_path, frame, 1000.0, "silent")
 
 
-def test_a_missing_port_is_told_and_found_when_it_comes(tmp_path: Path) -> None:
+def test_a_missing_port_is_reported_and_found_when_it_comes(tmp_path: Path) -> None:
     links = tmp_path / "links"
     links.mkdir()
     (tmp_path / "bench.toml").write_text(CONFIG)
@@ -134,7 +134,7 @@ def test_a_missing_port_is_told_and_found_when_it_comes(tmp_path: Path) -> None:
     line.close()
 
 
-def test_a_port_in_use_is_told(tmp_path: Path) -> None:
+def test_a_port_in_use_is_reported(tmp_path: Path) -> None:
     links = tmp_path / "links"
     links.mkdir()
     line = Line(links / "line")
@@ -149,7 +149,7 @@ def test_a_port_in_use_is_told(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "said"),
+    ("old", "new", "message"),
     [
         ('port = "line"', 'prot = "line"', "link[0].prot"),
         ("rate_hz = 25", 'rate_hz = "fast"', "device[0].rate_hz = 'fast'"),
@@ -160,7 +160,7 @@ def test_a_port_in_use_is_told(tmp_path: Path) -> None:
         ("[session]", "[session", "is not valid TOML"),
     ],
 )
-def test_a_mistake_in_the_configuration_is_one_sentence(tmp_path: Path, old: str, new: str, said: str) -> None:
+def test_a_mistake_in_the_configuration_is_one_sentence(tmp_path: Path, old: str, new: str, message: str) -> None:
     config = tmp_path / "bench.toml"
     config.write_text(CONFIG.replace(old, new, 1))
     for command in ("run", "check"):
@@ -168,7 +168,7 @@ def test_a_mistake_in_the_configuration_is_one_sentence(tmp_path: Path, old: str
         assert done.returncode == 2
         assert done.stderr.startswith("fti: ")
         assert str(config) in done.stderr
-        assert said in done.stderr
+        assert message in done.stderr
         assert done.stderr.count("\n") == 1
     assert not (tmp_path / "out").exists()
 
@@ -203,7 +203,7 @@ def test_a_directory_that_cannot_be_written_is_one_sentence(tmp_path: Path) -> N
         assert "Traceback" not in done.stderr
 
 
-def test_a_look_at_the_links_says_what_the_daemon_would_say(tmp_path: Path) -> None:
+def test_a_look_at_the_links_reports_the_states_of_the_daemon(tmp_path: Path) -> None:
     empty, links = tmp_path / "empty", tmp_path / "links"
     links.mkdir()
     (tmp_path / "bench.toml").write_text(CONFIG)

@@ -180,7 +180,7 @@ def test_pyubx2_configures_and_reads_the_receiver(bench: Bench) -> None:
         assert bench.miss(fix.lat, fix.lon, fix.height / 1000.0) < NEAR_M
 
 
-def test_novatel_edie_reads_what_the_receiver_was_asked_for(bench: Bench) -> None:
+def test_novatel_edie_reads_what_was_requested_of_the_receiver(bench: Bench) -> None:
     parser = oem.Parser()
     with bench.line("novatel") as line:
         line.write(b"LOG BESTPOSB ONTIME 0.2\r\n")
@@ -213,7 +213,7 @@ def test_ixcom_reads_the_inertial_system(bench: Bench) -> None:
         assert bench.miss(lat, lon, message.data["alt"]) < NEAR_M
 
 
-def test_mavutil_hears_the_autopilot(bench: Bench) -> None:
+def test_mavutil_receives_the_autopilot(bench: Bench) -> None:
     with closing(mavutil.mavlink_connection(f"udpin:127.0.0.1:{bench.mavlink_port}")) as link:
         assert link.wait_heartbeat(timeout=READ_S) is not None
         positions = read(

@@ -35,10 +35,10 @@ def daemon_on(stdout: int, folder: Path) -> Iterator[Daemon]:
 
 def read_until(fd: int, end: bytes) -> str:
     """What is printed, until a line has come that begins so."""
-    said = b""
-    while (b"\n" + end) not in b"\n" + said or not said.endswith(b"\n"):
-        said += os.read(fd, 4096)
-    return said.decode().replace("\r\n", "\n")
+    data = b""
+    while (b"\n" + end) not in b"\n" + data or not data.endswith(b"\n"):
+        data += os.read(fd, 4096)
+    return data.decode().replace("\r\n", "\n")
 
 
 def test_a_terminal_gets_the_key_and_nobody_else(tmp_path: Path) -> None:
@@ -71,5 +71,5 @@ def test_a_pipe_gets_the_address_alone(tmp_path: Path) -> None:
 def is_hidden(key: str, running: Daemon) -> bool:
     """No process of the daemon has the key on its command line or in its environment."""
     pids = [running.process.pid, *children_of(running.process.pid)]
-    said = b"".join((Path(f"/proc/{pid}") / name).read_bytes() for pid in pids for name in ("cmdline", "environ"))
-    return b"fti.service.display" in said and len(key) >= 43 and key.encode() not in said
+    data = b"".join((Path(f"/proc/{pid}") / name).read_bytes() for pid in pids for name in ("cmdline", "environ"))
+    return b"fti.service.display" in data and len(key) >= 43 and key.encode() not in data

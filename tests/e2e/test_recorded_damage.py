@@ -27,7 +27,7 @@ COUNTS = {"flip": 14, "zero": 6, "cut": 6, "kill": 1}
 def _feed(feeder: Feeder, running: Daemon, frames: int) -> None:
     until(lambda: running.health().get("links", {}).get("line", {}).get("state") == "silent", what="an open line")
     feeder.start()
-    until(lambda: len(feeder.sent) > frames, what="fed frames")
+    until(lambda: len(feeder.sent_lines) > frames, what="fed frames")
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +45,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> OpenSession:
     session = OpenSession(path.name, "recorded", files, name, files[name], parse(files[name]))
     for link in ("line", "eth"):
         data = [m.content.data for m in session.parsed.messages if m.content.channel[0] == f"/raw/{link}"]
-        assert b"".join(feeder.sent).startswith(b"".join(data))
+        assert b"".join(feeder.sent_lines).startswith(b"".join(data))
         assert len(data) > FRAMES // 2
     return session
 
@@ -71,10 +71,10 @@ def test_the_next_start_with_damaged_sessions_beside_it(recorded: OpenSession, t
     with Feeder(tmp_path / "links") as feeder, daemon(feeder.config, out, "--links", str(feeder.links)) as running:
         until(lambda: parse(last.read_bytes()).has_summary, what="the last one of them closed")
         running.stop()
-    said = "\n".join(running.lines)
+    output = "\n".join(running.lines)
     faults = []
     for folder, truth in truths.items():
-        about = "\n".join(line for line in said.splitlines() if folder.name in line)
+        about = "\n".join(line for line in output.splitlines() if folder.name in line)
         found = ClosingCheck(truth, folder).run(about)
         faults += [f"{folder.name}, {truth.damaged.place}: {fault}" for fault in found]
-    assert not faults, "\n".join([*faults, said])
+    assert not faults, "\n".join([*faults, output])

@@ -77,18 +77,18 @@ port = 0
     return folder / "every.toml"
 
 
-def made(folder: Path, seconds: float, text: str) -> Path:
+def record_session(folder: Path, seconds: float, text: str) -> Path:
     """A recording of all links, and of something that the daemon had sent."""
     session, rng = SessionFolder.create(folder, "made", START_NS), random.Random(1)
     topics = [RawTopic(link, kind, {}) for link, (kind, _) in LINKS.items()]
     attachments = [("config.toml", "text/plain", text.encode())]
     log = RawLog(session, topics, split_s=300, split_mb=100, attachments=attachments)
-    log.sent("line", 0, START_NS, b"what the daemon had sent")
+    log.write_sent("line", 0, START_NS, b"what the daemon had sent")
     due = [
         (k / hz + rng.uniform(0, 0.5 / hz), link) for link, (_, hz) in LINKS.items() for k in range(round(seconds * hz))
     ]
     for seq, (t, link) in enumerate(sorted(due), 1):
-        log.frame(link, seq, START_NS + round(t * 1e9), message(link, rng))
+        log.write_frame(link, seq, START_NS + round(t * 1e9), message(link, rng))
         if seq % 10 == 0:
             log.flush()
     log.close()
@@ -115,7 +115,7 @@ def replaying(*arguments: str) -> Iterator[subprocess.Popen[str]]:
 def test_recording_a_replay_of_every_link_gives_the_same(tmp_path: Path, scale: int) -> None:
     seconds = MINUTE_S if scale == 1 else TEN_MINUTES_S
     file, links, report = config(tmp_path), tmp_path / "links", tmp_path / "report.json"
-    original = made(tmp_path, seconds, file.read_text())
+    original = record_session(tmp_path, seconds, file.read_text())
     with replaying(str(original), "--links", str(links), "--wait", "3", "--report", str(report)) as replay:
         until(lambda: (links / "adapter").is_symlink() or replay.poll() is not None, START_S, "the ports")
         with daemon(file, tmp_path / "out", "--links", str(links), "--origin", "replay") as running:
@@ -133,7 +133,7 @@ def test_recording_a_replay_of_every_link_gives_the_same(tmp_path: Path, scale: 
 def test_after_a_crash_the_next_replay_takes_the_ports_over(tmp_path: Path) -> None:
     """kill -9 leaves symlinks that lead nowhere; the daemon comes back by itself when there are ports again."""
     file, links = config(tmp_path), tmp_path / "links"
-    original = made(tmp_path, 3.0, file.read_text())
+    original = record_session(tmp_path, 3.0, file.read_text())
     arguments = (str(original), "--links", str(links), "--wait", "2")
     with replaying(*arguments, "--loop") as first, daemon(file, tmp_path / "out", "--links", str(links)) as running:
         session = running.session

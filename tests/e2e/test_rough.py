@@ -57,9 +57,9 @@ class Rig:
 
 @pytest.fixture
 def rig(tmp_path: Path) -> Iterator[Rig]:
-    made = Rig(tmp_path)
-    yield made
-    made.line.close()
+    new_rig = Rig(tmp_path)
+    yield new_rig
+    new_rig.line.close()
 
 
 def _link(running: Daemon, name: str) -> dict[str, Any]:
@@ -139,14 +139,14 @@ def test_two_daemons_of_one_name_started_at_the_same_moment(tmp_path: Path) -> N
     try:
         places = [tmp_path / "fti" / name / "fti.json" for name in ("twin", "twin_2")]
         until(lambda: all(place.exists() for place in places), what="two daemons")
-        told = [json.loads(place.read_text()) for place in places]
+        infos = [json.loads(place.read_text()) for place in places]
     finally:
         for twin in twins:
             twin.send_signal(signal.SIGINT)
         codes = [twin.wait(60) for twin in twins]
     assert codes == [130, 130]
-    assert {info["pid"] for info in told} == {twin.pid for twin in twins}
-    assert len({info["session"] for info in told}) == 2
+    assert {info["pid"] for info in infos} == {twin.pid for twin in twins}
+    assert len({info["session"] for info in infos}) == 2
 
 
 def test_an_interrupt_while_it_starts_leaves_nothing_half_done(rig: Rig, scale: int) -> None:

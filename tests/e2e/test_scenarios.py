@@ -68,9 +68,9 @@ def test_nominal_deviation_is_the_flown_one(flights: dict[str, Flight]) -> None:
     assert len(valid) > 100
     inside = 0
     for row in valid:
-        flown = flight.truth_at(flight.seconds(row["t_valid_ns"]))["deviation"]
-        inside += abs(row["deviation"] - flown) < 3 * row["sd"]
-        assert abs(row["deviation"] - flown) < math.radians(0.36)  # never a whole dot
+        true_deviation = flight.truth_at(flight.seconds(row["t_valid_ns"]))["deviation"]
+        inside += abs(row["deviation"] - true_deviation) < 3 * row["sd"]
+        assert abs(row["deviation"] - true_deviation) < math.radians(0.36)  # never a whole dot
     assert inside >= 0.99 * len(valid)
 
 
@@ -100,13 +100,13 @@ def test_obstacle_is_an_alert_and_passes(flights: dict[str, Flight]) -> None:
 def _beam_times(flight: Flight) -> tuple[float, float]:
     """When the altimeter sees the obstacle first and last [s]: the ground is far above that of the reference."""
     reference = ApproachReference.parse(PROFILE.read_text(), str(PROFILE))
-    seen = []
+    times = []
     for row in flight.outputs(RADAR):
         if row["height_agl"] is not None:
             true = flight.truth_at(flight.seconds(row["t_valid_ns"]))
             above = true["alt"] - row["height_agl"] - np.interp(true["s"], reference.s, reference.z_ref)
-            seen += [row["t"]] if above > OBSTACLE_M else []
-    return min(seen), max(seen)
+            times += [row["t"]] if above > OBSTACLE_M else []
+    return min(times), max(times)
 
 
 def test_off_track_is_refused_until_back(flights: dict[str, Flight]) -> None:

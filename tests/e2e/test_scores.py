@@ -37,13 +37,13 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     metafunc.parametrize("name", sorted(flown(metafunc.config)))
 
 
-def test_the_daemon_said_what_the_scenario_expects(
+def test_the_daemon_reports_what_the_scenario_expects(
     flights: dict[str, Flight], name: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     flight = flights[name]
-    code, said = main(["score", name, str(flight.session), "--truth", str(flight.truth)]), capsys.readouterr()
-    assert code == 0, said.out + said.err
-    assert "holds: " in said.out
+    code, printed = main(["score", name, str(flight.session), "--truth", str(flight.truth)]), capsys.readouterr()
+    assert code == 0, printed.out + printed.err
+    assert "holds: " in printed.out
 
 
 def test_a_falsified_recording_of_the_daemon_fails(flights: dict[str, Flight], name: str, tmp_path: Path) -> None:

@@ -32,8 +32,8 @@ TIMEOUT_S = 30.0
 
 @pytest.fixture
 def feeder(tmp_path: Path) -> Iterator[Feeder]:
-    with Feeder(tmp_path / "links") as made:
-        yield made
+    with Feeder(tmp_path / "links") as new_feeder:
+        yield new_feeder
 
 
 def _configure(feeder: Feeder, *, mode: str = "continuous", after_s: float = AFTER_S, more: str = "") -> None:
@@ -78,9 +78,9 @@ def _stamped(frames: Iterator[RawFrame], begin_ns: int, end_ns: int) -> list[Raw
 
 def _prefer(feeder: Feeder, cpu: int, folder: Path) -> bool:
     """Configure what the machine permits; what it does not, ``fti run`` refuses as the check does."""
-    asked = f"[recorder]\ncpu = [{cpu}]\nscheduler = 'fifo'\npriority = 17\nlock_memory = true\nfreeze_gc = true\n"
+    settings = f"[recorder]\ncpu = [{cpu}]\nscheduler = 'fifo'\npriority = 17\nlock_memory = true\nfreeze_gc = true\n"
     plain = feeder.config.read_text()
-    _configure(feeder, more=asked)
+    _configure(feeder, more=settings)
     try:
         realtime.check(configuration.load(feeder.config))
     except ConfigError as error:
@@ -158,23 +158,23 @@ def test_in_mode_snapshot_every_frame_is_in_a_snapshot_or_not_triggered(feeder: 
     code, printed = _command("verify", str(session), "--json")
     proof = json.loads(printed)
     assert code == 0, printed
-    account, left_out = proof["accounts"]["/raw/eth"], len(feeder.sent) - len(datagrams)
+    account, left_out = proof["accounts"]["/raw/eth"], len(feeder.sent_lines) - len(datagrams)
     assert account["recorded"] == {"frames": len(datagrams), "bytes": 10 * len(datagrams)}
     assert account["dropped"] == {"not_triggered": {"frames": left_out, "bytes": 10 * left_out}}
-    _check_parts(datagrams, feeder.sent)
+    _check_parts(datagrams, feeder.sent_lines)
     assert "SNAPSHOT" in printed
     assert "SNAPSHOT" in _command("info", str(session))[1]
 
 
-def _check_parts(datagrams: list[bytes], sent: list[bytes]) -> None:
+def _check_parts(datagrams: list[bytes], expected: list[bytes]) -> None:
     """Two rows of what was sent, and something before, between and behind them is not there."""
     numbers = [int(data) for data in datagrams]
-    assert [sent[n] for n in numbers] == datagrams
+    assert [expected[n] for n in numbers] == datagrams
     assert numbers == sorted(set(numbers))
     jumps = [b - a for a, b in pairwise(numbers) if b != a + 1]
     assert len(jumps) == 1
     assert numbers[0] > 0
-    assert numbers[-1] < len(sent) - 1
+    assert numbers[-1] < len(expected) - 1
 
 
 def test_what_a_killed_recorder_had_written_of_a_snapshot_is_there(feeder: Feeder, tmp_path: Path) -> None:
@@ -200,4 +200,4 @@ def test_what_a_killed_recorder_had_written_of_a_snapshot_is_there(feeder: Feede
     assert sum(frame.link == "eth" for frame in Recording.open(file).frames()) > 50
     code, printed = _command("verify", str(session))
     assert code == 3, printed
-    assert "never_written" in printed or "ended without a last word" in printed
+    assert "never_written" in printed or "ended without a final ledger" in printed

@@ -30,16 +30,16 @@ def test_a_stopped_recorder_is_replaced_and_the_recording_goes_on(tmp_path: Path
             until(lambda: running.health()["links"].get("line", {}).get("state") == "silent", what="an open line")
             feeder.start()
             until(lambda: len(_recorders(running.process.pid)) == 2, what="the stand-in")
-            until(lambda: len(feeder.sent) > 200, what="more than a ledger")
+            until(lambda: len(feeder.sent_lines) > 200, what="more than a ledger")
             stopped = running.pid_of("recorder")
             os.kill(stopped, signal.SIGSTOP)
             until(lambda: running.health()["processes"]["recorder"]["restarts"] == 1, what="another recorder")
             assert running.pid_of("recorder") != stopped
-            fed = len(feeder.sent)
-            until(lambda: len(feeder.sent) > fed + 100, what="more frames")
+            fed = len(feeder.sent_lines)
+            until(lambda: len(feeder.sent_lines) > fed + 100, what="more frames")
             feeder.stop()
             assert running.stop() == 130
-        last = feeder.sent[-1]
+        last = feeder.sent_lines[-1]
     recording = Recording.open(session)
     for link in ("line", "eth"):
         assert b"".join(frame.data for frame in recording.frames() if frame.link == link).endswith(last)
@@ -51,5 +51,5 @@ def test_a_stopped_recorder_is_replaced_and_the_recording_goes_on(tmp_path: Path
     assert proof.returncode == 3, proof.stdout
     assert {name for name, check in checks.items() if check["verdict"] == "refuted"} == set()
     assert checks["ledger"]["verdict"] == checks["stamps"]["verdict"] == "ok"
-    assert f"recorder {stopped} ended without a last word" in checks["recorders"]["lines"][0]["text"]
-    assert "nobody listened for" in checks["recorders"]["lines"][0]["text"]
+    assert f"recorder {stopped} ended without a final ledger" in checks["recorders"]["lines"][0]["text"]
+    assert "no recorder ran for" in checks["recorders"]["lines"][0]["text"]

@@ -24,8 +24,8 @@ pytestmark = [pytest.mark.e2e, pytest.mark.timeout(900)]
 @pytest.fixture
 def feeder(tmp_path: Path) -> Iterator[Feeder]:
     skip_unless_possible()
-    with Feeder(tmp_path / "links") as made:
-        yield made
+    with Feeder(tmp_path / "links") as new_feeder:
+        yield new_feeder
 
 
 def configure(feeder: Feeder, fallback: Path | None = None) -> None:
@@ -44,22 +44,22 @@ def storage(running: Daemon) -> dict[str, Any]:
 
 def wait_for(running: Daemon, *states: str) -> dict[str, Any]:
     """Until the storage is in one of these states; returns what health says of it."""
-    said: dict[str, Any] = {}
+    state: dict[str, Any] = {}
 
     def there() -> bool:
-        said.update(storage(running))
-        return said.get("state") in states
+        state.update(storage(running))
+        return state.get("state") in states
 
     try:
         until(there, what=f"storage {states}")
     except AssertionError as error:
-        raise AssertionError(f"{error}; it says {said}") from None
-    return said
+        raise AssertionError(f"{error}; it says {state}") from None
+    return state
 
 
 def feed_on(feeder: Feeder, count: int = 50) -> None:
-    fed = len(feeder.sent)
-    until(lambda: len(feeder.sent) > fed + count, what="more frames")
+    fed = len(feeder.sent_lines)
+    until(lambda: len(feeder.sent_lines) > fed + count, what="more frames")
 
 
 def begin(feeder: Feeder, running: Daemon) -> None:
@@ -73,7 +73,7 @@ def assert_complete(feeder: Feeder, *folders: Path) -> None:
 
     Of outputs, which can be made again, those may be missing that a failed medium has not kept.
     """
-    expected = b"".join(feeder.sent)
+    expected = b"".join(feeder.sent_lines)
     frames = list(Recording.open(*folders).frames())
     for link in ("line", "eth"):
         assert b"".join(frame.data for frame in frames if frame.link == link) == expected
@@ -85,8 +85,8 @@ def assert_complete(feeder: Feeder, *folders: Path) -> None:
 
 
 def events(*folders: Path) -> str:
-    told = Recording.open(*folders).messages("/fti/event", kind="raw")
-    return "\n".join(json.loads(data)["message"] for *_, data in told)
+    output = Recording.open(*folders).messages("/fti/event", kind="raw")
+    return "\n".join(json.loads(data)["message"] for *_, data in output)
 
 
 def test_a_recorder_that_is_started_again_while_the_medium_is_full(tmp_path: Path, feeder: Feeder) -> None:
@@ -110,14 +110,14 @@ def test_a_recorder_that_is_started_again_while_the_medium_is_full(tmp_path: Pat
             hint = until(lambda: s["hint"] if (s := storage(running)).get("file") is None else "", what="no file")
             assert "No space left" in hint
             feed_on(feeder, 10)
-            marked = len(feeder.sent)
+            marked = len(feeder.sent_lines)
             feed_on(feeder)
             filler.unlink()
             wait_for(running, "ok")
             feed_on(feeder)
             feeder.stop()
             running.stop()
-        held = b"".join(feeder.sent[marked:])
+        held = b"".join(feeder.sent_lines[marked:])
         for link in ("line", "eth"):
             assert b"".join(f.data for f in Recording.open(session).frames() if f.link == link).endswith(held)
         assert fti("verify", str(session)).returncode == 3  # what the killed recorder held
@@ -138,7 +138,7 @@ def test_a_medium_that_is_full_frozen_taken_away_and_moved_without_another(tmp_p
             filler.unlink()
             wait_for(running, "ok")
             medium.freeze()
-            assert "has taken no byte for" in wait_for(running, "slow", "error")["hint"]
+            assert "accepted no bytes for" in wait_for(running, "slow", "error")["hint"]
             wait_for(running, "error")
             medium.thaw()
             wait_for(running, "ok")
@@ -156,9 +156,9 @@ def test_a_medium_that_is_full_frozen_taken_away_and_moved_without_another(tmp_p
         for file in away.iterdir():
             file.rename(session / file.name)
         assert_complete(feeder, session)
-        told = events(session)
-        assert "the medium refuses" in told
-        assert "lost: nothing" in told
+        output = events(session)
+        assert "the medium refuses" in output
+        assert "lost: nothing" in output
 
 
 @pytest.mark.parametrize("ends", [None, signal.SIGINT])
@@ -180,16 +180,16 @@ def test_a_medium_that_refuses_to_the_end_is_no_success(
             else:
                 assert running.wait() == 3
         feeder.stop()
-        told = "\n".join(running.lines)
+        output = "\n".join(running.lines)
         assert not any(line.startswith("recorded ") for line in running.lines)
-        found = re.search(r"not everything was recorded: (\d+) of (\d+) frames .* are lost: .*No space left", told)
-        assert found and 0 < int(found[1]) < int(found[2]), told
-        ledger = re.search(r"the last ledger is in (\S+)", told)
-        assert ledger, told
-        kept = json.loads(Path(ledger[1]).read_text())
-        assert kept["final"] and kept["links"]["eth"]["held_frames"] + kept["links"]["line"]["held_frames"] == int(
-            found[1]
-        )
+        found = re.search(r"not everything was recorded: (\d+) of (\d+) frames .* are lost: .*No space left", output)
+        assert found and 0 < int(found[1]) < int(found[2]), output
+        ledger = re.search(r"the last ledger is in (\S+)", output)
+        assert ledger, output
+        ledger_table = json.loads(Path(ledger[1]).read_text())
+        assert ledger_table["final"] and ledger_table["links"]["eth"]["held_frames"] + ledger_table["links"]["line"][
+            "held_frames"
+        ] == int(found[1])
         assert fti("verify", str(session)).returncode == 3
 
 

@@ -38,5 +38,5 @@ def test_the_edges_of_the_grid_meet() -> None:
 
 @pytest.mark.parametrize("place", [(math.nan, 0.0), (2.0, 0.0), (0.0, math.inf)])
 def test_what_is_not_on_earth_has_no_undulation(place: tuple[float, float]) -> None:
-    with pytest.raises(ValueError, match="there is no place"):
+    with pytest.raises(ValueError, match="invalid position"):
         undulation(*place)

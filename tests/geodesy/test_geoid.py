@@ -68,7 +68,7 @@ def test_a_missing_grid_is_refused_where_proj_would_shift_by_nothing(tmp_path: P
         find_grid("egm96", [tmp_path, tmp_path / "other"])
     assert str(tmp_path / "other") in str(refused.value)
     assert "proj-data" in str(refused.value)
-    with pytest.raises(MissingError, match="no directory at all"):
+    with pytest.raises(MissingError, match="no directory"):
         find_grid("egm2008", [])
     with pytest.raises(MissingError, match="cannot read this geoid grid"):
         Geoid("egm96", tmp_path / "egm96_15.gtx")
@@ -102,5 +102,5 @@ def test_a_directory_of_the_environment_comes_first(tmp_path: Path, monkeypatch:
 
 
 def test_a_model_that_nobody_knows() -> None:
-    with pytest.raises(ValueError, match="'egm84' is not known; there are egm96, egm2008"):
+    with pytest.raises(ValueError, match="unknown geoid 'egm84'; must be one of egm96, egm2008"):
         load_geoid("egm84")

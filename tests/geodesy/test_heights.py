@@ -39,7 +39,7 @@ MUNICH = np.radians(48.1), np.radians(11.6)
 
 
 @pytest.mark.parametrize(("one", "other"), PAIRS, ids=str)
-def test_mixing_raises_and_says_what_was_mixed(one: HeightKind, other: HeightKind) -> None:
+def test_mixing_raises_with_both_kinds(one: HeightKind, other: HeightKind) -> None:
     for mix in MIXING:
         with pytest.raises(ValueError, match="height") as refused:
             mix(Height(500.0, one), Height(np.array([1.0, 2.0]), other))
@@ -66,7 +66,7 @@ def test_one_kind_behaves_as_a_height_does(kind: HeightKind) -> None:
 def test_what_no_height_does() -> None:
     height = Height(100.0, ELLIPSOID)
     calls: list[tuple[Callable[[], object], str]] = [
-        (lambda: operator.add(height, height), "a length only"),
+        (lambda: operator.add(height, height), "only a length"),
         (lambda: 5.0 - height, "from a length"),
         (lambda: np.array([5.0]) - height, "from a length"),
         (lambda: height < 5.0, "plain number"),  # type: ignore[operator]
@@ -130,8 +130,8 @@ def test_air_of_20_k_below_the_standard_costs_22_m_at_300_m() -> None:
     shown = msl_to_pressure(Height(300.0, MSL("egm96")), cold, 101325.0)
     assert shown.metres == pytest.approx(322.0, abs=0.5)
     assert pressure_to_msl(shown, cold, "egm96").metres == pytest.approx(300.0, abs=1e-9)
-    believed = pressure_to_msl(shown, Atmosphere(), "egm96")  # who takes the air for standard
-    assert believed.metres == pytest.approx(322.0, abs=0.5)
+    standard = pressure_to_msl(shown, Atmosphere(), "egm96")  # who takes the air for standard
+    assert standard.metres == pytest.approx(322.0, abs=0.5)
 
 
 @given(
@@ -179,7 +179,7 @@ def test_the_height_of_another_point() -> None:
         (lambda h: reset_altimeter(h, 1e5), "kind PRESSURE, not AGL"),
         (lambda h: pressure_to_msl(h, Atmosphere(), "egm96"), "kind PRESSURE, not AGL"),
         (lambda h: msl_to_pressure(h, Atmosphere(), 1e5), "kind MSL, not AGL"),
-        (lambda h: above_ground(h, h, Point.P), "ground's height above ELLIPSOID or MSL, not AGL"),
+        (lambda h: above_ground(h, h, Point.P), "ground height above ELLIPSOID or MSL, not AGL"),
         (
             lambda h: above_ground(Height(9.0, PRESSURE()), Height(9.0, PRESSURE()), Point.P),
             "above ELLIPSOID or MSL, not PRESSURE",

@@ -41,5 +41,5 @@ def test_many_points_at_once_are_the_same_as_one_by_one() -> None:
 
 @pytest.mark.parametrize("year", [2024.9, 2030.1])
 def test_outside_its_years_the_model_is_refused(year: float) -> None:
-    with pytest.raises(ValueError, match="holds from 2025 to 2030"):
+    with pytest.raises(ValueError, match="must be 2025 to 2030"):
         magnetic_field_n(0.8, 0.2, 0.0, year)

@@ -41,8 +41,8 @@ def straight(
 def computer(state: FlightState, air: AirConditions | None = None, seed: int = 1, **settings: float) -> AirData:
     device = Device.model_validate({"name": "air", "link": "line", "driver": "canaerospace"})
     driver = drivers.load("canaerospace")
-    flown = world(1.0, air=air or AirConditions(), sensor={"air": settings})
-    return AirData(BoundDevice(device, driver, driver.Options()), state, flown, T, np.random.default_rng(seed))
+    environment = world(1.0, air=air or AirConditions(), sensor={"air": settings})
+    return AirData(BoundDevice(device, driver, driver.Options()), state, environment, T, np.random.default_rng(seed))
 
 
 def altitudes(data: AirData) -> Array:

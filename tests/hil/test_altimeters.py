@@ -28,7 +28,7 @@ START_NS = 1_700_000_000_000_000_000
 
 
 @cache
-def flown() -> Environment:
+def environment() -> Environment:
     return world(duration_s=30.0)
 
 
@@ -36,7 +36,7 @@ def sensor(driver: str, options: dict[str, Any] | None = None, **keys: object) -
     device = Device.model_validate({"name": "device", "link": "line", "driver": driver, **keys})
     module = drivers.load(driver)
     bound = BoundDevice(device, module, config.bind(module.Options, options or {}, "test"))
-    return SimulatedSensor(bound, MODELS[driver], flown(), seed=1)
+    return SimulatedSensor(bound, MODELS[driver], environment(), seed=1)
 
 
 def samples(made: SimulatedSensor) -> list[list[Measurement]]:
@@ -54,8 +54,8 @@ def ranges(made: SimulatedSensor) -> list[Range]:
 def test_a_laser_measures_nine_times_a_second_with_its_noise(driver: str) -> None:
     made = sensor(driver)
     assert len(made.t) == pytest.approx(270, abs=1)
-    state = flown().state(made.t)
-    height = state.alt - flown().ground(state)
+    state = environment().state(made.t)
+    height = state.alt - environment().ground(state)
     expected = height / (np.cos(state.roll) * np.cos(state.pitch))
     error = np.array([m.slant_range for m in ranges(made)]) - expected
     assert error.std() == pytest.approx(0.05, rel=0.4)
@@ -68,7 +68,7 @@ def test_the_beam_goes_along_the_mounting() -> None:
         np.array([m.slant_range for m in ranges(sensor("lightware_ascii", rpy_bs_deg=(roll, 0.0, 0.0)))])
         for roll in (0.0, 30.0)
     )
-    bank = flown().state(sensor("lightware_ascii").t).roll
+    bank = environment().state(sensor("lightware_ascii").t).roll
     np.testing.assert_allclose(side / down, np.cos(bank) / np.cos(bank + math.radians(30.0)), rtol=5e-3)
 
 
@@ -80,9 +80,9 @@ def test_above_its_range_the_signal_is_lost_and_the_line_says_so() -> None:
     assert made.encoder.encode(first) == [b"130.00\r"]
     (line,) = made.encoder.encode(last)
     decoder = lightware_ascii.make_decoder(lightware_ascii.Options(first_line="take"))
-    (seen,) = decoder.feed(line, 1)
-    assert isinstance(seen, Range)
-    assert seen.slant_range == pytest.approx(last.slant_range, abs=0.0051)
+    (decoded,) = decoder.feed(line, 1)
+    assert isinstance(decoded, Range)
+    assert decoded.slant_range == pytest.approx(last.slant_range, abs=0.0051)
 
 
 def test_the_strength_of_the_return_falls_with_the_distance() -> None:
@@ -96,13 +96,13 @@ def test_the_strength_of_the_return_falls_with_the_distance() -> None:
 
 
 def in_fog(fog: Fog, t: float, slant_range: float | None) -> tuple[float | None, bool]:
-    told = Range(stamp=Stamp(5), slant_range=slant_range, valid=slant_range is not None)
+    message = Range(stamp=Stamp(5), slant_range=slant_range, valid=slant_range is not None)
     height = RadioHeight(stamp=Stamp(5), height_agl=300.0)
-    seen, radar = DeviceFaults("laser", [fog]).apply(t, [told, height])
-    assert isinstance(seen, Range)
+    decoded, radar = DeviceFaults("laser", [fog]).apply(t, [message, height])
+    assert isinstance(decoded, Range)
     assert radar == height
-    assert seen.stamp == Stamp(5)
-    return seen.slant_range, seen.valid
+    assert decoded.stamp == Stamp(5)
+    return decoded.slant_range, decoded.valid
 
 
 def test_in_fog_a_laser_loses_the_ground() -> None:
@@ -135,10 +135,10 @@ def test_a_described_device_is_flown_with_what_its_fields_carry() -> None:
     options = {"line": line, "fields": fields, "first_line": "take"}
     made = sensor("ascii_line", options)
     assert len(made.t) == pytest.approx(300, abs=1)
-    sent = [line for sample in samples(made) for m in sample for line in made.encoder.encode(m)]
-    assert len(sent) == len(made.t)
+    lines = [line for sample in samples(made) for m in sample for line in made.encoder.encode(m)]
+    assert len(lines) == len(made.t)
     module = drivers.load("ascii_line")
-    found = module.make_decoder(config.bind(module.Options, options, "test")).feed(b"".join(sent), 1)
+    found = module.make_decoder(config.bind(module.Options, options, "test")).feed(b"".join(lines), 1)
     temperatures = [m.static for m in found if isinstance(m, Temperature)]
     headings = [m.heading for m in found if isinstance(m, Attitude)]
     humidities = [m.value for m in found if isinstance(m, Reading)]
@@ -160,16 +160,16 @@ def test_a_described_radar_altimeter_measures_radio_height() -> None:
 
 def radar_heights(model: str | None, terrain: Terrain | None = None, **keys_of_sensor: float) -> NDArray[np.float64]:
     """What a radar altimeter says over a terrain, with the noise of the same seed; NaN without a height [m]."""
-    said = keys_of_sensor | ({} if model is None else {"model": model})
-    settings = {"device": SensorSettings.model_validate(said)} if said else {}
-    plan = scenario(flight=flown().scenario.flight, sensor=settings)
+    settings_keys = keys_of_sensor | ({} if model is None else {"model": model})
+    settings = {"device": SensorSettings.model_validate(settings_keys)} if settings_keys else {}
+    plan = scenario(flight=environment().scenario.flight, sensor=settings)
     there = Environment(plan, path(), terrain or flat_terrain(), undulation=47.0)
     keys = {"kind": "radar", "range_m": (0.5, 762.0), "beam_deg": 40.0}
     device = Device.model_validate({"name": "device", "link": "l", "driver": "freeflight_ra4500", "altimeter": keys})
     module = drivers.load("freeflight_ra4500")
     made = SimulatedSensor(BoundDevice(device, module, module.Options()), MODELS["freeflight_ra4500"], there, seed=1)
-    told = [m.height_agl for sample in samples(made) for m in sample if isinstance(m, RadioHeight)]
-    return np.array([math.nan if height is None else height for height in told])
+    heights = [m.height_agl for sample in samples(made) for m in sample if isinstance(m, RadioHeight)]
+    return np.array([math.nan if height is None else height for height in heights])
 
 
 def test_over_level_ground_both_radars_read_the_same_but_for_the_comb_of_the_rays() -> None:
@@ -218,7 +218,10 @@ def test_a_model_that_there_is_not_is_refused_by_its_key() -> None:
 def laser_ranges(**air: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """What a laser sees on the small approach in that air, and how high it is above the ground [m]."""
     there = Environment(
-        scenario(flight=flown().scenario.flight, air=AirConditions(**air)), path(), flat_terrain(), undulation=47.0
+        scenario(flight=environment().scenario.flight, air=AirConditions(**air)),
+        path(),
+        flat_terrain(),
+        undulation=47.0,
     )
     device = Device.model_validate({
         "name": "laser", "link": "l", "driver": "lightware_ascii",

@@ -25,17 +25,17 @@ RADAR = Altimeter(kind="radar", range_m=(0.5, 762.0))
 
 
 @pytest.fixture(scope="module")
-def flown() -> Environment:
+def environment() -> Environment:
     return world(duration_s=30.0)
 
 
-def sensor(flown: Environment, **options: object) -> SimulatedSensor:
+def sensor(environment: Environment, **options: object) -> SimulatedSensor:
     device = Device(name="unit", link="line", driver="arinc429", altimeter=RADAR)
-    chosen = bind(arinc429.Options, options, "test.toml")
-    return SimulatedSensor(BoundDevice(device, drivers.load("arinc429"), chosen), ArincUnit, flown, 1)
+    settings = bind(arinc429.Options, options, "test.toml")
+    return SimulatedSensor(BoundDevice(device, drivers.load("arinc429"), settings), ArincUnit, environment, 1)
 
 
-def heard(made: SimulatedSensor, **options: object) -> tuple[arinc429.Decoder, list[Measurement]]:
+def decode_all(made: SimulatedSensor, **options: object) -> tuple[arinc429.Decoder, list[Measurement]]:
     decoder = arinc429.make_decoder(bind(arinc429.Options, options, "test.toml"))
     found: list[Measurement] = []
     for k in range(0, len(made.t), 100):
@@ -47,9 +47,9 @@ def heard(made: SimulatedSensor, **options: object) -> tuple[arinc429.Decoder, l
 
 @pytest.mark.parametrize("packets", ["none", "apmp", "chapter10"])
 @pytest.mark.parametrize("name", list(built_in_sets()))
-def test_every_label_of_every_set_is_played(flown: Environment, name: str, packets: str) -> None:
+def test_every_label_of_every_set_is_played(environment: Environment, name: str, packets: str) -> None:
     options = {"set": name, "packets": packets}
-    decoder, found = heard(sensor(flown, **options), **options)
+    decoder, found = decode_all(sensor(environment, **options), **options)
     names = {label.quantity or label.reading or label.name for label in built_in_sets()[name].labels}
     assert names | {"equipment_id"} <= set(decoder.counters.messages)
     assert not [m for m in found if getattr(m, "ok", True) is False]
@@ -58,9 +58,11 @@ def test_every_label_of_every_set_is_played(flown: Environment, name: str, packe
         assert found[0].stamp.t_dev_ns is not None
 
 
-def test_the_radar_altimeter_of_a_set_with_steps_says_how_coarse_it_is(flown: Environment) -> None:
+def test_the_radar_altimeter_of_a_set_with_steps_says_how_coarse_it_is(environment: Environment) -> None:
     options = {"set": "freeflight_ra4500"}
-    found = [m for m in heard(sensor(flown, **options), **options)[1] if isinstance(m, RadioHeight) and m.valid]
+    found = [
+        m for m in decode_all(sensor(environment, **options), **options)[1] if isinstance(m, RadioHeight) and m.valid
+    ]
     assert found
     for m in found:
         assert m.height_agl is not None
@@ -69,36 +71,36 @@ def test_the_radar_altimeter_of_a_set_with_steps_says_how_coarse_it_is(flown: En
         assert math.remainder(m.height_agl / FOOT, step) == pytest.approx(0.0, abs=1e-6)
 
 
-def test_a_position_with_fine_words_is_good_to_centimetres_on_the_wire(flown: Environment) -> None:
-    made = sensor(flown, set="gnss_743a")
-    (sent,) = [m for m in made.measure(0, START_NS) if isinstance(m, Position)]
+def test_a_position_with_fine_words_is_good_to_centimetres_on_the_wire(environment: Environment) -> None:
+    made = sensor(environment, set="gnss_743a")
+    (position,) = [m for m in made.measure(0, START_NS) if isinstance(m, Position)]
     decoder = arinc429.make_decoder(arinc429.Options(set="gnss_743a"))
-    found = decoder.feed(b"".join(made.encoder.encode(sent)), 1)
+    found = decoder.feed(b"".join(made.encoder.encode(position)), 1)
     (lat,) = [m.lat for m in found if isinstance(m, Position) and m.lat is not None]
-    assert sent.lat is not None
-    assert abs(lat - sent.lat) * 6.4e6 < 0.01
+    assert position.lat is not None
+    assert abs(lat - position.lat) * 6.4e6 < 0.01
 
 
-def test_deviations_are_those_of_the_approach(flown: Environment) -> None:
+def test_deviations_are_those_of_the_approach(environment: Environment) -> None:
     """Right of the centre line the localizer says fly left, above the path the glide slope says fly down."""
     t = np.linspace(0.0, 20.0, 400)
-    state = flown.state(t)
-    receiver = IlsReceiver(state, flown, t, np.random.default_rng(1))
+    state = environment.state(t)
+    receiver = IlsReceiver(state, environment, t, np.random.default_rng(1))
     found = [m for k in range(len(t)) for m in receiver.measure(k, Stamp(0)) if isinstance(m, Deviation)]
-    s, y = flown.path.along(state.lat, state.lon)
-    above = state.alt - flown.path.alt_path(s)
+    s, y = environment.path.to_path(state.lat, state.lon)
+    above = state.alt - environment.path.alt_path(s)
     localizer = np.array([m.localizer_ddm for m in found])
     glide = np.array([m.glide_slope_ddm for m in found])
     assert np.std(localizer) < 0.1
     np.testing.assert_allclose(localizer, -0.00145 * y, atol=0.03 + 0.5 * 0.00145 * np.abs(y).max())
-    expected = 0.0875 * np.arctan2(above, s) / (0.12 * flown.path.glide)
+    expected = 0.0875 * np.arctan2(above, s) / (0.12 * environment.path.glide)
     np.testing.assert_allclose(glide, expected, atol=0.06)
 
 
-def test_readings_fit_together(flown: Environment) -> None:
-    made = sensor(flown, set="air_data")
-    seen = {m.name: m for m in made.measure(3, START_NS) if isinstance(m, Reading)}
-    assert seen["total_pressure"].unit == "Pa"
-    assert seen["mach"].value == pytest.approx(flown.state(made.t[3:4]).tas[0] / 340.0, rel=0.03)
-    assert seen["normal_acceleration"].value == pytest.approx(9.8, abs=1.5)
+def test_readings_fit_together(environment: Environment) -> None:
+    made = sensor(environment, set="air_data")
+    readings = {m.name: m for m in made.measure(3, START_NS) if isinstance(m, Reading)}
+    assert readings["total_pressure"].unit == "Pa"
+    assert readings["mach"].value == pytest.approx(environment.state(made.t[3:4]).tas[0] / 340.0, rel=0.03)
+    assert readings["normal_acceleration"].value == pytest.approx(9.8, abs=1.5)
     assert next(m.station for m in made.measure(3, START_NS) if isinstance(m, DmeRange)) == "dme_1"

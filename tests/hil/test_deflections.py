@@ -27,13 +27,13 @@ SURFACE = "elevator"
 
 
 @cache
-def flown(slack_deg: float, hysteresis_counts: float, table_error: float) -> Environment:
+def environment(slack_deg: float, hysteresis_counts: float, table_error: float) -> Environment:
     settings = {"slack_deg": slack_deg, "hysteresis_counts": hysteresis_counts, "table_error": table_error}
     return world(duration_s=20.0, sensor={"pickups": settings})
 
 
 def truth() -> dict[str, Array]:
-    return deflections(flown(**PERFECT).state(T))
+    return deflections(environment(**PERFECT).state(T))
 
 
 def counts(seed: int = 1, surface: str = SURFACE, **settings: float) -> Array:
@@ -41,9 +41,9 @@ def counts(seed: int = 1, surface: str = SURFACE, **settings: float) -> Array:
     device = Device.model_validate({"name": "pickups", "link": "bus", "driver": "deflection_pickups"})
     driver = drivers.load("deflection_pickups")
     bound = BoundDevice(device, driver, driver.Options())
-    model = DeflectionPickups(bound, flown(**PERFECT | settings), T, np.random.default_rng(seed))
-    told = [m for k in range(len(T)) for m in model.measure(k, Stamp(k)) if isinstance(m, SurfaceDeflection)]
-    raw = np.array([m.raw for m in told if m.surface == surface], dtype=np.float64)
+    model = DeflectionPickups(bound, environment(**PERFECT | settings), T, np.random.default_rng(seed))
+    measurements = [m for k in range(len(T)) for m in model.measure(k, Stamp(k)) if isinstance(m, SurfaceDeflection)]
+    raw = np.array([m.raw for m in measurements if m.surface == surface], dtype=np.float64)
     angle = truth()[surface]
     return np.asarray(raw - raw_counts(factory_tables([surface])[surface], angle, np.zeros(len(T))))
 
@@ -51,19 +51,19 @@ def counts(seed: int = 1, surface: str = SURFACE, **settings: float) -> Array:
 def test_raw_counts_are_the_table_read_backwards_with_noise() -> None:
     device = Device.model_validate({"name": "pickups", "link": "bus", "driver": "deflection_pickups"})
     bound = BoundDevice(device, drivers.load("deflection_pickups"), deflection_pickups.Options())
-    made = SimulatedSensor(bound, MODELS["deflection_pickups"], flown(**PERFECT), 1)
-    told = [m for k in range(len(made.t)) for m in made.measure(k, 0)]
-    samples = [m for m in told if isinstance(m, SurfaceDeflection)]
+    made = SimulatedSensor(bound, MODELS["deflection_pickups"], environment(**PERFECT), 1)
+    measurements = [m for k in range(len(made.t)) for m in made.measure(k, 0)]
+    samples = [m for m in measurements if isinstance(m, SurfaceDeflection)]
     assert len(samples) == 10 * len(made.t)
     decoder = deflection_pickups.make_decoder(deflection_pickups.Options())
-    seen = [
+    decoded = [
         m
         for sample in samples
         if sample.surface == "flaps"
         for frame in made.encoder.encode(sample)
         for m in decoder.feed(frame, sample.stamp.t_rx_ns)
     ]
-    angles = [m.deflection for m in seen if isinstance(m, SurfaceDeflection) and m.deflection is not None]
+    angles = [m.deflection for m in decoded if isinstance(m, SurfaceDeflection) and m.deflection is not None]
     errors = np.degrees(angles) - flap_angle_deg(made.t)
     assert errors.std() == pytest.approx(1.5 * 44.0 / 3584.0, rel=0.2)  # counts times degrees a count
     assert abs(errors.mean()) < 0.01
@@ -79,10 +79,10 @@ def test_hysteresis_lags_behind_the_surface_by_half_its_width_on_both_ways() -> 
     table = factory_tables([SURFACE])[SURFACE]
     up = np.sign(np.diff(raw_counts(table, np.array([-0.1, 0.1]), np.zeros(2)))[0])
     fast = np.abs(rate) > np.quantile(np.abs(rate), 0.5)
-    behind = -off * np.sign(rate) * up
+    lag = -off * np.sign(rate) * up
     assert np.abs(off).max() < 20.0 + 4 * DeflectionPickups.NOISE_COUNTS
-    assert behind[fast].mean() > 5.0
-    assert behind.max() == pytest.approx(20.0, abs=5.0)
+    assert lag[fast].mean() > 5.0
+    assert lag.max() == pytest.approx(20.0, abs=5.0)
 
 
 def test_slack_of_the_rod_hides_movements_that_are_smaller() -> None:

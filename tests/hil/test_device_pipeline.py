@@ -39,7 +39,7 @@ FAULTS: tuple[Fault, ...] = (
 )
 
 
-def ahead(line: DevicePipeline, depth: int = 5) -> Flight:
+def fly_prepared(line: DevicePipeline, depth: int = 5) -> Flight:
     """Messages are made as soon as those before them have left, so many at once."""
     found: Flight = []
     while (t := line.due_s()) is not None:
@@ -53,22 +53,22 @@ def ahead(line: DevicePipeline, depth: int = 5) -> Flight:
 
 @pytest.mark.parametrize("name", DEVICES)
 def test_what_leaves_is_the_same(name: str) -> None:
-    assert ahead(DevicePipeline(device(name), scenario())) == nominal(name)
-    assert ahead(DevicePipeline(device(name), scenario(fault=FAULTS, seed=7))) == fly(name, *FAULTS)
+    assert fly_prepared(DevicePipeline(device(name), scenario())) == nominal(name)
+    assert fly_prepared(DevicePipeline(device(name), scenario(fault=FAULTS, seed=7))) == fly(name, *FAULTS)
 
 
 def test_what_a_fault_cuts_off_is_not_sent_though_it_was_made() -> None:
-    instants = [t for t, _ in ahead(DevicePipeline(device("mavlink"), scenario(fault=FAULTS)))]
+    instants = [t for t, _ in fly_prepared(DevicePipeline(device("mavlink"), scenario(fault=FAULTS)))]
     assert not [t for t in instants if 2.05 <= t < 2.95]
     assert [t for t in instants if 1.9 < t < 2.05]
 
 
 class Hand:
-    """A switch, and a device behind it that forgets what it was told when it gets power again."""
+    """A switch, and a device that loses its settings when power returns."""
 
-    def __init__(self, sensor: SimulatedSensor, given: Scenario) -> None:
+    def __init__(self, sensor: SimulatedSensor, plan: Scenario) -> None:
         self.on, self.sensor = True, sensor
-        self.line = DevicePipeline(sensor, given, is_powered=lambda t: self.on)
+        self.line = DevicePipeline(sensor, plan, is_powered=lambda t: self.on)
 
     def switch_on(self) -> None:
         self.on = True
@@ -132,7 +132,7 @@ def test_an_answer_waits_for_the_messages_that_were_made_before_it() -> None:
         assert leaves[made:] == unasked[made:]
 
 
-def test_who_is_told_something_in_flight_makes_nothing_ahead_any_more() -> None:
+def test_a_device_that_receives_bytes_in_flight_prepares_nothing_any_more() -> None:
     line = DevicePipeline(device("honeywell_hmr2300"), scenario())
     question = honeywell_hmr2300.command("average", {"state": "on"})
     assert line.respond(question, 0.0) == (answers := line.respond(question, -1.0))
@@ -259,30 +259,30 @@ class Made:
         self.k += 1
 
 
-def flown(now: list[float], *streams: Made, ahead: bool = True) -> None:
+def run_streams(now: list[float], *streams: Made, can_prepare: bool = True) -> None:
     """All of them by the scheduler; sleeping moves the time."""
 
     async def sleep(seconds: float) -> None:
         now[0] += seconds
 
-    asyncio.run(Scheduler(lambda: now[0], sleep, can_prepare=ahead).run(streams, asyncio.Event()))
+    asyncio.run(Scheduler(lambda: now[0], sleep, can_prepare=can_prepare).run(streams, asyncio.Event()))
     assert [len(stream.late) for stream in streams] == [stream.count for stream in streams]
     assert all(late >= 0.0 for stream in streams for late in stream.late)
 
 
-def latest(*, ahead: bool) -> tuple[float, float]:
+def latest(*, can_prepare: bool) -> tuple[float, float]:
     """Two streams, of which the first takes 4 ms and the other is due 1 ms behind it; how late each was at most [s]."""
     now = [0.0]
     streams = Made(now, 0.004, 0.009), Made(now, 0.0001, 0.010)
-    flown(now, *streams, ahead=ahead)
+    run_streams(now, *streams, can_prepare=can_prepare)
     first, second = (max(stream.late) for stream in streams)
     return first, second
 
 
 def test_what_is_made_in_a_gap_makes_nobody_wait() -> None:
-    first, second = latest(ahead=False)
+    first, second = latest(can_prepare=False)
     assert second == pytest.approx(0.003)
-    first, second = latest(ahead=True)
+    first, second = latest(can_prepare=True)
     assert math.isclose(first, 0.0, abs_tol=1e-9)
     assert second < 1e-9
 
@@ -292,7 +292,7 @@ def test_a_fast_stream_is_on_time_where_no_gap_holds_a_message_of_it() -> None:
     now = [0.0]
     fast = Made(now, 50e-6, 0.2, period=1.0 / 1200.0, count=400)
     other = Made(now, 1e-6, 0.3, period=40e-6, count=1000)
-    flown(now, fast, other)
+    run_streams(now, fast, other)
     assert max(fast.late) < 1e-9
     assert max(other.late) < 1e-9
     assert max(fast.early) > 0.75 * MAX_LEAD_S  # once it makes, it goes on
@@ -302,7 +302,7 @@ def test_what_had_no_gap_is_made_at_its_instant_and_the_next_one_once() -> None:
     """It takes 4 ms, and the first one is due after 1 ms."""
     now = [0.0]
     stream = Made(now, 0.004, 0.001)
-    flown(now, stream)
+    run_streams(now, stream)
     assert stream.late == pytest.approx([0.004, *[0.0] * 19], abs=1e-9)  # its own making, too, makes it late
 
 
@@ -310,14 +310,14 @@ def test_nothing_is_made_long_before_its_instant() -> None:
     """An answer waits for what its device has made: of a slow one it came a period late."""
     now = [0.0]
     slow, fast = Made(now, 0.001, 0.5, period=5.0), Made(now, 0.001, 0.5, period=0.01)
-    flown(now, slow, fast)
+    run_streams(now, slow, fast)
     assert len(slow.early) == len(fast.early) == 20
     assert max(slow.early) <= MAX_LEAD_S
     assert max(slow.late) < 1e-9
 
 
 def test_what_a_device_makes_at_its_instant_makes_it_late(monkeypatch: pytest.MonkeyPatch) -> None:
-    """It was told something, so that nothing is made ahead any more; making takes 4 ms."""
+    """It has received bytes, so that nothing is prepared any more; encoding takes 4 ms."""
     now, sensor = [0.0], device("honeywell_hmr2300")
     measure = sensor.measure
 

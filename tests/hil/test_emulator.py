@@ -56,32 +56,32 @@ def make(tmp_path: Path, config: Config, *faults: Fault, duration_s: float = FLI
 
 async def fly(emulator: Emulator, config: Config) -> dict[str, ReceivedFrames]:
     """Fly with every link of the configuration open; returns what each heard."""
-    heard = {}
+    received = {}
     flying = asyncio.create_task(emulator.run())
     await emulator.ready.wait()
     async with AsyncExitStack() as stack:
         for link in config.link:
-            _, heard[link.name] = await stack.enter_async_context(run_link(link))
+            _, received[link.name] = await stack.enter_async_context(run_link(link))
         await emulator.wait_for_readers()
         emulator.start()
         await flying
-    return heard
+    return received
 
 
-def decoded(config: Config, heard: dict[str, ReceivedFrames], name: str) -> list[Measurement]:
+def decoded(config: Config, received: dict[str, ReceivedFrames], name: str) -> list[Measurement]:
     bound = next(b for b in bind_devices(config) if b.device.name == name)
-    decoder, link = bound.make_decoder(), heard[bound.device.link]
+    decoder, link = bound.make_decoder(), received[bound.device.link]
     return [m for data, t in zip(link.frames, link.times, strict=True) for m in decoder.feed(data, t)]
 
 
 async def test_every_link_of_the_demonstration_carries_the_flight(tmp_path: Path) -> None:
     config = demo_config(tmp_path)
     emulator, world = make(tmp_path, config)
-    heard = await fly(emulator, config)
+    received = await fly(emulator, config)
     middle = world.state(np.array([FLIGHT_S / 2]))
 
     def found(device: str, kind: type[M]) -> list[M]:
-        return [m for m in decoded(config, heard, device) if isinstance(m, kind)]
+        return [m for m in decoded(config, received, device) if isinstance(m, kind)]
 
     heights = [m.height_agl for m in found("altimeter", RadioHeight)]
     assert len(heights) == pytest.approx(25 * FLIGHT_S, abs=3)
@@ -93,7 +93,7 @@ async def test_every_link_of_the_demonstration_carries_the_flight(tmp_path: Path
         rolls = [a.roll for a in found(device, Attitude) if a.roll is not None]
         assert rolls[len(rolls) // 2] == pytest.approx(float(middle.roll[0]), abs=0.05)
     assert [m for m in found("autopilot", Range) if m.valid]
-    words = len(heard["ahrs_line"].bytes) / 4
+    words = len(received["ahrs_line"].bytes) / 4
     assert words == pytest.approx(10 * 25 * FLIGHT_S, abs=3 * 10)  # nine labels, and which equipment it is
     pressures = [m.p_static for m in found("air_data", StaticPressure)]
     assert pressures[0] == pytest.approx(float(world.atmosphere.p_static(middle.alt[0] - 47.0)), abs=150.0)
@@ -105,7 +105,7 @@ async def test_the_truth_is_a_finished_file_with_every_quantity(tmp_path: Path) 
     emulator.start()
     ports = [Path(link.port) for link in config.link if isinstance(link, SerialLink)]
     at_the_end = list[bool]()
-    report = await emulator.run(over=lambda: at_the_end.extend(port.exists() for port in ports))
+    report = await emulator.run(on_finish=lambda: at_the_end.extend(port.exists() for port in ports))
     assert at_the_end == [True] * len(ports), "it is over before the ports are closed"
     assert not any(port.exists() for port in ports)
     with (tmp_path / "truth.mcap").open("rb") as file:
@@ -121,23 +121,23 @@ async def test_the_truth_is_a_finished_file_with_every_quantity(tmp_path: Path) 
     assert report.lateness.messages > 0
 
 
-async def test_who_sends_before_others_computes_no_world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_no_environment_is_computed_during_the_flight(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     config = demo_config(tmp_path)
     emulator, world = make(tmp_path, config, duration_s=0.5)
     emulator.prepare()
-    for name in ("state", "ground", "ranges_around"):
+    for name in ("state", "ground", "range_bounds"):
         monkeypatch.delattr(Environment, name)
     emulator.start()
     assert (await emulator.run()).lateness.messages > 0
-    assert not hasattr(world, "ranges_around")
+    assert not hasattr(world, "range_bounds")
 
 
 async def test_a_cut_device_is_silent_and_the_others_are_not(tmp_path: Path) -> None:
     config = demo_config(tmp_path)
     cut = Cut(kind="cut", devices=("altimeter",), from_s=0.0, to_s=100.0)
-    heard = await fly(make(tmp_path, config, cut, duration_s=0.5)[0], config)
-    assert not heard["radalt_line"].frames
-    assert heard["ins_eth"].frames
+    received = await fly(make(tmp_path, config, cut, duration_s=0.5)[0], config)
+    assert not received["radalt_line"].frames
+    assert received["ins_eth"].frames
 
 
 async def test_duration_and_stop_end_the_flight(tmp_path: Path) -> None:
@@ -172,7 +172,7 @@ def test_a_driver_without_a_model_is_named(tmp_path: Path, monkeypatch: pytest.M
 
     config = demo_config(tmp_path)
     monkeypatch.delitem(MODELS, "nmea0183")
-    with pytest.raises(ConfigError, match="device 'gnss': the emulator has no model for driver 'nmea0183'; it has "):
+    with pytest.raises(ConfigError, match="device 'gnss': no sensor model for driver 'nmea0183'; available: "):
         make(tmp_path, config)[0].prepare()
 
 
@@ -184,7 +184,7 @@ def test_the_demo_flight_stays_over_the_demo_terrain() -> None:
     assert height.min() > 3.0
 
 
-async def test_trouble_of_a_can_controller_is_told_while_it_lasts(tmp_path: Path) -> None:
+async def test_errors_of_a_can_controller_are_reported_while_they_last(tmp_path: Path) -> None:
     config = demo_config(tmp_path)
     link = next(link for link in config.link if isinstance(link, CanLink))
     fault = CanStatus(kind="can_status", flags=("data_overrun", "bus_error"), from_s=0.0, to_s=60.0)
@@ -196,18 +196,18 @@ async def test_trouble_of_a_can_controller_is_told_while_it_lasts(tmp_path: Path
         emulator.start()
         errors = opened.status.errors
 
-        def told() -> bool:
+        def has_errors() -> bool:
             clock.advance(0.1)
             return bool(errors.get("slcan_data_overrun", 0) >= 3)
 
-        await until_async(told, 20)
+        await until_async(has_errors, 20)
         assert errors["slcan_bus_error"] == errors["slcan_data_overrun"]
         assert errors["slcan_rx_fifo_full"] == 0
         stop.set()
         await flying
 
 
-async def test_on_a_bus_that_is_off_a_node_that_babbles_is_all_that_is_heard(tmp_path: Path) -> None:
+async def test_on_a_bus_that_is_off_only_a_babbling_node_is_received(tmp_path: Path) -> None:
     """Through a real slcan adapter: no device gets a word in, and the adapter says that its bus is in trouble."""
     config = demo_config(tmp_path)
     link = next(link for link in config.link if isinstance(link, CanLink))
@@ -217,15 +217,15 @@ async def test_on_a_bus_that_is_off_a_node_that_babbles_is_all_that_is_heard(tmp
     stop, clock = asyncio.Event(), FakeClock(0)
     flying = asyncio.create_task(emulator.run(stop=stop))
     await emulator.ready.wait()
-    async with run_link(link, clock=clock) as (opened, heard):
+    async with run_link(link, clock=clock) as (opened, received):
         emulator.start()
 
-        def told() -> bool:
+        def has_errors() -> bool:
             clock.advance(0.1)
-            return bool(opened.status.errors.get("slcan_bus_error", 0) and len(heard.frames) > 50)
+            return bool(opened.status.errors.get("slcan_bus_error", 0) and len(received.frames) > 50)
 
-        await until_async(told, 20)
-        assert {unpack_can(frame).can_id for frame in heard.frames} == {0x7FF}
+        await until_async(has_errors, 20)
+        assert {unpack_can(frame).can_id for frame in received.frames} == {0x7FF}
         assert opened.status.errors["slcan_error_passive"]
         stop.set()
         await flying

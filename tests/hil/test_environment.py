@@ -28,39 +28,39 @@ def test_calibrated_equals_true_airspeed_in_the_standard_at_sea_level() -> None:
 
 def test_altimeters_over_level_ground_measure_the_height() -> None:
     """The radar's leading edge from the nadir; the laser along a boresight that pitches with the aircraft."""
-    flown, t = world(), np.arange(0.0, 10.0, 0.5)
-    state = flown.state(t)
-    height = state.alt - flown.ground(state)
-    radar = flown.radar_ranges(t, math.radians(40.0), DEVICE)
+    environment, t = world(), np.arange(0.0, 10.0, 0.5)
+    state = environment.state(t)
+    height = state.alt - environment.ground(state)
+    radar = environment.radar_ranges(t, math.radians(40.0), DEVICE)
     assert np.abs(radar - height).max() < 1.0
-    laser = flown.laser_ranges(t, DEVICE)
+    laser = environment.laser_ranges(t, DEVICE)
     np.testing.assert_allclose(laser * np.cos(state.pitch) * np.cos(state.roll), height, atol=0.15)
 
 
 def test_a_lever_arm_down_shortens_the_range() -> None:
-    flown, t = world(), np.array([2.0])
+    environment, t = world(), np.array([2.0])
     lower = DEVICE.model_copy(update={"lever_arm_b": (0.0, 0.0, 2.0)})
-    assert (flown.laser_ranges(t, DEVICE) - flown.laser_ranges(t, lower))[0] == pytest.approx(2.0, abs=0.02)
+    assert (environment.laser_ranges(t, DEVICE) - environment.laser_ranges(t, lower))[0] == pytest.approx(2.0, abs=0.02)
 
 
 @pytest.mark.parametrize(("roll_deg", "pitch_deg"), [(25.0, 0.0), (-25.0, 0.0), (0.0, 20.0), (10.0, -20.0)])
 def test_a_mounting_turns_the_laser(roll_deg: float, pitch_deg: float) -> None:
     """Over level ground the range is the height over the cosine between the boresight and the vertical."""
-    flown, t = world(), np.array([2.0])
+    environment, t = world(), np.array([2.0])
     turned = DEVICE.model_copy(update={"rpy_bs_deg": (roll_deg, pitch_deg, 0.0)})
-    now = flown.state(t)
+    now = environment.state(t)
     roll, pitch = math.radians(roll_deg), math.radians(pitch_deg)
     boresight_b = np.array([math.sin(pitch) * math.cos(roll), -math.sin(roll), math.cos(pitch) * math.cos(roll)])
     down = (mat_from_rpy(now.roll, now.pitch, 0.0) @ boresight_b)[..., 2]
-    height = now.alt - flown.ground(now)
-    assert flown.laser_ranges(t, turned) == pytest.approx(height / down, rel=1e-3)
+    height = now.alt - environment.ground(now)
+    assert environment.laser_ranges(t, turned) == pytest.approx(height / down, rel=1e-3)
 
 
 def test_obstacles_stand_on_the_ground_and_on_each_other() -> None:
     ground = flat_terrain()
     ground = ground.with_finest(ground.finest.heights + 30.0)
     box = Obstacle(kind="obstacle", before_threshold_m=3000.0, height_m=20.0, length_m=80.0, width_m=80.0)
-    lat, lon = path().geodetic(path().x_gpi + 3000.0, 0.0)
+    lat, lon = path().to_geodetic(path().x_gpi + 3000.0, 0.0)
     raised = add_obstacles(ground, path(), [box, box])
     assert raised.height(lat, lon) - ground.height(lat, lon) == pytest.approx(40.0, abs=1e-3)
 
@@ -73,7 +73,7 @@ def test_an_obstacle_stands_where_it_was_put_and_nowhere_else() -> None:
     raised = add_obstacles(ground, path(), [box])
     offsets = np.array([0.0, 25.0, 70.0, -70.0, 0.0, 0.0])
     sides = np.array([100.0, 100.0, 100.0, 100.0, 30.0, 170.0])
-    lat, lon = path().geodetic(path().x_gpi + 3000.0 + offsets, sides)
+    lat, lon = path().to_geodetic(path().x_gpi + 3000.0 + offsets, sides)
     rise = raised.height(lat, lon) - ground.height(lat, lon)
     np.testing.assert_allclose(rise, [150.0, 150.0, 0.0, 0.0, 0.0, 0.0], atol=1e-3)
     assert np.count_nonzero(raised.finest.heights != ground.finest.heights) == pytest.approx(16, abs=4)
@@ -88,25 +88,27 @@ def test_an_obstacle_outside_the_ground_is_refused() -> None:
         world(fault=(box,))
 
 
-def test_a_fault_behind_the_end_of_the_flight_is_told() -> None:
+def test_a_fault_after_the_end_of_the_flight_is_reported() -> None:
     cut = {"kind": "cut", "devices": ("altimeter",), "to_s": 60.0}
     (remark,) = world(fault=({**cut, "from_s": 50.0},)).remarks
-    assert remark == "fault[0], cable cut, begins at 50 s: the flight is over after 10 s"
+    assert remark == "fault[0], cable cut, begins at 50 s, but the flight ends at 10 s"
     assert world(fault=({**cut, "from_s": 9.0},)).remarks == ()
 
 
 @pytest.mark.parametrize("kind", ["laser", "radar"])
-def test_the_ranges_around_are_those_a_little_aside(kind: Literal["laser", "radar"]) -> None:
+def test_range_bounds_are_the_ranges_a_little_aside(kind: Literal["laser", "radar"]) -> None:
     """On ground that falls by a tenth to the east, 3 m aside the range is another by 0.3 m, to both sides."""
     level = flat_terrain()
     slope = level.with_finest(np.broadcast_to(-0.1 * level.finest.east, level.finest.heights.shape).copy())
     falling = Environment(scenario(flight=ApproachFlight(duration_s=5.0)), path(), slope, undulation=47.0)
     altimeter = DEVICE.model_copy(update={"altimeter": Altimeter(kind=kind, range_m=(0.0, 2000.0))})
     t = np.array([1.0, 2.0])
-    beam, least, most = falling.range_bounds(t, altimeter, 3.0)
-    flown = falling.laser_ranges(t, altimeter) if kind == "laser" else falling.radar_ranges(t, math.radians(40), DEVICE)
-    np.testing.assert_array_equal(beam, flown)
-    np.testing.assert_allclose((beam - least, most - beam), 0.3, atol=0.02)
+    beam, min_range, max_range = falling.range_bounds(t, altimeter, 3.0)
+    expected = (
+        falling.laser_ranges(t, altimeter) if kind == "laser" else falling.radar_ranges(t, math.radians(40), DEVICE)
+    )
+    np.testing.assert_array_equal(beam, expected)
+    np.testing.assert_allclose((beam - min_range, max_range - beam), 0.3, atol=0.02)
 
 
 def test_the_radar_sees_the_obstacle() -> None:
@@ -135,7 +137,9 @@ def test_the_true_ground_lies_where_the_displaced_copy_does_not() -> None:
 def test_an_altimeter_measures_the_true_ground_below_a_displaced_copy() -> None:
     t = np.arange(0.0, 10.0, 0.5)
     shift = {"kind": "terrain_shift", "up_m": 25.0}
-    without, wrong = (flown.radar_ranges(t, math.radians(40.0), DEVICE) for flown in (world(), world(fault=(shift,))))
+    without, wrong = (
+        environment.radar_ranges(t, math.radians(40.0), DEVICE) for environment in (world(), world(fault=(shift,)))
+    )
     np.testing.assert_allclose(wrong - without, 25.0, atol=0.2)
 
 

@@ -18,12 +18,12 @@ from fti.hil.event_loop import FineSelector
 
 def test_descriptors_timers_and_threads_wake_it() -> None:
     async def main() -> bytes:
-        loop, told = asyncio.get_running_loop(), asyncio.Event()
+        loop, readable = asyncio.get_running_loop(), asyncio.Event()
         out, into = os.pipe()
         try:
-            loop.add_reader(out, told.set)
+            loop.add_reader(out, readable.set)
             loop.call_later(0.001, os.write, into, b"x")
-            await told.wait()
+            await readable.wait()
             loop.remove_reader(out)
             return await asyncio.to_thread(os.read, out, 1)
         finally:
@@ -53,9 +53,9 @@ def test_a_time_out_is_not_rounded_up_to_milliseconds(monkeypatch: pytest.Monkey
 
 def test_an_error_comes_through() -> None:
     async def fail() -> None:
-        raise ValueError("told")
+        raise ValueError("error")
 
-    with pytest.raises(ValueError, match="told"):
+    with pytest.raises(ValueError, match="error"):
         event_loop.run(fail())
 
 
@@ -86,13 +86,15 @@ def test_who_sends_comes_before_others_and_what_it_starts_does_not() -> None:
 
 
 def test_a_priority_that_somebody_gave_it_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
-    asked = list[int]()
+    policies = list[int]()
     monkeypatch.setattr(os, "sched_getaffinity", lambda pid: {0, 1})
     monkeypatch.setattr(os, "sched_getscheduler", lambda pid: os.SCHED_FIFO)
-    monkeypatch.setattr(os, "sched_setscheduler", lambda pid, asking, parameters: asked.append(asking))
+    monkeypatch.setattr(
+        os, "sched_setscheduler", lambda pid, requested_policy, parameters: policies.append(requested_policy)
+    )
     with event_loop.realtime_priority():
         pass
-    assert {asking & ~os.SCHED_RESET_ON_FORK for asking in asked} == {os.SCHED_FIFO}
+    assert {requested_policy & ~os.SCHED_RESET_ON_FORK for requested_policy in policies} == {os.SCHED_FIFO}
 
 
 def test_on_one_core_it_does_not_come_before_its_reader(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,4 +1,4 @@
-"""Profiles: a table says the same as a scenario; a mistake is told with file, line, column and what is allowed."""
+"""Profiles: a table is equivalent to a scenario; errors have file, line, column and the allowed values."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ def test_every_kind_of_a_device_or_a_link_can_stand_in_a_table() -> None:
     assert set(SAMPLES) == set(KINDS)
 
 
-def test_a_table_says_the_same_as_a_scenario(tmp_path: Path) -> None:
+def test_a_table_is_equivalent_to_a_scenario(tmp_path: Path) -> None:
     expect = (
         '[[expect]]\nchannel = "/nav/glide_slope.dots"\nat_s = 40\nvalue = 0.5\nplus = 0.2\nminus = 0.1\nwithin_s = 2\n'
     )
@@ -114,10 +114,10 @@ def test_a_table_says_the_same_as_a_scenario(tmp_path: Path) -> None:
     assert two.fault == one.fault
     assert len(two.fault) == len(KINDS)
     assert two.expect == one.expect
-    assert two.flown == one.flown
+    assert two.flight_key == one.flight_key
 
 
-def test_what_a_table_says_comes_behind_what_the_scenario_says(tmp_path: Path) -> None:
+def test_the_content_of_a_table_follows_that_of_the_scenario(tmp_path: Path) -> None:
     first = '[[fault]]\nkind = "cut"\nfrom_s = 1\nto_s = 2\n'
     (tmp_path / "s.toml").write_text(f'title="x"\ndescription=""\nconfig="c"\nprofile="p.csv"\n{first}')
     (tmp_path / "p.csv").write_text(HEADER + "0,*,,freeze\n9,*,,end\n")
@@ -149,10 +149,10 @@ def test_blanks_comments_quotes_the_order_of_columns_and_a_mark_of_a_spreadsheet
 
 
 @pytest.mark.parametrize(
-    ("said", "value"), [("true", True), ("false", False), ("-2.5", -2.5), ("3", 3.0), ("off_track", "off_track")]
+    ("message", "value"), [("true", True), ("false", False), ("-2.5", -2.5), ("3", 3.0), ("off_track", "off_track")]
 )
-def test_an_expectation_has_the_type_of_what_is_written(said: str, value: bool | float | str) -> None:
-    (found,) = parse(f"{HEADER}4,/nav/x.y,,,{said}\n", "p.csv").expectations
+def test_an_expectation_has_the_type_of_what_is_written(message: str, value: bool | float | str) -> None:
+    (found,) = parse(f"{HEADER}4,/nav/x.y,,,{message}\n", "p.csv").expectations
     assert found == Expectation(channel="/nav/x.y", at_s=4.0, value=value, within_s=1.0)
     assert type(found.value) is type(value)
 
@@ -175,49 +175,49 @@ def test_the_shipped_table_fits_its_configuration() -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "message"),
     [
         ("", r"p\.csv: is empty; its first line must name the columns: time, channel"),
-        ("time,chanel\n", r"p\.csv: line 1: 'chanel' is no column; the columns are time, channel, value"),
-        ("time,time,channel\n", r"line 1: 'time' stands there twice"),
-        ("channel,fault\n", r"line 1: there is no column 'time'; time and channel are needed"),
-        ("time;channel\n", r"line 1: 'time;channel' is no column"),
+        ("time,chanel\n", r"p\.csv: line 1: unknown column 'chanel'; allowed: time, channel, value"),
+        ("time,time,channel\n", r"line 1: duplicate column 'time'"),
+        ("channel,fault\n", r"line 1: missing column 'time'; required: time, channel"),
+        ("time;channel\n", r"line 1: unknown column 'time;channel'"),
         (HEADER + "soon,a,,cut\n", r"p\.csv: line 2, time = 'soon': must be a number"),
-        (HEADER + ",a,,cut\n", r"line 2, time = '': must be a number of seconds, 0 or more"),
+        (HEADER + ",a,,cut\n", r"line 2, time = '': must be a number of seconds, not less than 0"),
         (HEADER + "nan,a,,cut\n", r"line 2, time = 'nan': must be a number of seconds"),
-        (HEADER + "5,a,,cut\n\n4,a,,end\n", r"line 4, time = '4': must be a number of seconds, 5 or more"),
-        (HEADER + "5,a,,explosion\n", r"line 2, fault = 'explosion': is no kind of fault; there are stuck, invalid"),
-        (HEADER + "5,a,,obstacle\n", r"line 2, fault = 'obstacle': is no kind"),
-        (HEADER + "5,a\n", r"line 2, fault = '': must be given, or value, or expected"),
+        (HEADER + "5,a,,cut\n\n4,a,,end\n", r"line 4, time = '4': must be a number of seconds, not less than 5"),
+        (HEADER + "5,a,,explosion\n", r"line 2, fault = 'explosion': unknown kind of fault; allowed: stuck, invalid"),
+        (HEADER + "5,a,,obstacle\n", r"line 2, fault = 'obstacle': unknown kind"),
+        (HEADER + "5,a\n", r"line 2, fault = '': is empty, as are value and expected"),
         (HEADER + "5,,,cut\n", r"line 2, channel = '': cut needs a name, a\+b, or \*"),
         (HEADER + "5,a,3,bias\n", r"line 2, channel = 'a': bias needs DEVICE\.MEASUREMENT\.NUMBER"),
         (HEADER + "5,a,3\n", r"line 2, channel = 'a': forced needs DEVICE"),
-        (HEADER + "5,a.range.slant_range,,cut\n", r"channel = 'a.range.slant_range': cut is of whole devices"),
-        (HEADER + "5,a,,cut\n6,a,,cut\n", r"line 3, fault = 'cut': it acts on this channel already"),
-        (HEADER + "5,a,,cut\n", r"line 2, fault = 'cut': it never ends: a row must follow with fault = end"),
-        (HEADER + "5,a,,end\n", r"line 2, channel = 'a': nothing acts on it that could end"),
-        (HEADER + "5,a,,cut\n6,a,burst,end\n", r"line 3, value = 'burst': does not act on this channel; cut does"),
-        (HEADER + "5,a,,cut\n5,a,,freeze\n6,a,,end\n", r"line 4, value = '': must say which ends: cut, freeze"),
-        (HEADER + "5,a,,cut\n5,a,,end\n", r"line 3, time = '5': must be after 5, where cut begins"),
+        (HEADER + "5,a.range.slant_range,,cut\n", r"channel = 'a.range.slant_range': cut affects whole devices"),
+        (HEADER + "5,a,,cut\n6,a,,cut\n", r"line 3, fault = 'cut': is already active on this channel"),
+        (HEADER + "5,a,,cut\n", r"line 2, fault = 'cut': never ends; a later row must have fault = end"),
+        (HEADER + "5,a,,end\n", r"line 2, channel = 'a': has no active fault that could end"),
+        (HEADER + "5,a,,cut\n6,a,burst,end\n", r"line 3, value = 'burst': is not active on this channel; active: cut"),
+        (HEADER + "5,a,,cut\n5,a,,freeze\n6,a,,end\n", r"line 4, value = '': must be the kind that ends; active: cut"),
+        (HEADER + "5,a,,cut\n5,a,,end\n", r"line 3, time = '5': must be after 5, the start of cut"),
         (HEADER + "5,a,-1,burst\n6,a,,end\n", r"line 2, value\.hold_s = -1: input should be greater than 0"),
         (HEADER + "5,a,long,burst\n6,a,,end\n", r"line 2, value\.hold_s = 'long': input should be a valid number"),
         (HEADER + "5,a,,burst\n6,a,,end\n", r"line 2, value\.hold_s: missing"),
-        (HEADER + "5,a,hold=3,burst\n", r"line 2, value = 'hold=3': 'hold' is no parameter of burst; it has hold_s"),
-        (HEADER + "5,a,3,cut\n", r"line 2, value = '3': cut has no parameter that goes without a name; it has none"),
-        (HEADER + "5,a.rang.x,3\n6,a.rang.x,,end\n", r"line 2, value\.quantity.*'rang' is no measurement with"),
-        (HEADER + "5,a.range.x,3\n6,a.range.x,,end\n", r"range has no number 'x'; it has slant_range, sd"),
+        (HEADER + "5,a,hold=3,burst\n", r"line 2, value = 'hold=3': unknown parameter 'hold' of burst; allowed"),
+        (HEADER + "5,a,3,cut\n", r"line 2, value = '3': cut has no default parameter; it has: none"),
+        (HEADER + "5,a.rang.x,3\n6,a.rang.x,,end\n", r"line 2, value\.quantity.*unknown measurement 'rang'"),
+        (HEADER + "5,a.range.x,3\n6,a.range.x,,end\n", r"unknown number 'x' of range; allowed: slant_range, sd"),
         (HEADER + "5,A,,cut\n6,A,,end\n", r"line 2, value\.devices\[0\] = 'A'"),
-        (HEADER + "5,a,,cut,,1\n", r"line 2, plus = '1': must be empty where nothing is expected"),
-        (HEADER + "5,/nav/x.y,3,,4\n", r"line 2, value = '3': must be empty in a row that expects something"),
+        (HEADER + "5,a,,cut,,1\n", r"line 2, plus = '1': must be empty in a row without expected"),
+        (HEADER + "5,/nav/x.y,3,,4\n", r"line 2, value = '3': must be empty in a row with expected"),
         (HEADER + "5,nav,,,4\n", r"line 2, expected\.channel = 'nav'"),
         (HEADER + "5,/nav/x.y,,,4,much\n", r"line 2, plus = 'much': must be a number"),
         (HEADER + "5,/nav/x.y,,,4,,-1\n", r"line 2, expected\.minus = -1"),
-        (HEADER + "5,a,,cut,,,,,extra\n", r"line 2: 'extra' is in no column; there are 8"),
-        (HEADER + '5,"a,,cut\n', r"line 2: is no line of a CSV file"),
+        (HEADER + "5,a,,cut,,,,,extra\n", r"line 2: 'extra' is beyond the last column; the header has 8"),
+        (HEADER + '5,"a,,cut\n', r"line 2: is not valid CSV"),
     ],
 )  # fmt: skip
-def test_mistakes_are_told_with_their_place(text: str, said: str) -> None:
-    with pytest.raises(ConfigError, match=said):
+def test_errors_name_file_line_and_column(text: str, message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
         parse(text, "p.csv")
 
 

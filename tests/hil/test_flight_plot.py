@@ -14,15 +14,15 @@ from tests.hil.worlds import world
 
 def test_the_picture_shows_track_height_airspeed_and_bank() -> None:
     """Five seconds of an approach: the curves are those of the flight, the glide path is near it."""
-    flown = world(5.0)
-    state = flown.state(np.linspace(0.0, 5.0, 2000))
-    panels = {panel.get_title(): panel for panel in draw_flight(flown).axes}
+    environment = world(5.0)
+    state = environment.state(np.linspace(0.0, 5.0, 2000))
+    panels = {panel.get_title(): panel for panel in draw_flight(environment).axes}
     heights = next(panel for title, panel in panels.items() if title.startswith("height above the ellipsoid; lowest"))
     assert np.allclose(heights.lines[0].get_ydata(), state.alt)
     assert np.nanmax(np.abs(np.asarray(heights.lines[1].get_ydata()) - state.alt)) < 10.0
     assert np.allclose(panels["bank, right wing down"].lines[0].get_ydata(), np.rad2deg(state.roll))
     east = np.asarray(panels["track"].lines[0].get_xdata())
-    assert np.allclose(east * 1000.0, flown.terrain.frame.to_local(state.lat, state.lon, state.alt)[:, 0])
+    assert np.allclose(east * 1000.0, environment.terrain.frame.to_local(state.lat, state.lon, state.alt)[:, 0])
     airspeed = np.asarray(panels["calibrated airspeed"].lines[0].get_ydata())
     assert np.all(airspeed < state.tas)  # thinner air than at sea level
     assert airspeed == pytest.approx(state.tas, rel=0.06)

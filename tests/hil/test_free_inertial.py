@@ -39,15 +39,17 @@ def resting(
     start = InertialSolution(
         np.array([lat]), np.zeros(1), np.zeros(1), np.array([[velocity, 0.0, 0.0]]), np.array([[0.0, tilt, 0.0]])
     )
-    said = run_free(start, np.tile(force, (len(t), 1)), np.tile(rate, (len(t), 1)), step=step_s, baro=np.zeros(len(t)))
-    return t, np.asarray((said.lat - lat) * radii(np.asarray(lat))[0]), said
+    solution = run_free(
+        start, np.tile(force, (len(t), 1)), np.tile(rate, (len(t), 1)), step=step_s, baro=np.zeros(len(t))
+    )
+    return t, np.asarray((solution.lat - lat) * radii(np.asarray(lat))[0]), solution
 
 
 def test_without_errors_it_stays() -> None:
-    _, north, said = resting(48.0, 1.5 * PERIOD_S)
+    _, north, solution = resting(48.0, 1.5 * PERIOD_S)
     assert np.abs(north).max() < 1e-3
-    assert np.abs(said.alt).max() < 1e-3
-    assert np.abs(said.rpy[:, :2]).max() < 1e-9
+    assert np.abs(solution.alt).max() < 1e-3
+    assert np.abs(solution.rpy[:, :2]).max() < 1e-9
 
 
 def test_schulers_period_is_84_minutes() -> None:
@@ -92,10 +94,10 @@ def test_a_velocity_error_and_a_tilt_swing_about_zero_and_about_their_size() -> 
 def test_elsewhere_the_plane_of_the_swing_turns_as_foucaults_does() -> None:
     """At 48 N by 11.1 deg/h: after a period the swing that was northwards is 15.7 deg aside."""
     bias = 50.0 * MICRO_G
-    t, north, said = resting(48.0, PERIOD_S, accel=(bias, 0.0, 0.0))
+    t, north, solution = resting(48.0, PERIOD_S, accel=(bias, 0.0, 0.0))
     expected = bias / SCHULER**2 * (1.0 - np.cos(SCHULER * t) * np.cos(EARTH_RATE * math.sin(math.radians(48.0)) * t))
     np.testing.assert_allclose(north, expected, atol=0.03 * expected.max())
-    east = said.lon * radii(np.asarray(math.radians(48.0)))[1] * math.cos(math.radians(48.0))
+    east = solution.lon * radii(np.asarray(math.radians(48.0)))[1] * math.cos(math.radians(48.0))
     assert np.abs(east).max() > 0.1 * expected.max()
 
 
@@ -104,10 +106,10 @@ def test_elsewhere_the_plane_of_the_swing_turns_as_foucaults_does() -> None:
 
 def test_the_height_is_held_and_learns_the_bias_of_the_vertical_accelerometer() -> None:
     """1 mg upwards: b t^2 / 2 e^(-t / tau), at most 26.5 m at 2 tau.  It is held once a second: 1 % of tau late."""
-    t, _, said = resting(48.0, 10.0 * TAU_S, accel=(0.0, 0.0, -1e3 * MICRO_G), step_s=0.2)
+    t, _, solution = resting(48.0, 10.0 * TAU_S, accel=(0.0, 0.0, -1e3 * MICRO_G), step_s=0.2)
     expected = 0.5 * 1e3 * MICRO_G * t**2 * np.exp(-t / TAU_S)
-    np.testing.assert_allclose(said.alt, expected, atol=0.03 * expected.max())
-    assert abs(said.alt[-1]) < 0.5
+    np.testing.assert_allclose(solution.alt, expected, atol=0.03 * expected.max())
+    assert abs(solution.alt[-1]) < 0.5
 
 
 def test_a_bias_that_was_known_before_does_no_harm() -> None:
@@ -115,8 +117,8 @@ def test_a_bias_that_was_known_before_does_no_harm() -> None:
     force = np.tile([0.0, 0.0, -float(normal_gravity(lat, 0.0)) - 0.01], (200, 1))
     rate = np.tile(mat_en(lat, 0.0).T @ np.array([0.0, 0.0, EARTH_RATE]), (200, 1))
     start = InertialSolution(np.array([lat]), np.zeros(1), np.zeros(1), np.zeros((1, 3)), np.zeros((1, 3)))
-    said = run_free(start, force, rate, step=STEP_S, baro=np.zeros(200), known=-0.01)
-    assert np.abs(said.alt).max() < 0.05
+    solution = run_free(start, force, rate, step=STEP_S, baro=np.zeros(200), known=-0.01)
+    assert np.abs(solution.alt).max() < 0.05
 
 
 def test_the_height_follows_the_air_after_minutes() -> None:
@@ -125,9 +127,9 @@ def test_the_height_follows_the_air_after_minutes() -> None:
     force = np.tile([0.0, 0.0, -float(normal_gravity(lat, 0.0))], (n, 1))
     rate = np.tile(mat_en(lat, 0.0).T @ np.array([0.0, 0.0, EARTH_RATE]), (n, 1))
     start = InertialSolution(np.array([lat]), np.zeros(1), np.zeros(1), np.zeros((1, 3)), np.zeros((1, 3)))
-    said = run_free(start, force, rate, step=STEP_S, baro=np.full(n, 30.0))
-    assert said.alt[10] < 10.0
-    assert said.alt[-1] == pytest.approx(30.0, abs=0.3)
+    solution = run_free(start, force, rate, step=STEP_S, baro=np.full(n, 30.0))
+    assert solution.alt[10] < 10.0
+    assert solution.alt[-1] == pytest.approx(30.0, abs=0.3)
 
 
 # ------------------------------------------------------------------------------------------------------- doubts

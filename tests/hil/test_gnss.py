@@ -35,14 +35,14 @@ Array = NDArray[np.float64]
 
 
 @cache
-def flown() -> Environment:
+def environment() -> Environment:
     return world(duration_s=30.0)
 
 
 def receiver(seed: int = 1) -> SimulatedSensor:
     device = Device.model_validate({"name": "gnss", "link": "line", "driver": "ublox_ubx", "rate_hz": 2})
     return SimulatedSensor(
-        BoundDevice(device, drivers.load("ublox_ubx"), ublox_ubx.Options()), RawReceiver, flown(), seed
+        BoundDevice(device, drivers.load("ublox_ubx"), ublox_ubx.Options()), RawReceiver, environment(), seed
     )
 
 
@@ -58,24 +58,26 @@ def test_orbits_have_their_period_and_inclination() -> None:
     for index, walker in zip(first, SYSTEMS, strict=True):
         normal = np.cross(start[index], moving[index])
         assert math.acos(normal[2] / np.linalg.norm(normal)) == pytest.approx(walker.inclination)
-    ahead, behind = sky.state(0.5)[0], sky.state(-0.5)[0]
-    np.testing.assert_allclose(ahead - behind, moving, atol=1e-3)
+    after, before = sky.state(0.5)[0], sky.state(-0.5)[0]
+    np.testing.assert_allclose(after - before, moving, atol=1e-3)
 
 
 def test_every_place_sees_enough_satellites_of_each_system() -> None:
     sky = Constellation()
     for lat in np.deg2rad([-80.0, -30.0, 0.0, 50.0]):
         here, mat = ecef_from_geodetic(lat, 0.3, 100.0), mat_en(lat, 0.3)
-        seen = sky.seen(3000.0, here, np.zeros(3), mat, np.deg2rad(10.0))
-        assert 12 <= len(seen.which) <= 40
-        assert {sky.keys[i][0] for i in seen.which} == {"gps", "glonass", "galileo"}
-        assert dilution(seen.azimuth, seen.elevation)[2] < 2.5
+        views = sky.satellites_in_view(3000.0, here, np.zeros(3), mat, np.deg2rad(10.0))
+        assert 12 <= len(views.which) <= 40
+        assert {sky.keys[i][0] for i in views.which} == {"gps", "glonass", "galileo"}
+        assert dilution(views.azimuth, views.elevation)[2] < 2.5
 
 
 def test_the_rate_is_how_the_range_changes() -> None:
     sky, mat = Constellation(), mat_en(0.8, 0.2)
     here, moving = ecef_from_geodetic(0.8, 0.2, 1000.0), mat @ np.array([60.0, -30.0, 2.0])
-    before, now, after = (sky.seen(5000.0 + dt, here + moving * dt, moving, mat, 0.2) for dt in (-0.5, 0.0, 0.5))
+    before, now, after = (
+        sky.satellites_in_view(5000.0 + dt, here + moving * dt, moving, mat, 0.2) for dt in (-0.5, 0.0, 0.5)
+    )
     np.testing.assert_allclose(after.distance - before.distance, now.rate, atol=0.02)
 
 
@@ -122,7 +124,7 @@ def test_the_pseudoranges_give_the_position_and_the_clock_back(monkeypatch: pyte
     found = measured(made)
     raw = next(m for m in found if isinstance(m, Pseudoranges))
     clock = next(m for m in found if isinstance(m, ReceiverClock))
-    truth = flown().state(np.array([(raw.stamp.t_rx_ns - START_NS) / 1e9]))
+    truth = environment().state(np.array([(raw.stamp.t_rx_ns - START_NS) / 1e9]))
     here = ecef_from_geodetic(truth.lat, truth.lon, truth.alt)[0]
     place, offset = solve(raw, here + 1000.0)
     north, east, down = mat_en(float(truth.lat[0]), float(truth.lon[0])).T @ (place - here)
@@ -150,14 +152,14 @@ def test_doppler_and_phase_follow_the_pseudorange() -> None:
 def test_what_goes_over_the_line_is_what_was_measured() -> None:
     made = receiver()
     decoder = ublox_ubx.make_decoder(ublox_ubx.Options())
-    sent = measured(made)
-    stream = b"".join(data for m in sent for data in made.encoder.encode(m))
+    measurements = measured(made)
+    stream = b"".join(data for m in measurements for data in made.encoder.encode(m))
     found = decoder.feed(stream, 1)
     assert decoder.counters.messages == {"NAV-PVT": 60, "NAV-SAT": 30, "NAV-CLOCK": 30, "RXM-RAWX": 30}
     assert not decoder.counters.skipped
 
     def both(kind: type[Measurement]) -> list[tuple[Measurement, Measurement]]:
-        lists = ([m for m in ms if isinstance(m, kind)] for ms in (sent, found))
+        lists = ([m for m in ms if isinstance(m, kind)] for ms in (measurements, found))
         return list(zip(*lists, strict=True))
 
     for ours, back in both(Position):
@@ -174,8 +176,8 @@ def test_what_goes_over_the_line_is_what_was_measured() -> None:
 
 def test_each_glonass_slot_has_its_channel_on_the_line() -> None:
     """Frequency division: a receiver that said one channel for all would contradict the other one of the aircraft."""
-    sent = next(m for m in measured(receiver()) if isinstance(m, Pseudoranges))
-    channels = {o.number: frequency_id(o) - 7 for o in sent.observations if o.system == "glonass"}
+    measurements = next(m for m in measured(receiver()) if isinstance(m, Pseudoranges))
+    channels = {o.number: frequency_id(o) - 7 for o in measurements.observations if o.system == "glonass"}
     assert len(channels) >= 3
     assert channels == {slot: GLONASS_CHANNELS[slot - 1] for slot in channels}
     assert GLONASS_CHANNELS[:4] == GLONASS_CHANNELS[4:8]  # antipodal
@@ -206,15 +208,15 @@ def test_gpsd_reads_the_emulated_receiver() -> None:
     if not shutil.which("gpsdecode"):
         pytest.skip("gpsdecode (Debian: gpsd-clients) is not installed; it is the independent decoder")
     made = receiver()
-    sent = measured(made)
-    stream = b"".join(data for m in sent for data in made.encoder.encode(m))
+    measurements = measured(made)
+    stream = b"".join(data for m in measurements for data in made.encoder.encode(m))
     done = subprocess.run(["gpsdecode"], input=stream, capture_output=True, check=True, timeout=120)
     reports = [json.loads(line) for line in done.stdout.splitlines()]
     places = {(r["lat"], r["lon"], r["altHAE"]) for r in reports if r["class"] == "TPV" and "lat" in r}
-    ours = [m for m in sent if isinstance(m, Position)]
+    ours = [m for m in measurements if isinstance(m, Position)]
     for position in ours[1:-1]:
         lat, lon, alt = math.degrees(position.lat or 0.0), math.degrees(position.lon or 0.0), position.alt or 0.0
         assert any(abs(p[0] - lat) < 6e-8 and abs(p[1] - lon) < 6e-8 and abs(p[2] - alt) < 6e-4 for p in places)
-    skies = [m for m in sent if isinstance(m, Satellites) and m.satellites]
-    seen = [r for r in reports if r["class"] == "SKY" and "satellites" in r]
-    assert [len(r["satellites"]) for r in seen] == [len(m.satellites) for m in skies]
+    skies = [m for m in measurements if isinstance(m, Satellites) and m.satellites]
+    views = [r for r in reports if r["class"] == "SKY" and "satellites" in r]
+    assert [len(r["satellites"]) for r in views] == [len(m.satellites) for m in skies]

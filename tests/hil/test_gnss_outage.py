@@ -37,15 +37,15 @@ OPTIONS: dict[str, dict[str, Any]] = {
 
 
 class Sample(NamedTuple):
-    """What came over the line of one sample: when it was taken [s], the messages, and what our driver says of them."""
+    """One sample: its time [s], its messages on the line, and the measurements that the driver decodes."""
 
     t: float
-    sent: list[bytes]
+    messages: list[bytes]
     found: list[Measurement]
 
 
 @cache
-def flown() -> Environment:
+def environment() -> Environment:
     return world(duration_s=DURATION_S, fault=(GnssOutage(kind="gnss_outage", from_s=FROM_S, to_s=TO_S),))
 
 
@@ -56,7 +56,7 @@ def samples(driver: str) -> list[Sample]:
     )
     module = drivers.load(driver)
     bound = BoundDevice(device, module, config.bind(module.Options, OPTIONS.get(driver, {}), "test"))
-    made, decoder = SimulatedSensor(bound, MODELS[driver], flown(), seed=1), module.make_decoder(bound.options)
+    made, decoder = SimulatedSensor(bound, MODELS[driver], environment(), seed=1), module.make_decoder(bound.options)
     found = []
     for k, t in enumerate(made.t):
         messages = [message for m in made.measure(k, START_NS) for message in made.encoder.encode(m)]
@@ -73,8 +73,8 @@ def outside(driver: str) -> list[Sample]:
     return [s for s in samples(driver) if 1.0 < s.t < FROM_S or s.t > TO_S + REACQUIRE_S]
 
 
-def sent(found: list[Sample]) -> bytes:
-    return b"".join(message for sample in found for message in sample.sent)
+def stream(found: list[Sample]) -> bytes:
+    return b"".join(message for sample in found for message in sample.messages)
 
 
 def of(found: list[Sample], kind: type[M]) -> list[M]:
@@ -119,8 +119,8 @@ def test_the_status_says_so(driver: str, flag: str) -> None:
 
 @pytest.mark.parametrize("driver", ["nmea0183", "ublox_ubx", "novatel_oem6", "mavlink"])
 def test_times_go_on(driver: str) -> None:
-    told = [max(m.stamp.t_dev_ns or 0 for m in s.found) for s in during(driver) if s.found]
-    np.testing.assert_allclose(np.diff(told), 1e9 / RATES_HZ.get(driver, 5), rtol=0.02)
+    times = [max(m.stamp.t_dev_ns or 0 for m in s.found) for s in during(driver) if s.found]
+    np.testing.assert_allclose(np.diff(times), 1e9 / RATES_HZ.get(driver, 5), rtol=0.02)
 
 
 @pytest.mark.parametrize("driver", ["ublox_ubx", "novatel_oem6"])
@@ -150,7 +150,7 @@ def test_a_unit_on_arinc_429_computes_neither_dilution_nor_limits() -> None:
 
 def test_pynmeagps_reads_quality_0_and_status_v() -> None:
     for found, quality, status in ((during("nmea0183"), 0, "V"), (outside("nmea0183"), 1, "A")):
-        data = sent(found)
+        data = stream(found)
         parsed = [p for _, p in pynmeagps.NMEAReader(io.BytesIO(data), quitonerror=2) if p is not None]
         fixes = [p for p in parsed if p.msgID == "GGA"]
         assert {p.quality for p in fixes} == {quality}
@@ -163,7 +163,7 @@ def test_pynmeagps_reads_quality_0_and_status_v() -> None:
 
 def test_pyubx2_reads_no_fix() -> None:
     for found, kind in ((during("ublox_ubx"), 0), (outside("ublox_ubx"), 3)):
-        data = sent(found)
+        data = stream(found)
         parsed = [p for _, p in UBXReader(io.BytesIO(data), protfilter=2, quitonerror=2)]
         solutions = [p for p in parsed if p.identity == "NAV-PVT"]
         assert {(p.fixType, p.gnssFixOk, p.invalidLlh) for p in solutions} == {(kind, int(kind == 3), int(kind == 0))}
@@ -175,10 +175,10 @@ def test_pyubx2_reads_no_fix() -> None:
 def test_the_makers_package_reads_insufficient_observations() -> None:
     decoder = oem.Decoder()
     for found, status in ((during("novatel_oem6"), "INSUFFICIENT_OBS"), (outside("novatel_oem6"), "SOL_COMPUTED")):
-        frames = [message for sample in found for message in sample.sent]
-        told = [decoder.decode(frame) for frame in frames if int.from_bytes(frame[4:6], "little") == BESTPOS]
-        assert len(told) > 25
-        assert {m.solution_status.name for m in told} == {status}
+        frames = [message for sample in found for message in sample.messages]
+        logs = [decoder.decode(frame) for frame in frames if int.from_bytes(frame[4:6], "little") == BESTPOS]
+        assert len(logs) > 25
+        assert {m.solution_status.name for m in logs} == {status}
 
 
 def test_a_position_says_how_good_it_is_where_the_protocol_can() -> None:

@@ -37,8 +37,8 @@ FLIGHT = Scenario.model_validate(
 
 
 def made(*faults: Fault, terrain: Terrain | None = None, seed: int = 1, name: str = "gnss") -> Reception:
-    flown = scenario(flight=FLIGHT, fault=faults, seed=seed)
-    world = Environment(flown, path(), terrain or flat(), undulation=47.0)
+    plan = scenario(flight=FLIGHT, fault=faults, seed=seed)
+    world = Environment(plan, path(), terrain or flat(), undulation=47.0)
     return Reception(receiver(name), NAVIGATION, world, T, np.random.default_rng(seed))
 
 
@@ -54,10 +54,10 @@ def receiver(name: str = "gnss") -> BoundDevice:
 
 def errors(reception: Reception, samples: slice = slice(None)) -> tuple[Array, Array]:
     """Of position, north, east, up [m], and what it states, horizontal and vertical [m]; samples without a fix NaN."""
-    said = [reception.position(k, Stamp(0)) for k in range(len(T))[samples]]
+    positions = [reception.position(k, Stamp(0)) for k in range(len(T))[samples]]
     place = reception.place[samples]
     lat, lon, alt, sd_h, sd_v = (
-        np.array([getattr(p, name) if p.valid else np.nan for p in said])
+        np.array([getattr(p, name) if p.valid else np.nan for p in positions])
         for name in ("lat", "lon", "alt", "horizontal_sd", "vertical_sd")
     )
     north, east = lat - place[:, 0], (lon - place[:, 1]) * np.cos(place[:, 0])
@@ -115,8 +115,8 @@ def test_the_same_scenario_has_the_same_sky_and_another_seed_another_one() -> No
     np.testing.assert_array_equal(errors(first)[0], errors(again)[0])
     assert first.satellites(0, Stamp(0)) == again.satellites(0, Stamp(0))
     assert first.satellites(0, Stamp(0)) != other.satellites(0, Stamp(0))
-    beside = made(name="other", seed=1)
-    assert beside.satellites(0, Stamp(0)) == first.satellites(0, Stamp(0))
+    second = made(name="other", seed=1)
+    assert second.satellites(0, Stamp(0)) == first.satellites(0, Stamp(0))
 
 
 # ----------------------------------------------------------------------------------------------------- the terrain
@@ -135,8 +135,8 @@ def test_a_wall_hides_what_stands_lower_than_its_edge() -> None:
         found = terrain_mask(terrain, place, az, el, np.ones_like(az, dtype=bool))
         assert (found == hidden).all()
     level = np.full((1, len(aside)), 0.1)
-    ahead = terrain_mask(terrain, place, np.full_like(level, course), level, np.ones_like(level, dtype=bool))
-    assert not ahead.any()  # along the gorge
+    along = terrain_mask(terrain, place, np.full_like(level, course), level, np.ones_like(level, dtype=bool))
+    assert not along.any()  # along the gorge
 
 
 @functools.cache
@@ -157,8 +157,8 @@ def test_between_walls_satellites_and_fix_are_lost_and_come_back_after_a_time() 
 
 
 def test_a_satellite_that_comes_into_view_is_used_after_a_time() -> None:
-    seen = np.array([1, 1, 0, 1, 1, 1, 1], dtype=bool)[:, None]
-    assert _visible_long_enough(seen, 2)[:, 0].tolist() == [True, True, False, False, False, True, True]
+    visible = np.array([1, 1, 0, 1, 1, 1, 1], dtype=bool)[:, None]
+    assert _visible_long_enough(visible, 2)[:, 0].tolist() == [True, True, False, False, False, True, True]
     reception = gorge()
     lost = T[~reception.fix]
     opened = 40.0 - KNOT_S  # 2100 m before the threshold, at 60 m/s

@@ -34,7 +34,7 @@ def shipped() -> Config:
 
 
 @cache
-def flown(**settings: float) -> Environment:
+def environment(**settings: float) -> Environment:
     sensor: Mapping[str, SensorSettings] = {}
     if settings:
         sensor = {"imager": SensorSettings.model_validate(settings)}
@@ -42,7 +42,7 @@ def flown(**settings: float) -> Environment:
 
 
 def made(name: str, there: Environment | None = None) -> SimulatedSensor:
-    return next(s for s in make_sensors(shipped(), there or flown(), 1, lambda _: None) if s.name == name)
+    return next(s for s in make_sensors(shipped(), there or environment(), 1, lambda _: None) if s.name == name)
 
 
 def over_the_line(name: str, there: Environment | None = None) -> tuple[Array, list[dict[str, Reading]]]:
@@ -58,9 +58,9 @@ def over_the_line(name: str, there: Environment | None = None) -> tuple[Array, l
 
 def level_range(t: Array, direction_b: Array) -> Array:
     """Along a direction of the body to the level ground [m]."""
-    state = flown().state(t)
+    state = environment().state(t)
     down = (mat_from_rpy(state.roll, state.pitch, state.heading) @ direction_b)[:, 2]
-    return np.asarray((state.alt - flown().ground(state)) / down)
+    return np.asarray((state.alt - environment().ground(state)) / down)
 
 
 def test_each_pixel_is_the_range_of_its_direction() -> None:
@@ -71,8 +71,8 @@ def test_each_pixel_is_the_range_of_its_direction() -> None:
     for row, right in enumerate(steps):
         for column, forward in enumerate(steps):
             direction = np.array([forward, right, 1.0]) / math.sqrt(forward**2 + right**2 + 1.0)
-            told = np.array([p[f"range_{row}_{column}"].value for p in pictures], dtype=float)
-            error = told - level_range(t, direction)
+            measured = np.array([p[f"range_{row}_{column}"].value for p in pictures], dtype=float)
+            error = measured - level_range(t, direction)
             assert abs(error.mean()) < 0.05
             assert error.std() == pytest.approx(0.05, rel=0.5)
 
@@ -81,8 +81,8 @@ def test_a_line_goes_from_left_to_right() -> None:
     t, lines = over_the_line("scanner")
     for n, angle in enumerate(np.radians([-10.0, -5.0, 0.0, 5.0, 10.0])):
         direction = np.array([0.0, math.sin(angle), math.cos(angle)])
-        told = np.array([line[f"range_{n}"].value for line in lines], dtype=float)
-        np.testing.assert_allclose(told, level_range(t, direction), atol=0.3)
+        measured = np.array([line[f"range_{n}"].value for line in lines], dtype=float)
+        np.testing.assert_allclose(measured, level_range(t, direction), atol=0.3)
 
 
 def test_a_pixel_without_a_return_is_not_valid() -> None:
@@ -90,11 +90,11 @@ def test_a_pixel_without_a_return_is_not_valid() -> None:
     _, (all_of_it, *_) = over_the_line("imager")
     ranges = {name: m.value or 0.0 for name, m in all_of_it.items()}
     reach = (max(ranges.values()) + min(ranges.values())) / 2
-    _, (first, *_) = over_the_line("imager", flown(reach_m=reach))
-    for name, seen in first.items():
-        if abs(ranges[name] - reach) > 0.5:  # the noise is told, too
-            assert seen.valid == (ranges[name] < reach)
-            assert (seen.value is None) == (ranges[name] > reach)
+    _, (first, *_) = over_the_line("imager", environment(reach_m=reach))
+    for name, reading in first.items():
+        if abs(ranges[name] - reach) > 0.5:  # the ranges have noise, too
+            assert reading.valid == (ranges[name] < reach)
+            assert (reading.value is None) == (ranges[name] > reach)
     assert 0 < sum(m.valid for m in first.values()) < 16
 
 
@@ -102,13 +102,13 @@ def test_a_picture_with_a_hole_is_refused() -> None:
     bound = next(b for b in bind_devices(shipped()) if b.device.name == "imager")
     fields = tuple(f for f in bound.options.fields if f.name != "range_2_1")  # type: ignore[attr-defined]
     torn = replace(bound, options=bound.options.model_copy(update={"fields": fields}))
-    with pytest.raises(ConfigError, match=r"'imager': 4 x 4 ranges: that of row 2, column 1 is missing"):
-        GenericDevice(torn, flown(), np.arange(0.0, 1.0, 0.2), np.random.default_rng(1))
+    with pytest.raises(ConfigError, match=r"'imager': 4 x 4 ranges: the range of row 2, column 1 is missing"):
+        GenericDevice(torn, environment(), np.arange(0.0, 1.0, 0.2), np.random.default_rng(1))
 
 
 def test_a_line_with_an_even_number_of_points_is_refused() -> None:
     bound = next(b for b in bind_devices(shipped()) if b.device.name == "scanner")
     fields = bound.options.fields[:4]  # type: ignore[attr-defined]
     even = replace(bound, options=bound.options.model_copy(update={"fields": fields}))
-    with pytest.raises(ConfigError, match="a scanner's line of 4 ranges: it has 3, 5, 7"):
-        GenericDevice(even, flown(), np.arange(0.0, 1.0, 0.2), np.random.default_rng(1))
+    with pytest.raises(ConfigError, match="a scanner line of 4 ranges: the number must be odd"):
+        GenericDevice(even, environment(), np.arange(0.0, 1.0, 0.2), np.random.default_rng(1))

@@ -49,9 +49,9 @@ SEEN: dict[tuple[GradeName, str], tuple[float, float, tuple[float, ...]]] = {
 def test_random_walk_and_floor_of_the_allan_deviation_are_those_of_the_data_sheet(grade: GradeName, which: str) -> None:
     triad: TriadSpec = getattr(GRADES[grade], which)
     step_s, duration_s, floor_s = SEEN[grade, which]
-    said = still(Instrument(triad, np.zeros(3), np.eye(3)), duration_s, step_s)
-    walk = allan(said, step_s, step_s) * math.sqrt(step_s)
-    floor = np.sqrt(np.mean([allan(said, step_s, tau) ** 2 - triad.white**2 / tau for tau in floor_s]))
+    output = still(Instrument(triad, np.zeros(3), np.eye(3)), duration_s, step_s)
+    walk = allan(output, step_s, step_s) * math.sqrt(step_s)
+    floor = np.sqrt(np.mean([allan(output, step_s, tau) ** 2 - triad.white**2 / tau for tau in floor_s]))
     assert walk == pytest.approx(triad.white, rel=0.2)
     assert floor == pytest.approx(triad.in_run, rel=0.2)
 
@@ -68,10 +68,10 @@ def turned(instrument: Instrument, rate: float) -> Array:
     t = np.arange(0.0, 1.0, 0.5)
     columns = []
     for axis in np.eye(3):
-        ahead, back = (
+        forth, back = (
             instrument.measure(t, np.tile(s * rate * axis, (2, 1)), np.random.default_rng(1)) for s in (1, -1)
         )
-        columns.append((ahead - back).mean(axis=0) / (2.0 * rate))
+        columns.append((forth - back).mean(axis=0) / (2.0 * rate))
     return np.stack(columns, axis=1)
 
 
@@ -96,11 +96,11 @@ def test_drawn_matrices_are_as_large_as_stated() -> None:
 def test_a_unit_steps_and_ends_where_its_range_does() -> None:
     triad = GRADES["mems"].accel
     feels = np.tile(np.linspace(-8.0 * STANDARD_GRAVITY, 8.0 * STANDARD_GRAVITY, 300), (3, 1)).T
-    said = Instrument.draw(triad, np.random.default_rng(1)).measure(
+    output = Instrument.draw(triad, np.random.default_rng(1)).measure(
         0.01 * np.arange(300.0), feels, np.random.default_rng(1)
     )
-    assert np.abs(said).max() == pytest.approx(5.0 * STANDARD_GRAVITY)
-    inside = said[np.abs(said) < 4.9 * STANDARD_GRAVITY] / (0.25e-3 * STANDARD_GRAVITY)
+    assert np.abs(output).max() == pytest.approx(5.0 * STANDARD_GRAVITY)
+    inside = output[np.abs(output) < 4.9 * STANDARD_GRAVITY] / (0.25e-3 * STANDARD_GRAVITY)
     np.testing.assert_allclose(inside, np.rint(inside), atol=1e-6)
 
 

@@ -47,14 +47,14 @@ EVERYTHING = {
 
 
 @cache
-def flown() -> Environment:
+def environment() -> Environment:
     return world(duration_s=DURATION_S)
 
 
 def system(options: ix.Options) -> SimulatedSensor:
     device = Device.model_validate({"name": "ins", "link": "line", "driver": "imar_ixcom"})
     return SimulatedSensor(
-        BoundDevice(device, drivers.load("imar_ixcom"), options), MODELS["imar_ixcom"], flown(), seed=1
+        BoundDevice(device, drivers.load("imar_ixcom"), options), MODELS["imar_ixcom"], environment(), seed=1
     )
 
 
@@ -63,8 +63,8 @@ def line(logs: dict[str, int]) -> tuple[Decoder, list[Measurement]]:
     sensor, decoder = system(ix.Options(logs=logs)), ix.make_decoder(ix.Options())
     found: list[Measurement] = []
     for k in range(len(sensor.t)):
-        sent = [data for m in sensor.measure(k, START_NS) for data in sensor.encoder.encode(m)]
-        found += decoder.feed(b"".join(sent), START_NS + k)
+        stream = [data for m in sensor.measure(k, START_NS) for data in sensor.encoder.encode(m)]
+        found += decoder.feed(b"".join(stream), START_NS + k)
     return decoder, found
 
 
@@ -116,7 +116,7 @@ def test_its_receiver_has_a_solution_of_its_own() -> None:
     assert position.valid
     assert position.lat is not None
     assert position.horizontal_sd is not None
-    state = flown().state(np.array([0.0]))
+    state = environment().state(np.array([0.0]))
     assert abs(position.lat - float(state.lat[0])) * SEMI_MAJOR < 4 * position.horizontal_sd + 0.2 * 60.0
     assert velocity.north == pytest.approx(float(state.vel_n[0, 0]), abs=2.0)
 
@@ -140,10 +140,10 @@ def test_its_magnetometer_feels_the_earth(unit: str) -> None:
     """The field of the place, through the unit of the line; level enough for a compass."""
     options = ix.Options.model_validate({"logs": {"MAGDATA": 0}, "magnetometer_unit": unit})
     sensor = system(options)
-    sent = b"".join(data for m in sensor.measure(0, START_NS) for data in sensor.encoder.encode(m))
-    field = first(MagneticField, ix.make_decoder(options).feed(sent, 1))
+    stream = b"".join(data for m in sensor.measure(0, START_NS) for data in sensor.encoder.encode(m))
+    field = first(MagneticField, ix.make_decoder(options).feed(stream, 1))
     assert isinstance(field, MagneticField)
-    state = flown().state(sensor.t[:1])
+    state = environment().state(sensor.t[:1])
     assert field.field_b == pytest.approx(earth_field_b(state)[0], abs=2e-6)
     heading = np.arctan2(-field.field_b[1], field.field_b[0])
     assert np.cos(heading - state.heading[0]) > 0.95

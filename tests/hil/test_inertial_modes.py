@@ -1,4 +1,4 @@
-"""An inertial navigation system that is held by satellites, and one that is left alone."""
+"""An inertial navigation system that is aided by satellites, and a free one."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ GRADE_NAMES = sorted(GRADES)
 
 
 @cache
-def flown(grade: GradeName = "navigation", mode: str = "aided") -> Environment:
+def environment(grade: GradeName = "navigation", mode: str = "aided") -> Environment:
     settings = {"grade": grade, "mode": mode, "free_from_s": FREE_FROM_S} if mode == "free" else {"grade": grade}
     return world(duration_s=DURATION_S, sensor={"ins": settings})
 
@@ -43,15 +43,15 @@ def system(flown_in: Environment, seed: int = 1, rate_hz: float = 10.0) -> Simul
     return SimulatedSensor(bound, MODELS["imar_ixcom"], flown_in, seed)
 
 
-def said(made: SimulatedSensor) -> tuple[list[Position], list[Velocity]]:
-    told = [m for k in range(len(made.t)) for m in made.measure(k, 0)]
-    return [m for m in told if isinstance(m, Position)], [m for m in told if isinstance(m, Velocity)]
+def solution(made: SimulatedSensor) -> tuple[list[Position], list[Velocity]]:
+    measurements = [m for k in range(len(made.t)) for m in made.measure(k, 0)]
+    return [m for m in measurements if isinstance(m, Position)], [m for m in measurements if isinstance(m, Velocity)]
 
 
 def errors(made: SimulatedSensor) -> tuple[Array, Array]:
     """Errors northwards, eastwards, upwards [m] of every sample, shape (n, 3), and their stated sigma."""
-    positions, _ = said(made)
-    state = flown().state(made.t)
+    positions, _ = solution(made)
+    state = environment().state(made.t)
     lat, lon, alt = position_at(state, made.bound.device.lever_arm_b)
     found = np.array([(p.lat, p.lon, p.alt) for p in positions]) - np.stack([lat, lon, alt], axis=1)
     found[:, :2] *= SEMI_MAJOR * np.stack([np.ones_like(lat), np.cos(lat)], axis=1)
@@ -64,10 +64,10 @@ SYSTEMS = 8
 @cache
 def left_alone(grade: GradeName) -> tuple[Array, Array]:
     """Errors and their sigma of several systems that are alone, shape (systems, n, 3)."""
-    made = [system(flown(grade, "free"), seed, rate_hz=5.0) for seed in range(SYSTEMS)]
+    made = [system(environment(grade, "free"), seed, rate_hz=5.0) for seed in range(SYSTEMS)]
     alone = made[0].t > FREE_FROM_S + 1.0
-    told = [errors(one) for one in made]
-    return np.array([found[alone] for found, _ in told]), np.array([sd[alone] for _, sd in told])
+    results = [errors(one) for one in made]
+    return np.array([found[alone] for found, _ in results]), np.array([sd[alone] for _, sd in results])
 
 
 @pytest.mark.parametrize("grade", GRADE_NAMES)
@@ -91,7 +91,7 @@ def test_a_better_unit_drifts_less() -> None:
 
 def test_it_goes_on_from_where_it_was() -> None:
     """No step when it is left alone, and before it is as if nothing were to come."""
-    held, free = system(flown()), system(flown("navigation", "free"))
+    held, free = system(environment()), system(environment("navigation", "free"))
     (at_held, _), (at_free, _) = errors(held), errors(free)
     before = held.t < FREE_FROM_S
     np.testing.assert_array_equal(at_held[before], at_free[before])
@@ -99,7 +99,7 @@ def test_it_goes_on_from_where_it_was() -> None:
 
 
 def test_the_unit_is_sampled_often_enough_whatever_is_sent() -> None:
-    slow, quick = (errors(system(flown("tactical", "free"), rate_hz=rate)) for rate in (5.0, 100.0))
+    slow, quick = (errors(system(environment("tactical", "free"), rate_hz=rate)) for rate in (5.0, 100.0))
     for found, sd in (slow, quick):
         assert np.abs(found[-1] / sd[-1]).max() < 4.0
 
@@ -116,8 +116,8 @@ def test_an_outage_of_its_receiver_leaves_it_alone_until_there_is_a_fix_again() 
 
 def line(made: SimulatedSensor) -> list[Measurement]:
     decoder = ix.make_decoder(ix.Options())
-    sent = (data for k in range(len(made.t)) for m in made.measure(k, 0) for data in made.encoder.encode(m))
-    return [m for n, data in enumerate(sent) for m in decoder.feed(data, n)]
+    messages = (data for k in range(len(made.t)) for m in made.measure(k, 0) for data in made.encoder.encode(m))
+    return [m for n, data in enumerate(messages) for m in decoder.feed(data, n)]
 
 
 def test_the_footer_of_its_messages_says_that_satellites_are_missing() -> None:

@@ -34,7 +34,7 @@ def histogram(late_s: list[float]) -> LatencyHistogram:
 @given(st.lists(st.floats(0.0, 2000.0), min_size=1, max_size=300))
 def test_percentiles_are_upper_bounds_and_near(late_s: list[float]) -> None:
     """Nearest rank; at most 1 us or 1/16 above, up to the longest delay that has a bin."""
-    found, ordered = histogram(late_s).lateness, sorted(late_s)
+    found, ordered = histogram(late_s).summary, sorted(late_s)
     for share, value_ms in ((0.5, found.p50_ms), (0.99, found.p99_ms)):
         true_ms = 1e3 * ordered[min(int(share * len(ordered)), len(ordered) - 1)]
         if true_ms < 1e3 * 1000.0:
@@ -49,15 +49,15 @@ def test_its_memory_does_not_grow() -> None:
 
 
 def test_early_is_punctual() -> None:
-    found = histogram([-1.0, -1e-9]).lateness
+    found = histogram([-1.0, -1e-9]).summary
     assert (found.messages, found.p50_ms, found.max_ms) == (2, 0.0, 0.0)
-    assert LatencyHistogram().lateness.messages == 0
+    assert LatencyHistogram().summary.messages == 0
 
 
 @given(st.lists(st.lists(st.floats(0.0, 10.0), max_size=40), max_size=4))
 def test_merged_is_as_if_all_had_been_added_to_one(parts: list[list[float]]) -> None:
-    whole = [late for part in parts for late in part]
-    assert LatencyHistogram.merge(map(histogram, parts)).lateness == histogram(whole).lateness
+    values = [late for part in parts for late in part]
+    assert LatencyHistogram.merge(map(histogram, parts)).summary == histogram(values).summary
 
 
 def meter(late_ms: float, hz: float = 100.0, name: str = "ins", link: str = "eth") -> Meter:
@@ -105,14 +105,14 @@ def test_messages_that_were_held_back_are_no_higher_rate() -> None:
 
 def test_a_line_that_is_too_slow_is_no_rate_that_holds() -> None:
     punctual = meter(0.1).rate
-    sent = EndpointCounters(messages=90, dropped_messages=11, too_slow_messages=11)
-    report = TransmissionReport({"eth": sent}, punctual.lateness, {"eth": punctual.lateness}, [punctual])
+    counters = EndpointCounters(messages=90, dropped_messages=11, too_slow_messages=11)
+    report = TransmissionReport({"eth": counters}, punctual.lateness, {"eth": punctual.lateness}, [punctual])
     assert report.problems == ["ins: its line eth is too slow: 11 messages were dropped"]
     assert report.as_json()["devices"]["ins"]["held"] is False
     assert TransmissionReport({"eth": EndpointCounters()}, punctual.lateness, {}, [punctual]).problems == []
     late = meter(40.0).rate
     assert (
-        "p99 of its lateness is 40.00 ms, half a period is 5.00 ms"
+        "p99 lateness is 40.00 ms, above half a period of 5.00 ms"
         in TransmissionReport({}, late.lateness, {}, [late]).problems[0]
     )
 

@@ -57,22 +57,22 @@ def test_lines_that_carry_it_are_not_mentioned(tmp_path: Path) -> None:
     assert overloads(*made(tmp_path, 57600, 500_000)) == []
 
 
-def test_one_that_does_not_is_told_with_both_rates(tmp_path: Path) -> None:
+def test_one_that_does_not_is_reported_with_both_rates(tmp_path: Path) -> None:
     """RA-4500: 25 frames a second of nine bytes, more where a byte is stuffed; 1200 baud carry 120 bytes."""
-    (said,) = overloads(*made(tmp_path, 1200, 500_000))
-    assert said.startswith("line: 1200 baud carry 120 bytes a second, its devices send 2")
-    assert 225 <= int(said.split("send ")[1].split(";")[0]) <= 300
-    (said,) = overloads(*made(tmp_path, 57600, 10_000))
-    assert said.startswith("bus: its devices send ")
-    assert said.endswith(" of what the bus carries; the oldest messages will be dropped")
+    (warning,) = overloads(*made(tmp_path, 1200, 500_000))
+    assert warning.startswith("line: 1200 baud carry 120 bytes a second, its devices send 2")
+    assert 225 <= int(warning.split("send ")[1].split(";")[0]) <= 300
+    (warning,) = overloads(*made(tmp_path, 57600, 10_000))
+    assert warning.startswith("bus: its devices send ")
+    assert warning.endswith(" of the capacity of the bus; the oldest messages will be dropped")
 
 
 def test_asking_changes_nothing_for_the_flight(tmp_path: Path) -> None:
     config, sensors = made(tmp_path, 57600, 500_000)
     _, untouched = made(tmp_path, 57600, 500_000)
     overloads(config, sensors)
-    for asked, other in zip(sensors, untouched, strict=True):
-        assert [m for k in range(5) for v in asked.measure(k, 0) for m in asked.encoder.encode(v)] == [
+    for sensor, other in zip(sensors, untouched, strict=True):
+        assert [m for k in range(5) for v in sensor.measure(k, 0) for m in sensor.encoder.encode(v)] == [
             m for k in range(5) for v in other.measure(k, 0) for m in other.encoder.encode(v)
         ]
 

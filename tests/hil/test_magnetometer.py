@@ -33,7 +33,7 @@ COUNT = 1e-4 / 15_000  # [T]
 
 
 @cache
-def flown(drawn: Drawn = CLEAN) -> Environment:
+def environment(drawn: Drawn = CLEAN) -> Environment:
     names = ("hard_iron_ut", "soft_iron", "misalignment_deg")
     return world(duration_s=20.0, sensor={"mag": dict(zip(names, drawn, strict=True))})
 
@@ -44,19 +44,19 @@ def fields(drawn: Drawn, rpy_bs_deg: tuple[float, float, float] = (0.0, 0.0, 0.0
     )
     driver = drivers.load("honeywell_hmr2300")
     bound = BoundDevice(device, driver, driver.Options())
-    model = Magnetometer(bound, flown(drawn), T, np.random.default_rng(seed))
+    model = Magnetometer(bound, environment(drawn), T, np.random.default_rng(seed))
     found = [m for k in range(len(T)) for m in model.measure(k, Stamp(k)) if isinstance(m, MagneticField)]
     return np.array([m.field_b for m in found])
 
 
 @cache
 def truth() -> Array:
-    return earth_field_b(flown().state(T))
+    return earth_field_b(environment().state(T))
 
 
 def test_a_level_compass_points_to_magnetic_north() -> None:
     """48 N 11 E has some 4 deg of declination; the approach at heading 250 is level enough for a degree or two."""
-    state = flown().state(T)
+    state = environment().state(T)
     field = truth()
     magnetic_heading = np.arctan2(-field[:, 1], field[:, 0])
     off = np.angle(np.exp(1j * (state.heading - declination(state) - magnetic_heading)))
@@ -120,12 +120,12 @@ def test_the_daemon_turns_the_field_back_into_the_body_frame() -> None:
     """A sensor on its back, looking aft: through encoder, decoder and chain; steps are those of the HMR2300."""
     config = configuration.parse(tomllib.loads(CONFIG), CONFIG, Path("bench.toml"))
     (bound,) = bind_devices(config, {})
-    sensor = SimulatedSensor(bound, MODELS["honeywell_hmr2300"], flown(), 1)
+    sensor = SimulatedSensor(bound, MODELS["honeywell_hmr2300"], environment(), 1)
     chain = Chain(config, [bound], None)
-    sent = b"".join(data for k in range(5) for m in sensor.measure(k, 0) for data in sensor.encoder.encode(m))
-    got = [m for _, m in chain.feed(RawFrame("line", 0, 0, sent)).measurements if isinstance(m, MagneticField)]
+    stream = b"".join(data for k in range(5) for m in sensor.measure(k, 0) for data in sensor.encoder.encode(m))
+    got = [m for _, m in chain.feed(RawFrame("line", 0, 0, stream)).measurements if isinstance(m, MagneticField)]
     assert len(got) >= 3
-    expected = earth_field_b(flown().state(sensor.t[:1]))[0]
+    expected = earth_field_b(environment().state(sensor.t[:1]))[0]
     assert got[0].field_b == pytest.approx(expected, abs=0.02 * float(np.linalg.norm(expected)))
     axes = np.array(got[0].field_b) @ mat_from_rpy(*np.deg2rad([180.0, 0.0, 135.0])) / COUNT
     np.testing.assert_allclose(axes, np.rint(axes), atol=1e-6)
@@ -135,8 +135,8 @@ def test_an_autopilot_has_a_magnetometer_and_a_heartbeat_of_a_second() -> None:
     device = Device.model_validate({"name": "autopilot", "link": "line", "driver": "mavlink"})
     driver = drivers.load("mavlink")
     t = np.arange(0.0, 10.0, 1 / AutopilotUnit.rate_hz)
-    model = AutopilotUnit(BoundDevice(device, driver, driver.Options()), flown(), t, np.random.default_rng(1))
-    told = [m for k in range(len(t)) for m in model.measure(k, Stamp(k))]
-    heard = np.array([m.field_b for m in told if isinstance(m, MagneticField)])
-    assert np.linalg.norm(heard, axis=1).mean() == pytest.approx(48.8e-6, rel=0.05)
-    assert sum(isinstance(m, DeviceStatus) for m in told) == 10
+    model = AutopilotUnit(BoundDevice(device, driver, driver.Options()), environment(), t, np.random.default_rng(1))
+    samples = [m for k in range(len(t)) for m in model.measure(k, Stamp(k))]
+    fields = np.array([m.field_b for m in samples if isinstance(m, MagneticField)])
+    assert np.linalg.norm(fields, axis=1).mean() == pytest.approx(48.8e-6, rel=0.05)
+    assert sum(isinstance(m, DeviceStatus) for m in samples) == 10

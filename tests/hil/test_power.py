@@ -26,13 +26,13 @@ def sag(from_s: float, to_s: float, *devices: str, volts: float = 12.0) -> Brown
 
 
 def unit(*faults: Breaker | BrownOut) -> tuple[PowerUnit, list[tuple[str, float]]]:
-    """A unit of two devices, ``a`` from 18 V and ``b`` from 9 V, and whom it told to start again."""
-    told: list[tuple[str, float]] = []
+    """A unit of two devices, ``a`` from 18 V and ``b`` from 9 V, and the restarts."""
+    restarts: list[tuple[str, float]] = []
     feeds = [
-        PowerFeed(name, BOOT_S, volts, lambda t, name=name: told.append((name, t)))  # type: ignore[misc]
+        PowerFeed(name, BOOT_S, volts, lambda t, name=name: restarts.append((name, t)))  # type: ignore[misc]
         for name, volts in (("a", 18.0), ("b", 9.0))
     ]
-    return PowerUnit(feeds, faults), told
+    return PowerUnit(feeds, faults), restarts
 
 
 def states(power: PowerUnit, t: float) -> tuple[B, B]:
@@ -45,9 +45,9 @@ def states(power: PowerUnit, t: float) -> tuple[B, B]:
 
 
 def test_a_trip_takes_one_device_and_gives_it_back_after_its_boot_time() -> None:
-    power, told = unit(trip(10.0, 15.0, "a"))
-    seen = [(t, *states(power, t)) for t in (0.0, 9.99, 10.0, 14.99, 15.0, 16.99, 17.0)]
-    assert seen == [
+    power, restarts = unit(trip(10.0, 15.0, "a"))
+    timeline = [(t, *states(power, t)) for t in (0.0, 9.99, 10.0, 14.99, 15.0, 16.99, 17.0)]
+    assert timeline == [
         (0.0, B.ON, B.ON),
         (9.99, B.ON, B.ON),
         (10.0, B.TRIPPED, B.ON),
@@ -56,7 +56,7 @@ def test_a_trip_takes_one_device_and_gives_it_back_after_its_boot_time() -> None
         (16.99, B.STARTING, B.ON),
         (17.0, B.ON, B.ON),
     ]
-    assert told == [("a", 15.0)]
+    assert restarts == [("a", 15.0)]
 
 
 def test_a_device_that_starts_is_not_on_yet_and_one_that_nobody_feeds_always_is() -> None:
@@ -66,27 +66,27 @@ def test_a_device_that_starts_is_not_on_yet_and_one_that_nobody_feeds_always_is(
 
 
 def test_nothing_is_missed_between_two_questions() -> None:
-    power, told = unit(trip(10.0, 10.1, "b"), trip(10.1, 10.2, "b"), trip(20.0, 20.5, "b"))
+    power, restarts = unit(trip(10.0, 10.1, "b"), trip(10.1, 10.2, "b"), trip(20.0, 20.5, "b"))
     assert power.is_on("b", 30.0)
-    assert told == [("b", 10.2), ("b", 20.5)]
+    assert restarts == [("b", 10.2), ("b", 20.5)]
 
 
 def test_a_sag_stops_only_those_that_need_more() -> None:
-    power, told = unit(sag(5.0, 6.0))
+    power, restarts = unit(sag(5.0, 6.0))
     assert states(power, 5.0) == (B.BROWN_OUT, B.ON)
     assert power.volts == 12.0
     assert states(power, 6.0) == (B.STARTING, B.ON)
     assert power.volts == 28.0
-    assert told == [("a", 6.0)]
+    assert restarts == [("a", 6.0)]
 
 
 def test_of_two_sags_the_deeper_one_counts_and_one_of_a_device_is_not_the_supply() -> None:
-    power, told = unit(sag(5.0, 8.0), sag(6.0, 7.0, "b", volts=8.0))
+    power, restarts = unit(sag(5.0, 8.0), sag(6.0, 7.0, "b", volts=8.0))
     assert states(power, 6.5) == (B.BROWN_OUT, B.BROWN_OUT)
     assert power.volts == 12.0
     assert states(power, 7.5) == (B.BROWN_OUT, B.STARTING)
     assert states(power, 9.0) == (B.STARTING, B.ON)
-    assert told == [("b", 7.0), ("a", 8.0)]
+    assert restarts == [("b", 7.0), ("a", 8.0)]
 
 
 def test_current_flows_where_there_is_power() -> None:
@@ -102,20 +102,20 @@ def test_current_flows_where_there_is_power() -> None:
 
 
 def test_by_hand_off_and_on_and_the_device_starts_anew() -> None:
-    power, told = unit()
+    power, restarts = unit()
     power.is_on("a", 3.0)
     assert power.handle_command("off", "a") == (True, "off")
     assert not power.is_on("a", 4.0)
     assert power.handle_command("on", "a") == (True, "starting")
     assert [power.is_on("a", t) for t in (5.9, 6.0)] == [False, True]
-    assert told == [("a", 4.0)]
+    assert restarts == [("a", 4.0)]
 
 
 def test_what_is_so_already_is_done_and_starts_nothing() -> None:
-    power, told = unit()
+    power, restarts = unit()
     assert [power.handle_command(command, "a") for command in ("on", "reset")] == [(True, "on"), (True, "on")]
     assert [power.handle_command("off", "a") for _ in range(2)] == [(True, "off"), (True, "off")]
-    assert told == []
+    assert restarts == []
 
 
 def test_a_breaker_that_has_tripped_must_be_reset() -> None:
@@ -154,7 +154,7 @@ def test_the_voltage_sags_whoever_has_the_breaker() -> None:
 # -------------------------------------------------------------------------------------------------- of the devices
 
 
-def test_without_power_a_device_forgets_what_it_was_told_and_when_it_began() -> None:
+def test_without_power_a_device_loses_its_settings_and_its_time_since_power_on() -> None:
     autopilot = sensor("mavlink", name="autopilot", rate_hz=10)
     before = autopilot.encoder
     stamps = [autopilot.measure(100, 0)[0].stamp.t_dev_ns]
@@ -189,11 +189,11 @@ def test_a_receiver_that_is_silent_until_asked_is_silent_again_until_it_is_asked
 
 
 def test_settings_of_the_scenario_are_those_of_the_feed() -> None:
-    flown = scenario(
+    plan = scenario(
         sensor={"gnss": {"boot_s": 5.0, "minimum_v": 11.0}},
         fault=(sag(1.0, 2.0), trip(3.0, 4.0)),
     )
-    power = connect_power([sensor("nmea0183", name="gnss"), sensor("nmea0183", name="other")], flown)
+    power = connect_power([sensor("nmea0183", name="gnss"), sensor("nmea0183", name="other")], plan)
     power.is_on("gnss", 1.5)
     assert power.states() == {"gnss": B.ON, "other": B.BROWN_OUT}
     assert [power.is_on("gnss", t) for t in (8.9, 9.0)] == [False, True]
@@ -201,9 +201,9 @@ def test_settings_of_the_scenario_are_those_of_the_feed() -> None:
 
 
 def test_the_unit_cannot_be_asked_to_switch_itself_off() -> None:
-    flown = scenario(fault=(trip(3.0, 4.0, "pdu"),))
+    plan = scenario(fault=(trip(3.0, 4.0, "pdu"),))
     with pytest.raises(ConfigError, match=r"fault\[0\].devices: 'pdu' is a power unit: it feeds itself"):
-        connect_power([sensor("power_unit", name="pdu"), sensor("nmea0183", name="gnss")], flown)
+        connect_power([sensor("power_unit", name="pdu"), sensor("nmea0183", name="gnss")], plan)
 
 
 def test_the_unit_says_how_the_breakers_of_the_flight_stand() -> None:
@@ -212,5 +212,7 @@ def test_the_unit_says_how_the_breakers_of_the_flight_stand() -> None:
     assert pdu.encoder.respond(driver.command("trip", {"breaker": "gnss"}))
     assert power.states() == {"gnss": B.TRIPPED}
     decoder = driver.make_decoder(driver.Options())
-    found = [m for told in pdu.measure(0, 0) for line in pdu.encoder.encode(told) for m in decoder.feed(line, 1)]
+    found = [
+        m for restarts in pdu.measure(0, 0) for line in pdu.encoder.encode(restarts) for m in decoder.feed(line, 1)
+    ]
     assert [m.flags for m in found if isinstance(m, DeviceStatus)] == [("gnss_tripped",)]

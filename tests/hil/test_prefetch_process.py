@@ -28,7 +28,7 @@ def recorded(folder: Path, count: int, size: int = 8) -> Path:
     session = SessionFolder.create(folder, "made", START_NS)
     log = RawLog(session, [RawTopic("eth", "udp", {})], split_s=300, split_mb=100)
     for seq in range(count):
-        log.frame("eth", seq, START_NS + 1_000_000 * seq, seq.to_bytes(4, "little") + bytes(size - 4))
+        log.write_frame("eth", seq, START_NS + 1_000_000 * seq, seq.to_bytes(4, "little") + bytes(size - 4))
     log.close()
     return session.path
 
@@ -52,28 +52,28 @@ def test_what_is_asked_for_is_what_comes(tmp_path: Path) -> None:
 
 
 def test_it_ends_when_nobody_wants_more_though_it_could_go_on_for_ever(tmp_path: Path) -> None:
-    ahead = PrefetchProcess(PrefetchRequest(str(recorded(tmp_path, 20)), loop=True))
-    with ahead as frames:
+    prefetch = PrefetchProcess(PrefetchRequest(str(recorded(tmp_path, 20)), loop=True))
+    with prefetch as frames:
         assert next(frames).seq == 0
-    assert ahead._process.poll() is not None
+    assert prefetch._process.poll() is not None
 
 
 def test_it_reads_only_so_far_ahead(tmp_path: Path) -> None:
     size = 4096
-    ahead = PrefetchProcess(PrefetchRequest(str(recorded(tmp_path, 3 * PIPE_BYTES // size, size))))
-    with ahead as frames:
+    prefetch = PrefetchProcess(PrefetchRequest(str(recorded(tmp_path, 3 * PIPE_BYTES // size, size))))
+    with prefetch as frames:
         next(frames)
-        until(lambda: _unread(ahead) > 0.8 * PIPE_BYTES)
-        assert ahead._process.poll() is None
+        until(lambda: _unread(prefetch) > 0.8 * PIPE_BYTES)
+        assert prefetch._process.poll() is None
 
 
-def _unread(ahead: PrefetchProcess) -> int:
+def _unread(prefetch: PrefetchProcess) -> int:
     """Bytes that wait in the pipe."""
-    count: int = struct.unpack("i", fcntl.ioctl(ahead._pipe, termios.FIONREAD, bytes(4)))[0]
+    count: int = struct.unpack("i", fcntl.ioctl(prefetch._pipe, termios.FIONREAD, bytes(4)))[0]
     return count
 
 
-def test_what_is_wrong_with_the_session_is_told_as_it_is(tmp_path: Path) -> None:
+def test_errors_of_the_session_are_reported_unchanged(tmp_path: Path) -> None:
     with (
         PrefetchProcess(PrefetchRequest(str(tmp_path / "nowhere"))) as frames,
         pytest.raises(MissingError, match="nowhere"),
@@ -93,7 +93,7 @@ def test_what_is_wrong_with_the_recording_is_raised_in_its_place() -> None:
     assert str(pickle.load(pipe)) == "twice"
 
 
-def test_a_medium_that_cannot_be_read_is_told() -> None:
+def test_a_medium_that_cannot_be_read_is_reported() -> None:
     def broken() -> Iterator[RawFrame]:
         raise OSError(5, "Input/output error", "raw_000.mcap")
         yield
@@ -104,10 +104,10 @@ def test_a_medium_that_cannot_be_read_is_told() -> None:
     assert str(pickle.load(pipe)) == "raw_000.mcap: cannot be read: Input/output error"
 
 
-def test_a_reader_that_is_killed_is_told(tmp_path: Path) -> None:
-    ahead = PrefetchProcess(PrefetchRequest(str(recorded(tmp_path, 3 * PIPE_BYTES // 4096, 4096))))
-    with ahead as frames:
+def test_a_reader_that_is_killed_is_reported(tmp_path: Path) -> None:
+    prefetch = PrefetchProcess(PrefetchRequest(str(recorded(tmp_path, 3 * PIPE_BYTES // 4096, 4096))))
+    with prefetch as frames:
         next(frames)
-        ahead._process.kill()
-        with pytest.raises(RecordingError, match="has ended before"):
+        prefetch._process.kill()
+        with pytest.raises(RecordingError, match="ended unexpectedly"):
             list(frames)

@@ -83,7 +83,7 @@ def record(tmp_path: Path, text: str, recorded: list[RawFrame]) -> Path:
     attachments = [("config.toml", "text/plain", text.encode())]
     log = RawLog(folder, links, split_s=300, split_mb=100, attachments=attachments)
     for frame in recorded:
-        log.frame(frame.link, frame.seq, frame.t_rx_ns, frame.data)
+        log.write_frame(frame.link, frame.seq, frame.t_rx_ns, frame.data)
     log.close()
     return folder.path
 
@@ -92,22 +92,22 @@ async def play(
     replay: Replay, config: Config, expected: list[RawFrame], reports: list[TransmissionReport] | None = None
 ) -> dict[str, ReceivedFrames]:
     """Replay with the links of the configuration open, until the last datagram and CAN frame has been heard."""
-    heard = {}
+    received = {}
     playing = asyncio.create_task(replay.run())
     await replay.ready.wait()
     async with AsyncExitStack() as stack:
         for link in config.link:
-            _, heard[link.name] = await stack.enter_async_context(run_link(link))
+            _, received[link.name] = await stack.enter_async_context(run_link(link))
         report = await playing
         if reports is not None:
             reports.append(report)
-        assert not any(sent.dropped_messages for sent in report.links.values())
-        whole = {name: sum(frame.link == name for frame in expected) for name in ("eth", "bus")}
-        await until_async(lambda: all(len(heard[name].frames) >= count for name, count in whole.items()))
-    return heard
+        assert not any(counters.dropped_messages for counters in report.links.values())
+        counts = {name: sum(frame.link == name for frame in expected) for name in ("eth", "bus")}
+        await until_async(lambda: all(len(received[name].frames) >= count for name, count in counts.items()))
+    return received
 
 
-async def test_it_is_told_like_an_emulated_flight(tmp_path: Path) -> None:
+async def test_it_is_reported_like_an_emulated_flight(tmp_path: Path) -> None:
     recorded = list(frames(90))
     session = record(tmp_path, with_free_ports(CONFIG), recorded)
     recording = Recording.open(session)
@@ -133,10 +133,10 @@ async def test_a_key_ends_it_in_good_order_and_a_signal_interrupts_it(by_signal:
         else:
             stop.set()
         await stop.wait()
-        return TransmissionReport({}, LatencyHistogram().lateness)
+        return TransmissionReport({}, LatencyHistogram().summary)
 
-    _, said = await run_until_stopped(ends, asyncio.Event())
-    assert said is interrupted
+    _, result = await run_until_stopped(ends, asyncio.Event())
+    assert result is interrupted
 
 
 async def test_the_same_bytes_arrive_on_every_link(tmp_path: Path) -> None:
@@ -145,13 +145,13 @@ async def test_the_same_bytes_arrive_on_every_link(tmp_path: Path) -> None:
     recording = Recording.open(session)
     links = tmp_path / "links"
     config = configuration.with_links(recorded_config(recording, session), links)
-    heard = await play(Replay(recording, config, links, speed=2.0, wait_s=0.0), config, recorded)
+    received = await play(Replay(recording, config, links, speed=2.0, wait_s=0.0), config, recorded)
     expected = defaultdict(list)
     for frame in recorded:
         expected[frame.link].append(frame.data)
-    assert heard["eth"].frames == expected["eth"]
-    assert heard["bus"].frames == expected["bus"]
-    assert heard["line"].bytes == b"".join(expected["line"])
+    assert received["eth"].frames == expected["eth"]
+    assert received["bus"].frames == expected["bus"]
+    assert received["line"].bytes == b"".join(expected["line"])
 
 
 async def test_a_later_start_leaves_the_beginning_out(tmp_path: Path) -> None:
@@ -159,17 +159,17 @@ async def test_a_later_start_leaves_the_beginning_out(tmp_path: Path) -> None:
     session = record(tmp_path, with_free_ports(CONFIG), recorded)
     recording, links = Recording.open(session), tmp_path / "links"
     config = configuration.with_links(recorded_config(recording, session), links)
-    heard = await play(Replay(recording, config, links, from_s=0.06, wait_s=0.0), config, recorded[60:])
-    assert heard["eth"].frames == [f.data for f in recorded[60:] if f.link == "eth"]
+    received = await play(Replay(recording, config, links, from_s=0.06, wait_s=0.0), config, recorded[60:])
+    assert received["eth"].frames == [f.data for f in recorded[60:] if f.link == "eth"]
 
 
-async def test_it_waits_for_readers_and_ends_when_told(tmp_path: Path) -> None:
+async def test_it_waits_for_readers_and_ends_on_request(tmp_path: Path) -> None:
     session = record(tmp_path, with_free_ports(CONFIG), list(frames(10)))
     recording, links = Recording.open(session), tmp_path / "links"
     replay = Replay(recording, recorded_config(recording, session), links)
-    stop, told = asyncio.Event(), list[str]()
-    playing = asyncio.create_task(replay.run(stop, told.append))
-    await until_async(lambda: told == ["waiting for a reader of line"])
+    stop, messages = asyncio.Event(), list[str]()
+    playing = asyncio.create_task(replay.run(stop, messages.append))
+    await until_async(lambda: messages == ["waiting for a reader of line"])
     assert not playing.done()
     stop.set()
     assert (await playing).lateness.messages == 0
@@ -200,16 +200,16 @@ def unread(descriptor: int) -> int:
     return count
 
 
-def due_of(recorded: list[RawFrame], told: list[str] | None = None, **keys: float) -> list[float]:
-    """Instants at which a stream sends, without sending.  told : gets what it says."""
+def due_of(recorded: list[RawFrame], messages: list[str] | None = None, **keys: float) -> list[float]:
+    """Instants at which a stream sends, without sending.  messages : gets its progress messages."""
 
     class Sink:
         async def send_all(self, data: bytes) -> None: ...
 
     sinks: dict[str, Any] = {frame.link: Sink() for frame in recorded}
-    said = list[str]() if told is None else told
+    log = list[str]() if messages is None else messages
     frames = select_frames(lambda: recorded, from_s=keys.get("from_s", 0.0))
-    stream = FrameStream(frames, sinks, ReplayClock(lambda: 0.0), keys.get("speed", 1.0), said.append)
+    stream = FrameStream(frames, sinks, ReplayClock(lambda: 0.0), keys.get("speed", 1.0), log.append)
     found = []
     while (due := stream.due_s()) is not None:
         found.append(due)
@@ -243,15 +243,15 @@ def record_snapshots(tmp_path: Path, text: str, recorded: list[RawFrame]) -> Pat
     log = RawLog(folder, links, **keys)
     for frame in recorded:
         if is_tick(frame):
-            log.tick(frame.seq, frame.t_rx_ns)
+            log.write_tick(frame.seq, frame.t_rx_ns)
     log.close()
     for part in PARTS:
         shot = RawLog(folder, links, kind="snapshot", **keys)
         for frame in recorded[part.start : part.stop]:
             if is_tick(frame):
-                shot.tick(frame.seq, frame.t_rx_ns)
+                shot.write_tick(frame.seq, frame.t_rx_ns)
             else:
-                shot.frame(frame.link, frame.seq, frame.t_rx_ns, frame.data)
+                shot.write_frame(frame.link, frame.seq, frame.t_rx_ns, frame.data)
         shot.close()
     return folder.path
 
@@ -283,26 +283,26 @@ async def test_every_link_hears_what_the_snapshots_have(which: str, tmp_path: Pa
     place, parts = (session, PARTS) if which == "session" else (SessionFolder(session).files("snapshot")[1], PARTS[1:])
     recording, links, expected = Recording.open(place), tmp_path / "links", part_of(recorded, *parts)
     config = configuration.with_links(recorded_config(recording, place), links)
-    heard = await play(
+    received = await play(
         Replay(recording, config, links, wait_s=0.0), config, expected, reports := list[TransmissionReport]()
     )
-    link_lateness = {link: [frame for frame in expected if frame.link == link] for link in heard}
+    link_lateness = {link: [frame for frame in expected if frame.link == link] for link in received}
     for link in ("eth", "bus"):
-        assert heard[link].frames == [frame.data for frame in link_lateness[link]]
-    assert heard["line"].bytes == b"".join(frame.data for frame in link_lateness["line"])
+        assert received[link].frames == [frame.data for frame in link_lateness[link]]
+    assert received["line"].bytes == b"".join(frame.data for frame in link_lateness["line"])
     first, *_, last = link_lateness["eth"]
-    lasted_ns = heard["eth"].times[-1] - heard["eth"].times[0]
+    lasted_ns = received["eth"].times[-1] - received["eth"].times[0]
     late_ns = reports[0].lateness.max_ms * 1e6  # of the first one, on a machine that stood still
     assert lasted_ns > 0.9 * (last.t_rx_ns - first.t_rx_ns) - late_ns  # the pause between the snapshots is kept
 
 
-def test_a_long_pause_is_told() -> None:
+def test_a_long_pause_is_reported() -> None:
     stamps = [0, 1, 7, 8]  # [s]
     recorded = [RawFrame("eth", k, START_NS + t * 1_000_000_000, b"x") for k, t in enumerate(stamps)]
-    told = list[str]()
-    due_of(recorded, told)
-    due_of(recorded, told, speed=2.0)  # it lasts three seconds only
-    assert told == ["no frames were recorded now; it goes on in 6 s"]
+    messages = list[str]()
+    due_of(recorded, messages)
+    due_of(recorded, messages, speed=2.0)  # it lasts three seconds only
+    assert messages == ["pause in the recording; the next frame follows in 6 s"]
 
 
 def test_the_command_says_that_it_is_a_snapshot(tmp_path: Path) -> None:
@@ -313,9 +313,9 @@ def test_the_command_says_that_it_is_a_snapshot(tmp_path: Path) -> None:
             assert process.stdout is not None
             assert process.stdout.readline() == "ready\n"
             process.send_signal(signal.SIGINT)
-            _, said = process.communicate(timeout=120)
+            _, errors = process.communicate(timeout=120)
         assert process.returncode == 130
-        assert said.startswith("note: SNAPSHOT: not a continuous recording")
+        assert errors.startswith("note: SNAPSHOT: not a continuous recording")
 
 
 def test_ticks_are_not_sent() -> None:
@@ -326,9 +326,9 @@ def test_ticks_are_not_sent() -> None:
 def test_a_session_without_its_configuration_is_named(tmp_path: Path) -> None:
     folder = SessionFolder.create(tmp_path, "bare", START_NS)
     log = RawLog(folder, [RawTopic("line", "serial", {})], split_s=300, split_mb=100)
-    log.frame("line", 0, START_NS, b"x")
+    log.write_frame("line", 0, START_NS, b"x")
     log.close()
-    with pytest.raises(MissingError, match=r"holds no attachment config\.toml; name the configuration with --config"):
+    with pytest.raises(MissingError, match=r"has no attachment config\.toml; give the configuration with --config"):
         recorded_config(Recording.open(folder.path), folder.path)
 
 

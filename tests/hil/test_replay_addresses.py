@@ -62,20 +62,20 @@ def test_nothing_is_sent_by_a_recording_that_the_user_did_not_allow(
     session = record(tmp_path, text + 'interface = "virtual"\nchannel = "x"\n', recorded)
     own = tmp_path / "own.toml"
     own.write_text(text + 'interface = "virtual"\nchannel = "x"\n')
-    sent: list[object] = []
+    targets: list[object] = []
 
     class Socket(socket.socket):
         def sendto(self, data: bytes, target: object) -> int:  # type: ignore[override]
-            sent.append(target)
+            targets.append(target)
             return len(data)
 
     monkeypatch.setattr(socket, "socket", Socket)
-    monkeypatch.setattr("fti.cli._keyboard.keys", lambda _: contextlib.nullcontext())
+    monkeypatch.setattr("fti.cli._keyboard.handle_keys", lambda _: contextlib.nullcontext())
     call = ["replay", str(session), "--links", str(tmp_path / "links"), "--wait", "0"]
     assert main(call) == 2
     assert "bind = '192.0.2.1:5000'" in capsys.readouterr().err
-    assert sent == []
+    assert targets == []
     more = {"--allow-remote": [by_user], "--config": [by_user, str(own)], "--only": [by_user, "bus"]}[by_user]
     monkeypatch.setattr("fti.hil.ports.endpoints._is_bound", lambda port: True)
     assert main([*call, *more]) == 0
-    assert set(sent) == (set() if by_user == "--only" else {("192.0.2.1", 5000)})
+    assert set(targets) == (set() if by_user == "--only" else {("192.0.2.1", 5000)})

@@ -101,14 +101,14 @@ def test_what_is_paused_goes_on_where_it_was() -> None:
 def test_a_step_is_one_frame_also_where_several_have_one_instant() -> None:
     player = Player([frame(0), frame(100), frame(100), frame(100), frame(300)])
     step, pause = player.replay_clock.step, player.replay_clock.pause
-    sent = player.play((0.05, pause), (1.0, step), (2.0, step), (3.0, step), (4.0, pause))
-    assert sent == pytest.approx([0.0, 1.0, 2.0, 3.0, 4.2], abs=0.011)
+    times = player.play((0.05, pause), (1.0, step), (2.0, step), (3.0, step), (4.0, pause))
+    assert times == pytest.approx([0.0, 1.0, 2.0, 3.0, 4.2], abs=0.011)
 
 
 def test_a_step_out_of_play_pauses() -> None:
     player = Player([frame(0), frame(100), frame(200)])
-    sent = player.play((0.05, player.replay_clock.step), (1.0, player.stop.set))
-    assert sent == pytest.approx([0.0, 0.05], abs=0.011)
+    times = player.play((0.05, player.replay_clock.step), (1.0, player.stop.set))
+    assert times == pytest.approx([0.0, 0.05], abs=0.011)
     assert player.replay_clock.is_paused
 
 

@@ -1,4 +1,4 @@
-"""Scenario files: the shipped ones load, wrong ones are told in one sentence."""
+"""Scenario files: the shipped ones load, errors are reported in one sentence."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def test_a_scenario_is_found_by_name_and_by_path(tmp_path: Path) -> None:
     file = written(tmp_path, "")
     assert scenarios.find(str(file)) == file
     assert scenarios.find("nominal").is_file()
-    with pytest.raises(MissingError, match=r"no scenario 'nomnal'; there are .*nominal"):
+    with pytest.raises(MissingError, match=r"unknown scenario 'nomnal'; allowed: a file, or one of .*nominal"):
         scenarios.find("nomnal")
 
 
@@ -51,7 +51,7 @@ def test_the_configuration_is_beside_the_file(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "message"),
     [
         ("[flight]\nspeed = 60\n", r"flight.speed: there is no such key; allowed here: .*speed_mps"),
         (
@@ -75,8 +75,8 @@ def test_the_configuration_is_beside_the_file(tmp_path: Path) -> None:
         ("[flight]\nduration_s = 0\n", r"flight.duration_s = 0"),
     ],
 )
-def test_mistakes_are_named(tmp_path: Path, text: str, said: str) -> None:
-    with pytest.raises(ConfigError, match=said):
+def test_mistakes_are_named(tmp_path: Path, text: str, message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
         scenarios.load(written(tmp_path, text))
 
 
@@ -88,19 +88,19 @@ def expecting(tmp_path: Path, channel: str) -> Scenario:
 
 
 @pytest.mark.parametrize(
-    ("channel", "said"),
+    ("channel", "message"),
     [
-        ("/nav/glide_slope.dotz", "there is no field 'dotz'; there are t_ns, .*dots"),
-        ("/nav/glideslope.dots", "/nav has no 'glideslope'; it may have height_above_ground, "),
-        ("/nav/height_above_ground/ins.raw", "it must name one of nav.altimeters: altimeter, autopilot"),
-        ("/nav/height_above_ground.raw", "it must name one of nav.altimeters"),
-        ("/nav/provisional_solution/ins.hpl", "it must name one of nav.filter.gnss: "),
-        ("/laser/range.slant_range", "there is no 'laser'; there are nav, fti, altimeter"),
-        ("/gnss/position/gga.lat", "nothing is below it: 'gga'"),
+        ("/nav/glide_slope.dotz", "unknown field 'dotz'; allowed: t_ns, .*dots"),
+        ("/nav/glideslope.dots", "unknown topic 'glideslope' of /nav; allowed: height_above_ground, "),
+        ("/nav/height_above_ground/ins.raw", "must end with one of nav.altimeters: altimeter, autopilot"),
+        ("/nav/height_above_ground.raw", "must end with one of nav.altimeters"),
+        ("/nav/provisional_solution/ins.hpl", "must end with one of nav.filter.gnss: "),
+        ("/laser/range.slant_range", "unknown topic /laser; allowed: nav, fti, altimeter"),
+        ("/gnss/position/gga.lat", "unknown part 'gga'; allowed: none"),
     ],
 )
-def test_what_is_expected_of_no_channel_is_named_with_the_file(tmp_path: Path, channel: str, said: str) -> None:
-    with pytest.raises(ConfigError, match=rf"typo.toml: expect\[0\].channel = '{channel}': {said}"):
+def test_what_is_expected_of_no_channel_is_named_with_the_file(tmp_path: Path, channel: str, message: str) -> None:
+    with pytest.raises(ConfigError, match=rf"typo.toml: expect\[0\].channel = '{channel}': {message}"):
         scenarios.load_config(expecting(tmp_path, channel))
 
 
@@ -120,14 +120,14 @@ def test_what_is_expected_of_a_channel_may_stand_there(tmp_path: Path, channel: 
 def test_a_fault_of_a_device_that_is_not_there_is_named() -> None:
     scenario = scenarios.load(scenarios.find("nominal"))
     fault = Invalid(kind="invalid", devices=("radar",), from_s=1.0, to_s=2.0)
-    with pytest.raises(ConfigError, match=r"fault\[0\].devices: 'radar' is no device of .*; there are altimeter"):
+    with pytest.raises(ConfigError, match=r"fault\[0\].devices: unknown device 'radar'; .* has: altimeter"):
         scenarios.load_config(scenario.model_copy(update={"fault": (fault,)}))
 
 
 def test_a_fault_of_an_adapter_that_is_not_there_is_named() -> None:
     scenario = scenarios.load(scenarios.find("nominal"))
     fault = CanStatus(kind="can_status", flags=("bus_error",), links=("gnss",), from_s=1.0, to_s=2.0)
-    with pytest.raises(ConfigError, match=r"fault\[0\].links: 'gnss' is no slcan link of .*; there are air_can"):
+    with pytest.raises(ConfigError, match=r"fault\[0\].links: unknown slcan link 'gnss'; .* has: air_can"):
         scenarios.load_config(scenario.model_copy(update={"fault": (fault,)}))
 
 

@@ -61,7 +61,7 @@ def test_lateness_is_that_of_the_one_who_waits_for_another() -> None:
     assert late.max_ms == pytest.approx(400.0, abs=1e-6)
 
 
-def test_a_stream_with_a_meter_is_told_of_its_own_messages() -> None:
+def test_a_stream_with_a_meter_records_its_own_messages() -> None:
     bench = Bench()
 
     noted: list[float] = []
@@ -97,13 +97,13 @@ async def test_other_tasks_run_while_the_scheduler_is_behind() -> None:
     """All instants are past; another task still gets its turn before the end."""
     bench = Bench()
     bench.now = 100.0
-    seen: list[int] = []
+    counts: list[int] = []
 
     async def other() -> None:
         await asyncio.sleep(0)
-        seen.append(len(bench.sent))
+        counts.append(len(bench.sent))
 
     task = asyncio.create_task(other())
     await Scheduler(lambda: bench.now, bench.sleep).run([Ticks(bench, "a", [0.0] * 500)], asyncio.Event())
     await task
-    assert seen[0] < 500
+    assert counts[0] < 500

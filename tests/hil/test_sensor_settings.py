@@ -34,20 +34,20 @@ def config(tmp_path: Path) -> Config:
 
 
 def test_a_setting_that_the_model_does_not_take_is_refused_by_its_key(config: Config) -> None:
-    flown = world(1.0, sensor={"receiver": {"grade": "navigation"}})
+    environment = world(1.0, sensor={"receiver": {"grade": "navigation"}})
     with pytest.raises(ConfigError, match=r"sensor\.receiver\.grade: there is no such key; allowed here: .*drift_ppm"):
-        make_sensors(config, flown, 1, print)
+        make_sensors(config, environment, 1, print)
 
 
 def test_a_device_that_is_not_there_is_refused(config: Config) -> None:
-    with pytest.raises(ConfigError, match=r"sensor: 'ins' is no device of .*; there are receiver"):
+    with pytest.raises(ConfigError, match=r"sensor: unknown device 'ins'; .* has: receiver"):
         load_config(scenario(sensor={"ins": {}}), Path(config.path))
 
 
 @pytest.mark.parametrize("driver", sorted(SETTINGS))
 def test_every_models_settings_have_defaults_and_the_timing(driver: str) -> None:
     kind = SETTINGS[driver]
-    given = scenario(sensor={"ins": {"shift_ms": 2.0}})
-    assert settings_of(kind, given, "ins").shift_ms == 2.0
-    assert settings_of(kind, given, "other") == kind()
+    plan = scenario(sensor={"ins": {"shift_ms": 2.0}})
+    assert settings_of(kind, plan, "ins").shift_ms == 2.0
+    assert settings_of(kind, plan, "other") == kind()
     assert issubclass(kind, DeviceSettings)

@@ -15,12 +15,14 @@ from tests.hil.worlds import world
 DURATION_S = 10.0
 
 
-def sensor(rate_hz: float = 20.0, told_latency_ms: float = 5.0, **settings: float) -> SimulatedSensor:
+def sensor(rate_hz: float = 20.0, configured_latency_ms: float = 5.0, **settings: float) -> SimulatedSensor:
     module = drivers.load("freeflight_ra4500")
     keys = {"name": "radar", "link": "line", "driver": "freeflight_ra4500"}
-    device = Device.model_validate({**keys, "rate_hz": rate_hz, "latency_ms": told_latency_ms})
-    flown = world(DURATION_S, sensor={"radar": settings})
-    return SimulatedSensor(BoundDevice(device, module, module.Options()), MODELS["freeflight_ra4500"], flown, seed=1)
+    device = Device.model_validate({**keys, "rate_hz": rate_hz, "latency_ms": configured_latency_ms})
+    environment = world(DURATION_S, sensor={"radar": settings})
+    return SimulatedSensor(
+        BoundDevice(device, module, module.Options()), MODELS["freeflight_ra4500"], environment, seed=1
+    )
 
 
 def test_the_first_sample_is_where_the_shift_says() -> None:
@@ -37,8 +39,8 @@ def test_drift_is_that_of_the_clock() -> None:
 
 
 def test_latency_is_that_of_the_scenario_before_that_of_the_configuration() -> None:
-    told, other = sensor(jitter_ms=0.0), sensor(jitter_ms=0.0, latency_ms=80.0)
-    np.testing.assert_allclose(told.due - told.t, 0.005, atol=1e-12)
+    configured, other = sensor(jitter_ms=0.0), sensor(jitter_ms=0.0, latency_ms=80.0)
+    np.testing.assert_allclose(configured.due - configured.t, 0.005, atol=1e-12)
     np.testing.assert_allclose(other.due - other.t, 0.080, atol=1e-12)
 
 

@@ -47,7 +47,7 @@ LASER = Altimeter(kind="laser", range_m=(0.2, 500.0))
 
 
 @cache
-def flown() -> Environment:
+def environment() -> Environment:
     return world(duration_s=60.0)
 
 
@@ -56,7 +56,7 @@ def sensor(
 ) -> SimulatedSensor:
     device = Device.model_validate({"name": name, "link": "line", "driver": driver, **keys})
     module = drivers.load(driver)
-    return SimulatedSensor(BoundDevice(device, module, module.Options()), MODELS[driver], there or flown(), seed)
+    return SimulatedSensor(BoundDevice(device, module, module.Options()), MODELS[driver], there or environment(), seed)
 
 
 def all_of(made: SimulatedSensor, kind: type[M]) -> list[M]:
@@ -121,8 +121,8 @@ def test_slow_errors_have_the_size_and_memory_asked_for() -> None:
     t = np.arange(0.0, 20000.0, 0.5)
     error = gauss_markov_noise(t, 2.0, 10.0, np.random.default_rng(1))
     assert error.std() == pytest.approx(2.0, rel=0.1)
-    ahead = np.corrcoef(error[:-20], error[20:])[0, 1]
-    assert ahead == pytest.approx(math.exp(-1.0), abs=0.08)
+    correlation = np.corrcoef(error[:-20], error[20:])[0, 1]
+    assert correlation == pytest.approx(math.exp(-1.0), abs=0.08)
 
 
 def spread(driver: str, error_of: str) -> float:
@@ -133,17 +133,17 @@ def spread(driver: str, error_of: str) -> float:
 
 def north_error(made: SimulatedSensor) -> Array:
     found = all_of(made, Position)
-    return (np.array([p.lat for p in found]) - flown().state(times(found)).lat) * SEMI_MAJOR
+    return (np.array([p.lat for p in found]) - environment().state(times(found)).lat) * SEMI_MAJOR
 
 
 def height_error(made: SimulatedSensor) -> Array:
     found = all_of(made, Position)
-    return np.array([p.alt for p in found]) - flown().state(times(found)).alt
+    return np.array([p.alt for p in found]) - environment().state(times(found)).alt
 
 
 def roll_error(made: SimulatedSensor) -> Array:
     found = all_of(made, Attitude)
-    return np.array([a.roll for a in found]) - flown().state(times(found)).roll
+    return np.array([a.roll for a in found]) - environment().state(times(found)).roll
 
 
 def times(found: Sequence[Measurement]) -> Array:
@@ -178,7 +178,7 @@ def test_both_heights_differ_by_the_undulation() -> None:
 
 def test_a_lever_arm_moves_the_position_with_the_heading() -> None:
     """Heading 250 and an arm of 10 m forward: 3.4 m south, 9.4 m west."""
-    state = flown().state(np.array([10.0]))
+    state = environment().state(np.array([10.0]))
     lat, lon, alt = position_at(state, (10.0, 0.0, 0.0))
     north = (lat - state.lat)[0] * SEMI_MAJOR
     east = (lon - state.lon)[0] * SEMI_MAJOR * math.cos(state.lat[0])
@@ -190,7 +190,7 @@ def test_a_lever_arm_moves_the_position_with_the_heading() -> None:
 def test_a_lever_arm_has_the_velocity_of_its_place(arm: tuple[float, float, float]) -> None:
     """Against the way of the place in 20 ms, in a side step: 0.2 m/s and more beside that of P."""
     t = np.linspace(8.0, 20.0, 50)
-    there = [ecef_from_geodetic(*position_at(stepping().state(t + ahead), arm)) for ahead in (0.01, -0.01)]
+    there = [ecef_from_geodetic(*position_at(stepping().state(t + correlation), arm)) for correlation in (0.01, -0.01)]
     state = stepping().state(t)
     moved_n = np.einsum("nji,nj->ni", mat_en(state.lat, state.lon), (there[0] - there[1]) / 0.02)
     found = velocity_at(state, arm)
@@ -204,7 +204,7 @@ def stepping() -> Environment:
 
 
 @pytest.mark.parametrize("driver", ["imar_ixcom", "nmea0183"])
-def test_what_is_told_is_the_velocity_at_the_device(driver: str) -> None:
+def test_the_measured_velocity_is_that_of_the_device(driver: str) -> None:
     """With an arm and without one the errors are the same ones: the difference is the arm's."""
     arm = (5.0, 2.0, -1.5)
     moved, still = (sensor(driver, there=stepping(), rate_hz=5, lever_arm_b=a) for a in (arm, (0.0, 0.0, 0.0)))
@@ -227,8 +227,8 @@ def test_velocity_says_the_same_in_components_and_as_track() -> None:
 def test_radar_noise_is_white_and_of_its_size() -> None:
     made = sensor("freeflight_ra4500", altimeter=RADAR.model_dump())
     heights = np.array([m.height_agl for m in all_of(made, RadioHeight)])
-    state = flown().state(made.t)
-    noise = np.diff(heights - (state.alt - flown().ground(state)), n=2) / math.sqrt(6.0)  # trends go
+    state = environment().state(made.t)
+    noise = np.diff(heights - (state.alt - environment().ground(state)), n=2) / math.sqrt(6.0)  # trends go
     assert noise.std() == pytest.approx(0.3, rel=0.2)
 
 
@@ -252,7 +252,7 @@ def test_air_data_fits_together() -> None:
     made = sensor("canaerospace")
     pressure, impact = all_of(made, StaticPressure)[9], all_of(made, ImpactPressure)[9]
     speed, altitudes = all_of(made, Airspeed)[9], all_of(made, PressureAltitude)[18:20]
-    state = flown().state(made.t[9:10])
+    state = environment().state(made.t[9:10])
     assert altitudes[0].alt_press == pytest.approx(state.alt[0] - 47.0, abs=5.0)
     assert altitudes[0].alt_press == pytest.approx(altitudes[1].alt_press)  # QNH is the standard here
     assert impact.q_c == pytest.approx(0.5 * pressure.p_static / (287.05 * 284.0) * state.tas[0] ** 2, rel=0.03)
@@ -276,6 +276,6 @@ def test_a_case_that_lies_on_its_side_feels_so_and_the_daemon_turns_it_back(driv
 def test_inertial_samples_feel_gravity_in_every_model_that_has_them() -> None:
     for driver, three_sd in (("imar_ixcom", 0.004), ("mavlink", 0.54)):  # MEMS: 15 mg and 1 % of 1 g
         accel = np.array([m.accel_b for m in all_of(sensor(driver), ImuSample)])
-        felt = np.linalg.norm(specific_force_b(flown().state(sensor(driver).t)), axis=1)
+        felt = np.linalg.norm(specific_force_b(environment().state(sensor(driver).t)), axis=1)
         assert np.linalg.norm(accel, axis=1).mean() == pytest.approx(felt.mean(), abs=three_sd)
         assert accel[:, 2].mean() < -9.5

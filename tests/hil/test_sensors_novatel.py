@@ -13,7 +13,7 @@ from fti.constants import SPEED_OF_LIGHT
 from fti.drivers import novatel_oem6
 from fti.geodesy.wgs84 import SEMI_MAJOR
 from fti.types import Measurement, Position, Pseudorange, Pseudoranges, ReceiverClock, Satellites, Velocity
-from tests.hil.test_sensors import START_NS, flown, sensor
+from tests.hil.test_sensors import START_NS, environment, sensor
 
 Key = tuple[str, int, str]
 
@@ -81,8 +81,10 @@ def test_all_satellites_that_are_used_have_directions_and_give_the_dilution() ->
     sky = next(m for m in measured()[0] if isinstance(m, Satellites))
     assert sky.used == len(sky.satellites)
     up = np.array([present(s.elevation) for s in sky.satellites])
-    around = np.array([present(s.azimuth) for s in sky.satellites])
-    design = np.stack([np.cos(up) * np.cos(around), np.cos(up) * np.sin(around), np.sin(up), np.ones(len(up))], axis=1)
+    azimuth = np.array([present(s.azimuth) for s in sky.satellites])
+    design = np.stack(
+        [np.cos(up) * np.cos(azimuth), np.cos(up) * np.sin(azimuth), np.sin(up), np.ones(len(up))], axis=1
+    )
     q = np.linalg.inv(design.T @ design)
     assert sky.hdop == pytest.approx(math.sqrt(q[0, 0] + q[1, 1]))
     assert sky.pdop == pytest.approx(math.sqrt(np.trace(q[:3, :3])))
@@ -94,10 +96,10 @@ def test_errors_are_those_of_the_data_sheet() -> None:
     north, up, speed, time = [], [], [], []
     for seed in range(10):
         made = sensor("novatel_oem6", seed=seed, rate_hz=0.2)
-        state = flown().state(made.t)
+        state = environment().state(made.t)
         for k in range(len(made.t)):
-            said = {type(m): m for m in made.measure(k, START_NS)}
-            position, velocity, clock = said[Position], said[Velocity], said[ReceiverClock]
+            messages = {type(m): m for m in made.measure(k, START_NS)}
+            position, velocity, clock = messages[Position], messages[Velocity], messages[ReceiverClock]
             assert isinstance(position, Position)
             assert isinstance(velocity, Velocity)
             assert isinstance(clock, ReceiverClock)

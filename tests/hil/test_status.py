@@ -30,19 +30,19 @@ def test_every_kind_of_fault_has_words() -> None:
     assert set(descriptions.DESCRIPTIONS) == set(FaultKind)
 
 
-def test_faults_are_told_in_words_while_they_act() -> None:
+def test_faults_are_described_while_they_act() -> None:
     fog = Fog(kind="fog", devices=("laser",), visibility_m=75.0, from_s=10.0, to_s=20.0)
     jammed = GnssOutage(kind="gnss_outage", from_s=15.0, to_s=30.0)
     tower = Obstacle(kind="obstacle", before_threshold_m=1500.0, height_m=30.0)
-    told = {t: list(descriptions.active_faults((fog, jammed, tower), t)) for t in (9.9, 10.0, 19.9, 20.0)}
-    assert [[fault["kind"] for fault in told[t]] for t in told] == [
+    active = {t: list(descriptions.active_faults((fog, jammed, tower), t)) for t in (9.9, 10.0, 19.9, 20.0)}
+    assert [[fault["kind"] for fault in active[t]] for t in active] == [
         ["obstacle"],
         ["fog", "obstacle"],
         ["fog", "gnss_outage", "obstacle"],
         ["gnss_outage", "obstacle"],
     ]
-    assert told[10.0][0] == {"kind": "fog", "words": "fog, 75 m", "on": ["laser"], "until_s": 20.0}
-    assert told[10.0][1] == {
+    assert active[10.0][0] == {"kind": "fog", "words": "fog, 75 m", "on": ["laser"], "until_s": 20.0}
+    assert active[10.0][1] == {
         "kind": "obstacle",
         "words": "obstacle of 30 m, 1500 m before the threshold",
         "on": [],
@@ -50,7 +50,7 @@ def test_faults_are_told_in_words_while_they_act() -> None:
     }
 
 
-async def test_devices_links_and_breakers_are_told_before_and_during_the_flight(tmp_path: Path) -> None:
+async def test_devices_links_and_breakers_are_published_before_and_during_the_flight(tmp_path: Path) -> None:
     config = demo_config(tmp_path)
     trip = Breaker(kind="breaker", devices=("gnss",), from_s=0.1, to_s=100.0)
     emulator, _ = make(tmp_path, config, trip, duration_s=FLIGHT_S)
@@ -80,7 +80,7 @@ async def test_devices_links_and_breakers_are_told_before_and_during_the_flight(
     assert [fault["words"] for fault in after["faults"]] == ["breaker tripped"]
 
 
-def test_it_is_told_to_the_daemon_that_comes_and_to_the_one_behind_it(tmp_path: Path) -> None:
+def test_it_is_published_to_a_daemon_and_to_the_next_one(tmp_path: Path) -> None:
     emulator, _ = make(tmp_path, demo_config(tmp_path))
     emulator.prepare()
     run_dir = tmp_path / "run"
@@ -101,18 +101,18 @@ def test_it_is_told_to_the_daemon_that_comes_and_to_the_one_behind_it(tmp_path: 
 
 
 def first_word(run_dir: Path) -> dict[str, Any]:
-    """What is said first to a daemon that is there from now on."""
-    said = queue.SimpleQueue[dict[str, Any]]()
+    """The first message to a daemon that starts now."""
+    published = queue.SimpleQueue[dict[str, Any]]()
 
     def hear(topic: str, payload: bytes, sent_ns: int) -> None:
-        said.put({"topic": topic} | json.loads(payload))
+        published.put({"topic": topic} | json.loads(payload))
 
     with (
         running_daemon(run_dir, "demo"),
         RunningHub(run_dir / SOCKET_NAME) as running,
         closing(Subscriber(running.hub.path, "test", hear)),
     ):
-        return said.get(timeout=120)
+        return published.get(timeout=120)
 
 
 async def test_without_a_daemon_the_flight_is_the_same(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Small files that claim, or hold, very much: written as raw bytes, so that a megabyte stands for gigabytes."""
+"""Small files that claim or contain very much data: written as raw bytes, so that a megabyte represents gigabytes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The commands that read files, as argument lists; SESSION, FILE and OUT stand for places."""
+"""The commands that read files, as argument lists; SESSION, FILE and OUT are placeholders."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Kinds of damage to a recorded session: what a hostile file says, and what becomes of bytes."""
+"""Kinds of damage to a recorded session: hostile contents, and damaged bytes."""
 
 from __future__ import annotations
 

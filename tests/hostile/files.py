@@ -1,4 +1,4 @@
-"""Hostile files that are no session: configurations, scenarios, DBC, label sets, captures, elevation, references."""
+"""Hostile files other than sessions: configurations, scenarios, DBC, label sets, captures, elevation, references."""
 
 from __future__ import annotations
 

@@ -82,15 +82,15 @@ def session() -> Session:
         {
             f"{NAME}_000.mcap": File(kind("raw"), dict(attached), list(_raw())),
             f"{NAME}_derived_000.mcap": File(kind("derived"), dict(attached), list(_derived())),
-            f"{NAME}_truth_000.mcap": File(kind("truth"), {"scenario.json": _flown()}, list(_truth())),
+            f"{NAME}_truth_000.mcap": File(kind("truth"), {"scenario.json": _flight_recipe()}, list(_truth())),
         }
     )
 
 
-def _flown() -> bytes:
+def _flight_recipe() -> bytes:
     from fti.hil import scenario as scenarios
 
-    return scenarios.load(scenarios.find("silence")).flown.encode()
+    return scenarios.load(scenarios.find("silence")).flight_key.encode()
 
 
 def _times() -> list[int]:

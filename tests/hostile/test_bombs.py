@@ -1,4 +1,4 @@
-"""Small files that hold very much: no command takes more memory than a large session needs."""
+"""Small files with very much data: no command needs more memory than for a large session."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ PAIRS = (
     ("long events", "info", 0, ""),
     ("columns", "export", 3, "more than 131072 columns"),
     ("lists", "export", 3, "at most 4194304 are read"),
-    ("lengths", "sync", 3, "holds no configuration"),
+    ("lengths", "sync", 3, "contains no configuration"),
     ("long name", "info", 3, "a length of 4294967295 bytes"),
     ("metadata", "info", 3, "its metadata have more than"),
     ("gap notes", "verify", 3, "more than 131072 notes of gaps"),
@@ -64,11 +64,11 @@ def run(bomb: str, command: str, folder: Path) -> tuple[int, int, str]:
     return code, peak_mb, made.stdout + made.stderr
 
 
-@pytest.mark.parametrize(("bomb", "command", "code", "said"), PAIRS)
-def test_a_small_file_that_holds_very_much(bomb: str, command: str, code: int, said: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("bomb", "command", "code", "stated"), PAIRS)
+def test_a_small_file_that_holds_very_much(bomb: str, command: str, code: int, stated: str, tmp_path: Path) -> None:
     found, peak_mb, printed = run(bomb, command, tmp_path)
     assert (found, peak_mb < MAX_PEAK_MB) == (code, True), (peak_mb, printed[-1000:])
-    assert said in printed
+    assert stated in printed
 
 
 @pytest.mark.parametrize("bomb", BOMBS)

@@ -1,4 +1,4 @@
-"""Every command that reads files over every kind of damage: a sentence, and never a traceback or all the memory.
+"""Every command that reads files, with every kind of damage: an error message, never a traceback or excessive memory.
 
 Quick: some 60 pairs, each command and many kinds at least once; ``--scale full``: 2640 pairs.
 """

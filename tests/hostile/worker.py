@@ -67,7 +67,7 @@ def _arguments(damage: str, command: Any, seed: int, place: Path) -> list[str]:
     places = {"OUT": out, "AIRFIELD": place / "airfield.toml"}
     if damage in DAMAGES:
         session = write(DAMAGES[damage](rng), place)
-        _put_beside(session)
+        _put_next_to(session)
         return filled(SESSION_COMMANDS[command], {"SESSION": session, **places})
     kind, _, name = damage.partition(": ")
     file = write_file(kind, name, rng, place)
@@ -76,7 +76,7 @@ def _arguments(damage: str, command: Any, seed: int, place: Path) -> list[str]:
     return filled(FILE_COMMANDS[kind][command], {"FILE": file, **places})
 
 
-def _put_beside(session: Path) -> None:
+def _put_next_to(session: Path) -> None:
     """The recorded configuration as a file, and a scenario that flies the session again."""
     from mcap.exceptions import McapError
     from mcap.reader import make_reader
@@ -95,7 +95,7 @@ def _put_beside(session: Path) -> None:
 def _run(damage: str, command: Any, seed: int, place: Path) -> dict[str, Any]:
     from fti.cli.main import main as fti
 
-    begun = time.monotonic()
+    started = time.monotonic()
     arguments = _arguments(damage, command, seed, place)
     out, printed = io.TextIOWrapper(io.BytesIO(), "utf-8"), io.BytesIO()
     err = io.TextIOWrapper(printed, "utf-8")
@@ -109,7 +109,7 @@ def _run(damage: str, command: Any, seed: int, place: Path) -> dict[str, Any]:
             found["code"], found["traceback"] = None, traceback.format_exc()
         out.flush()
         err.flush()
-    return {**found, "stderr": printed.getvalue().decode(), "s": time.monotonic() - begun, "peak_kb": peak_kb()}
+    return {**found, "stderr": printed.getvalue().decode(), "s": time.monotonic() - started, "peak_kb": peak_kb()}
 
 
 if __name__ == "__main__":

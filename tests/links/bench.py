@@ -1,4 +1,4 @@
-"""What the tests of links share: a running link that remembers what came, and the other end of a serial line."""
+"""Helpers of the link tests: a running link that stores received frames, and the other end of a serial line."""
 
 from __future__ import annotations
 
@@ -40,13 +40,13 @@ async def run_link(
     link: config.Link, on_connect: Sequence[bytes] = (), clock: Clock | None = None, connects: int = 1
 ) -> AsyncIterator[tuple[Any, ReceivedFrames]]:
     """The link, running and connected (unless connects is 0), and what it hears; cancelled at the end."""
-    heard = ReceivedFrames()
-    opened: Link = open_link(link, clock or SystemClock(choose_epoch_ns()), heard, on_connect=on_connect)
+    received = ReceivedFrames()
+    opened: Link = open_link(link, clock or SystemClock(choose_epoch_ns()), received, on_connect=on_connect)
     task = asyncio.create_task(opened.run())
     try:
         if connects:
             await until_async(lambda: opened.status.connects >= connects or task.done(), what="the connection")
-        yield opened, heard
+        yield opened, received
     finally:
         task.cancel()
         with contextlib.suppress(asyncio.CancelledError):

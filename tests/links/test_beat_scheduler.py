@@ -1,4 +1,4 @@
-"""The common look at all sockets: with each beat, and soon again where much was waiting."""
+"""The common poll of all sockets: with each beat, and again soon after full batches."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ class Port:
     def __init__(self) -> None:
         self.near, self.far = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
         self.near.setblocking(False)
-        self.heard: list[bytes] = []
+        self.received: list[bytes] = []
         self.more = False
         self.then: Callable[[], None] = lambda: None
 
     def read(self) -> bool:
         try:
-            self.heard.append(self.near.recv(100))
+            self.received.append(self.near.recv(100))
         except BlockingIOError:
             return False
         self.then()
@@ -85,7 +85,7 @@ async def test_all_are_read_with_one_look(ports: list[Port]) -> None:
         for port in ports:
             port.far.send(bytes([turn]))
         assert not looks
-        await until_async(lambda turn=turn: all(len(port.heard) == turn + 1 for port in ports))  # type: ignore[misc]
+        await until_async(lambda turn=turn: all(len(port.received) == turn + 1 for port in ports))  # type: ignore[misc]
         assert len(looks) == len(ports)
         assert len(set(looks)) == 1
     turns.stop()
@@ -96,18 +96,18 @@ async def test_all_are_read_with_one_look(ports: list[Port]) -> None:
 
 async def test_the_beat_calls_behind_the_look(ports: list[Port]) -> None:
     """So that what has come until then is numbered before the tick."""
-    port, told = ports[0], list[list[bytes]]()
+    port, reported = ports[0], list[list[bytes]]()
     port.watch()
 
     def beat() -> None:
-        told.append(list(port.heard))
+        reported.append(list(port.received))
 
     _beat_scheduler.add_beat_callbacks(beat, nothing)
-    await until_async(lambda: len(told) > 2)
-    before = len(told)
+    await until_async(lambda: len(reported) > 2)
+    before = len(reported)
     port.far.send(b"x")
-    await until_async(lambda: len(told) > before)
-    assert told[before] == [b"x"]
+    await until_async(lambda: len(reported) > before)
+    assert reported[before] == [b"x"]
     port.unwatch()
     _beat_scheduler.remove_beat_callbacks(beat, nothing)
     assert not _beat_scheduler._schedulers
@@ -142,7 +142,7 @@ class Driven:
         self.poll.early_calls.append(partial(self._note, "early"))
 
     def _note(self, kind: str) -> None:
-        self.calls.append((kind, tuple(len(port.heard) for port in self._ports)))
+        self.calls.append((kind, tuple(len(port.received) for port in self._ports)))
 
     @property
     def kinds(self) -> list[str]:
@@ -290,7 +290,7 @@ async def test_one_that_fails_is_nobody_elses_trouble(ports: list[Port]) -> None
         sick.far.send(b"x")
         well.far.send(b"y")
         before = len(beats)
-        await until_async(lambda turn=turn: len(well.heard) == turn + 1)  # type: ignore[misc]
+        await until_async(lambda turn=turn: len(well.received) == turn + 1)  # type: ignore[misc]
         await until_async(lambda before=before: len(beats) > before)  # type: ignore[misc]
     assert set(errors) == {"sick"}
     for port in (sick, well):
@@ -300,19 +300,19 @@ async def test_one_that_fails_is_nobody_elses_trouble(ports: list[Port]) -> None
 
 def test_the_beat_waits_for_who_has_more(ports: list[Port]) -> None:
     """What came before it is numbered before the tick, however many calls reading it takes."""
-    loop, port, told = Hands(), ports[0], list[int]()
+    loop, port, reported = Hands(), ports[0], list[int]()
     loop.step_s = 1e-5  # ten looks take less than the beat waits
     poll = _beat_scheduler.BeatScheduler(loop)
     poll.add(port.near.fileno(), port.read)
-    poll.calls.append(lambda: told.append(len(port.heard)))
+    poll.calls.append(lambda: reported.append(len(port.received)))
     port.more = True
     for turn in range(1, 6):
         for _ in range(10):  # one look takes one
             port.far.send(b"x")
         loop.now_s = poll._beat_s
-        while len(told) < turn:
+        while len(reported) < turn:
             loop.run_until_complete(asyncio.sleep(0))
-        assert told[-1] == 10 * turn
+        assert reported[-1] == 10 * turn
     poll.close()
     loop.close()
 
@@ -348,8 +348,8 @@ async def test_who_has_more_is_read_again_at_once(ports: list[Port]) -> None:
     for i in range(50):
         port.far.send(bytes([i]))
         if i == 5:
-            await until_async(lambda: port.heard)
-    await until_async(lambda: len(port.heard) == 50)
+            await until_async(lambda: port.received)
+    await until_async(lambda: len(port.received) == 50)
     port.unwatch()
 
 
@@ -361,14 +361,14 @@ async def test_a_socket_may_be_left_while_it_is_read(ports: list[Port]) -> None:
     first.then = second.unwatch
     for port in (first, second):
         port.far.send(b"x")
-    await until_async(lambda: first.heard)
+    await until_async(lambda: first.received)
     first.then = first.unwatch  # the last one
     first.far.send(b"y")
-    await until_async(lambda: len(first.heard) == 2)
+    await until_async(lambda: len(first.received) == 2)
     assert not _beat_scheduler._schedulers
     third.watch()
     third.far.send(b"z")
-    await until_async(lambda: third.heard)
+    await until_async(lambda: third.received)
     third.unwatch()
 
 
@@ -377,5 +377,5 @@ async def test_to_forget_what_was_never_watched_is_harmless(ports: list[Port]) -
     ports[0].watch()
     ports[1].unwatch()
     ports[0].far.send(b"x")
-    await until_async(lambda: ports[0].heard)
+    await until_async(lambda: ports[0].received)
     ports[0].unwatch()

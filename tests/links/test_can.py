@@ -1,4 +1,4 @@
-"""CAN links through python-can.  The kernel's SocketCAN itself is tested where there is one, see tests/vcan."""
+"""CAN links through python-can.  tests/vcan tests the SocketCAN of the kernel, if available."""
 
 from __future__ import annotations
 
@@ -58,24 +58,24 @@ def bus() -> Iterator[tuple[CanLink, can.BusABC]]:
 
 async def test_frames_arrive_in_order(bus: tuple[CanLink, can.BusABC]) -> None:
     config, other = bus
-    async with run_link(config) as (opened, heard):
+    async with run_link(config) as (opened, received):
         for frame in FRAMES * 20:
             other.send(unpack_message(frame))
-        await until_async(lambda: len(heard.frames) == len(FRAMES) * 20)
+        await until_async(lambda: len(received.frames) == len(FRAMES) * 20)
         assert opened.status.state is LinkState.GOOD
-    assert heard.frames == FRAMES * 20
-    assert heard.times == sorted(heard.times)
+    assert received.frames == FRAMES * 20
+    assert received.times == sorted(received.times)
 
 
-async def test_frames_are_sent_and_not_heard(bus: tuple[CanLink, can.BusABC]) -> None:
+async def test_frames_are_sent_and_not_received(bus: tuple[CanLink, can.BusABC]) -> None:
     config, other = bus
-    async with run_link(config, on_connect=[FRAMES[0]]) as (opened, heard):
+    async with run_link(config, on_connect=[FRAMES[0]]) as (opened, received):
         await opened.send(FRAMES[1])
         found = [other.recv(5), other.recv(5)]
         assert [pack_message(message) for message in found if message] == FRAMES[:2]
         other.send(unpack_message(FRAMES[2]))
-        await until_async(lambda: heard.frames)
-        assert heard.frames == [FRAMES[2]]
+        await until_async(lambda: received.frames)
+        assert received.frames == [FRAMES[2]]
         assert opened.status.tx_frames == 2
 
 
@@ -87,23 +87,23 @@ async def test_reading_thread_ends_with_the_link(bus: tuple[CanLink, can.BusABC]
 
 async def test_drain_takes_what_the_bus_holds(bus: tuple[CanLink, can.BusABC]) -> None:
     config, other = bus
-    async with run_link(config) as (opened, heard):
+    async with run_link(config) as (opened, received):
         for frame in FRAMES:
             other.send(unpack_message(frame))
         await opened.drain()
-        assert heard.frames == FRAMES
+        assert received.frames == FRAMES
 
 
 async def test_drain_waits_for_the_thread_that_reads(bus: tuple[CanLink, can.BusABC]) -> None:
     """Two that read one bus would change the order of the frames."""
     config, other = bus
     frames = [pack_can(i % 0x800, i.to_bytes(4, "little")) for i in range(3000)]
-    async with run_link(config) as (opened, heard):
+    async with run_link(config) as (opened, received):
         for frame in frames:
             other.send(unpack_message(frame))
         await opened.drain()
-        assert heard.frames == frames
-        assert heard.times == sorted(heard.times)
+        assert received.frames == frames
+        assert received.times == sorted(received.times)
 
 
 async def test_draining_ends_while_others_talk(bus: tuple[CanLink, can.BusABC]) -> None:
@@ -115,9 +115,9 @@ async def test_draining_ends_while_others_talk(bus: tuple[CanLink, can.BusABC]) 
             other.send(unpack_message(FRAMES[0]))
             await asyncio.sleep(0.01)
 
-    async with run_link(config) as (opened, heard):
+    async with run_link(config) as (opened, received):
         talking = asyncio.create_task(talk())
-        await until_async(lambda: heard.frames)
+        await until_async(lambda: received.frames)
         await opened.drain()
         assert "fti-can-can1" not in [thread.name for thread in threading.enumerate()]
         talking.cancel()
@@ -126,17 +126,17 @@ async def test_draining_ends_while_others_talk(bus: tuple[CanLink, can.BusABC]) 
 async def test_what_was_read_before_a_bus_is_lost_is_handed_on(bus: tuple[CanLink, can.BusABC]) -> None:
     """The loop is busy while the thread reads, and finds the bus lost before it has looked at the frames."""
     config, other = bus
-    async with run_link(config) as (opened, heard):
+    async with run_link(config) as (opened, received):
         for _ in range(100):
             other.send(unpack_message(FRAMES[0]))
         until(lambda: not opened._bus or opened._bus.queue.empty(), what="the thread to read")
         opened._close()
-        assert len(heard.frames) == 100
+        assert len(received.frames) == 100
 
 
 async def test_a_driver_that_raises_anything_is_read_on(bus: tuple[CanLink, can.BusABC]) -> None:
     config, other = bus
-    async with run_link(config) as (opened, heard):
+    async with run_link(config) as (opened, received):
         recv = opened._bus.recv
 
         def fail_then_read(timeout: float) -> can.Message | None:
@@ -146,14 +146,14 @@ async def test_a_driver_that_raises_anything_is_read_on(bus: tuple[CanLink, can.
         opened._bus.recv = fail_then_read
         await until_async(lambda: opened.status.refused)
         other.send(unpack_message(FRAMES[0]))
-        await until_async(lambda: heard.frames)
+        await until_async(lambda: received.frames)
         assert opened.status.errors == {"can_unreadable": 1}
 
 
 @pytest.mark.parametrize(
     ("error", "state", "words"),
     [
-        (OSError(errno.ENODEV, "No such device"), LinkState.ABSENT, "no such interface; there are"),
+        (OSError(errno.ENODEV, "No such device"), LinkState.ABSENT, "no such interface; present:"),
         (OSError(errno.EAFNOSUPPORT, "no"), LinkState.ABSENT, "kernel has no SocketCAN"),
         (PermissionError(errno.EPERM, "no"), LinkState.DENIED, "permission denied"),
         (OSError(errno.EBUSY, "no"), LinkState.BUSY, "in use"),
@@ -246,13 +246,13 @@ def fake(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[FakeBus]]:
 
 async def test_multicast_bus_stays_on_this_machine_and_does_not_hear_itself(fake: list[FakeBus]) -> None:
     config = link("udp_multicast", transmit=True, bitrate=500_000, settings={"port": 4711, "hop_limit": 9})
-    async with run_link(config) as (opened, heard):
+    async with run_link(config) as (opened, received):
         assert fake[0].arguments == {"ignore_config": True, "port": 4711, "hop_limit": 0}
         await opened.send(FRAMES[0])
         fake[0].other.send(FRAMES[1])
         fake[0].other.send(FRAMES[0])
-        await until_async(lambda: len(heard.frames) == 2)
-        assert heard.frames == [FRAMES[1], FRAMES[0]]
+        await until_async(lambda: len(received.frames) == 2)
+        assert received.frames == [FRAMES[1], FRAMES[0]]
 
 
 @pytest.fixture
@@ -271,21 +271,21 @@ def own_socket(monkeypatch: pytest.MonkeyPatch) -> FakeBus:
 
 async def test_frames_that_the_kernel_drops_are_counted(own_socket: FakeBus, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(_socket, "RECEIVE_BUFFER", 4096)
-    async with run_link(link("udp_multicast")) as (opened, heard):
+    async with run_link(link("udp_multicast")) as (opened, received):
         for _ in range(500):
             own_socket.other.send(FRAMES[0])
-        await until_async(lambda: opened.status.socket_dropped and heard.frames)
+        await until_async(lambda: opened.status.socket_dropped and received.frames)
         await opened.drain()
         opened._check()
-        assert len(heard.frames) + opened.status.socket_dropped == 500
+        assert len(received.frames) + opened.status.socket_dropped == 500
 
 
 async def test_a_bus_that_is_a_socket_has_a_queue_that_is_enough(own_socket: FakeBus) -> None:
     """Half a second of 525 frames/s may wait, where nothing but the usual limit of the system is allowed."""
-    async with run_link(link("udp_multicast")) as (opened, heard):
+    async with run_link(link("udp_multicast")) as (opened, received):
         for _ in range(260):
             own_socket.other.send(FRAMES[0])
-        await until_async(lambda: len(heard.frames) == 260)
+        await until_async(lambda: len(received.frames) == 260)
         assert opened.status.socket_dropped == 0
 
 
@@ -295,50 +295,50 @@ async def test_a_frame_that_could_not_be_sent_is_not_waited_for(fake: list[FakeB
     def refuse(message: can.Message, timeout: float) -> None:
         raise can.CanOperationError("the network is down")
 
-    async with run_link(link("udp_multicast", transmit=True)) as (opened, heard):
+    async with run_link(link("udp_multicast", transmit=True)) as (opened, received):
         fake[0].send = refuse  # type: ignore[method-assign]
         with pytest.raises(LinkError, match="the network is down"):
             await opened.send(FRAMES[0])
         fake[0].other.send(FRAMES[0])
-        await until_async(lambda: heard.frames)
-        assert heard.frames == FRAMES[:1]
+        await until_async(lambda: received.frames)
+        assert received.frames == FRAMES[:1]
 
 
 async def test_an_echo_of_an_earlier_bus_is_not_waited_for(fake: list[FakeBus]) -> None:
-    async with run_link(link("udp_multicast", transmit=True)) as (opened, heard):
+    async with run_link(link("udp_multicast", transmit=True)) as (opened, received):
         fake[0].send = lambda message, timeout: None  # type: ignore[method-assign]
         await opened.send(FRAMES[0])
         opened._fail(LinkError("lost"))
         await until_async(lambda: opened.status.connects == 2)
         fake[1].other.send(FRAMES[0])
-        await until_async(lambda: heard.frames)
+        await until_async(lambda: received.frames)
 
 
 async def test_bad_frame_is_counted_and_skipped(fake: list[FakeBus]) -> None:
-    async with run_link(link("pcan", bitrate=250_000)) as (opened, heard):
+    async with run_link(link("pcan", bitrate=250_000)) as (opened, received):
         assert fake[0].arguments == {"ignore_config": True, "bitrate": 250_000}
         for data in (FRAMES[0], b"bad", b"worse", FRAMES[1]):
             fake[0].other.send(data)
-        await until_async(lambda: len(heard.frames) == 2)
+        await until_async(lambda: len(received.frames) == 2)
         assert opened.status.refused == 2
         assert opened.status.errors == {"can_unreadable": 2}
         assert opened.status.connects == 1
 
 
 async def test_bad_frames_among_good_ones_are_no_lost_bus(fake: list[FakeBus]) -> None:
-    async with run_link(link("pcan")) as (opened, heard):
+    async with run_link(link("pcan")) as (opened, received):
         for turn in range(1, 4):
             for _ in range(60):
                 fake[0].other.send(b"bad")
                 await asyncio.sleep(0)  # the pair of sockets holds few
             fake[0].other.send(FRAMES[0])
-            await until_async(lambda turn=turn: len(heard.frames) == turn)  # type: ignore[misc]
+            await until_async(lambda turn=turn: len(received.frames) == turn)  # type: ignore[misc]
         assert opened.status.refused == 180
         assert not opened._lost.done()
 
 
 async def test_bus_that_only_complains_is_opened_again(fake: list[FakeBus]) -> None:
-    async with run_link(link("pcan")) as (_, heard):
+    async with run_link(link("pcan")) as (_, received):
 
         def complain() -> bool:
             if not fake[0].closed:
@@ -347,17 +347,17 @@ async def test_bus_that_only_complains_is_opened_again(fake: list[FakeBus]) -> N
 
         await until_async(complain)
         fake[1].other.send(FRAMES[0])
-        await until_async(lambda: heard.frames)
+        await until_async(lambda: received.frames)
 
 
 async def test_socketcan_frames_are_taken_as_they_are(fake: list[FakeBus], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("fti.links.can.can_interfaces", list)
     clock = SystemClock(choose_epoch_ns())
-    async with run_link(link("socketcan", fd=True, transmit=True), clock=clock) as (opened, heard):
+    async with run_link(link("socketcan", fd=True, transmit=True), clock=clock) as (opened, received):
         for frame in FRAMES:
             fake[0].other.send(frame)
-        await until_async(lambda: len(heard.frames) == len(FRAMES))
-        assert heard.frames == FRAMES
+        await until_async(lambda: len(received.frames) == len(FRAMES))
+        assert received.frames == FRAMES
         await opened.send(FRAMES[1])
         assert fake[0].other.recv(100) == FRAMES[1]
         await until_async(lambda: opened.status.state is LinkState.ABSENT)
@@ -401,29 +401,29 @@ def fail_once(errors: list[int]) -> None:
 
 
 async def test_interface_that_goes_down_is_read_again_without_opening(fake: list[FakeBus]) -> None:
-    async with run_link(link("socketcan")) as (opened, heard):
+    async with run_link(link("socketcan")) as (opened, received):
         opened._arrival.batch = FlakyBatch([errno.ENETDOWN])
         fake[0].other.send(FRAMES[0])
-        await until_async(lambda: heard.frames)
+        await until_async(lambda: received.frames)
         assert not opened._lost.done()
 
 
 async def test_own_frame_is_not_received(fake: list[FakeBus]) -> None:
-    async with run_link(link("socketcan", settings={"receive_own_messages": True})) as (opened, heard):
+    async with run_link(link("socketcan", settings={"receive_own_messages": True})) as (opened, received):
         opened._arrival.batch = FlakyBatch([], own=FRAMES[0])
         for frame in FRAMES[:2]:
             fake[0].other.send(frame)
-        await until_async(lambda: heard.frames)
-        assert heard.frames == FRAMES[1:2]
+        await until_async(lambda: received.frames)
+        assert received.frames == FRAMES[1:2]
 
 
 async def test_interface_that_vanishes_is_opened_again(fake: list[FakeBus]) -> None:
-    async with run_link(link("socketcan")) as (opened, heard):
+    async with run_link(link("socketcan")) as (opened, received):
         opened._arrival.batch = FlakyBatch([errno.ENODEV])
         for frame in FRAMES[:3]:
             fake[0].other.send(frame)
         await until_async(lambda: opened.status.connects == 2)
-        assert heard.frames == FRAMES[:3]  # the kernel tells the error first, and keeps what came before it
+        assert received.frames == FRAMES[:3]  # the kernel tells the error first, and keeps what came before it
 
 
 async def test_full_transmit_queue_is_waited_for(fake: list[FakeBus]) -> None:
@@ -439,7 +439,7 @@ async def test_full_transmit_queue_is_waited_for(fake: list[FakeBus]) -> None:
             await opened.send(FRAMES[0])
 
 
-async def test_a_frame_that_waits_while_the_bus_is_lost_is_not_told_as_sent(fake: list[FakeBus]) -> None:
+async def test_a_frame_that_waits_while_the_bus_is_lost_is_not_reported_as_sent(fake: list[FakeBus]) -> None:
     async with run_link(link("socketcan", transmit=True)) as (opened, _):
         opened._socket = Flaky(fake[0].socket, [errno.ENOBUFS] * 100_000)
         sending = asyncio.create_task(opened.send(FRAMES[0], 30.0))
@@ -463,7 +463,7 @@ async def test_nothing_is_sent_while_the_bus_is_being_opened(monkeypatch: pytest
 
 
 @pytest.mark.parametrize("sends", [True, False])
-async def test_what_a_driver_does_after_it_was_given_up_is_told(fake: list[FakeBus], sends: bool) -> None:
+async def test_what_a_driver_does_after_it_was_given_up_is_reported(fake: list[FakeBus], sends: bool) -> None:
     go_on = threading.Event()
 
     def be_slow(message: can.Message, timeout: float) -> None:
@@ -482,6 +482,6 @@ async def test_what_a_driver_does_after_it_was_given_up_is_told(fake: list[FakeB
 
 
 async def test_stamps_without_a_kernel_are_those_of_the_read(bus: tuple[CanLink, can.BusABC]) -> None:
-    async with run_link(bus[0], clock=FakeClock(42)) as (_, heard):
+    async with run_link(bus[0], clock=FakeClock(42)) as (_, received):
         bus[1].send(unpack_message(FRAMES[0]))
-        await until_async(lambda: heard.times == [42])
+        await until_async(lambda: received.times == [42])

@@ -1,4 +1,4 @@
-"""Error frames of a CAN controller: counted by class, recorded as they come."""
+"""Error frames of a CAN controller: counted by class, recorded unchanged."""
 
 from __future__ import annotations
 
@@ -61,11 +61,11 @@ def test_counts() -> None:
 async def test_a_link_records_and_counts_them() -> None:
     link = CanLink(name="bus", kind="can", interface="virtual", channel="errors")
     with can.Bus("errors", "virtual", ignore_config=True) as bus:
-        async with run_link(link) as (opened, heard):
+        async with run_link(link) as (opened, received):
             bus.send(error_frame(CONTROLLER, 0x01))
             bus.send(can.Message(arbitration_id=0x12, is_extended_id=False, data=b"\x01"))
-            await until_async(lambda: len(heard.frames) == 2, what="both frames")
-    assert heard.frames[0] == (0x2000_0004).to_bytes(4, "little") + b"\x08\0\0\0" + b"\0\x01" + bytes(6)
+            await until_async(lambda: len(received.frames) == 2, what="both frames")
+    assert received.frames[0] == (0x2000_0004).to_bytes(4, "little") + b"\x08\0\0\0" + b"\0\x01" + bytes(6)
     assert opened.status.errors == {"can_error_frames": 1, "can_rx_overflow": 1}
 
 
@@ -78,9 +78,9 @@ def test_what_the_driver_says_that_its_controller_lost(tmp_path: Path) -> None:
     watch.begin(0)
     assert errors == {"can_rx_over_errors": 0}
     counter.write_text("44\n")
-    watch.look(SECOND_NS - 1)
+    watch.read_if_due(SECOND_NS - 1)
     assert errors == {"can_rx_over_errors": 0}
-    watch.look(SECOND_NS)
+    watch.read_if_due(SECOND_NS)
     assert errors == {"can_rx_over_errors": 3}
     counter.write_text("2\n")  # the interface was made anew
     watch.read()

@@ -1,4 +1,4 @@
-"""Lines on which only one may talk, and lines that hear themselves."""
+"""Half-duplex lines, and lines with an echo."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def test_what_the_kernel_has_taken_is_on_the_line_one_after_the_other() -> None:
 
 async def test_the_second_question_waits_for_the_answer_to_the_first(peer: Peer) -> None:
     config = link(peer, half_duplex=True, quiet_ms=5, answer_ms=LONG_MS)
-    async with run_link(config) as (opened, heard):
+    async with run_link(config) as (opened, received):
         first = asyncio.create_task(opened.send(b"one\r", 30.0))
         second = asyncio.create_task(opened.send(b"two\r", 30.0))
         third = asyncio.create_task(opened.send(b"three\r", 30.0))
@@ -89,7 +89,7 @@ async def test_the_second_question_waits_for_the_answer_to_the_first(peer: Peer)
         await first
         peer.write(b"1")
         await peer.expect(b"two\r")
-        assert heard.bytes == b"1"
+        assert received.bytes == b"1"
         await second
         assert not third.done()
         peer.write(b"2")
@@ -104,9 +104,9 @@ async def test_a_question_that_nobody_answers_gives_the_line_free(peer: Peer) ->
         await peer.expect(b"hello\rone\rtwo\r")
 
 
-async def test_who_never_gets_a_turn_is_told_why(peer: Peer) -> None:
+async def test_a_sender_without_a_turn_gets_the_reason(peer: Peer) -> None:
     async with run_link(link(peer, half_duplex=True, quiet_ms=10_000)) as (opened, _):
-        words = "half_duplex: the line must be quiet for 10000 ms before, and an answer has 250 ms to begin"
+        words = "half_duplex: the line must be quiet for 10000 ms before sending, and an answer has 250 ms to begin"
         with pytest.raises(LinkError, match=words):
             await opened.send(b"x", timeout_s=0.05)
         assert peer.read() == b""
@@ -127,7 +127,7 @@ async def test_when_the_session_ends_nothing_is_sent_nor_a_greeting(peer: Peer) 
         assert opened.status.tx_frames == 1
 
 
-async def test_who_waits_for_a_turn_while_the_device_dies_is_told(peer: Peer) -> None:
+async def test_a_sender_that_waits_while_the_device_dies_gets_an_error(peer: Peer) -> None:
     async with run_link(link(peer, half_duplex=True, quiet_ms=1000, answer_ms=0)) as (opened, _):
         sending = asyncio.create_task(opened.send(b"x", 30.0))
         await asyncio.sleep(0)
@@ -141,7 +141,7 @@ async def test_who_waits_for_a_turn_while_the_device_dies_is_told(peer: Peer) ->
 
 
 async def test_an_echo_is_sent_and_not_received(peer: Peer) -> None:
-    async with run_link(link(peer, half_duplex=True, echo=True, answer_ms=LONG_MS)) as (opened, heard):
+    async with run_link(link(peer, half_duplex=True, echo=True, answer_ms=LONG_MS)) as (opened, received):
         sent = ReceivedFrames()
         opened.on_sent = sent
         await opened.send(b"ask\r", 30.0)
@@ -149,7 +149,7 @@ async def test_an_echo_is_sent_and_not_received(peer: Peer) -> None:
         for piece in (b"a", b"sk", b"\rans", b"wer"):
             peer.write(piece)
             await asyncio.sleep(0)
-        await until_async(lambda: heard.bytes == b"answer")
+        await until_async(lambda: received.bytes == b"answer")
         assert sent.bytes == b"ask\r"
         assert (opened.status.echo_bytes, opened.status.bytes) == (4, 6)
         assert opened.status.errors["echo_garbled"] == opened.status.errors["echo_missing"] == 0
@@ -159,45 +159,45 @@ async def test_the_emulator_echoes_where_the_line_does(tmp_path: Path) -> None:
     config = SerialLink(name="line", kind="serial", port=str(tmp_path / "line"), transmit=True, echo=True)
     endpoint = make_endpoint(config, tmp_path, lambda data: [b"answer to " + data])
     await endpoint.open()
-    async with run_link(config) as (opened, heard):
+    async with run_link(config) as (opened, received):
         await opened.send(b"ask")
-        await until_async(lambda: heard.bytes == b"answer to ask")
+        await until_async(lambda: received.bytes == b"answer to ask")
         assert opened.status.echo_bytes == 3
     endpoint.close()
 
 
 async def test_an_echo_is_no_answer(peer: Peer) -> None:
-    async with run_link(link(peer, half_duplex=True, echo=True, quiet_ms=5, answer_ms=LONG_MS)) as (opened, heard):
+    async with run_link(link(peer, half_duplex=True, echo=True, quiet_ms=5, answer_ms=LONG_MS)) as (opened, received):
         await opened.send(b"ask\r", 30.0)
         await peer.expect(b"ask\r")
         peer.write(b"ask\r")
         await until_async(lambda: opened.status.echo_bytes == 4)
         with pytest.raises(LinkError):
             await opened.send(b"more\r", 0.05)
-        assert heard.bytes == peer.read() == b""
+        assert received.bytes == peer.read() == b""
 
 
 async def test_what_was_taken_for_an_echo_is_not_lost(peer: Peer) -> None:
     """The transceiver does not hear itself, though the configuration says so, and the answer begins as the question."""
-    async with run_link(link(peer, echo=True)) as (opened, heard):
+    async with run_link(link(peer, echo=True)) as (opened, received):
         await opened.send(b"\x01\x03ask", 30.0)
         await peer.expect(b"\x01\x03ask")
         peer.write(b"\x01\x03ok")
-        await until_async(lambda: heard.bytes == b"\x01\x03ok")
+        await until_async(lambda: received.bytes == b"\x01\x03ok")
         assert opened.status.errors["echo_garbled"] == 1
         await opened.send(b"\x01\x03ask", 30.0)
         peer.write(b"\x01\x03")
-        await until_async(lambda: heard.bytes == b"\x01\x03ok\x01\x03")
+        await until_async(lambda: received.bytes == b"\x01\x03ok\x01\x03")
         assert opened.status.errors["echo_missing"] == 1
         assert opened.status.echo_bytes == 0
 
 
 async def test_an_echo_has_half_a_second_however_long_an_answer_may_take(peer: Peer) -> None:
     """What was taken for its beginning is received soon, while the answer to the next question is far away."""
-    async with run_link(link(peer, half_duplex=True, echo=True, answer_ms=LONG_MS)) as (opened, heard):
+    async with run_link(link(peer, half_duplex=True, echo=True, answer_ms=LONG_MS)) as (opened, received):
         await opened.send(b"\x01\x03ask", 30.0)
         peer.write(b"\x01\x03")
-        await until_async(lambda: heard.bytes == b"\x01\x03")
+        await until_async(lambda: received.bytes == b"\x01\x03")
         assert opened.status.errors["echo_missing"] == 1
 
 
@@ -241,12 +241,10 @@ def test_every_byte_is_an_echo_or_received(sent: list[bytes], came: list[bytes])
 # -------------------------------------------------------------------------------------------------------- direction
 
 
-def test_a_driver_that_cannot_switch_the_direction_is_told(peer: Peer, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_driver_that_cannot_switch_the_direction_is_reported(peer: Peer, monkeypatch: pytest.MonkeyPatch) -> None:
     open_port(link(peer, rs485="rts_high")).close()  # a pty has no direction
     monkeypatch.setattr("fti.links.serial.is_pty", lambda port: False)
-    with pytest.raises(
-        LinkError, match=r'does not switch the direction of an RS-485 line; leave out rs485 = "rts_high"'
-    ):
+    with pytest.raises(LinkError, match=r'does not switch the direction of an RS-485 line; remove rs485 = "rts_high"'):
         open_port(link(peer, rs485="rts_high"))
 
 
@@ -259,15 +257,15 @@ def test_the_kernel_is_asked_to_switch_the_direction(
     """linux/serial.h: SER_RS485_ENABLED 1, RTS_ON_SEND 2, RTS_AFTER_SEND 4, RX_DURING_TX 16."""
     import fcntl
 
-    told: list[int] = []
+    reported: list[int] = []
     real = fcntl.ioctl
 
     def ioctl(fd: int, request: int, *arguments: Any) -> Any:
         if request == 0x542F:  # TIOCSRS485
-            told.append(arguments[0][0])
+            reported.append(arguments[0][0])
         return None if request in (0x542E, 0x542F) else real(fd, request, *arguments)
 
     monkeypatch.setattr("fti.links.serial.is_pty", lambda port: False)
     monkeypatch.setattr("serial.serialposix.fcntl.ioctl", ioctl)
     open_port(link(peer, rs485=rs485, echo=echo)).close()
-    assert told[-1] == flags
+    assert reported[-1] == flags

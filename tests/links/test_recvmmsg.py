@@ -1,4 +1,4 @@
-"""Many datagrams with one call: each whole, with its own stamp, sender and flags, and nothing of the call before."""
+"""Many datagrams with one call: complete, with own stamp, sender and flags, without data of the previous call."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def test_the_largest_datagrams_are_whole(pair: Pair) -> None:
     assert not any(flags & socket.MSG_TRUNC for flags in batch.flags())
 
 
-def test_senders_are_told_apart(pair: Pair) -> None:
+def test_senders_are_distinguished(pair: Pair) -> None:
     receiver, sender = pair
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
         other.bind(("127.0.0.2", 0))

@@ -39,22 +39,22 @@ def link(peer: Peer | Path, transmit: bool = False, parity: str = "none") -> Ser
 async def test_bytes_arrive_as_sent_in_any_chunking(peer: Peer) -> None:
     sent = bytes(range(256)) * 4
     chunks = [sent[a:b] for a, b in itertools.pairwise([0, 1, 2, 10, 100, 600, len(sent)])]
-    async with run_link(link(peer)) as (opened, heard):
+    async with run_link(link(peer)) as (opened, received):
         for chunk in chunks:
             peer.write(chunk)
             await asyncio.sleep(0)
-        await until_async(lambda: len(heard.bytes) == len(sent))
-    assert heard.bytes == sent
+        await until_async(lambda: len(received.bytes) == len(sent))
+    assert received.bytes == sent
     assert opened.status.bytes == len(sent)
-    assert opened.status.frames == len(heard.frames)
-    assert heard.times == sorted(heard.times)
+    assert opened.status.frames == len(received.frames)
+    assert received.times == sorted(received.times)
 
 
 async def test_what_arrived_before_opening_is_kept(peer: Peer) -> None:
     peer.write(b"early \x11\x13\r\n\x03\x04\xff\x00")
-    async with run_link(link(peer)) as (_, heard):
-        await until_async(lambda: heard.bytes)
-    assert heard.bytes == b"early \x11\x13\r\n\x03\x04\xff\x00"
+    async with run_link(link(peer)) as (_, received):
+        await until_async(lambda: received.bytes)
+    assert received.bytes == b"early \x11\x13\r\n\x03\x04\xff\x00"
 
 
 async def test_every_byte_passes_both_ways(peer: Peer) -> None:
@@ -66,13 +66,13 @@ async def test_every_byte_passes_both_ways(peer: Peer) -> None:
 
 async def test_stamp_is_the_clocks_time_of_the_read(peer: Peer) -> None:
     clock = FakeClock(5)
-    async with run_link(link(peer), clock=clock) as (opened, heard):
+    async with run_link(link(peer), clock=clock) as (opened, received):
         peer.write(b"a")
-        await until_async(lambda: heard.times)
+        await until_async(lambda: received.times)
         clock.advance(1)
         peer.write(b"b")
-        await until_async(lambda: len(heard.times) == 2)
-        assert heard.times == [5, 1_000_000_005]
+        await until_async(lambda: len(received.times) == 2)
+        assert received.times == [5, 1_000_000_005]
         assert opened.status.last_rx_ns == 1_000_000_005
 
 
@@ -89,26 +89,26 @@ async def test_states_silent_good_silent(peer: Peer) -> None:
 
 @pytest.mark.parametrize("parity", ["none", "even"])  # a pty has no parity; the emulator stands in for such a device
 async def test_device_that_dies_and_comes_back_under_its_name(peer: Peer, parity: str) -> None:
-    async with run_link(link(peer, parity=parity)) as (opened, heard):
+    async with run_link(link(peer, parity=parity)) as (opened, received):
         peer.write(b"one")
-        await until_async(lambda: heard.bytes == b"one")
+        await until_async(lambda: received.bytes == b"one")
         peer.power_off()
         await until_async(lambda: opened.status.state is LinkState.ABSENT)
         peer.connect()
         await until_async(lambda: opened.status.connects == 2)
         peer.write(b"two")
-        await until_async(lambda: heard.bytes == b"onetwo")
+        await until_async(lambda: received.bytes == b"onetwo")
 
 
 async def test_name_that_leads_to_another_device_is_followed(peer: Peer, tmp_path: Path) -> None:
     other = Peer(tmp_path / "other")
-    async with run_link(link(peer)) as (opened, heard):
+    async with run_link(link(peer)) as (opened, received):
         (tmp_path / "new").symlink_to(other.path.readlink())
         (tmp_path / "new").replace(peer.path)
         peer.write(b"old, ")
         await until_async(lambda: opened.status.connects == 2)
         other.write(b"new")
-        await until_async(lambda: heard.bytes == b"old, new")
+        await until_async(lambda: received.bytes == b"old, new")
     other.power_off()
 
 
@@ -123,11 +123,11 @@ async def test_on_connect_is_sent_after_every_connect(peer: Peer) -> None:
 
 
 async def test_link_that_may_not_send_never_does(peer: Peer) -> None:
-    async with run_link(link(peer), on_connect=[b"log on\r"]) as (opened, heard):
+    async with run_link(link(peer), on_connect=[b"log on\r"]) as (opened, received):
         with pytest.raises(ValueError, match="transmit is false"):
             await opened.send(b"x")
         peer.write(b"!")
-        await until_async(lambda: heard.bytes)
+        await until_async(lambda: received.bytes)
         assert peer.read() == b""
         assert opened.status.tx_frames == 0
 
@@ -179,17 +179,17 @@ async def test_send_that_waits_while_the_link_is_closed_is_an_error(peer: Peer) 
 
 
 async def test_drain_takes_what_the_kernel_holds(peer: Peer) -> None:
-    async with run_link(link(peer)) as (opened, heard):
+    async with run_link(link(peer)) as (opened, received):
         peer.write(b"x" * 8000)
         await opened.drain()
-        assert len(heard.bytes) == 8000
+        assert len(received.bytes) == 8000
         await opened.drain()  # nothing more: that is no lost device
         assert not opened._lost.done()
 
 
 async def test_absent_port_names_those_that_exist(tmp_path: Path) -> None:
     async with run_link(link(tmp_path / "nothing"), connects=0) as (opened, _):
-        await until_async(lambda: "no such port; there are" in opened.status.hint)
+        await until_async(lambda: "no such port; present:" in opened.status.hint)
         assert opened.status.state is LinkState.ABSENT
         with pytest.raises(LinkError, match="not connected"):
             await open_for_sending(tmp_path)
@@ -201,12 +201,12 @@ async def open_for_sending(tmp_path: Path) -> None:
 
 
 async def test_port_in_use_is_busy_until_it_is_free(peer: Peer) -> None:
-    async with run_link(link(peer)), run_link(link(peer), connects=0) as (second, heard):
+    async with run_link(link(peer)), run_link(link(peer), connects=0) as (second, received):
         await until_async(lambda: second.status.state is LinkState.BUSY)
         assert "in use" in second.status.hint
-    async with run_link(link(peer)) as (third, heard):
+    async with run_link(link(peer)) as (third, received):
         peer.write(b"mine")
-        await until_async(lambda: heard.bytes == b"mine")
+        await until_async(lambda: received.bytes == b"mine")
         assert third.status.state is LinkState.GOOD
 
 
@@ -234,7 +234,7 @@ def test_what_the_kernel_says_becomes_a_sentence(
 def test_file_that_is_no_port_is_explained(tmp_path: Path) -> None:
     file = tmp_path / "file"
     file.write_bytes(b"")
-    with pytest.raises(LinkError, match="does not take 115200 baud, 8 bits, parity none"):
+    with pytest.raises(LinkError, match="does not accept 115200 baud, 8 bits, parity none"):
         open_port(link(file))
 
 

@@ -170,21 +170,21 @@ def link(adapter: Peer, **keys: Any) -> CanLink:
 
 async def test_adapter_is_opened_and_frames_arrive(adapter: Peer) -> None:
     clock = FakeClock(3)
-    async with run_link(link(adapter, bitrate=500_000), clock=clock) as (opened, heard):
+    async with run_link(link(adapter, bitrate=500_000), clock=clock) as (opened, received):
         await adapter.expect(b"C\rS6\rO\rF\r")
         adapter.write(b"\r\r\rt10021133\rT0000010")
-        await until_async(lambda: heard.frames)
+        await until_async(lambda: received.frames)
         clock.advance(1)
         adapter.write(b"021133\r")
-        await until_async(lambda: len(heard.frames) == 2)
-    assert [unpack_can(frame) for frame in heard.frames] == [VECTORS[0][1], VECTORS[1][1]]
-    assert heard.times == [3, 3]
+        await until_async(lambda: len(received.frames) == 2)
+    assert [unpack_can(frame) for frame in received.frames] == [VECTORS[0][1], VECTORS[1][1]]
+    assert received.times == [3, 3]
     assert opened.status.noise_bytes == 0
     assert opened.status.bytes == 32
 
 
 async def test_adapter_that_dies_is_opened_again(adapter: Peer) -> None:
-    async with run_link(link(adapter)) as (opened, heard):
+    async with run_link(link(adapter)) as (opened, received):
         await adapter.expect(b"C\rO\rF\r")
         adapter.write(b"??\rt1002")  # garbage, then half a frame, which is lost with the adapter
         await until_async(lambda: opened._parser.held == 5)
@@ -193,10 +193,10 @@ async def test_adapter_that_dies_is_opened_again(adapter: Peer) -> None:
         adapter.connect()
         await adapter.expect(b"C\rO\rF\r")
         adapter.write(b"1133\rt10021133\r")
-        await until_async(lambda: heard.frames)
+        await until_async(lambda: received.frames)
         assert opened.status.noise_bytes == 3 + 5 + 5
         assert opened.status.errors["slcan_noise_bytes"] == 13
-    assert [unpack_can(frame) for frame in heard.frames] == [VECTORS[0][1]]
+    assert [unpack_can(frame) for frame in received.frames] == [VECTORS[0][1]]
 
 
 async def test_frames_are_sent_as_text(adapter: Peer) -> None:
@@ -210,7 +210,7 @@ async def test_frames_are_sent_as_text(adapter: Peer) -> None:
         assert opened.status.tx_frames == 2
 
 
-async def test_a_line_that_is_ended_after_it_was_given_up_is_told_and_recorded(
+async def test_a_line_that_is_ended_after_it_was_given_up_is_reported_and_recorded(
     adapter: Peer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     taken = bytearray()
@@ -231,7 +231,7 @@ async def test_a_line_that_is_ended_after_it_was_given_up_is_told_and_recorded(
 
         monkeypatch.setattr("fti.links.slcan.os.write", write)
         monkeypatch.setattr(opened, "_writable", lambda fd: asyncio.sleep(0.001))
-        with pytest.raises(PartialSendError, match="its line is begun"):
+        with pytest.raises(PartialSendError, match="its line is incomplete"):
             await opened.send(frames[0], timeout_s=0.05)
         assert (bytes(taken), sent.frames) == (b"t00", [])
         room = 1000
@@ -252,9 +252,9 @@ async def test_hints_say_what_is_wrong(adapter: Peer) -> None:
 
 
 @pytest.mark.parametrize(
-    ("keys", "words"), [({"bitrate": 123}, "knows 10000"), ({"settings": {"ttyBaud": 9600}}, "no such key")]
+    ("keys", "words"), [({"bitrate": 123}, "supports 10000"), ({"settings": {"ttyBaud": 9600}}, "no such key")]
 )
-def test_what_can_never_work_is_said_at_once(tmp_path: Path, keys: dict[str, Any], words: str) -> None:
+def test_what_can_never_work_is_an_error_at_once(tmp_path: Path, keys: dict[str, Any], words: str) -> None:
     table = {"name": "can1", "kind": "can", "interface": "slcan", "channel": str(tmp_path), **keys}
     with pytest.raises(ConfigError, match=words):
         open_link(CanLink.model_validate(table), FakeClock(), lambda frames, times: None)

@@ -1,4 +1,4 @@
-"""The status of a Lawicel adapter: asked, answered in every way that adapters know, counted."""
+"""The status of a Lawicel adapter: requests, all kinds of answers, counters."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Bench:
         self.frames: list[bytes] = []
         self.parser = Lawicel(lambda frame, t: self.frames.append(frame), self.watch)
         self.now_ns = 0
-        self.asked = 1
+        self.requests = 1
         self.watch.begin(0, commands)
 
     def hear(self, *texts: bytes) -> None:
@@ -48,7 +48,7 @@ class Bench:
         due = self.watch.is_due(self.now_ns)
         if due:
             self.watch.mark_requested()
-            self.asked += 1
+            self.requests += 1
         return due
 
     def known(self) -> Bench:
@@ -148,7 +148,7 @@ def test_who_never_answers_is_left_alone(answer: bytes) -> None:
     for _ in range(20):
         bench.hear(answer)
         bench.second()
-    assert bench.asked == MAX_UNANSWERED
+    assert bench.requests == MAX_UNANSWERED
     assert not bench.watch.is_channel_closed
     assert bench.errors == {}
     assert (bench.frames, bench.parser.noise, bench.parser.refusals) == ([], 0, 17 if answer == b"\a" else 0)
@@ -200,9 +200,9 @@ def test_frames_keep_their_bytes() -> None:
 
 # ----------------------------------------------------------------------------------------------------------------- fuzz
 
-told = st.integers(0, 255).map(lambda flags: b"F%02X\r" % flags)
+reported = st.integers(0, 255).map(lambda flags: b"F%02X\r" % flags)
 texts = st.one_of(
-    told,
+    reported,
     st.sampled_from([b"\r", b"\a", b"z\r", b"00\r", b"F", b"F0", b"F001\r", b"fF0\r", b"FF00\r"]),
     st.builds(lambda can_id, data: format_frame(pack_can(can_id, data)), st.integers(0, 0x7FF), st.binary(max_size=8)),
     st.binary(max_size=10),
@@ -221,7 +221,7 @@ def test_no_text_does_harm(commands: int, parts: list[bytes | None], size: int) 
         bench.hear(*(part[at : at + size] for at in range(0, len(part), size)))
         found = bench.parser
         assert found.framed + found.answers + found.held + found.noise == total
-    assert max(bench.errors.values(), default=0) < bench.asked
+    assert max(bench.errors.values(), default=0) < bench.requests
 
 
 frames = st.builds(pack_can, st.integers(0, 0x7FF), st.binary(max_size=8))

@@ -1,4 +1,4 @@
-"""A link that asks its Lawicel adapter for the status, over a real pty."""
+"""Status requests of a link to its Lawicel adapter, over a real pty."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Device:
     """The emulated adapter behind the other end of the line."""
 
     def __init__(self, peer: Peer) -> None:
-        self.said = b""
+        self.stated = b""
         self.frames: list[bytes] = []
         self.adapter = Adapter(self.frames.append)
         self._peer = peer
@@ -52,7 +52,7 @@ class Device:
 
         def look() -> object:
             text = self._peer.read()
-            self.said += text
+            self.stated += text
             self._peer.write(b"".join(self.adapter.feed(text)))
             return until()
 
@@ -63,7 +63,7 @@ class Device:
 async def test_flags_of_the_emulated_adapter_are_counted(peer: Peer, listen_only: bool) -> None:
     clock, device = FakeClock(0), Device(peer)
     device.adapter.flags = 0x80
-    async with run_link(link(peer, settings={"listen_only": listen_only}), clock=clock) as (opened, heard):
+    async with run_link(link(peer, settings={"listen_only": listen_only}), clock=clock) as (opened, received):
         errors = opened.status.errors
         await until_async(device.attend(lambda: "slcan_bus_error" in errors))
         for _ in range(2):
@@ -72,8 +72,8 @@ async def test_flags_of_the_emulated_adapter_are_counted(peer: Peer, listen_only
             clock.advance(1)
             await until_async(device.attend(lambda: errors["slcan_data_overrun"] > before), 20)  # noqa: B023
         assert errors == counted(data_overrun=2, rx_fifo_full=2, noise_bytes=0)
-        assert (heard.frames, opened.status.frames, opened.status.tx_frames) == ([], 0, 0)
-        assert device.said == b"C\r" + (b"L\r" if listen_only else b"O\r") + b"F\r" * 3
+        assert (received.frames, opened.status.frames, opened.status.tx_frames) == ([], 0, 0)
+        assert device.stated == b"C\r" + (b"L\r" if listen_only else b"O\r") + b"F\r" * 3
         assert opened.status.state is LinkState.SILENT  # an answer is no frame
 
 
@@ -81,12 +81,12 @@ async def test_errors_on_the_bus_are_in_the_hint(peer: Peer) -> None:
     clock, device = FakeClock(0), Device(peer)
     async with run_link(link(peer), clock=clock) as (opened, _):
         device.adapter.flags = 0x04
-        await until_async(device.attend(lambda: "errors on the bus" in opened.status.hint))
+        await until_async(device.attend(lambda: "bus errors" in opened.status.hint))
 
 
 async def test_an_adapter_that_was_without_power_is_opened_again(peer: Peer) -> None:
     clock, device = FakeClock(0), Device(peer)
-    async with run_link(link(peer), clock=clock) as (opened, heard):
+    async with run_link(link(peer), clock=clock) as (opened, received):
         errors = opened.status.errors
         await until_async(device.attend(lambda: "slcan_bus_error" in errors))
         device.adapter = Adapter(device.frames.append)
@@ -98,7 +98,7 @@ async def test_an_adapter_that_was_without_power_is_opened_again(peer: Peer) -> 
         await until_async(device.attend(wait))
         assert errors["slcan_channel_closed"] == 1
         peer.write(format_frame(FRAME))
-        await until_async(lambda: heard.frames == [FRAME])
+        await until_async(lambda: received.frames == [FRAME])
         assert opened.status.connects == 1
 
 
@@ -117,24 +117,24 @@ def choke(monkeypatch: pytest.MonkeyPatch, room: list[int]) -> bytearray:
     return taken
 
 
-@pytest.mark.parametrize(("room", "later", "said"), [([], [], b""), ([5], [], b"t1232"), ([5], [99], b"t12321122\r")])
+@pytest.mark.parametrize(("room", "later", "stated"), [([], [], b""), ([5], [], b"t1232"), ([5], [99], b"t12321122\r")])
 async def test_a_line_that_was_begun_is_ended_before_the_status_is_asked(
-    peer: Peer, monkeypatch: pytest.MonkeyPatch, room: list[int], later: list[int], said: bytes
+    peer: Peer, monkeypatch: pytest.MonkeyPatch, room: list[int], later: list[int], stated: bytes
 ) -> None:
     """Else the half line and the question behind it could be a frame that nobody sent."""
     async with run_link(link(peer, transmit=True), clock=FakeClock(0)) as (opened, _):
         await peer.expect(b"C\rO\rF\r")
-        monkeypatch.setattr(opened, "_judge", lambda: None)
+        monkeypatch.setattr(opened, "_check", lambda: None)
         with monkeypatch.context() as choked:
             taken = choke(choked, room)
             with pytest.raises(LinkError, match="could not be sent"):
                 await opened.send(FRAME, 0.05)
-            assert taken == said[:5]
+            assert taken == stated[:5]
             room += later
-            opened._ask()
-            assert taken == said
-        opened._ask()
-        rest = b"t12321122\r"[len(said) :] if said else b""
+            opened._request_status()
+            assert taken == stated
+        opened._request_status()
+        rest = b"t12321122\r"[len(stated) :] if stated else b""
         await peer.expect(rest + b"F\r")
 
 
@@ -150,7 +150,7 @@ async def test_half_a_line_is_not_ended_at_another_adapter(peer: Peer, monkeypat
         peer.connect()
         await peer.expect(b"C\rO\rF\r")
         await until_async(lambda: opened.status.connects == 2)
-        opened._ask()
+        opened._request_status()
         await peer.expect(b"F\r")
 
 

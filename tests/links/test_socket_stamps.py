@@ -1,4 +1,4 @@
-"""Stamps of one socket run forward, whatever the kernel and its clocks say."""
+"""Stamps of one socket never decrease, for any stamps and clocks of the kernel."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ class Windows(FakeClock):
     def __init__(self, *windows: StampWindow) -> None:
         super().__init__(NOW)
         self._windows = iter(windows)
-        self.asked_since: list[int] = []
+        self.window_starts: list[int] = []
 
     def stamp_window(self, since_ns: int) -> StampWindow:
-        self.asked_since.append(since_ns)
+        self.window_starts.append(since_ns)
         return next(self._windows)
 
 
@@ -81,7 +81,7 @@ def test_a_stamp_may_be_as_old_as_the_last_frame_that_was_read(pair: tuple[socke
     clock.advance(130)
     read(arrival, pair, [NOW - 5 * MS, NOW - 4 * MS])
     read(arrival, pair, [NOW - 3 * MS])
-    assert clock.asked_since == [NOW, NOW - 4 * MS]
+    assert clock.window_starts == [NOW, NOW - 4 * MS]
 
 
 def test_the_age_is_counted_from_when_the_queue_was_seen_empty() -> None:
@@ -100,7 +100,7 @@ def test_the_age_is_counted_from_when_the_queue_was_seen_empty() -> None:
         clock.advance(30)
         arrival.ask_drops(sock)
         assert list(arrival.read(sock.fileno())[0]) == [b"waits"]
-    assert clock.asked_since == [NOW + 30_000 * MS]
+    assert clock.window_starts == [NOW + 30_000 * MS]
 
 
 def test_refused_stamps_before_good_ones_that_still_wait_do_not_move_those(

@@ -1,4 +1,4 @@
-"""What the driver of a UART counts, with a driver made for the test."""
+"""Line errors of a UART driver, with a fake driver."""
 
 from __future__ import annotations
 
@@ -62,9 +62,9 @@ def test_it_is_read_once_a_second() -> None:
     watch = LineWatch(errors, driver)
     watch.begin(0, 0)
     driver.counts["overrun"] = 1
-    watch.look(0, PERIOD_NS - 1)
+    watch.read_if_due(0, PERIOD_NS - 1)
     assert errors["uart_overrun"] == 0
-    watch.look(0, PERIOD_NS)
+    watch.read_if_due(0, PERIOD_NS)
     assert errors["uart_overrun"] == 1
 
 
@@ -98,7 +98,7 @@ def test_a_driver_without_counters_is_not_zero() -> None:
     assert read_line_errors(0, driver) is None
 
 
-def test_a_driver_that_stops_answering_keeps_what_it_told() -> None:
+def test_a_driver_that_stops_answering_keeps_what_it_reported() -> None:
     driver, errors = Driver(), dict[str, int]()
     watch = LineWatch(errors, driver)
     watch.begin(0, 0)

@@ -37,11 +37,11 @@ def link(**keys: Any) -> UdpLink:
 
 async def test_one_datagram_is_one_frame(device: socket.socket) -> None:
     sent = [b"", b"a", bytes(1472), bytes(65507)]
-    async with run_link(link()) as (opened, heard):
+    async with run_link(link()) as (opened, received):
         for data in sent:
             device.sendto(data, opened.address)
-        await until_async(lambda: len(heard.frames) == len(sent))
-    assert heard.frames == sent
+        await until_async(lambda: len(received.frames) == len(sent))
+    assert received.frames == sent
     assert opened.status.state is LinkState.GOOD
 
 
@@ -60,16 +60,16 @@ async def test_only_a_link_that_brings_little_is_looked_at_before_the_beat(devic
 
 async def test_stamp_is_when_the_datagram_arrived_not_when_it_was_read(device: socket.socket) -> None:
     clock = SystemClock(choose_epoch_ns())
-    async with run_link(link(), clock=clock) as (opened, heard):
+    async with run_link(link(), clock=clock) as (opened, received):
         before = clock.now_ns()
         for i in range(3000):  # the loop stands still meanwhile, so none has been read yet
             device.sendto(bytes([i & 255]), opened.address)
         sent = clock.now_ns()
-        assert not heard.frames
-        await until_async(lambda: len(heard.frames) == 3000)
+        assert not received.frames
+        await until_async(lambda: len(received.frames) == 3000)
     # realtime and monotonic are read one after the other and may be slewed against each other: 1 ms
-    assert before - 1_000_000 <= heard.times[0]
-    assert heard.times[-1] <= sent + 1_000_000
+    assert before - 1_000_000 <= received.times[0]
+    assert received.times[-1] <= sent + 1_000_000
     assert opened.status.stamp_refused == 0
     assert opened.status.socket_dropped == 0
 
@@ -80,70 +80,70 @@ async def test_stamps_are_good_however_long_nobody_has_read(
     """The recorder stands still for 130 s, and so seems to have every clock; the kernel has stamped in time."""
     clock, pause_ns = SystemClock(choose_epoch_ns()), 130 * 10**9
     monotonic_ns, clock_gettime_ns = time.monotonic_ns, time.clock_gettime_ns
-    async with run_link(link(), clock=clock) as (opened, heard):
+    async with run_link(link(), clock=clock) as (opened, received):
         before = clock.now_ns()
         for i in range(300):
             device.sendto(bytes([i & 255]), opened.address)
         sent = clock.now_ns()
         monkeypatch.setattr("fti.clock.time.monotonic_ns", lambda: monotonic_ns() + pause_ns)
         monkeypatch.setattr("fti.clock.time.clock_gettime_ns", lambda clock_id: clock_gettime_ns(clock_id) + pause_ns)
-        await until_async(lambda: len(heard.frames) == 300)
-    assert before - 1_000_000 <= heard.times[0]
-    assert heard.times[-1] <= sent + 1_000_000
+        await until_async(lambda: len(received.frames) == 300)
+    assert before - 1_000_000 <= received.times[0]
+    assert received.times[-1] <= sent + 1_000_000
     assert opened.status.stamp_refused == 0
 
 
 async def test_stamp_that_cannot_be_believed_is_replaced_and_counted(device: socket.socket) -> None:
     clock = FakeClock(77)  # as if real time had stepped by decades
-    async with run_link(link(), clock=clock) as (opened, heard):
+    async with run_link(link(), clock=clock) as (opened, received):
         device.sendto(b"x", opened.address)
-        await until_async(lambda: heard.frames)
-    assert heard.times == [77]
+        await until_async(lambda: received.frames)
+    assert received.times == [77]
     assert opened.status.stamp_refused == 1
 
 
 async def test_what_the_kernel_drops_is_counted(device: socket.socket) -> None:
-    async with run_link(link()) as (opened, heard):
+    async with run_link(link()) as (opened, received):
         opened._socket.setsockopt(socket.SOL_SOCKET, SO_RCVBUFFORCE, 20_000)
         for _ in range(500):
             device.sendto(bytes(100), opened.address)
-        await until_async(lambda: heard.frames)
+        await until_async(lambda: received.frames)
         await opened.drain()
         for _ in range(2):  # the kernel tells the count with the next datagram
             device.sendto(b"next", opened.address)
-        await until_async(lambda: heard.frames[-1] == b"next")
+        await until_async(lambda: received.frames[-1] == b"next")
         await opened.drain()
         assert opened.status.socket_dropped > 0
-        assert len(heard.frames) + opened.status.socket_dropped == 502
+        assert len(received.frames) + opened.status.socket_dropped == 502
 
 
 async def test_a_link_of_which_the_kernel_drops_frames_is_not_good(
     device: socket.socket, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monotonic_ns = time.monotonic_ns
-    async with run_link(link()) as (opened, heard):
+    async with run_link(link()) as (opened, received):
         opened._socket.setsockopt(socket.SOL_SOCKET, SO_RCVBUFFORCE, 20_000)
         for _ in range(500):
             device.sendto(bytes(100), opened.address)
         await until_async(lambda: opened.status.state is LinkState.OVERFLOW, what="the state")
         assert opened.status.hint.startswith(f"the kernel has dropped {opened.status.socket_dropped} frames: ")
-        before = len(heard.frames)
+        before = len(received.frames)
         device.sendto(b"next", opened.address)
-        await until_async(lambda: len(heard.frames) > before)
+        await until_async(lambda: len(received.frames) > before)
         assert opened.status.state is LinkState.OVERFLOW
         monkeypatch.setattr("fti.clock.time.monotonic_ns", lambda: monotonic_ns() + OVERFLOW_HOLD_NS)
         device.sendto(b"much later", opened.address)
-        await until_async(lambda: heard.frames[-1] == b"much later")
+        await until_async(lambda: received.frames[-1] == b"much later")
         opened._check()
         assert (opened.status.state, opened.status.hint) == (LinkState.GOOD, "")
 
 
 async def test_drops_behind_the_last_datagram_are_asked_for(device: socket.socket) -> None:
-    async with run_link(link()) as (opened, heard):
+    async with run_link(link()) as (opened, received):
         opened._socket.setsockopt(socket.SOL_SOCKET, SO_RCVBUFFORCE, 20_000)
         for _ in range(500):
             device.sendto(bytes(100), opened.address)
-        await until_async(lambda: len(heard.frames) + opened.status.socket_dropped == 500, what="the sum")
+        await until_async(lambda: len(received.frames) + opened.status.socket_dropped == 500, what="the sum")
         assert opened.status.socket_dropped > 0
 
 
@@ -155,10 +155,10 @@ def test_drop_counter_of_the_kernel_wraps() -> None:
     assert status.socket_dropped == 0x1_0000_0005
 
 
-async def test_only_the_configured_source_is_heard(device: socket.socket) -> None:
+async def test_only_the_configured_source_is_received(device: socket.socket) -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
         stranger.bind(("127.0.0.2", 0))
-        async with run_link(link(source="127.0.0.1")) as (opened, heard):
+        async with run_link(link(source="127.0.0.1")) as (opened, received):
             for _ in range(3):
                 stranger.sendto(b"stranger", opened.address)
             await until_async(lambda: opened.status.refused == 3)
@@ -166,17 +166,17 @@ async def test_only_the_configured_source_is_heard(device: socket.socket) -> Non
             assert opened.status.state is LinkState.SILENT
             assert "none from 127.0.0.1" in opened.status.hint
             device.sendto(b"device", opened.address)
-            await until_async(lambda: heard.frames)
-    assert heard.frames == [b"device"]
+            await until_async(lambda: received.frames)
+    assert received.frames == [b"device"]
     assert opened.status.errors == {"udp_other_source": 3}  # goes into the ledger
 
 
-async def test_answers_go_to_whom_was_heard_last(device: socket.socket) -> None:
-    async with run_link(link(transmit=True)) as (opened, heard):
-        with pytest.raises(LinkError, match="nobody to send to"):
+async def test_answers_go_to_the_last_sender(device: socket.socket) -> None:
+    async with run_link(link(transmit=True)) as (opened, received):
+        with pytest.raises(LinkError, match="no destination"):
             await opened.send(b"x")
         device.sendto(b"hello", opened.address)
-        await until_async(lambda: heard.frames)
+        await until_async(lambda: received.frames)
         assert await opened.send(b"answer") == 6
         assert device.recvfrom(100) == (b"answer", opened.address)
 
@@ -187,26 +187,26 @@ async def test_peer_of_the_configuration_is_sent_to(device: socket.socket) -> No
         assert device.recv(100) == b"wake up"
 
 
-async def test_who_cannot_be_greeted_yet_is_heard_all_the_same(device: socket.socket) -> None:
-    async with run_link(link(transmit=True), on_connect=[b"wake up"]) as (opened, heard):
+async def test_who_cannot_be_greeted_yet_still_receives(device: socket.socket) -> None:
+    async with run_link(link(transmit=True), on_connect=[b"wake up"]) as (opened, received):
         device.sendto(b"hello", opened.address)
-        await until_async(lambda: heard.frames)
+        await until_async(lambda: received.frames)
         assert opened.status.connects == 1
 
 
 async def test_multicast_group(device: socket.socket) -> None:
     device.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, 0)
     device.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, socket.inet_aton("127.0.0.1"))
-    async with run_link(link(group=GROUP)) as (opened, heard):
+    async with run_link(link(group=GROUP)) as (opened, received):
         assert opened.address[0] == GROUP
         device.sendto(b"to one", ("127.0.0.1", opened.address[1]))
         device.sendto(b"to all", opened.address)
-        await until_async(lambda: heard.frames)
+        await until_async(lambda: received.frames)
         again = link(group=GROUP, bind=f"127.0.0.1:{opened.address[1]}")
         async with run_link(again) as (_, second):
             device.sendto(b"to both", opened.address)
-            await until_async(lambda: second.frames and len(heard.frames) == 2)
-    assert heard.frames == [b"to all", b"to both"]
+            await until_async(lambda: second.frames and len(received.frames) == 2)
+    assert received.frames == [b"to all", b"to both"]
     assert second.frames == [b"to both"]
 
 
@@ -216,9 +216,9 @@ async def test_ipv6() -> None:
             sock.bind(("::1", 0))
         except OSError:
             return  # a machine without IPv6
-        async with run_link(link(bind="[::1]:0", source="0:0::1", transmit=True)) as (opened, heard):
+        async with run_link(link(bind="[::1]:0", source="0:0::1", transmit=True)) as (opened, received):
             sock.sendto(b"six", opened.address)
-            await until_async(lambda: heard.frames == [b"six"])
+            await until_async(lambda: received.frames == [b"six"])
             await opened.send(b"back")
             sock.settimeout(10)
             assert sock.recv(10) == b"back"
@@ -265,6 +265,6 @@ async def test_port_below_1024_is_denied_to_users(monkeypatch: pytest.MonkeyPatc
         ({"group": "ff02::1"}, "IPv4 multicast"),
     ],
 )
-def test_what_can_never_work_is_said_at_once(keys: dict[str, str], words: str) -> None:
+def test_what_can_never_work_is_an_error_at_once(keys: dict[str, str], words: str) -> None:
     with pytest.raises(ConfigError, match=words):
         open_link(link(**keys), FakeClock(), lambda frames, times: None)

@@ -1,4 +1,4 @@
-"""A recorder in small for the tests of the proof: it numbers, writes and keeps its books; what it loses is said."""
+"""A small recorder for the tests of verification: it numbers and writes frames, and writes ledgers with its losses."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Recorder:
 
     lost    : numbers that a full buffer drops
     held    : numbers that stay in a buffer: they are in no file
-    late    : numbers that are written behind the next ledger
+    late    : numbers that are written after the next ledger
     removed : numbers that are in no file, and the books do not say so
     socket  : frames of ins that the kernel drops, before the first one
     doctor  : changes a ledger before it is written: (how many were written before, the ledger)
@@ -80,11 +80,11 @@ class Recorder:
         topic, data = TURN[seq % len(TURN)], payload(seq)
         link = topic.rpartition("/")[2]
         if topic == "/fti/tick":
-            self.log.tick(seq, time_of(seq))
+            self.log.write_tick(seq, time_of(seq))
         elif topic.startswith("/tx/"):
-            self.log.sent(link, seq, time_of(seq), data)
+            self.log.write_sent(link, seq, time_of(seq), data)
         else:
-            self.log.frame(link, seq, time_of(seq), data)
+            self.log.write_frame(link, seq, time_of(seq), data)
 
     def _add(self, topic: str, what: str, data: bytes, count: int = 1) -> None:
         self._counts[topic, what + "_frames"] += count
@@ -95,7 +95,7 @@ class Recorder:
         note = self.note(final=final)
         self._doctor(self._ledgers, note)
         self._ledgers += 1
-        self.log.json("/fti/ledger", time_of(self.next), note)
+        self.log.write_json("/fti/ledger", time_of(self.next), note)
         for seq in self._waiting:
             topic, data = TURN[seq % len(TURN)], payload(seq)
             self._add(topic, "held", data, -1)

@@ -50,7 +50,7 @@ def test_they_are_bounded() -> None:
         alarms.record(ALERT, t_ns)
     for change in alarms.take_changes():
         found.feed(change)
-    assert (len(found.spans), found.more) == (MAX_ALARMS, 10)
+    assert (len(found.spans), found.more_alarms) == (MAX_ALARMS, 10)
 
 
 values = st.one_of(st.none(), st.integers(), st.floats(), st.text(max_size=5), st.lists(st.integers(), max_size=2))

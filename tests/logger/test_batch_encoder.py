@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fti.frame_batch import FrameBatch, entries, make_batch, split
+from fti.frame_batch import FrameBatch, iter_frames, make_batch, split_batch
 from fti.logger.stream_writer import StreamWriter
 from tests.logger.official_reader import read_closed
 
@@ -42,7 +42,7 @@ flushes = st.lists(
 
 def one_by_one(writer: StreamWriter, shares: list[tuple[int, list[FrameBatch]]]) -> None:
     for channel, parts in shares:
-        for seq, time, data in entries(parts):
+        for seq, time, data in iter_frames(parts):
             writer.write(channel, time, data, seq & 0xFFFF_FFFF)
 
 
@@ -66,7 +66,7 @@ def test_the_file_is_the_same_byte_for_byte(turns: Flushes, chunk_bytes: int) ->
             files.append((span, path.read_bytes()))
         assert files[0] == files[1]
         expected = [
-            (seq & 0xFFFF_FFFF, t, d) for shares in turns for _, parts in shares for seq, t, d in entries(parts)
+            (seq & 0xFFFF_FFFF, t, d) for shares in turns for _, parts in shares for seq, t, d in iter_frames(parts)
         ]
         assert sorted((m[3], m[1], m[4]) for m in read_closed(path)) == sorted(expected)
 
@@ -89,7 +89,7 @@ def test_all_or_none(tmp_path: Path, count: int) -> None:
 def test_a_burst_is_divided_without_loss(burst: FrameBatch, data: st.DataObject) -> None:
     if len(burst[2]) > 1:
         count = data.draw(st.integers(1, len(burst[2]) - 1))
-        head, rest = split(burst, count)
+        head, rest = split_batch(burst, count)
         assert len(head[2]) == count
         assert head[3] + rest[3] == burst[3]
-        assert [*entries([head]), *entries([rest])] == list(entries([burst]))
+        assert [*iter_frames([head]), *iter_frames([rest])] == list(iter_frames([burst]))

@@ -1,4 +1,4 @@
-"""Records as JSON: what is read again is what ``json.dumps`` would have said, for whatever a record may hold."""
+"""Records as JSON: the decoded record equals that of ``json.dumps``, for any content."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def plain(value: Any) -> Any:
 
 
 def read(data: bytes) -> str:
-    """What is said, with the order of names and those that come twice; 1 is not 1.0, and 0.0 not -0.0."""
+    """Decoded values, with the order of names and duplicates; 1 is not 1.0, and 0.0 is not -0.0."""
     return repr(json.loads(data, object_pairs_hook=list))
 
 
@@ -166,5 +166,5 @@ def test_what_json_cannot_say_is_refused(what: object) -> None:
         value: object
 
     for value in (what, Odd(what), [what], {"a": what}, Satellites(stamp=Stamp(1), used=what)):  # type: ignore[arg-type]
-        with pytest.raises(TypeError, match=f"{type(what).__name__} has no form in JSON"):
+        with pytest.raises(TypeError, match=f"{type(what).__name__} cannot be encoded as JSON"):
             encode(value)

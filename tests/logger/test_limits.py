@@ -35,7 +35,7 @@ def test_a_file_with_a_large_number(
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "message"),
     [
         (b"[" * 65 + b"]" * 65, "nested deeper than 64"),
         (b'["]",' * 65 + b"1" + b"]" * 65, "nested deeper than 64"),
@@ -43,8 +43,8 @@ def test_a_file_with_a_large_number(
         (b" " * (4 * 2**20 + 1), "at most 4194304 are read"),
     ],
 )
-def test_json_beyond_a_limit(text: bytes, said: str) -> None:
-    with pytest.raises(LimitError, match=said):
+def test_json_beyond_a_limit(text: bytes, message: str) -> None:
+    with pytest.raises(LimitError, match=message):
         parse_json(text)
 
 
@@ -90,7 +90,7 @@ def test_a_message_that_cannot_be_used_is_named() -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "message"),
     [
         ("a = " + "[" * 40 + "]" * 40, "nested deeper than 32"),
         ("a" + ".b" * 40 + " = 1", "a key has more than 32 parts"),
@@ -100,8 +100,8 @@ def test_a_message_that_cannot_be_used_is_named() -> None:
         ("#" * (4 * 2**20 + 1), "is longer than"),
     ],
 )
-def test_toml_beyond_a_limit(text: str, said: str) -> None:
-    with pytest.raises(ConfigError, match=f"^f.toml: {said}|{said}"):
+def test_toml_beyond_a_limit(text: str, message: str) -> None:
+    with pytest.raises(ConfigError, match=f"^f.toml: {message}|{message}"):
         parse_toml(text, "f.toml")
 
 
@@ -118,6 +118,4 @@ def test_a_chunk_that_caught_up_after_a_stall_is_read_packed_and_unpacked(tmp_pa
     chunks = list(McapFile(path).chunks())
     assert [item.data for chunk in chunks for item in chunk] == with_noise
     assert max(map(len, chunks)) == 2**16
-    assert verify(Recording.open(path)).findings == [
-        "no ledger stands in these files: whether all that came in is here is not proved"
-    ]
+    assert verify(Recording.open(path)).findings == ["no ledger in these files: complete reception cannot be verified"]

@@ -1,4 +1,4 @@
-"""A session that lies in several folders: numbers, copies, and where the rest is."""
+"""A session in several folders: numbers, copies, and the folders of the missing parts."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SECOND = 1_000_000_000
 
 def write(log: RawLog, numbers: range, mark: bytes = b"") -> None:
     for seq in numbers:
-        log.frame("a", seq, seq * SECOND, b"%d" % seq + mark)
+        log.write_frame("a", seq, seq * SECOND, b"%d" % seq + mark)
     log.flush()
 
 
@@ -34,7 +34,7 @@ def folders(tmp_path: Path) -> list[SessionFolder]:
 def make_log(folders: list[SessionFolder], numbering: Numbering | None = None) -> RawLog:
     places = [folder.path for folder in folders]
     links = [RawTopic("a", "udp", {})]
-    return RawLog(folders[0], links, split_s=1e6, split_mb=100, numbering=numbering, places=places)
+    return RawLog(folders[0], links, split_s=1e6, split_mb=100, numbering=numbering, folders=places)
 
 
 def move(log: RawLog, folder: SessionFolder) -> None:
@@ -67,7 +67,7 @@ def test_the_same_number_with_other_bytes_is_no_copy(folders: list[SessionFolder
     move(log, folders[1])
     write(log, range(9, 12), b"!")
     log.close()
-    with pytest.raises(RecordingError, match="the number 9 comes after 9; it stands twice"):
+    with pytest.raises(RecordingError, match="the number 9 comes after 9; it occurs twice"):
         list(Recording.open(*(folder.path for folder in folders)).frames())
 
 
@@ -76,12 +76,12 @@ def test_folders_of_two_sessions_are_refused(folders: list[SessionFolder], tmp_p
     for log in (make_log(folders), make_log([stranger])):
         write(log, range(3))
         log.close()
-    with pytest.raises(MissingError, match=r"is of session t_.*, and .* of session s_"):
+    with pytest.raises(MissingError, match=r"belongs to session t_.*, but .* to session s_"):
         Recording.open(folders[0].path, stranger.path)
 
 
 def test_numbers_are_one_row_over_all_folders(folders: list[SessionFolder]) -> None:
-    numbering = Numbering(least=5)
+    numbering = Numbering(first_number=5)
     log = make_log(folders, numbering)
     assert log.path.name.endswith("_005.mcap")
     folders[1].file_path("raw", 8).touch()
@@ -128,7 +128,7 @@ def test_a_place_asks_for_its_medium_and_its_space(tmp_path: Path) -> None:
     with pytest.raises(StorageError, match="no medium is mounted on /proc"):
         StorageTarget(tmp_path / "other", Path("/proc")).prepare()
     (tmp_path / "file").touch()
-    with pytest.raises(StorageError, match="cannot be made"):
+    with pytest.raises(StorageError, match="cannot be created"):
         StorageTarget.of(tmp_path / "file" / "folder").prepare()
 
 
@@ -138,13 +138,13 @@ def test_a_trace_is_lost_by_moving_and_by_deleting(tmp_path: Path) -> None:
     fd = os.open(path, os.O_RDWR | os.O_CREAT)
     try:
         path_watch = PathWatch(path, fd)
-        assert path_watch.stray() is None
+        assert path_watch.find_lost_file() is None
         path.parent.rename(tmp_path / "b")
-        assert (stray := path_watch.stray()) and not stray.lost
+        assert (lost_file := path_watch.find_lost_file()) and not lost_file.is_deleted
         path.parent.mkdir()
         path.touch()  # another file in its place
-        assert (stray := path_watch.stray()) and not stray.lost
+        assert (lost_file := path_watch.find_lost_file()) and not lost_file.is_deleted
         (tmp_path / "b" / "file").unlink()
-        assert (stray := path_watch.stray()) and stray.lost
+        assert (lost_file := path_watch.find_lost_file()) and lost_file.is_deleted
     finally:
         os.close(fd)

@@ -55,13 +55,13 @@ def folder(tmp_path: Path) -> SessionFolder:
 
 def test_raw_log_keeps_every_frame(folder: SessionFolder) -> None:
     log = open_raw(folder)
-    log.frame("ins", 0, STARTED, b"one")
-    log.tick(1, STARTED + 1)
-    log.sent("radar", 2, STARTED + 2, b"ask")
-    log.frame("radar", 2**32 + 3, STARTED + 3, b"answer")
-    log.json("/fti/clock", STARTED, {"t_ns": STARTED, "monotonic_ns": 1, "monotonic_raw_ns": 2, "realtime_ns": 3})
-    log.json("/fti/event", STARTED, Event(t_ns=STARTED, level="warning", source="ins", text="silent"))
-    log.json("/fti/event", STARTED, {"t_ns": STARTED, "level": "info", "source": "user", "text": "mark"})
+    log.write_frame("ins", 0, STARTED, b"one")
+    log.write_tick(1, STARTED + 1)
+    log.write_sent("radar", 2, STARTED + 2, b"ask")
+    log.write_frame("radar", 2**32 + 3, STARTED + 3, b"answer")
+    log.write_json("/fti/clock", STARTED, {"t_ns": STARTED, "monotonic_ns": 1, "monotonic_raw_ns": 2, "realtime_ns": 3})
+    log.write_json("/fti/event", STARTED, Event(t_ns=STARTED, level="warning", source="ins", text="silent"))
+    log.write_json("/fti/event", STARTED, {"t_ns": STARTED, "level": "info", "source": "user", "text": "mark"})
     log.flush()
     log.sync()
     assert len(read_stream(log.path.read_bytes())) == 7
@@ -85,7 +85,7 @@ def test_raw_log_keeps_every_frame(folder: SessionFolder) -> None:
 def test_raw_log_refuses_a_topic_without_a_schema(folder: SessionFolder) -> None:
     log = open_raw(folder)
     with pytest.raises(ValueError, match="/fti/health"):
-        log.json("/fti/oops", 0, {})
+        log.write_json("/fti/oops", 0, {})
     log.close()
 
 
@@ -95,9 +95,9 @@ def test_each_split_is_readable_alone(folder: SessionFolder, by: str) -> None:
     seq = 0
     for n in range(300):
         for link in ("ins", "radar"):
-            log.frame(link, seq, STARTED + n * SECOND // 50, bytes([n % 256]) * 20)
+            log.write_frame(link, seq, STARTED + n * SECOND // 50, bytes([n % 256]) * 20)
             seq += 1
-        log.json("/fti/ledger", STARTED + n * SECOND // 50, {"t_ns": n, "links": {}})
+        log.write_json("/fti/ledger", STARTED + n * SECOND // 50, {"t_ns": n, "links": {}})
         log.flush()
     log.close()
     files = folder.files("raw")
@@ -126,7 +126,7 @@ def test_a_full_medium_at_the_split_loses_nothing(folder: SessionFolder, monkeyp
 
     monkeypatch.setattr(os, "pwrite", write)
     for n in range(200):
-        log.frame("ins", n, STARTED + n * SECOND // 50, b"frame")
+        log.write_frame("ins", n, STARTED + n * SECOND // 50, b"frame")
         full[0] = 40 < n < 140 and n % 3 > 0
         try:
             log.flush()
@@ -154,11 +154,11 @@ def test_when_the_next_file_cannot_be_made_the_old_one_goes_on(
     with monkeypatch.context() as patch:
         patch.setattr(os, "open", refuse)
         for n in range(100):
-            log.frame("ins", n, STARTED + n * SECOND // 50, b"frame")
+            log.write_frame("ins", n, STARTED + n * SECOND // 50, b"frame")
             log.flush()  # a file that takes bytes is no reason to refuse
             assert bool(log.fault) == (n >= 50)
             assert len(read_stream(log.path.read_bytes())) == n + 1
-    log.frame("ins", 100, STARTED + 2 * SECOND, b"frame")
+    log.write_frame("ins", 100, STARTED + 2 * SECOND, b"frame")
     log.flush()
     assert log.fault is None
     log.close()
@@ -168,7 +168,7 @@ def test_when_the_next_file_cannot_be_made_the_old_one_goes_on(
 
 def test_closing_on_a_full_medium_releases_the_file(folder: SessionFolder, monkeypatch: pytest.MonkeyPatch) -> None:
     log = open_raw(folder)
-    log.frame("ins", 0, STARTED, b"kept")
+    log.write_frame("ins", 0, STARTED, b"kept")
     log.flush()
 
     def refuse(fd: int, data: Any, offset: int) -> int:
@@ -181,7 +181,7 @@ def test_closing_on_a_full_medium_releases_the_file(folder: SessionFolder, monke
     assert [m[4] for m in read_stream(log.path.read_bytes())] == [b"kept"]
 
 
-def test_free_space_is_told(folder: SessionFolder) -> None:
+def test_free_space_is_reported(folder: SessionFolder) -> None:
     log = open_raw(folder)
     state = os.statvfs(folder.path)
     assert log.free_mb() == pytest.approx(state.f_bavail * state.f_frsize / 2**20, abs=100)
@@ -209,7 +209,7 @@ def test_every_change_of_a_calibration_is_kept_however_fast_they_come(folder: Se
     points = (CalibrationPoint(raw=0, deflection=0.0), CalibrationPoint(raw=9, deflection=0.1))
     changes = [Calibration(stamp=Stamp(STARTED + i), surface="flaps", points=points, change=str(i)) for i in range(20)]
     for change in changes:
-        log.measurement("pickups", change)
+        log.write_measurement("pickups", change)
     log.close()
     kept = [json.loads(data) for _, _, _, _, data in read_closed(log.path)]
     assert [m["change"] for m in kept] == [str(i) for i in range(20)]
@@ -219,20 +219,22 @@ def test_every_change_of_a_calibration_is_kept_however_fast_they_come(folder: Se
 def test_derived_topics_times_and_schemas(folder: SessionFolder) -> None:
     log = open_derived(folder)
     stamp = Stamp(STARTED + 5, t_valid_ns=STARTED + 3)
-    log.measurement("radar", RadioHeight(stamp=stamp, height_agl=float("nan"), sd=0.1))
-    log.measurement("ins", Ack(stamp=Stamp(STARTED + 6), command="reset", accepted=True))
+    log.write_measurement("radar", RadioHeight(stamp=stamp, height_agl=float("nan"), sd=0.1))
+    log.write_measurement("ins", Ack(stamp=Stamp(STARTED + 6), command="reset", accepted=True))
     height = HeightAboveGround(
         t_ns=STARTED + 9, t_valid_ns=STARTED + 3, sensor="radar", raw=1.0, height_agl=None, sd=float("inf"),
         valid=False, reasons=(Reason.ROLL, Reason.STALE),
     )  # fmt: skip
-    log.output(height)
-    log.output(GlideSlope(t_ns=STARTED + 9, t_valid_ns=None, valid=True, reasons=(), deviation=0.01))
-    log.output(ClearanceIntegrity(t_ns=STARTED + 9, t_valid_ns=None, state=IntegrityState.OK, reasons=(), valid=True))
-    log.output(solution(valid=True))
-    log.output(solution(valid=False))
-    log.output(Event(t_ns=STARTED + 9, level="error", source="nav", text="lost"))
-    log.gap(STARTED + 10, "12 frames")
-    log.gap(STARTED + 11, {"first_seq": 3, "last_seq": 4})
+    log.write_output(height)
+    log.write_output(GlideSlope(t_ns=STARTED + 9, t_valid_ns=None, valid=True, reasons=(), deviation=0.01))
+    log.write_output(
+        ClearanceIntegrity(t_ns=STARTED + 9, t_valid_ns=None, state=IntegrityState.OK, reasons=(), valid=True)
+    )
+    log.write_output(solution(valid=True))
+    log.write_output(solution(valid=False))
+    log.write_output(Event(t_ns=STARTED + 9, level="error", source="nav", text="lost"))
+    log.write_gap(STARTED + 10, "12 frames")
+    log.write_gap(STARTED + 11, {"first_seq": 3, "last_seq": 4})
     log.flush()
     log.sync()
     log.close()
@@ -277,10 +279,10 @@ def test_measurements_are_decimated_and_outputs_are_not(folder: SessionFolder) -
     log = open_derived(folder)
     for n in range(1000):  # 10 s at 100 Hz
         t = STARTED + n * SECOND // 100
-        log.measurement("fast", RadioHeight(stamp=Stamp(t), height_agl=1.0))
-        log.measurement("servo", SurfaceDeflection(stamp=Stamp(t), surface="aileron", deflection=0.1))
-        log.measurement("servo", SurfaceDeflection(stamp=Stamp(t), surface="rudder", deflection=0.2))
-        log.output(GlideSlope(t_ns=t, t_valid_ns=None, valid=True, reasons=()))
+        log.write_measurement("fast", RadioHeight(stamp=Stamp(t), height_agl=1.0))
+        log.write_measurement("servo", SurfaceDeflection(stamp=Stamp(t), surface="aileron", deflection=0.1))
+        log.write_measurement("servo", SurfaceDeflection(stamp=Stamp(t), surface="rudder", deflection=0.2))
+        log.write_output(GlideSlope(t_ns=t, t_valid_ns=None, valid=True, reasons=()))
     log.close()
     found = read_closed(log.path)
     counts = {topic: sum(m[0] == topic for m in found) for topic in {m[0] for m in found}}
@@ -300,7 +302,7 @@ def test_a_stream_of_the_rate_with_jitter_passes_whole() -> None:
 def test_whoever_forgets_to_flush_does_not_fill_the_memory(folder: SessionFolder) -> None:
     log = open_derived(folder)
     for n in range(6000):
-        log.output(GlideSlope(t_ns=STARTED + n, t_valid_ns=None, valid=True, reasons=()))
+        log.write_output(GlideSlope(t_ns=STARTED + n, t_valid_ns=None, valid=True, reasons=()))
     assert log.bytes_written > 2**20
     log.close()
 
@@ -331,9 +333,9 @@ def write_in_disorder(folder: SessionFolder) -> list[RawFrame]:
         radar = [frame for frame in frames if frame.link == "radar"]
         for frame in (*late, *(f for f in frames if f.link == TICK_LINK), *(f for f in frames if f.link == "ins")):
             if frame.link == TICK_LINK:
-                log.tick(frame.seq, frame.t_rx_ns)
+                log.write_tick(frame.seq, frame.t_rx_ns)
             else:
-                log.frame(frame.link, frame.seq, frame.t_rx_ns, frame.data)
+                log.write_frame(frame.link, frame.seq, frame.t_rx_ns, frame.data)
         late = radar
         log.flush()
     log.close()
@@ -344,7 +346,7 @@ def write_in_disorder(folder: SessionFolder) -> list[RawFrame]:
 def test_frames_come_in_order_of_their_number(
     folder: SessionFolder, monkeypatch: pytest.MonkeyPatch, patience: int
 ) -> None:
-    monkeypatch.setattr("fti.logger.reading.recording.PATIENCE", patience)
+    monkeypatch.setattr("fti.logger.reading.recording.MAX_WAITING_FRAMES", patience)
     expected = write_in_disorder(folder)
     recording = Recording.open(folder.path)
     assert len(recording.raw_files) > 5
@@ -354,7 +356,7 @@ def test_frames_come_in_order_of_their_number(
 def test_frames_do_not_wait_for_a_number_that_never_comes(
     folder: SessionFolder, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("fti.logger.reading.recording.PATIENCE", 10)
+    monkeypatch.setattr("fti.logger.reading.recording.MAX_WAITING_FRAMES", 10)
     expected = write_in_disorder(folder)
     recording = Recording.open(folder.path)
     chunks, taken = recording._numbered_chunks, [0, 0]
@@ -373,15 +375,15 @@ def test_frames_do_not_wait_for_a_number_that_never_comes(
     assert taken[1] == 2 and taken[0] < len(recording.raw_files) * 0.7
 
 
-def test_a_recording_that_is_being_written_is_read_and_told(folder: SessionFolder) -> None:
+def test_a_recording_that_is_being_written_is_read_and_reported(folder: SessionFolder) -> None:
     log = open_raw(folder)
-    log.frame("ins", 0, STARTED, b"a")
-    log.sent("ins", 1, STARTED, b"b")
+    log.write_frame("ins", 0, STARTED, b"a")
+    log.write_sent("ins", 1, STARTED, b"b")
     log.flush()
     recording = Recording.open(folder.path)
     assert recording.unfinished_files == [log.path]
     assert [f.data for f in recording.frames()] == [b"a"]
-    assert [f.data for f in recording.sent()] == [b"b"]
+    assert [f.data for f in recording.sent_frames()] == [b"b"]
     assert "being written" in recording.faults[log.path].text
     log.close()
     assert Recording.open(folder.path).unfinished_files == []
@@ -389,8 +391,8 @@ def test_a_recording_that_is_being_written_is_read_and_told(folder: SessionFolde
 
 def test_derived_messages_by_prefix(folder: SessionFolder) -> None:
     log = open_derived(folder)
-    log.output(GlideSlope(t_ns=STARTED, t_valid_ns=None, valid=True, reasons=()))
-    log.gap(STARTED, "x")
+    log.write_output(GlideSlope(t_ns=STARTED, t_valid_ns=None, valid=True, reasons=()))
+    log.write_gap(STARTED, "x")
     log.close()
     for path in (folder.path, log.path):
         recording = Recording.open(path)

@@ -27,7 +27,7 @@ def test_a_file_that_breaks_off_between_its_tables_is_not_altered() -> None:
         assert changed_tables("fti.file", dict(list(WHOLE.items())[:written])) == []
 
 
-def test_a_file_without_checksums_is_not_judged() -> None:
+def test_a_file_without_checksums_is_not_checked() -> None:
     assert changed_tables("fti.file", TABLES) == []
     assert changed_tables("fti.file", {"truth": {"a": "b"}}) == []
 

@@ -39,7 +39,7 @@ def health(links: Table, **more: Any) -> Table:
 def write(log: RawLog, topic: str, notes: list[Table], step_ns: int = SECOND) -> Path:
     """One note a second."""
     for n, note in enumerate(notes):
-        log.json(topic, START + n * step_ns, copy.deepcopy(note))
+        log.write_json(topic, START + n * step_ns, copy.deepcopy(note))
         log.flush()
     log.close()
     return log.folder.path

@@ -1,4 +1,4 @@
-"""Things beside a session that are called as its files are: nothing waits for them, and each is named."""
+"""FIFOs, devices and folders with the names of session files: nothing blocks on them, and each is reported."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def test_a_session_is_read_without_what_is_no_file(
     printed = capsys.readouterr()
     assert "Traceback" not in printed.out + printed.err
     if name in ("info", "export"):
-        assert "_001.mcap is left out: " in printed.out + printed.err
+        assert "_001.mcap is ignored: " in printed.out + printed.err
 
 
 def test_a_fifo_that_is_named_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -65,6 +65,6 @@ def test_a_directory_that_refuses(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     def refuse(path: Path) -> bool:
         raise OSError(code, os.strerror(code))
 
-    monkeypatch.setattr(session, "_made", refuse)
+    monkeypatch.setattr(session, "_create_folder", refuse)
     with pytest.raises(StorageError, match=words):
         SessionFolder.create(tmp_path, "a", STARTED)

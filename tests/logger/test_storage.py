@@ -27,9 +27,9 @@ NAMES = ("MAIN", "FALLBACK")
 class Rig:
     """A machine and its time."""
 
-    def __init__(self, places: int = 2) -> None:
+    def __init__(self, targets: int = 2) -> None:
         self.now = 100.0
-        self.machine = StorageMachine(NAMES[:places], self.now)
+        self.machine = StorageMachine(NAMES[:targets], self.now)
 
     def at(self, seconds: float) -> None:
         """Let time pass, in ticks as the recorder makes them; nothing is written meanwhile."""
@@ -39,88 +39,88 @@ class Rig:
 
     def wanted(self) -> tuple[int, bool] | None:
         """Place and strictness of the attempt that begins now."""
-        attempt = self.machine.wanted(self.now)
-        return (attempt.place, attempt.strict) if attempt else None
+        attempt = self.machine.next_attempt(self.now)
+        return (attempt.target, attempt.strict) if attempt else None
 
     def state(self) -> StorageState:
         """Of the storage, now."""
         return self.machine.state(self.now)[0]
 
-    def record(self, place: int = MAIN) -> None:
-        """Begin at a place."""
-        assert self.wanted() == (place, False)
-        assert self.machine.opened(self.now, place)
+    def record(self, target: int = MAIN) -> None:
+        """Begin at a target."""
+        assert self.wanted() == (target, False)
+        assert self.machine.on_file_opened(self.now, target)
 
 
 @pytest.fixture
 def rig() -> Rig:
-    made = Rig()
-    made.record()
-    return made
+    new_rig = Rig()
+    new_rig.record()
+    return new_rig
 
 
 @pytest.mark.parametrize("full", [True, False])
 def test_a_medium_that_refuses_is_left_at_once(rig: Rig, full: bool) -> None:
-    rig.machine.refused(rig.now, "no", full=full)
+    rig.machine.on_write_refused(rig.now, "no", full=full)
     assert rig.state() is StorageState.ERROR
     assert rig.wanted() == (FALLBACK, False)
-    assert rig.machine.opened(rig.now, FALLBACK)
+    assert rig.machine.on_file_opened(rig.now, FALLBACK)
     assert rig.machine.state(rig.now) == (StorageState.FALLBACK, "recording in FALLBACK: no")
 
 
 def test_what_accepts_again_before_the_fallback_is_open_is_not_left(rig: Rig) -> None:
-    rig.machine.refused(rig.now, "no", full=True)
+    rig.machine.on_write_refused(rig.now, "no", full=True)
     assert rig.wanted() == (FALLBACK, False)
-    rig.machine.accepted(rig.now)
-    assert not rig.machine.opened(rig.now, FALLBACK)
-    assert (rig.machine.place, rig.state()) == (MAIN, StorageState.OK)
+    rig.machine.on_write_accepted(rig.now)
+    assert not rig.machine.on_file_opened(rig.now, FALLBACK)
+    assert (rig.machine.target, rig.state()) == (MAIN, StorageState.OK)
 
 
 def test_it_goes_back_with_enough_space_and_waits_longer_each_time_that_was_in_vain(rig: Rig) -> None:
     waits = []
     for _ in range(8):
-        rig.machine.refused(rig.now, "no", full=False)
+        rig.machine.on_write_refused(rig.now, "no", full=False)
         assert rig.wanted() == (FALLBACK, False)
-        rig.machine.opened(rig.now, FALLBACK)
+        rig.machine.on_file_opened(rig.now, FALLBACK)
         left = rig.now
         while (attempt := rig.wanted()) is None:
             rig.now += 0.1
-            rig.machine.accepted(rig.now)
+            rig.machine.on_write_accepted(rig.now)
         assert attempt == (MAIN, True)
         waits.append(rig.now - left)
-        assert rig.machine.opened(rig.now, MAIN)
+        assert rig.machine.on_file_opened(rig.now, MAIN)
     assert waits == pytest.approx([min(MIN_RETURN_DELAY_S * 2**n, MAX_RETURN_DELAY_S) for n in range(8)], abs=0.2)
 
 
 def test_a_main_place_that_is_not_ready_is_asked_again(rig: Rig) -> None:
-    rig.machine.refused(rig.now, "no", full=True)
+    rig.machine.on_write_refused(rig.now, "no", full=True)
     rig.wanted()
-    rig.machine.opened(rig.now, FALLBACK)
-    asked = 0
+    rig.machine.on_file_opened(rig.now, FALLBACK)
+    attempts = 0
     for _ in range(100):
         rig.now += 0.1
-        rig.machine.accepted(rig.now)
+        rig.machine.on_write_accepted(rig.now)
         if rig.wanted():
-            rig.machine.failed(rig.now, MAIN, "12 MB are free")
-            asked += 1
-    assert asked == pytest.approx((10 - MIN_RETURN_DELAY_S) / 1.0, abs=1)
+            rig.machine.on_open_failed(rig.now, MAIN, "12 MB are free")
+            attempts += 1
+    assert attempts == pytest.approx((10 - MIN_RETURN_DELAY_S) / 1.0, abs=1)
     assert rig.machine.state(rig.now) == (StorageState.FALLBACK, "recording in FALLBACK: 12 MB are free")
 
 
-def test_a_medium_that_is_stuck_is_told_and_then_left(rig: Rig) -> None:
+def test_a_medium_that_is_stuck_is_reported_and_then_left(rig: Rig) -> None:
     rig.at(0.9)
     assert rig.state() is StorageState.OK
     rig.at(0.3)
     assert rig.state() is StorageState.SLOW
     rig.now += WRITE_TIMEOUT_S - 1.2 + 0.3
     assert rig.wanted() == (FALLBACK, False)
-    assert rig.machine.state(rig.now) == (StorageState.ERROR, "MAIN: has taken no byte for 2.3 s")
+    assert rig.machine.state(rig.now) == (StorageState.ERROR, "MAIN: accepted no bytes for 2.3 s")
 
 
 def test_a_machine_that_stood_still_has_not_waited_for_its_medium(rig: Rig) -> None:
     rig.now += 60.0
     assert rig.wanted() is None
-    rig.machine.accepted(rig.now)
+    rig.machine.on_write_accepted(rig.now)
     assert rig.state() is StorageState.OK
 
 
@@ -130,11 +130,11 @@ def test_a_recorder_that_stood_still_does_not_blame_the_medium(rig: Rig, slow_be
     rig.at(1.5 if slow_before else 0.1)
     before = rig.state()
     rig.now += 60.0
-    rig.machine.paused(rig.now, 60.0)
+    rig.machine.on_process_paused(rig.now, 60.0)
     assert rig.state() is before
     assert rig.wanted() is None
     rig.at(0.2)
-    rig.machine.accepted(rig.now)
+    rig.machine.on_write_accepted(rig.now)
     assert rig.state() is StorageState.OK
 
 
@@ -142,69 +142,69 @@ def test_a_process_that_stood_still_at_the_start_has_not_waited_for_its_first_fi
     rig = Rig()
     assert rig.wanted() == (MAIN, False)
     rig.now += 60.0
-    rig.machine.paused(rig.now, 60.0)
+    rig.machine.on_process_paused(rig.now, 60.0)
     assert rig.state() is StorageState.OPENING
 
 
 def test_a_stuck_medium_without_another_is_waited_for() -> None:
-    rig = Rig(places=1)
+    rig = Rig(targets=1)
     rig.record()
     rig.at(30)
     assert rig.state() is StorageState.ERROR
-    rig.machine.accepted(rig.now)
+    rig.machine.on_write_accepted(rig.now)
     assert rig.state() is StorageState.OK
 
 
 def test_a_full_medium_without_another_is_waited_for() -> None:
-    rig = Rig(places=1)
+    rig = Rig(targets=1)
     rig.record()
     for _ in range(100):
-        rig.machine.refused(rig.now, "full", full=True)
+        rig.machine.on_write_refused(rig.now, "full", full=True)
         rig.at(0.2)
     assert rig.machine.state(rig.now) == (StorageState.ERROR, "full (for 20.0 s)")
 
 
 def test_a_medium_that_refuses_without_another_gets_a_new_file_after_a_while() -> None:
-    rig = Rig(places=1)
+    rig = Rig(targets=1)
     rig.record()
-    rig.machine.refused(rig.now, "EIO", full=False)
+    rig.machine.on_write_refused(rig.now, "EIO", full=False)
     rig.at(WRITE_TIMEOUT_S - 0.2)
     rig.now += 0.3
-    rig.machine.refused(rig.now, "EIO", full=False)
+    rig.machine.on_write_refused(rig.now, "EIO", full=False)
     assert rig.wanted() == (MAIN, False)
-    assert rig.machine.opened(rig.now, MAIN)
+    assert rig.machine.on_file_opened(rig.now, MAIN)
     assert rig.state() is StorageState.OK
 
 
 def test_a_folder_that_vanished_is_made_again_after_a_while_and_at_once_for_a_lost_file(rig: Rig) -> None:
-    rig.machine.on_file_lost(rig.now, "vanished", lost=False)
+    rig.machine.on_file_lost(rig.now, "vanished", is_deleted=False)
     assert rig.machine.state(rig.now) == (StorageState.GONE, "vanished")
     for _ in range(19):
         rig.now += 0.1
-        rig.machine.accepted(rig.now)
+        rig.machine.on_write_accepted(rig.now)
         assert rig.wanted() is None
     rig.now += 0.2
-    rig.machine.accepted(rig.now)
+    rig.machine.on_write_accepted(rig.now)
     assert rig.wanted() == (MAIN, False)
-    rig.machine.failed(rig.now, MAIN, "not mounted")
+    rig.machine.on_open_failed(rig.now, MAIN, "not mounted")
     assert rig.wanted() == (FALLBACK, False)
-    rig.machine.found()
-    assert not rig.machine.opened(rig.now, FALLBACK)
-    rig.machine.on_file_lost(rig.now, "deleted", lost=True)
+    rig.machine.on_file_found()
+    assert not rig.machine.on_file_opened(rig.now, FALLBACK)
+    rig.machine.on_file_lost(rig.now, "deleted", is_deleted=True)
     rig.now += 1.0
     assert rig.wanted() == (MAIN, False)
 
 
 def test_a_file_that_is_let_go_leaves_every_place_open(rig: Rig) -> None:
-    rig.machine.refused(rig.now, "EIO", full=False)
-    rig.machine.on_file_lost(rig.now, "vanished", lost=False)
-    rig.machine.released(rig.now)
+    rig.machine.on_write_refused(rig.now, "EIO", full=False)
+    rig.machine.on_file_lost(rig.now, "vanished", is_deleted=False)
+    rig.machine.on_file_released(rig.now)
     assert rig.machine.state(rig.now) == (StorageState.ERROR, "EIO")
     assert rig.wanted() == (MAIN, False)
-    rig.machine.failed(rig.now, MAIN, "not mounted")
+    rig.machine.on_open_failed(rig.now, MAIN, "not mounted")
     assert rig.wanted() == (FALLBACK, False)
-    rig.machine.failed(rig.now, FALLBACK, "full")
-    assert rig.machine.hopeless
+    rig.machine.on_open_failed(rig.now, FALLBACK, "full")
+    assert rig.machine.has_failed_everywhere
     assert rig.machine.state(rig.now) == (StorageState.ERROR, "not mounted; full")
 
 
@@ -218,23 +218,23 @@ def test_a_place_that_hangs_keeps_nobody_from_the_other() -> None:
     rig.now += 0.2
     assert rig.machine.state(rig.now) == (StorageState.ERROR, "no file has been opened for 2.1 s")
     assert rig.wanted() == (FALLBACK, False)
-    assert rig.machine.opened(rig.now, FALLBACK)
-    assert not rig.machine.opened(rig.now, MAIN)  # it answers, too late: whether there is space it was not asked
+    assert rig.machine.on_file_opened(rig.now, FALLBACK)
+    assert not rig.machine.on_file_opened(rig.now, MAIN)  # too late; its free space was not checked
 
 
-def test_little_space_and_an_overdue_split_are_told(rig: Rig) -> None:
-    rig.machine.measured("little space")
+def test_little_space_and_an_overdue_split_are_reported(rig: Rig) -> None:
+    rig.machine.on_space_measured("little space")
     assert rig.machine.state(rig.now) == (StorageState.FULL, "little space")
-    rig.machine.accepted(rig.now, "ENOSPC")
+    rig.machine.on_write_accepted(rig.now, "ENOSPC")
     state, hint = rig.machine.state(rig.now)
-    assert state is StorageState.OVERDUE and hint.endswith("no new one can be made: ENOSPC")
-    rig.machine.measured(None)
-    rig.machine.accepted(rig.now)
+    assert state is StorageState.OVERDUE and hint.endswith("the next one cannot be created: ENOSPC")
+    rig.machine.on_space_measured(None)
+    rig.machine.on_write_accepted(rig.now)
     assert rig.state() is StorageState.OK
 
 
 @pytest.mark.parametrize(("code", "full"), [(errno.ENOSPC, True), (errno.EDQUOT, True), (errno.EIO, False)])
-def test_full_is_told_from_broken(code: int, full: bool) -> None:
+def test_full_is_distinguished_from_broken(code: int, full: bool) -> None:
     try:
         raise StorageError("no") from OSError(code, "no")
     except StorageError as error:
@@ -253,9 +253,9 @@ EVENTS = st.lists(
 
 
 @given(EVENTS, st.integers(1, 2))
-def test_any_sequence_leads_back_to_a_file(events: list[tuple[str, float, int]], places: int) -> None:
-    """Never two attempts at one place, always a state; and once everything accepts, it records in the main place."""
-    rig = Rig(places)
+def test_any_sequence_leads_back_to_a_file(events: list[tuple[str, float, int]], targets: int) -> None:
+    """Never two attempts at one target, always a state; and once everything accepts, it records in the main target."""
+    rig = Rig(targets)
     running: list[int] = []
     for what, seconds, which in events:
         rig.now += seconds
@@ -266,28 +266,28 @@ def test_any_sequence_leads_back_to_a_file(events: list[tuple[str, float, int]],
         assert isinstance(rig.machine.state(rig.now)[1], str)
     for _ in range(round(2 * MAX_RETURN_DELAY_S / 0.1)):
         rig.now += 0.1
-        if rig.machine.place is not None:
-            rig.machine.accepted(rig.now)
-            rig.machine.found()
-        for place in running:
-            rig.machine.opened(rig.now, place)
+        if rig.machine.target is not None:
+            rig.machine.on_write_accepted(rig.now)
+            rig.machine.on_file_found()
+        for target in running:
+            rig.machine.on_file_opened(rig.now, target)
         running = [attempt[0]] if (attempt := rig.wanted()) else []
-    assert (rig.machine.place, rig.state()) == (MAIN, StorageState.OK)
+    assert (rig.machine.target, rig.state()) == (MAIN, StorageState.OK)
 
 
 def _happen(rig: Rig, what: str, running: list[int], which: int) -> None:
     machine = rig.machine
     if what in ("open", "fail") and running:
-        place = running.pop(which % len(running))
-        machine.opened(rig.now, place) if what == "open" else machine.failed(rig.now, place, "no")
-    elif machine.place is not None:
+        target = running.pop(which % len(running))
+        machine.on_file_opened(rig.now, target) if what == "open" else machine.on_open_failed(rig.now, target, "no")
+    elif machine.target is not None:
         actions: dict[str, Any] = {
-            "accept": lambda: machine.accepted(rig.now),
-            "refuse": lambda: machine.refused(rig.now, "no", full=False),
-            "full": lambda: machine.refused(rig.now, "full", full=True),
-            "stray": lambda: machine.on_file_lost(rig.now, "gone", lost=False),
-            "lose": lambda: machine.on_file_lost(rig.now, "gone", lost=True),
-            "find": machine.found,
-            "release": lambda: machine.released(rig.now),
+            "accept": lambda: machine.on_write_accepted(rig.now),
+            "refuse": lambda: machine.on_write_refused(rig.now, "no", full=False),
+            "full": lambda: machine.on_write_refused(rig.now, "full", full=True),
+            "stray": lambda: machine.on_file_lost(rig.now, "gone", is_deleted=False),
+            "lose": lambda: machine.on_file_lost(rig.now, "gone", is_deleted=True),
+            "find": machine.on_file_found,
+            "release": lambda: machine.on_file_released(rig.now),
         }
         actions.get(what, lambda: None)()

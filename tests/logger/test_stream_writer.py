@@ -286,17 +286,17 @@ def test_kill_9_of_a_writing_process(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     child = subprocess.Popen([sys.executable, "-c", CHILD, str(path)], stdout=subprocess.PIPE, text=True)
     assert child.stdout
-    told = 0
-    while told < 5000:
-        told = int(child.stdout.readline())
+    written_count = 0
+    while written_count < 5000:
+        written_count = int(child.stdout.readline())
     with pytest.raises(StorageError, match="is being written by another process"):
         close_unfinished(path)
     child.send_signal(signal.SIGKILL)
-    told = max([told, *(int(line) for line in child.stdout.read().split("\n")[:-1])])
+    written_count = max([written_count, *(int(line) for line in child.stdout.read().split("\n")[:-1])])
     child.wait(120)
     child.stdout.close()
     streamed = read_stream(path.read_bytes())
-    assert len(streamed) >= told >= 5000
+    assert len(streamed) >= written_count >= 5000
     assert [m[3] for m in streamed] == list(range(len(streamed)))
     closed = close_unfinished(path)
     assert closed and closed.messages == len(read_closed(path)) >= len(streamed)
@@ -444,14 +444,14 @@ def test_a_file_that_could_not_be_synced_takes_nothing_any_more(
 
     with monkeypatch.context() as patch:
         patch.setattr(os, "fdatasync", refuse)
-        with pytest.raises(StorageError, match=r"a\.mcap: cannot be written: No space left on device") as told:
+        with pytest.raises(StorageError, match=r"a\.mcap: cannot be written: No space left on device") as caught:
             writer.sync()
-        assert is_full(told.value)
+        assert is_full(caught.value)
     size = writer.path.stat().st_size
     for call in (writer.sync, lambda: writer.add_metadata("a", {}), writer.close):
-        with pytest.raises(StorageError, match="a part of it may be lost") as told:
+        with pytest.raises(StorageError, match="a part of it may be lost") as caught:
             call()
-        assert not is_full(told.value)  # another file at this place would do
+        assert not is_full(caught.value)  # another file at this place would do
     writer.abandon()
     assert writer.path.stat().st_size == size
 

@@ -1,10 +1,10 @@
-"""Flights over hills with satellites and an altimeter, and what the live filter makes of them.
+"""Flights over hills with satellites and an altimeter, and the results of the live filter.
 
 The truth shares no sensor model with the product: hills are sums of waves, the elevation model errs by waves of its
 own, the altimeter measures straight down with its own bias, scale and noise.  All flights with one number have the same
 trajectory, inertial samples, fixes and noise: what differs is the altimeter's fault.
 
-    satellites   2 m on the level and 3 m in height, of which 1.5 m and 2.5 m last for 200 s; a velocity to 0.1 m/s,
+    satellites   2 m horizontally and 3 m in height, of which 1.5 m and 2.5 m last for 200 s; a velocity to 0.1 m/s,
                  whose errors last 5 s; position and velocity twice a second
     altimeter    ten a second, 150 m to 350 m above the ground; 0.3 m of noise, 0.3 m and 0.5 % of its own, which nobody
                  calls a fault
@@ -68,13 +68,13 @@ def no_fault(t: float, height: float) -> float:
 class Flight:
     """What happened and what was measured, but for the altimeter's fault.
 
-    felt : (n, 6) inertial samples;  offsets : north, east, down of the fixes (m, 3) [m];  velocities : (m, 3) [m/s]
+    imu  : (n, 6) inertial samples;  offsets : north, east, down of the fixes (m, 3) [m];  velocities : (m, 3) [m/s]
     heights : (k,) what a sound altimeter measures [m];  places : and where the satellites have it then [rad]
     """
 
     flight: SplineFlight
     t: Array
-    felt: Array
+    imu: Array
     attitude: tuple[float, float, float]
     fix_t: Array
     fixes: list[Fix]
@@ -123,9 +123,9 @@ def draw_flight(number: int) -> Flight:
     flight = _route(rng)
     t = np.arange(0.0, SECONDS, STEP_S)
     state = flight.state(t)
-    felt = np.hstack((specific_force_b(state), angular_rate_b(state)))
-    felt += np.concatenate((rng.normal(0.0, ACCEL_BIAS, 3), rng.normal(0.0, GYRO_BIAS, 3)))
-    felt += rng.standard_normal(felt.shape) * ([ACCEL_WHITE] * 3 + [GYRO_WHITE] * 3)
+    imu = np.hstack((specific_force_b(state), angular_rate_b(state)))
+    imu += np.concatenate((rng.normal(0.0, ACCEL_BIAS, 3), rng.normal(0.0, GYRO_BIAS, 3)))
+    imu += rng.standard_normal(imu.shape) * ([ACCEL_WHITE] * 3 + [GYRO_WHITE] * 3)
     fix_t = np.arange(FIX_S + 0.013, SECONDS - STEP_S, FIX_S)
     offset = _fix_errors(fix_t, rng)
     fixes, velocities = _satellites(flight.state(fix_t), offset, fix_t, rng)
@@ -133,11 +133,9 @@ def draw_flight(number: int) -> Flight:
     hills = _waves(rng, WAVES, (800.0, 4000.0), HILL_M)
     heights = _altimeter(flight.state(height_t), hills, rng)
     newest = offset[np.maximum(np.searchsorted(fix_t, height_t) - 1, 0)]
-    places = [fix[:2] for fix in _beside(flight.state(height_t), newest)]
+    places = [fix[:2] for fix in _displaced(flight.state(height_t), newest)]
     attitude = (float(state.roll[0]), float(state.pitch[0]), float(state.heading[0]))
-    return Flight(
-        flight, t, felt, attitude, fix_t, fixes, velocities, height_t, heights, places, _elevation(hills, rng)
-    )
+    return Flight(flight, t, imu, attitude, fix_t, fixes, velocities, height_t, heights, places, _elevation(hills, rng))
 
 
 def fly(
@@ -154,7 +152,7 @@ def fly(
     filtered.feed("imu", Attitude(stamp=Stamp(T0), roll=roll, pitch=pitch, heading=heading), T0)
     for k, t in enumerate(flight.t.tolist()):
         t_ns = T0 + round(t * SECOND_NS)
-        row = flight.felt[k].tolist()
+        row = flight.imu[k].tolist()
         filtered.feed("imu", ImuSample(stamp=Stamp(t_ns), accel_b=tuple(row[:3]), gyro_b=tuple(row[3:])), t_ns)
         if k < 25:
             angles = float(truth.roll[k]), float(truth.pitch[k]), float(truth.heading[k])
@@ -169,23 +167,23 @@ def fly(
             at = float(flight.height_t[heights])
             at_ns = T0 + round(at * SECOND_NS)
             if aided:
-                told = fault(at, float(flight.heights[heights]))
-                gone = lost is not None and lost(at)
+                measured = fault(at, float(flight.heights[heights]))
+                is_silent = lost is not None and lost(at)
                 here = (
                     filtered.position(at_ns)
-                    if gone
+                    if is_silent
                     else PositionState(*flight.places[heights], None, 2.0, 3.0, 0.0, 0.0, 0.0, at_ns)
                 )
-                filtered.feed_height(_output(at_ns, told), NavState(at_ns, None, here, None, "gnss"))
+                filtered.feed_height(_output(at_ns, measured), NavState(at_ns, None, here, None, "gnss"))
             heights += 1
         if k % 25 == 0:
-            said = filtered.solution(t_ns)
+            solution = filtered.solution(t_ns)
             if hasattr(filtered, "events"):
                 events += filtered.events(t_ns)
-            if said.valid and said.alt is not None and said.vertical_sd is not None:
+            if solution.valid and solution.alt is not None and solution.vertical_sd is not None:
                 times.append(t)
-                errors.append(said.alt - float(truth.alt[k]))
-                sds.append(said.vertical_sd)
+                errors.append(solution.alt - float(truth.alt[k]))
+                sds.append(solution.vertical_sd)
     return FlightResult(np.array(times), np.array(errors), np.array(sds), events)
 
 
@@ -252,11 +250,11 @@ def _up_of_level(terrain: Terrain, lat: Array, lon: Array) -> Array:
 
 def _slow(rng: Rng, t: Array, sd: float, tau_s: float) -> Array:
     """Correlated over tau_s, shape (n,)."""
-    keep, found = np.exp(-np.diff(t) / tau_s), np.empty(len(t))
-    found[0] = rng.normal(0.0, sd)
+    keep, result = np.exp(-np.diff(t) / tau_s), np.empty(len(t))
+    result[0] = rng.normal(0.0, sd)
     for k, share in enumerate(keep.tolist()):
-        found[k + 1] = share * found[k] + rng.normal(0.0, sd * np.sqrt(1.0 - share**2))
-    return found
+        result[k + 1] = share * result[k] + rng.normal(0.0, sd * np.sqrt(1.0 - share**2))
+    return result
 
 
 def _fix_errors(t: Array, rng: Rng) -> Array:
@@ -268,10 +266,10 @@ def _fix_errors(t: Array, rng: Rng) -> Array:
 
 def _satellites(state: FlightState, offset: Array, t: Array, rng: Rng) -> tuple[list[Fix], list[list[float]]]:
     velocities = state.vel_n + np.stack([_slow(rng, t, 0.1, 5.0) for _ in range(3)], axis=1)
-    return _beside(state, offset), velocities.tolist()
+    return _displaced(state, offset), velocities.tolist()
 
 
-def _beside(state: FlightState, offset: Array) -> list[Fix]:
+def _displaced(state: FlightState, offset: Array) -> list[Fix]:
     """lat, lon [rad], alt [m] so far north, east and down of the truth."""
     meridian, normal = radii(state.lat)
     lat = state.lat + offset[:, 0] / (meridian + state.alt)
@@ -292,17 +290,17 @@ def _fix(flight: Flight, which: int, t_ns: int) -> list[Measurement]:
     ]
 
 
-def _output(t_ns: int, told: float) -> HeightAboveGround:
+def _output(t_ns: int, measured: float) -> HeightAboveGround:
     return HeightAboveGround(
         t_ns=t_ns,
         t_valid_ns=t_ns,
         sensor="laser",
-        raw=told,
-        height_agl=told,
+        raw=measured,
+        height_agl=measured,
         sd=0.3,
         valid=True,
         reasons=(),
-        nearest=told,
+        nearest=measured,
         nearest_sd=0.3,
         compensation=Compensation.RANGE,
     )

@@ -66,7 +66,7 @@ class Flight:
 def country(rng: np.random.Generator, length_m: float, relief_sd: float, wooded: bool) -> tuple[Terrain, Terrain]:
     """The surface, and what an elevation model knows of it."""
     rows, columns = round((length_m + 2 * HALF_EAST_M) / CELL_M), round(2 * HALF_EAST_M / CELL_M)
-    heights = fractal_relief((rows, columns), CELL_M, rng, sd=relief_sd, longest_m=2000.0, shortest_m=60.0)
+    heights = fractal_relief((rows, columns), CELL_M, rng, sd=relief_sd, max_size_m=2000.0, min_size_m=60.0)
     if wooded:
         heights = heights + forest(heights.shape, CELL_M, rng)
     noise = 1.5 * correlated_noise(heights.shape, CELL_M, rng, 100.0)
@@ -180,7 +180,7 @@ def outputs(flight: Flight, sensor: str, *, known: bool, fault: Fault | None = N
     values = flight.measured[sensor] if fault is None else fault(flight.t, flight.measured[sensor])
     for nav, value in zip(navigation(flight), values.tolist(), strict=True):
         reading = AltimeterReading(nav.t_ns, nav.t_ns, None if math.isnan(value) else value, SD_M[sensor], False)
-        yield of.widen(of.take(reading, nav))
+        yield of.widen(of.feed(reading, nav))
 
 
 def stuck(from_s: float, to_s: float) -> Fault:

@@ -1,4 +1,4 @@
-"""Flights with airspeed and magnetometer on which satellites go and come back, and what the live filter makes of them.
+"""Flights with airspeed, magnetometer and satellite outages, and the results of the live filter.
 
 Truth and sensors share no model with the product's filter:
 
@@ -66,14 +66,14 @@ LEVEL_SD, HEIGHT_SD, WHITE_SD, VELOCITY_SD = 1.5, 2.5, 1.0, 0.1
 class Flight:
     """What happened, and what sound devices measured, at t (n,) [s].
 
-    lat, lon [rad], alt [m]; vel_n, wind_n (n, 3) [m/s], wind with gusts; mat_nb (n, 3, 3); felt (n, 6)
+    lat, lon [rad], alt [m]; vel_n, wind_n (n, 3) [m/s], wind with gusts; mat_nb (n, 3, 3); imu (n, 6)
     tas (m,) and field_b (m, 3) at air_t; fixes (k, 6) : north, east, down errors of position and velocity at fix_t
     """
 
     t: Array
     truth: SplineFlight
     mat_nb: Array
-    felt: Array
+    imu: Array
     air_t: Array
     tas: Array
     field_b: Array
@@ -96,10 +96,10 @@ def draw(number: int, seconds: float, grade: GradeName = "mems", leg_m: float = 
     force_b = np.einsum("nji,nj->ni", turned, specific_force_b(state))
     rate_b = np.einsum("nji,nj->ni", turned, angular_rate_b(state))
     rate_b[:, 2] += np.gradient(yaw, t)
-    felt = np.hstack(Imu(GRADES[grade], rng).measure(t, force_b, rate_b))
+    imu = np.hstack(Imu(GRADES[grade], rng).measure(t, force_b, rate_b))
     air_t, fix_t = np.arange(0.05, seconds - 1.0, AIR_S), np.arange(0.213, seconds - 1.0, FIX_S)
     tas, field_b = _air_and_field(rng, truth, air_t, (t, steady, yaw))
-    return Flight(t, truth, mat_nb, felt, air_t, tas, field_b, fix_t, _fix_errors(rng, fix_t))
+    return Flight(t, truth, mat_nb, imu, air_t, tas, field_b, fix_t, _fix_errors(rng, fix_t))
 
 
 def _route(rng: Rng, seconds: float, leg_m: float, wind_n: tuple[float, float]) -> SplineFlight:
@@ -135,12 +135,12 @@ def _crab(vel: Array, mean: Array, steady: Array) -> Array:
 def _gusts(rng: Rng, t: Array) -> Array:
     """One component [m/s]."""
     keep = math.exp(-SPEED * AIR_S / GUST_M)
-    found = np.empty(len(t))
-    found[0] = rng.normal(0.0, GUST_SD)
+    result = np.empty(len(t))
+    result[0] = rng.normal(0.0, GUST_SD)
     kicks = rng.normal(0.0, GUST_SD * math.sqrt(1.0 - keep**2), len(t))
     for k in range(1, len(t)):
-        found[k] = keep * found[k - 1] + kicks[k]
-    return found
+        result[k] = keep * result[k - 1] + kicks[k]
+    return result
 
 
 def _air_and_field(rng: Rng, truth: SplineFlight, t: Array, slow: tuple[Array, Array, Array]) -> tuple[Array, Array]:
@@ -158,11 +158,11 @@ def _air_and_field(rng: Rng, truth: SplineFlight, t: Array, slow: tuple[Array, A
 
 
 def _slow(rng: Rng, t: Array, sd: float, tau_s: float) -> Array:
-    keep, found = math.exp(-FIX_S / tau_s), np.empty(len(t))
-    found[0] = rng.normal(0.0, sd)
+    keep, result = math.exp(-FIX_S / tau_s), np.empty(len(t))
+    result[0] = rng.normal(0.0, sd)
     for k in range(1, len(t)):
-        found[k] = keep * found[k - 1] + rng.normal(0.0, sd * math.sqrt(1.0 - keep**2))
-    return found
+        result[k] = keep * result[k - 1] + rng.normal(0.0, sd * math.sqrt(1.0 - keep**2))
+    return result
 
 
 def _fix_errors(rng: Rng, t: Array) -> Array:
@@ -237,12 +237,12 @@ def fly(flight: Flight, case: Case) -> FlightResult:
     assert settings.nav.filter is not None
     filtered = AidedNavigation(settings.nav.filter, {device.name: device for device in settings.device})
     kinds = {"gnss": (Position, Velocity), "air": (Airspeed,), "magnetometer": (MagneticField,)}
-    wanted = {(name, kind) for name, of in kinds.items() for kind in of if filtered.wants(name, kind)}
+    wanted = {(name, kind) for name, of in kinds.items() for kind in of if filtered.accepts(name, kind)}
     queue = heapq.merge(_fixes(flight, case), _air(flight, case), _field(flight, case), key=lambda row: row[0])
-    found, (at_s, device, m) = FlightResult(), next(queue)
+    result, (at_s, device, m) = FlightResult(), next(queue)
     for k, t in enumerate(flight.t.tolist()):
         t_ns = T0 + round(t * SECOND_NS)
-        row = flight.felt[k].tolist()
+        row = flight.imu[k].tolist()
         filtered.feed("imu", ImuSample(stamp=Stamp(t_ns), accel_b=tuple(row[:3]), gyro_b=tuple(row[3:])), t_ns)
         if t < 1.0:
             roll, pitch, heading = (float(angle) for angle in rpy_from_mat(flight.mat_nb[k]))
@@ -252,30 +252,30 @@ def fly(flight: Flight, case: Case) -> FlightResult:
                 filtered.feed(device, m, T0 + round(at_s * SECOND_NS))
             at_s, device, m = next(queue, (math.inf, device, m))
         if k % 3 == 0:
-            found.events += [(t, event) for event in filtered.events(t_ns)]
+            result.events += [(t, event) for event in filtered.events(t_ns)]
         if k % round(1.0 / STEP_S) == 0:
-            _note(found, filtered, flight, k)
-    return found
+            _record(result, filtered, flight, k)
+    return result
 
 
-def _note(found: FlightResult, filtered: AidedNavigation, flight: Flight, k: int) -> None:
+def _record(result: FlightResult, filtered: AidedNavigation, flight: Flight, k: int) -> None:
     t = float(flight.t[k])
-    said = filtered.solution(T0 + round(t * SECOND_NS))
-    if said.lat is None or said.lon is None or said.heading is None:
+    solution = filtered.solution(T0 + round(t * SECOND_NS))
+    if solution.lat is None or solution.lon is None or solution.heading is None:
         return
     state = flight.truth.state(np.array([t]))
     meridian, normal = (float(r[0]) for r in radii(state.lat))
-    north = (said.lat - float(state.lat[0])) * (meridian + ALT)
-    east = (said.lon - float(state.lon[0])) * (normal + ALT) * math.cos(float(state.lat[0]))
+    north = (solution.lat - float(state.lat[0])) * (meridian + ALT)
+    east = (solution.lon - float(state.lon[0])) * (normal + ALT) * math.cos(float(state.lat[0]))
     true_heading = float(rpy_from_mat(flight.mat_nb[k])[2])
-    found.t.append(t)
-    found.error.append((north, east))
-    found.sd.append(float(said.horizontal_sd or math.nan))
-    found.hpl.append(float(said.hpl or math.nan))
-    found.heading.append(math.remainder(said.heading - true_heading, math.tau))
-    found.heading_sd.append(float(said.heading_sd or math.nan))
-    found.solutions.append(said)
-    found.refused.append(filtered.refused)
+    result.t.append(t)
+    result.error.append((north, east))
+    result.sd.append(float(solution.horizontal_sd or math.nan))
+    result.hpl.append(float(solution.hpl or math.nan))
+    result.heading.append(math.remainder(solution.heading - true_heading, math.tau))
+    result.heading_sd.append(float(solution.heading_sd or math.nan))
+    result.solutions.append(solution)
+    result.refused.append(filtered.refused)
 
 
 def _fixes(flight: Flight, case: Case) -> Iterator[Timed]:

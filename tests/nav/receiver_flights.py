@@ -1,9 +1,9 @@
-"""Ten minutes with an inertial unit and receivers that may lie, and what the live filter makes of them.
+"""Ten minutes with an inertial unit and receivers with faults, and the results of the live filter.
 
 The truth is a smooth flight with turns; unit and receivers are drawn here and share no sensor model with the product.
 
     inertial     tactical: 0.8 mg and 1 deg/h of bias, 25 samples a second
-    receivers    5 Hz; 1.5 m on the level and 2.5 m in height that last for 100 to 300 s, four fifths of their variance
+    receivers    5 Hz; 1.5 m horizontally and 2.5 m in height that last for 100 to 300 s, four fifths of their variance
                  common to all receivers; white noise of 1 m; a velocity to 0.1 m/s, whose errors last 5 s
     barometer    1 Hz; an offset of 40 m that changes by metres in minutes
 """
@@ -80,7 +80,7 @@ class Flight:
 
     truth: SplineFlight
     t: Array
-    felt: Array
+    imu: Array
     receivers: dict[str, Fixes]
     baro: Array
 
@@ -139,15 +139,15 @@ def draw(number: int, receivers: tuple[str, ...] = ("gnss",)) -> Flight:
     truth = _route(rng)
     t = np.arange(0.0, SECONDS, STEP_S)
     state = truth.state(t)
-    felt = np.hstack((specific_force_b(state), angular_rate_b(state)))
-    felt += np.concatenate((rng.normal(0.0, ACCEL_BIAS, 3), rng.normal(0.0, GYRO_BIAS, 3)))
-    felt += rng.standard_normal(felt.shape) * ([ACCEL_WHITE] * 3 + [GYRO_WHITE] * 3)
+    imu = np.hstack((specific_force_b(state), angular_rate_b(state)))
+    imu += np.concatenate((rng.normal(0.0, ACCEL_BIAS, 3), rng.normal(0.0, GYRO_BIAS, 3)))
+    imu += rng.standard_normal(imu.shape) * ([ACCEL_WHITE] * 3 + [GYRO_WHITE] * 3)
     fix_t = np.arange(0.413, SECONDS - 1.0, FIX_S)
     common = _position_errors(rng, fix_t)
     drawn = {name: _receiver(rng, truth, fix_t, common, alone=len(receivers) == 1) for name in receivers}
     baro_t = np.arange(0.731, SECONDS - 1.0, 1.0)
     baro = truth.state(baro_t).alt + 40.0 + _slow(rng, baro_t, 3.0, 600.0) + 0.5 * rng.standard_normal(len(baro_t))
-    return Flight(truth, t, felt, drawn, np.stack((baro_t, baro), axis=1))
+    return Flight(truth, t, imu, drawn, np.stack((baro_t, baro), axis=1))
 
 
 def fly(
@@ -166,7 +166,7 @@ def fly(
     at_s, device, m = next(queue)
     for k, t in enumerate(flight.t.tolist()):
         t_ns = T0 + round(t * SECOND_NS)
-        row = flight.felt[k].tolist()
+        row = flight.imu[k].tolist()
         filtered.feed("imu", ImuSample(stamp=Stamp(t_ns), accel_b=tuple(row[:3]), gyro_b=tuple(row[3:])), t_ns)
         if k < 25:
             angles = float(truth.roll[k]), float(truth.pitch[k]), float(truth.heading[k])
@@ -177,26 +177,26 @@ def fly(
         if k % 5 == 0:
             found.events += [(t, event) for event in filtered.events(t_ns)]
         if k % 25 == 0:
-            _note(found, filtered, flight, k, t_ns)
+            _record(found, filtered, flight, k, t_ns)
     return found
 
 
-def _note(found: FlightResult, filtered: AidedNavigation, flight: Flight, k: int, t_ns: int) -> None:
-    said = filtered.solution(t_ns)
-    if said.lat is None or said.lon is None or said.alt is None or said.hpl is None or said.vpl is None:
+def _record(found: FlightResult, filtered: AidedNavigation, flight: Flight, k: int, t_ns: int) -> None:
+    output = filtered.solution(t_ns)
+    if output.lat is None or output.lon is None or output.alt is None or output.hpl is None or output.vpl is None:
         return
     state = flight.truth.state(flight.t[k : k + 1])
     meridian, normal = (float(r[0]) for r in radii(state.lat))
-    north = (said.lat - float(state.lat[0])) * (meridian + ALT)
-    east = (said.lon - float(state.lon[0])) * (normal + ALT) * float(np.cos(state.lat[0]))
+    north = (output.lat - float(state.lat[0])) * (meridian + ALT)
+    east = (output.lon - float(state.lon[0])) * (normal + ALT) * float(np.cos(state.lat[0]))
     found.t.append(float(flight.t[k]))
-    found.error.append((north, east, said.alt - float(state.alt[0])))
-    found.hpl.append(said.hpl)
-    found.vpl.append(said.vpl)
-    found.sd.append(float(said.horizontal_sd or np.nan))
-    found.mode.append(said.mode)
+    found.error.append((north, east, output.alt - float(state.alt[0])))
+    found.hpl.append(output.hpl)
+    found.vpl.append(output.vpl)
+    found.sd.append(float(output.horizontal_sd or np.nan))
+    found.mode.append(output.mode)
     found.refused.append(filtered.refused)
-    compared = filtered.compared(t_ns)
+    compared = filtered.filter_reference(t_ns)
     found.unchecked.append(compared.unchecked if compared else ())
 
 
@@ -242,8 +242,8 @@ def silent(begin: float, end: float) -> Fault:
     """No fixes."""
 
     def fault(fixes: Fixes) -> Fixes:
-        kept = (fixes.t < begin) | (fixes.t >= end)
-        return Fixes(*(getattr(fixes, name)[kept] for name in ("t", "lat", "lon", "alt", "vel")))
+        is_kept = (fixes.t < begin) | (fixes.t >= end)
+        return Fixes(*(getattr(fixes, name)[is_kept] for name in ("t", "lat", "lon", "alt", "vel")))
 
     return fault
 

@@ -1,4 +1,4 @@
-"""A receiver that comes back after 50 s: 30 s on trial, with the levels of the filter that coasted; then reacquired.
+"""A receiver that returns after 50 s: 30 s on trial, with the levels of the coasting filter; then reacquired.
 
 Truth, unit and receiver are those of ``receiver_flights``; the oldest copy of a tactical unit is replaced after 28 s,
 of the heights after 60 s.
@@ -82,7 +82,7 @@ def test_a_larger_lie_that_comes_back_in_the_gate_is_refused_while_on_trial() ->
     assert found.misled(60.0) == 0.0
 
 
-def believed(*seconds: float) -> FilterSegment:
+def accepted(*seconds: float) -> FilterSegment:
     aiding = GnssPosition(0.8, 0.2, 100.0, 1.0, 2.0, name="gnss.position")
     entries = tuple(AidingEntry(round(t * SECOND_NS), aiding, decision=GateDecision.ACCEPTED) for t in seconds)
     return FilterSegment(None, (), entries)
@@ -91,19 +91,19 @@ def believed(*seconds: float) -> FilterSegment:
 def test_an_absence_on_trial_and_a_refusal_begin_the_trial_anew() -> None:
     """Ages of 28 s.  By hand: back at 100, silent from 110 to 113, refused at 120: over at 150, with 31 fixes."""
     monitor = AbsenceMonitor(NAMES, 28 * SECOND_NS)
-    assert not monitor.follow(believed(*range(61)))
-    assert not monitor.follow(believed(88.0)), "28 s are not longer than the oldest copy gets old"
+    assert not monitor.follow(accepted(*range(61)))
+    assert not monitor.follow(accepted(88.0)), "28 s are not longer than the oldest copy gets old"
     monitor.clear()
-    monitor.follow(believed(60.0))
-    assert monitor.follow(believed(100.0))
+    monitor.follow(accepted(60.0))
+    assert monitor.follow(accepted(100.0))
     assert monitor.absence_s == pytest.approx(40.0)
-    assert not monitor.follow(believed(*range(101, 111)))
-    assert not monitor.follow(believed(*range(113, 121))), "the same trial"
+    assert not monitor.follow(accepted(*range(101, 111)))
+    assert not monitor.follow(accepted(*range(113, 121))), "the same trial"
     monitor.disturb(120 * SECOND_NS)
     for t in range(121, 150):
-        monitor.follow(believed(float(t)))
+        monitor.follow(accepted(float(t)))
         assert monitor.end_trial() is None, t
-    monitor.follow(believed(150.0))
+    monitor.follow(accepted(150.0))
     assert monitor.end_trial() == 120 * SECOND_NS
     assert not monitor.is_on_trial
 
@@ -111,9 +111,9 @@ def test_an_absence_on_trial_and_a_refusal_begin_the_trial_anew() -> None:
 def test_few_fixes_are_no_trial() -> None:
     """One every 2 s: 30 of them are there after 58 s."""
     monitor = AbsenceMonitor(NAMES, 28 * SECOND_NS)
-    monitor.follow(believed(0.0))
+    monitor.follow(accepted(0.0))
     passed = []
     for t in range(100, 170, 2):
-        monitor.follow(believed(float(t)))
+        monitor.follow(accepted(float(t)))
         passed.append((monitor.end_trial(), t))
-    assert [t for began, t in passed if began is not None] == [158]
+    assert [t for start, t in passed if start is not None] == [158]

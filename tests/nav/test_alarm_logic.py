@@ -70,7 +70,7 @@ def test_what_is_not_calm_begins_the_window_again(disturbed: Ratios) -> None:
     assert found[1:] == [IntegrityState.ALERT] * 41 + [IntegrityState.OK]
 
 
-def test_what_could_not_be_judged_begins_the_window_again() -> None:
+def test_an_update_that_was_not_evaluated_restarts_the_window() -> None:
     """Calm, 600 m without a judgement, calm: nobody knows of what was between."""
     logic = AlarmLogic(400.0)
     states(logic, [T1, T1, GOOD], 3000.0)

@@ -1,4 +1,4 @@
-"""Attitude from force and velocity: on a simulated flight in turns and climbs, and where there is none."""
+"""Attitude from force and velocity: on a simulated flight in turns and climbs, and when it is undetermined."""
 
 from __future__ import annotations
 

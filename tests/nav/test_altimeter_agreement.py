@@ -52,7 +52,7 @@ def shares(radar_m: float, laser_m: float, *, known: bool = False, kinds: tuple[
     return {sensor: n / (5 * HZ) for sensor, n in found.items()}
 
 
-def believed(found: dict[str, float]) -> bool:
+def is_valid(found: dict[str, float]) -> bool:
     return found == {"radar": 0.0, "laser": 0.0}
 
 
@@ -60,30 +60,30 @@ def believed(found: dict[str, float]) -> bool:
 def test_below_200_ft_15_ft_are_the_limit(apart: float, agree: bool) -> None:
     """And three sigmas of 0.14 m."""
     for kinds in ((RADAR, RADAR), (LASER, LASER)):
-        assert believed(shares(50.0 + apart, 50.0, kinds=kinds)) is agree
-        assert believed(shares(50.0, 50.0 + apart, kinds=kinds)) is agree
+        assert is_valid(shares(50.0 + apart, 50.0, kinds=kinds)) is agree
+        assert is_valid(shares(50.0, 50.0 + apart, kinds=kinds)) is agree
 
 
 @pytest.mark.parametrize(("apart", "agree"), [(14.0, True), (17.0, False)])
 def test_above_it_is_as_large_a_share(apart: float, agree: bool) -> None:
     """15 ft of 200 ft, at 200 m 15 m."""
-    assert believed(shares(200.0 + apart, 200.0, kinds=(LASER, LASER))) is agree
+    assert is_valid(shares(200.0 + apart, 200.0, kinds=(LASER, LASER))) is agree
 
 
 def test_a_radar_may_be_shorter_than_a_laser_and_not_longer_over_unknown_ground() -> None:
     """25 m of trees, and 0.3 of slope over the 18 m to the edge of a beam of 40 deg."""
-    assert believed(shares(25.0, 50.0))
-    assert not believed(shares(56.0, 50.0))
-    assert not believed(shares(10.0, 50.0))
-    assert not believed(shares(40.0, 50.0, known=True)), "known ground says what the radar sees"
+    assert is_valid(shares(25.0, 50.0))
+    assert not is_valid(shares(56.0, 50.0))
+    assert not is_valid(shares(10.0, 50.0))
+    assert not is_valid(shares(40.0, 50.0, known=True)), "known ground says what the radar sees"
 
 
 @pytest.mark.parametrize(("bias_m", "scale"), [(12.0, 1.0), (0.0, 1.24)])
 def test_bias_and_scale_that_are_configured_are_no_disagreement(bias_m: float, scale: float) -> None:
     """A laser that says 62 m of 50 m."""
     kinds = LASER, LASER.model_copy(update={"bias_m": bias_m, "scale": scale})
-    assert believed(shares(50.0, 62.0, kinds=kinds))
-    assert not believed(shares(62.0, 50.0, kinds=kinds))
+    assert is_valid(shares(50.0, 62.0, kinds=kinds))
+    assert not is_valid(shares(62.0, 50.0, kinds=kinds))
 
 
 def test_both_are_refused_after_half_a_second_when_nobody_knows_better() -> None:
@@ -92,7 +92,7 @@ def test_both_are_refused_after_half_a_second_when_nobody_knows_better() -> None
     assert found["laser"] == pytest.approx(0.88, abs=0.03)
 
 
-def test_known_ground_tells_which_one_is_wrong() -> None:
+def test_known_ground_identifies_the_wrong_one() -> None:
     """50 m predicted, sigma 2 m: 57 m is 3.5 sigma, 50.5 m is none."""
     found = shares(57.0, 50.5, known=True)
     assert found["radar"] > 0.8
@@ -115,7 +115,7 @@ def test_it_ends_a_second_after_they_agree() -> None:
     assert {38, 39, 40} >= set(last.values())
 
 
-def test_who_is_refused_for_another_reason_takes_the_doubt_with_it() -> None:
+def test_who_is_refused_for_another_reason_is_the_wrong_one() -> None:
     check = AgreementCheck({"radar": RADAR, "laser": LASER})
     for k in range(20):
         check.update(height("laser", k, 50.0))
@@ -146,25 +146,25 @@ def test_an_altimeter_that_falls_silent_leaves_the_other_alone_after_20_times_as
     assert set(found[310:]) == {()}
 
 
-@pytest.mark.parametrize(("said", "believed"), [(51.0, True), (57.0, False)])
-def test_who_is_left_alone_is_not_the_wrong_one_where_the_ground_confirms_it(said: float, believed: bool) -> None:
+@pytest.mark.parametrize(("value", "is_valid"), [(51.0, True), (57.0, False)])
+def test_who_is_left_alone_is_not_the_wrong_one_where_the_ground_confirms_it(value: float, is_valid: bool) -> None:
     """50 m predicted, sigma 2 m, once the laser is gone; before, the ground is unknown."""
     check = AgreementCheck({"radar": RADAR, "laser": LASER})
     for k in range(40):
-        check.update(height("laser", k, said - 10.0))
-        check.update(height("radar", k, said))
-    found = [check.update(height("radar", k, said, known=True)) for k in range(40, 90)]
+        check.update(height("laser", k, value - 10.0))
+        check.update(height("radar", k, value))
+    found = [check.update(height("radar", k, value, known=True)) for k in range(40, 90)]
     assert set(found[:20]) == {DISAGREE}
-    assert set(found[32:]) == {() if believed else DISAGREE}
+    assert set(found[32:]) == {() if is_valid else DISAGREE}
 
 
 def test_two_that_agree_in_moments_seconds_apart_are_still_refused() -> None:
     """For 0.1 s in 3: no second of agreement."""
     check = AgreementCheck({"radar": RADAR, "laser": LASER})
     for k in range(120):
-        said = 50.0 if k > 20 and k % 30 < 2 else 60.0
+        value = 50.0 if k > 20 and k % 30 < 2 else 60.0
         if k <= 20 or k % 30 < 2:
-            check.update(height("radar", k, said))
+            check.update(height("radar", k, value))
         found = check.update(height("laser", k, 50.0))
     assert found == DISAGREE
 
@@ -195,7 +195,7 @@ def pipeline() -> Pipeline:
     return Pipeline(parse(table, "", Path("t.toml")), None)
 
 
-def test_a_stuck_radar_beside_a_laser_is_refused_alone_with_events_that_say_since_when() -> None:
+def test_a_stuck_radar_beside_a_laser_is_refused_alone_with_events_that_give_the_onset() -> None:
     """Without a terrain: a climb of 5 m/s from 100 m; from 5 s to 20 s the radar repeats its value."""
     of, events, heights = pipeline(), list[Event](), list[HeightAboveGround]()
     for k in range(40 * HZ):
@@ -260,8 +260,8 @@ def seldom(period_s: float, radar_m: Callable[[float], float], seconds: float) -
     radar_t = [0.003 + k * period_s for k in range(round(seconds / period_s))]
     found: dict[str, list[tuple[float, bool]]] = {"radar": [], "laser": []}
     for t, sensor, value in sorted(samples + [(t, "radar", radar_m(t)) for t in radar_t]):
-        told = check.update(height(sensor, 0, value, t_ns=T0 + round(t * S)))
-        found[sensor].append((t, bool(told)))
+        refusals = check.update(height(sensor, 0, value, t_ns=T0 + round(t * S)))
+        found[sensor].append((t, bool(refusals)))
     return found
 
 
@@ -283,10 +283,10 @@ def test_two_that_agree_again_are_not_refused_for_ever_although_one_measures_sel
 def test_a_prediction_that_proves_nothing_neither_decides_nor_confirms() -> None:
     """An altimeter that holds the altitude itself agrees with its own prediction; one in a wide gate with anything."""
     for unproven in (Reason.NOT_INDEPENDENT, Reason.UNCERTAIN, Reason.GROUND_CONTRADICTED):
-        check, told = AgreementCheck({"radar": RADAR, "laser": LASER}), dict[str, tuple[Reason, ...]]()
+        check, refusals = AgreementCheck({"radar": RADAR, "laser": LASER}), dict[str, tuple[Reason, ...]]()
         for k in range(10 * HZ):
-            told["laser"] = check.update(height("laser", k, 50.0, known=True, unchecked=(unproven,)))
-            told["radar"] = check.update(height("radar", k, 62.0, known=True))
-        assert told == {"laser": DISAGREE, "radar": DISAGREE}
+            refusals["laser"] = check.update(height("laser", k, 50.0, known=True, unchecked=(unproven,)))
+            refusals["radar"] = check.update(height("radar", k, 62.0, known=True))
+        assert refusals == {"laser": DISAGREE, "radar": DISAGREE}
         alone = [check.update(height("laser", k, 50.0, known=True, unchecked=(unproven,))) for k in range(100, 160)]
         assert set(alone) == {DISAGREE}

@@ -38,8 +38,8 @@ def begins(refused: list[bool]) -> int:
 
 
 def take_stuck(found: Measured, flight: Flight, sensor: str) -> None:
-    seen = outputs(flight, sensor, known=True, fault=stuck(ONSET_S, END_S))
-    after = [(o.t_ns / S - ONSET_S, o) for o in seen if ONSET_S <= o.t_ns / S < END_S]
+    heights = outputs(flight, sensor, known=True, fault=stuck(ONSET_S, END_S))
+    after = [(o.t_ns / S - ONSET_S, o) for o in heights if ONSET_S <= o.t_ns / S < END_S]
     found.delay[sensor].append(next((t for t, o in after if o.reasons), np.inf))
     memory = next((t for t, o in after if MEMORY & {*o.reasons}), np.inf)
     found.memory[sensor].append(memory)

@@ -66,37 +66,40 @@ def pipeline(*names: str, late_s: Mapping[str, float] | None = None) -> Pipeline
         ],
         "nav": {"attitude": ["ins"], "position": ["ins"], "altimeters": list(names)},
     }
-    made = Pipeline(parse(config, "", Path("t.toml")), None)
-    made.set_terrain(Ground(terrain(), 1.0, "level"))
-    return made
+    outputs = Pipeline(parse(config, "", Path("t.toml")), None)
+    outputs.set_terrain(Ground(terrain(), 1.0, "level"))
+    return outputs
 
 
 def fly(
-    seconds: float, said: dict[str, Ranges], height_m: float, *, has_position: Callable[[float], bool] = lambda t: True,
-    altitude_error_m: float = 0.0, altitude_sd_m: float = 2.5, north_m: float = -1800.0,
+    seconds: float, ranges: dict[str, Ranges], height_m: float, *,
+    has_position: Callable[[float], bool] = lambda t: True, altitude_error_m: float = 0.0,
+    altitude_sd_m: float = 2.5, north_m: float = -1800.0,
     late_s: Mapping[str, float] | None = None,
 ) -> Iterator[tuple[float, list[Output | Event]]]:  # fmt: skip
     """Outputs of every sample; the altimeters have a noise of 0.1 m, the sequence is always the same."""
-    rng, made, frame = np.random.default_rng(7), pipeline(*said, late_s=late_s), terrain().frame
+    rng, navigation, frame = np.random.default_rng(7), pipeline(*ranges, late_s=late_s), terrain().frame
     for k in range(round(seconds * HZ)):
         t, now = k / HZ, S + k * S // HZ
-        made.feed("ins", Attitude(stamp=Stamp(now), roll=0.0, pitch=0.0, heading=0.0, roll_sd=0.003, pitch_sd=0.003))
+        navigation.feed(
+            "ins", Attitude(stamp=Stamp(now), roll=0.0, pitch=0.0, heading=0.0, roll_sd=0.003, pitch_sd=0.003)
+        )
         if has_position(t):
             place = frame.to_geodetic([0.0, north_m + SPEED_MPS * t, height_m + altitude_error_m])
             lat, lon, alt = (float(x) for x in place)
-            made.feed(
+            navigation.feed(
                 "ins",
                 Position(stamp=Stamp(now), lat=lat, lon=lon, alt=alt, horizontal_sd=1.5, vertical_sd=altitude_sd_m),
             )
-            made.feed("ins", Velocity(stamp=Stamp(now), north=SPEED_MPS, east=0.0, down=0.0, sd=0.1))
+            navigation.feed("ins", Velocity(stamp=Stamp(now), north=SPEED_MPS, east=0.0, down=0.0, sd=0.1))
         out = list[Output | Event]()
-        for name, ranges in said.items():
-            value = round(ranges(t) + rng.normal(0.0, 0.1), 2)
+        for name, stated in ranges.items():
+            value = round(stated(t) + rng.normal(0.0, 0.1), 2)
             if LIMITS[name]["kind"] == "laser":
-                out += made.feed(name, Range(stamp=Stamp(now), slant_range=value))
+                out += navigation.feed(name, Range(stamp=Stamp(now), slant_range=value))
             else:
-                out += made.feed(name, RadioHeight(stamp=Stamp(now), height_agl=value))
-        yield t, out + made.tick(now)
+                out += navigation.feed(name, RadioHeight(stamp=Stamp(now), height_agl=value))
+        yield t, out + navigation.tick(now)
 
 
 def heights(out: list[Output | Event], name: str) -> list[HeightAboveGround]:
@@ -162,8 +165,8 @@ def test_a_short_deviation_before_the_position_is_lost_is_forgotten_soon() -> No
 
 def test_who_agreed_before_the_position_was_lost_is_valid() -> None:
     """Fog for 5 s, then the ground again: 1 s of agreement ends the refusal; its change is checked for 4 s."""
-    said = {"laser": lambda t: 80.0 if 5.0 <= t < 10.0 else 150.0}
-    flight = list(fly(40.0, said, 150.0, has_position=lambda t: t < 15.0))
+    ranges = {"laser": lambda t: 80.0 if 5.0 <= t < 10.0 else 150.0}
+    flight = list(fly(40.0, ranges, 150.0, has_position=lambda t: t < 15.0))
     assert valid_share(flight, "laser", 5.0, 10.0) == 0.0
     assert valid_share(flight, "laser", 14.0, 40.0) == 1.0
     ends = [t for t, out in flight for text in events(out, "laser") if "the known ground does not refuse it" in text]
@@ -173,8 +176,8 @@ def test_who_agreed_before_the_position_was_lost_is_valid() -> None:
 
 def test_who_agrees_again_is_valid_where_the_gate_is_twice_as_wide_as_its_limit() -> None:
     """An obstacle for 1.2 s, and a sigma of the altitude of 5 m: the limit is 5 m, the gate 15 m."""
-    said = {"laser": lambda t: 70.0 if 5.0 <= t < 6.2 else 150.0}
-    flight = list(fly(20.0, said, 150.0, altitude_sd_m=5.0))
+    ranges = {"laser": lambda t: 70.0 if 5.0 <= t < 6.2 else 150.0}
+    flight = list(fly(20.0, ranges, 150.0, altitude_sd_m=5.0))
     assert valid_share(flight, "laser", 5.0, 6.2) == 0.0
     assert valid_share(flight, "laser", 7.5, 20.0) == 1.0
     assert all(Reason.UNCERTAIN in height.unchecked for _, out in flight for height in heights(out, "laser"))
@@ -182,8 +185,8 @@ def test_who_agrees_again_is_valid_where_the_gate_is_twice_as_wide_as_its_limit(
 
 def test_where_the_gate_is_narrow_three_samples_that_agree_are_enough() -> None:
     """After an obstacle of 1.2 s; the refusal itself ends a second later, where the ground cannot be asked."""
-    said = {"laser": lambda t: 70.0 if 5.0 <= t < 6.2 else 150.0}
-    flight = list(fly(12.0, said, 150.0))
+    ranges = {"laser": lambda t: 70.0 if 5.0 <= t < 6.2 else 150.0}
+    flight = list(fly(12.0, ranges, 150.0))
     assert valid_share(flight, "laser", 5.0, 6.2) == 0.0
     assert valid_share(flight, "laser", 6.5, 12.0) == 1.0
 
@@ -197,8 +200,8 @@ def test_who_scatters_about_its_gate_is_not_valid_sample_by_sample() -> None:
 
 def test_a_wood_below_a_sound_laser_does_not_free_a_wrong_radar() -> None:
     """400 m up; the radar 30 m short all the time, the laser 10 m short over a wood: not by the same amount."""
-    said: dict[str, Ranges] = {"radar": lambda t: 370.0, "laser": lambda t: 390.0 if 10.0 <= t < 25.0 else 400.0}
-    flight = list(fly(40.0, said, 400.0))
+    ranges: dict[str, Ranges] = {"radar": lambda t: 370.0, "laser": lambda t: 390.0 if 10.0 <= t < 25.0 else 400.0}
+    flight = list(fly(40.0, ranges, 400.0))
     assert valid_share(flight, "radar", 0.0, 40.0) == 0.0
     assert valid_share(flight, "laser", 0.0, 10.0) == 1.0
 
@@ -223,8 +226,8 @@ def test_time_without_a_check_does_not_count_as_deviation() -> None:
 
 def test_who_is_beyond_its_limit_stays_refused_where_the_gate_is_twice_as_wide() -> None:
     """A deviation of 12 m proves nothing where the gate is 15 m, neither against the altimeter nor for it."""
-    said = {"laser": lambda t: 70.0 if t < 6.0 else 138.0}
-    flight = list(fly(20.0, said, 150.0, altitude_sd_m=5.0))
+    ranges = {"laser": lambda t: 70.0 if t < 6.0 else 138.0}
+    flight = list(fly(20.0, ranges, 150.0, altitude_sd_m=5.0))
     assert valid_share(flight, "laser", 0.0, 20.0) == 0.0
 
 
@@ -253,8 +256,8 @@ def test_two_deviations_minutes_apart_are_no_refusal() -> None:
 
 def test_a_residual_about_the_limit_ends_a_refusal_and_does_not_flap() -> None:
     """The limit is 5 m and the gate 15 m: half of the samples 5.0 +- 0.1 m off agree, and the others say nothing."""
-    said = {"laser": lambda t: 70.0 if 5.0 <= t < 6.2 else 145.0}
-    flight = list(fly(20.0, said, 150.0, altitude_sd_m=5.0))
+    ranges = {"laser": lambda t: 70.0 if 5.0 <= t < 6.2 else 145.0}
+    flight = list(fly(20.0, ranges, 150.0, altitude_sd_m=5.0))
     valid = [height.valid for t, out in flight if t >= 6.2 for height in heights(out, "laser")]
     assert sum(before != now for before, now in pairwise(valid)) == 1
     assert valid_share(flight, "laser", 8.5, 20.0) == 1.0
@@ -262,8 +265,8 @@ def test_a_residual_about_the_limit_ends_a_refusal_and_does_not_flap() -> None:
 
 def test_single_samples_that_deviate_leave_no_memory() -> None:
     """One of 15, as at the edge of a wood."""
-    said = {"laser": lambda t: 120.0 if round(t * HZ) % 15 == 0 else 150.0}
-    flight = list(fly(40.0, said, 150.0, has_position=lambda t: t < 20.0))
+    ranges = {"laser": lambda t: 120.0 if round(t * HZ) % 15 == 0 else 150.0}
+    flight = list(fly(40.0, ranges, 150.0, has_position=lambda t: t < 20.0))
     assert not any(events(out, "laser") for _, out in flight)
     assert valid_share(flight, "laser", 21.5, 40.0) == 1.0
 
@@ -271,33 +274,33 @@ def test_single_samples_that_deviate_leave_no_memory() -> None:
 UNDULATION_M = 47.0
 
 
-def test_two_that_agree_against_the_ground_are_believed_with_the_relief_assumed() -> None:
+def test_two_that_agree_against_the_ground_are_valid_with_the_relief_assumed() -> None:
     """The altitude is wrong by the undulation: the altimeters are not refused for ever."""
-    said = {"radar": lambda t: 100.0, "laser": lambda t: 100.0}
-    flight = list(fly(60.0, said, 100.0, altitude_error_m=UNDULATION_M))
-    for name in said:
+    ranges = {"radar": lambda t: 100.0, "laser": lambda t: 100.0}
+    flight = list(fly(60.0, ranges, 100.0, altitude_error_m=UNDULATION_M))
+    for name in ranges:
         assert valid_share(flight, name, 0.0, 1.9) == 0.0
         assert valid_share(flight, name, 3.0, 60.0) == 1.0
         later = [height for t, out in flight if t >= 3.0 for height in heights(out, name)]
         assert all(height.unchecked == (Reason.GROUND_CONTRADICTED,) for height in later)
         assert all(abs((height.height_agl or 0.0) - 100.0) < 3.0 * (height.sd or 0.0) for height in later)
-        told = [text for _, out in flight for text in events(out, name) if "altitude or terrain is wrong: " in text]
-        assert len(told) == 1
-        assert "-47 m" in told[0]
+        texts = [text for _, out in flight for text in events(out, name) if "altitude or terrain is wrong: " in text]
+        assert len(texts) == 1
+        assert "-47 m" in texts[0]
 
 
-def test_two_that_agree_against_the_ground_are_believed_although_one_of_them_comes_later() -> None:
-    said = {"radar": lambda t: 100.0, "laser": lambda t: 100.0}
-    flight = list(fly(20.0, said, 100.0, altitude_error_m=UNDULATION_M, late_s={"laser": 0.8}))
-    for name in said:
+def test_two_that_agree_against_the_ground_are_valid_although_one_of_them_comes_later() -> None:
+    ranges = {"radar": lambda t: 100.0, "laser": lambda t: 100.0}
+    flight = list(fly(20.0, ranges, 100.0, altitude_error_m=UNDULATION_M, late_s={"laser": 0.8}))
+    for name in ranges:
         assert valid_share(flight, name, 4.0, 20.0) == 1.0
 
 
 def test_a_wrong_ground_is_wrong_where_nothing_is_predicted_too() -> None:
     """The edge of the terrain is 30 s ahead; heights beyond it say for a minute that the ground was called wrong."""
-    said = {"radar": lambda t: 100.0, "laser": lambda t: 100.0}
-    flight = list(fly(60.0, said, 100.0, altitude_error_m=UNDULATION_M, north_m=800.0))
-    beyond = [height for t, out in flight if t >= 3.0 for name in said for height in heights(out, name)]
+    ranges = {"radar": lambda t: 100.0, "laser": lambda t: 100.0}
+    flight = list(fly(60.0, ranges, 100.0, altitude_error_m=UNDULATION_M, north_m=800.0))
+    beyond = [height for t, out in flight if t >= 3.0 for name in ranges for height in heights(out, name)]
     assert any(Reason.TERRAIN_EDGE in height.unchecked for height in beyond)
     assert all(Reason.GROUND_CONTRADICTED in height.unchecked for height in beyond)
 
@@ -312,8 +315,8 @@ def test_deviations_alike_in_moments_far_apart_do_not_make_the_ground_wrong() ->
 
 def test_the_ground_counts_again_when_the_altitude_is_right_again() -> None:
     rng_error = {"radar": lambda t: 100.0, "laser": lambda t: 100.0}
-    made = list(fly(20.0, rng_error, 100.0, altitude_error_m=0.0))
-    assert all(height.is_by_terrain for _, out in made for height in heights(out, "radar"))
+    outputs = list(fly(20.0, rng_error, 100.0, altitude_error_m=0.0))
+    assert all(height.is_by_terrain for _, out in outputs for height in heights(out, "radar"))
     lies = {"radar": lambda t: 53.0 if t < 10.0 else 100.0, "laser": lambda t: 53.0 if t < 10.0 else 100.0}
     flight = list(fly(20.0, lies, 100.0))
     before = [height for t, out in flight if 5.0 <= t < 10.0 for height in heights(out, "radar")]
@@ -326,18 +329,18 @@ def test_the_ground_counts_again_when_the_altitude_is_right_again() -> None:
 def test_two_that_do_not_prove_the_ground_wrong_stay_refused(names: tuple[str, str]) -> None:
     """Two of one kind may have one cause of error in common; two that differ by 20 m prove nothing."""
     second = 53.0 if names[1] == "second_radar" else 73.0
-    said: dict[str, Ranges] = {names[0]: lambda t: 53.0, names[1]: lambda t: second}
-    flight = list(fly(20.0, said, 100.0))
+    ranges: dict[str, Ranges] = {names[0]: lambda t: 53.0, names[1]: lambda t: second}
+    flight = list(fly(20.0, ranges, 100.0))
     assert all(valid_share(flight, name, 0.0, 20.0) == 0.0 for name in names)
 
 
 @pytest.mark.parametrize("bias_m", [7.0, 8.0, 9.0, 9.5, 10.0, 10.5, 12.0])
 def test_of_two_radars_the_one_that_is_wrong_by_about_its_gate_is_refused_steadily(bias_m: float) -> None:
     """60 m high; the gate is 10 m, 3 sigma are 8.1 m: some samples deviate, some do not.  Below, both may be wrong."""
-    said: dict[str, Ranges] = {"radar": lambda t: 60.0 + bias_m, "second_radar": lambda t: 60.0}
-    flight = list(fly(50.0, said, 60.0))
+    ranges: dict[str, Ranges] = {"radar": lambda t: 60.0 + bias_m, "second_radar": lambda t: 60.0}
+    flight = list(fly(50.0, ranges, 60.0))
     assert valid_share(flight, "radar", 1.0, 50.0) == 0.0
     sound = [o.valid for t, out in flight if t >= 1.0 for o in heights(out, "second_radar")]
     assert all(sound) or bias_m <= 8.0
     assert sum(before != now for before, now in pairwise(sound)) <= 1
-    assert sum(len(events(out, name)) for _, out in flight for name in said) <= 10
+    assert sum(len(events(out, name)) for _, out in flight for name in ranges) <= 10

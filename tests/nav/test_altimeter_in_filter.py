@@ -73,7 +73,7 @@ def ground() -> Ground:
 
 
 @dataclass(eq=False)
-class Flown:
+class FlightResult:
     """Outputs with their time [s]."""
 
     ground: Ground
@@ -87,7 +87,9 @@ class Flown:
 
     def altitude_error(self, begin: float, end: float) -> float:
         """Largest error of the filter's altitude [m]."""
-        return max(abs(told.alt - self.truth(t)) for t, told in self.filtered if told.alt and begin <= t < end)
+        return max(
+            abs(solution.alt - self.truth(t)) for t, solution in self.filtered if solution.alt and begin <= t < end
+        )
 
     def worst(self, radar: str, begin: float, end: float) -> float:
         """Largest error of the valid heights of an altimeter, in their sigmas."""
@@ -105,9 +107,9 @@ class Flown:
 
 def fly(
     ground: Ground, wrong: dict[str, Wrong], seconds: float, lost_s: tuple[float, float] = NEVER, gate_m: float = 10.0
-) -> Flown:
+) -> FlightResult:
     """A flight.  lost_s : without satellites from then until then [s]; gate_m : of the deviation of radars"""
-    pipeline, found = Pipeline(config(tuple(wrong), gate_m), None), Flown(ground)
+    pipeline, found = Pipeline(config(tuple(wrong), gate_m), None), FlightResult(ground)
     pipeline.set_terrain(ground)
     for device, m in _measured(ground, wrong, seconds, lost_s):
         t = (m.stamp.t_rx_ns - T0) / S
@@ -139,7 +141,7 @@ def _measured(
                 yield radar, RadioHeight(stamp=stamp, height_agl=HEIGHT + rng.normal(0.0, 0.3) + fault(t))
 
 
-def _collect(found: Flown, t: float, out: list[Output | Event]) -> None:
+def _collect(found: FlightResult, t: float, out: list[Output | Event]) -> None:
     for o in out:
         if isinstance(o, HeightAboveGround):
             found.heights.append((t, o))
@@ -152,20 +154,22 @@ def _collect(found: Flown, t: float, out: list[Output | Event]) -> None:
 def test_an_altimeter_that_the_filter_excludes_is_not_valid_until_it_agrees_again(ground: Ground) -> None:
     """30 m too much at first, within a gate of 50 m; from 40 s on 1 m/s less: no step that its changes show."""
     biased = {"radar": lambda t: min(30.0, max(0.0, 70.0 - t))}
-    flown = fly(ground, biased, 120.0, gate_m=50.0)
-    excluded = [t for t, height in flown.heights if Reason.EXCLUDED in height.reasons]
+    flight = fly(ground, biased, 120.0, gate_m=50.0)
+    excluded = [t for t, height in flight.heights if Reason.EXCLUDED in height.reasons]
     assert excluded[0] < 8.0
-    assert not any(height.valid for height in flown.of("radar", 8.0, 60.0))
-    assert flown.altitude_error(20.0, 120.0) < 2.0
+    assert not any(height.valid for height in flight.of("radar", 8.0, 60.0))
+    assert flight.altitude_error(20.0, 120.0) < 2.0
     assert excluded[-1] < 115.0
-    assert all(height.valid for height in flown.of("radar", 115.0, 120.0))
-    told = flown.of("radar", 8.0, 30.0)
-    assert all(height.height_agl and height.height_agl > 125.0 and height.sd for height in told), "its value is stated"
+    assert all(height.valid for height in flight.of("radar", 115.0, 120.0))
+    solution = flight.of("radar", 8.0, 30.0)
+    assert all(height.height_agl and height.height_agl > 125.0 and height.sd for height in solution), (
+        "its value is stated"
+    )
 
 
 def test_a_sound_altimeter_beside_satellites_is_never_refused(ground: Ground) -> None:
-    flown = fly(ground, {"radar": lambda t: 0.0}, 60.0)
-    assert {height.reasons for height in flown.of("radar", 1.0, 60.0)} == {()}
+    flight = fly(ground, {"radar": lambda t: 0.0}, 60.0)
+    assert {height.reasons for height in flight.of("radar", 1.0, 60.0)} == {()}
 
 
 def sound(t: float) -> float:
@@ -183,29 +187,29 @@ HELD = ("warning", "altitude: held by radar alone; a slow drift of its heights i
 
 
 @pytest.mark.parametrize("rate", [0.5, -1.0])
-def test_a_height_that_is_compared_with_itself_says_so(ground: Ground, rate: float) -> None:
+def test_a_height_that_is_compared_with_itself_has_a_reason(ground: Ground, rate: float) -> None:
     """Up to 1 m/s the altitude follows and nothing is refused: an event and each height say what is not checked."""
-    flown = fly(ground, {"radar": drifting(rate)}, 100.0, LOST)
-    assert flown.texts(0.0) == [HELD]
-    assert flown.altitude_error(90.0, 100.0) > 10.0, "it follows"
-    held = flown.of("radar", 46.0, 100.0)
+    flight = fly(ground, {"radar": drifting(rate)}, 100.0, LOST)
+    assert flight.texts(0.0) == [HELD]
+    assert flight.altitude_error(90.0, 100.0) > 10.0, "it follows"
+    held = flight.of("radar", 46.0, 100.0)
     compared = [height for height in held if height.predicted is not None]
     assert len(compared) > 0.9 * len(held)
     assert all(Reason.NOT_INDEPENDENT in height.unchecked for height in compared)
 
 
 def test_a_sound_altimeter_that_holds_the_altitude_stays_valid(ground: Ground) -> None:
-    flown = fly(ground, {"radar": sound}, 100.0, LOST)
-    assert {height.reasons for height in flown.of("radar", 1.0, 100.0)} == {()}
-    assert flown.worst("radar", 1.0, 100.0) < 3.0
-    assert flown.altitude_error(5.0, 100.0) < 2.5
-    assert flown.texts(0.0) == [HELD]
+    flight = fly(ground, {"radar": sound}, 100.0, LOST)
+    assert {height.reasons for height in flight.of("radar", 1.0, 100.0)} == {()}
+    assert flight.worst("radar", 1.0, 100.0) < 3.0
+    assert flight.altitude_error(5.0, 100.0) < 2.5
+    assert flight.texts(0.0) == [HELD]
 
 
 def test_a_loss_of_satellites_of_a_second_changes_nothing(ground: Ground) -> None:
-    flown = fly(ground, {"radar": sound}, 60.0, (40.0, 41.0))
-    assert flown.texts(0.0) == []
-    assert not any(Reason.NOT_INDEPENDENT in height.unchecked for height in flown.of("radar", 5.0, 60.0))
+    flight = fly(ground, {"radar": sound}, 60.0, (40.0, 41.0))
+    assert flight.texts(0.0) == []
+    assert not any(Reason.NOT_INDEPENDENT in height.unchecked for height in flight.of("radar", 5.0, 60.0))
 
 
 def test_when_satellites_come_back_the_comparison_is_independent_again(ground: Ground) -> None:
@@ -215,16 +219,16 @@ def test_when_satellites_come_back_the_comparison_is_independent_again(ground: G
 
 
 def test_a_jump_of_the_altimeter_that_holds_the_altitude_is_refused(ground: Ground) -> None:
-    flown = fly(ground, {"radar": lambda t: 30.0 if t >= 90.0 else 0.0}, 94.0, LOST)
-    assert all(Reason.DEVIATION in height.reasons for height in flown.of("radar", 90.0, 94.0))
+    flight = fly(ground, {"radar": lambda t: 30.0 if t >= 90.0 else 0.0}, 94.0, LOST)
+    assert all(Reason.DEVIATION in height.reasons for height in flight.of("radar", 90.0, 94.0))
 
 
 def test_of_two_altimeters_that_hold_the_altitude_the_one_that_drifts_is_refused(ground: Ground) -> None:
     """1 m/s is 10 m apart after 10 s: both are compared with the sigmas of the instruments and of the filter."""
-    flown = fly(ground, {"radar": drifting(1.0), "radar2": sound}, 80.0, LOST)
+    flight = fly(ground, {"radar": drifting(1.0), "radar2": sound}, 80.0, LOST)
     both = "altitude: held by radar and radar2 alone; a slow drift of all of them is not detected"
-    assert flown.texts(0.0) == [("warning", both), ("warning", HELD[1].replace("radar", "radar2"))]
-    assert any(Reason.ALTIMETERS_DISAGREE in height.reasons for height in flown.of("radar", 45.0, 60.0))
-    assert not any(height.valid for height in flown.of("radar", 60.0, 80.0))
-    assert all(height.valid for height in flown.of("radar2", 60.0, 80.0))
-    assert flown.altitude_error(60.0, 80.0) < 5.0
+    assert flight.texts(0.0) == [("warning", both), ("warning", HELD[1].replace("radar", "radar2"))]
+    assert any(Reason.ALTIMETERS_DISAGREE in height.reasons for height in flight.of("radar", 45.0, 60.0))
+    assert not any(height.valid for height in flight.of("radar", 60.0, 80.0))
+    assert all(height.valid for height in flight.of("radar2", 60.0, 80.0))
+    assert flight.altitude_error(60.0, 80.0) < 5.0

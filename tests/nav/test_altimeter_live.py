@@ -130,7 +130,7 @@ def test_an_offset_that_remains_inside_the_gate_is_in_the_sigma() -> None:
             assert h.sd < 0.5
 
 
-def test_after_60_s_without_known_ground_the_end_of_a_mismatch_says_why() -> None:
+def test_after_60_s_without_known_ground_the_end_of_a_mismatch_has_its_cause() -> None:
     noise = rounded_noise(4)
     wrong: Profile = lambda t: min(2.0 * max(0.0, t - 10.0), 30.0)  # noqa: E731
     edge = -1700.0 + 50.0 * 30.0
@@ -175,9 +175,9 @@ def test_a_laser_stuck_in_level_flight_over_unknown_hills_has_a_sigma_that_cover
 def test_a_laser_that_hovers_beside_a_slope_has_a_sigma_that_covers_its_error() -> None:
     """It looks 8 deg towards a slope of 0.3 that rises: 4 m short of the 100 m straight below."""
     noise, tilt = rounded_noise(2), math.radians(8.0)
-    said = 100.0 / (math.cos(tilt) + 0.3 * math.sin(tilt))
+    slant_range = 100.0 / (math.cos(tilt) + 0.3 * math.sin(tilt))
     flight = Flight(
-        seconds=30.0, hz=10, attitude_hz=10, speed=0.1, roll=level(tilt), measured=lambda t, north: noise(said)
+        seconds=30.0, hz=10, attitude_hz=10, speed=0.1, roll=level(tilt), measured=lambda t, north: noise(slant_range)
     )
     for _, _, out in flight.fly():
         for h in heights(out):

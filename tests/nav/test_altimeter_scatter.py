@@ -17,17 +17,17 @@ def late(t: Array, values: Array) -> Array:
 
 def renewed_seldom(t: Array, values: Array) -> Array:
     """A new value every 1.5 s."""
-    kept = (np.arange(len(t)) // round(1.5 * RATE_HZ)) * round(1.5 * RATE_HZ)
-    return np.where(t < ONSET_S, values, values[kept])
+    indices = (np.arange(len(t)) // round(1.5 * RATE_HZ)) * round(1.5 * RATE_HZ)
+    return np.where(t < ONSET_S, values, values[indices])
 
 
 def error_over_sigma(seed: int, fault: Fault | None) -> tuple[Array, Array]:
     """Of the valid samples of a laser with a fault: time [s], error of the height in stated sigmas."""
     flight = fly(seed, SECONDS, agl=100.0, relief_sd=10.0)
-    seen = list(outputs(flight, "laser", known=True, fault=fault))
-    valid = np.array([height.valid for height in seen])
-    errors = np.array([height.height_agl or np.nan for height in seen]) - flight.height
-    return flight.t[valid], (errors / np.array([height.sd or np.nan for height in seen]))[valid]
+    heights = list(outputs(flight, "laser", known=True, fault=fault))
+    valid = np.array([height.valid for height in heights])
+    errors = np.array([height.height_agl or np.nan for height in heights]) - flight.height
+    return flight.t[valid], (errors / np.array([height.sd or np.nan for height in heights]))[valid]
 
 
 @pytest.mark.parametrize("fault", [late, renewed_seldom])

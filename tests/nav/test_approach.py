@@ -53,30 +53,30 @@ def test_along_is_the_geodesic_to_the_intercept_point(path: ApproachPath) -> Non
     lon_g, lat_g, _ = geod.fwd(11.0, 48.0, 250.0, path.x_gpi)
     for s in (0.0, 500.0, 3000.0, 9000.0):
         lon, lat, _ = geod.fwd(lon_g, lat_g, 70.0, s)
-        found, y = path.along(math.radians(lat), math.radians(lon))
+        found, y = path.to_path(math.radians(lat), math.radians(lon))
         assert float(found) == pytest.approx(s, abs=0.03 + s * 4e-5)  # at 200 m the plane is 3e-5 longer
         assert abs(float(y)) < 0.03 + s * 1e-5
 
 
 def test_one_place_is_along_as_many_are(path: ApproachPath) -> None:
     for lat, lon in ((0.83, 0.19), (0.84, 0.2), (-0.3, 3.1)):
-        assert path.to_path_one(lat, lon) == tuple(map(float, path.along(lat, lon)))
+        assert path.to_path_one(lat, lon) == tuple(map(float, path.to_path(lat, lon)))
 
 
 def test_right_of_track_is_positive(path: ApproachPath) -> None:
     lon, lat, _ = Geod(ellps="WGS84").fwd(11.0, 48.0, 250.0 + 90.0, 100.0)
-    assert float(path.along(math.radians(lat), math.radians(lon))[1]) == pytest.approx(100.0, abs=0.02)
+    assert float(path.to_path(math.radians(lat), math.radians(lon))[1]) == pytest.approx(100.0, abs=0.02)
 
 
 def test_geodetic_is_the_inverse_of_along(path: ApproachPath) -> None:
     s, y = np.meshgrid([-200.0, 0.0, 4000.0, 10000.0], [-300.0, 0.0, 150.0])
-    found_s, found_y = path.along(*path.geodetic(s, y))
+    found_s, found_y = path.to_path(*path.to_geodetic(s, y))
     np.testing.assert_allclose(found_s, s, atol=2e-3)
     np.testing.assert_allclose(found_y, y, atol=1e-3)
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "message"),
     [
         (("course_deg = 250.0", "course_deg = 400.0"), "course_deg = 400.0"),
         (("name =", "nmae ="), "nmae"),
@@ -84,8 +84,8 @@ def test_geodetic_is_the_inverse_of_along(path: ApproachPath) -> None:
         (('"2024-01-01"', '"soon"'), "survey_date"),
     ],
 )
-def test_mistakes_in_the_airfield_file_are_named(change: tuple[str, str], said: str) -> None:
-    with pytest.raises(ConfigError, match=said) as caught:
+def test_mistakes_in_the_airfield_file_are_named(change: tuple[str, str], message: str) -> None:
+    with pytest.raises(ConfigError, match=message) as caught:
         load_airfield(TEXT.replace(*change), "field.toml")
     assert str(caught.value).startswith("field.toml: ")
 

@@ -78,30 +78,30 @@ def test_a_worse_navigation_is_unavailable(
     stated: ApproachReference, flight: Flight, vertical: float | None, horizontal: float | None, holds: bool
 ) -> None:
     """A quarter beyond the assumed sigma is tolerated; a sigma that nobody knows is not."""
-    flown = (
+    track = (
         dataclasses.replace(x, vertical_sd=vertical, horizontal_sd=horizontal) for x in flight(begin=2900.0, end=1000.0)
     )
-    for output in states(ClearanceMonitor(stated, SETTINGS), flown):
+    for output in states(ClearanceMonitor(stated, SETTINGS), track):
         assert (Reason.ASSUMPTION in output.reasons) is not holds
         assert output.valid is holds
         assert (output.state is IntegrityState.UNAVAILABLE) is not holds
 
 
 def test_without_assumptions_nothing_is_compared(reference: ApproachReference, flight: Flight) -> None:
-    flown = (dataclasses.replace(x, vertical_sd=8.0, horizontal_sd=20.0) for x in flight(begin=2900.0, end=1000.0))
-    outputs = states(ClearanceMonitor(reference, Approach(profile="", alert_v_m=1000.0)), flown)
+    track = (dataclasses.replace(x, vertical_sd=8.0, horizontal_sd=20.0) for x in flight(begin=2900.0, end=1000.0))
+    outputs = states(ClearanceMonitor(reference, Approach(profile="", alert_v_m=1000.0)), track)
     assert outputs
     assert not any(Reason.ASSUMPTION in output.reasons for output in outputs)
 
 
-def test_an_alert_is_said_beyond_the_assumptions_all_the_same(stated: ApproachReference, flight: Flight) -> None:
-    flown = (
+def test_an_alert_is_given_beyond_the_assumptions_all_the_same(stated: ApproachReference, flight: Flight) -> None:
+    track = (
         dataclasses.replace(
             x, vertical_sd=8.0, horizontal_sd=5.0, agl=x.agl - (100.0 if 1500.0 < x.s < 1600.0 else 0.0)
         )
         for x in flight(begin=2900.0, end=1000.0)
     )
-    assert any(o.state is IntegrityState.ALERT for o in states(ClearanceMonitor(stated, SETTINGS), flown))
+    assert any(o.state is IntegrityState.ALERT for o in states(ClearanceMonitor(stated, SETTINGS), track))
 
 
 def altimeter(beam_deg: float = 40.0, model: Literal["nearest", "beam"] = "nearest") -> Device:
@@ -129,45 +129,52 @@ def test_an_alert_limit_below_the_least_protection_level_is_refused(reference: A
     with pytest.raises(ConfigError) as refusal:
         check_alert_limit(sharp, 5.0, "x.csv", "c.toml")
     assert str(refusal.value) == (
-        "c.toml: nav.approach.alert_v_m: 5 m is below the least protection level 7.1 m of x.csv; at least 8 m"
+        "c.toml: nav.approach.alert_v_m: 5 m is below the minimum protection level 7.1 m of x.csv; must be at least 8 m"
     )
 
 
-def test_a_source_without_a_sigma_has_the_configured_one_and_it_is_told(
+def test_a_source_without_a_sigma_has_the_configured_one_and_an_event(
     stated: ApproachReference, path: ApproachPath, flight: Flight
 ) -> None:
-    given = [
+    samples = [
         (height, dataclasses.replace(nav, position=dataclasses.replace(nav.position, vertical_sd=None)))
         for height, nav in inputs(path, flight, lambda _: "ins")
         if nav.position
     ]
-    told: dict[float, list[object]] = {}
+    outputs_by_sd: dict[float, list[object]] = {}
     for high in (3.0, 6.6):
         channel = ApproachChannel(stated, SETTINGS, "radar", unstated={"ins": (3.0, high)})
-        told[high] = [output for height, nav in given for output in channel.take(height, nav)]
-        events = [output.text for output in told[high] if isinstance(output, Event)]
+        outputs_by_sd[high] = [output for height, nav in samples for output in channel.feed(height, nav)]
+        events = [output.text for output in outputs_by_sd[high] if isinstance(output, Event)]
         assert events == [f"states no sigma of its altitude; {high:g} m count for the approach (nav.unstated_sd)"]
-    judged = {high: [o for o in out if isinstance(o, ClearanceIntegrity) and o.t1_ratio] for high, out in told.items()}
-    assert all(output.valid for output in judged[3.0])
-    assert all(Reason.ASSUMPTION in output.reasons for output in judged[6.6])
-    assert min(o.height_error_sd or 0.0 for o in judged[6.6]) > 6.6 > max(o.height_error_sd or 0.0 for o in judged[3.0])
+    evaluated = {
+        high: [o for o in out if isinstance(o, ClearanceIntegrity) and o.t1_ratio]
+        for high, out in outputs_by_sd.items()
+    }
+    assert all(output.valid for output in evaluated[3.0])
+    assert all(Reason.ASSUMPTION in output.reasons for output in evaluated[6.6])
+    assert (
+        min(o.height_error_sd or 0.0 for o in evaluated[6.6])
+        > 6.6
+        > max(o.height_error_sd or 0.0 for o in evaluated[3.0])
+    )
 
 
-def test_each_source_is_told_with_the_sigma_of_its_own_axis(
+def test_each_source_is_reported_with_the_sigma_of_its_own_axis(
     stated: ApproachReference, path: ApproachPath, flight: Flight
 ) -> None:
     """The place by one source, the altitude by another: neither states a sigma."""
     channel = ApproachChannel(stated, SETTINGS, "radar", unstated={"ins": (3.0, 10.0), "gnss": (2.0, 6.0)})
-    told = [
+    outputs_by_sd = [
         output
         for height, nav in inputs(path, flight, lambda _: "gnss")
         if nav.position
-        for output in channel.take(
+        for output in channel.feed(
             height,
             dataclasses.replace(nav, position=dataclasses.replace(nav.position, horizontal_sd=None, vertical_sd=None)),
         )
     ]
-    assert [(output.source, output.text) for output in told if isinstance(output, Event)] == [
+    assert [(output.source, output.text) for output in outputs_by_sd if isinstance(output, Event)] == [
         ("ins", "states no sigma of its position; 3 m count for the approach (nav.unstated_sd)"),
         ("gnss", "states no sigma of its altitude; 6 m count for the approach (nav.unstated_sd)"),
     ]

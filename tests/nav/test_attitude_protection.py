@@ -1,4 +1,4 @@
-"""Protection levels of the attitude: against drawn errors, and through the pipeline."""
+"""Protection levels of the attitude: against simulated errors, and through the pipeline."""
 
 from __future__ import annotations
 
@@ -63,13 +63,13 @@ def test_every_sharp_source_bounds_it_and_an_uncertain_one_does_not_widen_it() -
     assert found.tilt == pytest.approx((0.5 + 0.05 * RADIAL) * DEG, rel=1e-3)
 
 
-@pytest.mark.parametrize(("off", "is_judged"), [(0.5, False), (5.0, False), (6.5, True)])
-def test_an_uncertain_source_makes_it_invalid_only_where_it_contradicts(off: float, is_judged: bool) -> None:
+@pytest.mark.parametrize(("off", "is_checked"), [(0.5, False), (5.0, False), (6.5, True)])
+def test_an_uncertain_source_makes_it_invalid_only_where_it_contradicts(off: float, is_checked: bool) -> None:
     """Beside an assumed sigma of 1 deg, a stated one of 0.02 deg: beyond 5.5 deg one of the two is wrong."""
     found = levels(state(tilt_sd=0.02), [state(off)], ASSUMED, LIMIT)
     assert found.tilt == pytest.approx((off + 1.0 * RADIAL) * DEG, rel=1e-3)
     assert found.unchecked == (Reason.UNCERTAIN,)
-    assert bool(found.reasons(AlertLimits())) is is_judged
+    assert bool(found.reasons(AlertLimits())) is is_checked
 
 
 def test_a_source_that_fell_silent_in_a_roll_contradicts_nobody() -> None:
@@ -78,8 +78,8 @@ def test_a_source_that_fell_silent_in_a_roll_contradicts_nobody() -> None:
     found = levels(state(tilt_sd=0.02), [held], ASSUMED, LIMIT)
     assert found.reasons(AlertLimits()) == ()
     assert found.unchecked == (Reason.UNCERTAIN,)
-    beside = levels(state(tilt_sd=0.02), [held, state(tilt_sd=0.05)], ASSUMED, LIMIT)
-    assert beside.tilt == pytest.approx(0.05 * RADIAL * DEG, rel=1e-3)
+    with_other = levels(state(tilt_sd=0.02), [held, state(tilt_sd=0.05)], ASSUMED, LIMIT)
+    assert with_other.tilt == pytest.approx(0.05 * RADIAL * DEG, rel=1e-3)
 
 
 def test_a_drawn_error_is_beyond_its_level_no_more_often_than_promised() -> None:
@@ -218,7 +218,7 @@ def test_the_filter_alone_has_the_level_of_its_sigma() -> None:
 
 def fly(second: float, sds: tuple[float | None, float | None], **nav: Any) -> NavSolution:
     """Two devices, level for 10 s; then the second one rolled by ``second`` [deg] for 2 s.  sds : stated [deg]"""
-    pipeline, told = Pipeline(config(**nav), None), list[NavSolution]()
+    pipeline, solutions = Pipeline(config(**nav), None), list[NavSolution]()
     for k in range(12 * 50):
         t_ns = T0 + k * S // 50
         for name, roll, sd in zip(("ins", "ahrs"), (0.0, second if k >= 500 else 0.0), sds, strict=True):
@@ -227,8 +227,8 @@ def fly(second: float, sds: tuple[float | None, float | None], **nav: Any) -> Na
                 name,
                 Attitude(stamp=Stamp(t_ns), roll=roll * DEG, pitch=0.0, heading=0.0, roll_sd=one, pitch_sd=one),
             )
-        told += [o for o in pipeline.tick(t_ns) if isinstance(o, NavSolution)]
-    return told[-1]
+        solutions += [o for o in pipeline.tick(t_ns) if isinstance(o, NavSolution)]
+    return solutions[-1]
 
 
 def test_two_that_disagree_without_a_filter_make_the_attitude_invalid_with_its_reason() -> None:

@@ -33,9 +33,9 @@ def config(baro: Any) -> Config:
 
 
 def fly(baro: Any, seconds: float, silent: dict[str, tuple[float, float]]) -> list[FilterSolution]:
-    """Level; silent : from when to when a device says nothing [s]."""
+    """Level flight; silent : start and end of the silence of a device [s]."""
 
-    def is_heard(name: str, t: float) -> bool:
+    def is_received(name: str, t: float) -> bool:
         begin, end = silent.get(name, (0.0, 0.0))
         return not begin <= t < end
 
@@ -46,7 +46,7 @@ def fly(baro: Any, seconds: float, silent: dict[str, tuple[float, float]]) -> li
         if k % 50 == 0:
             found += [(name, PressureAltitude(stamp=Stamp(t_ns), alt_press=ALT + up)) for name, up in OFFSETS.items()]
         for device, m in found:
-            if is_heard(device, t):
+            if is_received(device, t):
                 pipeline.feed(device, m)
         if k % 2 == 0:
             out += [o for o in pipeline.tick(t_ns) if isinstance(o, FilterSolution)]
@@ -68,12 +68,12 @@ def test_another_barometer_takes_over_with_an_offset_of_its_own() -> None:
     assert not any("second.altitude" in o.rejected or "first.altitude" in o.rejected for o in solutions)
 
 
-def test_the_second_one_does_not_aid_while_the_first_one_is_heard() -> None:
+def test_the_second_one_does_not_aid_while_the_first_one_is_received() -> None:
     both = fly(["first", "second"], 30.0, {})
     alone = fly("first", 30.0, {})
     assert [o.alt for o in both] == [o.alt for o in alone]
 
 
 def test_a_barometer_that_is_no_device_is_refused() -> None:
-    with pytest.raises(ConfigError, match=r"nav\.filter\.baro: 'third' is no device; there are"):
+    with pytest.raises(ConfigError, match=r"nav\.filter\.baro: unknown device 'third'; configured:"):
         config(["first", "third"])

@@ -41,9 +41,9 @@ def test_every_window_has_the_figures_of_the_monitor(
     for values, limit, name in ((found.t1, limits.t1, "t1_ratio"), (found.t3, limits.t3, "t3_ratio"),
                                 (found.t4, limits.t4, "t4_ratio")):  # fmt: skip
         assert values / limit == pytest.approx([getattr(o, name) for o in expected], rel=1e-9)
-    judged = np.array([o.t2_ratio is not None for o in expected])
-    assert judged.any()
-    assert (found.t2 / limits.t2)[judged] == pytest.approx([o.t2_ratio for o in expected if o.t2_ratio is not None])
+    evaluated = np.array([o.t2_ratio is not None for o in expected])
+    assert evaluated.any()
+    assert (found.t2 / limits.t2)[evaluated] == pytest.approx([o.t2_ratio for o in expected if o.t2_ratio is not None])
     assert found.observability == pytest.approx([o.observability for o in expected])
     assert found.height_error_sd == pytest.approx([o.height_error_sd for o in expected])
 

@@ -1,4 +1,4 @@
-"""Refusals with which a navigation begins: each ends by what would have ended it before, or later."""
+"""Refusals at the start of navigation: each ends by the same conditions as before the restart, or later."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ Ground = Callable[[np.ndarray], np.ndarray]
 S = 1_000_000_000
 #: Wide enough for the protection level of the fixture down to the intercept point: 10.3 m.
 SETTINGS = Approach(profile="", alert_v_m=12.0)
-JUDGED = {IntegrityState.OK, IntegrityState.MONITOR, IntegrityState.CAUTION, IntegrityState.ALERT}
+EVALUATED = {IntegrityState.OK, IntegrityState.MONITOR, IntegrityState.CAUTION, IntegrityState.ALERT}
 
 
 @pytest.fixture
@@ -151,7 +151,7 @@ def test_a_height_as_large_as_its_protection_level_is_seen_in_999_of_1000(refere
     assert missed <= 12  # 4 are expected; 12 or fewer with 99.97 %
 
 
-def test_a_protection_level_above_the_alert_limit_is_unavailable_but_an_obstacle_is_said(
+def test_a_protection_level_above_the_alert_limit_is_unavailable_but_an_obstacle_is_reported(
     reference: ApproachReference, flight: Flight
 ) -> None:
     strict = ClearanceMonitor(reference, Approach(profile=""))
@@ -171,7 +171,7 @@ def test_a_protection_level_above_the_alert_limit_is_unavailable_but_an_obstacle
     assert 840.0 < (alert.s_end or 0) < 900.0
 
 
-def test_a_place_that_navigation_does_not_know_is_not_vouched_for_but_an_obstacle_is_said(
+def test_an_unknown_place_is_unavailable_but_an_obstacle_is_reported(
     reference: ApproachReference, flight: Flight
 ) -> None:
     """A filter that coasts on a barometer knows its height within metres and its place within hundreds."""
@@ -207,7 +207,7 @@ def test_updates_come_every_10_m_and_200_ms_whichever_is_later(monitor: Clearanc
     assert {b - a for a, b in pairwise(times)} == {200_000_000}
 
 
-def test_a_slow_aircraft_is_judged_every_10_m(monitor: ClearanceMonitor, flight: Flight) -> None:
+def test_a_slow_aircraft_is_evaluated_every_10_m(monitor: ClearanceMonitor, flight: Flight) -> None:
     ends = [o.s_end or 0 for o in run(monitor, flight(begin=2990.0, end=2500.0, speed=20.0))]
     assert {round(a - b, 6) for a, b in pairwise(ends)} <= {10.4}
 
@@ -217,10 +217,10 @@ def test_over_flat_ground_it_monitors_without_judging_the_shift(
 ) -> None:
     flat = dataclasses.replace(reference, z_ref=np.full_like(reference.z_ref, 200.0))
     level = flight(begin=2990.0, end=2000.0, surface=lambda s: 200.0 - float(ground(np.array(s))))
-    judged = [o for o in run(ClearanceMonitor(flat, SETTINGS), level) if o.valid]
-    assert {o.state for o in judged} == {IntegrityState.MONITOR}
-    assert {o.reasons for o in judged} == {(Reason.NOT_OBSERVABLE,)}
-    assert all(o.t2_ratio is None and o.t1_ratio is not None for o in judged)
+    evaluated = [o for o in run(ClearanceMonitor(flat, SETTINGS), level) if o.valid]
+    assert {o.state for o in evaluated} == {IntegrityState.MONITOR}
+    assert {o.reasons for o in evaluated} == {(Reason.NOT_OBSERVABLE,)}
+    assert all(o.t2_ratio is None and o.t1_ratio is not None for o in evaluated)
 
 
 def test_outputs_name_window_limits_and_reference(monitor: ClearanceMonitor, flight: Flight) -> None:
@@ -274,12 +274,12 @@ def test_a_hole_is_no_obstacle(monitor: ClearanceMonitor, flight: Flight) -> Non
 
 def test_navigation_35_m_ahead_raises_t1_and_t2(monitor: ClearanceMonitor, flight: Flight) -> None:
     outputs = run(monitor, flight(begin=2960.0, end=1500.0, nav_s=lambda s: s - 35.0))
-    judged = [o for o in outputs if o.valid and o.t2_ratio is not None]
-    assert judged
-    assert all((o.t1_ratio or 0) > 1 and (o.t2_ratio or 0) > 1 for o in judged)
-    assert judged[-1].state is IntegrityState.ALERT
-    assert {Reason.ABSOLUTE_MATCH, Reason.SHIFTED} <= set(judged[-1].reasons)
-    assert judged[-1].shift == pytest.approx(35.0, abs=3.0)
+    evaluated = [o for o in outputs if o.valid and o.t2_ratio is not None]
+    assert evaluated
+    assert all((o.t1_ratio or 0) > 1 and (o.t2_ratio or 0) > 1 for o in evaluated)
+    assert evaluated[-1].state is IntegrityState.ALERT
+    assert {Reason.ABSOLUTE_MATCH, Reason.SHIFTED} <= set(evaluated[-1].reasons)
+    assert evaluated[-1].shift == pytest.approx(35.0, abs=3.0)
 
 
 def test_navigated_height_15_m_wrong_is_a_height_error(monitor: ClearanceMonitor, flight: Flight) -> None:
@@ -303,9 +303,9 @@ def test_stuck_altimeter_is_an_alert(monitor: ClearanceMonitor, flight: Flight) 
 @pytest.mark.parametrize("side", [-200.0, 200.0])
 def test_off_track_is_refused_until_back(monitor: ClearanceMonitor, flight: Flight, side: float) -> None:
     outputs = run(monitor, flight(begin=2990.0, y=lambda s: side if 1400.0 < s < 2200.0 else 0.0))
-    gone, back = ((2990.0 - s) / 60.0 + 1.0 for s in (2200.0, 1400.0))
+    begin_s, back = ((2990.0 - s) / 60.0 + 1.0 for s in (2200.0, 1400.0))
     away = [o for o in outputs if o.reasons == (Reason.OFF_TRACK,)]
-    assert away[0].t_ns / S - gone < 0.3
+    assert away[0].t_ns / S - begin_s < 0.3
     assert [o for o in outputs if away[0].t_ns <= o.t_ns < back * S] == away
     assert {o.state for o in away} == {IntegrityState.UNAVAILABLE}
     assert max(b.t_ns - a.t_ns for a, b in pairwise(away)) <= 540_000_000
@@ -354,7 +354,7 @@ def test_outside_the_profile_is_refused(monitor: ClearanceMonitor, flight: Fligh
     assert last.reasons == (Reason.OUTSIDE_PROFILE,)
 
 
-def test_go_around_is_said_after_3_s_of_climb(monitor: ClearanceMonitor, flight: Flight) -> None:
+def test_go_around_is_reported_after_3_s_of_climb(monitor: ClearanceMonitor, flight: Flight) -> None:
     run(monitor, flight(begin=2990.0, end=2000.0))
     outputs = run(monitor, flight(begin=2000.0, end=1500.0, climb=5.0, start_ns=20 * S))
     around = next(o for o in outputs if o.reasons == (Reason.GO_AROUND,))
@@ -370,19 +370,19 @@ def test_a_gust_is_no_go_around() -> None:
     assert judge.step(6 * S, None) is False
 
 
-def test_silence_is_repeated_and_one_lost_sample_says_nothing(monitor: ClearanceMonitor, flight: Flight) -> None:
+def test_silence_is_repeated_and_one_lost_sample_has_no_output(monitor: ClearanceMonitor, flight: Flight) -> None:
     outputs = run(monitor, flight(begin=2990.0, end=2000.0))
     now = outputs[-1].t_ns
     used = now + 10**8
     monitor.step(next(flight(begin=2000.0, start_ns=used)))
     assert monitor.refuse(used + S // 10, None, (Reason.NO_RETURN,)) is None
-    said = monitor.refuse(used + S // 5, None, (Reason.NO_RETURN,))
-    assert said is not None
-    assert (said.state, said.reasons, said.valid) == (IntegrityState.UNAVAILABLE, (Reason.NO_RETURN,), False)
-    assert monitor.tick(said.t_ns + S // 4) is None
-    repeated = monitor.tick(said.t_ns + S // 2)
+    output = monitor.refuse(used + S // 5, None, (Reason.NO_RETURN,))
+    assert output is not None
+    assert (output.state, output.reasons, output.valid) == (IntegrityState.UNAVAILABLE, (Reason.NO_RETURN,), False)
+    assert monitor.tick(output.t_ns + S // 4) is None
+    repeated = monitor.tick(output.t_ns + S // 2)
     assert repeated is not None
-    assert repeated.t_ns == said.t_ns + S // 2
+    assert repeated.t_ns == output.t_ns + S // 2
 
 
 def test_same_samples_same_outputs(reference: ApproachReference, flight: Flight, path: ApproachPath) -> None:

@@ -1,4 +1,4 @@
-"""A device's clock against FTI time: what it is, how sure, and what a wrong one must not do."""
+"""A device's clock relative to FTI time: estimate, sigma, and the effect of wrong clocks."""
 
 from __future__ import annotations
 
@@ -61,12 +61,12 @@ def make_clock(scale: TimeScale = TimeScale.GPS) -> ClockEstimator:
 
 
 def run(clock: ClockEstimator, device: Device, begin_s: float, end_s: float) -> list[tuple[int, int | None]]:
-    """(when it was true, what the clock says of it), per message."""
-    return [(true, clock.take(rx, dev)) for true, rx, dev in device.messages(begin_s, end_s)]
+    """(true time, time of validity by the clock), per message."""
+    return [(true, clock.feed(rx, dev)) for true, rx, dev in device.messages(begin_s, end_s)]
 
 
 def errors_ms(rows: list[tuple[int, int | None]]) -> list[float]:
-    return [(said - true) / MS for true, said in rows if said is not None]
+    return [(valid_ns - true) / MS for true, valid_ns in rows if valid_ns is not None]
 
 
 @settings(max_examples=settings().max_examples // 4)
@@ -87,7 +87,7 @@ def test_offset_and_drift_are_found_and_validity_times_follow(
     segment = clock.segments[0]
     assert abs(segment.drift_ppm - drift_ppm) <= max(3 * 1e6 * segment.line.slope_95, 0.01)
     late = rows[len(rows) // 2 :]
-    assert all(said is not None for _, said in late)
+    assert all(valid_ns is not None for _, valid_ns in late)
     assert max(map(abs, errors_ms(late))) < 1.5  # arrivals were off by up to 25 ms
     at = FTI_0 + 200 * SECOND_NS
     assert clock.device_ns(at) == pytest.approx(
@@ -97,7 +97,7 @@ def test_offset_and_drift_are_found_and_validity_times_follow(
 
 def test_before_it_is_known_the_arrival_counts() -> None:
     clock = make_clock()
-    assert [said for _, said in run(clock, Device(), 0.0, 8.0)] == [None] * 40
+    assert [valid_ns for _, valid_ns in run(clock, Device(), 0.0, 8.0)] == [None] * 40
     assert clock.state is ClockState.LEARNING
 
 
@@ -110,7 +110,7 @@ def test_before_it_is_known_the_arrival_counts() -> None:
 def test_whatever_a_clock_does_no_message_is_younger_than_its_arrival_or_older_than_a_way_holds(
     jumps_ms: list[int], delay_ms: float, seed: int
 ) -> None:
-    """latency <= arrival - validity <= what a way may hold, always; else the clock is not believed."""
+    """Always latency <= arrival - validity <= maximum lateness; else the clock is not trusted."""
     clock = make_clock()
     zero_ns = 0
 
@@ -121,8 +121,8 @@ def test_whatever_a_clock_does_no_message_is_younger_than_its_arrival_or_older_t
         zero_ns += jump_ms * MS
         device = Device(zero_ns=zero_ns, delays=sometimes_late, seed=seed)
         for _, rx, dev in device.messages(40.0 * i, 40.0 * (i + 1)):
-            said = clock.take(rx, dev)
-            assert said is None or LATENCY_NS <= rx - said <= LATENCY_NS + MAX_LATENESS_NS
+            valid_ns = clock.feed(rx, dev)
+            assert valid_ns is None or LATENCY_NS <= rx - valid_ns <= LATENCY_NS + MAX_LATENESS_NS
 
 
 def test_a_late_message_keeps_the_time_at_which_it_was_true_and_is_counted() -> None:
@@ -141,7 +141,7 @@ def test_a_late_message_keeps_the_time_at_which_it_was_true_and_is_counted() -> 
 
 
 @pytest.mark.parametrize("step_s", [-1.0, 1.0, 0.2, -0.2, 30.0, -3600.0 * 24 * 365])
-def test_a_step_is_not_believed_and_then_a_new_segment(step_s: float) -> None:
+def test_a_step_is_not_trusted_and_then_starts_a_new_segment(step_s: float) -> None:
     """A leap second, a restart, a receiver that finds its date."""
     clock = make_clock(TimeScale.UTC)
     before = Device(drift_ppm=2.0)
@@ -149,16 +149,16 @@ def test_a_step_is_not_believed_and_then_a_new_segment(step_s: float) -> None:
     run(clock, before, 0.0, 60.0)
     clock.drain_event_texts()
     rows = run(clock, after, 60.0, 180.0)
-    doubt = [(true, said) for true, said in rows if true - FTI_0 - 60 * SECOND_NS > TIMEOUT_TRUST_NS + SECOND_NS]
-    assert max(map(abs, errors_ms(doubt)), default=0.0) < 1.5
+    tail = [(true, valid_ns) for true, valid_ns in rows if true - FTI_0 - 60 * SECOND_NS > TIMEOUT_TRUST_NS + SECOND_NS]
+    assert max(map(abs, errors_ms(tail)), default=0.0) < 1.5
     assert len(clock.segments) == 2
     assert clock.segments[1].first_ns - FTI_0 == pytest.approx(60 * SECOND_NS, abs=SECOND_NS)
-    learned = next(true for true, said in doubt if said is not None) - FTI_0 - 60 * SECOND_NS
+    learned = next(true for true, valid_ns in tail if valid_ns is not None) - FTI_0 - 60 * SECOND_NS
     assert TIMEOUT_SEGMENT_NS < learned < 3 * TIMEOUT_SEGMENT_NS
     news = clock.drain_event_texts()
-    told = re.search(r"has gone by ([-+.0-9]+) s", news[0])
-    assert told
-    assert float(told[1]) == pytest.approx(step_s, abs=0.03)
+    match = re.search(r"has gone by ([-+.0-9]+) s", news[0])
+    assert match
+    assert float(match[1]) == pytest.approx(step_s, abs=0.03)
     assert all("is known" in text for text in news[1:])
     assert rows[-1][1] is not None
 
@@ -177,7 +177,7 @@ def test_a_counter_that_starts_again_goes_on(scale: TimeScale, period_ns: int) -
     device = Device(drift_ppm=1.0, zero_ns=period_ns - 100 * SECOND_NS)
     rows = []
     for true, rx, dev in device.messages(0.0, 200.0):
-        rows.append((true, clock.take(rx, dev % period_ns)))
+        rows.append((true, clock.feed(rx, dev % period_ns)))
     assert len(clock.segments) == 1
     assert clock.refused == 0
     assert max(map(abs, errors_ms(rows[500:]))) < 1.0
@@ -219,21 +219,21 @@ def test_a_backlog_beyond_the_age_limit_does_not_pass_for_fresh() -> None:
 
 
 @pytest.mark.parametrize("step_s", [-0.4, -0.8, -1000.0])
-def test_a_clock_that_goes_back_is_not_believed_after_few_messages(step_s: float) -> None:
+def test_a_clock_that_goes_back_is_not_trusted_after_few_messages(step_s: float) -> None:
     """What is merely late comes in order: five messages from before the newest are of a clock that was set."""
     clock = make_clock()
     before = Device(rate_hz=50.0)
     after = dataclasses.replace(before, zero_ns=before.zero_ns + round(step_s * SECOND_NS))
     run(clock, before, 0.0, 60.0)
     rows = run(clock, after, 60.0, 68.0)
-    assert all(said is None for _, said in rows[MIN_OUTLIERS:])
+    assert all(valid_ns is None for _, valid_ns in rows[MIN_OUTLIERS:])
     assert clock.state is ClockState.AWAY
 
 
-def test_a_clock_that_stands_still_is_told_to_nobody() -> None:
+def test_a_clock_that_stands_still_is_not_reported() -> None:
     clock = make_clock()
     for k in range(1000):
-        assert clock.take(FTI_0 + k * 100 * MS, 0) is None
+        assert clock.feed(FTI_0 + k * 100 * MS, 0) is None
     assert clock.drain_event_texts() == []
 
 
@@ -245,21 +245,21 @@ def test_a_clock_that_bends_with_its_temperature_is_followed() -> None:
     for k in range(7200):
         t_ns = k * SECOND_NS
         bend_ns = round((-1.0 + k / 7200.0) * 1e-6 * t_ns)
-        said = clock.take(FTI_0 + t_ns + LATENCY_NS + round(abs(rng.normal(0.0, 0.3)) * MS), t_ns + bend_ns)
+        valid_ns = clock.feed(FTI_0 + t_ns + LATENCY_NS + round(abs(rng.normal(0.0, 0.3)) * MS), t_ns + bend_ns)
         if k > 60:
-            assert said is not None
-            worst = max(worst, abs(said - FTI_0 - t_ns) / MS)
+            assert valid_ns is not None
+            worst = max(worst, abs(valid_ns - FTI_0 - t_ns) / MS)
     assert worst < 1.0
     assert len(clock.segments) == 1
 
 
 @pytest.mark.parametrize(("period_ms", "resolution_ns"), [(20.0, 0), (20.4, 1 * MS), (1000 / 3, 1 * MS)])
 def test_the_resolution_of_a_clock_limits_what_is_known_of_it(period_ms: float, resolution_ns: int) -> None:
-    """A clock that says milliseconds; one that speaks at whole multiples of its period may say them exactly."""
+    """A clock with a resolution of milliseconds; times at whole multiples of the period may be exact."""
     clock = make_clock(TimeScale.BOOT)
     for k in range(round(60_000 / period_ms)):
         t_ns = round(k * period_ms * MS)
-        clock.take(FTI_0 + t_ns + LATENCY_NS, t_ns // MS * MS)
+        clock.feed(FTI_0 + t_ns + LATENCY_NS, t_ns // MS * MS)
     clock.finish()
     segment = clock.segments[0]
     assert segment.resolution_ns == resolution_ns
@@ -271,7 +271,7 @@ def test_the_first_message_may_be_the_late_one() -> None:
     clock = make_clock()
     device = Device()
     rx, dev = next((rx, dev) for _, rx, dev in device.messages(0.0, 1.0))
-    clock.take(rx + 300 * MS, dev)
+    clock.feed(rx + 300 * MS, dev)
     run(clock, device, 0.2, 30.0)
     assert clock.state is ClockState.GOOD
     assert len(clock.segments) == 1

@@ -70,9 +70,9 @@ def test_sigma_is_that_of_a_monte_carlo(mounting: Mounting, roll: float, pitch: 
     n, sd_d, sd_r, sd_p = 4000, 1.5, 0.01, 0.02
     draws = zip(rng.normal(300, sd_d, n), rng.normal(roll, sd_r, n), rng.normal(pitch, sd_p, n), strict=True)
     heights = [height_at_p(d, r, p, mounting).height_agl for d, r, p in draws]
-    told = height_at_p(300.0, roll, pitch, mounting, range_sd=sd_d, roll_sd=sd_r, pitch_sd=sd_p).sd
-    assert told is not None
-    assert told == pytest.approx(float(np.std(heights)), rel=0.08)
+    measured_range = height_at_p(300.0, roll, pitch, mounting, range_sd=sd_d, roll_sd=sd_r, pitch_sd=sd_p).sd
+    assert measured_range is not None
+    assert measured_range == pytest.approx(float(np.std(heights)), rel=0.08)
 
 
 def test_negative_range_is_refused() -> None:
@@ -103,12 +103,12 @@ def rms(values: Array) -> float:
 def test_with_the_very_ground_and_beam_only_the_noise_is_left(sensor: RangingSensor) -> None:
     ground = hills()
     points, mats = poses(60, 1, ground)
-    seen = Predictor(ground, sensor, (3.0, 1.0, 2.0)).along(points, mats)
-    noise = np.random.default_rng(2).normal(0.0, 0.5, len(seen))
-    height = height_over_ground(seen.slant_range + noise, seen)
+    prediction = Predictor(ground, sensor, (3.0, 1.0, 2.0)).predict_local(points, mats)
+    noise = np.random.default_rng(2).normal(0.0, 0.5, len(prediction))
+    height = height_over_ground(prediction.slant_range + noise, prediction)
     truth = points[:, 2] - ground.up(points[:, 0], points[:, 1])
     assert np.isfinite(height).mean() > 0.9
-    assert rms(height - truth) == pytest.approx(rms(noise * seen.cosine), rel=1e-6)
+    assert rms(height - truth) == pytest.approx(rms(noise * prediction.cosine), rel=1e-6)
 
 
 def test_an_averaged_direction_is_no_ray() -> None:
@@ -116,7 +116,7 @@ def test_an_averaged_direction_is_no_ray() -> None:
     ground = hills()
     points, mats = poses(60, 1, ground)
     radar = RadarAltimeter(antenna=WIDE, order=12)
-    at = Poses.still(points, MAT_ENU_NED @ mats)
+    at = Poses.stationary(points, MAT_ENU_NED @ mats)
     echoes = trace_beam(ground, at, radar.beam, radar.ground, radar.max_range)
     mean_s = (echoes.powers[..., None] * radar.beam.rays_s).sum(axis=1)
     mean_l = (at.mats_ls @ (mean_s / np.linalg.norm(mean_s, axis=-1, keepdims=True))[..., None])[..., 0]
@@ -125,16 +125,16 @@ def test_an_averaged_direction_is_no_ray() -> None:
     nadir = ground.up(points[:, 0], points[:, 1])
     printed = -measured * mean_l[:, 2] + meets[:, 2] - nadir
     left = rms(printed - (points[:, 2] - nadir))
-    seen = Predictor(ground, radar).along(points, mats)
+    prediction = Predictor(ground, radar).predict_local(points, mats)
     assert left > 3.0
-    assert rms(height_over_ground(measured, seen) - (points[:, 2] - nadir)) < 1e-9
+    assert rms(height_over_ground(measured, prediction) - (points[:, 2] - nadir)) < 1e-9
 
 
 def test_an_error_of_navigation_drops_out_over_level_ground() -> None:
     level = Terrain.from_array(np.zeros((3, 3)), 2000.0, east0=-2000.0, north0=-2000.0)
     mats = mat_from_rpy(R20, P5, 0.3)
-    believed = Predictor(level, Laser(max_range=800.0)).along([40.0, -30.0, 310.0], mats)
-    assert height_over_ground(300.0 / (math.cos(R20) * math.cos(P5)), believed)[0] == pytest.approx(300.0, abs=1e-9)
+    prediction = Predictor(level, Laser(max_range=800.0)).predict_local([40.0, -30.0, 310.0], mats)
+    assert height_over_ground(300.0 / (math.cos(R20) * math.cos(P5)), prediction)[0] == pytest.approx(300.0, abs=1e-9)
 
 
 class Aiding(NamedTuple):
@@ -145,15 +145,15 @@ class Aiding(NamedTuple):
     R: Array
 
 
-def by_range(told: float | Array, sd: float, seen: Prediction, row: Array) -> Aiding:
+def by_range(measured_range: float | Array, sd: float, prediction: Prediction, row: Array) -> Aiding:
     """The range itself, compensated inside H.  Section 3.3.3.2, corrected."""
-    return Aiding(told - seen.slant_range, row, np.full(len(seen), sd**2))
+    return Aiding(measured_range - prediction.slant_range, row, np.full(len(prediction), sd**2))
 
 
-def by_height(told: float | Array, sd: float, seen: Prediction, row: Array) -> Aiding:
+def by_height(measured_range: float | Array, sd: float, prediction: Prediction, row: Array) -> Aiding:
     """The height, compensated outside the filter."""
-    z = height_over_ground(told, seen) - seen.height_p
-    return Aiding(z, row * seen.cosine[:, None], (sd * seen.cosine) ** 2)
+    z = height_over_ground(measured_range, prediction) - prediction.height_p
+    return Aiding(z, row * prediction.cosine[:, None], (sd * prediction.cosine) ** 2)
 
 
 def updated(P: Array, aiding: Aiding, k: int) -> tuple[Array, Array]:
@@ -168,12 +168,12 @@ def test_outside_the_filter_is_inside_h(nearest: bool) -> None:
     ground = hills()
     points, mats = poses(40, 4, ground)
     sensor = NearestReturn() if nearest else Laser(max_range=800.0)
-    seen = Predictor(ground, sensor, (3.0, 1.0, 2.0)).along(points, mats)
-    row = range_row(seen, nearest=nearest)
-    told = seen.slant_range + np.random.default_rng(5).normal(0.0, 2.0, len(seen))
-    inside, outside = (aid(told, 0.5, seen, row) for aid in (by_range, by_height))
+    prediction = Predictor(ground, sensor, (3.0, 1.0, 2.0)).predict_local(points, mats)
+    row = range_row(prediction, nearest=nearest)
+    measured_range = prediction.slant_range + np.random.default_rng(5).normal(0.0, 2.0, len(prediction))
+    inside, outside = (aid(measured_range, 0.5, prediction, row) for aid in (by_range, by_height))
     P = pose_cov((5.0, 5.0, 3.0), math.radians(0.3))
-    for k in np.flatnonzero(seen.valid).tolist():
+    for k in np.flatnonzero(prediction.valid).tolist():
         (x_in, P_in), (x_out, P_out) = updated(P, inside, k), updated(P, outside, k)
         np.testing.assert_allclose(x_in, x_out, atol=1e-12)
         np.testing.assert_allclose(P_in, P_out, atol=1e-12)
@@ -183,13 +183,13 @@ def test_outside_the_filter_is_inside_h(nearest: bool) -> None:
 def test_over_level_ground_height_aiding_is_the_plain_one() -> None:
     """Eq. 3.39: 1 for the height of P (here down, so -1), nothing else of the position."""
     level = Terrain.from_array(np.zeros((3, 3)), 2000.0, east0=-2000.0, north0=-2000.0)
-    seen = Predictor(level, Laser(max_range=800.0)).along([0.0, 0.0, 300.0], mat_from_rpy(R20, P5, 0.3))
-    H = by_height(310.0, 0.5, seen, range_row(seen, nearest=False)).H
+    prediction = Predictor(level, Laser(max_range=800.0)).predict_local([0.0, 0.0, 300.0], mat_from_rpy(R20, P5, 0.3))
+    H = by_height(310.0, 0.5, prediction, range_row(prediction, nearest=False)).H
     np.testing.assert_allclose(H[0, :3], [0.0, 0.0, -1.0], atol=1e-12)
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
 def test_a_range_that_is_no_number_gives_no_height(bad: float) -> None:
     ground = hills()
-    seen = Predictor(ground, Laser(max_range=800.0)).along([0.0, 0.0, 200.0], np.eye(3))
-    assert not np.isfinite(height_over_ground(bad, seen)[0])
+    prediction = Predictor(ground, Laser(max_range=800.0)).predict_local([0.0, 0.0, 200.0], np.eye(3))
+    assert not np.isfinite(height_over_ground(bad, prediction)[0])

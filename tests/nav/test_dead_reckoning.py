@@ -1,4 +1,4 @@
-"""Airspeed and magnetic heading in the filter: what they are worth without satellites, and what a wrong one does.
+"""Airspeed and magnetic heading in the filter: accuracy without satellites, and effect of wrong ones.
 
 Flights, wind and sensors are those of ``dead_reckoning_flights``.  One flight of each, ten with ``--scale full``.
 """
@@ -96,12 +96,12 @@ def test_a_wrong_airspeed_beside_satellites_moves_nothing(name: str, flight: Fli
     assert moved(found, without) < 1e-3
     assert not any(found.refused)
     assert not found.events
-    assert any("air.airspeed" in said.rejected for said in found.solutions) == (name == "low")
+    assert any("air.airspeed" in solution.rejected for solution in found.solutions) == (name == "low")
 
 
 @pytest.mark.parametrize("begin", [-1.0, WRONG])
 def test_a_magnetometer_10_deg_off_beside_satellites(begin: float, flight: Flight, without: FlightResult) -> None:
-    """On a straight flight of a MEMS unit, whose heading nobody else knows."""
+    """On a straight flight with a MEMS unit and no other source of heading."""
     found = fly(flight, Case(airspeed=False, iron=rotate_field(begin, 10.0)))
     print(f"moved by {moved(found, without):.2f} m; heading {heading_error_deg(found):.1f} deg off,")
     print(f"without {heading_error_deg(without):.1f} deg")
@@ -150,7 +150,7 @@ LIES: dict[str, tuple[Fault | None, Fault | None]] = {
 def test_what_lies_without_satellites_is_within_the_level_and_excludes_nobody(
     name: str, request: pytest.FixtureRequest
 ) -> None:
-    """The position follows it; the copies do not, and satellites that come back are believed."""
+    """The position follows it; the copies do not, and satellites that return are accepted."""
     pitot, iron = LIES[name]
     lost, back = 110.0, 250.0
     for number in numbers(request):

@@ -1,4 +1,4 @@
-"""Airspeed and magnetic heading as measurements: signs and rows by hand, which count, and what a configuration says."""
+"""Airspeed and magnetic heading as measurements: signs and rows by hand, selection, and configuration errors."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def test_airspeed_in_a_wind_is_that_of_the_triangle() -> None:
     assert z[1] == pytest.approx(-3.0), "through the air it moves south, to its right: 3 m/s that were not expected"
 
 
-def test_where_the_heading_is_unknown_nothing_is_said_of_the_sideslip() -> None:
+def test_with_an_unknown_heading_the_sideslip_is_not_observed() -> None:
     z, H, R = TrueAirspeed(62.0, 1.0, 2.0).compute_matrices(flying(90.0, (0.0, 50.0, 0.0), 15.0))
     assert z.shape == (1,)
     assert H.shape == (1, MODEL.size)
@@ -135,10 +135,13 @@ def test_a_field_that_is_not_the_earths_does_not_aid() -> None:
 @pytest.mark.parametrize(
     ("keys", "text"),
     [
-        ({"airspeed": "pitot"}, r"t\.toml: nav\.filter\.airspeed: 'pitot' is no device; there are imu, air, compass"),
-        ({"heading": "x", "declination_deg": 1.0}, r"nav\.filter\.heading: 'x' is no device; there are imu"),
+        (
+            {"airspeed": "pitot"},
+            r"t\.toml: nav\.filter\.airspeed: unknown device 'pitot'; configured: imu, air, compass",
+        ),
+        ({"heading": "x", "declination_deg": 1.0}, r"nav\.filter\.heading: unknown device 'x'; configured: imu"),
         ({"heading": "compass"}, r"nav\.filter\.declination_deg: missing; nav\.filter\.heading needs it: -180 to 180"),
-        ({"declination_deg": 1.0}, r"nav\.filter\.declination_deg: belongs to nav\.filter\.heading, which is missing"),
+        ({"declination_deg": 1.0}, r"nav\.filter\.declination_deg: needs nav\.filter\.heading, which is missing"),
         ({"heading": "compass", "declination_deg": 200.0}, r"nav\.filter\.declination_deg"),
     ],
 )

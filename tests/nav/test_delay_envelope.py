@@ -1,4 +1,4 @@
-"""The line under a cloud of delays: its interval is honest for every kind of delay that it is made for."""
+"""The lower envelope of delays: its interval is correct for every supported kind of delay."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Validity times of measurements by the clocks of their devices, and what is told of them."""
+"""Validity times of measurements by the clocks of their devices, and the reports of the clocks."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def test_a_clock_that_fails_gives_no_measurement_the_time_of_another_message(mon
         raise ArithmeticError
 
     with monkeypatch.context() as patch:
-        patch.setattr(ClockEstimator, "take", fail)
+        patch.setattr(ClockEstimator, "feed", fail)
         with pytest.raises(ArithmeticError):
             times.stamp("ins", later[0])
     assert times.stamp("ins", later[1]).stamp.t_rx_ns == later[1].stamp.t_rx_ns
@@ -78,8 +78,8 @@ def test_measurements_of_one_message_were_true_at_one_time_and_count_once() -> N
     assert note["clocks"]["ins_gps"]["messages"] == len(rows) // 2
 
 
-def test_a_device_may_be_told_to_keep_its_time_to_itself() -> None:
-    """Its clock is known and told all the same."""
+def test_the_time_of_a_device_can_be_ignored_by_configuration() -> None:
+    """Its clock is estimated and reported all the same."""
     times = DeviceTimes([device(use_device_time=False)])
     assert all(m.stamp.t_valid_ns == m.stamp.t_rx_ns - 4 * MS for _, m in fly(times, 0, 60))
     note = times.tick(FTI_0 + 60 * SECOND_NS)
@@ -108,12 +108,12 @@ def test_what_a_device_declares_invalid_is_not_put_into_the_past() -> None:
 def test_a_time_that_no_clock_shows_is_none(t_dev_ns: int) -> None:
     """The largest number of its field, from a device that does not know the time."""
     times = DeviceTimes([device()])
-    said = times.stamp("ins", Attitude(stamp=Stamp(FTI_0 + 4 * MS, t_dev_ns, TimeScale.GPS)))
-    assert said.stamp.t_valid_ns == FTI_0
+    stamped = times.stamp("ins", Attitude(stamp=Stamp(FTI_0 + 4 * MS, t_dev_ns, TimeScale.GPS)))
+    assert stamped.stamp.t_valid_ns == FTI_0
     assert times.tick(FTI_0 + SECOND_NS) is None
 
 
-def test_once_a_second_everything_that_is_known_is_told() -> None:
+def test_once_a_second_the_state_of_every_clock_is_reported() -> None:
     times = DeviceTimes([device()])
     fly(times, 0, 60)
     at = FTI_0 + 60 * SECOND_NS
@@ -142,7 +142,7 @@ def test_gnss_time_at_fti_time_comes_from_who_knows_it() -> None:
     assert note["gnss"]["time_ns"] == pytest.approx(at + GPS_NS, abs=0.5 * MS)
 
 
-def test_a_person_is_told_once_when_a_clock_is_known() -> None:
+def test_one_event_reports_that_a_clock_is_known() -> None:
     times = DeviceTimes([device()])
     fly(times, 0, 120)
     (event,) = times.drain_events(FTI_0)

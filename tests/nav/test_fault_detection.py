@@ -1,7 +1,7 @@
-"""Receivers that lie, beside an inertial unit of tactical grade: refused, and the position goes on with honest levels.
+"""Receivers with faults and a tactical inertial unit: they are refused, and the protection levels stay valid.
 
 Truth, unit and receivers are those of ``receiver_flights``; a fault begins after five minutes.  One flight of each
-fault, ten with ``--scale full``.  Misled: an error larger than the protection level.
+fault, ten with ``--scale full``.  Misleading: an error larger than the protection level.
 """
 
 from __future__ import annotations
@@ -120,8 +120,8 @@ def test_a_contradiction_that_ends_by_a_step_is_forgiven_after_30_s(name: str, r
 def test_a_lie_of_the_size_that_the_filter_has_drifted_stays_unconfirmed() -> None:
     """A ramp that ends and stands: the coasting filter agrees with it sooner or later, and does not let it in."""
     offset, velocity = ramp(1.0, 100.0)
-    standing = offset_after(BEGIN, lambda s: offset(np.minimum(s, 20.0)), until(20.0, velocity))
-    found = fly(draw(0), {"gnss": standing})
+    shifted = offset_after(BEGIN, lambda s: offset(np.minimum(s, 20.0)), until(20.0, velocity))
+    found = fly(draw(0), {"gnss": shifted})
     assert found.refused_at("gnss")[-1] == pytest.approx(max(found.t))
     assert "unconfirmed" in found.texts()
     assert found.misled(SETTLED) == 0.0
@@ -198,7 +198,7 @@ def test_a_receiver_that_falls_silent_after_a_wrong_fix_does_not_hold_the_copies
 
 @pytest.mark.parametrize("from_s", [0.0, 200.0])
 def test_a_receiver_that_is_silent_while_another_one_lies_is_not_refused(from_s: float) -> None:
-    """It was refused with it, unconfirmed for ever, and its old copy made the lie a draw for 14 s."""
+    """It was refused with it, unconfirmed for ever, and its old copy left the fault unresolved for 14 s."""
     faults = {"gnss": STANDING["sharp ramp"][0], "second": silent(from_s, 400.0)}
     found = fly(draw(0, ("gnss", "second")), faults)
     assert found.refused_at("gnss")[0] - BEGIN <= STANDING["sharp ramp"][1], found.texts()
@@ -209,9 +209,9 @@ def test_a_receiver_that_is_silent_while_another_one_lies_is_not_refused(from_s:
 
 
 def without_samples(flight: Flight, from_s: float, to_s: float) -> Flight:
-    """The same flight with a gap of the inertial unit: the filter begins anew."""
-    kept = (flight.t < from_s) | (flight.t >= to_s)
-    return replace(flight, t=flight.t[kept], felt=flight.felt[kept])
+    """The same flight with a gap of the inertial unit: the filter restarts."""
+    is_kept = (flight.t < from_s) | (flight.t >= to_s)
+    return replace(flight, t=flight.t[is_kept], imu=flight.imu[is_kept])
 
 
 def test_a_filter_that_begins_again_does_not_begin_with_a_receiver_that_contradicted_it() -> None:

@@ -1,4 +1,4 @@
-"""Each aiding's z and H: by moving the truth a little; Joseph's form beside the printed one."""
+"""z and H of each aiding by small changes of the truth; Joseph's form against the printed one."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from fti.nav.filter.measurement_update import apply_update
 Array = NDArray[np.float64]
 
 MODEL = FilterModel(extras={extra: Drift(1.0, period_s=100.0) for extra in Extra})
-FELT = np.array([0.3, 0.1, -9.8, 0.05, -0.1, 0.2])
+IMU = np.array([0.3, 0.1, -9.8, 0.05, -0.1, 0.2])
 ARM = (1.0, -2.0, -3.0)
 U, N = (0.3, 0.2, 0.9327379053), (0.1, -0.2, 0.9746794345)
 
@@ -37,7 +37,7 @@ def made() -> Estimate:
     start = InitialState(
         0.8, 0.2, 700.0, (50.0, 20.0, -2.0), 0.3, 0.1, 2.0, (3.0, 3.0, 5.0), (0.3,) * 3, (0.01, 0.01, 0.03)
     )
-    return start.estimate(0, FELT, MODEL)
+    return start.estimate(0, IMU, MODEL)
 
 
 def other(here: Estimate, x: Array) -> Estimate:
@@ -138,7 +138,7 @@ def test_joseph_stays_positive_where_the_printed_form_does_not() -> None:
     assert np.linalg.eigvalsh(printed).min() < np.linalg.eigvalsh(joseph).min()
 
 
-def test_the_estimate_tells_angles_and_their_sigma() -> None:
+def test_the_estimate_has_angles_and_their_sigma() -> None:
     """Sigma of roll, pitch, heading by drawing turns."""
     here = made()
     rng = np.random.default_rng(1)
@@ -150,4 +150,4 @@ def test_the_estimate_tells_angles_and_their_sigma() -> None:
         found.append(other(here, x).rpy)
     np.testing.assert_allclose(np.std(found, axis=0), here.rpy_sd, rtol=0.05)
     lat, lon, alt = geodetic_from_ecef(here.y[:3])
-    assert (float(lat), float(lon), float(alt)) == here.place
+    assert (float(lat), float(lon), float(alt)) == here.geodetic

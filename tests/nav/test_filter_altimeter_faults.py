@@ -1,4 +1,4 @@
-"""An altimeter that is wrong, beside healthy satellites: how far it moves the height of the live filter.
+"""A wrong altimeter with healthy satellites: its effect on the height of the live filter.
 
 The truth is that of ``aided_flights``; a flight with the fault and the same flight without it have all random
 numbers in common.  Twenty flights, 200 with ``--scale full``.
@@ -31,7 +31,7 @@ FAULTS: dict[str, tuple[Fault, float]] = {
 
 
 @dataclass(frozen=True)
-class Flown:
+class FlightPair:
     """One flight with a sound altimeter, with each fault, without an altimeter."""
 
     sound: FlightResult
@@ -40,12 +40,12 @@ class Flown:
 
 
 @pytest.fixture(scope="module")
-def flights(request: pytest.FixtureRequest) -> list[Flown]:
+def flights(request: pytest.FixtureRequest) -> list[FlightPair]:
     full, found = request.config.getoption("--scale") == "full", []
     for number in range(FLIGHTS_FULL if full else FLIGHTS):
         flight = draw_flight(number)
         wrong = {name: fly(flight, fault) for name, (fault, _) in FAULTS.items()}
-        found.append(Flown(fly(flight), wrong, fly(flight, aided=False)))
+        found.append(FlightPair(fly(flight), wrong, fly(flight, aided=False)))
     return found
 
 
@@ -56,22 +56,22 @@ def rms_between(one: FlightResult, other: FlightResult, from_s: float) -> float:
 
 
 @pytest.mark.parametrize("name", FAULTS)
-def test_a_wrong_altimeter_hardly_moves_the_height(flights: list[Flown], name: str) -> None:
+def test_a_wrong_altimeter_hardly_moves_the_height(flights: list[FlightPair], name: str) -> None:
     """10 m from the start or stepped in, 3 %: before, 9.2 m, 7.4 m and 7.7 m in 95 % of flights."""
-    moved = [rms_between(flown.wrong[name], flown.sound, FAULTS[name][1]) for flown in flights]
+    moved = [rms_between(pair.wrong[name], pair.sound, FAULTS[name][1]) for pair in flights]
     print(f"{name}: RMS moved, 95 % of flights: {np.quantile(moved, SHARE):.2f} m")
     assert np.mean(np.array(moved) <= MOVED_M) >= SHARE
 
 
 @pytest.mark.parametrize("name", ["bias", "scale"])
-def test_nor_is_it_moved_at_any_second(flights: list[Flown], name: str) -> None:
+def test_nor_is_it_moved_at_any_second(flights: list[FlightPair], name: str) -> None:
     t = np.arange(FIRST_S, LAST_S)
-    most = [float(np.abs(f.wrong[name].at(t) - f.sound.at(t)).max()) for f in flights]
-    print(f"{name}: greatest moved, 95 % of flights: {np.quantile(most, SHARE):.2f} m")
-    assert np.mean(np.array(most) <= MOVED_M) >= SHARE
+    largest = [float(np.abs(f.wrong[name].at(t) - f.sound.at(t)).max()) for f in flights]
+    print(f"{name}: greatest moved, 95 % of flights: {np.quantile(largest, SHARE):.2f} m")
+    assert np.mean(np.array(largest) <= MOVED_M) >= SHARE
 
 
-def test_a_sound_altimeter_makes_the_height_no_worse_than_satellites_alone(flights: list[Flown]) -> None:
+def test_a_sound_altimeter_makes_the_height_no_worse_than_satellites_alone(flights: list[FlightPair]) -> None:
     t = np.arange(FIRST_S, LAST_S)
     aided, alone = (
         float(np.sqrt(np.mean([found.at(t) ** 2 for found in which])))
@@ -81,20 +81,20 @@ def test_a_sound_altimeter_makes_the_height_no_worse_than_satellites_alone(fligh
     assert aided <= 1.03 * alone
 
 
-def test_the_stated_sigma_of_the_height_holds_with_a_wrong_altimeter(flights: list[Flown]) -> None:
+def test_the_stated_sigma_of_the_height_holds_with_a_wrong_altimeter(flights: list[FlightPair]) -> None:
     t = np.arange(FIRST_S, LAST_S)
     for name in FAULTS:
         ratios = [np.mean((f.wrong[name].at(t) / f.wrong[name].sd_at(t)) ** 2) for f in flights]
         assert np.sqrt(np.mean(ratios)) <= 1.25, name
 
 
-def test_a_sound_altimeter_is_not_excluded(flights: list[Flown]) -> None:
-    assert [e.text for flown in flights for e in flown.sound.events] == []
+def test_a_sound_altimeter_is_not_excluded(flights: list[FlightPair]) -> None:
+    assert [e.text for pair in flights for e in pair.sound.events] == []
 
 
-def test_a_step_is_excluded_within_ten_seconds_and_said(flights: list[Flown]) -> None:
+def test_a_step_is_excluded_within_ten_seconds_and_reported(flights: list[FlightPair]) -> None:
     """In 95 % of the flights at least; where noise hides a part of the step it passes the gate now and then."""
-    firsts = [flown.wrong["step"].events[0] for flown in flights if flown.wrong["step"].events]
+    firsts = [pair.wrong["step"].events[0] for pair in flights if pair.wrong["step"].events]
     print(f"step: excluded in {len(firsts)} of {len(flights)} flights")
     assert len(firsts) >= SHARE * len(flights)
     for first in firsts:

@@ -1,4 +1,4 @@
-"""Altimeters that contradict the other sources are excluded from aiding, and come back when they agree."""
+"""Altimeters that contradict the other sources are excluded from aiding, and readmitted when they agree."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def ns(t: float) -> int:
     return T0 + round(t * SECOND)
 
 
-def begun(state: FlightState, model: FilterModel = MODEL) -> InertialNavigator:
+def started(state: FlightState, model: FilterModel = MODEL) -> InertialNavigator:
     navigator = InertialNavigator(model)
     north, east, down = state.vel_n[0].tolist()
     start = InitialState(
@@ -64,17 +64,17 @@ def fly(
     navigator: InertialNavigator,
     state: FlightState,
     wrong: Wrong,
-    seen: Wrong = lambda t: 1.0,
+    is_received: Wrong = lambda t: 1.0,
     until: float = 90.0,
     late: int = 0,
 ) -> dict[float, tuple[str, ...]]:
-    """Noise-free sensors, fixes and altitudes once a second, these so many samples late; who is excluded, by time."""
-    imu, turned, told = specific_force_b(state), angular_rate_b(state), {}
+    """Noise-free sensors; fixes and altitudes once a second, the altitudes late; excluded names by time."""
+    imu, turned, names_at = specific_force_b(state), angular_rate_b(state), {}
     for k, t in enumerate(state.t.tolist()):
         if t > until:
             break
         navigator.feed_inertial(ns(t), imu[k], turned[k])
-        if k % 25 == 5 and seen(t):
+        if k % 25 == 5 and is_received(t):
             north, east, down = state.vel_n[k].tolist()
             place = float(state.lat[k]), float(state.lon[k]), float(state.alt[k])
             navigator.feed_aiding(ns(t), GnssPosition(*place, 2.0, 3.0))
@@ -84,44 +84,44 @@ def fly(
             at = float(state.t[j])
             navigator.feed_aiding(ns(at), altitude(state, j, wrong(at)))
         if k % 25 == 20:
-            told[t] = navigator.output(ns(t)).excluded
-    return told
+            names_at[t] = navigator.output(ns(t)).excluded
+    return names_at
 
 
 def height_error(navigator: InertialNavigator, state: FlightState, t: float) -> float:
     here = navigator.at(ns(t))
     assert here is not None
-    return here.place[2] - float(np.interp(t, state.t, state.alt))
+    return here.geodetic[2] - float(np.interp(t, state.t, state.alt))
 
 
 def test_a_step_is_excluded_after_the_hold_and_comes_back_after_it_has_agreed(flight: FlightState) -> None:
     """40 m from 20 s to 40 s: refused, excluded within 7 s, and back no sooner than half a minute after the end."""
-    navigator = begun(flight)
-    told = fly(navigator, flight, lambda t: 40.0 if 20.0 <= t < 40.0 else 0.0)
-    out = [t for t, names in told.items() if names]
+    navigator = started(flight)
+    outputs = fly(navigator, flight, lambda t: 40.0 if 20.0 <= t < 40.0 else 0.0)
+    out = [t for t, names in outputs.items() if names]
     assert 20.0 + HOLD_NS / SECOND <= out[0] <= 28.0
     assert 40.0 + READMISSION_NS / SECOND <= out[-1] + 1.0 <= 82.0
-    assert out == [t for t in told if out[0] <= t <= out[-1]]
+    assert out == [t for t in outputs if out[0] <= t <= out[-1]]
     assert abs(height_error(navigator, flight, 89.0)) < 0.5
 
 
-def test_what_is_excluded_is_said_with_its_cause_and_since_when(flight: FlightState) -> None:
-    navigator = begun(flight)
+def test_an_exclusion_is_reported_with_cause_and_start(flight: FlightState) -> None:
+    navigator = started(flight)
     fly(navigator, flight, lambda t: 40.0 if t >= 20.0 else 0.0, until=30.0)
     exclusion = navigator.exclusions["laser.altitude"]
     assert exclusion.cause is Cause.INNOVATIONS
     assert exclusion.since_ns is not None
     assert ns(20.0) <= exclusion.since_ns <= ns(21.0)
-    told = navigator.output(ns(30.0))
-    assert told.excluded == ("laser.altitude",)
-    assert told.rejected == ()
-    assert told.reasons == (Reason.EXCLUDED,)
+    output = navigator.output(ns(30.0))
+    assert output.excluded == ("laser.altitude",)
+    assert output.rejected == ()
+    assert output.reasons == (Reason.EXCLUDED,)
 
 
 def test_a_bias_from_the_start_is_estimated_and_excluded_by_its_size(flight: FlightState) -> None:
-    navigator = begun(flight)
-    told = fly(navigator, flight, lambda t: 35.0, until=40.0)
-    assert told[max(told)] == ("laser.altitude",)
+    navigator = started(flight)
+    names_at = fly(navigator, flight, lambda t: 35.0, until=40.0)
+    assert names_at[max(names_at)] == ("laser.altitude",)
     assert navigator.exclusions["laser.altitude"].cause is Cause.BIAS
     assert abs(height_error(navigator, flight, 39.0)) < 1.5
     here = navigator.at(ns(39.0))
@@ -130,20 +130,22 @@ def test_a_bias_from_the_start_is_estimated_and_excluded_by_its_size(flight: Fli
 
 
 def test_a_sound_one_is_never_excluded(flight: FlightState) -> None:
-    assert not any(fly(begun(flight), flight, lambda t: 1.5 * np.sin(t)).values())
+    assert not any(fly(started(flight), flight, lambda t: 1.5 * np.sin(t)).values())
 
 
 def test_where_nothing_else_bounds_the_height_it_is_not_excluded(flight: FlightState) -> None:
     """Without satellites the inertial height may be what is wrong: the altimeter is let in again, as ever."""
-    navigator = begun(flight)
-    told = fly(navigator, flight, lambda t: 40.0 if t >= 20.0 else 0.0, seen=lambda t: float(t < 12.0), until=40.0)
-    assert not any(told.values())
+    navigator = started(flight)
+    names_at = fly(
+        navigator, flight, lambda t: 40.0 if t >= 20.0 else 0.0, is_received=lambda t: float(t < 12.0), until=40.0
+    )
+    assert not any(names_at.values())
 
 
 def test_of_two_altimeters_without_satellites_the_one_that_steps_is_excluded(flight: FlightState) -> None:
     """The other one still agrees with the inertial height: it bounds the height, and goes on aiding."""
     extras = {**MODEL.extras, "other.bias": ALTIMETER_BIAS, "other.scale": ALTIMETER_SCALE}
-    navigator = begun(flight, FilterModel(extras=extras))
+    navigator = started(flight, FilterModel(extras=extras))
     imu, turned = specific_force_b(flight), angular_rate_b(flight)
     for k, t in enumerate(flight.t[flight.t < 40.0].tolist()):
         navigator.feed_inertial(ns(t), imu[k], turned[k])
@@ -161,7 +163,7 @@ def test_of_two_altimeters_without_satellites_the_one_that_steps_is_excluded(fli
 def test_an_error_without_a_sound_size_is_never_excluded(flight: FlightState) -> None:
     """As the studies draw them: from the filter's own prior, however large."""
     extras = {**MODEL.extras, OWN[0]: Drift(10.0, period_s=3750.0), OWN[1]: Drift(0.03, period_s=32_400.0)}
-    assert not any(fly(begun(flight, FilterModel(extras=extras)), flight, lambda t: 35.0, until=40.0).values())
+    assert not any(fly(started(flight, FilterModel(extras=extras)), flight, lambda t: 35.0, until=40.0).values())
 
 
 def test_late_is_in_time_to_the_last_bit_across_an_exclusion(flight: FlightState) -> None:
@@ -170,7 +172,7 @@ def test_late_is_in_time_to_the_last_bit_across_an_exclusion(flight: FlightState
     def wrong(t: float) -> float:
         return 40.0 if t >= 20.0 else 0.0
 
-    late, soon = begun(flight), begun(flight)
+    late, soon = started(flight), started(flight)
     fly(late, flight, wrong, until=35.0, late=10)
     fly(soon, flight, wrong, until=35.0)
     one, two = late.at(ns(34.6)), soon.at(ns(34.6))
@@ -185,7 +187,7 @@ def test_late_is_in_time_to_the_last_bit_across_an_exclusion(flight: FlightState
 
 
 def made(flight: FlightState) -> tuple[Estimate, TerrainAltitude]:
-    navigator = begun(flight)
+    navigator = started(flight)
     fly(navigator, flight, lambda t: 0.0, until=10.0)
     here = navigator.at(ns(10.0))
     assert here is not None

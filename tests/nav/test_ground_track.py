@@ -43,14 +43,14 @@ def path(curved: Airfield) -> ApproachPath:
 
 def test_a_quarter_turn_to_the_left_onto_final_comes_from_the_left_of_it() -> None:
     """600 m farther back and to the left, at right angles to the final."""
-    a, b = GroundTrack(LEGS).place(np.array([1000.0 + 300.0 * math.pi, 1500.0 + 300.0 * math.pi]), np.zeros(2))
+    a, b = GroundTrack(LEGS).to_plane(np.array([1000.0 + 300.0 * math.pi, 1500.0 + 300.0 * math.pi]), np.zeros(2))
     np.testing.assert_allclose(a, [1600.0, 1600.0], atol=1e-6)
     np.testing.assert_allclose(b, [-600.0, -1100.0], atol=1e-6)
 
 
 def test_the_course_is_that_of_the_way_flown(path: ApproachPath) -> None:
     s = np.linspace(-100.0, 5000.0, 400)
-    before, behind = (np.stack(path.geodetic(s + ds, 0.0)) for ds in (1.0, -1.0))
+    before, behind = (np.stack(path.to_geodetic(s + ds, 0.0)) for ds in (1.0, -1.0))
     north, east = behind[0] - before[0], (behind[1] - before[1]) * np.cos(before[0])
     off = np.angle(np.exp(1j * (np.arctan2(east, north) - path.course(s))))
     assert np.max(np.abs(off)) < math.radians(0.5)  # meridian and normal radius differ
@@ -59,13 +59,13 @@ def test_the_course_is_that_of_the_way_flown(path: ApproachPath) -> None:
 
 def test_geodetic_is_the_inverse_of_along_on_arcs_too(path: ApproachPath) -> None:
     s, y = np.meshgrid(np.linspace(-150.0, 6000.0, 200), [-140.0, 0.0, 140.0])
-    found_s, found_y = path.along(*path.geodetic(s, y))
+    found_s, found_y = path.to_path(*path.to_geodetic(s, y))
     np.testing.assert_allclose(found_s, s, atol=2e-3)
     np.testing.assert_allclose(found_y, y, atol=2e-3)
 
 
 def test_one_place_is_along_as_many_are(path: ApproachPath) -> None:
-    lat, lon = path.geodetic(1500.0, 20.0)
+    lat, lon = path.to_geodetic(1500.0, 20.0)
     assert path.to_path_one(float(lat), float(lon)) == pytest.approx((1500.0, 20.0), abs=1e-3)
     assert all(map(math.isnan, path.to_path_one(math.nan, 0.2)))
 
@@ -79,15 +79,15 @@ def test_bank_is_rolled_in_and_out(path: ApproachPath) -> None:
 
 def test_a_straight_leg_is_as_none(airfield: Airfield) -> None:
     with_leg = ApproachPath(airfield.model_copy(update={"leg": (TrackLeg(length_m=3000.0),)}))
-    place = with_leg.geodetic(2500.0, 30.0)
-    np.testing.assert_allclose(place, ApproachPath(airfield).geodetic(2500.0, 30.0), atol=1e-14)
+    place = with_leg.to_geodetic(2500.0, 30.0)
+    np.testing.assert_allclose(place, ApproachPath(airfield).to_geodetic(2500.0, 30.0), atol=1e-14)
     assert with_leg.bank_one(2500.0) == ApproachPath(airfield).bank_one(2500.0) == 0.0
 
 
-def flown(path: ApproachPath, flight: Flight, level: bool) -> Iterator[tuple[ClearanceSample, NavState]]:
+def flight_course(path: ApproachPath, flight: Flight, level: bool) -> Iterator[tuple[ClearanceSample, NavState]]:
     """An approach from 2900 m, as navigation tells it; level : flown without bank."""
     for x in flight(begin=2900.0, end=200.0):
-        lat, lon = map(float, path.geodetic(x.s, 5.0))
+        lat, lon = map(float, path.to_geodetic(x.s, 5.0))
         place = PositionState(lat, lon, x.alt, 1.0, 1.0, 0.0, 0.0, 3.0, x.t_ns)
         roll = 0.0 if level else path.bank_one(x.s) + math.radians(2.0)
         yield x, NavState(x.t_ns, AttitudeState(roll, x.pitch, None, None, None), place, "ins", "ins", "ins")
@@ -100,11 +100,11 @@ def channel(reference: ApproachReference, curved: Airfield) -> ApproachChannel:
 
 
 def integrity(channel: ApproachChannel, inputs: Iterator[tuple[ClearanceSample, NavState]]) -> list[ClearanceIntegrity]:
-    return [o for x, nav in inputs for o in channel.take(height_of(x), nav) if isinstance(o, ClearanceIntegrity)]
+    return [o for x, nav in inputs for o in channel.feed(height_of(x), nav) if isinstance(o, ClearanceIntegrity)]
 
 
 def test_an_approach_along_the_arc_is_vouched_for(channel: ApproachChannel, path: ApproachPath, flight: Flight) -> None:
-    outputs = integrity(channel, flown(path, flight, level=False))
+    outputs = integrity(channel, flight_course(path, flight, level=False))
     found = [o for o in outputs if o.t_ns > outputs[0].t_ns and (o.s_end is None or o.s_end < 2490.0)]
     assert {o.state for o in found} <= {IntegrityState.OK, IntegrityState.MONITOR}
     assert (found[0].s_end or 0.0) - (found[-1].s_end or 0.0) > 2200.0
@@ -113,7 +113,7 @@ def test_an_approach_along_the_arc_is_vouched_for(channel: ApproachChannel, path
 def test_who_does_not_bank_with_the_track_is_refused(
     channel: ApproachChannel, path: ApproachPath, flight: Flight
 ) -> None:
-    outputs = integrity(channel, flown(path, flight, level=True))
+    outputs = integrity(channel, flight_course(path, flight, level=True))
     assert any(o.reasons == (Reason.ROLL,) for o in outputs)
 
 
@@ -125,16 +125,16 @@ def test_legs_stand_in_the_reference(channel: ApproachChannel, reference: Approa
 
 
 @pytest.mark.parametrize(
-    ("leg", "said"),
+    ("leg", "message"),
     [
         ("length_m = 500.0\nradius_m = 2000.0", "radius_m and bank_deg"),
         ("length_m = 500.0\nbank_deg = 10.0", "radius_m and bank_deg"),
-        ("length_m = 500.0\nradius_m = 50.0\nbank_deg = 10.0", "300 m at least"),
-        ("length_m = 5000.0\nradius_m = -1000.0\nbank_deg = 10.0", "180 deg at most"),
+        ("length_m = 500.0\nradius_m = 50.0\nbank_deg = 10.0", "at least 300 m"),
+        ("length_m = 5000.0\nradius_m = -1000.0\nbank_deg = 10.0", "at most 180 deg"),
         ("length_m = -1.0", "length_m"),
     ],
 )
-def test_mistakes_in_a_leg_are_named(leg: str, said: str) -> None:
-    with pytest.raises(ConfigError, match=said) as caught:
+def test_mistakes_in_a_leg_are_named(leg: str, message: str) -> None:
+    with pytest.raises(ConfigError, match=message) as caught:
         load_airfield(f"{TEXT}\n[[leg]]\n{leg}\n", "field.toml")
     assert str(caught.value).startswith("field.toml: leg")

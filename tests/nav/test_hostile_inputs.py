@@ -1,4 +1,4 @@
-"""Inputs that must never become a valid output: not a number, a frozen position, a second try, a clock that steps."""
+"""Inputs that must never become a valid output: NaN, a frozen position, a second approach, a clock step."""
 
 import math
 from collections.abc import Callable, Iterator
@@ -81,7 +81,7 @@ def fly(reference: ApproachReference, path: ApproachPath, flight: Flight) -> Cal
 
 def messages(path: ApproachPath, x: ClearanceSample) -> list[Measurement]:
     stamp = Stamp(x.t_ns)
-    lat, lon = (float(v) for v in path.geodetic(x.s, x.y))
+    lat, lon = (float(v) for v in path.to_geodetic(x.s, x.y))
     course = math.radians(path.airfield.course_deg)
     north, east, down = 60 * math.cos(course), 60 * math.sin(course), 60 * math.tan(path.glide)
     return [
@@ -190,7 +190,7 @@ def after_level_flight(value: float, *, sd: float | None = 0.1, tilt_sd: float |
     def take(k: int, roll_sd: float | None, m: RadioHeight) -> HeightAboveGround:
         position = PositionState(0.8, 0.2, 500.0, 1.0, 1.0, 50.0, 0.0, 0.0, k)
         attitude = AttitudeState(0.2, 0.0, 0.0, roll_sd, roll_sd)
-        return of.take(of.read(m, m.stamp.t_rx_ns), NavState(k, attitude, position, "ins", "ins", "ins"))
+        return of.feed(of.read(m, m.stamp.t_rx_ns), NavState(k, attitude, position, "ins", "ins", "ins"))
 
     for k in range(100):
         take(k * S // 10, 0.003, RadioHeight(stamp=Stamp(k * S // 10), height_agl=300.0 + 0.01 * (k % 7), sd=0.1))
@@ -233,28 +233,28 @@ def test_a_jump_of_1_km_needs_a_new_window(fly: Callable[..., Outputs], path: Ap
     def change(t: int, m: Measurement) -> Measurement:
         if not isinstance(m, Position) or t < BROKEN or m.lat is None or m.lon is None:
             return m
-        s, y = path.along(m.lat, m.lon)
-        lat, lon = path.geodetic(float(s) - 1000.0, y)
+        s, y = path.to_path(m.lat, m.lon)
+        lat, lon = path.to_geodetic(float(s) - 1000.0, y)
         return replace(m, lat=float(lat), lon=float(lon))
 
     outputs = fly(change, end=1400.0)
     assert not valid_needles(outputs, BROKEN + 250 * MS)
 
 
-def test_a_clock_that_steps_back_says_nothing_valid(fly: Callable[..., Outputs]) -> None:
+def test_a_clock_that_steps_back_gives_no_valid_output(fly: Callable[..., Outputs]) -> None:
     def change(t: int, m: Measurement) -> Measurement:
         return replace(m, stamp=Stamp(m.stamp.t_rx_ns - 3600 * S)) if t >= BROKEN else m
 
     outputs = fly(change, end=1500.0)
-    judged = [o for o in outputs if isinstance(o, ClearanceIntegrity | GlideSlope) and o.valid]
-    assert judged
-    assert all(0 < o.t_ns <= BROKEN + 600 * MS for o in judged)
+    valid = [o for o in outputs if isinstance(o, ClearanceIntegrity | GlideSlope) and o.valid]
+    assert valid
+    assert all(0 < o.t_ns <= BROKEN + 600 * MS for o in valid)
 
 
 def test_duplicated_frames_change_no_judgement(
     reference: ApproachReference, path: ApproachPath, flight: Flight
 ) -> None:
-    def judged(times: int) -> list[IntegrityState]:
+    def states_after(times: int) -> list[IntegrityState]:
         pipeline = Pipeline(config(), reference)
         outputs: Outputs = []
         for x in flight(begin=2500.0, end=1500.0):
@@ -263,10 +263,10 @@ def test_duplicated_frames_change_no_judgement(
                     outputs += pipeline.feed("radar" if isinstance(m, RadioHeight) else "ins", m)
         return [o.state for o in integrity(outputs, 0)]
 
-    assert judged(1) == judged(2)
+    assert states_after(1) == states_after(2)
 
 
-def test_without_a_heading_the_height_is_judged_all_the_same(fly: Callable[..., Outputs]) -> None:
+def test_without_a_heading_the_height_is_tested_all_the_same(fly: Callable[..., Outputs]) -> None:
     """Nothing here needs the heading; what is not known is not made up."""
     outputs = fly(lambda t, m: replace(m, heading=None) if isinstance(m, Attitude) else m, end=1500.0)
     assert valid_needles(outputs, BROKEN)
@@ -289,7 +289,7 @@ def test_a_second_try_does_not_inherit_the_window_of_the_first(reference: Approa
 def test_a_second_try_without_an_altimeter_in_between_begins_anew(
     reference: ApproachReference, path: ApproachPath, flight: Flight
 ) -> None:
-    """The same with an altimeter out of range on the way round: only the position tells that s grew."""
+    """The same with an altimeter out of range on the go-around: only the position shows that s grew."""
     pipeline = Pipeline(config(), reference)
     legs = [
         (flight(begin=2990.0, end=2000.0), True),
@@ -298,11 +298,11 @@ def test_a_second_try_without_an_altimeter_in_between_begins_anew(
         (flight(begin=1990.0, end=1700.0, start_ns=90 * S), True),
     ]
     outputs: Outputs = []
-    for leg, seen in legs:
+    for leg, is_received in legs:
         for x in leg:
             for m in messages(path, x):
                 is_height = isinstance(m, RadioHeight)
-                said = replace(m, valid=False) if isinstance(m, RadioHeight) and not seen else m
-                outputs += pipeline.feed("radar" if is_height else "ins", said)
+                sent = replace(m, valid=False) if isinstance(m, RadioHeight) and not is_received else m
+                outputs += pipeline.feed("radar" if is_height else "ins", sent)
     again = integrity(outputs, 90 * S)
     assert {o.state for o in again} == {IntegrityState.ACQUIRE}

@@ -1,4 +1,4 @@
-"""The filter and the vertical channel in the pipeline: they take over when devices give nothing, and say so."""
+"""The filter and the vertical channel in the pipeline: they replace silent devices, and report it."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def config(**nav: Any) -> Config:
     return parse(table, "", Path("t.toml"))
 
 
-def flown(t: float) -> float:
+def latitude(t: float) -> float:
     """Latitude after t seconds of level flight to the north."""
     return LAT + SPEED * t / RADIUS
 
@@ -90,7 +90,7 @@ def measurements(k: int, *, gnss: bool, alt: bool = True) -> list[tuple[str, Mea
     if gnss and k % 20 == 0:
         height = ALT if alt else None
         found += [
-            ("gnss", Position(stamp=stamp, lat=flown(t), lon=0.2, alt=height, horizontal_sd=1.0, vertical_sd=1.5)),
+            ("gnss", Position(stamp=stamp, lat=latitude(t), lon=0.2, alt=height, horizontal_sd=1.0, vertical_sd=1.5)),
             ("gnss", Velocity(stamp=stamp, north=SPEED, east=0.0, down=0.0 if alt else None, sd=0.05)),
         ]
     if k % 5 == 0:
@@ -138,12 +138,12 @@ def test_with_gnss_the_devices_are_used_and_the_filter_is_aided(flight: Flight) 
     assert filtered[-1].valid
 
 
-def test_without_gnss_the_filter_takes_over_and_says_so(flight: Flight) -> None:
+def test_without_gnss_the_filter_takes_over_and_reports_it(flight: Flight) -> None:
     _, without = flight
     last = [o for o in without if isinstance(o, NavSolution)][-1]
     assert (last.position_source, last.altitude_source, last.valid) == ("filter", "filter", True)
     assert last.lat is not None
-    assert abs(last.lat - flown(13.98)) * RADIUS < 5.0
+    assert abs(last.lat - latitude(13.98)) * RADIUS < 5.0
     assert last.alt == pytest.approx(ALT, abs=3.0)
     texts = [o.text for o in without if isinstance(o, Event)]
     held = "altitude: held by laser alone; a slow drift of its heights is not detected"
@@ -187,7 +187,7 @@ def test_fixes_that_err_together_are_not_averaged_away() -> None:
 
 
 def test_an_elevation_model_is_as_wrong_the_next_second() -> None:
-    """Ground of 8 m and no heights of satellites to speak of: ten altitudes above it do not tell the height to 3 m."""
+    """Ground of 8 m without accurate satellite heights: ten altitudes above it do not determine the height to 3 m."""
     pipeline, out = Pipeline(config(), None), list[Output | Event]()
     pipeline.set_terrain(dataclasses.replace(level(), sd=8.0))
     for k in range(1000):
@@ -200,8 +200,8 @@ def test_an_elevation_model_is_as_wrong_the_next_second() -> None:
     assert 10.0 < last.vertical_sd < 16.0  # 10 m of bias, 3 % of 200 m, and 600 m of errors of 8 m that last 300 m
 
 
-def test_a_climb_that_is_old_says_nothing_of_now() -> None:
-    """A receiver whose last velocity has a climb of 0.8 m/s, and that tells heights alone then: the flight is level."""
+def test_an_old_climb_is_not_used() -> None:
+    """A receiver with a last climb of 0.8 m/s that then sends heights only: the flight is level."""
     pipeline, out = Pipeline(config(filter={"imu": "imu", "gnss": ["gnss"]}), None), list[Output | Event]()
     for k in range(1000):
         for device, m in measurements(k, gnss=True):
@@ -214,8 +214,8 @@ def test_a_climb_that_is_old_says_nothing_of_now() -> None:
     assert last.vel_down == pytest.approx(0.0, abs=0.2)
 
 
-def test_the_filter_says_what_follows_from_all_that_it_took() -> None:
-    """Its answer is kept for those who ask for the same time, until it takes anything."""
+def test_the_output_of_the_filter_includes_all_measurements() -> None:
+    """Its solution is cached for the same time, until the next measurement."""
     settings = config().nav.filter
     assert settings is not None
     aided, changed = AidedNavigation(settings, {device.name: device for device in config().device}), 0
@@ -230,7 +230,7 @@ def test_the_filter_says_what_follows_from_all_that_it_took() -> None:
     assert changed > 20
 
 
-def test_a_filter_without_gnss_waits_and_says_for_what() -> None:
+def test_a_filter_without_gnss_waits_and_reports_the_reason() -> None:
     out = fly(Pipeline(config(), None), 0, 30, gnss=False)
     last = [o for o in out if isinstance(o, FilterSolution)][-1]
     assert (last.mode, last.valid) == (FilterMode.WAITING, False)
@@ -264,7 +264,7 @@ def radio_config() -> Config:
 
 
 def ranges(k: int) -> list[tuple[str, Measurement]]:
-    here = ecef_from_geodetic(flown(0.01 * k), 0.2, ALT)
+    here = ecef_from_geodetic(latitude(0.01 * k), 0.2, ALT)
     return [
         ("dme", DmeRange(stamp=Stamp(T0 + k * 10 * MS), station=name, slant_range=math.dist(here, there)))
         for name, place in STATIONS.items()
@@ -285,7 +285,7 @@ def test_dme_and_an_altimeter_over_known_ground_give_a_position_when_satellites_
     fix = [o for o in out if isinstance(o, PositionFix)][-1]
     assert (fix.valid, fix.reasons) == (True, ())
     assert fix.lat is not None
-    assert abs(fix.lat - flown(5.98)) * RADIUS < 50.0
+    assert abs(fix.lat - latitude(5.98)) * RADIUS < 50.0
     assert fix.horizontal_sd is not None
     assert 50.0 < fix.horizontal_sd < 500.0
     last = [o for o in out if isinstance(o, NavSolution)][-1]
@@ -295,7 +295,7 @@ def test_dme_and_an_altimeter_over_known_ground_give_a_position_when_satellites_
     assert "altitude: held by laser alone; a slow drift of its heights is not detected" in texts
 
 
-def test_hostile_measurements_raise_nothing_and_nothing_that_is_no_number_is_told() -> None:
+def test_hostile_measurements_raise_nothing_and_all_outputs_are_finite() -> None:
     pipeline = Pipeline(config(), None)
     pipeline.set_terrain(level())
     fly(pipeline, 0, 200, gnss=True)
@@ -317,23 +317,23 @@ def test_hostile_measurements_raise_nothing_and_nothing_that_is_no_number_is_tol
             out += pipeline.tick(stamp.t_rx_ns)
     for o in out:
         for name in ("lat", "alt", "vertical_sd", "vel_down", "height_agl", "sd", "nearest", "predicted"):
-            told = getattr(o, name, None)
-            assert told is None or math.isfinite(told), (name, o)
+            number = getattr(o, name, None)
+            assert number is None or math.isfinite(number), (name, o)
 
 
 @pytest.mark.parametrize(("place_sd", "ground_sd"), [(100.0, 20.0), (0.1, 1.0)])
 def test_on_a_slope_the_ground_is_as_uncertain_as_the_place(
     monkeypatch: pytest.MonkeyPatch, place_sd: float, ground_sd: float
 ) -> None:
-    """Coasting, 100 m of doubt over a slope of 0.2: the height of an altimeter is no altitude to 2 m."""
+    """Coasting, a sigma of 100 m over a slope of 0.2: the altitude of an altimeter is not accurate to 2 m."""
     posts = 100.0 + 0.2 * np.arange(0.0, 4001.0, 20.0)[:, None] + np.zeros((1, 201))
     terrain = Terrain.from_array(posts, 20.0, lat0=LAT, lon0=0.2, east0=-2000.0, north0=-2000.0)
     settings = config().nav.filter
     assert settings is not None
     aided = AidedNavigation(settings, {device.name: device for device in config().device})
     aided.set_terrain(Ground(terrain, 1.0, "slope"))
-    told: list[TerrainAltitude] = []
-    monkeypatch.setattr(aided._navigator, "take", lambda t_ns, aiding: told.append(aiding))
+    aidings: list[TerrainAltitude] = []
+    monkeypatch.setattr(aided._navigator, "feed_aiding", lambda t_ns, aiding: aidings.append(aiding))
     position = PositionState(LAT, 0.2, 700.0, place_sd, 1.0, 60.0, 0.0, 0.0, T0)
     height = HeightAboveGround(
         t_ns=T0,
@@ -349,5 +349,5 @@ def test_on_a_slope_the_ground_is_as_uncertain_as_the_place(
         nearest_sd=0.5,
     )
     aided.feed_height(height, NavState(T0, None, position, None, "filter"))
-    assert told[0].alt == pytest.approx(700.0, abs=0.1)
-    assert told[0].dem_factor * DEM_DRIFT.sd == pytest.approx(max(ground_sd, DEM_DRIFT.sd), rel=0.01)
+    assert aidings[0].alt == pytest.approx(700.0, abs=0.1)
+    assert aidings[0].dem_factor * DEM_DRIFT.sd == pytest.approx(max(ground_sd, DEM_DRIFT.sd), rel=0.01)

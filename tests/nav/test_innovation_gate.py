@@ -1,4 +1,4 @@
-"""The gate: its quantiles, who is refused, who begins anew, who vouches for whom."""
+"""The gate: its quantiles, refusals, reinitialisation, and the sources that bound an axis for others."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from fti.nav.filter.innovation_gate import (
     GateDecision,
     GateState,
     decide,
-    excluded,
+    excluded_names,
     is_bounded_by_others,
-    noted,
-    rejected,
+    rejected_names,
+    update_states,
     with_exclusion,
 )
 
@@ -31,46 +31,46 @@ def test_limits_are_the_quantiles_of_chi_square(dof: int) -> None:
     assert LIMITS[dof] == pytest.approx(chi2.isf(1e-4, dof), abs=1e-3)
 
 
-def test_what_fits_is_believed_and_what_does_not_is_refused() -> None:
+def test_a_fitting_measurement_is_accepted_and_others_are_refused() -> None:
     assert decide({}, BARO, 0, 15.1, 1) is GateDecision.ACCEPTED
     assert decide({}, BARO, 0, 15.2, 1) is GateDecision.REFUSED
     assert decide({}, BARO, 0, float("nan"), 1) is GateDecision.REFUSED
 
 
 def refused(aiding: Aiding) -> dict[str, GateState]:
-    return noted(noted({}, aiding, 0, GateDecision.ACCEPTED), aiding, SECOND, GateDecision.REFUSED)
+    return update_states(update_states({}, aiding, 0, GateDecision.ACCEPTED), aiding, SECOND, GateDecision.REFUSED)
 
 
 def test_satellites_that_are_refused_stay_out_however_long() -> None:
     """They were let in after five seconds: a step of 100 m was taken, with a sigma of 1.6 m."""
-    books = refused(GNSS)
-    assert decide(books, GNSS, SECOND + 100 * LOCKOUT_NS, 1e6, 3) is GateDecision.REFUSED
-    assert rejected(books) == ("gnss.position",)
+    states = refused(GNSS)
+    assert decide(states, GNSS, SECOND + 100 * LOCKOUT_NS, 1e6, 3) is GateDecision.REFUSED
+    assert rejected_names(states) == ("gnss.position",)
 
 
 def test_the_offset_of_a_barometer_is_estimated_anew_after_the_lockout() -> None:
-    books = refused(BARO)
-    assert decide(books, BARO, SECOND + LOCKOUT_NS - 1, 1e6, 1) is GateDecision.REFUSED
-    assert decide(books, BARO, SECOND + LOCKOUT_NS, 1e6, 1) is GateDecision.REINITIALISED
-    assert rejected(noted(books, BARO, 7 * SECOND, GateDecision.REINITIALISED)) == ()
+    states = refused(BARO)
+    assert decide(states, BARO, SECOND + LOCKOUT_NS - 1, 1e6, 1) is GateDecision.REFUSED
+    assert decide(states, BARO, SECOND + LOCKOUT_NS, 1e6, 1) is GateDecision.REINITIALISED
+    assert rejected_names(update_states(states, BARO, 7 * SECOND, GateDecision.REINITIALISED)) == ()
 
 
 def test_others_vouch_for_five_seconds_and_for_their_axes() -> None:
-    """An altimeter that was believed a second after, and then flew out of its range, had locked satellites out."""
+    """An altimeter that was accepted a second later, and then left its range, had locked satellites out."""
     level, _ = GNSS.split()
-    books = noted(refused(HEIGHT), BARO, 3 * SECOND, GateDecision.ACCEPTED)
-    assert is_bounded_by_others(books, HEIGHT, 3 * SECOND + LOCKOUT_NS - 1)
-    assert not is_bounded_by_others(books, HEIGHT, 3 * SECOND + LOCKOUT_NS)
-    assert not is_bounded_by_others(books, level, 4 * SECOND)
+    states = update_states(refused(HEIGHT), BARO, 3 * SECOND, GateDecision.ACCEPTED)
+    assert is_bounded_by_others(states, HEIGHT, 3 * SECOND + LOCKOUT_NS - 1)
+    assert not is_bounded_by_others(states, HEIGHT, 3 * SECOND + LOCKOUT_NS)
+    assert not is_bounded_by_others(states, level, 4 * SECOND)
 
 
-def test_an_excluded_source_is_in_the_books_until_it_is_back() -> None:
-    books = with_exclusion(refused(GNSS), [("gnss.position", Exclusion(SECOND, Cause.SEPARATION))])
-    assert (excluded(books), rejected(books)) == (("gnss.position",), ())
-    assert excluded(with_exclusion(books, [("gnss.position", NOT_EXCLUDED)])) == ()
+def test_an_excluded_source_is_in_the_states_until_its_readmission() -> None:
+    states = with_exclusion(refused(GNSS), [("gnss.position", Exclusion(SECOND, Cause.SEPARATION))])
+    assert (excluded_names(states), rejected_names(states)) == (("gnss.position",), ())
+    assert excluded_names(with_exclusion(states, [("gnss.position", NOT_EXCLUDED)])) == ()
 
 
 def test_a_velocity_bounds_nothing_and_is_never_forced_in() -> None:
     velocity = GnssVelocity(0.0, 0.0, 0.0, 0.1)
-    books = noted({}, velocity, 0, GateDecision.REFUSED)
-    assert decide(books, velocity, 100 * SECOND, 1e6, 3) is GateDecision.REFUSED
+    states = update_states({}, velocity, 0, GateDecision.REFUSED)
+    assert decide(states, velocity, 100 * SECOND, 1e6, 3) is GateDecision.REFUSED

@@ -1,4 +1,4 @@
-"""How errors grow: against the difference of two strapdowns that begin a little apart."""
+"""Growth of errors, against the difference of two strapdowns with slightly different starts."""
 
 from __future__ import annotations
 
@@ -35,8 +35,8 @@ def end(error: Array) -> tuple[Array, Array, Array]:
     turn = np.array([[1.0, -z, y], [z, 1.0, -x], [-y, x, 1.0]])
     quat = quat_from_mat((turn @ MAT_EB)[None])[0]
     start = Motion(ecef_from_geodetic(LAT, LON, 900.0) + error[:3], np.array([30.0, -40.0, 20.0]) + error[3:6], quat)
-    felt = np.tile(FORCE_B - error[9:12], (n, 1)), np.tile(RATE_B - error[12:15], (n, 1))
-    found = integrate_fast(start, *felt, STEP, every=n - 1)
+    imu = np.tile(FORCE_B - error[9:12], (n, 1)), np.tile(RATE_B - error[12:15], (n, 1))
+    found = integrate_fast(start, *imu, STEP, every=n - 1)
     return found.pos_e[-1], found.vel_e[-1], mat_from_quat(found.quat_eb[-1])
 
 

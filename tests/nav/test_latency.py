@@ -35,15 +35,15 @@ def flight(seed: int, latency: float, averaging: float, dem: float = DEM_M) -> t
     integral = np.concatenate(([0.0], np.cumsum(0.5 * (true[1:] + true[:-1]) * FINE_S)))
     at = np.arange(3.0, LONG_S - 3.0, SENSOR_S)
     half = max(0.5 * averaging, 1e-3)
-    said = np.interp(at - latency + half, t, integral) - np.interp(at - latency - half, t, integral)
-    said = said / (2.0 * half) + 3.0 - 0.01 * at + NOISE_M * rng.standard_normal(len(at))
+    measured_ranges = np.interp(at - latency + half, t, integral) - np.interp(at - latency - half, t, integral)
+    measured_ranges = measured_ranges / (2.0 * half) + 3.0 - 0.01 * at + NOISE_M * rng.standard_normal(len(at))
     known = true + dem * country(rng, len(t))
     every = round(KNOWN_S / FINE_S)
-    return at, said, t[::every], known[::every]
+    return at, measured_ranges, t[::every], known[::every]
 
 
-def found(t: Array, said: Array, t_known: Array, known: Array) -> LatencyEstimate:
-    estimate = estimate_latency(t, said, t_known, known)
+def found(t: Array, measured_ranges: Array, t_known: Array, known: Array) -> LatencyEstimate:
+    estimate = estimate_latency(t, measured_ranges, t_known, known)
     assert estimate is not None
     return estimate
 
@@ -68,10 +68,10 @@ def test_sigma_is_true_with_errors_of_the_ground(scale: int) -> None:
 
 
 def test_outliers_gaps_and_disorder_do_not_matter() -> None:
-    t, said, t_known, known = flight(3, 0.1, 0.2)
-    clean = found(t, said, t_known, known)
+    t, measured_ranges, t_known, known = flight(3, 0.1, 0.2)
+    clean = found(t, measured_ranges, t_known, known)
     rng = np.random.default_rng(4)
-    spoilt = said.copy()
+    spoilt = measured_ranges.copy()
     spoilt[rng.choice(len(t), 200, replace=False)] += rng.choice([-150.0, 300.0], 200)
     spoilt[1000:1300] = np.nan
     order, again = rng.permutation(len(t)), rng.permutation(np.repeat(np.arange(len(t_known)), 2))
@@ -81,10 +81,10 @@ def test_outliers_gaps_and_disorder_do_not_matter() -> None:
 
 
 def test_clocks_that_jump_and_gaps_in_what_is_predicted_do_not_matter() -> None:
-    t, said, t_known, known = flight(3, 0.1, 0.2)
-    clean = found(t, said, t_known, known)
+    t, measured_ranges, t_known, known = flight(3, 0.1, 0.2)
+    clean = found(t, measured_ranges, t_known, known)
     there = (t_known < 60.0) | (t_known > 75.0)
-    jumped = np.concatenate((t, [-1e12, 1e12, 1e300])), np.concatenate((said, [1.0, 2.0, 3.0]))
+    jumped = np.concatenate((t, [-1e12, 1e12, 1e300])), np.concatenate((measured_ranges, [1.0, 2.0, 3.0]))
     known_jumped = np.concatenate((t_known[there], [1e12])), np.concatenate((known[there], [50.0]))
     estimate = found(*jumped, *known_jumped)
     assert estimate.latency == pytest.approx(clean.latency, abs=2.0 * clean.latency_sd)
@@ -98,23 +98,23 @@ def test_a_predicted_radar_over_forest() -> None:
     north = 60.0 * t - 3900.0
     points = np.stack((np.zeros_like(t), north, np.full_like(t, 220.0)), axis=-1)
     radar, mats = NearestReturn(rings=4), mat_from_rpy(0.0, 0.0, 0.0)
-    known = Predictor(ground, radar).along(points + np.array([10.0, 0.0, 0.0]), mats).slant_range
-    late = Predictor(ground, radar).along(points - np.array([0.0, 0.12 * 60.0, 0.0]), mats).slant_range
+    known = Predictor(ground, radar).predict_local(points + np.array([10.0, 0.0, 0.0]), mats).slant_range
+    late = Predictor(ground, radar).predict_local(points - np.array([0.0, 0.12 * 60.0, 0.0]), mats).slant_range
     estimate = found(t, late, t, known)
     assert estimate.latency == pytest.approx(0.12, abs=3.0 * estimate.latency_sd)
     assert estimate.latency_sd < 0.03
 
 
-def test_what_tells_nothing_is_none() -> None:
-    t, said, t_known, known = flight(5, 0.1, 0.0)
+def test_unobservable_latency_is_none() -> None:
+    t, measured_ranges, t_known, known = flight(5, 0.1, 0.0)
     level = np.full_like(known, 200.0)
-    noise = np.random.default_rng(6).standard_normal(len(said))
-    assert estimate_latency(t, said, t_known, level) is None
-    assert estimate_latency(t[:1200], said[:1200], t_known, known) is None  # 60 s
-    assert estimate_latency(t, said, [], []) is None
+    noise = np.random.default_rng(6).standard_normal(len(measured_ranges))
+    assert estimate_latency(t, measured_ranges, t_known, level) is None
+    assert estimate_latency(t[:1200], measured_ranges[:1200], t_known, known) is None  # 60 s
+    assert estimate_latency(t, measured_ranges, [], []) is None
     assert estimate_latency([], [], t_known, known) is None
-    assert estimate_latency(t, np.full_like(said, np.nan), t_known, known) is None
-    assert estimate_latency(t, said, t_known, known, max_lag=math.nan) is None
-    assert estimate_latency(t, said, t_known, known, max_lag=0.08) is None  # it lies beyond
-    told = estimate_latency(t, noise, t_known, known)
-    assert told is None or told.latency_sd > 0.05  # unrelated: nothing, or a sigma that says so
+    assert estimate_latency(t, np.full_like(measured_ranges, np.nan), t_known, known) is None
+    assert estimate_latency(t, measured_ranges, t_known, known, max_lag=math.nan) is None
+    assert estimate_latency(t, measured_ranges, t_known, known, max_lag=0.08) is None  # it lies beyond
+    estimate = estimate_latency(t, noise, t_known, known)
+    assert estimate is None or estimate.latency_sd > 0.05  # unrelated: nothing, or a sigma that says so

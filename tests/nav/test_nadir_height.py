@@ -33,7 +33,7 @@ def test_the_edge_of_a_wood_is_seen_before_it_is_reached() -> None:
 def test_over_hills_it_is_what_places_around_give() -> None:
     """One sigma pooled over 4000 places, within 5 %."""
     rng = np.random.default_rng(3)
-    hills = _terrain(fractal_relief((201, 201), 5.0, rng, sd=15.0, longest_m=800.0, shortest_m=80.0))
+    hills = _terrain(fractal_relief((201, 201), 5.0, rng, sd=15.0, max_size_m=800.0, min_size_m=80.0))
     points = np.column_stack((rng.uniform(-400.0, 400.0, (4000, 2)), np.zeros(4000)))
     moved = points[:, :2] + 10.0 * rng.standard_normal((4000, 2))
     true = np.sqrt(np.mean((hills.up(*moved.T) - hills.up(*points[:, :2].T)) ** 2))

@@ -1,4 +1,4 @@
-"""The filter as a pipeline has it: aligns, converges, says its mode; late is in time; hostile inputs do no harm."""
+"""The filter as used by a pipeline: alignment, convergence, mode, late measurements, hostile inputs."""
 
 from __future__ import annotations
 
@@ -50,18 +50,18 @@ def gnss(state: FlightState, k: int, east: float = 0.0) -> tuple[GnssPosition, G
 def fly(
     navigator: InertialNavigator,
     state: FlightState,
-    seen: Callable[[float], bool] = lambda t: True,
+    is_received: Callable[[float], bool] = lambda t: True,
     east: Callable[[float], float] = lambda t: 0.0,
     delay: int = 0,
     every: int = 10,
     watch: bool = False,
 ) -> list[FilterMode]:
     """Noise-free sensors; a fix every so many samples, so many samples late; the modes, if they are watched."""
-    felt, turned, modes = specific_force_b(state), angular_rate_b(state), []
+    forces, rates, modes = specific_force_b(state), angular_rate_b(state), []
     for k, t in enumerate(state.t.tolist()):
-        navigator.feed_inertial(ns(t), felt[k], turned[k])
+        navigator.feed_inertial(ns(t), forces[k], rates[k])
         j = k - delay
-        if j >= 0 and j % every == 0 and seen(float(state.t[j])):
+        if j >= 0 and j % every == 0 and is_received(float(state.t[j])):
             for aiding in gnss(state, j, east(float(state.t[j]))):
                 navigator.feed_aiding(ns(float(state.t[j])), aiding)
         if watch:
@@ -73,12 +73,12 @@ def metres_off(navigator: InertialNavigator, state: FlightState, k: int = -1) ->
     here = navigator.at(ns(float(state.t[k])))
     assert here is not None
     meridian, normal = (float(r) for r in radii(state.lat[k]))
-    lat, lon, alt = here.place
+    lat, lon, alt = here.geodetic
     east = (lon - float(state.lon[k])) * (normal + alt) * math.cos(lat)
     return math.hypot((lat - float(state.lat[k])) * (meridian + alt), east, alt - float(state.alt[k]))
 
 
-def begun(state: FlightState, model: FilterModel | None = None, level_sd: float = 2.0) -> InertialNavigator:
+def started(state: FlightState, model: FilterModel | None = None, level_sd: float = 2.0) -> InertialNavigator:
     navigator = InertialNavigator(model or FilterModel())
     north, east, down = state.vel_n[0].tolist()
     start = InitialState(
@@ -95,13 +95,13 @@ def test_it_aligns_in_flight_without_an_attitude_and_converges(flight: FlightSta
     modes = fly(navigator, flight, watch=True)
     assert {FilterMode.WAITING, FilterMode.ALIGNING} >= set(modes[:20])
     assert modes[-1] is FilterMode.AIDED
-    told = navigator.output(ns(float(flight.t[-1])))
-    assert told.valid
-    assert told.reasons == ()
+    output = navigator.output(ns(float(flight.t[-1])))
+    assert output.valid
+    assert output.reasons == ()
     assert metres_off(navigator, flight) < 1.0
-    assert told.roll == pytest.approx(float(flight.roll[-1]), abs=math.radians(0.5))
-    assert told.horizontal_sd is not None
-    assert told.horizontal_sd < 2.0
+    assert output.roll == pytest.approx(float(flight.roll[-1]), abs=math.radians(0.5))
+    assert output.horizontal_sd is not None
+    assert output.horizontal_sd < 2.0
 
 
 def test_a_devices_attitude_aligns_it_at_once(flight: FlightState) -> None:
@@ -129,9 +129,9 @@ def test_what_is_missing_is_named(flight: FlightState) -> None:
     assert navigator.mode(ns(1.0)) == (FilterMode.WAITING, (Reason.NO_IMU,))
 
 
-def test_an_outage_is_coasted_and_said(flight: FlightState) -> None:
-    navigator = begun(flight)
-    modes = fly(navigator, flight, seen=lambda t: not 8.0 <= t < 18.0, watch=True)
+def test_an_outage_is_coasted_and_reported(flight: FlightState) -> None:
+    navigator = started(flight)
+    modes = fly(navigator, flight, is_received=lambda t: not 8.0 <= t < 18.0, watch=True)
     assert modes[round(9.0 / STEP)] is FilterMode.AIDED
     assert modes[round(13.0 / STEP)] is FilterMode.COASTING
     assert modes[-1] is FilterMode.AIDED
@@ -139,7 +139,7 @@ def test_an_outage_is_coasted_and_said(flight: FlightState) -> None:
 
 def test_late_is_in_time_to_the_last_bit(flight: FlightState) -> None:
     """Fixes of 0.4 s ago, and the same fixes at once: one answer."""
-    late, soon = begun(flight), begun(flight)
+    late, soon = started(flight), started(flight)
     fly(late, flight, delay=10)
     fly(soon, flight, delay=0)
     for aiding in gnss(flight, len(flight.t) - 10):
@@ -152,9 +152,9 @@ def test_late_is_in_time_to_the_last_bit(flight: FlightState) -> None:
 
 
 def test_late_ones_that_come_together_are_taken_together_and_in_the_order_of_their_times(flight: FlightState) -> None:
-    """Fixes of 0.8 s at once, in disorder, nobody asking between: one answer with having had them in time."""
-    late, soon = begun(flight), begun(flight)
-    fly(late, flight, seen=lambda t: t < 29.2, every=5)
+    """Fixes of 0.8 s at once, out of order, without an output in between: the same result as in time."""
+    late, soon = started(flight), started(flight)
+    fly(late, flight, is_received=lambda t: t < 29.2, every=5)
     fly(soon, flight, every=5)
     last = len(flight.t) - 1
     for j in sorted(range(0, last + 1, 5), key=lambda j: (j % 2, -j)):
@@ -169,10 +169,10 @@ def test_late_ones_that_come_together_are_taken_together_and_in_the_order_of_the
 
 
 def test_it_reaches_as_far_as_it_has_an_estimate(flight: FlightState) -> None:
-    navigator = begun(flight)
+    navigator = started(flight)
     assert navigator.reaches(ns(0.0))
     assert not InertialNavigator(FilterModel()).reaches(ns(0.0))
-    fly(navigator, flight, seen=lambda t: t < 1.0)
+    fly(navigator, flight, is_received=lambda t: t < 1.0)
     end = float(flight.t[-1])
     reached = {past: navigator.reaches(ns(end - past)) for past in (1.3, 0.9, 0.0, -0.19, -0.21)}
     assert reached == {past: navigator.at(ns(end - past)) is not None for past in reached}
@@ -181,15 +181,15 @@ def test_it_reaches_as_far_as_it_has_an_estimate(flight: FlightState) -> None:
 
 def test_a_late_fix_counts_for_the_time_at_which_it_was_true(flight: FlightState) -> None:
     """At 60 m/s 0.4 s are 24 m: taken as new, they would be in the answer."""
-    navigator = begun(flight)
+    navigator = started(flight)
     fly(navigator, flight, delay=10)
     assert metres_off(navigator, flight) < 1.0
 
 
 def test_what_lies_between_two_inertial_samples_is_met_there(flight: FlightState) -> None:
     """Half a minute away from every fix: an estimate between samples is that of the flight, to millimetres."""
-    navigator = begun(flight)
-    fly(navigator, flight, seen=lambda t: False)
+    navigator = started(flight)
+    fly(navigator, flight, is_received=lambda t: False)
     half = random_flight(np.random.default_rng(5), 32.0).state(np.array([29.5]))
     here = navigator.at(ns(29.5))
     assert here is not None
@@ -199,7 +199,7 @@ def test_what_lies_between_two_inertial_samples_is_met_there(flight: FlightState
 
 def test_a_jump_of_the_satellites_is_refused_for_as_long_as_it_lasts(flight: FlightState) -> None:
     """500 m to the east for good: refused and named; after five seconds it was taken, with a sigma of 2 m."""
-    navigator = begun(flight)
+    navigator = started(flight)
     fly(navigator, flight, east=lambda t: 500.0 if t > 12.0 else 0.0)
     verdicts = [v for v in navigator.drain_innovations() if v.name == "gnss.position" and v.t_ns > ns(12.0)]
     assert {v.decision for v in verdicts} == {GateDecision.REFUSED}
@@ -209,11 +209,11 @@ def test_a_jump_of_the_satellites_is_refused_for_as_long_as_it_lasts(flight: Fli
 
 def test_an_excluded_source_is_not_used_until_it_is_readmitted(flight: FlightState) -> None:
     """500 m to the east for 8 s in an excluded receiver, which agrees afterwards: nothing of it is taken."""
-    navigator, felt = begun(flight), np.hstack((specific_force_b(flight), angular_rate_b(flight)))
+    navigator, forces = started(flight), np.hstack((specific_force_b(flight), angular_rate_b(flight)))
     names = ("gnss.position", "gnss.height")
-    judged = []
+    decisions = []
     for k, t in enumerate(flight.t[flight.t < 30.0].tolist()):
-        navigator.feed_inertial(ns(t), felt[k, :3], felt[k, 3:])
+        navigator.feed_inertial(ns(t), forces[k, :3], forces[k, 3:])
         if k % 25 == 0:
             navigator.feed_aiding(ns(t), gnss(flight, k, 500.0 if 10.0 < t < 18.0 else 0.0)[0])
         if k == 250:
@@ -222,18 +222,18 @@ def test_an_excluded_source_is_not_used_until_it_is_readmitted(flight: FlightSta
         if k == 600:
             navigator.drain_segments()
             navigator.readmit(names)
-        judged += [(v.t_ns, v.decision) for v in navigator.drain_innovations() if v.name == "gnss.position"]
-    excluded = [decision for t_ns, decision in judged if ns(10.5) < t_ns < ns(22.5)]
+        decisions += [(v.t_ns, v.decision) for v in navigator.drain_innovations() if v.name == "gnss.position"]
+    excluded = [decision for t_ns, decision in decisions if ns(10.5) < t_ns < ns(22.5)]
     assert set(excluded) == {GateDecision.EXCLUDED}
-    assert [decision for t_ns, decision in judged if t_ns > ns(24.5)][-1] is GateDecision.ACCEPTED
+    assert [decision for t_ns, decision in decisions if t_ns > ns(24.5)][-1] is GateDecision.ACCEPTED
     assert metres_off(navigator, flight, round(29.9 / STEP)) < 20.0
 
 
 def test_a_height_that_is_wrong_takes_nothing_from_the_level(flight: FlightState) -> None:
     """A receiver 300 m too high beside a barometer: refused by itself, and the level is used all the same."""
-    navigator, felt = begun(flight), np.hstack((specific_force_b(flight), angular_rate_b(flight)))
+    navigator, forces = started(flight), np.hstack((specific_force_b(flight), angular_rate_b(flight)))
     for k, t in enumerate(flight.t.tolist()):
-        navigator.feed_inertial(ns(t), felt[k, :3], felt[k, 3:])
+        navigator.feed_inertial(ns(t), forces[k, :3], forces[k, 3:])
         if k % 25 == 0:
             true, _ = gnss(flight, k)
             assert true.alt is not None
@@ -247,25 +247,25 @@ def test_a_height_that_is_wrong_takes_nothing_from_the_level(flight: FlightState
 
 
 def test_an_outlier_does_no_harm(flight: FlightState) -> None:
-    navigator = begun(flight)
+    navigator = started(flight)
     fly(navigator, flight, east=lambda t: 500.0 if 12.0 < t < 12.5 else 0.0)
     assert metres_off(navigator, flight) < 1.0
     assert navigator.mode(ns(float(flight.t[-1]))) == (FilterMode.AIDED, ())
 
 
 def test_while_it_is_refused_it_is_named(flight: FlightState) -> None:
-    navigator = begun(flight)
+    navigator = started(flight)
     fly(navigator, flight, east=lambda t: 500.0 if t > 28.0 else 0.0)
-    told = navigator.output(ns(float(flight.t[-1])))
-    assert told.rejected == ("gnss.position",)
-    assert Reason.REJECTED in told.reasons
+    output = navigator.output(ns(float(flight.t[-1])))
+    assert output.rejected == ("gnss.position",)
+    assert Reason.REJECTED in output.reasons
 
 
 def test_a_slow_offset_of_the_barometer_is_found(flight: FlightState) -> None:
-    navigator = begun(flight, FilterModel(extras={Extra.BARO: BARO_DRIFT}))
-    felt, turned = specific_force_b(flight), angular_rate_b(flight)
+    navigator = started(flight, FilterModel(extras={Extra.BARO: BARO_DRIFT}))
+    forces, rates = specific_force_b(flight), angular_rate_b(flight)
     for k, t in enumerate(flight.t.tolist()):
-        navigator.feed_inertial(ns(t), felt[k], turned[k])
+        navigator.feed_inertial(ns(t), forces[k], rates[k])
         if k % 10 == 0:
             navigator.feed_aiding(ns(t), gnss(flight, k)[0])
             navigator.feed_aiding(ns(t), BaroAltitude(float(flight.alt[k]) + 42.0, 1.0))
@@ -279,7 +279,7 @@ def test_a_slow_offset_of_the_barometer_is_found(flight: FlightState) -> None:
 
 
 def test_numbers_that_are_none_are_refused(flight: FlightState) -> None:
-    navigator = begun(flight)
+    navigator = started(flight)
     before = navigator.at(ns(0.0))
     nan, level = float("nan"), (0.0, 0.0, 1.0)
     for aiding in (
@@ -300,9 +300,9 @@ def test_numbers_that_are_none_are_refused(flight: FlightState) -> None:
 
 
 def test_twice_the_same_counts_once(flight: FlightState) -> None:
-    one, two = begun(flight), begun(flight)
+    one, two = started(flight), started(flight)
     for navigator, times in ((one, 1), (two, 3)):
-        fly(navigator, flight, seen=lambda t: False)
+        fly(navigator, flight, is_received=lambda t: False)
         for _ in range(times):
             navigator.feed_aiding(ns(29.5), gnss(flight, round(29.5 / STEP))[0])
     a, b = (n.at(ns(29.9)) for n in (one, two))
@@ -313,7 +313,7 @@ def test_twice_the_same_counts_once(flight: FlightState) -> None:
 
 
 def test_what_is_too_old_is_refused(flight: FlightState) -> None:
-    navigator = begun(flight)
+    navigator = started(flight)
     fly(navigator, flight)
     navigator.feed_aiding(ns(20.0), gnss(flight, round(20.0 / STEP), east=900.0)[0])
     assert navigator.refused[Reason.STALE] == 1
@@ -321,14 +321,14 @@ def test_what_is_too_old_is_refused(flight: FlightState) -> None:
 
 
 def test_time_that_goes_backwards_is_refused_and_a_clock_that_jumped_begins_anew(flight: FlightState) -> None:
-    navigator = begun(flight)
+    navigator = started(flight)
     fly(navigator, flight)
-    felt, turned = specific_force_b(flight), angular_rate_b(flight)
+    forces, rates = specific_force_b(flight), angular_rate_b(flight)
     for k in range(20):
-        navigator.feed_inertial(ns(10.0 + k * STEP), felt[k], turned[k])
+        navigator.feed_inertial(ns(10.0 + k * STEP), forces[k], rates[k])
     assert metres_off(navigator, flight) < 1.0
     for k in range(20, 30):
-        navigator.feed_inertial(ns(10.0 + k * STEP), felt[k], turned[k])
+        navigator.feed_inertial(ns(10.0 + k * STEP), forces[k], rates[k])
     mode, reasons = navigator.mode(ns(10.0 + 29 * STEP))
     assert mode in {FilterMode.ALIGNING, FilterMode.WAITING}
     assert Reason.RESET in reasons
@@ -336,7 +336,7 @@ def test_time_that_goes_backwards_is_refused_and_a_clock_that_jumped_begins_anew
 
 def test_a_position_that_was_lost_is_not_corrected_along_the_tangent(flight: FlightState) -> None:
     """57 km off with a sigma of 20 km, as after an hour without satellites: the altitude was 255 m off, sigma 2 m."""
-    navigator = begun(flight, level_sd=20_000.0)
+    navigator = started(flight, level_sd=20_000.0)
     fly(navigator, flight, east=lambda t: 57_000.0)
     here = navigator.output(ns(float(flight.t[-1])))
     assert here.mode is FilterMode.AIDED
@@ -345,19 +345,19 @@ def test_a_position_that_was_lost_is_not_corrected_along_the_tangent(flight: Fli
 
 
 def test_a_fix_outside_the_gate_of_a_lost_position_does_not_begin_it_anew(flight: FlightState) -> None:
-    navigator = begun(flight, level_sd=2100.0)
+    navigator = started(flight, level_sd=2100.0)
     modes = fly(navigator, flight, east=lambda t: 57_000.0, watch=True)
     assert set(modes) == {FilterMode.INVALID}
 
 
 def test_a_gap_of_inertial_samples_begins_anew_and_finds_back(flight: FlightState) -> None:
-    navigator = begun(flight)
-    felt, turned = specific_force_b(flight), angular_rate_b(flight)
+    navigator = started(flight)
+    forces, rates = specific_force_b(flight), angular_rate_b(flight)
     for k, t in enumerate(flight.t.tolist()):
         if 8.0 <= t < 9.0:
             assert navigator.mode(ns(t))[0] is (FilterMode.INVALID if t > 8.3 else navigator.mode(ns(t))[0])
             continue
-        navigator.feed_inertial(ns(t), felt[k], turned[k])
+        navigator.feed_inertial(ns(t), forces[k], rates[k])
         if k % 10 == 0:
             for aiding in gnss(flight, k):
                 navigator.feed_aiding(ns(t), aiding)
@@ -377,7 +377,7 @@ def test_a_gap_of_inertial_samples_begins_anew_and_finds_back(flight: FlightStat
     ids=["north pole", "south pole", "date line", "straight up", "straight down"],
 )
 def test_no_place_and_no_attitude_is_special(lat: float, lon: float, pitch: float) -> None:
-    """Ten seconds of standing there, with fixes and a standstill: it stands, and says so."""
+    """Ten seconds of standstill with fixes: the output is a standstill, too."""
     from fti.geodesy.gravity import normal_gravity
     from fti.geodesy.wgs84 import EARTH_RATE
 
@@ -392,33 +392,33 @@ def test_no_place_and_no_attitude_is_special(lat: float, lon: float, pitch: floa
         if k % 25 == 0:
             navigator.feed_aiding(ns(k * STEP), GnssPosition(lat, -lon if k % 50 else lon, 100.0, 1.5, 2.0))
             navigator.feed_aiding(ns(k * STEP), GnssVelocity(0.0, 0.0, 0.0, 0.02))
-    told = navigator.output(ns(249 * STEP))
-    assert told.mode is FilterMode.AIDED
-    assert told.alt == pytest.approx(100.0, abs=0.1)
-    assert told.vel_north == pytest.approx(0.0, abs=0.01)
-    assert told.pitch == pytest.approx(pitch, abs=1e-3)
-    assert all(math.isfinite(x) for x in (told.horizontal_sd or 0.0, told.heading_sd or 0.0, told.lat or 0.0))
+    output = navigator.output(ns(249 * STEP))
+    assert output.mode is FilterMode.AIDED
+    assert output.alt == pytest.approx(100.0, abs=0.1)
+    assert output.vel_north == pytest.approx(0.0, abs=0.01)
+    assert output.pitch == pytest.approx(pitch, abs=1e-3)
+    assert all(math.isfinite(x) for x in (output.horizontal_sd or 0.0, output.heading_sd or 0.0, output.lat or 0.0))
 
 
-def test_what_leads_out_of_the_world_is_not_told_until_it_is_noticed(flight: FlightState) -> None:
-    """The operator lets a receiver in that says 900 km: such a height had been valid for a tick, to 1 m."""
-    navigator, felt, turned, reasons = begun(flight), specific_force_b(flight), angular_rate_b(flight), set[Reason]()
+def test_a_diverged_estimate_is_never_output(flight: FlightState) -> None:
+    """The operator readmits a receiver at 900 km: such a height had been valid for a tick, to 1 m."""
+    navigator, forces, rates, reasons = started(flight), specific_force_b(flight), angular_rate_b(flight), set[Reason]()
     for k, t in enumerate(flight.t[:200].tolist()):
-        navigator.feed_inertial(ns(t), felt[k], turned[k])
+        navigator.feed_inertial(ns(t), forces[k], rates[k])
         if k % 5 == 4:
             navigator.feed_aiding(ns(t), replace(gnss(flight, k)[0], alt=9e5))
         if k == 100:
             navigator.drain_segments()
             navigator.readmit(("gnss.position", "gnss.height"), 9e5)
-        told = navigator.output(ns(t))
-        assert told.alt is None or abs(told.alt) < 1e5
-        reasons |= set(told.reasons)
+        output = navigator.output(ns(t))
+        assert output.alt is None or abs(output.alt) < 1e5
+        reasons |= set(output.reasons)
     assert {Reason.DIVERGED, Reason.RESET} <= reasons
 
 
 def test_a_place_without_a_height_does_not_hide_the_height_of_its_epoch(flight: FlightState) -> None:
-    """Two sentences of NMEA at one time, the one without a height first: it aligns, and the height is believed."""
-    navigator, felt, turned = (
+    """Two NMEA sentences at one time, the one without a height first: it aligns and accepts the height."""
+    navigator, forces, rates = (
         InertialNavigator(FilterModel(extras=GNSS_DRIFTS)),
         specific_force_b(flight),
         angular_rate_b(flight),
@@ -429,15 +429,15 @@ def test_a_place_without_a_height_does_not_hide_the_height_of_its_epoch(flight: 
             position, velocity = gnss(flight, k)
             for aiding in (replace(position, alt=None), velocity, position, position):
                 navigator.feed_aiding(ns(t), aiding)
-        navigator.feed_inertial(ns(t), felt[k], turned[k])
+        navigator.feed_inertial(ns(t), forces[k], rates[k])
     assert navigator.mode(ns(t)) == (FilterMode.AIDED, ())
     verdicts = [v.name for v in navigator.drain_innovations()]
     assert verdicts.count("gnss.height") == verdicts.count("gnss.position") == verdicts.count("gnss.velocity") > 5
 
 
-def test_a_wrong_fix_to_begin_with_is_never_told(flight: FlightState) -> None:
+def test_a_wrong_first_fix_is_never_output(flight: FlightState) -> None:
     """80 m/s of climb in the first velocity: 80 m of height had been valid, and two metres sure."""
-    navigator, felt, turned, valid = (
+    navigator, forces, rates, valid = (
         InertialNavigator(FilterModel(extras=GNSS_DRIFTS)),
         specific_force_b(flight),
         angular_rate_b(flight),
@@ -450,18 +450,18 @@ def test_a_wrong_fix_to_begin_with_is_never_told(flight: FlightState) -> None:
             navigator.feed_aiding(ns(t), position)
             wrong = k == 0 and velocity.down is not None
             navigator.feed_aiding(ns(t), replace(velocity, down=(velocity.down or 0.0) - 80.0) if wrong else velocity)
-        navigator.feed_inertial(ns(t), felt[k], turned[k])
-        told = navigator.output(ns(t))
-        if told.valid:
+        navigator.feed_inertial(ns(t), forces[k], rates[k])
+        output = navigator.output(ns(t))
+        if output.valid:
             valid += 1
-            assert told.alt == pytest.approx(float(flight.alt[k]), abs=10.0)
+            assert output.alt == pytest.approx(float(flight.alt[k]), abs=10.0)
     assert valid > 300
 
 
 @pytest.mark.parametrize("first", ["sound", "wrong"])
 def test_another_receiver_that_is_wrong_does_not_keep_it_from_aligning(flight: FlightState, first: str) -> None:
     """300 m to the east of the sound one, in turns with it, each with its own fixes four times a second."""
-    navigator, felt, turned = (
+    navigator, forces, rates = (
         InertialNavigator(FilterModel(extras=GNSS_DRIFTS)),
         specific_force_b(flight),
         angular_rate_b(flight),
@@ -475,7 +475,7 @@ def test_another_receiver_that_is_wrong_does_not_keep_it_from_aligning(flight: F
             position, velocity = gnss(flight, k, 300.0 if wrong else 0.0)
             navigator.feed_aiding(ns(t), replace(position, name=f"{name}.position"))
             navigator.feed_aiding(ns(t), replace(velocity, name=f"{name}.velocity"))
-        navigator.feed_inertial(ns(t), felt[k], turned[k])
+        navigator.feed_inertial(ns(t), forces[k], rates[k])
         valid += navigator.output(ns(t)).valid
     assert valid > 380
     names = {"sound": "other.position", "wrong": "gnss.position"}  # nobody knows which of two is wrong: it is named
@@ -483,26 +483,26 @@ def test_another_receiver_that_is_wrong_does_not_keep_it_from_aligning(flight: F
 
 
 def test_a_bit_that_fell_over_in_one_inertial_sample_is_known_and_forgotten(flight: FlightState) -> None:
-    """100 m/s^2 for a sample are metres a second that nobody flew; without a sigma for it what aids was refused."""
-    navigator, felt, turned, worst = begun(flight), specific_force_b(flight), angular_rate_b(flight), 0.0
+    """100 m/s^2 for one sample are a false velocity; without noise for it the aiding was refused."""
+    navigator, forces, rates, worst = started(flight), specific_force_b(flight), angular_rate_b(flight), 0.0
     for k, t in enumerate(flight.t.tolist()):
         spike = [0.0, 0.0, -100.0] if k == 200 else [0.0, 0.0, 0.0]
-        navigator.feed_inertial(ns(t), felt[k] + spike, turned[k])
+        navigator.feed_inertial(ns(t), forces[k] + spike, rates[k])
         if k % 10 == 0:
             for aiding in gnss(flight, k):
                 navigator.feed_aiding(ns(t), aiding)
-        told = navigator.output(ns(t))
-        if told.valid and k >= 200:
-            assert told.reasons == ()
-            assert told.alt is not None and told.vertical_sd is not None
-            worst = max(worst, abs(told.alt - float(flight.alt[k])) / told.vertical_sd)
+        output = navigator.output(ns(t))
+        if output.valid and k >= 200:
+            assert output.reasons == ()
+            assert output.alt is not None and output.vertical_sd is not None
+            worst = max(worst, abs(output.alt - float(flight.alt[k])) / output.vertical_sd)
     assert worst < 3.0
 
 
 def test_random_rubbish_raises_nothing(flight: FlightState) -> None:
     """A thousand calls with times and values from anywhere."""
     rng = np.random.default_rng(8)
-    navigator = begun(flight)
+    navigator = started(flight)
 
     def value() -> float:
         return float(rng.choice([0.0, 1.0, -1e3, 1e12, 1e300, math.nan, math.inf, rng.normal()]))
@@ -519,8 +519,8 @@ def test_random_rubbish_raises_nothing(flight: FlightState) -> None:
         elif what == 3:
             navigator.feed_attitude(t, value(), value(), value())
         else:
-            told = navigator.output(t)
-            assert not told.valid or all(math.isfinite(x) for x in (told.lat or 0.0, told.vertical_sd or 0.0))
+            output = navigator.output(t)
+            assert not output.valid or all(math.isfinite(x) for x in (output.lat or 0.0, output.vertical_sd or 0.0))
 
 
 def test_kernels_warm_up() -> None:

@@ -94,15 +94,15 @@ def test_one_high_bin_is_seen_as_before(reference: ApproachReference) -> None:
     assert t4(with_widths(reference, WIDTHS_M), one) == t4(reference, one) == pytest.approx(30.0 / math.sqrt(1.25))
 
 
-@pytest.mark.parametrize(("metres", "seen"), [(50.0, True), (55.0, False)])
+@pytest.mark.parametrize(("metres", "detected"), [(50.0, True), (55.0, False)])
 def test_what_is_wider_than_50_m_is_looked_for_at_the_newest_end_only(
-    reference: ApproachReference, metres: float, seen: bool
+    reference: ApproachReference, metres: float, detected: bool
 ) -> None:
     """A single bin counts for 50 m; a template of 100 m, which reaches on to 95 m, always."""
     at = round(metres / 5)
     residual = np.zeros(at + 1)
     residual[at] = 30.0
-    assert (t4(with_widths(reference, (5.0,)), residual) > 20.0) is seen
+    assert (t4(with_widths(reference, (5.0,)), residual) > 20.0) is detected
     assert t4(with_widths(reference, (100.0,)), residual) > 1.0
 
 
@@ -123,7 +123,7 @@ def test_a_template_over_nominal_residuals_has_a_sigma_of_one(reference: Approac
     assert np.mean(found) == pytest.approx(0.0, abs=0.07)
 
 
-def test_a_reference_of_before_is_judged_by_single_bins_as_its_limit_was_made(reference: ApproachReference) -> None:
+def test_a_reference_of_before_is_evaluated_by_single_bins(reference: ApproachReference) -> None:
     """Its text and hash are those of before, too: the shipped one still reads."""
     text = reference.to_text()
     assert "t4_widths" not in text
@@ -174,13 +174,15 @@ def test_a_high_obstacle_alerts_no_later_than_by_single_bins(
     reference: ApproachReference, flight: Flight, width: float
 ) -> None:
     """The limit is higher by the tenth that more templates cost."""
-    said = []
+    alert_times = []
     for known in (reference, with_widths(reference, WIDTHS_M, t4=6.6)):
         monitor = ClearanceMonitor(known, SETTINGS)
         samples = flight(begin=2990.0, end=1500.0, surface=lambda s: 150.0 if 2000.0 - width < s < 2000.0 else 0.0)
         outputs = [o for x in samples if (o := monitor.step(x)) is not None]
-        said.append(next(o.t_ns for o in outputs if o.state is IntegrityState.ALERT and Reason.OBSTACLE in o.reasons))
-    assert said[1] == said[0]
+        alert_times.append(
+            next(o.t_ns for o in outputs if o.state is IntegrityState.ALERT and Reason.OBSTACLE in o.reasons)
+        )
+    assert alert_times[1] == alert_times[0]
 
 
 def track_of(samples: list[ClearanceSample]) -> ClearanceSeries:
@@ -217,8 +219,8 @@ def flown_high(path: ApproachPath, seed: int, height: float) -> ClearanceSeries:
         relief.append(keep * relief[-1] + math.sqrt(1.0 - keep**2) * rng.normal())
     alt = path.alt_path(s) + rng.normal(0.0, 5.0)
     clear = alt - 200.0 - SD_REF * np.array(relief)
-    beside, below = np.maximum(np.abs(s - 6400.0) - 30.0, 0.0), alt - 200.0 - height
-    nearest = np.where(np.arctan2(beside, below) <= np.radians(20.0), np.hypot(beside, below), np.inf)
+    lateral, below = np.maximum(np.abs(s - 6400.0) - 30.0, 0.0), alt - 200.0 - height
+    nearest = np.where(np.arctan2(lateral, below) <= np.radians(20.0), np.hypot(lateral, below), np.inf)
     agl = np.rint((np.minimum(clear, nearest) + rng.normal(0.0, 0.3, len(s))) / STEP_M) * STEP_M
     zero = np.zeros_like(s)
     return ClearanceSeries(
@@ -228,13 +230,13 @@ def flown_high(path: ApproachPath, seed: int, height: float) -> ClearanceSeries:
 
 def share_seen(reference: ApproachReference, path: ApproachPath, height: float) -> float:
     """Share of 100 flights on which T4 is over its limit in two updates, one behind the other."""
-    scanner, seen = BatchMonitor(reference, SETTINGS), 0
+    scanner, detected = BatchMonitor(reference, SETTINGS), 0
     for seed in range(100):
         scan = scanner.scan(flown_high(path, seed, height), 1.0)
         assert scan is not None
         over = scan.t4 > reference.header.limits.t4
-        seen += bool(np.any(over[1:] & over[:-1]))
-    return seen / 100
+        detected += bool(np.any(over[1:] & over[:-1]))
+    return detected / 100
 
 
 def test_60_m_seen_from_350_m_in_steps_of_100_ft_are_silent_by_single_bins_only(

@@ -1,4 +1,4 @@
-"""The pipeline: joining, ages, roles, order; everything told by stamps and ticks."""
+"""The pipeline: interpolation, ages, roles, order; all times are stamps and ticks."""
 
 import itertools
 import math
@@ -121,7 +121,7 @@ def test_each_height_names_its_point_and_the_wheels_have_one_of_their_own() -> N
         assert height.wheels == (None if expected is None else pytest.approx(expected))
 
 
-def test_without_attitude_the_height_is_unknown_and_says_why() -> None:
+def test_without_attitude_the_height_is_unknown_and_reports_the_reason() -> None:
     pipeline = Pipeline(config(), None)
     (height,) = heights(pipeline.feed("laser", Range(stamp=Stamp(T0), slant_range=100.0)), "laser")
     assert (height.valid, height.height_agl, height.raw) == (False, None, 100.0)
@@ -139,23 +139,23 @@ def test_an_altimeter_that_stops_is_invalid_within_max_age_and_a_tick_then_twice
     pipeline = Pipeline(config(), None)
     pipeline.feed("ins", attitude(T0))
     pipeline.feed("radar", RadioHeight(stamp=Stamp(T0), height_agl=98.0))
-    told = []
+    outputs = []
     for k in range(1, 200):
         t = T0 + k * 20 * MS
         pipeline.feed("ins", attitude(t))
-        told += heights(pipeline.tick(t), "radar")
-    assert told[0].t_ns - (T0 - 100 * MS) <= 200 * MS + 20 * MS
-    assert {o.reasons for o in told} == {(Reason.STALE,)}
-    gaps = [b.t_ns - a.t_ns for a, b in itertools.pairwise(told)]
+        outputs += heights(pipeline.tick(t), "radar")
+    assert outputs[0].t_ns - (T0 - 100 * MS) <= 200 * MS + 20 * MS
+    assert {o.reasons for o in outputs} == {(Reason.STALE,)}
+    gaps = [b.t_ns - a.t_ns for a, b in itertools.pairwise(outputs)]
     assert set(gaps) == {500 * MS}
 
 
-def test_an_altimeter_never_heard_is_silent() -> None:
+def test_an_altimeter_never_received_is_silent() -> None:
     pipeline = Pipeline(config(), None)
-    told = [h for k in range(60) for h in heights(pipeline.tick(T0 + k * 20 * MS), "laser")]
-    assert told
-    assert told[0].reasons[0] is Reason.SILENT
-    assert told[0].t_ns == T0 + 1020 * MS
+    outputs = [h for k in range(60) for h in heights(pipeline.tick(T0 + k * 20 * MS), "laser")]
+    assert outputs
+    assert outputs[0].reasons[0] is Reason.SILENT
+    assert outputs[0].t_ns == T0 + 1020 * MS
 
 
 def test_samples_return_after_silence() -> None:
@@ -217,16 +217,16 @@ def test_a_change_of_source_is_an_event() -> None:
     assert [(e.level, e.text) for e in third] == [("warning", "position: no source; gnss went away")]
 
 
-def test_what_falls_silent_in_a_gap_is_told_when_it_stays_so() -> None:
+def test_a_source_that_falls_silent_in_a_gap_is_reported_if_it_stays_silent() -> None:
     pipeline = Pipeline(config(), None)
     feed_all(pipeline, ("ins", position(T0)))
     pipeline.tick(T0)
     pipeline.reset_after_gap()
-    behind = T0 + 9 * S
-    told = {
-        t: [o.text for o in pipeline.tick(behind + t) if isinstance(o, Event)] for t in (0, 299_000_000, 300_000_000)
+    gap_end = T0 + 9 * S
+    outputs = {
+        t: [o.text for o in pipeline.tick(gap_end + t) if isinstance(o, Event)] for t in (0, 299_000_000, 300_000_000)
     }
-    assert told == {0: [], 299_000_000: [], 300_000_000: ["position: no source; ins went away"]}
+    assert outputs == {0: [], 299_000_000: [], 300_000_000: ["position: no source; ins went away"]}
 
 
 def test_stamps_of_two_links_out_of_order_change_nothing() -> None:

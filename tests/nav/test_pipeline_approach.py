@@ -71,7 +71,7 @@ def inputs_of(path: ApproachPath, flight: Iterator[ClearanceSample], ins_hz: int
 
 
 def ins_messages(path: ApproachPath, x: ClearanceSample, stamp: Stamp) -> list[Measurement]:
-    lat, lon = (float(v) for v in path.geodetic(x.s, x.y))
+    lat, lon = (float(v) for v in path.to_geodetic(x.s, x.y))
     course = math.radians(path.airfield.course_deg)
     down = 60.0 * math.tan(path.glide)
     return [
@@ -140,11 +140,11 @@ def test_a_silent_altimeter_takes_integrity_and_needle_away(reference: ApproachR
     stop = S + 10 * S
     inputs = [(t, d, m) for t, d, m in nominal if d != "radar" or t < stop]
     outputs = fly(Pipeline(config(), reference), inputs)
-    gone = [o for o in integrity(outputs) if o.t_ns >= stop and o.state is IntegrityState.UNAVAILABLE]
-    assert gone[0].t_ns - stop <= (200 + 40) * MS
-    assert {o.reasons for o in gone} == {(Reason.STALE,)}
-    assert not any(o.valid for o in slopes(outputs) if o.t_ns >= gone[0].t_ns)
-    times = [o.t_ns for o in gone]
+    unavailable = [o for o in integrity(outputs) if o.t_ns >= stop and o.state is IntegrityState.UNAVAILABLE]
+    assert unavailable[0].t_ns - stop <= (200 + 40) * MS
+    assert {o.reasons for o in unavailable} == {(Reason.STALE,)}
+    assert not any(o.valid for o in slopes(outputs) if o.t_ns >= unavailable[0].t_ns)
+    times = [o.t_ns for o in unavailable]
     assert max(np.diff(times)) <= 0.52 * S
 
 
@@ -155,17 +155,17 @@ def test_an_altimeter_that_flags_its_height_is_refused(reference: ApproachRefere
         return dataclasses.replace(m, valid=False) if isinstance(m, RadioHeight) and t >= stop else m
 
     outputs = fly(Pipeline(config(), reference), [(t, d, flagged(t, m)) for t, d, m in nominal])
-    gone = next(o for o in integrity(outputs) if o.state is IntegrityState.UNAVAILABLE and o.t_ns >= stop)
-    assert gone.reasons == (Reason.DEVICE_FLAG,)
-    assert gone.t_ns - stop <= 240 * MS
+    unavailable = next(o for o in integrity(outputs) if o.state is IntegrityState.UNAVAILABLE and o.t_ns >= stop)
+    assert unavailable.reasons == (Reason.DEVICE_FLAG,)
+    assert unavailable.t_ns - stop <= 240 * MS
 
 
 def test_lost_position_is_named(reference: ApproachReference, nominal: Inputs) -> None:
     stop = S + 10 * S
     inputs = [(t, d, m) for t, d, m in nominal if not isinstance(m, (Position, Velocity)) or t < stop]
     outputs = fly(Pipeline(config(), reference), inputs)
-    gone = integrity(outputs)[-1]
-    assert (gone.state, gone.reasons) == (IntegrityState.UNAVAILABLE, (Reason.NO_POSITION,))
+    unavailable = integrity(outputs)[-1]
+    assert (unavailable.state, unavailable.reasons) == (IntegrityState.UNAVAILABLE, (Reason.NO_POSITION,))
     assert slopes(outputs)[-1].s is None
 
 
@@ -189,7 +189,7 @@ def idle(pipeline: Pipeline) -> tuple[IntegrityState, tuple[Reason, ...], int]:
     return outputs[-1].state, outputs[-1].reasons, len(outputs)
 
 
-def test_without_a_profile_it_says_so_twice_a_second() -> None:
+def test_without_a_profile_it_reports_so_twice_a_second() -> None:
     assert idle(Pipeline(config(), None)) == (IntegrityState.NO_PROFILE, (Reason.NO_PROFILE,), 4)
 
 
@@ -213,7 +213,7 @@ def test_an_alert_limit_where_the_peak_cannot_be_looked_at_is_a_mistake(
         Pipeline(config(alert_s_m=alert_s_m), reference)
 
 
-def test_an_altimeter_never_heard_is_silent_for_the_monitor_too(reference: ApproachReference) -> None:
+def test_an_altimeter_without_samples_is_silent_for_the_monitor_too(reference: ApproachReference) -> None:
     outputs = integrity([o for k in range(60) for o in Pipeline(config(), reference).tick(k * 20 * MS)])
     assert outputs == []
     pipeline = Pipeline(config(), reference)

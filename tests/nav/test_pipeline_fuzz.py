@@ -1,4 +1,4 @@
-"""Anything in any field, at any time, in any order: nothing raises, and what is valid is of this world."""
+"""Any value in any field, at any time, in any order: nothing raises, and valid outputs are plausible."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ WILD: tuple[float | None, ...] = (
     math.nan, math.inf, -math.inf, 0.0, -1.0, 1e300, -1e300, 1e12, 1e7, -1e7, 1e-300,
     math.pi, math.pi / 2, -math.pi / 2, 3.0 * math.pi, 1e4, -500.0, None,
 )  # fmt: skip
-MOST = {
+MAX_VALUES = {
     "lat": math.pi / 2, "lon": math.pi, "alt": 1e5, "roll": math.pi + 1e-6, "pitch": math.pi / 2 + 1e-6,
     "vel_north": 2000.0, "vel_east": 2000.0, "vel_down": 2000.0, "height_agl": 1000.0,
 }  # fmt: skip
@@ -40,14 +40,14 @@ def check(out: list[Output | Event], t_ns: int) -> int:
     for o in out:
         if isinstance(o, Event):
             continue
-        told = {f.name: getattr(o, f.name) for f in dataclasses.fields(o)}
-        numbers = {name: value for name, value in told.items() if isinstance(value, float)}
+        fields = {f.name: getattr(o, f.name) for f in dataclasses.fields(o)}
+        numbers = {name: value for name, value in fields.items() if isinstance(value, float)}
         assert all(map(math.isfinite, numbers.values())), o
         assert all(value >= 0.0 for name, value in numbers.items() if name.endswith("sd")), o
         valid += o.valid
         if o.valid:
             assert o.t_valid_ns is not None and t_ns - 2 * S < o.t_valid_ns <= t_ns + S, o
-            assert all(abs(value) <= MOST.get(name, math.inf) for name, value in numbers.items()), o
+            assert all(abs(value) <= MAX_VALUES.get(name, math.inf) for name, value in numbers.items()), o
     return valid
 
 
@@ -65,11 +65,11 @@ def test_anything_in_any_field_late_and_twice(seed: int) -> None:
             if rng.random() < 0.05:
                 late.append((k + int(rng.integers(1, 150)), device, m))
                 continue
-            said = spoiled(m, rng) if rng.random() < rate else m
+            sent = spoiled(m, rng) if rng.random() < rate else m
             if rng.random() < 0.01:  # a device's clock, which may say any time that has been
-                said = dataclasses.replace(said, stamp=Stamp(now, t_valid_ns=now - int(10.0 ** rng.uniform(6, 13))))
+                sent = dataclasses.replace(sent, stamp=Stamp(now, t_valid_ns=now - int(10.0 ** rng.uniform(6, 13))))
             for _ in range(1 + (rng.random() < 0.05)):
-                valid += check(pipeline.feed(device, said), now)
+                valid += check(pipeline.feed(device, sent), now)
         if k % 2:
             valid += check(pipeline.tick(now + MS), now)
     assert valid > STEPS // 4  # else nothing was asked of it

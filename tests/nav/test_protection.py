@@ -1,4 +1,4 @@
-"""Protection levels of what devices give, and devices that the filter contradicts."""
+"""Protection levels of positions of devices, and devices that the filter contradicts."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from fti.nav.protection import (
     differences,
     extrapolate_levels,
     is_beyond,
-    unchecked,
+    stated_levels,
 )
 from fti.nav.separation.protection import K_MD_AXIS, K_MD_RADIAL
 from fti.nav.source_check import SourceCheck
@@ -72,17 +72,17 @@ def test_a_fix_that_steps_back_counts_at_once_and_flight_does_not() -> None:
     assert extrapolate_levels(level, HERE, moved(10.0, 3.0, 2.0), 0.2)[:2] == pytest.approx((18.0, 22.0), abs=1e-3)
     pole = replace(HERE, lat=math.pi / 2.0)
     assert extrapolate_levels(level, pole, pole, 0.0)[:2] == pytest.approx((15.0, 20.0))
-    alone = unchecked(HERE, (5.0, 10.0))
+    alone = stated_levels(HERE, (5.0, 10.0))
     assert extrapolate_levels(alone, HERE, moved(0.0), 0.2) == alone
     assert extrapolate_levels(Protection(15.0, None), HERE, moved(10.0, up=9.0), 0.2).vertical is None
 
 
 def test_alone_it_has_the_level_of_its_own_sigma_or_of_its_kind() -> None:
-    stated = unchecked(HERE, (5.0, 10.0))
+    stated = stated_levels(HERE, (5.0, 10.0))
     assert stated[:2] == pytest.approx((4.8, 8.84))
     assert stated[2:] == ((Reason.NOTHING_TO_COMPARE,), False)
     for sd in (None, 0.0, -1.0, math.inf, math.nan):
-        found = unchecked(replace(HERE, horizontal_sd=sd, vertical_sd=sd), (5.0, 10.0))
+        found = stated_levels(replace(HERE, horizontal_sd=sd, vertical_sd=sd), (5.0, 10.0))
         assert found[:2] == pytest.approx((24.0, 44.2))
         assert found[2:] == ((Reason.NOTHING_TO_COMPARE,), True)
 
@@ -101,12 +101,12 @@ def test_a_configuration_can_demand_that_positions_are_compared(why: Reason) -> 
     state = NavState(0, AttitudeState(0.0, 0.0, 0.0, None, None), HERE, "ins", "ins", "ins")
     alone = Protection(5.0, 5.0, (why,))
     tilted = AttitudeLevels(0.001, 0.01)
-    told = {
+    outputs = {
         demand: solution(state, alone, tilted, AlertLimits(compared=demand), frozenset()) for demand in (False, True)
     }
-    assert told[False].valid
-    assert told[True].valid is (why is not Reason.NOTHING_TO_COMPARE)
-    assert told[True].reasons == ((why,) if why is Reason.NOTHING_TO_COMPARE else ())
+    assert outputs[False].valid
+    assert outputs[True].valid is (why is not Reason.NOTHING_TO_COMPARE)
+    assert outputs[True].reasons == ((why,) if why is Reason.NOTHING_TO_COMPARE else ())
 
 
 def test_a_device_that_the_filter_contradicts_is_refused_after_two_seconds() -> None:

@@ -1,4 +1,4 @@
-"""Receivers that step and stay, through the whole pipeline: what is published beside the filter until they are back in.
+"""Receivers with a lasting step, through the whole pipeline: provisional outputs until readmission.
 
 Truth, unit and receivers are those of ``receiver_flights``.
 """
@@ -40,11 +40,11 @@ class Row:
     t: float
     horizontal: float
     up: float
-    said: ProvisionalSolution | FilterSolution
+    output: ProvisionalSolution | FilterSolution
 
 
 @dataclass
-class Seen:
+class FlightLog:
     """What came out.  rows : of two outputs that have a place, in order"""
 
     rows: list[Row] = field(default_factory=list)
@@ -52,7 +52,7 @@ class Seen:
 
     @property
     def provisional(self) -> list[tuple[Row, ProvisionalSolution]]:
-        return [(row, row.said) for row in self.rows if isinstance(row.said, ProvisionalSolution)]
+        return [(row, row.output) for row in self.rows if isinstance(row.output, ProvisionalSolution)]
 
     def times(self) -> Array:
         """Of provisional solutions [s]."""
@@ -62,14 +62,14 @@ class Seen:
         return "\n".join(f"{t:.1f} s: {text}" for t, text in self.events)
 
 
-def fly(flight: Flight, fault: Fault, until_s: float, readmit_s: float = np.inf) -> Seen:
+def fly(flight: Flight, fault: Fault, until_s: float, readmit_s: float = np.inf) -> FlightLog:
     """Of a receiver gnss, inertial unit and barometer; the operator readmits the receiver at ``readmit_s``."""
-    pipeline, seen = Pipeline(config(tuple(flight.receivers), True), None), Seen()
+    pipeline, log = Pipeline(config(tuple(flight.receivers), True), None), FlightLog()
     truth, queue = flight.truth.state(flight.t), measurements(flight, {"gnss": fault}, True)
     at_s, device, m = next(queue)
     for k, t in enumerate(flight.t[flight.t < until_s].tolist()):
         t_ns = T0 + round(t * SECOND_NS)
-        stamp, row = Stamp(t_ns), flight.felt[k].tolist()
+        stamp, row = Stamp(t_ns), flight.imu[k].tolist()
         out = pipeline.feed("imu", ImuSample(stamp=stamp, accel_b=tuple(row[:3]), gyro_b=tuple(row[3:])))
         roll, pitch, heading = (float(getattr(truth, name)[k]) for name in ("roll", "pitch", "heading"))
         out += pipeline.feed("imu", Attitude(stamp=stamp, roll=roll, pitch=pitch, heading=heading))
@@ -79,13 +79,13 @@ def fly(flight: Flight, fault: Fault, until_s: float, readmit_s: float = np.inf)
         if t >= readmit_s:
             out, readmit_s = [*out, *pipeline.readmit("gnss", t_ns)], np.inf
         for each in (*out, *pipeline.tick(t_ns)):
-            _note(seen, each, t, flight)
-    return seen
+            _record(log, each, t, flight)
+    return log
 
 
-def _note(seen: Seen, each: object, t: float, flight: Flight) -> None:
+def _record(log: FlightLog, each: object, t: float, flight: Flight) -> None:
     if isinstance(each, Event):
-        seen.events.append((t, f"{each.source}: {each.text}"))
+        log.events.append((t, f"{each.source}: {each.text}"))
     elif isinstance(each, ProvisionalSolution | FilterSolution) and each.lat is not None:
         assert each.lon is not None
         assert each.alt is not None
@@ -93,7 +93,7 @@ def _note(seen: Seen, each: object, t: float, flight: Flight) -> None:
         meridian, normal = (float(r[0]) for r in radii(state.lat))
         north = (each.lat - float(state.lat[0])) * meridian
         east = (each.lon - float(state.lon[0])) * normal * float(np.cos(state.lat[0]))
-        seen.rows.append(Row(t, float(np.hypot(north, east)), each.alt - float(state.alt[0]), each))
+        log.rows.append(Row(t, float(np.hypot(north, east)), each.alt - float(state.alt[0]), each))
 
 
 def constant(*metres: float) -> Callable[[Array], Array]:
@@ -117,58 +117,60 @@ def drawn_away(begin: float, rate: float, seconds: float) -> Fault:
 STEP = offset_after(BEGIN, constant(0.0, 100.0, 0.0))
 
 
-def assert_never_valid_and_covered(seen: Seen) -> None:
-    for row, said in seen.provisional:
-        assert not said.valid
-        assert said.reasons == (Reason.UNCONFIRMED,)
-        assert said.hpl is not None
-        assert said.vpl is not None
-        assert row.horizontal <= said.hpl, row
-        assert abs(row.up) <= said.vpl, row
-        assert "fti readmit" in said.readmission
+def assert_never_valid_and_covered(log: FlightLog) -> None:
+    for row, output in log.provisional:
+        assert not output.valid
+        assert output.reasons == (Reason.UNCONFIRMED,)
+        assert output.hpl is not None
+        assert output.vpl is not None
+        assert row.horizontal <= output.hpl, row
+        assert abs(row.up) <= output.vpl, row
+        assert "fti readmit" in output.readmission
 
 
-def numbers(said: ProvisionalSolution | FilterSolution, *names: str) -> dict[str, float]:
-    found = {name: getattr(said, name) for name in names}
+def numbers(output: ProvisionalSolution | FilterSolution, *names: str) -> dict[str, float]:
+    found = {name: getattr(output, name) for name in names}
     assert None not in found.values()
     return found
 
 
-def filtered(seen: Seen, from_s: float, to_s: float) -> list[Row]:
-    return [row for row in seen.rows if isinstance(row.said, FilterSolution) and from_s <= row.t < to_s]
+def filtered(log: FlightLog, from_s: float, to_s: float) -> list[Row]:
+    return [row for row in log.rows if isinstance(row.output, FilterSolution) and from_s <= row.t < to_s]
 
 
 @pytest.fixture(scope="module")
-def stepped() -> Seen:
+def stepped() -> FlightLog:
     """100 m east from 30 s on; the operator readmits the receiver at 75 s."""
     return fly(draw(0), STEP, 85.0, readmit_s=75.0)
 
 
-def test_a_receiver_that_steps_and_stays_has_a_provisional_filter_until_the_operator_readmits_it(stepped: Seen) -> None:
+def test_a_receiver_that_steps_and_stays_has_a_provisional_filter_until_the_operator_readmits_it(
+    stepped: FlightLog,
+) -> None:
     """The filter goes on without it, and follows it once it is readmitted."""
-    seen = stepped
-    times = seen.times()
-    assert BEGIN + 30.0 <= times[0] <= BEGIN + 33.0, seen.texts()
+    log = stepped
+    times = log.times()
+    assert BEGIN + 30.0 <= times[0] <= BEGIN + 33.0, log.texts()
     assert 74.5 <= times[-1] <= 75.1
     assert np.max(np.diff(times)) < 0.45, "without a break; ticks have half of the live rate here"
-    assert_never_valid_and_covered(seen)
-    assert all(92.0 < row.horizontal < 108.0 and abs(row.up) < 8.0 for row, _ in seen.provisional)
-    assert all(said.horizontal_sd is not None and said.horizontal_sd < 3.0 for _, said in seen.provisional)
-    assert {said.quantities for _, said in seen.provisional} == {("position", "height", "velocity")}
-    assert all("a step back" in said.readmission for _, said in seen.provisional)
-    apart = filtered(seen, BEGIN, 75.0)
-    assert all(row.horizontal < 40.0 for row in apart), "the filter does not follow it"
-    assert all(isinstance(row.said, FilterSolution) and row.horizontal < (row.said.hpl or 0.0) for row in apart)
-    assert all(92.0 < row.horizontal < 108.0 for row in filtered(seen, 77.0, 85.0)), seen.texts()
-    assert "nav: gnss: refused" not in seen.texts()
+    assert_never_valid_and_covered(log)
+    assert all(92.0 < row.horizontal < 108.0 and abs(row.up) < 8.0 for row, _ in log.provisional)
+    assert all(output.horizontal_sd is not None and output.horizontal_sd < 3.0 for _, output in log.provisional)
+    assert {output.quantities for _, output in log.provisional} == {("position", "height", "velocity")}
+    assert all("a step back" in output.readmission for _, output in log.provisional)
+    rows = filtered(log, BEGIN, 75.0)
+    assert all(row.horizontal < 40.0 for row in rows), "the filter does not follow it"
+    assert all(isinstance(row.output, FilterSolution) and row.horizontal < (row.output.hpl or 0.0) for row in rows)
+    assert all(92.0 < row.horizontal < 108.0 for row in filtered(log, 77.0, 85.0)), log.texts()
+    assert "nav: gnss: refused" not in log.texts()
 
 
-def test_its_level_is_the_distance_from_the_filter_and_what_that_may_be_wrong(stepped: Seen) -> None:
+def test_its_level_is_the_distance_from_the_filter_and_what_that_may_be_wrong(stepped: FlightLog) -> None:
     """3.72 and 3.09 sigma of the filter, or more where its copies have drifted further."""
-    places = {row.said.t_ns: row.said for row in filtered(stepped, BEGIN, 75.0)}
-    for _, said in stepped.provisional:
-        here = numbers(places[said.t_ns], "lat", "lon", "alt", "horizontal_sd", "vertical_sd", "hpl", "vpl")
-        found = numbers(said, "lat", "lon", "alt", "distance", "height_difference", "hpl", "vpl")
+    places = {row.output.t_ns: row.output for row in filtered(stepped, BEGIN, 75.0)}
+    for _, output in stepped.provisional:
+        here = numbers(places[output.t_ns], "lat", "lon", "alt", "horizontal_sd", "vertical_sd", "hpl", "vpl")
+        found = numbers(output, "lat", "lon", "alt", "distance", "height_difference", "hpl", "vpl")
         meridian, normal = (float(r) for r in radii(here["lat"]))
         north = (found["lat"] - here["lat"]) * (meridian + here["alt"])
         east = (found["lon"] - here["lon"]) * (normal + here["alt"]) * np.cos(here["lat"])
@@ -180,69 +182,69 @@ def test_its_level_is_the_distance_from_the_filter_and_what_that_may_be_wrong(st
 
 
 def test_a_receiver_that_steps_back_is_not_unconfirmed_any_more() -> None:
-    seen = fly(draw(0), offset_after(BEGIN, until(40.0, constant(0.0, 100.0, 0.0))), 106.0)
-    assert seen.times()[0] <= BEGIN + 33.0
-    assert 70.0 <= seen.times()[-1] <= 74.5, seen.texts()
-    assert_never_valid_and_covered(seen)
-    assert any("position valid again" in text for _, text in seen.events)
+    log = fly(draw(0), offset_after(BEGIN, until(40.0, constant(0.0, 100.0, 0.0))), 106.0)
+    assert log.times()[0] <= BEGIN + 33.0
+    assert 70.0 <= log.times()[-1] <= 74.5, log.texts()
+    assert_never_valid_and_covered(log)
+    assert any("position valid again" in text for _, text in log.events)
 
 
 def test_a_receiver_that_the_filter_excludes_has_one_too() -> None:
     """Drawn away with its velocity: its own tests see nothing.  It begins 30 s after the exclusion."""
-    seen = fly(draw(0), drawn_away(BEGIN_DRAWN, 5.0, 20.0), 110.0, readmit_s=105.0)
-    excluded = next(t for t, text in seen.events if "nav: gnss: refused" in text)
-    assert excluded + 29.0 <= seen.times()[0] <= excluded + 33.0
-    assert 104.5 <= seen.times()[-1] <= 105.1
-    assert_never_valid_and_covered(seen)
-    assert all(92.0 < row.horizontal < 108.0 for row, _ in seen.provisional)
-    said = seen.provisional[0][1].readmission
-    assert "a step back" in said
-    assert "a sigma of the filter" not in said, "its velocity is too noisy to show a contradiction of that size"
-    assert "'fti readmit gnss'" in said
+    log = fly(draw(0), drawn_away(BEGIN_DRAWN, 5.0, 20.0), 110.0, readmit_s=105.0)
+    excluded = next(t for t, text in log.events if "nav: gnss: refused" in text)
+    assert excluded + 29.0 <= log.times()[0] <= excluded + 33.0
+    assert 104.5 <= log.times()[-1] <= 105.1
+    assert_never_valid_and_covered(log)
+    assert all(92.0 < row.horizontal < 108.0 for row, _ in log.provisional)
+    output = log.provisional[0][1].readmission
+    assert "a step back" in output
+    assert "a sigma of the filter" not in output, "its velocity is too noisy to show a contradiction of that size"
+    assert "'fti readmit gnss'" in output
 
 
 def test_a_height_alone_is_unconfirmed_alone() -> None:
     """47 m up; the position goes on aiding, and the level is vertical."""
-    seen = fly(draw(0), offset_after(BEGIN, constant(0.0, 0.0, -47.0)), 85.0, readmit_s=75.0)
-    assert {said.quantities for _, said in seen.provisional} == {("height",)}
-    assert BEGIN + 30.0 <= seen.times()[0] <= BEGIN + 33.0
-    assert seen.times()[-1] <= 75.1
-    assert_never_valid_and_covered(seen)
-    assert all(row.horizontal < 8.0 and 35.0 < row.up < 59.0 for row, _ in seen.provisional)
+    log = fly(draw(0), offset_after(BEGIN, constant(0.0, 0.0, -47.0)), 85.0, readmit_s=75.0)
+    assert {output.quantities for _, output in log.provisional} == {("height",)}
+    assert BEGIN + 30.0 <= log.times()[0] <= BEGIN + 33.0
+    assert log.times()[-1] <= 75.1
+    assert_never_valid_and_covered(log)
+    assert all(row.horizontal < 8.0 and 35.0 < row.up < 59.0 for row, _ in log.provisional)
     assert all(
-        "fti readmit" in said.readmission and "independent" not in said.readmission for _, said in seen.provisional
+        "fti readmit" in output.readmission and "independent" not in output.readmission for _, output in log.provisional
     )
-    assert all(35.0 < row.up < 59.0 for row in filtered(seen, 77.0, 85.0)), seen.texts()
+    assert all(35.0 < row.up < 59.0 for row in filtered(log, 77.0, 85.0)), log.texts()
 
 
 def test_one_that_its_own_tests_refuse_again_is_unconfirmed_anew_after_30_s() -> None:
     """Another 60 m north at 70 s."""
-    seen = fly(draw(0), lambda fixes: offset_after(70.0, constant(60.0, 0.0, 0.0))(STEP(fixes)), 105.0)
-    times = seen.times()
-    assert not np.any((times > 74.5) & (times < 100.0)), seen.texts()
+    log = fly(draw(0), lambda fixes: offset_after(70.0, constant(60.0, 0.0, 0.0))(STEP(fixes)), 105.0)
+    times = log.times()
+    assert not np.any((times > 74.5) & (times < 100.0)), log.texts()
     assert np.any(times > 103.5)
-    assert_never_valid_and_covered(seen)
-    assert all(108.0 < row.horizontal < 125.0 for row, _ in seen.provisional if row.t > 100.0)
+    assert_never_valid_and_covered(log)
+    assert all(108.0 < row.horizontal < 125.0 for row, _ in log.provisional if row.t > 100.0)
 
 
 def test_one_that_contradicts_its_own_provisional_filter_loses_it_for_30_s() -> None:
     """From 70 s on it is drawn away by 5 m/s with its velocity, which its own tests do not see."""
-    seen = fly(draw(0), lambda fixes: drawn_away(70.0, 5.0, 20.0)(STEP(fixes)), 114.0)
-    times = seen.times()
+    log = fly(draw(0), lambda fixes: drawn_away(70.0, 5.0, 20.0)(STEP(fixes)), 114.0)
+    times = log.times()
     last = max(times[times < 95.0])
-    assert 75.0 <= last <= 82.0, seen.texts()
+    assert 75.0 <= last <= 82.0, log.texts()
     assert last + 30.0 <= min(times[times > last]) <= last + 33.0
-    assert_never_valid_and_covered(seen)
+    assert_never_valid_and_covered(log)
 
 
 def test_it_ends_when_the_receiver_is_silent_or_the_filter_has_nothing_to_run_on() -> None:
-    seen = fly(draw(0), lambda fixes: silent(66.0, 99.0)(STEP(fixes)), 74.0)
-    assert 68.5 <= seen.times()[-1] <= 70.6
+    log = fly(draw(0), lambda fixes: silent(66.0, 99.0)(STEP(fixes)), 74.0)
+    assert 68.5 <= log.times()[-1] <= 70.6
     flight = draw(0)
-    kept = (flight.t < 66.0) | (flight.t >= 66.5)
-    seen = fly(replace(flight, t=flight.t[kept], felt=flight.felt[kept]), STEP, 74.0)
-    assert seen.times()[0] <= BEGIN + 33.0
-    assert seen.times()[-1] <= 66.1
+    is_kept = (flight.t < 66.0) | (flight.t >= 66.5)
+    log = fly(replace(flight, t=flight.t[is_kept], imu=flight.imu[is_kept]), STEP, 74.0)
+    assert log.times()[0] <= BEGIN + 33.0
+    assert log.times()[-1] <= 66.1
 
 
 def test_measurements_that_are_no_numbers_aid_nothing() -> None:
@@ -253,10 +255,10 @@ def test_measurements_that_are_no_numbers_aid_nothing() -> None:
             STEP(fixes), lat=np.where(fixes.t > BEGIN + 5.0, STEP(replace(fixes, lat=lat)).lat, STEP(fixes).lat)
         )
 
-    seen = fly(draw(0), broken, 68.0)
-    assert seen.provisional
-    assert all(np.isfinite([row.horizontal, row.up]).all() for row, _ in seen.provisional)
-    assert_never_valid_and_covered(seen)
+    log = fly(draw(0), broken, 68.0)
+    assert log.provisional
+    assert all(np.isfinite([row.horizontal, row.up]).all() for row, _ in log.provisional)
+    assert_never_valid_and_covered(log)
 
 
 FAR = offset_after(BEGIN, constant(0.0, 3000.0, 0.0))

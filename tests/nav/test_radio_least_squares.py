@@ -159,8 +159,8 @@ def test_tests_name_the_range_that_is_wrong() -> None:
 
 def test_the_data_sheet_of_the_altimeter() -> None:
     feet = np.array([-5000.0, 50.0, 100.0, 101.0, 2500.0, 5000.0, 7000.0, 10_000.0, 20_000.0])
-    most = np.array([2.0, 2.0, 2.0, 2.02, 50.0, 100.0, 100.0, 100.0, 200.0])
-    assert altimeter_sd(0.3048 * feet) == pytest.approx(0.3048 * most / math.sqrt(3.0), rel=1e-9)
+    limits_ft = np.array([2.0, 2.0, 2.0, 2.02, 50.0, 100.0, 100.0, 100.0, 200.0])
+    assert altimeter_sd(0.3048 * feet) == pytest.approx(0.3048 * limits_ft / math.sqrt(3.0), rel=1e-9)
     errors = np.random.default_rng(4).uniform(-1.0, 1.0, 100_000)
     assert errors.std() == pytest.approx(UNIFORM, rel=0.01)
     assert HG9550[0].up_to == pytest.approx(30.48)

@@ -1,4 +1,4 @@
-"""Radio navigation live: which height is taken, what is refused, and inputs that must not become a position."""
+"""Live radio navigation: choice of the height, refusals, and inputs that must not become a position."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ def test_two_stations_crossed_between_are_no_position_on_the_wrong_side() -> Non
     line = np.array([STATIONS["b"].lat - STATIONS["a"].lat, (STATIONS["b"].lon - STATIONS["a"].lon) * math.cos(lat)])
     across = np.array([-line[1], line[0]]) / np.linalg.norm(line)
     radio = RadioNavigator(STATIONS)
-    told = 0
+    solved = 0
     for k in range(-300, 300, 2):
         way = 60.0 * k * across / radius
         here = GeodeticPoint(lat + way[0] + 1e-4, lon + way[1] / math.cos(lat), 1500.0)
@@ -115,13 +115,13 @@ def test_two_stations_crossed_between_are_no_position_on_the_wrong_side() -> Non
         radio.feed_height(T + k * S, 900.0, 1.0, GROUND, 2.0)
         state = radio.at(T + k * S)
         if state.valid and state.lat is not None and state.lon is not None and state.horizontal_sd is not None:
-            told += 1
+            solved += 1
             off_m = math.hypot(state.lat - here.lat, (state.lon - here.lon) * math.cos(lat)) * radius
             assert off_m < 3.0 * state.horizontal_sd, k
-    assert told > 50
+    assert solved > 50
 
 
-def test_a_last_position_of_long_ago_does_not_tell_the_side() -> None:
+def test_an_old_last_position_does_not_determine_the_side() -> None:
     radio = RadioNavigator(STATIONS)
     feed(radio)
     assert feed(radio, T + 20 * S, fix=False, stations="ab").valid
@@ -129,7 +129,7 @@ def test_a_last_position_of_long_ago_does_not_tell_the_side() -> None:
 
 
 def test_what_is_old_and_moved_is_less_certain() -> None:
-    """A fix of a second ago says nothing to 3 m when nobody knows how fast one flies, or one may have turned."""
+    """A fix of a second ago is not accurate to 3 m with an unknown velocity or after a possible turn."""
 
     def level_sd(velocity_age_s: float | None) -> float:
         radio = RadioNavigator({})
@@ -178,7 +178,7 @@ def test_a_wrong_fix_is_refused_when_four_stations_and_the_altimeter_say_so() ->
     assert off(state) < 1.0
 
 
-def test_what_cannot_be_told_apart_is_not_valid() -> None:
+def test_an_ambiguous_solution_is_not_valid() -> None:
     radio = RadioNavigator(STATIONS)
     feed(radio)
     radio.feed_dme(T + 5 * S + 1, "a", distance("a") + 9000.0)
@@ -249,8 +249,8 @@ def test_satellites_in_one_plane_do_not_weigh() -> None:
     assert radio.at(T).valid
 
 
-def test_where_the_receiver_says_that_it_is_worse_than_its_satellites_it_is() -> None:
-    """A good sky says nothing of jamming, mirrored signals or dead reckoning: 3 m of it had counted for 30."""
+def test_a_larger_stated_sigma_of_the_receiver_is_used() -> None:
+    """A good sky does not exclude jamming, reflections or dead reckoning: 3 m had been used for 30 m."""
     radio = RadioNavigator({})
     radio.feed_satellites(T, AZIMUTH, ELEVATION)
     radio.feed_fix(T, HERE, 30.0, 50.0)
@@ -279,7 +279,7 @@ def test_poles_and_the_date_line() -> None:
         assert np.linalg.norm(ecef_from_geodetic(state.lat, state.lon, state.alt) - here_e) < 1.0
 
 
-def test_satellites_of_long_ago_say_nothing_of_a_fix_of_now() -> None:
+def test_old_satellite_directions_are_not_used_for_a_fix() -> None:
     """In a bank, or behind a mountain, others are used: the sigmas that the fix states count."""
     radio = RadioNavigator(STATIONS)
     radio.feed_satellites(T, AZIMUTH, ELEVATION)

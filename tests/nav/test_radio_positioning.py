@@ -1,4 +1,4 @@
-"""Radio navigation fed by devices: of the antenna's place and of the ground below a doubtful one."""
+"""Radio navigation with devices: lever arm of the antenna, and ground below an uncertain position."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ DEVICES = {"gnss": Device(name="gnss", link="l", driver="d", lever_arm_b=(1.0, 0
 FIX = Position(stamp=Stamp(T0), lat=LAT, lon=0.2, alt=701.5, horizontal_sd=3.0, vertical_sd=10.0)
 
 
-def flown() -> RadioPosition:
+def fed_radio() -> RadioPosition:
     radio = RadioPosition(Radio(receiver="gnss", altimeter="laser"), DEVICES)
     radio.feed("gnss", FIX, T0)
     return radio
@@ -28,7 +28,7 @@ def flown() -> RadioPosition:
 
 def over_slope(place_sd: float, compensated: float | None = None) -> PositionFix:
     """A laser 200 m above a slope of 0.2, at a place that is known to so many metres."""
-    radio = flown()
+    radio = fed_radio()
     posts = 100.0 + 0.2 * np.arange(0.0, 4001.0, 20.0)[:, None] + np.zeros((1, 201))
     terrain = Terrain.from_array(posts, 20.0, lat0=LAT, lon0=0.2, east0=-2000.0, north0=-2000.0)
     radio.set_terrain(Ground(terrain, 1.0, "slope"))
@@ -52,7 +52,7 @@ def over_slope(place_sd: float, compensated: float | None = None) -> PositionFix
 
 
 def test_the_altitude_is_that_of_p() -> None:
-    assert flown().solution(T0).alt == pytest.approx(700.0, abs=1e-6)
+    assert fed_radio().solution(T0).alt == pytest.approx(700.0, abs=1e-6)
 
 
 def test_over_a_slope_the_altimeter_gives_an_altitude_where_the_place_is_known() -> None:
@@ -74,7 +74,7 @@ SKY = tuple(
 
 
 def with_sky(*after: Satellites) -> float:
-    """Sigma of a height that is stated to 0.1 m, when the sky has been told, and then this."""
+    """Sigma of a height with a stated sigma of 0.1 m, after satellite directions and then this message."""
     radio = RadioPosition(Radio(receiver="gnss"), DEVICES)
     for m in (Satellites(stamp=Stamp(T0), satellites=SKY), *after):
         radio.feed("gnss", m, T0)
@@ -85,18 +85,18 @@ def with_sky(*after: Satellites) -> float:
 
 
 def test_a_message_without_directions_takes_no_sky_away() -> None:
-    """NAV-PVT and GGA say how many are used, GSA and PSRDOP which, SATVIS2 where all are: none says where those are."""
+    """NAV-PVT and GGA have the number, GSA and PSRDOP the names, SATVIS2 all directions: none has those used."""
     assert with_sky() > 2.0
     which = tuple(Satellite(system="gps", number=n, used=True) for n in range(5))
     where = tuple(dataclasses.replace(s, used=None) for s in SKY)
-    for told in ((), which, where):
-        assert with_sky(Satellites(stamp=Stamp(T0), satellites=told, used=5)) == with_sky()
+    for satellites in ((), which, where):
+        assert with_sky(Satellites(stamp=Stamp(T0), satellites=satellites, used=5)) == with_sky()
     none_used = tuple(dataclasses.replace(s, used=False) for s in SKY)
     assert with_sky(Satellites(stamp=Stamp(T0), satellites=none_used)) == pytest.approx(0.1, rel=1e-6)
 
 
 def test_a_receiver_that_the_filter_excludes_gives_no_fix_any_more() -> None:
-    radio = flown()
+    radio = fed_radio()
     radio.refuse(frozenset({"gnss"}))
     later = T0 + 2 * 10**9
     radio.feed("gnss", dataclasses.replace(FIX, stamp=Stamp(later), alt=760.0), later)

@@ -25,14 +25,14 @@ def test_hash_is_of_the_content(reference: ApproachReference) -> None:
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "said"),
+    ("old", "new", "message"),
     [
         ("# fti reference", "# reference", r"r\.csv:1: "),
         ("# limits.t2 = 9.0", "# limits.t2 = -9.0", r"r\.csv:\d+: limits\.t2 = -9\.0"),
         ("# limits.t2 = 9.0\n", "", r"r\.csv: limits\.t2: missing"),
         ("# limits.t2 = 9.0", "# limits.t2 = nine", r"r\.csv:\d+: limits\.t2 = nine: is not a value"),
         ("# limits.t2 = 9.0", "limits.t2 = 9.0", r"r\.csv:\d+: 'limits\.t2 = 9\.0': must be"),
-        ("# limits.t2 = 9.0", "# limits.t1 = 9.0", r"r\.csv:\d+: limits\.t1: stands twice"),
+        ("# limits.t2 = 9.0", "# limits.t1 = 9.0", r"r\.csv:\d+: limits\.t1: defined twice"),
         ('"radar"', '"sonar"', r"r\.csv:\d+: sensor\.kind = 'sonar'"),
         ("s_m,z_ref_m", "s,z", r"is missing"),
         ("\n-195.000,", "\n-194.000,", r"r\.csv:\d+: s_m = -194\.0: must be -195\.0"),
@@ -40,10 +40,10 @@ def test_hash_is_of_the_content(reference: ApproachReference) -> None:
         ("\n-195.000,", "\nnan,", r"must be 4 numbers"),
     ],
 )
-def test_mistakes_name_file_line_and_key(reference: ApproachReference, old: str, new: str, said: str) -> None:
+def test_mistakes_name_file_line_and_key(reference: ApproachReference, old: str, new: str, message: str) -> None:
     text = reference.to_text()
     assert old in text
-    with pytest.raises(ConfigError, match=said):
+    with pytest.raises(ConfigError, match=message):
         ApproachReference.parse(text.replace(old, new), "r.csv")
 
 
@@ -71,7 +71,7 @@ def test_the_window_holds_8_correlation_lengths(reference: ApproachReference) ->
 
 
 @pytest.mark.parametrize(
-    ("changed", "said"),
+    ("changed", "message"),
     [
         ({"window_m": 3005.0}, r"r\.csv: profile\.window_m = 3005\.0: must be at most s_max_m = 3000\.0"),
         ({"ds_m": 7.0}, r"r\.csv: profile\.ds_m = 7\.0: must divide the margin, 200\.0"),
@@ -81,12 +81,12 @@ def test_the_window_holds_8_correlation_lengths(reference: ApproachReference) ->
     ],
 )
 def test_a_window_lies_on_the_grid_with_all_its_shifts(
-    reference: ApproachReference, changed: dict[str, float], said: str
+    reference: ApproachReference, changed: dict[str, float], message: str
 ) -> None:
     """What lies beyond is read by compiled code, from whatever memory is there."""
     profile = reference.header.profile.model_copy(update=changed)
     broken = dataclasses.replace(reference, header=reference.header.model_copy(update={"profile": profile}))
-    with pytest.raises(ConfigError, match=said):
+    with pytest.raises(ConfigError, match=message):
         ApproachReference.parse(broken.to_text(), "r.csv")
 
 

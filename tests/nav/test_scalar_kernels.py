@@ -81,16 +81,16 @@ def by_arrays(sensor: RangingSensor, ground: Ground, nav: NavState) -> Predictio
 
 
 @pytest.mark.parametrize(("kind", "model"), list(SENSORS))
-def test_one_pose_at_once_is_what_the_arrays_say(ground: Ground, kind: str, model: str) -> None:
-    expectation = AltimeterPredictor(device(kind, model), ground)
+def test_one_pose_gives_the_result_of_the_arrays(ground: Ground, kind: str, model: str) -> None:
+    predictor = AltimeterPredictor(device(kind, model), ground)
     errors = ErrorModel(pose_cov((FLAT_SD, FLAT_SD, HIGH_SD), (TILT_SD, TILT_SD, HEADING_SD)), RANGE_SD, DEM_SD)
-    seen = 0
+    n_expected = 0
     for nav in poses(12):
-        there, here = by_arrays(SENSORS[kind, model], ground, nav), expectation.at(nav, RANGE_SD)
+        there, here = by_arrays(SENSORS[kind, model], ground, nav), predictor.predict(nav, RANGE_SD)
         assert isinstance(here, ExpectedSample) == bool(there.valid[0])
         if not isinstance(here, ExpectedSample):
             continue
-        seen += 1
+        n_expected += 1
         assert nav.position is not None
         place = ground.terrain.frame.to_local(nav.position.lat, nav.position.lon, nav.position.alt or 0.0)
         nearest = kind == "radar"
@@ -106,25 +106,25 @@ def test_one_pose_at_once_is_what_the_arrays_say(ground: Ground, kind: str, mode
         ]
         for mine, theirs, within in pairs:
             assert mine == pytest.approx(float(theirs[0]), abs=within)
-    assert seen >= 8
+    assert n_expected >= 8
 
 
 @pytest.mark.parametrize(("kind", "model"), list(SENSORS))
 def test_bias_and_scale_of_an_altimeter_are_expected_of_it(ground: Ground, kind: str, model: str) -> None:
-    """Range alone: what is told of the ray, of the ground and of the place stays as it is."""
+    """Only the range changes; values of the ray, the ground and the position stay the same."""
     bare = device(kind, model)
     assert bare.altimeter is not None
     wrong = bare.altimeter.model_copy(update={"bias_m": 2.0, "scale": 1.01})
     biased = AltimeterPredictor(bare.model_copy(update={"altimeter": wrong}), ground)
     for nav in poses(6):
-        there, here = AltimeterPredictor(bare, ground).at(nav, RANGE_SD), biased.at(nav, RANGE_SD)
+        there, here = AltimeterPredictor(bare, ground).predict(nav, RANGE_SD), biased.predict(nav, RANGE_SD)
         if isinstance(there, ExpectedSample) and isinstance(here, ExpectedSample):
             assert here.slant_range == pytest.approx(1.01 * there.slant_range + 2.0)
             assert dataclasses.replace(here, slant_range=there.slant_range) == there
 
 
 def test_the_threshold_of_the_leading_edge_is_that_of_the_configuration(ground: Ground) -> None:
-    """A deeper one hears the ground earlier, nowhere later."""
+    """A lower threshold detects the ground earlier, never later."""
     bare = device("radar", "beam")
     assert bare.altimeter is not None
     found = []
@@ -132,7 +132,10 @@ def test_the_threshold_of_the_leading_edge_is_that_of_the_configuration(ground: 
         altimeter = bare.altimeter.model_copy(update={"threshold_db": level})
         one = AltimeterPredictor(bare.model_copy(update={"altimeter": altimeter}), ground)
         found.append(
-            [e.slant_range if isinstance(e := one.at(nav, RANGE_SD), ExpectedSample) else math.nan for nav in poses(12)]
+            [
+                e.slant_range if isinstance(e := one.predict(nav, RANGE_SD), ExpectedSample) else math.nan
+                for nav in poses(12)
+            ]
         )
     default, quarter, deep = np.array(found)
     assert np.nanmax(np.abs(default - quarter)) < 1e-3
@@ -140,47 +143,47 @@ def test_the_threshold_of_the_leading_edge_is_that_of_the_configuration(ground: 
     assert np.nanmean(default - deep) > 1.0
 
 
-def test_why_the_ground_cannot_be_asked_is_said(ground: Ground) -> None:
-    expectation = AltimeterPredictor(device("laser"), ground)
+def test_the_reason_for_a_missing_prediction_is_returned(ground: Ground) -> None:
+    predictor = AltimeterPredictor(device("laser"), ground)
     level = AttitudeState(0.0, 0.0, 0.0, None, None)
 
-    def told(
+    def predict(
         attitude: AttitudeState | None, lat: float | None = None, lon: float = 0.0, alt: float | None = None
     ) -> ExpectedSampleOrReason:
         position = None if lat is None else PositionState(lat, lon, alt, None, None, None, None, None, 0)
-        return expectation.at(NavState(0, attitude, position, None, None), None)
+        return predictor.predict(NavState(0, attitude, position, None, None), None)
 
-    assert isinstance(told(level, LAT, LON, 500.0), ExpectedSample)
-    assert told(level) is Reason.NO_POSITION
-    assert told(None, LAT, LON, 500.0) is Reason.NO_ATTITUDE
-    assert told(level, LAT, LON, None) is Reason.NO_ALTITUDE
-    assert told(AttitudeState(0.0, 0.0, None, None, None), LAT, LON, 500.0) is Reason.NO_HEADING
-    assert told(level, LAT + 0.01, LON, 500.0) is Reason.TERRAIN_EDGE
-    assert told(level, LAT, LON, 100.0) is Reason.HEIGHT_ERROR  # below the ground
-    assert isinstance(told(level, LAT, LON, 9000.0), NoGround)
+    assert isinstance(predict(level, LAT, LON, 500.0), ExpectedSample)
+    assert predict(level) is Reason.NO_POSITION
+    assert predict(None, LAT, LON, 500.0) is Reason.NO_ATTITUDE
+    assert predict(level, LAT, LON, None) is Reason.NO_ALTITUDE
+    assert predict(AttitudeState(0.0, 0.0, None, None, None), LAT, LON, 500.0) is Reason.NO_HEADING
+    assert predict(level, LAT + 0.01, LON, 500.0) is Reason.TERRAIN_EDGE
+    assert predict(level, LAT, LON, 100.0) is Reason.HEIGHT_ERROR  # below the ground
+    assert isinstance(predict(level, LAT, LON, 9000.0), NoGround)
     for nothing in (math.nan, math.inf, 1e300):
-        assert told(level, LAT, LON, nothing) is Reason.NO_ALTITUDE
-        assert isinstance(told(level, nothing, LON, 500.0), Reason)
+        assert predict(level, LAT, LON, nothing) is Reason.NO_ALTITUDE
+        assert isinstance(predict(level, nothing, LON, 500.0), Reason)
     for lat in (math.pi / 2, -math.pi / 2):
-        assert isinstance(told(level, lat, math.pi, 500.0), Reason)
-    straight_up = told(AttitudeState(0.0, math.pi / 2, 1.0, None, None), LAT, LON, 500.0)
+        assert isinstance(predict(level, lat, math.pi, 500.0), Reason)
+    straight_up = predict(AttitudeState(0.0, math.pi / 2, 1.0, None, None), LAT, LON, 500.0)
     assert not isinstance(straight_up, ExpectedSample) or math.isfinite(straight_up.slant_range)
 
 
-def test_before_time_matters_a_beam_is_warmed_up_both_ways(ground: Ground, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Compiled for one pose; and as arrays, which have what is not ordinary: it must not be compiled in flight."""
-    seen: list[str] = []
+def test_warm_up_compiles_single_poses_and_arrays(ground: Ground, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Both paths are compiled before the flight; the arrays serve the cases that are not ordinary."""
+    calls: list[str] = []
 
     def watch(owner: type, name: str) -> None:
         real = getattr(owner, name)
 
         def spy(self: Any, *args: Any) -> Any:
-            seen.append(name)
+            calls.append(name)
             return real(self, *args)
 
         monkeypatch.setattr(owner, name, spy)
 
-    watch(SinglePoseRadar, "_judged")
+    watch(SinglePoseRadar, "_evaluate")
     watch(RadarAltimeter, "measure")
     warm_up(device("radar", "beam"), ground)
-    assert seen == ["_judged", "measure"]
+    assert calls == ["_evaluate", "measure"]

@@ -1,4 +1,4 @@
-"""Fields from the axes of a case to those of the aircraft."""
+"""Rotation of measurements from sensor axes to body axes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Copies of the filter that go without a source: they follow it exactly, and d has the sigma that P_i - P_0 says.
+"""Copies of the filter without a source: they follow it exactly, and d has the sigma of P_i - P_0.
 
 The truth is that of ``receiver_flights``.  What a copy must be comes from the filter itself, flown without the source.
 """
@@ -31,7 +31,7 @@ def ns(t: float) -> int:
     return T0 + round(t * SECOND_NS)
 
 
-def begun(flight: Flight) -> InertialNavigator:
+def started(flight: Flight) -> InertialNavigator:
     state = flight.truth.state(flight.t[:1])
     north, east, down = state.vel_n[0].tolist()
     start = InitialState(
@@ -39,7 +39,7 @@ def begun(flight: Flight) -> InertialNavigator:
         float(state.pitch[0]), float(state.heading[0]), (2.0,) * 3, (0.2,) * 3, (0.005, 0.005, 0.01),
     )  # fmt: skip
     navigator = InertialNavigator(MODEL)
-    navigator.begin(ns(0.0) - 1, start, flight.felt[0, :3], flight.felt[0, 3:])
+    navigator.begin(ns(0.0) - 1, start, flight.imu[0, :3], flight.imu[0, 3:])
     return navigator
 
 
@@ -53,7 +53,7 @@ def fly(navigator: InertialNavigator, flight: Flight, until: float, lost_from: f
     """Every third fix, half a second late: the filter does again what came before."""
     fixes, taken = flight.receivers["gnss"], 0
     for k, t in enumerate(flight.t[flight.t < until].tolist()):
-        navigator.feed_inertial(ns(t), flight.felt[k, :3].tolist(), flight.felt[k, 3:].tolist())
+        navigator.feed_inertial(ns(t), flight.imu[k, :3].tolist(), flight.imu[k, 3:].tolist())
         while fixes.t[taken] < t - 0.5:
             at = float(fixes.t[taken])
             if at < lost_from and taken % 3 == 0:
@@ -67,12 +67,12 @@ def test_one_transition_for_all_steps_is_that_of_many() -> None:
     rng = np.random.default_rng(1)
     start = InitialState(0.8, 0.2, ALT, (60.0, 10.0, 0.0), 0.5, 0.02, 1.0, (1.0,) * 3, (0.1,) * 3, (1e-3,) * 3)
     here = start.estimate(0, np.zeros(6), MODEL)
-    felt = np.array([0.0, 0.0, -19.6, 0.0, 0.2, 0.5]) + rng.normal(0.0, 0.05, (21, 6))
+    imu = np.array([0.0, 0.0, -19.6, 0.0, 0.2, 0.5]) + rng.normal(0.0, 0.05, (21, 6))
     many, one = (here.y.copy(), here.P.copy()), (here.y.copy(), here.P.copy())
     table, drifts = MODEL.unit.table, MODEL.drifts
     for k in range(20):
-        kernels.step(*many, felt[k], felt[k + 1], np.zeros(6), table, drifts, 0.01)
-    kernels.coast(*one, felt[:-1], felt[1:], np.zeros((20, 6)), table, drifts, np.full(20, 0.01))
+        kernels.step(*many, imu[k], imu[k + 1], np.zeros(6), table, drifts, 0.01)
+    kernels.coast(*one, imu[:-1], imu[1:], np.zeros((20, 6)), table, drifts, np.full(20, 0.01))
     np.testing.assert_allclose(one[0], many[0], rtol=1e-12)
     np.testing.assert_allclose(np.sqrt(np.diag(one[1])), np.sqrt(np.diag(many[1])), rtol=1e-4)
 
@@ -82,9 +82,9 @@ def test_a_heading_that_is_far_off_is_in_the_sigma_along_the_force() -> None:
     sd, force, seconds = math.radians(35.0), 5.0, 20
     start = InitialState(0.8, 0.2, ALT, (60.0, 0.0, 0.0), 0.0, 0.0, 0.0, (1e-3,) * 3, (1e-3,) * 3, (1e-4, 1e-4, sd))
     here = start.estimate(0, np.zeros(6), MODEL)
-    y, P, felt = here.y.copy(), here.P.copy(), np.array([force, 0.0, -9.8, 0.0, 0.0, 0.0])
+    y, P, imu = here.y.copy(), here.P.copy(), np.array([force, 0.0, -9.8, 0.0, 0.0, 0.0])
     for _ in range(10 * seconds):
-        kernels.step(y, P, felt, felt, np.zeros(6), MODEL.unit.table, MODEL.drifts, 0.1)
+        kernels.step(y, P, imu, imu, np.zeros(6), MODEL.unit.table, MODEL.drifts, 0.1)
     north_e = here.mat_en[:, 0]
     found = math.sqrt(float(north_e @ P[3:6, 3:6] @ north_e))
     drawn = np.random.default_rng(3).normal(0.0, sd, 100_000)
@@ -95,11 +95,11 @@ def test_a_heading_that_is_far_off_is_in_the_sigma_along_the_force() -> None:
 def test_a_copy_that_goes_without_nothing_is_the_filter() -> None:
     """Through segments of late fixes: the same position to a micrometre, the same sigma to a part in 1e3."""
     flight = draw(0)
-    navigator = begun(flight)
+    navigator = started(flight)
     copy: FilterCopy | None = None
     fixes, taken = flight.receivers["gnss"], 0
     for k, t in enumerate(flight.t[flight.t < 40.0].tolist()):
-        navigator.feed_inertial(ns(t), flight.felt[k, :3].tolist(), flight.felt[k, 3:].tolist())
+        navigator.feed_inertial(ns(t), flight.imu[k, :3].tolist(), flight.imu[k, 3:].tolist())
         while fixes.t[taken] < t - 0.5:
             for aiding in aids(fixes, taken):
                 navigator.feed_aiding(ns(float(fixes.t[taken])), aiding)
@@ -119,7 +119,7 @@ def test_a_copy_that_goes_without_nothing_is_the_filter() -> None:
 def test_a_copy_without_satellites_is_the_filter_that_lost_them() -> None:
     """From 30 s on: beside a filter that is flown without fixes from then on, to a centimetre after 20 s."""
     flight = draw(1)
-    with_all, without = begun(flight), begun(flight)
+    with_all, without = started(flight), started(flight)
     fly(without, flight, until=51.2, lost_from=30.0)
     fly(with_all, flight, until=29.0)
     with_all.drain_segments()
@@ -127,7 +127,7 @@ def test_a_copy_without_satellites_is_the_filter_that_lost_them() -> None:
     fixes, taken = flight.receivers["gnss"], int(np.searchsorted(flight.receivers["gnss"].t, 28.5))
     for k in range(round(29.0 / 0.04), round(52.0 / 0.04)):
         t = float(flight.t[k])
-        with_all.feed_inertial(ns(t), flight.felt[k, :3].tolist(), flight.felt[k, 3:].tolist())
+        with_all.feed_inertial(ns(t), flight.imu[k, :3].tolist(), flight.imu[k, 3:].tolist())
         while fixes.t[taken] < t - 0.5:
             if taken % 3 == 0:
                 for aiding in aids(fixes, taken):
@@ -145,7 +145,7 @@ def test_a_copy_without_satellites_is_the_filter_that_lost_them() -> None:
     np.testing.assert_allclose(np.sqrt(np.diag(copy.estimate.P)[:6]), np.sqrt(np.diag(alone.P)[:6]), rtol=0.01)
 
 
-def test_a_separation_is_told_in_north_east_down() -> None:
+def test_a_separation_is_in_north_east_down() -> None:
     """A copy 3 m north, 4 m east and 5 m below the filter, at 46 deg of latitude."""
     start = InitialState(0.8, 0.2, ALT, (60.0, 10.0, 0.0), 0.0, 0.0, 0.0, (1.0, 2.0, 3.0), (0.1,) * 3, (1e-3,) * 3)
     here = start.estimate(0, np.zeros(6), MODEL)
@@ -183,10 +183,10 @@ def test_the_largest_sigma_is_that_of_the_worst_direction() -> None:
 def test_a_ring_keeps_copies_of_up_to_four_steps() -> None:
     """Begun every 7 s: the oldest is between 21 and 28 s old, and none is replaced while renewal is not asked for."""
     flight = draw(2)
-    navigator, copy_ring = begun(flight), CopyRing(NAMES, NAMES, RingSettings(4, 7 * SECOND_NS))
+    navigator, copy_ring = started(flight), CopyRing(NAMES, NAMES, RingSettings(4, 7 * SECOND_NS))
     ages = []
     for k, t in enumerate(flight.t[flight.t < 80.0].tolist()):
-        navigator.feed_inertial(ns(t), flight.felt[k, :3].tolist(), flight.felt[k, 3:].tolist())
+        navigator.feed_inertial(ns(t), flight.imu[k, :3].tolist(), flight.imu[k, 3:].tolist())
         for segment in navigator.drain_segments():
             copy_ring.advance(cut(segment))
             if t < 60.0:

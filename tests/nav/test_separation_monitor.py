@@ -1,4 +1,4 @@
-"""When a class of sources is suspected, and which receivers differ from the filter alike."""
+"""Suspicion of a class of sources, and receivers with the same innovation."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def refusals_of(**innovations: tuple[GateDecision, list[float]]) -> tuple[Refusa
         ([0.0, 0.8, 0.0], False),
     ],
 )
-def test_a_receiver_that_the_gate_lets_in_may_tell_the_same_as_one_that_it_refuses(
+def test_a_receiver_inside_the_gate_may_have_the_same_innovation_as_a_refused_one(
     other: list[float], is_alike: bool
 ) -> None:
     found, now = refusals_of(a=(GateDecision.REFUSED, [0.8, 0.3, 0.0]), b=(GateDecision.ACCEPTED, other))

@@ -1,4 +1,4 @@
-"""What a device says that no flight has is no part of a position, velocity or attitude; and beyond a pole."""
+"""Implausible values of a device are not used; extrapolation over a pole."""
 
 import math
 from typing import Any
@@ -19,21 +19,21 @@ def source() -> NavSource:
 
 
 def attitude(**parts: float) -> AttitudeState | None:
-    of, said = source(), dict[str, Any](roll=0.1, pitch=0.2, heading=1.0)
-    of.push_attitude(Attitude(stamp=Stamp(NOW), **said | parts), NOW)
+    of, stated = source(), dict[str, Any](roll=0.1, pitch=0.2, heading=1.0)
+    of.push_attitude(Attitude(stamp=Stamp(NOW), **stated | parts), NOW)
     return of.attitude(NOW)
 
 
-def position(speed: dict[str, float] | None = None, ahead_ms: int = 0, **parts: float) -> PositionState | None:
-    """Of a device that has said one place, and one velocity."""
-    of, said, flown = (
+def position(speed: dict[str, float] | None = None, after_ms: int = 0, **parts: float) -> PositionState | None:
+    """Of a device that has sent one position and one velocity."""
+    of, stated, velocity = (
         source(),
         dict[str, Any](lat=0.8, lon=0.2, alt=500.0),
         dict[str, Any](north=60.0, east=0.0, down=0.0),
     )
-    of.push_position(Position(stamp=Stamp(NOW), **said | parts), NOW)
-    of.push_velocity(Velocity(stamp=Stamp(NOW), **flown | (speed or {})), NOW)
-    return of.position(NOW + ahead_ms * MS, None)
+    of.push_position(Position(stamp=Stamp(NOW), **stated | parts), NOW)
+    of.push_velocity(Velocity(stamp=Stamp(NOW), **velocity | (speed or {})), NOW)
+    return of.position(NOW + after_ms * MS, None)
 
 
 @pytest.mark.parametrize(("part", "value"), [("roll", 3.3), ("roll", 1e12), ("pitch", 1.6), ("pitch", -1e7)])
@@ -61,8 +61,8 @@ def test_a_roll_between_two_on_either_side_of_upside_down_is_an_angle() -> None:
 @pytest.mark.parametrize("value", [1e300, -1e7, 2001.0])
 @pytest.mark.parametrize("part", ["north", "east", "down"])
 def test_a_speed_that_nobody_flies_moves_no_position(part: str, value: float) -> None:
-    """A latitude of -6e291 had been told as valid."""
-    found = position({part: value}, ahead_ms=500)
+    """A latitude of -6e291 had been output as valid."""
+    found = position({part: value}, after_ms=500)
     assert found is not None
     assert getattr(found, part) is None
     assert found.lat == pytest.approx(0.8, abs=1e-5)

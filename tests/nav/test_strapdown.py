@@ -1,4 +1,4 @@
-"""The strapdown: closed forms, another integrator on other equations, order of convergence, and what must spoil it."""
+"""The strapdown: closed forms, another integrator with other equations, order of convergence, effect of errors."""
 
 from __future__ import annotations
 
@@ -134,10 +134,10 @@ def test_the_error_falls_by_the_order_of_the_method(other: Array) -> None:
 
 
 @pytest.mark.parametrize(
-    ("biases", "least"), [({"gyro_bias": 1e-9}, 1e-6), ({"accel_bias": 1e-9}, 1e-6)], ids=["gyro", "accelerometer"]
+    ("biases", "min_error"), [({"gyro_bias": 1e-9}, 1e-6), ({"accel_bias": 1e-9}, 1e-6)], ids=["gyro", "accelerometer"]
 )
-def test_a_bias_of_a_billionth_is_seen(other: Array, biases: dict[str, float], least: float) -> None:
-    assert errors(other, 0.01, **biases)[0] > least
+def test_a_bias_of_a_billionth_is_seen(other: Array, biases: dict[str, float], min_error: float) -> None:
+    assert errors(other, 0.01, **biases)[0] > min_error
 
 
 def test_compensation_keeps_what_rounding_would_lose() -> None:
@@ -166,7 +166,7 @@ def test_every_so_many_samples_are_returned_and_others_are_the_same() -> None:
 
 def test_refuses_too_few_samples_and_other_shapes() -> None:
     start, accel_b, gyro_b = still(LAT, np.eye(3), 1.0)
-    with pytest.raises(ValueError, match="n >= 6 are wanted"):
+    with pytest.raises(ValueError, match="with n >= 6, not"):
         integrate(start, accel_b[:5], gyro_b[:5], STEP)
     with pytest.raises(ValueError, match=r"not \(101, 2\) and"):
         integrate(start, accel_b[:, :2], gyro_b, STEP)

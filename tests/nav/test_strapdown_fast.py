@@ -1,4 +1,4 @@
-"""The fast form of the strapdown: who stands stays, the high-order one agrees, nose straight up is no place apart."""
+"""The fast strapdown: standstill, agreement with the high-order one, pitch of 90 deg."""
 
 from __future__ import annotations
 
@@ -64,5 +64,5 @@ def test_the_error_falls_with_the_step() -> None:
 
 
 def test_refuses_other_shapes() -> None:
-    with pytest.raises(ValueError, match=r"shapes \(n, 3\) are wanted"):
+    with pytest.raises(ValueError, match=r"shapes must be \(n, 3\)"):
         integrate_fast(at(0.8, np.eye(3)), np.zeros((5, 2)), np.zeros((5, 3)), STEP)

@@ -1,4 +1,4 @@
-"""How good the ground of navigation is said to be."""
+"""Accuracy of the reference terrain of navigation."""
 
 import math
 from typing import Any
@@ -47,13 +47,13 @@ def test_the_error_of_resampling_adds_to_the_sigma_where_its_layer_counts(
 
 
 @pytest.mark.parametrize(("east_m", "resampling_m"), [(50.0, FINE_M), (5000.0, COARSE_M)])
-def test_it_stands_in_what_navigation_says_of_predictions_and_of_altitudes_over_ground(
+def test_it_is_part_of_the_sigmas_of_predictions_and_of_altitudes_over_ground(
     ground: Ground, east_m: float, resampling_m: float
 ) -> None:
     """A range straight down is as uncertain as the surface; so is an altitude that stands on it."""
     laser = {"name": "laser", "link": "line", "driver": "x", "altimeter": {"kind": "laser", "range_m": (1.0, 400.0)}}
     nav = at(ground, east_m)
-    expected = AltimeterPredictor(Device.model_validate(laser), ground).at(nav, 1e-3)
+    expected = AltimeterPredictor(Device.model_validate(laser), ground).predict(nav, 1e-3)
     assert isinstance(expected, ExpectedSample)
     whole = math.hypot(SD_M, resampling_m)
     assert expected.range_sd == pytest.approx(whole, rel=1e-3)

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fti.config import Altimeter
-from fti.nav.altimetry.validity import RULES, Sample, narrow, reasons_against, wide
+from fti.nav.altimetry.validity import RULES, Sample, pencil_limits, reasons_against, wide_beam_limits
 from fti.types import Reason
 
 LIMITS = Altimeter(
@@ -45,7 +45,7 @@ def _with(sample: Sample = GOOD, /, **change: Any) -> Sample:
 @pytest.mark.parametrize(
     ("change", "reason"),
     [
-        ({"heard": False, "value": None}, Reason.SILENT),
+        ({"has_samples": False, "value": None}, Reason.SILENT),
         ({"age_ns": 101}, Reason.STALE),
         ({"flagged": True}, Reason.DEVICE_FLAG),
         ({"value": None}, Reason.NO_RETURN),
@@ -105,7 +105,7 @@ def test_a_navigated_height_that_may_be_wrong_vouches_for_less() -> None:
 
 
 def test_the_sets_are_those_of_the_tables() -> None:
-    laser, radar = narrow((1.0, 1000.0)), wide((1.0, 762.0), 35.0, 26.0)
+    laser, radar = pencil_limits((1.0, 1000.0)), wide_beam_limits((1.0, 762.0), 35.0, 26.0)
     flat = _with(roll=0.0, pitch=0.0, predicted=100.0, navigated=100.0, height=100.0)
     for limits, roll_deg, pitch_deg, deviation in ((laser, 10.0, 10.0, 5.0), (radar, 35.0, 26.0, 10.0)):
         for name, limit, reason in (

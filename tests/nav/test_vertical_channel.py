@@ -22,10 +22,10 @@ ALT, GROUND = 700.0, 450.0
 RATE_HZ = 20
 
 
-def felt(
+def force(
     up: float, roll: float = 0.0, pitch: float = 0.0, alt: float = ALT, place: HorizontalMotion = HERE
 ) -> tuple[float, float, float]:
-    """Specific force of who accelerates upwards so."""
+    """Specific force for an upward acceleration."""
     none = vertical_acceleration((0.0, 0.0, 0.0), 0.0, 0.0, place, alt)
     x, y, z = (-(up - none) * r for r in down_row(roll, pitch))
     return x, y, z
@@ -44,7 +44,7 @@ class Flight:
     ) -> VerticalState:
         for k in range(round(seconds * RATE_HZ)):
             self.t_ns += S // RATE_HZ
-            self.channel.feed_imu(self.t_ns, felt(self.bias), 0.0, 0.0, HERE)
+            self.channel.feed_imu(self.t_ns, force(self.bias), 0.0, 0.0, HERE)
             then = self.t_ns - round(late_s * S)
             if satellites and k % 10 == 0:
                 self.channel.feed_satellites(then, ALT, 3.0, 0.0, 0.1)
@@ -76,7 +76,7 @@ def test_who_flies_east_is_lighter() -> None:
 
 def test_a_bank_is_no_climb() -> None:
     roll, pitch = math.radians(40.0), math.radians(10.0)
-    assert vertical_acceleration(felt(0.3, roll, pitch), roll, pitch, HERE, ALT) == pytest.approx(0.3, abs=1e-12)
+    assert vertical_acceleration(force(0.3, roll, pitch), roll, pitch, HERE, ALT) == pytest.approx(0.3, abs=1e-12)
 
 
 def test_height_is_the_integral() -> None:
@@ -99,7 +99,7 @@ def test_level_flight_stays_level() -> None:
 def test_a_jump_of_what_is_felt_that_nobody_flew_is_in_the_sigma() -> None:
     flight = Flight()
     flight.go(60.0)
-    flight.channel.feed_imu(flight.t_ns + S // RATE_HZ, felt(100.0), 0.0, 0.0, HERE)
+    flight.channel.feed_imu(flight.t_ns + S // RATE_HZ, force(100.0), 0.0, 0.0, HERE)
     flight.t_ns += S // RATE_HZ
     for _ in range(20):
         state = flight.go(0.5, satellites=False)
@@ -123,7 +123,7 @@ def test_the_altimeter_holds_what_the_channel_alone_loses() -> None:
     assert (alone.valid, alone.reasons, alone.aiding) == (False, (Reason.COASTING,), HeightAiding.NONE)
 
 
-def test_a_height_of_the_altimeter_that_is_refused_is_told() -> None:
+def test_a_refused_height_of_the_altimeter_is_reported() -> None:
     flight = Flight()
     flight.go(10.0)
     assert not flight.channel.altimeter_refused
@@ -139,7 +139,7 @@ def test_a_late_measurement_counts_when_it_was_true() -> None:
     for k in range(60 * RATE_HZ):
         t_ns += S // RATE_HZ
         alt += 5.0 / RATE_HZ
-        channel.feed_imu(t_ns, felt(0.0, alt=alt), 0.0, 0.0, HERE)
+        channel.feed_imu(t_ns, force(0.0, alt=alt), 0.0, 0.0, HERE)
         if k % 5 == 0:
             channel.feed_satellites(t_ns - 3 * S // 10, alt - 1.5, 3.0, 5.0, 0.1)
             channel.feed_height(t_ns - 3 * S // 10, alt - 1.5 - GROUND, 0.5, GROUND, 1.0)
@@ -154,7 +154,7 @@ def test_a_late_measurement_counts_for_a_climb_that_is_wrong() -> None:
     for k in range(60 * RATE_HZ):
         t_ns += S // RATE_HZ
         alt += 5.0 / RATE_HZ
-        channel.feed_imu(t_ns, felt(0.0, alt=alt), 0.0, 0.0, HERE)
+        channel.feed_imu(t_ns, force(0.0, alt=alt), 0.0, 0.0, HERE)
         if k % 5 == 0:
             channel.feed_height(t_ns - 3 * S // 10, alt - 1.5 - GROUND, 0.5, GROUND, 1.0)
     assert channel.at(t_ns).alt == pytest.approx(alt, abs=0.1)
@@ -171,17 +171,17 @@ def test_what_is_taken_out_of_the_channel_is_taken_out_of_its_past() -> None:
 
 
 def test_taking_a_large_error_out_of_the_channel_changes_no_output(monkeypatch: pytest.MonkeyPatch) -> None:
-    def flown() -> VerticalState:
+    def state_after() -> VerticalState:
         flight = Flight()
         flight.go(30.0)
         flight.bias = 0.02
         return flight.go(240.0, satellites=False)
 
-    folded = flown()
+    folded = state_after()
     monkeypatch.setattr("fti.nav.vertical.vertical_channel.FOLD_M", math.inf)
-    kept = flown()
-    assert folded.alt == pytest.approx(kept.alt, abs=0.05)
-    assert folded.alt_sd == pytest.approx(kept.alt_sd, abs=1e-6)
+    unfolded = state_after()
+    assert folded.alt == pytest.approx(unfolded.alt, abs=0.05)
+    assert folded.alt_sd == pytest.approx(unfolded.alt_sd, abs=1e-6)
 
 
 def test_wild_returns_are_refused() -> None:
@@ -200,14 +200,14 @@ def test_an_altimeter_that_contradicts_satellites_is_refused_for_as_long_as_ther
     assert flight.go(60.0, altimeter=80.0).alt == pytest.approx(ALT, abs=1.0)
 
 
-def test_after_satellites_the_refused_altimeter_is_believed_in_the_end_and_said_to_be_uncertain() -> None:
+def test_after_satellites_the_refused_altimeter_is_accepted_in_the_end_and_reported_as_uncertain() -> None:
     flight = Flight()
     flight.go(60.0)
-    told = [flight.go(0.1, satellites=False, altimeter=80.0) for _ in range(150)]
-    opened = [state.reasons for state in told if not state.valid]
+    states = [flight.go(0.1, satellites=False, altimeter=80.0) for _ in range(150)]
+    opened = [state.reasons for state in states if not state.valid]
     assert opened and set(opened) == {(Reason.REJECTED,)}
-    assert told[-1].valid
-    assert told[-1].alt == pytest.approx(ALT + 80.0, abs=6.0)
+    assert states[-1].valid
+    assert states[-1].alt == pytest.approx(ALT + 80.0, abs=6.0)
 
 
 def test_without_satellites_it_begins_with_the_altimeter() -> None:
@@ -220,7 +220,7 @@ def test_without_satellites_it_begins_with_the_altimeter() -> None:
 
 
 def test_a_ground_that_is_wrong_for_long_is_not_averaged_away() -> None:
-    """15 m of a place that drifts over a slope, believed to be 20 m: as white noise they had become 3 m."""
+    """A ground error of 15 m from a drift over a slope, sigma 20 m: as white noise it had become 3 m."""
     flight = Flight()
     state = flight.over(100.0, 15.0, 20.0)
     assert state.alt is not None and state.alt_sd is not None
@@ -238,7 +238,7 @@ def test_over_doubtful_ground_the_height_of_before_is_kept() -> None:
         assert abs(state.alt - ALT) < min(3.0 * state.alt_sd, 5.0)
 
 
-def test_doubt_that_comes_and_goes_grows_no_larger_than_it_is() -> None:
+def test_a_changing_ground_sigma_does_not_accumulate() -> None:
     """A slope, a flat, a slope, five times a second, and nothing but the altimeter."""
     flight = Flight()
     flight.over(1.0, 0.0, 20.0)
@@ -252,15 +252,15 @@ def test_a_wild_first_return_is_no_beginning() -> None:
     flight = Flight()
     flight.go(1 / RATE_HZ, satellites=False, altimeter=None)
     flight.channel.feed_height(flight.t_ns, 5.0, 0.5, GROUND, 1.0)
-    told = [flight.go(0.1) for _ in range(100)]
-    assert told[-1].valid
-    assert all(state.alt == pytest.approx(ALT, abs=1.0) for state in told if state.valid)
+    states = [flight.go(0.1) for _ in range(100)]
+    assert states[-1].valid
+    assert all(state.alt == pytest.approx(ALT, abs=1.0) for state in states if state.valid)
 
 
 def test_what_is_missing_is_named() -> None:
     channel = VerticalChannel()
     assert channel.at(S).reasons == (Reason.NO_IMU,)
-    channel.feed_imu(S, felt(0.0), 0.0, 0.0, HERE)
+    channel.feed_imu(S, force(0.0), 0.0, 0.0, HERE)
     assert channel.at(S).reasons == (Reason.ALIGNING,)
     channel.feed_satellites(S, ALT, 3.0, None, None)
     assert channel.at(S).alt == ALT
@@ -279,8 +279,8 @@ def test_after_a_gap_it_begins_anew() -> None:
 def test_time_that_goes_back_a_little_is_passed_over_and_a_lot_begins_anew() -> None:
     flight = Flight()
     before = flight.go(30.0)
-    flight.channel.feed_imu(flight.t_ns - S // 10, felt(50.0), 0.0, 0.0, HERE)
-    flight.channel.feed_imu(flight.t_ns, felt(50.0), 0.0, 0.0, HERE)
+    flight.channel.feed_imu(flight.t_ns - S // 10, force(50.0), 0.0, 0.0, HERE)
+    flight.channel.feed_imu(flight.t_ns, force(50.0), 0.0, 0.0, HERE)
     assert flight.channel.at(flight.t_ns) == before
     flight.t_ns -= 20 * S
     assert flight.go(1 / RATE_HZ, satellites=False, altimeter=None).reasons == (Reason.ALIGNING,)
@@ -303,10 +303,10 @@ def test_what_is_no_number_changes_nothing(wrong: float) -> None:
     before = flight.go(30.0)
     channel, later = flight.channel, flight.t_ns + S // 100
     channel.feed_imu(later, (wrong, 0.0, -9.8), 0.0, 0.0, HERE)
-    channel.feed_imu(later, felt(0.0), 0.0, 0.0, replace(HERE, east=wrong))
+    channel.feed_imu(later, force(0.0), 0.0, 0.0, replace(HERE, east=wrong))
     if not math.isfinite(wrong):  # an angle may be any number
-        channel.feed_imu(later, felt(0.0), wrong, 0.0, HERE)
-        channel.feed_imu(later, felt(0.0), 0.0, 0.0, replace(HERE, lat=wrong))
+        channel.feed_imu(later, force(0.0), wrong, 0.0, HERE)
+        channel.feed_imu(later, force(0.0), 0.0, 0.0, replace(HERE, lat=wrong))
     channel.feed_satellites(later, wrong, 3.0, wrong, wrong)
     channel.feed_height(later, wrong, 0.5, GROUND, 1.0)
     channel.feed_height(later, 100.0, 0.5, wrong, 1.0)
@@ -320,7 +320,7 @@ def test_attitude_through_ninety_degrees_and_the_poles() -> None:
         for k in range(20 * RATE_HZ):
             t_ns += S // RATE_HZ
             roll, pitch = 2.0 * math.pi * k / 500, math.pi / 2 * math.sin(k / 100)
-            channel.feed_imu(t_ns, felt(0.0, roll, pitch, place=place), roll, pitch, place)
+            channel.feed_imu(t_ns, force(0.0, roll, pitch, place=place), roll, pitch, place)
             if k % 10 == 0:
                 channel.feed_satellites(t_ns, ALT, 3.0, 0.0, 0.1)
         assert channel.at(t_ns).alt == pytest.approx(ALT, abs=0.01)

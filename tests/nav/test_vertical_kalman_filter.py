@@ -1,4 +1,4 @@
-"""The filter of the vertical channel: its algebra, what it refuses, and that refusal ends."""
+"""The filter of the vertical channel: its algebra, refusals, and their end."""
 
 from __future__ import annotations
 

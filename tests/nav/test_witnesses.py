@@ -1,4 +1,4 @@
-"""A source that shares nothing with a receiver confirms it: it is back in, or the filter begins anew.
+"""An independent source confirms a receiver: it is readmitted, or the filter restarts.
 
 Truth, unit and receivers are those of ``receiver_flights``, through the whole pipeline; the witness is drawn here: 1
 Hz, errors of 8 m of which it states 10 m.
@@ -95,9 +95,9 @@ def agreements(depends: list[str] | None, *, witness_s: Sequence[int], seconds: 
     for second in range(seconds):
         t_ns = second * SECOND_NS
         place = Position(stamp=Stamp(t_ns), lat=LAT, lon=0.2, alt=100.0, horizontal_sd=3.0, vertical_sd=3.0)
-        monitor.take("gnss", place, [place], t_ns)
+        monitor.feed("gnss", place, [place], t_ns)
         if second in witness_s:
-            monitor.take("box", place, [place], t_ns)
+            monitor.feed("box", place, [place], t_ns)
         if monitor.update(t_ns, {"gnss": Size(200.0)}, None, None, None):
             found.append(second)
     return found
@@ -120,12 +120,12 @@ def test_a_witness_that_its_own_tests_refuse_confirms_nothing() -> None:
     for second in range(45):
         place = Position(stamp=Stamp(0), lat=LAT, lon=0.2, alt=100.0, horizontal_sd=3.0, vertical_sd=3.0)
         refused = Position(stamp=Stamp(0), lat=LAT, lon=0.2, alt=100.0, valid=False)
-        monitor.take("gnss", place, [refused], second * SECOND_NS)
-        monitor.take("box", place, [refused], second * SECOND_NS)
+        monitor.feed("gnss", place, [refused], second * SECOND_NS)
+        monitor.feed("box", place, [refused], second * SECOND_NS)
         assert not monitor.update(second * SECOND_NS, {"gnss": Size(200.0)}, None, None, None)
 
 
-def test_one_of_the_two_against_the_filter_is_nothing_and_both_are_told_apart() -> None:
+def test_one_of_the_two_against_the_filter_is_nothing_and_both_are_distinguished() -> None:
     """The filter is 90 m away: beyond its 50 m and 4.8 * 3 m of the receiver, not beyond 4.8 * 10 m of the box."""
     for sd, expected in ((10.0, []), (3.0, [True])):
         monitor = WitnessMonitor(config({"box": ["map"]}, filtered=False), {})
@@ -134,8 +134,8 @@ def test_one_of_the_two_against_the_filter_is_nothing_and_both_are_told_apart() 
             t_ns = second * SECOND_NS
             place = Position(stamp=Stamp(t_ns), lat=LAT, lon=0.2, alt=100.0, horizontal_sd=3.0, vertical_sd=3.0)
             other = Position(stamp=Stamp(t_ns), lat=LAT, lon=0.2, alt=100.0, horizontal_sd=sd, vertical_sd=3.0)
-            monitor.take("gnss", place, [place], t_ns)
-            monitor.take("box", other, [other], t_ns)
+            monitor.feed("gnss", place, [place], t_ns)
+            monitor.feed("box", other, [other], t_ns)
             filtered = FilterReference(at(90.0), 50.0, 50.0)
             found += monitor.update(t_ns, {"gnss": Size(400.0)}, None, filtered, None)
         assert [confirmation.is_against_filter for confirmation in found] == expected
@@ -145,7 +145,7 @@ def test_one_of_the_two_against_the_filter_is_nothing_and_both_are_told_apart() 
 
 
 @dataclass
-class Seen:
+class FlightLog:
     """validity : of gnss, time [s] and valid;  filtered : time [s], horizontal error and HPL [m];  events : texts"""
 
     validity: list[tuple[float, bool]] = field(default_factory=list)
@@ -159,17 +159,17 @@ class Seen:
         return "\n".join(f"{t:.0f} s: {text}" for t, text in self.events)
 
     def time_of(self, text: str) -> float:
-        return next(t for t, said in self.events if text in said)
+        return next(t for t, event in self.events if text in event)
 
 
-def fly(flight: Flight, fault: Fault, witness: list[str] | None, *, filtered: bool, until_s: float) -> Seen:
-    pipeline, seen = Pipeline(config({"box": witness}, filtered), None), Seen()
+def fly(flight: Flight, fault: Fault, witness: list[str] | None, *, filtered: bool, until_s: float) -> FlightLog:
+    pipeline, log = Pipeline(config({"box": witness}, filtered), None), FlightLog()
     truth = flight.truth.state(flight.t)
     rows = sorted([*_receiver(fault(flight.receivers["gnss"])), *_witness(flight), *_air(flight)], key=lambda r: r[0])
     taken = 0
     for k, t in enumerate(flight.t[flight.t < until_s].tolist()):
         t_ns = T0 + round(t * SECOND_NS)
-        stamp, row = Stamp(t_ns), flight.felt[k].tolist()
+        stamp, row = Stamp(t_ns), flight.imu[k].tolist()
         out = pipeline.feed("imu", ImuSample(stamp=stamp, accel_b=tuple(row[:3]), gyro_b=tuple(row[3:])))
         roll, pitch, heading = (float(getattr(truth, name)[k]) for name in ("roll", "pitch", "heading"))
         out += pipeline.feed("imu", Attitude(stamp=stamp, roll=roll, pitch=pitch, heading=heading))
@@ -178,19 +178,19 @@ def fly(flight: Flight, fault: Fault, witness: list[str] | None, *, filtered: bo
             taken += 1
         out += [*pipeline.tick(t_ns), *pipeline.tick(t_ns + SECOND_NS // 50)]
         for each in out:
-            _note(seen, each, t, float(truth.lat[k]), float(truth.lon[k]))
-    return seen
+            _record(log, each, t, float(truth.lat[k]), float(truth.lon[k]))
+    return log
 
 
-def _note(seen: Seen, each: Any, t: float, lat: float, lon: float) -> None:
+def _record(log: FlightLog, each: Any, t: float, lat: float, lon: float) -> None:
     if isinstance(each, Event):
-        seen.events.append((t, f"{each.source}: {each.text}"))
+        log.events.append((t, f"{each.source}: {each.text}"))
     elif isinstance(each, SourceValidity) and each.source == "gnss":
-        seen.validity.append((t, each.valid))
+        log.validity.append((t, each.valid))
     elif isinstance(each, FilterSolution) and each.lat is not None and each.lon is not None and each.hpl is not None:
         meridian, normal = (float(r) for r in radii(lat))
         error = np.hypot((each.lat - lat) * meridian, (each.lon - lon) * normal * np.cos(lat))
-        seen.filtered.append((t, float(error), each.hpl))
+        log.filtered.append((t, float(error), each.hpl))
 
 
 def _receiver(fixes: Fixes) -> list[tuple[float, str, Measurement]]:
@@ -227,7 +227,7 @@ def _air(flight: Flight) -> list[tuple[float, str, Measurement]]:
 
 
 def hidden(size_m: float, *, ends: bool) -> Fault:
-    """East by so much from 60 to 80 s; nothing is heard from 80 to 86 s, so that nobody sees the step back."""
+    """An offset east from 60 to 80 s; silent from 80 to 86 s, so that the step back is not observed."""
 
     def offset(since: np.ndarray) -> np.ndarray:
         return np.where((since < 20.0) | (not ends), size_m, 0.0)[:, None] * [0.0, 1.0, 0.0]
@@ -237,22 +237,22 @@ def hidden(size_m: float, *, ends: bool) -> Fault:
 
 
 def test_a_receiver_that_is_right_again_is_back_in_beside_a_witness() -> None:
-    """400 m of contradiction; 30 s after it is heard again."""
-    seen = fly(draw(0), hidden(400.0, ends=True), ["map"], filtered=False, until_s=130.0)
-    assert not seen.is_valid_at(114.0)
-    assert seen.is_valid_at(120.0), seen.texts()
+    """400 m of contradiction; 30 s after its return."""
+    log = fly(draw(0), hidden(400.0, ends=True), ["map"], filtered=False, until_s=130.0)
+    assert not log.is_valid_at(114.0)
+    assert log.is_valid_at(120.0), log.texts()
 
 
 def test_without_a_witness_it_stays_unconfirmed() -> None:
-    seen = fly(draw(0), hidden(400.0, ends=True), None, filtered=False, until_s=130.0)
-    assert not seen.is_valid_at(129.0)
+    log = fly(draw(0), hidden(400.0, ends=True), None, filtered=False, until_s=130.0)
+    assert not log.is_valid_at(129.0)
 
 
 @pytest.mark.parametrize(("size_m", "ends"), [(400.0, False), (80.0, True)])
 def test_a_lie_that_lasts_and_one_that_the_witness_cannot_see_stay_out(size_m: float, ends: bool) -> None:
     """80 m: 4.8 sigma of the witness are 48 m, more than half."""
-    seen = fly(draw(0), hidden(size_m, ends=ends), ["map"], filtered=False, until_s=150.0)
-    assert not seen.is_valid_at(149.0), seen.texts()
+    log = fly(draw(0), hidden(size_m, ends=ends), ["map"], filtered=False, until_s=150.0)
+    assert not log.is_valid_at(149.0), log.texts()
 
 
 def spoofed() -> Fault:
@@ -270,37 +270,37 @@ def spoofed() -> Fault:
 
 @pytest.mark.parametrize("witness", [["map"], None])
 def test_a_receiver_that_the_filter_has_excluded_aids_again_beside_a_witness(witness: list[str] | None) -> None:
-    seen = fly(draw(0), spoofed(), witness, filtered=True, until_s=260.0)
-    assert seen.time_of("gnss: refused") < 130.0
-    print(seen.texts())
-    late = [error for t, error, _ in seen.filtered if t > 250.0]
-    assert all(error < hpl for t, error, hpl in seen.filtered if t > 60.0)
+    log = fly(draw(0), spoofed(), witness, filtered=True, until_s=260.0)
+    assert log.time_of("gnss: refused") < 130.0
+    print(log.texts())
+    late = [error for t, error, _ in log.filtered if t > 250.0]
+    assert all(error < hpl for t, error, hpl in log.filtered if t > 60.0)
     if witness is None:
-        assert "aids the filter again" not in seen.texts()
+        assert "aids the filter again" not in log.texts()
     else:
-        assert 186.0 < seen.time_of("gnss: aids the filter again: box agrees with it") < 225.0
+        assert 186.0 < log.time_of("gnss: aids the filter again: box agrees with it") < 225.0
         assert max(late) < 6.0
 
 
 def pushed(flight: Flight, acceleration: float) -> Flight:
     """The inertial unit feels so much too much to the right from 120 to 140 s [m/s^2]."""
-    felt = flight.felt.copy()
-    felt[(flight.t >= 120.0) & (flight.t < 140.0), 1] += acceleration
-    return replace(flight, felt=felt)
+    imu = flight.imu.copy()
+    imu[(flight.t >= 120.0) & (flight.t < 140.0), 1] += acceleration
+    return replace(flight, imu=imu)
 
 
 @pytest.mark.parametrize("witness", [["map"], None])
 def test_two_that_agree_against_the_filter_begin_it_anew(witness: list[str] | None) -> None:
     """0.5 m/s^2 for 20 s: 10 m/s, in which the filter believes; it refuses the receiver."""
-    seen = fly(pushed(draw(0), 0.5), lambda fixes: fixes, witness, filtered=True, until_s=260.0)
-    print(seen.texts())
-    assert seen.time_of("gnss: refused") < 130.0
-    before = [error for t, error, _ in seen.filtered if 145.0 < t < 150.0]
-    late = [error for t, error, _ in seen.filtered if t > 250.0]
+    log = fly(pushed(draw(0), 0.5), lambda fixes: fixes, witness, filtered=True, until_s=260.0)
+    print(log.texts())
+    assert log.time_of("gnss: refused") < 130.0
+    before = [error for t, error, _ in log.filtered if 145.0 < t < 150.0]
+    late = [error for t, error, _ in log.filtered if t > 250.0]
     assert min(before) > 50.0
     if witness is None:
-        assert "begins anew" not in seen.texts()
+        assert "begins anew" not in log.texts()
         assert min(late) > 200.0
     else:
-        assert seen.time_of("filter: begins anew: gnss and box agree, and contradict it") < 200.0
+        assert log.time_of("filter: begins anew: gnss and box agree, and contradict it") < 200.0
         assert max(late) < 6.0

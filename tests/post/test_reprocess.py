@@ -43,9 +43,9 @@ def _record(folder: Path, attachments: dict[str, str]) -> SessionFolder:
     for i in range(FRAMES):
         t_ns = START_NS + i * TICK_NS
         if i % 2 == 0 and not 150 <= i < 250:
-            log.frame("line", seq, t_ns, ra.encode_height(50.0 + i, ("in_air",), ra.Options()))
+            log.write_frame("line", seq, t_ns, ra.encode_height(50.0 + i, ("in_air",), ra.Options()))
             seq += 1
-        log.tick(seq, t_ns + 1)
+        log.write_tick(seq, t_ns + 1)
         seq += 1
     log.close()
     return session
@@ -54,7 +54,7 @@ def _record(folder: Path, attachments: dict[str, str]) -> SessionFolder:
 def _note_gaps(session: SessionFolder, gaps: list[dict[str, Any]]) -> None:
     log = DerivedLog(session, split_s=60, split_mb=10)
     for gap in gaps:
-        log.gap(START_NS, gap)
+        log.write_gap(START_NS, gap)
     log.close()
 
 
@@ -82,11 +82,11 @@ def test_no_frame_is_left_out_nor_taken_twice(tmp_path: Path) -> None:
     """Neither the first one of the flight, nor that at which another navigation process went on."""
     session = _record(tmp_path, {"config.toml": CONFIG})
     _note_gaps(session, [{"kind": "restart", "after_seq": 299, "before_seq": 300}])
-    sent = [frame.t_rx_ns for frame in Recording.open(session.path).frames() if frame.link == "line"]
+    expected_ns = [frame.t_rx_ns for frame in Recording.open(session.path).frames() if frame.link == "line"]
     for as_flown in (False, True):
         again = _again(session, tmp_path / f"again_{as_flown}", as_flown=as_flown)
         heights = Recording.open(again).messages("/altimeter/radio_height")
-        assert [t_ns for _, t_ns, *_ in heights] == sent
+        assert [t_ns for _, t_ns, *_ in heights] == expected_ns
 
 
 def test_what_navigation_missed_is_repeated_or_healed(tmp_path: Path) -> None:
@@ -103,11 +103,11 @@ def test_what_navigation_missed_is_repeated_or_healed(tmp_path: Path) -> None:
         NavigationRun(300, None),
     ]
     healed = _outputs(_again(session, tmp_path / "healed"))
-    flown = _outputs(_again(session, tmp_path / "flown", as_flown=True))
-    assert len(flown) < len(healed)
-    assert flown[:50] == healed[:50]
+    repeated = _outputs(_again(session, tmp_path / "flown", as_flown=True))
+    assert len(repeated) < len(healed)
+    assert repeated[:50] == healed[:50]
     missed = [f.t_rx_ns for f in Recording.open(session.path).frames() if 99 < f.seq < 200]
-    assert not [t for _, t, _ in flown if missed[0] <= t <= missed[-1]]
+    assert not [t for _, t, _ in repeated if missed[0] <= t <= missed[-1]]
     assert [t for _, t, _ in healed if missed[0] <= t <= missed[-1]]
 
 
@@ -119,12 +119,12 @@ def test_the_terrain_is_there_from_the_frame_on_from_which_it_was_in_flight(tmp_
     session = _record(tmp_path, {"config.toml": _with_terrain(CONFIG)})
     sha256 = load_terrain(TerrainFiles(scene="demo")).digest
     _note_terrain(session, {"t_ns": START_NS, "after_seq": 99, "name": "scene demo", "sha256": sha256})
-    said = [json.loads(data)["unchecked"] for topic, _, data in _outputs(_again(session, tmp_path / "again"))
+    unchecked = [json.loads(data)["unchecked"] for topic, _, data in _outputs(_again(session, tmp_path / "again"))
             if topic.endswith("/altimeter")]  # fmt: skip
-    loading = said.index(["no_position"])
-    assert said[:loading] == [["terrain_loading"]] * loading
+    loading = unchecked.index(["no_position"])
+    assert unchecked[:loading] == [["terrain_loading"]] * loading
     assert 30 < loading < 40  # of 100 frames every third is a sample
-    assert ["terrain_loading"] not in said[loading:]
+    assert ["terrain_loading"] not in unchecked[loading:]
 
 
 def test_a_terrain_that_could_not_be_read_in_flight_is_not_there_again(tmp_path: Path) -> None:
@@ -147,19 +147,19 @@ def test_a_readmission_is_repeated_behind_the_frame_behind_which_it_came(tmp_pat
     session = _record(tmp_path, {"config.toml": config})
     frames = {frame.seq: frame.t_rx_ns for frame in Recording.open(session.path).frames()}
     log = DerivedLog(session, split_s=60, split_mb=10)
-    log.note(READMISSION_TOPIC, START_NS, {"t_ns": frames[99] + 7, "after_seq": 99, "source": "altimeter"})
+    log.write_note(READMISSION_TOPIC, START_NS, {"t_ns": frames[99] + 7, "after_seq": 99, "source": "altimeter"})
     log.close()
     again = Recording.open(_again(session, tmp_path / "again", as_flown=as_flown))
     (note,) = [json.loads(data) for *_, data in again.messages(READMISSION_TOPIC, kind="derived")]
     assert note == {"t_ns": frames[99] + 7, "after_seq": 99, "source": "altimeter"}
     events = [(t_ns, json.loads(data)) for _, t_ns, _, _, data in again.messages("/fti/event", kind="derived")]
-    (told,) = [t_ns for t_ns, event in events if "nothing to readmit" in event["message"]]
-    assert told == frames[99] + 7
+    (readmitted_ns,) = [t_ns for t_ns, event in events if "nothing to readmit" in event["message"]]
+    assert readmitted_ns == frames[99] + 7
 
 
 def _note_terrain(session: SessionFolder, note: dict[str, Any]) -> None:
     log = DerivedLog(session, split_s=60, split_mb=10)
-    log.note(TERRAIN_TOPIC, START_NS, note)
+    log.write_note(TERRAIN_TOPIC, START_NS, note)
     log.close()
 
 
@@ -177,7 +177,7 @@ def test_a_segment_holds_what_lies_in_no_gap(widths: list[int], first: int, last
 
 def test_a_session_without_its_configuration_is_refused(tmp_path: Path) -> None:
     session = _record(tmp_path, {})
-    with pytest.raises(RecordingError, match="holds no configuration"):
+    with pytest.raises(RecordingError, match="contains no configuration"):
         _again(session, tmp_path / "out")
 
 
@@ -194,5 +194,5 @@ def test_elevation_files_of_a_recording_are_local_ones_or_none(tmp_path: Path, b
         _again(session, tmp_path / "again")
     own = tmp_path / "own.toml"
     own.write_text(text.replace("other.tif", str(vrt)))
-    with pytest.raises(ConfigError, match=r"a\.vrt: is no elevation file that GDAL reads"):
+    with pytest.raises(ConfigError, match=r"a\.vrt: is not an elevation file that GDAL can read"):
         other_setup(str(own)).load_terrain()

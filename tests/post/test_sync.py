@@ -61,13 +61,13 @@ def record(folder: Path, attachments: dict[str, str], *, times: bool = True, mod
         true_ns = FTI_0 + round((k + 1) * SECOND_NS / (1 + DRIFT_PPM * 1e-6))
         late_ns = 80 * MS if k % 10 == 9 else round(abs(rng.normal(0.0, 0.3)) * MS)
         t_rx_ns = true_ns + LATENCY_NS + late_ns
-        said = DeviceTime(stamp=Stamp(t_rx_ns, second_ns + back_ns, TimeScale.UTC))
-        log.frame("line", 2 * k, t_rx_ns, b"".join(encoder.encode(said)) if times else b"$no time\r\n")
-        log.tick(2 * k + 1, t_rx_ns)
+        device_time = DeviceTime(stamp=Stamp(t_rx_ns, second_ns + back_ns, TimeScale.UTC))
+        log.write_frame("line", 2 * k, t_rx_ns, b"".join(encoder.encode(device_time)) if times else b"$no time\r\n")
+        log.write_tick(2 * k + 1, t_rx_ns)
         clock_ns = FTI_0 + k * SECOND_NS
         realtime_ns = clock_ns + (REAL_SET_NS if k >= REAL_SET_S else 0)
         note = {"t_ns": clock_ns, "monotonic_ns": clock_ns - FTI_0, "monotonic_raw_ns": k * 1_000_002_000}
-        log.json("/fti/clock", clock_ns, {**note, "realtime_ns": realtime_ns, "width_ns": 1000})
+        log.write_json("/fti/clock", clock_ns, {**note, "realtime_ns": realtime_ns, "width_ns": 1000})
     log.close()
     return session.path
 
@@ -137,7 +137,9 @@ def test_the_time_base_maps_any_time_and_leaves_the_recording_alone(
     assert [int(row["clock_ns"]) - int(row["t_fti_ns"]) for row in computer] == [0, 0, REAL_SET_NS, REAL_SET_NS]
 
 
-def test_the_time_base_as_mcap_says_the_same(session: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_time_base_as_mcap_has_the_same_rows(
+    session: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     sync(session, capsys, "--out", str(tmp_path / "base.csv"))
     sync(session, capsys, "--out", str(tmp_path / "base.mcap"))
     with (tmp_path / "base.mcap").open("rb") as file:
@@ -166,7 +168,7 @@ def test_nothing_is_overwritten_and_other_names_are_refused(
     assert (tmp_path / "base.csv").read_text() == (tmp_path / "page.html").read_text() == "mine"
 
 
-def test_what_is_made_of_a_snapshot_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_is_made_of_a_snapshot_reports_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     session = record(tmp_path, {"config.toml": CONFIG}, mode="snapshot")
     note = "SNAPSHOT: not a continuous recording"
     table = sync(session, capsys, "--out", str(tmp_path / "base.csv"), "--plot", str(tmp_path / "page.html"))
@@ -187,20 +189,20 @@ def test_a_continuous_session_has_no_such_note(
     assert "note" not in sync(session, capsys, "--out", str(tmp_path / "base.csv"))["session"]
     assert json.loads((tmp_path / "base.json").read_text())["session"] == session.name
     assert main(["sync", str(session), "--out", str(tmp_path / "base.csv")]) == 2  # before anything is decoded
-    assert "base.csv: cannot be written: it exists already" in capsys.readouterr().err
+    assert "base.csv: already exists" in capsys.readouterr().err
     assert main(["sync", str(session), "--out", str(tmp_path / "none" / "base.csv")]) == 2
-    assert f"there is no folder {tmp_path / 'none'}" in capsys.readouterr().err
+    assert f"no folder {tmp_path / 'none'}" in capsys.readouterr().err
     assert main(["sync", str(session)]) == 0
     assert "SNAPSHOT" not in capsys.readouterr().out
 
 
-def test_a_session_in_which_nobody_says_the_time(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_session_without_device_times(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     session = record(tmp_path, {"config.toml": CONFIG}, times=False)
     table = sync(session, capsys, "--out", str(tmp_path / "base.csv"), "--plot", str(tmp_path / "page.html"))
     assert table["devices"] == []
     assert table["gnss"] is None
     assert main(["sync", str(session)]) == 0
-    assert "no device of this session says its own time" in capsys.readouterr().out
+    assert "no device of this session sends its own time" in capsys.readouterr().out
 
 
 def test_navigation_learned_the_same_clock(session: Path, tmp_path: Path) -> None:
@@ -221,8 +223,8 @@ def test_navigation_learned_the_same_clock(session: Path, tmp_path: Path) -> Non
     known = [note["clocks"]["receiver_utc"] for note in notes if note["t_ns"] < FTI_0 + STEP_S * SECOND_NS][-1]
     assert (known["state"], known["late"]) == ("good", pytest.approx(17, abs=3))
     assert known["drift_ppm"] == pytest.approx(DRIFT_PPM, abs=4 * known["drift_sd_ppm"])
-    said = [json.loads(data)["message"] for topic, *_, data in first if topic == "/fti/event"]
-    assert any("receiver (utc) has gone by -1.0" in text for text in said)
+    device_time = [json.loads(data)["message"] for topic, *_, data in first if topic == "/fti/event"]
+    assert any("receiver (utc) has gone by -1.0" in text for text in device_time)
 
 
 @pytest.mark.browser

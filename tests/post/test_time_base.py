@@ -26,14 +26,14 @@ def bend_ns(t_s: float) -> float:
     return 1e3 * (2.0 * t_s + 0.5 / turn * (1 - math.cos(turn * t_s)))
 
 
-def heard_for(seconds: int) -> DeviceClockSeries:
+def clock_over(seconds: int) -> DeviceClockSeries:
     device = Device(name="receiver", link="line", driver="nmea0183", latency_ms=5.0)
     clock_series = DeviceClockSeries(device, ClockEstimator(TimeScale.GPS, LATENCY_NS, SECOND_NS, None, "receiver"))
     rng = np.random.default_rng(2)
     late = np.abs(rng.normal(0.0, 0.5, seconds)) + np.where(rng.random(seconds) < 0.2, 25.0, 0.0)
     for k in range(seconds):
         t_ns = FTI_0 + k * SECOND_NS
-        clock_series.take(t_ns + LATENCY_NS + round(late[k] * MS), k * SECOND_NS + round(bend_ns(k)))
+        clock_series.feed(t_ns + LATENCY_NS + round(late[k] * MS), k * SECOND_NS + round(bend_ns(k)))
     clock_series.clock.finish()
     return clock_series
 
@@ -43,7 +43,7 @@ def no_computer() -> ComputerClock:
 
 
 def test_rows_every_ten_minutes_follow_the_bend() -> None:
-    rows = time_base(Sync(FTI_0, [heard_for(HOURS * 3600)], no_computer()))
+    rows = time_base(Sync(FTI_0, [clock_over(HOURS * 3600)], no_computer()))
     assert len(rows) == HOURS * 6 + 1
     assert all(0 < b.t_fti_ns - a.t_fti_ns <= STEP_NS for a, b in pairwise(rows))
     for row in rows:
@@ -55,10 +55,10 @@ def test_rows_every_ten_minutes_follow_the_bend() -> None:
 
 
 def test_a_session_of_an_hour_is_one_line() -> None:
-    rows = time_base(Sync(FTI_0, [heard_for(600)], no_computer()))
+    rows = time_base(Sync(FTI_0, [clock_over(600)], no_computer()))
     assert [row.segment for row in rows] == [0, 0]
     assert rows[-1].t_fti_ns - rows[0].t_fti_ns > 590 * SECOND_NS
 
 
 def test_a_clock_that_is_not_known_has_no_rows() -> None:
-    assert time_base(Sync(FTI_0, [heard_for(5)], no_computer())) == []
+    assert time_base(Sync(FTI_0, [clock_over(5)], no_computer())) == []

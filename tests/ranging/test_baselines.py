@@ -57,12 +57,12 @@ def test_wrong_integers_are_as_frequent_as_stated(sd: float, look_deg: float, sc
     antennas, look, n = noisy(sd), np.radians(look_deg), 8000 * scale
     found, _ = antennas.resolve(antennas.phases(np.full(n, look), np.random.default_rng(2)))
     wrong = np.abs(np.sin(found) - np.sin(look)) > 0.5 * antennas.wavelength / antennas.lr
-    told = antennas.wrong_integer_probability(look)
-    assert wrong.mean() == pytest.approx(told, abs=3.3 * np.sqrt(told * (1 - told) / n))
-    assert 0.002 < told < 0.1
+    probability = antennas.wrong_integer_probability(look)
+    assert wrong.mean() == pytest.approx(probability, abs=3.3 * np.sqrt(probability * (1 - probability) / n))
+    assert 0.002 < probability < 0.1
 
 
-def test_wrong_integers_are_seldom_believed() -> None:
+def test_wrong_integers_are_seldom_accepted() -> None:
     """What passes for valid is wrong only where the right integers do not fit: one in a thousand."""
     antennas, look, n = noisy(0.11), np.radians(5.0), 20000
     found, validity = antennas.resolve(antennas.phases(np.full(n, look), np.random.default_rng(3)))

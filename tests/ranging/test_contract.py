@@ -113,7 +113,7 @@ def same_bytes(one: Returns, other: Returns) -> bool:
     return all(getattr(one, name).tobytes() == getattr(other, name).tobytes() for name in names)
 
 
-def flown(poses: int = 8) -> Poses:
+def flight_poses(poses: int = 8) -> Poses:
     rng = np.random.default_rng(11)
     roll, pitch = rng.uniform(-0.3, 0.3, (2, poses))
     at = looking_down(rng.uniform(100.0, 500.0, poses), roll, pitch, rng.uniform(0.0, 6.0, poses))
@@ -145,7 +145,7 @@ def test_the_sensors_are_found() -> None:
 @each
 def test_returns_have_the_shapes_and_values_that_are_promised(name: str) -> None:
     sensor = make(name)
-    for poses in (flown(), flown(1), flown(0)):
+    for poses in (flight_poses(), flight_poses(1), flight_poses(0)):
         check_returns(sensor, sensor.measure(rough(), poses), len(poses))
         check_returns(sensor, sensor.measure(rough(), poses, np.random.default_rng(1)), len(poses))
 
@@ -170,7 +170,7 @@ def test_a_pose_that_is_no_number_is_unknown(name: str, lost: str) -> None:
 
 @each
 def test_a_lost_pose_leaves_its_neighbours_alone(name: str) -> None:
-    at, sensor = flown(), make(name)
+    at, sensor = flight_poses(), make(name)
     whole = sensor.measure(rough(), at)
     at.origins_l[4] = np.nan
     found = sensor.measure(rough(), at)
@@ -204,7 +204,7 @@ def test_upside_down_there_is_no_ground(name: str) -> None:
 
 @each
 def test_the_same_generator_gives_the_same_bytes(name: str) -> None:
-    at, sensor, ground = flown(), make(name), rough()
+    at, sensor, ground = flight_poses(), make(name), rough()
     first, again = (sensor.measure(ground, at, np.random.default_rng(3)) for _ in range(2))
     assert same_bytes(first, again), f"{name}: the same seed gave something else"
     before = np.random.get_state()[1].tobytes()  # type: ignore[index]
@@ -216,7 +216,7 @@ def test_the_same_generator_gives_the_same_bytes(name: str) -> None:
 @each
 def test_poses_do_not_know_of_each_other(name: str) -> None:
     """Without noise, many at once are what each is alone."""
-    at, sensor, ground = flown(), make(name), rough()
+    at, sensor, ground = flight_poses(), make(name), rough()
     together = sensor.measure(ground, at)
     for k in (0, 7):
         one = sensor.measure(ground, Poses(at.origins_l[k : k + 1], at.mats_ls[k : k + 1], at.vels_l[k : k + 1]))
@@ -238,6 +238,6 @@ def test_strange_poses_get_an_answer_or_a_reason(
     columns = np.array(strange)
     with np.errstate(invalid="ignore"):
         mats = MAT_ENU_NED @ mat_from_rpy(columns[:, 3], columns[:, 4], 0.3)
-    sensor, at = make(name), Poses.still(columns[:, :3], mats)
+    sensor, at = make(name), Poses.stationary(columns[:, :3], mats)
     for ground in (FLAT, holed()):
         check_returns(sensor, sensor.measure(ground, at, np.random.default_rng(0)), len(at))

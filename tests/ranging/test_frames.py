@@ -138,7 +138,7 @@ def test_what_the_linear_form_leaves_out_is_as_stated(way: float) -> None:
 
 
 @pytest.mark.parametrize("lat", [-np.pi / 2, np.pi / 2, np.pi / 2 - 3e-6])
-def test_at_a_pole_the_linear_form_says_nothing_and_the_exact_one_goes_across(lat: float) -> None:
+def test_at_a_pole_the_linear_form_is_nan_and_the_exact_one_goes_across(lat: float) -> None:
     """20 m from the pole, 30 m on: with a longitude over a radius of nothing it would be 5e10 rad and beyond 90 deg."""
     d_n = np.array([np.copysign(30.0, lat), 5.0, 100.0])
     assert all(np.isnan(value) for value in frames.point_geodetic_linear(lat, 0.2, 500.0, d_n))

@@ -172,7 +172,7 @@ def points_of(ground: Terrain, step: float, half: float = 1000.0) -> Array:
 
 def test_nearest_point_of_rough_ground_is_nearer_than_any_point_of_a_grid() -> None:
     """Against points 8 m apart: none is nearer by more than the search leaves, 0.14 m.  Among posts all are longer."""
-    relief = fractal_relief((41, 41), 100.0, np.random.default_rng(6), sd=40.0, longest_m=4000.0, shortest_m=400.0)
+    relief = fractal_relief((41, 41), 100.0, np.random.default_rng(6), sd=40.0, max_size_m=4000.0, min_size_m=400.0)
     ground = Terrain.from_array(relief, 100.0, east0=-2000.0, north0=-2000.0)
     at = poses([5.0, -12.0, 0.0, 20.0], 2.0, [0.0, 8.0, -5.0, 3.0], course=30.0)
     found = measured(at, ground)
@@ -188,7 +188,7 @@ def test_nearest_point_of_rough_ground_is_nearer_than_any_point_of_a_grid() -> N
 def test_of_several_hollows_the_nearest_is_found_and_not_the_one_that_looks_so_on_the_grid() -> None:
     """2.5 km over broken ground: refining only the best of the grid leaves 6 to 9 m at these four of 150 poses."""
     rng, n = np.random.default_rng(6), 150
-    relief = fractal_relief((41, 41), 100.0, rng, sd=60.0, longest_m=1000.0, shortest_m=200.0, hurst=0.3)
+    relief = fractal_relief((41, 41), 100.0, rng, sd=60.0, max_size_m=1000.0, min_size_m=200.0, hurst=0.3)
     ground = Terrain.from_array(relief, 100.0, east0=-2000.0, north0=-2000.0)
     rng = np.random.default_rng(9)
     at = poses(rng.uniform(-25.0, 25.0, n), 2.0, rng.uniform(-8.0, 8.0, n), course=30.0)
@@ -230,12 +230,14 @@ def test_spread_in_the_body_frame_is_reproduced_one_way_only() -> None:
     true = 2550.0 * direction_from_angles(np.zeros(n), look, ahead)
     moved = true + rng.standard_normal((n, 3)) * [3.40, 0.40, 4.61]
     ranges = np.linalg.norm(moved, axis=1)
-    slant, seen = angles_from_direction(moved / ranges[:, None], ahead)
+    slant, measured_look = angles_from_direction(moved / ranges[:, None], ahead)
     assert ranges.std() == pytest.approx(4.54, rel=0.02)
     assert slant.std() == pytest.approx(0.0013, rel=0.04)
-    assert (seen - look).std() == pytest.approx(3.60e-4, rel=0.04)
+    assert (measured_look - look).std() == pytest.approx(3.60e-4, rel=0.04)
     to_right = look > 0
-    assert np.corrcoef((ranges - 2550.0)[to_right], (seen - look)[to_right])[0, 1] == pytest.approx(-0.7, abs=0.15)
+    assert np.corrcoef((ranges - 2550.0)[to_right], (measured_look - look)[to_right])[0, 1] == pytest.approx(
+        -0.7, abs=0.15
+    )
     noise = rng.standard_normal((3, n)) * [[0.0013], [3.60e-4], [4.54]]
     spread = body_errors(noise[0], look + noise[1], 2550.0 + noise[2], true).std(axis=0)
     assert spread == pytest.approx([3.32, 1.2, 4.47], rel=0.03)
@@ -261,7 +263,7 @@ def test_three_antennas_say_the_look_angle_or_that_they_cannot() -> None:
 
 def test_without_a_velocity_there_is_no_plane() -> None:
     at = poses([0.0, 0.0])
-    still = Poses.still(at.origins_l, at.mats_ls)
+    still = Poses.stationary(at.origins_l, at.mats_ls)
     assert (measured(still).validity == Validity.UNKNOWN).all() and np.isnan(measured(still).slant_range).all()
     at.vels_l[1] = [SPEED, 0.0, 0.0]  # to the right, along the antennas
     assert measured(at).validity.tolist() == [Validity.VALID, Validity.UNKNOWN]

@@ -70,7 +70,7 @@ def test_a_constant_turn_is_exact_whatever_its_axis() -> None:
 
     def rolling(when: Array) -> Poses:
         mats = mat_from_rpy(0.3, 0.2, 6.0) @ mat_from_rpy(2.4 * when, 0.0, 0.0)
-        return Poses.still(np.zeros((len(when), 3)), mats)
+        return Poses.stationary(np.zeros((len(when), 3)), mats)
 
     found = interpolate_poses(t, rolling(t), at)
     assert np.abs(found.mats_ls - rolling(at).mats_ls).max() < 2e-14

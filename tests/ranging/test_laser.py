@@ -134,7 +134,7 @@ def roof_edge(edge: float) -> Terrain:
 
 
 def above_edge() -> Poses:
-    return Poses.still([[0.0, 0.0, 210.0]], looking_down(210.0).mats_ls)
+    return Poses.stationary([[0.0, 0.0, 210.0]], looking_down(210.0).mats_ls)
 
 
 def test_first_and_last_return_at_the_edge_of_a_roof() -> None:
@@ -153,7 +153,7 @@ def test_first_and_last_return_at_the_edge_of_a_roof() -> None:
         assert one.slant_range.tolist() == [expected]
 
 
-def test_a_footprint_that_touches_a_hole_says_nothing() -> None:
+def test_a_footprint_that_touches_a_hole_has_no_range() -> None:
     """What part of the beam would have met is not known; the middle ray alone would have had a range."""
     ground = roof_edge(0.095)
     ground = ground.with_finest(np.where(ground.finest.east > 0.2, np.nan, ground.finest.heights))
@@ -173,7 +173,7 @@ def test_echoes_that_are_not_resolved_are_one() -> None:
 
 
 @pytest.mark.parametrize(("pulse_length", "echoes"), [(65e-9, 2), (68e-9, 1)])
-def test_half_a_pulse_length_is_what_can_be_told_apart(pulse_length: float, echoes: int) -> None:
+def test_half_a_pulse_length_is_the_resolution(pulse_length: float, echoes: int) -> None:
     """c T_p / 2 is 9.74 m and 10.19 m; the roof is 10 m above the ground."""
     laser = Laser(1000.0, divergence=3e-3, pulse_length=pulse_length, returns="both")
     assert len(np.unique(laser.measure(roof_edge(0.095), above_edge()).slant_range)) == echoes
@@ -203,7 +203,7 @@ def test_sentinel_stands_for_silence_and_for_nothing_else() -> None:
     assert np.isnan(found.direction_s[1:]).all() and found.direction_s[0].tolist() == [0.0, 0.0, 1.0]
 
 
-def test_error_model_is_applied_to_what_is_told() -> None:
+def test_error_model_is_applied_to_the_reported_range() -> None:
     error = RangeError(bias=0.1, scale=1e-3, noise_sd=0.05)
     laser, at = Laser(error=error), looking_down(np.full(4000, 200.0))
     assert laser.measure(FLAT, at).slant_range == pytest.approx(np.full(4000, 200.3))

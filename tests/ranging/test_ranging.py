@@ -34,7 +34,7 @@ FLAT = plane()
 
 def poses(height: float, roll: ArrayLike, pitch: ArrayLike, heading: ArrayLike = 0.0) -> Poses:
     mats = MAT_ENU_NED @ mat_from_rpy(np.atleast_1d(roll), pitch, heading)
-    return Poses.still(np.tile([3.0, 4.0, height], (len(mats), 1)), mats)
+    return Poses.stationary(np.tile([3.0, 4.0, height], (len(mats), 1)), mats)
 
 
 def along(sensor: RangingSensor, *path: Any, **mounting: Any) -> Array:
@@ -104,7 +104,7 @@ def test_out_of_range_and_unknown_poses_are_nan() -> None:
     for sensor in (NearestReturn(max_range=762.0), Laser(max_range=762.0)):
         found = sensor.measure(FLAT, at).slant_range
         assert np.isnan(found).tolist() == [True, False, True, True]
-    outside = Poses.still(at.origins_l + np.array([5000.0, 0.0, 0.0]), at.mats_ls)
+    outside = Poses.stationary(at.origins_l + np.array([5000.0, 0.0, 0.0]), at.mats_ls)
     assert np.isnan(NearestReturn(max_range=2000.0).measure(FLAT, outside).slant_range).all()
 
 
@@ -150,7 +150,7 @@ def test_path_is_vectorised() -> None:
 def test_bad_calls_are_refused() -> None:
     at = poses(300.0, 0.0, 0.0)
     with pytest.raises(ValueError, match="mats_ls has the shape"):
-        Poses.still(at.origins_l, np.repeat(at.mats_ls, 2, axis=0))
+        Poses.stationary(at.origins_l, np.repeat(at.mats_ls, 2, axis=0))
     for bad in ({"beam_width": 0.0}, {"beam_width": 3.2}, {"rings": 0}, {"max_range": 0.0}):
         with pytest.raises(ValueError, match=next(iter(bad))):
             NearestReturn(**bad)

@@ -20,15 +20,15 @@ def lines(text: str) -> dict[str, tuple[list[float], str]]:
     return {name: ([float(word) for word in ranges.split()], valid) for name, ranges, valid in rows}
 
 
-def test_the_example_prints_what_the_page_says(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_example_prints_the_numbers_of_the_page(capsys: pytest.CaptureFixture[str]) -> None:
     code, printed = re.findall(r"```(?:python)?\n(.*?)```", PAGE, re.DOTALL)[:2]
     exec(code, {})
-    found, said = (lines(text) for text in (capsys.readouterr().out, printed))
-    assert list(found) == list(said) == ["laser", "narrow", "wide"]
-    assert found["laser"] == said["laser"]
+    actual, expected = (lines(text) for text in (capsys.readouterr().out, printed))
+    assert list(actual) == list(expected) == ["laser", "narrow", "wide"]
+    assert actual["laser"] == expected["laser"]
     for name in ("narrow", "wide"):  # the page is written anew where the model changes by more than a bin
-        np.testing.assert_allclose(found[name][0], said[name][0], rtol=0.0, atol=0.5)
-        assert found[name][1] == said[name][1]
+        np.testing.assert_allclose(actual[name][0], expected[name][0], rtol=0.0, atol=0.5)
+        assert actual[name][1] == expected[name][1]
 
 
 def test_every_picture_is_named() -> None:

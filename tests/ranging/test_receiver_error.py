@@ -29,7 +29,7 @@ def terrain(heights: Array) -> Terrain:
 
 def model_sd(ground: Terrain, height: float, predicted: float, roll_deg: float = 0.0) -> float:
     mats = MAT_ENU_NED @ mat_from_rpy(math.radians(roll_deg), 0.0, 0.0)
-    at = Poses.still(np.array([[0.0, 0.0, height]]), mats[None])
+    at = Poses.stationary(np.array([[0.0, 0.0, height]]), mats[None])
     return float(PossibleReceivers(BEAM).error_sd(ground, at, np.array([predicted]))[0])
 
 

@@ -29,7 +29,7 @@ def rough(seed: int = 3) -> Terrain:
     return Terrain.from_array(heights, 5.0, east0=-1000.0, north0=-1000.0)
 
 
-def flown(t: Array) -> Poses:
+def flight_poses(t: Array) -> Poses:
     """60 m/s to the north, rolling, pitching and turning."""
     mats = MAT_ENU_NED @ mat_from_rpy(0.3 * np.sin(2.0 * t), 0.1 * np.sin(t), 0.2 * t)
     origins = np.stack((5.0 * np.sin(t), 60.0 * t, 300.0 + 5.0 * np.cos(t)), axis=-1)
@@ -44,9 +44,9 @@ def test_a_pulse_must_be_back_before_the_next_one_leaves() -> None:
     """Eq. 2.36: 150 kHz at 1000 m, 149.896 kHz to be exact; and just above it is refused."""
     assert f"{max_pulse_rate(1000.0):.0f}" == "149896" and round(max_pulse_rate(1000.0), -3) == 150_000.0
     assert RangeScanner(pulse_rate=149_896.0).pulse_rate == 149_896.0
-    with pytest.raises(ValueError, match="at most 149896"):
+    with pytest.raises(ValueError, match="<= 149896"):
         RangeScanner(pulse_rate=150_000.0)
-    with pytest.raises(ValueError, match="at most 67036"):  # a white surface is seen from 2236 m
+    with pytest.raises(ValueError, match="<= 67036"):  # a white surface is seen from 2236 m
         RangeScanner(Laser(1000.0, reflectance=0.2), pulse_rate=100_000.0)
 
 
@@ -125,7 +125,7 @@ def test_lines_follow_each_other() -> None:
 @pytest.mark.parametrize(("slope_east", "slope_north"), [(0.2, -0.1), (-0.3, 0.4)])
 def test_a_slope_has_the_closed_form(slope_east: float, slope_north: float) -> None:
     t = np.linspace(0.0, 1.0, 51)
-    found = SCANNER.scan(plane(slope_east, slope_north), t, flown(t))
+    found = SCANNER.scan(plane(slope_east, slope_north), t, flight_poses(t))
     rays = (found.poses.mats_ls @ found.returns.direction_s[..., None])[..., 0]
     expected = to_plane(found.poses.origins_l, rays, slope_east, slope_north)
     assert len(found.times) > 8000 and np.abs(found.returns.slant_range / expected - 1.0).max() < 1e-9
@@ -138,7 +138,7 @@ def test_points_lie_on_the_terrain_when_the_poses_are_exact() -> None:
     """1e-6 m, on rough ground, first and last returns."""
     t = np.linspace(0.0, 1.0, 101)
     ground = rough()
-    at = flown(t)
+    at = flight_poses(t)
     points = points_l(at, SCANNER.measure(ground, at))
     assert points.shape == (101, len(SCANNER.angles), 3)
     assert np.abs(points[..., 2] - ground.up(points[..., 0], points[..., 1])).max() < 1e-6
@@ -150,8 +150,8 @@ def test_points_lie_on_the_terrain_when_the_poses_are_exact() -> None:
 def test_interpolated_poses_put_points_where_the_flight_was() -> None:
     """Navigation at 50 Hz, 1.2 rad/s^2 of roll and up to 470 m of range: the bound of the slerp is 60 urad, 28 mm."""
     t = np.linspace(0.0, 2.0, 101)
-    found = SCANNER.scan(FLAT, t, flown(t))
-    exact = flown(found.times)
+    found = SCANNER.scan(FLAT, t, flight_poses(t))
+    exact = flight_poses(found.times)
     assert np.abs(found.poses.origins_l - exact.origins_l).max() < 1e-8  # a line would be 0.25 mm off
     moved = found.poses.origins_l + (found.poses.mats_ls @ (found.returns.direction_s * 470.0)[..., None])[..., 0]
     true = exact.origins_l + (exact.mats_ls @ (found.returns.direction_s * 470.0)[..., None])[..., 0]
@@ -161,7 +161,7 @@ def test_interpolated_poses_put_points_where_the_flight_was() -> None:
 
 def test_nothing_is_measured_where_navigation_is_lost() -> None:
     t = np.linspace(0.0, 1.0, 11)
-    lost = flown(t)
+    lost = flight_poses(t)
     lost.origins_l[5] = np.nan
     found = SCANNER.scan(FLAT, t, lost)
     hidden = (found.times > 0.4) & (found.times < 0.6)
@@ -171,30 +171,32 @@ def test_nothing_is_measured_where_navigation_is_lost() -> None:
 def test_the_last_pulse_is_measured_whatever_the_rounding() -> None:
     """Ten times 0.02 s is a little less than 0.2 s; the pulse that leaves then is the last, not one beyond."""
     t = np.array([0.0, *np.cumsum(np.full(10, 0.02))])
-    found = RangeScanner(pulse_rate=50_000.0, line_rate=52.5, facets=9).scan(FLAT, t, flown(t))
+    found = RangeScanner(pulse_rate=50_000.0, line_rate=52.5, facets=9).scan(FLAT, t, flight_poses(t))
     assert found.times[-1] == t[-1] < 0.2 and found.returns.valid.all()
 
 
 def test_the_same_generator_gives_the_same_scan() -> None:
     t = np.linspace(0.0, 0.5, 6)
     noisy = RangeScanner(Laser(1000.0, error=RangeError(noise_sd=0.02)))
-    one, same, other = (noisy.scan(FLAT, t, flown(t), np.random.default_rng(k)).returns.slant_range for k in (1, 1, 2))
+    one, same, other = (
+        noisy.scan(FLAT, t, flight_poses(t), np.random.default_rng(k)).returns.slant_range for k in (1, 1, 2)
+    )
     assert one.tobytes() == same.tobytes() != other.tobytes()
-    exact = noisy.scan(FLAT, t, flown(t)).returns.slant_range
+    exact = noisy.scan(FLAT, t, flight_poses(t)).returns.slant_range
     assert (one - exact).std() == pytest.approx(0.02, rel=0.1)
 
 
 @pytest.mark.parametrize("times", [[], [0.0]])
 def test_a_scan_goes_on_between_two_epochs(times: list[float]) -> None:
-    with pytest.raises(ValueError, match=f"a scan of {len(times)} epochs"):
-        RangeScanner().scan(FLAT, times, flown(np.array(times)))
+    with pytest.raises(ValueError, match=f"a scan has {len(times)} epochs"):
+        RangeScanner().scan(FLAT, times, flight_poses(np.array(times)))
 
 
 def test_each_measure_casts_all_its_rays_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """No loop over rays: one call of the ray caster for a scan, a set of lines, a matrix, and a footprint."""
     called = count_casts(monkeypatch)
     t, wide = np.linspace(0.0, 1.0, 11), Laser(1000.0, divergence=1e-3, returns="both")
-    scan = RangeScanner(wide).scan(FLAT, t, flown(t))
-    SCANNER.measure(FLAT, flown(t))
-    RangeImager(pixels=(7, 5)).measure(FLAT, flown(t))
+    scan = RangeScanner(wide).scan(FLAT, t, flight_poses(t))
+    SCANNER.measure(FLAT, flight_poses(t))
+    RangeImager(pixels=(7, 5)).measure(FLAT, flight_poses(t))
     assert called == [19 * len(scan.times), 11 * len(SCANNER.angles), 11 * 35]

@@ -89,7 +89,7 @@ def test_the_way_through_a_layer_in_any_direction(climb: float, up: float) -> No
 # -------------------------------------------------------------------------------------------------------- early returns
 
 
-def test_the_layer_returns_what_the_lidar_equation_says() -> None:
+def test_the_layer_returns_the_power_of_the_lidar_equation() -> None:
     """The integral of beta exp(-2 sigma r) over one pulse length, against rho / pi of a Lambertian surface."""
     sigma = 0.04
     air = cross_clouds([Cloud(100.0, 400.0, sigma)], np.array([[0.0, 0.0, 450.0]]), np.array([[0.0, 0.0, -1.0]]), None)
@@ -120,7 +120,7 @@ def test_what_lies_before_the_gate_takes_its_share() -> None:
     assert where[0, 0] == GATE and inside[0, 0] == pytest.approx(clear[0, 0] * np.exp(-2.0 * GATE * 0.04))
 
 
-def test_a_cloud_is_told_as_if_it_were_ground() -> None:
+def test_a_cloud_is_reported_as_ground() -> None:
     """The recorded approach: on the way down the range falls to its least, stays there, and is right below the base."""
     up = np.arange(700.0, 0.0, -5.0)
     found = laser(Cloud(102.0, 352.0, 0.04)).measure(FLAT, looking_down(up))

@@ -46,12 +46,12 @@ def _approaches(args: argparse.Namespace) -> int:
         site = approaches.make_site(kind, args.seed, args.reference_runs)
         outcomes = [approaches.fly_nominal(site, number, args.seed) for number in range(args.runs)]
         print(approaches.line_of_nominal(kind, outcomes), flush=True)
-        flown = [approaches.fly_over_obstacle(site, number, args.seed) for number in range(args.runs)]
-        print(approaches.line_of_obstacles(kind, flown), flush=True)
+        flights = [approaches.fly_over_obstacle(site, number, args.seed) for number in range(args.runs)]
+        print(approaches.line_of_obstacles(kind, flights), flush=True)
         if args.verbose:
             for outcome in outcomes:
                 print(f"    nominal  {outcome}")
-            for obstacle, outcome in flown:
+            for obstacle, outcome in flights:
                 print(f"    obstacle at {obstacle.s:.0f} m  {outcome}")
     return 0
 

@@ -33,7 +33,7 @@ Array = NDArray[np.float64]
 
 GROUNDS = ("hills", "valley", "woods")
 #: Of nominal approaches; of obstacles.
-MAX_FALSE, MIN_SEEN = 0.01, 0.97
+MAX_FALSE, MIN_DETECTED = 0.01, 0.97
 
 COURSE = float(np.deg2rad(70.0))
 GLIDE = float(np.deg2rad(3.0))
@@ -81,25 +81,25 @@ class Obstacle:
 
 @dataclass(frozen=True, eq=False)
 class Site:
-    """An airfield in hills, and the reference that was made for it."""
+    """An airfield in hills, and its reference."""
 
     surface: Surface
     reference: ApproachReference
 
 
-def place_of(s: Array, y: Array) -> tuple[Array, Array]:
+def position_at(s: Array, y: Array) -> tuple[Array, Array]:
     """East and north [m] of path lengths and offsets to the right of the course [m]."""
-    ahead, right = INTERCEPT_M - s, y
+    forward, right = INTERCEPT_M - s, y
     return (
-        ahead * np.sin(COURSE) + right * np.cos(COURSE),
-        ahead * np.cos(COURSE) - right * np.sin(COURSE),
+        forward * np.sin(COURSE) + right * np.cos(COURSE),
+        forward * np.cos(COURSE) - right * np.sin(COURSE),
     )
 
 
 def along(east: Array, north: Array) -> tuple[Array, Array]:
     """Path length and offset [m] of places: the inverse."""
-    ahead = east * np.sin(COURSE) + north * np.cos(COURSE)
-    return INTERCEPT_M - ahead, east * np.cos(COURSE) - north * np.sin(COURSE)
+    forward = east * np.sin(COURSE) + north * np.cos(COURSE)
+    return INTERCEPT_M - forward, east * np.cos(COURSE) - north * np.sin(COURSE)
 
 
 def make_ground(kind: str, rng: np.random.Generator) -> Surface:
@@ -108,16 +108,16 @@ def make_ground(kind: str, rng: np.random.Generator) -> Surface:
     hills : relief of 25 m;  woods : half of it under trees;  valley : winding, its sides at 25 degrees beside the track
     """
     is_valley = kind == "valley"
-    made = make_surface("hills" if is_valley else kind, rng, SIZE_M, VALLEY_RELIEF_M if is_valley else RELIEF_M)
-    east, north = place_of(np.array(0.5 * BEGIN_M), np.array(0.0))
-    posts = np.linspace(-0.5 * SIZE_M, 0.5 * SIZE_M - POST_M, len(made.top))
-    surface = dataclasses.replace(made, east0=float(east) - 0.5 * SIZE_M, north0=float(north) - 0.5 * SIZE_M)
+    terrain = make_surface("hills" if is_valley else kind, rng, SIZE_M, VALLEY_RELIEF_M if is_valley else RELIEF_M)
+    east, north = position_at(np.array(0.5 * BEGIN_M), np.array(0.0))
+    posts = np.linspace(-0.5 * SIZE_M, 0.5 * SIZE_M - POST_M, len(terrain.top))
+    surface = dataclasses.replace(terrain, east0=float(east) - 0.5 * SIZE_M, north0=float(north) - 0.5 * SIZE_M)
     s, y = along(posts[None, :] + float(east), posts[:, None] + float(north))
     away = np.clip((np.hypot(np.maximum(s - INTERCEPT_M, 0.0), y) - 300.0) / 1200.0, 0.0, 1.0)
     highest = np.maximum(s * np.tan(GLIDE) - CLEAR_M, 0.0)
-    crowns = (made.top - made.bare) * (away > 0.3)
+    crowns = (terrain.top - terrain.bare) * (away > 0.3)
     sides = _valley_sides(s, y, rng) if is_valley else 0.0
-    bare = np.minimum(away * (made.bare - VALLEY_M + sides), highest)
+    bare = np.minimum(away * (terrain.bare - VALLEY_M + sides), highest)
     return dataclasses.replace(surface, top=bare + crowns, bare=bare)
 
 
@@ -158,7 +158,7 @@ def make_site(kind: str, seed: int, runs: int = 400) -> Site:
     surface = make_ground(kind, rng)
     model = survey(surface, DEM_CELL_M, rng, DEM_VARIES_M, DEM_BIAS_M)
     plan = ReferenceOptions(
-        surface=kind, date="2024-01-01", s_max=BEGIN_M, draws=100, runs=runs, beside_runs=2, seed=seed
+        surface=kind, date="2024-01-01", s_max=BEGIN_M, draws=100, runs=runs, offset_runs=2, seed=seed
     )
     ground = TerrainGround(ApproachPath(airfield()), RA4500, (terrain_of(model),))
     return Site(surface, make_reference(ground, plan, lambda *_: None))
@@ -189,7 +189,7 @@ def _descend(rng: np.random.Generator, errors: Errors) -> Flight:
     roll, pitch = wander(t, errors.roll, 5.0, rng), np.deg2rad(1.0) + wander(t, errors.pitch, 10.0, rng)
     level = np.full((len(t), 2), (speed * np.sin(COURSE), speed * np.cos(COURSE)))
     heading = COURSE + wander(t, errors.crab, 60.0, rng)
-    place = np.stack((*place_of(s, y), up), -1)
+    place = np.stack((*position_at(s, y), up), -1)
     return Flight(t, place, np.column_stack((level, np.gradient(up, t))), roll, pitch, heading)
 
 
@@ -216,7 +216,7 @@ class Outcome:
 
     alert_s: float | None
     over: str
-    judged: float
+    judged_share: float
     refused: tuple[str, ...]
 
 
@@ -224,13 +224,13 @@ def outcome_of(outputs: list[ClearanceIntegrity]) -> Outcome:
     """What became of an approach."""
     alerts = [o for o in outputs if o.state is IntegrityState.ALERT]
     full = [o for o in outputs if o.state is not IntegrityState.ACQUIRE]
-    judged = sum(o.valid for o in full) / max(len(full), 1)
+    judged_share = sum(o.valid for o in full) / max(len(full), 1)
     refused = tuple(sorted({str(reason) for o in full if not o.valid for reason in o.reasons}))
     if not alerts:
-        return Outcome(None, "", judged, refused)
+        return Outcome(None, "", judged_share, refused)
     ratios = {name: getattr(alerts[0], f"{name}_ratio") for name in ("t1", "t2", "t3", "t4")}
     over = " ".join(name for name, ratio in ratios.items() if (ratio or 0.0) > 0.8)
-    return Outcome(alerts[0].s_end, over, judged, refused)
+    return Outcome(alerts[0].s_end, over, judged_share, refused)
 
 
 def fly_nominal(site: Site, number: int, seed: int) -> Outcome:
@@ -250,12 +250,12 @@ def fly_over_obstacle(site: Site, number: int, seed: int) -> tuple[Obstacle, Out
 def _places(surface: Surface) -> Array:
     """Path lengths [m] at which the top of an obstacle of 150 m is 20 m below the path and more."""
     s = np.arange(2500.0, BEGIN_M - 600.0, 10.0)
-    top = surface.height(*place_of(s, np.zeros_like(s))) + 150.0
-    around = np.max([np.roll(top, k) for k in range(-8, 9)], axis=0)
-    return np.asarray(s[around < s * np.tan(GLIDE) - 20.0])
+    top = surface.height(*position_at(s, np.zeros_like(s))) + 150.0
+    neighbours = np.max([np.roll(top, k) for k in range(-8, 9)], axis=0)
+    return np.asarray(s[neighbours < s * np.tan(GLIDE) - 20.0])
 
 
-def is_seen(obstacle: Obstacle, outcome: Outcome) -> bool:
+def is_detected(obstacle: Obstacle, outcome: Outcome) -> bool:
     """Whether the first ALERT was by the obstacle: from where a beam of 40 degrees reaches it to 100 m behind it."""
     reach = 0.5 * obstacle.width
     s = outcome.alert_s
@@ -279,18 +279,18 @@ def max_failures_by_chance(n: int, share: float) -> int:
 def line_of_nominal(kind: str, outcomes: list[Outcome]) -> str:
     """The count of false alerts, and what raised them."""
     alarms = [o for o in outcomes if o.alert_s is not None]
-    most = max_failures_by_chance(len(outcomes), MAX_FALSE)
+    max_alarms = max_failures_by_chance(len(outcomes), MAX_FALSE)
     by = dict(Counter(o.over for o in alarms))
-    judged = np.mean([o.judged for o in outcomes])
+    judged_share = np.mean([o.judged_share for o in outcomes])
     refused = sorted({reason for o in outcomes for reason in o.refused})
-    counts = f"ALERT on {len(alarms)} of {len(outcomes)} (at most {most})"
-    return f"{kind:<7} nominal   {counts}  by {by}  judged {judged:.0%}, otherwise {refused}"
+    counts = f"ALERT on {len(alarms)} of {len(outcomes)} (at most {max_alarms})"
+    return f"{kind:<7} nominal   {counts}  by {by}  judged {judged_share:.0%}, otherwise {refused}"
 
 
-def line_of_obstacles(kind: str, flown: list[tuple[Obstacle, Outcome]]) -> str:
+def line_of_obstacles(kind: str, flights: list[tuple[Obstacle, Outcome]]) -> str:
     """The count of obstacles that raised an ALERT, of those without an earlier one."""
-    fresh = [pair for pair in flown if not is_earlier(*pair)]
-    seen = sum(is_seen(*pair) for pair in fresh)
-    least = len(fresh) - max_failures_by_chance(len(fresh), 1.0 - MIN_SEEN)
-    early = len(flown) - len(fresh)
-    return f"{kind:<7} obstacle  ALERT on {seen} of {len(fresh)} (at least {least})  beside {early} with an earlier one"
+    fresh = [pair for pair in flights if not is_earlier(*pair)]
+    detected = sum(is_detected(*pair) for pair in fresh)
+    min_detected = len(fresh) - max_failures_by_chance(len(fresh), 1.0 - MIN_DETECTED)
+    counts = f"ALERT on {detected} of {len(fresh)} (at least {min_detected})"
+    return f"{kind:<7} obstacle  {counts}  beside {len(flights) - len(fresh)} with an earlier one"

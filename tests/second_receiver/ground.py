@@ -136,7 +136,7 @@ def _crowns(rng: np.random.Generator, n: int) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class ElevationModel:
-    """What somebody surveyed of a surface.
+    """Elevation model of a surface.
 
     heights : (rows, columns) [m], row 0 south;  cell_m : between posts;  east0, north0 : of post [0, 0] [m]
     sd      : one sigma of its heights [m], error of the survey and of the posts' distance

@@ -42,7 +42,7 @@ LEARNING_PERIOD_S, LEARNING_SAMPLES, LEARNING_COUNT, LEARNING_EACH = 0.2, 170, 5
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """What is flown over what.
+    """A case: ground and sensor.
 
     ground : level, hills, woods;  sensor : radar, laser;  known : whether the product has a terrain
     model  : of a radar, as the product is configured;  steps : whether a radar has those of an RA-4500, or none
@@ -66,27 +66,27 @@ class Case:
 
     @property
     def stream(self) -> int:
-        """Of random numbers: the same ground and flight whether it is known or not."""
+        """Seed of a flight: the same ground and flight whether it is known or not."""
         return ("level", "hills", "woods").index(self.ground) * 10 + ("radar", "laser").index(self.sensor)
 
 
 @dataclass(eq=False)
 class Samples:
-    """What came of one flight: by name of a value, errors and sigmas [m]; and what was around them.
+    """Result of one flight: errors and sigmas [m] by name of a value, and their conditions.
 
-    around : columns height above ground [m], relief [m], angle off the vertical [rad]
+    conditions : columns height above ground [m], relief [m], angle off the vertical [rad]
     """
 
     offered: int = 0
     errors: dict[str, list[float]] = field(default_factory=lambda: {name: [] for name in FIELDS})
     sds: dict[str, list[float]] = field(default_factory=lambda: {name: [] for name in FIELDS})
-    around: list[tuple[float, float, float]] = field(default_factory=list)
+    conditions: list[tuple[float, float, float]] = field(default_factory=list)
     absent: dict[str, int] = field(default_factory=lambda: dict.fromkeys(FIELDS, 0))
     reasons: dict[str, int] = field(default_factory=dict)
 
     @property
     def valid(self) -> int:
-        return len(self.around)
+        return len(self.conditions)
 
 
 def terrain_of(model: ElevationModel) -> Terrain:
@@ -128,13 +128,13 @@ def _run_flight(case: Case, surface: Surface, ground: Ground | None, rng: np.ran
     period, n = (2.0, 12) if case.known else (LEARNING_PERIOD_S, LEARNING_SAMPLES)
     flight = fly(surface, rng, period=period, n=n)
     ranges, sds = _measure(case, surface, flight, rng)
-    seen = navigate(flight, STATED, rng)
+    navigated = navigate(flight, STATED, rng)
     channel = AltimeterChannel(device_of(case))
     channel.set_terrain(ground)
     attitude_sd = np.hypot(STATED.attitude, ALIGNMENT) if case.sensor == "laser" else STATED.attitude
     samples = Samples()
     truth = flight.place[:, 2] - surface.height(flight.place[:, 0], flight.place[:, 1])
-    for k, output in enumerate(_outputs(channel, seen, ranges, sds, float(attitude_sd))):
+    for k, output in enumerate(_outputs(channel, navigated, ranges, sds, float(attitude_sd))):
         if not case.known and (k < LEARNING_COUNT or k % LEARNING_EACH):
             continue
         tilt = float(np.arccos(np.cos(flight.roll[k]) * np.cos(flight.pitch[k])))
@@ -158,28 +158,28 @@ def _measure(case: Case, surface: Surface, flight: Flight, rng: np.random.Genera
 
 
 def _outputs(
-    channel: AltimeterChannel, seen: Flight, ranges: Array, sds: Array, attitude_sd: float
+    channel: AltimeterChannel, navigated: Flight, ranges: Array, sds: Array, attitude_sd: float
 ) -> Iterator[HeightAboveGround]:
-    lat, lon, alt = to_geodetic(seen.place)
-    for k in range(len(seen.t)):
-        t_ns = 10**9 + round((seen.t[k] - seen.t[0]) * 1e9)
-        east, north, up = (float(v) for v in seen.velocity[k])
+    lat, lon, alt = to_geodetic(navigated.place)
+    for k in range(len(navigated.t)):
+        t_ns = 10**9 + round((navigated.t[k] - navigated.t[0]) * 1e9)
+        east, north, up = (float(v) for v in navigated.velocity[k])
         attitude = AttitudeState(
-            float(seen.roll[k]), float(seen.pitch[k]), float(seen.heading[k]), attitude_sd, attitude_sd
+            float(navigated.roll[k]), float(navigated.pitch[k]), float(navigated.heading[k]), attitude_sd, attitude_sd
         )
         where = (float(lat[k]), float(lon[k]), float(alt[k]))
         position = PositionState(*where, STATED.horizontal, STATED.vertical, north, east, -up, t_ns)
         reading = AltimeterReading(t_ns, t_ns, float(ranges[k]), float(sds[k]), False)
-        yield channel.take(reading, NavState(t_ns, attitude, position, "ins", "ins"))
+        yield channel.feed(reading, NavState(t_ns, attitude, position, "ins", "ins"))
 
 
-def _collect(samples: Samples, output: HeightAboveGround, truth: float, around: tuple[float, float, float]) -> None:
+def _collect(samples: Samples, output: HeightAboveGround, truth: float, conditions: tuple[float, float, float]) -> None:
     samples.offered += 1
     if not output.valid:
         for reason in output.reasons:
             samples.reasons[str(reason)] = samples.reasons.get(str(reason), 0) + 1
         return
-    samples.around.append(around)
+    samples.conditions.append(conditions)
     for name, of_sd in FIELDS.items():
         value, sd = getattr(output, name, None), getattr(output, of_sd, None)
         if value is None or sd is None:
@@ -194,7 +194,7 @@ def _collect(samples: Samples, output: HeightAboveGround, truth: float, around: 
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """Of one value in one case, pooled over its flights.
+    """Result of one value in one case, pooled over its flights.
 
     within_1, within_2 : shares of |z| < 1 and < 2;  rms_z;  bias, spread, stated : of the error and of its sigma [m]
     worst              : the flight with the least share of |z| < 2
@@ -265,16 +265,16 @@ def details(flights: list[Samples], name: str | None = None) -> Iterator[str]:
             reasons[reason] = reasons.get(reason, 0) + count
     yield f"    not valid: {reasons}"
     names = [name] if name else [n for n in FIELDS if any(np.isfinite(f.errors[n]).any() for f in flights)]
-    around = np.concatenate([np.array(f.around).reshape(-1, 3) for f in flights])
+    conditions = np.concatenate([np.array(f.conditions).reshape(-1, 3) for f in flights])
     groups = {
-        "height 40-100": around[:, 0] < 100.0,
-        "height 100-200": (around[:, 0] >= 100.0) & (around[:, 0] < 200.0),
-        "height 200-400": around[:, 0] >= 200.0,
-        "relief < 15": around[:, 1] < 15.0,
-        "relief 15-40": (around[:, 1] >= 15.0) & (around[:, 1] < 40.0),
-        "relief > 40": around[:, 1] >= 40.0,
-        "tilt < 10": around[:, 2] < np.deg2rad(10.0),
-        "tilt > 10": around[:, 2] >= np.deg2rad(10.0),
+        "height 40-100": conditions[:, 0] < 100.0,
+        "height 100-200": (conditions[:, 0] >= 100.0) & (conditions[:, 0] < 200.0),
+        "height 200-400": conditions[:, 0] >= 200.0,
+        "relief < 15": conditions[:, 1] < 15.0,
+        "relief 15-40": (conditions[:, 1] >= 15.0) & (conditions[:, 1] < 40.0),
+        "relief > 40": conditions[:, 1] >= 40.0,
+        "tilt < 10": conditions[:, 2] < np.deg2rad(10.0),
+        "tilt > 10": conditions[:, 2] >= np.deg2rad(10.0),
     }
     for of in names:
         errors, sds = (np.concatenate([np.array(column) for column in columns]) for columns in _columns(flights, of))

@@ -36,9 +36,9 @@ class Laser:
 
     def measure(self, surface: Surface, place: Array, axes: Array, velocity: Array, rng: np.random.Generator) -> Array:
         """Ranges [m] (n,), NaN without a return; arguments as of the radar, ``axes`` with the error of alignment."""
-        around = np.arange(6) * np.pi / 3.0
-        x = np.append(0.0, 0.5 * self.divergence * np.cos(around))
-        y = np.append(0.0, 0.5 * self.divergence * np.sin(around))
+        azimuth = np.arange(6) * np.pi / 3.0
+        x = np.append(0.0, 0.5 * self.divergence * np.cos(azimuth))
+        y = np.append(0.0, 0.5 * self.divergence * np.sin(azimuth))
         rays = np.einsum("nij,kj->nki", axes, np.stack((x, y, np.sqrt(1.0 - x**2 - y**2)), -1))
         to_top, to_earth = (_distances(of, place, rays) for of in (surface.height, surface.bare_height))
         top, earth = to_top.min(axis=1), to_earth.min(axis=1)

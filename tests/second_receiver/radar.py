@@ -105,12 +105,12 @@ class Radar:
             (east - places[:, 0, None, None], north - places[:, 1, None, None], up - places[:, 2, None, None])
         )
         distance = np.sqrt(np.sum(to**2, axis=0))
-        seen = np.tensordot(boresight, to, 1) / distance
+        cosine = np.tensordot(boresight, to, 1) / distance
         rise_e, rise_n = surface.slopes(east, north)
         rise_e, rise_n = (np.where(wooded, 0.0, np.clip(rise, -1.5, 1.5)) for rise in (rise_e, rise_n))
         slant = np.sqrt(1.0 + rise_e**2 + rise_n**2)
         cos_incidence = np.clip((rise_e * to[0] + rise_n * to[1] - to[2]) / (slant * distance), 0.0, 1.0)
-        gain = np.exp(-4.0 * np.log(2.0) * (np.arccos(np.clip(seen, -1.0, 1.0)) / self.width) ** 2)
+        gain = np.exp(-4.0 * np.log(2.0) * (np.arccos(np.clip(cosine, -1.0, 1.0)) / self.width) ** 2)
         power = gain**2 * _sigma0(cos_incidence, wooded) / distance**4 * area * slant
         return distance.ravel(), power.ravel()
 

@@ -1,4 +1,4 @@
-"""References made from terrain are accepted by the second receiver, and obstacles are seen by it.
+"""References made from terrain are accepted by the second receiver, and it detects obstacles.
 
 Counts are held against the 95 % limits of binomial counts: ALERT on 1 % of nominal approaches, 97 % of obstacles.
 """
@@ -37,14 +37,14 @@ def test_nominal_approaches_raise_no_alert(site: Site, kind: str, scale: int) ->
     print(f"seed {SEED}", approaches.line_of_nominal(kind, outcomes), sep="\n")
     false = sum(outcome.alert_s is not None for outcome in outcomes)
     assert false <= approaches.max_failures_by_chance(n, approaches.MAX_FALSE)
-    assert np.mean([outcome.judged for outcome in outcomes]) >= 0.5, "a monitor that judges nothing alarms nobody"
+    assert np.mean([outcome.judged_share for outcome in outcomes]) >= 0.5, "a monitor that judges nothing alarms nobody"
 
 
 def test_obstacles_of_150_m_raise_an_alert(site: Site, kind: str, scale: int) -> None:
     n = RUNS if scale == 1 else RUNS_FULL
-    flown = [approaches.fly_over_obstacle(site, number, SEED) for number in range(n)]
-    print(f"seed {SEED}", approaches.line_of_obstacles(kind, flown), sep="\n")
-    fresh = [pair for pair in flown if not approaches.is_earlier(*pair)]
-    missed = sum(not approaches.is_seen(*pair) for pair in fresh)
+    flights = [approaches.fly_over_obstacle(site, number, SEED) for number in range(n)]
+    print(f"seed {SEED}", approaches.line_of_obstacles(kind, flights), sep="\n")
+    fresh = [pair for pair in flights if not approaches.is_earlier(*pair)]
+    missed = sum(not approaches.is_detected(*pair) for pair in fresh)
     assert len(fresh) >= 0.9 * n
-    assert missed <= approaches.max_failures_by_chance(len(fresh), 1.0 - approaches.MIN_SEEN)
+    assert missed <= approaches.max_failures_by_chance(len(fresh), 1.0 - approaches.MIN_DETECTED)

@@ -16,7 +16,7 @@ from fti.service.supervisor.command_catalogue import CommandCatalogue
 from fti.service.supervisor.command_tracker import CommandTracker
 from tests.helpers import until_async
 
-Asked = asyncio.Task[dict[str, Any]]
+CommandTask = asyncio.Task[dict[str, Any]]
 SECOND_NS = 1_000_000_000
 COMMANDS = {
     "rate": Command("set the output rate", {"rate": "Hz, 1 to 20"}),
@@ -61,7 +61,7 @@ class Bench:
             make_catalogue(),
             self.clock,
             send=self._send,
-            tell=lambda level, text: self.events.append((level, text)),
+            report_event=lambda level, text: self.events.append((level, text)),
             changed=self.shown.append,
             delay_reason=lambda: self.hint,
         )
@@ -75,21 +75,21 @@ class Bench:
         self, key: str = "k1", name: str = "rate", device: str = "mag", **more: Any
     ) -> asyncio.Task[dict[str, Any]]:
         args = {"rate": "10"} if name == "rate" else {}
-        wish = {"id": key, "device": device, "command": name, "args": args, "timeout_s": 30.0, **more}
-        return asyncio.create_task(self.command_tracker.handle_command(wish, "an engineer"))
+        request = {"id": key, "device": device, "command": name, "args": args, "timeout_s": 30.0, **more}
+        return asyncio.create_task(self.command_tracker.handle_command(request, "an engineer"))
 
-    async def ask_and_send(self, *words: str, **more: Any) -> Asked:
+    async def ask_and_send(self, *names: str, **more: Any) -> CommandTask:
         """Ask, and let the recorder send it."""
-        asked = self.ask(*words, **more)
+        task = self.ask(*names, **more)
         before = len(self.sent)
         await until_async(lambda: len(self.sent) > before)
-        self.recorder_says()
-        return asked
+        self.confirm_sending()
+        return task
 
-    def recorder_says(self, number: int | None = None, fault: str | None = None, partly: bool = False) -> None:
+    def confirm_sending(self, number: int | None = None, fault: str | None = None, partly: bool = False) -> None:
         number = number or self.sent[-1]["id"]
         self.command_tracker.on_sent({"id": number, "fault": fault, "partly": partly, "t_ns": self.clock.now_ns()})
 
     def answer(self, name: str = "rate", accepted: bool = True, detail: str = "", device: str = "mag") -> None:
-        said = {"command": name, "accepted": accepted, "detail": detail, "t_ns": self.clock.now_ns()}
-        self.command_tracker.on_ack({"device": device, **said})
+        answer = {"command": name, "accepted": accepted, "detail": detail, "t_ns": self.clock.now_ns()}
+        self.command_tracker.on_ack({"device": device, **answer})

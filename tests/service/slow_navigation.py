@@ -1,4 +1,4 @@
-"""A navigation that takes as long as it is told, in a world whose time it makes: frames come while it computes."""
+"""A navigation process with set computing times, in a simulated time: frames arrive while it computes."""
 
 from __future__ import annotations
 
@@ -119,8 +119,8 @@ class World:
 
     cost_s : what navigation needs for a frame [s], by the time since the start [s]
     ages   : of what was published: (time since the start [s], age [ms], valid)
-    fed    : the numbers of the frames that the chain has seen
-    hurry_at_s : when navigation is told to end at once [s]
+    fed    : the numbers of the frames fed to the chain
+    finish_at_s : time of the message to end at once [s]
     refusals : with which the next navigation process begins
     lie_from_s : from then on the INS is 100 m too far north [s]
     """
@@ -134,7 +134,7 @@ class World:
         self.cost_s = cost_s
         self.ages: list[tuple[float, float, bool]] = []
         self.fed: list[int] = []
-        self.hurry_at_s: float | None = None
+        self.finish_at_s: float | None = None
         self.refusals: tuple[dict[str, Any], ...] = ()
         self._frames = _frames(duration_s, START_NS + lie_from_s * SECOND_NS)
         self._next = 0
@@ -173,15 +173,15 @@ class World:
             t_ns, link, data = self._frames[self._next]
             self.ring.put_many([link], self._next, [t_ns], [data])
             if link == LINKS.index(TICK_LINK):
-                self._raw.tick(self._next, t_ns)
+                self._raw.write_tick(self._next, t_ns)
             else:
-                self._raw.frame(LINKS[link], self._next, t_ns, data)
+                self._raw.write_frame(LINKS[link], self._next, t_ns, data)
             self._next += 1
         if self._next == len(self._frames):
             self.ring.end()
 
-    def order(self) -> NavigationStartup:
-        """What the next navigation process is told."""
+    def startup(self) -> NavigationStartup:
+        """Startup message of the next navigation process."""
         config = configuration.parse(tomllib.loads(CONFIG), CONFIG, Path("slow.toml"))
         return NavigationStartup(
             folder=str(self.session.path),
@@ -196,8 +196,8 @@ class World:
 
     def navigator(self) -> NavigationProcess:
         """A navigation process."""
-        order = self.order()
-        return NavigationProcess(order, self.clock, ControlChannel(self._near), self._own_fds())  # type: ignore[arg-type]
+        startup = self.startup()
+        return NavigationProcess(startup, self.clock, ControlChannel(self._near), self._own_fds())  # type: ignore[arg-type]
 
     def _own_fds(self) -> tuple[int, int]:
         """The ring's, as another process has them."""
@@ -211,9 +211,9 @@ class World:
         def slow_feed(chain: Chain, frame: RawFrame) -> ChainOutput:
             self.sleep(self.cost_s(self.now_s))
             self.fed.append(frame.seq)
-            if self.hurry_at_s and self.now_s >= self.hurry_at_s:
+            if self.finish_at_s and self.now_s >= self.finish_at_s:
                 self._far.send(b'{"hurry":true}\n')
-                self.hurry_at_s = None
+                self.finish_at_s = None
             return feed(chain, frame)
 
         with pytest.MonkeyPatch.context() as patch:
@@ -233,9 +233,9 @@ class World:
 
     def publish(self, topic: str, payload: bytes) -> None:
         """Note the age of a height."""
-        said = json.loads(payload)
+        message = json.loads(payload)
         if topic.startswith("/nav/height"):
-            self.ages.append((self.now_s, said["age_ms"], said["valid"]))
+            self.ages.append((self.now_s, message["age_ms"], message["valid"]))
 
     def close(self) -> None:
         """Nobody is there any more."""
@@ -243,29 +243,29 @@ class World:
     # ---------------------------------------------------------------------------------------------------- afterwards
 
     def finish(self) -> list[dict[str, Any]]:
-        """Close the recording; the events that navigation has told of itself."""
+        """Close the recording; returns the events of navigation about itself."""
         self._raw.close()
         self.ring.close()
         self._near.close()
-        told = b""
+        received = b""
         while data := self._far.recv(2**20):
-            told += data
+            received += data
         self._far.close()
-        messages = [json.loads(line) for line in told.splitlines()]
+        messages = [json.loads(line) for line in received.splitlines()]
         return [message["event"] for message in messages if message.get("event", {}).get("source") == "navigation"]
 
     def last_refusals(self) -> list[dict[str, Any]]:
-        """What navigation told the supervisor last of its refusals."""
+        """The last refusals that navigation sent to the supervisor."""
         messages = [json.loads(line) for line in self._far.recv(2**24).splitlines()]
-        told: list[list[dict[str, Any]]] = [message["refusals"] for message in messages if "refusals" in message]
-        return told[-1]
+        refusals: list[list[dict[str, Any]]] = [message["refusals"] for message in messages if "refusals" in message]
+        return refusals[-1]
 
     def rows(self, topic: str) -> list[dict[str, Any]]:
-        """What the derived file has on a topic."""
+        """The messages of a topic in the derived file."""
         return [json.loads(data) for *_, data in Recording.open(self.session.path).messages(topic)]
 
     def gaps(self) -> list[range]:
-        """The frames that the derived file says were not seen."""
+        """The missing frames in the gaps of the derived file."""
         return [range(row["after_seq"] + 1, row["before_seq"]) for row in self.rows("/fti/gap")]
 
 
@@ -275,7 +275,7 @@ def outputs(session: Path) -> list[tuple[str, int, bytes]]:
 
 
 def reprocessed(world: World, out: Path) -> Path:
-    """The session again, as flown."""
+    """The reprocessed session."""
     recording = Recording.open(world.session.path)
     setup = recorded_setup(recording, world.session.path)
     return reprocess(recording, setup, out, as_flown=True, progress=lambda seq: None)

@@ -31,7 +31,7 @@ class Rig:
             lambda: None if self.waited_ns is None else self.clock.now_ns() - self.waited_ns,
         )
 
-    def look(self, waited_ns: int | None) -> list[str]:
+    def check_latency(self, waited_ns: int | None) -> list[str]:
         """The alarms that last when navigation is that late."""
         self.waited_ns = waited_ns
         self.board.check_navigation_latency()
@@ -57,7 +57,7 @@ def test_each_change_is_recorded_and_published(rig: Rig) -> None:
 
 
 def test_what_follows_from_devices_that_are_switched_off_is_no_alarm(rig: Rig) -> None:
-    """What navigation was late with is of the time before, and the terrain has nothing to do with devices."""
+    """Late reports are about an earlier time, and the terrain does not depend on devices."""
     late = Condition("height", Severity.CAUTION, "HEIGHT NOT VALID", "stale")
     terrain = Condition("terrain", Severity.CAUTION, "NO TERRAIN", "no file")
     reports = [
@@ -106,37 +106,37 @@ def test_what_was_lost_is_an_alarm_that_has_ended(rig: Rig) -> None:
 
 def test_navigation_is_late_when_frames_wait_for_longer_than_a_value_may_be_old(rig: Rig) -> None:
     rig.board._oldest_waiting_ns = lambda: NO_FRAME_TAKEN
-    assert rig.look(None) == [], "it has taken nothing yet"
+    assert rig.check_latency(None) == [], "it has taken nothing yet"
     rig.board._oldest_waiting_ns = lambda: None if rig.waited_ns is None else rig.clock.now_ns() - rig.waited_ns
-    assert rig.look(3 * LATE_NS) == [], "it starts"
-    assert rig.look(None) == []
-    assert rig.look(LATE_NS) == []
-    assert rig.look(LATE_NS + 1) == ["navigation_late"]
-    assert rig.look(IN_TIME_NS + 1) == ["navigation_late"]
-    assert rig.look(IN_TIME_NS) == []
+    assert rig.check_latency(3 * LATE_NS) == [], "it starts"
+    assert rig.check_latency(None) == []
+    assert rig.check_latency(LATE_NS) == []
+    assert rig.check_latency(LATE_NS + 1) == ["navigation_late"]
+    assert rig.check_latency(IN_TIME_NS + 1) == ["navigation_late"]
+    assert rig.check_latency(IN_TIME_NS) == []
 
 
 @pytest.mark.parametrize("late_s", [0.55, 1.0, 5.0])
 def test_lateness_in_an_alert_never_shows_fewer_alarms(rig: Rig, late_s: float) -> None:
-    rig.look(None)
+    rig.check_latency(None)
     rig.board.handle_report(ConditionReport(START_NS, "integrity", ALERT).as_json())
     waited_ns = 0
     while waited_ns < late_s * 1e9:
         rig.clock.advance(0.05)
         waited_ns += 50_000_000
-        shown = rig.look(waited_ns)
+        shown = rig.check_latency(waited_ns)
         assert "integrity_alert" in shown
         assert ("navigation_late" in shown) == (waited_ns > LATE_NS)
-    assert rig.look(None) == ["integrity_alert"], "only a fresh judgement ends it"
+    assert rig.check_latency(None) == ["integrity_alert"], "only a fresh judgement ends it"
 
 
 def test_a_navigation_that_was_started_again_ends_nothing_that_it_does_not_know(rig: Rig) -> None:
-    """Its first reports are of what it has judged; the alert stands until it says that the ground matches."""
+    """Its first reports are about assessed conditions; the alert lasts until it reports that the ground matches."""
     rig.board.handle_report(ConditionReport(START_NS, "integrity", ALERT).as_json())
     rig.board.handle_report(ConditionReport(START_NS + 10, "comparison", None).as_json())
-    assert "integrity_alert" in rig.look(None)
+    assert "integrity_alert" in rig.check_latency(None)
     rig.board.handle_report(ConditionReport(START_NS + 20, "integrity", None).as_json())
-    assert rig.look(None) == []
+    assert rig.check_latency(None) == []
 
 
 def test_another_flight_acknowledges_what_the_end_of_the_last_one_was(rig: Rig) -> None:
@@ -147,7 +147,7 @@ def test_another_flight_acknowledges_what_the_end_of_the_last_one_was(rig: Rig) 
     rig.clock.advance(1.0)
     rig.board.start_new_flight("the demonstration")
     rig.board.handle_report(ConditionReport(rig.clock.now_ns(), "position", None).as_json())
-    assert rig.look(None) == ["integrity_alert"]
+    assert rig.check_latency(None) == ["integrity_alert"]
     assert [row["id"] for row in rig.published[-1]["alarms"]] == ["integrity_alert"]
 
 
@@ -169,9 +169,9 @@ def test_what_another_recorder_drops_counts_from_zero(rig: Rig) -> None:
 
 
 def test_what_falls_silent_at_the_end_of_a_session_is_no_alarm(rig: Rig) -> None:
-    rig.look(None)
+    rig.check_latency(None)
     rig.board.end()
     rig.board.handle_report(ConditionReport(START_NS, "integrity", ALERT).as_json())
     rig.board.handle_health(health(processes={"navigation": {"state": "stopped"}}))
-    assert rig.look(10 * LATE_NS) == []
+    assert rig.check_latency(10 * LATE_NS) == []
     assert rig.recorded == []

@@ -59,7 +59,7 @@ def test_another_navigation_process_does_not_end_it(case: Case) -> None:
     daemon = daemon_with(case)
     before = state(daemon)
     daemon.conditions = OutputConditions(CONFIG)
-    daemon.say(*FIRST_OUTPUTS)
+    daemon.publish_outputs(*FIRST_OUTPUTS)
     assert state(daemon) == before
 
 
@@ -69,9 +69,9 @@ def test_another_navigation_process_may_use_the_second_source_from_its_begin() -
     daemon = daemon_with(case)
     before = state(daemon)
     daemon.conditions = OutputConditions(CONFIG)
-    daemon.say(solution(5, position_source="gnss"))
+    daemon.publish_outputs(solution(5, position_source="gnss"))
     assert state(daemon) == before
-    daemon.say(solution(6))
+    daemon.publish_outputs(solution(6))
     daemon.board.acknowledge("anna", None)
     assert state(daemon) == []
 

@@ -14,40 +14,40 @@ from fti.service.navigation.backlog import (
 
 
 def test_it_is_endless_before_anything_was_lost() -> None:
-    patience = BacklogPolicy()
-    assert not patience.must_skip(3600 * SECOND_NS)
+    backlog = BacklogPolicy()
+    assert not backlog.must_skip(3600 * SECOND_NS)
 
 
 def test_it_ends_when_what_waits_is_late_after_an_overrun() -> None:
-    patience = BacklogPolicy()
-    patience.on_overrun()
-    assert not patience.must_skip(MAX_WAIT_NS)
-    assert patience.must_skip(MAX_WAIT_NS + 1)
+    backlog = BacklogPolicy()
+    backlog.on_overrun()
+    assert not backlog.must_skip(MAX_WAIT_NS)
+    assert backlog.must_skip(MAX_WAIT_NS + 1)
 
 
 def test_it_comes_back_with_enough_pauses_since_the_last_loss() -> None:
-    patience = BacklogPolicy()
-    patience.on_overrun()
+    backlog = BacklogPolicy()
+    backlog.on_overrun()
     for k in range(MIN_IDLE_COUNT - 1):
-        patience.rest(k * MIN_IDLE_NS)
-    patience.on_overrun()
+        backlog.on_idle(k * MIN_IDLE_NS)
+    backlog.on_overrun()
     for k in range(2 * MIN_IDLE_COUNT):
-        patience.rest(k * MIN_IDLE_NS // (2 * MIN_IDLE_COUNT))
-    assert patience.must_skip(SECOND_NS), "often, but not for long"
-    patience.rest(MIN_IDLE_NS)
-    assert not patience.must_skip(SECOND_NS)
+        backlog.on_idle(k * MIN_IDLE_NS // (2 * MIN_IDLE_COUNT))
+    assert backlog.must_skip(SECOND_NS), "often, but not for long"
+    backlog.on_idle(MIN_IDLE_NS)
+    assert not backlog.must_skip(SECOND_NS)
 
 
-def test_the_first_skip_is_told_at_once_and_what_follows_together() -> None:
+def test_the_first_skip_is_reported_at_once_and_what_follows_together() -> None:
     skips, t_ns = SkipReporter(), 10**18
     assert skips.take_event(t_ns) is None
-    skips.note(7, SECOND_NS)
+    skips.add(7, SECOND_NS)
     first = skips.take_event(t_ns)
     assert first
     assert (first.t_ns, first.level, first.source) == (t_ns, "warning", "navigation")
     assert "7 frames (1.0 s) were skipped to" in first.text
     for _ in range(3):
-        skips.note(100, 2 * SECOND_NS)
+        skips.add(100, 2 * SECOND_NS)
     assert skips.take_event(t_ns + EVENT_PERIOD_NS - 1) is None
     later = skips.take_event(t_ns + EVENT_PERIOD_NS)
     assert later
@@ -55,12 +55,12 @@ def test_the_first_skip_is_told_at_once_and_what_follows_together() -> None:
     assert skips.take_event(t_ns + 10 * EVENT_PERIOD_NS) is None
 
 
-def test_what_was_not_told_is_told_in_the_end() -> None:
+def test_unreported_skips_are_reported_at_the_end() -> None:
     skips = SkipReporter()
     for _ in range(2):
-        skips.note(5, SECOND_NS)
+        skips.add(5, SECOND_NS)
         skips.take_event(0)
-    rest = skips.rest(1)
-    assert rest
-    assert "5 frames" in rest.text
-    assert skips.rest(2) is None
+    event = skips.flush(1)
+    assert event
+    assert "5 frames" in event.text
+    assert skips.flush(2) is None

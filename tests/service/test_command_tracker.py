@@ -1,4 +1,4 @@
-"""Commands: authorised, sent exactly once, matched to the answer of the device, and told whatever becomes of them."""
+"""Commands: authorised, sent exactly once, matched to the answer of the device, each step reported."""
 
 from __future__ import annotations
 
@@ -25,30 +25,30 @@ def bench() -> Bench:
 
 
 @pytest.mark.parametrize(
-    ("wish", "why"),
+    ("fields", "why"),
     [
-        ({"device": "none"}, "there is no device 'none'; there are mag, other, shut, gnss"),
-        ({"name": "halt"}, "mag (d): there is no command 'halt'; there are rate, reset"),
-        ({"device": "gnss"}, "gnss (d): there is no command 'rate'; its driver has none"),
+        ({"device": "none"}, "unknown device 'none'; configured: mag, other, shut, gnss"),
+        ({"name": "halt"}, "mag (d): unknown command 'halt'; commands: rate, reset"),
+        ({"device": "gnss"}, "gnss (d): unknown command 'rate'; its driver has no commands"),
         (
             {"device": "shut"},
-            'shut: nothing may be sent on its link; set transmit = true at [[link]] name = "mute" of a.toml',
+            'shut: its link does not transmit; set transmit = true at [[link]] name = "mute" of a.toml',
         ),
         ({"args": {"rate": "21"}}, "mag: rate = 21: must be 1 to 20 Hz"),
-        ({"args": {"rate": 10}}, "args are texts by name"),
-        ({"args": ["rate"]}, "args are texts by name"),
-        ({"args": {"rate": "1" * 2000}}, "device, command and args have at most 2000 characters together"),
-        ({"device": "m" * 2000}, "device, command and args have at most 2000 characters together"),
-        ({"device": 7}, "device and command are texts"),
-        ({"key": ""}, "a command has an id of 1 to 100 characters"),
-        ({"key": "x" * 101}, "a command has an id of 1 to 100 characters"),
-        ({"timeout_s": 0}, "timeout_s is more than 0 and at most 600 seconds"),
-        ({"timeout_s": float("nan")}, "timeout_s is more than 0 and at most 600 seconds"),
-        ({"timeout_s": "3"}, "timeout_s is more than 0 and at most 600 seconds"),
+        ({"args": {"rate": 10}}, "args must be texts by name"),
+        ({"args": ["rate"]}, "args must be texts by name"),
+        ({"args": {"rate": "1" * 2000}}, "device, command and args must have at most 2000 characters together"),
+        ({"device": "m" * 2000}, "device, command and args must have at most 2000 characters together"),
+        ({"device": 7}, "device and command must be texts"),
+        ({"key": ""}, "id must have 1 to 100 characters"),
+        ({"key": "x" * 101}, "id must have 1 to 100 characters"),
+        ({"timeout_s": 0}, "timeout_s must be more than 0 and at most 600 seconds"),
+        ({"timeout_s": float("nan")}, "timeout_s must be more than 0 and at most 600 seconds"),
+        ({"timeout_s": "3"}, "timeout_s must be more than 0 and at most 600 seconds"),
     ],
 )
-async def test_what_may_not_be_sent_is_not_sent_and_said(bench: Bench, wish: dict[str, Any], why: str) -> None:
-    assert await bench.ask(**wish) == {"fault": why}
+async def test_a_denied_command_is_not_sent_and_has_a_reason(bench: Bench, fields: dict[str, Any], why: str) -> None:
+    assert await bench.ask(**fields) == {"fault": why}
     assert bench.sent == []
     assert bench.events == [("warning", f"not sent for an engineer: {why}")]
     assert [shown["state"] for shown in bench.shown] == ["denied"]
@@ -62,21 +62,21 @@ def test_the_catalogue_teaches() -> None:
     assert [known[name]["transmit"] for name in known] == [True, True, False, True]
     assert [device["name"] for device in catalogue.usable()] == ["mag", "other"]
     with pytest.raises(CommandDenied):
-        catalogue.plan("shut", "reset", {})
+        catalogue.encode("shut", "reset", {})
 
 
 # ----------------------------------------------------------------------------------------------------- the good way
 
 
-async def test_a_command_is_sent_acknowledged_and_told(bench: Bench) -> None:
-    asked = bench.ask()
+async def test_a_command_is_sent_acknowledged_and_reported(bench: Bench) -> None:
+    task = bench.ask()
     await until_async(lambda: bench.sent)
     until_ns = 40 * SECOND_NS
     assert bench.sent == [{"id": 1, "link": "line", "data": b"*rate10\r".hex(), "until_ns": until_ns}]
-    bench.recorder_says()
+    bench.confirm_sending()
     bench.clock.advance(0.034)
     bench.answer()
-    found = await asked
+    found = await task
     assert (found["state"], found["number"], found["id"], found["who"]) == ("acknowledged", 1, "k1", "an engineer")
     assert bench.events == [
         ("info", "1: mag rate rate=10 for an engineer: 2a7261746531300d"),
@@ -86,9 +86,9 @@ async def test_a_command_is_sent_acknowledged_and_told(bench: Bench) -> None:
 
 
 async def test_a_device_may_refuse(bench: Bench) -> None:
-    asked = await bench.ask_and_send()
+    task = await bench.ask_and_send()
     bench.answer(accepted=False, detail="write protected")
-    assert (await asked)["state"] == "refused"
+    assert (await task)["state"] == "refused"
     assert bench.events[-1] == ("warning", "1: mag rate rate=10: refused after 0 ms: write protected")
 
 
@@ -98,21 +98,21 @@ async def test_what_is_never_acknowledged_ends_when_it_is_sent(bench: Bench) -> 
     assert bench.events[-1][0] == "info"
 
 
-async def test_what_cannot_be_sent_is_told(bench: Bench) -> None:
-    asked = bench.ask()
+async def test_what_cannot_be_sent_is_reported(bench: Bench) -> None:
+    task = bench.ask()
     await until_async(lambda: bench.sent)
-    bench.recorder_says(fault="link line: is not connected")
-    assert (await asked)["state"] == "not sent"
+    bench.confirm_sending(fault="link line: is not connected")
+    assert (await task)["state"] == "not sent"
     assert bench.events[-1] == ("warning", "1: mag rate rate=10: not sent: link line: is not connected")
 
 
-async def test_what_went_out_in_part_is_not_told_as_not_sent(bench: Bench) -> None:
-    asked = bench.ask()
+async def test_what_went_out_in_part_is_not_reported_as_not_sent(bench: Bench) -> None:
+    task = bench.ask()
     await until_async(lambda: bench.sent)
-    bench.recorder_says(fault="nothing was taken for 3 s; its first 5 bytes are sent", partly=True)
-    assert (await asked)["state"] == "unknown"
+    bench.confirm_sending(fault="nothing was taken for 3 s; its first 5 bytes are sent", partly=True)
+    assert (await task)["state"] == "unknown"
     bench.answer()
-    assert bench.events[-1][1].startswith("1: mag rate rate=10: answered late, acknowledged")
+    assert bench.events[-1][1].startswith("1: mag rate rate=10: late answer: acknowledged")
 
 
 # ----------------------------------------------------------------------------------------------------- exactly once
@@ -121,24 +121,24 @@ async def test_what_went_out_in_part_is_not_told_as_not_sent(bench: Bench) -> No
 async def test_the_same_id_is_sent_once_and_answered_as_the_first(bench: Bench) -> None:
     first, second = bench.ask(), bench.ask()
     await until_async(lambda: bench.sent)
-    bench.recorder_says()
+    bench.confirm_sending()
     bench.answer()
     third = bench.ask(timeout_s=5.0)
     answers = [await first, await second, await third]
     assert answers[0] == answers[1] == answers[2]
     assert len(bench.sent) == 1
-    assert await bench.ask(name="reset") == {"fault": "id 'k1' is that of another command"}
+    assert await bench.ask(name="reset") == {"fault": "id 'k1' is already used by another command"}
     assert len(bench.sent) == 1
 
 
 async def test_what_was_denied_stays_denied(bench: Bench) -> None:
     bench.command_tracker.close()
-    assert await bench.ask() == await bench.ask() == {"fault": "the session is ending; nothing is sent any more"}
+    assert await bench.ask() == await bench.ask() == {"fault": "the session is ending; no more commands are sent"}
 
 
 async def test_a_client_that_goes_takes_nothing_with_it(bench: Bench) -> None:
-    asked = await bench.ask_and_send()
-    asked.cancel()
+    task = await bench.ask_and_send()
+    task.cancel()
     again = bench.ask()
     bench.answer()
     assert (await again)["state"] == "acknowledged"
@@ -154,62 +154,62 @@ async def test_an_answer_goes_to_the_oldest_of_its_device_and_name(bench: Bench)
     second = await bench.ask_and_send("c")
     bench.answer("", device="other", accepted=False)
     bench.answer("reset")  # is none of those that wait
-    assert bench.events[-1] == ("info", "mag: acknowledged reset, which no command waits for")
+    assert bench.events[-1] == ("info", "mag: acknowledged reset: unexpected answer")
     bench.answer("")
     bench.answer("rate", accepted=False)
-    states = [(await asked)["state"] for asked in (first, other, second)]
+    states = [(await task)["state"] for task in (first, other, second)]
     assert states == ["acknowledged", "refused", "refused"]
 
 
 async def test_an_answer_from_before_is_none(bench: Bench) -> None:
     bench.answer("")
     bench.clock.advance(1.0)
-    asked = await bench.ask_and_send()
+    task = await bench.ask_and_send()
     early = {"device": "mag", "command": "", "accepted": False, "detail": "", "t_ns": bench.clock.now_ns() - SECOND_NS}
     bench.command_tracker.on_ack(early)
     bench.answer("")
-    assert (await asked)["state"] == "acknowledged"
-    assert [text for _, text in bench.events if "no command waits" in text] == [
-        "mag: acknowledged something, which no command waits for",
-        "mag: refused something, which no command waits for",
+    assert (await task)["state"] == "acknowledged"
+    assert [text for _, text in bench.events if "unexpected answer" in text] == [
+        "mag: acknowledged an unnamed command: unexpected answer",
+        "mag: refused an unnamed command: unexpected answer",
     ]
 
 
 async def test_an_answer_may_come_before_the_word_that_it_was_sent(bench: Bench) -> None:
-    asked = bench.ask()
+    task = bench.ask()
     await until_async(lambda: bench.sent)
     bench.answer("", accepted=False)  # to a question of before: our command was sent later
     bench.clock.advance(1.0)
     bench.answer("")
-    bench.recorder_says()
-    assert (await asked)["state"] == "acknowledged"
-    assert bench.events[-2] == ("warning", "mag: refused something, which no command waits for")
+    bench.confirm_sending()
+    assert (await task)["state"] == "acknowledged"
+    assert bench.events[-2] == ("warning", "mag: refused an unnamed command: unexpected answer")
 
 
 async def test_a_device_that_answers_without_end_fills_no_memory(bench: Bench) -> None:
-    asked = bench.ask()
+    task = bench.ask()
     await until_async(lambda: bench.sent)
     for _ in range(MAX_EARLY_ANSWERS + 5):
         bench.answer("")
-    assert sum("no command waits" in text for _, text in bench.events) == 5
-    bench.recorder_says()
-    assert (await asked)["state"] == "acknowledged"
+    assert sum("unexpected answer" in text for _, text in bench.events) == 5
+    bench.confirm_sending()
+    assert (await task)["state"] == "acknowledged"
 
 
 async def test_an_answer_before_a_fault_was_to_something_else(bench: Bench) -> None:
-    asked = bench.ask()
+    task = bench.ask()
     await until_async(lambda: bench.sent)
     bench.answer("")
-    bench.recorder_says(fault="the line was not quiet")
-    assert (await asked)["state"] == "not sent"
-    assert bench.events[-1] == ("info", "mag: acknowledged something, which no command waits for")
+    bench.confirm_sending(fault="the line was not quiet")
+    assert (await task)["state"] == "not sent"
+    assert bench.events[-1] == ("info", "mag: acknowledged an unnamed command: unexpected answer")
 
 
 async def test_what_answers_the_questions_of_the_recorder_is_no_news_unless_it_is_a_refusal(bench: Bench) -> None:
     bench.answer("read_table", device="gnss")
     assert bench.events == []
     bench.answer("read_table", device="gnss", accepted=False)
-    assert bench.events == [("warning", "gnss: refused read_table, which no command waits for")]
+    assert bench.events == [("warning", "gnss: refused read_table: unexpected answer")]
 
 
 async def test_answers_that_nobody_asked_for_do_not_flood_the_log(bench: Bench) -> None:
@@ -218,82 +218,82 @@ async def test_answers_that_nobody_asked_for_do_not_flood_the_log(bench: Bench) 
     assert len(bench.events) == MAX_UNEXPECTED
     bench.clock.advance(11.0)
     bench.answer("")
-    assert bench.events[-1][1].endswith("which no command waits for; so did 80 answers before it")
+    assert bench.events[-1][1].endswith("unexpected answer; 80 earlier answers were not reported")
 
 
 # ---------------------------------------------------------------------------------------------------------- no answer
 
 
-async def test_silence_is_timed_out_and_a_late_answer_told(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_silence_is_timed_out_and_a_late_answer_reported(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(
-        "fti.service.supervisor.command_tracker.WORD_S", 600.0
+        "fti.service.supervisor.command_tracker.CONFIRMATION_MARGIN_S", 600.0
     )  # what is waited for the recorder counts no more
     bench.hint = "navigation is 7.0 s behind"
-    asked = await bench.ask_and_send(timeout_s=0.02)
-    found = await asked
+    task = await bench.ask_and_send(timeout_s=0.02)
+    found = await task
     assert (found["state"], found["detail"]) == ("timed out", "no answer within 0.02 s; navigation is 7.0 s behind")
     bench.clock.advance(5.0)
     bench.answer("", detail="OK")
-    assert bench.events[-1] == ("warning", "1: mag rate rate=10: answered late, acknowledged after 5.0 s: OK")
+    assert bench.events[-1] == ("warning", "1: mag rate rate=10: late answer: acknowledged after 5.0 s: OK")
     bench.answer("")
-    assert "no command waits for" in bench.events[-1][1]
+    assert "unexpected answer" in bench.events[-1][1]
     assert (await bench.ask())["state"] == "timed out"  # the first answer stays
 
 
 async def test_an_answer_without_a_name_after_a_time_out_is_doubted(bench: Bench) -> None:
     await (await bench.ask_and_send(timeout_s=0.02))
-    asked = await bench.ask_and_send("k2")
+    task = await bench.ask_and_send("k2")
     bench.answer("", detail="OK")
-    assert (await asked)["detail"] == "OK; it may be the late answer to 1"
-    asked = await bench.ask_and_send("k2b", "rate")
+    assert (await task)["detail"] == "OK; it may be the late answer to 1"
+    task = await bench.ask_and_send("k2b", "rate")
     bench.answer("rate")
-    assert (await asked)["detail"] == "it may be the late answer to 1"
+    assert (await task)["detail"] == "it may be the late answer to 1"
     bench.clock.advance(LATE_NS / SECOND_NS + 1.0)
-    asked = await bench.ask_and_send("k3")
+    task = await bench.ask_and_send("k3")
     bench.answer("")
-    assert (await asked)["detail"] == ""
+    assert (await task)["detail"] == ""
 
 
-async def test_a_recorder_that_says_nothing_leaves_it_unknown(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("fti.service.supervisor.command_tracker.WORD_S", 0.02)
-    asked = bench.ask(timeout_s=0.02)
-    found = await asked
-    assert (found["state"], found["detail"]) == ("unknown", "the recorder has not said within 0.02 s that it was sent")
+async def test_a_silent_recorder_leaves_it_unknown(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("fti.service.supervisor.command_tracker.CONFIRMATION_MARGIN_S", 0.02)
+    task = bench.ask(timeout_s=0.02)
+    found = await task
+    assert (found["state"], found["detail"]) == ("unknown", "the recorder has not confirmed sending within 0.02 s")
 
 
 async def test_without_a_recorder_nothing_is_sent(bench: Bench) -> None:
     bench.there = False
     found = await bench.ask()
-    assert (found["state"], found["detail"]) == ("not sent", "the recorder is being started again")
+    assert (found["state"], found["detail"]) == ("not sent", "the recorder is restarting")
     bench.there = True
-    assert (await bench.ask())["state"] == "not sent"  # the same wish
+    assert (await bench.ask())["state"] == "not sent"  # the same request
     assert bench.sent == []
 
 
 async def test_a_recorder_that_dies_before_its_word_leaves_it_unknown(bench: Bench) -> None:
-    asked = bench.ask()
+    task = bench.ask()
     await until_async(lambda: bench.sent)
     bench.command_tracker.on_child_ended("recorder")
-    found = await asked
+    found = await task
     assert found["state"] == "unknown"
-    assert found["detail"] == "the recorder ended before it had said whether it was sent"
+    assert found["detail"] == "the recorder ended before it confirmed sending"
     bench.answer()
-    assert "answered late, acknowledged" in bench.events[-1][1]
+    assert "late answer: acknowledged" in bench.events[-1][1]
 
 
-async def test_the_answer_says_that_it_was_sent_where_the_recorder_cannot(bench: Bench) -> None:
-    asked = bench.ask()
+async def test_the_answer_confirms_sending_if_the_recorder_cannot(bench: Bench) -> None:
+    task = bench.ask()
     await until_async(lambda: bench.sent)
     bench.answer()
     bench.command_tracker.on_child_ended("recorder")
-    assert (await asked)["state"] == "acknowledged"
+    assert (await task)["state"] == "acknowledged"
 
 
 @pytest.mark.parametrize("child", ["recorder", "navigation"])
-async def test_a_restart_between_sending_and_answer_is_told(bench: Bench, child: str) -> None:
-    asked = await bench.ask_and_send(timeout_s=0.05)
+async def test_a_restart_between_sending_and_answer_is_reported(bench: Bench, child: str) -> None:
+    task = await bench.ask_and_send(timeout_s=0.05)
     bench.command_tracker.on_child_ended(child)
-    assert (await asked)["detail"] == f"no answer within 0.05 s; the {child} was started again meanwhile"
+    assert (await task)["detail"] == f"no answer within 0.05 s; {child} was restarted meanwhile"
     again = await bench.ask_and_send("k2")
     bench.command_tracker.on_child_ended(child)
     bench.answer()
@@ -306,17 +306,17 @@ async def test_the_end_of_the_session_ends_every_command(bench: Bench) -> None:
     await until_async(lambda: len(bench.sent) == 2)
     bench.command_tracker.close()
     assert (await waiting)["detail"] == "sent, but the session ended before an answer came"
-    assert (await sending)["detail"] == "handed to the recorder, but the session ended before an answer came"
-    assert (await bench.ask("k3"))["fault"] == "the session is ending; nothing is sent any more"
+    assert (await sending)["detail"] == "passed to the recorder, but the session ended before an answer came"
+    assert (await bench.ask("k3"))["fault"] == "the session is ending; no more commands are sent"
     assert len(bench.sent) == 2
 
 
 async def test_commands_that_wait_are_bounded(bench: Bench) -> None:
-    asked = [bench.ask(f"k{n}") for n in range(MAX_OPEN + 1)]
-    assert (await asked[-1])["fault"] == f"mag: {MAX_OPEN} commands wait for their end"
+    task = [bench.ask(f"k{n}") for n in range(MAX_OPEN + 1)]
+    assert (await task[-1])["fault"] == f"mag: {MAX_OPEN} commands are already open"
     assert len(bench.sent) == MAX_OPEN
     bench.command_tracker.close()
-    assert [(await one)["state"] for one in asked[:-1]] == [CommandState.UNKNOWN] * MAX_OPEN
+    assert [(await one)["state"] for one in task[:-1]] == [CommandState.UNKNOWN] * MAX_OPEN
 
 
 async def test_the_page_gets_the_last_ones(bench: Bench) -> None:
@@ -345,18 +345,18 @@ def test_whatever_happens_each_command_is_sent_once_and_ends_once(steps: list[tu
     assert len(keys) == len(set(keys)) == len(bench.sent)
     ends = [shown["id"] for shown in bench.shown if shown["ended"] and shown["number"]]
     assert sorted(ends) == sorted(keys)
-    told = [text for _, text in bench.events if "an engineer: 2a" in text]
-    assert len(told) == len(keys)
+    texts = [text for _, text in bench.events if "an engineer: 2a" in text]
+    assert len(texts) == len(keys)
 
 
 async def _play(steps: list[tuple[str, Any, Any]]) -> Bench:
     bench = Bench()
     for step, first, second in steps:
         if step == "ask":
-            wish = {"id": first, "device": "mag", "command": second, "timeout_s": 600}
-            bench.command_tracker.begin(wish | {"args": {"rate": "10"} if second == "rate" else {}}, "an engineer")
+            request = {"id": first, "device": "mag", "command": second, "timeout_s": 600}
+            bench.command_tracker.begin(request | {"args": {"rate": "10"} if second == "rate" else {}}, "an engineer")
         elif step == "sent":
-            bench.recorder_says(first, second)
+            bench.confirm_sending(first, second)
         elif step == "answer":
             bench.answer(first, second)
         elif step == "ended":

@@ -1,4 +1,4 @@
-"""The control channel: messages whole and in order, never waiting, and the end of the other side seen."""
+"""The control channel: complete messages in order, without blocking, and detection of the other side's end."""
 
 import socket
 from concurrent.futures import ThreadPoolExecutor
@@ -34,7 +34,7 @@ def test_a_reader_that_does_not_read_costs_no_time_and_bounded_memory() -> None:
     assert left.send({"n": sent}, is_kept=True), "what is sent once still waits"
     assert not left.send({"n": -1})
     found: list[dict[str, object]] = []
-    while len(found) <= sent and not right.ended:
+    while len(found) <= sent and not right.has_ended:
         found += right.receive()
         left.flush()
     assert [m["n"] for m in found] == list(range(sent + 1))
@@ -48,7 +48,7 @@ def test_the_end_of_the_other_side_is_seen_after_its_last_word() -> None:
     left.close()
     assert right.receive() == [{"last": True}]
     right.receive()
-    assert right.ended
+    assert right.has_ended
     assert not right.send({"anyone": "there"})
     right.close()
 
@@ -58,13 +58,13 @@ def test_a_memory_file_carries_any_amount() -> None:
     assert read_memory_file(make_memory_file("test", data)) == data
 
 
-def test_the_last_words_of_the_other_side_are_heard_though_sending_fails() -> None:
+def test_the_last_messages_of_the_other_side_are_received_though_sending_fails() -> None:
     left, right = _pair()
     right.send({"last": "words"})
     right.close()
     assert not left.send({"who": "is there"})
     assert left.receive() == [{"last": "words"}]
-    assert left.ended
+    assert left.has_ended
     left.close()
 
 

@@ -93,24 +93,24 @@ def _fail(*_: object) -> None:
 
 
 def test_the_table_that_a_node_has_acknowledged_outlasts_a_gap(tmp_path: Path) -> None:
-    """The file says 10 degrees; the node was told 12, and it is not the file that the raw counts are read by."""
+    """The file has 10 degrees, the node was set to 12; the raw counts are converted with the setting of the node."""
     (tmp_path / "raw.dbc").write_text(RAW_FLAPS)
     (tmp_path / "flaps.csv").write_text(FLAPS)
     (tmp_path / "bus.toml").write_text(PICKUPS)
     config = configuration.load(tmp_path / "bus.toml")
     chain = Chain(config, bind_devices(config), None)
     nodes = deflection_pickups.make_encoder(deflection_pickups.Options(dbc=RAW_FLAPS, calibration=FLAPS))
-    seen = SurfaceDeflection(stamp=Stamp(0), surface="flaps", deflection=None, raw=1500)
+    deflection = SurfaceDeflection(stamp=Stamp(0), surface="flaps", deflection=None, raw=1500)
 
     def fed(*frames: bytes) -> list[float]:
         found = [m for data in frames for _, m in chain.feed(RawFrame("bus", 0, 1, data)).measurements]
         return [round(math.degrees(m.deflection or 0.0), 6) for m in found if isinstance(m, SurfaceDeflection)]
 
-    assert fed(*nodes.encode(seen)) == [10.0]
+    assert fed(*nodes.encode(deflection)) == [10.0]
     args = {"surface": "flaps", "raw": "1500", "deg": "12"}
     assert fed(*nodes.respond(deflection_pickups.command("insert_point", args))) == []
     chain.reset_after_gap()
-    assert fed(*nodes.encode(seen)) == [12.0]
+    assert fed(*nodes.encode(deflection)) == [12.0]
 
 
 @pytest.mark.parametrize(("readmitted", "states"), [(True, {"learning"}), (False, {"good", "away"})])

@@ -17,7 +17,7 @@ START_NS = 1_700_000_000_000_000_000
 
 
 def _writer(folder: Path) -> DerivedWriter:
-    log = DerivedLog(None, split_s=300, split_mb=100, places=[folder])
+    log = DerivedLog(None, split_s=300, split_mb=100, folders=[folder])
     return DerivedWriter(log, [StorageTarget.of(str(folder))], 0, lambda unit, error: None)
 
 
@@ -44,7 +44,7 @@ def test_what_the_file_leaves_out_does_not_wait(tmp_path: Path) -> None:
 
 
 def test_of_what_waits_too_long_the_oldest_goes_and_is_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(derived_writer, "MOST_WAITING", 20)
+    monkeypatch.setattr(derived_writer, "MAX_QUEUED", 20)
     writer = _writer(tmp_path)
     _feed(writer, 100, 25)
     assert (len(writer._waiting), writer.lost) == (20, 80)

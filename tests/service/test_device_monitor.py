@@ -22,23 +22,23 @@ CONFIG = LINE + device("receiver", "nmea0183", rate_hz=5.0)
 
 
 class Navigation:
-    """A receiver that sends at ``sent_hz`` from the beginning on, and a navigation that counts what it is told to."""
+    """A receiver that sends at ``sent_hz`` from the beginning on, and navigation that counts up to a set time."""
 
     def __init__(self, sent_hz: float) -> None:
         config = parsed(CONFIG)
         self._chain = Chain(config, bind_devices(config), None)
-        self._diagnosis = DeviceMonitor(config, self._chain)
+        self._monitor = DeviceMonitor(config, self._chain)
         self._messages = _messages(sent_hz)
         self._next = next(self._messages)
 
     def count_until(self, s: float) -> None:
         while self._next.t_rx_ns <= BEGIN_NS + s * SECOND_NS:
-            self._diagnosis.feed(self._next)
+            self._monitor.feed(self._next)
             self._chain.feed(self._next)
             self._next = next(self._messages)
 
     def report(self, s: float) -> dict[str, Any]:
-        return self._diagnosis.devices(BEGIN_NS + round(s * SECOND_NS))["receiver"]
+        return self._monitor.devices(BEGIN_NS + round(s * SECOND_NS))["receiver"]
 
 
 def _messages(sent_hz: float) -> Iterator[RawFrame]:
@@ -47,15 +47,15 @@ def _messages(sent_hz: float) -> Iterator[RawFrame]:
     while True:
         seq += 1
         t_ns = BEGIN_NS + round(seq / sent_hz * SECOND_NS)
-        said = DeviceTime(stamp=Stamp(t_ns, t_ns, TimeScale.UTC))
-        yield RawFrame("line", seq, t_ns, b"".join(encoder.encode(said)))
+        message = DeviceTime(stamp=Stamp(t_ns, t_ns, TimeScale.UTC))
+        yield RawFrame("line", seq, t_ns, b"".join(encoder.encode(message)))
 
 
-def states(navigation: Navigation, from_s: float, until_s: float, behind_s: float = 0.0) -> set[str]:
+def states(navigation: Navigation, from_s: float, until_s: float, lag_s: float = 0.0) -> set[str]:
     reports = round((until_s - from_s) / REPORT_S)
     found = set()
     for s in (from_s + REPORT_S * (k + 1) for k in range(reports)):
-        navigation.count_until(s - behind_s)
+        navigation.count_until(s - lag_s)
         found.add(str(navigation.report(s)["state"]))
     return found
 
@@ -78,9 +78,9 @@ def test_a_navigation_that_stood_still_finds_no_wrong_rate() -> None:
 @pytest.mark.parametrize("sent_hz", [0.6 * RATE_HZ, 2 * RATE_HZ])
 def test_a_wrong_rate_is_found_by_a_navigation_that_is_behind_too(sent_hz: float) -> None:
     navigation = Navigation(sent_hz)
-    assert "wrong rate" not in states(navigation, 0.0, 3.0, behind_s=0.4)
-    states(navigation, 3.0, 5.0, behind_s=0.4)
-    assert states(navigation, 5.0, 12.0, behind_s=0.4) == {"wrong rate"}
+    assert "wrong rate" not in states(navigation, 0.0, 3.0, lag_s=0.4)
+    states(navigation, 3.0, 5.0, lag_s=0.4)
+    assert states(navigation, 5.0, 12.0, lag_s=0.4) == {"wrong rate"}
 
 
 def test_the_rate_is_that_of_the_messages() -> None:

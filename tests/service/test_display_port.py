@@ -1,4 +1,4 @@
-"""A port of the page that another program has: told once, tried again, and the recording is not concerned."""
+"""A port of the page in use by another program: reported once, retried, without effect on the recording."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from fti.web.server import PageServer
 from tests.helpers import until_async
 
 
-async def test_a_busy_port_is_told_once_and_the_page_comes_when_it_is_free(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_a_busy_port_is_reported_once_and_the_page_comes_when_it_is_free(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(display, "RETRY_S", 0.01)
-    told: list[dict[str, Any]] = []
+    messages: list[dict[str, Any]] = []
     server = PageServer(LiveState(0), lambda: 0, CommandGate("key", lambda _: True, lambda: 0), lambda peer, here: "")
     tries = 0
     start = server.start
@@ -33,11 +33,11 @@ async def test_a_busy_port_is_told_once_and_the_page_comes_when_it_is_free(monke
         other.bind(("127.0.0.1", 0))
         other.listen()
         port = other.getsockname()[1]
-        starting = asyncio.create_task(display.start_page(server, port, told.append))
+        starting = asyncio.create_task(display.start_page(server, port, messages.append))
         await until_async(lambda: tries >= 3)
-        assert [list(message) for message in told] == [["fault"]]
-        fault = told[0]["fault"]
+        assert [list(message) for message in messages] == [["fault"]]
+        fault = messages[0]["fault"]
         assert fault.startswith(f"display.port = {port}: cannot be served on 127.0.0.1: Address already in use; ")
     await starting
-    assert told[1:] == [{"ready": True, "port": port}]
+    assert messages[1:] == [{"ready": True, "port": port}]
     await server.stop()

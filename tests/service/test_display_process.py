@@ -78,7 +78,7 @@ def test_the_key_stands_where_no_other_user_can_read_it(display: DisplayProcess)
         assert KEY.encode() not in (place / name).read_bytes()
 
 
-def test_it_ends_when_told(display: DisplayProcess) -> None:
+def test_it_ends_at_the_stop_message(display: DisplayProcess) -> None:
     display.control.sendall(b'{"stop": true}\n')
     assert end_of(display) == 0
 
@@ -101,5 +101,5 @@ def test_a_missing_bus_is_one_sentence(daemon: FakeDaemon, capfd: pytest.Capture
     daemon.hub.path.unlink()
     with pytest.raises(ConnectionError, match="the display ended"):
         DisplayProcess(daemon)
-    expected = f"fti display: {daemon.hub.path}: there is no bus of this user; is the daemon running?\n"
+    expected = f"fti display: {daemon.hub.path}: no bus of this user found; is the daemon running?\n"
     assert capfd.readouterr().err == expected

@@ -8,10 +8,10 @@ from fti.service import fault_guard
 
 
 def test_a_failure_is_reported_and_goes_no_further() -> None:
-    seen: list[tuple[str, str]] = []
-    with fault_guard.catch_failures("unit", lambda unit, error: seen.append((unit, str(error)))):
+    reports: list[tuple[str, str]] = []
+    with fault_guard.catch_failures("unit", lambda unit, error: reports.append((unit, str(error)))):
         raise ValueError("sick")
-    assert seen == [("unit", "sick")]
+    assert reports == [("unit", "sick")]
 
 
 def test_interrupts_pass() -> None:
@@ -24,10 +24,10 @@ class PanicException(BaseException):
 
 
 def test_a_panic_is_a_failure_like_any_other() -> None:
-    seen: list[str] = []
-    with fault_guard.catch_failures("unit", lambda unit, error: seen.append(f"{type(error).__name__}: {error}")):
+    reports: list[str] = []
+    with fault_guard.catch_failures("unit", lambda unit, error: reports.append(f"{type(error).__name__}: {error}")):
         raise PanicException("assertion failed: secs <= MAX_NB_SEC")
-    assert seen == ["Panic: PanicException: assertion failed: secs <= MAX_NB_SEC"]
+    assert reports == ["Panic: PanicException: assertion failed: secs <= MAX_NB_SEC"]
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from fti.buffers.ring import PAGE, Ring
 from fti.buffers.ring_reader import RingFrame, RingReader
 from fti.buffers.triple_buffer import TripleBuffer
-from fti.frame_batch import entries
+from fti.frame_batch import iter_frames
 from fti.service.recorder.frame_sequencer import (
     FRAME_BYTES,
     MAX_MERGED,
@@ -44,8 +44,8 @@ def test_what_arrives_before_a_beat_is_numbered_as_it_arrived_and_goes_on_with_i
     sequencer.flush()
     frames = [(0, 0, 10, b"a"), (5, 1, 15, b"b"), (0, 2, 20, b"cc"), (0, 3, 30, b"d")]
     assert RingReader(ring).read() == [RingFrame(*frame) for frame in frames]
-    assert list(entries(one.take())) == [(0, 10, b"a"), (2, 20, b"cc"), (3, 30, b"d")]
-    assert list(entries(two.take())) == [(1, 15, b"b")]
+    assert list(iter_frames(one.take())) == [(0, 10, b"a"), (2, 20, b"cc"), (3, 30, b"d")]
+    assert list(iter_frames(two.take())) == [(1, 15, b"b")]
 
 
 def test_what_a_link_brings_piece_by_piece_is_one_burst_up_to_a_limit(ring: Ring) -> None:
@@ -53,7 +53,7 @@ def test_what_a_link_brings_piece_by_piece_is_one_burst_up_to_a_limit(ring: Ring
     sink = sequencer.sink(0, buffer)
     for n in range(MAX_MERGED + 1):
         sink([b"x"], [n])
-    sink([b"y"] * (2 * MAX_MERGED), [MAX_MERGED + 1] * (2 * MAX_MERGED))  # divided by nobody
+    sink([b"y"] * (2 * MAX_MERGED), [MAX_MERGED + 1] * (2 * MAX_MERGED))  # not divided
     sequencer.flush()
     assert [len(frames) for _, _, frames, _ in buffer.take()] == [MAX_MERGED, 1, 2 * MAX_MERGED]
     sink([b"z"], [1000])
@@ -66,7 +66,7 @@ arrivals = st.lists(st.tuples(st.integers(0, 2), st.lists(st.integers(0, 50), mi
 
 @given(arrivals, st.sampled_from((1, 1, 60)))
 def test_every_frame_is_handed_on_once_and_in_order(arrived: list[tuple[int, list[int]]], times_as_much: int) -> None:
-    """Of one link always; of different links too, when it is no flood."""
+    """Always within a link; between links, too, except in a flood."""
     made = Ring.create(1024 * PAGE)
     sequencer, newest = FrameSequencer(made, at_once), [0, 0, 0]
     buffers = [TripleBuffer() for _ in newest]
@@ -84,9 +84,9 @@ def test_every_frame_is_handed_on_once_and_in_order(arrived: list[tuple[int, lis
     if len(records) <= MAX_SORTED_FRAMES:
         assert [r.t_rx_ns for r in records] == sorted(r.t_rx_ns for r in records)
     of_link = [[r for r in records if r.link_index == link] for link in range(len(buffers))]
-    for buffer, mine, told in zip(buffers, of_link, given_to, strict=True):
-        assert [(r.t_rx_ns, r.data) for r in mine] == told
-        assert list(entries(buffer.take())) == [(r.seq, r.t_rx_ns, r.data) for r in mine]
+    for buffer, received, expected in zip(buffers, of_link, given_to, strict=True):
+        assert [(r.t_rx_ns, r.data) for r in received] == expected
+        assert list(iter_frames(buffer.take())) == [(r.seq, r.t_rx_ns, r.data) for r in received]
     made.close()
 
 
@@ -140,16 +140,16 @@ def test_the_ring_comes_first(ring: Ring, monkeypatch: pytest.MonkeyPatch) -> No
     """A recorder that is killed in between leaves no number in a file that the next one would give again."""
     sequencer, buffer = FrameSequencer(ring, at_once), TripleBuffer()
     sink = sequencer.sink(0, buffer)
-    put, seen = buffer.put_burst, list[int]()
+    put, next_seqs = buffer.put_batch, list[int]()
 
-    def look(*share: Any) -> None:
-        seen.append(ring.next_seq)
+    def put_and_record(*share: Any) -> None:
+        next_seqs.append(ring.next_seq)
         put(*share)
 
-    monkeypatch.setattr(buffer, "put_burst", look)
+    monkeypatch.setattr(buffer, "put_batch", put_and_record)
     sink([b"a", b"b"], [1, 2])
     sequencer.flush()
-    assert seen == [2]
+    assert next_seqs == [2]
 
 
 def test_numbers_go_on_where_the_last_recorder_ended(ring: Ring) -> None:

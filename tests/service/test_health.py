@@ -1,4 +1,4 @@
-"""The state of a link: what the port says comes first, then the best of its devices."""
+"""The state of a link: the state of the port has priority, then that of its best device."""
 
 from typing import Any
 
@@ -46,25 +46,25 @@ def test_the_session_is_recorded_where_the_storage_takes_bytes(session: str, sto
     assert board.compose(0, [])["session"]["state"] == expected
 
 
-def test_what_the_recorder_said_long_ago_is_not_true_any_more() -> None:
+def test_an_old_report_of_the_recorder_is_not_valid() -> None:
     link = {"state": "good", "hint": "", "rate_hz": 100.0, "frames": 7}
-    said = {"t_ns": 0, "storage": {"state": "ok", "hint": ""}, "links": {"eth": link}}
-    board = HealthBoard({"state": "recording"}, said)
+    report = {"t_ns": 0, "storage": {"state": "ok", "hint": ""}, "links": {"eth": link}}
+    board = HealthBoard({"state": "recording"}, report)
     assert board.compose(LATE_NS, [])["session"]["state"] == "recording"
     assert board.compose(LATE_NS, [])["links"] == {"eth": {**link, "port_state": "good"}}
     late = board.compose(LATE_NS + 1, [])
     assert late["session"]["state"] == "storage_error"
-    assert "said nothing" in late["storage"]["hint"]
+    assert "no report from" in late["storage"]["hint"]
     eth = late["links"]["eth"]
     assert (eth["state"], eth["rate_hz"], eth["frames"]) == ("silent", 0.0, 7)
-    assert "said nothing" in eth["hint"]
+    assert "no report from" in eth["hint"]
 
 
-def test_what_a_stopped_navigation_said_is_not_true_any_more() -> None:
+def test_an_old_report_of_navigation_is_not_valid() -> None:
     link, device = {"state": "good", "hint": ""}, _device("noise")
     delay = {"p50_ms": 8.0, "p99_ms": 15.0, "max_ms": 21.0}
-    said = {"navigation": {"lag_ms": 20.0, "output_delay": delay}, "devices": {"d": device}}
-    board = HealthBoard({"state": "recording"}, {"links": {"a": link}}, said)
+    report = {"navigation": {"lag_ms": 20.0, "output_delay": delay}, "devices": {"d": device}}
+    board = HealthBoard({"state": "recording"}, {"links": {"a": link}}, report)
     now = board.compose(0, [])
     assert (now["navigation"]["lag_ms"], now["devices"]["d"]["state"], now["links"]["a"]["state"]) == (
         20,
@@ -76,8 +76,8 @@ def test_what_a_stopped_navigation_said_is_not_true_any_more() -> None:
     assert late["navigation"]["lag_ms"] == 20 + LATE_NS / 1e6 + 1000
     assert late["navigation"]["output_delay"] is None
     assert late["devices"]["d"]["state"] == "silent"
-    assert "said nothing" in late["devices"]["d"]["hint"]
-    assert board.compose(2 * LATE_NS, [])["devices"]["d"]["hint"] == late["devices"]["d"]["hint"]  # it is no change
+    assert "no report from" in late["devices"]["d"]["hint"]
+    assert board.compose(2 * LATE_NS, [])["devices"]["d"]["hint"] == late["devices"]["d"]["hint"]  # it does not change
     assert late["links"]["a"]["state"] == "good"  # its bytes still come
-    board.navigation = dict(said)
+    board.navigation = dict(report)
     assert board.compose(LATE_NS + 2 * 10**9, [])["navigation"]["lag_ms"] == 20

@@ -1,4 +1,4 @@
-"""What is wrong with recording, processes, links and devices, and what is expected."""
+"""Conditions of recording, processes, links and devices, and expected states."""
 
 from __future__ import annotations
 
@@ -93,15 +93,15 @@ def test_a_process_that_was_started_again_and_again_within_a_minute() -> None:
     assert names(162.0, MIN_RESTARTS) == [], "the first one was more than a minute ago"
 
 
-@pytest.mark.parametrize(("lag_ms", "is_judged"), [(None, True), (500.0, True), (501.0, False), (50_000.0, False)])
-def test_of_a_navigation_that_is_behind_no_device_is_judged(lag_ms: float | None, is_judged: bool) -> None:
-    """It tells of a time at which an emulator had not begun, or a device was not switched on."""
+@pytest.mark.parametrize(("lag_ms", "is_assessed"), [(None, True), (500.0, True), (501.0, False), (50_000.0, False)])
+def test_no_device_is_assessed_while_navigation_is_behind(lag_ms: float | None, is_assessed: bool) -> None:
+    """Its report is about a time before the start of an emulator or the power-on of a device."""
     message = health(devices=device("silent"), navigation={"lag_ms": lag_ms})
     subjects = {report.subject for report in HealthConditions(0).reports(message)}
-    assert ("device ins" in subjects) is is_judged
+    assert ("device ins" in subjects) is is_assessed
 
 
-def test_a_device_of_which_a_fresh_navigation_knows_nothing_yet_is_not_judged() -> None:
+def test_a_device_of_which_a_fresh_navigation_knows_nothing_yet_is_not_assessed() -> None:
     conditions = HealthConditions(0)
     found(conditions, health())
     unknown = {"ins": {"link": "line", "state": "silent", "hint": "", "is_known": False}}
@@ -173,7 +173,7 @@ def test_devices_that_somebody_has_yet_to_switch_on_are_no_alarm() -> None:
     assert set(found(conditions, health(111.1, **silent))) == {"link:line", "device:ins"}
 
 
-def test_of_a_navigation_that_says_nothing_no_device_is_judged() -> None:
+def test_no_device_is_assessed_while_navigation_is_silent() -> None:
     """Frames arrive; the cable is not the reason."""
     conditions = HealthConditions(0)
     message = health(devices=device("silent"), navigation={"lag_ms": 5000.0, "hint": "it has said nothing for 5 s"})
@@ -188,14 +188,14 @@ def test_the_end_of_a_session_is_no_alarm() -> None:
 @pytest.mark.parametrize(("rate_mb_s", "expected"), [(1.0, {"space"}), (0.1, set()), (-1.0, set())])
 def test_space_for_less_than_an_hour(rate_mb_s: float, expected: set[str]) -> None:
     """1000 MB are 1000 s at 1 MB/s, and 10,000 s at 0.1 MB/s."""
-    conditions, seen = HealthConditions(0), set[str]()
+    conditions, names = HealthConditions(0), set[str]()
     for k in range(41):
         storage = {"state": "ok", "free_mb": 1000.0 - 0.5 * k * rate_mb_s}
-        seen |= set(found(conditions, health(100.0 + 0.5 * k, storage=storage)))
-    assert seen == expected
+        names |= set(found(conditions, health(100.0 + 0.5 * k, storage=storage)))
+    assert names == expected
 
 
-def test_the_forecast_says_for_how_long() -> None:
+def test_the_forecast_has_the_remaining_time() -> None:
     conditions = HealthConditions(0)
     for k in range(41):
         storage = {"state": "ok", "free_mb": 1000.0 - 0.5 * k}

@@ -17,7 +17,7 @@ from tests.helpers import ROOT
 
 @pytest.fixture
 def started(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """What was given to processes that compile."""
+    """The input of compiler processes."""
     given: list[str] = []
 
     def run(command: list[str], *, input: str, **_: Any) -> None:
@@ -41,7 +41,7 @@ def without(config: Config, *parts: str) -> Config:
 def test_nothing_is_started_where_the_code_is_on_disk(
     demo: Config, started: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(kernel, "is_kept", lambda _: True)
+    monkeypatch.setattr(kernel, "is_cached", lambda _: True)
     kernel_compiler.ensure_kernels_compiled(demo)
     assert started == []
 
@@ -49,7 +49,7 @@ def test_nothing_is_started_where_the_code_is_on_disk(
 def test_what_is_missing_is_compiled_elsewhere_for_this_configuration(
     demo: Config, started: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(kernel, "is_kept", lambda _: False)
+    monkeypatch.setattr(kernel, "is_cached", lambda _: False)
     kernel_compiler.ensure_kernels_compiled(demo)
     kernel_compiler.ensure_kernels_compiled(without(demo, "filter"))
     kernel_compiler.ensure_kernels_compiled(without(demo, "filter", "terrain", "approach"))

@@ -35,13 +35,16 @@ def limited(what: int, soft: int) -> Iterator[None]:
 
 
 def test_without_limits_nothing_changes() -> None:
-    told: list[str] = []
-    assert fit(CONFIG, told.append) is CONFIG
-    assert told == []
+    warnings: list[str] = []
+    assert fit(CONFIG, warnings.append) is CONFIG
+    assert warnings == []
 
 
 def test_too_few_open_files_are_one_sentence() -> None:
-    with limited(resource.RLIMIT_NOFILE, 20), pytest.raises(MissingError, match=r"ulimit -n.* is 20; must be 72 at"):
+    with (
+        limited(resource.RLIMIT_NOFILE, 20),
+        pytest.raises(MissingError, match=r"ulimit -n.* is 20; must be at least 72"),
+    ):
         fit(CONFIG, print)
 
 
@@ -59,10 +62,10 @@ def test_no_file_for_the_ring_is_one_sentence() -> None:
 
 @pytest.mark.parametrize(("limit_mb", "split_mb"), [(40, 24), (100, 84), (2048, 1024)])
 def test_files_are_split_before_they_are_too_large(limit_mb: int, split_mb: int) -> None:
-    told: list[str] = []
+    warnings: list[str] = []
     with limited(resource.RLIMIT_FSIZE, limit_mb * MIB):
-        assert fit(CONFIG, told.append).session.split_mb == split_mb
-    assert len(told) == (split_mb != 1024)
+        assert fit(CONFIG, warnings.append).session.split_mb == split_mb
+    assert len(warnings) == (split_mb != 1024)
 
 
 def test_a_file_at_its_limit_is_a_fault_of_storage_and_the_next_file_takes_what_follows(tmp_path: Path) -> None:
@@ -71,9 +74,9 @@ def test_a_file_at_its_limit_is_a_fault_of_storage_and_the_next_file_takes_what_
     first, second = (RawLog(folder, [RawTopic("a", "udp", {})], split_s=60, split_mb=100) for _ in range(2))
     with limited(resource.RLIMIT_FSIZE, 2**20), pytest.raises(StorageError, match="File too large"):
         for seq in range(10_000):
-            first.frame("a", seq, 10**18 + seq, os.urandom(1000))
+            first.write_frame("a", seq, 10**18 + seq, os.urandom(1000))
             first.flush()
-    second.frame("a", 20_000, 10**18 + 20_000, b"x")
+    second.write_frame("a", 20_000, 10**18 + 20_000, b"x")
     second.close()
     first.close()
     assert 900 < sum(1 for _ in Recording.open(folder.path).frames()) < 1100

@@ -7,22 +7,22 @@ from fti.service.supervisor.event_publisher import EventPublisher
 from fti.service.supervisor.link_events import MIN_DURATION_NS, LinkEvents
 
 SECOND_NS = 1_000_000_000
-Told = list[tuple[float, str, str]]
+Events = list[tuple[float, str, str]]
 
 
-def follow(*states: tuple[float, str]) -> Told:
-    """What is told of a link that has these states from these times [s] on, looked at twice a second for 20 s."""
-    news, told = LinkEvents(), Told()
+def follow(*states: tuple[float, str]) -> Events:
+    """Events of a link with these states from these times [s] on, checked twice a second for 20 s."""
+    link_events, events = LinkEvents(), Events()
     for half in range(40):
         t_s = half / 2
         state = [state for begin_s, state in states if begin_s <= t_s][-1]
-        for level, source, text in news.update({"eth": {"state": state, "hint": "why"}}, round(t_s * SECOND_NS)):
+        for level, source, text in link_events.update({"eth": {"state": state, "hint": "why"}}, round(t_s * SECOND_NS)):
             assert (level, source) == ("warning", "eth")
-            told.append((t_s, text, state))
-    return told
+            events.append((t_s, text, state))
+    return events
 
 
-def test_what_lasts_is_told_once_and_so_is_its_end() -> None:
+def test_a_lasting_state_is_reported_once_and_so_is_its_end() -> None:
     lasting_s = MIN_DURATION_NS / SECOND_NS
     assert follow((0.0, "absent"), (10.0, "silent"), (11.0, "good")) == [
         (lasting_s, "absent: why", "absent"),
@@ -30,7 +30,7 @@ def test_what_lasts_is_told_once_and_so_is_its_end() -> None:
     ]
 
 
-def test_another_trouble_is_told_too() -> None:
+def test_another_trouble_is_reported_too() -> None:
     assert [text for _, text, _ in follow((0.0, "absent"), (5.0, "denied"))] == ["absent: why", "denied: why"]
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from fti.buffers.triple_buffer import TripleBuffer
-from fti.frame_batch import entries
+from fti.frame_batch import iter_frames
 from fti.service.recorder.log_source import LogSource
 
 
@@ -22,18 +22,18 @@ class Rig:
             self.buffer.put(number, number, b"x")
         bursts = self.source.pending()
         self.source.mark_recorded(bursts)
-        return [entry[0] for entry in entries(bursts)]
+        return [entry[0] for entry in iter_frames(bursts)]
 
 
-@pytest.mark.parametrize(("doubtful", "again"), [(True, [0, 1, 2, 3]), (False, [2, 3])])
-def test_what_a_lost_medium_may_not_have_is_recorded_again(doubtful: bool, again: list[int]) -> None:
+@pytest.mark.parametrize(("is_uncertain", "again"), [(True, [0, 1, 2, 3]), (False, [2, 3])])
+def test_what_a_lost_medium_may_not_have_is_recorded_again(is_uncertain: bool, again: list[int]) -> None:
     rig = Rig()
     assert rig.carry(0, 1) == [0, 1]
     rig.source.mark_written()
     assert rig.carry(2) == [2]
-    rig.source.restart(doubtful=doubtful)
+    rig.source.restart(is_uncertain=is_uncertain)
     assert rig.carry(3) == again
-    rig.source.restart(doubtful=True)
+    rig.source.restart(is_uncertain=True)
     assert rig.carry() == again
     rig.source.mark_written()
     assert rig.buffer.stats.frames_out == 4
@@ -44,5 +44,5 @@ def test_what_is_synced_is_not_recorded_again() -> None:
     rig.carry(0, 1)
     rig.source.mark_written()
     rig.source.mark_synced()
-    rig.source.restart(doubtful=True)
+    rig.source.restart(is_uncertain=True)
     assert rig.carry(2) == [2]

@@ -1,4 +1,4 @@
-"""The writer thread: what fails is told, and no entry is written twice or left behind."""
+"""The writer thread: failures are reported, and each entry is written exactly once."""
 
 from __future__ import annotations
 
@@ -56,14 +56,14 @@ def rig(tmp_path: Path) -> Rig:
 
 def test_a_note_that_cannot_be_written_spoils_nothing_else(rig: Rig) -> None:
     rig.buffer.put(0, 1, b"x")
-    rig.writer.note("/no/topic", 1, {})
+    rig.writer.add_note("/no/topic", 1, {})
     rig.start()
-    until(lambda: rig.buffer.empty, what="an empty buffer")
-    rig.writer.note("/no/topic", 1, {})
+    until(lambda: rig.buffer.is_empty, what="an empty buffer")
+    rig.writer.add_note("/no/topic", 1, {})
     rig.buffer.put(1, 2, b"x")
     assert rig.finish() == [0, 1]
     assert len(rig.reports) == 2
-    assert all(report.startswith("note: no note is kept") for report in rig.reports)
+    assert all(report.startswith("note: '/no/topic' is not a topic of notes") for report in rig.reports)
 
 
 def test_a_flush_that_fails_in_an_unknown_way_writes_nothing_twice(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -78,12 +78,12 @@ def test_a_flush_that_fails_in_an_unknown_way_writes_nothing_twice(rig: Rig, mon
     for seq in range(3):
         rig.buffer.put(seq, seq, b"x")
     rig.start()
-    until(lambda: rig.buffer.empty, what="an empty buffer")
+    until(lambda: rig.buffer.is_empty, what="an empty buffer")
     assert rig.finish() == [0, 1, 2]
     assert rig.reports == ["writer: sick"] * 3
 
 
-def test_when_the_next_file_cannot_be_made_recording_goes_on_and_it_is_told(
+def test_when_the_next_file_cannot_be_made_recording_goes_on_and_it_is_reported(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     rig = Rig(tmp_path, split_s=1e-6)
@@ -99,14 +99,14 @@ def test_when_the_next_file_cannot_be_made_recording_goes_on_and_it_is_told(
         patch.setattr(os, "open", refuse)
         for seq in range(5):
             rig.buffer.put(seq, seq * 10_000, b"x")
-            until(lambda: rig.buffer.empty, what="an empty buffer")
+            until(lambda: rig.buffer.is_empty, what="an empty buffer")
         assert "cannot be created" in str(rig.writer.state()[1])
         rig.writer.stop()
     rig.writer.finish()
     assert [frame.seq for frame in Recording.open(rig.folder.path).frames()] == list(range(5))
 
 
-def test_the_stated_stall_is_survived_and_then_the_oldest_frames_are_missing_and_told(
+def test_the_stated_stall_is_survived_and_then_the_oldest_frames_are_missing_and_reported(
     rig: Rig, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """T10 (Spiegel 2018, eq. 6.2): 100 Hz, 66 B in two receptions, 2^19 B: 121.5 s; the same bytes, faster."""
@@ -114,7 +114,7 @@ def test_the_stated_stall_is_survived_and_then_the_oldest_frames_are_missing_and
 
     def refuse(*_: Any) -> int:
         refused.set()
-        raise OSError(errno.EIO, "told so")
+        raise OSError(errno.EIO, "refused by the test")
 
     def put(begin: int, count: int) -> None:
         for seq in range(begin, begin + count):
@@ -131,9 +131,9 @@ def test_the_stated_stall_is_survived_and_then_the_oldest_frames_are_missing_and
     too_many = 500
     put(first + survived, too_many)
     monkeypatch.setattr(os, "pwrite", pwrite)
-    kept = rig.finish()
+    recorded = rig.finish()
     gone = range(first + 2**19 // 41, first + 2**19 // 41 + too_many)  # the oldest that had not been handed over
-    assert kept == [seq for seq in range(first + survived + too_many) if seq not in gone]
+    assert recorded == [seq for seq in range(first + survived + too_many) if seq not in gone]
     (note,) = Recording.open(rig.folder.path).messages("/fti/gap", "raw")
     assert json.loads(note[-1]) == {
         "t_ns": 5_000_000 * gone[-1],

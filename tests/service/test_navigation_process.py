@@ -1,4 +1,4 @@
-"""Navigation that is slower than what arrives: it stays in time, tells what it skipped, and is never wrongly valid."""
+"""Navigation slower than its input: it stays in time, reports skipped frames, and is never wrongly valid."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from tests.service.slow_navigation import (
     reprocessed,
 )
 
-#: What a frame costs [s]: twice what it may, and a tenth.
+#: Computing time of a frame [s]: twice the limit, and a tenth.
 SLOW, FAST = 2 / RATE, 0.1 / RATE
 #: Half of the steps of 20 ft in which the altimeter speaks at most here, and a little [m].
 HEIGHT_STEP_M = 3.3
@@ -32,14 +32,14 @@ NORTH_STEP_M = 0.6
 
 
 @pytest.fixture(scope="module")
-def slow(tmp_path_factory: pytest.TempPathFactory) -> Flown:
+def slow(tmp_path_factory: pytest.TempPathFactory) -> FlightRun:
     """A navigation that is always too slow."""
     world = World(tmp_path_factory.mktemp("slow"), 25.0, lambda now: SLOW)
     navigator = world.run()
-    return Flown(world, navigator._reader.lost_frames, world.finish())
+    return FlightRun(world, navigator._reader.lost_frames, world.finish())
 
 
-class Flown(NamedTuple):
+class FlightRun(NamedTuple):
     """A world at its end, what its reader had lost, and the events of navigation."""
 
     world: World
@@ -47,7 +47,7 @@ class Flown(NamedTuple):
     events: list[dict[str, Any]]
 
 
-def test_a_slow_navigation_is_in_time_again_once_it_was_overrun(slow: Flown) -> None:
+def test_a_slow_navigation_is_in_time_again_once_it_was_overrun(slow: FlightRun) -> None:
     world = slow.world
     jumped_s = (world.rows("/fti/gap")[0]["t_ns"] - START_NS) / 1e9
     before = [age for t, age, _ in world.ages if t <= jumped_s]
@@ -58,14 +58,14 @@ def test_a_slow_navigation_is_in_time_again_once_it_was_overrun(slow: Flown) -> 
     assert sum(valid for _, valid in after) > 0.6 * len(after)
 
 
-def test_every_frame_was_seen_or_stands_in_a_gap(slow: Flown) -> None:
+def test_every_frame_was_seen_or_stands_in_a_gap(slow: FlightRun) -> None:
     missed = _missed(slow.world)
     assert sorted(slow.world.fed + missed) == list(range(slow.world.frames))
     assert slow.lost == len(missed) > 2000
     assert {row["kind"] for row in slow.world.rows("/fti/gap")} == {"ring"}
 
 
-def test_what_was_skipped_is_told_at_once_and_then_seldom(slow: Flown) -> None:
+def test_what_was_skipped_is_reported_at_once_and_then_seldom(slow: FlightRun) -> None:
     gaps = slow.world.gaps()
     assert len(gaps) > 5
     assert [event["level"] for event in slow.events] == ["warning"] * 2  # at once, and in the end
@@ -75,19 +75,19 @@ def test_what_was_skipped_is_told_at_once_and_then_seldom(slow: Flown) -> None:
     assert f"in {len(gaps) - 1} steps" in last
 
 
-def test_a_gap_is_no_silence_of_the_sources(slow: Flown) -> None:
+def test_a_gap_is_no_silence_of_the_sources(slow: FlightRun) -> None:
     """Dozens of gaps, each longer than the age limits: the log is not filled with sources that went and came."""
     texts = [event["message"] for event in slow.world.rows("/fti/event") if event["name"] == "nav"]
     assert sorted(texts) == ["attitude: from ins", "position: from ins"]
 
 
-def test_a_gap_is_repeated_as_it_was_flown(slow: Flown, tmp_path: Path) -> None:
-    flown = outputs(slow.world.session.path)
-    assert len(flown) > 1000
-    assert outputs(reprocessed(slow.world, tmp_path / "again")) == flown
+def test_a_gap_is_repeated_by_reprocessing(slow: FlightRun, tmp_path: Path) -> None:
+    live = outputs(slow.world.session.path)
+    assert len(live) > 1000
+    assert outputs(reprocessed(slow.world, tmp_path / "again")) == live
 
 
-def test_nothing_wrong_is_valid_across_gaps(slow: Flown) -> None:
+def test_nothing_wrong_is_valid_across_gaps(slow: FlightRun) -> None:
     """The altimeter has no checksum here: half a frame before a gap and half of one behind it would be a height."""
     _assert_nothing_wrong_is_valid(slow.world)
     clock = slow.world.rows("/fti/device_clock")[-1]["clocks"]["ins_gps"]
@@ -98,16 +98,16 @@ def test_without_a_fresh_start_of_decoders_a_wrong_height_would_be_valid(tmp_pat
     """So the test before this one can fail; the altimeter's own guard against pauses is taken away, too."""
     world = World(tmp_path, 25.0, lambda now: SLOW)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Chain, "pass_gap", lambda chain: None)
-        patch.setattr(freeflight_ra4500, "MIDST_NS", 10**12)
+        patch.setattr(Chain, "reset_after_gap", lambda chain: None)
+        patch.setattr(freeflight_ra4500, "FRAME_TIMEOUT_NS", 10**12)
         world.run()
     world.finish()
     with pytest.raises(AssertionError, match="comparison failed"):
         _assert_nothing_wrong_is_valid(world)
 
 
-@pytest.mark.parametrize(("source", "told"), [("ins", "nothing to readmit"), ("*", "begins anew")])
-def test_a_readmission_by_the_operator_is_recorded_and_repeated(source: str, told: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("source", "text"), [("ins", "nothing to readmit"), ("*", "begins anew")])
+def test_a_readmission_by_the_operator_is_recorded_and_repeated(source: str, text: str, tmp_path: Path) -> None:
     commands = [json.dumps({"readmit": source}).encode() + b"\n"]
 
     def cost(now: float) -> float:
@@ -120,7 +120,7 @@ def test_a_readmission_by_the_operator_is_recorded_and_repeated(source: str, tol
     world.finish()
     (note,) = world.rows("/fti/readmission")
     assert note["source"] == source
-    (event,) = [event for event in world.rows("/fti/event") if told in event["message"]]
+    (event,) = [event for event in world.rows("/fti/event") if text in event["message"]]
     assert event["name"] == ("nav" if source == "*" else "ins")
     assert 450 <= note["after_seq"] < 600
     again = reprocessed(world, tmp_path / "again")
@@ -174,9 +174,9 @@ def test_who_follows_again_is_patient_again(tmp_path: Path) -> None:
 
 
 def test_who_is_started_again_after_an_overrun_goes_on_in_time(tmp_path: Path) -> None:
-    """What the process before did not see and what its successor could not see is one gap, of a restart."""
+    """Frames missed by a process and by its successor form one gap, of kind restart."""
     world = World(tmp_path, 10.0, lambda now: FAST)
-    world.hurry_at_s = 2.0
+    world.finish_at_s = 2.0
     world.run()
     done, committed = len(world.fed), world.ring.reader_state().next_seq
     world.sleep(5.0)

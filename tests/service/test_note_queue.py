@@ -1,4 +1,4 @@
-"""Notes that wait for the log keep their order, also over a medium that has failed."""
+"""Queued notes are recorded in order, also after a failed medium."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ class FakeLog:
     def __init__(self) -> None:
         self.times: list[int] = []
 
-    def json(self, topic: str, t_ns: int, content: dict[str, Any]) -> None:
+    def write_json(self, topic: str, t_ns: int, content: dict[str, Any]) -> None:
         self.times.append(t_ns)
 
 

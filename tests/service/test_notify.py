@@ -1,4 +1,4 @@
-"""Type=notify: systemd is told when bytes are being recorded, and not before."""
+"""Type=notify: systemd is notified when bytes are being recorded, and not before."""
 
 from __future__ import annotations
 

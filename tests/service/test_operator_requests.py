@@ -36,7 +36,7 @@ class Rig:
         self.navigation_runs = True
         clock = FakeClock(7)
         self.alarms = AlarmBoard(clock, lambda topic, payload: None, lambda *_: None, lambda: None)
-        self.desk = OperatorRequests(
+        self.requests = OperatorRequests(
             Config(session=Session(name="s"), nav=Nav(position=("ins", "gnss")), path="a.toml"),
             clock,
             command_tracker=self.bench.command_tracker,
@@ -62,70 +62,76 @@ def rig() -> Rig:
     return Rig()
 
 
-async def test_a_display_that_starts_is_told_what_it_shows(rig: Rig) -> None:
+async def test_a_display_that_starts_receives_commands(rig: Rig) -> None:
     await (await rig.bench.ask_and_send("k1", "reset"))
-    rig.desk.on_page_message({"ready": True})
+    rig.requests.on_page_message({"ready": True})
     assert [device["name"] for device in rig.shown[0]["catalogue"]] == ["mag", "other"]
     assert [message["command"]["id"] for message in rig.shown[1:]] == ["k1"]
 
 
 async def test_the_page_sends_and_its_user_is_named(rig: Rig) -> None:
-    rig.desk.on_page_message({"send": {"id": "k1", "device": "mag", "command": "reset", "args": {}}, "who": "alice"})
-    rig.desk.on_page_message({"send": {"id": "k1", "device": "mag", "command": "reset", "args": {}}, "who": "alice"})
+    rig.requests.on_page_message(
+        {"send": {"id": "k1", "device": "mag", "command": "reset", "args": {}}, "who": "alice"}
+    )
+    rig.requests.on_page_message(
+        {"send": {"id": "k1", "device": "mag", "command": "reset", "args": {}}, "who": "alice"}
+    )
     assert len(rig.bench.sent) == 1
     assert rig.bench.events == [("info", "1: mag reset for the page (the owner's key, alice): 2a72657365740d")]
 
 
 async def test_a_mark_is_an_event_and_a_trigger_needs_a_table(rig: Rig) -> None:
-    assert await rig.desk.handle_command({"mark": "here"}, "root") == {"t_ns": 7}
+    assert await rig.requests.handle_command({"mark": "here"}, "root") == {"t_ns": 7}
     assert [event["text"] for event in rig.events] == ["here"]
-    assert "no [snapshot] table" in (await rig.desk.handle_command({"mark": "here", "trigger": True}, "root"))["fault"]
-    assert await rig.desk.handle_command({"halt": True}, "root") == {"fault": "there is no such command"}
-    assert await rig.desk.handle_command({"send": 7}, "root") == {"fault": "there is no such command"}
-    assert len((await rig.desk.handle_command({"commands": True}, "root"))["devices"]) == 4
+    assert (
+        "no [snapshot] table" in (await rig.requests.handle_command({"mark": "here", "trigger": True}, "root"))["fault"]
+    )
+    assert await rig.requests.handle_command({"halt": True}, "root") == {"fault": "unknown command"}
+    assert await rig.requests.handle_command({"send": 7}, "root") == {"fault": "unknown command"}
+    assert len((await rig.requests.handle_command({"commands": True}, "root"))["devices"]) == 4
 
 
 async def test_a_source_is_readmitted_by_navigation_and_the_event_names_who(rig: Rig) -> None:
-    assert await rig.desk.handle_command({"readmit": "gnss"}, "alice") == {"t_ns": 7}
+    assert await rig.requests.handle_command({"readmit": "gnss"}, "alice") == {"t_ns": 7}
     assert rig.navigation == [{"readmit": "gnss"}]
     (event,) = rig.events
     assert (event["source"], event["text"], event["who"]) == ("readmit", "gnss", "alice")
 
 
 async def test_all_sources_are_readmitted_at_once(rig: Rig) -> None:
-    assert await rig.desk.handle_command({"readmit": "*"}, "alice") == {"t_ns": 7}
+    assert await rig.requests.handle_command({"readmit": "*"}, "alice") == {"t_ns": 7}
     assert rig.navigation == [{"readmit": "*"}]
-    assert [event["text"] for event in rig.events] == ["all sources; navigation begins anew"]
+    assert [event["text"] for event in rig.events] == ["all sources; navigation is reset"]
 
 
 async def test_what_is_not_a_source_or_has_no_navigation_is_not_readmitted(rig: Rig) -> None:
     for wrong in ("radar", 7, {"a": 1}, None):
-        fault = (await rig.desk.handle_command({"readmit": wrong}, "alice"))["fault"]
-        assert "is not a source of position; there are ins, gnss" in fault
+        fault = (await rig.requests.handle_command({"readmit": wrong}, "alice"))["fault"]
+        assert "is not a position source; configured: ins, gnss" in fault
     rig.navigation_runs = False
-    assert "navigation is being started again" in (await rig.desk.handle_command({"readmit": "gnss"}, "alice"))["fault"]
+    assert "navigation is restarting" in (await rig.requests.handle_command({"readmit": "gnss"}, "alice"))["fault"]
     assert rig.events == []
 
 
 async def test_the_control_socket_names_who_asks_and_answers_in_order(rig: Rig, tmp_path: Path) -> None:
     failed: list[str] = []
     made = run_directory.make("s", str(tmp_path))
-    server = await serve_commands(made.bind(), rig.desk.handle_command, lambda unit, error: failed.append(unit))
+    server = await serve_commands(made.bind(), rig.requests.handle_command, lambda unit, error: failed.append(unit))
     assert made.control_socket.stat().st_mode & 0o777 == 0o600
     reader, writer = await asyncio.open_unix_connection(str(made.control_socket))
-    wish = {"id": "k1", "device": "mag", "command": "rate", "args": {"rate": "5"}}
-    for line in ({"send": wish}, {"mark": "behind it"}, ["no"], "{"):
+    request = {"id": "k1", "device": "mag", "command": "rate", "args": {"rate": "5"}}
+    for line in ({"send": request}, {"mark": "behind it"}, ["no"], "{"):
         writer.write((line if isinstance(line, str) else json.dumps(line)).encode() + b"\n")
     await until_async(lambda: rig.bench.sent)
-    rig.bench.recorder_says()
+    rig.bench.confirm_sending()
     rig.bench.answer()
     answers = [json.loads(await asyncio.wait_for(reader.readline(), 10.0)) for _ in range(4)]
     assert answers[0]["state"] == "acknowledged"
     assert answers[0]["who"].endswith(f"(process {os.getpid()})")
     assert answers[1] == {"t_ns": 7}
     assert [cast(dict[str, str], answer)["fault"] for answer in answers[2:]] == [
-        "a command is a JSON object",
-        "a command is one line of JSON of at most 65536 bytes",
+        "a command must be a JSON object",
+        "a command must be one line of JSON of at most 65536 bytes",
     ]
     writer.close()
     server.close()
@@ -138,7 +144,7 @@ async def test_what_is_no_command_is_answered(rig: Rig, tmp_path: Path, line: by
     async with client(rig, tmp_path) as (reader, writer, failed):
         writer.write(line)
         answer = json.loads(await asyncio.wait_for(reader.readline(), 10.0))
-    assert answer == {"fault": "a command is one line of JSON of at most 65536 bytes"}
+    assert answer == {"fault": "a command must be one line of JSON of at most 65536 bytes"}
     assert failed == []
 
 
@@ -150,7 +156,7 @@ async def test_a_command_that_fails_here_is_answered_and_the_next_one_too(
             broken.setattr(rig.bench.command_tracker.catalogue, "describe", lambda: 1 / 0)
             writer.write(b'{"commands": true}\n')
             answer = json.loads(await asyncio.wait_for(reader.readline(), 10.0))
-        assert answer == {"fault": "the daemon failed at it: see the events"}
+        assert answer == {"fault": "internal error, see the event log"}
         assert failed == ["control socket: division by zero"]
         writer.write(b'{"commands": true}\n')
         assert "devices" in json.loads(await asyncio.wait_for(reader.readline(), 10.0))
@@ -161,30 +167,30 @@ async def test_a_process_of_another_user_is_refused(rig: Rig, tmp_path: Path, mo
     async with client(rig, tmp_path) as (reader, writer, failed):
         writer.write(b'{"mark": "not mine"}\n{"send": {}}\n')
         answers = [json.loads(await asyncio.wait_for(reader.readline(), 10.0)) for _ in range(2)]
-    assert answers == [{"fault": "only the user who started the daemon, and root, may ask it for something"}] * 2
+    assert answers == [{"fault": "only root and the user who started the daemon may send commands"}] * 2
     assert (rig.events, rig.bench.events, failed) == ([], [], [])
 
 
 async def test_a_client_that_goes_before_its_answer_is_no_failure(rig: Rig, tmp_path: Path) -> None:
-    wish = {"id": "k1", "device": "mag", "command": "rate", "args": {"rate": "5"}}
+    request = {"id": "k1", "device": "mag", "command": "rate", "args": {"rate": "5"}}
     async with client(rig, tmp_path) as (_, writer, failed):
-        writer.write((json.dumps({"send": wish}) + "\n").encode() * 20)
+        writer.write((json.dumps({"send": request}) + "\n").encode() * 20)
         await until_async(lambda: rig.bench.sent)
         writer.transport.abort()
         await asyncio.sleep(0.01)
-        rig.bench.recorder_says()
+        rig.bench.confirm_sending()
         rig.bench.answer()
-        await until_async(lambda: not attending())
+        await until_async(lambda: not client_tasks())
     assert failed == []
     assert len(rig.bench.sent) == 1
 
 
-async def test_a_daemon_that_ends_while_a_client_is_there_says_nothing(rig: Rig, tmp_path: Path) -> None:
+async def test_a_daemon_that_ends_with_a_connected_client_reports_no_error(rig: Rig, tmp_path: Path) -> None:
     wrong: list[dict[str, Any]] = []
     asyncio.get_running_loop().set_exception_handler(lambda loop, context: wrong.append(context))
     async with client(rig, tmp_path):
-        await until_async(attending)
-        tasks = attending()
+        await until_async(client_tasks)
+        tasks = client_tasks()
         for task in tasks:  # as the end of the loop does
             task.cancel()
         await asyncio.wait(tasks)
@@ -192,20 +198,20 @@ async def test_a_daemon_that_ends_while_a_client_is_there_says_nothing(rig: Rig,
     assert wrong == []
 
 
-def attending() -> list[asyncio.Task[Any]]:
-    """Those who answer a client."""
-    return [task for task in asyncio.all_tasks() if "attend" in str(task.get_coro())]
+def client_tasks() -> list[asyncio.Task[Any]]:
+    """The tasks that serve clients."""
+    return [task for task in asyncio.all_tasks() if "serve_client" in str(task.get_coro())]
 
 
 @contextlib.asynccontextmanager
 async def client(
     rig: Rig, tmp_path: Path
 ) -> AsyncIterator[tuple[asyncio.StreamReader, asyncio.StreamWriter, list[str]]]:
-    """A connection to a control socket of that desk, and what has failed there."""
+    """A connection to the control socket of these requests, and its failures."""
     failed: list[str] = []
     made = run_directory.make("s", str(tmp_path))
     server = await serve_commands(
-        made.bind(), rig.desk.handle_command, lambda unit, error: failed.append(f"{unit}: {error}")
+        made.bind(), rig.requests.handle_command, lambda unit, error: failed.append(f"{unit}: {error}")
     )
     reader, writer = await asyncio.open_unix_connection(str(made.control_socket))
     try:
@@ -219,14 +225,16 @@ async def client(
 async def test_alarms_are_acknowledged_at_the_socket_and_on_the_page(rig: Rig) -> None:
     """By whom is known."""
     changes: list[tuple[str, Any]] = []
-    rig.alarms._note = lambda topic, t_ns, content: changes.append((content["change"], content["acknowledged_by"]))
+    rig.alarms._record_note = lambda topic, t_ns, content: changes.append(
+        (content["change"], content["acknowledged_by"])
+    )
     condition = Condition("losses", Severity.CAUTION, "DATA LOST")
     rig.alarms.record(condition)
-    assert await rig.desk.handle_command({"acknowledge": "losses"}, "anna") == {"acknowledged": 1, "t_ns": 7}
-    assert await rig.desk.handle_command({"acknowledge": None}, "anna") == {"acknowledged": 0, "t_ns": 7}
-    assert "fault" in await rig.desk.handle_command({"acknowledge": 3}, "anna")
+    assert await rig.requests.handle_command({"acknowledge": "losses"}, "anna") == {"acknowledged": 1, "t_ns": 7}
+    assert await rig.requests.handle_command({"acknowledge": None}, "anna") == {"acknowledged": 0, "t_ns": 7}
+    assert "fault" in await rig.requests.handle_command({"acknowledge": 3}, "anna")
     rig.alarms.record(condition)
-    rig.desk.on_page_message({"acknowledge": None, "who": "berta"})
+    rig.requests.on_page_message({"acknowledge": None, "who": "berta"})
     assert [who for change, who in changes if change == "acknowledged"] == [
         "anna",
         "the page (the owner's key, berta)",

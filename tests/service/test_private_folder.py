@@ -13,7 +13,7 @@ from fti.service.private_folder import check_trusted
 
 @pytest.fixture
 def victim(tmp_path: Path) -> Path:
-    """A file of ours that somebody wants to have overwritten."""
+    """A file of this user that another user tries to have overwritten."""
     file = tmp_path / "victim"
     file.write_text("precious")
     return file
@@ -130,11 +130,11 @@ def test_a_trusted_folder_is_ours_or_roots_and_may_be_missing_or_no_folder(tmp_p
 
 
 @pytest.mark.parametrize("command", [["watch", "--once"], ["mark", "x"], ["send", "--list"]])
-def test_a_client_says_what_is_wrong_in_one_sentence(
+def test_a_client_reports_what_is_wrong_in_one_sentence(
     shared: Path, capsys: pytest.CaptureFixture[str], command: list[str]
 ) -> None:
     shared.mkdir()
     shared.chmod(0o777)
     assert main(command) == 2
-    said = capsys.readouterr().err
-    assert said == f"fti: {shared}: other users can write to it (mode 0777); chmod go-w {shared}\n"
+    error = capsys.readouterr().err
+    assert error == f"fti: {shared}: other users can write to it (mode 0777); chmod go-w {shared}\n"

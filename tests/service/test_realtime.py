@@ -1,4 +1,4 @@
-"""What the machine does for the recorder: permitted, refused with a sentence, and given up when it runs wild."""
+"""Real-time settings of the recorder: permitted, refused with an error, and limited by the kernel."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ def powerless(*arguments: str) -> subprocess.CompletedProcess[str]:
     )
 
 
-def config(**asked: object) -> Config:
-    tuning = RecorderTuning.model_validate(asked)
+def config(**table: object) -> Config:
+    tuning = RecorderTuning.model_validate(table)
     return Config(session=Session(name="x"), recorder=tuning, path="here.toml")
 
 
@@ -54,16 +54,16 @@ def test_a_processor_that_is_not_there_is_named_with_those_that_are() -> None:
     there = min(before)
     with pytest.raises(ConfigError) as caught:
         realtime.check(config(cpu=(there, 9999)))
-    said = str(caught.value)
-    assert said.startswith("here.toml: recorder.cpu[1] = 9999:")
-    assert f"allowed are {', '.join(map(str, sorted(before)))}" in said
+    output = str(caught.value)
+    assert output.startswith("here.toml: recorder.cpu[1] = 9999:")
+    assert f"allowed are {', '.join(map(str, sorted(before)))}" in output
     assert os.sched_getaffinity(0) == before
     realtime.check(config(cpu=(there,)))
     assert os.sched_getaffinity(0) == before
 
 
 @pytest.mark.parametrize(
-    ("asked", "named"),
+    ("table", "named"),
     [
         (
             'scheduler = "fifo"\npriority = 33\n',
@@ -74,10 +74,10 @@ def test_a_processor_that_is_not_there_is_named_with_those_that_are() -> None:
 )
 @pytest.mark.parametrize("command", ["check", "run"])
 def test_what_is_not_permitted_is_refused_before_anything_is_made(
-    tmp_path: Path, command: str, asked: str, named: list[str]
+    tmp_path: Path, command: str, table: str, named: list[str]
 ) -> None:
     file, out = tmp_path / "c.toml", tmp_path / "out"
-    file.write_text(CONFIG + asked)
+    file.write_text(CONFIG + table)
     places = ["--out", str(out), "--run-dir", str(tmp_path / "run")] if command == "run" else []
     done = powerless("-m", "fti.cli.main", command, str(file), *places)
     assert done.returncode == 2
@@ -100,9 +100,9 @@ LEVELS = """
 import gc, os, threading
 from fti.config import RecorderTuning
 from fti.service import realtime
-print(hygiene.apply(RecorderTuning(scheduler="fifo", priority=10, freeze_gc=True)), gc.isenabled())
+print(realtime.apply(RecorderTuning(scheduler="fifo", priority=10, freeze_gc=True)), gc.isenabled())
 def step():
-    hygiene.step_below_reader()
+    realtime.step_below_reader()
     print(os.sched_getscheduler(0), os.sched_getparam(0).sched_priority)
 thread = threading.Thread(target=step)
 thread.start()
@@ -113,19 +113,19 @@ print(os.sched_getscheduler(0), os.sched_getparam(0).sched_priority)
 
 def test_the_reader_is_above_every_other_thread() -> None:
     command = [sys.executable, "-c", LEVELS]
-    said = subprocess.run(
+    output = subprocess.run(
         command, capture_output=True, text=True, timeout=120, check=True, cwd=ROOT
     ).stdout.splitlines()
     if fifo_is_permitted():
-        assert said == ["[] False", f"{os.SCHED_FIFO} 9", f"{os.SCHED_FIFO} 10"]
+        assert output == ["[] False", f"{os.SCHED_FIFO} 9", f"{os.SCHED_FIFO} 10"]
     else:
-        assert said == ["['[recorder]: Operation not permitted'] False", "0 0", "0 0"]
+        assert output == ["['[recorder]: Operation not permitted'] False", "0 0", "0 0"]
 
 
 def test_where_nothing_is_left_to_others_fifo_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     throttle = tmp_path / "sched_rt_runtime_us"
     throttle.write_text("-1\n")
-    monkeypatch.setattr(realtime, "THROTTLE", throttle)
+    monkeypatch.setattr(realtime, "RT_RUNTIME_PATH", throttle)
     monkeypatch.setattr(realtime, "_set_fifo", lambda priority: None)
     with pytest.raises(ConfigError, match=r"recorder\.scheduler = 'fifo'.*is -1"):
         realtime.check(config(scheduler="fifo"))

@@ -19,37 +19,37 @@ class Session:
 
     def __init__(self) -> None:
         self.monitor, self.status, self.now_ns = ReceptionMonitor(), LinkStatus(), BEGIN_NS
-        self.told: list[tuple[float, str, str]] = []
+        self.events: list[tuple[float, str, str]] = []
         self.pauses: list[float] = []
 
-    def run(self, seconds: float, dropped_per_look: int = 0) -> None:
+    def run(self, seconds: float, dropped_per_check: int = 0) -> None:
         """Let time pass."""
         for _ in range(round(seconds * SECOND_NS / TICK_NS)):
             self.now_ns += TICK_NS
-            self.pauses += filter(None, [self.monitor.on_turn(self.now_ns)])
+            self.pauses += filter(None, [self.monitor.on_cycle(self.now_ns)])
             if self.now_ns % (SECOND_NS // 2) == 0:
-                self.status.socket_dropped += dropped_per_look
-                self.look()
+                self.status.socket_dropped += dropped_per_check
+                self.check()
 
-    def look(self, *, final: bool = False) -> None:
+    def check(self, *, final: bool = False) -> None:
         """The counters."""
         for level, source, text in self.monitor.events(self.now_ns, [("eth", self.status)], final=final):
             assert level == "warning"
-            self.told.append(((self.now_ns - BEGIN_NS) / SECOND_NS, source, text))
+            self.events.append(((self.now_ns - BEGIN_NS) / SECOND_NS, source, text))
 
     def stand_still(self, seconds: float) -> None:
         """The process gets no time."""
         self.now_ns += round(seconds * SECOND_NS)
 
     def texts(self, source: str) -> list[str]:
-        return [text for _, who, text in self.told if who == source]
+        return [text for _, who, text in self.events if who == source]
 
 
-def test_nothing_is_told_while_all_is_well() -> None:
+def test_nothing_is_reported_while_all_is_well() -> None:
     session = Session()
     session.run(60)
-    session.look(final=True)
-    assert session.told == []
+    session.check(final=True)
+    assert session.events == []
     assert session.pauses == []
 
 
@@ -57,22 +57,22 @@ def test_a_recorder_that_stood_still_is_the_cause_of_what_the_kernel_dropped() -
     session = Session()
     session.run(1)
     session.stand_still(12.5)
-    session.run(0.5, dropped_per_look=40_000)  # what the queue tells with the first datagrams behind it
-    session.run(0.5, dropped_per_look=3_768)  # and what is asked for
+    session.run(0.5, dropped_per_check=40_000)  # reported with the first datagrams after the pause
+    session.run(0.5, dropped_per_check=3_768)  # and what is asked for
     session.run(1)
     assert session.pauses == [12.52]
-    assert session.texts("recorder") == ["stood still for 12.5 s: nothing was read or written meanwhile"]
+    assert session.texts("recorder") == ["stood still for 12.5 s: no data were read or written"]
     (text,) = session.texts("eth")
     assert (
         text == "the kernel dropped 43768 frames: the recorder stood still for 12.5 s, and the receive queue was full"
     )
 
 
-def test_a_recorder_that_was_only_late_is_not_said_to_have_stood_still() -> None:
+def test_a_late_recorder_is_not_reported_as_a_standstill() -> None:
     session = Session()
     session.run(1)
     session.stand_still(0.9)
-    session.run(0.5, dropped_per_look=7)
+    session.run(0.5, dropped_per_check=7)
     session.run(1)
     assert session.pauses == []
     assert session.texts("eth") == [
@@ -86,33 +86,33 @@ def test_a_pause_long_ago_is_not_the_cause() -> None:
     session.run(1)
     session.stand_still(30)
     session.run(5)
-    session.run(0.5, dropped_per_look=7)
+    session.run(0.5, dropped_per_check=7)
     session.run(1)
     assert session.texts("eth") == [
         "the kernel dropped 7 frames: the receive queue was full before the recorder read it"
     ]
 
 
-def test_what_goes_on_for_a_minute_is_told_now_and_then_and_adds_up() -> None:
+def test_what_goes_on_for_a_minute_is_reported_now_and_then_and_adds_up() -> None:
     session = Session()
-    session.run(60, dropped_per_look=3)
-    session.look(final=True)
+    session.run(60, dropped_per_check=3)
+    session.check(final=True)
     counts = [int(text.split()[3]) for text in session.texts("eth")]
     assert sum(counts) == session.status.socket_dropped == 360
     assert len(counts) <= 60 * SECOND_NS / EVENT_PERIOD_NS + 1
 
 
-def test_the_last_frames_are_told_at_the_end() -> None:
+def test_the_last_frames_are_reported_at_the_end() -> None:
     session = Session()
     session.run(3)
     session.status.socket_dropped, session.status.stamp_refused = 2, 1
-    session.look(final=True)
+    session.check(final=True)
     drops, stamps = session.texts("eth")
     assert drops.startswith("the kernel dropped 2 frames: ")
     assert stamps.startswith("1 kernel timestamps were refused: ")
 
 
-def test_refused_stamps_are_told_beside_drops() -> None:
+def test_refused_stamps_are_reported_beside_drops() -> None:
     session = Session()
     session.run(1)
     session.status.stamp_refused = 5

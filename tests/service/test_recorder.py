@@ -55,7 +55,7 @@ class Rig:
             SerialLink(name="line", kind="serial", port=str(folder / "line"), transmit=True),
             UdpLink(name="eth", kind="udp", bind=f"127.0.0.1:{self.port}"),
         )
-        order = RecorderStartup(
+        startup = RecorderStartup(
             config=Config(session=Session(name="rig"), link=links, **_with_altimeter(altimeter)),
             folder=str(self.session.path),
             epoch_ns=choose_epoch_ns(),
@@ -64,17 +64,17 @@ class Rig:
             metadata={"name": "rig"},
             **more,
         )
-        self.child = Child("recorder", order.model_dump_json().encode(), self.ring.fds)
+        self.child = Child("recorder", startup.model_dump_json().encode(), self.ring.fds)
         self.channel = self.child.start()
         self.messages: list[dict[str, Any]] = []
-        self._said = bytearray()
+        self._line_output = bytearray()
 
-    def said(self) -> bytes:
+    def line_output(self) -> bytes:
         """Everything that was sent to the device."""
-        self._said += self.line.read()
-        return bytes(self._said)
+        self._line_output += self.line.read()
+        return bytes(self._line_output)
 
-    def hear(self, key: str) -> dict[str, Any] | None:
+    def find_message(self, key: str) -> dict[str, Any] | None:
         """The first message with that key, once it has come."""
         self.messages += self.channel.receive()
         return next((m for m in self.messages if key in m), None)
@@ -100,8 +100,8 @@ def test_what_an_altimeter_sends_does_not_wait_for_the_beat(tmp_path: Path, link
         contextlib.closing(Rig(tmp_path, altimeter=link)) as rig,
         socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender,
     ):
-        until(lambda: rig.hear("ready"), what="ready")
-        until(lambda: rig.said().startswith(b"hello\r"), what="the line is open")
+        until(lambda: rig.find_message("ready"), what="ready")
+        until(lambda: rig.line_output().startswith(b"hello\r"), what="the line is open")
         reader, index = RingReader(rig.ring), ("line", "eth").index(link)
         for number in numbers:
             data = b"%d" % number
@@ -124,20 +124,20 @@ def _read_with(reader: RingReader, data: bytes) -> list[RingFrame]:
             reader.wait(30)
 
 
-def test_it_sends_what_it_was_told_and_records_it(rig: Rig) -> None:
-    until(lambda: rig.hear("ready"), what="ready")
-    until(lambda: rig.said().count(b"ask\r") >= 2, what="two questions")
-    assert rig.said().startswith(b"hello\rask\r")
+def test_it_sends_its_startup_data_and_records_them(rig: Rig) -> None:
+    until(lambda: rig.find_message("ready"), what="ready")
+    until(lambda: rig.line_output().count(b"ask\r") >= 2, what="two questions")
+    assert rig.line_output().startswith(b"hello\rask\r")
     rig.channel.send({"send": {"link": "line", "data": b"set\r".hex(), "id": 7}})
-    answer = until(lambda: rig.hear("sent"), what="an answer")
+    answer = until(lambda: rig.find_message("sent"), what="an answer")
     assert (answer["sent"]["id"], answer["sent"]["fault"]) == (7, None)
-    until(lambda: b"set\r" in rig.said(), what="the command")
+    until(lambda: b"set\r" in rig.line_output(), what="the command")
     rig.line.write(b"answer")
     until(lambda: _received(rig), what="the answer in the ring")
     rig.channel.send({"stop": True})
-    until(lambda: rig.hear("stopped"), what="stopped")
-    sent = b"".join(f.data for f in Recording.open(rig.session.path).sent())
-    assert sent.startswith(rig.said()[:20])
+    until(lambda: rig.find_message("stopped"), what="stopped")
+    sent = b"".join(f.data for f in Recording.open(rig.session.path).sent_frames())
+    assert sent.startswith(rig.line_output()[:20])
     assert sent.count(b"set\r") == 1
 
 
@@ -147,9 +147,9 @@ def _received(rig: Rig) -> bool:
 
 def test_numbers_are_reported_and_those_given_up_before_stand_in_the_file(tmp_path: Path) -> None:
     rig = Rig(tmp_path, first_number=5, skipped_numbers=(2, 4))
-    until(lambda: rig.hear("ready"), what="ready")
+    until(lambda: rig.find_message("ready"), what="ready")
     rig.channel.send({"stop": True})
-    until(lambda: rig.hear("stopped"), what="stopped")
+    until(lambda: rig.find_message("stopped"), what="stopped")
     rig.close()
     reports = [message["file_number"] for message in rig.messages if "file_number" in message]
     assert reports == [{"number": 5, "confirmed": False}, {"number": 5, "confirmed": True}]
@@ -159,38 +159,38 @@ def test_numbers_are_reported_and_those_given_up_before_stand_in_the_file(tmp_pa
 
 
 def test_recorded_times_are_utc_to_half_a_tick(rig: Rig) -> None:
-    """Of datagrams that say when they were sent, by the real-time clock; the quickest one counts."""
-    until(lambda: rig.hear("ready"), what="ready")
+    """Datagrams contain their time of sending by the real-time clock; the quickest one counts."""
+    until(lambda: rig.find_message("ready"), what="ready")
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
         for _ in range(100):
             sender.sendto(b"%d" % time.time_ns(), ("127.0.0.1", rig.port))
     until(lambda: rig.ring.next_seq > 100, what="the datagrams")
     rig.channel.send({"stop": True})
-    until(lambda: rig.hear("stopped"), what="stopped")
+    until(lambda: rig.find_message("stopped"), what="stopped")
     recording = Recording.open(rig.session.path)
     ages = [frame.t_rx_ns - int(frame.data) for frame in recording.frames() if frame.link == "eth"]
     assert ages
     assert abs(min(ages, key=abs)) <= TICK_PERIOD_NS // 2 + 1_000_000
 
 
-@pytest.mark.parametrize(("link", "said"), [("eth", "transmit is false"), ("none", "no link 'none'")])
-def test_a_command_that_cannot_be_sent_is_refused_once(rig: Rig, link: str, said: str) -> None:
-    until(lambda: rig.hear("ready"), what="ready")
+@pytest.mark.parametrize(("link", "line_output"), [("eth", "transmit is false"), ("none", "unknown link 'none'")])
+def test_a_command_that_cannot_be_sent_is_refused_once(rig: Rig, link: str, line_output: str) -> None:
+    until(lambda: rig.find_message("ready"), what="ready")
     rig.channel.send({"send": {"link": link, "data": "00", "id": 1}})
-    answer = until(lambda: rig.hear("sent"), what="an answer")
+    answer = until(lambda: rig.find_message("sent"), what="an answer")
     assert answer["sent"]["id"] == 1
-    assert said in answer["sent"]["fault"]
+    assert line_output in answer["sent"]["fault"]
 
 
 def test_it_finishes_when_the_supervisor_is_gone(rig: Rig) -> None:
-    until(lambda: rig.hear("ready"), what="ready")
+    until(lambda: rig.find_message("ready"), what="ready")
     rig.line.write(b"last words")
     until(lambda: any(r.data == b"last words" for r in RingReader(rig.ring).read(10_000)), what="the words")
     rig.child.close()
     process = rig.child.process
     assert process
     assert process.wait(timeout=120) == 0
-    assert rig.ring.ended
+    assert rig.ring.has_ended
     recording = Recording.open(rig.session.path)
     assert not recording.unfinished_files
     assert b"last words" in b"".join(f.data for f in recording.frames())
@@ -216,10 +216,10 @@ def test_a_stand_in_that_died_is_replaced(tmp_path: Path) -> None:
     child = Child("recorder", b"{}", ring.fds)
     child.prepare()
     assert child._waiting
-    dead = child._waiting.process
-    dead.kill()
-    dead.wait()
+    killed = child._waiting.process
+    killed.kill()
+    killed.wait()
     child.start()
-    assert child.process is not dead
+    assert child.process is not killed
     child.dismiss()
     ring.close()

@@ -1,4 +1,4 @@
-"""What a navigation process had refused, its successor refuses, too, until the operator says otherwise."""
+"""A source refused by a navigation process is refused by its successor, too, until the operator readmits it."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ LIE_S, END_S, READMIT_S, DURATION_S = 13.0, 15.0, 50.0, 54.0
 SECOND_NS = 10**9
 
 
-class Flown(NamedTuple):
-    """A world at its end, and what its first process told the supervisor."""
+class FlightRun(NamedTuple):
+    """A world at its end, and the refusals that its first process sent to the supervisor."""
 
     world: World
-    told: tuple[CarriedRefusal, ...]
+    refusals: tuple[CarriedRefusal, ...]
 
 
 @pytest.fixture(scope="module")
-def flown(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Flown]:
+def flight(tmp_path_factory: pytest.TempPathFactory) -> Iterator[FlightRun]:
     """A process that refuses the INS, and another one in its place."""
     commands = [b'{"readmit":"ins"}\n']
 
@@ -39,13 +39,13 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Flown]:
         return FAST
 
     world = World(tmp_path_factory.mktemp("again"), DURATION_S, cost, LIE_S)
-    world.hurry_at_s = END_S
+    world.finish_at_s = END_S
     world.run()
     world.refusals = tuple(world.last_refusals())
-    told = parse_refusals(world.refusals)
+    refusals = parse_refusals(world.refusals)
     world.run()
     world.finish()
-    yield Flown(world, told)
+    yield FlightRun(world, refusals)
 
 
 def errors(rows: list[dict[str, Any]], begin_s: float, end_s: float) -> list[float]:
@@ -54,48 +54,50 @@ def errors(rows: list[dict[str, Any]], begin_s: float, end_s: float) -> list[flo
     return [abs((r["lat"] - LAT_0) * RADIUS - north_at(r["t_ns"])) for r in late if r["valid"]]
 
 
-def test_the_process_tells_what_it_refuses(flown: Flown) -> None:
-    (refusal,) = flown.told
+def test_the_process_reports_what_it_refuses(flight: FlightRun) -> None:
+    (refusal,) = flight.refusals
     assert (refusal.source, refusal.part, refusal.reason) == ("ins", RefusedPart.POSITION, Reason.JUMP)
     assert refusal.is_standing
     assert (refusal.onset_ns - START_NS) / SECOND_NS == pytest.approx(LIE_S, abs=0.1)
 
 
-def test_a_source_that_lies_is_not_valid_in_the_next_process(flown: Flown) -> None:
+def test_a_source_that_lies_is_not_valid_in_the_next_process(flight: FlightRun) -> None:
     """Its tests pass for 35 s there: a step of 100 m that lasts agrees with its velocity."""
-    rows = flown.world.rows("/nav/nav_solution")
+    rows = flight.world.rows("/nav/nav_solution")
     assert len(errors(rows, 0.0, LIE_S)) > 200
     assert max(errors(rows, LIE_S + 0.1, READMIT_S), default=0.0) < 2.0, "12.5 fixes a second are tested"
     assert not errors(rows, END_S, READMIT_S)
     assert min(errors(rows, READMIT_S + 1.0, DURATION_S)) == pytest.approx(100.0, abs=2.0), "the operator wanted it"
 
 
-def test_the_next_process_says_so(flown: Flown) -> None:
-    said = [r for r in flown.world.rows("/nav/source_validity/ins") if r["t_ns"] > START_NS + (END_S + 1) * SECOND_NS]
-    first = said[0]
+def test_the_next_process_reports_them(flight: FlightRun) -> None:
+    validities = [
+        r for r in flight.world.rows("/nav/source_validity/ins") if r["t_ns"] > START_NS + (END_S + 1) * SECOND_NS
+    ]
+    first = validities[0]
     assert (first["valid"], first["reasons"]) == (False, ["jump", "unconfirmed"])
     assert first["readmission"].startswith("fti readmit")
-    texts = [row["message"] for row in flown.world.rows("/fti/event") if row["name"] == "ins"]
+    texts = [row["message"] for row in flight.world.rows("/fti/event") if row["name"] == "ins"]
     assert any("position still refused after navigation was started again: jump" in text for text in texts)
 
 
-def test_it_is_repeated_as_flown(flown: Flown, tmp_path: Path) -> None:
-    (gap,) = flown.world.rows("/fti/gap")
+def test_it_is_repeated_by_reprocessing(flight: FlightRun, tmp_path: Path) -> None:
+    (gap,) = flight.world.rows("/fti/gap")
     assert [row["source"] for row in gap["refusals"]] == ["ins"]
-    again = reprocessed(flown.world, tmp_path / "again")
-    flown_again, first = (
-        [o for o in outputs(path) if o[1] >= gap["t_ns"]] for path in (again, flown.world.session.path)
+    again = reprocessed(flight.world, tmp_path / "again")
+    flight_again, first = (
+        [o for o in outputs(path) if o[1] >= gap["t_ns"]] for path in (again, flight.world.session.path)
     )
     assert len(first) > 1000
-    assert flown_again == first
+    assert flight_again == first
     events = [json.loads(data)["message"] for *_, data in Recording.open(again).messages("/fti/event", kind="derived")]
     assert any("still refused after navigation was started again" in text for text in events)
 
 
-def test_the_order_of_the_next_process_carries_them(flown: Flown) -> None:
+def test_the_startup_message_of_the_next_process_has_them(flight: FlightRun) -> None:
     """Through JSON, as the supervisor sends it."""
-    order = flown.world.order()
-    assert parse_refusals(NavigationStartup.model_validate_json(order.model_dump_json()).refusals) == flown.told
+    startup = flight.world.startup()
+    assert parse_refusals(NavigationStartup.model_validate_json(startup.model_dump_json()).refusals) == flight.refusals
 
 
 @pytest.mark.parametrize("wrong", [{"part": "all"}, {"reason": "no reason"}, {"onset_ns": "now"}, {"onset_ns": None}])

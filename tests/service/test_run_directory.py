@@ -62,7 +62,7 @@ def test_a_second_daemon_of_the_same_name_gets_a_directory_of_its_own(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
-    made = [run_directory.make("da42", None) for _ in range(3)]  # none of them has said yet that it runs
+    made = [run_directory.make("da42", None) for _ in range(3)]  # none of them is published yet
     assert [one.path.name for one in made] == ["da42", "da42_2", "da42_3"]
     with pytest.raises(MissingError, match="another daemon"):
         run_directory.make("da42", str(made[0].path))
@@ -105,12 +105,12 @@ def _looking(path: Path) -> Iterator[None]:
     """A thread asks again and again whether a daemon is there."""
     ended = threading.Event()
 
-    def look() -> None:
+    def find() -> None:
         while not ended.is_set():
             with contextlib.suppress(MissingError):
                 run_directory.find_daemon(str(path))
 
-    thread = threading.Thread(target=look)
+    thread = threading.Thread(target=find)
     thread.start()
     try:
         yield
@@ -126,9 +126,9 @@ def test_a_socket_of_another_user_is_not_asked(
         fake.listen()
         peers_of_user(os.geteuid() + 12345, monkeypatch)
         assert main(["mark", "x", "--run-dir", str(tmp_path)]) == 2
-        said = capsys.readouterr().err
-        assert said.startswith(
-            f"fti: {made.control_socket}: user {os.geteuid() + 12345} (process 7) answers there, which is not"
+        error = capsys.readouterr().err
+        assert error.startswith(
+            f"fti: {made.control_socket}: the socket belongs to user {os.geteuid() + 12345} (process 7), another"
         )
         connection, _ = fake.accept()
         with connection:

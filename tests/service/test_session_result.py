@@ -1,4 +1,4 @@
-"""Whether a session was recorded: what counts as lost, and the sentence that says so."""
+"""Completeness of a session: lost frames, and the sentence about them."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ def report(*links: dict[str, Any], ticks: dict[str, Any] = NONE, **changes: Any)
     return {**end, **changes}
 
 
-def loss_of(last: dict[str, Any], *dead: dict[str, Any]) -> str:
+def loss_of(last: dict[str, Any], *killed: dict[str, Any]) -> str:
     result = SessionResult()
-    for health in dead:
-        result.add_dead_recorder(health)
+    for health in killed:
+        result.add_killed_recorder(health)
     result.handle_report(last)
     return result.describe_loss(FOLDER) or ""
 
@@ -41,7 +41,7 @@ def loss_of(last: dict[str, Any], *dead: dict[str, Any]) -> str:
     [
         report(),
         report(account(100), account(7)),
-        report(account(100, socket_queue=5)),  # nobody read in time: no fault of the storage
+        report(account(100, socket_queue=5)),  # not read in time: not a fault of the storage
         report(account(100, not_triggered=50)),
     ],
 )
@@ -85,14 +85,14 @@ def test_a_recorder_that_died_while_the_medium_refused_has_lost_what_it_held() -
     assert loss_of(report(), {}) == ""
 
 
-def test_a_recorder_that_never_said_that_it_stopped_is_no_success() -> None:
-    assert "before it had closed its files" in (SessionResult().describe_loss(FOLDER) or "")
+def test_a_recorder_that_never_reported_its_stop_is_not_a_success() -> None:
+    assert "before it closed its files" in (SessionResult().describe_loss(FOLDER) or "")
 
 
 def test_a_ledger_that_no_medium_takes_is_kept(tmp_path: Path) -> None:
     ledger = {"final": True}
-    told = save_ledger(ledger, "s_0", tmp_path)
+    text = save_ledger(ledger, "s_0", tmp_path)
     path = tmp_path / "s_0_ledger.json"
-    assert str(path) in told and json.loads(path.read_text()) == ledger
+    assert str(path) in text and json.loads(path.read_text()) == ledger
     assert path.stat().st_mode & 0o777 == 0o600
     assert save_ledger(ledger, "s_0", tmp_path / "none") == 'the last ledger: {"final":true}'

@@ -30,14 +30,14 @@ class Rig:
         self.folder: SessionFolder | None = SessionFolder.create(folder, "s", 0)
         self.path = self.folder.path
         self.log = RawLog(None, [RawTopic("a", "udp", {})], split_s=1e6, split_mb=1e3, kind="snapshot")
-        self.told: list[str] = []
+        self.reports: list[str] = []
         self.sink = SnapshotSink(
             self.log,
             ["a"],
             Snapshot(before_s=before_s, after_s=after_s, max_mb=max_mb),
             lambda: self.folder,
-            tell=lambda level, source, text: self.told.append(f"{level}: {text}"),
-            report=lambda unit, error: self.told.append(f"{unit}: {error!r}"),
+            report_event=lambda level, source, text: self.reports.append(f"{level}: {text}"),
+            report=lambda unit, error: self.reports.append(f"{unit}: {error!r}"),
         )
         self.fed = 0
         self.sink.start()
@@ -57,7 +57,7 @@ class Rig:
 
     def await_end(self, shots: int = 1) -> None:
         """The files are closed."""
-        until(lambda: sum("holds" in text for text in self.told) == shots, what=f"{shots} files")
+        until(lambda: sum("holds" in text for text in self.reports) == shots, what=f"{shots} files")
 
 
 @pytest.fixture
@@ -137,8 +137,8 @@ def test_the_end_cuts_what_a_trigger_waits_for(rig: Rig) -> None:
 
 
 def test_the_end_waits_as_long_as_the_medium_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Minutes of memory on a slow medium take longer than the patience with one that refuses."""
-    monkeypatch.setattr(sink_module, "LAST_CHANCE_S", 1.0)
+    """Writing minutes of memory to a slow medium takes longer than the timeout of a refusing one."""
+    monkeypatch.setattr(sink_module, "FINAL_TIMEOUT_S", 1.0)
     flush = LogSegment.flush
 
     def slow(segment: LogSegment) -> None:
@@ -162,7 +162,7 @@ def test_what_a_trigger_asked_for_and_the_medium_did_not_take_stays_held(
     def refuse(segment: LogSegment) -> None:
         raise StorageError("full")
 
-    monkeypatch.setattr(sink_module, "LAST_CHANCE_S", 0.3)
+    monkeypatch.setattr(sink_module, "FINAL_TIMEOUT_S", 0.3)
     monkeypatch.setattr(LogSegment, "flush", refuse)
     rig.feed(300)
     rig.sink.trigger("boom", 2990 * MS)
@@ -179,7 +179,7 @@ def test_no_trigger_no_file(rig: Rig) -> None:
     assert rig.sink.outcomes[1].not_triggered.frames == 100
 
 
-def test_a_medium_that_refuses_is_told_once_and_nothing_is_lost_or_doubled(
+def test_a_medium_that_refuses_is_reported_once_and_nothing_is_lost_or_doubled(
     rig: Rig, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     flush, failures = LogSegment.flush, iter(range(3))
@@ -195,7 +195,7 @@ def test_a_medium_that_refuses_is_told_once_and_nothing_is_lost_or_doubled(
     rig.feed(100)
     rig.await_end()
     assert rig.held() == list(range(150))
-    assert sum("full" in text for text in rig.told) == 1
+    assert sum("full" in text for text in rig.reports) == 1
 
 
 def test_it_goes_on_where_the_recording_goes_on(rig: Rig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -203,7 +203,7 @@ def test_it_goes_on_where_the_recording_goes_on(rig: Rig, tmp_path: Path, monkey
     rig.folder = None
     rig.feed(100)
     rig.sink.trigger("boom", 990 * MS)
-    until(lambda: any("no place" in text for text in rig.told), what="the refusal")
+    until(lambda: any("no storage target" in text for text in rig.reports), what="the refusal")
     rig.folder = first
     until(lambda: rig.sink.outcomes[1].recorded.frames == 100, what="frames in the first file")
     flush = LogSegment.flush
@@ -215,7 +215,7 @@ def test_it_goes_on_where_the_recording_goes_on(rig: Rig, tmp_path: Path, monkey
 
     monkeypatch.setattr(LogSegment, "flush", refuse_here)
     rig.feed(20)
-    until(lambda: any("sick" in text for text in rig.told), what="the refusal")
+    until(lambda: any("sick" in text for text in rig.reports), what="the refusal")
     rig.folder = other
     rig.feed(200)
     rig.await_end()
@@ -224,13 +224,13 @@ def test_it_goes_on_where_the_recording_goes_on(rig: Rig, tmp_path: Path, monkey
     assert [int(f.data) for f in Recording.open(file).frames() if f.link == "a"] == list(range(100, 150))
 
 
-def test_a_memory_that_is_too_small_is_told_once(tmp_path: Path) -> None:
+def test_a_memory_that_is_too_small_is_reported_once(tmp_path: Path) -> None:
     rig = Rig(tmp_path, before_s=1e4, max_mb=1.0)
     for n in range(3):
         rig.sink.consumers[1]([(n * 100 + k, (n * 100 + k) * MS, bytes(10_000)) for k in range(100)])
         rig.sink.report_overflow()
     rig.sink.stop()
-    assert rig.told == ["warning: snapshot.max_mb holds 0.1 s, not 10000 s"]
+    assert rig.reports == ["warning: snapshot.max_mb holds 0.1 s, not 10000 s"]
 
 
 def test_feeding_never_waits_for_the_medium(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,15 +12,17 @@ SECOND_NS = 1_000_000_000
 BIG = 2**30
 
 
-def memory(span_s: float = 10.0, max_bytes: int = BIG, sources: int = 2) -> tuple[FrameMemory, list[SnapshotOutcome]]:
+def make_memory(
+    span_s: float = 10.0, max_bytes: int = BIG, sources: int = 2
+) -> tuple[FrameMemory, list[SnapshotOutcome]]:
     outcomes = [SnapshotOutcome() for _ in range(sources)]
     return FrameMemory(round(span_s * SECOND_NS), max_bytes, outcomes), outcomes
 
 
-def taken(kept: FrameMemory) -> list[tuple[int, int, int, bytes]]:
+def taken(memory: FrameMemory) -> list[tuple[int, int, int, bytes]]:
     """Everything that it holds: source, seq, time, data."""
     found = []
-    while block := kept.take():
+    while block := memory.take():
         found += [(source, *entry) for source, entries in block.unpack().items() for entry in entries]
     return found
 
@@ -43,56 +45,56 @@ def test_frames_come_out_as_they_went_in(given_frames: list[tuple[int, int, int,
 
 
 def test_what_is_older_than_the_span_goes_block_by_block() -> None:
-    kept, outcomes = memory(span_s=10.0)
+    memory, outcomes = make_memory(span_s=10.0)
     for n in range(200):
-        kept.keep(0, [(n, n * SECOND_NS // 10, b"xx")])
-    held = [seq for _, seq, _, _ in taken(kept)]
+        memory.add(0, [(n, n * SECOND_NS // 10, b"xx")])
+    held = [seq for _, seq, _, _ in taken(memory)]
     assert held == list(range(held[0], 200))
     assert 199 - 100 - 6 <= held[0] <= 199 - 100
     assert outcomes[0].not_triggered.frames == held[0]
     assert outcomes[0].not_triggered.bytes == 2 * held[0]
-    assert kept.overflows == 0
+    assert memory.overflows == 0
 
 
 def test_the_bound_holds_for_what_is_occupied_and_the_oldest_go() -> None:
-    kept, outcomes = memory(span_s=1e6, max_bytes=3 * BLOCK_BYTES)
+    memory, outcomes = make_memory(span_s=1e6, max_bytes=3 * BLOCK_BYTES)
     for n in range(1000):
-        kept.keep(1, [(n, n, bytes(1000))])
-        assert kept.held_bytes <= 3 * BLOCK_BYTES
-    held = [seq for _, seq, _, _ in taken(kept)]
+        memory.add(1, [(n, n, bytes(1000))])
+        assert memory.held_bytes <= 3 * BLOCK_BYTES
+    held = [seq for _, seq, _, _ in taken(memory)]
     assert held[-1] == 999
     assert (len(held) + 1) * (1000 + HEAD_BYTES) > 2 * BLOCK_BYTES
     assert outcomes[1].not_triggered.frames == held[0]
-    assert kept.overflows > 0
+    assert memory.overflows > 0
 
 
 def test_what_a_trigger_asks_for_is_let_go_as_overflow() -> None:
-    kept, outcomes = memory(span_s=1e6, max_bytes=2 * BLOCK_BYTES)
-    kept.hold_from(0)
+    memory, outcomes = make_memory(span_s=1e6, max_bytes=2 * BLOCK_BYTES)
+    memory.hold_from(0)
     for n in range(500):
-        kept.keep(0, [(n, n, bytes(1000))])
-    held = len(taken(kept))
+        memory.add(0, [(n, n, bytes(1000))])
+    held = len(taken(memory))
     assert outcomes[0].overflow.frames == 500 - held
     assert outcomes[0].not_triggered.frames == 0
 
 
 def test_what_is_held_for_a_trigger_outlives_the_span() -> None:
-    kept, outcomes = memory(span_s=1.0)
-    kept.keep(0, [(0, 0, b"first")])
-    kept.hold_from(0)
+    memory, outcomes = make_memory(span_s=1.0)
+    memory.add(0, [(0, 0, b"first")])
+    memory.hold_from(0)
     for n in range(1, 100):
-        kept.keep(0, [(n, n * SECOND_NS, b"x")])
-    assert [seq for _, seq, _, _ in taken(kept)] == list(range(100))
+        memory.add(0, [(n, n * SECOND_NS, b"x")])
+    assert [seq for _, seq, _, _ in taken(memory)] == list(range(100))
     assert outcomes[0].not_triggered.frames == 0
 
 
 @given(frames, st.integers(1, 3))
 def test_every_frame_is_held_or_counted(given_frames: list[tuple[int, int, int, bytes]], blocks: int) -> None:
-    kept, outcomes = memory(span_s=1e3, max_bytes=blocks * 2000)
+    memory, outcomes = make_memory(span_s=1e3, max_bytes=blocks * 2000)
     for source, seq, t_ns, data in given_frames:
-        kept.keep(source, [(seq, t_ns, data)])
-    held = taken(kept)
-    assert kept.held_bytes == 0
+        memory.add(source, [(seq, t_ns, data)])
+    held = taken(memory)
+    assert memory.held_bytes == 0
     for source, outcome in enumerate(outcomes):
         here = [f for f in held if f[0] == source]
         put = [f for f in given_frames if f[0] == source]
@@ -101,13 +103,13 @@ def test_every_frame_is_held_or_counted(given_frames: list[tuple[int, int, int, 
 
 
 def test_what_is_put_back_comes_first() -> None:
-    kept, _ = memory()
-    kept.keep(0, [(0, 1, b"a")])
-    first = kept.take()
-    kept.keep(0, [(1, 2, b"b")])
-    second = kept.take()
-    kept.keep(0, [(2, 3, b"c")])
+    memory, _ = make_memory()
+    memory.add(0, [(0, 1, b"a")])
+    first = memory.take()
+    memory.add(0, [(1, 2, b"b")])
+    second = memory.take()
+    memory.add(0, [(2, 3, b"c")])
     assert first
     assert second
-    kept.put_back([first, second])
-    assert [seq for _, seq, _, _ in taken(kept)] == [0, 1, 2]
+    memory.put_back([first, second])
+    assert [seq for _, seq, _, _ in taken(memory)] == [0, 1, 2]

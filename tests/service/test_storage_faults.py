@@ -87,7 +87,7 @@ class Rig:
         self.set(*status[: len(roots)])
         self.folders = [root / "s_0" for root in roots]
         links = [RawTopic("a", "udp", {})]
-        self.log = RawLog(None, links, split_s=split_s, split_mb=100, numbering=Numbering(), places=self.folders)
+        self.log = RawLog(None, links, split_s=split_s, split_mb=100, numbering=Numbering(), folders=self.folders)
         self.buffer = TripleBuffer(capacity)
         self.reports: list[str] = []
         source = LogSource("a", self.log.channels("a")[0], self.buffer)
@@ -100,7 +100,7 @@ class Rig:
         self._tending.start()
 
     def set(self, *status: str) -> None:
-        """What the media do from now on."""
+        """Set the state of the media."""
         self._media.status = dict(zip(self._roots, status, strict=True))
 
     def _report(self, unit: str, error: Exception) -> None:
@@ -126,7 +126,7 @@ class Rig:
     def settle(self) -> None:
         """All media good: until everything is written."""
         self.set(*["good"] * len(self.folders))
-        until(lambda: self.buffer.empty and self.writer.file, what="empty buffers")
+        until(lambda: self.buffer.is_empty and self.writer.file, what="empty buffers")
 
     def finish(self, *, away: bool = False) -> list[int]:
         """End; the numbers in the files, each once.  away : some files lie in a folder that was renamed"""
@@ -161,7 +161,10 @@ class Rig:
 def quick(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
     """Everything fifty times as fast as it is."""
     for module, names in (
-        (storage, ("SLOW_S", "PATIENCE_S", "ATTEMPT_S", "RETURN_S", "LONGEST_RETURN_S", "RECOVERED_S")),
+        (
+            storage,
+            ("SLOW_S", "WRITE_TIMEOUT_S", "RETRY_PERIOD_S", "MIN_RETURN_DELAY_S", "MAX_RETURN_DELAY_S", "MIN_STABLE_S"),
+        ),
         (target_writer, ("RETRY_S", "SYNC_PERIOD_S")),
         (writer_coordinator, ("RETRY_S",)),
     ):
@@ -196,7 +199,7 @@ def test_it_goes_to_the_fallback_and_comes_back(make: Callable[..., Rig], how: s
     rig.set(how, "good")
     rig.wait_for(StorageState.FALLBACK)
     rig.feed(20)
-    until(lambda: rig.buffer.empty, what="an empty buffer")
+    until(lambda: rig.buffer.is_empty, what="an empty buffer")
     assert any(rig.folders[1].glob("*.mcap"))
     rig.set("good", "good")
     until(lambda: rig.writer.file and rig.writer.file.parent == rig.folders[0], what="the main medium")
@@ -230,12 +233,12 @@ def test_the_number_of_a_file_that_was_not_opened_in_time_is_stated(make: Callab
     rig = make(split_s=ONE_FILE_S, status=("stuck", "good"))
     rig.wait_for(StorageState.FALLBACK)
     rig.feed(20)
-    until(lambda: rig.buffer.empty, what="an empty buffer")
+    until(lambda: rig.buffer.is_empty, what="an empty buffer")
     assert rig.finish() == list(range(20))
     recording = Recording.open(*(folder for folder in rig.folders if any(folder.glob("*.mcap"))))
     assert 0 not in {name_parts(path)[1] for path in recording.raw_files}
     splits = check_of(recording, "splits")
-    assert splits.verdict is CheckVerdict.NOTE and "raw numbers 0 were given up" in splits.lines[0][1]
+    assert splits.verdict is CheckVerdict.NOTE and "raw numbers 0 were skipped" in splits.lines[0][1]
     assert not list(remarks(recording))
     recording.raw_files[0].rename(recording.raw_files[0].with_name(f"{recording.session}_007.mcap"))
     moved = Recording.open(*(folder for folder in rig.folders if any(folder.glob("*.mcap"))))
@@ -248,12 +251,12 @@ def test_a_file_that_was_opened_too_late_gets_a_number_behind_those_that_were_wr
     rig = make(split_s=ONE_FILE_S, status=("stuck", "good"))
     rig.wait_for(StorageState.FALLBACK)
     rig.feed(20)
-    until(lambda: rig.buffer.empty, what="an empty buffer")
+    until(lambda: rig.buffer.is_empty, what="an empty buffer")
     rig.set("stuck", "broken")
     rig.feed(5)
     rig.wait_for(StorageState.ERROR)
     rig.set("good", "broken")  # now the first file is open, and would be welcome
-    until(lambda: rig.buffer.empty, what="an empty buffer")
+    until(lambda: rig.buffer.is_empty, what="an empty buffer")
     assert rig.writer.file and rig.writer.file.parent == rig.folders[0]
     assert name_parts(rig.writer.file)[1] > 1
     assert rig.finish() == list(range(25))
@@ -274,7 +277,7 @@ def test_what_no_buffer_could_hold_is_counted(make: Callable[..., Rig]) -> None:
 
 
 def test_a_folder_that_is_moved_away_is_made_again(make: Callable[..., Rig], quick: pytest.MonkeyPatch) -> None:
-    for name in ("SLOW_S", "PATIENCE_S", "ATTEMPT_S"):  # whoever hangs for a moment on a busy machine is not stuck here
+    for name in ("SLOW_S", "WRITE_TIMEOUT_S", "RETRY_PERIOD_S"):  # a short hang on a busy machine is not a blocked disk
         quick.setattr(storage, name, getattr(storage, name) * 50)
     rig = make(1)
     rig.settle()
@@ -317,21 +320,21 @@ def test_what_a_medium_had_not_synced_when_it_went_away_stands_on_the_next(
     rig = make(1)
     rig.settle()
     rig.feed(20)
-    until(lambda: rig.buffer.empty, what="an empty buffer")
+    until(lambda: rig.buffer.is_empty, what="an empty buffer")
     away = rig.folders[0].with_name("away")
     rig._media.status = {away: "broken", **rig._media.status}
     rig.folders[0].rename(away)
     rig.feed(5)
-    until(lambda: rig.buffer.empty and rig.writer.file, what="a file in its place")
+    until(lambda: rig.buffer.is_empty and rig.writer.file, what="a file in its place")
     assert rig.finish(away=True) == list(range(25))
 
 
 class SickSync:
-    """The medium of the present file fails to sync, as often as ``refusals`` says, and then finds all well."""
+    """The medium of the present file fails to sync ``refusals`` times, and then succeeds."""
 
     def __init__(self, rig: Rig, monkeypatch: pytest.MonkeyPatch, refusals: int) -> None:
-        self.asked = 0
-        self._left = refusals
+        self.calls = 0
+        self._remaining = refusals
         self._fd = rig.log._log.segment.writer.fileno()
         self._sync = os.fdatasync
         self.file = rig.log.path
@@ -339,9 +342,9 @@ class SickSync:
 
     def _refuse(self, fd: int) -> None:
         if fd == self._fd:
-            self.asked += 1
-            self._left -= 1
-            if self._left >= 0:
+            self.calls += 1
+            self._remaining -= 1
+            if self._remaining >= 0:
                 raise OSError(errno.EIO, os.strerror(errno.EIO))
         self._sync(fd)
 
@@ -350,17 +353,17 @@ class SickSync:
 def test_a_sync_that_failed_once_is_never_believed_again(
     make: Callable[..., Rig], quick: pytest.MonkeyPatch, places: int
 ) -> None:
-    """The kernel tells a failed write-back once, and then finds all well."""
+    """The kernel reports a failed write-back once, and then succeeds."""
     rig = make(places, split_s=ONE_FILE_S)
     rig.settle()
     sick = SickSync(rig, quick, refusals=1)
     rig.feed(20)
-    until(lambda: sick.asked and rig.buffer.empty and rig.writer.file != sick.file, what="another file")
+    until(lambda: sick.calls and rig.buffer.is_empty and rig.writer.file != sick.file, what="another file")
     rig.feed(5)
     assert rig.finish() == list(range(25))
     others = [file for folder in rig.folders for file in folder.glob("*.mcap") if file != sick.file]
-    kept = numbers_in(sick.file)
-    unsynced = [n for n in range(25) if n not in kept] + kept[-1:]
+    recorded = numbers_in(sick.file)
+    unsynced = [n for n in range(25) if n not in recorded] + recorded[-1:]
     assert set(unsynced) <= set(numbers_in(*others))
 
 
@@ -372,7 +375,7 @@ def test_what_was_not_synced_at_the_stop_goes_to_the_fallback(
     rig = make(split_s=ONE_FILE_S)
     rig.settle()
     rig.feed(20)
-    until(lambda: rig.buffer.empty, what="an empty buffer")
+    until(lambda: rig.buffer.is_empty, what="an empty buffer")
     SickSync(rig, quick, refusals=10**6)
     rig.finish()
     assert numbers_in(*rig.folders[1].glob("*.mcap")) == list(range(20))
@@ -382,7 +385,7 @@ def test_what_was_not_synced_at_the_stop_goes_to_the_fallback(
 def test_the_last_notes_go_to_another_place_when_the_file_cannot_be_closed(
     make: Callable[..., Rig], quick: pytest.MonkeyPatch, places: int
 ) -> None:
-    quick.setattr(log_writer, "LAST_CHANCE_S", 0.2)
+    quick.setattr(log_writer, "FINAL_TIMEOUT_S", 0.2)
     rig = make(places, split_s=ONE_FILE_S)
     rig.settle()
     rig.feed(20)
@@ -390,7 +393,7 @@ def test_the_last_notes_go_to_another_place_when_the_file_cannot_be_closed(
     rig.writer.stop()
     note = {"t_ns": 7, "text": "the last one"}
     rig.set(*("full", "good")[:places])
-    rig.writer.note("/fti/gap", 7, note)
+    rig.writer.add_note("/fti/gap", 7, note)
     rig.writer.finish()
     rig._ended = True
     assert "No space left" in str(rig.writer.fault)
@@ -404,11 +407,11 @@ def test_the_last_notes_go_to_another_place_when_the_file_cannot_be_closed(
 def test_a_mount_point_without_its_medium_is_left_alone(make: Callable[..., Rig]) -> None:
     rig = make(1)
     elsewhere = StorageTarget(rig.folders[0], Path("/proc"))
-    rig.writer._places = [elsewhere]
-    until(lambda: rig.writer.hopeless, what="a refusal")
+    rig.writer._targets = [elsewhere]
+    until(lambda: rig.writer.has_failed_everywhere, what="a refusal")
     assert "no medium is mounted on /proc" in rig.writer.state()[1]
     assert not rig.folders[0].exists()
-    rig.writer._places = [StorageTarget.of(rig.folders[0])]
+    rig.writer._targets = [StorageTarget.of(rig.folders[0])]
 
 
 def test_nobody_takes_over_from_one_that_has_ended(make: Callable[..., Rig], monkeypatch: pytest.MonkeyPatch) -> None:
@@ -418,7 +421,7 @@ def test_nobody_takes_over_from_one_that_has_ended(make: Callable[..., Rig], mon
     rig.end_tending()
     rig.writer.stop()
     last = rig.writer.file
-    monkeypatch.setattr(rig.writer._machine, "opened", lambda now, place: True)
+    monkeypatch.setattr(rig.writer._machine, "on_file_opened", lambda now, place: True)
     TargetWriter(rig.writer, OpenAttempt(1, strict=False)).run()  # that was slow to open its file, and is wanted
     assert rig.writer.file == last
     assert rig.finish() == list(range(rig.seq))

@@ -1,4 +1,4 @@
-"""A recorder that dies is replaced at once by its stand-in; one that cannot live is started more and more slowly."""
+"""A recorder that dies is replaced at once by its standby process; repeated exits increase the delay."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from fti.service.supervisor.child_shutdown import describe_restart
 
 
 class FakeProcess:
-    """Lives until the test says otherwise.  spawned : when it was made [s]"""
+    """Runs until the test ends it.  spawned : time of its start [s]"""
 
     pid = 1
 
@@ -53,8 +53,8 @@ class Rig:
         self.child_monitor = ChildMonitor(
             [self.child],
             on_message=lambda child, message: None,
-            started=lambda child: None,
-            died=lambda child, code: self.deaths.append(describe_restart(child, code)),
+            on_start=lambda child: None,
+            on_exit=lambda child, code: self.deaths.append(describe_restart(child, code)),
             report=lambda unit, error: self.failures.append(error),
         )
         self.child_monitor.start(self.child)
@@ -104,7 +104,7 @@ async def test_twenty_deaths_two_seconds_apart_are_replaced_at_once(rig: Rig) ->
         assert rig.process is stand_in
         assert rig.stand_in and rig.stand_in.spawned == clock.now  # the next one is prepared at once
     assert rig.child.restarts == 20
-    assert set(rig.deaths) == {"ended with signal 9; it is started again"}
+    assert set(rig.deaths) == {"ended with signal 9; it is restarted"}
 
 
 async def test_a_recorder_that_dies_at_its_start_again_and_again_is_started_more_and_more_slowly(rig: Rig) -> None:
@@ -117,7 +117,7 @@ async def test_a_recorder_that_dies_at_its_start_again_and_again_is_started_more
         starts.append(clock.now - died)
     assert starts[:2] == pytest.approx([0.0, 0.0], abs=2 * WATCH_PERIOD_S)
     assert starts[2:] == pytest.approx([0.5, 1.0, 2.0, 4.0, 5.0, 5.0, 5.0], abs=2 * WATCH_PERIOD_S)
-    assert "started again in 0.5 s, as it died 3 times soon after its start" in rig.deaths[2]
+    assert "restarted in 0.5 s: 3 exits soon after the start" in rig.deaths[2]
     await rig.spend(1.5)  # it lives
     rig.kill()
     await rig.spend(WATCH_PERIOD_S)

@@ -1,4 +1,4 @@
-"""The ground of navigation: loaded beside it, and said whether it is there."""
+"""The terrain of navigation: loaded in a separate thread, with a state."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ def _config(**terrain: Any) -> Config:
 def test_it_is_handed_over_once_and_is_the_same_as_loaded_at_once() -> None:
     loading = TerrainLoader(_config(scene="demo"))
     assert loading.take() is None
-    assert loading.state.startswith("being loaded")
+    assert loading.state.startswith("loading")
     loading.start()
-    until(lambda: loading._found is not None, 60.0, "the ground")
+    until(lambda: loading._result is not None, 60.0, "the ground")
     loaded = loading.take()
     assert loaded is not None
     assert loaded.ground is not None
@@ -35,12 +35,12 @@ def test_it_is_handed_over_once_and_is_the_same_as_loaded_at_once() -> None:
 def test_files_that_are_not_there_are_a_fault_in_words_and_no_exception() -> None:
     loading = TerrainLoader(_config(files=["/no/such.tif"], vertical="egm96"))
     loading.start()
-    until(lambda: loading._found is not None, 60.0, "the fault")
+    until(lambda: loading._result is not None, 60.0, "the fault")
     loaded = loading.take()
     assert loaded is not None
     assert loaded.ground is None
     assert "/no/such.tif" in str(loaded.fault)
-    assert loading.state.startswith("not there")
+    assert loading.state.startswith("not available")
 
 
 def test_another_post_is_another_ground() -> None:
@@ -51,21 +51,21 @@ def test_another_post_is_another_ground() -> None:
     assert other.digest != ground.digest
 
 
-def test_a_ground_that_navigation_did_not_live_through_is_left_out_and_it_is_said_why() -> None:
+def test_a_ground_that_navigation_did_not_live_through_is_left_out_and_the_reason_is_reported() -> None:
     loading = TerrainLoader(_config(scene="demo"), "navigation ended 3 times while it was loaded")
     loading.start()
-    until(lambda: loading._found is not None, 60.0, "the fault")
+    until(lambda: loading._result is not None, 60.0, "the fault")
     loaded = loading.take()
     assert loaded is not None
     assert loaded.ground is None
-    assert loading.state == "not there: navigation ended 3 times while it was loaded"
+    assert loading.state == "not available: navigation ended 3 times while it was loaded"
 
 
 def test_what_cannot_even_be_imported_is_a_fault_in_words(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "fti.nav.kernel_warmup", None)
     loading = TerrainLoader(_config(scene="demo"))
     loading.start()
-    until(lambda: loading._found is not None, 60.0, "the fault")
+    until(lambda: loading._result is not None, 60.0, "the fault")
     loaded = loading.take()
     assert loaded is not None
     assert "ModuleNotFoundError" in str(loaded.fault)
@@ -74,7 +74,7 @@ def test_what_cannot_even_be_imported_is_a_fault_in_words(monkeypatch: pytest.Mo
 def test_the_sum_over_its_posts_is_there_with_the_ground() -> None:
     loading = TerrainLoader(_config(scene="demo"))
     loading.start()
-    until(lambda: loading._found is not None, 60.0, "the ground")
+    until(lambda: loading._result is not None, 60.0, "the ground")
     loaded = loading.take()
     assert loaded is not None
     assert "digest" in vars(loaded.ground)

@@ -1,4 +1,4 @@
-"""What the recorder sends: each command once, with one word about it; nothing too late, and nothing after stop."""
+"""Transmissions: each command once, with one reply; nothing after its deadline, and nothing after stop."""
 
 from __future__ import annotations
 
@@ -49,58 +49,58 @@ class FakeLink:
 
 class Rig:
     def __init__(self, *polls: tuple[float, str]) -> None:
-        self.clock, self.link, self.told = FakeClock(5 * SECOND_NS), FakeLink(), list[dict[str, Any]]()
+        self.clock, self.link, self.replies = FakeClock(5 * SECOND_NS), FakeLink(), list[dict[str, Any]]()
         links: dict[str, Link] = {"line": self.link}
-        orders = {"line": LinkStartup(polls=polls)}
-        self.sender = Transmitter(links, orders, self.clock, tell=self.told.append, report=self.fail)
+        startups = {"line": LinkStartup(polls=polls)}
+        self.sender = Transmitter(links, startups, self.clock, send_reply=self.replies.append, report=self.fail)
 
     def fail(self, unit: str, error: Exception) -> None:
         raise AssertionError(unit) from error
 
-    async def word(self, **request: Any) -> dict[str, Any]:
-        """What is said of a request."""
-        self.told.clear()
+    async def reply(self, **request: Any) -> dict[str, Any]:
+        """The reply to a request."""
+        self.replies.clear()
         self.sender.handle_command({"link": "line", "data": "2a31", "id": 4} | request)
-        await until_async(lambda: self.told)
-        word: dict[str, Any] = self.told[0]["sent"]
-        return word
+        await until_async(lambda: self.replies)
+        reply: dict[str, Any] = self.replies[0]["sent"]
+        return reply
 
 
-async def test_a_command_is_sent_and_told() -> None:
+async def test_a_command_is_sent_and_reported() -> None:
     rig = Rig()
-    word = {"id": 4, "fault": None, "partly": False, "t_ns": 5 * SECOND_NS}
-    assert await rig.word() == word
-    assert await rig.word(until_ns=6 * SECOND_NS) == word
+    reply = {"id": 4, "fault": None, "partly": False, "t_ns": 5 * SECOND_NS}
+    assert await rig.reply() == reply
+    assert await rig.reply(until_ns=6 * SECOND_NS) == reply
     assert rig.link.taken == [(b"*1", COMMAND_TIMEOUT_S), (b"*1", 1.0)]
 
 
 async def test_what_nobody_waits_for_any_more_is_not_sent() -> None:
     """A recorder that was stopped, or had no time, must not do later what was given up before."""
     rig = Rig()
-    word = await rig.word(until_ns=SECOND_NS)
-    assert word["fault"] == "it came to the recorder 4.0 s after it was given up"
+    reply = await rig.reply(until_ns=SECOND_NS)
+    assert reply["fault"] == "it reached the recorder 4.0 s after its deadline"
     assert rig.link.taken == []
 
 
 @pytest.mark.parametrize(
-    ("fault", "said"),
+    ("fault", "text"),
     [(LinkError("link line: is not connected"), "not connected"), (ValueError("transmit"), "transmit")],
 )
-async def test_why_it_was_not_sent_is_told(fault: Exception, said: str) -> None:
+async def test_why_it_was_not_sent_is_reported(fault: Exception, text: str) -> None:
     rig = Rig()
     rig.link.fault = fault
-    assert said in (await rig.word())["fault"]
-    assert "no link 'none'" in (await rig.word(link="none"))["fault"]
+    assert text in (await rig.reply())["fault"]
+    assert "unknown link 'none'" in (await rig.reply(link="none"))["fault"]
     rig.link.fault = PartialSendError("its first 3 bytes are sent")
-    assert (await rig.word())["partly"]
+    assert (await rig.reply())["partly"]
 
 
 async def test_whatever_a_link_does_there_is_a_word(monkeypatch: pytest.MonkeyPatch) -> None:
     rig, failed = Rig(), list[str]()
     monkeypatch.setattr(rig.sender, "_report", lambda unit, error: failed.append(unit))
     rig.link.fault = AssertionError("a driver of a vendor")
-    word = await rig.word()
-    assert (word["fault"], word["partly"], failed) == ("AssertionError: a driver of a vendor", True, ["send"])
+    reply = await rig.reply()
+    assert (reply["fault"], reply["partly"], failed) == ("AssertionError: a driver of a vendor", True, ["send"])
 
 
 async def test_after_stop_nothing_is_sent() -> None:
@@ -113,7 +113,7 @@ async def test_after_stop_nothing_is_sent() -> None:
     rig.sender.handle_command({"link": "line", "data": "2a31", "id": 5})
     rig.link.takes.set()
     await asyncio.sleep(0.01)
-    assert (rig.link.taken, rig.told) == ([], [])
+    assert (rig.link.taken, rig.replies) == ([], [])
 
 
 async def test_a_question_is_repeated_though_the_link_is_down() -> None:
@@ -140,7 +140,7 @@ def make_config(transmit: bool) -> Config:
 def test_nothing_is_asked_where_nothing_may_be_sent(transmit: bool) -> None:
     text = ValidatedConfig(make_config(transmit), 0).recorder_startup([_place()])
     sending = RecorderStartup.model_validate_json(text).sending
-    assert {name: len(order.polls) for name, order in sending.items()} == ({"line": 1} if transmit else {})
+    assert {name: len(startup.polls) for name, startup in sending.items()} == ({"line": 1} if transmit else {})
 
 
 def _place() -> Any:

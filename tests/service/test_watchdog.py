@@ -64,14 +64,14 @@ def test_a_recorder_that_moves_is_left_alone(bench: Bench) -> None:
     assert (bench.killed, bench.events) == ([], [])
 
 
-def test_one_that_does_not_move_is_killed_once_and_told(bench: Bench) -> None:
+def test_one_that_does_not_move_is_killed_once_and_reported(bench: Bench) -> None:
     bench.run(MAX_STALL_S - 2 * PERIOD_S, moving=False)
     assert bench.killed == []
     bench.run(3 * PERIOD_S, moving=False)
     assert bench.killed == [1000]
     bench.run(60.0, moving=False)  # a medium may keep a killed process for long
     assert bench.killed == [1000]
-    assert bench.events == ["error: recorder: has not moved for 3.0 s, while the supervisor did: it is killed"]
+    assert bench.events == ["error: recorder: no progress for 3.0 s, although the supervisor runs: it is killed"]
 
 
 @pytest.mark.parametrize("pause_s", [3.5, 60.0, 86_400.0])
@@ -149,13 +149,13 @@ def test_what_waited_goes_to_the_recorder_that_moves_in_its_order() -> None:
     outbox = RecorderOutbox(child)
     stopped, after = Listening(), Listening()
     child.channel = stopped
-    outbox.note("/fti/event", 1, {"text": "before"})
+    outbox.add_note("/fti/event", 1, {"text": "before"})
     outbox.pause()
-    outbox.note("/fti/event", 2, {"text": "a mark"})
-    outbox.note("/fti/event", 3, {"text": "has not moved"})
+    outbox.add_note("/fti/event", 2, {"text": "a mark"})
+    outbox.add_note("/fti/event", 3, {"text": "has not moved"})
     child.channel = None  # it was killed
-    outbox.note("/fti/event", 4, {"text": "ended with signal 9"})
+    outbox.add_note("/fti/event", 4, {"text": "ended with signal 9"})
     child.channel = after
     outbox.resume()
-    outbox.note("/fti/event", 5, {"text": "now"})
+    outbox.add_note("/fti/event", 5, {"text": "now"})
     assert (stopped.got, after.got) == (["before"], ["a mark", "has not moved", "ended with signal 9", "now"])

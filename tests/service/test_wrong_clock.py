@@ -91,16 +91,16 @@ class Daemon:
         return self.process.returncode
 
     def wait_for_health(self, wanted: Any) -> dict[str, Any]:
-        said = queue.SimpleQueue[bytes]()
+        payloads = queue.SimpleQueue[bytes]()
 
-        def hear(topic: str, payload: bytes, sent_ns: int) -> None:
+        def receive(topic: str, payload: bytes, sent_ns: int) -> None:
             if topic == "/health":
-                said.put(payload)
+                payloads.put(payload)
 
-        with closing(Subscriber(self.run_dir / SOCKET_NAME, "test", hear)):
+        with closing(Subscriber(self.run_dir / SOCKET_NAME, "test", receive)):
             end = time.monotonic() + DEADLINE_S
             while True:
-                found: dict[str, Any] = json.loads(said.get(timeout=end - time.monotonic()))
+                found: dict[str, Any] = json.loads(payloads.get(timeout=end - time.monotonic()))
                 if wanted(found):
                     return found
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fti.plot_style import write
+from fti.plot_style import write_figure
 from fti.study import _approach_heights, _approach_plots, _pattern, approach
 from fti.study._pattern import THRESHOLD_M, make_pattern
 from fti.study._statistics import ratio_bound, ratio_interval
@@ -39,7 +39,7 @@ def test_one_pattern_holds_and_repeats_itself() -> None:
     assert [result.value for result in approach.study(1, 13, shares.append)] == [r.value for r in results]
 
 
-def test_the_pattern_is_the_one_that_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_pattern_matches_its_description(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(_pattern, "CELL_M", 50.0)
     for seed in range(approach.SEED, approach.SEED + 6):
         pattern = make_pattern(seed, 1.0)
@@ -54,9 +54,9 @@ def test_the_pattern_is_the_one_that_is_told(monkeypatch: pytest.MonkeyPatch) ->
 def test_the_judge_can_say_no() -> None:
     good, bad = [(1.0, 100.0)] * 20, [(1.0, 100.0)] * 15 + [(30.0, 100.0)] * 5
     assert approach._judge_ratio(good, "wide", "independent", 1)[0].holds
-    judged = approach._judge_ratio(bad, "wide", "independent", 1)[0]
-    assert judged.value < 0.30  # the ratio itself would pass
-    assert not judged.holds
+    result = approach._judge_ratio(bad, "wide", "independent", 1)[0]
+    assert result.value < 0.30  # the ratio itself would pass
+    assert not result.holds
     assert approach._judge_ratio(bad, "narrow", "independent", 1)[0].holds  # reported, not judged
 
 
@@ -75,5 +75,5 @@ def test_the_whole_study_holds(scale: int, tmp_path: Path, request: pytest.Fixtu
         results = approach.study(approach.RUNS, approach.SEED, lambda share: None)
         assert [result for result in results if not result.holds] == []
     for name, draw in approach.drawings(13).items():
-        write(draw, tmp_path / f"{name}.png")
+        write_figure(draw, tmp_path / f"{name}.png")
         assert (tmp_path / f"{name}.png").stat().st_size > 20_000

@@ -1,4 +1,4 @@
-"""The study of integrity with few runs: what it judges, and that it can fail."""
+"""The study of integrity with few runs: its results, and that it can fail."""
 
 import dataclasses
 import math
@@ -57,76 +57,80 @@ def test_both_references_are_one_profile_with_two_limits() -> None:
     assert all(getattr(strict.header.limits, t) > getattr(plain.header.limits, t) for t in ("t1", "t2", "t3", "t4"))
 
 
-SEEN = FaultyApproach(True, True, True, 0.5, 0.5, 0.5, True)
+DETECTED = FaultyApproach(True, True, True, 0.5, 0.5, 0.5, True)
 MISSED = FaultyApproach(False, False, True, math.nan, math.nan, math.nan, True)
 
 
 def test_a_late_alert_does_not_hold() -> None:
-    late = SEEN._replace(delay_s=2.6, size_s=2.6)
-    assert by_id(clearance._judge_detection("obstacle_75", [SEEN] * 19 + [MISSED]))["obstacle_75.time_p95"].holds
-    assert not by_id(clearance._judge_detection("obstacle_75", [SEEN] * 18 + [late] * 2))["obstacle_75.time_p95"].holds
-    assert by_id(clearance._judge_detection("height_10", [SEEN] * 18 + [late] * 2))["height_10.time_p95"].holds
-    slow = SEEN._replace(delay_s=8.0)
-    assert not by_id(clearance._judge_detection("height_10", [SEEN] * 18 + [slow] * 2))["height_10.time_p95"].holds
+    late = DETECTED._replace(delay_s=2.6, size_s=2.6)
+    assert by_id(clearance._judge_detection("obstacle_75", [DETECTED] * 19 + [MISSED]))["obstacle_75.time_p95"].holds
+    assert not by_id(clearance._judge_detection("obstacle_75", [DETECTED] * 18 + [late] * 2))[
+        "obstacle_75.time_p95"
+    ].holds
+    assert by_id(clearance._judge_detection("height_10", [DETECTED] * 18 + [late] * 2))["height_10.time_p95"].holds
+    slow = DETECTED._replace(delay_s=8.0)
+    assert not by_id(clearance._judge_detection("height_10", [DETECTED] * 18 + [slow] * 2))["height_10.time_p95"].holds
 
 
 @pytest.mark.parametrize("missed", [2, 20])
 def test_an_alert_that_never_comes_is_late(missed: int) -> None:
-    """Of 20, one may be; where only those count that are seen, what sees less and less would hold."""
-    found = by_id(clearance._judge_detection("along_60", [SEEN] * (20 - missed) + [MISSED] * missed))
+    """Of 20, one may be late; if only detected faults counted, a monitor that detects less would hold."""
+    found = by_id(clearance._judge_detection("along_60", [DETECTED] * (20 - missed) + [MISSED] * missed))
     assert (found["along_60.time_p95"].value, found["along_60.time_p95"].holds) == (math.inf, False)
     assert found["along_60.time_p50"].value == (0.5 if missed == 2 else math.inf)
     assert found["along_60.misled"].value == missed / 20
 
 
-@pytest.mark.parametrize(("name", "is_judged_everywhere"), [("lateral_100", False), ("height_10", True)])
-def test_a_time_beside_the_track_is_promised_where_a_shift_is_observable(name: str, is_judged_everywhere: bool) -> None:
-    """As detection is judged; an error of the height shows over any ground."""
-    hidden = SEEN._replace(observable=False, delay_s=9.0, warned_s=9.0)
-    found = by_id(clearance._judge_detection(name, [SEEN] * 20 + [hidden] * 20))
-    judged = {key for key, result in found.items() if ".time_p95" in key and result.target == "<= 7.7 s"}
-    assert judged == {f"{name}.time_p95" if is_judged_everywhere else f"{name}.observable.time_p95"}
-    assert all(found[key].holds is not is_judged_everywhere for key in judged)
+@pytest.mark.parametrize(("name", "has_time_everywhere"), [("lateral_100", False), ("height_10", True)])
+def test_a_time_across_the_track_is_promised_where_a_shift_is_observable(name: str, has_time_everywhere: bool) -> None:
+    """Like detection; an error of the height is observable over any ground."""
+    hidden = DETECTED._replace(observable=False, delay_s=9.0, warned_s=9.0)
+    found = by_id(clearance._judge_detection(name, [DETECTED] * 20 + [hidden] * 20))
+    names = {key for key, result in found.items() if ".time_p95" in key and result.target == "<= 7.7 s"}
+    assert names == {f"{name}.time_p95" if has_time_everywhere else f"{name}.observable.time_p95"}
+    assert all(found[key].holds is not has_time_everywhere for key in names)
     assert (found[f"{name}.misled"].value, found[f"{name}.not_observable.misled"].value) == (0.5, 1.0)
     late = by_id(
-        clearance._judge_detection(name, [SEEN._replace(delay_s=9.0)] * 20 + [hidden._replace(delay_s=0.5)] * 20)
+        clearance._judge_detection(name, [DETECTED._replace(delay_s=9.0)] * 20 + [hidden._replace(delay_s=0.5)] * 20)
     )
-    assert not all(late[key].holds for key in judged)
+    assert not all(late[key].holds for key in names)
     unseen = by_id(clearance._judge_detection(name, [hidden] * 20))
-    assert [r.holds for r in unseen.values() if r.target == "<= 7.7 s"] == [False] * is_judged_everywhere
+    assert [r.holds for r in unseen.values() if r.target == "<= 7.7 s"] == [False] * has_time_everywhere
 
 
-PROMISED = SEEN._replace(promised=True)
+PROMISED = DETECTED._replace(is_promised=True)
 
 
 @pytest.mark.parametrize(
-    ("name", "flown", "value"),
+    ("name", "approaches", "value"),
     [
-        ("obstacle_150", [SEEN] * 97 + [MISSED] * 3, 0.97),
-        ("obstacle_150", [SEEN] * 96 + [MISSED] * 4, 0.96),
+        ("obstacle_150", [DETECTED] * 97 + [MISSED] * 3, 0.97),
+        ("obstacle_150", [DETECTED] * 96 + [MISSED] * 4, 0.96),
         ("obstacle_60", [PROMISED] * 40 + [MISSED] * 10, 1.0),
-        ("obstacle_60", [PROMISED] * 40 + [MISSED._replace(promised=True)] * 10, 0.8),
+        ("obstacle_60", [PROMISED] * 40 + [MISSED._replace(is_promised=True)] * 10, 0.8),
         ("obstacle_60", [MISSED] * 50, None),
-        ("lateral_200", [SEEN] * 30 + [MISSED._replace(observable=False)] * 20, 1.0),
-        ("lateral_200", [SEEN] * 30 + [MISSED] * 2, 0.9375),
-        ("lateral_50", [SEEN._replace(over=False)] * 9, None),
-        ("height_10", [SEEN] * 30 + [MISSED._replace(over=False)] * 20, 1.0),
-        ("wrong_reference", [SEEN] * 30 + [MISSED._replace(observable=False)] * 20, 0.6),
+        ("lateral_200", [DETECTED] * 30 + [MISSED._replace(observable=False)] * 20, 1.0),
+        ("lateral_200", [DETECTED] * 30 + [MISSED] * 2, 0.9375),
+        ("lateral_50", [DETECTED._replace(over=False)] * 9, None),
+        ("height_10", [DETECTED] * 30 + [MISSED._replace(over=False)] * 20, 1.0),
+        ("wrong_reference", [DETECTED] * 30 + [MISSED._replace(observable=False)] * 20, 0.6),
     ],
 )
-def test_detection_is_judged_where_it_is_claimed(name: str, flown: list[FaultyApproach], value: float | None) -> None:
-    found = by_id(clearance._judge_detection(name, flown))
+def test_detection_is_checked_where_it_is_claimed(
+    name: str, approaches: list[FaultyApproach], value: float | None
+) -> None:
+    found = by_id(clearance._judge_detection(name, approaches))
     if value is None:
         assert f"{name}.detected" not in found
     else:
-        judged = found[f"{name}.detected"]
-        assert (judged.target, judged.holds) == (">= 0.97", value >= 0.97)
-        assert judged.value == pytest.approx(value)
-    assert found[f"{name}.pd"].holds  # of all of them: told
+        result = found[f"{name}.detected"]
+        assert (result.target, result.holds) == (">= 0.97", value >= 0.97)
+        assert result.value == pytest.approx(value)
+    assert found[f"{name}.pd"].holds  # of all of them: reported
 
 
 def test_a_promise_is_that_of_the_reference_at_the_place(monkeypatch: pytest.MonkeyPatch) -> None:
-    """60 m wide counts as 60, 150 as 100, and 20 is narrower than what the table knows."""
+    """60 m wide counts as 60, 150 as 100, and 20 is narrower than the table."""
     table = Obstacles(
         pd=0.97, width_m=(30.0, 60.0, 100.0), s_m=(6000.0, 3000.0, 2000.0), agl_m=(300.0, 100.0, 90.0), runs=100,
         height_m=((75.0, 20.0, 20.0), (75.0, 60.0, 20.0), (75.0, math.inf, 20.0)),
@@ -140,17 +144,21 @@ def test_a_promise_is_that_of_the_reference_at_the_place(monkeypatch: pytest.Mon
 
 
 def test_an_error_below_its_alert_limit_has_a_time_from_its_size_only() -> None:
-    below = SEEN._replace(over=False, delay_s=math.nan, size_s=13.0)
+    below = DETECTED._replace(over=False, delay_s=math.nan, size_s=13.0)
     found = by_id(clearance._judge_detection("lateral_50", [below] * 4))
     assert (found["lateral_50.over"].value, found["lateral_50.size_p95"].value) == (0, 13.0)
     assert "lateral_50.time_p95" not in found
-    mixed = by_id(clearance._judge_detection("height_10", [below, below, SEEN, SEEN]))
+    mixed = by_id(clearance._judge_detection("height_10", [below, below, DETECTED, DETECTED]))
     assert (mixed["height_10.over"].value, mixed["height_10.time_p95"].value) == (2, 0.5)
 
 
-def test_times_and_detection_are_told_apart_by_what_is_observable() -> None:
-    flown = [SEEN] * 6 + [MISSED._replace(observable=False)] * 2 + [SEEN._replace(observable=False, delay_s=3.0)] * 2
-    found = by_id(clearance._judge_detection("along_60", flown))
+def test_times_and_detection_are_split_by_what_is_observable() -> None:
+    approaches = (
+        [DETECTED] * 6
+        + [MISSED._replace(observable=False)] * 2
+        + [DETECTED._replace(observable=False, delay_s=3.0)] * 2
+    )
+    found = by_id(clearance._judge_detection("along_60", approaches))
     parts = ("", ".observable", ".not_observable")
     assert [found[f"along_60{part}.pd"].value for part in parts] == [0.8, 1.0, 0.5]
     assert [found[f"along_60{part}.time_p50"].value for part in parts] == [0.5, 0.5, 3.0]
@@ -158,8 +166,8 @@ def test_times_and_detection_are_told_apart_by_what_is_observable() -> None:
 
 def test_who_is_trusted_over_the_limit_for_longer_than_it_takes_is_misled() -> None:
     """Neither ALERT nor anything else within 7.7 s; UNAVAILABLE without an ALERT does not mislead."""
-    flown = [SEEN, MISSED, SEEN._replace(warned_s=9.0), MISSED._replace(warned_s=0.2)]
-    assert by_id(clearance._judge_detection("along_60", flown))["along_60.misled"].value == 0.5
+    approaches = [DETECTED, MISSED, DETECTED._replace(warned_s=9.0), MISSED._replace(warned_s=0.2)]
+    assert by_id(clearance._judge_detection("along_60", approaches))["along_60.misled"].value == 0.5
 
 
 @pytest.mark.parametrize(
@@ -174,18 +182,18 @@ def test_a_growing_error_is_over_its_limit_where_it_has_that_size(
     name: str, first_over_m: float | None, ratio: float
 ) -> None:
     s = np.arange(4000.0, 2000.0, -1.0)
-    flown, over = FAULTS[name].change(level(s), 3000.0, 1.0)
+    flight, over = FAULTS[name].change(level(s), 3000.0, 1.0)
     assert over.max() == pytest.approx(ratio)
-    assert abs(flown.nav_s - s).max() + abs(flown.nav_y).max() == pytest.approx(float(name.partition("_")[2]))
+    assert abs(flight.nav_s - s).max() + abs(flight.nav_y).max() == pytest.approx(float(name.partition("_")[2]))
     assert (s[over >= 1.0].max(initial=-1.0) - 3000.0 == first_over_m) if first_over_m else not np.any(over >= 1.0)
 
 
 def test_ten_metres_of_height_pass_their_limit_where_it_has_shrunk_to_them() -> None:
     """AL_v = 0.35 deg x s is 10 m at 1637 m."""
     s = np.arange(4000.0, 0.0, -1.0)
-    flown, over = FAULTS["height_10"].change(level(s), 3000.0, -1.0)
+    flight, over = FAULTS["height_10"].change(level(s), 3000.0, -1.0)
     assert s[over >= 1.0].max() == math.floor(10.0 / math.radians(0.35))
-    assert (flown.nav_alt.min(), over[s > 3000.0].max()) == (-10.0, 0.0)
+    assert (flight.nav_alt.min(), over[s > 3000.0].max()) == (-10.0, 0.0)
 
 
 def test_a_ramp_and_a_stuck_altimeter_are_over_when_the_height_is_wrong_by_the_limit() -> None:
@@ -203,7 +211,7 @@ def test_times_begin_where_the_fault_is_over_its_limit_and_not_where_it_begins(m
     """Along the track: begins at 3300 m, over AL_s at 3050 m (19 s), full at 3000 m; outputs every second."""
     states = dict.fromkeys(range(1, 40), IntegrityState.OK) | dict.fromkeys(range(16, 18), IntegrityState.ALERT)
     states |= {21: IntegrityState.CAUTION, 23: IntegrityState.ALERT}
-    flown = level(np.arange(4190.0, 2000.0, -1.0))
+    flight = level(np.arange(4190.0, 2000.0, -1.0))
     outputs = [
         ClearanceIntegrity(
             t_ns=START_NS + k * 10**9, t_valid_ns=None, state=state, reasons=(), valid=True, t1_ratio=0.5
@@ -211,15 +219,19 @@ def test_times_begin_where_the_fault_is_over_its_limit_and_not_where_it_begins(m
         for k, state in sorted(states.items())
     ]
     monkeypatch.setattr(
-        _clearance_faults, "flown_with", lambda *given: (*FAULTS["along_60"].change(flown, 3000.0, 1.0), 3000.0)
+        _clearance_faults,
+        "fly_with_fault",
+        lambda *arguments: (*FAULTS["along_60"].change(flight, 3000.0, 1.0), 3000.0),
     )
-    monkeypatch.setattr(_clearance_faults, "fly", lambda *given: outputs)
+    monkeypatch.setattr(_clearance_faults, "run_monitor", lambda *arguments: outputs)
     found = fly_faulty(("along_60", 1, 1))
     assert (found.detected, found.over, found.observable) == (True, True, True)
     assert found.delay_s == pytest.approx(23.0 - (4190.0 - 3050.0) / 60.0)
     assert found.size_s == pytest.approx(23.0 - (4190.0 - 3000.0) / 60.0, abs=0.02)
     assert found.warned_s == pytest.approx(21.0 - (4190.0 - 3050.0) / 60.0)
-    monkeypatch.setattr(_clearance_faults, "flown_with", lambda *given: (flown, np.full_like(flown.s, 0.9), 3000.0))
+    monkeypatch.setattr(
+        _clearance_faults, "fly_with_fault", lambda *arguments: (flight, np.full_like(flight.s, 0.9), 3000.0)
+    )
     found = fly_faulty(("along_60", 1, 1))
     assert (found.detected, found.over, math.isnan(found.delay_s), math.isnan(found.warned_s)) == (
         True,
@@ -227,12 +239,12 @@ def test_times_begin_where_the_fault_is_over_its_limit_and_not_where_it_begins(m
         True,
         True,
     )
-    assert not found.again
+    assert not found.trusted_again
 
 
-@pytest.mark.parametrize(("trusted", "again"), [((), False), ((22,), False), ((22, 24), True)])
-def test_an_alert_that_ends_before_the_error_does_is_told(
-    trusted: tuple[int, ...], again: bool, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(("trusted", "trusted_again"), [((), False), ((22,), False), ((22, 24), True)])
+def test_an_alert_that_ends_before_the_error_does_is_reported(
+    trusted: tuple[int, ...], trusted_again: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The ALERT comes at 23 s; what was trusted before it is another question."""
     outputs = [
@@ -242,13 +254,15 @@ def test_an_alert_that_ends_before_the_error_does_is_told(
         )
         for k in range(1, 30)
     ]  # fmt: skip
-    flown = level(np.arange(4190.0, 2000.0, -1.0))
-    monkeypatch.setattr(_clearance_faults, "flown_with", lambda *given: (flown, np.full_like(flown.s, 1.1), 3000.0))
-    monkeypatch.setattr(_clearance_faults, "fly", lambda *given: outputs)
+    flight = level(np.arange(4190.0, 2000.0, -1.0))
+    monkeypatch.setattr(
+        _clearance_faults, "fly_with_fault", lambda *arguments: (flight, np.full_like(flight.s, 1.1), 3000.0)
+    )
+    monkeypatch.setattr(_clearance_faults, "run_monitor", lambda *arguments: outputs)
     found = fly_faulty(("along_60", 1, 1))
-    assert found.again is again
-    shown = by_id(clearance._judge_detection("along_60", [found, found._replace(again=False)]))
-    assert shown["along_60.again"].value == again / 2
+    assert found.trusted_again is trusted_again
+    results = by_id(clearance._judge_detection("along_60", [found, found._replace(trusted_again=False)]))
+    assert results["along_60.again"].value == trusted_again / 2
 
 
 def level(s: np.ndarray) -> SimulatedApproach:
@@ -267,15 +281,15 @@ def test_an_approach_that_was_trusted_off_the_track_does_not_hold() -> None:
 
 
 @pytest.mark.parametrize(
-    ("alerted", "behind", "holds"),
+    ("alerted", "join_distance", "holds"),
     [(False, 299.0, True), (False, 400.0, False), (True, 400.0, True), (True, 1099.0, True), (True, 1150.0, False)],
 )
 def test_who_had_no_alert_is_trusted_within_300_m_and_who_had_one_within_1100(
-    alerted: bool, behind: float, holds: bool
+    alerted: bool, join_distance: float, holds: bool
 ) -> None:
     """400 m were within the limit of both groups while they were one."""
-    (judged,) = clearance._judge_late_joins([LateJoin(False, alerted, behind)])[1:]
-    assert (judged.id, judged.holds) == ("T14.behind_alert" if alerted else "T14.behind", holds)
+    (result,) = clearance._judge_late_joins([LateJoin(False, alerted, join_distance)])[1:]
+    assert (result.id, result.holds) == ("T14.behind_alert" if alerted else "T14.behind", holds)
 
 
 @pytest.mark.parametrize(
@@ -287,15 +301,15 @@ def test_who_had_no_alert_is_trusted_within_300_m_and_who_had_one_within_1100(
         ({2300.0: "alert"}, (False, True, math.nan)),
     ],
 )
-def test_joined_is_what_was_said_until_it_was_trusted(
+def test_a_late_join_counts_the_outputs_until_it_was_trusted(
     states: dict[float, str], expected: tuple[bool, bool, float]
 ) -> None:
     """The track is joined 2490.8 m before the intercept point, which lies 290.8 m behind the threshold."""
-    found = _clearance.judge_late_join([said(s, IntegrityState(state)) for s, state in states.items()])
+    found = _clearance.judge_late_join([output_at(s, IntegrityState(state)) for s, state in states.items()])
     assert found == pytest.approx(LateJoin(*expected), abs=0.1, nan_ok=True)
 
 
-def said(s: float, state: IntegrityState) -> ClearanceIntegrity:
+def output_at(s: float, state: IntegrityState) -> ClearanceIntegrity:
     return ClearanceIntegrity(t_ns=1, t_valid_ns=1, state=state, reasons=(), valid=True, s_end=s)
 
 
@@ -304,9 +318,9 @@ def test_few_runs_over_the_demonstration(monkeypatch: pytest.MonkeyPatch) -> Non
     some = ("obstacle_150", "along_60", "wrong_reference")
     monkeypatch.setattr(clearance, "FAULTS", {name: FAULTS[name] for name in some})
     monkeypatch.setattr(_clearance_ground, "VEGETATION", (0.85,))
-    monkeypatch.setattr(workers, "PATIENCE_S", math.inf)  # each process would make its own map of the ground
-    told: list[float] = []
-    results = by_id(clearance.study(10, 5, told.append))
+    monkeypatch.setattr(workers, "LOCAL_LIMIT_S", math.inf)  # each process would make its own map of the ground
+    shares: list[float] = []
+    results = by_id(clearance.study(10, 5, shares.append))
     assert results["nominal.alarms"].holds
     assert all(results[f"{name}.pd"].value == 1.0 for name in some)
     assert all(results[f"{name}.time_p95"].holds for name in some)
@@ -314,10 +328,10 @@ def test_few_runs_over_the_demonstration(monkeypatch: pytest.MonkeyPatch) -> Non
     assert len(times) >= 2  # along the track where a shift is observable, if it is anywhere
     assert all(result.holds for result in times)
     assert results["obstacle_150.detected"].value == 1.0
-    judged = [result for name, result in results.items() if name.endswith(".detected")]  # where it is claimed
-    assert len(judged) >= 2
-    assert all(result.holds for result in judged)
+    claims = [result for name, result in results.items() if name.endswith(".detected")]  # where it is claimed
+    assert len(claims) >= 2
+    assert all(result.holds for result in claims)
     assert results["T14.before"].holds
     assert all(result.holds for name, result in results.items() if name.startswith("T14.behind"))
-    assert told[-1] == pytest.approx(1.0)
+    assert shares[-1] == pytest.approx(1.0)
     assert _clearance.fly_nominal((5, 3)) == _clearance.fly_nominal((5, 3))

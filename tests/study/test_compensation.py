@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fti.plot_style import write
+from fti.plot_style import write_figure
 from fti.study import _low_level, compensation
 from fti.study._low_level import Knowledge
 from fti.study.compensation import NEVER_DEG, WAYS, CompensationRun, min_helpful_bank
@@ -47,7 +47,7 @@ def test_one_country_holds_and_repeats_itself() -> None:
 def test_all_ways_have_the_same_poses() -> None:
     mix = _low_level.fly(21, FEW)
     mix.measured["radar"][3] = np.nan
-    heights = compensation.compensated(mix, _low_level.predict(mix, Knowledge.ALL, 21))
+    heights = compensation.compensate(mix, _low_level.predict(mix, Knowledge.ALL, 21))
     assert set(heights) == {(sensor, way) for sensor in ("laser", "radar") for way in WAYS}
     assert all(np.isnan(heights["radar", way][3]) for way in WAYS)
     assert np.isfinite(heights["laser", "raw"][3])
@@ -62,8 +62,8 @@ def found(beam: float, raw: float) -> CompensationRun:
 def test_the_judge_can_say_no() -> None:
     better, worse = [found(1.0, 2.0)] * 20, [found(2.0, 1.0)] * 6 + [found(1.0, 2.0)] * 14
     assert compensation._judge_ordering(better, "radar", "beam", "raw").holds
-    judged = compensation._judge_ordering(worse, "radar", "beam", "raw")
-    assert (judged.value, judged.target, judged.holds) == (14, ">= 17", False)
+    result = compensation._judge_ordering(worse, "radar", "beam", "raw")
+    assert (result.value, result.target, result.holds) == (14, ">= 17", False)
     assert not compensation._judge_ordering([found(1.0, 1.0)] * 20, "radar", "beam", "raw").holds
 
 
@@ -81,5 +81,5 @@ def test_the_whole_study_holds(scale: int, tmp_path: Path, request: pytest.Fixtu
         results = compensation.study(compensation.RUNS, compensation.SEED, lambda share: None)
         assert [result for result in results if not result.holds] == []
     drawings = compensation.drawings(21)
-    write(drawings["radar"], tmp_path / "radar.png")
+    write_figure(drawings["radar"], tmp_path / "radar.png")
     assert (tmp_path / "radar.png").stat().st_size > 20_000

@@ -1,4 +1,4 @@
-"""The curve of the smallest faults, against sums by hand and against what flights have shown."""
+"""The curve of the smallest faults, against sums by hand and against events of flights."""
 
 from __future__ import annotations
 

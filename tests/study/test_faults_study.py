@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from fti.cli.main import main
-from fti.plot_style import write
+from fti.plot_style import write_figure
 from fti.study import StudyResult, faults
 from fti.study.faults import CELLS, Cell, SensorFault, detectability, plots
 from fti.study.faults.cells import GRADES
@@ -47,7 +47,7 @@ def found() -> TaskOutcome:
 def test_a_sample_of_flights_keeps_every_promise(found: TaskOutcome) -> None:
     assert found.nominal.exclusions == ()
     assert found.nominal.misled == 0
-    assert found.nominal.judged == 360
+    assert found.nominal.judged_count == 360
     assert np.median(found.nominal.levels) < 12.0
     for struck in found.faults:
         assert (struck.misled, struck.misled_after, struck.hazardous) == (0, 0, 0), CELLS[struck.cell].name
@@ -57,7 +57,7 @@ def test_a_sample_of_flights_keeps_every_promise(found: TaskOutcome) -> None:
 
 
 def test_levels_cover_a_ramp_until_the_tests_of_its_receiver_find_it() -> None:
-    """0.5 m/s beside the velocity, in turns: found after a minute; copies of the filter must know better so long."""
+    """0.5 m/s beside the velocity, in turns: found after a minute; copies of the filter must stay correct until then."""
     found = fly(
         FlightTask(17, 7, AircraftGroup("tactical", 1, "turns"), (BY_NAME["tactical/ramp-0.5/1-of-1/turns"],), 420.0)
     )
@@ -78,7 +78,7 @@ def test_levels_cover_a_ramp_until_the_tests_of_its_receiver_find_it() -> None:
     ],
 )
 def test_lies_that_have_misled_mislead_no_more(number: int, name: str, onset_s: float) -> None:
-    """Each of them by a defect that the study at full counts has found.
+    """Regressions of defects that the study found at full counts.
 
     Two receivers that drift alike, taken for a draw; a small contradiction, taken for ended when it was not; a drift to
     the north-east, of which no axis alone is beyond its limit; the second of two, when the first one was excluded; the
@@ -171,10 +171,10 @@ def test_the_table_is_that_of_the_decision() -> None:
 
 def test_every_cell_is_flown_as_often_as_it_is_asked() -> None:
     tasks = plan(3, 1)
-    flown = [index for task in tasks for index in task.faults]
+    indices = [index for task in tasks for index in task.faults]
     for index, cell in enumerate(CELLS):
         times = 0 if cell.kind is SensorFault.NONE else 3 if is_detectable(cell) else 1
-        assert flown.count(index) == times, cell.name
+        assert indices.count(index) == times, cell.name
     assert all(AircraftGroup.of(CELLS[index]) == task.group for task in tasks for index in task.faults)
     assert len({task.number for task in tasks}) == len(tasks)
 
@@ -211,7 +211,7 @@ def test_the_judges_say_no_to_each_broken_promise() -> None:
     assert refused([TaskOutcome(nominal(k, formula=1.3), ()) for k in range(300)]) == {"formula.tactical.1"}
 
 
-def test_one_bad_cell_and_a_bad_pool_are_told_apart() -> None:
+def test_one_bad_cell_and_a_bad_pool_are_distinguished() -> None:
     rng = np.random.default_rng(3)
     good = [TaskOutcome(nominal(k), tuple(struck(k) for _ in range(10))) for k in range(300)]
     other = tuple(struck(0, misled=4, name=SAMPLE[1]) for _ in range(3))
@@ -225,7 +225,7 @@ def test_one_bad_cell_and_a_bad_pool_are_told_apart() -> None:
     assert bound(worse, rng) > 1e-3
 
 
-def test_what_is_not_in_the_table_is_told_and_not_judged() -> None:
+def test_cells_outside_the_table_are_only_reported() -> None:
     name = "tactical/ramp-velocity-0.1/1-of-1/legs"
     found = [TaskOutcome(nominal(k), (struck(k, misled=300, hazardous=300, name=name),)) for k in range(300)]
     assert refused(found) == set()
@@ -238,8 +238,8 @@ def test_what_is_not_in_the_table_is_told_and_not_judged() -> None:
 
 
 def test_pictures_are_drawn(tmp_path: Path, found: TaskOutcome) -> None:
-    write(lambda: plots.cells([found]), tmp_path / "cells.png")
-    write(lambda: plots.ramp(17), tmp_path / "ramp.png")
+    write_figure(lambda: plots.cells([found]), tmp_path / "cells.png")
+    write_figure(lambda: plots.ramp(17), tmp_path / "ramp.png")
     assert all(file.stat().st_size > 20_000 for file in tmp_path.iterdir())
 
 

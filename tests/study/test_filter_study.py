@@ -1,4 +1,4 @@
-"""The study of the filter: some flights of it are honest, and its judges can say no; the whole with --scale full."""
+"""The study of the filter: some flights are consistent, and its judges can say no; the whole with --scale full."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from fti.cli.main import main
-from fti.plot_style import write
+from fti.plot_style import write_figure
 from fti.study import StudyResult, _filter_plots
 from fti.study import filter as study
 from fti.study._filter_flights import CASES, OUTAGES_S, draw_flight
 from fti.study._filter_runs import FilterRun, run
-from fti.study._filter_terrain import Height, HeightPair, fly_pairs, spell_rms
+from fti.study._filter_terrain import HeightErrors, HeightPair, fly_pairs, spell_rms
 
 FLIGHTS = 2
 OUTAGES, RICH = 3, 4
@@ -34,7 +34,7 @@ def by_id(results: list[StudyResult]) -> dict[str, StudyResult]:
     return {result.id: result for result in results}
 
 
-def test_some_flights_are_honest_as_far_as_some_can_tell(runs: list[FilterRun]) -> None:
+def test_some_flights_are_consistent_as_far_as_some_can_tell(runs: list[FilterRun]) -> None:
     """Twenty values of NEES / n with 22 states each: their mean is 1 within 0.15 sqrt(10) at the most."""
     assert np.mean([r.nees for r in runs]) == pytest.approx(1.0, abs=0.3)
     assert np.mean([r.nis for r in runs]) == pytest.approx(1.0, abs=0.1)
@@ -56,7 +56,7 @@ def test_the_judge_says_no_to_a_filter_that_is_too_sure_or_too_modest(runs: list
     assert refused == {"outages.ratio_low", "outages.nees_low", "outages.nees_instants", "outages.nis_low"}
 
 
-def test_rich_truth_is_judged_by_its_worst_state(runs: list[FilterRun]) -> None:
+def test_the_worst_state_decides_for_rich_truth(runs: list[FilterRun]) -> None:
     ratios = np.ones((10, 22))
     ratios[4, 2] = 1.6
     results = by_id(study.judge(RICH, [dataclasses.replace(r, ratios=ratios) for r in runs], np.random.default_rng(0)))
@@ -88,27 +88,27 @@ def test_over_terrain_the_altimeter_holds_the_height(over: dict[str, HeightPair]
         assert pair.aided.sd[190] < 0.6 * pair.unaided.sd[190]
 
 
-def test_terrain_is_judged_flight_by_flight() -> None:
+def test_the_flight_is_the_unit_over_terrain() -> None:
     rng = np.random.default_rng(4)
 
-    def height(sd: float) -> Height:
-        return Height(sd * rng.standard_normal(251), np.full(251, sd))
+    def height(sd: float) -> HeightErrors:
+        return HeightErrors(sd * rng.standard_normal(251), np.full(251, sd))
 
     good = [HeightPair(height(3.0), height(1.0)) for _ in range(40)]
     assert all(r.holds for r in study.judge_terrain("outage", good, rng))
     same = [HeightPair(height(1.0), height(1.0)) for _ in range(40)]
     refused = {r.id for r in study.judge_terrain("outage", same, rng) if not r.holds}
     assert {"T16.outage.80.p", "T16.outage.170.p"} <= refused
-    late = [HeightPair(p.unaided, Height(4.0 * p.aided.error, p.aided.sd)) for p in good]
+    late = [HeightPair(p.unaided, HeightErrors(4.0 * p.aided.error, p.aided.sd)) for p in good]
     assert {"T16.outage.inside", "T16.outage.ratio", "T16.outage.30"} <= {
         r.id for r in study.judge_terrain("outage", late, rng) if not r.holds
     }
 
 
 def test_pictures_are_drawn(tmp_path: Path, runs: list[FilterRun], over: dict[str, HeightPair]) -> None:
-    write(lambda: _filter_plots.heights(over), tmp_path / "heights.png")
-    write(lambda: _filter_plots.one_flight(runs[0]), tmp_path / "outages.png")
-    write(lambda: _filter_plots.consistency([runs] * len(CASES)), tmp_path / "honesty.png")
+    write_figure(lambda: _filter_plots.heights(over), tmp_path / "heights.png")
+    write_figure(lambda: _filter_plots.one_flight(runs[0]), tmp_path / "outages.png")
+    write_figure(lambda: _filter_plots.consistency([runs] * len(CASES)), tmp_path / "honesty.png")
     assert all(file.stat().st_size > 20_000 for file in tmp_path.iterdir())
 
 

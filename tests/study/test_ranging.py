@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fti.plot_style import write
+from fti.plot_style import write_figure
 from fti.ranging.laser import Laser
 from fti.ranging.sensor import Poses
 from fti.study import DrawFigure, StudyResult, _level_run, _signals, _sweep, ranging
@@ -17,7 +17,7 @@ from fti.terrain.dem_error import DemError
 from fti.terrain.terrain import Terrain
 
 
-def held(results: list[StudyResult]) -> dict[str, bool]:
+def holds_by_id(results: list[StudyResult]) -> dict[str, bool]:
     return {result.id: result.holds for result in results}
 
 
@@ -32,7 +32,7 @@ def test_closed_forms_hold() -> None:
 
 def test_a_longer_pulse_is_found_out(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(ranging, "PULSES_S", (101e-9, 10e-9))
-    assert held(ranging.pulses()) == {"T3.radar": False, "T3.laser": True, "T3.rate": True}
+    assert holds_by_id(ranging.pulses()) == {"T3.radar": False, "T3.laser": True, "T3.rate": True}
 
 
 def test_ground_that_is_not_level_is_found_out(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -40,7 +40,7 @@ def test_ground_that_is_not_level_is_found_out(monkeypatch: pytest.MonkeyPatch) 
     angle, found = ranging.level_ranges()
     monkeypatch.setattr(ranging, "LEVEL_HEIGHT_M", ranging.LEVEL_HEIGHT_M - 1e-6)
     monkeypatch.setattr(ranging, "level_ranges", lambda: (angle, found))
-    assert held(ranging.beam())["T5"] is False  # 1 um of 100 m is 1e-8
+    assert holds_by_id(ranging.beam())["T5"] is False  # 1 um of 100 m is 1e-8
 
 
 def test_the_greatest_height_falls_with_the_cosine_of_the_roll() -> None:
@@ -50,8 +50,8 @@ def test_the_greatest_height_falls_with_the_cosine_of_the_roll() -> None:
     heights = [499.0, 501.0]
     origins = [[0.0, 0.0, height] for height in heights]
     mats = np.tile([[0.0, np.cos(roll), np.sin(roll)], [1.0, 0.0, 0.0], [0.0, np.sin(roll), -np.cos(roll)]], (2, 1, 1))
-    seen = Laser(max_range=1000.0).measure(level, Poses.still(origins, mats)).valid
-    assert seen.tolist() == [height <= _sweep.highest(roll, 1000.0) for height in heights] == [True, False]
+    valid = Laser(max_range=1000.0).measure(level, Poses.stationary(origins, mats)).valid
+    assert valid.tolist() == [height <= _sweep.highest(roll, 1000.0) for height in heights] == [True, False]
     assert 501.0 * np.cos(roll) < 1000.0
 
 
@@ -59,10 +59,10 @@ def test_the_beams_differ_as_the_figure_shows(monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setattr(_sweep, "ORDER", 20)
     monkeypatch.setattr(_sweep, "HEIGHTS_M", (100.0,))
     monkeypatch.setattr(_sweep, "ROLLS_DEG", np.arange(0.0, 75.1, 5.0))
-    assert set(held(_sweep.attitude()).values()) == {True}
+    assert set(holds_by_id(_sweep.attitude()).values()) == {True}
     swapped = {"narrow": _sweep.ANTENNAS["wide"], "wide": _sweep.ANTENNAS["narrow"]}
     monkeypatch.setattr(_sweep, "ANTENNAS", swapped)
-    assert set(held(_sweep.attitude()).values()) == {False}
+    assert set(holds_by_id(_sweep.attitude()).values()) == {False}
 
 
 def test_without_errors_the_model_is_the_measurement(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -88,12 +88,12 @@ def drawn(model_error: float, terrains: int = 20) -> list[dict[tuple[str, str], 
 
 
 def test_the_bound_of_the_ratio_judges_not_the_ratio() -> None:
-    assert held(_level_run.judge(drawn(0.40), seed=1)) == {"T1.level": True}
+    assert holds_by_id(_level_run.judge(drawn(0.40), seed=1)) == {"T1.level": True}
     close = _level_run.judge(drawn(0.495), seed=1)[0]
     assert close.value < 0.5
     assert not close.holds
     lost = dataclasses.replace(drawn(0.1)[0]["level", "wide"], measured=np.full(100, np.nan))
-    assert held(_level_run.judge([{("level", "wide"): lost}], seed=1)) == {"T1.level": False}
+    assert holds_by_id(_level_run.judge([{("level", "wide"): lost}], seed=1)) == {"T1.level": False}
 
 
 def test_the_ramp_goes_up_and_down_over_open_ground() -> None:
@@ -113,14 +113,14 @@ def _nearest(terrain: Terrain, place: np.ndarray) -> list[int]:
 
 @pytest.mark.timeout(900)
 def test_the_whole_study_holds(scale: int, tmp_path: Path) -> None:
-    wanted: dict[str, DrawFigure] = ranging.drawings(ranging.SEED)
+    figures: dict[str, DrawFigure] = ranging.drawings(ranging.SEED)
     if scale == 1:  # a picture that costs nothing
-        write(wanted["doppler"], tmp_path / "doppler.png")
+        write_figure(figures["doppler"], tmp_path / "doppler.png")
         return
     shares: list[float] = []
     results = ranging.study(ranging.RUNS, ranging.SEED, shares.append)
     assert [result for result in results if not result.holds] == []
     assert shares == sorted(shares)
     assert shares[-1] == pytest.approx(1.0)
-    for name, draw in wanted.items():
-        write(draw, tmp_path / f"{name}.png")
+    for name, draw in figures.items():
+        write_figure(draw, tmp_path / f"{name}.png")

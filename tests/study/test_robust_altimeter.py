@@ -89,11 +89,11 @@ def test_refusal_for_ever_never_comes_back() -> None:
 def test_a_flight_is_held_by_the_altimeter(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(flights, "SECONDS", 240)
     monkeypatch.setattr(flights, "INSTANTS_S", (180, 240))
-    held = flights.fly(VerticalCase(1, 0))
-    assert np.abs((held.found - held.alt)[held.t > 10.0]).max() < 5.0 * held.sd[held.t > 10.0].max()
-    assert held.valid[held.t > 1.0].mean() > 0.99
+    aided = flights.fly(VerticalCase(1, 0))
+    assert np.abs((aided.found - aided.alt)[aided.t > 10.0]).max() < 5.0 * aided.sd[aided.t > 10.0].max()
+    assert aided.valid[aided.t > 1.0].mean() > 0.99
     alone = flights.fly(VerticalCase(1, 0, altimeter=False))
-    assert alone.sd[-1] > 3.0 * held.sd[-1]
+    assert alone.sd[-1] > 3.0 * aided.sd[-1]
     assert abs(alone.found[-1] - alone.alt[-1]) < 4.0 * alone.sd[-1]
 
 
@@ -106,14 +106,14 @@ def test_faults_stand_where_the_source_has_them() -> None:
 
 
 def test_pictures_are_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from fti.plot_style import write
+    from fti.plot_style import write_figure
     from fti.study import _vertical_plots
 
     monkeypatch.setattr(flights, "SECONDS", 20)
-    monkeypatch.setattr(_vertical_plots, "MANY", 20)
+    monkeypatch.setattr(_vertical_plots, "PLOT_RUNS", 20)
     drawings = study.drawings(5)
     for name in ("robust", "jumps", "flight"):
-        write(drawings[name], tmp_path / f"{name}.png")
+        write_figure(drawings[name], tmp_path / f"{name}.png")
     assert all(file.stat().st_size > 20_000 for file in tmp_path.iterdir())
     assert len(drawings) == 6
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from fti.constants import FOOT, STANDARD_GRAVITY
-from fti.plot_style import write
+from fti.plot_style import write_figure
 from fti.study import _scenarios, slant_range
 from fti.study._altimeter_flight import AltimeterFlight, fly
 from fti.study._flights import MAX_LOAD, STEP_S, TRIM_AOA, FlightLeg, track, turn
@@ -24,12 +24,12 @@ def test_a_turn_is_coordinated_and_ends_on_its_heading() -> None:
         turn(np.radians(-90.0), np.radians(30.0), 60.0),
         FlightLeg(10.0, 60.0, path=np.radians(3.0)),
     ]
-    flown = track(legs, np.radians(20.0), 4.0, end=(100.0, 200.0))
-    flight = flown.flown(500.0 + flown.height_gain, STEP_S)
-    assert flown.heading[-1] == pytest.approx(np.radians(-70.0), abs=1e-9)
+    commanded = track(legs, np.radians(20.0), 4.0, end=(100.0, 200.0))
+    flight = commanded.flight_at(500.0 + commanded.height_gain, STEP_S)
+    assert commanded.heading[-1] == pytest.approx(np.radians(-70.0), abs=1e-9)
     assert flight.origins_l[-1, :2] == pytest.approx([100.0, 200.0])
     assert flight.roll.min() == pytest.approx(np.radians(-30.0), abs=1e-9)
-    rate = np.gradient(flown.heading, STEP_S)
+    rate = np.gradient(commanded.heading, STEP_S)
     np.testing.assert_allclose(np.tan(flight.roll), rate * 60.0 / STANDARD_GRAVITY, atol=1e-3)
     np.testing.assert_allclose(np.gradient(flight.origins_l, STEP_S, axis=0)[1:-1], flight.vels_l[1:-1], atol=0.02)
     assert flight.pitch[-1] == pytest.approx(np.radians(6.0), abs=1e-3)  # path and angle of attack
@@ -40,8 +40,8 @@ def test_a_turn_is_coordinated_and_ends_on_its_heading() -> None:
 
 def test_the_nose_is_up_in_a_bank_and_down_past_the_vertical() -> None:
     for roll, load in ((60.0, 2.0), (95.0, MAX_LOAD)):
-        flown = track([FlightLeg(5.0, 200.0, extra=np.radians(roll))], 0.0, 1.0)
-        flight = flown.flown(np.full_like(flown.t, 100.0), 1.0)
+        commanded = track([FlightLeg(5.0, 200.0, extra=np.radians(roll))], 0.0, 1.0)
+        flight = commanded.flight_at(np.full_like(commanded.t, 100.0), 1.0)
         assert flight.roll == pytest.approx(np.radians(roll))
         assert flight.pitch == pytest.approx(TRIM_AOA * load * np.cos(np.radians(roll)))
 
@@ -87,38 +87,40 @@ def test_the_interval_holds_the_ratio_as_often_as_it_says(scale: int) -> None:
 
 
 def swapped(run: Run) -> Run:
-    """The beams exchanged: whoever judges must notice."""
+    """Exchanged beams must fail."""
     return {
         key: dataclasses.replace(
-            flown, measured={**flown.measured, "narrow": flown.measured["wide"], "wide": flown.measured["narrow"]}
+            record, measured={**record.measured, "narrow": record.measured["wide"], "wide": record.measured["narrow"]}
         )
-        for key, flown in run.items()
+        for key, record in run.items()
     }
 
 
 def test_low_over_hills_the_orderings_hold_and_can_fail() -> None:
     scenario = _scenarios.low_level(slant_range.SEED, 0.8)
     run: Run = {("low_level", ground): fly(scenario.flight, scenario.ground(ground)) for ground in slant_range.GROUNDS}
-    judged = {o.id: o for o in ORDERINGS if o.id in {"flat.large", "rough.large", "rough.level"} or "low_level" in o.id}
-    assert len(judged) == 6
-    assert [name for name, ordering in judged.items() if not ordering.holds(run)] == []
+    orderings = {
+        o.id: o for o in ORDERINGS if o.id in {"flat.large", "rough.large", "rough.level"} or "low_level" in o.id
+    }
+    assert len(orderings) == 6
+    assert [name for name, ordering in orderings.items() if not ordering.holds(run)] == []
     wrong = swapped(run)
-    assert [name for name in ("flat.large", "rough.large", "rough.level") if judged[name].holds(wrong)] == []
+    assert [name for name in ("flat.large", "rough.large", "rough.level") if orderings[name].holds(wrong)] == []
     assert slant_range._pencil_error(run["low_level", "flat"]) < slant_range.EXACT
     assert slant_range._pencil_error(_longer(run["low_level", "flat"], 1e-6)) > slant_range.EXACT
 
 
-def _longer(flown: AltimeterFlight, metres: float) -> AltimeterFlight:
-    return dataclasses.replace(flown, measured={name: ranges + metres for name, ranges in flown.measured.items()})
+def _longer(record: AltimeterFlight, metres: float) -> AltimeterFlight:
+    return dataclasses.replace(record, measured={name: ranges + metres for name, ranges in record.measured.items()})
 
 
 @pytest.mark.timeout(900)
 def test_the_whole_study_holds(scale: int, tmp_path: Path) -> None:
-    wanted = slant_range.drawings(slant_range.SEED)
+    figures = slant_range.drawings(slant_range.SEED)
     if scale == 1:
-        assert len(wanted) == 6
+        assert len(figures) == 6
         return
     results = slant_range.study(slant_range.RUNS, slant_range.SEED, lambda share: None)
     assert [result for result in results if not result.holds] == []
-    for name, draw in wanted.items():
-        write(draw, tmp_path / f"{name}.png")
+    for name, draw in figures.items():
+        write_figure(draw, tmp_path / f"{name}.png")

@@ -11,7 +11,7 @@ import pytest
 from fti.cli.main import main
 from fti.hil.sensors.inertial import specific_force_b
 from fti.nav.inertial.strapdown_fast import integrate_fast
-from fti.plot_style import write
+from fti.plot_style import write_figure
 from fti.study import _closure, _strapdown_plots, strapdown, trajectory
 from fti.study._closure import Closure, calm_flight, close
 from fti.study.strapdown import judge_live, judge_turns, s_turn_errors
@@ -47,12 +47,12 @@ def test_the_error_after_s_turns_falls_with_the_step(monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(strapdown, "TURNS_S", 200.0)
     errors = s_turn_errors(5, 0)
     assert all(result.holds for result in judge_turns([errors]))
-    write(lambda: _strapdown_plots.steps(errors), tmp_path / "steps.png")
+    write_figure(lambda: _strapdown_plots.steps(errors), tmp_path / "steps.png")
     assert (tmp_path / "steps.png").stat().st_size > 20_000
 
 
 def test_the_hour_is_drawn(minutes: Closure, tmp_path: Path) -> None:
-    write(lambda: _strapdown_plots.hour(minutes), tmp_path / "hour.png")
+    write_figure(lambda: _strapdown_plots.hour(minutes), tmp_path / "hour.png")
     assert (tmp_path / "hour.png").stat().st_size > 20_000
 
 

@@ -1,4 +1,4 @@
-"""Studies: every one holds in a small count (the full one with --scale full), and says so in the same form."""
+"""Studies: every one holds in a small count (the full one with --scale full), and reports results in the same form."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from fti import study
 from fti.cli.main import main
 from fti.errors import MissingError, StorageError
-from fti.plot_style import write
+from fti.plot_style import write_figure
 from fti.study import StudyResult, device_clock, ranging, triple_buffer
 
 #: Runs with --scale quick; twenty times as many with --scale full.
@@ -132,13 +132,13 @@ def test_a_picture_that_is_there_stays(
     monkeypatch.setattr(ranging, "drawings", lambda seed: {"first": Figure, "second": Figure})
     (tmp_path / "ranging-second.png").write_bytes(b"mine")
     assert main(["study", "ranging", "--plots", str(tmp_path)]) == 2
-    assert "ranging-second.png: cannot be written: there already" in capsys.readouterr().err
+    assert "ranging-second.png: already exists" in capsys.readouterr().err
     with pytest.raises(StorageError, match="File exists"):  # it has come meanwhile
-        write(Figure, tmp_path / "ranging-second.png")
+        write_figure(Figure, tmp_path / "ranging-second.png")
     assert [(file.name, file.read_bytes()) for file in tmp_path.iterdir()] == [("ranging-second.png", b"mine")]
 
 
-def test_a_folder_that_cannot_be_and_a_study_without_pictures_are_said(
+def test_a_folder_that_cannot_be_and_a_study_without_pictures_are_reported(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     _one_result(monkeypatch)
@@ -147,7 +147,7 @@ def test_a_folder_that_cannot_be_and_a_study_without_pictures_are_said(
     assert main(["study", "ranging", "--plots", str(tmp_path / "file")]) == 2
     assert "file: cannot be written: File exists" in capsys.readouterr().err
     assert main(["study", "triple_buffer", "--plots", str(tmp_path)]) == 2
-    assert "the study triple_buffer has no pictures" in capsys.readouterr().err
+    assert "the study triple_buffer has no plots" in capsys.readouterr().err
 
 
 def test_a_study_is_a_module_or_a_package_and_nothing_else() -> None:

@@ -33,7 +33,7 @@ def test_ten_minutes_close_within_micrometres(ten_minutes: Closure) -> None:
 
 @pytest.mark.parametrize("wrong", [1.0 + 1e-9, 1.0 - 1e-9])
 def test_data_that_are_wrong_by_a_billionth_do_not_close(wrong: float, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Gravity that differs so much between who makes the data and who integrates them: half a millimetre at once."""
+    """A gravity difference between simulation and integration that causes half a millimetre at once."""
     monkeypatch.setattr(inertial, "normal_gravity", lambda lat, alt: wrong * normal_gravity(lat, alt))
     found = close(random_flight(np.random.default_rng(4), TEN_MINUTES), 0.01, TEN_MINUTES)
     assert found.vertical > 1e-3
@@ -52,7 +52,7 @@ def test_the_error_after_s_turns_falls_with_the_step(monkeypatch: pytest.MonkeyP
     assert errors[0] > 1e-6  # it is not rounding that is compared
 
 
-def test_fits_are_judged_by_all_flights() -> None:
+def test_all_flights_count_for_fits() -> None:
     found = fit_flight(5, 0)
     results = {result.id: result for result in judge_fits([found])}
     assert all(result.holds for result in results.values())
@@ -62,18 +62,18 @@ def test_fits_are_judged_by_all_flights() -> None:
     assert refused == {"fit.spline", "fit.filter"}
 
 
-def test_closures_are_judged_by_the_worst(ten_minutes: Closure) -> None:
+def test_the_worst_counts_for_closures(ten_minutes: Closure) -> None:
     worst = dataclasses.replace(ten_minutes, pos_n=ten_minutes.pos_n + np.array([0.0, 2e-3, 0.0]))
     refused = {result.id for result in judge_closures([ten_minutes, worst]) if not result.holds}
     assert refused == {"T12.horizontal"}
 
 
 def test_pictures_are_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ten_minutes: Closure) -> None:
-    from fti.plot_style import write
+    from fti.plot_style import write_figure
 
-    monkeypatch.setattr(trajectory, "closed", lambda seed, run: ten_minutes)
+    monkeypatch.setattr(trajectory, "close_hour", lambda seed, run: ten_minutes)
     for name, draw in drawings(5).items():
-        write(draw, tmp_path / f"{name}.png")
+        write_figure(draw, tmp_path / f"{name}.png")
     assert {file.name for file in tmp_path.iterdir()} == {"fit.png", "fit-errors.png", "closure.png"}
     assert all(file.stat().st_size > 20_000 for file in tmp_path.iterdir())
 

@@ -1,4 +1,4 @@
-"""T20: the mix is what it says, validity sorts it, its judges can say no; the whole with --scale full."""
+"""T20: the mix matches its description, validity sorts it, its judges can say no; the whole with --scale full."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fti.plot_style import write
+from fti.plot_style import write_figure
 from fti.ranging.radar.altimeter import RadarAltimeter
 from fti.study import REPORTED, _low_level, validity
 from fti.study._low_level import (
@@ -64,9 +64,9 @@ def test_the_instruments_are_not_their_models(mix: Mix) -> None:
     assert isinstance(model, RadarAltimeter)
     assert (radar.order, model.order) == (40, 20)
     assert radar.turn is not None
-    seen = predict(mix, Knowledge.ALL, SEED)
-    assert np.std(mix.measured["laser"] - seen["laser"].slant_range) == pytest.approx(0.1, rel=0.4)
-    assert 0.3 < np.median(np.abs(mix.measured["radar"] - seen["radar"].slant_range)) < 3.0
+    predictions = predict(mix, Knowledge.ALL, SEED)
+    assert np.std(mix.measured["laser"] - predictions["laser"].slant_range) == pytest.approx(0.1, rel=0.4)
+    assert 0.3 < np.median(np.abs(mix.measured["radar"] - predictions["radar"].slant_range)) < 3.0
 
 
 def test_what_is_known_has_the_errors_that_it_says(mix: Mix) -> None:
@@ -89,14 +89,14 @@ def test_the_same_seed_is_the_same_mix(mix: Mix) -> None:
 
 
 def test_validity_sorts_the_mix(mix: Mix) -> None:
-    """Laser: roll alone refuses 30 %, and what is left is small.  A sensor that is 30 m off is refused throughout."""
+    """Laser: roll alone refuses 30 %, and the residual is small.  A sensor with a 30 m error is always refused."""
     reasons = reasons_by_variant(mix, Knowledge.ALL, SEED)
     for name in mix.measured:
         found = score_variant(mix.measured[name] - mix.nadir, mix.measured[name] - mix.nadir, reasons[name])
         assert found.residual < 0.5 * found.raw
         assert found.excluded < 0.5
     assert score_variant(mix.nadir, mix.nadir, reasons["laser"]).share(Reason.ROLL) == pytest.approx(0.3)
-    off = dataclasses.replace(mix, measured={name: told + 30.0 for name, told in mix.measured.items()})
+    off = dataclasses.replace(mix, measured={name: ranges + 30.0 for name, ranges in mix.measured.items()})
     for name, refused in reasons_by_variant(off, Knowledge.ALL, SEED).items():
         assert all({Reason.DEVIATION, Reason.ROLL} & set(why) for why in refused), name
 
@@ -124,7 +124,7 @@ def test_a_cloud_is_not_taken_for_the_ground(mix: Mix) -> None:
 
 
 def test_held_against_the_simulation_alone_the_radar_keeps_its_error(mix: Mix) -> None:
-    """Table 7.20 as printed: what the sensor sees wrong the simulation sees wrong, too."""
+    """Table 7.20 as printed: sensor and simulation have the same error."""
     reasons = reasons_by_variant(mix, Knowledge.ALL, SEED)["radar_as_printed"]
     found = score_variant(mix.measured["radar"] - mix.nadir, mix.measured["radar"] - mix.nadir, reasons)
     assert found.residual > 0.8 * found.raw
@@ -141,8 +141,8 @@ def test_the_judges_can_say_no(name: str, limit: float) -> None:
     bad = judge(_assessed(100.0, 100.0 * (limit + 0.01) ** 2, 0.41), Knowledge.PLACE_ERROR, name, 1)
     assert [result.holds for result in bad] == [False, False]
     assert {result.id for result in bad} == {f"T20.{name}.place_error", f"T20.{name}.place_error.excluded"}
-    told = judge(_assessed(100.0, 100.0, 0.9), Knowledge.DEM_ERROR, name, 1)
-    assert {result.target for result in told} == {REPORTED}
+    results = judge(_assessed(100.0, 100.0, 0.9), Knowledge.DEM_ERROR, name, 1)
+    assert {result.target for result in results} == {REPORTED}
 
 
 def test_nothing_left_is_not_good() -> None:
@@ -168,11 +168,11 @@ def test_the_flight_to_look_at_stays_over_the_country() -> None:
 
 
 def test_the_whole_study_holds(scale: int, tmp_path: Path) -> None:
-    wanted = validity.drawings(validity.SEED)
+    figures = validity.drawings(validity.SEED)
     if scale == 1:
-        assert set(wanted) == {"laser", "radar", "reasons"}
+        assert set(figures) == {"laser", "radar", "reasons"}
         return
     results = validity.study(validity.RUNS, validity.SEED, lambda share: None)
     assert [result for result in results if not result.holds] == []
-    for name, draw in wanted.items():
-        write(draw, tmp_path / f"{name}.png")
+    for name, draw in figures.items():
+        write_figure(draw, tmp_path / f"{name}.png")

@@ -67,8 +67,8 @@ def test_maximum_errors_taken_as_sigma_are_found_out(some: list[Heights]) -> Non
 def test_the_ground_rises_as_it_says() -> None:
     frame = LocalFrame(flight.LAT, flight.LON, 0.0)
     here = np.array([4000.0, -7000.0, 0.0])
-    around = here + np.array([[0.0, 0.0, 0.0], [0.0, 10.0, 0.0], [10.0, 0.0, 0.0]])
-    lat, lon, _ = frame.to_geodetic(around)
+    points = here + np.array([[0.0, 0.0, 0.0], [0.0, 10.0, 0.0], [10.0, 0.0, 0.0]])
+    lat, lon, _ = frame.to_geodetic(points)
     high, north, east = ground(lat, lon)
     assert high[1] - high[0] == pytest.approx(10.0 * north[0], rel=0.01)
     assert high[2] - high[0] == pytest.approx(10.0 * east[0], rel=0.01)
@@ -92,14 +92,14 @@ def _up(epoch: flight.RadioEpoch) -> float:
 
 
 def test_pictures_are_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from fti.plot_style import write
+    from fti.plot_style import write_figure
     from fti.study import _wdop_plots
 
     monkeypatch.setattr(_wdop_plots, "RUNS", 5)
     monkeypatch.setattr(flight, "EPOCH_S", 20 * flight.EPOCH_S)
     monkeypatch.setattr(_wdop_plots, "MINUTES", _wdop_plots.MINUTES[::20])
     for name, draw in wdop.drawings(5).items():
-        write(draw, tmp_path / f"{name}.png")
+        write_figure(draw, tmp_path / f"{name}.png")
     assert {file.name for file in tmp_path.iterdir()} == {"satellites.png", "predicted.png", "choice.png"}
     assert all(file.stat().st_size > 20_000 for file in tmp_path.iterdir())
 

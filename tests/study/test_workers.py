@@ -28,7 +28,7 @@ from tests.study.tasks import kill_on_second, raise_on_third, square
 @pytest.fixture(autouse=True)
 def _at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """Two processes from the second argument on."""
-    monkeypatch.setattr(workers, "PATIENCE_S", 0.0)
+    monkeypatch.setattr(workers, "LOCAL_LIMIT_S", 0.0)
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0, 1})
 
 
@@ -44,7 +44,7 @@ def test_results_come_in_the_order_of_the_arguments_from_other_processes() -> No
 
 
 def test_short_work_is_done_here(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(workers, "PATIENCE_S", 3600.0)
+    monkeypatch.setattr(workers, "LOCAL_LIMIT_S", 3600.0)
     assert {pid for _, pid, _ in run_all(square, range(5), lambda _: None)} == {os.getpid()}
     assert run_all(square, [], lambda _: None) == []
 
@@ -68,7 +68,7 @@ from fti.study import workers
 from tests.study.tasks import waits
 import asyncio
 import functools
-workers.PATIENCE_S = -1.0
+workers.LOCAL_LIMIT_S = -1.0
 workers.os.sched_getaffinity = lambda _: {{0, 1}}
 if __name__ == "__main__":
     try:
@@ -105,12 +105,12 @@ class FakeFuture:
 
 
 class FakeClient:
-    """What is used of ``distributed.Client``; the last argument is done first."""
+    """Fake of ``distributed.Client``; it does the last argument first."""
 
     loop = "its own loop"
 
     def __init__(self, address: str, *, timeout: float, set_as_default: bool) -> None:
-        assert address == "tcp://somebody:8786"  # of another there is none: it would not come about
+        assert address == "tcp://somebody:8786"  # another address has no client: it could not connect
         assert (timeout > 0.0, set_as_default) == (True, False)
 
     def __enter__(self) -> FakeClient:
@@ -125,7 +125,7 @@ class FakeClient:
 
 
 class FakeRpc:
-    """What is used of ``distributed.rpc``: who is there says who works for it."""
+    """Fake of ``distributed.rpc`` with the identity of a scheduler."""
 
     def __init__(self, address: str, *, timeout: float) -> None:
         assert timeout > 0.0
@@ -162,17 +162,17 @@ def cluster(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.usefixtures("cluster")
 @pytest.mark.parametrize(
-    ("address", "said"),
+    ("address", "message"),
     [
         ("tcp://nobody:1", "no Dask scheduler answers at 'tcp://nobody:1': Timed out"),
         ("nonsense", "no Dask scheduler answers at 'nonsense': missing port number"),
-        ("tcp://mute:1", "no Dask scheduler answers at 'tcp://mute:1': silent for 0.05 s"),
+        ("tcp://mute:1", "no Dask scheduler answers at 'tcp://mute:1': no answer within 0.05 s"),
         ("tcp://idle:1", "the Dask scheduler at tcp://idle:1 has no workers: dask worker tcp://idle:1"),
     ],
 )
-def test_a_cluster_that_is_not_there_is_a_sentence(address: str, said: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(workers, "ANSWER_S", 0.05)
-    with pytest.raises(MissingError, match=re.escape(said)), on_cluster(address):
+def test_a_cluster_that_is_not_there_is_a_sentence(address: str, message: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(workers, "CLUSTER_TIMEOUT_S", 0.05)
+    with pytest.raises(MissingError, match=re.escape(message)), on_cluster(address):
         pytest.fail("there is no cluster")
 
 

@@ -76,7 +76,7 @@ def test_share_and_size_of_outliers_come_back() -> None:
 
 def relief(seed: int = 9, sd: float = 30.0) -> Terrain:
     rng = np.random.default_rng(seed)
-    heights = fractal_relief(SHAPE, CELL, rng, sd=sd, longest_m=1500.0, shortest_m=150.0)
+    heights = fractal_relief(SHAPE, CELL, rng, sd=sd, max_size_m=1500.0, min_size_m=150.0)
     return Terrain.from_array(heights, CELL, east0=-700.0, north0=-700.0)
 
 
@@ -197,6 +197,6 @@ def test_wrong_figures_are_refused() -> None:
     for bad in ({"bias": np.nan}, {"noise_sd": -1.0}, {"short_share": 1.1}, {"outlier_share": -0.1}, {"long_m": 0.0}):
         with pytest.raises(ValueError, match=next(iter(bad))):
             DemError(**bad)
-    for wrong in ({"growth": -1.0}, {"felled": 1.5}, {"new_forest": -0.1}, {"new_buildings": np.nan}):
+    for wrong in ({"growth": -1.0}, {"cleared_forest": 1.5}, {"new_forest": -0.1}, {"new_buildings": np.nan}):
         with pytest.raises(ValueError, match=next(iter(wrong))):
             Changes(**wrong)

@@ -122,10 +122,10 @@ def test_low_over_the_last_300_m_the_seen_height_is_the_true_one(scene: Terrain)
     """No edge of a wood beside the track is nearer than the ground below."""
     before = np.arange(400.0, -290.0, -5.0)
     for right in (-10.0, 0.0, 10.0):
-        seen = path_up(before) - profile(scene, before, right)
+        height = path_up(before) - profile(scene, before, right)
         true = path_up(before) - scene.up(*track_point(before, right))
-        low = seen < 25.0
-        assert low.sum() > 60 and np.abs(seen - true)[low].max() < 1.5
+        low = height < 25.0
+        assert low.sum() > 60 and np.abs(height - true)[low].max() < 1.5
 
 
 def test_real_elevation_is_under_it(scene: Terrain) -> None:
@@ -152,5 +152,5 @@ def test_obstacle_stands_where_it_was_put(scene: Terrain) -> None:
 def test_obstacle_elsewhere_or_too_thin_is_refused(scene: Terrain) -> None:
     with pytest.raises(ValueError, match="outside the terrain"):
         with_obstacle(scene, 9e4, 0.0, 100.0, 20.0)
-    with pytest.raises(ValueError, match="holds no post"):
+    with pytest.raises(ValueError, match="covers no post"):
         with_obstacle(scene, 2.5, 2.5, 100.0, 1.0)

@@ -30,7 +30,7 @@ def test_nan_where_a_post_is_missing() -> None:
     assert np.isnan(grid.height(0.64 - STEP * rows, -1.47 + STEP * columns)).all()
 
 
-def test_jacksboro_lies_where_its_file_says() -> None:
+def test_jacksboro_lies_at_the_position_of_its_file() -> None:
     """The bounds are outer edges; Powell Valley, the low ground, lies in the south-east."""
     grid = load_jacksboro()
     assert grid.heights.shape == (344, 403)

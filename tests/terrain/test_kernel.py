@@ -1,11 +1,32 @@
 import hashlib
+import pickle
 from pathlib import Path
+from typing import Any
+
+import pytest
+from numba import __version__ as numba_version
 
 from fti.terrain import kernel, ray_cast, surface
+
+#: The class ``fti.terrain.pyramid.Renamed``, which is not there: pickle refers to a class by its name.
+MISSING_CLASS = b"cfti.terrain.pyramid\nRenamed\n."
 
 
 def test_the_cache_knows_the_files_of_all_kernels_that_are_called() -> None:
     files = {Path(path).name for path in kernel._files(ray_cast.cast_rays)}
-    assert files == {"cast.py", "surface.py", "pyramid.py"}
+    assert files == {"ray_cast.py", "surface.py", "pyramid.py"}
     stamp = ray_cast.cast_rays._cache._cache_file._source_stamp  # type: ignore[attr-defined]
     assert (surface.__file__, hashlib.sha256(Path(surface.__file__).read_bytes()).hexdigest()) in stamp
+
+
+@pytest.mark.parametrize("damage", [b"", MISSING_CLASS, b"\x80\x05]"], ids=["empty", "renamed class", "cut off"])
+@pytest.mark.parametrize("pattern", ["*.nbi", "*.nbc"])
+def test_an_unreadable_file_of_compiled_code_counts_as_missing(tmp_path: Path, pattern: str, damage: bytes) -> None:
+    code: Any = kernel.KernelCacheFile(str(tmp_path), "kernel", "stamp")  # type: ignore[no-untyped-call]
+    code.save("signature", "machine code")
+    assert code.load("signature") == "machine code"
+    (file,) = tmp_path.glob(pattern)
+    file.write_bytes((pickle.dumps(numba_version, protocol=-1) if pattern == "*.nbi" else b"") + damage)
+    assert code.load("signature") is None
+    code.save("signature", "machine code")
+    assert code.load("signature") == "machine code"

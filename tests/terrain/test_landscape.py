@@ -12,19 +12,19 @@ GROUND = Terrain.from_array(np.full(COVER.shape, 100.0), 10.0, east0=-30.0, nort
 LANDSCAPE = Landscape(GROUND, np.full(COVER.shape, 10.0), COVER)
 
 
-def seen(sensed: SensedSurface) -> dict[Cover, float]:
+def heights_by_cover(sensed: SensedSurface) -> dict[Cover, float]:
     heights = LANDSCAPE.surface_for(sensed).finest.heights[1] - 100.0
     return {cover: float(heights[cover]) for cover in Cover}
 
 
 def test_a_laser_returns_from_the_top_first_and_from_the_ground_last() -> None:
-    assert seen(SensedSurface.TOP) == dict.fromkeys(Cover, 10.0)
-    assert seen(SensedSurface.LAST) == dict.fromkeys(Cover, 0.0) | {Cover.BUILDING: 10.0}
+    assert heights_by_cover(SensedSurface.TOP) == dict.fromkeys(Cover, 10.0)
+    assert heights_by_cover(SensedSurface.LAST) == dict.fromkeys(Cover, 0.0) | {Cover.BUILDING: 10.0}
     assert (LANDSCAPE.surface.finest.heights == 110.0).all()
 
 
 def test_a_radar_returns_from_its_share_of_the_canopy_and_from_roofs() -> None:
-    found = seen(SensedSurface.RADAR)
+    found = heights_by_cover(SensedSurface.RADAR)
     for cover in (Cover.GRASS, Cover.CROP, Cover.FOREST):
         assert 3.0 <= found[cover] <= 9.0
     assert found[Cover.BUILDING] == 10.0
@@ -33,7 +33,7 @@ def test_a_radar_returns_from_its_share_of_the_canopy_and_from_roofs() -> None:
 
 
 def test_a_terrain_model_is_the_ground_alone() -> None:
-    assert seen(SensedSurface.GROUND) == dict.fromkeys(Cover, 0.0)
+    assert heights_by_cover(SensedSurface.GROUND) == dict.fromkeys(Cover, 0.0)
 
 
 def test_cover_of_the_nearest_post() -> None:
@@ -47,9 +47,9 @@ def test_wrong_landscapes_are_refused() -> None:
     for canopy, cover, message in (
         (np.zeros((2, 2)), COVER, "canopy has the shape"),
         (np.zeros(shape), COVER[:, :3], "cover has the shape"),
-        (np.full(shape, -1.0), COVER, "negative or no number"),
-        (np.full(shape, np.nan), COVER, "negative or no number"),
-        (np.full(shape, np.inf), COVER, "negative or no number"),
+        (np.full(shape, -1.0), COVER, "negative or not finite"),
+        (np.full(shape, np.nan), COVER, "negative or not finite"),
+        (np.full(shape, np.inf), COVER, "negative or not finite"),
         (np.zeros(shape), np.full(shape, 7, dtype=np.uint8), "the number 7"),
         (np.zeros(shape), np.full(shape, -1, dtype=np.int8), "the number -1"),
         (np.zeros(shape), COVER.astype(np.float64), "the type float64"),

@@ -119,7 +119,7 @@ def test_shapes_of_origins_and_rays() -> None:
         ground.cast(origin[:2], DOWN[:2], 1e3)
 
 
-def test_a_bundle_says_when_something_nearer_is_not_ruled_out() -> None:
+def test_a_bundle_reports_when_something_nearer_is_not_ruled_out() -> None:
     mats = np.diag([1.0, -1.0, -1.0])[None]
     angles = np.array([[0.0, 0.0], [0.2, 0.0], [-0.2, 0.0], [0.0, 0.2]])
     places = {RayOutcome.HIT: (75.0, 75.0), RayOutcome.HOLE: (85.0, 91.0), RayOutcome.OUTSIDE: (190.0, 150.0)}
@@ -134,22 +134,22 @@ HALF = np.zeros((6, 6))
 
 
 @pytest.mark.parametrize(
-    ("layers", "said"),
+    ("layers", "message"),
     [
         ((), "at least one layer"),
         ((Layer(np.zeros((9, 9)), 10.0, 0.0, 0.0), Layer(HALF, 2.0, 20.0, 20.0)), "finest first"),
-        ((Layer(HALF, 3.0, 20.0, 20.0), Layer(np.zeros((9, 9)), 10.0, 0.0, 0.0)), "no multiple of 3.0 m"),
+        ((Layer(HALF, 3.0, 20.0, 20.0), Layer(np.zeros((9, 9)), 10.0, 0.0, 0.0)), "not a multiple of 3.0 m"),
         ((Layer(HALF, 2.0, 21.0, 20.0), Layer(np.zeros((9, 9)), 10.0, 0.0, 0.0)), "edge of layer 0 at 21.0 m"),
         ((Layer(HALF + 0.1, 2.0, 20.0, 20.0), Layer(np.zeros((9, 9)), 10.0, 0.0, 0.0)), "0.100 m off the coarser"),
     ],
 )
-def test_layers_that_do_not_fit_are_refused(layers: tuple[Layer, ...], said: str) -> None:
-    with pytest.raises(ValueError, match=said):
+def test_layers_that_do_not_fit_are_refused(layers: tuple[Layer, ...], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
         Terrain(layers, FRAME)
 
 
 def test_what_is_no_layer_is_refused() -> None:
     with pytest.raises(ValueError, match="origin has the shape"):
         Layer(np.zeros((3, 3)), 1.0, 0.0, 0.0, np.zeros((2, 3), dtype=np.uint8))
-    with pytest.raises(ValueError, match="must be numbers"):
+    with pytest.raises(ValueError, match="must be finite"):
         Layer(np.zeros((3, 3)), 1.0, np.nan, 0.0)

@@ -9,7 +9,7 @@ def rng() -> np.random.Generator:
 
 
 def test_relief_has_the_stated_roughness_and_band() -> None:
-    relief = fractal_relief((256, 512), 5.0, rng(), sd=4.0, longest_m=500.0, shortest_m=40.0)
+    relief = fractal_relief((256, 512), 5.0, rng(), sd=4.0, max_size_m=500.0, min_size_m=40.0)
     assert relief.std() == pytest.approx(4.0) and abs(relief.mean()) < 1e-9
     power = np.abs(np.fft.rfft2(relief)) ** 2
     frequency = np.hypot(np.fft.fftfreq(256, 5.0)[:, None], np.fft.rfftfreq(512, 5.0)[None, :])
@@ -18,9 +18,9 @@ def test_relief_has_the_stated_roughness_and_band() -> None:
 
 
 @pytest.mark.parametrize("hurst", [0.3, 0.5, 0.8])
-def test_spectrum_of_relief_falls_as_its_hurst_exponent_says(hurst: float) -> None:
+def test_spectrum_of_relief_falls_by_its_hurst_exponent(hurst: float) -> None:
     """A line through the logarithms of 16 000 waves, each exponential: their sd of 1.28 leaves 0.02 of the slope."""
-    relief = fractal_relief((512, 512), 5.0, rng(), sd=4.0, longest_m=1000.0, shortest_m=20.0, hurst=hurst)
+    relief = fractal_relief((512, 512), 5.0, rng(), sd=4.0, max_size_m=1000.0, min_size_m=20.0, hurst=hurst)
     power = np.abs(np.fft.fft2(relief)) ** 2
     frequency = np.hypot(np.fft.fftfreq(512, 5.0)[:, None], np.fft.fftfreq(512, 5.0)[None, :])
     band = (frequency >= 1 / 1000.0) & (frequency <= 1 / 20.0)
@@ -29,7 +29,7 @@ def test_spectrum_of_relief_falls_as_its_hurst_exponent_says(hurst: float) -> No
 
 
 def test_sizes_that_are_no_block_are_cut() -> None:
-    assert fractal_relief((37, 91), 5.0, rng(), sd=1.0, longest_m=150.0, shortest_m=20.0).shape == (37, 91)
+    assert fractal_relief((37, 91), 5.0, rng(), sd=1.0, max_size_m=150.0, min_size_m=20.0).shape == (37, 91)
 
 
 def test_forest_covers_its_share_between_10_and_25_m() -> None:
@@ -42,14 +42,14 @@ def test_forest_covers_its_share_between_10_and_25_m() -> None:
 
 
 def test_irregular_steps_reach_the_end_and_keep_to_their_sizes() -> None:
-    steps = irregular_steps(-300.0, 5000.0, rng(), shortest_m=80.0, longest_m=200.0)
+    steps = irregular_steps(-300.0, 5000.0, rng(), min_size_m=80.0, max_size_m=200.0)
     sizes = np.diff(steps)
     assert steps[0] == -300.0 and steps[-1] > 5000.0
     assert sizes.min() >= 80.0 and sizes.max() <= 200.0 and sizes.std() > 20.0
 
 
 def test_ridges_and_hollows_alternate_and_have_no_period() -> None:
-    relief = ridges(np.arange(0.0, 40000.0, 5.0), rng(), low=5.0, high=9.0, shortest_m=100.0, longest_m=200.0)
+    relief = ridges(np.arange(0.0, 40000.0, 5.0), rng(), low=5.0, high=9.0, min_size_m=100.0, max_size_m=200.0)
     rising = np.diff(relief) > 0
     turns = np.flatnonzero(rising[1:] != rising[:-1]) + 1
     assert (np.sign(relief[turns][1:]) == -np.sign(relief[turns][:-1])).all()
@@ -62,7 +62,7 @@ def test_ridges_and_hollows_alternate_and_have_no_period() -> None:
 def test_fields_hold_trees_where_wooded_and_crops_elsewhere() -> None:
     along = np.arange(0.0, 20000.0, 5.0)
     wooded = np.sin(along / 60.0) > 0.0
-    height = fields(along, wooded, rng(), shortest_m=80.0, longest_m=200.0)
+    height = fields(along, wooded, rng(), min_size_m=80.0, max_size_m=200.0)
     assert height[wooded].min() >= 9.0 and height[wooded].max() <= 18.0
     assert height[~wooded].min() >= 0.0 and height[~wooded].max() <= 4.0
     crop_sizes = 20000.0 / len(np.unique(height[~wooded]))

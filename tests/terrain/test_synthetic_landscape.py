@@ -95,7 +95,7 @@ def test_airfield_of_the_river_valley_is_level_dry_and_clear(seed: int) -> None:
 
 
 def test_wrong_names_and_sizes_are_refused() -> None:
-    with pytest.raises(ValueError, match=r"no landscape is called 'hills': plane, rough"):
+    with pytest.raises(ValueError, match=r"unknown landscape 'hills'; must be one of plane, rough"):
         synthetic_landscape("hills", 1)
     for size in (
         {"cell_m": 0.0},

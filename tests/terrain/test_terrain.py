@@ -95,7 +95,7 @@ def test_error_of_a_flat_earth_is_as_stated(distance: float, error: float) -> No
 
 
 @pytest.mark.parametrize(
-    ("heights", "cell", "said"),
+    ("heights", "cell", "message"),
     [
         (np.zeros((1, 5)), 5.0, "2 x 2"),
         (np.zeros(7), 5.0, "2 x 2"),
@@ -103,8 +103,8 @@ def test_error_of_a_flat_earth_is_as_stated(distance: float, error: float) -> No
         (np.zeros((3, 3)), 0.0, "cell_m"),
     ],
 )
-def test_what_is_no_surface_is_refused(heights: np.ndarray, cell: float, said: str) -> None:
-    with pytest.raises(ValueError, match=said):
+def test_what_is_no_surface_is_refused(heights: np.ndarray, cell: float, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
         Terrain.from_array(heights, cell, lat0=LAT0, lon0=LON0)
 
 
@@ -115,7 +115,7 @@ def test_a_copy_casts_on_its_own_posts(copied: Callable[[Terrain], Terrain]) -> 
     origin, rays = [100.0, 90.0, 60.0], [[0.1, 0.2, -1.0], [0.0, 0.0, -1.0]]
     expected = ground.cast(origin, rays, 500.0)
     other = copied(ground)
-    assert other.pyramid.places.heights == other.pyramid.heights.ctypes.data
-    assert other.pyramid.places.maxima == other.pyramid.maxima.ctypes.data
+    assert other.pyramid.addresses.heights == other.pyramid.heights.ctypes.data
+    assert other.pyramid.addresses.maxima == other.pyramid.maxima.ctypes.data
     del ground
     assert other.cast(origin, rays, 500.0).tolist() == expected.tolist()

@@ -28,7 +28,7 @@ def test_every_example_runs(
     names: dict[str, object] = {}
     for block in BLOCKS:
         exec(block, names)
-    told = capsys.readouterr().out
+    output = capsys.readouterr().out
     for line in (
         r"6\d\d\.\d m by N47E011\.hgt, egm96 as its format says; date None",
         r"\('1\d{3}\.\d m', 'HIT'\), \('nan m', 'OUTSIDE'\)",
@@ -36,5 +36,5 @@ def test_every_example_runs(
         r"-?8[23]\.\d+ m PRESSURE\(1023\.25 hPa\)",
         r"ELLIPSOID cannot be subtracted from MSL\(egm96\): convert one of the heights first",
     ):
-        assert re.search(line, told), f"{line} not in:\n{told}"
+        assert re.search(line, output), f"{line} not in:\n{output}"
     assert len(BLOCKS) == 4

@@ -93,11 +93,11 @@ def test_ctrl_c_ends_every_program_and_leaves_the_session(pytester: pytest.Pytes
         programs = children_of(process.pid)
         assert len(programs) == 3
         process.send_signal(signal.SIGINT)
-        said, _ = process.communicate(timeout=60)
+        printed, _ = process.communicate(timeout=60)
     finally:
         process.kill()
         process.communicate()
-    assert process.returncode == pytest.ExitCode.INTERRUPTED, said
+    assert process.returncode == pytest.ExitCode.INTERRUPTED, printed
     until(lambda: not any(Path(f"/proc/{pid}").exists() for pid in programs), what="the end of every program")
     (session,) = (example / "kept" / "nominal" / "session").iterdir()
     assert fti("verify", str(session)).returncode == 0
@@ -124,7 +124,7 @@ def test_a_flight_that_nobody_listens_to_does_not_begin(pytester: pytest.Pyteste
     found = pytester.runpytest_subprocess(*OPTIONS, "test_deaf.py")
     found.assert_outcomes(failed=1)
     found.stdout.fnmatch_lines(
-        ["*BenchError: waited 0.5 s for the begin of the flight:*nobody listens at autopilot_eth (udp, 127.0.0.1:*"]
+        ["*BenchError: waited 0.5 s for the begin of the flight:*no listener at autopilot_eth (udp, 127.0.0.1:*"]
     )
     found.stdout.fnmatch_lines(["*- emulator (*", "*stdout, the last 1 of 1 lines", "ready"])
 
@@ -132,7 +132,7 @@ def test_a_flight_that_nobody_listens_to_does_not_begin(pytester: pytest.Pyteste
 WRONG = {
     "no such scenario": (
         'fti_emulator.start("nominell")',
-        "*MissingError: no scenario 'nominell'; there are *nominal*",
+        "*MissingError: unknown scenario 'nominell'; allowed: *nominal*",
     ),
     "no such configuration": (
         'fti_emulator.start("nominal", config="none.toml")',
@@ -140,7 +140,7 @@ WRONG = {
     ),
     "a configuration that the scenario does not fit": (
         'fti_emulator.start("altimeter_failure", config="sensors.toml")',
-        "*ConfigError: *altimeter_failure.toml: fault*is no device of sensors.toml; there are autopilot, gnss",
+        "*ConfigError: *altimeter_failure.toml: fault*unknown device * sensors.toml has: autopilot, gnss",
     ),
     "a driver that there is not": ('fti_recorder.start("wrong.toml")', "*ConfigError: wrong.toml: device?0?.driver*"),
     "not started": ("fti_emulator.fly()", "*BenchError: the emulator was not started: call start(SCENARIO) first"),
@@ -154,8 +154,8 @@ def test_wrong_calls_are_one_sentence_each(pytester: pytest.Pytester, example: P
     pytester.makepyfile(test_wrong="\n".join(tests))
     found = pytester.runpytest_subprocess(*OPTIONS, "test_wrong.py")
     found.assert_outcomes(failed=len(WRONG))
-    for _, said in WRONG.values():
-        found.stdout.fnmatch_lines([f"E {said}"])
+    for _, printed in WRONG.values():
+        found.stdout.fnmatch_lines([f"E {printed}"])
 
 
 def test_a_unit_that_ends_in_flight_fails_the_test(pytester: pytest.Pytester, example: Path) -> None:
@@ -173,7 +173,7 @@ def test_a_unit_that_ends_in_flight_fails_the_test(pytester: pytest.Pytester, ex
     )
 
 
-def test_the_example_is_as_short_as_it_is_said_to_be() -> None:
+def test_the_example_is_as_short_as_it_is_documented() -> None:
     assert len((EXAMPLE / "flight_computer.py").read_text().splitlines()) <= 100
 
 

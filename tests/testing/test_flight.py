@@ -47,9 +47,9 @@ def test_the_sensors_are_where_the_aircraft_is(flight: Flight) -> None:
         position.assert_error("alt", 0.001)
 
 
-def test_a_topic_that_there_is_not_is_told_with_those_that_there_are(flight: Flight) -> None:
+def test_a_topic_that_there_is_not_is_reported_with_those_that_there_are(flight: Flight) -> None:
     with pytest.raises(
-        AssertionError, match=r"/autopilot/altitude: no such topic in .*; there are /autopilot/attitude, "
+        AssertionError, match=r"/autopilot/altitude: no such topic in .*; topics: /autopilot/attitude, "
     ):
         flight.topic("/autopilot/altitude")
 
@@ -62,7 +62,7 @@ def test_readings_are_chosen_by_their_name(flight: Flight) -> None:
 
 
 def test_without_a_recorder_there_are_no_topics(flight: Flight) -> None:
-    with pytest.raises(BenchError, match="nothing was recorded"):
+    with pytest.raises(BenchError, match="was not recorded"):
         Flight(None, flight.truth_file).topic("/autopilot/position")
 
 

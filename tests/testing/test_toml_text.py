@@ -36,7 +36,7 @@ def test_every_scenario_comes_back(name: str, tmp_path: Path) -> None:
     scenario = scenarios.load(scenarios.find(name))
     write_scenario(scenario, tmp_path / "scenario.toml")
     read = scenarios.load(tmp_path / "scenario.toml")
-    assert read.flown == scenario.flown
+    assert read.flight_key == scenario.flight_key
     assert (read.config, read.expect, read.port) == (scenario.config, scenario.expect, scenario.port)
 
 

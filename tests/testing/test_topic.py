@@ -61,9 +61,9 @@ def right(t: float) -> dict[str, Any]:
 def test_rate() -> None:
     found = topic(right, ten_hz())
     found.assert_rate(9.9, 10.1)
-    said = failure(found.assert_rate, 10.5)
-    assert "/unit/position, 0 to 20 s: rate 10.00 Hz (200 messages); limit at least 10.5 Hz" in said
-    assert "session: /tmp/session" in said
+    message = failure(found.assert_rate, 10.5)
+    assert "/unit/position, 0 to 20 s: rate 10.00 Hz (200 messages); limit at least 10.5 Hz" in message
+    assert "session: /tmp/session" in message
     assert "limit at least 1 Hz, at most 9 Hz" in failure(found.assert_rate, 1.0, 9.0)
 
 
@@ -95,15 +95,15 @@ def test_valid_share() -> None:
     found = topic(lambda t: {"valid": t < 15.0}, ten_hz())
     found.assert_valid_share(0.75)
     assert "75.0% of 200 messages are valid; limit at least 80.0%" in failure(found.assert_valid_share, 0.8)
-    assert "came at 15.00 s" in failure(found.assert_valid_share, 0.8)
+    assert "first invalid message at 15.00 s" in failure(found.assert_valid_share, 0.8)
 
 
 def test_error_names_the_worst() -> None:
     found = topic(lambda t: {"alt": 100.0 + 2.0 * t + (7.0 if t == 12.0 else 0.5)}, ten_hz())
     found.assert_error("alt", 7.001)
-    said = failure(found.assert_error, "alt", 1.0)
-    assert "alt: error +7 m at 12.00 s (131, truth 124); limit +-1 m" in said
-    assert "1 of 200 valid messages are beyond" in said
+    message = failure(found.assert_error, "alt", 1.0)
+    assert "alt: error +7 m at 12.00 s (131, truth 124); limit +-1 m" in message
+    assert "1 of 200 valid messages are beyond" in message
     found.assert_error("alt", 1.0, share=0.995)
     assert "limit +-1 m for 99.9% of the messages" in failure(found.assert_error, "alt", 1.0, share=0.999)
 
@@ -155,10 +155,10 @@ def test_a_number_that_is_none_is_no_success() -> None:
     assert "nothing to compare" in failure(found.assert_error, "alt", 1.0)
 
 
-def test_a_wrong_name_is_told_with_those_that_there_are() -> None:
+def test_a_wrong_name_is_reported_with_those_that_there_are() -> None:
     found = topic(lambda t: {"alt": 1.0, "msl": 2.0, "stamp": {}}, ten_hz())
-    assert "no message has a field 'altitude'; they have alt, msl" in failure(found.assert_error, "altitude", 1.0)
-    assert "knows no 'msl'; name one of them with truth=: alt, heading, lat, lon" in failure(
+    assert "no message has a field 'altitude'; fields: alt, msl" in failure(found.assert_error, "altitude", 1.0)
+    assert "has no 'msl'; select a quantity with truth=: alt, heading, lat, lon" in failure(
         found.assert_error, "msl", 1.0
     )
 
@@ -166,9 +166,9 @@ def test_a_wrong_name_is_told_with_those_that_there_are() -> None:
 def test_error_within_the_stated_sigma() -> None:
     found = topic(lambda t: {"alt": 100.0 + 2.0 * t + 2.0, "vertical_sd": 1.0 if t < 10.0 else 0.5}, ten_hz())
     found.assert_error_within_sigma("alt", "vertical_sd", k=4.01)
-    said = failure(found.assert_error_within_sigma, "alt", "vertical_sd")
-    assert "limit +-3 vertical_sd = 1.5 m; " in said
-    assert "100 of 200 valid messages are beyond" in said
+    message = failure(found.assert_error_within_sigma, "alt", "vertical_sd")
+    assert "limit +-3 vertical_sd = 1.5 m; " in message
+    assert "100 of 200 valid messages are beyond" in message
 
 
 @pytest.mark.parametrize("sd", [None, 0.0, -1.0, math.nan])
@@ -201,9 +201,9 @@ def test_a_flag_in_time() -> None:
 
 
 @pytest.mark.parametrize(
-    ("spans", "said"),
+    ("spans", "message"),
     [
-        ([], "not raised between 5.00 s and 5.60 s; it never was"),
+        ([], "not raised between 5.00 s and 5.60 s; it was never raised"),
         ([(7.0, 10.0)], "not raised between 5.00 s and 5.60 s; it was raised at 7.00 s"),
         ([(1.0, 2.0)], "not raised between 5.00 s and 5.60 s"),
         ([(4.0, 10.0)], "raised at 4.00 s, before its cause at 5.00 s"),
@@ -212,9 +212,9 @@ def test_a_flag_in_time() -> None:
         ([(5.5, 10.0), (15.0, 16.0)], "raised at 15.00 s, is cleared at 16.00 s"),
     ],
 )
-def test_a_flag_at_the_wrong_time(spans: list[tuple[float, float]], said: str) -> None:
+def test_a_flag_at_the_wrong_time(spans: list[tuple[float, float]], message: str) -> None:
     found = failure(flagged(*spans).assert_flag, "low", fault=0, raised_within_s=0.6, cleared_within_s=0.6)
-    assert f"flag 'low': {said}" in found
+    assert f"flag 'low': {message}" in found
 
 
 def test_a_condition_is_a_flag_too() -> None:

@@ -107,7 +107,7 @@ time.sleep(600)
     found.assert_outcomes(passed=1)
 
 
-def test_one_that_does_not_end_is_killed_and_that_is_told(pytester: pytest.Pytester) -> None:
+def test_one_that_does_not_end_is_killed_and_that_is_reported(pytester: pytest.Pytester) -> None:
     code = "import signal, time; signal.signal(15, signal.SIG_IGN); print('ready'); time.sleep(600)"
     found = run(
         pytester,
@@ -183,7 +183,7 @@ def test_a_wrong_placeholder_names_the_links(pytester: pytest.Pytester, wrong: s
         """,
     )
     found.assert_outcomes(failed=1)
-    found.stdout.fnmatch_lines(["*is no valid placeholder*; there are emulator.gnss, each*a brace is written twice"])
+    found.stdout.fnmatch_lines(["*invalid placeholder*; links: emulator.gnss, each*write a brace twice"])
 
 
 def test_a_program_that_there_is_not(pytester: pytest.Pytester) -> None:
@@ -194,7 +194,7 @@ def test_a_program_that_there_is_not(pytester: pytest.Pytester) -> None:
     )
 
 
-def test_folders_are_kept_where_it_is_asked_for(pytester: pytest.Pytester) -> None:
+def test_folders_are_kept_where_it_is_requested(pytester: pytest.Pytester) -> None:
     for _ in range(2):
         run(pytester, f"fti_unit.start({python(SLEEP)})", "--fti-keep", "kept").assert_outcomes(passed=1)
     assert sorted(folder.name for folder in (pytester.path / "kept").iterdir()) == ["test_unit", "test_unit_1"]

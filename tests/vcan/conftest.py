@@ -23,10 +23,10 @@ def vm_command(module: str, out: Path) -> list[str]:
     It has the kernels that were compiled outside, where it can write: numba takes none from elsewhere, and to compile
     them takes most of a minute inside.
     """
-    kept = out / "kernels"
+    cache = out / "kernels"
     if KERNELS.is_dir():
-        shutil.copytree(KERNELS, kept)
-    return [str(RUNNER), str(out), "env", f"NUMBA_CACHE_DIR={kept}", sys.executable, "-m", module, f"{out}/found.json"]
+        shutil.copytree(KERNELS, cache)
+    return [str(RUNNER), str(out), "env", f"NUMBA_CACHE_DIR={cache}", sys.executable, "-m", module, f"{out}/found.json"]
 
 
 @pytest.fixture(scope="session")

@@ -77,10 +77,12 @@ async def probe(folder: Path) -> dict[str, list[object]]:
     flying = asyncio.create_task(emulator.run(), name="flying")
     await emulator.ready.wait()
     async with AsyncExitStack() as stack:
-        link, heard = await stack.enter_async_context(run_link(config.link[0]))
+        link, received = await stack.enter_async_context(run_link(config.link[0]))
         await link.send(REQUEST)
-        await until_async(lambda: any(unpack_can(f).can_id == 129 for f in heard.frames), what="the answer of the node")
+        await until_async(
+            lambda: any(unpack_can(f).can_id == 129 for f in received.frames), what="the answer of the node"
+        )
         emulator.start()
         await flying
-        await until_async(lambda: len(heard.frames) > 200, what="the flight")
-    return {"frames": [frame.hex() for frame in heard.frames], "times": list(heard.times)}
+        await until_async(lambda: len(received.frames) > 200, what="the flight")
+    return {"frames": [frame.hex() for frame in received.frames], "times": list(received.times)}

@@ -43,7 +43,7 @@ ERROR_FRAMES = [
     (0x2000_0040).to_bytes(4, "little") + b"\x08\0\0\0" + bytes(8),
 ]
 
-Seen = list[tuple[str, int]]
+Received = list[tuple[str, int]]
 
 
 class Witness:
@@ -71,9 +71,9 @@ def ip_link(channel: str, state: str) -> None:
     subprocess.run(["ip", "link", "set", channel, state], check=True)
 
 
-def link_of(channel: str, seen: Seen, clock: SystemClock, **keys: Any) -> Link:
+def link_of(channel: str, received: Received, clock: SystemClock, **keys: Any) -> Link:
     config = CanLink(name=channel, kind="can", interface="socketcan", channel=channel, fd=True, **keys)
-    return open_link(config, clock, per_frame_sink(lambda data, t_rx_ns: seen.append((data.hex(), t_rx_ns))))
+    return open_link(config, clock, per_frame_sink(lambda data, t_rx_ns: received.append((data.hex(), t_rx_ns))))
 
 
 def send_all(bus: can.BusABC, frames: Sequence[can.Message]) -> None:
@@ -81,47 +81,49 @@ def send_all(bus: can.BusABC, frames: Sequence[can.Message]) -> None:
         bus.send(frame, timeout=1.0)
 
 
-async def every_kind(link: Link, seen: Seen, witness: Witness, bus: can.BusABC, clock: SystemClock) -> dict[str, Any]:
+async def every_kind(
+    link: Link, received: Received, witness: Witness, bus: can.BusABC, clock: SystemClock
+) -> dict[str, Any]:
     """Frames of every kind, sent while the loop is busy elsewhere: only kernel stamps can tell them apart."""
     before = clock.now_ns()
     send_all(bus, FRAMES)
     after = clock.now_ns()
     time.sleep(0.3)  # noqa: ASYNC251 - a busy loop is what is tested
-    await until_async(lambda: len(seen) >= len(FRAMES), what="every kind of frame")
+    await until_async(lambda: len(received) >= len(FRAMES), what="every kind of frame")
     return {
-        "link": [s[0] for s in seen],
-        "times": [s[1] for s in seen],
+        "link": [s[0] for s in received],
+        "times": [s[1] for s in received],
         "witness": witness.frames(),
         "sent": [before, after],
     }
 
 
-async def error_frames(link: Link, seen: Seen) -> dict[str, Any]:
+async def error_frames(link: Link, received: Received) -> dict[str, Any]:
     """What a controller says of itself and of the bus, as a driver would hand it in: with CAN_ERR_FLAG."""
-    seen.clear()
+    received.clear()
     with socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW) as sock:
         sock.bind(("vcan0",))
         for frame in ERROR_FRAMES:
             sock.send(frame)
-    await until_async(lambda: len(seen) >= len(ERROR_FRAMES), what="the error frames")
-    return {"link": [s[0] for s in seen], "errors": dict(link.status.errors)}
+    await until_async(lambda: len(received) >= len(ERROR_FRAMES), what="the error frames")
+    return {"link": [s[0] for s in received], "errors": dict(link.status.errors)}
 
 
-async def burst(link: Link, seen: Seen, bus: can.BusABC) -> dict[str, Any]:
+async def burst(link: Link, received: Received, bus: can.BusABC) -> dict[str, Any]:
     """More frames than a default buffer holds, while nobody reads."""
-    seen.clear()
+    received.clear()
     for i in range(BURST):
         bus.send(can.Message(arbitration_id=1, is_extended_id=False, data=i.to_bytes(8, "little")), timeout=1.0)
-    await until_async(lambda: len(seen) + link.status.socket_dropped >= BURST, what="the burst")
+    await until_async(lambda: len(received) + link.status.socket_dropped >= BURST, what="the burst")
     return {
-        "counts": [int.from_bytes(bytes.fromhex(s[0])[8:], "little") for s in seen],
+        "counts": [int.from_bytes(bytes.fromhex(s[0])[8:], "little") for s in received],
         "dropped": link.status.socket_dropped,
     }
 
 
-async def down_and_up(link: Link, seen: Seen, witness: Witness) -> dict[str, Any]:
+async def down_and_up(link: Link, received: Received, witness: Witness) -> dict[str, Any]:
     """The interface goes down and comes back."""
-    seen.clear()
+    received.clear()
     witness.frames()
     ip_link("vcan0", "down")
     await until_async(lambda: link.status.state is LinkState.ABSENT, what="the link to notice")
@@ -130,23 +132,23 @@ async def down_and_up(link: Link, seen: Seen, witness: Witness) -> dict[str, Any
     await until_async(lambda: link.status.state is not LinkState.ABSENT, what="the link to come back")
     with can.Bus(interface="socketcan", channel="vcan0") as bus:  # a new one: the old one's first send would fail
         send_all(bus, FRAMES[:3])
-    await until_async(lambda: len(seen) >= 3, what="frames after the interface came back")
-    return {"hint": hint, "link": [s[0] for s in seen], "witness": witness.frames()}
+    await until_async(lambda: len(received) >= 3, what="frames after the interface came back")
+    return {"hint": hint, "link": [s[0] for s in received], "witness": witness.frames()}
 
 
 async def sending(clock: SystemClock) -> dict[str, Any]:
     """A link that may send does; its own frame is not received, not even when the kernel hands it back."""
-    seen: Seen = []
+    received: Received = []
     witness = Witness("vcan1")
-    link = link_of("vcan1", seen, clock, transmit=True, settings={"receive_own_messages": True})
+    link = link_of("vcan1", received, clock, transmit=True, settings={"receive_own_messages": True})
     task = asyncio.create_task(link.run(), name="sender")
     await until_async(lambda: link.status.state is LinkState.SILENT, what="vcan1")
     await link.send(OWN_FRAME)
     with can.Bus(interface="socketcan", channel="vcan1") as bus:
         bus.send(FRAMES[1])
-    await until_async(lambda: len(seen) >= 1, what="the frame of another")
+    await until_async(lambda: len(received) >= 1, what="the frame of another")
     await cancel(task)
-    return {"link": [s[0] for s in seen], "witness": witness.frames(), "tx_frames": link.status.tx_frames}
+    return {"link": [s[0] for s in received], "witness": witness.frames(), "tx_frames": link.status.tx_frames}
 
 
 async def absent(clock: SystemClock) -> dict[str, Any]:
@@ -160,24 +162,24 @@ async def absent(clock: SystemClock) -> dict[str, Any]:
 
 async def set_clock(clock: SystemClock) -> list[dict[str, Any]]:
     """A frame waits with the kernel's stamp while somebody sets the real-time clock; this kernel is only ours."""
-    seen: Seen = []
-    link = link_of("vcan0", seen, clock)
+    received: Received = []
+    link = link_of("vcan0", received, clock)
     task = asyncio.create_task(link.run(), name="set clock")
     await until_async(lambda: link.status.state is LinkState.SILENT, what="vcan0")
     rows = []
     with can.Bus(interface="socketcan", channel="vcan0") as bus:
         for step_ns in (5_000_000_000, -5_000_000_000):
-            seen.clear()
+            received.clear()
             before = clock.now_ns()
             clock.take_steps()
             bus.send(FRAMES[1])
             time.clock_settime_ns(time.CLOCK_REALTIME, time.clock_gettime_ns(time.CLOCK_REALTIME) + step_ns)
-            await until_async(lambda: bool(seen), what="the frame that waited")
+            await until_async(lambda: bool(received), what="the frame that waited")
             rows.append(
                 {
                     "step_ns": step_ns,
                     "span": [before, clock.now_ns()],
-                    "t_rx_ns": seen[-1][1],
+                    "t_rx_ns": received[-1][1],
                     "refused": link.status.stamp_refused,
                     "told": [step.size_ns for step in clock.take_steps()],
                 }
@@ -193,8 +195,8 @@ async def cancel(task: asyncio.Task[None]) -> None:
 
 async def probe() -> dict[str, Any]:
     clock = SystemClock(choose_epoch_ns())
-    seen: Seen = []
-    link = link_of("vcan0", seen, clock)
+    received: Received = []
+    link = link_of("vcan0", received, clock)
     witness = Witness("vcan0")
     task = asyncio.create_task(link.run(), name="vcan0")
     await until_async(lambda: link.status.state is LinkState.SILENT, what="vcan0")
@@ -205,10 +207,10 @@ async def probe() -> dict[str, Any]:
         refused = str(error)
     with can.Bus(interface="socketcan", channel="vcan0", fd=True) as bus:
         found = {
-            "kinds": await every_kind(link, seen, witness, bus, clock),
-            "errors": await error_frames(link, seen),
-            "burst": await burst(link, seen, bus),
-            "down": await down_and_up(link, seen, witness),
+            "kinds": await every_kind(link, received, witness, bus, clock),
+            "errors": await error_frames(link, received),
+            "burst": await burst(link, received, bus),
+            "down": await down_and_up(link, received, witness),
         }
     await cancel(task)
     apart = {"sending": await sending(clock), "absent": await absent(clock), "set_clock": await set_clock(clock)}

@@ -17,7 +17,7 @@ from tests.vcan.conftest import EXIT_NOT_INSTALLED, vm_command
 pytestmark = [pytest.mark.e2e, pytest.mark.alone, pytest.mark.socketcan, pytest.mark.timeout(4500)]
 
 
-def test_the_daemon_said_what_the_scenario_expects(tmp_path: Path) -> None:
+def test_the_daemon_reports_what_the_scenario_expects(tmp_path: Path) -> None:
     def fly(attempt: int) -> dict[str, Any]:
         folder = tmp_path / str(attempt)
         folder.mkdir()

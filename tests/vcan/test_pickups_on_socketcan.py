@@ -14,33 +14,33 @@ pytestmark = [pytest.mark.e2e, pytest.mark.alone, pytest.mark.socketcan]
 
 
 @pytest.fixture(scope="module")
-def heard(vm_results: dict[str, Any]) -> dict[str, Any]:
+def received(vm_results: dict[str, Any]) -> dict[str, Any]:
     """What the link heard."""
     frames: dict[str, Any] = vm_results["pickups"]
     return frames
 
 
-def decoded(decoder: Decoder, heard: dict[str, Any]) -> list[Measurement]:
-    pairs = zip(heard["frames"], heard["times"], strict=True)
+def decoded(decoder: Decoder, received: dict[str, Any]) -> list[Measurement]:
+    pairs = zip(received["frames"], received["times"], strict=True)
     return [m for frame, t in pairs for m in decoder.feed(bytes.fromhex(frame), t)]
 
 
-def test_pickups_and_air_data_share_a_socketcan_bus(heard: dict[str, Any]) -> None:
+def test_pickups_and_air_data_share_a_socketcan_bus(received: dict[str, Any]) -> None:
     pickups = deflection_pickups.make_decoder(deflection_pickups.Options())
-    found = [m for m in decoded(pickups, heard) if isinstance(m, SurfaceDeflection)]
+    found = [m for m in decoded(pickups, received) if isinstance(m, SurfaceDeflection)]
     assert len({m.surface for m in found}) == 10
     assert len(found) == pytest.approx(10 * 10 * FLIGHT_S, abs=10)
     assert all(m.valid and m.raw is not None for m in found)
     assert not pickups.counters.lost
     air_data = canaerospace.make_decoder(canaerospace.Options(node=1))
-    pressures = [m for m in decoded(air_data, heard) if isinstance(m, StaticPressure)]
+    pressures = [m for m in decoded(air_data, received) if isinstance(m, StaticPressure)]
     assert len(pressures) == pytest.approx(10 * FLIGHT_S, abs=1)
 
 
-def test_the_node_has_answered_the_command(heard: dict[str, Any]) -> None:
+def test_the_node_has_answered_the_command(received: dict[str, Any]) -> None:
     calibration = "surface,raw,deg\nflaps,256,-1\nflaps,3840,43\n"
-    found = decoded(deflection_pickups.make_decoder(deflection_pickups.Options(calibration=calibration)), heard)
+    found = decoded(deflection_pickups.make_decoder(deflection_pickups.Options(calibration=calibration)), received)
     (ack,) = [m for m in found if isinstance(m, Ack)]
     assert (ack.command, ack.accepted, ack.detail) == ("insert_point", True, "flaps: raw 900 = 8.00 deg")
-    (told,) = [m for m in found if isinstance(m, Calibration)]
-    assert [p.raw for p in told.points] == [256, 900, 3840]
+    (answer,) = [m for m in found if isinstance(m, Calibration)]
+    assert [p.raw for p in answer.points] == [256, 900, 3840]

@@ -16,8 +16,8 @@ pytestmark = [pytest.mark.e2e, pytest.mark.alone, pytest.mark.socketcan]
 @pytest.fixture(scope="module")
 def found(vm_results: dict[str, Any]) -> dict[str, Any]:
     """What link and witness saw."""
-    seen: dict[str, Any] = vm_results["socketcan"]
-    return seen
+    results: dict[str, Any] = vm_results["socketcan"]
+    return results
 
 
 def test_every_kind_of_frame_is_recorded_as_the_kernel_gives_it(found: dict[str, Any]) -> None:
@@ -27,17 +27,17 @@ def test_every_kind_of_frame_is_recorded_as_the_kernel_gives_it(found: dict[str,
 
 
 @pytest.mark.parametrize("index", range(len(FRAMES)))
-def test_the_bytes_say_what_was_sent(found: dict[str, Any], index: int) -> None:
+def test_the_bytes_are_those_that_were_sent(found: dict[str, Any], index: int) -> None:
     """Laid beside linux/can.h by hand: identifier and its flags, length, data; 16 or 72 bytes."""
-    sent, frame = FRAMES[index], bytes.fromhex(found["kinds"]["link"][index])
-    word = sent.arbitration_id | sent.is_extended_id << 31 | sent.is_remote_frame << 30
-    assert len(frame) == (72 if sent.is_fd else 16)
+    message, frame = FRAMES[index], bytes.fromhex(found["kinds"]["link"][index])
+    word = message.arbitration_id | message.is_extended_id << 31 | message.is_remote_frame << 30
+    assert len(frame) == (72 if message.is_fd else 16)
     assert int.from_bytes(frame[:4], "little") == word
-    assert frame[4] == sent.dlc
-    assert frame[8 : 8 + len(sent.data)] == bytes(sent.data)
-    assert not any(frame[8 + len(sent.data) :])
-    if sent.is_fd:
-        assert bool(frame[5] & 1) == sent.bitrate_switch
+    assert frame[4] == message.dlc
+    assert frame[8 : 8 + len(message.data)] == bytes(message.data)
+    assert not any(frame[8 + len(message.data) :])
+    if message.is_fd:
+        assert bool(frame[5] & 1) == message.bitrate_switch
 
 
 def test_frames_are_stamped_by_the_kernel(found: dict[str, Any]) -> None:

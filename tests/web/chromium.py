@@ -124,7 +124,7 @@ class Chromium:
 
 
 class Page:
-    """One page.  ``requests``: every address it asked for; ``problems``: what the console says went wrong."""
+    """One page.  ``requests``: every requested address; ``problems``: errors of the console."""
 
     def __init__(self, browser: Chromium, session: str) -> None:
         self._browser = browser

@@ -285,7 +285,7 @@ def make_health(t: float, t_ns: int, started_ns: int) -> dict[str, Any]:
 
 
 def make_laboratory(t: float, **states: str) -> dict[str, Any]:
-    """What an emulator of that bench says; states : of breakers that are not on."""
+    """Message of an emulator of that bench; states : of breakers that are not on."""
     rates = {
         "ins": 100.0,
         "radar_altimeter": 25.0,
@@ -377,12 +377,12 @@ class FakeDaemon:
         self._thread.start()
 
     def stop_navigation(self) -> None:
-        """As when the process is killed: its token goes and nothing comes any more."""
+        """End navigation as if it were killed: its token is removed and its messages stop."""
         navigation, self._navigation = self._navigation, None
         if navigation:
             navigation.close()
 
-    def say(self, level: str, source: str, text: str) -> None:
+    def publish_event(self, level: str, source: str, text: str) -> None:
         """Publish an event that happens now."""
         self.hub.publish("/event", encode(asdict(Event(t_ns=time.time_ns(), level=level, source=source, text=text))))
 
@@ -417,7 +417,7 @@ class FakeDaemon:
             if navigation and topic not in self.muted:
                 navigation.publish(topic, encode_with_age(fields, t_ns, t_ns + 4_000_000, MAX_AGE_MS))
             if navigation and not self.muted & {topic, ALARMS_TOPIC}:
-                for report in self._conditions.take((_as_output(output, fields),)):
+                for report in self._conditions.feed((_as_output(output, fields),)):
                     self.alarms.handle_report(report.as_json())
 
     def _send_events(self, t: float) -> None:
@@ -454,7 +454,7 @@ class DisplayProcess:
         command = [sys.executable, "-m", "fti.service.display", *where]
         self.process = subprocess.Popen(command, pass_fds=[theirs.fileno()], start_new_session=True)
         theirs.close()
-        self.say({"key": KEY})
+        self.send({"key": KEY})
         self.port = self._read_port()
         self.url = f"http://127.0.0.1:{self.port}/"
         self.owner_url = f"{self.url}#key={KEY}"
@@ -468,17 +468,17 @@ class DisplayProcess:
         return int(message["port"])
 
     def read_message(self) -> dict[str, Any]:
-        """What the display says next to its supervisor; empty at its end."""
+        """Next message of the display to its supervisor; empty at its end."""
         with self.control.makefile() as lines:
             found: dict[str, Any] = json.loads(lines.readline() or "{}")
         return found
 
-    def say(self, message: dict[str, Any]) -> None:
-        """Tell it something, as its supervisor does."""
+    def send(self, message: dict[str, Any]) -> None:
+        """Send it a message, as its supervisor does."""
         self.control.sendall(json.dumps(message).encode() + b"\n")
 
     def close(self) -> int:
-        """Let it see the end of its supervisor; returns its exit code."""
+        """Close the control channel, as at the end of its supervisor; returns the exit code."""
         self.control.close()
         try:
             self.process.wait(10.0)

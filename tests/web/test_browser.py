@@ -149,7 +149,7 @@ async def test_how_far_an_unconfirmed_source_is_off_is_shown_as_long_as_it_is_pu
     await page.wait_for(f"{row} === null")
 
 
-async def test_what_takes_the_place_of_devices_is_told_and_a_known_attitude_stays(
+async def test_what_takes_the_place_of_devices_is_reported_and_a_known_attitude_stays(
     page: Page, daemon: FakeDaemon
 ) -> None:
     assert await page.text("attitude-alt-sd") == "± 2.1"
@@ -198,7 +198,7 @@ async def test_the_height_below_has_the_vertical_protection_level_beside_it(page
     await page.wait_for(f"{by_testid('height-below-vpl')}.textContent === ''")
 
 
-async def test_one_height_is_large_and_says_whose_it_is(page: Page) -> None:
+async def test_one_height_is_large_and_names_its_source(page: Page) -> None:
     await page.wait_for(f"{by_testid('height-below-source')}.textContent === 'by radar altimeter'")
     size = "parseFloat(getComputedStyle({}).fontSize)"
     small = await page.eval(size.format(by_testid(f"{LASER}-agl")))
@@ -233,7 +233,7 @@ async def test_a_stopped_daemon_is_announced(page: Page, daemon: FakeDaemon) -> 
 async def test_a_lost_connection_is_unmistakable_and_ends(
     page: Page, daemon: FakeDaemon, display: DisplayProcess
 ) -> None:
-    display.say({"catalogue": CATALOGUE})
+    display.send({"catalogue": CATALOGUE})
     await page.wait_for(f"!{by_testid('commands-open')}.hidden")
     display.process.send_signal(signal.SIGSTOP)
     await page.eval(f"{by_testid('commands-send')}.click()")
@@ -260,7 +260,7 @@ async def test_a_lost_connection_is_unmistakable_and_ends(
 
 async def test_without_the_key_the_page_only_shows(daemon: FakeDaemon, display: DisplayProcess) -> None:
     daemon.breakers = {}
-    display.say({"catalogue": [*CATALOGUE, PDU]})
+    display.send({"catalogue": [*CATALOGUE, PDU]})
     async with Chromium() as browser:
         for address, fault in ((display.url, WITHOUT_KEY), (f"{display.url}#key=of_an_earlier_start", WRONG_KEY)):
             page = await browser.open(address)
@@ -306,7 +306,7 @@ async def test_the_file_of_the_run_directory_leads_to_the_page_with_the_key(
 
 
 async def test_a_display_that_hangs_is_a_lost_connection(page: Page, display: DisplayProcess) -> None:
-    display.say({"catalogue": CATALOGUE})
+    display.send({"catalogue": CATALOGUE})
     await page.wait_for(f"!{by_testid('commands-open')}.hidden")
     display.process.send_signal(signal.SIGSTOP)
     try:
@@ -342,7 +342,7 @@ async def raise_alert(daemon: FakeDaemon, page: Page) -> None:
 async def test_an_alarm_that_has_ended_stays_until_it_is_acknowledged(
     page: Page, daemon: FakeDaemon, display: DisplayProcess
 ) -> None:
-    """By the key; the daemon is told by whom, and every page shows the same."""
+    """With the key; the daemon records the user, and every page shows the same."""
     tile = "alarm-integrity_alert"
     await raise_alert(daemon, page)
     daemon.change_integrity = lambda fields: fields
@@ -373,10 +373,10 @@ async def test_an_alarm_that_lasts_is_acknowledged_alone_and_stays(
 async def test_every_alarm_is_shown_until_it_has_ended_and_was_acknowledged(page: Page, daemon: FakeDaemon) -> None:
     daemon.muted.add(ALARMS_TOPIC)
     for case in CASES:
-        told = daemon_with(case)
+        case_daemon = daemon_with(case)
 
-        def publish(told: Daemon = told) -> None:
-            daemon.hub.publish(ALARMS_TOPIC, encode({"t_ns": told.clock.time_ns, "alarms": told.rows}))
+        def publish(case_daemon: Daemon = case_daemon) -> None:
+            daemon.hub.publish(ALARMS_TOPIC, encode({"t_ns": case_daemon.clock.time_ns, "alarms": case_daemon.rows}))
 
         publish()
         tile = f"alarm-{case.identity}"
@@ -384,18 +384,18 @@ async def test_every_alarm_is_shown_until_it_has_ended_and_was_acknowledged(page
         assert await page.eval(f"{by_testid(tile)}.dataset.severity") == case.severity
         assert await page.eval(f"{by_testid(tile)}.classList.contains('ended')") is case.is_moment
         if case.ends:
-            case.ends(told)
+            case.ends(case_daemon)
             publish()
         if case.is_latched:
             await page.wait_for(f"{by_testid(tile)}?.classList.contains('ended')")
-            told.board.acknowledge(ME, None)
+            case_daemon.board.acknowledge(ME, None)
             publish()
         await page.wait_for(f"{by_testid(tile)} === null")
 
 
 @pytest.mark.parametrize("late_s", [0.5, 1.0, 5.0])
 async def test_outputs_that_are_late_in_an_alert_end_no_alarm(page: Page, daemon: FakeDaemon, late_s: float) -> None:
-    """What is struck out is what would have ended it."""
+    """The value that would have ended it is struck out."""
     tile = "alarm-integrity_alert"
     await raise_alert(daemon, page)
     daemon.muted.add("/nav/clearance_integrity")
@@ -461,7 +461,7 @@ async def test_a_mark_goes_up_and_comes_back_as_event_and_line(
     assert await asyncio.to_thread(display.read_message) == {"mark": "approach 3 <b>", "who": ME}
     await page.wait_for(shows("mark-answer", "marked"))
     assert await page.eval(f"{by_testid('mark-text')}.value === '' && document.activeElement === document.body")
-    daemon.say("info", "mark", "approach 3 <b>")
+    daemon.publish_event("info", "mark", "approach 3 <b>")
     await page.wait_for(shows("events", "approach 3 <b>"))
     for plot in ("heights-plot", "glide-plot"):
         await page.wait_for(f"{counts_marks(plot)} > 20")
@@ -473,10 +473,10 @@ async def test_a_mark_goes_up_and_comes_back_as_event_and_line(
         "who": ME,
     }  # there may be no time for words
     await page.eval(f"for (let i = 0; i < 20; i += 1) {by_testid('mark-button')}.click()")
-    await page.wait_for(shows("mark-answer", "more than 5 marks or commands in a second"))
+    await page.wait_for(shows("mark-answer", "more than 5 marks or commands per second"))
 
 
-async def test_a_fallback_medium_and_a_snapshot_session_are_said(
+async def test_a_fallback_medium_and_a_snapshot_session_are_reported(
     page: Page, daemon: FakeDaemon, display: DisplayProcess
 ) -> None:
     assert await page.eval(f"{by_testid('mode')}.parentElement.hidden && {by_testid('snapshot-button')}.hidden")
@@ -501,7 +501,7 @@ def make_fallback_snapshot(health: dict[str, Any]) -> None:
     health["snapshot"] = {"state": "waiting", "held_s": 60.0, "held_mb": 3.1, "file": None}
 
 
-async def test_the_clock_of_each_device_is_told_as_far_as_it_is_known(page: Page, daemon: FakeDaemon) -> None:
+async def test_the_clock_of_each_device_is_reported_as_far_as_it_is_known(page: Page, daemon: FakeDaemon) -> None:
     assert await page.text("device-ins-gps-offset") == "\u2212213.46 ± 0.04 ms"
     assert await page.text("device-ins-gps-drift") == "+1.10 ± 0.02 ppm"
     assert await page.text("device-ins-gps-late") == "1.3 % late"
@@ -510,20 +510,20 @@ async def test_the_clock_of_each_device_is_told_as_far_as_it_is_known(page: Page
     await page.wait_for(shows("device-ins-gps-state", "not used"))
     assert await page.text("device-air_data-utc-offset") == "+604800.250 s"
     assert await page.text("device-laser_altimeter-boot-offset") == "on at 09:31:07.125"
-    for testid, words in (("gnss-utc", "does not fit: arrival counts"), ("laser_altimeter-utc", "learning")):
+    for testid, words in (("gnss-utc", "does not fit: arrival time used"), ("laser_altimeter-utc", "learning")):
         assert words in await page.text(f"device-{testid}-state")
         assert await page.text(f"device-{testid}-offset") == ""
     assert "refused" in await page.eval(f"{by_testid('device-ins-gps-offset')}.closest('tr').title")
     for width, height in ((1440, 900), (1920, 1080)):
         await page.resize(width, height)
         assert await page.eval(CUT_OFF) == []
-        assert await page.eval(BESIDE_EACH_OTHER)
+        assert await page.eval(SIDE_BY_SIDE)
     daemon.change_health = lambda health: health["devices"].pop("ins")["clocks"].clear()
     await page.wait_for("!document.querySelector('tr.clock')")  # it is the only device with one
 
 
 #: The parts of a clock's line do not run into each other.
-BESIDE_EACH_OTHER = """[...document.querySelectorAll('tr.clock div')].every((line) => {
+SIDE_BY_SIDE = """[...document.querySelectorAll('tr.clock div')].every((line) => {
     const boxes = [...line.children].filter((e) => e.textContent).map((e) => {
         const range = document.createRange();
         range.selectNodeContents(e);
@@ -576,15 +576,15 @@ CATALOGUE = [
 def make_request(key: str, number: int, state: str, outcome: str, **more: Any) -> dict[str, Any]:
     ended = state not in ("sending", "waiting")
     what = f"{number}: magnetometer set_rate rate=50" if number else "magnetometer set_rate rate=7"
-    said = {"id": key, "number": number, "title": what, "outcome": outcome, "state": state, "ended": ended}
-    return said | {"t_ns": 1_775_986_267_000_000_000 + number, "who": "the page", "data": "2a303157450d"} | more
+    fields = {"id": key, "number": number, "title": what, "outcome": outcome, "state": state, "ended": ended}
+    return fields | {"t_ns": 1_775_986_267_000_000_000 + number, "who": "the page", "data": "2a303157450d"} | more
 
 
 async def test_a_command_goes_down_once_and_its_end_comes_back(
     page: Page, display: DisplayProcess, tmp_path: Path
 ) -> None:
     assert await page.eval(f"{by_testid('commands-open')}.hidden")
-    display.say({"catalogue": CATALOGUE})
+    display.send({"catalogue": CATALOGUE})
     await page.wait_for(f"!{by_testid('commands-open')}.hidden")
     await page.eval(f"{by_testid('commands-open')}.click()")
     assert await page.eval("document.getElementById('links').hidden && !document.getElementById('commands').hidden")
@@ -592,17 +592,17 @@ async def test_a_command_goes_down_once_and_its_end_comes_back(
     await page.eval(f"{by_testid('commands-argument-rate')}.focus()")
     await page.type_text("50")
     await page.eval(f"for (let i = 0; i < 5; i += 1) {by_testid('commands-send')}.click()")
-    asked = await asyncio.to_thread(display.read_message)
-    wish = {"device": "magnetometer", "command": "set_rate", "args": {"rate": "50"}}
-    assert asked["send"] == wish | {"id": asked["send"]["id"]}
+    request_sent = await asyncio.to_thread(display.read_message)
+    request = {"device": "magnetometer", "command": "set_rate", "args": {"rate": "50"}}
+    assert request_sent["send"] == request | {"id": request_sent["send"]["id"]}
     assert await page.eval(f"{by_testid('commands-send')}.disabled")
-    key = asked["send"]["id"]
+    key = request_sent["send"]["id"]
     for number, (state, outcome) in enumerate(EARLIER, 1):
-        display.say({"command": make_request(f"k{number}", number, state, outcome)})
-    display.say({"command": make_request(key, 7, "waiting", "waiting")})
+        display.send({"command": make_request(f"k{number}", number, state, outcome)})
+    display.send({"command": make_request(key, 7, "waiting", "waiting")})
     await page.wait_for(shows("commands-word", "waiting"))
     assert await page.eval(f"{by_testid('commands-send')}.disabled")
-    display.say({"command": make_request(key, 7, "acknowledged", "acknowledged after 34 ms")})
+    display.send({"command": make_request(key, 7, "acknowledged", "acknowledged after 34 ms")})
     await page.wait_for(f"!{by_testid('commands-send')}.disabled")
     assert await page.text("commands-word") == "acknowledged after 34 ms"
     states = "[...document.querySelectorAll('#commands li')].map((item) => item.dataset.state)"
@@ -628,7 +628,7 @@ async def test_a_command_goes_down_once_and_its_end_comes_back(
 
 EARLIER = [
     ("denied", "denied: magnetometer: set_rate: rate = 7: must be one of 10, 20, 25, 30, 40, 50, 60, 100, 123, 154"),
-    ("timed out", "timed out: no answer within 3 s; the recorder was started again meanwhile"),
+    ("timed out", "timed out: no answer within 3 s; recorder was restarted meanwhile"),
     ("refused", "refused after 12 ms: WE OFF"),
     ("sent", "sent: the device does not acknowledge it"),
 ]
@@ -643,13 +643,13 @@ async def shows_what_the_chosen_command_takes(page: Page, display: DisplayProces
     await page.eval(f"{by_testid('commands-argument-surface')}.focus()")
     await page.press("m")
     assert await page.eval(f"{by_testid('commands-argument-surface')}.value") == "m"  # and no mark
-    display.say({"catalogue": CATALOGUE})  # the display may be told again; what was typed stays
-    display.say({"command": make_request("k", 1, "waiting", "waiting")})
+    display.send({"catalogue": CATALOGUE})  # a repeated catalogue does not change the input
+    display.send({"command": make_request("k", 1, "waiting", "waiting")})
     await page.wait_for(shows("commands-answers", "waiting"))
     assert await page.eval(f"{by_testid('commands-argument-surface')}.value") == "m"
     await page.eval(f"{by_testid('commands-argument-surface')}.value = 'm'.repeat(2000)")
     await page.eval(f"{by_testid('commands-send')}.click()")
-    await page.wait_for(shows("commands-word", "that is too long"))
+    await page.wait_for(shows("commands-word", "the command is too long"))
 
 
 def choose(testid: str, value: str) -> str:
@@ -707,21 +707,26 @@ async def test_the_laboratory_is_there_with_its_emulator_and_struck_out_without(
     assert page.problems == []
 
 
-async def test_a_breaker_is_pressed_once_and_a_refusal_is_said(
+async def test_a_breaker_is_pressed_once_and_a_refusal_is_reported(
     page: Page, daemon: FakeDaemon, display: DisplayProcess
 ) -> None:
     daemon.breakers = {"radar_altimeter": "tripped"}
-    display.say({"catalogue": [PDU]})
+    display.send({"catalogue": [PDU]})
     button = by_testid("breaker-radar_altimeter")
     await page.wait_for(f"{button} && !{button}.disabled")
     await page.eval(f"for (let i = 0; i < 3; i += 1) {button}.click()")
-    asked = (await asyncio.to_thread(display.read_message))["send"]
-    assert asked == {"device": "pdu", "command": "reset", "args": {"breaker": "radar_altimeter"}, "id": asked["id"]}
+    request_sent = (await asyncio.to_thread(display.read_message))["send"]
+    assert request_sent == {
+        "device": "pdu",
+        "command": "reset",
+        "args": {"breaker": "radar_altimeter"},
+        "id": request_sent["id"],
+    }
     await page.wait_for(f"{button}.disabled")
-    refused = make_request(asked["id"], 1, "refused", "refused after 2 ms: it is hot", args=asked["args"])
-    display.say({"command": refused})
+    refused = make_request(request_sent["id"], 1, "refused", "refused after 2 ms: it is hot", args=request_sent["args"])
+    display.send({"command": refused})
     await page.wait_for(shows("laboratory-said", "radar altimeter: refused after 2 ms: it is hot"))
     await page.wait_for(f"!{button}.disabled")
     await page.eval(f"{by_testid('breaker-gnss')}.click()")
-    asked = (await asyncio.to_thread(display.read_message))["send"]
-    assert (asked["command"], asked["args"]) == ("off", {"breaker": "gnss"})
+    request_sent = (await asyncio.to_thread(display.read_message))["send"]
+    assert (request_sent["command"], request_sent["args"]) == ("off", {"breaker": "gnss"})

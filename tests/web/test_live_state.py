@@ -1,4 +1,4 @@
-"""What a display knows: values grow older while they lie there, and late is not valid."""
+"""The state of a display: values age after their arrival, and a late value is not valid."""
 
 import json
 from dataclasses import asdict
@@ -90,7 +90,7 @@ def test_alarms_are_those_of_the_daemon_however_late_the_outputs_are() -> None:
 
 
 @pytest.mark.parametrize(("name", "end_ns", "is_late"), [("navigation", None, True), ("navigation", 3, False)])
-def test_outputs_are_late_while_the_daemon_says_that_navigation_has_stopped(
+def test_outputs_are_late_while_the_daemon_reports_that_navigation_has_stopped(
     name: str, end_ns: int | None, is_late: bool
 ) -> None:
     feed = LiveState(0)
@@ -101,7 +101,7 @@ def test_outputs_are_late_while_the_daemon_says_that_navigation_has_stopped(
 
 
 @pytest.mark.parametrize("ends", ["silence", "connection"])
-def test_a_daemon_that_says_nothing_is_an_alarm_above_those_that_it_had(ends: str) -> None:
+def test_a_silent_daemon_is_an_alarm_above_its_own_alarms(ends: str) -> None:
     feed = LiveState(0)
     feed.update("/health", {"t_ns": 0}, 0)
     feed.update("/alarms", {"t_ns": 0, "alarms": [make_alarm("integrity_alert")]}, 0)
@@ -145,7 +145,7 @@ def test_nonsense_on_the_bus_is_shown_as_invalid(nonsense: dict[str, Any]) -> No
     feed.history()
 
 
-def test_what_an_emulator_does_is_told_until_it_is_late_and_is_no_output() -> None:
+def test_what_an_emulator_does_is_reported_until_it_is_late_and_is_no_output() -> None:
     feed = LiveState(0)
     assert feed.state(0)["hil"] is None
     feed.update("/hil", make_laboratory(5.0) | {"age_ms": 100.0, "max_age_ms": 1500.0, "late": False}, 0)

@@ -109,7 +109,7 @@ async def test_a_strange_origin_is_refused(site: Site, origin: str) -> None:
         await site.connect(Origin=origin)
 
 
-async def test_a_page_without_scripts_says_that_it_has_no_connection(site: Site) -> None:
+async def test_a_page_without_scripts_shows_that_it_has_no_connection(site: Site) -> None:
     async with site.client.get(f"http://127.0.0.1:{site.port}/") as response:
         assert '<body class="disconnected">' in await response.text()
 
@@ -138,7 +138,7 @@ async def test_the_socket_sends_history_and_then_states(site: Site) -> None:
 
 
 async def answers(ws: Any, *commands: Any) -> list[Any]:
-    """Give commands; what is answered to each, in order."""
+    """Send commands; returns the answer to each, in order."""
     for n, command in enumerate(commands):
         await ws.send_str(json.dumps({"id": n, **command}))
     found: dict[int, Any] = {}
@@ -156,7 +156,7 @@ async def test_a_mark_goes_to_the_daemon(site: Site) -> None:
         assert await answers(ws, {"command": "mark", "text": text, "key": KEY}) == [None]
         assert site.taken == [{"mark": "begin of approach 3 – Ä \U0001f680", "who": "alice:True"}]
         site.listens = False
-        assert await answers(ws, {"command": "mark", "text": "x", "key": KEY}) == ["the daemon does not listen"]
+        assert await answers(ws, {"command": "mark", "text": "x", "key": KEY}) == ["the daemon cannot be reached"]
 
 
 @pytest.mark.parametrize(
@@ -192,9 +192,9 @@ async def test_who_tries_keys_is_cut_off(site: Site) -> None:
         for n in range(3, 6):
             await ws.send_str(json.dumps({"id": n, "command": "mark", "text": "x", "key": KEY}))
         async with asyncio.timeout(20.0):
-            said = [json.loads(message.data) async for message in ws]
+            messages = [json.loads(message.data) async for message in ws]
         assert ws.close_code == aiohttp.WSCloseCode.POLICY_VIOLATION
-    assert [m["fault"] for m in said if m["type"] == "answer"] == [WRONG_KEY] * 3
+    assert [m["fault"] for m in messages if m["type"] == "answer"] == [WRONG_KEY] * 3
     assert site.taken == []
     async with site.connect() as ws:
         assert await answers(ws, {"command": "check", "key": KEY}) == [None]
@@ -207,10 +207,10 @@ async def test_a_snapshot_is_a_mark_that_triggers(site: Site) -> None:
 
 
 async def test_a_command_to_a_device_goes_to_the_daemon(site: Site) -> None:
-    wish = {"command": "send", "device": "mag", "name": "set_rate", "args": {"rate": "20"}, "request": "r-1"}
+    request = {"command": "send", "device": "mag", "name": "set_rate", "args": {"rate": "20"}, "request": "r-1"}
     async with site.connect() as ws:
-        assert await answers(ws, wish | {"key": KEY}) == [None]
-        assert await answers(ws, wish | {"key": "x"}) == [WRONG_KEY]
+        assert await answers(ws, request | {"key": KEY}) == [None]
+        assert await answers(ws, request | {"key": "x"}) == [WRONG_KEY]
     sent = {"id": "r-1", "device": "mag", "command": "set_rate", "args": {"rate": "20"}}
     assert site.taken == [{"send": sent, "who": "alice:True"}]
 
@@ -219,13 +219,13 @@ async def test_a_command_to_a_device_goes_to_the_daemon(site: Site) -> None:
     "change", [{"args": ["x"]}, {"args": {"rate": 20}}, {"device": 7}, {"request": None}, {"name": {}}]
 )
 async def test_what_is_no_command_to_a_device_is_refused(site: Site, change: dict[str, Any]) -> None:
-    wish = {"command": "send", "device": "mag", "name": "set_rate", "args": {}, "request": "r-1"} | change
+    request = {"command": "send", "device": "mag", "name": "set_rate", "args": {}, "request": "r-1"} | change
     async with site.connect() as ws:
-        assert await answers(ws, wish | {"key": KEY}) == ["there is no such command"]
+        assert await answers(ws, request | {"key": KEY}) == ["unknown command"]
     assert site.taken == []
 
 
-async def test_pages_are_told_of_commands_when_something_has_changed(site: Site) -> None:
+async def test_pages_receive_commands_after_a_change(site: Site) -> None:
     async with site.connect() as ws:
         kinds = [(await ws.receive_json())["type"] for _ in range(3)]
         assert "commands" not in kinds
@@ -247,12 +247,12 @@ async def test_pages_are_told_of_commands_when_something_has_changed(site: Site)
 @pytest.mark.parametrize(
     ("command", "fault"),
     [
-        ({"command": "mark", "text": "x" * 201}, "a mark has 1 to 200 characters, not 201"),
-        ({"command": "mark", "text": " \n"}, "a mark has 1 to 200 characters, not 0"),
-        ({"command": "mark"}, "there is no such command"),
-        ({"command": "mark", "text": ["x"]}, "there is no such command"),
-        ({"command": "stop", "text": "x"}, "there is no such command"),
-        ({"command": ["mark"], "text": "x"}, "there is no such command"),
+        ({"command": "mark", "text": "x" * 201}, "a mark must have 1 to 200 characters, not 201"),
+        ({"command": "mark", "text": " \n"}, "a mark must have 1 to 200 characters, not 0"),
+        ({"command": "mark"}, "unknown command"),
+        ({"command": "mark", "text": ["x"]}, "unknown command"),
+        ({"command": "stop", "text": "x"}, "unknown command"),
+        ({"command": ["mark"], "text": "x"}, "unknown command"),
     ],
 )
 async def test_what_is_no_mark_is_refused(site: Site, command: dict[str, Any], fault: str) -> None:
@@ -271,9 +271,9 @@ async def test_a_flood_is_stopped_for_all_pages_together(site: Site) -> None:
     mark = {"command": "mark", "text": "x", "key": KEY}
     async with site.connect() as first, site.connect() as second:
         found = await answers(first, *[mark] * 30) + await answers(second, *[mark] * 30)
-        assert found == [None] * 5 + ["more than 5 marks or commands in a second"] * 55
+        assert found == [None] * 5 + ["more than 5 marks or commands per second"] * 55
         site.now_ns += 1_000_000_000
-        assert await answers(second, *[mark] * 6) == [None] * 5 + ["more than 5 marks or commands in a second"]
+        assert await answers(second, *[mark] * 6) == [None] * 5 + ["more than 5 marks or commands per second"]
     assert len(site.taken) == 10
 
 

@@ -1,26 +1,26 @@
-"""ARINC 429 words, as a converter or recorder hands them over: bare words, Alta APMP, or IRIG 106 chapter 10.
+"""ARINC 429 words from a converter or recorder: bare words, Alta APMP, or IRIG 106 chapter 10.
 
 Document: ARINC 429 part 1 (word, in ``word``) and part 2 (labels).  The label sets of equipment are data:
-``labels.toml`` and a file of the user's own (``labels``), for the same label means different things on different
-equipment: 165 is a radio height in BCD on a radio altimeter and a vertical velocity on GPS equipment.
+``labels.toml`` and a user file (``labels_file``), because the meaning of a label depends on the equipment: 165 is a
+radio height in BCD on a radio altimeter and a vertical velocity on GPS equipment.
 
-    packets "none"        four bytes a word and nothing else: serial or UDP; where words begin: ``stream``
+    packets "none"        four bytes per word and nothing else: serial or UDP; synchronisation: ``stream``
             "apmp"        Alta ENET-A429 over UDP: ``apmp``
             "chapter10"   IRIG 106 chapter 10 type 0x38: ``chapter10``
 
-    byte_order "big"      bits 32-25 | 24-17 | 16-9 | 8-1 (label); packets have an order of their own
+    byte_order "big"      bits 32-25 | 24-17 | 16-9 | 8-1 (label); packets define their own order
     byte_order "little"   bits 8-1 (label) | 16-9 | 24-17 | 32-25
-    label_reversed        the label's most significant bit is bit 1, as on the bus; false: the card has turned it
-    parity                of the 32 bits: odd as the standard says, even, or none: bit 32 is something else
-    bus                   only this bus (channel) of the packets; the words of others are counted as "other_bus"
+    label_reversed        the label's most significant bit is bit 1, as on the bus; false: the card has reversed it
+    parity                of the 32 bits: odd (standard), even, or none: bit 32 has another meaning
+    bus                   only this bus (channel) of the packets; words of others are counted as "other_bus"
 
-There is no common standard for words over a serial line, hence the options.  In packets each word has the time of
-their maker, 20 ns or 100 ns fine, since it was switched on; a word that it or the parity calls wrong is counted
-("bus_error", "bad_parity") and nothing more.  Packets that are missing between others are counted as lost.
+There is no common standard for words over a serial line, hence the options.  In packets each word has the time of the
+converter since its start, with a resolution of 20 ns or 100 ns; a word with an error flag or a wrong parity is only
+counted ("bus_error", "bad_parity").  Missing packets are counted as lost.
 
-Kinds of words: BNR, BCD, and discrete (single bits as flags of a DeviceStatus, small numbers as Reading).  What no
-measurement has a place for is a Reading by name.  Label 377 says who sends: another equipment than the set's is a
-status that is not ok.  Sign/status and what follows from it: ``entry``.
+Kinds of words: BNR, BCD, and discrete (single bits as flags of a DeviceStatus, small numbers as Reading).  Values
+without a measurement class become a Reading by name.  Label 377 identifies the equipment: another one than that of the
+set gives a status that is not ok.  Sign/status: ``label_codec``.
 """
 
 from __future__ import annotations
@@ -46,21 +46,21 @@ from fti.types import Measurement, Stamp, TimeScale
 
 DOCUMENT = "ARINC 429 part 1 (word) and part 2 (labels); bare words, Alta APMP, IRIG 106-22 chapter 11 type 0x38"
 MESSAGES = dict.fromkeys(QUANTITIES, "BNR or BCD word of this quantity") | {
-    "equipment_id": "label 377: who sends",
-    "other": "a word not enabled",
-    "other_bus": "a word of a bus that is not the configured one",
-    "bad_parity": "a word of a packet in bad parity",
-    "bus_error": "a word that the maker of the packet calls wrong",
+    "equipment_id": "label 377: identifier of the equipment",
+    "other": "a word whose label is not enabled",
+    "other_bus": "a word of another bus than the configured one",
+    "bad_parity": "a word of a packet with wrong parity",
+    "bus_error": "a word with an error flag of the converter",
     "bad_status": "an APMP packet whose status is not good",
-    "(other)": "readings, discrete words and fine words by the names of the label set; packet_0x11: of another type",
+    "(other)": "readings, discrete and fine words by the names of the label set; packet_0x11: packet of another type",
 }
 CARRIERS = frozenset({"serial", "udp"})
 PACKETS: dict[str, type[Apmp | Chapter10]] = {"apmp": Apmp, "chapter10": Chapter10}
 
 
 class Options(StrictModel):
-    """See above.  ``set``: labels of the equipment, or "none"; ``labels``: further ones, which go before those of the
-    set; ``labels_file``: a file with label sets of your own, whose text then stands in ``labels``."""
+    """See above.  ``set``: labels of the equipment, or "none"; ``labels``: further ones, with priority over the set;
+    ``labels_file``: a file with your own label sets, whose text is then in ``labels``."""
 
     packets: Literal["none", "apmp", "chapter10"] = "none"
     byte_order: Literal["big", "little"] = "big"
@@ -75,14 +75,14 @@ class Options(StrictModel):
     ] = ()
 
 
-def chosen_labels(options: Options) -> LabelSet:
-    """The labels that are enabled.  Raises ValueError or ConfigError when the set is not there or not right."""
+def enabled_labels(options: Options) -> LabelSet:
+    """The enabled labels.  Raises ValueError or ConfigError for a missing or wrong set."""
     if isinstance(options.labels, str):
         return choose(options.set, options.labels)
-    found = choose(options.set, "")
+    label_set = choose(options.set, "")
     own = {(item.label, item.sdi) for item in options.labels}
-    others = tuple(item for item in found.labels if (item.label, item.sdi) not in own)
-    return found.model_copy(update={"labels": options.labels + others})
+    others = tuple(item for item in label_set.labels if (item.label, item.sdi) not in own)
+    return label_set.model_copy(update={"labels": options.labels + others})
 
 
 class Decoder:
@@ -93,35 +93,35 @@ class Decoder:
         self._options = options
         self._is_label_reversed = not options.label_reversed
         self._handlers: dict[int, list[Handler]] = {}
-        for entry in make_codecs(chosen_labels(options)):
+        for entry in make_codecs(enabled_labels(options)):
             for handler in entry.handlers():
                 self._handlers.setdefault(wire.label_byte(handler.label), []).append(handler)
         for handlers in self._handlers.values():
-            handlers.sort(key=lambda handler: handler.sdi is None)  # one source goes before any source
+            handlers.sort(key=lambda handler: handler.sdi is None)  # a specific source has priority over any source
         self._packets: Packets | None = None
         if options.packets == "none":
-            enabled = sum(1.0 if h.sdi is None else 0.25 for found in self._handlers.values() for h in found)
-            wanted = required_words(enabled, options.parity)
-            stream = WordStream(self._word, lambda word: self._handler(word) is not None, options.parity, wanted)
+            enabled = sum(1.0 if h.sdi is None else 0.25 for handlers in self._handlers.values() for h in handlers)
+            required = required_words(enabled, options.parity)
+            stream = WordStream(self._word, lambda word: self._handler(word) is not None, options.parity, required)
             self._framer = Framer(stream.measure, self.counters, limit=SEARCH_BYTES)
         else:
             self._packets = PACKETS[options.packets]()
             self._framer = Framer(self._packets.measure, self.counters, limit=self._packets.LIMIT)
 
     def feed(self, data: bytes, t_rx_ns: int) -> list[Measurement]:
-        found: list[Measurement] = []
+        measurements: list[Measurement] = []
         for t_rx, frame in self._framer.feed(data, t_rx_ns):
             if self._packets is None:
-                found += self._take(self._word(frame), fast_stamp(t_rx))
+                measurements += self._decode_word(self._word(frame), fast_stamp(t_rx))
             else:
-                found += self._take_packet(self._packets, frame, t_rx)
-        return found
+                measurements += self._decode_packet(self._packets, frame, t_rx)
+        return measurements
 
     def _word(self, data: bytes | bytearray) -> int:
         word = int.from_bytes(data, self._options.byte_order)
         return wire.reverse_label(word) if self._is_label_reversed else word
 
-    def _take(self, word: int, stamp: Stamp) -> list[Measurement]:
+    def _decode_word(self, word: int, stamp: Stamp) -> list[Measurement]:
         handler = self._handler(word)
         if handler is None:
             self.counters.messages["other"] += 1
@@ -129,24 +129,24 @@ class Decoder:
         self.counters.messages[handler.name] += 1
         return handler.decode(word, stamp)
 
-    def _take_packet(self, packets: Packets, packet: bytes, t_rx_ns: int) -> list[Measurement]:
+    def _decode_packet(self, packets: Packets, packet: bytes, t_rx_ns: int) -> list[Measurement]:
         if count_missing := packets.count_missing(packet):
             self.counters.lost[self._options.packets] += count_missing
         name, words = packets.unpack(packet)
         if name:
             self.counters.messages[name] += 1
-        found: list[Measurement] = []
-        for heard in words:
-            word = wire.reverse_label(heard.word) if self._is_label_reversed else heard.word
-            if self._options.bus is not None and heard.bus != self._options.bus:
+        measurements: list[Measurement] = []
+        for received in words:
+            word = wire.reverse_label(received.word) if self._is_label_reversed else received.word
+            if self._options.bus is not None and received.bus != self._options.bus:
                 self.counters.messages["other_bus"] += 1
-            elif heard.error:
+            elif received.error:
                 self.counters.messages["bus_error"] += 1
             elif not wire.is_intact(word, self._options.parity):
                 self.counters.messages["bad_parity"] += 1
             else:
-                found += self._take(word, Stamp(t_rx_ns, heard.t_dev_ns, TimeScale.BOOT))
-        return found
+                measurements += self._decode_word(word, Stamp(t_rx_ns, received.t_dev_ns, TimeScale.BOOT))
+        return measurements
 
     def _handler(self, word: int) -> Handler | None:
         for handler in self._handlers.get(word & 0xFF, ()):
@@ -156,15 +156,15 @@ class Decoder:
 
 
 class Encoder:
-    """The equipment's end of the line: for each measurement the words of the enabled labels that carry it.
+    """The emulated equipment: for each measurement the words of the enabled labels that carry it.
 
-    Bare words come one by one, packets with all words of the measurement.
+    Bare words are sent one by one, packets with all words of the measurement.
     """
 
     def __init__(self, options: Options) -> None:
         self._options = options
         self._codecs: dict[SourceKey, list[LabelCodec]] = {}
-        for entry in make_codecs(chosen_labels(options)):
+        for entry in make_codecs(enabled_labels(options)):
             for source in entry.sources():
                 self._codecs.setdefault(source, []).append(entry)
         self._packets: Packets | None = None if options.packets == "none" else PACKETS[options.packets]()
@@ -173,7 +173,7 @@ class Encoder:
         codecs = self._codecs.get(source_key(measurement))
         if codecs is None:
             return []
-        words = [self._ready(word) for entry in codecs for word in entry.encode(measurement)]
+        words = [self._to_wire(word) for entry in codecs for word in entry.encode(measurement)]
         if self._packets is None:
             return [word.to_bytes(WORD_BYTES, self._options.byte_order) for word in words]
         return [self._packets.pack(words, self._options.bus or 0, boot_ns(measurement.stamp))] if words else []
@@ -181,16 +181,16 @@ class Encoder:
     def respond(self, data: bytes) -> list[bytes]:
         return []
 
-    def _ready(self, word: int) -> int:
+    def _to_wire(self, word: int) -> int:
         word = word if self._options.parity == "odd" else wire.with_parity(word, self._options.parity)
         return word if self._options.label_reversed else wire.reverse_label(word)
 
 
 def make_decoder(options: Options) -> Decoder:
-    """A fresh decoder.  Raises ValueError when no label is enabled or a set is not there."""
+    """A fresh decoder.  Raises ValueError if no label is enabled or the set does not exist."""
     return Decoder(options)
 
 
 def make_encoder(options: Options) -> Encoder:
-    """A fresh encoder.  Raises ValueError when no label is enabled or a set is not there."""
+    """A fresh encoder.  Raises ValueError if no label is enabled or the set does not exist."""
     return Encoder(options)

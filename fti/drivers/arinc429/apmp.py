@@ -1,6 +1,6 @@
 """Alta Passive Monitor packets (APMP) of an Alta Data Technologies ENET-A429, UDP.
 
-Document: AltaCore-ARINC manual, section APMP, which is not public; the layout is that of NCAR NIDAS
+Document: AltaCore-ARINC manual, section APMP, which is not public; the layout is from NCAR NIDAS
 (``raf/AltaEnet.h``, ``raf/UDPArincSensor.cc``), which records it in flight.  Big-endian 32-bit words:
 
     0  mode, 1 | 4 sequence number | 8 status, low half 0 is good | 12 "ALTA" | 16 3 reserved | 28 payload bytes
@@ -9,8 +9,8 @@ Document: AltaCore-ARINC manual, section APMP, which is not public; the layout i
 
     control bit 31 error, bits 24-27 channel, 16-23 sequence number of the channel; times in steps of 20 ns
 
-A packet has at most 1376 bytes of payload (85 words).  It has no checksum: each word is judged by its own parity, and
-a packet inside which another one begins was cut short.
+A packet has at most 1376 bytes of payload (85 words).  It has no checksum: the parity of each word is checked, and a
+packet that contains the beginning of another one is truncated.
 """
 
 from __future__ import annotations
@@ -33,13 +33,13 @@ ERROR = 1 << 31
 
 
 class Apmp:
-    """Packets of the converter.  Stateful: it follows the numbers of packets, and when packing those of the words."""
+    """Packets of the converter.  Stateful: it tracks the sequence numbers of packets and of packed words."""
 
     LIMIT = HEADER.size + MAX_PAYLOAD
 
     def __init__(self) -> None:
-        self._packet, self._words = 0, [0] * 16
-        self._seen: int | None = None
+        self._packet, self._word_numbers = 0, [0] * 16
+        self._last_packet: int | None = None
 
     def measure(self, buffer: bytearray) -> int | Skip:
         """See ``_framing``."""
@@ -65,7 +65,7 @@ class Apmp:
         return at >= 0 and int.from_bytes(buffer[at - MAGIC_AT : at - MAGIC_AT + 4], "big") == MODE
 
     def unpack(self, packet: bytes) -> tuple[str, list[ReceivedWord]]:
-        """The words; none of a packet whose status is not good."""
+        """The words; none for a packet with bad status."""
         _, _, status, _, _ = HEADER.unpack_from(packet)
         if status & 0xFFFF:
             return "bad_status", []
@@ -73,18 +73,18 @@ class Apmp:
         return "", [ReceivedWord(word, c >> 24 & 0xF, ticks * TICK_NS, bool(c & ERROR)) for c, ticks, word in records]
 
     def count_missing(self, packet: bytes) -> int:
-        """How many packets are missing before this one."""
+        """Number of missing packets before this one."""
         number = int.from_bytes(packet[4:8], "big")
-        last, self._seen = self._seen, number
+        last, self._last_packet = self._last_packet, number
         return number - last - 1 if last is not None and number > last else 0
 
     def pack(self, words: Sequence[int], bus: int, t_dev_ns: int) -> bytes:
-        """A packet with these words, all heard at once."""
+        """A packet with these simultaneous words."""
         ticks = t_dev_ns // TICK_NS
         records = []
         for word in words:
-            records.append(RECORD.pack((bus & 0xF) << 24 | self._words[bus & 0xF] << 16, ticks, word))
-            self._words[bus & 0xF] = (self._words[bus & 0xF] + 1) & 0xFF
+            records.append(RECORD.pack((bus & 0xF) << 24 | self._word_numbers[bus & 0xF] << 16, ticks, word))
+            self._word_numbers[bus & 0xF] = (self._word_numbers[bus & 0xF] + 1) & 0xFF
         payload = TIMES.pack(ticks, 0, 0) + b"".join(records)
         header = HEADER.pack(MODE, self._packet, 0, MAGIC, len(payload))
         self._packet = (self._packet + 1) & 0xFFFFFFFF

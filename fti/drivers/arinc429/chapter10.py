@@ -10,9 +10,9 @@ Document: IRIG 106-22 chapter 11 (packet header 11.2.1, ARINC-429 data format 0 
                         ARINC word u32
        filler to 4 bytes, and checksum of the body when flags bits 0-1: sum of bytes, u16 or u32 words (1, 2, 3)
 
-The counter is the time of the first word; the gaps count on from it.  Packets of other types are framed and counted
+The counter is the time of the first word; the gaps are added to it.  Packets of other types are framed and counted
 as ``packet_0x11``.  A UDP datagram of the standard begins with 4 bytes of its own (format 1, a whole packet), which
-are counted as skipped; packets cut into several datagrams are not put together.  A packet longer than LIMIT is
+are counted as skipped; packets in several datagrams are not reassembled.  A packet longer than LIMIT is
 skipped: recorders close one every 100 ms, in which eight full buses make 18 kB.
 """
 
@@ -38,7 +38,7 @@ GAP = 0xFFFFF
 HIGH_SPEED, PARITY_ERROR, FORMAT_ERROR = 1 << 21, 1 << 22, 1 << 23
 TICK_NS = 100
 CHECKSUM_32 = 3
-SUMMANDS = {1: (1, "B"), 2: (2, "H"), 3: (4, "I")}  # bytes and struct code of what is summed
+SUMMANDS = {1: (1, "B"), 2: (2, "H"), 3: (4, "I")}  # size and struct code of the summands
 
 
 def _sum(data: bytes | bytearray, code: str, size: int) -> int:
@@ -51,13 +51,13 @@ def _header_end(flags: int) -> int:
 
 
 class Chapter10:
-    """Packets of a recorder.  Stateful: it follows the numbers of each channel's packets."""
+    """Packets of a recorder.  Stateful: it tracks the sequence numbers of each channel."""
 
     LIMIT = 65_536
 
     def __init__(self) -> None:
         self._sequence = 0
-        self._seen: dict[int, tuple[int, int]] = {}  # channel: number and time of its last packet
+        self._last_packets: dict[int, tuple[int, int]] = {}  # channel -> number and time of its last packet
 
     def measure(self, buffer: bytearray) -> int | Skip:
         """See ``_framing``."""
@@ -80,7 +80,7 @@ class Chapter10:
 
     @staticmethod
     def _to_sync(buffer: bytearray) -> Skip | None:
-        """To the next sync, or to what may be a datagram's own header before it."""
+        """Skip to the next sync, or to a possible datagram header before it."""
         skip = skip_to(buffer, SYNC)
         if skip is None:
             return None
@@ -104,7 +104,7 @@ class Chapter10:
         return Skip(1, "bad_checksum") if _is_damaged(buffer, length, flags) else length
 
     def unpack(self, packet: bytes) -> tuple[str, list[ReceivedWord]]:
-        """The words of an ARINC 429 packet; none of another one."""
+        """The words of an ARINC 429 packet; none for other types."""
         _, _, _, _, _, _, flags, kind, low, high, _ = HEADER.unpack_from(packet)
         if kind != TYPE_ARINC:
             return f"packet_0x{kind:02x}", []
@@ -112,22 +112,22 @@ class Chapter10:
         count, _ = SPECIFIC.unpack_from(packet, start)
         start += SPECIFIC.size
         ticks = low | high << 32
-        found = []
+        words = []
         for about, word in RECORD.iter_unpack(packet[start : start + count * RECORD.size]):
             ticks += about & GAP
-            found.append(ReceivedWord(word, about >> 24, ticks * TICK_NS, bool(about & (PARITY_ERROR | FORMAT_ERROR))))
-        return "", found
+            words.append(ReceivedWord(word, about >> 24, ticks * TICK_NS, bool(about & (PARITY_ERROR | FORMAT_ERROR))))
+        return "", words
 
     def count_missing(self, packet: bytes) -> int:
-        """How many packets of this channel are missing before this one, up to 255; none when its time goes back."""
+        """Number of missing packets of this channel before this one, up to 255; 0 when its time goes back."""
         _, channel, _, _, _, number, _, _, low, high, _ = HEADER.unpack_from(packet)
         ticks = low | high << 32
-        last, at = self._seen.get(channel, (number, ticks))
-        self._seen[channel] = number, ticks
+        last, at = self._last_packets.get(channel, (number, ticks))
+        self._last_packets[channel] = number, ticks
         return (number - last - 1) & 0xFF if ticks > at else 0
 
     def pack(self, words: Sequence[int], bus: int, t_dev_ns: int) -> bytes:
-        """A packet with these words of a fast bus, all heard at once, with a checksum of 32 bits."""
+        """A packet with these simultaneous words of a high-speed bus, with a checksum of 32 bits."""
         body = SPECIFIC.pack(len(words), 0) + b"".join(RECORD.pack(bus << 24 | HIGH_SPEED, word) for word in words)
         ticks = t_dev_ns // TICK_NS
         header = HEADER.pack(
@@ -145,7 +145,7 @@ def _lengths(buffer: bytearray) -> tuple[int, int, int, int]:
 
 
 def _is_damaged(buffer: bytearray, length: int, flags: int) -> bool:
-    """The checksum of the secondary header or of the body does not hold."""
+    """Is the checksum of the secondary header or of the body wrong?"""
     start = _header_end(flags)
     if flags & HAS_SECONDARY:
         last = start - 2

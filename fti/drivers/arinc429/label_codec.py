@@ -1,7 +1,7 @@
-"""Labels made ready: a word to measurements and back, one class per kind of word.
+"""Codecs of labels: conversion between words and measurements, one class per kind of word.
 
-Sign/status: normal is valid; failure, no computed data and test are not valid, and the first two carry no value.
-Each that is not normal also gives a DeviceStatus whose flag is the name and the state.
+Sign/status: normal is valid; failure, no computed data and test are not valid, and the first two have no value.  Each
+state other than normal also gives a DeviceStatus with the flag <name>_<state>.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ NO_VALUE = ("failure", "no_computed_data", "bad_digit")
 
 
 class Handler(NamedTuple):
-    """What is done with the words of one label.  sdi : only of this source; name : what they are counted as."""
+    """Decoder of the words of one label.  sdi : only of this source; name : of its counter."""
 
     label: str
     sdi: int | None
@@ -40,29 +40,29 @@ class Handler(NamedTuple):
 
 
 def source_key(measurement: Measurement) -> SourceKey:
-    """Where a measurement stands among the sources."""
+    """Key of a measurement among the sources."""
     return measurement.name if isinstance(measurement, Reading) else type(measurement)
 
 
 class LabelCodec(Protocol):
-    """One entry of a label set, made ready.  Each decoder and encoder has its own: an entry may remember."""
+    """Codec of one entry of a label set.  Each decoder and encoder has its own: it may be stateful."""
 
     def handlers(self) -> Sequence[Handler]:
-        """One for each label that it has."""
+        """One handler for each label."""
 
     def sources(self) -> Collection[SourceKey]:
-        """What ``encode`` may have words for; it is asked for nothing else."""
+        """Measurements that ``encode`` may convert; it is called only for these."""
 
     def encode(self, measurement: Measurement) -> list[int]:
-        """The words for a measurement, in odd parity; empty when it carries nothing of this entry."""
+        """The words of a measurement, with odd parity; empty if it carries nothing of this entry."""
 
 
-def _status(stamp: Stamp, name: str, what: str) -> DeviceStatus:
-    return DeviceStatus(stamp=stamp, ok=False, flags=(f"{name}_{what}",))
+def _status(stamp: Stamp, name: str, cause: str) -> DeviceStatus:
+    return DeviceStatus(stamp=stamp, ok=False, flags=(f"{name}_{cause}",))
 
 
 def _quantity(label: Label) -> tuple[Quantity, float, float]:
-    """The quantity of a label, factor and offset to SI; a reading in a unit that is not known stays in it."""
+    """Quantity of a label, factor and offset to SI; a reading in an unknown unit keeps it."""
     if label.quantity:
         return QUANTITIES[label.quantity], *UNITS[label.unit]
     si = next((group[0] for group in DIMENSIONS if label.unit in group), label.unit)
@@ -87,30 +87,31 @@ class NumberLabel:
         return [Handler(self.label.label, self.label.sdi, self.name, self.decode)]
 
     def decode(self, word: int, stamp: Stamp) -> list[Measurement]:
-        """The measurement of a word, and a status when the equipment does not call it normal."""
+        """The measurement of a word, and a status if its state is not normal."""
         bcd = self.label.kind == "bcd"
         value = wire.decode_bcd(word, self._resolution) if bcd else wire.decode_bnr(word, self._scale, self._bits)
-        what = "bad_digit" if value is None else NOT_NORMAL[self.label.kind].get(wire.ssm(word), "")
-        return self.to_measurement(None if what in NO_VALUE else value, what, stamp)
+        cause = "bad_digit" if value is None else NOT_NORMAL[self.label.kind].get(wire.ssm(word), "")
+        return self.to_measurement(None if cause in NO_VALUE else value, cause, stamp)
 
-    def to_measurement(self, value: float | None, what: str, stamp: Stamp) -> list[Measurement]:
-        """value : in the unit of the wire; what : why it is not normal."""
+    def to_measurement(self, value: float | None, cause: str, stamp: Stamp) -> list[Measurement]:
+        """value : in the unit of the wire; cause : why it is not normal."""
         si = None if value is None else value * self._factor + self._offset
-        found = self.quantity.make(stamp, None, valid=False) if si is None else self._make(stamp, si, not what)
-        if self.label.steps and si is not None and isinstance(found, RadioHeight):
-            found = dataclasses.replace(found, sd=quantisation_step_ft(round(si / FOOT, 6)) * FOOT / math.sqrt(12))
-        seen: list[Measurement] = [found] if found else []
-        return [*seen, _status(stamp, self.name, what)] if what else seen
+        measurement = self.quantity.make(stamp, None, valid=False) if si is None else self._make(stamp, si, not cause)
+        if self.label.steps and si is not None and isinstance(measurement, RadioHeight):
+            sd = quantisation_step_ft(round(si / FOOT, 6)) * FOOT / math.sqrt(12)
+            measurement = dataclasses.replace(measurement, sd=sd)
+        status = [_status(stamp, self.name, cause)] if cause else []
+        return [measurement, *status] if measurement else [*status]
 
     def sources(self) -> Collection[SourceKey]:
         return [self.label.reading if self.quantity.measurement is Reading else self.quantity.measurement]
 
     def encode(self, measurement: Measurement) -> list[int]:
-        picked = self.picked(measurement)
-        return [] if picked is None else [self._word(*picked)]
+        value_and_state = self.value_and_state(measurement)
+        return [] if value_and_state is None else [self._word(*value_and_state)]
 
-    def picked(self, measurement: Measurement) -> tuple[float, BnrState] | None:
-        """Value in the unit of the wire and state; None when the measurement carries nothing of this label."""
+    def value_and_state(self, measurement: Measurement) -> tuple[float, BnrState] | None:
+        """Value in the unit of the wire and state; None if the measurement does not carry this label."""
         value = self.quantity.pick(measurement)
         if value is None:
             return (0.0, BnrState.NO_COMPUTED_DATA) if self.quantity.is_empty(measurement) else None
@@ -128,11 +129,11 @@ class NumberLabel:
 
 
 class FineNumberLabel:
-    """A BNR number in two words: the fine one, which follows, goes on below the last bit of the coarse one.
+    """A BNR number in two words: the fine word follows the coarse one and extends it below its last bit.
 
-    The coarse word by itself gives no measurement.  Both together are one two's complement number, so that the fine
-    part is never negative (ARINC 743A, labels 110 and 120).  A fine word that comes later than MOST_APART_NS belongs
-    to another coarse word, which was lost or comes after it: together they would be up to 19 m off.
+    The coarse word alone gives no measurement.  Both are one two's complement number, so the fine part is never
+    negative (ARINC 743A, labels 110 and 120).  A fine word later than MAX_SEPARATION_NS belongs to another coarse
+    word, which was lost or follows: combining them would give an error of up to 19 m.
     """
 
     MAX_SEPARATION_NS = 100_000_000
@@ -160,8 +161,8 @@ class FineNumberLabel:
 
     def _decode_fine(self, word: int, stamp: Stamp) -> list[Measurement]:
         last, self._last = self._last, None
-        if what := NOT_NORMAL["bnr"].get(wire.ssm(word), ""):
-            return [_status(stamp, self._name, what)]
+        if cause := NOT_NORMAL["bnr"].get(wire.ssm(word), ""):
+            return [_status(stamp, self._name, cause)]
         if last is None:
             return []
         coarse, at = last
@@ -175,10 +176,10 @@ class FineNumberLabel:
         return self._coarse.sources()
 
     def encode(self, measurement: Measurement) -> list[int]:
-        picked = self._coarse.picked(measurement)
-        if picked is None:
+        value_and_state = self._coarse.value_and_state(measurement)
+        if value_and_state is None:
             return []
-        value, state = picked
+        value, state = value_and_state
         steps = wire.to_steps(value, self._scale, self._bits + self._fine_bits, turns=self._coarse.turns)
         coarse, fine = divmod(steps, 1 << self._fine_bits)
         label, sdi = self._coarse.label.label, self._coarse.label.sdi or 0
@@ -189,7 +190,7 @@ class FineNumberLabel:
 
 
 def _separation_ns(first: Stamp, second: Stamp) -> int:
-    """Time between two words, by the clock of the packets' maker where there is one."""
+    """Time between two words [ns], by the clock of the converter if available."""
     if first.t_dev_ns is None or second.t_dev_ns is None:
         return second.t_rx_ns - first.t_rx_ns
     return second.t_dev_ns - first.t_dev_ns
@@ -198,7 +199,7 @@ def _separation_ns(first: Stamp, second: Stamp) -> int:
 class DiscreteLabel:
     """A word of single bits and small numbers: a Reading for each field, then one DeviceStatus for the flags.
 
-    The encoder remembers the fields, and sends the word with the DeviceStatus; without flags, with the last field.
+    The encoder keeps the fields, and sends the word with the DeviceStatus; without flags, with the last field.
     """
 
     def __init__(self, label: Label) -> None:
@@ -210,19 +211,19 @@ class DiscreteLabel:
         return [Handler(self.label.label, self.label.sdi, self.label.name, self.decode)]
 
     def decode(self, word: int, stamp: Stamp) -> list[Measurement]:
-        """A Reading for each field, a DeviceStatus when there are flags or the word is not normal."""
+        """A Reading for each field; a DeviceStatus if there are flags or the state is not normal."""
         at = self.label
-        what = NOT_NORMAL["discrete"].get(wire.ssm(word), "")
-        found: list[Measurement] = []
+        cause = NOT_NORMAL["discrete"].get(wire.ssm(word), "")
+        measurements: list[Measurement] = []
         for name, bits in at.fields.items():
-            value = None if what in NO_VALUE else float(wire.decode_field(word, *bits))
-            found.append(Reading(stamp=stamp, name=name, value=value, valid=not what))
-        if not at.flags and not what:
-            return found
-        set_flags = () if what in NO_VALUE else tuple(name for name, bit in at.flags.items() if word >> bit - 1 & 1)
-        flags = (*set_flags, f"{at.name}_{what}") if what else set_flags
-        ok = not what and not set(flags).intersection(at.not_ok)
-        return [*found, DeviceStatus(stamp=stamp, ok=ok, flags=flags)]
+            value = None if cause in NO_VALUE else float(wire.decode_field(word, *bits))
+            measurements.append(Reading(stamp=stamp, name=name, value=value, valid=not cause))
+        if not at.flags and not cause:
+            return measurements
+        set_flags = () if cause in NO_VALUE else tuple(name for name, bit in at.flags.items() if word >> bit - 1 & 1)
+        flags = (*set_flags, f"{at.name}_{cause}") if cause else set_flags
+        ok = not cause and not set(flags).intersection(at.not_ok)
+        return [*measurements, DeviceStatus(stamp=stamp, ok=ok, flags=flags)]
 
     def sources(self) -> Collection[SourceKey]:
         return [*self.label.fields, *([DeviceStatus] if self.label.flags else [])]
@@ -238,12 +239,12 @@ class DiscreteLabel:
         return []
 
     def _encode_flags(self, flags: tuple[str, ...]) -> list[int]:
-        """The word; none when the status says only what is not of this word."""
-        states = {f"{self.label.name}_{what}": state for state, what in NOT_NORMAL["discrete"].items()}
+        """The word; none if the status has only flags of other words."""
+        states = {f"{self.label.name}_{cause}": code for code, cause in NOT_NORMAL["discrete"].items()}
         if flags and not set(flags).intersection({*self.label.flags, *states}):
             return []
-        stated = next((states[flag] for flag in flags if flag in states), DiscreteState.NORMAL)
-        self._state = DiscreteState(stated)
+        state = next((states[flag] for flag in flags if flag in states), DiscreteState.NORMAL)
+        self._state = DiscreteState(state)
         return [self._word(flags)]
 
     def _word(self, flags: tuple[str, ...]) -> int:
@@ -260,7 +261,7 @@ def _state_of(reading: Reading) -> DiscreteState:
 
 
 class EquipmentLabel:
-    """Label 377: who sends.  Three hexadecimal digits in bits 22-11.  Another one than the set's is not ok."""
+    """Label 377: equipment identifier, three hexadecimal digits in bits 22-11.  Another one than expected is not ok."""
 
     NAME = "equipment_id"
     LOW, HIGH = 11, 22
@@ -272,13 +273,13 @@ class EquipmentLabel:
         return [Handler(EQUIPMENT_LABEL, None, self.NAME, self.decode)]
 
     def decode(self, word: int, stamp: Stamp) -> list[Measurement]:
-        """The identifier, and a status when it is not that of the label set."""
+        """The identifier, and a status if it differs from that of the label set."""
         number = wire.decode_field(word, self.LOW, self.HIGH)
-        found: list[Measurement] = [Reading(stamp=stamp, name=self.NAME, value=float(number))]
+        measurements: list[Measurement] = [Reading(stamp=stamp, name=self.NAME, value=float(number))]
         if number != self._expected:
             flag = f"equipment_{number:03X}_instead_of_{self._expected:03X}"
-            found.append(DeviceStatus(stamp=stamp, ok=False, flags=(flag,)))
-        return found
+            measurements.append(DeviceStatus(stamp=stamp, ok=False, flags=(flag,)))
+        return measurements
 
     def sources(self) -> Collection[SourceKey]:
         return [self.NAME]
@@ -290,18 +291,17 @@ class EquipmentLabel:
         return [wire.encode_discrete(EQUIPMENT_LABEL, data, state=DiscreteState.NORMAL)]
 
 
-def make_codecs(chosen: LabelSet) -> list[LabelCodec]:
-    """The entries of a set, and its identifier.  Raises ValueError when there is no label or one stands twice."""
-    codecs = [_make_codec(label) for label in chosen.labels]
+def make_codecs(label_set: LabelSet) -> list[LabelCodec]:
+    """Codecs of a set and its identifier.  Raises ValueError without labels, or for a label that occurs twice."""
+    codecs = [_make_codec(label) for label in label_set.labels]
     if not codecs:
-        raise ValueError("labels: none are enabled; give labels or a set")
-    taken = [(handler.label, handler.sdi) for entry in codecs for handler in entry.handlers()]
-    if twice := [label for label, sdi in taken if taken.count((label, sdi)) > 1]:
-        raise ValueError(f"labels: {twice[0]} stands twice with the same sdi")
-    known = {label for label, _ in taken}
-    return (
-        codecs if chosen.equipment is None or EQUIPMENT_LABEL in known else [*codecs, EquipmentLabel(chosen.equipment)]
-    )
+        raise ValueError("labels: none enabled; configure labels or a set")
+    keys = [(handler.label, handler.sdi) for entry in codecs for handler in entry.handlers()]
+    if twice := [label for label, sdi in keys if keys.count((label, sdi)) > 1]:
+        raise ValueError(f"labels: {twice[0]} occurs twice with the same sdi")
+    if label_set.equipment is not None and EQUIPMENT_LABEL not in {label for label, _ in keys}:
+        codecs.append(EquipmentLabel(label_set.equipment))
+    return codecs
 
 
 def _make_codec(label: Label) -> LabelCodec:

@@ -1,10 +1,10 @@
-"""Label sets: which labels an equipment sends and what they mean, as data.
+"""Label sets: the labels of an equipment and their meaning, as data.
 
-A set is a table of TOML.  Those of ``labels.toml`` are built in; a user's own file (option ``labels_file``) has the
-same form, and its sets go before built-in ones of the same name:
+A set is a table of TOML.  The sets of ``labels.toml`` are built in; a user file (option ``labels_file``) has the same
+form, and its sets replace built-in ones of the same name:
 
     [my_altimeter]
-    equipment = "007"        # hexadecimal identifier of ARINC 429 part 1, as label 377 carries it; may be left out
+    equipment = "007"        # hexadecimal identifier of ARINC 429 part 1, as in label 377; optional
     source = "maker's document, revision, table"
     labels = [
         { label = "164", quantity = "radio_height", unit = "ft", range = 8192.0, bits = 16 },
@@ -38,15 +38,15 @@ EQUIPMENT_LABEL = "377"
 class Label(StrictModel):
     """One enabled label.
 
-    label      : octal digits; sdi : only this source; without it, any
-    quantity   : what it measures, see ``_quantities``; or reading : the name of a ``Reading`` of your own
+    label      : octal digits; sdi : only this source; none : any
+    quantity   : see ``_quantities``; or reading : name of a ``Reading``
     unit       : of the wire; range [unit] and bits of a BNR word; resolution [unit] of a BCD word's last digit
-    sign       : -1 where this equipment counts the other way
-    fine_label : this label carries the top of the number and that one the next ``fine_bits`` bits of it
-    steps      : the instrument quantises; its step at the value gives the sigma
+    sign       : -1 if this equipment uses the opposite sign
+    fine_label : label with the next ``fine_bits`` bits below those of this label
+    steps      : quantisation of the instrument; the step at the value gives the sigma
     name       : of a discrete word; flags : {condition: bit}; not_ok : conditions that make the equipment not ok;
-                 fields : {name of a Reading: [lowest bit, highest bit]}, and a third bit where the most significant
-                 one stands apart
+                 fields : {name of a Reading: [lowest bit, highest bit]}, and a third bit if the most significant
+                 one is separate
     """
 
     label: Octal
@@ -80,18 +80,18 @@ class Label(StrictModel):
         if unknown := set(self.not_ok) - set(self.flags):
             return f"not_ok names {', '.join(sorted(unknown))}; flags are {', '.join(self.flags) or 'none'}"
         if backward := [name for name, bits in self.fields.items() if bits[0] > bits[1]]:
-            return f"field {backward[0]}: the lowest bit comes first"
+            return f"field {backward[0]}: the lowest bit must be first"
         return ""
 
     def _wrong_name(self) -> str:
         if bool(self.quantity) == bool(self.reading):
-            return "give either quantity or reading"
+            return "needs exactly one of quantity and reading"
         if self.quantity and self.quantity not in QUANTITIES:
             return f"no quantity {self.quantity!r}; there are {', '.join(QUANTITIES)}; or give a reading"
         if self.quantity:
             to_si(self.quantity, self.unit)
         if self.steps and self.quantity != "radio_height":
-            return "steps are those of a radio_height"
+            return "steps needs the quantity radio_height"
         return ""
 
     def _wrong_number(self) -> str:
@@ -102,12 +102,12 @@ class Label(StrictModel):
         if self.range is None or self.bits is None:
             return "a BNR word needs range and bits"
         if self.sdi is not None and self.bits > BNR_BITS_WITH_SDI:
-            return f"a word of {self.bits} bits has no room for an sdi"
+            return f"a word of {self.bits} bits has no sdi"
         return ""
 
 
 class LabelSet(StrictModel):
-    """The labels of one equipment.  equipment : hexadecimal identifier; source : where the table is from."""
+    """The labels of one equipment.  equipment : hexadecimal identifier; source : origin of the table."""
 
     equipment: Annotated[str, Field(pattern=r"^[0-9A-F]{3}$")] | None = None
     source: str = ""
@@ -115,7 +115,7 @@ class LabelSet(StrictModel):
 
 
 def read_sets(text: str, file: str) -> dict[str, LabelSet]:
-    """The sets of a TOML text by name.  Raises ValueError or ConfigError naming file, key and what is allowed."""
+    """The sets of a TOML text by name.  Raises ValueError or ConfigError with file, key and allowed values."""
     try:
         tables = parse_toml(text, file)
     except ConfigError as error:
@@ -128,17 +128,17 @@ def read_sets(text: str, file: str) -> dict[str, LabelSet]:
 
 @cache
 def built_in_sets() -> dict[str, LabelSet]:
-    """The sets that come with the program, by name."""
+    """The built-in sets by name."""
     text = importlib.resources.files(__package__).joinpath("labels.toml").read_text(encoding="utf-8")
     return read_sets(text, "arinc429/labels.toml")
 
 
 def choose(name: str, own_text: str) -> LabelSet:
-    """A set by name, of the user's text or built in; "none" is empty.  Raises ValueError naming those that exist."""
+    """A set by name, from the user's text or built in; "none" is empty.  Raises ValueError with the existing names."""
     if name == "none":
         return LabelSet(labels=())
     own = read_sets(own_text, "labels_file") if own_text else {}
-    if found := own.get(name) or built_in_sets().get(name):
-        return found
-    mine = f"; in labels_file: {', '.join(own)}" if own else ""
-    raise ValueError(f"set {name!r}: there is no such set; built in: {', '.join(built_in_sets())}, none{mine}")
+    if label_set := own.get(name) or built_in_sets().get(name):
+        return label_set
+    available = f"; in labels_file: {', '.join(own)}" if own else ""
+    raise ValueError(f"set {name!r}: unknown set; built in: {', '.join(built_in_sets())}, none{available}")

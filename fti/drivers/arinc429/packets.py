@@ -1,4 +1,4 @@
-"""What the two kinds of packets have in common: words with a bus, a time and perhaps an error."""
+"""Common interface of the packet formats: words with bus, time and error flag."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from fti.types import Stamp, TimeScale
 
 
 class ReceivedWord(NamedTuple):
-    """A word out of a packet.  bus : its number; t_dev_ns : time of the packet's maker [ns]; error : it says so."""
+    """A word in a packet.  bus : its number; t_dev_ns : time of the converter [ns]; error : its error flag."""
 
     word: int
     bus: int
@@ -19,25 +19,25 @@ class ReceivedWord(NamedTuple):
 
 
 class Packets(Protocol):
-    """One kind of packet, both ways."""
+    """Codec of a packet format."""
 
-    LIMIT: int  # longest packet that is held [bytes]
+    LIMIT: int  # maximum size of a packet [bytes]
 
     def measure(self, buffer: bytearray) -> int | Skip:
-        """See ``_framing``: a packet that is returned holds its checksums."""
+        """See ``_framing``; the checksums of a returned packet are correct."""
 
     def unpack(self, packet: bytes) -> tuple[str, list[ReceivedWord]]:
-        """What the packet is counted as ("" where its words are), and its words."""
+        """Counter name of the packet ("" if its words are counted instead), and its words."""
 
     def count_missing(self, packet: bytes) -> int:
-        """How many packets are missing before this one, as their numbers show; none where they begin again."""
+        """Number of missing packets before this one, from the sequence numbers; 0 after a restart."""
 
     def pack(self, words: Sequence[int], bus: int, t_dev_ns: int) -> bytes:
         """A packet with these words."""
 
 
 def boot_ns(stamp: Stamp) -> int:
-    """Time of the emulated maker of packets [ns]: since it was switched on, else the arrival."""
+    """Time of the emulated converter [ns]: since its start, otherwise the arrival."""
     if stamp.t_dev_ns is not None and stamp.time_scale is TimeScale.BOOT:
         return stamp.t_dev_ns
     return stamp.t_rx_ns

@@ -1,22 +1,21 @@
-"""Where words begin on a line that has nothing but words: parity, and the labels that are enabled.
+"""Word synchronisation on a line without packets, by parity and enabled labels.
 
-Searching, nothing is released until ``wanted`` enabled labels have stood at a distance of whole words with good
-parity between them, and no other place shows nearly as many.  ``wanted`` follows from how many labels are enabled, so
-that noise is believed once in 10^9 bytes (a day at 115200 baud): with q the part of all label bytes that is enabled,
-a place looks like an enabled word with q/2, and shows a further one before a bad parity with q/(1+q).  That is 4 words
-for one label, 7 for ten, 8 for twenty: one label sent 25 times a second is found after 0.12 s, and what was held is
-released with its own stamps.  Two words, the least that could do, would believe noise 8 times a second with ten labels.
-A stream that begins with a word is believed after WANTED_AT_BEGINNING: captures and datagrams do, and noise has but
-one chance.
+Search: no word is released until ``required`` enabled labels were found at distances of whole words, with correct
+parity between them, and no other offset has nearly as many.  ``required`` depends on the number of enabled labels, for
+one false synchronisation in 10^9 bytes of noise (a day at 115200 baud).  With q the enabled fraction of all label
+bytes, an offset looks like an enabled word with probability q/2, and shows a further one before a wrong parity with
+q/(1+q).  This gives 4 words for one label, 7 for ten, 8 for twenty: one label at 25 Hz is found after 0.12 s, and the
+held words are released with their own stamps.  Two words, the minimum, would accept noise 8 times a second with ten
+labels.  At the start of a stream MIN_WORDS_AT_START are enough: captures and datagrams begin with a word, and noise has
+only one chance.
 
-In step, an enabled label in good parity is released at once.  A word that is not enabled is framed as soon as the
-next enabled label shows that words still begin there: turned by a whole byte a word keeps its parity, so after a lost
-byte parity alone would believe the wrong place.  A word in bad parity is skipped when two enabled labels follow it
-where they should; otherwise the search begins again.  At most SEARCH_BYTES are held; as many bytes of good parity are
-proof too.
+In step: an enabled label with correct parity is released at once.  Another word is framed when the next enabled label
+confirms the offset: a word shifted by a whole byte keeps its parity, so after a lost byte parity alone would accept a
+wrong offset.  A word with wrong parity is skipped if two enabled labels follow at the right offset; otherwise the
+search begins again.  At most SEARCH_BYTES are held; as many bytes with correct parity also confirm the offset.
 
-Words that never change, of one label or two, may look alike at two places: then nothing is released ("ambiguous").
-Without parity the labels are all there is: while searching, ``wanted`` enabled ones must follow each other directly.
+Constant words of one or two labels may look alike at two offsets: then no word is released ("ambiguous").  Without
+parity only the labels are checked: the search then needs ``required`` consecutive enabled labels.
 """
 
 from __future__ import annotations
@@ -30,14 +29,14 @@ from fti.drivers.arinc429.word import Parity, is_intact
 
 WORD_BYTES = 4
 SEARCH_BYTES = 64 * WORD_BYTES
-MAX_FALSE_SYNC_RATE = 1e-9  # false finds per byte of noise
+MAX_FALSE_SYNC_RATE = 1e-9  # false synchronisations per byte of noise
 MIN_WORDS_AT_START = 3
 OTHER_OFFSETS = (1, 2, 3)
-MIN_WORDS_ELSEWHERE = 3  # enabled words at another place that end being in step
+MIN_WORDS_OTHER_OFFSET = 3  # enabled words at another offset that end the synchronisation
 
 
 def required_words(enabled: float, parity: Parity) -> int:
-    """Enabled words that prove where words begin.  enabled : label bytes that are, of 256; one sdi counts a quarter."""
+    """Number of enabled words for synchronisation.  enabled : label bytes of 256; one sdi counts 0.25."""
     part = enabled / 256
     first, further = (part, part) if parity == "none" else (part / 2, part / (1 + part))
     if further >= 1:
@@ -47,35 +46,35 @@ def required_words(enabled: float, parity: Parity) -> int:
 
 
 class WordEvidence(NamedTuple):
-    """What a place shows.  good : None when the bytes do not tell; end : of the word that told; seen : enabled ones."""
+    """Check of an offset.  good : None if undecided; end : of the deciding word; enabled_words : their number."""
 
     good: bool | None
     end: int
-    seen: int
+    enabled_words: int
 
 
 class WordStream:
-    """Frames of one word each.  word_of : bytes to the word; is_enabled : its label is."""
+    """Frames of one word each.  word_of : converts bytes to the word; is_enabled : is its label enabled?"""
 
     def __init__(
         self,
         word_of: Callable[[bytearray], int],
         is_enabled: Callable[[int], bool],
         parity: Parity,
-        wanted: int,
+        required: int,
     ) -> None:
         self._word_of, self._is_enabled = word_of, is_enabled
-        self._parity, self._wanted = parity, wanted
+        self._parity, self._required = parity, required
         self._at_beginning = True
         self._in_step = False
-        self._confirmed_words = 0  # words ahead of which it is known that they begin here
+        self._confirmed_words = 0  # following words whose offset is confirmed
 
     def measure(self, buffer: bytearray) -> int | Skip:
         """See ``_framing``."""
-        seen = self._measure(buffer)
-        if seen:
+        result = self._measure(buffer)
+        if result:
             self._at_beginning = False
-        return seen
+        return result
 
     def _measure(self, buffer: bytearray) -> int | Skip:
         if len(buffer) < WORD_BYTES:
@@ -86,31 +85,33 @@ class WordStream:
         word = self._word_of(buffer[:WORD_BYTES])
         good, enabled = is_intact(word, self._parity), self._is_enabled(word)
         if self._in_step:
-            return WORD_BYTES if good and enabled else self._look_ahead(buffer, good)
+            return WORD_BYTES if good and enabled else self._check_following(buffer, good)
         return self._search(buffer) if good and enabled else Skip(1, "no_sync")
 
     def _search(self, buffer: bytearray) -> int | Skip:
-        """An enabled label stands here; do words begin here?"""
-        wanted = MIN_WORDS_AT_START if self._at_beginning else self._wanted
-        seen = self._evidence(buffer, 0, wanted, dense=self._parity == "none")
-        if seen.good is None and len(buffer) < SEARCH_BYTES:
+        """At an enabled label: is this the offset of words?"""
+        required = MIN_WORDS_AT_START if self._at_beginning else self._required
+        evidence = self._evidence(buffer, 0, required, dense=self._parity == "none")
+        if evidence.good is None and len(buffer) < SEARCH_BYTES:
             return 0
-        if seen.good is False:
+        if evidence.good is False:
             return Skip(1, "no_sync")
-        if self._is_ambiguous(buffer[: seen.end], seen.seen):
+        if self._is_ambiguous(buffer[: evidence.end], evidence.enabled_words):
             return Skip(1, "ambiguous")
-        self._in_step, self._confirmed_words = True, seen.end // WORD_BYTES - 1
+        self._in_step, self._confirmed_words = True, evidence.end // WORD_BYTES - 1
         return WORD_BYTES
 
-    def _is_ambiguous(self, buffer: bytearray, seen: int) -> bool:
-        """Another place shows one enabled label less at most, and no bad parity."""
-        return any(self._evidence(buffer, at, max(seen - 1, 1)).good for at in OTHER_OFFSETS)
+    def _is_ambiguous(self, buffer: bytearray, enabled_words: int) -> bool:
+        """Does another offset have at most one enabled label less, and no wrong parity?"""
+        return any(self._evidence(buffer, at, max(enabled_words - 1, 1)).good for at in OTHER_OFFSETS)
 
-    def _look_ahead(self, buffer: bytearray, good: bool) -> int | Skip:
-        """A word that is not enabled or not intact: do words still begin here?  What is shown first counts."""
+    def _check_following(self, buffer: bytearray, good: bool) -> int | Skip:
+        """After a word that is not enabled or not intact: is the offset still right?  The first evidence decides."""
         here = self._evidence(buffer, 0, 1) if good else self._evidence(buffer, WORD_BYTES, 2)
         others = [
-            (seen.end, at) for at in OTHER_OFFSETS if (seen := self._evidence(buffer, at, MIN_WORDS_ELSEWHERE)).good
+            (evidence.end, at)
+            for at in OTHER_OFFSETS
+            if (evidence := self._evidence(buffer, at, MIN_WORDS_OTHER_OFFSET)).good
         ]
         if others and (here.good is None or min(others)[0] < here.end):
             return self._lost(min(others)[1], good)
@@ -125,15 +126,15 @@ class WordStream:
         self._in_step = False
         return Skip(size, "no_sync" if good else "bad_parity")
 
-    def _evidence(self, buffer: bytearray, start: int, wanted: int, *, dense: bool = False) -> WordEvidence:
-        """So many enabled labels from start on, or a bad parity before.  dense : each word must be enabled."""
-        seen, at = 0, start
+    def _evidence(self, buffer: bytearray, start: int, required: int, *, dense: bool = False) -> WordEvidence:
+        """Find ``required`` enabled labels from start on, or a wrong parity.  dense : each word must be enabled."""
+        enabled_words, at = 0, start
         for at in range(start, len(buffer) - WORD_BYTES + 1, WORD_BYTES):
             word = self._word_of(buffer[at : at + WORD_BYTES])
             enabled = self._is_enabled(word)
             if not is_intact(word, self._parity) or (dense and not enabled):
-                return WordEvidence(False, at + WORD_BYTES, seen)
-            seen += enabled
-            if seen == wanted:
-                return WordEvidence(True, at + WORD_BYTES, seen)
-        return WordEvidence(None, at + WORD_BYTES, seen)
+                return WordEvidence(False, at + WORD_BYTES, enabled_words)
+            enabled_words += enabled
+            if enabled_words == required:
+                return WordEvidence(True, at + WORD_BYTES, enabled_words)
+        return WordEvidence(None, at + WORD_BYTES, enabled_words)

@@ -3,9 +3,9 @@
     32      31 30   29    28 ... 11        10 9   8 ... 1
     parity  SSM     sign  data, bit 28 MSB  SDI   label, octal, most significant bit in bit 1
 
-BNR is two's complement with ``bits`` data bits below the sign; more than 18 of them reach into the SDI.  BCD is five
-digits in bits 11-29, the highest of three bits.  A discrete word is bits 11-29 by themselves.  Parity is odd over all
-32 bits; some converters make it even, or put something else into bit 32.  Source: ARINC 429 part 1.
+BNR is two's complement with ``bits`` data bits below the sign; more than 18 of them use the SDI bits.  BCD is five
+digits in bits 11-29, the highest of three bits.  A discrete word has independent bits 11-29.  Parity is odd over all
+32 bits; some converters make it even, or use bit 32 otherwise.  Source: ARINC 429 part 1.
 """
 
 from __future__ import annotations
@@ -57,12 +57,12 @@ class DiscreteState(IntEnum):
 
 
 def is_intact(word: int, parity: Parity = "odd") -> bool:
-    """True when the word is undamaged, as far as one bit of parity tells; without parity it tells nothing."""
+    """Is the parity correct?  Always true without parity."""
     return parity == "none" or (word.bit_count() & 1 == 1) == (parity == "odd")
 
 
 def with_parity(word: int, parity: Parity = "odd") -> int:
-    """The word with bit 32 as the parity asks for; zero without parity."""
+    """The word with bit 32 set for the parity; zero without parity."""
     word &= _PARITY - 1
     return word if is_intact(word, parity) else word | _PARITY
 
@@ -79,7 +79,7 @@ def label_octal(word: int) -> str:
 
 
 def reverse_label(word: int) -> int:
-    """The word with the bits of its label in the other order."""
+    """The word with the bits of its label reversed."""
     return word & ~0xFF | REVERSED[word & 0xFF]
 
 
@@ -94,19 +94,19 @@ def sdi(word: int) -> int:
 
 
 def decode_steps(word: int, bits: int) -> int:
-    """The two's complement number of a BNR word of so many data bits."""
+    """The two's complement number of a BNR word with ``bits`` data bits."""
     raw = word >> (BNR_TOP - bits) & ((2 << bits) - 1)
     return raw - (2 << bits) if raw >> bits else raw
 
 
 def encode_steps(label: str, raw: int, bits: int, *, state: BnrState, sdi: int = 0) -> int:
-    """A BNR word of a two's complement number that fits into bits and sign."""
+    """A BNR word of a two's complement number of ``bits`` data bits and sign."""
     word = label_byte(label) | raw % (2 << bits) << (BNR_TOP - bits) | int(state) << _SSM_SHIFT
     return with_parity(word if bits > BNR_BITS_WITH_SDI else word | sdi << _SDI_SHIFT)
 
 
 def to_steps(value: float, full_scale: float, bits: int, *, turns: bool) -> int:
-    """value in steps of the scale; it saturates, or goes on at the other end of the scale where an angle ``turns``."""
+    """value in steps of the scale; it saturates, or wraps around for an angle (``turns``)."""
     top = 1 << bits
     raw = round(value * top / full_scale)
     return (raw + top) % (2 * top) - top if turns else max(-top, min(top - 1, raw))
@@ -144,7 +144,7 @@ def encode_bcd(label: str, value: float, resolution: float, *, state: BcdState, 
 
 
 def decode_field(word: int, low: int, high: int, top: int = 0) -> int:
-    """The number in bits low..high of the standard, low least significant; top : where its highest bit stands apart."""
+    """The number in bits low..high of the standard, low least significant; top : position of a separate top bit."""
     number = word >> (low - 1) & ((2 << (high - low)) - 1)
     return number | (word >> (top - 1) & 1) << (high - low + 1) if top else number
 
@@ -157,5 +157,5 @@ def encode_field(value: int, low: int, high: int, top: int = 0) -> int:
 
 
 def encode_discrete(label: str, data: int, *, state: DiscreteState, sdi: int = 0) -> int:
-    """A discrete word.  data : its bits, at their places in the word."""
+    """A discrete word.  data : its bits, at their positions in the word."""
     return with_parity(label_byte(label) | sdi << _SDI_SHIFT | data | state << _SSM_SHIFT)

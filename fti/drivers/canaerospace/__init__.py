@@ -4,28 +4,28 @@ Document: CANaerospace interface specification 1.7 (Stock Flight Systems, 2006),
 
     11-bit identifier | byte 0 node | 1 data type | 2 service | 3 message code | 4-7 data, big-endian
 
-    0-127     emergency event      node that says so, type 1: location u8, operation u8, error i16
-    128-199   node service         node that is addressed; even identifiers ask, odd ones answer; also 2000-2031
-    300-1799  normal operation     node that speaks; the message code counts the messages of an identifier
-    others    the users' own       not decoded, unless the DBC has them
+    0-127     emergency event      node with the error, type 1: location u8, operation u8, error i16
+    128-199   node service         addressed node; even identifiers: requests, odd ones: responses; also 2000-2031
+    300-1799  normal operation     sending node; the message code counts the messages of an identifier
+    others    user-defined         decoded only if the DBC has them
 
-    data type 2 FLOAT, 3-5 LONG ULONG BLONG, 6-8 SHORT .., 9-11 CHAR .., 12 SHORT2 (value, amount that 32767 stands
-    for), 13-20, 26-28 two to four integers, 23-25, 29 characters, 30 and 31 the halves of a double
+    data type 2 FLOAT, 3-5 LONG ULONG BLONG, 6-8 SHORT .., 9-11 CHAR .., 12 SHORT2 (value, full scale of 32767), 13-20,
+    26-28 two to four integers, 23-25, 29 characters, 30 and 31 the halves of a double
 
     306-310 rudder, stabilizer, elevator, left and right aileron [deg]   311 pitch, 312 roll, 313 sideslip [deg]
     315 IAS, 316 TAS, 317 CAS [m/s]   320 baro-corrected, 322 standard altitude [m]   323 TAT, 324 SAT [K]
     325 differential, 326 static pressure [hPa]   328 angle of attack [deg]   1070 radio height, 1071-1074 DME [m]
 
-Identifiers are a table in a DBC (``parameters.dbc``; another one by option ``dbc_file``): a name that is a quantity
-(``_quantities``) becomes its measurement, any other a Reading, and normal operation data that the DBC does not have a
-Reading ``nod_<identifier>``.  A maker's layout without this header is for the driver ``dbc``.
+A DBC defines the identifiers (``parameters.dbc``, or that of option ``dbc_file``): a name of a quantity
+(``_quantities``) becomes its measurement, any other a Reading, and normal operation data that are not in the DBC a
+Reading ``nod_<identifier>``.  For a layout without this header use the driver ``dbc``.
 
-Message codes and silent nodes: ``_bus_watch``; what was lost is counted, and told as a DeviceStatus with its number.
-A node is alive while it says anything, and shows who it is when it is asked (command ``identify``).
+Message codes and silent nodes: ``_node_supervision``; lost messages are counted and reported as a DeviceStatus.  A node
+counts as alive while it sends any message, and identifies itself on request (command ``identify``).
 
-Open: the notes on 313 say "yaw right +", the text says that the signs are those of ISO 1151; ISO is taken (wind from
-the right is positive); a negative factor in the DBC turns it.  The protocol has no agreed flag for validity: what
-the emulator's sensor knows to be wrong is not sent.
+Open: the notes on 313 state "yaw right +", the text refers to the signs of ISO 1151; this driver uses ISO (wind from
+the right is positive); a negative factor in the DBC inverts it.  The protocol has no standard flag for validity:
+invalid values of the emulator's sensors are not sent.
 """
 
 from __future__ import annotations
@@ -46,15 +46,15 @@ from fti.drivers.canaerospace.parameters import read_parameters
 DOCUMENT = "CANaerospace interface specification 1.7 (Stock Flight Systems, 2006); identifiers by DBC"
 MESSAGES = {
     **dict.fromkeys(QUANTITIES, "a parameter of this name in the DBC"),
-    "emergency_event": "a unit says what went wrong in it",
-    "ids_response": "a node says who it is",
+    "emergency_event": "error report of a unit",
+    "ids_response": "identification of a node",
     "(other)": "other normal operation data, by name or as nod_<identifier>; node services by name",
 }
 CARRIERS = frozenset({"can"})
 COMMANDS = {
     "identify": Command(
-        "asks a node for its sign of life: revisions, identifier distribution, header",
-        {"node": "number of the node, 1 to 255; 0 asks all; default: the device's own, or all"},
+        "request the identification of a node: revisions, identifier distribution, header",
+        {"node": "number of the node, 1 to 255; 0: all; default: that of the device, or all"},
     )
 }
 
@@ -62,8 +62,8 @@ COMMANDS = {
 class Options(StrictModel):
     """``dbc_file`` names a DBC (``dbc`` is its text, filled in from the file); empty is the built-in one.
 
-    ``node``: only frames of this node number (byte 0); the emulator sends under it, or else under 1.
-    ``silent_after``: periods without a message after which a node is told to be silent.
+    ``node``: only frames of this node number (byte 0); the emulator uses it, otherwise 1.
+    ``silent_after``: periods without a message until a node is reported as silent.
     """
 
     dbc_file: str | None = None
@@ -73,19 +73,19 @@ class Options(StrictModel):
 
 
 def make_decoder(options: Options) -> Decoder:
-    """A fresh decoder.  Raises ValueError when the DBC is wrong."""
+    """A fresh decoder.  Raises ValueError for a wrong DBC."""
     return Decoder(read_parameters(options.dbc), options.node, options.silent_after)
 
 
 def make_encoder(options: Options) -> Encoder:
-    """A fresh encoder.  Raises ValueError when the DBC is wrong."""
+    """A fresh encoder.  Raises ValueError for a wrong DBC."""
     return Encoder(read_parameters(options.dbc), 1 if options.node is None else options.node)
 
 
 def command(name: str, args: Mapping[str, str], options: Options | None = None) -> bytes:
     """The frame of a command.  Raises ValueError when it or an argument is unknown or out of range."""
     if name != "identify":
-        raise ValueError(f"no command {name!r}; there is identify")
+        raise ValueError(f"no command {name!r}; there are identify")
     if set(args) - {"node"}:
         raise ValueError(f"identify: no argument {min(set(args) - {'node'})!r}; there is node")
     own = options.node if options and options.node is not None else 0

@@ -6,12 +6,12 @@ import struct
 from typing import NamedTuple
 
 NODATA, ERROR, FLOAT, SHORT2, UCHAR4, DOUBLEH, DOUBLEL = 0, 1, 2, 12, 16, 30, 31
-#: A SHORT2 is a value and the amount that 32767 stands for: section 5.
+#: A SHORT2 is a value and the full scale of 32767: section 5.
 FULL_SCALE = 32767
 
 
 class DataType(NamedTuple):
-    """A type: how many bytes it has, and what they are; ``is_text`` for ASCII characters."""
+    """A type: name and layout; ``is_text`` for ASCII characters."""
 
     name: str
     layout: struct.Struct
@@ -40,9 +40,9 @@ TYPES = _table(
 
 
 def decode_values(number: int, data: bytes) -> tuple[float, ...] | str:
-    """The numbers in the data, or the characters; a SHORT2 is the one amount that it stands for.
+    """The numbers in the data, or the text; a SHORT2 gives one scaled number.
 
-    Raises ValueError for a type that is reserved or the user's own, and for data of another length.
+    Raises ValueError for a reserved or user-defined type, and for a wrong data length.
     """
     kind = TYPES.get(number)
     if kind is None:
@@ -58,6 +58,6 @@ def decode_values(number: int, data: bytes) -> tuple[float, ...] | str:
 
 
 def join_double(high: float, low: float) -> float:
-    """The number whose halves came as DOUBLEH and DOUBLEL."""
-    found: float = struct.unpack(">d", struct.pack(">II", int(high), int(low)))[0]
-    return found
+    """The number from its halves DOUBLEH and DOUBLEL."""
+    number: float = struct.unpack(">d", struct.pack(">II", int(high), int(low)))[0]
+    return number

@@ -21,12 +21,12 @@ SERVICES = (
 )  # fmt: skip
 IDS = 0
 HEADER_SIZE = 4
-#: Doubles whose second half has not come yet.
+#: Limit of doubles without second half.
 MAX_HALVES = 64
 
 
 def kind_of(can_id: int) -> str:
-    """What an 11-bit identifier is for; "" for what users define."""
+    """Kind of an 11-bit identifier; "" for user-defined ones."""
     if can_id in EMERGENCY:
         return "emergency"
     if any(can_id in channels for channels in NODE_SERVICES):
@@ -35,13 +35,13 @@ def kind_of(can_id: int) -> str:
 
 
 def service_name(can_id: int, code: int) -> str:
-    """The name under which a node service is counted: requests have even identifiers, responses odd ones."""
+    """Counter name of a node service: requests have even identifiers, responses odd ones."""
     name = SERVICES[code] if code < len(SERVICES) else f"service_{code}"
     return f"{name}_{'response' if can_id % 2 else 'request'}"
 
 
 def decode_parameter(parameter: Parameter, values: tuple[float, ...] | str, stamp: Stamp) -> list[Measurement]:
-    """What a message of normal operation data says."""
+    """Measurements of a message of normal operation data."""
     name = parameter.name
     if isinstance(values, str):
         return [Reading(stamp=stamp, name=name, value=None, text=values)]
@@ -64,7 +64,7 @@ def _decode_number(parameter: Parameter, number: float, stamp: Stamp) -> list[Me
 
 
 def decode_emergency(data: bytes, stamp: Stamp) -> DeviceStatus:
-    """An emergency event: section 3.2.  Raises ValueError when it has not that form."""
+    """An emergency event: section 3.2.  Raises ValueError for another form."""
     if data[1] != ERROR or len(data) != 8:
         raise ValueError("an emergency event has data type 1 and four bytes of data")
     error = int.from_bytes(data[6:8], "big", signed=True)
@@ -73,9 +73,9 @@ def decode_emergency(data: bytes, stamp: Stamp) -> DeviceStatus:
 
 
 def decode_identification(data: bytes, stamp: Stamp) -> list[Measurement]:
-    """The sign of life of a node, in order when identifiers and header are the standard's: section 4.1.
+    """Identification of a node; ok if identifiers and header are standard: section 4.1.
 
-    Raises ValueError when it has not that form.
+    Raises ValueError for another form.
     """
     if data[1] != UCHAR4 or len(data) != 8:
         raise ValueError("an identification has data type 16 and four bytes of data")
@@ -88,16 +88,16 @@ def decode_identification(data: bytes, stamp: Stamp) -> list[Measurement]:
 
 
 class Decoder(BusDecoder):
-    """node : only frames of this node; None: of all."""
+    """node : only frames of this node; None: all."""
 
     def __init__(self, parameters: Mapping[int, Parameter], node: int | None, silent_after: float) -> None:
         super().__init__(silent_after)
         self._node = node
         self._parameters = parameters
-        self._halves: dict[tuple[int, int], float] = {}  # DOUBLEH by word and node, until the DOUBLEL comes
+        self._halves: dict[tuple[int, int], float] = {}  # DOUBLEH by word and node, until the DOUBLEL arrives
 
-    def _decode_frame(self, word: int, data: bytes, stamp: Stamp, found: list[Measurement]) -> str:
-        """Add what is in a frame; why the frame is skipped, "" when it is not."""
+    def _decode_frame(self, word: int, data: bytes, stamp: Stamp, measurements: list[Measurement]) -> str:
+        """Append the measurements of a frame; returns the reason if the frame is skipped, otherwise ""."""
         parameter = self._parameters.get(word)
         kind = "normal" if parameter else kind_of(word)
         if not kind:
@@ -108,12 +108,12 @@ class Decoder(BusDecoder):
             return "other_node"
         try:
             if kind == "normal":
-                found += self._normal(parameter or unknown_parameter(word), data, stamp)
+                measurements += self._normal(parameter or unknown_parameter(word), data, stamp)
             elif kind == "emergency":
-                found.append(decode_emergency(data, stamp))
+                measurements.append(decode_emergency(data, stamp))
                 self.counters.messages["emergency_event"] += 1
             else:
-                found += self._service(word, data, stamp)
+                measurements += self._service(word, data, stamp)
         except ValueError:
             return "bad_data"
         return ""
@@ -124,14 +124,14 @@ class Decoder(BusDecoder):
         if kind in (DOUBLEH, DOUBLEL) and not isinstance(values, str):
             values = self._double(parameter.word, node, kind, values[0])
         self.counters.messages[parameter.name] += 1
-        found = decode_parameter(parameter, values, stamp) if values else []
-        told = self._watch.handle_message(stamp.t_rx_ns, node, parameter.name, code=code)
-        if told:
-            found.append(node_status(stamp, told))
-        return found
+        measurements = decode_parameter(parameter, values, stamp) if values else []
+        conditions = self._watch.handle_message(stamp.t_rx_ns, node, parameter.name, code=code)
+        if conditions:
+            measurements.append(node_status(stamp, conditions))
+        return measurements
 
     def _double(self, word: int, node: int, kind: int, half: float) -> tuple[float, ...]:
-        """The number, when this is its second half."""
+        """The number, if this is its second half."""
         if kind == DOUBLEH:
             if len(self._halves) >= MAX_HALVES:
                 self._halves.clear()
@@ -142,6 +142,6 @@ class Decoder(BusDecoder):
 
     def _service(self, can_id: int, data: bytes, stamp: Stamp) -> list[Measurement]:
         is_identification = data[2] == IDS and can_id % 2 == 1
-        found = decode_identification(data, stamp) if is_identification else []
+        measurements = decode_identification(data, stamp) if is_identification else []
         self.counters.messages[service_name(can_id, data[2])] += 1
-        return found
+        return measurements

@@ -1,4 +1,4 @@
-"""The units' end of the bus, for the emulator: every parameter is a message of type FLOAT."""
+"""The emulated unit: every parameter is sent as a message of type FLOAT."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ IDENTIFICATION = bytes([1, 1, 0, 0])
 
 @cache
 def frame_begin(word: int, node: int) -> bytes:
-    """The begin of the frames of normal operation data with a FLOAT, up to the service code."""
+    """First bytes of frames of normal operation data with a FLOAT, up to the service code."""
     data = bytes([node, FLOAT, 0])
     return pack_can(word & EXTENDED_MASK, data.ljust(MESSAGE_SIZE, b"\0"), extended=bool(word & EXTENDED))[:-5]
 
 
 def encode_message(word: int, node: int, code: int, value: float) -> bytes:
-    """A frame of normal operation data with a FLOAT, clamped to what a FLOAT can say."""
+    """A frame of normal operation data with a FLOAT, clamped to the range of a FLOAT."""
     return frame_begin(word, node) + CODE_AND_VALUE.pack(code, min(max(value, -FLOAT_MAX), FLOAT_MAX))
 
 
 def identification_request(node: int) -> bytes:
-    """Who is there?  Node service channel 0: section 4.1."""
+    """Request for identification on node service channel 0: section 4.1."""
     return pack_can(NODE_SERVICES[0][0], bytes([node, NODATA, IDS, 0]))
 
 
@@ -58,19 +58,19 @@ class Encoder:
         return [self._frame(p, v) for p in carrying if (v := _value_of(p, measurement)) is not None]
 
     def _parameters_for(self, measurement: Measurement) -> Sequence[Parameter]:
-        """The parameters that may carry something of it."""
+        """The parameters that may carry a part of it."""
         if isinstance(measurement, Reading):
             return self._by_name.get(measurement.name, ())
         return self._by_class.get(type(measurement), ())
 
     def respond(self, data: bytes) -> list[bytes]:
-        """The answer to a request for identification, on the channel on which it came."""
+        """The answer to a request for identification, on the channel of the request."""
         try:
             frame = unpack_can(data)
         except ValueError:
             return []
-        asked = any(frame.can_id in channels for channels in NODE_SERVICES) and frame.can_id % 2 == 0
-        if not asked or frame.extended or len(frame.data) < HEADER_SIZE:
+        is_request = any(frame.can_id in channels for channels in NODE_SERVICES) and frame.can_id % 2 == 0
+        if not is_request or frame.extended or len(frame.data) < HEADER_SIZE:
             return []
         node, _, service, code = frame.data[:HEADER_SIZE]
         if service != IDS or node not in (0, self._node):
@@ -85,7 +85,7 @@ class Encoder:
 
 
 def _value_of(parameter: Parameter, measurement: Measurement) -> float | None:
-    """What the measurement says of this parameter, in its unit."""
+    """Value of this parameter in the measurement, in its unit."""
     if isinstance(measurement, Reading):
         value = measurement.value if measurement.name == parameter.name else None
         return value if value is not None and math.isfinite(value) else None

@@ -1,7 +1,7 @@
-"""Identifiers of normal operation data: what a DBC says of each, and how its number becomes a measurement.
+"""Identifiers of normal operation data from a DBC, and the conversion of their numbers to measurements.
 
-The data type stands in every message, so the DBC is a table: identifier, name, unit, factor.  A message has the four
-signals of the header and one of its own.
+Every message contains its data type, so the DBC only lists identifier, name, unit and factor.  A message has the four
+signals of the header and one more.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ HEADER = ("node_id", "data_type", "service_code", "message_code")
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """One identifier.  word : of its frames; quantity : None where it is a Reading; scale : factor and offset to SI."""
+    """One identifier.  word : of its frames; quantity : None for a Reading; scale : factor and offset to SI."""
 
     word: int
     name: str
@@ -37,18 +37,15 @@ class Parameter:
 
 @cache
 def read_parameters(text: str) -> dict[int, Parameter]:
-    """The identifiers of a DBC, by word; of the built-in one when it is empty.
-
-    Raises ValueError saying what is wrong.
-    """
+    """The identifiers of a DBC (empty: the built-in one) by word.  Raises ValueError with the error."""
     parameters = [_parameter(layout) for layout in read_layouts(text or _built_in())]
     if not parameters:
-        raise ValueError("dbc: there is no message in it")
+        raise ValueError("dbc: contains no message")
     return {p.word: p for p in parameters}
 
 
 def unknown_parameter(can_id: int) -> Parameter:
-    """An identifier that the DBC does not have: a reading by its number."""
+    """An identifier that is not in the DBC: a reading by its number."""
     return Parameter(can_id, f"nod_{can_id}", "", 1.0, 0.0, float("-inf"), float("inf"))
 
 
@@ -61,7 +58,7 @@ def _parameter(layout: DbcMessage) -> Parameter:
     if len(own) != 1 or len(layout.signals) != len(HEADER) + 1:
         raise ValueError(
             f"dbc: message {layout.name!r}: must have the header {', '.join(HEADER)} and one signal; "
-            f"any other layout is for the driver dbc"
+            f"use the driver dbc for other layouts"
         )
     word = layout.can_id | EXTENDED * layout.extended
     signal = own[0]

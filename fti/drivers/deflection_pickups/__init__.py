@@ -1,7 +1,7 @@
 """Surface-deflection pickups: micro-controllers on CAN with up to four analog sensors each and calibration tables.
 
-Document: Spiegel 2018, 6.1, tables 6.1 and 6.2, figures 6.14 and 6.15 (which sensors, buses, rate, how they are
-calibrated); node services as in the CANaerospace interface specification 1.7, section 4.
+Document: Spiegel 2018, 6.1, tables 6.1 and 6.2, figures 6.14 and 6.15 (sensors, buses, rate,
+calibration); node services as in the CANaerospace interface specification 1.7, section 4.
 
     tail            bus 2    elevator, rudder, rudder trim
     left wing       bus 1    left aileron
@@ -13,15 +13,15 @@ calibrated); node services as in the CANaerospace interface specification 1.7, s
     deflection frame  CANaerospace header | deflection [deg] float      306, 308-310 as in CANaerospace; 1500-1505
     node service      request 128, response 129: see ``service``
 
-Open: the maker's identifiers, layout and commands.  So a DBC is the interface (option ``dbc_file``; ``layout`` says how
-it is read), and what stands above is that of the built-in one, whose copy is configs/dbc/deflection_pickups.dbc.
+Unknown: the maker's identifiers, layout and commands.  A DBC therefore defines the interface (option ``dbc_file``, see
+``layout``); the above is that of the built-in one, with a copy in configs/dbc/deflection_pickups.dbc.
 
-Raw count and deflection of one sample (equal message codes) make one measurement.  Where a node sends raw counts only
-(its DBC has no deflection), the calibration table is applied here (option ``calibration_file``; ``table`` has its
-form): piecewise linear; outside the table, and without one, the deflection is not valid, never extrapolated.
+Raw count and deflection of one sample (equal message codes) form one measurement.  For a node that sends raw counts
+only (its DBC has no deflection), the decoder applies the calibration table (option ``calibration_file``, see
+``table``): piecewise linear; outside the table, and without one, the deflection is not valid and never extrapolated.
 
-Tables live in the nodes.  They are read after every connect and once a minute, and edited by commands.  The table here
-changes when a node acknowledges, and at no other time (``live_tables``); each change is told as a ``Calibration``.
+The nodes store the tables.  They are read after every connect and once a minute, and edited by commands.  The table of
+the decoder changes only with acknowledgements of a node (``live_tables``); each change gives a ``Calibration``.
 """
 
 from __future__ import annotations
@@ -52,12 +52,12 @@ from fti.drivers.deflection_pickups.table import (
 
 DOCUMENT = "Spiegel 2018, tables 6.1 and 6.2, figures 6.14 and 6.15; CANaerospace 1.7, section 4; layout by DBC"
 MESSAGES = {
-    "insert_point": "answer of a node: a point is stored, or why not",
-    "modify_point": "answer of a node: a point is changed, or why not",
-    "delete_point": "answer of a node: a point is deleted, or why not",
-    "read_table": "answer of a node: so many points follow",
+    "insert_point": "answer of a node: point stored, or the reason of refusal",
+    "modify_point": "answer of a node: point changed, or the reason of refusal",
+    "delete_point": "answer of a node: point deleted, or the reason of refusal",
+    "read_table": "answer of a node: number of points that follow",
     "point": "one point of a table",
-    "set_rate": "answer of a node: a message comes at another rate, or why not",
+    "set_rate": "answer of a node: rate of a message changed, or the reason of refusal",
     "(other)": "raw counts and deflections, by the message's name in the DBC",
 }
 CARRIERS = frozenset({"can"})
@@ -65,12 +65,12 @@ _SURFACE = "control surface or pilot's control, as the DBC names it: elevator, f
 _RAW = f"raw count of the point, 0 to {MAX_RAW}"
 _DEG = f"deflection [deg], {MIN_DEG} to {MAX_DEG}, kept to 0.01"
 COMMANDS = {
-    "insert_point": Command("adds a point to a table", {"surface": _SURFACE, "raw": _RAW, "deg": _DEG}),
-    "modify_point": Command("gives a point another deflection", {"surface": _SURFACE, "raw": _RAW, "deg": _DEG}),
-    "delete_point": Command("takes a point out of a table", {"surface": _SURFACE, "raw": _RAW}),
-    "read_table": Command("lets the node send its table", {"surface": _SURFACE}),
+    "insert_point": Command("add a point to a table", {"surface": _SURFACE, "raw": _RAW, "deg": _DEG}),
+    "modify_point": Command("change the deflection of a point", {"surface": _SURFACE, "raw": _RAW, "deg": _DEG}),
+    "delete_point": Command("remove a point from a table", {"surface": _SURFACE, "raw": _RAW}),
+    "read_table": Command("request the table of a node", {"surface": _SURFACE}),
     "set_rate": Command(
-        "sets how often a sensor is sent", {"surface": _SURFACE, "rate_hz": f"[Hz], {MIN_RATE_HZ} to {MAX_RATE_HZ}"}
+        "set the message rate of a sensor", {"surface": _SURFACE, "rate_hz": f"[Hz], {MIN_RATE_HZ} to {MAX_RATE_HZ}"}
     ),
 }
 READ_EVERY_S = 60.0
@@ -79,8 +79,8 @@ READ_EVERY_S = 60.0
 class Options(StrictModel):
     """``dbc_file`` names a DBC, ``calibration_file`` the tables (``dbc``, ``calibration``: their texts).
 
-    ``nodes``: the micro-controllers on this bus, as the DBC names them; none named: all of the DBC.
-    ``silent_after``: periods without a message after which a node is told to be silent.
+    ``nodes``: micro-controllers on this bus, as named in the DBC; empty: all of the DBC.
+    ``silent_after``: periods without a message until a node is reported as silent.
     """
 
     dbc_file: str | None = None
@@ -92,25 +92,25 @@ class Options(StrictModel):
 
 
 def make_decoder(options: Options) -> Decoder:
-    """A fresh decoder.  Raises ValueError when the DBC or the calibration is wrong."""
+    """A fresh decoder.  Raises ValueError for a wrong DBC or calibration."""
     bus = _bus(options)
     return Decoder(bus, read_tables(options.calibration, _all_surfaces(options)), options.silent_after)
 
 
 def make_encoder(options: Options) -> Encoder:
-    """The nodes; those without a table in the calibration have the one that they came with (``factory``)."""
+    """The nodes; those without a table in the calibration have the default (``factory_calibration``)."""
     bus = _bus(options)
     return Encoder(bus, factory_tables(bus.sensors) | read_tables(options.calibration, _all_surfaces(options)))
 
 
 def on_connect(options: Options) -> list[bytes]:
-    """All nodes are asked for all their tables."""
+    """Request all tables of all nodes."""
     bus = _bus(options)
     return [] if bus.request is None else [_read_all(bus.request)]
 
 
 def poll(options: Options) -> tuple[float, bytes] | None:
-    """The same every minute: a node may have been calibrated at its own connector, or switched off."""
+    """The same every minute: a node may have been calibrated at its own connector, or restarted."""
     bus = _bus(options)
     return None if bus.request is None else (READ_EVERY_S, _read_all(bus.request))
 
@@ -133,7 +133,7 @@ def _bus(options: Options) -> PickupBus:
 
 
 def _all_surfaces(options: Options) -> tuple[str, ...]:
-    """Of all buses: one calibration file serves them all."""
+    """Surfaces of all buses: one calibration file serves all of them."""
     return tuple(read_bus(options.dbc, ()).sensors)
 
 

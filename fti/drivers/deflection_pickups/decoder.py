@@ -13,7 +13,7 @@ from fti.types import Measurement, Stamp, SurfaceDeflection
 
 
 class Decoder(BusDecoder):
-    """tables : as the calibration file has them; from then on they change when a node says so."""
+    """tables : from the calibration file; afterwards only acknowledgements of nodes change them."""
 
     def __init__(self, bus: PickupBus, tables: Mapping[str, CalibrationTable], silent_after: float) -> None:
         super().__init__(silent_after)
@@ -21,58 +21,58 @@ class Decoder(BusDecoder):
         self._tables = LiveTables(bus, tables)
         self._raw: dict[str, tuple[int, int | None]] = {}  # last raw count and its message code
 
-    def copy_state(self, before: Decoder) -> None:
-        """Behind missing frames the tables are those of before, not those of the file: see ``drivers.StatefulDecoder``."""
-        self._tables.copy_tables(before._tables)
+    def copy_state(self, previous: Decoder) -> None:
+        """Keep the tables over missing frames, see ``drivers.StatefulDecoder``."""
+        self._tables.copy_tables(previous._tables)
 
-    def _decode_frame(self, word: int, data: bytes, stamp: Stamp, found: list[Measurement]) -> str:
-        """Add what is in a frame; why the frame is skipped, "" when it is not."""
+    def _decode_frame(self, word: int, data: bytes, stamp: Stamp, measurements: list[Measurement]) -> str:
+        """Append the measurements of a frame; returns the reason if the frame is skipped, otherwise ""."""
         message = self._bus.messages.get(word)
         if message is not None:
-            return self._deflections(message, data, stamp, found)
+            return self._deflections(message, data, stamp, measurements)
         if word == self._bus.request:
             self.counters.messages[REQUEST] += 1
             return ""
         if word != self._bus.response:
             return "other_id"
         try:
-            name, said = self._tables.handle_response(data, stamp)
+            name, decoded = self._tables.handle_response(data, stamp)
         except ValueError:
             return "bad_data"
         if not name:
             return "other_node"
         self.counters.messages[name] += 1
-        found += said
+        measurements += decoded
         return ""
 
-    def _deflections(self, message: PickupMessage, data: bytes, stamp: Stamp, found: list[Measurement]) -> str:
+    def _deflections(self, message: PickupMessage, data: bytes, stamp: Stamp, measurements: list[Measurement]) -> str:
         layout = message.layout
         if len(data) < layout.length:
             return "bad_data"
-        whole = data[: layout.length]
-        little, big = int.from_bytes(whole, "little"), int.from_bytes(whole, "big")
+        payload = data[: layout.length]
+        little, big = int.from_bytes(payload, "little"), int.from_bytes(payload, "big")
         if message.own_id is not None and message.own_id.extract(little, big) != message.node_id:
             return "other_node"
         code = None if message.counter is None else int(message.counter.extract(little, big))
-        made = self._decode_deflections(message, (little, big), stamp, code)
-        if made is None:
+        deflections = self._decode_deflections(message, (little, big), stamp, code)
+        if deflections is None:
             return "bad_data"
         self.counters.messages[layout.name] += 1
-        found += made
+        measurements += deflections
         modulus = message.counter.modulus if message.counter else 0
-        told = self._watch.handle_message(
+        conditions = self._watch.handle_message(
             stamp.t_rx_ns, message.node, layout.name, code=code, modulus=modulus, cycle_ns=layout.cycle_ns
         )
-        if told:
-            found.append(node_status(stamp, told))
+        if conditions:
+            measurements.append(node_status(stamp, conditions))
         return ""
 
     def _decode_deflections(
         self, message: PickupMessage, words: tuple[int, int], stamp: Stamp, code: int | None
     ) -> list[Measurement] | None:
-        """The deflections in a frame; None when its multiplexer, the data type, says that it has none of them."""
+        """The deflections in a frame; None when its multiplexer (the data type) selects none of them."""
         present = message.layout.signals_in(*words)
-        found: list[Measurement] = []
+        measurements: list[Measurement] = []
         is_ours = False
         for surface, signal in message.raw.items():
             if signal in present:
@@ -80,19 +80,19 @@ class Decoder(BusDecoder):
                 count = int(signal.extract(*words))
                 self._raw[surface] = count, code
                 if self._bus.sensors[surface].raw_only:
-                    found.append(self._calibrated(surface, count, stamp))
+                    measurements.append(self._calibrated(surface, count, stamp))
         for surface, (signal, factor) in message.deflection.items():
             if signal in present:
                 is_ours = True
-                found.append(
-                    self._stated_deflection(surface, signal.physical(signal.extract(*words)), factor, (stamp, code))
+                measurements.append(
+                    self._node_deflection(surface, signal.physical(signal.extract(*words)), factor, (stamp, code))
                 )
-        return found if is_ours else None
+        return measurements if is_ours else None
 
-    def _stated_deflection(
+    def _node_deflection(
         self, surface: str, physical: tuple[float | None, bool], factor: float, sample: tuple[Stamp, int | None]
     ) -> SurfaceDeflection:
-        """By the node; with the raw count of the same sample, which belongs to no other one."""
+        """Deflection from the node, with the raw count of the same sample."""
         (value, valid), (stamp, code) = physical, sample
         raw, counted = self._raw.pop(surface, (None, None))
         return SurfaceDeflection(
@@ -104,7 +104,7 @@ class Decoder(BusDecoder):
         )
 
     def _calibrated(self, surface: str, raw: int, stamp: Stamp) -> SurfaceDeflection:
-        """By the table, where the node sends raw counts only."""
+        """Deflection from the table, for a node that sends raw counts only."""
         deflection = self._tables.deflection(surface, raw)
         return SurfaceDeflection(
             stamp=stamp, surface=surface, deflection=deflection, raw=raw, valid=deflection is not None

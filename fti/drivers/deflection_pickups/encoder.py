@@ -1,6 +1,6 @@
-"""The micro-controllers, for the emulator: they calibrate, keep their tables, and answer node services.
+"""The emulated micro-controllers: they calibrate, store their tables and answer node services.
 
-A node samples when it is told a raw count; a rate set below that thins what it sends, one above it changes nothing.
+A node samples with each raw count that it gets; a lower rate setting reduces its messages, a higher one has no effect.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ INTERVALS_MS = range(1000 // MAX_RATE_HZ, 1000 // MIN_RATE_HZ + 1)
 
 
 class Encoder:
-    """The nodes of one bus.  tables : what they have stored when they are switched on."""
+    """The nodes of one bus.  tables : stored tables at the start."""
 
     def __init__(self, bus: PickupBus, tables: Mapping[str, CalibrationTable]) -> None:
         self._bus = bus
@@ -40,7 +40,7 @@ class Encoder:
         self._due_ns: dict[str, int] = {}
 
     def encode(self, measurement: Measurement) -> list[bytes]:
-        """Raw count and deflection; without a deflection the node's own table gives it, and outside it none is sent."""
+        """Raw count and deflection; a missing deflection comes from the table of the node, if the count is inside."""
         if not isinstance(measurement, SurfaceDeflection) or not measurement.valid:
             return []
         sensor = self._bus.sensors.get(measurement.surface)
@@ -49,8 +49,8 @@ class Encoder:
         deflection = measurement.deflection
         if deflection is None and measurement.raw is not None:
             deflection = self._calibrated(sensor.surface, measurement.raw)
-        taken = self._tell_raw(sensor.surface, measurement.raw) + self._tell_deflection(sensor.surface, deflection)
-        frames = [self._frame(*self._builders[name]) for name in dict.fromkeys(taken)]
+        updated = self._set_raw(sensor.surface, measurement.raw) + self._set_deflection(sensor.surface, deflection)
+        frames = [self._frame(*self._builders[name]) for name in dict.fromkeys(updated)]
         return [frame for frame in frames if frame is not None]
 
     def _is_due(self, surface: str, t_ns: int) -> bool:
@@ -67,14 +67,14 @@ class Encoder:
         table = self._tables.get(surface)
         return None if table is None else table.deflection(raw)
 
-    def _tell_raw(self, surface: str, raw: int | None) -> list[str]:
+    def _set_raw(self, surface: str, raw: int | None) -> list[str]:
         if raw is None:
             return []
         for name, signal in self._raw[surface]:
             self._builders[name][1].set_raw(signal.name, signal.raw(raw))
         return [name for name, _ in self._raw[surface]]
 
-    def _tell_deflection(self, surface: str, deflection: float | None) -> list[str]:
+    def _set_deflection(self, surface: str, deflection: float | None) -> list[str]:
         if deflection is None:
             return []
         for name, signal, factor in self._deflections[surface]:
@@ -84,13 +84,13 @@ class Encoder:
     def _frame(self, message: PickupMessage, builder: FrameBuilder) -> bytes | None:
         name = message.layout.name
         code = self._codes.get(name, 0)
-        frame = builder.frame({COUNTER: code} | self._fixed[name])
+        frame = builder.build({COUNTER: code} | self._fixed[name])
         if frame is not None and message.counter is not None:
             self._codes[name] = (code + 1) % message.counter.modulus
         return frame
 
     def respond(self, data: bytes) -> list[bytes]:
-        """Answers to a request, of every node and sensor that it is for."""
+        """Answers to a request, of every addressed node and sensor."""
         word, length = frame_head(data)
         if word != self._bus.request or self._bus.response is None:
             return []
@@ -102,11 +102,11 @@ class Encoder:
 
     def _answers(self, request: Service) -> list[Service]:
         nodes = sorted({s.node_id for s in self._bus.sensors.values()})
-        found: list[Service] = []
+        answers: list[Service] = []
         for node in nodes:
             if request.node in (wire.ALL_NODES, node):
-                found += self._answers_of(node, request)
-        return found
+                answers += self._answers_of(node, request)
+        return answers
 
     def _answers_of(self, node: int, request: Service) -> list[Service]:
         if request.number == wire.TIS:
@@ -119,18 +119,18 @@ class Encoder:
         if request.code == wire.ALL_SENSORS and request.number == wire.READ:
             sensors = [s for s in self._bus.sensors.values() if s.node_id == node]
             return [answer for sensor in sensors for answer in handle(self, sensor, request)]
-        sensor = self._bus.at(node, request.code)
+        sensor = self._bus.find_sensor(node, request.code)
         if sensor is None:
             return [Service(node, request.number, request.code & 0x0F | wire.NO_SENSOR << 4)]
         return handle(self, sensor, request)
 
     def _set_interval(self, node: int, request: Service) -> list[Service]:
-        asked = wire.unpack_interval(request)
-        surfaces = self._surfaces_of(node, asked[0]) if asked else set()
-        if asked is None or not surfaces or asked[1] not in INTERVALS_MS:
+        interval = wire.unpack_interval(request)
+        surfaces = self._surfaces_of(node, interval[0]) if interval else set()
+        if interval is None or not surfaces or interval[1] not in INTERVALS_MS:
             return [Service(node, wire.TIS, wire.OUT_OF_RANGE)]
         for surface in surfaces:
-            self._intervals_ns[surface] = asked[1] * MILLISECOND_NS
+            self._intervals_ns[surface] = interval[1] * MILLISECOND_NS
         return [Service(node, wire.TIS, 0, request.kind, request.data)]
 
     def _surfaces_of(self, node: int, can_id: int) -> set[str]:
@@ -139,7 +139,7 @@ class Encoder:
         return {surface for m in messages for surface in (*m.raw, *m.deflection)}
 
     def _edit(self, sensor: Pickup, request: Service) -> list[Service]:
-        """Insert, modify or delete a point; the answer echoes what is stored."""
+        """Insert, modify or delete a point; the answer echoes the stored point."""
         try:
             point = wire.unpack_point(request)
         except ValueError:
@@ -170,7 +170,7 @@ class Encoder:
 def edit_table(
     table: CalibrationTable | None, service: int, point: tuple[int, int]
 ) -> tuple[int, CalibrationTable | None]:
-    """What a node does with a point: its result, and the table when it is changed."""
+    """Edit a table like a node: result, and the changed table or None."""
     if table is None:
         return wire.NO_POINT, None
     refused = _refusal(table, service, point[0])
@@ -183,7 +183,7 @@ def edit_table(
 
 
 def _refusal(table: CalibrationTable, service: int, raw: int) -> int:
-    """Why there cannot be, or must not be, a point with this raw count; 0 when it can."""
+    """Reason why a point with this raw count is refused; 0 if it is accepted."""
     if service == wire.INSERT:
         full = wire.TOO_MANY if len(table.points) >= MAX_POINTS else 0
         return wire.POINT_EXISTS if table.has_point(raw) else full
@@ -193,12 +193,12 @@ def _refusal(table: CalibrationTable, service: int, raw: int) -> int:
 
 
 def _fixed_signals(message: PickupMessage) -> dict[str, float]:
-    """What the other signals of a frame must say: a multiplexer selects the surface, the rest are at 0."""
+    """Values of the other signals of a frame: a multiplexer selects the surface, the rest are 0."""
     ours = {s.name for s in message.layout.signals if s.name.endswith((RAW, DEFLECTION))}
-    found: dict[str, float] = {
+    values: dict[str, float] = {
         s.name: 0 for s in message.layout.signals if s.name not in ours and s.name not in (NODE_ID, COUNTER)
     }
     for signal in message.layout.signals:
         if signal.name in ours and signal.selector:
-            found[signal.selector] = min(signal.choices)
-    return found
+            values[signal.selector] = min(signal.choices)
+    return values

@@ -1,6 +1,6 @@
-"""The tables with which the emulated nodes come: a straight line over the travel of each surface.
+"""Default tables of the emulated nodes: a straight line over the travel of each surface.
 
-Travels are this project's example of a light twin; the raw counts are those of a 12-bit converter with some reserve.
+Travels are an example of a light twin; raw counts are those of a 12-bit converter with some margin.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ ANY_DEG = (-30.0, 30.0)
 
 
 def factory_tables(surfaces: Iterable[str]) -> dict[str, CalibrationTable]:
-    """A table for each surface; one that this aeroplane does not have gets a travel of 30 degrees to both sides."""
+    """A table for each surface; an unknown one gets a travel of +-30 degrees."""
     return {surface: _line(*TRAVEL_DEG.get(surface, ANY_DEG)) for surface in surfaces}
 
 

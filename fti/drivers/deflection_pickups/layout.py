@@ -1,13 +1,13 @@
-"""What the DBC says of the pickups: which micro-controller has which sensor, and in which signals they speak.
+"""Layout of the pickups from the DBC: sensors of each micro-controller, and their signals.
 
     signal <surface>_raw          raw count          signal <surface>_deflection    deg or rad
-    signal node_id                number of the node, where frames carry it
-    signal message_code           rolling counter, where frames carry it
-    sender of the message         the micro-controller; its number is the attribute NodeId, or else its place in BU_
+    signal node_id                number of the node, if frames carry it
+    signal message_code           rolling counter, if frames carry it
+    sender of the message         the micro-controller; its number is the attribute NodeId, or its position in BU_
     order of the raw signals      the number of a sensor on its node, 0 to 3
-    messages node_service_request, node_service_response       how the nodes are told (``service``)
+    messages node_service_request, node_service_response       requests to the nodes (``service``)
 
-A surface with a raw signal and no deflection is of a node that sends raw counts only.
+A surface with a raw signal and without deflection belongs to a node that sends raw counts only.
 """
 
 from __future__ import annotations
@@ -53,30 +53,27 @@ class PickupMessage:
 
 @dataclass(frozen=True, slots=True)
 class PickupBus:
-    """The pickups of one bus, their messages by word; words of the node service (None: there is none)."""
+    """The pickups of one bus, their messages by word; words of the node service (None: not available)."""
 
     sensors: Mapping[str, Pickup]
     messages: Mapping[int, PickupMessage]
     request: int | None
     response: int | None
 
-    def at(self, node_id: int, number: int) -> Pickup | None:
-        """The sensor with this number on the node with that one."""
+    def find_sensor(self, node_id: int, number: int) -> Pickup | None:
+        """The sensor with this number on a node; None if unknown."""
         return next((s for s in self.sensors.values() if (s.node_id, s.number) == (node_id, number)), None)
 
 
 @cache
 def read_bus(text: str, nodes: tuple[str, ...]) -> PickupBus:
-    """The pickups of these nodes (none named: all) in a DBC; the built-in one when it is empty.
-
-    Raises ValueError naming what is wrong.
-    """
+    """The pickups of nodes (empty: all) in a DBC (empty: the built-in one).  Raises ValueError with the error."""
     dbc = text or built_in_dbc()
     layouts = read_layouts(dbc)
     senders = sorted({layout.sender for layout in layouts if _surfaces(layout, RAW) | _surfaces(layout, DEFLECTION)})
     for name in nodes:
         if name not in senders:
-            raise ValueError(f"nodes: {name!r} sends no deflection in the DBC; those that do are {', '.join(senders)}")
+            raise ValueError(f"nodes: {name!r} has no deflection in the DBC; allowed: {', '.join(senders)}")
     here = [layout for layout in layouts if layout.sender in (nodes or senders)]
     numbers = _numbers(dbc)
     sensors = {s.surface: s for node in senders for s in _sensors(node, numbers, here)}
@@ -92,7 +89,7 @@ def read_bus(text: str, nodes: tuple[str, ...]) -> PickupBus:
 
 
 def built_in_dbc() -> str:
-    """The DBC with the stated defaults."""
+    """The text of the built-in DBC."""
     return importlib.resources.files(__package__).joinpath("pickups.dbc").read_text(encoding="utf-8")
 
 

@@ -1,6 +1,6 @@
-"""The tables as they are now: from the calibration file, changed by what the nodes acknowledge and by nothing else.
+"""Present tables of the nodes: from the calibration file, then changed only by acknowledgements of nodes.
 
-So decoding a recording again gives the same deflections: the acknowledgements are in it, the commands need not be.
+Decoding a recording again therefore gives the same deflections: it contains the acknowledgements.
 """
 
 from __future__ import annotations
@@ -44,22 +44,22 @@ class LiveTables:
     def __init__(self, bus: PickupBus, tables: Mapping[str, CalibrationTable]) -> None:
         self._bus = bus
         self._tables = dict(tables)
-        self._readings: dict[str, _TableTransfer] = {}
+        self._transfers: dict[str, _TableTransfer] = {}
         self._nodes = {s.node_id: s.node for s in bus.sensors.values()}
 
-    def copy_tables(self, before: LiveTables) -> None:
-        """The tables are those that another decoder had in the end; what was half read is not."""
-        self._tables = dict(before._tables)
+    def copy_tables(self, previous: LiveTables) -> None:
+        """Copy the tables of another decoder, without incomplete transfers."""
+        self._tables = dict(previous._tables)
 
     def deflection(self, surface: str, raw: int) -> float | None:
-        """Deflection [rad] by the table; None outside it, or where there is none."""
+        """Deflection [rad] from the table; None outside it or without a table."""
         table = self._tables.get(surface)
         return None if table is None else table.deflection(raw)
 
     def handle_response(self, data: bytes, stamp: Stamp) -> NamedMeasurements:
-        """A response of a node: the name of the message and what it says; no name when the node is none of these.
+        """Decode a response of a node: name of the message and measurements; "" for an unknown node.
 
-        Raises ValueError when it has not the form of a response.
+        Raises ValueError for data that are not a response.
         """
         service = unpack_service(data)
         if service.node not in self._nodes:
@@ -85,29 +85,29 @@ class LiveTables:
     def _answer(self, service: Service, stamp: Stamp) -> list[Measurement]:
         """The response to an edit or to a request for the table."""
         command = NAMES[service.number]
-        sensor = self._bus.at(service.node, service.sensor)
+        sensor = self._bus.find_sensor(service.node, service.sensor)
         if sensor is None or not service.is_done:
             surface = sensor.surface if sensor else f"node {self._nodes[service.node]}, sensor {service.sensor}"
             return [Ack(stamp=stamp, command=command, accepted=False, detail=f"{surface}: {service.result}")]
         if service.number == READ:
-            return self._begin_reading(sensor.surface, unpack_count(service), stamp)
+            return self._begin_transfer(sensor.surface, unpack_count(service), stamp)
         raw, hundredths = unpack_point(service)
-        what = f"raw {raw}" if service.number == DELETE else f"raw {raw} = {hundredths / 100:.2f} deg"
-        ack = Ack(stamp=stamp, command=command, accepted=True, detail=f"{sensor.surface}: {what}")
-        self._readings.pop(sensor.surface, None)  # what is being read is no more what the node has
-        return [ack, *self._apply_node_edit(sensor, service, (raw, hundredths), f"{command} {what}", stamp)]
+        description = f"raw {raw}" if service.number == DELETE else f"raw {raw} = {hundredths / 100:.2f} deg"
+        ack = Ack(stamp=stamp, command=command, accepted=True, detail=f"{sensor.surface}: {description}")
+        self._transfers.pop(sensor.surface, None)  # the edit makes an active transfer invalid
+        return [ack, *self._apply_node_edit(sensor, service, (raw, hundredths), f"{command} {description}", stamp)]
 
-    def _begin_reading(self, surface: str, count: int, stamp: Stamp) -> list[Measurement]:
-        self._readings.pop(surface, None)
+    def _begin_transfer(self, surface: str, count: int, stamp: Stamp) -> list[Measurement]:
+        self._transfers.pop(surface, None)
         if not count:
             return [self._read_ack(surface, False, "the node has no table", stamp)]
-        self._readings[surface] = _TableTransfer(count)
+        self._transfers[surface] = _TableTransfer(count)
         return []
 
     def _apply_node_edit(
         self, sensor: Pickup, service: Service, point: tuple[int, int], change: str, stamp: Stamp
     ) -> list[Measurement]:
-        """The node has changed its table: so does ours, if it can; if not it was another one, and is known no more."""
+        """Apply an edit of the node to our table; if that fails, the tables differ and ours is deleted."""
         table = self._tables.get(sensor.surface)
         if table is None:
             return []
@@ -119,20 +119,20 @@ class LiveTables:
         return self._set(sensor.surface, changed, change, stamp)
 
     def _point(self, service: Service, stamp: Stamp) -> list[Measurement]:
-        """One point of a table that is being read; with the last one the table is known."""
-        sensor = self._bus.at(service.node, service.number - POINT)
-        reading = self._readings.get(sensor.surface) if sensor else None
-        if sensor is None or reading is None:
+        """One point of a table transfer; the last one completes it."""
+        sensor = self._bus.find_sensor(service.node, service.number - POINT)
+        transfer = self._transfers.get(sensor.surface) if sensor else None
+        if sensor is None or transfer is None:
             return []
         point = unpack_point(service)
-        if service.code != len(reading.points):
-            del self._readings[sensor.surface]
+        if service.code != len(transfer.points):
+            del self._transfers[sensor.surface]
             return [self._read_ack(sensor.surface, False, "a point is missing", stamp)]
-        reading.points.append(point)
-        return [] if len(reading.points) < reading.count else self._read(sensor.surface, stamp)
+        transfer.points.append(point)
+        return [] if len(transfer.points) < transfer.count else self._finish_transfer(sensor.surface, stamp)
 
-    def _read(self, surface: str, stamp: Stamp) -> list[Measurement]:
-        points = self._readings.pop(surface).points
+    def _finish_transfer(self, surface: str, stamp: Stamp) -> list[Measurement]:
+        points = self._transfers.pop(surface).points
         try:
             table = CalibrationTable(tuple(points))
         except ValueError as error:
@@ -144,7 +144,7 @@ class LiveTables:
         return Ack(stamp=stamp, command="read_table", accepted=accepted, detail=f"{surface}: {detail}")
 
     def _set(self, surface: str, table: CalibrationTable, change: str, stamp: Stamp) -> list[Measurement]:
-        """The table from now on; told when it is another one than before."""
+        """Set a table; a changed table gives a Calibration."""
         if self._tables.get(surface) == table:
             return []
         self._tables[surface] = table
@@ -152,9 +152,9 @@ class LiveTables:
 
 
 def _apply_edit(table: CalibrationTable, number: int, point: tuple[int, int]) -> CalibrationTable:
-    """The table after an edit that a node has acknowledged.  Raises ValueError when it is not the node's.
+    """The table after an edit that a node has acknowledged.  Raises ValueError if the tables differ.
 
-    A node changes only a point that it has, and inserts only one that it has not; the same answer again is no proof.
+    A node modifies only an existing point, and inserts only a new one; a repeated answer is accepted.
     """
     if number == DELETE:
         return table.without_point(point[0])

@@ -1,9 +1,9 @@
-"""How the nodes are told: CANaerospace node services (section 4), with services of our own (100-107).
+"""Requests to the nodes: CANaerospace node services (section 4), with services of our own (100-107).
 
 request       node u8 (0: all) | data type | service | sensor u8 (255: all)         | data
 response      node u8          | data type | service | sensor + 16 x result         | data
 service 100 insert, 101 modify, 102 delete a point: data type 100: raw u16 | 0.01 deg i16; the response echoes
-              what is stored (deleted) now
+              the stored (deleted) point
 service 103 read the table: no data; response, data type 16: number of points u8 | 0 0 0; then the points
 service 104-107 a point of the table of sensor 0-3: data type 100, the message code is its number
 service 0 identification (IDS), as section 4.1 has it
@@ -11,7 +11,7 @@ service 5 transmission interval (TIS): data type 12: identifier u16 | interval [
               accepted, -6 out of range (section 4.6), no data, or the request's data as an echo
 
 results: 0 done, 1 no such sensor, 2 not monotone, 3 fewer than 2 points, 4 too many points, 5 no such point,
-6 there is such a point already
+6 the point exists already
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ RESULTS = (
     "refused: the table would not be monotone",
     "refused: fewer than 2 points would remain",
     "refused: the table is full",
-    "refused: there is no point with this raw count",
-    "refused: there is a point with this raw count",
+    "refused: no point with this raw count",
+    "refused: a point with this raw count exists",
 )
 OUT_OF_RANGE = 256 - 6
 
@@ -46,7 +46,7 @@ _INTERVAL = struct.Struct(">HH")
 
 @dataclass(frozen=True, slots=True)
 class Service:
-    """A node service message, either way.  code : the message code; data : after the header."""
+    """A node service request or response.  code : the message code; data : after the header."""
 
     node: int
     number: int
@@ -61,18 +61,18 @@ class Service:
 
     @property
     def result(self) -> str:
-        """What a response says, in words."""
+        """Text of the result of a response."""
         result = self.code >> 4
         return RESULTS[result] if result < len(RESULTS) else f"refused: result {result}"
 
     @property
     def is_done(self) -> bool:
-        """The node did what it was asked to do."""
+        """Has the node executed the request?"""
         return self.code >> 4 == DONE
 
 
 def unpack_service(data: bytes) -> Service:
-    """A node service in the data of a frame.  Raises ValueError when they are too short."""
+    """A node service in the data of a frame.  Raises ValueError if they are too short."""
     if len(data) < _HEADER.size:
         raise ValueError("a node service has a header of four bytes")
     node, kind, number, code = _HEADER.unpack_from(data)
@@ -91,7 +91,7 @@ def pack_point(raw: int, hundredths: int) -> bytes:
 
 
 def unpack_point(service: Service) -> tuple[int, int]:
-    """Raw count and hundredths of a degree.  Raises ValueError when the data are no point."""
+    """Raw count and hundredths of a degree.  Raises ValueError for other data."""
     if service.kind != POINT_TYPE or len(service.data) != _POINT.size:
         raise ValueError("a point has data type 100 and four bytes")
     raw, hundredths = _POINT.unpack(service.data)
@@ -104,19 +104,19 @@ def pack_count(count: int) -> bytes:
 
 
 def unpack_count(service: Service) -> int:
-    """The number of points that follow.  Raises ValueError when the data say none."""
+    """The number of points that follow.  Raises ValueError for other data."""
     if service.kind != UCHAR4 or len(service.data) != 4:
         raise ValueError("the number of points has data type 16 and four bytes")
     return service.data[0]
 
 
 def interval_request(node: int, can_id: int, interval_ms: int) -> Service:
-    """Send this message every so many milliseconds."""
+    """Request for a message every ``interval_ms`` milliseconds."""
     return Service(node, TIS, 0, SHORT2, _INTERVAL.pack(can_id & 0xFFFF, interval_ms))
 
 
 def unpack_interval(service: Service) -> tuple[int, int] | None:
-    """Identifier and interval [ms] in a request or its echo; None where there are none."""
+    """Identifier and interval [ms] in a request or its echo; None without them."""
     if service.kind != SHORT2 or len(service.data) != _INTERVAL.size:
         return None
     can_id, interval_ms = _INTERVAL.unpack(service.data)

@@ -6,7 +6,7 @@ As text, one line a point; lines that begin with # are comments:
     flaps,512,0.0
     flaps,3584,42.0
 
-Degrees are kept in hundredths, as the wire has them.
+Degrees are stored in hundredths, as on the wire.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from fti.drivers._units import DEGREE
 from fti.types import CalibrationPoint
 
 MAX_RAW = 65_535
-#: Degrees that fit into 16 bits as hundredths.
+#: Range of hundredths of a degree in 16 bits.
 MIN_DEG, MAX_DEG = -327.68, 327.67
 MIN_POINTS, MAX_POINTS = 2, 32
 COLUMNS = ["surface", "raw", "deg"]
@@ -29,7 +29,7 @@ COLUMNS = ["surface", "raw", "deg"]
 
 @dataclass(frozen=True, slots=True)
 class CalibrationTable:
-    """points : (raw, hundredths of a degree), ascending in raw.  Raises ValueError when they make no table."""
+    """points : (raw, hundredths of a degree), ascending in raw.  Raises ValueError for an invalid table."""
 
     points: tuple[tuple[int, int], ...]
 
@@ -43,7 +43,7 @@ class CalibrationTable:
             raise ValueError("deflections must be strictly monotone")
 
     def deflection(self, raw: int) -> float | None:
-        """Deflection [rad]; None outside the table: nobody has measured there."""
+        """Deflection [rad]; None outside the table: no extrapolation."""
         if not self.points[0][0] <= raw <= self.points[-1][0]:
             return None
         above = min(bisect_right(self.points, (raw, MAX_RAW)), len(self.points) - 1)
@@ -51,7 +51,7 @@ class CalibrationTable:
         return 0.01 * DEGREE * (low + (high - low) * (raw - raw_0) / (raw_1 - raw_0))
 
     def with_point(self, raw: int, hundredths: int) -> CalibrationTable:
-        """The table with this point, in place of the one with the same raw count if there is one."""
+        """The table with this point, replacing one with the same raw count."""
         return CalibrationTable(tuple(sorted((*(p for p in self.points if p[0] != raw), (raw, hundredths)))))
 
     def without_point(self, raw: int) -> CalibrationTable:
@@ -63,12 +63,12 @@ class CalibrationTable:
         return any(p[0] == raw for p in self.points)
 
     def as_points(self) -> tuple[CalibrationPoint, ...]:
-        """The points as a measurement has them [rad]."""
+        """The points for a measurement [rad]."""
         return tuple(CalibrationPoint(raw=raw, deflection=0.01 * DEGREE * deg) for raw, deg in self.points)
 
 
 def read_tables(text: str, surfaces: Iterable[str]) -> dict[str, CalibrationTable]:
-    """Tables by surface.  surfaces : those that there are.  Raises ValueError naming the line and what is allowed."""
+    """Tables by surface.  surfaces : allowed ones.  Raises ValueError with the line and the allowed values."""
     known = set(surfaces)
     lines = text.removeprefix("\ufeff").splitlines()  # spreadsheets begin UTF-8 with a mark
     rows = [(n, line) for n, line in enumerate(lines, 1) if line.strip() and not line.startswith("#")]
@@ -77,7 +77,7 @@ def read_tables(text: str, surfaces: Iterable[str]) -> dict[str, CalibrationTabl
     if rows and _cells(rows[0][1]) != COLUMNS:
         raise ValueError(f"calibration: line {rows[0][0]}: must be the header {','.join(COLUMNS)}")
     if len(rows) < 2:
-        raise ValueError(f"calibration: there is no point in it; it needs the header {','.join(COLUMNS)} and points")
+        raise ValueError(f"calibration: contains no point; it needs the header {','.join(COLUMNS)} and points")
     points: dict[str, list[tuple[int, int]]] = {}
     for number, line in rows[1:]:
         surface, raw, hundredths = _point(number, _cells(line), known)
@@ -89,12 +89,12 @@ def _cells(line: str) -> list[str]:
     return [cell.strip() for cell in next(csv.reader([line]))]
 
 
-def _point(number: int, cells: list[str], known: set[str]) -> tuple[str, int, int]:
+def _point(number: int, cells: list[str], surfaces: set[str]) -> tuple[str, int, int]:
     where = f"calibration: line {number}"
     if len(cells) != len(COLUMNS):
         raise ValueError(f"{where}: {len(cells)} values; must be {','.join(COLUMNS)}")
-    if cells[0] not in known:
-        raise ValueError(f"{where}: surface {cells[0]!r}; there are {', '.join(sorted(known))}")
+    if cells[0] not in surfaces:
+        raise ValueError(f"{where}: surface {cells[0]!r}; there are {', '.join(sorted(surfaces))}")
     try:
         return cells[0], read_raw(cells[1]), read_degrees(cells[2])
     except ValueError as error:
@@ -109,14 +109,14 @@ def _table(surface: str, points: list[tuple[int, int]]) -> CalibrationTable:
 
 
 def read_raw(text: str) -> int:
-    """A raw count.  Raises ValueError saying what is allowed."""
+    """A raw count.  Raises ValueError with the allowed values."""
     if not text.isdecimal() or int(text) > MAX_RAW:
         raise ValueError(f"raw = {text!r}; allowed is 0 to {MAX_RAW}")
     return int(text)
 
 
 def read_degrees(text: str) -> int:
-    """Degrees as hundredths.  Raises ValueError saying what is allowed."""
+    """Degrees as hundredths.  Raises ValueError with the allowed values."""
     try:
         degrees = float(text)
     except ValueError:

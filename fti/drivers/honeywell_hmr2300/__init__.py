@@ -9,16 +9,16 @@ selection).  15000 counts are 1 gauss, +-30000 counts are the range, one count i
 
 The data sheet prints -1.0 G as C3 74; it is C5 68 (docs/errata.md).
 
-Nothing protects a sample, and 0D may stand inside one: how the boundaries are found, and what that is worth, stands
-in ``framing``.  Outside +-30000 counts a sample is not valid; the three after a set or reset pulse are not either.
+A sample has no checksum, and 0D may occur inside it: ``framing`` documents the search of boundaries and its error
+rates.  A sample outside +-30000 counts is not valid; neither are the three after a set or reset pulse.
 
-``mode`` "polled" asks for each sample every ``poll_s`` (the way for RS-485: set ``half_duplex`` of the link);
-"continuous" starts the device at ``rate`` when the port is opened.  Above 30 (ASCII) or 100 (binary) samples a second
-the line needs 19200 Bd, and the device leaves out commands that come closer than 20 ms to each other.
+``mode`` "polled" requests a sample every ``poll_s`` (for RS-485: set ``half_duplex`` of the link); "continuous" starts
+the device at ``rate`` when the port is opened.  Above 30 (ASCII) or 100 (binary) samples a second the line needs
+19200 Bd, and the device ignores commands that follow each other within 20 ms.
 
-The field that is decoded is in the axes of the sensor's case; ``rpy_bs_deg`` of the device says how the case is
-mounted, and ``fti.nav.sensor_mounting`` turns the field by it.  The emulated device begins with what the options say and keeps
-every rule of the commands; it samples at the rate of its model whatever ``rate`` it is told.
+The decoded field is in the axes of the sensor case; ``rpy_bs_deg`` of the device defines its mounting, and
+``fti.nav.sensor_mounting`` rotates the field accordingly.  The emulated device starts with the options and follows all
+rules of the commands; it samples at the rate of its model, independent of ``rate``.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ DOCUMENT = "Honeywell, Smart Digital Magnetometer HMR2300, data sheet 900139"
 MESSAGES = {
     "binary": "magnetic field, three axes",
     "ascii": "magnetic field, three axes, as text",
-    "answer": "what the device answers to a command",
+    "answer": "answer of the device to a command",
 }
 CARRIERS = frozenset({"serial", "udp"})
 
@@ -45,8 +45,8 @@ TESLA_PER_COUNT = 1e-4 / 15_000
 UNSETTLED_SAMPLES = 3
 #: Samples after which an answer no longer belongs to the write enable before it.
 MAX_ANSWER_SAMPLES = 2
-REFUSALS = {"WE OFF": "the write enable was off", "Re-enter": "not understood, or not allowed"}
-#: Beginning of an answer: the command that it answers.
+REFUSALS = {"WE OFF": "the write enable was off", "Re-enter": "unknown or not allowed"}
+#: Prefix of an answer -> its command.
 ANSWER_PREFIXES = (
     ("ASCII, ", "query"),
     ("BINARY, ", "query"),
@@ -90,20 +90,20 @@ class Decoder:
         self._framer = Framer(Boundaries().measure, self.counters, limit=LIMIT)
         self._with_enable = options.enable == "together"
         self._unsettled = 0
-        self._enabled_for = 0  # samples for which the write enable that was answered last still counts
+        self._enabled_for = 0  # samples until the last answered write enable expires
 
     def feed(self, data: bytes, t_rx_ns: int) -> list[Measurement]:
-        found: list[Measurement] = []
+        measurements: list[Measurement] = []
         for t_ns, frame in self._framer.feed(data, t_rx_ns):
             text = TEXT.fullmatch(frame)
             if text is None and len(frame) == SAMPLE:
-                found.append(self._sample("binary", decode_binary(frame), Stamp(t_ns)))
+                measurements.append(self._sample("binary", decode_binary(frame), Stamp(t_ns)))
             elif text and text["sample"]:
-                found.append(self._sample("ascii", decode_ascii(frame), Stamp(t_ns)))
+                measurements.append(self._sample("ascii", decode_ascii(frame), Stamp(t_ns)))
             else:
                 self.counters.messages["answer"] += 1
-                found += self._answer(frame[:-1].decode("ascii"), Stamp(t_ns))
-        return found
+                measurements += self._answer(frame[:-1].decode("ascii"), Stamp(t_ns))
+        return measurements
 
     def _sample(self, name: str, counts: tuple[int, int, int], stamp: Stamp) -> MagneticField:
         self.counters.messages[name] += 1
@@ -127,7 +127,7 @@ class Decoder:
         return [Ack(stamp=stamp, command=name, accepted=True, detail=text)]
 
     def _ok(self, stamp: Stamp) -> list[Measurement]:
-        """The first OK answers the write enable, the next one the command behind it."""
+        """The first OK answers the write enable, the next one the command after it."""
         if self._enabled_for:
             self._enabled_for = 0
             return [Ack(stamp=stamp, command="", accepted=True)]

@@ -1,15 +1,15 @@
-"""What an HMR2300 can be told: ``*ddX`` and carriage return, dd the device (00 to 98; 99 all).
+"""Commands of an HMR2300: ``*ddX`` and carriage return; dd is the device (00 to 98; 99: all).
 
-A command that changes a setting must follow a write enable (``*ddWE``) and uses it up; otherwise the answer is
-"WE OFF".  ``enable`` "together" sends both in one go.  On a line of two wires the device's OK would meet our second
-half: there ``enable`` is "apart", and ``write_enable`` is sent as a command of its own before each.
+A command that changes a setting must follow a write enable (``*ddWE``) and consumes it; otherwise the answer is "WE
+OFF".  ``enable`` "together" sends both at once.  On a two-wire line the OK of the device would collide with the second
+part: there ``enable`` is "apart", and ``write_enable`` is a separate command before each.
 
     A, B                ASCII ON, BINARY ON      R=nnn          OK          TN TF           S/R ON, S/R OFF
     P, C, Esc           samples, none            ID=nn          OK          ]S ]R           SET, RST
     ZN ZF               ZERO ON, ZERO OFF        Q              settings    # F H           SER#, S/W vers:, H/W vers:
     VN VF               AVG ON, AVG OFF          *99ID=         ID= nn      *99!BR=S, F     OK, BAUD= 9600, 19,200
     Y N                 OK                       D, RST         OK, BAUD=   SP              DONE, OK
-    not understood, or more than ten characters behind the asterisk: Re-enter
+    unknown command, or more than ten characters after the asterisk: Re-enter
 """
 
 from __future__ import annotations
@@ -29,30 +29,30 @@ ESCAPE = b"\x1b"
 SWITCH = {"on": "N", "off": "F"}
 
 COMMANDS: Mapping[str, Command] = {
-    "write_enable": Command("permit the next command that changes a setting (where enable = apart)"),
+    "write_enable": Command("permit the next command that changes a setting (if enable = apart)"),
     "format": Command("form of the samples", {"format": "binary or ascii"}),
     "rate": Command("samples in continuous mode", {"samples_per_s": f"one of {', '.join(map(str, RATES))}"}),
     "continuous": Command("send samples continuously", answered=False),
     "stop": Command("stop the samples of continuous mode", answered=False),
     "sample": Command("send one sample", answered=False),
-    "set_reset_mode": Command("set and reset pulses before each sample, which keep its offset away",
+    "set_reset_mode": Command("set and reset pulses before each sample, which remove its offset",
                               {"state": "on or off"}),
     "set_reset_pulse": Command("one pulse; the next three samples are not valid", {"pulse": "set or reset"}),
-    "zero": Command("subtract the field of this moment from all samples", {"state": "on or off"}),
+    "zero": Command("subtract the present field from all samples", {"state": "on or off"}),
     "average": Command("running average, each sample with half the weight of the next", {"state": "on or off"}),
-    "re_enter": Command("the answer to what is not understood", {"state": "on or off"}),
-    "identify": Command("which device is on the line (all answer)"),
-    "set_id": Command("give the device a number", {"id": "0 to 98"}),
-    "baud": Command("speed of the line, of all devices; the link must follow", {"baud": "9600 or 19200"}),
-    "query": Command("the settings"),
-    "serial_number": Command("the serial number"),
-    "software_version": Command("the version of the software"),
-    "hardware_version": Command("the version of the hardware"),
-    "default": Command("the settings of the factory, speed of the line included"),
-    "restore": Command("the settings that were stored last"),
-    "store": Command("keep the settings when the power goes"),
+    "re_enter": Command("answer to unknown commands", {"state": "on or off"}),
+    "identify": Command("request the number of the device (all answer)"),
+    "set_id": Command("set the number of the device", {"id": "0 to 98"}),
+    "baud": Command("baud rate of all devices; change that of the link as well", {"baud": "9600 or 19200"}),
+    "query": Command("request the settings"),
+    "serial_number": Command("request the serial number"),
+    "software_version": Command("request the software version"),
+    "hardware_version": Command("request the hardware version"),
+    "default": Command("restore the factory settings, including the baud rate"),
+    "restore": Command("restore the stored settings"),
+    "store": Command("store the settings in non-volatile memory"),
 }  # fmt: skip
-#: Commands without arguments: letters; those that need no write enable.
+#: Commands without arguments: letters.
 PLAIN = {
     "write_enable": "WE",
     "continuous": "C",
@@ -67,7 +67,7 @@ PLAIN = {
 }
 QUERIES = frozenset({"write_enable", "continuous", "sample", "query", "serial_number", "software_version",
                      "hardware_version", "set_reset_pulse"})  # fmt: skip
-#: Argument's values and the letters they stand for.
+#: Values of an argument and their letters.
 CHOICES: dict[str, tuple[str, dict[str, str]]] = {
     "format": ("format", {"binary": "B", "ascii": "A"}),
     "rate": ("samples_per_s", {str(rate): f"R={rate}" for rate in RATES}),
@@ -82,9 +82,9 @@ CHOICES: dict[str, tuple[str, dict[str, str]]] = {
 
 
 class Options(StrictModel):
-    """``id``: the device, 99 all; ``mode``, ``format``, ``rate``, ``poll_s``: how it is set and asked.
+    """``id``: the device, 99 all; ``mode``, ``format``, ``rate``, ``poll_s``: settings and polling.
 
-    ``enable``: a write enable goes "together" with each command, or "apart" (two wires).
+    ``enable``: send a write enable "together" with each command, or "apart" (two wires).
     """
 
     id: Annotated[int, Field(ge=0, le=BROADCAST_ID)] = 0
@@ -96,21 +96,21 @@ class Options(StrictModel):
 
 
 def line(device: int, letters: str) -> bytes:
-    """A command as it goes over the line."""
+    """A command on the wire."""
     return f"*{device:02d}{letters}\r".encode("ascii")
 
 
 def on_connect(options: Options) -> list[bytes]:
-    """Stop what is running, set format (and rate), and start again in continuous mode."""
+    """Stop samples, set format (and rate), and restart in continuous mode."""
     settings = [CHOICES["format"][1][options.format]]
     if options.mode == "continuous":
-        settings.insert(0, f"R={options.rate}")  # the format last: its answer says where the samples begin
-    told = [line(options.id, letters) for setting in settings for letters in ("WE", setting)]
-    return [ESCAPE, *told] + ([line(options.id, "C")] if options.mode == "continuous" else [])
+        settings.insert(0, f"R={options.rate}")  # the format last: its answer precedes the first sample
+    setup = [line(options.id, letters) for setting in settings for letters in ("WE", setting)]
+    return [ESCAPE, *setup] + ([line(options.id, "C")] if options.mode == "continuous" else [])
 
 
 def poll(options: Options) -> tuple[float, bytes] | None:
-    """One sample."""
+    """Request one sample."""
     return (options.poll_s, line(options.id, "P")) if options.mode == "polled" else None
 
 
@@ -129,12 +129,12 @@ def command(name: str, args: Mapping[str, str], options: Options | None = None) 
 
 
 def _letters(name: str, args: Mapping[str, str]) -> str:
-    wanted = COMMANDS[name].arguments
+    arguments = COMMANDS[name].arguments
     if name not in CHOICES:
         return PLAIN.get(name, "")
     key, choices = CHOICES[name]
     if key not in args:
-        raise ValueError(f"{name}: {key} is missing: {wanted[key]}")
+        raise ValueError(f"{name}: {key} is missing: {arguments[key]}")
     if args[key] not in choices:
-        raise ValueError(f"{name}: {key} = {args[key]!r}: must be {wanted[key]}")
+        raise ValueError(f"{name}: {key} = {args[key]!r}: must be {arguments[key]}")
     return choices[args[key]]

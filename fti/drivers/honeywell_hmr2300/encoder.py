@@ -1,4 +1,4 @@
-"""The HMR2300's end of the line, for the emulator: samples, and an answer to every command."""
+"""The emulated HMR2300: samples, and an answer to every command."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def encode_ascii(counts: Counts) -> bytes:
 
 
 class Encoder:
-    """An HMR2300 that was set as the options say before its power came on."""
+    """An HMR2300 whose stored settings are those of the options."""
 
     def __init__(self, options: Options) -> None:
         self._id = 0 if options.id == BROADCAST_ID else options.id
@@ -41,7 +41,7 @@ class Encoder:
         self._raw = self._zero = self._mean = (0, 0, 0)
         self._sample: Counts | None = None
         self._pulse = "SET"
-        self._heard = b""
+        self._pending = b""
 
     # ------------------------------------------------------------------------------------------------------- samples
 
@@ -49,18 +49,18 @@ class Encoder:
         if not isinstance(measurement, MagneticField):
             return []
         x, y, z = (max(-FULL_SCALE, min(FULL_SCALE, round(b * COUNTS_PER_TESLA))) for b in measurement.field_b)
-        self._take((x, y, z))
-        return self._say_sample() if self._streams else []
+        self._update((x, y, z))
+        return self._sample_bytes() if self._streams else []
 
-    def _take(self, raw: Counts) -> None:
-        """The zero reading is subtracted, and the average is X(N)/2 + X(N-1)/4 + ..."""
+    def _update(self, raw: Counts) -> None:
+        """Subtract the zero reading and update the average, X(N)/2 + X(N-1)/4 + ..."""
         a, b, c = (r - z for r, z in zip(raw, self._zero, strict=True))
         x, y, z = ((new + old) // 2 for new, old in zip((a, b, c), self._mean, strict=True))
         self._raw = raw
         self._mean = (x, y, z) if self._sample else (a, b, c)
         self._sample = self._mean if self._switches["AVG"] else (a, b, c)
 
-    def _say_sample(self) -> list[bytes]:
+    def _sample_bytes(self) -> list[bytes]:
         if self._sample is None:
             return []
         return [(encode_binary if self._format == "binary" else encode_ascii)(self._sample)]
@@ -68,13 +68,13 @@ class Encoder:
     # ------------------------------------------------------------------------------------------------------- answers
 
     def respond(self, data: bytes) -> list[bytes]:
-        self._heard += data
+        self._pending += data
         answers: list[bytes] = []
         at = 0
-        for found in LINE.finditer(self._heard):
-            at = found.end()
-            answers += self._handle_line(found[0])
-        self._heard = self._heard[at:][-MAX_HELD_BYTES:]
+        for match in LINE.finditer(self._pending):
+            at = match.end()
+            answers += self._handle_line(match[0])
+        self._pending = self._pending[at:][-MAX_HELD_BYTES:]
         return answers
 
     def _handle_line(self, line: bytes) -> list[bytes]:
@@ -94,18 +94,18 @@ class Encoder:
 
     def _execute(self, letters: str, *, to_all: bool) -> list[bytes]:
         if letters == "P":
-            return self._say_sample()
+            return self._sample_bytes()
         if letters == "C":
             self._streams = True
             return []
-        said = self._tell(letters, to_all=to_all)
-        if said is None:
+        answers = self._answer_query(letters, to_all=to_all)
+        if answers is None:
             enabled, self._enabled = self._enabled, False
-            said = self._set(letters, to_all=to_all) if enabled else self._refuse_disabled(letters, to_all=to_all)
-        return said
+            answers = self._set(letters, to_all=to_all) if enabled else self._refuse_disabled(letters, to_all=to_all)
+        return answers
 
-    def _tell(self, letters: str, *, to_all: bool) -> list[bytes] | None:
-        """Commands that change no setting; None for others."""
+    def _answer_query(self, letters: str, *, to_all: bool) -> list[bytes] | None:
+        """Answers to commands that change no setting; None for others."""
         if letters == "WE":
             self._enabled = True
             return [b"OK\r"]
@@ -127,23 +127,23 @@ class Encoder:
         return f"{self._format.upper()}, {mode}, {switches}, R {answers}, ID={self._id:02d}, {self._rate} sps"
 
     def _refuse_disabled(self, letters: str, *, to_all: bool) -> list[bytes]:
-        known = re.fullmatch(r"[ABDYN]|RST|SP|[TZV][NF]?|ZR|R=\d+|ID=\d\d|!BR=[SF]", letters)
-        return [b"WE OFF\r"] if known else self._refuse()
+        is_known = re.fullmatch(r"[ABDYN]|RST|SP|[TZV][NF]?|ZR|R=\d+|ID=\d\d|!BR=[SF]", letters)
+        return [b"WE OFF\r"] if is_known else self._refuse()
 
     def _set(self, letters: str, *, to_all: bool) -> list[bytes]:
         """A command that changes a setting, after its write enable."""
         if letters in ("A", "B"):
             self._format = "ascii" if letters == "A" else "binary"
             return [b"ASCII ON\r" if letters == "A" else b"BINARY ON\r"]
-        if found := re.fullmatch(r"([TZV])([NF]?)|(ZR)", letters):
-            return self._switch({"T": "S/R", "Z": "ZERO", "V": "AVG"}[letters[0]], found[2] or "")
-        if found := re.fullmatch(r"R=(\d{1,3})", letters):
-            return self._set_rate(int(found[1]))
-        if found := re.fullmatch(r"ID=(\d\d)", letters):
-            return self._set_id(int(found[1]))
-        if found := re.fullmatch(r"!BR=([SF])", letters) if to_all else None:
-            self._baud = "9600" if found[1] == "S" else "19,200"
-            return [b"OK\r", self._say_baud()]
+        if match := re.fullmatch(r"([TZV])([NF]?)|(ZR)", letters):
+            return self._switch({"T": "S/R", "Z": "ZERO", "V": "AVG"}[letters[0]], match[2] or "")
+        if match := re.fullmatch(r"R=(\d{1,3})", letters):
+            return self._set_rate(int(match[1]))
+        if match := re.fullmatch(r"ID=(\d\d)", letters):
+            return self._set_id(int(match[1]))
+        if match := re.fullmatch(r"!BR=([SF])", letters) if to_all else None:
+            self._baud = "9600" if match[1] == "S" else "19,200"
+            return [b"OK\r", self._baud_bytes()]
         return self._keep(letters)
 
     def _switch(self, name: str, how: str) -> list[bytes]:
@@ -166,7 +166,7 @@ class Encoder:
         return [b"OK\r"]
 
     def _keep(self, letters: str) -> list[bytes]:
-        """Store, restore, go back to the factory's settings; answer to what is not understood."""
+        """Store and restore settings, factory settings, answers to unknown commands."""
         if letters in ("Y", "N"):
             self._re_enter = letters == "Y"
             return [b"OK\r"]
@@ -177,7 +177,7 @@ class Encoder:
             return self._refuse()
         self._format, self._rate = self._stored if letters == "RST" else ("ascii", 20)
         self._streams = False
-        return [b"OK\r", self._say_baud()]
+        return [b"OK\r", self._baud_bytes()]
 
-    def _say_baud(self) -> bytes:
+    def _baud_bytes(self) -> bytes:
         return f"BAUD= {self._baud}\r".encode("ascii")

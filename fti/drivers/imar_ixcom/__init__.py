@@ -12,25 +12,24 @@ status of the GNSS receiver).  Everything is little-endian; a frame is header, p
                   6 GNSS invalid, 7 standby, 8 dynamic align, 9 time invalid, 10 navigation, 11 AHRS mode
                   12-13 alignment, 14-15 position quality
 
-Each family of messages has a file with the layout of its payloads: ``solution`` (INSSOL and its parts), ``inertial``,
-``deviations``, ``satellites``, ``surroundings`` (air data, magnetometer, odometer, height from outside), ``sysstat``,
-``commands``; ``messages`` is the table of them all.  Other messages of the protocol are framed and counted by name.
+Each family of messages has a module with the layout of its payloads: ``solution`` (INSSOL and its parts), ``inertial``,
+``deviations``, ``satellites``, ``environment_messages`` (air data, magnetometer, odometer, external height),
+``system_status``, ``commands``; ``messages`` is the table.  Other messages are framed and counted by name.
 
-The counter rolls for each message by itself (seen in a capture of a real device; no document says so); the answer to a
+Each message has its own rolling counter (observed in a capture of a real device, not documented); the response to a
 command repeats the counter of the command.
 
-What is not said stays None: gravity-free accelerations are no specific force, angles after DIN 70000 are another
-convention, an undulation of exactly 0 is read as "no geoid model", and while GNSS has not set the clock (status bit 9)
-there is no device time.
+Unknown values are None: gravity-free accelerations are not a specific force, angles after DIN 70000 have another
+convention, an undulation of exactly 0 means "no geoid model", and there is no device time until GNSS has set the clock
+(status bit 9).
 
-Several messages may carry the same quantity.  Of one device only one kind counts, so that a consumer never sees two
-solutions mixed (see ``belief``): for five seconds after a better, valid message the others become Readings.  Who wants
-the receiver's solution beside that of the system gives the line two devices, the second one with
-``only = ["GNSSSOL"]``.
+Several messages may carry the same quantity.  Only one source per device is used, so that solutions are never mixed
+(see ``source_priority``): for five seconds after a valid message of higher priority the others become Readings.  To get
+the solution of the receiver as well, configure a second device on the link with ``only = ["GNSSSOL"]``.
 
-The system is silent until a channel was opened and messages were asked for, unless it was configured to start by
-itself.  ``ask = true`` does that after every connect; commands are taken on the serial line (over UDP the system only
-sends).  The emulated device sends ``logs``, joined from measurements of one stamp; NaN is what is missing.
+The system sends nothing until a channel is opened and messages are requested, unless it is configured to start by
+itself.  ``ask = true`` requests them after every connect; the system accepts commands on the serial line (over UDP it
+only sends).  The emulated device sends ``logs`` from measurements of one stamp; missing values are NaN.
 """
 
 from __future__ import annotations
@@ -51,7 +50,7 @@ DOCUMENT = (
     "iMAR iXCOM interface as published in the maker's package ixcom 1.3.10 and header XCOMdat.h (ROS2_iNAT, 2025)"
 )
 MESSAGES = {message.name: message.carries for message in TABLE} | {
-    "RESPONSE": "the answer to a command",
+    "RESPONSE": "response to a command",
     "(other)": "framed and counted by name or number",
 }
 CARRIERS = frozenset({"serial", "udp"})
@@ -69,5 +68,5 @@ def make_encoder(options: Options) -> Encoder:
 
 
 def poll(options: StrictModel) -> None:
-    """Nothing must be asked again and again."""
+    """No periodic request."""
     return

@@ -1,4 +1,4 @@
-"""What the system is told, and how it answers.
+"""Commands to the system and its responses.
 
     COMMAND 0xFD    0 command u16 | 2 specific u16, 0 | 4 its arguments
     0 LOG      message u8 | trigger u8: 0 synchronous, 1 event, 2 polled | 0 add, 3 clear, 4 clear all u16 | divider u16
@@ -12,9 +12,9 @@
 
     RESPONSE 0xFE   0 response u16, 0 is OK | 2 length u16 | 4 text
 
-The system answers every command and parameter with a RESPONSE that repeats the frame counter of the question; so each
-command has a counter of its own, and the answer says to which it belongs.  EXTHEIGHT is a message, not a command:
-nobody answers it.  The way of the maker's package to aid with a height is ``aid_height``, which is answered.
+The system answers every command and parameter with a RESPONSE that repeats the frame counter of the request.  Each
+command therefore has its own counter, which identifies the response.  EXTHEIGHT is a message, not a command, and has no
+response.  The maker's package aids with a height by ``aid_height``, which has a response.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ LOG, CONF, EKF, XCOM, EXTAID = 0, 3, 4, 5, 7
 ADD, CLEAR, CLEAR_ALL = 0, 3, 4
 SYNCHRONOUS, EVENT, POLLED = 0, 1, 2
 CLOSE, OPEN, REBOOT = 0, 1, 2
-EVENT_DIVIDER = 500  # some messages refuse 1, says the maker's package, although it means nothing here
+EVENT_DIVIDER = 500  # unused here, but some messages refuse 1 according to the maker's package
 PARDAT_SYSSTAT = 803
 HEIGHT_AIDING, ABSOLUTE, LATENCY = 6, 0, 1
 WEEK_S = 604_800.0
@@ -58,7 +58,7 @@ def log(message: int, trigger: int, action: int, divider: int) -> Payload:
 
 
 def request(name: str, divider: int) -> Payload:
-    """Ask for a message: each ``divider``-th sample of navigation, or whenever there is something new (0)."""
+    """Request a message with every ``divider``-th navigation sample, or at every change (0)."""
     if divider:
         return log(REQUESTABLE[name], SYNCHRONOUS, ADD, divider)
     return log(REQUESTABLE[name], EVENT, ADD, EVENT_DIVIDER)
@@ -78,23 +78,23 @@ def ekf(subcommand: int) -> Payload:
 
 
 class Arguments:
-    """The arguments of a command, each to be asked for by name.  Raises ValueError."""
+    """Access to the arguments of a command by name.  Raises ValueError."""
 
-    def __init__(self, command: str, given: Mapping[str, str], allowed: Mapping[str, str]) -> None:
-        self._command, self._given, self._allowed = command, given, allowed
-        for name in given:
+    def __init__(self, command: str, values: Mapping[str, str], allowed: Mapping[str, str]) -> None:
+        self._command, self._values, self._allowed = command, values, allowed
+        for name in values:
             if name not in allowed:
-                raise ValueError(f"{command}: there is no argument {name!r}; it takes {', '.join(allowed) or 'none'}")
+                raise ValueError(f"{command}: no argument {name!r}; allowed: {', '.join(allowed) or 'none'}")
 
     def text(self, name: str) -> str:
-        """An argument as it stands."""
-        if name not in self._given:
-            raise ValueError(f"{self._command}: {name} is missing; it is {self._allowed[name]}")
-        return self._given[name]
+        """An argument as text."""
+        if name not in self._values:
+            raise ValueError(f"{self._command}: {name} is missing: {self._allowed[name]}")
+        return self._values[name]
 
     def real(self, name: str, low: float, high: float, default: float | None = None) -> float:
         """A number in [low, high]."""
-        if default is not None and name not in self._given:
+        if default is not None and name not in self._values:
             return default
         text = self.text(name)
         try:
@@ -105,7 +105,7 @@ class Arguments:
             raise ValueError(f"{self._command}: {name} = {text!r}: must be a number from {low:g} to {high:g}")
         return value
 
-    def whole(self, name: str, low: int, high: int, default: int | None = None) -> int:
+    def integer(self, name: str, low: int, high: int, default: int | None = None) -> int:
         """A whole number in [low, high]."""
         value = float(self.real(name, low, high, default))
         if not value.is_integer():
@@ -113,20 +113,20 @@ class Arguments:
         return int(value)
 
     def message(self) -> int:
-        """The number of the message that is named."""
+        """The number of the named message."""
         try:
             return REQUESTABLE[check_name(self.text("message"))]
         except ValueError as error:
             raise ValueError(f"{self._command}: {error}") from None
 
     def optional(self, name: str, low: float, high: float) -> float | None:
-        """A number in [low, high], or None when it is not given."""
-        return self.real(name, low, high) if name in self._given else None
+        """A number in [low, high], or None if missing."""
+        return self.real(name, low, high) if name in self._values else None
 
 
 def _request(arguments: Arguments) -> Payload:
     arguments.message()
-    return request(arguments.text("message"), arguments.whole("divider", 0, 0xFFFF, 1))
+    return request(arguments.text("message"), arguments.integer("divider", 0, 0xFFFF, 1))
 
 
 def _external_height(arguments: Arguments) -> Payload:
@@ -142,7 +142,7 @@ def _aid_height(arguments: Arguments) -> Payload:
 
 
 def _status_words(arguments: Arguments) -> Payload:
-    mode = arguments.whole("mode", 0, 0x3FF)
+    mode = arguments.integer("mode", 0, 0x3FF)
     return NUMBERS["PARAMETER"], struct.pack("<HBBI", PARDAT_SYSSTAT, 0, 0, mode)
 
 
@@ -150,7 +150,7 @@ def _status_words(arguments: Arguments) -> Payload:
 
 
 class CommandSpec(NamedTuple):
-    """A command and how its frame is made."""
+    """A command and the function for its frame."""
 
     command: Command
     make: Callable[[Arguments], Payload]
@@ -164,7 +164,7 @@ COMMAND_SPECS = {
     "external_height": CommandSpec(
         Command(
             "aid the navigation with a height, as the message EXTHEIGHT",
-            HEIGHT | {"time": "when it was true, GPS second of the week [s], 0 to 604800; default 0: not said"},
+            HEIGHT | {"time": "time of validity, GPS second of the week [s], 0 to 604800; default 0: unknown"},
             answered=False,
         ),
         _external_height,
@@ -172,36 +172,34 @@ COMMAND_SPECS = {
     "aid_height": CommandSpec(
         Command(
             "aid the navigation with a height, as the command EXTAID",
-            HEIGHT | {"time": "when it was true, GPS second of the week [s], 0 to 604800; default: now"},
+            HEIGHT | {"time": "time of validity, GPS second of the week [s], 0 to 604800; default: now"},
         ),
         _aid_height,
     ),
     "open_channel": CommandSpec(
-        Command("open a logical channel, without which nothing is sent", CHANNEL),
-        lambda a: xcom(OPEN, a.whole("channel", 0, CHANNELS - 1, 0)),
+        Command("open a logical channel; required for any output", CHANNEL),
+        lambda a: xcom(OPEN, a.integer("channel", 0, CHANNELS - 1, 0)),
     ),
     "close_channel": CommandSpec(
-        Command("close a logical channel", CHANNEL), lambda a: xcom(CLOSE, a.whole("channel", 0, CHANNELS - 1, 0))
+        Command("close a logical channel", CHANNEL), lambda a: xcom(CLOSE, a.integer("channel", 0, CHANNELS - 1, 0))
     ),
     "request_message": CommandSpec(
         Command(
-            "ask for a message from now on",
-            MESSAGE | {"divider": "of the rate of navigation, 1 to 65535; 0: when there is something new; default 1"},
+            "request a message periodically",
+            MESSAGE | {"divider": "divider of the navigation rate, 1 to 65535; 0: at every change; default 1"},
         ),
         _request,
     ),
     "poll_message": CommandSpec(
-        Command("ask for a message once", MESSAGE), lambda a: log(a.message(), POLLED, ADD, EVENT_DIVIDER)
+        Command("request a message once", MESSAGE), lambda a: log(a.message(), POLLED, ADD, EVENT_DIVIDER)
     ),
-    "stop_message": CommandSpec(
-        Command("ask for a message no longer", MESSAGE), lambda a: log(a.message(), SYNCHRONOUS, CLEAR, 1)
-    ),
+    "stop_message": CommandSpec(Command("stop a message", MESSAGE), lambda a: log(a.message(), SYNCHRONOUS, CLEAR, 1)),
     "stop_all_messages": CommandSpec(
-        Command("ask for no message any longer"), lambda a: log(NUMBERS["INSSOL"], SYNCHRONOUS, CLEAR_ALL, 1)
+        Command("stop all messages"), lambda a: log(NUMBERS["INSSOL"], SYNCHRONOUS, CLEAR_ALL, 1)
     ),
     "status_words": CommandSpec(
         Command(
-            "choose what SYSSTAT carries",
+            "select the contents of SYSSTAT",
             {
                 "mode": "sum of 1 IMU, 2 GNSS, 4 magnetometer, 8 air data, 16 filter, 32 filter general, "
                 "64 additional, 128 service, 256 remaining alignment time, 512 second system word; 0 to 1023"
@@ -209,9 +207,9 @@ COMMAND_SPECS = {
         ),
         _status_words,
     ),
-    "align": CommandSpec(Command("begin a new alignment; not in flight"), lambda a: ekf(0)),
+    "align": CommandSpec(Command("start a new alignment; not in flight"), lambda a: ekf(0)),
     "complete_alignment": CommandSpec(
-        Command("end the stationary alignment: motion is allowed then"), lambda a: ekf(5)
+        Command("end the stationary alignment; motion is then allowed"), lambda a: ekf(5)
     ),
     "save_position": CommandSpec(Command("store the position for the next start"), lambda a: ekf(1)),
     "save_heading": CommandSpec(Command("store the heading for the next start"), lambda a: ekf(2)),
@@ -232,24 +230,24 @@ def command_frame(name: str, payload: Payload) -> bytes:
 
 
 def command(name: str, args: Mapping[str, str], options: Options | None = None) -> bytes:
-    """The bytes of a command.  Raises ValueError naming what is allowed."""
+    """The bytes of a command.  Raises ValueError with the allowed values."""
     if name not in COMMAND_SPECS:
-        raise ValueError(f"there is no command {name!r}; there are {', '.join(COMMAND_SPECS)}")
+        raise ValueError(f"no command {name!r}; there are {', '.join(COMMAND_SPECS)}")
     spec = COMMAND_SPECS[name]
     return command_frame(name, spec.make(Arguments(name, args, spec.command.arguments)))
 
 
 def on_connect(options: Options) -> Sequence[bytes]:
-    """Open the channel, forget what was asked for before, ask for the logs; nothing unless ``ask`` is set."""
+    """Open the channel, stop all messages, request the logs; nothing unless ``ask`` is set."""
     if not options.ask:
         return []
-    asked = [("request_message", request(name, divider)) for name, divider in options.logs.items()]
-    begun = [("open_channel", xcom(OPEN, options.channel)), ("stop_all_messages", log(3, SYNCHRONOUS, CLEAR_ALL, 1))]
-    return [command_frame(name, payload) for name, payload in begun + asked]
+    requests = [("request_message", request(name, divider)) for name, divider in options.logs.items()]
+    setup = [("open_channel", xcom(OPEN, options.channel)), ("stop_all_messages", log(3, SYNCHRONOUS, CLEAR_ALL, 1))]
+    return [command_frame(name, payload) for name, payload in setup + requests]
 
 
 def decode_response(frame: IxcomFrame) -> Ack | None:
-    """The answer to a command; None when the frame is too short for one."""
+    """The answer to a command; None if the frame is too short."""
     if len(frame.payload) < RESPONSE.size:
         return None
     number = RESPONSE.unpack_from(frame.payload)[0]

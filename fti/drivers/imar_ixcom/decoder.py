@@ -27,31 +27,31 @@ class Decoder:
         self._counted: dict[str, int] = {}
 
     def feed(self, data: bytes, t_rx_ns: int) -> list[Measurement]:
-        """See the contract."""
-        found: list[Measurement] = []
-        for stamp_ns, whole in self._framer.feed(data, t_rx_ns):
-            found += self._take(read_frame(whole, stamp_ns))
-        return found
+        """See ``drivers.Decoder``."""
+        measurements: list[Measurement] = []
+        for stamp_ns, frame_bytes in self._framer.feed(data, t_rx_ns):
+            measurements += self._decode_frame(read_frame(frame_bytes, stamp_ns))
+        return measurements
 
-    def _take(self, frame: IxcomFrame) -> list[Measurement]:
+    def _decode_frame(self, frame: IxcomFrame) -> list[Measurement]:
         name, message = BY_NUMBER[frame.number]
-        taken = not self._only or name in self._only
-        found = self._decode(message, frame) if message and taken else []
-        if found is None:
+        is_enabled = not self._only or name in self._only
+        measurements = self._decode(message, frame) if message and is_enabled else []
+        if measurements is None:
             self.counters.messages[f"{name} of unknown length"] += 1
             return []
         self.counters.messages[name] += 1
         if frame.number in RESERVED:
-            return self._answers(frame) if taken else []
+            return self._answers(frame) if is_enabled else []
         self._count(name, frame.counter)
-        return found
+        return measurements
 
     def _answers(self, frame: IxcomFrame) -> list[Measurement]:
         ack = decode_response(frame) if frame.number == NUMBERS["RESPONSE"] else None
         return [ack] if ack else []
 
     def _count(self, name: str, counter: int) -> None:
-        """Each message has a rolling counter of its own; a step backwards is a device that started again."""
+        """Each message has a rolling counter of its own; a step backwards is a restart of the device."""
         missed = (counter - self._counted.get(name, counter - 1) - 1) & 0xFF
         self._counted[name] = counter
         if 0 < missed < 0x80:
@@ -61,9 +61,9 @@ class Decoder:
         size = len(frame.payload)
         if size != message.size and (message.size is not None or size < MIN_PAYLOAD_BYTES):
             return None
-        found = message.decode(frame, self._decoder_state)
-        if found is None:
+        measurements = message.decode(frame, self._decoder_state)
+        if measurements is None:
             return None
-        told = self._decoder_state.status(frame, message.emits_status)
+        status = self._decoder_state.status(frame, message.emits_status)
         ranks = RANKS.get(message.name)
-        return [*told, *(self._source_priority.select(message.name, ranks, found) if ranks else found)]
+        return [*status, *(self._source_priority.select(message.name, ranks, measurements) if ranks else measurements)]

@@ -1,4 +1,4 @@
-"""What a decoder remembers of the messages that come seldom for those that come often: sigmas and words of status."""
+"""Decoder state from infrequent messages for frequent ones: sigmas and status words."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from fti.drivers.imar_ixcom.status import SYSTEM_ERRORS
 from fti.drivers.imar_ixcom.wire import IxcomFrame
 from fti.types import DeviceStatus, Stamp
 
-#: What was said so long ago counts no more [ns].
+#: Maximum age of sigmas and status words [ns].
 MAX_AGE_NS = 5_000_000_000
 new_status = fast_class(DeviceStatus)
 
@@ -26,29 +26,29 @@ class DecoderState:
         self._words: dict[str, tuple[int, tuple[str, ...]]] = {}
         self._last_flags: tuple[str, ...] | None = None
 
-    def set_deviations(self, stamp: Stamp, found: StandardDeviations) -> None:
-        """Take what EKFSTDDEV says."""
-        self._deviations = stamp.t_rx_ns, found
+    def set_deviations(self, stamp: Stamp, deviations: StandardDeviations) -> None:
+        """Store the sigmas of EKFSTDDEV."""
+        self._deviations = stamp.t_rx_ns, deviations
 
     def deviations(self, stamp: Stamp) -> StandardDeviations:
-        """The standard deviations that hold now."""
-        since_ns, found = self._deviations
-        return found if 0 <= stamp.t_rx_ns - since_ns <= MAX_AGE_NS else UNKNOWN
+        """The present standard deviations."""
+        since_ns, deviations = self._deviations
+        return deviations if 0 <= stamp.t_rx_ns - since_ns <= MAX_AGE_NS else UNKNOWN
 
     def set_status_words(self, source: str, stamp: Stamp, flags: tuple[str, ...]) -> None:
-        """Take the conditions that a message names.  source : which message."""
+        """Store the flags of a message.  source : its name."""
         self._words[source] = stamp.t_rx_ns, flags
 
     def flags(self, frame: IxcomFrame) -> tuple[str, ...]:
-        """The footer's conditions and those of the words that hold now."""
+        """The flags of the footer and of the present status words."""
         if not self._words:
             return frame.footer.flags
         now = frame.stamp.t_rx_ns
-        said = [flags for since, flags in self._words.values() if 0 <= now - since <= MAX_AGE_NS]
-        return _merge_flags(frame.footer.flags, *said)
+        current = [flags for since, flags in self._words.values() if 0 <= now - since <= MAX_AGE_NS]
+        return _merge_flags(frame.footer.flags, *current)
 
     def status(self, frame: IxcomFrame, always: bool) -> list[DeviceStatus]:
-        """The status, if it is another than before, or always."""
+        """The status, after a change or always."""
         flags = self.flags(frame)
         if flags == self._last_flags and not always:
             return []

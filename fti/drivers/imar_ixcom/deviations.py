@@ -4,12 +4,12 @@
                   24 tilt about north, east, down 3f [rad]    | 36 accelerometer bias 3f [m/s^2]
                   48 gyro bias 3f [rad/s] | 60 accelerometer scale 3f | 72 gyro scale 3f | 84 odometer scale f
 
-Each value is a Reading; and position, velocity and attitude that come within five seconds carry their sigma.  Of a
-class that has one sigma for several axes, the largest counts.  A tilt about north and east becomes roll and pitch by
+Each value is a Reading; position, velocity and attitude of the next five seconds get their sigma.  A class with one
+sigma for several axes gets the largest.  A tilt about north and east becomes roll and pitch by
 
     d_roll = (cos h d_n + sin h d_e) / cos p       d_pitch = -sin h d_n + cos h d_e
 
-with independent tilts; the tilt about down is the sigma of the heading, as the document says.
+with independent tilts; the tilt about down is the sigma of the heading, according to the document.
 """
 
 from __future__ import annotations
@@ -32,11 +32,11 @@ ITEMS = (
     *xyz("gyro_scale_sd"),
     GenericValue("odometer_scale_sd"),
 )
-STEEPEST_COS = 1e-3  # of the pitch: nearer to the vertical, roll means nothing
+STEEPEST_COS = 1e-3  # of the pitch: closer to the vertical, roll is undefined
 
 
 class StandardDeviations(NamedTuple):
-    """One sigma of the solution [m, m/s, rad]; None where it is not known."""
+    """One sigma of the solution [m, m/s, rad]; None if unknown."""
 
     horizontal: float | None = None
     vertical: float | None = None
@@ -63,7 +63,7 @@ UNKNOWN = StandardDeviations()
 
 
 def decode_deviations(values: tuple[float, ...]) -> StandardDeviations:
-    """What the solution needs of the 22 values of the message."""
+    """The values for the solution, of the 22 values of the message."""
     return StandardDeviations(
         horizontal=largest(values[0:2]),
         vertical=largest(values[2:3]),
@@ -75,6 +75,6 @@ def decode_deviations(values: tuple[float, ...]) -> StandardDeviations:
 
 
 def largest(sds: Iterable[float]) -> float | None:
-    """The largest standard deviation; None when one is no standard deviation."""
-    found = tuple(sds)
-    return max(found) if all(0.0 <= sd < math.inf for sd in found) else None
+    """The largest standard deviation; None if one is invalid."""
+    values = tuple(sds)
+    return max(values) if all(0.0 <= sd < math.inf for sd in values) else None

@@ -39,7 +39,7 @@ Make = Callable[[Any, EncoderState], bytes]
 def _inssol(position: Position, encoder_state: EncoderState) -> bytes:
     now = position.stamp
     return solution.encode_inssol(
-        encoder_state.of(ImuSample, now), encoder_state.of(Attitude, now), encoder_state.of(Velocity, now), position
+        encoder_state.get(ImuSample, now), encoder_state.get(Attitude, now), encoder_state.get(Velocity, now), position
     )
 
 
@@ -61,7 +61,7 @@ def _extheight(reading: Reading, encoder_state: EncoderState) -> bytes:
     return environment_messages.encode_extheight(height, sd, time)
 
 
-#: What makes a message complete: a measurement, or the last of its Readings; and its payload.
+#: Measurement, or last Reading, that completes a message -> names and payload functions.
 BY_MEASUREMENT: dict[type, tuple[tuple[str, Make], ...]] = {
     ImuSample: (("IMURAW", lambda m, _: inertial.encode_imu(m)), ("IMUCORR", lambda m, _: inertial.encode_imu(m))),
     Attitude: (("INSRPY", lambda m, _: solution.encode_rpy(m)),),
@@ -81,17 +81,17 @@ BY_READING: dict[str, tuple[str, Make]] = {
     environment_messages.WHEEL[-1].name: ("WHEELDATA", _wheeldata),
     environment_messages.HEIGHT[-1].name: ("EXTHEIGHT", _extheight),
 }
-#: Can be asked of the emulated device even when the configuration does not name them.
+#: Messages that can be requested even if the configuration does not name them.
 ALWAYS = frozenset({
     "IMURAW", "IMUCORR", "INSSOL", "INSRPY", "INSVELNED", "INSVELENU", "INSGNDSPEED", "INSPOSLLH",
 })  # fmt: skip
 
 
 class Encoder:
-    """The system's end of the line.
+    """The emulated system.
 
-    A message leaves with the measurement that completes it, at most each ``divider``-th epoch; an epoch is a stamp.
-    A Position and Velocity that come after Satellites of the same stamp are the receiver's, not the system's.
+    A message is sent with the measurement that completes it, at most every ``divider``-th epoch; an epoch is a stamp.
+    Position and Velocity after Satellites of the same stamp are those of the receiver, not of the system.
     """
 
     def __init__(self, options: Options) -> None:
@@ -106,7 +106,7 @@ class Encoder:
         self._framer = Framer(measure, Counters(), limit=FRAME_MAX)
 
     def encode(self, measurement: Measurement) -> list[bytes]:
-        """See the contract."""
+        """See ``drivers.Encoder``."""
         stamp = measurement.stamp
         if stamp is not self._now and stamp != self._now:
             self._now, self._epoch = stamp, self._epoch + 1
@@ -121,7 +121,7 @@ class Encoder:
         kind = type(m)
         if type(m) is Reading:
             return (BY_READING[m.name],) if m.name in BY_READING else ()
-        if (kind is Position or kind is Velocity) and self._encoder_state.of(Satellites, m.stamp):
+        if (kind is Position or kind is Velocity) and self._encoder_state.get(Satellites, m.stamp):
             return (("GNSSSOL", satellites.encode_gnsssol),) if kind is Position else ()
         return BY_MEASUREMENT.get(kind, ())
 
@@ -140,10 +140,10 @@ class Encoder:
         return encode_frame(NUMBERS[name], counter, t_gps_ns, encode_status(self._flags(cause)), payload)
 
     def _flags(self, cause: Measurement) -> tuple[str, ...]:
-        """The footer says what is not valid."""
+        """Status flags of the footer, including invalid attitude and position."""
         flags = self._encoder_state.flags
-        of_receiver = self._encoder_state.of(Satellites, cause.stamp) is not None
-        attitude = cause if isinstance(cause, Attitude) else self._encoder_state.of(Attitude, cause.stamp)
+        of_receiver = self._encoder_state.get(Satellites, cause.stamp) is not None
+        attitude = cause if isinstance(cause, Attitude) else self._encoder_state.get(Attitude, cause.stamp)
         if attitude and not attitude.valid:
             flags = (*(f for f in flags if f not in ALIGNMENT), "aligning")
         if isinstance(cause, Position) and not cause.valid and not of_receiver:
@@ -153,10 +153,10 @@ class Encoder:
     # ------------------------------------------------------------------------------------------------- commands
 
     def respond(self, data: bytes) -> list[bytes]:
-        """Answer every command and parameter, as the system does."""
+        """Answer every command and parameter."""
         if self._options.only:
             return []
-        frames = [read_frame(whole, 0) for _, whole in self._framer.feed(data, 0)]
+        frames = [read_frame(frame, 0) for _, frame in self._framer.feed(data, 0)]
         return [self._answer(f) for f in frames if f.number in (NUMBERS["COMMAND"], NUMBERS["PARAMETER"])]
 
     def _answer(self, frame: IxcomFrame) -> bytes:
@@ -177,8 +177,8 @@ class Encoder:
                 return self._execute_xcom(*struct.unpack_from("<HH", payload, 4))
         except struct.error:
             return RESPONSES.index("invalid parameter")
-        known = (commands.CONF, commands.EKF, commands.EXTAID)
-        return 0 if number in known else RESPONSES.index("invalid command")
+        accepted = (commands.CONF, commands.EKF, commands.EXTAID)
+        return 0 if number in accepted else RESPONSES.index("invalid command")
 
     def _execute_xcom(self, mode: int, channel: int) -> int:
         if channel >= CHANNELS:

@@ -1,4 +1,4 @@
-"""What was last measured, for the emulated device, whose messages join several measurements of one time."""
+"""Newest measurements of the emulated device, whose messages combine measurements of one stamp."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ M = TypeVar("M", bound=Measurement)
 class EncoderState:
     """The newest measurement of each class, the newest value of each Reading, the flags of the newest status.
 
-    magnetometer_unit : that the device sends
+    magnetometer_unit : unit of MAGDATA
     """
 
     def __init__(self, magnetometer_unit: str) -> None:
@@ -24,7 +24,7 @@ class EncoderState:
         self._newest: dict[type, Measurement] = {}
 
     def update(self, measurement: Measurement) -> None:
-        """Take a measurement."""
+        """Store a measurement."""
         if type(measurement) is DeviceStatus:
             self.flags = measurement.flags
         elif type(measurement) is Reading:
@@ -33,10 +33,10 @@ class EncoderState:
             self._newest[type(measurement)] = measurement
 
     def value(self, kind: type[Measurement], name: str, stamp: Stamp) -> float:
-        """A field of the newest one of a class, if it has this stamp; else NaN."""
-        return nan_if_none(getattr(self.of(kind, stamp), name, None))
+        """A field of the newest one of a class, if it has this stamp; otherwise NaN."""
+        return nan_if_none(getattr(self.get(kind, stamp), name, None))
 
-    def of(self, kind: type[M], stamp: Stamp) -> M | None:
+    def get(self, kind: type[M], stamp: Stamp) -> M | None:
         """The newest one of a class, if it has this stamp."""
-        found: Any = self._newest.get(kind)
-        return found if found is not None and (found.stamp is stamp or found.stamp == stamp) else None
+        newest: Any = self._newest.get(kind)
+        return newest if newest is not None and (newest.stamp is stamp or newest.stamp == stamp) else None

@@ -1,4 +1,4 @@
-"""AIRDATA, MAGDATA, WHEELDATA, EXTHEIGHT: other sensors whose values the system passes on.
+"""AIRDATA, MAGDATA, WHEELDATA, EXTHEIGHT: values of other sensors that the system forwards.
 
     AIRDATA 0x17, 48 B    0 TAS f | 4 IAS f [m/s] | 8 pressure altitude f [m] | 12 its rate f [m/s]
                           16 dynamic pressure f | 20 static pressure f [hPa]  | 24 outside air temperature f [deg C]
@@ -8,10 +8,9 @@
     WHEELDATA 0x16, 8 B   0 speed f [m/s] | 4 counted pulses i32
     EXTHEIGHT 0x98, 24 B  0 time d [s] | 8 height f above WGS84 [m] | 12 its sd f [m] | 16 valid u8 | 17 reserved
 
-The dynamic pressure is what the pitot tube's transducer measures, total less static: impact pressure.  The setting of
-the pressure altitude is not said: None.  The magnetometer's axes are those of the body when it is mounted so.  The bits
-of the two words of status are not published and have numbers; a timeout of the air-data computer or the magnetometer
-that SYSSTAT tells of makes its values invalid.
+The dynamic pressure is total minus static pressure: impact pressure.  The altimeter setting is unknown: None.  The axes
+of the magnetometer are those of the body if it is mounted accordingly.  The bits of the two status words are not
+published and are numbered; a timeout of the air-data computer or the magnetometer in SYSSTAT makes its values invalid.
 """
 
 from __future__ import annotations
@@ -66,26 +65,26 @@ HEIGHT = (
 
 
 def decode_airdata(frame: IxcomFrame, decoder_state: DecoderState) -> list[Measurement]:
-    """Estimates, altitude, pressures, temperature; at last the airspeeds."""
+    """Estimates, altitude, pressures, temperature, and then the airspeeds."""
     tas, ias, altitude, rate, dynamic, static, celsius, *estimates, word = AIRDATA.unpack(frame.payload)
     decoder_state.set_status_words("AIRDATA", frame.stamp, decode_word(word, AIR_STATUS))
     stamp, valid = frame.stamp, "madc_timeout" not in decoder_state.flags(frame)
-    found: list[Measurement] = [*decode_generic_values(stamp, (RATE, *ESTIMATES), (rate, *estimates))]
+    measurements: list[Measurement] = [*decode_generic_values(stamp, (RATE, *ESTIMATES), (rate, *estimates))]
     if all_finite(altitude):
-        found.append(PressureAltitude(stamp=stamp, alt_press=altitude, valid=valid))
+        measurements.append(PressureAltitude(stamp=stamp, alt_press=altitude, valid=valid))
     if all_finite(dynamic):
-        found.append(ImpactPressure(stamp=stamp, q_c=dynamic * HECTOPASCAL, valid=valid))
+        measurements.append(ImpactPressure(stamp=stamp, q_c=dynamic * HECTOPASCAL, valid=valid))
     if all_finite(static):
-        found.append(StaticPressure(stamp=stamp, p_static=static * HECTOPASCAL, valid=valid))
+        measurements.append(StaticPressure(stamp=stamp, p_static=static * HECTOPASCAL, valid=valid))
     if all_finite(celsius):
-        found.append(Temperature(stamp=stamp, static=celsius + KELVIN_AT_0_C, valid=valid))
+        measurements.append(Temperature(stamp=stamp, static=celsius + KELVIN_AT_0_C, valid=valid))
     speeds = [speed if all_finite(speed) else None for speed in (tas, ias)]
-    found.append(Airspeed(stamp=stamp, tas=speeds[0], ias=speeds[1], valid=valid and speeds != [None, None]))
-    return found
+    measurements.append(Airspeed(stamp=stamp, tas=speeds[0], ias=speeds[1], valid=valid and speeds != [None, None]))
+    return measurements
 
 
 def encode_airdata(speed: Airspeed, encoder_state: EncoderState) -> bytes:
-    """Payload of an airspeed, with the pressures and the temperature that came before it."""
+    """Payload of an airspeed, with the preceding pressures and temperature."""
     now = speed.stamp
     rate, *estimates = encode_generic_values((RATE, *ESTIMATES), encoder_state.readings)
     return AIRDATA.pack(
@@ -105,16 +104,18 @@ def encode_airdata(speed: Airspeed, encoder_state: EncoderState) -> bytes:
 
 
 def decode_magdata(frame: IxcomFrame, decoder_state: DecoderState) -> list[Measurement]:
-    """What the system makes of the field; at last the field."""
+    """Heading and angles of the system, and then the field."""
     *field, heading, bank, elevation, deviation, word = MAGDATA.unpack(frame.payload)
     decoder_state.set_status_words("MAGDATA", frame.stamp, decode_word(word, MAGNETOMETER_STATUS))
-    found: list[Measurement] = [*decode_generic_values(frame.stamp, MAGNETIC, (heading, bank, elevation, deviation))]
+    measurements: list[Measurement] = [
+        *decode_generic_values(frame.stamp, MAGNETIC, (heading, bank, elevation, deviation))
+    ]
     if all_finite(*field):
         unit = TESLA[decoder_state.options.magnetometer_unit]
         x, y, z = (unit * value for value in field)
         valid = "mag_timeout" not in decoder_state.flags(frame)
-        found.append(MagneticField(stamp=frame.stamp, field_b=(x, y, z), valid=valid))
-    return found
+        measurements.append(MagneticField(stamp=frame.stamp, field_b=(x, y, z), valid=valid))
+    return measurements
 
 
 def encode_magdata(magnetic: MagneticField, encoder_state: EncoderState) -> bytes:

@@ -1,4 +1,4 @@
-"""Velocity to north, east, down from the frame that the data selection names, where it must be turned."""
+"""Rotation of a velocity from earth-fixed or body frame to north, east, down."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def ned_from_body(vel: Triple, rpy: Triple) -> Triple:
     (forward, right, below), (roll, pitch, heading) = vel, rpy
     side = math.cos(roll) * right - math.sin(roll) * below
     under = math.sin(roll) * right + math.cos(roll) * below
-    ahead = math.cos(pitch) * forward + math.sin(pitch) * under
+    horizontal = math.cos(pitch) * forward + math.sin(pitch) * under
     down = -math.sin(pitch) * forward + math.cos(pitch) * under
-    north = math.cos(heading) * ahead - math.sin(heading) * side
-    return north, math.sin(heading) * ahead + math.cos(heading) * side, down
+    north = math.cos(heading) * horizontal - math.sin(heading) * side
+    return north, math.sin(heading) * horizontal + math.cos(heading) * side, down

@@ -1,4 +1,4 @@
-"""Values that no class of their own carries: a row of floats on the wire, a Reading each."""
+"""Values without a measurement class: floats of a message, each as a Reading."""
 
 from __future__ import annotations
 
@@ -22,20 +22,20 @@ def xyz(name: str, unit: str = "") -> tuple[GenericValue, ...]:
 
 
 def decode_generic_values(stamp: Stamp, items: Iterable[GenericValue], values: Iterable[float]) -> list[Reading]:
-    """A Reading for each value; one that is no number is not valid and None."""
+    """A Reading for each value; one that is not finite is None and not valid."""
     return [
-        Reading(stamp=stamp, name=item.name, unit=item.unit, value=value if known else None, valid=known)
-        for item, value, known in ((i, float(v), math.isfinite(v)) for i, v in zip(items, values, strict=True))
+        Reading(stamp=stamp, name=item.name, unit=item.unit, value=value if is_valid else None, valid=is_valid)
+        for item, value, is_valid in ((i, float(v), math.isfinite(v)) for i, v in zip(items, values, strict=True))
     ]
 
 
-def encode_generic_values(items: Iterable[GenericValue], known: Mapping[str, float | None]) -> list[float]:
-    """The values for the wire, NaN where one is not known."""
-    return [math.nan if value is None else value for value in (known.get(item.name) for item in items)]
+def encode_generic_values(items: Iterable[GenericValue], by_name: Mapping[str, float | None]) -> list[float]:
+    """The values for the wire, NaN if unknown."""
+    return [math.nan if value is None else value for value in (by_name.get(item.name) for item in items)]
 
 
 def all_finite(*values: float) -> bool:
-    """All are numbers: one that is not makes the sum none."""
+    """Are all values finite?  (Otherwise their sum is not.)"""
     return math.isfinite(sum(values))
 
 

@@ -2,14 +2,14 @@
 
     0x00, 0x01, 0x02, 24 B    0 acceleration 3f [m/s^2] | 12 angular rate 3f [rad/s]      forward, right, down
 
-    IMURAW   calibrated; feels gravity and the turn of the Earth: specific force and inertial rate, an ImuSample
-    IMUCORR  the same less the errors that the filter has estimated: an ImuSample
-    IMUCOMP  IMUCORR less gravity and the rate of the Earth: neither specific force nor inertial rate.  A strapdown
-             algorithm would take gravity away twice, so it is never an ImuSample but six Readings.
+    IMURAW   calibrated; includes gravity and Earth rate: specific force and inertial rate, an ImuSample
+    IMUCORR  the same, corrected for the errors estimated by the filter: an ImuSample
+    IMUCOMP  IMUCORR without gravity and Earth rate: neither specific force nor inertial rate.  A strapdown algorithm
+             would subtract gravity twice, so it becomes six Readings and never an ImuSample.
 
-Of one and the same content in INSSOL the data selection says which of the three it is; where it says none of them
-there is no telling, and nothing comes out.  (The header's text on PARDAT_IMU has IMUCORR less the rate of the Earth as
-well; its text on the messages says that only IMUCOMP is.  The difference is 7.3e-5 rad/s.)
+For the same fields in INSSOL, the data selection defines which of the three they are; without it they are not decoded.
+(According to the text of the header on PARDAT_IMU, IMUCORR is also without Earth rate; according to its text on the
+messages, only IMUCOMP is.  The difference is 7.3e-5 rad/s.)
 """
 
 from __future__ import annotations
@@ -60,5 +60,5 @@ def decode_imucomp(frame: IxcomFrame, decoder_state: DecoderState) -> list[Measu
 
 
 def encode_imu(imu: ImuSample) -> bytes:
-    """Payload of IMURAW or IMUCORR; NaN what is missing."""
+    """Payload of IMURAW or IMUCORR; missing values are NaN."""
     return IMU.pack(*imu.accel_b or LOST, *imu.gyro_b or LOST)

@@ -1,4 +1,4 @@
-"""The table of messages that become measurements."""
+"""The table of decoded messages."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from fti.types import Measurement
 
 
 class IxcomMessage(NamedTuple):
-    """A message that is understood.
+    """A decoded message.
 
-    carries : for people; size : of its payload [B], or None where it varies; decode : None for what does not fit
-    tells_status : a DeviceStatus goes before each of them, not only when it has changed
+    carries : description; size : of its payload [B], or None if it varies; decode : None for a wrong payload
+    emits_status : a DeviceStatus precedes each message, not only after a change
     """
 
     name: str
@@ -29,7 +29,7 @@ class IxcomMessage(NamedTuple):
 
 
 def decode_ekfstddev(frame: IxcomFrame, decoder_state: DecoderState) -> list[Measurement]:
-    """A Reading each; what the solution needs is kept for it."""
+    """A Reading for each value; the state keeps the sigmas for the solution."""
     values = EKFSTDDEV.unpack(frame.payload)
     decoder_state.set_deviations(frame.stamp, decode_deviations(values))
     return [*decode_generic_values(frame.stamp, ITEMS, values)]
@@ -46,7 +46,8 @@ TABLE = (
     IxcomMessage("INSVELNED", "velocity", solution.THREE.size, solution.decode_insvelned),
     IxcomMessage("INSVELENU", "velocity", solution.THREE.size, solution.decode_insvelenu),
     IxcomMessage("INSPOSLLH", "position", solution.POSITION.size, solution.decode_insposllh),
-    IxcomMessage("INSGNDSPEED", "ground speed, track and velocity down", solution.THREE.size, solution.decode_insgndspeed),
+    IxcomMessage("INSGNDSPEED", "ground speed, track and velocity down",
+            solution.THREE.size, solution.decode_insgndspeed),
     IxcomMessage("EKFSTDDEV", "standard deviations: readings, and the sigma of what follows",
             EKFSTDDEV.size, decode_ekfstddev),
     IxcomMessage("GNSSSOL", "position, velocity, satellites and status of the GNSS receiver",
@@ -55,13 +56,14 @@ TABLE = (
             environment_messages.AIRDATA.size, environment_messages.decode_airdata),
     IxcomMessage("MAGDATA", "magnetic field; magnetic heading as a reading",
             environment_messages.MAGDATA.size, environment_messages.decode_magdata),
-    IxcomMessage("WHEELDATA", "odometer: readings", environment_messages.WHEELDATA.size, environment_messages.decode_wheeldata),
+    IxcomMessage("WHEELDATA", "odometer: readings",
+            environment_messages.WHEELDATA.size, environment_messages.decode_wheeldata),
     IxcomMessage("SYSSTAT", "every bit of the system's status, by name", None, system_status.decode_sysstat),
     IxcomMessage("EXTHEIGHT", "height from outside, in and out: readings",
             environment_messages.EXTHEIGHT.size, environment_messages.decode_extheight),
 )  # fmt: skip
 BY_NAME = {message.name: message for message in TABLE}
-#: Every number that a frame can have: its name, and its message where that is understood.
+#: Message number -> name, and the message if it is decoded.
 BY_NUMBER: Mapping[int, tuple[str, IxcomMessage | None]] = {
     number: (name, BY_NAME.get(name)) for number in range(256) for name in [NAMES.get(number, f"0x{number:02X}")]
 }

@@ -1,4 +1,4 @@
-"""What the configuration may say, and the names of all messages."""
+"""Options of the driver, and the names of all messages."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ NAMES = {
     0xD2: "IPVAS", 0xFD: "COMMAND", 0xFE: "RESPONSE", 0xFF: "PARAMETER",
 }  # fmt: skip
 NUMBERS = {name: number for number, name in NAMES.items()}
-#: What is said and answered; everything else can be asked for.
+#: Commands and responses; all other messages can be requested.
 RESERVED = frozenset({0xFD, 0xFE, 0xFF})
 REQUESTABLE = {name: number for name, number in NUMBERS.items() if number not in RESERVED}
 TESLA = {"nT": 1e-9, "uT": 1e-6, "mG": 1e-7, "G": 1e-4}
@@ -35,7 +35,7 @@ CHANNELS = 32
 
 
 def check_name(name: str) -> str:
-    """A message that can be asked for.  Raises ValueError."""
+    """Check the name of a requestable message.  Raises ValueError."""
     if name not in REQUESTABLE:
         raise ValueError(f"message {name!r}; there are {', '.join(sorted(REQUESTABLE))}")
     return name
@@ -46,17 +46,17 @@ Divider = Annotated[int, Field(ge=0, le=0xFFFF)]
 
 
 class Options(StrictModel):
-    """All may be left out.
+    """All are optional.
 
-    data_selection    : what is meant where INSSOL has a data-selection word of 0
-    magnetometer_unit : of the field in MAGDATA; the document says nT, the maker's own ROS driver reckons with mG
-    only              : the messages that become measurements; empty: all.  So that two devices can share a line, one
-                        the INS and one its GNSS receiver; the second one's emulated end says nothing
-    logs              : {message: divider of the navigation rate, 0: whenever there is something new}: what is asked
-                        for after a connect, and what the emulated device sends
-    ask               : open the channel and ask for the logs after every connect; else nothing is sent, and the
-                        device does by itself what it was configured to do
-    channel           : the logical channel that is opened
+    data_selection    : used if INSSOL has a data-selection word of 0
+    magnetometer_unit : of the field in MAGDATA; nT according to the document; the maker's ROS driver uses mG
+    only              : messages that become measurements; empty: all.  It allows two devices on a link, the INS and its
+                        GNSS receiver; the emulated device with this option sends nothing
+    logs              : {message: divider of the navigation rate, 0: at every change}: requested after a connect, and
+                        sent by the emulated device
+    ask               : open the channel and request the logs after every connect; otherwise nothing is sent, and the
+                        device sends its configured messages
+    channel           : the logical channel to open
     """
 
     data_selection: Annotated[int, Field(ge=0, le=0xFFFF)] = DEFAULT_SELECTION

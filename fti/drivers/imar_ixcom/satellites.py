@@ -1,4 +1,4 @@
-"""GNSSSOL: what the GNSS receiver in the system says by itself; of its primary antenna.
+"""GNSSSOL: solution of the GNSS receiver in the system, at its primary antenna.
 
     0x12, 84 B    0 longitude d | 8 latitude d [rad]  | 16 altitude f [m] above mean sea level | 20 undulation f [m]
                   24 velocity north, east, down 3f [m/s] | 36 sd longitude, latitude, altitude 3f [m]
@@ -6,9 +6,9 @@
                   68 satellites used u8 | 69 tracked u8 | 70 base station u16 | 72 differential age f [s]
                   76 solution age f [s] | 80 receiver status u32
 
-It is valid when a solution of some type was computed, and neither the footer nor the words of the receiver and the
-system call it invalid or timed out; a solution of the Doppler shift is a velocity and no position.  An undulation of
-exactly 0 is read as "no geoid model".
+It is valid if a solution was computed, and neither the footer nor the status words of receiver and system report
+invalid or timeout; a Doppler solution is a velocity without position.  An undulation of exactly 0 means "no geoid
+model".
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ SOLUTION, TYPE = "gnss_solution_", "gnss_type_"
 
 
 def decode_gnsssol(frame: IxcomFrame, decoder_state: DecoderState) -> list[Measurement]:
-    """Satellites, velocity and position of the receiver; its status goes among the flags."""
+    """Satellites, velocity and position of the receiver; its status is added to the flags."""
     v = GNSSSOL.unpack(frame.payload)
     solution, kind, pdop, used, tracked, base, differential_age, age, word = v[13:22]
     flags = (f"{SOLUTION}{SOLUTIONS.get(solution, solution)}", f"{TYPE}{TYPES.get(kind, kind)}")
@@ -96,7 +96,7 @@ def _position(frame: IxcomFrame, v: tuple[float, ...], valid: bool) -> list[Posi
 
 
 def encode_gnsssol(position: Position, encoder_state: EncoderState) -> bytes:
-    """Payload of a position of the receiver, with the velocity, satellites and flags that came before it."""
+    """Payload of a position of the receiver, with the preceding velocity, satellites and flags."""
     now = position.stamp
     used = encoder_state.value(Satellites, "used", now)
     tracked, base, differential_age, age = encode_generic_values(ITEMS, encoder_state.readings)
@@ -127,8 +127,8 @@ def encode_gnsssol(position: Position, encoder_state: EncoderState) -> bytes:
 
 
 def _number(flags: tuple[str, ...], prefix: str, names: dict[int, str], usual: int) -> int:
-    known = {f"{prefix}{name}": number for number, name in names.items()}
-    return next((known[flag] for flag in flags if flag in known), usual)
+    numbers = {f"{prefix}{name}": number for number, name in names.items()}
+    return next((numbers[flag] for flag in flags if flag in numbers), usual)
 
 
 def _count(value: float) -> int:

@@ -1,4 +1,4 @@
-"""INSSOL and the messages that carry a part of it.
+"""INSSOL and the messages with parts of it.
 
 INSSOL 0x03, 72 B    0 accel_b 3f [m/s^2] | 12 gyro_b 3f [rad/s] | 24 roll pitch yaw 3f [rad] | 36 velocity 3f [m/s]
                      48 longitude d [rad] | 56 latitude d [rad]  | 64 altitude f [m] | 68 undulation i16 [cm]
@@ -56,12 +56,12 @@ def decode_inssol(frame: IxcomFrame, decoder_state: DecoderState) -> list[Measur
     rpy: Triple | None = v[6:9]
     if selection & RPY_DIN70000 or not all_finite(v[6], v[7], v[8]):
         rpy = None
-    found = decode_imu(frame.stamp, v[0:3], v[3:6], selection)
+    measurements = decode_imu(frame.stamp, v[0:3], v[3:6], selection)
     if rpy:
-        found.append(_attitude(frame, rpy, sd))
+        measurements.append(_attitude(frame, rpy, sd))
     if all_finite(v[9], v[10], v[11]) and (ned := _north_east_down(v[9:12], selection, rpy, v[13], v[12])):
-        found.append(_velocity(frame, ned, sd))
-    return found + _positions(frame, v, selection, sd)
+        measurements.append(_velocity(frame, ned, sd))
+    return measurements + _positions(frame, v, selection, sd)
 
 
 def _attitude(frame: IxcomFrame, rpy: Triple, sd: StandardDeviations) -> Attitude:
@@ -85,7 +85,7 @@ def _velocity(frame: IxcomFrame, ned: Triple, sd: StandardDeviations) -> Velocit
 
 
 def _north_east_down(vel: Triple, selection: int, rpy: Triple | None, lat: float, lon: float) -> Triple | None:
-    """The velocity of INSSOL; None where nothing says which it is, or what turns it is not known."""
+    """The velocity of INSSOL; None if its frame or the rotation is unknown."""
     if selection & VEL_NED:
         return vel
     if selection & VEL_ENU:
@@ -96,7 +96,7 @@ def _north_east_down(vel: Triple, selection: int, rpy: Triple | None, lat: float
 
 
 def _positions(frame: IxcomFrame, v: tuple[float, ...], selection: int, sd: StandardDeviations) -> list[Measurement]:
-    """The position of INSSOL, and its altitude where that is barometric."""
+    """The position of INSSOL; a barometric altitude as PressureAltitude."""
     lon, lat = v[12:14] if selection & LON_LAT and all_finite(v[12], v[13]) else (None, None)
     height, undulation = v[14] if math.isfinite(v[14]) else None, v[15] / 100 if v[15] else None
     alt = alt_msl = None
@@ -104,26 +104,26 @@ def _positions(frame: IxcomFrame, v: tuple[float, ...], selection: int, sd: Stan
         alt, alt_msl = height, None if height is None or undulation is None else height - undulation
     elif selection & ALT_MSL:
         alt, alt_msl = None if height is None or undulation is None else height + undulation, height
-    found: list[Measurement] = []
+    measurements: list[Measurement] = []
     if lat is not None or alt is not None or alt_msl is not None:
-        found.append(_position(frame, (lat, lon, alt), sd, alt_msl, undulation))
+        measurements.append(_position(frame, (lat, lon, alt), sd, alt_msl, undulation))
     if selection & ALT_BARO and height is not None:
-        found.append(PressureAltitude(stamp=frame.stamp, alt_press=height, valid=frame.footer.is_position_good))
-    return found
+        measurements.append(PressureAltitude(stamp=frame.stamp, alt_press=height, valid=frame.footer.is_position_good))
+    return measurements
 
 
 def _position(
     frame: IxcomFrame,
-    place: GeodeticPosition,
+    coordinates: GeodeticPosition,
     sd: StandardDeviations,
     alt_msl: float | None = None,
     undulation: float | None = None,
 ) -> Position:
     return new_position(
         stamp=frame.stamp,
-        lat=place[0],
-        lon=place[1],
-        alt=place[2],
+        lat=coordinates[0],
+        lon=coordinates[1],
+        alt=coordinates[2],
         alt_msl=alt_msl,
         undulation=undulation,
         horizontal_sd=sd.horizontal,
@@ -180,7 +180,7 @@ def decode_insposllh(frame: IxcomFrame, decoder_state: DecoderState) -> list[Mea
 def encode_inssol(
     imu: ImuSample | None, attitude: Attitude | None, velocity: Velocity | None, position: Position
 ) -> bytes:
-    """Payload of INSSOL; the altitude is WGS84 where it is known, else MSL; the velocity NED; NaN what is missing."""
+    """Payload of INSSOL; the altitude is WGS84 where it is known, else MSL; the velocity NED; missing: NaN."""
     altitude = position.alt_msl if position.alt is None else position.alt
     by_msl = position.alt is None and position.alt_msl is not None
     selection = DEFAULT_SELECTION & ~ALT_WGS84 | ALT_MSL if by_msl else DEFAULT_SELECTION
@@ -223,7 +223,7 @@ def encode_llh(position: Position) -> bytes:
 
 
 def encode_gndspeed(velocity: Velocity) -> bytes:
-    """Payload of INSGNDSPEED; ground speed and track from north and east where only these are known."""
+    """Payload of INSGNDSPEED; ground speed and track from north and east if only these are known."""
     speed, track = velocity.ground_speed, velocity.track
     if speed is None and velocity.north is not None and velocity.east is not None:
         speed = math.hypot(velocity.north, velocity.east)

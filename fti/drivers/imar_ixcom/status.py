@@ -1,10 +1,10 @@
-"""The words of status: the one in the footer of every frame, and those of SYSSTAT and GNSSSOL.
+"""Status words: that of the frame footer, and those of SYSSTAT and GNSSSOL.
 
 Names are those of the maker's package ``ixcom`` 1.3.10 in lower case (GlobalStatusBit, SysstatBit, EKF_STATUS_LOW,
 EKF_STATUS_HIGH); of the GNSS receiver's word and of the second system word, those of the maker's header ``XCOMdat.h``.
 Two differ: bit 14 of the system word is ``sysstat_gnss_invalid``, because the footer has a ``gnss_invalid`` too, and
-bit 7, reserved in the package, is ``zupt_request`` as in the header.  A word whose bits nobody has published has
-numbers for names.
+bit 7, reserved in the package, is ``zupt_request`` as in the header.  Unpublished bits are
+numbered.
 """
 
 from __future__ import annotations
@@ -25,9 +25,10 @@ HEALTHY: tuple[str, ...] = ("navigation_mode", "heading_good", "position_high")
 
 
 class Footer(NamedTuple):
-    """What the status word says, and what may be used of the frame before it.
+    """Decoded status word, and validity of the data in its frame.
 
-    flags : names of its conditions; ok : no error; aligned : attitude and velocity; placed : position; timed : the time
+    flags : names of its conditions; ok : no error; is_aligned : of attitude and velocity; is_position_good : of the
+    position; is_time_valid : of the time
     """
 
     flags: tuple[str, ...]
@@ -39,7 +40,7 @@ class Footer(NamedTuple):
 
 @lru_cache(maxsize=1024)
 def decode_footer(status: int) -> Footer:
-    """The status word, taken apart."""
+    """Decode the status word."""
     flags = decode_status(status)
     ok = ERRORS.isdisjoint(flags)
     is_aligned, is_position_good = ok and not ALIGNED.isdisjoint(flags), ok and not POSITION_GOOD.isdisjoint(flags)
@@ -47,14 +48,14 @@ def decode_footer(status: int) -> Footer:
 
 
 def decode_status(status: int) -> tuple[str, ...]:
-    """Names of the conditions in the footer's status word."""
+    """Names of the conditions in the status word of the footer."""
     flags = [name for bit, name in enumerate(STATUS_FLAGS) if status >> bit & 1]
     return (*flags, ALIGNMENT[status >> 12 & 3], QUALITY[status >> 14 & 3])
 
 
 @lru_cache(maxsize=256)
 def encode_status(flags: tuple[str, ...]) -> int:
-    """The status word; alignment and position quality are good where the flags do not name them."""
+    """The status word; alignment and position quality are good unless the flags name them."""
     status = sum(1 << bit for bit, name in enumerate(STATUS_FLAGS) if name in flags)
     alignment = next((i for i, name in enumerate(ALIGNMENT) if name in flags), ALIGNMENT.index("heading_good"))
     quality = next((i for i, name in enumerate(QUALITY) if name in flags), QUALITY.index("position_high"))
@@ -67,7 +68,7 @@ Names = tuple[str, ...]
 
 
 def word_names(word: str, *known: str) -> Names:
-    """Names of the 32 bits of a word; those that are not known have their number."""
+    """Names of the 32 bits of a word; unknown bits have their number."""
     return known + tuple(f"{word}_bit_{bit}" for bit in range(len(known), 32))
 
 
@@ -78,7 +79,7 @@ SYSTEM = word_names(
     "savedpos_error", "savedhdg_error", "mag_timeout", "madc_timeout", "license_expired", "in_motion",
     "odo_plausibility", "odo_hw_error", "waiting_initval", "pps_lost", "limited_accuracy", "rec_enabled", "fpga_nogo",
 )  # fmt: skip
-#: What makes DeviceStatus not ok.
+#: Flags with which DeviceStatus is not ok.
 SYSTEM_ERRORS = frozenset({
     "imu_invalid", "imu_crc_error", "imu_timeout", "invalid_cal", "bit_fail", "ekf_error", "fpga_nogo",
 })  # fmt: skip

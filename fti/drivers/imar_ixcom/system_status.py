@@ -1,12 +1,12 @@
-"""SYSSTAT 0x19: the system status, as many words as its mode says.
+"""SYSSTAT 0x19: the system status; its mode selects the words.
 
     0 mode u32 | 4 system status u32 | then, for each bit of the mode, lowest first:
     bit 0 IMU u32 | 1 GNSS u32 | 2 magnetometer u32 | 3 air-data computer u32 | 4 filter low u32, high u32
     5 filter, general u32 | 6 additional 4 x u32 | 7 service u32 | 8 remaining alignment time f [s]
     9 second system word u32
 
-Every bit that is set becomes a flag of DeviceStatus, by its name (see ``status``).  The system keeps overranges, an
-invalid calibration and filter errors (bits 4-11, 18) set until it aligns again.
+Every bit that is set becomes a flag of DeviceStatus, by its name (see ``status``).  Overranges, an invalid
+calibration and filter errors (bits 4-11, 18) remain set until the next alignment.
 """
 
 from __future__ import annotations
@@ -51,12 +51,12 @@ MIN_PAYLOAD_BYTES = 2 * WORD.size
 
 
 def decode_sysstat(frame: IxcomFrame, decoder_state: DecoderState) -> list[Measurement] | None:
-    """The remaining alignment time; the status with all the words.  None when the length does not fit the mode."""
+    """The remaining alignment time; the status with all the words.  None if the length does not fit the mode."""
     mode = WORD.unpack_from(frame.payload)[0]
     if mode >> len(WORDS) or len(frame.payload) != _length(mode):
         return None
     flags = decode_word(WORD.unpack_from(frame.payload, WORD.size)[0], SYSTEM)
-    found: list[Measurement] = []
+    measurements: list[Measurement] = []
     at = MIN_PAYLOAD_BYTES
     for bit, words in enumerate(WORDS):
         if mode >> bit & 1:
@@ -64,10 +64,10 @@ def decode_sysstat(frame: IxcomFrame, decoder_state: DecoderState) -> list[Measu
                 flags += decode_word(WORD.unpack_from(frame.payload, at)[0], names)
                 at += WORD.size
             if bit == REMAINING_BIT:
-                found += decode_generic_values(frame.stamp, [REMAINING], SECONDS.unpack_from(frame.payload, at))
+                measurements += decode_generic_values(frame.stamp, [REMAINING], SECONDS.unpack_from(frame.payload, at))
                 at += SECONDS.size
     decoder_state.set_status_words("SYSSTAT", frame.stamp, flags)
-    return found + decoder_state.status(frame, always=True)
+    return measurements + decoder_state.status(frame, always=True)
 
 
 def _length(mode: int) -> int:
@@ -75,7 +75,7 @@ def _length(mode: int) -> int:
 
 
 def encode_sysstat(encoder_state: EncoderState) -> bytes:
-    """Payload with the words in which a flag is set, and the alignment time where one is known."""
+    """Payload with the words in which a flag is set, and the alignment time if known."""
     mode, body = 0, b""
     for bit, words in enumerate(WORDS):
         values = [encode_word(encoder_state.flags, names) for names in words]

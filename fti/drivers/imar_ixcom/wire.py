@@ -45,7 +45,7 @@ def measure(buffer: bytearray) -> int | Skip:
 
 
 def read_frame(data: bytes, t_rx_ns: int) -> IxcomFrame:
-    """The parts of a frame that ``measure`` let pass; without a device time while GNSS has not set the clock."""
+    """The parts of a checked frame; without device time until GNSS has set the clock."""
     _, number, counter, _, _, week, seconds, micros = HEADER.unpack_from(data)
     footer = decode_footer(data[-4] | data[-3] << 8)
     t_gps_ns = gps_ns(week, seconds * SECOND_NS + micros * 1000)

@@ -1,24 +1,25 @@
 """MAVLink 2 and 1 of an autopilot.
 
 Document: mavlink.io, MAVLink 2 serialization, message signing, common.xml (or ardupilotmega.xml, option ``dialect``).
-The tables of the messages (names, order and kind of the fields, seed of the CRC) are those that ``pymavlink`` has
-generated from these files; framing, checks and units are ours.
+The message tables (names, order and type of the fields, seed of the CRC) are generated from these files by
+``pymavlink``; framing, checks and units are our own.
 
     v2   FD | length | incompatible | compatible | sequence | system | component | message u24 | payload | CRC u16
          | link u8, time u48 [10 us], signature 6 B: when incompatible bit 0 is set
     v1   FE | length | sequence | system | component | message u8 | payload | CRC u16
-    CRC  CRC-16/MCRF4XX over everything behind the first byte, and a seed byte of the message
-    Zeros at the end of a payload of v2 are not sent; one that is longer than known is of a newer definition.  In v1
-    the length must be that of the definition.
+    CRC  CRC-16/MCRF4XX over everything after the first byte, and a seed byte of the message
+    Trailing zeros of a v2 payload are not sent; a longer payload has a newer definition.  In v1 the length must be
+    that of the definition.
 
-A message that the dialect does not know has no known seed, so its CRC proves nothing: refused ("unknown_message").
+The CRC of a message outside the dialect cannot be checked, since its seed is unknown: rejected ("unknown_message").
 
-Signatures: without ``key`` a signed frame is taken as any other, and counted as "signed, not verified".  With ``key``
-(64 hexadecimal digits, or ``key_file``) only frames that are signed with it are taken, and of each source and link only
-later ones than the last, of a new one those at most a minute behind all others; version 1 cannot be signed.
+Signatures: without ``key`` a signed frame is accepted like any other, and counted as "signed, not verified".  With
+``key`` (64 hexadecimal digits, or ``key_file``) only frames with a correct signature are accepted.  Their time must be
+later than the last one of the same source and link, for a new source at most a minute older than all others.  Version 1
+has no signatures.
 
-Sources: each system and component has its own sequence number; what is missing is counted in ``lost`` and told as a
-Reading "lost_from_S_C".  One that starts again looks like a loss; a number that comes twice is none.
+Sources: each system and component has its own sequence number; missing frames are counted in ``lost`` and reported as a
+Reading "lost_from_S_C".  A restart looks like a loss; a repeated number is not a loss.
 
     0 HEARTBEAT             state and mode of an autopilot       1 SYS_STATUS   sensors not healthy, load, battery
     2 SYSTEM_TIME           UNIX us                              111 TIMESYNC   ns
@@ -29,25 +30,25 @@ Reading "lost_from_S_C".  One that starts again looks like a loss; a number that
     32 LOCAL_POSITION_NED   m, m/s
     33 GLOBAL_POSITION_INT  lat lon 1e-7 deg, alt mm (option ``height``: MSL by the standard), velocity NED cm/s
     74 VFR_HUD              airspeed, climb [m/s]
-    105 HIGHRES_IMU, 107 HIL_SENSOR   m/s^2, rad/s, gauss, hPa, as far as ``fields_updated`` says
+    105 HIGHRES_IMU, 107 HIL_SENSOR   m/s^2, rad/s, gauss, hPa, according to ``fields_updated``
     113 HIL_GPS             as 24, with velocity NED cm/s
     132 DISTANCE_SENSOR     cm; only orientation 25 (down); radar gives a RadioHeight, everything else a Range;
                             not valid outside min..max or with signal_quality 1
     136 TERRAIN_REPORT      the autopilot's map: readings        253 STATUSTEXT  a reading with the text
-    251 NAMED_VALUE_FLOAT   a reading of that name, where the option ``named_values`` has it
+    251 NAMED_VALUE_FLOAT   a reading of that name, if it is in the option ``named_values``
     77 COMMAND_ACK          of our commands
 
-Several messages carry position and velocity, and several sensors may look down; of each quantity one source counts
-(``sources``): 33 before 32 before 24 and 113, with the sigmas and the undulation that 24 tells beside them; of the
-sensors that look down the one with the lowest ``id``.  For five seconds after it was valid the others become Readings
-("gps_raw_int_lat", "distance_sensor_1_slant_range").  Who wants the receiver beside the estimate, or each sensor by
-itself, gives the line a device for each, with ``only = ["GPS_RAW_INT"]`` or ``distance_id = 1``.
+Several messages carry position and velocity, and several sensors may point down; each quantity has one source
+(``source_selection``): 33 before 32 before 24 and 113, with the sigmas and the undulation of 24; of the downward
+sensors the one with the lowest ``id``.  For five seconds after it was valid the others become Readings
+("gps_raw_int_lat", "distance_sensor_1_slant_range").  To get the receiver as well as the estimate, or several sensors,
+configure a device for each on the same link, with ``only = ["GPS_RAW_INT"]`` or ``distance_id = 1``.
 
-``hdg`` of 33 repeats ATTITUDE and is not taken; temperatures are the sensors' own and are not taken; SCALED_IMU2 and 3,
-and 27, 105 and 107 with another ``id`` than 0, are other sensors of the same autopilot and are counted only.  The
-emulated autopilot sends ATTITUDE (with the rates of an ImuSample of the same t_rx_ns), HIGHRES_IMU for an ImuSample
-with accelerations (with the MagneticField of the same t_rx_ns), GLOBAL_POSITION_INT for a Position that has a Velocity
-of the same t_rx_ns, GPS_RAW_INT beside it when both heights are known, SCALED_PRESSURE for a StaticPressure (with the
+``hdg`` of 33 repeats ATTITUDE and is ignored, as are the internal temperatures of sensors; SCALED_IMU2 and 3, and 27,
+105 and 107 with another ``id`` than 0, are other sensors of the same autopilot and are only counted.  The emulated
+autopilot sends ATTITUDE (with the rates of an ImuSample of the same t_rx_ns), HIGHRES_IMU for an ImuSample with
+accelerations (with the MagneticField of the same t_rx_ns), GLOBAL_POSITION_INT for a Position that has a Velocity of
+the same t_rx_ns, also GPS_RAW_INT if both heights are known, SCALED_PRESSURE for a StaticPressure (with the
 ImpactPressure of the same t_rx_ns), HEARTBEAT for a DeviceStatus.  ``emulate`` "simulator" sends HIL_SENSOR and HIL_GPS
 instead, for an autopilot that flies in a laboratory.
 """
@@ -89,7 +90,7 @@ MESSAGES = {
     "TERRAIN_REPORT": "height of the terrain and above it, from the autopilot's map",
     "NAMED_VALUE_FLOAT": "a value by its name",
     "STATUSTEXT": "a text, with its severity",
-    "COMMAND_ACK": "the answer to a command",
+    "COMMAND_ACK": "answer to a command",
     "(other)": "framed and counted by name",
 }
 CARRIERS = frozenset({"serial", "udp"})
@@ -114,12 +115,12 @@ class Decoder:
         self._sequences: dict[tuple[int, int], int] = {}  # (system, component) -> sequence of the last frame
 
     def feed(self, data: bytes, t_rx_ns: int) -> list[Measurement]:
-        found: list[Measurement] = []
+        measurements: list[Measurement] = []
         for stamp, frame in self._framer.feed(data, t_rx_ns):
-            found += self._read(frame, stamp)
-        return found
+            measurements += self._decode_frame(frame, stamp)
+        return measurements
 
-    def _read(self, frame: bytes, t_rx_ns: int) -> list[Measurement]:
+    def _decode_frame(self, frame: bytes, t_rx_ns: int) -> list[Measurement]:
         head = header(frame)
         missing = self._follow(head)
         if head.signed and not self._verifies:
@@ -127,21 +128,21 @@ class Decoder:
         if self._options.system not in (None, head.system) or self._options.component not in (None, head.component):
             self.counters.messages["other source"] += 1
             return []
-        known = layout(self._options.dialect, head.message)
-        assert known is not None
-        self.counters.messages[known.name] += 1
-        reader = READERS.get(head.message) if not self._only or known.name in self._only else None
-        found: list[Measurement] = []
+        message = layout(self._options.dialect, head.message)
+        assert message is not None
+        self.counters.messages[message.name] += 1
+        reader = READERS.get(head.message) if not self._only or message.name in self._only else None
+        measurements: list[Measurement] = []
         if reader:
-            fields = known.fields(payload(frame))
-            found = self._selector.select(known.name, fields, reader(fields, t_rx_ns, self._settings))
+            fields = message.fields(payload(frame))
+            measurements = self._selector.select(message.name, fields, reader(fields, t_rx_ns, self._settings))
         if missing:
             name = f"lost_from_{head.system}_{head.component}"
-            found.append(Reading(stamp=Stamp(t_rx_ns), name=name, value=float(missing)))
-        return found
+            measurements.append(Reading(stamp=Stamp(t_rx_ns), name=name, value=float(missing)))
+        return measurements
 
     def _follow(self, head: MavlinkHeader) -> int:
-        """How many are missing before this frame of its source."""
+        """Number of missing frames before this frame of its source."""
         source = head.system, head.component
         before = self._sequences.get(source)
         self._sequences[source] = head.sequence

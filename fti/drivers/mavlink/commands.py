@@ -1,7 +1,7 @@
-"""What is sent to an autopilot: COMMAND_LONG 76 and a heartbeat.  It is never armed, and flown by nobody from here.
+"""Messages to an autopilot: COMMAND_LONG 76 and a heartbeat.  There are no commands for arming or flight control.
 
-Frames are made without knowing of each other, so their sequence number is always 0, and they are not signed: an
-autopilot that takes signed commands only refuses them.
+Frames are encoded independently, so their sequence number is always 0, and they are not signed: an autopilot that
+requires signed commands refuses them.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ MAX_RATE_HZ = 1000.0
 _MESSAGE = "name (ATTITUDE) or number (30) of a message of the dialect"
 COMMANDS: Mapping[str, Command] = {
     "message_interval": Command(
-        "how often a message is sent",
-        {"message": _MESSAGE, "rate_hz": "more than 0 to 1000 Hz; 0: the autopilot's default; off: not at all"},
+        "set the rate of a message",
+        {"message": _MESSAGE, "rate_hz": "above 0 to 1000 Hz; 0: default of the autopilot; off: stop"},
     ),
     "request_message": Command("send a message once", {"message": _MESSAGE}),
 }
@@ -32,19 +32,17 @@ KEY_DIGITS = 64
 
 def _check_name(name: str) -> str:
     if all(message.msgname != name for message in dialect_map("common").values()):
-        raise ValueError(f"{name!r} is no message of MAVLink's common.xml")
+        raise ValueError(f"{name!r} is not a message of MAVLink's common.xml")
     return name
 
 
 class Options(StrictModel):
-    """``system``, ``component``: only these are heard; where several vehicles are on a line, ``system`` is needed.
+    """``system``, ``component``: decode only these; required for several vehicles on a link.
 
-    ``height``, ``raw_imu``, ``key`` (64 hexadecimal digits), ``emulate``: see the driver's docstring.  ``dialect``: its
-    messages are known, others are refused.  ``only``: these messages become measurements, without it all;
-    ``distance_id``: of the sensors of distance only this one.  ``named_values``: names of NAMED_VALUE_FLOAT that become
-    readings; their unit is the sender's.
-    ``heartbeat_s``: we send a heartbeat so often; ``own_system``, ``own_component``: under which our heartbeat and
-    commands go out.
+    ``height``, ``raw_imu``, ``key`` (64 hexadecimal digits), ``emulate``: see the driver's docstring.  ``dialect``:
+    other messages are rejected.  ``only``: messages that become measurements; empty: all.  ``distance_id``: use only
+    this distance sensor.  ``named_values``: names of NAMED_VALUE_FLOAT that become readings, in the unit of the sender.
+    ``heartbeat_s``: period of our heartbeat; ``own_system``, ``own_component``: sender of our heartbeat and commands.
     """
 
     system: Annotated[int, Field(ge=1, le=255)] | None = None
@@ -68,7 +66,7 @@ def _pack(message: Any, options: Options) -> bytes:
 
 
 def poll(options: Options) -> tuple[float, bytes] | None:
-    """A heartbeat of a ground station, when one is wanted."""
+    """A heartbeat of a ground station, if configured."""
     if options.heartbeat_s is None:
         return None
     ours = common.MAVLink_heartbeat_message(

@@ -1,4 +1,4 @@
-"""Measurements to MAVLink messages, as an autopilot or a simulator sends them; what is sent when: see ``mavlink``."""
+"""The emulated autopilot or simulator: measurements to MAVLink messages; ``mavlink`` lists them."""
 
 from __future__ import annotations
 
@@ -50,12 +50,12 @@ from fti.types import (
 
 DISTANCE_MIN_CM, DISTANCE_MAX_CM = 1, 0xFFFE
 COMMAND_LONG = 76
-MIN_INTERVAL_FRACTION = 0.95  # of an interval: the clock of the samples drifts
+MIN_INTERVAL_FRACTION = 0.95  # of an interval: tolerance for clock drift
 Make = Callable[[Any], list[Any]]
 
 
 class Encoder:
-    """The autopilot's end of the line, or a simulator's."""
+    """The emulated autopilot or simulator."""
 
     def __init__(self, options: Options) -> None:
         self._height = options.height
@@ -78,11 +78,11 @@ class Encoder:
     def encode(self, measurement: Measurement) -> list[bytes]:
         self._last_values[type(measurement)] = measurement
         encoder = self._encoders.get(type(measurement))
-        made = encoder(measurement) if encoder else []
-        return [self._pack(m) for m in made if self._requests.is_due(m, measurement.stamp.t_rx_ns)]
+        messages = encoder(measurement) if encoder else []
+        return [self._pack(m) for m in messages if self._requests.is_due(m, measurement.stamp.t_rx_ns)]
 
     def respond(self, data: bytes) -> list[bytes]:
-        return [self._pack(answer) for answer in self._requests.take(data)]
+        return [self._pack(answer) for answer in self._requests.respond(data)]
 
     def _pack(self, message: Any) -> bytes:
         data = bytes(message.pack(self._mavlink))
@@ -90,7 +90,7 @@ class Encoder:
         return data
 
     def _simultaneous(self, kind: type, measurement: Measurement) -> Any:
-        """What was last told of that kind, if it was at the same time."""
+        """The last measurement of that class, if it has the same t_rx_ns."""
         held = self._last_values.get(kind)
         return held if held is not None and held.stamp.t_rx_ns == measurement.stamp.t_rx_ns else None
 
@@ -111,7 +111,7 @@ class Encoder:
         return [common.MAVLink_highres_imu_message(_boot_us(m.stamp), *values, 0.0, 0.0, 0.0, 0.0, fields)]
 
     def _inertial(self, m: ImuSample) -> tuple[int, tuple[float, ...]]:
-        """Which fields are known, and nine values; what is not known is 0."""
+        """Bits of the known fields, and nine values; unknown ones are 0."""
         mag = self._simultaneous(MagneticField, m)
         parts = (
             (IMU_ACCEL, m.accel_b),
@@ -123,8 +123,8 @@ class Encoder:
 
     def _position(self, m: Position) -> list[Any]:
         velocity = self._simultaneous(Velocity, m)
-        known = None not in (m.lat, m.lon, m.alt, m.alt_msl)
-        receiver = [self._gps_raw(m, velocity)] if known or not m.valid else []
+        is_complete = None not in (m.lat, m.lon, m.alt, m.alt_msl)
+        receiver = [self._gps_raw(m, velocity)] if is_complete or not m.valid else []
         if m.lat is None or m.lon is None:
             return receiver
         height = m.alt_msl if self._height == "msl" else m.alt
@@ -157,7 +157,7 @@ class Encoder:
         )
 
     def _quality(self, m: Position) -> tuple[int, int, int]:
-        """HDOP and VDOP [1/100] and satellites, as they were told beside the position."""
+        """HDOP and VDOP [1/100] and satellites of the same t_rx_ns."""
         sky = self._simultaneous(Satellites, m)
         if sky is None:
             return UNKNOWN_U16, UNKNOWN_U16, NO_SATELLITES
@@ -185,7 +185,7 @@ class Encoder:
         return [common.MAVLink_system_time_message(unix_us, _boot_ms(m.stamp))]
 
     def _heartbeat(self, m: DeviceStatus) -> list[Any]:
-        """Of a fixed-wing aircraft, when the flags name a state."""
+        """Heartbeat of a fixed-wing aircraft, if the flags name a state."""
         state = next((STATES.index(flag) for flag in m.flags if flag in STATES), None)
         if state is None:
             return []
@@ -196,7 +196,7 @@ class Encoder:
     # ----------------------------------------------------------------------------------------------------- simulator
 
     def _hil_sensor(self, m: ImuSample) -> list[Any]:
-        """With the magnetic field and the pressures that were told before it, of the same time."""
+        """HIL_SENSOR with magnetic field and pressures of the same t_rx_ns."""
         fields, values = self._inertial(m)
         static, impact = self._simultaneous(StaticPressure, m), self._simultaneous(ImpactPressure, m)
         fields |= (IMU_ABS if static else 0) | (IMU_DIFF if impact else 0)
@@ -220,46 +220,46 @@ class Encoder:
 
 
 class GroundStationRequests:
-    """What a ground station has told the emulated autopilot: intervals of messages, and messages wanted once."""
+    """Requests of a ground station to the emulated autopilot: message intervals, and single messages."""
 
     def __init__(self) -> None:
         self._framer = Framer(Frames("common", None).measure, Counters(), limit=FRAME_MAX)
         self._intervals: dict[int, int] = {}  # message -> ns; negative: never
-        self._sent: dict[int, int] = {}
+        self._last_sent_ns: dict[int, int] = {}
         self._last: dict[int, Any] = {}
 
     def is_due(self, message: Any, t_ns: int) -> bool:
-        """Is it time for this message?"""
+        """Is this message due?"""
         number = message.get_msgId()
         self._last[number] = message
         interval = self._intervals.get(number, 0)
-        since = t_ns - self._sent.get(number, t_ns - interval)
+        since = t_ns - self._last_sent_ns.get(number, t_ns - interval)
         if interval < 0 or since < MIN_INTERVAL_FRACTION * interval:
             return False
-        self._sent[number] = t_ns
+        self._last_sent_ns[number] = t_ns
         return True
 
-    def take(self, data: bytes) -> list[Any]:
-        """The answers to what is complete with these bytes."""
-        found: list[Any] = []
+    def respond(self, data: bytes) -> list[Any]:
+        """Answers to the requests that these bytes complete."""
+        answers: list[Any] = []
         for _, frame in self._framer.feed(data, 0):
-            known = layout("common", header(frame).message)
-            if known is not None and header(frame).message == COMMAND_LONG:
-                found += self._execute(known.fields(payload(frame)), header(frame).system, header(frame).component)
-        return found
+            message = layout("common", header(frame).message)
+            if message is not None and header(frame).message == COMMAND_LONG:
+                answers += self._execute(message.fields(payload(frame)), header(frame).system, header(frame).component)
+        return answers
 
     def _execute(self, m: Any, system: int, component: int) -> list[Any]:
-        """A message that is wanted once is the last one of its number."""
-        wanted = self._last.get(m.param1)
-        result, told = common.MAV_RESULT_ACCEPTED, []
+        """Execute a command; a single message is the last one of its number."""
+        requested = self._last.get(m.param1)
+        result, extra = common.MAV_RESULT_ACCEPTED, []
         if m.command == SET_MESSAGE_INTERVAL and all_finite(m.param1, m.param2):
             self._intervals[int(m.param1)] = int(m.param2 * 1000)
-        elif m.command == REQUEST_MESSAGE and wanted is not None:
-            told = [wanted]
+        elif m.command == REQUEST_MESSAGE and requested is not None:
+            extra = [requested]
         else:
             result = common.MAV_RESULT_UNSUPPORTED
         ack = common.MAVLink_command_ack_message(m.command, result, target_system=system, target_component=component)
-        return [ack, *told]
+        return [ack, *extra]
 
 
 def _boot_us(stamp: Stamp) -> int:
@@ -287,14 +287,14 @@ def _course(track: float | None) -> int:
 
 
 def _speeds(velocity: Velocity | None) -> list[int] | None:
-    """North, east, down [cm/s]; None unless all are known, for the message cannot say that one is not."""
+    """North, east, down [cm/s]; None unless all are known: the message has no unknown value."""
     if velocity is None or velocity.north is None or velocity.east is None or velocity.down is None:
         return None
     return [_limited(v * 100, -0x8000, 0x7FFF) for v in (velocity.north, velocity.east, velocity.down)]
 
 
 def _polar(velocity: Velocity | None) -> tuple[float | None, float | None]:
-    """Ground speed and track, from north and east where those are known."""
+    """Ground speed and track, from north and east if known."""
     if velocity is None:
         return None, None
     if velocity.north is None or velocity.east is None:

@@ -1,4 +1,4 @@
-"""What the fields of MAVLink messages have in common: stamps, unknown values, and what the readers must be told."""
+"""Common parts of MAVLink decoding: stamps, unknown values, settings."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from typing import Any, NamedTuple
 from fti.types import Measurement, Stamp, TimeScale
 
 UNKNOWN_U16 = 0xFFFF
-#: A time in us above this is UNIX time, below it time since boot (the field's own rule: tell by the magnitude).
+#: A time above this [us] is UNIX time, below it time since boot (MAVLink rule).
 UNIX_US = 10**15
 
 
 class Settings(NamedTuple):
-    """What the options say to the readers.
+    """Settings of the readers.
 
-    height : what GLOBAL_POSITION_INT means by alt; raw_imu : what the numbers of RAW_IMU are
-    sender : system and component that our commands come from; named : values of NAMED_VALUE_FLOAT that are taken
+    height : datum of alt in GLOBAL_POSITION_INT; raw_imu : scale of RAW_IMU
+    sender : system and component of our commands; named_values : accepted names of NAMED_VALUE_FLOAT
     """
 
     height: str
@@ -31,7 +31,7 @@ Reader = Callable[[Any, int, Settings], list[Measurement]]
 
 
 def stamp_from_boot_ms(t_rx_ns: int, milliseconds: int) -> Stamp:
-    """A stamp of the time since the autopilot was switched on; 0 is what a sender fills in that tells no time."""
+    """A stamp of the time since the autopilot was switched on; 0 means no time."""
     return Stamp(t_rx_ns, milliseconds * 1_000_000, TimeScale.BOOT) if milliseconds else Stamp(t_rx_ns)
 
 
@@ -41,17 +41,17 @@ def stamp_from_us(t_rx_ns: int, microseconds: int) -> Stamp:
 
 
 def stamp_from_ns(t_rx_ns: int, nanoseconds: int) -> Stamp:
-    """The same in ns."""
+    """``stamp_from_us`` in ns."""
     if not nanoseconds:
         return Stamp(t_rx_ns)
     return Stamp(t_rx_ns, nanoseconds, TimeScale.UTC if nanoseconds > UNIX_US * 1000 else TimeScale.BOOT)
 
 
-def known(value: int, unknown: int, factor: float) -> float | None:
-    """A value in SI; None when it is the one that means unknown."""
+def scaled_or_none(value: int, unknown: int, factor: float) -> float | None:
+    """A value in SI; None if it is the one that means unknown."""
     return None if value == unknown else value * factor
 
 
 def all_finite(*values: float) -> bool:
-    """Are all of them numbers?"""
+    """Are all of them finite?"""
     return all(map(math.isfinite, values))

@@ -1,4 +1,4 @@
-"""Attitude, position, velocity and time of MAVLink to measurements; the table of all messages stands in ``mavlink``."""
+"""Attitude, position, velocity and time of MAVLink to measurements; ``mavlink`` lists all messages."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from fti.drivers.mavlink.fields import (
     Reader,
     Settings,
     all_finite,
-    known,
+    scaled_or_none,
     stamp_from_boot_ms,
     stamp_from_ns,
     stamp_from_us,
@@ -39,24 +39,24 @@ NO_SATELLITES = 255
 def decode_attitude(m: Any, t_rx_ns: int, settings: Settings) -> list[Measurement]:
     """ATTITUDE 30."""
     stamp = stamp_from_boot_ms(t_rx_ns, m.time_boot_ms)
-    found = _rates(m, stamp)
+    measurements = _rates(m, stamp)
     if all_finite(m.roll, m.pitch, m.yaw):
-        found.append(Attitude(stamp=stamp, roll=m.roll, pitch=m.pitch, heading=wrap_heading(m.yaw)))
-    return found
+        measurements.append(Attitude(stamp=stamp, roll=m.roll, pitch=m.pitch, heading=wrap_heading(m.yaw)))
+    return measurements
 
 
 def decode_quaternion(m: Any, t_rx_ns: int, settings: Settings) -> list[Measurement]:
     """ATTITUDE_QUATERNION 31: body to north, east, down; w, x, y, z."""
     stamp = stamp_from_boot_ms(t_rx_ns, m.time_boot_ms)
-    found = _rates(m, stamp)
+    measurements = _rates(m, stamp)
     w, x, y, z = m.q1, m.q2, m.q3, m.q4
     norm = w * w + x * x + y * y + z * z
     if not 0.9 < norm < 1.1:  # NaN, too
-        return found
+        return measurements
     roll = math.atan2(2 * (w * x + y * z), w * w - x * x - y * y + z * z)
     pitch = math.asin(max(-1.0, min(1.0, 2 * (w * y - x * z) / norm)))
     heading = wrap_heading(math.atan2(2 * (w * z + x * y), w * w + x * x - y * y - z * z))
-    return [*found, Attitude(stamp=stamp, roll=roll, pitch=pitch, heading=heading)]
+    return [*measurements, Attitude(stamp=stamp, roll=roll, pitch=pitch, heading=heading)]
 
 
 def _rates(m: Any, stamp: Stamp) -> list[Measurement]:
@@ -65,35 +65,35 @@ def _rates(m: Any, stamp: Stamp) -> list[Measurement]:
 
 
 def decode_global_position(m: Any, t_rx_ns: int, settings: Settings) -> list[Measurement]:
-    """GLOBAL_POSITION_INT 33; ``height`` of the settings : what the autopilot means by alt.
+    """GLOBAL_POSITION_INT 33; ``height`` of the settings : datum of alt.
 
-    The message has no validity: an autopilot that has not found its place yet sends latitude and longitude 0.
+    The message has no validity flag: without a position the autopilot sends latitude and longitude 0.
     """
-    stamp, found = stamp_from_boot_ms(t_rx_ns, m.time_boot_ms), bool(m.lat or m.lon)
+    stamp, valid = stamp_from_boot_ms(t_rx_ns, m.time_boot_ms), bool(m.lat or m.lon)
     above = {"alt_msl" if settings.height == "msl" else "alt": m.alt * 1e-3}
     return [
-        Velocity(stamp=stamp, north=m.vx * 1e-2, east=m.vy * 1e-2, down=m.vz * 1e-2, valid=found),
-        Position(stamp=stamp, lat=m.lat * 1e-7 * DEGREE, lon=m.lon * 1e-7 * DEGREE, valid=found, **above),
+        Velocity(stamp=stamp, north=m.vx * 1e-2, east=m.vy * 1e-2, down=m.vz * 1e-2, valid=valid),
+        Position(stamp=stamp, lat=m.lat * 1e-7 * DEGREE, lon=m.lon * 1e-7 * DEGREE, valid=valid, **above),
     ]
 
 
 def decode_local_position(m: Any, t_rx_ns: int, settings: Settings) -> list[Measurement]:
-    """LOCAL_POSITION_NED 32; its origin is the autopilot's own, so the place is a reading."""
+    """LOCAL_POSITION_NED 32; its origin is the autopilot's own, so the position is a reading."""
     stamp = stamp_from_boot_ms(t_rx_ns, m.time_boot_ms)
-    found: list[Measurement] = []
+    measurements: list[Measurement] = []
     if all_finite(m.vx, m.vy, m.vz):
-        found.append(Velocity(stamp=stamp, north=m.vx, east=m.vy, down=m.vz))
+        measurements.append(Velocity(stamp=stamp, north=m.vx, east=m.vy, down=m.vz))
     for name, value in (("local_north", m.x), ("local_east", m.y), ("local_down", m.z)):
         if math.isfinite(value):
-            found.append(Reading(stamp=stamp, name=name, value=value, unit="m"))
-    return found
+            measurements.append(Reading(stamp=stamp, name=name, value=value, unit="m"))
+    return measurements
 
 
 def decode_gps_raw(m: Any, t_rx_ns: int, settings: Settings) -> list[Measurement]:
-    """GPS_RAW_INT 24; an ellipsoidal height of exactly 0 is none: no extension, or accuracies without an undulation."""
+    """GPS_RAW_INT 24; an ellipsoidal height of exactly 0 means none."""
     stamp = stamp_from_us(t_rx_ns, m.time_usec)
     ok = m.fix_type >= FIX_3D
-    alt, alt_msl = known(m.alt_ellipsoid, 0, 1e-3), m.alt * 1e-3
+    alt, alt_msl = scaled_or_none(m.alt_ellipsoid, 0, 1e-3), m.alt * 1e-3
     position = Position(
         stamp=stamp,
         lat=m.lat * 1e-7 * DEGREE,
@@ -101,18 +101,18 @@ def decode_gps_raw(m: Any, t_rx_ns: int, settings: Settings) -> list[Measurement
         alt=alt,
         alt_msl=alt_msl,
         undulation=None if alt is None else alt - alt_msl,
-        horizontal_sd=known(m.h_acc, 0, 1e-3),
-        vertical_sd=known(m.v_acc, 0, 1e-3),
+        horizontal_sd=scaled_or_none(m.h_acc, 0, 1e-3),
+        vertical_sd=scaled_or_none(m.v_acc, 0, 1e-3),
         valid=ok,
     )
-    speed = known(m.vel, UNKNOWN_U16, 1e-2)
+    speed = scaled_or_none(m.vel, UNKNOWN_U16, 1e-2)
     track = None if m.cog == UNKNOWN_U16 else wrap_heading(m.cog * 1e-2 * DEGREE)
-    velocity = Velocity(stamp=stamp, ground_speed=speed, track=track, sd=known(m.vel_acc, 0, 1e-3), valid=ok)
+    velocity = Velocity(stamp=stamp, ground_speed=speed, track=track, sd=scaled_or_none(m.vel_acc, 0, 1e-3), valid=ok)
     return [velocity, position, *_receiver(m, stamp, ok)]
 
 
 def decode_hil_gps(m: Any, t_rx_ns: int, settings: Settings) -> list[Measurement]:
-    """HIL_GPS 113: what a simulator gives an autopilot for a receiver; heights above mean sea level."""
+    """HIL_GPS 113: receiver data from a simulator; heights above mean sea level."""
     stamp = stamp_from_us(t_rx_ns, m.time_usec)
     ok = m.fix_type >= FIX_3D
     return [
@@ -126,7 +126,7 @@ def _receiver(m: Any, stamp: Stamp, ok: bool) -> list[Measurement]:
     """Dilution of precision, satellites and kind of fix."""
     fix = FIXES[m.fix_type] if m.fix_type < len(FIXES) else f"fix_{m.fix_type}"
     used = None if m.satellites_visible == NO_SATELLITES else m.satellites_visible
-    hdop, vdop = known(m.eph, UNKNOWN_U16, 1e-2), known(m.epv, UNKNOWN_U16, 1e-2)
+    hdop, vdop = scaled_or_none(m.eph, UNKNOWN_U16, 1e-2), scaled_or_none(m.epv, UNKNOWN_U16, 1e-2)
     return [
         Satellites(stamp=stamp, used=used, hdop=hdop, vdop=vdop),
         DeviceStatus(stamp=stamp, ok=ok, flags=(fix,)),
@@ -134,7 +134,7 @@ def _receiver(m: Any, stamp: Stamp, ok: bool) -> list[Measurement]:
 
 
 def decode_hud(m: Any, t_rx_ns: int, settings: Settings) -> list[Measurement]:
-    """VFR_HUD 74: CAS or IAS, the autopilot does not say which; what other messages carry better is not taken."""
+    """VFR_HUD 74: CAS or IAS (not specified); fields of other messages are ignored."""
     if not all_finite(m.airspeed, m.climb):
         return []
     stamp = Stamp(t_rx_ns)
@@ -147,14 +147,14 @@ def decode_hud(m: Any, t_rx_ns: int, settings: Settings) -> list[Measurement]:
 
 def decode_time(m: Any, t_rx_ns: int, settings: Settings) -> list[Measurement]:
     """SYSTEM_TIME 2; without UTC the time since boot; without both nothing."""
-    told = stamp_from_us(t_rx_ns, m.time_unix_usec)
-    if told.time_scale != TimeScale.UTC:
-        told = stamp_from_boot_ms(t_rx_ns, m.time_boot_ms)
-    return [] if told.t_dev_ns is None else [DeviceTime(stamp=told)]
+    stamp = stamp_from_us(t_rx_ns, m.time_unix_usec)
+    if stamp.time_scale != TimeScale.UTC:
+        stamp = stamp_from_boot_ms(t_rx_ns, m.time_boot_ms)
+    return [] if stamp.t_dev_ns is None else [DeviceTime(stamp=stamp)]
 
 
 def decode_timesync(m: Any, t_rx_ns: int, settings: Settings) -> list[Measurement]:
-    """TIMESYNC 111: a question carries the sender's time in ts1 and 0 in tc1, an answer its time in tc1."""
+    """TIMESYNC 111: a request has the time of the sender in ts1 and 0 in tc1, an answer its time in tc1."""
     return [DeviceTime(stamp=stamp_from_ns(t_rx_ns, m.tc1 or m.ts1))] if (m.tc1 or m.ts1) > 0 else []
 
 

@@ -25,7 +25,7 @@ from fti.types import (
 DOWNWARD = 25
 LASER, RADAR = 0, 3
 INVALID_SIGNAL = 1
-FULL_SCALE = 0xFFFF  # where a range that is too long ends, whatever the largest one is said to be
+FULL_SCALE = 0xFFFF  # saturated value of a range that is too long
 UNKNOWN_VARIANCE = 255
 GAUSS = 1e-4
 MILLI_G = 1e-3 * STANDARD_GRAVITY
@@ -48,25 +48,25 @@ def decode_distance(m: Any, t_rx_ns: int, settings: Settings) -> list[Measuremen
 
 
 def decode_pressure(m: Any, t_rx_ns: int, settings: Settings) -> list[Measurement]:
-    """SCALED_PRESSURE 29; exactly 0 is what an autopilot sends that has no pitot tube, or no sensor of pressure."""
+    """SCALED_PRESSURE 29; exactly 0 means no pitot tube, or no pressure sensor."""
     stamp = stamp_from_boot_ms(t_rx_ns, m.time_boot_ms)
-    found: list[Measurement] = []
+    measurements: list[Measurement] = []
     if all_finite(m.press_diff):
-        found.append(ImpactPressure(stamp=stamp, q_c=m.press_diff * HECTOPASCAL, valid=m.press_diff != 0.0))
+        measurements.append(ImpactPressure(stamp=stamp, q_c=m.press_diff * HECTOPASCAL, valid=m.press_diff != 0.0))
     if m.press_abs and all_finite(m.press_abs):
-        found.append(StaticPressure(stamp=stamp, p_static=m.press_abs * HECTOPASCAL))
-    return found
+        measurements.append(StaticPressure(stamp=stamp, p_static=m.press_abs * HECTOPASCAL))
+    return measurements
 
 
 def _second_pressure(number: int) -> Reader:
-    """SCALED_PRESSURE2 137 and 3 143: other sensors, perhaps inside the case, so they are readings."""
+    """SCALED_PRESSURE2 137 and 3 143: other sensors, possibly inside the case: readings."""
 
     def decode(m: Any, t_rx_ns: int, settings: Settings) -> list[Measurement]:
         stamp = stamp_from_boot_ms(t_rx_ns, m.time_boot_ms)
-        told = ((f"differential_pressure_{number}", m.press_diff), (f"static_pressure_{number}", m.press_abs))
+        values = ((f"differential_pressure_{number}", m.press_diff), (f"static_pressure_{number}", m.press_abs))
         return [
             Reading(stamp=stamp, name=name, value=value * HECTOPASCAL, unit="Pa")
-            for name, value in told
+            for name, value in values
             if math.isfinite(value)
         ]
 
@@ -79,20 +79,20 @@ def decode_highres_imu(m: Any, t_rx_ns: int, settings: Settings) -> list[Measure
         return []
     stamp, updated = stamp_from_us(t_rx_ns, m.time_usec), m.fields_updated
     accel, gyro, mag = (m.xacc, m.yacc, m.zacc), (m.xgyro, m.ygyro, m.zgyro), (m.xmag, m.ymag, m.zmag)
-    found: list[Measurement] = []
+    measurements: list[Measurement] = []
     accel_b = accel if _has(updated, IMU_ACCEL, *accel) else None
     gyro_b = gyro if _has(updated, IMU_GYRO, *gyro) else None
     if _has(updated, IMU_MAG, *mag):
-        found.append(MagneticField(stamp=stamp, field_b=(mag[0] * GAUSS, mag[1] * GAUSS, mag[2] * GAUSS)))
+        measurements.append(MagneticField(stamp=stamp, field_b=(mag[0] * GAUSS, mag[1] * GAUSS, mag[2] * GAUSS)))
     if _has(updated, IMU_DIFF, m.diff_pressure):
-        found.append(ImpactPressure(stamp=stamp, q_c=m.diff_pressure * HECTOPASCAL))
+        measurements.append(ImpactPressure(stamp=stamp, q_c=m.diff_pressure * HECTOPASCAL))
     if _has(updated, IMU_ABS, m.abs_pressure):
-        found.append(StaticPressure(stamp=stamp, p_static=m.abs_pressure * HECTOPASCAL))
+        measurements.append(StaticPressure(stamp=stamp, p_static=m.abs_pressure * HECTOPASCAL))
     if _has(updated, IMU_ALT, m.pressure_alt):
-        found.append(PressureAltitude(stamp=stamp, alt_press=m.pressure_alt, setting_pa=STANDARD_PA))
+        measurements.append(PressureAltitude(stamp=stamp, alt_press=m.pressure_alt, setting_pa=STANDARD_PA))
     if accel_b or gyro_b:
-        found.append(ImuSample(stamp=stamp, accel_b=accel_b, gyro_b=gyro_b))
-    return found
+        measurements.append(ImuSample(stamp=stamp, accel_b=accel_b, gyro_b=gyro_b))
+    return measurements
 
 
 def _has(updated: int, mask: int, *values: float) -> bool:
@@ -100,7 +100,7 @@ def _has(updated: int, mask: int, *values: float) -> bool:
 
 
 def decode_scaled_imu(m: Any, t_rx_ns: int, settings: Settings) -> list[Measurement]:
-    """SCALED_IMU 26: mG, mrad/s, mgauss; a field of exactly 0 is that of no magnetometer."""
+    """SCALED_IMU 26: mG, mrad/s, mgauss; a field of exactly 0 means no magnetometer."""
     return _scaled(m, stamp_from_boot_ms(t_rx_ns, m.time_boot_ms))
 
 
@@ -117,11 +117,11 @@ def decode_raw_imu(m: Any, t_rx_ns: int, settings: Settings) -> list[Measurement
 def _scaled(m: Any, stamp: Stamp) -> list[Measurement]:
     accel_b = (m.xacc * MILLI_G, m.yacc * MILLI_G, m.zacc * MILLI_G)
     gyro_b = (m.xgyro * 1e-3, m.ygyro * 1e-3, m.zgyro * 1e-3)
-    found: list[Measurement] = [ImuSample(stamp=stamp, accel_b=accel_b, gyro_b=gyro_b)]
+    measurements: list[Measurement] = [ImuSample(stamp=stamp, accel_b=accel_b, gyro_b=gyro_b)]
     if m.xmag or m.ymag or m.zmag:
         field_b = (m.xmag * GAUSS * 1e-3, m.ymag * GAUSS * 1e-3, m.zmag * GAUSS * 1e-3)
-        found.append(MagneticField(stamp=stamp, field_b=field_b))
-    return found
+        measurements.append(MagneticField(stamp=stamp, field_b=field_b))
+    return measurements
 
 
 READERS: dict[int, Reader] = {

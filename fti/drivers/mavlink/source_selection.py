@@ -1,9 +1,9 @@
-"""One stream for each quantity of an autopilot, where several of its messages or sensors carry it.
+"""Selects one source for each quantity of an autopilot that several messages or sensors carry.
 
-The autopilot's estimate (33, then 32) comes before its receiver (24, 113): it goes on when that has no fix.  What only
-the receiver tells, sigmas and the undulation, stays with the estimate for as long as the receiver has a fix, and
-``SOURCE_TIMEOUT_NS`` longer.  Of several sensors that look down the one with the lowest ``id`` comes first.  What gives way
-becomes Readings, see ``_source_priority``; the Reading "distance_sensor" is the ``id`` of another that counts now.
+The autopilot's estimate (33, then 32) has priority over its receiver (24, 113): it continues without a fix.  Quantities
+of the receiver only, sigmas and the undulation, are added to the estimate while the receiver has a fix, and
+``SOURCE_TIMEOUT_NS`` longer.  Of several downward sensors the one with the lowest ``id`` has priority.  Measurements of
+other sources become Readings, see ``_source_priority``; the Reading "distance_sensor" is the ``id`` of a new source.
 """
 
 from __future__ import annotations
@@ -21,32 +21,32 @@ DISTANCE = "DISTANCE_SENSOR"
 
 
 class SourceSelector:
-    """Remembers which message and which sensor counts.
+    """Keeps the present source message and distance sensor.
 
-    distance_id : the only sensor of distance that is heard; None: all
+    distance_id : the only distance sensor that is used; None: all
     """
 
     def __init__(self, distance_id: int | None) -> None:
         self._distance_id = distance_id
         self._source_priority = SourcePriority()
         self._sensor: int | None = None
-        self._fix: dict[type, Measurement] = {}  # what the receiver told last
+        self._fix: dict[type, Measurement] = {}  # last valid fix of the receiver
 
-    def select(self, name: str, fields: Any, found: list[Measurement]) -> list[Measurement]:
-        """The measurements of a message, without those that give way."""
+    def select(self, name: str, fields: Any, measurements: list[Measurement]) -> list[Measurement]:
+        """The measurements of a message; those of other sources converted to Readings."""
         if name == DISTANCE:
-            return self._select_distance(fields.id, found)
+            return self._select_distance(fields.id, measurements)
         ranks = RANKS.get(name)
         if ranks is None:
-            return found
+            return measurements
         if name in RECEIVER:
-            self._fix |= {type(m): m for m in found if isinstance(m, Position | Velocity) and m.valid}
+            self._fix |= {type(m): m for m in measurements if isinstance(m, Position | Velocity) and m.valid}
         else:
-            found = [self._completed(m) for m in found]
-        return self._source_priority.select(name, ranks, found)
+            measurements = [self._completed(m) for m in measurements]
+        return self._source_priority.select(name, ranks, measurements)
 
     def _completed(self, m: Measurement) -> Measurement:
-        """The estimate, with what its receiver knows of it."""
+        """The estimate, with sigmas and undulation of the receiver."""
         fix = self._fix.get(type(m))
         if fix is None or not 0 <= m.stamp.t_rx_ns - fix.stamp.t_rx_ns <= SOURCE_TIMEOUT_NS:
             return m
@@ -55,10 +55,10 @@ class SourceSelector:
             return replace(m, undulation=undulation, horizontal_sd=fix.horizontal_sd, vertical_sd=fix.vertical_sd)
         return replace(m, sd=fix.sd) if isinstance(m, Velocity) and isinstance(fix, Velocity) else m
 
-    def _select_distance(self, sensor: int, found: list[Measurement]) -> list[Measurement]:
+    def _select_distance(self, sensor: int, measurements: list[Measurement]) -> list[Measurement]:
         if self._distance_id not in (None, sensor):
             return []
-        out = self._source_priority.select(f"{DISTANCE}_{sensor}", {Range: sensor, RadioHeight: sensor}, found)
+        out = self._source_priority.select(f"{DISTANCE}_{sensor}", {Range: sensor, RadioHeight: sensor}, measurements)
         if any(isinstance(m, Range | RadioHeight) for m in out):
             if self._sensor not in (None, sensor):
                 stamp = Stamp(out[0].stamp.t_rx_ns)

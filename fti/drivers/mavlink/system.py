@@ -1,4 +1,4 @@
-"""What an autopilot says about itself, its terrain data, and commands, as measurements."""
+"""Status, terrain data and command acknowledgements of an autopilot to measurements."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ ACCEPTED, IN_PROGRESS = 0, 5
 
 
 def decode_heartbeat(m: Any, t_rx_ns: int, settings: Settings) -> list[Measurement]:
-    """HEARTBEAT 0: state and mode of an autopilot; others on the line say nothing about it."""
+    """HEARTBEAT 0: state and mode of an autopilot; other senders are ignored."""
     if m.autopilot == NO_AUTOPILOT:
         return []
     state = STATES[m.system_status] if m.system_status < len(STATES) else f"state_{m.system_status}"
@@ -40,29 +40,29 @@ def decode_heartbeat(m: Any, t_rx_ns: int, settings: Settings) -> list[Measureme
 
 
 def decode_sys_status(m: Any, t_rx_ns: int, settings: Settings) -> list[Measurement]:
-    """SYS_STATUS 1: sensors that are enabled and not healthy; load, battery, and what the line lost."""
+    """SYS_STATUS 1: sensors that are enabled and not healthy; load, battery, drop rate."""
     stamp = Stamp(t_rx_ns)
     ill = m.onboard_control_sensors_enabled & ~m.onboard_control_sensors_health
     flags = tuple(f"{name}_unhealthy" for bit, name in enumerate(SENSORS) if ill >> bit & 1)
-    told = (
+    values = (
         ("load", m.load * 1e-3, "", True),
         ("battery_voltage", m.voltage_battery * 1e-3, "V", m.voltage_battery != NO_VOLTAGE),
         ("battery_current", m.current_battery * 1e-2, "A", m.current_battery != NO_CURRENT),
         ("battery_remaining", m.battery_remaining * 1e-2, "", m.battery_remaining != NO_CHARGE),
         ("drop_rate", m.drop_rate_comm * 1e-4, "", True),
     )
-    readings = [Reading(stamp=stamp, name=name, value=value, unit=unit) for name, value, unit, there in told if there]
+    readings = [Reading(stamp=stamp, name=name, value=value, unit=unit) for name, value, unit, known in values if known]
     return [DeviceStatus(stamp=stamp, ok=not flags, flags=flags), *readings]
 
 
 def decode_text(m: Any, t_rx_ns: int, settings: Settings) -> list[Measurement]:
-    """STATUSTEXT 253; the value is the severity, 0 emergency to 7 debug.  A long text comes in pieces."""
+    """STATUSTEXT 253; the value is the severity, 0 emergency to 7 debug.  A long text has several messages."""
     text = m.text.split(b"\x00")[0].decode("ascii", errors="replace")
     return [Reading(stamp=Stamp(t_rx_ns), name="status_text", value=float(m.severity), text=text)]
 
 
 def decode_named_value(m: Any, t_rx_ns: int, settings: Settings) -> list[Measurement]:
-    """NAMED_VALUE_FLOAT 251; without a list of names a line of noise would make any number of them."""
+    """NAMED_VALUE_FLOAT 251; only listed names: noise would create any number of them."""
     name = m.name.split(b"\x00")[0].decode("ascii", errors="replace")
     if name not in settings.named_values or not all_finite(m.value):
         return []
@@ -70,24 +70,24 @@ def decode_named_value(m: Any, t_rx_ns: int, settings: Settings) -> list[Measure
 
 
 def decode_terrain(m: Any, t_rx_ns: int, settings: Settings) -> list[Measurement]:
-    """TERRAIN_REPORT 136: from the autopilot's map, so no altimeter; without a map here the spacing is 0."""
-    told = (
+    """TERRAIN_REPORT 136: from the autopilot's map, not an altimeter; a spacing of 0 means no map."""
+    values = (
         ("terrain_lat", m.lat * 1e-7 * DEGREE, "rad"),
         ("terrain_lon", m.lon * 1e-7 * DEGREE, "rad"),
         ("terrain_height_msl", m.terrain_height, "m"),
         ("height_above_terrain", m.current_height, "m"),
     )
     valid = m.spacing > 0
-    return [Reading(stamp=Stamp(t_rx_ns), name=n, value=v, unit=unit, valid=valid) for n, v, unit in told]
+    return [Reading(stamp=Stamp(t_rx_ns), name=n, value=v, unit=unit, valid=valid) for n, v, unit in values]
 
 
 def decode_ack(m: Any, t_rx_ns: int, settings: Settings) -> list[Measurement]:
-    """COMMAND_ACK 77: of our commands, by name; one in progress is told again when it has ended.
+    """COMMAND_ACK 77: of our commands, by name; "in progress" is ignored, the final result follows.
 
-    One for another sender is not taken; an address of 0 is everybody, or none (version 1).
+    Answers to other senders are ignored; an address of 0 is broadcast, or none (version 1).
     """
     to_us = all(
-        told in (0, own) for told, own in zip((m.target_system, m.target_component), settings.sender, strict=True)
+        target in (0, own) for target, own in zip((m.target_system, m.target_component), settings.sender, strict=True)
     )
     if m.command not in COMMAND_NAMES or m.result == IN_PROGRESS or not to_us:
         return []

@@ -19,7 +19,7 @@ V1, V2 = 0xFE, 0xFD
 HEADER_V1, HEADER_V2 = 6, 10
 SIGNED = 0x01
 SIGNATURE = 13
-MAX_CLOCK_LAG_10US = 6_000_000  # [10 us]: a source or link that was not heard yet may be a minute behind the others
+MAX_CLOCK_LAG_10US = 6_000_000  # [10 us]: a new source or link may be a minute behind the others
 FRAME_MAX = HEADER_V2 + 255 + 2 + SIGNATURE
 _START = re.compile(rb"[\xfd\xfe]")
 #: Length of the payload in version 1, which has no extensions, of the messages that are decoded.
@@ -31,7 +31,7 @@ BASE_LENGTH = {
 
 
 class MavlinkHeader(NamedTuple):
-    """Who sent a frame, and what: numbers of sequence, system, component, message."""
+    """Header of a frame: sequence, system, component and message number."""
 
     sequence: int
     system: int
@@ -43,7 +43,7 @@ class MavlinkHeader(NamedTuple):
 class MessageLayout(NamedTuple):
     """A message of the dialect.
 
-    seed : last byte of the CRC; size : of the payload with all extensions; fields : payload to an object with them
+    seed : last byte of the CRC; size : of the payload with all extensions; fields : converts a payload to an object
     """
 
     name: str
@@ -54,27 +54,27 @@ class MessageLayout(NamedTuple):
 
 @cache
 def dialect_map(dialect: str) -> dict[int, Any]:
-    """The messages of a dialect by number, as ``pymavlink`` has generated them from its definition."""
-    found: dict[int, Any] = importlib.import_module(f"pymavlink.dialects.v20.{dialect}").mavlink_map
-    return found
+    """The messages of a dialect by number, from ``pymavlink``."""
+    messages: dict[int, Any] = importlib.import_module(f"pymavlink.dialects.v20.{dialect}").mavlink_map
+    return messages
 
 
 @cache
 def layout(dialect: str, number: int) -> MessageLayout | None:
-    """A message by number; None when the dialect has none."""
-    known = dialect_map(dialect).get(number)
-    if known is None:
+    """A message by number; None if the dialect does not have it."""
+    message = dialect_map(dialect).get(number)
+    if message is None:
         return None
-    return MessageLayout(known.msgname, bytes([known.crc_extra]), known.unpacker.size, _reader(known))
+    return MessageLayout(message.msgname, bytes([message.crc_extra]), message.unpacker.size, _reader(message))
 
 
-def _reader(known: Any) -> Callable[[bytes], Any]:
-    """Payload to fields; one that ends early is filled up with zeros, one that is longer is of a newer definition."""
-    names = known.ordered_fieldnames
-    kind: Any = namedtuple("Fields", names)  # type: ignore[misc]  # the fields are known when it runs
-    unpack, size = struct.Struct(known.unpacker.format).unpack_from, known.unpacker.size
-    text = {at for at, code in enumerate(re.findall(r"\d*[a-zA-Z]", known.unpacker.format)) if code.endswith("s")}
-    widths = [1 if at in text else max(1, known.array_lengths[at]) for at in range(len(names))]
+def _reader(message: Any) -> Callable[[bytes], Any]:
+    """Function payload -> fields; a short payload is padded with zeros, the excess of a longer one is ignored."""
+    names = message.ordered_fieldnames
+    kind: Any = namedtuple("Fields", names)  # type: ignore[misc]  # the fields are known at run time only
+    unpack, size = struct.Struct(message.unpacker.format).unpack_from, message.unpacker.size
+    text = {at for at, code in enumerate(re.findall(r"\d*[a-zA-Z]", message.unpacker.format)) if code.endswith("s")}
+    widths = [1 if at in text else max(1, message.array_lengths[at]) for at in range(len(names))]
 
     def read(payload: bytes) -> Any:
         values = unpack(payload.ljust(size, b"\x00"))
@@ -84,11 +84,11 @@ def _reader(known: Any) -> Callable[[bytes], Any]:
 
 
 def _grouped(values: tuple[Any, ...], widths: list[int]) -> list[Any]:
-    found, at = [], 0
+    groups, at = [], 0
     for width in widths:
-        found.append(values[at] if width == 1 else values[at : at + width])
+        groups.append(values[at] if width == 1 else values[at : at + width])
         at += width
-    return found
+    return groups
 
 
 def crc(data: bytes) -> int:
@@ -116,14 +116,14 @@ def payload(frame: bytes) -> bytes:
 
 
 def signature(key: bytes, frame: bytes | bytearray) -> bytes:
-    """The last six bytes of a signed frame: a beginning of SHA-256 over key and all before them."""
+    """Last six bytes of a signed frame: first bytes of SHA-256 over key and all bytes before."""
     return hashlib.sha256(key + frame[:-6]).digest()[:6]
 
 
 class Frames:
-    """Finds whole frames that hold; ``measure`` as in ``fti.drivers._framing``.
+    """Framing with all checks; ``measure`` as in ``fti.drivers._framing``.
 
-    key : 32 bytes that every frame must be signed with; None: signatures are framed and not looked at
+    key : 32-byte key of the required signature; None: signatures are not checked
     """
 
     def __init__(self, dialect: str, key: bytes | None) -> None:
@@ -140,31 +140,31 @@ class Frames:
     def _measure_frame(self, buffer: bytearray, start: int) -> int | Skip:
         if len(buffer) < start:
             return 0
-        known = self._expect(buffer, start)
-        if isinstance(known, Skip):
-            return known
+        message = self._expect(buffer, start)
+        if isinstance(message, Skip):
+            return message
         end = start + buffer[1]
         size = end + 2 + (SIGNATURE if start == HEADER_V2 and buffer[2] & SIGNED else 0)
         if len(buffer) < size:
             return 0
-        if crc(bytes(buffer[1:end]) + known.seed) != buffer[end] | buffer[end + 1] << 8:
+        if crc(bytes(buffer[1:end]) + message.seed) != buffer[end] | buffer[end + 1] << 8:
             return Skip(1, "bad_checksum")
         return size if self._key is None else self._is_authentic(buffer[:size], self._key)
 
     def _expect(self, buffer: bytearray, start: int) -> MessageLayout | Skip:
-        """What a header announces, or why it is none."""
+        """The message of a header, or why it is rejected."""
         if start == HEADER_V2 and buffer[2] & ~SIGNED:
             return Skip(1, "bad_flags")
         number = message_id(buffer)
-        known = layout(self._dialect, number)
-        if known is None:
+        message = layout(self._dialect, number)
+        if message is None:
             return Skip(1, "unknown_message")
-        if start == HEADER_V1 and buffer[1] != BASE_LENGTH.get(number, min(buffer[1], known.size)):
+        if start == HEADER_V1 and buffer[1] != BASE_LENGTH.get(number, min(buffer[1], message.size)):
             return Skip(1, "bad_length")
-        return known
+        return message
 
     def _is_authentic(self, frame: bytearray, key: bytes) -> int | Skip:
-        """Signed with the key, and later than the last of its source and link; a new one may be a minute behind all."""
+        """Check signature and time: later than the last of its source and link, or of a new one within a minute."""
         if frame[0] == V1 or not frame[2] & SIGNED:
             return Skip(len(frame), "unsigned")
         if frame[-6:] != signature(key, frame):

@@ -11,20 +11,20 @@ body, CRC-32 (reflected 0xEDB88320, begun at 0, not inverted at the end) over he
     ASCII         #NAME,...;...*crc32 CR LF (% for the short form)              framed, checked, counted by name
     answers       binary, <OK, <ERROR:text: Ack | #NAMER,...;text*crc32: Ack when refused | a prompt [COM1] is skipped
 
-The bodies are taken apart by tables of our own, and not by the maker's package, so that the package can judge them
-(docs/decisions/0010-novatel.md).  One file per family: ``solution`` (BESTPOS, BESTVEL), ``sky`` (PSRDOP, SATVIS,
+The bodies are decoded with our own tables, not by the maker's package, so that the tests can compare both
+(docs/decisions/0010-novatel.md).  One module per family: ``solution`` (BESTPOS, BESTVEL), ``sky`` (PSRDOP, SATVIS,
 SATVIS2), ``observations`` (RANGE, RANGECMP), ``ephemeris`` (RAWEPHEM), ``clock`` (TIME, CLOCKMODEL), ``status``
-(RXSTATUS), ``commands``.  The header of OEM4 and OEMV receivers is the same; its length is taken as it says.
+(RXSTATUS), ``commands``.  The header of OEM4 and OEMV receivers is the same; its length is read from the header.
 
-t_dev_ns is the GPS time of the header where the receiver knows it (FREEWHEELING, FINE, FINEBACKUPSTEERING,
-FINESTEERING), less the latency of a velocity.  A position is valid when a solution was computed, in WGS84, and neither
-propagated without satellites (PROPAGATED) nor typed in (FIXEDPOS), as an NMEA fix "estimated" or "manual".  What a
-receiver with two antennas measures at the second one is counted, and not mixed with the first.
+t_dev_ns is the GPS time of the header if it is valid (FREEWHEELING, FINE, FINEBACKUPSTEERING, FINESTEERING), less the
+latency of a velocity.  A position is valid when a solution was computed, in WGS84, and neither propagated without
+satellites (PROPAGATED) nor entered (FIXEDPOS), like an NMEA fix "estimated" or "manual".  Messages of a second antenna
+are only counted.
 
-The receiver is silent until it is asked: ``logs`` are asked for after every connect and again every ``ask_again_s``,
-because a receiver that was switched off and on has forgotten them and its serial line does not tell.  Asking for what
-is being sent already replaces the request.  Its baud rate is 9600 until it is told otherwise, and the link's matter.
-The emulated receiver sends RXSTATUS, BESTVEL, BESTPOS, CLOCKMODEL, TIME, PSRDOP, SATVIS2 and RANGE.
+The receiver is silent until messages are requested: ``logs`` are requested after every connect and every
+``ask_again_s``, because a restarted receiver has lost them, which the serial line does not show.  A repeated request
+replaces the previous one.  The default baud rate of the receiver is 9600.  The emulated receiver sends RXSTATUS,
+BESTVEL, BESTPOS, CLOCKMODEL, TIME, PSRDOP, SATVIS2 and RANGE.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ MESSAGES = {
 CARRIERS = frozenset({"serial", "udp"})
 COMMANDS = commands.COMMANDS
 
-#: What the aircraft records: position and velocity at 10 Hz, the rest as often as it changes something.
+#: Default logs: position and velocity at 10 Hz, others at lower rates.
 AIRCRAFT_LOGS = {
     "bestpos": 0.1,
     "bestvel": 0.1,
@@ -89,15 +89,15 @@ AIRCRAFT_LOGS = {
 def _checked_logs(logs: dict[str, float]) -> dict[str, float]:
     for message, period in logs.items():
         if number_of(message) not in NAMES:
-            raise ValueError(f"message = {message!r}: must be a name; there are {', '.join(sorted(NUMBERS))}")
+            raise ValueError(f"message = {message!r}: must be one of {', '.join(sorted(NUMBERS))}")
         if period:
             commands.check_period(period)
     return logs
 
 
 class Options(StrictModel):
-    """``logs``: {message: period [s]} that the receiver is asked for, 0 for every change; ``ask_again_s``: how often,
-    0 for only after a connect; ``unasked`` (emulator): the receiver sends everything without being asked."""
+    """``logs``: requested {message: period [s]}, 0: at every change; ``ask_again_s``: period of the requests, 0: only
+    after a connect; ``unasked`` (emulator): the receiver sends everything without requests."""
 
     logs: Annotated[dict[str, float], AfterValidator(_checked_logs)] = AIRCRAFT_LOGS
     ask_again_s: Annotated[float, Field(ge=0.0, le=3600.0)] = 10.0
@@ -112,12 +112,12 @@ class Decoder:
         self._framer = Framer(measure, self.counters, limit=COUNTED_MAX)
 
     def feed(self, data: bytes, t_rx_ns: int) -> list[Measurement]:
-        found: list[Measurement] = []
+        measurements: list[Measurement] = []
         for at_ns, frame in self._framer.feed(data, t_rx_ns):
-            name, measured = _read(frame, at_ns)
+            name, decoded = _read(frame, at_ns)
             self.counters.messages[name] += 1
-            found += measured
-        return found
+            measurements += decoded
+        return measurements
 
 
 def _read(frame: bytes, t_rx_ns: int) -> tuple[str, list[Any]]:
@@ -154,16 +154,16 @@ def make_encoder(options: Options) -> Encoder:
 
 
 def on_connect(options: Options) -> list[bytes]:
-    """LOG for everything that is wanted."""
+    """LOG for all configured messages."""
     return [commands.periodic_log_request(message, period) for message, period in options.logs.items()]
 
 
 def poll(options: Options) -> tuple[float, bytes] | None:
-    """The same again, for a receiver that has forgotten."""
-    asked = b"".join(on_connect(options))
-    return (options.ask_again_s, asked) if asked and options.ask_again_s else None
+    """The same periodically, for a receiver that was restarted."""
+    requests = b"".join(on_connect(options))
+    return (options.ask_again_s, requests) if requests and options.ask_again_s else None
 
 
 def command(name: str, args: Mapping[str, str], options: Options | None = None) -> bytes:
-    """The bytes of a command.  Raises ValueError naming what is wrong and what is allowed."""
+    """The bytes of a command.  Raises ValueError with the error and the allowed values."""
     return commands.command(name, args)

@@ -6,7 +6,7 @@
                           16 bias [m], rate [m/s], reserved d | 40 covariance 9 d, row by row | 112 last bias [m],
                           last rate [m/s] d | 128 constellation changed u32
 
-offset = receiver time - GPS time; the metres of CLOCKMODEL are the same, times the speed of light.
+offset = receiver time - GPS time; CLOCKMODEL has it times the speed of light [m].
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ TIME = struct.Struct("<IdddIBBBBII")
 CLOCKMODEL = struct.Struct("<IIII3d9d2dI")
 WEEK_MS = 604_800_000
 
-#: Time statuses with which the time is within microseconds, or was and runs on: FREEWHEELING, FINE,
-#: FINEBACKUPSTEERING, FINESTEERING.  COARSE is +-10 ms; SATTIME is the time of a satellite's own message.
+#: Statuses with a time accurate to microseconds, or extrapolated from such a time: FREEWHEELING, FINE,
+#: FINEBACKUPSTEERING, FINESTEERING.  COARSE is +-10 ms; SATTIME is the time of a satellite message.
 TIME_KNOWN = frozenset({130, 160, 170, 180})
 FINE_STEERING = 180
 MODEL_VALID, MODEL_INVALID = 0, 3
@@ -34,19 +34,19 @@ UTC_OFFSET = "utc_offset"
 
 
 def finite_or_none(value: float) -> float | None:
-    """The value; None where it is no number."""
+    """The value; None if it is not finite."""
     return value if math.isfinite(value) else None
 
 
 def stamp_of(header: NovatelHeader, t_rx_ns: int) -> Stamp:
-    """GPS time of the header, when the receiver knows it."""
+    """Stamp with the GPS time of the header, if valid."""
     if header.time_status not in TIME_KNOWN or header.milliseconds >= WEEK_MS:
         return Stamp(t_rx_ns)
     return Stamp(t_rx_ns, gps_ns(header.week, header.milliseconds * 1_000_000), TimeScale.GPS)
 
 
 def subtract_latency(stamp: Stamp, latency_s: float) -> Stamp:
-    """The stamp of what was true latency_s before the time of the header."""
+    """The stamp, latency_s before the time of the header."""
     if stamp.t_dev_ns is None or not math.isfinite(latency_s) or not 0.0 <= latency_s < 60.0:
         return stamp
     return replace(stamp, t_dev_ns=stamp.t_dev_ns - round(latency_s * SECOND_NS))
@@ -61,8 +61,8 @@ def decode_time(body: bytes, header: NovatelHeader, stamp: Stamp) -> list[Measur
         offset_sd=finite_or_none(offset_sd),
         valid=status == MODEL_VALID and math.isfinite(offset),
     )
-    known = utc_status == UTC_VALID and math.isfinite(utc_offset)
-    leap = Reading(stamp=stamp, name=UTC_OFFSET, value=finite_or_none(utc_offset), unit="s", valid=known)
+    is_utc_known = utc_status == UTC_VALID and math.isfinite(utc_offset)
+    leap = Reading(stamp=stamp, name=UTC_OFFSET, value=finite_or_none(utc_offset), unit="s", valid=is_utc_known)
     return [clock, leap, DeviceTime(stamp=stamp)]
 
 
@@ -91,14 +91,14 @@ def _sd(variance: float | None) -> float | None:
 
 
 def encode_time(clock: ReceiverClock | None, utc_offset: Reading | None, t_gps_ns: int | None) -> bytes:
-    """Body of TIME; without a time the calendar is zero and UTC is not known."""
+    """Body of TIME; without a time the calendar is zero and UTC is invalid."""
     status = MODEL_VALID if clock is not None and clock.valid else MODEL_INVALID
     offset = (clock and clock.offset) or 0.0
     offset_sd = (clock and clock.offset_sd) or 0.0
     seconds = (utc_offset and utc_offset.value) or 0.0
-    known = t_gps_ns is not None and utc_offset is not None and utc_offset.valid
-    calendar = _calendar(t_gps_ns, seconds - offset) if known and t_gps_ns is not None else (0,) * 6
-    return TIME.pack(status, offset, offset_sd, seconds, *calendar, UTC_VALID if known else UTC_INVALID)
+    is_utc_known = t_gps_ns is not None and utc_offset is not None and utc_offset.valid
+    calendar = _calendar(t_gps_ns, seconds - offset) if is_utc_known and t_gps_ns is not None else (0,) * 6
+    return TIME.pack(status, offset, offset_sd, seconds, *calendar, UTC_VALID if is_utc_known else UTC_INVALID)
 
 
 def _calendar(t_gps_ns: int, offset_s: float) -> tuple[int, ...]:
@@ -110,7 +110,7 @@ def _calendar(t_gps_ns: int, offset_s: float) -> tuple[int, ...]:
 
 
 def encode_clockmodel(clock: ReceiverClock, t_gps_ns: int | None) -> bytes:
-    """Body of CLOCKMODEL; what the measurement does not say is zero."""
+    """Body of CLOCKMODEL; missing values are zero."""
     at_ms = gps_week(t_gps_ns)[1] // 1_000_000 if t_gps_ns is not None else 0
     bias, rate = ((x or 0.0) * SPEED_OF_LIGHT for x in (clock.offset, clock.drift))
     variances = [((x or 0.0) * SPEED_OF_LIGHT) ** 2 for x in (clock.offset_sd, clock.drift_sd)]

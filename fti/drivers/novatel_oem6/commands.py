@@ -3,13 +3,13 @@
     LOG 1           0 port u32 | 4 message u16 | 6 format u8 (0 binary) | 7 reserved u8 | 8 trigger u32
                     12 period, offset 2d [s] | 28 hold u32
     UNLOG 36        0 port u32 | 4 message u16 | 6 format u8 | 7 reserved u8
-    UNLOGALL 38     0 port u32 | 4 also those that are held u32
+    UNLOGALL 38     0 port u32 | 4 include held logs u32
     RESET 18        0 delay u32 [s]
     ANTENNAPOWER 98 0 off, on u32
     answer          the header with the number of the command and bit 7 of the message type | 0 code u32 (1 OK) | 4 text
 
-To an abbreviated command the receiver answers ``<OK`` or ``<ERROR:text``, to an ASCII command ``#LOGR,...;OK*crc``.
-What people send goes out in binary form; what the receiver is asked for after every connect, in ASCII.
+The answer to an abbreviated command is ``<OK`` or ``<ERROR:text``, to an ASCII command ``#LOGR,...;OK*crc``.  Commands
+of users are sent in binary form, requests after a connect in ASCII.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ UNLOGALL = struct.Struct("<II")
 ONE = struct.Struct("<I")
 CODE_OK = 1
 
-#: The four shortest periods, and seconds: what the receiver takes for ONTIME.
+#: Periods below 1 s that the receiver accepts for ONTIME; also whole seconds.
 PERIODS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.25, 0.5)
 MAX_PERIOD, MAX_DELAY = 86_400, 60
 TRIGGERS = {"onnew": 0, "onchanged": 1, "ontime": 2, "onnext": 3, "once": 4, "onmark": 5}
@@ -48,43 +48,43 @@ _PORT = "the port: " + ", ".join(PORTS) + " (default thisport)"
 _MESSAGE = "a message by name (bestpos) or number"
 COMMANDS = {
     "log": Command(
-        "send a message again and again, in binary form",
+        "request a message periodically, in binary form",
         {
             "message": _MESSAGE,
-            "period": "seconds from one to the next: 0.01, 0.02, 0.05, 0.1, 0.2, 0.25, 0.5 or whole seconds up to 86400"
+            "period": "period in seconds: 0.01, 0.02, 0.05, 0.1, 0.2, 0.25, 0.5 or whole seconds up to 86400"
             " (trigger ontime needs it, the others have none)",
             "trigger": "ontime, onnew, onchanged, onnext, once, onmark (default ontime)",
             "port": _PORT,
         },
     ),
-    "unlog": Command("send a message no more", {"message": _MESSAGE, "port": _PORT}),
+    "unlog": Command("stop a message", {"message": _MESSAGE, "port": _PORT}),
     "unlogall": Command(
-        "send nothing more that is not held", {"port": "the port: " + ", ".join(GROUPS) + " (default thisport)"}
+        "stop all messages that are not held", {"port": "the port: " + ", ".join(GROUPS) + " (default thisport)"}
     ),
-    # Whether the answer still leaves the receiver before it starts again is not said.
+    # The document does not state whether the answer is sent before the restart.
     "reset": Command(
-        "start the receiver again; what was asked of it is forgotten",
-        {"delay": "seconds to wait before, 0 to 60 (default 0)"},
+        "restart the receiver; its requests are lost",
+        {"delay": "delay in seconds, 0 to 60 (default 0)"},
         answered=False,
     ),
-    "antennapower": Command("switch the supply of the antenna", {"state": "on or off"}),
+    "antennapower": Command("switch the antenna supply", {"state": "on or off"}),
 }
 NUMBERS = {name: messages.NUMBERS[name.upper()] for name in COMMANDS}
 NAMES = {number: name for name, number in NUMBERS.items()}
-#: Header of a command: the receiver takes the time of its own clock.
+#: Header of a command: the receiver uses the time of its own clock.
 COMMAND_HEADER = NovatelHeader(b"", 0, 0, 0, PORTS["thisport"], 0, 0, 0, 0xFF, 0, 0, 0, 0, 0)
 #: Head of LOG in ASCII form.
 ASCII_LOG = "LOGA,THISPORT,0,0,UNKNOWN,0,0.0,0,0,0"
 
 
 def command(name: str, args: Mapping[str, str]) -> bytes:
-    """The bytes of a command.  Raises ValueError naming what is wrong and what is allowed."""
+    """The bytes of a command.  Raises ValueError with the error and the allowed values."""
     check_names(COMMANDS, name, args)
     return encode_frame(COMMAND_HEADER._replace(message_id=NUMBERS[name]), _BODIES[name](args))
 
 
 def check_period(seconds: float) -> float:
-    """The period, when the receiver takes it.  Raises ValueError."""
+    """Check a period.  Raises ValueError."""
     if seconds in PERIODS or (1 <= seconds <= MAX_PERIOD and seconds == int(seconds)):
         return seconds
     allowed = ", ".join(map(str, PERIODS))
@@ -152,9 +152,9 @@ _BODIES: dict[str, Callable[[Mapping[str, str]], bytes]] = {
 
 
 def periodic_log_request(message: str, period: float) -> bytes:
-    """LOG in ASCII form, of a message every ``period`` seconds; 0: whenever it changes.
+    """LOG in ASCII form, of a message every ``period`` seconds; 0: at every change.
 
-    In ASCII, because its answer then comes in ASCII and cannot be taken for the answer to a command.
+    In ASCII, so that its ASCII answer differs from answers to binary commands of users.
     """
     name = messages.NAMES[messages.number_of(message)]
     trigger = "ONTIME" if period else "ONCHANGED"
@@ -165,7 +165,7 @@ def periodic_log_request(message: str, period: float) -> bytes:
 
 
 def decode_answer(header: NovatelHeader, body: bytes, stamp: Stamp) -> list[Ack]:
-    """The answer to a binary command; nothing for a command that is not one of ours."""
+    """The answer to a binary command; none for unknown commands."""
     name = NAMES.get(header.message_id)
     if name is None or len(body) < ONE.size:
         return []
@@ -175,15 +175,15 @@ def decode_answer(header: NovatelHeader, body: bytes, stamp: Stamp) -> list[Ack]
 
 
 def decode_abbreviated(line: bytes, stamp: Stamp) -> list[Ack]:
-    """``<OK`` or ``<ERROR:text``; it does not say which command it answers."""
+    """``<OK`` or ``<ERROR:text``; it does not identify the command."""
     text = line[1:].strip().decode("ascii")
     return [Ack(stamp=stamp, command="", accepted=text == "OK", detail=text.removeprefix("ERROR:"))]
 
 
 def decode_ascii_answer(line: bytes, stamp: Stamp) -> list[Ack] | None:
-    """``#LOGR,...;OK*crc``: what was refused; None for other ASCII messages.
+    """``#LOGR,...;OK*crc``: a refusal; None for other ASCII messages.
 
-    That a standing request is accepted, every time it is repeated, needs nobody's attention.
+    The acceptance of repeated requests is not reported.
     """
     head, _, rest = line[1:].decode("ascii").partition(";")
     name = head.partition(",")[0]

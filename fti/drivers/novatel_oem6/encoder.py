@@ -1,7 +1,7 @@
-"""The emulated receiver: it sends what it was asked for, and answers commands.
+"""The emulated receiver: it sends the requested messages and answers commands.
 
-A receiver is silent until it is asked; with ``unasked`` it sends everything from the beginning, whenever it is
-measured.  It takes commands in all three forms (abbreviated: ``log bestposb ontime 0.1``), and answers each in its own.
+The receiver is silent until messages are requested; with ``unasked`` it sends everything from the start.  It accepts
+commands in all three forms (abbreviated: ``log bestposb ontime 0.1``), and answers in the same form.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from fti.types import (
     Velocity,
 )
 
-IDLE_TIME = 100  # half of the time
+IDLE_TIME = 100  # 50 %
 COM1 = commands.PORTS["com1"]
 PROMPT = b"\r\n[COM1]"
 UNPOWERED = "antenna_unpowered"
@@ -47,19 +47,19 @@ INVALID_ID = (6, "Invalid Message ID")
 INVALID_FIELD = (7, "Invalid Message. Field = 1")
 INVALID_RATE = (21, "Requested rate is invalid")
 
-Bodies = list[tuple[int, list[bytes]]]  # messages that a measurement becomes: number, bodies
+Bodies = list[tuple[int, list[bytes]]]  # messages of a measurement: number, bodies
 _LINE = re.compile(rb"[^\r\n]*[\r\n]+")
 
 
 class LogRequest(NamedTuple):
-    """What LOG asked for; period_ns is 0 where there is none."""
+    """Parameters of a LOG command; period_ns is 0 if there is none."""
 
     trigger: int
     period_ns: int
 
 
 def measure_commands(buffer: bytearray) -> int | Skip:
-    """Framing of what comes from the host: binary frames and lines."""
+    """Framing of data from the host: binary frames and lines."""
     if buffer[0] == SYNC[0]:
         return measure(buffer)
     line = _LINE.match(buffer)
@@ -67,13 +67,13 @@ def measure_commands(buffer: bytearray) -> int | Skip:
 
 
 class Encoder:
-    """The receiver's end of the line."""
+    """The emulated receiver."""
 
     def __init__(self, unasked: bool) -> None:
         self._unasked = unasked
         self._requests: dict[int, LogRequest] = {}
-        self._turns: dict[int, int] = {}  # message: the period in which it was sent last
-        self._sent: dict[int, list[bytes]] = {}
+        self._turns: dict[int, int] = {}  # message -> period of its last transmission
+        self._last_bodies: dict[int, list[bytes]] = {}
         self._status = 0
         self._powered = True
         self._used = 0
@@ -84,18 +84,18 @@ class Encoder:
         self._makers: dict[type, Callable[[Any], Bodies]] = {
             DeviceStatus: self._device_status,
             DeviceTime: self._device_time,
-            Position: lambda m: [(messages.BESTPOS, [encode_bestpos(self._seen(m), self._used)])],
+            Position: lambda m: [(messages.BESTPOS, [encode_bestpos(self._without_antenna(m), self._used)])],
             Pseudoranges: lambda m: [(messages.RANGE, [encode_range(m)])],
             Reading: self._reading,
             ReceiverClock: self._receiver_clock,
             Satellites: self._satellites,
-            Velocity: lambda m: [(messages.BESTVEL, [encode_bestvel(self._seen(m))])],
+            Velocity: lambda m: [(messages.BESTVEL, [encode_bestvel(self._without_antenna(m))])],
         }
         self._answers: dict[int, Callable[[bytes], tuple[int, str]]] = {
             messages.LOG: self._log,
             messages.UNLOG: self._unlog,
-            messages.UNLOGALL: self._forget,
-            messages.RESET: self._forget,
+            messages.UNLOGALL: self._clear_requests,
+            messages.RESET: self._clear_requests,
             messages.ANTENNAPOWER: self._power,
         }
 
@@ -130,11 +130,11 @@ class Encoder:
             turn, before = self._now_ns // request.period_ns, self._turns.get(number)
             self._turns[number] = turn
             return turn != before
-        before_bodies, self._sent[number] = self._sent.get(number), bodies
+        before_bodies, self._last_bodies[number] = self._last_bodies.get(number), bodies
         return request.trigger != TRIGGERS["onchanged"] or bodies != before_bodies
 
-    def _seen(self, measured: Position | Velocity) -> Any:
-        """Without supply of the antenna there is no solution."""
+    def _without_antenna(self, measured: Position | Velocity) -> Any:
+        """The solution, not valid without antenna supply."""
         return measured if self._powered else replace(measured, valid=False)
 
     def _device_status(self, status: DeviceStatus) -> Bodies:
@@ -156,11 +156,11 @@ class Encoder:
         return [] if clock.drift is None else [(messages.CLOCKMODEL, [encode_clockmodel(clock, self._now_ns)])]
 
     def _satellites(self, sky: Satellites) -> Bodies:
-        found: Bodies = [(messages.SATVIS2, encode_satvis2(sky))]
+        bodies: Bodies = [(messages.SATVIS2, encode_satvis2(sky))]
         if sky.hdop is not None or sky.used is not None:
             self._used = min(sky.used or 0, 255)
-            found.insert(0, (messages.PSRDOP, [encode_psrdop(sky)]))
-        return found
+            bodies.insert(0, (messages.PSRDOP, [encode_psrdop(sky)]))
+        return bodies
 
     # -------------------------------------------------------------------------------------------------- commands
 
@@ -173,13 +173,13 @@ class Encoder:
         if not frame.startswith(SYNC):
             return self._answer_line(frame.decode("ascii", errors="replace").split())
         header, body = split(frame)
-        code, text = self._take(header.message_id, body)
+        code, text = self._execute(header.message_id, body)
         return [commands.encode_answer(self._header(0, 0), header.message_id, code, text)]
 
     def _answer_line(self, words: list[str]) -> list[bytes]:
         if not words:
             return []
-        code, text = self._take_words(words)
+        code, text = self._execute_words(words)
         line = "OK" if code == commands.CODE_OK else f"ERROR:{text}"
         return [b"\r\n<" + line.encode("ascii") + PROMPT]
 
@@ -188,17 +188,17 @@ class Encoder:
             return []
         head, _, rest = line[1:].decode("ascii").partition(";")
         name = head.partition(",")[0].removesuffix("A")
-        _, text = self._take_words([name, *rest.partition("*")[0].split(",")])
+        _, text = self._execute_words([name, *rest.partition("*")[0].split(",")])
         return [encode_text(f"{name}R,COM1,0,50.0,FINESTEERING,{self._header(0, 0).week},0.000,0,0,0;{text}")]
 
-    def _take_words(self, words: list[str]) -> tuple[int, str]:
+    def _execute_words(self, words: list[str]) -> tuple[int, str]:
         try:
             header, body = split(parse_abbreviated(words))
         except ValueError:
             return INVALID_FIELD if words[0].lower() in commands.COMMANDS else INVALID_ID
-        return self._take(header.message_id, body)
+        return self._execute(header.message_id, body)
 
-    def _take(self, number: int, body: bytes) -> tuple[int, str]:
+    def _execute(self, number: int, body: bytes) -> tuple[int, str]:
         handler = self._answers.get(number)
         return handler(body) if handler else INVALID_ID
 
@@ -221,7 +221,7 @@ class Encoder:
         self._requests.pop(commands.UNLOG.unpack_from(body)[1], None)
         return OK
 
-    def _forget(self, body: bytes) -> tuple[int, str]:
+    def _clear_requests(self, body: bytes) -> tuple[int, str]:
         self._requests.clear()
         return OK
 
@@ -249,6 +249,6 @@ def parse_abbreviated(words: list[str]) -> bytes:
 
 
 def _without_format(message: str) -> str:
-    """The message's name without the letter of its format."""
+    """The name of a message without the letter of its format."""
     upper = message.upper()
     return upper[:-1] if upper not in messages.NUMBERS and upper[:-1] in messages.NUMBERS else upper

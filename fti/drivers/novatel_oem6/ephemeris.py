@@ -17,7 +17,7 @@ MAX_GPS = 32
 
 
 def decode_rawephem(body: bytes, header: NovatelHeader, stamp: Stamp) -> list[Measurement]:
-    """RAWEPHEM; a satellite whose subframes are not those of one ephemeris gives none."""
+    """RAWEPHEM; none if the subframes do not belong to one ephemeris."""
     number, _, _, *parts = RAWEPHEM.unpack_from(body)
     if not 1 <= number <= MAX_GPS:
         return []

@@ -1,7 +1,7 @@
 """Frames of NovAtel receivers: binary with long or short header, ASCII, answers to abbreviated commands.
 
-The length of a binary frame is in its header, unprotected.  What contradicts the size of a known message, or the
-count that its body begins with, is refused at once: a damaged length costs a few bytes of waiting, not a second.
+The header of a binary frame has an unprotected length.  A length that contradicts the size of a known message, or the
+count in its body, is rejected at once: a damaged length then delays only a few bytes.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ HEADER_MAX = 64
 RESPONSE_BIT = 0x80
 SOURCE_BITS, SECOND_ANTENNA = 0x1F, 1  # of the message type; OEM4 and OEMV leave other values there
 
-#: Most bytes of a frame; one whose count of entries agrees with its length may have more.
+#: Maximum size of a frame; one with a matching count of entries may be larger.
 PLAIN_MAX, COUNTED_MAX = 4096, 24_576
 TEXT_MAX, RESPONSE_MAX = 20_480, 220
 NAME_MAX = 32
 OK, ERROR = b"<OK", b"<ERROR:"
-#: A message may have grown at its end since the document was written.
+#: Permitted extension of a message in newer versions [bytes].
 GROWTH = 64
 
 _START = re.compile(rb"\xaa(?:\x44(?:[\x12\x13]|\Z)|\Z)|[#%<\[]")
@@ -37,18 +37,19 @@ _LINE = re.compile(rb"[\x20-\x22\x24-\x7e]*")  # a # begins the next message
 
 
 class BodyShape(NamedTuple):
-    """Size of a body: ``size`` bytes, and ``step`` for each entry; the count of entries (u32) stands at ``at``."""
+    """Size of a body: ``size`` bytes, and ``step`` for each entry; the count of entries (u32) is at ``at``."""
 
     size: int
     step: int = 0
     at: int = 0
 
 
-#: Shapes by message number, of the messages that are decoded, and of others that have many entries.
+#: Shapes by message number, of decoded messages and of others with many entries.
 SHAPES = {
-    5: BodyShape(4, 32), 16: BodyShape(132), 41: BodyShape(102), 42: BodyShape(72), 43: BodyShape(4, 44), 48: BodyShape(12, 40, 8),
-    73: BodyShape(4, 112), 83: BodyShape(16, 40, 12), 93: BodyShape(8, 16, 4), 99: BodyShape(44), 101: BodyShape(44), 140: BodyShape(4, 24),
-    174: BodyShape(28, 4, 24), 1043: BodyShape(16, 40, 12), 1194: BodyShape(4, 16), 1451: BodyShape(4, 72),
+    5: BodyShape(4, 32), 16: BodyShape(132), 41: BodyShape(102), 42: BodyShape(72), 43: BodyShape(4, 44),
+    48: BodyShape(12, 40, 8), 73: BodyShape(4, 112), 83: BodyShape(16, 40, 12), 93: BodyShape(8, 16, 4),
+    99: BodyShape(44), 101: BodyShape(44), 140: BodyShape(4, 24), 174: BodyShape(28, 4, 24),
+    1043: BodyShape(16, 40, 12), 1194: BodyShape(4, 16), 1451: BodyShape(4, 72),
 }  # fmt: skip
 
 
@@ -77,13 +78,13 @@ def crc32(data: bytes | bytearray) -> int:
 
 
 def encode_frame(header: NovatelHeader, body: bytes) -> bytes:
-    """A binary frame; lengths and CRC are made here."""
+    """A binary frame; lengths and CRC are set here."""
     data = HEADER.pack(*header._replace(sync=SYNC, length=HEADER.size, body_length=len(body))) + body
     return data + crc32(data).to_bytes(CRC_SIZE, "little")
 
 
 def encode_text(text: str) -> bytes:
-    """An ASCII message; start, CRC and end of line are made here."""
+    """An ASCII message; start, CRC and end of line are added here."""
     data = text.encode("ascii")
     return b"#%s*%08x\r\n" % (data, crc32(data))
 
@@ -96,16 +97,16 @@ def split(frame: bytes) -> tuple[NovatelHeader, bytes]:
 
 def measure(buffer: bytearray) -> int | Skip:
     """Framing; see ``fti.drivers._framing``."""
-    found = _START.search(buffer)
-    if found is None or found.start():
-        return Skip(found.start() if found else len(buffer), "no_sync")
+    match = _START.search(buffer)
+    if match is None or match.start():
+        return Skip(match.start() if match else len(buffer), "no_sync")
     if buffer[0] == SYNC[0]:
         return _measure_binary(buffer)
     return measure_text(buffer)
 
 
 def _measure_binary(buffer: bytearray) -> int | Skip:
-    if len(buffer) < HEADER.size // 2:  # as long as the fields that say the length, in either header
+    if len(buffer) < HEADER.size // 2:  # the length fields are in the first half of both headers
         return 0
     length = _short_length(buffer) if buffer[2] == SHORT_SYNC[2] else _long_length(buffer)
     if isinstance(length, Skip) or len(buffer) < length:
@@ -119,7 +120,7 @@ def _short_length(buffer: bytearray) -> int:
 
 
 def _long_length(buffer: bytearray) -> int | Skip:
-    """Length of the whole frame, or why it cannot be one."""
+    """Length of the whole frame, or a Skip."""
     header, body = buffer[3], buffer[8] | buffer[9] << 8
     if not HEADER.size <= header <= HEADER_MAX:
         return Skip(1, "bad_header")
@@ -143,9 +144,9 @@ def measure_text(buffer: bytearray) -> int | Skip:
     if buffer[0] == ord("["):
         return _measure_prompt(buffer)
     is_response = buffer[0] == ord("<")
-    found = _LINE.match(buffer, 1)
-    assert found is not None
-    end = found.end()
+    match = _LINE.match(buffer, 1)
+    assert match is not None
+    end = match.end()
     named = _could_be_response(buffer) if is_response else end < NAME_MAX or b"," in buffer[:NAME_MAX]
     if end > (RESPONSE_MAX if is_response else TEXT_MAX) or not named:
         return Skip(1, "bad_text")
@@ -155,17 +156,17 @@ def measure_text(buffer: bytearray) -> int | Skip:
 
 
 def _measure_response(buffer: bytearray) -> int | Skip:
-    found = _RESPONSE.match(buffer)
-    return found.end() if found else Skip(1, "bad_text")
+    match = _RESPONSE.match(buffer)
+    return match.end() if match else Skip(1, "bad_text")
 
 
 def _measure_ascii(buffer: bytearray) -> int | Skip:
-    found = _ASCII.match(buffer)
-    if found is None:
+    match = _ASCII.match(buffer)
+    if match is None:
         return Skip(1, "bad_text")
     star = buffer.index(b"*")
     good = crc32(buffer[1:star]) == int(buffer[star + 1 : star + 9], 16)
-    return found.end() if good else Skip(1, "bad_checksum")
+    return match.end() if good else Skip(1, "bad_checksum")
 
 
 def _could_be_response(buffer: bytearray) -> bool:
@@ -174,10 +175,10 @@ def _could_be_response(buffer: bytearray) -> bool:
 
 
 def _measure_prompt(buffer: bytearray) -> int | Skip:
-    """``[COM1]``: it says nothing, and nothing proves it."""
-    found = _PROMPT.match(buffer)
-    if found:
-        return Skip(found.end(), "prompt")
+    """``[COM1]``: skipped."""
+    match = _PROMPT.match(buffer)
+    if match:
+        return Skip(match.end(), "prompt")
     name = _LINE.match(buffer, 1)
     assert name is not None
     return 0 if name.end() == len(buffer) < 14 and b"]" not in buffer else Skip(1, "bad_text")

@@ -1,4 +1,4 @@
-"""The messages: which number has which name, and what turns its body into measurements."""
+"""The messages: their numbers, names and decoders."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ NUMBERS = {name: number for number, name in NAMES.items()}
 
 
 def name_of(number: int) -> str:
-    """Name of a message; its number in words where it has none here."""
+    """Name of a message; otherwise "message <number>"."""
     return NAMES.get(number, f"message {number}")
 
 

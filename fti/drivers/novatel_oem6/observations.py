@@ -8,9 +8,9 @@
                   4 bits sigma of the pseudorange (a table), 4 bits sigma of the phase ((n + 1) / 512 cycles) |
                   u8 number | 21 bits lock time / 32 s, 5 bits C/N0 - 20 dB-Hz, 22 bits reserved
 
-The accumulated Doppler range grows when the satellite comes nearer; the carrier phase, as in RINEX, is its negative.
-Doppler is positive when it comes nearer, as in RINEX.  Without code lock there is no pseudorange, without phase lock
-neither phase nor Doppler.  While the parity is not known the phase may be wrong by half a cycle.
+The accumulated Doppler range increases when the satellite approaches; the carrier phase, as in RINEX, is its negative.
+Doppler is positive when it approaches, as in RINEX.  Without code lock there is no pseudorange, without phase lock
+neither phase nor Doppler.  While the parity is unknown the phase may be wrong by half a cycle.
 Numbers: 38-61 are GLONASS slots + 37, from 193 on QZSS + 192.
 """
 
@@ -59,7 +59,7 @@ class _RangeEntry:
     hz: float | None
 
     def to_si(self) -> Pseudorange:
-        """The observation, without what was not locked."""
+        """The observation, without unlocked values."""
         t = self.tracking
         ranged = t.code_locked and 0.0 < self.pseudorange < math.inf
         phased = t.phase_locked and math.isfinite(self.phase)
@@ -80,12 +80,12 @@ class _RangeEntry:
 
 def decode_range(body: bytes, header: NovatelHeader, stamp: Stamp) -> list[Measurement]:
     """RANGE."""
-    found = []
+    observations = []
     for number, channel, psr, psr_sd, adr, adr_sd, doppler, cn0, lock, word in RANGE.iter_unpack(body[COUNT.size :]):
         t = decode_tracking(word)
         hz = carrier_hz(t.signal, channel - CHANNEL_BASE) if t.signal else None
-        found.append(_RangeEntry(number, t, psr, psr_sd, -adr, adr_sd, doppler, cn0, lock, hz).to_si())
-    return [Pseudoranges(stamp=stamp, observations=tuple(found))]
+        observations.append(_RangeEntry(number, t, psr, psr_sd, -adr, adr_sd, doppler, cn0, lock, hz).to_si())
+    return [Pseudoranges(stamp=stamp, observations=tuple(observations))]
 
 
 def decode_rangecmp(body: bytes, header: NovatelHeader, stamp: Stamp) -> list[Measurement]:
@@ -99,7 +99,7 @@ def _expand(entry: tuple[int, int, int, int, int, int]) -> _RangeEntry:
     t = decode_tracking(word)
     doppler = (both & 0xFFFFFFF ^ 0x8000000) - 0x8000000
     psr = (both >> 28) / 128
-    # The message does not tell the GLONASS channel; the carrier of channel 0 is near enough to count whole turns.
+    # The GLONASS channel is not in the message; the carrier of channel 0 is accurate enough to count turns.
     phase = _unroll(-adr / 256, psr * carrier_hz(t.signal, 0) / SPEED_OF_LIGHT) if t.signal else -adr / 256
     return _RangeEntry(
         number=number,
@@ -116,12 +116,12 @@ def _expand(entry: tuple[int, int, int, int, int, int]) -> _RangeEntry:
 
 
 def _unroll(phase: float, near: float) -> float:
-    """The phase that is nearest to ``near``, of all that differ by whole turns."""
+    """The phase nearest to ``near``, shifted by whole moduli."""
     return phase + PHASE_MODULUS * round((near - phase) / PHASE_MODULUS)
 
 
 def encode_range(measured: Pseudoranges) -> bytes:
-    """Body of RANGE; observations of signals that the document does not know are left out."""
+    """Body of RANGE; unknown signals are omitted."""
     entries = [e for channel, o in enumerate(measured.observations) if (e := _entry(o, channel)) is not None]
     return COUNT.pack(len(entries)) + b"".join(entries)
 

@@ -27,7 +27,7 @@ class GnssSignal(NamedTuple):
     mhz: float
 
 
-#: Signals by system and number; where two numbers are one signal, the first is the one that is sent.
+#: Signals by system and number; if two numbers are one signal, the encoder uses the first.
 SIGNALS: dict[str, dict[int, GnssSignal]] = {
     "gps": {
         0: GnssSignal("L1C", L1), 5: GnssSignal("L2P", L2), 9: GnssSignal("L2W", L2), 14: GnssSignal("L5Q", L5),
@@ -39,8 +39,8 @@ SIGNALS: dict[str, dict[int, GnssSignal]] = {
     },
     "sbas": {0: GnssSignal("L1C", L1), 6: GnssSignal("L5I", L5)},
     "galileo": {
-        1: GnssSignal("L1B", L1), 2: GnssSignal("L1C", L1), 6: GnssSignal("L6B", E6), 7: GnssSignal("L6C", E6), 12: GnssSignal("L5Q", L5),
-        17: GnssSignal("L7Q", E5B), 20: GnssSignal("L8Q", E5),
+        1: GnssSignal("L1B", L1), 2: GnssSignal("L1C", L1), 6: GnssSignal("L6B", E6), 7: GnssSignal("L6C", E6),
+        12: GnssSignal("L5Q", L5), 17: GnssSignal("L7Q", E5B), 20: GnssSignal("L8Q", E5),
     },
     "beidou": {
         0: GnssSignal("L2I", B1I), 1: GnssSignal("L7I", E5B), 2: GnssSignal("L6I", B3I), 4: GnssSignal("L2I", B1I),
@@ -57,7 +57,7 @@ SIGNALS: dict[str, dict[int, GnssSignal]] = {
 
 
 class Tracking(NamedTuple):
-    """What a status word says; signal is None where the document does not name it."""
+    """Decoded status word; signal is None if the document does not name it."""
 
     system: str
     number: int
@@ -72,14 +72,14 @@ class Tracking(NamedTuple):
 
 
 def decode_tracking(word: int) -> Tracking:
-    """The status word, taken apart."""
+    """Decode a status word."""
     system, number = SYSTEMS[word >> SYSTEM_BIT & 7], word >> SIGNAL_BIT & 31
     signal = SIGNALS[system].get(number)
     return Tracking(system, number, signal, bool(word & PHASE_LOCKED), bool(word & CODE_LOCKED))
 
 
 def encode_tracking(system: str, name: str, channel: int, phase_locked: bool, code_locked: bool) -> int | None:
-    """The status word of a signal on a channel; None when the document has no number for the signal."""
+    """The status word of a signal on a channel; None for an unknown signal."""
     number = next((n for n, signal in SIGNALS.get(system, {}).items() if signal.name == name), None)
     if number is None:
         return None
@@ -94,7 +94,7 @@ def carrier_hz(signal: GnssSignal, channel: int) -> float:
 
 
 def glonass_channel(name: str, hz: float | None) -> int:
-    """The channel of a GLONASS carrier; 0 when it is not known."""
+    """The channel of a GLONASS carrier; 0 if unknown."""
     signal = next((s for s in SIGNALS["glonass"].values() if s.name == name), None)
     if signal is None or hz is None or not GLONASS_STEP[signal.mhz]:
         return 0

@@ -6,9 +6,9 @@
     SATVIS2 1043  0 system u32 | 4 valid, almanac complete u32 | 12 count u32 | 16 entries of 40 B as in SATVIS, with
                   the number within its system u16 and the GLONASS channel i16; a message for each system
 
-A DOP of 9999 means that there is none.  VDOP^2 = PDOP^2 - HDOP^2.  Satellites below the horizon, which the receiver
-lists too, are left out.  Numbers of PSRDOP and SATVIS: 1-32 GPS, 38-61 GLONASS slot + 37, from 120 SBAS, from 193
-QZSS + 192; a receiver that uses Galileo or BeiDou too lists their numbers among these, and does not say which is which.
+A DOP of 9999 means none.  VDOP^2 = PDOP^2 - HDOP^2.  Satellites below the horizon, which the receiver
+also lists, are omitted.  Numbers of PSRDOP and SATVIS: 1-32 GPS, 38-61 GLONASS slot + 37, from 120 SBAS, from 193
+QZSS + 192; a receiver that uses Galileo or BeiDou lists their numbers among these without distinction.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ SYSTEM_NUMBERS = {name: number for number, name in SYSTEMS.items()}
 
 
 def satellite_from_number(number: int) -> tuple[str, int]:
-    """System and number within it of a satellite number that stands for all systems."""
+    """System and number within it from a satellite number of all systems."""
     if FIRST_GLONASS <= number <= LAST_GLONASS:
         return "glonass", number - GLONASS_BASE
     if number >= FIRST_QZSS:
@@ -82,20 +82,20 @@ def _vdop(pdop: float | None, hdop: float | None) -> float | None:
 
 
 def decode_satvis(body: bytes, header: NovatelHeader, stamp: Stamp) -> list[Measurement]:
-    """SATVIS: satellites above the horizon; nothing when the receiver does not vouch for it."""
+    """SATVIS: satellites above the horizon; none if the receiver marks it invalid."""
     is_valid, _, _ = SATVIS.unpack_from(body)
-    found = ((*satellite_from_number(n), up, az) for n, _, _, up, az, _, _ in ENTRY.iter_unpack(body[SATVIS.size :]))
-    return [_view(stamp, found)] if is_valid else []
+    entries = ((*satellite_from_number(n), up, az) for n, _, _, up, az, _, _ in ENTRY.iter_unpack(body[SATVIS.size :]))
+    return [_view(stamp, entries)] if is_valid else []
 
 
 def decode_satvis2(body: bytes, header: NovatelHeader, stamp: Stamp) -> list[Measurement]:
-    """SATVIS2: satellites of one system above the horizon; nothing when the receiver does not vouch for it."""
+    """SATVIS2: satellites of one system above the horizon; none if the receiver marks it invalid."""
     system, is_valid, _, _ = SATVIS2.unpack_from(body)
     name = SYSTEMS.get(system, f"system_{system}")
-    found = (
+    entries = (
         (name, number_in_system(name, n), up, az) for n, _, _, up, az, _, _ in ENTRY.iter_unpack(body[SATVIS2.size :])
     )
-    return [_view(stamp, found)] if is_valid else []
+    return [_view(stamp, entries)] if is_valid else []
 
 
 def _view(stamp: Stamp, entries: Iterable[tuple[str, int, float, float]]) -> Satellites:
@@ -108,20 +108,21 @@ def _view(stamp: Stamp, entries: Iterable[tuple[str, int, float, float]]) -> Sat
 
 
 def encode_psrdop(sky: Satellites) -> bytes:
-    """Body of PSRDOP; GDOP, HTDOP and TDOP, which the measurement has not, are 9999."""
+    """Body of PSRDOP; GDOP, HTDOP and TDOP, which are not in the measurement, are 9999."""
     used = [satellite_number(s.system, s.number) for s in sky.satellites if s.used]
     pdop, hdop = (NO_DOP if x is None else x for x in (sky.pdop, sky.hdop))
     return PSRDOP.pack(NO_DOP, pdop, hdop, NO_DOP, NO_DOP, MASK_DEG, len(used)) + struct.pack(f"<{len(used)}I", *used)
 
 
 def encode_satvis2(sky: Satellites) -> list[bytes]:
-    """Bodies of SATVIS2, one for each system of which there are directions."""
-    seen: dict[str, list[bytes]] = {}
+    """Bodies of SATVIS2, one for each system with known directions."""
+    groups: dict[str, list[bytes]] = {}
     for s in sky.satellites:
         if s.azimuth is not None and s.elevation is not None and s.system in SYSTEM_NUMBERS:
             number = s.number + QZSS_BASE if s.system == "qzss" else s.number
             entry = ENTRY.pack(number, 0, 0, s.elevation / DEGREE, s.azimuth / DEGREE, 0.0, 0.0)
-            seen.setdefault(s.system, []).append(entry)
+            groups.setdefault(s.system, []).append(entry)
     return [
-        SATVIS2.pack(SYSTEM_NUMBERS[system], 1, 1, len(entries)) + b"".join(entries) for system, entries in seen.items()
+        SATVIS2.pack(SYSTEM_NUMBERS[system], 1, 1, len(entries)) + b"".join(entries)
+        for system, entries in groups.items()
     ]

@@ -8,7 +8,7 @@
     BESTVEL 99, 44 B   0 solution status u32 | 4 velocity type u32 | 8 latency, age of the differential data 2f [s]
                        16 horizontal speed d [m/s] | 24 track d [deg] | 32 vertical speed, up d [m/s] | 40 reserved f
 
-alt = height + undulation.  The velocity was true ``latency`` before the time of the header.
+alt = height + undulation.  The velocity is valid ``latency`` before the time of the header.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ BESTPOS = struct.Struct("<IIdddfI3f4s2f8B")
 BESTVEL = struct.Struct("<II2f3df")
 COMPUTED, INSUFFICIENT_OBSERVATIONS = 0, 1
 TYPE_NONE, TYPE_FIXED, TYPE_DOPPLER, TYPE_SINGLE, TYPE_PROPAGATED, TYPE_OUT_OF_BOUNDS = 0, 1, 8, 16, 19, 72
-#: Types that carry no measurement of the moment: none at all, what the user has typed in, what the filter runs on with
-#: without satellites, and outside the limits that the user has set.
+#: Types without a present measurement: none, entered position, propagated without satellites, outside the limits of
+#: the user.
 NO_SOLUTION = frozenset({TYPE_NONE, TYPE_FIXED, TYPE_PROPAGATED, TYPE_OUT_OF_BOUNDS})
 WGS84 = 61
 
@@ -39,7 +39,7 @@ def decode_bestpos(body: bytes, header: NovatelHeader, stamp: Stamp) -> list[Mea
     """BESTPOS in radians; in another datum than WGS84, or out of range, it is not valid."""
     v = BESTPOS.unpack_from(body)
     lat, lon, height, undulation = (finite_or_none(x) for x in v[2:6])
-    whole = None not in (lat, lon, height, undulation) and abs(v[2]) <= 90.0 and abs(v[3]) <= 180.0
+    is_complete = None not in (lat, lon, height, undulation) and abs(v[2]) <= 90.0 and abs(v[3]) <= 180.0
     lat_sd, lon_sd, height_sd = v[7:10]
     return [
         Position(
@@ -51,17 +51,17 @@ def decode_bestpos(body: bytes, header: NovatelHeader, stamp: Stamp) -> list[Mea
             undulation=undulation,
             horizontal_sd=finite_or_none(math.sqrt((lat_sd**2 + lon_sd**2) / 2)),
             vertical_sd=finite_or_none(height_sd),
-            valid=whole and v[6] == WGS84 and _is_valid(v[0], v[1]),
+            valid=is_complete and v[6] == WGS84 and _is_valid(v[0], v[1]),
         )
     ]
 
 
 def decode_bestvel(body: bytes, header: NovatelHeader, stamp: Stamp) -> list[Measurement]:
-    """BESTVEL, down positive, at the time at which it was true."""
+    """BESTVEL, down positive, at its time of validity."""
     status, kind, latency, _, speed, track_deg, up, _ = BESTVEL.unpack_from(body)
-    whole = all(map(math.isfinite, (speed, track_deg, up)))
+    is_complete = all(map(math.isfinite, (speed, track_deg, up)))
     track = wrap_heading(track_deg * DEGREE) if math.isfinite(track_deg) else None
-    level = whole and track is not None
+    level = is_complete and track is not None
     return [
         Velocity(
             stamp=subtract_latency(stamp, latency),
@@ -70,7 +70,7 @@ def decode_bestvel(body: bytes, header: NovatelHeader, stamp: Stamp) -> list[Mea
             down=-up if math.isfinite(up) else None,
             ground_speed=finite_or_none(speed),
             track=track,
-            valid=whole and _is_valid(status, kind),
+            valid=is_complete and _is_valid(status, kind),
         )
     ]
 

@@ -5,7 +5,7 @@
 
 The receiver status word is also in the header of every message.  Names of the bits: OEM6 firmware reference, tables
 "Receiver Error", "Receiver Status" and "Auxiliary 1 Status"; bits 25-28 of the receiver status are those of OEM7
-receivers, whose bits 8 to 17 mean something else than here.  Bits without a name come out as ``aux2_bit_5``.
+receivers, whose bits 8 to 17 have other meanings.  Bits without a name come out as ``aux2_bit_5``.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ AUX1 = {
     18: "ethernet_unconnected", 19: "icom1_overrun", 20: "icom2_overrun", 21: "icom3_overrun", 22: "ncom1_overrun",
     23: "ncom2_overrun", 24: "ncom3_overrun", 31: "imu_outlier",
 }  # fmt: skip
-#: Conditions that say nothing bad about the receiver itself.
+#: Conditions that are not errors of the receiver.
 HARMLESS = frozenset(
     {"almanac_invalid", "position_invalid", "position_fixed", "clock_steering_off", "clock_model_invalid",
      "oscillator_locked", "antenna_unpowered", "aux1_event", "aux2_event", "aux3_event", "version_0", "version_1",
@@ -67,7 +67,7 @@ def _flags(word: int, names: Iterable[str]) -> tuple[str, ...]:
 
 
 def decode_rxstatus(body: bytes, header: NovatelHeader, stamp: Stamp) -> list[Measurement]:
-    """RXSTATUS: the names of all bits that are set; ok when no error is, and no condition of the receiver itself."""
+    """RXSTATUS: the names of all bits that are set; ok without errors and receiver conditions."""
     errors, count = HEAD.unpack_from(body)
     words = [WORD.unpack_from(body, HEAD.size + i * WORD.size)[0] for i in range(min(count, len(WORDS)))]
     flags = sum((_flags(word, names) for word, names in zip([errors, *words], BITS, strict=False)), ())
@@ -77,8 +77,8 @@ def decode_rxstatus(body: bytes, header: NovatelHeader, stamp: Stamp) -> list[Me
 
 def encode_words(flags: Iterable[str]) -> list[int]:
     """Error word, receiver status word and three auxiliary words."""
-    given = frozenset(flags)
-    return [sum(1 << bit for bit, name in enumerate(names) if name in given) for names in BITS]
+    names_set = frozenset(flags)
+    return [sum(1 << bit for bit, name in enumerate(names) if name in names_set) for names in BITS]
 
 
 def encode_rxstatus(status: DeviceStatus) -> bytes:

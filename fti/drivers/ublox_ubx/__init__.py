@@ -19,20 +19,20 @@ little-endian:
                           cpMes f64 [cycles], doMes f32 [Hz], gnssId, svId, sigId, freqId, locktime u16 [ms], cno,
                           prStdev [0.01 m x 2^n], cpStdev [0.004 cycles], doStdev, trkStat (0 range, 1 phase valid)
     02 13 RXM-SFRBX       0 gnssId, svId, sigId u8 | 4 numWords | 8 n x word u32: subframes of GPS L1 C/A
-    05 01 ACK-ACK, 05 00 ACK-NAK   class, id of what was asked
+    05 01 ACK-ACK, 05 00 ACK-NAK   class, id of the request
     older: NAV-SOL 01 06, NAV-POSLLH 01 02, NAV-VELNED 01 12, NAV-STATUS 01 03, NAV-SVINFO 01 30, RXM-RAW 02 10
 
-What is valid: a fix of 2D, 3D or GNSS with dead reckoning whose gnssFixOK is set; dead reckoning alone and "time
-only" (a surveyed antenna) are no measured position.  In a 2D fix the height is the receiver's last one, and its
-stated accuracy counts.  NAV-POSLLH, NAV-HPPOSLLH and NAV-VELNED do not say: the newest fix stated by NAV-PVT, -SOL or
--STATUS counts, and 100 m (m/s) of accuracy at most.  The accuracies are taken as one sigma, horizontal as of the
-distance; NAV-SOL's is of the whole vector and bounds both parts.
+Valid: a fix of 2D, 3D or GNSS with dead reckoning with gnssFixOK set; dead reckoning only and "time only" (a surveyed
+antenna) are not measured positions.  In a 2D fix the receiver keeps its last height, with the stated accuracy.
+NAV-POSLLH, NAV-HPPOSLLH and NAV-VELNED have no fix: the newest fix of NAV-PVT, -SOL or -STATUS is used, and an accuracy
+limit of 100 m (m/s).  Accuracies are used as one sigma, the horizontal one as that of the distance; that of NAV-SOL is
+of the whole vector and bounds both parts.
 
-Time: NAV-PVT and -TIMEUTC say UTC (validDate and validTime), others the GPS week with the second, or only iTOW; the
-week comes from the others.  RXM-RAWX has the receiver's own clock.  Satellites are numbered within their system, as
-in RINEX.  Messages of class NAV2 (the second solution), and all others, are framed and counted by name.
+Time: NAV-PVT and -TIMEUTC have UTC (validDate and validTime), others the GPS week with the second, or only iTOW; the
+week then comes from other messages.  RXM-RAWX has the clock of the receiver.  Satellites are numbered within their
+system, as in RINEX.  Messages of class NAV2 (the second solution), and all others, are framed and counted by name.
 
-The decoder is ours and not ``pyubx2``, which takes up to nine tenths of a core for a full line (docs/decisions/0011).
+The decoder does not use ``pyubx2``, which needs up to 90 % of a core for a full line (docs/decisions/0011).
 """
 
 from __future__ import annotations
@@ -88,7 +88,7 @@ MESSAGE_TABLE = {
     (0x02, 0x13): UbxMessage("RXM-SFRBX", "ephemerides of GPS satellites", subframes.read_sfrbx, subframes.SFRBX_SHAPE),
     (0x02, 0x15): UbxMessage("RXM-RAWX", "pseudoranges, carrier phases, dopplers", raw.read_rawx, raw.RAWX_SHAPE),
     (0x05, 0x00): UbxMessage("ACK-NAK", "a command was refused", answers.read_nak, PayloadShape(2)),
-    (0x05, 0x01): UbxMessage("ACK-ACK", "a command was taken", answers.read_ack, PayloadShape(2)),
+    (0x05, 0x01): UbxMessage("ACK-ACK", "a command was accepted", answers.read_ack, PayloadShape(2)),
     (0x28, 0x00): UbxMessage(
         "HNR-PVT", "position, ground speed, track, fix, UTC", navigation.read_hnr_pvt, PayloadShape(72)
     ),
@@ -96,7 +96,7 @@ MESSAGE_TABLE = {
 }
 MESSAGES = {
     **{message.name: message.carries for message in MESSAGE_TABLE.values()},
-    "GGA, RMC, ...": "NMEA 0183: as nmea0183 reads them",
+    "GGA, RMC, ...": "NMEA 0183: as in the driver nmea0183",
     "RTCM n": "RTCM 3 corrections: framed and counted by number",
     "(other)": "framed and counted by name or number",
 }
@@ -113,12 +113,12 @@ class Decoder:
         self._framer = Framer(PortFraming(SHAPES).measure, self.counters, limit=MAX_HELD_BYTES)
 
     def feed(self, data: bytes, t_rx_ns: int) -> list[Measurement]:
-        found: list[Measurement] = []
+        measurements: list[Measurement] = []
         for stamp, frame in self._framer.feed(data, t_rx_ns):
-            name, read = self._read(frame, stamp)
+            name, decoded = self._read(frame, stamp)
             self.counters.messages[name] += 1
-            found += read
-        return found
+            measurements += decoded
+        return measurements
 
     def _read(self, frame: bytes, t_rx_ns: int) -> tuple[str, list[Measurement]]:
         if frame[0] == RTCM_START:

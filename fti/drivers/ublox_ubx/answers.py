@@ -1,4 +1,4 @@
-"""What a receiver answers: ACK-ACK, ACK-NAK, MON-VER."""
+"""Answers of a receiver: ACK-ACK, ACK-NAK, MON-VER."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from fti.drivers.ublox_ubx.table import CLASS_NAMES, NAMES
 from fti.types import Ack, Measurement, Stamp
 
 SOFTWARE, HARDWARE, EXTENSION = 30, 10, 30
-#: The command that a message of configuration belongs to; CFG-VALSET carries several and does not say which.
+#: Command of a configuration message; CFG-VALSET may belong to several.
 COMMAND_OF = {(0x06, 0x01): "message", (0x06, 0x08): "rate", (0x06, 0x04): "reset", (0x0A, 0x04): "version"}
 
 
 def name_of(class_id: int, message_id: int) -> str:
-    """The name of a message, or its numbers where it has none here."""
-    known = NAMES.get((class_id, message_id))
-    return known or f"{CLASS_NAMES.get(class_id, f'0x{class_id:02X}')}-0x{message_id:02X}"
+    """The name of a message, or its numbers if unknown."""
+    name = NAMES.get((class_id, message_id))
+    return name or f"{CLASS_NAMES.get(class_id, f'0x{class_id:02X}')}-0x{message_id:02X}"
 
 
 def read_ack(p: bytes, receiver: ReceiverState, t_rx_ns: int) -> list[Measurement]:
@@ -35,12 +35,12 @@ def _answer(p: bytes, t_rx_ns: int, accepted: bool) -> list[Measurement]:
 
 
 def read_version(p: bytes, receiver: ReceiverState, t_rx_ns: int) -> list[Measurement]:
-    """MON-VER: software, hardware, extensions; each a text with zeros behind it."""
+    """MON-VER: software, hardware, extensions; each a zero-padded text."""
     if len(p) < SOFTWARE + HARDWARE:
-        raise ValueError("too short for a version")
-    places = [(0, SOFTWARE), (SOFTWARE, SOFTWARE + HARDWARE)]
-    places += [(at, at + EXTENSION) for at in range(SOFTWARE + HARDWARE, len(p), EXTENSION)]
-    texts = [p[a:b].partition(b"\x00")[0].decode("ascii", "replace").strip() for a, b in places]
+        raise ValueError("too short for MON-VER")
+    ranges = [(0, SOFTWARE), (SOFTWARE, SOFTWARE + HARDWARE)]
+    ranges += [(at, at + EXTENSION) for at in range(SOFTWARE + HARDWARE, len(p), EXTENSION)]
+    texts = [p[a:b].partition(b"\x00")[0].decode("ascii", "replace").strip() for a, b in ranges]
     detail = "; ".join(text for text in texts if text)
     return [Ack(stamp=Stamp(t_rx_ns), command="version", accepted=True, detail=detail)]
 

@@ -1,6 +1,6 @@
 """Commands: which messages at which rate, the rate of measurement, reset, version.
 
-They change what the receiver holds in its working memory, never what it has stored.
+They change the RAM configuration of the receiver, never the stored one.
 """
 
 from __future__ import annotations
@@ -22,49 +22,49 @@ RATE_MEAS, RATE_NAV = 0x30210001, 0x30210002
 IN_RAM = 1
 GPS_TIME = 1
 MAX_KEYS = 64
-#: What is forgotten: nothing, the ephemeris, everything.
+#: Deleted data: none, ephemeris, everything.
 RESET_MASKS = {"hot": 0x0000, "warm": 0x0001, "cold": 0xFFFF}
-#: Only the satellite part is reset: the port stays open and keeps the messages that were asked for.
+#: Resets only the GNSS part: the port stays open and keeps the requested messages.
 GNSS_ONLY = 0x02
 
 COMMANDS: Mapping[str, Command] = {
     "message": Command(
-        "send a message with every n-th solution, or no more",
+        "set the rate of a message",
         {"name": f"one of {', '.join(OUTPUTS)}", "rate": "0..255: every n-th solution; 0 = off; default 1"},
     ),
     "rate": Command(
-        "how often to measure, and to solve",
+        "set the measurement and solution rates",
         {"period_ms": "25..65535 ms between measurements", "cycles": "1..127 measurements per solution; default 1"},
     ),
     "reset": Command(
-        "start again: hot, warm (ephemeris forgotten) or cold (everything forgotten); there is no fix for a while",
+        "restart: hot, warm (deletes the ephemeris) or cold (deletes everything); there is no fix for a while",
         {"kind": "hot, warm or cold"},
         answered=False,
     ),
-    "version": Command("ask for the versions of hardware and software"),
+    "version": Command("request the versions of hardware and software"),
 }
 
 
-def _known(messages: Mapping[str, int]) -> Mapping[str, int]:
+def _check_messages(messages: Mapping[str, int]) -> Mapping[str, int]:
     for name, rate in messages.items():
         if name not in OUTPUTS:
-            raise ValueError(f"{name!r} is no message that can be asked for; there are {', '.join(OUTPUTS)}")
+            raise ValueError(f"{name!r} cannot be requested; there are {', '.join(OUTPUTS)}")
         if not 0 <= rate <= 255:
             raise ValueError(f"{name}: {rate} must be 0..255 (every n-th solution; 0 = off)")
     return messages
 
 
 class Options(StrictModel):
-    """How the receiver is asked.
+    """Configuration of the receiver.
 
-    messages : {name: every n-th solution}, asked for after every connect, with the version; nothing is asked when
-        empty.  period_ms : between measurements, set after every connect; None leaves it
-    ask_again_s : the same again and again, for a receiver that was switched off and on; 0 is never.  Each time it
-        acknowledges every message
+    messages : {name: every n-th solution}, requested after every connect, with the version; empty: no requests
+    period_ms : between measurements, set after every connect; None: unchanged
+    ask_again_s : period of repeated requests, for a receiver that was restarted; 0: never.  Each time it acknowledges
+        every message
     configure_with : cfg_msg up to u-blox 9, cfg_valset from u-blox 9 on; port : of the receiver, for cfg_valset
     """
 
-    messages: Annotated[dict[str, int], AfterValidator(_known)] = Field(default={})
+    messages: Annotated[dict[str, int], AfterValidator(_check_messages)] = Field(default={})
     period_ms: Annotated[int, Field(ge=25, le=65535)] | None = None
     ask_again_s: Annotated[float, Field(ge=0.0, le=3600.0)] = 0.0
     configure_with: Literal["cfg_msg", "cfg_valset"] = "cfg_msg"
@@ -72,19 +72,19 @@ class Options(StrictModel):
 
 
 def on_connect(options: Options) -> list[bytes]:
-    """The version, the messages and the period that the options ask for."""
+    """Requests of the version, the period and the messages of the options."""
     if not options.messages and options.period_ms is None:
         return []
-    asked = [frame(*MON_VER, b"")]
+    requests = [frame(*MON_VER, b"")]
     if options.period_ms is not None:
-        asked.append(_measure_every(options.period_ms, 1, options))
-    return asked + list(_request_messages(options.messages, options))
+        requests.append(_measure_every(options.period_ms, 1, options))
+    return requests + list(_request_messages(options.messages, options))
 
 
 def poll(options: Options) -> tuple[float, bytes] | None:
-    """The same again, when the options ask for it."""
-    asked = b"".join(on_connect(options))
-    return (options.ask_again_s, asked) if asked and options.ask_again_s else None
+    """The same periodically, if configured."""
+    requests = b"".join(on_connect(options))
+    return (options.ask_again_s, requests) if requests and options.ask_again_s else None
 
 
 def command(name: str, args: Mapping[str, str], options: Options | None = None) -> bytes:
@@ -94,9 +94,9 @@ def command(name: str, args: Mapping[str, str], options: Options | None = None) 
 
 
 def _message(args: Mapping[str, str], options: Options) -> bytes:
-    wanted = _choice("message", "name", args, OUTPUTS)
+    name = _choice("message", "name", args, OUTPUTS)
     rate = _number("message", "rate", args, range(256), default=1)
-    return next(_request_messages({wanted: rate}, options))
+    return next(_request_messages({name: rate}, options))
 
 
 def _rate(args: Mapping[str, str], options: Options) -> bytes:
@@ -117,21 +117,21 @@ _MAKERS = {"message": _message, "rate": _rate, "reset": _reset, "version": _vers
 
 
 def _choice(name: str, key: str, args: Mapping[str, str], allowed: Mapping[str, object]) -> str:
-    given = args.get(key)
-    if given is None or given not in allowed:
-        said = "is missing" if given is None else f"= {given!r}"
-        raise ValueError(f"{name}: {key} {said}; allowed: {', '.join(allowed)}")
-    return given
+    text = args.get(key)
+    if text is None or text not in allowed:
+        problem = "is missing" if text is None else f"= {text!r}"
+        raise ValueError(f"{name}: {key} {problem}; allowed: {', '.join(allowed)}")
+    return text
 
 
 def _number(name: str, key: str, args: Mapping[str, str], allowed: range, default: int | None = None) -> int:
-    given = args.get(key)
-    if given is None and default is not None:
+    text = args.get(key)
+    if text is None and default is not None:
         return default
-    if given is None or not given.isascii() or not given.isdigit() or int(given) not in allowed:
-        said = "is missing" if given is None else f"= {given!r}"
-        raise ValueError(f"{name}: {key} {said}; allowed: a whole number, {allowed[0]}..{allowed[-1]}")
-    return int(given)
+    if text is None or not text.isascii() or not text.isdigit() or int(text) not in allowed:
+        problem = "is missing" if text is None else f"= {text!r}"
+        raise ValueError(f"{name}: {key} {problem}; allowed: a whole number, {allowed[0]}..{allowed[-1]}")
+    return int(text)
 
 
 # ------------------------------------------------------------------------------------------------- configuration

@@ -1,4 +1,4 @@
-"""The receiver's end of the line: what it sends of its measurements, and how it answers."""
+"""The emulated receiver: messages from its measurements, and answers to commands."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ from fti.types import (
     Velocity,
 )
 
-#: What a receiver sends that was set up beforehand: with every solution.
+#: Messages of a configured receiver: with every solution.
 DEFAULT_RATES = {"NAV-PVT": 1, "NAV-SAT": 1, "NAV-CLOCK": 1, "RXM-RAWX": 1}
 VERSION = "EXT CORE 1.00 (emulated); 00190000; PROTVER=27.11; MOD=FTI"
 TIME_KNOWN = 0x07
 SHORT_MESSAGE_RATE, LONG_MESSAGE_RATE = 3, 8
 T_ACC_NS = 20
 HEADING_ACC_DEG = 0.4
-TAIL = struct.Struct("<B5xihH")  # flags3, reserved, and no heading of the vehicle
+TAIL = struct.Struct("<B5xihH")  # flags3, reserved, vehicle heading and declination unused
 IDS = {name: ids for ids, name in NAMES.items()}
 _OUTPUT_BY_ID = {ids[:2]: name for name, ids in OUTPUTS.items()}
 _OUTPUT_BY_KEY = {ids[2] + port: name for name, ids in OUTPUTS.items() for port in range(len(PORTS))}
@@ -46,18 +46,18 @@ _VALUE_SIZES = {1: 1, 2: 1, 3: 2, 4: 4, 5: 8}  # by the bits 28-30 of a key
 
 
 class Encoder:
-    """A receiver; silent until it is asked when the options ask for messages.
+    """The emulated receiver; with ``messages`` in the options it is silent until it is asked.
 
-    NAV-PVT goes out with a Position, with the Velocity, Satellites and DeviceStatus of the same t_rx_ns.
+    It sends NAV-PVT for a Position, with the Velocity, Satellites and DeviceStatus of the same t_rx_ns.
     """
 
     def __init__(self, options: commands.Options) -> None:
         self._rates: dict[str, int] = {} if options.messages else dict(DEFAULT_RATES)
         self._port = PORTS.index(options.port)
         self._solutions = 0
-        self._sent: dict[str, int] = {}  # the solution with which a message went out last
+        self._last_solutions: dict[str, int] = {}  # number of the solution of the last message
         self._latest: dict[type, Measurement] = {}
-        self._heard = Framer(PortFraming({}).measure, Counters(), limit=MAX_HELD_BYTES)
+        self._command_framer = Framer(PortFraming({}).measure, Counters(), limit=MAX_HELD_BYTES)
         self._makers: Mapping[type, Callable[[Measurement], list[bytes]]] = {
             Position: self._solution, Satellites: self._satellites, Ack: _answer,
             ReceiverClock: lambda m: self._due("NAV-CLOCK", m, _clock),
@@ -65,7 +65,7 @@ class Encoder:
         }  # fmt: skip
 
     def encode(self, measurement: Measurement) -> list[bytes]:
-        """The messages that are asked for and due."""
+        """The requested messages that are due."""
         maker = self._makers.get(type(measurement))
         if maker is None:
             self._latest[type(measurement)] = measurement
@@ -76,9 +76,9 @@ class Encoder:
         rate = self._rates.get(name, 0)
         if not rate:
             return []
-        if rate > 1 and self._solutions - self._sent.get(name, -rate) < rate:
+        if rate > 1 and self._solutions - self._last_solutions.get(name, -rate) < rate:
             return []
-        self._sent[name] = self._solutions
+        self._last_solutions[name] = self._solutions
         return [make(measurement)]
 
     def _satellites(self, measurement: Measurement) -> list[bytes]:
@@ -110,11 +110,11 @@ class Encoder:
     # --------------------------------------------------------------------------------------------------- answers
 
     def respond(self, data: bytes) -> list[bytes]:
-        """Acknowledge what is understood, refuse the rest; a reset is not acknowledged."""
+        """Acknowledge known commands, refuse others; a reset is not acknowledged."""
         answers = []
-        for _, found in self._heard.feed(data, 0):
-            if found[0] == 0xB5:
-                answers += self._answer((found[2], found[3]), found[HEADER:-2])
+        for _, message in self._command_framer.feed(data, 0):
+            if message[0] == 0xB5:
+                answers += self._answer((message[2], message[3]), message[HEADER:-2])
         return answers
 
     def _answer(self, about: tuple[int, int], payload: bytes) -> list[bytes]:
@@ -153,7 +153,7 @@ class Encoder:
         return at == len(data) and self._set_rates(rates)
 
     def _set_rates(self, rates: Mapping[str, int]) -> bool:
-        """Whether these rates are taken: any known message may be off, but only those that there are may be on."""
+        """Set rates; returns whether they are accepted: only emulated messages can be enabled."""
         if any(name not in OUTPUTS or (rate and name not in DEFAULT_RATES) for name, rate in rates.items()):
             return False
         self._rates |= rates
@@ -192,7 +192,7 @@ def _answer(m: Measurement) -> list[bytes]:
 def make_pvt(
     position: Position, velocity: Velocity | None, satellites: Satellites | None, status: DeviceStatus
 ) -> bytes:
-    """NAV-PVT; the time is rounded to 1/100 s as receivers do, and the nanoseconds say the rest with its sign."""
+    """NAV-PVT; the time is rounded to 1/100 s as receivers do, the nanoseconds hold the signed rest."""
     t_utc_ns = device_time_ns(position.stamp, TimeScale.UTC)
     itow_ms = ((t_utc_ns - GPS_EPOCH_UTC_NS + LEAP_NS + 500_000) // 1_000_000) % WEEK_MS
     day, of_day_ns = utc_date(t_utc_ns + 5_000_000)
@@ -202,13 +202,13 @@ def make_pvt(
     refused = "beyond_limits" in status.flags or (FIXES[kind] in MEASURED_FIXES and not status.ok)
     flags = FIX_OK if kind and not refused else 0
     flags |= (DIFFERENTIAL if "dgps" in status.flags else 0) | carrier << 6
-    here, known = _geodetic_fields(position), position.lat is not None
+    here, has_position = _geodetic_fields(position), position.lat is not None
     head = PVT.pack(
         itow_ms, day.year, day.month, day.day, second // 3600, second // 60 % 60, second % 60, TIME_KNOWN, T_ACC_NS,
         nano - 5_000_000, kind, flags, 0, (satellites and satellites.used) or 0, *here, *_motion(velocity),
         9999 if satellites is None or satellites.pdop is None else min(round(satellites.pdop * 100), 9999),
     )  # fmt: skip
-    return frame(0x01, 0x07, head + TAIL.pack(0 if known else INVALID_LLH, 0, 0, 0))
+    return frame(0x01, 0x07, head + TAIL.pack(0 if has_position else INVALID_LLH, 0, 0, 0))
 
 
 def _geodetic_fields(position: Position) -> tuple[int, ...]:

@@ -1,8 +1,8 @@
-"""Framing of a u-blox line: UBX, NMEA 0183 and RTCM 3 after one another, as a receiver sends them on one port.
+"""Framing of a u-blox line: UBX, NMEA 0183 and RTCM 3 messages on one port.
 
-A corrupted length must not swallow what follows, so a length that the message cannot have is refused before its
-bytes have come: a repeated message must have the length that its own count says, a fixed one that is known may have
-grown by a little, and anything else is at most ``MAX_MESSAGE_BYTES`` bytes.
+A corrupted length must not block the stream, so an impossible length is rejected before its bytes arrive: a message
+with repeated parts must have the length of its count, a known one of fixed length may have a small extension, and
+others have at most ``MAX_MESSAGE_BYTES`` bytes.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from fti.drivers._nmea_framing import measure_sentence
 SYNC = b"\xb5\x62"
 RTCM_START = 0xD3
 HEADER, OVERHEAD = 6, 8
-#: Most bytes of a message; a RXM-RAWX whose count of signals agrees may have more.
+#: Maximum size of a message; a RXM-RAWX with a matching count of signals may be larger.
 MAX_MESSAGE_BYTES, MAX_HELD_BYTES = 4096, 8192
 #: A later revision may append this much to a message of fixed length.
 GROWTH = 64
@@ -27,7 +27,7 @@ _COMMENT = re.compile(rb"[^$!\xb5\xd3\n]*\n?")
 
 
 class PayloadShape(NamedTuple):
-    """Length of a payload: ``size`` and, if it repeats, ``step`` bytes as often as the byte at ``count_at`` says."""
+    """Length of a payload: ``size`` and, if it repeats, ``step`` bytes times the byte at ``count_at``."""
 
     size: int
     step: int = 0
@@ -46,7 +46,7 @@ def frame(class_id: int, message_id: int, payload: bytes) -> bytes:
 
 
 def measure_ubx(buffer: bytearray, shapes: dict[tuple[int, int], PayloadShape]) -> int | Skip:
-    """A UBX message that may begin here."""
+    """Size of a UBX message at the start, or a Skip."""
     if len(buffer) > 1 and buffer[1] != SYNC[1]:
         return Skip(1, "no_sync")
     if len(buffer) < HEADER:
@@ -54,18 +54,18 @@ def measure_ubx(buffer: bytearray, shapes: dict[tuple[int, int], PayloadShape]) 
     size = buffer[4] | buffer[5] << 8
     if not _may_be(buffer, size, shapes.get((buffer[2], buffer[3]))):
         return Skip(2, "bad_length")
-    whole = size + OVERHEAD
-    if len(buffer) < whole:
+    length = size + OVERHEAD
+    if len(buffer) < length:
         return 0
-    if checksum(buffer[2 : whole - 2]) != buffer[whole - 2 : whole]:
+    if checksum(buffer[2 : length - 2]) != buffer[length - 2 : length]:
         return Skip(2, "bad_checksum")
-    return whole
+    return length
 
 
 def _may_be(buffer: bytearray, size: int, shape: PayloadShape | None) -> bool:
     if shape is None:
         return size <= MAX_MESSAGE_BYTES - OVERHEAD
-    if size < shape.size:  # too short for its fields; the checksum will tell whether it was sent so
+    if size < shape.size:  # too short for its fields; the checksum decides
         return True
     if not shape.step:
         return size <= shape.size + GROWTH
@@ -79,13 +79,13 @@ def _may_be(buffer: bytearray, size: int, shape: PayloadShape | None) -> bool:
 
 
 def _crc24q_table() -> tuple[int, ...]:
-    found = []
+    table = []
     for byte in range(256):
         value = byte << 16
         for _ in range(8):
             value = value << 1 ^ (0x1864CFB if value & 0x800000 else 0)
-        found.append(value)
-    return tuple(found)
+        table.append(value)
+    return tuple(table)
 
 
 _CRC24Q = _crc24q_table()
@@ -100,36 +100,36 @@ def crc24q(data: bytes | bytearray) -> int:
 
 
 def measure_rtcm(buffer: bytearray) -> int | Skip:
-    """An RTCM 3 frame that may begin here: 0xD3, six bits of zero, ten of length, payload, CRC-24Q."""
+    """Size of an RTCM 3 frame at the start: 0xD3, six bits of zero, ten of length, payload, CRC-24Q."""
     if len(buffer) > 1 and buffer[1] & 0xFC:
         return Skip(1, "no_sync")
     if len(buffer) < 3:
         return 0
-    whole = (buffer[1] << 8 | buffer[2]) + 6
-    if len(buffer) < whole:
+    length = (buffer[1] << 8 | buffer[2]) + 6
+    if len(buffer) < length:
         return 0
-    if crc24q(buffer[: whole - 3]) != int.from_bytes(buffer[whole - 3 : whole], "big"):
+    if crc24q(buffer[: length - 3]) != int.from_bytes(buffer[length - 3 : length], "big"):
         return Skip(1, "bad_checksum")
-    return whole
+    return length
 
 
-def rtcm_name(found: bytes) -> str:
-    """The name of an RTCM 3 frame, after the 12 bits that its payload begins with."""
-    return f"RTCM {found[3] << 4 | found[4] >> 4}" if len(found) >= 8 else "RTCM"
+def rtcm_name(frame: bytes) -> str:
+    """The name of an RTCM 3 frame, from the first 12 bits of its payload."""
+    return f"RTCM {frame[3] << 4 | frame[4] >> 4}" if len(frame) >= 8 else "RTCM"
 
 
 # ------------------------------------------------------------------------------------------------------------ line
 
 
 class PortFraming:
-    """The three kinds of message; see ``fti.drivers._framing``.  It remembers whether a comment goes on."""
+    """The three kinds of message; see ``fti.drivers._framing``.  Stateful: a comment may continue."""
 
     def __init__(self, shapes: dict[tuple[int, int], PayloadShape]) -> None:
         self._shapes = shapes
         self._comment = False
 
     def measure(self, buffer: bytearray) -> int | Skip:
-        """What stands at the beginning."""
+        """Size of the message at the start of the buffer, or a Skip."""
         first = buffer[0]
         if first == SYNC[0]:
             return measure_ubx(buffer, self._shapes)
@@ -142,8 +142,8 @@ class PortFraming:
 
     def _measure_gap(self, buffer: bytearray) -> Skip:
         self._comment = self._comment or buffer[0] == ord("#")
-        found = (_COMMENT if self._comment else _NO_START).match(buffer)
-        assert found is not None
+        match = (_COMMENT if self._comment else _NO_START).match(buffer)
+        assert match is not None
         reason = "comment" if self._comment else "no_sync"
-        self._comment = self._comment and buffer[found.end() - 1] != ord("\n")
-        return Skip(found.end(), reason)
+        self._comment = self._comment and buffer[match.end() - 1] != ord("\n")
+        return Skip(match.end(), reason)

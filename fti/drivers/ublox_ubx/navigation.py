@@ -1,4 +1,4 @@
-"""Position, velocity, attitude and status: NAV-PVT and the older messages that say parts of it."""
+"""Position, velocity, attitude and status: NAV-PVT and older messages with parts of it."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ HPPOSLLH = struct.Struct("<BHBI4i4b2I")
 VELNED = struct.Struct("<I3iIIiII")
 ATT = struct.Struct("<IB3x3i3I")
 
-VALID_TIMES = 0b11  # date and time
+VALID_TIMES = 0b11  # validDate and validTime
 FIX_OK, DIFFERENTIAL = 1 << 0, 1 << 1
 INVALID_LLH = 1 << 0
 WEEK_SET, TOW_SET = 1 << 2, 1 << 3
 FIXES = ("no_fix", "dead_reckoning", "fix_2d", "fix_3d", "gnss_dead_reckoning", "time_only")
 MEASURED_FIXES = frozenset(FIXES[2:5])
 CARRIER = ("", "rtk_float", "rtk_fixed")
-#: The receiver's own limit of accuracy for a fix, as it comes from the factory [m].
+#: The receiver's own limit of accuracy for a fix, factory default [m].
 ACCURACY_MASK = 100.0
 
-#: WGS84 (NIMA TR 8350.2); one number at a time costs numpy 20 times as much as this.
+#: WGS84 (NIMA TR 8350.2); numpy is 20 times slower for single numbers.
 _A, _B, _E2, _E2_PRIME = 6378137.0, 6356752.314245179, 0.0066943799901413165, 0.006739496742276434
 
 
@@ -44,7 +44,7 @@ def read_pvt(p: bytes, receiver: ReceiverState, t_rx_ns: int) -> list[Measuremen
     if valid & VALID_TIMES == VALID_TIMES:
         stamp = _utc(receiver, (t_rx_ns, itow), calendar, nano)
     else:
-        receiver.forget_week()
+        receiver.clear_week()
     status = _status(stamp, kind, flags, CARRIER[flags >> 6] if flags >> 6 < len(CARRIER) else "")
     receiver.fix = status.ok
     lost = len(p) > PVT.size and bool(p[PVT.size] & INVALID_LLH)
@@ -64,7 +64,7 @@ def read_pvt(p: bytes, receiver: ReceiverState, t_rx_ns: int) -> list[Measuremen
 
 
 def _utc(receiver: ReceiverState, times: tuple[int, int], calendar: tuple[int, ...], nano: int) -> Stamp:
-    """The stamp of a UTC; and the GPS week in which iTOW is this UTC: leap seconds are few beside it.
+    """The stamp of a UTC; also sets the GPS week from UTC and iTOW (leap seconds are small in comparison).
 
     times : arrival [ns], iTOW [ms]; calendar : year, month, day, hour, minute, second
     """
@@ -77,7 +77,7 @@ def _utc(receiver: ReceiverState, times: tuple[int, int], calendar: tuple[int, .
 
 
 def read_hnr_pvt(p: bytes, receiver: ReceiverState, t_rx_ns: int) -> list[Measurement]:
-    """HNR-PVT: the solution between the epochs of a receiver with inertial sensors."""
+    """HNR-PVT: the solution between epochs of a receiver with inertial sensors."""
     (itow, year, month, day, hour, minute, second, valid, nano, kind, flags, lon, lat, height, h_msl, ground_speed, _,
      heading, _, h_acc, v_acc, s_acc) = HNR_PVT.unpack_from(p)  # fmt: skip
     calendar = (year, month, day, hour, minute, second)
@@ -98,15 +98,15 @@ def read_hnr_pvt(p: bytes, receiver: ReceiverState, t_rx_ns: int) -> list[Measur
 
 
 def _status(stamp: Stamp, kind: int, flags: int, carrier: str = "") -> DeviceStatus:
-    """Kind of fix and its flags: good when it is measured by satellites and within the receiver's own limits."""
+    """Kind of fix and flags; ok if it is measured and within the limits of the receiver."""
     fix = FIXES[kind] if kind < len(FIXES) else f"fix_{kind}"
     within = bool(flags & FIX_OK)
-    said = (fix, "" if within else "beyond_limits", "dgps" if flags & DIFFERENTIAL else "", carrier)
-    return DeviceStatus(stamp=stamp, ok=within and fix in MEASURED_FIXES, flags=tuple(flag for flag in said if flag))
+    names = (fix, "" if within else "beyond_limits", "dgps" if flags & DIFFERENTIAL else "", carrier)
+    return DeviceStatus(stamp=stamp, ok=within and fix in MEASURED_FIXES, flags=tuple(flag for flag in names if flag))
 
 
 def dop(hundredths: int) -> float | None:
-    """A dilution of precision; the largest that a receiver states means unknown."""
+    """A dilution of precision; the maximum means unknown."""
     return hundredths / 100 if hundredths < 9999 else None
 
 
@@ -119,14 +119,14 @@ def read_status(p: bytes, receiver: ReceiverState, t_rx_ns: int) -> list[Measure
 
 
 def read_sol(p: bytes, receiver: ReceiverState, t_rx_ns: int) -> list[Measurement]:
-    """NAV-SOL: earth-centred; its accuracy is that of the whole vector, so it bounds each part."""
+    """NAV-SOL: earth-centred; its accuracy is of the whole vector and bounds each part."""
     itow, fraction, week, kind, flags, x, y, z, p_acc, vx, vy, vz, s_acc, pdop, _, used = SOL.unpack_from(p)
     stamp = Stamp(t_rx_ns)
     if flags & WEEK_SET and flags & TOW_SET and week > 0 and itow < WEEK_MS:
         receiver.set_week(week, itow)
         stamp = Stamp(t_rx_ns, gps_ns(week, itow * 1_000_000 + fraction), TimeScale.GPS)
     else:
-        receiver.forget_week()
+        receiver.clear_week()
     status = _status(stamp, kind, flags)
     receiver.fix = status.ok
     lat, lon, alt = geodetic(x / 100, y / 100, z / 100)
@@ -166,12 +166,12 @@ def to_ned(lat: float, lon: float, vx: float, vy: float, vz: float) -> tuple[flo
 
 
 def _is_trusted(receiver: ReceiverState, sd: float | None, limit: float) -> bool:
-    """Messages without a flag: as good as the newest fix stated and, always, within the limit."""
+    """Validity of messages without a flag: that of the newest fix, and an accuracy within the limit."""
     return receiver.fix is not False and sd is not None and sd <= limit
 
 
 def read_posllh(p: bytes, receiver: ReceiverState, t_rx_ns: int) -> list[Measurement]:
-    """NAV-POSLLH: does not say whether it is valid."""
+    """NAV-POSLLH: has no validity flag."""
     itow, lon, lat, height, h_msl, h_acc, v_acc = POSLLH.unpack_from(p)
     horizontal_sd = metres(h_acc)
     return [
@@ -205,7 +205,7 @@ def read_hpposllh(p: bytes, receiver: ReceiverState, t_rx_ns: int) -> list[Measu
 
 
 def read_velned(p: bytes, receiver: ReceiverState, t_rx_ns: int) -> list[Measurement]:
-    """NAV-VELNED: cm/s; does not say whether it is valid."""
+    """NAV-VELNED: cm/s; has no validity flag."""
     itow, north, east, down, _, ground_speed, heading, s_acc, _ = VELNED.unpack_from(p)
     sd = None if s_acc == UNKNOWN_U32 else s_acc / 100
     return [
@@ -218,15 +218,15 @@ def read_velned(p: bytes, receiver: ReceiverState, t_rx_ns: int) -> list[Measure
 
 
 def read_att(p: bytes, receiver: ReceiverState, t_rx_ns: int) -> list[Measurement]:
-    """NAV-ATT: the attitude of a receiver with inertial sensors; an accuracy of 0 means that there is none."""
+    """NAV-ATT: the attitude of a receiver with inertial sensors; an accuracy of 0 means none."""
     itow, _, roll, pitch, heading, *accuracies = ATT.unpack_from(p)
     roll_sd, pitch_sd, heading_sd = (math.radians(a * 1e-5) if 0 < a < UNKNOWN_U32 else None for a in accuracies)
-    known = roll_sd is not None and pitch_sd is not None
+    has_tilt = roll_sd is not None and pitch_sd is not None
     return [
         Attitude(
             stamp=receiver.stamp(t_rx_ns, itow),
             roll=math.radians(roll * 1e-5), pitch=math.radians(pitch * 1e-5),
             heading=None if heading_sd is None else wrap_heading(math.radians(heading * 1e-5)),
-            roll_sd=roll_sd, pitch_sd=pitch_sd, heading_sd=heading_sd, valid=known,
+            roll_sd=roll_sd, pitch_sd=pitch_sd, heading_sd=heading_sd, valid=has_tilt,
         )
     ]  # fmt: skip

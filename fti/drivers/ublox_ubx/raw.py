@@ -1,6 +1,6 @@
 """Raw observations: RXM-RAWX and its predecessor RXM-RAW.
 
-The time of the epoch is that of the receiver's own clock, near GPS time; NAV-CLOCK says how near.
+The time of the epoch is that of the receiver clock, near GPS time; NAV-CLOCK has the offset.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ SIGNALS = {
     "glonass": {0: "L1C", 2: "L2C"},
     "navic": {0: "L5A"},
 }
-#: Carriers by band; those that are elsewhere; GLONASS by its channel (freqId - 7): carrier of channel 0 and step.
+#: Carriers by band; exceptions; GLONASS by its channel (freqId - 7): carrier of channel 0 and step.
 BANDS = {"1": 1575.42e6, "2": 1227.60e6, "5": 1176.45e6, "6": 1278.75e6, "7": 1207.14e6}
 SPECIAL_CARRIERS_HZ = {("beidou", "L2I"): 1561.098e6, ("beidou", "L6I"): 1268.52e6}
 GLONASS = {"L1C": (1602.0e6, 0.5625e6), "L2C": (1246.0e6, 0.4375e6)}
@@ -62,7 +62,7 @@ def carrier_hz(name: str, signal: str, frequency_id: int) -> float | None:
 
 
 def frequency_id(o: Pseudorange) -> int:
-    """The freqId of an observation; channel 0 when its carrier is not known, and 0 for other systems than GLONASS."""
+    """The freqId of an observation; channel 0 if its carrier is unknown, 0 for other systems than GLONASS."""
     if o.system != "glonass":
         return 0
     base, step = GLONASS[o.signal]
@@ -73,7 +73,7 @@ def read_rawx(p: bytes, receiver: ReceiverState, t_rx_ns: int) -> list[Measureme
     """RXM-RAWX."""
     second, week, _, count, _, _ = HEAD.unpack_from(p)
     if len(p) != RAWX_SHAPE.size + count * RAWX_SHAPE.step:
-        raise ValueError("the count of signals is not that of the bytes")
+        raise ValueError("count of signals and length differ")
     stamp = Stamp(t_rx_ns)
     if week and 0.0 <= second < WEEK_S:
         stamp = Stamp(t_rx_ns, gps_ns(week, round(second * SECOND_NS)), TimeScale.GPS)
@@ -107,7 +107,7 @@ def read_raw(p: bytes, receiver: ReceiverState, t_rx_ns: int) -> list[Measuremen
     """RXM-RAW: GPS and SBAS on L1."""
     itow, week, count = RAW_HEAD.unpack_from(p)
     if len(p) != RAW_SHAPE.size + count * RAW_SHAPE.step:
-        raise ValueError("the count of satellites is not that of the bytes")
+        raise ValueError("count of satellites and length differ")
     stamp = Stamp(t_rx_ns)
     if week > 0 and 0 <= itow < WEEK_S * 1000:
         stamp = Stamp(t_rx_ns, gps_ns(week, itow * 1_000_000), TimeScale.GPS)
@@ -130,11 +130,11 @@ def _raw(wires: Iterable[tuple[float, float, float, int, int, int, int]]) -> Ite
 
 
 def make_rawx(t_gps_ns: int, observations: tuple[Pseudorange, ...]) -> bytes:
-    """RXM-RAWX of these observations; those of signals that it does not know are left out."""
+    """RXM-RAWX of these observations; unknown signals are omitted."""
     week, of_week_ns = gps_week(t_gps_ns)
-    known = [(o, i) for o in observations if (i := _signal_id(o)) is not None]
-    head = HEAD.pack(of_week_ns / SECOND_NS, week, LEAP_S, len(known), LEAP_KNOWN, 1)
-    return frame(0x02, 0x15, head + b"".join(_pack(o, i) for o, i in known))
+    encodable = [(o, i) for o in observations if (i := _signal_id(o)) is not None]
+    head = HEAD.pack(of_week_ns / SECOND_NS, week, LEAP_S, len(encodable), LEAP_KNOWN, 1)
+    return frame(0x02, 0x15, head + b"".join(_pack(o, i) for o, i in encodable))
 
 
 def _signal_id(o: Pseudorange) -> int | None:

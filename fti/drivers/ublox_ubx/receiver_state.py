@@ -1,4 +1,4 @@
-"""What a u-blox receiver has told so far: the GPS week, whether it has a fix, and parts of ephemerides."""
+"""State of a u-blox receiver: GPS week, fix, and incomplete ephemerides."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ UNKNOWN_U32 = 0xFFFFFFFF
 
 
 class ReceiverState:
-    """Most messages say only the time of the week (iTOW); the week comes with others.
+    """Most messages have only the time of the week (iTOW); the week comes from others.
 
-    fix : the newest fix that the receiver has stated is good; None when it has stated none
+    fix : is the newest stated fix valid?  None before the first
     """
 
     def __init__(self) -> None:
@@ -24,7 +24,7 @@ class ReceiverState:
         self._subframes: dict[int, dict[int, Subframe]] = {}  # by satellite and number
 
     def add_subframe(self, satellite: int, subframe: Subframe) -> tuple[Subframe, ...]:
-        """Subframes 1, 2 and 3 of a GPS satellite with the one that completes them; else none."""
+        """Subframes 1, 2 and 3 of a GPS satellite if this one completes them; otherwise none."""
         if subframe.issue is None:
             return ()
         parts = self._subframes.setdefault(satellite, {})
@@ -35,26 +35,26 @@ class ReceiverState:
         return parts[1], parts[2], parts[3]
 
     def set_week(self, week: int, itow_ms: int) -> None:
-        """The receiver has said the week of this time."""
+        """Set the week of this time."""
         self._week, self._itow_ms = week, itow_ms
 
-    def forget_week(self) -> None:
-        """The receiver has said that it does not know the time: it was switched off and on."""
+    def clear_week(self) -> None:
+        """Clear the week: the receiver was restarted and does not know the time."""
         self._week = None
 
     def stamp(self, t_rx_ns: int, itow_ms: int) -> Stamp:
-        """GPS time of a message that says the time of the week [ms]; without device time when the week is unknown."""
+        """GPS time of a message with time of the week [ms]; without device time if the week is unknown."""
         if self._week is None or itow_ms >= WEEK_MS:
             return Stamp(t_rx_ns)
-        week, ahead_ms = self._week, itow_ms - self._itow_ms
-        if ahead_ms < -_HALF_WEEK_MS:
+        week, difference_ms = self._week, itow_ms - self._itow_ms
+        if difference_ms < -_HALF_WEEK_MS:
             week += 1
             self.set_week(week, itow_ms)
-        elif ahead_ms > _HALF_WEEK_MS:  # late by the end of a week
+        elif difference_ms > _HALF_WEEK_MS:  # of the previous week
             week -= 1
         return Stamp(t_rx_ns, gps_ns(week, itow_ms * SECOND_NS // 1000), TimeScale.GPS)
 
 
 def metres(millimetres: int) -> float | None:
-    """An accuracy in mm; None when it is the largest number there is."""
+    """An accuracy from mm; None if it has the value for unknown."""
     return None if millimetres == UNKNOWN_U32 else millimetres / 1000

@@ -20,7 +20,7 @@ SVINFO_SHAPE = PayloadShape(HEAD.size, SVINFO.size, 4)
 SYSTEMS = ("gps", "sbas", "galileo", "beidou", "imes", "qzss", "glonass", "navic")
 USED_IN_SAT, USED_IN_SVINFO = 1 << 3, 1 << 0
 HEALTHY, CARRIER_LOCKED = 1 << 4, 7
-#: Numbers of NAV-SVINFO: first, last, system, what to add for the number within the system.
+#: Numbers of NAV-SVINFO: first, last, system, offset to the number within the system.
 SVINFO_NUMBERS = (
     (1, 32, "gps", 0), (33, 64, "beidou", -27), (65, 96, "glonass", -64), (120, 158, "sbas", 0),
     (159, 163, "beidou", -158), (173, 182, "imes", -172), (193, 202, "qzss", -192), (211, 246, "galileo", -210),
@@ -36,24 +36,24 @@ def read_sat(p: bytes, receiver: ReceiverState, t_rx_ns: int) -> list[Measuremen
     """NAV-SAT."""
     itow, _, count = HEAD.unpack_from(p)
     if len(p) != SAT_SHAPE.size + count * SAT_SHAPE.step:
-        raise ValueError("the count of satellites is not that of the bytes")
-    found = tuple(
+        raise ValueError("count of satellites and length differ")
+    satellites = tuple(
         _satellite((system(gnss_id), number), azimuth, elevation, cn0, bool(flags & USED_IN_SAT))
         for gnss_id, number, cn0, elevation, azimuth, _, flags in SAT.iter_unpack(p[HEAD.size :])
     )
-    return [Satellites(stamp=receiver.stamp(t_rx_ns, itow), satellites=found)]
+    return [Satellites(stamp=receiver.stamp(t_rx_ns, itow), satellites=satellites)]
 
 
 def read_svinfo(p: bytes, receiver: ReceiverState, t_rx_ns: int) -> list[Measurement]:
     """NAV-SVINFO."""
     itow, count, _ = HEAD.unpack_from(p)
     if len(p) != SVINFO_SHAPE.size + count * SVINFO_SHAPE.step:
-        raise ValueError("the count of satellites is not that of the bytes")
-    found = tuple(
+        raise ValueError("count of satellites and length differ")
+    satellites = tuple(
         _satellite(_of_number(number), azimuth, elevation, cn0, bool(flags & USED_IN_SVINFO))
         for _, number, flags, _, cn0, elevation, azimuth, _ in SVINFO.iter_unpack(p[HEAD.size :])
     )
-    return [Satellites(stamp=receiver.stamp(t_rx_ns, itow), satellites=found)]
+    return [Satellites(stamp=receiver.stamp(t_rx_ns, itow), satellites=satellites)]
 
 
 def _of_number(number: int) -> tuple[str, int]:
@@ -64,13 +64,13 @@ def _of_number(number: int) -> tuple[str, int]:
 
 
 def _satellite(key: tuple[str, int], azimuth: int, elevation: int, cn0: int, used: bool) -> Satellite:
-    """An elevation beyond the zenith means that the direction is unknown; a C/N0 of 0 that there is no signal."""
-    known = -90 <= elevation <= 90
+    """An elevation beyond 90 deg means an unknown direction; a C/N0 of 0 no signal."""
+    has_direction = -90 <= elevation <= 90
     return Satellite(
         system=key[0],
         number=key[1],
-        azimuth=math.radians(azimuth % 360) if known else None,
-        elevation=math.radians(elevation) if known else None,
+        azimuth=math.radians(azimuth % 360) if has_direction else None,
+        elevation=math.radians(elevation) if has_direction else None,
         cn0_dbhz=float(cn0) if cn0 else None,
         used=used,
     )
@@ -87,9 +87,9 @@ def read_dop(p: bytes, receiver: ReceiverState, t_rx_ns: int) -> list[Measuremen
 
 
 def make_sat(itow_ms: int, satellites: tuple[Satellite, ...]) -> bytes:
-    """NAV-SAT of these satellites; those of systems that it does not know are left out."""
-    known = [s for s in satellites if s.system in SYSTEMS]
-    return frame(0x01, 0x35, HEAD.pack(itow_ms, 1, len(known)) + b"".join(_pack_sat(s) for s in known))
+    """NAV-SAT of these satellites; unknown systems are omitted."""
+    encodable = [s for s in satellites if s.system in SYSTEMS]
+    return frame(0x01, 0x35, HEAD.pack(itow_ms, 1, len(encodable)) + b"".join(_pack_sat(s) for s in encodable))
 
 
 def _pack_sat(s: Satellite) -> bytes:

@@ -1,4 +1,4 @@
-"""Names of UBX messages, by class and id, and how messages that a receiver can be asked for are switched on."""
+"""Names of UBX messages by class and id, and the configuration keys of messages that can be enabled."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ NAMES = {
     for message_id, _, name in (part.partition(":") for part in text.split())
 }
 
-#: Messages that can be asked for: class, id, and the key of the rate on the first port (I2C); the others follow it.
+#: Requestable messages: class, id, and the rate key of the first port (I2C); the keys of the other ports follow.
 OUTPUTS = {
     "NAV-POSLLH": (0x01, 0x02, 0x20910029),
     "NAV-STATUS": (0x01, 0x03, 0x2091001A),

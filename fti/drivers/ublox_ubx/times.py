@@ -21,7 +21,7 @@ def read_timegps(p: bytes, receiver: ReceiverState, t_rx_ns: int) -> list[Measur
     """NAV-TIMEGPS: iTOW [ms] and the rest of it [ns]."""
     itow, fraction, week, _, valid, _ = TIMEGPS.unpack_from(p)
     if not (valid & TOW_VALID and valid & WEEK_VALID) or week < 0 or itow >= WEEK_MS:
-        receiver.forget_week()
+        receiver.clear_week()
         return []
     receiver.set_week(week, itow)
     return [DeviceTime(stamp=Stamp(t_rx_ns, gps_ns(week, itow * 1_000_000 + fraction), TimeScale.GPS))]

@@ -1,1 +1,1 @@
-"""Making the reference of an approach: simulated or recorded approaches, and the limits that come of them."""
+"""Reference of an approach: simulated or recorded approaches, and the limits that follow from them."""

@@ -1,13 +1,13 @@
-"""What the limits would be of independent, normal residuals: beside the calibrated ones for a check, never used.
+"""Limits for independent, normal residuals: only a check of the calibrated ones, never used.
 
     K_eff = L / l_c residuals in a window, M = s_max / L windows in an approach, a = Pfa / 4 for each test
 
     T1  chi-square with K_eff - 1 degrees of freedom, at a / M      T2  chi-square with one, at a / M
-    T3  |normal|, at a / M                                          T4  normal, at a / (M K_eff): the greatest of them
+    T3  |normal|, at a / M                                          T4  normal, at a / (M K_eff): the maximum of them
 
-Templates of T4 longer than a bin are no further residuals here: where they add chances, its limit is higher.
-Calibrated limits lie about them.  Where they do not, residuals are not what the model takes them for: T1 far below is a
-sigma that allows for more than nominal flights make use of, T1 far above one that allows for less.
+Templates of T4 longer than a bin are not counted as further residuals here, so its calibrated limit may be higher.
+Calibrated limits are close to these.  Otherwise the residuals do not fit the model: with T1 far below, the modelled
+sigma is larger than that of nominal flights; with T1 far above, it is smaller.
 Sources: Wilson and Hilferty 1931 (chi-square quantile); Bonferroni for the many windows.
 """
 
@@ -22,7 +22,7 @@ TESTS = 4
 
 
 def chi_square_quantile(degrees: float, beyond: float) -> float:
-    """What a chi-square exceeds with the probability ``beyond``; within 3 % down to 1e-5 from 7 degrees on."""
+    """Chi-square quantile with the exceedance probability ``beyond``; within 3 % down to 1e-5 for 7 degrees or more."""
     spread = 2.0 / (9.0 * degrees)
     return float(degrees * (1.0 - spread + NormalDist().inv_cdf(1.0 - beyond) * math.sqrt(spread)) ** 3)
 

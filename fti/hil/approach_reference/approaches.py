@@ -1,7 +1,7 @@
-"""Simulated nominal approaches, flown faster than real time: what the integrity monitor is calibrated with.
+"""Simulated nominal approaches for the calibration of the integrity monitor, faster than real time.
 
-No bytes and no links: arrays of altimeter heights and navigation go straight into the monitor.  What varies from flight
-to flight is in ``Spread``; every error that wanders is a first-order Gauss-Markov process.
+No bytes and no links: arrays of altimeter heights and navigation are the input of the monitor.  ``Spread`` has the
+variation between flights; every varying error is a first-order Gauss-Markov process.
 """
 
 from __future__ import annotations
@@ -32,30 +32,30 @@ from fti.types import ClearanceIntegrity
 Array = NDArray[np.float64]
 
 START_NS = 1_000_000_000
-#: Height errors shrink with the distance to go from here on [m]: nobody is 5 m low over the threshold.
+#: Height errors decrease linearly within this distance to go [m].
 TAPER_M = 1000.0
-#: Nobody flies lower than this over the plane of the runway [m].
+#: Minimum height above the plane of the runway [m].
 FLARE_M = 3.0
-#: Share of the sigma of the navigated height that varies faster than a window lasts, and its correlation time [s].
+#: Share of the sigma of the navigated height that varies within a window, and its correlation time [s].
 FAST_SHARE, FAST_S = 0.5, 3.0
-#: Distance that a spatial process takes for a second of a temporal one [m].
+#: Distance in a spatial process that corresponds to one second of a temporal one [m].
 UNIT_M = 10.0
-#: The ground is traced at least so often along the way [m]: a bin of the reference, and less than any footprint.
+#: Maximum spacing of traced poses along the track [m]: a bin of the reference, less than any footprint.
 TRACE_M = 5.0
 
 
 @dataclass(frozen=True, slots=True)
 class Spread:
-    """One sigma of what differs between nominal approaches.
+    """One sigma of the variation between nominal approaches.
 
-    track, height           : flown against the published path [m], over ``period`` [s]
+    track, height           : deviation from the published path [m], correlated over ``period`` [s]
     speed                   : ground speed, about ``speed_mean`` [m/s]
     roll, pitch, crab       : attitude about level, trimmed and along the track [rad]
-    nav_horizontal, nav_vertical : navigation error [m], told as its sigma; a part of the height's is fast
-    latency                 : what is left of the altimeter's latency [s]
+    nav_horizontal, nav_vertical : navigation error [m], equal to its stated sigma; a part of the height error is fast
+    latency                 : residual latency of the altimeter [s]
     dem_bias, dem_short, dem_long : error of the elevation: constant, over 30 m and over 300 m [m]
 
-    The defaults are what the limits of a reference assume, and what it states (``fti.nav.integrity.assumptions``).
+    The defaults are the assumptions of a reference, which it states (``fti.nav.integrity.assumptions``).
     """
 
     track: float = 15.0
@@ -76,15 +76,15 @@ class Spread:
 
 
 NOMINAL = Spread()
-#: A survey aircraft over a surveyed surface: what most flights are, better than what limits assume.
+#: A survey aircraft over a surveyed surface: typical flights, better than the limits assume.
 TYPICAL = Spread(track=5.0, nav_horizontal=2.0, nav_vertical=1.0, dem_short=0.5, dem_long=0.5)
 
 
 @dataclass(frozen=True, eq=False)
 class AltimeterModel:
-    """An altimeter as it measures: beam, noise [m] and the steps of its output.
+    """An altimeter: beam, noise [m] and quantisation.
 
-    step : size of the steps of its output at heights [m], any shape
+    step : size of the output steps [m] at heights [m], any shape
     """
 
     sensor: ReferenceSensor
@@ -99,12 +99,12 @@ class AltimeterModel:
         return NearestReturn(beam_width=float(np.deg2rad(self.sensor.beam_deg)))
 
     def quantise(self, height: Array) -> Array:
-        """Heights [m] as the instrument shows them."""
+        """Heights [m] with the quantisation of the output."""
         step = self.step(height)
         return np.asarray(np.rint(height / step) * step)
 
     def sd(self, height: Array) -> Array:
-        """One sigma of a sample at heights [m]: noise, and the step over root 12."""
+        """One sigma of a sample at heights [m]: noise, and step / sqrt(12)."""
         return np.asarray(np.hypot(self.noise_sd, self.step(height) / np.sqrt(12.0)))
 
 
@@ -128,8 +128,8 @@ MODELS = {"ra4500": RA4500, "laser": LASER}
 class SimulatedApproach:
     """One approach, arrays of shape (n,).
 
-    vertical_sd, horizontal_sd : what navigation says of its height and place [m]      t : [s]      climb : [m/s]
-    roll : beyond the bank of the track, pitch : [rad]
+    vertical_sd, horizontal_sd : stated sigmas of navigation [m]      t : [s]      climb : [m/s]
+    roll : minus the bank of the track, pitch : [rad]
     s, y, alt   : truth [m]      nav_s, nav_y, nav_alt : as navigated [m]      agl : raw height as measured, at P [m]
     """
 
@@ -149,7 +149,7 @@ class SimulatedApproach:
 
 
 class ApproachGround(Protocol):
-    """What lies below an approach."""
+    """The ground below an approach."""
 
     @property
     def path(self) -> ApproachPath:
@@ -157,7 +157,7 @@ class ApproachGround(Protocol):
 
     @property
     def altimeter(self) -> AltimeterModel:
-        """The altimeter that is flown over it."""
+        """The altimeter above it."""
 
     def ranges(self, pose: Array, rng: np.random.Generator) -> Array:
         """Ranges [m] along poses, rows s, y, alt, roll, pitch, crab, without the instrument's noise; NaN: no return."""
@@ -165,9 +165,9 @@ class ApproachGround(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class TerrainGround:
-    """Terrain; where there are several of it (seasons of the vegetation, say) each approach meets one of them.
+    """Terrain; of several (such as seasons of the vegetation), each approach draws one.
 
-    receivers : each approach is flown with one of them; none: the range model of the altimeter
+    receivers : each approach draws one of them; none: the range model of the altimeter
     """
 
     path: ApproachPath
@@ -176,7 +176,7 @@ class TerrainGround:
     receivers: tuple[ReceiverVariant, ...] = ()
 
     def ranges(self, pose: Array, rng: np.random.Generator) -> Array:
-        """By the range model of the altimeter, or of one of the receivers."""
+        """Ranges by the range model of the altimeter, or of one of the receivers."""
         terrain = self.terrains[rng.integers(len(self.terrains))]
         poses = self.poses(terrain, pose)
         if not self.receivers:
@@ -185,9 +185,9 @@ class TerrainGround:
         return measure((receiver,), terrain, poses, np.zeros((1, 2)))[:, 0, 0]
 
     def poses(self, terrain: Terrain, pose: Array) -> Poses:
-        """Of rows s, y, alt, roll, pitch, crab."""
+        """Poses from rows s, y, alt, roll, pitch, crab."""
         s, y, alt, roll, pitch, crab = pose
-        lat, lon = self.path.geodetic(s, y)
+        lat, lon = self.path.to_geodetic(s, y)
         return sensor_poses(terrain.frame, lat, lon, alt, roll, pitch, self.path.course(s) + crab)
 
 
@@ -200,9 +200,9 @@ def simulate(
     spread: Spread = TYPICAL,
     offset: Callable[[Array], Array] | None = None,
 ) -> SimulatedApproach:
-    """One nominal approach from s_max down to s_end; ``offset(s)`` [m] to the right makes it another one.
+    """One nominal approach from s_max down to s_end, displaced by ``offset(s)`` [m] to the right.
 
-    The altimeter sits at P and is traced with the attitude of the moment every few metres, straight lines between;
+    The altimeter is at P.  Ranges are traced with the current attitude every few metres and interpolated linearly;
     samples without a return are left out.
     """
     altimeter = ground.altimeter
@@ -211,8 +211,8 @@ def simulate(
     s = s_max - speed * t
     y = gauss_markov_noise(t, spread.track, spread.period, rng) + (offset(s) if offset else 0.0)
     alt = approach_altitude(ground.path, s, gauss_markov_noise(t, spread.height, spread.period, rng))
-    off = gauss_markov_noise(t, spread.roll, 5.0, rng)
-    roll = ground.path.bank(s) + off
+    roll_error = gauss_markov_noise(t, spread.roll, 5.0, rng)
+    roll = ground.path.bank(s) + roll_error
     pitch = spread.pitch_mean + gauss_markov_noise(t, spread.pitch, 10.0, rng)
     crab = gauss_markov_noise(t, spread.crab, spread.period, rng)
     lag = rng.normal(0.0, spread.latency)
@@ -220,22 +220,22 @@ def simulate(
     pose = np.stack((s + speed * lag, y, alt, roll, pitch, crab))
     clear = ground.ranges(pose[:, some], rng)
     measured = np.interp(t, t[some], clear)  # NaN where one of both neighbours is
-    seen = np.isfinite(measured)
+    has_return = np.isfinite(measured)
     measured += rng.normal(0.0, spread.dem_bias) + _dem_error(s[0] - s, spread, rng)
     agl = _project_vertical(altimeter, measured, roll, pitch) + white_noise(t, altimeter.noise_sd, rng)
     nav = [gauss_markov_noise(t, sd, spread.period, rng) for sd in (spread.nav_horizontal,) * 2]
     nav.append(_nav_vertical(t, spread, rng))
     climb = np.gradient(alt, t)
-    shown = altimeter.quantise(np.maximum(np.nan_to_num(agl), 0.0))
-    columns = (t, s, y, alt, shown, s + nav[0], y + nav[1], alt + nav[2], off, pitch, climb)
+    output = altimeter.quantise(np.maximum(np.nan_to_num(agl), 0.0))
+    columns = (t, s, y, alt, output, s + nav[0], y + nav[1], alt + nav[2], roll_error, pitch, climb)
     return dataclasses.replace(
-        SimulatedApproach(spread.nav_vertical, *(column[seen] for column in columns)),
+        SimulatedApproach(spread.nav_vertical, *(column[has_return] for column in columns)),
         horizontal_sd=spread.nav_horizontal,
     )
 
 
 def _nav_vertical(t: Array, spread: Spread, rng: np.random.Generator) -> Array:
-    """Error of the navigated height [m]: most of it slow, a part as fast as a satellite fix jumps."""
+    """Error of the navigated height [m]: a slow part, and a fast part as in satellite fixes."""
     fast = gauss_markov_noise(t, FAST_SHARE * spread.nav_vertical, FAST_S, rng)
     return np.asarray(
         gauss_markov_noise(t, math.sqrt(1.0 - FAST_SHARE**2) * spread.nav_vertical, spread.period, rng) + fast
@@ -243,9 +243,9 @@ def _nav_vertical(t: Array, spread: Spread, rng: np.random.Generator) -> Array:
 
 
 def window_noise(nav_vertical: float, window_s: float) -> float:
-    """One sigma of the navigated height within a window, its mean removed [m]: the fast part, and what the slow drifts.
+    """One sigma of the navigated height within a window, mean removed [m]: fast part, and drift of the slow one.
 
-    nav_vertical [m]; window_s : how long a window lasts [s].  Of a first-order Gauss-Markov process of the correlation
+    nav_vertical [m]; window_s : duration of a window [s].  Of a first-order Gauss-Markov process of the correlation
     time tau the variance within a short window T is sigma^2 T / (3 tau) (Gelb 1974, Applied optimal estimation, 3.8).
     """
     drift = (1.0 - FAST_SHARE**2) * window_s / (3.0 * NOMINAL.period)
@@ -254,25 +254,25 @@ def window_noise(nav_vertical: float, window_s: float) -> float:
 
 def approach_altitude(path: ApproachPath, s: Array, error: Array) -> Array:
     """Altitude above the ellipsoid [m] with a height error [m] that tapers off, and a flare."""
-    wanted = path.alt_path(s) + error * np.clip(s / TAPER_M, 0.0, 1.0)
-    return np.maximum(wanted, path.alt_gpi - path.airfield.runway_slope * s + FLARE_M)
+    nominal = path.alt_path(s) + error * np.clip(s / TAPER_M, 0.0, 1.0)
+    return np.maximum(nominal, path.alt_gpi - path.airfield.runway_slope * s + FLARE_M)
 
 
 def _project_vertical(altimeter: AltimeterModel, measured: Array, roll: Array, pitch: Array) -> Array:
-    """A laser's range onto the vertical; a radar's leading edge is a height already."""
+    """Vertical component of the range of a laser; the range of a radar is already a height."""
     return measured * np.cos(roll) * np.cos(pitch) if altimeter.sensor.kind == "laser" else measured
 
 
 def _dem_error(along: Array, spread: Spread, rng: np.random.Generator) -> Array:
-    """What varies of elevation minus truth at ascending distances [m]; the bias comes on top."""
+    """Varying part of elevation minus truth [m] at ascending distances [m], without the bias."""
     short = gauss_markov_noise(along / UNIT_M, spread.dem_short, 30.0 / UNIT_M, rng)
     return np.asarray(short + gauss_markov_noise(along / UNIT_M, spread.dem_long, 300.0 / UNIT_M, rng))
 
 
 def draw_profile(ground: ApproachGround, s: Array, rng: np.random.Generator, spread: Spread = NOMINAL) -> Array:
-    """One draw of the terrain as one receiver sees it [m] at ascending path lengths s: z = alt - agl.
+    """One draw of the terrain measured by one receiver [m] at ascending path lengths s: z = alt - agl.
 
-    Track, height, attitude and the navigated s are off by constants; the elevation errs over 30 and 300 m.
+    Track, height, attitude and the navigated s have constant errors; elevation errors are correlated over 30 and 300 m.
     """
     sds = (spread.nav_horizontal, spread.track, spread.height, spread.roll, spread.pitch, spread.crab)
     pose = np.outer(rng.normal(0.0, sds), np.ones_like(s))
@@ -284,11 +284,10 @@ def draw_profile(ground: ApproachGround, s: Array, rng: np.random.Generator, spr
     return np.asarray(pose[2] - measured + _dem_error(s, spread, rng))
 
 
-def track_of(flown: SimulatedApproach) -> ClearanceSeries:
-    """The approach as the monitor takes it."""
-    t_ns = START_NS + np.rint(flown.t * 1e9).astype(np.int64)
-    columns = (flown.nav_s, flown.nav_y, flown.nav_alt, flown.agl, flown.roll, flown.pitch, flown.climb)
-    return ClearanceSeries(t_ns, *columns)
+def track_of(approach: SimulatedApproach) -> ClearanceSeries:
+    """The approach as input series of the monitor."""
+    a, t_ns = approach, START_NS + np.rint(approach.t * 1e9).astype(np.int64)
+    return ClearanceSeries(t_ns, a.nav_s, a.nav_y, a.nav_alt, a.agl, a.roll, a.pitch, a.climb)
 
 
 def sample_of(track: ClearanceSeries, k: int, vertical_sd: float, horizontal_sd: float) -> ClearanceSample:
@@ -299,18 +298,18 @@ def sample_of(track: ClearanceSeries, k: int, vertical_sd: float, horizontal_sd:
     return ClearanceSample(t_ns, t_ns, s, y, alt, agl, roll, pitch, climb, vertical_sd, horizontal_sd)
 
 
-def samples(flown: SimulatedApproach) -> Iterator[ClearanceSample]:
+def samples(approach: SimulatedApproach) -> Iterator[ClearanceSample]:
     """All samples of an approach."""
-    track = track_of(flown)
-    return (sample_of(track, k, flown.vertical_sd, flown.horizontal_sd) for k in range(len(track.t_ns)))
+    track = track_of(approach)
+    return (sample_of(track, k, approach.vertical_sd, approach.horizontal_sd) for k in range(len(track.t_ns)))
 
 
-def run_monitor(monitor: ClearanceMonitor, flown: SimulatedApproach) -> list[ClearanceIntegrity]:
-    """Everything that the monitor says on this approach."""
-    track, outputs = track_of(flown), list[ClearanceIntegrity]()
+def run_monitor(monitor: ClearanceMonitor, approach: SimulatedApproach) -> list[ClearanceIntegrity]:
+    """All outputs of the monitor on this approach."""
+    track, outputs = track_of(approach), list[ClearanceIntegrity]()
     k = 0
     while (k := monitor.skip(track, k)) < len(track.t_ns):
-        output = monitor.step(sample_of(track, k, flown.vertical_sd, flown.horizontal_sd))
+        output = monitor.step(sample_of(track, k, approach.vertical_sd, approach.horizontal_sd))
         if output is not None:
             outputs.append(output)
         k += 1

@@ -1,12 +1,12 @@
-"""Making a reference: a profile (``fti.hil.approach_reference.profile``), and the limits of the monitor's tests for it.
+"""Calibration of a reference: its profile (``fti.hil.approach_reference.profile``), and the limits of the tests.
 
     limits    t_i = quantile 1 - Pfa / 4 of the maxima of T_i over whole nominal approaches, all windows, dependence
               included (``fti.hil.approach_reference.tail_quantiles``), with a 95 % bootstrap interval
-    verified  other nominal approaches through the whole logic, states included: how many had an ALERT
-    Pd        share of windows with a test over its limit when the aircraft flies 50, 100, 200 m beside the track and
-              navigation says on it, by the part of the way in which they end; each window for itself: how long an ALERT
-              lasts that an earlier one has raised is not in it
-    obstacles the smallest that T4 sees (``fti.hil.approach_reference.obstacles``)
+    verified  number of ALERTs on other nominal approaches, with the whole monitor logic
+    Pd        share of windows with a test over its limit when the aircraft flies 50, 100, 200 m off the track and
+              navigation indicates zero offset, by the part of the track in which they end; windows count separately,
+              without the hysteresis of an ALERT
+    obstacles smallest one that T4 detects (``fti.hil.approach_reference.obstacles``)
 
 Source: Spiegel 2018, 7.2.2; limits calibrated instead of chosen.
 """
@@ -47,39 +47,39 @@ Array = NDArray[np.float64]
 
 TESTS = ("t1", "t2", "t3", "t4")
 METHOD = "maxima of each approach, quantile 1 - pfa/4, generalised-Pareto tail by probability-weighted moments"
-#: Approaches that the correlation length is found from.
+#: Number of approaches for the correlation length.
 CORRELATION_RUNS = 100
-#: One in so many of the calibration's approaches is flown again, with another seed, to verify the limits.
+#: Calibration approaches per verification approach; the latter have another seed.
 VERIFICATION_STRIDE = 4
 TRACK_OFFSETS_M = (50.0, 100.0, 200.0)
 PART_M = 1000.0
-#: T2 counts in the maxima where a shift is observable for limits from here on: over level ground nowhere.
+#: T2 counts in the maxima if a shift is observable for limits of this size or more: never over level ground.
 MIN_T2_LIMIT = 1.0
-#: Alert limits do not matter where only alarms count: those of the protection levels are kept out of the way.
+#: No alert limit for the protection levels, because only alarms of the tests count [m].
 UNLIMITED_ALERT_M = 1e6
 
 
 def make_reference(
     ground: TerrainGround, plan: ReferenceOptions, progress: Progress, run_all: TaskRunner = run_serially
 ) -> ApproachReference:
-    """From terrain and sensor model: profile, limits, tables of detection and of obstacles.
+    """The reference from terrain and sensor model: profile, limits, tables of detection and of obstacles.
 
-    Raises ConfigError where the terrain does not cover the approach.
+    Raises ConfigError if the terrain does not cover the approach.
     """
     ground = with_receivers(ground, plan)
     mapped = map_ground(ground, plan.s_max, functools.partial(progress, "range map"), run_all)
     surface = make_surface(mapped, plan, progress, run_all)
     reference = calibrate(mapped, surface, plan, progress, run_all)
-    offsets = [(sign * y, run) for y in TRACK_OFFSETS_M for sign in (-1, 1) for run in range(plan.beside_runs // 2)]
+    offsets = [(sign * y, run) for y in TRACK_OFFSETS_M for sign in (-1, 1) for run in range(plan.offset_runs // 2)]
     task = functools.partial(_off_track_detections, ground, plan, reference)
-    found = run_all(task, offsets, functools.partial(progress, "beside the track"))
+    found = run_all(task, offsets, functools.partial(progress, "off the track"))
     obstacles = detectable_obstacles(ground, plan, reference, progress, run_all)
     header = reference.header.model_copy(update={"detection": _detection(plan, found), "obstacles": obstacles})
     return dataclasses.replace(reference, header=header)
 
 
 def with_receivers(ground: TerrainGround, plan: ReferenceOptions) -> TerrainGround:
-    """The ground with the receivers of the plan; as they are when it has some already (fitted ones)."""
+    """The ground with drawn receivers; unchanged if it has receivers already (fitted ones)."""
     if ground.receivers:
         return ground
     model = ground.altimeter
@@ -95,16 +95,16 @@ def calibrate(
     progress: Progress,
     run_all: TaskRunner = run_serially,
 ) -> ApproachReference:
-    """The reference of a profile: correlation length, limits, and how they hold on other approaches."""
+    """The reference of a profile: correlation length, limits, and their verification on other approaches."""
     some = range(min(CORRELATION_RUNS, plan.runs))
     covariances = run_all(
         functools.partial(residual_covariance, ground, plan, surface), some, functools.partial(progress, "correlation")
     )
     correlation = correlation_length(np.sum(covariances, axis=0))
-    open_ended = _without_limits(ground, plan, surface, correlation)
-    task = functools.partial(_maxima, ground, plan, BatchMonitor(open_ended, _settings(open_ended)))
+    unlimited = _without_limits(ground, plan, surface, correlation)
+    task = functools.partial(_maxima, ground, plan, BatchMonitor(unlimited, _settings(unlimited)))
     maxima = np.array(run_all(task, range(plan.runs), functools.partial(progress, "nominal approaches")))
-    limited = _with_limits(open_ended, make_limits(plan, maxima))
+    limited = _with_limits(unlimited, make_limits(plan, maxima))
     others = range(max(plan.runs // VERIFICATION_STRIDE, 1))
     task_verify = functools.partial(_alarms, ground, plan, limited, BatchMonitor(limited, _settings(limited)))
     alarms = run_all(task_verify, others, functools.partial(progress, "verification"))
@@ -163,7 +163,7 @@ def _assumptions(ground: ApproachGround, plan: ReferenceOptions) -> Assumptions:
 
 
 def make_monitor(reference: ApproachReference) -> ClearanceMonitor:
-    """A monitor whose protection levels keep no alarm from being counted."""
+    """A monitor without alert limits of the protection levels, so that every alarm counts."""
     return ClearanceMonitor(reference, _settings(reference))
 
 
@@ -172,9 +172,9 @@ def _settings(reference: ApproachReference) -> Approach:
 
 
 def approach_maxima(scan: WindowBatch, alert_s: float) -> Array:
-    """The greatest T1, T2, T3, T4 of all windows of an approach, shape (4,).
+    """Maximum T1, T2, T3, T4 of all windows of an approach, shape (4,).
 
-    T2 counts where the shift can be observable for any limit from 1 on: a superset of the windows that are judged.
+    T2 counts if the shift is observable for any limit of 1 or more: a superset of the windows that the monitor uses.
     """
     observable = (scan.observability >= (math.sqrt(MIN_T2_LIMIT) + OBSERVABLE_MARGIN) ** 2) & (
         scan.shift_resolution <= alert_s
@@ -183,15 +183,17 @@ def approach_maxima(scan: WindowBatch, alert_s: float) -> Array:
 
 
 def _maxima(ground: ApproachGround, plan: ReferenceOptions, scanner: BatchMonitor, run: int) -> Array:
-    flown = simulate(ground, plan.s_max, plan.rng(3, run), spread=plan.spread)
-    scan = scanner.scan(track_of(flown), flown.vertical_sd)
+    approach = simulate(ground, plan.s_max, plan.rng(3, run), spread=plan.spread)
+    scan = scanner.scan(track_of(approach), approach.vertical_sd)
     if scan is None or not len(scan.s):
-        raise ConfigError(f"{plan.surface}: a nominal approach leaves windows without samples: it cannot be monitored")
+        raise ConfigError(
+            f"{plan.surface}: windows of a nominal approach have no samples; the terrain must give a return everywhere"
+        )
     return approach_maxima(scan, Approach(profile="").alert_s_m)
 
 
 def may_alarm(scan: WindowBatch | None, limits: Limits) -> bool:
-    """Whether a statistic is above its limit, so that the alarm logic must be asked."""
+    """Is a statistic above its limit, so that the alarm logic must run?"""
     if scan is None:
         return True
     over = ((scan.t1, limits.t1), (scan.t2, limits.t2), (scan.t3, limits.t3), (scan.t4, limits.t4))
@@ -201,19 +203,19 @@ def may_alarm(scan: WindowBatch | None, limits: Limits) -> bool:
 def _alarms(
     ground: ApproachGround, plan: ReferenceOptions, reference: ApproachReference, scanner: BatchMonitor, run: int
 ) -> bool:
-    """Whether there was an ALERT on a nominal approach that the limits were not made from."""
-    flown = simulate(ground, plan.s_max, plan.rng(4, run), spread=plan.spread)
-    if not may_alarm(scanner.scan(track_of(flown), flown.vertical_sd), reference.header.limits):
+    """Was there an ALERT on a nominal approach that is not among those of the calibration?"""
+    approach = simulate(ground, plan.s_max, plan.rng(4, run), spread=plan.spread)
+    if not may_alarm(scanner.scan(track_of(approach), approach.vertical_sd), reference.header.limits):
         return False
-    return any(output.state is IntegrityState.ALERT for output in run_monitor(make_monitor(reference), flown))
+    return any(output.state is IntegrityState.ALERT for output in run_monitor(make_monitor(reference), approach))
 
 
 def make_limits(plan: ReferenceOptions, maxima: Array) -> Limits:
     """Limits from the maxima of the tests, shape (runs, 4)."""
     beyond, rng = plan.pfa / len(TESTS), plan.rng(5)
-    least = np.array([0.0, MIN_T2_LIMIT, 0.0, 0.0])
-    values = np.maximum([upper_quantile(column, beyond) for column in maxima.T], least)
-    intervals = np.maximum([bootstrap_interval(column, beyond, rng) for column in maxima.T], least[:, None]).round(3)
+    minimum = np.array([0.0, MIN_T2_LIMIT, 0.0, 0.0])
+    values = np.maximum([upper_quantile(column, beyond) for column in maxima.T], minimum)
+    intervals = np.maximum([bootstrap_interval(column, beyond, rng) for column in maxima.T], minimum[:, None]).round(3)
     return _limits(plan, values.round(3).tolist(), [(float(low), float(high)) for low, high in intervals])
 
 
@@ -221,29 +223,29 @@ def _limits(plan: ReferenceOptions, values: Sequence[float], intervals: Sequence
     table = dict(zip(TESTS, values, strict=True)) | {
         f"{test}_interval": interval for test, interval in zip(TESTS, intervals, strict=True)
     }
-    made = {"pfa": plan.pfa, "pmd": plan.pmd, "runs": plan.runs, "seed": plan.seed, "method": METHOD}
-    made |= {"t4_widths_m": (DS_M, *WIDTHS_M)}
-    return Limits.model_validate(table | made | {"verified_runs": 0, "verified_alarms": 0})
+    settings = {"pfa": plan.pfa, "pmd": plan.pmd, "runs": plan.runs, "seed": plan.seed, "method": METHOD}
+    settings |= {"t4_widths_m": (DS_M, *WIDTHS_M)}
+    return Limits.model_validate(table | settings | {"verified_runs": 0, "verified_alarms": 0})
 
 
-# --------------------------------------------------------------------------------------------------- beside the track
+# ------------------------------------------------------------------------------------------------------ off the track
 
 
 def _parts(plan: ReferenceOptions) -> Array:
-    """Begin of each part of the way [m], descending."""
+    """Start of each part of the track [m], descending."""
     return np.asarray(PART_M * np.arange(math.ceil(plan.s_max / PART_M), 0, -1))
 
 
 def _off_track_detections(
     ground: ApproachGround, plan: ReferenceOptions, reference: ApproachReference, flight: tuple[float, int]
 ) -> Array:
-    """Windows over a limit and windows judged, by part, shape (2, parts), flown ``flight[0]`` m beside the track."""
-    beside, run = flight
-    rng = plan.rng(6, round(abs(beside)), int(beside > 0), run)
-    flown = simulate(ground, plan.s_max, rng, spread=plan.spread, offset=lambda s: np.full_like(s, beside))
-    flown = dataclasses.replace(flown, nav_y=flown.nav_y - beside)
+    """Windows over a limit, and valid windows, by part, shape (2, parts).  flight : offset from the track [m], run"""
+    offset, run = flight
+    rng = plan.rng(6, round(abs(offset)), int(offset > 0), run)
+    approach = simulate(ground, plan.s_max, rng, spread=plan.spread, offset=lambda s: np.full_like(s, offset))
+    approach = dataclasses.replace(approach, nav_y=approach.nav_y - offset)
     counts = np.zeros((2, len(_parts(plan))))
-    for output in run_monitor(make_monitor(reference), flown):
+    for output in run_monitor(make_monitor(reference), approach):
         if output.valid and output.s_end is not None:
             part = len(counts[0]) - 1 - int(output.s_end // PART_M)
             ratios = (output.t1_ratio, output.t2_ratio, output.t3_ratio, output.t4_ratio)
@@ -258,5 +260,5 @@ def _detection(plan: ReferenceOptions, found: Sequence[Array]) -> Detection:
         y_m=TRACK_OFFSETS_M,
         s_m=tuple(_parts(plan).tolist()),
         pd=tuple(tuple(row) for row in share.tolist()),
-        runs=2 * (plan.beside_runs // 2),
+        runs=2 * (plan.offset_runs // 2),
     )

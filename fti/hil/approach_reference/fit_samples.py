@@ -1,9 +1,8 @@
-"""What an altimeter measured on recorded flights, and where the aircraft was: what a receiver is fitted to.
+"""Samples for the fit of a receiver: raw values of one altimeter on recorded flights, and the navigated poses.
 
-Read from the outputs that navigation wrote beside the recording, as recorded approaches are
-(``fti.hil.approach_reference.recorded_approaches``): the raw values of one altimeter, and the navigated pose at their times.  A value
-that the device flags, or that is out of its range, is left out; one against which only the known ground or the limits
-of attitude speak is taken: the receiver that is configured may be a wrong one, and a bank shows the edge of the beam.
+Source: the derived outputs of navigation, as for recorded approaches (``recorded_approaches``).  Values that the device
+flags, or that are out of its range, are excluded.  Values that only the comparison with terrain or the attitude limits
+reject are included: the configured receiver may be wrong, and a bank shows the edge of the beam.
 """
 
 from __future__ import annotations
@@ -28,9 +27,9 @@ from fti.types import Reason
 Array = NDArray[np.float64]
 
 HEIGHT, SOLUTION = "/nav/height_above_ground/", "/nav/nav_solution"
-#: Navigation is joined between solutions no farther apart [s].
+#: Maximum gap between solutions for interpolation [s].
 MAX_SOLUTION_GAP_S = 0.5
-#: Altitudes that the altimeter itself may hold.
+#: Altitude sources that may depend on the altimeter itself.
 COMPUTED_ALTITUDES = (FILTER, VERTICAL, RADIO)
 ACCEPTED_REASONS = TERRAIN_REASONS | {Reason.ROLL, Reason.PITCH}
 _POSE = ("lat", "lon", "alt", "roll", "pitch", "heading", "vel_north", "vel_east", "vel_down")
@@ -40,9 +39,9 @@ _POSE = ("lat", "lon", "alt", "roll", "pitch", "heading", "vel_north", "vel_east
 class FitSamples:
     """Samples of one altimeter, arrays (n,).
 
-    t : since the first one of its session [s]      session : number of the session      value : as measured [m]
+    t : since the first one of its session [s]      session : number of the session      value : measured [m]
     lat, lon [rad], alt [m, ellipsoid], roll, pitch, heading [rad] : of P      vel_n : (n, 3) [m/s]
-    vertical_sd : one sigma of alt as navigation states it, otherwise 5 m
+    vertical_sd : stated one sigma of alt, 5 m if it is unknown
     """
 
     t: Array
@@ -61,7 +60,7 @@ class FitSamples:
         return len(self.t)
 
     def thin(self, count: int) -> FitSamples:
-        """At most so many, evenly spread."""
+        """At most ``count`` samples, evenly spread."""
         if len(self) <= count:
             return self
         chosen = np.linspace(0, len(self) - 1, count).astype(np.intp)
@@ -69,13 +68,13 @@ class FitSamples:
 
 
 def concatenate_samples(parts: Sequence[FitSamples]) -> FitSamples:
-    """The samples of several sessions, one behind the other."""
+    """The samples of several sessions, concatenated."""
     names = [field.name for field in fields(FitSamples)]
     return FitSamples(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})
 
 
 def read_samples(folder: Path, sensor: str, session: int = 0) -> FitSamples:
-    """The samples of an altimeter in a session.  Raises MissingError when it has no outputs of it with a position."""
+    """The samples of an altimeter in a session.  Raises MissingError if it has no values with a position."""
     recording = Recording.open(folder)
     values, poses = list[tuple[float, ...]](), list[tuple[float, ...]]()
     for topic, t_ns, _, _, data in recording.messages("/nav/"):
@@ -88,7 +87,7 @@ def read_samples(folder: Path, sensor: str, session: int = 0) -> FitSamples:
         found = _interpolate_poses(np.array(sorted(values)), np.array(sorted(poses)), session)
         if len(found):
             return found
-    raise MissingError(f"{folder}: has no values of {sensor!r} with a position: fti reprocess makes them")
+    raise MissingError(f"{folder}: has no values of {sensor!r} with a position; run fti reprocess")
 
 
 def _value(output: dict[str, Any]) -> Iterator[tuple[float, ...]]:
@@ -114,7 +113,7 @@ def _pose(output: dict[str, Any]) -> Iterator[tuple[float, ...]]:
 
 
 def _interpolate_poses(values: Array, poses: Array, session: int) -> FitSamples:
-    """Poses at the times of the values; values without one are left out."""
+    """Poses at the times of the values; values without a pose are excluded."""
     begin = values[0, 0]
     t, t_pose = (values[:, 0] - begin) * 1e-9, (poses[:, 0] - begin) * 1e-9
     after = np.clip(np.searchsorted(t_pose, t), 1, max(len(t_pose) - 1, 1))

@@ -1,4 +1,4 @@
-"""The file of ``fti reference fit``: read, and the receiver that it describes."""
+"""Reading of the file of ``fti reference fit``, and the receiver that it describes."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from fti.nav.integrity.reference import ReferenceSensor
 
 
 class FittedKeys(configuration.StrictModel):
-    """``[device.altimeter]`` of the file: the keys of a configuration that a fit finds, with the same meaning."""
+    """``[device.altimeter]`` of the file: the fitted keys, with the meaning of the configuration."""
 
     model: Literal["nearest", "beam"] = "nearest"
     beam_deg: Annotated[float, Field(gt=0, lt=180)] | None = None
@@ -25,7 +25,7 @@ class FittedKeys(configuration.StrictModel):
 
 
 def read_fitted(file: Path) -> FittedKeys:
-    """The keys in a file.  Raises MissingError; ConfigError for a file without the table, and for other keys in it."""
+    """The keys in a file.  Raises MissingError; ConfigError if the table is missing, or has other keys."""
     table, _ = configuration.read_toml(file)
     keys: Any = table.get("device")
     keys = keys.get("altimeter") if isinstance(keys, dict) else None
@@ -35,7 +35,7 @@ def read_fitted(file: Path) -> FittedKeys:
 
 
 def fitted_receiver(sensor: ReferenceSensor, keys: FittedKeys) -> ReceiverVariant:
-    """The receiver that was found, of an altimeter whose beam is as stated where no other was found."""
+    """The fitted receiver; without a fitted beam it has the stated one."""
     beam = math.radians(sensor.beam_deg if keys.beam_deg is None else keys.beam_deg)
     if sensor.kind == "laser":
         return ReceiverVariant("laser", 0.0, bias=keys.bias_m, scale=keys.scale)

@@ -1,7 +1,7 @@
-"""The receiver of a device, fitted to recorded flights: which family, its parameters, and how it is written down.
+"""Fit of the receiver of a device to recorded flights: its family, its parameters, and its TOML table.
 
-Two families of a radar are tried, those of ``[device.altimeter] model``; the one whose samples are nearer to it, by the
-same measure, is taken.  What is written is a table that a configuration takes as it stands.
+For a radar both families of ``[device.altimeter] model`` are fitted; the one with the lower cost is selected.  The TOML
+table can be copied into a configuration.
 """
 
 from __future__ import annotations
@@ -24,45 +24,49 @@ from fti.terrain.terrain import Terrain
 Array = NDArray[np.float64]
 Model = Literal["nearest", "beam", "laser"]
 
-#: Entries of the first table of nearest returns [deg]; steps of the second one, and how many to each side.  It is moved
-#: where the best lies on its edge.
+#: Entries of the first table of nearest returns [deg]; step of the second one, number of steps to each side, and
+#: maximum number of shifts while the best entry is on its edge.
 NEAREST_DEG, FINE_DEG, FINE_ENTRIES, MOVES = tuple(range(5, 126, 5)), 1.0, 5, 4
-#: Of the whole beam: entries of the first table [deg], then steps [deg] and half extents [deg], [dB] of the others.
+#: Beam model: entries of the first table [deg]; step [deg] and half extents [deg], [dB] of the others.
 BEAM_DEG, BEAM_STEPS = tuple(range(10, 111, 10)), ((2.5, 10.0, 22.0), (0.5, 2.0, 3.0))
 #: Thresholds [dB] of the first tables, and step of the last one.
 THRESHOLD_DB, FINE_DB = tuple(range(-24, -1)), 0.5
 LIMITS_DEG, LIMITS_DB = (2.0, 150.0), (-25.0, -2.0)
-#: Threshold of the model without one, a quarter of the peak.
+#: Default threshold, a quarter of the peak.
 QUARTER_DB = 10.0 * math.log10(0.25)
-#: Fewer samples tell no receiver.
+#: Minimum number of samples for a fit.
 MIN_SAMPLES = 50
 
 
 @dataclass(frozen=True, eq=False)
 class FittedReceiver:
-    """What became of a fit.
+    """Result of a fit.
 
-    model   : the family that was taken; others : those that were not, with sigma of their residuals [m]
-    before  : measured minus predicted as configured (n,) [m]; configured : that configuration
-    samples : those that were used; available : how many there are
+    model   : selected family; others : the other ones, with sigma of their residuals [m]
+    configured_residuals : measured minus predicted with the configured receiver (n,) [m]; configured : its settings
+    samples : used samples; available : number of all samples
     """
 
     model: Model
     fit: ReceiverFit
     others: dict[str, float]
-    before: Array
+    configured_residuals: Array
     configured: Altimeter
     samples: FitSamples
     available: int
 
     @property
     def used(self) -> NDArray[np.bool_]:
-        """Which samples count: no outliers, and predicted by both receivers."""
-        return np.asarray((self.fit.weights > 0.0) & np.isfinite(self.before) & np.isfinite(self.fit.residuals))
+        """Mask of the samples that are not outliers and that both receivers predict."""
+        return np.asarray(
+            (self.fit.weights > 0.0) & np.isfinite(self.configured_residuals) & np.isfinite(self.fit.residuals)
+        )
 
     def rms(self) -> tuple[float, float]:
-        """Of the residuals of the samples that count, as configured and as fitted [m]."""
-        before, after = (float(np.sqrt(np.mean(e[self.used] ** 2))) for e in (self.before, self.fit.residuals))
+        """RMS of the used residuals [m]: configured, fitted."""
+        before, after = (
+            float(np.sqrt(np.mean(e[self.used] ** 2))) for e in (self.configured_residuals, self.fit.residuals)
+        )
         return before, after
 
     def rows(self) -> Iterator[tuple[str, float, float, float | None]]:
@@ -80,38 +84,38 @@ def fit_receiver(
     count: int = 1000,
     progress: Callable[[float], None] = lambda _: None,
 ) -> FittedReceiver:
-    """Fit the receiver of a radar, of one of the models; of a laser bias and scale alone.
+    """Fit the receiver of a radar, with one of the models; for a laser only bias and scale.
 
-    count : samples that are used at most, evenly spread
-    Raises ConfigError for too few samples, and where the known ground does not lie below them.
+    count : maximum number of samples, evenly spread
+    Raises ConfigError for too few samples, or without known terrain below them.
     """
     assert device.altimeter is not None
     some = samples.thin(count)
     if len(some) < MIN_SAMPLES:
-        raise ConfigError(f"{device.name}: {len(some)} samples with a position; a fit needs {MIN_SAMPLES}")
-    wanted: Sequence[Model] = ("laser",) if device.altimeter.kind == "laser" else models
+        raise ConfigError(f"{device.name}: only {len(some)} samples with a position; a fit needs {MIN_SAMPLES}")
+    families: Sequence[Model] = ("laser",) if device.altimeter.kind == "laser" else models
     receivers = RangeTableBuilder(device, terrain, some)
-    bar = _ProgressCounter(progress, sum(_TABLES[model] for model in wanted))
+    bar = _ProgressCounter(progress, sum(_TABLES[model] for model in families))
     try:
-        fits = {model: _fit(receivers, device.altimeter, model, bar) for model in wanted}
+        fits = {model: _fit(receivers, device.altimeter, model, bar) for model in families}
     except ValueError as error:
         raise ConfigError(f"{device.name}: {error}") from None
     sd = min(fit.sd for fit in fits.values())
     best = min(fits, key=lambda model: fits[model].cost(sd))
     others = {str(model): fit.sd for model, fit in fits.items() if model != best}
-    before = some.value - device.altimeter.scale * receivers.configured() - device.altimeter.bias_m
+    configured_residuals = some.value - device.altimeter.scale * receivers.configured_ranges() - device.altimeter.bias_m
     progress(1.0)
-    return FittedReceiver(best, fits[best], others, before, device.altimeter, some, len(samples))
+    return FittedReceiver(best, fits[best], others, configured_residuals, device.altimeter, some, len(samples))
 
 
 class _ProgressCounter:
-    """Tells the share of what there is to do, 1 at most: tables that are moved are not known beforehand."""
+    """Reports the share of the work, 1 at most: the number of shifted tables is not known in advance."""
 
     def __init__(self, progress: Callable[[float], None], total: int) -> None:
         self._progress, self._total, self._done = progress, total, 0
 
     def advance(self) -> None:
-        """One more is done."""
+        """Count one table."""
         self._done += 1
         self._progress(min(self._done / self._total, 1.0))
 
@@ -157,12 +161,12 @@ def _grid_around(middle: float, step: float, half: float, limits: tuple[float, f
     return [float(entry) for entry in np.unique(np.clip(entries, *limits))]
 
 
-#: Tables of one beam width that a model makes, as a rule.
+#: Usual number of tables of one beam width per model.
 _TABLES: dict[Model, int] = {"laser": 1, "nearest": len(NEAREST_DEG) + 2 * FINE_ENTRIES + 1, "beam": len(BEAM_DEG) + 18}
 
 
 def as_toml(found: FittedReceiver, sensor: str, sessions: Sequence[str]) -> str:
-    """The table for the device in a configuration, with where it comes from."""
+    """The TOML table of the device, with its source as a comment."""
     before, after = found.rms()
     lines = [
         f"# The receiver of {sensor!r}, by fti reference fit from {int(found.used.sum())} samples of",
@@ -175,8 +179,8 @@ def as_toml(found: FittedReceiver, sensor: str, sessions: Sequence[str]) -> str:
     if found.model != "laser":
         lines.append(f'model = "{found.model}"')
     for name, value, sd, _ in found.rows():
-        remark = ", hardly more than what was assumed" if name in found.fit.unobservable else ""
-        lines.append(f"{name} = {value:.{_DIGITS[name]}f}  # +- {sd:.{_DIGITS[name]}f}{remark}")
+        note = ", not observable: close to the assumed value" if name in found.fit.unobservable else ""
+        lines.append(f"{name} = {value:.{_DIGITS[name]}f}  # +- {sd:.{_DIGITS[name]}f}{note}")
     return "\n".join(lines) + "\n"
 
 

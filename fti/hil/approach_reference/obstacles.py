@@ -1,14 +1,14 @@
-"""The smallest obstacle that T4 sees, by its width and the part of the way: what a reference promises of obstacles.
+"""Smallest obstacle that T4 detects, by its width and the part of the track: the obstacle table of a reference.
 
-A box as long as it is wide stands on the track, at a few places drawn in each kilometre, on the ground that the
-reference is made from.  Nominal approaches fly over it, every range traced; it is seen when T4 is over its limit in two
-consecutive updates, which is what makes an ALERT.  Of the heights tried the smallest is stated of which no more flights
-have missed it than prove a Pd of 0.97:
+A box as long as it is wide is on the track, at a few random places in each kilometre, on the terrain of the reference.
+Nominal approaches fly over it, with every range traced; it is detected if T4 exceeds its limit in two consecutive
+updates, the condition of an ALERT.  The table has the smallest of the tested heights whose number of misses proves a
+Pd of 0.97:
 
     P(misses <= m) <= 5 %       m misses, binomial with 1 - Pd of n flights      n = 100: none, n = 200: one
 
-(the exact lower limit of Clopper and Pearson 1934).  inf: none of the heights, or none that the aircraft clears by
-10 m, or no room for a whole window before the obstacle.
+(the exact lower limit of Clopper and Pearson 1934).  inf: no tested height, or none that the aircraft clears by 10 m,
+or no space for a whole window before the obstacle.
 """
 
 from __future__ import annotations
@@ -39,14 +39,14 @@ PD, CONFIDENCE = 0.97, 0.95
 WIDTHS_M = (30.0, 60.0, 100.0)
 HEIGHTS_M = (10.0, 15.0, 20.0, 25.0, 30.0, 40.0, 50.0, 60.0, 75.0, 100.0, 125.0, 150.0)
 PART_M = 1000.0
-#: Places of obstacles in each part, none of them nearer to the intercept point than this [m].
+#: Number of obstacle places in each part; minimum distance to the intercept point [m].
 PLACES, MIN_DISTANCE_M = 5, 500.0
-#: So far before and behind its edges an obstacle is looked for [m].
+#: Search range before and after the edges of an obstacle [m].
 SEARCH_MARGIN_M = 150.0
-#: Way that a window and the navigation error need before it [m].
+#: Additional distance before the first window [m].
 LEAD_M = 20.0
 MIN_CLEARANCE_M = 10.0
-#: Ground to each side of a flight [m], more than any beam sees, and how fine it is at least.
+#: Terrain to each side of a flight [m], wider than any beam; maximum spacing of its posts [m].
 SIDE_REACH_M, MAX_CELL_M = 400.0, 5.0
 
 
@@ -57,7 +57,7 @@ def detectable_obstacles(
     progress: Progress,
     run_all: TaskRunner = run_serially,
 ) -> Obstacles | None:
-    """The table of the smallest obstacles; None for a plan with no flights over them."""
+    """The table of the smallest obstacles; None if obstacle_runs is 0."""
     if not plan.obstacle_runs:
         return None
     parts = [PART_M * k for k in range(math.ceil(plan.s_max / PART_M), 0, -1)]
@@ -77,34 +77,34 @@ def detectable_obstacles(
 
 
 def max_misses(runs: int) -> int:
-    """The most misses of so many flights that prove the Pd; -1 where not even none does."""
+    """Maximum number of misses of ``runs`` flights that proves the Pd; -1 if even 0 does not."""
     total, m = 0.0, -1
     while (total := total + math.comb(runs, m + 1) * (1.0 - PD) ** (m + 1) * PD ** (runs - m - 1)) <= 1.0 - CONFIDENCE:
         m += 1
     return m
 
 
-def lowest_rung(seen: Callable[[int, int], bool], rungs: int, runs: int, missed: int) -> int:
-    """The smallest rung at which at most ``missed`` of the runs see nothing; ``rungs`` where there is none.
+def lowest_rung(is_detected: Callable[[int, int], bool], rungs: int, runs: int, missed: int) -> int:
+    """The lowest rung with at most ``missed`` runs without a detection; ``rungs`` if there is none.
 
-    seen : whether a run sees something at a rung; who does at one does at all above.  It is asked about once a run.
+    is_detected : for run and rung; a run with a detection at a rung has one at all higher rungs.  About one call a run
     """
-    needed, least = list[int](), 0
+    needed, lowest = list[int](), 0
     for run in range(runs):
-        rung = least
-        while rung < rungs and not seen(run, rung):
+        rung = lowest
+        while rung < rungs and not is_detected(run, rung):
             rung += 1
         needed = sorted((*needed, rung), reverse=True)[: missed + 1]
-        least = needed[missed] if len(needed) > missed else 0
-        if least == rungs:
+        lowest = needed[missed] if len(needed) > missed else 0
+        if lowest == rungs:
             break
-    return least
+    return lowest
 
 
 def min_obstacle_height(
     ground: TerrainGround, plan: ReferenceOptions, reference: ApproachReference, cell: tuple[float, float]
 ) -> float:
-    """Of a width and the part of the way that begins at cell[1] [m]."""
+    """Smallest detectable height [m].  cell : width, start of the part of the track [m]"""
     width, part = cell
     before = width / 2 + SEARCH_MARGIN_M + reference.header.profile.window_m + LEAD_M
     first, last = max(part - PART_M, MIN_DISTANCE_M), min(part, plan.s_max - before)
@@ -112,17 +112,17 @@ def min_obstacle_height(
     if first >= last or missed < 0:
         return math.inf
     places = plan.rng(7, round(part)).uniform(first, last, PLACES)
-    spots = [
+    sites = [
         _ObstacleSite(ground, reference, float(place), width, ground.terrains[k % len(ground.terrains)])
         for k, place in enumerate(places)
     ]
-    seen = _ObstacleDetection(spots, plan, reference, (round(width), round(part)))
-    rung = lowest_rung(seen, len(HEIGHTS_M), plan.obstacle_runs, missed)
+    is_detected = _ObstacleDetection(sites, plan, reference, (round(width), round(part)))
+    rung = lowest_rung(is_detected, len(HEIGHTS_M), plan.obstacle_runs, missed)
     return HEIGHTS_M[rung] if rung < len(HEIGHTS_M) else math.inf
 
 
 class _ObstacleSite:
-    """The ground about a place for an obstacle, without it and with it."""
+    """The terrain around the place of an obstacle, without and with it."""
 
     def __init__(
         self, ground: TerrainGround, reference: ApproachReference, place: float, width: float, terrain: Terrain
@@ -145,46 +145,46 @@ class _ObstacleSite:
 
     @functools.lru_cache  # noqa: B019 - lives as long as the few heights of one place
     def with_box(self, height: float) -> TerrainGround:
-        """The ground with an obstacle so high [m]."""
+        """The ground with an obstacle of this height [m]."""
         terrain = self._bare.with_finest(self._bare.finest.heights + height * self._box)
         return replace(self._ground, terrains=(terrain,))
 
 
 class _ObstacleDetection:
-    """Whether flight ``run`` sees an obstacle of ``HEIGHTS_M[rung]``: the same flight for each of the heights."""
+    """Is an obstacle of ``HEIGHTS_M[rung]`` detected on flight ``run``?  The flight is the same for every height."""
 
     def __init__(
         self,
-        spots: Sequence[_ObstacleSite],
+        sites: Sequence[_ObstacleSite],
         plan: ReferenceOptions,
         reference: ApproachReference,
         stream: tuple[int, int],
     ) -> None:
-        self._spots, self._plan, self._reference, self._stream = spots, plan, reference, stream
+        self._sites, self._plan, self._reference, self._stream = sites, plan, reference, stream
         self._settings = Approach(profile="", window_m=reference.header.profile.window_m)
         self._scanner = BatchMonitor(reference, self._settings)
 
     def __call__(self, run: int, rung: int) -> bool:
-        spot, height = self._spots[run % len(self._spots)], HEIGHTS_M[rung]
-        if height > spot.height - MIN_CLEARANCE_M:
+        site, height = self._sites[run % len(self._sites)], HEIGHTS_M[rung]
+        if height > site.height - MIN_CLEARANCE_M:
             return False
         rng = self._plan.rng(8, *self._stream, run)
-        flown = simulate(spot.with_box(height), spot.begin, rng, s_end=spot.end)
-        over = self._t4(flown) > self._reference.header.limits.t4
+        approach = simulate(site.with_box(height), site.begin, rng, s_end=site.end)
+        over = self._t4(approach) > self._reference.header.limits.t4
         return bool(np.any(over[1:] & over[:-1]))
 
-    def _t4(self, flown: SimulatedApproach) -> Array:
-        scan = self._scanner.scan(track_of(flown), flown.vertical_sd)
+    def _t4(self, approach: SimulatedApproach) -> Array:
+        scan = self._scanner.scan(track_of(approach), approach.vertical_sd)
         if scan is not None:
             return scan.t4
-        outputs = run_monitor(ClearanceMonitor(self._reference, self._settings), flown)
+        outputs = run_monitor(ClearanceMonitor(self._reference, self._settings), approach)
         ratios = [output.t4_ratio for output in outputs if output.t4_ratio is not None]
         return np.array(ratios) * self._reference.header.limits.t4
 
 
 def terrain_strip(terrain: Terrain, path: ApproachPath, begin: float, end: float) -> Terrain:
-    """The terrain about the way from begin down to end [m], with posts where the finest layer has them, or would."""
-    lat, lon = path.geodetic(np.linspace(end, begin, 50), 0.0)
+    """The terrain around the track from begin down to end [m], with posts aligned to those of the finest layer."""
+    lat, lon = path.to_geodetic(np.linspace(end, begin, 50), 0.0)
     east, north = terrain.frame.to_local(lat, lon, 0.0)[..., :2].T
     cell = min(float(np.nanmin(terrain.cell(east, north), initial=MAX_CELL_M)), MAX_CELL_M)
     columns, rows = (

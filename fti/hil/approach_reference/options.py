@@ -1,4 +1,4 @@
-"""What a reference is made with: the plan, and who does its many tasks."""
+"""Options of a reference, and runners of its tasks."""
 
 from __future__ import annotations
 
@@ -11,47 +11,47 @@ import numpy as np
 from fti.hil.approach_reference.approaches import NOMINAL, Spread, window_noise
 from fti.hil.approach_reference.receivers import ReceiverModel
 
-#: Length of the window that the limits are made for [m].
+#: Length of the window of the limits [m].
 WINDOW_M = 400.0
-#: So many receivers are drawn.
+#: Number of drawn receivers.
 RECEIVERS = 60
 
 Argument = TypeVar("Argument")
 TaskResult = TypeVar("TaskResult")
 
-#: Told what is being done and the share of it that is done, 0 to 1.
+#: Called with the name of the current step and its completed share, 0 to 1.
 Progress = Callable[[str, float], None]
 
 
 class TaskRunner(Protocol):
-    """Does a task for each argument, somewhere, and gives what it returns in their order."""
+    """Runs a task for each argument, in any process, and returns the results in order."""
 
     def __call__(
         self, task: Callable[[Argument], TaskResult], arguments: Iterable[Argument], progress: Callable[[float], None]
     ) -> list[TaskResult]:
-        """``progress`` is told the share that is done."""
+        """progress : called with the completed share"""
 
 
 def run_serially(
     task: Callable[[Argument], TaskResult], arguments: Iterable[Argument], progress: Callable[[float], None]
 ) -> list[TaskResult]:
-    """Here, one after the other."""
-    todo, found = list(arguments), list[TaskResult]()
-    for argument in todo:
-        found.append(task(argument))
-        progress(len(found) / len(todo))
-    return found
+    """Run the tasks in this process, one after the other."""
+    tasks, results = list(arguments), list[TaskResult]()
+    for argument in tasks:
+        results.append(task(argument))
+        progress(len(results) / len(tasks))
+    return results
 
 
 @dataclass(frozen=True, slots=True)
 class ReferenceOptions:
-    """What a reference is made with.
+    """Options of a reference.
 
     surface : name of the terrain or of the recordings, date : of their survey
-    spread : what differs between approaches; the limits assume it
-    receiver : model of the receivers that are drawn      receivers : how many
-    runs : simulated approaches for the limits      beside_runs : for each offset of the table of detection
-    obstacle_runs : over obstacles of each width in each part of the way; 0: no table of obstacles
+    spread : variation between approaches, assumed by the limits
+    receiver : model of the drawn receivers      receivers : their number
+    runs : simulated approaches for the limits      offset_runs : for each offset of the table of detection
+    obstacle_runs : over obstacles of each width in each part of the track; 0: no table of obstacles
     pfa : false alarms per approach, all tests together      pmd : missed detections
     """
 
@@ -64,7 +64,7 @@ class ReferenceOptions:
     receivers: int = RECEIVERS
     draws: int = 100
     runs: int = 2000
-    beside_runs: int = 100
+    offset_runs: int = 100
     obstacle_runs: int = 100
     seed: int = 1
     pfa: float = 0.01
@@ -76,5 +76,5 @@ class ReferenceOptions:
         return round(window_noise(self.spread.nav_vertical, WINDOW_M / self.spread.speed_mean), 3)
 
     def rng(self, *stream: int) -> np.random.Generator:
-        """Random numbers of one purpose, the same for the same numbers."""
+        """Reproducible random generator of one purpose."""
         return np.random.default_rng([self.seed, *stream])

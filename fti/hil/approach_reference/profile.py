@@ -1,8 +1,8 @@
-"""The profile of an approach: terrain as the sensor sees it, its sigma, and how far residuals hang together.
+"""The profile of an approach: terrain measured by the sensor, its sigma, and the correlation length of residuals.
 
     profile   z_ref, s_ref = mean and sigma over draws of receiver, track, height, attitude and elevation error, or
-              over recorded approaches (``fti.hil.approach_reference.recorded_approaches``); sigma not below 0.5 m and multiplied by
-              sqrt((n - 1) / chi2_0.05(n - 1)), so that few draws are not taken for certainty
+              over recorded approaches (``recorded_approaches``); sigma at least 0.5 m, multiplied by
+              sqrt((n - 1) / chi2_0.05(n - 1)) because of the small number of draws
     l_c       integral scale of the residuals of nominal approaches, between ds and L / 8
 
 Sources: Spiegel 2018, 7.2.2 (profile from the sensor model); Wilson and Hilferty 1931 (chi-square quantile).
@@ -29,7 +29,7 @@ SD_FLOOR_M = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """Terrain as the sensor sees it, on the reference's grid [m]: mean and sigma over the draws, sigma of a sample."""
+    """Terrain measured by the sensor, on the reference grid [m]: mean and sigma of the draws, sigma of a sample."""
 
     s: Array
     z_ref: Array
@@ -40,7 +40,7 @@ class Surface:
 def make_surface(
     ground: ApproachGround, plan: ReferenceOptions, progress: Progress, run_all: TaskRunner = run_serially
 ) -> Surface:
-    """Mean and sigma of the terrain as the sensor sees it.  Raises ConfigError where it sees none."""
+    """Mean and sigma of the terrain measured by the sensor.  Raises ConfigError if a place has no return."""
     s = grid(DS_M, plan.s_max)
     task = functools.partial(_draw, ground, plan, s)
     z = np.array(run_all(task, range(plan.draws), functools.partial(progress, "profile")))
@@ -48,7 +48,7 @@ def make_surface(
     if blind.any():
         raise ConfigError(
             f"{ground.path.airfield.name}: no return from {plan.surface!r} between {s[blind][0]:.0f} and "
-            f"{s[blind][-1]:.0f} m before the intercept point; the profile must end before (s_max = {plan.s_max:.0f} m)"
+            f"{s[blind][-1]:.0f} m before the intercept point; the profile (s_max = {plan.s_max:.0f} m) must be shorter"
         )
     return surface_of(ground, s, z)
 
@@ -58,10 +58,10 @@ def _draw(ground: ApproachGround, plan: ReferenceOptions, s: Array, n: int) -> A
 
 
 def surface_of(ground: ApproachGround, s: Array, z: Array, mean: Array | None = None) -> Surface:
-    """From draws or recorded approaches z, shape (n, len(s)), n >= 5; NaN where an approach has no height.
+    """Surface of draws or recorded approaches z, shape (n, len(s)), n >= 5; NaN where an approach has no height.
 
-    mean : shape (len(s),), the profile, where it is another one than the mean of z at each place
-    Each place has the number of the heights that are there, two at least.
+    mean : the profile, shape (len(s),); None: the mean of z at each place
+    Each place needs two heights or more.
     """
     z_ref = z.mean(axis=0) if mean is None else mean
     count = np.isfinite(z).sum(axis=0)
@@ -91,7 +91,7 @@ def correlation_length(covariance: Array) -> float:
 
 
 def residual_covariance(ground: ApproachGround, plan: ReferenceOptions, surface: Surface, run: int) -> Array:
-    """Of the normalised residuals of an approach, by lag in bins up to a window."""
+    """Covariance of the normalised residuals of an approach, by lag in bins up to a window."""
     residual = _binned_residual(
         surface, plan.nav_noise, simulate(ground, plan.s_max, plan.rng(2, run), spread=plan.spread)
     )
@@ -99,14 +99,14 @@ def residual_covariance(ground: ApproachGround, plan: ReferenceOptions, surface:
 
 
 def lagged_products(residual: Array) -> Array:
-    """Mean product of residuals with those so many bins farther on, for lags up to a window."""
+    """Mean product of residuals at each lag in bins, up to a window."""
     lags = range(round(WINDOW_M / DS_M))
     return np.array([float(np.mean(residual[lag:] * residual[: len(residual) - lag])) for lag in lags])
 
 
-def bin_means(s: Array, flown_s: Array, z: Array) -> Array:
-    """Means of z in the bins around s, NaN where there is no sample."""
-    at = np.rint((flown_s - s[0]) / DS_M).astype(np.intp)
+def bin_means(s: Array, sample_s: Array, z: Array) -> Array:
+    """Means of z in bins centred on s; NaN in empty bins."""
+    at = np.rint((sample_s - s[0]) / DS_M).astype(np.intp)
     inside = (at >= 0) & (at < len(s))
     count = np.bincount(at[inside], minlength=len(s))
     total = np.bincount(at[inside], z[inside], minlength=len(s))
@@ -114,13 +114,13 @@ def bin_means(s: Array, flown_s: Array, z: Array) -> Array:
         return np.asarray(total / count)
 
 
-def _binned_residual(surface: Surface, nav_noise: float, flown: SimulatedApproach) -> Array:
-    """(z - z_ref) / sigma in bins, without its mean over a window, NaN where there is no sample."""
-    z = bin_means(surface.s, flown.nav_s, flown.nav_alt - flown.agl)
+def _binned_residual(surface: Surface, nav_noise: float, approach: SimulatedApproach) -> Array:
+    """(z - z_ref) / sigma in bins, minus its mean over a window; NaN in empty bins."""
+    z = bin_means(surface.s, approach.nav_s, approach.nav_alt - approach.agl)
     residual = (z - surface.z_ref) / np.sqrt(surface.s_ref**2 + surface.s_alt**2 + nav_noise**2)
     flat = np.ones(round(WINDOW_M / DS_M) + 1)
-    there = np.isfinite(residual)
-    mean = np.convolve(np.where(there, residual, 0.0), flat, "same") / np.maximum(
-        np.convolve(there.astype(float), flat, "same"), 1.0
+    known = np.isfinite(residual)
+    mean = np.convolve(np.where(known, residual, 0.0), flat, "same") / np.maximum(
+        np.convolve(known.astype(float), flat, "same"), 1.0
     )
     return np.asarray(residual - mean)

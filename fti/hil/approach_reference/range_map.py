@@ -1,10 +1,9 @@
-"""What receivers see along an approach, traced once on lattices: thousands of approaches by looking it up.
+"""Lookup tables of the ranges of receivers along an approach, for thousands of simulated approaches.
 
-A lattice holds z = alt - range on the glide path over s (5 m), y (12.5 m), roll off the track's bank and pitch (3 deg);
-between its points it is linear, beyond it its edge counts: over 3 sigma of a nominal track, 2 to 3 of its attitude.
-There is one for each receiver of each terrain; the rays of a terrain are cast once for all its receivers.
-z hardly depends on the height flown, or on the crab of a round beam: these are left out.  A test says how far it is
-from tracing.
+A lattice has z = alt - range on the glide path over s (5 m), y (12.5 m), roll minus the bank of the track, and pitch
+(3 deg), with linear interpolation, and edge values outside: more than 3 sigma of a nominal track, 2 to 3 of its
+attitude.  Each receiver of each terrain has one; the rays of a terrain are cast once for all its receivers.  z hardly
+depends on the height flown, or on the crab of a round beam: these are neglected.  A test limits the error.
 """
 
 from __future__ import annotations
@@ -25,10 +24,10 @@ from fti.terrain.terrain import Terrain
 
 Array = NDArray[np.float64]
 
-#: Steps and begins of s, y [m], and of roll and pitch [rad] about their means; s goes as far beyond its end.
+#: Steps and starts of s, y [m], and of roll and pitch about their means [rad]; s is symmetric beyond s_max.
 STEP_S, STEP_Y, STEP_TILT = 5.0, 12.5, float(np.radians(3.0))
 BEGIN_S, BEGIN_Y, BEGIN_TILT = -225.0, -50.0, -STEP_TILT
-#: Lengths of the way that are traced at a time [m]: what a process does before it tells of it.
+#: Length of the track that one task traces [m].
 PIECE_M = 250.0
 
 
@@ -41,19 +40,19 @@ class MappedGround:
     lattices: tuple[NDArray[np.float32], ...]
 
     def ranges(self, pose: Array, rng: np.random.Generator) -> Array:
-        """Ranges [m] along poses, rows s, y, alt, roll, pitch, crab; NaN where the lattice has none."""
+        """Ranges [m] along poses, rows s, y, alt, roll, pitch, crab; NaN without a return."""
         lattice = self.lattices[rng.integers(len(self.lattices))]
         s, y, alt, roll, pitch = pose[:5]
-        off = roll - self.path.bank(s)
-        return np.asarray(alt - _look_up(lattice, s, y, off, pitch - NOMINAL.pitch_mean))
+        roll_error = roll - self.path.bank(s)
+        return np.asarray(alt - _look_up(lattice, s, y, roll_error, pitch - NOMINAL.pitch_mean))
 
 
 def map_ground(
     ground: TerrainGround, s_max: float, progress: Callable[[float], None], run_all: TaskRunner = run_serially
 ) -> MappedGround:
-    """Trace the lattices up to s_max [m].  progress : the share that is done.
+    """Trace the lattices up to s_max [m].  progress : called with the completed share.
 
-    The receivers of the ground are dealt out to its terrains; a ground without receivers has the stated one.
+    The receivers of the ground are distributed over its terrains; without receivers the stated one is used.
     """
     receivers = ground.receivers or (stated_receiver(ground.altimeter.sensor),) * len(ground.terrains)
     s_axis, pieces = _axes(s_max)[0], []
@@ -78,7 +77,7 @@ def _axes(s_max: float) -> tuple[Array, Array, Array]:
 
 
 def _trace(ground: TerrainGround, piece: tuple[int, tuple[ReceiverVariant, ...], Array]) -> NDArray[np.float32]:
-    """Lattices of a piece of the way over one terrain, shape (receivers, len(s), len(y), 3, 3)."""
+    """Lattices of a piece of the track over one terrain, shape (receivers, len(s), len(y), 3, 3)."""
     number, receivers, s_axis = piece
     terrain: Terrain = ground.terrains[number]
     _, y_axis, tilt = _axes(0.0)

@@ -1,11 +1,11 @@
-"""What receivers of one family would measure at the poses of a flight, as a table over their parameters.
+"""Predicted ranges of the receivers of one family at the poses of a flight, as a table over their parameters.
 
     laser              no parameter
     radar, "nearest"   beam width of the cone
     radar, "beam"      half-power beam width, and threshold of the leading edge against the peak [dB]
 
-The sensor models are those of the live prediction (``fti.nav.altimetry.expected_range``).  Between the entries a table is
-linear: its steps are small against what a sample tells.
+The sensor models are those of the live prediction (``fti.nav.altimetry.expected_range``).  A table is interpolated
+linearly: its steps are small compared with the resolution of a sample.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ from fti.terrain.terrain import Terrain
 Array = NDArray[np.float64]
 Advance = Callable[[], None]
 
-#: So much farther than the altimeter may range is looked for what it should say: as the live prediction does.
+#: Maximum predicted range, relative to that of the altimeter: as in the live prediction.
 RANGE_MARGIN = 1.5
-#: Share of a beam, by its gain, that may look at ground which nobody knows.
+#: Maximum gain-weighted share of a beam over unknown terrain.
 UNKNOWN_SHARE = 0.01
 _UNKNOWN = (RayOutcome.HOLE, RayOutcome.OUTSIDE, RayOutcome.UNKNOWN, RayOutcome.BURIED)
 _CHUNK = 16
@@ -51,7 +51,7 @@ class RangeTable:
     ranges: Array
 
     def at(self, parameters: Array) -> Array:
-        """Ranges (n,) at parameters inside the axes, linear between the entries."""
+        """Ranges (n,) at parameters inside the axes, linearly interpolated."""
         corners: list[list[tuple[int, float]]] = []
         for value, axis in zip(parameters, self.axes, strict=True):
             k = int(np.clip(np.searchsorted(axis, value) - 1, 0, len(axis) - 2))
@@ -65,15 +65,15 @@ class RangeTable:
         return found
 
     def slope(self, parameters: Array, number: int) -> Array:
-        """Derivative (n,) by one parameter, over one step of its axis to each side, as far as the axis goes."""
-        axis, around = self.axes[number], []
+        """Derivative (n,) by one parameter: central difference over one step of its axis, limited to the axis."""
+        axis, points = self.axes[number], []
         step = float(np.min(np.diff(axis)))
         for sign in (-1.0, 1.0):
             moved = parameters.copy()
             moved[number] = np.clip(moved[number] + sign * step, axis[0], axis[-1])
-            around.append((moved[number], self.at(moved)))
-        (low, before), (high, behind) = around
-        return np.asarray((behind - before) / (high - low))
+            points.append((moved[number], self.at(moved)))
+        (low, lower), (high, upper) = points
+        return np.asarray((upper - lower) / (high - low))
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,20 +85,20 @@ class RangeTableBuilder:
     samples: FitSamples
 
     @property
-    def farthest(self) -> float:
-        """So far rays are cast [m]."""
+    def max_range_m(self) -> float:
+        """Maximum length of the rays [m]."""
         assert self.device.altimeter is not None
         return RANGE_MARGIN * self.device.altimeter.range_m[1]
 
     def laser(self) -> RangeTable:
-        """A pencil along the mounting."""
-        return RangeTable((), (), self._measure(Laser(max_range=self.farthest)))
+        """Pencil beam along the mounting axis."""
+        return RangeTable((), (), self._measure(Laser(max_range=self.max_range_m)))
 
     def nearest(self, beams_deg: Sequence[float], advance: Advance) -> RangeTable:
-        """The nearest return in a cone of a full width; ``advance`` hears of each width."""
+        """The nearest return in a cone of a full width; ``advance`` is called after each width."""
         found = []
         for beam in beams_deg:
-            found.append(self._measure(NearestReturn(beam_width=math.radians(beam), max_range=self.farthest)))
+            found.append(self._measure(NearestReturn(beam_width=math.radians(beam), max_range=self.max_range_m)))
             advance()
         return RangeTable(("beam_deg",), (np.asarray(beams_deg, dtype=np.float64),), np.array(found))
 
@@ -111,15 +111,15 @@ class RangeTableBuilder:
         axes = np.asarray(beams_deg, dtype=np.float64), np.asarray(thresholds_db, dtype=np.float64)
         return RangeTable(("beam_deg", "threshold_db"), axes, np.array(found))
 
-    def configured(self) -> Array:
+    def configured_ranges(self) -> Array:
         """Ranges (n,) of the receiver that the configuration describes, before its scale and bias."""
         limits = self.device.altimeter
         assert limits is not None
         if limits.kind == "laser":
-            return self._measure(Laser(max_range=self.farthest))
+            return self._measure(Laser(max_range=self.max_range_m))
         width = math.radians(limits.beam_deg)
         if limits.model == "nearest":
-            return self._measure(NearestReturn(beam_width=width, max_range=self.farthest))
+            return self._measure(NearestReturn(beam_width=width, max_range=self.max_range_m))
         return np.asarray(self._edges(width, [limits.threshold_db])[0])
 
     def _poses(self) -> Poses:
@@ -134,7 +134,7 @@ class RangeTableBuilder:
 
     def _edges(self, width: float, thresholds_db: Sequence[float | None]) -> Array:
         """Ranges (thresholds, n): the rays are cast once for all thresholds."""
-        sensor = RadarAltimeter(antenna=cosine_antenna(width, width), max_range=self.farthest)
+        sensor = RadarAltimeter(antenna=cosine_antenna(width, width), max_range=self.max_range_m)
         edges, poses = [edge_at(threshold) for threshold in thresholds_db], self._poses()
         parts = []
         for begin in range(0, len(poses), _CHUNK):

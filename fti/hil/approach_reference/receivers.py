@@ -1,8 +1,8 @@
-"""Receivers of an altimeter: what may differ between two instruments of the same stated beam.
+"""Receivers of an altimeter: variation between instruments of the same stated beam.
 
-The receiver that an aircraft carries is not known from its data sheet.  Every draw of a reference takes another one:
+A data sheet does not determine the receiver of an aircraft.  Every draw of a reference uses another one:
 
-    radar   antenna pattern (Gaussian, or cosine to a power), its half-power beam about the stated one, the share of the
+    radar   antenna pattern (Gaussian, or cosine to a power), its half-power beam near the stated one, the share of the
             peak at which the leading edge is detected, the backscatter of the ground; or the nearest return in a cone
     laser   divergence, first or last echo, pointing of the beam
     both    range bias, within the sigma of the instrument's noise
@@ -10,11 +10,11 @@ The receiver that an aircraft carries is not known from its data sheet.  Every d
     power of a ray        G(psi)^2 cos^(q - 1)(theta_i) / d^2          psi off the boresight, theta_i incidence, d range
     leading edge          the nearest ray R with  P(R) >= threshold max P,   P(R) = power within [R, R + 2 m]
 
-The rays are cast once for each place and serve all receivers and attitudes: only their weights differ.
+The rays are cast once for each place, for all receivers and attitudes: only their weights differ.
 2 m is the range resolution c / 2B of a bandwidth of 75 MHz.
 
 Sources: Spiegel 2018, eq. 2.18 (radar equation, two-way gain), 2.3.2.3 (leading edge); Moore 1990, "Ground echo", in
-Skolnik, Radar handbook, 2nd ed., ch. 12 (backscatter).  A range of thresholds is assumed: makers do not state them.
+Skolnik, Radar handbook, 2nd ed., ch. 12 (backscatter).  The thresholds are an assumption: makers do not state them.
 """
 
 # ruff: noqa: PLR0917 - compiled kernels take their scalars by position
@@ -44,23 +44,23 @@ Array = NDArray[np.float64]
 
 ReceiverModel = Literal["drawn", "edge", "nearest", "fitted"]
 
-#: Of the drawn family: relative sigma of the beam width and its bounds, thresholds under the peak [dB], exponents of
-#: the backscatter, share of receivers that take the nearest return.
+#: Drawn radars: relative sigma of the beam width and its bounds, thresholds relative to the peak [dB], exponents of
+#: the backscatter, share of receivers with the nearest return.
 BEAM_SPREAD, BEAM_BOUNDS = 0.1, (0.8, 1.25)
 THRESHOLDS_DB = (-13.0, -3.0)
 EXPONENTS = (1.0, 4.0)
 NEAREST_SHARE = 0.2
-#: Of a laser: divergence [rad], pointing about each axis [rad].
+#: Drawn lasers: divergence [rad], pointing about each axis [rad].
 DIVERGENCES = (0.0, 3e-3)
 POINTING_SD = math.radians(0.3)
 #: Range resolution [m].
 RESOLUTION_M = 2.0
 MAX_RANGE_M = {"radar": 762.0, "laser": 2000.0}
-#: Rays reach this far off the boresight, in stated beams, and lie this many to a beam.
+#: Extent of the rays off the boresight, in beam widths; rays per beam width.
 REACH_BEAMS, RAYS_A_BEAM = 1.0, 18.0
-#: sinc^2(0.4429) = 1/2: half power of an evenly lit aperture (Balanis, Antenna theory, 12.5).
+#: sinc^2(0.4429) = 1/2: half power of a uniformly illuminated aperture (Balanis, Antenna theory, 12.5).
 APERTURE_HALF = 0.4429
-#: Share of the gain that may look at unknown ground.
+#: Maximum gain-weighted share of the beam over unknown terrain.
 UNKNOWN_SHARE = 0.01
 _HIT, _SKY = int(RayOutcome.HIT), int(RayOutcome.NOTHING)
 
@@ -69,12 +69,12 @@ _HIT, _SKY = int(RayOutcome.HIT), int(RayOutcome.NOTHING)
 class ReceiverVariant:
     """One instrument.
 
-    pattern   : of its antenna; nearest: every return inside the cone counts; aperture: evenly lit, with side lobes of
-                -13 dB (never drawn: for the proof)
+    pattern   : of its antenna; nearest: every return inside the cone counts; aperture: uniform illumination, side lobes
+                of -13 dB (never drawn: for verification)
     beam      : full width between the half-power points, or of the cone, or the divergence of a laser [rad]
     threshold : of the leading edge, over the peak power      exponent : q of the backscatter cos^q
-    bias, scale : the instrument says scale x range + bias [m]
-    last      : a laser that tells the last echo              roll, pitch : pointing of a laser [rad]
+    bias, scale : output = scale x range + bias [m]
+    last      : a laser that measures the last echo           roll, pitch : pointing of a laser [rad]
     """
 
     pattern: Literal["gaussian", "cosine", "aperture", "nearest", "laser"]
@@ -88,7 +88,7 @@ class ReceiverVariant:
     pitch: float = 0.0
 
     def two_way_gain(self, off: Array) -> Array:
-        """Share of the gain on the boresight, squared, at angles off it [rad]."""
+        """Two-way gain relative to the boresight, at angles off it [rad]."""
         half = 0.5 * self.beam
         if self.pattern == "nearest":
             return np.where(off <= half, 1.0, 0.0)
@@ -109,7 +109,7 @@ def stated_receiver(sensor: ReferenceSensor) -> ReceiverVariant:
 def draw_receivers(
     sensor: ReferenceSensor, count: int, bias_sd: float, model: ReceiverModel, rng: np.random.Generator
 ) -> tuple[ReceiverVariant, ...]:
-    """``count`` receivers of an altimeter; bias_sd [m].  model : those of both kinds, or of one."""
+    """Draw ``count`` receivers of an altimeter.  bias_sd [m]; model : "drawn": both kinds of radar, else one"""
     if sensor.kind == "laser":
         return tuple(_draw_laser(bias_sd, rng) for _ in range(count))
     return tuple(_draw_radar(math.radians(sensor.beam_deg), bias_sd, model, rng) for _ in range(count))
@@ -143,7 +143,7 @@ def _draw_laser(bias_sd: float, rng: np.random.Generator) -> ReceiverVariant:
 def measure(receivers: tuple[ReceiverVariant, ...], terrain: Terrain, poses: Poses, tilts: Array) -> Array:
     """Ranges [m] of all receivers at n poses, shape (n, tilts, receivers), bias included; NaN without a return.
 
-    tilts : (tilts, 2) roll and pitch of the boresight about that of the poses [rad]
+    tilts : (tilts, 2) roll and pitch of the boresight relative to the poses [rad]
     """
     if receivers[0].pattern == "laser":
         return np.stack([_laser(receiver, terrain, poses, tilts) for receiver in receivers], axis=-1)
@@ -160,14 +160,14 @@ def measure(receivers: tuple[ReceiverVariant, ...], terrain: Terrain, poses: Pos
 
 @functools.lru_cache(maxsize=8)
 def _dome(beam: float) -> Dome:
-    """Rays about the boresight, as dense as the beam asks for."""
+    """Rays around the boresight, with ``RAYS_A_BEAM`` per beam width."""
     spacing = beam / RAYS_A_BEAM
     order = max(round(math.sqrt(2.0 * math.pi / spacing**2 / 5.0)), 8)
     return half_dome(order).within(min(REACH_BEAMS * beam, math.radians(80.0)))
 
 
 def _off_boresight(dome: Dome, tilts: Array) -> Array:
-    """Angles [rad] of the rays off the tilted boresights, shape (tilts, rays): positive roll points it to the left."""
+    """Angles of the rays off the tilted boresights [rad], shape (tilts, rays); positive roll tilts to the left."""
     roll, pitch = tilts.T
     boresights = np.stack((np.sin(pitch) * np.cos(roll), -np.sin(roll), np.cos(roll) * np.cos(pitch)))
     return np.asarray(np.arccos(np.clip(dome.rays_s @ boresights, -1.0, 1.0)).T)
@@ -226,7 +226,7 @@ def _edges(
 
 @kernel
 def _edge(near: Array, order: NDArray[np.int64], gain: Array, ground: Array, threshold: float, hits: int) -> float:
-    """The nearest of ascending ranges from which on the power within the resolution is above the threshold."""
+    """The first of ascending ranges with a power within the resolution above the threshold."""
     peak = 0.0
     for sweep in range(2):
         total, end = 0.0, 0

@@ -1,12 +1,11 @@
-"""A reference from recorded approaches: what the altimeter itself has seen, at least five times.
+"""A reference from at least five recorded approaches.
 
-Read from the outputs that navigation wrote beside the recording (``fti reprocess`` makes them again): heights above
-ground of one altimeter, moved to P and not compensated for terrain, and the navigated position at their times.  An
-approach is a way down the track that begins at the far end of the profile; one that was broken off counts as far as it
-went.  Samples are those of the monitor, without the ones that are stuck or that another altimeter contradicts.  Mean
-and sigma at a place are over the approaches that have a height there (``profile.surface_of``).  Limits come from
-approaches that are drawn with this mean, this sigma and the correlation length of the recorded residuals; how often an
-aircraft beside the track is seen is not known, because no recorded approach lies there.
+Source: the derived outputs of navigation (``fti reprocess`` recomputes them): heights above ground of one altimeter,
+moved to P and not compensated for terrain, and the navigated position at their times.  An approach is a descent along
+the track from the far end of the profile; an aborted one counts up to its end.  Samples are those of the monitor,
+without values that are stuck or that another altimeter contradicts.  Mean and sigma at a place are over the approaches
+with a height there (``profile.surface_of``).  Limits come from approaches drawn with this mean and sigma, and with the
+correlation length of the recorded residuals.  The detection of an offset track is unknown, because none was recorded.
 """
 
 from __future__ import annotations
@@ -45,26 +44,26 @@ from fti.nav.navigation import FILTER, RADIO, VERTICAL
 
 Array = NDArray[np.float64]
 
-#: Approaches of a reference, and those of them that a place needs: with two, sigma is multiplied by 16.
+#: Minimum number of approaches of a reference, and at each place: with two, sigma would be multiplied by 16.
 MIN_APPROACHES, MIN_APPROACHES_AT_POINT = 5, 3
-#: Heights of an approach may be so far apart [m]: twice that of a slow altimeter, and less than any footprint.
+#: Maximum distance between heights of an approach [m]: twice that of a slow altimeter, less than any footprint.
 GAP_M = 20.0
-#: Rounds of ``_mean_profile``: each divides what is missing by the approaches over those that were broken off.
+#: Iterations of ``_mean_profile``: each divides the remaining error by the ratio of all approaches to aborted ones.
 ROUNDS = 50
-#: No profile is shorter, see ``fti reference make --s-max``.
+#: Minimum length of a profile, see ``fti reference make --s-max``.
 MIN_PROFILE_M = 1000.0
 HEIGHT, SOLUTION = "/nav/height_above_ground/", "/nav/nav_solution"
-#: Navigation is joined between solutions no farther apart [ns].
+#: Maximum gap between solutions for interpolation [ns].
 MAX_SOLUTION_GAP_NS = 500_000_000
-#: Altitudes that an altimeter over known ground may hold: what it measures below them is that ground.
+#: Altitude sources that may depend on an altimeter over known terrain.
 COMPUTED_ALTITUDES = (FILTER, VERTICAL, RADIO)
-#: A metre of the way for the processes of ``fti.hil.sensors.errors``, which are drawn once a second [s].
+#: Time per metre of the track for the processes of ``fti.hil.sensors.errors``, which are drawn at 1 Hz [s].
 SECOND_PER_M = 0.1
 
 
 @dataclass(frozen=True, eq=False)
 class Pass:
-    """Samples of a recorded flight, shape (n,): time [ns], place on the track, terrain altitude z = alt - agl [m]."""
+    """Samples of a recorded flight, shape (n,): time [ns], path length s [m], terrain altitude z = alt - agl [m]."""
 
     t_ns: NDArray[np.int64]
     s: Array
@@ -73,7 +72,7 @@ class Pass:
 
 @dataclass(frozen=True, eq=False)
 class RecordedGround:
-    """Ground as it was recorded, with as much scatter; the scatter is correlated over ``correlation`` [m]."""
+    """Recorded ground with its scatter, which is correlated over ``correlation`` [m]."""
 
     path: ApproachPath
     altimeter: AltimeterModel
@@ -83,8 +82,8 @@ class RecordedGround:
     def ranges(self, pose: Array, rng: np.random.Generator) -> Array:
         """Heights above it [m] along poses with descending s; the scatter is that of one approach."""
         s, alt = pose[0], pose[2]
-        way = (s[0] - s) * SECOND_PER_M
-        scatter = gauss_markov_noise(np.maximum.accumulate(way), 1.0, self.correlation * SECOND_PER_M, rng)
+        t = (s[0] - s) * SECOND_PER_M
+        scatter = gauss_markov_noise(np.maximum.accumulate(t), 1.0, self.correlation * SECOND_PER_M, rng)
         z, sd = (np.interp(s, self.surface.s, column) for column in (self.surface.z_ref, self.surface.s_ref))
         return np.asarray(alt - z - sd * scatter)
 
@@ -93,7 +92,7 @@ def reference_from_recordings(
     path: ApproachPath, altimeter: AltimeterModel, profiles: Array, plan: ReferenceOptions, progress: Progress,
     *, run_all: TaskRunner = run_serially,
 ) -> ApproachReference:  # fmt: skip
-    """The reference of recorded profiles, shape (n, len(grid)), n >= 5, as ``profiles_of`` gives them."""
+    """The reference of recorded profiles, shape (n, len(grid)), n >= 5, from ``profiles_of``."""
     bare = RecordedGround(path, altimeter, Surface(*(np.zeros(0) for _ in range(4))), 0.0)
     surface = surface_of(bare, grid(DS_M, plan.s_max), profiles, _mean_profile(profiles))
     residuals = (profiles - surface.z_ref) / surface.s_ref
@@ -104,10 +103,10 @@ def reference_from_recordings(
 
 
 def _mean_profile(profiles: Array) -> Array:
-    """The mean over the approaches at each place, as if each had gone to the end: shape (len(grid),) [m].
+    """The mean over the approaches at each place, corrected for aborted ones: shape (len(grid),) [m].
 
-    An approach errs in height as a whole.  Where one breaks off, the plain mean of the others would step by its error:
-    least squares of place + approach (two-way layout; Scheffe 1959, The Analysis of Variance, 4.4), by turns.
+    Each approach has a height error of its own.  At the end of an aborted one the plain mean would step by its error:
+    least squares of place + approach (two-way layout; Scheffe 1959, The Analysis of Variance, 4.4), iterated.
     """
     offsets = np.zeros((len(profiles), 1))
     for _ in range(ROUNDS):
@@ -118,11 +117,11 @@ def _mean_profile(profiles: Array) -> Array:
 
 
 def profiles_of(passes: Sequence[Pass], s_max: float) -> Array:
-    """The terrain that each approach saw [m], shape (n, len(grid)); NaN where it has no height.
+    """The terrain of each approach [m], shape (n, len(grid)); NaN where it has no height.
 
-    What lies beyond both ends of the profile is as at the ends.  An approach begins at s_max and has heights over a
-    window or more, in all; it may be broken off.
-    Raises ConfigError for fewer than five approaches, and for a place where fewer than three have a height.
+    Values beyond both ends of the profile equal those at the ends.  An approach starts at s_max and has heights over
+    a window or more in total; it may be aborted.
+    Raises ConfigError for fewer than five approaches, or if fewer than three have a height at a place.
     """
     s = grid(DS_M, s_max)
     every = [_profile(s, one, s_max) for one in passes]
@@ -131,8 +130,8 @@ def profiles_of(passes: Sequence[Pass], s_max: float) -> Array:
     found = [z for z in every if np.isfinite(z[-1]) and np.isfinite(z[bins]).sum() * DS_M >= WINDOW_M]
     if len(found) < MIN_APPROACHES:
         raise ConfigError(
-            f"{len(found)} of {len(passes)} recorded ways down the track begin at {s_max:g} m before the intercept "
-            f"point and have a height every {GAP_M:g} m for {WINDOW_M:g} m or more; a reference needs "
+            f"only {len(found)} of {len(passes)} recorded passes start {s_max:g} m before the intercept point and have "
+            f"a height every {GAP_M:g} m for {WINDOW_M:g} m or more; a reference needs "
             f"{MIN_APPROACHES}{_length_hint(begins)}"
         )
     _check_places(s, np.array(found), s_max)
@@ -140,7 +139,7 @@ def profiles_of(passes: Sequence[Pass], s_max: float) -> Array:
 
 
 def _profile(s: Array, one: Pass, s_max: float) -> Array:
-    """The terrain of one approach at the places of the profile [m]; NaN in a gap, and before and behind the flight."""
+    """The terrain of one approach at the places of the profile [m]; NaN in gaps, and before and after the flight."""
     z = bin_means(s, one.s, one.z)
     known = (s >= 0.0) & (s <= s_max) & np.isfinite(z)
     if not known.any():
@@ -150,8 +149,8 @@ def _profile(s: Array, one: Pass, s_max: float) -> Array:
     lower, upper = (np.append(places, places[-1])[np.clip(after - back, 0, len(places))] for back in (1, 0))
     low = places[0] if places[0] > GAP_M else -np.inf
     high = places[-1] if places[-1] < s_max - GAP_M else np.inf
-    there = known | (upper - lower <= GAP_M) & (s >= low) & (s <= high)
-    return np.where(there, np.interp(s, places, z[known]), np.nan)
+    is_covered = known | (upper - lower <= GAP_M) & (s >= low) & (s <= high)
+    return np.where(is_covered, np.interp(s, places, z[known]), np.nan)
 
 
 def _check_places(s: Array, profiles: Array, s_max: float) -> None:
@@ -166,15 +165,15 @@ def _check_places(s: Array, profiles: Array, s_max: float) -> None:
 
 
 def _length_hint(begins: Sequence[float]) -> str:
-    """What would do instead."""
+    """The length that has enough approaches, as a hint; "" if there is none."""
     if len(begins) < MIN_APPROACHES:
         return ""
-    enough = sorted(begins)[-MIN_APPROACHES] // 10.0 * 10.0
-    return f", and so many have one from {enough:g} m (--s-max)" if enough >= MIN_PROFILE_M else ""
+    length_m = sorted(begins)[-MIN_APPROACHES] // 10.0 * 10.0
+    return f"; allowed: --s-max {length_m:g} or less" if length_m >= MIN_PROFILE_M else ""
 
 
 def read_passes(folder: Path, sensor: str, path: ApproachPath, s_max: float) -> list[Pass]:
-    """The ways down the track in a session.  Raises MissingError when it has no outputs of that altimeter."""
+    """The passes of a session.  Raises MissingError if it has no outputs of that altimeter."""
     recording = Recording.open(folder)
     heights, solutions = list[tuple[float, ...]](), list[tuple[float, ...]]()
     for topic, t_ns, _, _, data in recording.messages("/nav/"):
@@ -184,28 +183,28 @@ def read_passes(folder: Path, sensor: str, path: ApproachPath, s_max: float) -> 
             elif topic == SOLUTION and (solution := parse_table(data)).get("altitude_source") not in COMPUTED_ALTITUDES:
                 solutions += _numbers(solution, ("t_valid_ns", "lat", "lon", "alt", "roll", "pitch"), solution["valid"])
     if not heights or not solutions:
-        raise MissingError(f"{folder}: has no heights of {sensor!r} with a position: fti reprocess makes them")
+        raise MissingError(f"{folder}: has no heights of {sensor!r} with a position; run fti reprocess")
     return list(split_passes(_join_passes(np.array(heights), np.array(solutions), path), s_max))
 
 
 def check_sensor(folder: Path, name: str, altimeter: AltimeterModel) -> None:
-    """A reference of one kind of altimeter is not made of the heights of another.  Raises MissingError, ConfigError."""
+    """Raises ConfigError if the device is not an altimeter of this kind; MissingError."""
     device = recorded_config(Recording.open(folder), folder).find_device(name)
-    wanted = altimeter.sensor
+    required = altimeter.sensor
     if device is None or device.altimeter is None:
         raise ConfigError(f"{folder}: has no altimeter {name!r}")
-    if not fits(device, wanted):
+    if not fits(device, required):
         found = device.altimeter
         raise ConfigError(
-            f"{folder}: {name!r} is a {found.kind} of {found.beam_deg:g} deg; the reference would be that of a "
-            f"{wanted.kind} of {wanted.beam_deg:g} deg"
+            f"{folder}: {name!r} is a {found.kind} of {found.beam_deg:g} deg; allowed: a {required.kind} of "
+            f"{required.beam_deg:g} deg"
         )
 
 
 def _heights(output: dict[str, Any]) -> Iterator[tuple[float, ...]]:
-    """What only the known ground speaks against is used, as by the monitor: a wood that has grown.
+    """Heights that only the comparison with terrain rejects are used, as by the monitor: vegetation may have grown.
 
-    Sessions of fti 0.1 have no ``nearest``: it was called ``height_agl``.
+    Sessions of fti 0.1 have ``height_agl`` in place of ``nearest``.
     """
     name = "nearest" if "nearest" in output else "height_agl"
     yield from _numbers(output, ("t_valid_ns", name), TERRAIN_REASONS.issuperset(output["reasons"]))
@@ -217,14 +216,14 @@ def _numbers(output: dict[str, Any], names: Sequence[str], used: bool) -> Iterat
 
 
 def _join_passes(heights: Array, solutions: Array, path: ApproachPath) -> Pass:
-    """Samples that the monitor would use, at the times of the heights."""
+    """Samples within the limits of the monitor, at the times of the heights."""
     settings = Approach(profile="")
     heights, solutions = heights[np.argsort(heights[:, 0])], solutions[np.argsort(solutions[:, 0])]
     t, t_nav = heights[:, 0], solutions[:, 0]
     lat, lon, alt, roll, pitch = (np.interp(t, t_nav, column) for column in solutions.T[1:])
     after = np.clip(np.searchsorted(t_nav, t), 1, len(t_nav) - 1)
     near = (t_nav[after] - t_nav[after - 1] <= MAX_SOLUTION_GAP_NS) & (t >= t_nav[0]) & (t <= t_nav[-1])
-    s, y = path.along(lat, lon)
+    s, y = path.to_path(lat, lon)
     used = (
         near
         & (np.abs(y) <= settings.y_max_m)
@@ -235,20 +234,20 @@ def _join_passes(heights: Array, solutions: Array, path: ApproachPath) -> Pass:
 
 
 def date_of(passes: Sequence[Pass]) -> str:
-    """The day of the last of them, YYYY-MM-DD."""
+    """The date of the last pass, YYYY-MM-DD."""
     last = max(int(one.t_ns[-1]) for one in passes)
     return datetime.fromtimestamp(last // 10**9, UTC).strftime("%Y-%m-%d")
 
 
-def split_passes(flown: Pass, s_max: float) -> Iterator[Pass]:
-    """The ways down the track of a flight: s never more than 20 m back out, between the ends of the reference."""
-    inside = (flown.s >= -MARGIN_M) & (flown.s <= s_max + MARGIN_M)
-    t_ns, s, z = flown.t_ns[inside], flown.s[inside], flown.z[inside]
-    begin, least = 0, np.inf
+def split_passes(flight: Pass, s_max: float) -> Iterator[Pass]:
+    """The passes of a flight between the ends of the reference; s never increases by more than MAX_BACKWARD_M."""
+    inside = (flight.s >= -MARGIN_M) & (flight.s <= s_max + MARGIN_M)
+    t_ns, s, z = flight.t_ns[inside], flight.s[inside], flight.z[inside]
+    begin, lowest = 0, np.inf
     for k, here in enumerate(s.tolist()):
-        if here > least + MAX_BACKWARD_M:
+        if here > lowest + MAX_BACKWARD_M:
             yield Pass(t_ns[begin:k], s[begin:k], z[begin:k])
-            begin, least = k, here
-        least = min(least, here)
+            begin, lowest = k, here
+        lowest = min(lowest, here)
     if len(s):
         yield Pass(t_ns[begin:], s[begin:], z[begin:])

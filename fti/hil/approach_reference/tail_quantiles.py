@@ -1,11 +1,11 @@
-"""Quantiles far out in a sample: empirical where enough of it lies beyond, else by a generalised-Pareto tail.
+"""Extreme quantiles of a sample: empirical with enough exceedances, else by a generalised-Pareto tail.
 
     beyond u :  P(X > x | X > u) = (1 - k (x - u) / a)^(1/k)        k shape (> 0: bounded), a scale
     a_0 = mean y,  a_1 = mean of (1 - p_i) y_i ascending,  p_i = (i - 0.35) / m        y = x - u of the m exceedances
     k = a_0 / (a_0 - 2 a_1) - 2         a = 2 a_0 a_1 / (a_0 - 2 a_1)
 
-u leaves the largest tenth of the sample beyond it, at least 20 values.  The estimate is no less than what the sample
-itself shows: the largest value when fewer than one is expected beyond the quantile.
+u is exceeded by the largest tenth of the sample, at least 20 values.  The estimate is at least the largest value if the
+expected number of exceedances of the quantile is less than one.
 Sources: Hosking and Wallis 1987, Technometrics 29 (probability-weighted moments); Pickands 1975 (the tail).
 """
 
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-#: With so many values beyond the quantile the sample says where it is.
+#: Minimum number of exceedances for the empirical quantile.
 MIN_EXCEEDANCES = 10
 TAIL_SHARE, MIN_TAIL = 0.1, 20
 BOOTSTRAPS = 500
@@ -43,13 +43,13 @@ def pareto_tail(excess: Array) -> tuple[float, float]:
     mean = float(excess.mean())
     weighted = float(np.mean((1.0 - (np.arange(1, m + 1) - 0.35) / m) * excess))
     if mean <= 0.0:
-        return 1.0, 0.0  # all alike: there is no tail
+        return 1.0, 0.0  # all values are equal: no tail
     difference = mean - 2.0 * weighted
     return mean / difference - 2.0, 2.0 * mean * weighted / difference
 
 
 def bootstrap_interval(sample: Array, beyond: float, rng: np.random.Generator) -> tuple[float, float]:
-    """95 % interval of ``upper_quantile`` by drawing the sample again."""
+    """95 % bootstrap interval of ``upper_quantile``."""
     found = [upper_quantile(rng.choice(sample, len(sample)), beyond) for _ in range(BOOTSTRAPS)]
     low, high = np.quantile(found, (0.025, 0.975))
     return float(low), float(high)

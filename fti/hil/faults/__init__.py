@@ -1,1 +1,1 @@
-"""What goes wrong: with values, clocks, bytes and buses."""
+"""Fault injection: values, clocks, bytes and buses of the emulated devices."""

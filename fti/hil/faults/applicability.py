@@ -1,4 +1,4 @@
-"""Which fault can be of which device, and the stages of a device's faults."""
+"""Which faults apply to which device, and the message stages of a device's faults."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ from fti.hil.tables.fault_types import (
 )
 
 POWER_UNIT = "power_unit"
-#: Kinds of faults that need something of a protocol, and the drivers whose protocol may have it.
+#: Faults that need a feature of the protocol, and the drivers whose protocol may have it.
 DRIVERS_BY_FAULT: Sequence[tuple[Any, Collection[str]]] = (
     (WrongChecksum, CHECKSUMS),
     (WrongLabel, LABELS),
@@ -62,41 +62,44 @@ DRIVERS_BY_FAULT: Sequence[tuple[Any, Collection[str]]] = (
 
 
 def drivers_of(kind: type[StrictModel]) -> tuple[str, ...] | None:
-    """The drivers whose devices may have a kind of fault, in alphabetical order; None: every driver, or no device."""
+    """The drivers whose devices may have a kind of fault, in alphabetical order; None: no restriction, or no device."""
     if issubclass(kind, LostHeader):
         return tuple(sorted(name for name in drivers.names() if frozenset({"can"}) != drivers.load(name).CARRIERS))
     return next((tuple(sorted(names)) for kinds, names in DRIVERS_BY_FAULT if issubclass(kind, kinds)), None)
 
 
 def inapplicable_reason(fault: DeviceFault, bound: BoundDevice) -> str:
-    """Why a fault cannot be of a device, and of which drivers it can; "" when it can."""
+    """Why a fault does not apply to a device, and the drivers to which it does; "" if it applies."""
     driver, options = bound.device.driver, bound.options
     if isinstance(fault, WrongChecksum) and checksum_change(driver, options) is None:
-        return f"{_driver_with_options(driver, options)} has no checksum that the emulator could spoil; {_join_names(CHECKSUMS)} may have"
+        return f"{_driver_with_options(driver, options)} has no checksum; allowed: {_join_names(CHECKSUMS)}"
     if isinstance(fault, WrongLabel) and identifier_change(driver, options) is None:
-        return f"{_driver_with_options(driver, options)} gives its messages no identifier; {_join_names(LABELS)} do"
+        return f"{_driver_with_options(driver, options)} has no message identifier; allowed: {_join_names(LABELS)}"
     if isinstance(fault, ClockJump | ClockDrift) and not sends_time(driver, options):
-        return f"{_driver_with_options(driver, options)} does not send its time; {_join_names(DRIVERS_WITH_TIME)} do (arinc429 in packets)"
+        allowed = f"{_join_names(DRIVERS_WITH_TIME)} (arinc429 in packets)"
+        return f"{_driver_with_options(driver, options)} does not send its time; allowed: {allowed}"
     if isinstance(fault, GnssFault) and driver not in DRIVERS_WITH_RECEIVER:
-        return f"{driver} has no satellite receiver; {_join_names(DRIVERS_WITH_RECEIVER)} may have"
+        return f"{driver} has no satellite receiver; allowed: {_join_names(DRIVERS_WITH_RECEIVER)}"
     return _connection_reason(fault, bound)
 
 
 def _connection_reason(fault: DeviceFault, bound: BoundDevice) -> str:
-    """The same for what depends on the line and the supply of a device."""
+    """The same for faults that depend on the line and the supply of a device."""
     driver = bound.device.driver
     if isinstance(fault, LostHeader) and _on_can(bound):
-        return f"{driver} is on CAN, where a frame has its header or is none; every driver of a line can lose it"
+        return f"{driver} is on CAN, where every frame has its header; allowed: drivers that are not on CAN"
     if isinstance(fault, PowerFault) and driver == POWER_UNIT:
-        return f"{driver} feeds itself and has no breaker; every other driver can lose its power"
+        return f"{driver} has its own supply and no breaker; allowed: every other driver"
     if isinstance(fault, LeverArm) and driver == POWER_UNIT:
-        return f"{driver} measures nothing that depends on its place"
+        return f"{driver} measures nothing that depends on its position; allowed: every other driver"
     return ""
 
 
 def _driver_with_options(driver: str, options: StrictModel) -> str:
-    given = options.model_dump(include=options.model_fields_set)
-    short = {key: value for key, value in given.items() if isinstance(value, str | bool | int) and len(str(value)) < 20}
+    explicit = options.model_dump(include=options.model_fields_set)
+    short = {
+        key: value for key, value in explicit.items() if isinstance(value, str | bool | int) and len(str(value)) < 20
+    }
     return driver + (f" with {', '.join(f'{k} = {v!r}' for k, v in short.items())}" if short else "")
 
 
@@ -109,7 +112,7 @@ def _on_can(bound: BoundDevice) -> bool:
 
 
 def applies_to(fault: Fault, bound: BoundDevice) -> bool:
-    """Is this a fault of this device?  Without names it is one of every device that it can be of."""
+    """Does the fault apply to the device?  A fault that names no device applies to every possible one."""
     if isinstance(fault, BusOff):
         return _on_can(bound) and (not fault.links or bound.device.link in fault.links)
     if not isinstance(fault, DeviceFault):
@@ -118,7 +121,7 @@ def applies_to(fault: Fault, bound: BoundDevice) -> bool:
 
 
 def stages_of(bound: BoundDevice, faults: Sequence[Fault], seed: int, end_s: float) -> list[MessageStage]:
-    """The stages of the bytes of a device, in the order of the scenario.  end_s : when its last message leaves."""
+    """The message stages of a device, in the order of the scenario.  end_s : time of its last message [s]"""
     found = []
     for i, fault in enumerate(faults):
         if applies_to(fault, bound):
@@ -134,29 +137,29 @@ def _stage(fault: Fault, bound: BoundDevice, rng: np.random.Generator, end_s: fl
         return BurstStage(fault, end_s)
     if isinstance(fault, Reordered):
         return ReorderStage(fault, rng, end_s)
-    become = _message_effect(fault, bound, rng)
-    return CorruptionStage(fault, become, rng) if become and isinstance(fault, DeviceFault | BusOff) else None
+    effect = _message_effect(fault, bound, rng)
+    return CorruptionStage(fault, effect, rng) if effect and isinstance(fault, DeviceFault | BusOff) else None
 
 
 def _message_effect(fault: Fault, bound: BoundDevice, rng: np.random.Generator) -> MessageEffect | None:
-    """What a fault without memory makes of a message; None for the faults of another kind."""
+    """The effect of a fault without memory on a message; None for other faults."""
     on_can = _on_can(bound)
-    become: MessageEffect | None = None
+    effect: MessageEffect | None = None
     if isinstance(fault, Cut | BusOff):
-        become = lambda message: []  # noqa: E731
+        effect = lambda message: []  # noqa: E731
     elif isinstance(fault, Duplicated):
-        become = lambda message: [message, message]  # noqa: E731
+        effect = lambda message: [message, message]  # noqa: E731
     elif isinstance(fault, BitErrors):
-        become = bit_error_effect(fault, rng, on_can=on_can)
+        effect = bit_error_effect(fault, rng, on_can=on_can)
     elif isinstance(fault, LostHeader):
-        become = lambda message: [message[fault.count :]]  # noqa: E731
+        effect = lambda message: [message[fault.count :]]  # noqa: E731
     elif isinstance(fault, Truncated):
-        become = truncation_effect(fault.count, on_can=on_can)
+        effect = truncation_effect(fault.count, on_can=on_can)
     elif isinstance(fault, WrongChecksum):
-        become = _single_change(checksum_change(bound.device.driver, bound.options))
+        effect = _single_change(checksum_change(bound.device.driver, bound.options))
     elif isinstance(fault, WrongLabel):
-        become = _single_change(identifier_change(bound.device.driver, bound.options))
-    return become
+        effect = _single_change(identifier_change(bound.device.driver, bound.options))
+    return effect
 
 
 def _single_change(change: MessageChange | None) -> MessageEffect | None:

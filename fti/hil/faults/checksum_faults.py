@@ -1,7 +1,7 @@
-"""Where the checksum of a message stands, and how it is made wrong; everything else of the message stays as it is.
+"""Position of the checksum in a message, and how it is corrupted; the rest of the message is unchanged.
 
-A function gives None where, with these options, nothing protects a message; a change leaves a message alone that has
-no checksum (the answer "OK" of a device whose data have one).
+A function returns None if messages have no checksum with these options.  A change returns a single message without a
+checksum unchanged (the answer "OK" of a device whose data have one).
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ _HEX = re.compile(rb"(?<=\*)[0-9A-Fa-f]+(?=\r?\n\Z)")
 
 
 def flip_byte(message: bytes, at: int) -> bytes:
-    """The message with every bit of one byte turned over.  at : negative from the end"""
+    """The message with every bit of one byte inverted.  at : index, negative from the end"""
     data = bytearray(message)
     data[at] ^= 0xFF
     return bytes(data)
 
 
 def change_text_checksum(message: bytes) -> bytes:
-    """Another hexadecimal number behind the asterisk: NMEA 0183, ASCII of NovAtel."""
+    """Invert the hexadecimal checksum after the asterisk: NMEA 0183, ASCII of NovAtel."""
     found = _HEX.search(message)
     if found is None:
         return message
@@ -38,17 +38,17 @@ def change_text_checksum(message: bytes) -> bytes:
 
 
 def nmea_change(options: object) -> MessageChange:
-    """Two digits behind the asterisk."""
+    """Two digits after the asterisk."""
     return change_text_checksum
 
 
 def ublox_change(options: object) -> MessageChange:
-    """CK_B, the last byte of a UBX message; of a sentence between them its own."""
+    """CK_B, the last byte of a UBX message; the checksum of an NMEA sentence."""
     return lambda message: flip_byte(message, -1) if message.startswith(UBX) else change_text_checksum(message)
 
 
 def novatel_change(options: object) -> MessageChange:
-    """The CRC of a binary message, its last four bytes; of an ASCII message the eight digits."""
+    """The last four bytes of a binary message (CRC); the eight digits of an ASCII message."""
     return lambda message: flip_byte(message, -CRC_SIZE) if message[:1] == b"\xaa" else change_text_checksum(message)
 
 
@@ -58,7 +58,7 @@ def trailing_crc_change(options: object) -> MessageChange:
 
 
 def mavlink_change(options: object) -> MessageChange:
-    """The CRC behind the payload; a signature may follow it."""
+    """The CRC after the payload; a signature may follow it."""
 
     def change(message: bytes) -> bytes:
         start = HEADER_V2 if message[0] == V2 else HEADER_V1
@@ -68,7 +68,7 @@ def mavlink_change(options: object) -> MessageChange:
 
 
 def radar_altimeter_change(options: freeflight_ra4500.Options) -> MessageChange | None:
-    """Byte 6, where its rule is known; stuffed again where it has to be."""
+    """Byte 6, if its rule is known; byte stuffing is applied again."""
     if options.checksum == "none":
         return None
     stuffed = bytes([DLE, DLE])
@@ -83,7 +83,7 @@ def radar_altimeter_change(options: freeflight_ra4500.Options) -> MessageChange 
 
 
 def arinc_change(options: arinc429.Options) -> MessageChange | None:
-    """Bit 32 of a word, the parity; in APMP of each word; in chapter 10 the sum behind the body."""
+    """The parity, bit 32 of a word; in APMP of each word; in chapter 10 the checksum after the body."""
     if options.packets == "chapter10":
         return lambda message: flip_byte(message, -1)
     if options.parity == "none":
@@ -102,7 +102,7 @@ def _flip_parity(message: bytes, first: int, step: int) -> bytes:
 
 
 def line_change(options: ascii_line.Options) -> MessageChange | None:
-    """What stands at {checksum}: another number of as many digits."""
+    """The last digit of the field {checksum}."""
     if options.checksum is None:
         return None
     line, ends = ascii_line.LineCodec(options), options.terminator.encode("latin-1")
@@ -119,6 +119,6 @@ def line_change(options: ascii_line.Options) -> MessageChange | None:
 
 
 def frame_change(options: binary_struct.Options) -> MessageChange | None:
-    """The first byte of the checksum, where the description says that it stands."""
+    """The first byte of the checksum, at its configured position."""
     rule = binary_struct.make_frame_codec(options).checksum
-    return None if rule is None else lambda message: flip_byte(message, rule.place(len(message)))
+    return None if rule is None else lambda message: flip_byte(message, rule.position(len(message)))

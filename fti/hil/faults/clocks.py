@@ -1,4 +1,4 @@
-"""Faults of a device's clock: what it says of the time, and nothing else.  When it samples and sends is as it was."""
+"""Faults of a device's clock: they change the timestamps only, not the times of sampling and sending."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class ClockFaults:
         self._faults = [f for f in faults if isinstance(f, ClockJump | ClockDrift) and applies_to(f, bound)]
 
     def error_s(self, t: float) -> float:
-        """How far the clock is ahead at t [s] of the flight; what a drift has gained stays."""
+        """Error of the clock at t [s] of the flight, positive: fast; the error of a drift remains after its end."""
         error = 0.0
         for fault in self._faults:
             if isinstance(fault, ClockDrift):

@@ -1,24 +1,24 @@
-"""What of a message a fault can be of, by driver: its checksum, its identifier, its time.
+"""Checksum, identifier and time of the messages of each driver, as far as faults can change them.
 
 driver                checksum                                identifier                      document
 --------------------  --------------------------------------  ------------------------------  -------------------------
-nmea0183              hexadecimal digits behind *             formatter                       NMEA 0183, 5.3
+nmea0183              hexadecimal digits after *              formatter                       NMEA 0183, 5.3
 ublox_ubx             CK_B of Fletcher's sums                 number in the class             UBX-13003221, 32.2, 32.4
 novatel_oem6          CRC-32, last four bytes; or digits      message number                  OM-20000129, 1.1, 1.7
 imar_ixcom            CRC-16, last two bytes                  byte 1                          iXCOM, frame
-mavlink               CRC-16 behind the payload               message number                  MAVLink 2, serialization
+mavlink               CRC-16 after the payload                message number                  MAVLink 2, serialization
 lightware_binary      CRC-16, last two bytes                  byte 3                          LW20 product guide, LWNX
 lightware_ascii       none                                    name of the answer (ldf)        SF11, LW20 manuals
 freeflight_ra4500     byte 6, where its rule is known         none                            FreeFlight 84629
 arinc429              parity; sum of a chapter 10 body        label; type of the packet       part 1; IRIG 106-22, 11.2
-power_unit            hexadecimal digits behind *             second field                    its docstring
-ascii_line            where {checksum} stands                 none                            the configuration
-binary_struct         where the description has it            none                            the configuration
+power_unit            hexadecimal digits after *              second field                    its docstring
+ascii_line            the field {checksum}                    none                            the configuration
+binary_struct         its configured position                 none                            the configuration
 honeywell_hmr2300     none                                    none                            data sheet 900139
-canaerospace, dbc,    the controller's: a frame in which      CAN identifier                  ISO 11898-1, 10.4.2.6
-deflection_pickups    it is wrong never comes out of one
+canaerospace, dbc,    done by the controller, which           CAN identifier                  ISO 11898-1, 10.4.2.6
+deflection_pickups    rejects a frame with a wrong one
 
-A device's time: where it is on the wire; without it no fault of its clock can be seen.
+Clock faults need a driver that sends the time of the device.
 """
 
 from __future__ import annotations
@@ -63,19 +63,19 @@ DRIVERS_WITH_TIME = ("arinc429", "imar_ixcom", "mavlink", "nmea0183", "novatel_o
 
 
 def checksum_change(driver: str, options: StrictModel) -> MessageChange | None:
-    """What makes the checksum of a message wrong; None where it has none."""
-    made = CHECKSUMS.get(driver)
-    return made(options) if made else None
+    """The change that corrupts the checksum of a message; None if it has none."""
+    make_change = CHECKSUMS.get(driver)
+    return make_change(options) if make_change else None
 
 
 def identifier_change(driver: str, options: StrictModel) -> MessageChange | None:
-    """What makes the identifier of a message another one; None where it has none."""
-    made = LABELS.get(driver)
-    return made(options) if made else None
+    """The change that makes the identifier of a message unknown; None if it has none."""
+    make_change = LABELS.get(driver)
+    return make_change(options) if make_change else None
 
 
 def sends_time(driver: str, options: StrictModel) -> bool:
-    """Is the device's own time in what it sends?"""
+    """Does the device send its own time?"""
     if isinstance(options, arinc429.Options):
         return options.packets != "none"
     return driver in DRIVERS_WITH_TIME

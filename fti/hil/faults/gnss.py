@@ -1,7 +1,7 @@
-"""Faults of satellite navigation, as a receiver feels them: over the times of its samples, all at once.
+"""Faults of satellite navigation, evaluated at the sample times of a receiver.
 
-They are no faults of the values on the wire: a receiver that hears nothing says so in every field that it has, and one
-that is drawn away by a false signal moves consistently.  So the model of the receiver asks here.
+The receiver model applies them, because all its fields must agree: without a signal every field is invalid, and with a
+spoofed signal position and velocity move consistently.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from fti.hil.tables.fault_types import Fault, GnssDegraded, GnssOffset, GnssOuta
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-#: Drivers of receivers, and of devices that may have one in them.
+#: Drivers of receivers, and of devices that may contain one.
 RECEIVER_DRIVERS = frozenset({"mavlink", "nmea0183", "novatel_oem6", "ublox_ubx"})
 DRIVERS_WITH_RECEIVER = frozenset({"arinc429", "ascii_line", "binary_struct", "dbc", "imar_ixcom"}) | RECEIVER_DRIVERS
 GnssFault = GnssOutage | GnssDegraded | GnssOffset | GnssRamp
@@ -28,7 +28,7 @@ class GnssFaults:
         self._faults = [f for f in faults if isinstance(f, GnssFault) and f.includes_device(device)]
 
     def jamming_mask(self, t: Array, after_s: float = 0.0) -> Mask:
-        """Where no signal is received, or has been for less than after_s [s]; t : shape (n,) [s]."""
+        """Where no signal is received, or where it returned less than after_s ago [s]; t : shape (n,) [s]."""
         found = np.zeros(t.shape, dtype=bool)
         for fault in self._faults:
             if isinstance(fault, GnssOutage):
@@ -36,7 +36,7 @@ class GnssFaults:
         return found
 
     def degraded_sds(self, t: Array) -> Array:
-        """Standard deviation of each horizontal axis and of the height [m], shape (n, 2); NaN where it is as usual."""
+        """Standard deviation of each horizontal axis and of the height [m], shape (n, 2); NaN without a fault."""
         found = np.full((*t.shape, 2), np.nan)
         for fault in self._faults:
             if isinstance(fault, GnssDegraded):
@@ -44,10 +44,10 @@ class GnssFaults:
         return found
 
     def offset_n(self, t: Array) -> tuple[Array, Array]:
-        """Where a false signal has drawn the solution [m], and how fast it goes there [m/s]: north, east, down, (n, 3).
+        """Position error of the spoofed solution [m] and its rate [m/s]: north, east, down, shape (n, 3).
 
-        An offset grows evenly in ``over_s`` and stays until the end of the interval; a ramp grows until then, and the
-        velocity contains its rate only where the fault says so.
+        An offset grows linearly in ``over_s`` and stays until the end of the interval; a ramp grows until then, and the
+        velocity contains its rate only if ``with_velocity`` is set.
         """
         offset, rate = np.zeros((*t.shape, 3)), np.zeros((*t.shape, 3))
         for fault in self._faults:
@@ -67,7 +67,7 @@ class GnssFaults:
 
 
 def _ramp(since: Array, speed: float, onset: float) -> tuple[Array, Array]:
-    """Seconds at full speed that give the way so far, and the share of the speed; shape as since [s].
+    """Equivalent time at full speed [s], and the share of the full speed; shape as since [s].
 
     From rest with ``onset`` [m/s^2] until ``speed`` [m/s] is reached; 0: at once.
     """
@@ -78,5 +78,5 @@ def _ramp(since: Array, speed: float, onset: float) -> tuple[Array, Array]:
 
 
 def _share(since: Array, over_s: float) -> Array:
-    """0 to 1 over so many seconds; at once where they are none."""
+    """0 to 1 in over_s; a step if it is 0."""
     return np.clip(since / over_s, 0.0, 1.0) if over_s > 0.0 else (since >= 0.0).astype(float)

@@ -1,7 +1,7 @@
-"""Where the identifier of a message stands, and how it becomes one that nobody knows, with a checksum that holds.
+"""Position of the identifier in a message, and how it becomes an unknown one with a correct checksum.
 
-Numbers and names that no document gives to a message.  A function gives None where, with these options, a message has
-no identifier.  Checksums are made by the drivers' own functions.
+The new numbers and names are not assigned in any document.  A function returns None if messages have no identifier with
+these options.  The drivers' own functions compute the checksums.
 """
 
 from __future__ import annotations
@@ -29,17 +29,17 @@ from fti.drivers.ublox_ubx.frames import frame as ubx_frame
 
 MessageChange = Callable[[bytes], bytes]
 
-#: Three letters that name no sentence of NMEA 0183.
+#: Not a formatter of NMEA 0183.
 FORMATTER = "XXX"
 IXCOM_NUMBER, LWNX_NUMBER, UBX_NUMBER, NOVATEL_NUMBER = 0xEE, 250, 0xEE, 0xFFFE
-#: A message of the common set that says nothing which is decoded: DEBUG.
+#: DEBUG, a message of the common set that is not decoded.
 MAVLINK_NUMBER = 254
-#: Computer-generated data, format 1: a packet of a recorder, and none of ARINC 429.
+#: Computer-generated data, format 1: not a packet of ARINC 429.
 CHAPTER10_TYPE, CHAPTER10_TYPE_AT = 0x01, 15
 
 
 def nmea_change(options: object) -> MessageChange:
-    """Another formatter behind the talker; of what is no sentence nothing."""
+    """The formatter after the talker; a message that is not a sentence is unchanged."""
 
     def change(message: bytes) -> bytes:
         if message[:1] != b"$" or b"*" not in message:
@@ -52,7 +52,7 @@ def nmea_change(options: object) -> MessageChange:
 
 
 def power_unit_change(options: object) -> MessageChange:
-    """The field behind PFTI."""
+    """The field after PFTI."""
 
     def change(message: bytes) -> bytes:
         fields = message[1:].rpartition(b"*")[0].decode("latin-1").split(",")
@@ -62,7 +62,7 @@ def power_unit_change(options: object) -> MessageChange:
 
 
 def ublox_change(options: object) -> MessageChange:
-    """The number in the class of a UBX message; of a sentence between them its formatter."""
+    """The message number of a UBX message; the formatter of an NMEA sentence."""
 
     def change(message: bytes) -> bytes:
         if message.startswith(UBX):
@@ -73,7 +73,7 @@ def ublox_change(options: object) -> MessageChange:
 
 
 def novatel_change(options: object) -> MessageChange:
-    """The message number of a binary message; an answer in text has none."""
+    """The message number of a binary message; a text answer has none."""
 
     def change(message: bytes) -> bytes:
         if message[:1] != b"\xaa":
@@ -85,7 +85,7 @@ def novatel_change(options: object) -> MessageChange:
 
 
 def ixcom_change(options: object) -> MessageChange:
-    """Byte 1, the number of the message."""
+    """Byte 1, the message number."""
 
     def change(message: bytes) -> bytes:
         data = message[:1] + bytes([IXCOM_NUMBER]) + message[2:-2]
@@ -95,19 +95,19 @@ def ixcom_change(options: object) -> MessageChange:
 
 
 def lwnx_change(options: object) -> MessageChange:
-    """Byte 3, the number of the command."""
+    """Byte 3, the command number."""
     return lambda message: make_packet(LWNX_NUMBER, message[4:-2])
 
 
 def lightware_change(options: lightware_ascii.Options) -> MessageChange | None:
-    """The name before the colon of an LW20's answer; a bare number has none."""
+    """The name in the answer of an LW20; a bare number has none."""
     if options.query != "ldf":
         return None
     return lambda message: message.replace(b"ldf,", b"zzz,", 1)
 
 
 def mavlink_change(options: mavlink.Options) -> MessageChange:
-    """The number of the message, and the checksum with that message's own seed."""
+    """The message number, and the checksum with the seed of that message."""
 
     def change(message: bytes) -> bytes:
         known = layout(options.dialect, MAVLINK_NUMBER)
@@ -122,10 +122,10 @@ def mavlink_change(options: mavlink.Options) -> MessageChange:
 
 
 def arinc_change(options: arinc429.Options) -> MessageChange:
-    """A label that is not enabled, in good parity; in chapter 10 the type of the packet."""
+    """A label that is not enabled, with correct parity; in chapter 10 the packet type."""
     if options.packets == "chapter10":
         return _change_packet_type
-    used = {word.label_byte(item.label) for item in arinc429.chosen_labels(options).labels}
+    used = {word.label_byte(item.label) for item in arinc429.enabled_labels(options).labels}
     free = next(byte for byte in range(1, 256) if byte not in used)
     if options.packets == "apmp":
         first, step = apmp.HEADER.size + apmp.TIMES.size + apmp.RECORD.size - WORD_BYTES, apmp.RECORD.size
@@ -149,29 +149,29 @@ def _change_labels(
 
 
 def _change_packet_type(message: bytes) -> bytes:
-    """The sum of the header's words changes by as much as its type, which is the high byte of a word."""
+    """The header checksum changes by the same amount as the type, which is the high byte of a word."""
     data = bytearray(message)
     added = (CHAPTER10_TYPE - data[CHAPTER10_TYPE_AT]) << 8
     data[CHAPTER10_TYPE_AT] = CHAPTER10_TYPE
     end = chapter10.HEADER.size
-    told = int.from_bytes(data[end - 2 : end], "little")
-    data[end - 2 : end] = (told + added & 0xFFFF).to_bytes(2, "little")
+    checksum = int.from_bytes(data[end - 2 : end], "little")
+    data[end - 2 : end] = (checksum + added & 0xFFFF).to_bytes(2, "little")
     return bytes(data)
 
 
 def canaerospace_change(options: canaerospace.Options) -> MessageChange:
-    """An identifier that is for nothing."""
+    """An identifier that CANaerospace does not assign."""
     used = {identifier for identifier in range(STANDARD_MASK + 1) if kind_of(identifier)}
     return _identifier_change(used | read_parameters(options.dbc).keys())
 
 
 def dbc_change(options: dbc.Options) -> MessageChange:
-    """An identifier that the DBC does not have."""
+    """An identifier that is not in the DBC."""
     return _identifier_change(dbc.read_plans(dbc.text_of(options), options.counter).keys())
 
 
 def pickups_change(options: deflection_pickups.Options) -> MessageChange:
-    """An identifier that is no message of the pickups, nor a node service."""
+    """An identifier that is neither a message of the pickups nor a node service."""
     bus = read_bus(options.dbc, ())
     return _identifier_change(set(chain(bus.messages, filter(None, (bus.request, bus.response)))))
 

@@ -17,7 +17,7 @@ DEG_PER_HOUR = math.radians(1.0) / 3600.0
 
 
 def bias_steps(device: str, faults: Sequence[Fault], t: Array) -> tuple[Array, Array]:
-    """What is added to specific force [m/s^2] and angular rate [rad/s] of a device, shape (n, 3), at t, shape (n,)."""
+    """Biases added to specific force [m/s^2] and angular rate [rad/s] of a device, (n, 3), at t [s], shape (n,)."""
     force, rate = np.zeros((*t.shape, 3)), np.zeros((*t.shape, 3))
     for fault in faults:
         if isinstance(fault, InertialBias) and fault.includes_device(device):

@@ -1,7 +1,7 @@
-"""Faults of the bytes of a device, applied to its messages one by one, between the encoder and the line.
+"""Faults of the bytes of a device, applied to its messages between the encoder and the line.
 
-A stage takes the messages that leave at a time and says which leave instead; what it holds back has an instant of its
-own.  Nothing is held beyond the end of the flight.
+A stage replaces the messages of an instant.  Messages that it holds back have their own time of release, at the end of
+the flight at the latest.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from fti.hil.faults.values import is_active
 from fti.hil.tables.fault_base import DeviceFault
 from fti.hil.tables.fault_types import BitErrors, Burst, BusOff, Freeze, Reordered
 
-#: What becomes of one message: none, one or several.
+#: Replaces one message by none, one or several.
 MessageEffect = Callable[[bytes], list[bytes]]
 CAN_HEAD = 8
 
@@ -26,21 +26,21 @@ class MessageStage(Protocol):
     """One fault of one device."""
 
     def due_s(self) -> float | None:
-        """When something leaves that is held back [s]; None when nothing is."""
+        """Time of the next release [s]; None if no message is held."""
 
     def apply(self, t: float, messages: list[bytes]) -> list[bytes]:
-        """What leaves at t [s] instead of these messages; t is never before an instant that was due."""
+        """The messages to send at t [s] instead of these; t is not before a release that is due."""
 
 
 class CorruptionStage:
-    """Messages of the interval become others; of a share of them."""
+    """Changes a share of the messages of the interval."""
 
-    def __init__(self, fault: DeviceFault | BusOff, become: MessageEffect, rng: np.random.Generator) -> None:
-        self._fault, self._effect, self._rng = fault, become, rng
+    def __init__(self, fault: DeviceFault | BusOff, effect: MessageEffect, rng: np.random.Generator) -> None:
+        self._fault, self._effect, self._rng = fault, effect, rng
         self._share: float = getattr(fault, "share", 1.0)
 
     def due_s(self) -> float | None:
-        """Nothing is held."""
+        """No message is held."""
         return None
 
     def apply(self, t: float, messages: list[bytes]) -> list[bytes]:
@@ -56,14 +56,14 @@ class CorruptionStage:
 
 
 class FreezeStage:
-    """The last messages before the interval, whenever others would leave."""
+    """Repeats the last messages before the interval in place of new ones."""
 
     def __init__(self, fault: Freeze) -> None:
         self._fault = fault
         self._last: list[bytes] = []
 
     def due_s(self) -> float | None:
-        """Nothing is held."""
+        """No message is held."""
         return None
 
     def apply(self, t: float, messages: list[bytes]) -> list[bytes]:
@@ -74,7 +74,7 @@ class FreezeStage:
 
 
 class ReorderStage:
-    """A message waits for the one behind it."""
+    """Sends a message after the next one."""
 
     def __init__(self, fault: Reordered, rng: np.random.Generator, end_s: float) -> None:
         self._fault, self._rng = fault, rng
@@ -103,7 +103,7 @@ class ReorderStage:
 
 
 class BurstStage:
-    """Messages wait for the next multiple of ``hold_s`` after the beginning."""
+    """Holds messages until the next multiple of ``hold_s`` after the start of the interval."""
 
     def __init__(self, fault: Burst, end_s: float) -> None:
         self._fault, self._until_s = fault, min(fault.to_s, end_s)
@@ -129,27 +129,27 @@ class BurstStage:
 
 
 def bit_error_effect(fault: BitErrors, rng: np.random.Generator, *, on_can: bool) -> MessageEffect:
-    """Every bit is turned over with the probability of the fault; on CAN the data alone."""
+    """Invert every bit with the probability of the fault; on CAN only data bits."""
 
-    def become(message: bytes) -> list[bytes]:
+    def corrupt(message: bytes) -> list[bytes]:
         begin, end = (CAN_HEAD, CAN_HEAD + message[4]) if on_can else (0, len(message))
         bits = rng.random(8 * (end - begin)) < fault.rate
         wrong = np.frombuffer(message[begin:end], np.uint8) ^ np.packbits(bits)
         return [message[:begin] + wrong.tobytes() + message[end:]]
 
-    return become
+    return corrupt
 
 
 def truncation_effect(count: int, *, on_can: bool) -> MessageEffect:
-    """``count`` bytes less; a CAN frame has so many bytes of data less, FD the next length that there is."""
+    """Remove the last ``count`` bytes; from a CAN frame data bytes, rounded down to a valid length of CAN FD."""
     if not on_can:
         return lambda message: [message[:-count]]
 
-    def become(message: bytes) -> list[bytes]:
+    def truncate(message: bytes) -> list[bytes]:
         left = max(message[4] - count, 0)
         if len(message) == CANFD_SIZE:
             left = max(length for length in FD_LENGTHS if length <= left)
         data = message[CAN_HEAD : CAN_HEAD + left].ljust(len(message) - CAN_HEAD, b"\0")
         return [message[:4] + bytes([left]) + message[5:CAN_HEAD] + data]
 
-    return become
+    return truncate

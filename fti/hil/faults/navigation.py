@@ -18,7 +18,7 @@ TIME_TOLERANCE_S = 1e-6
 
 
 def misstate(m: Measurement, fault: NavigationFault) -> Measurement:
-    """The measurement with the error of the fault; unchanged where it has neither position nor attitude."""
+    """The measurement with the error of the fault; unchanged if it has neither position nor attitude."""
     if isinstance(fault, AttitudeOffset):
         return _turn_attitude(m, fault)
     if isinstance(fault, Undulation):
@@ -27,7 +27,7 @@ def misstate(m: Measurement, fault: NavigationFault) -> Measurement:
 
 
 def _without_undulation(m: Measurement, fault: Undulation) -> Measurement:
-    """A position whose height above the ellipsoid is that above mean sea level."""
+    """A position with the height above mean sea level as the height above the ellipsoid."""
     if not isinstance(m, Position) or m.alt_msl is None:
         return m
     return replace(m, alt=m.alt_msl, undulation=0.0 if fault.stated == "zero" else m.undulation)
@@ -54,14 +54,14 @@ def _wrap_angle(angle: float) -> float:
 
 
 class DelayLine:
-    """The values of an earlier moment, of each kind of measurement and name by itself."""
+    """Delays the values, separately for each kind of measurement and name."""
 
     def __init__(self, fault: Latency) -> None:
         self._by_s = fault.by_s
         self._past: dict[Hashable, deque[tuple[float, Measurement]]] = {}
 
     def apply(self, t: float, measurements: list[Measurement]) -> list[Measurement]:
-        """The values that were measured at t - by_s [s] at the latest, or first of all; with the new times."""
+        """The newest values measured at or before t - by_s [s], else the first values; with new timestamps."""
         seen: Counter[Hashable] = Counter()
         found = []
         for m in measurements:

@@ -1,4 +1,4 @@
-"""Faults of devices, applied between the sensor model and the wire.  Faults of the world are in ``fti.hil.environment``."""
+"""Faults of measured values, applied between sensor model and encoder."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ WITHOUT_VALIDITY = (ImuSample, Satellites, Pseudoranges, Ephemeris, DeviceTime, 
 
 
 def fault_rng(seed: int, device: str, index: int) -> np.random.Generator:
-    """The random numbers of one fault of one device.  index : of the fault in the scenario."""
+    """The random generator of one fault of one device.  index : of the fault in the scenario"""
     return np.random.default_rng([seed, zlib.crc32(device.encode()), index])
 
 
@@ -55,7 +55,7 @@ def is_active(fault: DeviceFault | LinkFault, t: float) -> bool:
 
 
 class DeviceFaults:
-    """The faults of what one device measures, in the order of the scenario.  seed : of the scenario."""
+    """The faults of the measurements of one device, in the order of the scenario.  seed : of the scenario"""
 
     def __init__(self, device: str, faults: Sequence[Fault], seed: int = 0) -> None:
         self._faults = [
@@ -67,7 +67,7 @@ class DeviceFaults:
         self._delayed = {i: DelayLine(f) for i, (f, _) in enumerate(self._faults) if isinstance(f, Latency)}
 
     def apply(self, t: float, measurements: list[Measurement]) -> list[Measurement]:
-        """What the device says at t [s] instead of these measurements."""
+        """The measurements with all faults that are active at t [s]."""
         for i, (fault, rng) in enumerate(self._faults):
             earlier = self._delayed[i].apply(t, measurements) if i in self._delayed else measurements
             if is_active(fault, t):
@@ -90,7 +90,7 @@ class DeviceFaults:
         return _change_number(fault, _number_error(fault, t, rng), measurements)
 
     def _hold_values(self, index: int, measurements: list[Measurement]) -> list[Measurement]:
-        """Each kind of measurement as it was the first time: a device may send some in every cycle and some seldom."""
+        """The first values of each kind of measurement in the interval; kinds may have different rates."""
         seen: Counter[type] = Counter()
         found: list[Measurement] = []
         for m in measurements:
@@ -100,7 +100,7 @@ class DeviceFaults:
 
 
 def _number_error(fault: NumberFault, t: float, rng: np.random.Generator) -> Callable[[float], float]:
-    """What becomes of a right value at t [s]."""
+    """Maps a true value to the faulty one at t [s]."""
     if isinstance(fault, Scale):
         return lambda value: value * (1.0 + fault.percent / 100.0)
     if isinstance(fault, WrongUnit):
@@ -123,14 +123,14 @@ def _change_number(
 
 
 def _apply_fog(measurement: Measurement, fog: Fog, t: float) -> Measurement:
-    """What a laser says at t [s]; what is nearer than the visibility, and every other measurement, is as it was."""
+    """A laser range in fog at t [s]; ranges within the visibility, and other measurements, are unchanged."""
     if not isinstance(measurement, Range) or not (measurement.slant_range or math.inf) > fog.visibility_m:
         return measurement
     if fog.echo_m is None:
         return replace(measurement, slant_range=None, valid=False)
     first, last = fog.echo_m
-    passed = (t - fog.from_s) / (fog.to_s - fog.from_s)
-    return replace(measurement, slant_range=first + (last - first) * passed, valid=True)
+    share = (t - fog.from_s) / (fog.to_s - fog.from_s)
+    return replace(measurement, slant_range=first + (last - first) * share, valid=True)
 
 
 def _invalidate(measurement: Measurement, flags: tuple[str, ...]) -> Measurement:

@@ -1,12 +1,12 @@
-"""What is flown: everything that sensors can measure of a flight, from a plan, a recording or a model of an aircraft.
+"""Trajectories of simulated flights, from a plan, a recording or a flight dynamics model.
 
-trajectory    State; ``SplineFlight.from_samples(Samples(t, lat, lon, alt, roll, pitch, heading, wind_n))``
-making        from the table ``[flight]`` of a scenario to its flight: one maker for each kind
-approach      down the published approach, with wander, gusts and side steps
-waypoints     straight legs and turns of a bank limit
-recorded      from a table (``table``) or a session (``session``), filtered (``smoothing``)
-jsbsim        a flight-dynamic model with an autopilot
-coordinated   the attitude of who flies a path without slipping
-surroundings  is the terrain below known, and below
-spline        quintic splines; banded: their systems of equations
+trajectory          ``SplineFlight.from_samples(FlightSamples(t, lat, lon, alt, roll, pitch, heading, wind_n))``
+factory             creates the flight from the table ``[flight]`` of a scenario: one function for each kind
+approach            the published approach, with wander, gusts and side steps
+waypoints           straight legs and turns of a bank limit
+recorded_flight     from a table (``csv_flight``) or a session (``session``), filtered (``smoothing``)
+jsbsim              a flight dynamics model with an autopilot
+coordinated_flight  attitude without sideslip for a given path
+coverage            checks whether terrain data are available below the flight
+spline              quintic splines; banded_solver: their systems of equations
 """

@@ -1,10 +1,10 @@
 """The flight down a published approach.
 
-Knots are laid along the glide path once a second: path length from a speed with gusts, offset from wander and
-manoeuvre, height from the glide path and wander.  The aeroplane flies them coordinated: it banks into its turns, points
-into the wind (crab), and pitches to the air-relative path plus the angle of attack that it needs.
+The flight has one knot per second along the glide path: path length from a speed with gusts, offset from wander and
+manoeuvre, height from the glide path and wander.  The aeroplane flies coordinated: it banks into its turns, points
+into the wind (crab), and pitches to the air-relative path plus the required angle of attack.
 
-Below ``LEVEL_HEIGHT`` the path bends into level flight over the runway, so that a flight may be longer than its
+Below ``LEVEL_HEIGHT`` the path blends into level flight over the runway, so that a flight may be longer than its
 approach.  Source: Spiegel 2018, 7.1 (spline trajectory, derived attitude).
 """
 
@@ -22,17 +22,17 @@ from fti.hil.flight.trajectory import PositionTrack, SplineFlight
 Array = NDArray[np.float64]
 
 KNOT_S = 1.0
-MARGIN_KNOTS = 8  # beyond both ends, where the spline's end conditions have died away
-#: Level flight over the runway [m above the intercept point], and how softly the glide path bends into it [m].
+MARGIN_KNOTS = 8  # beyond both ends, so that the end conditions of the spline have no effect
+#: Level flight over the runway [m above the intercept point], and height scale of the blend [m].
 LEVEL_HEIGHT = 10.0
 LEVEL_SOFTNESS = 2.0
 WANDER_PERIODS_S = (11.0, 17.0, 26.0, 41.0)
 
 
 class PublishedPath(Protocol):
-    """What the flight needs to know of the published approach."""
+    """The geometry of the published approach that the flight needs."""
 
-    def geodetic(self, s: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
+    def to_geodetic(self, s: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
         """lat, lon [rad] at path length s before the intercept point and offset y right of the track [m]."""
 
     def alt_path(self, s: ArrayLike) -> Array:
@@ -57,11 +57,11 @@ class Manoeuvre:
 
 @dataclass(frozen=True, slots=True)
 class ApproachPlan:
-    """How the approach is flown.
+    """Parameters of an approach flight.
 
     start        : distance before the threshold at t = 0 [m];  duration [s];  speed over ground [m/s]
     wander, wander_height, gust : standard deviations of offset, height [m] and speed [m/s] about the plan
-    wind_n       : wind velocity, north and east [m/s] (where it blows to)
+    wind_n       : velocity of the air, north and east [m/s]
     """
 
     start: float = 4500.0
@@ -75,13 +75,13 @@ class ApproachPlan:
 
 
 def approach_flight(path: PublishedPath, threshold_s: float, plan: ApproachPlan, seed: int) -> SplineFlight:
-    """The flight down a path.  threshold_s : path length of the threshold [m]; seed : of wander and gusts."""
+    """The flight along a path.  threshold_s : path length of the threshold [m]; seed : of wander and gusts."""
     rng = np.random.default_rng([seed, 7])
     t = np.arange(-MARGIN_KNOTS, np.ceil(plan.duration / KNOT_S) + MARGIN_KNOTS + 1) * KNOT_S
     s = threshold_s + plan.start - plan.speed * t - _gust_distance(t, plan.gust, rng)
     y = _wander(t, plan.wander, rng) + sum((m.at(t) for m in plan.manoeuvres), np.zeros_like(t))
     alt = _level_off(path, s) + _wander(t, plan.wander_height, rng)
-    return coordinated_flight(PositionTrack.from_positions(t, *path.geodetic(s, y), alt), plan.wind_n, plan.speed)
+    return coordinated_flight(PositionTrack.from_positions(t, *path.to_geodetic(s, y), alt), plan.wind_n, plan.speed)
 
 
 def _minimum_jerk(u: Array) -> Array:
@@ -91,15 +91,15 @@ def _minimum_jerk(u: Array) -> Array:
 
 
 def _level_off(path: PublishedPath, s: Array) -> Array:
-    """The glide path, bent softly into level flight over the runway [m]."""
+    """The glide path, blended into level flight over the runway [m]."""
     alt_g = path.alt_path(0.0)
     height = path.alt_path(s) - alt_g
-    over = LEVEL_SOFTNESS * np.logaddexp(0.0, (height - LEVEL_HEIGHT) / LEVEL_SOFTNESS)
-    return np.asarray(alt_g + LEVEL_HEIGHT + over)
+    excess = LEVEL_SOFTNESS * np.logaddexp(0.0, (height - LEVEL_HEIGHT) / LEVEL_SOFTNESS)
+    return np.asarray(alt_g + LEVEL_HEIGHT + excess)
 
 
 def _tones(rng: np.random.Generator) -> tuple[Array, Array, Array]:
-    """Angular frequencies, phases and amplitudes of a wander of unit variance; slow parts are the larger ones."""
+    """Angular frequencies, phases and amplitudes of a wander of unit variance; amplitudes grow with the period."""
     periods = np.array(WANDER_PERIODS_S) * rng.uniform(0.9, 1.1, len(WANDER_PERIODS_S))
     weight = periods * np.sqrt(2.0) / np.linalg.norm(periods)
     return 2.0 * np.pi / periods, rng.uniform(0.0, 2.0 * np.pi, len(periods)), weight
@@ -112,7 +112,7 @@ def _wander(t: Array, sd: float, rng: np.random.Generator) -> Array:
 
 
 def _gust_distance(t: Array, sd: float, rng: np.random.Generator) -> Array:
-    """Path flown more than planned because of speed variations with standard deviation sd [m]; 0 at t = 0."""
+    """Path length beyond the plan from speed variations with standard deviation sd [m]; 0 at t = 0."""
     omega, phase, weight = _tones(rng)
     swing = (np.cos(phase) - np.cos(np.outer(t, omega) + phase)) / omega
     return np.asarray(sd * swing @ weight)

@@ -1,4 +1,4 @@
-"""Systems of equations with few diagonals: an hour of samples at 100 Hz is 360 000 unknowns."""
+"""Solver for banded systems of equations: an hour of samples at 100 Hz has 360 000 unknowns."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ def solve_banded(band: Array, right: Array) -> Array:
 
         band[i, w + j - i] = A[i, j],   |i - j| <= w
 
-    band    : ndarray, shape (n, 2 w + 1); what lies outside of A is not read
+    band    : ndarray, shape (n, 2 w + 1); elements outside A are ignored
     right   : ndarray, shape (n, d)
     Returns : ndarray, shape (n, d)
-    Valid where no exchange is needed: for totally positive matrices (interpolation with B-splines) and for symmetric,
-    positive definite ones (smoothing).  Source: de Boor, A Practical Guide to Splines, 1978, ch. XIII.
+    Valid for matrices that need no exchange of rows: totally positive ones (interpolation with B-splines) and
+    symmetric, positive definite ones (smoothing).  Source: de Boor, A Practical Guide to Splines, 1978, ch. XIII.
     Checked against: numpy.linalg.solve, tests/hil/flight/test_banded_solver.py.
     """
     solution = np.array(right, dtype=np.float64)

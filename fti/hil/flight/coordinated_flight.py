@@ -1,8 +1,8 @@
-"""The attitude of an aeroplane that flies a given path without slipping.
+"""The attitude of an aeroplane that flies a given path without sideslip.
 
-Lift stands across the flow and carries what gravity and the acceleration of the path ask for across it; the body is
-pitched up from the flow by the angle of attack that so much lift needs at that airspeed.  All of it is in vectors: it
-holds at any bank and any climb but for free fall, where there is no lift to fly by.
+Lift is perpendicular to the flow and balances gravity and the acceleration of the path in that plane.  The body is
+pitched up from the flow by the angle of attack for that lift and airspeed.  The vector equations hold at any bank and
+climb except in free fall, where there is no lift.
 Source: Spiegel 2018, 7.1 (derived attitude); Etkin and Reid, Dynamics of Flight, section 1.5 (wind axes).
 """
 
@@ -19,12 +19,12 @@ Array = NDArray[np.float64]
 
 #: Angle of attack at the reference speed in straight flight [rad].
 TRIM_AOA = np.deg2rad(4.0)
-#: Between two attitudes of the spline [s].
+#: Knot interval of the attitude spline [s].
 ATTITUDE_S = 0.5
 
 
 def coordinated_flight(track: PositionTrack, wind_n: tuple[float, float], trim_speed: float) -> SplineFlight:
-    """The flight along a track in wind (where it blows to, north and east [m/s]).
+    """The flight along a track; wind_n : velocity of the air, north and east [m/s].
 
     trim_speed : true airspeed at which straight flight needs ``TRIM_AOA`` [m/s]
     """
@@ -39,14 +39,14 @@ def coordinated_flight(track: PositionTrack, wind_n: tuple[float, float], trim_s
 
 
 def coordinated_attitude(air_n: Array, accel_n: Array, trim_speed: float) -> Array:
-    """mat_nb, shape (n, 3, 3), of who moves with air_n through the air [m/s] and is accelerated by accel_n [m/s^2]."""
+    """mat_nb, shape (n, 3, 3), at velocities air_n against the air [m/s] and accelerations accel_n [m/s^2], (n, 3)."""
     tas = np.linalg.norm(air_n, axis=1, keepdims=True)
-    ahead = air_n / tas
+    flow = air_n / tas
     force_n = accel_n - np.array([0.0, 0.0, STANDARD_GRAVITY])
-    lift_n = force_n - ahead * np.sum(force_n * ahead, axis=1, keepdims=True)
+    lift_n = force_n - flow * np.sum(force_n * flow, axis=1, keepdims=True)
     lift = np.linalg.norm(lift_n, axis=1, keepdims=True)
     down = -lift_n / lift
     aoa = TRIM_AOA * lift / STANDARD_GRAVITY * (trim_speed / tas) ** 2
-    forward = np.cos(aoa) * ahead - np.sin(aoa) * down
-    below = np.sin(aoa) * ahead + np.cos(aoa) * down
-    return np.stack((forward, np.cross(down, ahead), below), axis=-1)
+    forward = np.cos(aoa) * flow - np.sin(aoa) * down
+    below = np.sin(aoa) * flow + np.cos(aoa) * down
+    return np.stack((forward, np.cross(down, flow), below), axis=-1)

@@ -1,7 +1,7 @@
-"""Is a flight over the terrain that is known, and above it?
+"""Checks a flight against the terrain data below it.
 
-A flight may leave the terrain: altimeters find no ground there, as over a hole of an elevation model; it is told before
-the flight begins.  It may not be below the ground.
+A flight may leave the terrain data: altimeters have no return there, as over a hole of an elevation model, and a remark
+is issued before the flight.  A flight below the ground is an error.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ CHECK_PERIOD_S = 1.0
 
 
 def check_coverage(flight: SplineFlight, terrain: Terrain, title: str) -> tuple[str, ...]:
-    """What is to be told of the terrain below a flight, looked at once a second.
+    """Remarks on the terrain below a flight, checked once a second.
 
-    title : of the scenario, for the message.  Raises ConfigError for a flight that is below the ground.
+    title : of the scenario, for the message.  Raises ConfigError for a flight below the ground.
     """
     t = np.arange(flight.begin, flight.end, CHECK_PERIOD_S)
     state = flight.state(t)
@@ -31,4 +31,4 @@ def check_coverage(flight: SplineFlight, terrain: Terrain, title: str) -> tuple[
         return ()
     first = t[int(np.argmax(unknown))]
     share = 100.0 * float(np.mean(unknown))
-    return (f"no terrain is known under {share:.0f} % of the flight, first at {first:.0f} s: no ranges there",)
+    return (f"no terrain data below {share:.0f} % of the flight, first at {first:.0f} s: no ranges there",)

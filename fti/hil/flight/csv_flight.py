@@ -1,8 +1,8 @@
-"""A recorded flight as a table of text: one line a sample, by commas, named columns in the first line.
+"""A recorded flight as a CSV table: one line per sample, column names in the first line.
 
     t_s, lat_deg, lon_deg, alt_m (above the ellipsoid), roll_deg, pitch_deg, heading_deg
 
-Columns in any order; others are not read.  Lines that begin with ``#`` say where the flight comes from.
+Columns may be in any order; other columns are ignored.  Lines that begin with ``#`` are comments.
 """
 
 from __future__ import annotations
@@ -23,24 +23,24 @@ Array = NDArray[np.float64]
 TIME, ALTITUDE = "t_s", "alt_m"
 ANGLES = ("lat_deg", "lon_deg", "roll_deg", "pitch_deg", "heading_deg")
 COLUMNS = (TIME, "lat_deg", "lon_deg", ALTITUDE, "roll_deg", "pitch_deg", "heading_deg")
-#: No value of such a column is greater.
+#: Largest allowed absolute values by column.
 MAX_VALUES_DEG = {"lat_deg": 90.0, "lon_deg": 360.0, "roll_deg": 180.0, "pitch_deg": 90.0, "heading_deg": 360.0}
 
 
 def read_table(file: Path) -> FlightSamples:
     """The samples of a file.  Raises MissingError, and ConfigError with the line that is wrong."""
     try:
-        text = file.read_text(encoding="utf-8-sig")  # spreadsheets begin it with a mark
+        text = file.read_text(encoding="utf-8-sig")  # spreadsheets write a byte order mark
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "is not UTF-8 text"
         raise MissingError(f"{file}: cannot be read: {reason}") from None
     lines = [(number, line) for number, line in enumerate(text.splitlines(), 1) if line.strip() and line[0] != "#"]
     if not lines:
-        raise ConfigError(f"{file}: holds no table; its first line names the columns {', '.join(COLUMNS)}")
+        raise ConfigError(f"{file}: no table found; the first line must name the columns {', '.join(COLUMNS)}")
     header = [name.strip() for name in lines[0][1].split(",")]
     missing = [name for name in COLUMNS if name not in header]
     if missing:
-        raise ConfigError(f"{file}: line {lines[0][0]}: no column {', '.join(missing)}")
+        raise ConfigError(f"{file}: line {lines[0][0]}: missing columns {', '.join(missing)}")
     rows = np.array([_numbers(file, number, line, header) for number, line in lines[1:]]).reshape(-1, len(COLUMNS))
     column = dict(zip(COLUMNS, rows.T, strict=True))
     lat, lon, roll, pitch, heading = (np.deg2rad(column[name]) for name in ANGLES)
@@ -48,12 +48,12 @@ def read_table(file: Path) -> FlightSamples:
 
 
 def write_table(samples: FlightSamples, file: Path, remarks: Iterable[str]) -> None:
-    """Write samples so that ``read_table`` reads them: 1e-9 deg (0.1 mm), 1 mm, 1e-5 deg."""
+    """Write samples in the format of ``read_table``, with a resolution of 1e-9 deg (0.1 mm), 1 mm and 1e-5 deg."""
     angles = [np.rad2deg(a) for a in (samples.lat, samples.lon, samples.roll, samples.pitch, samples.heading)]
     lat, lon, roll, pitch, heading = angles
     lines = [f"# {remark}" for remark in remarks] + [",".join(COLUMNS)]
-    for t, *place, a, b, c in zip(samples.t, lat, lon, samples.alt, roll, pitch, heading, strict=True):
-        lines.append(f"{t:.3f},{place[0]:.9f},{place[1]:.9f},{place[2]:.3f},{a:.5f},{b:.5f},{c:.5f}")
+    for t, *position, a, b, c in zip(samples.t, lat, lon, samples.alt, roll, pitch, heading, strict=True):
+        lines.append(f"{t:.3f},{position[0]:.9f},{position[1]:.9f},{position[2]:.3f},{a:.5f},{b:.5f},{c:.5f}")
     file.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
@@ -61,16 +61,16 @@ def _numbers(file: Path, number: int, line: str, header: list[str]) -> list[floa
     cells = next(csv.reader([line]))
     if len(cells) != len(header):
         raise ConfigError(f"{file}: line {number}: {len(cells)} values under {len(header)} columns")
-    found = dict(zip(header, cells, strict=True))
-    return [_number(file, number, name, found[name]) for name in COLUMNS]
+    values = dict(zip(header, cells, strict=True))
+    return [_number(file, number, name, values[name]) for name in COLUMNS]
 
 
 def _number(file: Path, number: int, name: str, text: str) -> float:
     try:
         value = float(text)
     except ValueError:
-        raise ConfigError(f"{file}: line {number}: {name} = {text!r}: is no number") from None
-    largest = MAX_VALUES_DEG.get(name, math.inf)
-    if not math.isfinite(value) or abs(value) > largest:
-        raise ConfigError(f"{file}: line {number}: {name} = {text}: must be a number up to {largest:g}")
+        raise ConfigError(f"{file}: line {number}: {name} = {text!r}: is not a number") from None
+    max_value = MAX_VALUES_DEG.get(name, math.inf)
+    if not math.isfinite(value) or abs(value) > max_value:
+        raise ConfigError(f"{file}: line {number}: {name} = {text}: must be a number up to {max_value:g}")
     return value

@@ -1,4 +1,4 @@
-"""From the table ``[flight]`` of a scenario to the flight: one function per kind, one table of them."""
+"""Creates the flight from the table ``[flight]`` of a scenario: one function per kind."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class FlightSite:
-    """Where it is flown: the approach of the airfield, ground and air, geoid above WGS84 [m].
+    """Site of a flight: published approach of the airfield, terrain, atmosphere, geoid above WGS84 [m].
 
-    progress : told how far the making of a flight is
+    progress : called with each step of computing a flight
     """
 
     path: ApproachPath
@@ -44,9 +44,9 @@ class FlightSite:
 
 @dataclass(frozen=True, slots=True)
 class FlightBuild:
-    """A flight, from 0 to ``flight.end`` [s], and what is to be told about how it was made.
+    """A flight, from 0 to ``flight.end`` [s], and remarks for the user.
 
-    surfaces : deflections [rad] of control surfaces by name, where the maker knows them, at ``surfaces_t`` [s]
+    surfaces : deflections [rad] of control surfaces by name at ``surfaces_t`` [s], for flights that compute them
     """
 
     flight: SplineFlight
@@ -58,13 +58,13 @@ class FlightBuild:
 def make_flight(scenario: Scenario, site: FlightSite) -> FlightBuild:
     """The flight of a scenario.
 
-    Raises ConfigError or MissingError with what is wrong in the table, or in what it names.
+    Raises ConfigError or MissingError for errors in the table, or in the files that it names.
     """
     return MAKERS[type(scenario.flight)](scenario.flight, scenario, site)
 
 
 def approach_plan(table: ApproachFlight, scenario: Scenario) -> ApproachPlan:
-    """How the approach is flown: the table, the wind, and the faults that lead off the track."""
+    """Parameters of the approach flight: from the table, the wind, and the faults that lead off the track."""
     return ApproachPlan(
         start=table.start_m,
         duration=table.duration_s,
@@ -86,18 +86,18 @@ def _approach(table: ApproachFlight, scenario: Scenario, site: FlightSite) -> Fl
 
 
 def _waypoints(table: WaypointFlight, scenario: Scenario, site: FlightSite) -> FlightBuild:
-    del site  # the waypoints say where
+    del site  # the waypoints are absolute positions
     waypoints = [
         Waypoint(math.radians(w.lat_deg), math.radians(w.lon_deg), w.alt_m, w.speed_mps) for w in table.waypoint
     ]
     try:
         return FlightBuild(waypoint_flight(waypoints, math.radians(table.bank_deg), scenario.air.wind_n))
     except ValueError as error:
-        raise ConfigError(f"{scenario.where}: flight.{error}") from None
+        raise ConfigError(f"{scenario.source_name}: flight.{error}") from None
 
 
 def _recorded(table: RecordedFlight, scenario: Scenario, site: FlightSite) -> FlightBuild:
-    del site  # the recording says where
+    del site  # the recording has absolute positions
     flight, remark = recorded_flight(table, scenario.air.wind_n)
     return FlightBuild(flight, (remark,))
 
@@ -105,15 +105,15 @@ def _recorded(table: RecordedFlight, scenario: Scenario, site: FlightSite) -> Fl
 def _jsbsim(table: JsbsimFlight, scenario: Scenario, site: FlightSite) -> FlightBuild:
     air = Weather(scenario.air.wind_n, site.atmosphere, site.undulation, table.turbulence, scenario.seed)
     try:
-        flown = fly(table, air, site.path, site.terrain, site.progress)
+        run = fly(table, air, site.path, site.terrain, site.progress)
     except ConfigError as error:
-        raise ConfigError(f"{scenario.where}: {error}") from None
-    flight = SplineFlight.from_samples(flown.samples).section(0.0, flown.duration)
-    remark = f"the {table.aircraft} of JSBSim flies the route {table.route} in {flown.duration:.0f} s"
-    return FlightBuild(flight, (remark,), flown.samples.t, flown.surfaces())
+        raise ConfigError(f"{scenario.source_name}: {error}") from None
+    flight = SplineFlight.from_samples(run.samples).section(0.0, run.duration)
+    remark = f"JSBSim aircraft {table.aircraft} flies route {table.route} in {run.duration:.0f} s"
+    return FlightBuild(flight, (remark,), run.samples.t, run.surfaces())
 
 
-#: What makes a flight of each table: called with the table, its scenario and what is around.
+#: Functions that create the flight, by the type of the table.
 MAKERS: dict[type, Callable[[Any, Scenario, FlightSite], FlightBuild]] = {
     ApproachFlight: _approach,
     WaypointFlight: _waypoints,

@@ -1,4 +1,4 @@
-"""A flight that was flown before: from a table or a session, filtered if asked for, and judged."""
+"""A recorded flight from a table or a session, filtered on request, and checked for plausibility."""
 
 from __future__ import annotations
 
@@ -17,47 +17,47 @@ from fti.hil.tables.flights import RecordedFlight
 
 Array = NDArray[np.float64]
 
-#: No aircraft is accelerated more than this [m/s^2]: what is comes of steps or noise in the samples.
+#: Larger accelerations [m/s^2] come from steps or noise in the samples.
 MAX_ACCEL_MPS2 = 150.0
-#: Where the flight is looked at for it, per sample.
+#: Points of the acceleration check per sample.
 CHECKS_PER_SAMPLE = 2
 
 
 def recorded_flight(table: RecordedFlight, wind_n: tuple[float, float]) -> tuple[SplineFlight, str]:
-    """The flight, t = 0 at ``from_s`` of the recording, and how well it fits, in words.
+    """The flight, t = 0 at ``from_s`` of the recording, and the errors of its fit as text.
 
-    wind_n : where the wind blew to, north and east [m/s]; the recording does not know it
+    wind_n : velocity of the air, north and east [m/s], which the recording does not contain
 
-    Raises MissingError or ConfigError with the file and what is wrong with it.
+    Raises MissingError or ConfigError with the file and the error.
     """
     file = Path(table.file)
     recorded = read_session(file, table.device) if file.is_dir() else read_table(file)
     try:
         samples = replace(_shift_times(recorded, table.from_s), wind_n=(*wind_n, 0.0))
-        found = fit(samples, table.smooth_s)
-        length = found.flight.end if table.duration_s is None else table.duration_s
-        flight = found.flight.section(0.0, length)
+        fitted = fit(samples, table.smooth_s)
+        length = fitted.flight.end if table.duration_s is None else table.duration_s
+        flight = fitted.flight.section(0.0, length)
     except ValueError as error:
         raise ConfigError(f"{file}: {error}") from None
-    _check_acceleration(found, file, table.smooth_s)
-    return flight, f"{file.name}: {found.error_text()}"
+    _check_acceleration(fitted, file, table.smooth_s)
+    return flight, f"{file.name}: {fitted.error_text()}"
 
 
 def _shift_times(samples: FlightSamples, from_s: float) -> FlightSamples:
-    """Times from the first sample on, then from ``from_s`` on; what is before is kept for the spline's sake."""
+    """Times relative to ``from_s`` after the first sample; earlier samples are kept for the spline."""
     if len(samples.t) == 0:
-        raise ValueError("no sample")
+        raise ValueError("no samples")
     return replace(samples, t=samples.t - samples.t[0] - from_s)
 
 
-def _check_acceleration(found: FlightFit, file: Path, smooth_s: float | None) -> None:
-    flight = found.flight
-    t = np.linspace(flight.begin, flight.end, CHECKS_PER_SAMPLE * len(found.filtered_samples.t))
+def _check_acceleration(fitted: FlightFit, file: Path, smooth_s: float | None) -> None:
+    flight = fitted.flight
+    t = np.linspace(flight.begin, flight.end, CHECKS_PER_SAMPLE * len(fitted.filtered_samples.t))
     accel = np.linalg.norm(flight.state(t).accel_e, axis=1)
     k = int(np.argmax(accel))
     if accel[k] > MAX_ACCEL_MPS2:
         now = "none" if smooth_s is None else f"{smooth_s} s"
         raise ConfigError(
-            f"{file}: the flight shakes, {accel[k]:.0f} m/s^2 at {t[k]:.2f} s: its samples have steps or noise; "
-            f"give flight.smooth_s, or more of it (now {now})"
+            f"{file}: acceleration of {accel[k]:.0f} m/s^2 at {t[k]:.2f} s: the samples have steps or noise; "
+            f"set or increase flight.smooth_s (now {now})"
         )

@@ -1,8 +1,8 @@
 """A recorded flight from a session: position and attitude of one of its devices, decoded again from its bytes.
 
-Times are those at which the measurements were true, by the clock of the device; parts of a position or an attitude that
-come in messages of their own are joined, and the lever arm is taken off, as in navigation (``fti.nav.source_interpolation``): what
-is found is the path of P.
+Times are the validity times of the measurements by the clock of the device.  As in navigation
+(``fti.nav.source_interpolation``), parts of a position or attitude from several messages are joined, and the lever arm
+is removed: the result is the path of the reference point P.
 """
 
 from __future__ import annotations
@@ -23,31 +23,31 @@ from fti.nav.source_interpolation import NavSource
 from fti.types import Attitude, Measurement, Position
 
 SECOND_NS = 1_000_000_000
-#: A position is joined with what came within this time after it [ns].
+#: A position is joined with attitudes that follow within this time [ns].
 JOIN_TIMEOUT_NS = SECOND_NS // 5
 #: t [ns], lat, lon [rad], alt [m], roll, pitch, heading [rad].
 Row = tuple[int, float, float, float, float, float, float]
 
 
 def read_session(folder: Path, device: str | None) -> FlightSamples:
-    """The samples of a device, t = 0 at the first; None: of the only device that says position and attitude.
+    """The samples of a device, t = 0 at the first; None: of the only device with position and attitude.
 
-    Raises MissingError for no session, ConfigError when the device is not one of it, does not say both, or when several
-    do.
+    Raises MissingError without session, ConfigError for an unknown device, for one without position and attitude, and
+    when several devices have both and none is named.
     """
     recording = Recording.open(folder)
     config = recorded_config(recording, folder)
     texts = {name: decode_text(data, f"{folder / name}") for name, data in recording.attachments().items()}
     known = {bound.device.name: bound for bound in bind_devices(config, texts)}
     if device is not None and device not in known:
-        raise ConfigError(f"{folder}: {device!r} is no device of the session; there are {', '.join(known)}")
-    wanted = [known[device]] if device else list(known.values())
-    tracks = {bound.device.name: list(_rows(recording, config, bound)) for bound in wanted}
+        raise ConfigError(f"{folder}: unknown device {device!r}; the session has {', '.join(known)}")
+    candidates = [known[device]] if device else list(known.values())
+    tracks = {bound.device.name: list(_rows(recording, config, bound)) for bound in candidates}
     able = [name for name, rows in tracks.items() if rows]
     if not able:
         raise ConfigError(f"{folder}: no position with attitude from {device or 'any of its devices'}")
     if len(able) > 1:
-        raise ConfigError(f"{folder}: {', '.join(able)} say position and attitude: name one of them")
+        raise ConfigError(f"{folder}: several devices have position and attitude; name one of {', '.join(able)}")
     rows = sorted({row[0]: row for row in tracks[able[0]]}.values())
     t_ns, *values = zip(*rows, strict=True)
     return FlightSamples((np.array(t_ns) - t_ns[0]) / SECOND_NS, *(np.array(column) for column in values))
@@ -73,10 +73,10 @@ def _rows(recording: Recording, config: Config, bound: BoundDevice) -> Iterator[
 
 def _row(source: NavSource, t_ns: int) -> Iterator[Row]:
     attitude = source.attitude(t_ns)
-    place = source.position(t_ns, attitude)
-    if place is None or place.alt is None or attitude is None or attitude.heading is None:
+    position = source.position(t_ns, attitude)
+    if position is None or position.alt is None or attitude is None or attitude.heading is None:
         return
-    yield t_ns, place.lat, place.lon, place.alt, attitude.roll, attitude.pitch, attitude.heading
+    yield t_ns, position.lat, position.lon, position.alt, attitude.roll, attitude.pitch, attitude.heading
 
 
 def _measurements(recording: Recording, config: Config, bound: BoundDevice) -> Iterator[Measurement]:

@@ -1,13 +1,13 @@
-"""From recorded samples to a flight: what their steps have put in is filtered out, then a spline is laid through.
+"""Fits a flight to recorded samples: filters quantisation steps, then interpolates with a spline.
 
-A recorder that keeps radians in single precision moves a position at 180 deg of longitude by up to 0.76 m, in steps of
-1.5 m (eq. 7.1 of the source has 0.64 m; see the errata); a spline through such steps would shake.
+A recorder that stores radians in single precision moves a position at 180 deg of longitude by up to 0.76 m, in steps of
+1.5 m (eq. 7.1 of the source has 0.64 m; see the errata); a spline through such steps would oscillate.
 
     z = argmin  sum (z - y)^2 + lambda sum (third difference of z)^2        lambda = (2 sin(pi h / period))^-6
 
-is Whittaker's graduation: it keeps every parabola, passes half of a wave of that period and nothing of much faster
-ones, and needs no values beyond the ends.  The filtered samples are smooth over a quarter of the period, so one knot in
-so long is enough for the spline, and the samples between show how well it fits.
+is Whittaker's graduation: it preserves parabolas, halves the amplitude of a wave of that period, removes much faster
+ones, and needs no values beyond the ends.  The filtered samples are smooth over a quarter of the period, which is the
+knot interval of the spline; the samples between the knots show the error of the fit.
 
 Source: Spiegel 2018, 7.1.1, figures 7.2 and 7.3; Whittaker 1923; Eilers 2003 (as a banded system).  Checked against:
 sines and parabolas, tests/hil/flight/test_smoothing.py.
@@ -35,13 +35,13 @@ KNOTS_PER_PERIOD = 4
 
 @dataclass(frozen=True, eq=False)
 class FlightFit:
-    """A flight through samples, and how far each step of its making moved them.
+    """A flight fitted to samples, and the displacement of the samples by each step.
 
-    recorded    : the samples that were given
-    filtered    : the samples without their steps; the same where nothing was filtered
-    filter_m, filter_rad : of each sample, distance and angle from what was given to what was filtered, shape (n,)
-    spline_m, spline_rad : from there to the flight, at those samples that are no knots, ``intermediate_t`` [s]; empty where
-                           all are
+    recorded_samples : the input
+    filtered_samples : the samples after the filter; the input if none was requested
+    filter_m, filter_rad : distance and angle from recorded to filtered samples, shape (n,)
+    spline_m, spline_rad : distance and angle from filtered samples to the flight, at the samples that are not knots,
+                           ``intermediate_t`` [s]; empty when all samples are knots
     """
 
     flight: SplineFlight
@@ -54,7 +54,7 @@ class FlightFit:
     spline_rad: Array
 
     def error_text(self) -> str:
-        """The errors for a person: root mean square and greatest."""
+        """The errors as text: root mean square and maximum."""
         steps = [("filtered minus recorded", self.filter_m, self.filter_rad)]
         if len(self.spline_m):
             steps.append(("spline minus filtered", self.spline_m, self.spline_rad))
@@ -62,9 +62,9 @@ class FlightFit:
 
 
 def fit(samples: FlightSamples, period: float | None) -> FlightFit:
-    """The flight that samples tell of.  period : waves that are faster are none of the flight's [s]; None: all are.
+    """Fit a flight to samples.  period : the filter removes faster oscillations [s]; None: no filter.
 
-    Raises ValueError for gaps, for times that do not increase, and for fewer samples or knots than six.
+    Raises ValueError for gaps, for times that do not increase, and for fewer than six samples or knots.
     """
     check_times(samples.t)
     if period is None:
@@ -72,14 +72,14 @@ def fit(samples: FlightSamples, period: float | None) -> FlightFit:
     else:
         filtered_samples, knots = smooth(samples, period), _decimate(samples.t, period / KNOTS_PER_PERIOD)
     flight = SplineFlight.from_samples(_select_rows(filtered_samples, knots))
-    between = np.setdiff1d(np.flatnonzero(filtered_samples.t <= flight.end), knots)
-    there = _select_rows(filtered_samples, between)
-    splined = displacements(there, flight.state(there.t))
-    return FlightFit(flight, samples, filtered_samples, *displacements(samples, filtered_samples), there.t, *splined)
+    intermediate = _select_rows(filtered_samples, np.setdiff1d(np.flatnonzero(filtered_samples.t <= flight.end), knots))
+    splined = displacements(intermediate, flight.state(intermediate.t))
+    filtered = displacements(samples, filtered_samples)
+    return FlightFit(flight, samples, filtered_samples, *filtered, intermediate.t, *splined)
 
 
 def smooth(samples: FlightSamples, period: float) -> FlightSamples:
-    """The samples without what is faster than a period [s]; the wind is left as it is."""
+    """The samples without oscillations faster than a period [s]; the wind is not filtered."""
     positions_e = ecef_from_geodetic(samples.lat, samples.lon, samples.alt)
     lat, lon, alt = geodetic_from_ecef(positions_e[0] + graduate(samples.t, positions_e - positions_e[0], period))
     quats = graduate(samples.t, make_continuous(quat_from_mat(_attitude(samples))), period)
@@ -88,15 +88,15 @@ def smooth(samples: FlightSamples, period: float) -> FlightSamples:
 
 
 def graduate(t: Array, values: Array, period: float) -> Array:
-    """Whittaker's graduation of values, shape (n, d), at t, shape (n,) [s], increasing; half passes at ``period`` [s].
+    """Whittaker's graduation of values, shape (n, d), at t, shape (n,) [s], increasing; gain 0.5 at ``period`` [s].
 
-    Differences are divided ones, so the times need no equal steps.  Raises ValueError when the period is no longer than
-    two steps: such waves cannot be told from others.
+    Divided differences allow unequal steps.  Raises ValueError for a period of at most two steps: such waves are
+    aliases of others.
     """
     step = float(np.median(np.diff(t)))
     if period <= 2.0 * step:
         raise ValueError(
-            f"samples {step:.3f} s apart cannot be smoothed over {period:.3f} s: take more than twice that"
+            f"samples {step:.3f} s apart cannot be smoothed over {period:.3f} s; use more than twice the interval"
         )
     weight = (2.0 * np.sin(np.pi * step / period)) ** (-2 * ORDER)
     rows = _third_differences(t, step)
@@ -109,11 +109,11 @@ def graduate(t: Array, values: Array, period: float) -> Array:
         right[a : a + m] += weight * rows[:, a, None] * rough
         for b in range(ORDER + 1):
             band[a : a + m, ORDER + b - a] += weight * rows[:, a] * rows[:, b]
-    return np.asarray(values - solve_banded(band, right))  # the correction is small: it loses no digits to the values
+    return np.asarray(values - solve_banded(band, right))  # solving for the small correction keeps precision
 
 
 def _third_differences(t: Array, step: float) -> Array:
-    """Row i, shape (n - 3, 4): what t[i] to t[i + 3] contribute to the third difference; -1 3 -3 1 for equal steps."""
+    """Weights of t[i] to t[i + 3] in the third difference, row i, shape (n - 3, 4); -1 3 -3 1 for equal steps."""
     times = np.stack([t[a : len(t) - ORDER + a] for a in range(ORDER + 1)], axis=1) / step
     apart = times[:, :, None] - times[:, None, :] + np.eye(ORDER + 1)
     return np.asarray(6.0 / np.prod(apart, axis=2))
@@ -126,7 +126,7 @@ def displacements(before: FlightSamples, after: FlightSamples | FlightState) -> 
 
 
 def angle_between(mats: Array, others: Array) -> Array:
-    """Angle of the turn from one attitude to another [rad], shape (n,); exact for the smallest."""
+    """Angle of rotation from one attitude to another [rad], shape (n,); accurate for small angles."""
     turned = np.swapaxes(mats, 1, 2) @ others
     skew = turned - np.swapaxes(turned, 1, 2)
     sines = np.linalg.norm(np.stack((skew[:, 2, 1], skew[:, 0, 2], skew[:, 1, 0])), axis=0)
@@ -138,7 +138,7 @@ def _attitude(of: FlightSamples | FlightState) -> Array:
 
 
 def _decimate(t: Array, step: float) -> NDArray[np.intp]:
-    """Indices of the first sample in each interval of ``step`` [s]; the rest of the last interval is left out."""
+    """Indices of the first sample in each interval of ``step`` [s]."""
     return np.unique(np.floor((t - t[0]) / step + 1e-6), return_index=True)[1]
 
 

@@ -1,9 +1,8 @@
-"""Quintic spline through points at any times: four continuous derivatives, so that its jerk is smooth.
+"""Quintic spline through points at arbitrary times: four continuous derivatives, hence a smooth jerk.
 
-The spline is a sum of B-splines of degree 5 whose knots are the times of the points, but for three at either end (not a
-knot): a polynomial of degree 5 is reproduced exactly, up to the ends.  A derivative is a spline of lower degree whose
-coefficients are divided differences of these; neighbours are subtracted, so a derivative loses no digits to the size of
-the coordinates.
+The spline is a sum of B-splines of degree 5.  Its knots are the times of the points except three at either end
+(not-a-knot condition), so that polynomials of degree 5 are reproduced exactly.  A derivative is a spline of lower
+degree whose coefficients are divided differences; large coordinates do not reduce its precision.
 
 Source: de Boor, A Practical Guide to Splines, 1978, ch. IX, X, XIII.  Checked against: scipy's ``make_interp_spline``,
 polynomials, finite differences, tests/hil/flight/test_spline.py.
@@ -19,7 +18,7 @@ from fti.hil.flight.banded_solver import solve_banded
 Array = NDArray[np.float64]
 
 DEGREE = 5
-#: A time may lie outside the points by what rounding makes of it [s].
+#: Tolerance for times outside the points, for rounding errors [s].
 ROUNDING_S = 1e-9
 
 
@@ -52,10 +51,10 @@ class QuinticSpline:
         knots, coefficients = self._level(derivative)
         degree = DEGREE - derivative
         last, weights = _basis(knots, degree, np.clip(times, self.start, self.end))
-        found = np.zeros((len(times), coefficients.shape[1]))
+        result = np.zeros((len(times), coefficients.shape[1]))
         for j in range(degree + 1):
-            found += weights[:, j, None] * coefficients[last - degree + j]
-        return found
+            result += weights[:, j, None] * coefficients[last - degree + j]
+        return result
 
     def _level(self, derivative: int) -> tuple[Array, Array]:
         """Knots and coefficients of a derivative."""
@@ -88,5 +87,5 @@ def _coefficients(knots: Array, t: Array, values: Array) -> Array:
     band = np.zeros((len(t), 2 * DEGREE + 1))
     row = np.arange(len(t))
     for j in range(DEGREE + 1):
-        band[row, last - row + j] = weights[:, j]  # column last - DEGREE + j, which is so far from the diagonal
+        band[row, last - row + j] = weights[:, j]  # column last - DEGREE + j, relative to the diagonal
     return solve_banded(band, values)

@@ -1,22 +1,22 @@
-"""A flight as splines of position and attitude: whatever a sensor can measure of it follows by differentiation.
+"""A flight as splines of position and attitude; velocity, acceleration and rates follow by differentiation.
 
-    x_e = origin_e + spline(t)                  metres in the earth frame: exact at any distance and any place
-    quat_eb ~ spline(t)                         the attitude against the earth frame; only its direction counts
+    x_e = origin_e + spline(t)                  metres in the earth frame, exact for any distance and position
+    quat_eb ~ spline(t)                         attitude relative to the earth frame, not normalised
     vel, accel, omega                           analytic derivatives of these two
 
-Attitude is splined as a quaternion, not as angles: at a pitch of 90 deg roll and heading have no derivative, at the
-poles the heading has none, and angles must be unwrapped.  A quaternion whose sign is kept continuous has none of these,
-and omega_eb_b = 2 Im(q* dq/dt) / |q|^2 is exact for the spline as it stands: it need not be of unit length between its
-knots.  Roll, pitch and heading are then read from the matrix.
+Attitude is a spline of quaternions, not of angles: at a pitch of 90 deg roll and heading have no derivative, at the
+poles the heading has none, and angles must be unwrapped.  A quaternion with continuous sign has none of these problems,
+and omega_eb_b = 2 Im(q* dq/dt) / |q|^2 is exact for a quaternion of any length.  Roll, pitch and heading are computed
+from the rotation matrix.
 
-From samples of any origin - a plan, a recording, a flight-dynamic model:
+A flight can be created from samples of a plan, a recording or a flight dynamics model:
 
-    flight = SplineFlight.from_samples(Samples(t, lat, lon, alt, roll, pitch, heading, wind_n))
-    flight.state(np.array([12.34]))             # State: everything at those times
+    flight = SplineFlight.from_samples(FlightSamples(t, lat, lon, alt, roll, pitch, heading, wind_n))
+    flight.state(np.array([12.34]))             # FlightState at those times
 
-Samples at times that need not be equally spaced; each is passed through exactly, so they must be as smooth as the
-flight was (``fti.hil.flight.smoothing`` for those that are not).  Ten to twenty-five a second are plenty for an
-aeroplane: what is faster than the samples is not in the flight.
+Times need not be equally spaced.  The flight passes exactly through each sample, so that samples with noise or steps
+must be smoothed before (``fti.hil.flight.smoothing``).  Ten to twenty-five samples a second are enough for an
+aeroplane; the flight contains no faster motion.
 
 Source: Spiegel 2018, 7.1.1 (quintic splines of position and attitude).
 """
@@ -37,11 +37,11 @@ from fti.hil.flight.spline import QuinticSpline
 
 Array = NDArray[np.float64]
 
-#: A longer time without a sample is a gap: what was flown there is not known [s].
+#: A longer interval between samples is a gap [s].
 MAX_GAP_S = 2.5
-#: Below this there is no flow whose angle could be told [m/s].
+#: Below this airspeed the flow angles are undefined [m/s].
 MIN_AIRSPEED_MPS = 1e-3
-#: Velocity of air that is everywhere the same, north, east, down [m/s].
+#: Velocity of uniform air, north, east, down [m/s].
 Wind = tuple[float, float, float]
 CALM: Wind = (0.0, 0.0, 0.0)
 
@@ -72,13 +72,12 @@ class FlightState:
 
 @dataclass(frozen=True, eq=False)
 class FlightSamples:
-    """A flight as it was written down, shape (n,) each.
+    """Samples of a flight, shape (n,) each.
 
     t                    : [s], increasing, not necessarily in equal steps
     lat, lon, alt        : [rad], height above the ellipsoid [m]
     roll, pitch, heading : [rad], wrapped or not
-    wind_n               : velocity of the air (where it blows to), north, east, down [m/s]: constant, or with gusts, at
-                           t, shape (n, 3)
+    wind_n               : velocity of the air, north, east, down [m/s]: constant, or with gusts at t, shape (n, 3)
     """
 
     t: Array
@@ -102,7 +101,7 @@ class PositionTrack:
     def from_positions(cls, t: ArrayLike, lat: ArrayLike, lon: ArrayLike, alt: ArrayLike) -> PositionTrack:
         """Through positions at t, shape (n,) [s]: lat, lon [rad], alt above the ellipsoid [m].
 
-        Raises ValueError for what ``check_times`` refuses, and for positions that are no numbers.
+        Raises ValueError for times that ``check_times`` refuses, and for positions that are not finite.
         """
         times = check_times(t)
         positions_e = ecef_from_geodetic(lat, lon, alt)
@@ -115,7 +114,7 @@ class PositionTrack:
         return geodetic_from_ecef(self.origin_e + self.spline(t))
 
     def attitude(self, t: ArrayLike, mat_nb: Array) -> QuinticSpline:
-        """Spline of quat_eb of who flies this track with these attitudes, shape (n, 3, 3), at t, shape (n,) [s]."""
+        """Spline of quat_eb along this track for attitudes mat_nb, shape (n, 3, 3), at t, shape (n,) [s]."""
         times = check_times(t)
         if not np.all(np.isfinite(mat_nb)):
             raise ValueError("an attitude of the flight is not a number")
@@ -140,7 +139,7 @@ class SplineFlight:
     def from_samples(cls, samples: FlightSamples) -> SplineFlight:
         """The flight through samples; tas and aoa follow from velocity, wind and attitude.
 
-        Raises ValueError for fewer than 6, gaps above ``MAX_GAP_S``, times that do not increase, and no numbers.
+        Raises ValueError for fewer than 6 samples, gaps above ``MAX_GAP_S``, times that do not increase, and NaN.
         """
         track = PositionTrack.from_positions(samples.t, samples.lat, samples.lon, samples.alt)
         attitude = track.attitude(samples.t, mat_from_rpy(samples.roll, samples.pitch, samples.heading))
@@ -148,9 +147,9 @@ class SplineFlight:
         return cls(track, attitude, wind_n if isinstance(wind_n, tuple) else QuinticSpline(samples.t, wind_n))
 
     def section(self, begin: float, end: float) -> SplineFlight:
-        """The part of it from begin to end [s]; what was known beyond is not told any more.  ValueError outside."""
+        """The part from begin to end [s], on which ``state`` is then defined.  ValueError outside the flight."""
         if not self.begin <= begin < end <= self.end:
-            raise ValueError(f"{begin} to {end} s is no part of a flight of {self.begin:.3f} to {self.end:.3f} s")
+            raise ValueError(f"{begin} to {end} s is not within the flight of {self.begin:.3f} to {self.end:.3f} s")
         part = copy.copy(self)
         part.begin, part.end = begin, end
         return part
@@ -200,8 +199,8 @@ def check_times(t: ArrayLike) -> Array:
     if len(steps) and steps.max() > MAX_GAP_S:
         k = int(np.argmax(steps))
         raise ValueError(
-            f"nothing is known of the flight from {times[k]:.3f} s to {times[k + 1]:.3f} s: "
-            f"{steps[k]:.3f} s without a sample, at most {MAX_GAP_S} s are bridged"
+            f"no samples of the flight from {times[k]:.3f} s to {times[k + 1]:.3f} s: "
+            f"a gap of {steps[k]:.3f} s; at most {MAX_GAP_S} s are allowed"
         )
     return times
 

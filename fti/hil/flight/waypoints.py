@@ -2,11 +2,11 @@
 
     radius = speed^2 / (g tan bank)          the turn touches both legs  radius tan(turn / 2)  from the waypoint
 
-Legs are great circles between places on the ellipsoid; height and speed change evenly along the way from one waypoint
-to the next.  Lines and arcs alone would bank at a step, so positions are averaged over ``SMOOTH_S`` (a raised cosine):
-the aeroplane rolls and pitches over that time, flies some metres inside its turns - acceleration times 0.033 SMOOTH_S^2
-/ 2, 3 m at 25 deg of bank - and never banks more than the limit.  That counts in still air and where the height does
-not bend: who pushes over a crest in a turn must bank more for it.
+Legs are great circles between positions on the ellipsoid; height and speed change linearly between waypoints.  Lines
+and arcs alone would give steps of the bank angle, so positions are averaged over ``SMOOTH_S`` (a raised cosine): the
+aeroplane rolls and pitches over that time, flies inside its turns by acceleration times 0.033 SMOOTH_S^2 / 2, 3 m at
+25 deg of bank, and keeps the bank limit.  The limit holds in still air and without vertical acceleration: pushing over
+a crest in a turn needs more bank.
 Source: Spiegel 2018, 7.1; ICAO Doc 8168, volume II, part I, section 2, chapter 3 (fly-by turns).
 """
 
@@ -29,13 +29,13 @@ from fti.nav.integrity.approach import EARTH_RADIUS
 
 Array = NDArray[np.float64]
 
-#: Time over which positions are averaged, and between the knots of the spline [s].
+#: Averaging time of positions, and knot interval of the spline [s].
 SMOOTH_S, KNOT_S = 6.0, 0.5
-#: The averaged path, and the legs, are followed in steps of [s, m].
+#: Step of the averaged path [s] and of the legs [m].
 STEP_S, STEP_M = 0.125, 10.0
-#: The legs go on beyond both ends for so long [s]: half of an average, and some knots.
+#: Extension of the legs beyond both ends [s]: half of the averaging time, and some knots.
 MARGIN_S = 6.0
-#: A smaller change of direction is none [rad]; waypoints that are nearer than this are one [m].
+#: Smaller changes of direction are ignored [rad]; smaller distances between waypoints are an error [m].
 MIN_TURN_RAD, MIN_DISTANCE_M = 1e-4, 1.0
 
 
@@ -50,7 +50,7 @@ class Waypoint:
 
     @property
     def normal_e(self) -> Array:
-        """The ellipsoid's normal: it says where, whatever the height."""
+        """Normal of the ellipsoid, which defines the horizontal position."""
         return np.array(
             [np.cos(self.lat) * np.cos(self.lon), np.cos(self.lat) * np.sin(self.lon), np.sin(self.lat)]
         )  # fmt: skip
@@ -59,15 +59,15 @@ class Waypoint:
 def waypoint_flight(waypoints: Sequence[Waypoint], bank: float, wind_n: tuple[float, float]) -> SplineFlight:
     """The flight from the first waypoint (t = 0) to the last one.
 
-    bank   : of its turns in still air [rad]; wind_n : where the wind blows to, north and east [m/s]
-    Raises ValueError, naming waypoints by their index, where turns need more room than the legs have, or two are one;
-    and for a flight of more than ``MAX_DURATION_S``.
+    bank   : in turns in still air [rad]; wind_n : velocity of the air, north and east [m/s]
+    Raises ValueError with the index of the waypoint when turns do not fit into the legs or two waypoints coincide, and
+    for a flight of more than ``MAX_DURATION_S``.
     """
     turns = _route(waypoints, bank)
     t, positions_e, end = _time_path(_add_margins(waypoints), turns)
     if not end <= MAX_DURATION_S:
         raise ValueError(
-            f"waypoint: {end:.0f} s from the first to the last, {MAX_DURATION_S:.0f} s at most can be flown"
+            f"waypoint: {end:.0f} s from the first to the last; at most {MAX_DURATION_S:.0f} s are allowed"
         )
     fine = np.arange(-MARGIN_S, end + MARGIN_S, STEP_S)
     path_e = np.stack([np.interp(fine, t, axis) for axis in positions_e.T], axis=1)
@@ -82,7 +82,7 @@ def waypoint_flight(waypoints: Sequence[Waypoint], bank: float, wind_n: tuple[fl
 
 @dataclass(frozen=True, eq=False)
 class _Turn:
-    """Around one waypoint: normals of the places from the one leg to the other, shape (k, 3); room it takes [m]."""
+    """Turn at one waypoint: normals of its points from leg to leg, shape (k, 3); lead distance on each leg [m]."""
 
     normals_e: Array
     lead: float
@@ -92,7 +92,7 @@ def _route(waypoints: Sequence[Waypoint], bank: float) -> list[_Turn]:
     lengths = [EARTH_RADIUS * _angle(a.normal_e, b.normal_e) for a, b in itertools.pairwise(waypoints)]
     if min(lengths) < MIN_DISTANCE_M:
         k = int(np.argmin(lengths))
-        raise ValueError(f"waypoint[{k}] and waypoint[{k + 1}] are at one place")
+        raise ValueError(f"waypoint[{k}] and waypoint[{k + 1}] are at the same position")
     turns = [_Turn(waypoints[0].normal_e[None], 0.0)]
     turns += [_turn(*three, bank) for three in zip(waypoints, waypoints[1:], waypoints[2:], strict=False)]
     turns.append(_Turn(waypoints[-1].normal_e[None], 0.0))
@@ -106,7 +106,7 @@ def _route(waypoints: Sequence[Waypoint], bank: float) -> list[_Turn]:
 
 
 def _turn(before: Waypoint, here: Waypoint, after: Waypoint, bank: float) -> _Turn:
-    """The arc that touches both legs, in the plane that touches the Earth at the waypoint."""
+    """The arc tangent to both legs, in the tangent plane of the Earth at the waypoint."""
     frame = LocalFrame(here.lat, here.lon, 0.0)
     inwards, outwards = -_course(frame, here, before), _course(frame, here, after)
     turn = np.arctan2(inwards[0] * outwards[1] - inwards[1] * outwards[0], inwards @ outwards)  # left positive
@@ -115,16 +115,16 @@ def _turn(before: Waypoint, here: Waypoint, after: Waypoint, bank: float) -> _Tu
     radius = here.speed**2 / (STANDARD_GRAVITY * np.tan(bank))
     lead = radius * np.tan(abs(turn) / 2.0)
     along = np.linspace(0.0, abs(turn), int(np.ceil(abs(turn) * radius / STEP_M)) + 2)
-    aside = np.sign(turn) * np.array([-inwards[1], inwards[0]])
-    places = (radius * np.sin(along) - lead)[:, None] * inwards + (radius * (1.0 - np.cos(along)))[:, None] * aside
-    up = -np.sum(places**2, axis=1) / (2.0 * EARTH_RADIUS)
-    lat, lon, _ = frame.to_geodetic(np.column_stack((places, up)))
+    lateral = np.sign(turn) * np.array([-inwards[1], inwards[0]])
+    points = (radius * np.sin(along) - lead)[:, None] * inwards + (radius * (1.0 - np.cos(along)))[:, None] * lateral
+    up = -np.sum(points**2, axis=1) / (2.0 * EARTH_RADIUS)
+    lat, lon, _ = frame.to_geodetic(np.column_stack((points, up)))
     level = np.cos(lat)
     return _Turn(np.stack((level * np.cos(lon), level * np.sin(lon), np.sin(lat)), axis=1), float(lead))
 
 
 def _course(frame: LocalFrame, here: Waypoint, there: Waypoint) -> Array:
-    """Unit vector, east and north, in which the great circle to another waypoint leaves."""
+    """Initial direction of the great circle to another waypoint: unit vector, east and north."""
     east, north, _ = frame.mat_le @ there.normal_e
     length = np.hypot(east, north)
     return np.asarray((east / length, north / length))
@@ -135,7 +135,7 @@ def _angle(a: Array, b: Array) -> float:
 
 
 def _add_margins(waypoints: Sequence[Waypoint]) -> list[Waypoint]:
-    """The waypoints, and one more before the first and beyond the last, straight on."""
+    """The waypoints, with one more before the first and beyond the last on the extended legs."""
     return [
         _extrapolated_waypoint(waypoints[1], waypoints[0]),
         *waypoints,
@@ -144,7 +144,7 @@ def _add_margins(waypoints: Sequence[Waypoint]) -> list[Waypoint]:
 
 
 def _extrapolated_waypoint(before: Waypoint, last: Waypoint) -> Waypoint:
-    """Where who flew from one waypoint to the last would be a margin later."""
+    """The point 1.5 margins beyond the last waypoint on the extended leg."""
     angle = _angle(before.normal_e, last.normal_e)
     share = 1.0 + 1.5 * MARGIN_S * last.speed / EARTH_RADIUS / angle
     x, y, z = _interpolate_normals(before.normal_e, last.normal_e, share)
@@ -153,9 +153,9 @@ def _extrapolated_waypoint(before: Waypoint, last: Waypoint) -> Waypoint:
 
 
 def _time_path(waypoints: Sequence[Waypoint], turns: Sequence[_Turn]) -> tuple[Array, Array, float]:
-    """Times [s] and positions, shape (m, 3) [m], along the whole way, and when the last waypoint is reached.
+    """Times [s] and positions, shape (m, 3) [m], along the whole path, and the time at the last waypoint [s].
 
-    waypoints : with margins; turns : of those between
+    waypoints : with margins; turns : of the waypoints between
     """
     arcs = [waypoints[0].normal_e[None], *(turn.normals_e for turn in turns), waypoints[-1].normal_e[None]]
     pieces = [arcs[0]]
@@ -163,14 +163,14 @@ def _time_path(waypoints: Sequence[Waypoint], turns: Sequence[_Turn]) -> tuple[A
         pieces += [_leg(before[-1], arc[0]), arc]
     normals_e = np.concatenate(pieces)
     begins = np.cumsum([0, *map(len, pieces)])[:-1:2]
-    places = [begin + len(arc) // 2 for begin, arc in zip(begins, arcs, strict=True)]
+    index = [begin + len(arc) // 2 for begin, arc in zip(begins, arcs, strict=True)]
     level_e = _at_height(normals_e, np.zeros(len(normals_e)))
     way = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(level_e, axis=0), axis=1))))
-    alt = np.interp(way, way[places], [w.alt for w in waypoints])
-    speed = np.interp(way, way[places], [w.speed for w in waypoints])
+    alt = np.interp(way, way[index], [w.alt for w in waypoints])
+    speed = np.interp(way, way[index], [w.speed for w in waypoints])
     t = np.concatenate(([0.0], np.cumsum(2.0 * np.diff(way) / (speed[1:] + speed[:-1]))))
-    t -= t[places[1]]
-    return t, _at_height(normals_e, alt), float(t[places[-2]])
+    t -= t[index[1]]
+    return t, _at_height(normals_e, alt), float(t[index[-2]])
 
 
 def _leg(start: Array, end: Array) -> Array:

@@ -1,1 +1,1 @@
-"""What the daemon must say of each fault, and how soon."""
+"""Oracle of the score: expected flags of each fault with deadlines, and required outputs."""

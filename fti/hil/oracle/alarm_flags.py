@@ -1,7 +1,7 @@
-"""The alarms that must follow from the flags of a fault.
+"""Expected alarms, derived from the expected flags of a fault.
 
-An alarm is a flag at ``/fti/alarm``; its word is its identity (docs/alarms.md).  It stands while its condition lasts,
-whether or not a person has acknowledged it.
+An alarm is a flag on ``/fti/alarm``; its word is the alarm identity (docs/alarms.md).  It lasts as long as its
+condition, whether or not the operator has acknowledged it.
 """
 
 from __future__ import annotations
@@ -29,64 +29,58 @@ from fti.nav.alarm_conditions import ALTIMETER_FAULTS, INTEGRITY_IDS
 from fti.nav.navigation import FILTER, RADIO
 from fti.types import LinkState, Reason
 
-#: From a flag to its alarm, and from the end of the one to that of the other [s]: health is judged twice a second, and
-#: recorded every second time; an altimeter must be wrong for half a second; a wrong rate must last for 5 s.
+#: Maximum latency from a flag to its alarm, at begin and end [s]: health is evaluated at 2 Hz and recorded at 1 Hz; an
+#: altimeter must be wrong for 0.5 s; a wrong rate must last for 5 s.
 ALARM_LATENCY_S, FAULT_S, RATE_S = 1.0, 0.5, 5.0
-#: Devices that were never good are no alarm at first, and a position that was never valid was not lost [s].
+#: After the start, devices and positions that were never valid raise no alarm for this time [s].
 STARTUP_S = 10.0
-#: What health says of a device that does not speak as it should.
+#: Health states of a device that does not send as configured.
 BAD_DEVICE_STATES = (LinkState.SILENT, LinkState.NOISE, LinkState.WRONG_RATE)
-#: Alarms that no fault of a sensor raises and that are no flags: of the start of the daemon, and of the computer on
-#: which it runs.  How late navigation is, is judged for the whole flight.
+#: Alarms that do not depend on sensor faults: start of the daemon, and its computer.  The latency of navigation is
+#: checked separately for the whole flight.
 COMPUTER_ALARMS = frozenset(
     {"navigation_starting", "terrain_loading", "navigation_late", "space", "storage_full", "storage_slow"}
 )
 
 
 class _AlarmDelay(NamedTuple):
-    """One of these alarms begins at most so long after a flag, and ends at most so long after it [s]."""
+    """One of ``alarms`` begins within begins_s of a flag, and ends within ends_s of its end [s]."""
 
     alarms: tuple[str, ...]
     begins_s: float
     ends_s: float
 
 
-def flags_of_alarms(
-    belongs: Sequence[tuple[int, FaultFlags]], craft: AircraftRoles
-) -> Iterator[tuple[int, FaultFlags]]:
-    """The alarms that are due.  belongs : the flags that are due, with the index of their fault"""
-    for index, one in belongs:
-        flags = [expected_flag for expected_flag in one.expected_flags if expected_flag.from_s >= STARTUP_S]
-        expected_flags = [
-            _alarm_flag(expected_flag, follows)
-            for expected_flag in flags
-            if (follows := _find_alarms(expected_flag, craft))
-        ]
-        if due := FaultFlags.from_flags(one.subject, expected_flags, ()).expected_flags:
+def flags_of_alarms(flags: Sequence[tuple[int, FaultFlags]], craft: AircraftRoles) -> Iterator[tuple[int, FaultFlags]]:
+    """The expected alarms.  flags : expected flags, with the index of their fault"""
+    for index, one in flags:
+        later = [flag for flag in one.expected_flags if flag.from_s >= STARTUP_S]
+        alarms = [_alarm_flag(flag, delay) for flag in later if (delay := _find_alarms(flag, craft))]
+        if due := FaultFlags.from_flags(one.subject, alarms, ()).expected_flags:
             yield index, FaultFlags(one.subject, due, ())
 
 
 def alarm_hold_s(alarm: str, craft: AircraftRoles) -> float:
-    """How long an alarm may last behind its state: the integrity monitor fills another window before it judges [s]."""
+    """Maximum duration of an alarm after its cause [s]: the integrity monitor must fill a new window."""
     return monitor_recovery_s(craft) if alarm in INTEGRITY_IDS else 0.0
 
 
-def _alarm_flag(expected_flag: ExpectedFlag, follows: _AlarmDelay) -> ExpectedFlag:
-    within_s, clears_s = expected_flag.within_s + follows.begins_s, expected_flag.clears_s + follows.ends_s
-    return replace(expected_flag, place=ALARM_TOPIC, words=follows.alarms, within_s=within_s, clears_s=clears_s)
+def _alarm_flag(flag: ExpectedFlag, delay: _AlarmDelay) -> ExpectedFlag:
+    within_s, clears_s = flag.within_s + delay.begins_s, flag.clears_s + delay.ends_s
+    return replace(flag, place=ALARM_TOPIC, words=delay.alarms, within_s=within_s, clears_s=clears_s)
 
 
 def _find_alarms(expected_flag: ExpectedFlag, craft: AircraftRoles) -> _AlarmDelay | None:
-    """The alarms that follow from a flag: none from one that a person need not act upon."""
-    above, _, name = expected_flag.place.rpartition("/")
+    """The alarms of a flag; None if the operator need not act on it."""
+    parent, _, name = expected_flag.place.rpartition("/")
     words = set(expected_flag.words)
-    if above == DEVICES and not words.isdisjoint(BAD_DEVICE_STATES):
+    if parent == DEVICES and not words.isdisjoint(BAD_DEVICE_STATES):
         return _AlarmDelay(
             (device_id(name),), ALARM_LATENCY_S + (RATE_S if LinkState.WRONG_RATE in words else 0.0), HEALTH_S
         )
-    if above == LINKS:
+    if parent == LINKS:
         return _AlarmDelay((f"link:{name}",), ALARM_LATENCY_S, HEALTH_S)
-    if above == HEIGHT and words <= ALTIMETER_FAULTS:
+    if parent == HEIGHT and words <= ALTIMETER_FAULTS:
         return _AlarmDelay((f"altimeter:{name}",), FAULT_S + ALARM_LATENCY_S, MEMORY_S)
     if expected_flag.place == INTEGRITY and words == {Reason.OBSTACLE}:
         return _AlarmDelay(INTEGRITY_IDS[:2], ALARM_LATENCY_S, ALARM_LATENCY_S)

@@ -1,4 +1,4 @@
-"""What the daemon must say of the faults of devices, kind by kind."""
+"""Expected and allowed flags of device faults, kind by kind."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ from fti.hil.tables.fault_types import (
 
 
 def flags_on_device(fault: DeviceFault, case: FaultCase) -> FaultFlags:
-    """What is due of one fault on one device; duties that are too long for it are not."""
+    """The flags of one fault on one device."""
     for kinds, rule in RULES:
         if isinstance(fault, kinds):
             expected_flags, unknown = rule(fault, case)
@@ -82,7 +82,7 @@ def flags_on_device(fault: DeviceFault, case: FaultCase) -> FaultFlags:
             return FaultFlags.from_flags(
                 case.name, expected_flags, tuple(consequences(case, *_health_words(fault))), unknown
             )
-    raise AssertionError(f"no flags are stated for {type(fault).__name__}")
+    raise AssertionError(f"no rule for {type(fault).__name__}")
 
 
 def _cut_flags(fault: Cut, case: FaultCase) -> RuleResult:
@@ -90,40 +90,40 @@ def _cut_flags(fault: Cut, case: FaultCase) -> RuleResult:
 
 
 def silence_flags(case: FaultCase) -> list[ExpectedFlag]:
-    """Nothing of the device arrives any more."""
+    """Flags while no message of the device arrives."""
     craft, name = case.craft, case.name
-    noticed = HEALTH_S + (SILENT_S if craft.is_alone(name) else WINDOW_S)
+    within_s = HEALTH_S + (SILENT_S if craft.is_alone(name) else WINDOW_S)
     health = case.expected_flag(
-        case.health, "silent", "noise", within_s=noticed, clears_s=craft.boot_s(name) + HEALTH_S + 1.0
+        case.health, "silent", "noise", within_s=within_s, clears_s=craft.boot_s(name) + HEALTH_S + 1.0
     )
     return [health, *_stale_flags(case)]
 
 
 def _power_flags(fault: Breaker | BrownOut, case: FaultCase) -> RuleResult:
-    """A breaker is open, or the voltage is below what the device needs; power units say which."""
+    """A breaker is open, or the voltage is too low for the device; power units report which."""
     if isinstance(fault, BrownOut) and not case.craft.stops_at(case.name, fault.supply_v):
         return [], ""
     word = f"{case.name}_{'tripped' if isinstance(fault, Breaker) else 'brown_out'}"
     units = case.craft.power_units
     within_s, clears_s = UNIT_S, UNIT_S + case.craft.boot_s(case.name)
-    told = [case.expected_flag(f"/{unit}/device_status", word, within_s=within_s, clears_s=clears_s) for unit in units]
-    return [*told, *silence_flags(case)], ""
+    flags = [case.expected_flag(f"/{unit}/device_status", word, within_s=within_s, clears_s=clears_s) for unit in units]
+    return [*flags, *silence_flags(case)], ""
 
 
 def _stale_flags(case: FaultCase) -> list[ExpectedFlag]:
-    """Navigation has nothing new of the device."""
+    """Navigation receives no new data of the device."""
     age = case.craft.max_age_s(case.name)
     back = case.craft.boot_s(case.name) + 2 * case.craft.period_s(case.name) + NAV_S
     return _loss_flags(case, ("stale",), age + NAV_S, back)
 
 
 def _loss_flags(
-    case: FaultCase, against_height: tuple[str, ...], within_s: float, clears_s: float
+    case: FaultCase, height_reasons: tuple[str, ...], within_s: float, clears_s: float
 ) -> list[ExpectedFlag]:
-    """What navigation says when it cannot use a device: of the height, and that another source has taken over."""
+    """Flags of navigation without the device: reasons at its height, and the change of source."""
     craft, name, found = case.craft, case.name, list[ExpectedFlag]()
     if name in craft.altimeters:
-        found.append(case.expected_flag(f"{HEIGHT}/{name}", *against_height, within_s=within_s, clears_s=clears_s))
+        found.append(case.expected_flag(f"{HEIGHT}/{name}", *height_reasons, within_s=within_s, clears_s=clears_s))
     for role in craft.preferred_roles(name):
         words = (f"{role} not from {name}",)
         found.append(case.expected_flag(SOLUTION, *words, within_s=within_s, clears_s=clears_s + SOURCE_REFUSAL_S))
@@ -133,7 +133,7 @@ def _loss_flags(
 def _invalid_flags(fault: Invalid, case: FaultCase) -> RuleResult:
     """The device declares its measurements invalid."""
     if not case.craft.can_declare_invalid(case.name):
-        return [], "its protocol has no way to say so"
+        return [], "the protocol cannot declare a measurement invalid"
     soon = case.craft.period_s(case.name) + NAV_S
     back = 2 * case.craft.period_s(case.name) + NAV_S
     words = fault.flags
@@ -145,10 +145,10 @@ def _invalid_flags(fault: Invalid, case: FaultCase) -> RuleResult:
 
 
 def _outage_flags(fault: GnssOutage, case: FaultCase) -> RuleResult:
-    """A receiver declares its position invalid, and has a fix again a while after the signals are back."""
+    """A receiver declares its position invalid, and has a fix again FIX_S after the signals return."""
     name, period = case.name, case.craft.period_s(case.name)
     if not case.craft.is_receiver(name):
-        return [], "it goes on with what it has besides satellites"
+        return [], "the device continues without satellites"
     soon, back = period + NAV_S, 2 * period + NAV_S + case.craft.FIX_S
     expected_flags = [case.expected_flag(f"/{name}/", "invalid", within_s=soon, clears_s=back)]
     if "position" in case.craft.preferred_roles(name):
@@ -159,11 +159,11 @@ def _outage_flags(fault: GnssOutage, case: FaultCase) -> RuleResult:
 
 
 def _degraded_flags(fault: GnssDegraded, case: FaultCase) -> RuleResult:
-    """A receiver states its standard deviation with each position, where its protocol has a place for it."""
+    """A receiver states its standard deviation with each position, if the protocol has a field for it."""
     if not case.craft.is_receiver(case.name):
-        return [], "a position without a standard deviation"
+        return [], "the device does not state a standard deviation of the position"
     stated = {"horizontal": fault.horizontal_m, "vertical": fault.vertical_m}
-    soon = case.craft.period_s(case.name) + SILENT_S  # positions may be rarer than its other messages
+    soon = case.craft.period_s(case.name) + SILENT_S  # positions may have a lower rate than its other messages
     place = f"/{case.name}/position"
     return [
         replace(case.expected_flag(f"{place}.{axis}_sd", within_s=soon, clears_s=0.0), value=sd)
@@ -172,9 +172,9 @@ def _degraded_flags(fault: GnssDegraded, case: FaultCase) -> RuleResult:
 
 
 def _freeze_flags(fault: Freeze, case: FaultCase) -> RuleResult:
-    """Old messages say old times; of a device without a clock nobody can tell."""
+    """Repeated messages have old timestamps; without a device time they cannot be detected."""
     if not case.craft.sends_time(case.name):
-        return [], "old messages without a time look like new ones"
+        return [], "repeated messages without a device time are not detectable"
     return [_clock_away_flag(case)], ""
 
 
@@ -186,28 +186,28 @@ def _clock_away_flag(case: FaultCase) -> ExpectedFlag:
 
 
 def _relearn_s(case: FaultCase) -> float:
-    """What has lasted was learned, and has to be learned again when it ends [s]."""
+    """Time until the clock is known again after the fault [s]: a long error was learned."""
     return CLOCK_RELEARN_S if case.until_s - case.from_s > CLOCK_LEARN_S else 1.0
 
 
 def _clock_jump_flags(fault: ClockJump, case: FaultCase) -> RuleResult:
     if abs(fault.by_s) < MIN_CLOCK_ERROR_S:
-        return [], "a clock that is off by less than what is usual"
+        return [], f"the clock error is less than {MIN_CLOCK_ERROR_S:g} s"
     return [_clock_away_flag(case)], ""
 
 
 def _clock_drift_flags(fault: ClockDrift, case: FaultCase) -> RuleResult:
-    return [], "a slow drift, which is taken for the clock's own"
+    return [], "a slow drift is taken as the drift of the clock itself"
 
 
 def _damage_flags(fault: Any, case: FaultCase) -> RuleResult:
-    """Bytes are refused; of a share of messages nothing else follows.  On CAN that is a frame that is too short."""
+    """Damaged bytes are rejected; data become stale only with share = 1.  On CAN only short frames are rejected."""
     if case.craft.is_on_can(case.name) and not isinstance(fault, Truncated):
-        return [], "wrong data in a frame whose checksum is good"
+        return [], "wrong data in a CAN frame with a correct checksum"
     if isinstance(fault, BitErrors) and _wrong_bits(fault, case) < MIN_WRONG_BITS:
-        return [], "fewer wrong bits than can be relied upon"
-    refused = case.expected_flag(case.health, "damaged bytes", within_s=HEALTH_S + 1.0, clears_s=HEALTH_S + 1.0)
-    return [refused, *(_stale_flags(case) if getattr(fault, "share", 0.0) >= 1.0 else [])], ""
+        return [], f"fewer than {MIN_WRONG_BITS:g} wrong bits"
+    rejected = case.expected_flag(case.health, "damaged bytes", within_s=HEALTH_S + 1.0, clears_s=HEALTH_S + 1.0)
+    return [rejected, *(_stale_flags(case) if getattr(fault, "share", 0.0) >= 1.0 else [])], ""
 
 
 def _wrong_bits(fault: BitErrors, case: FaultCase) -> float:
@@ -216,9 +216,9 @@ def _wrong_bits(fault: BitErrors, case: FaultCase) -> float:
 
 
 def _wrong_label_flags(fault: WrongLabel, case: FaultCase) -> RuleResult:
-    """What nobody knows is as if it had not been sent."""
+    """Messages with an unknown identifier count as missing."""
     if fault.share < 1.0:
-        return [], "messages with an unknown identifier, which are another device's for all that is known"
+        return [], "messages with an unknown identifier may belong to another device"
     late = WINDOW_S + HEALTH_S
     health = [case.expected_flag(case.health, "silent", "noise", "wrong rate", within_s=late, clears_s=late)]
     return [*(health if case.craft.has_rate(case.name) else []), *_stale_flags(case)], ""
@@ -226,24 +226,24 @@ def _wrong_label_flags(fault: WrongLabel, case: FaultCase) -> RuleResult:
 
 def _duplicate_flags(fault: Duplicated, case: FaultCase) -> RuleResult:
     if fault.share < RATE_SHARE or not case.craft.has_rate(case.name):
-        return [], "messages that come twice"
+        return [], f"duplicated messages, at a share below {RATE_SHARE:g} or without a rate_hz"
     return [
         case.expected_flag(case.health, "wrong rate", within_s=WINDOW_S + HEALTH_S, clears_s=WINDOW_S + HEALTH_S)
     ], ""
 
 
 def _burst_flags(fault: Burst, case: FaultCase) -> RuleResult:
-    """Held back for longer than a measurement may be old."""
+    """Messages are stale if they are held longer than their age limit."""
     if fault.hold_s < case.craft.max_age_s(case.name) + 2 * NAV_S:
-        return [], "messages that come together and not too late"
+        return [], "the bursts are shorter than the age limit (max_age_ms)"
     return _stale_flags(case), ""
 
 
-def _undetected_rule(what: str) -> Callable[[Any, FaultCase], RuleResult]:
-    return lambda fault, case: ([], what)
+def _undetected_rule(reason: str) -> Callable[[Any, FaultCase], RuleResult]:
+    return lambda fault, case: ([], reason)
 
 
-#: Kinds of faults of devices, and what is due.
+#: Kinds of device faults and their rules.
 RULES: Sequence[tuple[Any, Callable[[Any, FaultCase], RuleResult]]] = (
     (Cut, _cut_flags),
     (Breaker | BrownOut, _power_flags),
@@ -254,7 +254,7 @@ RULES: Sequence[tuple[Any, Callable[[Any, FaultCase], RuleResult]]] = (
     (QuantityFault, wrong_value_flags),
     (GnssDegraded, _degraded_flags),
     (GnssOffset, gnss_offset_flags),
-    (LeverArm, _undetected_rule("a device that is mounted elsewhere")),
+    (LeverArm, _undetected_rule("a wrong mounting position is not detectable")),
     (
         GnssRamp | SwappedCoordinates | Undulation | AttitudeOffset | InertialBias | Latency,
         _undetected_rule(INDISTINGUISHABLE),
@@ -265,13 +265,12 @@ RULES: Sequence[tuple[Any, Callable[[Any, FaultCase], RuleResult]]] = (
     (BitErrors | LostHeader | Truncated | WrongChecksum, _damage_flags),
     (WrongLabel, _wrong_label_flags),
     (Duplicated, _duplicate_flags),
-    (Reordered, _undetected_rule("messages out of order")),
+    (Reordered, _undetected_rule("messages out of order raise no flag")),
     (Burst, _burst_flags),
 )
 
 
-#: What health may say of a device whose messages come whole, in time and with the right time: that they are invalid.
-#: A wrong number may be one that no message can carry: then none comes.
+#: Allowed health states per fault.  A wrong number may be outside the range of its field: then no message is sent.
 NO_MESSAGE_WORDS = ("silent", "noise", "wrong rate")
 HEALTH_WORDS: Sequence[tuple[Any, tuple[str, ...]]] = (
     (QuantityFault | SwappedCoordinates, ("invalid", *NO_MESSAGE_WORDS)),
@@ -284,12 +283,12 @@ HEALTH_WORDS: Sequence[tuple[Any, tuple[str, ...]]] = (
 
 
 def _health_words(fault: DeviceFault) -> tuple[str, ...]:
-    """The words with which health may speak of the device because of the fault; none: any."""
+    """Allowed health states of the device because of the fault; none: any."""
     return next((words for kinds, words in HEALTH_WORDS if isinstance(fault, kinds)), ())
 
 
 def consequences(case: FaultCase, *in_health: str) -> Iterator[FlagAllowance]:
-    """Where a fault of a device may show, and until when.  in_health : the words that health may say; none: any"""
+    """Allowed flags of a fault on a device.  in_health : allowed health states; none: any"""
     craft, name, begin, end = case.craft, case.name, case.from_s, case.until_s + case.craft.boot_s(case.name)
     age = craft.max_age_s(name) + 1.0
     health = WINDOW_S + HEALTH_S + 1.0 + (_relearn_s(case) if craft.sends_time(name) else 0.0)
@@ -302,23 +301,23 @@ def consequences(case: FaultCase, *in_health: str) -> Iterator[FlagAllowance]:
     if name in craft.altimeters:
         yield FlagAllowance(f"{HEIGHT}/{name}", begin, end + age)
         yield FlagAllowance(f"{HEIGHT}/{name}", begin, end + age + MEMORY_S, MEMORY_WORDS)
-        for other in craft.altimeters:  # one of two that disagree may be any
+        for other in craft.altimeters:  # either of two that disagree may be flagged
             yield FlagAllowance(f"{HEIGHT}/{other}", begin, end + age + MEMORY_S, DISAGREE_WORDS)
             yield FlagAllowance(f"/fti/event/{other}", begin, end + age + MEMORY_S)
     if name in craft.filter_altimeters:
         yield FlagAllowance(NAV_EVENT, begin, end + age + HEIGHT_EXCLUSION_S)
         yield FlagAllowance(f"{HEIGHT}/{name}", begin, end + age + HEIGHT_EXCLUSION_S, ("excluded",))
     if name in craft.sources:
-        refused = end + age + craft.FIX_S + SOURCE_REFUSAL_S
+        until_s = end + age + craft.FIX_S + SOURCE_REFUSAL_S
         places = (SOLUTION, HEIGHT, NAV_EVENT, f"/fti/event/{name}")
-        yield from (FlagAllowance(place, begin, refused) for place in places)
+        yield from (FlagAllowance(place, begin, until_s) for place in places)
         yield FlagAllowance(HEIGHT, begin, end + age + craft.FIX_S + MEMORY_S, MEMORY_WORDS)
         yield from (FlagAllowance(f"/fti/event/{other}", begin, end + age + craft.FIX_S) for other in craft.altimeters)
-        for other in craft.filter_altimeters:  # a sound one contradicts a filter that has followed a wrong place
+        for other in craft.filter_altimeters:  # a correct one contradicts a filter with a wrong position
             yield FlagAllowance(f"{HEIGHT}/{other}", begin, end + age + craft.FIX_S + HEIGHT_EXCLUSION_S, ("excluded",))
             yield FlagAllowance(NAV_EVENT, begin, end + age + craft.FIX_S + HEIGHT_EXCLUSION_S)
     if name in craft.altimeters or name in craft.sources:
-        judged = end + age + craft.FIX_S + monitor_recovery_s(craft)
-        yield FlagAllowance(INTEGRITY, begin, judged)
+        until_s = end + age + craft.FIX_S + monitor_recovery_s(craft)
+        yield FlagAllowance(INTEGRITY, begin, until_s)
         if name in craft.filter_gnss:
-            yield FlagAllowance(INTEGRITY, begin, judged + TRIAL_S, UNCERTAIN_WORDS)
+            yield FlagAllowance(INTEGRITY, begin, until_s + TRIAL_S, UNCERTAIN_WORDS)

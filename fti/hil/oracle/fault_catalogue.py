@@ -1,7 +1,7 @@
-"""Every kind of fault as users read it: meaning, keys with unit, default and limits, subjects, flags, an example.
+"""Description of every kind of fault: meaning, keys with unit, default and limits, subjects, flags, an example.
 
-Everything is taken from the tables that a scenario is read with (``fti.hil.tables.fault_types``), from the drivers that can
-have a fault, and from the flags that the score expects.
+Sources: the tables of the scenario file (``fti.hil.tables.fault_types``), the drivers to which a fault applies, and
+the flags that the score expects.
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ from fti.hil.tables.fault_types import (
     Undulation,
 )
 
-#: Keys that a kind shares with all others of devices, or of links.
+#: Keys that all faults of devices, or of links, have.
 SHARED_KEYS = ("devices", "links", "from_s", "to_s")
-#: What a fault can be of; the first that fits.
+#: Subjects of the kinds; the first match counts.
 SUBJECTS: tuple[tuple[Any, str], ...] = (
     (Obstacle | OffTrack | TerrainShift, "the world"),
     (CanStatus, "CAN links with an slcan adapter"),
@@ -51,7 +51,7 @@ SUBJECTS: tuple[tuple[Any, str], ...] = (
     (PowerFault, "devices, except power units"),
     (DeviceFault, "devices"),
 )
-#: Devices of configs/demo.toml for the kinds that its altimeter, of the other examples, cannot have.
+#: Devices of configs/demo.toml in the examples of kinds that do not apply to its altimeter.
 OTHER_DEVICES: Mapping[FaultKind, str] = {
     FaultKind.ATTITUDE_OFFSET: "ahrs",
     FaultKind.CLOCK_DRIFT: "gnss",
@@ -72,7 +72,7 @@ OTHER_DEVICES: Mapping[FaultKind, str] = {
 
 @dataclass(frozen=True, slots=True)
 class Key:
-    """A key of a [[fault]] table.  default : as TOML; "" where the key is required, "none" where it may be absent"""
+    """A key of a [[fault]] table.  default : as TOML; "" for a required key, "none" if the key may be absent"""
 
     name: str
     unit: str
@@ -85,8 +85,8 @@ class Key:
 class FaultDescription:
     """A kind of fault.
 
-    description : what the fault is, the first line is a summary; drivers : that can have it, None: no restriction
-    no_flag     : why it never raises a flag; where it has flags, when it raises none although it could; or ""
+    description : the first line is a summary; drivers : to which it applies, None: no restriction
+    no_flag     : why it never raises a flag; if it has flags, the condition in which it raises none; or ""
     example     : a [[fault]] table, valid with configs/demo.toml
     """
 
@@ -101,13 +101,13 @@ class FaultDescription:
 
     @property
     def own_keys(self) -> tuple[Key, ...]:
-        """The keys that it does not share with all others of devices or of links; of the world: all."""
+        """The keys without ``SHARED_KEYS``; all keys of a fault of the world."""
         shares = any(key.name in ("devices", "links") for key in self.keys)
         return tuple(key for key in self.keys if not shares or key.name not in SHARED_KEYS)
 
 
 @cache
-def kinds() -> Mapping[str, FaultDescription]:
+def fault_kinds() -> Mapping[str, FaultDescription]:
     """Every kind of fault by its name, in the order of ``FaultKind``."""
     models = {
         kind: model
@@ -147,19 +147,19 @@ def _example(kind: FaultKind, table: Mapping[str, Any], ordered: list[str]) -> I
         yield f"{name} = {json.dumps(value)}"
 
 
-# ---------------------------------------------------------------------------------------------------------- of a key
+# ------------------------------------------------------------------------------------------------------------- keys
 
 
 def _key(name: str, schema: Mapping[str, Any], required: bool) -> Key:
     default = schema.get("default")
     shown = "" if required else "none" if default is None else json.dumps(default)
-    return Key(name, schema["unit"], shown, limits(schema), schema["description"])
+    return Key(name, schema["unit"], shown, allowed_values(schema), schema["description"])
 
 
-def limits(schema: Mapping[str, Any]) -> str:
+def allowed_values(schema: Mapping[str, Any]) -> str:
     """The allowed values of a key in words, from its JSON schema."""
     if "anyOf" in schema:
-        return " or ".join(limits(part) for part in schema["anyOf"] if part.get("type") != "null")
+        return " or ".join(allowed_values(part) for part in schema["anyOf"] if part.get("type") != "null")
     if schema.get("type") == "boolean":
         return "true or false"
     if "enum" in schema:
@@ -173,15 +173,15 @@ def limits(schema: Mapping[str, Any]) -> str:
 
 def _list_limits(schema: Mapping[str, Any]) -> str:
     if "prefixItems" in schema:
-        return f"{len(schema['prefixItems'])} numbers, each {limits(schema['prefixItems'][0])}"
-    return f"list{', not empty' if schema.get('minItems') else ''}, each {limits(schema['items'])}"
+        return f"{len(schema['prefixItems'])} numbers, each {allowed_values(schema['prefixItems'][0])}"
+    return f"list{', not empty' if schema.get('minItems') else ''}, each {allowed_values(schema['items'])}"
 
 
 def _number_limits(schema: Mapping[str, Any]) -> str:
-    what = "whole number" if schema["type"] == "integer" else "number"
+    noun = "whole number" if schema["type"] == "integer" else "number"
     bounds = [
-        f"{sign} {schema[name]:g}" if what == "number" else f"{sign} {schema[name]}"
+        f"{sign} {schema[name]:g}" if noun == "number" else f"{sign} {schema[name]}"
         for name, sign in (("exclusiveMinimum", ">"), ("minimum", ">="), ("exclusiveMaximum", "<"), ("maximum", "<="))
         if name in schema
     ]
-    return " ".join((what, ", ".join(bounds))).strip()
+    return " ".join((noun, ", ".join(bounds))).strip()

@@ -1,24 +1,24 @@
-"""What the daemon must say of each fault, and how soon: the flags of ``FaultKind``.
+"""Expected flags of each fault and their deadlines.
 
 A flag is a word at a place of the recorded session (``fti.post.score.messages``):
 
 place                                words
 -----------------------------------  ----------------------------------------------------------------------------------
-/nav/height_above_ground/ALTIMETER   the reasons against a height: stale, device_flag, no_return, deviation ...
-                                     terrain_edge, terrain_hole: nothing is known there to compare it with
-/nav/nav_solution                    its reasons; "position not from D", "attitude not from D": D is the preferred one;
-                                     "position from filter", "position from radio": no device has one
+/nav/height_above_ground/ALTIMETER   reasons that make a height invalid: stale, device_flag, no_return, deviation ...
+                                     terrain_edge, terrain_hole: no known terrain for a comparison
+/nav/nav_solution                    its reasons; "position not from D", "attitude not from D": D is the first source;
+                                     "position from filter", "position from radio": no device gives one
 /nav/clearance_integrity             unavailable, caution, alert, and the reasons
-/fti/health/devices/D                silent, noise, invalid, wrong rate; "damaged bytes" while bytes are refused;
-                                     "clock away" while its time does not fit
+/fti/health/devices/D                silent, noise, invalid, wrong rate; "damaged bytes" while bytes are rejected;
+                                     "clock away" while its time is inconsistent
 /fti/health/links/L                  absent, denied, busy, silent
-/fti/ledger/L                        errors that the line counts: slcan_bus_error, can_bus_off ...
-/fti/alarm                           identities of alarms, which follow from other flags (``alarm_flags``)
-/D/device_status                     the conditions that a device names while it is not well
-/D/...                               invalid: a measurement that the device declares so
+/fti/ledger/L                        error counters of the line: slcan_bus_error, can_bus_off ...
+/fti/alarm                           alarm identities, derived from other flags (``alarm_flags``)
+/D/device_status                     conditions that a device reports
+/D/...                               invalid: the device declares a measurement invalid
 
-A duty is due when the fault lasts longer than it may take.  What no part of the daemon compares raises no flag, which
-is neither a miss nor a success; ``compared`` lists the faults whose effects on the outputs are judged by the truth.
+A flag is expected if the fault lasts longer than its deadline.  Effects that the daemon does not monitor raise no flag,
+which is neither a miss nor a success; ``truth_checked_faults`` lists faults whose outputs are compared with the truth.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ from fti.hil.tables.fault_types import Babbling, BusOff, CanStatus, Fault, Obsta
 
 
 def flags_of_fault(fault: Fault, craft: AircraftRoles, truth: TruthSeries) -> list[FaultFlags]:
-    """What the daemon must, and may, say of a fault; one for each device or link that it is on."""
+    """Expected and allowed flags of a fault; one entry for each of its devices or links."""
     if isinstance(fault, Obstacle):
         return [_obstacle_flags(fault, craft, truth)]
     if isinstance(fault, OffTrack):
@@ -75,40 +75,40 @@ def flags_of_fault(fault: Fault, craft: AircraftRoles, truth: TruthSeries) -> li
 def flags_of_scenario(
     faults: tuple[Fault, ...], craft: AircraftRoles, truth: TruthSeries
 ) -> list[tuple[int, FaultFlags]]:
-    """What the daemon must, and may, report of all faults of a scenario, each with the index of its fault.
+    """Expected and allowed flags of all faults of a scenario, each with the index of its fault.
 
-    Of each fault by itself, then of those that together leave navigation without a device for its position.
+    First those of each single fault, then those of faults that together cause the loss of all position devices.
     """
     single = [(index, one) for index, fault in enumerate(faults) for one in flags_of_fault(fault, craft, truth)]
     return single + fallback_flags(faults, craft)
 
 
-# ------------------------------------------------------------------------------------------------- of the world
+# ------------------------------------------------------------------------------------------------------- world
 
 
 def _obstacle_flags(fault: Obstacle, craft: AircraftRoles, truth: TruthSeries) -> FaultFlags:
-    """Above it, the return of the altimeter is the obstacle's; beside it, as soon as the beam reaches it."""
+    """An obstacle is expected to be flagged above it; flags are allowed as soon as the beam reaches it."""
     reach = craft.beam_reach * truth.height_agl
     near = abs(fault.before_threshold_m - truth.before_threshold)
     above = truth.span(near <= fault.length_m / 2)
-    beside = truth.span(near <= fault.length_m / 2 + reach)
-    if beside is None:
+    in_beam = truth.span(near <= fault.length_m / 2 + reach)
+    if in_beam is None:
         return FaultFlags("flight", (), ())
-    begin, end = beside
+    begin, end = in_beam
     last = end + monitor_recovery_s(craft)
-    may = (FlagAllowance(INTEGRITY, begin, last), *_terrain_allowances(craft, begin, end))
-    if above is None:  # the flight ended with the obstacle ahead, where the beam saw it
-        return FaultFlags("flight", (), may)
-    left = above[0] + craft.window_m / MIN_SPEED_MPS  # the window, at the earliest
+    allowances = (FlagAllowance(INTEGRITY, begin, last), *_terrain_allowances(craft, begin, end))
+    if above is None:  # the flight ends before the obstacle, but the beam reaches it
+        return FaultFlags("flight", (), allowances)
+    left = above[0] + craft.window_m / MIN_SPEED_MPS  # earliest time at which it has left the window
     expected_flag = ExpectedFlag(INTEGRITY, ("obstacle",), above[0], left, CONFIRM_S, last - left)
-    seen = fault.height_m >= OBSTACLE_M and abs(fault.right_m) <= fault.width_m / 2 and craft.has_approach
-    expected_flags = (expected_flag, *_deviation_flags(craft, truth, above)) if seen else ()
-    unknown = "" if seen else f"lower than {OBSTACLE_M:g} m, beside the track, or without an approach"
-    return FaultFlags("flight", expected_flags, may, unknown)
+    is_detectable = fault.height_m >= OBSTACLE_M and abs(fault.right_m) <= fault.width_m / 2 and craft.has_approach
+    expected_flags = (expected_flag, *_deviation_flags(craft, truth, above)) if is_detectable else ()
+    unknown = "" if is_detectable else f"lower than {OBSTACLE_M:g} m, off the track, or no approach is configured"
+    return FaultFlags("flight", expected_flags, allowances, unknown)
 
 
 def _terrain_allowances(craft: AircraftRoles, begin: float, end: float) -> tuple[FlagAllowance, ...]:
-    """Ground that is not as it is known speaks against every altimeter."""
+    """Allowed flags of all altimeters over ground that differs from the known terrain."""
     return (
         *(FlagAllowance(f"{HEIGHT}/{name}", begin, end + SILENT_S, GROUND_WORDS) for name in craft.altimeters),
         *(FlagAllowance(f"{HEIGHT}/{name}", begin, end + MEMORY_S, MEMORY_WORDS) for name in craft.altimeters),
@@ -117,7 +117,7 @@ def _terrain_allowances(craft: AircraftRoles, begin: float, end: float) -> tuple
 
 
 def _deviation_flags(craft: AircraftRoles, truth: TruthSeries, above: tuple[float, float]) -> list[ExpectedFlag]:
-    """A radar above it says what the known ground does not explain, as long as it can measure at all."""
+    """A radar above the obstacle, within its range, deviates from the known terrain."""
     if not craft.has_terrain:
         return []
     highest = float(np.max(truth.height_agl[(truth.t >= above[0]) & (truth.t <= above[1])]))
@@ -131,7 +131,7 @@ def _deviation_flags(craft: AircraftRoles, truth: TruthSeries, above: tuple[floa
 
 
 def _off_track_flags(fault: OffTrack, craft: AircraftRoles, truth: TruthSeries) -> FaultFlags:
-    """As long as the aircraft is beyond what the approach allows; no side step is that large: nothing is due."""
+    """Expected while the aircraft is beyond the lateral limit of the approach; no flag for a smaller offset."""
     beyond = truth.span(abs(truth.offset) > craft.track_limit_m)
     if beyond is None or not craft.has_approach:
         return FaultFlags("flight", (), (FlagAllowance(INTEGRITY, fault.from_s, fault.to_s + fault.turn_s),))
@@ -141,30 +141,32 @@ def _off_track_flags(fault: OffTrack, craft: AircraftRoles, truth: TruthSeries) 
 
 
 def _terrain_shift_flags(craft: AircraftRoles, truth: TruthSeries) -> FaultFlags:
-    """Everything that is compared with the elevation model, and what it aids, may be contradicted at any time."""
+    """Allowed at any time at all outputs that are compared with the elevation model or aided by it."""
     end = truth.end_s + SILENT_S
     places = (INTEGRITY, HEIGHT, SOLUTION, NAV_EVENT, *(f"/fti/event/{name}" for name in craft.altimeters))
-    may = tuple(FlagAllowance(place, 0.0, end) for place in places if craft.has_terrain or place == INTEGRITY)
-    return FaultFlags("flight", (), may, "an elevation model that is displaced")
+    allowances = tuple(FlagAllowance(place, 0.0, end) for place in places if craft.has_terrain or place == INTEGRITY)
+    return FaultFlags("flight", (), allowances, "a displaced elevation model may raise flags, none is certain")
 
 
-# --------------------------------------------------------------------------------------------------- of a line
+# ------------------------------------------------------------------------------------------------------- lines
 
 
 def _link_flags(fault: LinkFault, craft: AircraftRoles, truth: TruthSeries, link: str) -> FaultFlags:
-    """Everything that is on a bus."""
+    """Flags of a bus and its devices."""
     end = fault.to_s + LEDGER_S
-    may = [FlagAllowance(f"{place}/{link}", fault.from_s, end + WINDOW_S) for place in (LEDGER, LINKS, "/fti/event")]
+    allowances = [
+        FlagAllowance(f"{place}/{link}", fault.from_s, end + WINDOW_S) for place in (LEDGER, LINKS, "/fti/event")
+    ]
     if isinstance(fault, Babbling):
-        return FaultFlags(link, (), tuple(may), "a bus that is loaded by one node")
+        return FaultFlags(link, (), tuple(allowances), "an additional node on a bus raises no certain flag")
     case = FaultCase(craft, truth, link, fault.from_s, fault.to_s)
     expected_flags = _bus_off_flags(case) if isinstance(fault, BusOff) else _status_flags(fault, case)
     if isinstance(fault, BusOff):
         for device in craft.devices_on_link(link):
             one = FaultCase(craft, truth, device, fault.from_s, fault.to_s)
             expected_flags += silence_flags(one)
-            may += consequences(one)
-    return FaultFlags.from_flags(link, expected_flags, may)
+            allowances += consequences(one)
+    return FaultFlags.from_flags(link, expected_flags, allowances)
 
 
 def _bus_off_flags(case: FaultCase) -> list[ExpectedFlag]:
@@ -172,7 +174,7 @@ def _bus_off_flags(case: FaultCase) -> list[ExpectedFlag]:
 
 
 def _status_flags(fault: LinkFault, case: FaultCase) -> list[ExpectedFlag]:
-    """Every flag that the adapter is given to tell is counted."""
+    """The ledger counts every flag that the adapter reports."""
     assert isinstance(fault, CanStatus)
     place = f"{LEDGER}/{case.name}"
     return [

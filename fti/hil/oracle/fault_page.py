@@ -1,4 +1,4 @@
-"""docs/faults.md: the same as ``fti hil --faults``, as a page.
+"""Generator of docs/faults.md: the content of ``fti hil --faults`` as a page.
 
 python -m fti.hil.oracle.fault_page docs/faults.md    (or: make docs)
 """
@@ -9,7 +9,7 @@ import sys
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
-from fti.hil.oracle.fault_catalogue import SHARED_KEYS, FaultDescription, Key, kinds
+from fti.hil.oracle.fault_catalogue import SHARED_KEYS, FaultDescription, Key, fault_kinds
 from fti.hil.oracle.flags_of_kinds import KindFlag
 from fti.hil.tables.quantity_names import quantities
 
@@ -36,15 +36,15 @@ the world (`obstacle`, `off_track`, `terrain_shift`) have their own.
 
 
 def page() -> str:
-    """The whole page."""
-    return "\n".join(_lines(list(kinds().values()))) + "\n"
+    """The text of the page."""
+    return "\n".join(_lines(list(fault_kinds().values()))) + "\n"
 
 
-def _lines(described: Sequence[FaultDescription]) -> Iterator[str]:
-    shared = {key.name: key for kind in described for key in kind.keys if key.name in SHARED_KEYS}
+def _lines(descriptions: Sequence[FaultDescription]) -> Iterator[str]:
+    shared = {key.name: key for kind in descriptions for key in kind.keys if key.name in SHARED_KEYS}
     yield HEAD
     yield from _keys([shared[name] for name in SHARED_KEYS])
-    for kind in described:
+    for kind in descriptions:
         yield from ("", *_section(kind))
     yield from ("", "## Quantities", "", "`quantity` is the name of a measurement, a dot, and one of its fields.", "")
     yield from _table(

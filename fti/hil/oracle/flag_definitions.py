@@ -1,4 +1,4 @@
-"""The terms in which flags of faults are stated: places of a session, duties, times that the daemon needs."""
+"""Definitions for the flags of faults: topics, expected and allowed flags, response times of the daemon."""
 
 from __future__ import annotations
 
@@ -10,64 +10,64 @@ from fti.hil.oracle.roles import AircraftRoles, TruthSeries
 HEIGHT, SOLUTION, INTEGRITY = "/nav/height_above_ground", "/nav/nav_solution", "/nav/clearance_integrity"
 NAV_EVENT = "/fti/event/nav"
 DEVICES, LINKS, LEDGER = "/fti/health/devices", "/fti/health/links", "/fti/ledger"
-#: From a cause to an output of navigation: latency of the device, a tick, 25 Hz [s].
+#: Latency from a cause to an output of navigation: device, tick, output at 25 Hz [s].
 NAV_S = 0.3
-#: Navigation looks at its devices twice a second, the supervisor asks as often and records every second time [s].
+#: Latency of health [s]: navigation and supervisor evaluate it at 2 Hz, and it is recorded at 1 Hz.
 HEALTH_S = 2.5
-#: Silence that health calls so; the window over which it judges rates and shared links; when a clock is doubted [s].
+#: Health [s]: timeout of silence; window for rates and shared links; time until a wrong clock is flagged.
 SILENT_S, WINDOW_S, CLOCK_AWAY_S = 1.0, 4.0, 2.0
-#: An adapter is asked once a second and holds its flags until then, the ledger is written once a second [s].
+#: Latency of the ledger [s]: an adapter is polled at 1 Hz and keeps its flags until then; a row is written at 1 Hz.
 LEDGER_S = 2.5
-#: What has grown in one row of the ledger has gone in the next [s].
+#: A ledger flag is a counter that increased since the last row; it clears with the next row [s].
 LEDGER_CLEARS_S = LEDGER_S + 1.0
-#: A power unit tells of every breaker twice a second [s].
+#: A power unit reports every breaker at 2 Hz [s].
 UNIT_S = 1.0
-#: A device's clock is learned anew so long after it was set [s].
+#: Time to estimate a device clock again after it was set [s].
 CLOCK_RELEARN_S = 14.0
-#: What is off for longer is taken for the clock's own from then on [s].
+#: A clock error that lasts longer is learned as the offset of the clock [s].
 CLOCK_LEARN_S = 9.0
-#: What a clock is off by before anybody can see it [s]: the usual lateness.
+#: Smallest detectable clock error [s]: the usual latency variation.
 MIN_CLOCK_ERROR_S = 0.1
-#: The integrity monitor judges a window; this speed is the lowest that is flown [m/s], and it confirms an alarm [s].
+#: Integrity monitor: minimum ground speed, for the duration of a window [m/s]; time to confirm an alarm [s].
 MIN_SPEED_MPS, CONFIRM_S = 35.0, 2.0
-#: So long after a fault the filter may exclude an altimeter, or let it aid again [s]: until it is excluded because what
-#: had been found of its error is not true any more, twice (5 s), and until it has agreed for 30 s.
+#: Time after a fault in which the filter may exclude an altimeter, or readmit it [s]: two exclusions because its
+#: estimated error is not valid any more (5 s), and 30 s of agreement.
 EXCLUSION_S = 45.0
-#: Its height may be refused as excluded for so long after a fault [s]: the filter takes no height that is refused for
-#: its changes, and its agreement begins after them.
+#: Time after a fault in which its height may be invalid as excluded [s]: the filter uses no height that is rejected for
+#: its changes, so the agreement starts after them.
 HEIGHT_EXCLUSION_S = EXCLUSION_S + 14.0
-#: No relief that the reference leaves open is as high as this [m].
+#: Minimum height of an obstacle that is flagged [m]: more than any relief within the tolerance of the reference.
 OBSTACLE_M = 30.0
-#: What known ground says against a height; it tells so much of a value that stands still, too [m].
+#: Reasons from the comparison of a height with known terrain; smallest error that is certainly flagged [m].
 GROUND_WORDS = ("deviation", "dispersion", "incidence", "not_nadir", "change_mismatch")
 DEVIATION_M = 30.0
-#: A receiver that steps so far [m], or drifts so fast [m/s], contradicts an inertial unit of tactical grade within this
-#: time [s].  It is back in so long after it has stepped back [s], where that is farther than so much [m], which the
-#: filter has not drifted in a minute.
+#: A position step [m] or drift [m/s] of this size contradicts a tactical-grade inertial unit within this time [s].
+#: After a step back, the receiver is readmitted within this time [s] if the step is larger than CLOSURE_M, which the
+#: filter does not drift in a minute [m].
 CONTRADICTION_M, CONTRADICTION_MPS, CONTRADICTION_S = 50.0, 2.0, 15.0
 READMISSION_S, CLOSURE_M = 40.0, 200.0
-#: A source of position that contradicted itself is refused for so long after the fault [s]: 30 s in which all its tests
-#: pass, and what they look back.
+#: A position source that failed its own tests is rejected for this time after the fault [s]: all tests must pass for
+#: 30 s, plus their window.
 SOURCE_REFUSAL_S = 45.0
-#: Receivers that come back after a long absence are on trial for so long [s]: levels are those of the filter without
-#: them, with which a place may be too uncertain for the integrity monitor.
+#: Probation of receivers that return after a long absence [s]: protection levels are those of the filter without them,
+#: which may be too large for the integrity monitor.
 TRIAL_S = 30.0
 UNCERTAIN_WORDS = ("position_uncertain", "protection_level")
-#: What the memory of altimeters says: of one, and of two against each other.
+#: Reasons from the history of altimeters: of one, and of two compared with each other.
 MEMORY_WORDS, DISAGREE_WORDS = ("stuck", "change_mismatch", "altimeters_disagree"), ("altimeters_disagree",)
-#: A value that repeats while the range changed by more is stuck: 4 steps of any altimeter, as a share of the range and
-#: beside that [m], with the sigmas; then it is said within this time [s].
+#: A constant value is stuck if the range changes by more than 4 steps of any altimeter, as a share of the range plus a
+#: constant [m], sigmas included; it is flagged within this time [s].
 STUCK_SHARE, STUCK_M, STUCK_S = 0.2, 10.0, 3.0
-#: So long after a cause the memory may speak of it [s]: its window, and the agreement that ends a refusal.
+#: Time after a cause in which the history may flag it [s]: its window, and the agreement that ends a rejection.
 MEMORY_S = 14.0
-#: A share of messages that changes a rate by more than what health tolerates.
+#: Share of duplicated messages that exceeds the rate tolerance of health.
 RATE_SHARE = 0.5
-#: Wrong bits that are enough for a message to be refused beyond doubt.
+#: Number of wrong bits from which a damaged message is certainly rejected.
 MIN_WRONG_BITS = 20.0
 
 
 def monitor_recovery_s(craft: AircraftRoles) -> float:
-    """So long behind a cause the integrity monitor may speak of it [s]: it leaves the window, and a new one is calm."""
+    """Time after a cause in which the integrity monitor may flag it [s]: its window, and a clean window after it."""
     return 2 * craft.window_m / MIN_SPEED_MPS + CONFIRM_S
 
 
@@ -75,11 +75,11 @@ def monitor_recovery_s(craft: AircraftRoles) -> float:
 class ExpectedFlag:
     """A flag that must be raised: one of ``words`` at ``place`` within ``within_s`` of ``from_s``.
 
-    until_s, clears_s : it must have gone at the latest so long after until_s
-    ports             : only real ports can show it
-    clock             : only while the clock of this device is known; "" : always
-    value             : instead of a word, this number, within a tenth, at a channel (topic and field); what stands
-                        there afterwards is not judged
+    until_s, clears_s : it must have cleared within clears_s of until_s
+    needs_ports       : it needs real ports
+    clock             : expected only while the clock of this device is known; "" : always
+    value             : in place of a word, this number within 10 % at a channel (topic and field); later values are not
+                        checked
     """
 
     place: str
@@ -94,16 +94,16 @@ class ExpectedFlag:
 
     @property
     def is_due(self) -> bool:
-        """Does the cause last long enough?"""
+        """Does the cause last longer than the deadline?"""
         return self.until_s - self.from_s > self.within_s
 
 
 @dataclass(frozen=True, slots=True)
 class FlagAllowance:
-    """Flags may be a consequence from from_s until until_s.
+    """Flags that are allowed from from_s until until_s.
 
-    place : of the flags, or above it ("/nav/x" is above "/nav/x/y" and not above "/nav/xy"); "" is above all
-    words : these alone; none: any
+    place : topic of the flags or a parent ("/nav/x" is a parent of "/nav/x/y" and not of "/nav/xy"); "": all topics
+    words : allowed words; none: any
     """
 
     place: str
@@ -112,41 +112,39 @@ class FlagAllowance:
     words: tuple[str, ...] = ()
 
     def explains(self, place: str, word: str) -> bool:
-        """Is it a consequence that this word stands at this place?"""
-        above = self.place.rstrip("/")
-        return (place == above or place.startswith(f"{above}/")) and (not self.words or word in self.words)
+        """Is this word allowed at this place?"""
+        parent = self.place.rstrip("/")
+        return (place == parent or place.startswith(f"{parent}/")) and (not self.words or word in self.words)
 
 
 @dataclass(frozen=True, slots=True)
 class FaultFlags:
-    """What belongs to one fault of one subject (a device, a link, "flight").
+    """Expected and allowed flags of one fault on one subject (a device, a link, "flight").
 
-    unknown   : what raises no flag, in words; "" where every consequence is known
-    too_short : flags that are not due because the fault ends before they must be raised
+    unknown   : why no flag is expected; "" if every effect is known
+    too_short : flags that are not expected because the fault ends before their deadline
     """
 
     subject: str
     expected_flags: tuple[ExpectedFlag, ...]
-    may: tuple[FlagAllowance, ...]
+    allowances: tuple[FlagAllowance, ...]
     unknown: str = ""
     too_short: tuple[ExpectedFlag, ...] = ()
 
     @classmethod
     def from_flags(
-        cls, subject: str, expected_flags: Sequence[ExpectedFlag], may: Sequence[FlagAllowance], unknown: str = ""
+        cls,
+        subject: str,
+        expected_flags: Sequence[ExpectedFlag],
+        allowances: Sequence[FlagAllowance],
+        unknown: str = "",
     ) -> FaultFlags:
-        """The same, with the duties that are due apart from those whose cause is too short."""
-        due = tuple(expected_flag for expected_flag in expected_flags if expected_flag.is_due)
-        return cls(
-            subject,
-            due,
-            tuple(may),
-            unknown,
-            tuple(expected_flag for expected_flag in expected_flags if not expected_flag.is_due),
-        )
+        """Separate the flags that are due from those whose cause is too short."""
+        due = tuple(flag for flag in expected_flags if flag.is_due)
+        return cls(subject, due, tuple(allowances), unknown, tuple(flag for flag in expected_flags if not flag.is_due))
 
 
-#: What is due of a fault; and what nobody knows yet, in words.
+#: Expected flags of a fault; why there are none.
 RuleResult = tuple[Sequence[ExpectedFlag], str]
 
 
@@ -163,10 +161,10 @@ class FaultCase:
     def expected_flag(
         self, place: str, *words: str, within_s: float, clears_s: float, needs_ports: bool = False
     ) -> ExpectedFlag:
-        """A duty of this interval."""
+        """A flag of this interval."""
         return ExpectedFlag(place, words, self.from_s, self.until_s, within_s, clears_s, needs_ports)
 
     @property
     def health(self) -> str:
-        """Where the health of the device is told."""
+        """Topic of the health of the device."""
         return f"{DEVICES}/{self.name}"

@@ -1,4 +1,4 @@
-"""Which flags each kind of fault raises, as a table for people; the rules beside it state when they are due.
+"""Table of the flags that each kind of fault raises, for documentation; ``fault_flags`` has the rules.
 
 A word in capitals stands for a name: DEVICE has the fault, LINK has it or carries the device, ALTIMETER is one of
 ``nav.altimeters``, UNIT is a power unit, FLAG is one of the flags of the fault itself.
@@ -34,9 +34,9 @@ from fti.hil.tables.fault_types import FaultKind
 class KindFlag:
     """A flag that a kind of fault raises.
 
-    place : topic, with the name of the device or link behind it
-    words : one of them is raised; empty: the fault's own number is told in place of a word
-    when  : the condition, to be read after "if"; "" where there is none
+    place : topic, with the name of the device or link
+    words : one of them is raised; empty: the number of the fault in place of a word
+    when  : the condition, to be read after "if"; "": none
     """
 
     place: str
@@ -87,20 +87,16 @@ FALLBACK = (
 
 
 def _source_flags(kind: FaultKind) -> tuple[KindFlag, ...]:
-    """What the table of wrong sources has for a kind."""
+    """The flag of ``SOURCE_FLAGS`` for a kind."""
     flag = SOURCE_FLAGS[kind]
     when = f"DEVICE is the first of nav.{flag.role}" + (f", and {flag.when}" if flag.when else "")
     return (KindFlag(SOLUTION, (f"{flag.role} not from DEVICE",), f"{when}; within {flag.within_s:g} s"),)
 
 
-#: Every flag that a fault of a kind can raise; none: the daemon does not report such a fault.
+#: Every flag that a fault of a kind can raise; none: the daemon does not detect it.
 FLAGS: Mapping[FaultKind, tuple[KindFlag, ...]] = {
     FaultKind.OBSTACLE: (
-        KindFlag(
-            INTEGRITY,
-            ("obstacle",),
-            WHEN_OVER_OBSTACLE,
-        ),
+        KindFlag(INTEGRITY, ("obstacle",), WHEN_OVER_OBSTACLE),
         KindFlag(
             f"{HEIGHT}/ALTIMETER", ("deviation",), "the same, ALTIMETER is a radar, and [nav.terrain] is configured"
         ),
@@ -190,7 +186,7 @@ FLAGS: Mapping[FaultKind, tuple[KindFlag, ...]] = {
     ),
 }
 
-#: When a fault of a kind raises nothing although the daemon would report it.
+#: Conditions in which a detectable kind of fault raises no flag.
 NO_FLAG: Mapping[FaultKind, str] = {
     FaultKind.OBSTACLE: "the aircraft does not fly over it",
     FaultKind.OFF_TRACK: "the aircraft stays within nav.approach.y_max_m, or no approach is monitored",

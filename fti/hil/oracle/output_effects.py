@@ -1,9 +1,9 @@
-"""When faults explain that an output is missing, not valid, or wrong.
+"""Intervals in which faults allow an output to be missing, invalid or wrong.
 
-A device that is lost must be noticed: its faults explain an output that is rarer or not valid, never a wrong value that
-is called valid.  A device that measures wrong values explains those, too: what it must raise is an expected flag.
+Loss of a device allows a lower rate or invalid outputs, not wrong values that are declared valid.  Wrong measurements
+of a device allow wrong values, too; the flags that they must raise are checked separately.
 
-Faults of ``compared`` explain no wrong value of navigation.
+Faults of ``truth_checked_faults`` allow no wrong value of navigation.
 """
 
 from __future__ import annotations
@@ -50,30 +50,30 @@ from fti.hil.tables.fault_types import (
 )
 
 Interval = tuple[float, float]
-#: Outputs that are compared with the known ground, and those that it aids.
+#: Outputs that are compared with known terrain, and those that it aids.
 MONITORED_TOPICS, AIDED_TOPICS = (INTEGRITY, GLIDE), (FILTER, VERTICAL, FIX)
-#: A fault that no device is lost by.
+#: A fault that causes no loss of a device.
 HARMLESS_FAULTS = GnssDegraded
-#: Faults by which a device states a wrong value, a right one at a wrong time, or one that may be taken for another.
+#: Faults with wrong values, wrong timestamps, or confused messages.
 WRONG_VALUE_FAULTS = (
     Stuck | Freeze | QuantityFault | Fog | GnssOffset | ClockJump | ClockDrift | Burst | Reordered
     | BitErrors | LostHeader | Truncated | WrongLabel | SourceFault
 )  # fmt: skip
-#: A device that was lost has its fix, its clock and its rate again so long after it came back [s].
+#: Time until a returning device has its fix, its clock and its rate again [s].
 RECOVERY_S = 2.0
-#: Beyond the age that is allowed, a device is replaced by the next one within this time [s].
+#: A device is replaced by the next one within this time after its age limit [s].
 SWITCH_S = 1.0
 
 
 class OutputEffects:
-    """The faults of a scenario, and which outputs of a configuration they touch."""
+    """Effects of the faults of a scenario on the outputs of a configuration."""
 
     def __init__(self, faults: Sequence[Fault], craft: AircraftRoles, truth: TruthSeries) -> None:
         self._faults, self._craft, self._truth = faults, craft, truth
         self._bound = {bound.device.name: bound for bound in craft.devices}
 
-    def lost(self, output: RequiredOutput) -> list[Interval]:
-        """When the output may be rare, or not valid [s of the flight]."""
+    def loss_intervals(self, output: RequiredOutput) -> list[Interval]:
+        """When the output may have a low rate, or be invalid [s of the flight]."""
         found = list[Interval]()
         for fault, name in self._faults_on(output.devices):
             if not isinstance(fault, HARMLESS_FAULTS) and self._is_relevant(name, fault, output):
@@ -88,8 +88,8 @@ class OutputEffects:
         found += self._gnss_loss_intervals(output)
         return found + list(self._terrain_shift_intervals(output))
 
-    def wrong(self, output: RequiredOutput) -> list[Interval]:
-        """When the output may be wrong and call itself valid [s of the flight]."""
+    def error_intervals(self, output: RequiredOutput) -> list[Interval]:
+        """When the output may be wrong and declared valid [s of the flight]."""
         of_navigation = output.topic.startswith("/nav/")
         found = [
             (fault.from_s, self._recovery_s(fault, name) + self._memory_s(output))
@@ -100,8 +100,8 @@ class OutputEffects:
         ]
         return found + list(self._obstacle_intervals(output))
 
-    def compared(self, output: RequiredOutput) -> list[Interval]:
-        """When the output of navigation must be right or not valid although a fault acts on it [s of the flight]."""
+    def truth_checked_intervals(self, output: RequiredOutput) -> list[Interval]:
+        """When the output of navigation must be correct or invalid during a fault [s of the flight]."""
         if not output.topic.startswith("/nav/"):
             return []
         found = [
@@ -113,19 +113,19 @@ class OutputEffects:
         ]
         return found + list(self._terrain_shift_intervals(output))
 
-    def undetected(self) -> list[Interval]:
-        """From the effect of such a fault until its flag must be raised [s of the flight]."""
+    def undetected_intervals(self) -> list[Interval]:
+        """From the effect of a truth-checked fault until the deadline of its flag [s of the flight]."""
         return [
-            (expected_flag.from_s, expected_flag.from_s + expected_flag.within_s)
+            (flag.from_s, flag.from_s + flag.within_s)
             for fault in self._faults
             if is_truth_checked(fault)
             for one in flags_of_fault(fault, self._craft, self._truth)
-            for expected_flag in one.expected_flags
-            if expected_flag.place == SOLUTION
+            for flag in one.expected_flags
+            if flag.place == SOLUTION
         ]
 
-    def begun(self, within_s: float) -> list[Interval]:
-        """So long from the beginning of each such fault [s of the flight]."""
+    def onset_intervals(self, within_s: float) -> list[Interval]:
+        """The first ``within_s`` of each truth-checked fault [s of the flight]."""
         begins = [fault.from_s for fault in self._faults if isinstance(fault, DeviceFault) and is_truth_checked(fault)]
         return [(from_s, from_s + within_s) for from_s in begins]
 
@@ -143,22 +143,22 @@ class OutputEffects:
                     yield fault, name
 
     def _is_relevant(self, name: str, fault: DeviceFault | BusOff | Babbling, output: RequiredOutput) -> bool:
-        """Is the device asked during the fault?  Not while one before it in every list has an answer."""
+        """Is the device used during the fault?  Not while an earlier one of every list is available."""
         lists = [names for names in output.preferred if name in names]
-        only_there = lists and not output.topic.endswith(f"/{name}")
-        return not only_there or any(self._is_selected(name, names, fault) for names in lists)
+        is_only_listed = lists and not output.topic.endswith(f"/{name}")
+        return not is_only_listed or any(self._is_selected(name, names, fault) for names in lists)
 
     def _is_selected(self, name: str, names: Sequence[str], fault: DeviceFault | BusOff | Babbling) -> bool:
         before = names[: names.index(name)]
-        gone = {
+        unavailable = {
             other
             for loss, other in self._faults_on(before)
             if loss.from_s < fault.to_s + RECOVERY_S and self._recovery_s(loss, other) > fault.from_s
         }
-        return gone.issuperset(before)
+        return unavailable.issuperset(before)
 
     def _is_replaced(self, name: str, fault: DeviceFault | BusOff | Babbling, output: RequiredOutput) -> bool:
-        """Does another device of each list take over?  The monitor begins a new window when one does."""
+        """Does another device of each list take over?  Not for the monitor, which then starts a new window."""
         lists = [names for names in output.preferred if name in names]
         if not lists or output.topic in (INTEGRITY, GLIDE) or output.topic.endswith(f"/{name}"):
             return False
@@ -169,20 +169,20 @@ class OutputEffects:
         return all(set(names) - faulty - {name} for names in lists)
 
     def _switches(self, fault: DeviceFault | BusOff | Babbling, name: str) -> list[Interval]:
-        """When another device takes over, and when it gives back [s of the flight]."""
+        """The intervals of the switch to another device, and back [s of the flight]."""
         age_s = self._craft.max_age_s(name)
         return [(fault.from_s, fault.from_s + age_s + SWITCH_S), (fault.to_s, self._recovery_s(fault, name))]
 
     def _recovery_s(self, fault: DeviceFault | BusOff | Babbling, name: str) -> float:
-        """When the device is there again [s of the flight]."""
+        """When the device is available again [s of the flight]."""
         craft = self._craft
         return fault.to_s + craft.boot_s(name) + craft.max_age_s(name) + craft.FIX_S + RECOVERY_S
 
     def _refusal_s(self, fault: DeviceFault | BusOff | Babbling, name: str, output: RequiredOutput) -> float:
-        """How long a source may stay refused after it contradicted itself, where the output rests on it [s]."""
+        """How long a source that failed its own tests may stay rejected, if the output depends on it [s]."""
         lists = [names for names in output.preferred if name in names]
-        is_asked = not lists or any(self._is_selected(name, names, fault) for names in lists)
-        is_refused = isinstance(fault, WRONG_VALUE_FAULTS) and name in self._craft.sources and is_asked
+        is_used = not lists or any(self._is_selected(name, names, fault) for names in lists)
+        is_refused = isinstance(fault, WRONG_VALUE_FAULTS) and name in self._craft.sources and is_used
         return SOURCE_REFUSAL_S if is_refused else 0.0
 
     def _memory_s(self, output: RequiredOutput) -> float:
@@ -190,29 +190,29 @@ class OutputEffects:
         return monitor_recovery_s(self._craft) if output.topic in (INTEGRITY, GLIDE) else output.memory_s
 
     def _exclusion_s(self, fault: DeviceFault | BusOff | Babbling, name: str, output: RequiredOutput) -> float:
-        """How long after a wrong value the filter may exclude the altimeter, whose height is not valid then [s]."""
+        """How long after a wrong value the filter may exclude the altimeter, which makes its height invalid [s]."""
         is_height = output.topic.startswith((HEIGHT, HEIGHT_BELOW))
         excludes = is_height and isinstance(fault, WRONG_VALUE_FAULTS) and name in self._craft.filter_altimeters
         return HEIGHT_EXCLUSION_S if excludes else 0.0
 
     def _obstacle_intervals(self, output: RequiredOutput) -> Iterator[Interval]:
-        """Obstacles that the reference does not know, in what is compared with the known ground."""
+        """Obstacles, for outputs that are compared with known terrain."""
         monitored, aided = output.topic in MONITORED_TOPICS, output.topic in AIDED_TOPICS
         if not _depends_on_terrain(output):
             return
         for fault in self._faults:
             if isinstance(fault, Obstacle):
-                for may in (may for one in flags_of_fault(fault, self._craft, self._truth) for may in one.may):
-                    if (may.place == INTEGRITY) is monitored:
-                        yield may.from_s, may.until_s + (output.memory_s if aided else 0.0)
+                for allowance in (a for one in flags_of_fault(fault, self._craft, self._truth) for a in one.allowances):
+                    if (allowance.place == INTEGRITY) is monitored:
+                        yield allowance.from_s, allowance.until_s + (output.memory_s if aided else 0.0)
 
     def _terrain_shift_intervals(self, output: RequiredOutput) -> Iterator[Interval]:
-        """The whole flight, where the output is compared with the ground or aided by it."""
+        """The whole flight, if the output is compared with terrain or aided by it."""
         if any(isinstance(fault, TerrainShift) for fault in self._faults) and _depends_on_terrain(output):
             yield 0.0, self._truth.end_s
 
     def _disagreement_intervals(self, output: RequiredOutput) -> Iterator[Interval]:
-        """An altimeter that another one contradicts, which states wrong values, may be refused with it."""
+        """A correct altimeter may be rejected together with a wrong one that contradicts it."""
         if not output.topic.startswith((HEIGHT, HEIGHT_BELOW)):
             return
         others = [name for name in self._craft.altimeters if not output.topic.endswith(f"/{name}")]
@@ -221,16 +221,13 @@ class OutputEffects:
                 yield fault.from_s, self._recovery_s(fault, name) + self._memory_s(output)
 
     def _gnss_loss_intervals(self, output: RequiredOutput) -> Iterator[Interval]:
-        """Protection levels grow while a receiver of the filter is lost or refused, whoever gives the position."""
+        """Protection levels grow while a receiver of the filter is lost or rejected, with any source of position."""
         if output.topic not in (SOLUTION, LOCATION):
             return
         for fault, name in self._faults_on(self._craft.filter_gnss):
             if not isinstance(fault, HARMLESS_FAULTS):
-                yield (
-                    fault.from_s,
-                    self._recovery_s(fault, name)
-                    + (SOURCE_REFUSAL_S if isinstance(fault, WRONG_VALUE_FAULTS) else 0.0),
-                )
+                refusal_s = SOURCE_REFUSAL_S if isinstance(fault, WRONG_VALUE_FAULTS) else 0.0
+                yield fault.from_s, self._recovery_s(fault, name) + refusal_s
 
     def _off_track_intervals(self, output: RequiredOutput) -> Iterator[Interval]:
         for fault in self._faults:
@@ -243,7 +240,7 @@ def _depends_on_terrain(output: RequiredOutput) -> bool:
 
 
 def interval_mask(t: NDArray[np.float64], intervals: Sequence[Interval]) -> NDArray[np.bool_]:
-    """Which times lie in one of the intervals, ends included; shape as t."""
+    """Mask of the times within one of the intervals, ends included; shape as t."""
     found = np.zeros(np.shape(t), dtype=bool)
     for from_s, until_s in intervals:
         found |= (t >= from_s) & (t <= until_s)

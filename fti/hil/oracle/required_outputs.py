@@ -1,7 +1,7 @@
-"""Which topics a configuration promises, how often, and on which devices each depends.
+"""Topics that a configuration requires, their rates, and the devices on which each depends.
 
-Rates of navigation: ``fti.nav.pipeline`` and ``fti.nav.fallbacks``.  Measurements come as often as the emulator sends
-them (``fti.hil.sensors.sent_rates``); a recording may thin them out to ``MIN_RECORDED_HZ``.
+Rates of navigation: ``fti.nav.pipeline`` and ``fti.nav.fallbacks``.  Measurements have the rate at which the emulator
+sends them (``fti.hil.sensors.sent_rates``); a recording may reduce it to ``MIN_RECORDED_HZ``.
 """
 
 from __future__ import annotations
@@ -19,38 +19,37 @@ VALIDITY = "/nav/source_validity"
 HEIGHT_BELOW = "/nav/height_below_aircraft"
 FILTER, VERTICAL, FIX = "/nav/filter_solution", "/nav/vertical_solution", "/nav/position_fix"
 SOLUTION_HZ, FILTER_HZ, FIX_HZ = 25.0, 5.0, 2.0
-#: Outputs without news are repeated twice a second, the monitor updates at most five times a second, the validity of a
-#: source ten times [Hz].
+#: Repetition rate of unchanged outputs; maximum update rates of the monitor and of the validity of a source [Hz].
 REPEAT_HZ, MONITOR_HZ, VALIDITY_HZ = 2.0, 5.0, 10.0
-#: Navigation is never silent for longer: the repetition, and two ticks [s].
+#: Maximum gap of navigation outputs: the repetition, and two ticks [s].
 NAV_GAP_S = 0.56
-#: What is calculated for a tick is as old as a tick and the emulator's jitter let it be [s].
+#: Maximum age of an output that is computed each tick: tick, and jitter of the emulator [s].
 OUTPUT_AGE_S = 0.1
-#: A recording keeps at least so many measurements of a kind a second.
+#: Minimum rate of a measurement in a recording [Hz].
 MIN_RECORDED_HZ = 5.0
-#: A measurement may be left out of a recording, and the next one be late, twice in a row.
+#: Maximum gap of measurements in a recording, in periods, plus a margin [s]: one may be left out and the next be late.
 MAX_GAP_PERIODS, GAP_MARGIN_S = 3.0, 0.1
-#: Rates within this share of the promise.
+#: Relative tolerance of a rate.
 TOLERANCE = 0.1
-#: From the first input until a filter is aligned, or a fix is made [s].
+#: From the first input to the alignment of a filter, or to the first fix [s].
 ALIGNMENT_S, FIRST_FIX_S = 20.0, 5.0
-#: What a wrong input leaves behind: in a filter, in a fix, in what is calculated anew from each sample [s].
+#: Duration of the effect of a wrong input: on a filter, on a fix, on an output per sample [s].
 FILTER_MEMORY_S, FIX_MEMORY_S, SAMPLE_MEMORY_S = 30.0, 10.0, 3.0
 
 
 @dataclass(frozen=True, slots=True)
 class RequiredOutput:
-    """A topic that the configuration promises.
+    """A topic that the configuration requires.
 
-    devices     : what it is calculated from; a fault of one explains that it is rarer or not valid
-    preferred   : lists of devices of which the first that has an answer counts: a wrong value of a later one explains
-                  nothing while an earlier one is there.  A device may be in ``devices`` alone: it always counts
-    rate_hz     : least and most while every device is good
-    gap_s       : longest time without a message while every device is good
-    always_gap_s: the same whatever the devices do; None: not promised
-    age_s       : a valid one is no older [s]
-    lead_s      : so long after the first input it need not be valid
-    memory_s    : so long after a fault its effect may last
+    devices     : its inputs; a fault of one may lower its rate or make it invalid
+    preferred   : lists of devices in order of preference: a wrong value of a later one has no effect while an earlier
+                  one is available.  Devices that are only in ``devices`` are always used
+    rate_hz     : minimum and maximum without faults
+    gap_s       : maximum time without a message, without faults
+    always_gap_s: the same with any faults; None: unlimited
+    age_s       : maximum age of a valid message [s]
+    lead_s      : time after the first input in which it may be invalid
+    memory_s    : duration of the effect of a fault after its end
     """
 
     topic: str
@@ -67,9 +66,9 @@ class RequiredOutput:
 def required_outputs(
     config: Config, reference: ApproachReference | None, sent: Mapping[str, Mapping[str, float]]
 ) -> list[RequiredOutput]:
-    """Everything that is promised.
+    """All required outputs.
 
-    sent : rate [Hz] of each kind of measurement of each device; none: an older truth file, which does not state it
+    sent : rate [Hz] of each kind of measurement of each device; empty: an older truth file without rates
     """
     return [
         *_navigation_outputs(config.nav),
@@ -91,7 +90,7 @@ def _navigation_outputs(nav: Nav) -> Iterator[RequiredOutput]:
     yield RequiredOutput(
         SOLUTION, sources, _tolerance_band(SOLUTION_HZ), 0.1, OUTPUT_AGE_S, roles, always_gap_s=NAV_GAP_S
     )
-    if nav.position and nav.attitude:  # an antenna is not P: without an attitude nobody knows where P is
+    if nav.position and nav.attitude:  # the position of P needs the attitude: the antenna is not at P
         yield RequiredOutput(LOCATION, sources, _tolerance_band(SOLUTION_HZ), 0.1, OUTPUT_AGE_S, roles)
     if nav.filter:
         inputs = _devices((nav.filter.imu,), nav.filter.gnss, nav.filter.altimeters, nav.filter.baro, *roles)
@@ -121,7 +120,7 @@ def _navigation_outputs(nav: Nav) -> Iterator[RequiredOutput]:
 
 
 def _source_outputs(config: Config, sent: Mapping[str, Mapping[str, float]]) -> Iterator[RequiredOutput]:
-    """What the tests of one source say of each that gives position or attitude: on news, and repeated."""
+    """Validity of each source of position or attitude: on change, and repeated."""
     rate_hz = ((1.0 - TOLERANCE) * REPEAT_HZ, (1.0 + TOLERANCE) * VALIDITY_HZ)
     for name in _devices(position_sources(config.nav), config.nav.attitude):
         if not {"position", "attitude"}.isdisjoint(sent.get(name, {})):
@@ -130,17 +129,17 @@ def _source_outputs(config: Config, sent: Mapping[str, Mapping[str, float]]) -> 
 
 
 def _height_outputs(config: Config, sent: Mapping[str, Mapping[str, float]]) -> Iterator[RequiredOutput]:
-    """One of each altimeter, for each of its samples; stale ones are repeated beside them."""
+    """One output per sample of each altimeter; stale ones are repeated in addition."""
     roles = (config.nav.position, config.nav.attitude)
     for name in config.nav.altimeters:
         kinds = sent.get(name, {})
         rate_hz = max(kinds.get("radio_height", 0.0), kinds.get("range", 0.0))
-        least, most = _tolerance_band(rate_hz) if rate_hz else (0.0, math.inf)
+        min_hz, max_hz = _tolerance_band(rate_hz) if rate_hz else (0.0, math.inf)
         gap_s = max(3.0 / rate_hz, 0.1) if rate_hz else NAV_GAP_S
         yield RequiredOutput(
             f"{HEIGHT}/{name}",
             _devices((name,), *roles),
-            (least, most + REPEAT_HZ),
+            (min_hz, max_hz + REPEAT_HZ),
             gap_s,
             _max_age_s(config, name) + OUTPUT_AGE_S,
             roles,
@@ -149,7 +148,7 @@ def _height_outputs(config: Config, sent: Mapping[str, Mapping[str, float]]) -> 
 
 
 def _height_below_outputs(config: Config, sent: Mapping[str, Mapping[str, float]]) -> Iterator[RequiredOutput]:
-    """One of each sample of the chosen altimeter, which may change."""
+    """One output per sample of the selected altimeter, which may change."""
     nav, heights = config.nav, list(_height_outputs(config, sent))
     if heights:
         yield RequiredOutput(
@@ -164,19 +163,19 @@ def _height_below_outputs(config: Config, sent: Mapping[str, Mapping[str, float]
 
 
 def _approach_outputs(config: Config, reference: ApproachReference | None) -> Iterator[RequiredOutput]:
-    """The monitor says something even where there is no approach."""
+    """The monitor publishes even without an approach."""
     altimeter = approach_altimeter(config, reference)
     roles = (config.nav.position, config.nav.attitude)
     devices = _devices((altimeter,), *roles)
-    most_hz = (1.0 + TOLERANCE) * (MONITOR_HZ if altimeter else 0.0) + REPEAT_HZ
-    rate_hz = ((1.0 - TOLERANCE) * REPEAT_HZ, max(most_hz, (1.0 + TOLERANCE) * REPEAT_HZ))
+    max_hz = (1.0 + TOLERANCE) * (MONITOR_HZ if altimeter else 0.0) + REPEAT_HZ
+    rate_hz = ((1.0 - TOLERANCE) * REPEAT_HZ, max(max_hz, (1.0 + TOLERANCE) * REPEAT_HZ))
     age_s = NAV_GAP_S + (_max_age_s(config, altimeter) if altimeter else 0.0)
     for topic in (INTEGRITY, GLIDE):
         yield RequiredOutput(topic, devices, rate_hz, NAV_GAP_S, age_s, roles, always_gap_s=NAV_GAP_S)
 
 
 def approach_altimeter(config: Config, reference: ApproachReference | None) -> str | None:
-    """The altimeter that the approach is judged with: the first that the reference was made for."""
+    """The altimeter that monitors the approach: the first one that fits the reference."""
     if reference is None:
         return None
     found = (config.find_device(name) for name in config.nav.altimeters)
@@ -186,10 +185,12 @@ def approach_altimeter(config: Config, reference: ApproachReference | None) -> s
 def _measurement_outputs(config: Config, sent: Mapping[str, Mapping[str, float]]) -> Iterator[RequiredOutput]:
     for device, kinds in sent.items():
         for kind, rate_hz in kinds.items():
-            kept_hz = min(rate_hz, MIN_RECORDED_HZ)
-            gap_s = MAX_GAP_PERIODS / kept_hz + GAP_MARGIN_S
+            recorded_hz = min(rate_hz, MIN_RECORDED_HZ)
+            gap_s = MAX_GAP_PERIODS / recorded_hz + GAP_MARGIN_S
             age_s = _max_age_s(config, device) + OUTPUT_AGE_S
-            yield RequiredOutput(f"/{device}/{kind}", (device,), ((1.0 - TOLERANCE) * kept_hz, math.inf), gap_s, age_s)
+            yield RequiredOutput(
+                f"/{device}/{kind}", (device,), ((1.0 - TOLERANCE) * recorded_hz, math.inf), gap_s, age_s
+            )
 
 
 def _devices(*names: tuple[str | None, ...]) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""What the flags of a fault depend on: which device does what in a configuration, and what was truly flown."""
+"""Inputs of the oracle: the roles of the devices in a configuration, and the ground truth of the flight."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from fti.hil.scenario import Scenario
 from fti.hil.tables.fault_base import LinkFault
 from fti.hil.tables.fault_types import CanStatus
 from fti.hil.tables.schema import SensorSettings
-from fti.terrain.demo_region import EDGE_M, inside
+from fti.terrain.demo_region import EDGE_M, edge_distance
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-#: Drivers in whose protocol a measurement, or the device, can be declared invalid.
+#: Drivers whose protocol cannot declare a measurement, or the device, invalid.
 DRIVERS_WITHOUT_VALIDITY: frozenset[str] = frozenset(
     {"honeywell_hmr2300", "dbc", "ascii_line", "binary_struct", "canaerospace"}
 )
@@ -31,11 +31,11 @@ DRIVERS_WITHOUT_VALIDITY: frozenset[str] = frozenset(
 
 @dataclass(frozen=True, slots=True)
 class TruthSeries:
-    """What was flown, each shape (n,).
+    """The ground truth of a flight, each shape (n,).
 
     t : time of the flight [s]; height_agl : [m]; before_threshold : along the track [m]; offset : right of it [m]
     roll, pitch : [rad]; climb : [m/s]
-    ranges : of an altimeter's beam by its name: range, the least and the largest where it may take itself to be [m]
+    ranges : by altimeter: range of its beam, minimum and maximum range within the position uncertainty [m]
     """
 
     t: Array
@@ -49,25 +49,25 @@ class TruthSeries:
 
     @property
     def end_s(self) -> float:
-        """The flight was flown to here [s]."""
+        """End of the flight [s]."""
         return float(self.t[-1])
 
     def span(self, where: Mask) -> tuple[float, float] | None:
-        """First and last time at which something is so; None when it never is."""
+        """First and last time at which the mask is set [s]; None if it never is."""
         at = np.flatnonzero(where)
         return (float(self.t[at[0]]), float(self.t[at[-1]])) if len(at) else None
 
 
 class AircraftRoles:
-    """A configuration in one scenario, as far as flags depend on it.
+    """The devices of a configuration in one scenario, and their roles.
 
     altimeters, sources, positions : names of the devices that have these roles
     filter_altimeters, filter_gnss : altimeters and receivers that aid the filter
-    filter_imu, radio_stations     : what takes their place: inertial unit of the filter, number of DME stations
-    scene                          : the emulator's ground that navigation knows; None: files, or none
+    filter_imu, radio_stations     : for fallbacks: inertial unit of the filter, number of DME stations
+    scene                          : built-in terrain of navigation; None: files, or no terrain
     """
 
-    #: A receiver has its fix again so long after the signals [s].
+    #: Time from the return of the signals to the fix of a receiver [s].
     FIX_S: ClassVar[float] = 3.0
 
     def __init__(self, config: Config, devices: Sequence[BoundDevice], scenario: Scenario) -> None:
@@ -93,7 +93,7 @@ class AircraftRoles:
     def _device(self, name: str) -> Device:
         return self._bound[name].device
 
-    # -------------------------------------------------------------------------------------------------- of a device
+    # ---------------------------------------------------------------------------------------------------- one device
 
     def is_alone(self, name: str) -> bool:
         """Is it the only device on its link?"""
@@ -108,19 +108,19 @@ class AircraftRoles:
         return frozenset({"can"}) == self._bound[name].driver.CARRIERS
 
     def max_age_s(self, name: str) -> float:
-        """Beyond this age nothing of it is used [s]."""
+        """Maximum age of its data in navigation [s]."""
         return self._device(name).max_age_ms / 1e3
 
     def period_s(self, name: str) -> float:
-        """Its period [s]; 1 s where the configuration does not say."""
+        """Its period [s]; 1 s without a rate_hz."""
         return 1.0 / (self._device(name).rate_hz or 1.0)
 
     def has_rate(self, name: str) -> bool:
-        """Does the configuration say how often it speaks?"""
+        """Has it a rate_hz?"""
         return self._device(name).rate_hz is not None
 
     def boot_s(self, name: str) -> float:
-        """How long it starts when it gets power again [s]."""
+        """Its boot time [s]."""
         return self._sensor_settings(name).boot_s
 
     def stops_at(self, name: str, supply_v: float) -> bool:
@@ -134,16 +134,16 @@ class AircraftRoles:
         return self._settings.get(name, SensorSettings())
 
     def sends_time(self, name: str) -> bool:
-        """Does it say its own time?"""
+        """Does it send its own time?"""
         bound = self._bound[name]
         return sends_time(bound.device.driver, bound.options)
 
     def can_declare_invalid(self, name: str) -> bool:
-        """Can its protocol say that it does not measure?"""
+        """Can its protocol declare a measurement invalid?"""
         return self._device(name).driver not in DRIVERS_WITHOUT_VALIDITY
 
     def is_receiver(self, name: str) -> bool:
-        """Has it nothing but satellites to know where it is?"""
+        """Is it a satellite receiver without other sources of position?"""
         return self._device(name).driver in RECEIVER_DRIVERS
 
     def is_laser(self, name: str) -> bool:
@@ -152,11 +152,11 @@ class AircraftRoles:
         return altimeter is not None and altimeter.kind == "laser"
 
     def altimeter(self, name: str) -> Altimeter | None:
-        """The limits of an altimeter."""
+        """Its altimeter settings; None for other devices."""
         return self._device(name).altimeter
 
     def range_m(self, name: str) -> float:
-        """The longest range of an altimeter [m]."""
+        """Maximum range of an altimeter [m]; 0 for other devices."""
         altimeter = self._device(name).altimeter
         return altimeter.range_m[1] if altimeter else 0.0
 
@@ -167,26 +167,26 @@ class AircraftRoles:
             role for role, names in (("position", nav.position), ("attitude", nav.attitude)) if names[:1] == (name,)
         ]
 
-    # ------------------------------------------------------------------------------------------------ of the others
+    # -------------------------------------------------------------------------------------------------------- others
 
     def devices_on_link(self, link: str) -> list[str]:
         """The devices on a link."""
         return [d.name for d in self._config.devices_on(link)]
 
     def can_links(self, fault: LinkFault) -> list[str]:
-        """The CAN links that a fault without names is on."""
+        """The CAN links of a fault that names none."""
         buses = [link for link in self._config.link if link.kind == "can"]
         return [link.name for link in buses if link.interface == "slcan" or not isinstance(fault, CanStatus)]
 
     def terrain_edge_mask(self, truth: TruthSeries) -> Mask:
-        """Where a beam may reach the edge of the emulator's ground, over which the strip runs out into the country."""
+        """Where a beam may reach the edge of the built-in terrain."""
         if not self.scene:
             return np.zeros(len(truth.t), dtype=bool)
         reach = self.beam_reach * truth.height_agl + EDGE_M
-        return np.asarray(inside(self.scene, truth.before_threshold, truth.offset) < reach)
+        return np.asarray(edge_distance(self.scene, truth.before_threshold, truth.offset) < reach)
 
     @property
     def beam_reach(self) -> float:
-        """How far ahead the widest altimeter sees, as a part of its height."""
+        """Horizontal reach of the widest beam of an altimeter, as a fraction of the height."""
         beams = [d.altimeter.beam_deg for name in self.altimeters if (d := self._device(name)).altimeter]
         return math.tan(math.radians(max(beams, default=0.0) / 2))

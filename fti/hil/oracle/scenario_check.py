@@ -1,4 +1,4 @@
-"""A scenario checked without a flight: everything that ``fti hil`` computes before it opens a port."""
+"""Check of a scenario without a flight: everything that ``fti hil`` computes before it opens a port."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ from fti.nav.integrity.reference import ApproachReference
 
 @dataclass(frozen=True, slots=True)
 class ScenarioCheck:
-    """A scenario that can be flown.
+    """Result of the check of a valid scenario.
 
     duration_s : of the flight [s]
     flags      : expected flags, each with the index of its fault; one fault has one entry for each device or link
-    outputs    : topics that the configuration promises
-    warnings   : what may be a mistake although it can be flown
+    outputs    : topics that the configuration requires
+    warnings   : possible mistakes that do not prevent the flight
     """
 
     scenario: Scenario
@@ -49,9 +49,9 @@ class ScenarioCheck:
 def check_scenario(
     scenario: Scenario, config: Config, progress: Callable[[str], None] = lambda _: None
 ) -> ScenarioCheck:
-    """Check a scenario with a configuration that fits it; takes seconds.  progress : told each step
+    """Check a scenario with a configuration that fits it; takes seconds.  progress : called with each step
 
-    Raises ConfigError or MissingError for everything that ``fti hil`` refuses.
+    Raises ConfigError or MissingError for everything that ``fti hil`` rejects.
     """
     world = make_environment(scenario, progress)
     emulator = Emulator(config, scenario, PortBackend(Path(), 0, scenario.port), world=world)
@@ -59,14 +59,14 @@ def check_scenario(
     progress("expected flags")
     truth = planned_truth(world, [device for device in config.device if device.altimeter])
     flags = flags_of_scenario(scenario.fault, AircraftRoles(config, bind_devices(config), scenario), truth)
-    reference, unread = _reference(config)
-    warnings = (*world.remarks, *overloads(config, emulator.sensors), *unread)
+    reference, missing = _reference(config)
+    warnings = (*world.remarks, *overloads(config, emulator.sensors), *missing)
     outputs = required_outputs(config, reference, sent_rates(emulator.sensors, world))
     return ScenarioCheck(scenario, config, world.duration, tuple(flags), tuple(outputs), warnings)
 
 
 def _reference(config: Config) -> tuple[ApproachReference | None, tuple[str, ...]]:
-    """The published approach; the daemon needs its file, the emulator does not: a warning where it cannot be read."""
+    """The published approach, or a warning: the daemon needs its file, the emulator does not."""
     try:
         return parse_reference(config, read_texts(config)), ()
     except MissingError as error:
@@ -74,11 +74,11 @@ def _reference(config: Config) -> tuple[ApproachReference | None, tuple[str, ...
 
 
 def no_flag_reason(fault: Fault, one: FaultFlags) -> str:
-    """Why a fault raises no flag on a device or link; "" where it raises one."""
+    """Why a fault raises no flag on a device or link; "" if it raises one."""
     if one.expected_flags:
         return ""
     if one.too_short:
-        first = min(one.too_short, key=lambda expected_flag: expected_flag.within_s)
+        first = min(one.too_short, key=lambda flag: flag.within_s)
         return (
             f"lasts {first.until_s - first.from_s:g} s; "
             f"{' or '.join(first.words)} at {first.place} is due after {first.within_s:g} s"

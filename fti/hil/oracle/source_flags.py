@@ -1,6 +1,6 @@
-"""Flags that a wrong source raises, because it contradicts itself or the filter: one table.
+"""Flags of faulty sources that contradict themselves or the filter, as a table.
 
-A fault without a row raises nothing that could be relied on.  The outputs are compared with the truth either way.
+A fault without a row raises no certain flag.  The outputs are compared with the truth in any case.
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ from fti.hil.oracle.flag_definitions import SOLUTION, SOURCE_REFUSAL_S, Expected
 from fti.hil.tables.fault_base import DeviceFault
 from fti.hil.tables.fault_types import AttitudeOffset, ClockJump, FaultKind, GnssRamp
 
-#: Beside an inertial unit of tactical grade a ramp is seen from here on [m/s], so long after the flight began [s]: when
-#: the filter has gone without the receiver for 20 s.  A device time that steps is seen from here on [s].
+#: With a tactical-grade inertial unit, smallest detectable ramp [m/s], from this time of the flight on [s], when the
+#: filter has run without the receiver for 20 s.  Smallest detectable step of a device time [s].
 MIN_RAMP_MPS, FILTER_SETTLING_S, MIN_CLOCK_STEP_S = 1.0, 40.0, 0.5
-#: An attitude that is farther from that of the filter [deg]: tilt, heading; a heading of the filter is worth 1 deg.
+#: Smallest detectable difference to the attitude of the filter [deg]: tilt, heading (filter heading: 1 deg 1-sigma).
 TILT_DEG, HEADING_DEG = 3.0, 12.0
 
 
@@ -38,10 +38,10 @@ def _is_detectable_step(fault: DeviceFault) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class SourceFlag:
-    """Navigation refuses the device as the source of a role, where it is the first one of it.
+    """Navigation rejects the device as the source of a role, if it is the first one of that role.
 
-    within_s : of the beginning of the fault; clears_s : of its end, inf: it may stay refused [s]
-    when     : the condition, to be read after "and"; "" where there is none; is_seen : whether a fault fulfils it
+    within_s : after the start of the fault; clears_s : after its end, inf: it may stay rejected [s]
+    when     : the condition, to be read after "and"; "": none; is_detectable : does a fault fulfil it?
     """
 
     within_s: float
@@ -56,15 +56,16 @@ SOURCE_FLAGS: Mapping[str | None, SourceFlag] = {
     FaultKind.GNSS_RAMP: SourceFlag(
         30.0,
         math.inf,
-        f"it aids [nav.filter], the horizontal rate is {MIN_RAMP_MPS:g} m/s or more, and from_s {FILTER_SETTLING_S:g} s or more",
+        f"it aids [nav.filter], the horizontal rate is {MIN_RAMP_MPS:g} m/s or more, "
+        f"and from_s {FILTER_SETTLING_S:g} s or more",
         _is_detectable_ramp,
     ),
     FaultKind.SWAPPED_COORDINATES: SourceFlag(3.0),
     FaultKind.UNDULATION: SourceFlag(10.0, when="the undulation there is more than 5 m"),
     FaultKind.ATTITUDE_OFFSET: SourceFlag(
         10.0,
-        when=f"[nav.filter] is configured, from_s is {FILTER_SETTLING_S:g} s or more, roll_deg or pitch_deg is {TILT_DEG:g} "
-        f"or more, or heading_deg {HEADING_DEG:g}",
+        when=f"[nav.filter] is configured, from_s is {FILTER_SETTLING_S:g} s or more, "
+        f"roll_deg or pitch_deg is {TILT_DEG:g} or more, or heading_deg {HEADING_DEG:g}",
         is_detectable=_is_detectable_offset,
         role="attitude",
     ),
@@ -75,12 +76,12 @@ SOURCE_FLAGS: Mapping[str | None, SourceFlag] = {
         is_detectable=_is_detectable_step,
     ),
 }
-#: Why a fault without a flag raises none.
-INDISTINGUISHABLE = "no other source tells it apart"
+#: Reason of faults without a flag.
+INDISTINGUISHABLE = "no other source contradicts it with certainty"
 
 
 def expected_source_flags(fault: DeviceFault, case: FaultCase) -> Sequence[ExpectedFlag]:
-    """The flags of the table that are due of a fault."""
+    """The flags of the table for a fault."""
     kind = getattr(fault, "kind", None)
     flag = SOURCE_FLAGS.get(kind)
     if flag is None or not flag.is_detectable(fault) or flag.role not in case.craft.preferred_roles(case.name):

@@ -1,8 +1,8 @@
-"""Faults whose effects on the outputs of navigation are judged by the truth: wrong values that are called valid fail.
+"""Faults during which the outputs of navigation are compared with the truth: wrong values declared valid fail.
 
-The daemon raises no flag for most of them.  What it publishes during such a fault must be right within its limits or
-within the protection level that it states, or not valid.  What states no protection level may be wrong until the flag
-that is due of the fault must be raised.  What the device itself states is wrong by the fault, and is not judged.
+The daemon raises no flag for most of them.  An output during such a fault must be correct within its limits or within
+its stated protection level, or be invalid.  An output without a protection level may be wrong until the deadline of the
+flag of the fault.  The measurements of the faulty device itself are not checked.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ from fti.hil.tables.fault_types import (
     Undulation,
 )
 
-#: Faults of a source, its map or its mounting.
+#: Faults of a source, of its elevation model or of its mounting.
 SourceFault = (
     GnssRamp | SwappedCoordinates | Undulation | LeverArm | AttitudeOffset | InertialBias | Latency | Scale
     | TerrainShift
 )  # fmt: skip
 TruthCheckedFault = SourceFault | ClockDrift | BitErrors | Reordered | Babbling
-#: The same of a source of position or attitude; other devices have flags of their own for them.
+#: Truth-checked only on a source of position or attitude; on other devices they raise other flags.
 TruthCheckedSourceFault = Stuck | GnssOffset | ClockJump
 ATTITUDE = "attitude."
 

@@ -1,4 +1,4 @@
-"""The ground truth that expected flags depend on, from the columns of a truth file or from a flight not yet flown."""
+"""Ground truth for expected flags, from the columns of a truth file or from a planned flight."""
 
 from __future__ import annotations
 
@@ -11,31 +11,31 @@ from fti.hil.environment import Environment
 from fti.hil.oracle.roles import Array, TruthSeries
 from fti.hil.truth_log import RANGES, TruthRows
 
-#: Columns of a truth file that are read.
+#: Columns of a truth file that the oracle reads.
 NAMES = ("height_agl", "s", "y", "roll", "pitch", "vel_down")
 
 
 def truth_of_columns(t: Array, columns: Mapping[str, Array], intercept_m: float) -> TruthSeries:
-    """The truth as expected flags need it.
+    """The truth series for expected flags.
 
-    t : time of the flight [s], shape (n,); columns : by the names of ``fti.hil.truth_log``, each shape (n,), NaN where a
-    value is unknown; a missing column is unknown everywhere, and a beam that never meets anything is left out
-    intercept_m : distance of the glide path intercept point behind the threshold [m]
+    t : time of the flight [s], shape (n,)
+    columns : by the names of ``fti.hil.truth_log``, each shape (n,), unknown values NaN; any may be missing
+    intercept_m : distance of the glide path intercept point beyond the threshold [m]
     """
     unknown = np.full(len(t), np.nan)
     height_agl, s, y, roll, pitch, down = (columns.get(name, unknown) for name in NAMES)
     of_beam, *_ = RANGES
-    seeing = sorted(name for name in columns if name.startswith(of_beam) and np.isfinite(columns[name]).any())
-    beams = {name: _beam(name, columns, unknown) for name in (column.removeprefix(of_beam) for column in seeing)}
+    found = sorted(name for name in columns if name.startswith(of_beam) and np.isfinite(columns[name]).any())
+    beams = {name: _beam(name, columns, unknown) for name in (column.removeprefix(of_beam) for column in found)}
     return TruthSeries(t, height_agl, s - intercept_m, y, roll, pitch, -down, ranges=beams)
 
 
 def _beam(name: str, columns: Mapping[str, Array], unknown: Array) -> tuple[Array, Array, Array]:
-    here, least, most = (columns.get(begin + name, unknown) for begin in RANGES)
-    return here, least, most
+    true, low, high = (columns.get(begin + name, unknown) for begin in RANGES)
+    return true, low, high
 
 
 def planned_truth(world: Environment, altimeters: Sequence[Device]) -> TruthSeries:
-    """The truth of a flight as it would be flown; takes about a second."""
+    """The truth of a planned flight; takes about a second."""
     rows = TruthRows(world, altimeters)
     return truth_of_columns(rows.t, rows.columns, float(world.path.x_gpi))

@@ -1,1 +1,1 @@
-"""The interface layer: the other end of every link of the daemon's configuration."""
+"""Ports of the emulator: the far end of every link of the daemon's configuration."""

@@ -1,4 +1,4 @@
-"""A CAN bus through python-can: the emulator is one more node on the channel that the daemon listens to."""
+"""A CAN bus through python-can: the emulator is one more node on the channel of the daemon."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from fti.hil.ports.datagram_base import DatagramEndpoint
 from fti.hil.ports.serial_base import Notifier
 from fti.links.can import pack_message, unpack_message
 
-#: A bus that takes nothing for so long is no bus with a queue that is full for a moment [s].
+#: A bus that accepts no frames for this time is reported; a shorter time may be a full queue [s].
 REFUSAL_TIMEOUT_S = 1.0
 
 
 class CanBusEndpoint(DatagramEndpoint):
-    """A node on a bus that python-can reaches.  tell : told when the bus takes nothing any more, and when it does."""
+    """A node on a bus of python-can.  notify : called when the bus stops and resumes accepting frames"""
 
     is_stream: ClassVar[bool] = False
 
@@ -33,7 +33,7 @@ class CanBusEndpoint(DatagramEndpoint):
         self._refused_since: float | None = None
         self._is_reported = False
         self._bus: can.BusABC | None = None
-        self._own_frames: Counter[bytes] = Counter()  # frames that this bus will hand back to us
+        self._own_frames: Counter[bytes] = Counter()  # frames that this bus will return to the sender
 
     async def open(self) -> None:
         """Open the channel."""
@@ -55,10 +55,10 @@ class CanBusEndpoint(DatagramEndpoint):
             asyncio.get_running_loop().add_reader(descriptor, self._receive)
 
     async def wait_for_reader(self) -> None:
-        """A bus does not tell who listens."""
+        """Return at once: readers of a bus are not visible."""
 
     async def drain(self) -> None:
-        """What was sent is on the bus."""
+        """Return at once: sent frames are on the bus."""
 
     def close(self) -> None:
         """Leave the bus."""
@@ -87,19 +87,19 @@ class CanBusEndpoint(DatagramEndpoint):
         self._refused_since = now if self._refused_since is None else self._refused_since
         if not self._is_reported and now - self._refused_since >= REFUSAL_TIMEOUT_S:
             self._is_reported = True
-            self._notify(f"{self._link.name}: the bus takes nothing: {error}; what is sent is dropped")
+            self._notify(f"{self._link.name}: the bus accepts no frames: {error}; frames are dropped")
 
     def _on_accepted(self) -> None:
         self._refused_since = None
         if self._is_reported:
             self._is_reported = False
-            self._notify(f"{self._link.name}: the bus takes frames again")
+            self._notify(f"{self._link.name}: the bus accepts frames again")
 
     def _receive(self) -> None:
         assert self._bus is not None
         try:
             message = self._bus.recv(timeout=0)
-        except can.CanError as error:  # so a socket tells that its interface went down
+        except can.CanError as error:  # the interface went down
             self._on_refused(error)
             return
         if message is None:
@@ -114,7 +114,7 @@ class CanBusEndpoint(DatagramEndpoint):
 
 
 def _descriptor(bus: can.BusABC) -> int | None:
-    """What the loop can wait for; some interfaces have nothing of the kind, and then the device only talks."""
+    """File descriptor for the event loop; None for interfaces without one, whose devices only send."""
     try:
         descriptor = int(bus.fileno())
     except (NotImplementedError, OSError):

@@ -1,4 +1,4 @@
-"""What endpoints count."""
+"""Counters of endpoints."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 @dataclass(slots=True)
 class EndpointCounters:
-    """What became of the messages of one endpoint.
+    """Counters of one endpoint.
 
-    too_slow_messages : of the dropped ones: those that the line had no time to carry
+    too_slow_messages : dropped messages that exceeded the capacity of the line
     """
 
     messages: int = 0

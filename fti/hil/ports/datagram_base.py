@@ -1,4 +1,4 @@
-"""What endpoints share that send a whole message or nothing: a datagram, a CAN frame."""
+"""Base class of endpoints that send a whole message or nothing: datagrams and CAN frames."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ RETRY_S = 0.002
 
 
 class DatagramEndpoint(ABC):
-    """Sends by trying.  ``counters`` : what became of it."""
+    """Sends each message with a non-blocking call.  counters : sent and dropped messages"""
 
     def __init__(self) -> None:
         self.counters = EndpointCounters()
 
     @abstractmethod
     def _try_send(self, data: bytes) -> bool:
-        """Send one message; false when there is no room now."""
+        """Send one message; False when the queue is full."""
 
     def send(self, data: bytes) -> None:
         """Send one message, or count it as dropped."""
@@ -27,6 +27,6 @@ class DatagramEndpoint(ABC):
             self.counters.dropped_bytes += len(data)
 
     async def send_all(self, data: bytes) -> None:
-        """Send one message; wait while there is no room."""
-        while not self._try_send(data):  # noqa: ASYNC110  the kernel does not tell when there is room
+        """Send one message; wait while the queue is full."""
+        while not self._try_send(data):  # noqa: ASYNC110  the kernel does not signal free space
             await asyncio.sleep(RETRY_S)

@@ -2,10 +2,10 @@
 
 serial                       pty, symlink ``DIR/<link>``
 can, interface slcan         Lawicel adapter on a pty, symlink ``DIR/<link>``
-can, socketcan and the like  the same channel through python-can; udp_multicast with hop limit 0
+can, socketcan and others    the same channel through python-can; udp_multicast with hop limit 0
 udp                          datagrams to ``bind``, sent from ``source`` (``peer`` when the daemon answers there)
 
-``[port.LINK]`` of a scenario puts the end of a link outside this machine (``real_ports``).
+``[port.LINK]`` of a scenario selects a real port instead (``real_port``).
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from fti.links.slcan import format_frame
 
 #: python-can interfaces whose channel two programs of one machine can share.
 SHARED_INTERFACES = ("slcan", "socketcan", "udp_multicast", "virtual")
-#: Where a datagram to "any address" goes without leaving the machine.
+#: Loopback address for links that bind to any address.
 LOOPBACK_OF = {"0.0.0.0": "127.0.0.1", "::": "::1"}  # noqa: S104  nothing is bound to these
 
 
@@ -39,25 +39,25 @@ class Endpoint(Protocol):
     """One end of a link.  A message is a piece of a byte stream, a datagram or a CAN frame."""
 
     counters: EndpointCounters
-    is_stream: ClassVar[bool]  # messages may be joined: their bounds are not seen at the other end
+    is_stream: ClassVar[bool]  # messages may be joined: the receiver does not see their bounds
 
     async def open(self) -> None:
-        """Make the port.  MissingError in one sentence when it cannot be made."""
+        """Open the port.  Raises MissingError when that fails."""
 
     async def wait_for_reader(self) -> None:
-        """Wait until the daemon has opened its end, as far as that can be seen."""
+        """Wait until the daemon has opened its end, if that is visible."""
 
     def send(self, data: bytes) -> None:
-        """Send now; what does not fit is dropped and counted."""
+        """Send now; drop and count messages that do not fit."""
 
     async def send_all(self, data: bytes) -> None:
         """Send without loss; wait while the port is full."""
 
     async def drain(self) -> None:
-        """Wait until the reader has everything, as far as that can be seen."""
+        """Wait until the reader has read everything, if that is visible."""
 
     def close(self) -> None:
-        """Take the port away."""
+        """Close the port."""
 
 
 def make_endpoint(
@@ -71,50 +71,50 @@ def make_endpoint(
 ) -> Endpoint:
     """The far end of a link.
 
-    folder : where symlinks to ptys stand; tell : told of what a person should know
-    paced  : bytes leave a pty no faster than the link's wire carries them; not so in a replay, which has its cuts
-    port   : where it leaves this machine
+    folder : folder of the symlinks to ptys; notify : called with messages for the user
+    paced  : limit a pty to the baud rate of the link; False for a replay, which has the recorded timing
+    port   : real port of the link, if any
     """
     if isinstance(link, UdpLink):
         return UdpEndpoint(link, respond, to=port.to if port else None, notify=notify)
     if isinstance(link, SerialLink):
-        heard = _add_echo(respond) if link.echo else respond
+        respond = _add_echo(respond) if link.echo else respond
         if port is not None and port.device is not None:
-            return TtyEndpoint(link, port.device, heard, notify)
-        slowness = byte_s(link) if paced else 0.0
-        return PtyEndpoint(folder / link.name, heard, byte_s=slowness, capacity_text=capacity_text(link), notify=notify)
+            return TtyEndpoint(link, port.device, respond, notify)
+        pace_s, capacity = byte_s(link) if paced else 0.0, capacity_text(link)
+        return PtyEndpoint(folder / link.name, respond, byte_s=pace_s, capacity_text=capacity, notify=notify)
     if port is not None:
-        there = link.model_copy(update={"interface": port.interface, "channel": port.device})
-        return _bus_endpoint(there, respond, notify)
+        real_link = link.model_copy(update={"interface": port.interface, "channel": port.device})
+        return _bus_endpoint(real_link, respond, notify)
     if link.interface == "slcan":
         return SlcanEndpoint(folder / link.name, respond, bitrate=link.bitrate if paced else None, notify=notify)
     if link.interface not in SHARED_INTERFACES:
         raise MissingError(
-            f"link {link.name!r}: interface {link.interface!r} is hardware that only its bus can speak to; "
-            f"the emulator offers {', '.join(SHARED_INTERFACES)}"
+            f"link {link.name!r}: interface {link.interface!r} needs CAN hardware, which the emulator does not have; "
+            f"it supports {', '.join(SHARED_INTERFACES)}"
         )
     return _bus_endpoint(link, respond, notify)
 
 
 def _bus_endpoint(link: CanLink, respond: Responder, notify: Notifier) -> Endpoint:
-    from fti.hil.ports.canbus import CanBusEndpoint  # noqa: PLC0415  few benches have a bus, and python-can is slow to import
+    from fti.hil.ports.canbus import CanBusEndpoint  # noqa: PLC0415  python-can is slow to import
 
     return CanBusEndpoint(link, respond, notify)
 
 
 def capacity_text(link: SerialLink) -> str:
-    """What a serial line carries, in words."""
+    """Capacity of a serial line as text."""
     return f"{link.baud} baud carry {1.0 / byte_s(link):.0f} bytes a second"
 
 
 def _add_echo(respond: Responder) -> Responder:
-    """A line on which whoever sends hears that, too."""
+    """A responder of a line that echoes its input."""
     return lambda data: [data, *respond(data)]
 
 
 @contextlib.asynccontextmanager
 async def open_endpoints(endpoints: Mapping[str, Endpoint]) -> AsyncIterator[Mapping[str, Endpoint]]:
-    """The endpoints, open; closed at the end."""
+    """Open the endpoints for the block, then close them."""
     try:
         for endpoint in endpoints.values():
             await endpoint.open()
@@ -125,7 +125,7 @@ async def open_endpoints(endpoints: Mapping[str, Endpoint]) -> AsyncIterator[Map
 
 
 async def run_until(work: Coroutine[Any, Any, object], stop: asyncio.Event) -> None:
-    """Do the work, or leave it where it is when ``stop`` is set."""
+    """Run the work, and cancel it when ``stop`` is set."""
     tasks = [asyncio.create_task(w, name=f"fti-hil-{n}") for n, w in (("work", work), ("stop", stop.wait()))]
     try:
         await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
@@ -138,17 +138,17 @@ async def run_until(work: Coroutine[Any, Any, object], stop: asyncio.Event) -> N
 
 
 class SlcanEndpoint(PtyEndpoint):
-    """A Lawicel adapter on a pty: frames are passed on while the host has the channel open.
+    """A Lawicel adapter on a pty: frames are sent while the host has the channel open.
 
-    bitrate : of the bus [bit/s], which carries no faster; none : as fast as the pty takes it
+    bitrate : of the bus [bit/s], which limits the rate; None: no limit
     """
 
     is_stream: ClassVar[bool] = False
 
     def __init__(
-        self, place: Path, respond: Responder, *, bitrate: int | None = None, notify: Notifier = lambda _: None
+        self, symlink: Path, respond: Responder, *, bitrate: int | None = None, notify: Notifier = lambda _: None
     ) -> None:
-        super().__init__(place, self._answer, capacity_text=f"a bus of {bitrate} bit/s carries less", notify=notify)
+        super().__init__(symlink, self._answer, capacity_text=f"a bus of {bitrate} bit/s carries less", notify=notify)
         self._bitrate = bitrate
         self._frames: list[bytes] = []
         self._adapter = Adapter(self._frames.append)
@@ -157,15 +157,15 @@ class SlcanEndpoint(PtyEndpoint):
     async def wait_for_reader(self) -> None:
         """Wait until the host has opened the channel."""
         await super().wait_for_reader()
-        while not self._adapter.is_open:  # noqa: ASYNC110  the same wait as for the reader
+        while not self._adapter.is_open:  # noqa: ASYNC110  polling, as for the reader
             await asyncio.sleep(POLL_S)
 
     def raise_flags(self, flags: int) -> None:
-        """Let the controller have these to tell when it is asked."""
+        """Set flags that the controller reports on the next status request."""
         self._adapter.flags |= flags
 
     def send(self, data: bytes) -> None:
-        """Send a ``can_frame``; with a closed channel it is dropped."""
+        """Send a ``can_frame``; drop it when the channel is closed."""
         if not self._adapter.is_open:
             self._drop(len(data))
         elif self._accepts(len(data)):
@@ -179,8 +179,8 @@ class SlcanEndpoint(PtyEndpoint):
     def _answer(self, data: bytes) -> list[bytes]:
         for answer in self._adapter.feed(data):
             super().send(answer)
-        taken, self._frames[:] = list(self._frames), []
-        for frame in taken:
+        frames, self._frames[:] = list(self._frames), []
+        for frame in frames:
             for reply in self._respond_to_frame(frame):
                 self.send(reply)
         return []
@@ -189,8 +189,8 @@ class SlcanEndpoint(PtyEndpoint):
 class UdpEndpoint(DatagramEndpoint):
     """Datagrams from a simulated device.
 
-    to   : the receiver's address:port, where it is outside this machine
-    tell : told when the network takes nothing (a cable is out), once until it does again
+    to     : address:port of a receiver on another machine, or None
+    notify : called once when the network refuses datagrams, such as with a pulled cable
     """
 
     is_stream: ClassVar[bool] = False
@@ -208,13 +208,13 @@ class UdpEndpoint(DatagramEndpoint):
         self._socket = socket.socket(family, socket.SOCK_DGRAM)
 
     async def open(self) -> None:
-        """Bind to the device's address.  Without ``to`` only addresses of this machine are used: nothing leaves it."""
+        """Bind to the device's address.  Without ``to`` no datagram leaves this machine."""
         address, port = ("", 0) if self._is_remote else _source(self._link)
         try:
             self._socket.bind((address, port))
         except OSError as error:
-            is_taken = error.errno == errno.EADDRINUSE
-            hint = "another fti hil?" if is_taken else "the emulator needs addresses of this machine, such as 127.0.0.1"
+            in_use = error.errno == errno.EADDRINUSE
+            hint = "another fti hil?" if in_use else "the emulator needs addresses of this machine, such as 127.0.0.1"
             raise MissingError(
                 f"link {self._link.name!r}: cannot send as {address}:{port} to {self._target[0]}:{self._target[1]}: "
                 f"{error.strerror}; {hint}"
@@ -226,12 +226,12 @@ class UdpEndpoint(DatagramEndpoint):
         asyncio.get_running_loop().add_reader(self._socket, self._receive)
 
     async def wait_for_reader(self) -> None:
-        """Wait until somebody has bound the port that we send to; of another machine that is not known."""
-        while not self._is_remote and not _is_bound(self._target[1]):  # noqa: ASYNC110  another program binds it; nothing tells us
+        """Wait until a program has bound the target port; return at once for another machine."""
+        while not self._is_remote and not _is_bound(self._target[1]):  # noqa: ASYNC110  the kernel does not signal it
             await asyncio.sleep(POLL_S)
 
     async def drain(self) -> None:
-        """What was sent lies in the receiver's queue already."""
+        """Return at once: sent datagrams are in the receiver's queue."""
 
     def close(self) -> None:
         """Close the socket."""
@@ -246,7 +246,7 @@ class UdpEndpoint(DatagramEndpoint):
         except OSError as error:
             if not self._is_cut:
                 address, port = self._target
-                self._notify(f"{self._link.name}: nothing goes to {address}:{port}: {error.strerror}; it is dropped")
+                self._notify(f"{self._link.name}: cannot send to {address}:{port}: {error.strerror}; data are dropped")
             self._is_cut = True
             return False
         self._is_cut = False
@@ -276,7 +276,7 @@ def _target(link: UdpLink) -> tuple[str, int]:
 
 
 def _source(link: UdpLink) -> tuple[str, int]:
-    """Address and port that the simulated device sends from; port 0 takes a free one."""
+    """Source address and port of the simulated device; port 0: any free one."""
     if link.peer:
         return split_endpoint(link.peer)
     bound = _target(link)[0] if not link.group else "127.0.0.1"
@@ -284,7 +284,7 @@ def _source(link: UdpLink) -> tuple[str, int]:
 
 
 def _is_bound(port: int) -> bool:
-    """Does a UDP socket of this machine listen on the port?  As /proc/net/udp says."""
+    """Whether a UDP socket of this machine is bound to the port, according to /proc/net/udp."""
     suffix = f":{port:04X}"
     for table in ("/proc/net/udp", "/proc/net/udp6"):
         with contextlib.suppress(OSError), Path(table).open(encoding="ascii") as lines:

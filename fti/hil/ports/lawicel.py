@@ -1,11 +1,11 @@
-"""A Lawicel (slcan) adapter, the adapter's side: what a host's commands do, and what they are answered.
+"""A Lawicel (slcan) adapter, the adapter's side: commands of the host and their answers.
 
 Document: Lawicel AB, CAN232 manual, version 3 (2013), ASCII commands; the frames are those of ``fti.links.slcan``.
 
     S0..S8 sxxyy Zn  settings: CR        O L C  open, listen only, close: CR
     V N              version, serial number
-    F                status flags (``fti.links.slcan_status``), then forgotten: Fxx CR with an open channel, else BEL
-    t T r R and so on  a frame: z CR or Z CR when the channel is open, else BEL
+    F                status flags (``fti.links.slcan_status``), then cleared: Fxx CR with an open channel, else BEL
+    t T r R ...      a frame: z CR or Z CR when the channel is open, else BEL
     anything else    BEL
 """
 
@@ -21,9 +21,9 @@ ANSWERS = {b"V": b"V1013\r", b"N": b"NF001\r", b"S": OK, b"s": OK, b"Z": OK, b""
 
 
 class Adapter:
-    """The adapter's state.  ``feed`` host bytes, get the answers; ``on_frame`` gets the frames that the host sends.
+    """State of an adapter.  ``feed`` takes host bytes and returns the answers; ``on_frame`` gets the host's frames.
 
-    flags : what the controller has to tell; a fault adds to them
+    flags : status flags of the controller; faults add to them
     """
 
     def __init__(self, on_frame: Callable[[bytes], None]) -> None:

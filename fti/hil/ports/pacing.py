@@ -1,8 +1,8 @@
-"""When bytes leave a line: no faster than its wire carries them.
+"""Pacing of a line: bytes leave no faster than the line carries them.
 
-A serial line carries a byte in start, data, parity and stop bits; a CAN bus a frame in its bits between two frames.
-Bytes are handed on in pieces of CHUNK_S, as the receive buffer of a UART or the latency timer of a USB adapter does;
-the last byte of what waits leaves at its own time (docs/decisions/0020).  A CAN frame leaves whole, at its end.
+The time of a byte on a serial line includes start, parity and stop bits; the time of a CAN frame includes the
+intermission.  Bytes leave in chunks of CHUNK_S, as from the receive buffer of a UART or the latency timer of a USB
+adapter; the last queued byte leaves at its exact time (docs/decisions/0020).  A CAN frame leaves whole, at its end.
 """
 
 from __future__ import annotations
@@ -15,26 +15,26 @@ from fti.config import SerialLink
 from fti.drivers._can import frame_head
 
 CHUNK_S = 0.001
-#: Instants so near to each other are the same: a sum of floats may end a little behind the instant that it was told.
+#: Times within this tolerance are equal, because sums of floats have rounding errors.
 TIME_TOLERANCE_S = 1e-9
 #: Bits of a frame without its data: from start of frame to the third bit of the intermission, no stuff bit counted.
 STANDARD_BITS, EXTENDED_BITS = 47, 67
 
 
 def byte_s(link: SerialLink) -> float:
-    """How long a byte takes on a serial line [s]."""
+    """Transmission time of a byte on a serial line [s]."""
     return (1 + link.data_bits + (link.parity != "none") + link.stop_bits) / link.baud
 
 
 def frame_s(frame: bytes, bitrate: int) -> float:
-    """How long a ``can_frame`` takes on a bus at best [s]: without stuff bits, which add up to a fifth."""
+    """Shortest transmission time of a ``can_frame`` [s]: without stuff bits, which add up to a fifth."""
     word, length = frame_head(frame)
     return ((EXTENDED_BITS if word & EXTENDED else STANDARD_BITS) + 8 * length) / bitrate
 
 
 @dataclass(slots=True)
 class PacedMessage:
-    """What waits.  whole : it leaves at its end only; written : bytes that have left"""
+    """A queued message.  whole : it leaves at its end only; written : number of bytes that have left"""
 
     data: bytes
     duration_s: float
@@ -42,18 +42,18 @@ class PacedMessage:
     written: int = 0
 
     def bytes_passed(self, elapsed_s: float) -> int:
-        """Bytes that have left so long after its begin."""
+        """Number of bytes that have left elapsed_s [s] after its begin."""
         if elapsed_s >= self.duration_s - TIME_TOLERANCE_S:
             return len(self.data)
         return 0 if self.whole else int((elapsed_s + TIME_TOLERANCE_S) / self.duration_s * len(self.data))
 
 
 class LinePacer:
-    """Messages in their order on a line.  Its instants are those of any clock [s]."""
+    """Queue of the messages on a line.  Times are those of any clock [s]."""
 
     def __init__(self) -> None:
         self._waiting: deque[PacedMessage] = deque()
-        self._begin_s = 0.0  # of the first that waits; of the next one, when none does
+        self._begin_s = 0.0  # begin of the first queued message, or earliest begin of the next one
         self.waiting_s = 0.0
         self.waiting_bytes = 0
 
@@ -61,7 +61,7 @@ class LinePacer:
         return len(self._waiting)
 
     def add(self, message: PacedMessage, now_s: float) -> None:
-        """One more, behind those that wait."""
+        """Append a message."""
         if not self._waiting:
             self._begin_s = max(self._begin_s, now_s)
         self._waiting.append(message)
@@ -69,7 +69,7 @@ class LinePacer:
         self.waiting_bytes += len(message.data)
 
     def due(self, now_s: float) -> bytes:
-        """What may leave now, of all messages together."""
+        """Bytes that may leave now, of all messages together."""
         elapsed_s, parts = now_s - self._begin_s, []
         for message in self._waiting:
             bytes_passed = message.bytes_passed(elapsed_s)
@@ -81,7 +81,7 @@ class LinePacer:
         return parts[0] if len(parts) == 1 else b"".join(parts)
 
     def mark_written(self, count: int) -> int:
-        """So many bytes of that have left; returns how many messages are complete with them."""
+        """Record that the first ``count`` bytes have left.  Returns the number of messages completed by them."""
         complete = 0
         while count:
             first = self._waiting[0]
@@ -95,15 +95,15 @@ class LinePacer:
         return complete
 
     def drop_oldest(self) -> PacedMessage:
-        """Take away the oldest message of which nothing has left, or the only one there is."""
+        """Remove the oldest message of which nothing has left, or the only one."""
         index = 1 if self._waiting[0].written and len(self._waiting) > 1 else 0
         return self._remove(index)
 
     def next_s(self, now_s: float) -> float:
-        """When there is more to leave, at the latest when everything has left."""
+        """Time of the next bytes [s], at the latest the end of the queue."""
         first = self._waiting[0]
-        useful_s = first.duration_s if first.whole else 0.0
-        return max(self._begin_s + useful_s, min(self._begin_s + self.waiting_s, now_s + CHUNK_S))
+        min_s = first.duration_s if first.whole else 0.0
+        return max(self._begin_s + min_s, min(self._begin_s + self.waiting_s, now_s + CHUNK_S))
 
     def _remove(self, index: int) -> PacedMessage:
         message = self._waiting[index]

@@ -1,12 +1,12 @@
-"""A serial line's far end: a pty whose slave stands at ``DIR/<link>``.
+"""The far end of a serial line: a pty with a symlink ``DIR/<link>`` to its slave.
 
-The symlink is replaced atomically, so that a reader which opens it again finds the new pty.  As on a wire, what is
-sent while nobody listens is lost, and counted:
+The symlink is replaced atomically, so that a reader that opens it again gets the new pty.  As on a real line, messages
+without a reader are lost, and counted:
 
-    no reader yet        the master says that it is hung up: nothing is written
-    a reader has come    we hold the slave too, so that the line outlives its reader
-    unread for STALE_S   the reader has gone or sleeps: we read it away ourselves, oldest first
-    the kernel is full   (11-16 kB) messages wait; beyond a bound the oldest whole ones are dropped (``line``)
+    no reader yet               the master reports a hang-up: nothing is written
+    a reader has opened it      the emulator holds the slave open too, so that the line outlives its reader
+    unread: STALE_TIMEOUT_S     the reader has gone or sleeps: the emulator discards the oldest bytes
+    kernel buffer full          (11-16 kB) messages wait; beyond a limit the oldest are dropped (``serial_base``)
 """
 
 from __future__ import annotations
@@ -26,46 +26,46 @@ from fti.hil.ports.reader_watch import ReaderWatch
 from fti.hil.ports.serial_base import Notifier, Responder, SerialEndpoint
 
 STALE_TIMEOUT_S = 2.0
-#: How often is looked whether a line is read, while something is sent on it.
+#: Interval of the check for a reader, while the line sends.
 CHECK_PERIOD_S = 0.1
 POLL_S = 0.02
 
 
 class PtyEndpoint(SerialEndpoint):
-    """Serial endpoint.  place : where the symlink to the slave is put; the rest : ``SerialEndpoint``"""
+    """Serial endpoint on a pty.  symlink : path of the symlink to the slave; others : see ``SerialEndpoint``"""
 
     def __init__(
         self,
-        place: Path,
+        symlink: Path,
         respond: Responder,
         *,
         byte_s: float = 0.0,
         capacity_text: str = "",
         notify: Notifier = lambda _: None,
     ) -> None:
-        super().__init__(place.name, respond, byte_s, capacity_text, notify)
-        self.place = place
+        super().__init__(symlink.name, respond, byte_s, capacity_text, notify)
+        self.symlink = symlink
         self._has_reader = asyncio.Event()
         self._unread_since: float | None = None
         self._next_check_s = 0.0
-        self._sent_at_check = self._read = 0  # bytes sent until the last look; and read, at least
-        self._stale_at: int | None = None  # bytes sent when something was last read away; None: it is read
+        self._sent_at_check = self._read = 0  # bytes sent until the last check; and read, at least
+        self._stale_at: int | None = None  # bytes sent at the last discard; None: the line is read
         self._slave = -1
         self._slave_name = ""
         self._readers: ReaderWatch | None = None
         self._watch_timer: asyncio.TimerHandle | None = None
 
     async def open(self) -> None:
-        """Make the pty and its symlink.  MissingError when there is no place for the symlink."""
+        """Open the pty and create its symlink.  Raises MissingError when the symlink cannot be created."""
         self._fd, slave = os.openpty()
         tty.setraw(slave, termios.TCSANOW)
         self._slave_name = os.ttyname(slave)
         os.set_blocking(self._fd, False)
         os.close(slave)
         try:
-            link_atomically(self._slave_name, self.place)
+            link_atomically(self._slave_name, self.symlink)
         except OSError as error:
-            raise MissingError(f"{self.place}: no port can be put there: {error.strerror}") from None
+            raise MissingError(f"{self.symlink}: cannot create the port: {error.strerror}") from None
         self._watch()
 
     async def wait_for_reader(self) -> None:
@@ -73,7 +73,7 @@ class PtyEndpoint(SerialEndpoint):
         await self._has_reader.wait()
 
     def _watch(self) -> None:
-        """Look for the first reader.  Only then is the master of an unheld slave no longer hung up."""
+        """Poll for the first reader, whose opening ends the hang-up state of the master."""
         poller = select.poll()
         poller.register(self._fd, 0)
         if poller.poll(0):
@@ -85,12 +85,12 @@ class PtyEndpoint(SerialEndpoint):
         self._has_reader.set()
 
     def send(self, data: bytes) -> None:
-        """Send a message, or queue it; drop what nobody listens to."""
+        """Send or queue a message; drop it when there is no reader."""
         if self._accepts(len(data)):
             super().send(data)
 
     def _accepts(self, count: int) -> bool:
-        """Is there a reader?  If not, a message of so many bytes is dropped."""
+        """Whether there is a reader; without one, a message of ``count`` bytes is counted as dropped."""
         if not self._has_reader.is_set():
             self._drop(count)
             return False
@@ -100,14 +100,14 @@ class PtyEndpoint(SerialEndpoint):
         return True
 
     async def drain(self) -> None:
-        """Wait until the reader has read everything; what is unread when the pty goes is lost."""
+        """Wait until the reader has read everything; unread bytes are lost when the pty is closed."""
         empty = 0 if self._has_reader.is_set() else 2
-        while empty < 2:  # twice: between the two the kernel hands over what it still holds back
+        while empty < 2:  # twice: in between, the kernel delivers delayed bytes
             await asyncio.sleep(POLL_S)
             empty = 0 if self._pacer or _unread_bytes(self._slave) else empty + 1
 
     def close(self) -> None:
-        """Take the line away, and the symlink when it is still ours."""
+        """Close the pty, and remove the symlink if it still leads to this pty."""
         if self._fd < 0:
             return
         if self._watch_timer is not None:
@@ -115,18 +115,18 @@ class PtyEndpoint(SerialEndpoint):
         if self._readers is not None:
             self._readers.close()
         self._unregister()
-        if self.place.is_symlink() and str(self.place.readlink()) == self._slave_name:
-            self.place.unlink()
+        if self.symlink.is_symlink() and str(self.symlink.readlink()) == self._slave_name:
+            self.symlink.unlink()
         for descriptor in (self._fd, self._slave):
             if descriptor >= 0:
                 os.close(descriptor)
         self._fd = self._slave = -1
 
     def _discard_stale(self) -> None:
-        """Read away what nobody has read for STALE_S; told when it begins, and when somebody reads again.
+        """Discard bytes that are unread for STALE_TIMEOUT_S; notify at the begin, and when the line is read again.
 
-        A reader of a busy line may never be seen with nothing left to read: it reads while the count of what it has
-        read grows.  What was sent since the last look is not counted, for the kernel may still hold it back.
+        On a busy line the buffer may never be empty at a check: the line is read while the count of read bytes grows.
+        Bytes sent since the last check are not counted, because the kernel may still delay them.
         """
         now, unread = self._now(), _unread_bytes(self._slave)
         read, self._sent_at_check = self._sent_at_check - unread, self.counters.bytes
@@ -143,19 +143,19 @@ class PtyEndpoint(SerialEndpoint):
     def _discard_unread(self) -> None:
         self._drop(_discard_bytes(self._slave))
         if self._stale_at is None:
-            self._notify(f"{self._name}: nobody has read it for {STALE_TIMEOUT_S:g} s; what is sent is dropped")
+            self._notify(f"{self._name}: nobody has read it for {STALE_TIMEOUT_S:g} s; messages are dropped")
         self._stale_at = self._read = self.counters.bytes
         self._unread_since = None
 
 
 def _unread_bytes(slave: int) -> int:
-    """Bytes that a reader of the slave could read now."""
+    """Number of bytes that a reader of the slave could read now."""
     count: int = struct.unpack("i", fcntl.ioctl(slave, termios.FIONREAD, bytes(4)))[0]
     return count
 
 
 def _discard_bytes(slave: int) -> int:
-    """Read and forget; returns how many bytes."""
+    """Read and discard all bytes; returns their number."""
     count = 0
     try:
         while data := os.read(slave, 4096):
@@ -165,12 +165,12 @@ def _discard_bytes(slave: int) -> int:
     return count
 
 
-def link_atomically(target: str, place: Path) -> None:
-    """Let ``place`` be a symlink to ``target``, replacing an older one in one step; OSError where a file stands."""
-    place.parent.mkdir(parents=True, exist_ok=True)
-    if os.path.lexists(place) and not place.is_symlink():
-        raise FileExistsError(errno.EEXIST, "a file stands there, and no link of an emulator")
-    fresh = place.with_name(f".{place.name}.{os.getpid()}")
+def link_atomically(target: str, symlink: Path) -> None:
+    """Create or atomically replace a symlink to ``target``.  Raises OSError if a file with this name exists."""
+    symlink.parent.mkdir(parents=True, exist_ok=True)
+    if os.path.lexists(symlink) and not symlink.is_symlink():
+        raise FileExistsError(errno.EEXIST, "a file with this name exists")
+    fresh = symlink.with_name(f".{symlink.name}.{os.getpid()}")
     fresh.unlink(missing_ok=True)
     fresh.symlink_to(target)
-    fresh.replace(place)
+    fresh.replace(symlink)

@@ -1,7 +1,7 @@
-"""How late this machine's kernel carries bytes through a pty.
+"""Measures the delay of bytes through a pty in this machine's kernel.
 
-The emulator comes before ordinary processes and is on time on a computer that is overloaded; the kernel's worker that
-carries what it has sent is not.  One byte through a pty of our own, 25 times a second, shows it.
+The emulator has real-time priority and is on time on an overloaded computer, but the kernel worker that transports the
+bytes is not.  One byte through a separate pty, 25 times a second, measures its delay.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from typing import Self
 
 SECOND_NS = 1_000_000_000
 PERIOD_S = 0.04
-#: What takes longer is told [ns].
+#: Longer delays are reported [ns].
 LATE_NS = SECOND_NS // 10
 
 
 class PtyDelay:
-    """A stream of the scheduler, from which ``notify`` hears when a byte was sent and when it arrived (FTI time) if late.
+    """A stream of the scheduler that calls ``notify`` with send and arrival time (FTI time) of each late byte.
 
-    now_ns : FTI time; end_s : the stream ends there [s of the flight].  To be used as a context in a running loop.
+    now_ns : FTI time; end_s : end of the stream [s of the flight].  A context manager, used in a running event loop.
     """
 
     def __init__(self, now_ns: Callable[[], int], end_s: float, notify: Callable[[int, int], None]) -> None:
@@ -45,12 +45,12 @@ class PtyDelay:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         asyncio.get_running_loop().remove_reader(self._slave)
-        self._check_delay(len(self._sent))  # what has not arrived by the end of the flight
+        self._check_delay(len(self._sent))  # bytes that have not arrived by the end of the flight
         os.close(self._master)
         os.close(self._slave)
 
     def due_s(self) -> float | None:
-        """Instant of the next byte."""
+        """Time of the next byte."""
         due_s = self._k * PERIOD_S
         return due_s if due_s <= self._end_s else None
 
@@ -64,7 +64,7 @@ class PtyDelay:
         self._check_delay(len(os.read(self._slave, 4096)))
 
     def _check_delay(self, count: int) -> None:
-        """The oldest bytes have arrived; of several at once the oldest was the latest."""
+        """Handle the arrival of the oldest bytes; of several at once the oldest has the largest delay."""
         sent = [self._sent.popleft() for _ in range(min(count, len(self._sent)))]
         now_ns = self._now_ns()
         if sent and now_ns - sent[0] > LATE_NS:

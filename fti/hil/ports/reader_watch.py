@@ -1,7 +1,7 @@
-"""Who has a pty open: two programs that read the same line get a part of its bytes each, and neither knows.
+"""Detects several readers of a pty: each of them would get a part of the bytes only.
 
-The kernel tells of each opening (inotify, Linux ``inotify(7)``); only then, and when things have settled, is ``/proc``
-searched for who it was.  A program of another user is not seen there.
+The kernel reports each opening (Linux ``inotify(7)``); after a settling time ``/proc`` is searched for the processes.
+Programs of other users are not visible there.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ SETTLE_S = 0.5
 
 
 class ReaderWatch:
-    """Tells when more than one other program has a line open.  name : of the link; device : path of the slave"""
+    """Notifies when more than one other program has a line open.  name : of the link; device : path of the slave"""
 
     def __init__(self, name: str, device: str, notify: Notifier) -> None:
         self._name, self._device, self._notify = name, device, notify
@@ -31,7 +31,7 @@ class ReaderWatch:
             asyncio.get_running_loop().add_reader(self._fd, self._on_open)
 
     def close(self) -> None:
-        """Watch no longer."""
+        """Stop watching."""
         if self._search is not None:
             self._search.cancel()
         if self._fd >= 0:
@@ -47,17 +47,17 @@ class ReaderWatch:
 
     async def _search_readers(self) -> None:
         await asyncio.sleep(SETTLE_S)
-        found = await asyncio.to_thread(holders, self._device)
-        if len(found) > 1 and set(found) != self._reported:
-            programs = ", ".join(f"{command} (process {pid})" for pid, command in sorted(found.items()))
+        readers = await asyncio.to_thread(holders, self._device)
+        if len(readers) > 1 and set(readers) != self._reported:
+            programs = ", ".join(f"{command} (process {pid})" for pid, command in sorted(readers.items()))
             self._notify(
-                f"{self._name}: {len(found)} programs have it open, and each gets a part of the bytes: {programs}"
+                f"{self._name}: {len(readers)} programs have it open, and each gets a part of the bytes: {programs}"
             )
-            self._reported = set(found)
+            self._reported = set(readers)
 
 
 def _watch_openings(device: str) -> int:
-    """A descriptor that can be read after each opening; -1 where the kernel gives none."""
+    """A descriptor that becomes readable after each opening; -1 if the kernel provides none."""
     libc = ctypes.CDLL(None)
     descriptor: int = libc.inotify_init1(IN_NONBLOCK_CLOEXEC)
     if descriptor >= 0 and libc.inotify_add_watch(descriptor, device.encode(), IN_OPEN) < 0:
@@ -67,7 +67,7 @@ def _watch_openings(device: str) -> int:
 
 
 def holders(device: str) -> dict[int, str]:
-    """Other processes that have a device open: number -> name, as far as they may be looked at."""
+    """Other processes that have a device open, as far as they are accessible: process number -> name."""
     found = {}
     for process in Path("/proc").iterdir():
         if process.name.isdigit() and int(process.name) != os.getpid() and _holds(process, device):

@@ -1,7 +1,7 @@
-"""Far ends that leave this machine: a real serial port, and where the scenario says so, an address of a network.
+"""Real ports, by which emulated devices send to other equipment: serial ports, CAN adapters, network addresses.
 
-``[port.LINK]`` of a scenario takes the place of the pty, of loopback or of the bus that a link of the configuration
-would have here, so that equipment outside, another computer's daemon included, hears the emulated devices.
+``[port.LINK]`` of a scenario replaces the pty, loopback address or local bus of a link of the configuration, so that
+other equipment, such as the daemon on another computer, receives the emulated devices.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ POLL_S = 0.02
 
 
 class RealPort(StrictModel):
-    """``[port.LINK]``: where the devices of a link really talk.
+    """``[port.LINK]``: the real port of a link.
 
     device    : of a serial link: the emulator's end of the cable; of a CAN link: the channel of its adapter
     interface : of a CAN link: any python-can interface; to : of a UDP link: the receiver's address:port
@@ -33,15 +33,15 @@ class RealPort(StrictModel):
     to: Address | None = None
 
     def check(self, link: Link, where: str) -> None:
-        """Raises ConfigError unless it says what this kind of link needs, and nothing else."""
+        """Raises ConfigError unless it has exactly the keys for this kind of link."""
         needed = {SerialLink: {"device"}, CanLink: {"device", "interface"}, UdpLink: {"to"}}[type(link)]
-        given = set(self.model_dump(exclude_none=True))
-        if given != needed:
-            raise ConfigError(f"{where}: a {link.kind} link needs {' and '.join(sorted(needed))}, and nothing else")
+        if set(self.model_dump(exclude_none=True)) != needed:
+            keys = " and ".join(sorted(needed))
+            raise ConfigError(f"{where}: a {link.kind} link needs {keys}; no other key is allowed")
 
 
 class TtyEndpoint(SerialEndpoint):
-    """The emulator's end of a cable: a serial port with the settings of the link.  Its UART makes the pace."""
+    """The emulator's end of a cable: a serial port with the settings of the link.  Its UART limits the rate."""
 
     def __init__(self, link: SerialLink, device: str, respond: Responder, notify: Notifier) -> None:
         super().__init__(link.name, respond, 0.0, "", notify)
@@ -57,19 +57,19 @@ class TtyEndpoint(SerialEndpoint):
         self._start_reading()
 
     async def wait_for_reader(self) -> None:
-        """A cable does not tell who listens."""
+        """Return at once: a reader at a cable is not visible."""
 
     async def drain(self) -> None:
         """Wait until the UART has sent everything."""
-        while self._pacer or _unsent_bytes(self._fd):  # noqa: ASYNC110  the driver does not tell
+        while self._pacer or _unsent_bytes(self._fd):  # noqa: ASYNC110  the driver does not signal it
             await asyncio.sleep(POLL_S)
 
     def close(self) -> None:
-        """Close the port; what the UART has not sent is forgotten, so that a stopped line holds nobody up."""
+        """Close the port and discard unsent bytes, so that a stopped line does not block."""
         if self._fd < 0:
             return
         self._unregister()
-        with contextlib.suppress(termios.error):  # a port that is gone
+        with contextlib.suppress(termios.error):  # a removed port
             termios.tcflush(self._fd, termios.TCOFLUSH)
         self._port.close()
         self._fd = -1
@@ -78,6 +78,6 @@ class TtyEndpoint(SerialEndpoint):
 def _unsent_bytes(descriptor: int) -> int:
     try:
         count: int = struct.unpack("i", fcntl.ioctl(descriptor, termios.TIOCOUTQ, bytes(4)))[0]
-    except OSError:  # a port that is gone
+    except OSError:  # a removed port
         return 0
     return count

@@ -1,9 +1,9 @@
-"""What every serial far end does: hand messages to a descriptor at the pace of the wire, and answer what comes.
+"""Base class of serial endpoints: writes messages to a descriptor at the pace of the line, and answers input.
 
-What the kernel or the wire does not take waits here, and that is bounded: beyond BACKLOG_BYTES behind a full
-descriptor, and beyond a second or BUFFER_BYTES of a wire that is too slow, the oldest whole messages are dropped,
-counted and told once, until everything that waited has left.  A port that goes away in flight (an adapter is pulled
-out) is told, and what its devices send is dropped: the others fly on.
+Messages that kernel or line do not accept are queued.  The queue is limited: beyond BACKLOG_BYTES behind a full
+descriptor, and beyond BUFFER_S and BUFFER_BYTES of a line that is too slow, the oldest whole messages are dropped and
+counted.  One notification is sent until the queue is empty again.  The loss of a port in flight (an adapter is pulled
+out) is notified and its messages are dropped; the other devices continue.
 """
 
 from __future__ import annotations
@@ -18,48 +18,43 @@ from typing import ClassVar
 from fti.hil.ports.counters import EndpointCounters
 from fti.hil.ports.pacing import LinePacer, PacedMessage
 
-#: Bytes that may wait behind a full descriptor, and behind a slow wire: what a device's own output buffer holds.
+#: Limits of the queue behind a full descriptor [bytes], and behind a slow line: a typical output buffer of a device.
 BACKLOG_BYTES = 16384
 BUFFER_BYTES, BUFFER_S = 4096, 1.0
 
-#: What a device answers to bytes; what is told to the person at the bench.
+#: Returns the answers of a device to bytes; receives messages for the user.
 Responder = Callable[[bytes], list[bytes]]
 Notifier = Callable[[str], None]
 
 
 class SerialEndpoint(ABC):
-    """A far end behind a descriptor that ``open`` puts into ``_fd``.
+    """An endpoint on a descriptor that ``open`` puts into ``_fd``.
 
-    name    : of the link; respond : what the device answers to bytes from the daemon
-    byte_s  : how long a byte takes [s]; 0 : as fast as the kernel takes it
-    carries : what the line carries, in words
+    name          : of the link; respond : returns the answers of the device to bytes from the daemon
+    byte_s        : transmission time of a byte [s]; 0 : no limit
+    capacity_text : capacity of the line as text
     """
 
     is_stream: ClassVar[bool] = True
 
     def __init__(self, name: str, respond: Responder, byte_s: float, capacity_text: str, notify: Notifier) -> None:
         self.counters = EndpointCounters()
-        self._name, self._respond, self._byte_s, self._capacity_text, self._notify = (
-            name,
-            respond,
-            byte_s,
-            capacity_text,
-            notify,
-        )
+        self._name, self._respond, self._notify = name, respond, notify
+        self._byte_s, self._capacity_text = byte_s, capacity_text
         self._fd = -1
         self._pacer = LinePacer()
         self._space = asyncio.Event()
-        self._is_full = False  # the kernel takes nothing more
-        self._is_behind = False  # something was dropped, and since then something has always waited
-        self._is_gone = False  # the port went away
+        self._is_full = False  # the buffer of the kernel is full
+        self._is_behind = False  # messages were dropped, and the queue has not been empty since
+        self._is_lost = False  # the port was lost
         self._timer: asyncio.TimerHandle | None = None
 
     @abstractmethod
     async def open(self) -> None:
-        """Make the port."""
+        """Open the port."""
 
     def send(self, data: bytes) -> None:
-        """Send a message, or queue it."""
+        """Send or queue a message."""
         self._queue(PacedMessage(data, len(data) * self._byte_s, whole=False))
 
     async def send_all(self, data: bytes) -> None:
@@ -71,29 +66,29 @@ class SerialEndpoint(ABC):
             await self._space.wait()
 
     def _queue(self, message: PacedMessage) -> None:
-        if self._is_gone:
+        if self._is_lost:
             self._drop(len(message.data))
             return
         is_first = not self._pacer
         self._pacer.add(message, self._now())
-        if is_first or self._timer is None:  # else the wire is busy, and the next look at it is due already
+        if is_first or self._timer is None:  # else the line is busy, and the timer is set
             self._flush()
         while self._is_overfull():
             self._drop_oldest()
 
     def _is_overfull(self) -> bool:
-        wire = self._pacer
+        pacer = self._pacer
         if self._is_full:
-            return wire.waiting_bytes > BACKLOG_BYTES
-        return wire.waiting_bytes > BUFFER_BYTES and wire.waiting_s > BUFFER_S and len(wire) > 1
+            return pacer.waiting_bytes > BACKLOG_BYTES
+        return pacer.waiting_bytes > BUFFER_BYTES and pacer.waiting_s > BUFFER_S and len(pacer) > 1
 
     def _drop_oldest(self) -> None:
         self._drop(len(self._pacer.drop_oldest().data))
         if not self._is_full:
             self.counters.too_slow_messages += 1
         if not self._is_behind:
-            why = "nobody reads it" if self._is_full else f"{self._capacity_text}, and its devices send more"
-            self._notify(f"{self._name}: {why}; the oldest messages are dropped")
+            reason = "nobody reads it" if self._is_full else f"{self._capacity_text}, and its devices send more"
+            self._notify(f"{self._name}: {reason}; the oldest messages are dropped")
             self._is_behind = True
 
     def _drop(self, count: int) -> None:
@@ -101,7 +96,7 @@ class SerialEndpoint(ABC):
         self.counters.dropped_bytes += count
 
     def _flush(self) -> None:
-        """Write what wire and kernel take; come back when they take more."""
+        """Write the bytes that line and kernel accept now; schedule the next call."""
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
@@ -120,18 +115,18 @@ class SerialEndpoint(ABC):
             self._space.set()
 
     def _hand_over(self, now: float) -> bool:
-        """Write what has left the wire; true when the kernel takes no more."""
+        """Write the bytes that are due; True when the buffer of the kernel is full."""
         due = self._pacer.due(now)
         written = self._write(due) if due else 0
         self.counters.messages += self._pacer.mark_written(written)
         return written < len(due)
 
-    def _on_port_lost(self, why: str) -> None:
-        """The port is gone: drop what waits, and what comes."""
+    def _on_port_lost(self, reason: str) -> None:
+        """Drop queued messages, and all later ones."""
         self._unregister()
-        if not self._is_gone:
-            self._notify(f"{self._name}: the port is gone: {why}; what is sent on it is dropped")
-        self._is_gone = True
+        if not self._is_lost:
+            self._notify(f"{self._name}: the port is lost: {reason}; its messages are dropped")
+        self._is_lost = True
         while self._pacer:
             self._drop(len(self._pacer.drop_oldest().data))
         self._space.set()
@@ -165,14 +160,14 @@ class SerialEndpoint(ABC):
             self._on_port_lost(str(error.strerror))
             return
         if not data:
-            self._on_port_lost("it was hung up")
+            self._on_port_lost("hang-up")
             return
         self.counters.received_bytes += len(data)
         for answer in self._respond(data):
             self.send(answer)
 
     def _unregister(self) -> None:
-        """Let the loop forget the descriptor, before it is closed."""
+        """Remove the descriptor from the event loop before it is closed."""
         if self._timer is not None:
             self._timer.cancel()
         loop = asyncio.get_running_loop()

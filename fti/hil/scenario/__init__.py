@@ -1,4 +1,4 @@
-"""What is flown in the laboratory, and what goes wrong."""
+"""Scenarios: the flight, its faults and its expectations, from files."""
 
 from fti.hil.scenario.loading import find, load, load_config, parse, shipped_names
 from fti.hil.tables.schema import Scenario

@@ -1,4 +1,4 @@
-"""Does a scenario fit the configuration?  Its names must be there, and its faults must be possible where they are."""
+"""Check of a scenario against the configuration: its names must exist, its faults must apply to their devices."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from fti.hil.tables.schema import Scenario
 
 
 def check(scenario: Scenario, config: Config) -> None:
-    """Raises ConfigError that names the place in the scenario, and what there is."""
-    _check_names(f"{scenario.where}: sensor", "device", scenario.sensor, [d.name for d in config.device], config)
-    _check_names(f"{scenario.where}: port", "link", scenario.port, [link.name for link in config.link], config)
+    """Raises ConfigError with file, key and the allowed values."""
+    _check_names(f"{scenario.source_name}: sensor", "device", scenario.sensor, [d.name for d in config.device], config)
+    _check_names(f"{scenario.source_name}: port", "link", scenario.port, [link.name for link in config.link], config)
     for link in config.link:
         if link.name in scenario.port:
-            scenario.port[link.name].check(link, f"{scenario.where}: port.{link.name}")
-    has_wire = any(isinstance(fault, ByteFault | ClockFault) for fault in scenario.fault)
-    bound = bind_devices(config) if has_wire else []
+            scenario.port[link.name].check(link, f"{scenario.source_name}: port.{link.name}")
+    needs_drivers = any(isinstance(fault, ByteFault | ClockFault) for fault in scenario.fault)
+    bound = bind_devices(config) if needs_drivers else []
     for i, fault in enumerate(scenario.fault):
-        where = f"{scenario.where}: fault[{i}]"
+        where = f"{scenario.source_name}: fault[{i}]"
         if isinstance(fault, DeviceFault):
             _check_names(f"{where}.devices", "device", fault.devices, [d.name for d in config.device], config)
             if isinstance(fault, ByteFault | ClockFault):
@@ -33,11 +33,11 @@ def check(scenario: Scenario, config: Config) -> None:
             _check_links(f"{where}.links", fault, config)
     for i, expectation in enumerate(scenario.expect):
         if wrong := expect_channels.channel_error(expectation.channel, config):
-            raise ConfigError(f"{scenario.where}: expect[{i}].channel = {expectation.channel!r}: {wrong}")
+            raise ConfigError(f"{scenario.source_name}: expect[{i}].channel = {expectation.channel!r}: {wrong}")
 
 
 def _check_links(where: str, fault: LinkFault, config: Config) -> None:
-    """Trouble of controllers is told by slcan adapters alone; everything else can be on any CAN link."""
+    """Only slcan adapters report controller errors; the other faults apply to any CAN link."""
     buses = [link for link in config.link if isinstance(link, CanLink)]
     if isinstance(fault, CanStatus):
         adapters = [link.name for link in buses if link.interface == "slcan"]
@@ -47,7 +47,7 @@ def _check_links(where: str, fault: LinkFault, config: Config) -> None:
 
 
 def _check_applicability(where: str, fault: DeviceFault, devices: Sequence[BoundDevice]) -> None:
-    """Named devices must each have what is spoiled; without names one must."""
+    """The fault must apply to each named device; without names, to at least one device."""
     reasons = {
         b.device.name: inapplicable_reason(fault, b)
         for b in devices
@@ -58,11 +58,11 @@ def _check_applicability(where: str, fault: DeviceFault, devices: Sequence[Bound
         name, reason = next(iter(wrong.items()))
         raise ConfigError(f"{where}.devices: {name!r}: {reason}")
     if devices and len(wrong) == len(reasons):
-        raise ConfigError(f"{where}: no device can have it; {next(iter(wrong.values()))}")
+        raise ConfigError(f"{where}: applies to no device of the configuration: {next(iter(wrong.values()))}")
 
 
-def _check_names(where: str, kind: str, named: Iterable[str], there: Sequence[str], config: Config) -> None:
-    for name in named:
-        if name not in there:
-            known = ", ".join(there) or "none"
-            raise ConfigError(f"{where}: {name!r} is no {kind} of {config.path}; there are {known}")
+def _check_names(where: str, kind: str, names: Iterable[str], known: Sequence[str], config: Config) -> None:
+    for name in names:
+        if name not in known:
+            allowed = ", ".join(known) or "none"
+            raise ConfigError(f"{where}: unknown {kind} {name!r}; {config.path} has: {allowed}")

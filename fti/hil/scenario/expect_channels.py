@@ -1,4 +1,4 @@
-"""Is there a channel of that name?  What ``[[expect]]`` asks for is a field of a message that this daemon records."""
+"""Check of the channels of ``[[expect]]``: each is a field of a message that the daemon records."""
 
 from __future__ import annotations
 
@@ -12,42 +12,42 @@ from fti.types import HeightAboveGround, Measurement, Output, ProvisionalSolutio
 
 OUTPUTS: Mapping[str, Any] = {snake_case(kind.__name__): kind for kind in get_args(Output)}
 MEASUREMENTS: Mapping[str, Any] = {snake_case(kind.__name__): kind for kind in get_args(Measurement)}
-#: Health, ledger, clock, events: what is in them depends on the flight.
+#: Health, ledger, clock, events: their content depends on the flight, so they are not checked.
 DAEMON_NAMESPACE = "fti"
 
 
 def channel_error(channel: str, config: Config) -> str:
-    """What is wrong with a topic and its field, and what there is; "" where nothing is."""
+    """The error in a topic and its field, with the allowed names; "" if there is none."""
     topic, _, field = channel.rpartition(".")
     begin, *rest = topic.strip("/").split("/")
     if begin == DAEMON_NAMESPACE:
         return ""
     devices = [device.name for device in config.device]
     if begin not in ("nav", *devices):
-        return f"there is no {begin!r}; there are nav, {DAEMON_NAMESPACE}, {_join_names(devices)}"
+        return f"unknown topic /{begin}; allowed: nav, {DAEMON_NAMESPACE}, {_join_names(devices)}"
     kinds = OUTPUTS if begin == "nav" else MEASUREMENTS
     kind = kinds.get(rest[0]) if rest else None
     if kind is None:
-        return f"/{begin} has no {'/'.join(rest)!r}; it may have {_join_names(kinds)}"
+        return f"unknown topic {'/'.join(rest)!r} of /{begin}; allowed: {_join_names(kinds)}"
     return _part_error(kind, rest[1:], config) or _field_error(kind, field)
 
 
 def _part_error(kind: Any, parts: Sequence[str], config: Config) -> str:
-    """Heights and provisional solutions have a name behind them, nothing else has anything."""
+    """Topics of heights and provisional solutions end with a device name; other topics have no further part."""
     receivers = config.nav.filter.gnss if config.nav.filter else ()
-    named = {
+    device_roles = {
         HeightAboveGround: ("nav.altimeters", config.nav.altimeters),
         ProvisionalSolution: ("nav.filter.gnss", receivers),
     }
-    role, names = named.get(kind, ("", ()))
+    role, names = device_roles.get(kind, ("", ()))
     if role and (len(parts) != 1 or parts[0] not in names):
-        return f"it must name one of {role}: {_join_names(names)}"
-    return f"nothing is below it: {'/'.join(parts)!r}" if parts and not role else ""
+        return f"must end with one of {role}: {_join_names(names)}"
+    return f"unknown part {'/'.join(parts)!r}; allowed: none" if parts and not role else ""
 
 
 def _field_error(kind: Any, field: str) -> str:
     fields = [one.name for one in dataclasses.fields(kind)]
-    return "" if field in fields else f"there is no field {field!r}; there are {_join_names(fields)}"
+    return "" if field in fields else f"unknown field {field!r}; allowed: {_join_names(fields)}"
 
 
 def _join_names(names: Any) -> str:

@@ -1,4 +1,4 @@
-"""Scenarios from files: read, checked against the configuration that they name."""
+"""Reading scenario files, and checking them against their configuration."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def load(path: Path) -> Scenario:
 
 
 def parse(table: Mapping[str, Any], path: Path) -> Scenario:
-    """The scenario in a TOML table; path : where it stands (for messages and relative paths)."""
+    """The scenario in a TOML table; path : its file (for messages and relative paths).  Raises ConfigError."""
     scenario = configuration.bind(Scenario, table, str(path)).with_file(str(path))
     _check(scenario, path)
     found = {"config": _resolve_path(path, scenario.config), "flight": _with_absolute_file(path, scenario.flight)}
@@ -33,16 +33,16 @@ def parse(table: Mapping[str, Any], path: Path) -> Scenario:
 
 
 def _check(scenario: Scenario, path: Path) -> None:
-    """What no table can say by itself."""
+    """Conditions between tables.  Raises ConfigError."""
     for i, fault in enumerate(scenario.fault):
         if not isinstance(fault, WholeFlightFault) and fault.from_s >= fault.to_s:
             raise ConfigError(f"{path}: fault[{i}].to_s = {fault.to_s}: must be after from_s = {fault.from_s}")
         if isinstance(fault, OffTrack) and not isinstance(scenario.flight, ApproachFlight):
-            raise ConfigError(f"{path}: fault[{i}].kind = 'off_track': a flight of {scenario.flight.kind} has no track")
+            raise ConfigError(f"{path}: fault[{i}].kind = 'off_track': needs flight.kind = 'approach'")
 
 
 def _with_profile(scenario: Scenario, path: Path) -> Scenario:
-    """The same scenario with what its profile says."""
+    """The scenario with the faults and expectations of its profile."""
     if scenario.profile is None:
         return scenario
     file = _resolve_path(path, scenario.profile)
@@ -51,21 +51,21 @@ def _with_profile(scenario: Scenario, path: Path) -> Scenario:
     return scenario.model_copy(update={"profile": file, **merged})
 
 
-def _resolve_path(path: Path, named: str) -> str:
-    if "\0" in named:
-        raise ConfigError(f"{path}: {named!r}: is not the name of a file")
-    return str((path.parent / named).resolve())
+def _resolve_path(path: Path, name: str) -> str:
+    if "\0" in name:
+        raise ConfigError(f"{path}: {name!r}: is not a file name")
+    return str((path.parent / name).resolve())
 
 
 def _with_absolute_file(path: Path, flight: AnyFlight) -> AnyFlight:
-    """The same flight; a file that it names is beside the scenario's."""
+    """The flight with an absolute path; a relative one starts at the folder of the scenario."""
     if not isinstance(flight, RecordedFlight):
         return flight
     return flight.model_copy(update={"file": _resolve_path(path, flight.file)})
 
 
 def load_config(scenario: Scenario, path: Path | None = None) -> Config:
-    """The daemon's configuration of a scenario (or another one), which must have what the scenario needs."""
+    """The daemon's configuration of a scenario, or the one in path.  Raises ConfigError if they do not fit."""
     config = configuration.load(path or scenario.config)
     check(scenario, config)
     return config
@@ -76,9 +76,9 @@ def find(name_or_path: str) -> Path:
     for candidate in (Path(name_or_path), FOLDER / f"{name_or_path}.toml"):
         if candidate.is_file():
             return candidate
-    raise MissingError(f"no scenario {name_or_path!r}; there are {', '.join(shipped_names())} (or give a path)")
+    raise MissingError(f"unknown scenario {name_or_path!r}; allowed: a file, or one of {', '.join(shipped_names())}")
 
 
 def shipped_names() -> list[str]:
-    """Names of the scenarios that come with the program."""
+    """Names of the shipped scenarios."""
     return sorted(p.stem for p in FOLDER.glob("*.toml"))

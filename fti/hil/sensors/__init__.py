@@ -1,4 +1,4 @@
-"""Models of sensors, one per driver, and the table that says which."""
+"""Sensor models, and the tables of models and settings by driver."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from fti.hil.sensors.novatel import SurveyReceiver
 from fti.hil.sensors.power_unit import PowerPanel
 from fti.hil.sensors.sensor_settings import DeviceSettings, check_settings
 
-#: Driver name -> what stands at the other end of its line.
+#: Driver name -> model of its device.
 MODELS: dict[str, SensorModelType] = {
     "arinc429": ArincUnit,
     "ascii_line": GenericDevice,
@@ -49,22 +49,22 @@ MODELS: dict[str, SensorModelType] = {
 
 
 class UnitSettings(AirSettings, ImuSettings):
-    """Of a unit that has air data and inertial sensors."""
+    """Settings of a unit with air data and inertial sensors."""
 
 
 class AvionicsSettings(UnitSettings, RadarSettings):
-    """The same with a radar altimeter."""
+    """Settings of a unit with air data, inertial sensors and a radar altimeter."""
 
 
 class CanSettings(AirSettings, RadarSettings):
-    """Of a unit that has air data and may have a radar altimeter."""
+    """Settings of a unit with air data and an optional radar altimeter."""
 
 
 class GenericSettings(CanSettings, ImagerSettings):
-    """Of a device whose fields the configuration describes: all that these can carry."""
+    """Settings of a device whose fields the configuration defines."""
 
 
-#: Driver name -> what its model takes in ``[sensor.NAME]``; the others take the timing alone.
+#: Driver name -> settings of its model in ``[sensor.NAME]``; other models have the timing only.
 SETTINGS: dict[str, type[DeviceSettings]] = {
     "arinc429": AvionicsSettings,
     "ascii_line": GenericSettings,
@@ -84,22 +84,22 @@ def make_sensors(
 ) -> list[SimulatedSensor]:
     """A sensor for every device of the configuration.
 
-    Raises ConfigError where no model speaks a driver, or where one does not take a setting of the scenario.
+    Raises ConfigError for a driver without model, and for a setting of the scenario that a model does not have.
     """
     for device in config.device:
         check_settings(SETTINGS.get(device.driver, DeviceSettings), world.scenario, device.name)
-    found = []
+    sensors = []
     for bound in bind_devices(config):
         device = bound.device
         if device.driver not in MODELS:
             known = ", ".join(sorted(MODELS))
             raise ConfigError(
-                f"{config.path}: device {device.name!r}: the emulator has no model for driver {device.driver!r}; "
-                f"it has {known}"
+                f"{config.path}: device {device.name!r}: no sensor model for driver {device.driver!r}; "
+                f"available: {known}"
             )
         progress(f"sensor {device.name}")
-        found.append(SimulatedSensor(bound, MODELS[device.driver], world, seed))
-    return found
+        sensors.append(SimulatedSensor(bound, MODELS[device.driver], world, seed))
+    return sensors
 
 
 __all__ = ["MODELS", "SimulatedSensor", "make_sensors"]

@@ -1,12 +1,11 @@
-"""Air data: what probes, tubes and an air-data computer make of the air around the flight.
+"""Model of air data: probes, tubes and an air-data computer.
 
-    p_s = lag(p + C_p q_c) + error          static port: it feels a little of the impact pressure (position error)
-    q   = lag(p + q_c) - p_s                pitot against static: what the position error adds there is missing here
+    p_s = lag(p + C_p q_c) + error          static port with position error, a share of the impact pressure
+    q   = lag(p + q_c) - p_s                pitot minus static pressure, with the opposite position error
     H   = H_standard(p_s)                   altitude at 1013.25 hPa; at a setting B: H - H_standard(B)
     Mach, CAS, TAS                          from q, p_s and the air temperature, subsonic
 
-The flow is the flight's own: velocity against the air, gusts included, so that wind from the side is seen as sideslip
-by vanes as it is in the attitude.
+The flow is the velocity of the flight against the air, gusts included: vanes measure the sideslip of side gusts.
 
 Source: ISO 2533 (constants); Gracey 1980, NASA RP-1046, chapters 2, 3 and 10 (airspeed, position error, lag of tubes);
 FAR 23.1325(e): 30 ft per 100 kt of position error are allowed, C_p = 0.07.  C_p of 0.01 and lags of 0.1 s (static) and
@@ -47,11 +46,11 @@ STANDARD_PA = ISA_PRESSURE
 
 
 class AirSettings(DeviceSettings):
-    """Of an air-data computer.
+    """Settings of an air-data computer.
 
-    static_error             : C_p, what the static port feels of the impact pressure
+    static_error             : C_p, share of the impact pressure at the static port
     static_lag_s, pitot_lag_s : time constants of the tubes
-    altimeter_hpa            : what the crew has set on the altimeter; none: the QNH of the scenario
+    altimeter_hpa            : altimeter setting of the crew; None: the QNH of the scenario
     """
 
     static_error: Annotated[float, Field(ge=-0.2, le=0.2)] = 0.01
@@ -63,7 +62,7 @@ class AirSettings(DeviceSettings):
 class AirData:
     """Pressures, temperature, speeds and flow angles of an air-data computer.
 
-    setting_pa : what is set on its altimeter [Pa]
+    setting_pa : altimeter setting [Pa]
     """
 
     PRESSURE_SD, IMPACT_SD, TEMPERATURE_SD, FLOW_SD = 8.0, 6.0, 0.3, np.deg2rad(0.2)
@@ -86,8 +85,8 @@ class AirData:
         set_hpa = settings.altimeter_hpa
         self.setting_pa = world.atmosphere.qnh if set_hpa is None else 100.0 * set_hpa
         self._at_setting = float(pressure_altitude(self.setting_pa))
-        said = (self.p_static, self.q_c, pressure_altitude(self.p_static), calibrated_airspeed(self.q_c))
-        self._rows = np.column_stack([*said, self.tas, self.temperature, self.aoa, self.aos])
+        pressures = (self.p_static, self.q_c, pressure_altitude(self.p_static), calibrated_airspeed(self.q_c))
+        self._rows = np.column_stack([*pressures, self.tas, self.temperature, self.aoa, self.aos])
 
     def pressures(self, k: int) -> tuple[float, float, float]:
         """Static and impact pressure [Pa] and static temperature [K] of sample k."""
@@ -95,7 +94,7 @@ class AirData:
         return p_static, q_c, temperature
 
     def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
-        """All that an air-data computer says: altitude at the standard setting, then at the crew's."""
+        """All measurements of sample k; altitude first at the standard setting, then at the crew's setting."""
         p_static, q_c, alt_press, cas, tas, temperature, aoa, aos = self._rows[k].tolist()
         return [
             new_static_pressure(stamp=stamp, p_static=p_static),
@@ -111,7 +110,7 @@ class AirData:
 def true_airspeed(q_c: ArrayLike, p_static: ArrayLike, temperature: ArrayLike) -> Array:
     """TAS [m/s] of impact and static pressure [Pa] and static air temperature [K], subsonic.
 
-    The way back of ``impact_pressure``.  Source: Gracey 1980, chapter 3.
+    Inverse of ``impact_pressure``.  Source: Gracey 1980, chapter 3.
     """
     mach_sq = 5.0 * ((np.asarray(q_c) / np.asarray(p_static) + 1.0) ** (1 / 3.5) - 1.0)
     return np.asarray(np.sqrt(mach_sq * HEAT_RATIO * GAS_CONSTANT * np.asarray(temperature)))

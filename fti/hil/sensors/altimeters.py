@@ -1,4 +1,4 @@
-"""Altimeters: the beam is traced for the whole flight when the emulator starts, noise is added per sample."""
+"""Altimeter models.  Ranges of the whole flight are computed when the emulator starts."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ Array = NDArray[np.float64]
 
 
 class RadarSettings(DeviceSettings):
-    """How a radar altimeter is modelled.
+    """Settings of a radar altimeter.
 
-    model : "nearest", the nearest point in the beam, as references of approaches are made; or "fmcw", the instrument
-            with antenna, radar equation and spectrum, which looks past what gives little power: over the ridges and
-            woods of the demonstration it reads 1.2 m more on average, and 7 m more in one sample of twenty
-    beam_deg      : full width of its beam; none: what the configuration has, which need not be true
-    threshold_db  : of the leading edge against the peak, of "fmcw"; none: a quarter of its power
-    bias_m, scale : it tells scale x range + bias_m
+    model : "nearest": nearest point in the beam, as in approach references; or "fmcw": antenna, radar equation and
+            spectrum, which ignores weak returns: over the ridges and woods of the demonstration it reads 1.2 m more on
+            average, and 7 m more in one sample of twenty
+    beam_deg      : true full beam width; None: the width in the configuration
+    threshold_db  : leading-edge threshold relative to the peak, for "fmcw"; None: a quarter of the peak power
+    bias_m, scale : output = scale x range + bias_m
     """
 
     model: Literal["nearest", "fmcw"] = "nearest"
@@ -41,7 +41,7 @@ class RadarSettings(DeviceSettings):
 
 
 class RadarAltimeterModel:
-    """A leading-edge radar altimeter; without return in its range it says that it is unlocked."""
+    """A leading-edge radar altimeter; without return within its range it is unlocked."""
 
     rate_hz = 25.0
     time_scale = None
@@ -59,8 +59,8 @@ class RadarAltimeterModel:
             heights = world.returns(instrument, t, bound.device).slant_range
         else:
             heights = world.radar_ranges(t, beam, bound.device)
-        told = settings.scale * heights + settings.bias_m
-        self._heights = (told + white_noise(t, self.NOISE_SD, rng)).tolist()
+        indicated = settings.scale * heights + settings.bias_m
+        self._heights = (indicated + white_noise(t, self.NOISE_SD, rng)).tolist()
 
     def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
         """Status, then height."""
@@ -74,7 +74,7 @@ class RadarAltimeterModel:
 
 
 class LaserAltimeterModel:
-    """A pencil beam along the mounting; beyond its range, and where nothing comes back, the signal is lost.
+    """A pencil beam along the mounting; beyond its range and without return the signal is lost.
 
     Noise: accuracy within a few centimetres on plane surfaces, better than 10 cm (Spiegel 2018, sections 2.1.2, 2.2.3);
     9 Hz and 500 m: table 6.1 and the name of the ILM 500.  The strength falls with the square of the distance.
@@ -92,11 +92,11 @@ class LaserAltimeterModel:
         self._ranges = (world.laser_ranges(t, bound.device) + white_noise(t, self.NOISE_SD, rng)).tolist()
 
     def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
-        """Strength of the return, then range; NaN is no return."""
+        """Strength of the return, then range; NaN without return."""
         slant_range = self._ranges[k]
-        seen = self._range[0] <= slant_range <= self._range[1]
-        strength = min(1.0, (self.FULL_STRENGTH_M / slant_range) ** 2) if seen else 0.0
+        valid = self._range[0] <= slant_range <= self._range[1]
+        strength = min(1.0, (self.FULL_STRENGTH_M / slant_range) ** 2) if valid else 0.0
         return [
             new_reading(stamp=stamp, name="first_strength", value=100.0 * strength, unit="%"),
-            new_range(stamp=stamp, slant_range=slant_range if seen else None, valid=seen),
+            new_range(stamp=stamp, slant_range=slant_range if valid else None, valid=valid),
         ]

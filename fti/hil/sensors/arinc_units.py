@@ -1,8 +1,8 @@
-"""Units on ARINC 429: what any label set may have, so that every built-in one is played in full.
+"""Units on ARINC 429, with the measurements of all built-in label sets.
 
 Localizer and glide slope are those of the scenario's approach: 0.00145 DDM for a metre at the threshold, with the
 antenna 300 m behind the runway, and 0.0875 DDM for 0.12 of the glide angle (ICAO Annex 10, volume I, 3.1.3.7.1 and
-3.1.5.6.2); bends 0.005 and 0.01 DDM, within what 3.1.3.4 and 3.1.5.4 allow a facility of category I.
+3.1.5.6.2); bends 0.005 and 0.01 DDM, within the limits of 3.1.3.4 and 3.1.5.4 for a facility of category I.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fti.devices import BoundDevice
-from fti.drivers.arinc429 import Options, chosen_labels
+from fti.drivers.arinc429 import Options, enabled_labels
 from fti.hil.environment import Environment
 from fti.hil.flight.trajectory import FlightState
 from fti.hil.sensors.avionics import Avionics
@@ -32,7 +32,7 @@ from fti.types import (
 
 Array = NDArray[np.float64]
 
-#: SI units of the readings; the others are plain numbers.
+#: SI units of the readings; others are dimensionless.
 UNITS = {
     "magnetic_heading": "rad",
     "roll_rate": "rad/s",
@@ -48,7 +48,7 @@ UNITS = {
     "vertical_integrity_limit": "m",
 }
 
-#: What its inertial sensors say besides the attitude; accelerations forward, right, up.
+#: Readings of the inertial sensors besides the attitude; accelerations forward, right, up.
 INERTIAL = (
     "magnetic_heading",
     "roll_rate",
@@ -75,7 +75,7 @@ class IlsReceiver:
 
     def __init__(self, state: FlightState, world: Environment, t: Array, rng: np.random.Generator) -> None:
         path = world.path
-        s, y = path.along(state.lat, state.lon)
+        s, y = path.to_path(state.lat, state.lon)
         to_antenna = path.airfield.runway_length_m + self.ANTENNA_BEHIND_RUNWAY_M
         distance = np.maximum(s - path.x_gpi + to_antenna, 1.0)
         localizer = -self.DDM_PER_M * y * to_antenna / distance + gauss_markov_noise(
@@ -87,7 +87,7 @@ class IlsReceiver:
         self._deviations = np.column_stack([localizer, glide])
 
     def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
-        """Both deviations; over the runway there is no glide slope."""
+        """Both deviations; no glide slope over the runway."""
         localizer, glide = self._deviations[k].tolist()
         return [
             new_deviation(stamp=stamp, localizer_ddm=localizer, glide_slope_ddm=None if math.isnan(glide) else glide)
@@ -95,7 +95,7 @@ class IlsReceiver:
 
 
 class ArincUnit:
-    """Heading reference, air data, altimeter, receivers of DME, ILS and GNSS: what is not enabled is not sent."""
+    """Heading reference, air data, altimeter, receivers of DME, ILS and GNSS; only enabled labels are sent."""
 
     rate_hz = 20.0
     time_scale = TimeScale.BOOT
@@ -111,25 +111,25 @@ class ArincUnit:
         upward = [1.0, 1.0, -1.0]  # of the normal acceleration: gravity in level flight
         self._rows = np.column_stack([heading, rates, force * upward, alt_msl])
         options = bound.options
-        equipment = chosen_labels(options).equipment if isinstance(options, Options) else None
+        equipment = enabled_labels(options).equipment if isinstance(options, Options) else None
         self._equipment = {"equipment_id": float(int(equipment, 16))} if equipment else {}
 
     def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
-        """Everything, then who it is and that it is well."""
-        found = self._avionics.measure(k, stamp)
+        """All measurements, then equipment identifier and status."""
+        measurements = self._avionics.measure(k, stamp)
         for receiver in self._receivers:
-            found += receiver.measure(k, stamp)
+            measurements += receiver.measure(k, stamp)
         static, impact, temperature = self._avionics.air(k)
         mach = math.sqrt(5.0 * ((impact / static + 1.0) ** (1 / 3.5) - 1.0))
         readings: dict[str, float | None] = {"mach": mach, "total_pressure": static + impact}
         readings["baro_setting"] = self._avionics.setting_pa
         readings |= self._inertial(k) | self._equipment
-        found += _readings(stamp, readings | self._gnss(k, stamp))
+        measurements += _readings(stamp, readings | self._gnss(k, stamp))
         total = temperature * (1.0 + 0.2 * mach**2)
-        return [*found, new_temperature(stamp=stamp, total=total), new_status(stamp=stamp, ok=True)]
+        return [*measurements, new_temperature(stamp=stamp, total=total), new_status(stamp=stamp, ok=True)]
 
     def _gnss(self, k: int, stamp: Stamp) -> dict[str, float | None]:
-        """What the receiver says of itself; without a fix it computes neither dilution nor limits."""
+        """Status of the receiver; without a fix it computes neither dilution nor integrity limits."""
         sky, position = self._avionics.satellites(k, stamp), self._avionics.position(k, stamp)
         horizontal, vertical = position.horizontal_sd, position.vertical_sd
         used = float(min(sky.used or 0, MAX_SATELLITES))
@@ -148,7 +148,7 @@ class ArincUnit:
 
 
 def _readings(stamp: Stamp, values: dict[str, float | None]) -> list[Measurement]:
-    """Readings by name; one without a value is not valid."""
+    """Readings by name; one without a value is invalid."""
     return [
         new_reading(stamp=stamp, name=name, value=value, unit=UNITS.get(name, ""), valid=value is not None)
         for name, value in values.items()

@@ -1,4 +1,4 @@
-"""An autopilot: attitude at its own rate, position, pressure, rangefinder and heartbeat more seldom."""
+"""An autopilot: attitude at its own rate; position, pressure, rangefinder and heartbeat at lower rates."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from fti.types import (
 
 
 class AutopilotUnit:
-    """Stamped with the time since it was switched on; a rangefinder where the device is an altimeter."""
+    """Stamps are the time since power-on; with a rangefinder if the device is an altimeter."""
 
     rate_hz = 50.0
     time_scale = TimeScale.BOOT
@@ -42,36 +42,36 @@ class AutopilotUnit:
         self._air = AirData(bound, state, world, t, rng)
         grade = settings_of(ImuSettings, world.scenario, bound.device.name).grade
         self._accel, self._gyro = (
-            felt_b @ mounting(bound.device) for felt_b in inertial_samples(grade, bound, world, state, rng)
+            values_b @ mounting(bound.device) for values_b in inertial_samples(grade, bound, world, state, rng)
         )
         self._field = earth_field_b(state) @ mounting(bound.device) + rng.normal(0.0, self.FIELD_SD, (len(t), 3))
         self._limits = limits.range_m if limits else self.LASER_RANGE_M
         self._ranges = world.laser_ranges(t, bound.device) + white_noise(t, self.LASER_SD, rng) if limits else None
 
     def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
-        """What is due in cycle k."""
+        """The measurements of cycle k."""
         ax, ay, az = self._accel[k].tolist()
         gx, gy, gz = self._gyro[k].tolist()
         mx, my, mz = self._field[k].tolist()
-        found: list[Measurement] = [
+        measurements: list[Measurement] = [
             new_field(stamp=stamp, field_b=(mx, my, mz)),
             new_sample(stamp=stamp, accel_b=(ax, ay, az), gyro_b=(gx, gy, gz)),
             self._reference.attitude(k, stamp),
         ]
         if self._ranges is not None and k % self.RANGE_EVERY == 0:
-            found.append(self._range(float(self._ranges[k]), stamp))
+            measurements.append(self._range(float(self._ranges[k]), stamp))
         if k % self.POSITION_EVERY == 0:
             reference = self._reference
-            found += [reference.satellites(k, stamp), reference.velocity(k, stamp), reference.position(k, stamp)]
+            measurements += [reference.satellites(k, stamp), reference.velocity(k, stamp), reference.position(k, stamp)]
         if k % self.PRESSURE_EVERY == 0:
-            found += [
+            measurements += [
                 new_impact_pressure(stamp=stamp, q_c=float(self._air.q_c[k])),
                 new_static_pressure(stamp=stamp, p_static=float(self._air.p_static[k])),
             ]
         if k % self.HEARTBEAT_EVERY == 0:
-            found.append(DeviceStatus(stamp=stamp, ok=True, flags=("active", "armed", "auto")))
-        return found
+            measurements.append(DeviceStatus(stamp=stamp, ok=True, flags=("active", "armed", "auto")))
+        return measurements
 
     def _range(self, slant_range: float, stamp: Stamp) -> Range:
-        seen = self._limits[0] <= slant_range <= self._limits[1]
-        return new_range(stamp=stamp, slant_range=slant_range if seen else None, sd=self.LASER_SD, valid=seen)
+        valid = self._limits[0] <= slant_range <= self._limits[1]
+        return new_range(stamp=stamp, slant_range=slant_range if valid else None, sd=self.LASER_SD, valid=valid)

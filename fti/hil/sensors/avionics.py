@@ -1,6 +1,6 @@
-"""Units whose messages are a table that the user can change: ARINC 429 labels, the signals of a DBC.
+"""Units with configurable messages: ARINC 429 labels, signals of a DBC.
 
-The model offers every quantity that it knows; the encoder sends those that the configuration has enabled.
+The model provides all its quantities; the encoder sends those that the configuration enables.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 
 
 class HeadingReference:
-    """Attitude of a heading reference, worse than an inertial navigation system, with a satellite receiver in it."""
+    """A heading reference, less accurate than an inertial navigation system, with a satellite receiver."""
 
     ATTITUDE_SD, HEADING_SD = np.deg2rad(0.3), np.deg2rad(0.8)
 
@@ -48,11 +48,11 @@ class HeadingReference:
         return new_attitude(stamp=stamp, roll=roll, pitch=pitch, heading=heading)
 
     def position(self, k: int, stamp: Stamp) -> Position:
-        """Position of sample k: that of the receiver."""
+        """Position of sample k from the receiver."""
         return self._receiver.position(k, stamp)
 
     def velocity(self, k: int, stamp: Stamp) -> Velocity:
-        """Velocity of sample k: that of the receiver."""
+        """Velocity of sample k from the receiver."""
         return self._receiver.velocity(k, stamp)
 
     def satellites(self, k: int, stamp: Stamp) -> Satellites:
@@ -61,7 +61,7 @@ class HeadingReference:
 
 
 class Avionics:
-    """Heading reference, air-data computer and, where the device is an altimeter, radar altimeter in one."""
+    """Heading reference, air-data computer and, if the device is an altimeter, radar altimeter in one unit."""
 
     rate_hz = 20.0
     time_scale = None
@@ -78,11 +78,11 @@ class Avionics:
 
     @property
     def setting_pa(self) -> float:
-        """What is set on its altimeter [Pa]."""
+        """Altimeter setting [Pa]."""
         return self._air.setting_pa
 
     def position(self, k: int, stamp: Stamp) -> Position:
-        """Position of sample k: that of the receiver."""
+        """Position of sample k from the receiver."""
         return self._reference.position(k, stamp)
 
     def satellites(self, k: int, stamp: Stamp) -> Satellites:
@@ -90,12 +90,12 @@ class Avionics:
         return self._reference.satellites(k, stamp)
 
     def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
-        """Everything; what is not enabled is not sent."""
+        """All measurements of sample k; the encoder sends the enabled ones."""
         reference = self._reference
-        found: list[Measurement] = [
+        measurements: list[Measurement] = [
             reference.attitude(k, stamp),
             reference.position(k, stamp),
             reference.velocity(k, stamp),
             *self._air.measure(k, stamp),
         ]
-        return found + (self._radar.measure(k, stamp) if self._radar else [])
+        return measurements + (self._radar.measure(k, stamp) if self._radar else [])

@@ -1,9 +1,8 @@
-"""What a simulated sensor is: a model of what it measures, sampled by a clock of its own.
+"""A simulated sensor: a model of its measurements, sampled by its own clock.
 
-A sensor samples at its own rate, with its own phase and its own drift, and its message leaves ``latency_ms`` of the
-configuration later (that is what the configuration says, so that is what the emulated device does), with a little
-jitter.  ``[sensor.NAME]`` of the scenario says otherwise: a latency there is one that the daemon does not know of.
-Everything random comes from the seed of the scenario and the name of the device.
+A sensor samples with its own rate, phase and clock drift.  Its message leaves after the ``latency_ms`` of the
+configuration, with a little jitter.  ``[sensor.NAME]`` of the scenario overrides these; the daemon does not know a
+latency given there.  All random numbers depend on the seed of the scenario and the name of the device.
 """
 
 from __future__ import annotations
@@ -38,9 +37,9 @@ class SimulatedSensor:
     """A device of the configuration, simulated.
 
     t   : true times of its samples [s after the start], shape (n,)
-    due : when their messages leave [s], shape (n,), never before the sample
+    due : send times of their messages [s], shape (n,), never before the sample
 
-    is_live : what it says depends on what happens until then, not on the flight alone
+    is_live : its measurements depend on events during the flight, such as commands
 
     Raises ConfigError when it has no sample in the flight.
     """
@@ -53,12 +52,12 @@ class SimulatedSensor:
         self.rate_hz = device.rate_hz or model.rate_hz
         settings = world.scenario.sensor.get(device.name) or SensorSettings()
         self.drift_ppm = _or_default(settings.drift_ppm, float(rng.normal(0.0, DRIFT_PPM_SD)))
-        self._powered_s = -float(rng.uniform(20.0, 120.0))  # since then it is on: before the flight started
+        self._powered_s = -float(rng.uniform(20.0, 120.0))  # time of power-on, before the flight
         shift_s = _or_default(settings.shift_ms, float(rng.uniform()) * 1e3 / self.rate_hz) * 1e-3
         self.t = sample_times(self.rate_hz, world.duration, shift_s, self.drift_ppm)
         if not len(self.t):
             raise ConfigError(
-                f"{world.scenario.where}: sensor.{self.name}: no sample in a flight of {world.duration:g} s, "
+                f"{world.scenario.source_name}: sensor.{self.name}: no sample in a flight of {world.duration:g} s, "
                 f"the first one would be after {shift_s:g} s"
             )
         self._times: list[float] = self.t.tolist()
@@ -75,7 +74,7 @@ class SimulatedSensor:
         return self.model.measure(k, self._stamp(self._times[k], start_ns))
 
     def restart(self, t: float) -> None:
-        """It gets power again at t [s]: what it was told is forgotten; what it counts, and its time, begin at 0."""
+        """Reset the device when power returns at t [s]: settings, counters and its time since power-on."""
         self.encoder = self.bound.driver.make_encoder(self.bound.options)
         self._powered_s = t
 
@@ -87,12 +86,12 @@ class SimulatedSensor:
         return new_stamp(true_ns, true_ns, TimeScale.UTC) if self._time_scale else fast_stamp(true_ns)
 
 
-def _or_default(setting: float | None, otherwise: float) -> float:
-    return otherwise if setting is None else setting
+def _or_default(setting: float | None, default: float) -> float:
+    return default if setting is None else setting
 
 
 def sample_times(rate_hz: float, duration: float, shift: float, drift_ppm: float) -> Array:
-    """True times [s] in [0, duration) at which a clock that is drift_ppm fast samples.  shift : of the first [s]."""
+    """True sample times [s] in [0, duration) of a clock that is drift_ppm fast.  shift : time of the first one [s]."""
     period = 1.0 / rate_hz / (1.0 + 1e-6 * drift_ppm)
     return np.asarray(np.arange(shift, duration, period))
 
@@ -108,10 +107,10 @@ def position_at(state: FlightState, lever_arm_b: tuple[float, float, float]) -> 
 
 
 def velocity_at(state: FlightState, lever_arm_b: tuple[float, float, float]) -> Array:
-    """Velocity of a point of the aircraft, north, east, down [m/s], shape (n, 3): that of P, and the turn about it.
+    """Velocity of a point of the aircraft, north, east, down [m/s], shape (n, 3).
 
     v = v_P + mat_nb (omega_nb_b x arm_b)
     """
     mat_nb = mat_from_rpy(state.roll, state.pitch, state.heading)
-    around_b = np.cross(state.omega_nb_b, np.asarray(lever_arm_b))
-    return np.asarray(state.vel_n + np.einsum("nij,nj->ni", mat_nb, around_b))
+    rotation_b = np.cross(state.omega_nb_b, np.asarray(lever_arm_b))
+    return np.asarray(state.vel_n + np.einsum("nij,nj->ni", mat_nb, rotation_b))

@@ -1,4 +1,4 @@
-"""Units on CAN: air data with DME and surface positions (CANaerospace), and whatever a DBC has."""
+"""Units on CAN: air data with DME (CANaerospace), and the messages of any DBC."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 
 
 class AirDataUnit:
-    """Air data, heading reference and DME on CANaerospace.  The surfaces are those of the pickups on the same bus."""
+    """Air data, heading reference and DME on CANaerospace; deflection pickups on the bus send the surfaces."""
 
     rate_hz = 20.0
     time_scale = None
@@ -33,12 +33,12 @@ class AirDataUnit:
         self._interrogator = Interrogator(world.state(t), world, t, rng)
 
     def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
-        """Everything; what the DBC does not have is not sent."""
+        """All measurements of sample k; the encoder sends those with a signal."""
         return self._avionics.measure(k, stamp) + self._interrogator.measure(k, stamp)
 
 
 class _DriftingSignal:
-    """A signal that no model knows: it wanders in the middle of its range, or takes its states in turn."""
+    """A signal without model: it drifts around the middle of its range, or cycles through its states."""
 
     STATE_SAMPLES = 20
     PERIOD_S = 20.0
@@ -46,7 +46,7 @@ class _DriftingSignal:
     def __init__(self, signal: DbcSignal, t: Array, rng: np.random.Generator) -> None:
         self.signal = signal
         self._states = list(signal.states) if signal.states and not signal.is_physical else []
-        ends = [signal.min_raw * signal.factor + signal.offset, signal.most * signal.factor + signal.offset]
+        ends = [signal.min_raw * signal.factor + signal.offset, signal.max_raw * signal.factor + signal.offset]
         low, high = max(min(ends), signal.low), min(max(ends), signal.high)
         middle, width = (0.5 * (low + high), high - low) if math.isfinite(high - low) else (0.0, 10.0)
         self._values = middle + np.clip(
@@ -62,38 +62,38 @@ class _DriftingSignal:
 
 
 class _UnitMessage:
-    """One message of the DBC: what fills the signals that the flight does not."""
+    """One message of the DBC: values of the signals for which the flight has no quantity."""
 
     def __init__(self, layout: DbcMessage, t: Array, rng: np.random.Generator, counter: str) -> None:
         self._layout, self._counter = layout, counter
         self._drifting = {s.name: _DriftingSignal(s, t, rng) for s in layout.signals if s.name != counter}
 
-    def measure(self, k: int, stamp: Stamp, offered: list[Measurement]) -> list[Measurement]:
-        """Readings, and measurements of quantities that are not offered; multiplexers take their choices in turn."""
-        chosen = {s.name: self._choice(s.name, k) for s in self._layout.selectors}
-        signals = [s for s in self._layout.signals_for(chosen) if s.name != self._counter]
-        made = (self._one(s, chosen.get(s.name), k, stamp, offered) for s in signals)
-        return [m for m in made if m is not None]
+    def measure(self, k: int, stamp: Stamp, available: list[Measurement]) -> list[Measurement]:
+        """Readings, and measurements of quantities that are not available; multiplexers cycle through their values."""
+        selected = {s.name: self._choice(s.name, k) for s in self._layout.selectors}
+        signals = [s for s in self._layout.signals_for(selected) if s.name != self._counter]
+        measurements = (self._one(s, selected.get(s.name), k, stamp, available) for s in signals)
+        return [m for m in measurements if m is not None]
 
     def _choice(self, selector: str, k: int) -> int:
         choices = sorted({c for s in self._layout.signals if s.selector == selector for c in s.choices})
         return choices[k % len(choices)]
 
     def _one(
-        self, signal: DbcSignal, chosen: int | None, k: int, stamp: Stamp, offered: list[Measurement]
+        self, signal: DbcSignal, selected: int | None, k: int, stamp: Stamp, available: list[Measurement]
     ) -> Measurement | None:
         scale = quantity_scale(signal)
-        value = self._drifting[signal.name].value(k) if chosen is None else chosen * signal.factor + signal.offset
+        value = self._drifting[signal.name].value(k) if selected is None else selected * signal.factor + signal.offset
         if scale is None:
             return Reading(stamp=stamp, name=f"{self._layout.name}.{signal.name}", value=value, unit=signal.unit)
         quantity = QUANTITIES[signal.name]
-        if any(quantity.pick(m) is not None for m in offered):
+        if any(quantity.pick(m) is not None for m in available):
             return None
         return quantity.make(stamp, value * scale[0] + scale[1], True)
 
 
 class DbcUnits:
-    """The units of any DBC: quantities fit the flight, other signals wander."""
+    """The units of any DBC: known quantities follow the flight, other signals drift."""
 
     rate_hz = 10.0
     time_scale = None
@@ -107,9 +107,9 @@ class DbcUnits:
         self._messages = [_UnitMessage(layout, t, rng, bound.options.counter) for layout in layouts]
 
     def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
-        """What the flight says, and then what it does not."""
-        offered = self._air.measure(k, stamp) + [
+        """Measurements of the flight, then values of the other signals."""
+        available = self._air.measure(k, stamp) + [
             SurfaceDeflection(stamp=stamp, surface=surface, deflection=float(angle[k]))
             for surface, angle in self._deflections.items()
         ]
-        return offered + [m for message in self._messages for m in message.measure(k, stamp, offered)]
+        return available + [m for message in self._messages for m in message.measure(k, stamp, available)]

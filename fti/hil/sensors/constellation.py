@@ -1,8 +1,8 @@
-"""Navigation satellites in their nominal orbits, and what a receiver on the Earth measures of them.
+"""Navigation satellites in their nominal orbits, and their directions and ranges from a receiver on the Earth.
 
 Circular orbits in Walker constellations: GPS 24 satellites in 6 planes (SPS Performance Standard, 5th edition),
-GLONASS 24 in 3 (ICD 5.1), Galileo 24 in 3 (OS Service Definition 1.3).  They are where such satellites can be, not
-where the real ones were.
+GLONASS 24 in 3 (ICD 5.1), Galileo 24 in 3 (OS Service Definition 1.3).  Their positions are plausible, not those of the
+real satellites.
 """
 
 from __future__ import annotations
@@ -47,7 +47,8 @@ SYSTEMS = (
 
 
 class SatellitesInView(NamedTuple):
-    """What is in view, arrays of shape (n,): which satellite, azimuth, elevation [rad], range [m], its rate [m/s]."""
+    """Satellites in view, arrays of shape (n,): index of the satellite, azimuth, elevation [rad], range [m], its rate
+    [m/s]."""
 
     which: NDArray[np.int64]
     azimuth: Array
@@ -55,10 +56,10 @@ class SatellitesInView(NamedTuple):
     distance: Array
     rate: Array
 
-    def where(self, chosen: NDArray[np.bool_]) -> SatellitesInView:
-        """Those that are chosen, shape (n,)."""
+    def select(self, mask: NDArray[np.bool_]) -> SatellitesInView:
+        """The satellites of a mask, shape (n,)."""
         return SatellitesInView(
-            self.which[chosen], self.azimuth[chosen], self.elevation[chosen], self.distance[chosen], self.rate[chosen]
+            self.which[mask], self.azimuth[mask], self.elevation[mask], self.distance[mask], self.rate[mask]
         )
 
 
@@ -78,17 +79,19 @@ class Constellation:
         along = np.stack(
             [np.cos(angle), np.sin(angle) * np.cos(self._inclination), np.sin(angle) * np.sin(self._inclination)]
         )
-        ahead = np.stack(
+        tangent = np.stack(
             [-np.sin(angle), np.cos(angle) * np.cos(self._inclination), np.cos(angle) * np.sin(self._inclination)]
         )
         position, velocity = (
             self._radius * _rotate(along, self._node),
-            self._radius * self._rate * _rotate(ahead, self._node),
+            self._radius * self._rate * _rotate(tangent, self._node),
         )
         return position.T, velocity.T
 
-    def seen(self, t: float, position_e: Array, velocity_e: Array, mat_en: Array, mask: float) -> SatellitesInView:
-        """What is above ``mask`` [rad] at time t [s]; the signal left while the satellite was elsewhere.
+    def satellites_in_view(
+        self, t: float, position_e: Array, velocity_e: Array, mat_en: Array, mask: float
+    ) -> SatellitesInView:
+        """Satellites above ``mask`` [rad] at time t [s], with the signal's travel time.
 
         position_e, velocity_e : receiver, shape (3,) [m], [m/s], e frame; mat_en : its level axes, n to e
         """
@@ -109,8 +112,8 @@ class Constellation:
         return SatellitesInView(index, azimuth[index], elevation[index], distance[index], rate[index])
 
     def directions(self, t: Array, position_e: Array, mats_en: Array) -> tuple[Array, Array]:
-        """Azimuth and elevation [rad] of all satellites, (n, satellites), at times t (n,) [s]; 1e-5 rad off: the signal
-        takes no time.
+        """Azimuth and elevation [rad] of all satellites, (n, satellites), at times t (n,) [s]; error 1e-5 rad, because
+        the signal's travel time is neglected.
 
         position_e : receiver, shape (n, 3) [m], e frame; mats_en : its level axes, n to e, shape (n, 3, 3)
         """
@@ -135,7 +138,7 @@ def _orbits(w: Walker) -> Array:
 
 
 def _rotate(vector: Array, angle: float | Array) -> Array:
-    """Vectors, shape (3,) or (3, n), turned about the axis of the Earth."""
+    """Vectors, shape (3,) or (3, n), rotated about the axis of the Earth."""
     x, y, z = vector
     return np.stack([x * np.cos(angle) - y * np.sin(angle), x * np.sin(angle) + y * np.cos(angle), z])
 

@@ -1,23 +1,23 @@
-"""Control surfaces that fit the flight, and the pickups that see them.
+"""Deflections of control surfaces, and the pickups that measure them.
 
-A flight of a flight dynamic model brings its control surfaces with it.  Others are flown by a spline, not by controls:
-there the deflections are worked out backwards with the classic linear relations.  In steady motion a rate needs a
-deflection (damping against control power), an angle of attack needs an elevator, a turn needs a little rudder.  They
-have the right sign, size and rhythm; they are no flight dynamics.
+A flight of a flight dynamics model provides its control surfaces.  Other flights are splines without controls: their
+deflections follow from the classic linear relations of steady motion.  A rate needs a deflection (damping against
+control power), an angle of attack needs elevator, a turn needs a little rudder.  Sign, size and timing are plausible;
+the relations are not a flight dynamics model.
 
     aileron    roll rate:  p b / (2 V) = (right roll) per radian of aileron / damping      right aileron up, left down
-    elevator   trimmed at the approach's angle of attack; more of it, or a pitch rate, needs the elevator up
+    elevator   trimmed at the approach's angle of attack; a larger one, or a pitch rate, needs the elevator up
     rudder     yaw rate in a turn
-    trims      what the elevator and the rudder do over half a minute; flaps: 20, then 42 degrees, as on an approach
+    trims      mean of elevator and rudder over half a minute; flaps: 20, then 42 degrees, as on an approach
     controls   geared to their surfaces
 
-Source: Etkin & Reid, Dynamics of Flight, chapters 2 and 3 (the relations); gains are this project's, of a light twin.
-A raw count is the table read backwards, with what a pickup has and its table does not know:
+Source: Etkin & Reid, Dynamics of Flight, chapters 2 and 3 (the relations); gains are assumed, for a light twin.
+A raw count is the inverse of the calibration table with the errors of a pickup:
 
     count = round(hysteresis(table^-1(slack(angle) + table error)) + noise)
 
-slack is the play of the rod between surface and pickup, hysteresis the same in the pickup itself; the table error is
-what changed since the calibration: an offset, a gain and a bend, each of a share of the travel.  Noise of 1.5 counts: a
+slack is the play of the rod between surface and pickup, hysteresis the play in the pickup itself; the table error is
+the change since the calibration: an offset, a gain and a bend, each as a share of the travel.  Noise of 1.5 counts: a
 12-bit converter and a laser distance sensor.  All sizes are assumed.
 """
 
@@ -46,19 +46,19 @@ Array = NDArray[np.float64]
 SPAN, CHORD = 13.4, 1.3  # [m]
 ROLL_GAIN, PITCH_GAIN, YAW_GAIN = 2.5, 12.0, 3.0  # deflection per non-dimensional rate
 ELEVATOR_PER_AOA = -1.2
-LEFT_PER_RIGHT = 0.62  # an aileron goes less far down than up
+LEFT_PER_RIGHT = 0.62  # an aileron has less travel down than up
 STICK_PER_AILERON, STICK_PER_ELEVATOR, PEDAL_PER_RUDDER = 0.9, 1.1, 0.7
 TRIM_S = 30.0
-#: Flaps: from when, where to [s, deg], and how fast [deg/s].
+#: Flaps: times and angles of the steps [s, deg], and rate [deg/s].
 FLAP_STEPS, FLAP_RATE_DEG = ((5.0, 20.0), (30.0, 42.0)), 4.0
 
 
-def deflections(state: FlightState, flown: Mapping[str, Array] | None = None) -> dict[str, Array]:
+def deflections(state: FlightState, surfaces: Mapping[str, Array] | None = None) -> dict[str, Array]:
     """Deflections and control positions [rad] by surface, shape (n,): down, clockwise, right, aft and nose up are +.
 
-    flown : the control surfaces of the flight, if it was flown with any (``Environment.surfaces``)
+    surfaces : the control surfaces of the flight, if it has any (``Environment.surfaces``)
     """
-    surfaces = flown or fitting_surfaces(state)
+    surfaces = surfaces or fitting_surfaces(state)
     aileron, elevator, rudder = -surfaces["right_aileron"], surfaces["elevator"], surfaces["rudder"]
     return {
         **{name: surfaces[name] for name in ("right_aileron", "left_aileron", "elevator", "rudder")},
@@ -72,7 +72,7 @@ def deflections(state: FlightState, flown: Mapping[str, Array] | None = None) ->
 
 
 def fitting_surfaces(state: FlightState) -> dict[str, Array]:
-    """Control surfaces [rad] that fit a flight, shape (n,)."""
+    """Control surfaces [rad] derived from the motion of a flight, shape (n,)."""
     p, q, r = (state.omega_nb_b[:, i] for i in range(3))
     aileron = ROLL_GAIN * p * SPAN / (2.0 * state.tas)
     return {
@@ -85,7 +85,7 @@ def fitting_surfaces(state: FlightState) -> dict[str, Array]:
 
 
 def flap_angle_deg(t: Array) -> Array:
-    """Flaps [deg] at t [s]: each step is driven to at a constant rate."""
+    """Flaps [deg] at t [s]; they move at a constant rate."""
     knots, angles, before = [0.0], [0.0], 0.0
     for begin, angle in FLAP_STEPS:
         knots += [begin, begin + (angle - before) / FLAP_RATE_DEG]
@@ -103,12 +103,12 @@ def _trim_values(t: Array, values: Array) -> Array:
 
 
 def raw_counts(table: CalibrationTable, angle: Array, noise: Array) -> NDArray[np.int64]:
-    """Counts of a perfect pickup with this table at angles [rad]; noise : in counts."""
+    """Counts of an ideal pickup with this table at angles [rad]; noise : in counts."""
     return _to_integers(_counts_at(table, angle) + noise)
 
 
 def _counts_at(table: CalibrationTable, angle: Array) -> Array:
-    """The table read backwards; beyond it, it goes on with its outermost slope."""
+    """Inverse of the table, extrapolated with its outermost slopes."""
     points = _sort_by_angle(table)
     slopes = np.diff(points[:, 1]) / np.diff(points[:, 0])
     inside = np.interp(angle, points[:, 0], points[:, 1])
@@ -126,7 +126,7 @@ def _to_integers(counts: Array) -> NDArray[np.int64]:
 
 
 class PickupSettings(DeviceSettings):
-    """Of the pickups of one bus.
+    """Settings of the pickups of one bus.
 
     slack_deg         : of the rod, from end to end, at the surface
     hysteresis_counts : of the pickup, from end to end
@@ -139,7 +139,7 @@ class PickupSettings(DeviceSettings):
 
 
 class DeflectionPickups:
-    """Raw counts; the nodes make deflections of them with the tables that they have stored."""
+    """Raw counts of the pickups; the nodes convert them to deflections with their stored tables."""
 
     rate_hz = 10.0
     time_scale = None
@@ -159,12 +159,12 @@ class DeflectionPickups:
         return _to_integers(backlash(true, settings.hysteresis_counts) + white_noise(angle, self.NOISE_COUNTS, rng))
 
     def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
-        """Every sensor; a bus sends those that it has."""
+        """Every pickup; the encoder sends those of its bus."""
         return [new_deflection(stamp=stamp, surface=s, deflection=None, raw=raw[k]) for s, raw in self._raw.items()]
 
 
 def table_error(table: CalibrationTable, angle: Array, shares: Array) -> Array:
-    """By how much a pickup is off its table at angles [rad].  shares : of offset, gain, bend, against half the travel.
+    """Error [rad] of a pickup against its table at angles [rad].  shares : offset, gain, bend per half of the travel.
 
     The bend is a parabola through the ends and the middle of the travel: 1, -1, 1.
     """

@@ -1,19 +1,19 @@
-"""Distance-measuring equipment: four stations about the airfield, and an interrogator that scans them.
+"""Distance-measuring equipment: four stations around the airfield, and a scanning interrogator.
 
-The stations are invented: one on the airfield, three in the country about it, given by their place before and beside
-the threshold.  A station answers when it is seen: over the terrain, and not below the horizon of radio waves, which
-bends with four thirds of the Earth's radius,
+The stations are fictitious: one on the airfield, three around it, at positions relative to the threshold.  A station
+replies when it is in line of sight: not hidden by terrain, and above the radio horizon with four thirds of the Earth's
+radius,
 
     d <= sqrt(2 k R) (sqrt(h_1) + sqrt(h_2)),     k = 4/3
 
-h above the runway's plane.  A station that is seen answers a share ``REPLY_PROBABILITY`` of what it is asked (as much as ICAO
-Annex 10, volume I, 3.5.4.2.8.1, asks of one under load); a scanning interrogator asks each once every ``SCAN_S``.
-Between replies, and for ``MEMORY_S`` after the last one, it goes on with the speed that it has found; then it is
-unlocked and says so.  It has locked again when it has been answered for ``SEARCH_S``.
+h above the runway's plane.  The reply probability of a station in sight is ``REPLY_PROBABILITY`` (the minimum under
+load of ICAO Annex 10, volume I, 3.5.4.2.8.1); the interrogator interrogates each station once every ``SCAN_S``.
+Between replies, and for ``MEMORY_S`` after the last one, it extrapolates the range with the estimated speed; then it is
+unlocked.  It locks again after replies for ``SEARCH_S``.
 
 Error, two sigma: 0.17 NM of the interrogator and 0.1 NM of the station, 0.2 NM together, at any distance (ICAO Annex
-10, volume I, 3.5.3.1.3.3; Doc 8168, volume II); most of it is slow, 15 m change from reply to reply.  Scanning, memory
-and search times are assumed ones of the usual size (ARINC 709).
+10, volume I, 3.5.3.1.3.3; Doc 8168, volume II); most of it is slow, 15 m vary from reply to reply.  Scanning, memory
+and search times are assumed, of usual size (ARINC 709).
 """
 
 from __future__ import annotations
@@ -50,60 +50,60 @@ HORIZON_RADIUS = 4.0 / 3.0 * SEMI_MAJOR
 
 
 class Interrogator:
-    """A scanning interrogator that follows four stations, sampled at t [s]."""
+    """A scanning interrogator that tracks four stations, sampled at t [s]."""
 
     def __init__(self, state: FlightState, world: Environment, t: Array, rng: np.random.Generator) -> None:
-        asked = np.arange(0.0, world.duration, SCAN_S)
-        at = np.clip(np.searchsorted(asked, t, side="right") - 1, 0, None)
-        there = world.state(asked)
-        self._ranges = np.column_stack([_indicated_ranges(asked, *sight(there, world, s), rng)[at] for s in STATIONS_M])
+        scan_t = np.arange(0.0, world.duration, SCAN_S)
+        at = np.clip(np.searchsorted(scan_t, t, side="right") - 1, 0, None)
+        states = world.state(scan_t)
+        self._ranges = np.column_stack(
+            [_indicated_ranges(scan_t, *sight(states, world, s), rng)[at] for s in STATIONS_M]
+        )
 
     def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
-        """The four ranges of sample k; of a station that is not locked, none."""
-        told = zip(STATIONS, self._ranges[k].tolist(), strict=True)
+        """The four ranges of sample k; an unlocked station has none."""
         return [
             new_dme_range(stamp=stamp, station=name, slant_range=None if math.isnan(r) else r, valid=not math.isnan(r))
-            for name, r in told
+            for name, r in zip(STATIONS, self._ranges[k].tolist(), strict=True)
         ]
 
 
-def _indicated_ranges(asked: Array, distance: Array, seen: Mask, rng: np.random.Generator) -> Array:
-    """What is told of a station after each interrogation [m]."""
-    slowly = gauss_markov_noise(asked, STATION_SD, STATION_PERIOD_S, rng) + gauss_markov_noise(
-        asked, INTERROGATOR_SD, INTERROGATOR_PERIOD_S, rng
+def _indicated_ranges(t: Array, distance: Array, in_sight: Mask, rng: np.random.Generator) -> Array:
+    """Indicated range of a station after each interrogation at t [s], shape (n,) [m]."""
+    slow_error = gauss_markov_noise(t, STATION_SD, STATION_PERIOD_S, rng) + gauss_markov_noise(
+        t, INTERROGATOR_SD, INTERROGATOR_PERIOD_S, rng
     )
-    answered = seen & (rng.uniform(size=len(asked)) < REPLY_PROBABILITY)
-    answered[0] = seen[0]  # it has been followed before
-    return track_range(asked, distance, distance + slowly + rng.normal(0.0, REPLY_SD, len(asked)), answered)
+    has_reply = in_sight & (rng.uniform(size=len(t)) < REPLY_PROBABILITY)
+    has_reply[0] = in_sight[0]  # the station was tracked before the flight
+    return track_range(t, distance, distance + slow_error + rng.normal(0.0, REPLY_SD, len(t)), has_reply)
 
 
 def sight(state: FlightState, world: Environment, station: tuple[float, float, float]) -> tuple[Array, Mask]:
-    """Slant range [m] from the places of a flight to a station, and whether it is seen, shape (n,)."""
+    """Slant range [m] from the positions of a flight to a station, and whether it is in sight, shape (n,)."""
     path, frame = world.path, world.terrain.frame
-    lat, lon = path.geodetic(path.x_gpi + station[0], station[1])
+    lat, lon = path.to_geodetic(path.x_gpi + station[0], station[1])
     level = path.airfield.threshold_alt_m
-    there_l = frame.to_local(lat, lon, level + station[2])
-    here_l = frame.to_local(state.lat, state.lon, state.alt)
-    line = there_l - here_l
+    aircraft_l = frame.to_local(state.lat, state.lon, state.alt)
+    line = frame.to_local(lat, lon, level + station[2]) - aircraft_l
     distance = np.linalg.norm(line, axis=-1)
-    met, outcome = world.terrain.trace(here_l, line, math.inf)
-    hidden = (outcome == RayOutcome.HIT) & (met < distance)
-    reach = np.sqrt(2.0 * HORIZON_RADIUS) * (np.sqrt(np.maximum(state.alt - level, 0.0)) + math.sqrt(station[2]))
-    return distance, np.asarray(~hidden & (distance < reach))
+    hit_range, outcome = world.terrain.trace(aircraft_l, line, math.inf)
+    hidden = (outcome == RayOutcome.HIT) & (hit_range < distance)
+    horizon = np.sqrt(2.0 * HORIZON_RADIUS) * (np.sqrt(np.maximum(state.alt - level, 0.0)) + math.sqrt(station[2]))
+    return distance, np.asarray(~hidden & (distance < horizon))
 
 
-def track_range(asked: Array, distance: Array, replies: Array, answered: Mask) -> Array:
-    """The range told after each interrogation at ``asked`` [s], shape (n,) [m]; NaN while it is not locked.
+def track_range(t: Array, distance: Array, replies: Array, has_reply: Mask) -> Array:
+    """The indicated range after each interrogation at t [s], shape (n,) [m]; NaN while unlocked.
 
-    distance : true ones [m], for the speed; replies : ranges of the replies [m], where it was answered
+    distance : true range [m], for the speed; replies : ranges of the replies [m], valid where ``has_reply``
     """
-    step, n = np.arange(len(asked)), len(asked)
-    last = np.maximum.accumulate(np.where(answered, step, -1))
-    silent_s = asked - asked[last]
-    told = replies[last] + np.gradient(distance, asked)[last] * silent_s
+    step, n = np.arange(len(t)), len(t)
+    last = np.maximum.accumulate(np.where(has_reply, step, -1))
+    silent_s = t - t[last]
+    indicated = replies[last] + np.gradient(distance, t)[last] * silent_s
     before = np.concatenate([[0], last[:-1]]).clip(0)
-    found_again = answered & (asked - asked[before] > MEMORY_S)
-    since = np.maximum.accumulate(np.where(found_again, step, -n))
-    searching = (since >= 0) & (asked - asked[since.clip(0)] < SEARCH_S)
+    reacquired = has_reply & (t - t[before] > MEMORY_S)
+    since = np.maximum.accumulate(np.where(reacquired, step, -n))
+    searching = (since >= 0) & (t - t[since.clip(0)] < SEARCH_S)
     locked = (last >= 0) & (silent_s <= MEMORY_S) & ~searching
-    return np.where(locked, told, np.nan)
+    return np.where(locked, indicated, np.nan)

@@ -1,4 +1,4 @@
-"""Does a number of a measurement reach the bytes of a device?  Its encoder may have no field for it."""
+"""Check whether a field of a measurement affects the bytes of a device; its encoder may not have it."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from fti.types import Measurement
 Cycles = Sequence[Sequence[Measurement]]
 
 
-def is_carried(sensor: SimulatedSensor, name: str, cycles: Cycles, whole: list[list[bytes]]) -> bool:
-    """Are the bytes others where the number is?  A number that no message can carry would have been carried.
+def is_carried(sensor: SimulatedSensor, name: str, cycles: Cycles, encoded: list[list[bytes]]) -> bool:
+    """Whether a changed value changes the bytes.  A value outside the range of a field proves that there is a field.
 
-    name  : "position.lat"; of a reading, surface or station "reading[mach].value"
-    whole : the bytes of the cycles
+    name    : "position.lat"; of a reading, surface or station "reading[mach].value"
+    encoded : the bytes of the cycles
     """
     try:
-        return encode_cycles(sensor.bound, _change_number(name, cycles)) != whole
+        return encode_cycles(sensor.bound, _change_number(name, cycles)) != encoded
     except struct.error:
         return True
 
 
 def _change_number(name: str, cycles: Cycles) -> list[list[Measurement]]:
-    """The same measurements with another value of one number."""
+    """The measurements with another value in one field."""
     kind, _, field = name.rpartition(".")
     kind, _, label = kind.rstrip("]").partition("[")
     quantity = parse(f"{kind}.{field}")

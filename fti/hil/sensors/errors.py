@@ -1,4 +1,4 @@
-"""Errors of simulated sensors: slow ones that wander, white ones that do not, steps of a converter, play of a rod."""
+"""Errors of simulated sensors: Gauss-Markov, white and flicker noise, random walk, lag, quantization, backlash."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 KNOT_S = 1.0
-#: What is left of a sample after which nothing of it counts any more.
+#: Remaining share of a sample that is neglected.
 NEGLIGIBLE_SHARE = 1e-18
-#: Correlation times of the processes that make flicker noise together, one a decade [s].
+#: Correlation times of the processes whose sum is flicker noise, one per decade [s].
 FLICKER_PERIODS_S = (10.0, 100.0, 1000.0, 10_000.0)
-#: Standard deviation of each against the floor that they make in the Allan deviation.
+#: Standard deviation of each process relative to the floor of the Allan deviation.
 FLICKER_SHARE = float(np.sqrt(np.log(10.0) / np.pi) / np.sqrt(2.0 * np.log(2.0) / np.pi))
 
 
 def gauss_markov_noise(t: Array, sd: float, period_s: float, rng: np.random.Generator) -> Array:
     """A first-order Gauss-Markov process with standard deviation sd and correlation time period_s, shape of t.
 
-    Drawn once a second and joined by straight lines: it is slow.
+    One value per second, with linear interpolation, because the process is slow.
     """
     knots = np.arange(t[0], t[-1] + 2 * KNOT_S, KNOT_S)
     keep = float(np.exp(-KNOT_S / period_s))
@@ -31,17 +31,18 @@ def gauss_markov_noise(t: Array, sd: float, period_s: float, rng: np.random.Gene
 def recursion(kicks: Array, keep: float) -> Array:
     """x[k] = keep x[k-1] + kicks[k], for 0 <= keep < 1, in sweeps over the whole array instead of sample by sample.
 
-    After the sweep with step s every x[k] holds the last 2 s kicks; it ends where what is left of them is FORGOTTEN.
+    After the sweep with step s every x[k] contains the last 2 s kicks; it ends when older ones are below
+    NEGLIGIBLE_SHARE.
     """
-    found, step = kicks.copy(), 1
-    while step < len(found) and keep**step > NEGLIGIBLE_SHARE:
-        found[step:] += keep**step * found[:-step].copy()
+    x, step = kicks.copy(), 1
+    while step < len(x) and keep**step > NEGLIGIBLE_SHARE:
+        x[step:] += keep**step * x[:-step].copy()
         step *= 2
-    return found
+    return x
 
 
 def first_order_lag(t: Array, values: Array, lag_s: float) -> Array:
-    """Values behind a first-order lag, shape (n,): exact for straight lines between samples, settled at the first."""
+    """Values after a first-order lag, shape (n,): exact for linear input between samples, settled at the first."""
     if lag_s == 0.0:
         return values
     share = lag_s / _interval(t)
@@ -66,7 +67,7 @@ def noise_of_density(t: Array, per_root_hz: float, rng: np.random.Generator) -> 
 
 
 def random_walk(t: Array, per_root_s: float, rng: np.random.Generator) -> Array:
-    """A random walk from zero that spreads by per_root_s times the root of time, shape of t."""
+    """A random walk from zero with standard deviation per_root_s sqrt(time), shape of t."""
     return np.asarray(np.cumsum(white_noise(t, per_root_s * np.sqrt(_interval(t)), rng)))
 
 
@@ -81,20 +82,20 @@ def flicker_noise(t: Array, floor: float, rng: np.random.Generator) -> Array:
 
 
 def quantize(values: Array, resolution: float) -> Array:
-    """What a converter makes of values: whole multiples of its resolution."""
+    """Values rounded to whole multiples of the resolution of a converter."""
     return np.asarray(np.rint(values / resolution) * resolution)
 
 
 def backlash(values: Array, width: float) -> Array:
-    """What follows ``values`` through a linkage with this slack from end to end, moving when pushed, shape (n,).
+    """Output of a linkage with this backlash from end to end for the input ``values``, shape (n,).
 
-    Begins in the middle of its slack.  The same operator is the hysteresis of a pickup.
+    Begins in the middle of the backlash.  The same operator is the hysteresis of a pickup.
     """
-    found, at, half = np.empty_like(values), float(values[0]), 0.5 * width
+    output, at, half = np.empty_like(values), float(values[0]), 0.5 * width
     for k, value in enumerate(values.tolist()):
         at = min(max(at, value - half), value + half)
-        found[k] = at
-    return found
+        output[k] = at
+    return output
 
 
 def _interval(t: Array) -> float:

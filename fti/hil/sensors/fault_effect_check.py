@@ -1,4 +1,4 @@
-"""Does a device send what a fault changes?  A fault of anything else would change nothing, and nobody would see it."""
+"""Check that a device sends the values that a fault changes; otherwise the fault would have no effect."""
 
 from __future__ import annotations
 
@@ -16,44 +16,44 @@ from fti.hil.tables.fault_types import AttitudeOffset, GnssRamp, InertialBias, L
 from fti.types import Position, RadioHeight, Range, Reading, Velocity
 
 OutputFault = GnssRamp | SwappedCoordinates | Undulation | LeverArm | AttitudeOffset | InertialBias
-#: Two seconds: the rarest measurement comes once a second.
+#: Two periods of the rarest measurement, which is sent once a second [s].
 CHECK_DURATION_S = 2.0
 POSITION_FIELDS = ("position.lat", "position.lon", "position.alt", "position.alt_msl")
 #: Readings of an inertial unit without samples, by axis: forward, right, down.
 RATES = ("roll_rate", "pitch_rate", "yaw_rate")
 ACCELERATIONS = ("longitudinal_acceleration", "lateral_acceleration", "normal_acceleration")
-#: What depends on the place of a device; readings of ranges by the beginning of their names.
+#: Measurements that depend on the position of a device; readings of ranges by the prefix of their names.
 POSITION_DEPENDENT, RANGES = (Position, Velocity, Range, RadioHeight), "range_"
 
 
 def check_fault_effects(sensors: Sequence[SimulatedSensor], world: Environment) -> None:
-    """Raises ConfigError where a device does not send what a fault changes; where none is named, where none does."""
+    """Raises ConfigError when a named device, or without names every device, does not send what a fault changes."""
     faults = [(i, fault) for i, fault in enumerate(world.scenario.fault) if isinstance(fault, OutputFault)]
     sound = _without_faults(world)
     for i, fault in faults:
         named = [sensor for sensor in sensors if fault.includes_device(sensor.name)]
-        missing = {sensor.name: why for sensor in named if (why := _missing(fault, sensor, sound))}
+        missing = {sensor.name: values for sensor in named if (values := _missing(fault, sensor, sound))}
         if missing and (fault.devices or len(missing) == len(named)):
-            name, what = next(iter(missing.items()))
-            raise ConfigError(f"{world.scenario.where}: fault[{i}].devices: {name!r} does not send {what}")
+            name, values = next(iter(missing.items()))
+            raise ConfigError(f"{world.scenario.source_name}: fault[{i}].devices: {name!r} does not send {values}")
 
 
 def _without_faults(world: Environment) -> Environment:
-    """The same flight with sound devices: one that has no fix in the first seconds sends a position all the same."""
+    """The same flight without faults, because a device without fix in the first seconds sends no position."""
     sound = copy.copy(world)
     sound.scenario = world.scenario.model_copy(update={"fault": ()})
     return sound
 
 
 def _missing(fault: OutputFault, sensor: SimulatedSensor, world: Environment) -> str:
-    """What a fault changes and the device does not send; "" where it does."""
+    """Values that a fault changes and the device does not send; "" if it sends them."""
     cycles = first_cycles(sensor, world, CHECK_DURATION_S)
     if isinstance(fault, LeverArm):
         return "" if _depends_on_position(sensor, cycles) else "a position, a velocity or a range"
     sent = encode_cycles(sensor.bound, cycles)
-    for what, alternatives in _required_values(fault).items():
+    for values, alternatives in _required_values(fault).items():
         if not any(is_carried(sensor, name, cycles, sent) for name in alternatives):
-            return what
+            return values
     return ""
 
 
@@ -63,7 +63,7 @@ def _depends_on_position(sensor: SimulatedSensor, cycles: Cycles) -> bool:
 
 
 def _required_values(fault: OutputFault) -> Mapping[str, Sequence[str]]:
-    """What the device must send, each by one of several numbers."""
+    """Values that the device must send, each with alternative fields."""
     match fault:
         case SwappedCoordinates():
             return {"a latitude": POSITION_FIELDS[:1], "a longitude": POSITION_FIELDS[1:2]}
@@ -86,10 +86,10 @@ def _angles(fault: AttitudeOffset) -> Iterator[tuple[str, Sequence[str]]]:
 
 
 def _axes(fault: InertialBias) -> Iterator[tuple[str, Sequence[str]]]:
-    for what, steps, field, readings in (
+    for value, steps, field, readings in (
         ("an angular rate", fault.gyro_degph, "gyro_b", RATES),
         ("a specific force", fault.accel_mg, "accel_b", ACCELERATIONS),
     ):
         for axis, (step, reading) in enumerate(zip(steps, readings, strict=True)):
             if step:
-                yield f"{what} of axis {'xyz'[axis]}", (f"imu_sample.{field}_{axis}", f"reading[{reading}].value")
+                yield f"{value} of axis {'xyz'[axis]}", (f"imu_sample.{field}_{axis}", f"reading[{reading}].value")

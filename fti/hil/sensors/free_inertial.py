@@ -1,18 +1,18 @@
-"""An inertial navigation system on its own: a strapdown fed with what its erroneous unit says, its height held by air.
+"""A free inertial navigation system: a strapdown with the samples of its erroneous unit and a baro-aided height.
 
-Horizontally nothing holds it, so errors oscillate with Schuler's period, 84.4 min, and grow as theory has them:
+The horizontal solution is not aided: its errors oscillate with Schuler's period, 84.4 min, and grow as in theory:
 
     accelerometer bias b    b / w^2 (1 - cos w t)             gyro drift e    R e (t - sin w t / w)
     velocity error v        v / w sin w t                     tilt a          R a (1 - cos w t)          w = sqrt(g / R)
 
-Vertically an inertial system alone runs away, by e in 9.5 min.  The barometric height holds it in the loop of third
-order, with its three poles at 1 / ``TAU_S``:
+The vertical channel of a free inertial system diverges, by a factor of e in 9.5 min.  A third-order loop with the
+barometric height stabilises it, with three poles at 1 / ``TAU_S``:
 
     dh/dt = v - k1 (h - h_b)    dv/dt = f - g - k2 (h - h_b) - a    da/dt = k3 (h - h_b)
     k1 = 3 / tau    k2 = 3 / tau^2 + 2 g / R    k3 = 1 / tau^3
 
 Source: Titterton and Weston 2004, section 12.3 (propagation of errors); Widnall and Sinha 1980, Optimizing the gains of
-the baro-inertial vertical channel, J. Guidance and Control 3, 172-178.  tau of 100 s is the usual one.
+the baro-inertial vertical channel, J. Guidance and Control 3, 172-178.  A tau of 100 s is usual.
 """
 
 from __future__ import annotations
@@ -36,13 +36,13 @@ TAU_S = 100.0
 EARTH_RADIUS, GRAVITY = 6.371e6, 9.81
 SCHULER = math.sqrt(GRAVITY / EARTH_RADIUS)
 K1, K2, K3 = 3.0 / TAU_S, 3.0 / TAU_S**2 + 2.0 * GRAVITY / EARTH_RADIUS, 1.0 / TAU_S**3
-#: The height is held so often [s].
+#: Interval of the height corrections [s].
 HOLD_S = 1.0
 
 
 @dataclass(frozen=True, eq=False)
 class InertialSolution:
-    """What a system says at times, shape (n,): lat, lon [rad], alt [m]; shape (n, 3): vel_n [m/s], rpy [rad]."""
+    """Solution of a system at n times: lat, lon [rad], alt [m], shape (n,); vel_n [m/s], rpy [rad], shape (n, 3)."""
 
     lat: Array
     lon: Array
@@ -51,11 +51,11 @@ class InertialSolution:
     rpy: Array
 
     def at(self, k: int) -> InertialSolution:
-        """Sample k alone."""
+        """Sample k, with shapes (1,) and (1, 3)."""
         return InertialSolution(*(values[k : k + 1] for values in (self.lat, self.lon, self.alt, self.vel_n, self.rpy)))
 
     def motion(self) -> Motion:
-        """The first sample, in e."""
+        """The first sample in the earth frame."""
         mat = mat_en(self.lat[0], self.lon[0])
         return Motion(
             ecef_from_geodetic(self.lat[0], self.lon[0], self.alt[0]),
@@ -65,7 +65,7 @@ class InertialSolution:
 
 
 def solution_of(motion: Motion) -> InertialSolution:
-    """The way back of ``InertialSolution.motion``, for many samples."""
+    """Inverse of ``InertialSolution.motion``, for many samples."""
     lat, lon, alt = geodetic_from_ecef(motion.pos_e)
     mat_ne = np.swapaxes(mat_en(lat, lon), -1, -2)
     quat_eb = motion.quat_eb / np.linalg.norm(motion.quat_eb, axis=1, keepdims=True)
@@ -76,49 +76,49 @@ def solution_of(motion: Motion) -> InertialSolution:
 def run_free(
     start: InertialSolution, force_b: Array, rate_b: Array, *, step: float, baro: Array, known: float = 0.0
 ) -> InertialSolution:
-    """Free inertial navigation whose height is held.
+    """Free inertial navigation with baro-aided height.
 
-    start   : one sample, at the first of the unit's
+    start   : solution at the first sample of the unit
     force_b : specific force [m/s^2] and rate_b : turn rate [rad/s] at equal steps [s], shape (n, 3)
-    baro    : the height that holds it, above the ellipsoid [m], shape (n,)
-    known   : vertical error of the accelerometers, down [m/s^2], that an aided system had found before
-    Returns : at all n samples.  Raises ValueError for fewer than six.
+    baro    : barometric height above the ellipsoid [m], shape (n,)
+    known   : vertical error of the accelerometers, down [m/s^2], that the aided system has estimated
+    Returns : solution at all n samples.  Raises ValueError for fewer than six.
     """
-    motion, found, learnt, push = start.motion(), [start.motion()], -known, known
+    motion, parts, integral, correction = start.motion(), [start.motion()], -known, known
     edges = _edges(len(force_b), max(round(HOLD_S / step), POINTS - 1))
     for begin, end in pairwise(edges):
         here = slice(begin, end + 1)
-        piece = integrate(motion, force_b[here] + push * _up_b(motion), rate_b[here], step)
-        found.append(Motion(piece.pos_e[1:], piece.vel_e[1:], piece.quat_eb[1:]))
+        piece = integrate(motion, force_b[here] + correction * _up_b(motion), rate_b[here], step)
+        parts.append(Motion(piece.pos_e[1:], piece.vel_e[1:], piece.quat_eb[1:]))
         seconds, (up_e, alt) = step * (end - begin), _up_e(piece.pos_e[-1])
-        off = alt - float(baro[end])
-        learnt += K3 * off * seconds
-        push = -K2 * off - learnt
-        motion = Motion(piece.pos_e[-1] - K1 * off * seconds * up_e, piece.vel_e[-1], piece.quat_eb[-1])
-    parts = [(np.atleast_2d(m.pos_e), np.atleast_2d(m.vel_e), np.atleast_2d(m.quat_eb)) for m in found]
-    return solution_of(Motion(*(np.concatenate(columns) for columns in zip(*parts, strict=True))))
+        error = alt - float(baro[end])
+        integral += K3 * error * seconds
+        correction = -K2 * error - integral
+        motion = Motion(piece.pos_e[-1] - K1 * error * seconds * up_e, piece.vel_e[-1], piece.quat_eb[-1])
+    rows = [(np.atleast_2d(m.pos_e), np.atleast_2d(m.vel_e), np.atleast_2d(m.quat_eb)) for m in parts]
+    return solution_of(Motion(*(np.concatenate(columns) for columns in zip(*rows, strict=True))))
 
 
 def _edges(samples: int, hold: int) -> list[int]:
-    """First and last samples of the pieces between which the height is held; the last piece takes what is left over."""
+    """Samples at the edges of the pieces between height corrections; the last piece contains the remainder."""
     return [hold * i for i in range(max((samples - 1) // hold, 1))] + [samples - 1]
 
 
 def _up_e(pos_e: Array) -> tuple[Array, float]:
-    """Upwards, shape (3,), and the height [m] of a place."""
+    """Unit vector upwards, shape (3,), and height [m] of a position."""
     lat, lon, alt = geodetic_from_ecef(pos_e)
     return -mat_en(lat, lon)[:, 2], float(alt)
 
 
 def _up_b(motion: Motion) -> Array:
-    """Upwards in body axes, shape (3,)."""
+    """Unit vector upwards in body axes, shape (3,)."""
     quat = motion.quat_eb / np.linalg.norm(motion.quat_eb)
     return np.asarray(mat_from_quat(quat[None])[0].T @ _up_e(motion.pos_e)[0])
 
 
 class DriftSigmas(NamedTuple):
-    """One sigma of what was wrong when the last fix was lost: accelerometer bias and how it wanders [m/s^2], gyro bias
-    [rad/s], tilt and heading [rad], velocity [m/s], position and height [m]."""
+    """One sigma of the errors at the loss of the last fix: accelerometer bias and its in-run instability [m/s^2], gyro
+    bias [rad/s], tilt and heading [rad], velocity [m/s], position and height [m]."""
 
     accel: float
     in_run: float
@@ -133,7 +133,7 @@ class DriftSigmas(NamedTuple):
 def drift_sd(since: Array, sigmas: DriftSigmas) -> tuple[Array, Array]:
     """One sigma of each horizontal axis, position [m] and velocity [m/s], ``since`` the last fix, shape (n,) [s].
 
-    The four terms at the top of the page; what a heading that is off does in turns, and the white noise, are not in it.
+    The four terms of the module docstring; effects of heading errors in turns and of white noise are neglected.
     """
     w, sin, swing = SCHULER, np.sin(SCHULER * since), 1.0 - np.cos(SCHULER * since)
     bias, level, drift = sigmas.accel / w**2, EARTH_RADIUS * sigmas.tilt, EARTH_RADIUS * sigmas.gyro

@@ -1,4 +1,4 @@
-"""Devices that the configuration describes: whatever quantities their fields have, flown; and readings that wander."""
+"""Generic devices, whose fields the configuration defines: quantities follow the flight, other readings drift."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ PERIOD_S = 60.0
 class FieldEncoder(Protocol):
     """An encoder whose message is made of fields."""
 
-    known: Mapping[str, FieldCodec]
+    codecs: Mapping[str, FieldCodec]
 
 
 class GenericDevice:
-    """Sends what its fields carry.  A quantity is flown with the errors of the sensor that usually measures it.
+    """Measures the quantities of its fields, each with the errors of the sensor that usually measures it.
 
-    Readings called ``range_...`` are those of a range imager or scanner.  Any other reading has no truth in the flight:
-    it wanders about the middle of its limits, or about zero.
+    Readings ``range_...`` are those of a range imager or scanner.  Any other reading has no truth in the flight: it
+    drifts around the middle of its limits, or around zero.
     """
 
     rate_hz = 10.0
@@ -42,10 +42,10 @@ class GenericDevice:
 
     def __init__(self, bound: BoundDevice, world: Environment, t: Array, rng: np.random.Generator) -> None:
         encoder = cast(FieldEncoder, bound.driver.make_encoder(bound.options))
-        meanings = [m for m in encoder.known.values() if not m.is_ignored]
-        kinds = {m.quantity.measurement for m in meanings if m.quantity}
+        codecs = [codec for codec in encoder.codecs.values() if not codec.is_ignored]
+        kinds = {codec.quantity.measurement for codec in codecs if codec.quantity}
         state = world.state(t)
-        readings = {m.field.name: m.field for m in meanings if not m.quantity}
+        readings = {codec.field.name: codec.field for codec in codecs if not codec.quantity}
         ranges = {name: readings.pop(name).unit for name in pixel_indices(list(readings))}
         self._readings = {name: (field.unit, _drifting_values(field, t, rng)) for name, field in readings.items()}
         self._altimeters: list[SensorModel] = [ImagerModel(ranges, bound, world, t, rng)] if ranges else []
@@ -59,21 +59,21 @@ class GenericDevice:
         self._air = AirData(bound, state, world, t, rng)
 
     def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
-        """Everything; the encoder takes what its fields carry."""
-        found: list[Measurement] = [
+        """All measurements of sample k; the encoder sends those of its fields."""
+        measurements: list[Measurement] = [
             Reading(stamp=stamp, name=name, value=float(values[k]), unit=unit)
             for name, (unit, values) in self._readings.items()
         ]
         for altimeter in self._altimeters:
-            found += altimeter.measure(k, stamp)
+            measurements += altimeter.measure(k, stamp)
         if self._reference:
             reference = self._reference
-            found += [reference.attitude(k, stamp), reference.position(k, stamp), reference.velocity(k, stamp)]
-        return found + self._air.measure(k, stamp)
+            measurements += [reference.attitude(k, stamp), reference.position(k, stamp), reference.velocity(k, stamp)]
+        return measurements + self._air.measure(k, stamp)
 
 
 def _drifting_values(field: Field, t: Array, rng: np.random.Generator) -> Array:
-    """Values that stay within the limits of a reading."""
+    """Drifting values within the limits of a reading."""
     low, high = field.limits or (-1.0, 1.0)
     middle, half = (low + high) / 2, (high - low) / 2
     return middle + np.clip(gauss_markov_noise(t, half / 10, PERIOD_S, rng), -half, half)

@@ -1,4 +1,4 @@
-"""Satellite receivers without augmentation: one that says its solution, one that says also what it made it of."""
+"""Satellite receivers without augmentation: one with its solution only, one also with raw measurements."""
 
 from __future__ import annotations
 
@@ -39,17 +39,17 @@ class GnssReceiver:
         self._reception = Reception(bound, NAVIGATION, world, t, rng)
 
     def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
-        """The position last: a receiver's sentences carry all of it, and the position completes them."""
+        """The measurements of sample k; the position is the last, because it completes the sentences."""
         reception = self._reception
         return [reception.satellites(k, stamp), reception.velocity(k, stamp), reception.position(k, stamp)]
 
 
 class RawReceiver:
-    """The same, and once a second the satellites, the receiver's clock and the pseudoranges.
+    """A receiver that also sends satellites, receiver clock and pseudoranges once a second.
 
     Errors of a pseudorange: troposphere 2.3 m and ionosphere 4 m at the zenith, growing with the path through them;
     code noise 0.3 m at the zenith; of the phase 0.02 cycles (Kaplan and Hegarty, 3rd edition, tables 9.3 and 10.2).
-    The clock is an uncompensated crystal that the receiver sets back by a millisecond when it is off by half of one.
+    The clock is an uncompensated crystal, which the receiver steps by 1 ms when its offset reaches 0.5 ms.
     """
 
     rate_hz = 5.0
@@ -71,10 +71,10 @@ class RawReceiver:
         self._cycles = rng.integers(-1_000_000, 1_000_000, len(self._sky.keys))
         self._rng = rng
         self._every = max(round(bound.device.rate_hz or self.rate_hz), 1)
-        self._seen = [self._visible_satellites(k) for k in range(0, len(t), self._every)]
+        self._views = [self._visible_satellites(k) for k in range(0, len(t), self._every)]
 
     def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
-        """The solution, and what is due beside it: the sky, the clock and the ranges."""
+        """The solution, and once a second satellites, clock and ranges."""
         reception = self._reception
         fix = bool(reception.fix[k])
         return [
@@ -87,54 +87,54 @@ class RawReceiver:
 
     def _raw(self, k: int, stamp: Stamp) -> list[Measurement]:
         gps_ns = (stamp.t_dev_ns or 0) - GPS_EPOCH_UTC_NS + LEAP_NS
-        seen, used_satellites = self._seen[k // self._every], self._reception.used_satellites(k)
-        used = used_satellites[seen.which]
-        cn0 = np.where(used, self._cn0(seen), 0.0)
+        view, used_satellites = self._views[k // self._every], self._reception.used_satellites(k)
+        used = used_satellites[view.which]
+        cn0 = np.where(used, self._cn0(view), 0.0)
         offset = float((self._offset[k] + 0.5 * self.STEP_S) % self.STEP_S - 0.5 * self.STEP_S)
         own = Stamp(stamp.t_rx_ns, gps_ns + round(offset * SECOND_NS), TimeScale.GPS)
         clock = ReceiverClock(
             stamp=stamp, offset=offset, drift=float(self._drift[k]), offset_sd=self.OFFSET_SD, drift_sd=1e-9,
             valid=bool(self._reception.fix[k]),
         )  # fmt: skip
-        heard = self._observations(seen.where(used), cn0[used], offset, clock.drift or 0.0)
-        ranges = Pseudoranges(stamp=own, observations=heard)
-        return [Satellites(stamp=stamp, satellites=self._satellites(seen, cn0, used)), clock, ranges]
+        observations = self._observations(view.select(used), cn0[used], offset, clock.drift or 0.0)
+        ranges = Pseudoranges(stamp=own, observations=observations)
+        return [Satellites(stamp=stamp, satellites=self._satellites(view, cn0, used)), clock, ranges]
 
     def _visible_satellites(self, k: int) -> SatellitesInView:
-        """What stands above the mask, received or not."""
+        """Satellites above the elevation mask, received or not."""
         lat, lon, alt = self._reception.place[k]
         mat = mat_en(np.asarray(lat), np.asarray(lon))
         here, moving = ecef_from_geodetic(lat, lon, alt), mat @ self._reception.vel_n[k]
-        return self._sky.seen(float(self._reception.sky_s[k]), here, moving, mat, self.MASK)
+        return self._sky.satellites_in_view(float(self._reception.sky_s[k]), here, moving, mat, self.MASK)
 
-    def _cn0(self, seen: SatellitesInView) -> Array:
-        share = np.sin(seen.elevation)
-        return self.CN0_HORIZON + (self.CN0_ZENITH - self.CN0_HORIZON) * share + self._noise(seen, self.CN0_SD)
+    def _cn0(self, view: SatellitesInView) -> Array:
+        share = np.sin(view.elevation)
+        return self.CN0_HORIZON + (self.CN0_ZENITH - self.CN0_HORIZON) * share + self._noise(view, self.CN0_SD)
 
-    def _noise(self, seen: SatellitesInView, sd: float) -> Array:
-        return self._rng.normal(0.0, sd, len(seen.which))
+    def _noise(self, view: SatellitesInView, sd: float) -> Array:
+        return self._rng.normal(0.0, sd, len(view.which))
 
-    def _satellites(self, seen: SatellitesInView, cn0: Array, used: NDArray[np.bool_]) -> tuple[Satellite, ...]:
+    def _satellites(self, view: SatellitesInView, cn0: Array, used: NDArray[np.bool_]) -> tuple[Satellite, ...]:
         return tuple(
             Satellite(
                 system=self._sky.keys[i][0], number=self._sky.keys[i][1], azimuth=float(azimuth),
                 elevation=float(elevation), cn0_dbhz=float(strength), used=bool(is_used),
             )
             for i, azimuth, elevation, strength, is_used in zip(
-                seen.which, seen.azimuth, seen.elevation, cn0, used, strict=True
+                view.which, view.azimuth, view.elevation, cn0, used, strict=True
             )
         )  # fmt: skip
 
-    def _observations(self, seen: SatellitesInView, cn0: Array, offset: float, drift: float) -> tuple[Pseudorange, ...]:
-        """Pseudorange, phase and doppler of what is in view; the clock is in all of them."""
-        carrier = self._sky.carriers[seen.which]
-        path = 1.0 / np.sin(seen.elevation)
-        geometric = seen.distance + SPEED_OF_LIGHT * offset + self.TROPOSPHERE * path
+    def _observations(self, view: SatellitesInView, cn0: Array, offset: float, drift: float) -> tuple[Pseudorange, ...]:
+        """Pseudorange, phase and Doppler of the satellites in view, each with the error of the receiver clock."""
+        carrier = self._sky.carriers[view.which]
+        path = 1.0 / np.sin(view.elevation)
+        geometric = view.distance + SPEED_OF_LIGHT * offset + self.TROPOSPHERE * path
         code_sd = self.CODE_SD * path
         code = geometric + self.IONOSPHERE * np.minimum(path, 3.0) + self._rng.normal(0.0, code_sd)
         phase = (geometric - self.IONOSPHERE * np.minimum(path, 3.0)) * carrier / SPEED_OF_LIGHT
-        phase = phase + self._cycles[seen.which] + self._noise(seen, self.PHASE_SD)
-        doppler = -(seen.rate / SPEED_OF_LIGHT + drift) * carrier + self._noise(seen, self.DOPPLER_SD)
+        phase = phase + self._cycles[view.which] + self._noise(view, self.PHASE_SD)
+        doppler = -(view.rate / SPEED_OF_LIGHT + drift) * carrier + self._noise(view, self.DOPPLER_SD)
         return tuple(
             Pseudorange(
                 system=self._sky.keys[i][0], number=self._sky.keys[i][1], signal=self._sky.signals[i],
@@ -142,5 +142,5 @@ class RawReceiver:
                 carrier_phase_sd=self.PHASE_SD, doppler=float(doppler[n]), cn0_dbhz=float(cn0[n]), lock_time=60.0,
                 carrier_hz=float(carrier[n]),
             )
-            for n, i in enumerate(seen.which)
+            for n, i in enumerate(view.which)
         )  # fmt: skip

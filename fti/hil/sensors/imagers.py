@@ -1,8 +1,8 @@
-"""Range imagers and range scanners: their ranges are fields of a described frame (``binary_struct``, ``ascii_line``).
+"""Range imagers and range scanners, whose ranges are fields of generic frames (``binary_struct``, ``ascii_line``).
 
 Fields ``range_R_C`` are the pixels of an imager, row R to the right of the aircraft and column C forward, from 0 on;
-fields ``range_N`` are the points of a scanner's line, from left to right.  Every range of a message is of one instant.
-A pixel without a return is not valid.
+fields ``range_N`` are the points of a scanner line, from left to right.  All ranges of a message have the same time.
+A pixel without return is invalid.
 """
 
 from __future__ import annotations
@@ -37,10 +37,10 @@ Metres = Annotated[float, Limited(gt=0, le=2000)]
 
 
 class ImagerSettings(DeviceSettings):
-    """Of an imager or a scanner.
+    """Settings of an imager or a scanner.
 
     field_of_view_deg : along and across the aircraft; the line of a scanner has the second
-    reach_m           : how far it sees
+    reach_m           : maximum range
     """
 
     field_of_view_deg: tuple[Angle, Angle] = (20.0, 20.0)
@@ -49,8 +49,8 @@ class ImagerSettings(DeviceSettings):
 
 def pixel_indices(names: Sequence[str]) -> dict[str, tuple[int, int]]:
     """Row and column of the fields that are ranges; those of a scanner are all in column 0."""
-    found = ((name, NAME.fullmatch(name)) for name in names)
-    return {name: (int(m[1]), int(m[2] or 0)) for name, m in found if m}
+    matches = ((name, NAME.fullmatch(name)) for name in names)
+    return {name: (int(m[1]), int(m[2] or 0)) for name, m in matches if m}
 
 
 class ImagerModel:
@@ -66,27 +66,27 @@ class ImagerModel:
         along, across = (math.radians(angle) for angle in settings.field_of_view_deg)
         is_line = all(name.count("_") == 1 for name in units)
         sensor = _scanner(laser, rows, across) if is_line else _imager(laser, (columns, rows), (along, across))
-        found = world.returns(sensor, t, bound.device).slant_range.reshape(len(t), rows, columns)
-        self._ranges = found + rng.normal(0.0, NOISE_SD, found.shape)
+        ranges = world.returns(sensor, t, bound.device).slant_range.reshape(len(t), rows, columns)
+        self._ranges = ranges + rng.normal(0.0, NOISE_SD, ranges.shape)
 
     def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
         """A reading for each range, in the unit of its field."""
-        return [self._reading(name, float(self._ranges[k][place]), stamp) for name, place in self._pixels.items()]
+        return [self._reading(name, float(self._ranges[k][pixel]), stamp) for name, pixel in self._pixels.items()]
 
     def _reading(self, name: str, slant_range: float, stamp: Stamp) -> Reading:
-        unit, seen = self._units[name], math.isfinite(slant_range)
+        unit, valid = self._units[name], math.isfinite(slant_range)
         value = slant_range / UNITS[unit or "m"][0]
-        return Reading(stamp=stamp, name=name, value=value if seen else None, unit=unit, valid=seen)
+        return Reading(stamp=stamp, name=name, value=value if valid else None, unit=unit, valid=valid)
 
 
-def _shape(places: Mapping[str, tuple[int, int]], device: str) -> tuple[int, int]:
-    """Rows and columns.  Raises ConfigError where one is missing."""
-    rows, columns = (1 + max(place[axis] for place in places.values()) for axis in (0, 1))
-    missing = {(r, c) for r in range(rows) for c in range(columns)} - set(places.values())
+def _shape(pixels: Mapping[str, tuple[int, int]], device: str) -> tuple[int, int]:
+    """Number of rows and columns.  Raises ConfigError when a pixel is missing."""
+    rows, columns = (1 + max(pixel[axis] for pixel in pixels.values()) for axis in (0, 1))
+    missing = {(r, c) for r in range(rows) for c in range(columns)} - set(pixels.values())
     if missing:
         row, column = min(missing)
         raise ConfigError(
-            f"device {device!r}: {rows} x {columns} ranges: that of row {row}, column {column} is missing"
+            f"device {device!r}: {rows} x {columns} ranges: the range of row {row}, column {column} is missing"
         )
     return rows, columns
 
@@ -96,8 +96,8 @@ def _imager(laser: Laser, pixels: tuple[int, int], field_of_view: tuple[float, f
 
 
 def _scanner(laser: Laser, points: int, field_of_view: float) -> RangingSensor:
-    """A scanner whose line has so many points.  Raises ConfigError for an even number: one looks straight down."""
+    """A scanner with this number of points per line.  Raises ConfigError unless it is odd: the middle one is nadir."""
     if points < 3 or points % 2 == 0:
-        raise ConfigError(f"a scanner's line of {points} ranges: it has 3, 5, 7 ... of them")
+        raise ConfigError(f"a scanner line of {points} ranges: the number must be odd and at least 3")
     slow = RangeScanner(laser=laser, pulse_rate=1e4, line_rate=1.0, field_of_view=field_of_view)
     return replace(slow, pulse_rate=slow.sweep_angle * (points - 1) / field_of_view)

@@ -1,4 +1,4 @@
-"""The errors of an inertial measurement unit: three accelerometers and three gyros, each drawn once and then sampled.
+"""Errors of an inertial measurement unit: three accelerometers and three gyros with random constant and noise terms.
 
     measured = clip(round(mat x + bias + in-run + walk + white))
     mat      = (I + scale) (I + skew) rotation
@@ -23,16 +23,16 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class TriadSpec:
-    """How large the errors of three like axes are, one sigma; unit : of the quantity, m/s^2 or rad/s.
+    """Errors of three equal axes, one sigma; unit : of the quantity, m/s^2 or rad/s.
 
-    turn_on       : bias from one start to the next [unit]
-    in_run        : floor of the Allan deviation [unit], which is what data sheets call bias stability in run
+    turn_on       : bias repeatability [unit]
+    in_run        : floor of the Allan deviation [unit], called in-run bias stability in data sheets
     white         : density of the white noise [unit / sqrt(Hz)]: velocity or angle random walk
     walk          : random walk of the bias [unit / sqrt(s)]
     scale         : error of the scale factor
     misalignment  : of the three axes together against the case [rad, each angle]
-    skew          : of one axis against another: what is missing to a right angle [rad]
-    resolution    : step of the output [unit];  limit : of the range, to both sides [unit]
+    skew          : non-orthogonality of the axes [rad]
+    resolution    : step of the output [unit];  limit : of the range, on both sides [unit]
     """
 
     turn_on: float
@@ -48,7 +48,7 @@ class TriadSpec:
 
 @dataclass(frozen=True, slots=True)
 class Grade:
-    """One kind of unit: its accelerometers [m/s^2] and its gyros [rad/s]."""
+    """Grade of a unit: its accelerometers [m/s^2] and its gyros [rad/s]."""
 
     accel: TriadSpec
     gyro: TriadSpec
@@ -56,7 +56,7 @@ class Grade:
 
 @dataclass(frozen=True, slots=True)
 class Instrument:
-    """Three axes of one unit.  bias : of this start, shape (3,); mat : case to axes, with scales, shape (3, 3)."""
+    """Three axes of one unit.  bias : turn-on bias, shape (3,); mat : case to axes, with scales, shape (3, 3)."""
 
     triad: TriadSpec
     bias: Array
@@ -64,20 +64,20 @@ class Instrument:
 
     @classmethod
     def draw(cls, triad: TriadSpec, rng: np.random.Generator) -> Instrument:
-        """One of its kind."""
+        """An instrument with random constant errors."""
         bias, scale, angles, skew = (
             rng.normal(0.0, sd, 3) for sd in (triad.turn_on, triad.scale, triad.misalignment, triad.skew)
         )
         return cls(triad, bias, mat_of(scale, angles, skew))
 
     def measure(self, t: Array, true_b: Array, rng: np.random.Generator) -> Array:
-        """What it says where true_b, shape (n, 3), is true at t, shape (n,) [s, evenly spaced]."""
+        """Output for the true values true_b, shape (n, 3), at t, shape (n,) [s, evenly spaced]."""
         noise = np.stack([self._noise(t, rng) for _ in range(3)], axis=1)
-        felt = true_b @ self.mat.T + self.bias + noise
-        return np.clip(quantize(felt, self.triad.resolution), -self.triad.limit, self.triad.limit)
+        values = true_b @ self.mat.T + self.bias + noise
+        return np.clip(quantize(values, self.triad.resolution), -self.triad.limit, self.triad.limit)
 
     def constant_error(self, true_b: Array) -> Array:
-        """What it says too much of this value, shape (3,), but for what varies in a run."""
+        """Constant part of the error at this true value, shape (3,)."""
         return np.asarray(self.mat @ true_b - true_b + self.bias)
 
     def _noise(self, t: Array, rng: np.random.Generator) -> Array:
@@ -90,22 +90,22 @@ class Instrument:
 
 
 def mat_of(scale: Array, angles: Array, skew: Array) -> Array:
-    """Case to axes: turned by small angles (roll, pitch, yaw of the axes in the case), skewed, scaled; shape (3, 3).
+    """Case to axes: rotated by small angles (roll, pitch, yaw of the axes in the case), skewed, scaled; shape (3, 3).
 
-    skew : how much y leans from the right angle on x, z on x, z on y [rad]
+    skew : deviation from the right angle of y to x, z to x, z to y [rad]
     """
-    leaning = np.eye(3)
-    leaning[1, 0], leaning[2, 0], leaning[2, 1] = skew
-    return np.asarray(np.diag(1.0 + scale) @ leaning @ mat_from_rpy(*angles).T)
+    mat_skew = np.eye(3)
+    mat_skew[1, 0], mat_skew[2, 0], mat_skew[2, 1] = skew
+    return np.asarray(np.diag(1.0 + scale) @ mat_skew @ mat_from_rpy(*angles).T)
 
 
 class Imu:
-    """One unit of a grade.  rng : its errors are drawn from it, and nothing else may draw between them."""
+    """One unit of a grade.  rng : exclusive generator of its errors, for reproducibility"""
 
     def __init__(self, grade: Grade, rng: np.random.Generator) -> None:
         self._rng = rng
         self.accel, self.gyro = Instrument.draw(grade.accel, rng), Instrument.draw(grade.gyro, rng)
 
     def measure(self, t: Array, force_b: Array, rate_b: Array) -> tuple[Array, Array]:
-        """Specific force [m/s^2] and angular rate [rad/s] as they are said, shape (n, 3), where these are true."""
+        """Measured specific force [m/s^2] and angular rate [rad/s], shape (n, 3), for the true ones."""
         return self.accel.measure(t, force_b, self._rng), self.gyro.measure(t, rate_b, self._rng)

@@ -1,15 +1,15 @@
-"""Grades of inertial measurement units, in the units of their data sheets.
+"""Grades of inertial measurement units, with the values of their data sheets.
 
     navigation  Honeywell HG9900, brochure N61-1638-000-000: gyro bias 0.0035 deg/h, random walk 0.002 deg/sqrt(h),
                 scale 5 ppm; accelerometer bias 25 ug, scale 100 ppm, all one sigma
     tactical    Honeywell HG1700, brochure N61-1619-000-001: gyro bias 1 deg/h, random walk 0.125 deg/sqrt(h);
                 accelerometer bias 1 mg, random walk 0.065 ft/s/sqrt(h); counts of 2^-33 rad and 2^-27 ft/s at 100 Hz
-    mems        Analog Devices ADIS16460, data sheet rev. B, table 1: everything but the walk of the bias
+    mems        Analog Devices ADIS16460, data sheet rev. B, table 1: everything except the walk of the bias
 
-Both brochures were read as the ImuModel of the NavToolkit (IS4S) quotes them; the counts as NovAtel's receivers have
-them.  What no document gives is assumed and marked so: in-run bias, scale, alignment and range where a brochure has
-none, and the walk of the bias, which is set to reach the in-run floor after a day.  A repeatability that is stated as a
-limit (1 % of scale) is taken as one sigma.
+The values of both brochures are quoted from the ImuModel of the NavToolkit (IS4S); the counts are those of NovAtel's
+receivers.  Values without source are marked as assumed: in-run bias, scale, alignment and range where a brochure has
+none, and the walk of the bias, which reaches the in-run floor after a day.  A repeatability stated as a limit (1 % of
+scale) is taken as one sigma.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ DEG_ROOT_H = DEG / 60.0
 PER_ROOT_H = 1.0 / 60.0
 MILLI_G, MICRO_G, PPM = 1e-3 * STANDARD_GRAVITY, 1e-6 * STANDARD_GRAVITY, 1e-6
 DAY_S = 86_400.0
-#: Every unit stands still so long before the flight [s]: assumed.
+#: Standstill of every unit before the flight [s]: assumed.
 STANDSTILL_S = 60.0
 
 
@@ -116,15 +116,15 @@ GRADES: dict[GradeName, Grade] = {
 
 
 class ImuSettings(DeviceSettings):
-    """Of a unit with an autopilot's or a heading reference's inertial sensors."""
+    """Settings of a unit with the inertial sensors of an autopilot or a heading reference."""
 
     grade: GradeName = "mems"
 
 
 def calibrate_gyros(grade: Grade) -> Grade:
-    """A unit that has taken its gyros' mean while it stood still for their bias: what is left is how well it knows it.
+    """The grade after gyro calibration at standstill: the remaining bias is the uncertainty of its mean.
 
-    The Earth's turn is in that mean too, and is known to be.
+    The mean contains the Earth's rotation, which is known.
     """
     gyro = grade.gyro
     known = math.hypot(gyro.in_run, gyro.white / math.sqrt(STANDSTILL_S))

@@ -1,4 +1,4 @@
-"""An inertial navigation system: attitude, velocity, position and inertial sample; and what inertial sensors feel."""
+"""An inertial navigation system: attitude, velocity, position, inertial samples; and the inputs of inertial sensors."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ EARTH_RATE_E = np.array([0.0, 0.0, EARTH_RATE])
 
 
 def specific_force_b(state: FlightState) -> Array:
-    """What ideal accelerometers feel [m/s^2], shape (n, 3): Earth-fixed acceleration + Coriolis - gravity.
+    """Specific force of ideal accelerometers [m/s^2], shape (n, 3): Earth-fixed acceleration + Coriolis - gravity.
 
     Source: Spiegel 2018, eq. 7.2, in e.
     """
@@ -53,7 +53,7 @@ def specific_force_b(state: FlightState) -> Array:
 
 
 def angular_rate_b(state: FlightState) -> Array:
-    """What ideal gyros feel [rad/s], shape (n, 3): turn of the body + of the local level + of the Earth.
+    """Angular rate of ideal gyros [rad/s], shape (n, 3): rates of the body + of the local level + of the Earth.
 
     Source: Spiegel 2018, eq. 7.3.
     """
@@ -66,7 +66,7 @@ def angular_rate_b(state: FlightState) -> Array:
 def inertial_samples(
     grade: GradeName, bound: BoundDevice, world: Environment, state: FlightState, rng: np.random.Generator
 ) -> tuple[Array, Array]:
-    """Specific force [m/s^2] and angular rate [rad/s] as a unit of a grade says them, in b, shape (n, 3)."""
+    """Specific force [m/s^2] and angular rate [rad/s] measured by a unit of a grade, in b, shape (n, 3)."""
     force, rate = Imu(calibrate_gyros(GRADES[grade]), rng).measure(
         state.t, specific_force_b(state), angular_rate_b(state)
     )
@@ -74,19 +74,19 @@ def inertial_samples(
 
 
 def _with_steps(force: Array, rate: Array, t: Array, bound: BoundDevice, world: Environment) -> tuple[Array, Array]:
-    """The same, in b, with the steps of the biases, which are in axes of the device; shape (n, 3)."""
+    """Add the bias steps of faults, which are in axes of the device; values in b, shape (n, 3)."""
     force_s, rate_s = bias_steps(bound.device.name, world.scenario.fault, t)
     mat_sb = mounting(bound.device).T
     return force + force_s @ mat_sb, rate + rate_s @ mat_sb
 
 
 class InertialNavigation:
-    """A system of a grade, held by satellites or not; its errors are stated in what it sends."""
+    """A system of a grade, aided by satellites or free; its messages state its errors."""
 
     rate_hz = 100.0
     time_scale = TimeScale.UTC
 
-    #: Its unit is sampled at least so often, whatever it sends [Hz].
+    #: Minimum sample rate of its unit, independent of the message rate [Hz].
     UNIT_HZ = 100.0
 
     def __init__(self, bound: BoundDevice, world: Environment, t: Array, rng: np.random.Generator) -> None:
@@ -95,7 +95,7 @@ class InertialNavigation:
         faults, sigmas = GnssFaults(name, world.scenario.fault), drift_sigmas(settings.grade)
         output, (own,) = aided_output(state, sigmas, faults.offset_n(t), rng), rng.spawn(1)
         unit = _unit(settings.grade, bound, world, t, own)
-        inertial = (felt_b[:: unit.every] @ mounting(bound.device) for felt_b in (unit.force_b, unit.rate_b))
+        inertial = (values_b[:: unit.every] @ mounting(bound.device) for values_b in (unit.force_b, unit.rate_b))
         output = add_free_intervals(output, free_mask(t, settings, faults), unit, sigmas, own)
         self._is_free, self._undulation = output.is_free.tolist(), world.undulation
         arm_vel_n = velocity_at(state, bound.device.lever_arm_b) - state.vel_n
@@ -103,20 +103,20 @@ class InertialNavigation:
         self._aids = AidingMessages(bound, world, t, rng, output=output)
 
     def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
-        """Inertial sample, attitude, velocity, position: the content of one message; then what is due more seldom."""
+        """Inertial sample, attitude, velocity, position: the content of one message; then the slower messages."""
         row = self._rows[k].tolist()
-        ax, ay, az, gx, gy, gz, roll, pitch, heading, north, east, down, *place, h_sd, v_sd, velocity_sd = row
+        ax, ay, az, gx, gy, gz, roll, pitch, heading, north, east, down, *position, h_sd, v_sd, velocity_sd = row
         return [
             *self._status_change(k, stamp),
             new_sample(stamp=stamp, accel_b=(ax, ay, az), gyro_b=(gx, gy, gz)),
             new_attitude(stamp=stamp, roll=roll, pitch=pitch, heading=heading),
             new_velocity(stamp=stamp, north=north, east=east, down=down, sd=velocity_sd),
-            self._position(stamp, *place, horizontal_sd=h_sd, vertical_sd=v_sd),
+            self._position(stamp, *position, horizontal_sd=h_sd, vertical_sd=v_sd),
             *self._aids.measure(k, stamp),
         ]
 
     def _status_change(self, k: int, stamp: Stamp) -> list[Measurement]:
-        """Its status, where it loses or finds its satellites: every message has it from then on."""
+        """The status when the system loses or regains its satellites; later messages repeat it."""
         is_free = self._is_free[k]
         return [status(stamp, is_free=is_free)] if is_free != (self._is_free[k - 1] if k else False) else []
 
@@ -137,28 +137,28 @@ class InertialNavigation:
 
 def _solution_columns(output: InsOutput, arm: list[Array], arm_vel_n: Array) -> tuple[Array, ...]:
     """Columns of the solution at the device, as ``InertialNavigation.measure`` takes them."""
-    said = output.solution
-    places = (at + beside for at, beside in zip((said.lat, said.lon, said.alt), arm, strict=True))
-    return said.rpy, said.vel_n + arm_vel_n, *places, output.deviations[:, [0, 2, 3]]
+    solution = output.solution
+    position = (at + offset for at, offset in zip((solution.lat, solution.lon, solution.alt), arm, strict=True))
+    return solution.rpy, solution.vel_n + arm_vel_n, *position, output.deviations[:, [0, 2, 3]]
 
 
 def _unit(
     grade: GradeName, bound: BoundDevice, world: Environment, t: Array, rng: np.random.Generator
 ) -> InertialUnitSamples:
-    """The unit of a system that says something at t, shape (n,) [s, evenly spaced]."""
+    """Samples of the unit of a system that sends at t, shape (n,) [s, evenly spaced]."""
     period = float(t[-1] - t[0]) / max(len(t) - 1, 1) or 1.0
     every = max(math.ceil(InertialNavigation.UNIT_HZ * period - 1e-3), 1)
-    own = t[0] + period / every * np.arange((len(t) - 1) * every + 1)
-    state, imu = world.state(np.minimum(own, t[-1])), Imu(calibrate_gyros(GRADES[grade]), rng)
+    unit_t = t[0] + period / every * np.arange((len(t) - 1) * every + 1)
+    state, imu = world.state(np.minimum(unit_t, t[-1])), Imu(calibrate_gyros(GRADES[grade]), rng)
     force, rate = specific_force_b(state), angular_rate_b(state)
-    said = _with_steps(*imu.measure(own, force, rate), own, bound, world)
+    measured = _with_steps(*imu.measure(unit_t, force, rate), unit_t, bound, world)
     baro = world.atmosphere.pressure_altitude(state.alt - world.undulation) + gauss_markov_noise(
-        own, BARO_SD, BARO_PERIOD_S, rng
+        unit_t, BARO_SD, BARO_PERIOD_S, rng
     )
-    return InertialUnitSamples(imu, every, period / every, *said, force, rate, baro)
+    return InertialUnitSamples(imu, every, period / every, *measured, force, rate, baro)
 
 
 def _device_offset(state: FlightState, bound: BoundDevice) -> list[Array]:
     """From the reference point to the device: lat, lon [rad], alt [m], shape (n,) each."""
-    there, here = position_at(state, bound.device.lever_arm_b), (state.lat, state.lon, state.alt)
-    return [to - at for to, at in zip(there, here, strict=True)]
+    device, reference = position_at(state, bound.device.lever_arm_b), (state.lat, state.lon, state.alt)
+    return [to - at for to, at in zip(device, reference, strict=True)]

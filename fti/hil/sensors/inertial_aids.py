@@ -1,7 +1,7 @@
-"""What an inertial navigation system passes on more seldom: its receiver, air data, magnetometer, its own doubts.
+"""The slower messages of an inertial navigation system: receiver, air data, magnetometer, standard deviations, status.
 
-Each is made only when the options of the device ask for its message, and sampled at each divider-th sample, or at the
-rate at which the aid itself says something new where the divider is 0.
+A message is sent only if the options of the device enable it, with every divider-th sample, or at the rate of the aid
+if the divider is 0.
 """
 
 from __future__ import annotations
@@ -35,19 +35,19 @@ from fti.types import (
 Array = NDArray[np.float64]
 Measure = Callable[[int, Stamp], list[Measurement]]
 
-#: How often an aid has something new [Hz].
+#: Rates of new data of the aids [Hz].
 AID_RATES_HZ = {"GNSSSOL": 5.0, "AIRDATA": 10.0, "MAGDATA": 10.0, "EKFSTDDEV": 1.0, "SYSSTAT": 1.0}
-FIELD_SD, FIELD_BIAS_SD = 1e-7, 3e-7  # [T], noise and what calibration leaves
+FIELD_SD, FIELD_BIAS_SD = 1e-7, 3e-7  # [T], noise and residual error after calibration
 AIDED_STATUS = (*HEALTHY, "in_motion", "ekf_levelling_complete", "ekf_stationary_align_complete", "ekf_position_valid")
 FREE_STATUS = (*("position_medium" if flag == "position_high" else flag for flag in AIDED_STATUS), "gnss_invalid")
-#: One sigma of what the filter estimates besides the solution: accelerometer [m/s^2] and gyro bias [rad/s], scales.
+#: One sigma of the other states of the filter: accelerometer [m/s^2] and gyro bias [rad/s], scale factors.
 ACCEL_BIAS_SD, GYRO_BIAS_SD, SCALE_SD = 5e-4, 5e-8, 5e-5
 
 
 class AidingMessages:
-    """The seldom messages of one system.
+    """The slower messages of one system.
 
-    told : what the system says and how well it knows it
+    output : solution of the system with its standard deviations
     """
 
     def __init__(
@@ -69,7 +69,7 @@ class AidingMessages:
         ]
 
     def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
-        """What is due with sample k."""
+        """The messages due with sample k."""
         return [m for every, measure in self._aids if k % every == 0 for m in measure(k, stamp)] if self._aids else []
 
 
@@ -82,16 +82,16 @@ def _receiver(reference: HeadingReference) -> Measure:
 
 def _air_data(air: AirData) -> Measure:
     def measure(k: int, stamp: Stamp) -> list[Measurement]:
-        said = air.measure(k, stamp)
-        fit = [m for m in said if not isinstance(m, PressureAltitude) or m.setting_pa == STANDARD_PA]
-        return sorted(fit, key=lambda m: isinstance(m, Airspeed))  # which completes the message
+        measurements = air.measure(k, stamp)
+        standard = [m for m in measurements if not isinstance(m, PressureAltitude) or m.setting_pa == STANDARD_PA]
+        return sorted(standard, key=lambda m: isinstance(m, Airspeed))  # which completes the message
 
     return measure
 
 
 def _magnetometer(bound: BoundDevice, state: FlightState, t: Array, rng: np.random.Generator) -> Measure:
-    left = np.stack([gauss_markov_noise(t, FIELD_BIAS_SD, 300.0, rng) for _ in range(3)], axis=1)
-    field = (earth_field_b(state) + left) @ mounting(bound.device) + rng.normal(0.0, FIELD_SD, (len(t), 3))
+    bias = np.stack([gauss_markov_noise(t, FIELD_BIAS_SD, 300.0, rng) for _ in range(3)], axis=1)
+    field = (earth_field_b(state) + bias) @ mounting(bound.device) + rng.normal(0.0, FIELD_SD, (len(t), 3))
 
     def measure(k: int, stamp: Stamp) -> list[Measurement]:
         x, y, z = map(float, field[k])
@@ -114,5 +114,5 @@ def _filter(deviations: Array) -> Measure:
 
 
 def status(stamp: Stamp, *, is_free: bool) -> DeviceStatus:
-    """What it says of itself; alone : satellites do not hold it."""
+    """Status of the system; is_free : not aided by satellites"""
     return DeviceStatus(stamp=stamp, ok=True, flags=FREE_STATUS if is_free else AIDED_STATUS)

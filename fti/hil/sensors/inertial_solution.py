@@ -1,10 +1,10 @@
-"""What an inertial navigation system says over a flight: held by satellites, or on its own.
+"""Solution of an inertial navigation system over a flight, aided by satellites or free.
 
-Held, its errors are small, slow and of stated sizes: those of a navigation-grade system whose receiver has no
-corrections are assumed, and so are those of the other grades; no data sheet stands behind them.  On its own (from a
-time on, or while its receiver hears nothing) it goes on with what its unit says from where it was, and its doubts grow
-as its errors do.  What the filter had found of the unit's constant errors until then is taken away: what is left is as
-large as the doubts say.
+An aided system has small, slow errors of the stated size.  Their values are assumed (without data sheet), for a
+navigation-grade system whose receiver has no corrections, and for the other grades.  A free system (from a given time,
+or while its receiver has no signals) continues from its last solution with the samples of its unit, and its standard
+deviations grow with its errors.  The constant errors of the unit that the filter has estimated are removed; the
+residuals have the stated standard deviations.
 """
 
 from __future__ import annotations
@@ -33,24 +33,24 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 POSITION_PERIOD_S, VELOCITY_PERIOD_S, ATTITUDE_PERIOD_S = 60.0, 20.0, 100.0
-#: What a barometric height wanders by that was set to the last fix [m], and how fast [s]: assumed.
+#: Drift of a barometric height since it was set to the last fix [m], and correlation time [s]: assumed.
 BARO_SD, BARO_PERIOD_S = 3.0, 300.0
-#: Tilt and heading of a system that is held [deg]; velocity [m/s], position and height [m].
+#: One sigma of an aided system: tilt and heading [deg], velocity [m/s], position and height [m].
 AIDED_SIGMAS: dict[GradeName, tuple[float, float, float, float, float]] = {
     "navigation": (0.03, 0.08, 0.03, 1.0, 0.8),
     "tactical": (0.05, 0.2, 0.03, 1.0, 0.8),
     "mems": (0.3, 1.0, 0.1, 1.5, 1.2),
 }
-#: After the signals are back, so long it takes until there is a fix again [s].
+#: Time from the return of the signals to the next fix [s].
 REACQUIRE_S = 2.0
-#: A strapdown is not begun for less samples.
+#: Smallest number of samples for a free interval.
 MIN_SAMPLES = 6
 
 
 class InertialSettings(AirSettings):
-    """Of an inertial navigation system: how good its unit is, and whether satellites hold it.
+    """Settings of an inertial navigation system: grade of its unit, and aiding by satellites.
 
-    mode : aided : held, but for the outages of its receiver; free : on its own from ``free_from_s`` on
+    mode : aided : except in outages of its receiver; free : not aided from ``free_from_s`` on
     """
 
     grade: GradeName = "navigation"
@@ -59,7 +59,7 @@ class InertialSettings(AirSettings):
 
 
 def drift_sigmas(grade: GradeName) -> DriftSigmas:
-    """One sigma of a system of a grade that is held: of its unit what a filter cannot tell from tilt and noise."""
+    """One sigma of an aided system; of its unit, errors that a filter cannot separate from tilt and noise."""
     tilt_deg, heading_deg, velocity, position, height = AIDED_SIGMAS[grade]
     tilt, unit = math.radians(tilt_deg), calibrate_gyros(GRADES[grade])
     accel = min(unit.accel.turn_on, STANDARD_GRAVITY * tilt)
@@ -69,12 +69,12 @@ def drift_sigmas(grade: GradeName) -> DriftSigmas:
 
 @dataclass(frozen=True, eq=False)
 class InsOutput:
-    """What a system says and how well it knows it.
+    """Solution of a system with its standard deviations.
 
     solution      : at all samples
     deviations    : one sigma of east, north, height [m], velocity north, east, down [m/s], tilt north, east, down
                     [rad], shape (n, 9)
-    alone         : on its own, shape (n,)
+    is_free       : not aided, shape (n,)
     """
 
     solution: InertialSolution
@@ -85,7 +85,7 @@ class InsOutput:
 def aided_output(
     state: FlightState, sigmas: DriftSigmas, offsets: tuple[Array, Array], rng: np.random.Generator
 ) -> InsOutput:
-    """Errors that wander about the truth.  offsets : of the satellites' position [m] and velocity [m/s], in n."""
+    """Truth plus drifting errors.  offsets : of the satellites' position [m] and velocity [m/s], in n."""
     t = state.t
     roll = state.roll + gauss_markov_noise(t, sigmas.tilt, ATTITUDE_PERIOD_S, rng)
     pitch = state.pitch + gauss_markov_noise(t, sigmas.tilt, ATTITUDE_PERIOD_S, rng)
@@ -107,9 +107,9 @@ def aided_output(
 
 @dataclass(frozen=True, eq=False)
 class InertialUnitSamples:
-    """The inertial unit of a system at its own samples: ``every`` of them is one of the system's.
+    """The inertial unit of a system at its own samples; the system uses every ``every``-th of them.
 
-    force_b, rate_b : as it says them;  true_force_b, true_rate_b : as they are, shape (m, 3);  baro : height [m], (m,)
+    force_b, rate_b : measured;  true_force_b, true_rate_b : true values, shape (m, 3);  baro : height [m], (m,)
     """
 
     imu: Imu
@@ -123,7 +123,7 @@ class InertialUnitSamples:
 
 
 def free_mask(t: Array, settings: InertialSettings, faults: GnssFaults) -> Mask:
-    """When a system is on its own, at t, shape (n,) [s]."""
+    """Mask of the times without aiding, at t, shape (n,) [s]."""
     jamming_mask = faults.jamming_mask(t, REACQUIRE_S)
     return jamming_mask | (t >= settings.free_from_s) if settings.mode == "free" else jamming_mask
 
@@ -131,9 +131,9 @@ def free_mask(t: Array, settings: InertialSettings, faults: GnssFaults) -> Mask:
 def add_free_intervals(
     output: InsOutput, is_free: Mask, unit: InertialUnitSamples, sigmas: DriftSigmas, rng: np.random.Generator
 ) -> InsOutput:
-    """The same with free inertial navigation where ``is_free`` says so; each time begins with what it said last."""
+    """Replace the solution by free inertial navigation where ``is_free``, each time from the last aided solution."""
     parts = output.solution.lat, output.solution.lon, output.solution.alt, output.solution.vel_n, output.solution.rpy
-    said, deviations, really = [part.copy() for part in parts], output.deviations.copy(), np.zeros_like(is_free)
+    columns, deviations, applied = [part.copy() for part in parts], output.deviations.copy(), np.zeros_like(is_free)
     for begin, end in _runs(is_free):
         if (end - begin) * unit.every < MIN_SAMPLES:
             continue
@@ -141,13 +141,13 @@ def add_free_intervals(
             output.solution.at(begin), slice(begin * unit.every, (end - 1) * unit.every + 1), unit, sigmas, rng
         )
         now = slice(begin, end)
-        for part, found in zip(said, (free.lat, free.lon, free.alt, free.vel_n, free.rpy), strict=True):
-            part[now] = found[:: unit.every]
+        for column, values in zip(columns, (free.lat, free.lon, free.alt, free.vel_n, free.rpy), strict=True):
+            column[now] = values[:: unit.every]
         deviations[now] = _drift_deviations(
             np.linspace(0.0, unit.step * unit.every * (end - begin - 1), end - begin), sigmas
         )
-        really[now] = True
-    return InsOutput(InertialSolution(*said), deviations, really)
+        applied[now] = True
+    return InsOutput(InertialSolution(*columns), deviations, applied)
 
 
 def _runs(mask: Mask) -> Iterator[tuple[int, int]]:
@@ -158,20 +158,20 @@ def _runs(mask: Mask) -> Iterator[tuple[int, int]]:
 def _free(
     start: InertialSolution, here: slice, unit: InertialUnitSamples, sigmas: DriftSigmas, rng: np.random.Generator
 ) -> InertialSolution:
-    """From one sample on, with what the filter has left of the unit's constant errors."""
-    left_f, left_w = rng.normal(0.0, sigmas.accel, 3), rng.normal(0.0, sigmas.gyro, 3)
-    force = unit.force_b[here] - unit.imu.accel.constant_error(unit.true_force_b[here][0]) + left_f
-    rate = unit.rate_b[here] - unit.imu.gyro.constant_error(unit.true_rate_b[here][0]) + left_w
+    """Free inertial navigation from one sample on, with the residual constant errors of the unit."""
+    residual_f, residual_w = rng.normal(0.0, sigmas.accel, 3), rng.normal(0.0, sigmas.gyro, 3)
+    force = unit.force_b[here] - unit.imu.accel.constant_error(unit.true_force_b[here][0]) + residual_f
+    rate = unit.rate_b[here] - unit.imu.gyro.constant_error(unit.true_rate_b[here][0]) + residual_w
     down = mat_from_rpy(*start.rpy[0])[2]
     baro = unit.baro[here] - unit.baro[here][0] + start.alt[0]
-    return run_free(start, force, rate, step=unit.step, baro=baro, known=float(down @ left_f))
+    return run_free(start, force, rate, step=unit.step, baro=baro, known=float(down @ residual_f))
 
 
 def _drift_deviations(since: Array, sigmas: DriftSigmas) -> Array:
     """Deviations as in ``InsOutput``, ``since`` the last fix, shape (n,) [s].
 
-    The height: what the air has wandered since, and how the loop that holds it answers to a wrong vertical velocity
-    and to a bias that is another than it was: flicker noise wanders by about twice its floor in minutes.
+    The height contains the drift of the barometric height, and the response of the vertical loop to an error of the
+    vertical velocity and to a change of the bias: flicker noise drifts by about twice its floor in minutes.
     """
     position, velocity = drift_sd(since, sigmas)
     baro = BARO_SD * np.sqrt(2.0 * (1.0 - np.exp(-since / BARO_PERIOD_S)))

@@ -1,6 +1,6 @@
-"""What a device means to state once a second: the numbers of its measurements before faults, encoder and line.
+"""Intended values of a device once a second: the values of its measurements before faults, encoder and line.
 
-They are the ground truth of what a recording must contain for the device, errors of its own included.
+They are the ground truth for the recording of the device and include its own errors.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from fti.hil.tables.quantity_names import NAME_FIELDS, quantities
 from fti.types import Measurement
 
 SAMPLE_PERIOD_S = 1.0
-#: Numbers that a device sends at all are in its first messages [s].
+#: The messages of this time contain every value that a device sends [s].
 CHECK_DURATION_S = 1.0
-#: Between two messages of that look [ns]; no decoder waits for longer.
+#: Interval of the messages in this check [ns], below any time-out of a decoder.
 STEP_NS = 1_000_000
 
 
@@ -30,8 +30,8 @@ STEP_NS = 1_000_000
 class IntendedValues:
     """One sample of a device.
 
-    t_s : when it was taken [s of the flight]; values : SI and radians, by the kind of measurement, in brackets the name
-    of a reading, surface or station, and the field: ``reading[supply_current].value``
+    t_s : sample time [s of the flight]; values : SI and radians, by the kind of measurement, in brackets the name of a
+    reading, surface or station, and the field: ``reading[supply_current].value``
     """
 
     device: str
@@ -40,16 +40,16 @@ class IntendedValues:
 
 
 def intended_values(sensors: Sequence[SimulatedSensor], world: Environment) -> list[IntendedValues]:
-    """Of every device, those numbers that its messages carry, in order of time.
+    """Intended values of every device, limited to those in its messages, in order of time.
 
-    A device whose measurements depend on what happens until then is left out.
+    A live device, whose measurements depend on events during the flight, is left out.
     """
-    found = [one for sensor in sensors if not sensor.is_live for one in _device_values(sensor, world)]
-    return sorted(found, key=lambda one: one.t_s)
+    values = [one for sensor in sensors if not sensor.is_live for one in _device_values(sensor, world)]
+    return sorted(values, key=lambda one: one.t_s)
 
 
 def _device_values(sensor: SimulatedSensor, world: Environment) -> Iterator[IntendedValues]:
-    """A sample in every second; what a device sends more seldom than it samples is in those that are whole seconds."""
+    """A sample of every second; measurements at lower rates are in the samples at whole seconds."""
     sent = _encoded_names(sensor, first_cycles(sensor, world, CHECK_DURATION_S))
     for k in range(0, len(sensor.t), max(round(SAMPLE_PERIOD_S * sensor.rate_hz), 1)):
         values = {name: v for name, v in numbers(sensor.model.measure(k, fast_stamp(0))).items() if name in sent}
@@ -58,27 +58,27 @@ def _device_values(sensor: SimulatedSensor, world: Environment) -> Iterator[Inte
 
 
 def _encoded_names(sensor: SimulatedSensor, cycles: Sequence[Sequence[Measurement]]) -> set[str]:
-    """Names of the numbers by which the bytes of the device change, and that come out of them under the same name.
+    """Names of the values that change the bytes of the device and are decoded under the same name.
 
-    Some go into another one: a velocity north and east into ground speed and track.
+    Others are converted: velocities north and east to ground speed and track.
     """
-    whole = encode_cycles(sensor.bound, cycles)
+    encoded = encode_cycles(sensor.bound, cycles)
     decoder = sensor.bound.make_decoder()
-    messages = (message for cycle in whole for message in cycle)
+    messages = (message for cycle in encoded for message in cycle)
     decoded = numbers(m for k, message in enumerate(messages) for m in decoder.feed(message, k * STEP_NS))
-    return {name for name in decoded if is_carried(sensor, name, cycles, whole)}
+    return {name for name in decoded if is_carried(sensor, name, cycles, encoded)}
 
 
 def numbers(measurements: Iterable[Measurement]) -> dict[str, float]:
-    """The finite numbers of valid measurements, by name."""
-    found = dict[str, float]()
+    """The finite values of valid measurements, by name."""
+    values = dict[str, float]()
     for m in measurements:
         for kind, quantities_of in quantities().items():
             for field, quantity in quantities_of.items():
                 if isinstance(m, quantity.kind) and getattr(m, "valid", True):
                     value = _number(getattr(m, quantity.field), quantity.component)
-                    found |= {} if value is None else {f"{kind}{_name_of(m)}.{field}": value}
-    return found
+                    values |= {} if value is None else {f"{kind}{_name_of(m)}.{field}": value}
+    return values
 
 
 def _name_of(m: Measurement) -> str:

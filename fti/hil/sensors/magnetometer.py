@@ -1,9 +1,9 @@
-"""A magnetometer: the Earth's field, bent by the iron of the aircraft, in the axes of a case that is mounted in it.
+"""A magnetometer: the Earth's field, distorted by the iron of the aircraft, in the axes of the mounted sensor.
 
     field_s = (I + scale) R_mis mat_sb ((I + soft) field_b + hard) + noise
 
-hard iron turns with the aircraft; soft iron is magnetised by the Earth's field and bends it.  Step and range, 6.67 nT
-and +-2 G for the HMR2300, are those of the line: the driver's encoder has them.
+Hard iron is fixed in the aircraft; soft iron is magnetised by the Earth's field and distorts it.  The driver's encoder
+applies step and range, 6.67 nT and +-2 G for the HMR2300.
 
 Scale: 0.5 % of 1 G at most, noise: a resolution below 70 uG (Honeywell, data sheet 900139, features).  Iron and
 misalignment are assumed: those of a light aircraft after a compass swing, the sensor in a wing tip.
@@ -30,7 +30,7 @@ from fti.types import Measurement, Stamp
 
 Array = NDArray[np.float64]
 
-#: The flight has no date: the middle of the years in which the magnetic model holds.
+#: Date of the magnetic model, the middle of its validity, because a flight has no date.
 YEAR = 2027.5
 
 
@@ -40,19 +40,19 @@ def earth_field_n(state: FlightState) -> Array:
 
 
 def earth_field_b(state: FlightState) -> Array:
-    """The same [T] in the body frame, shape (n, 3)."""
+    """The Earth's field [T] in the body frame, shape (n, 3)."""
     mat_nb = mat_from_rpy(state.roll, state.pitch, state.heading)
     return np.asarray(np.einsum("nji,nj->ni", mat_nb, earth_field_n(state)))
 
 
 def declination(state: FlightState) -> Array:
-    """Magnetic north, east of true north [rad], shape (n,)."""
+    """Magnetic declination [rad], positive east, shape (n,)."""
     north, east, _ = earth_field_n(state).T
     return np.asarray(np.arctan2(east, north))
 
 
 class MagnetometerSettings(DeviceSettings):
-    """One sigma of what is drawn once for the flight.
+    """One sigma of the errors that are constant in a flight.
 
     hard_iron_ut : of each axis [uT];  soft_iron : of each element of the matrix;  misalignment_deg : of each angle
     """
@@ -70,10 +70,10 @@ class Magnetometer:
     SCALE_SD, NOISE_SD = 0.003, 7e-9  # -, [T]
 
     def __init__(self, bound: BoundDevice, world: Environment, t: Array, rng: np.random.Generator) -> None:
-        drawn = settings_of(MagnetometerSettings, world.scenario, bound.device.name)
-        hard = rng.normal(0.0, 1e-6 * drawn.hard_iron_ut, 3)
-        mat_soft = np.eye(3) + rng.normal(0.0, drawn.soft_iron, (3, 3))
-        mat_mis = mat_from_rpy(*rng.normal(0.0, math.radians(drawn.misalignment_deg), 3))
+        settings = settings_of(MagnetometerSettings, world.scenario, bound.device.name)
+        hard = rng.normal(0.0, 1e-6 * settings.hard_iron_ut, 3)
+        mat_soft = np.eye(3) + rng.normal(0.0, settings.soft_iron, (3, 3))
+        mat_mis = mat_from_rpy(*rng.normal(0.0, math.radians(settings.misalignment_deg), 3))
         gain = 1.0 + rng.normal(0.0, self.SCALE_SD, 3)
         field_b = earth_field_b(world.state(t)) @ mat_soft.T + hard
         noise = rng.normal(0.0, self.NOISE_SD, (len(t), 3))

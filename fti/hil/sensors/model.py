@@ -1,4 +1,4 @@
-"""What the model of a device must have."""
+"""Protocols of sensor models."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ Array = NDArray[np.float64]
 
 
 class SensorModel(Protocol):
-    """One kind of device, with the whole flight computed."""
+    """Model of one device, computed for the whole flight."""
 
     def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
-        """The measurements of sample k, in the order in which the encoder wants them."""
+        """The measurements of sample k, in the order that the encoder needs."""
 
 
 class SensorModelType(Protocol):
-    """How a model is made, and what its device does unless the configuration says otherwise."""
+    """Constructor of a model, with the default rate and the time scale of its device."""
 
     @property
     def rate_hz(self) -> float:
@@ -30,7 +30,7 @@ class SensorModelType(Protocol):
 
     @property
     def time_scale(self) -> TimeScale | None:
-        """Scale of the time that the device sends; None when it sends none."""
+        """Scale of the time in the messages; None when they have no time."""
 
     def __call__(self, bound: BoundDevice, world: Environment, t: Array, rng: np.random.Generator) -> SensorModel:
-        """A model that is sampled at the times t, shape (n,) [s]."""
+        """A model sampled at the times t, shape (n,) [s]."""

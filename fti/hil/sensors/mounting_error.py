@@ -1,4 +1,4 @@
-"""A device that is mounted elsewhere than its configuration states."""
+"""A device mounted at another position than its configuration states."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from fti.types import Measurement, Stamp
 
 
 class MisplacedModel:
-    """Two models of one device, equal in everything random: at its configured place, and at the true one.
+    """Two models of one device with the same random errors: at its configured position, and at the true one.
 
-    moved : at the true place, while ``is_moved``, shape (n,)
+    misplaced : at the true position, for samples with ``is_misplaced``, shape (n,)
     """
 
-    def __init__(self, configured: SensorModel, misplaced: SensorModel, is_moved: Sequence[bool]) -> None:
-        self._configured, self._moved, self._is_moved = configured, misplaced, is_moved
+    def __init__(self, configured: SensorModel, misplaced: SensorModel, is_misplaced: Sequence[bool]) -> None:
+        self._configured, self._misplaced, self._is_misplaced = configured, misplaced, is_misplaced
 
     def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
         """See ``SensorModel``."""
-        return (self._moved if self._is_moved[k] else self._configured).measure(k, stamp)
+        return (self._misplaced if self._is_misplaced[k] else self._configured).measure(k, stamp)
 
 
 def make_model(
@@ -35,17 +35,17 @@ def make_model(
 ) -> SensorModel:
     """The model of a device at the times t, shape (n,) [s], with the faults of its lever arm."""
     faults = [f for f in world.scenario.fault if isinstance(f, LeverArm) and applies_to(f, bound)]
-    places = [(fault, _moved(bound, fault), copy.deepcopy(rng)) for fault in faults]
+    displaced = [(fault, _displaced_device(bound, fault), copy.deepcopy(rng)) for fault in faults]
     model = kind(bound, world, t, rng)
-    for fault, there, equal_rng in places:
-        is_moved = (t >= fault.from_s) & (t < fault.to_s)
-        if is_moved.any():
-            model = MisplacedModel(model, kind(there, world, t, equal_rng), is_moved.tolist())
+    for fault, device, equal_rng in displaced:
+        is_misplaced = (t >= fault.from_s) & (t < fault.to_s)
+        if is_misplaced.any():
+            model = MisplacedModel(model, kind(device, world, t, equal_rng), is_misplaced.tolist())
     return model
 
 
-def _moved(bound: BoundDevice, fault: LeverArm) -> BoundDevice:
-    """The device at its true place."""
+def _displaced_device(bound: BoundDevice, fault: LeverArm) -> BoundDevice:
+    """The device at its true position."""
     arm_b = _sum(bound.device.lever_arm_b, (fault.forward_m, fault.right_m, fault.down_m))
     return replace(bound, device=bound.device.model_copy(update={"lever_arm_b": arm_b}))
 

@@ -1,6 +1,6 @@
-"""A two-frequency receiver with a steered clock: GPS and GLONASS, everything in every sample.
+"""A two-frequency receiver with a steered clock: GPS and GLONASS, all measurements in every sample.
 
-Errors as the maker states them for the OEM6 family (product sheet): single point on two frequencies 1.2 m RMS
+Errors from the product sheet of the OEM6 family: single point on two frequencies 1.2 m RMS
 horizontally, 1.5 times that vertically; velocity 0.03 m/s RMS; time 20 ns RMS; code 4 cm (GPS L1) to 8 cm (L2 P(Y),
 GLONASS) and phase 0.5 to 1.5 mm at the zenith, growing towards the horizon.  Ionosphere and troposphere as in ``gnss``;
 the delay of the ionosphere goes with the inverse square of the frequency.
@@ -55,8 +55,8 @@ class Band(NamedTuple):
 
 
 class LineOfSight(NamedTuple):
-    """The line of sight to a satellite: path through the air against the zenith, distance with the errors that all
-    signals share [m], its rate against the speed of light, lock time [s]."""
+    """The line of sight to a satellite: path through the air relative to the zenith, range with the errors common to
+    all signals [m], its rate relative to the speed of light, lock time [s]."""
 
     system: str
     number: int
@@ -97,9 +97,9 @@ class SurveyReceiver:
         self._rng = rng
 
     def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
-        """Status first, since every header repeats it; the satellites before the position that they gave."""
-        seen, reception = self._visible_satellites(k), self._reception
-        used_satellites = seen.where(reception.used_satellites(k)[seen.which])
+        """Status first, because every header repeats it; satellites before the position."""
+        view, reception = self._visible_satellites(k), self._reception
+        used_satellites = view.select(reception.used_satellites(k)[view.which])
         fix = bool(reception.fix[k])
         clock = ReceiverClock(
             stamp=stamp,
@@ -111,7 +111,7 @@ class SurveyReceiver:
         )
         return [
             DeviceStatus(stamp=stamp, ok=True, flags=() if fix else ("position_invalid", "clock_model_invalid")),
-            self._satellites(k, stamp, seen),
+            self._satellites(k, stamp, view),
             reception.velocity(k, stamp),
             reception.position(k, stamp),
             clock,
@@ -121,37 +121,37 @@ class SurveyReceiver:
         ]
 
     def _visible_satellites(self, k: int) -> SatellitesInView:
-        """What stands above the mask, received or not, of the systems that the receiver follows."""
+        """Satellites of the receiver's systems above the elevation mask, received or not."""
         lat, lon, alt = self._reception.place[k]
         mat = mat_en(np.asarray(lat), np.asarray(lon))
         here, moving = ecef_from_geodetic(lat, lon, alt), mat @ self._reception.vel_n[k]
-        seen = self._sky.seen(float(self._reception.sky_s[k]), here, moving, mat, self.MASK)
-        return seen.where(np.array([self._sky.keys[i][0] in BANDS for i in seen.which], dtype=bool))
+        view = self._sky.satellites_in_view(float(self._reception.sky_s[k]), here, moving, mat, self.MASK)
+        return view.select(np.array([self._sky.keys[i][0] in BANDS for i in view.which], dtype=bool))
 
-    def _satellites(self, k: int, stamp: Stamp, seen: SatellitesInView) -> Satellites:
+    def _satellites(self, k: int, stamp: Stamp, view: SatellitesInView) -> Satellites:
         used = self._reception.used_satellites(k)
         satellites = (
             Satellite(
                 system=self._sky.keys[i][0], number=self._sky.keys[i][1], azimuth=float(azimuth),
                 elevation=float(elevation), used=bool(used[i]),
             )
-            for i, azimuth, elevation in zip(seen.which, seen.azimuth, seen.elevation, strict=True)
+            for i, azimuth, elevation in zip(view.which, view.azimuth, view.elevation, strict=True)
         )  # fmt: skip
         return replace(self._reception.satellites(k, stamp), satellites=tuple(satellites))
 
-    def _observations(self, k: int, seen: SatellitesInView) -> Iterator[Pseudorange]:
+    def _observations(self, k: int, view: SatellitesInView) -> Iterator[Pseudorange]:
         clock, drift, lock_time = float(self._offset[k]), float(self._drift[k]), 60.0 + float(self._t[k])
-        noise = self._rng.normal(size=(len(seen.which), 2, 2)).tolist()
-        paths = (1.0 / np.sin(seen.elevation)).tolist()
-        for n, (index, path) in enumerate(zip(seen.which.tolist(), paths, strict=True)):
+        noise = self._rng.normal(size=(len(view.which), 2, 2)).tolist()
+        paths = (1.0 / np.sin(view.elevation)).tolist()
+        for n, (index, path) in enumerate(zip(view.which.tolist(), paths, strict=True)):
             system, number = self._sky.keys[index]
-            pseudo = float(seen.distance[n]) + SPEED_OF_LIGHT * clock + self.TROPOSPHERE * path
-            line = LineOfSight(system, number, path, pseudo, float(seen.rate[n]) / SPEED_OF_LIGHT + drift, lock_time)
+            pseudo = float(view.distance[n]) + SPEED_OF_LIGHT * clock + self.TROPOSPHERE * path
+            line = LineOfSight(system, number, path, pseudo, float(view.rate[n]) / SPEED_OF_LIGHT + drift, lock_time)
             for band, cycles, errors in zip(BANDS[system], self._cycles[index].tolist(), noise[n], strict=True):
                 yield self._signal(line, band, cycles, errors)
 
     def _signal(self, line: LineOfSight, band: Band, cycles: int, errors: list[float]) -> Pseudorange:
-        """One signal of one satellite; errors : of code and phase, against their sigma."""
+        """One signal of one satellite; errors : of code and phase, relative to their sigma."""
         carrier = band.carrier + (band.step * GLONASS_CHANNELS[line.number - 1] if band.step else 0.0)
         delay = self.IONOSPHERE * min(line.path, 3.0) * (L1_HZ / carrier) ** 2
         code_sd, phase_sd = band.code_sd * line.path, band.phase_sd_m * line.path * carrier / SPEED_OF_LIGHT

@@ -1,4 +1,4 @@
-"""The power unit as a device: it says how its breakers stand, and obeys whoever is at the other end of its line."""
+"""The power unit as a device: it reports the state of its breakers, and executes commands that it receives."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from fti.types import Measurement, Reading, Stamp
 
 
 class PowerPanel:
-    """The unit's own measurements.  ``power`` : its breakers; ``connect_power`` connects those of the flight."""
+    """Measurements of the unit.  power : its breakers; ``connect_power`` sets those of the flight"""
 
     rate_hz = 5.0
     time_scale = None
@@ -39,9 +39,9 @@ class PowerPanel:
 
 
 def connect_power(sensors: Sequence[SimulatedSensor], scenario: Scenario) -> PowerUnit:
-    """The power of all these devices, and those of them that are power units connected to it.
+    """Create the power supply of all devices and connect the power units among them to it.
 
-    Raises ConfigError where the scenario wants to take the power of a power unit.
+    Raises ConfigError for a scenario that cuts the power of a power unit.
     """
     units = [sensor for sensor in sensors if isinstance(sensor.model, PowerPanel)]
     _check_self_feeding([unit.name for unit in units], scenario)
@@ -54,13 +54,13 @@ def connect_power(sensors: Sequence[SimulatedSensor], scenario: Scenario) -> Pow
 
 
 def _feed(sensor: SimulatedSensor, scenario: Scenario) -> PowerFeed:
-    given = scenario.sensor.get(sensor.name, SensorSettings())
-    return PowerFeed(sensor.name, given.boot_s, given.minimum_v, sensor.restart)
+    settings = scenario.sensor.get(sensor.name, SensorSettings())
+    return PowerFeed(sensor.name, settings.boot_s, settings.minimum_v, sensor.restart)
 
 
 def _check_self_feeding(units: Sequence[str], scenario: Scenario) -> None:
     for i, fault in enumerate(scenario.fault):
         for name in fault.devices if isinstance(fault, PowerFault) else ():
             if name in units:
-                where = f"{scenario.where}: fault[{i}].devices"
+                where = f"{scenario.source_name}: fault[{i}].devices"
                 raise ConfigError(f"{where}: {name!r} is a power unit: it feeds itself and has no breaker")

@@ -1,4 +1,4 @@
-"""Does a device measure the number that a fault is of?  One that it does not measure would change nothing, unseen."""
+"""Check that a device measures the quantity that a fault changes; otherwise the fault would have no effect."""
 
 from __future__ import annotations
 
@@ -16,32 +16,32 @@ from fti.hil.tables.fault_base import QuantityFault
 from fti.hil.tables.quantity_names import NAME_FIELDS, matches_quantity, parse, quantities
 from fti.types import Measurement, Reading, Stamp, TimeScale
 
-#: So long a device is looked at: some measurements come once a second.
+#: Checked time of the flight [s]: some measurements are sent once a second.
 CHECK_DURATION_S = 1.5
 
 
 def check_fault_quantities(sensors: Sequence[SimulatedSensor], world: Environment) -> None:
-    """Raises ConfigError where a device does not measure the number of a fault, with those that it does."""
+    """Raises ConfigError, with the available quantities, for a device that does not measure the quantity of a fault."""
     for i, fault in enumerate(world.scenario.fault):
         if isinstance(fault, QuantityFault):
             named = [s for s in sensors if fault.includes_device(s.name)]
             measured = {s.name: list(chain(*first_cycles(s, world, CHECK_DURATION_S))) for s in named}
-            _check(f"{world.scenario.where}: fault[{i}].quantity", fault, measured)
+            _check(f"{world.scenario.source_name}: fault[{i}].quantity", fault, measured)
 
 
-def _check(where: str, fault: QuantityFault, told: dict[str, list[Measurement]]) -> None:
-    without = {name: found for name, found in told.items() if not _is_in(fault, found)}
-    if not without or (not fault.devices and len(without) < len(told)):
+def _check(where: str, fault: QuantityFault, measured: dict[str, list[Measurement]]) -> None:
+    without = {name: values for name, values in measured.items() if not _is_in(fault, values)}
+    if not without or (not fault.devices and len(without) < len(measured)):
         return
-    name, found = next(iter(without.items()))
-    what = fault.quantity if fault.name is None else f"{fault.quantity} of {fault.name!r}"
-    raise ConfigError(f"{where}: {name!r} does not measure {what}; it has {', '.join(_numbers(found)) or 'none'}")
+    name, values = next(iter(without.items()))
+    quantity = fault.quantity if fault.name is None else f"{fault.quantity} of {fault.name!r}"
+    raise ConfigError(f"{where}: {name!r} does not measure {quantity}; it has {', '.join(_numbers(values)) or 'none'}")
 
 
 def first_cycles(sensor: SimulatedSensor, world: Environment, duration_s: float) -> list[list[Measurement]]:
-    """What a device like this one measures in its first look_s [s], cycle by cycle; the one that flies is not touched.
+    """Measurements of a second, equal device in its first duration_s [s], by cycle; the sensor is not changed.
 
-    What a power unit says depends on what it feeds, and not on what it has said before: it is asked itself.
+    A power unit has no state of its own and is used directly.
     """
     if isinstance(sensor.model, PowerPanel):
         return [sensor.model.measure(0, Stamp(0))]
@@ -57,14 +57,14 @@ def _is_in(fault: QuantityFault, measurements: Iterable[Measurement]) -> bool:
 
 
 def _numbers(measurements: Iterable[Measurement]) -> list[str]:
-    """Their names, each once; a reading by its own."""
-    seen: dict[str, None] = {}
+    """Names of the quantities, each once; a reading by its own name."""
+    found: dict[str, None] = {}
     for m in measurements:
         names = [str(getattr(m, field)) for field in NAME_FIELDS if hasattr(m, field)]
         if isinstance(m, Reading):
-            seen[f"reading.value of {names[0]!r}"] = None
+            found[f"reading.value of {names[0]!r}"] = None
             continue
         for kind, numbers in quantities().items():
             fields = [key for key, q in numbers.items() if isinstance(m, q.kind) and getattr(m, q.field) is not None]
-            seen |= dict.fromkeys(f"{kind}.{field}" for field in fields)
-    return list(seen)
+            found |= dict.fromkeys(f"{kind}.{field}" for field in fields)
+    return list(found)

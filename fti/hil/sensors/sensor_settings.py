@@ -1,7 +1,7 @@
-"""``[sensor.NAME]`` as a model reads it: the timing that every device has, and what this model takes besides.
+"""``[sensor.NAME]`` as read by a model: the timing of every device, and the settings of this model.
 
-A model's own settings are a class that derives from ``DeviceSettings``; ``SETTINGS`` in ``fti.hil.sensors`` says which
-driver's model has which.  What a model does not take is refused before anything is flown.
+The settings of a model are a class derived from ``DeviceSettings``; ``SETTINGS`` in ``fti.hil.sensors`` lists them by
+driver.  Other settings are refused before the flight.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from fti.hil.tables.schema import SensorSettings
 
 
 class DeviceSettings(SensorSettings):
-    """What every device takes, and nothing else."""
+    """Settings of every device; others are refused."""
 
     model_config = ConfigDict(extra="forbid")
 
@@ -25,21 +25,21 @@ Kind = TypeVar("Kind", bound=DeviceSettings)
 
 
 def settings_of(kind: type[Kind], scenario: Scenario, name: str) -> Kind:
-    """A part of a device's settings: those of ``kind``.  The others are another part's, and were checked before."""
+    """The settings of ``kind`` of a device; others belong to other parts of its model and were checked before."""
     return _bound(
         kind, scenario, name, {k: v for k, v in _explicit_settings(scenario, name).items() if k in kind.model_fields}
     )
 
 
 def check_settings(kind: type[DeviceSettings], scenario: Scenario, name: str) -> None:
-    """All settings of a device are its model's.  Raises ConfigError that names key and what is allowed."""
+    """Raises ConfigError with the key and the allowed keys for a setting that the device's model does not have."""
     _bound(kind, scenario, name, _explicit_settings(scenario, name))
 
 
 def _explicit_settings(scenario: Scenario, name: str) -> dict[str, Any]:
-    given = scenario.sensor.get(name)
-    return given.model_dump(exclude_unset=True) if given else {}
+    settings = scenario.sensor.get(name)
+    return settings.model_dump(exclude_unset=True) if settings else {}
 
 
 def _bound(kind: type[Kind], scenario: Scenario, name: str, table: dict[str, Any]) -> Kind:
-    return configuration.bind(kind, table, scenario.where, f"sensor.{name}")
+    return configuration.bind(kind, table, scenario.source_name, f"sensor.{name}")

@@ -1,4 +1,4 @@
-"""How often each device sends each kind of measurement, before any fault: what a recording of it must contain."""
+"""Rate of each kind of measurement of each device without faults, for the check of a recording."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from fti.hil.sensors.quantity_check import first_cycles
 from fti.logger.derived_log import snake_case
 from fti.types import Measurement
 
-#: Devices are looked at for so long [s]; the rarest measurement comes once a second.
+#: Checked time of the flight [s]; the rarest measurement is sent once a second.
 CHECK_DURATION_S = 2.0
 
 
 def sent_rates(sensors: Sequence[SimulatedSensor], world: Environment) -> dict[str, dict[str, float]]:
     """Measurement topic -> rate [Hz], of each device by name.
 
-    A kind counts as sent if the bytes of the device are others without it: its encoder may have no message for what
-    the model measures, or may not have been asked for it.
+    A kind counts as sent if the bytes of the device differ without it: its encoder may have no message for it, or the
+    message may not be enabled.
     """
     return {sensor.name: _device_rates(sensor, world) for sensor in sensors}
 
@@ -33,10 +33,10 @@ def _device_rates(sensor: SimulatedSensor, world: Environment) -> dict[str, floa
 
 
 def sent_kinds(sensor: SimulatedSensor, cycles: Sequence[Sequence[Measurement]]) -> list[type[Measurement]]:
-    """The kinds of measurements without which the bytes of the device would be others."""
+    """The kinds of measurements without which the bytes of the device would differ."""
     kinds = {type(m): None for cycle in cycles for m in cycle}
-    whole = encode_cycles(sensor.bound, cycles)
-    return [kind for kind in kinds if encode_cycles(sensor.bound, _without(kind, cycles)) != whole]
+    encoded = encode_cycles(sensor.bound, cycles)
+    return [kind for kind in kinds if encode_cycles(sensor.bound, _without(kind, cycles)) != encoded]
 
 
 def encode_cycles(bound: BoundDevice, cycles: Iterable[Iterable[Measurement]]) -> list[list[bytes]]:

@@ -1,4 +1,4 @@
-"""What faults have in common: their subjects, their interval, and how a key states its meaning and unit."""
+"""Common base of the fault tables: subjects, interval, and description and unit of a key."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ Table = TypeVar("Table", bound=StrictModel)
 
 
 def require_nonzero(table: Table, *names: str) -> Table:
-    """The table, where one of these keys is not zero.  Raises ValueError where all are: nothing would change."""
+    """The table.  Raises ValueError if all these keys are zero: the fault would have no effect."""
     values = [getattr(table, name) for name in names]
     if not any(any(value) if isinstance(value, tuple) else value for value in values):
         raise ValueError(f"one of {', '.join(names)} must not be 0")
@@ -55,12 +55,12 @@ class DeviceFault(StrictModel):
     to_s: ToS
 
     def includes_device(self, device: str) -> bool:
-        """Is the device named, or none at all?"""
+        """Is the device named, or no device at all?"""
         return not self.devices or device in self.devices
 
 
 class QuantityFault(DeviceFault):
-    """A fault of one field of one measurement; a value that is not measured (None) stays so."""
+    """A fault of one field of one measurement; a value that is not measured stays None."""
 
     quantity: Annotated[
         str,

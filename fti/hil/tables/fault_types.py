@@ -1,7 +1,7 @@
-"""Every fault that a scenario can have: one enum, one table of the file each.
+"""Every fault of a scenario: the enum of kinds, and one table class per kind.
 
-Where a fault acts is the order of this page: on the world, on what a device measures, on its clock, on its bytes, on
-its line, on its power.  The flags that each must raise are in ``fti.hil.oracle``.  ``fti hil --faults`` and
+Order: faults of the world, of measured values, of the device's clock, of its bytes, of its line, of its power.
+The flags that each must raise are in ``fti.hil.oracle``.  ``fti hil --faults`` and
 docs/faults.md print these classes: the docstring says what the fault is, every key has a description and a unit.
 """
 
@@ -39,7 +39,7 @@ Axes = tuple[AxisValue, AxisValue, AxisValue]
 
 
 class FaultKind(StrEnum):
-    """What can go wrong; the value is ``kind`` in a scenario and in a profile."""
+    """Kinds of faults; the value is ``kind`` in a scenario and in a profile."""
 
     OBSTACLE = "obstacle"
     OFF_TRACK = "off_track"
@@ -467,7 +467,7 @@ class BrownOut(DeviceFault):
 
 
 WorldFault = Obstacle | OffTrack | TerrainShift
-#: Faults of the world that are there for the whole flight.
+#: Faults of the world that last for the whole flight.
 WholeFlightFault = Obstacle | TerrainShift
 ValueFault = (
     Stuck | Invalid | Bias | Ramp | Noise | WrongUnit | Scale | Forced | Fog | GnssOutage | GnssDegraded | GnssOffset

@@ -1,4 +1,4 @@
-"""``[flight]``: what is flown, one table per kind; ``kind = "approach"`` unless it says otherwise.
+"""``[flight]`` of a scenario, one table per kind; the default is ``kind = "approach"``.
 
 [flight]
 kind = "waypoints"                 # straight legs, turned into before each waypoint
@@ -13,10 +13,10 @@ speed_mps = 55                     # over the ground
 [flight]
 kind = "recorded"                  # a table t_s, lat_deg, lon_deg, alt_m, roll_deg, pitch_deg, heading_deg ...
 file = "flight.csv"                # ... or the folder of a session
-device = "ins"                     # of a session: whose position and attitude; none: the only one that has them
+device = "ins"                     # of a session: source of position and attitude; default: the only one
 from_s = 10
 duration_s = 300
-smooth_s = 2                       # what is faster than this is taken for steps of the recorder; none: nothing is
+smooth_s = 2                       # smoothing time of the samples; default: no smoothing
 
 [flight]
 kind = "jsbsim"                    # a flight dynamic model with an autopilot: fti/hil/tables/jsbsim_options.py
@@ -34,7 +34,7 @@ from fti.config import Name, Positive, StrictModel
 from fti.hil.tables.fault_base import NotNegative
 from fti.hil.tables.jsbsim_options import JsbsimFlight
 
-#: The air data are those of subsonic flow [m/s]; a flight is computed before it begins, and held in memory [s].
+#: Subsonic flow only [m/s]; a flight is computed in advance and held in memory [s].
 Speed = Annotated[float, Field(ge=1, le=300)]
 MAX_DURATION_S = 14_400.0
 
@@ -52,7 +52,7 @@ class ApproachFlight(StrictModel):
 
 
 class WaypointTable(StrictModel):
-    """``[[flight.waypoint]]``: a place, the height above the ellipsoid, and the speed over the ground there."""
+    """``[[flight.waypoint]]``: position, height above the ellipsoid, and ground speed."""
 
     lat_deg: Annotated[float, Field(ge=-89, le=89)]
     lon_deg: Annotated[float, Field(ge=-180, le=180)]
@@ -69,7 +69,7 @@ class WaypointFlight(StrictModel):
 
 
 class RecordedFlight(StrictModel):
-    """``[flight]`` that was flown before.  ``file`` is absolute after reading."""
+    """``[flight]`` from a recording.  ``file`` is absolute after reading."""
 
     kind: Literal["recorded"]
     file: str

@@ -8,8 +8,8 @@ speed_mps = 55                 # calibrated airspeed: 48 to 65; low_level: 48 to
 turbulence = "light"           # "none", "moderate", "severe": MIL-F-8785C; wind is that of [air]
 
 start_m = 4500                 # approach, go_around: distance before the threshold at t = 0
-go_around_m = 60               # go_around, pattern: climb away at this height above the threshold
-side = "left"                  # pattern: where the circuit lies as seen in the direction of landing
+go_around_m = 60               # go_around, pattern: climb at this height above the threshold
+side = "left"                  # pattern: side of the circuit, seen in the direction of landing
 pattern_m = 300                # pattern: height above the threshold on the downwind leg
 clearance_m = 150              # low_level: above the highest ground within 80 m of the track
 via_m = [[6500, -2500], ...]   # low_level: corners, [before the threshold, right of the track]
@@ -23,7 +23,7 @@ from pydantic import Field, model_validator
 
 from fti.config import StrictModel
 
-#: Keys that only some routes know.
+#: Keys that only some routes have.
 KEY_ROUTES = {
     "start_m": ("approach", "go_around"),
     "go_around_m": ("go_around", "pattern"),
@@ -32,14 +32,14 @@ KEY_ROUTES = {
     "clearance_m": ("low_level",),
     "via_m": ("low_level",),
 }
-#: Fastest with wheels and flaps out, full power, down a glide path into the wind [m/s].
+#: Maximum speed on the glide path with gear and flaps down, at full power into the wind [m/s].
 MAX_LANDING_MPS = 65.0
-#: A place of the country: before the threshold, right of the track [m].
+#: A point: distance before the threshold, distance right of the track [m].
 RoutePoint = tuple[Annotated[float, Field(ge=-14000, le=8000)], Annotated[float, Field(ge=-9000, le=9000)]]
 
 
 class JsbsimFlight(StrictModel):
-    """A flight of JSBSim with our autopilot; it lasts as long as its route."""
+    """A flight of JSBSim with our autopilot; the route determines its duration."""
 
     kind: Literal["jsbsim"]
     aircraft: Literal["c310"] = "c310"
@@ -57,12 +57,12 @@ class JsbsimFlight(StrictModel):
     def _check_route(self) -> JsbsimFlight:
         for key, routes in KEY_ROUTES.items():
             if key in self.model_fields_set and self.route not in routes:
-                raise ValueError(f"{key} means nothing on the route {self.route!r}, only on {', '.join(routes)}")
+                raise ValueError(f"{key} is not allowed on the route {self.route!r}; allowed on: {', '.join(routes)}")
         if self.route != "low_level" and self.speed_mps > MAX_LANDING_MPS:
             raise ValueError(
-                f"speed_mps = {self.speed_mps:g} is too fast for the route {self.route!r}: with wheels and flaps out "
+                f"speed_mps = {self.speed_mps:g} is too fast for the route {self.route!r}: with gear and flaps down "
                 f"it must be {MAX_LANDING_MPS:g} or less"
             )
         if self.route == "low_level" and len(self.via_m) < 2:
-            raise ValueError("a low_level route needs at least two places in via_m")
+            raise ValueError("a low_level route needs at least two points in via_m")
         return self

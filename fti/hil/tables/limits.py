@@ -1,4 +1,4 @@
-"""``[limits]`` of a scenario: what its flight is judged by."""
+"""``[limits]`` of a scenario: tolerances of the score."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from fti.hil.tables.fault_base import NotNegative, Share
 
 
 class ScoreLimits(StrictModel):
-    """``[limits]``: what outputs are judged by; the defaults are wider than any shipped scenario needs.
+    """``[limits]``: tolerances of outputs; the defaults are wider than any shipped scenario needs.
 
-    An error that has a stated sigma must fit it; ``*_m``, ``*_mps`` and ``*_deg`` limit errors without one, and sigmas.
+    An error is compared with its stated sigma; ``*_m``, ``*_mps`` and ``*_deg`` limit errors without one, and sigmas.
 
-    start_s      : outputs must be there so long after the beginning of the flight; at once in an accelerated one [s]
+    start_s      : time after the start of the flight from which outputs are required; accelerated flights: 0 [s]
     horizontal_m, vertical_m, velocity_mps, airspeed_mps, attitude_deg, heading_deg, deviation_deg :
-                   largest error of an output that states no sigma; 70 % of stated ones are no larger
-    sigmas, beyond_share : no larger share of the errors may be beyond so many sigmas.  Errors of one flight hang
-                   together, so that it may be more than of many: the vertical channel of an honest one has 6 %
-    worst_sigmas : no error may be larger than that and its limit
-    valid_share  : of the time in which an output has all that it needs, it must be valid for this share
+                   maximum error of an output without a sigma; 70 % of the stated sigmas must not be larger
+    sigmas, beyond_share : maximum share of errors beyond so many sigmas.  Errors of one flight are correlated, so the
+                   share exceeds that of many flights: a correct vertical channel has 6 %
+    worst_sigmas : no error may exceed both so many sigmas and its limit
+    valid_share  : minimum share of the time with all inputs in which an output is valid
     """
 
     start_s: NotNegative = 10.0

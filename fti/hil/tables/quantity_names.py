@@ -1,7 +1,7 @@
-"""Which number of a measurement a fault means: ``range.slant_range``, ``imu_sample.gyro_b_2``.
+"""Names of the numbers of measurements that faults change: ``range.slant_range``, ``imu_sample.gyro_b_2``.
 
-The first word is a class of ``fti.types.Measurement`` in small letters, the second one of its fields; of a vector the
-field ends in the number of the component.  SI and radians, as in ``fti.types``.
+The first part is a class of ``fti.types.Measurement`` in snake case, the second one of its fields; for a vector the
+index of the component follows.  SI units and radians, as in ``fti.types``.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from typing import Any, NamedTuple, get_args, get_type_hints
 
 from fti.types import Measurement
 
-#: Fields that tell one measurement of a class from another: of a Reading, a SurfaceDeflection, a DmeRange.
+#: Fields that name a Reading, a SurfaceDeflection or a DmeRange.
 NAME_FIELDS = ("name", "surface", "station")
 
 
 class MeasurementField(NamedTuple):
-    """One number of a measurement.  component : of a vector, else None; whole : it is a count."""
+    """One number of a measurement.  component : index in a vector, else None; is_integer : it is a count"""
 
     kind: type[Measurement]
     field: str
@@ -29,7 +29,7 @@ class MeasurementField(NamedTuple):
 
 @cache
 def quantities() -> dict[str, dict[str, MeasurementField]]:
-    """Every number that a fault can mean, by class and field."""
+    """Every number that a fault can change, by class and field."""
     found = {_snake(kind.__name__): _numbers(kind) for kind in get_args(Measurement)}
     return {name: numbers for name, numbers in found.items() if numbers}
 
@@ -50,17 +50,17 @@ def _numbers(kind: type[Measurement]) -> dict[str, MeasurementField]:
 
 
 def parse(text: str) -> MeasurementField:
-    """The quantity of that name.  Raises ValueError that lists what there is."""
+    """The quantity of that name.  Raises ValueError with the allowed names."""
     kind, _, field = text.partition(".")
     if kind not in quantities():
-        raise ValueError(f"{kind!r} is no measurement with a number in it; there are {', '.join(quantities())}")
+        raise ValueError(f"unknown measurement {kind!r}; allowed: {', '.join(quantities())}")
     if field not in quantities()[kind]:
-        raise ValueError(f"{kind} has no number {field!r}; it has {', '.join(quantities()[kind])}")
+        raise ValueError(f"unknown number {field!r} of {kind}; allowed: {', '.join(quantities()[kind])}")
     return quantities()[kind][field]
 
 
 def matches_quantity(measurement: Measurement, quantity: MeasurementField, name: str | None) -> bool:
-    """Is the measurement of the class, and, where a name is given, of that reading, surface or station?"""
+    """Has the measurement the class of the quantity and, if it is not None, this name?"""
     if not isinstance(measurement, quantity.kind):
         return False
     return name is None or name in (getattr(measurement, field, None) for field in NAME_FIELDS)
@@ -69,7 +69,7 @@ def matches_quantity(measurement: Measurement, quantity: MeasurementField, name:
 def change_quantity(
     measurement: Measurement, quantity: MeasurementField, change: Callable[[float], float]
 ) -> Measurement:
-    """The measurement with ``change`` made to one of its numbers; a number that it does not have stays away."""
+    """The measurement with ``change`` applied to one number; a number that is None stays None."""
     value: Any = getattr(measurement, quantity.field)
     if value is None:
         return measurement

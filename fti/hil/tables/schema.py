@@ -1,8 +1,8 @@
-"""A scenario: which flight is flown, over which ground, and what goes wrong.  One TOML file, strict.
+"""A scenario: the flight, the ground below it, and the faults.  One TOML file; unknown keys are errors.
 
 title = "Unexpected obstacle"      description = "..."      config = "../demo.toml"      seed = 1
 
-[flight]                           # kind = "approach" unless it says otherwise; every kind: fti/hil/tables/flights.py
+[flight]                           # default kind = "approach"; every kind: fti/hil/tables/flights.py
 start_m = 4500
 duration_s = 82
 speed_mps = 60
@@ -11,29 +11,29 @@ speed_mps = 60
 wind_mps = 6
 wind_from_deg = 30
 
-[sensor.ins]                       # how a device differs from what its model does by itself
+[sensor.ins]                       # settings of one device
 shift_ms = 2
 drift_ppm = 40
-grade = "tactical"                 # and what its model takes: the Settings classes of fti/hil/sensors
-mode = "free"                      # an inertial system on its own
+grade = "tactical"                 # keys of its model: the Settings classes of fti/hil/sensors
+mode = "free"                      # an inertial system without aiding
 free_from_s = 30
 
-[port.gnss_line]                   # where a link ends outside this machine: fti/hil/ports/real_port.py
+[port.gnss_line]                   # real port of a link: fti/hil/ports/real_port.py
 device = "/dev/ttyUSB3"
 
 [[fault]]
 kind = "cut"                       # every kind: docs/faults.md
-devices = ["altimeter"]            # none named: every device
+devices = ["altimeter"]            # none: every device
 from_s = 30
 to_s = 36
 
-[[expect]]                         # beside what each fault must raise by itself
+[[expect]]                         # in addition to the flags of the faults
 channel = "/nav/height_above_ground/altimeter.valid"
 at_s = 30
 value = false
 within_s = 1
 
-[limits]                           # what outputs are judged by: fti/hil/tables/limits.py
+[limits]                           # tolerances of outputs: fti/hil/tables/limits.py
 vertical_m = 10
 """
 
@@ -54,9 +54,9 @@ from fti.hil.tables.limits import ScoreLimits
 
 
 class AirConditions(StrictModel):
-    """``[air]``: wind over the ground, the pressure and temperature of the day, and fog.
+    """``[air]``: wind over the ground, pressure, temperature and fog.
 
-    visibility_m : in fog from the ground up to ``fog_top_m`` above the threshold; lasers feel it.  None: clear air
+    visibility_m : in fog from the ground up to ``fog_top_m`` above the threshold; affects lasers.  None: clear air
     """
 
     wind_mps: Annotated[float, Field(ge=0, le=100)] = 0.0
@@ -76,13 +76,13 @@ class AirConditions(StrictModel):
 class SensorSettings(StrictModel):
     """``[sensor.NAME]``: how one device differs from its model.
 
-    shift_ms   : of its first sample after the beginning of the flight; none: a part of a period, from the seed
-    drift_ppm  : its clock is so much fast; none: from the seed
-    jitter_ms  : standard deviation of what a message waits beyond the latency; none: 0.3 ms
-    latency_ms : from the sample to its message; none: what the configuration says
+    shift_ms   : time of its first sample after the start of the flight; none: a part of a period, from the seed
+    drift_ppm  : rate error of its clock, positive: fast; none: from the seed
+    jitter_ms  : standard deviation of the delay of a message beyond the latency; none: 0.3 ms
+    latency_ms : from the sample to its message; none: that of the configuration
     boot_s     : from power to the first message, when its breaker is closed again
-    minimum_v  : below this voltage of its supply it stops
-    Other keys belong to the model of the device, which refuses those that it does not take.
+    minimum_v  : minimum supply voltage; below it the device stops
+    Other keys belong to the model of the device, which rejects unknown ones.
     """
 
     model_config = ConfigDict(extra="allow")
@@ -96,11 +96,11 @@ class SensorSettings(StrictModel):
 
 
 class Expectation(StrictModel):
-    """What the daemon must say at a time of the flight, at the latest ``within_s`` later.
+    """An expected output value at a time of the flight, at the latest ``within_s`` later.
 
     channel : topic and field of the session: "/nav/glide_slope.dots"
-    value   : a number is met within ``plus`` above and ``minus`` below; a text or a truth exactly; a list (of
-              reasons) by what is in it
+    value   : a number has the tolerances ``plus`` above and ``minus`` below; a text or boolean must be equal; a list
+              (of reasons) must contain it
     """
 
     channel: Annotated[str, Field(pattern=r"^/[a-z0-9_/]+\.[a-z0-9_]+$")]
@@ -115,8 +115,8 @@ class Scenario(StrictModel):
     """The whole scenario.
 
     config  : the daemon's configuration, absolute after reading
-    profile : a CSV file with further faults and expectations (``fti.hil.scenario.fault_table``); they are read into
-              ``fault`` and ``expect``, behind those of this file
+    profile : a CSV file with further faults and expectations (``fti.hil.scenario.fault_table``); they are
+              appended to ``fault`` and ``expect``
     """
 
     title: str
@@ -135,13 +135,13 @@ class Scenario(StrictModel):
     _file: str = PrivateAttr("")
 
     def with_file(self, file: str) -> Scenario:
-        """The same, which knows where it was read from."""
+        """Set the file from which the scenario was read."""
         self._file = file
         return self
 
     @property
-    def where(self) -> str:
-        """Where it stands, for what is wrong with it: its file, or its title when it has none."""
+    def source_name(self) -> str:
+        """Its file for error messages, or its title if it has none."""
         return self._file or self.title
 
     @model_validator(mode="before")
@@ -151,15 +151,13 @@ class Scenario(StrictModel):
         return {**table, "flight": {"kind": "approach", **flight}} if isinstance(flight, Mapping) else table
 
     @property
-    def flown(self) -> str:
-        """Everything that decides what is flown, as JSON: by it a truth file is known to be of this scenario.
+    def flight_key(self) -> str:
+        """Everything that determines the flight, as JSON: identifies the truth files of this scenario.
 
-        Which configuration was flown with it is told by the session.
+        The session states the configuration.
         """
-        words_and_places: dict[str, Any] = dict.fromkeys(
-            ("config", "description", "expect", "limits", "port", "profile"), True
-        )
-        return self.model_dump_json(exclude={**words_and_places, "flight": {"file"}})
+        excluded: dict[str, Any] = dict.fromkeys(("config", "description", "expect", "limits", "port", "profile"), True)
+        return self.model_dump_json(exclude={**excluded, "flight": {"file"}})
 
     @property
     def obstacles(self) -> tuple[Obstacle, ...]:
@@ -168,5 +166,5 @@ class Scenario(StrictModel):
 
     @property
     def terrain_shifts(self) -> tuple[TerrainShift, ...]:
-        """How the elevation model of the unit under test is displaced."""
+        """The displacements of the elevation model of the unit under test."""
         return tuple(f for f in self.fault if isinstance(f, TerrainShift))

@@ -1,4 +1,4 @@
-"""What is recorded on a topic as a table: its columns, found by reading, with type and unit."""
+"""Columns of the table of a topic, with type and unit, found by reading its messages."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 
 from fti.logger.export.units import unit_of, with_unit
 
-#: An integer beyond this is no integer in a table.
+#: Largest integer of an integer column; a larger one is a float.
 MAX_INT64 = 2**63 - 1
 
 
@@ -41,7 +41,7 @@ class Column:
 def flatten(value: Any, name: str = "") -> dict[str, Any]:
     """Cells of a JSON value: ``stamp.t_rx_ns``, ``accel_b.0``.
 
-    A list of texts stands in one cell; so does a list of tables, as JSON.
+    A list of texts is one cell; a list of tables is one cell of JSON.
     """
     cells: dict[str, Any] = {}
     _flatten(value, name, cells)
@@ -69,11 +69,11 @@ class ColumnFinder:
 
     def __init__(self, topic: str) -> None:
         self._topic = topic
-        self._found: dict[str, set[type]] = {}
+        self._types: dict[str, set[type]] = {}
 
     def add(self, message: Any) -> int:
-        """A message, as JSON has it; returns how many columns it has that no message before it had."""
-        found = self._found
+        """Add a JSON message; returns the number of new columns."""
+        found = self._types
         before = len(found)
         for name, value in flatten(message).items():
             kind = float if type(value) is int and abs(value) > MAX_INT64 else type(value)
@@ -84,9 +84,9 @@ class ColumnFinder:
         return len(found) - before
 
     def columns(self) -> list[Column]:
-        """The columns.  A list that was once null is not a column of its own."""
-        names = [name for name in self._found if f"{name}.0" not in self._found]
-        return [self._column(name, self._found[name] - {type(None)}) for name in names]
+        """The columns.  A list that was null in a message has no column of its own."""
+        names = [name for name in self._types if f"{name}.0" not in self._types]
+        return [self._column(name, self._types[name] - {type(None)}) for name in names]
 
     def _column(self, name: str, kinds: set[type]) -> Column:
         unit = unit_of(self._topic, name)
@@ -99,7 +99,7 @@ class ColumnFinder:
 
 
 def cell(value: Any, kind: Type) -> Any:
-    """A value as its column has it; what does not fit a text column is written as JSON."""
+    """Convert a value to the type of its column; a text column holds other values as JSON."""
     if value is None or kind in (Type.INT, Type.BOOL, Type.TEXTS, Type.BYTES):
         return value
     if kind is Type.FLOAT:

@@ -1,9 +1,9 @@
-"""Tables as CSV: units in the heads (``height_agl [m]``), an empty cell is a value that is not known.
+"""CSV tables: units in the heads (``height_agl [m]``); an empty cell is an unknown value.
 
-A text that begins as a formula of a spreadsheet gets an apostrophe in front, so that none is evaluated; characters that
-control a terminal are written as ``\\u001b``, so that a row is a line.  Parquet has texts as they are.
+An apostrophe before texts that begin like a formula prevents evaluation by spreadsheets.  Control characters are
+written as ``\\u001b``, so that a row is a line.  Parquet tables hold the original texts.
 
-A comment in the file would be a row to most programs that read it; of which session it is, ``session.json`` says.
+``session.json`` names the session, because most programs would read a comment in the file as a row.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from fti.logger.export.columns import Column, Type
 from fti.logger.export.tables import Format
 from fti.terminal_text import escape_controls
 
-#: A cell that begins so is evaluated by spreadsheets, unless it is a number.
+#: Spreadsheets evaluate cells with these begins, except numbers.
 _FORMULA = ("=", "+", "-", "@")
 
 
 def escape_formula(text: str) -> str:
-    """The text as a spreadsheet takes it for a text; a number stays one."""
-    shown = escape_controls(text)
-    return f"'{shown}" if shown.startswith(_FORMULA) and not _is_number(shown) else shown
+    """Escape a text so that spreadsheets do not evaluate it; numbers stay numbers."""
+    escaped = escape_controls(text)
+    return f"'{escaped}" if escaped.startswith(_FORMULA) and not _is_number(escaped) else escaped
 
 
 def _is_number(text: str) -> bool:
@@ -36,7 +36,7 @@ def _is_number(text: str) -> bool:
 
 
 class CsvTable:
-    """A CSV file in UTF-8.  Bytes are hexadecimal, texts of a list stand in one cell, as ``a b``."""
+    """A CSV file in UTF-8.  Bytes are hexadecimal; a list of texts is one cell, ``a b``."""
 
     def __init__(self, path: Path, columns: Sequence[Column], session_metadata: Mapping[str, str]) -> None:
         del session_metadata
@@ -59,7 +59,7 @@ class CsvTable:
         self._table.writerow(cells)
 
     def close(self) -> None:
-        """Write what waits and close the file."""
+        """Write the waiting rows and close the file."""
         self._stream.close()
 
 

@@ -1,20 +1,20 @@
-"""Names of tables from topics: a topic may be any text, a file name may not."""
+"""File names of tables from topics, which may be any text."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Sequence
 
-#: A name is never longer than this [B]; a file system takes 255, with the suffix.
+#: Length limit of a name [B]; file systems allow 255, with the suffix.
 MAX_BYTES = 120
-#: What stands in a name as it is: letters and digits of any script, and these.
+#: Characters other than letters and digits of any script, ``_``, ``.`` and ``-``.
 _UNSAFE_CHARACTERS = re.compile(r"[^\w.\-]+")
 
 
 def table_names(topics: Sequence[str]) -> dict[str, str]:
     """A name for each topic, without suffix: ``/ins/attitude`` is ``ins_attitude``.
 
-    Two topics never have the same name, also where a file system does not tell capital letters: a number follows.
+    A number makes the names unique, also on file systems that ignore case.
     """
     names: dict[str, str] = {}
     taken: set[str] = set()

@@ -1,8 +1,7 @@
-"""Tables as Apache Parquet: typed columns, units in the metadata of each field and, together, of the file.
+"""Apache Parquet tables: typed columns, units in the metadata of each field and of the file.
 
-The file's metadata ``units`` is a JSON table of column and unit; ``session``, ``origin``, ``mode`` and more say of
-which session it is, and ``note`` that it is a snapshot, where it is one.  pandas, Polars, DuckDB and MATLAB read the
-columns.
+The file's metadata ``units`` is a JSON table of column and unit.  ``session``, ``origin``, ``mode`` and more identify
+the session; ``note`` marks a snapshot.  pandas, Polars, DuckDB and MATLAB read the columns.
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ import pyarrow.parquet as pq
 from fti.logger.export.columns import Column, Type
 from fti.logger.export.tables import Format
 
-#: Rows of one row group, which wait in memory.
+#: Rows of one row group, which is collected in memory.
 GROUP_ROWS = 4096
 TYPES = {
     Type.INT: pa.int64(),
@@ -31,7 +30,7 @@ TYPES = {
 
 
 class ParquetTable:
-    """A Parquet file (zstd).  A value that is not known is null."""
+    """A Parquet file (zstd).  An unknown value is null."""
 
     def __init__(self, path: Path, columns: Sequence[Column], session_metadata: Mapping[str, str]) -> None:
         self._schema = make_schema(columns, session_metadata)
@@ -45,7 +44,7 @@ class ParquetTable:
             self._write_group()
 
     def close(self) -> None:
-        """Write what waits and close the file."""
+        """Write the waiting rows and close the file."""
         try:
             self._write_group()
         finally:
@@ -60,7 +59,7 @@ class ParquetTable:
 
 
 def make_schema(columns: Sequence[Column], session_metadata: Mapping[str, str]) -> pa.Schema:
-    """The schema of a table with its units and what is told of the session."""
+    """The schema of a table with its units and the session metadata."""
     units = {column.name: column.unit for column in columns if column.unit}
     fields = [
         pa.field(column.name, TYPES[column.type], metadata={"unit": column.unit} if column.unit else None)

@@ -1,4 +1,4 @@
-"""``session.json``: of which session the tables in a folder are, for kinds of tables that cannot say it themselves."""
+"""``session.json``: metadata of the session of the tables in a folder."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ NAME = "session.json"
 
 
 def check(folder: Path, session_metadata: Mapping[str, str]) -> None:
-    """Raises StorageError when the folder has tables of another session, or of another part of it."""
+    """Check that the folder has no tables of another session or another part of it.  Raises StorageError."""
     path = folder / NAME
     try:
         if path.read_text(encoding="utf-8") != _text(session_metadata):
-            raise StorageError(f"{path}: the tables in this folder are of another session; choose another --out")
+            raise StorageError(f"{path}: the tables in this folder belong to another session; choose another --out")
     except FileNotFoundError:
         pass
     except (OSError, UnicodeDecodeError) as error:
@@ -24,7 +24,7 @@ def check(folder: Path, session_metadata: Mapping[str, str]) -> None:
 
 
 def write(folder: Path, session_metadata: Mapping[str, str]) -> None:
-    """Write it, or write the same again.  Raises OSError."""
+    """Write ``session.json``, which may exist with the same content.  Raises OSError."""
     draft = folder / f"{NAME}.part"
     try:
         draft.write_text(_text(session_metadata), encoding="utf-8")

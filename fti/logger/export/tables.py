@@ -1,7 +1,7 @@
-"""A recording as tables, one for each topic: read twice, first for the columns, then for the rows; little memory.
+"""Export of a recording to one table per topic.  Files are read twice, for the columns and for the rows.
 
-A table appears under its name when it is whole.  Nothing that exists is overwritten.  ``session.json`` beside the
-tables says of which session they are, and that it is a snapshot, where it is one.
+A table gets its name when it is complete.  Existing files are not overwritten.  ``session.json`` in the same folder
+identifies the session and marks a snapshot.
 """
 
 from __future__ import annotations
@@ -44,18 +44,18 @@ RAW_COLUMNS = (
 
 
 class TableWriter(Protocol):
-    """A table that is being written.  ``close`` ends it; only then it is whole."""
+    """A table that is being written.  ``close`` completes it."""
 
     def write(self, row: Sequence[Any]) -> None:
         """Add a row, in the order of the columns."""
 
     def close(self) -> None:
-        """Write what waits and close the file."""
+        """Write the waiting rows and close the file."""
 
 
 @dataclass(frozen=True, slots=True)
 class Format:
-    """A kind of table.  open : makes a writer of a path, columns, and what is told of the session; raises OSError."""
+    """A table format.  open : creates a writer from a path, columns and session metadata; raises OSError."""
 
     suffix: str
     open: Callable[[Path, Sequence[Column], Mapping[str, str]], TableWriter]
@@ -63,8 +63,8 @@ class Format:
 
 @dataclass(frozen=True, slots=True)
 class ExportSelection:
-    """What is wanted: topics that match one of the patterns (all when there is none), from begin_s to end_s [s after
-    the first message of the session]; raw : also the frames of the links, and what was sent.
+    """Selection of topics that match one of the patterns (all without patterns), from begin_s to end_s [s after the
+    first message of the session]; raw : also received and sent frames of the links.
     """
 
     topics: tuple[str, ...] = ()
@@ -79,31 +79,31 @@ class ExportSelection:
 
 @dataclass(slots=True)
 class _Contents:
-    """What the first reading found.  start_ns : time of the first message of all [ns]."""
+    """Result of the first reading.  start_ns : time of the first message of all [ns]."""
 
     start_ns: int | None = None
     tables: dict[str, tuple[ColumnFinder, int]] = field(default_factory=dict)  # topic: columns, number of rows
     links: dict[str, int] = field(default_factory=dict)  # topic of a link: number of frames
 
 
-def export(recording: Recording, folder: Path, form: Format, choice: ExportSelection) -> dict[Path, int]:
+def export(recording: Recording, folder: Path, table_format: Format, selection: ExportSelection) -> dict[Path, int]:
     """Write the tables; returns the rows of each file.
 
-    Raises MissingError when a pattern matches nothing, StorageError when a file exists already or cannot be written, or
-    when the folder has tables of another session.
+    Raises MissingError when a pattern matches nothing, StorageError when a file exists or cannot be written, or when
+    the folder has tables of another session.
     """
-    contents = _find_contents(recording, raw=choice.raw)
-    _check_patterns(choice, contents)
-    span = _TimeWindow(contents.start_ns or 0, choice)
+    contents = _find_contents(recording, raw=selection.raw)
+    _check_patterns(selection, contents)
+    span = _TimeWindow(contents.start_ns or 0, selection)
     names = table_names(sorted((*contents.tables, *contents.links)))
-    with _Tables(folder, form, session_metadata(recording), names) as tables:
+    with _Tables(folder, table_format, session_metadata(recording), names) as tables:
         for topic, (finder, _) in contents.tables.items():
-            if choice.matches(topic):
+            if selection.matches(topic):
                 tables.open(topic, (*TIMES, *finder.columns()))
-        for topic in filter(choice.matches, contents.links):
+        for topic in filter(selection.matches, contents.links):
             tables.open(topic, RAW_COLUMNS)
         _write_messages(recording, tables, contents, span)
-        if any(choice.matches(topic) for topic in contents.links):
+        if any(selection.matches(topic) for topic in contents.links):
             _write_frames(recording, tables, span)
     return tables.rows
 
@@ -120,24 +120,23 @@ def _find_contents(recording: Recording, *, raw: bool) -> _Contents:
             contents.tables[topic] = finder, count + 1
             check_topic_count(len(contents.tables), recording.path)
             if columns > MAX_COLUMNS:
-                raise RecordingError(
-                    f"{recording.path}: {topic}: with it the tables have more than {MAX_COLUMNS} columns"
-                )
+                text = f"with this topic the tables have more than {MAX_COLUMNS} columns"
+                raise RecordingError(f"{recording.path}: {topic}: {text}")
         elif raw and topic.startswith((RAW_PREFIX, SENT_PREFIX)):
             contents.links[topic] = contents.links.get(topic, 0) + 1
     return contents
 
 
 def _items(recording: Recording) -> Iterator[McapMessage]:
-    """All messages, each once: beside raw files the notes of a snapshot are copies, and so are mostly its frames."""
+    """All messages, each once: with raw files, the notes and most frames of snapshots are copies."""
     for kind in KINDS:
-        beside = kind == "snapshot" and bool(recording.raw_files)
-        if not beside or recording.is_snapshot_session:
-            yield from (item for item in recording.items(kind) if not (beside and item.topic.encoding == JSON))
+        has_raw_files = kind == "snapshot" and bool(recording.raw_files)
+        if not has_raw_files or recording.is_snapshot_session:
+            yield from (item for item in recording.items(kind) if not (has_raw_files and item.topic.encoding == JSON))
 
 
 def _parse(item: McapMessage, states: NoteStates) -> Any:
-    """The content of a message; of a note that holds changes, all that it is known to be.  Raises RecordingError."""
+    """The content of a message; for a record of changes the complete note.  Raises RecordingError."""
     try:
         content = parse_json(item.data)
     except ValueError as error:
@@ -145,20 +144,20 @@ def _parse(item: McapMessage, states: NoteStates) -> Any:
     return states.feed(item.topic.name, item.log_time, content).table
 
 
-def _check_patterns(choice: ExportSelection, contents: _Contents) -> None:
-    there = sorted((*contents.tables, *contents.links))
-    for pattern in choice.topics:
-        if not any(fnmatchcase(topic, pattern) for topic in there):
-            more = "" if choice.raw else " (and with --raw the bytes of the links)"
-            raise MissingError(f"--topic {pattern}: matches nothing; there are {', '.join(there) or 'no topics'}{more}")
+def _check_patterns(selection: ExportSelection, contents: _Contents) -> None:
+    topics = sorted((*contents.tables, *contents.links))
+    for pattern in selection.topics:
+        if not any(fnmatchcase(topic, pattern) for topic in topics):
+            more = "" if selection.raw else " (with --raw also those of the links)"
+            raise MissingError(f"--topic {pattern}: matches nothing; topics: {', '.join(topics) or 'none'}{more}")
 
 
 class _TimeWindow:
-    """The part of the session that is wanted."""
+    """The selected part of the session."""
 
-    def __init__(self, start_ns: int, choice: ExportSelection) -> None:
+    def __init__(self, start_ns: int, selection: ExportSelection) -> None:
         self._start_ns = start_ns
-        self._begin_s, self._end_s = choice.begin_s, choice.end_s
+        self._begin_s, self._end_s = selection.begin_s, selection.end_s
 
     def seconds(self, t_ns: int) -> float | None:
         """Time since the start [s]; None outside."""
@@ -167,7 +166,7 @@ class _TimeWindow:
 
 
 def _write_messages(recording: Recording, tables: _Tables, contents: _Contents, span: _TimeWindow) -> None:
-    """No more of each topic than was read before: a recording may grow meanwhile."""
+    """Write the messages of the first reading only: the recording may have grown since."""
     left, states = {topic: count for topic, (_, count) in contents.tables.items()}, NoteStates()
     for item in _items(recording):
         topic = item.topic.name
@@ -190,14 +189,14 @@ def _write_frames(recording: Recording, tables: _Tables, span: _TimeWindow) -> N
 
 
 class _Tables:
-    """The tables that are being written, as drafts beside their places; after an error none of them is there."""
+    """The tables being written, as drafts in the target folder; an error removes all of them."""
 
     def __init__(
-        self, folder: Path, form: Format, session_metadata: Mapping[str, str], names: Mapping[str, str]
+        self, folder: Path, table_format: Format, session_metadata: Mapping[str, str], names: Mapping[str, str]
     ) -> None:
         self._folder = folder
         self._names = names
-        self._form = form
+        self._form = table_format
         self._session_metadata = session_metadata
         self._open: dict[str, tuple[Path, TableWriter, Sequence[Column]]] = {}
         self.rows: dict[Path, int] = {}
@@ -216,7 +215,7 @@ class _Tables:
             path.parent.mkdir(parents=True, exist_ok=True)
             if path in self.rows or os.path.lexists(path):
                 raise FileExistsError(None, "it exists already")
-            self.rows[path] = 0  # from here on its draft is cleared away
+            self.rows[path] = 0  # from here on its draft is removed at the end
             self._open[topic] = path, self._form.open(_draft(path), columns, self._session_metadata), columns
         except OSError as error:
             raise _refusal(path, error) from error
@@ -236,15 +235,15 @@ class _Tables:
     ) -> None:
         try:
             for path, writer, _ in self._open.values():
-                _close(path, writer, quietly=error is not None)
+                _close_writer(path, writer, quietly=error is not None)
             if error is None:
-                self._name_them()
+                self._rename_drafts()
         finally:
             for path in self.rows:
                 _draft(path).unlink(missing_ok=True)
 
-    def _name_them(self) -> None:
-        """Give the whole tables their names; first what says of which session they are.  Raises StorageError."""
+    def _rename_drafts(self) -> None:
+        """Write ``session.json``, then give the complete tables their names.  Raises StorageError."""
         try:
             if self.rows:
                 session_file.write(self._folder, self._session_metadata)
@@ -258,7 +257,7 @@ def _draft(path: Path) -> Path:
     return path.with_name(path.name + ".part")
 
 
-def _close(path: Path, writer: TableWriter, *, quietly: bool) -> None:
+def _close_writer(path: Path, writer: TableWriter, *, quietly: bool) -> None:
     try:
         writer.close()
     except OSError as error:

@@ -1,7 +1,7 @@
-"""The unit of every number that is recorded, in one place; exports write it beside the values.
+"""Units of all recorded numbers, for exports.
 
-Units are written as in SI (``m/s^2``); ``1`` is a number without dimension.  The same name means the same unit in all
-classes of ``fti.types``; the exceptions stand by class.
+Units are SI (``m/s^2``); ``1`` is dimensionless.  A name has the same unit in all classes of ``fti.types``, except for
+the exceptions by class.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ _BY_CLASS: dict[str, dict[str, str]] = {
     "temperature": {"static": "K", "total": "K"},
     "surface_deflection": {"raw": NONE},
     "calibration": {"raw": NONE},
-    "reading": {"value": "unit"},  # as the column of that name says
+    "reading": {"value": "unit"},  # the unit is in the column of this name
     "receiver_clock": {"offset": "s", "offset_sd": "s", "drift": "s/s", "drift_sd": "s/s"},
     "ephemeris": {
         **dict.fromkeys(("week", "issue", "e"), NONE),
@@ -59,7 +59,7 @@ _BY_CLASS: dict[str, dict[str, str]] = {
 _BY_TOPIC: dict[str, dict[str, str]] = {
     LOCATION_TOPIC: {"latitude": "deg", "longitude": "deg", "altitude": "m", "position_covariance": "m^2"},
 }
-#: What the end of a name tells: the notes of the service carry their units there.
+#: Units by the suffix of a name, as in the notes of the service.
 _BY_SUFFIX = {"ns": "ns", "nsec": "ns", "ms": "ms", "s": "s", "sec": "s", "hz": "Hz", "mb": "MB", "bytes": "B"}
 _UNITS_BY_SUFFIX = {"ddm": "DDM", "dbhz": "dB-Hz", "pa": "Pa"}
 _CLASSES = frozenset(
@@ -84,7 +84,7 @@ def _class_of(topic: str) -> str:
 
 
 def with_unit(column: str, unit: str | None) -> str:
-    """Head of a column: ``height_agl [m]``; as it is when it tells its unit (``t_rx_ns``) or has no dimension."""
+    """Head of a column: ``height_agl [m]``; without a unit if the name has it (``t_rx_ns``) or it is dimensionless."""
     suffix = column.rpartition("_")[2]
-    tells = suffix != column and unit in (_BY_SUFFIX.get(suffix), _UNITS_BY_SUFFIX.get(suffix))
-    return column if tells or unit in (None, NONE) else f"{column} [{unit}]"
+    names_unit = suffix != column and unit in (_BY_SUFFIX.get(suffix), _UNITS_BY_SUFFIX.get(suffix))
+    return column if names_unit or unit in (None, NONE) else f"{column} [{unit}]"

@@ -1,1 +1,1 @@
-"""Packing: finished files in compressed chunks, and back to the same bytes."""
+"""Packing: compression of finished files, and restoration of the same bytes."""

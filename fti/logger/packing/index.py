@@ -1,4 +1,4 @@
-"""Summary of a packed file: that of the original, with the places that its records have now."""
+"""Summary of a packed file: the summary of the original with new offsets."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _GROUPS = (Op.SCHEMA, Op.CHANNEL, Op.STATISTICS, Op.CHUNK_INDEX, Op.ATTACHMENT_I
 
 @dataclass(frozen=True, slots=True)
 class RecordLocation:
-    """Where a record stands in the packed file; for a chunk with its compression and stored bytes."""
+    """Offset of a record in the packed file; for a chunk also its compression and stored bytes."""
 
     offset: int
     packed: tuple[str, int] = ("", 0)
@@ -25,29 +25,29 @@ class RecordLocation:
 
 @dataclass(slots=True)
 class PackIndex:
-    """The summary as it grows.  places : where each record of the original stands now.
+    """The summary under construction.  locations : of each record of the original, by its original offset.
 
-    ``add`` raises KeyError when the original's summary tells of a record that is not there.
+    ``add`` raises KeyError when the original's summary lists a missing record.
     """
 
-    places: Mapping[int, RecordLocation]
+    locations: Mapping[int, RecordLocation]
     groups: dict[Op, list[bytes]] = field(default_factory=lambda: {op: [] for op in _GROUPS})
 
     def add(self, record: bytes) -> None:
-        """A record of the original's summary."""
+        """Add a record of the original's summary."""
         op = record[0]
         if op == Op.CHUNK_INDEX:
             record = self._chunk(record)
         elif op in (Op.ATTACHMENT_INDEX, Op.METADATA_INDEX):
             (offset,) = struct.unpack_from("<Q", record, HEAD.size)
-            record = record[: HEAD.size] + struct.pack("<Q", self.places[offset].offset) + record[HEAD.size + 8 :]
+            record = record[: HEAD.size] + struct.pack("<Q", self.locations[offset].offset) + record[HEAD.size + 8 :]
         elif op == Op.STATISTICS:
             record = _with_two_more(record)
         if op in self.groups:
             self.groups[Op(op)].append(record)
 
     def add_new(self, record: bytes) -> None:
-        """An index record of something that the original does not have."""
+        """Add an index record of a record that the original does not have."""
         self.groups[Op(record[0])].append(record)
 
     def _chunk(self, record: bytes) -> bytes:
@@ -57,9 +57,9 @@ class PackIndex:
         (index_length,) = struct.unpack_from("<Q", record, begin + table_size)
         _, at = read_text(record, begin + table_size + 8)
         _, size = struct.unpack_from("<QQ", record, at)
-        offsets = {cid: self.places[place].offset for cid, place in _INDEX_ENTRY.iter_unpack(table)}
-        place = self.places[offset]
-        return records.chunk_index((first, last), place.offset, size, offsets, index_length, packed=place.packed)
+        offsets = {cid: self.locations[location].offset for cid, location in _INDEX_ENTRY.iter_unpack(table)}
+        location = self.locations[offset]
+        return records.chunk_index((first, last), location.offset, size, offsets, index_length, packed=location.packed)
 
     def tail(self, offset: int) -> bytes:
         """Everything after the data section, which ends at ``offset``."""

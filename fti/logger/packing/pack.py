@@ -1,7 +1,7 @@
-"""Packing of finished files: zstd chunks, and back to the same bytes.
+"""Packing of finished files with zstd chunks, and restoration of the same bytes.
 
-The new file is written beside the old one under another name, read back, and takes its place only when it is proved
-to give the original byte for byte.  An interruption at any moment leaves one of the two, whole.
+The new file is written to the same folder under another name and read back.  It replaces the old file only if it
+restores the original byte for byte.  An interruption at any moment leaves one complete file.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ Progress = Callable[[int], None]
 
 @dataclass(frozen=True, slots=True)
 class PackResult:
-    """What became of a file: its size before and after [B]."""
+    """Size of a file before and after [B]."""
 
     path: Path
     before: int
@@ -42,7 +42,7 @@ class PackResult:
 
 @dataclass(frozen=True, slots=True)
 class _OriginalInfo:
-    """What a packed file tells of its original; layout_at : where its records end."""
+    """Data of a packed file on its original; layout_at : where its records end."""
 
     sha256: str
     layout_at: int
@@ -52,15 +52,15 @@ class _OriginalInfo:
 def pack(path: Path, progress: Progress) -> PackResult | None:
     """Pack one file; None when it is packed already.
 
-    progress : called now and then with the bytes of the original that are done, twice: written, and read back.
+    progress : called with the processed bytes of the original, which are written and then read back.
     Raises RecordingError when the file is not finished, damaged or cannot be packed reversibly; StorageError when it
-    is being written or the medium refuses.  It is then as it was.
+    is being written or the medium refuses.  The file is then unchanged.
     """
     return _replace_file(path, lambda source, part: _pack(source, part, progress))
 
 
 def unpack(path: Path, progress: Progress) -> PackResult | None:
-    """Make a packed file the original again; None when it is not packed.  Raises as ``pack``."""
+    """Restore the original of a packed file; None when it is not packed.  Raises as ``pack``."""
     return _replace_file(path, lambda source, part: _unpack(source, part, progress))
 
 
@@ -68,22 +68,23 @@ def unpack(path: Path, progress: Progress) -> PackResult | None:
 
 
 def _replace_file(path: Path, write: Callable[[TolerantFile, Path], bool]) -> PackResult | None:
-    """Let ``write`` make a new file beside the old one, and put it in its place; False from it: there is no need."""
-    place = path.resolve()
-    part = place.with_name(f".{place.name}.part")
-    if not has_footer(place):
-        raise RecordingError(f"{path}: is not finished; when nothing records into it: fti recover {path} --in-place")
-    with exclusive_lock(place) as fd, TolerantFile(place) as source:
-        if not os.path.samestat(os.fstat(fd), place.stat()):
+    """Let ``write`` create a new file and replace the old one; ``write`` returns False when nothing is to be done."""
+    target = path.resolve()
+    part = target.with_name(f".{target.name}.part")
+    if not has_footer(target):
+        hint = f"when no recorder writes it, close it with: fti recover {path} --in-place"
+        raise RecordingError(f"{path}: is not finished; {hint}")
+    with exclusive_lock(target) as fd, TolerantFile(target) as source:
+        if not os.path.samestat(os.fstat(fd), target.stat()):
             raise StorageError(f"{path}: has just been replaced by another process")
         try:
             part.unlink(missing_ok=True)  # of a run that was killed
             written = write(source, part)
             if source.unreadable:
-                raise RecordingError(f"{path}: cannot be read everywhere; it is as it was; see fti recover")
+                raise RecordingError(f"{path}: has unreadable bytes; the file is unchanged; see fti recover")
             return _put_in_place(source, part) if written else None
         except OSError as error:
-            raise StorageError(f"{path}: cannot be rewritten: {error.strerror}; it is as it was") from error
+            raise StorageError(f"{path}: cannot be rewritten: {error.strerror}; the file is unchanged") from error
         finally:
             with contextlib.suppress(OSError):
                 part.unlink(missing_ok=True)
@@ -95,7 +96,7 @@ def _put_in_place(source: TolerantFile, part: Path) -> PackResult:
     with contextlib.suppress(PermissionError):
         os.chown(part, path.stat().st_uid, path.stat().st_gid)
     part.replace(path)
-    with contextlib.suppress(OSError):  # some file systems have nothing to sync there; the old or the new name stands
+    with contextlib.suppress(OSError):  # some file systems cannot sync a folder; the old or the new name remains
         sync_folder(path.parent)
     return PackResult(path, before, after)
 
@@ -132,7 +133,7 @@ def _read_summary(source: TolerantFile) -> SummaryIndex:
 
 
 def _read_original_info(source: TolerantFile) -> _OriginalInfo | None:
-    """What a packed file tells of its original; None when it is not packed."""
+    """Data of a packed file on its original; None when it is not packed."""
     summary = _read_summary(source)
     if METADATA not in summary.named:
         return None
@@ -141,7 +142,7 @@ def _read_original_info(source: TolerantFile) -> _OriginalInfo | None:
         layout_at = summary.named[LAYOUT]
         return _OriginalInfo(original_info["sha256"], layout_at, _attachment_content(_record(source, layout_at)))
     except (ValueError, KeyError, struct.error):
-        raise RecordingError(f"{source.path}: what it tells of its original is damaged; see fti recover") from None
+        raise RecordingError(f"{source.path}: its data on the original are damaged; see fti recover") from None
 
 
 def _record(source: TolerantFile, at: int) -> bytes:
@@ -167,7 +168,7 @@ def _iter_original(source: TolerantFile, original_info: _OriginalInfo, progress:
 
 
 def _verify_packed(source: TolerantFile, packed: TolerantFile, sha256: str, progress: Progress) -> None:
-    """Does the packed file, as it lies there, give the original, and is it sound?  Raises RecordingError."""
+    """Check that the packed file is valid and restores the original.  Raises RecordingError."""
     original_info = _read_original_info(packed)
     found = hashlib.sha256()
     for data in _iter_original(packed, original_info, progress) if original_info else ():
@@ -177,11 +178,11 @@ def _verify_packed(source: TolerantFile, packed: TolerantFile, sha256: str, prog
         and original_info.sha256 == sha256 == found.hexdigest()
         and _is_completely_readable(packed, _read_summary(packed))
     ):
-        raise RecordingError(f"{source.path}: cannot be packed so that it can be unpacked again; it is as it was")
+        raise RecordingError(f"{source.path}: cannot be packed reversibly; the file is unchanged")
 
 
 def _is_completely_readable(packed: TolerantFile, summary: SummaryIndex) -> bool:
-    """Do sound records fill the file, and is there a chunk wherever the summary tells of one?"""
+    """Do valid records fill the file, and is there a chunk at every offset in the summary?"""
     at: int | None = len(MAGIC)
     chunks = set()
     while at is not None and at < summary.data_end:
@@ -205,5 +206,6 @@ def _unpack(source: TolerantFile, part: Path, progress: Progress) -> bool:
             found.update(data)
         _sync_stream(stream)
     if found.hexdigest() != original_info.sha256:
-        raise RecordingError(f"{source.path}: does not give the original's checksum; it is as it was; see fti recover")
+        text = "the unpacked content does not match the original's checksum; the file is unchanged"
+        raise RecordingError(f"{source.path}: {text}; see fti recover")
     return True

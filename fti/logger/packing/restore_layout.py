@@ -1,8 +1,8 @@
-"""How a packed file becomes the original again, byte for byte.
+"""Layout of a packed file: instructions to restore the original byte for byte.
 
-A packed file holds the records of the original in their order, with compressed chunks.  The layout is the rest: a
-list of steps, each of some bytes of the original as they stood (magic, paddings, heads of chunks, summary), and what
-follows them: the next record of the packed file as it is, or the unpacked content of the next one, a chunk.
+A packed file holds the records of the original in their order, with compressed chunks.  The layout is a list of steps.
+Each step has literal bytes of the original (magic, paddings, heads of chunks, summary) and the kind of data that
+follow them: the next record of the packed file unchanged, or the unpacked content of the next chunk.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _SIZE = struct.Struct("<Q")
 
 
 class StepKind(IntEnum):
-    """What follows the bytes of a step."""
+    """Kind of data that follow the bytes of a step."""
 
     END = 0
     RECORD = 1
@@ -30,41 +30,41 @@ class StepKind(IntEnum):
 
 
 class RestoreLayout:
-    """Steps, as they are gathered."""
+    """Collects the steps."""
 
     def __init__(self) -> None:
         self._steps: list[bytes] = []
         self._bytes = b""
 
     def add(self, data: bytes) -> None:
-        """Bytes of the original that the packed file does not hold."""
+        """Add bytes of the original that the packed file does not hold."""
         self._bytes += data
 
-    def then(self, what: StepKind) -> None:
-        """What follows them."""
-        self._steps.append(_STEP.pack(len(self._bytes), what) + self._bytes)
+    def end_step(self, kind: StepKind) -> None:
+        """End the step; kind : of the data that follow its bytes."""
+        self._steps.append(_STEP.pack(len(self._bytes), kind) + self._bytes)
         self._bytes = b""
 
-    def packed(self) -> bytes:
-        """For the packed file."""
+    def to_bytes(self) -> bytes:
+        """The encoded layout for the packed file."""
         steps = b"".join(self._steps)
         return _SIZE.pack(len(steps)) + compress(steps)
 
 
 def restore_original(source: TolerantFile, begin: int, end: int, layout: bytes) -> Iterator[bytes]:
-    """The original, in pieces; begin, end : where its records stand in the packed file.
+    """The original, in pieces; begin, end : of its records in the packed file.
 
     Raises RecordingError when layout and records do not fit together.
     """
     try:
         at = begin
-        for data, then in _steps(layout):
+        for data, kind in _steps(layout):
             yield data
-            if then == StepKind.RECORD:
+            if kind == StepKind.RECORD:
                 record = _record(source, at, end)
                 yield record
                 at += len(record)
-            elif then == StepKind.CONTENT:
+            elif kind == StepKind.CONTENT:
                 head = chunk_head(source, at)
                 content = head.content(source) if head and head.end <= end else None
                 if head is None or content is None:
@@ -74,7 +74,7 @@ def restore_original(source: TolerantFile, begin: int, end: int, layout: bytes) 
     except (ValueError, struct.error) as error:
         raise RecordingError(f"{source.path}: cannot be unpacked: {error}") from None
     if at != end:
-        raise RecordingError(f"{source.path}: cannot be unpacked: it holds more than its layout tells")
+        raise RecordingError(f"{source.path}: cannot be unpacked: it holds more than its layout states")
 
 
 def _record(source: TolerantFile, at: int, end: int) -> bytes:
@@ -90,6 +90,6 @@ def _steps(layout: bytes) -> Iterator[tuple[bytes, int]]:
     steps = decompress("zstd", layout[_SIZE.size :], size)
     at = 0
     while at < size:
-        length, then = _STEP.unpack_from(steps, at)
+        length, kind = _STEP.unpack_from(steps, at)
         at += _STEP.size + length
-        yield steps[at - length : at], then
+        yield steps[at - length : at], kind

@@ -1,4 +1,4 @@
-"""Writing of a packed file: the records of the original in their order, with compressed chunks, and the layout."""
+"""Writer of a packed file: the records of the original in their order, with compressed chunks, and the layout."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _VERSION = "1"
 
 
 class Packer:
-    """Writes the packed file of a sound one, whose data section ends at ``data_end``.  Raises RecordingError."""
+    """Writes the packed file of a valid one, whose data section ends at ``data_end``.  Raises RecordingError."""
 
     def __init__(self, source: TolerantFile, data_end: int, stream: BinaryIO, progress: Callable[[int], None]) -> None:
         self._source = source
@@ -31,7 +31,7 @@ class Packer:
         self._stream = stream
         self._progress = progress
         self._layout = RestoreLayout()
-        self._places: dict[int, RecordLocation] = {}
+        self._locations: dict[int, RecordLocation] = {}
         self._at = 0
         self._sha256 = hashlib.sha256()
 
@@ -43,7 +43,7 @@ class Packer:
             at = self._take(at, self._data_end)
             self._progress(at)
         tail = self._literal(at, self._source.size)
-        self._layout.then(StepKind.END)
+        self._layout.end_step(StepKind.END)
         self._finish(tail)
         return self._sha256.hexdigest()
 
@@ -55,13 +55,13 @@ class Packer:
         return data
 
     def _write(self, data: bytes) -> int:
-        """Returns where it begins."""
+        """Append data; returns their offset."""
         self._stream.write(data)
         self._at += len(data)
         return self._at - len(data)
 
     def _take(self, at: int, limit: int) -> int:
-        """One record of the original; returns its end."""
+        """Write one record of the original; returns its end."""
         head = chunk_head(self._source, at)
         end = record_end(self._source, at, limit)
         if end is None:
@@ -81,27 +81,27 @@ class Packer:
         begin = self._literal(head.at, head.begin)
         times = struct.unpack_from("<QQ", begin, HEAD.size)
         self._sha256.update(content)
-        self._layout.then(StepKind.CONTENT)
+        self._layout.end_step(StepKind.CONTENT)
         stored = compress(content)
         offset = self._write(records.packed_chunk((times[0], times[1]), head.size, head.crc, "zstd", stored))
-        self._places[head.at] = RecordLocation(offset, ("zstd", len(stored)))
+        self._locations[head.at] = RecordLocation(offset, ("zstd", len(stored)))
 
     def _take_record(self, at: int, end: int, head: ChunkHead | None) -> None:
         record = self._source.read(at, end - at)
         self._sha256.update(record)
-        self._layout.then(StepKind.RECORD)
+        self._layout.end_step(StepKind.RECORD)
         packed = (head.compression, head.end - head.begin) if head else ("", 0)
-        self._places[at] = RecordLocation(self._write(record), packed)
+        self._locations[at] = RecordLocation(self._write(record), packed)
 
     def _finish(self, tail: bytes) -> None:
-        """Layout, what is told of the original, and the summary; tail : the original from the end of its data on."""
-        index = PackIndex(self._places)
+        """Write layout, data on the original, and summary; tail : the original from the end of its data on."""
+        index = PackIndex(self._locations)
         try:
             for record in _records_of(tail):
                 index.add(record)
         except KeyError:
             raise RecordingError(f"{self._source.path}: its index is damaged; see fti recover") from None
-        layout = self._layout.packed()
+        layout = self._layout.to_bytes()
         record = records.attachment(LAYOUT, MEDIA_TYPE, layout, 0)
         at = self._write(record)
         index.add_new(records.attachment_index((at, len(record)), 0, len(layout), LAYOUT, MEDIA_TYPE))

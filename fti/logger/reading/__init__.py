@@ -1,1 +1,1 @@
-"""Reading: one file as it is found, whole or not, its records one by one, and a recorded session as a whole."""
+"""Readers of single files, finished or damaged, of their records, and of whole sessions."""

@@ -1,4 +1,4 @@
-"""The records of a chunk, taken apart as far as they make sense."""
+"""Parser of the records of a chunk, up to the first invalid one."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ NO_TIME = 2**64 - 1
 
 
 class Content:
-    """What stands in a chunk: its bytes, message index, schemas, channels, times and numbers.
+    """Content of a chunk: its bytes, message index, schemas, channels, times and sequence numbers.
 
     ``index`` : channel -> log time and offset, in turn.  ``numbers`` : channel -> sequence and log time, in turn.
     known : channels that messages may have besides those declared here; None : any.
@@ -25,8 +25,8 @@ class Content:
 
     def __init__(self, known: Collection[int] | None) -> None:
         self.data = bytearray()
-        self.end = 0  # of the records that make sense
-        self.last = 0  # where the last of them begins
+        self.end = 0  # of the valid records
+        self.last = 0  # offset of the last valid record
         self.schemas: dict[int, bytes] = {}
         self.channels: dict[int, bytes] = {}
         self.undeclared: set[int] = set()
@@ -37,17 +37,17 @@ class Content:
 
     @property
     def messages(self) -> int:
-        """How many messages."""
+        """Number of messages."""
         return sum(len(entries) for entries in self.index.values()) // 2
 
     @property
     def whole(self) -> bool:
-        """Do the records end where the bytes do?"""
+        """Are all bytes valid records?"""
         return self.end == len(self.data)
 
     @property
     def torn(self) -> bool:
-        """Is what follows the records nothing, or the begin of one more?"""
+        """Do the valid records end with nothing or with the begin of one more?"""
         rest = len(self.data) - self.end
         if rest < _HEAD:
             return True
@@ -55,7 +55,7 @@ class Content:
         return op in (_SCHEMA, _CHANNEL, _MESSAGE) and length > rest - _HEAD
 
     def feed(self, data: bytes) -> Content:
-        """More bytes; returns itself."""
+        """Add bytes; returns itself."""
         self.data += data
         at, size, body = self.end, len(self.data), self.data
         first, last = self.times
@@ -84,7 +84,7 @@ class Content:
         return self
 
     def _begin(self, channel: int) -> array[int] | None:
-        """The entries of a channel that has its first message here; None when it is not known."""
+        """The entries of a channel with its first message in this chunk; None for an unknown channel."""
         if channel not in self.channels:
             if self._known is not None and channel not in self._known:
                 return None
@@ -93,7 +93,7 @@ class Content:
         return self.index.setdefault(channel, array("Q"))
 
     def _declare(self, op: int, record: bytes) -> bool:
-        """Take a schema or a channel; False when it is neither."""
+        """Add a schema or a channel; False when the record is neither."""
         try:
             (own_id,) = struct.unpack_from("<H", record, _HEAD)
             if op == _SCHEMA:
@@ -103,11 +103,11 @@ class Content:
             return False
 
     def cut(self) -> Content:
-        """The records that make sense but for the last one: the damage that comes next may begin in it."""
+        """The valid records except the last one: the damage that follows may begin in it."""
         return Content(self._known).feed(bytes(self.data[: self.last]))
 
     def trim(self) -> Content:
-        """Drop what is behind the records that make sense; returns itself."""
+        """Drop the bytes after the valid records; returns itself."""
         del self.data[self.end :]
         return self
 

@@ -1,4 +1,4 @@
-"""What a chunk itself and the checkpoints before it tell of its checksums."""
+"""Checksums of a chunk, from its head and from the checkpoints before it."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ _RECORD_HEAD = HEAD.pack(Op.CHECKPOINTS, SLOTS * SLOT_BYTES)
 
 @dataclass(frozen=True, slots=True)
 class ChunkMarks:
-    """Where the checksum of an uncompressed chunk is known.
+    """Known checksums of an uncompressed chunk.
 
-    checkpoints : rising in size, the one of the chunk's head among them
-    synced      : size at the last sync [B]; 0 when there was none
-    damaged     : slots of the record of the checkpoints that are damaged; None: there is no such record
+    checkpoints : by increasing size, including the one of the chunk's head
+    synced      : size at the last sync [B]; 0 without a sync
+    damaged     : number of damaged slots in the record of the checkpoints; None: there is no such record
     """
 
     checkpoints: list[Checkpoint]
@@ -27,12 +27,12 @@ class ChunkMarks:
 
     @property
     def reliable(self) -> bool:
-        """The record of the checkpoints is there and none of its slots is damaged."""
+        """The record of the checkpoints exists and none of its slots is damaged."""
         return self.damaged == 0
 
 
 def chunk_marks(source: TolerantFile, head: ChunkHead) -> ChunkMarks:
-    """The marks of a chunk.  A head whose checksum is 0 has none of its own: an open chunk of fti 0.1."""
+    """The marks of a chunk.  A head with checksum 0 has no checksum: an open chunk of fti 0.1."""
     record = source.read(head.at - RECORD_BYTES, RECORD_BYTES) if head.at >= RECORD_BYTES else b""
     if head.compression:
         return ChunkMarks([])

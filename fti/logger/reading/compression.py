@@ -1,4 +1,4 @@
-"""Compressed chunks, with bounds: a length in a damaged or hostile file asks for no more memory than stated here."""
+"""Decompression of chunks within limits: a damaged or hostile file cannot allocate more memory than these."""
 
 from __future__ import annotations
 
@@ -7,29 +7,29 @@ import zstandard
 
 from fti.logger.reading.limits import MAX_RECORD, LimitError, check_unpacked
 
-#: Level of zstd of ``fti pack``: level 6 gains a tenth at a third of the speed, level 19 a sixth at a hundredth.
+#: zstd level of ``fti pack``: level 6 saves a tenth at a third of the speed, level 19 a sixth at a hundredth.
 LEVEL = 3
 
 
 def compress(data: bytes) -> bytes:
-    """The content of a chunk as one zstd frame."""
+    """Compress the content of a chunk to one zstd frame."""
     return zstandard.ZstdCompressor(level=LEVEL).compress(data)
 
 
 def decompress(compression: str, data: bytes, size: int) -> bytes:
-    """The ``size`` bytes of a chunk's records; compression : "", "zstd" or "lz4".
+    """Decompress the records of a chunk, ``size`` bytes; compression : "", "zstd" or "lz4".
 
-    Raises ValueError when the content is not exactly that, LimitError when it is larger than is read.
+    Raises ValueError when the content has another size, LimitError beyond the limits.
     """
     check_sizes(compression, data, size)
     content = _expand(compression, data, size)
     if len(content) != size:
-        raise ValueError(f"a chunk holds {len(content)} bytes where its head tells of {size}")
+        raise ValueError(f"a chunk holds {len(content)} bytes, its head states {size}")
     return content
 
 
 def check_sizes(compression: str, data: bytes, size: int) -> None:
-    """Raises as ``decompress`` by what the heads of chunk and frame say, before anything is unpacked."""
+    """Check the sizes in the heads of chunk and frame before decompression.  Raises as ``decompress``."""
     if not compression:
         if size > MAX_RECORD:
             raise LimitError(f"a chunk of {size} bytes; at most {MAX_RECORD} are read")
@@ -41,11 +41,11 @@ def check_sizes(compression: str, data: bytes, size: int) -> None:
         except zstandard.ZstdError as error:
             raise ValueError(f"a chunk cannot be decompressed: {error}") from None
         if stated not in (size, zstandard.CONTENTSIZE_UNKNOWN):
-            raise ValueError(f"a chunk holds {stated} bytes where its head tells of {size}")
+            raise ValueError(f"a chunk holds {stated} bytes, its head states {size}")
 
 
 def _expand(compression: str, data: bytes, size: int) -> bytes:
-    """At most one byte more than ``size``."""
+    """Decompress at most ``size`` + 1 bytes."""
     try:
         if compression == "zstd":
             return _expand_zstd(data, size)
@@ -54,7 +54,7 @@ def _expand(compression: str, data: bytes, size: int) -> bytes:
     except (zstandard.ZstdError, RuntimeError, EOFError) as error:
         raise ValueError(f"a chunk cannot be decompressed: {error}") from None
     if compression:
-        raise ValueError(f"a chunk is compressed with {compression!r}, which is not known")
+        raise ValueError(f"a chunk is compressed with {compression!r}, which is not supported")
     return data
 
 
@@ -68,5 +68,5 @@ def _expand_lz4(data: bytes, size: int) -> bytes:
     if not frame.eof and len(content) == size:
         content += frame.decompress(b"", max_length=1)  # the end of the frame
     if not frame.eof:
-        raise EOFError("its end is missing, or it is longer than its head tells")
+        raise EOFError("its end is missing, or it is longer than its head states")
     return content

@@ -1,4 +1,4 @@
-"""What a file itself says is not proved of it: it was closed after its writer had gone, or made by a recovery."""
+"""Integrity notes from the metadata of a file that was closed after its writer ended, or made by a recovery."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from fti.logger.reading.text_format import clock_text
 
 
 def list_warnings(name: str, table: Mapping[str, str]) -> Iterator[str]:
-    """Sentences about messages that no checksum proves, from one table of metadata."""
+    """Sentences about messages without a checksum, from one metadata table."""
     if name == RECOVERED_METADATA:
         yield from _recovery_warnings(table)
     elif name == CLOSED_METADATA:
@@ -17,34 +17,34 @@ def list_warnings(name: str, table: Mapping[str, str]) -> Iterator[str]:
 
 
 def list_end_warnings(name: str, table: Mapping[str, str]) -> Iterator[str]:
-    """Sentences about bytes that are missing at the end of a file; other files may have what they held."""
+    """Sentences about missing bytes at the end of a file; other files may hold their content."""
     if name == CLOSED_METADATA:
         yield from _end_warnings(table)
 
 
 def list_notes(name: str, table: Mapping[str, str]) -> Iterator[str]:
-    """Sentences that are no loss."""
+    """Sentences that do not mean a loss."""
     if name == CLOSED_METADATA and not (any(_unproved_warnings(table)) or any(_end_warnings(table))):
-        yield "was closed later: its writer had gone before it had finished"
+        yield "was closed later: its writer ended before it closed the file"
 
 
 def has_unverified_end(tables: Mapping[str, Mapping[str, str]]) -> bool:
-    """Does a file say that its last chunk was closed without all that its checkpoints prove?"""
+    """Was the last chunk of a file closed with unproved or missing data?"""
     table = tables.get(CLOSED_METADATA)
     return table is not None and (any(_unproved_warnings(table)) or any(_end_warnings(table)))
 
 
 def _recovery_warnings(table: Mapping[str, str]) -> Iterator[str]:
-    """Its checksums were made by the recovery: that they hold proves nothing of what came before."""
+    """The recovery made the checksums: they do not prove the original data."""
     unproved = table.get("unproved", "?")
     if unproved != "0":
-        yield f"was recovered, {unproved} messages of it without a checksum that held"
+        yield f"was recovered; {unproved} messages had no valid checksum"
     if table.get("complete") != "true":
-        yield "was recovered from a file of which not everything was whole"
+        yield "was recovered from a damaged file"
 
 
 def _unproved_warnings(table: Mapping[str, str]) -> Iterator[str]:
-    """The checksum of its last chunk was made when it was closed."""
+    """The checksum of the last chunk was made when the file was closed."""
     unproved = table.get("unproved_messages", "?")
     if unproved != "0":
         yield f"was closed later: {unproved} messages{_start_text(table)} are unproved, no checksum covered them"

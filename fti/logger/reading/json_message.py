@@ -1,4 +1,4 @@
-"""Messages that are JSON: parsed within the limits, and one sentence for those that cannot be used."""
+"""Parser of JSON messages within the limits; one sentence for messages that cannot be used."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ _BRACKETS = b"[]{}"
 _NO_BRACKETS = bytes(set(range(256)) - set(_BRACKETS))
 _CLOSING = b"]}"
 _TEXT = re.compile(rb'"(?:[^"\\]|\\[\s\S])*+"')
-#: What a message that is not as the recorder writes it can raise while it is used.
+#: Exceptions that the use of a foreign or damaged message can raise.
 FAULTS = (KeyError, TypeError, AttributeError, ValueError, IndexError, OverflowError, RecursionError)
 
 
 def parse_json(data: bytes) -> Any:
-    """The value in a JSON text.  Raises ValueError, LimitError where it is beyond a limit.
+    """Parse a JSON text.  Raises ValueError, and LimitError beyond a limit.
 
-    Half of a surrogate pair becomes "?": it can be neither printed nor written.  The name of a file may have one.
+    Half of a surrogate pair becomes "?", because it cannot be encoded.  The name of a file may have one.
     """
     if len(data) > MAX_JSON_BYTES:
         raise LimitError(f"JSON of {len(data)} bytes; at most {MAX_JSON_BYTES} are read")
@@ -39,7 +39,7 @@ def _without_halves(value: Any) -> Any:
 
 
 def parse_table(data: bytes) -> dict[str, Any]:
-    """The same of a text that must be a JSON object.  Raises ValueError."""
+    """Parse a text that must be a JSON object.  Raises ValueError."""
     value = parse_json(data)
     if not isinstance(value, dict):
         raise ValueError("it is not a JSON object")
@@ -48,7 +48,7 @@ def parse_table(data: bytes) -> dict[str, Any]:
 
 @contextmanager
 def using_message(topic: str, t_ns: int) -> Iterator[None]:
-    """Whatever a recorded message lacks becomes a RecordingError that names its topic and its time [ns]."""
+    """Convert faults of a recorded message to a RecordingError with its topic and time [ns]."""
     try:
         yield
     except KeyError as error:
@@ -65,7 +65,7 @@ def whole_number(value: Any) -> int:
 
 
 def _depth(data: bytes) -> int:
-    """How deep brackets stand within each other."""
+    """Nesting depth of the brackets."""
     depth = deepest = 0
     for bracket in _TEXT.sub(b"", data).translate(None, _NO_BRACKETS):
         if bracket in _CLOSING:

@@ -1,8 +1,8 @@
-"""Limits of what a recorded session can be: a file from elsewhere asks for no more memory than these allow.
+"""Limits of recorded sessions: a foreign file cannot allocate more memory than these.
 
-Each is far above what the recorder writes; a file beyond one of them is read up to there, and its fault says so.
-A small compressed file can claim to hold very much.  Therefore the limits of a chunk grow with the bytes that it takes
-in the file: a recorder that has caught up after a stall writes everything that its buffers held as one chunk.
+Each limit is far above the values of the recorder.  Reading stops at a limit, and the fault of the file reports it.
+A small compressed file can claim a very large content.  Therefore the limits of a chunk grow with its bytes in the
+file: after a stall the recorder writes the content of all its buffers as one chunk.
 """
 
 from __future__ import annotations
@@ -12,15 +12,15 @@ from pathlib import Path
 from fti.errors import RecordingError
 
 _MIB = 2**20
-#: A record as it stands in the file [B].  All buffers of 200 links, full after a stall, are one chunk of 200 MB.
+#: A record in the file [B].  All buffers of 200 links, full after a stall, are one chunk of 200 MB.
 MAX_RECORD = 256 * _MIB
-#: An attachment [B], and all before the first chunk together: a configuration and the texts that it names are few MB.
+#: An attachment [B], and all attachments together: a configuration and the files that it names are few MB.
 MAX_ATTACHMENTS = 64 * _MIB
 #: Records other than chunks and attachments [B]: a message index has 16 B for each message of a channel in a chunk.
 MAX_SMALL_RECORD = 16 * _MIB
-#: A compressed chunk unpacks to so much [B], or to MAX_EXPANSION times its bytes: the recorder ends one at 4 MiB.
+#: Unpacked size of a compressed chunk [B], or MAX_EXPANSION times its bytes: the recorder ends a chunk at 4 MiB.
 MAX_UNPACKED = 64 * _MIB
-#: zstd makes recorded bytes 2 to 20 times smaller; in a chunk above MAX_UNPACKED a message has at least some noise.
+#: zstd compresses recorded bytes by 2 to 20; messages of a chunk above MAX_UNPACKED have some noise.
 MAX_EXPANSION = 64
 #: Messages of a chunk, or one for each of its bytes in the file: 4 MiB hold 135 300 without content.
 MAX_CHUNK_MESSAGES = 2**19
@@ -36,42 +36,42 @@ MAX_SCHEMA_BYTES = 64 * _MIB
 MAX_METADATA_BYTES = 4 * _MIB
 #: A message that is JSON [B]: health of 200 links has 200 kB.
 MAX_JSON_BYTES = 4 * _MIB
-#: Tables and lists within each other in JSON: the recorder's have 6.
+#: Nesting depth of JSON: the recorder's is 6.
 MAX_JSON_DEPTH = 64
-#: Digits of a whole number in JSON: the recorder's have 64 bits, 20 digits; with 40 it still is a float.
+#: Digits of an integer in JSON: the recorder's have 64 bits, 20 digits; 40 digits still fit a float.
 MAX_DIGITS = 40
 #: A text of an event that is kept [characters]: the recorder's have some 200.
 MAX_TEXT_LENGTH = 10_000
 #: FTI time is below this [ns]: the year 2262.
 MAX_TIME_NS = 2**63 - 1
-#: Ranges of missing numbers, or one for each 8 B of the files: every one has a frame of 31 B or more behind it.
+#: Ranges of missing numbers, or one for each 8 B of the files: a frame of at least 31 B follows each.
 MAX_HOLES = 2**19
-#: Notes of gaps: each of them is about a run of dropped frames.
+#: Notes of gaps: one for each run of dropped frames.
 MAX_GAP_NOTES = 2**17
 #: Columns of all tables of an export: health of 200 links has 5000.
 MAX_COLUMNS = 2**17
 
 
 class LimitError(ValueError):
-    """A file is beyond a limit; the message says which, without the file."""
+    """A file exceeds a limit; the message names the limit, not the file."""
 
 
 def check_unpacked(size: int, stored: int) -> None:
-    """Size of a compressed chunk, unpacked and as it is stored [B].  Raises LimitError."""
+    """Check the unpacked and stored size of a compressed chunk [B].  Raises LimitError."""
     allowed = max(MAX_UNPACKED, MAX_EXPANSION * stored)
     if size > allowed:
         raise LimitError(f"a chunk of {stored} bytes unpacks to {size}; at most {allowed} are read")
 
 
 def check_messages(messages: int, stored: int) -> None:
-    """Number of messages of a chunk, which takes so many bytes in the file.  Raises LimitError."""
+    """Check the number of messages of a chunk with ``stored`` bytes in the file.  Raises LimitError."""
     allowed = max(MAX_CHUNK_MESSAGES, stored)
     if messages > allowed:
         raise LimitError(f"a chunk of {stored} bytes has more than {allowed} messages")
 
 
 def check_topic(name: str) -> None:
-    """Raises LimitError for a topic that nothing can be called by."""
+    """Check the name of a topic.  Raises LimitError."""
     if len(name) > MAX_TOPIC_LENGTH:
         raise LimitError(f"a topic has {len(name)} characters; at most {MAX_TOPIC_LENGTH} are read: {name[:40]!r}...")
     if "\0" in name:
@@ -79,13 +79,13 @@ def check_topic(name: str) -> None:
 
 
 def check_topic_count(count: int, path: Path) -> None:
-    """Number of topics of a session.  Raises RecordingError."""
+    """Check the number of topics of a session.  Raises RecordingError."""
     if count > MAX_TOPICS:
         raise RecordingError(f"{path}: has more than {MAX_TOPICS} topics")
 
 
 class DeclaredSizes:
-    """What channels, schemas, metadata and attachments of one file take together.  All methods raise LimitError."""
+    """Total sizes of the channels, schemas, metadata and attachments of a file.  All methods raise LimitError."""
 
     def __init__(self) -> None:
         self._channels: dict[int, int] = {}
@@ -94,7 +94,7 @@ class DeclaredSizes:
         self._channel_bytes = self._schema_bytes = 0
 
     def channel(self, channel_id: int, topic: str, size: int) -> None:
-        """A channel record [B]; the same one may come with each chunk."""
+        """Add a channel record [B]; the same one may be in each chunk."""
         check_topic(topic)
         self._channel_bytes += size - self._channels.get(channel_id, 0)
         self._channels[channel_id] = size
@@ -104,20 +104,20 @@ class DeclaredSizes:
             raise LimitError(f"its channel records have more than {MAX_CHANNEL_BYTES} bytes together")
 
     def schema(self, schema_id: int, size: int) -> None:
-        """A schema record [B]; the same one may come with each chunk."""
+        """Add a schema record [B]; the same one may be in each chunk."""
         self._schema_bytes += size - self._schemas.get(schema_id, 0)
         self._schemas[schema_id] = size
         if self._schema_bytes > MAX_SCHEMA_BYTES:
             raise LimitError(f"its schemas have more than {MAX_SCHEMA_BYTES} bytes together")
 
     def metadata(self, size: int) -> None:
-        """A metadata record [B]."""
+        """Add a metadata record [B]."""
         self._metadata += size
         if self._metadata > MAX_METADATA_BYTES:
             raise LimitError(f"its metadata have more than {MAX_METADATA_BYTES} bytes together")
 
     def attachment(self, size: int) -> None:
-        """An attachment record [B]."""
+        """Add an attachment record [B]."""
         self._attachments += size
         if self._attachments > MAX_ATTACHMENTS:
             raise LimitError(f"its attachments have more than {MAX_ATTACHMENTS} bytes together")

@@ -1,6 +1,6 @@
-"""One MCAP file as it is found: finished, still being written, killed or damaged.
+"""Reader of one MCAP file: finished, being written, cut off or damaged.
 
-The official ``StreamReader`` walks the file; the messages of a chunk are taken apart here (five times as fast).
+The official ``StreamReader`` reads the file; this module parses the messages of a chunk (five times as fast).
 """
 
 from __future__ import annotations
@@ -31,12 +31,12 @@ from fti.logger.regular_file import open_regular
 _MESSAGE = int(Op.MESSAGE)  # looking up a member of an enumeration is slow in a loop over all messages
 _STAMPS = struct.Struct("<HIQQ")
 FOOTER_BYTES = 9 + 20 + len(MAGIC)
-#: Messages of a large chunk that are given out together.
+#: Messages of a large chunk that are yielded together.
 _MAX_BATCH_MESSAGES = 2**16
 
 
 class McapChannel(NamedTuple):
-    """A channel: its topic, the encoding of its messages and what is said of it."""
+    """A channel: its topic, the encoding of its messages and its metadata."""
 
     name: str
     encoding: str
@@ -55,14 +55,14 @@ class McapMessage(NamedTuple):
 
 @dataclass(slots=True)
 class Head:
-    """What stands in a file before its first chunk."""
+    """Content of a file before its first chunk."""
 
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     attachments: dict[str, bytes] = field(default_factory=dict)
 
 
 class McapFile:
-    """A file.  ``fault`` tells, once the messages were read, why reading ended before a footer; else None."""
+    """A file.  ``fault``, after the messages were read: why reading ended before a footer; else None."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -78,7 +78,7 @@ class McapFile:
 
     @property
     def position(self) -> int:
-        """How far it has been read [bytes]."""
+        """Bytes read so far."""
         return self._at
 
     def head(self) -> Head:
@@ -98,7 +98,7 @@ class McapFile:
         return next((record.compression for record in self._records() if isinstance(record, Chunk)), "")
 
     def chunks(self) -> Iterator[list[McapMessage]]:
-        """The messages, chunk by chunk (a large one in parts), in the order of the file, up to the end or the break."""
+        """The messages by chunk (a large chunk in parts), in the order of the file, up to its end or a fault."""
         for record in self._records():
             try:
                 for items in self._take(record):
@@ -114,7 +114,7 @@ class McapFile:
             yield from self._unfinished()
 
     def _unfinished(self) -> Iterator[list[McapMessage]]:
-        """What the last chunk holds where a cut or a power cut has left it without the checksum that its head tells."""
+        """Messages of the last chunk of a file that was cut off, when the checksum in its head does not match."""
         with TolerantFile(self.path) as source:
             head = chunk_head(source, _chunk_at(source, self._at))
             if head is None or not is_open(source, head):
@@ -124,7 +124,7 @@ class McapFile:
                 data = bytes(chunk.content.data)
                 yield from self._walk(data, len(data))
             except (DamagedChunkError, McapError, ValueError, KeyError, struct.error):
-                return  # the fault stands
+                return  # the fault remains
 
     def items(self) -> Iterator[McapMessage]:
         """The messages in the order of the file."""
@@ -132,7 +132,7 @@ class McapFile:
             yield from chunk
 
     def _records(self) -> Iterator[Any]:
-        """The records outside of chunks; sets ``fault`` where they break off."""
+        """The records outside of chunks; sets ``fault`` where they end early."""
         self.fault = None
         self._at = 0
         self._sizes = DeclaredSizes()
@@ -153,7 +153,7 @@ class McapFile:
             raise MissingError(f"{self.path}: cannot be read: {error.strerror}") from error
 
     def _count(self, record: Any, size: int) -> None:
-        """What a record outside of chunks adds to metadata and attachments.  Raises LimitError."""
+        """Count the size of metadata and attachments.  Raises LimitError."""
         if isinstance(record, Metadata):
             self._sizes.metadata(size)
         elif isinstance(record, Attachment):
@@ -178,13 +178,13 @@ class McapFile:
     def _topic(self, channel_id: int) -> McapChannel:
         topic = self._topics.get(channel_id)
         if topic is None:
-            raise ValueError(f"a message is of channel {channel_id}, which is not declared")
+            raise ValueError(f"a message belongs to channel {channel_id}, which is not declared")
         return topic
 
     def _walk(self, data: bytes, stored: int) -> Iterator[list[McapMessage]]:
-        """The messages among the records of a chunk, which takes so many bytes in the file."""
+        """The messages in the records of a chunk with ``stored`` bytes in the file."""
         items: list[McapMessage] = []
-        given = 0
+        yielded = 0
         at, size, topics = 0, len(data), self._topics
         while at < size:
             op, length = HEAD.unpack_from(data, at)
@@ -199,8 +199,8 @@ class McapFile:
                 topic = topics.get(channel_id) or self._topic(channel_id)
                 items.append(McapMessage(topic, log_time, publish_time, sequence, body))
                 if len(items) == _MAX_BATCH_MESSAGES:
-                    given += _MAX_BATCH_MESSAGES
-                    check_messages(given, stored)
+                    yielded += _MAX_BATCH_MESSAGES
+                    check_messages(yielded, stored)
                     yield items
                     items = []
             elif op == Op.CHANNEL:
@@ -210,13 +210,13 @@ class McapFile:
 
 
 class _LimitedStream:
-    """A file that gives no more at once than a record may have, whatever length stands in it."""
+    """A stream that limits each read to MAX_RECORD, whatever length the file states."""
 
     def __init__(self, stream: IO[bytes]) -> None:
         self._stream = stream
 
     def read(self, length: int) -> bytes:
-        """As of a file.  Raises LimitError."""
+        """Read as from a file.  Raises LimitError."""
         if length > MAX_RECORD:
             raise LimitError(f"a length of {length} bytes; at most {MAX_RECORD} are read at once")
         return self._stream.read(length)
@@ -227,25 +227,25 @@ def _limit_reads(stream: IO[bytes]) -> IO[bytes]:
 
 
 def _limit_fault(at: int, error: LimitError) -> str:
-    """The fault of a file that is beyond a limit."""
-    return f"is not read on after byte {at}: {error}"
+    """The fault of a file that exceeds a limit."""
+    return f"reading stops after byte {at}: {error}"
 
 
 def _check_times(*times: int) -> None:
     if max(times) > MAX_TIME_NS:
-        raise LimitError(f"a message is of {max(times)} ns; the latest time that is read is {MAX_TIME_NS}")
+        raise LimitError(f"a message has the time {max(times)} ns; at most {MAX_TIME_NS} is allowed")
 
 
 def _content(chunk: Chunk) -> bytes:
     """The records of a chunk.  Raises ValueError when they are damaged."""
     content = decompress(chunk.compression, chunk.data, chunk.uncompressed_size)
     if chunk.uncompressed_crc not in (0, zlib.crc32(content)):
-        raise ValueError("the checksum of a chunk does not hold")
+        raise ValueError("the checksum of a chunk does not match")
     return content
 
 
 def _chunk_at(source: TolerantFile, at: int) -> int:
-    """Where the next record stands that is no filling before a chunk."""
+    """Offset of the next record that is neither padding nor checkpoints."""
     while source.read(at, 1) in (bytes([Op.PADDING]), bytes([Op.CHECKPOINTS])):
         end = record_end(source, at, source.size)
         if end is None:

@@ -1,4 +1,4 @@
-"""The notes of ``/fti/health`` and ``/fti/ledger`` with all their entries, from records that hold changes."""
+"""Restores complete notes of ``/fti/health`` and ``/fti/ledger`` from records of changes."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Table = dict[str, Any]
 
 
 class NoteState(NamedTuple):
-    """A note.  whole : every entry is known; else the record before it is not there, and it has its own entries only"""
+    """A note.  whole : every entry is known; else the previous record is missing, and it has only its own entries"""
 
     log_time: int
     table: Table
@@ -20,16 +20,16 @@ class NoteState(NamedTuple):
 
 
 class NoteStates:
-    """Takes the records of a session in the order of its files.
+    """Receives the records of a session in the order of its files.
 
-    Sessions of before have complete records only, and do not say so.  Tables may be shared between notes.
+    Older sessions have only complete records, without the field ``complete``.  Tables may be shared between notes.
     """
 
     def __init__(self) -> None:
         self._last: dict[str, NoteState] = {}
 
     def feed(self, topic: str, log_time: int, record: Any) -> NoteState:
-        """The note of a record; for other topics the record itself."""
+        """Restore the note of a record; for other topics the record itself."""
         if topic not in ENTRY_TABLES or not isinstance(record, dict):
             return NoteState(log_time, record, whole=True)
         before = self._last.get(topic)
@@ -45,14 +45,14 @@ class NoteStates:
         return self._last[topic]
 
     def complete(self, topic: str, log_time: int, data: bytes) -> bytes:
-        """The same as JSON.  Raises ValueError when it is none."""
+        """Restore a note as JSON.  Raises ValueError when the data are not JSON."""
         if topic not in ENTRY_TABLES:
             return data
         return json.dumps(self.feed(topic, log_time, parse_json(data)).table).encode()
 
 
 def _merge_entries(before: Any, changed: Any, passed_ms: float) -> Any:
-    """The entries of before, which have grown older, and those that have changed."""
+    """The previous entries, with their new age, updated with the changed ones."""
     if not isinstance(before, dict) or not isinstance(changed, dict):
         return changed
     older = {key: _age_entry(entry, passed_ms) for key, entry in before.items() if key not in changed}

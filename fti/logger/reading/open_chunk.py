@@ -1,10 +1,10 @@
-"""The last chunk of a file that was not finished: what of it is proved, what is taken unproved, and what is damage.
+"""The last chunk of an unfinished file: proved records, unproved records and damage.
 
-A kill leaves a chunk whose head covers and proves all but the last flush.  A power cut leaves a chunk that is proved
-up to the last sync; behind it pages may be missing, old or zero.  The whole records behind the proof are taken and
-counted, up to the first that makes no sense; where that is not a torn one, the one before it is not taken either, for
-the damage may begin in it.  Anything else is damage, and such a file is not closed: a proved stretch behind an unproved
-one, damage before the last sync, records in the proved part that make no sense.
+After a kill the checksum in the chunk's head proves everything except the last flush.  After a power cut the chunk is
+proved up to the last sync; later pages may be missing, old or zero.  Whole records after the proved part are accepted
+and counted up to the first invalid one.  If that is not a torn record, the record before it is rejected too, because
+the damage may begin in it.  Everything else is damage, and such a file is not closed: a proved segment after an
+unproved one, damage before the last sync, invalid records in the proved part.
 """
 
 from __future__ import annotations
@@ -23,28 +23,28 @@ from fti.logger.reading.record_validation import ChunkHead
 from fti.logger.reading.tolerant_file import TolerantFile
 from fti.logger.records import HEAD, Op
 
-#: More than this behind the proof is not what one sync period leaves [ns].
+#: Largest time span of the unproved records after one sync period [ns].
 MAX_UNPROVED_NS = 30 * 10**9
 
 
 class DamagedChunkError(Exception):
-    """The chunk is damaged where neither a kill nor a power cut can have done it."""
+    """The chunk has damage that neither a kill nor a power cut can cause."""
 
 
 @dataclass(slots=True)
 class Declarations:
-    """Schema and channel records that were found so far, by id."""
+    """Schema and channel records found so far, by id."""
 
     schemas: dict[int, bytes] = field(default_factory=dict)
     channels: dict[int, bytes] = field(default_factory=dict)
 
     def add(self, content: Content) -> None:
-        """Take those of a chunk."""
+        """Add those of a chunk."""
         self.schemas |= content.schemas
         self.channels |= content.channels
 
     def agree(self, content: Content) -> bool:
-        """Does the chunk declare nothing that is declared otherwise?"""
+        """Do the declarations of the chunk agree with the known ones?"""
         return _agree(self.schemas, content.schemas) and _agree(self.channels, content.channels)
 
     def suffice(self, content: Content) -> bool:
@@ -58,7 +58,7 @@ def _schema_id(channel: bytes) -> int:
 
 
 def is_open(source: TolerantFile, head: ChunkHead) -> bool:
-    """Has the chunk no message index behind it?  Then it is the last one of a file that was not finished."""
+    """Does no message index follow the chunk?  Then it is the last one of an unfinished file."""
     return source.read(head.end, 1) != bytes([Op.MESSAGE_INDEX])
 
 
@@ -68,11 +68,11 @@ def _agree(known: Mapping[int, bytes], found: Mapping[int, bytes]) -> bool:
 
 @dataclass(slots=True)
 class OpenChunk:
-    """What was found.
+    """Content of an open chunk.
 
-    content        : the records taken
-    unproved       : messages among them that no checksum proves; unproved_ns : log time of the first of them
-    missing_bytes  : bytes that the head or a checkpoint counts as records and that are not taken: cut off or damaged
+    content        : the accepted records
+    unproved       : messages among them without a checksum; unproved_ns : log time of the first of them
+    missing_bytes  : bytes that the head or a checkpoint counts as records and that are cut off or damaged
     """
 
     content: Content
@@ -82,9 +82,9 @@ class OpenChunk:
 
 
 def read_open_chunk(source: TolerantFile, head: ChunkHead, known: Declarations, *, growing: bool = False) -> OpenChunk:
-    """The last chunk of a file that was not finished.  Raises DamagedChunkError.
+    """Read the last chunk of an unfinished file.  Raises DamagedChunkError.
 
-    growing : the file is being written, so that the head may tell of more than was there when it was opened
+    growing : the file is being written, so that the head may state more than the file had when it was opened
     """
     if head.size > MAX_RECORD:
         raise DamagedChunkError(f"it has {head.size} bytes; at most {MAX_RECORD} are read")
@@ -93,16 +93,16 @@ def read_open_chunk(source: TolerantFile, head: ChunkHead, known: Declarations, 
         raise DamagedChunkError("its checkpoints are damaged")
     data = source.read(head.begin, min(source.size - head.begin, MAX_RECORD))
     if growing and head.size > len(data):
-        there = [mark for mark in marks.checkpoints if mark.size <= len(data)]
-        head = replace(head, size=there[-1].size if there else 0, crc=there[-1].crc if there else 0)
-        marks = replace(marks, checkpoints=there)
-    return judge_open_chunk(data, head, marks, known)
+        present = [mark for mark in marks.checkpoints if mark.size <= len(data)]
+        head = replace(head, size=present[-1].size if present else 0, crc=present[-1].crc if present else 0)
+        marks = replace(marks, checkpoints=present)
+    return inspect_open_chunk(data, head, marks, known)
 
 
-def judge_open_chunk(data: bytes, head: ChunkHead, marks: ChunkMarks, known: Declarations) -> OpenChunk:
-    """Judge the last chunk of a file.  Raises DamagedChunkError.
+def inspect_open_chunk(data: bytes, head: ChunkHead, marks: ChunkMarks, known: Declarations) -> OpenChunk:
+    """Inspect the last chunk of a file.  Raises DamagedChunkError.
 
-    data : all bytes of the file behind the chunk's head
+    data : all bytes of the file after the chunk's head
     """
     covered = max([head.size, *(checkpoint.size for checkpoint in marks.checkpoints)])
     if not marks.checkpoints:
@@ -120,12 +120,12 @@ def judge_open_chunk(data: bytes, head: ChunkHead, marks: ChunkMarks, known: Dec
 def _content(data: bytes, known: Declarations) -> Content:
     content = Content(set(known.channels)).feed(data)
     if not known.suffice(content):
-        raise DamagedChunkError("it declares a channel or schema in another way than the file before it")
+        raise DamagedChunkError("it declares a channel or schema differently from the file before it")
     return content
 
 
 def _without_proof(data: bytes, covered: int, known: Declarations) -> OpenChunk:
-    """An open chunk of fti 0.1: its head has no checksum, but what it covers are whole records."""
+    """An open chunk of fti 0.1: its head has no checksum, but covers whole records."""
     content = _content(data[:covered], known)
     if not content.whole and covered <= len(data):
         raise DamagedChunkError(f"its records are damaged {content.end} bytes behind its head")
@@ -135,29 +135,29 @@ def _without_proof(data: bytes, covered: int, known: Declarations) -> OpenChunk:
 
 
 def _proved_bytes(data: bytes, head: ChunkHead, marks: ChunkMarks) -> int:
-    """How far the records are proved without a break.  Raises DamagedChunkError."""
+    """Number of bytes that are proved from the begin on.  Raises DamagedChunkError."""
     if head.crc and len(data) >= head.size and zlib.crc32(memoryview(data)[: head.size]) == head.crc:
         return head.size
     found = segments(data, marks.checkpoints)
     count = next((n for n, segment in enumerate(found) if not segment.proved), len(found))
     proved = found[count - 1].end if count else 0
     if any(segment.proved for segment in found[count:]) or _is_before_last_sync(found, count, len(data), marks):
-        raise DamagedChunkError(f"the checksum of its records from {proved} bytes behind its head on does not hold")
+        raise DamagedChunkError(f"the checksum of its records from {proved} bytes behind its head on does not match")
     return proved
 
 
 def _is_before_last_sync(found: list[ChunkSegment], unproved: int, size: int, marks: ChunkMarks) -> bool:
-    """Is a stretch unproved that the last sync but one has brought onto the medium?
+    """Is a segment unproved that the last sync but one has written to the medium?
 
-    The last checkpoint is written before its sync, which may not have ended; the head may tell of more behind it.  What
-    a cut file does not hold is missing and not damaged.
+    The last checkpoint is written before its sync, which may not have ended; the head may cover more after it.  Bytes
+    after the end of a cut file are missing, not damaged.
     """
     allowed = len(found) - 1 - (found[-1].end > marks.synced) if marks.reliable else len(found)
     return any(segment.end <= size for segment in found[unproved : max(allowed, 0)])
 
 
 def _take_unproved(found: OpenChunk, data: bytes, known: Declarations) -> None:
-    """Add the whole records behind the proof that make sense."""
+    """Add the whole, valid records after the proved part."""
     content = found.content
     proved, messages, proved_ns = content.end, content.messages, content.times[1]
     content.feed(data)
@@ -167,13 +167,13 @@ def _take_unproved(found: OpenChunk, data: bytes, known: Declarations) -> None:
         found.content = _content(bytes(content.data[:proved]), known)
         return
     content.trim()
-    times = [at_ns for entries in content.index.values() for at_ns in _times_behind(entries, proved)]
+    times = [at_ns for entries in content.index.values() for at_ns in _times_from(entries, proved)]
     found.unproved = content.messages - messages
     found.unproved_ns = min(times, default=None)
     if messages and times and max(times) - proved_ns > MAX_UNPROVED_NS:
-        raise DamagedChunkError(f"its records from {proved} bytes behind its head on are of more than one sync period")
+        raise DamagedChunkError(f"its records from {proved} bytes behind its head on span more than one sync period")
 
 
-def _times_behind(entries: array[int], proved: int) -> list[int]:
+def _times_from(entries: array[int], proved: int) -> list[int]:
     """Log times of the messages from an offset on; entries : log time and offset, in turn."""
     return [at_ns for at_ns, at in zip(entries[::2], entries[1::2], strict=True) if at >= proved]

@@ -1,7 +1,7 @@
-"""Is a record of an MCAP file possible as it stands?  The lengths within each record must agree.
+"""Validation of the records of an MCAP file by the lengths within each record.
 
-Specification: https://mcap.dev/spec, version 0.  A record that a bit flip, a hole or chance has made of other bytes
-does not pass: its length must fit what its own fields say, to the byte.
+Specification: https://mcap.dev/spec, version 0.  The length of a record must equal the sum of its own fields.  Bytes
+that look like a record after a bit flip, a hole or by chance fail this check.
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ _CHUNK_BEGIN = re.compile(rb"\x06(?=[\s\S]{5}\x00\x00\x00)")  # shorter than 2^4
 _LONG = (Op.ATTACHMENT, Op.MESSAGE_INDEX)
 _CHUNK_HEAD = struct.Struct("<BQQQQII")  # a chunk up to the name of its compression
 COMPRESSIONS = (b"", b"zstd", b"lz4")
-#: A torn write outside of chunks is no longer than this, but for attachments and message indexes [B].
+#: Largest torn write outside of chunks, except attachments and message indexes [B].
 MAX_TORN_BYTES = 4096
 
 
 @dataclass(frozen=True, slots=True)
 class ChunkHead:
-    """Head of a chunk.  begin, end : where its stored bytes stand in the file; size : of its records, unpacked [B]."""
+    """Head of a chunk.  begin, end : of its stored bytes in the file; size : of its records, unpacked [B]."""
 
     at: int
     begin: int
@@ -45,14 +45,14 @@ class ChunkHead:
     compression: str
 
     def content(self, source: TolerantFile) -> bytes | None:
-        """The records, unpacked and checked; None when they are damaged or beyond a limit."""
+        """The unpacked, checked records; None when they are damaged or exceed a limit."""
         try:
             return self.read(source)
         except ValueError:
             return None
 
     def read(self, source: TolerantFile) -> bytes:
-        """The same.  Raises ValueError when they are damaged, LimitError when they are beyond a limit."""
+        """The unpacked, checked records.  Raises ValueError when they are damaged, LimitError beyond a limit."""
         stored = self.end - self.begin
         if self.end > source.size:
             raise ValueError("a chunk ends behind its file")
@@ -60,13 +60,13 @@ class ChunkHead:
             raise LimitError(f"a chunk of {stored} bytes; at most {MAX_RECORD} are read")
         content = decompress(self.compression, source.read(self.begin, stored), self.size)
         if self.crc not in (0, zlib.crc32(content)):
-            raise ValueError("the checksum of a chunk does not hold")
+            raise ValueError("the checksum of a chunk does not match")
         check_content(content, stored)
         return content
 
 
 def check_content(content: bytes, stored: int) -> None:
-    """Raises LimitError when a chunk, which takes so many bytes in its file, has more messages than are read."""
+    """Check the number of messages of a chunk with ``stored`` bytes in the file.  Raises LimitError."""
     if len(content) // MESSAGE.size <= MAX_CHUNK_MESSAGES:
         return
     messages = at = 0
@@ -78,7 +78,7 @@ def check_content(content: bytes, stored: int) -> None:
 
 
 def chunk_head(source: TolerantFile, at: int) -> ChunkHead | None:
-    """Head of the chunk at an offset; None when its lengths contradict each other.  The end may lie behind the file."""
+    """Head of the chunk at an offset; None when its lengths disagree.  Its end may be after the end of the file."""
     head = source.read(at, CHUNK.size + 4)
     if len(head) < CHUNK.size:
         return None
@@ -94,12 +94,12 @@ def chunk_head(source: TolerantFile, at: int) -> ChunkHead | None:
 
 
 def is_torn_write(source: TolerantFile, at: int) -> bool:
-    """May a write outside of chunks, in which its writer ended, have left what stands from an offset on?
+    """Can the bytes from an offset on be an interrupted write outside of chunks?
 
-    Then it is short, or a long record that the file cuts off, or zeros; and no chunk begins in it.
+    They are then short, or a long record that the end of the file cuts off, or zeros; and no chunk begins in them.
     """
     rest = source.read(at, min(source.size - at, MAX_SMALL_RECORD)).rstrip(b"\0")
-    if next(_chunks_behind(source, at), None):
+    if next(_chunks_after(source, at), None):
         return False
     if len(rest) <= MAX_TORN_BYTES:
         return True
@@ -108,18 +108,18 @@ def is_torn_write(source: TolerantFile, at: int) -> bool:
 
 
 def is_followed_by_chunk(source: TolerantFile, at: int) -> bool:
-    """Does a chunk begin behind an offset?  Whether its checksum holds is another question."""
-    return any(_chunks_behind(source, at))
+    """Does a chunk begin after an offset?  Its checksum is not checked."""
+    return any(_chunks_after(source, at))
 
 
-def _chunks_behind(source: TolerantFile, at: int) -> Iterator[ChunkHead]:
+def _chunks_after(source: TolerantFile, at: int) -> Iterator[ChunkHead]:
     rest = source.read(at, min(source.size - at, MAX_SMALL_RECORD))
     heads = (chunk_head(source, at + found.start()) for found in _CHUNK_BEGIN.finditer(rest, 1))
     yield from (head for head in heads if head)
 
 
 def record_end(source: TolerantFile, at: int, limit: int) -> int | None:
-    """End of the record at an offset; None when it makes no sense or ends behind ``limit``."""
+    """End of the record at an offset; None when it is invalid or ends after ``limit``."""
     head = source.read(at, HEAD.size)
     if len(head) < HEAD.size:
         return None
@@ -135,7 +135,7 @@ def record_end(source: TolerantFile, at: int, limit: int) -> int | None:
 
 
 def _has_form(source: TolerantFile, op: int, at: int, length: int) -> bool:
-    """Has the body at an offset the form of such a record?  What only looks like a long one is not read to its end."""
+    """Is the body at an offset valid for this opcode?  A long record with an invalid begin is not read completely."""
     check, begins = _FORMS.get(op), _BEGINNINGS.get(op)
     if check is None or length > (MAX_ATTACHMENTS if op == Op.ATTACHMENT else MAX_SMALL_RECORD):
         return False
@@ -159,7 +159,7 @@ def _u32(body: bytes, at: int) -> int:
 
 
 def _is_table(body: bytes, at: int) -> bool:
-    """A table of strings and nothing behind it."""
+    """Is this a table of strings, up to the end of the body?"""
     end = at + 4 + _u32(body, at)
     at += 4
     while at < end:

@@ -1,4 +1,4 @@
-"""A recorded session as a whole: its files, frames, messages, attachments and metadata."""
+"""Reader of a recorded session: its files, frames, messages, attachments and metadata."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from fti.logger.session import Kind, SessionFolder, name_parts
 from fti.types import TICK_LINK, RawFrame
 
 RAW_PREFIX, SENT_PREFIX = "/raw/", "/tx/"
-#: Frames that wait for an earlier one before the files are searched for whether it comes at all.
+#: Number of frames that wait for an earlier one before the files are searched for it.
 MAX_WAITING_FRAMES = 50_000
 _SEQ = itemgetter(0)
 KINDS: tuple[Kind, ...] = ("raw", "derived", "truth", "snapshot")
@@ -27,7 +27,7 @@ KINDS: tuple[Kind, ...] = ("raw", "derived", "truth", "snapshot")
 
 @dataclass(frozen=True, slots=True)
 class FileFault:
-    """A file that does not end as it should; text : what is the matter with it."""
+    """A file that ends early or is damaged; text : the fault."""
 
     path: Path
     text: str
@@ -37,8 +37,8 @@ class Recording:
     """A session folder or a single file, finished or not.
 
     raw_files, derived_files, truth_files, snapshot_files : in order
-    faults  : filled by reading: files that broke off
-    on_read : told, when set, how far a file has been read [bytes].
+    faults  : filled by reading: files that end early
+    on_read : called, when set, with a file and the number of bytes read
     """
 
     def __init__(
@@ -57,16 +57,16 @@ class Recording:
     def open(cls, path: str | Path, *others: str | Path) -> Recording:
         """Open a session folder or one MCAP file.  Raises MissingError.
 
-        others : more folders and files of the same session, whose medium was changed
+        others : more folders and files of the same session, on other media
         """
         first = cls(Path(path), *_find_files(Path(path)))
         for other in map(Path, others):
             part = cls(other, *_find_files(other))
             if part.session != first.session:
-                raise MissingError(f"{other}: is of session {part.session}, and {path} of session {first.session}")
+                raise MissingError(f"{other}: belongs to session {part.session}, but {path} to session {first.session}")
             for kind in KINDS:
-                here = {file.resolve() for file in first.paths(kind)}
-                first.paths(kind).extend(file for file in part.paths(kind) if file.resolve() not in here)
+                known_files = {file.resolve() for file in first.paths(kind)}
+                first.paths(kind).extend(file for file in part.paths(kind) if file.resolve() not in known_files)
                 first.paths(kind).sort(key=lambda file: name_parts(file)[1])
         return first
 
@@ -77,7 +77,7 @@ class Recording:
 
     @property
     def unfinished_files(self) -> list[Path]:
-        """The files without a footer: they are being written, or were cut off."""
+        """The files without a footer, which are being written or were cut off."""
         return [path for path in self.files if not McapFile(path).finished]
 
     @cached_property
@@ -91,15 +91,15 @@ class Recording:
 
     @property
     def other_folders(self) -> list[Path]:
-        """Folders in which more of the session may lie: the files name them, and none of theirs is here."""
-        told = self.metadata.get(FILE_METADATA, {})
+        """Folders that the files name and of which no file is open: they may hold more of the session."""
+        file_table = self.metadata.get(FILE_METADATA, {})
         named = [
             Path(folder)
-            for key, folder in sorted(told.items())
+            for key, folder in sorted(file_table.items())
             if key.startswith(STORAGE_TARGET_KEY) and "\0" not in folder
         ]
-        here = {file.parent.resolve() for file in self.files}
-        return [folder for folder in named if folder.resolve() not in here]
+        known_folders = {file.parent.resolve() for file in self.files}
+        return [folder for folder in named if folder.resolve() not in known_folders]
 
     @property
     def metadata(self) -> dict[str, dict[str, str]]:
@@ -112,7 +112,7 @@ class Recording:
 
     @property
     def links(self) -> dict[str, str]:
-        """The links that were recorded: name -> kind; also those that were silent."""
+        """The recorded links, including silent ones: name -> kind."""
         return self.metadata.get(LINKS_METADATA, {})
 
     # ------------------------------------------------------------------------------------------------------ reading
@@ -120,15 +120,15 @@ class Recording:
     def frames(self) -> Iterator[RawFrame]:
         """Frames of all links and ticks (link ``TICK_LINK``) strictly in order of their full ``seq``.
 
-        Raises RecordingError when a number stands twice; not where it is a copy, as where the medium was changed.
+        Raises RecordingError for a duplicate number, except for copies, which a change of the medium leaves.
         """
         for seq, (topic, t_ns, _, _, data) in self.numbered_messages():
             role = _role(topic.name)
             if role and not role.sent:
                 yield RawFrame(role.link, seq, t_ns, data)
 
-    def sent(self) -> Iterator[RawFrame]:
-        """What was sent on the links, in order of ``seq``."""
+    def sent_frames(self) -> Iterator[RawFrame]:
+        """Sent frames of the links, in order of ``seq``."""
         for seq, (topic, t_ns, _, _, data) in self.numbered_messages():
             role = _role(topic.name)
             if role and role.sent:
@@ -155,18 +155,18 @@ class Recording:
 
     @property
     def frame_files(self) -> list[Path]:
-        """The files that have the frames, each once: a snapshot beside a continuous recording has copies."""
+        """The files with the frames, each frame once: snapshots of a continuous recording hold copies."""
         only = self.is_snapshot_session or not self.raw_files
         return [*self.raw_files, *(self.snapshot_files if only else ())]
 
     @property
     def is_snapshot_session(self) -> bool:
-        """Frames were recorded around triggers only, in the snapshot files; ticks are in the raw ones, too."""
+        """Were frames recorded around triggers only, in the snapshot files?  Ticks are in the raw ones too."""
         return self.metadata.get("fti", {}).get("mode") == "snapshot"
 
     @property
     def is_reprocessed(self) -> bool:
-        """Made by navigation once more, from the raw files of another folder."""
+        """Was the session made by reprocessing the raw files of another folder?"""
         return self.metadata.get("fti", {}).get("reprocessed") == "true"
 
     def _chunks(self, paths: list[Path]) -> Iterator[list[McapMessage]]:
@@ -180,7 +180,7 @@ class Recording:
                 self.faults[path] = FileFault(path, file.fault)
 
     def _frame_chunks(self) -> Iterator[list[McapMessage]]:
-        """The chunks of the files that have the frames; ticks of raw files only, where there are any."""
+        """The chunks of the files with the frames; ticks from the raw files only, if there are any."""
         yield from self._chunks(self.raw_files)
         for chunk in self._chunks(self.frame_files[len(self.raw_files) :]):
             yield [item for item in chunk if item.topic.name != TICK_TOPIC] if self.raw_files else chunk
@@ -199,7 +199,7 @@ class Recording:
     def numbered_messages(self) -> Iterator[tuple[int, McapMessage]]:
         """Frames, ticks and sent bytes in order of ``seq``, as (seq, item).  Raises RecordingError as ``frames``.
 
-        Links are written one after another, so a message may stand behind later ones.  A message is given out when it
+        Links are written one after another, so a message may follow later ones.  A message is yielded when its number
         is the next, or, once too many wait, when no smaller number follows in the files.
         """
         waiting: list[tuple[int, McapMessage]] = []
@@ -210,34 +210,34 @@ class Recording:
             if following is None and len(waiting) > len(numbered_messages) + MAX_WAITING_FRAMES:
                 following = self._smallest_following()
             limit = following[position] if following else 0
-            given = 0
+            yielded_count = 0
             for entry in waiting:
                 if entry[0] > expected and entry[0] >= limit:
                     break
-                given += 1
+                yielded_count += 1
                 if entry[0] >= expected or not self._is_copy(entry, expected):
                     expected = entry[0] + 1
                     yield entry
-            del waiting[:given]
+            del waiting[:yielded_count]
         for entry in waiting:
             if entry[0] >= expected or not self._is_copy(entry, expected):
                 expected = entry[0] + 1
                 yield entry
 
     def _is_copy(self, entry: tuple[int, McapMessage], expected: int) -> bool:
-        """Was the same given out already?  Raises RecordingError when it was another one with this number.
+        """Was the same message yielded before?  Raises RecordingError for another message with this number.
 
-        What a medium may have taken before it was given up stands on the next one too.
+        Messages that a failed medium may hold are written to the next one too.
         """
         seq, item = entry
         if seq not in self._yielded:
-            self._yielded = self._find_given(seq, expected)
+            self._yielded = self._first_messages(seq, expected)
         if self._yielded.get(seq) != item:
-            raise RecordingError(f"{item.topic.name}: the number {seq} comes after {expected - 1}; it stands twice")
+            raise RecordingError(f"{item.topic.name}: the number {seq} comes after {expected - 1}; it occurs twice")
         return True
 
-    def _find_given(self, first: int, end: int) -> dict[int, McapMessage]:
-        """The first message with each of these numbers, from the beginning of the files."""
+    def _first_messages(self, first: int, end: int) -> dict[int, McapMessage]:
+        """The first message with each of these numbers in the files."""
         found: dict[int, McapMessage] = {}
         for numbered_messages in self._numbered_chunks():
             for seq, item in numbered_messages:
@@ -248,19 +248,19 @@ class Recording:
         return found
 
     def _smallest_following(self) -> list[int]:
-        """For each chunk the smallest number in all later chunks."""
+        """The smallest number in all later chunks, for each chunk."""
         smallest = [
             min((seq for seq, _ in numbered_messages), default=2**64) for numbered_messages in self._numbered_chunks()
         ]
-        following, least = [2**64] * len(smallest), 2**64
+        following, smallest_later = [2**64] * len(smallest), 2**64
         for position in range(len(smallest) - 1, -1, -1):
-            following[position] = least
-            least = min(least, smallest[position])
+            following[position] = smallest_later
+            smallest_later = min(smallest_later, smallest[position])
         return following
 
 
 def unwrap(sequence: int, last: int | None) -> int:
-    """The full number whose low 32 bits are ``sequence`` and which is nearest to ``last``; never negative."""
+    """The full number nearest to ``last`` with the low 32 bits ``sequence``; never negative."""
     if last is None:
         return sequence
     full = last + ((sequence - last + 2**31) & 0xFFFF_FFFF) - 2**31
@@ -268,7 +268,7 @@ def unwrap(sequence: int, last: int | None) -> int:
 
 
 class _Role(NamedTuple):
-    """A numbered topic: the link whose frames it has, and whether they were sent."""
+    """A numbered topic: its link, and whether its frames were sent."""
 
     link: str
     sent: bool
@@ -276,7 +276,7 @@ class _Role(NamedTuple):
 
 @cache
 def _role(topic: str) -> _Role | None:
-    """What a topic is; None when it is not numbered."""
+    """Role of a topic; None without numbers."""
     if topic == TICK_TOPIC:
         return _Role(TICK_LINK, sent=False)
     if topic.startswith((RAW_PREFIX, SENT_PREFIX)):
@@ -284,17 +284,17 @@ def _role(topic: str) -> _Role | None:
     return None
 
 
-def _find_files(place: Path) -> Iterator[list[Path]]:
+def _find_files(path: Path) -> Iterator[list[Path]]:
     """The files of a folder of each kind, or a single file.  Raises MissingError."""
-    check_session_path(place)
-    if place.is_dir():
-        folder = SessionFolder(place)
+    check_session_path(path)
+    if path.is_dir():
+        folder = SessionFolder(path)
         return iter([folder.files(kind) for kind in KINDS])
-    told = _kind_of(place)
-    return ([place] if told == kind else [] for kind in KINDS)
+    own_kind = _kind_of(path)
+    return ([path] if own_kind == kind else [] for kind in KINDS)
 
 
 def _kind_of(path: Path) -> Kind:
-    """Kind of a single file, as it says itself, or else its name."""
-    told = McapFile(path).head().metadata.get(FILE_METADATA, {}).get("kind")
-    return next((kind for kind in KINDS if kind == told), name_parts(path)[0])
+    """Kind of a single file, from its metadata or else from its name."""
+    stated = McapFile(path).head().metadata.get(FILE_METADATA, {}).get("kind")
+    return next((kind for kind in KINDS if kind == stated), name_parts(path)[0])

@@ -1,4 +1,4 @@
-"""What a person names as a session; when it is none, what may have been meant."""
+"""Check of the path of a session, with suggestions for a wrong one."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ MAX_LISTED = 5
 
 
 def check_session_path(place: Path) -> None:
-    """Raises MissingError unless it is a folder with MCAP files, or a file that begins as one or is called so."""
+    """Check for a folder with MCAP files, or a file with such a begin or suffix.  Raises MissingError."""
     if place.is_dir():
         if not any(mcap_files(place)):
             raise MissingError(f"{place}: holds no MCAP files{_sessions_in(place)}")
@@ -22,11 +22,11 @@ def check_session_path(place: Path) -> None:
     elif not place.is_file():
         raise MissingError(f"{place}: there is no such session folder or file{_similar_names(place)}")
     elif place.suffix != ".mcap" and not _begins_as_mcap(place):
-        raise MissingError(f"{place}: is no MCAP file")
+        raise MissingError(f"{place}: is not an MCAP file")
 
 
 def holds_recording(place: Path) -> bool:
-    """Is it a folder with MCAP files, or such a file?"""
+    """Is the path a folder with MCAP files, or such a file?"""
     try:
         check_session_path(place)
     except MissingError:
@@ -45,7 +45,7 @@ def _sessions_in(folder: Path) -> str:
 
 
 def _similar_names(place: Path) -> str:
-    """What beside it is called nearly so."""
+    """Paths in the same folder with a similar name."""
     try:
         names = [path.name for path in place.parent.iterdir()]
     except OSError:

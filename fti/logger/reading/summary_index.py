@@ -1,4 +1,4 @@
-"""What the summary of a file tells of its data, where the summary is whole: a second source for a recovery."""
+"""Reader of an undamaged summary of a file: a second source for a recovery."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _MAX_TRIES = 50
 
 
 class ChunkLocation(NamedTuple):
-    """A chunk as the summary tells of it: where it stood, and its first and last log time [ns]."""
+    """A chunk in the summary: its original offset, and its first and last log time [ns]."""
 
     offset: int
     first_ns: int
@@ -28,10 +28,10 @@ class ChunkLocation(NamedTuple):
 
 @dataclass(slots=True)
 class SummaryIndex:
-    """A summary.  data_end : where the data section ends in the file as it is.
+    """A summary.  data_end : end of the data section in the file as found.
 
-    shift : how many bytes the file has lost before its end, so that places told lie this much too high there.
-    others : where attachments and metadata stood; named : the same, by name.
+    shift : number of bytes that the file has lost; offsets in the summary are too high by it at the end of the file.
+    others : original offsets of attachments and metadata; named : the same, by name.
     """
 
     data_end: int
@@ -45,7 +45,7 @@ class SummaryIndex:
 
 
 def read_summary_index(source: TolerantFile) -> SummaryIndex | None:
-    """The summary of a file; None when there is none, or it is damaged."""
+    """The summary of a file; None when it is missing or damaged."""
     foot_at = source.size - FOOTER_BYTES
     foot = source.read(foot_at, FOOTER_BYTES) if foot_at >= 0 else b""
     if foot[: HEAD.size] != HEAD.pack(Op.FOOTER, 20) or not foot.endswith(MAGIC):

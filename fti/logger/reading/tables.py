@@ -1,4 +1,4 @@
-"""The tables of metadata records."""
+"""Parser of the tables of metadata records."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from fti.logger.records import HEAD, read_text
 
 
 def metadata_table(record: bytes) -> tuple[str, dict[str, str]]:
-    """Name and table of a metadata record.  Raises struct.error or UnicodeDecodeError when it is none."""
+    """Name and table of a metadata record.  Raises struct.error or UnicodeDecodeError when it is invalid."""
     name, at = read_text(record, HEAD.size)
     return name, text_table(record, at)
 

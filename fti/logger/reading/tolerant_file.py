@@ -1,4 +1,4 @@
-"""Reading a file that may be damaged, on a medium that may be too."""
+"""Reader of a file that may be damaged, on a medium that may be damaged."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from pathlib import Path
 from fti.errors import MissingError
 from fti.logger.regular_file import open_descriptor
 
-#: What is read as zeros when the medium refuses to give it [B].
+#: Unit that is read as zeros after a read error [B].
 SECTOR = 4096
 _STEP = 2**30
 
 
 class TolerantFile:
-    """A file, or a part of it, by position.  Bytes that the medium does not give are zeros, counted in ``unreadable``.
+    """A file, or a part of it, by position.  Unreadable bytes are zeros, counted in ``unreadable``.
 
     begin, end : the part [B]; position 0 is its begin; end None : to the end of the file
     Raises MissingError when the file cannot be opened.
@@ -50,7 +50,7 @@ class TolerantFile:
         return bytes(parts)
 
     def _piece(self, at: int, size: int) -> bytes:
-        """One read; zeros where there is nothing to be had, so that the caller goes on."""
+        """One read; zeros for unreadable bytes, so that the caller can continue."""
         try:
             return os.pread(self._fd, size, self._begin + at) or bytes(size)
         except OSError:

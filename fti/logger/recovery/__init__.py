@@ -1,1 +1,1 @@
-"""Recovery: closing what a kill left open, and getting out of a damaged file what is there."""
+"""Recovery: closing of unfinished files, and extraction of the content of damaged ones."""

@@ -1,4 +1,4 @@
-"""A chunk whose checksum does not hold, taken apart at its checkpoints."""
+"""Splitting of a chunk with a wrong checksum at its checkpoints."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from fti.logger.records import CHUNK, HEAD
 from fti.logger.recovery.flipped_bit import correct_bit
 from fti.logger.recovery.pieces import LostBytes, Messages, Piece
 
-#: Where a chunk's checksum stands in it.
+#: Offset of the checksum in a chunk.
 CRC_AT = HEAD.size + 24
 
 
@@ -28,7 +28,7 @@ class ChunkData:
 
 
 def headless_chunk(source: TolerantFile, at: int) -> ChunkHead | None:
-    """The head of a chunk that must have stood at an offset, from the checkpoints before it; None without any."""
+    """Head of a chunk with a damaged head, from the checkpoints before it; None without checkpoints."""
     begin = at + CHUNK.size
     blank = ChunkHead(at, begin, begin, 0, 0, "")
     found = chunk_marks(source, blank).checkpoints
@@ -38,8 +38,8 @@ def headless_chunk(source: TolerantFile, at: int) -> ChunkHead | None:
 def split(chunk: ChunkData, channels: Collection[int], *, open_end: bool) -> list[Piece]:
     """The pieces of a chunk.
 
-    channels : known before it; open_end : the file was not finished, so that what comes behind the last proof may be
-    there in part, and whole records of it are taken unproved
+    channels : known before it; open_end : the file is unfinished: the data after the last proved segment may be
+    incomplete, and whole records of them are accepted unproved
     """
     found = _merge_segments(segments(chunk.data, chunk.checkpoints))
     last = max((n for n, segment in enumerate(found) if segment.proved), default=-1)
@@ -57,7 +57,7 @@ def split(chunk: ChunkData, channels: Collection[int], *, open_end: bool) -> lis
 
 
 def _merge_segments(found: Sequence[ChunkSegment]) -> list[ChunkSegment]:
-    """Proved stretches that touch, as one."""
+    """Merge adjacent proved segments."""
     merged: list[ChunkSegment] = []
     for segment in found:
         if merged and merged[-1].proved and segment.proved:
@@ -87,7 +87,7 @@ def _piece(chunk: ChunkData, segment: ChunkSegment, known: set[int], *, unproved
 
 
 def _correct_segment(data: bytes, segment: ChunkSegment) -> tuple[Content, int] | None:
-    """The records with one bit turned back, and its byte."""
+    """The records with one corrected bit, and the offset of its byte."""
     stored = bytearray(data)
     flipped = correct_bit(stored, segment.end_crc, segment.crc)
     content = Content(None)

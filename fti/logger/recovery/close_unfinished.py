@@ -1,9 +1,9 @@
-"""Closing files that a kill or a power cut left open: in place, and without taking a byte away.
+"""Closing of files after a kill or a power cut: in place and without loss of a byte.
 
-The last chunk keeps every whole record that is there, gets its size, times and checksum, and the file its message
-index, summary and footer.  Bytes behind these records that are neither zeros nor what is written there are first saved
-in a file beside it.  What no checksum proves is counted in the metadata ``fti.closed``.  A file that is damaged
-elsewhere is left as it is.  A killed repair can be repeated: the footer comes last.
+The last chunk keeps every whole record and gets its size, times and checksum; the file gets message index, summary and
+footer.  Other bytes after these records, except zeros, are first saved in a file in the same folder.  The metadata
+``fti.closed`` count the unproved messages.  A file with other damage stays unchanged.  A killed repair can be repeated,
+because the footer is written last.
 """
 
 from __future__ import annotations
@@ -34,12 +34,12 @@ _FILE_HEAD = records.file_head()
 
 @dataclass(frozen=True, slots=True)
 class CloseResult:
-    """What became of an unfinished file.
+    """Result for one unfinished file.
 
-    unproved      : messages that no checksum proves; unproved_ns : log time of the first of them
-    missing_bytes : that are known to have been written at its end, and are missing, damaged or zero
-    kept          : file beside it with bytes that are no whole records; kept_bytes : its size
-    fault         : why the file was left alone; None when it is closed
+    unproved      : messages without a checksum; unproved_ns : log time of the first of them
+    missing_bytes : bytes that were written at its end and are missing, damaged or zero
+    rest_file     : file with the bytes that are not whole records; rest_bytes : its size
+    fault         : why the file was not closed; None when it is closed
     """
 
     path: Path
@@ -47,19 +47,19 @@ class CloseResult:
     unproved: int = 0
     unproved_ns: int | None = None
     missing_bytes: int = 0
-    kept: Path | None = None
-    kept_bytes: int = 0
+    rest_file: Path | None = None
+    rest_bytes: int = 0
     fault: str | None = None
 
     def describe_loss(self) -> str:
-        """Why not everything is closed and proved; empty when it is."""
+        """Text on unproved, missing or saved data, or the fault; empty without any."""
         if self.fault:
             return self.fault
         parts = [f"{self.unproved} messages at its end are unproved"] if self.unproved else []
         if self.missing_bytes:
             parts.append(f"{self.missing_bytes} bytes at its end are missing or damaged")
-        if self.kept:
-            parts.append(f"{self.kept_bytes} bytes behind its last readable record are saved in {self.kept.name}")
+        if self.rest_file:
+            parts.append(f"{self.rest_bytes} bytes behind its last readable record are saved in {self.rest_file.name}")
         return f"{self.path}: closed; {', '.join(parts)}" if parts else ""
 
 
@@ -67,16 +67,16 @@ def close_unfinished(path: str | Path) -> CloseResult | None:
     """Close a file that has no footer; None when it has one.
 
     Raises StorageError when the file is being written or the medium refuses, RecordingError when the file is damaged
-    in its middle or is no recording of this program; it is then as it was.
+    in its middle or is not a recording of this program; the file is then unchanged.
     """
-    place = Path(path)
-    if has_footer(place):
+    file = Path(path)
+    if has_footer(file):
         return None
-    with exclusive_lock(place) as fd, TolerantFile(place) as source:
+    with exclusive_lock(file) as fd, TolerantFile(file) as source:
         try:
-            return _FileCloser(place, fd, inspect_unfinished(source), source.size).run()
+            return _FileCloser(file, fd, inspect_unfinished(source), source.size).run()
         except OSError as error:
-            raise StorageError(f"{place}: cannot be closed: {error.strerror}") from error
+            raise StorageError(f"{file}: cannot be closed: {error.strerror}") from error
 
 
 def close_all(
@@ -84,8 +84,8 @@ def close_all(
 ) -> list[CloseResult]:
     """Close every unfinished file in the session folders of a directory.
 
-    in_use : session folders to leave alone; goes_on : asked before each file; False leaves the rest for later.
-    Files that another process writes are left alone too.
+    in_use : session folders to skip; should_continue : called before each file; False skips the rest.
+    Files that another process writes are skipped too.
     """
     skipped = {folder.resolve() for folder in in_use}
     paths = sorted(Path(directory).glob("*/*.mcap"))
@@ -112,93 +112,93 @@ def _close_each(paths: Iterable[Path]) -> list[CloseResult]:
 
 
 class _FileCloser:
-    """Closes one file, whose lock is held."""
+    """Closes one locked file."""
 
-    def __init__(self, path: Path, fd: int, found: UnfinishedFile, size: int) -> None:
+    def __init__(self, path: Path, fd: int, inspection: UnfinishedFile, size: int) -> None:
         self._path = path
         self._fd = fd
-        self._found = found
+        self._inspection = inspection
         self._size = size
-        self._end = found.end
+        self._end = inspection.end
 
     def run(self) -> CloseResult:
-        """Save the rest, then write what comes behind the records, then the chunk's head, then the footer."""
-        found = self._found
-        begin = _FILE_HEAD if not found.begin else b""
-        self._end = found.end or len(begin)
-        kept = self._keep_rest()
-        tail = self._tail(kept)
-        os.ftruncate(self._fd, found.end)
+        """Save the rest, then write the tail, the chunk's head and the footer, in this order."""
+        inspection = self._inspection
+        begin = _FILE_HEAD if not inspection.begin else b""
+        self._end = inspection.end or len(begin)
+        rest_file = self._save_rest()
+        tail = self._tail(rest_file)
+        os.ftruncate(self._fd, inspection.end)
         self._write(begin, 0)
         self._write(tail[: -len(MAGIC)], self._end)
         os.fsync(self._fd)
-        if found.head and found.chunk:
-            content = found.chunk.content
-            self._write(records.chunk_head(*content.times, content.end, zlib.crc32(content.data)), found.head.at)
+        if inspection.head and inspection.chunk:
+            content = inspection.chunk.content
+            self._write(records.chunk_head(*content.times, content.end, zlib.crc32(content.data)), inspection.head.at)
             os.fsync(self._fd)
         self._write(tail[-len(MAGIC) :], self._end + len(tail) - len(MAGIC))
         os.fsync(self._fd)
-        return self._result(kept)
+        return self._result(rest_file)
 
-    def _result(self, kept: Path | None) -> CloseResult:
-        chunk = self._found.chunk
+    def _result(self, rest_file: Path | None) -> CloseResult:
+        chunk = self._inspection.chunk
         return CloseResult(
             self._path,
-            self._found.summary.counts.total(),
+            self._inspection.summary.counts.total(),
             chunk.unproved if chunk else 0,
             chunk.unproved_ns if chunk else None,
-            self._found.missing_bytes,
-            kept,
-            kept.stat().st_size if kept else 0,
+            self._inspection.missing_bytes,
+            rest_file,
+            rest_file.stat().st_size if rest_file else 0,
         )
 
-    def _keep_rest(self) -> Path | None:
-        """Save what is cut off in a file beside this one; not zeros, nor the begin of what will be written there.
+    def _save_rest(self) -> Path | None:
+        """Save the bytes to be cut off in another file, except zeros and the begin of the tail to be written.
 
-        Returns that file, or the one that a repair has saved before it was killed.
+        Returns that file, or the one of an earlier, killed repair.
         """
-        rest = os.pread(self._fd, self._size - self._found.end, self._found.end)
-        before = next(iter(self._path.parent.glob(f"{glob.escape(self._path.stem)}.rest-at-*.bin")), None)
-        index = self._found.message_index
-        closed = index + self._found.summary.tail(self._end + len(index))
-        expected = (closed, self._tail(before)) if self._found.begin else (_FILE_HEAD,)
+        rest = os.pread(self._fd, self._size - self._inspection.end, self._inspection.end)
+        earlier = next(iter(self._path.parent.glob(f"{glob.escape(self._path.stem)}.rest-at-*.bin")), None)
+        index = self._inspection.message_index
+        closed = index + self._inspection.summary.tail(self._end + len(index))
+        expected = (closed, self._tail(earlier)) if self._inspection.begin else (_FILE_HEAD,)
         if not rest.strip(b"\0") or any(tail.startswith(rest) for tail in expected):
-            return before
-        kept = self._rest_path(rest)
-        draft = kept.with_name(f".{kept.name}.part")
+            return earlier
+        rest_file = self._rest_path(rest)
+        draft = rest_file.with_name(f".{rest_file.name}.part")
         draft.unlink(missing_ok=True)
         with os.fdopen(create_file(draft), "wb") as stream:
             stream.write(rest)
             stream.flush()
             os.fsync(stream.fileno())
-        draft.replace(kept)
-        sync_folder(kept.parent)
-        return kept
+        draft.replace(rest_file)
+        sync_folder(rest_file.parent)
+        return rest_file
 
     def _rest_path(self, rest: bytes) -> Path:
-        """Where the rest is saved: a new file, or one with the same bytes; another rest that was saved here stays."""
-        name = f"{self._path.stem}.rest-at-{self._found.end}"
+        """Path of the saved rest: a new file, or one with the same bytes.  Other saved files are not overwritten."""
+        name = f"{self._path.stem}.rest-at-{self._inspection.end}"
         suffixes = itertools.chain([""], (f"-{number}" for number in itertools.count(2)))
         paths = (self._path.with_name(f"{name}{suffix}.bin") for suffix in suffixes)
         return next(p for p in paths if not os.path.lexists(p) or (p.is_file() and p.read_bytes() == rest))
 
-    def _tail(self, kept: Path | None) -> bytes:
-        """What comes behind the records: message index, what was found, summary, footer."""
-        index, record = self._found.message_index, b""
-        summary = copy.deepcopy(self._found.summary)
-        if not self._found.data_ended and CLOSED_METADATA not in self._found.tables:
-            record = records.metadata(CLOSED_METADATA, with_own_checksum(CLOSED_METADATA, self._table(kept)))
+    def _tail(self, rest_file: Path | None) -> bytes:
+        """The data after the records: message index, ``fti.closed``, summary, footer."""
+        index, record = self._inspection.message_index, b""
+        summary = copy.deepcopy(self._inspection.summary)
+        if not self._inspection.data_ended and CLOSED_METADATA not in self._inspection.tables:
+            record = records.metadata(CLOSED_METADATA, with_own_checksum(CLOSED_METADATA, self._table(rest_file)))
             summary.add_metadata(self._end + len(index), len(record), CLOSED_METADATA)
         return index + record + summary.tail(self._end + len(index) + len(record))
 
-    def _table(self, kept: Path | None) -> dict[str, str]:
-        chunk = self._found.chunk
+    def _table(self, rest_file: Path | None) -> dict[str, str]:
+        chunk = self._inspection.chunk
         table = {"unproved_messages": str(chunk.unproved if chunk else 0)}
         if chunk and chunk.unproved_ns is not None:
             table["unproved_from_ns"] = str(chunk.unproved_ns)
-        table["missing_bytes"] = str(self._found.missing_bytes)
-        if kept:
-            table["kept_file"] = kept.name
+        table["missing_bytes"] = str(self._inspection.missing_bytes)
+        if rest_file:
+            table["kept_file"] = rest_file.name
         return table
 
     def _write(self, data: bytes, at: int) -> None:

@@ -1,4 +1,4 @@
-"""Files that were joined into one, as ``cat`` does: where each of them begins."""
+"""Search for the begins of files that were concatenated, for example by ``cat``."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from fti.logger.reading.tolerant_file import TolerantFile
 from fti.logger.records import MAGIC, Op
 
 BLOCK_BYTES = 4 * 2**20
-#: Places that may begin a file and are looked at behind a damage; recordings inside messages are such places.
+#: Number of possible begins that are tried after damage; recordings inside messages look like begins too.
 MAX_TRIES = 1000
 
 
 def file_begins(source: TolerantFile) -> list[int]:
-    """Where the joined files begin; [0] for a single one.
+    """Offsets of the concatenated files; [0] for a single one.
 
-    Behind a file that is whole the next one begins with its magic.  In one that is not, another begins where sound
-    records lead from a magic to the end or to the begin of a further one; a recording in a message does not lead there.
+    After a complete file the next one begins with its magic.  In a damaged file, another one begins where valid records
+    lead from a magic to the end or to a further begin; the records of a recording inside a message do not.
     """
     begins = [0]
     while begins[-1] < source.size:
@@ -31,12 +31,12 @@ def file_begins(source: TolerantFile) -> list[int]:
 
 
 def _begins(source: TolerantFile, at: int) -> bool:
-    """Do magic and a header stand here?"""
+    """Do magic and a header begin here?"""
     return source.read(at, len(MAGIC) + 1) == MAGIC + bytes([Op.HEADER])
 
 
 def _end_of_file(source: TolerantFile, begin: int) -> tuple[int, bool]:
-    """The end of a file, and True; where it is damaged or ends without a footer, that place and False."""
+    """End of a file and True; for a damaged or unfinished file the end of its valid records and False."""
     at = begin + len(MAGIC)
     while at < source.size:
         op, end = source.read(at, 1)[0], record_end(source, at, source.size)
@@ -49,15 +49,15 @@ def _end_of_file(source: TolerantFile, begin: int) -> tuple[int, bool]:
 
 
 def _next_begin(source: TolerantFile, at: int) -> int | None:
-    for place in islice(_places(source, at), MAX_TRIES):
-        end, whole = _end_of_file(source, place)
+    for offset in islice(_header_offsets(source, at), MAX_TRIES):
+        end, whole = _end_of_file(source, offset)
         if whole and (end == source.size or _begins(source, end)):
-            return place
+            return offset
     return None
 
 
-def _places(source: TolerantFile, at: int) -> Iterator[int]:
-    """Where magic and the opcode of a header stand, from a position on."""
+def _header_offsets(source: TolerantFile, at: int) -> Iterator[int]:
+    """Offsets of magic and the opcode of a header, from a position on."""
     mark = MAGIC + bytes([Op.HEADER])
     while at < source.size:
         block = source.read(at, BLOCK_BYTES + len(mark) - 1)

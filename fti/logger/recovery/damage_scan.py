@@ -1,17 +1,16 @@
-"""Walk through a file that may be damaged: what is there and proved, what is there and unproved, what is lost.
+"""Scan of a file that may be damaged: proved records, unproved records and lost bytes.
 
-A chunk whose checksum holds is taken whole.  Where it does not hold, the checkpoints before the chunk prove each
-stretch between two syncs by itself (``by_segment``).  Where the checksum of a stretch would hold with one bit the other
-way, that bit is turned back and the stretch is taken, unproved, for other damage may look like that (``flipped_bit``).
-A stretch whose checksum does not hold otherwise is lost: nothing in it can be proved, and no message is invented.
-Unproved, and counted as such, are besides the messages behind the last checksum of a file that was not finished, or cut
-off, and messages that stand outside of chunks; of these all whole records are taken up to the first that makes no
-sense, and where one makes none, the one before it is not taken either: the damage may begin in it.
+A chunk with a matching checksum is accepted.  Otherwise the checkpoints before the chunk verify each segment between
+two syncs (``chunk_segments``).  If one flipped bit explains the checksum of a segment, the bit is corrected and the
+segment is accepted unproved, because other damage may look the same (``flipped_bit``).  A segment with another wrong
+checksum is lost: nothing in it can be proved, and no message is invented.
+Messages after the last checksum of an unfinished or cut file, and messages outside of chunks, are accepted unproved, up
+to the first invalid record.  The record before an invalid one is rejected too, because the damage may begin in it.
 
-Past damage the walk goes on at the next record that proves itself: a chunk or attachment whose checksum holds, an
-open chunk, metadata or the end of the data with a sound record behind it.  A recording inside a message is not taken
-for one: where the lengths of the damaged chunk agree, what is found in it must lead exactly to its end; where the
-summary is whole, only what stands where the summary tells is looked at, and there a flipped bit is turned back, too.
+After damage the scan continues at the next self-proving record: a chunk or attachment with a matching checksum, an open
+chunk, or metadata or data end followed by a valid record.  A recording inside a message is not mistaken for one: if the
+lengths of the damaged chunk agree, valid records must lead exactly to its end; with an undamaged summary, only the
+offsets in the summary are tried, and a flipped bit is corrected there too.
 """
 
 from __future__ import annotations
@@ -38,34 +37,35 @@ _BARE = frozenset(int(op) for op in (Op.SCHEMA, Op.CHANNEL, Op.MESSAGE))
 
 
 class Walk:
-    """The pieces of a file in its order; together they cover it.  ``at`` : where the walk stands.
+    """The pieces of a file in order; together they cover it.
 
-    declared : channels and schemas of what was taken so far.  told : the summary, if it is whole.
+    declared : channels and schemas of the pieces so far.  summary : the summary, if it is undamaged.
     """
 
-    def __init__(self, source: TolerantFile, told: SummaryIndex | None, progress: Callable[[int], None]) -> None:
+    def __init__(self, source: TolerantFile, summary: SummaryIndex | None, progress: Callable[[int], None]) -> None:
         self.declared = Declarations()
         self._sizes = DeclaredSizes()
         self._source = source
-        self._summary_index = told
+        self._summary_index = summary
         self._progress = progress
-        self._limit = told.data_end if told else source.size
-        self._bare = not (told and told.chunks)  # messages outside of chunks are possible
-        self._places = {*(c.offset for c in told.chunks), *told.others} if told and not told.shift else set[int]()
-        self._found: tuple[ChunkHead, list[Piece]] | None = None  # the chunk that was looked at last
-        self._queue: list[Piece] = []  # what follows of the chunk that is being taken
-        self._chunk_end = 0  # where the records of the last chunk end; more of an open one may follow
-        self._proved = 0  # end of the last piece that cannot have swallowed the begin of the next
+        self._limit = summary.data_end if summary else source.size
+        self._allows_bare_messages = not (summary and summary.chunks)  # outside of chunks
+        known = summary if summary and not summary.shift else None
+        self._summary_offsets = {*(c.offset for c in known.chunks), *known.others} if known else set[int]()
+        self._last_chunk: tuple[ChunkHead, list[Piece]] | None = None
+        self._queue: list[Piece] = []  # further pieces of the current chunk
+        self._chunk_end = 0  # end of the records of the last chunk; more of an open one may follow
+        self._proved_end = 0  # end of the last piece that cannot cover the begin of the next
 
     def pieces(self) -> Iterator[Piece]:
-        """The pieces, from the begin of the file to the end of its data, or of the file when there is no summary."""
+        """The pieces, from the begin of the file to the end of its data, or of the file without a summary."""
         at = len(MAGIC)
         if self._source.read(0, at) != MAGIC:
             at = min(at, self._source.size)
             if at:
                 yield LostBytes(0, at)
         while at < self._limit:
-            piece = self._queue.pop(0) if self._queue else self._take(at) or self._damage(at)
+            piece = self._queue.pop(0) if self._queue else self._take(at) or self._skip_damage(at)
             self._note(piece)
             yield piece
             at = piece.end
@@ -74,13 +74,13 @@ class Walk:
     def _note(self, piece: Piece) -> None:
         if isinstance(piece, Messages):
             self._declare(piece.content)
-            self._bare = piece.head is None
+            self._allows_bare_messages = piece.head is None
             self._chunk_end = piece.end
         if isinstance(piece, Messages) or (isinstance(piece, OtherRecord) and piece.op == Op.ATTACHMENT):
-            self._proved = piece.end
+            self._proved_end = piece.end
 
     def _declare(self, content: Content) -> None:
-        """Keep schemas and channels.  Raises RecordingError where they are beyond the limits."""
+        """Add schemas and channels.  Raises RecordingError beyond the limits."""
         try:
             for channel_id, record in content.channels.items():
                 self._sizes.channel(channel_id, channel_name(record)[0], len(record))
@@ -93,26 +93,26 @@ class Walk:
     # ------------------------------------------------------------------------------------------------- one record
 
     def _take(self, at: int) -> Piece | None:
-        """The piece at an offset; None when nothing there makes sense."""
+        """The piece at an offset; None when nothing valid begins there."""
         head = chunk_head(self._source, at)
         if head:
             return self._take_chunk(self._chunk(head)) or self._damaged_chunk(head)
         end = record_end(self._source, at, self._limit)
         if end is None:
-            return self._take_chunk(self._headless(at)) or self._private(at)
+            return self._take_chunk(self._headless_chunk(at)) or self._private_record(at)
         op = self._source.read(at, 1)[0]
-        if op in _BARE and (self._bare or (at == self._chunk_end and not self._summary_index)):
+        if op in _BARE and (self._allows_bare_messages or (at == self._chunk_end and not self._summary_index)):
             return self._bare_messages(at)
         if op == Op.FOOTER:
             end += len(MAGIC)
-        return OtherRecord(at, end, op) if self._is_in_place(op, end) else None
+        return OtherRecord(at, end, op) if self._is_valid_outside_chunk(op, end) else None
 
-    def _is_in_place(self, op: int, end: int) -> bool:
-        """May a record that ends there stand outside of chunks?"""
+    def _is_valid_outside_chunk(self, op: int, end: int) -> bool:
+        """Is a record with this end allowed outside of chunks?"""
         if op == Op.FOOTER:
             return self._source.read(end - len(MAGIC), len(MAGIC)) == MAGIC
-        if op == Op.METADATA:  # before an attachment that is damaged, too: a table is checked by its own lengths
-            return self._sound(end) or self._source.read(end, 1) == bytes([Op.ATTACHMENT])
+        if op == Op.METADATA:  # also before a damaged attachment: a table is checked by its own lengths
+            return self._is_sound(end) or self._source.read(end, 1) == bytes([Op.ATTACHMENT])
         return op != Op.MESSAGE
 
     def _take_chunk(self, pieces: list[Piece]) -> Piece | None:
@@ -120,41 +120,41 @@ class Walk:
         self._queue = pieces[1:]
         return pieces[0] if pieces else None
 
-    def _private(self, at: int) -> LostBytes | None:
-        """A record of a kind that applications may have for themselves, with a sound one behind it."""
+    def _private_record(self, at: int) -> LostBytes | None:
+        """A private record of an application, followed by a valid record."""
         head = self._source.read(at, HEAD.size)
         if len(head) < HEAD.size or head[0] < Op.PADDING:
             return None
         end = at + HEAD.unpack(head)[1] + HEAD.size
-        return LostBytes(at, end) if end <= self._limit and self._sound(end) else None
+        return LostBytes(at, end) if end <= self._limit and self._is_sound(end) else None
 
-    def _sound(self, at: int) -> bool:
-        """Does a sound record stand here, or is here the end?  Messages stand in chunks."""
+    def _is_sound(self, at: int) -> bool:
+        """Does a valid record begin here, or is here the end?  Messages must be in chunks."""
         if at == self._limit:
             return True
         ends = record_end(self._source, at, self._limit) is not None
-        return ends and (self._bare or self._source.read(at, 1)[0] != Op.MESSAGE)
+        return ends and (self._allows_bare_messages or self._source.read(at, 1)[0] != Op.MESSAGE)
 
     def _chunk(self, head: ChunkHead) -> list[Piece]:
-        """The pieces of a chunk; none when there is nothing to be had of it."""
-        if self._found and self._found[0] == head:
-            return self._found[1]
+        """The pieces of a chunk; empty when nothing of it is readable."""
+        if self._last_chunk and self._last_chunk[0] == head:
+            return self._last_chunk[1]
         stored = head.content(self._source) if head.end <= self._limit else None
         if stored is not None and head.crc:
             content = Content(None).feed(stored)
             found: list[Piece] = [Messages(head.at, head.end, content, True, head)] if content.whole else []
         elif head.compression:
-            found = _listed(self._unproved_packed(head, stored))
+            found = _as_list(self._unproved_packed(head, stored))
         elif head.crc and not (self._summary_index and head.end > self._limit):
             found = self._split(head)
         else:
-            found = _listed(self._unproved(head, stored))
+            found = _as_list(self._unproved(head, stored))
         agree = all(self.declared.agree(piece.content) for piece in found if isinstance(piece, Messages))
-        self._found = head, found if agree else []
-        return self._found[1]
+        self._last_chunk = head, found if agree else []
+        return self._last_chunk[1]
 
     def _split(self, head: ChunkHead) -> list[Piece]:
-        """A chunk whose checksum does not hold, by the checkpoints before it."""
+        """Split a chunk with a wrong checksum at its checkpoints."""
         marks = chunk_marks(self._source, head)
         size = max(checkpoint.size for checkpoint in marks.checkpoints)
         if size > MAX_RECORD:
@@ -163,8 +163,8 @@ class Walk:
         unfinished = self._summary_index is None and is_open(self._source, head)
         return split(ChunkData(head, data, marks.checkpoints), self.declared.channels, open_end=unfinished)
 
-    def _headless(self, at: int) -> list[Piece]:
-        """A chunk whose head is damaged, by the checkpoints before it."""
+    def _headless_chunk(self, at: int) -> list[Piece]:
+        """Split a chunk with a damaged head at its checkpoints."""
         head = headless_chunk(self._source, at)
         if head is None or head.size > MAX_RECORD:
             return []
@@ -180,27 +180,27 @@ class Walk:
         return Messages(head.at, head.end, content, False, head) if content.whole else None
 
     def _unproved(self, head: ChunkHead, stored: bytes | None) -> Messages | None:
-        """A chunk without checksum, which may go on behind what its head tells."""
+        """A chunk without a checksum, which may be longer than its head states."""
         if stored is None and (head.end <= self._limit or self._summary_index):
             return None
         size = min(head.end, self._limit) - head.begin
         if size > MAX_RECORD:
             return None
         content = Content(self.declared.channels).feed(self._source.read(head.begin, size))
-        while content.torn and (more := self._more(head.begin + len(content.data))):
+        while content.torn and (more := self._read_more(head.begin + len(content.data))):
             content.feed(more)
         return self._as_messages(head, content)
 
-    def _more(self, at: int) -> bytes:
-        """Bytes that may belong to the open chunk which reaches to this offset."""
+    def _read_more(self, at: int) -> bytes:
+        """Bytes that may continue the open chunk up to this offset."""
         first = self._source.read(at, 1)
         return self._source.read(at, min(BLOCK_BYTES, self._limit - at)) if first and first[0] in _BARE else b""
 
     def _as_messages(self, head: ChunkHead | None, content: Content, begin: int = 0) -> Messages | None:
-        """What was found without proof, up to where it makes sense."""
+        """The valid part of unproved records."""
         begin = head.begin if head else begin
         reaches_end = begin + len(content.data) >= self._limit and content.torn
-        if not (reaches_end or self._sound(begin + content.end)):
+        if not (reaches_end or self._is_sound(begin + content.end)):
             content = content.cut()
         if not content.end:
             return None
@@ -217,28 +217,28 @@ class Walk:
 
     # ------------------------------------------------------------------------------------------------- past damage
 
-    def _damage(self, at: int) -> LostBytes:
-        """From where nothing makes sense to what does.
+    def _skip_damage(self, at: int) -> LostBytes:
+        """The lost bytes from an offset to the next valid record.
 
-        A record before it, shortened, may have swallowed the begin of a chunk: that is looked for first.
+        A shortened record before the offset may cover the begin of a chunk, which is searched first.
         """
-        for place in self._candidates(self._proved, at):
-            head = chunk_head(self._source, place)
-            if head and self._proves_itself(place):
-                return LostBytes(self._proved, place)
+        for offset in self._candidates(self._proved_end, at):
+            head = chunk_head(self._source, offset)
+            if head and self._proves_itself(offset):
+                return LostBytes(self._proved_end, offset)
         return LostBytes(at, self._next_sound(at + 1, self._limit))
 
     def _damaged_chunk(self, head: ChunkHead) -> LostBytes | None:
-        """The chunk as lost, up to its end or to a sound record in it that leads to its end (bytes were cut out)."""
-        if head.end > self._limit or not self._sound(head.end):
+        """The lost bytes of a chunk, up to its end or to a valid record in it that leads there (bytes were cut out)."""
+        if head.end > self._limit or not self._is_sound(head.end):
             return None
-        return LostBytes(head.at, self._next_sound(head.at + 1, head.end, leads=True))
+        return LostBytes(head.at, self._next_sound(head.at + 1, head.end, must_reach_end=True))
 
-    def _next_sound(self, at: int, end: int, *, leads: bool = False) -> int:
-        """Where the next record stands that proves itself; ``end`` when none does."""
-        for place in self._candidates(at, end):
-            if self._proves_itself(place) and (not leads or self._leads(place, end)):
-                return place
+    def _next_sound(self, at: int, end: int, *, must_reach_end: bool = False) -> int:
+        """Offset of the next self-proving record; ``end`` without one."""
+        for offset in self._candidates(at, end):
+            if self._proves_itself(offset) and (not must_reach_end or self._leads_to(offset, end)):
+                return offset
         return end
 
     def _candidates(self, at: int, end: int) -> Iterator[int]:
@@ -250,14 +250,14 @@ class Walk:
             self._progress(min(at, end))
 
     def next_proved(self, at: int) -> int | None:
-        """Where the next chunk or attachment stands that proves itself; None when there is none."""
-        for place in self._candidates(at, self._limit):
-            if self._source.read(place, 1)[0] in (Op.CHUNK, Op.ATTACHMENT) and self._proves_itself(place):
-                return place
+        """Offset of the next self-proving chunk or attachment; None without one."""
+        for offset in self._candidates(at, self._limit):
+            if self._source.read(offset, 1)[0] in (Op.CHUNK, Op.ATTACHMENT) and self._proves_itself(offset):
+                return offset
         return None
 
     def _proves_itself(self, at: int) -> bool:
-        if self._places and at not in self._places:
+        if self._summary_offsets and at not in self._summary_offsets:
             return False
         head = chunk_head(self._source, at)
         if head:
@@ -266,26 +266,26 @@ class Walk:
         if end is None:
             return False
         op = self._source.read(at, 1)[0]
-        return op == Op.ATTACHMENT or (op in (Op.METADATA, Op.DATA_END) and self._sound(end))
+        return op == Op.ATTACHMENT or (op in (Op.METADATA, Op.DATA_END) and self._is_sound(end))
 
     def _is_proof(self, piece: Piece, head: ChunkHead) -> bool:
-        """Does this piece show that there is a chunk?  One whose checksum is 0 shows it by its form."""
+        """Does this piece prove a chunk?  A chunk with checksum 0 is proved by its form."""
         if not isinstance(piece, Messages) or not piece.content.messages:
             return False
-        return piece.proved or (piece.flipped is None and not head.crc) or bool(self._places)
+        return piece.proved or (piece.flipped is None and not head.crc) or bool(self._summary_offsets)
 
-    def _leads(self, at: int, goal: int) -> bool:
-        """Do sound records, one behind the other, lead from here to there, or beyond, so that there nothing ends?"""
+    def _leads_to(self, at: int, end: int) -> bool:
+        """Do consecutive valid records lead exactly from one offset to another?"""
         following: int | None = at
-        while following is not None and following < goal:
+        while following is not None and following < end:
             following = record_end(self._source, following, self._limit)
         return following is not None
 
 
-def _listed(piece: Piece | None) -> list[Piece]:
+def _as_list(piece: Piece | None) -> list[Piece]:
     return [piece] if piece else []
 
 
 def unknown_channels(content: Content, declared: Collection[int]) -> list[int]:
-    """Channels of messages of which no record stands in the chunk nor among those declared."""
+    """Channels of messages that are declared neither in the chunk nor before."""
     return sorted(content.undeclared - set(content.channels) - set(declared))

@@ -1,4 +1,4 @@
-"""Recovery of a damaged recording into a copy: everything that is there, and what is missing."""
+"""Extraction of a damaged recording into a copy, with a report of the missing data."""
 
 from __future__ import annotations
 
@@ -47,12 +47,12 @@ def session_files(session: Path) -> list[Path]:
 
 
 def extract_session(session: Path, out: Path, progress: Progress) -> RecoveryReport:
-    """Recover every file of a session into the folder ``out``, which must not hold anything.
+    """Recover every file of a session into the folder ``out``, which must be empty.
 
-    progress : called now and then with the bytes done in all.  Raises MissingError and StorageError.
+    progress : called with the processed bytes.  Raises MissingError and StorageError.
     """
     paths = session_files(session)
-    _make(out)
+    _create_output_folder(out)
     report = RecoveryReport(str(session))
     done = 0
     numbers = RecoveredSequence()
@@ -67,7 +67,7 @@ def extract_session(session: Path, out: Path, progress: Progress) -> RecoveryRep
         )
         done += path.stat().st_size
         progress(done)
-    if not Recording.open(out).is_snapshot_session:  # there, numbers stand in the snapshots, or nowhere without a loss
+    if not Recording.open(out).is_snapshot_session:  # its missing numbers are not a loss
         report.gaps = numbers.gaps()
     try:
         with os.fdopen(create_file(out / REPORT), "w") as stream:
@@ -77,21 +77,21 @@ def extract_session(session: Path, out: Path, progress: Progress) -> RecoveryRep
     return report
 
 
-def _make(out: Path) -> None:
+def _create_output_folder(out: Path) -> None:
     try:
         out.mkdir(parents=True, exist_ok=True)
         if any(out.iterdir()):
-            raise StorageError(f"{out}: holds something already; name another folder with --out")
+            raise StorageError(f"{out}: is not empty; choose another folder with --out")
     except OSError as error:
-        raise StorageError(f"{out}: cannot be made: {error.strerror}") from error
+        raise StorageError(f"{out}: cannot be created: {error.strerror}") from error
 
 
 def _extract_file(path: Path, out: Path, numbers: RecoveredSequence, progress: Progress) -> list[FileReport]:
-    """Recover one file, or each of those that were joined in it; a part of the same name for each."""
+    """Recover one file, or each of the concatenated files in it, to a copy with the suffix ``_part<n>``."""
     with TolerantFile(path) as source:
         begins = file_begins(source)
         ends = [*begins[1:], source.size]
-    known = KnownChunks() if len(begins) > 1 else None  # a digest of each chunk is made for them alone
+    known = KnownChunks() if len(begins) > 1 else None  # digests of chunks are needed for them only
     found = []
     for n, (begin, end) in enumerate(zip(begins, ends, strict=True), 1):
         copy = out / f"{path.stem}{f'_part{n}' if n > 1 else ''}.mcap"
@@ -103,19 +103,19 @@ def _extract_file(path: Path, out: Path, numbers: RecoveredSequence, progress: P
 
 
 class KnownChunks:
-    """Content of the chunks that were taken from other parts of a file: of joined copies every message counts once."""
+    """Content of the chunks of other parts of a file: messages of concatenated copies count once."""
 
     def __init__(self) -> None:
         self._others: set[bytes] = set()
         self._own: set[bytes] = set()
 
     def begin_part(self) -> None:
-        """What comes is of another part."""
+        """Begin another part."""
         self._others |= self._own
         self._own = set()
 
     def is_copy(self, content: Content) -> bool:
-        """Was a chunk with the same records taken from another part?"""
+        """Does another part have a chunk with the same records?"""
         digest = hashlib.blake2b(content.data, digest_size=16).digest()
         self._own.add(digest)
         return digest in self._others
@@ -130,15 +130,15 @@ def extract_file(
     part: tuple[int, int | None] = (0, None),
     known: KnownChunks | None = None,
 ) -> FileReport:
-    """Recover one file into a finished one, which stands there only when it is whole.  Never changes the input.
+    """Recover one file into a finished one, which gets its name when it is complete.  Never changes the input.
 
-    part : begin and end of the file where several are joined; known : chunks of the other parts
+    part : begin and end of one of several concatenated files; known : chunks of the other parts
     Raises MissingError when the input cannot be opened, StorageError when the output cannot be written.
     """
     draft = out.with_name(f".{out.name}.part")
     try:
-        with TolerantFile(path, *part) as source, RecoveredWriter(draft, _head(source)) as rebuilt:
-            report = _Extraction(source, rebuilt, numbers, progress, known).run()
+        with TolerantFile(path, *part) as source, RecoveredWriter(draft, _head(source)) as writer:
+            report = _Extraction(source, writer, numbers, progress, known).run()
         report.file = out.name if part[0] else report.file
         draft.rename(out)
     finally:
@@ -147,7 +147,7 @@ def extract_file(
 
 
 def _head(source: TolerantFile) -> bytes:
-    """Magic and header, with the profile of the input; of one that ends within our own head, that."""
+    """Magic and header, with the profile of the input, or our own if the input ends within them."""
     if records.file_head().startswith(source.read(0, source.size)):
         return records.file_head()
     end = record_end(source, len(MAGIC), source.size)
@@ -157,30 +157,30 @@ def _head(source: TolerantFile) -> bytes:
 
 
 class _Extraction:
-    """One file."""
+    """Extraction of one file."""
 
     def __init__(
         self,
         source: TolerantFile,
-        rebuilt: RecoveredWriter,
+        writer: RecoveredWriter,
         numbers: RecoveredSequence,
         progress: Progress,
         known: KnownChunks | None,
     ) -> None:
         self._source = source
         self._known = known
-        self._rebuilt = rebuilt
+        self._writer = writer
         self._numbers = numbers
         self._summary_index = read_summary_index(source)
         self._walk = Walk(source, self._summary_index, progress)
         self._report = FileReport(source.path.name, source.size, self._summary_index is not None)
-        self._places: set[int] = set()  # where the chunks, attachments and metadata taken stood
+        self._taken_offsets: set[int] = set()  # offsets of the copied chunks, attachments and metadata
         self._last_ns: int | None = None
         self._tables: dict[str, dict[str, str]] = {}
         self._ledger = FinalLedger()
 
     def run(self) -> FileReport:
-        """Take every piece."""
+        """Copy every piece."""
         for piece in self._walk.pieces():
             if isinstance(piece, Messages):
                 self._take_messages(piece)
@@ -191,31 +191,31 @@ class _Extraction:
         self._compare()
         self._report.altered_metadata = altered_tables(self._tables)
         for name, table in self._tables.items():
-            self._report.doubts += [*list_warnings(name, table), *list_end_warnings(name, table)]
+            self._report.warnings += [*list_warnings(name, table), *list_end_warnings(name, table)]
         if CLOSED_METADATA in self._tables and not self._ledger.is_there:
-            self._report.doubts.append("was closed later and has no final ledger: not proved complete")
-        about = with_own_checksum(RECOVERED_METADATA, self._summary())
-        self._rebuilt.metadata(records.metadata(RECOVERED_METADATA, about))
-        self._rebuilt.finish()
+            self._report.warnings.append("was closed later and has no final ledger: not proved complete")
+        recovered_table = with_own_checksum(RECOVERED_METADATA, self._summary())
+        self._writer.metadata(records.metadata(RECOVERED_METADATA, recovered_table))
+        self._writer.finish()
         return self._report
 
     def _take_messages(self, piece: Messages) -> None:
         content, report = piece.content, self._report
-        self._places.add(piece.begin)
+        self._taken_offsets.add(piece.begin)
         if not content.messages:
             return
         if self._known and piece.proved and self._known.is_copy(content):
             report.copies += content.messages
             return
-        for channel_id in unknown_channels(content, self._rebuilt.channels):
+        for channel_id in unknown_channels(content, self._writer.channels):
             self._declare(channel_id)
         stored, compression = b"", ""
         if piece.head and piece.head.compression:
             stored = self._source.read(piece.head.begin, piece.head.end - piece.head.begin)
             compression = piece.head.compression
-        self._rebuilt.chunk(content, compression, stored)
-        self._numbers.add(content, self._rebuilt.channels)
-        self._ledger.add(content, self._rebuilt.channels)
+        self._writer.chunk(content, compression, stored)
+        self._numbers.add(content, self._writer.channels)
+        self._ledger.add(content, self._writer.channels)
         report.messages += content.messages
         report.chunks += piece.proved
         if not piece.proved:
@@ -226,27 +226,27 @@ class _Extraction:
         self._note_times(content.times)
 
     def _declare(self, channel_id: int) -> None:
-        """A channel whose record was lost: as the rest of the file tells of it, or by a name of our own."""
-        told_channels = self._summary_index.channels if self._summary_index else {}
-        told_schemas = self._summary_index.schemas if self._summary_index else {}
-        channel = self._walk.declared.channels.get(channel_id) or told_channels.get(channel_id)
+        """Declare a channel whose record was lost: from the rest of the file, or with a generated name."""
+        summary_channels = self._summary_index.channels if self._summary_index else {}
+        summary_schemas = self._summary_index.schemas if self._summary_index else {}
+        channel = self._walk.declared.channels.get(channel_id) or summary_channels.get(channel_id)
         if channel is None:
             channel = records.channel(channel_id, f"/recovered/channel_{channel_id}", "", 0, {})
         (schema_id,) = struct.unpack_from("<H", channel, HEAD.size + 2)
-        schema = self._walk.declared.schemas.get(schema_id) or told_schemas.get(schema_id)
-        self._rebuilt.declare(channel_id, channel, schema)
+        schema = self._walk.declared.schemas.get(schema_id) or summary_schemas.get(schema_id)
+        self._writer.declare(channel_id, channel, schema)
 
     def _take_other(self, piece: OtherRecord) -> None:
         record = self._source.read(piece.begin, piece.end - piece.begin)
         if piece.op == Op.ATTACHMENT:
-            self._rebuilt.attachment(record)
+            self._writer.attachment(record)
             self._report.attachments += 1
         elif piece.op == Op.METADATA:
             name, table = metadata_table(record)
             self._tables[name] = table
-            self._rebuilt.metadata(record)
+            self._writer.metadata(record)
             self._report.metadata += 1
-        self._places.add(piece.begin)
+        self._taken_offsets.add(piece.begin)
 
     def _note_times(self, times: tuple[int, int]) -> None:
         for damage in reversed(self._report.damages):
@@ -263,16 +263,17 @@ class _Extraction:
             damages.append(Damage(piece.begin, piece.end, self._last_ns))
 
     def _compare(self) -> None:
-        """With what the summary tells."""
-        report, told = self._report, self._summary_index
+        """Compare with the summary."""
+        report, summary = self._report, self._summary_index
         report.unreadable_bytes = self._source.unreadable
-        if told:
-            taken = self._places | {place + told.shift for place in self._places}
-            report.told_messages = told.messages
-            report.missing_chunks = [chunk for chunk in told.chunks if chunk.offset not in taken]
-            others_taken = all(place in taken for place in told.others)
-            counted = told.messages is not None and bool(told.others or told.chunks or not told.messages)
-            report.all_told = counted and not report.missing_chunks and others_taken and report.missing_messages == 0
+        if summary:
+            taken = self._taken_offsets | {offset + summary.shift for offset in self._taken_offsets}
+            report.summary_messages = summary.messages
+            report.missing_chunks = [chunk for chunk in summary.chunks if chunk.offset not in taken]
+            others_taken = all(offset in taken for offset in summary.others)
+            counted = summary.messages is not None and bool(summary.others or summary.chunks or not summary.messages)
+            complete = not report.missing_chunks and others_taken and report.missing_messages == 0
+            report.matches_summary = counted and complete
 
     def _summary(self) -> dict[str, str]:
         report = self._report

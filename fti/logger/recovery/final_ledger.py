@@ -1,4 +1,4 @@
-"""Whether the last ledger of a file is the final one, with which its recorder ended."""
+"""Detection of the final ledger of a recorder at the end of a file."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from fti.logger.records import HEAD, MESSAGE
 
 
 class FinalLedger:
-    """Looks at the ledgers of a file, chunk by chunk.  is_there : the last one so far is a final one"""
+    """Reads the ledgers of a file by chunk.  is_there : the last one so far is final"""
 
     def __init__(self) -> None:
         self.is_there = False
 
     def add(self, content: Content, channels: Mapping[int, bytes]) -> None:
-        """The messages of a chunk; channels : all that are known."""
+        """Add the messages of a chunk; channels : all known ones."""
         for channel_id, entries in content.index.items():
             record = channels.get(channel_id)
             if record and channel_name(record)[0] == LEDGER_TOPIC:
@@ -25,7 +25,7 @@ class FinalLedger:
 
 
 def _is_final(content: Content, at: int) -> bool:
-    """Is the ledger whose record begins at an offset a final one?"""
+    """Is the ledger at an offset final?"""
     _, length = HEAD.unpack_from(content.data, at)
     try:
         return parse_table(bytes(content.data[at + MESSAGE.size : at + HEAD.size + length])).get("final") is True

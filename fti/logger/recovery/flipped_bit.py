@@ -1,11 +1,11 @@
-"""One flipped bit, found by the CRC-32 that no longer holds.
+"""Correction of one flipped bit by a CRC-32.
 
-A CRC is linear: the difference between what it should be and what it is depends on the error alone, and is another one
-for each of up to 2^32 - 33 bits.  So one flipped bit, in the data or in the checksum itself, can be turned back.  What
-it cannot tell is whether it was one bit: of other damage to n bits a share of n / 2^32 looks like that, 1 in 128 for
-4 MiB.
+A CRC is linear: the difference between the expected and the actual value depends on the error alone, and differs for
+each of up to 2^32 - 33 bits.  One flipped bit, in the data or in the checksum itself, can therefore be corrected.  The
+CRC cannot prove that only one bit was flipped: a share of n / 2^32 of other damage to n bits gives the same difference,
+1 in 128 for 4 MiB.
 
-The place is sought backwards from the end of the data, in strides (baby steps and giant steps; Shanks 1971).
+The search runs backwards from the end of the data in strides (baby steps and giant steps; Shanks 1971).
 Source: Peterson and Brown 1961, theorem 3 (a cyclic code of minimum distance 3 corrects one error).
 Checked against: zlib's CRC of every flip, tests/logger/recovery/test_flipped_bit.py.
 """
@@ -19,10 +19,10 @@ STRIDE = 4096
 
 
 def correct_bit(data: bytearray, crc: int, before: int = 0) -> int | None:
-    """Turn the one bit back with which the CRC-32 of the data is ``crc``.
+    """Correct one bit so that the CRC-32 of the data is ``crc``.
 
-    before : CRC-32 of what comes before the data, where ``crc`` is of both.
-    Returns the byte of the data, their length where the bit is one of the checksum, None when it is not one bit.
+    before : CRC-32 of preceding data that ``crc`` covers too.
+    Returns the offset of the byte, the length of the data for a bit of the checksum, None when it is not one bit.
     """
     difference = zlib.crc32(data, before) ^ crc
     if difference.bit_count() == 1:
@@ -38,7 +38,7 @@ def correct_bit(data: bytearray, crc: int, before: int = 0) -> int | None:
 
 
 def _stride_back(difference: int) -> int:
-    """What the difference would be, had the data ended a stride earlier."""
+    """The difference if the data ended one stride earlier."""
     low, second, third, high = _strides()
     parts = low[difference & 0xFF], second[difference >> 8 & 0xFF], third[difference >> 16 & 0xFF]
     return parts[0] ^ parts[1] ^ parts[2] ^ high[difference >> 24]
@@ -46,13 +46,13 @@ def _stride_back(difference: int) -> int:
 
 @cache
 def _table() -> tuple[int, ...]:
-    """What each byte makes of a register of zeros; taken from zlib, whose CRC of nothing but zeros is known."""
+    """CRC table: effect of each byte on a zero register, from the CRCs of zlib."""
     return tuple(zlib.crc32(bytes([value])) ^ zlib.crc32(b"\0") for value in range(256))
 
 
 @cache
 def _near_end() -> dict[int, tuple[int, int]]:
-    """The difference that a bit makes -> bytes behind its own, its mask; for the last stride."""
+    """Difference caused by a bit of the last stride -> bytes after its byte, its mask."""
     table, found = _table(), {}
     for mask in (1 << bit for bit in range(8)):
         difference = table[mask]
@@ -64,7 +64,7 @@ def _near_end() -> dict[int, tuple[int, int]]:
 
 @cache
 def _strides() -> tuple[list[int], ...]:
-    """For each byte of a difference what a stride back makes of it; the whole is the sum of its bytes' shares."""
+    """Effect of one stride back on each byte of a difference; the result is the sum over its bytes."""
     table = _table()
     entry = {value >> 24: index for index, value in enumerate(table)}
 
@@ -79,7 +79,7 @@ def _strides() -> tuple[list[int], ...]:
 
 
 def _sum(shares: list[int], value: int) -> int:
-    """The shares of the bits that are set."""
+    """Sum of the shares of the set bits."""
     total = 0
     for bit, share in enumerate(shares):
         total ^= share if value >> bit & 1 else 0

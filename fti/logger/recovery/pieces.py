@@ -12,7 +12,7 @@ from fti.logger.reading.record_validation import ChunkHead
 class Messages:
     """Records of a chunk, or outside of chunks (head is None).
 
-    proved : their checksum holds; flipped : the byte of the file in which a bit was turned back, so that it does
+    proved : their checksum matches; flipped : the byte of the file with a corrected bit
     """
 
     begin: int
@@ -25,7 +25,7 @@ class Messages:
 
 @dataclass(frozen=True, slots=True)
 class OtherRecord:
-    """A sound record that holds no messages."""
+    """A valid record without messages."""
 
     begin: int
     end: int
@@ -34,7 +34,7 @@ class OtherRecord:
 
 @dataclass(frozen=True, slots=True)
 class LostBytes:
-    """Bytes of which nothing is taken."""
+    """Bytes that are lost."""
 
     begin: int
     end: int

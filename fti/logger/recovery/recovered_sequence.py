@@ -1,4 +1,4 @@
-"""The numbers of the frames that were recovered, and which are missing between them."""
+"""Sequence numbers of the recovered frames, and the missing ones between them."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class RecoveredRange:
 
 @dataclass(frozen=True, slots=True)
 class SequenceGap:
-    """Numbers first to last that are missing, and the times [ns] of the frames before and after them."""
+    """Missing numbers first to last, and the times [ns] of the frames before and after them."""
 
     first: int
     last: int
@@ -33,7 +33,7 @@ class SequenceGap:
 
 
 class RecoveredSequence:
-    """Numbers of frames, ticks and sent bytes, as they are found."""
+    """Collects the numbers of frames, ticks and sent frames."""
 
     def __init__(self) -> None:
         self._runs: list[RecoveredRange] = []
@@ -41,7 +41,7 @@ class RecoveredSequence:
         self._next_joined = 2 * MAX_HOLES
 
     def add(self, content: Content, channels: Mapping[int, bytes]) -> None:
-        """The numbered messages of a chunk; channels : all that are known."""
+        """Add the numbered messages of a chunk; channels : all known ones."""
         found: list[tuple[int, int]] = []
         for channel_id, numbers in content.numbers.items():
             record = channels.get(channel_id)
@@ -59,7 +59,7 @@ class RecoveredSequence:
                     raise RecordingError(f"its numbers have more than {2 * MAX_HOLES} holes")
 
     def gaps(self) -> list[SequenceGap]:
-        """What is missing between the first and the last number found."""
+        """The missing numbers between the first and the last one."""
         gaps: list[SequenceGap] = []
         reached: RecoveredRange | None = None
         for run in sorted(self._runs, key=lambda run: run.first):
@@ -71,7 +71,7 @@ class RecoveredSequence:
 
 
 def _join_ranges(runs: list[RecoveredRange]) -> list[RecoveredRange]:
-    """The same numbers; runs that touch are one."""
+    """Merge adjacent ranges."""
     joined: list[RecoveredRange] = []
     for run in sorted(runs, key=lambda run: run.first):
         if joined and run.first <= joined[-1].last + 1:

@@ -1,4 +1,4 @@
-"""The file that a recovery writes: what was found, in its order, with new index, summary and footer."""
+"""Writer of a recovered file: the found records in order, with new index, summary and footer."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from fti.logger.summary import Summary
 
 
 class RecoveredWriter:
-    """Writes one finished file.  Raises StorageError; what it has written so far is then to be removed."""
+    """Writes one finished file.  Raises StorageError; the caller then removes the file."""
 
     def __init__(self, path: Path, head: bytes) -> None:
         self.path = path
@@ -45,7 +45,7 @@ class RecoveredWriter:
         self._at += len(data)
 
     def chunk(self, content: Content, compression: str = "", stored: bytes = b"") -> None:
-        """A chunk.  stored : its compressed bytes; a chunk that is not compressed is written from its content."""
+        """Write a chunk.  stored : its compressed bytes; an uncompressed chunk is written from its content."""
         size, crc, at = len(content.data), zlib.crc32(content.data), self._at
         if compression:
             self._write(records.packed_chunk(content.times, size, crc, compression, stored))
@@ -65,7 +65,7 @@ class RecoveredWriter:
         return self._summary.channels
 
     def declare(self, channel_id: int, channel: bytes, schema: bytes | None) -> None:
-        """A channel, and its schema, that stands in no chunk."""
+        """Declare a channel and its schema outside of chunks."""
         if schema:
             self._write(schema)
             self._summary.schemas[struct.unpack_from("<H", schema, HEAD.size)[0]] = schema
@@ -73,7 +73,7 @@ class RecoveredWriter:
         self._summary.channels[channel_id] = channel
 
     def attachment(self, record: bytes) -> None:
-        """A sound attachment record."""
+        """Write a valid attachment record."""
         (log_time,) = struct.unpack_from("<Q", record, HEAD.size)
         name, at = read_text(record, HEAD.size + 16)
         media_type, at = read_text(record, at)
@@ -82,12 +82,12 @@ class RecoveredWriter:
         self._write(record)
 
     def metadata(self, record: bytes) -> None:
-        """A sound metadata record."""
+        """Write a valid metadata record."""
         self._summary.add_metadata(self._at, len(record), read_text(record, HEAD.size)[0])
         self._write(record)
 
     def finish(self) -> None:
-        """Write summary and footer; bring everything onto the medium."""
+        """Write summary and footer; sync everything."""
         self._write(self._summary.tail(self._at))
         try:
             self._stream.flush()
@@ -97,4 +97,4 @@ class RecoveredWriter:
 
 
 def _refusal(path: Path, error: OSError) -> StorageError:
-    return StorageError(f"{path.parent}: cannot take the recovered file: {error.strerror}")
+    return StorageError(f"{path.parent}: cannot hold the recovered file: {error.strerror}")

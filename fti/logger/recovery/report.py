@@ -1,4 +1,4 @@
-"""What a recovery found, and what is missing."""
+"""Report of a recovery: found and missing data."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from fti.logger.recovery.recovered_sequence import SequenceGap
 
 @dataclass(slots=True)
 class Damage:
-    """Bytes begin to end that were not taken, and the times [ns] of what was taken before and after them."""
+    """Lost bytes begin to end, and the times [ns] of the recovered data before and after them."""
 
     begin: int
     end: int
@@ -21,14 +21,14 @@ class Damage:
 
 @dataclass(slots=True)
 class FileReport:
-    """What was found in one file.
+    """Report on one file.
 
-    messages : taken; unproved : those among them without a checksum that holds, unproved_ns : log time of the first;
-    chunks : taken with their checksum.  altered_metadata : tables that are not as they were written.
-    doubts : what the file itself says is unproved or missing, as its writer did not finish it or a recovery made it.
-    copies : messages that were taken from another one of joined files already.
-    flipped : the bytes of the file in which a bit was turned back, one in each of so many chunks, all of them unproved.
-    told_messages, missing_chunks : what the summary, if it was whole, told of besides.
+    messages : recovered; unproved : those without a matching checksum, unproved_ns : log time of the first;
+    chunks : recovered with a matching checksum.  altered_metadata : tables that do not match their checksums.
+    warnings : unproved or missing data according to the metadata of a file that was closed late or recovered before.
+    copies : messages that another one of concatenated files has too.
+    flipped : the bytes of the file with a corrected bit; their segments are unproved.
+    summary_messages, missing_chunks : number of messages, and missing chunks, according to an undamaged summary.
     """
 
     file: str
@@ -41,40 +41,40 @@ class FileReport:
     attachments: int = 0
     metadata: int = 0
     unreadable_bytes: int = 0
-    told_messages: int | None = None
+    summary_messages: int | None = None
     missing_chunks: list[ChunkLocation] = field(default_factory=list)
     damages: list[Damage] = field(default_factory=list)
     flipped: list[int] = field(default_factory=list)
     altered_metadata: list[str] = field(default_factory=list)
-    doubts: list[str] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
     copies: int = 0
-    #: The summary was whole, and all that it tells of was taken.
-    all_told: bool = False
+    #: The summary is undamaged, and everything in it was recovered.
+    matches_summary: bool = False
 
     @property
     def complete(self) -> bool:
-        """The summary is whole; nothing is lost, mended, altered or in doubt.
+        """Is the summary undamaged and nothing lost, corrected, changed or unproved?
 
-        Indexes, which are made anew, may be damaged.
+        Indexes may be damaged, because they are rebuilt.
         """
-        return self.summary and not (self.lost or self.flipped or self.altered_metadata or self.doubts)
+        return self.summary and not (self.lost or self.flipped or self.altered_metadata or self.warnings)
 
     @property
     def lost(self) -> bool:
-        """Something is missing."""
-        return not self.all_told and bool(self.damages or self.missing_messages)
+        """Is something missing?"""
+        return not self.matches_summary and bool(self.damages or self.missing_messages)
 
     @property
     def missing_messages(self) -> int | None:
-        """Messages missing; None when nothing tells how many there were."""
-        return None if self.told_messages is None else max(0, self.told_messages - self.messages - self.copies)
+        """Number of missing messages; None when it is unknown."""
+        return None if self.summary_messages is None else max(0, self.summary_messages - self.messages - self.copies)
 
 
 @dataclass(slots=True)
 class RecoveryReport:
-    """What was found in a session.
+    """Report on a session.
 
-    gaps : numbers of frames that are missing between those found; of mode "snapshot" only ``fti verify`` can tell
+    gaps : missing sequence numbers between the found ones; in mode "snapshot" only ``fti verify`` can find them
     """
 
     source: str
@@ -83,14 +83,15 @@ class RecoveryReport:
 
     @property
     def complete(self) -> bool:
-        """Nothing is missing, and nothing was mended."""
+        """Is nothing missing and nothing corrected?"""
         return not self.gaps and all(file.complete for file in self.files)
 
     def as_json(self) -> dict[str, Any]:
         """The report, for programs."""
+        renamed = {"summary_messages": "told_messages", "matches_summary": "all_told", "warnings": "doubts"}
         files = [
             {
-                **asdict(file),
+                **{renamed.get(key, key): value for key, value in asdict(file).items()},
                 "missing_chunks": [chunk._asdict() for chunk in file.missing_chunks],
                 "missing_messages": file.missing_messages,
                 "complete": file.complete,

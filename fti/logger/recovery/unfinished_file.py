@@ -1,4 +1,4 @@
-"""A file without a footer under survey: what it holds, and whether it may be closed without losing a byte."""
+"""Inspection of a file without a footer: its content, and whether it can be closed without loss of a byte."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ DATA_END_HEAD = HEAD.pack(Op.DATA_END, 4)
 
 @dataclass(slots=True)
 class UnfinishedFile:
-    """What an unfinished file holds.
+    """Content of an unfinished file.
 
     begin  : end of magic and header; 0 when the file ends within them
-    end    : end of what is kept of it [B]
-    chunk  : the open chunk and its head, when there is one; ``summary`` knows all that is finished
-    zeros  : bytes behind it, when all of them are zero: pages that a power cut has left without their content
-    tables : the metadata; data_ended : the writer had begun the summary, nothing but a part of that is missing
+    end    : end of the valid data [B]
+    chunk  : the open chunk, if any, and its head; ``summary`` covers everything finished
+    zeros  : number of bytes after it if all are zero: pages that a power cut has left empty
+    tables : the metadata; data_ended : the writer had begun the summary, of which a part is missing
     """
 
     begin: int = 0
@@ -50,17 +50,17 @@ class UnfinishedFile:
 
     @property
     def missing_bytes(self) -> int:
-        """Bytes that are known to have been written at the end, and are not kept."""
+        """Bytes that were written at the end and are lost."""
         return max(self.chunk.missing_bytes if self.chunk else 0, self.zeros)
 
     @property
     def message_index(self) -> bytes:
-        """What must follow the open chunk."""
+        """The message index to write after the open chunk."""
         return self.summary.chunk_tail(self.end, self.chunk.content.index)[0] if self.chunk else b""
 
 
 def inspect_unfinished(source: TolerantFile) -> UnfinishedFile:
-    """Look at a whole file.  Raises RecordingError when it is to be left alone: damaged, or of another program."""
+    """Inspect a file.  Raises RecordingError when it must not be closed: damaged, or of another program."""
     return _Inspector(source).run()
 
 
@@ -68,10 +68,10 @@ class _Inspector:
     def __init__(self, source: TolerantFile) -> None:
         self._source = source
         self._known = Declarations()
-        self._found = UnfinishedFile()
+        self._result = UnfinishedFile()
 
     def run(self) -> UnfinishedFile:
-        found = self._found
+        found = self._result
         found.begin = found.end = self._header_end()
         while found.begin and found.end < self._source.size and found.chunk is None:
             end = self._take(found.end)
@@ -81,7 +81,7 @@ class _Inspector:
         self._check_tables()
         self._check_rest()
         if self._source.unreadable:
-            raise self._refusal("the medium does not give all of it")
+            raise self._refusal("the medium cannot read all of it")
         return found
 
     def _refusal(self, why: str) -> RecordingError:
@@ -99,7 +99,7 @@ class _Inspector:
     # --------------------------------------------------------------------------------------------------- records
 
     def _take(self, at: int) -> int | None:
-        """Take the record at an offset; its end, or None where the file breaks off."""
+        """Read the record at an offset; returns its end, or None at the end of the valid data."""
         head = chunk_head(self._source, at)
         if head:
             return self._take_chunk(head)
@@ -111,8 +111,8 @@ class _Inspector:
             self._take_attachment(at, end)
         elif op == Op.METADATA:
             name, table = metadata_table(self._source.read(at, end - at))
-            self._found.tables[name] = table
-            self._found.summary.add_metadata(at, end - at, name)
+            self._result.tables[name] = table
+            self._result.summary.add_metadata(at, end - at, name)
         return end
 
     def _take_attachment(self, at: int, end: int) -> None:
@@ -121,12 +121,12 @@ class _Inspector:
         name, offset = read_text(begin, HEAD.size + 16)
         media_type, offset = read_text(begin, offset)
         (size,) = struct.unpack_from("<Q", begin, offset)
-        self._found.summary.add_attachment((at, end - at), log_time, size, name, media_type)
+        self._result.summary.add_attachment((at, end - at), log_time, size, name, media_type)
 
     def _take_chunk(self, head: ChunkHead) -> int | None:
-        """A finished chunk and its message index, or the open one, which is the last."""
+        """Read a finished chunk and its message index, or the open chunk, which is the last."""
         if head.compression:
-            raise self._refusal(f"it has a compressed chunk at byte {head.at}, which is not of an unfinished file")
+            raise self._refusal(f"it has a compressed chunk at byte {head.at}, which an unfinished file cannot have")
         chunk = self._open_chunk(head) if is_open(self._source, head) else OpenChunk(self._finished_content(head))
         if not chunk.content.index:
             return None
@@ -134,14 +134,14 @@ class _Inspector:
         tail = self._note_chunk(head, chunk.content)
         if self._source.read(end, len(tail)) == tail:
             return end + len(tail)
-        self._found.head, self._found.chunk = head, chunk
+        self._result.head, self._result.chunk = head, chunk
         return end
 
     def _finished_content(self, head: ChunkHead) -> Content:
         data = head.content(self._source)
         content = Content(set(self._known.channels)).feed(data) if data is not None else None
         if content is None or not content.whole or not head.crc or not self._known.suffice(content):
-            raise self._refusal(f"the chunk at byte {head.at} is not what was written")
+            raise self._refusal(f"the chunk at byte {head.at} is damaged")
         return content
 
     def _open_chunk(self, head: ChunkHead) -> OpenChunk:
@@ -151,9 +151,9 @@ class _Inspector:
             raise self._refusal(f"the chunk at byte {head.at}: {error}") from None
 
     def _note_chunk(self, head: ChunkHead, content: Content) -> bytes:
-        """Take a chunk into the summary; returns its message index."""
+        """Add a chunk to the summary; returns its message index."""
         self._known.add(content)
-        summary = self._found.summary
+        summary = self._result.summary
         summary.schemas |= content.schemas
         summary.channels |= content.channels
         tail, offsets = summary.chunk_tail(head.begin + content.end, content.index)
@@ -163,14 +163,14 @@ class _Inspector:
     # ------------------------------------------------------------------------------------------------------ checks
 
     def _check_tables(self) -> None:
-        if altered := altered_tables(self._found.tables):
+        if altered := altered_tables(self._result.tables):
             raise self._refusal(f"the checksum of its metadata {', '.join(altered)} does not match")
 
     def _check_rest(self) -> None:
-        """What is not kept must be a torn write: nothing in it may prove that it is a record."""
-        found, size = self._found, self._source.size
+        """Check that the rest is a torn write: it must hold no self-proving record."""
+        found, size = self._result, self._source.size
         if size - found.end > MAX_RECORD:
-            raise self._refusal(f"{size - found.end} bytes behind byte {found.end} are no record")
+            raise self._refusal(f"{size - found.end} bytes behind byte {found.end} are not a record")
         rest = self._source.read(found.end, size - found.end)
         found.data_ended = rest.startswith(DATA_END_HEAD)
         if not rest.strip(b"\0"):
@@ -178,8 +178,8 @@ class _Inspector:
             return
         later = Walk(self._source, None, lambda done: None).next_proved(found.end + 1)
         if later is not None:
-            raise self._refusal(f"it makes no sense from byte {found.end} on, and goes on at byte {later}")
+            raise self._refusal(f"its records are invalid from byte {found.end} on, but valid again at byte {later}")
         if is_followed_by_chunk(self._source, found.end):
-            raise self._refusal(f"it makes no sense from byte {found.end} on, and a chunk begins behind that")
+            raise self._refusal(f"its records are invalid from byte {found.end} on, and a chunk begins behind that")
         if found.chunk is None and not found.data_ended and len(rest) > MAX_TORN_BYTES:
-            raise self._refusal(f"it makes no sense from byte {found.end} on")
+            raise self._refusal(f"its records are invalid from byte {found.end} on")

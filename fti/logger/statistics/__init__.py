@@ -1,1 +1,1 @@
-"""Survey: what a recording holds, topic by topic, in a fixed memory."""
+"""Statistics of a recording by topic, in constant memory."""

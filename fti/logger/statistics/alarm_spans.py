@@ -1,4 +1,4 @@
-"""The alarms of a recording, from the changes on ``/fti/alarm``: when each was there, and who has acknowledged it."""
+"""The alarms of a recording from ``/fti/alarm``: their time spans and acknowledgements."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ MAX_ALARMS = 1000
 
 @dataclass(slots=True)
 class AlarmSpan:
-    """An alarm from its begin to its end; end_ns None: it lasts at the end of the recording [ns].
+    """An alarm from its begin to its end [ns]; end_ns None: active at the end of the recording.
 
-    severity : the worst that it had
+    severity : the worst severity
     """
 
     id: str
@@ -32,14 +32,14 @@ class AlarmSpan:
 
 @dataclass(slots=True)
 class AlarmSpans:
-    """The first thousand, in order of their begin; more : how many there are besides."""
+    """The first thousand alarms, in order of their begin; more_alarms : number of further ones."""
 
     spans: list[AlarmSpan] = field(default_factory=list)
-    more: int = 0
+    more_alarms: int = 0
     _newest: dict[str, AlarmSpan] = field(default_factory=dict)
 
     def feed(self, record: Mapping[str, Any]) -> None:
-        """Take a record of ``/fti/alarm``.  Raises ValueError where it is none."""
+        """Add a record of ``/fti/alarm``.  Raises ValueError for another record."""
         name, change = _text(record, "id"), _text(record, "change")
         t_ns = whole_number(record.get("t_ns"))
         severity = Severity(_text(record, "severity"))
@@ -58,7 +58,7 @@ class AlarmSpans:
 
     def _begin(self, span: AlarmSpan) -> None:
         if len(self.spans) >= MAX_ALARMS:
-            self.more += 1
+            self.more_alarms += 1
             self._newest.pop(span.id, None)
             return
         self.spans.append(span)

@@ -1,4 +1,4 @@
-"""Times between the messages of one topic, in a fixed memory: how regular they are, and where there were gaps."""
+"""Statistics of the intervals between the messages of one topic, in constant memory: jitter and gaps."""
 
 from __future__ import annotations
 
@@ -12,25 +12,25 @@ SECOND_NS = 1_000_000_000
 #: The classes of the histogram: from 1 us to 1e7 s, each 1 % wide.
 MIN_INTERVAL_NS, RATIO, CLASSES = 1_000, 1.01, 3_010
 _LOG_RATIO = math.log(RATIO)
-#: A gap is longer than so many usual intervals.
+#: Ratio of a gap to the usual interval.
 GAP_FACTOR = 5.0
-#: The usual interval is kept by this share of all: so bursts (three messages, then a pause) are no gaps.
+#: Quantile of the usual interval: the pauses between bursts (three messages, then a pause) are not gaps.
 USUAL_SHARE = 0.95
-#: Messages closer to each other came together: that is no interval to measure gaps by, where there are others.
+#: Shorter intervals, of messages that came together, do not define the usual interval if there are others.
 MAX_SIMULTANEOUS_NS = 100_000
 MAX_GAPS = 200
 _FIRST_SEPARATE_CLASS = math.ceil(math.log(MAX_SIMULTANEOUS_NS / MIN_INTERVAL_NS) / math.log(RATIO))
 
 
 class TimeGap(NamedTuple):
-    """A silence: its begin (the message before it) and its length [ns]."""
+    """A gap: its begin (the message before it) and its length [ns]."""
 
     begin_ns: int
     length_ns: int
 
 
 class Intervals:
-    """Fed with times in order of arrival; a time before an earlier one counts as an interval of 0."""
+    """Receives times in order of arrival; a time before an earlier one counts as an interval of 0."""
 
     def __init__(self) -> None:
         self._last: int | None = None
@@ -58,7 +58,7 @@ class Intervals:
         self._squares += np.bincount(classes, lengths**2, CLASSES)
 
     def _keep(self, intervals: NDArray[np.int64], begins: NDArray[np.int64]) -> None:
-        """Remember the longest."""
+        """Keep the longest intervals."""
         both = np.concatenate((self._longest, np.stack((intervals, begins), axis=1)))
         if len(both) > MAX_GAPS:
             both = both[np.argpartition(both[:, 0], -MAX_GAPS)[-MAX_GAPS:]]
@@ -75,23 +75,23 @@ class Intervals:
         return TimeGap(*map(int, self._longest[self._longest[:, 0].argmax()][::-1])) if len(self._longest) else None
 
     def quantile_s(self, share: float, first: int = 0, end: int = CLASSES) -> float | None:
-        """The interval [s], to 1 %, that a share of those in the classes from first to end do not exceed."""
+        """Quantile ``share`` of the intervals in the classes from first to end [s], to 1 %."""
         counts = self._counts[first:end]
         total = int(counts.sum())
         if not total:
             return None
-        place = first + int(np.searchsorted(np.cumsum(counts), int(share * (total - 1)), side="right"))
-        return float(self._sums[place] / self._counts[place])
+        bin_class = first + int(np.searchsorted(np.cumsum(counts), int(share * (total - 1)), side="right"))
+        return float(self._sums[bin_class] / self._counts[bin_class])
 
     @property
     def usual_s(self) -> float | None:
-        """The interval that 95 % keep [s]."""
-        apart = self.quantile_s(USUAL_SHARE, _FIRST_SEPARATE_CLASS)
-        return self.quantile_s(USUAL_SHARE) if apart is None else apart
+        """The usual interval: the 95 % quantile [s]."""
+        separate = self.quantile_s(USUAL_SHARE, _FIRST_SEPARATE_CLASS)
+        return self.quantile_s(USUAL_SHARE) if separate is None else separate
 
     @property
     def _first_gap_class(self) -> int:
-        """The first class that is longer than five usual intervals."""
+        """The first class above five usual intervals."""
         usual = self.usual_s
         if usual is None:
             return CLASSES
@@ -100,7 +100,7 @@ class Intervals:
 
     @property
     def gap_limit_s(self) -> float | None:
-        """A gap is as long or longer [s]: five usual intervals, to 1 %.  None with fewer than two messages."""
+        """Minimum length of a gap [s]: five usual intervals, to 1 %.  None with fewer than two messages."""
         return None if self.usual_s is None else MIN_INTERVAL_NS * RATIO**self._first_gap_class / SECOND_NS
 
     @property
@@ -110,13 +110,13 @@ class Intervals:
 
     @property
     def gaps(self) -> list[TimeGap]:
-        """The gaps in order of time; the longest 200 when there are more."""
+        """The gaps in order of time, at most the longest 200."""
         limit = (self.gap_limit_s or math.inf) * SECOND_NS
         return sorted(TimeGap(int(begin), int(length)) for length, begin in self._longest if length >= limit)
 
     @property
     def sd_s(self) -> float | None:
-        """Standard deviation of the intervals that are no gaps [s]."""
+        """Standard deviation of the intervals without gaps [s]."""
         regular = slice(0, self._first_gap_class)
         count = int(self._counts[regular].sum())
         if not count:
@@ -126,5 +126,5 @@ class Intervals:
 
     @property
     def p99_s(self) -> float | None:
-        """The interval that 99 % of those that are no gaps do not exceed [s]."""
+        """The 99 % quantile of the intervals without gaps [s]."""
         return self.quantile_s(0.99, end=self._first_gap_class)

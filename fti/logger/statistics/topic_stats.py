@@ -1,4 +1,4 @@
-"""What a recording holds, topic by topic: counts, bytes, rates, gaps, jitter and activity; events and clocks."""
+"""Statistics of a recording by topic: counts, bytes, rates, gaps, jitter and activity; events and clocks."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ from fti.logger.statistics.interval_stats import Intervals
 SECOND_NS = 1_000_000_000
 KINDS: tuple[Kind, ...] = ("raw", "derived", "truth", "snapshot")
 CLOCK_TOPIC = "/fti/clock"
-#: The order in which topics are shown: what came over the links first.
+#: The order of the topics in tables: links first.
 PREFIXES = ("/raw/", "/tx/", "/fti/")
 MAX_EVENTS = 1000
-#: Sources of events that a person has set.
+#: Sources of events that the user has set.
 MARKS = ("mark", "trigger")
 _MAX_WAITING = 8192
 _LEVELS = {number: level for level, number in LOG_LEVELS.items()}
@@ -37,7 +37,7 @@ _LEVELS = {number: level for level, number in LOG_LEVELS.items()}
 class TopicStatistics:
     """One topic.  first_ns, last_ns : the earliest and the latest message; intervals : between neighbours in the file.
 
-    What was added last counts in ``intervals`` and ``activity`` only after ``settle``.
+    Call ``settle`` before reading ``intervals`` and ``activity``.
     """
 
     topic: str
@@ -51,7 +51,7 @@ class TopicStatistics:
     _waiting: array[int] = field(default_factory=lambda: array("q"))
 
     def add(self, t_ns: int, size: int) -> None:
-        """A message of ``size`` bytes."""
+        """Add a message of ``size`` bytes."""
         self.messages += 1
         self.bytes += size
         self._waiting.append(t_ns)
@@ -59,20 +59,21 @@ class TopicStatistics:
             self.settle()
 
     def settle(self) -> None:
-        """Count what was added."""
+        """Evaluate the waiting messages."""
         if not self._waiting:
             return
         times = np.array(self._waiting, np.int64)
         first, last = int(times.min()), int(times.max())
-        seen = self.messages > len(times)
-        self.first_ns, self.last_ns = (min(self.first_ns, first), max(self.last_ns, last)) if seen else (first, last)
+        has_earlier = self.messages > len(times)
+        self.first_ns = min(self.first_ns, first) if has_earlier else first
+        self.last_ns = max(self.last_ns, last) if has_earlier else last
         self.intervals.add(times)
         self.activity.add(times)
         self._waiting = array("q")
 
     @property
     def longest_gap_ns(self) -> int:
-        """The longest time between neighbours."""
+        """The longest interval [ns]."""
         longest = self.intervals.longest
         return longest.length_ns if longest else 0
 
@@ -94,10 +95,10 @@ class EventNote(NamedTuple):
 
 @dataclass(slots=True)
 class RecordingStatistics:
-    """A whole recording.
+    """Statistics of a recording.
 
     events : the first thousand, in order of time; clocks : first and last ``/fti/clock``
-    gnss   : what the last ``/fti/device_clock`` says of GNSS time; empty when it was never known
+    gnss   : GNSS time in the last ``/fti/device_clock``; empty when it was never known
     """
 
     topics: list[TopicStatistics]
@@ -108,52 +109,52 @@ class RecordingStatistics:
     gnss: Mapping[str, Any] = field(default_factory=dict)
 
     def add_event(self, item: McapMessage) -> None:
-        """An event as ``foxglove.Log``."""
+        """Add an event, a ``foxglove.Log``."""
         if len(self.events) >= MAX_EVENTS:
             self.more_events += 1
             return
         table = _table(item.data)
-        told = table.get("level", 0)
-        level = _LEVELS.get(told, "unknown") if isinstance(told, int) else "unknown"
+        level_number = table.get("level", 0)
+        level = _LEVELS.get(level_number, "unknown") if isinstance(level_number, int) else "unknown"
         source, text = (str(table.get(key, ""))[:MAX_TEXT_LENGTH] for key in ("name", "message"))
         self.events.append(EventNote(item.log_time, level, source, text))
 
     def add_alarm(self, item: McapMessage) -> None:
-        """A change of an alarm; nothing where it is none."""
+        """Add a change of an alarm; ignore invalid ones."""
         with suppress(ValueError):
             self.alarms.feed(_table(item.data))
 
     def add_clock(self, item: McapMessage) -> None:
-        """A reading of the clocks; nothing where its times are no times."""
+        """Add a reading of the clocks; ignore one with invalid times."""
         table = _table(item.data)
         with suppress(ValueError):
             self.clocks[1:] = [{key: whole_number(value) for key, value in table.items()}]
 
     def add_device_clocks(self, item: McapMessage) -> None:
-        """What navigation knows of the devices' clocks."""
+        """Add the GNSS time of a ``/fti/device_clock`` note."""
         table = _table(item.data)
-        found = table.get("gnss")
-        if isinstance(found, dict) and found:
+        gnss = table.get("gnss")
+        if isinstance(gnss, dict) and gnss:
             with suppress(ValueError):
-                times = {"t_ns": whole_number(table.get("t_ns")), "time_ns": whole_number(found.get("time_ns"))}
-                about = {key: str(found.get(key, "")) for key in ("device", "scale")}
-                self.gnss = {**found, **about, **times}
+                times = {"t_ns": whole_number(table.get("t_ns")), "time_ns": whole_number(gnss.get("time_ns"))}
+                texts = {key: str(gnss.get(key, "")) for key in ("device", "scale")}
+                self.gnss = {**gnss, **texts, **times}
 
 
 def topic_statistics(recording: Recording) -> list[TopicStatistics]:
-    """All topics of all files, in the order of ``PREFIXES``; silent links too.  Reads everything."""
+    """Statistics of all topics, in the order of ``PREFIXES``; silent links too.  Reads everything."""
     return collect_statistics(recording).topics
 
 
 def collect_statistics(recording: Recording) -> RecordingStatistics:
     """Topics, events and clocks.  Reads everything, once."""
     topics: dict[tuple[Kind, str], TopicStatistics] = {}
-    found = RecordingStatistics([])
-    takers = {
-        EVENT_TOPIC: found.add_event,
-        ALARM_TOPIC: found.add_alarm,
-        CLOCK_TOPIC: found.add_clock,
-        DEVICE_CLOCK_TOPIC: found.add_device_clocks,
+    statistics = RecordingStatistics([])
+    handlers = {
+        EVENT_TOPIC: statistics.add_event,
+        ALARM_TOPIC: statistics.add_alarm,
+        CLOCK_TOPIC: statistics.add_clock,
+        DEVICE_CLOCK_TOPIC: statistics.add_device_clocks,
     }
     home: Kind = "snapshot" if recording.is_snapshot_session else "raw"
     for link in recording.links if recording.frame_files else ():
@@ -166,18 +167,18 @@ def collect_statistics(recording: Recording) -> RecordingStatistics:
                 check_topic_count(len(topics) + 1, recording.path)
                 topic = topics[kind, name] = TopicStatistics(name, kind)
             topic.add(item.log_time, len(item.data))
-            if (take := takers.get(name)) and not (kind == "snapshot" and recording.raw_files):  # copies
-                take(item)
+            if (handle := handlers.get(name)) and not (kind == "snapshot" and recording.raw_files):  # copies
+                handle(item)
     for topic in topics.values():
         topic.settle()
-    found.topics = sorted(topics.values(), key=_order)
-    found.events.sort()
-    return found
+    statistics.topics = sorted(topics.values(), key=_order)
+    statistics.events.sort()
+    return statistics
 
 
 def _order(topic: TopicStatistics) -> tuple[int, int, str]:
-    place = next((n for n, prefix in enumerate(PREFIXES) if topic.topic.startswith(prefix)), len(PREFIXES))
-    return place, KINDS.index(topic.kind), topic.topic
+    rank = next((n for n, prefix in enumerate(PREFIXES) if topic.topic.startswith(prefix)), len(PREFIXES))
+    return rank, KINDS.index(topic.kind), topic.topic
 
 
 def _table(data: bytes) -> Mapping[str, Any]:
@@ -188,6 +189,6 @@ def _table(data: bytes) -> Mapping[str, Any]:
 
 
 def time_span(topics: list[TopicStatistics]) -> tuple[int, int]:
-    """Time of the first and of the last message of all topics [ns]; (0, 0) when there is none."""
-    heard = [topic for topic in topics if topic.messages]
-    return min((t.first_ns for t in heard), default=0), max((t.last_ns for t in heard), default=0)
+    """Time of the first and of the last message of all topics [ns]; (0, 0) without messages."""
+    active = [topic for topic in topics if topic.messages]
+    return min((t.first_ns for t in active), default=0), max((t.last_ns for t in active), default=0)

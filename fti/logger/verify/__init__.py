@@ -1,1 +1,1 @@
-"""Proof: is every number there, every byte accounted for, every checksum right, and what that amounts to."""
+"""Integrity verification of a session: sequence numbers, byte accounts, checksums, and a verdict."""

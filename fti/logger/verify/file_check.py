@@ -1,9 +1,8 @@
-"""One MCAP file under proof: every record, every checksum, every entry of every index.
+"""Check of one MCAP file: every record, every checksum, every index entry.
 
-A finished file of this program has no byte that is not held by something: chunks, attachments and the summary have
-checksums, message indexes follow from the messages, padding is zero, the metadata have a checksum in their first table.
-``pages`` gives what the chunks hold, chunk by chunk, for the proofs of the session; what does not hold is in
-``faults``, and ``broken`` tells where a file without a footer ends.
+A finished file of this program has no unchecked byte: chunks, attachments, metadata and the summary have checksums,
+message indexes follow from the messages, and padding is zero.  ``pages`` yields the content of the chunks for the
+checks of the session.  ``faults`` lists mismatches; ``unfinished_fault`` states the end of a file without a footer.
 """
 
 from __future__ import annotations
@@ -48,13 +47,13 @@ _IN_SUMMARY = _SUMMARY | {Op.METADATA_INDEX, Op.SUMMARY_OFFSET, Op.FOOTER}
 _IN_DATA = frozenset((Op.CHUNK, Op.MESSAGE_INDEX, Op.ATTACHMENT, Op.METADATA, Op.PADDING, Op.DATA_END, Op.CHECKPOINTS))
 
 
-#: A message: sequence (32 bits), log time [ns], where its record begins in the page, length of the record's body.
+#: A message: sequence (32 bits), log time [ns], offset of its record in the page, length of the record's body.
 MessageRow = tuple[int, int, int, int]
 
 
 @dataclass(frozen=True, slots=True)
 class Page:
-    """The messages of one chunk, by topic.  at, end : where it stands in the file [B]."""
+    """The messages of one chunk, by topic.  at, end : of the chunk in the file [B]."""
 
     data: bytes
     rows: list[tuple[McapChannel, list[MessageRow]]]
@@ -70,18 +69,18 @@ class Page:
 class FileCheck:
     """A file; ``pages`` reads it once.
 
-    messages : of each channel id; chunks : where they begin; metadata : the tables as they stand, by name
-    size     : so far it was read [B]; it may have grown since
-    doubts   : what is not proved of it: because it was not finished, was closed later or was made by a recovery
-    end_doubts : what is missing at its end since it was closed later; other files may have it
-    notes    : what else is to be known of it
-    proved   : False where the last chunk of an unfinished file holds less, or more, than its checksum covers
+    messages     : of each channel id; chunks : their offsets; metadata : the tables by name
+    size         : bytes read; the file may have grown since
+    warnings     : unproved data: the file was not finished, was closed later or was made by a recovery
+    end_warnings : missing bytes at the end of a file that was closed later; other files may hold their content
+    notes        : remarks that do not mean a loss
+    proved       : False when the last chunk of an unfinished file holds less, or more, than its checksum covers
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self.faults: list[str] = []
-        self.broken: str | None = None
+        self.unfinished_fault: str | None = None
         self.size = 0
         self.messages: Counter[int] = Counter()
         self.chunks: list[int] = []
@@ -93,19 +92,19 @@ class FileCheck:
         self.finished = has_footer(path)
         self._topics: dict[int, McapChannel] = {}
         self._sizes = DeclaredSizes()
-        self._index: dict[int, bytes] = {}  # what must follow the last chunk
-        self._ended = False  # the data section
-        self._unproved_at: list[int] = []  # chunks that their checkpoints do not prove
+        self._index: dict[int, bytes] = {}  # expected after the last chunk
+        self._ended = False  # the data section has ended
+        self._unproved_chunks: list[int] = []  # chunks that do not match their checkpoints
 
     def pages(self, at: int = 0) -> Iterator[Page]:
-        """What the chunks hold, as far as the file is within the limits.  Raises MissingError when it cannot be opened.
+        """The content of the chunks, up to the limits.  Raises MissingError when the file cannot be opened.
 
-        at : where a page begins that is to be had again, with those behind it
+        at : offset of the first page; 0 : of the file
         """
         try:
             yield from self._pages(at)
         except LimitError as error:
-            self.faults.append(f"is not read to its end: {error}")
+            self.faults.append(f"reading stopped: {error}")
 
     def _pages(self, at: int) -> Iterator[Page]:
         with TolerantFile(self.path) as source:
@@ -124,7 +123,7 @@ class FileCheck:
                 if head:
                     yield from self._chunk(source, head)
                 else:
-                    self._other(source, op, at, end)
+                    self._check_record(source, op, at, end)
                 at = end
                 if op == Op.FOOTER:
                     return
@@ -140,21 +139,21 @@ class FileCheck:
         if found == head:
             return len(head)
         if self.finished or not head.startswith(found):
-            self.faults.append("does not begin as a file of this program")
+            self.faults.append("does not begin like a file of this program")
         else:
-            self.broken = f"ends after byte {len(found)}, within its head"
+            self.unfinished_fault = f"ends after byte {len(found)}, within its head"
         return 0
 
     def _is_torn(self, source: TolerantFile, at: int) -> bool:
-        """May the writer have ended here?  A summary may be long, but no chunk is in it."""
+        """Can the writer have ended here?  A summary may be long, but holds no chunk."""
         return not is_followed_by_chunk(source, at) if self._ended else is_torn_write(source, at)
 
     def _break(self, at: int, *, torn: bool = True) -> None:
-        """What stands here is no record of this place; torn : a writer that ended may have left it."""
+        """Report an invalid record; torn : an interrupted writer may have left it."""
         if self.finished or not (torn or is_being_written(self.path)):
             self.faults.append(f"is damaged at byte {at}")
-        elif self.broken is None:
-            self.broken = f"ends after byte {at} without a footer: it is being written, or was cut off"
+        elif self.unfinished_fault is None:
+            self.unfinished_fault = f"ends after byte {at} without a footer: it is being written, or was cut off"
 
     def _open_chunk(self, source: TolerantFile, head: ChunkHead) -> Iterator[Page]:
         """The last chunk of a file without a footer."""
@@ -200,12 +199,12 @@ class FileCheck:
         yield self._page(data, rows, at, head.end)
 
     def _check_checkpoints(self, source: TolerantFile, head: ChunkHead, data: bytes) -> None:
-        """Is every byte of the checkpoints before a chunk what follows from its records?"""
+        """Do the checkpoints before a chunk match its records?"""
         marks = chunk_marks(source, head)
         if marks.damaged:
             self.faults.append(f"the checkpoints before the chunk at byte {head.at} are damaged")
         elif not all(segment.proved for segment in segments(data, marks.checkpoints)):
-            self._unproved_at.append(head.at)
+            self._unproved_chunks.append(head.at)
 
     def _page(self, data: bytes, rows: dict[int, list[MessageRow]], at: int, end: int) -> Page:
         named = []
@@ -215,7 +214,7 @@ class FileCheck:
         return Page(data, named, at, end)
 
     def _walk(self, data: bytes) -> tuple[dict[int, list[MessageRow]], int]:
-        """Messages by channel, and where the whole records end."""
+        """Messages by channel, and the end of the whole records."""
         rows: dict[int, list[MessageRow]] = defaultdict(list)
         unpack, body = MESSAGE.unpack_from, MESSAGE_BODY
         at, size = 0, len(data)
@@ -229,11 +228,11 @@ class FileCheck:
                 break
             at = end
         for channel in rows.keys() - self._topics.keys():
-            self.faults.append(f"{len(rows.pop(channel))} messages are of channel {channel}, which is not declared")
+            self.faults.append(f"{len(rows.pop(channel))} messages belong to channel {channel}, which is not declared")
         return rows, at
 
     def _declare(self, op: int, body: bytes) -> bool:
-        """Take a schema or a channel; False when its lengths or texts make no sense."""
+        """Add a schema or a channel; False when its lengths or texts are invalid."""
         try:
             if op == _SCHEMA:
                 return is_schema(body)
@@ -250,14 +249,14 @@ class FileCheck:
 
     def _check_times(self, source: TolerantFile, at: int, rows: dict[int, list[MessageRow]]) -> None:
         times = [log_time for found in rows.values() for _, log_time, _, _ in found]
-        told = _TIMES.unpack(source.read(at + _HEAD, _TIMES.size))
-        if times and told != (min(times), max(times)):
-            self.faults.append(f"the chunk at byte {at} has other times than its messages")
+        stated = _TIMES.unpack(source.read(at + _HEAD, _TIMES.size))
+        if times and stated != (min(times), max(times)):
+            self.faults.append(f"the chunk at byte {at} states other times than its messages have")
 
-    def _other(self, source: TolerantFile, op: int, at: int, end: int) -> None:
-        """A record outside of chunks; its inner lengths, the checksum of an attachment and empty padding hold."""
+    def _check_record(self, source: TolerantFile, op: int, at: int, end: int) -> None:
+        """Check a record outside of chunks; ``record_end`` has checked lengths, attachment checksums and padding."""
         if op == Op.MESSAGE_INDEX:
-            self._take_index(source.read(at, end - at), at)
+            self._check_index(source.read(at, end - at), at)
             return
         self._expect_no_index()
         if op == Op.METADATA:
@@ -274,38 +273,38 @@ class FileCheck:
         elif op == Op.FOOTER:
             self._check_summary_crc(source, at)
 
-    def _take_index(self, found: bytes, at: int) -> None:
+    def _check_index(self, found: bytes, at: int) -> None:
         channel = int.from_bytes(found[_HEAD : _HEAD + 2], "little")
         if self._index.pop(channel, None) != found:
-            self.faults.append(f"the message index at byte {at} is not that of the messages")
+            self.faults.append(f"the message index at byte {at} does not match the messages")
 
     def _expect_no_index(self) -> None:
         if self._index:
-            self.faults.append(f"the chunk at byte {self.chunks[-1]} has no message index of all its channels")
+            self.faults.append(f"the chunk at byte {self.chunks[-1]} lacks the message index of a channel")
             self._index = {}
 
     def _check_metadata(self) -> None:
         if has_unverified_end(self.metadata):  # the last chunk of one that was closed later
-            self._unproved_at = [at for at in self._unproved_at if at != self.chunks[-1]]
-        for at in self._unproved_at:
-            self.faults.append(f"the checkpoints before the chunk at byte {at} are not those of its records")
+            self._unproved_chunks = [at for at in self._unproved_chunks if at != self.chunks[-1]]
+        for at in self._unproved_chunks:
+            self.faults.append(f"the checkpoints before the chunk at byte {at} do not match its records")
         for name in altered_tables(self.metadata):
             self.faults.append(f"the checksum of its metadata {name} does not match")
 
     def _check_data_crc(self, source: TolerantFile, at: int) -> None:
-        told = int.from_bytes(source.read(at + _HEAD, 4), "little")
+        stated_crc = int.from_bytes(source.read(at + _HEAD, 4), "little")
         crc, done = 0, 0
-        while told and done < at:
+        while stated_crc and done < at:
             block = source.read(done, min(_BLOCK, at - done))
             crc, done = zlib.crc32(block, crc), done + len(block)
-        if told and crc != told:
-            self.faults.append("the checksum of its data section does not hold")
+        if stated_crc and crc != stated_crc:
+            self.faults.append("the checksum of its data section does not match")
 
     def _check_summary_crc(self, source: TolerantFile, at: int) -> None:
-        start, _, told = struct.unpack("<QQI", source.read(at + _HEAD, 20))
+        start, _, stated_crc = struct.unpack("<QQI", source.read(at + _HEAD, 20))
         if at + FOOTER_BYTES != source.size or source.read(at + 29, 8) != MAGIC:
             self.faults.append("does not end with its footer")
-        elif not told or zlib.crc32(source.read(start, at + 25 - start)) != told:
+        elif not stated_crc or zlib.crc32(source.read(start, at + 25 - start)) != stated_crc:
             self.faults.append("its summary is damaged")
 
 

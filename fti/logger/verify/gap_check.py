@@ -1,4 +1,4 @@
-"""The notes of gaps under proof: what a full buffer dropped, as the recorder told, and what navigation lost."""
+"""Check of the notes of gaps: frames dropped by full buffers, and frames missed by navigation."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ MAX_DESCRIBED_NOTES = 20
 
 @dataclass(frozen=True, slots=True)
 class Overflow:
-    """Frames of one link that a full buffer dropped, as the recorder told."""
+    """Frames of one link that a full buffer dropped, from a note of the recorder."""
 
     link: str
     first: int
@@ -29,8 +29,8 @@ class Overflow:
 class GapNotes:
     """The notes on ``/fti/gap``.
 
-    told : what navigation lost, in words, of the first of such notes; untold : how many more there are
-    unreadable : notes that say nothing
+    descriptions : texts of the first notes of navigation; omitted_notes : number of further ones
+    unreadable   : number of notes that cannot be read
     """
 
     overflows: list[Overflow] = field(default_factory=list)
@@ -39,7 +39,7 @@ class GapNotes:
     unreadable: int = 0
 
     def feed(self, t_ns: int, data: bytes, *, raw: bool) -> None:
-        """A note from a raw or a derived file."""
+        """Add a note from a raw or a derived file."""
         try:
             table = parse_table(data)
             if raw and table.get("kind") == OVERFLOW:
@@ -57,12 +57,12 @@ class GapNotes:
             self.omitted_notes += 1
 
     def explains(self, span: SequenceRange) -> bool:
-        """Does a note tell of these numbers?"""
+        """Does a note cover these numbers?"""
         return any(gap.first <= span.first and span.last <= gap.last for gap in self.overflows)
 
 
 def _unseen_text(table: dict[str, Any]) -> str:
     """A note of navigation in words."""
     first, last = int(table["after_seq"]) + 1, int(table["before_seq"]) - 1
-    missed = f"not seen numbers {first} to {last}" if first <= last else "missed nothing"
-    return f"{table['kind']}: navigation has {missed}"
+    missed = f"numbers {first} to {last}" if first <= last else "nothing"
+    return f"{table['kind']}: navigation has missed {missed}"

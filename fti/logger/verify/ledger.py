@@ -1,8 +1,8 @@
-"""The ledger as it stands in a file: what a recorder says that came in, was recorded, is held and was dropped.
+"""Reader of recorded ledgers: the received, recorded, held and dropped frames and bytes of each link.
 
-A note is written once a second, and a last one when the recorder ends in good order.  Each recorder of a session counts
-from zero.  See ``fti.service.recorder.link_ledger`` for what the numbers mean and which sums they keep, ``fti.logger.note_changes``
-for what a record leaves out.
+A recorder writes a ledger every second, and a final one on a normal end.  Each recorder of a session counts from zero.
+``fti.service.recorder.link_ledger`` defines the counters and their sums, ``fti.logger.note_changes`` the records of
+changes.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from fti.logger.reading.json_message import parse_table
 from fti.logger.reading.note_states import NoteStates
 from fti.logger.reading.recording import RAW_PREFIX, SENT_PREFIX
 
-#: Frames that were dropped for this reason never got a number.
+#: Frames dropped for this reason have no number.
 SOCKET_QUEUE = "socket_queue"
 
 
@@ -44,8 +44,8 @@ NOTHING = Amount()
 class LedgerEntry:
     """One account.
 
-    dropped        : by reason; bytes are 0 where nobody knows them
-    stamps_refused : frames whose kernel stamp was not believed
+    dropped        : by reason; unknown bytes are 0
+    stamps_refused : frames whose kernel timestamp was refused
     """
 
     incoming: Amount = NOTHING
@@ -57,7 +57,7 @@ class LedgerEntry:
 
     @classmethod
     def parse(cls, table: dict[str, Any]) -> LedgerEntry:
-        """An account of a note.  Raises KeyError, TypeError or ValueError when it is none."""
+        """Parse an account of a note.  Raises KeyError, TypeError or ValueError when it is invalid."""
         incoming, recorded, held = (
             Amount(_count(table[f"{part}_frames"]), _count(table[f"{part}_bytes"]))
             for part in ("in", "recorded", "held")
@@ -71,12 +71,12 @@ class LedgerEntry:
 
     @property
     def numbered(self) -> Amount:
-        """What came in and got a number."""
+        """Received frames with a number."""
         return self.incoming.minus(Amount(self.dropped.get(SOCKET_QUEUE, NOTHING).frames))
 
     @property
     def lost(self) -> Amount:
-        """What got a number and was dropped."""
+        """Dropped frames with a number."""
         lost = NOTHING
         for reason, amount in self.dropped.items():
             if reason != SOCKET_QUEUE:
@@ -84,15 +84,15 @@ class LedgerEntry:
         return lost
 
     def faults(self) -> Iterator[str]:
-        """Sums that do not hold."""
-        told = self.recorded.plus(self.held).plus(self.lost)
-        for what, incoming, sum_ in zip(("frames", "bytes"), self.numbered, told, strict=True):
+        """Sums that do not match."""
+        accounted = self.recorded.plus(self.held).plus(self.lost)
+        for what, incoming, sum_ in zip(("frames", "bytes"), self.numbered, accounted, strict=True):
             if incoming != sum_:
                 yield f"{incoming} {what} came in, {sum_} are recorded, held or dropped"
 
 
 class RecorderIdentity(NamedTuple):
-    """Who wrote a ledger: its first number, process and start [ns, FTI time]."""
+    """Recorder of a ledger: its first number, process id and start [ns, FTI time]."""
 
     first_seq: int
     pid: int
@@ -103,8 +103,8 @@ class RecorderIdentity(NamedTuple):
 class LedgerNote:
     """One ledger.
 
-    next_seq : the number that the next frame gets; final : the recorder's last word; whole : no entry is missing
-    digest   : the same for ledgers that say the same
+    next_seq : number of the next frame; final : last ledger of the recorder; whole : no entry is missing
+    digest   : equal for equal ledgers
     """
 
     t_ns: int
@@ -117,21 +117,21 @@ class LedgerNote:
 
     @classmethod
     def parse(cls, data: bytes) -> LedgerNote:
-        """A ledger from its JSON.  Raises KeyError, TypeError, AttributeError or ValueError when it is none."""
+        """Parse a ledger.  Raises KeyError, TypeError, AttributeError or ValueError when it is invalid."""
         return LedgerReader().read(0, data)
 
     def faults(self) -> Iterator[str]:
-        """What cannot be true of it, whatever the files hold."""
+        """Contradictions within the ledger."""
         for topic, entry in self.entries.items():
             for fault in entry.faults():
                 yield f"{topic}: {fault}"
         incoming = sum(entry.numbered.frames for entry in self.entries.values())
-        given = self.next_seq - self.recorder.first_seq
-        if self.whole and incoming != given:
-            yield f"{given} numbers were given, {incoming} frames came in"
+        assigned = self.next_seq - self.recorder.first_seq
+        if self.whole and incoming != assigned:
+            yield f"{assigned} numbers were assigned, {incoming} frames came in"
 
     def falls_behind(self, earlier: LedgerNote) -> bool:
-        """Does it tell of less than an earlier one of the same recorder?"""
+        """Is a counter less than in an earlier ledger of the same recorder?"""
         return self.next_seq < earlier.next_seq or any(
             entry.incoming.frames < before.incoming.frames
             or entry.lost.frames < before.lost.frames
@@ -143,7 +143,7 @@ class LedgerNote:
 
 
 class _ParsedAccount(NamedTuple):
-    """What a ledger says of a link: as it stands in the file, read, and its digest."""
+    """The account of a link in a ledger: as recorded, parsed, and its digest."""
 
     table: Any
     received: LedgerEntry
@@ -152,14 +152,14 @@ class _ParsedAccount(NamedTuple):
 
 
 class LedgerReader:
-    """Reads the ledgers of a session in the order of its files; what has not changed is read once."""
+    """Reads the ledgers of a session in the order of its files; unchanged accounts are parsed once."""
 
     def __init__(self) -> None:
         self._states = NoteStates()
         self._accounts: dict[str, _ParsedAccount] = {}
 
     def read(self, log_time: int, data: bytes) -> LedgerNote:
-        """A ledger.  Raises KeyError, TypeError, AttributeError or ValueError when it is none."""
+        """Read a ledger.  Raises KeyError, TypeError, AttributeError or ValueError when it is invalid."""
         _, table, whole = self._states.feed(LEDGER_TOPIC, log_time, parse_table(data))
         recorder = RecorderIdentity(*(_count(table["recorder"][name]) for name in RecorderIdentity._fields))
         entries, digests = {TICK_TOPIC: LedgerEntry.parse(table["ticks"])}, [_digest(table["ticks"])]
@@ -186,5 +186,5 @@ def _digest(table: Any) -> int:
 
 def _count(value: Any) -> int:
     if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value < 2**64:
-        raise ValueError(f"{value!r} is no count")
+        raise ValueError(f"{value!r} is not a count")
     return value

@@ -1,11 +1,11 @@
-"""The ledger under proof: in = recorded + dropped, made again from the frames in the files.
+"""Check of the ledgers against the frames in the files: in = recorded + dropped.
 
-Every ledger tells how many numbers had been given when it was made.  So the frames of a link with smaller numbers must
-be as many as came in, less what was dropped; no more may be missing than were held in the buffers at that moment.  The
-books of a recorder are compared at each of its ledgers, and those of several recorders are added.
+Every ledger states how many numbers had been assigned.  The number of frames of a link with smaller numbers must be the
+number received less the number dropped; at most the frames held in buffers at that time may be missing.  Each ledger of
+a recorder is compared; the accounts of several recorders are added.
 
-A recorder that was killed has no last word.  The next one goes on behind the last number that was given, so what is
-missing before that number was received and never written.
+A killed recorder has no final ledger.  The next one continues after the last assigned number.  Missing smaller numbers
+were received and never written.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ _ZERO = LedgerEntry()
 class TopicAccount:
     """The account of one topic in one run.
 
-    base  : what the first of the ledgers that are compared says, and what had been found then
-    entry : what the last one says; missing : what is not in the files of what had come in then
+    base  : entry of the first ledger compared; base_found : frames found up to it
+    entry : entry of the last one; missing : frames received up to it that are not in the files
     """
 
     base: LedgerEntry | None = None
@@ -39,18 +39,18 @@ class TopicAccount:
 
     @property
     def dropped(self) -> Amount:
-        """What the ledgers tell of drops of numbered frames."""
+        """Dropped numbered frames according to the ledgers."""
         return self.entry.lost.minus((self.base or _ZERO).lost)
 
     @property
     def unwritten(self) -> int:
-        """Frames that were held in a buffer and came into no file."""
+        """Frames that were held in a buffer and never written."""
         return max(self.missing.frames - self.dropped.frames, 0)
 
 
 @dataclass(slots=True)
 class RecorderRun:
-    """One recorder.  begin, end : the numbers that are its own; whole : from its first number on."""
+    """One recorder.  begin, end : of its numbers; whole : from its first number on."""
 
     recorder: RecorderIdentity
     first: LedgerNote
@@ -61,13 +61,13 @@ class RecorderRun:
 
     @property
     def begin(self) -> int:
-        """The first number that its books can account for."""
+        """The first number that its ledgers account for."""
         return self.recorder.first_seq if self.whole else self.first.next_seq
 
 
 @dataclass(slots=True)
 class _Mark:
-    """Up to this number, an account says what came in."""
+    """Entry of a ledger: an account of a topic up to a number."""
 
     run: RecorderRun
     number: int
@@ -76,10 +76,10 @@ class _Mark:
 
 
 class LedgerCheck:
-    """Compares the ledgers with what was found.  findings : what does not hold.
+    """Compares the ledgers with the frames in the files.  findings : mismatches.
 
-    begins : the files hold the session from its first number on
-    apart  : the frames of the links stand in other files: only the ticks can be compared
+    is_from_start       : the files hold the session from its first number on
+    frames_are_separate : the frames of the links are in other files: only the ticks can be compared
     """
 
     def __init__(self, numbers: SequenceCheck, *, is_from_start: bool, frames_are_separate: bool = False) -> None:
@@ -92,22 +92,22 @@ class LedgerCheck:
         self._is_from_start = is_from_start
         self._frames_are_separate = frames_are_separate
         self._marks: dict[str, deque[_Mark]] = {}
-        self._seen: set[int] = set()
+        self._digests: set[int] = set()
 
     def feed(self, log_time: int, data: bytes) -> None:
-        """A ledger from a file."""
+        """Add a ledger from a file."""
         try:
             note = self._reader.read(log_time, data)
         except (KeyError, TypeError, AttributeError, ValueError, RecursionError):
             self.unreadable += 1
             return
-        if note.digest in self._seen:  # where the medium was changed, it may stand on both
+        if note.digest in self._digests:  # after a change of the medium, both may hold it
             return
-        self._seen.add(note.digest)
+        self._digests.add(note.digest)
         self.notes += 1
         where = f"the ledger of {clock_text(log_time)}"
         if note.t_ns != log_time:
-            self.findings.append(f"{where} says that it is of {clock_text(note.t_ns)}")
+            self.findings.append(f"{where} states the time {clock_text(note.t_ns)}")
         self.findings += (f"{where}: {fault}" for fault in note.faults())
         self._enter(note, where)
 
@@ -116,9 +116,9 @@ class LedgerCheck:
         if run is None or run.recorder != note.recorder:
             run = self._begin(note, where)
         elif note.falls_behind(run.last):
-            self.findings.append(f"{where} tells of less than one before it")
+            self.findings.append(f"{where} counts less than an earlier one")
         elif run.last.final:
-            self.findings.append(f"{where} comes after the recorder's last word")
+            self.findings.append(f"{where} comes after the recorder's final ledger")
         run.last = note
         for topic, entry in note.entries.items():
             self._mark(topic, _Mark(run, note.next_seq, note.t_ns, entry))
@@ -126,7 +126,7 @@ class LedgerCheck:
     def _begin(self, note: LedgerNote, where: str) -> RecorderRun:
         before = self.runs[-1] if self.runs else None
         if before and note.recorder.first_seq < max(before.last.next_seq, before.recorder.first_seq + 1):
-            self.findings.append(f"{where}: two recorders gave the number {note.recorder.first_seq}")
+            self.findings.append(f"{where}: two recorders assigned the number {note.recorder.first_seq}")
         run = RecorderRun(note.recorder, note, note, whole=self._is_from_start or before is not None)
         self.runs.append(run)
         if run.whole:
@@ -135,7 +135,7 @@ class LedgerCheck:
         return run
 
     def _mark(self, topic: str, mark: _Mark) -> None:
-        """Of ledgers that tell the same of a silent topic, the first and the last one wait: the others add nothing."""
+        """Queue an entry; of equal entries of a silent topic only the first and the last one are kept."""
         if self._frames_are_separate and topic != TICK_TOPIC:
             return
         marks = self._marks.setdefault(topic, deque())
@@ -146,39 +146,39 @@ class LedgerCheck:
     # ---------------------------------------------------------------------------------------------------- comparing
 
     def settle(self) -> None:
-        """Compare where all frames before a ledger have been seen: the numbers of a topic rise."""
+        """Compare topics whose frames before a ledger have all been read: their numbers increase."""
         for topic, marks in self._marks.items():
-            proof = self._numbers.topics.get(topic)
-            while marks and proof and proof.last_seq >= marks[0].number:
+            sequence = self._numbers.topics.get(topic)
+            while marks and sequence and sequence.last_seq >= marks[0].number:
                 self._compare(topic, marks.popleft())
 
     def finish(self) -> None:
-        """Everything has been read."""
+        """Compare the rest after everything has been read."""
         for topic, marks in self._marks.items():
             while marks:
                 self._compare(topic, marks.popleft())
         ranges = self._numbers.coverage.ranges
-        behind = ranges[-1].last + 1 if ranges else 0
+        files_end = ranges[-1].last + 1 if ranges else 0
         for run, after in zip_longest(self.runs, self.runs[1:]):
-            run.end = after.recorder.first_seq if after else max(behind, run.last.next_seq)
+            run.end = after.recorder.first_seq if after else max(files_end, run.last.next_seq)
         self._check_unknown()
         self._check_errors()
 
     def _compare(self, topic: str, mark: _Mark) -> None:
-        proof = self._numbers.topics.get(topic)
-        below = proof.below(mark.number) if proof else (0, 0)
+        sequence = self._numbers.topics.get(topic)
+        counted = sequence.count_below(mark.number) if sequence else (0, 0)
         topic_account = mark.run.topics.setdefault(topic, TopicAccount())
-        if below is None or topic_account.refuted:
+        if counted is None or topic_account.refuted:
             return
-        found = Amount(*below)
+        found = Amount(*counted)
         if topic_account.base is None:
             topic_account.base, topic_account.base_found = mark.entry, found
         topic_account.entry, topic_account.found = mark.entry, found.minus(topic_account.base_found)
         topic_account.missing = mark.entry.numbered.minus(topic_account.base.numbered).minus(topic_account.found)
-        self._judge(topic, mark, topic_account)
+        self._check_bounds(topic, mark, topic_account)
 
-    def _judge(self, topic: str, mark: _Mark, topic_account: TopicAccount) -> None:
-        """Missing is what was dropped; and, of what is held now or was held at the base, perhaps some more or less."""
+    def _check_bounds(self, topic: str, mark: _Mark, topic_account: TopicAccount) -> None:
+        """Missing frames must be the dropped ones, within the frames held now or at the base."""
         held_before = topic_account.base.held if topic_account.base else NOTHING
         parts = zip(
             ("frames", "bytes"), topic_account.missing, topic_account.dropped, mark.entry.held, held_before, strict=True
@@ -186,27 +186,27 @@ class LedgerCheck:
         for what, missing, dropped, held, before in parts:
             if not dropped - before <= missing <= dropped + held:
                 topic_account.refuted = True
-                kept = f", {held} were held" if held else ""
+                held_text = f", {held} were held" if held else ""
                 self.findings.append(
                     f"{topic}: of the {what} before the ledger of {clock_text(mark.t_ns)}, {missing} are not in the "
-                    f"files; it tells of {dropped} that were dropped{kept}"
+                    f"files; it states {dropped} dropped{held_text}"
                 )
                 return
 
     def _check_unknown(self) -> None:
         known = set(self._marks)
         for topic in sorted(self._numbers.topics.keys() - known) if self.runs else ():
-            self.findings.append(f"{topic}: has frames and stands in no ledger")
+            self.findings.append(f"{topic}: has frames but is in no ledger")
 
     def _check_errors(self) -> None:
-        """Error frames of a CAN bus are recorded, so their number can be made again."""
-        for topic, proof in self._numbers.topics.items():
+        """Compare the number of recorded error frames of a CAN bus."""
+        for topic, sequence in self._numbers.topics.items():
             runs = [run.topics[topic] for run in self.runs if topic in run.topics]
-            told = sum(topic_account.entry.errors.get("can_error_frames", 0) for topic_account in runs)
+            ledger_count = sum(topic_account.entry.errors.get("can_error_frames", 0) for topic_account in runs)
             closed = all(run.whole and run.last.final for run in self.runs)
             whole = closed and not any(topic_account.missing.frames for topic_account in runs)
-            if runs and proof.is_can and whole and told != proof.error_frames:
-                self.findings.append(f"{topic}: {proof.error_frames} error frames, the ledger tells of {told}")
+            if runs and sequence.is_can and whole and ledger_count != sequence.error_frames:
+                self.findings.append(f"{topic}: {sequence.error_frames} error frames, the ledger states {ledger_count}")
 
     # ------------------------------------------------------------------------------------------------- what is missing
 

@@ -1,7 +1,7 @@
-"""What a link has received, as one hash: equal for a session and for the recording of its replay.
+"""Hash of the received data of a link: equal for a session and for the recording of its replay.
 
-serial     SHA-256 of all bytes one after another; how they were cut into reads is the machine's, not the device's
-udp, can   SHA-256 of every frame in order, each behind its length as eight bytes, little-endian
+serial     SHA-256 of all bytes in order; their division into reads depends on the machine, not on the device
+udp, can   SHA-256 of all frames in order, each preceded by its length as eight bytes, little-endian
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ LENGTH_BYTES = 8
 
 @dataclass(frozen=True, slots=True)
 class LinkHash:
-    """What a link has received.  kind : serial, udp, can; sha256 : hexadecimal"""
+    """Hash of the received data of a link.  kind : serial, udp, can; sha256 : hexadecimal"""
 
     kind: str
     frames: int
@@ -25,12 +25,12 @@ class LinkHash:
     sha256: str
 
     def is_same(self, other: LinkHash) -> bool:
-        """The same bytes; for datagrams and CAN frames the same frames."""
+        """Are the bytes equal; for datagrams and CAN frames, are the frames equal?"""
         return (self.kind, self.sha256) == (other.kind, other.sha256)
 
 
 class _Sum:
-    """The hash of one link, as its frames come."""
+    """The hash of one link, updated frame by frame."""
 
     def __init__(self, kind: str) -> None:
         self._kind, self._hash = kind, hashlib.sha256()

@@ -1,4 +1,4 @@
-"""What a proof says: one check after the other, the account of each link, and what it amounts to."""
+"""Report of a verification: checks, the account of each link, and the verdict."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from fti.logger.verify.ledger import Amount
 
 
 class CheckVerdict(StrEnum):
-    """What a check found, from good to bad."""
+    """Verdict of a check, from good to bad."""
 
     OK = "ok"
-    NOTE = "note"  # holds; there is something to know
-    LOSS = "loss"  # something is not there, or cannot be proved, and it is known what
-    REFUTED = "refuted"  # does not hold
+    NOTE = "note"  # passed, with a remark
+    LOSS = "loss"  # known data are missing or cannot be proved
+    REFUTED = "refuted"  # failed
 
 
 _ORDER = list(CheckVerdict)
@@ -22,7 +22,7 @@ _ORDER = list(CheckVerdict)
 
 @dataclass(slots=True)
 class Check:
-    """One thing that was proved or refuted.  text : what holds; lines : what was found beside or against it."""
+    """Result of one check.  text : the checked statement; lines : remarks and findings against it."""
 
     name: str
     text: str
@@ -30,18 +30,18 @@ class Check:
     lines: list[tuple[CheckVerdict, str]] = field(default_factory=list)
 
     def add(self, verdict: CheckVerdict, text: str) -> None:
-        """Something that was found."""
+        """Add a remark or finding."""
         self.lines.append((verdict, text))
         self.verdict = max(self.verdict, verdict, key=_ORDER.index)
 
 
 @dataclass(slots=True)
 class LinkAccount:
-    """One link, or what was sent on it: in = recorded + dropped by reason.
+    """Received or sent data of one link: in = recorded + dropped by reason.
 
-    dropped : frames and bytes by reason; bytes are 0 where nobody knows them
-    errors  : line errors, which have no frame of their own
-    stamps_refused : frames that have the time of their reading, as the kernel's stamp was not believed
+    dropped : frames and bytes by reason; unknown bytes are 0
+    errors  : line errors, which have no frames
+    stamps_refused : frames with the time of reading, because the kernel timestamp was refused
     """
 
     topic: str
@@ -52,7 +52,7 @@ class LinkAccount:
 
     @property
     def incoming(self) -> Amount:
-        """What came in."""
+        """Received frames and bytes."""
         total = self.recorded
         for amount in self.dropped.values():
             total = total.plus(amount)
@@ -61,7 +61,7 @@ class LinkAccount:
 
 @dataclass(slots=True)
 class TopicTotals:
-    """What stands on a topic."""
+    """Totals of a topic."""
 
     messages: int = 0
     bytes: int = 0
@@ -71,7 +71,7 @@ class TopicTotals:
 
 @dataclass(slots=True)
 class VerifyReport:
-    """What was found.  numbered : frames, ticks and sent messages; missing : numbers that stand nowhere."""
+    """Result of a verification.  numbered : frames, ticks and sent messages; missing : numbers in no file."""
 
     files: int = 0
     numbered: int = 0
@@ -83,17 +83,17 @@ class VerifyReport:
 
     @property
     def verdict(self) -> CheckVerdict:
-        """The worst of all checks; what is only told counts as good."""
+        """The worst verdict of all checks; notes count as good."""
         worst = max((check.verdict for check in self.checks), key=_ORDER.index, default=CheckVerdict.OK)
         return CheckVerdict.OK if worst is CheckVerdict.NOTE else worst
 
     @property
     def holds(self) -> bool:
-        """Nothing is missing or damaged, and everything could be proved."""
+        """Is nothing missing or damaged, and is everything proved?"""
         return self.verdict is CheckVerdict.OK
 
     @property
     def findings(self) -> list[str]:
-        """A sentence for everything that is lost or does not hold."""
+        """A sentence for each loss and each failed check."""
         bad = (CheckVerdict.LOSS, CheckVerdict.REFUTED)
         return [text for check in self.checks for verdict, text in check.lines if verdict in bad]

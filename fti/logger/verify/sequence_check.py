@@ -1,8 +1,8 @@
-"""The numbers of a session under proof: which there are, which are missing, and how each link counts and runs.
+"""Check of the sequence numbers of a session: missing and duplicate numbers, and order and times of each topic.
 
-Every frame, every tick and everything that was sent has a number from one counter.  Links are written one after
-another, so numbers stand in the files out of order, but those of one topic rise.  Memory: a range of numbers for each
-hole, and of each topic the numbers since the ledger that was compared last.
+Every received frame, tick and sent frame has a number from one counter.  Links are written one after another: numbers
+are out of order in the files, but increase within a topic.  Memory: a range of numbers for each hole, and the numbers
+of each topic since the last compared ledger.
 """
 
 from __future__ import annotations
@@ -21,24 +21,24 @@ from fti.logger.records import MESSAGE, MESSAGE_BODY
 from fti.logger.verify.file_check import MessageRow, Page
 from fti.types import TICK_PERIOD_NS
 
-#: A kernel stamp is brought to FTI time with two readings of clocks, between which the reader may be interrupted.
+#: Error of a kernel timestamp: two clock readings convert it to FTI time, and the reader may be interrupted between.
 STAMP_TOLERANCE_NS = 1_000_000
-#: Without a tick for so long, the recorder did not run.
+#: Without a tick for this time, the recorder did not run [ns].
 TICK_HOLE_NS = 25 * TICK_PERIOD_NS
-#: Frames of a topic that are kept for a ledger that does not come.
+#: Frames of a topic that are kept for its next ledger.
 MAX_KEPT_NUMBERS = 2**20
 _ERROR_FLAG, _FLAGS_AT = 0x20, MESSAGE.size + 3  # byte 3 of a CAN frame: see ``fti.canframe``
 _FIRST = attrgetter("first")
 
 
 def is_numbered(topic: str) -> bool:
-    """Do the messages of a topic have numbers?"""
+    """Do the messages of a topic have sequence numbers?"""
     return topic == TICK_TOPIC or topic.startswith((RAW_PREFIX, SENT_PREFIX))
 
 
 @dataclass(slots=True)
 class SequenceRange:
-    """Numbers from ``first`` to ``last`` [ns: the time of both]; of a hole: the times of what stands around it."""
+    """Numbers from ``first`` to ``last`` and their times; for a hole the times of its neighbours [ns]."""
 
     first: int
     last: int
@@ -47,25 +47,25 @@ class SequenceRange:
 
     @property
     def count(self) -> int:
-        """How many numbers."""
+        """Number of numbers."""
         return self.last - self.first + 1
 
 
 class Coverage:
-    """Which numbers were found: ranges that do not touch, in order."""
+    """Numbers found so far: ordered, disjoint ranges."""
 
     def __init__(self) -> None:
         self.ranges: list[SequenceRange] = []
 
     def add(self, numbers: list[tuple[int, int]]) -> set[int]:
-        """Numbers and their times, sorted; returns those that were there already, or stand twice among these."""
+        """Add sorted numbers with their times; returns those added before, or duplicate among these."""
         doubles: set[int] = set()
         for span in _spans(numbers, doubles):
             self._insert(span, doubles)
         return doubles
 
     def _insert(self, span: SequenceRange, doubles: set[int]) -> None:
-        """Put a range among the others and melt it with those that it touches."""
+        """Insert a range and merge it with adjacent ones."""
         ranges = self.ranges
         begin = bisect_right(ranges, span.first, key=_FIRST)
         if begin and ranges[begin - 1].last >= span.first - 1:
@@ -82,7 +82,7 @@ class Coverage:
         ranges[begin:end] = [span]
 
     def holes(self, begin: int, end: int) -> list[SequenceRange]:
-        """The numbers in begin <= number < end that are missing."""
+        """The missing numbers in begin <= number < end."""
         holes, expected, before_ns = [], begin, 0
         for span in self.ranges[max(bisect_right(self.ranges, begin, key=_FIRST) - 1, 0) :]:
             if expected >= end:
@@ -115,9 +115,9 @@ def _spans(numbers: list[tuple[int, int]], doubles: set[int]) -> Iterator[Sequen
 
 @dataclass(slots=True)
 class TopicSequence:
-    """One numbered topic: what was found of it.
+    """One numbered topic.
 
-    backwards : how often its time goes back; unordered : how often its numbers do; error_frames : of a CAN bus
+    backwards : number of steps back in time; unordered : number of decreasing numbers; error_frames : of a CAN bus
     """
 
     name: str
@@ -133,11 +133,11 @@ class TopicSequence:
     error_frames: int = 0
     _seqs: array[int] = field(default_factory=lambda: array("Q"))
     _sizes: array[int] = field(default_factory=lambda: array("Q"))
-    _below: tuple[int, int] = (0, 0)  # frames and bytes that are folded away
+    _below: tuple[int, int] = (0, 0)  # frames and bytes below ``_folded_to``
     _folded_to: int = 0
 
     def feed(self, page: Page, rows: list[MessageRow], seqs: list[int]) -> None:
-        """The rows of one page and their full numbers."""
+        """Add the rows of one page and their full numbers."""
         sizes = [length - MESSAGE_BODY for _, _, _, length in rows]
         self._watch_time([log_time for _, log_time, _, _ in rows])
         self.unordered += sum(b <= a for a, b in pairwise([self.last_seq, *seqs]))
@@ -150,7 +150,7 @@ class TopicSequence:
         self._seqs.extend(seqs)
         self._sizes.extend(sizes)
         if len(self._seqs) > 2 * MAX_KEPT_NUMBERS:
-            self.below(self._seqs[MAX_KEPT_NUMBERS])
+            self.count_below(self._seqs[MAX_KEPT_NUMBERS])
 
     def _watch_time(self, times: list[int]) -> None:
         self.first_ns = self.first_ns or times[0]
@@ -162,8 +162,8 @@ class TopicSequence:
                 self.backwards += 1
         self.last_ns = times[-1]
 
-    def below(self, number: int) -> tuple[int, int] | None:
-        """Frames and bytes with smaller numbers; None when that is no longer known.  Forgets them one by one."""
+    def count_below(self, number: int) -> tuple[int, int] | None:
+        """Frames and bytes with smaller numbers, whose list is dropped; None when they are no longer known."""
         if number < self._folded_to:
             return None
         count = bisect_left(self._seqs, number)
@@ -176,9 +176,9 @@ class TopicSequence:
 class SequenceCheck:
     """All numbered topics of a session.
 
-    tick_holes : times of the last tick before and of the first one after a time without ticks [ns]
-    doubles    : numbers that stand twice in one file
-    repeated   : numbers that stand in two files, as where the medium was changed; they count once
+    tick_holes : times of the last tick before and of the first one after each pause of the ticks [ns]
+    doubles    : count of duplicate numbers in one file
+    repeated   : count of numbers in two files, as after a change of the medium; they count once
     """
 
     def __init__(self) -> None:
@@ -197,12 +197,12 @@ class SequenceCheck:
         return sum(topic.frames for topic in self.topics.values())
 
     def begin_file(self) -> None:
-        """What comes stands in another file."""
+        """Begin another file."""
         self._in_file = Coverage()
 
     def feed(self, page: Page) -> None:
-        """Take the numbered messages of a page."""
-        parts = [(topic, rows, self.full(rows)) for topic, rows in page.rows if is_numbered(topic.name)]
+        """Add the numbered messages of a page."""
+        parts = [(topic, rows, self.full_numbers(rows)) for topic, rows in page.rows if is_numbered(topic.name)]
         numbers = sorted((seq, row[1]) for _, rows, seqs in parts for seq, row in zip(seqs, rows, strict=True))
         if not numbers:
             return
@@ -210,11 +210,11 @@ class SequenceCheck:
         earliest = min(t for _, t in numbers)
         self.first_ns = earliest if self.first_ns is None else min(self.first_ns, earliest)
         known = self.coverage.add(numbers)
-        self._judge_doubles(numbers, known)
+        self._count_doubles(numbers, known)
         for topic, rows, seqs in parts:
             self._take(topic, page, *_drop_known(known, rows, seqs))
 
-    def _judge_doubles(self, numbers: list[tuple[int, int]], known: set[int]) -> None:
+    def _count_doubles(self, numbers: list[tuple[int, int]], known: set[int]) -> None:
         again = self._in_file.add(numbers)
         self.doubles += len(again)
         self.repeated += len(known - again)
@@ -222,18 +222,18 @@ class SequenceCheck:
     def _take(self, topic: McapChannel, page: Page, rows: list[MessageRow], seqs: list[int]) -> None:
         if not rows:
             return
-        self._of(topic).feed(page, rows, seqs)
+        self._topic_sequence(topic).feed(page, rows, seqs)
         if topic.name == TICK_TOPIC:
             self._watch_ticks(log_time for _, log_time, _, _ in rows)
 
-    def _of(self, topic: McapChannel) -> TopicSequence:
-        proof = self.topics.get(topic.name)
-        if proof is None:
-            proof = self.topics[topic.name] = TopicSequence(topic.name, topic.metadata.get("kind") == "can")
-        return proof
+    def _topic_sequence(self, topic: McapChannel) -> TopicSequence:
+        sequence = self.topics.get(topic.name)
+        if sequence is None:
+            sequence = self.topics[topic.name] = TopicSequence(topic.name, topic.metadata.get("kind") == "can")
+        return sequence
 
-    def full(self, rows: list[MessageRow]) -> list[int]:
-        """The full numbers, of which the rows have the low 32 bits."""
+    def full_numbers(self, rows: list[MessageRow]) -> list[int]:
+        """The full numbers of rows, which hold the low 32 bits."""
         last = unwrap(rows[0][0], self._last)
         offset = last - rows[0][0]
         seqs = [sequence + offset for sequence, _, _, _ in rows]
@@ -251,8 +251,8 @@ class SequenceCheck:
 
 
 def _drop_known(known: set[int], rows: list[MessageRow], seqs: list[int]) -> tuple[list[MessageRow], list[int]]:
-    """The rows whose numbers were not there already."""
+    """The rows whose numbers are new."""
     if known.isdisjoint(seqs):
         return rows, seqs
-    kept = [(row, seq) for row, seq in zip(rows, seqs, strict=True) if seq not in known]
-    return [row for row, _ in kept], [seq for _, seq in kept]
+    remaining = [(row, seq) for row, seq in zip(rows, seqs, strict=True) if seq not in known]
+    return [row for row, _ in remaining], [seq for _, seq in remaining]

@@ -1,6 +1,6 @@
-"""Snapshot files under proof: what stands in a raw file too must be the same there.
+"""Check of snapshot files: messages that a raw file holds too must be equal.
 
-Beside the continuous recording, a snapshot is a copy of a part of it; in mode "snapshot" its frames stand nowhere else.
+In a continuous recording a snapshot copies a part of it; in mode "snapshot" only the snapshots hold the frames.
 """
 
 from __future__ import annotations
@@ -13,12 +13,12 @@ from typing import NamedTuple
 from fti.logger.verify.file_check import FileCheck, Page
 from fti.logger.verify.sequence_check import SequenceCheck, is_numbered
 
-#: Pages of raw files that are kept: the snapshot goes through them in order.
+#: Cached pages of raw files, which the snapshot reads in order.
 MAX_CACHED_PAGES = 4
 
 
 class CopiedMessage(NamedTuple):
-    """A message as it stands in a file."""
+    """A message of a file."""
 
     topic: str
     t_ns: int
@@ -27,7 +27,7 @@ class CopiedMessage(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class _PageLocation:
-    """A page of a raw file: where it begins, and its smallest and greatest number."""
+    """A page of a raw file: its offset, and its smallest and greatest number."""
 
     path: Path
     at: int
@@ -38,43 +38,43 @@ class _PageLocation:
 class SnapshotCheck:
     """Compares snapshots with the raw files.
 
-    files, frames : snapshots, and the numbered messages in them; copies : those that stand in raw files too
-    different     : copies that are not the same
+    files, frames : number of snapshots and of their numbered messages; copies : messages in raw files too
+    different     : number of copies that differ
     """
 
     def __init__(self, numbers: SequenceCheck) -> None:
         self.files = self.frames = self.copies = self.different = 0
         self._numbers = numbers
-        self._places: list[_PageLocation] = []
+        self._page_locations: list[_PageLocation] = []
         self._loaded: deque[tuple[_PageLocation, dict[int, CopiedMessage]]] = deque(maxlen=MAX_CACHED_PAGES)
 
-    def note_raw(self, path: Path, page: Page) -> None:
-        """A page of a raw file, before its numbers are taken."""
-        seqs = [seq for topic, rows in page.rows if is_numbered(topic.name) for seq in self._numbers.full(rows)]
+    def add_raw_page(self, path: Path, page: Page) -> None:
+        """Add a page of a raw file, before its numbers are added."""
+        seqs = [seq for topic, rows in page.rows if is_numbered(topic.name) for seq in self._numbers.full_numbers(rows)]
         if seqs:
-            self._places.append(_PageLocation(path, page.at, min(seqs), max(seqs)))
+            self._page_locations.append(_PageLocation(path, page.at, min(seqs), max(seqs)))
 
     def compare(self, page: Page) -> None:
-        """A page of a snapshot, before its numbers are taken."""
+        """Compare a page of a snapshot, before its numbers are added."""
         found = _copies(page, self._numbers)
         self.frames += len(found)
-        seen: set[int] = set()
-        for place in self._places:
-            if found and place.first <= max(found) and min(found) <= place.last:
-                raw = self._load(place)
-                seen |= found.keys() & raw.keys()
+        copied: set[int] = set()
+        for location in self._page_locations:
+            if found and location.first <= max(found) and min(found) <= location.last:
+                raw = self._load(location)
+                copied |= found.keys() & raw.keys()
                 self.different += sum(found[seq] != raw[seq] for seq in found.keys() & raw.keys())
-        self.copies += len(seen)
+        self.copies += len(copied)
 
-    def _load(self, place: _PageLocation) -> dict[int, CopiedMessage]:
+    def _load(self, location: _PageLocation) -> dict[int, CopiedMessage]:
         for known, copies in self._loaded:
-            if known == place:
+            if known == location:
                 return copies
         copies = {}
-        for page in FileCheck(place.path).pages(place.at):
+        for page in FileCheck(location.path).pages(location.at):
             copies = _copies(page, self._numbers)
             break
-        self._loaded.append((place, copies))
+        self._loaded.append((location, copies))
         return copies
 
 
@@ -82,6 +82,6 @@ def _copies(page: Page, numbers: SequenceCheck) -> dict[int, CopiedMessage]:
     found = {}
     for topic, rows in page.rows:
         if is_numbered(topic.name):
-            for seq, row in zip(numbers.full(rows), rows, strict=True):
+            for seq, row in zip(numbers.full_numbers(rows), rows, strict=True):
                 found[seq] = CopiedMessage(topic.name, row[1], page.body(row))
     return found

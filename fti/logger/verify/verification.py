@@ -1,7 +1,7 @@
-"""The proof of integrity: every file readable to its end, every number there, every byte accounted for.
+"""Verification of a session: files readable to the end, complete sequence numbers, complete byte accounts.
 
-The files are read once by this program, which holds no more than a chunk and what is missing, and once by the official
-reader.
+This program reads the files once, with one chunk and the missing numbers in memory; the official reader reads them
+once.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ from fti.logger.verify.sequence_check import SequenceCheck
 from fti.logger.verify.session_check import conclude, frames_are_separate
 from fti.logger.verify.snapshot_check import SnapshotCheck
 
-#: Gets what has been done and what there is to do [B].
+#: Receives the processed and the total size [B].
 Progress = Callable[[int, int], None]
 
 
@@ -48,7 +48,7 @@ def verify(recording: Recording, progress: Progress = lambda done, total: None) 
 
 
 class _Verification:
-    """One proof."""
+    """One verification."""
 
     def __init__(self, recording: Recording, progress: Progress) -> None:
         self._recording = recording
@@ -81,14 +81,14 @@ class _Verification:
         report.numbered = self._numbers.frames
         conclude(report, self._recording, self._numbers, self._ledger, self._gaps, is_from_start=self._is_from_start)
         if self._recording.raw_files or self._recording.is_snapshot_session:
-            report.checks += self._judge_snapshots()
-        self._judge_ends(files)
+            report.checks += self._check_snapshots()
+        self._check_ends(files)
         return report
 
-    def _judge_ends(self, files: Check) -> None:
-        """Bytes missing at the end of a raw file are no loss where the session is proved complete without them.
+    def _check_ends(self, files: Check) -> None:
+        """Missing bytes at the end of a raw file are not a loss if the session is proved complete without them.
 
-        As where a medium failed: what it may not have kept was written again into the next file.
+        Data that a failed medium may have lost were written to the next file too.
         """
         others = (check.verdict for check in self._report.checks if check is not files)
         complete = not self._report.missing and all(
@@ -109,26 +109,26 @@ class _Verification:
         self._snapshots.files += snapshot
         for page in file.pages():
             if raw:
-                self._snapshots.note_raw(path, page)
+                self._snapshots.add_raw_page(path, page)
             elif snapshot:
                 self._snapshots.compare(page)
-            self._take(page, raw=raw, frames=frames)
+            self._feed(page, raw=raw, frames=frames)
             self._check_limits(path)
             self._progress(self._done + page.end, self._total)
         size = path.stat().st_size
         self._done += size
         for fault in file.faults:
             files.add(CheckVerdict.REFUTED, f"{path.name}: {fault}")
-        if file.broken:
-            being = f"{path.name}: is being written" if is_being_written(path) else f"{path.name}: {file.broken}"
-            files.add(CheckVerdict.LOSS, being)
-        for doubt in file.warnings:
-            files.add(CheckVerdict.LOSS, f"{path.name}: {doubt}")
-        for doubt in file.end_warnings:
+        if file.unfinished_fault:
+            text = "is being written" if is_being_written(path) else file.unfinished_fault
+            files.add(CheckVerdict.LOSS, f"{path.name}: {text}")
+        for warning in file.warnings:
+            files.add(CheckVerdict.LOSS, f"{path.name}: {warning}")
+        for warning in file.end_warnings:
             if raw:
-                self._ends.append(f"{path.name}: {doubt}")
+                self._ends.append(f"{path.name}: {warning}")
             else:
-                files.add(CheckVerdict.LOSS, f"{path.name}: {doubt}")
+                files.add(CheckVerdict.LOSS, f"{path.name}: {warning}")
         for note in file.notes:
             files.add(CheckVerdict.NOTE, f"{path.name}: {note}")
         for fault in self._read_officially(file):
@@ -136,7 +136,7 @@ class _Verification:
         self._done += size
 
     def _check_limits(self, path: Path) -> None:
-        """What is kept of a session.  Raises RecordingError."""
+        """Check the memory limits of a session.  Raises RecordingError."""
         check_topic_count(len(self._report.topics), path)
         holes = max(MAX_HOLES, self._total // 16)
         if len(self._numbers.coverage.ranges) > holes:
@@ -144,7 +144,7 @@ class _Verification:
         if len(self._gaps.overflows) > MAX_GAP_NOTES:
             raise RecordingError(f"{path}: has more than {MAX_GAP_NOTES} notes of gaps")
 
-    def _take(self, page: Page, *, raw: bool, frames: bool) -> None:
+    def _feed(self, page: Page, *, raw: bool, frames: bool) -> None:
         if frames:
             self._numbers.feed(_without_ticks(page) if self._recording.raw_files and not raw else page)
         for channel, rows in page.rows:
@@ -167,29 +167,29 @@ class _Verification:
         topic.longest_gap_ns = max(topic.longest_gap_ns, longest)
         topic.last_ns = times[-1]
 
-    def _judge_snapshots(self) -> list[Check]:
-        """Are the copies the same?  No check where there is no snapshot and none was to come."""
+    def _check_snapshots(self) -> list[Check]:
+        """Are the copies equal?  No check without snapshots in a continuous recording."""
         found, only = self._snapshots, self._recording.is_snapshot_session
         if not found.files and not only:
             return []
-        text = f"{found.files} files with {found.frames} numbered messages; {found.copies} stand in raw files too"
-        check = Check("snapshots", f"{text}, the same")
+        text = f"{found.files} files with {found.frames} numbered messages; {found.copies} are in raw files too"
+        check = Check("snapshots", f"{text}, identical")
         if only:
-            check.add(CheckVerdict.NOTE, "SNAPSHOT: not a continuous recording, only what was around a trigger")
+            check.add(CheckVerdict.NOTE, "SNAPSHOT: not a continuous recording, only frames around triggers")
         if found.different:
-            check.add(CheckVerdict.REFUTED, f"{found.different} messages are not what stands in the raw files")
+            check.add(CheckVerdict.REFUTED, f"{found.different} messages differ from the raw files")
         return [check]
 
     # ------------------------------------------------------------------------------------------------ official reader
 
     def _read_officially(self, file: FileCheck) -> list[str]:
         try:
-            return self._by_index(file) if file.finished else self._by_stream(file)
+            return self._read_by_index(file) if file.finished else self._read_by_stream(file)
         except (McapError, ValueError, LookupError, struct.error, OverflowError, MemoryError, OSError) as error:
             return [str(error) or type(error).__name__]
 
-    def _by_index(self, file: FileCheck) -> list[str]:
-        """A finished file: by its summary, which must tell of what is there."""
+    def _read_by_index(self, file: FileCheck) -> list[str]:
+        """Compare a finished file by its summary, which must match the content."""
         found: Counter[int] = Counter()
         known = set(file.chunks)  # within the limits
         with file.path.open("rb") as stream:
@@ -203,20 +203,20 @@ class _Verification:
                 found.update(_channels_of(stream, index))
                 self._progress(self._done + stream.tell(), self._total)
         chunks = [index.chunk_start_offset for index in summary.chunk_indexes]
-        told = {channel: count for channel, count in summary.statistics.channel_message_counts.items() if count}
+        stated = {channel: count for channel, count in summary.statistics.channel_message_counts.items() if count}
         faults = []
         if found != file.messages:
             faults.append(f"{found.total()} messages, {file.messages.total()} by this program")
-        if told != dict(file.messages) or summary.statistics.message_count != file.messages.total():
-            faults.append(f"the summary tells of {summary.statistics.message_count} messages, there are others")
+        if stated != dict(file.messages) or summary.statistics.message_count != file.messages.total():
+            faults.append(f"the summary states {summary.statistics.message_count} messages, the file has others")
         if sorted(chunks) != file.chunks:
-            faults.append(f"the summary tells of {len(chunks)} chunks, there are others")
+            faults.append(f"the summary states {len(chunks)} chunks, the file has others")
         return faults
 
-    def _by_stream(self, file: FileCheck) -> list[str]:
-        """A file without an end: as far as it goes, which may be further by now.
+    def _read_by_stream(self, file: FileCheck) -> list[str]:
+        """Compare an unfinished file, which may have grown since.
 
-        The reader takes a chunk wholly or not at all: one that is not proved to its end cannot be compared.
+        The reader accepts whole chunks only: a chunk that is not proved to its end cannot be compared.
         """
         if not file.proved:
             return []
@@ -233,7 +233,7 @@ class _Verification:
 
 
 def _messages_in(record: McapRecord) -> int:
-    """How many messages a record holds, or is.  Raises ValueError for a chunk that is beyond a limit."""
+    """Number of messages of a record.  Raises ValueError for a chunk beyond a limit."""
     if not isinstance(record, Chunk):
         return int(isinstance(record, Message))
     content = decompress(record.compression, record.data, record.uncompressed_size)
@@ -242,7 +242,7 @@ def _messages_in(record: McapRecord) -> int:
 
 
 def _channels_of(stream: IO[bytes], index: ChunkIndex) -> Iterator[int]:
-    """The channel of each message of a chunk; the reader's own loop over chunks keeps them all."""
+    """The channel of each message of a chunk; the reader's own loop would keep all chunks in memory."""
     stream.seek(index.chunk_start_offset)
     limit = index.chunk_length
     chunk = next(StreamReader(stream, skip_magic=True, emit_chunks=True, record_size_limit=limit).records, None)
@@ -252,5 +252,5 @@ def _channels_of(stream: IO[bytes], index: ChunkIndex) -> Iterator[int]:
 
 
 def _without_ticks(page: Page) -> Page:
-    """The frames of a snapshot whose ticks are in the raw files, too."""
+    """The page without ticks, which are in the raw files too."""
     return replace(page, rows=[(topic, rows) for topic, rows in page.rows if topic.name != TICK_TOPIC])

@@ -1,1 +1,1 @@
-"""From what an altimeter says to a height above ground that may be believed, or not."""
+"""From altimeter samples to validated heights above ground."""

@@ -1,22 +1,22 @@
-"""Two altimeters against each other, at one time.
+"""Comparison of two altimeters at one time.
 
-The limit is that of autoland practice: more than 15 ft (4.57 m) apart below 200 ft (61 m) is a fault; above, the same
-share of the height, 7.5 %; and three sigmas of the difference of both.
+The limit follows autoland practice: a difference of more than 15 ft (4.57 m) below 200 ft (61 m) is a fault; above, the
+same share of the height, 7.5 %.  Three sigmas of the difference are added.
 
-Bias and scale of both, as configured, are taken off.  Compared are the heights straight below P by the known ground
-when both are known; else the heights over level ground, whose views differ: the nearest return of a radar may come from
-ground or trees anywhere in its beam, a laser's does not.  A radar may then be shorter than a laser by ``GROWTH_M`` and
-a slope of ``SLOPE`` across its beam besides; it is not longer, for what the laser hits lies in its beam.  Two of one
-kind see the same.  In a bank both see places beside the nadir, and ``SLOPE`` times the distance of the farther one is
-allowed to either side.
+The configured bias and scale of both are removed.  If both nadir heights over known ground are known, these are
+compared; otherwise the heights over level ground.  These may differ: the nearest return of a radar may come from ground
+or trees anywhere in its beam.  A radar may then be shorter than a laser by ``GROWTH_M`` plus a slope of ``SLOPE``
+across its beam.  It is never longer, because the point that the laser hits lies in its beam.  Two altimeters of one
+kind measure the same.  In a bank both measure off the nadir, and ``SLOPE`` times the larger offset is allowed to either
+side.
 
-A disagreement lasts for three comparisons and 0.5 s before it is a refusal, and a refusal ends after 1 s of agreement
-within 0.8 of the limit, or without a disagreement for 20 times as long as it lasted, 10 minutes at most.  Samples with
-any other reason against them are not compared.
-Of two that disagree, the wrong one is one that is stuck, that changes otherwise than predicted, or that the ground
-refuses, until it agrees again; or the one farther than three sigmas from what the ground predicts while the other is
-within two (once it is: farther than two, the other within three); else both are refused.  One that has no other to be
-compared with for 2 s, and is within two sigmas of what the ground predicts for 1 s, is not the wrong one.
+A disagreement becomes a refusal after three comparisons and 0.5 s.  A refusal ends after 1 s of agreement within 0.8 of
+the limit, or after 20 times its duration without a disagreement, 10 minutes at most.  Samples that are invalid for any
+other reason are not compared.
+Of two that disagree, the wrong one is the one that is stuck, deviates from its predicted changes or from the terrain
+prediction, until it agrees again; or the one farther than three sigmas from the prediction while the other is within
+two (once identified: farther than two, the other within three); else both are refused.  One that has had no comparison
+for 2 s and has been within two sigmas of the prediction for 1 s is not the wrong one.
 Source: section 1 and 2 of the specification of fault detection (second altimeter); the share is 15 ft of 200 ft; trees
 to 25 m as in ``fti.terrain.synthetic.forest``.
 """
@@ -36,22 +36,21 @@ from fti.types import HeightAboveGround, Reason
 #: Limit [m] below 200 ft [m].
 LIMIT_M, LOW_M = 4.572, 60.96
 SIGMAS = 3.0
-#: What may stand on unknown ground [m], and its slope.
+#: Height of objects on unknown ground [m], and its slope.
 GROWTH_M, SLOPE = 25.0, 0.3
-#: A disagreement becomes a refusal after so long [ns] and so many comparisons; a refusal ends after agreement [ns].
+#: Time [ns] and comparisons until a disagreement becomes a refusal; agreement that ends a refusal [ns].
 BEGIN_NS, BEGIN_COUNT, END_NS = 500_000_000, 3, 1_000_000_000
 #: Agreement ends a refusal within this share of the limit.
 END_SHARE = 0.8
-#: Between two samples farther apart nothing is interpolated; comparisons farther apart do not follow each other: more
-#: than two of an altimeter that measures once a second [ns].
+#: Maximum gap for interpolation; maximum gap between consecutive comparisons: more than two samples at 1 Hz [ns].
 MAX_GAP_NS, MAX_PAUSE_NS = 1_000_000_000, 2_500_000_000
-#: Without a disagreement a refusal ends after so many times the time that it lasted, within these limits [ns].
+#: Without a disagreement a refusal ends after this multiple of its duration, within these limits [ns].
 UNCOMPARED_SHARE, MIN_UNCOMPARED_NS, MAX_UNCOMPARED_NS = 20, 2_000_000_000, 600_000_000_000
-#: Predictions that prove nothing of an altimeter: wrong ground, a gate of twice its limit, its own altitude.
+#: Reasons for which a prediction proves nothing: wrong ground, a gate of twice its limit, its own altitude.
 UNPROVEN_REASONS = frozenset({Reason.GROUND_CONTRADICTED, Reason.UNCERTAIN, Reason.NOT_INDEPENDENT})
 #: Reasons against one altimeter that decide which of two is the wrong one.
 DECISIVE_REASONS = frozenset({Reason.STUCK, Reason.CHANGE_MISMATCH, Reason.DEVIATION})
-#: Samples kept of each altimeter: three of them are never closer than this [ns], so they last for 1.6 s or longer.
+#: Stored samples of each altimeter; any three span at least this time [ns], so they cover 1.6 s or more.
 MAX_SAMPLES, SPACING_NS = 64, 50_000_000
 #: Deviation from the prediction of a wrong altimeter, and of a good one [sigmas].
 WRONG_SIGMAS, GOOD_SIGMAS = 3.0, 2.0
@@ -59,10 +58,10 @@ WRONG_SIGMAS, GOOD_SIGMAS = 3.0, 2.0
 
 @dataclass(frozen=True, slots=True)
 class ComparableHeight:
-    """What of a height can be compared.
+    """The comparable part of a height.
 
     level, level_sd : height of P over level ground [m]; below, below_sd : over the ground straight below; None: unknown
-    offset          : of the place that is seen from the nadir, over level ground [m]
+    offset          : distance of the measured point from the nadir, over level ground [m]
     deviation       : of the range from the predicted one [sigmas]; None: unknown
     """
 
@@ -76,7 +75,7 @@ class ComparableHeight:
 
 
 def make_comparable(height: HeightAboveGround, limits: Altimeter) -> ComparableHeight | None:
-    """Of a height of the altimeter with these limits; None of one that is not valid."""
+    """The comparable part of an altimeter height; None if it is invalid.  limits : of the altimeter"""
     raw, t_ns = height.raw, height.t_valid_ns
     if height.reasons or height.nearest is None or raw is None or t_ns is None:
         return None
@@ -91,7 +90,7 @@ def make_comparable(height: HeightAboveGround, limits: Altimeter) -> ComparableH
 
 
 class _Pair:
-    """The memory of two altimeters.  wrong : names of those that are refused"""
+    """State of a pair of altimeters.  wrong : names of the refused ones"""
 
     def __init__(self, first: str, second: str) -> None:
         self.names = first, second
@@ -109,7 +108,7 @@ class _Pair:
         limits: tuple[Altimeter, Altimeter],
         now_ns: int,
     ) -> None:
-        """Take what both say at one time.  now_ns : when the later one of both came"""
+        """Compare both at one time.  now_ns : arrival of the later sample"""
         if t_ns <= self._last_ns:
             return
         if t_ns - self._last_ns > MAX_PAUSE_NS:
@@ -133,13 +132,13 @@ class _Pair:
             self._since_ns, self._count, self._begun_ns = None, 0, now_ns
 
     def expire(self, now_ns: int) -> None:
-        """Without a disagreement for so long nothing is known any more; how late the samples come does not matter."""
+        """End a refusal that has been without a disagreement for too long; the latency of samples does not matter."""
         unknown_ns = UNCOMPARED_SHARE * (self._differed_ns - self._begun_ns)
         if now_ns - self._differed_ns > min(max(MIN_UNCOMPARED_NS, unknown_ns), MAX_UNCOMPARED_NS):
             self.wrong = frozenset()
 
     def confirm(self, now_ns: int, name: str, deviation: float | None) -> None:
-        """One of two has no other to be compared with.  deviation : of it from the ground's prediction [sigmas]"""
+        """Check an altimeter without a counterpart against the terrain.  deviation : from the prediction [sigmas]"""
         if name not in self.wrong or now_ns - self._compared_ns <= MIN_UNCOMPARED_NS:
             return
         if deviation is None or deviation > GOOD_SIGMAS:
@@ -153,7 +152,7 @@ class _Pair:
             self.wrong -= {name}
 
     def accuse(self, now_ns: int, name: str) -> None:
-        """One of two that disagree is refused for another reason, which decides: it is the wrong one."""
+        """One of two that disagree is refused for another, decisive reason: it is the wrong one."""
         if self.wrong:
             self.wrong = frozenset({name})
             self._compared_ns = self._differed_ns = now_ns
@@ -179,7 +178,7 @@ def _difference(first: ComparableHeight, second: ComparableHeight) -> float:
 def bounds(
     first: ComparableHeight, second: ComparableHeight, limits: tuple[Altimeter, Altimeter]
 ) -> tuple[float, float]:
-    """Least and largest difference, first minus second, that is no disagreement [m]."""
+    """Minimum and maximum difference, first minus second, without a disagreement [m]."""
     known = first.below is not None and second.below is not None
     sds = (first.below_sd, second.below_sd) if known else (first.level_sd, second.level_sd)
     height = min(first.level, second.level)
@@ -196,58 +195,58 @@ def bounds(
 
 
 class AgreementCheck:
-    """All pairs of altimeters.  limits : of each by its name"""
+    """All pairs of altimeters.  limits : by name of the altimeter"""
 
     def __init__(self, limits: Mapping[str, Altimeter]) -> None:
         self._limits = limits
         names = list(limits)
         self._pairs = [_Pair(a, b) for k, a in enumerate(names) for b in names[k + 1 :]]
-        self._kept: dict[str, deque[ComparableHeight]] = {name: deque(maxlen=MAX_SAMPLES) for name in names}
+        self._samples: dict[str, deque[ComparableHeight]] = {name: deque(maxlen=MAX_SAMPLES) for name in names}
 
     def update(self, height: HeightAboveGround, refusals: Collection[Reason] = ()) -> tuple[Reason, ...]:
-        """Take a height; the reasons against its altimeter from the others.
+        """Add a height; returns the reasons by which the other altimeters refuse this one.
 
-        refusals : in force by the memory of the altimeter; a single sample that deviates does not decide
+        refusals : of this altimeter, in force by its tests over time; a single deviating sample is not decisive
         """
         pairs = [pair for pair in self._pairs if height.sensor in pair.names]
         if not pairs:
             return ()
-        self._take(height, pairs, refusals)
+        self._add(height, pairs, refusals)
         for pair in pairs:
             self._compare(pair, height.t_ns)
             pair.expire(height.t_ns)
         return (Reason.ALTIMETERS_DISAGREE,) if any(height.sensor in pair.wrong for pair in pairs) else ()
 
-    def _take(self, height: HeightAboveGround, pairs: list[_Pair], refusals: Collection[Reason]) -> None:
-        found, kept = make_comparable(height, self._limits[height.sensor]), self._kept[height.sensor]
-        if found is None:
+    def _add(self, height: HeightAboveGround, pairs: list[_Pair], refusals: Collection[Reason]) -> None:
+        comparable, samples = make_comparable(height, self._limits[height.sensor]), self._samples[height.sensor]
+        if comparable is None:
             if not DECISIVE_REASONS.isdisjoint(refusals):
                 for pair in pairs:
                     pair.accuse(height.t_ns, height.sensor)
-        elif not kept or found.t_ns > kept[-1].t_ns:
-            kept.append(found)
-            if len(kept) > 2 and kept[-1].t_ns - kept[-3].t_ns < SPACING_NS:
-                del kept[-2]
+        elif not samples or comparable.t_ns > samples[-1].t_ns:
+            samples.append(comparable)
+            if len(samples) > 2 and samples[-1].t_ns - samples[-3].t_ns < SPACING_NS:
+                del samples[-2]
             for pair in pairs:
-                pair.confirm(height.t_ns, height.sensor, found.deviation)
+                pair.confirm(height.t_ns, height.sensor, comparable.deviation)
 
     def _compare(self, pair: _Pair, now_ns: int) -> None:
-        """At the newest time of which both tell."""
-        kept = [self._kept[name] for name in pair.names]
-        if not all(kept):
+        """Compare at the newest time that both have samples for."""
+        samples = [self._samples[name] for name in pair.names]
+        if not all(samples):
             return
-        t_ns = min(kept[0][-1].t_ns, kept[1][-1].t_ns)
-        first, second = (_at(one, t_ns) for one in kept)
+        t_ns = min(samples[0][-1].t_ns, samples[1][-1].t_ns)
+        first, second = (_at(one, t_ns) for one in samples)
         if first is not None and second is not None:
             limits = self._limits[pair.names[0]], self._limits[pair.names[1]]
             pair.compare(t_ns, first, second, limits, now_ns)
 
 
-def _at(kept: deque[ComparableHeight], t_ns: int) -> ComparableHeight | None:
-    """Interpolated; None before the first, after the last and in a gap."""
-    if kept[-1].t_ns == t_ns:
-        return kept[-1]
-    for before, after in pairwise(kept):
+def _at(samples: deque[ComparableHeight], t_ns: int) -> ComparableHeight | None:
+    """The interpolated sample; None before the first, after the last and in a gap."""
+    if samples[-1].t_ns == t_ns:
+        return samples[-1]
+    for before, after in pairwise(samples):
         if before.t_ns <= t_ns < after.t_ns:
             gap_ns = after.t_ns - before.t_ns
             return _between(before, after, (t_ns - before.t_ns) / gap_ns) if gap_ns <= MAX_GAP_NS else None

@@ -1,4 +1,4 @@
-"""One altimeter's channel: from its samples, or its silence, to HeightAboveGround."""
+"""Processes the samples of one altimeter, or their absence, to HeightAboveGround."""
 
 from __future__ import annotations
 
@@ -31,22 +31,22 @@ from fti.types import Compensation, HeightAboveGround, RadioHeight, Range, Reaso
 if TYPE_CHECKING:
     from fti.nav.altimetry.expected_range import AltimeterPredictor
 
-#: How often an altimeter that says nothing is reported [ns].
+#: Period of reports of a silent altimeter [ns].
 REPEAT_NS = 500_000_000
-#: What lies beside the point straight below is looked for so far off the vertical at most [rad].
+#: Maximum angle off the vertical for the relief around the nadir [rad].
 MAX_OFF_NADIR = math.radians(60.0)
-#: No altimeter has a longer range [m]: a value beyond is no number, and its square has to be one.
+#: No altimeter has a longer range [m]: a larger value is discarded, so that its square stays finite.
 MAX_RANGE_M = 1e6
-#: The profile along the track does not tell how steep the ground is across it.
+#: Factor on the relief along the track, because the slope across it is unknown.
 ACROSS_TRACK_FACTOR = 1.25
-#: What the known ground says against a sample, and nothing else does.
+#: Reasons that come from the known ground alone.
 TERRAIN_REASONS = frozenset(
     {Reason.DEVIATION, Reason.NOT_NADIR, Reason.DISPERSION, Reason.INCIDENCE, Reason.CHANGE_MISMATCH}
 )
-#: The integrity monitor judges these heights: it finds what is new on the ground, and says itself what is stuck or has
-#: a bias.
+#: The integrity monitor uses heights with these reasons: it detects changes of the ground, and stuck or biased
+#: altimeters itself.
 MONITORED_REASONS = TERRAIN_REASONS | {Reason.STUCK, Reason.ALTIMETERS_DISAGREE, Reason.EXCLUDED}
-#: Samples with one of these are no ranges to the ground, or of an aircraft whose attitude nobody knows.
+#: Samples with one of these are not ranges to the ground, or the attitude is unknown.
 NO_RANGE_REASONS = frozenset(
     {Reason.DEVICE_FLAG, Reason.NO_RETURN, Reason.BELOW_RANGE, Reason.ABOVE_RANGE, Reason.NO_ATTITUDE}
 )
@@ -58,7 +58,7 @@ INCONCLUSIVE_REASONS = frozenset({Reason.ROLL, Reason.PITCH, Reason.DISPERSION, 
 
 @dataclass(frozen=True, slots=True)
 class AltimeterReading:
-    """A sample as the device gave it, at the time at which it was true."""
+    """A sample as the device states it, with its validity time."""
 
     t_ns: int
     t_valid_ns: int
@@ -69,7 +69,7 @@ class AltimeterReading:
 
 @dataclass(frozen=True, slots=True)
 class NadirHeight:
-    """Height of P above the ground straight below it, its one sigma [m], and how it was made."""
+    """Height of P above the ground straight below it, its one sigma [m], and its compensation."""
 
     height_agl: float
     sd: float
@@ -77,17 +77,15 @@ class NadirHeight:
 
 
 def is_monitorable(height: HeightAboveGround) -> bool:
-    """Whether the integrity monitor judges it: nothing but the known ground, the tests with a memory and the
-    filter refuse it.
-    """
+    """Whether the integrity monitor may use it: only known ground, tests over time or the filter refuse it."""
     return MONITORED_REASONS.issuperset(height.reasons)
 
 
 class AltimeterChannel:
     """Validity, compensation and age of one altimeter.
 
-    unchecked : why there is no known ground to compare with, until there is one
-    wheels_b  : P to the lowest wheel, body frame [m], where that is known
+    unchecked : reason why no known ground is available, until ``set_terrain``
+    wheels_b  : P to the lowest wheel, body frame [m]; None: unknown
     """
 
     def __init__(self, device: Device, unchecked: Reason = Reason.NO_TERRAIN, wheels_b: Vector | None = None) -> None:
@@ -110,40 +108,40 @@ class AltimeterChannel:
         self._is_ground_contradicted = False
 
     def set_terrain(self, ground: Ground | None) -> None:
-        """From now on samples are compared with this ground; None: with none."""
+        """Compare samples with this ground from now on; None: with none."""
         from fti.nav.altimetry.expected_range import AltimeterPredictor  # noqa: PLC0415 - numba: not needed without a ground
 
         self._predictor = AltimeterPredictor(self._device, ground) if ground else None
         self._unchecked = Reason.NO_TERRAIN
 
     def set_ground_contradicted(self, is_contradicted: bool) -> None:
-        """Altitude or terrain is wrong (``ground_check``): from now on samples are not compared; or they are again."""
+        """Stop comparing samples while altitude or terrain is wrong (``ground_check``); or resume."""
         if is_contradicted and not self._is_ground_contradicted:
             self._deviation.forget()
             self._change.reset_terrain_tests()
         self._is_ground_contradicted = is_contradicted
 
     def read(self, m: RadioHeight | Range, t_valid_ns: int) -> AltimeterReading:
-        """What a measurement says; sigma from the configuration when the device states none."""
+        """The reading of a measurement; sigma from the configuration when the device states none."""
         value = _number(m.height_agl if isinstance(m, RadioHeight) else m.slant_range)
         value = None if value is not None and abs(value) > MAX_RANGE_M else value
         sd = _number(m.sd)
         return AltimeterReading(m.stamp.t_rx_ns, t_valid_ns, value, self.limits.sd_m if sd is None else sd, not m.valid)
 
-    def take(self, reading: AltimeterReading, nav: NavState) -> HeightAboveGround:
-        """The output of a sample, with the attitude at its time."""
+    def feed(self, reading: AltimeterReading, nav: NavState) -> HeightAboveGround:
+        """Add a sample with the navigation at its time; returns its output."""
         if self._last is None or reading.t_valid_ns >= self._last.t_valid_ns:
             self._last = reading
         self._reported_ns = None
         output = self._output(reading.t_ns, reading, nav, reading.t_ns - reading.t_valid_ns, is_sample=True)
         if is_monitorable(output) and output.nearest is not None and reading.value is not None:
-            self._relief.take(reading.t_valid_ns, reading.value, output.nearest, nav)
+            self._relief.feed(reading.t_valid_ns, reading.value, output.nearest, nav)
         return output
 
     def widen(self, height: HeightAboveGround) -> HeightAboveGround:
-        """A height of this altimeter with what its memory adds to the sigmas (``ChangeCheck.unexplained_sd``).
+        """A height of this altimeter with enlarged sigmas (``ChangeCheck.unexplained_sd``).
 
-        Other altimeters are compared with the sigmas of before: an altimeter that errs may not differ by more for that.
+        The comparison with other altimeters uses the original sigmas: an erroneous altimeter must not differ by more.
         """
         added = self._change.unexplained_sd
         if added == 0.0 or height.sd is None or height.nearest_sd is None:
@@ -151,7 +149,7 @@ class AltimeterChannel:
         return replace(height, sd=math.hypot(height.sd, added), nearest_sd=math.hypot(height.nearest_sd, added))
 
     def tick(self, t_ns: int, nav: NavState) -> list[HeightAboveGround]:
-        """Nothing while samples come; when they stop, an invalid output at once and then twice a second."""
+        """Nothing while samples arrive; when they stop, an invalid output at once and then twice a second."""
         self._started_ns = t_ns if self._started_ns is None else self._started_ns
         since = self._last.t_valid_ns if self._last else self._started_ns
         if t_ns - since <= self._max_age_ns:
@@ -163,7 +161,7 @@ class AltimeterChannel:
 
     @property
     def since_ns(self) -> Mapping[Reason, int]:
-        """When the cause of each refusal began that is in force by the memory of this altimeter [ns]."""
+        """When the cause of each refusal began that is in force by the tests over time [ns]."""
         since = dict(self._change.since_ns)
         if self._deviation.since_ns is not None:
             since[Reason.DEVIATION] = self._deviation.since_ns
@@ -171,7 +169,7 @@ class AltimeterChannel:
 
     @property
     def has_samples(self) -> bool:
-        """Whether a sample ever came."""
+        """Whether any sample has arrived."""
         return self._last is not None
 
     def is_stale(self, t_ns: int) -> bool:
@@ -183,8 +181,8 @@ class AltimeterChannel:
     ) -> HeightAboveGround:
         attitude = nav.attitude
         nearest = self._nearest(reading, nav)
-        expected = told = self._expected_sample(reading, nav)
-        if self._is_ground_contradicted and isinstance(told, ExpectedSample | NoGround):
+        expected = prediction = self._expected_sample(reading, nav)
+        if self._is_ground_contradicted and isinstance(prediction, ExpectedSample | NoGround):
             expected = Reason.GROUND_CONTRADICTED
         below = self._nadir_height(reading, nearest, expected, nav)
         sample = Sample(
@@ -214,7 +212,7 @@ class AltimeterChannel:
             valid=not reasons,
             reasons=reasons,
             wheels=self._wheel_height(below, nav),
-            **self._prediction(told, sample.value, nav),
+            **self._prediction_fields(prediction, sample.value, nav),
         )
 
     def _reasons_by_memory(
@@ -224,12 +222,12 @@ class AltimeterChannel:
         expected: ExpectedSampleOrReason | None,
         against: tuple[Reason, ...],
     ) -> tuple[Reason, ...]:
-        """What the memory of this altimeter says against a sample; one that is no range does not change it."""
+        """Reasons of the tests over time against a sample; a sample that is not a range leaves them unchanged."""
         if reading.value is None or not NO_RANGE_REASONS.isdisjoint(against):
             return self._change.reasons
         known = expected if isinstance(expected, ExpectedSample) else None
-        seen = make_observation(reading.t_valid_ns, reading.value, reading.sd, nav, expected=known)
-        by_change = self._change.update(seen, deviates=Reason.DEVIATION in against)
+        observation = make_observation(reading.t_valid_ns, reading.value, reading.sd, nav, expected=known)
+        by_change = self._change.update(observation, deviates=Reason.DEVIATION in against)
         deviates = self._deviates(reading.value, expected, against)
         in_force = self._deviation.update(reading.t_valid_ns, deviates)
         has_agreed = self._deviation.agreements >= BEGIN_COUNT and self._is_compared(expected)
@@ -237,13 +235,13 @@ class AltimeterChannel:
         return (Reason.DEVIATION, *by_change) if stays and Reason.DEVIATION not in against else by_change
 
     def _is_compared(self, expected: ExpectedSampleOrReason | None) -> bool:
-        """Whether a sample within its gate agrees; in one as wide as twice its limit it may err by more than that."""
+        """Whether a sample within its gate agrees; not in a gate of twice the limit, where its error may be larger."""
         return isinstance(expected, ExpectedSample | NoGround) and is_conclusive(expected.range_sd, self.limits)
 
     def _deviates(
         self, value: float, expected: ExpectedSampleOrReason | None, against: tuple[Reason, ...]
     ) -> bool | None:
-        """Whether the ground proves a sample wrong; None where it proves nothing."""
+        """Whether the ground proves a sample wrong; None where it is inconclusive."""
         if not INCONCLUSIVE_REASONS.isdisjoint(against):
             return None
         if Reason.DEVIATION in against:
@@ -255,21 +253,21 @@ class AltimeterChannel:
         )
         return False if is_confirmed or self._is_compared(expected) else None
 
-    def _prediction(
+    def _prediction_fields(
         self, expected: ExpectedSampleOrReason | None, value: float | None, nav: NavState
     ) -> dict[str, Any]:
-        """What the ground adds to an output: the predicted range, and why that does not check the height."""
+        """Output fields from the ground: the predicted range, and why it does not check the height."""
         if expected is None:
             return {}
         if not isinstance(expected, ExpectedSample):
             missing = expected if isinstance(expected, Reason) else Reason.NO_PREDICTION
-            doubt = (Reason.GROUND_CONTRADICTED,) if self._is_ground_contradicted else ()
-            return {"unchecked": (*doubt, missing)}
+            contradicted = (Reason.GROUND_CONTRADICTED,) if self._is_ground_contradicted else ()
+            return {"unchecked": (*contradicted, missing)}
         unchecked = (
             (Reason.GROUND_CONTRADICTED, self._is_ground_contradicted),
             (Reason.NOT_INDEPENDENT, self.name in nav.altitude_holders),
             (Reason.UNCERTAIN, value is not None and not is_conclusive(expected.range_sd, self.limits)),
-            # the beam meets known ground, and straight below is none
+            # the beam meets known ground, but the ground straight below is unknown
             (Reason.TERRAIN_HOLE, value is not None and expected.compensate(value) is None),
         )
         return {
@@ -279,19 +277,19 @@ class AltimeterChannel:
         }
 
     def _expected_sample(self, reading: AltimeterReading | None, nav: NavState) -> ExpectedSampleOrReason | None:
-        """What the sample should be, or why nobody knows; None where there is no sample."""
+        """The expected sample, or why it is unknown; None without a sample."""
         if self._predictor is None:
             return self._unchecked
-        return self._predictor.at(nav, reading.sd) if reading else None
+        return self._predictor.predict(nav, reading.sd) if reading else None
 
     def _wheel_height(self, below: NadirHeight | None, nav: NavState) -> float | None:
-        """Height of the wheels [m], of one of P."""
+        """Height of the wheels [m] from that of P."""
         if below is None or nav.attitude is None or self._wheels_b is None:
             return None
         return below.height_agl - lever_arm_drop(self._wheels_b, nav.attitude.roll, nav.attitude.pitch)
 
     def _nearest(self, reading: AltimeterReading | None, nav: NavState) -> CompensatedHeight | None:
-        """Height of P above what the beam sees; None where there is no range or no attitude."""
+        """Height of P above the measured point, over level ground; None without range or attitude."""
         attitude = nav.attitude
         if reading is None or reading.value is None or reading.value < 0.0 or attitude is None:
             return None
@@ -316,22 +314,22 @@ class AltimeterChannel:
         expected: ExpectedSampleOrReason | None,
         nav: NavState,
     ) -> NadirHeight | None:
-        """Height of P above the ground straight below: by the terrain, else above what the beam sees."""
+        """Height of P above the ground straight below: by the terrain, else over level ground."""
         if reading is None or reading.value is None or nearest is None or nav.attitude is None:
             return None
         known = expected.compensate(reading.value) if isinstance(expected, ExpectedSample) else None
         if known is not None:
             return NadirHeight(*known)
         tilt = tilt_of(self._mounting, nav.attitude.roll, nav.attitude.pitch)
-        beside = min(max(tilt, 0.5 * self._mounting.half_beam), MAX_OFF_NADIR)
-        relief = ACROSS_TRACK_FACTOR * self._relief.sd(nearest.height_agl * math.tan(beside))
+        angle = min(max(tilt, 0.5 * self._mounting.half_beam), MAX_OFF_NADIR)
+        relief = ACROSS_TRACK_FACTOR * self._relief.sd(nearest.height_agl * math.tan(angle))
         sd = RANGE_SD_UNKNOWN if nearest.sd is None else nearest.sd
         height = nearest.height_agl + self.limits.corrected_range_m(reading.value) - reading.value
         return NadirHeight(height, math.hypot(sd, relief), Compensation.ATTITUDE)
 
 
 def _terrain_fields(expected: ExpectedSampleOrReason | None) -> dict[str, Any]:
-    """What the ground says about a sample before it is judged; None where it cannot tell, as over a hole."""
+    """Fields of ``Sample`` from the ground; None where it is unknown, as over a hole."""
     if isinstance(expected, NoGround):
         return {"min_range": expected.min_range, "predicted_sd": expected.range_sd}
     if not isinstance(expected, ExpectedSample):
@@ -347,5 +345,5 @@ def _terrain_fields(expected: ExpectedSampleOrReason | None) -> dict[str, Any]:
 
 
 def _number(value: float | None) -> float | None:
-    """The value; None where it is no number: the device found no return, or the terrain has a hole there."""
+    """The value; None where it is not finite: no return, or a hole in the terrain."""
     return value if value is not None and math.isfinite(value) else None

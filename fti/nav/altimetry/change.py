@@ -1,14 +1,14 @@
-"""What the memory of one altimeter says: its changes over 2 to 10 s against the predicted ones.
+"""Tests of one altimeter over time: its changes over 2 to 10 s against the predicted ones.
 
     stuck            ``fti.nav.altimetry.stuck_value``: its value repeats exactly although the prediction changes
     change_mismatch  ``fti.nav.altimetry.mismatch``: it changes otherwise than the known ground predicts
 
-What scatters about the prediction by more than its sigma explains (``fti.nav.altimetry.scatter``) is not refused: its
-sigma contains the rest.  Over level ground in level flight nothing is predicted to change, and nothing is refused.
-When no sample comes for 3 s, or when the source of position or altitude changes, the test of changes begins anew, and
-the step between both sources is no change.  A refusal in force stays: it ends by agreement alone, as each test has it.
-Without a refusal, repeated values are forgotten after 3 s without a sample, and remembered across a change of the
-source.  A moment without position is no change of the source: the one before and the one after it are compared.
+Scatter about the prediction beyond its sigma (``fti.nav.altimetry.scatter``) is not refused: the sigma is enlarged.
+Over level ground in level flight no change is predicted, and nothing is refused.
+After 3 s without a sample, and when the source of position or altitude changes, the test of changes restarts; the step
+between both sources does not count as a change.  A refusal in force stays: it ends by agreement alone, as defined by
+each test.  Without a refusal, repeated values are discarded after 3 s without a sample, and kept across a change of the
+source.  A short absence of the position is not a change of the source: the sources before and after it are compared.
 Source: section 2 of the specification of fault detection (change measured against change predicted, over 2 to 10 s,
 with the resolution).
 """
@@ -26,7 +26,7 @@ from fti.nav.altimetry.stuck_value import StuckTest
 from fti.nav.time_series import SECOND_NS
 from fti.types import Reason
 
-#: Without a sample for longer there is a gap [ns].
+#: Maximum time between samples without a gap [ns].
 MAX_GAP_NS = 3 * SECOND_NS
 
 #: Of position and altitude.
@@ -34,7 +34,7 @@ SourcePair = tuple[str | None, str | None]
 
 
 class ChangeCheck:
-    """Both tests of one altimeter.  Samples come in the order of their times; others are left out."""
+    """Both tests of one altimeter.  Samples must be in order of time; others are ignored."""
 
     def __init__(self) -> None:
         self._stuck, self._mismatch, self._scatter = StuckTest(), MismatchTest(), ResidualScatter()
@@ -57,11 +57,11 @@ class ChangeCheck:
         return math.hypot(self._scatter.excess_sd, self._mismatch.offset_sd)
 
     def reset_terrain_tests(self) -> None:
-        """The known ground was wrong: what it made of this altimeter does not count."""
+        """Discard the results of tests against known ground, which was wrong."""
         self._mismatch, self._scatter = MismatchTest(), ResidualScatter()
 
     def update(self, o: AltimeterObservation, *, deviates: bool = False) -> tuple[Reason, ...]:
-        """The reasons against this altimeter from this sample on.  deviates : it is beyond its gate"""
+        """The reasons against this altimeter from this sample on.  deviates : whether it is outside its gate"""
         if self._last_ns is not None and o.t_ns <= self._last_ns:
             return self.reasons
         self._join(o, has_gap=self._last_ns is not None and o.t_ns - self._last_ns > MAX_GAP_NS)
@@ -78,7 +78,7 @@ class ChangeCheck:
         return self.reasons
 
     def _join(self, o: AltimeterObservation, *, has_gap: bool) -> None:
-        """What lies between this sample and the one before: a climb, a gap, a change of the source."""
+        """Account for climb, gap and change of the source since the previous sample."""
         pairs = list(zip(o.source, self._source, strict=True))
         self._source = pairs[0][0] or pairs[0][1], pairs[1][0] or pairs[1][1]
         is_source_new = any(now and before and now != before for now, before in pairs)
@@ -97,7 +97,7 @@ class ChangeCheck:
 
 
 def _rise(o: AltimeterObservation, last: AltimeterObservation, *, has_gap: bool) -> float:
-    """Change of the height by the climb rate [m]; without one, and across a gap, the altitude alone has to do."""
+    """Change of the height by the climb rate [m]; without one, and across a gap, by the altitude alone."""
     if o.climb is None or (has_gap and o.alt is not None and last.alt is not None):
         return o.alt - last.alt if o.alt is not None and last.alt is not None else 0.0
     climb = o.climb if last.climb is None else 0.5 * (o.climb + last.climb)

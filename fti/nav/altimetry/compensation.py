@@ -1,16 +1,17 @@
-"""From a range at the sensor to the height of the reference point P over the ground straight below it.
+"""Converts a range at the sensor to the height of the reference point P over the ground straight below it.
 
-    range, beam    where the ground is known: ``height_over_ground``, with what a pencil or the sensor's own beam
-                   should measure (section 3.3.1.2, 3.3.1.3)
-    attitude       where it is not: ``height_at_p``, over ground that is taken as level (3.3.1.1)
+    range, beam    known ground: ``height_over_ground``, with the predicted range of a pencil or of the sensor's own
+                   beam (section 3.3.1.2, 3.3.1.3)
+    attitude       unknown ground: ``height_at_p``, over ground that is assumed to be level (3.3.1.1)
 
-A laser gets range compensation, a radar beam compensation; a radar on the boresight's ray would get what a laser needs
-and be made worse.  Attitude compensation is for a laser, too: a leading edge is short already, and only the excess of
-the tilt over half the beam is taken from a radar's range.  With the full tilt it is made worse up to a bank of about
-twice the full width of its beam: 20 deg for 10 deg, 60 deg for 30 deg, and never for 45 deg and more (``fti study
+A laser uses range compensation, a radar beam compensation; range compensation on the boresight would make a radar
+worse.  Attitude compensation with the full tilt is for a laser: the leading edge of a radar is short already, so only
+the excess of the tilt over half the beam is used.  The full tilt makes a radar worse up to a bank of about twice the
+full width of its beam, 20 deg for 10 deg, 60 deg for 30 deg, and at any bank for 45 deg and more (``fti study
 compensation``).
 
-Reference point: P, whatever the sensor's lever arm.  P is what navigates; ``fti.types.Point`` names it in each output.
+The reference point is P for any lever arm of the sensor.  Navigation refers to P; ``fti.types.Point`` is in each
+output.
 """
 
 from __future__ import annotations
@@ -31,13 +32,13 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-#: No error of the tilt is followed beyond this angle off the vertical [rad].
+#: Errors of the tilt are evaluated up to this angle off the vertical [rad].
 MAX_TILT = math.radians(60.0)
 
 
 @dataclass(frozen=True, slots=True)
 class Mounting:
-    """How a range sensor sits in the aircraft.
+    """The mounting of a range sensor in the aircraft.
 
     boresight_b : third column of mat_bs, the direction of the beam axis in the body frame, unit
     lever_arm_b : reference point P to sensor, body frame [m]
@@ -58,7 +59,7 @@ class CompensatedHeight:
 
 
 def mounting_of(device: Device) -> Mounting:
-    """The mounting that a configuration states.  Raises ValueError when the device is no altimeter."""
+    """The configured mounting.  Raises ValueError when the device is not an altimeter."""
     if device.altimeter is None:
         raise ValueError(f"device {device.name!r} has no [device.altimeter] table")
     half_beam = math.radians(device.altimeter.beam_deg) / 2 if device.altimeter.kind == "radar" else 0.0
@@ -76,7 +77,7 @@ def _dot(a: Vector, b: Vector) -> float:
 
 
 def lever_arm_drop(arm_b: Vector, roll: float, pitch: float) -> float:
-    """How far the end of a lever arm from P [m] is below P: (0 0 1) mat_nb arm_b."""
+    """Distance of the end of a lever arm from P [m] below P: (0 0 1) mat_nb arm_b."""
     return _dot(down_row(roll, pitch), arm_b)
 
 
@@ -126,8 +127,8 @@ def height_at_p(
 def nonlinear_tilt_sd(slant_range: float, tilt: float, half_beam: float, tilt_sd: float) -> float:
     """One sigma [m] of a range over level ground by the tilt, less its linear part (root-sum-square).
 
-    A third of the change by three sigmas of the tilt is the whole: of a level laser the linear part is zero, and 9 deg
-    for 3 sigma are 1.2 % of the range.  Up to 0.5 deg, as attitudes have it that are not held, it is left out: 0.01 %.
+    The total is a third of the change by three sigmas of the tilt: for a level laser the linear part is zero, and 9 deg
+    for 3 sigma are 1.2 % of the range.  Up to 0.5 deg, typical of valid attitudes, it is neglected: 0.01 %.
 
     slant_range : at this tilt [m]
     """
@@ -154,18 +155,18 @@ def _attitude_gradient(slant_range: float, roll: float, pitch: float, mounting: 
 
 
 def height_over_ground(slant_range: ArrayLike, prediction: Prediction) -> Array:
-    """Height of P over the ground straight below it, from what was measured and what should have been.
+    """Height of P over the ground straight below it, from a measured and a predicted range.
 
         h_agl(P) = h(P) - h(N) + (d - d_predicted) cos(theta)
 
     slant_range : measured, float or (n,) [m]
-    seen        : prediction at the pose where P is believed to be.  Of a pencil this is range compensation, eq. 3.32;
-                  of the sensor's beam it is beam compensation
-    Returns     : (n,) [m]; NaN where the range or the prediction is
-    Errors      : ``fti.nav.altimetry.variance.height_variance``.  An error of h(P) drops out over parallel ground; one
-                  of the model of the sensor comes through with cos(theta)
+    prediction  : at the navigated pose.  A pencil gives range compensation, eq. 3.32; the sensor's beam gives beam
+                  compensation
+    Returns     : (n,) [m]; NaN where the range or the prediction is NaN
+    Errors      : ``fti.nav.altimetry.variance.height_variance``.  An error of h(P) cancels over parallel ground; one of
+                  the sensor model enters with cos(theta)
     Source      : Spiegel 2018, eq. 3.33 with h(M) := h(P) - d_predicted cos(theta) (docs/errata.md).  The printed form
-                  puts a height of M from an averaged direction beside a range from elsewhere; with the very surface
-                  and the very beam it leaves metres, this one leaves the noise.
+                  combines a height of M from an averaged direction with the range of another point; with exact surface
+                  and beam its error is metres, that of this form is the noise.
     """
     return np.asarray(prediction.height_p + (np.asarray(slant_range) - prediction.slant_range) * prediction.cosine)

@@ -1,44 +1,43 @@
-"""Memory of refusals by the known ground: who deviates stays refused while the ground cannot be asked.
+"""Refusals by the known ground over time: a deviating altimeter stays refused while the ground is unknown.
 
 A refusal is in force when samples deviate for 0.5 s, three or more of them, and agree for less than 0.3 s in between:
-the edges of woods follow each other less closely.  While it is, samples that the ground cannot check (no position, no
-altitude, the edge of the terrain) are refused, too.  It ends after 1 s of checked samples that do not deviate, three or
-more, or when none could be checked for 20 times as long as it deviated, 10 minutes at most: a wood that nobody knows is
-short, fog is not.  Where the gate is as wide as twice its limit, a sample within the limit itself does not deviate; one
-beyond it, within the gate, is not checked.  In a bank, and where the beam grazes the ground or meets ground that is
-uneven, a deviation proves nothing.
-Stated, not measured: all times.
+the edges of woods are farther apart.  Meanwhile, samples that the ground cannot check (no position, no altitude, the
+edge of the terrain) are refused, too.  The refusal ends after 1 s of checked samples that do not deviate, three or
+more, or without a check for 20 times the duration of the deviation, 10 minutes at most: an unmapped wood is short, fog
+is not.  Where the gate is as wide as twice its limit, a sample within the limit itself does not deviate; one beyond it,
+within the gate, is not checked.  In a bank, at grazing incidence and over uneven ground a deviation is inconclusive.
+All times are chosen, not measured.
 """
 
 from __future__ import annotations
 
 from fti.nav.time_series import SECOND_NS
 
-#: A refusal begins after so long [ns], and so many samples; agreement that begins the count anew [ns].
+#: Duration [ns] and samples of a deviation that begin a refusal; agreement that resets the count [ns].
 BEGIN_NS, BEGIN_COUNT, RESET_NS = SECOND_NS // 2, 3, 3 * SECOND_NS // 10
-#: Agreement that ends a refusal [ns], and so many samples.
+#: Agreement that ends a refusal [ns], and its samples.
 END_NS, END_COUNT = SECOND_NS, 3
-#: Without a check a refusal ends after so many times its deviations, and after this time at most [ns].
+#: Without a check a refusal ends after this multiple of its deviation, and after this time at most [ns].
 UNCHECKED_SHARE, MAX_UNCHECKED_NS = 20, 600 * SECOND_NS
-#: After so long without a deviation, or without a sample that agrees, the count of these begins anew: more than two
-#: samples of an altimeter that measures once a second [ns].
+#: Time without a deviation, or without an agreeing sample, that resets the count of these: more than two samples at
+#: 1 Hz [ns].
 MAX_GAP_NS = 5 * SECOND_NS // 2
 
 
 class DeviationMemory:
-    """Of one altimeter.  since_ns : first sample of the refusal that is in force [ns]; None : none is"""
+    """State of one altimeter.  since_ns : first sample of the refusal in force [ns]; None: no refusal"""
 
     def __init__(self) -> None:
         self.since_ns: int | None = None
         self._last_ns = self._checked_ns = self._deviated_ns = 0
-        self._lasted_ns = 0  # that it deviated, without the time in which nothing was checked
+        self._lasted_ns = 0  # duration of the deviation without unchecked time
         self._first_ns: int | None = None
         self._count = 0
         self._agrees_ns: int | None = None
         self._agreed_ns = self._agreements = 0
 
     def update(self, t_ns: int, deviates: bool | None) -> bool:
-        """Whether a refusal is in force.  deviates : None where the ground cannot be asked"""
+        """Whether a refusal is in force.  deviates : None where the ground cannot check"""
         if t_ns <= self._last_ns:
             return self.since_ns is not None
         self._last_ns = t_ns
@@ -59,7 +58,7 @@ class DeviationMemory:
 
     @property
     def agreements(self) -> int:
-        """Samples running that agreed, of those that the ground checked."""
+        """Consecutive agreeing samples, of those that the ground checked."""
         return 0 if self._agrees_ns is None else self._agreements
 
     def _miss_check(self, t_ns: int) -> None:

@@ -1,11 +1,11 @@
-"""What one altimeter should measure now: the sensor that the configuration describes, over the ground that is known.
+"""Expected measurement of one altimeter: the configured sensor over the known ground.
 
     laser                    a pencil along its mounting
     radar, model "nearest"   the nearest return in its beam (217 rays)
     radar, model "beam"      antenna, radar equation and leading edge (2051 rays)
 
-Where the ground cannot be asked the reason is said; a height is then what it is without a ground.  Where the beam meets
-no ground as far as it was cast, the range is at least that (``NoGround``).
+Where the ground is not available, a reason is returned, and heights are computed without ground.  Where the beam meets
+no ground within the cast range, the measured range is at least that (``NoGround``).
 """
 
 from __future__ import annotations
@@ -47,11 +47,11 @@ Array = NDArray[np.float64]
 
 #: One sigma of a heading [rad].
 HEADING_SD = math.radians(1.0)
-#: Nobody flies higher [m].
+#: Maximum plausible altitude [m].
 MAX_ALT_M = 1e5
-#: A beam that is tilted by more tells nothing where it meets no ground [cosine].
+#: A missing ground is inconclusive for a beam tilted by more [cosine].
 MIN_COSINE = 0.5
-#: So much farther than the altimeter may range is looked for what it should say: a share.
+#: Factor on the maximum range of the altimeter up to which rays are cast.
 CAST_MARGIN = 1.5
 #: Rings of rays of a nearest return: 217 rays.
 RINGS = 8
@@ -67,7 +67,7 @@ REASONS = {
     Validity.BURIED: Reason.HEIGHT_ERROR,
     Validity.UNKNOWN: Reason.NO_POSITION,
 }
-#: The ground lies farther away than the rays were cast.
+#: The ground lies beyond the cast range.
 NO_GROUND_VALIDITIES = frozenset({Validity.NO_RETURN, Validity.TOO_FAR})
 
 
@@ -79,11 +79,11 @@ class RangeModel(ABC):
         """Range [m], unit vector of its ray in the sensor frame, dispersion [m] and validity at one pose."""
 
     def model_sd(self, origin_l: Array, mat_ls: Array, slant_range: float) -> float:
-        """One sigma of the range by the receiver, which may be another than the model's [m]."""
+        """One sigma of the range by the difference of the real receiver from the model [m]."""
         return 0.0
 
     def is_at_edge(self, ray_s: Array) -> bool:
-        """Whether a ray lies at the edge of the beam, and turns with it; no other beam has one that is sharp."""
+        """Whether a ray lies at the sharp edge of the beam, and turns with it."""
         return False
 
 
@@ -96,12 +96,12 @@ class PencilRangeModel(RangeModel):
 
     def predict(self, origin_l: Array, mat_ls: Array, vel_l: Array) -> tuple[float, Array, float, Validity]:
         """Along the boresight."""
-        found, what = scalar_kernels.pencil_range(self._pyramid, origin_l, mat_ls, self._max_range)
-        return found, self._boresight, 0.0, Validity(what)
+        slant_range, outcome = scalar_kernels.pencil_range(self._pyramid, origin_l, mat_ls, self._max_range)
+        return slant_range, self._boresight, 0.0, Validity(outcome)
 
 
 class RadarRangeModel(RangeModel):
-    """An altimeter whose receiver is not known."""
+    """A radar altimeter with an unknown receiver."""
 
     def __init__(self, pyramid: Pyramid, beam_width: float) -> None:
         self._pyramid, self._receivers = pyramid, PossibleReceivers(beam_width)
@@ -113,7 +113,7 @@ class RadarRangeModel(RangeModel):
 
 
 class NearestReturnModel(RadarRangeModel):
-    """A radar whose beam's edge is the threshold."""
+    """A radar that measures its nearest return inside a sharp beam."""
 
     def __init__(self, pyramid: Pyramid, beam_width: float, max_range: float) -> None:
         super().__init__(pyramid, beam_width)
@@ -123,15 +123,15 @@ class NearestReturnModel(RadarRangeModel):
 
     def predict(self, origin_l: Array, mat_ls: Array, vel_l: Array) -> tuple[float, Array, float, Validity]:
         """The nearest return."""
-        found, x, y, spread, what = scalar_kernels.nearest(
+        slant_range, x, y, spread, outcome = scalar_kernels.nearest_return(
             self._pyramid, origin_l, mat_ls, self._angles, self._rays, self._half, self._max_range
         )
         off = math.hypot(x, y)
         scale = math.sin(off) / off if off > 0.0 else 1.0
-        return found, np.array([x * scale, y * scale, math.cos(off)]), spread, Validity(what)
+        return slant_range, np.array([x * scale, y * scale, math.cos(off)]), spread, Validity(outcome)
 
     def is_at_edge(self, ray_s: Array) -> bool:
-        """Beyond it nothing is heard."""
+        """Whether the ray lies on the cone of half the beam width."""
         return bool(ray_s[2] <= math.cos(AT_EDGE * self._half))
 
 
@@ -148,20 +148,20 @@ class WholeBeamModel(RadarRangeModel):
 
 
 def max_cast_range(altimeter: Altimeter) -> float:
-    """How far its rays are cast [m]; the whole beam has the bins of its range."""
+    """Cast range of its rays [m]; that of the whole beam is limited by its bins."""
     return altimeter.range_m[1] * (1.0 if altimeter.kind == "radar" and altimeter.model == "beam" else CAST_MARGIN)
 
 
 def make_range_model(altimeter: Altimeter, terrain: Terrain) -> RangeModel:
-    """The instrument that a configuration describes."""
-    farthest, width = max_cast_range(altimeter), math.radians(altimeter.beam_deg)
+    """The range model of a configured altimeter."""
+    max_range, width = max_cast_range(altimeter), math.radians(altimeter.beam_deg)
     if altimeter.kind == "laser":
-        return PencilRangeModel(terrain.pyramid, farthest)
+        return PencilRangeModel(terrain.pyramid, max_range)
     if altimeter.model == "beam":
         edge, antenna = edge_at(altimeter.threshold_db), cosine_antenna(width, width)
         sensor = RadarAltimeter(antenna=antenna, edge=edge, max_range=altimeter.range_m[1])
         return WholeBeamModel(terrain, sensor)
-    return NearestReturnModel(terrain.pyramid, width, farthest)
+    return NearestReturnModel(terrain.pyramid, width, max_range)
 
 
 class AltimeterPredictor:
@@ -180,8 +180,8 @@ class AltimeterPredictor:
         self._bias, self._scale = device.altimeter.bias_m, device.altimeter.scale
         self._max_cast_range = max_cast_range(device.altimeter)
 
-    def at(self, nav: NavState, range_sd: float | None) -> ExpectedSampleOrReason:
-        """What it should measure; or why that cannot be told.  range_sd : of the instrument [m]"""
+    def predict(self, nav: NavState, range_sd: float | None) -> ExpectedSampleOrReason:
+        """The expected sample, or why it is unknown.  range_sd : of the instrument [m]"""
         position, attitude = nav.position, nav.attitude
         if position is None or attitude is None:
             return Reason.NO_POSITION if position is None else Reason.NO_ATTITUDE
@@ -197,7 +197,7 @@ class AltimeterPredictor:
         )
         vel_n = np.array([v or 0.0 for v in (position.north, position.east, position.down)])
         origin_l = at_l + mat_ln @ lever_n
-        found, ray_s, spread, validity = self._range_model.predict(origin_l, mat_ls, mat_ln @ vel_n)
+        slant_range, ray_s, spread, validity = self._range_model.predict(origin_l, mat_ls, mat_ln @ vel_n)
         ground_sd = self._ground.sd_at(float(at_l[0]), float(at_l[1]))
         instrument = stated_sd(range_sd, RANGE_SD_UNKNOWN)
         if validity is not Validity.VALID:
@@ -205,12 +205,15 @@ class AltimeterPredictor:
             if validity not in NO_GROUND_VALIDITIES or cosine < MIN_COSINE:
                 return REASONS[validity]
             return self._no_ground(cosine, self._sds(position, attitude, instrument, ground_sd))
-        model_sd = self._range_model.model_sd(origin_l, mat_ls, found)
-        instrument = math.hypot(instrument, stated_sd(model_sd, MAX_SD), self._turn_sd(found, attitude))
+        model_sd = self._range_model.model_sd(origin_l, mat_ls, slant_range)
+        instrument = math.hypot(instrument, stated_sd(model_sd, MAX_SD), self._turn_sd(slant_range, attitude))
         sds = self._sds(position, attitude, instrument, ground_sd)
         stays = self._nearest and not self._range_model.is_at_edge(ray_s)
-        told = scalar_kernels.told(self._pyramid, at_l, mat_ln, lever_n, found, mat_ls @ ray_s, sds, stays)
-        return self._expected(found, spread, told)
+        ray_l = mat_ls @ ray_s
+        outputs = scalar_kernels.height_and_variances(
+            self._pyramid, at_l, mat_ln, lever_n, slant_range, ray_l, sds, stays
+        )
+        return self._expected_sample(slant_range, spread, outputs)
 
     def _no_ground(self, cosine: float, sds: Array) -> NoGround:
         """Sigma over level ground: of the altitude with 1 / cos, of the tilt with range tan.  sds : see ``_sds``"""
@@ -219,10 +222,10 @@ class AltimeterPredictor:
         sd = math.hypot(instrument, math.hypot(vertical, ground_sd) / cosine, by_tilt)
         return NoGround(self._scale * self._max_cast_range + self._bias, sd)
 
-    def _expected(self, found: float, spread: float, told: Array) -> ExpectedSample:
-        height, cosine, incidence, range_sd, height_sd, ground_sd = told.tolist()
+    def _expected_sample(self, slant_range: float, spread: float, outputs: Array) -> ExpectedSample:
+        height, cosine, incidence, range_sd, height_sd, ground_sd = outputs.tolist()
         return ExpectedSample(
-            slant_range=self._scale * found + self._bias,
+            slant_range=self._scale * slant_range + self._bias,
             range_sd=range_sd,
             height=height,
             height_sd=height_sd,
@@ -233,13 +236,13 @@ class AltimeterPredictor:
             compensation=Compensation.BEAM if self._nearest else Compensation.RANGE,
         )
 
-    def _turn_sd(self, found: float, attitude: AttitudeState) -> float:
-        """One sigma of the predicted range by what the tilt's error is not linear in [m]."""
+    def _turn_sd(self, slant_range: float, attitude: AttitudeState) -> float:
+        """One sigma of the predicted range by the nonlinear effect of the tilt error [m]."""
         tilt = tilt_of(self._mounting, attitude.roll, attitude.pitch)
-        return nonlinear_tilt_sd(found, tilt, self._mounting.half_beam, _tilt_sd(attitude))
+        return nonlinear_tilt_sd(slant_range, tilt, self._mounting.half_beam, _tilt_sd(attitude))
 
     def _sds(self, position: PositionState, attitude: AttitudeState, instrument: float, ground_sd: float) -> Array:
-        """As ``at_once.told`` takes them."""
+        """In the order of ``scalar_kernels.height_and_variances``."""
         level = stated_sd(position.horizontal_sd, POSITION_SD_UNKNOWN)
         high = stated_sd(position.vertical_sd, POSITION_SD_UNKNOWN)
         tilt = _tilt_sd(attitude)
@@ -252,11 +255,9 @@ def _tilt_sd(attitude: AttitudeState) -> float:
 
 
 def warm_up(device: Device, ground: Ground) -> None:
-    """Compile what a prediction needs, or load it from the cache: one pose above the middle of the ground, and one
-    below it, where a beam is no ordinary one.
-    """
-    frame, expectation = ground.terrain.frame, AltimeterPredictor(device, ground)
+    """Compile the kernels of a prediction, or load them from the cache: a pose above the ground and one below it."""
+    frame, predictor = ground.terrain.frame, AltimeterPredictor(device, ground)
     up = float(np.nan_to_num(ground.terrain.height(frame.lat0, frame.lon0)))
     for alt in (up + 100.0, up - 100.0):
         position = PositionState(frame.lat0, frame.lon0, alt, None, None, 0.0, 0.0, 0.0, 0)
-        expectation.at(NavState(0, AttitudeState(0.0, 0.0, 0.0, None, None), position, None, None), None)
+        predictor.predict(NavState(0, AttitudeState(0.0, 0.0, 0.0, None, None), position, None, None), None)

@@ -1,4 +1,4 @@
-"""What the known ground predicts for one sample of an altimeter (made by ``fti.nav.altimetry.expected_range``)."""
+"""Prediction of one altimeter sample over known ground (computed by ``fti.nav.altimetry.expected_range``)."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from fti.types import Compensation, Reason
 
 @dataclass(frozen=True, slots=True)
 class ExpectedSample:
-    """What is expected of one sample.
+    """The prediction of one sample.
 
-    slant_range, range_sd : what the altimeter should say [m], and one sigma of measured minus predicted [m]
+    slant_range, range_sd : range that the altimeter should measure [m], and one sigma of measured minus predicted [m]
     height, height_sd     : of P over the ground straight below, by navigation alone; sigma of the compensated one [m]
-    ground_sd             : see ``nadir.ground_sd`` [m]
+    ground_sd             : see ``nadir_height.ground_sd`` [m]
     dispersion, incidence : of the ranges across the beam [m], of the ray on the ground [rad]
     cosine                : of the angle between the ray and the plumb line
     compensation          : how a range becomes a height
@@ -50,5 +50,5 @@ class NoGround:
     range_sd: float
 
 
-#: What is predicted; or the reason why nothing is.
+#: The prediction, or the reason why there is none.
 ExpectedSampleOrReason = ExpectedSample | NoGround | Reason

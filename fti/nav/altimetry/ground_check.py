@@ -1,13 +1,14 @@
-"""Two altimeters that agree with each other against the known ground: then altitude or terrain is wrong.
+"""Detects a wrong altitude or terrain: two altimeters agree with each other and contradict the known ground.
 
 A radar and a laser measure by different physics.  When both deviate from their predicted ranges, beyond their gates, to
 the same side, and by the same amount within the limits of two altimeters (``agreement``), for 2 s and five comparisons,
-the altitude or the elevation is wrong, not they.  From then on neither is compared with the ground (``unchecked`` has
-GROUND_CONTRADICTED): their heights are compensated for attitude, with an assumed relief, as over unknown ground.  They
-do not aid the filter.  That ends when they have not deviated alike for 2 s, or could not be compared for 60 s.
+the altitude or the elevation is wrong, not the altimeters.  From then on neither is compared with the ground
+(``unchecked`` has GROUND_CONTRADICTED): their heights are compensated for attitude, with an assumed relief, as over
+unknown ground.  They do not aid the filter.  This ends when they have not deviated alike for 2 s, or could not be
+compared for 60 s.
 
-Two altimeters of one kind may have one cause of their error in common (fog, a configured bias) and prove nothing.
-Source: section 1 of the specification of fault detection (second altimeter); times are stated.
+Two altimeters of one kind may share a cause of error (fog, a configured bias) and prove nothing.
+Source: section 1 of the specification of fault detection (second altimeter); times are chosen.
 """
 
 from __future__ import annotations
@@ -24,17 +25,17 @@ from fti.nav.altimetry.validity import deviation_gate
 from fti.nav.time_series import SECOND_NS
 from fti.types import Event, HeightAboveGround, Reason
 
-#: Deviations alike for so long, and so often, before the ground is doubted; not alike for so long until it is not.
+#: Duration and number of equal deviations that contradict the ground; time without them that ends this [ns].
 BEGIN_NS, BEGIN_COUNT, END_NS = 2 * SECOND_NS, 5, 2 * SECOND_NS
-#: Samples of two altimeters are compared when they are no farther apart [ns].
+#: Maximum time between compared samples of two altimeters [ns].
 MAX_SEPARATION_NS = SECOND_NS // 2
-#: Samples are kept for so long: those of an altimeter with a greater latency come later [ns].
+#: Samples are stored for this time, because those of the other altimeter may come later [ns].
 HISTORY_NS = 2 * SECOND_NS
-#: Comparisons that are farther apart do not follow each other [ns].
+#: Maximum time between consecutive comparisons [ns].
 MAX_GAP_NS = 5 * SECOND_NS // 2
-#: Without a comparison the doubt ends after this time [ns].
+#: Without a comparison the contradiction ends after this time [ns].
 MAX_UNCOMPARED_NS = 60 * SECOND_NS
-#: Reasons of an altimeter that measures, and that the ground contradicts.
+#: Reasons of an altimeter with a valid range that contradicts the ground.
 RANGE_REASONS = frozenset({Reason.DEVIATION, Reason.NOT_NADIR, Reason.DISPERSION, Reason.CHANGE_MISMATCH})
 
 
@@ -42,7 +43,7 @@ RANGE_REASONS = frozenset({Reason.DEVIATION, Reason.NOT_NADIR, Reason.DISPERSION
 class _Deviation:
     """Measured minus predicted range [m] of a sample at ``t_ns``; its sigma and the measured range [m].
 
-    is_beyond : the gate
+    is_beyond : whether it is outside the gate
     """
 
     t_ns: int
@@ -53,7 +54,7 @@ class _Deviation:
 
 
 def _deviation(height: HeightAboveGround, limits: Altimeter) -> _Deviation | None:
-    """Of a height that is a range and has a prediction; None of another."""
+    """The deviation of a height with a range and a prediction; None for another."""
     if not RANGE_REASONS.issuperset(height.reasons) or height.raw is None or height.t_valid_ns is None:
         return None
     if height.predicted is None or height.predicted_sd is None:
@@ -63,19 +64,19 @@ def _deviation(height: HeightAboveGround, limits: Altimeter) -> _Deviation | Non
     return _Deviation(height.t_valid_ns, value, height.nearest_sd or 0.0, height.raw, is_beyond)
 
 
-def _keep(kept: deque[_Deviation], found: _Deviation) -> None:
-    """Append the newest; forget what is older than ``HISTORY_NS``."""
-    if kept and found.t_ns <= kept[-1].t_ns:
+def _append(samples: deque[_Deviation], deviation: _Deviation) -> None:
+    """Append the newest; remove samples older than ``HISTORY_NS``."""
+    if samples and deviation.t_ns <= samples[-1].t_ns:
         return
-    kept.append(found)
-    while found.t_ns - kept[0].t_ns > HISTORY_NS:
-        kept.popleft()
+    samples.append(deviation)
+    while deviation.t_ns - samples[0].t_ns > HISTORY_NS:
+        samples.popleft()
 
 
-def _nearest(kept: deque[_Deviation], t_ns: int) -> _Deviation:
-    """Of samples in the order of their times the nearest to ``t_ns``; looked for from the newest on."""
-    nearest = kept[-1]
-    for one in reversed(kept):
+def _nearest(samples: deque[_Deviation], t_ns: int) -> _Deviation:
+    """The sample nearest to ``t_ns``; searched from the newest on."""
+    nearest = samples[-1]
+    for one in reversed(samples):
         if abs(one.t_ns - t_ns) > abs(nearest.t_ns - t_ns):
             break
         nearest = one
@@ -91,7 +92,7 @@ def _are_alike(first: _Deviation, second: _Deviation) -> bool:
 
 
 class _Pair:
-    """A radar and a laser.  is_doubted : the ground below both"""
+    """A radar and a laser.  is_contradicted : whether both contradict the ground"""
 
     def __init__(self, names: tuple[str, str]) -> None:
         self.names = names
@@ -101,7 +102,7 @@ class _Pair:
         self._count = 0
 
     def compare(self, first: _Deviation, second: _Deviation) -> None:
-        """Take two samples of about the same time."""
+        """Compare two samples of about the same time."""
         t_ns = max(first.t_ns, second.t_ns)
         if abs(first.t_ns - second.t_ns) > MAX_SEPARATION_NS or t_ns <= self._compared_ns:
             return
@@ -118,35 +119,35 @@ class _Pair:
             self._since_ns, self._count = None, 0
 
     def expire(self, t_ns: int) -> None:
-        """Without a comparison for so long nothing is known any more."""
+        """End a contradiction that has been without a comparison for too long."""
         if t_ns - self._compared_ns > MAX_UNCOMPARED_NS:
             self.is_contradicted, self._since_ns, self._count = False, None, 0
 
 
 class GroundCheck:
-    """All pairs of a radar and a laser.  limits : of each altimeter by its name
+    """All pairs of a radar and a laser.  limits : by name of the altimeter
 
-    It takes heights before altimeters are compared with each other: unmapped ground makes them disagree, too.
+    It runs before altimeters are compared with each other: unmapped ground makes them disagree, too.
     """
 
     def __init__(self, limits: Mapping[str, Altimeter]) -> None:
         self._limits = limits
         self._pairs = [_Pair(pair) for pair in combinations(limits, 2) if len({limits[n].kind for n in pair}) == 2]
-        self._kept: dict[str, deque[_Deviation]] = {name: deque() for name in limits}
+        self._samples: dict[str, deque[_Deviation]] = {name: deque() for name in limits}
         self.contradicted: frozenset[str] = frozenset()
 
     def update(self, height: HeightAboveGround) -> list[Event]:
-        """Take a height.  Events where the doubt of the ground below an altimeter begins or ends."""
+        """Add a height; returns events when a contradiction of the ground below an altimeter begins or ends."""
         pairs = [pair for pair in self._pairs if height.sensor in pair.names]
         if not pairs:
             return []
-        found = _deviation(height, self._limits[height.sensor])
-        if found is not None:
-            _keep(self._kept[height.sensor], found)
+        deviation = _deviation(height, self._limits[height.sensor])
+        if deviation is not None:
+            _append(self._samples[height.sensor], deviation)
         for pair in pairs:
-            kept = [self._kept[name] for name in pair.names]
-            if found is not None and all(kept):
-                pair.compare(*(_nearest(each, found.t_ns) for each in kept))
+            samples = [self._samples[name] for name in pair.names]
+            if deviation is not None and all(samples):
+                pair.compare(*(_nearest(each, deviation.t_ns) for each in samples))
             pair.expire(height.t_valid_ns or height.t_ns)
         before, self.contradicted = self.contradicted, _names(pair for pair in self._pairs if pair.is_contradicted)
         return [
@@ -155,7 +156,7 @@ class GroundCheck:
         ]
 
     def _begin(self, t_ns: int, name: str) -> Event:
-        off = self._kept[name][-1].value
+        off = self._samples[name][-1].value
         text = f"altitude or terrain is wrong: {off:+.0f} m against it and another altimeter that agree"
         return Event(t_ns=t_ns, level="warning", source=name, text=f"{text}; it is not compared with the ground")
 

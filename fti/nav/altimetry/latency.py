@@ -1,21 +1,21 @@
-"""How late an altimeter speaks, and over how long it averages: its ranges beside those that it should have measured.
+"""Estimates latency and averaging time of an altimeter from its ranges and the predicted ones.
 
     y(t) = c + b t + g (1/W) int_{-W/2}^{W/2} r(t - tau + s) ds + noise
 
-    y   measured, at the times at which it is believed to have been true
-    r   what should have been measured (``fti.nav.altimetry.range_prediction``), over the same flight and beyond its ends
-    tau latency: by how much the middle of the averaging lies before that time;  W its length
-    c, b, g what the sensor and the elevation are off, how that drifts, and a scale: it takes what errors of r would
-        otherwise make of W, for a noisy r looks as if y were smoothed
+    y   measured ranges at their validity times
+    r   predicted ranges (``fti.nav.altimetry.range_prediction``) of the same flight and beyond its ends
+    tau latency: time from the middle of the averaging to the validity time;  W length of the averaging
+    c, b, g bias and drift of sensor and elevation, and a scale, which absorbs the effect that errors of r would
+        otherwise have on W: with a noisy r, y looks smoothed
 
-A device that stamps the end of its averaging is late by W / 2 at least.  100 ms are 6 m along the track at 60 m/s, and
-what that is in height is the ground's slope times as much.
+A device that stamps the end of its averaging is late by at least W / 2.  100 ms are 6 m along the track at 60 m/s; the
+height error is the slope of the ground times this.
 
-The lag is first looked for where the cross-correlation of y and r is largest, then all five are found together by least
-squares (Gauss-Newton).  W enters by its square: near 0 its effect is W^2 / 24 r'', and W^2 may come out negative, as an
-estimate of nothing must half of the time.  Sigma is that of least squares with residuals that are correlated within
-blocks of ``BLOCK_S`` and not between them (cluster-robust: Liang and Zeger 1986; degrees of freedom counted in blocks):
-errors of an elevation model last for hundreds of metres.  Ranges more than 5 robust sigma off are left out.
+The first lag is that of the largest cross-correlation of y and r.  Then all five parameters are estimated by least
+squares (Gauss-Newton).  W enters by its square: near 0 its effect is W^2 / 24 r'', and the estimate of W^2 may be
+negative.  Sigma is that of least squares with residuals correlated within blocks of ``BLOCK_S`` and not between them
+(cluster-robust: Liang and Zeger 1986; degrees of freedom counted in blocks): errors of an elevation model extend over
+hundreds of metres.  Ranges more than 5 robust sigma off are excluded.
 
 Source: none of the five gives a method; the estimator is that of a regression on a delayed, averaged series.
 """
@@ -30,26 +30,26 @@ from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
-#: Blocks that the residuals are independent between [s], and how many there must be.
+#: Length of the blocks between which residuals are independent [s], and their minimum number.
 BLOCK_S, MIN_BLOCKS = 10.0, 8
-#: Steps of the search for the lag, and of Gauss-Newton; distance of the samples of r.
+#: Step of the lag search [s], iterations of Gauss-Newton, spacing of the samples of r [s].
 LAG_STEP_S, STEPS, FINE_S = 0.02, 12, 0.01
-#: Longer without a prediction is a gap [s]: what was measured there is left out.
+#: Maximum gap of the prediction [s]: ranges in a longer one are excluded.
 GAP_S = 1.0
-#: Robust sigma beyond which a range is left out; 1.4826 times the median of the sizes is one sigma of a Gaussian.
+#: Limit of outliers [robust sigma]; 1.4826 times the median absolute value is one sigma of a Gaussian.
 OUTLIER_SIGMAS, MAD_TO_SIGMA = 5.0, 1.4826
-#: Shorter averaging is taken as none [s]: a difference of integrals would be rounding.
+#: Shorter averaging counts as none [s], to avoid rounding errors of a difference of integrals.
 _MIN_AVERAGING_S = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
 class LatencyEstimate:
-    """What was found.
+    """Result of the estimation.
 
     latency, latency_sd     : tau and its one sigma [s]; positive is late
-    averaging, averaging_sd : W and its one sigma [s]; 0 where W^2 came out negative, with what cannot be told from 0
+    averaging, averaging_sd : W and its one sigma [s]; 0 where the estimated W^2 is negative
     correlation             : of measured and predicted at the best lag, trends taken out, -1 to 1
-    count                   : ranges that were used
+    count                   : number of ranges used
     """
 
     latency: float
@@ -65,11 +65,11 @@ def estimate_latency(
 ) -> LatencyEstimate | None:
     """Latency and averaging of an altimeter from one flight.
 
-    t, measured            : (n,) [s], [m]; in any order, NaN where there is nothing
-    t_predicted, predicted : (m,) [s], [m]; 10 Hz or more; between, a cubic joins them
+    t, measured            : (n,) [s], [m]; in any order, NaN where missing
+    t_predicted, predicted : (m,) [s], [m]; 10 Hz or more; interpolated by a cubic
     max_lag                : the latency lies within +- this [s]
-    Returns                : None where it cannot be told: fewer than 8 blocks of 10 s with ranges, ground without
-                             relief, or a lag at the end of what was looked at
+    Returns                : None where it is not observable: fewer than 8 blocks of 10 s with ranges, ground without
+                             relief, or a lag at the limit of the search
     """
     reference = _ReferenceSeries.of(t_predicted, predicted)
     times, ranges = _sort_finite(t, measured)
@@ -88,10 +88,10 @@ def estimate_latency(
 
 @dataclass(frozen=True, eq=False)
 class _ReferenceSeries:
-    """A piecewise linear series and its integral; less its mean, which keeps differences of integrals exact.
+    """A piecewise linear series and its integral, without its mean, to keep differences of integrals exact.
 
-    Straight lines between samples dt apart smooth as much as an averaging over sqrt(2) dt would: so a cubic (Hermite,
-    slopes by differences) first puts samples ``FINE_S`` apart.
+    Linear interpolation between samples dt apart smooths as an averaging over sqrt(2) dt does.  Therefore a cubic
+    (Hermite, slopes by differences) first resamples to ``FINE_S``.
     """
 
     t: Array
@@ -100,17 +100,17 @@ class _ReferenceSeries:
 
     @classmethod
     def of(cls, t: ArrayLike, values: ArrayLike) -> _ReferenceSeries | None:
-        times, kept = _sort_finite(t, values)
+        times, numbers = _sort_finite(t, values)
         times, first = np.unique(times, return_index=True)
         if len(times) < 3:
             return None
         fine = _fine_times(times)
-        smooth = _cubic(fine, times, kept[first] - np.mean(kept[first]))
+        smooth = _cubic(fine, times, numbers[first] - np.mean(numbers[first]))
         steps = 0.5 * (smooth[1:] + smooth[:-1]) * np.diff(fine)
         return cls(fine, smooth, np.concatenate(([0.0], np.cumsum(steps))))
 
     def covers(self, t: Array, reach: float) -> NDArray[np.bool_]:
-        """Whether the series goes on without a gap from ``reach`` before each time to as long behind it."""
+        """Whether the series has no gap within +- ``reach`` of each time."""
         gaps = np.concatenate(([0], np.cumsum(np.diff(self.t) > GAP_S)))
         first, last = (np.searchsorted(self.t, at) for at in (t - reach, t + reach))
         inside = (first > 0) & (last < len(self.t))
@@ -120,7 +120,7 @@ class _ReferenceSeries:
         return np.interp(t, self.t, self.values)
 
     def average(self, t: Array, square: float) -> Array:
-        """Mean over W around t, W^2 = ``square`` [s^2]; for a negative one the value, less what W would add."""
+        """Mean over W around t, W^2 = ``square`` [s^2]; for a negative one the value minus the effect of W."""
         width = math.sqrt(abs(square))
         if width < _MIN_AVERAGING_S:
             return self.at(t)
@@ -154,7 +154,7 @@ def _cubic(at: Array, t: Array, values: Array) -> Array:
 
 
 def _sort_finite(t: ArrayLike, values: ArrayLike) -> tuple[Array, Array]:
-    """In the order of time, numbers only."""
+    """The finite samples in order of time."""
     times, numbers = np.asarray(t, dtype=np.float64).ravel(), np.asarray(values, dtype=np.float64).ravel()
     good = np.isfinite(times) & np.isfinite(numbers)
     order = np.argsort(times[good], kind="stable")
@@ -176,18 +176,18 @@ def _trend(times: Array) -> Array:
 
 
 def _detrend(trend: Array, values: Array) -> Array:
-    """Values less their trend."""
+    """Values without their trend."""
     return np.asarray(values - trend @ np.linalg.lstsq(trend, values, rcond=None)[0])
 
 
 def _best_lag(reference: _ReferenceSeries, times: Array, ranges: Array, max_lag: float) -> float | None:
     """The lag of the largest cross-correlation; None where the reference does not vary, or at the end of the search."""
     trend = _trend(times)
-    said = _detrend(trend, ranges)
+    measured = _detrend(trend, ranges)
     lags = np.linspace(-max_lag, max_lag, 2 * math.ceil(max_lag / LAG_STEP_S) + 1)
-    found = np.array([_correlation(said, _detrend(trend, reference.at(times - lag))) for lag in lags])
-    best = int(np.argmax(found))
-    return float(lags[best]) if found[best] > 0.0 and 0 < best < len(lags) - 1 else None
+    correlations = np.array([_correlation(measured, _detrend(trend, reference.at(times - lag))) for lag in lags])
+    best = int(np.argmax(correlations))
+    return float(lags[best]) if correlations[best] > 0.0 and 0 < best < len(lags) - 1 else None
 
 
 def _correlation(a: Array, b: Array) -> float:
@@ -208,24 +208,24 @@ def _refine(
     """Gauss-Newton in tau and W^2 from the best lag on; c, b and g are linear."""
     trend, square = _trend(times), 0.0
     for _ in range(STEPS):
-        found = np.linalg.lstsq(_columns(reference, times, trend, lag, square), ranges, rcond=None)[0]
-        if not found[2] > 0.0:
+        solution = np.linalg.lstsq(_columns(reference, times, trend, lag, square), ranges, rcond=None)[0]
+        if not solution[2] > 0.0:
             return None
-        lag = float(np.clip(lag + found[3] / found[2], -max_lag, max_lag))
-        square = float(np.clip(square + found[4] / found[2], -(max_lag**2), max_lag**2))
+        lag = float(np.clip(lag + solution[3] / solution[2], -max_lag, max_lag))
+        square = float(np.clip(square + solution[4] / solution[2], -(max_lag**2), max_lag**2))
     columns = _columns(reference, times, trend, lag, square)
     linear = np.linalg.lstsq(columns[:, :3], ranges, rcond=None)[0]
     cov = _robust_cov(columns * [1.0, 1.0, 1.0, linear[2], linear[2]], ranges - columns[:, :3] @ linear, _blocks(times))
     if cov is None or abs(lag) >= max_lag:
         return None
-    said = _correlation(_detrend(trend, ranges), _detrend(trend, columns[:, 2]))
+    correlation = _correlation(_detrend(trend, ranges), _detrend(trend, columns[:, 2]))
     square_sd, width = math.sqrt(cov[4, 4]), math.sqrt(max(square, 0.0))
     width_sd = square_sd / (2.0 * max(width, math.sqrt(square_sd)))
-    return LatencyEstimate(lag, math.sqrt(cov[3, 3]), width, width_sd, said, len(times))
+    return LatencyEstimate(lag, math.sqrt(cov[3, 3]), width, width_sd, correlation, len(times))
 
 
 def _columns(reference: _ReferenceSeries, times: Array, trend: Array, lag: float, square: float) -> Array:
-    """What c, b and g stand before, and the derivatives by tau and W^2 over g, by differences: (n, 5)."""
+    """The factors of c, b and g, and the derivatives by tau and W^2 over g, by differences: (n, 5)."""
     at, h, h2 = times - lag, 0.5 * LAG_STEP_S, 4.0 * LAG_STEP_S**2
     by_lag = (reference.average(at - h, square) - reference.average(at + h, square)) / (2.0 * h)
     by_square = (reference.average(at, square + h2) - reference.average(at, square - h2)) / (2.0 * h2)
@@ -233,7 +233,7 @@ def _columns(reference: _ReferenceSeries, times: Array, trend: Array, lag: float
 
 
 def _robust_cov(jacobian: Array, rest: Array, blocks: NDArray[np.int64]) -> Array | None:
-    """Covariance of the parameters, residuals correlated within blocks; None where they cannot be told apart."""
+    """Covariance of the parameters, residuals correlated within blocks; None where they are not separable."""
     normal = jacobian.T @ jacobian
     if np.linalg.cond(normal / np.sqrt(np.outer(np.diag(normal), np.diag(normal)) + 1e-300)) > 1e12:
         return None

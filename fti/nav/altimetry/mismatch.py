@@ -1,24 +1,22 @@
 """Drifting and scaled altimeters: changes that do not match the predicted ones over known ground.
 
-The mean of measured minus predicted over 0.5 s is compared with such means of 2 to 10 s before.  A constant error of
-place, height or elevation cancels.  A refusal begins when four means running differ each from five of before by more
-than 5 sigma, so that a place which is not as it is known proves nothing: neither an obstacle of 1.5 s nor a wood of 2.
-It ends
-- when the means of 2 s are again within 3 sigma of what they were before (the reference), with a sigma of no more than
-  twice that of then;
-- when over 10 s, in which the predicted range changes by 9 sigma or more, nothing contradicts;
-- when the means of 10 s are within 2 sigma, of 5 m at most, of the predicted range itself: it may have been wrong
-  before and not now;
+Means of measured minus predicted range over 0.5 s are compared with earlier means of 2 to 10 s before.  A constant
+error of position, height or elevation cancels.  A refusal begins when each of four consecutive means differs from five
+earlier ones by more than 5 sigma, so that an unknown obstacle of 1.5 s or a wood of 2 s causes none.  It ends
+- when the means of 2 s are again within 3 sigma of the earlier mean (the reference), with at most twice its sigma;
+- when nothing contradicts over 10 s in which the predicted range changes by 9 sigma or more;
+- when the means of 10 s are within 2 sigma, of 5 m at most, of the predicted range itself: the earlier means may have
+  been wrong;
 - when the ground was unknown for 60 s.
-But for the first, an offset remains, from the reference or from the prediction, whichever is smaller: it is a sigma of
-the height (``offset_sd``) until the means of 2 s are within 3 sigma of the reference, for 10 minutes at most.
-Neither a gap in the samples nor another source of the position ends it.  After another source the reference is moved by
-the step between the means before and after it.
+Except after the first case, an offset from the reference or from the prediction, whichever is smaller, remains: it is
+added to the sigma of the height (``offset_sd``) until the means of 2 s are within 3 sigma of the reference, for at most
+10 minutes.  Neither a gap in the samples nor another source of the position ends it.  After a change of the source the
+reference is moved by the step between the means before and after it.
 
-Sigma of a difference: ``observation``, at both ends, and 0.15 m/s of vertical velocity.  Of the changes with the
-altitude of the position and with the integral of the climb rate the smaller counts; after more than 10 s the altitude
-alone, for the integral drifts.
-Without known ground a slope of the ground and a drift look alike: nothing is judged.
+Sigma of a difference: ``observation``, at both ends, and 0.15 m/s of vertical velocity.  The change is computed with
+the altitude of the position and with the integral of the climb rate; the smaller one counts.  After more than 10 s only
+the altitude counts, because the integral drifts.
+Without known ground a slope of the ground and a drift look alike: nothing is tested.
 Limits by measurement: docs/decisions/0033-altimeters-by-their-change.md.
 """
 
@@ -32,24 +30,25 @@ from itertools import pairwise
 from fti.nav.altimetry.observation import AltimeterObservation
 from fti.nav.time_series import SECOND_NS
 
-#: A longer hole in the samples begins a new mean [ns].
+#: A longer gap in the samples begins a new mean [ns].
 MAX_HOLE_NS = 2 * SECOND_NS
 #: Means of the residual are taken over this time, and compared over these ages [ns].
 BLOCK_NS, MIN_AGE_NS, MAX_AGE_NS = SECOND_NS // 2, 2 * SECOND_NS, 10 * SECOND_NS
-#: Limits of a mismatch in sigmas: to begin, and to be within the value of before.
+#: Limits of a mismatch [sigmas]: to begin, and to be within the earlier value.
 BEGIN_SIGMAS, END_SIGMAS = 5.0, 3.0
-#: Means whose sigma has grown by more agree with nothing of before.  Stated.
+#: Means whose sigma has grown by more do not agree with earlier ones.  Chosen.
 MAX_SD_GROWTH = 2.0
-#: Predicted change over the window, in sigmas, that proves an altimeter which follows it.
+#: Predicted change over the window that proves an altimeter correct if it follows [sigmas].
 PROOF_SIGMAS = 9.0
-#: Blocks running that contradict before a refusal begins, each so many of before; and that agree before it ends.
+#: Consecutive contradicting blocks that begin a refusal, earlier blocks that each contradicts; agreeing ones that end
+#: it.
 BEGIN_BLOCKS, BEFORE_BLOCKS, END_BLOCKS = 4, 5, 4
-#: Agreement with the predicted range itself that ends a refusal [sigmas], in so many blocks running; a larger sigma of
-#: it confirms nothing [m].  Stated.
+#: Agreement with the predicted range itself that ends a refusal [sigmas], consecutive blocks, and its maximum
+#: sigma [m].  Chosen.
 CONFIRM_SIGMAS, CONFIRM_BLOCKS, MAX_CONFIRM_SD = 2.0, 20, 5.0
 #: One sigma of the vertical velocity [m/s].
 CLIMB_SD = 0.15
-#: Without known ground for longer a refusal ends; an offset that remains is kept for longer at most [ns].  Stated.
+#: Time without known ground that ends a refusal; maximum duration of a remaining offset [ns].  Chosen.
 MAX_UNKNOWN_NS, MAX_OFFSET_NS = 60 * SECOND_NS, 600 * SECOND_NS
 
 
@@ -57,7 +56,7 @@ MAX_UNKNOWN_NS, MAX_OFFSET_NS = 60 * SECOND_NS, 600 * SECOND_NS
 class _Block:
     """Means over a block of samples: time [ns], residuals by altitude and by climb [m], prediction [m], sigmas [m].
 
-    sd, absolute_sd : of a change of the residuals, and of the one by altitude itself
+    sd, absolute_sd : sigma of a change of the residuals, and of the residual by altitude itself
     """
 
     t_ns: int
@@ -94,7 +93,7 @@ class _Block:
 
 
 class MismatchTest:
-    """Measured against predicted change where the ground is known.
+    """Compares measured and predicted changes over known ground.
 
     since_ns  : middle of the first of the blocks that contradicted
     offset_sd : offset that remains after a refusal [m]; 0 without one
@@ -113,7 +112,7 @@ class MismatchTest:
         self._known_ns = self._offset_ns = 0
 
     def reset(self, *, is_source_new: bool) -> None:
-        """After a gap or with another source of the position: nothing is compared with before but the reference."""
+        """After a gap or a change of the position source only the reference is compared with earlier values."""
         self._samples.clear()
         self._blocks.clear()
         self._contradictions = self._agreements = self._confirmations = 0
@@ -158,13 +157,13 @@ class MismatchTest:
         self._newest = block
 
     def _begin(self, block: _Block) -> None:
-        found = [(block.differs(b), k) for k, b in enumerate(self._blocks) if block.t_ns - b.t_ns >= MIN_AGE_NS]
-        found = sorted(found, reverse=True)[:BEFORE_BLOCKS]
-        contradicts = len(found) == BEFORE_BLOCKS and found[-1][0] > BEGIN_SIGMAS
+        differences = [(block.differs(b), k) for k, b in enumerate(self._blocks) if block.t_ns - b.t_ns >= MIN_AGE_NS]
+        differences = sorted(differences, reverse=True)[:BEFORE_BLOCKS]
+        contradicts = len(differences) == BEFORE_BLOCKS and differences[-1][0] > BEGIN_SIGMAS
         self._contradictions = self._contradictions + 1 if contradicts else 0
         if self._contradictions >= BEGIN_BLOCKS:
             self._is_refused, self._agreements, self._confirmations, self.offset_sd = True, 0, 0, 0.0
-            self._reference = self._reference or self._blocks[found[-1][1]]
+            self._reference = self._reference or self._blocks[differences[-1][1]]
             self.since_ns = self._blocks[1 - BEGIN_BLOCKS].t_ns
 
     def _end(self, block: _Block, reference: _Block) -> None:
@@ -182,7 +181,7 @@ class MismatchTest:
             self._blocks.popleft()
 
     def _agree(self) -> None:
-        """Nothing is left of a refusal."""
+        """End a refusal without a remaining offset."""
         self._is_refused, self._reference, self._contradictions, self.offset_sd = False, None, 0, 0.0
 
     def _leave_offset(self, t_ns: int, blocks: list[_Block]) -> None:
@@ -193,7 +192,7 @@ class MismatchTest:
         self.offset_sd = min(abs(sum(each)) for each in offsets) / len(blocks)
 
     def _is_proved(self, block: _Block) -> bool:
-        """Whether a whole window without a hole agrees in which the prediction changes enough to tell."""
+        """Whether a complete window without a gap agrees in which the prediction changes enough."""
         blocks = [*self._blocks, block]
         if block.t_ns - blocks[0].t_ns < MAX_AGE_NS - BLOCK_NS:
             return False

@@ -1,4 +1,4 @@
-"""How well the ground straight below is known where the place is not known exactly."""
+"""Uncertainty of the ground height at the nadir due to the position error."""
 
 from __future__ import annotations
 
@@ -21,29 +21,29 @@ N_DIRECTIONS = 8
 
 
 def ground_sd(terrain: Terrain, points_l: ArrayLike, horizontal_sd: float) -> Array:
-    """One sigma of h(N), ndarray (n,) [m], by the error of the place: what the ground around N looks like.
+    """One sigma of h(N), ndarray (n,) [m], by the position error, from the ground around N.
 
         s^2 = mean over 8 points of (h(N + sqrt(2) horizontal_sd r) - h(N))^2,    r unit, all round
 
-    On a slope that is (slope horizontal_sd)^2, exactly; at the edge of a wood it sees the edge.  What the height of P
-    and the elevation add everywhere is not in it.
+    On a slope that is exactly (slope horizontal_sd)^2; near the edge of a wood it includes the edge.  Errors of the
+    height of P and of the elevation model are not included.
 
     points_l      : (n, 3) or (3,) [m]  P in the terrain's frame; N straight below along its axis
-    horizontal_sd : of the place against the terrain, each axis [m]
-    Returns NaN where the ground at N or around it is not known.
+    horizontal_sd : of the position against the terrain, each axis [m]
+    Returns NaN where the ground at N or around it is unknown.
     """
     east, north, _ = np.moveaxis(np.atleast_2d(np.asarray(points_l, dtype=np.float64)), -1, 0)
     turn = 2.0 * np.pi * np.arange(N_DIRECTIONS)[:, None] / N_DIRECTIONS
     radius = np.sqrt(2.0) * horizontal_sd
-    around = terrain.up(east + radius * np.sin(turn), north + radius * np.cos(turn))
-    return np.asarray(np.sqrt(np.mean((around - terrain.up(east, north)) ** 2, axis=0)))
+    heights = terrain.up(east + radius * np.sin(turn), north + radius * np.cos(turn))
+    return np.asarray(np.sqrt(np.mean((heights - terrain.up(east, north)) ** 2, axis=0)))
 
 
 def ground_below(terrain: Terrain, position: PositionState) -> tuple[float, float] | None:
-    """Height of the ground above the ellipsoid [m] at a position, and one sigma of it by the error of the place [m].
+    """Height of the ground above the ellipsoid [m] at a position, and its sigma by the position error [m].
 
-    A height of an altimeter plus that of the ground is an altitude: on a slope it is wrong by as much as the ground is
-    that was looked up elsewhere.  None where the ground there, or around as far as the place may be wrong, is unknown.
+    An altimeter height plus this ground height is an altitude; on a slope its error includes that of the ground at a
+    wrong position.  None where the ground at the position, or around it within the position error, is unknown.
     """
     ground = float(terrain.height(position.lat, position.lon))
     if not math.isfinite(ground):
@@ -56,9 +56,9 @@ def ground_below(terrain: Terrain, position: PositionState) -> tuple[float, floa
 
 @dataclass(frozen=True, slots=True)
 class AltitudeOverTerrain:
-    """A height above known ground: added up, an altitude.
+    """A height above known ground; the sum of both is an altitude.
 
-    height_agl, height_sd : of P [m]; the sigma is None where nobody states one
+    height_agl, height_sd : of P [m]; the sigma is None where it is not stated
     ground, ground_sd     : elevation below, above the ellipsoid [m]
     """
 
@@ -71,9 +71,9 @@ class AltitudeOverTerrain:
 def altitude_over_terrain(
     height: HeightAboveGround, ground: Ground | None, position: PositionState | None
 ) -> AltitudeOverTerrain | None:
-    """A height of an altimeter and the ground that it stands on; None where one of them is not known or is wrong.
+    """A height of an altimeter and the ground below it; None where one of them is unknown or wrong.
 
-    Straight down where the ground tells that height; without an altitude nothing is predicted: as over level ground.
+    The height is the nadir height where terrain gives it; without an altitude it is the height over level ground.
     """
     known, sd = height.height_agl, height.sd if height.is_by_terrain else height.nearest_sd
     below = ground_below(ground.terrain, position) if ground and position else None

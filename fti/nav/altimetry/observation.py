@@ -1,4 +1,4 @@
-"""One sample of an altimeter beside what navigation predicts for it: the input of the tests that have a memory."""
+"""One sample of an altimeter with its prediction by navigation: the input of the tests over time."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from fti.nav.altimetry.expected_sample import ExpectedSample
 from fti.nav.altimetry.sigmas import MAX_SD, POSITION_SD_UNKNOWN, RANGE_SD_UNKNOWN, stated_sd
 from fti.nav.navigation import NavState
 
-#: The part of the errors of surface and receiver that changes within seconds; the rest is an offset.  In 60 flights
-#: over hills 0.4 finds 98 % of stuck radars within 3 s and refuses one that is not, 0.6 finds 97 % and refuses none.
+#: Part of the errors of surface and receiver that changes within seconds; the rest is an offset.  In 60 flights over
+#: hills 0.4 detects 98 % of stuck radars within 3 s with one false refusal, 0.6 detects 97 % with none.
 CHANGING_SHARE = 0.5
-#: No altimeter has larger steps: a share of its value and an offset [m]; an RA-4500 has 5 %.
+#: Maximum step of an altimeter: share of its value and an offset [m]; an RA-4500 has 5 %.
 MAX_STEP_SHARE, MAX_STEP_M = 0.05, 0.3
-#: The steps of an RA-4500 grow by 2 to 4 from one range of heights to the next; so many changes are compared.
+#: Maximum growth of the step (an RA-4500 has 2 to 4 from one height range to the next); changes compared.
 MAX_GROWTH, CHANGES = 5.0, 8
 
 
@@ -24,7 +24,7 @@ class AltimeterObservation:
     """One sample of an altimeter and what navigation predicts for it.
 
     value        : as the device stated it [m]
-    predicted    : what it should be over the known ground [m]; None where the ground is unknown
+    predicted    : predicted range over known ground [m]; None over unknown ground
     sd           : one sigma of value - predicted without the error of the altitude [m]
     alt, climb   : altitude [m] and climb rate [m/s] of P; None where unknown
     source       : of position and altitude
@@ -46,7 +46,7 @@ def make_observation(
 ) -> AltimeterObservation:
     """The observation of a sample.
 
-    range_sd : of the instrument [m], None where nobody states it; expected : None where the ground is unknown
+    range_sd : of the instrument [m], None where not stated; expected : None over unknown ground
     """
     position = nav.position
     sd = stated_sd(range_sd, RANGE_SD_UNKNOWN)
@@ -65,11 +65,10 @@ def make_observation(
 
 
 def _short_term_sd(expected: ExpectedSample, instrument: float, vertical_sd: float | None) -> float:
-    """One sigma of measured minus predicted [m] by what changes within seconds.
+    """One sigma of the part of measured minus predicted [m] that changes within seconds.
 
-    The error of the altitude is nearly constant over 10 s and is left out; it enters a range with 1 / cos of a laser,
-    with cos of a nearest return, of which the smaller is taken out.  Of the errors of surface and
-    receiver a share is left.
+    The error of the altitude is nearly constant over 10 s and is removed; it enters the range of a laser with 1 / cos,
+    that of a nearest return with cos: the smaller is removed.  Of the errors of surface and receiver a share remains.
     """
     if not math.isfinite(expected.range_sd):
         return MAX_SD
@@ -79,10 +78,10 @@ def _short_term_sd(expected: ExpectedSample, instrument: float, vertical_sd: flo
 
 
 class Resolution:
-    """The step in which an altimeter states its values, by its repeated values: the last change into or out of one.
+    """Estimates the resolution of an altimeter: the last change to or from a repeated value.
 
-    step : [m]; None while no value has repeated.  An RA-4500 has other steps at other heights, so the last counts; a
-    jump is no step, so it counts at most ``MAX_GROWTH`` times the smallest of the last changes.
+    step : [m]; None while no value has repeated.  The step of an RA-4500 depends on the height, so the last one counts.
+    A jump is limited to ``MAX_GROWTH`` times the smallest of the last changes.
     """
 
     def __init__(self) -> None:
@@ -92,7 +91,7 @@ class Resolution:
         self._has_repeated = False
 
     def update(self, value: float) -> None:
-        """Take the next value."""
+        """Add the next value."""
         if value == self._value:
             self._has_repeated = True
         elif self._value is not None:

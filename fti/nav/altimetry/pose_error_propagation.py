@@ -1,13 +1,13 @@
-"""What errors of the pose do to a range and its compensated height over the ground as it is, compiled: trial by trial.
+"""Compiled kernels: range and height errors caused by pose errors over sampled ground, trial by trial.
 
     pencil     d(xi) - d(0) = -(v_D + h(M') - h(M)) / cos(theta),                        v = dP + psi x w
                h(xi) - h(0) = (h(P) - h(N))' - (h(P) - h(N)) + v_D + h(M') - h(M)
     nearest    d(xi) - d(0) = -u . (dP + psi x l)
                h(xi) - h(0) = (h(P) - h(N))' - (h(P) - h(N)) + cos(theta) u . (dP + psi x l)
 
-xi = (dP, psi) is an error of the pose, w the way from P to M, l the lever arm.  M' is where the moved ray meets the
-ground, found by fixed-point steps; M of a nearest return stays where it is.  See ``variance.height_variance_over`` and
-``variance.range_variance_over``.
+xi = (dP, psi) is an error of the pose, w the vector from P to M, l the lever arm.  M' is the point where the moved ray
+meets the ground, found by fixed-point steps; M of a nearest return stays fixed.  See
+``variance.sampled_height_variance`` and ``variance.sampled_range_variance``.
 """
 
 # ruff: noqa: PLR0917 - compiled kernels take their scalars by position
@@ -26,7 +26,7 @@ from fti.terrain.surface import Posts, surface
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-#: Fixed-point steps of a footprint: each contracts with slope x tangent of the look, 0.33 at 30 deg each.
+#: Fixed-point steps of a footprint: each contracts with slope x tan(look angle), 0.33 at 30 deg each.
 _FOOTPRINT_STEPS = 4
 _NADIR_STEPS = 3
 
@@ -43,7 +43,7 @@ TRIALS = _trials()
 
 @kernel
 def _up(q: PyramidAddresses, at: Array, mat_ln: Array, north: float, east: float, down: float) -> float:
-    """The surface [m] beside a point of the frame, by a way in north, east, down."""
+    """The surface [m] at a point of the frame plus a displacement in north, east, down."""
     to_east = at[0] + mat_ln[0, 0] * north + mat_ln[0, 1] * east + mat_ln[0, 2] * down
     to_north = at[1] + mat_ln[1, 0] * north + mat_ln[1, 1] * east + mat_ln[1, 2] * down
     up, _, _ = surface(Posts(heights_at(q), layers_at(q)), to_east, to_north)
@@ -52,7 +52,7 @@ def _up(q: PyramidAddresses, at: Array, mat_ln: Array, north: float, east: float
 
 @kernel
 def _height_over_nadir(q: PyramidAddresses, at: Array, mat_ln: Array, north: float, east: float, down: float) -> float:
-    """h(P) - h(N) [m] of a P moved by that way."""
+    """h(P) - h(N) [m] of a P moved by that displacement."""
     height = 0.0
     moved = at[2] + mat_ln[2, 0] * north + mat_ln[2, 1] * east + mat_ln[2, 2] * down
     for _ in range(_NADIR_STEPS):
@@ -64,15 +64,14 @@ def _height_over_nadir(q: PyramidAddresses, at: Array, mat_ln: Array, north: flo
 def mean_square_errors(
     p: Pyramid, at: Array, mat_ln: Array, lever: Array, u: Array, slant_range: float, trials: Array, nearest: bool
 ) -> tuple[float, float]:
-    """E[(h(xi) - h(0))^2] and E[(d(xi) - d(0))^2] [m^2] over the trials that stay over known ground; NaN where fewer
-    than half do.
+    """E[(h(xi) - h(0))^2] and E[(d(xi) - d(0))^2] [m^2] over the trials over known ground; NaN for less than half.
 
-    The large errors are the first to leave it: of the few that stay on an island in it the spread is none of the pose.
+    The largest errors leave known ground first: the spread of the few that remain would be too small.
 
     at     : P (3,) in the terrain's frame [m];  mat_ln : (3, 3);  lever, u : (3,), north, east, down
     trials : (k, 6) errors of the pose [m, rad]
     """
-    q = p.places  # a call that takes p counts references, and that takes longer
+    q = p.addresses  # a call with the argument p counts references and takes longer
     way = slant_range * u + lever
     point = at + mat_ln @ way
     height = _height_over_nadir(q, at, mat_ln, 0.0, 0.0, 0.0)
@@ -101,16 +100,17 @@ def mean_square_errors(
         if math.isfinite(nearer):
             of_range += nearer * nearer
             met += 1
-    most = len(trials)
-    return total / count if 2 * count >= most else math.nan, of_range / met if 2 * met >= most else math.nan
+    n_trials = len(trials)
+    return total / count if 2 * count >= n_trials else math.nan, of_range / met if 2 * met >= n_trials else math.nan
 
 
 @kernel
 def mean_square_errors_of_poses(
     p: Pyramid, at: Array, mats_ln: Array, levers: Array, u: Array, slant_ranges: Array, trials: Array, nearest: Mask
 ) -> Array:
-    """The same of n poses (n, 2); trials : (n, k, 6);  nearest : (n,)."""
-    found = np.empty((len(at), 2))
+    """``mean_square_errors`` of n poses (n, 2); trials : (n, k, 6);  nearest : (n,)."""
+    mean_squares = np.empty((len(at), 2))
     for i in range(len(at)):
-        found[i] = mean_square_errors(p, at[i], mats_ln[i], levers[i], u[i], slant_ranges[i], trials[i], nearest[i])
-    return found
+        pose = at[i], mats_ln[i], levers[i], u[i]
+        mean_squares[i] = mean_square_errors(p, *pose, slant_ranges[i], trials[i], nearest[i])
+    return mean_squares

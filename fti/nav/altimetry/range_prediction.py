@@ -1,4 +1,4 @@
-"""What an altimeter should measure at a pose: its range, and where on the ground it comes from.
+"""Predicts the range of an altimeter at a pose, and the point on the ground that gives it.
 
     P   reference point of the aircraft           N   the ground on the plumb line of P
     S   sensor, at lever_arm_b from P             M   the ground that gives the range
@@ -7,11 +7,11 @@
     theta  angle between u and the plumb line     incidence = acos(n . u)
 
 The beam is that of the sensor model: a pencil (``Laser``), the nearest return (``NearestReturn``), or an antenna with
-its receiver (``RadarAltimeter``).  The last two say which of their rays gives the range, so M lies on a ray that is
-there: an averaged direction (eq. 3.33) is no ray, and where it meets the ground nothing was measured.
+its receiver (``RadarAltimeter``).  The last two return the ray that gives the range, so M lies on an actual ray: an
+averaged direction (eq. 3.33) is not a ray, and its intersection with the ground is not the measured point.
 
 Heights count along the plumb line of P, and so do N and theta: at 6 km from the origin of the terrain's frame it leans
-by 0.9 mrad against that frame's own.  From P to M, 1 km apart, it turns by 0.16 mrad, which is left out: 0.08 m.
+by 0.9 mrad against the up axis of that frame.  From P to M, 1 km apart, it turns by 0.16 mrad: 0.08 m, neglected.
 
 Source: Spiegel 2018, sections 2.2.4 to 2.2.6 and 3.3.1.3 (simulation in flight); docs/errata.md, 3.33.
 """
@@ -37,30 +37,30 @@ Codes = NDArray[np.uint8]
 
 #: P over N is found by fixed-point steps that contract with slope x lean of the plumb line, 1e-3 each.
 _NADIR_STEPS = 3
-#: From which share of half the width on a ray lies at the edge of its beam.
+#: Share of half the width from which a ray lies at the edge of its beam.
 AT_EDGE = 0.999
 
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """Of n poses; NaN where ``validity`` is not VALID, what concerns N where the ground is unknown.
+    """Predictions of n poses; NaN where ``validity`` is not VALID; values at N are NaN where the ground is unknown.
 
-    slant_range : d, S to M as the instrument would tell it without noise, shape (n,) [m]
+    slant_range : d, S to M as the instrument would measure it without noise, shape (n,) [m]
     height_p    : h(P) - h(N) (n,) [m]; negative where P lies under the surface of the model
     lever_n     : P to S (n, 3), north, east, down [m]
     direction_n : u (n, 3), north, east, down; its last component is cos(theta)
     normal_n    : n (n, 3), north, east, down; the last component positive
     nadir_n     : normal of the ground at N (n, 3), north, east, down; unknown like ``height_p``
     incidence   : angle between u and n (n,) [rad]
-    dispersion  : standard deviation of the ranges across the beam (n,) [m]; 0 of a pencil.  Weighted by power where the
-                  model knows it
+    dispersion  : standard deviation of the ranges across the beam (n,) [m]; 0 of a pencil.  Weighted by power if the
+                  model has it
     place_l     : P (n, 3), east, north, up of the terrain's frame [m];  point_l : M in the same frame
     mats_ln     : (n, 3, 3), north, east, down at P to that frame
     validity    : numbers of ``fti.ranging.sensor.Validity`` (n,)
-    model_sd    : one sigma of the range by the receiver, which may be another than that of the model (n,) [m]; 0 of a
-                  pencil.  See ``fti.ranging.receiver_error``
-    at_edge     : whether the ray lies at the edge of a beam that tells its nearest return (n,): the ground comes nearer
-                  beyond, and the ray turns with the aircraft
+    model_sd    : one sigma of the range by the difference of the real receiver from the model (n,) [m]; 0 of a pencil.
+                  See ``fti.ranging.receiver_error``
+    at_edge     : whether the ray lies at the edge of a beam that measures its nearest return (n,): the ground beyond is
+                  nearer, and the ray turns with the aircraft
     """
 
     slant_range: Array
@@ -99,10 +99,10 @@ class Prediction:
 
 @dataclass(frozen=True, eq=False)
 class Predictor:
-    """A sensor model over a terrain, as it sits in the aircraft.
+    """A sensor model with its mounting, over a terrain.
 
-    terrain     : the elevation that is known
-    sensor      : the model of the instrument; it is asked without random numbers
+    terrain     : known elevation
+    sensor      : model of the instrument, used without random numbers
     lever_arm_b : P to S, body frame [m]
     mat_bs      : (3, 3) sensor to body; None: the sensor's axes are the body's, boresight down
     """
@@ -125,23 +125,24 @@ class Predictor:
         """Predictions for P at lat, lon [rad], alt above the ellipsoid [m], and an attitude [rad]; floats or (n,).
 
         vel_n : of P over the ground, (3,) or (n, 3) [m/s]: an FMCW radar shifts its range by it (Doppler)
-        NaN anywhere in a pose is UNKNOWN, a place outside the terrain OUTSIDE: nothing raises.
+        NaN anywhere in a pose gives UNKNOWN, a position outside the terrain OUTSIDE; nothing raises.
         """
         place, attitude = (
             [_finite_or_nan(x) for x in (lat, lon, alt)],
             [_finite_or_nan(x) for x in (roll, pitch, heading)],
         )
         frame = self.terrain.frame
-        return self.along(frame.to_local(*place), mat_from_rpy(*attitude), frame.mat_ln(place[0], place[1]), vel_n)
+        mats_ln = frame.mat_ln(place[0], place[1])
+        return self.predict_local(frame.to_local(*place), mat_from_rpy(*attitude), mats_ln, vel_n)
 
-    def along(
+    def predict_local(
         self, points_l: ArrayLike, mats_nb: ArrayLike, mats_ln: ArrayLike = MAT_ENU_NED, vel_n: ArrayLike = (0, 0, 0)
     ) -> Prediction:
-        """The same for P in the terrain's frame.
+        """Predictions for P in the terrain's frame.
 
         points_l : (n, 3) or (3,) [m], east, north, up
         mats_nb  : (n, 3, 3) or (3, 3), body to north, east, down at P
-        mats_ln  : (n, 3, 3) or (3, 3), north, east, down at P to the terrain's frame; as it stands, a level Earth
+        mats_ln  : (n, 3, 3) or (3, 3), north, east, down at P to the terrain's frame; default: a flat Earth
         """
         points, nb, ln, vels = (_finite_or_nan(x) for x in (points_l, mats_nb, mats_ln, vel_n))
         n = np.broadcast_shapes(points.shape[:-1], nb.shape[:-2], ln.shape[:-2], vels.shape[:-1], (1,))
@@ -181,7 +182,7 @@ class Predictor:
 
 
 def _finite_or_nan(value: ArrayLike) -> Array:
-    """What is infinite is as unknown as NaN."""
+    """The value with infinities as NaN."""
     number = np.asarray(value, dtype=np.float64)
     return np.where(np.isfinite(number), number, np.nan)
 
@@ -191,7 +192,7 @@ def _rotate(mats: Array, vectors: Array) -> Array:
 
 
 def _height_over_nadir(terrain: Terrain, points_l: Array, downs_l: Array) -> Array:
-    """h(P) - h(N) (n,) [m] along the plumb lines ``downs_l`` (n, 3); NaN where nothing is known under P."""
+    """h(P) - h(N) (n,) [m] along the plumb lines ``downs_l`` (n, 3); NaN over unknown ground."""
     height = np.zeros(len(points_l))
     for _ in range(_NADIR_STEPS):
         east, north = (points_l[:, k] + height * downs_l[:, k] for k in (0, 1))
@@ -212,7 +213,7 @@ def _model_sd(terrain: Terrain, sensor: RangingSensor, poses: Poses, returns: Re
 
 
 def _dispersion(terrain: Terrain, sensor: RangingSensor, poses: Poses, returns: Returns) -> Array:
-    """As the model tells it; of the nearest return, which tells none, over the rays of its bundle that meet ground."""
+    """Dispersion of the model; for the nearest return, which has none, over the rays of its bundle that meet ground."""
     if not isinstance(sensor, NearestReturn):
         return returns.dispersion
     spread = np.full(len(poses), np.nan)

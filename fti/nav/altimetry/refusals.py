@@ -1,4 +1,4 @@
-"""Events for altimeters that the tests with a memory refuse: when a refusal begins and when it ends, and since when."""
+"""Events when a refusal of an altimeter by the tests over time begins or ends."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ ENDS: Mapping[Reason, str] = {
     Reason.CHANGE_MISMATCH: "it changes as the known ground predicts",
     Reason.ALTIMETERS_DISAGREE: "no other altimeter disagrees with it",
 }
-#: Reasons of the known ground, and why they end where it is not known any more.
+#: Reasons of the known ground, and why they end over unknown ground.
 TERRAIN_CAUSES: Mapping[Reason, str] = {
     Reason.DEVIATION: "the known ground has been missing for many times as long as it deviated",
     Reason.CHANGE_MISMATCH: f"the known ground has been missing for {MAX_UNKNOWN_NS // SECOND_NS} s",
@@ -29,7 +29,7 @@ TERRAIN_CAUSES: Mapping[Reason, str] = {
 
 
 class RefusalEvents:
-    """What was refused last, by altimeter; the source of an event is the altimeter."""
+    """Refusals in force by altimeter; the source of an event is the altimeter."""
 
     def __init__(self) -> None:
         self._since: dict[tuple[str, Reason], int] = {}
@@ -37,10 +37,10 @@ class RefusalEvents:
     def update(self, height: HeightAboveGround, since_ns: Mapping[Reason, int]) -> list[Event]:
         """Events of a new height.
 
-        since_ns : when the cause of each refusal began that is in force by the memory of the altimeter; a single sample
-                   that deviates makes no event
+        since_ns : when the cause of each refusal in force by the tests over time began; a single deviating sample makes
+                   no event
         """
-        found, t_ns = list[Event](), height.t_valid_ns or height.t_ns
+        events, t_ns = list[Event](), height.t_valid_ns or height.t_ns
         for reason in BEGINS:
             key = height.sensor, reason
             is_refused = reason in (since_ns if reason is Reason.DEVIATION else height.reasons)
@@ -48,12 +48,12 @@ class RefusalEvents:
                 continue
             if key in self._since:
                 text = _end_text(t_ns - self._since.pop(key), _end_cause(reason, height))
-                found.append(Event(t_ns=height.t_ns, level="info", source=height.sensor, text=text))
+                events.append(Event(t_ns=height.t_ns, level="info", source=height.sensor, text=text))
             else:
                 since = self._since[key] = since_ns.get(reason, t_ns)
                 text = _begin_text(reason, since, height.raw)
-                found.append(Event(t_ns=height.t_ns, level="warning", source=height.sensor, text=text))
-        return found
+                events.append(Event(t_ns=height.t_ns, level="warning", source=height.sensor, text=text))
+        return events
 
 
 def _begin_text(reason: Reason, since_ns: int, raw: float | None) -> str:
@@ -64,7 +64,7 @@ def _begin_text(reason: Reason, since_ns: int, raw: float | None) -> str:
 def _end_cause(reason: Reason, height: HeightAboveGround) -> str:
     if reason in TERRAIN_CAUSES and Reason.GROUND_CONTRADICTED in height.unchecked:
         return "altitude or terrain is wrong, and not the altimeter"
-    is_bounded = Reason.NO_PREDICTION in height.unchecked  # it was compared with the way to the nearest ground
+    is_bounded = Reason.NO_PREDICTION in height.unchecked  # it was compared with the distance to the nearest ground
     if reason in TERRAIN_CAUSES and height.predicted is None and not is_bounded:
         return TERRAIN_CAUSES[reason]
     return ENDS[reason]

@@ -1,22 +1,22 @@
-"""How uneven unknown ground may be: the relief that is assumed in the sigma of a height above it.
+"""Estimates the relief of unknown ground, which enters the sigma of a height above it.
 
-An altimeter sees the ground beside the point straight below: a laser by its tilt, a radar anywhere within its beam.
-Where no terrain says how high it is there, the difference is an error of the height below the aircraft.  Its sigma is
-configured (``relief_m``), or taken from the profile that this altimeter has seen in the last 20 s:
+An altimeter measures the ground at an offset from the nadir: a laser by its tilt, a radar anywhere within its beam.
+Without terrain the difference of ground height is an error of the height below the aircraft.  Its sigma is configured
+(``relief_m``), or taken from the profile that this altimeter has measured in the last 20 s:
 
-    z_k = alt_k - nearest_k         D(L) = sqrt(mean (z(s + L) - z(s))^2),        L: how far beside it may look
+    z_k = alt_k - nearest_k         D(L) = sqrt(mean (z(s + L) - z(s))^2),        L: maximum offset
 
-D is the structure function of the profile along the track, and the ground across it is taken to be alike.  Without an
-altitude the profile is -nearest_k less its straight line: a steady climb is no relief.
+D is the structure function of the profile along the track; the ground across it is assumed to be similar.  Without an
+altitude the profile is -nearest_k without its linear trend: a steady climb is not relief.
 
-Far from what was seen, D is sqrt(2) times the standard deviation of the profile.  So much, and 10 m at least, is
+Far from the measured ground D is sqrt(2) times the standard deviation of the profile.  This value, at least 10 m, is
 assumed
-- below 5 m/s and without a speed: a hover says nothing of what lies beside;
+- below 5 m/s and without a speed: a hover does not show the ground around;
 - while a value repeats exactly for 2 s or more and for five samples: it may be stuck, and would look like level ground
-  in level flight.  An altimeter of coarse steps over level ground repeats, too; its sigma is larger for that;
+  in level flight.  An altimeter with coarse steps over level ground repeats, too; its sigma is enlarged as well;
 - after both, until a new profile is 5 s long.
-Before there is any profile 10 m are assumed.
-Stated, not measured: span, step and the first value.
+Before the first profile 10 m are assumed.
+Chosen, not measured: span, step and the initial value.
 """
 
 from __future__ import annotations
@@ -36,11 +36,11 @@ Array = NDArray[np.float64]
 STEP_NS = SECOND_NS // 5
 SPAN = 100
 MIN_COUNT = 25
-#: A longer silence begins a new profile [ns].
+#: A longer gap begins a new profile [ns].
 MAX_GAP_NS = 2 * SECOND_NS
 #: Assumed before there is a profile [m].
 RELIEF_UNKNOWN_M = 10.0
-#: An aircraft that is slower hovers: its profile says nothing of what lies beside [m/s].
+#: Below this speed the aircraft hovers: its profile does not show the ground around [m/s].
 MIN_SPEED = 5.0
 
 
@@ -52,13 +52,13 @@ class ReliefEstimator:
         self._profile: deque[tuple[int, float]] = deque(maxlen=SPAN)  # time [ns], height [m]
         self._newest_ns = 0
         self._has_altitude = False
-        self._far = RELIEF_UNKNOWN_M  # assumed as long as there is no profile
+        self._far = RELIEF_UNKNOWN_M  # assumed without a profile
         self._value: float | None = None
-        self._value_ns, self._samples = 0, 0  # since when it repeats, and how often it came
+        self._value_ns, self._samples = 0, 0  # begin and samples of its repetition
         self._speed: float | None = None
 
-    def take(self, t_ns: int, value: float, nearest: float, nav: NavState) -> None:
-        """Range as the altimeter stated it [m], height of P above what the beam sees [m], and the navigation state."""
+    def feed(self, t_ns: int, value: float, nearest: float, nav: NavState) -> None:
+        """Add a stated range [m], the height of P over level ground [m], and the navigation state."""
         position = nav.position
         alt = position.alt if position else None
         is_new = value != self._value
@@ -77,8 +77,8 @@ class ReliefEstimator:
         elif alt is not None or is_new:
             self._profile.append((t_ns, (alt or 0.0) - nearest))
 
-    def sd(self, beside: float) -> float:
-        """One sigma [m] of the ground straight below against that which is seen.  beside : how far beside [m]"""
+    def sd(self, offset: float) -> float:
+        """One sigma [m] of the ground height at the nadir minus at the measured point.  offset : of both [m]"""
         if self._assumed is not None:
             return self._assumed
         if len(self._profile) < MIN_COUNT:
@@ -86,7 +86,7 @@ class ReliefEstimator:
         if self._speed is None or self._speed < MIN_SPEED:
             return self._far_sd()
         profile = self._heights()
-        steps = min(beside / self._speed * SECOND_NS / STEP_NS, SPAN)  # of any height: before it is rounded
+        steps = min(offset / self._speed * SECOND_NS / STEP_NS, SPAN)  # may be huge: limited before rounding
         lag = min(max(round(steps), 1), len(profile) // 2)
         return float(np.sqrt(np.mean(np.square(profile[lag:] - profile[:-lag]))))
 
@@ -99,9 +99,9 @@ class ReliefEstimator:
             self._start_profile(self._newest_ns)
 
     def _start_profile(self, end_ns: int) -> None:
-        """Begin a new profile; until it is long enough, what those of before show up to end_ns counts.
+        """Begin a new profile; until it is long enough, the earlier ones up to end_ns count.
 
-        One that is too short itself may raise that, and does not lower it.
+        A profile that is too short may raise the assumed value, but does not lower it.
         """
         while self._profile and self._profile[-1][0] > end_ns:
             self._profile.pop()

@@ -1,13 +1,13 @@
-"""How far the ground may lie from the surface between the posts of an elevation model, by the posts around.
+"""Roughness: uncertainty of the ground between the posts of an elevation model, from the surrounding posts.
 
-A bilinear surface knows nothing between its posts: the edge of a wood lies anywhere in its cell, and crowns and gaps
-are not in it.  What the posts next to a place tell of that is their second difference.  Of white errors of the variance
-s^2 it has the variance 6 s^2:
+A bilinear surface has no detail between its posts: the edge of a wood lies anywhere in its cell; crowns and gaps are
+missing.  The second difference of the adjacent posts measures this.  White errors of the variance s^2 give it the
+variance 6 s^2:
 
     s^2 = mean over four directions of (h(x + c) - 2 h(x) + h(x - c))^2 / 6,        c: one cell along it
 
-Smooth hills have little of it (0.15 m at 10 m posts, 30 m high and 560 m long), the edge of a wood of 20 m has 6 m.
-Source: stated; judged by ``fti study compensation`` and by the receiver of tests/second_receiver.
+It is small on smooth hills (0.15 m at 10 m posts, 30 m high and 560 m long), and 6 m at the edge of a 20 m wood.
+Source: chosen; verified by ``fti study compensation`` and by the receiver of tests/second_receiver.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 
 @kernel
 def roughness(p: Pyramid, east: float, north: float) -> float:
-    """One sigma [m] of the ground at a place against the surface; 0 where the posts around are not known."""
+    """One sigma [m] of the ground against the surface at a point; 0 where the surrounding posts are unknown."""
     posts = Posts(p.heights, p.layers)
     layer, _, _, _ = locate(p.layers, east, north)
     if layer < 0:
@@ -34,9 +34,9 @@ def roughness(p: Pyramid, east: float, north: float) -> float:
     cell, (here, _, _) = p.layers[layer].cell, surface(posts, east, north)
     total, count = 0.0, 0
     for x, y in ((1.0, 0.0), (0.0, 1.0), (1.0, 1.0), (1.0, -1.0)):
-        ahead, _, _ = surface(posts, east + x * cell, north + y * cell)
-        behind, _, _ = surface(posts, east - x * cell, north - y * cell)
-        bend = ahead - 2.0 * here + behind
+        after, _, _ = surface(posts, east + x * cell, north + y * cell)
+        before, _, _ = surface(posts, east - x * cell, north - y * cell)
+        bend = after - 2.0 * here + before
         if math.isfinite(bend):
             total += bend * bend / 6.0
             count += 1
@@ -45,7 +45,7 @@ def roughness(p: Pyramid, east: float, north: float) -> float:
 
 @kernel
 def cell_at(p: Pyramid, east: float, north: float) -> float:
-    """Distance between the posts at a place [m]; NaN outside the coverage."""
+    """Distance between the posts at a point [m]; NaN outside the coverage."""
     layer, _, _, _ = locate(p.layers, east, north)
     return p.layers[layer].cell if layer >= 0 else math.nan
 
@@ -56,18 +56,18 @@ def rough_height_variance(p: Pyramid, at: Array, point: Array, a: float) -> floa
 
     at, point : P and M (3,) [m], N straight below P along the axis of the terrain's frame
     """
-    below, seen = roughness(p, at[0], at[1]), roughness(p, point[0], point[1])
+    below, at_point = roughness(p, at[0], at[1]), roughness(p, point[0], point[1])
     apart = math.hypot(point[0] - at[0], point[1] - at[1])
     together = math.exp(-apart / cell_at(p, at[0], at[1]))
-    return below * below + a * a * seen * seen - 2.0 * together * a * below * seen
+    return below * below + a * a * at_point * at_point - 2.0 * together * a * below * at_point
 
 
 @kernel
 def rough_variances(p: Pyramid, at: Array, points: Array, a: Array) -> Array:
-    """The same of n poses, and the variance of the roughness at M alone: (n, 2) [m^2]."""
-    found = np.full((len(at), 2), math.nan)
+    """``rough_height_variance`` of n poses, and the variance of the roughness at M alone: (n, 2) [m^2]."""
+    variances = np.full((len(at), 2), math.nan)
     for i in range(len(at)):
         if math.isfinite(at[i].sum() + points[i].sum()):
-            found[i, 0] = rough_height_variance(p, at[i], points[i], a[i])
-            found[i, 1] = roughness(p, points[i, 0], points[i, 1]) ** 2
-    return found
+            variances[i, 0] = rough_height_variance(p, at[i], points[i], a[i])
+            variances[i, 1] = roughness(p, points[i, 0], points[i, 1]) ** 2
+    return variances

@@ -1,7 +1,7 @@
-"""One pose at a time, compiled: what ``predicted``, ``variance`` and ``nadir`` say of arrays of poses, for live use.
+"""Compiled kernels for one pose: results of ``range_prediction``, ``variance`` and ``nadir_height`` for live use.
 
-The arrays of those modules cost 2 ms a pose, whatever the sensor, and 50 poses come in a second; here it is the rays
-that cost.  Names and formulas are theirs; tests/nav/test_scalar_kernels.py holds both against each other.
+The array functions of those modules take 2 ms per pose for any sensor, and there are 50 poses per second; here only the
+rays take time.  Names and formulas are the same; tests/nav/test_scalar_kernels.py compares both.
 """
 
 # ruff: noqa: PLR0917 - compiled kernels take their scalars by position
@@ -27,7 +27,7 @@ from fti.terrain.surface import Posts, surface
 
 Array = NDArray[np.float64]
 
-#: What ``told`` returns, by place.
+#: Indices of the result of ``height_and_variances``.
 HEIGHT_P, COSINE, INCIDENCE, RANGE_SD, HEIGHT_SD, GROUND_SD = range(6)
 _NADIR_STEPS = 3
 _HIT = int(RayOutcome.HIT)
@@ -35,7 +35,7 @@ _HIT = int(RayOutcome.HIT)
 
 @kernel
 def rotation(roll: float, pitch: float, heading: float) -> Array:
-    """mat_nb of an attitude, as ``mat_from_rpy`` has it."""
+    """mat_nb of an attitude, as ``mat_from_rpy``."""
     sr, cr, sp, cp = math.sin(roll), math.cos(roll), math.sin(pitch), math.cos(pitch)
     sh, ch = math.sin(heading), math.cos(heading)
     mat = np.empty((3, 3))
@@ -47,21 +47,21 @@ def rotation(roll: float, pitch: float, heading: float) -> Array:
 
 @kernel
 def _product(a: Array, b: Array) -> Array:
-    found = np.zeros((3, 3))
+    product = np.zeros((3, 3))
     for i in range(3):
         for j in range(3):
             for k in range(3):
-                found[i, j] += a[i, k] * b[k, j]
-    return found
+                product[i, j] += a[i, k] * b[k, j]
+    return product
 
 
 @kernel
 def _rotate(mat: Array, v: Array) -> Array:
-    found = np.zeros(3)
+    rotated = np.zeros(3)
     for i in range(3):
         for k in range(3):
-            found[i] += mat[i, k] * v[k]
-    return found
+            rotated[i] += mat[i, k] * v[k]
+    return rotated
 
 
 @kernel
@@ -86,12 +86,12 @@ def locate_sensor(
 
 @kernel
 def pencil_range(p: Pyramid, origin: Array, mat_ls: Array, max_range: float) -> tuple[float, int]:
-    """Range along the boresight [m], and what became of the ray."""
+    """Range along the boresight [m], and the outcome of the ray."""
     return cast_one(p, origin[0], origin[1], origin[2], mat_ls[0, 2], mat_ls[1, 2], mat_ls[2, 2], max_range)
 
 
 @kernel
-def nearest(
+def nearest_return(
     p: Pyramid, origin: Array, mat_ls: Array, angles: Array, rays_s: Array, half_width: float, max_range: float
 ) -> tuple[float, float, float, float, int]:
     """Nearest return [m], its angles [rad], the standard deviation of the ranges of the bundle [m], and the outcome."""
@@ -101,8 +101,8 @@ def nearest(
     count, mean, square = 0, 0.0, 0.0
     for k in range(len(rays_s)):
         ray = _rotate(mat_ls, rays_s[k])
-        r, what = cast_one(p, origin[0], origin[1], origin[2], ray[0], ray[1], ray[2], max_range)
-        if what == _HIT:
+        r, outcome = cast_one(p, origin[0], origin[1], origin[2], ray[0], ray[1], ray[2], max_range)
+        if outcome == _HIT:
             count += 1
             step = r - mean
             mean += step / count
@@ -116,10 +116,10 @@ def _normal(p: Pyramid, mat_ln: Array, east: float, north: float) -> Array:
     """Normal of the ground into it, north, east, down."""
     _, to_east, to_north = surface(Posts(p.heights, p.layers), east, north)
     size = math.sqrt(1.0 + to_east * to_east + to_north * to_north)
-    found = np.empty(3)
+    normal = np.empty(3)
     for i in range(3):
-        found[i] = (mat_ln[0, i] * to_east + mat_ln[1, i] * to_north - mat_ln[2, i]) / size
-    return found
+        normal[i] = (mat_ln[0, i] * to_east + mat_ln[1, i] * to_north - mat_ln[2, i]) / size
+    return normal
 
 
 @kernel
@@ -134,7 +134,7 @@ def _height_over_nadir(p: Pyramid, at: Array, mat_ln: Array) -> float:
 
 @kernel
 def _ground_sd(p: Pyramid, at: Array, flat_sd: float) -> float:
-    """``nadir.ground_sd``."""
+    """``nadir_height.ground_sd``."""
     here, _, _ = surface(Posts(p.heights, p.layers), at[0], at[1])
     radius, total = math.sqrt(2.0) * flat_sd, 0.0
     for k in range(N_DIRECTIONS):
@@ -146,7 +146,7 @@ def _ground_sd(p: Pyramid, at: Array, flat_sd: float) -> float:
 
 
 @kernel
-def told(
+def height_and_variances(
     p: Pyramid,
     at: Array,
     mat_ln: Array,
@@ -156,7 +156,7 @@ def told(
     sds: Array,
     is_nearest: bool,
 ) -> Array:
-    """All that follows from a range and its ray: (6,), see ``HEIGHT_P`` and the others.
+    """Heights, angles and sigmas from a range and its ray: (6,), indexed by ``HEIGHT_P`` and the others.
 
     at, mat_ln, lever_n : from ``locate_sensor``;  ray_l : unit vector from S to M (3,)
     sds                 : (6 + 3,) of P north, east, down [m] and about them [rad]; range [m], dem [m], dem_length [m]
@@ -183,9 +183,9 @@ def told(
     of_range = 0.0
     for k in range(6):
         of_range += (row[k] * sds[k]) ** 2
-    of_height, around = mean_square_errors(p, at, mat_ln, lever_n, u, slant_range, TRIALS * sds[:6], is_nearest)
-    if not is_nearest and math.isfinite(around):
-        of_range = around
+    of_height, sampled = mean_square_errors(p, at, mat_ln, lever_n, u, slant_range, TRIALS * sds[:6], is_nearest)
+    if not is_nearest and math.isfinite(sampled):
+        of_range = sampled
     dem = -normal[2] / along
     together = math.exp(-math.hypot(way[0], way[1]) / sds[8])
     a = u[2] * u[2] if is_nearest else 1.0

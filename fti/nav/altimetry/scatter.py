@@ -1,17 +1,17 @@
 """Scatter of an altimeter about the predicted range, beyond what its sigma explains.
 
-An altimeter that is late, or repeats a value for a second, may stay within its gate over hills: its deviations are then
-many times its sigma, and none is refused.  Its sigma must contain them.  Over the last 10 s of known ground, at steps
-of 50 ms or more,
+A late altimeter, or one that repeats a value for a second, may stay within its gate over hills: its deviations are then
+many times its sigma, and none is refused.  Its sigma must cover them.  Over the last 10 s of known ground, at steps of
+50 ms or more,
 
     e = q80 |r - median r| / 1.2816,    r = measured - predicted        excess = sqrt(e^2 - s^2) if e > 2 s, else 0
 
-A residual beyond the gate is refused, and does not count.
-q80 : the 80 % quantile, which is 1.2816 sigma of a normal distribution; the edges of woods are beyond it.
+A residual beyond the gate is refused and not counted.
+q80 : the 80 % quantile, which is 1.2816 sigma of a normal distribution; the edges of woods exceed it.
 s   : one sigma of r without a constant error of the altitude (``observation``).
-Of r with the altitude of the position and with the integral of the climb rate the smaller e counts, as for a drift.
-A constant error is no scatter.  Window, steps, quantile and limit are stated: of a laser over hills that is 1 s late
-|z| < 2 in 95 % with them and in 25 % without (tests/nav/test_altimeter_scatter.py).
+r is computed with the altitude of the position and with the integral of the climb rate; the smaller e counts, as for a
+drift.  A constant error is not scatter.  Window, steps, quantile and limit are chosen: for a laser over hills with
+1 s of latency, |z| < 2 holds in 95 % with them and in 25 % without (tests/nav/test_altimeter_scatter.py).
 """
 
 from __future__ import annotations
@@ -26,17 +26,17 @@ from fti.nav.altimetry.observation import AltimeterObservation
 from fti.nav.time_series import SECOND_NS
 
 SPAN_NS, STEP_NS = 10 * SECOND_NS, SECOND_NS // 20
-#: It is computed so often [ns].
+#: Period of the computation [ns].
 PERIOD_NS = SECOND_NS // 2
 MIN_COUNT = 10
-#: A quantile of the absolute deviations, and what it is of a normal distribution [sigmas].
+#: A quantile of the absolute deviations, and its value for a normal distribution [sigmas].
 QUANTILE, QUANTILE_SIGMAS = 0.8, 1.2816
 #: Scatter that its sigma explains [sigmas].
 EXPLAINED_SIGMAS = 2.0
 
 
 class ResidualScatter:
-    """Of one altimeter.  excess_sd : one sigma that its own does not contain [m]; 0 where it explains the scatter"""
+    """Scatter of one altimeter.  excess_sd : sigma beyond the stated one [m]; 0 where that explains the scatter"""
 
     def __init__(self) -> None:
         self.excess_sd = 0.0
@@ -44,18 +44,18 @@ class ResidualScatter:
         self._computed_ns = self._renewed_ns = 0
 
     def reset(self) -> None:
-        """After a gap or with another source of the position; what was found stays until there is more."""
+        """Discard residuals after a gap or a change of the position source; the result stays until it is renewed."""
         self._residuals.clear()
 
     def update(self, o: AltimeterObservation, climbed: float, *, deviates: bool) -> None:
-        """Take a sample.  climbed : integral of the climb rate [m]; deviates : it is beyond its gate"""
-        kept = self._residuals
-        while kept and o.t_ns - kept[0][0] > SPAN_NS:
-            kept.popleft()
-        is_due = not kept or o.t_ns - kept[-1][0] >= STEP_NS
+        """Add a sample.  climbed : integral of the climb rate [m]; deviates : whether it is outside its gate"""
+        residuals = self._residuals
+        while residuals and o.t_ns - residuals[0][0] > SPAN_NS:
+            residuals.popleft()
+        is_due = not residuals or o.t_ns - residuals[-1][0] >= STEP_NS
         if is_due and o.predicted is not None and o.alt is not None and not deviates:
             residual = o.value - o.predicted
-            kept.append((o.t_ns, residual, residual + o.alt - climbed, o.sd))
+            residuals.append((o.t_ns, residual, residual + o.alt - climbed, o.sd))
         if o.t_ns - self._computed_ns >= PERIOD_NS:
             self._compute(o.t_ns)
 

@@ -1,12 +1,12 @@
-"""Which altimeter gives the height below the aircraft: one of those that are valid.
+"""Selects the altimeter that gives the height below the aircraft.
 
-The one that gives it goes on giving it while it is valid.  When it is not, the valid one with the smallest sigma takes
-its place.  A valid one whose sigma is less than ``SWITCH_SIGMA_RATIO`` times as large takes its place after ``SWITCH_DELAY_NS`` in which
-that was so with every sample of both: two altimeters with equal sigmas do not alternate.
+The selected altimeter is kept while it is valid.  When it becomes invalid, the valid one with the smallest sigma
+replaces it.  A valid one whose sigma is less than ``SWITCH_SIGMA_RATIO`` times as large replaces it after
+``SWITCH_DELAY_NS``, if this held for every sample of both: two altimeters with equal sigmas do not alternate.
 
-Each output of the chosen altimeter makes one of HeightBelowAircraft; while none is valid, each output of the last
-chosen one, or of the first that is configured, makes an invalid one.  One that is not
-newer than the last, as a copy of it, makes none.
+Each output of the selected altimeter makes one HeightBelowAircraft.  While none is valid, each output of the last
+selected one, or of the first in the configuration, makes an invalid one.  An output that is not newer than the last one
+makes none.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ SWITCH_DELAY_NS = 2 * SECOND_NS
 
 
 class HeightSelector:
-    """Chooses among altimeters.  names : of all, the order in which equal ones are preferred"""
+    """Selects among altimeters.  names : all of them, in order of preference"""
 
     def __init__(self, names: Sequence[str]) -> None:
         self._latest: dict[str, HeightAboveGround | None] = dict.fromkeys(names)
@@ -29,8 +29,8 @@ class HeightSelector:
         self._better_since: dict[str, int] = {}
         self._newest_ns = -1
 
-    def take(self, height: HeightAboveGround) -> list[HeightBelowAircraft]:
-        """An output of an altimeter; the height below the aircraft, where this output makes one."""
+    def feed(self, height: HeightAboveGround) -> list[HeightBelowAircraft]:
+        """Add an output of an altimeter; returns the height below the aircraft if this output makes one."""
         self._latest[height.sensor] = height
         self._choose(height.t_ns)
         if height.sensor != self._chosen:

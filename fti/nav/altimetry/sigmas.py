@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 
-#: Of an altimeter [m] and of a position in each axis [m] for which neither source nor configuration states one.
+#: Of an altimeter [m], and of a position on each axis [m], where neither source nor configuration states one.
 RANGE_SD_UNKNOWN, POSITION_SD_UNKNOWN = 1.0, 5.0
-#: No sigma is larger: squares of larger ones are no numbers [m, rad].
+#: Maximum sigma, so that its square stays finite [m, rad].
 MAX_SD = 1e6
 
 

@@ -1,11 +1,11 @@
 """Stuck altimeters: values that repeat exactly while the predicted range changes.
 
 A value is stuck when it repeats for 2 s or more while the predicted range changes by more than max(4 steps of its
-resolution, 1.5 sigma of a difference); over unknown ground, while the altitude does: ground would have to rise parallel
-to the climb within half a step.  It is refused until the value has changed and nothing has contradicted it for 2 s;
-a gap in the samples does not count.
+resolution, 1.5 sigma of a difference).  Over unknown ground the altitude must change by as much: the ground would have
+to rise parallel to the climb within half a step.  The altimeter is refused until its value has changed and nothing has
+contradicted it for 2 s.  A gap in the samples does not count.
 
-The altitude changes by what the position and by what the vertical velocity say; the smaller change counts, so that
+The change of altitude is taken from the position and from the vertical velocity.  The smaller one counts, so that
 neither noise of a satellite height nor a jump of the navigation looks like a stuck altimeter.
 Limits by measurement: docs/decisions/0033-altimeters-by-their-change.md.
 """
@@ -18,11 +18,11 @@ from dataclasses import dataclass, field
 from fti.nav.altimetry.observation import AltimeterObservation, max_step
 from fti.nav.time_series import SECOND_NS
 
-#: A run of equal values is judged from this length on [ns], and in samples.
+#: Minimum run of equal values that is tested [ns], [samples].
 MIN_RUN_NS, MIN_RUN_SAMPLES = 2 * SECOND_NS, 5
 #: Change of prediction that a repeated value contradicts, in steps of the resolution, and in sigmas.
 STUCK_STEPS, STUCK_SIGMAS = 4.0, 1.5
-#: A sigma has become smaller when it has been for so long [ns].
+#: A sigma counts as smaller after this time [ns].
 SETTLE_NS = 2 * SECOND_NS
 #: Time over which the prediction is smoothed [ns].
 SMOOTHING_NS = SECOND_NS // 10
@@ -32,7 +32,7 @@ STUCK_END_NS = 2 * SECOND_NS
 
 @dataclass(slots=True)
 class _Span:
-    """Least and largest of a smoothed value so far: a spike of the prediction over a tree is no change."""
+    """Minimum and maximum of a smoothed value: a spike of the prediction over a tree does not count as a change."""
 
     minimum: float = math.inf
     maximum: float = -math.inf
@@ -42,7 +42,7 @@ class _Span:
     _joins: bool = False
 
     def join(self) -> None:
-        """The next value is of another source: the step between both is no change."""
+        """The next value comes from another source: the step between both does not count as a change."""
         self._joins = True
 
     def add(self, t_ns: int, value: float) -> None:
@@ -66,8 +66,8 @@ class _Span:
 class _Change:
     """Change of the prediction, or of the altitude, while a value repeats.  sd : largest sigma of its samples [m]
 
-    A sigma that has been less than half of the largest one for ``SETTLE_NS`` begins the change anew: the extremes of
-    before may be errors as large as the sigma of then.
+    When the sigma has been less than half of the largest one for ``SETTLE_NS``, the change is reset: the earlier
+    extremes may be errors as large as the earlier sigma.
     """
 
     sd: float = 0.0
@@ -84,7 +84,7 @@ class _Change:
             span.add(t_ns, value)
 
     def exceeds(self, step: float) -> bool:
-        """Whether it is more than a repeated value allows.  step : of the resolution [m]"""
+        """Whether it exceeds the limit for a repeated value.  step : resolution [m]"""
         limit = max(STUCK_STEPS * step, STUCK_SIGMAS * math.sqrt(2.0) * self.sd)
         return min(span.size for span in self.spans) > limit
 
@@ -93,7 +93,7 @@ class _Change:
 class _Run:
     """Equal values in succession.
 
-    predicted : where the ground is known; altitude : since it has not been
+    predicted : change of the prediction, over known ground; altitude : change of the altitude, over unknown ground
     """
 
     value: float
@@ -103,7 +103,7 @@ class _Run:
     altitude: _Change = field(default_factory=_Change)
 
     def add(self, o: AltimeterObservation, climbed: float) -> None:
-        """A sample with this value; climbed : the integral of the climb rate [m]."""
+        """Add a sample with this value; climbed : the integral of the climb rate [m]."""
         self.samples += 1
         if o.alt is None:
             return
@@ -114,15 +114,15 @@ class _Run:
             self.altitude = _Change()
 
     def is_contradicted(self, t_ns: int, step: float) -> bool:
-        """Whether prediction or altitude changed although the value did not.  step : of the resolution [m]"""
-        long_enough = t_ns - self.begin_ns >= MIN_RUN_NS and self.samples >= MIN_RUN_SAMPLES
-        return long_enough and (self.predicted.exceeds(step) or self.altitude.exceeds(step))
+        """Whether prediction or altitude changed although the value did not.  step : resolution [m]"""
+        is_long = t_ns - self.begin_ns >= MIN_RUN_NS and self.samples >= MIN_RUN_SAMPLES
+        return is_long and (self.predicted.exceeds(step) or self.altitude.exceeds(step))
 
 
 class StuckTest:
-    """Exactly repeated values although the predicted change is several steps of the resolution.
+    """Detects exactly repeated values while the predicted change is several steps of the resolution.
 
-    since_ns : when the value that the last refusal began with was stated first
+    since_ns : first sample with the value that caused the last refusal
     """
 
     def __init__(self) -> None:
@@ -132,7 +132,7 @@ class StuckTest:
         self._resumed_ns = 0
 
     def reset_after_gap(self, t_ns: int) -> None:
-        """No sample came for long until t_ns: equal values of before are forgotten, a refusal is not."""
+        """A gap in the samples ends at t_ns: earlier equal values are discarded, a refusal stays in force."""
         self._resumed_ns = t_ns
         if self._contradicted_ns is None:
             self._run = None
@@ -140,7 +140,7 @@ class StuckTest:
             self.join()
 
     def join(self) -> None:
-        """Position or altitude come from another source from now on."""
+        """Position or altitude now come from another source."""
         if self._run is not None:
             for span in (*self._run.predicted.spans, *self._run.altitude.spans):
                 span.join()

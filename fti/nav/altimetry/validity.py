@@ -1,11 +1,11 @@
 """Validity of an altimeter sample: one table of rules, each with its reason.
 
-    what the device says     its flag, no return, silence, age, range limits
-    how the aircraft flies   roll and pitch against the beam
-    what the terrain says    measured minus predicted range; measured minus navigated height; dispersion of the ranges
-                             across the predicted beam over the height; incidence where the predicted ray meets ground
+    device     its flag, no return, silence, age, range limits
+    attitude   roll and pitch against the beam
+    terrain    measured minus predicted range; measured minus navigated height; dispersion of the ranges across the
+               predicted beam over the height; incidence where the predicted ray meets ground
 
-Two sets of limits (``narrow``, ``wide``) for beams of these kinds, as the source has them:
+Two sets of limits (``pencil_limits``, ``wide_beam_limits``) for beams of these kinds, from the source:
 
                              narrow beam, laser          wide beam, radar
     roll, pitch              10 deg, 10 deg              half power angle across, along
@@ -13,19 +13,18 @@ Two sets of limits (``narrow``, ``wide``) for beams of these kinds, as the sourc
     measured - navigated     -                           10 m less one sigma of h(N)
     dispersion               -                           0.3 of the height; level ground gives 0.1, and 0.25 in a bank
                                                          of the half power angle
-    incidence                75 deg                      60 deg: a quarter of the power comes back there (cos, cos^2)
+    incidence                75 deg                      60 deg: a quarter of the power is returned there (cos, cos^2)
 
-Measured minus predicted says whether the sensor measures what is there; in a bank over the edge of a wood it may, and
-yet be 20 m from the height straight below.  A height that is used as it is, without compensation by the terrain, is for
-that held against the navigated height h(P) - h(N), where ``max_nadir_deviation_m`` asks for it.  Where N lies is known
-as well as the place: where the ground around it is uneven the gate is narrower by as much as h(N) may be wrong
-(``fti.nav.altimetry.nadir_height.ground_sd``).
+Measured minus predicted range checks the sensor.  In a bank over the edge of a wood a correct range may still differ by
+20 m from the height straight below.  Therefore a height that is used without compensation by the terrain is compared
+with the navigated height h(P) - h(N) if ``max_nadir_deviation_m`` is set.  N is known as well as the position: over
+uneven ground the gate is narrower by the uncertainty of h(N) (``fti.nav.altimetry.nadir_height.ground_sd``).
 
-A limit is kept by what is within it: nothing that is no number is.  Where the sigma of the prediction widens the gate a
-sample is valid with more than the table allows.  Where the gate lets even twice the limit pass, that is said with it
-(``is_conclusive``, reason UNCERTAIN in ``unchecked``); not at the first metre, or it would stand on every height.
-Source: Spiegel 2018, section 3.1, tables 3.2, 7.16 and 7.20; age as the design's section 2 asks; the source gives no
-limit of incidence and of dispersion ("~ h"), these are stated.
+A value must be within its limit; NaN never is.  Where the sigma of the prediction widens the gate, a sample is valid
+with more than the table allows.  Where the gate accepts even twice the limit, the height has the reason UNCERTAIN in
+``unchecked`` (``is_conclusive``); a lower threshold would set it on every height.
+Source: Spiegel 2018, section 3.1, tables 3.2, 7.16 and 7.20; age from the design's section 2; the source gives no
+limits of incidence and of dispersion ("~ h"), these are chosen.
 """
 
 from __future__ import annotations
@@ -37,34 +36,34 @@ from dataclasses import dataclass
 from fti.config import Altimeter
 from fti.types import Reason
 
-#: Of a laser and of a radar [m], [deg]: table 3.2; a quarter of the power.
+#: Limits of a laser and of a radar [m], [deg]: table 3.2; a quarter of the power.
 DEVIATION_M = {"laser": 5.0, "radar": 10.0}
 INCIDENCE_DEG = {"laser": 75.0, "radar": 60.0}
-#: A deviation that the errors known of place, attitude, terrain and device explain so often is not held against it.
+#: A deviation within so many sigmas of position, attitude, terrain and device is valid.
 SIGMAS = 3.0
-#: A sample is compared as long as one that is off by so many times the limit is refused.
+#: A comparison is conclusive while a deviation of this multiple of the limit is refused.
 MAX_GATE_RATIO = 2.0
 ATTITUDE_DEG, NADIR_M = 10.0, 10.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sample:
-    """What is known about an altimeter at one moment.
+    """The inputs of the rules for an altimeter at one time.
 
-    value       : range or height as the device said it [m]; None when it found no return
+    value       : range or height as the device states it [m]; None without a return
     flagged     : the device declares the value invalid
-    heard       : the device has spoken at all
-    age_ns      : time since the value was true; max_age_ns : limit
-    roll, pitch : [rad] at that time; None when no attitude is known
+    has_samples : whether the device has sent any sample
+    age_ns      : time since the validity time; max_age_ns : limit
+    roll, pitch : [rad] at that time; None without an attitude
 
-    and from the terrain, each None where it was not asked or cannot tell (NaN is refused):
+    and from the terrain, each None where it is not compared or unknown (NaN is refused):
 
-    predicted    : what the device should say [m]; predicted_sd : one sigma of value - predicted [m]
+    predicted    : range that the device should measure [m]; predicted_sd : one sigma of value - predicted [m]
     min_range    : instead of both where the predicted beam meets no ground: at least this [m], same sigma
     dispersion   : standard deviation of the ranges across the predicted beam [m]
     incidence    : angle between the predicted ray and the normal of the ground [rad]
-    navigated    : h(P) - h(N) [m]; ground_sd : one sigma of h(N) by the error of the place [m]
-    height       : of P above what the beam sees, used as it is [m]
+    navigated    : h(P) - h(N) [m]; ground_sd : one sigma of h(N) by the position error [m]
+    height       : of P above the point that the beam measures, uncompensated [m]
     """
 
     value: float | None = None
@@ -88,7 +87,7 @@ Rule = Callable[[Sample, Altimeter], bool]
 
 
 def _exceeds(value: float | None, limit: float) -> bool:
-    """Of what is known: not within +- limit; NaN is not."""
+    """Whether a known value is not within +- limit; NaN is not."""
     return value is not None and not abs(value) <= limit
 
 
@@ -102,7 +101,7 @@ def _deviates(s: Sample, a: Altimeter) -> bool:
 
 
 def deviation_gate(predicted_sd: float, limits: Altimeter) -> float:
-    """Measured minus predicted range that is not refused [m].  predicted_sd : one sigma of it [m]"""
+    """Maximum measured minus predicted range that is not refused [m].  predicted_sd : one sigma of it [m]"""
     return max(_deviation_limit(limits), SIGMAS * predicted_sd)
 
 
@@ -113,7 +112,7 @@ def _deviation_limit(a: Altimeter) -> float:
 def is_conclusive(predicted_sd: float, limits: Altimeter) -> bool:
     """Whether a deviation of twice its limit is refused.  predicted_sd : one sigma of measured - predicted [m]
 
-    Else what is known is so uncertain that the ground says next to nothing of the sample.
+    Otherwise the prediction is so uncertain that the ground does not check the sample.
     """
     return SIGMAS * predicted_sd <= MAX_GATE_RATIO * _deviation_limit(limits)
 
@@ -139,7 +138,7 @@ def _grazes(s: Sample, a: Altimeter) -> bool:
     return _exceeds(s.incidence, math.radians(a.max_incidence_deg or INCIDENCE_DEG[a.kind]))
 
 
-#: In the order in which a person wants to read them; a rule is True when the sample breaks it.
+#: In the order in which reasons are shown; a rule is True when the sample violates it.
 RULES: tuple[tuple[Reason, Rule], ...] = (
     (Reason.SILENT, lambda s, a: not s.has_samples),
     (Reason.STALE, lambda s, a: s.has_samples and s.age_ns > s.max_age_ns),
@@ -162,13 +161,13 @@ def reasons_against(sample: Sample, limits: Altimeter) -> tuple[Reason, ...]:
     return tuple(reason for reason, broken in RULES if broken(sample, limits))
 
 
-def narrow(range_m: tuple[float, float]) -> Altimeter:
+def pencil_limits(range_m: tuple[float, float]) -> Altimeter:
     """Limits of a pencil beam: table 7.16."""
     return Altimeter(kind="laser", range_m=range_m, max_roll_deg=ATTITUDE_DEG, max_pitch_deg=ATTITUDE_DEG)
 
 
-def wide(range_m: tuple[float, float], across_deg: float, along_deg: float) -> Altimeter:
-    """Limits of a wide beam that is used as it is: table 7.20.
+def wide_beam_limits(range_m: tuple[float, float], across_deg: float, along_deg: float) -> Altimeter:
+    """Limits of a wide beam that is used without compensation: table 7.20.
 
     across_deg, along_deg : half power of the antenna, off the boresight, across and along the aircraft
     """

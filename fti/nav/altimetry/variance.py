@@ -1,7 +1,7 @@
-"""How good a range, a height and a footprint can be: variances in the surface-normal form.
+"""Variances of range, height and footprint in the surface-normal form.
 
-A ray from P along the way  w = mat_nb lever_arm_b + d u  ends where it meets the ground, a plane through x0 with the
-normal n (down).  It is the plane that decides, so the footprint is no quantity of its own beside P and attitude:
+A ray from P along  w = mat_nb lever_arm_b + d u  ends on the ground, a plane through x0 with the normal n (down).  The
+plane determines the footprint, which is therefore not an independent variable beside P and attitude:
 
     d  = n . (x0 - S) / (n . u)
     dd = -[ n . dP + n_D dh_dem + (w x n) . psi ] / (n . u) + e                                                     (1)
@@ -9,13 +9,13 @@ normal n (down).  It is the plane that decides, so the footprint is no quantity 
     dP      error of P, north, east, down [m]
     psi     small rotation of the body in the n frame [rad]: mat_nb becomes (I + [psi x]) mat_nb
     dh_dem  error of the ground's height, up [m]
-    e       error of the range [m]: of the instrument, and of a radar what the model of its receiver leaves
+    e       error of the range [m]: of the instrument, and for a radar also of the receiver model
             (``fti.ranging.receiver_error``); s_range is the sigma of both together
 
-The row H = -[n, w x n] / (n . u) is what a filter uses that takes the range itself (``range_row``).  Of a beam that
-tells its nearest return the way to the ground is the shortest, so its change with the pose is that of the point it
-comes from, whatever the ground around it: n := u in (1), and no attitude but for the lever arm.  That holds while
-the nearest point lies inside the beam; at the beam's edge the ray turns with the aircraft, and it is a pencil.
+A filter that uses the range itself needs the row H = -[n, w x n] / (n . u) (``range_row``).  A beam that measures its
+nearest return has the shortest way to the ground, so to first order the measured point stays fixed when the pose
+changes: n := u in (1), and attitude enters only by the lever arm.  This holds while the nearest point lies inside the
+beam.  At the beam's edge the ray turns with the aircraft, as a pencil does.
 
 The printed forms (3.13 to 3.21, 3.29) write Cov(A - B) as Cov A - Cov B, which turns negative.
 Source: Spiegel 2018, section 3.2, in the form of docs/errata.md; Monte Carlo of the whole chain within 5 % for slopes
@@ -43,13 +43,13 @@ def _zero() -> Array:
 
 @dataclass(frozen=True, eq=False)
 class ErrorModel:
-    """What is not known exactly, all one sigma.
+    """Error sources, all one sigma.
 
     pose_cov     : (6, 6) or (n, 6, 6), covariance of dP (north, east, down [m]) and psi [rad] as in (1), cross terms
                    included
     range_sd     : of the instrument [m], float or (n,)
     dem_sd       : of the elevation model [m], at one place
-    dem_length   : distance [m] at which its errors' correlation has fallen to 1/e; inf is a bias, which no range tells
+    dem_length   : distance [m] at which the correlation of its errors is 1/e; inf is a bias, which no range shows
     """
 
     pose_cov: Array = field(default_factory=_zero)
@@ -67,7 +67,7 @@ def pose_cov(position_sd: ArrayLike, attitude_sd: ArrayLike) -> Array:
 def range_row(prediction: Prediction, *, nearest: bool) -> Array:
     """dd / d(dP, psi): (n, 6), the row H of a range; (1) without DEM and instrument.
 
-    nearest : a beam that tells its nearest return; otherwise a pencil along u
+    nearest : whether the beam measures its nearest return; otherwise a pencil along u
     Level ground, roll 45 deg, pencil: dd/dP_D = -1.414; the projected form of eq. 3.44 gives -0.707.
     """
     normal, along = _normal_along(prediction, nearest=nearest)
@@ -88,11 +88,11 @@ def range_variance(prediction: Prediction, errors: ErrorModel, *, nearest: bool)
 
 
 def height_row(prediction: Prediction, *, nearest: bool) -> Array:
-    """Error of the compensated height of P over N by the pose it was compensated with: (n, 6).
+    """Jacobian of the compensated height of P over N by the errors of the pose: (n, 6).
 
         h = h(P) - h(N) + (d_measured - d_predicted) cos(theta)
 
-    Over parallel ground at N and M the error of P drops out: the height is the instrument's, whatever P is.
+    Over parallel ground at N and M the error of P cancels: the height error is that of the instrument.
     """
     to_nadir = np.zeros((len(prediction), 6))
     to_nadir[:, :3] = -prediction.nadir_n / prediction.nadir_n[:, 2:]
@@ -104,8 +104,8 @@ def height_variance(prediction: Prediction, errors: ErrorModel, *, nearest: bool
 
         Var = row P row' + s_dem^2 (1 + a^2 - 2 r a) + (s_range cos(theta))^2,        a = cos(theta) n_D / (n . u)
 
-    r = exp(-distance / ``dem_length``), of M from N: straight down, and of a bias on parallel ground, the error of the
-    elevation model drops out as well.
+    r = exp(-distance / ``dem_length``), distance from M to N: straight down, and for a bias on parallel ground, the
+    error of the elevation model cancels as well.
     """
     a = -prediction.cosine * dem_factor(prediction, nearest=nearest)
     by_pose = _quadratic(height_row(prediction, nearest=nearest), errors.pose_cov)
@@ -113,22 +113,22 @@ def height_variance(prediction: Prediction, errors: ErrorModel, *, nearest: bool
 
 
 def _dem_variance(prediction: Prediction, errors: ErrorModel, a: Array) -> Array:
-    """Of the difference of the elevation's errors at N and, a times, at M."""
+    """Variance of the elevation error at N minus a times the one at M (n,) [m^2]."""
     way = _vector_to_ground(prediction)
     together = np.exp(-np.hypot(way[:, 0], way[:, 1]) / errors.dem_length)
     return np.asarray(errors.dem_sd**2 * (1.0 + a**2 - 2.0 * together * a))
 
 
 def sampled_height_variance(terrain: Terrain, prediction: Prediction, errors: ErrorModel, *, nearest: bool) -> Array:
-    """The same from the ground around N and M, instead of planes through them: (n,) [m^2].
+    """``height_variance`` from sampled ground around N and M instead of planes: (n,) [m^2].
 
         Var = E[(h(xi) - h(0))^2] + s_dem^2 (1 + a^2 - 2 r a) + s_N^2 + a^2 s_M^2 - 2 r' a s_N s_M
               + (s_range cos(theta))^2
 
     with xi the errors of the pose, 64 of them, whose mean is 0 and whose covariance is ``pose_cov``; with s_N, s_M the
-    roughness at N and M and r' = exp(-distance / cell) (``fti.nav.altimetry.roughness``).  On a plane it is
-    ``height_variance``.  A few metres from the edge of a forest it is not: the plane below is level there and says
-    decimetres, where 10 m of error of the place put the trees below the aircraft (``fti study compensation``).
+    roughness at N and M and r' = exp(-distance / cell) (``fti.nav.altimetry.roughness``).  On a plane it equals
+    ``height_variance``.  A few metres from the edge of a forest it does not: the plane there gives decimetres, although
+    a position error of 10 m puts the trees below the aircraft (``fti study compensation``).
 
     The formulas of h(xi) are in ``fti.nav.altimetry.pose_error_propagation``; a = 1, of a nearest return
     cos(theta)^2.
@@ -140,29 +140,29 @@ def sampled_height_variance(terrain: Terrain, prediction: Prediction, errors: Er
 
 
 def sampled_range_variance(terrain: Terrain, prediction: Prediction, errors: ErrorModel, *, nearest: bool) -> Array:
-    """Variance of measured minus predicted range from the ground around M, instead of a plane through it: (n,) [m^2].
+    """``range_variance`` from sampled ground around M instead of a plane through it: (n,) [m^2].
 
         Var = E[(d(xi) - d(0))^2] + (n_D / (n . u))^2 (s_dem^2 + s_M^2) + s_range^2
 
-    with s_M the roughness at M (``fti.nav.altimetry.roughness``).  On a plane it is ``range_variance``, and so it is,
-    with s_M, of a nearest return, whose point stays where it is, and where the ground around is not known.
+    with s_M the roughness at M (``fti.nav.altimetry.roughness``).  It equals ``range_variance`` on a plane.  For a
+    nearest return, whose point stays fixed, and where the surrounding ground is unknown, it is that plus the s_M term.
     """
     plane = range_variance(prediction, errors, nearest=nearest)
     spread = _sampled_variances(terrain, prediction, errors, nearest=nearest)[:, 1]
     dem = dem_factor(prediction, nearest=nearest) ** 2
-    around = spread + dem * errors.dem_sd**2 + _range_noise(prediction, errors)
+    sampled = spread + dem * errors.dem_sd**2 + _range_noise(prediction, errors)
     rough = dem * _rough_variances(terrain, prediction, dem)[:, 1]
-    return np.where(np.isfinite(around) & ~_is_fixed_point(prediction, nearest=nearest), around, plane) + rough
+    return np.where(np.isfinite(sampled) & ~_is_fixed_point(prediction, nearest=nearest), sampled, plane) + rough
 
 
 def _rough_variances(terrain: Terrain, prediction: Prediction, a: Array) -> Array:
-    """Of a height and of the ground at M, by what lies between the posts (n, 2) [m^2]."""
+    """Variances of a height and of the ground at M by the terrain between the posts (n, 2) [m^2]."""
     at, points, share = (np.ascontiguousarray(x, dtype=np.float64) for x in (prediction.place_l, prediction.point_l, a))
     return np.asarray(rough_variances(terrain.pyramid, at, points, share))
 
 
 def _sampled_variances(terrain: Terrain, prediction: Prediction, errors: ErrorModel, *, nearest: bool) -> Array:
-    """Of height and range by the errors of the pose (n, 2) [m^2]."""
+    """Variances of height and range by the errors of the pose (n, 2) [m^2]."""
     n = len(prediction)
     stays = _is_fixed_point(prediction, nearest=nearest)
     trials = np.broadcast_to(TRIALS @ _root(errors.pose_cov), (n, *TRIALS.shape))
@@ -180,8 +180,8 @@ def footprint_covariance(prediction: Prediction, errors: ErrorModel) -> Array:
 
         dM = dP + psi x w + u dd,       dd as in (1) without e
 
-    The same dd as in the range, so M moves in the plane of the ground, raised by the error of its height.  The
-    instrument is not asked: M is where the elevation model is looked up.  Eq. 3.29, corrected.
+    dd is the same as for the range, so M moves in the plane of the ground, raised by the error of its height.  The
+    error of the instrument does not enter: M is the point of the elevation model.  Eq. 3.29, corrected.
     """
     jacobian = np.concatenate(
         (np.broadcast_to(np.eye(3), (len(prediction), 3, 3)), -_skew(_vector_to_ground(prediction))), axis=-1
@@ -193,7 +193,7 @@ def footprint_covariance(prediction: Prediction, errors: ErrorModel) -> Array:
 
 
 def _range_noise(prediction: Prediction, errors: ErrorModel) -> Array:
-    """s_range^2 (n,) [m^2]: of the instrument, and of the model of its receiver."""
+    """s_range^2 (n,) [m^2]: of the instrument and of the receiver model."""
     return np.asarray(np.square(errors.range_sd) + np.square(prediction.model_sd))
 
 
@@ -203,7 +203,7 @@ def _vector_to_ground(prediction: Prediction) -> Array:
 
 
 def _root(cov: Array) -> Array:
-    """The symmetric B with B B = cov, for covariances that need not be definite; NaN of one that is no number."""
+    """The symmetric B with B B = cov, also for semidefinite covariances; NaN where cov is not finite."""
     known = np.isfinite(cov).all(axis=(-2, -1), keepdims=True)
     values, vectors = np.linalg.eigh(np.where(known, cov, 0.0))
     root = vectors * np.sqrt(np.maximum(values, 0.0))[..., None, :] @ np.swapaxes(vectors, -1, -2)
@@ -219,9 +219,7 @@ def _normal_along(prediction: Prediction, *, nearest: bool) -> tuple[Array, Arra
 
 
 def _is_fixed_point(prediction: Prediction, *, nearest: bool) -> NDArray[np.bool_]:
-    """Whether the point that is seen stays where it is when the pose changes (n,); a pencil's moves, and one at the
-    edge of a beam.
-    """
+    """Whether the measured point stays fixed when the pose changes (n,): not for a pencil or at the beam's edge."""
     return np.asarray(~prediction.at_edge & nearest)
 
 

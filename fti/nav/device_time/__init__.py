@@ -1,1 +1,1 @@
-"""The clocks of devices: when a measurement was true."""
+"""Device clocks and the times of validity of measurements."""

@@ -1,18 +1,17 @@
-"""The clock of one device against FTI time: offset and drift, live, from messages that say their own time.
+"""The clock of one device relative to FTI time: live offset and drift, from messages with device time.
 
-    arrival - time of the device = offset + slope x (time of the device) + delay,   delay >= the shortest way
+    arrival - device time = offset + slope x (device time) + delay,   delay >= minimum delay
 
-The line is the lower envelope (``fti.nav.device_time.delay_envelope``) of the quickest message of each second, over the last hour.
-What lies above it is lateness: t_valid = arrival - lateness - latency of the device.  The shortest way itself cannot
-be seen; the configured latency stands for it.
+The line is the lower envelope (``fti.nav.device_time.delay_envelope``) of the fastest message of each second, over the
+last hour.  The distance above it is lateness: t_valid = arrival - lateness - latency of the device.  The minimum delay
+is not observable; the configured latency replaces it.
 
-A device's clock does not run for ever.  A counter that starts again at a known period goes on (``WRAPS``).  Anything
-else that lasts - a restart, a leap second, a receiver that finds its date, a delay that has become another - begins a
-new segment, after 10 s of messages of which none lies near the line.  After 2 s (and five messages) the clock is not
-believed any more: then, as before it is known, the arrival counts.  What is merely late comes in order; so five
-messages in a row from before the newest are enough.  Until then a message that is later than its age limit keeps its
-time and is stale: its arrival would make it look fresh.  A bend (temperature) moves the line with its
-window: 0.1 ppm in an hour is 0.05 ms.
+A counter that wraps at a known period continues (``WRAPS``).  Any other lasting change - a restart, a leap second, a
+receiver that finds its date, a changed delay - starts a new segment after 10 s of messages with none near the line.
+After 2 s (and five messages) the clock is not trusted: until it is known again, the arrival is used.  Late messages
+keep their order, so five messages in a row that are older than the newest are sufficient, too.  Until then a message
+that is later than its age limit keeps its time and is stale: with its arrival time it would look fresh.  A drift change
+(temperature) moves the line with its window: 0.1 ppm in an hour is 0.05 ms.
 """
 
 from __future__ import annotations
@@ -29,26 +28,26 @@ from fti.types import TimeScale
 Ints = NDArray[np.int64]
 
 SECOND_NS = 1_000_000_000
-#: The model remembers the quickest message of each of so many seconds.
+#: The fastest message of each second is stored for so many seconds.
 WINDOW_S = 3600
-#: No oscillator is worse by more: until the drift is known this well, it is taken as none.
+#: Largest drift of an oscillator: zero drift is assumed until it is known this well.
 UNKNOWN_DRIFT = 1e-4
 #: One sigma of a validity time from the arrival alone [ns] (source 003, fig. 6.10: logs up to 25 ms late).
 ARRIVAL_SD_NS = 25e6
 #: The line is known when its sigma is below this [ns].
 GOOD_SD_NS = 1e6
-#: A person is told the drift when it is known this well.
+#: The drift is reported when it is known this well.
 MAX_REPORTED_SLOPE_95 = 2e-6
-#: A message is near the line within this, and four times what is usual, and four sigma of the line [ns].
+#: A message is near the line within this plus four times the usual spread plus four sigma of the line [ns].
 NEAR_NS = 10e6
 NEAR_FACTOR = 4.0
-#: After so many messages of which none is near the line, and so long, it is not believed; so long: a new segment.
+#: Messages and time without one near the line until the clock is not trusted; until a new segment starts.
 MIN_OUTLIERS = 5
 TIMEOUT_TRUST_NS = 2 * SECOND_NS
 TIMEOUT_SEGMENT_NS = 10 * SECOND_NS
-#: No way holds messages back for longer; what seems later is of a clock that was set.
+#: Largest lateness of messages; a larger one means that the clock was set.
 MAX_LATENESS_NS = 60 * SECOND_NS
-#: Periods of counters that start again [ns]: 32 bits of milliseconds; week, ten bits of weeks, day.
+#: Periods of counters that wrap [ns]: 32 bits of milliseconds; week, ten bits of weeks, day.
 DAY_NS = 86_400 * SECOND_NS
 WRAPS = {
     TimeScale.BOOT: (2**32 * 1_000_000,),
@@ -58,20 +57,20 @@ WRAPS = {
 
 
 class ClockState(StrEnum):
-    """What is known of a device's clock."""
+    """State of the estimate of a device's clock."""
 
-    LEARNING = "learning"  # too short a time, or too scattered: arrival counts
+    LEARNING = "learning"  # too short a time, or too much scatter: the arrival is used
     GOOD = "good"
-    AWAY = "away"  # messages do not fit what was known: arrival counts
+    AWAY = "away"  # messages contradict the estimate: the arrival is used
 
 
 class ClockSegment:
-    """One run of a device's clock, begun by its first message.  Times of the device are unwrapped [ns].
+    """One continuous run of a device's clock, started by its first message.  Device times are unwrapped [ns].
 
-    first_ns, last_ns : arrival of the first message that belongs to it, and of the last one taken
-    messages, late : taken, and those of them beyond what is near the line
-    largest_ns     : the largest lateness that was seen
-    newest_ns      : the newest time of the device in a message near the line
+    first_ns, last_ns : arrival of its first and its last message
+    messages, late : number of its messages, and of those not near the line
+    largest_ns     : largest lateness
+    newest_ns      : newest device time in a message near the line
     """
 
     def __init__(self, t_rx_ns: int, t_dev_ns: int, window_s: int | None) -> None:
@@ -92,7 +91,7 @@ class ClockSegment:
         self.line = EnvelopeLine(0.0, UNKNOWN_DRIFT, 0.0, ARRIVAL_SD_NS, 0.0, 0.0, "none")
 
     def lateness(self, t_rx_ns: int, t_dev_ns: int) -> float:
-        """How far above the line a message lies [ns]."""
+        """Distance of a message above the line [ns]."""
         return t_rx_ns - t_dev_ns - self._y0 - self.line.at(t_dev_ns - self._x0)
 
     def lateness_of(self, t_rx_ns: Ints, t_dev_ns: Ints) -> Ints:
@@ -101,7 +100,7 @@ class ClockSegment:
         return np.asarray(t_rx_ns - t_dev_ns - self._y0 - np.rint(line).astype(np.int64))
 
     def near_ns(self, t_dev_ns: int) -> float:
-        """How far from the line a message may lie to be near it [ns]."""
+        """Largest distance from the line of a message that is near it [ns]."""
         line = self.line
         return NEAR_NS + NEAR_FACTOR * (line.spread + min(self.sd_ns(t_dev_ns), ARRIVAL_SD_NS))
 
@@ -110,7 +109,7 @@ class ClockSegment:
         return (line or self.line).sd(t_dev_ns - self._x0)
 
     def add(self, t_rx_ns: int, t_dev_ns: int) -> None:
-        """Take a message; the quickest of each second counts.  One of an earlier second is late and does not."""
+        """Add a message; the fastest of each second is used, late ones of an earlier second are not."""
         self.messages += 1
         self.last_ns = t_rx_ns
         self._measure_resolution(t_dev_ns)
@@ -123,13 +122,13 @@ class ClockSegment:
             self._quickest = (x, y)
 
     def finish(self) -> None:
-        """Fit all that was taken."""
+        """Fit all messages."""
         self._close_slot()
         self._quickest = None
         self._fit()
 
     def _measure_resolution(self, t_dev_ns: int) -> None:
-        """What all times of the device are multiples of, and the shortest step from one to the next."""
+        """Update the greatest common divisor of device time steps, and the shortest step."""
         step = abs(t_dev_ns - self._last_dev_ns)
         if step:
             self._last_dev_ns = t_dev_ns
@@ -138,7 +137,7 @@ class ClockSegment:
 
     @property
     def resolution_ns(self) -> int:
-        """Resolution of the device's time; 0 when it only speaks at whole multiples of its period."""
+        """Resolution of the device time; 0 if all steps are whole multiples of the shortest."""
         return self._grid_ns if self._grid_ns < self._shortest_ns else 0
 
     def _close_slot(self) -> None:
@@ -163,21 +162,21 @@ class ClockSegment:
 
     @property
     def points(self) -> tuple[Array, Array]:
-        """The quickest message of each second: time of the device and arrival - time of the device [ns], relative."""
+        """The fastest message of each second: device time and arrival - device time [ns], relative."""
         return np.array(self._x), np.array(self._y)
 
     @property
-    def known(self) -> bool:
-        """A line was found."""
+    def is_known(self) -> bool:
+        """Whether a line was fitted."""
         return self.line.method != "none" and len(self._x) >= MIN_SAMPLES
 
     @property
     def drift_ppm(self) -> float:
-        """How much faster than FTI time the device's clock runs."""
+        """Drift of the device's clock relative to FTI time; positive: it is faster."""
         return 1e6 * (1.0 / (1.0 + self.line.slope) - 1.0)
 
     def device_ns(self, t_ns: int, line: EnvelopeLine | None = None) -> int:
-        """Time of the device [ns] in a message that arrives at t_ns by the shortest way.
+        """Device time [ns] of a message that arrives at t_ns with minimum delay.
 
         line : another one of this segment's ``points``
         """
@@ -187,13 +186,13 @@ class ClockSegment:
 
 
 class ClockEstimator:
-    """The clock of a device, in one scale.
+    """The clock of a device, in one time scale.
 
-    latency_ns : between the time that the device says and the arrival, by the shortest way
-    max_age_ns : a message whose device time is older than this is not believed
-    window_s   : see ``WINDOW_S``; None remembers everything (offline)
+    latency_ns : minimum delay from device time to arrival
+    max_age_ns : messages with an older device time are refused
+    window_s   : see ``WINDOW_S``; None: unlimited (offline)
     segments   : finished ones and the present one; refused : messages that did not fit
-    unwrap_ns  : what counters that started again have lost
+    unwrap_ns  : sum of the periods of wrapped counters
     """
 
     def __init__(
@@ -218,27 +217,27 @@ class ClockEstimator:
 
     @property
     def state(self) -> ClockState:
-        """What is known."""
+        """State of the present segment."""
         segment = self.segment
         if self._is_distrusted:
             return ClockState.AWAY
-        certain = segment is not None and segment.known and segment.line.level_sd <= GOOD_SD_NS
+        certain = segment is not None and segment.is_known and segment.line.level_sd <= GOOD_SD_NS
         return ClockState.GOOD if certain else ClockState.LEARNING
 
     def drain_event_texts(self) -> list[str]:
-        """What a person should know since the last call."""
+        """Texts of events since the last call."""
         news, self._event_texts = self._event_texts, []
         return news
 
-    def take(self, t_rx_ns: int, t_dev_ns: int) -> int | None:
-        """Take a message; when it was true, in FTI time [ns], or None when its time cannot be believed.
+    def feed(self, t_rx_ns: int, t_dev_ns: int) -> int | None:
+        """Take a message; returns its time of validity in FTI time [ns], or None if the clock is not trusted.
 
-        It may be older than its age limit, never younger than its arrival less the latency.
+        It may be older than its age limit, and is never later than its arrival minus the latency.
         """
         segment = self.segments[-1] if self.segments else self._begin(t_rx_ns, t_dev_ns)
         t_dev_ns, late = self._unwrap(segment, t_rx_ns, t_dev_ns)
         near = segment.near_ns(t_dev_ns)
-        if late < -near and not segment.known:  # the first ones were late
+        if late < -near and not segment.is_known:  # the first messages were late
             self.segments.pop()
             segment, late = self._begin(t_rx_ns, t_dev_ns), 0.0
         self._watch(segment, t_rx_ns, t_dev_ns, near=abs(late) <= near)
@@ -254,14 +253,14 @@ class ClockEstimator:
         return self._valid_ns(segment, t_rx_ns, t_dev_ns, late)
 
     def _valid_ns(self, segment: ClockSegment, t_rx_ns: int, t_dev_ns: int, late: float) -> int | None:
-        """When a message was true; None while that is not known well enough."""
+        """Time of validity of a message; None while the clock is not known well enough."""
         if self.state is not ClockState.GOOD or segment.sd_ns(t_dev_ns) > GOOD_SD_NS:
             return None
         self._report_drift(segment)
         return t_rx_ns - round(max(late, 0.0)) - self._latency_ns
 
     def device_ns(self, t_ns: int) -> int:
-        """What the device's clock shows at the FTI time t_ns [ns]; there must be a segment."""
+        """Device time at the FTI time t_ns [ns]; there must be a segment."""
         segment = self.segments[-1]
         return segment.device_ns(t_ns + self._latency_ns) - self.unwrap_ns
 
@@ -271,7 +270,7 @@ class ClockEstimator:
         return segment.sd_ns(segment.device_ns(t_ns + self._latency_ns))
 
     def finish(self) -> None:
-        """Everything has been taken."""
+        """Finish all segments after the last message."""
         for segment in self.segments:
             segment.finish()
 
@@ -280,7 +279,7 @@ class ClockEstimator:
         return self.segments[-1]
 
     def _watch(self, segment: ClockSegment, t_rx_ns: int, t_dev_ns: int, *, near: bool) -> None:
-        """How long no message was near the line, and how many were from before the newest."""
+        """Count messages that are not near the line, and those that are older than the newest."""
         if near:
             segment.newest_ns = max(segment.newest_ns, t_dev_ns)
             if self._outliers:
@@ -299,22 +298,22 @@ class ClockEstimator:
         return 0 if self._outliers_since_ns is None else t_rx_ns - self._outliers_since_ns
 
     def _renew(self, t_rx_ns: int, t_dev_ns: int) -> None:
-        """What does not fit has lasted: the clock was set, or the way has become another."""
-        began_ns = self._outliers_since_ns or t_rx_ns
+        """Start a new segment: the clock was set, or the delay has changed."""
+        start_ns = self._outliers_since_ns or t_rx_ns
         self._clear_outliers()
         self._is_drift_reported = False
-        before = self.segments[-1]
+        previous = self.segments[-1]
         segment = self._begin(t_rx_ns, t_dev_ns)
-        segment.first_ns = began_ns
+        segment.first_ns = start_ns
         segment.add(t_rx_ns, t_dev_ns)
-        if before.known:
-            step = (t_dev_ns - before.device_ns(t_rx_ns)) / SECOND_NS
+        if previous.is_known:
+            step = (t_dev_ns - previous.device_ns(t_rx_ns)) / SECOND_NS
             self._event_texts.append(
                 f"the clock of {self._name} ({self.scale}) has gone by {step:+.3f} s; it is learned anew"
             )
 
     def _unwrap(self, segment: ClockSegment, t_rx_ns: int, t_dev_ns: int) -> tuple[int, float]:
-        """The device's time without the jump of a counter that starts again, and how far above the line it lies."""
+        """Device time without the wraps of a counter, and its distance above the line."""
         unwrapped = t_dev_ns + self.unwrap_ns
         late = segment.lateness(t_rx_ns, unwrapped)
         if abs(late) < 1000 * SECOND_NS:

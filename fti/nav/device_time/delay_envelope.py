@@ -1,18 +1,18 @@
-"""The line under a cloud of delays: offset and drift of one clock against another, when messages can only be late.
+"""Lower envelope of message delays: offset and drift of one clock relative to another.
 
-Samples (x, y): time of the device, and arrival minus time of the device.  y = offset + slope x + delay, where a delay
-is never less than the shortest way, and often much more.  Two estimators, because delays come in two kinds:
+Samples (x, y): device time, and arrival minus device time.  y = offset + slope x + delay; a delay has a minimum and is
+often much larger.  Two estimators cover the two kinds of delay distributions:
 
     edge   the line below all samples that lies closest to them: the edge of their lower convex hull over the mean of
-           x (Moon, Skelly, Towsley 1999).  Best where delays begin with a hard edge.  Its error scales with
-           1 / (density of samples along the edge x span^2), with a constant that holds for every such cloud.
-    core   where jitter of both signs blurs the edge: an M-estimate that weighs the lower flank and the top of the
-           distribution and lets the late ones go (Hampel's three parts, on the upper side only).  Its error from the
-           scatter of 24 groups of consecutive samples, so that slow disturbances count.
+           x (Moon, Skelly, Towsley 1999).  Best if the distribution has a hard lower edge.  Its error scales with
+           1 / (density of samples along the edge x span^2), with the same constant for all such distributions.
+    core   for jitter of both signs: an M-estimate that weights the lower flank and the top of the distribution and
+           ignores late samples (Hampel's three parts, on the upper side only).  Its error is computed from the scatter
+           of 24 groups of consecutive samples, so that it includes slow disturbances.
 
-The one with the smaller 95 % interval is taken; the core only where it does not contradict the edge.
+The one with the smaller 95 % interval is used; the core only if it does not contradict the edge.
 
-Offset AND slope are estimated: a line through the first sample would carry that sample's delay for ever, and turn it
+Offset AND slope are estimated: a line through the first sample would keep that sample's delay, and turn it
 into drift (the same mistake as in eq. 4.26 of Spiegel 2018; see docs/errata.md).
 """
 
@@ -28,34 +28,34 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-#: Samples below which there is no line.
+#: Minimum number of samples for a line.
 MIN_SAMPLES = 12
 Z95 = 1.959964
-#: 95 % quantile of |slope error| x density x span^2 of the edge, from 3000 drawn Poisson clouds.
+#: 95 % quantile of |slope error| x density x span^2 of the edge, from 3000 simulated Poisson samples.
 EDGE_95 = 15.4
-#: The density along the edge is the smallest over strips that hold so many samples: a blurred edge is no edge.
+#: The density along the edge is the smallest over strips of so many samples, so that a blurred edge has a low density.
 STRIPS = (10, 20, 40)
-#: Stamps are not better than this [same unit as y: ns].
+#: Resolution of stamps [same unit as y: ns].
 RESOLUTION = 1000.0
-#: Psi of the core: straight from -LEFT to TOP sigmas, down to nothing at END; and the groups for its error.
+#: Psi of the core: linear from -LEFT to TOP sigmas, zero from END on; number of groups for its error.
 LEFT, TOP, END = 3.0, 1.2, 3.2
 GROUPS = 24
 ROUNDS = 12
-#: Choosing the smaller of two intervals makes them 5 % too small; this makes up for it.
+#: The choice of the smaller of two intervals makes them 5 % too small; this corrects it.
 CHOICE = 1.1
-#: Edge and core contradict each other beyond so many intervals: where jitter blurs the edge, its own is too small.
+#: Edge and core contradict each other beyond so many intervals: with jitter the interval of the edge is too small.
 MAX_SEPARATION_INTERVALS = 6.0
-#: So many of a hundred samples lie below the level of the line.
+#: Percentage of samples below the level of the line.
 LEVEL_PERCENT = 2.0
 
 
 @dataclass(frozen=True, slots=True)
 class EnvelopeLine:
-    """y = level + slope (x - x_mean): the quickest messages lie on it.
+    """y = level + slope (x - x_mean), through the fastest messages.
 
     slope_95  : half of the 95 % interval of the slope
     level_sd  : one sigma of the level
-    spread    : how far above the line the usual message lies (median)
+    spread    : median distance of messages above the line
     method    : "edge" or "core"
     """
 
@@ -81,9 +81,9 @@ class EnvelopeLine:
 
 
 def fit_line(x: Array, y: Array, resolution: float = 0.0) -> EnvelopeLine | None:
-    """The line under samples, x rising, shape (n,), all in one unit of time [ns]; None from fewer than ``MIN_SAMPLES``.
+    """The line below samples, x rising, shape (n,), all in one unit of time [ns]; None for fewer than ``MIN_SAMPLES``.
 
-    resolution : of x.  Rounding may beat so slowly with the messages that it looks like a drift by one step over all.
+    resolution : of x.  Rounding may beat slowly with the messages and look like a drift by one step over all samples.
     """
     if len(x) < MIN_SAMPLES or x[-1] <= x[0]:
         return None
@@ -99,12 +99,12 @@ def fit_line(x: Array, y: Array, resolution: float = 0.0) -> EnvelopeLine | None
 
 
 def _with_level(x: Array, y: Array, line: EnvelopeLine) -> EnvelopeLine:
-    """The line at the level of the quickest messages; sigma of the level from the order of the samples."""
+    """The line at the level of the fastest messages; sigma of the level by order statistics."""
     above = np.sort(y - line.at(x))
     n = len(above)
     rank = LEVEL_PERCENT / 100 * n
-    aside = max(1.0, math.sqrt(rank))
-    low, level, high = (float(above[min(max(round(k), 0), n - 1)]) for k in (rank - aside, rank, rank + aside))
+    width = max(1.0, math.sqrt(rank))
+    low, level, high = (float(above[min(max(round(k), 0), n - 1)]) for k in (rank - width, rank, rank + width))
     spread = float(above[n // 2]) - level
     level_sd = math.hypot((high - low) / 2 + RESOLUTION, line.level_sd)
     return replace(line, level=level, level_sd=level_sd, spread=spread)
@@ -114,7 +114,7 @@ def _with_level(x: Array, y: Array, line: EnvelopeLine) -> EnvelopeLine:
 
 
 def fit_edge(x: Array, y: Array) -> tuple[float, float]:
-    """Slope of the lower hull's edge over the mean of x, and half of its 95 % interval."""
+    """Slope of the lower hull's edge below the mean of x, and half of its 95 % interval."""
     first, last = _hull_edge(x, y)
     slope = float((y[last] - y[first]) / (x[last] - x[first]))
     height = np.sort(y - y[first] - slope * (x - x[first])) + RESOLUTION
@@ -125,7 +125,7 @@ def fit_edge(x: Array, y: Array) -> tuple[float, float]:
 
 
 def _hull_edge(x: Array, y: Array) -> tuple[int, int]:
-    """The two samples whose line lies below all others and has the mean of x between them."""
+    """The two samples of the lower hull on both sides of the mean of x."""
     xs, ys = x.tolist(), y.tolist()
     hull: list[int] = []
     for i in range(len(xs)):
@@ -143,30 +143,30 @@ def _hull_edge(x: Array, y: Array) -> tuple[int, int]:
 
 
 def fit_core(x: Array, y: Array, slope: float) -> tuple[float, float] | None:
-    """Slope of the core of the distribution, begun at a first slope, and half of its 95 % interval; None without."""
+    """Slope of the core of the distribution, from an initial slope, and half of its 95 % interval; None without."""
     if len(x) < 2 * GROUPS:
         return None
     x = x - x.mean()
     location, scale = 0.0, 0.0
     for turn in range(ROUNDS):
-        left = y - slope * x
+        residual = y - slope * x
         if turn < 4:
-            location, scale = _mode(left)
+            location, scale = _mode(residual)
         if scale <= RESOLUTION:
             return None
-        weight = _weights((left - location) / scale)
-        x_bar, y_bar = (float(weight @ values / weight.sum()) for values in (x, left))
+        weight = _weights((residual - location) / scale)
+        x_bar, y_bar = (float(weight @ values / weight.sum()) for values in (x, residual))
         within = float(weight @ (x - x_bar) ** 2)
         if within <= 0.0:
             return None
-        slope += float(weight @ ((x - x_bar) * (left - y_bar))) / within
+        slope += float(weight @ ((x - x_bar) * (residual - y_bar))) / within
         location = y_bar
     interval = _core_interval(x, (y - slope * x - location) / scale, scale)
     return None if interval is None else (slope, interval)
 
 
 def _mode(values: Array) -> tuple[float, float]:
-    """The densest place of a distribution (half-sample mode), and sigma of the flank below it."""
+    """Mode of a distribution (half-sample mode), and sigma of the flank below it."""
     ordered = part = np.sort(values)
     while len(part) > 3:
         half = (len(part) + 1) // 2
@@ -193,16 +193,16 @@ def _weights(z: Array) -> Array:
 
 
 def _core_interval(x: Array, z: Array, scale: float) -> float | None:
-    """Half of the 95 % interval, from what each group of consecutive samples contributes to the slope."""
+    """Half of the 95 % interval, from the contribution of each group of consecutive samples to the slope."""
     bend = _psi_slope(z)
     total = float(bend.sum())
     if total < 0.1 * np.count_nonzero(z < TOP):
         return None
     x_bar = float(bend @ x) / total
-    held = float(bend @ (x - x_bar) ** 2)
-    if held <= 0.0:
+    spread = float(bend @ (x - x_bar) ** 2)
+    if spread <= 0.0:
         return None
-    influence = scale * _psi(z) * (x - x_bar) / held
+    influence = scale * _psi(z) * (x - x_bar) / spread
     groups = np.bincount(np.arange(len(x)) * GROUPS // len(x), influence)
     sd = math.sqrt(float(groups @ groups) * GROUPS / (GROUPS - 2))
     return student_95(GROUPS - 2) * sd

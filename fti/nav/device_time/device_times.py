@@ -1,6 +1,6 @@
-"""When measurements were true: the clocks of all devices, and what they say of GNSS time.
+"""Times of validity of measurements: the clocks of all devices, and GNSS time.
 
-Deterministic: it sees measurements in order of ``seq`` and nothing else.  Who starts navigation again starts it anew.
+Deterministic: its only input are measurements in order of ``seq``.  A restart of navigation resets it.
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ from fti.nav.device_time.delay_envelope import Z95
 from fti.types import Event, Measurement, Stamp, TimeScale
 
 SECOND_NS = 1_000_000_000
-#: Scales that are the same for everybody, the better one first.
+#: Scales that are common to all devices, the better one first.
 GNSS_SCALES = (TimeScale.GPS, TimeScale.UTC)
-#: No clock shows a time beyond [ns]: 146 years.  Devices that do not know it say the largest number they have.
+#: Limit of valid device times [ns]: 146 years.  Devices without time often send their largest number.
 MAX_TIME_NS = 2**62
 _Key = tuple[str, TimeScale]
 
 
 def device_time_of(stamp: Stamp) -> tuple[TimeScale, int] | None:
-    """Scale and time of the device [ns] that a message says; None when it says none that a clock can show."""
+    """Time scale and device time [ns] of a message; None if it has none or an invalid one."""
     if stamp.time_scale is None or stamp.t_dev_ns is None or abs(stamp.t_dev_ns) > MAX_TIME_NS:
         return None
     return stamp.time_scale, stamp.t_dev_ns
@@ -33,38 +33,38 @@ def device_time_of(stamp: Stamp) -> tuple[TimeScale, int] | None:
 
 @cache
 def _mutable_class_of(kind: Any) -> tuple[Callable[..., Any], Callable[[Any], Sequence[Any]]]:
-    """A class with the same slots that is not frozen, and what takes all values but the first out of the frozen one.
+    """A class with the same slots that is not frozen, and a getter of all values but the first of the frozen one.
 
-    A frozen class sets each field by a call.
+    It is faster, because a frozen class sets each field by a call.
     """
     first, *others = [field.name for field in dataclasses.fields(kind)]
     twin = dataclasses.make_dataclass(kind.__name__, [first, *others], slots=True, eq=False, repr=False)
     if len(others) > 1:
         return twin, operator.attrgetter(*others)
-    return twin, lambda made: [getattr(made, name) for name in others]
+    return twin, lambda values: [getattr(values, name) for name in others]
 
 
 def restamp(m: Measurement, stamp: Stamp) -> Measurement:
     """The same measurement with another stamp: ``dataclasses.replace`` in a quarter of the time."""
     kind: Any = type(m)
     twin, others = _mutable_class_of(kind)
-    made: Measurement = twin(stamp, *others(m))
-    made.__class__ = kind
-    return made
+    copy: Measurement = twin(stamp, *others(m))
+    copy.__class__ = kind
+    return copy
 
 
 def with_validity(stamp: Stamp, t_valid_ns: int) -> Stamp:
     """The same stamp with its time of validity."""
-    made: Stamp = _new_stamp(stamp.t_rx_ns, stamp.t_dev_ns, stamp.time_scale, t_valid_ns)
-    made.__class__ = Stamp
-    return made
+    copy: Stamp = _new_stamp(stamp.t_rx_ns, stamp.t_dev_ns, stamp.time_scale, t_valid_ns)
+    copy.__class__ = Stamp
+    return copy
 
 
 _new_stamp, _ = _mutable_class_of(Stamp)
 
 
 class DeviceTimes:
-    """Fills in ``t_valid_ns``, and reports once a second.  window_s : as ``ClockEstimator`` has it."""
+    """Sets ``t_valid_ns``, and reports once a second.  window_s : as in ``ClockEstimator``"""
 
     def __init__(self, devices: Iterable[Device], window_s: int | None = WINDOW_S) -> None:
         self._devices = {device.name: device for device in devices}
@@ -78,36 +78,36 @@ class DeviceTimes:
         self._valid_stamp = Stamp(0)
 
     def stamp(self, device: str, m: Measurement) -> Measurement:
-        """The same measurement with ``t_valid_ns`` filled in: by the device's clock, or else by its arrival.
+        """The same measurement with ``t_valid_ns``: by the device's clock, or else by its arrival.
 
-        What a device declares invalid counts from its arrival: in the past, the valid value before would outlast it.
+        Invalid measurements use the arrival: with an earlier time, an older valid value would be used longer.
         """
         stamp = m.stamp
-        if stamp is not self._stamp or device != self._device:  # the measurements of a message share theirs
+        if stamp is not self._stamp or device != self._device:  # the measurements of a message share one stamp
             self._valid_stamp = self._validity_stamp(self._devices[device], stamp)
-            self._stamp, self._device = stamp, device  # not before: what failed says nothing of the next one
+            self._stamp, self._device = stamp, device  # not before: after a failure the next one must retry
         if getattr(m, "valid", True):
             return restamp(m, self._valid_stamp)
         return restamp(m, with_validity(stamp, stamp.t_rx_ns - self._latency_ns[device]))
 
     def _validity_stamp(self, device: Device, stamp: Stamp) -> Stamp:
-        """By the clock of the device; by its arrival where that is not known."""
+        """By the clock of the device; by the arrival if that is not known."""
         by_clock = self._by_clock(device, stamp)
         if by_clock is None or not device.use_device_time:
             return with_validity(stamp, stamp.t_rx_ns - self._latency_ns[device.name])
         return with_validity(stamp, by_clock)
 
     def _by_clock(self, device: Device, stamp: Stamp) -> int | None:
-        """One message yields several measurements with the same stamp: it is taken once."""
-        told = device_time_of(stamp)
-        if told is None:
+        """Measurements of one message have the same stamp: it is processed once."""
+        device_time = device_time_of(stamp)
+        if device_time is None:
             return None
-        scale, t_dev_ns = told
+        scale, t_dev_ns = device_time
         key = (device.name, scale)
         last_rx_ns, last_dev_ns, valid_ns = self._last.get(key, (None, None, None))
         if (last_rx_ns, last_dev_ns) != (stamp.t_rx_ns, t_dev_ns):
             clock = self.clocks.get(key) or self._begin(key, device)
-            valid_ns = clock.take(stamp.t_rx_ns, t_dev_ns)
+            valid_ns = clock.feed(stamp.t_rx_ns, t_dev_ns)
             self._last[key] = stamp.t_rx_ns, t_dev_ns, valid_ns
         return valid_ns
 
@@ -117,7 +117,7 @@ class DeviceTimes:
         return clock
 
     def tick(self, t_ns: int) -> dict[str, Any] | None:
-        """Once a second, what is known of every clock, for ``/fti/device_clock``."""
+        """Once a second, the state of every clock, for ``/fti/device_clock``."""
         if t_ns // SECOND_NS == self._second:
             return None
         self._second = t_ns // SECOND_NS
@@ -125,13 +125,13 @@ class DeviceTimes:
         return {"t_ns": t_ns, "clocks": clocks, "gnss": self._gnss(t_ns)} if clocks else None
 
     def clocks_of(self, device: str, t_ns: int) -> list[dict[str, Any]]:
-        """What is known of the clocks of a device, the one that all share first."""
+        """State of the clocks of a device, common time scales first."""
         order = [*GNSS_SCALES, *(scale for scale in TimeScale if scale not in GNSS_SCALES)]
         known = [self.clocks[device, scale] for scale in order if (device, scale) in self.clocks]
         return [describe(clock, t_ns) for clock in known if clock.segments]
 
     def drain_events(self, t_ns: int) -> list[Event]:
-        """What a person should know since the last call."""
+        """Events since the last call."""
         news = [text for clock in self.clocks.values() for text in clock.drain_event_texts()]
         return [Event(t_ns=t_ns, level="info", source="clock", text=text) for text in news]
 
@@ -149,11 +149,11 @@ class DeviceTimes:
 def describe(clock: ClockEstimator, t_ns: int) -> dict[str, Any]:
     """A clock at the FTI time t_ns.
 
-    offset_ns : device - FTI; drift_ppm : how much faster it runs than FTI time; validity_sd_ns : of ``t_valid_ns``
-    usual_ns  : how much later than by the shortest way the usual message arrives; refused : messages that did not fit
+    offset_ns : device - FTI; drift_ppm : relative to FTI time, positive: faster; validity_sd_ns : of ``t_valid_ns``
+    usual_ns  : median delay beyond the minimum; refused : messages that did not fit
     """
     segment = clock.segments[-1]
-    good, known = clock.state is ClockState.GOOD, segment.known
+    good, known = clock.state is ClockState.GOOD, segment.is_known
     sd_ns = clock.sd_ns(t_ns)
     return {
         "scale": clock.scale,

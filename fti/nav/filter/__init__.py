@@ -1,14 +1,14 @@
-"""The error-state Kalman filter: inertial navigation, aided; ``navigator.InertialNavigator`` is what a pipeline uses.
+"""The error-state Kalman filter of aided inertial navigation; a pipeline uses ``navigator.InertialNavigator``.
 
-    states.py      what is estimated: nine or fifteen errors, and errors of what aids
-    kernels.py     one step of state and covariance, one update with a scalar (compiled)
-    estimate.py    the estimate at one time; what it says in latitude, longitude, north, east, down
-    aiding.py      what aids: ``compute_matrices(here) -> (z, H, R)``, one small class each
-    gate.py        which innovations are believed, and for how long one may be refused
-    timeline.py    measurements that come late are taken at the time at which they were true
-    navigator.py   alignment, mode and reasons
+    error_states.py          the states: nine or fifteen errors, and slow errors of the aiding sources
+    kernels.py               one step of state and covariance, one update with a scalar (compiled)
+    estimate.py              the estimate at one time, in latitude, longitude, north, east, down
+    aiding.py                measurements: ``compute_matrices(estimate) -> (z, H, R)``, one small class each
+    innovation_gate.py       which innovations are accepted
+    delayed_measurements.py  late measurements are processed at their time of validity
+    navigator.py             alignment, mode and reasons
 
     x = truth - estimate,     z = measured - expected = H x + noise,     z is the innovation
 
-The error is in the earth frame (``fti.nav.inertial.ins_error_model``); everything said outside is in n at the point.
+The error is in the earth frame (``fti.nav.inertial.ins_error_model``); all outputs are in n at the point.
 """

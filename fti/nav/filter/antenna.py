@@ -1,6 +1,6 @@
-"""What position and velocity of an antenna mean for the errors, compiled: z, H and R of ``fti.nav.filter.aiding``.
+"""Observation models of position and velocity of an antenna, compiled: z, H and R of ``fti.nav.filter.aiding``.
 
-Every fix is compared with the filter and with each of its copies.
+They are evaluated for the filter and for each of its copies.
 Checked against: tests/nav/test_filter_aiding.py.
 """
 
@@ -22,16 +22,16 @@ Matrices = tuple[Array, Array, Array]
 
 
 @kernel
-def position(y: Array, place: Vector, arm_b: Vector, sds: Vector, rows: int, size: int) -> Matrices:  # noqa: PLR0917
+def position(y: Array, geodetic_pos: Vector, arm_b: Vector, sds: Vector, rows: int, size: int) -> Matrices:  # noqa: PLR0917
     """z = mat_ne (x_measured - x - mat_eb arm), in north, east, down.
 
-    y     : an estimate's row;  place : lat, lon [rad], alt [m] as measured;  arm_b : P to the antenna [m]
-    sds   : north, east, down [m];  rows : 3, or 2 without the height, in place of which its own is taken
+    y     : an estimate's row;  geodetic_pos : measured lat, lon [rad], alt [m];  arm_b : P to the antenna [m]
+    sds   : north, east, down [m];  rows : 3, or 2 without the height (the height of the estimate is used)
     size  : number of states
     """
     own_lat, own_lon, own_alt = geodetic(y)
     mat_en = axes(own_lat, own_lon)
-    measured_e = ecef(place[0], place[1], place[2] if rows == 3 else own_alt)
+    measured_e = ecef(geodetic_pos[0], geodetic_pos[1], geodetic_pos[2] if rows == 3 else own_alt)
     arm_e = _rotated(matrix(y), arm_b)
     z, H, R = np.zeros(rows), np.zeros((rows, size)), np.zeros((rows, rows))
     for i in range(rows):
@@ -49,22 +49,22 @@ def velocity(  # noqa: PLR0917
 ) -> Matrices:
     """z = v_measured - mat_ne (v + mat_eb (omega_eb x arm)).
 
-    y, felt : of an estimate;  vel_n : north, east, down as measured [m/s];  arm_b : P to the antenna [m]
+    y, imu  : of an estimate;  vel_n : north, east, down as measured [m/s];  arm_b : P to the antenna [m]
     sd      : of each axis [m/s];  rows : 3, or 2 without the vertical;  size : number of states
     biased  : whether gyro biases are states
     """
     own_lat, own_lon, _ = geodetic(y)
     mat_en, mat_eb = axes(own_lat, own_lon), matrix(y)
     rate_b = _rate_eb_b(y, imu, mat_eb)
-    around_e = _rotated(mat_eb, cross(rate_b[0], rate_b[1], rate_b[2], arm_b[0], arm_b[1], arm_b[2]))
+    rotation_e = _rotated(mat_eb, cross(rate_b[0], rate_b[1], rate_b[2], arm_b[0], arm_b[1], arm_b[2]))
     z, H, R = np.zeros(rows), np.zeros((rows, size)), np.zeros((rows, rows))
     for i in range(rows):
         axis_e = (mat_en[0, i], mat_en[1, i], mat_en[2, i])
         z[i] = vel_n[i]
         for j in range(3):
-            z[i] -= axis_e[j] * (y[3 + j] + around_e[j])
+            z[i] -= axis_e[j] * (y[3 + j] + rotation_e[j])
             H[i, VEL + j] = axis_e[j]
-        _enter_cross(H[i], TURN, around_e, axis_e)
+        _enter_cross(H[i], TURN, rotation_e, axis_e)
         if biased:
             _enter_cross(H[i], GYRO, _rotated(mat_eb.T, axis_e), arm_b)
         R[i, i] = sd**2
@@ -73,7 +73,7 @@ def velocity(  # noqa: PLR0917
 
 @kernel
 def _rate_eb_b(y: Array, imu: Array, mat_eb: Array) -> Vector:
-    """Turn of the body against the Earth [rad/s]."""
+    """Turn rate of the body relative to the Earth [rad/s]."""
     rate = imu[3:] - y[GYRO_BIAS:EXTRAS] - EARTH_RATE * mat_eb[2]
     return rate[0], rate[1], rate[2]
 

@@ -1,6 +1,6 @@
-"""What aids the filter where no satellites do: true airspeed beside an estimated wind, and magnetic heading.
+"""Aiding without satellites: true airspeed with an estimated wind, and magnetic heading.
 
-Both carry no position.  Wind, scale and steady sideslip, and the error of the magnetic heading are states (``Extra``).
+Neither contains a position.  Wind, scale, steady sideslip and heading error are states (``Extra``).
 Checked against: tests/nav/test_dead_reckoning_aiding.py, tests/nav/test_dead_reckoning.py.
 """
 
@@ -19,16 +19,16 @@ from fti.nav.inertial.ins_error_model import TURN, VEL
 
 Array = NDArray[np.float64]
 
-#: A direction that is less certain than this says nothing of the sideslip [rad].
+#: With a less certain heading the sideslip row is left out [rad].
 MAX_HEADING_SD = math.radians(10.0)
-#: Below this speed through the air the air has no direction [m/s].
+#: Below this airspeed the direction of the air is undefined [m/s].
 MIN_AIR_SPEED = 1.0
-#: A field with a smaller horizontal share counts as if it had this one: a dip of 84 deg.
+#: Smaller horizontal shares of the field are replaced by this one: a dip of 84 deg.
 MIN_HORIZONTAL_SHARE = 0.1
 
 
 class _NoPosition(LastingErrors):
-    """A source without which, and with which, the position drifts."""
+    """A source that does not bound the drift of the position."""
 
     __slots__ = ()
 
@@ -40,15 +40,15 @@ class _NoPosition(LastingErrors):
 
 @dataclass(frozen=True, slots=True)
 class TrueAirspeed(_NoPosition):
-    """True airspeed [m/s], and a sideslip of which only the steady part and a sigma are known.
+    """True airspeed [m/s], and a sideslip with an estimated steady part and a sigma.
 
         a = v_n - w_n                   velocity through the air; the vertical wind is zero
         tas = |a| (1 + scale) + noise         0 = y_b . a - |a| sideslip + noise        y_b: to the right, body
 
-    Where the heading is less certain than ``MAX_HEADING_SD`` the first row is all.  While satellites aid it corrects
-    wind, scale and sideslip alone: a wrong airspeed then moves neither position nor attitude.
+    If the heading is less certain than ``MAX_HEADING_SD``, only the first row is used.  While satellites aid, it
+    corrects wind, scale and sideslip only: a wrong airspeed then moves neither position nor attitude.
 
-    sd         : of the airspeed, with the gusts of its time [m/s];  lateral_sd : of the gusts from the side [m/s]
+    sd         : of the airspeed, gusts included [m/s];  lateral_sd : of the lateral gusts [m/s]
     Source: Groves 2013, section 6.3 (air data); the sideslip as a pseudo-measurement as in 15.4.1 for land vehicles.
     """
 
@@ -58,7 +58,7 @@ class TrueAirspeed(_NoPosition):
     name: str = "air.airspeed"
 
     @property
-    def own(self) -> tuple[str, ...]:
+    def own_states(self) -> tuple[str, ...]:
         """Wind, scale, sideslip."""
         return tuple(AIRSPEED_DRIFTS)
 
@@ -67,42 +67,41 @@ class TrueAirspeed(_NoPosition):
         """While satellites aid."""
         return True
 
-    def compute_matrices(self, here: Estimate) -> Matrices:
+    def compute_matrices(self, estimate: Estimate) -> Matrices:
         """z and H of both rows."""
-        wind_n = np.array([here.drift(Extra.WIND_NORTH), here.drift(Extra.WIND_EAST), 0.0])
-        air_n = here.vel_n - wind_n
+        wind_n = np.array([estimate.drift(Extra.WIND_NORTH), estimate.drift(Extra.WIND_EAST), 0.0])
+        air_n = estimate.vel_n - wind_n
         speed = max(float(np.linalg.norm(air_n)), MIN_AIR_SPEED)
-        along_n, sideslip = air_n / speed, here.drift(Extra.SIDESLIP)
-        H = np.zeros((2, here.model.size))
-        along = self.tas - speed - enter_drift(here, Extra.AIRSPEED_SCALE, H[0], self.tas)
-        across_n = here.mat_nb[:, 1] - sideslip * along_n
-        enter_drift(here, Extra.SIDESLIP, H[1], -speed)
-        _enter_air(here, H[0], along_n)
-        _enter_air(here, H[1], across_n)
-        H[1, TURN : TURN + 3] = np.cross(here.mat_eb[:, 1], here.mat_en @ air_n)
-        z = np.array([along, speed * sideslip - float(here.mat_nb[:, 1] @ air_n)])
-        rows = 2 if here.rpy_sd[2] <= MAX_HEADING_SD else 1
+        along_n, sideslip = air_n / speed, estimate.drift(Extra.SIDESLIP)
+        H = np.zeros((2, estimate.model.size))
+        along = self.tas - speed - enter_drift(estimate, Extra.AIRSPEED_SCALE, H[0], self.tas)
+        across_n = estimate.mat_nb[:, 1] - sideslip * along_n
+        enter_drift(estimate, Extra.SIDESLIP, H[1], -speed)
+        _enter_air(estimate, H[0], along_n)
+        _enter_air(estimate, H[1], across_n)
+        H[1, TURN : TURN + 3] = np.cross(estimate.mat_eb[:, 1], estimate.mat_en @ air_n)
+        z = np.array([along, speed * sideslip - float(estimate.mat_nb[:, 1] @ air_n)])
+        rows = 2 if estimate.rpy_sd[2] <= MAX_HEADING_SD else 1
         return z[:rows], H[:rows], np.diag(np.square([self.sd, self.lateral_sd])[:rows])
 
 
-def _enter_air(here: Estimate, row: Array, direction_n: Array) -> None:
-    """What velocity and wind do to the speed through the air in a direction."""
-    row[VEL : VEL + 3] = here.mat_en @ direction_n
+def _enter_air(estimate: Estimate, row: Array, direction_n: Array) -> None:
+    """Enter the derivatives of the airspeed component in a direction, by velocity and wind."""
+    row[VEL : VEL + 3] = estimate.mat_en @ direction_n
     for extra, share in zip((Extra.WIND_NORTH, Extra.WIND_EAST), direction_n, strict=False):
-        column = here.model.columns.get(extra)
+        column = estimate.model.columns.get(extra)
         if column is not None:
             row[column] = -share
 
 
 @dataclass(frozen=True, slots=True)
 class MagneticHeading(_NoPosition):
-    """Direction of the Earth's field in the body, levelled with the filter's own roll and pitch.
+    """Direction of the Earth's field in body axes, levelled with the filter's roll and pitch.
 
         z = declination - azimuth(mat_nb field_b) = psi_D - tan(dip) (u . psi_NE) + error + noise
 
-    u : horizontal direction of the field.  A steep field makes a large error of heading of a small one of tilt: the
-    tilt counts as noise, psi_NE is not in H, so that no magnetometer levels the filter, and one that cannot be
-    levelled says little.
+    u : horizontal direction of the field.  In a steep field a small tilt error causes a large heading error.  The tilt
+    is treated as noise and psi_NE is not in H, so a magnetometer never levels the filter.
 
     field_b     : any unit, body frame;  declination : of magnetic north, east positive [rad];  sd : white part [rad]
     Source: Groves 2013, section 6.1.1 (levelled magnetic heading); the row by hand from mat_nb = (1 + psi x) mat_nb.
@@ -114,18 +113,18 @@ class MagneticHeading(_NoPosition):
     name: str = "magnetometer.heading"
 
     @property
-    def own(self) -> tuple[str, ...]:
+    def own_states(self) -> tuple[str, ...]:
         """Its slow error."""
         return tuple(HEADING_DRIFTS)
 
-    def compute_matrices(self, here: Estimate) -> Matrices:
+    def compute_matrices(self, estimate: Estimate) -> Matrices:
         """One row."""
-        north, east, down = here.mat_nb @ self.field_b
-        level = max(math.hypot(north, east), MIN_HORIZONTAL_SHARE * math.hypot(north, east, down))
-        by_tilt = -down / level**2 * np.array([north, east])
-        tilt_var = float(by_tilt @ here.cov_n[TURN : TURN + 2, TURN : TURN + 2] @ by_tilt)
-        H = np.zeros((1, here.model.size))
-        H[0, TURN : TURN + 3] = here.mat_en[:, 2]
-        error = enter_drift(here, Extra.MAGNETIC_HEADING, H[0], 1.0)
-        apart = self.declination - math.atan2(east, north)
-        return np.array([math.remainder(apart - error, math.tau)]), H, np.array([[self.sd**2 + tilt_var]])
+        north, east, down = estimate.mat_nb @ self.field_b
+        horizontal = max(math.hypot(north, east), MIN_HORIZONTAL_SHARE * math.hypot(north, east, down))
+        by_tilt = -down / horizontal**2 * np.array([north, east])
+        tilt_var = float(by_tilt @ estimate.cov_n[TURN : TURN + 2, TURN : TURN + 2] @ by_tilt)
+        H = np.zeros((1, estimate.model.size))
+        H[0, TURN : TURN + 3] = estimate.mat_en[:, 2]
+        error = enter_drift(estimate, Extra.MAGNETIC_HEADING, H[0], 1.0)
+        difference = self.declination - math.atan2(east, north)
+        return np.array([math.remainder(difference - error, math.tau)]), H, np.array([[self.sd**2 + tilt_var]])

@@ -1,10 +1,10 @@
-"""Measurements are taken at the time at which they were true, however late they come.
+"""Processes delayed measurements at their time of validity.
 
-Inertial samples make moments; the last ``HORIZON_NS`` of them are kept with what the filter held then.  What aids waits
-for the inertial sample after it, so that the sensors are interpolated to its time; when it comes later, the filter goes
-back to the moment before it and everything since is done again.  The result is that of having had it in time, to the
-last bit.  What is older than the horizon is refused; what falls behind it is given out once, in segments of 0.2 s
-(``drain_segments``).
+Each inertial sample defines a moment; the moments of the last ``HORIZON_NS`` are stored with their filter estimates.  A
+measurement waits for the next inertial sample, so that the sensors are interpolated to its time.  If it arrives after
+that sample, the filter goes back to the moment before it and repeats all later steps.  The result is bit-identical to
+that of a punctual arrival.  Measurements older than the horizon are refused.  Moments older than the horizon are
+returned once, in segments of 0.2 s (``drain_segments``).
 """
 
 from __future__ import annotations
@@ -28,16 +28,16 @@ from fti.nav.filter.segment import SECOND_NS, SEGMENT_NS, AidingEntry, FilterSeg
 Array = NDArray[np.float64]
 
 HORIZON_NS = 1_000_000_000
-#: What waits for an inertial sample; more than that is no aiding, it is a flood.
+#: Maximum number of measurements that wait for an inertial sample.
 MAX_WAITING = 256
-#: Segments that nobody has taken are forgotten beyond so many, 10 s.
+#: Maximum number of segments that wait for ``drain_segments``: 10 s.
 MAX_SEGMENTS = 50
-#: What is felt changes as a straight line, as far as anybody knows.
+#: Second derivatives of inertial samples where they are unknown.
 _NO_CURVATURE = np.zeros(6)
 
 
 class InnovationRecord(NamedTuple):
-    """What became of a measurement.  nis : its normalised innovation squared, chi-square with dof."""
+    """The gate decision of a measurement.  nis : normalised innovation squared, chi-square with dof"""
 
     t_ns: int
     name: str
@@ -47,7 +47,7 @@ class InnovationRecord(NamedTuple):
 
 
 class Timeline:
-    """The last second of the filter.  first : the estimate it begins with, at an inertial sample."""
+    """The last second of the filter.  first : its initial estimate, at an inertial sample"""
 
     def __init__(self, first: Estimate) -> None:
         self._model = first.model
@@ -55,8 +55,8 @@ class Timeline:
         self._moments, self._times = [Moment(first, {})], [first.t_ns]
         self._entries: list[AidingEntry] = []
         self._entry_times: list[int] = []
-        self._verdicts: list[InnovationRecord] = []
-        self._first_stale: int | None = None  # the first moment that something belongs before which came after it
+        self._records: list[InnovationRecord] = []
+        self._first_stale: int | None = None  # the first moment that has to be recomputed
         self._before: tuple[int, Array] | None = None  # the inertial sample before the first moment
         self._segments: deque[FilterSegment] = deque(maxlen=MAX_SEGMENTS)
 
@@ -68,7 +68,7 @@ class Timeline:
 
     @property
     def newest_without_replay(self) -> Moment:
-        """The same without what came late since somebody asked: nothing is done again for it."""
+        """The same, but without late measurements that arrived since the last replay."""
         return self._moments[-1]
 
     @property
@@ -78,23 +78,23 @@ class Timeline:
 
     @property
     def oldest_ns(self) -> int:
-        """Before this nothing can be taken any more."""
+        """Measurements must be newer than this."""
         return self._times[max(bisect_right(self._times, self._times[-1] - HORIZON_NS) - 1, 0)]
 
     @property
     def first(self) -> Moment:
-        """Where the last segment that was given out ends."""
+        """The end of the last segment that was returned."""
         self._replay()
         return self._moments[0]
 
     def drain_innovations(self) -> list[InnovationRecord]:
-        """What became of measurements since it was asked last; each is told once, as it was judged first."""
+        """Gate decisions since the last call; each measurement is reported once, with its first decision."""
         self._replay()
-        told, self._verdicts = self._verdicts, []
-        return told
+        records, self._records = self._records, []
+        return records
 
     def step(self, t_ns: int, imu: Array) -> None:
-        """Take an inertial sample, newer than the newest; felt : accel_b, gyro_b, shape (6,)."""
+        """Take an inertial sample, newer than the newest.  imu : accel_b, gyro_b, shape (6,)"""
         self._replay()
         self._moments.append(self._advance(len(self._moments) - 1, t_ns, imu))
         self._times.append(t_ns)
@@ -103,7 +103,7 @@ class Timeline:
             self._forget(oldest)
 
     def _forget(self, oldest: int) -> None:
-        """Give out what came up to a moment, and begin with it."""
+        """Move everything up to a moment into a segment; that moment becomes the first."""
         past = bisect_right(self._entry_times, self._times[oldest])
         self._segments.append(
             FilterSegment(self._before, tuple(self._moments[: oldest + 1]), tuple(self._entries[:past]))
@@ -113,22 +113,22 @@ class Timeline:
         del self._entries[:past], self._entry_times[:past]
 
     def drain_segments(self) -> list[FilterSegment]:
-        """What fell behind the horizon since the last call, in order."""
+        """Segments that became older than the horizon since the last call, in order."""
         segments = list(self._segments)
         self._segments.clear()
         return segments
 
     def replace_first(self, estimate: Estimate, exclusions: Iterable[tuple[str, Exclusion]]) -> None:
-        """Go on from another estimate of the first moment, with these exclusions of sources by name."""
+        """Continue from another estimate of the first moment, with these exclusions of sources by name."""
         self._replay()
         assert estimate.t_ns == self._times[0]
         self._moments[0] = Moment(estimate, with_exclusion(self._moments[0].gate_states, exclusions))
         self._first_stale = 1
 
     def feed_aiding(self, t_ns: int, *parts: Aiding) -> bool:
-        """Take what aids, in parts of one time; False when it is too old, all there already, or there are too many.
+        """Take parts of one measurement; False if it is too old, completely known, or too many wait already.
 
-        A part that is there stays: of an NMEA epoch one sentence has the place alone, another one the height, too.
+        A known part is not replaced: sentences of one NMEA epoch repeat the position, some without the height.
         """
         new = [part for part in parts if not self._has(t_ns, part.name)]
         if t_ns <= self.oldest_ns or not new:
@@ -144,13 +144,13 @@ class Timeline:
         return True
 
     def _replay(self) -> None:
-        """Do again what came before something late: once for all that came together, when somebody asks."""
+        """Recompute the moments after the oldest late measurement; runs on demand, once for all late measurements."""
         first, self._first_stale = self._first_stale, None
         for k in range(len(self._times) if first is None else first, len(self._times)):
             self._moments[k] = self._advance(k - 1, self._times[k], self._moments[k].estimate.imu)
 
     def at(self, t_ns: int) -> Estimate:
-        """The estimate at a time: that of the moment before, moved on; beyond the newest with what was felt last."""
+        """The estimate of the moment before, propagated to t_ns; after the newest with the last inertial sample."""
         self._replay()
         k = max(bisect_right(self._times, t_ns) - 1, 0)
         before = self._moments[k].estimate
@@ -159,8 +159,8 @@ class Timeline:
         if k + 1 == len(self._moments):
             return self._propagate(before, t_ns, before.imu, _NO_CURVATURE)
         after = self._moments[k + 1].estimate
-        share = (t_ns - before.t_ns) / (after.t_ns - before.t_ns)
-        imu = before.imu + share * (after.imu - before.imu)
+        fraction = (t_ns - before.t_ns) / (after.t_ns - before.t_ns)
+        imu = before.imu + fraction * (after.imu - before.imu)
         return self._propagate(before, t_ns, imu, self._bend(k, after.t_ns, after.imu))
 
     def _has(self, t_ns: int, name: str) -> bool:
@@ -168,24 +168,24 @@ class Timeline:
         return any(entry.aiding.name == name for entry in self._entries[first:end])
 
     def _advance(self, k: int, t_ns: int, imu: Array) -> Moment:
-        """Moment k, moved on to an inertial sample, through all that aids between."""
+        """Moment k propagated to the next inertial sample, with all measurements in between."""
         start, gate_states = self._moments[k]
         estimate, bend = start, self._bend(k, t_ns, imu)
         first, end = bisect_right(self._entry_times, start.t_ns), bisect_right(self._entry_times, t_ns)
         for entry in self._entries[first:end]:
-            share = (entry.t_ns - start.t_ns) / (t_ns - start.t_ns)
-            estimate = self._propagate(estimate, entry.t_ns, start.imu + share * (imu - start.imu), bend)
+            fraction = (entry.t_ns - start.t_ns) / (t_ns - start.t_ns)
+            estimate = self._propagate(estimate, entry.t_ns, start.imu + fraction * (imu - start.imu), bend)
             estimate, gate_states = self._apply(estimate, gate_states, entry)
         return Moment(self._propagate(estimate, t_ns, imu, bend), gate_states)
 
     def _bend(self, k: int, t_ns: int, imu: Array) -> Array:
-        """Second derivatives of what is felt, from moments k - 1 and k and the sample after; zeros where unknown."""
+        """Second derivatives of the inertial samples, from moments k - 1, k and the next sample; zeros if unknown."""
         before = (self._times[k - 1], self._moments[k - 1].estimate.imu) if k > 0 else self._before
         if before is None:
             return _NO_CURVATURE
-        then_ns, then, here, here_ns = *before, self._moments[k].estimate.imu, self._times[k]
+        previous_ns, previous, current, current_ns = *before, self._moments[k].estimate.imu, self._times[k]
         return kernels.second_derivatives(
-            then, here, imu, (here_ns - then_ns) / SECOND_NS, (t_ns - here_ns) / SECOND_NS
+            previous, current, imu, (current_ns - previous_ns) / SECOND_NS, (t_ns - current_ns) / SECOND_NS
         )
 
     def _propagate(self, start: Estimate, t_ns: int, imu: Array, bend: Array) -> Estimate:
@@ -195,11 +195,11 @@ class Timeline:
         kernels.step(y, P, start.imu, imu, bend, self._unit, self._drifts, (t_ns - start.t_ns) / SECOND_NS)
         return Estimate(t_ns, y, P, imu, self._model)
 
-    def _apply(self, here: Estimate, gate_states: GateStates, entry: AidingEntry) -> tuple[Estimate, GateStates]:
-        found = update_estimate(here, gate_states, entry.aiding, entry.t_ns)
-        entry.decision, entry.nis, entry.innovation = found.decision, found.nis, found.innovation
+    def _apply(self, estimate: Estimate, gate_states: GateStates, entry: AidingEntry) -> tuple[Estimate, GateStates]:
+        result = update_estimate(estimate, gate_states, entry.aiding, entry.t_ns)
+        entry.decision, entry.nis, entry.innovation = result.decision, result.nis, result.innovation
         if not entry.is_reported:
             entry.is_reported = True
-            dof = len(found.innovation)
-            self._verdicts.append(InnovationRecord(entry.t_ns, entry.aiding.name, found.nis, dof, found.decision))
-        return found.estimate, found.gate_states
+            dof = len(result.innovation)
+            self._records.append(InnovationRecord(entry.t_ns, entry.aiding.name, result.nis, dof, result.decision))
+        return result.estimate, result.gate_states

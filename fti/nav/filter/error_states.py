@@ -1,7 +1,7 @@
-"""What the filter estimates: errors of navigation, of the inertial unit, and of what aids.
+"""States of the filter: errors of navigation, of the inertial unit, and of the aiding sources.
 
     0-2 position e [m]   3-5 velocity e [m/s]   6-8 turn e [rad]   9-11 accelerometer bias b   12-14 gyro bias b
-    and then, as many as are asked for, first-order Gauss-Markov errors of what aids (``Drift``)
+    and then, as configured, first-order Gauss-Markov errors of the aiding sources (``Drift``)
 
 With nine states the two biases are left out.
 """
@@ -23,9 +23,9 @@ Array = NDArray[np.float64]
 
 
 class Extra(StrEnum):
-    """A slow error of something that aids: what it says minus what is [m]; of a scale its share of the height.
+    """A slow error of an aiding source: measured minus true [m]; a scale is a share of the height.
 
-    WIND_NORTH, WIND_EAST : the wind itself, where the air moves to [m/s];  AIRSPEED_SCALE : share of the airspeed
+    WIND_NORTH, WIND_EAST : the wind, in the direction of the air flow [m/s];  AIRSPEED_SCALE : share of the airspeed
     SIDESLIP, MAGNETIC_HEADING : steady angles [rad], wind from the right, measured minus true heading
     """
 
@@ -46,12 +46,12 @@ class Extra(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Drift:
-    """A first-order Gauss-Markov error, correlated over time, or over the way flown, or both.
+    """A first-order Gauss-Markov error, correlated over time, over the distance flown, or both.
 
     sd [m, m/s, rad, of a scale 1]; period_s [s]: correlation time; length_m [m]: correlation length over the ground
-    first_sd : sigma at the start, None: sd.  An offset that is not known at all at first, and hardly changes then
-    sound_sd : of a sound source, where one whose error is not like that is to be excluded (``exclusion``); None: never
-    Raises ValueError where one is not positive.
+    first_sd : sigma at the start, None: sd; for offsets that are unknown at first and hardly change afterwards
+    sound_sd : sigma of a sound source; a source with larger errors is excluded (``exclusion``); None: never
+    Raises ValueError if one is not positive.
     """
 
     sd: float
@@ -77,37 +77,37 @@ GNSS_DRIFTS: dict[str, Drift] = {
     Extra.GNSS_EAST: Drift(1.5, period_s=200.0),
     Extra.GNSS_DOWN: Drift(2.5, period_s=200.0),
 }
-#: Of several receivers, the share of the variance that is common to them: orbits, clocks, ionosphere, troposphere.
+#: Share of the variance that several receivers have in common: orbits, clocks, ionosphere, troposphere.
 COMMON_SHARE = 0.8
 #: An altimeter's bias and scale, and the error of an elevation model.
 ALTIMETER_DRIFT = Drift(0.5, period_s=300.0)
 SCALE_DRIFT = Drift(0.01, period_s=3600.0)
 DEM_DRIFT = Drift(1.5, length_m=300.0)
-#: What the filter assumes of each altimeter that aids.  So wide a prior that beside satellites of 3 m an altimeter
-#: which is 10 m wrong is estimated and not believed: it moves the height by 10 m 3^2 / (3^2 + 10^2) = 0.8 m.  The bias
-#: wanders by 1.8 m in a minute, much faster than that of a sound altimeter: a change of it that the gate lets pass is
-#: otherwise taken for a climb.  The scale wanders by 1 % in an hour.  ``sound_sd``: 0.5 m of its own with 1.5 m of the
-#: elevation's; 1 %.  Measured in docs/decisions/0034-altimeters-in-the-filter.md.
+#: Prior of each aiding altimeter.  It is wide: with satellites of 3 m, an altimeter with an error of 10 m moves the
+#: height by 10 m 3^2 / (3^2 + 10^2) = 0.8 m only, and its error is estimated.  The bias changes by 1.8 m in a minute,
+#: much faster than that of a sound altimeter; otherwise the filter would take a bias change that passes the gate for a
+#: climb.  The scale changes by 1 % in an hour.  ``sound_sd``: 0.5 m of the altimeter with 1.5 m of the elevation; 1 %.
+#: Measured in docs/decisions/0034-altimeters-in-the-filter.md.
 ALTIMETER_BIAS = Drift(10.0, period_s=3750.0, sound_sd=1.6)
 ALTIMETER_SCALE = Drift(0.03, period_s=32_400.0, sound_sd=0.01)
 #: A pressure altitude as a height above the ellipsoid: 10 hPa are 83 m, the undulation is up to 100 m; it changes by
 #: metres in minutes.
 BARO_DRIFT = Drift(10.0, period_s=1800.0, first_sd=150.0)
-#: The air is warmer or colder than the standard atmosphere: 9 K make 3 % of each climb.
+#: Temperature error of the standard atmosphere: 9 K cause 3 % of each climb.
 BARO_SCALE_DRIFT = Drift(0.03, period_s=3600.0)
 
-#: Horizontal wind.  It is not known at all at first.  Over 18 km (300 s at 60 m/s) each component changes by 2.7 m/s,
-#: one sigma; measured at one altitude are 1.6 m/s (Lindborg 1999, J. Fluid Mech. 388, eq. 45: 3.6e-3 r^(2/3) m^2/s^2).
-#: The rest is for climbs: 1 km of them makes 2 m/s and more.
+#: Horizontal wind, unknown at first.  Over 18 km (300 s at 60 m/s) each component changes by 2.7 m/s, one sigma; the
+#: measured change at one altitude is 1.6 m/s (Lindborg 1999, J. Fluid Mech. 388, eq. 45: 3.6e-3 r^(2/3) m^2/s^2).
+#: The rest is for climbs: 2 m/s and more over 1 km.
 WIND_DRIFT = Drift(20.0, length_m=2e6)
-#: What is left of the position error of pitot and static ports, and of the air temperature: FAR 23.1323(b) allows 3 %.
+#: Residual position error of pitot and static ports, and of the air temperature: FAR 23.1323(b) allows 3 %.
 AIRSPEED_SCALE_DRIFT = Drift(0.03, period_s=3600.0)
 #: Trim, a propeller's swirl, mounting of the inertial unit: assumed.
 SIDESLIP_DRIFT = Drift(math.radians(1.5), period_s=600.0)
-#: Iron that is not compensated, declination, current in wires: assumed, 4 deg.  Of iron the error changes with the
-#: heading, so within the time of a turn.
+#: Uncompensated iron, declination, current in wires: assumed, 4 deg.  The error of iron changes with the heading, so
+#: within the duration of a turn.
 MAGNETIC_HEADING_DRIFT = Drift(math.radians(4.0), period_s=200.0)
-#: Slow errors beside which an airspeed and a magnetic heading aid.
+#: Slow errors of an aiding airspeed and magnetic heading.
 AIRSPEED_DRIFTS: dict[str, Drift] = {
     Extra.WIND_NORTH: WIND_DRIFT,
     Extra.WIND_EAST: WIND_DRIFT,
@@ -118,14 +118,14 @@ HEADING_DRIFTS: dict[str, Drift] = {Extra.MAGNETIC_HEADING: MAGNETIC_HEADING_DRI
 
 
 def receiver_drifts(receivers: Sequence[str]) -> dict[str, Drift]:
-    """Slow errors of positions: of one receiver all in one, of several a common one and one of each receiver."""
+    """Slow errors of positions: one for a single receiver; for several, a common one and one of each receiver."""
     if len(receivers) < 2:
         return dict(GNSS_DRIFTS) if receivers else {}
-    found = {name: _part(drift, COMMON_SHARE) for name, drift in GNSS_DRIFTS.items()}
+    drifts = {name: _part(drift, COMMON_SHARE) for name, drift in GNSS_DRIFTS.items()}
     for receiver in receivers:
         own = zip(own_drifts(receiver), GNSS_DRIFTS.values(), strict=True)
-        found |= {name: _part(drift, 1.0 - COMMON_SHARE) for name, drift in own}
-    return found
+        drifts |= {name: _part(drift, 1.0 - COMMON_SHARE) for name, drift in own}
+    return drifts
 
 
 def own_drifts(receiver: str) -> tuple[str, str, str]:
@@ -139,11 +139,11 @@ def _part(drift: Drift, share: float) -> Drift:
 
 @dataclass(frozen=True)
 class FilterModel:
-    """What is estimated, and how uncertain it is said to be.
+    """The states of the filter and their assumed uncertainty.
 
     unit   : the inertial unit
     biased : fifteen states, else nine
-    extras : slow errors of what aids, in this order behind the others: of ``Extra``, or of one source by its own name
+    extras : slow errors of the sources, in this order after the others: an ``Extra``, or the name of one source
     """
 
     unit: ImuErrorModel = IMU_ERROR_MODELS["tactical"]
@@ -157,12 +157,12 @@ class FilterModel:
 
     @functools.cached_property
     def size(self) -> int:
-        """States in all."""
+        """Number of states."""
         return self.base + len(self.extras)
 
     @functools.cached_property
     def columns(self) -> dict[str, int]:
-        """Of the extras; who is not in it is no state."""
+        """Columns of the extras; others are not states."""
         return {extra: self.base + at for at, extra in enumerate(self.extras)}
 
     @functools.cached_property

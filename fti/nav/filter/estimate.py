@@ -1,4 +1,4 @@
-"""The estimate at one time, as aiding sees it and as it is told: latitude, longitude, north, east, down, angles."""
+"""The estimate at one time, for aiding and for output: latitude, longitude, north, east, down, angles."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ from fti.nav.inertial.ins_error_model import ACCEL, POS, TURN, VEL
 
 Array = NDArray[np.float64]
 
-#: Nearer to straight up or down than this roll and heading have no sigma of their own [cosine of the pitch].
+#: Minimum cosine of the pitch for the sigmas of roll and heading.
 _UPRIGHT = 1e-3
-#: In so long an error of velocity has made the error of position that is admitted with a source [s].
+#: Time in which a velocity error causes the position error of a readmitted source [s].
 INFLATION_S = 30.0
 
 
-@dataclass(eq=False)  # not frozen: a thousand are made in a second
+@dataclass(eq=False)  # not frozen: 1000 are created per second
 class Estimate:
-    """What the filter holds at t_ns.  Nobody changes one.
+    """State and covariance of the filter at t_ns.  Never modified.
 
     y     : ndarray, shape (16 + k,)  position, velocity, quaternion e; accelerometer and gyro bias b; extras
     P     : ndarray, shape (n, n)     covariance of the errors, ``fti.nav.filter.error_states``
-    felt  : ndarray, shape (6,)       accel_b [m/s^2] and gyro_b [rad/s] measured at t_ns
-    model : what the columns are
+    imu   : ndarray, shape (6,)       accel_b [m/s^2] and gyro_b [rad/s] measured at t_ns
+    model : meaning of the columns
     """
 
     t_ns: int
@@ -42,14 +42,14 @@ class Estimate:
     model: FilterModel
 
     @functools.cached_property
-    def place(self) -> tuple[float, float, float]:
+    def geodetic(self) -> tuple[float, float, float]:
         """lat, lon [rad], alt above the ellipsoid [m] of P."""
         return geodetic_kernels.geodetic(self.y)
 
     @functools.cached_property
     def mat_en(self) -> Array:
         """North, east, down here to e."""
-        return geodetic_kernels.axes(*self.place[:2])
+        return geodetic_kernels.axes(*self.geodetic[:2])
 
     @functools.cached_property
     def mat_eb(self) -> Array:
@@ -67,12 +67,12 @@ class Estimate:
         return np.asarray(self.mat_en.T @ self.y[3:6])
 
     def drift(self, extra: str) -> float:
-        """An error of what aids [m]; 0 where it is no state."""
+        """A slow error of a source [m]; 0 if it is not a state."""
         column = self.model.columns.get(extra)
         return 0.0 if column is None else float(self.y[EXTRAS + column - self.model.base])
 
     def drift_sd(self, extra: str) -> float | None:
-        """Its sigma [m]; None where it is no state."""
+        """Its sigma [m]; None if it is not a state."""
         column = self.model.columns.get(extra)
         return None if column is None else math.sqrt(max(0.0, float(self.P[column, column])))
 
@@ -97,7 +97,7 @@ class Estimate:
 
     @functools.cached_property
     def rpy_sd(self) -> tuple[float, float, float]:
-        """Sigma of roll, pitch and heading [rad]: of the turn about three axes that are not at right angles.
+        """Sigma of roll, pitch and heading [rad]: rotations about three axes that are not orthogonal.
 
         d roll = (ch n + sh e) / cp    d pitch = ch e - sh n    d heading = d + sp d roll
         """
@@ -111,7 +111,7 @@ class Estimate:
 
 @dataclass(frozen=True, slots=True)
 class InitialState:
-    """Where the filter begins: P at lat, lon [rad], alt [m], vel_n [m/s], roll, pitch, heading [rad]; one sigma each.
+    """Initial state: P at lat, lon [rad], alt [m], vel_n [m/s], roll, pitch, heading [rad]; one sigma each.
 
     pos_sd, vel_sd, turn_sd : north, east, down [m, m/s, rad about those axes]
     """
@@ -128,7 +128,7 @@ class InitialState:
     turn_sd: tuple[float, float, float]
 
     def estimate(self, t_ns: int, imu: Array, model: FilterModel) -> Estimate:
-        """The first estimate; biases and extras at home."""
+        """The first estimate; biases and extras are zero."""
         to_e = mat_en(self.lat, self.lon)
         quat = quat_from_mat((to_e @ mat_from_rpy(self.roll, self.pitch, self.heading))[None])[0]
         slow = np.zeros(6 + len(model.extras))
@@ -137,20 +137,20 @@ class InitialState:
 
     def covariance(self, model: FilterModel) -> Array:
         """P0."""
-        to_e, found = mat_en(self.lat, self.lon), np.zeros((model.size, model.size))
+        to_e, P = mat_en(self.lat, self.lon), np.zeros((model.size, model.size))
         for at, sd in ((POS, self.pos_sd), (VEL, self.vel_sd), (TURN, self.turn_sd)):
-            found[at : at + 3, at : at + 3] = to_e @ np.diag(np.square(sd)) @ to_e.T
+            P[at : at + 3, at : at + 3] = to_e @ np.diag(np.square(sd)) @ to_e.T
         slow = [model.unit.accel.bias_sd] * 3 + [model.unit.gyro.bias_sd] * 3 if model.biased else []
         slow += [drift.first for drift in model.extras.values()]
-        np.fill_diagonal(found[ACCEL:, ACCEL:], np.square(slow))
-        return found
+        np.fill_diagonal(P[ACCEL:, ACCEL:], np.square(slow))
+        return P
 
 
-def inflate_covariance(here: Estimate, disagreement: float) -> Estimate:
-    """The estimate with a covariance that contains an error of position [m], and the velocity that makes it in 30 s."""
+def inflate_covariance(estimate: Estimate, disagreement: float) -> Estimate:
+    """The estimate with variances enlarged by a position error [m] and the velocity that causes it in 30 s."""
     if disagreement <= 0.0:
-        return here
-    P = here.P.copy()
+        return estimate
+    P = estimate.P.copy()
     P[POS:VEL, POS:VEL] += disagreement**2 * np.eye(3)
     P[VEL:TURN, VEL:TURN] += (disagreement / INFLATION_S) ** 2 * np.eye(3)
-    return Estimate(here.t_ns, here.y, P, here.imu, here.model)
+    return Estimate(estimate.t_ns, estimate.y, P, estimate.imu, estimate.model)

@@ -1,4 +1,4 @@
-"""Where an estimate is, compiled: what ``fti.geodesy`` does for arrays, for one point that is asked a thousand times.
+"""Geodetic position of one point, compiled: the scalar form of ``fti.geodesy``, which works on arrays.
 
 The formulas are those of ``fti.geodesy.wgs84`` and ``rotations``, and so are their sources.
 Checked against: those, tests/nav/test_geodetic_kernels.py.
@@ -18,17 +18,17 @@ Array = NDArray[np.float64]
 
 @kernel
 def geodetic(y: Array) -> tuple[float, float, float]:
-    """lat, lon [rad], alt above the ellipsoid [m] of the position that begins a row, e frame [m]."""
+    """lat, lon [rad], alt above the ellipsoid [m] of the first three values of a row, e frame [m]."""
     sin_lat, cos_lat, alt = normal_at(np.hypot(y[0], y[1]), y[2], BOWRING_STEPS)
     return np.arctan2(sin_lat, cos_lat), np.arctan2(y[1], y[0]), alt
 
 
 @kernel
 def ecef(lat: float, lon: float, alt: float) -> tuple[float, float, float]:
-    """The way back: e frame [m] of lat, lon [rad], alt above the ellipsoid [m]."""
+    """The inverse: e frame [m] of lat, lon [rad], alt above the ellipsoid [m]."""
     normal = SEMI_MAJOR / np.sqrt(1.0 - ECC_SQ * np.sin(lat) ** 2)
-    level = (normal + alt) * np.cos(lat)
-    return level * np.cos(lon), level * np.sin(lon), (normal * (1.0 - ECC_SQ) + alt) * np.sin(lat)
+    radial = (normal + alt) * np.cos(lat)
+    return radial * np.cos(lon), radial * np.sin(lon), (normal * (1.0 - ECC_SQ) + alt) * np.sin(lat)
 
 
 @kernel

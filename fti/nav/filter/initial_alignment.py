@@ -1,7 +1,7 @@
-"""What the filter waits for before it begins, and the state that it begins with.
+"""Initial alignment of the filter: the inputs that it waits for, and the initial state.
 
-Position with height and velocity of one receiver, an attitude of a device, or, without one, what the inertial sensors
-felt through a second of nearly straight flight.  Each may be a second old.
+It needs a position with height and a velocity of one receiver, and an attitude of a device or, without one, the
+inertial samples of one second of nearly straight flight.  Each may be a second old.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from fti.types import Reason
 Array = NDArray[np.float64]
 
 MAX_AGE_NS = 1_000_000_000
-#: An attitude is held for so long: an aeroplane rolls 20 deg in a second.
+#: Maximum age of an attitude: an aeroplane rolls 20 deg in a second.
 MAX_ATTITUDE_AGE_NS = 100_000_000
-#: Above this rate the mean of a second is no attitude [rad/s].
+#: Above this rate a mean over a second does not determine the attitude [rad/s].
 MAX_TURN_RATE = 0.03
-#: The first position is held to be so many times as uncertain as a fix: its slow error is that of the fixes to come,
-#: which would otherwise count as if there were two, one for the position and one for the fixes.
+#: Factor of the sigma of the first position: its slow error is that of the next fixes, too, and must not count as two
+#: independent errors.
 FIRST_FIX_SD_FACTOR = 5.0
 SECOND_NS = 1_000_000_000
 
@@ -34,7 +34,7 @@ Attitude = tuple[float, float, float | None]
 
 
 class Aligner:
-    """Keeps the newest of each until all are there."""
+    """Stores the newest input of each kind until all are known."""
 
     def __init__(self) -> None:
         self._imu_samples: deque[tuple[int, Array]] = deque()
@@ -49,7 +49,7 @@ class Aligner:
             self._imu_samples.popleft()
 
     def feed_aiding(self, t_ns: int, aiding: object) -> None:
-        """What aids: positions with a height and velocities count."""
+        """Positions with a height, and velocities, are used."""
         if isinstance(aiding, GnssPosition) and aiding.alt is not None:
             self._position = t_ns, aiding
         elif isinstance(aiding, GnssVelocity) and aiding.down is not None:
@@ -63,13 +63,13 @@ class Aligner:
 
     @property
     def names(self) -> frozenset[str]:
-        """What the state to begin with is made from: names of a position, its height and a velocity."""
+        """Sources of the initial state: names of a position, its height and a velocity."""
         assert self._position is not None
         position = self._position[1]
         return frozenset((position.name, GnssHeight(position).name, self._velocities[-1][1].name))
 
     def start(self, t_ns: int) -> InitialState | Reason:
-        """The state at t_ns, or what is missing."""
+        """The state at t_ns, or the missing input."""
         if self._position is None or t_ns - self._position[0] > MAX_AGE_NS:
             return Reason.NO_GNSS
         if not self._velocities or t_ns - self._velocities[-1][0] > MAX_AGE_NS:
@@ -98,38 +98,38 @@ class Aligner:
         imu = np.array([row for _, row in self._imu_samples])
         if seconds < 0.5 or len(imu) < 2 or np.linalg.norm(imu[:, 3:].mean(axis=0)) > MAX_TURN_RATE:
             return None
-        before, now = (np.array([v.north, v.east, v.down]) for v in (first[1], last[1]))
+        vel_0, vel_1 = (np.array([v.north, v.east, v.down]) for v in (first[1], last[1]))
         assert self._position is not None
-        place = self._position[1]
-        mat_nb = attitude_in_flight(imu[:, :3].mean(axis=0), now, (now - before) / seconds, place.lat, place.alt or 0.0)
+        fix = self._position[1]
+        mat_nb = attitude_in_flight(imu[:, :3].mean(axis=0), vel_1, (vel_1 - vel_0) / seconds, fix.lat, fix.alt or 0.0)
         if mat_nb is None:
             return None
         roll, pitch, heading = (float(angle) for angle in rpy_from_mat(mat_nb))
         return (roll, pitch, heading), (TILT_SD, TILT_SD, HEADING_SD)
 
     def _extrapolate(self, t_ns: int, attitude: Vector, attitude_sd: Vector) -> InitialState:
-        """Everything moved to t_ns with the velocity.  The arm of the antenna is left to the sigma of the position."""
+        """All inputs extrapolated to t_ns.  The lever arm of the antenna is part of the sigma of the position."""
         assert self._position is not None
-        (place_ns, place), (_, velocity) = self._position, self._velocities[-1]
-        alt, down = place.alt or 0.0, velocity.down or 0.0
-        seconds = (t_ns - place_ns) / SECOND_NS
-        r_meridian, r_normal = radii(place.lat)
-        parallel = max((float(r_normal) + alt) * float(np.cos(place.lat)), 1.0)
-        arm, aged = float(np.linalg.norm(place.lever_arm_b)), abs(seconds)
-        lat = float(np.clip(place.lat + seconds * velocity.north / (float(r_meridian) + alt), -np.pi / 2, np.pi / 2))
-        level, high = (
-            FIRST_FIX_SD_FACTOR * float(np.hypot(sd, arm + aged)) for sd in (place.horizontal_sd, place.vertical_sd)
+        (fix_ns, fix), (_, velocity) = self._position, self._velocities[-1]
+        alt, down = fix.alt or 0.0, velocity.down or 0.0
+        seconds = (t_ns - fix_ns) / SECOND_NS
+        r_meridian, r_normal = radii(fix.lat)
+        parallel = max((float(r_normal) + alt) * float(np.cos(fix.lat)), 1.0)
+        arm, aged = float(np.linalg.norm(fix.lever_arm_b)), abs(seconds)
+        lat = float(np.clip(fix.lat + seconds * velocity.north / (float(r_meridian) + alt), -np.pi / 2, np.pi / 2))
+        horizontal, vertical = (
+            FIRST_FIX_SD_FACTOR * float(np.hypot(sd, arm + aged)) for sd in (fix.horizontal_sd, fix.vertical_sd)
         )
         turn = max(attitude_sd[:2])
         return InitialState(
             lat=lat,
-            lon=place.lon + seconds * velocity.east / parallel,
+            lon=fix.lon + seconds * velocity.east / parallel,
             alt=alt - seconds * down,
             vel_n=(velocity.north, velocity.east, down),
             roll=attitude[0],
             pitch=attitude[1],
             heading=attitude[2],
-            pos_sd=(level, level, high),
+            pos_sd=(horizontal, horizontal, vertical),
             vel_sd=(velocity.sd + aged,) * 3,
             turn_sd=(turn, turn, attitude_sd[2]),
         )

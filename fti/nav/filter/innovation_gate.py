@@ -1,10 +1,10 @@
-"""Which innovations are believed.
+"""Innovation gate: decides which measurements are accepted.
 
-    NIS = z^T (H P H^T + R)^-1 z   is chi-square with m degrees of freedom when filter and measurement are what they say
+    NIS = z^T (H P H^T + R)^-1 z   is chi-square with m degrees of freedom if P and R are correct
 
-Above the 1e-4 quantile a measurement is refused, as long as it is outside.  Which of the two is wrong, the source or
-the filter, is for the tests between sources (``fti.nav.separation``).  The offset of a barometer may change at once:
-after ``LOCKOUT_NS`` it is estimated anew, when the altitude is then inside the gate.
+A measurement above the 1e-4 quantile is refused.  The tests between sources (``fti.nav.separation``) decide whether the
+source or the filter is wrong.  The offset of a barometer may step: after ``LOCKOUT_NS`` of refusals it is
+reinitialised, if the altitude is then inside the gate.
 
 Source: Bar-Shalom, Li, Kirubarajan 2001, section 5.4 (NIS).  Checked against: tests/nav/test_innovation_gate.py.
 """
@@ -24,7 +24,7 @@ LOCKOUT_NS = 5_000_000_000
 
 
 class GateDecision(Enum):
-    """Of a measurement."""
+    """Result of the gate for a measurement."""
 
     ACCEPTED = "believed"
     REFUSED = "refused"
@@ -33,7 +33,7 @@ class GateDecision(Enum):
 
 
 class GateState(NamedTuple):
-    """Of one source: when it was believed last, since when it is refused; what it bounds; whether it is excluded."""
+    """Of one source: time of the last acceptance, start of the refusals, axes that it bounds, exclusion."""
 
     accepted_ns: int | None
     refused_since_ns: int | None
@@ -44,49 +44,49 @@ class GateState(NamedTuple):
 GateStates = Mapping[str, GateState]
 
 
-def decide(gate_states: GateStates, aiding: Aiding, t_ns: int, nis: float, dof: int) -> GateDecision:
-    """What becomes of a measurement with this NIS."""
+def decide(states: GateStates, aiding: Aiding, t_ns: int, nis: float, dof: int) -> GateDecision:
+    """The decision for a measurement with this NIS."""
     if aiding.is_new_source:
         return GateDecision.REINITIALISED
     if nis <= LIMITS[dof]:
         return GateDecision.ACCEPTED
-    standing = gate_states.get(aiding.name)
-    since = standing.refused_since_ns if standing else None
+    state = states.get(aiding.name)
+    since = state.refused_since_ns if state else None
     if since is None or t_ns - since < LOCKOUT_NS or not aiding.can_reinitialise:
         return GateDecision.REFUSED
     return GateDecision.REINITIALISED
 
 
-def is_bounded_by_others(gate_states: GateStates, aiding: Aiding, t_ns: int) -> bool:
-    """Whether others that were believed within ``LOCKOUT_NS`` bound every axis that this one bounds.
+def is_bounded_by_others(states: GateStates, aiding: Aiding, t_ns: int) -> bool:
+    """Whether others that were accepted within ``LOCKOUT_NS`` bound every axis that this one bounds.
 
-    One that bounds nothing is judged beside others that bound the horizontal.
+    For a source that bounds nothing, others must bound the horizontal.
     """
-    others = (s for name, s in gate_states.items() if name != aiding.name and s.accepted_ns is not None)
-    vouched = frozenset[str]().union(*(s.bounds for s in others if t_ns - (s.accepted_ns or 0) < LOCKOUT_NS))
-    return (aiding.bounds or HORIZONTAL) <= vouched
+    others = (s for name, s in states.items() if name != aiding.name and s.accepted_ns is not None)
+    bounded_axes = frozenset[str]().union(*(s.bounds for s in others if t_ns - (s.accepted_ns or 0) < LOCKOUT_NS))
+    return (aiding.bounds or HORIZONTAL) <= bounded_axes
 
 
-def noted(gate_states: GateStates, aiding: Aiding, t_ns: int, decision: GateDecision) -> dict[str, GateState]:
-    """The books with this judgement in them."""
-    before = gate_states.get(aiding.name, GateState(None, None, aiding.bounds))
+def update_states(states: GateStates, aiding: Aiding, t_ns: int, decision: GateDecision) -> dict[str, GateState]:
+    """The states with this decision."""
+    state = states.get(aiding.name, GateState(None, None, aiding.bounds))
     if decision is GateDecision.REFUSED:
-        since = t_ns if before.refused_since_ns is None else before.refused_since_ns
-        return {**gate_states, aiding.name: before._replace(refused_since_ns=since, bounds=aiding.bounds)}
-    return {**gate_states, aiding.name: GateState(t_ns, None, aiding.bounds, before.exclusion)}
+        since = t_ns if state.refused_since_ns is None else state.refused_since_ns
+        return {**states, aiding.name: state._replace(refused_since_ns=since, bounds=aiding.bounds)}
+    return {**states, aiding.name: GateState(t_ns, None, aiding.bounds, state.exclusion)}
 
 
-def rejected(gate_states: GateStates) -> tuple[str, ...]:
-    """Who is refused at present, and is not excluded, sorted."""
-    refused = (name for name, s in gate_states.items() if s.refused_since_ns is not None and not s.exclusion.cause)
+def rejected_names(states: GateStates) -> tuple[str, ...]:
+    """Names of the sources that are refused and not excluded, sorted."""
+    refused = (name for name, s in states.items() if s.refused_since_ns is not None and not s.exclusion.cause)
     return tuple(sorted(refused))
 
 
-def excluded(gate_states: GateStates) -> tuple[str, ...]:
-    """Who is excluded at present, sorted."""
-    return tuple(sorted(name for name, s in gate_states.items() if s.exclusion.cause))
+def excluded_names(states: GateStates) -> tuple[str, ...]:
+    """Names of the excluded sources, sorted."""
+    return tuple(sorted(name for name, s in states.items() if s.exclusion.cause))
 
 
-def with_exclusion(gate_states: GateStates, exclusions: Iterable[tuple[str, Exclusion]]) -> dict[str, GateState]:
-    """The books with sources excluded, or back in (``NOT_EXCLUDED``); these begin their books anew."""
-    return {**gate_states, **{name: GateState(None, None, frozenset(), exclusion) for name, exclusion in exclusions}}
+def with_exclusion(states: GateStates, exclusions: Iterable[tuple[str, Exclusion]]) -> dict[str, GateState]:
+    """The states with sources excluded, or readmitted (``NOT_EXCLUDED``); their states are reset."""
+    return {**states, **{name: GateState(None, None, frozenset(), exclusion) for name, exclusion in exclusions}}

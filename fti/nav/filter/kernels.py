@@ -1,9 +1,9 @@
-"""The arithmetic of the filter: a step of estimate and covariance, and the update with one scalar.
+"""Numerical kernels of the filter: a step of estimate and covariance, and the update with one scalar.
 
     P <- Phi P Phi^T + Q,       Phi = 1 + F T + (F T)^2 / 2
     g = P h,  s = h g + r,  k = g / s:    P <- P - k g^T - g k^T + s k k^T     Joseph's form, written out
 
-Joseph's form (1 - k h) P (1 - k h)^T + r k k^T stays symmetric and positive whatever rounding does to k; equation 3.38
+Joseph's form (1 - k h) P (1 - k h)^T + r k k^T stays symmetric and positive with any rounding of k; equation 3.38
 of Spiegel 2018, P - k h P, does not (docs/errata.md).  Source: Bierman 1977, ch. II; Groves 2013, section 3.2.
 """
 
@@ -19,11 +19,11 @@ from fti.terrain.kernel import kernel
 
 Array = NDArray[np.float64]
 
-#: Of an estimate's row: position, velocity, quaternion e; accelerometer and gyro bias b; extras.
+#: Indices of an estimate's row: position, velocity, quaternion e; accelerometer and gyro bias b; extras.
 QUAT, ACCEL_BIAS, GYRO_BIAS, EXTRAS = 6, 10, 13, 16
-#: An error of the heading acts for as long as a turn lasts [s].
+#: Duration of a turn, for which a heading error acts [s].
 TURN_S = 20.0
-#: No airframe changes more from one sample to the next [m/s^2, rad/s].
+#: Largest plausible change from one sample to the next [m/s^2, rad/s].
 SHOCK, SHOCK_TURN = 30.0, 2.0
 
 
@@ -31,12 +31,13 @@ SHOCK, SHOCK_TURN = 30.0, 2.0
 def step(  # noqa: PLR0917
     y: Array, P: Array, imu_start: Array, imu_end: Array, bend: Array, unit: Array, drifts: Array, seconds: float
 ) -> None:
-    """Move estimate and covariance on, in place.
+    """Propagate estimate and covariance, in place.
 
     y      : ndarray, shape (16 + k,)     the estimate, see the module's ``QUAT`` and so on
     P      : ndarray, shape (n, n)        n = 9 + k or 15 + k
-    began, ended, bend : shape (6,)       accel_b, gyro_b as measured at the beginning and end; their second derivatives
-    unit   : ndarray, shape (2, 4)        ``ImuErrorModel.table``;   drifts : ndarray, shape (k, 3)   ``FilterModel.drifts``
+    imu_start, imu_end, bend : shape (6,) accel_b, gyro_b measured at the start and end; their second derivatives
+    unit   : ndarray, shape (2, 4)        ``ImuErrorModel.table``
+    drifts : ndarray, shape (k, 3)        ``FilterModel.drifts``
     seconds : > 0 [s]
     """
     first, last = imu_start - y[ACCEL_BIAS:EXTRAS], imu_end - y[ACCEL_BIAS:EXTRAS]
@@ -70,16 +71,16 @@ def step(  # noqa: PLR0917
 def coast(  # noqa: PLR0917
     y: Array, P: Array, imu_start: Array, imu_end: Array, bends: Array, unit: Array, drifts: Array, seconds: Array
 ) -> None:
-    """Move an estimate through m steps, in place, and its covariance with one transition for all of them.
+    """Propagate an estimate through m steps, in place, and its covariance with one transition for all of them.
 
-    The transition takes the means of force and attitude, weighted by the time of each step: 0.2 s of turn at 60 deg/s
-    are 12 deg, of which it keeps all but third-order terms.
+    The transition uses the time-weighted means of force and attitude: a turn of 0.2 s at 60 deg/s is 12 deg, of which
+    third-order terms are neglected.
 
-    began, ended, bends : ndarray, shape (m, 6)   of each step, as in ``step``
+    imu_start, imu_end, bends : ndarray, shape (m, 6)   of each step, as in ``step``
     seconds : ndarray, shape (m,)   > 0 [s]
     """
     biased = len(P) - len(drifts) == BIASED
-    total, accel, gyro, way = 0.0, 0.0, 0.0, 0.0
+    total, accel, gyro, distance = 0.0, 0.0, 0.0, 0.0
     force_e, mean_eb = np.zeros(3), np.zeros((3, 3))
     for m in range(len(seconds)):
         first, last = imu_start[m] - y[ACCEL_BIAS:EXTRAS], imu_end[m] - y[ACCEL_BIAS:EXTRAS]
@@ -94,7 +95,7 @@ def coast(  # noqa: PLR0917
         more_accel, more_gyro = noise(unit, middle[0:3], middle[3:6], biased)
         accel += more_accel * seconds[m]
         gyro += more_gyro * seconds[m]
-        way += np.sqrt(y[3] ** 2 + y[4] ** 2 + y[5] ** 2) * seconds[m]
+        distance += np.sqrt(y[3] ** 2 + y[4] ** 2 + y[5] ** 2) * seconds[m]
         total += seconds[m]
         _add_shock_noise(P, imu_start[m], imu_end[m], seconds[m])
     down_e = -y[0:3] / np.sqrt(y[0] ** 2 + y[1] ** 2 + y[2] ** 2)
@@ -106,7 +107,7 @@ def coast(  # noqa: PLR0917
     if biased:
         _step_biases(y, P, unit, total)
     for i in range(len(drifts)):
-        rate = drifts[i, 1] + way / total * drifts[i, 2]
+        rate = drifts[i, 1] + distance / total * drifts[i, 2]
         _step_gauss_markov(y, EXTRAS + i, P, len(P) - len(drifts) + i, drifts[i, 0], rate, total)
 
 
@@ -114,50 +115,50 @@ def coast(  # noqa: PLR0917
 def separate(  # noqa: PLR0917
     y: Array, P: Array, other_y: Array, other_P: Array, mat_en: Array, min_share: float
 ) -> tuple[Array, Array, float]:
-    """How far an estimate is from another one that has had fewer aids: y - other_y in north, east, down.
+    """Difference of an estimate from another one with fewer measurements: y - other_y in north, east, down.
 
     Returns : ndarray, shape (3, 6)   difference of position [m] and velocity [m/s]; its sigma, from other_P - P, at
               least ``min_share`` of that of y; sigma of the other one
               ndarray, shape (2,)     difference over sigma of position and velocity in any horizontal direction
               float   the largest sigma of the other one's horizontal position in any direction [m]
     """
-    found = np.zeros((3, 6))
+    result = np.zeros((3, 6))
     for i in range(6):
         at = i - i % 3
         variance = other_variance = 0.0
         for j in range(3):
             turn = mat_en[j, i % 3]
-            found[0, i] += turn * (y[at + j] - other_y[at + j])
+            result[0, i] += turn * (y[at + j] - other_y[at + j])
             for k in range(3):
                 variance += turn * P[at + j, at + k] * mat_en[k, i % 3]
                 other_variance += turn * other_P[at + j, at + k] * mat_en[k, i % 3]
-        found[1, i] = np.sqrt(max(other_variance - variance, min_share**2 * variance))
-        found[2, i] = np.sqrt(other_variance)
-    level = np.empty(2)
+        result[1, i] = np.sqrt(max(other_variance - variance, min_share**2 * variance))
+        result[2, i] = np.sqrt(other_variance)
+    ratios = np.empty(2)
     for part in range(2):
         at = 3 * part
         covariance = _across(other_P, mat_en, at) - _across(P, mat_en, at)
-        correlation = covariance / (found[1, at] * found[1, at + 1])
-        level[part] = _level_ratio(found[0, at] / found[1, at], found[0, at + 1] / found[1, at + 1], correlation)
-    return found, level, largest_sd(found[2, 0] ** 2, found[2, 1] ** 2, _across(other_P, mat_en, 0))
+        correlation = covariance / (result[1, at] * result[1, at + 1])
+        ratios[part] = _level_ratio(result[0, at] / result[1, at], result[0, at + 1] / result[1, at + 1], correlation)
+    return result, ratios, largest_sd(result[2, 0] ** 2, result[2, 1] ** 2, _across(other_P, mat_en, 0))
 
 
 @kernel
 def _across(P: Array, mat_en: Array, at: int) -> float:
     """Covariance of north and east, of the three states from ``at`` on."""
-    found = 0.0
+    result = 0.0
     for j in range(3):
         for k in range(3):
-            found += mat_en[j, 0] * P[at + j, at + k] * mat_en[k, 1]
-    return found
+            result += mat_en[j, 0] * P[at + j, at + k] * mat_en[k, 1]
+    return result
 
 
 @kernel
 def _level_ratio(north: float, east: float, correlation: float) -> float:
-    """How unlikely a difference is, each axis over its sigma, in the direction in which it is most so.
+    """The largest ratio of a horizontal difference to its sigma, over all directions.  north, east : over their sigma
 
-    The distance of Mahalanobis, but not more than that without correlation: a difference of two covariances may be
-    wrong where it is smallest.
+    It is the Mahalanobis distance, limited to its value without correlation: the difference of two covariances is
+    inaccurate in its smallest axis.
     """
     r = min(max(correlation, -0.99), 0.99)
     distance = np.sqrt((north * north - 2.0 * r * north * east + east * east) / (1.0 - r * r))
@@ -166,16 +167,16 @@ def _level_ratio(north: float, east: float, correlation: float) -> float:
 
 @kernel
 def largest_sd(north: float, east: float, across: float) -> float:
-    """The largest sigma in any direction of a covariance of two axes: its variances, and what is across."""
+    """The largest sigma in any direction of two axes, from their variances and the covariance ``across``."""
     half = 0.5 * np.hypot(north - east, 2.0 * across)
     return float(np.sqrt(max(0.0, 0.5 * (north + east) + half)))
 
 
 @kernel
 def _add_heading_noise(P: Array, force_e: Array, down_e: Array, seconds: float) -> None:
-    """What an error psi of the heading takes from the horizontal force f beyond first order: (1 - cos psi) f, along f.
+    """Noise for the second-order effect of a heading error psi on the horizontal force f: (1 - cos psi) f, along f.
 
-    Of a normal psi its mean square is 3/4 sigma^4; it lasts for a turn.  Below 5 deg less than 0.7 % of f.
+    For a normal psi its mean square is 3/4 sigma^4; it lasts for a turn.  Below 5 deg it is less than 0.7 % of f.
     """
     variance, down = 0.0, 0.0
     for i in range(3):
@@ -190,38 +191,36 @@ def _add_heading_noise(P: Array, force_e: Array, down_e: Array, seconds: float) 
 
 @kernel
 def _add_shock_noise(P: Array, imu_start: Array, imu_end: Array, seconds: float) -> None:
-    """What is felt has jumped: how much of it was flown between two samples, and how much a bit that fell over, nobody
-    knows.
-    """
+    """Noise for a jump of the inertial samples, which may be a manoeuvre or a bit error."""
     for i in range(3):
-        jumped = np.abs(imu_end[i] - imu_start[i]) - SHOCK
-        turned = np.abs(imu_end[3 + i] - imu_start[3 + i]) - SHOCK_TURN
-        if jumped > 0.0:
+        force_jump = np.abs(imu_end[i] - imu_start[i]) - SHOCK
+        turn_jump = np.abs(imu_end[3 + i] - imu_start[3 + i]) - SHOCK_TURN
+        if force_jump > 0.0:
             for k in range(3):  # body axes: it may be any of the three
-                P[VEL + k, VEL + k] += (jumped * seconds) ** 2
-        if turned > 0.0:
+                P[VEL + k, VEL + k] += (force_jump * seconds) ** 2
+        if turn_jump > 0.0:
             for k in range(3):
-                P[TURN + k, TURN + k] += (turned * seconds) ** 2
+                P[TURN + k, TURN + k] += (turn_jump * seconds) ** 2
 
 
 @kernel
 def second_derivatives(before: Array, here: Array, after: Array, last: float, following: float) -> Array:
-    """Second derivatives (6,) at a sample (6,), of which ``before`` is so many seconds before, ``after`` after it."""
-    found = np.empty(len(here))
+    """Second derivatives (6,) at a sample (6,).  last, following : time from ``before`` and to ``after`` [s]"""
+    result = np.empty(len(here))
     for j in range(len(here)):
         slopes = (after[j] - here[j]) / following - (here[j] - before[j]) / last
-        found[j] = 2.0 * slopes / (last + following)
-    return found
+        result[j] = 2.0 * slopes / (last + following)
+    return result
 
 
 @kernel
 def resample(times: Array, imu: Array, nodes: Array) -> tuple[Array, Array]:
-    """What is felt at nodes, by straight lines between samples, and how it is bent from each node to the next.
+    """Inertial samples at nodes, interpolated linearly, and their second derivatives between the nodes.
 
-    times : ndarray, shape (m,)   of the samples [s]; the first one is before the nodes, or at the first of them where
-            none is known before that;  felt : (m, 6);  nodes : (k,), all sample times from the second on among them
-    Returns : ndarray, shape (k, 6)       felt
-              ndarray, shape (k - 1, 6)   second derivatives, those at the last sample before; zeros where unknown
+    times : ndarray, shape (m,)   of the samples [s]; the first one is before the nodes, or at the first node if no
+            earlier one is known;  imu : (m, 6);  nodes : (k,), contain all sample times from the second on
+    Returns : ndarray, shape (k, 6)       samples
+              ndarray, shape (k - 1, 6)   second derivatives at the last sample before; zeros if unknown
     """
     at_nodes, bends = np.empty((len(nodes), 6)), np.zeros((len(nodes) - 1, 6))
     at = 1
@@ -240,17 +239,17 @@ def resample(times: Array, imu: Array, nodes: Array) -> tuple[Array, Array]:
 
 
 @kernel
-def is_within(imu: Array, most: Array) -> bool:
-    """Whether each number is one, and smaller than the most."""
+def is_within(imu: Array, limits: Array) -> bool:
+    """Whether all absolute values are finite and below their limits."""
     sound = True
     for i in range(len(imu)):
-        sound = sound and np.abs(imu[i]) < most[i]
+        sound = sound and np.abs(imu[i]) < limits[i]
     return bool(sound)
 
 
 @kernel
 def health(y: Array, P: Array) -> tuple[bool, float, float]:
-    """Whether all is numbers and no variance negative; the height over a sphere [m] and the speed [m/s]."""
+    """Whether all values are finite and no variance is negative; the height over a sphere [m]; the speed [m/s]."""
     total, sound = 0.0, True
     for i in range(len(y)):
         total += y[i]
@@ -281,7 +280,7 @@ def _spread(P: Array, phi: Array) -> None:
     n, (rows, columns) = len(P), phi.shape
     moved, both = np.zeros((rows, n)), np.zeros((rows, rows))
     for i in range(rows):
-        for k in range(columns):  # the innermost loops run along rows, or they cannot be done side by side
+        for k in range(columns):  # the innermost loops run along rows, so that they are vectorised
             for j in range(n):
                 moved[i, j] += phi[i, k] * P[k, j]
     across = np.ascontiguousarray(phi.T)
@@ -305,7 +304,7 @@ def _step_biases(y: Array, P: Array, unit: Array, seconds: float) -> None:
 
 @kernel
 def _step_gauss_markov(y: Array, at: int, P: Array, row: int, sd: float, rate: float, seconds: float) -> None:  # noqa: PLR0917
-    """One first-order Gauss-Markov error: what is left of it, and what comes new."""
+    """One first-order Gauss-Markov error: decay and process noise."""
     keep = np.exp(-rate * seconds)
     y[at] *= keep
     for j in range(len(P)):
@@ -321,7 +320,7 @@ def fuse(x: Array, P: Array, z: Array, H: Array, R: Array) -> float:
 
     Correlated noise is whitened: with R = L L^T, L^-1 z and L^-1 H have the covariance 1.
 
-    x : ndarray, shape (n,), zeros; becomes the error found;  P : (n, n)
+    x : ndarray, shape (n,), zeros; becomes the estimated error;  P : (n, n)
     z : (m,);  H : (m, n);  R : (m, m), positive definite
     Returns the NIS, z^T (H P H^T + R)^-1 z: the sum of those of the scalars, each after the ones before it.
     """
@@ -348,16 +347,16 @@ def fuse(x: Array, P: Array, z: Array, H: Array, R: Array) -> float:
 def update(x: Array, P: Array, z: float, h: Array, r: float) -> float:
     """One scalar z = h x + noise of variance r, in place; returns its innovation squared over the variance of that.
 
-    x : ndarray, shape (n,)   error found so far in this update;  P : (n, n);  h : (n,)
+    x : ndarray, shape (n,)   error estimated so far in this update;  P : (n, n);  h : (n,)
     """
     return consider(x, P, z, h, r, np.ones(len(x)))
 
 
 @kernel
 def consider(x: Array, P: Array, z: float, h: Array, r: float, share: Array) -> float:  # noqa: PLR0917
-    """``update`` with so much of the gain of each state: 1 where it is corrected, 0 where it is considered alone.
+    """``update`` with a share of the gain of each state: 1 if it is corrected, 0 if it is only considered.
 
-    share : ndarray, shape (n,); Joseph's form holds for any gain, so P stays what the errors are
+    share : ndarray, shape (n,); Joseph's form holds for any gain, so P stays the covariance of the errors
     """
     n = len(x)
     g = np.zeros(n)
@@ -378,7 +377,7 @@ def consider(x: Array, P: Array, z: float, h: Array, r: float, share: Array) -> 
 
 @kernel
 def correct(y: Array, x: Array, extras: int) -> None:
-    """Take the error that was found into the estimate, in place.  extras : how many there are."""
+    """Correct the estimate by the estimated error, in place.  extras : their number"""
     base = len(x) - extras
     y[0:QUAT] += x[0:TURN]
     half = 0.5 * np.sqrt(x[TURN] ** 2 + x[TURN + 1] ** 2 + x[TURN + 2] ** 2)

@@ -1,4 +1,4 @@
-"""One measurement: judged by the gate, taken or left, and its source excluded or back in."""
+"""Update with one measurement: innovation gate, correction, exclusion and readmission of its source."""
 
 from __future__ import annotations
 
@@ -35,14 +35,14 @@ from fti.nav.filter.innovation_gate import (
     GateStates,
     decide,
     is_bounded_by_others,
-    noted,
+    update_states,
 )
 
 Array = NDArray[np.float64]
 
 
 class UpdateResult(NamedTuple):
-    """After a measurement: the estimate, the books of the gate; what became of it, its NIS, its innovation z (m,)."""
+    """After a measurement: the estimate, the states of the gate, its decision, NIS and innovation z (m,)."""
 
     estimate: Estimate
     gate_states: GateStates
@@ -51,97 +51,97 @@ class UpdateResult(NamedTuple):
     innovation: Array
 
 
-def update_estimate(here: Estimate, gate_states: GateStates, aiding: Aiding, t_ns: int) -> UpdateResult:
-    """Judge a measurement at the estimate of its time, and take it."""
-    matrices = aiding.compute_matrices(here)
-    standing = gate_states.get(aiding.name)
-    if standing is not None and standing.exclusion.cause is not None:
-        return _consider(here, gate_states, aiding, t_ns, matrices)
+def update_estimate(estimate: Estimate, states: GateStates, aiding: Aiding, t_ns: int) -> UpdateResult:
+    """Test a measurement with the estimate of its time, and apply it if it is accepted."""
+    matrices = aiding.compute_matrices(estimate)
+    state = states.get(aiding.name)
+    if state is not None and state.exclusion.cause is not None:
+        return _consider(estimate, states, aiding, t_ns, matrices)
     z, H, R = matrices
-    if aiding.corrects_own_states_only and is_bounded_by_others(gate_states, aiding, t_ns):
-        after, nis = consider_update(here, aiding.own, z, H, R)
+    if aiding.corrects_own_states_only and is_bounded_by_others(states, aiding, t_ns):
+        after, nis = consider_update(estimate, aiding.own_states, z, H, R)
     else:
-        after, nis = apply_update(here, here.P.copy(), z, H, R)
-    decision, watched = decide(gate_states, aiding, t_ns, nis, len(z)), is_watched(here, aiding.own)
-    if watched and nis > REACCEPTANCE_NIS and _is_suspected(gate_states, aiding, t_ns):
+        after, nis = apply_update(estimate, estimate.P.copy(), z, H, R)
+    decision, watched = decide(states, aiding, t_ns, nis, len(z)), is_watched(estimate, aiding.own_states)
+    if watched and nis > REACCEPTANCE_NIS and _is_suspected(states, aiding, t_ns):
         decision = GateDecision.REFUSED
     if decision is GateDecision.REFUSED:
-        after = here
+        after = estimate
     elif decision is GateDecision.REINITIALISED:
-        after, decision = _reinitialise(here, aiding)
-    books = noted(gate_states, aiding, t_ns, decision)
+        after, decision = _reinitialise(estimate, aiding)
+    updated = update_states(states, aiding, t_ns, decision)
     if watched:
-        after, books[aiding.name] = _suspect(after, books, aiding, t_ns, H[0])
-    return UpdateResult(after, books, decision, nis, z)
+        after, updated[aiding.name] = _exclude(after, updated, aiding, t_ns, H[0])
+    return UpdateResult(after, updated, decision, nis, z)
 
 
-def apply_update(here: Estimate, P: Array, z: Array, H: Array, R: Array) -> tuple[Estimate, float]:
+def apply_update(estimate: Estimate, P: Array, z: Array, H: Array, R: Array) -> tuple[Estimate, float]:
     """The estimate after a measurement, and its NIS; P, the covariance before, becomes that after."""
-    y, x = here.y.copy(), np.zeros(here.model.size)
+    y, x = estimate.y.copy(), np.zeros(estimate.model.size)
     nis = kernels.fuse(x, P, z, H, R)
-    kernels.correct(y, x, len(here.model.extras))
-    return Estimate(here.t_ns, y, P, here.imu, here.model), float(nis)
+    kernels.correct(y, x, len(estimate.model.extras))
+    return Estimate(estimate.t_ns, y, P, estimate.imu, estimate.model), float(nis)
 
 
-def _reinitialise(here: Estimate, aiding: Aiding) -> tuple[Estimate, GateDecision]:
-    """The estimate with the source's own states from this measurement; as it was where that is refused, too."""
-    anew = reset_states(here, aiding.own)
-    z, H, R = aiding.compute_matrices(anew)
-    after, nis = apply_update(anew, anew.P, z, H, R)
-    return (after, GateDecision.REINITIALISED) if nis <= LIMITS[len(z)] else (here, GateDecision.REFUSED)
+def _reinitialise(estimate: Estimate, aiding: Aiding) -> tuple[Estimate, GateDecision]:
+    """The estimate with the source's own states from this measurement; unchanged if that is refused, too."""
+    reset = reset_states(estimate, aiding.own_states)
+    z, H, R = aiding.compute_matrices(reset)
+    after, nis = apply_update(reset, reset.P, z, H, R)
+    return (after, GateDecision.REINITIALISED) if nis <= LIMITS[len(z)] else (estimate, GateDecision.REFUSED)
 
 
-def compute_nis(here: Estimate, matrices: Matrices) -> float:
-    """The NIS of a measurement that is not taken."""
+def compute_nis(estimate: Estimate, matrices: Matrices) -> float:
+    """The NIS of a measurement, without an update."""
     z, H, R = matrices
-    return float(kernels.fuse(np.zeros(here.model.size), here.P.copy(), z, H, R))
+    return float(kernels.fuse(np.zeros(estimate.model.size), estimate.P.copy(), z, H, R))
 
 
-def _is_suspected(gate_states: GateStates, aiding: Aiding, t_ns: int) -> bool:
-    """Whether a source was refused last, while others bound what it bounds."""
-    standing = gate_states.get(aiding.name)
-    refused = standing is not None and standing.refused_since_ns is not None
-    return refused and is_bounded_by_others(gate_states, aiding, t_ns)
+def _is_suspected(states: GateStates, aiding: Aiding, t_ns: int) -> bool:
+    """Whether the last measurement of a source was refused, while others bound its axes."""
+    state = states.get(aiding.name)
+    refused = state is not None and state.refused_since_ns is not None
+    return refused and is_bounded_by_others(states, aiding, t_ns)
 
 
-def _suspect(after: Estimate, books: GateStates, aiding: Aiding, t_ns: int, h: Array) -> tuple[Estimate, GateState]:
-    """What is known of a source that may be excluded, with one more measurement; it is excluded here.
+def _exclude(after: Estimate, states: GateStates, aiding: Aiding, t_ns: int, h: Array) -> tuple[Estimate, GateState]:
+    """The state of a source with one more measurement; excludes the source if it contradicts for long enough.
 
-    after, books : with the measurement, which was refused when the books say so;  h : its row (n,)
+    after, states : after the measurement;  h : its row (n,)
     """
-    standing = books[aiding.name]
-    refused = standing.refused_since_ns is not None
-    wrong = refused or inconsistency(after, aiding.own, h) > LIMIT_SIGMAS
-    found = standing.exclusion.noted(t_ns, wrong and is_bounded_by_others(books, aiding, t_ns))
-    if not found.lasts(t_ns, HOLD_NS, HOLD_COUNT):
-        return after, standing._replace(exclusion=found)
+    state = states[aiding.name]
+    refused = state.refused_since_ns is not None
+    wrong = refused or inconsistency(after, aiding.own_states, h) > LIMIT_SIGMAS
+    exclusion = state.exclusion.with_measurement(t_ns, wrong and is_bounded_by_others(states, aiding, t_ns))
+    if not exclusion.lasts(t_ns, HOLD_NS, HOLD_COUNT):
+        return after, state._replace(exclusion=exclusion)
     cause = Cause.INNOVATIONS if refused else Cause.BIAS
-    out = GateState(None, None, aiding.bounds, Exclusion(found.began_ns, cause))  # it bounds nothing any more
-    return (reset_states(after, aiding.own) if refused else after), out
+    out = GateState(None, None, aiding.bounds, Exclusion(exclusion.began_ns, cause))  # it no longer bounds its axes
+    return (reset_states(after, aiding.own_states) if refused else after), out
 
 
-def _consider(here: Estimate, gate_states: GateStates, aiding: Aiding, t_ns: int, matrices: Matrices) -> UpdateResult:
-    """A measurement of an excluded source: it corrects what belongs to the source, and may bring it back."""
+def _consider(estimate: Estimate, states: GateStates, aiding: Aiding, t_ns: int, matrices: Matrices) -> UpdateResult:
+    """A measurement of an excluded source: it corrects the source's own states, and may readmit the source."""
     z, H, R = matrices
-    standing = gate_states[aiding.name]
-    if not aiding.own:
-        return UpdateResult(here, gate_states, GateDecision.EXCLUDED, compute_nis(here, matrices), z)
-    after, nis = consider_update(here, aiding.own, z, H, R)
-    inside, since = nis <= LIMITS[len(z)], standing.refused_since_ns
+    state = states[aiding.name]
+    if not aiding.own_states:
+        return UpdateResult(estimate, states, GateDecision.EXCLUDED, compute_nis(estimate, matrices), z)
+    after, nis = consider_update(estimate, aiding.own_states, z, H, R)
+    inside, since = nis <= LIMITS[len(z)], state.refused_since_ns
     if inside:
         since = None
     elif since is not None and t_ns - since >= LOCKOUT_NS:
-        after, since = reset_states(here, aiding.own), None
+        after, since = reset_states(estimate, aiding.own_states), None
     else:
-        after, since = here, t_ns if since is None else since
+        after, since = estimate, t_ns if since is None else since
     agrees = (
         inside
-        and inconsistency(after, aiding.own, H[0]) < AGREEMENT_SIGMAS
-        and is_bounded_by_others(gate_states, aiding, t_ns)
-        and (is_watched(here, aiding.own) or is_testable(here, aiding.own, H[0]))
+        and inconsistency(after, aiding.own_states, H[0]) < AGREEMENT_SIGMAS
+        and is_bounded_by_others(states, aiding, t_ns)
+        and (is_watched(estimate, aiding.own_states) or is_testable(estimate, aiding.own_states, H[0]))
     )
-    found = standing.exclusion.noted(t_ns, agrees)
-    if found.lasts(t_ns, READMISSION_NS, READMISSION_COUNT):
-        found = NOT_EXCLUDED
-    book = GateState(standing.accepted_ns, since, aiding.bounds, found)
-    return UpdateResult(after, {**gate_states, aiding.name: book}, GateDecision.EXCLUDED, nis, z)
+    exclusion = state.exclusion.with_measurement(t_ns, agrees)
+    if exclusion.lasts(t_ns, READMISSION_NS, READMISSION_COUNT):
+        exclusion = NOT_EXCLUDED
+    new_state = GateState(state.accepted_ns, since, aiding.bounds, exclusion)
+    return UpdateResult(after, {**states, aiding.name: new_state}, GateDecision.EXCLUDED, nis, z)

@@ -1,19 +1,19 @@
-"""Inertial navigation, aided: measurements in, and position, velocity, attitude with their sigma, mode and reasons out.
+"""Aided inertial navigation: position, velocity and attitude with sigma, mode and reasons, from measurements.
 
-    navigator = Navigator(Model(unit=UNITS["tactical"], extras=GNSS_DRIFTS))
-    navigator.take_inertial(t_valid_ns, accel_b, gyro_b)          every inertial sample, in order
-    navigator.take(t_valid_ns, GnssPosition(...))                 what aids, in any order, up to a second late
-    navigator.take_attitude(t_valid_ns, roll, pitch, heading)     a device's attitude: it is aligned with it
+    navigator = InertialNavigator(FilterModel(unit=IMU_ERROR_MODELS["tactical"], extras=GNSS_DRIFTS))
+    navigator.feed_inertial(t_valid_ns, accel_b, gyro_b)          every inertial sample, in order
+    navigator.feed_aiding(t_valid_ns, GnssPosition(...))          aiding measurements, in any order, up to 1 s late
+    navigator.feed_attitude(t_valid_ns, roll, pitch, heading)     a device's attitude, for the alignment
     navigator.output(t_ns)                                        FilterSolution at t_ns
     navigator.at(t_ns)                                            Estimate with covariance, or None
 
-Pure: the same calls give the same answers, to the last bit.  What is no number, comes twice, from before the horizon or
-out of order is refused and counted (``refused``); nothing raises.
+Pure: the same calls give bit-identical results.  Inputs that are not finite, repeated, older than the horizon or out of
+order are refused and counted (``refused``); nothing raises.
 
-Mode: WAITING for inputs, ALIGNING when they come and until the next position, height and velocity agree, AIDED,
-COASTING where nothing has bounded the horizontal or the height for ``COAST_NS``, INVALID where nothing is felt any more
-or the position has become too uncertain.  A gap of inertial samples, a clock that jumps, numbers that leave the world,
-or a fix inside the gate of a position that is too uncertain begin anew, with the reason RESET until it is aligned.
+Mode: WAITING for inputs; ALIGNING until the next position, height and velocity agree; AIDED; COASTING if no source has
+bounded the horizontal or the height for ``COAST_NS``; INVALID without inertial samples or if the position is too
+uncertain.  The filter restarts after a gap of inertial samples, a clock jump or divergence, and when a fix lies inside
+the gate of a position that is too uncertain; the reason is RESET until it is aligned.
 """
 
 from __future__ import annotations
@@ -33,28 +33,28 @@ from fti.nav.filter.error_states import FilterModel
 from fti.nav.filter.estimate import Estimate, InitialState, inflate_covariance
 from fti.nav.filter.exclusion import NOT_EXCLUDED, Cause, Exclusion
 from fti.nav.filter.initial_alignment import Aligner
-from fti.nav.filter.innovation_gate import LIMITS, excluded, rejected
+from fti.nav.filter.innovation_gate import LIMITS, excluded_names, rejected_names
 from fti.nav.filter.measurement_update import compute_nis
 from fti.nav.filter.segment import FilterSegment
 from fti.types import FilterMode, FilterSolution, Reason
 
 Array = NDArray[np.float64]
 
-#: A longer gap between inertial samples cannot be bridged.
+#: Longest gap between inertial samples that is bridged.
 MAX_GAP_NS = 200_000_000
-#: So many samples in a row from the past are a clock that has jumped.
+#: More consecutive samples from the past are a clock jump.
 MAX_BACKWARD_SAMPLES = 20
 COAST_NS = 2_000_000_000
-#: Less certain than this a position is none [m, one sigma].
+#: A less certain position is not valid [m, one sigma].
 MAX_SD_M = 2000.0
-#: What no inertial unit on an aircraft feels [m/s^2, rad/s], and where none flies [m beside a sphere, m/s].
+#: Limits of plausible inertial samples [m/s^2, rad/s], and of altitude [m over a sphere] and speed [m/s].
 MAX_IMU = np.array([500.0] * 3 + [50.0] * 3)
 MAX_ALT_M, MAX_SPEED_MPS = 1e5, 2000.0
-#: No number of a measurement in SI units is larger.
+#: Limit of plausible values of a measurement in SI units.
 MAX_VALUE = 1e9
-#: What must be believed once before an alignment counts, by the ends of its names.
+#: Quantities that must be accepted once to confirm an alignment, by the ends of their names.
 CONFIRMING_QUANTITIES = (".position", ".height", ".velocity")
-#: Sigma of a device's attitude that states none [rad].
+#: Sigma of a device's attitude if it states none [rad].
 ATTITUDE_SD = (math.radians(0.5), math.radians(0.5), math.radians(2.0))
 
 
@@ -70,9 +70,9 @@ class InertialNavigator:
         self._newest_ns: int | None = None
         self._backward_count = 0
         self._restart_reason: Reason | None = None
-        self._unconfirmed = frozenset[str]()  # names of what it began with, until they agree
+        self._unconfirmed = frozenset[str]()  # names of the initial sources, until they agree
 
-    # ---------------------------------------------------------------------------------------------------- taking
+    # ----------------------------------------------------------------------------------------------------------- inputs
 
     def begin(self, t_ns: int, start: InitialState, accel_b: ArrayLike, gyro_b: ArrayLike) -> None:
         """Begin with a known state at an inertial sample."""
@@ -81,13 +81,13 @@ class InertialNavigator:
         self._timeline = Timeline(start.estimate(t_ns, imu, self.model))
 
     def feed_inertial(self, t_ns: int, accel_b: Iterable[float], gyro_b: Iterable[float]) -> None:
-        """Specific force (3,) [m/s^2] and turn rate (3,) [rad/s], body axes at P, true at t_ns."""
-        imu = np.array((*accel_b, *gyro_b), dtype=np.float64)  # of tuples a third of joining two arrays
+        """Specific force (3,) [m/s^2] and turn rate (3,) [rad/s], body axes at P, valid at t_ns."""
+        imu = np.array((*accel_b, *gyro_b), dtype=np.float64)  # a third of the time of concatenating two arrays
         if imu.shape != (6,) or not kernels.is_within(imu, MAX_IMU):
             self.refused[Reason.DEVICE_FLAG] += 1
             return
         if self._newest_ns is not None and t_ns <= self._newest_ns:
-            self._step_back()
+            self._refuse_backward_sample()
             return
         self._backward_count = 0
         if self._newest_ns is not None and t_ns - self._newest_ns > MAX_GAP_NS:
@@ -103,7 +103,7 @@ class InertialNavigator:
             self._confirm()
 
     def feed_aiding(self, t_ns: int, aiding: Aiding) -> None:
-        """What aids, true at t_ns; level and height of a position are judged each for itself."""
+        """A measurement, valid at t_ns; horizontal position and height pass the gate separately."""
         if not is_known(aiding):
             self.refused[Reason.DEVICE_FLAG] += 1
             return
@@ -122,26 +122,26 @@ class InertialNavigator:
         heading: float | None,
         sd: tuple[float, float, float] = ATTITUDE_SD,
     ) -> None:
-        """A device's attitude [rad] and its sigma: the filter is aligned with it, and does not use it afterwards."""
+        """A device's attitude [rad] and its sigma: used for the alignment, not afterwards."""
         if not all(map(math.isfinite, (roll, pitch, heading or 0.0, *sd))) or not min(sd) > 0.0:
             self.refused[Reason.DEVICE_FLAG] += 1
         elif self._timeline is None:
             self._aligner.feed_attitude(t_ns, (roll, pitch, heading), sd)
 
-    # --------------------------------------------------------------------------------------------------- telling
+    # ---------------------------------------------------------------------------------------------------------- outputs
 
     def at(self, t_ns: int) -> Estimate | None:
-        """The estimate at t_ns, of the last second or ``MAX_GAP_NS`` ahead; None where there is none."""
+        """The estimate at t_ns, at most 1 s before and ``MAX_GAP_NS`` after the newest sample; None otherwise."""
         return self._timeline.at(t_ns) if self._timeline is not None and self.reaches(t_ns) else None
 
     @property
     def exclusions(self) -> dict[str, Exclusion]:
-        """Why and since when sources are excluded at present, by name."""
+        """Excluded sources with cause and time, by name."""
         gate_states = self._timeline.newest.gate_states if self._timeline is not None else {}
         return {name: s.exclusion for name, s in gate_states.items() if s.exclusion.cause is not None}
 
     def accepted_ns(self, axis: str) -> dict[str, int]:
-        """When each source that bounds an axis was believed last, by name."""
+        """Time of the last acceptance of each source that bounds an axis, by name."""
         gate_states = self._timeline.newest.gate_states if self._timeline is not None else {}
         return {
             name: s.accepted_ns for name, s in gate_states.items() if s.accepted_ns is not None and axis in s.bounds
@@ -149,51 +149,51 @@ class InertialNavigator:
 
     @property
     def is_aligned(self) -> bool:
-        """Whether what it began with was confirmed, and it has not restarted since."""
+        """Whether the initial state was confirmed, and the filter has not restarted since."""
         return self._timeline is not None and not self._unconfirmed
 
     def drain_segments(self) -> list[FilterSegment]:
-        """What became final since the last call, a second behind; see ``fti.nav.filter.segment``."""
+        """Segments that became final since the last call, a second late; see ``fti.nav.filter.segment``."""
         return self._timeline.drain_segments() if self._timeline is not None else []
 
     @property
     def last_final(self) -> Estimate | None:
-        """The estimate where the last segment ends: the one that exclusions and readmissions replace."""
+        """The estimate at the end of the last segment; exclusions and readmissions replace it."""
         return self._timeline.first.estimate if self._timeline is not None else None
 
     def exclude(self, names: Iterable[str], since_ns: int, estimate: Estimate | None) -> None:
-        """Exclude sources, and go on without them from an estimate at the end of the last segment.
+        """Exclude sources, and continue without them from an estimate at the end of the last segment.
 
-        names : of ``Aiding``;  since_ns : when their contradiction began;  estimate : None: that of the filter
+        names : of ``Aiding``;  since_ns : start of their contradiction;  estimate : None: that of the filter
         """
         if self._timeline is not None:
             exclusion = Exclusion(since_ns, Cause.SEPARATION)
-            here = self._timeline.first.estimate if estimate is None else estimate
-            self._timeline.replace_first(here, [(name, exclusion) for name in names])
+            initial = self._timeline.first.estimate if estimate is None else estimate
+            self._timeline.replace_first(initial, [(name, exclusion) for name in names])
 
     def readmit(self, names: Iterable[str], disagreement: float = 0.0) -> None:
-        """Let excluded sources aid again.  disagreement : up to so much [m] the filter itself may be wrong"""
+        """Readmit excluded sources.  disagreement : possible error of the filter itself [m]"""
         if self._timeline is not None:
-            here = self._timeline.first.estimate
+            initial = self._timeline.first.estimate
             self._timeline.replace_first(
-                inflate_covariance(here, disagreement), [(name, NOT_EXCLUDED) for name in names]
+                inflate_covariance(initial, disagreement), [(name, NOT_EXCLUDED) for name in names]
             )
 
-    def restart(self, why: Reason) -> None:
-        """Begin anew: what it holds is known to be wrong."""
-        self._restart(why)
+    def restart(self, reason: Reason) -> None:
+        """Restart, because the estimate is known to be wrong."""
+        self._restart(reason)
 
     def reaches(self, t_ns: int) -> bool:
-        """Whether there is an estimate at t_ns, without making it."""
+        """Whether there is an estimate at t_ns, without computing it."""
         timeline = self._timeline
         return timeline is not None and timeline.oldest_ns <= t_ns <= timeline.newest_ns + MAX_GAP_NS
 
     def drain_innovations(self) -> list[InnovationRecord]:
-        """What became of each measurement since it was asked last."""
+        """The gate decisions of measurements since the last call."""
         return self._timeline.drain_innovations() if self._timeline else []
 
     def mode(self, t_ns: int) -> tuple[FilterMode, tuple[Reason, ...]]:
-        """State of the filter, and why it is not better."""
+        """Mode of the filter, and its reasons."""
         if self._newest_ns is None or t_ns - self._newest_ns > MAX_GAP_NS:
             return (FilterMode.INVALID if self._timeline else FilterMode.WAITING), (Reason.NO_IMU,)
         if self._timeline is None:
@@ -202,41 +202,39 @@ class InertialNavigator:
             return mode, (Reason.ALIGNING, *self._missing, *again)
         if self._unconfirmed:
             return FilterMode.ALIGNING, (Reason.ALIGNING,)
-        newest = self._timeline.newest
-        table = ((Reason.REJECTED, rejected(newest.gate_states)), (Reason.EXCLUDED, excluded(newest.gate_states)))
+        newest, states = self._timeline.newest, self._timeline.newest.gate_states
+        table = ((Reason.REJECTED, rejected_names(states)), (Reason.EXCLUDED, excluded_names(states)))
         reasons = tuple(reason for reason, names in table if names)
         if max(newest.estimate.sd_n[:3]) > MAX_SD_M:
             return FilterMode.INVALID, (Reason.COASTING, *reasons)
-        if self._bounded(t_ns) != {"horizontal", "vertical"}:
+        if self._bounded_axes(t_ns) != {"horizontal", "vertical"}:
             return FilterMode.COASTING, (Reason.COASTING, *reasons)
         return FilterMode.AIDED, reasons
 
     def output(self, t_ns: int) -> FilterSolution:
-        """What is told at t_ns.  Valid when AIDED or COASTING: the sigma says how good it is."""
+        """The output at t_ns.  It is valid if AIDED or COASTING, with its sigma."""
         mode, reasons = self.mode(t_ns)
-        here = self.at(t_ns) if mode in {FilterMode.AIDED, FilterMode.COASTING} else None
-        if here is not None and not _is_plausible(
-            here
-        ):  # what aids has led out of the world; the next sample begins anew
-            here, mode, reasons = None, FilterMode.INVALID, (Reason.DIVERGED,)
-        if here is None:
-            told = reasons or (Reason.STALE,)
-            return FilterSolution(t_ns=t_ns, t_valid_ns=None, valid=False, reasons=told, mode=mode)
+        estimate = self.at(t_ns) if mode in {FilterMode.AIDED, FilterMode.COASTING} else None
+        if estimate is not None and not _is_plausible(estimate):  # diverged; the next sample restarts the filter
+            estimate, mode, reasons = None, FilterMode.INVALID, (Reason.DIVERGED,)
+        if estimate is None:
+            reported = reasons or (Reason.STALE,)
+            return FilterSolution(t_ns=t_ns, t_valid_ns=None, valid=False, reasons=reported, mode=mode)
         assert self._timeline is not None
-        (lat, lon, alt), (north, east, down), (roll, pitch, heading) = here.place, here.vel_n.tolist(), here.rpy
-        sd, turned = here.sd_n, here.rpy_sd
+        (lat, lon, alt), (roll, pitch, heading), rpy_sd = estimate.geodetic, estimate.rpy, estimate.rpy_sd
+        (north, east, down), sd, states = estimate.vel_n.tolist(), estimate.sd_n, self._timeline.newest.gate_states
         return FilterSolution(
-            t_ns=t_ns, t_valid_ns=here.t_ns, valid=True, reasons=reasons, mode=mode,
+            t_ns=t_ns, t_valid_ns=estimate.t_ns, valid=True, reasons=reasons, mode=mode,
             lat=lat, lon=lon, alt=alt, horizontal_sd=float(max(sd[0], sd[1])), vertical_sd=float(sd[2]),
             vel_north=north, vel_east=east, vel_down=down, vel_sd=float(max(sd[3:6])),
-            roll=roll, pitch=pitch, heading=heading, tilt_sd=max(turned[:2]), heading_sd=turned[2],
-            rejected=rejected(self._timeline.newest.gate_states), excluded=excluded(self._timeline.newest.gate_states),
+            roll=roll, pitch=pitch, heading=heading, tilt_sd=max(rpy_sd[:2]), heading_sd=rpy_sd[2],
+            rejected=rejected_names(states), excluded=excluded_names(states),
         )  # fmt: skip
 
-    # -------------------------------------------------------------------------------------------------- in here
+    # -------------------------------------------------------------------------------------------------------- internals
 
     def _is_lost(self, aiding: Aiding) -> bool:
-        """Whether the filter has no position any more, and a fix of a believed receiver would give it one.
+        """Whether the position is too uncertain, and a fix of an admitted receiver is inside its gate.
 
         A correction by tens of kilometres is along the tangent of the Earth: 57 km raise the altitude by 255 m.
         """
@@ -244,19 +242,19 @@ class InertialNavigator:
             return False
         if max(self._timeline.newest_without_replay.estimate.sd_n[:2]) <= MAX_SD_M:
             return False
-        here, gate_states = self._timeline.newest
-        standing = gate_states.get(aiding.name)
-        if max(here.sd_n[:2]) <= MAX_SD_M or (standing is not None and standing.exclusion.cause is not None):
+        estimate, gate_states = self._timeline.newest
+        state = gate_states.get(aiding.name)
+        if max(estimate.sd_n[:2]) <= MAX_SD_M or (state is not None and state.exclusion.cause is not None):
             return False
-        level = replace(aiding, alt=None).compute_matrices(here)
-        return compute_nis(here, level) <= LIMITS[2]
+        horizontal = replace(aiding, alt=None).compute_matrices(estimate)
+        return compute_nis(estimate, horizontal) <= LIMITS[2]
 
-    def _bounded(self, t_ns: int) -> frozenset[str]:
-        """Which axes something has bounded lately."""
+    def _bounded_axes(self, t_ns: int) -> frozenset[str]:
+        """Axes that a source has bounded within ``COAST_NS``."""
         assert self._timeline is not None
         gate_states = self._timeline.newest.gate_states.values()
-        lately = [s for s in gate_states if s.accepted_ns is not None and t_ns - s.accepted_ns <= COAST_NS]
-        return frozenset[str]().union(*(s.bounds for s in lately))
+        recent = [s for s in gate_states if s.accepted_ns is not None and t_ns - s.accepted_ns <= COAST_NS]
+        return frozenset[str]().union(*(s.bounds for s in recent))
 
     def _align(self, t_ns: int, imu: Array) -> None:
         self._aligner.feed_inertial(t_ns, imu)
@@ -268,30 +266,30 @@ class InertialNavigator:
         self._unconfirmed = self._aligner.names
 
     def _confirm(self) -> None:
-        """One fix is no fix: of the devices that it began with the next one must agree, or one of the two is wrong.
+        """Confirm the initial state: the next fix of its sources must agree, or the filter restarts.
 
-        What another device says may be what is wrong, and hinders nobody; it confirms as well.
+        Other devices can confirm it; their disagreement is ignored.
         """
         assert self._timeline is not None
         gate_states = self._timeline.newest.gate_states
-        believed = [name for name, s in gate_states.items() if s.accepted_ns is not None]
-        if not self._unconfirmed.isdisjoint(rejected(gate_states)):
+        accepted = [name for name, s in gate_states.items() if s.accepted_ns is not None]
+        if not self._unconfirmed.isdisjoint(rejected_names(gate_states)):
             self._restart(Reason.REJECTED)
-        elif all(any(name.endswith(kind) for name in believed) for kind in CONFIRMING_QUANTITIES):
+        elif all(any(name.endswith(kind) for name in accepted) for kind in CONFIRMING_QUANTITIES):
             self._unconfirmed = frozenset()
 
-    def _step_back(self) -> None:
-        """A sample from the past: one is refused, many are a clock that has jumped."""
+    def _refuse_backward_sample(self) -> None:
+        """A sample from the past: it is refused; many are a clock jump."""
         self.refused[Reason.STALE] += 1
         self._backward_count += 1
         if self._backward_count > MAX_BACKWARD_SAMPLES:
             self._restart(Reason.STALE)
             self._newest_ns = None
 
-    def _restart(self, why: Reason) -> None:
+    def _restart(self, reason: Reason) -> None:
         if self._timeline is not None:
-            self._restart_reason = why
-        self._timeline, self._aligner, self._missing, self._backward_count = None, Aligner(), (why,), 0
+            self._restart_reason = reason
+        self._timeline, self._aligner, self._missing, self._backward_count = None, Aligner(), (reason,), 0
 
 
 def warm_up() -> None:
@@ -326,7 +324,7 @@ def warm_up() -> None:
 
 
 def is_known(aiding: Aiding) -> bool:
-    """Every number of it is one and conceivable, every sigma is positive, and what it says can be solved for."""
+    """Whether all values are finite and plausible, all sigmas positive, and the observation is usable."""
     if isinstance(aiding, SlantRange) and not aiding.meets_ground:
         return False
     if isinstance(aiding, GnssHeight):
@@ -336,7 +334,7 @@ def is_known(aiding: Aiding) -> bool:
 
 
 def _is_conceivable(name: str, value: object) -> bool:
-    """Names and what is not told are; of numbers see ``is_known``."""
+    """Whether a field is plausible; names and None are."""
     if isinstance(value, str) or value is None:
         return True
     if isinstance(value, tuple):
@@ -346,6 +344,6 @@ def _is_conceivable(name: str, value: object) -> bool:
 
 
 def _is_plausible(estimate: Estimate) -> bool:
-    """Still on Earth."""
+    """Whether the estimate is finite and near the Earth."""
     numbers, height, speed = kernels.health(estimate.y, estimate.P)
     return numbers and abs(height) < MAX_ALT_M and speed < MAX_SPEED_MPS

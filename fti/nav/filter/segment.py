@@ -1,7 +1,7 @@
-"""What the filter forgets, in segments of 0.2 s: inertial samples and aids whose order cannot change any more.
+"""The final past of the filter, in segments of 0.2 s: inertial samples and measurements in their final order.
 
-Copies of the filter (``fti.nav.separation``) follow it through the segments, a second behind.  A segment is cut at the
-times of its aids, once for all copies.
+Copies of the filter (``fti.nav.separation``) follow it through the segments, a second late.  A segment is cut at the
+times of its measurements, once for all copies.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ SECOND_NS = 1_000_000_000
 
 @dataclass(slots=True)
 class AidingEntry:
-    """A measurement in its place.
+    """A measurement in order of time.
 
-    told      : whether its verdict was given out
-    judgement, nis, innovation : what the filter made of it last, its NIS and z (m,); None before
+    is_reported : whether its decision was reported
+    decision, nis, innovation : the last decision of the gate, its NIS and z (m,); None before
     """
 
     t_ns: int
@@ -40,7 +40,7 @@ class AidingEntry:
 
 
 class Moment(NamedTuple):
-    """After an inertial sample: the estimate with all that aids up to then, and the books of the gate."""
+    """After an inertial sample: the estimate with all measurements until then, and the states of the gate."""
 
     estimate: Estimate
     gate_states: GateStates
@@ -49,9 +49,9 @@ class Moment(NamedTuple):
 class FilterSegment(NamedTuple):
     """A part of the past of the filter.
 
-    before  : time and what was felt at the inertial sample before the first moment, None where there was none
-    moments : at its inertial samples; the first one is the last one of the segment before
-    entries : what aids after the first moment up to the last one, in order
+    before  : time and values of the inertial sample before the first moment, None if there was none
+    moments : at its inertial samples; the first one is the last one of the previous segment
+    entries : measurements after the first moment until the last one, in order
     """
 
     before: tuple[int, Array] | None
@@ -70,7 +70,7 @@ class FilterSegment(NamedTuple):
 
 
 class Piece(NamedTuple):
-    """Steps from one aid to the next: arrays of ``kernels.coast``, its end, and the aids at its end."""
+    """Steps from one measurement to the next: arrays of ``kernels.coast``, end time, measurements at its end."""
 
     imu_start: Array
     imu_end: Array
@@ -81,7 +81,7 @@ class Piece(NamedTuple):
 
 
 def cut(segment: FilterSegment) -> list[Piece]:
-    """The pieces of a segment, in order; only the last one may have no aid at its end."""
+    """The pieces of a segment, in order; only the last one may end without a measurement."""
     origin = segment.begin_ns
     ends_ns = sorted({e.t_ns for e in segment.entries} | {segment.end.estimate.t_ns})
     times_ns = [m.estimate.t_ns - origin for m in segment.moments]
@@ -97,7 +97,7 @@ def cut(segment: FilterSegment) -> list[Piece]:
     for end_ns in ends_ns:
         end = nodes_ns.index(end_ns - origin)
         entries = tuple(e for e in segment.entries if e.t_ns == end_ns)
-        here = slice(first, end)
-        pieces.append(Piece(at_nodes[here], at_nodes[first + 1 : end + 1], bends[here], seconds[here], end_ns, entries))
+        part = slice(first, end)
+        pieces.append(Piece(at_nodes[part], at_nodes[first + 1 : end + 1], bends[part], seconds[part], end_ns, entries))
         first = end
     return pieces

@@ -1,1 +1,1 @@
-"""What inertial sensors say about attitude, velocity and position."""
+"""Attitude, velocity and position from inertial sensors."""

@@ -1,11 +1,11 @@
-"""Attitude to begin with, where no device tells it: from what is felt and how the aircraft moves.
+"""Initial attitude without an attitude device: from specific force and velocity over ground.
 
-    f_n = dv_n/dt - g_n       the force that must be felt, from the change of velocity
-    f_b                       the force that is felt
-    x_b ~ v_n                 an aeroplane flies where its nose points, but for wind and angle of attack
+    f_n = dv_n/dt - g_n       specific force, from the change of velocity
+    f_b                       specific force, measured
+    x_b ~ v_n                 the longitudinal axis points along the velocity, except for wind and angle of attack
 
-Two directions in both frames give the turn between them (TRIAD): f exactly, and of the velocity what is at right angles
-to f.  Roll and pitch are as good as the accelerometers, pitch and heading besides as the nose is in the wind: 10 deg.
+Two directions in both frames determine the rotation between them (TRIAD): f exactly, and the velocity component
+perpendicular to f.  Roll and pitch are as accurate as the accelerometers; wind limits pitch and heading to 10 deg.
 
 Source: Black 1964, AIAA Journal 2 (TRIAD).  Checked against: simulated flights, tests/nav/test_alignment.py.
 """
@@ -19,14 +19,14 @@ from fti.geodesy.gravity import normal_gravity
 
 Array = NDArray[np.float64]
 
-#: Below this speed a track is no heading [m/s].
+#: Minimum speed for a track to replace the heading [m/s].
 MIN_TRACK_SPEED_MPS = 15.0
-#: One sigma of an attitude found so: tilt, heading [rad].
+#: One sigma of this attitude: tilt, heading [rad].
 TILT_SD, HEADING_SD = float(np.deg2rad(2.0)), float(np.deg2rad(10.0))
 
 
 def attitude_in_flight(force_b: Array, vel_n: Array, accel_n: Array, lat: float, alt: float) -> Array | None:
-    """mat_nb (3, 3); None below ``MIN_TRACK_SPEED_MPS``, or where the two directions are one.
+    """mat_nb (3, 3); None below ``MIN_TRACK_SPEED_MPS``, or if the two directions are parallel.
 
     force_b : mean specific force (3,) [m/s^2];  vel_n (3,) [m/s], accel_n (3,) [m/s^2] : over the ground, the same time
     """

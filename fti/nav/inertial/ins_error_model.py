@@ -1,4 +1,4 @@
-"""How the errors of inertial navigation grow, in the earth frame, and what an inertial unit adds to them.
+"""Error dynamics of inertial navigation in the earth frame, and error model of the inertial unit.
 
 The error is truth minus estimate; the attitude's is a small turn in e: mat_eb = (1 + psi x) mat_eb_estimated.
 
@@ -7,11 +7,11 @@ The error is truth minus estimate; the attitude's is a small turn in e: mat_eb =
     d(psi)/dt =                          - omega_ie x psi - mat_eb (bias_g + noise_g)
     d(bias)/dt = -bias / period + noise,          G = g / R (3 d d^T - 1),  d down
 
-In e no place is special: poles and date line are places like others.  G leaves out what rotation and flattening add to
-the gradient (0.5 %).  A scale or alignment error is no state: it counts as a noise of density (scale |w|)^2
-``MANOEUVRE_S``, because what it does in one turn the next turn, the other way, takes back.  Of the force only what is
-felt beyond straight and level flight counts so: the constant part is a bias.  With nine states the biases, too, count
-as noise, of density bias_sd^2 ``MANOEUVRE_S``: position fixes are to come more often than that.
+The e frame has no singularities at the poles or the date line.  G neglects rotation and flattening in the gradient
+(0.5 %).  Scale and alignment errors are not states: they are treated as noise of density (scale |w|)^2
+``MANOEUVRE_S``, because the effect of one turn cancels in the opposite turn.  Of the force, only the part beyond
+straight and level flight is treated so: the constant part is a bias.  With nine states the biases are noise, too, of
+density bias_sd^2 ``MANOEUVRE_S``: position fixes must come more often than that.
 
 Source: Groves 2013, section 14.2.3 (earth frame); the turn is that of the true frame, so the signs of psi differ.
 Checked against: differences of two strapdowns, tests/nav/test_ins_error_model.py.
@@ -31,7 +31,7 @@ from fti.terrain.kernel import kernel
 
 Array = NDArray[np.float64]
 
-#: How long a turn lasts in which a scale error adds up [s].
+#: Duration of a turn, in which a scale error accumulates [s].
 MANOEUVRE_S = 20.0
 #: Rows and columns of the errors: position, velocity, turn, accelerometer biases, gyro biases.
 POS, VEL, TURN, ACCEL, GYRO, BIASED = 0, 3, 6, 9, 12, 15
@@ -43,8 +43,8 @@ class TriadErrorModel:
     """Three like axes.  unit : m/s^2 or rad/s.
 
     white     : density of the white noise [unit / sqrt(Hz)]
-    bias_sd   : of the bias when it is at home [unit];  period_s : its correlation time [s]
-    scale     : error of scale and alignment together, of what is felt [1]
+    bias_sd   : steady-state sigma of the bias [unit];  period_s : its correlation time [s]
+    scale     : error of scale and alignment together, relative to the measured value [1]
     """
 
     white: float
@@ -55,7 +55,7 @@ class TriadErrorModel:
 
 @dataclass(frozen=True)
 class ImuErrorModel:
-    """One inertial measurement unit: what its data sheet says of accelerometers and gyros."""
+    """One inertial measurement unit: data sheet values of accelerometers and gyros."""
 
     accel: TriadErrorModel
     gyro: TriadErrorModel
@@ -70,7 +70,7 @@ _DEG = np.pi / 180.0
 _DEG_H, _ROOT_H = _DEG / 3600.0, 1.0 / 60.0
 _MILLI_G = 1e-3 * STANDARD_GRAVITY
 
-#: What the grades of ``fti.hil.sensors.imu_grades`` are to a filter: turn-on, in-run bias and scale x g as one.
+#: Filter models of the grades of ``fti.hil.sensors.imu_grades``: turn-on bias, in-run bias and scale x g combined.
 IMU_ERROR_MODELS: dict[str, ImuErrorModel] = {
     "navigation": ImuErrorModel(
         accel=TriadErrorModel(white=0.003 * _ROOT_H, bias_sd=0.11 * _MILLI_G, scale=105e-6),
@@ -93,43 +93,43 @@ def rates(mat_eb: Array, force_e: Array, down_e: Array, biased: bool) -> Array:
 
     mat_eb : (3, 3);  force_e : specific force (3,) [m/s^2];  down_e : unit vector (3,)
     """
-    found = np.zeros((9, BIASED if biased else ACCEL))
+    result = np.zeros((9, BIASED if biased else ACCEL))
     for i in range(3):
-        found[POS + i, VEL + i] = 1.0
+        result[POS + i, VEL + i] = 1.0
         for j in range(3):
-            found[VEL + i, POS + j] = GRAVITY / RADIUS * 3.0 * down_e[i] * down_e[j]
+            result[VEL + i, POS + j] = GRAVITY / RADIUS * 3.0 * down_e[i] * down_e[j]
             if biased:
-                found[VEL + i, ACCEL + j] = -mat_eb[i, j]
-                found[TURN + i, GYRO + j] = -mat_eb[i, j]
-        found[VEL + i, POS + i] -= GRAVITY / RADIUS
-    found[VEL, VEL + 1], found[VEL + 1, VEL] = 2.0 * EARTH_RATE, -2.0 * EARTH_RATE
-    found[TURN, TURN + 1], found[TURN + 1, TURN] = EARTH_RATE, -EARTH_RATE
+                result[VEL + i, ACCEL + j] = -mat_eb[i, j]
+                result[TURN + i, GYRO + j] = -mat_eb[i, j]
+        result[VEL + i, POS + i] -= GRAVITY / RADIUS
+    result[VEL, VEL + 1], result[VEL + 1, VEL] = 2.0 * EARTH_RATE, -2.0 * EARTH_RATE
+    result[TURN, TURN + 1], result[TURN + 1, TURN] = EARTH_RATE, -EARTH_RATE
     x, y, z = force_e[0], force_e[1], force_e[2]
-    found[VEL, TURN + 1], found[VEL, TURN + 2] = z, -y
-    found[VEL + 1, TURN], found[VEL + 1, TURN + 2] = -z, x
-    found[VEL + 2, TURN], found[VEL + 2, TURN + 1] = y, -x
-    return found
+    result[VEL, TURN + 1], result[VEL, TURN + 2] = z, -y
+    result[VEL + 1, TURN], result[VEL + 1, TURN + 2] = -z, x
+    result[VEL + 2, TURN], result[VEL + 2, TURN + 1] = y, -x
+    return result
 
 
 @kernel
 def transition(F: Array, step: float) -> Array:
     """1 + F T + (F T)^2 / 2, of the same shape: its first nine rows."""
     n, m = F.shape
-    found, twice = np.zeros((n, m)), np.zeros((n, m))
+    result, twice = np.zeros((n, m)), np.zeros((n, m))
     for i in range(n):
-        for k in range(n):  # along the rows: columns side by side
+        for k in range(n):  # along the rows, so that it is vectorised
             for j in range(m):
                 twice[i, j] += F[i, k] * F[k, j]
     for i in range(n):
-        found[i, i] = 1.0
+        result[i, i] = 1.0
         for j in range(m):
-            found[i, j] += step * F[i, j] + 0.5 * step * step * twice[i, j]
-    return found
+            result[i, j] += step * F[i, j] + 0.5 * step * step * twice[i, j]
+    return result
 
 
 @kernel
 def noise(unit: Array, force_b: Array, rate_b: Array, biased: bool) -> tuple[float, float]:
-    """Densities that velocity and turn get [m^2/s^3, rad^2/s].  unit : ``ImuErrorModel.table``; force_b, rate_b : (3,) felt."""
+    """Noise densities of velocity, turn [m^2/s^3, rad^2/s].  unit : ``ImuErrorModel.table``; force_b, rate_b : (3,)"""
     force = force_b[0] ** 2 + force_b[1] ** 2 + (force_b[2] + GRAVITY) ** 2
     rate = rate_b[0] ** 2 + rate_b[1] ** 2 + rate_b[2] ** 2
     accel = unit[0, 0] ** 2 + unit[0, 3] ** 2 * force * MANOEUVRE_S

@@ -6,15 +6,15 @@
 
     g_e   normal gravity: Somigliana's formula and the free-air gradient, down along the ellipsoid's normal
 
-In the earth frame no place is special: no longitude grows without bound at the poles, no transport rate is needed.
+The earth frame has no singularity at the poles and needs no transport rate.
 
-One step is the classic Runge-Kutta one of fourth order.  The half step needs the sensors between two samples: they are
-interpolated with six samples (fifth order).  What a step adds is summed with compensation (Kahan 1965), because an hour
-at 100 Hz is 360 000 additions of millimetres to 6.4e6 m: 1e-9 m each if rounded anew.  The attitude is a quaternion
-that is never normalised; its length drops out of the matrix, so its rounding does no harm.
+The integration is classic Runge-Kutta of fourth order.  For the half step the sensors are interpolated with six samples
+(fifth order).  Increments are added with compensated summation (Kahan 1965), because an hour at 100 Hz is 360 000
+additions of millimetres to 6.4e6 m, with a rounding of 1e-9 m each.  The attitude quaternion is never normalised; its
+length cancels in the matrix.
 
 Free inertial navigation: the vertical channel is unstable, an error of height grows e-fold in 9.5 min (sqrt(R / 2 g)),
-280-fold in an hour.  Ideal sensors are assumed: what real ones need before is not here.
+280-fold in an hour.  Ideal sensors are assumed: sensor errors are corrected elsewhere.
 
 Source: Spiegel 2018, eq. 7.2 and 7.3, in e; Titterton and Weston 2004, section 3.5.2 (earth frame mechanisation).
 Checked against: the flights of ``fti.hil.flight``, which are splines (``fti study trajectory``, T12); scipy's DOP853 on
@@ -44,16 +44,16 @@ POINTS = 6
 #: Rows of the memory of a step.
 MEMORY = 7
 
-_somigliana = cast(Callable[[float], float], kernel(somigliana))  # of one point
+_somigliana = cast(Callable[[float], float], kernel(somigliana))  # for one point
 
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """Where, how fast, and how turned, at one time or at many.
+    """Position, velocity and attitude, at one time or at many.
 
     pos_e   : ndarray, shape (..., 3) [m]     position, e frame
     vel_e   : ndarray, shape (..., 3) [m/s]   velocity against the Earth, e frame
-    quat_eb : ndarray, shape (..., 4)         takes b to e, w first, about of unit length
+    quat_eb : ndarray, shape (..., 4)         from b to e, w first, approximately of unit length
     """
 
     pos_e: Array
@@ -68,17 +68,17 @@ def integrate(start: Motion, accel_b: Array, gyro_b: Array, step: float, every: 
     accel_b : ndarray, shape (n, 3) [m/s^2]   specific force at the samples (not its increments)
     gyro_b  : ndarray, shape (n, 3) [rad/s]   turn rate against inertial space at the samples
     step    : between two samples [s]
-    every   : of how many samples one is returned
+    every   : one of so many samples is returned
     Returns : at samples 0, every, 2 every ..., shapes (m, 3), (m, 3), (m, 4)
     Raises ValueError for fewer than six samples, or arrays of other shapes.
     """
     sensors = np.concatenate((accel_b, gyro_b), axis=1)
     if accel_b.shape != gyro_b.shape or sensors.shape[1] != 6 or len(sensors) < POINTS:
-        raise ValueError(f"shapes (n, 3) with n >= {POINTS} are wanted, not {accel_b.shape} and {gyro_b.shape}")
+        raise ValueError(f"shapes must be (n, 3) with n >= {POINTS}, not {accel_b.shape} and {gyro_b.shape}")
     halves = np.empty((2 * len(sensors) - 1, 6))
     halves[::2], halves[1::2] = sensors, midpoints(sensors)
-    found = _integrate(np.concatenate((start.pos_e, start.vel_e, start.quat_eb)), halves, step, every)
-    return Motion(found[:, :3], found[:, 3:6], found[:, 6:])
+    result = _integrate(np.concatenate((start.pos_e, start.vel_e, start.quat_eb)), halves, step, every)
+    return Motion(result[:, :3], result[:, 3:6], result[:, 6:])
 
 
 def warm_up() -> None:
@@ -113,38 +113,38 @@ def _lagrange() -> Array:
 @kernel
 def _integrate(first: Array, halves: Array, step: float, every: int) -> Array:
     n = len(halves) // 2
-    found = np.empty((n // every + 1, 10))
+    result = np.empty((n // every + 1, 10))
     memory = np.zeros((MEMORY, 10))
-    memory[0] = found[0] = first
+    memory[0] = result[0] = first
     for k in range(n):
         advance(memory, halves[2 * k : 2 * k + 3], step)
         if (k + 1) % every == 0:
-            found[(k + 1) // every] = memory[0]
-    return found
+            result[(k + 1) // every] = memory[0]
+    return result
 
 
 @kernel
 def advance(memory: Array, sensors: Array, step: float) -> None:
     """One step, in place.
 
-    memory  : ndarray, shape (MEMORY, 10)   row 0: pos_e [m], vel_e [m/s], quat_eb; row 1: what rounding has kept out of
-              it so far, zeros at the start; the others: room for the rates, what is in it does not matter
-    sensors : ndarray, shape (3, 6)   accel_b [m/s^2] and gyro_b [rad/s] at the beginning, middle and end of the step
+    memory  : ndarray, shape (MEMORY, 10)   row 0: pos_e [m], vel_e [m/s], quat_eb; row 1: accumulated rounding error,
+              zeros at the start; the others: work space with any content
+    sensors : ndarray, shape (3, 6)   accel_b [m/s^2] and gyro_b [rad/s] at the start, middle and end of the step
     step    : [s]
     """
-    y, lost, between = memory[0], memory[1], memory[2]
+    y, rounding, stage = memory[0], memory[1], memory[2]
     k1, k2, k3, k4 = memory[3], memory[4], memory[5], memory[6]
     _rates(y, sensors[0], k1)
-    _extrapolate(y, 0.5 * step, k1, between)
-    _rates(between, sensors[1], k2)
-    _extrapolate(y, 0.5 * step, k2, between)
-    _rates(between, sensors[1], k3)
-    _extrapolate(y, step, k3, between)
-    _rates(between, sensors[2], k4)
+    _extrapolate(y, 0.5 * step, k1, stage)
+    _rates(stage, sensors[1], k2)
+    _extrapolate(y, 0.5 * step, k2, stage)
+    _rates(stage, sensors[1], k3)
+    _extrapolate(y, step, k3, stage)
+    _rates(stage, sensors[2], k4)
     for i in range(10):
-        added = step / 6.0 * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]) - lost[i]
+        added = step / 6.0 * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]) - rounding[i]
         after = y[i] + added
-        lost[i] = (after - y[i]) - added
+        rounding[i] = (after - y[i]) - added
         y[i] = after
 
 

@@ -1,15 +1,15 @@
-"""The fast form of the strapdown, for live use: one evaluation a step, whatever the steps.
+"""Fast strapdown for live use: one evaluation per step, with any step lengths.
 
-With w and f at the ends of a step T, its second derivatives w'' and f'' from the sample before, and straight lines in
-the terms of second order,
+With w and f at the ends of a step T, second derivatives w'' and f'' from the sample before, and linear interpolation
+in the terms of second order,
 
     turn      theta = T (w1 + w2) / 2 - T^3 w'' / 12 + T^2 (w1 x w2) / 12                        coning
     velocity  dv_b  = T (f1 + f2) / 2 - T^3 f'' / 12 + integral of alpha x f + T^3 w x (w x f) / 6   sculling
     earth     q_eb <- q(-omega_ie T) q_eb q(theta)
               v_e  <- v_e + (1 - omega_ie T / 2 x) mat_eb dv_b + T (g_e - 2 omega_ie x v_e) in the middle of the step
 
-Position by the trapezoid rule.  It needs no sample beyond the step, as ``fti.nav.inertial.strapdown`` does, and costs a
-fifth; who has an hour without aiding takes that one.
+Position is integrated by the trapezoidal rule.  Unlike ``fti.nav.inertial.strapdown`` it needs no samples after the
+step, and takes a fifth of the time; for an hour without aiding use the other one.
 
 Source: Savage 1998, J. Guid. Control Dyn. 21, parts 1 and 2 (coning and sculling of rates that are straight lines);
 Groves 2013, section 5.3 (earth frame).  Checked against: the high-order strapdown and flights that are splines
@@ -29,18 +29,18 @@ Array = NDArray[np.float64]
 
 
 def integrate_fast(start: Motion, accel_b: Array, gyro_b: Array, step: float, every: int = 1) -> Motion:
-    """Free inertial navigation as ``fti.nav.inertial.strapdown.integrate`` does it, in the fast form.
+    """Free inertial navigation like ``fti.nav.inertial.strapdown.integrate``, in the fast form.
 
     start   : at the first sample
     accel_b : ndarray, shape (n, 3) [m/s^2];  gyro_b : ndarray, shape (n, 3) [rad/s], at the samples
-    step    : between two samples [s];  every : of how many samples one is returned
+    step    : between two samples [s];  every : one of so many samples is returned
     Raises ValueError for arrays of other shapes.
     """
     sensors = np.concatenate((accel_b, gyro_b), axis=1)
     if accel_b.shape != gyro_b.shape or sensors.shape[1] != 6:
-        raise ValueError(f"shapes (n, 3) are wanted, not {accel_b.shape} and {gyro_b.shape}")
-    found = _integrate(np.concatenate((start.pos_e, start.vel_e, start.quat_eb)), sensors, step, every)
-    return Motion(found[:, :3], found[:, 3:6], found[:, 6:])
+        raise ValueError(f"shapes must be (n, 3), not {accel_b.shape} and {gyro_b.shape}")
+    result = _integrate(np.concatenate((start.pos_e, start.vel_e, start.quat_eb)), sensors, step, every)
+    return Motion(result[:, :3], result[:, 3:6], result[:, 6:])
 
 
 def warm_up() -> None:
@@ -52,24 +52,24 @@ def warm_up() -> None:
 @kernel
 def _integrate(first: Array, sensors: Array, step: float, every: int) -> Array:
     n = len(sensors) - 1
-    found = np.empty((n // every + 1, 10))
+    result = np.empty((n // every + 1, 10))
     y, bend = first.copy(), np.zeros(6)
-    found[0] = y
+    result[0] = y
     for k in range(n):
         middle = min(max(k, 1), n - 1)
         if middle:
             bend[:] = (sensors[middle + 1] - 2.0 * sensors[middle] + sensors[middle - 1]) / step**2
         move(y, sensors[k], sensors[k + 1], bend, step)
         if (k + 1) % every == 0:
-            found[(k + 1) // every] = y
-    return found
+            result[(k + 1) // every] = y
+    return result
 
 
 @kernel
 def move(y: Array, first: Array, last: Array, bend: Array, step: float) -> None:
     """One step, in place.
 
-    y           : ndarray, shape (>= 10,)   pos_e [m], vel_e [m/s], quat_eb; what follows stays
+    y           : ndarray, shape (>= 10,)   pos_e [m], vel_e [m/s], quat_eb; further values are unchanged
     first, last : ndarray, shape (6,)       accel_b [m/s^2] and gyro_b [rad/s] at the beginning and end of the step
     bend        : ndarray, shape (6,)       their second derivatives [1/s^2], zeros where unknown
     step        : [s]
@@ -111,7 +111,7 @@ def _rotate(w: float, x: float, y: float, z: float, a: float, b: float, c: float
 @kernel
 def _increment(first: Array, last: Array, bend: Array, step: float) -> tuple[float, float, float]:
     """Integral of the specific force over the step, in body axes at its beginning [m/s]."""
-    found = np.empty(3)
+    result = np.empty(3)
     fx, fy, fz = 0.5 * (first[0] + last[0]), 0.5 * (first[1] + last[1]), 0.5 * (first[2] + last[2])
     wx, wy, wz = 0.5 * (first[3] + last[3]), 0.5 * (first[4] + last[4]), 0.5 * (first[5] + last[5])
     # alpha = w1 t + dw t^2 / 2T, f = f1 + df t / T: the integral of alpha x f term by term
@@ -125,15 +125,15 @@ def _increment(first: Array, last: Array, bend: Array, step: float) -> tuple[flo
     e0, e1, e2 = cross(wx, wy, wz, p, q, r)
     s2, s3 = step * step, step * step * step / 6.0
     e0, e1, e2 = e0 - 0.5 * bend[0], e1 - 0.5 * bend[1], e2 - 0.5 * bend[2]
-    found[0] = step * fx + s2 * (a0 / 2.0 + b0 / 3.0 + c0 / 6.0 + d0 / 8.0) + s3 * e0
-    found[1] = step * fy + s2 * (a1 / 2.0 + b1 / 3.0 + c1 / 6.0 + d1 / 8.0) + s3 * e1
-    found[2] = step * fz + s2 * (a2 / 2.0 + b2 / 3.0 + c2 / 6.0 + d2 / 8.0) + s3 * e2
-    return found[0], found[1], found[2]
+    result[0] = step * fx + s2 * (a0 / 2.0 + b0 / 3.0 + c0 / 6.0 + d0 / 8.0) + s3 * e0
+    result[1] = step * fy + s2 * (a1 / 2.0 + b1 / 3.0 + c1 / 6.0 + d1 / 8.0) + s3 * e1
+    result[2] = step * fz + s2 * (a2 / 2.0 + b2 / 3.0 + c2 / 6.0 + d2 / 8.0) + s3 * e2
+    return result[0], result[1], result[2]
 
 
 @kernel
 def _turn(y: Array, first: Array, last: Array, bend: Array, step: float) -> None:
-    """q(-omega_ie T) q_eb q(theta), brought to unit length."""
+    """q(-omega_ie T) q_eb q(theta), normalised."""
     c0, c1, c2 = cross(first[3], first[4], first[5], last[3], last[4], last[5])
     t0 = 0.5 * step * (first[3] + last[3]) + step * step * (c0 - step * bend[3]) / 12.0
     t1 = 0.5 * step * (first[4] + last[4]) + step * step * (c1 - step * bend[4]) / 12.0

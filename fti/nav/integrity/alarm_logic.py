@@ -2,12 +2,12 @@
 
 ALERT    T4 over its limit in 2 consecutive updates, or T1, T2 or T3 in 2 of 3
 CAUTION  T2 or T3 over its limit once
-ALERT -> OK when every T_i was below 0.8 of its limit over one whole new window, whichever test the ALERT is of: in each
-         update of a way as long as the window, so that nothing in the last one's window is older than the first one.
-         (T1 to T3 are sums over a window, and may be small for a moment while their cause is still there.)
-         Updates that could not be judged are none of these: the way begins again.
-MONITOR instead of OK while the shift is not observable: T2 is then not judged, and for an ALERT that T2 caused the
-window begins again, for not seeing the shift is not seeing that it has gone.
+ALERT -> OK when every T_i was below 0.8 of its limit over one complete new window, whichever test caused the ALERT: in
+         each update over a distance of the window's length, so that the last window begins after the first update.
+         (T1 to T3 are sums over a window, and may be small for a moment although their cause persists.)
+         An update that could not be evaluated restarts this distance.
+MONITOR instead of OK while the shift is not observable: T2 is then not evaluated, and for an ALERT that T2 caused the
+distance restarts, because the end of the shift is not observable either.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ class Ratios:
     t3: float
     t4: float
 
-    def over(self, limit: float) -> frozenset[Reason]:
-        """The tests whose ratio is not within ``limit``; what is no number is not."""
+    def tests_exceeding(self, limit: float) -> frozenset[Reason]:
+        """The tests whose ratio is not within ``limit``; NaN is not."""
         values = (self.t1, self.t2, self.t3, self.t4)
         return frozenset(test for test, v in zip(TESTS, values, strict=True) if v is not None and not v <= limit)
 
@@ -49,25 +49,25 @@ class AlarmLogic:
 
     def step(self, ratios: Ratios, s: float) -> tuple[IntegrityState, tuple[Reason, ...]]:
         """The state after an update at path length s [m]."""
-        self._recent.append(ratios.over(1.0))
+        self._recent.append(ratios.tests_exceeding(1.0))
         if self._is_calm_for_window(ratios, s):
             self._causes = frozenset()
         self._causes |= self._confirmed_tests()
         not_observable = (Reason.NOT_OBSERVABLE,) if ratios.t2 is None else ()
         if self._causes:
             return IntegrityState.ALERT, _in_order(self._causes) + not_observable
-        doubts = frozenset().union(*self._recent) & {Reason.SHIFTED, Reason.HEIGHT_ERROR}
-        if doubts:
-            return IntegrityState.CAUTION, _in_order(doubts) + not_observable
+        cautions = frozenset().union(*self._recent) & {Reason.SHIFTED, Reason.HEIGHT_ERROR}
+        if cautions:
+            return IntegrityState.CAUTION, _in_order(cautions) + not_observable
         return (IntegrityState.MONITOR if not_observable else IntegrityState.OK), not_observable
 
     def skip(self) -> None:
-        """An update that could not be judged."""
+        """An update that could not be evaluated."""
         self._calm_from = None
 
     def _is_calm_for_window(self, ratios: Ratios, s: float) -> bool:
         blind = ratios.t2 is None and Reason.SHIFTED in self._causes
-        if blind or ratios.over(CALM_RATIO):
+        if blind or ratios.tests_exceeding(CALM_RATIO):
             self._calm_from = None
             return False
         self._calm_from = s if self._calm_from is None else self._calm_from

@@ -5,8 +5,8 @@
     alt_path(s) = alt_g + s tan g + s^2 / (2 R_e)
 
 with glide angle g, runway slope r (> 0 uphill in the direction of landing), threshold crossing height TCH.  The last
-term is the Earth falling away under a line that is straight in space: 0.7 m at 3 km, 7.9 m at 10 km.  The track is
-straight, or has arcs (``fti.nav.integrity.ground_track``): s is then not the distance to the intercept point.
+term is the curvature of the Earth below a straight line: 0.7 m at 3 km, 7.9 m at 10 km.  The track is straight, or has
+arcs (``fti.nav.integrity.ground_track``): s is then not the distance to the intercept point.
 Source: Spiegel 2018, 7.2.2, made exact; ICAO Doc 8168 for the geometry of GPI.
 """
 
@@ -44,7 +44,7 @@ class Airfield(StrictModel):
     tch_m: Positive = 15.24
     runway_length_m: Positive
     survey_date: Annotated[str, Field(pattern=r"^\d{4}-\d{2}-\d{2}$")]
-    leg: tuple[TrackLeg, ...] | None = None  # of the ground track, from the intercept point outwards; none: straight
+    leg: tuple[TrackLeg, ...] | None = None  # of the ground track, from the intercept point outwards; without: straight
 
 
 def load_airfield(text: str, file: str) -> Airfield:
@@ -73,42 +73,42 @@ class ApproachPath:
         lat, lon, _ = threshold.to_geodetic((self.x_gpi * self._sin, self.x_gpi * self._cos, 0.0))
         self.frame = LocalFrame(float(lat), float(lon), self.alt_gpi)
 
-    def along(self, lat: ArrayLike, lon: ArrayLike) -> tuple[Array, Array]:
+    def to_path(self, lat: ArrayLike, lon: ArrayLike) -> tuple[Array, Array]:
         """Path length s to GPI and offset y right of the track [m] of positions lat, lon [rad], any shape."""
         enu = self.frame.to_local(lat, lon, self.alt_gpi)
         east, north = enu[..., 0], enu[..., 1]
         back, right = -(east * self._sin + north * self._cos), east * self._cos - north * self._sin
-        return self._track.along(back, right) if self._track else (back, right)
+        return self._track.to_path(back, right) if self._track else (back, right)
 
     def to_path_one(self, lat: float, lon: float) -> tuple[float, float]:
-        """``along`` of one position."""
+        """``to_path`` of one position."""
         if self._track:
-            s, y = self.along(lat, lon)
+            s, y = self.to_path(lat, lon)
             return float(s), float(y)
         east, north, _ = to_local(self.frame, lat, lon, self.alt_gpi)
         return -(east * self._sin + north * self._cos), east * self._cos - north * self._sin
 
-    def geodetic(self, s: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
-        """lat, lon [rad] of path lengths s and offsets y [m]: the inverse of ``along``."""
+    def to_geodetic(self, s: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
+        """lat, lon [rad] of path lengths s and offsets y [m]: the inverse of ``to_path``."""
         s, y = np.broadcast_arrays(np.asarray(s, dtype=np.float64), np.asarray(y, dtype=np.float64))
-        back, right = self._track.place(s, y) if self._track else (s, y)
+        back, right = self._track.to_plane(s, y) if self._track else (s, y)
         east, north = -back * self._sin + right * self._cos, -back * self._cos - right * self._sin
         down = (back**2 + right**2) / (2 * EARTH_RADIUS)
         lat, lon, _ = self.frame.to_geodetic(np.stack((east, north, -down), axis=-1))
         return lat, lon
 
     def course(self, s: ArrayLike) -> Array:
-        """Course of the track [rad], as it is flown, at path lengths s [m]."""
+        """Course of the track [rad], in the direction of flight, at path lengths s [m]."""
         s = np.asarray(s, dtype=np.float64)
         return np.asarray(self._course - (self._track.theta(s) if self._track else np.zeros_like(s)))
 
     def bank(self, s: ArrayLike) -> Array:
-        """Roll with which the track is flown [rad] at path lengths s [m]; zero where it is straight."""
+        """Nominal roll on the track [rad] at path lengths s [m]; zero where it is straight."""
         s = np.asarray(s, dtype=np.float64)
         return self._track.bank(s) if self._track else np.zeros_like(s)
 
     def bank_one(self, s: float) -> float:
-        """``bank`` at one place."""
+        """``bank`` at one point."""
         return float(self.bank(s)) if self._track else 0.0
 
     def alt_path(self, s: ArrayLike) -> Array:

@@ -1,4 +1,4 @@
-"""The approach in the pipeline: one altimeter and the navigation to ClearanceIntegrity and GlideSlope."""
+"""Approach monitoring in the pipeline: one altimeter and navigation to ClearanceIntegrity and GlideSlope."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from fti.nav.protection import unstated_sigmas
 from fti.nav.source_interpolation import PositionState
 from fti.types import ClearanceIntegrity, Event, GlideSlope, HeightAboveGround, IntegrityState, Reason
 
-#: Of a source that states no sigma, and of which none is configured.
+#: For a source without a stated or configured sigma.
 NO_SIGMA = (None, None)
 NO_SIGMAS: Mapping[str, tuple[float, float]] = MappingProxyType({})
 
@@ -26,17 +26,17 @@ Outputs = list[ClearanceIntegrity | GlideSlope | Event]
 
 
 class IdleChannel:
-    """There is no approach, or no altimeter that fits its reference: said twice a second."""
+    """Replaces the monitor without an approach or a matching altimeter: reports its state twice a second."""
 
     def __init__(self, state: IntegrityState, reason: Reason, reference: str | None) -> None:
         self._state, self._reason, self._reference = state, reason, reference
         self._reported_ns: int | None = None
 
     def set_protection_level(self, hpl: float | None) -> None:
-        """Nothing is vouched for."""
+        """Unused: nothing is monitored."""
 
-    def take(self, height: HeightAboveGround, nav: NavState) -> Outputs:
-        """Nothing follows from a height."""
+    def feed(self, height: HeightAboveGround, nav: NavState) -> Outputs:
+        """No output."""
         return []
 
     def tick(self, t_ns: int, nav: NavState) -> Outputs:
@@ -54,9 +54,10 @@ class IdleChannel:
 class ApproachChannel:
     """Feeds the monitor with the heights of one altimeter.
 
-    sensor : the name of that altimeter      unstated : sigmas of a place that states none [m], by source
-    held : sources of altitude that it holds itself, over known ground: what
-             it measures below such an altitude is that ground, whatever is there, so nothing is judged
+    sensor   : the name of that altimeter
+    held     : altitude sources that this altimeter itself aids over known ground: with such an altitude it measures
+               that ground by definition, so nothing is evaluated
+    unstated : sigmas of a position that states none [m], by source
     """
 
     def __init__(
@@ -77,11 +78,11 @@ class ApproachChannel:
         self._hpl: float | None = None
 
     def set_protection_level(self, hpl: float | None) -> None:
-        """The navigated place has this horizontal protection level from now on [m]; None: none is known."""
+        """Set the horizontal protection level of the navigated position [m]; None: unknown."""
         self._hpl = hpl
 
-    def take(self, height: HeightAboveGround, nav: NavState) -> Outputs:
-        """Take an output of an altimeter and the navigation at its time."""
+    def feed(self, height: HeightAboveGround, nav: NavState) -> Outputs:
+        """Add an output of an altimeter with the navigation at its time; returns new outputs."""
         if height.sensor != self._sensor:
             return []
         self._follow_sources(nav)
@@ -96,7 +97,7 @@ class ApproachChannel:
         return [*self._report_unstated(height.t_ns, nav), *self._with_slope(self._monitor.step(sample), place)]
 
     def _report_unstated(self, t_ns: int, nav: NavState) -> list[Event]:
-        """Once for each source and axis: which sigma counts because it states none."""
+        """Report once for each source and axis which sigma is used because none is stated."""
         position = nav.position
         if position is None:
             return []
@@ -117,7 +118,7 @@ class ApproachChannel:
         return events
 
     def tick(self, t_ns: int, nav: NavState) -> Outputs:
-        """Repeat what is half a second old."""
+        """Repeat outputs that are half a second old."""
         repeated = self._monitor.tick(t_ns)
         if repeated is None or self._slope is None:
             return []
@@ -126,7 +127,7 @@ class ApproachChannel:
         return [repeated, dataclasses.replace(self._slope, t_ns=t_ns)]
 
     def _follow_sources(self, nav: NavState) -> None:
-        """Another source of the place, or of the altitude alone, has other errors: a new window."""
+        """Restart the window when the source of position or altitude changes, because its errors do."""
         if nav.position_source is None or nav.altitude_source is None:
             return
         sources = nav.position_source, nav.altitude_source
@@ -163,9 +164,9 @@ class ApproachChannel:
         )
 
     def _sigmas(self, nav: NavState, position: PositionState) -> tuple[float | None, float | None]:
-        """Horizontal and vertical sigma [m]: as stated, else what is configured for the kind of the source.
+        """Horizontal and vertical sigma [m]: as stated, else as configured for the kind of source.
 
-        A stated sigma that is not a positive number states nothing.
+        A stated sigma that is not a positive number counts as missing.
         """
         level, _ = self._unstated.get(nav.position_source or "", NO_SIGMA)
         _, high = self._unstated.get(nav.altitude_source or "", NO_SIGMA)
@@ -199,7 +200,7 @@ def make_channel(config: Config, reference: ApproachReference | None) -> Approac
 
 
 def idle_reason(config: Config, reference: ApproachReference) -> Reason | None:
-    """Why no altimeter of navigation can be judged with a reference; None: one can."""
+    """Why no altimeter of navigation matches a reference; None: one does."""
     if _fitting(config, reference):
         return None
     header, devices = reference.header, _altimeters(config)
@@ -213,7 +214,7 @@ def _altimeters(config: Config) -> list[Device]:
 
 
 def _fitting(config: Config, reference: ApproachReference) -> list[str]:
-    """The altimeters of the reference's kind that are what its limits assume, in order of preference."""
+    """The altimeters of the reference's kind that meet its assumptions, in order of preference."""
     header = reference.header
     return [
         device.name
@@ -227,7 +228,7 @@ def _stated(sd: float | None, otherwise: float | None) -> float | None:
 
 
 def _altitude_sources_held(config: Config, altimeter: str) -> frozenset[str]:
-    """The sources of altitude that this altimeter may hold."""
+    """The altitude sources that this altimeter may aid."""
     own, radio = config.nav.filter, config.nav.radio
     held = {FILTER, VERTICAL} if own and altimeter in own.altimeters else set[str]()
     return frozenset(held | ({RADIO} if radio and radio.altimeter == altimeter else set()))

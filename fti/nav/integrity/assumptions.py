@@ -1,8 +1,8 @@
-"""What the limits of a reference assume of navigation, flight, ground and receiver, and whether that holds live.
+"""Assumptions of the limits of a reference on navigation, flight, ground and receiver, and their check in flight.
 
-A flight with a navigation that is worse than assumed, or with another altimeter, may have alarms that the stated Pfa
-does not cover: integrity is then UNAVAILABLE (``assumption``).  A reference that states no assumptions (made before
-they were stated) is compared with nothing.
+A flight with worse navigation than assumed, or with another altimeter, may have alarms that the stated Pfa does not
+cover: integrity is then UNAVAILABLE (``assumption``).  A reference without assumptions (of an older version) is not
+checked.
 """
 
 from __future__ import annotations
@@ -14,24 +14,24 @@ from pydantic import Field
 
 from fti.config import Device, Positive, StrictModel
 
-#: A stated sigma may be so much larger than the assumed one: receivers change theirs from fix to fix.
+#: Maximum ratio of stated to assumed sigma: receivers change theirs from fix to fix.
 SIGMA_TOLERANCE = 1.25
-#: How far the beam may differ from the reference's [deg].
+#: Maximum difference of the beam from that of the reference [deg].
 BEAM_TOLERANCE_DEG = 1.0
 
 Sigma = Annotated[float, Field(ge=0.0, lt=math.inf)]
 
 
 class Assumptions(StrictModel):
-    """One sigma of each [m].
+    """Assumed sigmas [m], and the receiver.
 
-    nav_vertical_sd_m, nav_horizontal_sd_m : of the navigated place, as its source states them
+    nav_vertical_sd_m, nav_horizontal_sd_m : of the navigated position, as its source states them
     nav_noise_sd_m     : the part of the navigated height's error that varies within a window
-    track_sd_m, height_sd_m : flown against the published path
+    track_sd_m, height_sd_m : deviation of the flight from the published path
     elevation_short_sd_m, elevation_long_sd_m : of the elevation, over 30 m and over 300 m
-    receiver           : drawn (pattern, beam, threshold), edge or nearest alone, stated (one, as its data sheet says),
+    receiver           : drawn (pattern, beam, threshold), edge or nearest alone, stated (one, by its data sheet),
                          recorded or fitted (that of the flights)
-    beam_deg           : full width of the altimeter's beam;  receivers : how many were drawn, or flights
+    beam_deg           : full width of the altimeter's beam;  receivers : number of draws, or of flights
     """
 
     nav_vertical_sd_m: Positive
@@ -47,9 +47,9 @@ class Assumptions(StrictModel):
 
 
 def navigation_holds(assumed: Assumptions | None, vertical_sd: float | None, horizontal_sd: float | None) -> bool:
-    """Whether the sigmas of navigation [m] are within the assumed ones; None: unknown, which holds nothing.
+    """Whether the sigmas of navigation [m] are within the assumed ones; None: unknown, which is not.
 
-    Without assumptions everything holds.
+    True without assumptions.
     """
     if assumed is None:
         return True
@@ -58,7 +58,7 @@ def navigation_holds(assumed: Assumptions | None, vertical_sd: float | None, hor
 
 
 def receiver_holds(assumed: Assumptions | None, device: Device) -> bool:
-    """Whether an altimeter is one of those that were assumed: its beam, and its kind of receiver where one was."""
+    """Whether an altimeter meets the assumptions: its beam, and its kind of receiver if one is assumed."""
     altimeter = device.altimeter
     if assumed is None or altimeter is None or altimeter.kind == "laser":
         return True

@@ -1,8 +1,8 @@
-"""All windows of an approach at once: what ``ClearanceMonitor`` would find in them, for thousands of approaches.
+"""Evaluates all windows of an approach as ``ClearanceMonitor`` would, for thousands of approaches.
 
-Only for an approach on which nothing happens to the samples: each is usable and the way goes on, as on every nominal
-one.  Updates, bins and statistics are those of the monitor (the same kernels; a test compares them window by window).
-No statistic over its limit means no ALERT and no CAUTION, so that the alarm logic is needed for the few others only.
+Only for approaches with all samples usable and continuous progress, as on every nominal one.  Updates, bins and
+statistics are those of the monitor (the same kernels; a test compares them window by window).  Without a statistic over
+its limit there is no ALERT and no CAUTION, so that the alarm logic is needed for the other approaches only.
 """
 
 # ruff: noqa: PLR0917 - compiled kernels take their scalars by position
@@ -29,7 +29,7 @@ COLUMNS = 8
 
 @dataclass(frozen=True, eq=False)
 class WindowBatch:
-    """The judged windows of an approach, shape (n,) each.
+    """The evaluated windows of an approach, shape (n,) each.
 
     s : where the window ends [m]        t1..t4, observability, shift_resolution, height_error_sd : as in ``Statistics``
     """
@@ -45,7 +45,7 @@ class WindowBatch:
 
 
 class BatchMonitor:
-    """Scans approaches with a reference, as the monitor with these settings would."""
+    """Evaluates approaches with a reference, as the monitor with these settings would."""
 
     def __init__(self, reference: ApproachReference, settings: Approach) -> None:
         profile = reference.header.profile
@@ -68,7 +68,7 @@ class BatchMonitor:
         )
 
     def scan(self, track: ClearanceSeries, vertical_sd: float) -> WindowBatch | None:
-        """The windows of an approach; None where a sample breaks a rule, or leaves bins empty: ask the monitor."""
+        """The windows of an approach; None where a sample violates a rule or bins are empty: use the monitor."""
         outside = np.flatnonzero(track.s > self._bounds[0])
         begin = int(outside[-1]) + 1 if len(outside) else 0  # the monitor begins again after each of them
         every = (track.s, track.y, track.alt, track.agl, track.roll, track.pitch, track.climb)
@@ -101,21 +101,21 @@ def _scan(
     sharp: NDArray[np.int64],
     vertical_sd: float,
 ) -> tuple[Array, bool]:
-    """A row for each judged window, and whether all samples up to the intercept point went into it plainly."""
+    """A row for each evaluated window, and whether all samples up to the intercept point were usable."""
     s0, ds, length, k_eff, datum_sd = numbers[0], numbers[1], numbers[2], numbers[3], numbers[4]
     span = int(numbers[5])
     size = round(length / ds) + 1
     count, z, dh = np.zeros(len(z_ref)), np.zeros(len(z_ref)), np.zeros(len(z_ref))
-    found, peak, table = np.empty((2, 2 * span + 1)), np.empty((2, 4)), np.empty((len(t_ns), COLUMNS))
-    ss, rows, first_s, least, begin = columns[0], 0, columns[0][0], columns[0][0], 0
+    curves, peak, table = np.empty((2, 2 * span + 1)), np.empty((2, 4)), np.empty((len(t_ns), COLUMNS))
+    ss, rows, first_s, min_s, begin = columns[0], 0, columns[0][0], columns[0][0], 0
     updated = (t_ns[0] - np.int64(10**12), first_s + 1e9)  # the first sample is due
     while begin < len(t_ns):
-        due, least = add_samples(t_ns, columns, begin, bounds, updated, agl_ref, (count, z, dh), (s0, ds, least))
+        due, min_s = add_samples(t_ns, columns, begin, bounds, updated, agl_ref, (count, z, dh), (s0, ds, min_s))
         if due == len(t_ns) or ss[due] < 0.0:
             return table[:rows], True
-        # the due sample itself: with no way to the next update it is taken like any other
-        taken, least = add_samples(
-            t_ns[: due + 1], columns, due, bounds, (t_ns[due], ss[due]), agl_ref, (count, z, dh), (s0, ds, least)
+        # the due sample itself is added like any other: no update is due at it again
+        taken, min_s = add_samples(
+            t_ns[: due + 1], columns, due, bounds, (t_ns[due], ss[due]), agl_ref, (count, z, dh), (s0, ds, min_s)
         )
         if taken == due:
             return table[:rows], False
@@ -127,13 +127,13 @@ def _scan(
         number = np.count_nonzero(filled)
         if number < MIN_FILLED_SHARE * size:
             return table[:rows], False
-        total, t4 = match(mean_z, filled, z_ref, sd, first, span, k_eff, obstacle, sharp, found, peak)
+        total, t4 = match(mean_z, filled, z_ref, sd, first, span, k_eff, obstacle, sharp, curves, peak)
         height_error_sd = math.sqrt(vertical_sd**2 + datum_sd**2 + number / k_eff / total)
         bend = peak[1, 2] + peak[1, 3]
         table[rows, 0] = ss[due]
-        table[rows, 1] = found[1, span]
-        table[rows, 2] = found[1, span] - found[1].min()
-        table[rows, 3] = abs(found[0, span]) / height_error_sd
+        table[rows, 1] = curves[1, span]
+        table[rows, 2] = curves[1, span] - curves[1].min()
+        table[rows, 3] = abs(curves[0, span]) / height_error_sd
         table[rows, 4] = t4
         table[rows, 5] = min(peak[1, 0], peak[1, 1])
         table[rows, 6] = ds * math.sqrt(2.0 / bend) if bend > 0.0 else math.inf

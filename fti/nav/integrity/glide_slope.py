@@ -6,7 +6,7 @@
     one dot    = 0.12 g                         full scale 2 dots, clamped with a flag
 
 10 m high at 1000 m before the threshold is 0.44 deg; eq. 7.5 of Spiegel 2018 as printed, atan(dh / d), gives 0.57.
-Below 150 m there is no angle, only metres.  Valid while the integrity monitor vouches for the heights: state OK or
+Below 150 m only metres are given, no angle.  Valid while the integrity monitor confirms the heights: state OK or
 MONITOR with T1 and T4 below their limits.
 """
 
@@ -71,7 +71,7 @@ def mean_deviation(bins: Bins, reference: ApproachReference) -> HeightDeviation 
 
 @dataclass(frozen=True, slots=True)
 class PathPosition:
-    """Where P is: path length s, offset y and altitude above the ellipsoid [m]."""
+    """Position of P: path length s, offset y and altitude above the ellipsoid [m]."""
 
     s: float
     y: float
@@ -81,7 +81,7 @@ class PathPosition:
 def glide_slope(
     integrity: ClearanceIntegrity, path: ApproachPath, place: PathPosition | None, height: HeightDeviation | None
 ) -> GlideSlope:
-    """The output that belongs to an output of the monitor."""
+    """The glide slope for an output of the monitor."""
     reasons = _reasons(integrity, place, height)
     metres = GlideSlope(
         t_ns=integrity.t_ns,

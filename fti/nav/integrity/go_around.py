@@ -1,4 +1,4 @@
-"""When an approach is given up: seen by the climb."""
+"""Detects a go-around by the climb rate."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ GO_AROUND_NS = 3_000_000_000
 
 
 class GoAround:
-    """Climbing at more than 2 m/s for 3 s begins it, 3 s without ends it."""
+    """Begins after a climb of more than 2 m/s for 3 s, ends after 3 s without."""
 
     def __init__(self) -> None:
         self.active = False
         self._since_ns: int | None = None
 
     def step(self, t_ns: int, climb: float | None) -> bool:
-        """Whether a go-around is being flown."""
+        """Whether a go-around is in progress."""
         climbing = climb is not None and climb > GO_AROUND_CLIMB
         if climbing == self.active:
             self._since_ns = None

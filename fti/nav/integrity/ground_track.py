@@ -2,13 +2,13 @@
 
 In a plane with its origin in the intercept point, a back along the final course, b to its right:
 
-    s     path length outwards from the intercept point [m]       y     offset right of the track, as it is flown [m]
-    theta direction of the track outwards from the a axis: theta' = 1 / R, R > 0 where a turn to the right is flown
-    place of (s, y)     p(s) + y r(theta)       r = (-sin theta, cos theta)       course at s = final course - theta
-    bank at s           that of the legs, rolled in and out at a steady rate over ROLL_IN_M
+    s     path length outwards from the intercept point [m]       y     offset right of the track, in flight direction
+    [m] theta direction of the track outwards from the a axis: theta' = 1 / R, R > 0 in a right turn
+    point of (s, y)     p(s) + y r(theta)       r = (-sin theta, cos theta)       course at s = final course - theta
+    bank at s           that of the legs, rolled in and out at a constant rate over ROLL_IN_M
 
-Behind the last leg, and beyond the intercept point, the track is straight.  A place belongs to the part of the track
-that is nearest.  Source: plane geometry; legs as the RF and TF of ARINC 424, whose lengths and radii charts give.
+Behind the last leg, and beyond the intercept point, the track is straight.  A point belongs to the nearest part of the
+track.  Source: plane geometry; legs as RF and TF of ARINC 424, with lengths and radii from charts.
 """
 
 from __future__ import annotations
@@ -25,20 +25,20 @@ from fti.config import Positive, StrictModel
 
 Array = NDArray[np.float64]
 
-#: On which the bank of a turn is rolled in or out [m]: 5 s at 60 m/s.
+#: Distance over which the bank of a turn is rolled in or out [m]: 5 s at 60 m/s.
 ROLL_IN_M = 300.0
-#: The tightest arc [m]: a place 150 m beside the track must lie clearly on this side of its centre, and with 25 deg of
-#: bank nobody turns tighter above 37 m/s.
+#: Minimum radius of an arc [m]: a point 150 m off the track must lie clearly on this side of its centre; 25 deg of bank
+#: allow no tighter turn above 37 m/s.
 MIN_RADIUS_M = 300.0
-#: How far the track goes on straight behind its last leg, and beyond the intercept point [m].
+#: Straight extension of the track behind its last leg and beyond the intercept point [m].
 EXTENSION_M = 1e6
 
 
 class TrackLeg(StrictModel):
     """A leg of the ground track.
 
-    length_m : along it      radius_m : of an arc, > 0 where it is flown to the right, < 0 to the left; none: straight
-    bank_deg : with which the arc is flown: atan(v^2 / (g R)), 10.4 deg for 60 m/s and 2000 m
+    length_m : along it      radius_m : of an arc, > 0 to the right, < 0 to the left; without: straight
+    bank_deg : nominal bank on the arc: atan(v^2 / (g R)), 10.4 deg for 60 m/s and 2000 m
     """
 
     length_m: Positive
@@ -52,12 +52,12 @@ class TrackLeg(StrictModel):
         if self.radius_m is not None and (
             abs(self.radius_m) < MIN_RADIUS_M or self.length_m > math.pi * abs(self.radius_m)
         ):
-            raise ValueError(f"an arc must have a radius of {MIN_RADIUS_M:g} m at least, and turn by 180 deg at most")
+            raise ValueError(f"an arc must have a radius of at least {MIN_RADIUS_M:g} m, and turn by at most 180 deg")
         return self
 
 
 class GroundTrack:
-    """The track of legs, first that at the intercept point."""
+    """The track of legs, beginning at the intercept point."""
 
     def __init__(self, legs: Sequence[TrackLeg]) -> None:
         lengths = [EXTENSION_M, *(leg.length_m for leg in legs), EXTENSION_M]
@@ -73,14 +73,14 @@ class GroundTrack:
         self._starts = self._chain()
 
     def _chain(self) -> Array:
-        """Where each leg begins, shape (legs, 2)."""
+        """Begin of each leg, shape (legs, 2)."""
         places = [np.array([-EXTENSION_M, 0.0])]
         for k in range(len(self._bends) - 1):
             places.append(self._along_leg(k, self._lengths[k], places[k]))
         return np.array(places)
 
     def _along_leg(self, k: int, u: Array | float, start: Array) -> Array:
-        """The place u [m] along leg k."""
+        """The point u [m] along leg k."""
         theta, bend = self._thetas[k], self._bends[k]
         turned = np.asarray(bend * u / 2.0)  # the chord has the direction in its middle
         chord = np.asarray(u * np.sinc(turned / np.pi))
@@ -93,22 +93,22 @@ class GroundTrack:
         return np.asarray(self._thetas[k] + self._bends[k] * (s - self._begins[k]))
 
     def bank(self, s: Array) -> Array:
-        """Roll with which the track is flown [rad], to the right positive."""
-        ahead, behind = (np.interp(s + sign * ROLL_IN_M / 2, self._ends, self._bank_integral) for sign in (1, -1))
-        return np.asarray((ahead - behind) / ROLL_IN_M)
+        """Nominal roll on the track [rad], right positive."""
+        after, before = (np.interp(s + sign * ROLL_IN_M / 2, self._ends, self._bank_integral) for sign in (1, -1))
+        return np.asarray((after - before) / ROLL_IN_M)
 
-    def place(self, s: Array, y: Array) -> tuple[Array, Array]:
+    def to_plane(self, s: Array, y: Array) -> tuple[Array, Array]:
         """a and b [m] of path lengths s and offsets y."""
         k = np.clip(np.searchsorted(self._begins, s, side="right") - 1, 0, len(self._begins) - 1)
-        found = np.zeros((*np.shape(s), 2))
+        points = np.zeros((*np.shape(s), 2))
         for leg in range(len(self._begins)):
             there = k == leg
-            found[there] = self._along_leg(leg, s[there] - self._begins[leg], self._starts[leg])
+            points[there] = self._along_leg(leg, s[there] - self._begins[leg], self._starts[leg])
         theta = self.theta(s)
-        return found[..., 0] - y * np.sin(theta), found[..., 1] + y * np.cos(theta)
+        return points[..., 0] - y * np.sin(theta), points[..., 1] + y * np.cos(theta)
 
-    def along(self, a: Array, b: Array) -> tuple[Array, Array]:
-        """s and y of places: of the part of the track that is nearest."""
+    def to_path(self, a: Array, b: Array) -> tuple[Array, Array]:
+        """s and y of points, relative to the nearest part of the track."""
         best_s, best_y, best = np.zeros_like(a), np.zeros_like(a), np.full_like(a, np.inf)
         for s, y, distance in self._project_on_legs(np.stack((a, b), axis=-1)):
             nearer = distance < best
@@ -118,16 +118,16 @@ class GroundTrack:
         return np.where(known, best_s, np.nan), np.where(known, best_y, np.nan)
 
     def _project_on_legs(self, p: Array) -> Iterator[tuple[Array, Array, Array]]:
-        """For each leg: s and y of its nearest place, and how far that is."""
+        """For each leg: s and y of its nearest point, and the distance to it."""
         for k, start in enumerate(self._starts):
             u = np.clip(self._project(k, p - start), 0.0, self._lengths[k])
             theta = self._thetas[k] + self._bends[k] * u
-            beside = p - self._along_leg(k, u, start)
-            y = beside[..., 1] * np.cos(theta) - beside[..., 0] * np.sin(theta)
-            yield self._begins[k] + u, y, np.hypot(beside[..., 0], beside[..., 1])
+            offset = p - self._along_leg(k, u, start)
+            y = offset[..., 1] * np.cos(theta) - offset[..., 0] * np.sin(theta)
+            yield self._begins[k] + u, y, np.hypot(offset[..., 0], offset[..., 1])
 
     def _project(self, k: int, v: Array) -> Array:
-        """How far along leg k, or beyond its ends, the foot of a place is that lies at v from its begin."""
+        """Distance along leg k, or beyond its ends, of the foot of a point at v from the begin of the leg."""
         theta, bend = self._thetas[k], self._bends[k]
         forward = v[..., 0] * math.cos(theta) + v[..., 1] * math.sin(theta)
         right = v[..., 1] * math.cos(theta) - v[..., 0] * math.sin(theta)

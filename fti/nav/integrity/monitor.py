@@ -1,16 +1,16 @@
-"""The ground-clearance integrity monitor: does the ground below match the approach that was published?
+"""The ground-clearance integrity monitor: compares the ground below with the reference of the published approach.
 
-Per altimeter sample: terrain as this sensor sees it, z = alt - agl, into the window; per update (10 m and 0.2 s, the
-later of the two) the window against the reference; then the alarm logic.  The height is the raw one moved to P, never
-compensated for terrain.
+Each altimeter sample adds the measured terrain, z = alt - agl, to the window.  Each update (after 10 m and 0.2 s, the
+later of the two) compares the window with the reference and runs the alarm logic.  The height is the raw one moved to
+P, never compensated for terrain.
 
-    UNAVAILABLE   the inputs cannot be used (no usable sample for 0.2 s), less than 80 % of the bins are filled, the
-                  aircraft made no 10 m of way within 2 s, so that nothing new was judged, the vertical protection
-                  level is above its alert limit, navigation itself does not hold the place to be within AL_y, or its
-                  sigma is beyond what the limits assume; an ALERT is said all the same
+    UNAVAILABLE   the inputs are not usable (no usable sample for 0.2 s), less than 80 % of the bins are filled, the
+                  aircraft moved less than 10 m within 2 s, so that nothing new was evaluated, the vertical protection
+                  level is above its alert limit, navigation does not keep the position within AL_y, or its sigma
+                  exceeds the assumed one; an ALERT is still given
     ACQUIRE       the window is not yet full.  Past the intercept point, outside the profile, after a go-around and
-                  after s grew by more than 20 m everything begins again from here.
-    others        see fti.nav.integrity.alarm_logic; these are judgements, and ``valid`` (an ALERT too)
+                  after s grew by more than 20 m the monitor restarts in this state.
+    others        see fti.nav.integrity.alarm_logic; these are evaluated, and ``valid`` (an ALERT too)
 
 Source: Spiegel 2018, 7.2.2, made unambiguous; the alarm limits come with the reference.
 """
@@ -40,7 +40,7 @@ UPDATE_NS = 200_000_000
 UPDATE_M = 10.0
 REPEAT_NS = 500_000_000
 HOLD_NS = UPDATE_NS
-#: The oldest window that is vouched for: 10 m at 5 m/s.
+#: Maximum age of an evaluated window [ns]: 10 m at 5 m/s.
 UPDATE_TIMEOUT_NS = 2_000_000_000
 #: The margin over sqrt(t2) that makes a shift of AL_s visible with 95 %: O >= (sqrt(t2) + 1.64)^2.
 OBSERVABLE_MARGIN = 1.64
@@ -48,11 +48,11 @@ OBSERVABLE_MARGIN = 1.64
 
 @dataclass(frozen=True, slots=True)
 class ClearanceSample:
-    """One altimeter sample with navigation at the time at which it was true.
+    """One altimeter sample with navigation at its validity time.
 
     agl : raw height above ground moved to P [m]      alt : altitude of P above the ellipsoid [m], vertical_sd its sigma
-    s, y : path length and offset [m], horizontal_sd their sigma; None when not known, which counts as beyond any limit
-    hpl : protection level of the place [m], None where there is none
+    s, y : path length and offset [m], horizontal_sd their sigma; None: unknown, which exceeds any limit
+    hpl : protection level of the position [m]; None: unknown
     climb : [m/s], None when unknown      roll : beyond the bank of the track there, pitch : [rad]
     """
 
@@ -70,12 +70,12 @@ class ClearanceSample:
     hpl: float | None = None
 
 
-#: What is told of a window that was not matched.
+#: Output fields of a window that was not matched.
 NO_STATISTICS: Mapping[str, float | None] = MappingProxyType({})
 
 Rule = Callable[[ClearanceSample, Approach], bool]
 
-#: Why a sample is not used.  A rule is True when the sample breaks it, and what is no number keeps none.
+#: Reasons to discard a sample.  A rule is True when the sample violates it; NaN violates every rule.
 RULES: tuple[tuple[Reason, Rule], ...] = (
     (Reason.NO_POSITION, lambda x, _: not math.isfinite(x.s + x.alt)),
     (Reason.NO_RETURN, lambda x, _: not math.isfinite(x.agl)),
@@ -92,7 +92,7 @@ class ClearanceMonitor:
         self.reference = reference
         self.path = ApproachPath(reference.header.airfield)
         self.bins: Bins | None = None  # of the last update
-        self.statistics: Statistics | None = None  # of the last update that was judged
+        self.statistics: Statistics | None = None  # of the last evaluated update
         self._settings = settings
         self._limits = reference.header.limits
         self._observable = (math.sqrt(self._limits.t2) + OBSERVABLE_MARGIN) ** 2
@@ -129,7 +129,7 @@ class ClearanceMonitor:
     # ------------------------------------------------------------------------------------------------- stepping
 
     def step(self, x: ClearanceSample) -> ClearanceIntegrity | None:
-        """Take a sample; the output when there is a new one."""
+        """Add a sample; returns a new output, if any."""
         outside = self._exit_reason(x)
         if outside:
             self.restart()
@@ -148,9 +148,9 @@ class ClearanceMonitor:
         return self._emit(self._evaluate(x), always=True)
 
     def skip(self, track: ClearanceSeries, begin: int) -> int:
-        """Take samples from ``begin`` on as long as each only goes into the window and nothing is to be said.
+        """Add samples from ``begin`` on as long as each only enters the window and no output is due.
 
-        Returns the index of the first that is left for ``step``.  The outputs are those of ``step`` alone, sooner.
+        Returns the index of the first sample for ``step``.  The outputs are those of ``step`` alone; this is faster.
         """
         if self._updated is None or self._go_around.active:
             return begin
@@ -161,7 +161,7 @@ class ClearanceMonitor:
         return end
 
     def follow(self, s: float) -> None:
-        """Where the aircraft is, usable sample or not: more than 20 m back out, and the window is of another try."""
+        """Track the position, also without a usable sample; restart after a retreat of more than 20 m."""
         if self._window.goes_backward(s):
             self.restart()
 
@@ -169,10 +169,10 @@ class ClearanceMonitor:
         self._window.add(x.s, x.alt - x.agl, x.agl - interpolate(self.agl_ref, (x.s - self._s0) / self._ds))
 
     def refuse(self, t_ns: int, t_valid_ns: int | None, reasons: tuple[Reason, ...]) -> ClearanceIntegrity | None:
-        """There is no usable sample.
+        """Report that there is no usable sample.
 
-        Said once none was for 0.2 s (at once when the altimeter is stale: its age limit has passed already), at every
-        change, and twice a second.
+        The output comes after 0.2 s without one (at once when the altimeter is stale: its age limit has passed
+        already), at every change, and twice a second.
         """
         held = self._used_ns is not None and t_ns - self._used_ns < HOLD_NS
         if held and Reason.STALE not in reasons:
@@ -180,10 +180,9 @@ class ClearanceMonitor:
         return self._emit(self._unavailable(t_ns, t_valid_ns, reasons))
 
     def tick(self, t_ns: int) -> ClearanceIntegrity | None:
-        """Repeat the last output when it is half a second old; a window that nothing was added to ages.
+        """Repeat the last output when it is half a second old; a window without new samples becomes stale.
 
-        Without 10 m of way there is no update: a navigation that stands still, with fresh times, would else be
-        vouched for as long as it lasts.
+        There is no update within 10 m: otherwise a frozen position with new timestamps would stay valid.
         """
         if self._last is None:
             return None
@@ -217,42 +216,42 @@ class ClearanceMonitor:
         if has_gaps(self.bins):
             self._logic.skip()
             return self._make_output(x, IntegrityState.UNAVAILABLE, (Reason.GAPS,), NO_STATISTICS)
-        found = self._matcher.evaluate(self.bins, x.vertical_sd)
-        self.statistics = found
-        protection = self._protector.of(found, x.s, x.horizontal_sd, x.hpl)
-        ratios = self._ratios(found, protection)
+        statistics = self._matcher.evaluate(self.bins, x.vertical_sd)
+        self.statistics = statistics
+        protection = self._protector.compute(statistics, x.s, x.horizontal_sd, x.hpl)
+        ratios = self._ratios(statistics, protection)
         state, reasons = self._logic.step(ratios, x.s)
         unavailable_reasons = protection.unavailable_reasons
         if not navigation_holds(self._assumed, x.vertical_sd, x.horizontal_sd):
             unavailable_reasons = (*unavailable_reasons, Reason.ASSUMPTION)
         if state is not IntegrityState.ALERT and unavailable_reasons:
             state, reasons = IntegrityState.UNAVAILABLE, (*unavailable_reasons, *reasons)
-        return self._make_output(x, state, reasons, _output_fields(found, ratios, protection))
+        return self._make_output(x, state, reasons, _output_fields(statistics, ratios, protection))
 
-    def _ratios(self, found: Statistics, protection: ClearanceProtection) -> Ratios:
-        """Statistics over their limits.  A shift of AL_s must show at AL_s itself (O) and by the curvature."""
+    def _ratios(self, statistics: Statistics, protection: ClearanceProtection) -> Ratios:
+        """Statistics over their limits.  A shift of AL_s must be observable at AL_s itself (O) and by the curvature."""
         limits = self._limits
-        observable = found.observability >= self._observable and protection.detects_shift
-        t2 = found.t2 / limits.t2 if observable else None
-        return Ratios(found.t1 / limits.t1, t2, found.t3 / limits.t3, found.t4 / limits.t4)
+        observable = statistics.observability >= self._observable and protection.detects_shift
+        t2 = statistics.t2 / limits.t2 if observable else None
+        return Ratios(statistics.t1 / limits.t1, t2, statistics.t3 / limits.t3, statistics.t4 / limits.t4)
 
     # ---------------------------------------------------------------------------------------------------- output
 
     def _make_output(
-        self, x: ClearanceSample, state: IntegrityState, reasons: tuple[Reason, ...], told: Mapping[str, float | None]
+        self, x: ClearanceSample, state: IntegrityState, reasons: tuple[Reason, ...], fields: Mapping[str, float | None]
     ) -> ClearanceIntegrity:
         return ClearanceIntegrity(
             t_ns=x.t_ns,
             t_valid_ns=x.t_valid_ns,
             state=state,
             reasons=reasons,
-            valid=bool(told) and state is not IntegrityState.UNAVAILABLE,
+            valid=bool(fields) and state is not IntegrityState.UNAVAILABLE,
             s_begin=x.s + self._window.length,
             s_end=x.s,
             alert_limit_v=self._protector.limit_v(x.s),
             alert_limit_s=self._settings.alert_s_m,
             reference=self._hash,
-            **told,
+            **fields,
         )
 
     def _unavailable(self, t_ns: int, t_valid_ns: int | None, reasons: tuple[Reason, ...]) -> ClearanceIntegrity:
@@ -267,7 +266,7 @@ class ClearanceMonitor:
         )
 
     def _emit(self, new: ClearanceIntegrity, always: bool = False) -> ClearanceIntegrity | None:
-        """The output, unless it says what was said less than half a second ago."""
+        """The output, unless an equal one is less than half a second old."""
         last = self._last
         same = last is not None and (last.state, last.reasons) == (new.state, new.reasons)
         if same and not always and last is not None and new.t_ns - last.t_ns < REPEAT_NS:
@@ -276,18 +275,18 @@ class ClearanceMonitor:
         return new
 
 
-def _output_fields(found: Statistics, ratios: Ratios, protection: ClearanceProtection) -> dict[str, float | None]:
-    """What an output says of a window that was matched."""
+def _output_fields(statistics: Statistics, ratios: Ratios, protection: ClearanceProtection) -> dict[str, float | None]:
+    """Output fields of a matched window."""
     return {
         "t1_ratio": ratios.t1,
         "t2_ratio": ratios.t2,
         "t3_ratio": ratios.t3,
         "t4_ratio": ratios.t4,
-        "shift": found.shift,
-        "shift_sd": found.shift_sd,
-        "height_error": found.height_error,
-        "height_error_sd": found.height_error_sd,
-        "observability": found.observability,
+        "shift": statistics.shift,
+        "shift_sd": statistics.shift_sd,
+        "height_error": statistics.height_error,
+        "height_error_sd": statistics.height_error_sd,
+        "observability": statistics.observability,
         "protection_level_v": protection.level_v,
         "protection_level_s": protection.level_s if math.isfinite(protection.level_s) else None,
     }

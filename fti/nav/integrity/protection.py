@@ -1,13 +1,13 @@
-"""Protection levels: how large an error can be and yet be missed, with a probability of Pmd at most.
+"""Protection levels: the error that is missed with a probability of at most Pmd.
 
     k_md = quantile 1 - Pmd of the normal distribution      3.09 for 1e-3
-    PL_v = (t_3 + k_md) s_b         a height error as large has T3 over its limit with 1 - Pmd
+    PL_v = (t_3 + k_md) s_b         a height error of this size has T3 over its limit with 1 - Pmd
     PL_s = (sqrt(t_2) + k_md) s_s   a shift d adds (d / s_s)^2 to J; sqrt T2 is normal about d / s_s with sigma 1
     AL_v = max(5 m, 0.35 deg x s),  AL_s = 50 m     alert limits, from the configuration
 
-    k_md s_nav <= AL_y              to the side nothing is measured: the stated sigma of the place counts
+    k_md s_nav <= AL_y              cross track nothing is measured: the stated sigma of the position counts
 
-What is seen of errors to the side that navigation does not know of is tabulated when the reference is made.
+The detection of unknown cross-track errors is tabulated when the reference is made.
 Source: the forms of RTCA DO-229 (limit and missed detection added), with the limits of this monitor.
 """
 
@@ -25,7 +25,7 @@ from fti.types import Reason
 
 @dataclass(frozen=True, slots=True)
 class ClearanceProtection:
-    """Protection and alert levels, vertical and along the track, and to the side as navigation states them [m]."""
+    """Protection levels and alert limits, vertical, along and across the track (the latter from navigation) [m]."""
 
     level_v: float
     level_s: float
@@ -36,27 +36,27 @@ class ClearanceProtection:
 
     @property
     def detects_height_error(self) -> bool:
-        """A height error as large as the alert limit would be seen."""
+        """Whether a height error of the alert limit is detected."""
         return self.level_v <= self.limit_v
 
     @property
     def detects_shift(self) -> bool:
-        """A shift along the track as large as the alert limit would be seen."""
+        """Whether a shift along the track of the alert limit is detected."""
         return self.level_s <= self.limit_s
 
     @property
     def detects_cross_track(self) -> bool:
-        """Navigation itself holds the aircraft to be within the alert limit of where it says."""
+        """Whether the stated position is within the alert limit across the track."""
         return self.level_y <= self.limit_y
 
     @property
     def unavailable_reasons(self) -> tuple[Reason, ...]:
-        """Why nothing is vouched for, whatever the ground says; an unobservable shift leaves the other tests."""
-        found = (
+        """Why integrity is unavailable, whatever the ground; with an unobservable shift the other tests remain."""
+        checks = (
             (Reason.PROTECTION_LEVEL, self.detects_height_error),
             (Reason.POSITION_UNCERTAIN, self.detects_cross_track),
         )
-        return tuple(reason for reason, enough in found if not enough)
+        return tuple(reason for reason, passes in checks if not passes)
 
 
 class ProtectionCalculator:
@@ -72,16 +72,16 @@ class ProtectionCalculator:
         """AL_v [m] at path length s [m]."""
         return max(self._settings.alert_v_m, math.radians(self._settings.alert_v_deg) * s)
 
-    def of(
-        self, found: Statistics, s: float, horizontal_sd: float | None, hpl: float | None = None
+    def compute(
+        self, statistics: Statistics, s: float, horizontal_sd: float | None, hpl: float | None = None
     ) -> ClearanceProtection:
         """The levels of a window that ends at s [m].
 
-        horizontal_sd, hpl : of the navigated place [m], None: not stated; hpl holds for a wrong source, too
+        horizontal_sd, hpl : of the navigated position [m], None: not stated; hpl also holds for a wrong source
         """
         return ClearanceProtection(
-            self.factor_v * found.height_error_sd,
-            self.factor_s * found.shift_resolution,
+            self.factor_v * statistics.height_error_sd,
+            self.factor_s * statistics.shift_resolution,
             max(self.factor_y * (horizontal_sd or 0.0), hpl or 0.0),
             self.limit_v(s),
             self._settings.alert_s_m,

@@ -1,10 +1,10 @@
-"""The reference of an approach: what one kind of altimeter sees along the published path, and the limits of the tests.
+"""The reference of an approach: the terrain profile for one kind of altimeter, and the limits of the tests.
 
 A text file: lines ``# key = value`` (values as in TOML), then a table by commas.  The last header line is the hash:
-SHA-256 over the rest.  A reference made for another kind of sensor is refused by the monitor.
+SHA-256 over the rest.  The monitor refuses a reference for another kind of sensor.
 
     s_m      path length before the intercept point, step ds, from -200 to s_max + 200
-    z_ref_m  altitude of the terrain as this sensor sees it: altitude of the path minus expected height above ground
+    z_ref_m  altitude of the terrain for this sensor: altitude of the path minus expected height above ground
     s_ref_m  its sigma over the draws of receiver, track, height and elevation error
     s_alt_m  sigma of one sample of the altimeter at the expected height
 """
@@ -31,25 +31,25 @@ Array = NDArray[np.float64]
 
 TITLE = "# fti reference profile"
 COLUMNS = "s_m,z_ref_m,s_ref_m,s_alt_m"
-#: The profile goes so far beyond both ends: the greatest shift that is tried.
+#: Extension of the profile beyond both ends: the maximum shift of the match.
 MARGIN_M = 200.0
-#: Tables within each other that a key of the header names.
+#: Maximum nesting of tables in a key of the header.
 MAX_FOLDERS = 8
-#: Correlation lengths that a window must hold.
+#: Minimum number of correlation lengths in a window.
 MIN_CORRELATIONS = 8
 
 
 class ReferenceSensor(StrictModel):
-    """The altimeter that the profile was made for."""
+    """The altimeter of the profile."""
 
     kind: Literal["radar", "laser"]
     beam_deg: Positive
 
 
 class ReferenceProfile(StrictModel):
-    """How the profile was made.
+    """Origin of the profile.
 
-    surface : name of the elevation, or of the recordings     made_from : which of both
+    surface : name of the elevation, or of the recordings     made_from : which of the two
     date    : of the survey of the surface, or of the last recording
     draws   : of the profile, or recorded approaches          correlation_m : of nominal residuals
     """
@@ -63,15 +63,15 @@ class ReferenceProfile(StrictModel):
     seed: int
     window_m: Positive
     correlation_m: Positive
-    datum_sd_m: Positive  # sigma of the height datum of surface and navigation against each other
+    datum_sd_m: Positive  # sigma of the difference of the height datums of surface and navigation
 
 
 class Limits(StrictModel):
     """Limits of the four tests: quantiles of the maxima of ``runs`` simulated nominal approaches.
 
     ``*_interval`` : 95 % bootstrap interval of each
-    t4_widths_m    : lengths of the templates that T4 is the greatest of; a file without them was made for single bins,
-                     and is judged by single bins
+    t4_widths_m    : lengths of the templates that T4 is the maximum of; without them T4 uses single bins, as the limit
+                     does
     """
 
     t1: Positive
@@ -85,18 +85,18 @@ class Limits(StrictModel):
     pfa: Positive  # probability of a false alarm per approach, all tests together
     pmd: Annotated[float, Field(gt=0.0, lt=0.5)]  # of a missed detection, in the protection levels
     runs: int
-    verified_runs: int  # other approaches, flown with these limits
-    verified_alarms: int  # those of them with an ALERT
+    verified_runs: int  # other approaches, simulated with these limits
+    verified_alarms: int  # number of them with an ALERT
     seed: int
     method: str
     t4_widths_m: Annotated[tuple[Positive, ...], Field(min_length=1)] | None = None
 
 
 class Detection(StrictModel):
-    """Pd(y | window): share of windows over a limit when the aircraft flies y beside the track, navigation on it.
+    """Pd(y | window): share of windows over a limit when the aircraft is y off the track and navigation is on it.
 
-    y_m : offsets to either side; s_m : begin of each part of the way, in which the windows end, descending
-    pd  : a row for each offset, a figure for each part
+    y_m : offsets to either side; s_m : begin of each part of the path, in which the windows end, descending
+    pd  : a row for each offset, a value for each part
     """
 
     y_m: tuple[float, ...]
@@ -106,10 +106,10 @@ class Detection(StrictModel):
 
 
 class Obstacles(StrictModel):
-    """The smallest obstacle on the track that T4 sees with the probability ``pd``, as long as it is wide.
+    """The smallest obstacle on the track, as long as wide, that T4 detects with the probability ``pd``.
 
-    s_m, agl_m : begin of each part of the way, descending, and the height above ground in it
-    height_m   : a row for each width, a figure for each part; inf: none of the heights that were tried
+    s_m, agl_m : begin of each part of the path, descending, and the height above ground in it
+    height_m   : a row for each width, a value for each part; inf: none of the simulated heights
     """
 
     pd: Annotated[float, Field(gt=0.0, lt=1.0)]
@@ -119,10 +119,10 @@ class Obstacles(StrictModel):
     height_m: tuple[tuple[Annotated[float, AllowInfNan(True)], ...], ...]
     runs: int  # for each width and part
 
-    def least(self, s: float, width: float) -> float:
-        """The height from which on an obstacle so wide at s is promised to be seen [m]; inf: none is.
+    def min_height(self, s: float, width: float) -> float:
+        """Minimum height of an obstacle of this width at s that is detected [m]; inf: none is.
 
-        It is that of the greatest width in the table that is not above its own.
+        It is that of the largest width in the table that does not exceed the given one.
         """
         narrower = [row for known, row in zip(self.width_m, self.height_m, strict=True) if known <= width]
         parts = [k for k, begin in enumerate(self.s_m) if s <= begin]
@@ -136,14 +136,14 @@ class ReferenceHeader(StrictModel):
     sensor: ReferenceSensor
     profile: ReferenceProfile
     limits: Limits
-    assumptions: Assumptions | None = None  # a reference of before they were stated has none
-    detection: Detection | None = None  # a profile of recordings knows nothing of what lies beside it
-    obstacles: Obstacles | None = None  # nor of what could stand on it
+    assumptions: Assumptions | None = None  # None in older references
+    detection: Detection | None = None  # None for a profile from recordings
+    obstacles: Obstacles | None = None  # None for a profile from recordings
 
 
 @dataclass(frozen=True, eq=False)
 class ApproachReference:
-    """A published approach as one kind of altimeter sees it.  Arrays of shape (n,), ascending s."""
+    """The reference of a published approach for one kind of altimeter.  Arrays of shape (n,), ascending s."""
 
     header: ReferenceHeader
     s: Array
@@ -202,10 +202,10 @@ class ApproachReference:
 
 def _flat(table: dict[str, Any], prefix: str) -> list[tuple[str, Any]]:
     """Dotted keys and their values, in order."""
-    found: list[tuple[str, Any]] = []
+    pairs: list[tuple[str, Any]] = []
     for key, value in table.items():
-        found += _flat(value, f"{prefix}{key}.") if isinstance(value, dict) else [(prefix + key, value)]
-    return found
+        pairs += _flat(value, f"{prefix}{key}.") if isinstance(value, dict) else [(prefix + key, value)]
+    return pairs
 
 
 def _toml(value: str | float | int | tuple[Any, ...] | dict[str, Any]) -> str:
@@ -227,16 +227,16 @@ def _read_header(lines: list[str], file: str) -> tuple[dict[str, Any], dict[str,
         if not line.startswith("# ") or not equals:
             raise ConfigError(f"{file}:{number}: {line!r}: must be '# key = value'")
         if key in where:
-            raise ConfigError(f"{file}:{number}: {key}: stands twice")
+            raise ConfigError(f"{file}:{number}: {key}: defined twice")
         where[key] = number
         *folders, name = key.split(".")
         inner = table
         for folder in folders[:MAX_FOLDERS]:
             inner = inner.setdefault(folder, {})
             if not isinstance(inner, dict):
-                raise ConfigError(f"{file}:{number}: {key}: {folder} has a value already")
+                raise ConfigError(f"{file}:{number}: {key}: {folder} already has a value")
         if len(folders) > MAX_FOLDERS:
-            raise ConfigError(f"{file}:{number}: {key[:60]}...: must have {MAX_FOLDERS} dots at most")
+            raise ConfigError(f"{file}:{number}: {key[:60]}...: must have at most {MAX_FOLDERS} dots")
         inner[name] = _read_value(value, f"{file}:{number}: {key}")
     return table, where
 
@@ -249,7 +249,7 @@ def _read_value(text: str, place: str) -> Any:
 
 
 def _with_line(message: str, file: str, where: dict[str, int]) -> str:
-    """The same message with the line of the key that it names first."""
+    """The message with the line number of the first key that it names."""
     key = message.removeprefix(f"{file}: ").split(":")[0].split(" ")[0]
     return message.replace(f"{file}:", f"{file}:{where[key]}:", 1) if key in where else message
 
@@ -269,12 +269,12 @@ def _read_rows(lines: list[str], file: str, first: int) -> Array:
 
 
 def _check_grid(s: Array, profile: ReferenceProfile, file: str, first: int) -> None:
-    asked = (profile.s_max_m + 2 * MARGIN_M) / profile.ds_m + 1
-    if not abs(asked - len(s)) < 1:
-        raise ConfigError(f"{file}:{first}: s_m: {len(s)} rows; profile.s_max_m asks for {asked:.0f}")
+    n_rows = (profile.s_max_m + 2 * MARGIN_M) / profile.ds_m + 1
+    if not abs(n_rows - len(s)) < 1:
+        raise ConfigError(f"{file}:{first}: s_m: {len(s)} rows; must be {n_rows:.0f} for profile.s_max_m and ds_m")
     expected = grid(profile.ds_m, profile.s_max_m)
     if len(s) != len(expected):
-        raise ConfigError(f"{file}:{first}: s_m: {len(s)} rows; profile.s_max_m asks for {len(expected)}")
+        raise ConfigError(f"{file}:{first}: s_m: {len(s)} rows; must be {len(expected)} for profile.s_max_m and ds_m")
     wrong = np.flatnonzero(np.abs(s - expected) > 1e-3)
     if len(wrong):
         raise ConfigError(f"{file}:{first + wrong[0]}: s_m = {s[wrong[0]]}: must be {expected[wrong[0]]}")
@@ -288,7 +288,7 @@ def _check_sigmas(rows: Array, file: str, first: int) -> None:
 
 
 def _check_window(profile: ReferenceProfile, file: str) -> None:
-    """The compiled kernels look up to 200 m beyond a window, in whole steps, and ask nobody whether it is there."""
+    """The compiled kernels read up to 200 m beyond a window, in whole steps, without a bounds check."""
     for name, length in (("the margin", MARGIN_M), ("window_m", profile.window_m)):
         if abs(length / profile.ds_m - round(length / profile.ds_m)) > 1e-9:
             raise ConfigError(f"{file}: profile.ds_m = {profile.ds_m}: must divide {name}, {length}")
@@ -302,7 +302,7 @@ def _check_window(profile: ReferenceProfile, file: str) -> None:
 
 
 def _check_obstacles(header: ReferenceHeader, file: str) -> None:
-    """Templates that no window holds would see nothing, and say nothing of it."""
+    """Templates longer than the window would never detect anything."""
     widths, window = header.limits.t4_widths_m or (), header.profile.window_m
     if max(widths, default=0.0) > window:
         raise ConfigError(f"{file}: limits.t4_widths_m = {list(widths)}: must be at most window_m = {window}")
@@ -312,8 +312,8 @@ def _check_obstacles(header: ReferenceHeader, file: str) -> None:
     parts = len(table.s_m)
     if len(table.agl_m) != parts or [len(row) for row in table.height_m] != [parts] * len(table.width_m):
         raise ConfigError(
-            f"{file}: obstacles.height_m: must have a row for each of {len(table.width_m)} widths (width_m), with a "
-            f"figure for each of {parts} parts (s_m), as agl_m has"
+            f"{file}: obstacles.height_m: must have one row for each of {len(table.width_m)} widths (width_m), with "
+            f"one value for each of {parts} parts (s_m); so must agl_m"
         )
 
 
@@ -323,9 +323,9 @@ def grid(ds: float, s_max: float) -> Array:
 
 
 def min_level_v(reference: ApproachReference) -> float:
-    """The least vertical protection level that any full window of a reference can have [m].
+    """The minimum vertical protection level of any full window of a reference [m].
 
-    PL_v = (t_3 + k_md) s_b with a navigation without error: datum and matching alone.
+    PL_v = (t_3 + k_md) s_b with error-free navigation: datum and matching alone.
     """
     profile, limits = reference.header.profile, reference.header.limits
     size = round(profile.window_m / profile.ds_m) + 1
@@ -336,16 +336,16 @@ def min_level_v(reference: ApproachReference) -> float:
 
 
 def check_settings(reference: ApproachReference, settings: Approach, file: str) -> None:
-    """Whether a configuration can be flown with a reference.  file : the configuration's name
+    """Check a configuration against a reference.  file : the configuration's name
 
-    Raises ConfigError when the window is not the one that the limits were made with, and when AL_s is not among the
-    shifts that are tried.
+    Raises ConfigError when the window differs from that of the limits, and when AL_s is not among the shifts of the
+    match.
     """
     profile = reference.header.profile
     if settings.window_m != profile.window_m:
         raise ConfigError(
-            f"{file}: nav.approach.window_m = {settings.window_m}: the limits of {settings.profile} "
-            f"were made with {profile.window_m}"
+            f"{file}: nav.approach.window_m = {settings.window_m}: must be {profile.window_m}, "
+            f"as for the limits of {settings.profile}"
         )
     if not profile.ds_m <= settings.alert_s_m <= MARGIN_M:
         raise ConfigError(
@@ -354,24 +354,24 @@ def check_settings(reference: ApproachReference, settings: Approach, file: str) 
 
 
 def check_alert_limit(reference: ApproachReference, alert_v: float, profile: str, file: str) -> None:
-    """Raises ConfigError when the alert limit [m] is below the least protection level: it could not be met anywhere.
+    """Raises ConfigError when the alert limit [m] is below the minimum protection level: it could never be met.
 
-    Asked before a flight alone: a recorded one is read and repeated as it was.
+    Checked before a flight only: a recorded configuration is used unchanged.
 
     profile, file : names of the reference and of the configuration
     """
-    least = min_level_v(reference)
-    if alert_v < least:
+    minimum = min_level_v(reference)
+    if alert_v < minimum:
         raise ConfigError(
-            f"{file}: nav.approach.alert_v_m: {alert_v:g} m is below the least protection level {least:.1f} m of "
-            f"{profile}; at least {math.ceil(least)} m"
+            f"{file}: nav.approach.alert_v_m: {alert_v:g} m is below the minimum protection level {minimum:.1f} m of "
+            f"{profile}; must be at least {math.ceil(minimum)} m"
         )
 
 
 def fits(device: Device, sensor: ReferenceSensor, assumptions: Assumptions | None = None) -> bool:
-    """Whether a device is the kind of altimeter that a reference is made for.
+    """Whether a device is the kind of altimeter of a reference.
 
-    With assumptions the beam is one of them (``assumptions.receiver_holds``).
+    With assumptions the beam is checked there (``assumptions.receiver_holds``).
     """
     altimeter = device.altimeter
     if altimeter is None or altimeter.kind != sensor.kind:

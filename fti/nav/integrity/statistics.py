@@ -1,25 +1,25 @@
-"""Matching a window with the reference, and the test statistics made of it.
+"""Matches a window with the reference and computes the test statistics.
 
     e_j(d) = z_j - z_ref(s_j + d)       d in {-200 .. 200} m in steps of ds     w_j = 1 / (s_ref^2 + s_alt^2 + s_nav^2)
     b(d)   = sum w e / sum w            J(d) = (K_eff / K) sum w (e - b)^2        K_eff = L / l_c
 
     T1 = J(0)                           the profile fits
-    T2 = J(0) - min J                   no shift explains the window better than zero
+    T2 = J(0) - min J                   no shift fits the window better than zero
     T3 = |b(0)| / s_b                   s_b^2 = s_nav_vert^2 + B_ref^2 + (K / K_eff) / sum w
-    T4 = max over templates of (sum_j w_j (e_j(0) - median e(0))) / sigma       something stands there that was not
+    T4 = max over templates of (sum_j w_j (e_j(0) - median e(0))) / sigma       a new obstacle
          sigma^2 = sum_ij rho^|i - j| / (s_i s_j)       rho = (l_c - ds) / (l_c + ds)
-    O  = min(Jr(+AL_s), Jr(-AL_s))      Jr: the reference matched with itself; how sharp its peak is
+    O  = min(Jr(+AL_s), Jr(-AL_s))      Jr: the reference matched with itself; sharpness of its peak
 
     PL_v = (t_3 + k_md) s_b             PL_s = (sqrt(t_2) + k_md) s_s       s_s = ds sqrt(2 / (Jr(ds) + Jr(-ds)))
 
 The four criteria of Spiegel 2018, 7.2.2 (eq. 7.4 with the index missing in print) as weighted statistics.  s_nav
-is the part of the navigated height error that varies within a window (``ApproachReference.sd``).  The height error b(0) is
-removed from J and tested on its own.  Bins without a sample have no weight; K counts the others.
-T4 is a filter matched to what is as long as an obstacle: the sum over neighbouring bins, of the widths that the
-reference names (a single bin, 15 to 100 m), each of them anywhere within the last 50 m, and a wider one at the newest
-end.  Neighbouring residuals of a flight hang together; rho is that of a first-order Gauss-Markov process in steps of ds
-whose integral scale, ds (1 + rho) / (1 - rho), is the reference's l_c.
-The protection levels are what an error must reach to be missed with the probability Pmd at most (``fti.nav.integrity.
+is the part of the navigated height error that varies within a window (``ApproachReference.sd``).  The height error b(0)
+is removed from J and tested separately.  Bins without a sample have no weight; K counts the others.
+T4 is a filter matched to the length of an obstacle: the sum over neighbouring bins, of the widths in the reference (a
+single bin, 15 to 100 m), each anywhere within the last 50 m, and a wider one at the newest end.  Neighbouring residuals
+of a flight are correlated; rho is that of a first-order Gauss-Markov process in steps of ds whose integral scale,
+ds (1 + rho) / (1 - rho), is the reference's l_c.
+The protection levels are the errors that are missed with a probability of at most Pmd (``fti.nav.integrity.
 protection``); s_s is the sigma of a shift by the curvature of Jr.
 """
 
@@ -41,12 +41,12 @@ Array = NDArray[np.float64]
 
 SHIFT_MAX_M = MARGIN_M
 OBSTACLE_M = 50.0
-#: Lengths that T4 is matched to, beside a single bin [m]: obstacles of 30 to 100 m, and what shows of one of 20 m.
+#: Template lengths of T4, besides a single bin [m]: obstacles of 30 to 100 m, and the visible part of one of 20 m.
 WIDTHS_M = (15.0, 30.0, 50.0, 75.0, 100.0)
-#: One sigma of the navigated height when the source states none, or one that is no sigma [m].
+#: One sigma of the navigated height when the source states none or an invalid one [m].
 VERTICAL_SD_UNKNOWN = 5.0
 
-#: Bins in which templates lie (but one that is longer), correlation of neighbours, lengths in bins, ascending.
+#: Bins in which templates lie (except a longer one), correlation of neighbours, lengths in bins, ascending.
 ObstacleFilter = tuple[int, float, NDArray[np.int64]]
 
 
@@ -54,9 +54,9 @@ ObstacleFilter = tuple[int, float, NDArray[np.int64]]
 class Statistics:
     """The statistics of one window.
 
-    t1..t4       : as in the module's page          observability : O
+    t1..t4       : see the module          observability : O
     shift_resolution : s_s [m], infinite over level ground
-    shift, _sd   : d^ and its sigma [m]; None when the best shift is the last one tried
+    shift, _sd   : d^ and its sigma [m]; None when the best shift is the outermost one
     height_error, _sd : b(0) and s_b [m]
     """
 
@@ -73,7 +73,7 @@ class Statistics:
 
 
 class Matcher:
-    """Matches windows with a reference.  alert_s : AL_s [m], where the sharpness of the peak is looked at."""
+    """Matches windows with a reference.  alert_s : AL_s [m], where the sharpness of the peak is evaluated."""
 
     def __init__(self, reference: ApproachReference, alert_s: float) -> None:
         profile = reference.header.profile
@@ -88,12 +88,12 @@ class Matcher:
 
     def evaluate(self, bins: Bins, vertical_sd: float | None) -> Statistics:
         """The statistics of a window.  vertical_sd : sigma of the navigated height [m], or None."""
-        span, found, peak = self._span, np.empty((2, 2 * self._span + 1)), np.empty((2, 4))
+        span, curves, peak = self._span, np.empty((2, 2 * self._span + 1)), np.empty((2, 4))
         total, t4 = match(
             bins.z, bins.filled, self._z_ref, self._sd, bins.first, span, self._k_eff, self._obstacle, self._sharp,
-            found, peak,
+            curves, peak,
         )  # fmt: skip
-        offset, mismatch = found
+        offset, mismatch = curves
         shift, shift_sd = self._best_shift(mismatch)
         here, height_error = float(mismatch[span]), float(offset[span])
         height_error_sd = self._height_error_sd(float(total), int(np.count_nonzero(bins.filled)), vertical_sd)
@@ -112,12 +112,12 @@ class Matcher:
         )
 
     def _best_shift(self, mismatch: Array) -> tuple[float | None, float | None]:
-        """Minimum of the parabola through the three points around the least mismatch, and its sigma."""
+        """Minimum of the parabola through the three points around the minimum mismatch, and its sigma."""
         i = int(np.argmin(mismatch))
         if i in (0, len(mismatch) - 1):
             return None, None
-        left, least, right = (float(v) for v in mismatch[i - 1 : i + 2])
-        bend = left - 2 * least + right
+        left, lowest, right = (float(v) for v in mismatch[i - 1 : i + 2])
+        bend = left - 2 * lowest + right
         if bend <= 0.0:
             return (i - self._span) * self._ds, None
         return (i - self._span + 0.5 * (left - right) / bend) * self._ds, self._ds * math.sqrt(2 / bend)
@@ -131,19 +131,19 @@ class Matcher:
 
 def warm_up() -> None:
     """Compile the kernel, or load it from the cache."""
-    flat, found, peak = np.zeros(5), np.empty((2, 5)), np.empty((2, 4))
+    flat, curves, peak = np.zeros(5), np.empty((2, 5)), np.empty((2, 4))
     obstacle = (1, 0.0, np.array([1]))
-    match(flat, flat == 0.0, np.zeros(9), np.ones(9), 2, 2, 1.0, obstacle, sharp_shifts(1.0, 1.0), found, peak)
+    match(flat, flat == 0.0, np.zeros(9), np.ones(9), 2, 2, 1.0, obstacle, sharp_shifts(1.0, 1.0), curves, peak)
 
 
 def sharp_shifts(alert_s: float, ds: float) -> NDArray[np.int64]:
-    """Shifts at which the sharpness of the peak is looked at, in bins: those of AL_s, and the next ones to zero."""
+    """Shifts at which the sharpness of the peak is evaluated, in bins: +-AL_s, and the ones next to zero."""
     alert = round(alert_s / ds)
     return np.array([-alert, alert, -1, 1])
 
 
 def obstacle_filter(reference: ApproachReference) -> ObstacleFilter:
-    """How T4 looks for obstacles with a reference: by the templates that its limit was made with."""
+    """The obstacle filter of T4 for a reference, with the templates of its limit."""
     profile = reference.header.profile
     ds, scale = profile.ds_m, profile.correlation_m
     widths = sorted({max(round(width / ds), 1) for width in reference.header.limits.t4_widths_m or (ds,)})
@@ -161,17 +161,17 @@ def match(
     k_eff: float,
     obstacle: ObstacleFilter,
     sharp: NDArray[np.int64],
-    found: Array,
+    curves: Array,
     peak: Array,
 ) -> tuple[float, float]:
-    """Match a window with the reference at all shifts, and the reference in its place at those of ``sharp_shifts``.
+    """Match a window with the reference at all shifts, and the reference with itself at ``sharp_shifts``.
 
-    found   : shape (2, 2 span + 1), written: b and J of the window      peak : shape (2, 4), written: of the reference
+    curves  : shape (2, 2 span + 1), output: b and J of the window      peak : shape (2, 4), output: of the reference
     Returns : sum of the weights, and T4
 
-    Shifts are the inner loop: they are next to each other in memory, and no sum is reordered.
+    The inner loop is over shifts: they are contiguous in memory, and no sum is reordered.
     """
-    found[:], peak[:] = 0.0, 0.0
+    curves[:], peak[:] = 0.0, 0.0
     total, count = 0.0, 0
     for j in range(len(z)):
         if not filled[j]:
@@ -182,13 +182,13 @@ def match(
         count += 1
         for k in range(2 * span + 1):
             e = z[j] - z_ref[at - span + k]
-            found[0, k] += weight * e
-            found[1, k] += weight * e * e
+            curves[0, k] += weight * e
+            curves[1, k] += weight * e * e
         for k in range(len(sharp)):
             e = z_ref[at] - z_ref[at + sharp[k]]
             peak[0, k] += weight * e
             peak[1, k] += weight * e * e
-    for sums in (found, peak):
+    for sums in (curves, peak):
         sums[0] /= total
         sums[1] = np.maximum(k_eff / count * (sums[1] - total * sums[0] ** 2), 0.0)
     residual = z - z_ref[first : first + len(z)]
@@ -203,19 +203,19 @@ def max_excess(
 ) -> float:
     """T4 of residuals over their median [m], newest first; -inf where no template holds a sample.
 
-    obstacle : an ``ObstacleFilter``.  The sigma of a sum grows bin by bin: beside is sum_i rho^(j - i) / s_i of those
-    before the bin j.
+    obstacle : an ``ObstacleFilter``.  The sigma of a sum is updated bin by bin: ``correlated`` is
+    sum_i rho^(j - i) / s_i over the bins i before j.
     """
     newest, rho, widths = obstacle
     greatest = -np.inf
     for begin in range(min(newest, len(residual))):
-        total, variance, beside, k = 0.0, 0.0, 0.0, 0
-        longest = len(residual) if begin == 0 else newest - begin
-        for j in range(begin, min(begin + min(longest, widths[-1]), len(residual))):
+        total, variance, correlated, k = 0.0, 0.0, 0.0, 0
+        max_length = len(residual) if begin == 0 else newest - begin
+        for j in range(begin, min(begin + min(max_length, widths[-1]), len(residual))):
             root = 1.0 / sd[j] if filled[j] else 0.0
             total += root * root * residual[j]
-            variance += root * (root + 2.0 * rho * beside)
-            beside = rho * beside + root
+            variance += root * (root + 2.0 * rho * correlated)
+            correlated = rho * correlated + root
             if j + 1 - begin < widths[k]:
                 continue
             k += 1

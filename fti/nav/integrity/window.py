@@ -1,7 +1,7 @@
-"""The window of the integrity monitor: what was measured over the last metres of the path, in bins of the reference.
+"""The window of the integrity monitor: measurements over the last metres of the path, in bins of the reference.
 
-A bin holds the mean of its samples (no interpolation); s falls as the aircraft comes nearer, so the newest bin is the
-first of the window.
+A bin holds the mean of its samples (no interpolation); s decreases during the approach, so the newest bin is the first
+of the window.
 """
 
 # ruff: noqa: PLR0917 - compiled kernels take their scalars by position
@@ -19,7 +19,7 @@ from fti.terrain.kernel import kernel
 
 Array = NDArray[np.float64]
 
-#: s may grow by so much before the window is cleared [m]: more is no approach.
+#: Maximum increase of s before the window is cleared [m].
 MAX_BACKWARD_M = 20.0
 MIN_FILLED_SHARE = 0.8
 
@@ -40,7 +40,7 @@ class Bins:
 
 @dataclass(frozen=True, eq=False)
 class ClearanceSeries:
-    """Many samples, shape (n,) each: what ``ClearanceSample`` holds; climb is NaN where unknown."""
+    """Series of ``ClearanceSample`` values, shape (n,) each; climb is NaN where unknown."""
 
     t_ns: NDArray[np.int64]
     s: Array
@@ -68,20 +68,20 @@ class ClearanceWindow:
         self._min_s = 0.0
 
     def clear(self) -> None:
-        """Forget everything."""
+        """Remove all samples."""
         for sums in (self._count, self._z, self._dh):
             sums.fill(0.0)
         self._first_s = None
 
     def goes_backward(self, s: float) -> bool:
-        """Whether s [m] lies more than 20 m farther out than the nearest place since the first sample."""
+        """Whether s [m] lies more than 20 m farther out than the minimum since the first sample."""
         if self._first_s is None:
             return False
         self._min_s = min(s, self._min_s)
         return s > self._min_s + MAX_BACKWARD_M
 
     def add(self, s: float, z: float, dh: float) -> None:
-        """Take a sample at s [m]."""
+        """Add a sample at s [m]."""
         self._min_s = s if self._first_s is None else min(s, self._min_s)
         self._first_s = s if self._first_s is None else self._first_s
         at = self._index(s)
@@ -92,9 +92,9 @@ class ClearanceWindow:
     def add_samples(
         self, track: ClearanceSeries, begin: int, bounds: Array, updated: tuple[int, float], agl_ref: Array
     ) -> int:
-        """Add samples from ``begin`` on, up to the first that breaks a rule or is due for an update: its index.
+        """Add samples from ``begin`` on, up to the first that violates a rule or is due for an update: its index.
 
-        bounds : most s, |y|, |roll|, |pitch| and climb of a usable sample; least way and time to the next update
+        bounds : maximum s, |y|, |roll|, |pitch| and climb of a usable sample; minimum distance and time to an update
         agl_ref : height above ground on the path, on the reference's grid
         """
         columns = (track.s, track.y, track.alt, track.agl, track.roll, track.pitch, track.climb)
@@ -105,7 +105,7 @@ class ClearanceWindow:
         return end
 
     def is_full(self, s: float) -> bool:
-        """Whether the first sample lies a whole window behind s."""
+        """Whether the first sample lies a full window length before s."""
         return self._first_s is not None and self._first_s - s >= self.length
 
     def bins(self, s: float) -> Bins:
@@ -123,7 +123,7 @@ def has_gaps(bins: Bins) -> bool:
 
 
 def warm_up() -> None:
-    """Compile the kernels that are live, or load them from the cache."""
+    """Compile the kernels of live use, or load them from the cache."""
     some = np.zeros(3)
     interpolate(some, 0.5)
     means(some, some, some, 0, 2)
@@ -156,22 +156,22 @@ def add_samples(
     sums: tuple[Array, ...],
     place: tuple[float, float, float],
 ) -> tuple[int, float]:
-    """See ``ClearanceWindow.add_samples``; returns also the least s so far.  What is no number breaks a rule."""
+    """See ``ClearanceWindow.add_samples``; returns also the minimum s so far.  NaN violates a rule."""
     ss, ys, alts, agls, rolls, pitches, climbs = columns
     count, z, dh = sums
-    s0, ds, least = place
+    s0, ds, min_s = place
     for k in range(begin, len(t_ns)):
         s = ss[k]
         usable = 0.0 <= s <= bounds[0] and abs(ys[k]) <= bounds[1] and math.isfinite(alts[k] - agls[k])
         usable = usable and abs(rolls[k]) <= bounds[2]
-        if not (usable and abs(pitches[k]) <= bounds[3] and s <= least + MAX_BACKWARD_M) or climbs[k] > bounds[4]:
-            return k, least
+        if not (usable and abs(pitches[k]) <= bounds[3] and s <= min_s + MAX_BACKWARD_M) or climbs[k] > bounds[4]:
+            return k, min_s
         if abs(updated[1] - s) >= bounds[5] and t_ns[k] - updated[0] >= bounds[6]:
-            return k, least
-        least = min(s, least)
+            return k, min_s
+        min_s = min(s, min_s)
         at = (s - s0) / ds
         j = round(at)
         count[j] += 1.0
         z[j] += alts[k] - agls[k]
         dh[j] += agls[k] - interpolate(agl_ref, at)
-    return len(t_ns), least
+    return len(t_ns), min_s

@@ -1,13 +1,13 @@
-"""Refusal and readmission of what one source gives (position, altitude or attitude).
+"""Refusal and readmission of one quantity of a source (position, altitude or attitude).
 
-A finding refuses it.  It comes back after PASS_S and PASS_FIXES in which every test passes.  While a contradiction
-stands (``jump``, ``drift``) it does not come back: it is unconfirmed until a step back cancels the contradiction, or
+A finding refuses it.  It is readmitted after PASS_S and PASS_FIXES in which every test passes.  While a contradiction
+stands (``jump``, ``drift``) it is not readmitted: it is unconfirmed until a step back cancels the contradiction, or
 until the operator readmits it.
 
-Until ESTABLISH_S and ESTABLISH_FIXES have passed after the start nothing is established that a step could contradict:
-a receiver that settles may step.  Such a contradiction refuses, and does not stand.
+Until ESTABLISH_S and ESTABLISH_FIXES have passed after the start, a settling receiver may step.  Such a contradiction
+refuses, but does not stand.
 
-A contradiction of before this process (``restore``) cannot be followed: the operator alone ends it.
+A contradiction from before the start of this process (``restore``) cannot be tracked: only the operator ends it.
 """
 
 from __future__ import annotations
@@ -21,24 +21,25 @@ from fti.types import Reason
 PASS_S = 30
 PASS_FIXES = 30
 ESTABLISH_S, ESTABLISH_FIXES = 10, 10
-#: Fixes that are farther apart do not follow each other [ns].
+#: Maximum time between consecutive fixes [ns].
 MAX_GAP_NS = 3 * SECOND_NS
 PASSES = f"{PASS_S} s and {PASS_FIXES} fixes in which all tests pass"
 
 
 class AdmissionChange(StrEnum):
-    """What an update has changed."""
+    """The change made by an update."""
 
     REFUSED = "refused"
-    STANDING = "standing"  # refused before; the contradiction stands now
+    STANDING = "standing"  # was refused; now the contradiction stands
     CLOSED = "closed"  # a step back has ended the contradiction
     VALID = "valid"
 
 
 class Admission:
-    """finding : the first one of the refusal in force, None while valid.  is_standing, is_restored : see the module
+    """State of one quantity.  finding : first one of the refusal in force, None while valid
 
-    has_witness : whether an independent source that agrees ends its contradiction
+    is_standing, is_restored : see the module;  has_witness : whether agreement of an independent source ends its
+    contradiction
     """
 
     def __init__(self, *, has_witness: bool = False) -> None:
@@ -55,12 +56,12 @@ class Admission:
 
     @property
     def is_valid(self) -> bool:
-        """Whether it may be used."""
+        """Whether the quantity may be used."""
         return self.finding is None
 
     @property
     def readmission_condition(self) -> str:
-        """What would make it valid again."""
+        """The condition of readmission, for people; "" while valid."""
         if self.is_valid:
             return ""
         if not self.is_standing:
@@ -72,7 +73,7 @@ class Admission:
 
     @property
     def is_unconfirmed(self) -> bool:
-        """Whether a contradiction stands, and all tests have passed for long enough since."""
+        """Whether a contradiction stands and all tests have since passed long enough."""
         return self.is_standing and self._has_passed
 
     @property
@@ -81,12 +82,12 @@ class Admission:
         return since_ns is not None and self._newest_ns - since_ns >= PASS_S * SECOND_NS and self._passed >= PASS_FIXES
 
     def restore(self, finding: PlausibilityFinding) -> None:
-        """Begin with a refusal of before this process."""
+        """Begin with a refusal from before the start of this process."""
         self.finding, self.reasons = finding, (finding.reason,)
         self.is_standing = self.is_restored = finding.is_standing
 
     def fail(self, finding: PlausibilityFinding) -> AdmissionChange | None:
-        """A test does not pass."""
+        """A test fails."""
         self._passed_since_ns, self._passed = None, 0
         is_paused = (
             finding.is_standing and self._established_ns is not None and finding.onset_ns >= self._established_ns
@@ -101,7 +102,7 @@ class Admission:
         return AdmissionChange.STANDING if began_to_stand else None
 
     def close(self) -> AdmissionChange | None:
-        """The contradiction has ended: the operator says so, or a step of the source has cancelled it."""
+        """End the contradiction: by the operator, or by a step of the source that cancels it."""
         if not self.is_standing:
             return None
         self.is_standing = self.is_restored = False
@@ -126,7 +127,7 @@ class Admission:
         return AdmissionChange.VALID if was_refused else None
 
     def reset_passed(self) -> None:
-        """What has passed does not count: fixes are missing behind it, or a step came."""
+        """Restart the count of passed tests after missing fixes or a step."""
         self._passed_since_ns, self._passed = None, 0
 
     @property

@@ -1,10 +1,10 @@
-"""Test of attitude sources against each other: roll, pitch, heading of three or more, five times a second.
+"""Compares attitude sources with each other: roll, pitch, heading of three or more, five times a second.
 
     |a - b| > 5.5 sqrt(sd_a^2 + sd_b^2 + (rate s_t)^2) + limit      for 2 s
 
-Limit: 1 deg of roll and pitch (mounting), 5 deg of heading (a magnetic heading is one without declination only where it
-is known).  A source that contradicts two others that agree with each other is refused.  Two alone cannot be told apart:
-an event says that they disagree, and neither is refused.
+Limit: 1 deg of roll and pitch (mounting), 5 deg of heading (magnetic headings are corrected only where the declination
+is known).  A source that contradicts two others that agree with each other is refused.  With two sources alone an event
+reports the disagreement, and neither is refused.
 """
 
 from __future__ import annotations
@@ -22,18 +22,18 @@ from fti.types import Attitude, Reason
 LIMITS = {"roll": math.radians(1.0), "pitch": math.radians(1.0), "heading": math.radians(5.0)}
 #: Sigma of a heading that states none [rad].
 HEADING_SD_UNKNOWN = math.radians(2.0)
-#: Between the times of two sources [s].
+#: One sigma of the time difference of two sources [s].
 TIME_SD_S = 0.03
 STEP_NS, MIN_DURATION_NS = SECOND_NS // 5, 2 * SECOND_NS
 MAX_AGE_NS = SECOND_NS // 2
-#: Attitudes that come more often are not all kept [ns].
+#: Minimum time between stored attitudes [ns].
 MIN_STEP_NS = 35_000_000
 Pair = tuple[str, str]
 
 
 @dataclass(slots=True)
 class _Dispute:
-    """Two sources that disagree.  since_ns : begin; last_ns : newest comparison beyond; agreed_ns : first one within"""
+    """Two sources that disagree.  since_ns : begin; agreed_ns : first comparison within the limit since"""
 
     since_ns: int
     text: str
@@ -49,8 +49,8 @@ class AttitudeComparison:
         self._disputes: dict[Pair, _Dispute] = {}
         self._due_ns: int | None = None
 
-    def take(self, source: str, m: Attitude, t_ns: int) -> None:
-        """Take an attitude that was true at t_ns."""
+    def feed(self, source: str, m: Attitude, t_ns: int) -> None:
+        """Add an attitude valid at t_ns."""
         parts = self._parts.get(source)
         if parts is None:
             parts = self._parts[source] = {name: Series(angle=True) for name in LIMITS}
@@ -96,7 +96,7 @@ class AttitudeComparison:
         return (pair, "", False) if dispute.is_lasting else None
 
     def _difference(self, pair: Pair, t_ns: int) -> str | None:
-        """What two sources differ in beyond its limit, in words; "" for nothing; None when they cannot be compared."""
+        """Text of a difference of two sources beyond its limit; "" without one; None if they are not comparable."""
         compared = False
         for name, limit in LIMITS.items():
             series = [self._parts[source][name] for source in pair]
@@ -114,7 +114,7 @@ class AttitudeComparison:
         return "" if compared else None
 
     def angle(self, source: str, name: str, t_ns: int) -> tuple[Value | None, float]:
-        """Roll, pitch or heading of a source at a time [rad], and the size of its rate [rad/s]."""
+        """Roll, pitch or heading of a source at a time [rad], and the magnitude of its rate [rad/s]."""
         series = self._parts[source][name]
         return series.at(t_ns, MAX_AGE_NS), abs(series.slope(t_ns, SECOND_NS // 2, SECOND_NS // 10) or 0.0)
 
@@ -123,7 +123,7 @@ class AttitudeComparison:
         return tuple(sorted((one, other))) in self._disputes
 
     def finding(self, source: str) -> PlausibilityFinding | None:
-        """Against a source: it contradicts two others that do not contradict each other."""
+        """The finding against a source that contradicts two others that agree with each other."""
         against = [pair for pair, dispute in self._disputes.items() if dispute.is_lasting and source in pair]
         others = [name for pair in against for name in pair if name != source]
         if not any(tuple(sorted(two)) not in self._disputes for two in combinations(others, 2)):
@@ -133,9 +133,9 @@ class AttitudeComparison:
 
     @property
     def sources(self) -> tuple[str, ...]:
-        """All that have given an attitude."""
+        """All sources of an attitude so far."""
         return tuple(self._parts)
 
     def disputes_of(self, source: str) -> bool:
-        """Whether it disagrees with another one at present."""
+        """Whether a source disagrees with another one at present."""
         return any(dispute.is_lasting and source in pair for pair, dispute in self._disputes.items())

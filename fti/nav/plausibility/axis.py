@@ -2,13 +2,13 @@
 
     c_k = c_(k-1) + (x_k - x_(k-1)) - (V(t_k) - V(t_(k-1)))
 
-x: position along the axis [m]; V: integral of the velocity that the same device states.  c of a sound source changes by
-its errors alone.  ``jump`` compares c_k - c_(k-1), ``drift`` the difference over 10 to 120 s, ``scatter`` the variance
-over a minute.  While the digits repeat suspiciously the fix waits: it is judged with the first different one, over the
-whole time between them, or by ``repeated``.
+x: position along the axis [m]; V: integral of the velocity of the same device.  c of a sound source changes by its
+errors alone.  ``jump`` compares c_k - c_(k-1), ``drift`` the difference over 10 to 120 s, ``scatter`` the variance over
+a minute.  While digits repeat suspiciously, the fix is held back: it is evaluated with the first different one, over
+the whole time between them, or by ``repeated``.
 
 A step and a ramp leave a standing contradiction D: c - c(onset).  It ends by a step back ("closure"): the source steps,
-and D is cancelled within 4.2 sigma of what has accumulated since the onset, which must be below half of D.
+and D is cancelled within 4.2 sigma of the errors accumulated since the onset, which must be below half of D.
 """
 
 from __future__ import annotations
@@ -30,22 +30,22 @@ from fti.nav.plausibility.velocity_integral import Integral, VelocityIntegral
 from fti.nav.time_series import SECOND_NS, wrap
 from fti.types import Reason
 
-#: Fixes that come more often are not all tested [ns].
+#: Minimum time between tested fixes [ns].
 MIN_STEP_NS = 80_000_000
-#: Windows of the test of drift [s], and how often it is made.
+#: Windows of the drift test [s], its period [ns], and size of the history.
 WINDOWS_S = (10, 20, 40, 60, 120)
 HISTORY_NS = SECOND_NS
 HISTORY_SIZE = 122
 #: Newest entries of the test of scatter: a minute.
 SCATTER_ENTRIES = 60
 SCATTER_PERIOD = 10
-#: Positions that are farther apart are not joined by the limits of speed [s].
+#: Maximum gap over which the limits of speed are tested [s].
 MAX_BRIDGE_S = 60.0
-#: A velocity may be continued for so long before a fix waits for the next one [s].
+#: Maximum extrapolation of a velocity before a fix waits for the next one [s].
 MAX_AGE_S = 0.3
-#: A stated sigma that has changed by more than this factor is that of another kind of fix.
+#: A larger change of the stated sigma indicates another kind of fix [factor].
 MAX_SIGMA_RATIO = 1.5
-#: The variance of what is drawn anew is a mean over so many fixes; of few, its own error would widen the tails.
+#: Fixes of the mean of the white variance; with fewer, its own error would widen the tails.
 WHITE_FIXES = 200.0
 
 
@@ -64,7 +64,7 @@ class AxisFix:
 
 @dataclass(frozen=True, slots=True)
 class _AxisState:
-    """State behind one fix.  path, speed : integral of the velocity, None without one; segment : of the velocities"""
+    """State after one fix.  path, speed : integral of the velocity, and velocity; segment : of the velocities"""
 
     t_ns: int
     c: float
@@ -75,7 +75,7 @@ class _AxisState:
 
 
 class _EarlierFix(NamedTuple):
-    """An earlier fix: so long ago; its speed along the axis [m/s]; path since [m]; its sigma [m]."""
+    """An earlier fix: time since [s]; its speed along the axis [m/s]; path since [m]; its sigma [m]."""
 
     seconds: float
     speed: float
@@ -87,7 +87,7 @@ class _EarlierFix(NamedTuple):
 class StandingContradiction:
     """A contradiction that has not ended.
 
-    offset : D [m], None once it cannot be followed any more;  last_offset : D when it could be followed last [m]
+    offset : D [m], None when it is no longer tracked;  last_offset : last tracked D [m]
     """
 
     onset_ns: int
@@ -97,11 +97,11 @@ class StandingContradiction:
 
     @property
     def size(self) -> float | None:
-        """The newest D that is known [m]; None: none ever was."""
+        """The newest known D [m]; None if it was never known."""
         return self.last_offset if self.offset is None else self.offset
 
     def lose(self) -> None:
-        """It cannot be followed any more."""
+        """Stop tracking D."""
         self.last_offset, self.offset = self.size, None
 
 
@@ -113,7 +113,7 @@ class AxisTests:
         self.velocity = VelocityIntegral()
         self.contradiction: StandingContradiction | None = None
         self.is_closed = False
-        self.is_suspected = False  # the last test of drift was above half of its limit
+        self.is_suspected = False  # the last drift test was above half of its limit
         self._acceleration = limits.acceleration_mps2
         self._max_speed = max_speed
         self._is_angle = is_angle
@@ -121,7 +121,7 @@ class AxisTests:
         self._repetition = RepetitionTest()
         self._last: AxisFix | None = None
         self._last_at: Integral | None = None
-        self._max_change = 0.0  # in units of the value, until the next fix that is judged in any case
+        self._max_change = 0.0  # in units of the value: a larger change is always tested
         self._pending: AxisFix | None = None
         self._previous: Integral | None = None
         self._c = 0.0
@@ -132,8 +132,8 @@ class AxisTests:
     # ------------------------------------------------------------------------------------------------------ taking
 
     def feed_velocity(self, t_ns: int, speed: float) -> list[PlausibilityFinding] | None:
-        """Take a velocity along the axis [m/s]; a fix that has waited for it is judged.  None: nothing was judged"""
-        self.velocity.take(t_ns, speed)
+        """Add a velocity along the axis [m/s]; evaluates a fix that waited for it.  None: nothing was evaluated"""
+        self.velocity.feed(t_ns, speed)
         pending = self._pending
         if pending is None or (self.velocity.newest_ns or 0) < pending.t_ns:
             return None
@@ -141,10 +141,10 @@ class AxisTests:
         return self._evaluate(pending)
 
     def is_due(self, t_ns: int, value: float) -> bool:
-        """Whether a fix of this time is judged, or ends that one waits: not all are that come often.
+        """Whether a fix of this time is evaluated, or releases a waiting one: frequent fixes are skipped.
 
-        One that comes sooner is judged where it is farther away than the aircraft and its sigma make: otherwise every
-        second one could be anywhere.
+        An early one is evaluated if it is farther away than motion and sigma explain: otherwise every second fix could
+        be anywhere.
         """
         last = self._last
         if self._pending is not None or not last or t_ns - last.t_ns >= MIN_STEP_NS:
@@ -152,33 +152,33 @@ class AxisTests:
         return t_ns >= last.t_ns and abs(self._difference(value, last)) > self._max_change
 
     def feed_fix(self, fix: AxisFix) -> list[PlausibilityFinding] | None:
-        """Take a fix.  None: nothing was judged"""
-        found: list[PlausibilityFinding] = []
+        """Add a fix.  None: nothing was evaluated"""
+        findings: list[PlausibilityFinding] = []
         if self._pending:
             pending, self._pending = self._pending, None
-            found += self._evaluate(pending) or ()
+            findings += self._evaluate(pending) or ()
         if not self.is_due(fix.t_ns, fix.value):
-            return found or None
+            return findings or None
         at = self.velocity.at(fix.t_ns)
         if at and at.age_s > MAX_AGE_S and not self._is_gross(fix, at):
             self._pending = fix
-            return found or None
-        judged = self._evaluate(fix)
-        return found or None if judged is None else found + judged
+            return findings or None
+        new_findings = self._evaluate(fix)
+        return findings or None if new_findings is None else findings + new_findings
 
     def _is_gross(self, fix: AxisFix, at: Integral) -> bool:
-        """Whether it is a step even with any acceleration since the newest velocity, so that it need not wait."""
+        """Whether it is a step at any acceleration since the newest velocity, so that it need not wait."""
         if self._last is None or self._last_at is None:
             return False
         return abs(self._residual(fix, at)) > self._jump_limit(fix, at)
 
     def readmit(self) -> None:
-        """The operator takes the source as it is now."""
+        """Accept the present values of the source by order of the operator."""
         self.contradiction = None
         self._restart()
 
     def invalidate(self) -> None:
-        """The source is where the axis is none: what comes behind that is not compared with what was before."""
+        """The axis is undefined at the position: later fixes are not compared with earlier ones."""
         self._last = self._last_at = self._pending = self._previous = None
         self._restart()
         self._lose_contradiction()
@@ -204,12 +204,12 @@ class AxisTests:
         if self._repetition.is_suspicious:
             return None
         self._resolution.update(fix.value)
-        found = self._compare(fix, at) if joined and at else self._bridge(fix, at)
+        findings = self._compare(fix, at) if joined and at else self._bridge(fix, at)
         self._follow(fix, at)
-        return found
+        return findings
 
     def _moved_by_velocity(self, at: Integral | None) -> float:
-        """By the stated velocity since the last fix that was looked at [m]."""
+        """Path by the stated velocity since the last evaluated fix [m]."""
         before = self._previous
         self._previous = at
         return at.path - before.path if at and before and at.segment == before.segment else 0.0
@@ -219,7 +219,7 @@ class AxisTests:
         run_s = (fix.t_ns - run.since_ns) / SECOND_NS
         text = f"{self.name}: the same value for {run_s:.1f} s, in which its velocity makes {abs(run.moved):.1f} m"
         self._last_at = (
-            None  # the next different value is joined with the first of the run by the limits of speed alone
+            None  # the next different value is compared with the first of the run by the limits of speed alone
         )
         self._restart()
         self._lose_contradiction()
@@ -238,7 +238,7 @@ class AxisTests:
             self._restart()
 
     def _lose_contradiction(self) -> None:
-        """The contradiction cannot be followed over a break: no step can be known to end it."""
+        """Stop tracking the contradiction at a gap: no step can end it any more."""
         if self.contradiction:
             self.contradiction.lose()
 
@@ -256,18 +256,18 @@ class AxisTests:
     # ----------------------------------------------------------------------------------------------- impossible, gap
 
     def _bridge(self, fix: AxisFix, at: Integral | None) -> list[PlausibilityFinding]:
-        """Between fixes that no velocity joins: what the aircraft cannot fly."""
+        """Test fixes without a velocity in between against the speed limit of the aircraft."""
         assert self._last is not None
         self._restart()
         self._lose_contradiction()
         seconds = (fix.t_ns - self._last.t_ns) / SECOND_NS
         if seconds > MAX_BRIDGE_S:
             return []
-        flown, sd = abs(self._displacement(fix)), math.hypot(fix.sigma.position, fix.sigma.step)
+        distance, sd = abs(self._displacement(fix)), math.hypot(fix.sigma.position, fix.sigma.step)
         limit = self._max_speed * seconds + K_FALSE * math.sqrt(2.0) * sd
-        if flown <= limit:
+        if distance <= limit:
             return []
-        text = f"{self.name}: {flown:.0f} m in {seconds:.1f} s, at most {limit:.0f} m are possible"
+        text = f"{self.name}: {distance:.0f} m in {seconds:.1f} s, at most {limit:.0f} m are possible"
         return [
             self._open_contradiction(
                 PlausibilityFinding(Reason.IMPOSSIBLE, fix.t_ns, text, is_standing=True), None, fix.t_ns, 0.0
@@ -276,13 +276,14 @@ class AxisTests:
 
     # -------------------------------------------------------------------------------------------------- jump, drift
 
-    def _variance(self, fix: AxisFix, at: Integral, then: _EarlierFix) -> float:
-        """Variance of c(fix) - c(then) [m^2].
+    def _variance(self, fix: AxisFix, at: Integral, earlier: _EarlierFix) -> float:
+        """Variance of c(fix) - c(earlier) [m^2].
 
-        Where the stated sigma has become another, as of a receiver that finds its corrections, so has the slow error.
+        Where the stated sigma has changed, as when a receiver gets corrections, the slow error has changed, too.
         """
-        span = FixInterval(then.seconds, max(abs(at.speed), abs(then.speed)), at.speed - then.speed, then.path)
-        larger, smaller = max(fix.sigma.position, then.sigma), min(fix.sigma.position, then.sigma)
+        speed = max(abs(at.speed), abs(earlier.speed))
+        span = FixInterval(earlier.seconds, speed, at.speed - earlier.speed, earlier.path)
+        larger, smaller = max(fix.sigma.position, earlier.sigma), min(fix.sigma.position, earlier.sigma)
         white = larger**2 if larger > MAX_SIGMA_RATIO * smaller else self._white_of(fix)
         sigma = fix.sigma if larger == fix.sigma.position else replace(fix.sigma, position=larger)
         return difference_variance(sigma, white, span)
@@ -296,8 +297,8 @@ class AxisTests:
         assert self._last_at is not None
         seconds = (fix.t_ns - self._last.t_ns) / SECOND_NS
         path = abs(at.path - self._last_at.path)
-        then = _EarlierFix(seconds, self._last_at.speed, path, self._last.sigma.position)
-        sd = math.sqrt(self._variance(fix, at, then))
+        earlier = _EarlierFix(seconds, self._last_at.speed, path, self._last.sigma.position)
+        sd = math.sqrt(self._variance(fix, at, earlier))
         between = min(seconds, self.velocity.interval_s)
         return K_JUMP * sd + self._acceleration * (between**2 / 8.0 + at.age_s**2 / 2.0)
 
@@ -339,8 +340,8 @@ class AxisTests:
     def _is_cancelled(self, fix: AxisFix, at: Integral, contradiction: StandingContradiction, before: float) -> bool:
         seconds = (fix.t_ns - contradiction.onset_ns) / SECOND_NS
         path = abs(at.path - contradiction.path)
-        then = _EarlierFix(seconds, at.speed, path, fix.sigma.position)
-        within = K_CLOSURE * math.sqrt(self._variance(fix, at, then))
+        earlier = _EarlierFix(seconds, at.speed, path, fix.sigma.position)
+        within = K_CLOSURE * math.sqrt(self._variance(fix, at, earlier))
         return contradiction.offset is not None and abs(contradiction.offset) <= within < abs(before) / 2.0
 
     def _open_contradiction(
@@ -359,19 +360,19 @@ class AxisTests:
             history.clear()
         history.append(_AxisState(fix.t_ns, self._c, at.path, at.speed, fix.sigma.position, at.segment))
         self._history_count += 1
-        found = self._find_drift(fix, at)
-        if not found and self._history_count % SCATTER_PERIOD == 0:
-            found = self._find_scatter(fix)
-        if found:
+        findings = self._find_drift(fix, at)
+        if not findings and self._history_count % SCATTER_PERIOD == 0:
+            findings = self._find_scatter(fix)
+        if findings:
             history.clear()
-        return found
+        return findings
 
     def _find_drift(self, fix: AxisFix, at: Integral) -> list[PlausibilityFinding]:
         self.is_suspected = False
         for past, acceleration in self._window_begins(fix.t_ns):
             seconds, drift = (fix.t_ns - past.t_ns) / SECOND_NS, self._c - past.c
-            then = _EarlierFix(seconds, past.speed, abs(at.path - past.path), past.sigma)
-            sd = math.sqrt(self._variance(fix, at, then))
+            earlier = _EarlierFix(seconds, past.speed, abs(at.path - past.path), past.sigma)
+            sd = math.sqrt(self._variance(fix, at, earlier))
             allowance = acceleration * self.velocity.interval_s**2 / 6.0
             self.is_suspected = self.is_suspected or abs(drift) > 0.5 * K_FALSE * sd + allowance
             if abs(drift) > K_FALSE * sd + allowance:
@@ -382,9 +383,9 @@ class AxisTests:
         return []
 
     def _window_begins(self, t_ns: int) -> Iterator[tuple[_AxisState, float]]:
-        """The newest entry that is as old as each window, as far as the history goes; the acceleration since then.
+        """For each window in the history its newest old enough entry, and the acceleration since then.
 
-        That is the largest change of the velocity from entry to entry, at most the limit of the aircraft [m/s^2].
+        It is the largest change of the velocity from entry to entry, at most the limit of the aircraft [m/s^2].
         """
         begins_ns = [t_ns - window * SECOND_NS for window in reversed(WINDOWS_S)]
         change, speed = 0.0, self._history[-1].speed if self._history else 0.0

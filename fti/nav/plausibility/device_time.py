@@ -1,11 +1,10 @@
-"""Test ``device_time``: the time that a device states against the arrival of its messages.
+"""Test ``device_time``: device time against the arrival of messages.
 
-late = arrival - device time - smallest of the last minute.  A time that goes ahead by more than FORWARD_S cannot be
-lateness: the message would arrive before it was sent.  One that falls behind by more than BEHIND_S for LASTING_S,
-without a message that is on time, is a step and not a delay.  A time that stands still while messages arrive, and one
-that goes back message after message, are findings too.  Five messages in a row are needed for each.  After a finding,
-and after a gap of arrivals (a device that restarts), the relation is learned anew; counters that start again at a known
-period go on.
+late = arrival - device time - minimum of both over the last minute.  A device time early by more than MAX_EARLY_S is a
+step: the message would arrive before it was sent.  One late by more than MAX_LATE_S for MIN_DURATION_S, without a
+message on time, is a step and not a delay.  A time that stands still while messages arrive, and one that decreases in
+consecutive messages, are findings too.  Each needs five consecutive messages.  After a finding, and after a gap of
+arrivals (a device restart), the relation is learned again; counters that wrap at a known period are accepted.
 """
 
 from __future__ import annotations
@@ -41,7 +40,7 @@ class DeviceTimeTest:
         self._off_since_ns = 0
 
     def update(self, stamp: Stamp) -> list[PlausibilityFinding]:
-        """Take the stamp of a message; its device time must be there."""
+        """Test the stamp of a message, which must have a device time."""
         assert stamp.t_dev_ns is not None
         rx, dev = stamp.t_rx_ns, stamp.t_dev_ns
         last, self._last = self._last, (rx, dev)
@@ -49,10 +48,10 @@ class DeviceTimeTest:
             return []
         if last is None or rx - last[0] > MAX_GAP_NS:
             self._reset()
-        found = self._find(rx, dev, last)
-        if found:
+        findings = self._find(rx, dev, last)
+        if findings:
             self._reset()
-        return found
+        return findings
 
     def _reset(self) -> None:
         self._min_offsets.clear()

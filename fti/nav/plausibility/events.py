@@ -1,4 +1,4 @@
-"""Events of refusals: which source, which test, since when, what was compared, and what would make it valid again."""
+"""Events of refusals: source, test, onset, compared values, and condition of readmission."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def clock_text(t_ns: int) -> str:
 
 
 def describe_restored(t_ns: int, source: str, quantity: str, admission: Admission) -> Event:
-    """Event of a refusal of before this process."""
+    """Event of a refusal from before the start of this process."""
     assert admission.finding is not None
     why, since = admission.finding.reason, clock_text(admission.finding.onset_ns)
     text = f"{quantity} still refused after navigation was started again: {why}; since {since} UTC; "
@@ -25,7 +25,7 @@ def describe_restored(t_ns: int, source: str, quantity: str, admission: Admissio
 
 
 def describe(t_ns: int, source: str, quantity: str, admission: Admission, change: AdmissionChange) -> Event:
-    """Event of a change."""
+    """Event of a change of admission."""
     if change is AdmissionChange.VALID:
         text = f"{quantity} valid again: all tests have passed"
         return Event(t_ns=t_ns, level="info", source=source, text=text)

@@ -1,4 +1,4 @@
-"""What a test has found against a source."""
+"""A finding of a test against a source."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from fti.types import Reason
 
 @dataclass(frozen=True, slots=True)
 class PlausibilityFinding:
-    """A test that does not pass.
+    """A failed test.
 
-    is_standing : the contradiction did not end with the finding (a step, a ramp); it is still there when all later
-                  values agree with each other
-    onset_ns    : when it began, as far as that is known;  text : what was compared, with figures
+    is_standing : whether the contradiction persists after the finding (a step, a ramp), although all later values agree
+                  with each other
+    onset_ns    : its begin, as far as known;  text : the compared values
     """
 
     reason: Reason

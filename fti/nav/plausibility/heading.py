@@ -1,9 +1,9 @@
-"""Test ``heading_track``: in wings-level flight the heading is that of the track but for the wind.
+"""Test ``heading_track``: in wings-level flight heading and track differ by the wind only.
 
     |heading - track| <= asin(wind / speed) + 5.5 sd + 3 deg
 
-wind: the strongest of the configuration; tested from 1.5 times that speed on, and refused after 10 s beyond.  At 60 m/s
-with a wind of 40 m/s that is 42 deg and more: the test sees a heading that is grossly wrong.
+wind: the configured maximum; tested above 1.5 times that speed, and refused after 10 s beyond the limit.  At 60 m/s
+with a wind of 40 m/s the limit is 42 deg and more: the test detects gross heading errors.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ LEVEL = math.radians(5.0)
 SIDESLIP = math.radians(3.0)
 SPEED_RATIO = 1.5
 MIN_DURATION_NS = 10 * SECOND_NS
-#: A track is compared with attitudes that are no farther away [ns].
+#: Maximum time between compared track and attitude [ns].
 MAX_PAIRING_NS = SECOND_NS
 
 
 class HeadingTest:
-    """Headings of one source.  wind : the strongest one [m/s]"""
+    """Headings of one source.  wind : the maximum [m/s]"""
 
     def __init__(self, wind: float) -> None:
         self._wind = wind
@@ -34,11 +34,11 @@ class HeadingTest:
         self._since_ns: int | None = None
 
     def feed_track(self, t_ns: int, north: float, east: float) -> None:
-        """Take a velocity over ground of a source that is valid [m/s]."""
+        """Add a velocity over ground of a valid source [m/s]."""
         self._track = t_ns, math.hypot(north, east), math.atan2(east, north)
 
-    def take(self, t_ns: int, m: Attitude) -> list[PlausibilityFinding] | None:
-        """Take an attitude; None where it cannot be compared."""
+    def feed(self, t_ns: int, m: Attitude) -> list[PlausibilityFinding] | None:
+        """Add an attitude; None where it is not comparable."""
         if m.roll is not None:
             self._roll = t_ns, m.roll
         if m.heading is None or not math.isfinite(m.heading) or not self._is_comparable(t_ns):
@@ -58,7 +58,7 @@ class HeadingTest:
         return [PlausibilityFinding(Reason.HEADING_TRACK, self._since_ns, text)]
 
     def _is_comparable(self, t_ns: int) -> bool:
-        """In flight, wings level, with a track of now; else a contradiction must begin anew."""
+        """Whether the flight is wings level with a current track; otherwise a contradiction restarts."""
         is_level = self._roll is not None and t_ns - self._roll[0] <= MAX_PAIRING_NS and abs(self._roll[1]) <= LEVEL
         is_moving = self._track is not None and abs(t_ns - self._track[0]) <= MAX_PAIRING_NS
         is_fast = is_moving and self._track is not None and self._track[1] >= SPEED_RATIO * self._wind

@@ -1,4 +1,4 @@
-"""Tests of one source for all devices of position and attitude: what they refuse is invalid for all of navigation."""
+"""Runs the tests of single sources for all devices of position and attitude; refused data are invalid in navigation."""
 
 from __future__ import annotations
 
@@ -36,15 +36,15 @@ from fti.types import (
 )
 
 T = TypeVar("T", Position, Velocity, Attitude)
-#: Validities are composed so often [ns], and repeated after so many of these periods when they have not changed.
+#: Period of source validities [ns], and of their repetition without a change [periods].
 COMPOSE_NS, REPEAT_SLOTS = SECOND_NS // 10, 5
-#: A source that was heard within so long can be compared with [ns].
+#: Maximum age of a source for comparisons [ns].
 SOURCE_TIMEOUT_NS = 5 * SECOND_NS
 ATTITUDE, HEADING = "attitude", "heading"
 
 
 class PlausibilityMonitor:
-    """All sources of a configuration: roles, and what aids filter and radio position."""
+    """All sources of a configuration: roles, and sources that aid filter and radio position."""
 
     def __init__(self, config: Config) -> None:
         devices = {device.name: device for device in config.device}
@@ -63,14 +63,14 @@ class PlausibilityMonitor:
         self._slot: int | None = None
         self._published: dict[str, SourceValidity] = {}
 
-    def wants(self, device: str, kind: type[Measurement]) -> bool:
+    def accepts(self, device: str, kind: type[Measurement]) -> bool:
         """Whether measurements of this kind of a device are tested."""
         if issubclass(kind, Attitude):
             return device in self._attitudes
         return issubclass(kind, (Position, Velocity)) and device in self._tests
 
     def check(self, device: str, m: Measurement, t_ns: int) -> list[Measurement]:
-        """The measurement as it may be used: the same one, or invalid, or in two parts of which one is invalid."""
+        """The measurement with its validity after the tests: the same, invalid, or split with one invalid part."""
         self._newest_ns[device] = max(t_ns, self._newest_ns.get(device, t_ns))
         if isinstance(m, Attitude):
             return [*self._check_attitude(device, m, t_ns)]
@@ -93,11 +93,11 @@ class PlausibilityMonitor:
                 test.feed_track(t_ns, north, east)
 
     def _check_attitude(self, device: str, m: Attitude, t_ns: int) -> list[Attitude]:
-        self._comparison.take(device, m, t_ns)
+        self._comparison.feed(device, m, t_ns)
         admission = self._headings[device]
-        found = self._heading_tests[device].take(t_ns, m) if m.valid else None
-        if found is not None:
-            changes = [admission.fail(finding) for finding in found] or [admission.passes(t_ns)]
+        findings = self._heading_tests[device].feed(t_ns, m) if m.valid else None
+        if findings is not None:
+            changes = [admission.fail(finding) for finding in findings] or [admission.passes(t_ns)]
             self._events += [describe(t_ns, device, HEADING, admission, change) for change in changes if change]
         if not self._attitudes[device].is_valid:
             return [replace(m, valid=False)]
@@ -108,21 +108,21 @@ class PlausibilityMonitor:
 
     @property
     def suspected(self) -> frozenset[str]:
-        """Sources of position that drift by more than half of what refuses them, or whose signals show a sign.
+        """Sources of position that drift by more than half of the limit, or whose signals are suspicious.
 
-        The drift of one that has fallen silent is not known any more.
+        A silent source is not included for its drift.
         """
         signs = {name for name, test in self._signals.items() if test.is_suspected(self._signs_ns)}
         drifting = {name: tests.newest_ns for name, tests in self._tests.items() if tests.is_suspected}
-        heard = {name for name, then_ns in drifting.items() if self._signs_ns - (then_ns or 0) <= SOURCE_TIMEOUT_NS}
-        return frozenset(signs | heard)
+        current = {name for name, t_ns in drifting.items() if self._signs_ns - (t_ns or 0) <= SOURCE_TIMEOUT_NS}
+        return frozenset(signs | current)
 
     def watches_signals(self, device: str, kind: type[Measurement]) -> bool:
-        """Whether C/N0 or clock of a device that aids the filter are compared."""
+        """Whether C/N0 or clock of a device, which aids the filter, are tested."""
         return device in self._signals and issubclass(kind, (Satellites, ReceiverClock))
 
     def feed_signals(self, device: str, m: Satellites | ReceiverClock, t_ns: int) -> list[Output | Event]:
-        """Compare the signals of a receiver with those of before."""
+        """Compare the signals of a receiver with earlier ones."""
         test, self._signs_ns = self._signals[device], max(self._signs_ns, t_ns)
         sign = test.feed_satellites(t_ns, m) if isinstance(m, Satellites) else test.feed_clock(t_ns, m)
         if sign is None:
@@ -135,7 +135,7 @@ class PlausibilityMonitor:
         return device in self._tests and issubclass(kind, (Pseudoranges, Ephemeris))
 
     def feed_ranges(self, device: str, m: Pseudoranges | Ephemeris, t_ns: int) -> None:
-        """Take raw observations or an ephemeris of a receiver."""
+        """Add raw observations or an ephemeris of a receiver."""
         self._tests[device].feed_ranges(m, t_ns)
 
     def drain_events(self) -> list[Event]:
@@ -144,21 +144,21 @@ class PlausibilityMonitor:
         return events
 
     def feed_filter(self, solution: FilterSolution) -> None:
-        """Take what the filter says; attitudes are compared with it."""
-        self._filter_test.take(solution)
+        """Compare attitudes with a filter solution."""
+        self._filter_test.feed(solution)
 
     def readmit(self, device: str, t_ns: int) -> list[Event]:
-        """The operator has confirmed a source; its contradiction does not count any more.  Raises KeyError."""
+        """End the contradiction of a source by order of the operator.  Raises KeyError."""
         return self._tests[device].readmit(t_ns)
 
     def find_unconfirmed(self, device: str) -> UnconfirmedSource | None:
-        """What of a source is unconfirmed, and agrees with itself; None: nothing, or it is no source of position."""
+        """The unconfirmed quantities of a source that pass their tests; None: none, or not a source of position."""
         tests = self._tests.get(device)
         return tests.unconfirmed_source if tests else None
 
     @property
     def contradiction_sizes(self) -> dict[str, float]:
-        """Contradictions of positions that stand, by source, as far as their sizes are known [m]."""
+        """Sizes of standing contradictions of positions by source, where known [m]."""
         sizes = {name: tests.position_size for name, tests in self._tests.items()}
         return {name: size for name, size in sizes.items() if size is not None}
 
@@ -168,15 +168,15 @@ class PlausibilityMonitor:
 
     @property
     def _admissions(self) -> dict[tuple[str, RefusedPart], Admission]:
-        """Of each source and part."""
-        found = {(name, RefusedPart.POSITION): tests.position for name, tests in self._tests.items()}
-        found |= {(name, RefusedPart.ALTITUDE): tests.altitude for name, tests in self._tests.items()}
-        found |= {(name, RefusedPart.ATTITUDE): admission for name, admission in self._attitudes.items()}
-        return found | {(name, RefusedPart.HEADING): admission for name, admission in self._headings.items()}
+        """The admission of each part of each source."""
+        admissions = {(name, RefusedPart.POSITION): tests.position for name, tests in self._tests.items()}
+        admissions |= {(name, RefusedPart.ALTITUDE): tests.altitude for name, tests in self._tests.items()}
+        admissions |= {(name, RefusedPart.ATTITUDE): admission for name, admission in self._attitudes.items()}
+        return admissions | {(name, RefusedPart.HEADING): admission for name, admission in self._headings.items()}
 
     @property
     def refusals(self) -> list[CarriedRefusal]:
-        """Those in force."""
+        """The refusals in force."""
         return [
             CarriedRefusal(name, part, admission.finding.reason, admission.finding.onset_ns, admission.is_standing)
             for (name, part), admission in self._admissions.items()
@@ -184,7 +184,7 @@ class PlausibilityMonitor:
         ]
 
     def restore(self, refusals: Iterable[CarriedRefusal], t_ns: int) -> list[Event]:
-        """Begin with refusals of before this process; those of others are left out."""
+        """Begin with refusals from before the start of this process; those of unknown sources are ignored."""
         events, admissions = [], self._admissions
         for refusal in refusals:
             admission = admissions.get((refusal.source, refusal.part))
@@ -197,11 +197,11 @@ class PlausibilityMonitor:
     # -------------------------------------------------------------------------------------------------------- output
 
     def tick(self, t_ns: int) -> list[Output | Event]:
-        """Let time pass: attitudes are compared, the validity of each source is given out."""
+        """Compare attitudes and output the validity of each source."""
         self._signs_ns = max(self._signs_ns, t_ns)
         self._compare_attitudes(t_ns)
         out: list[Output | Event] = [*self.drain_events()]
-        slot = t_ns // COMPOSE_NS  # of a clock of its own: periods counted from ticks, which jitter, are longer
+        slot = t_ns // COMPOSE_NS  # absolute periods: counted from ticks, which jitter, they would be longer
         if slot == self._slot:
             return out
         self._slot = slot
@@ -233,15 +233,15 @@ class PlausibilityMonitor:
     def _validity(self, name: str, t_ns: int) -> SourceValidity | None:
         tests, attitude = self._tests.get(name), self._attitudes.get(name)
         parts = [(tests.position, tests.altitude) if tests else (None, None), (attitude, self._headings.get(name))]
-        heard = [
+        tested = [
             part if part and (part.has_passed_once or not part.is_valid) else None for row in parts for part in row
         ]
-        known = [part for part in heard if part]
+        known = [part for part in tested if part]
         if not known:
             return None
         reasons = tuple(dict.fromkeys(reason for part in known for reason in part.all_reasons))
         refused = [part.finding for part in known if part.finding]
-        newest_ns = self._newest_ns.get(name)  # none of a refusal of before this process
+        newest_ns = self._newest_ns.get(name)  # None for a restored refusal without data yet
         is_stale = newest_ns is None or t_ns - newest_ns > self._max_age_ns[name]
         return SourceValidity(
             t_ns=t_ns,
@@ -250,26 +250,26 @@ class PlausibilityMonitor:
             valid=not refused and not is_stale,
             reasons=(*reasons, Reason.STALE) if is_stale else reasons,
             unchecked=() if refused or is_stale else self._unchecked(name, t_ns),
-            position_valid=_part_is_valid(heard[0]),
-            altitude_valid=_part_is_valid(heard[1], heard[0]),
-            attitude_valid=_part_is_valid(heard[2]),
-            heading_valid=_part_is_valid(heard[3], heard[2]),
+            position_valid=_part_is_valid(tested[0]),
+            altitude_valid=_part_is_valid(tested[1], tested[0]),
+            attitude_valid=_part_is_valid(tested[2]),
+            heading_valid=_part_is_valid(tested[3], tested[2]),
             onset_ns=min((finding.onset_ns for finding in refused), default=None),
             readmission="; ".join(dict.fromkeys(part.readmission_condition for part in known if not part.is_valid)),
         )
 
     def _unchecked(self, name: str, t_ns: int) -> tuple[Reason, ...]:
-        """Of a valid source: nothing to compare with, or another attitude that it disagrees with."""
-        found = (Reason.ATTITUDES_DISAGREE,) if self._comparison.disputes_of(name) else ()
+        """Unchecked reasons of a valid source: nothing to compare with, or a disagreeing attitude."""
+        reasons = (Reason.ATTITUDES_DISAGREE,) if self._comparison.disputes_of(name) else ()
         if name not in self._tests or self._has_filter:
-            return found
+            return reasons
         times = (tests.newest_ns for other, tests in self._tests.items() if other != name)
         is_alone = not any(newest is not None and t_ns - newest <= SOURCE_TIMEOUT_NS for newest in times)
-        return (*found, Reason.NOTHING_TO_COMPARE) if is_alone else found
+        return (*reasons, Reason.NOTHING_TO_COMPARE) if is_alone else reasons
 
 
 def _part_is_valid(part: Admission | None, *also: Admission | None) -> bool | None:
-    """Whether a part is valid, and what it depends on; None where it is not given."""
+    """Whether a part and those it depends on are valid; None where it is not given."""
     return None if part is None else part.is_valid and all(one is None or one.is_valid for one in also)
 
 

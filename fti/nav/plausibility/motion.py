@@ -11,7 +11,7 @@ from fti.nav.plausibility.sigmas import ARRIVAL_SD_S
 from fti.nav.time_series import SECOND_NS
 from fti.types import Reason
 
-#: Velocities that are compared for their acceleration lie at least so far apart, and at most [ns].
+#: Minimum and maximum time between velocities that are compared for their acceleration [ns].
 MIN_SEPARATION_NS, MAX_SEPARATION_NS = 450_000_000, 3 * SECOND_NS
 
 
@@ -24,7 +24,7 @@ class MotionTest:
         self._vertical: tuple[int, float] | None = None
 
     def update_level(self, t_ns: int, north: float, east: float, sd: float) -> list[PlausibilityFinding]:
-        """Take a horizontal velocity and its sigma [m/s]."""
+        """Test a horizontal velocity with its sigma [m/s]."""
         speed, limit = math.hypot(north, east), self._limits.speed_mps + K_FALSE * sd
         if speed > limit:
             return [PlausibilityFinding(Reason.IMPOSSIBLE, t_ns, f"{speed:.0f} m/s over ground, limit {limit:.0f} m/s")]
@@ -38,7 +38,7 @@ class MotionTest:
         return self._accelerates(t_ns, before[0], math.hypot(north - before[1], east - before[2]), sd)
 
     def update_vertical(self, t_ns: int, down: float, sd: float) -> list[PlausibilityFinding]:
-        """Take a vertical velocity and its sigma [m/s]."""
+        """Test a vertical velocity with its sigma [m/s]."""
         limit = self._limits.climb_mps + K_FALSE * sd
         if abs(down) > limit:
             return [

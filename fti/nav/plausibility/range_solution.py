@@ -1,14 +1,14 @@
-"""Position from the pseudoranges of GPS satellites, and whether they agree: snapshot RAIM.
+"""Position from the pseudoranges of GPS satellites, and their consistency: snapshot RAIM.
 
-    rho_i - T(E_i) + c dt_i = |s_i - x| + c b,      r: what is left,     chi2 = sum r_i^2 / sigma_i^2,  n - 4 degrees
+    rho_i - T(E_i) + c dt_i = |s_i - x| + c b,      r: residual,     chi2 = sum r_i^2 / sigma_i^2,  n - 4 degrees
     sigma_i^2 = URA^2 + (F(E) tau)^2 + (m(E) 0.25 m)^2 + noise^2
 
-s_i, dt_i are those of the broadcast ephemeris at transmission, turned with the earth until reception.  The ionosphere
-is not corrected: what all signals have in common goes into clock and height, and tau covers what differs.
+s_i, dt_i are those of the broadcast ephemeris at transmission, rotated with the earth until reception.  The ionosphere
+is not corrected: its common part enters clock and height, and tau covers the differences.
 
-Ranges agree where chi2 is below its limit.  Where it is not, the ranges without one satellite may agree, the one with
-the largest normalised residual first: each set that does is an explanation, and has a position.  Five ranges do not
-tell which one is wrong.  Two wrong ones have no explanation.
+Ranges agree where chi2 is below its limit.  Otherwise the ranges without one satellite may agree, tested from the
+largest normalised residual on: each consistent set is an explanation with a position.  Five ranges cannot identify the
+wrong one.  Two wrong ones have no explanation.
 
 Source: Parkinson and Axelrad 1988, Walter and Enge 1995 (weighted RAIM); Baarda 1968 (normalised residuals);
 RTCA DO-229D, A.4.4.10 (F, thin shell), A.4.2.4 (m), J.2.3 (tau: 9, 4.5 and 6 m below 20 deg, to 55 deg and above of
@@ -35,21 +35,21 @@ from fti.types import Ephemeris
 
 Array = NDArray[np.float64]
 
-#: Ranges that are needed for one residual; and so that the others tell which one is wrong.
+#: Minimum number of ranges for a residual, and to identify a wrong one.
 MIN_RANGES, MIN_TO_IDENTIFY = 5, 6
 N_UNKNOWNS = 4
-#: A position whose horizontal sigma is larger confirms nothing: 5.5 of it are the default alert limit [m].
+#: Maximum horizontal sigma of a position that confirms: 5.5 of it are the default alert limit [m].
 MAX_LEVEL_SD = 36.0
-#: Satellites below are left out [rad].
+#: Minimum elevation of satellites [rad].
 ELEVATION_MASK = math.radians(10.0)
-#: Of the ionosphere [m]: near the geomagnetic equator, elsewhere; the latitude that divides them [rad].
+#: Sigma of the ionosphere [m]: near the geomagnetic equator, elsewhere; the latitude between both [rad].
 TAU_EQUATOR_M, TAU_M, EQUATOR_LAT = 9.0, 6.0, math.radians(32.0)
 SHELL = 6_378_136.3 / (6_378_136.3 + 350_000.0)
 #: Residual of the troposphere at the zenith, noise and multipath at least [m].
 TROPOSPHERE_SD_M, MIN_NOISE_M = 0.25, 3.0
 #: Troposphere: delay at the zenith [m], bend of the mapping, scale of the height [1/m].
 ZENITH_DELAY_M, MAPPING, SCALE_HEIGHT = 2.47, 0.0121, 1.33e-4
-#: Heights that are conceivable for the troposphere [m].
+#: Height limits of the troposphere model [m].
 MIN_ALT_M, MAX_ALT_M = -500.0, 20_000.0
 
 
@@ -65,7 +65,7 @@ class RangePosition(NamedTuple):
     """An explanation of the ranges.
 
     pos_e    : shape (3,) [m];  level_sd : the largest sigma of a horizontal direction [m]
-    left_out : number of the satellite that is taken as wrong; None: all agree
+    left_out : number of the satellite that is excluded as wrong; None: all agree
     """
 
     pos_e: Array
@@ -79,7 +79,7 @@ class RangePosition(NamedTuple):
 
 
 class RangeSolution(NamedTuple):
-    """used : satellites;  ratio : chi2 over its limit;  explanations : the likeliest first, none: they disagree"""
+    """used : satellites;  ratio : chi2 over its limit;  explanations : most likely first; empty: they disagree"""
 
     used: int
     ratio: float
@@ -87,7 +87,7 @@ class RangeSolution(NamedTuple):
 
 
 class _Signals(NamedTuple):
-    """Of n satellites: places at transmission, shape (n, 3) [m]; ranges without clock of the satellite (n,) [m]."""
+    """Signals of n satellites: positions at transmission (n, 3) [m]; ranges without the satellite clock (n,) [m]."""
 
     numbers: tuple[int, ...]
     pos_e: Array
@@ -96,20 +96,20 @@ class _Signals(NamedTuple):
     accuracy: Array
 
     def without(self, index: int) -> _Signals:
-        kept = [i for i in range(len(self.numbers)) if i != index]
-        return self.of(kept)
+        indices = [i for i in range(len(self.numbers)) if i != index]
+        return self.of(indices)
 
-    def of(self, kept: Sequence[int]) -> _Signals:
-        numbers = tuple(self.numbers[i] for i in kept)
-        rows = np.asarray(kept, dtype=np.intp)
+    def of(self, indices: Sequence[int]) -> _Signals:
+        numbers = tuple(self.numbers[i] for i in indices)
+        rows = np.asarray(indices, dtype=np.intp)
         return _Signals(numbers, self.pos_e[rows], self.ranges[rows], self.noise[rows], self.accuracy[rows])
 
 
 def solve_ranges(t_receiver: float, measured: Sequence[MeasuredRange]) -> RangeSolution | None:
-    """The position that the ranges of one epoch give, and whether they agree.
+    """The position by the ranges of one epoch, and whether they agree.
 
     t_receiver : of the receiver's clock [s of the week];  measured : one range a satellite, of healthy ones
-    Returns    : None where fewer than MIN_RANGES are above the mask, or their geometry says too little of the position
+    Returns    : None where fewer than MIN_RANGES are above the mask, or the geometry is too poor
     """
     if len(measured) < MIN_RANGES:
         return None
@@ -134,12 +134,12 @@ def _explain(signals: _Signals, observed: RangeObservation, solution: LeastSquar
         return RangeSolution(used, ratio, (position,)) if position.is_certain else None
     if used < MIN_TO_IDENTIFY:
         return RangeSolution(used, ratio, ())
-    found = []
+    explanations = []
     for index in np.argsort(-np.nan_to_num(np.abs(solution.tests))):
         fewer, without = _solve_weighted(signals.without(int(index)), solution.x[:3])
         if without is not None and _chi2_ratio(fewer, without) <= 1.0:
-            found.append(_position(without, signals.numbers[index]))
-    return RangeSolution(used, ratio, tuple(found))
+            explanations.append(_position(without, signals.numbers[index]))
+    return RangeSolution(used, ratio, tuple(explanations))
 
 
 def _signals(t_receiver: float, measured: Sequence[MeasuredRange]) -> _Signals:
@@ -158,7 +158,7 @@ def _signals(t_receiver: float, measured: Sequence[MeasuredRange]) -> _Signals:
 
 
 def _solve_weighted(signals: _Signals, near_e: Array) -> tuple[RangeObservation, LeastSquaresSolution | None]:
-    """The solution with turned satellites, troposphere and weights as they are at a place nearby."""
+    """The solution with rotated satellites, troposphere and weights of a nearby point."""
     lat, _, alt = (float(value) for value in geodetic_from_ecef(near_e))
     turned_e = np.array(
         [rotate_with_earth(s, float(np.linalg.norm(s - near_e)) / SPEED_OF_LIGHT) for s in signals.pos_e]
@@ -184,7 +184,7 @@ def _elevations(pos_e: Array, near_e: Array) -> Array:
 
 
 def _chi2_ratio(observed: RangeObservation, solution: LeastSquaresSolution) -> float:
-    """Sum of the weighted squares of what is left, over its limit."""
+    """Sum of the weighted squared residuals, over its limit."""
     left, _ = observed.equations(solution.x)
     freedom = len(left) - N_UNKNOWNS
     return float(left @ left) / (freedom * variance_ratio_limit(freedom + 1.0))

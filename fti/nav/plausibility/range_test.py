@@ -1,19 +1,19 @@
 """Tests ``ranges_disagree`` and ``ranges_contradict``: the raw observations of a receiver against its own position.
 
-At most once a second the pseudoranges of GPS L1 C/A, of satellites whose ephemeris the receiver gives, make a position
+At most once a second a position is computed from the pseudoranges of GPS L1 C/A of satellites with an ephemeris
 (``range_solution``).  The stated one nearest in time, moved by the stated velocity, is compared with it:
 
     |p_stated - p_ranges| > K (sigma_stated^2 + sigma_ranges^2)^1/2 + speed t_u + a dt^2 / 2         contradicts
 
-dt between both is that of the receiver's own times, which differ by whole seconds where one is UTC and the other GPS;
-where the fix has none it is that of arrival, uncertain by t_u.
+dt is the difference of the receiver's own times, without whole seconds, because one may be UTC and the other GPS; where
+the fix has none it is that of arrival, uncertain by t_u.
 
-    all explanations agree with it                passes: also where the receiver does not follow a wrong range
+    all explanations agree with it                passes: also where the receiver excludes a wrong range
     none of them agrees with it                   ranges_contradict
     none, some of several, or an uncertain one    ranges_disagree
 
-A finding needs EPOCHS failing ones in a row.  It lasts until an epoch passes: without ranges nothing is known, and what
-was found does not end.  Without ephemerides nothing is done at all.
+A finding needs MIN_EPOCHS consecutive failing epochs.  It lasts until an epoch passes, also while ranges are missing.
+Without ephemerides nothing is tested.
 """
 
 from __future__ import annotations
@@ -33,24 +33,24 @@ from fti.nav.time_series import SECOND_NS
 from fti.types import Ephemeris, Pseudorange, Pseudoranges, Reason, Stamp, TimeScale
 
 SYSTEM, SIGNAL = "gps", "L1C"
-#: Epochs are judged so far apart, at least [ns]: clocks of 1 Hz jitter.
+#: Minimum time between tested epochs [ns]: clocks of 1 Hz jitter.
 PERIOD_NS = 9 * SECOND_NS // 10
 MIN_EPOCHS = 5
-#: Failing epochs that are farther apart are not in a row [ns].
+#: Maximum time between consecutive failing epochs [ns].
 MAX_GAP_NS = 5 * SECOND_NS
-#: Fix and epoch are compared when they are no farther apart [ns].
+#: Maximum time between compared fix and epoch [ns].
 MAX_PAIRING_NS = SECOND_NS
-#: Ephemerides hold for half of their fit interval of 4 h about toe [s]; they are forgotten after as long again [ns].
+#: Ephemerides are valid for half of their fit interval of 4 h about toe [s]; they are deleted after this time [ns].
 FIT_S, EPHEMERIS_TIMEOUT_NS = 7200.0, 4 * 3600 * SECOND_NS
-#: C/N0 of a signal that is used [dB-Hz], where it is stated.
+#: Minimum C/N0 of a signal [dB-Hz], where stated.
 MIN_CN0 = 33.0
-#: Pseudoranges that a satellite in view can have, with a receiver's clock off by 0.1 s [m]; semi-major axes [m^0.5].
+#: Limits of pseudoranges, with a receiver clock off by 0.1 s [m]; of the root of the semi-major axis [m^0.5]; of e.
 MIN_RANGE_M, MAX_RANGE_M = -1e7, 6e7
 MIN_SQRT_A, MAX_SQRT_A, MAX_ECCENTRICITY = 5000.0, 5300.0, 0.05
-#: Acceleration that the velocity does not show between fix and epoch [m/s^2]; how late one of them may arrive [s].
+#: Maximum acceleration between fix and epoch [m/s^2]; maximum latency of one of them [s].
 ACCELERATION, LATE_S = 30.0, 0.3
 WEEK_NS = 604_800 * SECOND_NS
-#: At a pole a longitude does not move [1].
+#: Minimum cosine of the latitude, for longitudes near a pole [1].
 MIN_COS_LAT = 1e-6
 
 
@@ -91,13 +91,13 @@ class RangeTest:
         return bool(self._ephemerides)
 
     def feed_ephemeris(self, t_ns: int, m: Ephemeris) -> None:
-        """Take the ephemeris of a satellite; one that no GPS satellite can have is left out."""
+        """Add the ephemeris of a satellite; implausible ones are ignored."""
         is_orbit = MIN_SQRT_A <= m.sqrt_a <= MAX_SQRT_A and 0.0 <= m.e <= MAX_ECCENTRICITY
         if m.system == SYSTEM and is_orbit:
             self._ephemerides[m.number] = t_ns, m
 
     def feed_ranges(self, t_ns: int, m: Pseudoranges) -> None:
-        """Take the ranges of an epoch, which the next fix is compared with."""
+        """Add the ranges of an epoch; the next fix is compared with them."""
         if not self._ephemerides or m.stamp.t_dev_ns is None or m.stamp.time_scale is not TimeScale.GPS:
             return
         if self._last_epoch_ns is not None and 0 <= t_ns - self._last_epoch_ns < PERIOD_NS:
@@ -114,13 +114,13 @@ class RangeTest:
             return None
         received_ns, ephemeris = known
         is_held = abs(seconds_after(t_receiver, ephemeris.toe)) <= FIT_S and t_ns - received_ns <= EPHEMERIS_TIMEOUT_NS
-        is_heard = o.cn0_dbhz is None or o.cn0_dbhz >= MIN_CN0
-        if not (is_held and is_heard and ephemeris.healthy and ephemeris.accuracy is not None):
+        is_strong = o.cn0_dbhz is None or o.cn0_dbhz >= MIN_CN0
+        if not (is_held and is_strong and ephemeris.healthy and ephemeris.accuracy is not None):
             return None
         return MeasuredRange(ephemeris, o.pseudorange, o.pseudorange_sd or 0.0)
 
     def feed_fix(self, fix: StatedFix) -> list[PlausibilityFinding]:
-        """Take a stated position; returns what the newest epochs have found."""
+        """Add a stated position; returns the finding of the newest epochs."""
         before, self._fix = self._fix, fix
         epoch = self._epoch
         if epoch is not None and fix.t_ns >= epoch.t_ns:
@@ -132,26 +132,26 @@ class RangeTest:
         return [self._finding] if self._finding else []
 
     def release(self) -> bool:
-        """The operator confirms the position: what was found ends.  Whether something was."""
-        was_found, self._finding, self._failed = self._finding is not None, None, 0
-        return was_found
+        """End the finding by order of the operator; returns whether there was one."""
+        had_finding, self._finding, self._failed = self._finding is not None, None, 0
+        return had_finding
 
     def _evaluate(self, epoch: _Epoch, fix: StatedFix) -> None:
         solution = solve_ranges(epoch.t_receiver, epoch.measured)
         if solution is None:
             return
-        found = self._compare(epoch, fix, solution)
-        if found is None:
+        failure = self._compare(epoch, fix, solution)
+        if failure is None:
             self._failed, self._finding = 0, None
             return
         if self._failed == 0 or not 0 <= epoch.t_ns - self._failed_ns <= MAX_GAP_NS:
             self._failed, self._failed_since_ns = 0, epoch.t_ns
         self._failed, self._failed_ns = self._failed + 1, epoch.t_ns
         if self._failed >= MIN_EPOCHS and self._finding is None:
-            self._finding = PlausibilityFinding(found[0], self._failed_since_ns, found[1])
+            self._finding = PlausibilityFinding(failure[0], self._failed_since_ns, failure[1])
 
     def _compare(self, epoch: _Epoch, fix: StatedFix, solution: RangeSolution) -> tuple[Reason, str] | None:
-        """Reason and text of a finding; None: the fix is what the ranges say."""
+        """Reason and text of a finding; None: the fix agrees with the ranges."""
         compared = [(each, *self._difference(epoch, fix, each)) for each in solution.explanations]
         contradict = [row for row in compared if row[1] > row[2]]
         if compared and not contradict and all(row[0].is_certain for row in compared):
@@ -165,7 +165,7 @@ class RangeTest:
         return Reason.RANGES_DISAGREE, f"{text}, and which one is wrong is unknown"
 
     def _difference(self, epoch: _Epoch, fix: StatedFix, by_ranges: RangePosition) -> tuple[float, float]:
-        """Distance on the level between stated position and that by ranges, and its limit [m]."""
+        """Horizontal distance of the stated position from that by ranges, and its limit [m]."""
         _, _, alt = geodetic_from_ecef(by_ranges.pos_e)
         dt, late_s = _seconds_between(epoch, fix)
         north, east = fix.velocity or (0.0, 0.0)
@@ -179,7 +179,7 @@ class RangeTest:
 
 
 def _seconds_between(epoch: _Epoch, fix: StatedFix) -> tuple[float, float]:
-    """From fix to epoch [s], and how uncertain that is [s]."""
+    """Time from fix to epoch [s], and its uncertainty [s]."""
     by_arrival = (epoch.t_ns - fix.t_ns) / SECOND_NS
     if fix.stamp.t_dev_ns is None or epoch.stamp.t_dev_ns is None or fix.stamp.time_scale is TimeScale.BOOT:
         return by_arrival, LATE_S

@@ -2,7 +2,7 @@
 
 The step is the smallest difference other than zero among the values and among their first differences.  Differences of
 a quantised field are multiples of its step, so the estimate is never below it; noise brings it down to the step of a
-fine field.  An estimate that is too large makes every test less sensitive and none of them wrong.
+fine field.  An estimate that is too large makes every test less sensitive, but not wrong.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ ROUNDING = 1e-14
 
 
 class ResolutionEstimator:
-    """Step of one field in its own unit.  step : None until two different values have come"""
+    """Step of one field in its own unit.  step : None until two different values have arrived"""
 
     __slots__ = ("_difference", "_last", "_smallest")
 
@@ -29,7 +29,7 @@ class ResolutionEstimator:
         return self._smallest if self._smallest < inf else None
 
     def update(self, value: float) -> None:
-        """Take a value."""
+        """Add a value."""
         last, self._last = self._last, value
         if last is None:
             return

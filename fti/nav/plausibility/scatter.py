@@ -5,7 +5,7 @@ Of n values, once a second over a minute, with measured correlation rho from one
     n_eff = n (1 - rho) / (1 + rho),   variance / expected > chi2_isf(P, n_eff - 1) / (n_eff - 1)  is a finding
 
 Only the upper side is tested: slow errors scatter less in a minute than their sigma.
-chi2_isf: Wilson and Hilferty 1931, which is on the safe side for one or two degrees of freedom.
+chi2_isf: Wilson and Hilferty 1931, which is conservative for one or two degrees of freedom.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def sample_variance(values: Sequence[float]) -> tuple[float, float]:
 
 
 def excess(values: Sequence[float], expected: float) -> tuple[float, float] | None:
-    """Ratio of variances and its limit when the ratio is beyond; None when it is not, or for too few values."""
+    """Ratio of variances and its limit when the limit is exceeded; None otherwise, or for too few values."""
     if len(values) < MIN_VALUES or expected <= 0.0:
         return None
     variance, n_eff = sample_variance(values)

@@ -5,8 +5,8 @@
 
 w: time between both fixes; white, slow: parts of the variance of a fix; r, r_v: resolutions of position and velocity;
 s_v: sigma of the velocity, tau_v = 5 s; v s_t: the time of a fix is uncertain; dv: change of the velocity between both
-fixes, whose time may lag behind that of the position by s_lag; d: distance flown; arm: of the sensor, where the
-velocity is that of another point.  Slow errors of receivers last 100 to 300 s.
+fixes, whose time may lag behind that of the position by s_lag; d: path length; arm: lever arm of the sensor, where
+the velocity is that of another point.  Slow errors of receivers last 100 to 300 s.
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ from typing import NamedTuple
 
 SLOW_TAU_S = 100.0
 VELOCITY_TAU_S = 5.0
-#: Part of the stated variance that is drawn anew with each fix, at least.
+#: Minimum white part of the stated variance.
 WHITE_SHARE = 0.2
-#: Between the time of a velocity and that of the position of the same message [s].
+#: One sigma of the time between velocity and position of the same message [s].
 LAG_SD_S = 0.03
 SCALE = 1e-4
-#: No stated sigma is believed below these: position horizontal, vertical [m]; velocity [m/s].
+#: Minimum of stated sigmas: position horizontal, vertical [m]; velocity [m/s].
 MIN_HORIZONTAL_M, MIN_VERTICAL_M, MIN_VELOCITY = 1.0, 1.5, 0.05
 UNSTATED_VELOCITY = 0.1
-#: A larger sigma counts as this one [m, m/s]: the radius of the Earth.
+#: Maximum sigma [m, m/s]: the radius of the Earth.
 MAX_SIGMA = 6.4e6
 #: Sigma of the time of a fix [s]: by the clock of the device, and by arrival (``device_clock.ARRIVAL_SD_NS``).
 CLOCK_SD_S, ARRIVAL_SD_S = 0.005, 0.025
@@ -33,7 +33,7 @@ CLOCK_SD_S, ARRIVAL_SD_S = 0.005, 0.025
 
 @dataclass(slots=True)
 class FixSigma:
-    """What is known of the errors of one fix on one axis.
+    """Errors of one fix on one axis.
 
     position : one sigma [m]; velocity : one sigma [m/s]; time : one sigma [s]; step : resolution [m];
     velocity_step : resolution [m/s]; arm : length of the lever arm [m]
@@ -48,7 +48,7 @@ class FixSigma:
 
 
 class FixInterval(NamedTuple):
-    """What was flown between two fixes, along the axis.
+    """Motion between two fixes along the axis.
 
     seconds; speed : the larger one [m/s]; turn : change of the velocity [m/s]; path : by the velocity [m]
     """
@@ -60,10 +60,10 @@ class FixInterval(NamedTuple):
 
 
 def difference_variance(sigma: FixSigma, white: float, span: FixInterval) -> float:
-    """Variance [m^2] over a span.  white : variance drawn anew with each fix [m^2]"""
+    """Variance [m^2] over a span.  white : white variance of a fix [m^2]"""
     w, speed, turn, path = span
     slow = max(sigma.position**2 - white, 0.0)
-    found = 2.0 * white + 2.0 * slow * -math.expm1(-w / SLOW_TAU_S)
-    found += (sigma.step**2) / 6.0 + sigma.velocity**2 * min(w * w, 2.0 * VELOCITY_TAU_S * w)
-    found += (sigma.velocity_step * w) ** 2 / 12.0 + 2.0 * (speed * sigma.time) ** 2
-    return found + (turn * LAG_SD_S) ** 2 + (SCALE * path) ** 2 + (sigma.arm / 3.0) ** 2
+    variance = 2.0 * white + 2.0 * slow * -math.expm1(-w / SLOW_TAU_S)
+    variance += (sigma.step**2) / 6.0 + sigma.velocity**2 * min(w * w, 2.0 * VELOCITY_TAU_S * w)
+    variance += (sigma.velocity_step * w) ** 2 / 12.0 + 2.0 * (speed * sigma.time) ** 2
+    return variance + (turn * LAG_SD_S) ** 2 + (SCALE * path) ** 2 + (sigma.arm / 3.0) ** 2

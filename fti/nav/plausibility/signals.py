@@ -1,14 +1,13 @@
-"""Signs in the signals of a receiver that another transmitter has taken it over: they suspect it, and refuse nothing.
+"""Detects signs of spoofing in the signals of a receiver, which then is suspected but not refused.
 
-    cn0     C/N0 changes by more than CN0_DB in SPAN_NS, as the mean of MIN_SATELLITES or more that are heard both times
+    cn0     C/N0 changes by more than CN0_DB in SPAN_NS, as the mean of MIN_SATELLITES or more tracked both times
     clock   the receiver's clock departs from its rate by more than CLOCK_S and K sigma between two messages
 
-A suspicion lasts for HOLD_NS: copies of the filter that have gone without the receiver are kept for that time.  A
-receiver may step its clock by whole milliseconds; these steps are no sign.  A bank of 60 deg and a bridge are signs,
-too: they refuse nothing.
+A suspicion lasts for HOLD_NS: filter copies without the receiver are kept for that time.  A receiver may step its clock
+by whole milliseconds; these steps do not count.  A bank of 60 deg and a bridge cause a suspicion, too, but no refusal.
 
-Source: Akos 2012 (C/N0 and gain as signs of spoofing); limits: several times what a turn makes, and 30 m of light way.
-Checked against: tests/nav/plausibility/test_signals.py.
+Source: Akos 2012 (C/N0 and gain as signs of spoofing); limits: several times the effect of a turn, and 30 m of light
+path.  Checked against: tests/nav/plausibility/test_signals.py.
 """
 
 from __future__ import annotations
@@ -22,14 +21,14 @@ from fti.types import ReceiverClock, Satellites
 CN0_DB, MIN_SATELLITES = 6.0, 4
 SPAN_NS, HOLD_NS = 10 * SECOND_NS, 30 * SECOND_NS
 CLOCK_S, K_CLOCK = 1e-7, 5.5
-#: Messages that are farther apart do not follow each other [ns].
+#: Maximum time between consecutive messages [ns].
 MAX_GAP_NS = 5 * SECOND_NS
-#: A step within so much of whole milliseconds is one of the receiver's own [s].
+#: A step within this tolerance of whole milliseconds is the receiver's own [s].
 MILLISECOND_S, STEP_SD_S = 1e-3, 1e-6
 
 
 class SignalTest:
-    """Of one receiver."""
+    """Signals of one receiver."""
 
     def __init__(self) -> None:
         self._levels: deque[tuple[int, dict[tuple[str, int], float]]] = deque()
@@ -41,7 +40,7 @@ class SignalTest:
         return self._until_ns is not None and t_ns < self._until_ns
 
     def feed_satellites(self, t_ns: int, m: Satellites) -> str | None:
-        """Take C/N0; returns the sign that begins a suspicion."""
+        """Add C/N0 values; returns the text of the sign that begins a suspicion."""
         known = [s for s in m.satellites if s.cn0_dbhz is not None and s.cn0_dbhz > 0.0]
         levels = {(s.system, s.number): s.cn0_dbhz for s in known if s.cn0_dbhz is not None}
         while self._levels and not 0 < t_ns - self._levels[0][0] <= SPAN_NS:
@@ -54,7 +53,7 @@ class SignalTest:
         return self._suspect(t_ns, f"C/N0 of its satellites changed by {largest:+.0f} dB within 10 s")
 
     def feed_clock(self, t_ns: int, m: ReceiverClock) -> str | None:
-        """Take the clock; returns the sign that begins a suspicion."""
+        """Add a clock; returns the text of the sign that begins a suspicion."""
         if not m.valid or m.offset is None or not math.isfinite(m.offset):
             return None
         last, self._clock = self._clock, (t_ns, m)
@@ -76,7 +75,7 @@ class SignalTest:
 
 
 def _mean_change(before: dict[tuple[str, int], float], now: dict[tuple[str, int], float]) -> float | None:
-    """Mean change of satellites that are heard at both times [dB]; None of too few."""
+    """Mean change of satellites that are tracked at both times [dB]; None of too few."""
     common = before.keys() & now.keys()
     if len(common) < MIN_SATELLITES:
         return None

@@ -1,6 +1,6 @@
-"""All tests of one source: its measurements in, the same out, invalid where a test has refused what they carry.
+"""All tests of one source; returns its measurements, invalid where a test has refused their quantity.
 
-Position and altitude are refused each for itself, but a device whose position is refused gives no altitude either:
+Position and altitude are refused separately, but a refused position makes the altitude of the device invalid, too:
 findings of latitude, longitude, horizontal velocity and time refuse the position; findings of height, vertical velocity
 and undulation refuse the altitude.
 """
@@ -38,21 +38,22 @@ from fti.nav.source_interpolation import MAX_PART_VALUES, ellipsoidal_height, le
 from fti.nav.time_series import SECOND_NS
 from fti.types import Ephemeris, Event, Position, Pseudoranges, Stamp, TimeScale, Velocity
 
-#: Ground speed and track of different messages make a velocity when they are no farther apart [ns].
+#: Maximum time between ground speed and track of different messages for a velocity [ns].
 MAX_PAIRING_NS = SECOND_NS // 2
-#: A velocity that is older does not move a fix [ns].
+#: Maximum age of a velocity that moves a fix [ns].
 MAX_VELOCITY_AGE_NS = 2 * SECOND_NS
-#: Closer to a pole a longitude is no axis [rad].
+#: Maximum latitude for tests of the longitude [rad].
 MAX_LAT = math.radians(89.0)
 POSITION, ALTITUDE = "position", "altitude"
-#: What a height is above; a device may state both in turns (MAVLink does).
+Findings = list[PlausibilityFinding]
+#: Reference of a height; a device may alternate between both (MAVLink does).
 ELLIPSOID, SEA = "ellipsoid", "sea"
 
 
 class UnconfirmedSource(NamedTuple):
     """A source whose contradiction stands while its tests pass again.
 
-    quantities : position, height, velocity, as far as nothing else refuses them;  readmission : what would end it
+    quantities : position, height, velocity, unless refused otherwise;  readmission : condition that would end it
     """
 
     quantities: tuple[str, ...]
@@ -96,7 +97,7 @@ class SourceTests:
     # ------------------------------------------------------------------------------------------------------- taking
 
     def feed_position(self, m: Position, t_ns: int) -> tuple[list[Position], list[Event]]:
-        """Take a position that was true at t_ns."""
+        """Test a position valid at t_ns."""
         events = self._test_time(m.stamp)
         if m.valid and _is_conceivable(m, ("lat", "lon", "alt")):
             if m.lat is not None:
@@ -106,14 +107,14 @@ class SourceTests:
         return self._admit_position(m), events
 
     def feed_ranges(self, m: Pseudoranges | Ephemeris, t_ns: int) -> None:
-        """Take raw observations of a time, or an ephemeris; the next position is compared with them."""
+        """Add raw observations, or an ephemeris; the next position is compared with them."""
         if isinstance(m, Ephemeris):
             self._ranges.feed_ephemeris(t_ns, m)
         else:
             self._ranges.feed_ranges(t_ns, m)
 
     def _is_due(self, m: Position, t_ns: int) -> bool:
-        """Whether any axis judges a fix of this time: of fixes that come often not all are tested."""
+        """Whether any axis evaluates a fix of this time: frequent fixes are skipped."""
         height, kind = _height_of(m)
         return (
             (m.lat is not None and self._north.is_due(t_ns, m.lat))
@@ -122,7 +123,7 @@ class SourceTests:
         )
 
     def feed_velocity(self, m: Velocity, t_ns: int) -> tuple[list[Velocity], list[Event]]:
-        """Take a velocity that was true at t_ns."""
+        """Test a velocity valid at t_ns."""
         events = self._test_time(m.stamp)
         is_next = m.north is None or self._velocity_ns is None or t_ns - self._velocity_ns >= MIN_STEP_NS
         if is_next and m.valid and _is_conceivable(m, ("north", "east", "down", "ground_speed", "track")):
@@ -131,7 +132,7 @@ class SourceTests:
         return self._admit_velocity(m), events
 
     def readmit(self, t_ns: int) -> list[Event]:
-        """The operator says that the contradiction has ended."""
+        """End the contradiction by order of the operator."""
         if self._ranges.release():
             text = "what its pseudoranges have found does not count any more"
             released = [Event(t_ns=t_ns, level="info", source=self.name, text=text)]
@@ -145,7 +146,7 @@ class SourceTests:
 
     @property
     def position_size(self) -> float | None:
-        """Horizontal size of the contradiction of the position that stands [m]; None: there is none, or unknown."""
+        """Horizontal size of the standing contradiction of the position [m]; None: none, or unknown."""
         if not self.position.is_standing or self.position.is_restored:
             return None
         sizes = [axis.contradiction.size for axis in (self._north, self._east) if axis.contradiction]
@@ -153,7 +154,7 @@ class SourceTests:
         return math.hypot(*known) if known and len(known) == len(sizes) else None
 
     def confirm_position(self, t_ns: int) -> list[Event]:
-        """An independent source agrees with the position: its contradiction has ended."""
+        """End the contradiction of the position: an independent source agrees with it."""
         if not self.position.is_standing:
             return []
         for axis in (self._north, self._east):
@@ -167,7 +168,7 @@ class SourceTests:
 
     @property
     def unconfirmed_source(self) -> UnconfirmedSource | None:
-        """What of it is unconfirmed, and has passed its tests for 30 s; None: nothing."""
+        """Its unconfirmed quantities that have passed their tests for 30 s; None: none."""
         if self.position.is_unconfirmed:
             is_high = self.altitude.is_valid or self.altitude.is_unconfirmed
             return UnconfirmedSource(
@@ -179,7 +180,7 @@ class SourceTests:
 
     @property
     def is_suspected(self) -> bool:
-        """Whether its position drifts beside its velocity by more than half of what refuses it."""
+        """Whether its position drifts against its velocity by more than half of the limit."""
         return self._north.is_suspected or self._east.is_suspected
 
     # ------------------------------------------------------------------------------------------------------- testing
@@ -220,8 +221,8 @@ class SourceTests:
         events: list[Event] = []
         for axis, value, unit in ((self._north, m.lat, metres[0]), (self._east, m.lon, metres[1])):
             if value is not None and not (is_polar and axis is self._east):
-                found = axis.feed_fix(AxisFix(t_ns, value, unit, self._sigma(sd, axis, time_sd)))
-                events += self._conclude(t_ns, POSITION, self.position, axis, found)
+                findings = axis.feed_fix(AxisFix(t_ns, value, unit, self._sigma(sd, axis, time_sd)))
+                events += self._conclude(t_ns, POSITION, self.position, axis, findings)
         return events
 
     def _test_altitude(self, m: Position, t_ns: int, time_sd: float) -> list[Event]:
@@ -230,11 +231,11 @@ class SourceTests:
             return []
         self._alt, up = value, self._ups[kind]
         sd = _bounded_sigma(m.vertical_sd, self._unstated.vertical, MIN_VERTICAL_M)
-        found = up.feed_fix(AxisFix(t_ns, value, 1.0, self._sigma(sd, up, time_sd)))
+        findings = up.feed_fix(AxisFix(t_ns, value, 1.0, self._sigma(sd, up, time_sd)))
         undulation = self._undulation.update(t_ns, m)
         if undulation:
-            found = [*(found or ()), *undulation]
-        return self._conclude(t_ns, ALTITUDE, self.altitude, up, found)
+            findings = [*(findings or ()), *undulation]
+        return self._conclude(t_ns, ALTITUDE, self.altitude, up, findings)
 
     def _sigma(self, sd: float, axis: AxisTests, time_sd: float) -> FixSigma:
         step = self._polar_resolution() if axis in {self._north, self._east} else 0.0
@@ -258,8 +259,8 @@ class SourceTests:
                 t_ns, POSITION, self.position, self._motion.update_level(t_ns, north, east, self._velocity_sd)
             )
             for axis, speed in ((self._north, north), (self._east, east)):
-                found = axis.feed_velocity(t_ns, speed)
-                events += self._conclude(t_ns, POSITION, self.position, axis, found)
+                findings = axis.feed_velocity(t_ns, speed)
+                events += self._conclude(t_ns, POSITION, self.position, axis, findings)
         if m.down is not None:
             vertical = self._motion.update_vertical(t_ns, m.down, self._velocity_sd)
             events += self._fail(t_ns, ALTITUDE, self.altitude, vertical)
@@ -283,18 +284,18 @@ class SourceTests:
     # ----------------------------------------------------------------------------------------------------- concluding
 
     def _conclude(
-        self, t_ns: int, quantity: str, admission: Admission, axis: AxisTests, found: list[PlausibilityFinding] | None
+        self, t_ns: int, quantity: str, admission: Admission, axis: AxisTests, findings: Findings | None
     ) -> list[Event]:
-        """Findings of one axis; None: nothing was judged."""
-        if found is None:
+        """Apply findings of one axis; None: nothing was evaluated."""
+        if findings is None:
             return []
-        events = self._fail(t_ns, quantity, admission, found)
+        events = self._fail(t_ns, quantity, admission, findings)
         if axis.is_closed and not self._has_contradiction(quantity):
             axis.is_closed = False
             admission.reset_passed()
-            if not admission.is_restored:  # the step does not cancel what was before this process
+            if not admission.is_restored:  # the step does not cancel a restored contradiction
                 events += self._close(t_ns, quantity, admission)
-        if not found and axis is not self._east:  # one pass a fix
+        if not findings and axis is not self._east:  # one pass a fix
             events += self._report(t_ns, quantity, admission, admission.passes(t_ns))
         return events
 
@@ -305,10 +306,10 @@ class SourceTests:
         return tuple(self._ups.values()) if quantity == ALTITUDE else (self._north, self._east)
 
     def _fail(
-        self, t_ns: int, quantity: str, admission: Admission, found: Iterable[PlausibilityFinding]
+        self, t_ns: int, quantity: str, admission: Admission, findings: Iterable[PlausibilityFinding]
     ) -> list[Event]:
         events: list[Event] = []
-        for finding in found:
+        for finding in findings:
             events += self._report(t_ns, quantity, admission, admission.fail(finding))
             if not admission.is_standing:
                 for axis in self._axes(quantity):
@@ -343,20 +344,20 @@ class SourceTests:
 
 
 def _height_of(m: Position) -> tuple[float | None, str]:
-    """Height above the ellipsoid, else above the sea [m], and which; only heights of one kind are compared."""
+    """Height above the ellipsoid, else above the sea [m], and its kind; only heights of one kind are compared."""
     alt = ellipsoidal_height(m)
     return (alt, ELLIPSOID) if alt is not None else (m.alt_msl, SEA)
 
 
 def _bounded_sigma(stated: float | None, unstated: float, floor: float) -> float:
-    """A sigma that is stated and positive, at least the floor; else the one for none.  Its square is a number."""
+    """A positive stated sigma, at least the floor; else the default.  Its square is finite."""
     if stated is None or not 0.0 < stated < math.inf:
         return max(unstated, floor)
     return min(max(stated, floor), MAX_SIGMA)
 
 
 def _is_conceivable(m: Position | Velocity, names: Iterable[str]) -> bool:
-    """Numbers that a place or an aircraft can have; others are left out by whoever takes them."""
+    """Whether all numbers are plausible for an aircraft."""
     for name in names:
         value = getattr(m, name)
         if value is not None and not abs(value) <= MAX_PART_VALUES[name]:

@@ -1,4 +1,4 @@
-"""Test ``undulation``: a stated undulation of the geoid against EGM96 at the stated place."""
+"""Test ``undulation``: a stated undulation of the geoid against EGM96 at the stated position."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from fti.geodesy.coarse_geoid import undulation
 from fti.nav.plausibility.finding import PlausibilityFinding
 from fti.types import Position, Reason
 
-#: So many fixes in a row make a finding.
+#: Consecutive fixes that make a finding.
 MIN_FIXES = 3
 
 
@@ -20,7 +20,7 @@ def stated_undulation(m: Position) -> float | None:
 
 
 class UndulationTest:
-    """limit_m : largest difference from the model [m]"""
+    """Undulations of one source.  limit_m : maximum difference from the model [m]"""
 
     def __init__(self, limit_m: float) -> None:
         self._limit = limit_m
@@ -28,7 +28,7 @@ class UndulationTest:
         self._since_ns = 0
 
     def update(self, t_ns: int, m: Position) -> list[PlausibilityFinding]:
-        """Take a fix with place and undulation."""
+        """Test a fix with position and undulation."""
         stated = stated_undulation(m)
         if stated is None or m.lat is None or m.lon is None or not math.isfinite(stated):
             return []

@@ -8,11 +8,11 @@ from typing import NamedTuple
 from fti.nav.plausibility.resolution import ResolutionEstimator
 from fti.nav.time_series import SECOND_NS
 
-#: Velocities that are farther apart are not joined [ns].
+#: Maximum gap between velocities of a segment [ns].
 MAX_GAP_NS = 3 * SECOND_NS
-#: Velocities that come more often are not all taken [ns].
+#: Minimum time between stored velocities [ns].
 MIN_STEP_NS = 35_000_000
-#: Entries kept: 4 s at the highest rate that is taken.
+#: Stored entries: 4 s at the maximum rate.
 HISTORY_SIZE = 128
 
 
@@ -20,7 +20,7 @@ class Integral(NamedTuple):
     """Integral at one time.
 
     path : [m] since the segment began;  speed : [m/s];  segment : paths of different segments cannot be compared
-    age_s : how far it was continued beyond the newest velocity [s]
+    age_s : extrapolation beyond the newest velocity [s]
     """
 
     path: float
@@ -48,8 +48,8 @@ class VelocityIntegral:
         """Resolution of the velocity [m/s]; 0 while it is unknown."""
         return self._resolution.step or 0.0
 
-    def take(self, t_ns: int, speed: float) -> None:
-        """Take a velocity; one that is older than the newest is left out."""
+    def feed(self, t_ns: int, speed: float) -> None:
+        """Add a velocity; one that is older than the newest is ignored."""
         if not self._entries:
             self._begin(t_ns, speed)
             return

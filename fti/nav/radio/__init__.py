@@ -1,1 +1,1 @@
-"""Position by ranges to satellites and ground stations, and which height to believe."""
+"""Position from ranges to satellites and ground stations, and selection of the altitude source."""

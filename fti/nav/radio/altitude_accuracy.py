@@ -1,12 +1,12 @@
-"""How accurate a radio altimeter says it is, and which height is the better one.
+"""Accuracy of a radio altimeter, and selection of the altitude source with the smaller predicted sigma.
 
     sigma_alt^2 = sigma_agl^2 + sigma_dem^2 + (dh/dn, dh/de) P_ne (dh/dn, dh/de)^T
 
-of alt = height above ground + height of the ground above the ellipsoid: the ground's is looked up where one is believed
-to be, so a wrong place on a slope is a wrong height.
+of alt = height above ground + ground elevation above the ellipsoid.  The elevation is that of the estimated position,
+so on a slope a position error causes an altitude error.
 
-Source: Koo, section 3 (choice by predicted accuracy) and table 1 (Honeywell HG9550, greatest errors).  A greatest error
-says nothing of what is within it; taken as uniform between the two ends, sigma is a root of three smaller.
+Source: Koo, section 3 (choice by predicted accuracy) and table 1 (Honeywell HG9550, greatest errors).  The error is
+assumed to be uniform within the greatest error, so sigma is smaller by the square root of three.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ UNIFORM = 1.0 / math.sqrt(3.0)
 
 
 class AccuracyStep(NamedTuple):
-    """Up to a height [m], the greatest error [m] and [of the height]: the sum of both."""
+    """Greatest error up to a height [m]: sum of a constant [m] and a share of the height."""
 
     up_to: float
     absolute: float
@@ -45,14 +45,14 @@ HG9550 = (
 
 
 class AltitudeSource(StrEnum):
-    """Where a height above the ellipsoid comes from."""
+    """Source of a height above the ellipsoid."""
 
     RANGES = "ranges"  # satellites and DME
     ALTIMETER = "altimeter"  # radio altimeter over known ground
 
 
 def altimeter_sd(height_agl: ArrayLike, table: Sequence[AccuracyStep] = HG9550) -> Array:
-    """One sigma [m], shape (...), of heights above ground [m], as a data sheet has it; below zero as at zero."""
+    """One sigma [m], shape (...), of heights above ground [m], by the data sheet; below zero as at zero."""
     height = np.maximum(height_agl, 0.0)
     up_to, absolute, relative = np.array(table).T
     at = np.minimum(np.searchsorted(up_to, height), len(table) - 1)
@@ -60,7 +60,7 @@ def altimeter_sd(height_agl: ArrayLike, table: Sequence[AccuracyStep] = HG9550) 
 
 
 def choose_altitude(ranges_sd: float | None, altimeter_sd: float | None) -> tuple[AltitudeSource, float] | None:
-    """The source whose predicted sigma [m] is the smaller, and that; None where there is neither."""
+    """The source with the smaller predicted sigma, and that sigma [m]; None without any."""
     known = [
         (sd, source)
         for sd, source in ((ranges_sd, AltitudeSource.RANGES), (altimeter_sd, AltitudeSource.ALTIMETER))
@@ -73,12 +73,12 @@ def choose_altitude(ranges_sd: float | None, altimeter_sd: float | None) -> tupl
 
 
 def fix_covariance(azimuth: Array, elevation: Array, sd: float) -> Array | None:
-    """Covariance north, east, down [m^2], shape (3, 3), of a fix by satellites in these directions [rad].
+    """Covariance north, east, down [m^2], shape (3, 3), of a fix from satellites in these directions [rad].
 
-    sd : of a pseudorange [m];  None where they do not fix a position.
+    sd : of a pseudorange [m].  None if they do not determine a position.
     """
-    level = np.cos(elevation)
-    towards_n = np.stack([level * np.cos(azimuth), level * np.sin(azimuth), -np.sin(elevation)], axis=-1)
+    horizontal = np.cos(elevation)
+    towards_n = np.stack([horizontal * np.cos(azimuth), horizontal * np.sin(azimuth), -np.sin(elevation)], axis=-1)
     H = np.concatenate((-towards_n, np.ones((len(towards_n), 1))), axis=-1) / sd
     normal = H.T @ H
     if len(H) < 4 or np.linalg.eigvalsh(normal).min() < 1e-8:  # a sigma of 10 km
@@ -87,6 +87,6 @@ def fix_covariance(azimuth: Array, elevation: Array, sd: float) -> Array | None:
 
 
 def inflate_to_stated(cov_n: Array, stated: Sequence[float]) -> Array:
-    """A covariance (3, 3) with no sigma smaller than the one that is stated of its axis."""
+    """The covariance (3, 3), enlarged so that each sigma is at least the stated one of its axis."""
     grown = np.maximum(np.array(stated) / np.sqrt(np.diag(cov_n)), 1.0)
     return np.asarray(cov_n * np.outer(grown, grown))

@@ -1,8 +1,8 @@
-"""Observations that agree: which of them is refused, and whether what is left has one solution.
+"""Consistency of observations: refuses faulty ones, and checks that the solution is unique.
 
-An observation whose test (what is left over its own sigma) is beyond ``MAX_TEST`` is refused, the worst first, as long as
-the others can tell which it is; where they cannot, there is no agreement.  With two stations there are two solutions,
-one on each side of the line through both.
+An observation is refused if its test (residual over the sigma of the residual) exceeds ``MAX_TEST``, the worst first,
+as long as the redundancy identifies it; otherwise the observations are inconsistent.  With two stations there are two
+solutions, one on each side of the line through both.
 """
 
 from __future__ import annotations
@@ -24,26 +24,26 @@ from fti.nav.least_squares import (
     solve,
 )
 
-#: A test beyond this is a fault: one in 16 000 of normally distributed ones.
+#: A larger test value is a fault: one in 16 000 for a normal distribution.
 MAX_TEST = 4.0
-#: Equations more than unknowns, so that tests tell which one is wrong.
+#: Redundancy that is needed to identify a faulty observation.
 MIN_REDUNDANCY = 2
-#: With fewer stations and no earlier position there is more than one solution.
+#: Minimum number of stations for a unique solution without an earlier position.
 MIN_STATIONS = 3
-#: What the observation of a receiver's fix is called; those of stations have their names.
+#: Name of the observation of a receiver's fix; those of stations have their names.
 FIX = "satellites"
 
 
 def solve_consistent(
-    observed: dict[str, FixObservation], start_e: Array
+    observations: dict[str, FixObservation], start_e: Array
 ) -> tuple[LeastSquaresSolution | None, tuple[str, ...], bool]:
-    """The solution without what is refused, which is taken out of ``observed``, and whether the rest agrees."""
+    """The solution without refused observations, which are removed from ``observations``; whether the rest agrees."""
     refused: list[str] = []
     while True:
-        solution = solve(list(observed.values()), start_e)
+        solution = solve(list(observations.values()), start_e)
         if solution is None:
             return None, tuple(refused), False
-        names = [name for name, o in observed.items() for _ in range(3 if isinstance(o, PositionObservation) else 1)]
+        names = [n for n, o in observations.items() for _ in range(3 if isinstance(o, PositionObservation) else 1)]
         tests = np.nan_to_num(np.abs(solution.tests))
         worst = int(np.argmax(tests))
         if tests[worst] <= MAX_TEST:
@@ -51,13 +51,13 @@ def solve_consistent(
         if len(names) - 3 < MIN_REDUNDANCY:
             return solution, tuple(refused), False
         refused.append(names[worst])
-        del observed[names[worst]]
+        del observations[names[worst]]
 
 
-def is_mirror_ambiguous(observed: Mapping[str, FixObservation], solution: LeastSquaresSolution) -> bool:
-    """Whether it may as well be on the other side of the only two stations: the vertical plane through them is near."""
-    points = [o.points_e[0] for o in observed.values() if isinstance(o, RangeObservation)]
-    if FIX in observed or len(points) >= MIN_STATIONS:
+def is_mirror_ambiguous(observations: Mapping[str, FixObservation], solution: LeastSquaresSolution) -> bool:
+    """Whether the solution may be on the other side of the only two stations: it is near the plane through them."""
+    points = [o.points_e[0] for o in observations.values() if isinstance(o, RangeObservation)]
+    if FIX in observations or len(points) >= MIN_STATIONS:
         return False
     x = solution.x[:3]
     lat, lon, _ = geodetic_from_ecef(x)
@@ -66,9 +66,9 @@ def is_mirror_ambiguous(observed: Mapping[str, FixObservation], solution: LeastS
     return not abs(across @ (x - points[0])) > MAX_TEST * sd
 
 
-def height_sd(observed: Mapping[str, FixObservation], pos_e: Array) -> float | None:
-    """Sigma of the height that the observations give at a place; None where they give none."""
-    cov = covariance(list(observed.values()), pos_e)
+def height_sd(observations: Mapping[str, FixObservation], pos_e: Array) -> float | None:
+    """Sigma of the height from the observations at a position; None if they do not determine it."""
+    cov = covariance(list(observations.values()), pos_e)
     if cov is None:
         return None
     lat, lon, _ = geodetic_from_ecef(pos_e)

@@ -1,1 +1,1 @@
-"""Tests between sources: the filter beside copies of it that go without one of them (solution separation)."""
+"""Tests between sources: the filter against copies of it without one of them (solution separation)."""

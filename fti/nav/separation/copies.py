@@ -1,6 +1,6 @@
-"""A copy of the filter that goes on without one source, and how far the filter has come away from it.
+"""A copy of the filter without one source, and the separation of the filter from it.
 
-    d = x_0 - x_i,    Cov(d) = P_i - P_0     x_0 with all sources, x_i without one, both optimal from a common past
+    d = x_0 - x_i,    Cov(d) = P_i - P_0     x_0 with all sources, x_i without one, both optimal from a common start
 
 Source: Brenner 1996 (solution separation); Lee, O'Laughlin 2000 (delayed references).
 Checked against: tests/nav/test_separation.py.
@@ -23,15 +23,15 @@ from fti.nav.filter.segment import AidingEntry, Moment, Piece
 
 Array = NDArray[np.float64]
 
-#: sigma of d is at least this share of that of the filter: of a copy that has just begun P_i - P_0 is rounding.
+#: The sigma of d is at least this share of that of the filter: P_i - P_0 of a new copy is rounding error.
 MIN_SHARE = 0.1
 
 
 @dataclass(slots=True)
 class FilterCopy:
-    """The filter as it was at ``began_ns``, moved on without the sources ``removed_names`` (names of ``Aiding``).
+    """The filter as it was at ``began_ns``, continued without the sources ``removed_names`` (names of ``Aiding``).
 
-    outside_ns, times : since when, and in how many, those that are tested have been outside its gate; None: inside
+    outside_ns, times : start and number of tested measurements outside its gate; None: inside
     """
 
     began_ns: int
@@ -43,11 +43,11 @@ class FilterCopy:
 
     @classmethod
     def begin(cls, moment: Moment, removed_names: frozenset[str]) -> FilterCopy:
-        """What the filter holds now."""
+        """A copy of the filter at a moment."""
         return cls(moment.estimate.t_ns, moment.estimate, moment.gate_states, removed_names)
 
-    def advance(self, pieces: Iterable[Piece], tested: frozenset[str] = frozenset()) -> None:
-        """Follow the filter through a segment.  tested : names of ``removed_names`` that are compared with it"""
+    def advance(self, pieces: Iterable[Piece], tested_names: frozenset[str] = frozenset()) -> None:
+        """Follow the filter through a segment.  tested_names : those of ``removed_names`` that are tested against it"""
         model = self.estimate.model
         for piece in pieces:
             y, P = self.estimate.y.copy(), self.estimate.P.copy()
@@ -57,9 +57,9 @@ class FilterCopy:
             self.estimate = Estimate(piece.end_ns, y, P, piece.imu_end[-1], model)
             for entry in piece.entries:
                 if entry.aiding.name not in self.removed_names:
-                    found = update_estimate(self.estimate, self.gate_states, entry.aiding, entry.t_ns)
-                    self.estimate, self.gate_states = found.estimate, found.gate_states
-                elif entry.aiding.name in tested and entry.decision is not GateDecision.EXCLUDED:
+                    update = update_estimate(self.estimate, self.gate_states, entry.aiding, entry.t_ns)
+                    self.estimate, self.gate_states = update.estimate, update.gate_states
+                elif entry.aiding.name in tested_names and entry.decision is not GateDecision.EXCLUDED:
                     self._compare(entry)
 
     def _compare(self, entry: AidingEntry) -> None:
@@ -72,11 +72,11 @@ class FilterCopy:
 
 
 class Separation(NamedTuple):
-    """Of the filter from a copy, in north, east, down.
+    """Separation of the filter from a copy, in north, east, down.
 
     d, d_sd : ndarray, shape (6,)   difference of position [m] and velocity [m/s], and its sigma
     copy_sd : ndarray, shape (6,)   sigma of the copy
-    level_ratios : of position and velocity, |d| over its sigma in the horizontal direction in which that is largest
+    level_ratios : of position and velocity, the largest |d| over its sigma over all horizontal directions
     radial_sd : the largest sigma of the copy's horizontal position in any direction [m]
     """
 
@@ -93,9 +93,9 @@ class Separation(NamedTuple):
 
 
 def separate(filtered: Estimate, copy: Estimate) -> Separation:
-    """How far the filter is from a copy of the same time."""
-    found, level, radial_sd = kernels.separate(filtered.y, filtered.P, copy.y, copy.P, filtered.mat_en, MIN_SHARE)
-    return Separation(found[0], found[1], found[2], (float(level[0]), float(level[1])), radial_sd)
+    """Separation of the filter from a copy of the same time."""
+    values, ratios, radial_sd = kernels.separate(filtered.y, filtered.P, copy.y, copy.P, filtered.mat_en, MIN_SHARE)
+    return Separation(values[0], values[1], values[2], (float(ratios[0]), float(ratios[1])), radial_sd)
 
 
 def largest_sd(cov: Array) -> float:

@@ -1,9 +1,8 @@
-"""A ring of copies of different ages that go without the same sources.
+"""A ring of copies of different ages without the same sources.
 
-Every ``step_ns`` the oldest copy is replaced by one that begins now, so that four copies have ages of up to 1, 2, 3
-and 4 steps.  An old copy has seen more of a slow fault, and has drifted more itself; which age sees a ramp best
-depends on the inertial unit.  No copy is replaced while its sources are suspected or silent: what one holds then may
-be wrong.
+Every ``step_ns`` the oldest copy is replaced by a new one, so that four copies have ages of up to 1, 2, 3 and 4 steps.
+An old copy shows more of a slow fault, but has drifted more itself; the best age for a ramp depends on the inertial
+unit.  No copy is replaced while its sources are suspected or silent, because a new one could contain the fault.
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ from fti.nav.separation.copies import FilterCopy, Separation, separate
 
 @dataclass(frozen=True, slots=True)
 class RingSettings:
-    """How many copies, and how often one is replaced [ns]; None: never, one copy begins with the ladder."""
+    """Number of copies, and period of their replacement [ns]; None: never, the copy starts with the ring."""
 
     copies: int
     step_ns: int | None
@@ -30,13 +29,13 @@ class RingSettings:
 
 
 class CopyRing:
-    """Of one class of sources, by their names as ``Aiding``.
+    """Copies for one class of sources, by names of ``Aiding``.
 
-    removed : what its copies go without;  tested : those of them that are compared with the oldest copy
+    removed_names : sources that its copies do not use;  tested_names : those that are tested against the oldest copy
     """
 
-    def __init__(self, removed_names: frozenset[str], tested: frozenset[str], settings: RingSettings) -> None:
-        self.removed_names, self.tested = removed_names, tested
+    def __init__(self, removed_names: frozenset[str], tested_names: frozenset[str], settings: RingSettings) -> None:
+        self.removed_names, self.tested_names = removed_names, tested_names
         self._settings = settings
         self._copies: deque[FilterCopy] = deque(maxlen=settings.copies)
 
@@ -47,7 +46,7 @@ class CopyRing:
 
     @property
     def oldest(self) -> FilterCopy | None:
-        """The copy with the longest way without its sources."""
+        """The copy that has run longest without its sources."""
         return self._copies[0] if self._copies else None
 
     @property
@@ -56,32 +55,32 @@ class CopyRing:
         return len(self._copies) == self._settings.copies
 
     def clear(self) -> None:
-        """Forget all copies."""
+        """Remove all copies."""
         self._copies.clear()
 
     def keep_oldest(self) -> None:
-        """Forget all copies but the oldest one."""
+        """Remove all copies but the oldest one."""
         while len(self._copies) > 1:
             self._copies.pop()
 
     def advance(self, pieces: Sequence[Piece]) -> None:
         """Follow the filter through a segment."""
         for number, copy in enumerate(self._copies):
-            copy.advance(pieces, self.tested if number == 0 else frozenset())
+            copy.advance(pieces, self.tested_names if number == 0 else frozenset())
 
-    def renew(self, now: Moment, *, keep_oldest: bool = False) -> None:
-        """Begin a copy where one is due; the oldest one makes place for it, or the second one where that is kept."""
-        step_ns, t_ns = self._settings.step_ns, now.estimate.t_ns
+    def renew(self, moment: Moment, *, keep_oldest: bool = False) -> None:
+        """Add a copy if one is due; it replaces the oldest one, or with ``keep_oldest`` the second one."""
+        step_ns, t_ns = self._settings.step_ns, moment.estimate.t_ns
         if not self._copies or (step_ns is not None and t_ns - self._copies[-1].began_ns >= step_ns):
             if keep_oldest and self.is_full:
                 del self._copies[1]
-            self._copies.append(FilterCopy.begin(now, self.removed_names))
+            self._copies.append(FilterCopy.begin(moment, self.removed_names))
 
     def drop_before(self, t_ns: int) -> None:
-        """Forget copies that began before a time."""
+        """Remove copies that began before a time."""
         while self._copies and self._copies[0].began_ns < t_ns:
             self._copies.popleft()
 
-    def separations(self, now: Moment) -> list[Separation]:
+    def separations(self, moment: Moment) -> list[Separation]:
         """Of the filter from each copy, the oldest one first."""
-        return [separate(now.estimate, copy.estimate) for copy in self._copies]
+        return [separate(moment.estimate, copy.estimate) for copy in self._copies]

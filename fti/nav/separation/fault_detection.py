@@ -1,12 +1,12 @@
 """Fault detection and exclusion between the sources that aid the filter.
 
-Each class of sources (``source_class``) is compared with copies of the filter that go without it.  A class that is
-faulty (``monitor``) is excluded, and the filter goes on from the oldest copy without it; of several receivers only
-those that contradict.  It comes back by ``readmission``.  Heights that separate while the filter refuses none of them
-are a contradiction without a culprit: satellites or barometer may be wrong.
+Each class of sources (``source_class``) is compared with copies of the filter that run without it.  A faulty class
+(``monitor``) is excluded, and the filter continues from the oldest copy without it; of several receivers only the
+contradicting ones are excluded.  ``readmission`` ends the exclusion.  If heights separate while the filter refuses none
+of them, the contradiction is unresolved: satellites or barometer may be wrong.
 
-Without satellites airspeed and magnetic heading move the filter away from its copies, which says nothing of the
-satellites: separations count only while positions are believed.  Where the filter refuses satellites that come back,
+Without satellites, airspeed and magnetic heading separate the filter from its copies, which does not show a fault of
+the satellites: separations are tested only while positions are accepted.  If the filter refuses satellites that return,
 and the copy from before agrees with them, airspeed and heading are excluded.
 Source: the specification in docs/fault-detection.md.  Checked against: tests/nav/test_fault_detection.py.
 """
@@ -56,18 +56,18 @@ from fti.nav.separation.source_class import (
 from fti.nav.witnesses import Confirmation, Size
 from fti.types import Event, Reason
 
-#: The filter separates so much farther without a wrong receiver than without any other one.
-ALONE_RATIO = 1.5
+#: Ratio of the separation without a wrong receiver to that without any other one.
+SINGLE_FAULT_RATIO = 1.5
 COMMANDED_TEXT = "the operator commands it"
 
 
 class FaultDetection:
-    """Of one filter, which is aided as the settings say."""
+    """Fault detection of one filter.  settings : its aiding sources"""
 
     def __init__(self, navigator: InertialNavigator, settings: Filter) -> None:
         self._navigator = navigator
         self._classes = make_classes(settings) if settings.gnss else []
-        self._refused: dict[str, ExcludedReceiver] = {}  # by what
+        self._refused: dict[str, ExcludedReceiver] = {}  # by label
         self._events: list[Event] = []
         self._end_ns: int | None = None
         self._tolerance = 0.0
@@ -78,16 +78,16 @@ class FaultDetection:
         self._provisional = ProvisionalFilters()
         self._excluded_aids = frozenset[str]()
 
-    # ---------------------------------------------------------------------------------------------------- telling
+    # ---------------------------------------------------------------------------------------------------------- outputs
 
     @property
     def refused(self) -> dict[str, int]:
-        """Since when receivers that are excluded as a whole have contradicted, by device."""
-        return {r.device: r.onset_ns for r in self._refused.values() if r.what == r.device}
+        """Start of the contradiction of receivers that are excluded as a whole, by device."""
+        return {r.device: r.onset_ns for r in self._refused.values() if r.label == r.device}
 
     @property
     def refused_heights(self) -> frozenset[str]:
-        """Receivers whose heights do not aid, alone or with their positions."""
+        """Receivers whose heights do not aid, with or without their positions."""
         return frozenset(r.device for r in self._refused.values() if f"{r.device}.height" in r.names)
 
     @property
@@ -98,258 +98,256 @@ class FaultDetection:
     @property
     def is_reacquired(self) -> bool:
         """Whether the copies are younger than the configured ages."""
-        rings = (
-            watched for watched in self._classes if watched.what not in self._several and self._aiding_devices(watched)
-        )
+        rings = (group for group in self._classes if group.label not in self._several and self._aiding_devices(group))
         return any(not w.monitor.copy_ring.is_full or w.absence.is_on_trial for w in rings)
 
     @property
     def refusals(self) -> list[CarriedRefusal]:
-        """Those in force."""
+        """Refusals in force."""
         return [
             CarriedRefusal(
-                refused.device,
-                RefusedPart.AIDING if refused.what == refused.device else RefusedPart.AIDING_HEIGHT,
+                receiver.device,
+                RefusedPart.AIDING if receiver.label == receiver.device else RefusedPart.AIDING_HEIGHT,
                 Reason.EXCLUDED,
-                refused.onset_ns,
+                receiver.onset_ns,
                 is_standing=True,
             )
-            for refused in self._refused.values()
+            for receiver in self._refused.values()
         ]
 
     def restore(self, refusals: Iterable[CarriedRefusal], t_ns: int) -> None:
-        """Begin with refusals of before this process: the filter does not begin with these receivers."""
+        """Start with refusals from before this process: the filter does not start with these receivers."""
         parts = {RefusedPart.AIDING: ("{}", QUANTITIES), RefusedPart.AIDING_HEIGHT: ("{} height", HEIGHT)}
-        known = frozenset[str]().union(*(watched.devices for watched in self._classes))
+        known = frozenset[str]().union(*(group.devices for group in self._classes))
         for refusal in refusals:
             if refusal.part not in parts or refusal.source not in known:
                 continue
             name, quantities = parts[refusal.part]
-            back = ReadmissionCheck({f"{refusal.source}.{q}": Contradiction(QUANTITY_AXES[q]) for q in quantities})
-            back.begin_anew()
-            what = name.format(refusal.source)
-            self._refused[what] = ExcludedReceiver(refusal.source, what, refusal.onset_ns, back)
-            text = f"{what}: still refused after navigation was started again"
-            text += f"; it aids again after {describe_readmission(self._refused[what])}"
+            check = ReadmissionCheck({f"{refusal.source}.{q}": Contradiction(QUANTITY_AXES[q]) for q in quantities})
+            check.reset()
+            label = name.format(refusal.source)
+            self._refused[label] = ExcludedReceiver(refusal.source, label, refusal.onset_ns, check)
+            text = f"{label}: still refused after navigation was started again"
+            text += f"; it aids again after {describe_readmission(self._refused[label])}"
             self._add_event(t_ns, "warning", text)
 
     def levels(self, t_ns: int) -> ProtectionLevels | None:
-        """Protection levels of the filter at a time; None where there is no filter."""
-        here = self._navigator.at(t_ns)
-        if here is None:
+        """Protection levels of the filter at a time; None without an estimate."""
+        estimate = self._navigator.at(t_ns)
+        if estimate is None:
             return None
-        found = [filter_levels(here), *self._levels_of_copies(t_ns)]
+        levels = [filter_levels(estimate), *self._levels_of_copies(t_ns)]
         return ProtectionLevels(
-            max(level.horizontal for level in found) + self._tolerance,
-            max(level.vertical for level in found) + self._tolerance,
+            max(each.horizontal for each in levels) + self._tolerance,
+            max(each.vertical for each in levels) + self._tolerance,
         )
 
     def _lag_s(self, t_ns: int) -> float:
-        """How old the copies are at a time."""
+        """Age of the copies at a time."""
         return 0.0 if self._end_ns is None else max(0.0, (t_ns - self._end_ns) / SECOND_NS)
 
     def _levels_of_copies(self, t_ns: int) -> list[ProtectionLevels]:
-        return [watched.levels(self._lag_s(t_ns)) for watched in self._classes]
+        return [group.levels(self._lag_s(t_ns)) for group in self._classes]
 
     def provisional(self, t_ns: int) -> list[ProvisionalResult]:
-        """Provisional filters of unconfirmed receivers at a time; none where there is no filter."""
+        """Provisional filters of unconfirmed receivers at a time; empty without an estimate."""
         final = self._navigator.last_final
-        here = self._navigator.at(t_ns) if self._provisional.is_any else None
-        if final is None or here is None:
+        estimate = self._navigator.at(t_ns) if self._provisional.is_any else None
+        if final is None or estimate is None:
             return []
-        copies, added = self._levels_of_copies(t_ns), self._tolerance
-        found = []
+        copies, tolerance = self._levels_of_copies(t_ns), self._tolerance
+        results = []
         for device, offset in self._provisional.find_offsets(final, self._lag_s(t_ns)):
-            horizontal, vertical = provisional_levels(offset.offset_n, here, copies)
-            levels = ProtectionLevels(horizontal + added, vertical + added)
-            found.append(ProvisionalResult(device, offset, levels, self._readmission(device)))
-        return found
+            horizontal, vertical = provisional_levels(offset.offset_n, estimate, copies)
+            levels = ProtectionLevels(horizontal + tolerance, vertical + tolerance)
+            results.append(ProvisionalResult(device, offset, levels, self._readmission(device)))
+        return results
 
     def _readmission(self, device: str) -> str:
-        """What would readmit a receiver that the filter excludes, its own tests refuse, or both."""
+        """The ways to readmit a receiver that the filter excludes, its own tests refuse, or both."""
         texts = [describe_readmission(r) for r in self._refused.values() if r.device == device]
         return "; ".join(filter(None, (*texts, self._provisional.own_readmission(device))))
 
     @property
     def separations(self) -> dict[str, list[Separation]]:
-        """Of the filter from the copies of each class, the oldest copy first."""
-        return {watched.what: watched.monitor.separations for watched in self._classes}
+        """Separations of the filter from the copies of each class, the oldest copy first."""
+        return {group.label: group.monitor.separations for group in self._classes}
 
     def drain_events(self) -> list[Event]:
-        """What happened since the last call."""
+        """Events since the last call."""
         events, self._events = self._events, []
         return events
 
-    # ------------------------------------------------------------------------------------------------- following
+    # ----------------------------------------------------------------------------------------------------------- update
 
     def set_suspects(self, devices: frozenset[str]) -> None:
-        """Receivers that tests of one source suspect from now on."""
-        for watched in self._classes:
-            watched.is_suspect = watched.what != HEIGHTS and not devices.isdisjoint(watched.devices)
+        """Set the receivers that tests of one source suspect."""
+        for group in self._classes:
+            group.is_suspect = group.label != HEIGHTS and not devices.isdisjoint(group.devices)
 
-    def feed_unconfirmed(self, device: str, what: UnconfirmedSource, t_ns: int, parts: Iterable[Aiding]) -> None:
-        """Take a measurement of a receiver that its own tests refuse, and that is unconfirmed."""
+    def feed_unconfirmed(self, device: str, unconfirmed: UnconfirmedSource, t_ns: int, parts: Iterable[Aiding]) -> None:
+        """Take a measurement of an unconfirmed receiver that its own tests refuse."""
         if self._navigator.is_aligned:
             self._provisional.feed_aiding(
-                device, receiver_names(device, what.quantities), what.readmission, t_ns, parts
+                device, receiver_names(device, unconfirmed.quantities), unconfirmed.readmission, t_ns, parts
             )
 
     def update(self, t_ns: int) -> None:
-        """Follow the filter to its last segment; exclude what contradicts, let back in what agrees."""
+        """Follow the filter to its last segment; exclude sources that contradict, readmit those that agree."""
         segments = self._navigator.drain_segments()
         for segment in segments:
             self._follow(segment)
         if self._excluded_aids:
             self._report_readmitted_aids(t_ns)
-        if segments and self._navigator.is_aligned:  # the filter can only be changed where the last one ends
+        if segments and self._navigator.is_aligned:  # the filter can only be changed at the end of the last one
             if self._is_restarted:
                 self._exclude_again(t_ns)
                 return
-            for refused in list(self._refused.values()):
-                self._try_readmission(refused, segments[-1].end.estimate, t_ns)
-            self._judge(segments[-1], t_ns)
+            for receiver in list(self._refused.values()):
+                self._try_readmission(receiver, segments[-1].end.estimate, t_ns)
+            self._check_classes(segments[-1], t_ns)
 
     def _follow(self, segment: FilterSegment) -> None:
         if segment.begin_ns != self._end_ns:
-            self._begin_anew()
+            self._reset()
         self._end_ns = segment.end.estimate.t_ns
         if not self._navigator.is_aligned:
             return
         self._compare_refused(segment)
         pieces = cut(segment)
         self._provisional.follow(segment, pieces, self._unconfirmed)
-        for watched in self._classes:
-            if self._is_bounded(watched, segment) or (self.is_unresolved and watched.what in self._several):
-                watched.follow(segment, pieces)
+        for group in self._classes:
+            if self._is_bounded(group, segment) or (self.is_unresolved and group.label in self._several):
+                group.follow(segment, pieces)
             else:
-                watched.clear()
+                group.clear()
         if not self.is_reacquired:
             self._tolerance = 0.0
         self._report_returns(segment)
 
     @property
     def _unconfirmed(self) -> dict[str, frozenset[str]]:
-        """Names with which receivers that are excluded agree with themselves, by device."""
-        found = dict[str, frozenset[str]]()
-        for refused in self._refused.values():
-            if refused.back.has_passed:
-                found[refused.device] = found.get(refused.device, frozenset()) | refused.names
-        return found
+        """Names of excluded receivers whose own tests have passed for long enough, by device."""
+        names = dict[str, frozenset[str]]()
+        for receiver in self._refused.values():
+            if receiver.readmission_check.has_passed:
+                names[receiver.device] = names.get(receiver.device, frozenset()) | receiver.names
+        return names
 
     def _report_returns(self, segment: FilterSegment) -> None:
-        for watched in self._classes:
-            if watched.has_returned and watched.what == SATELLITES:
-                self._add_event(segment.end.estimate.t_ns, "info", describe_return(watched))
+        for group in self._classes:
+            if group.has_returned and group.label == SATELLITES:
+                self._add_event(segment.end.estimate.t_ns, "info", describe_return(group))
 
-    def _is_bounded(self, watched: SourceClass, segment: FilterSegment) -> bool:
-        """Whether the copies of a class are of use: it aids, and of one of several receivers that another one does."""
-        if not self._aiding_devices(watched):
+    def _is_bounded(self, group: SourceClass, segment: FilterSegment) -> bool:
+        """Whether the copies of a class are usable: it aids, and and another of several receivers aids."""
+        if not self._aiding_devices(group):
             return False
-        if watched.what not in self._several:
+        if group.label not in self._several:
             return True
-        if self._is_silent(watched.what, segment.end):
+        if self._is_silent(group.label, segment.end):
             return False
-        others = (segment.end.gate_states.get(f"{name}.position") for name in self._several if name != watched.what)
-        believed = [other.accepted_ns for other in others if other is not None and other.accepted_ns is not None]
-        return any(segment.end.estimate.t_ns - then_ns <= BOUNDED_NS for then_ns in believed)
+        others = (segment.end.gate_states.get(f"{name}.position") for name in self._several if name != group.label)
+        accepted = [other.accepted_ns for other in others if other is not None and other.accepted_ns is not None]
+        return any(segment.end.estimate.t_ns - accepted_ns <= BOUNDED_NS for accepted_ns in accepted)
 
-    def _is_silent(self, device: str, now: Moment) -> bool:
-        """Whether the filter has believed no position of a receiver for as long as the oldest copy gets old.
+    def _is_silent(self, device: str, moment: Moment) -> bool:
+        """Whether the filter has accepted no position of a receiver for the maximum age of the oldest copy.
 
-        A copy that goes without it is then the filter itself but for rounding, and would contradict it for nothing.
+        A copy without it then differs from the filter by rounding only, and must not contradict it.
         """
-        standing = now.gate_states.get(f"{device}.position")
-        if standing is None or standing.accepted_ns is None:
+        state = moment.gate_states.get(f"{device}.position")
+        if state is None or state.accepted_ns is None:
             return True
-        return now.estimate.t_ns - standing.accepted_ns > self._long_absence_ns
+        return moment.estimate.t_ns - state.accepted_ns > self._long_absence_ns
 
-    def _begin_anew(self) -> None:
-        """The filter has begun again: what was known of its copies is not true of it; who was excluded still is."""
+    def _reset(self) -> None:
+        """The filter has restarted: its copies are not valid any more; exclusions remain."""
         self._forget_copies()
         self._provisional.clear()
         self._unresolved_ns, self._tolerance, self._is_restarted = None, 0.0, True
-        for refused in self._refused.values():
-            refused.back.begin_anew()
+        for receiver in self._refused.values():
+            receiver.readmission_check.reset()
 
     def _exclude_again(self, t_ns: int) -> None:
-        """Of a filter that has begun again."""
+        """Repeat the exclusions in a filter that has restarted."""
         self._is_restarted = False
-        for refused in self._refused.values():
-            self._navigator.exclude(refused.names, refused.onset_ns, None)
-            text = f"{refused.what}: still refused after the filter began again"
-            text += f"; it aids again after {describe_readmission(refused)}"
+        for receiver in self._refused.values():
+            self._navigator.exclude(receiver.names, receiver.onset_ns, None)
+            text = f"{receiver.label}: still refused after the filter began again"
+            text += f"; it aids again after {describe_readmission(receiver)}"
             self._add_event(t_ns, "warning", text)
 
-    # --------------------------------------------------------------------------------------------------- judging
+    # -------------------------------------------------------------------------------------------- tests between classes
 
-    def _judge(self, segment: FilterSegment, t_ns: int) -> None:
+    def _check_classes(self, segment: FilterSegment, t_ns: int) -> None:
         """Exclude at most one class at a time: its exclusion changes what the others are compared with."""
-        found = {watched.what: (watched, finding) for watched in self._classes if (finding := watched.find(segment))}
-        if SATELLITES in found:
-            watched, finding = found[SATELLITES]
-            if watched.was_misled(finding, segment.end.estimate.t_ns) and self._aids_of(watched):
-                self._exclude_aids(watched, finding, t_ns)
+        faulty = {group.label: (group, finding) for group in self._classes if (finding := group.find(segment))}
+        if SATELLITES in faulty:
+            group, finding = faulty[SATELLITES]
+            if group.was_misled(finding, segment.end.estimate.t_ns) and self._aids_of(group):
+                self._exclude_aids(group, finding, t_ns)
             else:
-                self._attribute(watched, finding, segment, t_ns)
+                self._attribute(group, finding, segment, t_ns)
             return
-        if HEIGHTS in found:
-            watched, finding = found[HEIGHTS]
+        if HEIGHTS in faulty:
+            group, finding = faulty[HEIGHTS]
             if finding.refused:
-                self._attribute(watched, finding, segment, t_ns)
+                self._attribute(group, finding, segment, t_ns)
             else:
                 self._report_unresolved(finding, t_ns)
             return
-        wrong = [each for each in found.values() if self._is_alone(*each)]
+        wrong = [each for each in faulty.values() if self._is_single_fault(*each)]
         if len(wrong) == 1:
-            watched, finding = wrong[0]
-            self._exclude(watched.devices, watched.quantities, finding, segment, t_ns)
-        elif found:
-            self._report_unresolved(next(iter(found.values()))[1], t_ns)
+            group, finding = wrong[0]
+            self._exclude(group.devices, group.quantities, finding, segment, t_ns)
+        elif faulty:
+            self._report_unresolved(next(iter(faulty.values()))[1], t_ns)
         elif self._unresolved_ns is not None:
             self._end_unresolved(t_ns)
 
-    def _is_alone(self, watched: SourceClass, finding: SourceFault) -> bool:
-        """Whether one of several receivers is wrong, and not one of two of which either may be.
+    def _is_single_fault(self, group: SourceClass, finding: SourceFault) -> bool:
+        """Whether exactly this one of several receivers is wrong.
 
-        Without either of two that contradict each other the filter separates alike; without the wrong one of three
-        twice as far as without another one.  During a draw the filter may have come to follow either, by its gate.
+        If two receivers contradict each other, the separations without either are alike.  Of three, the one without
+        the wrong receiver is twice as large as the others.  While unresolved, the filter may follow either of them.
         """
         if finding.refused or self.is_unresolved:
             return not self.is_unresolved
-        others = (w.monitor.ratio for w in self._classes if w.what in self._several and w is not watched)
-        return watched.monitor.ratio > ALONE_RATIO * max(others, default=0.0)
+        others = (w.monitor.ratio for w in self._classes if w.label in self._several and w is not group)
+        return group.monitor.ratio > SINGLE_FAULT_RATIO * max(others, default=0.0)
 
-    def _aiding_devices(self, watched: SourceClass) -> tuple[str, ...]:
+    def _aiding_devices(self, group: SourceClass) -> tuple[str, ...]:
         """Devices of a class that are not excluded."""
         if not self._refused:
-            return watched.devices
-        out = frozenset[str]().union(*(r.names for r in self._refused.values()))
-        return tuple(d for d in watched.devices if not receiver_names(d, watched.quantities) <= out)
+            return group.devices
+        excluded = frozenset[str]().union(*(r.names for r in self._refused.values()))
+        return tuple(d for d in group.devices if not receiver_names(d, group.quantities) <= excluded)
 
-    def _attribute(self, watched: SourceClass, finding: SourceFault, segment: FilterSegment, t_ns: int) -> None:
-        """Of several receivers exclude the one whose removal ends the contradiction; where it is unknown, none."""
-        aiding = self._aiding_devices(watched)
-        devices = tuple(d for d in aiding if _is_accepted_since(d, watched, finding, segment.end)) or aiding
-        if len(devices) > 1 and watched.what == SATELLITES and (self.is_unresolved or not finding.refused):
-            devices = self._find_faulty(devices, watched)
+    def _attribute(self, group: SourceClass, finding: SourceFault, segment: FilterSegment, t_ns: int) -> None:
+        """Exclude the one of several receivers whose removal ends the contradiction; none if it is unknown."""
+        aiding = self._aiding_devices(group)
+        devices = tuple(d for d in aiding if _is_accepted_since(d, group, finding, segment.end)) or aiding
+        if len(devices) > 1 and group.label == SATELLITES and (self.is_unresolved or not finding.refused):
+            devices = self._find_faulty(devices, group)
         elif len(devices) > 1:
-            wrong = tuple(d for d in devices if _contradicts(d, watched, finding, segment))
-            devices = tuple(d for d in devices if d in wrong or _is_alike(d, wrong, watched, finding, segment))
+            wrong = tuple(d for d in devices if _contradicts(d, group, finding, segment))
+            devices = tuple(d for d in devices if d in wrong or _is_alike(d, wrong, group, finding, segment))
         if devices:
-            self._exclude(devices, watched.quantities, finding, segment, t_ns)
+            self._exclude(devices, group.quantities, finding, segment, t_ns)
         else:
             self._report_unresolved(finding, t_ns)
 
-    def _find_faulty(self, devices: tuple[str, ...], watched: SourceClass) -> tuple[str, ...]:
-        """The one receiver without which the filter agrees with the oldest copy; all where they lie alike.
+    def _find_faulty(self, devices: tuple[str, ...], group: SourceClass) -> tuple[str, ...]:
+        """The one receiver without which the filter agrees with the oldest copy; all if they have a common fault.
 
-        Those agree with each other, and the filter without any one of them contradicts a copy.  A young copy shows a
-        change of the velocity best, but may itself have begun behind a lie: it does not show which one is wrong alone.
-        None while it is not clear, as without a copy.
+        With a common fault they agree with each other, and the filter without any one of them contradicts a copy.  A
+        young copy shows a velocity change best, but may contain the fault: it cannot identify a single receiver.
+        Empty if it is not clear, or without a copy.
         """
-        if not watched.monitor.copy_ring.copies:
+        if not group.monitor.copy_ring.copies:
             return ()
-        ratios, k_fa = {device: self._ratios_without(device, watched) for device in devices}, watched.monitor.k_fa
+        ratios, k_fa = ({device: self._ratios_without(device, group) for device in devices}, group.monitor.k_fa)
         if self._agree(devices) and all(max(separation_ratios) >= k_fa for separation_ratios in ratios.values()):
             return devices
         still = tuple(device for device in devices if ratios[device][0] >= k_fa)
@@ -359,16 +357,16 @@ class FaultDetection:
         return ending if len(ending) == 1 and len(still) == len(devices) - 1 else ()
 
     def _agree(self, devices: tuple[str, ...]) -> bool:
-        """Whether receivers are compared with each other, and none contradicts."""
-        monitors = [watched.monitor for watched in self._classes if watched.what in devices]
+        """Whether receivers are compared with each other, and no one contradicts."""
+        monitors = [group.monitor for group in self._classes if group.label in devices]
         return all(monitor.separations and monitor.ratio < monitor.k_fa for monitor in monitors)
 
-    def _ratios_without(self, device: str, watched: SourceClass) -> list[float]:
-        """|d| over sigma of the filter without one receiver from copies without any; infinite while there is none."""
-        mine = next(each.monitor.copy_ring.oldest for each in self._classes if each.what == device)
+    def _ratios_without(self, device: str, group: SourceClass) -> list[float]:
+        """|d| over sigma of the copy without one receiver from copies without any; infinite without such a copy."""
+        mine = next(each.monitor.copy_ring.oldest for each in self._classes if each.label == device)
         if mine is None:
             return [np.inf]
-        separations = [separate(mine.estimate, copy.estimate) for copy in watched.monitor.copy_ring.copies]
+        separations = [separate(mine.estimate, copy.estimate) for copy in group.monitor.copy_ring.copies]
         return [max(separation.level_ratios) for separation in separations]
 
     def _exclude(
@@ -380,48 +378,48 @@ class FaultDetection:
         t_ns: int,
     ) -> None:
         for device in devices:
-            what = device if quantities == QUANTITIES else f"{device} height"
-            back = ReadmissionCheck({f"{device}.{q}": _contradiction(device, q, finding, segment) for q in quantities})
-            self._refused[what] = ExcludedReceiver(device, what, finding.onset_ns, back)
-            self._add_event(t_ns, "warning", describe_exclusion(device, what, finding, t_ns))
+            label = device if quantities == QUANTITIES else f"{device} height"
+            check = ReadmissionCheck({f"{device}.{q}": _contradiction(device, q, finding, segment) for q in quantities})
+            self._refused[label] = ExcludedReceiver(device, label, finding.onset_ns, check)
+            self._add_event(t_ns, "warning", describe_exclusion(device, label, finding, t_ns))
         copy = finding.copy.estimate if finding.copy else None
         self._navigator.exclude(names_of(devices, quantities), finding.onset_ns, copy)
-        for watched in self._classes:
-            if watched.what != SATELLITES:
-                watched.clear()
-            elif quantities == QUANTITIES:  # copies without satellites go without their heights, too
-                self._continue_without(watched, finding)
+        for group in self._classes:
+            if group.label != SATELLITES:
+                group.clear()
+            elif quantities == QUANTITIES:  # copies without satellites do not use their heights, either
+                self._continue_without(group, finding)
 
     def _continue_without(self, satellites: SourceClass, finding: SourceFault) -> None:
-        """Behind the exclusion of a receiver: where another one aids, it may be the next that the oldest copy finds."""
+        """After the exclusion of a receiver: the oldest copy is kept to test the receivers that still aid."""
         is_oldest = finding.copy is not None and finding.copy is satellites.monitor.copy_ring.oldest
         if is_oldest and self._aiding_devices(satellites):
             satellites.restart_from_oldest()
         else:
             satellites.clear()
 
-    def _aids_of(self, watched: SourceClass) -> frozenset[str]:
-        """What aids the filter without satellites, and is not excluded."""
-        return watched.dead_reckoning - self._navigator.exclusions.keys()
+    def _aids_of(self, group: SourceClass) -> frozenset[str]:
+        """Dead-reckoning aids that are not excluded."""
+        return group.dead_reckoning - self._navigator.exclusions.keys()
 
-    def _exclude_aids(self, watched: SourceClass, finding: SourceFault, t_ns: int) -> None:
-        """Go on without what has aided while satellites were gone, from the oldest copy."""
+    def _exclude_aids(self, group: SourceClass, finding: SourceFault, t_ns: int) -> None:
+        """Continue from the oldest copy without the dead-reckoning aids that were used without satellites."""
         assert finding.copy is not None
-        names = self._aids_of(watched)
+        names = self._aids_of(group)
         self._navigator.exclude(names, finding.onset_ns, finding.copy.estimate)
         self._excluded_aids |= names
         for each in self._classes:
-            if each is watched:
+            if each is group:
                 each.restart_from_oldest()
             else:
                 each.clear()
-        self._add_event(t_ns, "warning", describe_misled(watched, names, finding, t_ns))
+        self._add_event(t_ns, "warning", describe_misled(group, names, finding, t_ns))
 
     def _report_readmitted_aids(self, t_ns: int) -> None:
-        """Say which aids that were excluded aid again."""
-        back = self._excluded_aids - self._navigator.exclusions.keys()
-        self._excluded_aids -= back
-        for name in sorted(back):
+        """Report excluded aids that aid again."""
+        readmitted = self._excluded_aids - self._navigator.exclusions.keys()
+        self._excluded_aids -= readmitted
+        for name in sorted(readmitted):
             self._add_event(t_ns, "info", f"{name}: aids the filter again")
 
     def _report_unresolved(self, finding: SourceFault, t_ns: int) -> None:
@@ -432,53 +430,53 @@ class FaultDetection:
 
     def _end_unresolved(self, t_ns: int) -> None:
         assert self._unresolved_ns is not None
-        if any(watched.monitor.ratio > HALF_K_FA for watched in self._classes):
+        if any(group.monitor.ratio > HALF_K_FA for group in self._classes):
             self._unresolved_ns = self._end_ns
         elif (self._end_ns or 0) - self._unresolved_ns >= UNRESOLVED_END_NS:
             self._unresolved_ns = None
             self._add_event(t_ns, "info", "contradiction: the sources agree again")
 
     def _forget_copies(self) -> None:
-        for watched in self._classes:
-            watched.clear()
+        for group in self._classes:
+            group.clear()
 
-    # -------------------------------------------------------------------------------------------------- back in
+    # ------------------------------------------------------------------------------------------------------ readmission
 
     def _compare_refused(self, segment: FilterSegment) -> None:
-        for refused in self._refused.values():
+        for receiver in self._refused.values():
             for entry in segment.entries:
-                if entry.aiding.name in refused.names and entry.decision is GateDecision.EXCLUDED:
-                    refused.back.compare(entry, segment.end.estimate)
+                if entry.aiding.name in receiver.names and entry.decision is GateDecision.EXCLUDED:
+                    receiver.readmission_check.compare(entry, segment.end.estimate)
 
-    def _try_readmission(self, refused: ExcludedReceiver, here: Estimate, t_ns: int) -> None:
-        if not refused.back.has_agreed(here.t_ns):
-            refused.is_announced = False
-        elif refused.back.is_confirmed(here):
-            self._readmit(refused, t_ns, refused.back.tolerance or 0.0, "its contradiction has ended")
-        elif not refused.is_announced:
-            refused.is_announced = True
-            self._add_event(t_ns, "warning", describe_unconfirmed(refused))
+    def _try_readmission(self, receiver: ExcludedReceiver, estimate: Estimate, t_ns: int) -> None:
+        if not receiver.readmission_check.has_agreed(estimate.t_ns):
+            receiver.is_announced = False
+        elif receiver.readmission_check.is_confirmed(estimate):
+            self._readmit(receiver, t_ns, receiver.readmission_check.tolerance or 0.0, "its contradiction has ended")
+        elif not receiver.is_announced:
+            receiver.is_announced = True
+            self._add_event(t_ns, "warning", describe_unconfirmed(receiver))
 
     def _readmit(
-        self, refused: ExcludedReceiver, t_ns: int, tolerance: float, why: str, disagreement: float = 0.0
+        self, receiver: ExcludedReceiver, t_ns: int, tolerance: float, reason: str, disagreement: float = 0.0
     ) -> None:
-        del self._refused[refused.what]
-        self._provisional.end(refused.device)
-        self._navigator.readmit(refused.names, disagreement)
+        del self._refused[receiver.label]
+        self._provisional.end(receiver.device)
+        self._navigator.readmit(receiver.names, disagreement)
         self._tolerance = max(self._tolerance, tolerance)
         self._forget_copies()
-        self._add_event(t_ns, "info", f"{refused.what}: aids the filter again: {why}")
+        self._add_event(t_ns, "info", f"{receiver.label}: aids the filter again: {reason}")
 
     def readmit(self, device: str, t_ns: int) -> None:
-        """Let a receiver back in because the operator commands it, if it is excluded or its own tests refuse it."""
+        """Readmit a receiver on the operator's command, if it is excluded or its own tests refuse it."""
         mine = [r for r in self._refused.values() if r.device == device]
         if not mine:
             self._admit(device, t_ns)
-        for refused in mine:
-            self._readmit(refused, t_ns, 0.0, COMMANDED_TEXT, refused.back.size)
+        for receiver in mine:
+            self._readmit(receiver, t_ns, 0.0, COMMANDED_TEXT, receiver.readmission_check.size)
 
     def _admit(self, device: str, t_ns: int) -> None:
-        """The filter, which has coasted, is to follow a receiver that only its own tests have refused."""
+        """Let the coasting filter follow a receiver that only its own tests have refused."""
         distance, waiting = self._provisional.distance(device), self._provisional.end(device)
         if distance is None:
             return
@@ -492,45 +490,45 @@ class FaultDetection:
     @property
     def contradiction_sizes(self) -> dict[str, Size]:
         """Contradictions of receivers that do not aid, by device: of position and height, as far as known [m]."""
-        return {r.device: size_of(r) for r in self._refused.values() if r.what == r.device}
+        return {r.device: size_of(r) for r in self._refused.values() if r.label == r.device}
 
-    def confirm(self, found: Confirmation, t_ns: int) -> None:
-        """An independent source agrees with a receiver: it is back in, or the filter begins anew."""
-        refused = self._refused.get(found.device)
-        if refused is None:
-            self._provisional.end(found.device)
+    def confirm(self, confirmation: Confirmation, t_ns: int) -> None:
+        """An independent source agrees with a receiver: readmit it, or restart the filter."""
+        receiver = self._refused.get(confirmation.device)
+        if receiver is None:
+            self._provisional.end(confirmation.device)
             return
-        if found.is_against_filter:
-            self._restart_with(refused, found.witness, t_ns)
-        elif self._end_ns is not None and refused.back.has_agreed(self._end_ns):
-            why = f"{found.witness} agrees with it to {found.tolerance:.0f} m"
-            self._readmit(refused, t_ns, found.tolerance, why)
+        if confirmation.is_against_filter:
+            self._restart_with(receiver, confirmation.witness, t_ns)
+        elif self._end_ns is not None and receiver.readmission_check.has_agreed(self._end_ns):
+            reason = f"{confirmation.witness} agrees with it to {confirmation.tolerance:.0f} m"
+            self._readmit(receiver, t_ns, confirmation.tolerance, reason)
 
-    def _restart_with(self, refused: ExcludedReceiver, witness: str, t_ns: int) -> None:
-        del self._refused[refused.what]
+    def _restart_with(self, receiver: ExcludedReceiver, witness: str, t_ns: int) -> None:
+        del self._refused[receiver.label]
         self._navigator.restart(Reason.DIVERGED)
-        text = f"filter: begins anew: {refused.what} and {witness} agree, and contradict it"
+        text = f"filter: begins anew: {receiver.label} and {witness} agree, and contradict it"
         self._add_event(t_ns, "warning", text)
 
     def _add_event(self, t_ns: int, level: str, text: str) -> None:
         self._events.append(Event(t_ns=t_ns, level=level, source="nav", text=text))
 
 
-def _is_accepted_since(device: str, watched: SourceClass, finding: SourceFault, now: Moment) -> bool:
-    """Whether the filter has taken anything of a receiver since the copy began, or refuses it now.
+def _is_accepted_since(device: str, group: SourceClass, finding: SourceFault, moment: Moment) -> bool:
+    """Whether the filter has accepted a measurement of a receiver since the copy began, or refuses it now.
 
-    One that was silent, or was never there, has not made the filter wrong.
+    A receiver that was silent cannot be the cause of a wrong filter.
     """
     began_ns = finding.copy.began_ns if finding.copy else 0
-    believed = (now.gate_states[name].accepted_ns for name in receiver_names(device) if name in now.gate_states)
-    is_believed = any(then_ns is not None and then_ns >= began_ns for then_ns in believed)
-    return is_believed or watched.refusals.since(now, receiver_names(device)) is not None
+    accepted = (moment.gate_states[name].accepted_ns for name in receiver_names(device) if name in moment.gate_states)
+    is_accepted = any(accepted_ns is not None and accepted_ns >= began_ns for accepted_ns in accepted)
+    return is_accepted or group.refusals.since(moment, receiver_names(device)) is not None
 
 
 def _contradiction(device: str, quantity: str, finding: SourceFault, segment: FilterSegment) -> Contradiction:
-    """As it was when the source was excluded: its last innovation that the filter refused, or the separation.
+    """The contradiction at the exclusion of a source: its last refused innovation, or the separation.
 
-    A lie that the filter has seen sharply may lie within the gate of the copy that it goes on from.
+    The innovation may lie within the gate of the copy that the filter continues from.
     """
     name, size = f"{device}.{quantity}", finding.sizes.get(quantity, 0.0)
     for entry in segment.entries:
@@ -541,22 +539,22 @@ def _contradiction(device: str, quantity: str, finding: SourceFault, segment: Fi
 
 
 def _is_alike(
-    device: str, wrong: Iterable[str], watched: SourceClass, finding: SourceFault, segment: FilterSegment
+    device: str, wrong: Iterable[str], group: SourceClass, finding: SourceFault, segment: FilterSegment
 ) -> bool:
-    """Whether a receiver tells the filter the same as one that it refuses, though its own refusal has not lasted."""
-    names = receiver_names(device) & watched.tested
-    others = (receiver_names(other) & watched.tested for other in wrong)
-    return finding.refused and any(watched.refusals.is_alike(segment.end, other, names) for other in others)
+    """Whether a receiver has the same innovations as a refused one, although its own refusal has not lasted."""
+    names = receiver_names(device) & group.tested_names
+    others = (receiver_names(other) & group.tested_names for other in wrong)
+    return finding.refused and any(group.refusals.is_alike(segment.end, other, names) for other in others)
 
 
-def _contradicts(device: str, watched: SourceClass, finding: SourceFault, segment: FilterSegment) -> bool:
-    """Whether one of several receivers is refused by the filter, or its last one is outside the gate of the copy."""
+def _contradicts(device: str, group: SourceClass, finding: SourceFault, segment: FilterSegment) -> bool:
+    """Whether the filter refuses one of several receivers, or its last fix is outside the gate of the copy."""
     if finding.refused:
-        since = watched.refusals.since(segment.end, receiver_names(device) & watched.tested)
+        since = group.refusals.since(segment.end, receiver_names(device) & group.tested_names)
         return since is not None and segment.end.estimate.t_ns - since >= REFUSED_NS
-    last = [e for e in segment.entries if e.aiding.name in receiver_names(device, watched.quantities[:1])]
+    last = [e for e in segment.entries if e.aiding.name in receiver_names(device, group.quantities[:1])]
     if not last:
         return False
-    here = finding.copy.estimate if finding.copy else segment.end.estimate
-    matrices = last[-1].aiding.compute_matrices(here)
-    return compute_nis(here, matrices) > LIMITS[len(matrices[0])]
+    estimate = finding.copy.estimate if finding.copy else segment.end.estimate
+    matrices = last[-1].aiding.compute_matrices(estimate)
+    return compute_nis(estimate, matrices) > LIMITS[len(matrices[0])]

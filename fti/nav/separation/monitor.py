@@ -1,13 +1,13 @@
-"""Watches one class of sources: whether the filter without it contradicts it.
+"""Monitor of one class of sources: tests whether the filter without the class contradicts it.
 
     suspected   |d| > k_fa sigma_d on a tested axis of any copy
     faulty      suspected for HOLD_NS, or outside the gate of the filter or of the oldest copy for REFUSED_NS without a
                 break, in at least REFUSED_COUNT fixes
 
-Both are needed: while the gate refuses, the filter does not follow and d stays zero; a ramp that the filter follows
-stays inside its gate.  k_fa follows from a budget of 1e-3 false exclusions an hour for all tests between sources, and
-from d over its sigma in nominal flights: of copies without satellites its standard deviation is 0.7 (navigation), 0.6
-(tactical) and 0.2 (industrial, MEMS), of others 1 (``fti study faults``).
+Both tests are needed: while the gate refuses, the filter does not follow and d stays zero; a ramp that the filter
+follows stays inside its gate.  k_fa follows from a budget of 1e-3 false exclusions an hour for all tests between
+sources, and from d over its sigma in nominal flights: of copies without satellites its standard deviation is 0.7
+(navigation), 0.6 (tactical) and 0.2 (industrial, MEMS), of others 1 (``fti study faults``).
 """
 
 from __future__ import annotations
@@ -27,17 +27,17 @@ from fti.nav.separation.copy_ring import CopyRing
 Array = NDArray[np.float64]
 
 K_FA, K_FA_SATELLITES = 5.3, 4.2
-#: No copy is replaced while the filter separates by more.
+#: No copy is replaced while the separation is larger.
 HALF_K_FA = 0.5 * K_FA
 HOLD_NS = 2_000_000_000
 REFUSED_NS, REFUSED_COUNT = 5_000_000_000, 5
-#: An innovation is like that of a source that is refused when it differs from it by less than this share of it.
+#: Two innovations are alike if they differ by less than this share of the first.
 ALIKE_SHARE = 0.5
-#: A refusal that no other one has followed for so long is that of a source that has fallen silent [ns].
+#: A source without further refusals for so long is silent [ns].
 SILENT_REFUSAL_NS = 10_000_000_000
-#: Copies begin so long after the filter: velocity and tilt of a filter that has just begun are less certain.
+#: Delay of the first copies after the start of the filter, until velocity and tilt are certain enough.
 SETTLE_NS = 20_000_000_000
-#: A contradiction that nobody can attribute ends after so long below half of K_FA.
+#: An unattributed contradiction ends after so long below half of K_FA.
 UNRESOLVED_END_NS = 60_000_000_000
 #: Axes of a separation, for texts.
 AXES = ("north", "east", "down", "velocity north", "velocity east", "velocity down")
@@ -49,9 +49,9 @@ HORIZONTAL_AXES, DOWN_AXIS, ALL_AXES = (0, 1, 3, 4), (2,), (0, 1, 2, 3, 4, 5)
 class SourceFault(NamedTuple):
     """Why a class of sources is faulty.
 
-    onset_ns : since when it contradicts, at the latest;  text : what was compared
-    copy     : to go on from, None: the filter itself;  refused : whether the filter itself refuses it
-    sizes    : of the contradiction by quantity [m, m/s], as far as separations say it
+    onset_ns : latest possible start of the contradiction;  text : result of the comparison
+    copy     : to continue from, None: the filter itself;  refused : whether the filter itself refuses it
+    sizes    : of the contradiction by quantity [m, m/s], as far as known from separations
     """
 
     onset_ns: int
@@ -72,7 +72,7 @@ class SeparationMonitor:
         self.clear()
 
     def clear(self) -> None:
-        """Begin anew: no copy, no suspicion."""
+        """Reset: no copy, no suspicion."""
         self.copy_ring.clear()
         self.separations = []
         self._suspected_ns: int | None = None
@@ -83,16 +83,16 @@ class SeparationMonitor:
 
     @property
     def is_suspected(self) -> bool:
-        """Whether d is larger than noise explains."""
+        """Whether d is larger than its noise limit."""
         return self._suspected_ns is not None
 
     def follow(
         self, segment_end: Moment, *, may_renew: bool, is_comparable: bool = True, keep_oldest: bool = False
     ) -> None:
-        """Compare at the end of a segment, after the ladder has followed it; renew where nothing is suspected.
+        """Compare at the end of a segment, after the ring has followed it; renew copies if nothing is suspected.
 
         may_renew : whether the filter is aided by the class, and refuses no source of it
-        is_comparable : whether it is the class that the filter separates by; if not, the last ratio stands
+        is_comparable : whether the class causes the separation; if not, the last ratio is kept
         keep_oldest : the oldest copy is not replaced
         """
         t_ns = segment_end.estimate.t_ns
@@ -116,8 +116,8 @@ class SeparationMonitor:
         self.ratio = 0.0
         for number, separation in enumerate(self.separations):
             ratios = separation.ratios.tolist()
-            for first, level in zip(LEVEL_AXES, separation.level_ratios, strict=True):  # both axes in any direction
-                ratios[first if ratios[first] > ratios[first + 1] else first + 1] = level
+            for first, ratio in zip(LEVEL_AXES, separation.level_ratios, strict=True):  # both axes in any direction
+                ratios[first if ratios[first] > ratios[first + 1] else first + 1] = ratio
             axis = max(self.axes, key=ratios.__getitem__)
             if ratios[axis] > self.ratio:
                 self.ratio, self._worst = ratios[axis], (number, axis)
@@ -137,13 +137,13 @@ class SeparationMonitor:
         return None
 
     def _sizes(self) -> dict[str, float]:
-        """Of the quantities whose separation from any copy is beyond half of K_FA the largest [m, m/s]."""
-        found = {}
+        """The largest separation of each quantity, if beyond half of K_FA [m, m/s]."""
+        sizes = {}
         for quantity, axes in QUANTITY_AXES.items():
-            sizes = [float(np.linalg.norm(s.d[axes])) for s in self.separations if max(s.ratios[axes]) > HALF_K_FA]
-            if sizes:
-                found[quantity] = max(sizes)
-        return found
+            norms = [float(np.linalg.norm(s.d[axes])) for s in self.separations if max(s.ratios[axes]) > HALF_K_FA]
+            if norms:
+                sizes[quantity] = max(norms)
+        return sizes
 
     def describe(self) -> str:
         """The largest separation."""
@@ -157,10 +157,10 @@ class SeparationMonitor:
 
 @dataclass(slots=True)
 class Refusals:
-    """Of a class by the filter without a break: times of the first and the last one [ns], and how many.
+    """Uninterrupted refusals of a class by the filter: times of the first and the last one [ns], and their number.
 
     newest_ns : of the last one of each source, by name
-    innovations : time and innovation of the last measurement of each source, whatever the filter made of it, by name
+    innovations : time and innovation of the last measurement of each source, accepted or not, by name
     """
 
     first_ns: int | None = None
@@ -170,7 +170,7 @@ class Refusals:
     innovations: dict[str, tuple[int, Array]] = field(default_factory=dict)
 
     def follow(self, segment: FilterSegment, names: frozenset[str]) -> None:
-        """Take what the filter made of these sources in a segment."""
+        """Add the decisions of the filter on these sources in a segment."""
         refused = [e for e in segment.entries if e.aiding.name in names and e.decision is GateDecision.REFUSED]
         self.newest_ns.update((entry.aiding.name, entry.t_ns) for entry in refused)
         self.innovations |= {
@@ -185,28 +185,28 @@ class Refusals:
         self.times += len(refused)
         self.last_ns = max((self.last_ns, *(entry.t_ns for entry in refused)))
 
-    def since(self, now: Moment, names: Iterable[str]) -> int | None:
-        """Since when the filter refuses the first of these sources that it refuses now; None where it refuses none.
+    def since(self, end: Moment, names: Iterable[str]) -> int | None:
+        """Start of the oldest present refusal of these sources; None if none is refused.
 
-        The gate goes on refusing a source that falls silent after one wrong fix; that says nothing of the others.
+        A source that is silent after one wrong fix stays refused in the gate; it is ignored here.
         """
-        t_ns, gate_states = now.estimate.t_ns, now.gate_states
+        t_ns, gate_states = end.estimate.t_ns, end.gate_states
         newest = ((name, self.newest_ns[name]) for name in names if name in self.newest_ns and name in gate_states)
-        since = (gate_states[name].refused_since_ns for name, then_ns in newest if t_ns - then_ns < SILENT_REFUSAL_NS)
-        return min((then_ns for then_ns in since if then_ns is not None), default=None)
+        since = (gate_states[name].refused_since_ns for name, last_ns in newest if t_ns - last_ns < SILENT_REFUSAL_NS)
+        return min((last_ns for last_ns in since if last_ns is not None), default=None)
 
-    def is_alike(self, now: Moment, refused: frozenset[str], other: frozenset[str]) -> bool:
-        """Whether another source differs from the filter nearly as one does that it refuses now, in the same quantity.
+    def is_alike(self, end: Moment, refused: frozenset[str], other: frozenset[str]) -> bool:
+        """Whether another source has nearly the same innovation as a refused one, in the same quantity.
 
-        refused, other : their names.  A source that is right differs from the filter otherwise than one that is wrong.
+        refused, other : their names.  The innovation of a correct source differs from that of a wrong one.
         """
-        t_ns = now.estimate.t_ns
-        known = {name: z for name, (then_ns, z) in self.innovations.items() if t_ns - then_ns < SILENT_REFUSAL_NS}
+        t_ns = end.estimate.t_ns
+        known = {name: z for name, (last_ns, z) in self.innovations.items() if t_ns - last_ns < SILENT_REFUSAL_NS}
         twins = ((a, b) for a in refused for b in other if a.rpartition(".")[2] == b.rpartition(".")[2])
-        pairs = ((known[a], known[b]) for a, b in twins if self.since(now, (a,)) is not None and {a, b} <= known.keys())
+        pairs = ((known[a], known[b]) for a, b in twins if self.since(end, (a,)) is not None and {a, b} <= known.keys())
         return any(np.linalg.norm(first - second) < ALIKE_SHARE * np.linalg.norm(first) for first, second in pairs)
 
     @property
     def is_lasting(self) -> bool:
-        """Whether they have gone on for long enough, in enough measurements."""
+        """Whether they have lasted for REFUSED_NS and REFUSED_COUNT measurements."""
         return self.first_ns is not None and self.last_ns - self.first_ns >= REFUSED_NS and self.times >= REFUSED_COUNT

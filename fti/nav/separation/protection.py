@@ -3,9 +3,9 @@
     HPL = max( 4.80 sigma_0, max over all copies of (|d| + 3.72 sigma_i) ) + tolerance        radial
     VPL = max( 4.42 sigma_0, max over all copies of (|d| + 3.09 sigma_i) ) + tolerance        one axis
 
-sigma radial is the largest in any direction.  The copies are a second behind the filter; what their velocity may be
-wrong adds to their position until now.  tolerance : what a source that was let back in may be wrong (``readmission``).
-They hold for faults that began within the age of the oldest copy.
+The radial sigma is the largest in any direction.  The copies are a second behind the filter, so the uncertainty of
+their velocity over that time is added.  tolerance : possible error of a readmitted source (``readmission``).
+The levels hold for faults that began within the age of the oldest copy.
 
 Source: the quantiles of the normal distribution for 1e-5 (4.42 one axis, 4.80 radial) and 1e-3 (3.09, 3.72 radial).
 """
@@ -29,36 +29,37 @@ K_MD_RADIAL, K_MD_AXIS = 3.72, 3.09
 
 
 class ProtectionLevels(NamedTuple):
-    """Of position, horizontal and vertical [m]."""
+    """Protection levels of the position, horizontal and vertical [m]."""
 
     horizontal: float
     vertical: float
 
 
-def filter_levels(here: Estimate) -> ProtectionLevels:
+def filter_levels(estimate: Estimate) -> ProtectionLevels:
     """Without any copy."""
-    return ProtectionLevels(K_RADIAL * largest_sd(here.cov_n[:2, :2]), K_AXIS * float(here.sd_n[2]))
+    return ProtectionLevels(K_RADIAL * largest_sd(estimate.cov_n[:2, :2]), K_AXIS * float(estimate.sd_n[2]))
 
 
-def provisional_levels(offset_n: Array, here: Estimate, copies: Iterable[ProtectionLevels]) -> ProtectionLevels:
-    """Of a provisional filter, so far from the filter ``here``.
+def provisional_levels(offset_n: Array, estimate: Estimate, copies: Iterable[ProtectionLevels]) -> ProtectionLevels:
+    """Of a provisional filter with an offset from the filter.  estimate : of the filter
 
     offset_n : (6,) [m, m/s], north, east, down;  copies : levels of the copies of the filter, by class
     """
-    known = [ProtectionLevels(K_MD_RADIAL * largest_sd(here.cov_n[:2, :2]), K_MD_AXIS * float(here.sd_n[2])), *copies]
+    own = ProtectionLevels(K_MD_RADIAL * largest_sd(estimate.cov_n[:2, :2]), K_MD_AXIS * float(estimate.sd_n[2]))
+    levels = [own, *copies]
     return ProtectionLevels(
-        math.hypot(offset_n[0], offset_n[1]) + max(level.horizontal for level in known),
-        abs(float(offset_n[2])) + max(level.vertical for level in known),
+        math.hypot(offset_n[0], offset_n[1]) + max(level.horizontal for level in levels),
+        abs(float(offset_n[2])) + max(level.vertical for level in levels),
     )
 
 
 def copy_levels(separations: Iterable[Separation], lag_s: float) -> ProtectionLevels:
-    """The largest of all copies; zeros without any.  lag_s : how old they are"""
+    """The largest of all copies; zeros without any.  lag_s : their age"""
     horizontal = vertical = 0.0
     for s in separations:
         d = s.d[:3] + lag_s * s.d[3:]
-        moved = [math.hypot(s.copy_sd[axis], lag_s * s.copy_sd[3 + axis]) for axis in range(3)]
+        position_sd = [math.hypot(s.copy_sd[axis], lag_s * s.copy_sd[3 + axis]) for axis in range(3)]
         radial = math.hypot(s.radial_sd, lag_s * max(s.copy_sd[3:5]))
         horizontal = max(horizontal, math.hypot(d[0], d[1]) + K_MD_RADIAL * radial)
-        vertical = max(vertical, abs(float(d[2])) + K_MD_AXIS * moved[2])
+        vertical = max(vertical, abs(float(d[2])) + K_MD_AXIS * position_sd[2])
     return ProtectionLevels(horizontal, vertical)

@@ -1,17 +1,17 @@
-"""Provisional filters: what the filter would give if an unconfirmed source were right.
+"""Provisional filters: results of the filter under the assumption that an unconfirmed source is correct.
 
-A source is unconfirmed when it is refused, its own tests pass again for 30 s and 30 fixes, and nothing proves it right.
-A copy of the filter then begins with the covariance that a readmission by the operator would give it, and is aided by
-the source, too.  The filter goes on without the source, and navigation does not use the copy:
+A refused source is unconfirmed when its own tests pass again for 30 s and 30 fixes without independent proof.  A copy
+of the filter then starts with the covariance of a readmission by the operator, and is aided by the source, too.  The
+filter continues without the source, and navigation does not use the copy:
 
     HPL = |z - C| + max( 3.72 sigma_C, max over all copies of (|d| + 3.72 sigma_i) ) + tolerance       radial
     VPL = |z - C| + max( 3.09 sigma_C, max over all copies of (|d| + 3.09 sigma_i) ) + tolerance       one axis
 
-z : position of the provisional filter;  C : that of the filter;  d, sigma_i, tolerance : as in ``protection``, where
-the filter has copies.  If the source lies, the error is |z - C| and the error of the filter.
+z : position of the provisional filter;  C : that of the filter;  d, sigma_i, tolerance : as in ``protection``, if the
+filter has copies.  If the source is wrong, the error is |z - C| plus the error of the filter.
 
-It ends when the source is readmitted, is silent for MAX_GAP_NS, or when the filter begins anew; also when the source is
-outside the gate of its own provisional filter for REFUSED_NS, and then for HOLD_OFF_NS no other one begins.
+It ends when the source is readmitted or silent for MAX_GAP_NS, or the filter restarts.  It also ends when the source is
+outside the gate of its own provisional filter for REFUSED_NS; then no other one starts for HOLD_OFF_NS.
 Source: the specification in docs/fault-detection.md.  Checked against: tests/nav/test_provisional.py.
 """
 
@@ -41,10 +41,10 @@ from fti.types import FilterSolution, ProvisionalSolution, Reason
 Array = NDArray[np.float64]
 
 HOLD_OFF_NS = AGREED_NS
-#: Measurements that wait for the segment in which they were true, a second or two of three receivers of 100 Hz.
+#: Maximum number of measurements that wait for their segment: 1 s to 2 s of three receivers of 100 Hz.
 MAX_WAITING = 1024
-#: A source that is farther from the filter has no provisional filter [m]: gravity there has another direction, by more
-#: than the filter's errors of attitude.
+#: Maximum distance of a source from the filter [m]: farther away the direction of gravity differs by more than the
+#: filter's attitude errors.
 MAX_DISTANCE = 2000.0
 
 
@@ -53,7 +53,7 @@ class Offset(NamedTuple):
 
     offset_n : ndarray, shape (6,)   its position [m] and velocity [m/s] minus those of the filter, north, east, down
     sd_n     : ndarray, shape (6,)   sigmas of the provisional filter
-    names    : of ``Aiding``, with which the source aids here alone
+    names    : of the ``Aiding`` of the source that aids only here
     """
 
     offset_n: Array
@@ -62,7 +62,7 @@ class Offset(NamedTuple):
 
 
 class ProvisionalResult(NamedTuple):
-    """One for its output.  readmission : what would readmit the source"""
+    """A provisional filter for output.  readmission : the ways to readmit the source"""
 
     device: str
     offset: Offset
@@ -71,7 +71,7 @@ class ProvisionalResult(NamedTuple):
 
 
 class _OwnRefusal(NamedTuple):
-    """An unconfirmed source that its own tests refuse: names of ``Aiding``, what would readmit it, its newest fix."""
+    """An unconfirmed source that its own tests refuse: names of ``Aiding``, ways to readmit it, its newest fix."""
 
     names: frozenset[str]
     readmission: str
@@ -80,7 +80,7 @@ class _OwnRefusal(NamedTuple):
 
 @dataclass(slots=True)
 class ProvisionalFilter:
-    """Of one source.  names : of ``Aiding``;  heard_ns : newest fix of the source;  distance : from the filter [m]"""
+    """Of one source.  names : of ``Aiding``;  last_fix_ns : its newest fix;  distance : from the filter [m]"""
 
     names: frozenset[str]
     copy: FilterCopy
@@ -89,37 +89,37 @@ class ProvisionalFilter:
 
     @classmethod
     def begin(cls, segment: FilterSegment, names: frozenset[str], disagreement: float) -> ProvisionalFilter:
-        """At the end of a segment.  disagreement : so far the source is from the filter [m]"""
-        here, gate_states = segment.end
-        books = with_exclusion(gate_states, [(name, NOT_EXCLUDED) for name in names])
-        copy = FilterCopy(here.t_ns, inflate_covariance(here, disagreement), books, frozenset())
-        return cls(names, copy, here.t_ns, disagreement)
+        """Start at the end of a segment.  disagreement : distance of the source from the filter [m]"""
+        estimate, gate_states = segment.end
+        gate_states = with_exclusion(gate_states, [(name, NOT_EXCLUDED) for name in names])
+        copy = FilterCopy(estimate.t_ns, inflate_covariance(estimate, disagreement), gate_states, frozenset())
+        return cls(names, copy, estimate.t_ns, disagreement)
 
     @property
     def is_aided(self) -> bool:
-        """Whether a fix of the source has aided it; before, it is the filter with a wide covariance."""
-        books = (self.copy.gate_states[name] for name in self.names if name in self.copy.gate_states)
-        return any(book.accepted_ns is not None and book.bounds for book in books)
+        """Whether a fix of the source has aided it; before, it equals the filter with a wide covariance."""
+        states = (self.copy.gate_states[name] for name in self.names if name in self.copy.gate_states)
+        return any(state.accepted_ns is not None and state.bounds for state in states)
 
     @property
     def is_contradicted(self) -> bool:
-        """Whether the source is outside the gate of this filter for so long that it does not agree with itself."""
-        books = (self.copy.gate_states[name] for name in self.names if name in self.copy.gate_states)
-        since_ns = (book.refused_since_ns for book in books if book.refused_since_ns is not None)
+        """Whether the source is outside the gate of this filter for REFUSED_NS."""
+        states = (self.copy.gate_states[name] for name in self.names if name in self.copy.gate_states)
+        since_ns = (state.refused_since_ns for state in states if state.refused_since_ns is not None)
         return any(self.copy.estimate.t_ns - t_ns >= REFUSED_NS for t_ns in since_ns)
 
     def find_offset(self, final: Estimate, lag_s: float) -> Offset:
-        """Against the filter at the same time, moved on by ``lag_s``."""
-        to_n, here = final.mat_en.T, self.copy.estimate
-        vel = to_n @ (here.y[3:6] - final.y[3:6])
-        pos = to_n @ (here.y[:3] - final.y[:3]) + lag_s * vel
-        sd = here.sd_n
-        moved = np.hypot(sd[:3], lag_s * sd[3:6])
-        return Offset(np.concatenate((pos, vel)), np.concatenate((moved, sd[3:6])), self.names)
+        """Offset from the filter at the same time, extrapolated by ``lag_s``."""
+        to_n, estimate = final.mat_en.T, self.copy.estimate
+        vel = to_n @ (estimate.y[3:6] - final.y[3:6])
+        pos = to_n @ (estimate.y[:3] - final.y[:3]) + lag_s * vel
+        sd = estimate.sd_n
+        position_sd = np.hypot(sd[:3], lag_s * sd[3:6])
+        return Offset(np.concatenate((pos, vel)), np.concatenate((position_sd, sd[3:6])), self.names)
 
 
 class ProvisionalFilters:
-    """Of all unconfirmed sources of one filter, by device."""
+    """Provisional filters of all unconfirmed sources, by device."""
 
     def __init__(self) -> None:
         self._filters: dict[str, ProvisionalFilter] = {}
@@ -138,20 +138,20 @@ class ProvisionalFilters:
     ) -> None:
         """Take a measurement of an unconfirmed source that its own tests refuse; it does not aid the filter.
 
-        names : of ``Aiding``, with which the source is unconfirmed; others of ``parts`` are left out
+        names : of the unconfirmed ``Aiding``; other ``parts`` are ignored
         """
         self._own[device] = _OwnRefusal(names, readmission, t_ns)
-        there = {(entry.t_ns, entry.aiding.name) for entry in self._waiting}
-        new = (part for part in parts if part.name in names and (t_ns, part.name) not in there)
+        known = {(entry.t_ns, entry.aiding.name) for entry in self._waiting}
+        new = (part for part in parts if part.name in names and (t_ns, part.name) not in known)
         self._waiting.extend(AidingEntry(t_ns, part) for part in new)
 
     def distance(self, device: str) -> float | None:
-        """Of the provisional filter of a source from the filter, at the last segment [m]; None: it has none."""
-        found = self._filters.get(device)
-        return found.distance if found else None
+        """Distance of a provisional filter from the filter at the last segment [m]; None: the source has none."""
+        provisional = self._filters.get(device)
+        return provisional.distance if provisional else None
 
     def end(self, device: str) -> list[AidingEntry]:
-        """The source is readmitted; its measurements that were not yet used, in order of time."""
+        """The source is readmitted: returns its unused measurements, in order of time."""
         self._filters.pop(device, None)
         self._own.pop(device, None)
         mine = [entry for entry in self._waiting if _device_of(entry) == device]
@@ -159,18 +159,18 @@ class ProvisionalFilters:
         return sorted(mine, key=lambda entry: entry.t_ns)
 
     def clear(self) -> None:
-        """The filter has begun again."""
+        """The filter has restarted."""
         self._filters.clear()
         self._own.clear()
         self._waiting.clear()
         self._held_off_ns.clear()
 
     def follow(self, segment: FilterSegment, pieces: Sequence[Piece], excluded: Mapping[str, frozenset[str]]) -> None:
-        """Follow the filter through a segment; begin and end provisional filters.
+        """Follow the filter through a segment; start and end provisional filters.
 
-        excluded : names of receivers that the filter excludes and that are unconfirmed, by device
+        excluded : names of unconfirmed receivers that the filter excludes, by device
         """
-        waiting = self._take_waiting(segment)
+        waiting = self._drain_waiting(segment)
         if not (waiting or excluded or self._filters):
             return
         end_ns = self._end_ns = segment.end.estimate.t_ns
@@ -196,67 +196,67 @@ class ProvisionalFilters:
         pieces: Sequence[Piece],
         fixes: Sequence[AidingEntry],
     ) -> None:
-        here = self._filters.get(device)
-        if here is None:
+        trial = self._filters.get(device)
+        if trial is None:
             return
-        here.copy.advance(pieces)
+        trial.copy.advance(pieces)
         end_ns = segment.end.estimate.t_ns
-        here.last_fix_ns = end_ns if fixes else here.last_fix_ns
-        here.distance = float(np.linalg.norm(here.copy.estimate.y[:3] - segment.end.estimate.y[:3]))
-        if here.is_contradicted:
+        trial.last_fix_ns = end_ns if fixes else trial.last_fix_ns
+        trial.distance = float(np.linalg.norm(trial.copy.estimate.y[:3] - segment.end.estimate.y[:3]))
+        if trial.is_contradicted:
             self._held_off_ns[device] = end_ns + HOLD_OFF_NS
-        if here.is_contradicted or end_ns - here.last_fix_ns >= MAX_GAP_NS or not names <= here.names:
+        if trial.is_contradicted or end_ns - trial.last_fix_ns >= MAX_GAP_NS or not names <= trial.names:
             del self._filters[device]
 
-    def _take_waiting(self, segment: FilterSegment) -> dict[str, list[AidingEntry]]:
-        """Measurements that were true in a segment, by device, in order of time; older ones came too late."""
-        end_ns, found = segment.end.estimate.t_ns, dict[str, list[AidingEntry]]()
+    def _drain_waiting(self, segment: FilterSegment) -> dict[str, list[AidingEntry]]:
+        """Measurements valid in a segment, by device, in order of time; older ones came too late."""
+        end_ns, entries = segment.end.estimate.t_ns, dict[str, list[AidingEntry]]()
         if not self._waiting:
-            return found
+            return entries
         for entry in sorted((e for e in self._waiting if segment.begin_ns < e.t_ns <= end_ns), key=lambda e: e.t_ns):
-            found.setdefault(_device_of(entry), []).append(entry)
+            entries.setdefault(_device_of(entry), []).append(entry)
         self._waiting = deque((e for e in self._waiting if e.t_ns > end_ns), maxlen=MAX_WAITING)
-        return found
+        return entries
 
     def own_readmission(self, device: str) -> str:
-        """What would readmit a source that its own tests refuse; "" where they do not."""
+        """The ways to readmit a source that its own tests refuse; "" if they do not refuse it."""
         own = self._own.get(device)
         return own.readmission if own and self._end_ns - own.newest_ns < MAX_GAP_NS else ""
 
     def find_offsets(self, final: Estimate, lag_s: float) -> list[tuple[str, Offset]]:
-        """By device, at the time of the final estimate of the filter.  lag_s : how old that is"""
-        found = {d: f for d, f in self._filters.items() if f.is_aided and f.copy.estimate.t_ns == final.t_ns}
-        return [(device, found[device].find_offset(final, lag_s)) for device in sorted(found)]
+        """Offsets by device, at the time of the final estimate of the filter.  lag_s : its age"""
+        filters = {d: f for d, f in self._filters.items() if f.is_aided and f.copy.estimate.t_ns == final.t_ns}
+        return [(device, filters[device].find_offset(final, lag_s)) for device in sorted(filters)]
 
 
-def make_solution(here: FilterSolution, found: ProvisionalResult) -> ProvisionalSolution:
-    """The output beside a valid solution of the filter at the same time."""
-    assert here.lat is not None and here.lon is not None and here.alt is not None
-    assert here.vel_north is not None and here.vel_east is not None and here.vel_down is not None
-    north, east, down, *vel = found.offset.offset_n.tolist()
-    sd = found.offset.sd_n.tolist()
-    meridian, normal = radii(here.lat)
+def make_solution(solution: FilterSolution, result: ProvisionalResult) -> ProvisionalSolution:
+    """The provisional output for a valid solution of the filter at the same time."""
+    assert solution.lat is not None and solution.lon is not None and solution.alt is not None
+    assert solution.vel_north is not None and solution.vel_east is not None and solution.vel_down is not None
+    north, east, down, *vel = result.offset.offset_n.tolist()
+    sd = result.offset.sd_n.tolist()
+    meridian, normal = radii(solution.lat)
     return ProvisionalSolution(
-        t_ns=here.t_ns,
-        t_valid_ns=here.t_valid_ns,
-        source=found.device,
+        t_ns=solution.t_ns,
+        t_valid_ns=solution.t_valid_ns,
+        source=result.device,
         valid=False,
         reasons=(Reason.UNCONFIRMED,),
-        quantities=tuple(name for name in QUANTITY_AXES if f"{found.device}.{name}" in found.offset.names),
-        lat=here.lat + north / (meridian + here.alt),
-        lon=here.lon + east / ((normal + here.alt) * math.cos(here.lat)),
-        alt=here.alt - down,
+        quantities=tuple(name for name in QUANTITY_AXES if f"{result.device}.{name}" in result.offset.names),
+        lat=solution.lat + north / (meridian + solution.alt),
+        lon=solution.lon + east / ((normal + solution.alt) * math.cos(solution.lat)),
+        alt=solution.alt - down,
         horizontal_sd=max(sd[:2]),
         vertical_sd=sd[2],
-        vel_north=here.vel_north + vel[0],
-        vel_east=here.vel_east + vel[1],
-        vel_down=here.vel_down + vel[2],
+        vel_north=solution.vel_north + vel[0],
+        vel_east=solution.vel_east + vel[1],
+        vel_down=solution.vel_down + vel[2],
         vel_sd=max(sd[3:]),
         distance=math.hypot(north, east),
         height_difference=-down,
-        hpl=found.levels.horizontal,
-        vpl=found.levels.vertical,
-        readmission=found.readmission,
+        hpl=result.levels.horizontal,
+        vpl=result.levels.vertical,
+        readmission=result.readmission,
     )
 
 
@@ -269,9 +269,9 @@ def _merge_entries(segment: FilterSegment, more: Sequence[AidingEntry]) -> Filte
 
 
 def _distance(segment: FilterSegment, fixes: Iterable[AidingEntry]) -> float:
-    """The largest innovation of fixes against the filter [m], each at the inertial sample next to its time."""
-    found = 0.0
+    """The largest innovation of fixes with the filter [m], each at the inertial sample nearest to its time."""
+    largest = 0.0
     for fix in fixes:
-        here = min((m.estimate for m in segment.moments), key=lambda estimate: abs(estimate.t_ns - fix.t_ns))
-        found = max(found, float(np.linalg.norm(fix.aiding.compute_matrices(here)[0])))
-    return found
+        estimate = min((m.estimate for m in segment.moments), key=lambda estimate: abs(estimate.t_ns - fix.t_ns))
+        largest = max(largest, float(np.linalg.norm(fix.aiding.compute_matrices(estimate)[0])))
+    return largest

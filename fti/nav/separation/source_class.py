@@ -1,13 +1,13 @@
-"""Classes of sources that aid the filter, and the copies of the filter that go without each.
+"""Classes of sources that aid the filter, and the copies of the filter without each class.
 
-    satellites  positions and velocities of all receivers: a ring of copies, for nothing else bounds the position
-    heights     heights of all receivers, where a barometer bounds the altitude without them
-    receivers   where there are several, each of them: one copy that is never replaced, while another one bounds it
+    satellites  positions and velocities of all receivers: a ring of copies, because nothing else bounds the position
+    heights     heights of all receivers, if a barometer bounds the altitude without them
+    receivers   each of several receivers: one copy that is never replaced, while another receiver bounds it
 
-Copies of the first two go without altimeters, too: these are judged against satellites by their own states
-(``fti.nav.filter.exclusion``), and a copy that a wrong altimeter holds would contradict the satellites instead.  For
-the same reason copies without satellites go without the barometer: what it errs by tilts them; and without airspeed and
-magnetic heading.  Source: the specification in docs/fault-detection.md.
+Copies of the first two do not use altimeters, either: altimeters are tested against satellites by their own states
+(``fti.nav.filter.exclusion``), and a copy with a wrong altimeter would contradict the satellites instead.  For the same
+reason copies without satellites do not use the barometer, whose errors tilt them, airspeed and magnetic heading.
+Source: the specification in docs/fault-detection.md.
 Checked against: tests/nav/test_fault_detection.py.
 """
 
@@ -36,19 +36,19 @@ from fti.nav.separation.protection import ProtectionLevels, copy_levels
 SECOND_NS = 1_000_000_000
 #: Age of a copy of each grade of inertial unit when the next one begins [ns]; four of them.  Of the heights two.
 STEPS_NS = {"navigation": 15 * SECOND_NS, "tactical": 7 * SECOND_NS, "mems": 2 * SECOND_NS}
-#: The same with several receivers: one that is wrong alone is found beside the others, whatever these copies are.
+#: The same with several receivers: a single wrong one is found by comparison with the others, independent of these.
 STEPS_OF_SEVERAL_NS = {"navigation": 9 * SECOND_NS, "tactical": 3 * SECOND_NS, "mems": SECOND_NS}
 COPIES = 4
 HEIGHT_RING = RingSettings(copies=2, step_ns=30 * SECOND_NS)
 RECEIVER_RING = RingSettings(copies=1, step_ns=None)
-#: A receiver that was believed within so long bounds the filter without another one [ns].
+#: A receiver that was accepted within so long bounds the filter without another one [ns].
 BOUNDED_NS = 2 * SECOND_NS
 HEIGHTS, SATELLITES = "heights", "satellites"
 QUANTITIES, LEVEL, HEIGHT = ("position", "height", "velocity"), ("position", "velocity"), ("height",)
 
 
 def receiver_names(device: str, quantities: Iterable[str] = QUANTITIES) -> frozenset[str]:
-    """Names under which the filter knows what a receiver aids with."""
+    """Names of the measurements of a receiver in the filter."""
     return frozenset(f"{device}.{quantity}" for quantity in quantities)
 
 
@@ -59,15 +59,15 @@ def names_of(receivers: Iterable[str], quantities: Iterable[str]) -> frozenset[s
 
 @dataclass(slots=True)
 class SourceClass:
-    """A class: its monitor; what it consists of, for texts; refusals by the filter without a break.
+    """A class: its monitor; label for texts; uninterrupted refusals by the filter.
 
-    long_absence_ns : after an absence of more than that it is on trial; None: never
-    is_doubted : tests of one source suspect a receiver of it
-    has_returned : in the last segment it came back from a long absence
-    dead_reckoning : names of what aids the filter without the class, and its copies not at all
+    long_absence_ns : after a longer absence it is on trial; None: never
+    is_suspect : tests of one source suspect a receiver of it
+    has_returned : in the last segment it returned from a long absence
+    dead_reckoning : names of aids that the filter uses without the class, and the copies never
     """
 
-    what: str
+    label: str
     devices: tuple[str, ...]
     quantities: tuple[str, ...]
     monitor: SeparationMonitor
@@ -83,25 +83,25 @@ class SourceClass:
         self.absence = AbsenceMonitor(names, self.long_absence_ns)
 
     @property
-    def tested(self) -> frozenset[str]:
-        """Names of what is compared with the filter and the oldest copy."""
-        return self.monitor.copy_ring.tested
+    def tested_names(self) -> frozenset[str]:
+        """Names of the sources that are tested against the filter and the oldest copy."""
+        return self.monitor.copy_ring.tested_names
 
     def follow(self, segment: FilterSegment, pieces: Sequence[Piece]) -> None:
         """Compare the filter with the copies at the end of a segment."""
         self.monitor.copy_ring.advance(pieces)
-        self.refusals.follow(segment, self.tested)
+        self.refusals.follow(segment, self.tested_names)
         is_quiet = self.refusals.first_ns is None and not self.is_suspect
         self._follow_absence(segment, is_quiet)
         self.monitor.follow(
             segment.end,
-            may_renew=is_quiet and is_recently_accepted(segment.end, self.tested),
+            may_renew=is_quiet and is_recently_accepted(segment.end, self.tested_names),
             is_comparable=not self.dead_reckoning or is_recently_accepted(segment.end, self.absence.names),
             keep_oldest=self.absence.is_on_trial,
         )
 
     def _follow_absence(self, segment: FilterSegment, is_quiet: bool) -> None:
-        """What comes back after long begins as after an alignment."""
+        """After a long absence the class is on trial, as after an alignment."""
         self.has_returned = self.absence.follow(segment)
         if not is_quiet or self.monitor.is_suspected:
             self.absence.disturb(segment.end.estimate.t_ns)
@@ -109,10 +109,10 @@ class SourceClass:
             self.monitor.copy_ring.drop_before(trial_ns)
 
     def levels(self, lag_s: float) -> ProtectionLevels:
-        """Protection levels of its copies, on the axes that it tests; zeros on others.  lag_s : how old they are"""
-        found = copy_levels(self.monitor.separations, lag_s)
+        """Protection levels of its copies, on the axes that it tests; zeros on others.  lag_s : their age"""
+        levels = copy_levels(self.monitor.separations, lag_s)
         return ProtectionLevels(
-            *(level if axis in self.monitor.axes else 0.0 for level, axis in zip(found, (0, 2), strict=True))
+            *(level if axis in self.monitor.axes else 0.0 for level, axis in zip(levels, (0, 2), strict=True))
         )
 
     def find(self, segment: FilterSegment) -> SourceFault | None:
@@ -120,20 +120,20 @@ class SourceClass:
         return self.monitor.find(segment.end.estimate.t_ns, self.refusals)
 
     def was_misled(self, finding: SourceFault, t_ns: int) -> bool:
-        """Whether the filter refuses the class after an absence, and the copy of before the absence does not.
+        """Whether the filter refuses the class after an absence, and the copy from before the absence does not.
 
-        Then what has aided the filter meanwhile is wrong.
+        Then the aids that the filter used meanwhile are wrong.
         """
-        is_back = self.absence.is_on_trial or self.absence.is_absent(t_ns)
-        return is_back and finding.refused and finding.copy is not None and finding.copy.outside_ns is None
+        has_come_back = self.absence.is_on_trial or self.absence.is_absent(t_ns)
+        return has_come_back and finding.refused and finding.copy is not None and finding.copy.outside_ns is None
 
     def restart_from_oldest(self) -> None:
-        """The filter goes on from the oldest copy: younger ones are copies of what it was."""
+        """The filter continues from the oldest copy: remove younger ones, which are copies of its former state."""
         self.monitor.copy_ring.keep_oldest()
         self.refusals = Refusals()
 
     def clear(self) -> None:
-        """Begin anew."""
+        """Reset."""
         self.monitor.clear()
         self.refusals = Refusals()
         self.absence.clear()
@@ -141,12 +141,12 @@ class SourceClass:
 
 
 def long_absence_ns(unit: str) -> int:
-    """What is more is a long absence of satellites: the oldest copy of one receiver gets so old [ns]."""
+    """Limit of a long absence of satellites [ns]: maximum age of the oldest copy of one receiver."""
     return COPIES * STEPS_NS[unit]
 
 
 def make_classes(settings: Filter) -> list[SourceClass]:
-    """Of the receivers that aid; the satellites first."""
+    """Classes of the receivers that aid; the satellites first."""
     receivers, several = settings.gnss, settings.gnss if len(settings.gnss) > 1 else ()
     altimeters = frozenset(altitude_name(sensor) for sensor in settings.altimeters)
     tested, axes = (LEVEL, HORIZONTAL_AXES) if settings.baro else (QUANTITIES, ALL_AXES)
@@ -156,22 +156,22 @@ def make_classes(settings: Filter) -> list[SourceClass]:
     satellites = CopyRing(names_of(receivers, QUANTITIES) | others, names_of(receivers, tested), ring)
     long_ns = long_absence_ns(settings.unit)
     monitor = SeparationMonitor(satellites, axes, K_FA_SATELLITES)
-    found = [SourceClass(SATELLITES, receivers, QUANTITIES, monitor, long_ns, aids)]
+    classes = [SourceClass(SATELLITES, receivers, QUANTITIES, monitor, long_ns, aids)]
     if settings.baro:
         names = names_of(receivers, HEIGHT)
         copy_ring = CopyRing(names | altimeters, names, HEIGHT_RING)
         monitor = SeparationMonitor(copy_ring, DOWN_AXIS)
-        found.append(SourceClass(HEIGHTS, receivers, HEIGHT, monitor, HEIGHT_RING.max_age_ns))
+        classes.append(SourceClass(HEIGHTS, receivers, HEIGHT, monitor, HEIGHT_RING.max_age_ns))
     for name in several:
         copy_ring = CopyRing(receiver_names(name), receiver_names(name), RECEIVER_RING)
-        found.append(SourceClass(name, (name,), QUANTITIES, SeparationMonitor(copy_ring, ALL_AXES)))
-    return found
+        classes.append(SourceClass(name, (name,), QUANTITIES, SeparationMonitor(copy_ring, ALL_AXES)))
+    return classes
 
 
-def is_recently_accepted(now: Moment, names: Iterable[str]) -> bool:
-    """Whether the filter has believed one of these sources lately.
+def is_recently_accepted(moment: Moment, names: Iterable[str]) -> bool:
+    """Whether the filter has accepted one of these sources within BOUNDED_NS.
 
-    The tests of one source may have refused it, after the filter has followed it: the copies know better.
+    If the tests of one source refuse it after the filter has followed it, older copies must be kept.
     """
-    believed = [now.gate_states[name].accepted_ns for name in names if name in now.gate_states]
-    return any(then_ns is not None and now.estimate.t_ns - then_ns <= BOUNDED_NS for then_ns in believed)
+    accepted = [moment.gate_states[name].accepted_ns for name in names if name in moment.gate_states]
+    return any(accepted_ns is not None and moment.estimate.t_ns - accepted_ns <= BOUNDED_NS for accepted_ns in accepted)

@@ -1,13 +1,13 @@
-"""Errors of an inertial height and of the altimeter that holds it: five states.
+"""Error model of an inertial height and of the altimeter that bounds it: five states.
 
     x = (dH, dW, da, dg, dHR)
 
-    d(dH)/dt  = dW                              height that the inertial channel has too much [m]
+    d(dH)/dt  = dW                              error of the inertial height, too high is positive [m]
     d(dW)/dt  = (2 g / R) dH + da + dg + w_W    its rate of climb [m/s]
     d(da)/dt  = -da / tau_a + w_a               vertical acceleration [m/s^2]
     d(dg)/dt  = -dg / tau_g + w_g               gravity [m/s^2]
-    d(dHR)/dt = -dHR / tau_R + w_R              height that the altimeter has too much: its own error, and in flight
-                                                that of the ground under it [m]
+    d(dHR)/dt = -dHR / tau_R + w_R              error of the altimeter: its own, and in flight that of the ground
+                                                elevation [m]
 
 R is the Earth's radius in metres, so 2 g / R = 3.08e-6 / s^2: an error of height grows e-fold in 9.5 min.
 
@@ -28,10 +28,10 @@ from fti.geodesy.gravity import FREE_AIR
 
 Array = NDArray[np.float64]
 
-#: Where each error stands in x, and how many there are.
+#: Indices of the errors in x, and their number.
 HEIGHT, CLIMB, ACCEL, GRAVITY, ALTIMETER = range(5)
 STATES = 5
-#: Terms of the series of the matrix exponential: what is left out is below 2e-10 for steps of up to 1 s.
+#: Terms of the series of the matrix exponential: the remainder is below 2e-10 for steps of up to 1 s.
 TERMS = 6
 
 
@@ -50,12 +50,12 @@ def system_matrix(instability: float, accel: float, gravity: float, altimeter: f
 
 @dataclass(frozen=True, slots=True)
 class VerticalModel:
-    """Sizes of the errors: one sigma in the long run [m/s^2, m/s^2, m] and correlation times [s].
+    """Parameters of the errors: steady-state sigma [m/s^2, m/s^2, m] and correlation times [s].
 
     accel_noise : white noise of the vertical acceleration, vibration and the tilt of turns included [m/s^2/sqrt(Hz)]
 
-    Defaults: accelerometers of 0.5 mg, gravity off the ellipsoid's by 30 mGal over 15 km at 75 m/s, and an altimeter
-    over an elevation model that is 2 m off over 600 m.
+    Defaults: accelerometers of 0.5 mg, gravity disturbance of 30 mGal over 15 km at 75 m/s, and an altimeter over an
+    elevation model with an error of 2 m over 600 m.
     """
 
     accel_sd: float = 5e-3
@@ -67,28 +67,28 @@ class VerticalModel:
     altimeter_tau_s: float = 8.0
 
     def step(self, dt: float, ground_sd: float = 0.0) -> tuple[Array, Array]:
-        """What a step of dt [s] does: phi = exp(F dt) and Q = integral of exp(F s) W exp(F s)^T, shapes (5, 5).
+        """Matrices of a step of dt [s]: phi = exp(F dt) and Q = integral of exp(F s) W exp(F s)^T, shapes (5, 5).
 
-        W holds the spectral densities of w: 2 sigma^2 / tau for a state that forgets, accel_noise^2 for dW.  Q by
-        Simpson's rule: each variance within 3e-4 of itself for a step of 1 s, 3e-6 for one of 0.1 s.
+        W contains the spectral densities of w: 2 sigma^2 / tau for a Gauss-Markov state, accel_noise^2 for dW.  Q by
+        Simpson's rule: relative error of variances 3e-4 for a step of 1 s, 3e-6 for one of 0.1 s.
 
-        ground_sd : of an error of the ground beside ``altimeter_sd``, which lasts as long [m]
+        ground_sd : of an additional error of the ground, with the correlation time of the altimeter error [m]
         """
         phi, Q = _step(self, dt)
         if ground_sd == 0.0:
             return phi, Q
-        larger = Q.copy()  # no other state takes part in the altimeter's
+        larger = Q.copy()  # the altimeter's state is independent of the others
         larger[ALTIMETER, ALTIMETER] *= 1.0 + (ground_sd / self.altimeter_sd) ** 2
         return phi, larger
 
     def start(self, height_sd: float, climb_sd: float) -> Array:
-        """P, shape (5, 5), when height [m] and climb [m/s] have just been taken from elsewhere."""
+        """P, shape (5, 5), when height [m] and climb [m/s] have just been initialised."""
         return np.diag([height_sd, climb_sd, self.accel_sd, self.gravity_sd, self.altimeter_sd]) ** 2
 
 
 @lru_cache(maxsize=64)
 def _step(model: VerticalModel, dt: float) -> tuple[Array, Array]:
-    """``VerticalModel.step``: the same few times between two measurements come again and again."""
+    """``VerticalModel.step``, cached: the same few step lengths repeat."""
     rates = 1.0 / model.accel_tau_s, 1.0 / model.gravity_tau_s, 1.0 / model.altimeter_tau_s
     F = system_matrix(FREE_AIR, *rates)
     sds = np.array([model.accel_sd, model.gravity_sd, model.altimeter_sd])

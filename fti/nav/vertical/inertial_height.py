@@ -13,38 +13,38 @@ from fti.nav.time_series import SECOND_NS
 
 Vector = tuple[float, float, float]
 
-#: Heights that are remembered: 2 s at 400 Hz.
+#: Number of stored heights: 2 s at 400 Hz.
 MAX_ENTRIES = 800
 
 
 @dataclass(frozen=True, slots=True)
 class HorizontalMotion:
-    """Where a flight is, as far as its vertical channel must know: lat [rad], velocity north and east [m/s]."""
+    """Horizontal motion, as the vertical channel needs it: lat [rad], velocity north and east [m/s]."""
 
     lat: float
     north: float
     east: float
 
 
-def vertical_acceleration(accel_b: Vector, roll: float, pitch: float, place: HorizontalMotion, alt: float) -> float:
+def vertical_acceleration(accel_b: Vector, roll: float, pitch: float, motion: HorizontalMotion, alt: float) -> float:
     """Rate of change of the climb [m/s^2], positive up.
 
         d(climb)/dt = -(0 0 1) mat_nb accel_b - g(lat, alt) + 2 omega_ie cos(lat) v_E + (v_N^2 + v_E^2) / (a + alt)
 
     accel_b : specific force [m/s^2];  roll, pitch [rad];  alt above the ellipsoid [m]
-    With a, the semi-major axis, for both radii of curvature: 4e-6 m/s^2 off at 60 m/s.  The last two terms are
-    9e-3 m/s^2 at 60 m/s to the east; without them the height is 45 m off after 100 s.
+    The semi-major axis a replaces both radii of curvature: an error of 4e-6 m/s^2 at 60 m/s.  The last two terms are
+    9e-3 m/s^2 at 60 m/s to the east; without them the height error is 45 m after 100 s.
     Source: Titterton and Weston 2004, section 3.7 (vertical component of the local geographic mechanisation).
     """
     row = down_row(roll, pitch)
     up = -(row[0] * accel_b[0] + row[1] * accel_b[1] + row[2] * accel_b[2])
-    gravity = _surface_gravity(place.lat) - FREE_AIR * alt
-    curvature = (place.north**2 + place.east**2) / (SEMI_MAJOR + alt)
-    return up - gravity + 2.0 * EARTH_RATE * math.cos(place.lat) * place.east + curvature
+    gravity = _surface_gravity(motion.lat) - FREE_AIR * alt
+    curvature = (motion.north**2 + motion.east**2) / (SEMI_MAJOR + alt)
+    return up - gravity + 2.0 * EARTH_RATE * math.cos(motion.lat) * motion.east + curvature
 
 
 def _surface_gravity(lat: float) -> float:
-    """Normal gravity on the ellipsoid [m/s^2], without arrays: this is asked for with every inertial sample."""
+    """Normal gravity on the ellipsoid [m/s^2], for scalars: it is computed for every inertial sample."""
     sin_sq = math.sin(lat) ** 2
     return GRAVITY_EQUATOR * (1.0 + SOMIGLIANA * sin_sq) / math.sqrt(1.0 - ECC_SQ * sin_sq)
 
@@ -59,11 +59,11 @@ class InertialHeight:
         self._past = [(alt, climb)]
 
     def advance(self, t_ns: int, accel: float) -> None:
-        """To t_ns, later than the last time, where the vertical acceleration is ``accel`` [m/s^2]."""
+        """Integrate to t_ns, later than the last time.  accel : vertical acceleration at t_ns [m/s^2]"""
         dt = (t_ns - self.t_ns) / SECOND_NS
-        before = accel if self.accel is None else self.accel
-        self.alt += dt * (self.climb + dt * (2.0 * before + accel) / 6.0)
-        self.climb += 0.5 * dt * (before + accel)
+        previous = accel if self.accel is None else self.accel
+        self.alt += dt * (self.climb + dt * (2.0 * previous + accel) / 6.0)
+        self.climb += 0.5 * dt * (previous + accel)
         self.t_ns, self.accel = t_ns, accel
         self._times.append(t_ns)
         self._past.append((self.alt, self.climb))
@@ -71,16 +71,16 @@ class InertialHeight:
             del self._times[:-MAX_ENTRIES], self._past[:-MAX_ENTRIES]
 
     def at(self, t_ns: int) -> tuple[float, float]:
-        """Height [m] and climb [m/s] at t_ns, from the sample before it (or the first one), moved on."""
+        """Height [m] and climb [m/s] at t_ns, extrapolated from the sample before it, or the first one."""
         i = max(0, bisect_right(self._times, t_ns) - 1)
         alt, climb = self._past[i]
         return alt + climb * (t_ns - self._times[i]) / SECOND_NS, climb
 
     def shift(self, alt: float, climb: float) -> None:
-        """Take an error of height [m] and climb [m/s] out of what is and was."""
+        """Subtract an error of height [m] and climb [m/s] from present and past values."""
         self.alt, self.climb = self.alt - alt, self.climb - climb
-        now = self.t_ns
+        end_ns = self.t_ns
         self._past = [
-            (h - alt - climb * (t - now) / SECOND_NS, c - climb)
+            (h - alt - climb * (t - end_ns) / SECOND_NS, c - climb)
             for t, (h, c) in zip(self._times, self._past, strict=True)
         ]

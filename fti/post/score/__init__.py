@@ -1,10 +1,10 @@
-"""What the daemon said of a flight against what its scenario expected.
+"""Score of a recorded flight: the session of the daemon against the expectations of its scenario.
 
-flown.py    from the truth file: when the flight began, what was true, when the bench was late
-said.py     from the session: words, and from when until when they stood
-promised.py by which configuration: the emulator's, and how the recorded one differs
-judging.py  the comparison, of flags that are due (flag_rows.py), of others (unexpected_flags.py), of ``[[expect]]``
-            (expectations.py); what comes of it stands in rows.py
-outcome.py  holds, failed or not proved, and how much the bench excused; unit_findings.py  what is asked of every flight
-results.py  all of it as a flat list  report.py  as text and JSON  junit.py  for Jenkins, GitLab  picture.py  over time
+truth_reader.py     from the truth file: begin of the flight, ground truth, times at which the bench was late
+observed_flags.py   from the session (messages.py): flags and their intervals
+reference_setup.py  the configuration of the emulator, and how the recorded one differs
+comparison.py       the score: expected flags (flag_rows.py), other flags (unexpected_flags.py), ``[[expect]]``
+                    (expectations.py); rows.py has the rows
+outcome.py          holds, failed or not proved; unit_findings.py  checks of every flight
+results.py          all rows as a flat list; report.py  text and JSON; junit.py  JUnit XML; plot.py  over time
 """

@@ -1,4 +1,4 @@
-"""The comparison: every fault with what it had to raise, what was raised and nobody expected, and ``[[expect]]``."""
+"""The comparison: expected flags of every fault, unexpected flags, and ``[[expect]]``."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from fti.post.score.unit_findings import unit_findings
 
 @dataclass(frozen=True, slots=True)
 class Score:
-    """Everything about one flight."""
+    """The score of one flight."""
 
     scenario: Scenario
     flight_truth: FlightTruth
@@ -41,7 +41,7 @@ class Score:
 
     @property
     def verdicts(self) -> list[Verdict]:
-        """Of every row, of every row of ``[[expect]]``, of every finding, and of every output."""
+        """The verdicts of all flags, rows of ``[[expect]]``, findings and outputs."""
         rows: list[FlagRow | ExpectationRow | FlightFinding | OutputRow] = [
             *self.rows,
             *self.expected,
@@ -52,12 +52,12 @@ class Score:
 
     @property
     def outcome(self) -> FlightOutcome:
-        """What the flight has shown."""
+        """The outcome of the flight."""
         return decide(self.verdicts, bool(self.unexpected), self.bench)
 
     @property
     def holds(self) -> bool:
-        """Was everything raised in time, and nothing else, and the bench in time to see it?"""
+        """Were all expected flags raised in time, and no others, while the bench was in time?"""
         return self.outcome is FlightOutcome.HOLDS
 
 
@@ -71,25 +71,25 @@ def judge(
     configuration: Sequence[FlightFinding] = (),
     outputs: Sequence[OutputRow] = (),
 ) -> Score:
-    """Compare.
+    """Score a flight.
 
-    setup : the configuration by which flags are expected; own : the scenario's, where that is another one
-    configuration : what there is to say of the recorded one; outputs : checks of what the configuration promises
+    setup : the configuration for the expected flags; own : the scenario's, where it is another one
+    configuration : findings on the recorded configuration; outputs : checks of the required outputs
     """
     craft = AircraftRoles(setup.config, setup.devices, scenario)
-    belongs = flags_of_scenario(scenario.fault, craft, flight_truth.truth)
+    fault_flags = flags_of_scenario(scenario.fault, craft, flight_truth.truth)
     evidence = ScoreEvidence.of_flight(flight_truth, observed_flags, scenario.limits)
     may = [
         *flight_allowances(craft, flight_truth.truth),
-        *allowed_flags([one for _, one in belongs], flight_truth.pauses),
+        *allowed_flags([one for _, one in fault_flags], flight_truth.pauses),
     ]
-    due = sorted([*belongs, *flags_of_alarms(belongs, craft)], key=operator.itemgetter(0))
+    due = sorted([*fault_flags, *flags_of_alarms(fault_flags, craft)], key=operator.itemgetter(0))
     rows = list(flag_rows(due, scenario.fault, craft.sources, evidence))
     if own:
-        without = flags_of_scenario(
+        own_flags = flags_of_scenario(
             scenario.fault, AircraftRoles(own.config, own.devices, scenario), flight_truth.truth
         )
-        rows += unconfigured_rows(without, belongs, scenario.fault, evidence)
+        rows += unconfigured_rows(own_flags, fault_flags, scenario.fault, evidence)
     expected = tuple(meet_expectation(expectation, evidence) for expectation in scenario.expect)
     flags: list[FlagRow | ExpectationRow] = [*rows, *expected]
     excused = measure_excused(evidence)

@@ -1,6 +1,6 @@
-"""What was said until the end of a flight, and what excuses that it was not said: the truth file's pauses, a start.
+"""The observed flags of a flight, and the times that excuse a missing flag: pauses of the bench, start of the unit.
 
-The unit under test has no say in it: neither how late it calls itself nor what its recorder left out is an excuse.
+The unit under test cannot excuse itself: its stated lateness, and gaps of its recorder, are not an excuse.
 """
 
 from __future__ import annotations
@@ -12,17 +12,17 @@ from fti.hil.tables.limits import ScoreLimits
 from fti.post.score.observed_flags import ObservedFlags
 from fti.post.score.truth_reader import FlightPause, FlightTruth, merge_pauses, overlap_s
 
-#: What is judged over a window may have a pause in it from so long before [s].
+#: A pause up to this time before an interval may be in the window of a test [s].
 BEFORE_S = 5.0
 
 
 @dataclass(frozen=True, slots=True)
 class ScoreEvidence:
-    """What was said until the end of the flight.
+    """Observed flags of a flight, and the excuses.
 
     pauses    : of the bench, in order
-    start_s   : until then the unit was starting, and might [s]
-    has_ports : it was flown over real ports
+    start_s   : end of the allowed start of the unit [s]
+    has_ports : the flight used real ports
     """
 
     observed_flags: ObservedFlags
@@ -33,26 +33,26 @@ class ScoreEvidence:
 
     @classmethod
     def of_flight(cls, flight_truth: FlightTruth, observed_flags: ObservedFlags, limits: ScoreLimits) -> ScoreEvidence:
-        """Of one flight."""
+        """Make the evidence of one flight."""
         start_s = min(max(observed_flags.first_report_s, 0.0), start_limit_s(flight_truth, limits))
         return cls(observed_flags, flight_truth.truth.end_s, flight_truth.pauses, start_s, flight_truth.real_time)
 
     def pause_time_s(self, from_s: float, until_s: float) -> float:
-        """The bench was late for so much of an interval [s]."""
+        """Part of an interval in which the bench was late [s]."""
         return overlap_s(self.pauses, from_s, until_s)
 
     def last_pause_end_s(self, from_s: float, until_s: float) -> float | None:
-        """When the bench had caught up with the last of its pauses in an interval [s]; None where it has none."""
+        """End of the last pause of the bench in an interval [s]; None without a pause."""
         return max((p.until_s for p in self.pauses if p.from_s < until_s and p.until_s > from_s), default=None)
 
-    def excused(self, from_s: float, until_s: float) -> float:
-        """The same, and what of the interval is in the start [s]."""
+    def excused_time_s(self, from_s: float, until_s: float) -> float:
+        """Part of an interval in which the bench was late or the unit was starting [s]."""
         return overlap_s(merge_pauses((*self.pauses, FlightPause(0.0, self.start_s))), from_s, until_s)
 
 
 def start_limit_s(flight_truth: FlightTruth, limits: ScoreLimits) -> float:
-    """How long a unit may take until its first word [s]: its processes start while the sensors speak already.
+    """Time that a unit may take until its first report [s]: its processes start while the sensors already send.
 
-    An accelerated one is there before.
+    0 in an accelerated flight, which begins after the start.
     """
     return limits.start_s if flight_truth.real_time else 0.0

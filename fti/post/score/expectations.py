@@ -1,4 +1,4 @@
-"""The rows of ``[[expect]]``: was the value there in time?"""
+"""The rows of ``[[expect]]``: was the value reached in time?"""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from fti.post.score.rows import ExpectationRow, Verdict
 
 
 def meet_expectation(expectation: Expectation, evidence: ScoreEvidence) -> ExpectationRow:
-    """What became of a row of ``[[expect]]``."""
+    """Score a row of ``[[expect]]``."""
     begin, end = expectation.at_s, expectation.at_s + expectation.within_s
     if end > evidence.end_s:
         return ExpectationRow(expectation, Verdict.NOT_FLOWN, None, None)
@@ -25,9 +25,9 @@ def meet_expectation(expectation: Expectation, evidence: ScoreEvidence) -> Expec
 
 
 def _is_met(expectation: Expectation, value: object) -> bool:
-    wanted = expectation.value
+    expected = expectation.value
     if isinstance(value, list):
-        return wanted in value
-    if isinstance(wanted, bool | str) or isinstance(value, bool) or not isinstance(value, int | float):
-        return value == wanted
-    return wanted - expectation.minus <= value <= wanted + expectation.plus
+        return expected in value
+    if isinstance(expected, bool | str) or isinstance(value, bool) or not isinstance(value, int | float):
+        return value == expected
+    return expected - expectation.minus <= value <= expected + expectation.plus

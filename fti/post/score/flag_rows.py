@@ -1,4 +1,4 @@
-"""Every fault with the flags that it had to raise: whether each was there in time, and gone in time."""
+"""The expected flags of every fault: was each raised in time, and cleared in time?"""
 
 from __future__ import annotations
 
@@ -16,33 +16,35 @@ from fti.post.score.rows import FAILURES, FlagRow, Verdict
 
 
 def flag_rows(
-    belongs: Sequence[tuple[int, FaultFlags]], faults: Sequence[Fault], sources: Container[str], evidence: ScoreEvidence
+    due: Sequence[tuple[int, FaultFlags]], faults: Sequence[Fault], sources: Container[str], evidence: ScoreEvidence
 ) -> Iterator[FlagRow]:
     """One row for each flag.
 
-    belongs : what is due, with the index of its fault; sources : devices that give position or attitude
+    due : expected flags, with the index of their fault; sources : devices that give position or attitude
     """
-    for i, one in _extend_overlapping(belongs):
-        is_judged = is_truth_checked(faults[i], on_source=one.subject in sources)
-        yield from _fault_rows(i, faults[i], one, evidence, unknown=Verdict.COMPARED if is_judged else Verdict.UNKNOWN)
+    for i, one in _extend_overlapping(due):
+        is_compared = is_truth_checked(faults[i], on_source=one.subject in sources)
+        unknown = Verdict.COMPARED if is_compared else Verdict.UNKNOWN
+        yield from _fault_rows(i, faults[i], one, evidence, unknown=unknown)
 
 
 def unconfigured_rows(
     own: Sequence[tuple[int, FaultFlags]],
-    belongs: Sequence[tuple[int, FaultFlags]],
+    emulated: Sequence[tuple[int, FaultFlags]],
     faults: Sequence[Fault],
     evidence: ScoreEvidence,
 ) -> Iterator[FlagRow]:
-    """Flags that are due with the scenario's own configuration and not with the one that was played: a role is missing.
+    """Flags expected with the scenario's own configuration, not with the emulated one: a role is missing.
 
-    own, belongs : what is due with either, with the index of its fault
+    own, emulated : expected flags of either, with the index of their fault
     """
-    there = {_identity(i, expected_flag) for i, one in belongs for expected_flag in one.expected_flags}
+    known = {_identity(i, expected_flag) for i, one in emulated for expected_flag in one.expected_flags}
     for i, one in own:
         for expected_flag in one.expected_flags:
             row = _row(i, faults[i], one, expected_flag)
-            gone = _identity(i, expected_flag) not in there
-            if gone and _judge_row(row, expected_flag, evidence).verdict not in (Verdict.NOT_FLOWN, Verdict.PORTS):
+            is_missing = _identity(i, expected_flag) not in known
+            verdict = _judge_row(row, expected_flag, evidence).verdict
+            if is_missing and verdict not in (Verdict.NOT_FLOWN, Verdict.PORTS):
                 yield replace(row, verdict=Verdict.NOT_CONFIGURED)
 
 
@@ -50,10 +52,10 @@ def _identity(fault: int, expected_flag: ExpectedFlag) -> tuple[int, str, tuple[
     return fault, expected_flag.place, expected_flag.words
 
 
-def _extend_overlapping(belongs: Sequence[tuple[int, FaultFlags]]) -> list[tuple[int, FaultFlags]]:
-    """The same; a flag that another fault raises before it must have gone need not go until that one ends."""
+def _extend_overlapping(due: Sequence[tuple[int, FaultFlags]]) -> list[tuple[int, FaultFlags]]:
+    """Extend each flag that another fault raises again before it must have cleared to the end of that fault."""
     expected_flags = sorted(
-        (expected_flag for _, one in belongs for expected_flag in one.expected_flags),
+        (expected_flag for _, one in due for expected_flag in one.expected_flags),
         key=lambda expected_flag: expected_flag.from_s,
     )
     return [
@@ -67,12 +69,12 @@ def _extend_overlapping(belongs: Sequence[tuple[int, FaultFlags]]) -> list[tuple
                 ),
             ),
         )
-        for i, one in belongs
+        for i, one in due
     ]
 
 
 def _until_s(expected_flag: ExpectedFlag, expected_flags: Sequence[ExpectedFlag]) -> float:
-    """When nothing raises its flag any more [s].  duties : of all faults, in order of ``from_s``"""
+    """End of all causes of a flag [s].  expected_flags : of all faults, in order of ``from_s``"""
     until_s = expected_flag.until_s
     for other in expected_flags:
         same = other.place == expected_flag.place and not set(other.words).isdisjoint(expected_flag.words)
@@ -92,20 +94,20 @@ def _fault_rows(
         yield FlagRow(index, what, one.subject, "too short, too small, or of no role", *span, Verdict.NOT_DUE)
     for expected_flag in one.expected_flags:
         row = _row(index, fault, one, expected_flag)
-        judged = _judge_row(row, expected_flag, evidence)
-        yield replace(judged, verdict=_excuse(judged, expected_flag, evidence))
+        scored = _judge_row(row, expected_flag, evidence)
+        yield replace(scored, verdict=_excuse(scored, expected_flag, evidence))
 
 
 def _row(index: int, fault: Fault, one: FaultFlags, expected_flag: ExpectedFlag) -> FlagRow:
-    flag = f"{expected_flag.place} {' or '.join(expected_flag.words) if expected_flag.value is None else f'= {expected_flag.value:g}'}"
-    span = expected_flag.from_s, expected_flag.until_s
+    words = " or ".join(expected_flag.words) if expected_flag.value is None else f"= {expected_flag.value:g}"
+    flag, span = f"{expected_flag.place} {words}", (expected_flag.from_s, expected_flag.until_s)
     return FlagRow(index, describe(fault), one.subject, flag, *span, Verdict.FOUND, within_s=expected_flag.within_s)
 
 
 def _excuse(row: FlagRow, expected_flag: ExpectedFlag, evidence: ScoreEvidence) -> Verdict:
-    """The verdict, unless the unit was starting or the bench was late when the flag had to stand, or had to be gone.
+    """The verdict, unless the unit was starting or the bench was late when the flag had to be raised or cleared.
 
-    A late bench gives time for it: the window over which is judged, anew.  A flag that does not come then is missing.
+    After a pause of the bench the time limit starts again.  A flag that is not raised then is missing.
     """
     if row.verdict not in FAILURES:
         return row.verdict
@@ -130,29 +132,33 @@ def _judge_row(row: FlagRow, expected_flag: ExpectedFlag, evidence: ScoreEvidenc
         return replace(row, verdict=Verdict.NOT_DUE)
     observed_flags = evidence.observed_flags
     spans = (
-        observed_flags.at(expected_flag.place, expected_flag.words)
+        observed_flags.intervals(expected_flag.place, expected_flag.words)
         if expected_flag.value is None
         else observed_flags.intervals_near_value(expected_flag.place, expected_flag.value)
     )
-    standing = [span for span in spans if span.until_s > expected_flag.from_s and span.from_s < expected_flag.until_s]
-    return _measure_times(row, expected_flag, standing, evidence) if standing else replace(row, verdict=Verdict.MISSING)
+    raised = [span for span in spans if span.until_s > expected_flag.from_s and span.from_s < expected_flag.until_s]
+    return _measure_times(row, expected_flag, raised, evidence) if raised else replace(row, verdict=Verdict.MISSING)
 
 
 def _measure_times(
-    row: FlagRow, expected_flag: ExpectedFlag, standing: Sequence[FlagInterval], evidence: ScoreEvidence
+    row: FlagRow, expected_flag: ExpectedFlag, raised: Sequence[FlagInterval], evidence: ScoreEvidence
 ) -> FlagRow:
-    """How long it took to stand, and to go; what is excused of either is allowed for."""
-    after_s = max(standing[0].from_s - expected_flag.from_s, 0.0)
+    """Measure the times to raise and to clear; excused time extends their limits."""
+    after_s = max(raised[0].from_s - expected_flag.from_s, 0.0)
     if expected_flag.value is not None:
-        within_s = expected_flag.within_s + evidence.excused(expected_flag.from_s, expected_flag.from_s + after_s)
+        within_s = expected_flag.within_s + evidence.excused_time_s(
+            expected_flag.from_s, expected_flag.from_s + after_s
+        )
         return replace(row, verdict=Verdict.LATE if after_s > within_s else Verdict.FOUND, after_s=after_s)
-    gone_s = max(max(span.until_s for span in standing) - expected_flag.until_s, 0.0)
-    within_s = expected_flag.within_s + evidence.excused(expected_flag.from_s, expected_flag.from_s + after_s)
-    clears_s = expected_flag.clears_s + evidence.excused(expected_flag.until_s, expected_flag.until_s + gone_s)
+    cleared_s = max(max(span.until_s for span in raised) - expected_flag.until_s, 0.0)
+    within_s = expected_flag.within_s + evidence.excused_time_s(expected_flag.from_s, expected_flag.from_s + after_s)
+    clears_s = expected_flag.clears_s + evidence.excused_time_s(
+        expected_flag.until_s, expected_flag.until_s + cleared_s
+    )
     verdict = Verdict.FOUND
     if after_s > within_s:
         verdict = Verdict.LATE
-    elif gone_s > clears_s and expected_flag.until_s + clears_s <= evidence.end_s:
+    elif cleared_s > clears_s and expected_flag.until_s + clears_s <= evidence.end_s:
         verdict = Verdict.STAYS
-    clear_s = gone_s if math.isfinite(gone_s) else None
+    clear_s = cleared_s if math.isfinite(cleared_s) else None
     return replace(row, verdict=verdict, after_s=after_s, within_s=within_s, clear_s=clear_s, clears_s=clears_s)

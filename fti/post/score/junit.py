@@ -1,6 +1,6 @@
-"""Scores as JUnit XML, which Jenkins, GitLab and others show: one suite for each flight, one case for each row.
+"""Scores as JUnit XML for Jenkins, GitLab and others: one suite per flight, one case per row.
 
-A miss is a failure; where the bench was late and nothing is proved it is an error; what cannot be judged is skipped.
+A miss is a failure, a late bench an error; rows that are not judged are skipped.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _FORBIDDEN = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff
 
 
 def write(scores: Sequence[Score | UnscoredFlight], file: Path) -> None:
-    """Write a file, which must not be there yet.  Raises StorageError."""
+    """Write a new file.  Raises StorageError."""
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
         with file.open("xb") as out:
@@ -56,8 +56,8 @@ def _flight(score: Score) -> ET.Element:
     names = Counter[str]()
     for result in results(score):
         names[result.name] += 1
-        again = f" ({names[result.name]})" if names[result.name] > 1 else ""  # a name that stands twice is shown once
-        _case(suite, score.scenario.title, result._replace(name=result.name + again))
+        suffix = f" ({names[result.name]})" if names[result.name] > 1 else ""  # viewers merge cases of one name
+        _case(suite, score.scenario.title, result._replace(name=result.name + suffix))
     _count(suite)
     suite.set("time", f"{flight_truth.truth.end_s:.3f}")
     return suite
@@ -72,7 +72,7 @@ def _not_judged(one: UnscoredFlight) -> ET.Element:
 
 
 def _case(suite: ET.Element, title: str, result: ScoreResult) -> None:
-    classname = f"{title.replace('.', ' ')}.{result.group}"  # a dot separates what is shown as folders
+    classname = f"{title.replace('.', ' ')}.{result.group}"  # viewers take a dot for a folder
     case = ET.SubElement(
         suite, "testcase", name=_strip_forbidden(result.name), classname=_strip_forbidden(classname), time="0"
     )
@@ -89,7 +89,7 @@ def _kind(verdict: Verdict) -> str:
 
 
 def _add(case: ET.Element, kind: str, type_: str, text: str) -> None:
-    """What became of a case; one that was skipped has no type."""
+    """Add the result of a case; a skipped case has no type."""
     child = ET.SubElement(case, kind, message=_strip_forbidden(text))
     if kind != SKIPPED:
         child.set("type", type_)

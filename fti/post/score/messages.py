@@ -1,7 +1,7 @@
-"""What the messages of a recorded session say, from the session alone.
+"""Reads flags from the messages of a recorded session.
 
-What a count says (errors of a line, refused bytes) stands from the report in which it has grown until the first in
-which it has not.
+A counter (errors of a line, refused bytes) is a flag from the report in which it grows to the first in which it does
+not.
 """
 
 from __future__ import annotations
@@ -28,23 +28,23 @@ from fti.service.navigation.device_monitor import NO_FRAME_REASONS
 from fti.types import IntegrityState, Reason
 
 EVENT, HEALTH, TICK = "/fti/event", "/fti/health", "/fti/tick"
-#: What only says where the aircraft is, and is no flag: of a height, and of what is measured against a profile.
+#: Reasons that depend on the position only and are not flags: of heights, and of outputs along a profile.
 RANGE = frozenset((Reason.ABOVE_RANGE, Reason.BELOW_RANGE))
 POSITION_REASONS = RANGE | PROFILE_REASONS
-#: What is missing when nothing in the configuration has a role.
+#: Reasons when no device has a role.
 REASONS_OF_ROLE = {
     "attitude": (Reason.NO_ATTITUDE,),
     "position": (Reason.NO_POSITION, Reason.NO_ALTITUDE, Reason.NO_VELOCITY),
 }
-#: Why nothing is known to compare a height with, where that depends on the place.
+#: Reasons of missing terrain, which depend on the position.
 UNKNOWN_GROUND = {Reason.TERRAIN_EDGE, Reason.TERRAIN_HOLE}
-#: Sources of a role that are no device.
+#: Sources of a role that are not devices.
 NO_DEVICE = (FILTER, RADIO)
-JUDGED = (IntegrityState.CAUTION, IntegrityState.ALERT)
+FLAG_STATES = (IntegrityState.CAUTION, IntegrityState.ALERT)
 WARNING = 3
-#: Navigation that is later is behind [s].
+#: Navigation with a larger lag is behind [s].
 LAG_S = 0.5
-#: Why a decoder gives up half a message; and no more bytes than this are one [bytes].
+#: Reason for which a decoder drops an incomplete message, and the maximum size of one [bytes].
 PAUSE, TORN_BYTES = "pause", 64
 CLOCK_KNOWN = "clock known"
 
@@ -54,9 +54,9 @@ Statement = tuple[str, Words]
 def read_observed_flags(
     recording: Recording, config: Config, flight_truth: FlightTruth, channels: Iterable[str]
 ) -> ObservedFlags:
-    """What was said from the beginning of a flight to its end.  channels : of ``[[expect]]``, topic and field.
+    """Read the flags from the beginning of a flight to its end.  channels : of ``[[expect]]``, topic and field
 
-    Beside them the standard deviations that devices state with a position are kept.
+    Also keeps the values of the standard deviations that devices state with a position.
     """
     observed_flags = ObservedFlags(first_report_s=math.inf, last_report_s=-math.inf, ticks=(math.inf, -math.inf))
     wanted: dict[str, list[str]] = defaultdict(list)
@@ -95,13 +95,13 @@ def read_observed_flags(
 
 
 def _check_words(statements: Iterable[Statement]) -> None:
-    """Raises ValueError for a flag that is no text."""
+    """Raises ValueError for a flag that is not a text."""
     if wrong := [word for _, words in statements for word in words if not isinstance(word, str)]:
         raise ValueError(f"{str(wrong[0])[:40]} is not a text")
 
 
 def _messages(recording: Recording) -> Iterator[tuple[str, int, bytes]]:
-    """Topic, log time and data of all that is said; events stand in both files, and the raw one has them all."""
+    """Topic, log time and data of all messages; events are in both files, and the raw file has all of them."""
     for topic, t_ns, _, _, data in recording.messages("/fti/", kind="raw"):
         yield topic, t_ns, data
     for topic, t_ns, _, _, data in recording.messages(kind="derived"):
@@ -110,7 +110,7 @@ def _messages(recording: Recording) -> Iterator[tuple[str, int, bytes]]:
 
 
 class FlagReader:
-    """Knows what the messages of each topic say."""
+    """Reads the flags in the messages of each topic."""
 
     def __init__(self, config: Config) -> None:
         self._roles = {"position": config.nav.position[:1], "attitude": config.nav.attitude[:1]}
@@ -120,19 +120,19 @@ class FlagReader:
         self._devices = {device.name for device in config.device}
         self._counts: dict[str, int] = {}
         self._alarms = frozenset[str]()
-        self._behind_s = math.inf
+        self._lag_begin_s = math.inf
 
     def tick(self, t: float, observed_flags: ObservedFlags) -> None:
-        """The recorder ticks every 20 ms; where it did not, it stood still, or the session was cut."""
+        """Add a tick of the recorder; it comes every 20 ms, unless the recorder stalls or the session was cut."""
         first_s, last_s = observed_flags.ticks
         if t - last_s > PAUSE_S and math.isfinite(last_s):
             observed_flags.tick_gaps.append(FlightPause(last_s, t))
         observed_flags.ticks = min(first_s, t), max(last_s, t)
 
     def lag(self, t: float, data: bytes, observed_flags: ObservedFlags) -> None:
-        """Since when navigation speaks, and when it was behind: by what it says, and between two words that say so.
+        """Add first and last report of navigation, and the intervals in which it was behind.
 
-        Health knows how late it is also while it says nothing, and then has a hint beside it.
+        Health has the lag also while navigation reports nothing; then it has a hint.
         """
         navigation = parse_table(data)["navigation"]
         lag_ms = navigation.get("lag_ms")
@@ -142,11 +142,11 @@ class FlagReader:
         if "hint" not in navigation:
             observed_flags.last_report_s = t
         if lag_ms / 1e3 > LAG_S:
-            observed_flags.lag_intervals.append(FlightPause(min(t - lag_ms / 1e3, self._behind_s), t))
-        self._behind_s = t if lag_ms / 1e3 > LAG_S else math.inf
+            observed_flags.lag_intervals.append(FlightPause(min(t - lag_ms / 1e3, self._lag_begin_s), t))
+        self._lag_begin_s = t if lag_ms / 1e3 > LAG_S else math.inf
 
     def read(self, topic: str, data: bytes) -> Iterator[Statement]:
-        """What a message says, at each place that it tells of."""
+        """The flags of a message at each of its places."""
         if topic.startswith("/nav/"):
             yield from self._navigation(topic, data)
         elif topic in (HEALTH, LEDGER, EVENT, ALARM_TOPIC):
@@ -170,11 +170,11 @@ class FlagReader:
         elif topic.startswith(HEIGHT):
             words = (words - RANGE) | (UNKNOWN_GROUND & set(content["unchecked"]))
         elif topic == INTEGRITY:
-            words = (words - POSITION_REASONS) | ({content["state"]} & set(JUDGED))
+            words = (words - POSITION_REASONS) | ({content["state"]} & set(FLAG_STATES))
         yield topic, words
 
     def _sources(self, content: Mapping[str, Any]) -> Iterator[str]:
-        """The roles that the preferred device does not have, and those that no device has."""
+        """Roles whose source is not the preferred device, and roles whose source is not a device."""
         for role, preferred in self._roles.items():
             source = content[f"{role}_source"]
             if preferred and source != preferred[0]:
@@ -202,18 +202,18 @@ class FlagReader:
             yield place, frozenset((*grown, *lost))
 
     def _alarm(self, content: Mapping[str, Any]) -> Iterator[Statement]:
-        """The alarms of the flight whose conditions last."""
+        """The alarms with an active condition, without those of the computer."""
         change, name = content["change"], content["id"]
         if change in (AlarmChange.BEGINS, AlarmChange.ENDS) and name not in COMPUTER_ALARMS:
             self._alarms = self._alarms | {name} if change == AlarmChange.BEGINS else self._alarms - {name}
             yield ALARM_TOPIC, self._alarms
 
     def _is_damaged(self, place: str, skipped: Mapping[str, int]) -> bool:
-        """Were bytes refused?  One message in two pieces, with a pause between, is a machine that had no time."""
+        """Were bytes refused?  One message in two parts with a pause comes from a busy computer, and does not count."""
         refused = sum(n for reason, n in skipped.items() if reason not in NO_FRAME_REASONS or reason == "no_sync")
-        few = refused - self._counts.get(place, refused) <= TORN_BYTES
-        torn = self._grows(f"{place}/{PAUSE}", skipped.get(PAUSE, 0))
-        return self._grows(place, refused) and not (few and torn)
+        is_small = refused - self._counts.get(place, refused) <= TORN_BYTES
+        has_pause = self._grows(f"{place}/{PAUSE}", skipped.get(PAUSE, 0))
+        return self._grows(place, refused) and not (is_small and has_pause)
 
     def _grows(self, key: str, count: int) -> bool:
         before = self._counts.get(key, count)
@@ -222,7 +222,7 @@ class FlagReader:
 
 
 def _event(content: Mapping[str, Any]) -> Iterator[Statement]:
-    """Warnings and errors; each stands for a moment."""
+    """Warnings and errors; each is a flag for a moment."""
     if content["level"] >= WARNING:
         place = f"{EVENT}/{content['name']}"
         yield place, frozenset((content["message"],))
@@ -230,7 +230,7 @@ def _event(content: Mapping[str, Any]) -> Iterator[Statement]:
 
 
 def _device(topic: str, data: bytes) -> Words:
-    """What a device says of itself, or of a measurement."""
+    """Flags of a device status or of a measurement."""
     if topic.endswith(STATUS):
         content = parse_table(data)
         return NOTHING if content["ok"] else frozenset(("invalid", *content["flags"]))

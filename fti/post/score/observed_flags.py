@@ -1,6 +1,6 @@
-"""What the daemon said: at each place words, and from when until when they stood.
+"""The flags of the daemon: words at places, with their intervals.
 
-A word stands from the message that has it until the first at the same place that has not.
+A word is set from the message that contains it to the first message at the same place without it.
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ from typing import Any
 
 from fti.post.score.truth_reader import FlightPause
 
-#: A device's status stands until the next one, but some devices say only once what has happened [s].
+#: A device status is valid until the next one, but at most this time: some devices report an event only once [s].
 STATUS, HOLD_S = "/device_status", 2.0
-#: The same word again after a shorter time has stood all along [s].
+#: Intervals of the same word with a shorter gap are merged [s].
 MERGE_S = 1.0
-#: What stands for less beyond what is allowed is a matter of rounding [s].
+#: Tolerance for rounded times [s].
 MOMENT_S = 0.05
-#: What is rounded on the wire is the same number within this share.
+#: Relative tolerance for numbers that are rounded on the wire.
 VALUE_TOLERANCE_SHARE = 0.1
 
 Words = frozenset[str]
@@ -28,7 +28,7 @@ NOTHING: Words = frozenset()
 
 @dataclass(slots=True)
 class FlagInterval:
-    """A word stood from from_s until until_s [s of the flight]; infinity where it did not go."""
+    """A word was set from from_s until until_s [s of the flight]; infinity where it did not clear."""
 
     from_s: float
     until_s: float = math.inf
@@ -38,26 +38,26 @@ class FlagInterval:
 class FlagTimeline:
     """Words at places.
 
-    spans : (place, word) -> when it stood, in order
+    spans : (place, word) -> its intervals, in order
     """
 
     spans: dict[tuple[str, str], list[FlagInterval]] = field(default_factory=lambda: defaultdict(list))
-    _stand: dict[str, tuple[float, Words]] = field(default_factory=dict)
+    _current: dict[str, tuple[float, Words]] = field(default_factory=dict)
 
     def feed(self, t: float, place: str, words: Words) -> None:
-        """A message at a place, at t [s], that says these words and no others."""
-        told_s, before = self._stand.get(place, (t, NOTHING))
-        if place.endswith(STATUS) and t - told_s > HOLD_S:
-            self._end(place, before, told_s + HOLD_S)
+        """Add a message at a place, at t [s], with exactly these words."""
+        last_s, before = self._current.get(place, (t, NOTHING))
+        if place.endswith(STATUS) and t - last_s > HOLD_S:
+            self._end(place, before, last_s + HOLD_S)
             before = NOTHING
         self._change(t, place, before, words)
-        self._stand[place] = t, words
+        self._current[place] = t, words
 
     def finish(self) -> None:
-        """No message comes any more."""
-        for place, (told_s, words) in self._stand.items():
+        """End the intervals of the last device status."""
+        for place, (last_s, words) in self._current.items():
             if place.endswith(STATUS):
-                self._end(place, words, told_s + HOLD_S)
+                self._end(place, words, last_s + HOLD_S)
 
     def _end(self, place: str, words: Words, t: float) -> None:
         for word in words:
@@ -72,8 +72,8 @@ class FlagTimeline:
             else:
                 spans.append(FlagInterval(t))
 
-    def at(self, place: str, words: Iterable[str]) -> list[FlagInterval]:
-        """When one of these words stood at places that are this one, or below it when it ends with a slash."""
+    def intervals(self, place: str, words: Iterable[str]) -> list[FlagInterval]:
+        """Intervals of any of these words at this place, or at all places below it when it ends with a slash."""
         wanted = set(words)
         found = [spans for (where, word), spans in self.spans.items() if word in wanted and _is_at(where, place)]
         return sorted((span for spans in found for span in spans), key=lambda span: span.from_s)
@@ -81,15 +81,15 @@ class FlagTimeline:
 
 @dataclass(slots=True)
 class ObservedFlags(FlagTimeline):
-    """Everything that was said.
+    """All observations of a flight.
 
-    may_alarm, must_alarm : what outputs and health say of alarms (``alarm_states``); words are identities of alarms
-    values : what is asked for: channel -> (time [s], value)
-    clocks : device -> since when its clock is known [s]
-    ticks  : the first and the last tick of the recorder [s], which come every 20 ms; tick_gaps : where they did not
-    behind : in which navigation was later than it may be
-    began_s : when navigation said something of itself for the first time [s]; infinity when it never did
-    spoke_s : when it had said something lately for the last time [s]
+    may_alarm, must_alarm : alarm conditions in outputs and health (``alarm_states``); words are identities of alarms
+    values : of the selected channels: channel -> (time [s], value)
+    clocks : device -> time from which its clock is known [s]
+    ticks  : the first and the last tick of the recorder [s], every 20 ms; tick_gaps : intervals without
+    lag_intervals : in which navigation was behind
+    first_report_s : of navigation [s]; infinity without a report
+    last_report_s : time of the last recent report of navigation [s]
     """
 
     may_alarm: FlagTimeline = field(default_factory=FlagTimeline)
@@ -103,16 +103,14 @@ class ObservedFlags(FlagTimeline):
     last_report_s: float = math.inf
 
     def intervals_near_value(self, channel: str, value: float) -> list[FlagInterval]:
-        """When this number, or one within a tenth of it, stood at a channel of which the values are kept."""
+        """Intervals in which a channel had this value, within ``VALUE_TOLERANCE_SHARE``."""
         spans = list[FlagInterval]()
-        for t, observed_flags in self.values[channel]:
-            is_near = isinstance(observed_flags, int | float) and abs(
-                observed_flags - value
-            ) <= VALUE_TOLERANCE_SHARE * abs(value)
-            is_paused = bool(spans) and math.isinf(spans[-1].until_s)
-            if is_near and not is_paused:
+        for t, number in self.values[channel]:
+            is_near = isinstance(number, int | float) and abs(number - value) <= VALUE_TOLERANCE_SHARE * abs(value)
+            is_open = bool(spans) and math.isinf(spans[-1].until_s)
+            if is_near and not is_open:
                 spans.append(FlagInterval(t))
-            elif is_paused and not is_near:
+            elif is_open and not is_near:
                 spans[-1].until_s = t
         return spans
 
@@ -122,14 +120,14 @@ class ObservedFlags(FlagTimeline):
 
 
 def uncovered_parts(span: FlagInterval, intervals: Iterable[tuple[float, float]]) -> Iterator[tuple[float, float]]:
-    """The parts of a span that no interval covers; what is shorter than a moment is none, unless the whole span is."""
-    least, at = min(MOMENT_S, span.until_s - span.from_s), span.from_s
+    """The parts of a span that no interval covers; parts shorter than ``MOMENT_S`` count only if the whole span is."""
+    min_s, at = min(MOMENT_S, span.until_s - span.from_s), span.from_s
     for from_s, until_s in sorted(intervals):
         if until_s >= at and from_s <= span.until_s:
-            if from_s - at > least:
+            if from_s - at > min_s:
                 yield at, from_s
             at = max(at, math.nextafter(until_s, math.inf))
-    if at <= span.until_s and span.until_s - at >= least:
+    if at <= span.until_s and span.until_s - at >= min_s:
         yield at, span.until_s
 
 

@@ -1,4 +1,4 @@
-"""The outcome of a flight, and how much of it the bench excused."""
+"""The outcome of a flight, and the part of it that is excused by a late bench."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from fti.post.score.rows import BENCH, FAILURES, FlightFinding, Verdict
 from fti.post.score.truth_reader import FlightPause, length_s
 from fti.post.score.unexpected_flags import AFTER_PAUSE_S, WINDOW_S
 
-#: The bench may be late for this part of a flight: what a unit does in four fifths of its flight shows how it is.
+#: The bench may be late for this part of a flight; four fifths of a flight are enough for a score.
 MAX_EXCUSED_SHARE = 0.2
-#: After each time it was late, flags that nothing explains are not judged for a while.  Together that may be so much:
-#: else a bench that is late for a moment every ten seconds would excuse whatever is said.
+#: After each pause of the bench, unexplained flags are not judged for some seconds.  Limit for the sum of these times:
+#: otherwise a bench with a short pause every ten seconds would excuse every flag.
 MAX_UNJUDGED_SHARE = 0.5
 
 
 class FlightOutcome(StrEnum):
-    """What a flight has shown of the unit under test."""
+    """The outcome of a flight."""
 
     HOLDS = "holds"
     FAILED = "failed"
@@ -28,11 +28,11 @@ class FlightOutcome(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class BenchLateness:
-    """How much of a flight the bench was late for.
+    """Pauses of the bench in a flight.
 
-    share : part of the flight, 0 to 1; number : how often; longest_s : [s]; total_s : together [s]
-    unjudged_share : the part in which flags that nothing explains are not judged because of it
-    judged_s       : for so long they were judged [s]
+    share : part of the flight, 0 to 1; number : of pauses; longest_s : [s]; total_s : sum [s]
+    unjudged_share : part in which unexplained flags are not judged because of them
+    judged_s       : time in which they are judged [s]
     """
 
     share: float
@@ -44,7 +44,7 @@ class BenchLateness:
 
 
 def measure_excused(evidence: ScoreEvidence) -> BenchLateness:
-    """How much of a flight the bench was late for."""
+    """Measure the pauses of the bench in a flight."""
     end_s, pauses = evidence.end_s, evidence.pauses
     total_s = _in_flight(pauses, end_s)
     after = [FlightPause(p.from_s, p.until_s + AFTER_PAUSE_S) for p in pauses]
@@ -66,7 +66,7 @@ def _in_flight(pauses: Iterable[FlightPause], end_s: float) -> float:
 
 
 def bench_finding(excused: BenchLateness, verdicts: Sequence[Verdict]) -> FlightFinding:
-    """Was the bench in time for enough of the flight?  verdicts : of flags and of ``[[expect]]``"""
+    """Check that the bench was in time for most of the flight.  verdicts : of flags and of ``[[expect]]``"""
     late, found = verdicts.count(Verdict.LATE_BENCH), verdicts.count(Verdict.FOUND)
     text = f"the bench was late for {excused.share:.0%} of the flight; {MAX_EXCUSED_SHARE:.0%} are allowed"
     holds = excused.share <= MAX_EXCUSED_SHARE
@@ -79,12 +79,12 @@ def bench_finding(excused: BenchLateness, verdicts: Sequence[Verdict]) -> Flight
     elif holds and late > found:
         holds, text = False, f"the bench was late for {late} expected flags, and {found} were found"
     elif holds and excused.judged_s <= 0.0 and not found:
-        holds, text = False, "nothing at all was judged: the flight is too short"
+        holds, text = False, "nothing was judged: the flight is too short"
     return FlightFinding(BENCH, "bench in time", Verdict.HOLDS if holds else Verdict.LATE_BENCH, text)
 
 
 def truth_finding(complete: bool) -> FlightFinding | None:
-    """What a truth file proves that is not whole: nothing.  None where it is whole."""
+    """The finding on an incomplete truth file, which proves nothing; None where it is complete."""
     if complete:
         return None
     return FlightFinding(
@@ -93,9 +93,9 @@ def truth_finding(complete: bool) -> FlightFinding | None:
 
 
 def decide(verdicts: Iterable[Verdict], unexpected: bool, bench: FlightFinding) -> FlightOutcome:
-    """The outcome.  A miss is a miss, however late the bench was elsewhere.
+    """The outcome.  A miss fails the flight, even if the bench was late at other times.
 
-    verdicts : of all rows; unexpected : was there a flag that nothing explains?
+    verdicts : of all rows; unexpected : there was an unexplained flag
     """
     if unexpected or not FAILURES.isdisjoint(verdicts):
         return FlightOutcome.FAILED

@@ -1,4 +1,4 @@
-"""A score over time: faults as bars, and under each the flags that it had to raise, when they stood."""
+"""Plot of a score over time: faults as bars, and below each the intervals of its expected flags."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ from fti.post.score.rows import FAILURES, FlagRow, UnexpectedFlag, Verdict
 ROW_INCH = 0.24
 BAR = 0.62
 MAX_LABEL_CHARACTERS = 64
-#: A fault stands behind its flags.
+#: Colour of faults, drawn behind their flags.
 PALE = "#D5D5D5"
 PlotRow = tuple[str, FlagRow | UnexpectedFlag | None]
 
 
 def draw(score: Score, file: Path) -> None:
-    """Write the picture (.png, .svg), which must not be there yet.  Raises StorageError."""
-    plot_style.write(lambda: _figure(score), file)
+    """Write the plot to a new file (.png, .svg).  Raises StorageError."""
+    plot_style.write_figure(lambda: _figure(score), file)
 
 
 def _figure(score: Score) -> Figure:
     lines = _lines(score)
     figure = plot_style.new_figure(
         f"{score.scenario.title}: {score.outcome}",
-        "bars: the fault (grey) and when its flag stood (green: in time, red: a miss or not expected)",
+        "bars: the fault (grey) and its flag (green: in time, red: a miss or not expected)",
         width=12.0,
         height=1.6 + ROW_INCH * len(lines),
     )
@@ -42,12 +42,12 @@ def _figure(score: Score) -> Figure:
     axes.set_yticks(range(len(lines)), [text[:MAX_LABEL_CHARACTERS] for text, _ in lines], fontsize=7.5)
     axes.set_ylim(len(lines) - 0.4, -0.6)
     axes.set_xlim(0.0, score.flight_truth.truth.end_s)
-    plot_style.label(axes, x="time of the flight [s]")
+    plot_style.label_axes(axes, x="time of the flight [s]")
     return figure
 
 
 def _lines(score: Score) -> Sequence[PlotRow]:
-    """What stands in the rows from the top down."""
+    """The rows from top to bottom."""
     lines: list[PlotRow] = []
     last = -1
     for row in score.rows:
@@ -66,8 +66,8 @@ def _draw_line(axes: Axes, y: int, one: FlagRow | UnexpectedFlag | None, score: 
         _bar(axes, y, (one.from_s, min(one.until_s, end_s)), PALE)
         if one.after_s is not None:
             begin = one.from_s + one.after_s
-            gone = end_s if one.clear_s is None else one.until_s + one.clear_s
-            _bar(axes, y, (begin, min(gone, end_s)), VERMILION if one.verdict in FAILURES else GREEN, BAR / 2)
+            cleared_s = end_s if one.clear_s is None else one.until_s + one.clear_s
+            _bar(axes, y, (begin, min(cleared_s, end_s)), VERMILION if one.verdict in FAILURES else GREEN, BAR / 2)
         elif one.verdict is not Verdict.FOUND:
             colour = VERMILION if one.verdict in FAILURES else BLUE
             axes.text(one.from_s, y, one.verdict, va="center", fontsize=7, color=colour)

@@ -1,7 +1,7 @@
-"""The configuration by which a flight is judged: the one that the emulator played, not the one that the unit recorded.
+"""The configuration for the score of a flight: that of the emulator, not that in the recording of the unit.
 
-Where the recorded one differs in what is expected of a unit, each difference is a finding that names the key: devices,
-links by name and kind, ``[nav]``, and the texts that they name.  Ports, storage, page and bus may differ.
+A recorded configuration that differs in the expected behaviour gives one finding per key: devices, links by name and
+kind, ``[nav]``, and the files that they name.  Ports, storage, page and bus may differ.
 """
 
 from __future__ import annotations
@@ -28,19 +28,19 @@ Table = Mapping[str, Any]
 
 
 def read_reference_setup(flight_truth: FlightTruth, scenario: Scenario) -> Setup:
-    """What the emulator played; the scenario's own configuration where an older truth file does not say.
+    """The configuration of the emulator; the scenario's own where an older truth file has none.
 
     Raises ConfigError or MissingError.
     """
     if CONFIG_ATTACHMENT not in flight_truth.attached:
         return other_setup(scenario.config)
-    played = {name: data for name, data in flight_truth.attached.items() if name != RATES_ATTACHMENT}
-    config, texts = attached_config(played, flight_truth.file)
+    files = {name: data for name, data in flight_truth.attached.items() if name != RATES_ATTACHMENT}
+    config, texts = attached_config(files, flight_truth.file)
     return Setup(config, texts, bind_devices(config, texts), None)
 
 
 def scenario_setup(scenario: Scenario, reference_setup: Setup) -> Setup | None:
-    """The configuration that the scenario names; None where it is the promised one, or not to be had here."""
+    """The configuration that the scenario names; None where it is the same, or cannot be loaded here."""
     with contextlib.suppress(FtiError):
         own = other_setup(scenario.config)
         return None if own.config.text == reference_setup.config.text and own.texts == reference_setup.texts else own
@@ -52,33 +52,31 @@ def compare_recorded(reference_setup: Setup, recording: Recording) -> list[Fligh
     try:
         config, texts = attached_config(recording.attachments(), recording.path)
     except ConfigError as error:
-        return [FlightFinding(CONFIGURATION, NAME, Verdict.FAILS, f"the recorded configuration is wrong: {error}")]
+        return [FlightFinding(CONFIGURATION, NAME, Verdict.FAILS, f"the recorded configuration is invalid: {error}")]
     found = [FlightFinding(CONFIGURATION, *one) for one in differences(reference_setup, config, texts)]
     return found or [FlightFinding(CONFIGURATION, NAME, Verdict.HOLDS, "the recorded configuration is the same")]
 
 
 def user_setup_finding() -> list[FlightFinding]:
-    """What stands in place of a comparison."""
+    """The finding where --config replaces the comparison."""
     return [
         FlightFinding(
-            CONFIGURATION, NAME, Verdict.NOT_DUE, "the configuration of --config counts, and was not compared"
+            CONFIGURATION, NAME, Verdict.NOT_DUE, "the configuration of --config is used, and was not compared"
         )
     ]
 
 
 def differences(reference_setup: Setup, config: Config, texts: Mapping[str, str]) -> Iterator[tuple[str, Verdict, str]]:
-    """Key, verdict and text for each; where a whole table is missing, its keys are not told one by one."""
-    there, here = (
-        _flatten(_relevant_settings(reference_setup.config, reference_setup.texts)),
-        _flatten(_relevant_settings(config, texts)),
-    )
-    keys = [key for key in sorted(there.keys() | here.keys()) if there.get(key) != here.get(key)]
+    """Key, verdict and text of each difference; a missing table is one difference."""
+    emulated = _flatten(_relevant_settings(reference_setup.config, reference_setup.texts))
+    recorded = _flatten(_relevant_settings(config, texts))
+    keys = [key for key in sorted(emulated.keys() | recorded.keys()) if emulated.get(key) != recorded.get(key)]
     for key in keys:
         if not any(parent in keys for parent in _parents(key)):
             yield (
                 key,
                 Verdict.FAILS,
-                f"{key}: {_value_text(here.get(key))} is recorded, {_value_text(there.get(key))} was played",
+                f"{key}: {_value_text(recorded.get(key))} is recorded, {_value_text(emulated.get(key))} was played",
             )
 
 
@@ -89,7 +87,7 @@ def _parents(key: str) -> Iterator[str]:
 
 
 def _relevant_settings(config: Config, texts: Mapping[str, str]) -> dict[str, Any]:
-    """What is expected of a unit depends on this of its configuration."""
+    """The settings on which the expected behaviour of a unit depends."""
     nav = config.nav.model_dump()
     if nav["approach"]:
         nav["approach"]["profile"] = _digest(texts.get("nav.approach.profile"))
@@ -103,7 +101,7 @@ def _relevant_settings(config: Config, texts: Mapping[str, str]) -> dict[str, An
 
 
 def _options(key: str, options: Table, texts: Mapping[str, str]) -> dict[str, Any]:
-    """The options of a device; of a file its content counts, not where it lies."""
+    """The options of a device; files are compared by content, not by path."""
     return {
         name: _digest(texts.get(f"{key}.{name}")) if name.endswith(FILE_ENDING) else value
         for name, value in options.items()
@@ -115,7 +113,7 @@ def _digest(text: str | None) -> str | None:
 
 
 def _flatten(table: Table, key: str = "") -> dict[str, Any]:
-    """Every value by its key path; a table itself stands there as "{...}"."""
+    """Every value by its key path; a table itself has the value "{...}"."""
     flat: dict[str, Any] = {}
     for name, value in table.items():
         path = f"{key}.{name}" if key else name

@@ -1,4 +1,4 @@
-"""A score as a person reads it, and as JSON."""
+"""A score as text and as JSON."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from typing import Any
 from fti.post.score.comparison import Score
 from fti.post.score.outcome import MAX_EXCUSED_SHARE, FlightOutcome
 from fti.post.score.outputs.table import output_lines
-from fti.post.score.results import describe_surprise, name_expectation
+from fti.post.score.results import describe_unexpected, name_expectation
 from fti.post.score.rows import FAILURES, ExpectationRow, FlagRow, FlightFinding, Verdict
 from fti.post.score.text_table import text_table
 from fti.post.score.unexpected_flags import AFTER_PAUSE_S, WINDOW_S
 
-#: How the conclusion begins.
+#: First words of the conclusion.
 CONCLUSIONS = {
     FlightOutcome.HOLDS: "holds",
     FlightOutcome.FAILED: "does not hold",
@@ -25,7 +25,7 @@ HEAD = ("fault", "on", "flag", "", "after", "allowed", "cleared", "allowed")
 
 
 def as_text(score: Score) -> list[str]:
-    """Lines: faults and their flags, what nobody expected, ``[[expect]]``, outputs, and the conclusion."""
+    """Lines: faults and their flags, unexpected flags, ``[[expect]]``, outputs, and the conclusion."""
     lines = [
         f"{score.scenario.title}, {score.flight_truth.truth.end_s:.0f} s flown ({score.flight_truth.file.name})",
         "",
@@ -38,7 +38,9 @@ def as_text(score: Score) -> list[str]:
         else []
     )
     lines += [_pauses(score), ""] if score.flight_truth.pauses else []
-    lines += [*(f"not expected: {describe_surprise(one)}" for one in score.unexpected), ""] if score.unexpected else []
+    lines += (
+        [*(f"not expected: {describe_unexpected(one)}" for one in score.unexpected), ""] if score.unexpected else []
+    )
     lines += [*(_expectation(met) for met in score.expected), ""] if score.expected else []
     lines += [*output_lines(score.outputs), ""] if score.outputs else []
     return [*lines, _conclusion(score)]
@@ -58,17 +60,17 @@ def _start(score: Score) -> str:
     first_report_s = score.observed_flags.first_report_s
     excused_s = min(first_report_s, score.scenario.limits.start_s)
     return (
-        f"navigation said its first word after {first_report_s:.1f} s: what was missing until {excused_s:.1f} s, and what was "
-        f"said until {excused_s + WINDOW_S:.1f} s, is not judged"
+        f"first report of navigation after {first_report_s:.1f} s: flags missing until {excused_s:.1f} s, and flags "
+        f"raised until {excused_s + WINDOW_S:.1f} s, are not judged"
     )
 
 
 def _pauses(score: Score) -> str:
     bench = score.excused
     return (
-        f"the bench was late {bench.number} times, at most for {bench.longest_s:.2f} s, together for "
-        f"{bench.share:.1%} of the flight ({MAX_EXCUSED_SHARE:.0%} are allowed): that is excused, and flags that "
-        f"nothing explains are not judged until {AFTER_PAUSE_S:g} s after, {bench.unjudged_share:.0%} of the flight"
+        f"the bench was late {bench.number} times, at most {bench.longest_s:.2f} s, in total {bench.share:.1%} of the "
+        f"flight ({MAX_EXCUSED_SHARE:.0%} are allowed): this is excused, and unexplained flags are not judged until "
+        f"{AFTER_PAUSE_S:g} s after it, {bench.unjudged_share:.0%} of the flight"
     )
 
 
@@ -80,26 +82,26 @@ def _expectation(met: ExpectationRow) -> str:
 
 
 def _conclusion(score: Score) -> str:
-    """In one line."""
+    """The outcome and the remarks in one line."""
     found, due = count_flags(score)
     begin = f"{CONCLUSIONS[score.outcome]}: {found} of {due} expected flags found in time"
     return "; ".join([begin, *remarks(score)])
 
 
 def count_flags(score: Score) -> tuple[int, int]:
-    """How many expected flags and values were found in time, and how many were judged."""
+    """Number of expected flags and values that were found in time, and that were judged."""
     verdicts = _flag_verdicts(score)
     found = verdicts.count(Verdict.FOUND)
     return found, found + sum(verdict in FAILURES for verdict in verdicts)
 
 
 def remarks(score: Score) -> list[str]:
-    """What else there is to say of a score, in short."""
+    """Short remarks on a score."""
     verdicts = _flag_verdicts(score)
     counts = [f"{verdicts.count(v)} {v}" for v in Verdict if v in verdicts and v is not Verdict.FOUND]
     failing = [finding.text for finding in (*score.findings, score.bench) if _is_reported(finding)]
-    surprises = f"{len(score.unexpected)} not expected" if score.unexpected else "nothing that was not expected"
-    return [*counts, *_outputs(score), *failing, surprises]
+    unexpected = f"{len(score.unexpected)} not expected" if score.unexpected else "no unexpected flags"
+    return [*counts, *_outputs(score), *failing, unexpected]
 
 
 def _flag_verdicts(score: Score) -> list[Verdict]:
@@ -108,10 +110,10 @@ def _flag_verdicts(score: Score) -> list[Verdict]:
 
 
 def _outputs(score: Score) -> Iterator[str]:
-    """How many checks of outputs hold."""
-    judged = [row.verdict for row in score.outputs if row.verdict is not Verdict.NOT_JUDGED]
-    if judged:
-        yield f"{len(judged) - sum(v in FAILURES for v in judged)} of {len(judged)} checks of outputs hold"
+    """Number of output checks that hold."""
+    verdicts = [row.verdict for row in score.outputs if row.verdict is not Verdict.NOT_JUDGED]
+    if verdicts:
+        yield f"{len(verdicts) - sum(v in FAILURES for v in verdicts)} of {len(verdicts)} checks of outputs hold"
 
 
 def _is_reported(finding: FlightFinding) -> bool:
@@ -119,7 +121,7 @@ def _is_reported(finding: FlightFinding) -> bool:
 
 
 def as_json(score: Score) -> dict[str, Any]:
-    """The same, for programs; times in seconds of the flight."""
+    """The same as JSON; times in seconds of the flight."""
     return {
         "scenario": score.scenario.title,
         "truth": str(score.flight_truth.file),
@@ -143,5 +145,5 @@ def as_json(score: Score) -> dict[str, Any]:
 
 
 def _finite(table: dict[str, Any]) -> dict[str, Any]:
-    """What did not end has no end."""
+    """Infinite times as None."""
     return {key: None if value == float("inf") else value for key, value in table.items()}

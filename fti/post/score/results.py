@@ -1,4 +1,4 @@
-"""Everything that a score says as a flat list, whatever kind of row it stands in."""
+"""All rows of a score as a flat list."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from fti.post.score.rows import ExpectationRow, FlagRow, FlightFinding, Unexpect
 
 
 class ScoreResult(NamedTuple):
-    """One result.  group : the kind of row; name : what was asked; text : what was found, one sentence"""
+    """One result.  group : kind of row; name : the expectation; text : the finding, one sentence"""
 
     group: str
     name: str
@@ -21,9 +21,9 @@ class ScoreResult(NamedTuple):
 
 
 def results(score: Score) -> Iterator[ScoreResult]:
-    """Every row of a score: faults, what nobody expected, ``[[expect]]``, outputs, what is asked of every flight."""
+    """Every row of a score: faults, unexpected flags, ``[[expect]]``, outputs, checks of every flight."""
     yield from map(_flag_result, score.rows)
-    yield from map(_surprise_result, score.unexpected)
+    yield from map(_unexpected_result, score.unexpected)
     yield from map(_expectation_result, score.expected)
     yield from map(_output_result, score.outputs)
     yield from map(_finding_result, (*score.findings, score.bench))
@@ -37,13 +37,13 @@ def _flag_result(row: FlagRow) -> ScoreResult:
         ("cleared after", row.clear_s),
         ("allowed", row.clears_s),
     )
-    told = [f"{what} {seconds:.2f} s" for what, seconds in times if seconds is not None]
-    return ScoreResult("fault", name, row.verdict, ", ".join([row.verdict, *told]))
+    parts = [f"{what} {seconds:.2f} s" for what, seconds in times if seconds is not None]
+    return ScoreResult("fault", name, row.verdict, ", ".join([row.verdict, *parts]))
 
 
-def _surprise_result(one: UnexpectedFlag) -> ScoreResult:
+def _unexpected_result(one: UnexpectedFlag) -> ScoreResult:
     return ScoreResult(
-        "not expected", f"{one.place} {one.word}", Verdict.FAILS, f"not expected: {describe_surprise(one)}"
+        "not expected", f"{one.place} {one.word}", Verdict.FAILS, f"not expected: {describe_unexpected(one)}"
     )
 
 
@@ -60,14 +60,14 @@ def _finding_result(finding: FlightFinding) -> ScoreResult:
     return ScoreResult(finding.about, finding.name, finding.verdict, finding.text)
 
 
-def describe_surprise(one: UnexpectedFlag) -> str:
-    """Where and when a flag stood that nobody expected."""
+def describe_unexpected(one: UnexpectedFlag) -> str:
+    """Place and interval of an unexpected flag."""
     until = "the end" if one.until_s == float("inf") else f"{one.until_s:.2f} s"
     return f"{one.place} {one.word}, {one.from_s:.2f} s to {until}"
 
 
 def name_expectation(met: ExpectationRow) -> str:
-    """What a row of ``[[expect]]`` asks for."""
-    asked = met.expectation
-    band = f" +{asked.plus:g} -{asked.minus:g}" if asked.plus or asked.minus else ""
-    return f"{asked.channel} = {asked.value}{band} at {asked.at_s:g} s within {asked.within_s:g} s"
+    """The expectation of a row of ``[[expect]]``."""
+    one = met.expectation
+    band = f" +{one.plus:g} -{one.minus:g}" if one.plus or one.minus else ""
+    return f"{one.channel} = {one.value}{band} at {one.at_s:g} s within {one.within_s:g} s"

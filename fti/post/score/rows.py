@@ -1,4 +1,4 @@
-"""The rows of a score: what became of each flag, of what nobody expected, and of ``[[expect]]``."""
+"""The rows of a score: expected flags, unexpected flags, ``[[expect]]``, and findings."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from fti.hil.tables.schema import Expectation
 
 
 class Verdict(StrEnum):
-    """What became of something that was expected."""
+    """The result of an expectation."""
 
     FOUND = "found"
     LATE = "late"
@@ -35,8 +35,8 @@ FAILURES = frozenset((Verdict.LATE, Verdict.MISSING, Verdict.STAYS, Verdict.NOT_
 class FlagRow:
     """One flag of one fault.
 
-    from_s, until_s : of its cause [s of the flight]; after_s : found so long after it, clear_s : gone so long after its
-    end; within_s, clears_s : how long each may take
+    from_s, until_s : of its cause [s of the flight]; after_s : delay until it was raised, clear_s : delay until it
+    cleared; within_s, clears_s : limits of both delays
     """
 
     fault: int
@@ -54,7 +54,7 @@ class FlagRow:
 
 @dataclass(frozen=True, slots=True)
 class UnexpectedFlag:
-    """A word that stood where no fault explains it."""
+    """A flag that no fault explains."""
 
     place: str
     word: str
@@ -64,7 +64,7 @@ class UnexpectedFlag:
 
 @dataclass(frozen=True, slots=True)
 class ExpectationRow:
-    """A row of ``[[expect]]``.  after_s : met so long after its time; value : the last that was said until then."""
+    """A row of ``[[expect]]``.  after_s : delay until it was met; value : last value until then"""
 
     expectation: Expectation
     verdict: Verdict
@@ -74,9 +74,9 @@ class ExpectationRow:
 
 @dataclass(frozen=True, slots=True)
 class FlightFinding:
-    """What is asked of every flight, whatever its scenario.
+    """A check of every flight, independent of its scenario.
 
-    about : UNIT, BENCH or CONFIGURATION; text : what was found, and what is allowed
+    about : UNIT, BENCH or CONFIGURATION; text : the finding, and the limit
     """
 
     about: str

@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 Times = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
-#: No time is later [ns].
+#: Maximum log time [ns].
 MAX_LOG_TIME_NS = 2**62
 
 
@@ -26,8 +26,8 @@ MAX_LOG_TIME_NS = 2**62
 class TopicSeries:
     """The messages of a topic, in the order of the file.
 
-    log_ns : log times [ns], shape (n,); rows : content of each message; repeated : how many messages have the log time
-    and the bytes of the one before
+    log_ns : log times [ns], shape (n,); rows : content of each message; repeated : number of messages with the log time
+    and the bytes of the message before
     """
 
     topic: str
@@ -40,7 +40,7 @@ class TopicSeries:
 
     @property
     def valid_ns(self) -> Times:
-        """When the content of each message was true [ns], shape (n,): its stamp, else its log time."""
+        """Time of validity of each message [ns], shape (n,): its stamp, else its log time."""
         times = (row.get("t_valid_ns") or _stamp(row).get("t_valid_ns") or _time_ns(row) for row in self.rows)
         pairs = zip(times, self.log_ns.tolist(), strict=True)
         return np.array(
@@ -49,7 +49,7 @@ class TopicSeries:
 
     @property
     def valid(self) -> Mask:
-        """Which messages declare themselves valid, shape (n,); where there is no such field, all do."""
+        """Messages that are flagged valid, or have no such field, shape (n,)."""
         return np.array([row.get("valid", True) is True for row in self.rows], dtype=bool)
 
     def column(self, name: str) -> Array:
@@ -57,7 +57,7 @@ class TopicSeries:
         return np.array([_number(row.get(name)) for row in self.rows], dtype=np.float64)
 
     def values(self, name: str) -> list[Any]:
-        """A field as it is, None where a message has none."""
+        """The values of a field, None where a message has none."""
         return [row.get(name) for row in self.rows]
 
     def pick(self, mask: Mask) -> TopicSeries:
@@ -67,14 +67,14 @@ class TopicSeries:
 
 
 def read_series(recording: Recording, topics: Iterable[str]) -> dict[str, TopicSeries]:
-    """Topics of the derived files of a session; one without a message is empty.  Raises RecordingError."""
-    wanted = dict.fromkeys(topics)
+    """Topics of the derived files of a session; a topic without messages is empty.  Raises RecordingError."""
+    selected = dict.fromkeys(topics)
     times: dict[str, list[int]] = defaultdict(list)
     rows: dict[str, list[dict[str, Any]]] = defaultdict(list)
     repeated: dict[str, int] = defaultdict(int)
     last: dict[str, tuple[int, bytes]] = {}
     for topic, t_ns, _, _, data in recording.messages(kind="derived"):
-        if topic not in wanted:
+        if topic not in selected:
             continue
         with using_message(topic, t_ns):
             rows[topic].append(parse_table(data))
@@ -83,7 +83,7 @@ def read_series(recording: Recording, topics: Iterable[str]) -> dict[str, TopicS
         last[topic] = t_ns, data
     return {
         topic: TopicSeries(topic, np.array(times[topic], dtype=np.int64), rows[topic], repeated[topic])
-        for topic in wanted
+        for topic in selected
     }
 
 

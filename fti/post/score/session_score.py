@@ -22,18 +22,18 @@ def judge_session(
     recording: Recording,
     scenario: Scenario,
     truths: Iterable[Path],
-    given: Setup | None = None,
+    setup: Setup | None = None,
     reading: Callable[[], AbstractContextManager[None]] = nullcontext,
 ) -> Iterator[Score]:
-    """Judge every flight.
+    """Score every flight.
 
-    truths : its truth files; given : by this configuration, in place of the one that the emulator played
-    reading : entered while the session is read
+    truths : its truth files; setup : configuration, instead of that of the emulator
+    reading : context that is entered while the session is read
     """
     channels = [expectation.channel for expectation in scenario.expect]
     for flight_truth in [read_flight_truth(file, scenario) for file in truths]:
-        reference_setup = given or read_reference_setup(flight_truth, scenario)
-        compared = user_setup_finding() if given else compare_recorded(reference_setup, recording)
+        reference_setup = setup or read_reference_setup(flight_truth, scenario)
+        findings = user_setup_finding() if setup else compare_recorded(reference_setup, recording)
         with reading():
             observed_flags = read_observed_flags(recording, reference_setup.config, flight_truth, channels)
             outputs = [
@@ -46,6 +46,6 @@ def judge_session(
             flight_truth,
             observed_flags,
             own=scenario_setup(scenario, reference_setup),
-            configuration=compared,
+            configuration=findings,
             outputs=outputs,
         )

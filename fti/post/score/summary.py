@@ -1,4 +1,4 @@
-"""Several flights in one table, and those of them that could not be judged."""
+"""Scores of several flights in one table, with flights that could not be scored."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ NOT_JUDGED = "not judged"
 
 
 def as_summary(scores: Sequence[Score | UnscoredFlight]) -> list[str]:
-    """A line for each flight, and how many hold."""
+    """A line for each flight, and the number of each outcome."""
     outcomes = [score.outcome if isinstance(score, Score) else NOT_JUDGED for score in scores]
     counts = [f"{outcomes.count(one)} {one}" for one in (*FlightOutcome, NOT_JUDGED) if one in outcomes]
     return [

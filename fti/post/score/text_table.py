@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 
 def text_table(rows: Sequence[tuple[str, ...]]) -> Iterator[str]:
-    """Lines with columns as wide as they must be; what stands again in the first one is left out."""
+    """Lines with aligned columns; repeated cells of the first column are left out."""
     widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
     last = ""
     for row in rows:

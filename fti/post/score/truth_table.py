@@ -43,7 +43,7 @@ class TruthTable:
 
     @classmethod
     def of_rows(cls, items: Sequence[McapMessage]) -> TruthTable:
-        """The rows that were read already, one at least.  Raises RecordingError."""
+        """Make the table of at least one message.  Raises RecordingError."""
         rows = [_numbers(item) for item in items]
         columns = {name: np.array([row.get(name, math.nan) for row in rows]) for name in sorted(set().union(*rows))}
         return cls(np.array([item.log_time for item in items], dtype=np.int64), columns)
@@ -63,11 +63,9 @@ class TruthTable:
         return np.asarray((t_ns - self.t_ns[0]) / SECOND_NS, dtype=np.float64)
 
     def at(self, name: str, t_ns: Times) -> Array:
-        """A quantity at FTI times [ns], linear between rows, shape as t_ns; NaN beside a row that has none.
+        """A quantity at FTI times [ns], linear between rows, shape as t_ns; angles are unwrapped.
 
-        Angles are unwrapped.
-
-        Outside the flight, and where the truth has no such quantity, NaN.
+        NaN next to a row without it, outside the flight, and where the truth has no such quantity.
         """
         column = self.columns.get(name)
         if column is None:
@@ -78,6 +76,6 @@ class TruthTable:
 
 
 def _numbers(item: McapMessage) -> dict[str, float]:
-    """The numbers of a row; what is no number is not known.  Raises RecordingError."""
+    """The numbers of a row; other values are left out.  Raises RecordingError."""
     with using_message(item.topic.name, item.log_time):
         return {key: float(value) for key, value in parse_table(item.data).items() if isinstance(value, int | float)}

@@ -1,4 +1,4 @@
-"""Flags that stood where nothing explains them."""
+"""Flags that nothing explains."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from fti.post.score.observed_flags import uncovered_parts
 from fti.post.score.rows import UnexpectedFlag
 from fti.post.score.truth_reader import FlightPause
 
-#: After navigation's first word devices are judged over a window that is not full: its length, and a report [s].
+#: After the first report of navigation the window of its device checks is not full: window and one report [s].
 WINDOW_S = 5.0
-#: What a pause of the bench leaves behind: a window over which health judges a device, and a report [s].
+#: Effect of a pause of the bench: window of the device checks in health, and one report [s].
 AFTER_PAUSE_S = 7.5
-#: The same of what looks back for longer: the integrity monitor, and device clocks that are learned anew [s].
+#: The same for longer windows: the integrity monitor, and device clocks that are learned again [s].
 LONG_AFTER_PAUSE_S = 14.0
 
 
-def allowed_flags(belongs: Sequence[FaultFlags], pauses: Sequence[FlightPause]) -> Iterator[FlagAllowance]:
-    """Everything that may be said: consequences, what must be said, and what a late bench leaves behind."""
-    for one in belongs:
-        yield from one.may
+def allowed_flags(fault_flags: Sequence[FaultFlags], pauses: Sequence[FlightPause]) -> Iterator[FlagAllowance]:
+    """All allowed flags: consequences of faults, expected flags, and effects of a late bench."""
+    for one in fault_flags:
+        yield from one.allowances
         yield from (
             FlagAllowance(expected_flag.place, expected_flag.from_s, expected_flag.until_s + expected_flag.clears_s)
             for expected_flag in one.expected_flags
@@ -40,9 +40,9 @@ def allowed_flags(belongs: Sequence[FaultFlags], pauses: Sequence[FlightPause]) 
 def unexpected_flags(
     evidence: ScoreEvidence, may: Sequence[FlagAllowance], craft: AircraftRoles
 ) -> Iterator[UnexpectedFlag]:
-    """What is left of every word when all that explains it is taken away.
+    """The parts of every flag that nothing explains.
 
-    Before the flight nothing is sent: a daemon that waits for it may say so.
+    Flags before the flight are allowed, because nothing is sent then.
     """
     begin_s = evidence.start_s + WINDOW_S
     for (place, word), spans in sorted(evidence.observed_flags.spans.items()):

@@ -1,4 +1,4 @@
-"""What every unit under test must do in every flight: begin, keep up, record without gaps, be there at the end."""
+"""Checks of the unit in every flight: it starts in time, keeps up, records without gaps, and runs to the end."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ from fti.post.score.evidence import ScoreEvidence
 from fti.post.score.rows import UNIT, FlightFinding, Verdict
 from fti.post.score.truth_reader import FlightPause, length_s, merge_pauses, overlap_s
 
-#: Navigation may be behind for this part of a flight.  One that keeps up is not behind at all; on a computer of two
-#: cores that has other work it is now and then, and misses flags where it is for longer.
+#: Navigation may be behind for this part of a flight.  On a busy computer with two cores it is behind at times, and
+#: misses flags if that lasts.
 MAX_BEHIND_SHARE = 0.2
-#: It catches up so long after the bench was late, or after its own start [s].
+#: Time to catch up after a pause of the bench, or after the start [s].
 CATCH_UP_S = 5.0
-#: Health tells once a second of navigation: a flight that ends so long after its last word ends without it [s].
+#: Health reports navigation once a second: maximum time from its last report to the end of the flight [s].
 MAX_SILENT_S = 5.0
-#: The recorder ticks every 20 ms.  It may stand still so long at once, and for this part of a flight [s].
+#: The recorder ticks every 20 ms.  Maximum length of one gap [s], and maximum share of all gaps.
 MAX_TICK_GAP_S, MAX_TICK_GAP_SHARE = 1.0, 0.02
-#: A session may end so long before the truth does, where both are told to end [s].
+#: A session may end this time before its truth, when both are stopped [s].
 MAX_END_S = 3.0
 
 
 def unit_findings(evidence: ScoreEvidence, start_limit_s: float) -> Iterator[FlightFinding]:
-    """Five findings, whether they hold or not.  start_limit_s : the unit may take so long until its first word [s]"""
+    """The five findings.  start_limit_s : time that the unit may take until its first report [s]"""
     yield _start(evidence, start_limit_s)
     yield _keeps_up(evidence)
     yield _until_the_end(evidence)
@@ -36,15 +36,13 @@ def unit_findings(evidence: ScoreEvidence, start_limit_s: float) -> Iterator[Fli
 def _start(evidence: ScoreEvidence, limit_s: float) -> FlightFinding:
     first_report_s = evidence.observed_flags.first_report_s
     if math.isinf(first_report_s):
-        return _finding("start", False, "navigation said nothing of itself during the flight")
-    allowed = f"{limit_s:g} s are allowed"
-    return _finding(
-        "start", first_report_s <= limit_s, f"navigation said its first word after {first_report_s:.1f} s; {allowed}"
-    )
+        return _finding("start", False, "no report of navigation during the flight")
+    text = f"first report of navigation after {first_report_s:.1f} s; {limit_s:g} s are allowed"
+    return _finding("start", first_report_s <= limit_s, text)
 
 
 def behind_share(evidence: ScoreEvidence) -> float:
-    """The part of the flight for which navigation was behind although bench and start gave no reason, 0 to 1."""
+    """Part of the flight in which navigation was behind without an excuse by bench or start, 0 to 1."""
     excused = [FlightPause(p.from_s, p.until_s + CATCH_UP_S) for p in evidence.pauses]
     if evidence.start_s:
         excused.append(FlightPause(0.0, evidence.start_s + CATCH_UP_S))
@@ -58,33 +56,33 @@ def _keeps_up(evidence: ScoreEvidence) -> FlightFinding:
 
 
 def silent_s(evidence: ScoreEvidence) -> float:
-    """How long navigation had said nothing when the flight ended [s]."""
+    """Time from the last report of navigation to the end of the flight [s]."""
     return max(evidence.end_s - evidence.observed_flags.last_report_s, 0.0)
 
 
 def _until_the_end(evidence: ScoreEvidence) -> FlightFinding:
     silence = silent_s(evidence)
-    text = f"navigation said nothing for the last {silence:.0f} s; {MAX_SILENT_S:g} s are allowed"
+    text = f"no report of navigation in the last {silence:.0f} s; {MAX_SILENT_S:g} s are allowed"
     return _finding("navigation until the end", silence <= MAX_SILENT_S, text)
 
 
 def _ticks(evidence: ScoreEvidence, start_limit_s: float) -> FlightFinding:
-    """Where the recorder stood still although the bench gave no reason, or where its ticks were taken away."""
+    """Gaps of the recorder's ticks without an excuse by the bench."""
     first_s, last_s = evidence.observed_flags.ticks
     if math.isinf(first_s) and first_s > 0.0:
         return _finding("recorder", False, "no tick of the recorder during the flight")
     end = FlightPause(min(last_s + MAX_END_S, evidence.end_s), evidence.end_s)
     gaps = [*evidence.observed_flags.tick_gaps, FlightPause(start_limit_s, max(first_s, start_limit_s)), end]
-    sound = [FlightPause(p.from_s, p.until_s + CATCH_UP_S) for p in evidence.pauses]
-    missing = _unexcused_s(gaps, sound, evidence.end_s)
-    longest = max((_unexcused_s([gap], sound, evidence.end_s) for gap in gaps), default=0.0)
-    holds = longest <= MAX_TICK_GAP_S and missing <= MAX_TICK_GAP_SHARE * evidence.end_s
+    excused = [FlightPause(p.from_s, p.until_s + CATCH_UP_S) for p in evidence.pauses]
+    missing = _unexcused_s(gaps, excused, evidence.end_s)
+    max_gap = max((_unexcused_s([gap], excused, evidence.end_s) for gap in gaps), default=0.0)
+    holds = max_gap <= MAX_TICK_GAP_S and missing <= MAX_TICK_GAP_SHARE * evidence.end_s
     allowed = f"{MAX_TICK_GAP_S:g} s at once and {MAX_TICK_GAP_SHARE:.0%} of the flight are allowed"
-    return _finding("recorder", holds, f"ticks are missing for {missing:.2f} s, at most {longest:.2f} s; {allowed}")
+    return _finding("recorder", holds, f"ticks are missing for {missing:.2f} s, at most {max_gap:.2f} s; {allowed}")
 
 
 def _alarms(evidence: ScoreEvidence) -> FlightFinding:
-    """Each output, and each device or link, of which an alarm must say that it is wrong has that alarm."""
+    """Required alarms of outputs, devices and links that are missing."""
     missing = list(missing_alarms(evidence.observed_flags, evidence.start_s + STARTUP_S, evidence.end_s))
     parts = "; ".join(f"{alarm} from {from_s:.1f} to {until_s:.1f} s" for alarm, from_s, until_s in missing[:3])
     more = f" and {len(missing) - 3} more" if len(missing) > 3 else ""
@@ -92,11 +90,11 @@ def _alarms(evidence: ScoreEvidence) -> FlightFinding:
 
 
 def _unexcused_s(intervals: Iterable[FlightPause], excused: Iterable[FlightPause], end_s: float) -> float:
-    """How much of these intervals is in the flight and not excused [s]."""
-    within = [FlightPause(max(p.from_s, 0.0), min(p.until_s, end_s)) for p in merge_pauses(intervals)]
-    there = [p for p in within if p.until_s > p.from_s]
-    sound = list(merge_pauses(excused))
-    return length_s(there) - sum(overlap_s(sound, p.from_s, p.until_s) for p in there)
+    """Part of these intervals that is in the flight and not excused [s]."""
+    clipped = [FlightPause(max(p.from_s, 0.0), min(p.until_s, end_s)) for p in merge_pauses(intervals)]
+    remaining = [p for p in clipped if p.until_s > p.from_s]
+    excuses = list(merge_pauses(excused))
+    return length_s(remaining) - sum(overlap_s(excuses, p.from_s, p.until_s) for p in remaining)
 
 
 def _finding(name: str, holds: bool, text: str) -> FlightFinding:

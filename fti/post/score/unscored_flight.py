@@ -1,4 +1,4 @@
-"""A flight of several that could not be judged."""
+"""A flight that could not be scored."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dataclasses import dataclass
 class UnscoredFlight:
     """Why there is no score.
 
-    name : the scenario or session as it was named; reason : one sentence; exit_code : of the command, because of it
+    name : of the scenario or session; reason : one sentence; exit_code : of the command
     """
 
     name: str

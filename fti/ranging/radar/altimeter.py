@@ -2,17 +2,17 @@
 
     dome and antenna -> rays cast -> power of each (radar equation) -> range bins -> leading edge -> error -> steps
 
-The bins are the power spectrum of the beat signal.  By default they hold the rays' powers added, which is the mean over
-all phases, what an instrument that averages many ramps tends to.  With ``coherent`` they are one spectrum of one ramp,
-rays added with the phase of the carrier: speckle.
+The bins are the power spectrum of the beat signal.  By default they are the sum of the rays' powers, which is the mean
+over all phases and the limit of an instrument that averages many ramps.  With ``coherent`` they are one spectrum of one
+ramp, rays added with the phase of the carrier: speckle.
 
-What the edge is.  It is where the spectrum first rises above a share of its peak, so over level ground it lies a little
-behind the nearest point: the echoes of a wide beam rise within a bin and stay.  The rays make a comb of it: the nearest
+The edge is where the spectrum first rises above a share of its peak, so over level ground it lies a little behind the
+nearest point: the echoes of a wide beam rise within a bin and stay.  The rays make the spectrum a comb: the nearest
 ones are h delta^2 / 2 apart, delta their angle, 1.6 bins at 800 m and 2051 rays.  So level ground, 100 to 800 m below,
 reads long, never short: by 0.25 to 2.5 m with 751 rays, to 0.85 m with 2051, to 0.4 m with 8101.
 
-What is left out: multiple reflections, penetration of vegetation and snow, reflectivity by land cover, the turning of
-the lever arm, tracking from one measurement to the next.
+Not modelled: multiple reflections, penetration of vegetation and snow, reflectivity by land cover, the rotation of the
+lever arm, tracking from one measurement to the next.
 
 Source: Spiegel 2018, sections 2.1.3 and 2.2.5 to 2.2.7, fig. 2.50 and 2.53.
 """
@@ -44,20 +44,20 @@ from fti.terrain.terrain import Terrain
 Array = NDArray[np.float64]
 Codes = NDArray[np.uint8]
 
-#: Poses at a time: what lies between the steps stays in the processor's cache.
+#: Poses per chunk: intermediate results stay in the processor cache.
 _CHUNK = 16
-#: Bins behind the farthest range told: the peak of an edge at the farthest range is among them.
-_BEHIND_BINS = 32
-#: Share of the beam (gain both ways x solid angle) that may look at ground nobody knows.
+#: Bins beyond the maximum range, for the peak of an edge at the maximum range.
+_MARGIN_BINS = 32
+#: Maximum share of the beam (two-way gain x solid angle) over unknown ground.
 _UNKNOWN_SHARE = 0.01
-#: Where the steps of an RA-4500 end, and how large they are [ft].
+#: Upper ends of the steps of an RA-4500, and their sizes [ft].
 _TOPS_FT = np.array([top for top, _ in QUANTISATION_FT[:-1]], dtype=np.float64)
 _STEPS_FT = np.array([step for _, step in QUANTISATION_FT], dtype=np.float64)
 _UNKNOWN = (RayOutcome.HOLE, RayOutcome.OUTSIDE, RayOutcome.UNKNOWN, RayOutcome.BURIED)
 
 
 class Beams(NamedTuple):
-    """Of each pose: slant range of the edge [m], the ray that gives most there, dispersion [m], power, validity."""
+    """Results of poses: slant range of the edge [m], the strongest ray there, dispersion [m], power, validity."""
 
     slant_range: Array
     ray: NDArray[np.intp]
@@ -71,19 +71,19 @@ class RadarAltimeter(RangingSensor):
     """An FMCW radar altimeter that follows the leading edge.
 
     antenna    : gain for transmission and for reception; boresight +z
-    order      : of the geodesic dome: 12, 20, 40 for 751, 2051, 8101 rays before those without gain are left out; level
+    order      : of the geodesic dome: 12, 20, 40 for 751, 2051, 8101 rays, without those outside the gain; level
                  ground reads long by up to 2.5, 0.85, 0.4 m
-    turn       : rotation of the dome, (3, 3): the same beam by other rays; None leaves one ray on the boresight
+    turn       : rotation of the dome, (3, 3): the same beam by other rays; with None one ray is on the boresight
     ground     : backscatter of the ground
     waveform   : of the saw tooth; one range bin is c / (2 delta_f), 0.5 m at 300 MHz
     edge       : detector, with the threshold under the peak and the margin over the noise
-    transmit_power, noise_factor : [W] and 1 or more, no decibels: with the waveform they make the receiver's noise in a
-                 bin; those of this class of instruments, stated, not measured
-    error      : of what is told, on top of geometry and signal
-    min_range, max_range [m] : what is told at all; the defaults are 0 and 2500 ft
+    transmit_power, noise_factor : [W] and 1 or more, not decibels: with the waveform they give the receiver noise in a
+                 bin; typical of this class of instruments, chosen, not measured
+    error      : of the reported range, in addition to geometry and signal
+    min_range, max_range [m] : limits of reported ranges; the defaults are 0 and 2500 ft
     coherent   : one ramp with the phases of the carrier, not the mean of many
-    quantised  : told in the steps of an RA-4500
-    Raises ValueError for figures out of range.
+    quantised  : reported in the steps of an RA-4500
+    Raises ValueError for values out of range.
     """
 
     antenna: Antenna = WIDE
@@ -103,12 +103,12 @@ class RadarAltimeter(RangingSensor):
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.min_range < self.max_range < np.inf:
-            raise ValueError(f"ranges from {self.min_range} to {self.max_range} m: must be positive and ascend")
+            raise ValueError(f"min_range is {self.min_range} m, max_range {self.max_range} m: must ascend")
         if self.reach > self.waveform.unambiguous_range:
             raise ValueError(f"max_range is {self.max_range} m, ambiguous with {self.waveform}")
         if not (0.0 < self.transmit_power < np.inf and 1.0 <= self.noise_factor < np.inf):
-            said = f"transmit_power is {self.transmit_power} W, noise_factor {self.noise_factor}"
-            raise ValueError(f"{said}: must be positive, and 1 or more")
+            values = f"transmit_power is {self.transmit_power} W, noise_factor {self.noise_factor}"
+            raise ValueError(f"{values}: must be positive, and at least 1")
         dome = half_dome(self.order, self.turn)
         object.__setattr__(self, "beam", make_beam(self.antenna, dome, self.waveform.wavelength))
 
@@ -119,8 +119,8 @@ class RadarAltimeter(RangingSensor):
 
     @property
     def reach(self) -> float:
-        """So far rays are cast [m]."""
-        return self.max_range + _BEHIND_BINS * self.waveform.range_bin
+        """Maximum range of the cast rays [m]."""
+        return self.max_range + _MARGIN_BINS * self.waveform.range_bin
 
     @property
     def noise(self) -> float:
@@ -129,36 +129,36 @@ class RadarAltimeter(RangingSensor):
 
     @functools.cached_property
     def baseband(self) -> Baseband:
-        """The receiver behind the last mixer, wide enough for the farthest range."""
+        """The receiver after the last mixer, wide enough for the maximum range."""
         return Baseband.reaching(self.reach, self.waveform)
 
     def measure(self, terrain: Terrain, poses: Poses, rng: np.random.Generator | None = None) -> Returns:
-        """The leading edge at each pose.  direction_s is that of the ray which gives most of the power at the edge.
+        """The leading edge at each pose.  direction_s is that of the strongest ray at the edge.
 
         validity: TOO_NEAR, TOO_FAR; WEAK, under the noise; NO_RETURN; and HOLE, OUTSIDE, BURIED or UNKNOWN where more
-        than 1 % of the beam ends so: what nobody knows may be nearer than what was found, or outshine it.  Rays towards
-        the sky count as well where they leave the coverage within max_range: a hill may stand there.
+        than 1 % of the beam ends so: unknown ground may be nearer than the result, or stronger.  Rays towards the sky
+        also count where they leave the coverage within max_range: there may be a hill.
         """
         parts = [self._edges(echoes, rng) for echoes in self._trace(terrain, poses)]
-        found = Beams(*(np.concatenate(column) for column in zip(*parts, strict=True))) if parts else _NO_BEAMS
-        told = self.told(found.slant_range, rng)
-        validity = found.validity.copy()
-        validity[told < self.min_range] = Validity.TOO_NEAR
-        validity[told > self.max_range] = Validity.TOO_FAR
+        beams = Beams(*(np.concatenate(column) for column in zip(*parts, strict=True))) if parts else _NO_BEAMS
+        ranges = self.indicated_range(beams.slant_range, rng)
+        validity = beams.validity.copy()
+        validity[ranges < self.min_range] = Validity.TOO_NEAR
+        validity[ranges > self.max_range] = Validity.TOO_FAR
         valid = validity == Validity.VALID
-        told, dispersion = np.where(valid, told, np.nan), np.where(valid, found.dispersion, np.nan)
-        directions = np.where(valid[:, None], self.beam.rays_s[found.ray], np.nan)
-        return Returns(told, directions, dispersion, found.power, validity)
+        ranges, spread = np.where(valid, ranges, np.nan), np.where(valid, beams.dispersion, np.nan)
+        directions = np.where(valid[:, None], self.beam.rays_s[beams.ray], np.nan)
+        return Returns(ranges, directions, spread, beams.power, validity)
 
-    def told(self, slant_range: ArrayLike, rng: np.random.Generator | None = None) -> Array:
-        """What the instrument says of ranges of an edge [m]."""
-        told = self.error.apply(slant_range, rng)
-        return quantised(told) if self.quantised else told
+    def indicated_range(self, slant_range: ArrayLike, rng: np.random.Generator | None = None) -> Array:
+        """The reported ranges for ranges of an edge [m]."""
+        ranges = self.error.apply(slant_range, rng)
+        return quantise_heights(ranges) if self.quantised else ranges
 
     def spectra(self, echoes: BeamEchoes, rng: np.random.Generator | None = None) -> Array:
         """Power per range bin over the transmitted power, shape (n, bins), of the echoes of n poses.
 
-        Receiver noise is in it: its mean, or with ``coherent`` and ``rng`` its own draw.
+        Receiver noise is included: its mean, or with ``coherent`` and ``rng`` a random draw.
         """
         if not self.coherent:
             shifted = echoes.ranges + range_error(echoes.range_rates, self.waveform)
@@ -167,7 +167,7 @@ class RadarAltimeter(RangingSensor):
         return np.stack([self._ramp(*one, rng) for one in zip(*echoes[:3], strict=True)])
 
     def _ramp(self, ranges: Array, rates: Array, powers: Array, rng: np.random.Generator | None) -> Array:
-        """Spectrum of one ramp.  With ``rng`` each patch has a phase of its own, too: it is no mirror."""
+        """Spectrum of one ramp.  With ``rng`` each patch has a random phase."""
         phases = np.zeros_like(ranges) if rng is None else rng.uniform(0.0, 2.0 * np.pi, len(ranges))
         signal = self.baseband.beat_signal(ranges, powers, phases, rates)
         if rng is not None:
@@ -193,12 +193,12 @@ class RadarAltimeter(RangingSensor):
         return Beams(slant_range, ray, dispersion(echoes), np.where(power > 0.0, power, np.nan), validity)
 
     def _unknown_reason(self, echoes: BeamEchoes) -> Codes:
-        """Why a beam cannot be told, or HIT: a pose that is no number, or too much of the ground is not known."""
+        """Why the result of a beam is unknown, or HIT: a pose that is not finite, or too much unknown ground."""
         share = np.stack([(echoes.outcomes == reason) @ self.beam.weights for reason in _UNKNOWN])
         reason = np.asarray(_UNKNOWN)[np.argmax(share, axis=0)]
-        found = np.where(share.sum(axis=0) > _UNKNOWN_SHARE * self.beam.weights.sum(), reason, RayOutcome.HIT)
-        found[~np.isfinite(echoes.range_rates[:, 0])] = RayOutcome.UNKNOWN
-        return found.astype(np.uint8)
+        outcomes = np.where(share.sum(axis=0) > _UNKNOWN_SHARE * self.beam.weights.sum(), reason, RayOutcome.HIT)
+        outcomes[~np.isfinite(echoes.range_rates[:, 0])] = RayOutcome.UNKNOWN
+        return outcomes.astype(np.uint8)
 
 
 _NO_BEAMS = Beams(np.empty(0), np.empty(0, np.intp), np.empty(0), np.empty(0), np.empty(0, np.uint8))
@@ -215,12 +215,12 @@ def dispersion(echoes: BeamEchoes) -> Array:
 
 
 def _first_reason(outcomes: Codes) -> Codes:
-    """Of a beam without any power: the reason of the ray nearest to the boresight; on the ground, TOO_NEAR."""
+    """Reason of a beam without power: that of the ray nearest to the boresight; TOO_NEAR on the ground."""
     return np.where(outcomes[:, 0] == RayOutcome.HIT, Validity.TOO_NEAR, outcomes[:, 0]).astype(np.uint8)
 
 
 def _strongest_at(slant_range: Array, echoes: BeamEchoes, waveform: Waveform) -> NDArray[np.intp]:
-    """The ray that gives most of the power at a range, for each pose; any where there is none."""
+    """The strongest ray at a range, for each pose; arbitrary without one."""
     off = (echoes.ranges - slant_range[:, None]) / waveform.range_bin
     near = np.abs(off) < 8.0
     share = np.zeros_like(off)
@@ -228,8 +228,8 @@ def _strongest_at(slant_range: Array, echoes: BeamEchoes, waveform: Waveform) ->
     return np.asarray(np.argmax(share, axis=1))
 
 
-def quantised(heights: ArrayLike) -> Array:
-    """Heights [m] as the instrument shows them, any shape; negative ones are 0, NaN stays NaN."""
+def quantise_heights(heights: ArrayLike) -> Array:
+    """Heights [m] in the steps of the instrument, any shape; negative ones are 0, NaN stays NaN."""
     feet = np.maximum(np.asarray(heights, dtype=np.float64) / FOOT, 0.0)
     step = _STEPS_FT[np.searchsorted(_TOPS_FT, feet, side="left")]
     return np.asarray(np.minimum(np.rint(feet / step) * step, 65535.0) * FOOT)

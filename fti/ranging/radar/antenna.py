@@ -1,14 +1,14 @@
 """Gain of an antenna in every direction, from its azimuth and its elevation cut.
 
-Each cut is taken as if it were rotationally symmetric about the boresight, G_az(theta) and G_el(theta), theta the angle
+Each cut is assumed rotationally symmetric about the boresight, G_az(theta) and G_el(theta), theta the angle
 off the boresight; between the planes of the cuts an ellipse blends the two.  With alpha the direction around the
 boresight, counted from the plane of the azimuth cut,
 
     G_dBi(theta, alpha) = G_az(+-theta) cos^2 alpha + G_el(+-theta) sin^2 alpha,       G = 10^(G_dBi / 10)
 
-each cut on the side on which the direction lies.  On the cuts it is the cut; where both fall with the square of theta,
-lines of equal gain are ellipses.  Source: Spiegel 2018, sections 2.1.3.3 and 2.2.5, eq. 2.19, fig. 2.34 (which shows
-the blend and gives no formula).
+each cut on the side of the direction.  In the planes of the cuts it equals the cut; where both fall with the square of
+theta, lines of equal gain are ellipses.  Source: Spiegel 2018, sections 2.1.3.3 and 2.2.5, eq. 2.19, fig. 2.34 (which
+shows the blend and gives no formula).
 
 Half-power beam widths (HPBW) are full widths here, from one half-power point over the boresight to the other, as data
 sheets state them.  The source states the angle off the boresight at which the pattern crosses the half-power line, and
@@ -29,13 +29,13 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 
 _CUT_STEP_DEG = 0.5
-#: So far apart two measured cuts may be where they meet [dB]; more is another reference level, not an error.
+#: Maximum difference of two measured cuts on the boresight [dB]; more indicates another reference level.
 _SAME_DB = 1.0
 HALF_POWER_DB = 3.01
 
 
 def from_db(level: ArrayLike) -> Array:
-    """The ratio of powers that a level in dB stands for (eq. 2.19)."""
+    """The ratio of powers of a level in dB (eq. 2.19)."""
     return np.asarray(10.0 ** (np.asarray(level, dtype=np.float64) / 10.0))
 
 
@@ -54,13 +54,13 @@ class AntennaCut:
         for name in ("angles", "gains_dbi"):
             object.__setattr__(self, name, np.ascontiguousarray(getattr(self, name), dtype=np.float64))
         if self.angles.ndim != 1 or self.angles.shape != self.gains_dbi.shape:
-            raise ValueError(f"a cut of {self.angles.shape} angles and {self.gains_dbi.shape} gains: one gain an angle")
+            raise ValueError(f"angles {self.angles.shape}, gains_dbi {self.gains_dbi.shape}: must both be (k,)")
         if not (np.diff(self.angles) > 0.0).all():
-            raise ValueError("the angles of a cut must ascend")
+            raise ValueError("angles: must ascend")
         if not self.angles[0] <= 0.0 <= self.angles[-1]:
-            raise ValueError("a cut must hold the boresight, angle 0")
+            raise ValueError("angles: must include the boresight, 0")
         if not np.isfinite(self.gains_dbi).all():
-            raise ValueError("a gain is not finite")
+            raise ValueError("gains_dbi: must be finite")
 
     @property
     def half_power_width(self) -> float:
@@ -91,7 +91,7 @@ class Antenna:
     def __post_init__(self) -> None:
         across, along = float(self.azimuth.at(0.0)), float(self.elevation.at(0.0))
         if abs(across - along) > _SAME_DB:
-            raise ValueError(f"on the boresight the azimuth cut has {across} dBi, the elevation cut {along} dBi")
+            raise ValueError(f"boresight gain {across} dBi (azimuth), {along} dBi (elevation): must agree to 1 dB")
 
     @property
     def half_power_width(self) -> float:
@@ -113,7 +113,7 @@ class Antenna:
 
 
 def _weigh(share: Array, level: Array) -> Array:
-    """share x level, 0 where the share is: a cut without gain says nothing in the plane of the other."""
+    """share x level, 0 for share 0: a cut without gain has no effect in the plane of the other."""
     return np.multiply(share, level, out=np.zeros_like(level), where=share > 0.0)
 
 

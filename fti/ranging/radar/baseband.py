@@ -1,15 +1,15 @@
-"""What a receiver hands on after its last mixer, without the carrier: the beat signal of many rays and its spectrum.
+"""Baseband after the last mixer of a receiver: the beat signal of many rays and its spectrum.
 
 Every ray n of the delay tau_n and the power P_n (over the transmitted one) is a tone (2.80, 2.81 as corrected)
 
     s(t) = sum_n sqrt(P_n) cos(2 pi (f' tau_n + f_d,n) t + psi_n),    psi_n = 2 pi (f_c tau_n - f' tau_n^2 / 2) - phi_n
 
 with the phase phi_n of the scatterer and the Doppler shift f_d,n.  For t < tau_n the echo is still that of the ramp
-before: its tone is delta_f - f' tau_n (2.82 and 2.83, sign corrected), which the low-pass filter takes away unless the
-band reaches that far.  2.81 as printed has no psi_n: all rays are then in phase, and there is no speckle.
+before: its tone is delta_f - f' tau_n (2.82 and 2.83, sign corrected), which the low-pass filter removes unless the
+band includes it.  2.81 as printed has no psi_n: all rays are then in phase, and there is no speckle.
 
 Coherent: the power of one spectrum of s over a ramp, Hann window.  Incoherent: its mean over random phases phi_n, which
-is the sum of the rays' powers, each spread by the window's kernel, and what the average of many ramps tends to.
+is the sum of the rays' powers, each spread by the window's kernel, and the limit of the average of many ramps.
 
 Spectra are powers over the transmitted one, per range bin (``Waveform.range_bin``); a lone ray of the power P in the
 middle of a bin reads P there.  Source: Spiegel 2018, section 2.2.7; Harris 1978 for the window.
@@ -25,8 +25,8 @@ from numpy.typing import ArrayLike
 from fti.ranging.radar.doppler import doppler_shift
 from fti.ranging.radar.waveform import Array, Waveform, delay_of_range
 
-KERNEL_BINS = 8  #: the kernel is taken to be nothing farther out: -65 dB there, -60 dB of the power in all
-PASS_SHARE = 0.8  #: of half the sampling rate, passed unchanged; from there to half the rate the filter closes
+KERNEL_BINS = 8  #: the kernel is truncated beyond: -65 dB there, -60 dB of the total power
+PASS_SHARE = 0.8  #: passband as a share of half the sampling rate; the transition ends at half the rate
 BOLTZMANN = 1.380649e-23
 _NEIGHBOURS = np.array([0.0, -1.0, 1.0])  # a Hann window is a rectangle's kernel and, half as high, that of either side
 
@@ -34,11 +34,11 @@ _NEIGHBOURS = np.array([0.0, -1.0, 1.0])  # a Hann window is a rectangle's kerne
 def hann_kernel(offset: ArrayLike) -> Array:
     """Power of a tone in a bin ``offset`` bins away, 1 at 0: (sin(pi x) / (pi x (1 - x^2)))^2.
 
-    That of continuous time.  Against the discrete transform of 4096 samples it is off by less than 1e-9 within
-    +-8 bins, averaged over the phase of the tone and from bin 16 on; nearer, the tone's own image adds to it.
+    Valid for continuous time.  The error against the discrete transform of 4096 samples is below 1e-9 within +-8 bins,
+    averaged over the phase of the tone and from bin 16 on; nearer, the image of the tone adds to it.
     """
-    here, before, behind = np.sinc(np.add.outer(_NEIGHBOURS, np.asarray(offset, dtype=np.float64)))
-    return np.asarray((here + 0.5 * (before + behind)) ** 2)
+    here, before, after = np.sinc(np.add.outer(_NEIGHBOURS, np.asarray(offset, dtype=np.float64)))
+    return np.asarray((here + 0.5 * (before + after)) ** 2)
 
 
 def lowpass(frequency: ArrayLike, last_passed: float, first_stopped: float) -> Array:
@@ -50,7 +50,8 @@ def lowpass(frequency: ArrayLike, last_passed: float, first_stopped: float) -> A
 def thermal_noise(waveform: Waveform, transmit_power: float, noise_factor: float, temperature: float = 290.0) -> float:
     """Power of the receiver's noise in one bin over the transmitted power: k T F (3/2) / (delta_t P_tx).
 
-    transmit_power [W], noise_factor (1 or more, no decibels), temperature [K]; 3/2 bins is the Hann window's bandwidth.
+    transmit_power [W], noise_factor (1 or more, not decibels), temperature [K]; 3/2 bins is the Hann window's
+    bandwidth.
     """
     return 1.5 * BOLTZMANN * temperature * noise_factor / (waveform.delta_t * transmit_power)
 
@@ -71,7 +72,7 @@ class Baseband:
 
     @classmethod
     def reaching(cls, max_range: float, waveform: Waveform | None = None) -> Baseband:
-        """With the smallest power of two of samples that passes echoes from ``max_range`` [m] unchanged.
+        """The baseband with the smallest power of two of samples that passes echoes from ``max_range`` [m] unchanged.
 
         Raises ValueError for a range that is not positive or beyond the unambiguous one.
         """
@@ -85,7 +86,7 @@ class Baseband:
 
     @property
     def rate(self) -> float:
-        """Samples in a second [Hz]."""
+        """Sampling rate [Hz]."""
         return self.n_sample / self.waveform.delta_t
 
     @property
@@ -125,7 +126,7 @@ class Baseband:
         return signal
 
     def _add_slip(self, signal: Array, delay: Array, amplitude: Array, phase: Array, doppler: Array) -> None:
-        """Add the tones of the ramp before, where the filter lets them through."""
+        """Add the tones of the previous ramp, where the filter passes them."""
         wave, passed = self.waveform, amplitude * self.response(self.waveform.slip_beat(delay) - doppler)
         for tau, height, phi, shift in np.stack((delay, passed, phase, doppler), axis=-1)[passed > 0.0]:
             t = np.arange(int(np.ceil(tau * self.rate))) / self.rate
@@ -168,7 +169,7 @@ class Baseband:
         if np.any((slant_range[back] < 0.0) | (slant_range[back] >= self.waveform.unambiguous_range)):
             limit = f"the unambiguous {self.waveform.unambiguous_range:.0f} m"
             raise ValueError(f"ranges must not be negative or reach beyond {limit}")
-        shift = -doppler_shift(rate[back], self.waveform.f_c)  # what comes back lower makes a higher beat
+        shift = -doppler_shift(rate[back], self.waveform.f_c)  # a lower echo frequency makes a higher beat
         return delay_of_range(slant_range[back]), np.sqrt(power[back]), phase[back], shift
 
 
@@ -187,5 +188,5 @@ def _sum_of_tones(amplitude: Array, start: Array, cycles: Array, n: int) -> Arra
 
 
 def _phase_angle(cycles: Array) -> Array:
-    """Angle [rad] of a number of turns, without the whole ones: they cost digits."""
+    """Angle [rad] of a number of cycles, without the whole ones, for precision."""
     return np.asarray(2.0 * np.pi * (cycles - np.rint(cycles)))

@@ -1,4 +1,4 @@
-"""What comes back along each ray of a beam, and how much of it lies in each range bin.
+"""Received power of each ray of a beam, and its distribution over range bins.
 
 The radar equation (2.18) for a patch dA of ground with the cross section sigma0 per area, seen under the angle of
 incidence theta_i; a ray stands for the solid angle d_omega, so its patch is dA = d^2 d_omega / cos(theta_i):
@@ -6,8 +6,8 @@ incidence theta_i; a ray stands for the solid angle d_omega, so its patch is dA 
     P_rx / P_tx = sum_n  G_n^2 lambda^2 sigma0(theta_i,n) / ((4 pi)^3 d_n^4)  dA_n
                 = sum_n  [G_n^2 lambda^2 d_omega_n / (4 pi)^3]  sigma0(theta_i,n) / (d_n^2 cos(theta_i,n))
 
-The bracket belongs to antenna and dome and is computed once.  Eq. 2.68 as printed gives every ray the same sigma: its
-sum grows with the number of rays, and falls with d^-4 where a beam-filling ground falls with d^-2.
+The bracket depends on antenna and dome only and is computed once.  Eq. 2.68 as printed gives every ray the same sigma:
+its sum grows with the number of rays, and falls with d^-4, although that of beam-filling ground falls with d^-2.
 
     sigma0(theta) = sigma0(0) cos^q(theta)          q = 1: constant gamma;  q = 2: Lambert
 
@@ -67,7 +67,7 @@ class Backscatter:
 
 @dataclass(frozen=True, eq=False)
 class Beam:
-    """The rays that are cast.
+    """The cast rays.
 
     rays_s  : ndarray, shape (n, 3)         unit vectors of the sensor frame, nearest to the boresight first
     weights : ndarray, shape (n,)    [m^2]  G^2 lambda^2 d_omega / (4 pi)^3 of each
@@ -81,24 +81,24 @@ class Beam:
 
 
 def make_beam(antenna: Antenna, dome: Dome, wavelength: float, cut_db: float = -40.0) -> Beam:
-    """The rays of a dome behind an antenna, wavelength [m].
+    """The rays of a dome weighted by an antenna, wavelength [m].
 
-    cut_db : rays whose two-way gain lies so far under that of the strongest are left out [dB].  At -40 dB they hold
-             3e-6 of the power over level ground, and the wide antenna looks as far as 75 deg off the boresight.
+    cut_db : rays whose two-way gain is this far below that of the strongest are removed [dB].  At -40 dB they have
+             3e-6 of the power over level ground, and the wide antenna extends to 75 deg off the boresight.
     Raises ValueError for a wavelength that is not positive, or where no ray has any gain.
     """
     if not wavelength > 0.0:
         raise ValueError(f"wavelength is {wavelength} m, must be positive")
     two_way = antenna.gain(dome.rays_s) ** 2
     if not two_way.any():
-        raise ValueError(f"the antenna has no gain along any of the {len(dome)} rays: its cuts are too short")
+        raise ValueError(f"the antenna has no gain along any of the {len(dome)} rays: its cuts must be wider")
     cast = two_way >= from_db(cut_db) * two_way.max()
     weights = two_way * dome.solid_angles * wavelength**2 / (4.0 * np.pi) ** 3
     return Beam(np.ascontiguousarray(dome.rays_s[cast]), np.ascontiguousarray(weights[cast]))
 
 
 class BeamEchoes(NamedTuple):
-    """What became of the rays of a beam at n poses, each of shape (n, rays).
+    """Echoes of the rays of a beam at n poses, each of shape (n, rays).
 
     ranges      : [m] NaN where a ray met nothing
     range_rates : [m/s] growing, by the motion of the sensor
@@ -115,11 +115,11 @@ class BeamEchoes(NamedTuple):
 def trace_beam(terrain: Terrain, poses: Poses, beam: Beam, ground: Backscatter, max_range: float) -> BeamEchoes:
     """Cast the rays of a beam at each pose, as far as ``max_range`` [m]."""
     gains = beam.weights * float(from_db(ground.nadir_db))
-    found = _trace(
+    arrays = _trace(
         terrain.pyramid, poses.origins_l, poses.mats_ls, poses.vels_l, beam.rays_s, gains, ground.exponent - 1.0,
         float(max_range),
     )  # fmt: skip
-    return BeamEchoes(*found)
+    return BeamEchoes(*arrays)
 
 
 @kernel
@@ -151,8 +151,8 @@ def trace_pose(
     powers: Array,
     outcomes: Codes,
 ) -> None:
-    """The same of one pose, into four arrays (rays,)."""
-    q = p.places  # a call that takes p counts references, and that takes longer
+    """The rays of one pose, written to four arrays (rays,)."""
+    q = p.addresses  # a call with the argument p counts references and takes longer
     posts = Posts(heights_at(q), layers_at(q))
     for k in range(len(rays)):
         sx, sy, sz = rays[k, 0], rays[k, 1], rays[k, 2]
@@ -174,10 +174,10 @@ def trace_pose(
 def range_bins(ranges: Array, powers: Array, bin_m: float, n_bin: int) -> Array:
     """Power per range bin, shape (n, n_bin), of the rays of n poses: the powers of the rays, spread by the window.
 
-    The kernel of a Hann window, +-8 bins: what the spectrum of the beat signal has on average over the phases of the
-    rays.  Where a ray lies in its bin is rounded to 1/1024 of it: 0.02 dB within 20 dB of the strongest.
+    The kernel of a Hann window, +-8 bins: the average spectrum of the beat signal over the phases of the rays.  The
+    position of a ray in its bin is rounded to 1/1024: 0.02 dB within 20 dB of the strongest.
 
-    ranges, powers : (n, rays)  [m], received over transmitted; a range that is NaN, negative or beyond is left out
+    ranges, powers : (n, rays)  [m], received over transmitted; a range that is NaN, negative or beyond is ignored
     bin_m          : range of one bin [m]; bin k is centred at the range k bin_m
     """
     return _fill(ranges, powers, bin_m, n_bin, KERNEL)[:, KERNEL_BINS : KERNEL_BINS + n_bin]

@@ -1,13 +1,13 @@
-"""Rays of equal spacing over a half sphere: a geodesic dome, each ray with the solid angle that it stands for.
+"""Rays of equal spacing over a half sphere: a geodesic dome, each ray with its solid angle.
 
-An icosahedron with a corner on the boresight, two rings of five corners 72 deg apart, the one turned by 36 deg against
-the other, and the corner behind.  Each face is cut into n^2 triangles and their corners are drawn out to the sphere:
+An icosahedron with a corner on the boresight, two rings of five corners 72 deg apart, one rotated by 36 deg against the
+other, and the opposite corner.  Each face is divided into n^2 triangles and their corners are projected on the sphere:
 
     N_tr = 20 n^2,    N_p = 10 n^2 + 2,    of an even order n on the half dome with its equator: 5 n^2 + 5 n / 2 + 1
 
 which is 751 rays at order 12, 2051 at order 20 and 8101 at order 40.  The triangles are not equal on the sphere: those
-at the middle of a face are up to twice as large as those at its corners.  A ray stands for a third of each triangle
-around it; so a sum over rays is the integral of what is linear between them.
+at the middle of a face are up to twice as large as those at its corners.  A ray represents a third of each adjacent
+triangle, so a sum over rays is the integral of a function that is linear between them.
 
 Source: Spiegel 2018, section 2.2.5, eq. 2.65, 2.66; solid angle of a triangle: van Oosterom and Strackee 1983.
 """
@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-#: Nearer to the equator than this a ray is on it: rounding, 1e7 times less than the spacing of 10^6 rays.
+#: A ray within this distance of the equator is on it: rounding, 1e7 times less than the spacing of 10^6 rays.
 _ON_EQUATOR = 1e-10
 
 
@@ -40,7 +40,7 @@ class Sphere:
 
 @dataclass(frozen=True, eq=False)
 class Dome:
-    """The half of a sphere before the antenna.
+    """The half of a sphere in front of the antenna.
 
     rays_s       : ndarray, shape (n, 3)        unit vectors in the sensor frame, boresight +z, nearest to it first
     solid_angles : ndarray, shape (n,)   [sr]   2 pi in all; a ray on the equator has half of its own
@@ -62,10 +62,10 @@ def icosahedron() -> tuple[Array, Indices]:
     """Corners (12, 3), the first on +z and the last on -z, and faces (20, 3), counter-clockwise from outside."""
     step = np.radians(72.0)
     upper = step * np.arange(5)
-    around = np.concatenate((upper, upper + np.radians(36.0)))
+    azimuth = np.concatenate((upper, upper + np.radians(36.0)))
     height = np.repeat([1.0, -1.0], 5) / np.sqrt(5.0)
     radius = 2.0 / np.sqrt(5.0)
-    rings = np.stack((radius * np.cos(around), radius * np.sin(around), height), axis=-1)
+    rings = np.stack((radius * np.cos(azimuth), radius * np.sin(azimuth), height), axis=-1)
     corners = np.concatenate(([[0.0, 0.0, 1.0]], rings, [[0.0, 0.0, -1.0]]))
     here, following = np.arange(5), (np.arange(5) + 1) % 5
     up, next_up, down, next_down = 1 + here, 1 + following, 6 + here, 6 + following
@@ -94,16 +94,16 @@ def triangle_solid_angles(a: Array, b: Array, c: Array) -> Array:
 
 
 def _freeze(array: Array) -> Array:
-    """The array, read-only: what is kept for all must not be changed by one."""
+    """The array, read-only, because it is shared."""
     array.setflags(write=False)
     return array
 
 
 @functools.cache
 def sphere(order: int) -> Sphere:
-    """The geodesic dome of that order, all round.  Points shared by faces are found in integers.
+    """The complete geodesic sphere of an order.  Points shared by faces are identified in integers.
 
-    Raises ValueError for an order that is no whole number or below 1.
+    Raises ValueError for an order that is not a whole number or below 1.
     """
     if int(order) != order or order < 1:
         raise ValueError(f"the order of a geodesic dome is {order}, must be a whole number of at least 1")
@@ -127,19 +127,19 @@ def _upright(order: int) -> Dome:
 
 
 def half_dome(order: int, turn: Array | None = None) -> Dome:
-    """The rays before the antenna.
+    """The rays in front of the antenna.
 
     order : 12, 20, 40 give 751, 2051, 8101 rays
-    turn  : ndarray, shape (3, 3), a rotation of the sphere before it is cut in half, for the same beam by other rays:
-            an independent truth for whatever is made with the unturned one.  The solid angles are still 2 pi in all,
-            because the sphere is its own mirror image through the centre; no ray lies on the equator then.
-    Raises ValueError for an order that is no whole number or below 1, and a turn that is no rotation.
+    turn  : ndarray, shape (3, 3), a rotation of the sphere before it is halved, for the same beam by other rays: an
+            independent reference.  The solid angles are still 2 pi in total, because the sphere has point symmetry; no
+            ray lies on the equator then.
+    Raises ValueError for an order that is not a whole number or below 1, and a turn that is not a rotation.
     """
     if turn is None:
         return _upright(order)
     square = turn.shape == (3, 3) and np.allclose(turn @ turn.T, np.eye(3), rtol=0.0, atol=1e-9)
     if not (square and np.linalg.det(turn) > 0.0):
-        raise ValueError(f"the turn of a dome is no rotation: {turn.tolist()}")
+        raise ValueError(f"turn is {turn.tolist()}, must be a rotation matrix")
     whole = sphere(order)
     rays = whole.rays @ turn.T
     part = np.where(rays[:, 2] > _ON_EQUATOR, 1.0, np.where(rays[:, 2] >= -_ON_EQUATOR, 0.5, 0.0))
@@ -148,7 +148,7 @@ def half_dome(order: int, turn: Array | None = None) -> Dome:
 
 
 def random_turn(rng: np.random.Generator) -> Array:
-    """A rotation matrix (3, 3), all rotations alike: from a quaternion of four normal numbers.  Source: Muller 1959."""
+    """A uniformly distributed rotation matrix (3, 3), from a quaternion of normal numbers.  Source: Muller 1959."""
     w, x, y, z = (quaternion := rng.standard_normal(4)) / np.linalg.norm(quaternion)
     return np.array(
         [

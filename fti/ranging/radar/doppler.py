@@ -1,11 +1,11 @@
-"""Doppler shift of an FMCW radar altimeter, and the range error that it makes.
+"""Doppler shift of an FMCW radar altimeter, and its range error.
 
     f_d   = -2 rho' f_c / c                     shift of the received frequency [Hz]; 2.34 prints a one-way path
     d rho = -f_d c / (2 f') = rho' f_c / f'     error of the measured range [m] (2.35)
 
 rho' is the rate of the range [m/s], positive when it grows.  An approaching ground shifts the echo up, which lowers the
-beat: the range comes out short.  A saw tooth that only rises cannot tell the two apart.  f_c is where the ramp begins;
-on its average the carrier is delta_f / 2 higher and the error, of the range at the middle of the ramp, 3.5 % larger.
+beat: the measured range is short.  A rising saw tooth cannot separate the two.  f_c is the begin of the ramp; on
+average the carrier is delta_f / 2 higher and the error, of the range at the middle of the ramp, 3.5 % larger.
 Source: Spiegel 2018, section 2.1.3.4, fig. 2.13.
 """
 

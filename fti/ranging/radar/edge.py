@@ -1,19 +1,19 @@
-"""Leading edge: the shortest range at which a spectrum rises above a level.
+"""Leading edge: the minimum range at which a spectrum rises above a level.
 
     level    = max(threshold peak, margin noise)
     position = (1 - f) p_k + f p_(k+1),    p_k = k - 1 + (2 r - 1) / (r + 1),    r = a_k / a_(k-1)        [bins]
 
 k is the first bin above the level, a are amplitudes without the mean noise, and f is the share of the way from k - 1 to
-k at which they cross the level.  p_k is where a lone scatterer stands whose flank has the slope r under a Hann window:
-right to 0.001 bins wherever the level cuts it, and for an early echo 4 bins or more before the peak to 0.01.  A slow
-rise lies half a bin behind its crossing, the edge over level ground less than 0.6 bins behind the nearest point.
-Nearer echoes are one rise, read by their common flank.  An early echo below the level is not seen, and one up to 1.4 dB
-above it not when it lies between two bins.
+k at which they cross the level.  p_k is the position of a single scatterer whose flank has the slope r under a Hann
+window: exact to 0.001 bins for any level, and to 0.01 for an early echo 4 bins or more before the peak.  A slow rise
+lies half a bin behind its crossing, the edge over level ground less than 0.6 bins behind the nearest point.  Closer
+echoes form one rise, measured by their common flank.  An early echo below the level is not detected, nor is one up to
+1.4 dB above it that lies between two bins.
 
-Where the bin behind k is more than twice as high, a lone scatterer is more than a bin behind k, and k - 1 a side lobe:
-there p_(k+1) counts alone.  The peak is that of a parabola through the logarithms of the largest bin and its
-neighbours, at most what the window loses between two bins: the largest bin alone is up to 1.4 dB too low, and the
-parabola beside a gap in speckle 4 dB too high.
+Where the bin after k is more than twice as high, a single scatterer is more than a bin beyond k, and k - 1 is a side
+lobe: there only p_(k+1) counts.  The peak is that of a parabola through the logarithms of the largest bin and its
+neighbours, limited to the scalloping loss of the window: the largest bin alone is up to 1.4 dB too low, and the
+parabola next to a gap in speckle 4 dB too high.
 Source: Spiegel 2018, section 2.3.2.3, fig. 2.53, which names the method and gives no level; the position: Grandke 1983,
 "Interpolation algorithms for discrete Fourier transforms of weighted signals".
 """
@@ -31,13 +31,13 @@ from fti.ranging.radar.waveform import Array
 from fti.ranging.sensor import Codes, Validity
 
 MIN_THRESHOLD = 0.002  # -27 dB: the first side lobe of the window, -31.5 dB, must not be an edge
-MAX_THRESHOLD = 0.7  # -1.5 dB: a bin of a lone scatterer reaches it, wherever that stands
-#: 1.4 dB: of a tone between two bins over the larger of them.
+MAX_THRESHOLD = 0.7  # -1.5 dB: a bin of a single scatterer reaches it at any position
+#: 1.4 dB: power of a tone between two bins over that of the larger bin.
 SCALLOPING = float(1.0 / hann_kernel(0.5))
 
 
 class Edges(NamedTuple):
-    """Of each spectrum: where the edge lies [bins], NaN where there is none; its peak (power); ``Validity``."""
+    """Edges of spectra: position [bins], NaN without one; peak power; ``Validity``."""
 
     position: Array
     peak: Array
@@ -92,9 +92,9 @@ def _peaks(power: Array) -> Array:
     at = np.argmax(power, axis=-1)
     top = np.take_along_axis(power, at[:, None], axis=-1)[:, 0]
     inner = np.clip(at, 1, power.shape[-1] - 2)[:, None] + np.array([-1, 0, 1])
-    around = np.take_along_axis(power, inner, axis=-1)
-    smooth = (around[:, 1] == top) & np.all(around > 0.0, axis=-1)
-    left, middle, right = np.log(np.where(smooth[:, None], around, 1.0)).T
+    peak_bins = np.take_along_axis(power, inner, axis=-1)
+    smooth = (peak_bins[:, 1] == top) & np.all(peak_bins > 0.0, axis=-1)
+    left, middle, right = np.log(np.where(smooth[:, None], peak_bins, 1.0)).T
     bend = 2.0 * middle - left - right
     rise = np.divide((right - left) ** 2, 8.0 * bend, out=np.zeros_like(top), where=bend > 0.0)
     return np.asarray(top * np.minimum(np.exp(rise), SCALLOPING))
@@ -111,5 +111,5 @@ def _by_slopes(power: Array, first: NDArray[np.intp], level: Array, noise: float
 
 
 def edge_at(threshold_db: float | None) -> LeadingEdge:
-    """The detector with a threshold so many decibels against the peak, negative; None: its own, a quarter."""
+    """The detector with a threshold relative to the peak [dB], negative; None: the default, a quarter."""
     return LeadingEdge() if threshold_db is None else LeadingEdge(threshold=10.0 ** (threshold_db / 10.0))

@@ -1,10 +1,10 @@
-"""Steps in which an RA-4500 tells its height.
+"""Quantisation of the height output of an RA-4500.
 
     up to [ft]   119   199   499   999   2099   above
     step  [ft]     1     2     5    20     50     100
 
 Source: FreeFlight 84629, as Spiegel 2018 prints it in table 7.9 (first column as corrected in docs/errata.md).
-Drivers read this: it loads no numpy.
+Drivers import this, so it does not load numpy.
 """
 
 from __future__ import annotations
@@ -18,6 +18,6 @@ def quantisation_step_ft(height_ft: float) -> int:
 
 
 def quantise_ft(height_ft: float) -> int:
-    """The altitude [ft] that the instrument would show, 0..65535."""
+    """The altitude output of the instrument [ft], 0..65535."""
     step = quantisation_step_ft(max(height_ft, 0.0))
     return min(max(round(height_ft / step) * step, 0), 65535)

@@ -1,11 +1,11 @@
 """The two receivers of an FMCW altimeter at radio frequency, mixer by mixer.
 
 A mixer multiplies (appendix B, B.4): tones of the amplitudes a and b leave their sum and difference, each with a b / 2.
-Both receivers have three mixers in the way of an echo's amplitude, so the beat comes out with an eighth of it.
+Both receivers have three mixers in the signal path, so the beat has an eighth of the amplitude of the echo.
 
 Local oscillator automatic tuning (2.20-2.26), the oscillator follows the transmitter f_if lower:
 
-    rx      what the antenna receives                      sum_n sqrt(P_n) cos(phase(t - tau_n) + phi_n)
+    rx      signal at the antenna                          sum_n sqrt(P_n) cos(phase(t - tau_n) + phi_n)
     rx_if   rx lo                                          f_rx + f_lo,  f_if - f_b
     rx_lp   its low-pass                                                 f_if - f_b
     trx     rx_lp, and the transmitted signal alike        2 f_if - f_b, f_b
@@ -20,7 +20,7 @@ Single sideband (2.27-2.31), the oscillator is constant:
 
 Sampled at four times the highest frequency transmitted or a little more (the source: at least 17.2 GHz, four carriers).
 Filters work in the frequency domain and delay nothing.  ``fti.ranging.radar.baseband`` gives the same beat signal
-hundreds of times quicker; this is what it is held against.
+hundreds of times faster; this module is its reference.
 Source: Spiegel 2018, sections 2.1.3.4 and 2.2.6, fig. 2.36 and 2.37.
 """
 
@@ -36,7 +36,7 @@ from fti.ranging.radar.baseband import Baseband, lowpass
 from fti.ranging.radar.waveform import Array, Waveform, delay_of_range
 
 CONVERSION_GAIN = 0.125  #: amplitude of a beat over that of its echo
-SETTLE = 64  #: samples of the beat signal simulated at both ends and thrown away: the filters ring
+SETTLE = 64  #: samples of the beat signal discarded at both ends: transients of the filters
 BLOCK = 256  #: samples of the beat signal simulated at once
 STRETCH = 512  #: samples in which a ray's phase is written as one product
 
@@ -49,7 +49,7 @@ class FmcwReceiver(ABC):
 
     @property
     def decimation(self) -> int:
-        """Samples at radio frequency for one of the beat signal; full of small factors, for the transforms."""
+        """Samples at radio frequency per sample of the beat signal; with small factors, for the transforms."""
         wave = self.base.waveform
         return 32 * int(np.ceil(4.0 * (wave.f_c + wave.delta_f) / (32.0 * self.base.rate)))
 
@@ -65,7 +65,7 @@ class FmcwReceiver(ABC):
     def stages(
         self, ranges: ArrayLike, powers: ArrayLike, phases: ArrayLike = 0.0, first: int = 0, n: int = 65536
     ) -> dict[str, Array]:
-        """The signal behind each stage, in their order: n samples from the ``first`` on, at ``rate``.
+        """The signal after each stage, in order: n samples from the ``first`` on, at ``rate``.
 
         ranges (n_ray,) [m], NaN where a ray met nothing; powers (n_ray,) received over transmitted; phases [rad].
         Needs about 100 bytes for each sample.
@@ -77,7 +77,7 @@ class FmcwReceiver(ABC):
 
     @abstractmethod
     def _mixed(self, t: Array, rx: Array) -> dict[str, Array]:
-        """``rx`` and what the receiver makes of it."""
+        """``rx`` and the signals of the receiver stages."""
 
     def beat_signal(self, ranges: ArrayLike, powers: ArrayLike, phases: ArrayLike = 0.0) -> Array:
         """The beat signal of a ramp, amplitudes as received: as ``Baseband.beat_signal``, shape (n_sample,).
@@ -110,7 +110,7 @@ class FmcwReceiver(ABC):
 class Loat(FmcwReceiver):
     """Local oscillator automatic tuning; f_if : intermediate frequency [Hz].
 
-    Raises ValueError for an intermediate frequency whose products the filters cannot part.
+    Raises ValueError for an intermediate frequency whose products the filters cannot separate.
     """
 
     f_if: float = 200e6
@@ -155,7 +155,7 @@ class Ssb(FmcwReceiver):
 
 
 def apply_response(signal: Array, response: Array) -> Array:
-    """A signal behind a filter with the given response at ``rfftfreq``; its two ends are taken to meet."""
+    """A signal after a filter with the given response at ``rfftfreq``; periodic."""
     return np.asarray(np.fft.irfft(np.fft.rfft(signal) * response, len(signal)))
 
 
@@ -169,14 +169,14 @@ def line_spectrum(signal: Array, rate: float) -> tuple[Array, Array]:
 def received_signal(
     waveform: Waveform, t: Array, ranges: ArrayLike, powers: ArrayLike, phases: ArrayLike = 0.0
 ) -> Array:
-    """What the antenna receives at equally spaced times t [s]: sum_n sqrt(P_n) cos(phase(t - tau_n) + phi_n).
+    """The signal at the antenna at equally spaced times t [s]: sum_n sqrt(P_n) cos(phase(t - tau_n) + phi_n).
 
     Over a stretch from t_a on, s = t - t_a, the phase of an echo that stays in one ramp, begun at t_r, is in cycles
 
         cycles(t_a - tau) + (f_c + f' (t_a - t_r)) s + f' s^2 / 2 - f' tau s
 
-    one number of stretch and ray, one of stretch and time, one of ray and time: the sum is a product of matrices.  The
-    few echoes that change from ramp to ramp within a stretch are added one by one.
+    one factor of stretch and ray, one of stretch and time, one of ray and time: the sum is a matrix product.  The few
+    echoes that change from ramp to ramp within a stretch are added individually.
     """
     columns = np.broadcast_arrays(ranges, powers, phases)
     slant_range, power, phase = (np.atleast_1d(np.asarray(c, dtype=np.float64)) for c in columns)

@@ -1,8 +1,8 @@
-"""One pose at a time, compiled: what ``RadarAltimeter.measure`` says without random numbers, for live use.
+"""Compiled kernels for one pose: ``RadarAltimeter.measure`` without random numbers, for live use.
 
-The arrays of that method cost more than the rays do when there is one pose: some hundred calls on a few numbers each.
-Order and form of every sum are theirs, so what is said is the same to the last bit; logarithm, power and sine stay with
-numpy, whose are not those of the compiled code.  tests/ranging/radar/test_single_pose.py holds both against each other.
+For one pose the array operations of that method take longer than the rays: a hundred calls on a few numbers each.
+Order and form of every sum are the same, so results are identical to the last bit; logarithm, power and sine are those
+of numpy, because those of compiled code differ.  tests/ranging/radar/test_single_pose.py compares both.
 """
 
 # ruff: noqa: PLR0917 - compiled kernels take their scalars by position
@@ -33,17 +33,17 @@ Array = NDArray[np.float64]
 Codes = NDArray[np.uint8]
 PosePrediction = tuple[float, Array, float, Validity]
 
-#: Rays whose share in the bin of the edge is looked at lie within so many bins of it.
+#: Maximum distance of rays that contribute to the bin of the edge [bins].
 NEAR_BINS = 8.0
 _HIT, _NOTHING = int(RayOutcome.HIT), int(RayOutcome.NOTHING)
-#: numpy adds up blocks of so many in eight sums side by side, and halves what is longer.
+#: numpy adds blocks of this size in eight parallel sums, and halves longer arrays.
 _BLOCK = 128
 
 
 @kernel
 def _block(a: Array, begin: int, end: int) -> float:
-    """Sum of a[begin:end], a block of numpy's."""
-    found, whole = -0.0, begin
+    """Sum of a[begin:end], a block of numpy."""
+    result, whole = -0.0, begin
     if end - begin >= 8:
         whole = end - (end - begin) % 8
         r = (a[begin], a[begin + 1], a[begin + 2], a[begin + 3])
@@ -51,29 +51,29 @@ def _block(a: Array, begin: int, end: int) -> float:
         for i in range(begin + 8, whole, 8):
             r = (r[0] + a[i], r[1] + a[i + 1], r[2] + a[i + 2], r[3] + a[i + 3])
             s = (s[0] + a[i + 4], s[1] + a[i + 5], s[2] + a[i + 6], s[3] + a[i + 7])
-        found = ((r[0] + r[1]) + (r[2] + r[3])) + ((s[0] + s[1]) + (s[2] + s[3]))
+        result = ((r[0] + r[1]) + (r[2] + r[3])) + ((s[0] + s[1]) + (s[2] + s[3]))
     for i in range(whole, end):
-        found += a[i]
-    return found
+        result += a[i]
+    return result
 
 
 @kernel
 def total(a: Array) -> float:
-    """Sum of a (n,) in numpy's order: pairwise.  A tree whose left half is done first, without recursion."""
+    """Sum of a (n,) in numpy's order: pairwise.  A tree, left half first, without recursion."""
     begins, ends, sums = np.zeros(64, np.int64), np.zeros(64, np.int64), np.zeros(64)
-    halved = np.zeros(64, np.int64)  # how many halves of a node are done
-    ends[0], depth, found = len(a), 0, 0.0
+    halved = np.zeros(64, np.int64)  # completed halves of a node
+    ends[0], depth, result = len(a), 0, 0.0
     while depth >= 0:
         begin, end = begins[depth], ends[depth]
         half = (end - begin) // 2
         half -= half % 8
         done = end - begin <= _BLOCK
         if done:
-            found = _block(a, begin, end)
+            result = _block(a, begin, end)
         elif halved[depth] == 2:
-            found, done = sums[depth] + found, True
+            result, done = sums[depth] + result, True
         elif halved[depth] == 1:
-            sums[depth] = found
+            sums[depth] = result
         if done:
             depth -= 1
         else:
@@ -81,7 +81,7 @@ def total(a: Array) -> float:
             middle, left = begin + half, halved[depth] == 1
             depth += 1
             begins[depth], ends[depth], halved[depth] = begin if left else middle, middle if left else end, 0
-    return found
+    return result
 
 
 @kernel
@@ -113,10 +113,10 @@ def trace_spectrum(
     noise: float,
     table: Array,
 ) -> tuple[bool, Array, Array, Array, int, float]:
-    """Trace one pose: whether it is an ordinary one, ranges (rays,), powers (rays,), the range bins (n_bin,) with their
-    noise, the number of the largest, and the dispersion [m].
+    """Trace one pose: whether it is ordinary, ranges (rays,), powers (rays,), range bins (n_bin,) with noise, the index
+    of the largest, and the dispersion [m].
 
-    Ordinary: every ray met the ground or nothing, some came back, and the pose is made of numbers.
+    Ordinary: every ray hit the ground or nothing, some power was received, and the pose is finite.
     """
     n = len(rays)
     ranges, rates, powers, outcomes = np.empty(n), np.empty(n), np.empty(n), np.empty(n, np.uint8)
@@ -140,7 +140,7 @@ def trace_spectrum(
 
 @kernel
 def edge(spectrum: Array, level: float, noise: float) -> float:
-    """Where the edge lies [bins], as ``LeadingEdge`` says; NaN where no bin is above the level, or the first one is."""
+    """Position of the edge [bins], as from ``LeadingEdge``; NaN where no bin is above the level, or the first is."""
     first = 0
     while first < len(spectrum) and spectrum[first] < level:
         first += 1
@@ -157,13 +157,13 @@ def edge(spectrum: Array, level: float, noise: float) -> float:
 @kernel
 def rays_near(ranges: Array, powers: Array, slant_range: float, bin_m: float) -> tuple[NDArray[np.intp], Array, Array]:
     """Rays within ``NEAR_BINS`` of a range: their numbers, how far off they are [bins], and their powers."""
-    rays, off, found, count = np.empty(len(ranges), np.intp), np.empty(len(ranges)), np.empty(len(ranges)), 0
+    rays, off, near_powers, count = np.empty(len(ranges), np.intp), np.empty(len(ranges)), np.empty(len(ranges)), 0
     for k in range(len(ranges)):
         away = (ranges[k] - slant_range) / bin_m
         if abs(away) < NEAR_BINS:
-            rays[count], off[count], found[count] = k, away, powers[k]
+            rays[count], off[count], near_powers[count] = k, away, powers[k]
             count += 1
-    return rays[:count], off[:count], found[:count]
+    return rays[:count], off[:count], near_powers[:count]
 
 
 class SinglePoseRadar:
@@ -183,50 +183,51 @@ class SinglePoseRadar:
         """Range [m], unit vector of its ray in the sensor frame, dispersion [m] and validity at one pose."""
         pose = np.ascontiguousarray(origin_l), np.ascontiguousarray(mat_ls), np.ascontiguousarray(vel_l)
         if not self._sensor.coherent:
-            found = trace_spectrum(terrain.pyramid, *pose, *self._tracing, *self._receiving)
-            if found[0] and (told := self._evaluate(*found[1:])):
-                return told
+            trace = trace_spectrum(terrain.pyramid, *pose, *self._tracing, *self._receiving)
+            if trace[0] and (prediction := self._evaluate(*trace[1:])):
+                return prediction
         return self._measure_as_batch(terrain, Poses(origin_l[None], mat_ls[None], vel_l[None]))
 
     def _evaluate(self, ranges: Array, powers: Array, spectrum: Array, at: int, spread: float) -> PosePrediction | None:
-        """What a spectrum says; None where there is no edge in it."""
+        """The prediction of a spectrum; None without an edge."""
         sensor, noise = self._sensor, self._noise
         level = max(sensor.edge.threshold * _peak(spectrum, at), sensor.edge.margin * noise)
         slant_range = edge(spectrum, level, noise) * self._bin_m
         if math.isnan(slant_range):
             return None
-        told = slant_range * (1.0 + sensor.error.scale) + sensor.error.bias  # as ``RangeError.apply`` has it
+        indicated = slant_range * (1.0 + sensor.error.scale) + sensor.error.bias  # as ``RangeError.apply``
         if sensor.quantised:
-            told = float(sensor.told(slant_range))
-        if told < sensor.min_range or told > sensor.max_range:
-            validity = Validity.TOO_NEAR if told < sensor.min_range else Validity.TOO_FAR
+            indicated = float(sensor.indicated_range(slant_range))
+        if indicated < sensor.min_range or indicated > sensor.max_range:
+            validity = Validity.TOO_NEAR if indicated < sensor.min_range else Validity.TOO_FAR
             return math.nan, np.full(3, math.nan), math.nan, validity
         ray = _strongest(*rays_near(ranges, powers, slant_range, self._bin_m))
-        return told, sensor.beam.rays_s[ray], spread, Validity.VALID
+        return indicated, sensor.beam.rays_s[ray], spread, Validity.VALID
 
     def _measure_as_batch(self, terrain: Terrain, poses: Poses) -> PosePrediction:
-        told = self._sensor.measure(terrain, poses)
-        return float(told.slant_range[0]), told.direction_s[0], float(told.dispersion[0]), Validity(told.validity[0])
+        returns = self._sensor.measure(terrain, poses)
+        slant_range, dispersion = float(returns.slant_range[0]), float(returns.dispersion[0])
+        return slant_range, returns.direction_s[0], dispersion, Validity(returns.validity[0])
 
 
 def _peak(spectrum: Array, at: int) -> float:
     """Height of the highest peak, whose largest bin is ``at``, between the bins as well."""
     top = float(spectrum[at])
     inner = min(max(at, 1), len(spectrum) - 2)
-    around = spectrum[inner - 1 : inner + 2]
-    left, middle, right = around.tolist()
+    bins = spectrum[inner - 1 : inner + 2]
+    left, middle, right = bins.tolist()
     rise = 0.0
     if middle == top and min(left, middle, right) > 0.0:
-        left, middle, right = np.log(around).tolist()
+        left, middle, right = np.log(bins).tolist()
         bend = 2.0 * middle - left - right
         rise = (right - left) ** 2 / (8.0 * bend) if bend > 0.0 else 0.0
     return top * min(float(np.exp(rise)), SCALLOPING)
 
 
 def _strongest(rays: NDArray[np.intp], off: Array, powers: Array) -> int:
-    """The ray that gives most of the power at the edge; any where there is none."""
+    """The strongest ray at the edge; arbitrary without one."""
     if not len(rays):
         return 0
     share = powers * hann_kernel(off)
-    most = share.argmax()
-    return int(rays[most]) if share[most] else 0
+    strongest = share.argmax()
+    return int(rays[strongest]) if share[strongest] else 0

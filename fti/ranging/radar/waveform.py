@@ -1,12 +1,12 @@
-"""The transmitted signal of a frequency-modulated continuous-wave (FMCW) radar, and where its mixers put it.
+"""The transmitted signal of a frequency-modulated continuous-wave (FMCW) radar, and its mixer products.
 
-A saw tooth: from the carrier f_c the frequency rises by delta_f in delta_t, then begins again.
+A saw tooth: from the carrier f_c the frequency rises by delta_f in delta_t, then restarts.
 
     f_tx(t) = f_c + f' u,    f' = delta_f / delta_t,    u = t mod delta_t                      (2.7, 2.8)
     phase   = 2 pi (f_c t + f' u^2 / 2 + k f' delta_t^2 / 2),    k = floor(t / delta_t)        [rad], continuous
 
 The phase is the integral of the frequency.  The product 2 pi f_tx(t) t, as printed in 2.6, sweeps at twice the rate,
-and a delay put into it doubles the beat.  A power P is an amplitude of sqrt(P).
+and a delay in it doubles the beat.  A power P is an amplitude of sqrt(P).
 
 An echo of the delay tau makes the beat f_tx(t) - f_tx(t - tau) (2.80): f' tau, or, while the echo still belongs to the
 ramp before (0 <= u < tau, the slip), f' tau - delta_f; a receiver sees the absolute value delta_f - f' tau.
@@ -31,7 +31,7 @@ Array = NDArray[np.float64]
 class Waveform:
     """A saw tooth: carrier f_c [Hz], bandwidth delta_f [Hz], duration of a ramp delta_t [s].
 
-    The figures of the class are those of section 2.2.6: 4.3 GHz, 300 MHz in 100 us (3.0e12 Hz/s; erratum 2.72).
+    The defaults are those of section 2.2.6: 4.3 GHz, 300 MHz in 100 us (3.0e12 Hz/s; erratum 2.72).
     Raises ValueError where one is not positive and finite.
     """
 
@@ -62,7 +62,7 @@ class Waveform:
 
     @property
     def unambiguous_range(self) -> float:
-        """c delta_t / 2 [m]: an echo from there is late by a whole ramp, and looks like one from here."""
+        """c delta_t / 2 [m]: an echo from there is late by a whole ramp."""
         return 0.5 * SPEED_OF_LIGHT * self.delta_t
 
     def beat(self, delay: ArrayLike) -> Array:
@@ -82,7 +82,7 @@ class Waveform:
         return range_of_delay(self.delay_of_beat(beat))
 
     def bin_of_range(self, slant_range: ArrayLike) -> Array:
-        """Where a range [m] lies in a spectrum over a whole ramp: bins, not rounded."""
+        """Position of a range [m] in a spectrum over a whole ramp: bins, not rounded."""
         return np.asarray(np.asarray(slant_range, dtype=np.float64) / self.range_bin)
 
     def range_of_bin(self, position: ArrayLike) -> Array:
@@ -94,7 +94,7 @@ class Waveform:
         return np.asarray(self.f_c + self.slope * np.mod(t, self.delta_t))
 
     def cycles(self, t: ArrayLike) -> Array:
-        """Transmitted phase [cycles] at the times t [s]; t = 0 begins a ramp, the signal was there before."""
+        """Transmitted phase [cycles] at the times t [s]; t = 0 is the begin of a ramp, with a signal before."""
         time = np.asarray(t, dtype=np.float64)
         ramp = np.floor(time / self.delta_t)
         into = time - ramp * self.delta_t
@@ -109,17 +109,17 @@ class Waveform:
         return np.asarray(np.sqrt(power) * np.cos(self.phase(t)))
 
 
-#: Carrier of table 2.8.  The source gives no sweep for it; that of the 4.3 GHz radar is taken.
+#: Carrier of table 2.8.  The source gives no sweep for it; that of the 4.3 GHz radar is used.
 WAVEFORM_24_GHZ = Waveform(f_c=24.125e9)
 
 
 def delay_of_range(slant_range: ArrayLike) -> Array:
-    """Time there and back [s] of a range [m]."""
+    """Two-way travel time [s] of a range [m]."""
     return np.asarray(2.0 * np.asarray(slant_range, dtype=np.float64) / SPEED_OF_LIGHT)
 
 
 def range_of_delay(delay: ArrayLike) -> Array:
-    """Range [m] of a time there and back [s] (2.33)."""
+    """Range [m] of a two-way travel time [s] (2.33)."""
     return np.asarray(0.5 * SPEED_OF_LIGHT * np.asarray(delay, dtype=np.float64))
 
 
@@ -137,18 +137,18 @@ class SsbPlan(NamedTuple):
 
     tx_lo: tuple[float, float]  #: transmitted signal mixed with the local oscillator (2.27, 2.75)
     trx: tuple[float, float]  #: received signal mixed with the lower sideband (2.29, 2.76)
-    trx_lo: tuple[float, float, float, float]  #: that mixed with the local oscillator (2.31, 2.77)
+    trx_lo: tuple[float, float, float, float]  #: its product with the local oscillator (2.31, 2.77)
 
 
 def loat_plan(f_tx: float, beat: float, f_if: float = 200e6) -> LoatPlan:
-    """Where the signals lie when f_tx is transmitted and the echo is ``beat`` lower [Hz]."""
+    """Frequencies for a transmitted f_tx and an echo that is ``beat`` lower [Hz]."""
     f_lo, f_rx = f_tx - f_if, f_tx - beat
     low = f_rx - f_lo
     return LoatPlan(f_lo, (f_tx + f_lo, f_if), (f_rx + f_lo, low), (f_if + low, f_if - low))
 
 
 def ssb_plan(f_tx: float, beat: float, f_lo: float = 500e6) -> SsbPlan:
-    """Where the signals lie when f_tx is transmitted and the echo is ``beat`` lower [Hz]."""
+    """Frequencies for a transmitted f_tx and an echo that is ``beat`` lower [Hz]."""
     f_rx, sideband = f_tx - beat, f_tx - f_lo
     high, low = f_rx + sideband, f_rx - sideband
     return SsbPlan((f_tx + f_lo, sideband), (high, low), (high + f_lo, high - f_lo, low + f_lo, abs(low - f_lo)))

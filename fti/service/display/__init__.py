@@ -1,1 +1,1 @@
-"""The display process: serves the page, fed from the bus."""
+"""The display process: serves the page from the messages of the bus."""

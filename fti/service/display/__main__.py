@@ -1,6 +1,6 @@
-"""The display process: hears the bus, serves the page, hands marks and commands up to the supervisor.
+"""The display process: subscribes to the bus, serves the page, forwards marks and commands to the supervisor.
 
-It can be killed at any time without harm to the others.
+It can be killed at any time without effect on the other processes.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ from fti.web.server import PageServer
 
 EXIT_WRONG = 2
 PROCESS = "display"
-#: A port that another program has is tried again after this time [s].
+#: Retry period while another program uses the port [s].
 RETRY_S = 2.0
 
 
 async def wait_for_end(channel: ControlChannel, update: Callable[[ControlMessage], None]) -> None:
-    """Until the supervisor says stop or has gone, or SIGTERM.  take : gets what it says besides"""
+    """Wait until the supervisor sends stop or has ended, or for SIGTERM.  update : receives its messages"""
     loop = asyncio.get_running_loop()
     ended = asyncio.Event()
 
@@ -38,7 +38,7 @@ async def wait_for_end(channel: ControlChannel, update: Callable[[ControlMessage
         messages = channel.receive()
         for message in messages:
             update(message)
-        if channel.ended or any(message.get("stop") for message in messages):
+        if channel.has_ended or any(message.get("stop") for message in messages):
             ended.set()
 
     loop.add_reader(channel.fileno(), on_control)
@@ -49,12 +49,12 @@ async def wait_for_end(channel: ControlChannel, update: Callable[[ControlMessage
 
 
 async def receive_key(channel: ControlChannel) -> str | None:
-    """The key to command with, which is what the supervisor says first; None when it says stop, or has gone."""
+    """The command key, the first message of the supervisor; None at stop, or when the supervisor has ended."""
     loop = asyncio.get_running_loop()
     readable = asyncio.Event()
     loop.add_reader(channel.fileno(), readable.set)
     try:
-        while not channel.ended:
+        while not channel.has_ended:
             await readable.wait()
             readable.clear()
             messages = channel.receive()
@@ -68,11 +68,11 @@ async def receive_key(channel: ControlChannel) -> str | None:
 
 
 async def serve(bus: Path, port: int, channel: ControlChannel) -> None:
-    """Serve the page until the supervisor ends it; tells the supervisor the port."""
+    """Serve the page until the supervisor ends it; report the port to the supervisor."""
     key = await receive_key(channel)
     if key is None:
         return
-    clock = SystemClock(0)  # ages need differences only
+    clock = SystemClock(0)  # only time differences are needed
     feed = LiveState(clock.now_ns())
     server = PageServer(feed, clock.now_ns, CommandGate(key, channel.send, clock.now_ns), user_of_connection)
     subscriber = await asyncio.to_thread(subscribe, feed, bus, PROCESS, clock)
@@ -87,19 +87,19 @@ async def serve(bus: Path, port: int, channel: ControlChannel) -> None:
         subscriber.close()
 
 
-async def start_page(server: PageServer, port: int, tell: Callable[[ControlMessage], object]) -> None:
-    """Start serving, and tell the port.
+async def start_page(server: PageServer, port: int, report: Callable[[ControlMessage], object]) -> None:
+    """Start serving, and report the port.
 
-    While another program has the port, that is reported once and tried again: the recording goes on without the page.
+    While another program uses the port, this is reported once and retried; the recording continues without the page.
     """
     is_reported = False
     while True:
         try:
-            tell({"ready": True, "port": await server.start(port)})
+            report({"ready": True, "port": await server.start(port)})
             return
         except MissingError as error:
             if not is_reported:
-                tell({"fault": f"{error}; recording goes on without the page, which is tried again"})
+                report({"fault": f"{error}; recording continues without the page; retrying"})
             is_reported = True
         await asyncio.sleep(RETRY_S)
 

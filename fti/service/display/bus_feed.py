@@ -1,4 +1,4 @@
-"""Joins the bus and what displays show: for the display process and for ``fti watch``."""
+"""Feeds the live state of a display from the bus: for the display process and for ``fti watch``."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from fti.clock import Clock
 from fti.service.fault_guard import catch_failures
 from fti.web.live_state import LiveState
 
-#: Refused messages are told at once, and then not more often than this.
+#: Minimum time between two warnings about refused messages.
 WARNING_PERIOD_NS = 10_000_000_000
 
 
 def subscribe(feed: LiveState, bus: Path, process: str, clock: Clock) -> Subscriber:
-    """Let the feed hear the bus until the subscriber is closed.  Raises MissingError when there is no bus.
+    """Feed the live state until the subscriber is closed.  Raises MissingError when there is no bus.
 
-    bus : its socket; process : who listens; clock : CLOCK_MONOTONIC
+    bus : its socket; process : name of the subscriber; clock : CLOCK_MONOTONIC
     """
     refused = RefusedMessages(feed, clock)
 
@@ -34,7 +34,7 @@ def subscribe(feed: LiveState, bus: Path, process: str, clock: Clock) -> Subscri
 
 
 class RefusedMessages:
-    """Counts messages of the bus that are none, and tells of them as an event of the display."""
+    """Counts invalid messages of the bus, and reports them as events of the display."""
 
     def __init__(self, feed: LiveState, clock: Clock) -> None:
         self._feed, self._clock = feed, clock
@@ -42,7 +42,7 @@ class RefusedMessages:
         self._due_ns: int | None = None
 
     def add(self, topic: str, why: str) -> None:
-        """One more."""
+        """Count one message."""
         self._count += 1
         now_ns = self._clock.now_ns()
         if self._due_ns is None or now_ns >= self._due_ns:

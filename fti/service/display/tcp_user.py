@@ -1,4 +1,4 @@
-"""Whose program is at the other end of a TCP connection from this machine, as Linux says (``/proc/net/tcp``)."""
+"""User of the other end of a local TCP connection, from ``/proc/net/tcp``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The navigation process: decodes what the recorder puts into the ring, navigates, writes the derived file."""
+"""The navigation process: decodes the frames in the ring, navigates, writes the derived file."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     for number in (signal.SIGINT, signal.SIGTERM):  # the supervisor decides when it ends
         signal.signal(number, signal.SIG_IGN)
     _end_before_recorder()
-    told = await_startup(args.control_fd)
-    if told:
-        channel, text, ring_fds = told
+    received = await_startup(args.control_fd)
+    if received:
+        channel, text, ring_fds = received
         startup = NavigationStartup.model_validate_json(text)
         set_file_mode(int(startup.config.session.file_mode, 8))
         _load_kernels(startup.config)
@@ -37,16 +37,16 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _load_kernels(config: Config) -> None:
-    """Those of filter and approach, before the first frame: what waits meanwhile is caught up with, and all is seen."""
+    """Load the kernels of filter and approach before the first frame; frames wait in the ring meanwhile."""
     if config.nav.filter or config.nav.approach:
-        from fti.nav.kernel_warmup import warm_up  # noqa: PLC0415 - numba: whoever needs no kernel loads none
+        from fti.nav.kernel_warmup import warm_up  # noqa: PLC0415 - numba: only loaded if needed
 
         ensure_kernels_compiled(config)
         warm_up(config, None)
 
 
 def _end_before_recorder() -> None:
-    """Where memory runs out, as a large terrain may have it, the kernel ends this process and not the recorder."""
+    """When memory runs out (a large terrain), let the kernel end this process and not the recorder."""
     with contextlib.suppress(OSError):
         Path("/proc/self/oom_score_adj").write_text("500", encoding="ascii")
 

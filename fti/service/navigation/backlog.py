@@ -1,9 +1,9 @@
-"""When navigation gives up what waits for it in the ring, and what a person is told of it.
+"""Backlog policy of the navigation process, and the events about skipped frames.
 
-What waits is caught up with, however long that takes: a burst, a start, a cold compile cost lateness and no frame.
-Only when the ring has overrun navigation is it shown that navigation cannot follow.  Frames are lost then anyway, and
-from there on values in time are worth more than all values: what has waited for longer than a value may be old is
-skipped too, until navigation has had to wait for frames, and not they for it, for a while.
+1. Navigation processes its whole backlog, however long that takes: after a burst, a start or a compilation it is late,
+   but loses no frame.
+2. When the ring has overrun navigation, frames are lost anyway.  From then on it skips to the newest frames whenever
+   they have waited longer than ``MAX_WAIT_NS``, until it has been idle for a while.
 """
 
 from __future__ import annotations
@@ -11,65 +11,65 @@ from __future__ import annotations
 from fti.types import Event
 
 SECOND_NS = 1_000_000_000
-#: What has waited for longer is late for every consumer, whatever is made of it.
+#: Outputs of frames that have waited longer are late for every consumer.
 MAX_WAIT_NS = SECOND_NS // 2
-#: Navigation follows again when it has found the ring empty so often, and for so long, since the last skip.
+#: Skipping ends when the ring was found empty this often, over this time, since the last skip.
 MIN_IDLE_COUNT, MIN_IDLE_NS = 50, SECOND_NS
-#: A person is told at once, and then at most so often.
+#: Minimum time between two events.
 EVENT_PERIOD_NS = 30 * SECOND_NS
 
 
 class BacklogPolicy:
-    """Whether frames may wait."""
+    """Decides whether frames may wait."""
 
     def __init__(self) -> None:
         self._overrun = False
-        self._pauses = 0
-        self._since_ns = 0  # of the first pause
+        self._idle_count = 0
+        self._since_ns = 0  # first time that the ring was found empty
 
     def on_overrun(self) -> None:
-        """Frames were skipped."""
+        """Frames were lost or skipped."""
         self._overrun = True
-        self._pauses = 0
+        self._idle_count = 0
 
-    def rest(self, t_ns: int) -> None:
+    def on_idle(self, t_ns: int) -> None:
         """The ring was found empty."""
-        if not self._pauses:
+        if not self._idle_count:
             self._since_ns = t_ns
-        self._pauses += 1
-        if self._pauses >= MIN_IDLE_COUNT and t_ns - self._since_ns >= MIN_IDLE_NS:
+        self._idle_count += 1
+        if self._idle_count >= MIN_IDLE_COUNT and t_ns - self._since_ns >= MIN_IDLE_NS:
             self._overrun = False
 
     def must_skip(self, waited_ns: int) -> bool:
-        """Is what waits behind a frame that has waited so long [ns] to be skipped?"""
+        """Must the backlog be skipped?  waited_ns : waiting time of the last frame [ns]"""
         return self._overrun and waited_ns > MAX_WAIT_NS
 
 
 class SkipReporter:
-    """Events on what was skipped: the first at once, those that follow together."""
+    """Events about skipped frames: the first at once, later ones combined."""
 
     def __init__(self) -> None:
         self._reported_ns: int | None = None
         self._times = self._frames = self._span_ns = 0
 
-    def note(self, frames: int, span_ns: int) -> None:
-        """So many frames were skipped, and so much time with them [ns]."""
+    def add(self, frames: int, span_ns: int) -> None:
+        """Count skipped frames and their time span [ns]."""
         self._times += 1
         self._frames += frames
         self._span_ns += span_ns
 
     def take_event(self, t_ns: int) -> Event | None:
-        """What has not been told yet, when it is due."""
+        """The event about unreported frames, when it is due."""
         due = self._reported_ns is None or t_ns - self._reported_ns >= EVENT_PERIOD_NS
-        return self.rest(t_ns) if due else None
+        return self.flush(t_ns) if due else None
 
-    def rest(self, t_ns: int) -> Event | None:
-        """What has not been told yet."""
+    def flush(self, t_ns: int) -> Event | None:
+        """The event about unreported frames; None if there are none."""
         if not self._times:
             return None
-        often = f" in {self._times} steps" if self._times > 1 else ""
+        steps = f" in {self._times} steps" if self._times > 1 else ""
         text = (
-            f"does not follow: {self._frames} frames ({self._span_ns / SECOND_NS:.1f} s) were skipped{often} to be in "
+            f"does not follow: {self._frames} frames ({self._span_ns / SECOND_NS:.1f} s) were skipped{steps} to be in "
             "time again; the recording has them"
         )
         self._reported_ns = t_ns

@@ -1,4 +1,4 @@
-"""The clock of a device as a person reads it: its offset as time of day, how far it can be believed, what came late."""
+"""Status of a device clock for health: offset as time of day, standard deviations, share of late messages."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ NS_PER_MS = 1e6
 
 
 def clock_status(known: Mapping[str, Any], *, used: bool) -> dict[str, Any]:
-    """Health of a clock that ``fti.nav.device_times.describe`` has told.
+    """Health of a clock, from a row of ``DeviceTimes.clocks_of``.
 
-    offset_ms  : device - FTI time; GPS time is shown as UTC, so that the difference is one that can be read
-    late_share : of the messages since the clock is what it is, those beyond what is usual
-    refused    : messages that did not fit at all
+    offset_ms  : device - FTI time; GPS time is converted to UTC
+    late_share : share of messages with more than the usual delay, since the clock was learnt
+    refused    : messages that did not fit the clock
     used       : validity times are taken from it (``use_device_time``)
     """
     offset_ns = known["offset_ns"] + (GPS_EPOCH_UTC_NS - LEAP_NS if known["scale"] == TimeScale.GPS else 0)

@@ -1,6 +1,6 @@
-"""The chain: raw frames in, measurements and outputs out.  Live navigation and reprocessing run this same object.
+"""The decode chain: raw frames in, measurements and outputs out.  Live navigation and reprocessing both run it.
 
-It is deterministic: it knows no time but the stamps and ticks of the frames, and takes them in order of ``seq``.
+It is deterministic: frame timestamps and ticks are its only clock, and it takes frames in order of ``seq``.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ from fti.nav.terrain_reference import Ground
 from fti.service.fault_guard import Guard
 from fti.types import ALL_SOURCES, TICK_LINK, Event, Measurement, Output, RawFrame
 
-#: Why bytes are no frame that a decoder held when frames went missing, or had when it failed.
+#: Reasons for skipping the bytes that a decoder held: frames were missing, or the decoder failed.
 GAP, FAILURE = "gap", "failure"
 
 
 @dataclass(slots=True)
 class ChainOutput:
-    """What came out of some frames, in order."""
+    """The results of some frames, in order."""
 
     measurements: list[tuple[str, Measurement]] = field(default_factory=list)
     outputs: list[Output | Event] = field(default_factory=list)
@@ -39,7 +39,7 @@ class ChainOutput:
 
 @dataclass(slots=True)
 class DeviceDecoder:
-    """A device on its link: its decoder and what it has heard."""
+    """A device with its decoder, and its message count."""
 
     bound: BoundDevice
     decoder: Decoder
@@ -51,7 +51,7 @@ class DeviceDecoder:
         self.name = self.bound.device.name
 
     def reset(self, reason: str) -> None:
-        """Another decoder goes on; what this one had begun with is skipped for that reason."""
+        """Replace the decoder; bytes that it held count as skipped for the reason."""
         before = self.decoder
         self.decoder = self.bound.make_decoder()
         _carry_over_counters(self.decoder.counters, before.counters, reason)
@@ -70,16 +70,16 @@ class Chain:
         self._times, self._mountings = DeviceTimes(config.device), Mountings(config.device)
         self._config, self._reference = config, reference
         self._pipeline, self._conditions = Pipeline(config, reference), OutputConditions(config)
-        self._terrain: tuple[Ground | None] | None = None  # none was given yet
+        self._terrain: tuple[Ground | None] | None = None  # not set yet
 
     def reset_after_gap(self) -> None:
-        """Frames are missing before the next one: what decoders hold is no beginning of it, so they start afresh."""
+        """Reset decoders and pipeline: frames are missing before the next one."""
         for device_decoder in self.device_decoders:
             device_decoder.reset(GAP)
         self._pipeline.reset_after_gap()
 
     def set_terrain(self, ground: Ground | None, fault: str | None, after_seq: int, t_ns: int) -> ChainOutput:
-        """Behind frame ``after_seq`` at t_ns the ground was there; None: it never will be, and ``fault`` says why."""
+        """Set the terrain after frame ``after_seq`` at t_ns.  ground : None if not available; ``fault`` : the reason"""
         products = ChainOutput()
         self._terrain = (ground,)
         self._pipeline.set_terrain(ground)
@@ -93,7 +93,7 @@ class Chain:
         return products
 
     def readmit(self, source: str, after_seq: int, t_ns: int) -> ChainOutput:
-        """Behind frame ``after_seq`` at t_ns the operator has confirmed a source, or all.  Raises KeyError."""
+        """Readmit a source, or all, after frame ``after_seq`` at t_ns.  Raises KeyError."""
         products = ChainOutput()
         if source == ALL_SOURCES:
             products.notes += map(_alarm_note, self._conditions.end_all(t_ns))
@@ -114,15 +114,15 @@ class Chain:
 
     @property
     def refusals(self) -> list[CarriedRefusal]:
-        """Of sources, in force."""
+        """The active refusals of sources."""
         return self._pipeline.refusals
 
     def restore(self, refusals: Sequence[CarriedRefusal], t_ns: int) -> ChainOutput:
-        """Begin with what the process before had refused, at the time of the first frame."""
+        """Restore the refusals of the previous process, at the time of the first frame."""
         return ChainOutput(outputs=[*self._pipeline.restore(refusals, t_ns)])
 
     def feed(self, frame: RawFrame) -> ChainOutput:
-        """Take the next frame; return what follows from it."""
+        """Process the next frame; returns its results."""
         products = ChainOutput()
         if frame.link == TICK_LINK:
             with _EventGuard("pipeline", frame, products):
@@ -132,20 +132,20 @@ class Chain:
         for device_decoder in self._on_link.get(frame.link, ()):
             if found := self._decode(device_decoder, frame, products):
                 self._navigate(device_decoder.name, found, frame, products)
-        if products.outputs:  # of most frames there are none
+        if products.outputs:  # most frames have none
             self._report_conditions(frame, products)
         return products
 
     def _report_conditions(self, frame: RawFrame, products: ChainOutput) -> None:
         with _EventGuard("alarm conditions", frame, products):
-            products.notes += map(_alarm_note, self._conditions.take(products.outputs))
+            products.notes += map(_alarm_note, self._conditions.feed(products.outputs))
 
     def _navigate(self, device: str, found: list[Measurement], frame: RawFrame, products: ChainOutput) -> None:
         guard = _EventGuard("pipeline", frame, products)
         waiting = iter(found)
         done = False
         while not done:
-            with guard:  # once for all of them; behind one that fails, once more for the rest
+            with guard:  # once for all; after a failure once more for the remaining ones
                 for measurement in waiting:
                     stamped = self._times.stamp(device, self._mountings.turn(device, measurement))
                     products.measurements.append((device, stamped))
@@ -153,7 +153,7 @@ class Chain:
                 done = True
 
     def clocks_of(self, device: str, t_ns: int) -> list[dict[str, Any]]:
-        """What is known of the clocks of a device at a time, as ``/fti/device_clock`` has it."""
+        """The clocks of a device at a time, in the form of ``/fti/device_clock``."""
         return self._times.clocks_of(device, t_ns)
 
     def _publish_device_clocks(self, t_ns: int, products: ChainOutput) -> None:
@@ -163,11 +163,11 @@ class Chain:
 
     def _decode(self, device_decoder: DeviceDecoder, frame: RawFrame, products: ChainOutput) -> list[Measurement]:
         found: list[Measurement] = []
-        whole = False
+        is_decoded = False
         with _EventGuard(device_decoder.name, frame, products):
             found = device_decoder.decoder.feed(frame.data, frame.t_rx_ns)
-            whole = True
-        if not whole:  # a decoder must not fail; if one does, it alone starts again
+            is_decoded = True
+        if not is_decoded:  # a decoder must not fail; if one does, only that one is reset
             device_decoder.reset(FAILURE)
         if found:
             device_decoder.messages += len(found)
@@ -180,7 +180,7 @@ def _alarm_note(report: ConditionReport) -> tuple[str, int, dict[str, Any]]:
 
 
 class _EventGuard(Guard):
-    """A failure becomes an event among the outputs, at the time of the frame: it is the same when reprocessed."""
+    """Turns a failure into an event at the time of the frame, so that reprocessing repeats it."""
 
     __slots__ = ("_frame", "_products", "_unit")
 
@@ -194,7 +194,7 @@ class _EventGuard(Guard):
 
 
 def _carry_over_counters(counters: Counters, before: Counters, reason: str) -> None:
-    """Count on from where another decoder ended; what that one neither framed nor skipped is skipped now."""
+    """Continue the counts of the previous decoder; bytes that it neither framed nor skipped count as skipped."""
     counters.bytes_in, counters.framed = before.bytes_in, before.framed
     counters.messages.update(before.messages)
     counters.skipped.update(before.skipped)

@@ -1,7 +1,7 @@
-"""The derived file of the navigation process, on a thread of its own: a slow medium must not delay an output.
+"""Writes the derived file of the navigation process in its own thread, so that a slow medium delays no output.
 
-It lies where there is space: on the main medium, or else on the fallback.  When a medium refuses, or is gone, its file
-is let go, so that the medium can come back; this file is not worth more than that.
+The file is on the main storage target if that has space, otherwise on the fallback.  When a target fails or is gone,
+its file is abandoned, so that the medium can be remounted.
 """
 
 from __future__ import annotations
@@ -22,21 +22,21 @@ from fti.types import Event, Measurement, Output
 
 FLUSH_PERIOD_S = 0.05
 SYNC_PERIOD_S = 1.0
-#: Outputs and measurements that may wait for the medium, a minute or more, 30 MB; beyond, the oldest go, counted.
+#: Maximum number of queued outputs and measurements (at least a minute, 30 MB); then the oldest are lost, counted.
 MAX_QUEUED = 40_000
-#: A medium that refuses for so long is let go [s]; another is looked for at this pace, or the main one again.
+#: A file that cannot be written for this time is abandoned [s]; retry period of the storage targets [s].
 WRITE_TIMEOUT_S = 1.0
 RETRY_PERIOD_S = 5.0
 
 
 class DerivedWriter:
-    """Takes what navigation makes and writes it in order.  ``lost`` counts what the medium did not take in time."""
+    """Queues the results of navigation and writes them in order.  ``lost`` counts those not written in time."""
 
     def __init__(
-        self, log: DerivedLog, places: Sequence[StorageTarget], min_free_mb: float, report: FailureHandler
+        self, log: DerivedLog, targets: Sequence[StorageTarget], min_free_mb: float, report: FailureHandler
     ) -> None:
         self._log = log
-        self._places = places
+        self._targets = targets
         self._min_free_mb = min_free_mb
         self._segment: LogSegment | None = None
         self._unflushed = 0
@@ -54,24 +54,24 @@ class DerivedWriter:
         self._thread.start()
 
     def measurement(self, device: str, measurement: Measurement) -> None:
-        """Queue a measurement, if the file keeps it: what the file leaves out must not fill the queue."""
+        """Queue a measurement, if the file records it (decimation)."""
         if self._log.is_due(device, measurement):
             self._put(lambda: self._log.write_undecimated(device, measurement))
 
     def output(self, output: Output | Event) -> None:
         """Queue an output or an event."""
-        self._put(lambda: self._log.output(output))
+        self._put(lambda: self._log.write_output(output))
 
     def gap(self, t_ns: int, content: dict[str, Any]) -> None:
-        """Queue a note on what navigation did not see."""
-        self._put(lambda: self._log.gap(t_ns, content))
+        """Queue a note about missing frames."""
+        self._put(lambda: self._log.write_gap(t_ns, content))
 
     def note(self, topic: str, t_ns: int, content: dict[str, Any]) -> None:
-        """Queue what is known besides, ``/fti/device_clock``."""
-        self._put(lambda: self._log.note(topic, t_ns, content))
+        """Queue another note, such as ``/fti/device_clock``."""
+        self._put(lambda: self._log.write_note(topic, t_ns, content))
 
     def close(self) -> None:
-        """Write what waits, close the file and end the thread."""
+        """Write the queue, close the file and end the thread."""
         self._stopping.set()
         self._thread.join()
 
@@ -94,12 +94,12 @@ class DerivedWriter:
                 self._segment.close()
 
     def _step(self, due: bool) -> None:
-        """Write what waits."""
+        """Write the queue."""
         try:
             segment = self._find_part()
             if segment is None:
                 return
-            segment.flush()  # what was refused before
+            segment.flush()  # data that were refused before
             self._unflushed = 0
             while self._waiting:
                 self._waiting.popleft()()
@@ -119,25 +119,25 @@ class DerivedWriter:
             self.fault = segment.fault
 
     def _find_part(self) -> LogSegment | None:
-        """Where to write; when space runs out this file stops first, so that the raw bytes have what is left."""
+        """The segment to write to; None without space: the remaining space is reserved for the raw file."""
         if self._segment and self._segment.free_mb() < self._min_free_mb:
             self.fault = f"less than session.min_free_mb = {self._min_free_mb:g} is left for {self._segment.path}"
-            if len(self._places) == 1:
-                return None  # it goes on when there is space again
+            if len(self._targets) == 1:
+                return None  # it continues when there is space again
             self._abandon(self._segment)
-        at_main = self._segment is not None and self._segment.folder.path == self._places[0].folder
+        at_main = self._segment is not None and self._segment.folder.path == self._targets[0].folder
         if not at_main and time.monotonic() >= self._next_retry_s:
             self._next_retry_s = time.monotonic() + RETRY_PERIOD_S
             self._open()
         return self._segment
 
     def _open(self) -> None:
-        """At the first place that has space; one behind the present place is no gain."""
-        for place in self._places:
-            if self._segment and place.folder == self._segment.folder.path:
+        """Open a segment at the first target with space, if that is better than the present one."""
+        for target in self._targets:
+            if self._segment and target.folder == self._segment.folder.path:
                 return
             try:
-                segment = self._log.open_segment(place.prepare(self._min_free_mb))
+                segment = self._log.open_segment(target.prepare(self._min_free_mb))
             except StorageError as error:
                 self.fault = str(error)
             else:
@@ -148,11 +148,11 @@ class DerivedWriter:
                 return
 
     def _close_if_lost(self, segment: LogSegment) -> None:
-        if segment.stray():
+        if segment.find_lost_file():
             self._abandon(segment)
 
     def _abandon(self, segment: LogSegment) -> None:
-        """There is no file; what it had not taken is lost.  It is closed where its medium still takes that."""
+        """Abandon the file; unflushed data are lost.  It is closed if the medium permits."""
         with contextlib.suppress(StorageError):
             segment.close()
         self._segment = self._refused_since = None

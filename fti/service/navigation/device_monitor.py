@@ -1,4 +1,4 @@
-"""The state of each device, from what its decoder counts, with a hint for the person at the connector."""
+"""The state of each device, from the counters of its decoder, with a hint for the operator."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ from fti.service.navigation.clock_status import clock_status
 from fti.service.navigation.decode_chain import GAP, Chain, DeviceDecoder
 from fti.types import LinkState, RawFrame
 
-#: A state is judged over so many health reports (twice a second).
+#: Number of health reports (twice a second) for the assessment of a state.
 WINDOW = 8
-#: Reports of a navigation that stood still in between hold less time than that: too little for a rate.
+#: Minimum time span for a rate; reports after a standstill of navigation span less.
 MIN_RATE_SPAN_NS = 2_000_000_000
 SILENT_NS = 1_000_000_000
 MIN_OBSERVATION_NS = 3 * SILENT_NS
-#: Bytes of a link kept for trying other drivers on.
+#: Bytes of a link stored for trying other drivers.
 RECENT_BYTES = 8192
 BAD_SHARE = 0.05
 RATE_TOLERANCE = 0.3
 NO_FRAME_REASONS = frozenset({"no_sync", "no_beginning", "other_id", "other_line", "comment", GAP})
-#: The hint beside a device that waits to be asked where nothing may be sent.
-POLLING_BLOCKED = "it must be asked, and nothing may be sent on its link: set transmit = true there"
+#: The hint for a polled device on a link that does not transmit.
+POLLING_BLOCKED = "the device must be polled, but its link does not transmit: set transmit = true"
 
 
 class CounterSample(NamedTuple):
-    """What a decoder had counted at one health report."""
+    """Counters of a decoder at one health report."""
 
     bytes_in: int
     framed: int
@@ -40,10 +40,9 @@ class CounterSample(NamedTuple):
 
 @dataclass(slots=True)
 class CounterHistory:
-    """What a decoder had counted at the last health reports.
+    """Counters of a decoder at the last health reports.
 
-    times_ns : up to when everything that arrived had been counted: a navigation that catches up counts many seconds of
-    messages in one, and their rate is what it was
+    times_ns : arrival time of the last counted frame, not the time of the report: navigation may catch up
     """
 
     times_ns: deque[int] = field(default_factory=lambda: deque(maxlen=WINDOW))
@@ -51,7 +50,7 @@ class CounterHistory:
 
 
 def default_decoders(carrier: str) -> dict[str, Decoder]:
-    """A decoder of every driver that can be on such a link and needs no options."""
+    """A decoder of every driver for this kind of link that needs no options."""
     found = {}
     for name in drivers.names():
         driver = drivers.load(name)
@@ -63,7 +62,7 @@ def default_decoders(carrier: str) -> dict[str, Decoder]:
 
 
 def guess_drivers(data: bytes, carrier: str) -> list[str]:
-    """Names of the drivers that find messages in these bytes, most first; those that need options are not tried."""
+    """Names of the drivers that find messages in these bytes, best match first; only drivers without options."""
     found: list[tuple[int, str]] = []
     for name, decoder in default_decoders(carrier).items():
         decoder.feed(data, 0)
@@ -73,25 +72,25 @@ def guess_drivers(data: bytes, carrier: str) -> list[str]:
 
 
 class DeviceMonitor:
-    """Looks at the listeners of a chain twice a second."""
+    """Assesses the device decoders of a chain twice a second."""
 
     def __init__(self, config: Config, chain: Chain) -> None:
         self._chain = chain
         self._kinds = {link.name: link.kind for link in config.link}
-        mute = {link.name for link in config.link if not link.transmit}
+        silent_links = {link.name for link in config.link if not link.transmit}
         self._unpolled = {
             device_decoder.name
             for device_decoder in chain.device_decoders
-            if device_decoder.bound.device.link in mute and device_decoder.bound.needs_polling()
+            if device_decoder.bound.device.link in silent_links and device_decoder.bound.needs_polling()
         }
         self._past = {device_decoder.name: CounterHistory() for device_decoder in chain.device_decoders}
-        self._recent: dict[str, bytearray] = {}  # the last bytes of links on which something is unclear
+        self._recent: dict[str, bytearray] = {}  # the last bytes of links without frames
         self._last_rx_ns: dict[str, int] = {}
         self._first_ns: int | None = None  # nothing has been counted yet
         self._counted_ns: int | None = None
 
     def feed(self, frame: RawFrame) -> None:
-        """Note that a frame arrived; keep its bytes when its link is unclear."""
+        """Count a frame; store its bytes if its link has no frames of its device."""
         self._last_rx_ns[frame.link] = frame.t_rx_ns
         self._first_ns = self._first_ns or frame.t_rx_ns
         self._counted_ns = max(self._counted_ns or 0, frame.t_rx_ns)
@@ -114,7 +113,7 @@ class DeviceMonitor:
             past.times_ns.append(self._counted_ns)
             past.counts.append(CounterSample(counters.bytes_in, counters.framed, bad, dict(counters.messages)))
         rate = _rate_hz(past)
-        state, hint = self._judge(device_decoder, past, rate)
+        state, hint = self._assess(device_decoder, past, rate)
         if state is LinkState.SILENT and device_decoder.name in self._unpolled:
             hint = f"{hint}; {POLLING_BLOCKED}"
         return {
@@ -138,20 +137,20 @@ class DeviceMonitor:
 
     @property
     def _is_known(self) -> bool:
-        """Navigation has taken enough to know which devices are silent."""
+        """Navigation has processed enough time to know which devices are silent."""
         return (self._counted_ns or 0) - (self._first_ns or 0) > MIN_OBSERVATION_NS
 
-    def _judge(self, device_decoder: DeviceDecoder, past: CounterHistory, rate: float) -> tuple[LinkState, str]:
-        """By what navigation has taken: one that is behind does not know that a link is silent."""
+    def _assess(self, device_decoder: DeviceDecoder, past: CounterHistory, rate: float) -> tuple[LinkState, str]:
+        """Assess up to the last processed frame: navigation that is behind cannot know that a link is silent."""
         device = device_decoder.bound.device
-        heard = self._last_rx_ns.get(device.link)
-        if heard is None or (self._counted_ns or 0) - heard > SILENT_NS:
+        last_rx_ns = self._last_rx_ns.get(device.link)
+        if last_rx_ns is None or (self._counted_ns or 0) - last_rx_ns > SILENT_NS:
             self._recent.pop(device.link, None)
             return LinkState.SILENT, "no bytes on the link; is the device powered, and the cable in?"
         first, last = past.counts[0], past.counts[-1]
         bytes_in, framed, bad = last.bytes_in - first.bytes_in, last.framed - first.framed, last.bad - first.bad
         if framed <= 0 and len(past.times_ns) > 2:
-            return self._judge_unframed(device_decoder, bytes_in)
+            return self._assess_unframed(device_decoder, bytes_in)
         self._recent.pop(device.link, None)
         if bad > BAD_SHARE * max(bytes_in, 1):
             return (
@@ -159,29 +158,29 @@ class DeviceMonitor:
                 f"{100 * bad / bytes_in:.0f} % of the bytes are damaged; look at cable and baud rate",
             )
         if device.rate_hz and _has_enough_data(past) and abs(rate / device.rate_hz - 1) > RATE_TOLERANCE:
-            return LinkState.WRONG_RATE, f"{rate:.1f} messages a second where rate_hz = {device.rate_hz:g}"
+            return LinkState.WRONG_RATE, f"{rate:.1f} messages/s; configured: rate_hz = {device.rate_hz:g}"
         return LinkState.GOOD, ""
 
-    def _judge_unframed(self, device_decoder: DeviceDecoder, bytes_in: int) -> tuple[LinkState, str]:
-        """Bytes, but no frame of this device."""
+    def _assess_unframed(self, device_decoder: DeviceDecoder, bytes_in: int) -> tuple[LinkState, str]:
+        """The state of a device whose link has bytes, but no frame of it."""
         device = device_decoder.bound.device
         carrier = self._kinds[device.link]
         if carrier == "can" or bytes_in == 0:
-            return LinkState.SILENT, "the link is alive, but nothing on it is from this device"
+            return LinkState.SILENT, "the link is active, but has no data of this device"
         recent = self._recent.setdefault(device.link, bytearray())
-        others = [name for name in guess_drivers(bytes(recent), carrier) if name != device.driver]
-        if others:
-            return LinkState.NOISE, f"not {device.driver}; it looks like {' or '.join(others)}: wrong cable?"
+        candidates = [name for name in guess_drivers(bytes(recent), carrier) if name != device.driver]
+        if candidates:
+            return LinkState.NOISE, f"not {device.driver}; it looks like {' or '.join(candidates)}: wrong cable?"
         return LinkState.NOISE, f"bytes, but no frame of {device.driver}: look at baud rate, inversion and driver"
 
 
 def _has_enough_data(past: CounterHistory) -> bool:
-    """Is the window full, and does it hold time enough for a rate?"""
+    """Is the window full, and its time span sufficient for a rate?"""
     return len(past.times_ns) == WINDOW and past.times_ns[-1] - past.times_ns[0] >= MIN_RATE_SPAN_NS
 
 
 def _rate_hz(past: CounterHistory) -> float:
-    """Rate of the most frequent message over the window [Hz]."""
+    """Rate of the most frequent message in the window [Hz]."""
     span = past.times_ns[-1] - past.times_ns[0] if past.times_ns else 0
     if span <= 0:
         return 0.0

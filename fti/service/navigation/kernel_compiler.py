@@ -1,7 +1,7 @@
-"""What a configuration needs compiled, by a process of its own where it was never compiled on this machine.
+"""Compiles the kernels of a configuration in a separate process, if they are not in the cache of this machine.
 
-Compiling takes tens of seconds and holds the interpreter: on a thread beside navigation it kept that late by all of
-them for the whole flight.  Where the code is on disk already, nothing is started.
+Compiling takes tens of seconds and holds the interpreter lock: in a thread it would delay navigation by that time for
+the whole flight.  If the cache has the code, no process is started.
 
     standard input    the configuration, as JSON
 """
@@ -18,13 +18,13 @@ from fti.config import Config
 if TYPE_CHECKING:
     from fti.nav.terrain_reference import Ground
 
-#: It gives way to what records and navigates.
+#: Recorder and navigation take precedence.
 NICENESS = 10
 
 
 def ensure_kernels_compiled(config: Config) -> None:
-    """Compile what is not compiled yet, and wait for it."""
-    from fti.terrain.kernel import is_cached  # noqa: PLC0415 - numba: whoever needs no kernel loads none
+    """Compile the kernels that are not in the cache, and wait for it."""
+    from fti.terrain.kernel import is_cached  # noqa: PLC0415 - numba: only loaded if needed
 
     if not all(is_cached(kernel) for kernel in _kernels(config)):
         command = [sys.executable, "-m", "fti.service.navigation.kernel_compiler"]
@@ -32,7 +32,7 @@ def ensure_kernels_compiled(config: Config) -> None:
 
 
 def _kernels(config: Config) -> list[Any]:
-    """Those that are compiled last of what a configuration needs."""
+    """The kernels of a configuration that are compiled last."""
     needed: list[Any] = []
     if config.nav.approach:
         from fti.nav.integrity import window  # noqa: PLC0415 - see above
@@ -45,12 +45,12 @@ def _kernels(config: Config) -> list[Any]:
     if config.nav.terrain and config.nav.altimeters:
         from fti.nav.altimetry import scalar_kernels  # noqa: PLC0415
 
-        needed.append(scalar_kernels.told)
+        needed.append(scalar_kernels.height_and_variances)
     return needed
 
 
 def _flat_terrain() -> Ground:
-    """A ground that any altimeter finds below it."""
+    """A flat terrain that any altimeter can use."""
     import numpy as np  # noqa: PLC0415
 
     from fti.nav.terrain_reference import Ground  # noqa: PLC0415

@@ -1,4 +1,4 @@
-"""How long after the stamp of a frame what navigation made of it was out."""
+"""Latency of outputs: from the timestamp of a frame to the publication of its last output."""
 
 from __future__ import annotations
 
@@ -8,22 +8,22 @@ PERIOD_NS = 5_000_000_000
 
 
 class OutputLatency:
-    """Percentiles over the last whole period."""
+    """Latency percentiles over the last complete period."""
 
     def __init__(self, now_ns: int) -> None:
-        self._running = LatencyHistogram()
+        self._current = LatencyHistogram()
         self._since_ns = now_ns
         self._published: dict[str, float] | None = None
 
     def add(self, stamp_ns: int, out_ns: int) -> None:
-        """Stamp of a frame, and when the last output that it led to was out [ns]."""
-        self._running.add((out_ns - stamp_ns) / 1e9)
+        """Add one latency.  stamp_ns : timestamp of a frame; out_ns : publication of its last output [ns]"""
+        self._current.add((out_ns - stamp_ns) / 1e9)
 
     def percentiles(self, now_ns: int) -> dict[str, float] | None:
-        """``p50_ms``, ``p99_ms``, ``max_ms`` [ms]; None when nothing was out, and before the first period is over."""
+        """``p50_ms``, ``p99_ms``, ``max_ms`` [ms]; None without outputs, and before the end of the first period."""
         if now_ns - self._since_ns >= PERIOD_NS:
-            late = self._running.lateness
-            told = {"p50_ms": late.p50_ms, "p99_ms": late.p99_ms, "max_ms": late.max_ms}
-            self._published = told if late.messages else None
-            self._running, self._since_ns = LatencyHistogram(), now_ns
+            late = self._current.summary
+            percentiles = {"p50_ms": late.p50_ms, "p99_ms": late.p99_ms, "max_ms": late.max_ms}
+            self._published = percentiles if late.messages else None
+            self._current, self._since_ns = LatencyHistogram(), now_ns
         return self._published

@@ -1,4 +1,4 @@
-"""What the navigation process does: ring -> chain -> derived file and bus, strictly in order of ``seq``."""
+"""The navigation process: ring -> decode chain -> derived file and bus, strictly in order of ``seq``."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ from fti.service.navigation.terrain_loader import TerrainLoader
 from fti.service.startup import NavigationStartup
 from fti.types import TICK_LINK, Ack, Event, HeightAboveGround, HeightBelowAircraft, Output, RawFrame
 
-#: The order in which a process appears on the bus and in health.
+#: Name of the process on the bus and in health.
 PROCESS = "navigation"
-#: The recorder wakes it at least 50 times a second; one that stands still does not.
+#: Timeout for the wake-up by the recorder, which comes at least 50 times a second unless the recorder has stopped.
 IDLE_S = 0.1
-#: Few, so that it is soon seen how late they are.
+#: Small, so that lateness is detected soon.
 READ_LIMIT = 200
 HEALTH_PERIOD_S = 0.5
-#: When the supervisor is gone, the recorder ends the ring; so long is waited for that.
+#: Maximum wait for the end of the ring after the end of the supervisor; the recorder ends the ring.
 ORPHAN_S = 10.0
 OUTPUT_MAX_AGE_MS = 500.0
 
@@ -55,7 +55,7 @@ class NavigationProcess:
         self._config = config
         self._chain = Chain(config, self._devices, parse_reference(config, startup.texts))
         self._loading = TerrainLoader(config, startup.without_terrain) if config.nav.terrain else None
-        self._diagnosis = DeviceMonitor(config, self._chain)
+        self._device_monitor = DeviceMonitor(config, self._chain)
         self._max_age_ms = {device.name: device.max_age_ms for device in config.device}
         self._derived = self._open_derived(startup)
         self._bus = Publisher(Path(startup.bus), PROCESS)
@@ -64,26 +64,26 @@ class NavigationProcess:
         self._last_seq = resumed.next_seq - 1
         self._resumed = resumed.position > 0
         self._last_ns = clock.now_ns()
-        self._delay = OutputLatency(self._last_ns)
+        self._latency = OutputLatency(self._last_ns)
         self._must_finish = False
         self._reported_fault: str | None = None
         self._restored = parse_refusals(startup.refusals)
         self._refusals = list(self._restored)
 
     def _open_derived(self, startup: NavigationStartup) -> DerivedWriter:
-        session, places = startup.config.session, startup.places()
+        session, targets = startup.config.session, startup.targets()
         log = DerivedLog(
             None,
             split_s=session.split_s,
             split_mb=session.split_mb,
             attachments=[(name, "text/plain", text.encode()) for name, text in startup.attachments.items()],
             metadata={"fti": startup.metadata},
-            places=[place.folder for place in places],
+            folders=[target.folder for target in targets],
         )
-        return DerivedWriter(log, places, session.min_free_mb, self._report)
+        return DerivedWriter(log, targets, session.min_free_mb, self._report)
 
     def run(self) -> None:
-        """Work until the ring has ended and is empty."""
+        """Process frames until the ring has ended and is empty."""
         self._derived.start()
         if self._loading:
             self._channel.send({"terrain": terrain_retry.LOADING})
@@ -93,7 +93,7 @@ class NavigationProcess:
             self._consume()
         finally:
             self._derived.close()
-            self._publish_skips(self._skips.rest(self._clock.now_ns()))
+            self._publish_skips(self._skips.flush(self._clock.now_ns()))
             self._send_health()
             self._bus.close()
 
@@ -104,7 +104,7 @@ class NavigationProcess:
             self._take_terrain()
             frames = self._reader.read(READ_LIMIT)
             for index, seq, t_rx_ns, data in frames:
-                self._take(index, seq, t_rx_ns, data)
+                self._process_frame(index, seq, t_rx_ns, data)
             self._skip_backlog(frames)
             now = time.monotonic()
             if now >= health_due:
@@ -113,53 +113,53 @@ class NavigationProcess:
             self._handle_messages()
             if frames:
                 continue
-            if self._reader.finished:
+            if self._reader.is_finished:
                 return
-            if self._channel.ended:
+            if self._channel.has_ended:
                 orphaned = orphaned or now + ORPHAN_S
                 if now > orphaned:
                     return
-            self._backlog.rest(self._clock.now_ns())
+            self._backlog.on_idle(self._clock.now_ns())
             self._reader.wait(IDLE_S)
         self._reader.commit()
 
     def _skip_backlog(self, frames: Sequence[RingFrame]) -> None:
-        """Skip what waits where it waits in vain; note what was skipped.  frames : those read last.
+        """Skip the backlog if the policy requires it; record the gap.  frames : the frames read last
 
-        What waits is as old as the last tick among them: a tick enters the ring at its time, and nothing else must.
+        The age of the last tick among them is the age of the backlog: only ticks enter the ring without delay.
         """
         now = self._clock.now_ns()
         ticks = [t_rx_ns for index, _, t_rx_ns, _ in frames if index == len(self._links) - 1]
-        if ticks and not self._ring.ended and self._backlog.must_skip(now - ticks[-1]):
+        if ticks and not self._ring.has_ended and self._backlog.must_skip(now - ticks[-1]):
             self._reader.skip()
         missed = self._reader.next_seq - 1 - self._last_seq
         if missed:
             self._backlog.on_overrun()
-            self._skips.note(missed, now - self._last_ns)
+            self._skips.add(missed, now - self._last_ns)
             self._publish_skips(self._skips.take_event(now))
             self._note_gap(self._reader.next_seq, now)
             self._last_seq += missed
             self._last_ns = now
 
     def _take_terrain(self) -> None:
-        """The ground is there, or will not be: from the next frame on."""
-        if self._loading and (loaded := self._loading.take()):
+        """Set the terrain from the next frame on, when loading has ended."""
+        if self._loading and (result := self._loading.take()):
             self._channel.send({"terrain": terrain_retry.DONE})
-            self._deliver(self._chain.set_terrain(loaded.ground, loaded.fault, self._last_seq, self._last_ns))
+            self._deliver(self._chain.set_terrain(result.ground, result.fault, self._last_seq, self._last_ns))
 
-    def _take(self, index: int, seq: int, t_rx_ns: int, data: bytes) -> None:
+    def _process_frame(self, index: int, seq: int, t_rx_ns: int, data: bytes) -> None:
         if self._resumed or seq != self._last_seq + 1:
             self._note_gap(seq, t_rx_ns)
         self._last_seq = seq
         self._last_ns = t_rx_ns
         if index >= len(self._links):
-            return  # sent by us: recorded, not received
+            return  # sent by the recorder, not received
         frame = RawFrame(self._links[index], seq, t_rx_ns, data)
-        self._diagnosis.feed(frame)
+        self._device_monitor.feed(frame)
         products = self._chain.feed(frame)
         self._deliver(products)
         if products.outputs:
-            self._delay.add(t_rx_ns, self._clock.now_ns())
+            self._latency.add(t_rx_ns, self._clock.now_ns())
 
     def _deliver(self, products: ChainOutput) -> None:
         for device, measurement in products.measurements:
@@ -173,20 +173,20 @@ class NavigationProcess:
         for output in products.outputs:
             self._derived.output(output)
             self._publish(output)
-        if any(isinstance(output, Event) for output in products.outputs):  # each refusal is one
+        if any(isinstance(output, Event) for output in products.outputs):  # each refusal is an event
             self._send_refusals()
 
     def _send_refusals(self) -> None:
-        """Another process that takes the place of this one begins with them."""
+        """Send changed refusals to the supervisor; a restarted process begins with them."""
         refusals = self._chain.refusals
         if refusals != self._refusals:
             self._refusals = refusals
             self._channel.send({"refusals": [dataclasses.asdict(refusal) for refusal in refusals]})
 
     def _send_ack(self, device: str, ack: Ack) -> None:
-        """A device has answered: the supervisor knows what it was asked."""
-        said = {"command": ack.command, "accepted": ack.accepted, "detail": ack.detail}
-        self._channel.send({"ack": {"device": device, "t_ns": ack.stamp.t_rx_ns, **said}})
+        """Send the answer of a device to the supervisor, which knows the command."""
+        answer = {"command": ack.command, "accepted": ack.accepted, "detail": ack.detail}
+        self._channel.send({"ack": {"device": device, "t_ns": ack.stamp.t_rx_ns, **answer}})
 
     def _publish(self, output: Output | Event) -> None:
         if isinstance(output, Event):
@@ -199,7 +199,7 @@ class NavigationProcess:
             self._bus.publish(output_topic(output), payload)
 
     def _note_gap(self, seq: int, t_ns: int) -> None:
-        """What the ring lost, or where another process had stopped: into the file, so that it can be repeated."""
+        """Record a gap of the ring or a restart in the file, so that reprocessing repeats it."""
         kind = "restart" if self._resumed else "ring"
         gap = {"t_ns": t_ns, "kind": kind, "after_seq": self._last_seq, "before_seq": seq}
         self._chain.reset_after_gap()
@@ -215,9 +215,9 @@ class NavigationProcess:
             if "readmit" in message:
                 self._deliver(self._chain.readmit(message["readmit"], self._last_seq, self._last_ns))
 
-    def _publish_skips(self, take_event: Event | None) -> None:
-        if take_event:
-            self._publish(take_event)
+    def _publish_skips(self, event: Event | None) -> None:
+        if event:
+            self._publish(event)
 
     def _send_health(self) -> None:
         now = self._clock.now_ns()
@@ -230,10 +230,10 @@ class NavigationProcess:
         self._channel.send(
             {
                 "health": {
-                    "devices": self._diagnosis.devices(now),
+                    "devices": self._device_monitor.devices(now),
                     "navigation": {
                         "lag_ms": max(0.0, (now - self._last_ns) / 1e6),
-                        "output_delay": self._delay.percentiles(now),
+                        "output_delay": self._latency.percentiles(now),
                         "ring_lost_frames": self._reader.lost_frames,
                         "last_seq": self._last_seq,
                         "terrain": self._loading.state if self._loading else None,

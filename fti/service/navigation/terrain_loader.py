@@ -1,7 +1,7 @@
-"""The ground of navigation: read, and its code compiled, on a thread of its own while navigation works without it.
+"""Loads the terrain and compiles its kernels in a separate thread, while navigation works without terrain.
 
-The recording waits for none of this, and navigation does not either.  From which frame on the ground was there stands
-on ``/fti/terrain``, so that reprocessing takes it at the same frame.
+Neither recording nor navigation waits for it.  ``/fti/terrain`` records from which frame on the terrain was used, so
+that reprocessing uses it from the same frame on.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ Progress = Callable[[float], None]
 
 
 def load_terrain(settings: TerrainFiles, progress: Progress | None = None, *, local_only: bool = False) -> Ground:
-    """The ground that a configuration names.  progress : hears how far it is, 0 to 1.
+    """The terrain of a configuration.  progress : called with the loaded share, 0 to 1
 
-    local_only : a recording names it (``Terrain.open``)
+    local_only : see ``Terrain.open``; for the configuration of a recording
 
     Raises ConfigError or MissingError as ``Terrain.open`` does.
     """
-    from fti.terrain.terrain import Terrain  # noqa: PLC0415 - numba: whoever navigates without terrain needs none
+    from fti.terrain.terrain import Terrain  # noqa: PLC0415 - numba: only loaded if needed
 
     if settings.scene:
         return Ground(_scene(settings.scene), settings.sd_m, f"scene {settings.scene}")
@@ -58,21 +58,21 @@ def _scene(name: str) -> Terrain:
 
 @dataclass(frozen=True, slots=True)
 class LoadedTerrain:
-    """What became of the ground: it is there, or a fault in words kept it away."""
+    """The loaded terrain, or the fault that prevented loading."""
 
     ground: Ground | None
     fault: str | None = None
 
 
 class TerrainLoader:
-    """Loads the ground of a configuration; ``take`` hands it over once.  without : why it is not to be loaded"""
+    """Loads the terrain of a configuration; ``take`` returns it once.  without : reason for not loading it"""
 
     def __init__(self, config: Config, without: str | None = None) -> None:
         self._config, self._without = config, without
         self._share = 0.0
-        self._found: LoadedTerrain | None = None
+        self._result: LoadedTerrain | None = None
         self._taken: LoadedTerrain | None = None
-        # a daemon: where the flight ends before the ground is there, nothing waits for it
+        # a daemon thread: a flight that ends before loading has ended does not wait for it
         self._thread = threading.Thread(target=self._run, name="ground", daemon=True)
 
     def start(self) -> None:
@@ -80,36 +80,36 @@ class TerrainLoader:
         self._thread.start()
 
     def take(self) -> LoadedTerrain | None:
-        """What was found, the first time that it is there; otherwise None."""
-        if self._taken is not None or self._found is None:
+        """The result, once, after loading has ended; otherwise None."""
+        if self._taken is not None or self._result is None:
             return None
-        self._taken = self._found
+        self._taken = self._result
         return self._taken
 
     @property
     def is_done(self) -> bool:
-        """It was found, or that there is none."""
+        """Loading has ended and the result was taken."""
         return self._taken is not None
 
     @property
     def state(self) -> str:
-        """How it stands, for people."""
+        """The state as a text for people."""
         if self._taken is None:
-            return f"being loaded, {100 * self._share:.0f} %"
+            return f"loading, {100 * self._share:.0f} %"
         if self._taken.fault:
-            return f"not there: {self._taken.fault}"
+            return f"not available: {self._taken.fault}"
         assert self._taken.ground
         return self._taken.ground.name
 
     def _run(self) -> None:
         with catch_failures("terrain", self._fail):
             if self._without:
-                self._found = LoadedTerrain(None, self._without)
+                self._result = LoadedTerrain(None, self._without)
             elif settings := self._config.nav.terrain:
-                self._found = LoadedTerrain(self._load(settings))
+                self._result = LoadedTerrain(self._load(settings))
 
     def _load(self, settings: TerrainFiles) -> Ground:
-        """All that takes long is done here: navigation would be late by seconds with the sum of many posts."""
+        """Do all slow steps here; the checksum of many posts would delay navigation by seconds."""
         from fti.nav.kernel_warmup import warm_up  # noqa: PLC0415 - see above
 
         ensure_kernels_compiled(self._config)
@@ -123,4 +123,4 @@ class TerrainLoader:
 
     def _fail(self, unit: str, error: Exception) -> None:
         del unit
-        self._found = LoadedTerrain(None, f"{type(error).__name__}: {error}")
+        self._result = LoadedTerrain(None, f"{type(error).__name__}: {error}")

@@ -1,8 +1,8 @@
-"""The recorder process: bytes only.
+"""The recorder process: records bytes without decoding them.
 
-Asyncio readers stamp and number what arrives and put it into the triple buffer of its link and into the ring; one
-writer thread carries the buffers into the MCAP file.  Nothing here understands a byte, and nothing downstream can
-stop it.  This module reaches no numpy, numba, zenoh, aiohttp, driver or navigation; a test looks.
+Asyncio readers timestamp and number incoming frames and put them into the triple buffer of their link and into the
+ring; a writer thread writes the buffers to the MCAP file.  No other process can block it.  It must not import numpy,
+numba, zenoh, aiohttp, drivers or navigation; a test checks this.
 """
 
 from __future__ import annotations
@@ -35,9 +35,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     for number in (signal.SIGINT, signal.SIGTERM):  # the supervisor decides when it ends
         signal.signal(number, signal.SIG_IGN)
     _ask_for_priority()
-    told = await_startup(args.control_fd)
-    if told:
-        channel, text, ring_fds = told
+    received = await_startup(args.control_fd)
+    if received:
+        channel, text, ring_fds = received
         startup = RecorderStartup.model_validate_json(text)
         set_file_mode(int(startup.config.session.file_mode, 8))
         recorder = RecorderProcess(startup, SystemClock(startup.epoch_ns), channel, ring_fds)
@@ -48,7 +48,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _ask_for_priority() -> None:
-    """Before every other process of the machine, where we may ask for that."""
+    """Raise the priority of the process, if permitted."""
     with contextlib.suppress(PermissionError):
         os.nice(PRIORITY)
 

@@ -1,4 +1,4 @@
-"""What the recorder says of the kernel's clocks: once a second into the file, and a word when somebody set one."""
+"""Records the kernel's clocks once a second, and reports steps of the real-time clock."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ Send = Callable[[dict[str, Any]], object]
 ReportEvent = Callable[[str, str, str], None]
 
 
-def report_clocks(clock: SystemClock, note: RecordNote, report_event: ReportEvent, send: Send) -> None:
-    """Note the clocks on ``/fti/clock``; tell each step of the real-time clock since the last call.
+def report_clocks(clock: SystemClock, record_note: RecordNote, report_event: ReportEvent, send: Send) -> None:
+    """Record the clocks on ``/fti/clock``; report each step of the real-time clock since the last call.
 
-    send : tells the supervisor, whose alarm it is
+    send : sends a message to the supervisor, which raises the alarm
     """
     sample = clock.sample()
-    note("/fti/clock", sample["t_ns"], sample)
+    record_note("/fti/clock", sample["t_ns"], sample)
     for step in clock.take_steps():
-        text = f"the real-time clock was stepped by {step.size_ns / SECOND_NS:+.3f} s; FTI time goes on"
+        text = f"the real-time clock was stepped by {step.size_ns / SECOND_NS:+.3f} s; FTI time is not affected"
         report_event("warning", "clock", text)
         send({"clock_step": text})

@@ -1,4 +1,4 @@
-"""Where frames get their number: one counter for all links, the ring and the buffers."""
+"""Assigns sequence numbers to frames, with one counter for all links, and passes them to ring and buffers."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ from fti.buffers.triple_buffer import TripleBuffer
 from fti.links import Sink
 from fti.types import TICK_PERIOD_NS
 
-#: So much does not wait for the beat: a fast line must not come to a buffer all at once [B].
+#: With this amount the frames are passed on before the beat, so that a fast line fills its buffer evenly [B].
 MAX_WAITING_BYTES = 2**16
-FRAME_BYTES = 8  # what a frame counts besides its payload
-#: So many frames are numbered in order of arrival; more too when they span more than a beat, but a flood link by link.
+FRAME_BYTES = 8  # overhead of a frame
+#: Up to this number, frames are numbered in order of arrival, otherwise by link, unless they span more than a beat.
 MAX_SORTED_FRAMES = 256
-#: What a link brings with several calls of the kernel is one burst up to so many frames, as many as one call brings.
+#: Frames of several system calls are merged into a batch up to this size, the maximum of one call.
 MAX_MERGED = 64
 
 
 @dataclass(slots=True)
 class PendingFrames:
-    """Frames that a link has brought since the last hand-over.
+    """Frames of a link since the last flush.
 
-    index, buffer : of the link; times : of arrival [ns]; payload : bytes of all frames
+    index, buffer : of the link; times : arrival times [ns]; payload : bytes of all frames
     """
 
     index: int
@@ -34,12 +34,12 @@ class PendingFrames:
 
 
 class FrameSequencer:
-    """Numbers what arrives and hands it on to ring and buffer.  For the one thread that reads.
+    """Numbers frames and passes them to ring and buffers.  Only for the reader's thread.
 
-    What arrives between two beats of the recorder, on all links, is handed on together.
+    Frames that arrive between two beats of the recorder, on all links, are passed on together.
 
-    soon : calls when all that is there has been read (a loop's ``call_soon``): what is handed on between two sockets
-           would be numbered before what the second has had for longer
+    soon : schedules a call after all ready sockets were read (a loop's ``call_soon``); a flush between two sockets
+           would number the frames of the first before older frames of the second
     """
 
     def __init__(self, ring: Ring, soon: Callable[[Callable[[], None]], object]) -> None:
@@ -52,12 +52,12 @@ class FrameSequencer:
 
     @property
     def seq(self) -> int:
-        """The number that the next frame gets; all before it are in their buffers."""
+        """The next sequence number; all earlier frames are in their buffers."""
         self.flush()
         return self._seq
 
     def sink(self, index: int, buffer: TripleBuffer) -> Sink:
-        """A function that takes the frames of one link, and their times of arrival [ns]."""
+        """A function that accepts frames of one link with their arrival times [ns]."""
 
         def accept(frames: Sequence[bytes], times_ns: Sequence[int]) -> None:
             payload = sum(map(len, frames))
@@ -75,10 +75,10 @@ class FrameSequencer:
         return accept
 
     def flush(self) -> None:
-        """Number what has arrived, and hand it on.
+        """Number the pending frames, and pass them on.
 
-        First the ring: it tells the next recorder where to go on, and no number may stand in a file that it does not
-        know of.
+        The ring comes first: the next recorder continues from its number, so no file may hold a number that is not
+        in the ring.
         """
         if not self._arrived:
             return
@@ -94,12 +94,12 @@ class FrameSequencer:
         at = 0
         for share in arrived:
             end = at + len(share.frames)
-            share.buffer.put_burst((seqs[at:end], share.times, share.frames, share.payload))
+            share.buffer.put_batch((seqs[at:end], share.times, share.frames, share.payload))
             at = end
 
 
 def _flat(arrived: Sequence[PendingFrames]) -> tuple[list[int], list[int], list[bytes]]:
-    """Link, time of arrival and bytes of every frame, link by link."""
+    """Link, arrival time and bytes of every frame, link by link."""
     links: list[int] = []
     times: list[int] = []
     frames: list[bytes] = []

@@ -1,14 +1,14 @@
-"""What the recorder says of its links: the ledger that stands in the file, and health.
+"""The ledger of the links, which is recorded in the file, and their health.
 
-A frame that was received has a number; it is recorded, held in a buffer, or dropped for a reason.  Frames that the
-kernel dropped because nobody read in time never got a number; they came in and were dropped all the same.
+A received frame has a sequence number; it is recorded, held in a buffer, or dropped for a reason.  Frames that the
+kernel dropped because the recorder did not read in time have no number, but count as received and dropped.
 
-    in = recorded + held + dropped, for each link and for what was sent on it
-    numbers given (next_seq - first_seq) = frames in of all links, of what was sent and of the ticks, but for those of
+    in = recorded + held + dropped, for each link, separately for received and sent frames
+    assigned numbers (next_seq - first_seq) = frames in of all links, sent frames and ticks, without those of
     ``socket_queue``
 
-Line errors (of a UART, of a CAN controller) have no frame of their own: they stand beside the account, and so does the
-number of frames whose kernel stamp was refused, which have the time of the read instead.
+Line errors (of a UART, of a CAN controller) have no frame and are counted separately, as are frames whose kernel
+timestamp was refused; these have the time of the read instead.
 """
 
 from __future__ import annotations
@@ -33,16 +33,16 @@ class FrameCount:
     bytes: int = 0
 
     def add(self, frames: int, size: int) -> None:
-        """More of them."""
+        """Count more frames."""
         self.frames += frames
         self.bytes += size
 
 
 @dataclass(slots=True)
 class SnapshotOutcome:
-    """What became of what a buffer gave to the memory of the snapshot sink; the rest is held there.
+    """Outcome of the frames that a buffer passed to the memory of the snapshot sink; the others are held there.
 
-    recorded : in a file; not_triggered : let go, because no trigger came; overflow : asked for by a trigger, and let go
+    recorded : in a file; not_triggered : dropped without a trigger; overflow : requested by a trigger, but dropped
     because the memory was full
     """
 
@@ -51,7 +51,7 @@ class SnapshotOutcome:
     overflow: FrameCount = field(default_factory=FrameCount)
 
     def copy(self) -> SnapshotOutcome:
-        """As it is now."""
+        """A copy of the counters."""
         return SnapshotOutcome(replace(self.recorded), replace(self.not_triggered), replace(self.overflow))
 
 
@@ -59,8 +59,8 @@ class SnapshotOutcome:
 class BufferedLink:
     """A link with its buffers.
 
-    index                 : in the ring; what is sent on it has index + ``sent_offset``
-    outcome, sent_outcome : in mode "snapshot": what became of what its buffers gave out; else it is recorded
+    index                 : link index in the ring, for received frames
+    outcome, sent_outcome : in mode "snapshot": outcome of the frames that left its buffers; otherwise all are recorded
     """
 
     link: Link
@@ -74,7 +74,7 @@ class BufferedLink:
 
 
 class LinkLedger:
-    """The account of this recorder, from zero: another recorder of the same session has its own."""
+    """The account of this recorder, from zero; each recorder of a session has its own."""
 
     def __init__(
         self, units: Sequence[BufferedLink], ticks: TripleBuffer, sequencer: FrameSequencer, started_ns: int
@@ -84,8 +84,8 @@ class LinkLedger:
         self._sequencer = sequencer
         self._recorder = {"pid": os.getpid(), "started_ns": started_ns, "first_seq": sequencer.seq}
 
-    def note(self, now: int, *, final: bool = False) -> dict[str, Any]:
-        """The ledger now.  final : nothing comes after it."""
+    def read(self, now: int, *, final: bool = False) -> dict[str, Any]:
+        """The present ledger.  final : the last one."""
         return {
             "t_ns": now,
             "recorder": self._recorder,
@@ -97,7 +97,7 @@ class LinkLedger:
 
 
 def link_account(unit: BufferedLink) -> dict[str, Any]:
-    """Per link: in = recorded + held + dropped by reason; what was sent; line errors; refused kernel stamps."""
+    """Per link: received and sent frames, line errors, refused kernel timestamps."""
     status = unit.link.status
     return {
         **buffer_account(unit.received, unit.outcome, status.socket_dropped),
@@ -108,15 +108,15 @@ def link_account(unit: BufferedLink) -> dict[str, Any]:
 
 
 def buffer_account(buffer: TripleBuffer, outcome: SnapshotOutcome | None, socket_dropped: int = 0) -> dict[str, Any]:
-    """Account of one buffer.  How many bytes the kernel dropped is not known: null, and not in the sum."""
-    kept = outcome.copy() if outcome else SnapshotOutcome()  # read before the buffer is: what comes in between is held
+    """Account of one buffer.  Bytes dropped by the kernel are unknown: null, and not in the sum."""
+    totals = outcome.copy() if outcome else SnapshotOutcome()  # read before the buffer: later frames count as held
     stats = buffer.stats
-    recorded = kept.recorded if outcome else FrameCount(stats.frames_out, stats.bytes_out)
+    recorded = totals.recorded if outcome else FrameCount(stats.frames_out, stats.bytes_out)
     dropped: dict[str, dict[str, int | None]] = {
         "socket_queue": {"frames": socket_dropped, "bytes": None},
         "buffer_overflow": {"frames": stats.dropped_frames, "bytes": stats.dropped_bytes},
-        "snapshot_overflow": {"frames": kept.overflow.frames, "bytes": kept.overflow.bytes},
-        "not_triggered": {"frames": kept.not_triggered.frames, "bytes": kept.not_triggered.bytes},
+        "snapshot_overflow": {"frames": totals.overflow.frames, "bytes": totals.overflow.bytes},
+        "not_triggered": {"frames": totals.not_triggered.frames, "bytes": totals.not_triggered.bytes},
     }
     frames, size = stats.frames_in - recorded.frames, stats.bytes_in - recorded.bytes
     return {
@@ -131,7 +131,7 @@ def buffer_account(buffer: TripleBuffer, outcome: SnapshotOutcome | None, socket
 
 
 def link_health(unit: BufferedLink, now: int) -> dict[str, Any]:
-    """State, counters, rate, loads and account of a link, called every ``HEALTH_PERIOD_S``."""
+    """State, counters, rate, loads and account of a link; call it every ``HEALTH_PERIOD_S``."""
     status, stats = unit.link.status, unit.received.stats
     rate = (status.frames - unit.frames_before) / HEALTH_PERIOD_S
     unit.frames_before = status.frames

@@ -1,4 +1,4 @@
-"""What the writer thread takes its frames from: a triple buffer, and how its frames go into the log."""
+"""A source of the writer thread: a triple buffer and the state of its frames in the log."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from fti.buffers.triple_buffer import TripleBuffer
-from fti.frame_batch import FrameBatch, NumberedFrame, entries
+from fti.frame_batch import FrameBatch, NumberedFrame, iter_frames
 
 GAP_TOPIC = "/fti/gap"
 #: Topic, time [ns] and content of a note.
@@ -16,19 +16,19 @@ RecordNote = Callable[[str, int, dict[str, Any]], None]
 
 @dataclass(slots=True)
 class LogSource:
-    """A triple buffer and how its frames go into the log.
+    """A triple buffer and the state of its frames in the log.
 
-    link     : in whose name its gaps are told
-    channel  : of the log; None when it is not for the log, and goes to ``keep`` alone
-    keep     : gets what the file has taken, each frame once
-    recorded : of the bursts that the buffer hands out, so many are in the log already, and the file has not taken them
-    unsynced : what the file has taken since it was last brought onto the medium
+    link           : link name in the notes about its gaps
+    channel        : channel of the log; None: the frames go to ``on_written`` only
+    on_written     : receives the frames that were written to the file, each once
+    recorded_count : number of batches of the buffer that are in the log, but not yet written to the file
+    unsynced       : batches that were written since the last sync
     """
 
     link: str
     channel: int | None
     buffer: TripleBuffer
-    keep: Callable[[Sequence[NumberedFrame]], None] | None = None
+    on_written: Callable[[Sequence[NumberedFrame]], None] | None = None
     recorded_count: int = 0
     unsynced: list[FrameBatch] = field(default_factory=list)
     _in_flight: list[FrameBatch] = field(default_factory=list)
@@ -36,53 +36,53 @@ class LogSource:
 
     @property
     def is_idle(self) -> bool:
-        """Nothing waits to be written, neither in the buffer nor once more."""
-        return self.buffer.empty and not self._to_rewrite
+        """No frames wait, neither in the buffer nor for rewriting."""
+        return self.buffer.is_empty and not self._to_rewrite
 
     @property
-    def unsafe(self) -> list[FrameBatch]:
-        """What a medium has taken that failed afterwards, and no other one has."""
+    def possibly_lost(self) -> list[FrameBatch]:
+        """Batches that were written to a medium that failed afterwards, and nowhere else yet."""
         return self._to_rewrite
 
     def pending(self) -> list[FrameBatch]:
-        """What is to be recorded now: what must be once more, and what the buffer hands out."""
-        if self.buffer.empty:
+        """The batches to record now: first those to rewrite, then those of the buffer."""
+        if self.buffer.is_empty:
             return self._to_rewrite
-        handed = self.buffer.take()
+        batches = self.buffer.take()
         if self.recorded_count or self._to_rewrite:
-            return self._to_rewrite + handed[self.recorded_count :]
-        return handed
+            return self._to_rewrite + batches[self.recorded_count :]
+        return batches
 
-    def mark_recorded(self, bursts: Sequence[FrameBatch]) -> None:
-        """All that was pending is in the log."""
-        fresh = bursts[len(self._to_rewrite) :]
+    def mark_recorded(self, batches: Sequence[FrameBatch]) -> None:
+        """All pending batches are in the log."""
+        fresh = batches[len(self._to_rewrite) :]
         self._to_rewrite = []
         self._in_flight += fresh
         self.recorded_count += len(fresh)
 
-    def record_gaps(self, tell: RecordNote, *, final: bool = False) -> None:
-        """A note for each row of frames that the buffer had to drop, when it has ended or nothing follows."""
+    def record_gaps(self, record_note: RecordNote, *, final: bool = False) -> None:
+        """Record a note for each run of dropped frames that has ended; final : also for the present one."""
         for span in self.buffer.take_drops(final=final):
             content = {"t_ns": span.last_t_ns, "kind": "buffer_overflow", "link": self.link, **asdict(span)}
-            tell(GAP_TOPIC, span.last_t_ns, content)
+            record_note(GAP_TOPIC, span.last_t_ns, content)
 
     def mark_written(self) -> None:
-        """The file has taken what was recorded."""
-        if self.keep:
-            self.keep(list(entries(self._in_flight)))
+        """The recorded batches were written to the file."""
+        if self.on_written:
+            self.on_written(list(iter_frames(self._in_flight)))
         self.unsynced += self._in_flight
         self._in_flight = []
         self.buffer.confirm_written(self.recorded_count)
         self.recorded_count = 0
 
     def mark_synced(self) -> None:
-        """What the file has taken is on the medium."""
+        """The written batches are on the medium."""
         self.unsynced = []
 
-    def restart(self, *, doubtful: bool) -> None:
-        """What was recorded and not taken goes into another file; so does, if that is doubtful, what is not synced."""
+    def restart(self, *, is_uncertain: bool) -> None:
+        """Rewrite unwritten batches to another file; is_uncertain : the unsynced ones, too."""
         self.recorded_count = 0
         self._in_flight = []
-        if not doubtful:
+        if not is_uncertain:
             self.unsynced = []
         self._to_rewrite = list(self.unsynced)

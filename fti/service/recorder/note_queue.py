@@ -1,4 +1,4 @@
-"""Notes that wait for the log: ledger, clocks, health and events."""
+"""Queue of the notes for the log: ledger, clocks, health and events."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ from typing import Any
 from fti.logger.raw_log import RawLog
 from fti.service.fault_guard import FailureHandler, catch_failures
 
-#: What happened and what was lost is kept longest.
-KEPT_TOPICS = ("/fti/event", "/fti/alarm", "/fti/gap")
-#: While no medium takes them, so many events wait, and so many other notes; then the oldest go.
+#: Events and losses are queued longest.
+EVENT_TOPICS = ("/fti/event", "/fti/alarm", "/fti/gap")
+#: Maximum number of queued events and of other notes while no medium works; then the oldest are dropped.
 MAX_EVENTS = 10_000
 MAX_OTHER_NOTES = 1_000
 QueuedNote = tuple[str, int, dict[str, Any]]
 
 
 class NoteQueue:
-    """Each note is recorded once, in the file that was accepted with it.  ``add`` is for any thread."""
+    """Notes for the log; each is written to exactly one file.  ``add`` may be called from any thread."""
 
     def __init__(self, report: FailureHandler) -> None:
         self._report = report
@@ -26,27 +26,27 @@ class NoteQueue:
         self._recorded: list[QueuedNote] = []
 
     def add(self, topic: str, t_ns: int, content: dict[str, Any]) -> None:
-        """Keep a note."""
+        """Queue a note."""
         self._queue(topic).append((topic, t_ns, content))
 
     def _queue(self, topic: str) -> deque[QueuedNote]:
-        return self._events if topic in KEPT_TOPICS else self._others
+        return self._events if topic in EVENT_TOPICS else self._others
 
     def record_all(self, log: RawLog) -> None:
-        """Record what waits; a note that cannot be recorded is reported and spoils nothing else."""
+        """Record the queued notes; a note that cannot be recorded is reported and skipped."""
         for waiting in (self._events, self._others):
             while waiting:
                 note = waiting.popleft()
                 with catch_failures("note", self._report):
-                    log.json(*note)
+                    log.write_json(*note)
                     self._recorded.append(note)
 
     def mark_written(self) -> None:
-        """What was recorded is in the file."""
+        """The recorded notes are in the file."""
         self._recorded.clear()
 
     def restart(self) -> None:
-        """What was recorded and is in no file is recorded again, in another one, before what waits."""
+        """Queue recorded notes that are in no file again, before the waiting ones."""
         recorded, self._recorded = self._recorded, []
         for note in reversed(recorded):
             self._queue(note[0]).appendleft(note)

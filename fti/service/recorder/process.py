@@ -1,4 +1,4 @@
-"""What the recorder process does: links, numbering, buffers, ring, health, sending, and the order of the end."""
+"""The recorder process: links, numbering, buffers, ring, health, sending, and the shutdown sequence."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from fti.service.startup import LinkStartup, RecorderStartup
 from fti.types import TICK_LINK
 
 LEDGER_PERIOD_S = 1.0
-#: A medium that has not opened the first file after this time is not waited for any more.
+#: Maximum wait for the first file.
 FIRST_FILE_S = 5.0
 FIRST_FILE_POLL_S = 0.005
 TICK_BUFFER_BYTES = 2**16
@@ -37,7 +37,7 @@ SECOND_NS = 1_000_000_000
 
 
 class RecorderProcess:
-    """The recorder.  ``run`` returns when the supervisor says stop, or is gone, and every file is closed."""
+    """The recorder.  ``run`` returns after the supervisor has sent stop or has ended, and every file is closed."""
 
     def __init__(
         self, startup: RecorderStartup, clock: SystemClock, channel: ControlChannel, ring_fds: tuple[int, int]
@@ -51,25 +51,25 @@ class RecorderProcess:
         self._ticks = TripleBuffer(TICK_BUFFER_BYTES)
         self._tick_index = len(startup.config.link)
         self._tick = self._sequencer.sink(self._tick_index, self._ticks)
-        self._places = startup.places()
+        self._targets = startup.targets()
         self._log = self._make_log(
             "raw", Numbering(startup.first_number, startup.skipped_numbers, self._send_file_number)
         )
         self._urgent = altimeter_links(startup.config.device, startup.config.nav)
         self._units = [self._make_link(i) for i in range(len(startup.config.link))]
         links = {unit.link.name: unit.link for unit in self._units}
-        self._sender = Transmitter(links, startup.sending, clock, tell=channel.send, report=self._report)
+        self._sender = Transmitter(links, startup.sending, clock, send_reply=channel.send, report=self._report)
         self._ledger = LinkLedger(self._units, self._ticks, self._sequencer, clock.now_ns())
         self._snapshot = self._make_snapshot()
         self._reception = ReceptionMonitor()
         min_free_mb = startup.config.session.min_free_mb
-        self._writer = LogWriter(self._log, self._sources(), self._places, min_free_mb, self._report)
+        self._writer = LogWriter(self._log, self._sources(), self._targets, min_free_mb, self._report)
         self._storage = StorageMonitor(self._writer, self._dropped, self._send_event)
 
-    # ------------------------------------------------------------------------------------------------- making
+    # ------------------------------------------------------------------------------------------------- setup
 
     def _make_log(self, kind: Kind, numbering: Numbering) -> RawLog:
-        """A log without a file: the writer opens one where it can."""
+        """A log without a file; the writer opens one."""
         session = self._startup.config.session
         topics = [RawTopic(link.name, link.kind, _settings(link)) for link in self._startup.config.link]
         return RawLog(
@@ -80,33 +80,35 @@ class RecorderProcess:
             attachments=[(name, "text/plain", text.encode()) for name, text in self._startup.attachments.items()],
             metadata={"fti": self._startup.metadata},
             numbering=numbering,
-            places=[place.folder for place in self._places],
+            folders=[target.folder for target in self._targets],
             kind=kind,
         )
 
     def _make_link(self, index: int) -> BufferedLink:
         described = self._startup.config.link[index]
-        orders = self._startup.sending.get(described.name, LinkStartup())
+        commands = self._startup.sending.get(described.name, LinkStartup())
         received = TripleBuffer(described.buffer_bytes, on_ready=self._wake_writer)
         sent = TripleBuffer(described.buffer_bytes, on_ready=self._wake_writer)
         link = open_link(
             described,
             self._clock,
             self._sequencer.sink(index, received),
-            on_connect=[bytes.fromhex(text) for text in orders.on_connect],
+            on_connect=[bytes.fromhex(text) for text in commands.on_connect],
         )
         link.on_sent = self._sequencer.sink(self._tick_index + 1 + index, sent)
         link.urgent = described.name in self._urgent
         return BufferedLink(link, described.kind, index, received, sent)
 
     def _make_snapshot(self) -> SnapshotSink | None:
-        """The sink beside the log; in mode "snapshot" it decides what becomes of the frames."""
+        """The snapshot sink; in mode "snapshot" it decides which frames are recorded."""
         settings = self._startup.config.snapshot
         if settings is None:
             return None
         log = self._make_log("snapshot", Numbering())
         links = [unit.link.name for unit in self._units]
-        sink = SnapshotSink(log, links, settings, self._present_folder, tell=self._send_event, report=self._report)
+        sink = SnapshotSink(
+            log, links, settings, self._present_folder, report_event=self._send_event, report=self._report
+        )
         if self._startup.config.session.mode == "snapshot":
             for n, unit in enumerate(self._units):
                 unit.outcome, unit.sent_outcome = sink.outcomes[2 * n + 1 : 2 * n + 3]
@@ -116,12 +118,12 @@ class RecorderProcess:
         return self._log.folder if self._writer.file else None
 
     def report_refused(self, refused: Sequence[str]) -> None:
-        """Tell what the machine refuses this process, though it permitted it when it was asked."""
+        """Report real-time settings that failed here, although the check at the start succeeded."""
         for text in refused:
             self._send_event("error", "recorder", text)
 
     def _sources(self) -> list[LogSource]:
-        """Ticks, and what is received and sent on each link; nothing is ever sent on a link that may not."""
+        """Ticks, and received and sent frames of each link; sent frames only where a link may transmit."""
         log = self._log
         sources, used = [LogSource(TICK_LINK, log.tick_channel, self._ticks)], [True]
         for unit, described in zip(self._units, self._startup.config.link, strict=True):
@@ -130,8 +132,8 @@ class RecorderProcess:
             sources.append(LogSource(unit.link.name, sent, unit.sent))
             used += True, described.transmit
         if self._snapshot:
-            for source, keep in zip(sources, self._snapshot.consumers, strict=True):
-                source.keep = keep
+            for source, consumer in zip(sources, self._snapshot.consumers, strict=True):
+                source.on_written = consumer
         if self._startup.config.session.mode == "snapshot":
             for source in sources[1:]:
                 source.channel = None
@@ -143,7 +145,7 @@ class RecorderProcess:
     # ------------------------------------------------------------------------------------------------ running
 
     async def run(self) -> None:
-        """Record until told to stop."""
+        """Record until stopped."""
         loop = asyncio.get_running_loop()
         loop.add_reader(self._channel.fileno(), self._on_control)
         self._writer.start()
@@ -161,7 +163,7 @@ class RecorderProcess:
         return asyncio.create_task(keep_running(name, make, self._report), name=name)
 
     def _beat(self) -> None:
-        """Every 20 ms: a tick frame, so that silence has a time too; what has come until then goes on with it."""
+        """Every 20 ms: add a tick frame, so that timeouts are reproducible, and pass on the pending frames."""
         with catch_failures("ticks", self._report):
             now = self._clock.now_ns()
             self._notice_pause(now)
@@ -170,14 +172,14 @@ class RecorderProcess:
             self._wake_writer()
 
     def _flush_early(self) -> None:
-        """An altimeter has sent something: navigation gets it now, the file with the beat."""
+        """An altimeter has sent a frame: pass it on now, without waiting for the beat."""
         with catch_failures("early frames", self._report):
             self._sequencer.flush()
 
     def _notice_pause(self, now_ns: int) -> None:
-        """A process that stood still has not waited for its medium."""
-        if pause_s := self._reception.on_turn(now_ns):
-            self._writer.paused(pause_s)
+        """Report a standstill of this process to the writer, which must not count it as a slow medium."""
+        if pause_s := self._reception.on_cycle(now_ns):
+            self._writer.on_process_paused(pause_s)
 
     def _report_reception(self, now_ns: int, *, final: bool = False) -> None:
         links = [(unit.link.name, unit.link.status) for unit in self._units]
@@ -185,21 +187,21 @@ class RecorderProcess:
             self._send_event(level, source, text)
 
     async def _watch(self) -> None:
-        """Health to the supervisor twice a second; ledger and clocks into the file once a second."""
-        turn = 0
+        """Send health twice a second; record ledger and clocks once a second."""
+        cycle = 0
         while True:
             now = self._clock.now_ns()
             self._notice_pause(now)
             self._report_reception(now)
             self._channel.send({"health": self._health(now)})
-            if turn % round(LEDGER_PERIOD_S / HEALTH_PERIOD_S) == 0:
-                self._writer.note("/fti/ledger", now, self._ledger.note(now))
-                report_clocks(self._clock, self._writer.note, self._send_event, self._channel.send)
-            turn += 1
+            if cycle % round(LEDGER_PERIOD_S / HEALTH_PERIOD_S) == 0:
+                self._writer.add_note("/fti/ledger", now, self._ledger.read(now))
+                report_clocks(self._clock, self._writer.add_note, self._send_event, self._channel.send)
+            cycle += 1
             await _until_beat(HEALTH_PERIOD_S)
 
     async def _poll_storage(self) -> None:
-        """The first file, and every change of what becomes of the files."""
+        """Open the first file, then watch the storage and report changes."""
         await self._begin_recording()
         while True:
             self._notice_pause(self._clock.now_ns())
@@ -210,9 +212,9 @@ class RecorderProcess:
             await _until_beat(STORAGE_POLL_PERIOD_S)
 
     async def _begin_recording(self) -> None:
-        """Wait for the first file, or for the reason why there is none yet, and tell it."""
+        """Wait for the first file, or for the reason why there is none, and report it."""
         deadline = self._clock.now_ns() + round(FIRST_FILE_S * SECOND_NS)
-        while not (self._writer.file or self._writer.hopeless or self._clock.now_ns() > deadline):
+        while not (self._writer.file or self._writer.has_failed_everywhere or self._clock.now_ns() > deadline):
             self._writer.poll_storage()
             await asyncio.sleep(FIRST_FILE_POLL_S)
         if file := self._writer.file:
@@ -224,7 +226,7 @@ class RecorderProcess:
         for message in self._channel.receive():
             with catch_failures("control", self._report):
                 self._handle_message(message)
-        if self._channel.ended:
+        if self._channel.has_ended:
             asyncio.get_running_loop().remove_reader(self._channel.fileno())
             self._stop.set()
 
@@ -233,18 +235,18 @@ class RecorderProcess:
             self._stop.set()
         elif "note" in message:
             note = message["note"]
-            self._writer.note(note["topic"], note["t_ns"], note["content"])
+            self._writer.add_note(note["topic"], note["t_ns"], note["content"])
         elif "trigger" in message and self._snapshot:
             self._snapshot.trigger(message["trigger"], message["t_ns"])
         elif "send" in message:
             self._sender.handle_command(message["send"])
 
     def _dropped(self) -> dict[str, Dropped]:
-        """What was dropped of each link."""
+        """Dropped frames of each link."""
         return {unit.link.name: Dropped.of(unit.received.stats, unit.link.status) for unit in self._units}
 
     def _send_file_number(self, number: int, confirmed: bool) -> None:
-        """The next recorder must know it, also when this one is killed before the file is there."""
+        """Report a file number; the next recorder needs it even if this one is killed before it creates the file."""
         self._channel.send({"file_number": {"number": number, "confirmed": confirmed}})
 
     def _report(self, unit: str, error: Exception) -> None:
@@ -257,7 +259,7 @@ class RecorderProcess:
     # ------------------------------------------------------------------------------------------------- ending
 
     async def _finish(self, readers: list[asyncio.Task[None]], helpers: list[asyncio.Task[None]]) -> None:
-        """Sending ended, kernel queues drained, readers stopped, buffers written, file closed, ring ended: in order."""
+        """Shutdown: stop sending, drain kernel queues, stop readers, write buffers, close file, end ring."""
         await self._sender.stop()
         await asyncio.gather(*(self._drain(unit.link) for unit in self._units))
         remove_beat_callbacks(self._beat, self._flush_early)
@@ -270,7 +272,7 @@ class RecorderProcess:
         if self._snapshot:
             await asyncio.to_thread(self._snapshot.stop)
         now = self._clock.now_ns()
-        self._writer.note("/fti/ledger", now, self._ledger.note(now, final=True))
+        self._writer.add_note("/fti/ledger", now, self._ledger.read(now, final=True))
         await asyncio.to_thread(self._writer.finish)
         self._ring.end()
         self._channel.send({"health": self._health(now)})
@@ -278,20 +280,20 @@ class RecorderProcess:
 
     def _describe_end(self, now: int) -> dict[str, Any]:
         """See ``fti.service.supervisor.session_result``."""
-        unsafe = [burst for source in self._writer.sources for burst in source.unsafe]
+        possibly_lost = [batch for source in self._writer.sources for batch in source.possibly_lost]
         return {
-            "ledger": self._ledger.note(now, final=True),
+            "ledger": self._ledger.read(now, final=True),
             "ledger_recorded": self._writer.notes_recorded,
             "fault": self._writer.fault,
-            "unsafe_frames": sum(len(frames) for _, _, frames, _ in unsafe),
-            "unsafe_bytes": sum(payload for *_, payload in unsafe),
+            "unsafe_frames": sum(len(frames) for _, _, frames, _ in possibly_lost),
+            "unsafe_bytes": sum(payload for *_, payload in possibly_lost),
         }
 
     async def _drain(self, link: Link) -> None:
         with catch_failures(link.name, self._report):
             await link.drain()
 
-    # ------------------------------------------------------------------------------------------------- telling
+    # ------------------------------------------------------------------------------------------------- reporting
 
     def _health(self, now: int) -> dict[str, Any]:
         return {
@@ -304,11 +306,11 @@ class RecorderProcess:
 
 
 async def _until_beat(period_s: float) -> None:
-    """Until the next multiple of a period."""
+    """Wait until the next multiple of a period."""
     now = asyncio.get_running_loop().time()
     await asyncio.sleep(next_beat(now, period_s) - now)
 
 
 def _settings(link: Any) -> dict[str, str]:
-    """What the channel metadata says of a link: everything that the configuration says."""
+    """Channel metadata of a link: all its configuration keys."""
     return {key: str(value) for key, value in link.model_dump().items() if key not in ("name", "kind")}

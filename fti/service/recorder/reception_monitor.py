@@ -1,7 +1,7 @@
-"""Events of the reception: a recorder that stood still, frames that the kernel dropped, kernel stamps it refused.
+"""Reception events: standstills of the recorder, frames dropped by the kernel, refused kernel timestamps.
 
-The beat of the recorder comes every 20 ms.  A beat that comes a second late means that the process had no processor,
-or was stopped: nothing was read, and nothing was written either, whatever the medium would have taken.
+The beat of the recorder comes every 20 ms.  A beat that is a second late means that the process had no processor, or
+was stopped: it neither read nor wrote in that time.
 """
 
 from __future__ import annotations
@@ -13,23 +13,23 @@ from typing import NamedTuple
 
 from fti.links.base import LinkStatus
 
-#: A turn of the loop that comes later than this ends a pause of the process.
+#: A loop cycle that comes later than this ends a pause of the process.
 MIN_PAUSE_NS = 1_000_000_000
-#: Drops that are counted within this time after a pause were caused by it.
+#: Drops counted within this time after a pause are attributed to it.
 PAUSE_EFFECT_NS = 2_000_000_000
-#: Counters that go on rising are reported this often, and each counter of a link not more often.
+#: Minimum time between two events of a counter; a counter that keeps rising is reported at this period.
 EVENT_PERIOD_NS = 10_000_000_000
 
 STAMPS_REFUSED = (
-    "they may be from before a step of the real-time clock, or are not from the time since the last frame; the frames "
-    "have the time at which they were read"
+    "they may be from before a step of the real-time clock, or precede the last frame; the frames have the time of the "
+    "read"
 )
 #: Level, source, text.
 EventFields = tuple[str, str, str]
 
 
 class ProcessPause(NamedTuple):
-    """The process stood still for so long, until then [ns, FTI time]."""
+    """A standstill of the process: its length and its end [ns, FTI time]."""
 
     length_ns: int
     ended_ns: int
@@ -37,21 +37,21 @@ class ProcessPause(NamedTuple):
 
 @dataclass(slots=True)
 class _Counter:
-    """One counter of one link: what was seen last and reported last, and when.
+    """One counter of one link: last value, last reported value, time of the last report.
 
-    rising_ns : the first look at a count that is not reported yet; None when all is
-    pause     : what ended just before that
+    rising_ns : time of the first unreported increase; None if all is reported
+    pause     : the pause that ended just before that
     """
 
-    seen: int = 0
+    last: int = 0
     reported: int = 0
     reported_ns: int | None = None
     rising_ns: int | None = None
     pause: ProcessPause | None = None
 
     def report(self, count: int, now_ns: int, pause: ProcessPause | None, *, final: bool) -> int:
-        """What is to be reported now: all since the last report, when no more came with this look, or for too long."""
-        rising, self.seen = count > self.seen, count
+        """The increase to report now: when the counter has stopped rising, or has risen for too long."""
+        rising, self.last = count > self.last, count
         if count == self.reported:
             return 0
         if self.rising_ns is None:
@@ -66,17 +66,17 @@ class _Counter:
 
 
 class ReceptionMonitor:
-    """Sees each turn of the recorder's loop that comes at least every 20 ms, and now and then the counters of links."""
+    """Checks each cycle of the recorder's loop (at least every 20 ms) and the counters of the links."""
 
     def __init__(self) -> None:
-        self._turn_ns: int | None = None
+        self._cycle_ns: int | None = None
         self._pause: ProcessPause | None = None
         self._unreported: list[ProcessPause] = []
         self._counters: defaultdict[tuple[str, str], _Counter] = defaultdict(_Counter)
 
-    def on_turn(self, now_ns: int) -> float:
-        """Length of the pause of the process that ends with this turn [s]; 0.0 when the turn was in time."""
-        before, self._turn_ns = self._turn_ns, now_ns
+    def on_cycle(self, now_ns: int) -> float:
+        """Length of the pause that ends with this cycle [s]; 0.0 when the cycle was in time."""
+        before, self._cycle_ns = self._cycle_ns, now_ns
         if before is None or now_ns - before < MIN_PAUSE_NS:
             return 0.0
         self._pause = ProcessPause(now_ns - before, now_ns)
@@ -86,10 +86,10 @@ class ReceptionMonitor:
     def events(
         self, now_ns: int, links: Iterable[tuple[str, LinkStatus]], *, final: bool = False
     ) -> Iterator[EventFields]:
-        """What is to be told now; called twice a second.  final : nothing is kept back any more."""
+        """The events to report now; call it twice a second.  final : report everything."""
         pauses, self._unreported = self._unreported, []
         for pause in pauses:
-            yield "warning", "recorder", f"stood still for {_seconds(pause)}: nothing was read or written meanwhile"
+            yield "warning", "recorder", f"stood still for {_seconds(pause)}: no data were read or written"
         recent = self._pause if self._pause and now_ns - self._pause.ended_ns <= PAUSE_EFFECT_NS else None
         for name, status in links:
             drops = self._counters[name, "drops"]

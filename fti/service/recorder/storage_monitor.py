@@ -1,4 +1,4 @@
-"""What the recorder says of the medium: health, and an event for every change, with what was lost meanwhile."""
+"""Storage health, and an event for every change of the storage state, with the loss."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ LEVELS = {StorageState.ERROR: "error", StorageState.GONE: "error"}
 
 
 class Dropped(NamedTuple):
-    """What was dropped of a link: frames and bytes by its buffers, frames by the kernel."""
+    """Dropped data of a link: frames and bytes by its buffers, frames by the kernel."""
 
     frames: int = 0
     bytes: int = 0
@@ -25,18 +25,18 @@ class Dropped(NamedTuple):
 
     @classmethod
     def of(cls, buffer: BufferStats, link: LinkStatus) -> Dropped:
-        """By the counters now."""
+        """From the present counters."""
         return cls(buffer.dropped_frames, buffer.dropped_bytes, link.socket_dropped)
 
     def describe_since(self, before: Dropped, link: str) -> list[str]:
-        """What has been dropped since then, in words."""
+        """The drops since then, as texts."""
         frames, size, kernel = (now - then for now, then in zip(self, before, strict=True))
         texts = [f"{frames} frames ({size} bytes) of {link}"] if frames else []
         return [*texts, f"{kernel} frames of {link} by the kernel"] if kernel else texts
 
 
 class StorageMonitor:
-    """Looks at the writer."""
+    """Watches the storage state of the writer."""
 
     def __init__(
         self, writer: LogWriter, dropped: Callable[[], Mapping[str, Dropped]], report_event: ReportEvent
@@ -55,18 +55,18 @@ class StorageMonitor:
             return
         before, self._state = self._state, state
         if before is StorageState.ERROR:
-            self._report_event("warning", "storage", f"the medium accepts again {self._describe_outage()}")
+            self._report_event("warning", "storage", f"recording again {self._describe_outage()}")
         if state is StorageState.ERROR:
             self._refused_since = time.monotonic()
             self._dropped_before = self._dropped()
-            hint = f"the medium refuses: {hint}; the buffers hold what they can"
+            hint = f"the medium refuses: {hint}; frames are buffered"
         elif state is StorageState.OK and before is not StorageState.ERROR:
-            hint = f"all is well again, recording to {self._writer.file}"
+            hint = f"recovered; recording to {self._writer.file}"
         if hint:
             self._report_event(LEVELS.get(state, "warning"), "storage", hint)
 
     def _describe_outage(self) -> str:
-        """How long it refused and what that cost."""
+        """Duration and loss of an outage."""
         before, lost = self._dropped_before, list[str]()
         for link, dropped in self._dropped().items():
             lost += dropped.describe_since(before.get(link, Dropped()), link)
@@ -74,7 +74,7 @@ class StorageMonitor:
         return f"after {seconds:.1f} s, in {self._writer.file}; lost: {', '.join(lost) or 'nothing'}"
 
     def health(self) -> dict[str, Any]:
-        """File, space and state, for health."""
+        """File, space and state."""
         state, hint = self._writer.state()
         file = self._writer.file
         return {

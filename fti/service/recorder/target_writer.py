@@ -1,4 +1,4 @@
-"""A stint of the recorder's writer: the writing at one place, on a thread of its own."""
+"""Writes the recording to one storage target, in its own thread."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ SYNC_PERIOD_S = 1.0
 
 
 class TargetWriter(threading.Thread):
-    """Writes at one place, from its first file there until another takes over.  ``superseded`` is set then."""
+    """Writes to one storage target until another writer takes over, which sets ``superseded``."""
 
     segment: LogSegment
 
     def __init__(self, coordinator: WriterCoordinator, attempt: OpenAttempt) -> None:
-        super().__init__(name=f"writer at {attempt.place}", daemon=True)  # it may be held by the medium for ever
+        super().__init__(name=f"writer at {attempt.target}", daemon=True)  # the medium may block it for ever
         self.attempt = attempt
         self.superseded = threading.Event()
         self._coordinator = coordinator
-        self._synced = self._looked = time.monotonic()
-        self.has_unwritten = False  # has recorded what its medium has not accepted yet
-        self.refused = False
+        self._synced = time.monotonic()
+        self.has_unwritten = False  # has recorded data that its medium has not accepted yet
+        self.has_refused = False
 
     def run(self) -> None:
-        """Open, take over, write, leave."""
+        """Open the file, take over, write, close."""
         with catch_failures("writer", self._coordinator.report):
             step_below_reader()
             if not self._open():
@@ -49,7 +49,7 @@ class TargetWriter(threading.Thread):
         try:
             self.segment = self._coordinator.open(self.attempt)
         except StorageError as error:
-            self._coordinator.failed(self.attempt, str(error))
+            self._coordinator.on_open_failed(self.attempt, str(error))
             return False
         if not self._coordinator.take_over(self, self.segment):
             self.segment.discard()
@@ -57,43 +57,43 @@ class TargetWriter(threading.Thread):
         return True
 
     def _step(self) -> None:
-        """Carry over what the buffers hand out."""
+        """Record the pending frames of the buffers."""
         coordinator = self._coordinator
         with coordinator.write_lock:
             if self.superseded.is_set():
                 return
-            taken = [(source, bursts) for source in coordinator.sources if (bursts := source.pending())]
+            taken = [(source, batches) for source in coordinator.sources if (batches := source.pending())]
             coordinator.log.write_batches(
-                [(source.channel, bursts) for source, bursts in taken if source.channel is not None]
+                [(source.channel, batches) for source, batches in taken if source.channel is not None]
             )
-            for source, bursts in taken:
-                source.mark_recorded(bursts)
-                source.record_gaps(coordinator.note)
+            for source, batches in taken:
+                source.mark_recorded(batches)
+                source.record_gaps(coordinator.add_note)
             coordinator.notes.record_all(coordinator.log)
             self.has_unwritten = True
         self._persist()
 
     def _persist(self) -> None:
-        """Flush until the medium has accepted it; sync and look once a second."""
-        give_up: float | None = None
+        """Flush until the medium has accepted the data; sync and check the target once a second."""
+        deadline: float | None = None
         while not self.superseded.is_set():
             try:
                 self.segment.flush(may_split=self._coordinator.may_split)
                 self._mark_written()
                 self._sync_when_due()
             except StorageError as error:
-                self.refused = True
-                self._coordinator.refused(self, error)
-                if self.segment.stray():
-                    self._coordinator.released(self)
+                self.has_refused = True
+                self._coordinator.on_write_refused(self, error)
+                if self.segment.find_lost_file():
+                    self._coordinator.on_file_released(self)
                 elif self._coordinator.stopping.is_set():
-                    give_up = give_up or time.monotonic() + FINAL_TIMEOUT_S
-                    if time.monotonic() > give_up:
+                    deadline = deadline or time.monotonic() + FINAL_TIMEOUT_S
+                    if time.monotonic() > deadline:
                         raise
                 self.superseded.wait(RETRY_S)
             else:
-                self.refused = False
-                self._coordinator.accepted(self)
+                self.has_refused = False
+                self._coordinator.on_write_accepted(self)
                 return
 
     def _mark_written(self) -> None:
@@ -119,20 +119,20 @@ class TargetWriter(threading.Thread):
             self._coordinator.check_target(self)
 
     def _drain(self) -> None:
-        """Until nothing is left: a buffer that is being looked at hands out nothing for a moment."""
+        """Write until the sources are idle: a locked buffer returns no frames for a moment."""
         while not (self.superseded.is_set() or all(source.is_idle for source in self._coordinator.sources)):
             self._step()
-        self._synced = -math.inf  # what it has taken must be safe while another place can still have it
+        self._synced = -math.inf  # sync now, while another target could still take the data
         self._persist()
 
     def _leave(self) -> None:
-        """Another stint writes: close what was written here, as far as the medium allows."""
-        stray = self.segment.stray()
-        if stray and stray.lost:
+        """Another writer has taken over: close the file, if the medium allows."""
+        lost_file = self.segment.find_lost_file()
+        if lost_file and lost_file.is_deleted:
             rescued = self.segment.copy_deleted_file(self._coordinator.await_successor())
-            raise StorageError(f"{stray.text}; what it held was written again to {rescued}")
+            raise StorageError(f"{lost_file.text}; its content was written again to {rescued}")
         try:
             self.segment.close()
         except StorageError:
-            if not (self.refused or stray):
+            if not (self.has_refused or lost_file):
                 raise

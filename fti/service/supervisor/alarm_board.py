@@ -1,7 +1,7 @@
-"""The daemon's alarms: what navigation and health report, latched until a person acknowledges it.
+"""The daemon's alarms: conditions reported by navigation and health, latched until acknowledged.
 
-The supervisor keeps them, so they outlast a restart of navigation and of every display.  Each change is recorded on
-``/fti/alarm``; the list is published on ``/alarms`` with each change, and with each health message.
+The supervisor holds them, so that they survive restarts of navigation and display.  Each change is recorded on
+``/fti/alarm``; the list is published on ``/alarms`` with each change and with each health message.
 """
 
 from __future__ import annotations
@@ -18,36 +18,36 @@ from fti.logger.schemas import ALARM_TOPIC
 from fti.service.supervisor.event_publisher import Publish, RecordNote
 from fti.service.supervisor.health_conditions import SYSTEM_CONDITIONS, HealthConditions, find_losses
 
-#: What waits for longer is late for every consumer; below the second limit navigation is in time again [ns].
+#: Frames that wait longer make navigation late; below the second limit it is in time again [ns].
 LATE_NS, IN_TIME_NS = 500_000_000, 250_000_000
 NO_FRAME_TAKEN = -1
 ALARMS_TOPIC = "/alarms"
-#: Subjects of navigation that have nothing to do with devices.
+#: Subjects of navigation that do not depend on devices.
 GROUND_SUBJECTS = frozenset({"terrain"})
-#: What falls silent so long before another flight begins belongs to the end of the last one [ns].
+#: Alarms that began within this time before a new flight belong to the end of the last one [ns].
 FLIGHT_END_NS = 5_000_000_000
 
 
 class AlarmBoard:
     """All alarms of a session.
 
-    oldest_waiting_ns : when the oldest frame arrived that navigation has not finished [ns]; None when it has finished
-                        all, NEVER when it has taken none yet
+    oldest_waiting_ns : arrival time of the oldest frame that navigation has not finished [ns]; None if all are
+                        finished, ``NO_FRAME_TAKEN`` before its first frame
     """
 
     def __init__(
-        self, clock: Clock, publish: Publish, note: RecordNote, oldest_waiting_ns: Callable[[], int | None]
+        self, clock: Clock, publish: Publish, record_note: RecordNote, oldest_waiting_ns: Callable[[], int | None]
     ) -> None:
-        self._clock, self._publish, self._note = clock, publish, note
+        self._clock, self._publish, self._record_note = clock, publish, record_note
         self._oldest_waiting_ns = oldest_waiting_ns
         self._alarms = AlarmList()
         self._health = HealthConditions(clock.now_ns())
         self._last: Json | None = None
         self._was_in_time = self._is_late = self._is_ending = False
-        self._expected: tuple[int, int | None] | None = None  # devices are switched off from, until [ns]
+        self._suppressed_ns: tuple[int, int | None] | None = None  # devices are switched off from, until [ns]
 
     def handle_report(self, report: Json) -> None:
-        """What navigation reports."""
+        """Handle a condition report of navigation."""
         if self._is_ending:
             return
         found = ConditionReport.from_json(report)
@@ -55,14 +55,14 @@ class AlarmBoard:
         self._publish_changes()
 
     def _is_expected(self, report: ConditionReport) -> bool:
-        """Does it follow from devices that are switched off?  What comes late is of its own time."""
-        if self._expected is None or report.subject in GROUND_SUBJECTS:
+        """Is it a consequence of devices that are switched off, at the time of the report?"""
+        if self._suppressed_ns is None or report.subject in GROUND_SUBJECTS:
             return False
-        from_ns, until_ns = self._expected
+        from_ns, until_ns = self._suppressed_ns
         return report.t_ns >= from_ns and (until_ns is None or report.t_ns < until_ns)
 
     def handle_health(self, health: Json) -> None:
-        """What follows from health; the list is published with it."""
+        """Derive conditions from health, and publish the list."""
         for report in () if self._is_ending else self._health.reports(health):
             self._alarms.report(report)
         for lost in find_losses(self._last or health, health):
@@ -72,7 +72,7 @@ class AlarmBoard:
         self.publish()
 
     def check_navigation_latency(self) -> None:
-        """Is navigation late?  Until it has taken frames and was in time once, it is starting."""
+        """Report lateness of navigation; before it was in time once, it is starting."""
         if self._is_ending:
             return
         now = self._clock.now_ns()
@@ -82,7 +82,7 @@ class AlarmBoard:
         self._is_late = self._was_in_time and late_ns > (IN_TIME_NS if self._is_late else LATE_NS)
         found = None
         if self._is_late:
-            cause = "frames arrive, and navigation has not worked on them; its values are struck out"
+            cause = "navigation has not processed the received frames; its values are struck out"
             late_s = round(late_ns / SECOND_NS, 1)
             found = Condition(
                 "navigation_late", Severity.CAUTION, "NAVIGATION LATE", cause, late_s, explained_by=("navigation",)
@@ -91,50 +91,50 @@ class AlarmBoard:
         self._publish_changes()
 
     def on_recorder_replaced(self, cause: str) -> None:
-        """Another recorder goes on, and counts from zero."""
+        """A new recorder has started, and counts from zero."""
         self._last = None
         self.record(Condition("recorder", Severity.CAUTION, "RECORDER REPLACED", cause))
 
     def record(self, condition: Condition) -> None:
-        """Something has happened now."""
+        """Record a condition that happened now."""
         self._alarms.record(condition, self._clock.now_ns())
         self._publish_changes()
 
     def suppress_device_alarms(self) -> None:
-        """Links and devices, and what navigation makes of their silence, are no alarm until ``resume_device_alarms``.
+        """Suppress alarms of links and devices and their consequences in navigation until ``resume_device_alarms``.
 
-        Navigation must begin anew meanwhile: it reports changes, and what it has reported is not asked for again.
+        Navigation must be reset meanwhile: it reports only changes, and suppressed reports are not repeated.
         """
-        if self._expected is None or self._expected[1] is not None:
-            self._expected = self._clock.now_ns(), None
+        if self._suppressed_ns is None or self._suppressed_ns[1] is not None:
+            self._suppressed_ns = self._clock.now_ns(), None
         self._health.suppress_device_alarms()
 
     def resume_device_alarms(self) -> None:
-        """Somebody has switched all of them on."""
+        """All devices are switched on."""
         now = self._clock.now_ns()
-        if self._expected is not None:
-            self._expected = self._expected[0], now
+        if self._suppressed_ns is not None:
+            self._suppressed_ns = self._suppressed_ns[0], now
         self._health.resume_device_alarms(now)
 
     def start_new_flight(self, who: str) -> None:
-        """Another flight begins, as ``who`` says, and has seen what the end of the last one was."""
+        """A new flight begins, started by ``who``; acknowledge the alarms from the end of the last one."""
         now = self._clock.now_ns()
         self._health.start_new_flight(now)
         self._alarms.acknowledge(who, now, since_ns=now - FLIGHT_END_NS, excluded=SYSTEM_CONDITIONS)
         self._publish_changes()
 
     def end(self) -> None:
-        """The session ends: what falls silent from now on is expected."""
+        """The session ends: silence is expected from now on."""
         self._is_ending = True
 
     def acknowledge(self, who: str, alarm_id: str | None) -> int:
-        """A person has seen an alarm, or all of them; returns how many were not acknowledged before."""
+        """Acknowledge an alarm, or all; returns the number of newly acknowledged alarms."""
         count = self._alarms.acknowledge(who, self._clock.now_ns(), alarm_id)
         self._publish_changes()
         return count
 
     def publish(self) -> None:
-        """Put the list on the bus."""
+        """Publish the list on the bus."""
         self._publish(ALARMS_TOPIC, encode({"t_ns": self._clock.now_ns(), "alarms": self._alarms.rows()}))
 
     def _publish_changes(self) -> None:
@@ -144,5 +144,5 @@ class AlarmBoard:
     def _record_changes(self) -> bool:
         changes: list[dict[str, Any]] = self._alarms.take_changes()
         for change in changes:
-            self._note(ALARM_TOPIC, change["t_ns"], change)
+            self._record_note(ALARM_TOPIC, change["t_ns"], change)
         return bool(changes)

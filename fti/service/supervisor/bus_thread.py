@@ -1,4 +1,4 @@
-"""The thread of the supervisor in which the hub of the bus works."""
+"""The thread of the supervisor that runs the hub of the bus."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from collections.abc import Iterator
 from fti.bus.hub import Hub, Warn
 from fti.service.fault_guard import catch_failures
 
-#: After a failure of the hub itself.
+#: Pause after a failure of the hub.
 PAUSE_S = 0.5
 
 
 @contextlib.contextmanager
 def hub_thread(hub: Hub, warn: Warn) -> Iterator[None]:
-    """The hub works while the block lasts, and is closed behind it.  warn : gets its failures, in its thread"""
+    """Run the hub during the block, then close it.  warn : receives its failures, in its thread"""
     thread = threading.Thread(target=_serve, args=(hub, warn), name="fti-bus")
     thread.start()
     try:

@@ -1,4 +1,4 @@
-"""The children of the supervisor: started, heard, and started again when they have died."""
+"""Starts the children of the supervisor, receives their messages, and restarts them."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from fti.service.control_channel import ControlMessage
 from fti.service.fault_guard import FailureHandler, catch_failures
 
 WATCH_PERIOD_S = 0.02
-#: Notes that wait for a recorder while there is none.
+#: Maximum number of queued notes while there is no recorder.
 MAX_WAITING_NOTES = 1000
 
 
 class ChildMonitor:
-    """Keeps children alive until ``stopping`` is set.
+    """Restarts children until ``stopping`` is set.
 
-    hear    : gets each message of a child
-    started : told after each start
-    died    : told the exit code, when the last words were heard; what it must not do is start the child
+    on_message : called with each message of a child
+    on_start   : called after each start
+    on_exit    : called with the exit code, after the last message; it must not start the child
     """
 
     def __init__(
@@ -29,23 +29,23 @@ class ChildMonitor:
         children: Sequence[Child],
         *,
         on_message: Callable[[Child, ControlMessage], None],
-        started: Callable[[Child], None],
-        died: Callable[[Child, int], None],
+        on_start: Callable[[Child], None],
+        on_exit: Callable[[Child, int], None],
         report: FailureHandler,
     ) -> None:
         self._children = children
-        self._on_message, self._started, self._died = on_message, started, died
+        self._on_message, self._on_start, self._on_exit = on_message, on_start, on_exit
         self._report = report
         self.stopping = False
 
     def start(self, child: Child) -> None:
-        """Start a child and listen to it."""
+        """Start a child and receive its messages."""
         channel = child.start()
         asyncio.get_running_loop().add_reader(channel.fileno(), self._listen, child)
-        self._started(child)
+        self._on_start(child)
 
     async def watch(self) -> None:
-        """Start again what has died."""
+        """Restart children that have ended."""
         while True:
             for child in self._children:
                 with catch_failures(child.name, self._report):
@@ -53,7 +53,7 @@ class ChildMonitor:
             await asyncio.sleep(WATCH_PERIOD_S)
 
     def drain_messages(self, child: Child) -> None:
-        """Take the last words of a child that has ended, and close its channel."""
+        """Handle the last messages of a child that has ended, and close its channel."""
         self._listen(child)
         if child.channel:
             asyncio.get_running_loop().remove_reader(child.channel.fileno())
@@ -66,14 +66,14 @@ class ChildMonitor:
         for message in channel.receive():
             with catch_failures(child.name, self._report):
                 self._on_message(child, message)
-        if channel.ended:
+        if channel.has_ended:
             asyncio.get_running_loop().remove_reader(channel.fileno())
 
     def _check_child(self, child: Child) -> None:
-        code = child.died()
+        code = child.poll_exit()
         if code is not None:
             self.drain_messages(child)
-            self._died(child, code)
+            self._on_exit(child, code)
         if not self.stopping and child.restart_is_due():
             child.restarts += 1
             self.start(child)
@@ -82,30 +82,30 @@ class ChildMonitor:
 
 
 class RecorderOutbox:
-    """Notes for the recorder; while there is none they wait, and the oldest go."""
+    """Notes for the recorder; without a recorder they are queued, and the oldest are dropped."""
 
     def __init__(self, recorder: Child) -> None:
         self._recorder = recorder
         self._waiting: deque[ControlMessage] = deque(maxlen=MAX_WAITING_NOTES)
-        self._held = False
+        self._is_paused = False
 
-    def note(self, topic: str, t_ns: int, content: dict[str, Any]) -> None:
-        """Have a JSON message recorded.  t_ns : FTI time of it"""
+    def add_note(self, topic: str, t_ns: int, content: dict[str, Any]) -> None:
+        """Send a JSON message for recording.  t_ns : its FTI time"""
         message = {"note": {"topic": topic, "t_ns": t_ns, "content": content}}
-        if self._held or not self.send(message):
+        if self._is_paused or not self.send(message):
             self._waiting.append(message)
 
     def send(self, message: ControlMessage) -> bool:
-        """Tell the recorder something now; False when there is none."""
+        """Send a message to the recorder now; False without a recorder."""
         channel = self._recorder.channel
         return channel is not None and channel.send(message)
 
     def pause(self) -> None:
-        """The recorder does not move: what it is sent now may never be recorded."""
-        self._held = True
+        """Queue notes: the recorder does not run, and might never record them."""
+        self._is_paused = True
 
     def resume(self) -> None:
-        """There is a recorder again, or it moves again."""
-        self._held = False
+        """Send the queued notes: the recorder runs again."""
+        self._is_paused = False
         while self._waiting and self.send(self._waiting[0]):
             self._waiting.popleft()

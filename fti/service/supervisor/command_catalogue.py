@@ -1,4 +1,4 @@
-"""What may be sent to which device: the commands of the drivers, and the links that permit it."""
+"""The commands of all devices: from their drivers, for links that may transmit."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from fti.devices import BoundDevice
 
 
 class CommandDenied(ValueError):
-    """A command is not sent, and why: what is allowed, or the key to set."""
+    """A command is not sent; the text has the reason and the allowed values or the key to set."""
 
 
 @dataclass(frozen=True, slots=True)
 class EncodedCommand:
-    """A command as it goes out.  answered : the device acknowledges it."""
+    """The bytes of a command and their link.  answered : the device acknowledges it."""
 
     link: str
     data: bytes
@@ -33,7 +33,7 @@ class CommandCatalogue:
         self._transmit = {link.name: link.transmit for link in config.link}
 
     def describe(self) -> list[dict[str, Any]]:
-        """Every device: name, driver, link, whether that may transmit, and what each command takes."""
+        """Every device: name, driver, link, whether it may transmit, commands with their arguments."""
         return [
             {
                 "name": name,
@@ -46,25 +46,25 @@ class CommandCatalogue:
         ]
 
     def usable(self) -> list[dict[str, Any]]:
-        """Of ``describe``: the devices that take commands, on links that may transmit."""
+        """The rows of ``describe`` with commands, on links that may transmit."""
         return [device for device in self.describe() if device["transmit"] and device["commands"]]
 
     def is_polled(self, device: str) -> bool:
-        """The recorder repeats a question to it, so it answers without a command."""
+        """The recorder polls the device, so it answers without a command."""
         bound = self._devices.get(device)
         if bound is None or not self._transmit[bound.device.link]:
             return False
         return bound.driver.poll(bound.options) is not None
 
-    def plan(self, device: str, command: str, args: Mapping[str, str]) -> EncodedCommand:
-        """The bytes of a command.  Raises Denied."""
+    def encode(self, device: str, command: str, args: Mapping[str, str]) -> EncodedCommand:
+        """The bytes of a command.  Raises CommandDenied."""
         bound = self._devices.get(device)
         if bound is None:
-            raise CommandDenied(f"there is no device {device!r}; there are {', '.join(self._devices) or 'none'}")
+            raise CommandDenied(f"unknown device {device!r}; configured: {', '.join(self._devices) or 'none'}")
         known = bound.driver.COMMANDS
         if command not in known:
-            there = f"there are {', '.join(known)}" if known else "its driver has none"
-            raise CommandDenied(f"{device} ({bound.device.driver}): there is no command {command!r}; {there}")
+            allowed = f"commands: {', '.join(known)}" if known else "its driver has no commands"
+            raise CommandDenied(f"{device} ({bound.device.driver}): unknown command {command!r}; {allowed}")
         self._permit(bound)
         try:
             data = bound.driver.command(command, args, bound.options)
@@ -76,6 +76,4 @@ class CommandCatalogue:
         name, link = bound.device.name, bound.device.link
         if not self._transmit[link]:
             where = f'[[link]] name = "{link}"'
-            raise CommandDenied(
-                f"{name}: nothing may be sent on its link; set transmit = true at {where} of {self._path}"
-            )
+            raise CommandDenied(f"{name}: its link does not transmit; set transmit = true at {where} of {self._path}")

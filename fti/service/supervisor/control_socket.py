@@ -1,7 +1,7 @@
-"""The control socket of a daemon: one JSON command a line, one JSON answer a line.
+"""The control socket of a daemon: one JSON command per line, one JSON answer per line.
 
-It is for the owner alone: the socket is 0600, and a process of another user (root excepted) is refused by its
-credentials, however it came by the socket.
+It is for the owner alone: the socket has mode 0600, and a process of another user (except root) is refused by its
+credentials.
 """
 
 from __future__ import annotations
@@ -17,31 +17,31 @@ from fti.peer_credentials import Peer
 from fti.service.fault_guard import FailureHandler, catch_failures
 
 Answer = dict[str, Any]
-#: Does what a command of somebody says; answers with ``{"fault": ...}`` when it cannot.
+#: Executes a command of a user; returns the answer, or ``{"fault": ...}``.
 CommandHandler = Callable[[dict[str, Any], str], Awaitable[Answer]]
 MAX_LINE_BYTES = 65536
-INVALID_COMMAND = {"fault": f"a command is one line of JSON of at most {MAX_LINE_BYTES} bytes"}
-UNTRUSTED_PEER = {"fault": "only the user who started the daemon, and root, may ask it for something"}
+INVALID_COMMAND = {"fault": f"a command must be one line of JSON of at most {MAX_LINE_BYTES} bytes"}
+UNTRUSTED_PEER = {"fault": "only root and the user who started the daemon may send commands"}
 
 
 async def serve_commands(sock: socket.socket, handle_command: CommandHandler, report: FailureHandler) -> asyncio.Server:
-    """Listen; a client that fails disturbs nobody.  One connection is answered in order.
+    """Serve clients; a failing client does not affect others.  Each connection is answered in order.
 
     sock   : bound, see ``RunDirectory.bind``
-    report : told of what failed here; the client is told too
+    report : receives internal errors; the client gets an answer, too
     """
 
     async def serve_client(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        peer = Peer.of(writer.get_extra_info("socket"))
-        gone = contextlib.suppress(ConnectionError, asyncio.CancelledError)  # a client may go at any time, and we too
-        with catch_failures("control socket", report), gone:
+        peer = Peer.from_socket(writer.get_extra_info("socket"))
+        disconnect = contextlib.suppress(ConnectionError, asyncio.CancelledError)  # at any time, by either side
+        with catch_failures("control socket", report), disconnect:
             try:
                 while line := await reader.readline():
                     answer = (
                         await _answer(line, handle_command, str(peer), report) if peer.is_trusted else UNTRUSTED_PEER
                     )
                     await _write_answer(writer, answer)
-            except ValueError:  # too long; what follows is the rest of it
+            except ValueError:  # too long; the remaining bytes are not a command
                 await _write_answer(writer, INVALID_COMMAND)
         writer.close()
 
@@ -59,7 +59,7 @@ async def _answer(line: bytes, handle_command: CommandHandler, who: str, report:
     except (ValueError, RecursionError):
         return INVALID_COMMAND
     if not isinstance(command, dict):
-        return {"fault": "a command is a JSON object"}
+        return {"fault": "a command must be a JSON object"}
     with catch_failures("control socket", report):
         return await handle_command(command, who)
-    return {"fault": "the daemon failed at it: see the events"}
+    return {"fault": "internal error, see the event log"}

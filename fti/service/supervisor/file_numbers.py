@@ -7,14 +7,14 @@ from typing import Any
 
 
 class FileNumbers:
-    """The numbers that the recorders have taken, and those of the files that they have written to."""
+    """The numbers that the recorders have taken, and the numbers of the written files."""
 
     def __init__(self) -> None:
         self._taken: set[int] = set()
         self._confirmed: set[int] = set()
 
     def handle_report(self, report: Mapping[str, Any]) -> None:
-        """A report of a recorder: ``number``, and ``confirmed`` when its file is written to."""
+        """Handle a report of a recorder: ``number``, and ``confirmed`` when its file was written."""
         (self._confirmed if report["confirmed"] else self._taken).add(report["number"])
 
     @property
@@ -24,5 +24,5 @@ class FileNumbers:
 
     @property
     def skipped_numbers(self) -> list[int]:
-        """Smaller numbers of which no file is known that was written to."""
+        """Smaller numbers without a known written file."""
         return sorted(self._taken - self._confirmed)

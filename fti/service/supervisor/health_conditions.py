@@ -1,7 +1,7 @@
-"""Conditions that follow from health: what is wrong with recording, processes, links and devices.
+"""Derives alarm conditions of recording, processes, links and devices from health.
 
-What is expected is none: ports that open after the start, devices that are switched on with the computer, the end of
-the session.  Of a navigation that says nothing, or is behind, no device is judged: it may be the only one silent.
+Expected states are not conditions: ports that open after the start, devices that are switched on with the computer,
+the end of the session.  While navigation is silent or behind, devices are not assessed.
 Source: docs/alarms.md.
 """
 
@@ -14,14 +14,14 @@ from typing import Any
 from fti.alarms.condition import Condition, ConditionReport, Severity, device_id, in_title
 from fti.clock import SECOND_NS
 from fti.service.children import ProcessState
-from fti.service.supervisor.health import BEHIND_MS
+from fti.service.supervisor.health import MAX_LAG_MS
 from fti.types import LinkState
 
 Fields = Mapping[str, Any]
 
-#: So long after the start of the session, or of a new flight, a link or device that was never good is no alarm.
+#: Grace period after the start of the session or of a new flight for links and devices that were not good yet.
 START_NS = 10 * SECOND_NS
-#: States of the storage: severity and title; "opening" only where it is not the session that begins.
+#: States of the storage: severity and title; "opening" only after the start of the session.
 STORAGE: dict[str, tuple[Severity, str]] = {
     "full": (Severity.CAUTION, "STORAGE ALMOST FULL"),
     "overdue": (Severity.CAUTION, "NEXT FILE OVERDUE"),
@@ -31,25 +31,25 @@ STORAGE: dict[str, tuple[Severity, str]] = {
     "opening": (Severity.WARNING, "NOT RECORDING"),
     "error": (Severity.WARNING, "NOT RECORDING"),
 }
-#: A rate is counted over 4 s; that of a device that has just begun, or come back, is too low for so long.
+#: The rate is measured over 4 s; after a start or interruption of a device it is too low for this time.
 RATE_COUNTED_NS = 5 * SECOND_NS
 STOPPED_LINK_STATES = frozenset({LinkState.ABSENT, LinkState.DENIED, LinkState.BUSY, LinkState.SILENT})
-#: A process that was started again so often within a minute fails again.
+#: Number of restarts within a minute that is a condition.
 MIN_RESTARTS, RESTARTS_SPAN_NS = 3, 60 * SECOND_NS
-#: Space for less time than this is an alarm [s]; the rate is that of the last minute.
+#: Begin and end of the alarm about free recording time [s], at the rate of the last minute.
 SPACE_ALARM_S, SPACE_CLEAR_S = 3600.0, 4000.0
 RATE_SPAN_NS, MIN_RATE_SPAN_NS = 60 * SECOND_NS, 10 * SECOND_NS
-#: What is wrong with the daemon and its media, whatever flies.
+#: Conditions of the daemon and its media, independent of the flight.
 SYSTEM_CONDITIONS = frozenset(
     {"recording", "space", "losses", "stamps", "clock_step", "recorder", "navigation", "navigation_late"}
     | {f"storage_{state}" for state in STORAGE}
 )
-#: Of these conditions that of a device or link may be a consequence.
+#: Conditions that may cause those of links and devices.
 RECORDER_CAUSES, NAVIGATION_CAUSES = ("recording",), ("navigation", "navigation_late")
 
 
 class HealthConditions:
-    """Looks at health twice a second."""
+    """Derives conditions from each health message (twice a second)."""
 
     def __init__(self, begin_ns: int) -> None:
         self._begin_ns: int | None = begin_ns
@@ -61,20 +61,20 @@ class HealthConditions:
         self._restarts_known: dict[str, int] = {}
 
     def suppress_device_alarms(self) -> None:
-        """Until ``resume_device_alarms`` no link or device is an alarm: somebody has yet to switch them on."""
+        """Suppress conditions of links and devices until ``resume_device_alarms``: they are not switched on yet."""
         self._begin_ns = None
 
     def resume_device_alarms(self, t_ns: int) -> None:
-        """Somebody has switched all of them on."""
+        """All devices are switched on."""
         self._begin_ns, self._were_good = t_ns, set()
 
     def start_new_flight(self, t_ns: int) -> None:
-        """Another flight begins: devices may be switched off and on."""
+        """A new flight begins: devices may be switched off and on."""
         if self._begin_ns is not None:
             self.resume_device_alarms(t_ns)
 
     def reports(self, health: Fields) -> Iterator[ConditionReport]:
-        """What is wrong with each subject that the health tells of."""
+        """A report for each subject in the health message."""
         if health["session"].get("state") == "stopping":
             return
         t_ns = health["t_ns"]
@@ -83,20 +83,20 @@ class HealthConditions:
 
     def _conditions(self, health: Fields, t_ns: int) -> Iterator[tuple[str, Condition | None]]:
         yield "recording", _recording(health)
-        yield "space", self._space.judge(health["storage"], t_ns)
-        yield "navigation", self._judge_navigation(health["processes"])
+        yield "space", self._space.assess(health["storage"], t_ns)
+        yield "navigation", self._assess_navigation(health["processes"])
         yield "terrain loading", _terrain(health["navigation"])
         for name, process in health["processes"].items():
-            yield f"process {name}", self._judge_restarts(name, process, t_ns)
+            yield f"process {name}", self._assess_restarts(name, process, t_ns)
         for name, link in health["links"].items():
-            yield f"link {name}", self._judge_link(name, link, t_ns)
-        if "hint" in health["navigation"] or (health["navigation"].get("lag_ms") or 0.0) > BEHIND_MS:
-            return  # it says nothing, or nothing of now
+            yield f"link {name}", self._assess_link(name, link, t_ns)
+        if "hint" in health["navigation"] or (health["navigation"].get("lag_ms") or 0.0) > MAX_LAG_MS:
+            return  # silent, or behind
         for name, device in health["devices"].items():
             if device.get("is_known", True):
-                yield f"device {name}", self._judge_device(name, device, t_ns)
+                yield f"device {name}", self._assess_device(name, device, t_ns)
 
-    def _judge_navigation(self, processes: Fields) -> Condition | None:
+    def _assess_navigation(self, processes: Fields) -> Condition | None:
         if "navigation" not in processes:  # it runs in this process: an accelerated flight
             return None
         state = processes["navigation"]["state"]
@@ -104,13 +104,13 @@ class HealthConditions:
             self._navigation_ran = True
             return None
         if state in (ProcessState.STARTING, ProcessState.STOPPED) and not self._navigation_ran:
-            cause = "its methods are loaded, on a new machine compiled; recording already runs"
+            cause = "its code is loaded (on a new machine: compiled); recording already runs"
             return Condition("navigation_starting", Severity.ADVISORY, "NAVIGATION STARTING", cause, is_latched=False)
-        cause = f"its process is {state}; its last values are struck out, recording goes on"
+        cause = f"its process is {state}; its last values are struck out; recording continues"
         return Condition("navigation", Severity.WARNING, "NAVIGATION STOPPED", cause)
 
-    def _judge_restarts(self, name: str, process: Fields, t_ns: int) -> Condition | None:
-        """Has it been started again several times in the last minute?"""
+    def _assess_restarts(self, name: str, process: Fields, t_ns: int) -> Condition | None:
+        """The condition that a process was restarted several times in the last minute."""
         count, times = int(process.get("restarts") or 0), self._restarts.setdefault(name, deque())
         times.extend([t_ns] * (count - self._restarts_known.get(name, 0)))
         self._restarts_known[name] = count
@@ -118,18 +118,18 @@ class HealthConditions:
             times.popleft()
         if len(times) < MIN_RESTARTS:
             return None
-        cause = f"it was started again {len(times)} times in the last minute"
-        title = f"{in_title(name)} FAILS AGAIN AND AGAIN"
+        cause = f"{len(times)} restarts in the last minute"
+        title = f"{in_title(name)} FAILS REPEATEDLY"
         return Condition(f"process:{name}", Severity.CAUTION, title, cause, float(len(times)))
 
-    def _judge_link(self, name: str, link: Fields, t_ns: int) -> Condition | None:
+    def _assess_link(self, name: str, link: Fields, t_ns: int) -> Condition | None:
         state = link.get("port_state", link["state"])
         if state not in STOPPED_LINK_STATES:
             self._were_good.add(f"link:{name}")
             return None
         return self._find(f"link:{name}", f"LINK {in_title(name)} {state.upper()}", link, RECORDER_CAUSES, t_ns)
 
-    def _judge_device(self, name: str, device: Fields, t_ns: int) -> Condition | None:
+    def _assess_device(self, name: str, device: Fields, t_ns: int) -> Condition | None:
         state = device["state"]
         if state == LinkState.GOOD:
             self._were_good.add(device_id(name))
@@ -142,7 +142,7 @@ class HealthConditions:
         return self._find(device_id(name), f"DEVICE {in_title(name)} {state.upper()}", device, causes, t_ns)
 
     def _find(self, identity: str, title: str, fields: Fields, causes: tuple[str, ...], t_ns: int) -> Condition | None:
-        """The condition of a link or device that is not good; None where that is expected."""
+        """The condition of a link or device that is not good; None if that is expected."""
         if self._begin_ns is None or (identity not in self._were_good and t_ns - self._begin_ns < START_NS):
             return None
         cause = str(fields.get("hint") or "")
@@ -150,14 +150,14 @@ class HealthConditions:
 
 
 class SpaceForecast:
-    """For how long the medium has space, by the rate at which files have grown."""
+    """Forecast of the recording time that the free space allows, from the growth of the files."""
 
     def __init__(self) -> None:
         self._free: deque[tuple[int, float]] = deque()
         self._is_short = False
 
-    def judge(self, storage: Fields, t_ns: int) -> Condition | None:
-        """The condition that there is space for less than an hour; value : for so long [s]"""
+    def assess(self, storage: Fields, t_ns: int) -> Condition | None:
+        """The condition that the space lasts less than an hour; value : remaining time [s]"""
         free_mb = storage.get("free_mb")
         if not isinstance(free_mb, int | float) or storage.get("state") != "ok":
             self._free.clear()  # another medium, or none
@@ -169,19 +169,19 @@ class SpaceForecast:
         used_mb = begin_mb - free_mb
         if t_ns - begin_ns < MIN_RATE_SPAN_NS or used_mb <= 0.0:
             return None
-        left_s = free_mb / used_mb * (t_ns - begin_ns) / SECOND_NS
-        self._is_short = left_s < (SPACE_CLEAR_S if self._is_short else SPACE_ALARM_S)
+        remaining_s = free_mb / used_mb * (t_ns - begin_ns) / SECOND_NS
+        self._is_short = remaining_s < (SPACE_CLEAR_S if self._is_short else SPACE_ALARM_S)
         if not self._is_short:
             return None
         cause = f"{free_mb:.0f} MB are free, {used_mb / (t_ns - begin_ns) * SECOND_NS:.2f} MB/s are used"
-        return Condition("space", Severity.CAUTION, "SPACE FOR LESS THAN AN HOUR", cause, left_s)
+        return Condition("space", Severity.CAUTION, "SPACE FOR LESS THAN AN HOUR", cause, remaining_s)
 
 
 def find_losses(before: Fields, health: Fields) -> Iterable[Condition]:
-    """What was lost between two health messages; it happened and does not last."""
+    """Conditions for losses between two health messages."""
     counters = (
         ("dropped_frames", "losses", "DATA LOST", "frames were dropped"),
-        ("stamp_refused", "stamps", "KERNEL STAMPS REFUSED", "frames have the time at which they were read"),
+        ("stamp_refused", "stamps", "KERNEL STAMPS REFUSED", "frames have the time of the read"),
     )
     for key, name, title, text in counters:
         found = {

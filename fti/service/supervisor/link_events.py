@@ -1,4 +1,4 @@
-"""Ports that cannot be opened or have gone, as events: also for who looks at the terminal, or reads the file later."""
+"""Events about ports that cannot be opened or were lost, for the terminal and the recorded file."""
 
 from __future__ import annotations
 
@@ -7,20 +7,20 @@ from typing import Any
 
 from fti.types import LinkState
 
-#: What lasts so long is told; a device that is switched on with the computer needs a moment.
+#: A state is reported after this time; a device that is switched on with the computer needs a moment.
 MIN_DURATION_NS = 2_000_000_000
 DOWN_STATES = frozenset({LinkState.ABSENT, LinkState.DENIED, LinkState.BUSY})
 
 
 class LinkEvents:
-    """Sees the health of all links, and tells when a port's state has changed for longer than a moment."""
+    """Reports lasting changes of the port states."""
 
     def __init__(self) -> None:
         self._states: dict[str, tuple[str | None, int]] = {}
         self._reported: dict[str, str | None] = {}
 
     def update(self, links: Mapping[str, Mapping[str, Any]], now_ns: int) -> Iterator[tuple[str, str, str]]:
-        """Level, source and text of each event that is due.  links : name to health, of the time now_ns."""
+        """Level, source and text of each event that is due.  links : health by name, at now_ns."""
         for name, link in links.items():
             trouble = str(link["state"]) if link["state"] in DOWN_STATES else None
             state, since_ns = self._states.get(name, (None, now_ns))

@@ -1,4 +1,4 @@
-"""What people ask of the daemon: marks, snapshots, commands to devices, readmission of sources, acknowledgement."""
+"""Operator requests: marks, snapshots, commands to devices, readmission of sources, acknowledgement."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from fti.types import ALL_SOURCES
 
 
 class OperatorRequests:
-    """Answers people.
+    """Executes the requests of operators.
 
-    show     : hands a message to the display process, which may not be there
-    navigate : hands a message to the navigation process; False when it is not there
+    send_to_display    : sends a message to the display process, if it runs
+    send_to_navigation : sends a message to the navigation process; False if it does not run
     """
 
     def __init__(
@@ -36,16 +36,12 @@ class OperatorRequests:
         alarms: AlarmBoard,
     ) -> None:
         self._config, self._clock = config, clock
-        self._command_tracker, self._outbox, self._event_publisher, self._send_to_display = (
-            command_tracker,
-            outbox,
-            event_publisher,
-            send_to_display,
-        )
-        self._send_to_navigation, self._alarms = send_to_navigation, alarms
+        self._command_tracker, self._outbox, self._event_publisher = command_tracker, outbox, event_publisher
+        self._send_to_display, self._send_to_navigation = send_to_display, send_to_navigation
+        self._alarms = alarms
 
     async def handle_command(self, command: dict[str, Any], who: str) -> Answer:
-        """Do what came over the control socket, and say what became of it."""
+        """Execute a command of the control socket, and return the answer."""
         if isinstance(command.get("send"), dict):
             return await self._command_tracker.handle_command(command["send"], who)
         if "commands" in command:
@@ -57,43 +53,43 @@ class OperatorRequests:
         return self._mark(command, who)
 
     def on_page_message(self, message: ControlMessage) -> None:
-        """Do what the display process hands up; one that has just started is told what it shows of commands."""
+        """Execute a request of the display process; after its start, send it catalogue and recent commands."""
         if "ready" in message:
             self._send_to_display({"catalogue": self._command_tracker.catalogue.usable()})
             for command in self._command_tracker.recent():
                 self._send_to_display({"command": command})
         who = f"the page (the owner's key, {message.get('who')})"
         if "mark" in message and (fault := self._mark(message, who).get("fault")):
-            self._event_publisher.event("warning", "mark", fault)
+            self._event_publisher.publish_event("warning", "mark", fault)
         if "send" in message:
             self._command_tracker.begin(message["send"], who)
         if "acknowledge" in message:
             self._acknowledge(message["acknowledge"], who)
 
     def _acknowledge(self, alarm_id: Any, who: str) -> Answer:
-        """One alarm with its consequences, or all (None)."""
+        """Acknowledge one alarm with its consequences, or all (None)."""
         if not isinstance(alarm_id, str | None):
-            return {"fault": f"{alarm_id!r} is not the identity of an alarm"}
+            return {"fault": f"{alarm_id!r} is not an alarm id"}
         return {"acknowledged": self._alarms.acknowledge(who, alarm_id), "t_ns": self._clock.now_ns()}
 
     def _readmit(self, source: Any, who: str) -> Answer:
-        """Have navigation readmit a source of position, or all sources; an event records who commanded it."""
+        """Make navigation readmit a position source, or all sources; an event records the user."""
         sources = position_sources(self._config.nav)
         if source not in (ALL_SOURCES, *sources):
-            return {"fault": f"{source!r} is not a source of position; there are {', '.join(sources) or 'none'}"}
+            return {"fault": f"{source!r} is not a position source; configured: {', '.join(sources) or 'none'}"}
         if not self._send_to_navigation({"readmit": source}):
-            return {"fault": "navigation is being started again; repeat the command when it runs"}
+            return {"fault": "navigation is restarting; repeat the command when it runs"}
         now = self._clock.now_ns()
         if source == ALL_SOURCES:
             self._alarms.start_new_flight(who)
-        text = "all sources; navigation begins anew" if source == ALL_SOURCES else str(source)
+        text = "all sources; navigation is reset" if source == ALL_SOURCES else str(source)
         self._event_publisher.forward_event({"t_ns": now, "level": "info", "source": "readmit", "text": text}, who)
         return {"t_ns": now}
 
     def _mark(self, command: dict[str, Any], who: str) -> Answer:
         text, now = command.get("mark"), self._clock.now_ns()
         if not isinstance(text, str):
-            return {"fault": "there is no such command"}
+            return {"fault": "unknown command"}
         if command.get("trigger") and (fault := self._trigger(text, now)):
             return {"fault": fault}
         source = "trigger" if command.get("trigger") else "mark"
@@ -101,9 +97,9 @@ class OperatorRequests:
         return {"t_ns": now}
 
     def _trigger(self, text: str, t_ns: int) -> str | None:
-        """Have the snapshot written; returns why it cannot be."""
+        """Trigger the snapshot; returns the fault, or None."""
         if self._config.snapshot is None:
-            return f"{self._config.path} has no [snapshot] table, so there is nothing to trigger"
+            return f"{self._config.path} has no [snapshot] table; a trigger needs one"
         if not self._outbox.send({"trigger": text, "t_ns": t_ns}):
-            return "the recorder is being started again; the snapshot's memory is empty"
+            return "the recorder is restarting; the snapshot memory is empty"
         return None

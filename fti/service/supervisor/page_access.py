@@ -1,10 +1,10 @@
-"""Who may command from the page: whoever has the key of this start, which only the owner of the daemon can read.
+"""Access to the page: commands need the key of this start, which only the owner of the daemon can read.
 
-Any user of the machine can open a port of loopback, so the page shows itself to everybody and takes marks and commands
-only with the key.  The supervisor makes one for each start of the display and hands it over the control channel
-(command line and environment are no place for it), and to the owner in the run directory: in ``fti.json`` and in
-``page.html``, which leads a browser to the address with the key.  The key stands behind a ``#``, which a browser does
-not send.
+Any user of the machine can open a port on loopback, so the page is visible to all users and accepts marks and commands
+only with the key.  The supervisor creates a key for each start of the display and sends it over the control channel
+(command line and environment are readable by others), and publishes it to the owner in the run directory: in
+``fti.json`` and in ``page.html``, which redirects a browser to the address with the key.  The key follows a ``#``: a
+browser does not send that part.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ KEY_BYTES = 32
 class PageAccess:
     """The addresses of the page.
 
-    address  : of loopback; shows_key : the line for the user has the key, since it goes to his terminal alone
+    address  : of loopback; shows_key : the announcement has the key; only for a terminal
     """
 
     def __init__(self, address: str, *, shows_key: bool) -> None:
@@ -26,7 +26,7 @@ class PageAccess:
         self.key = secrets.token_urlsafe(KEY_BYTES)
 
     def forget(self) -> None:
-        """The display has gone: another program may have its port, and pages that are open send it the key."""
+        """The display has ended: replace the key, since open pages may send it to another program on that port."""
         self._port = None
         self.key = secrets.token_urlsafe(KEY_BYTES)
 
@@ -36,12 +36,12 @@ class PageAccess:
 
     @property
     def url(self) -> str | None:
-        """The page for everybody, which only shows; None until it is served."""
+        """Address of the read-only page; None until it is served."""
         return None if self._port is None else f"http://{self._address}:{self._port}/"
 
     @property
     def owner_url(self) -> str | None:
-        """The page with the key."""
+        """Address with the key."""
         return self.url and f"{self.url}#key={self.key}"
 
     @property

@@ -1,8 +1,8 @@
-"""The supervisor: reads the configuration once, starts and watches the three processes, tells everybody how it goes.
+"""The supervisor: starts and monitors the other processes, publishes health, events and alarms.
 
-It touches no device and decodes nothing.  The end goes in this order: readers stop, kernel queues drained, buffers
-flushed, raw file closed, ring ended (all in the recorder); navigation empties the ring and closes the derived file;
-the display; the supervisor.  A second interrupt shortens what comes after the raw file, never what comes before.
+It opens no device and decodes nothing.  Shutdown sequence: sending stops, kernel queues are drained, readers stop,
+buffers are written, raw file closed, ring ended (all in the recorder); navigation empties the ring and closes the
+derived file; the display ends; the supervisor ends.  A second interrupt shortens only the steps after the raw file.
 """
 
 from __future__ import annotations
@@ -56,9 +56,9 @@ ZENOH = "zenoh"
 class Supervisor:
     """One session of the daemon.
 
-    recorder  : the child that was spawned before the configuration was read; announce : gets each line for the user
-    shows_key : the line with the page's address has the key to command from it
-    failed    : the recorder could not start; loss : after ``run``: what was not recorded, None when everything was
+    recorder  : the child that was spawned before the configuration was read; announce : shows a line to the user
+    shows_key : the announced address of the page has the command key
+    failed    : the recorder could not start; loss : after ``run``: description of the lost data, or None
     """
 
     def __init__(
@@ -77,16 +77,16 @@ class Supervisor:
         self._validated_config = ValidatedConfig(config, epoch_ns)
         self._loop = asyncio.get_running_loop()
         self._stop = asyncio.Event()
-        self.recording = asyncio.Event()
+        self.recording_started = asyncio.Event()
         self.failed = False
         self.loss: str | None = None
-        self.displayed = asyncio.Event()
+        self.display_ready = asyncio.Event()
         self._page = PageAccess(config.display.address, shows_key=shows_key)
         self._zenoh_port = choose_port(config.bus.port) if config.bus.enabled else None
         self._run_dir = run_directory.make(config.session.name, run_dir)
         self._hub = Hub(self._run_dir.path / SOCKET_NAME, self._warn_of_bus)
-        self._places = SessionStorage(config.session, self._clock.now_ns(), announce)
-        self.folder = self._places.folder
+        self._session_storage = SessionStorage(config.session, self._clock.now_ns(), announce)
+        self.folder = self._session_storage.folder
         self._ring = Ring.create(ring_size(config.link))
         self._children = self._make_children(recorder)
         self._board = HealthBoard(self._describe_session())
@@ -96,8 +96,8 @@ class Supervisor:
         self._terrain_retry = TerrainRetry()
         self._without_terrain: str | None = None
         self._refusals: tuple[dict[str, Any], ...] = ()  # of sources by navigation
-        self._event_publisher = EventPublisher(self._clock, self._hub.publish, announce, self._outbox.note)
-        self._alarms = AlarmBoard(self._clock, self._hub.publish, self._outbox.note, self._oldest_waiting_ns)
+        self._event_publisher = EventPublisher(self._clock, self._hub.publish, announce, self._outbox.add_note)
+        self._alarms = AlarmBoard(self._clock, self._hub.publish, self._outbox.add_note, self._oldest_waiting_ns)
         self._command_tracker = self._make_command_tracker()
         self._operator_requests = OperatorRequests(
             config,
@@ -112,12 +112,14 @@ class Supervisor:
         self._child_monitor = ChildMonitor(
             self._children,
             on_message=self._on_message,
-            started=self._on_started,
-            died=self._on_died,
+            on_start=self._on_start,
+            on_exit=self._on_exit,
             report=self._event_publisher.report,
         )
         self._watchdog = self._make_watchdog(recorder)
-        self._shutdown = SessionShutdown(self._children, self._child_monitor, self._ring, self._places, announce)
+        self._shutdown = SessionShutdown(
+            self._children, self._child_monitor, self._ring, self._session_storage, announce
+        )
 
     def _describe_session(self) -> dict[str, Any]:
         session = self._config.session
@@ -135,7 +137,7 @@ class Supervisor:
             CommandCatalogue(self._config, self._validated_config.devices),
             self._clock,
             send=self._outbox.send,
-            tell=lambda level, text: self._event_publisher.event(level, "command", text),
+            report_event=lambda level, text: self._event_publisher.publish_event(level, "command", text),
             changed=lambda command: self._send_to_display({"command": command}),
             delay_reason=self._board.answer_delay_reason,
         )
@@ -145,28 +147,28 @@ class Supervisor:
             recorder,
             self._outbox,
             progress=lambda: self._ring.next_seq,
-            report_event=self._event_publisher.event,
+            report_event=self._event_publisher.publish_event,
             is_ending=lambda: self._child_monitor.stopping,
             report=self._event_publisher.report,
         )
 
     def _make_children(self, recorder: Child) -> list[Child]:
-        config, places, bus = self._config, self._places.all, self._hub.path
-        recorder.startup, recorder.ring_fds = self._validated_config.recorder_startup(places), self._ring.fds
-        made = [
+        config, targets, bus = self._config, self._session_storage.all, self._hub.path
+        recorder.startup, recorder.ring_fds = self._validated_config.recorder_startup(targets), self._ring.fds
+        children = [
             recorder,
-            Child(NAVIGATION, self._validated_config.navigation_startup(places, bus), self._ring.fds),
+            Child(NAVIGATION, self._validated_config.navigation_startup(targets, bus), self._ring.fds),
         ]
         if config.display.enabled:
-            made.append(Child(DISPLAY, arguments=("--bus", str(bus), "--port", str(config.display.port))))
+            children.append(Child(DISPLAY, arguments=("--bus", str(bus), "--port", str(config.display.port))))
         if self._zenoh_port is not None:
             where = ("--bus", str(bus), "--session", config.session.name, "--port", str(self._zenoh_port))
-            made.append(Child(ZENOH, arguments=(*where, "--epoch-ns", str(self._clock.epoch_ns))))
-        return made
+            children.append(Child(ZENOH, arguments=(*where, "--epoch-ns", str(self._clock.epoch_ns))))
+        return children
 
     def _warn_of_bus(self, text: str) -> None:
         """Called by the thread of the hub."""
-        self._loop.call_soon_threadsafe(self._event_publisher.event, "warning", "bus", text)
+        self._loop.call_soon_threadsafe(self._event_publisher.publish_event, "warning", "bus", text)
 
     def _child(self, name: str) -> Child | None:
         return next((child for child in self._children if child.name == name), None)
@@ -175,31 +177,31 @@ class Supervisor:
 
     @property
     def run_dir(self) -> Path:
-        """Where ``watch``, ``mark``, ``send`` and ``page`` find this daemon."""
+        """Path where ``watch``, ``mark``, ``send`` and ``page`` find this daemon."""
         return self._run_dir.path
 
     def stop(self) -> None:
-        """End the session in good order; called again, shorten what comes after the raw file."""
+        """End the session; a second call shortens the steps after the raw file."""
         (self._shutdown.hurry_requested if self._stop.is_set() else self._stop).set()
 
     def suppress_sensor_alarms(self) -> None:
-        """The caller starts the sensors, or has ended them: none is missed until ``resume_sensor_alarms``."""
+        """Suppress sensor alarms until ``resume_sensor_alarms``: the caller starts or has stopped the sensors."""
         self._alarms.suppress_device_alarms()
 
     def resume_sensor_alarms(self) -> None:
-        """The sensors are there: one that is silent is an alarm after the usual time."""
+        """The sensors run: a silent one is an alarm after the usual time."""
         self._alarms.resume_device_alarms()
 
     def expect_end(self) -> None:
-        """The sensors end before the session does: that is no alarm."""
+        """Suppress alarms at the end: the sensors stop before the session."""
         self._alarms.end()
 
     async def readmit_all(self, who: str) -> None:
-        """Have navigation begin anew: what comes next is another flight."""
+        """Reset navigation for a new flight."""
         await self._operator_requests.handle_command({"readmit": ALL_SOURCES}, who)
 
     async def run(self, duration_s: float | None = None) -> None:
-        """Record until stopped, or for a duration [s] counted from the first recorded moment."""
+        """Record until stopped, or for a duration [s] from the start of the recording."""
         try:
             commands = await serve_commands(
                 self._run_dir.bind(), self._operator_requests.handle_command, self._event_publisher.report
@@ -213,25 +215,25 @@ class Supervisor:
 
     async def _record(self, duration_s: float | None) -> None:
         if wrong := describe_wrong_time():
-            self._event_publisher.event("warning", "clock", wrong)
+            self._event_publisher.publish_event("warning", "clock", wrong)
         self._child_monitor.start(self._children[0])
-        watching = asyncio.create_task(self._child_monitor.watch(), name="watch")
+        monitoring = asyncio.create_task(self._child_monitor.watch(), name="watch")
         watchdog = asyncio.create_task(self._watchdog.run(), name="watchdog")
-        telling = asyncio.create_task(self._publish_health(), name="health")
-        looking = asyncio.create_task(self._check_navigation_latency(), name="lateness")
+        publishing = asyncio.create_task(self._publish_health(), name="health")
+        checking = asyncio.create_task(self._check_navigation_latency(), name="lateness")
         closing = asyncio.create_task(
-            self._shutdown.close_killed_sessions(self.recording, self._event_publisher), name="repair"
+            self._shutdown.close_killed_sessions(self.recording_started, self._event_publisher), name="repair"
         )
         try:
             await self._wait_for_end(duration_s)
         finally:
             await self._end()
             await self._finish_repair(closing)
-            await self._cancel(watching, watchdog, telling, looking)
+            await self._cancel(monitoring, watchdog, publishing, checking)
 
     async def _wait_for_end(self, duration_s: float | None) -> None:
         stopping = asyncio.create_task(self._stop.wait(), name="stop")
-        recording = asyncio.create_task(self.recording.wait(), name="recording")
+        recording = asyncio.create_task(self.recording_started.wait(), name="recording")
         await asyncio.wait([stopping, recording], return_when=asyncio.FIRST_COMPLETED)
         await asyncio.wait([stopping], timeout=duration_s)
         await self._cancel(stopping, recording)
@@ -241,35 +243,35 @@ class Supervisor:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
 
-    def _on_started(self, child: Child) -> None:
+    def _on_start(self, child: Child) -> None:
         if child.name == RECORDER:
             self._outbox.resume()
         elif child.name == DISPLAY:
             self._send_to_display({"key": self._page.key})
 
-    def _on_died(self, child: Child, code: int) -> None:
+    def _on_exit(self, child: Child, code: int) -> None:
         if self._child_monitor.stopping:
             return
         if child.name in (RECORDER, NAVIGATION):
             self._command_tracker.on_child_ended(child.name)
         if child.name == RECORDER:
             self._alarms.on_recorder_replaced(child_shutdown.describe_restart(child, code))
-            self._result.add_dead_recorder(self._board.recorder)
+            self._result.add_killed_recorder(self._board.recorder)
             numbers = self._file_numbers
             child.startup = self._validated_config.recorder_startup(
-                self._places.all, numbers.next, numbers.skipped_numbers
+                self._session_storage.all, numbers.next, numbers.skipped_numbers
             )
         if child.name == NAVIGATION:
             self._without_terrain = self._terrain_retry.on_exit() or self._without_terrain
             child.startup = self._validated_config.navigation_startup(
-                self._places.all, self._hub.path, self._without_terrain, self._refusals
+                self._session_storage.all, self._hub.path, self._without_terrain, self._refusals
             )
         if child.name == DISPLAY:
             self._page.forget()
             self._publish_info()
-        self._event_publisher.event("error", child.name, child_shutdown.describe_restart(child, code))
-        if child.name == RECORDER and not self.recording.is_set() and child.restarts >= MAX_STARTS:
-            self.failed = True  # a recorder that never begins is the one thing that cannot be cured by trying on
+        self._event_publisher.publish_event("error", child.name, child_shutdown.describe_restart(child, code))
+        if child.name == RECORDER and not self.recording_started.is_set() and child.restarts >= MAX_STARTS:
+            self.failed = True  # a recorder that cannot start is the only failure without retry
             self.stop()
 
     def _on_message(self, child: Child, message: ControlMessage) -> None:
@@ -288,9 +290,9 @@ class Supervisor:
             self._page.on_port(message["port"])
             self._announce(self._page.announcement)
             self._publish_info()
-            self.displayed.set()
+            self.display_ready.set()
         if child.name == DISPLAY and "fault" in message:
-            self._event_publisher.event("error", DISPLAY, str(message["fault"]))
+            self._event_publisher.publish_event("error", DISPLAY, str(message["fault"]))
         self._on_event_message(message)
         if "sent" in message:
             self._command_tracker.on_sent(message["sent"])
@@ -303,7 +305,7 @@ class Supervisor:
             self._shutdown.recorded.set()
 
     def _on_event_message(self, message: ControlMessage) -> None:
-        """Events, and what can become an alarm."""
+        """Handle events and alarm reports."""
         if "event" in message:
             self._event_publisher.forward_event(message["event"])
         if "alarm" in message:
@@ -323,15 +325,15 @@ class Supervisor:
 
     def _on_ready(self, child: Child, fault: str | None) -> None:
         child.state = ProcessState.RUNNING
-        if child.name == RECORDER and fault and not self.recording.is_set():
+        if child.name == RECORDER and fault and not self.recording_started.is_set():
             self._announce(f"error: storage: {fault}")
             self.failed = True
             self.stop()
-        elif child.name == RECORDER and not self.recording.is_set():
-            self.recording.set()
+        elif child.name == RECORDER and not self.recording_started.is_set():
+            self.recording_started.set()
             self._announce(f"recording to {self.folder.path}")
             if self._config.session.mode == "snapshot":
-                self._event_publisher.event(
+                self._event_publisher.publish_event(
                     "warning", "session", "mode snapshot: frames are recorded on a trigger only"
                 )
             self._publish_info()
@@ -353,17 +355,17 @@ class Supervisor:
         self._run_dir.publish(info)
 
     async def _publish_health(self) -> None:
-        turn = 0
+        cycle = 0
         while True:
             with catch_failures("health", self._event_publisher.report):
                 health = self._board.compose(self._clock.now_ns(), self._children)
-                self._event_publisher.health(health, record=turn % 2 == 0)
+                self._event_publisher.health(health, record=cycle % 2 == 0)
                 self._alarms.handle_health(health)
-            turn += 1
+            cycle += 1
             await asyncio.sleep(HEALTH_PERIOD_S)
 
     def _oldest_waiting_ns(self) -> int | None:
-        """When the oldest frame arrived that navigation has not finished [ns]."""
+        """Arrival time of the oldest frame that navigation has not finished [ns]."""
         return self._ring.oldest_waiting_ns if self._ring.reader_state().position else NO_FRAME_TAKEN
 
     async def _check_navigation_latency(self) -> None:
@@ -384,8 +386,8 @@ class Supervisor:
             self._announce(save_ledger(ledger, self.folder.name, self._run_dir.path))
 
     async def _finish_repair(self, closing: asyncio.Task[None]) -> None:
-        """A file that is being closed is closed to its end; who is in a hurry leaves the others to the next start."""
-        if not self.recording.is_set():
+        """Wait for the repair of old sessions; a hurried shutdown leaves further files to the next start."""
+        if not self.recording_started.is_set():
             await self._cancel(closing)
         else:
             await closing

@@ -1,4 +1,4 @@
-"""Whether everything that arrived in a session was recorded, and the sentence that says how much was not."""
+"""Determines whether a session was recorded completely, and describes the loss."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ Account = Mapping[str, Any]
 
 @dataclass(slots=True)
 class _Count:
-    """Frames that arrived or were sent; of these, frames and bytes that are in no file."""
+    """Frames received or sent; the frames and bytes among them that are in no file."""
 
-    came: int = 0
+    total: int = 0
     lost: int = 0
     lost_bytes: int = 0
 
     def add(self, account: Account, *, held_is_lost: bool) -> None:
-        self.came += account["in_frames"]
+        self.total += account["in_frames"]
         parts = [account["dropped"].get(reason, {"frames": 0, "bytes": 0}) for reason in STORAGE_REASONS]
         if held_is_lost:
             parts.append({"frames": account["held_frames"], "bytes": account["held_bytes"]})
@@ -34,7 +34,7 @@ class _Count:
 
 
 class SessionResult:
-    """Adds up what the recorders of a session could not record because no medium took it."""
+    """Adds up the frames that the recorders of a session could not write to a medium."""
 
     def __init__(self) -> None:
         self._frames = _Count()
@@ -44,10 +44,10 @@ class SessionResult:
         self._counted: Mapping[str, Any] | None = None
         self.unrecorded_ledger: Mapping[str, Any] | None = None
 
-    def add_dead_recorder(self, health: Mapping[str, Any]) -> None:
-        """Count the losses of a recorder that died.  health : its last one; counted once.
+    def add_killed_recorder(self, health: Mapping[str, Any]) -> None:
+        """Count the losses of a recorder that died.  health : its last report; counted once
 
-        Frames that it held are counted only when no storage took them: otherwise they may be in the file.
+        Held frames are counted only if no storage target worked; otherwise they may be in the file.
         """
         if health is self._counted:
             return
@@ -56,10 +56,10 @@ class SessionResult:
         self._add_links((link["ledger"] for link in health.get("links", {}).values()), held_is_lost=refused)
 
     def handle_report(self, report: Mapping[str, Any]) -> None:
-        """The last report of the recorder that has stopped.
+        """Handle the last report of the recorder that has stopped.
 
-        ledger : its last one; ledger_recorded : the ledger is in a file; fault : why a file could not be closed, or
-        None; unsafe_frames, unsafe_bytes : written to a medium that failed afterwards, and nowhere else
+        ledger : the last ledger; ledger_recorded : it is in a file; fault : why a file could not be closed, or None
+        unsafe_frames, unsafe_bytes : written to a medium that failed afterwards, and nowhere else
         """
         self._finished = True
         ledger = report["ledger"]
@@ -76,24 +76,24 @@ class SessionResult:
             self._frames.add(account["sent"], held_is_lost=held_is_lost)
 
     def describe_loss(self, folder: Path) -> str | None:
-        """What is missing in the recording, in a sentence; None when everything was recorded."""
+        """A sentence about the missing data; None when everything was recorded."""
         if not self._finished:
-            return f"{folder}: not everything may be recorded: the recorder ended before it had closed its files"
+            return f"{folder}: the recording may be incomplete: the recorder ended before it closed its files"
         frames = self._frames
         reason = self._fault or "the medium did not take them in time"
-        if frames.lost and frames.lost == frames.came:
-            return f"{folder}: nothing was recorded: all {frames.came} frames are lost: {reason}"
+        if frames.lost and frames.lost == frames.total:
+            return f"{folder}: nothing was recorded: all {frames.total} frames are lost: {reason}"
         if frames.lost:
-            size = f"{frames.lost} of {frames.came} frames ({frames.lost_bytes} bytes) are lost"
+            size = f"{frames.lost} of {frames.total} frames ({frames.lost_bytes} bytes) are lost"
             return f"{folder}: not everything was recorded: {size}: {reason}"
         if self._fault or self._ticks.lost or self.unrecorded_ledger:
-            left = "all frames of the links are in the files" if frames.came else "no frame arrived"
-            return f"{folder}: not everything was recorded: {left}, but not all ticks and notes: {reason}"
+            rest = "all frames of the links are in the files" if frames.total else "no frame arrived"
+            return f"{folder}: not everything was recorded: {rest}, but not all ticks and notes: {reason}"
         return None
 
 
 def save_ledger(ledger: Mapping[str, Any], session: str, run_dir: Path) -> str:
-    """Keep a ledger that no storage target took: in the run directory, or else in the text that is returned."""
+    """Save a ledger that no storage target accepted: in the run directory, otherwise in the returned text."""
     text = json.dumps(ledger, separators=(",", ":"))
     path = run_dir / f"{session}_ledger.json"
     try:

@@ -1,4 +1,4 @@
-"""Where a session can be recorded: its folder is made on the main medium, or else on the fallback."""
+"""Storage of a session: creates its folder on the main medium, or else on the fallback."""
 
 from __future__ import annotations
 
@@ -18,22 +18,22 @@ from fti.service.supervisor.event_publisher import Announce
 
 
 class RepairNotice(NamedTuple):
-    """What is to be known of a file that was closed, or left alone.  level : warning or error"""
+    """A message about a repaired file, or a file that could not be repaired.  level : warning or error"""
 
     level: str
     text: str
 
 
 class SessionStorage:
-    """The places of one session, the main one first, and the folder that was made for it.
+    """The storage targets of a session, the main one first, and the folder created for it.
 
-    Raises StorageError when neither directory can hold it, ConfigError when both are the same.
+    Raises StorageError when neither directory can be used, ConfigError when both are the same.
     """
 
     def __init__(self, session: Session, started_ns: int, announce: Announce) -> None:
         self.directories = [Path(text).absolute() for text in (session.directory, session.fallback) if text]
         if len({directory.resolve() for directory in self.directories}) < len(self.directories):
-            raise ConfigError(f"session.fallback = {session.fallback!r}: is session.directory itself")
+            raise ConfigError(f"session.fallback = {session.fallback!r}: must differ from session.directory")
         self._announce = announce
         set_file_mode(int(session.file_mode, 8))
         self.folder = self._make(session.name, started_ns)
@@ -52,13 +52,13 @@ class SessionStorage:
 
     @property
     def folders(self) -> list[Path]:
-        """The session's folder at each place, there or not."""
-        return [place.folder for place in self.all]
+        """The session's folder at each target, whether it exists or not."""
+        return [target.folder for target in self.all]
 
-    def close_others(self, should_continue: Callable[[], bool]) -> list[RepairNotice]:
-        """Close what killed sessions left open beside this one; ``should_continue`` is asked before each file.
+    def close_killed_sessions(self, should_continue: Callable[[], bool]) -> list[RepairNotice]:
+        """Close open files of killed sessions in the same directories; ``should_continue`` is called before each file.
 
-        Returns what is not whole, or was left alone.
+        Returns notices about incomplete files, and about files that could not be closed.
         """
         closed = [
             found
@@ -66,17 +66,17 @@ class SessionStorage:
             for found in close_unfinished.close_all(directory, in_use=self.folders, should_continue=should_continue)
         ]
         for folder, count in Counter(c.path.parent for c in closed if not c.fault).items():
-            self._announce(f"closed {count} files of {folder}, which a killed session had left open")
+            self._announce(f"closed {count} files in {folder}, left open by a killed session")
         return _notices(closed)
 
     def close_files(self, healthy_folders: Sequence[Path]) -> list[RepairNotice]:
-        """Close what a killed child left open in those folders; folders that hold nothing go."""
-        remarks = []
+        """Close open files of killed children in these folders; remove empty folders."""
+        notices = []
         for folder in healthy_folders:
-            remarks += _notices(close_unfinished.close_session(folder))
+            notices += _notices(close_unfinished.close_session(folder))
             with contextlib.suppress(OSError):
                 folder.rmdir()
-        return remarks
+        return notices
 
 
 def _notices(closed: Sequence[close_unfinished.CloseResult]) -> list[RepairNotice]:

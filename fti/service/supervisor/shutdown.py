@@ -1,4 +1,4 @@
-"""The end of a session: recorder, navigation, display, and what was left open by others and by our own dead."""
+"""Shutdown of a session: ends the children, and closes files of killed sessions and killed children."""
 
 from __future__ import annotations
 
@@ -18,29 +18,34 @@ from fti.service.supervisor.session_storage import SessionStorage
 
 NAVIGATION_END_S = 20.0
 DISPLAY_END_S = 3.0
-#: States of the storage in which a place may hold whoever looks at it.
+#: States of the storage in which a storage target may block every access.
 UNHEALTHY_STATES = ("opening", "slow", "gone", "fallback", "error")
 
 
 class SessionShutdown:
-    """Ends the children in good order; ``hurry_requested`` shortens what comes after the raw file, never what comes before.
+    """Ends the children in order; ``hurry_requested`` shortens only the steps after the raw file.
 
-    children : recorder, navigation, and the display if there is one; recorded : the recorder has said that it stopped
+    children : recorder, navigation, and the optional processes; recorded : the recorder has reported its stop
     """
 
     def __init__(
-        self, children: list[Child], child_monitor: ChildMonitor, ring: Ring, places: SessionStorage, announce: Announce
+        self,
+        children: list[Child],
+        child_monitor: ChildMonitor,
+        ring: Ring,
+        session_storage: SessionStorage,
+        announce: Announce,
     ) -> None:
         self.hurry_requested = asyncio.Event()
         self.recorded = asyncio.Event()
         self._children = children
         self._child_monitor = child_monitor
         self._ring = ring
-        self._places = places
+        self._session_storage = session_storage
         self._announce = announce
 
     async def end_children(self) -> None:
-        """Recorder, navigation, display; nobody is started again any more."""
+        """End recorder, navigation and display; no child is restarted."""
         self._child_monitor.stopping = True
         recorder, navigation, *display = self._children
         await self._end_recorder(recorder)
@@ -51,14 +56,14 @@ class SessionShutdown:
             await self._end_child(child, {"stop": True}, DISPLAY_END_S)
 
     async def _end_recorder(self, recorder: Child) -> None:
-        """However long it takes: what the buffers hold must come to the medium."""
+        """End the recorder without a timeout: its buffers must be written."""
         if recorder.channel:
             recorder.channel.send({"stop": True})
         code = await child_shutdown.await_recorder(recorder, self.recorded, self._announce)
         self._child_monitor.drain_messages(recorder)
         if code:
             self._announce(
-                f"error: recorder: ended with {child_shutdown.describe_exit(code)} before it had closed its files"
+                f"error: recorder: ended with {child_shutdown.describe_exit(code)} before it closed its files"
             )
         if not self.recorded.is_set():
             self._ring.end()
@@ -71,24 +76,24 @@ class SessionShutdown:
         self._child_monitor.drain_messages(child)
 
     async def close_killed_sessions(self, recording: asyncio.Event, event_publisher: EventPublisher) -> None:
-        """Those of other starts.  Not before this session records."""
+        """Close files of sessions of earlier starts, after this session records."""
         await recording.wait()
         with catch_failures("repair", event_publisher.report):
             for level, text in await asyncio.to_thread(
-                self._places.close_others, lambda: not self.hurry_requested.is_set()
+                self._session_storage.close_killed_sessions, lambda: not self.hurry_requested.is_set()
             ):
-                event_publisher.event(level, "repair", text)
+                event_publisher.publish_event(level, "repair", text)
 
     def close_own_files(self, storage: Mapping[str, Any]) -> None:
-        """What a killed child left open, where the medium is well; a session that has not begun leaves nothing.
+        """Close open files of killed children on working media; remove the folder of a session that did not begin.
 
-        storage : what the recorder said last of its storage
+        storage : last storage health of the recorder
         """
-        healthy_folders = self._places.folders
+        healthy_folders = self._session_storage.folders
         if storage.get("state") in UNHEALTHY_STATES:
             healthy_folders = [folder for folder in healthy_folders if folder == Path(storage["file"] or "").parent]
         with catch_failures("repair", self._report_to_user):
-            for level, text in self._places.close_files(healthy_folders):
+            for level, text in self._session_storage.close_files(healthy_folders):
                 self._announce(f"{level}: repair: {text}")
 
     def _report_to_user(self, unit: str, error: Exception) -> None:

@@ -1,4 +1,4 @@
-"""Before anything is created: the configuration validated with everything that it names, and the orders made."""
+"""Validates the configuration with all files it names, before anything is created; makes the startup messages."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from fti.service.startup import LinkStartup, NavigationStartup, RecorderStartup
 
 
 class ValidatedConfig:
-    """The configuration, validated with everything that it names.  Raises ConfigError or MissingError.
+    """The configuration, validated with all files it names.  Raises ConfigError or MissingError.
 
     devices : with their drivers and checked options
     """
@@ -46,12 +46,12 @@ class ValidatedConfig:
             _check_link(config, link)
 
     def recorder_startup(
-        self, places: Sequence[StorageTarget], first_number: int = 0, skipped_numbers: Sequence[int] = ()
+        self, targets: Sequence[StorageTarget], first_number: int = 0, skipped_numbers: Sequence[int] = ()
     ) -> bytes:
-        """The order of the recorder.  places : the main one first; first_number, given_up : see ``RecorderStartup``."""
+        """Startup message of the recorder.  targets : the main one first; the others: see ``RecorderStartup``"""
         startup = RecorderStartup(
             config=self._config,
-            **_storage(places),
+            **_storage(targets),
             first_number=first_number,
             skipped_numbers=tuple(skipped_numbers),
             epoch_ns=self._epoch_ns,
@@ -63,18 +63,18 @@ class ValidatedConfig:
 
     def navigation_startup(
         self,
-        places: Sequence[StorageTarget],
+        targets: Sequence[StorageTarget],
         bus: Path,
         without_terrain: str | None = None,
         refusals: tuple[dict[str, Any], ...] = (),
     ) -> bytes:
-        """The order of navigation.
+        """Startup message of navigation.
 
-        bus : its socket;  without_terrain : why it is not to load its terrain;  refusals : it begins with them
+        bus : its socket;  without_terrain : reason for not loading the terrain;  refusals : initial refusals
         """
         startup = NavigationStartup(
             config=self._config,
-            **_storage(places),
+            **_storage(targets),
             epoch_ns=self._epoch_ns,
             texts=self._texts,
             bus=str(bus),
@@ -93,7 +93,7 @@ class ValidatedConfig:
         )
 
     def _attachments(self) -> dict[str, str]:
-        """The configuration and every file that it names, so that a session can be understood by itself."""
+        """The configuration and all files it names, so that a session is self-contained."""
         return {CONFIG_ATTACHMENT: self._config.text, **self._texts}
 
     def _metadata(self) -> dict[str, str]:
@@ -111,14 +111,14 @@ class ValidatedConfig:
         }
 
 
-def _storage(places: Sequence[StorageTarget]) -> dict[str, Any]:
-    folders = [str(place.folder) for place in places]
+def _storage(targets: Sequence[StorageTarget]) -> dict[str, Any]:
+    folders = [str(target.folder) for target in targets]
     fallback = folders[1] if len(folders) > 1 else None
-    return {"folder": folders[0], "fallback": fallback, "mounts": tuple(str(place.mount) for place in places)}
+    return {"folder": folders[0], "fallback": fallback, "mounts": tuple(str(target.mount) for target in targets)}
 
 
 def _check_link(config: Config, link: Link) -> None:
-    """A link that can never work is an error of the configuration, not of the recorder."""
+    """Report a link that cannot work as an error of the configuration."""
     try:
         open_link(link, FakeClock(), lambda frames, times_ns: None)
     except ConfigError as error:
@@ -126,7 +126,7 @@ def _check_link(config: Config, link: Link) -> None:
 
 
 def _processor() -> str:
-    """Model of the processor: outputs repeat bit for bit on the same one."""
+    """Model of the processor; outputs are bit-identical only on the same model."""
     try:
         lines = Path("/proc/cpuinfo").read_text().splitlines()
     except OSError:

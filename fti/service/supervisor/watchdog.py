@@ -1,8 +1,8 @@
-"""Watchdog of the recorder: one that has not moved for 3 s while the supervisor did is killed; its stand-in takes over.
+"""Watchdog of the recorder: without progress for 3 s it is killed, and its standby process takes over.
 
-The heartbeat is the number of the newest frame in the ring: a tick is added every 20 ms, whatever the links and the
-medium do, and nothing can block reading it.  Time counts only as far as the supervisor's own turns came in time: when
-the whole machine stood still (suspended, a paused virtual machine, all processes stopped), nobody is to blame.
+The heartbeat is the sequence number of the newest frame in the ring: a tick is added every 20 ms, independent of links
+and media, and nothing can block reading it.  Time counts only while the supervisor's own cycles come in time: during a
+standstill of the whole machine (suspend, paused virtual machine, all processes stopped) it does not.
 """
 
 from __future__ import annotations
@@ -14,70 +14,70 @@ from typing import Protocol
 from fti.service.fault_guard import FailureHandler, catch_failures
 
 PERIOD_S = 0.1
-#: A turn of the supervisor that comes later than this counts as this long [s].
-MAX_TURN_S = 0.2
-#: A recorder that does not move for so long is killed [s].
+#: Longer cycles of the supervisor count as this long [s].
+MAX_CYCLE_S = 0.2
+#: A recorder without progress for this time is killed [s].
 MAX_STALL_S = 3.0
-#: So long it may take from its order to its first tick [s].
+#: Maximum time from the start to the first tick [s].
 MAX_START_S = 30.0
-#: From then on, notes wait for a recorder that moves: what a stopped one has been sent dies with it [s].
+#: After this time without progress, notes are queued: notes sent to a stopped recorder would be lost with it [s].
 PAUSE_NOTES_S = 0.3
 
 
 class MonitoredProcess(Protocol):
-    """What the watchdog needs of the recorder's process."""
+    """The recorder's process, as the watchdog uses it."""
 
     @property
     def pid(self) -> int | None:
         """Process number while it runs."""
 
     def kill(self) -> None:
-        """End it now."""
+        """Kill the process."""
 
 
 class PausableQueue(Protocol):
-    """The notes for the recorder."""
+    """The queue of the notes for the recorder."""
 
     def pause(self) -> None:
-        """Keep them for the moment."""
+        """Queue the notes."""
 
     def resume(self) -> None:
-        """Hand them over."""
+        """Send the queued notes."""
 
 
 class StallTimer:
-    """For how long a process has not moved.  moved : it has, since it was started"""
+    """Time without progress of a process.  has_moved : it has made progress since its start"""
 
     def __init__(self) -> None:
-        self.moved = False
+        self.has_moved = False
         self.seconds = 0.0
         self._pid: int | None = None
         self._progress = 0
-        self._turn_s: float | None = None
+        self._cycle_s: float | None = None
 
     def observe(self, now_s: float, pid: int | None, progress: int) -> None:
-        """One turn of the observer, at a time of the monotonic clock [s]."""
-        turn_s = min(now_s - self._turn_s, MAX_TURN_S) if self._turn_s is not None else 0.0
-        self._turn_s = now_s
+        """One cycle, at a time of the monotonic clock [s]."""
+        cycle_s = min(now_s - self._cycle_s, MAX_CYCLE_S) if self._cycle_s is not None else 0.0
+        self._cycle_s = now_s
         if pid != self._pid:
-            self._pid, self.moved, self.seconds = pid, False, 0.0
+            self._pid, self.has_moved, self.seconds = pid, False, 0.0
         elif progress != self._progress:
-            self.moved, self.seconds = True, 0.0
+            self.has_moved, self.seconds = True, 0.0
         else:
-            self.seconds += turn_s
+            self.seconds += cycle_s
         self._progress = progress
 
     @property
     def is_too_long(self) -> bool:
-        """It does not move any more, or has never begun to."""
-        return self._pid is not None and self.seconds >= (MAX_STALL_S if self.moved else MAX_START_S)
+        """It has stopped, or has not started in time."""
+        return self._pid is not None and self.seconds >= (MAX_STALL_S if self.has_moved else MAX_START_S)
 
 
 class Watchdog:
-    """Watches one recorder after the other.
+    """Watches the recorder and its replacements.
 
-    progress : changes while the recorder moves; report_event : gets level, source and text
-    is_ending : the recorder has its order to end, and writes what it holds
+    progress : returns a number that changes while the recorder runs; report_event : level, source, text
+    is_ending : the recorder was asked to end, and writes its buffers
     """
 
     def __init__(
@@ -93,18 +93,18 @@ class Watchdog:
         self._recorder, self._notes = recorder, notes
         self._progress, self._report_event, self._is_ending, self._report = progress, report_event, is_ending, report
         self._stall = StallTimer()
-        self._holding = False
+        self._is_paused = False
         self._killed: int | None = None
 
     async def run(self) -> None:
-        """Look at the recorder until cancelled."""
+        """Watch until cancelled."""
         while True:
             with catch_failures("watchdog", self._report):
                 self.check(asyncio.get_running_loop().time())
             await asyncio.sleep(PERIOD_S)
 
     def check(self, now_s: float) -> None:
-        """One turn, at a time of the monotonic clock [s]."""
+        """One cycle, at a time of the monotonic clock [s]."""
         pid = self._recorder.pid
         self._stall.observe(now_s, pid, self._progress())
         self._pause_notes()
@@ -112,12 +112,12 @@ class Watchdog:
             return
         if pid is not None and pid != self._killed and self._stall.is_too_long:
             self._killed = pid
-            text = f"has not moved for {self._stall.seconds:.1f} s, while the supervisor did: it is killed"
+            text = f"no progress for {self._stall.seconds:.1f} s, although the supervisor runs: it is killed"
             self._report_event("error", "recorder", text)
             self._recorder.kill()
 
     def _pause_notes(self) -> None:
         is_paused = self._stall.seconds >= PAUSE_NOTES_S and not self._is_ending()
-        if is_paused != self._holding:
-            self._holding = is_paused
+        if is_paused != self._is_paused:
+            self._is_paused = is_paused
             (self._notes.pause if is_paused else self._notes.resume)()

@@ -1,9 +1,9 @@
-"""Whether fault detection keeps its promises: what is valid is within its protection level, whatever a source does.
+"""Fault detection: valid solutions must be within their protection level, for any fault of a source.
 
 Simulated flights of an hour (four grades of inertial unit, one or two receivers, legs or turns, ten terrains) go
-through the product at the level of measurements (``product``).  Off each of them branch some twelve faults (``flown``).
-Cells of the table *detectable*, which is computed beforehand (``detectable``, decision 42), are judged, others are
-reported:
+through the product at the level of measurements (``product``).  Some twelve faults branch off each of them
+(``fault_flights``).  Cells of the table of detectable faults, which is computed beforehand (``detectability``,
+decision 42), are judged, others are reported:
 
     misleading (MI)   valid, and the error beyond the protection level: pooled at most 1e-3 of fault time (95 % bound,
                       bootstrap over flights), no cell above 1 %
@@ -11,8 +11,8 @@ reported:
     nominal           at most 2 false exclusions in 300 h; tactical unit, one receiver, from 10 min on: valid in 99.5 %;
                       HPL at most 6.5 sigma in the median with two receivers, 12 with one; 1.2 times that at d = 0
 
-The comparison is fair: the simulator (``cells``, ``flight`` and what it is made of) shares no model of a sensor with
-the product; its errors are drawn from grades of the literature and not from what the product assumes.
+The comparison is fair: the simulator (``cells``, ``flight`` and their imports) shares no sensor model with the product;
+its errors are drawn from grades of the literature and not from assumptions of the product.
 Source: docs/fault-detection.md; Groves 2013 for units and receivers; Willsky, Jones 1976 for the table.
 
     from fti.study.faults import CELLS, draw
@@ -20,8 +20,8 @@ Source: docs/fault-detection.md; Groves 2013 for units and receivers; Willsky, J
     for t_ns, device, measurement in draw(CELLS[0], seed=1):
         ...
 
-``Cell`` says what is wrong, how much, and with which inertial unit; ``SimulatedFlight`` iterates over the measurements of all
-devices in order of time, and knows the truth (``truth``, ``error``) and the fault (``fault``).
+``Cell`` defines fault, magnitude and inertial unit; ``SimulatedFlight`` iterates over the measurements of all devices
+in order of time, and has the truth (``truth``, ``error``) and the fault (``fault``).
 """
 
 from __future__ import annotations
@@ -57,8 +57,8 @@ RUNS = 11
 SEED = 17
 
 
-#: What was flown last, by seed: pictures of it need not be flown again.
-_flown: dict[int, list[TaskOutcome]] = {}
+#: Outcomes of the last study, by seed, for its plots.
+_outcomes: dict[int, list[TaskOutcome]] = {}
 
 
 def study(runs: int, seed: int, progress: Progress) -> list[StudyResult]:
@@ -67,12 +67,12 @@ def study(runs: int, seed: int, progress: Progress) -> list[StudyResult]:
     from fti.study.faults.fault_flights import fly  # noqa: PLC0415 - the simulator alone needs no navigation
     from fti.study.faults.plan import plan  # noqa: PLC0415
 
-    _flown[seed] = run_all(fly, plan(runs, seed), progress)
-    return judge(_flown[seed], np.random.default_rng([seed, 3]))
+    _outcomes[seed] = run_all(fly, plan(runs, seed), progress)
+    return judge(_outcomes[seed], np.random.default_rng([seed, 3]))
 
 
 def drawings(seed: int) -> dict[str, DrawFigure]:
-    """Error and levels of a ramp, by grade; MI of all cells that the study has flown."""
+    """Error and levels of a ramp, by grade; MI of all cells of the study."""
     from fti.study.faults import plots  # noqa: PLC0415 - matplotlib is slow to load
 
-    return {"ramp": lambda: plots.ramp(seed), "cells": lambda: plots.cells(_flown[seed])}
+    return {"ramp": lambda: plots.ramp(seed), "cells": lambda: plots.cells(_outcomes[seed])}

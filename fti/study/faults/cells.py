@@ -1,6 +1,6 @@
-"""The table of cells: fault, magnitude, grade, receivers, and whether legs or turns are flown.
+"""The table of cells: fault, magnitude, grade, receivers, and legs or turns.
 
-Source: the faults that receivers, barometers and inertial units are known for.  Ramps of position from 0.1 to 3 m/s,
+Source: known faults of receivers, barometers and inertial units.  Ramps of position from 0.1 to 3 m/s,
 with and without the velocity that belongs to them, sharp or growing with 0.02, 0.1 or 0.3 m/s^2.
 """
 
@@ -19,11 +19,11 @@ ONSETS_M_S2 = (SHARP, 0.02, 0.1, 0.3)
 
 
 class SensorFault(StrEnum):
-    """What is wrong; receivers first, then barometer and inertial unit."""
+    """Kind of fault; receivers first, then barometer and inertial unit."""
 
     NONE = "none"
     FROZEN = "frozen"  # position and velocity repeat with fresh time
-    FROZEN_POSITION = "frozen-position"  # the velocity lives
+    FROZEN_POSITION = "frozen-position"  # the velocity still changes
     JUMP = "jump"  # of the position, horizontal, at once
     SWAPPED = "swapped"  # latitude and longitude
     RAMP = "ramp"  # of the position, horizontal
@@ -39,7 +39,7 @@ class SensorFault(StrEnum):
     GYRO_STEP = "gyro-step"
     ACCEL_STUCK = "accel-stuck"  # one axis repeats
     GYRO_STUCK = "gyro-stuck"
-    ACCEL_SATURATED = "accel-saturated"  # all axes at so much
+    ACCEL_SATURATED = "accel-saturated"  # limit of all axes
     GYRO_SATURATED = "gyro-saturated"
 
 
@@ -55,8 +55,9 @@ INERTIAL_KINDS = frozenset(
     }
 )
 UNITS = {
-    SensorFault.JUMP: "m", SensorFault.RAMP: "m/s", SensorFault.SIGMA: "times", SensorFault.HEIGHT: "m", SensorFault.TIME_STEP: "s", SensorFault.BARO_STEP: "m",
-    SensorFault.BARO_RAMP: "m/s", SensorFault.QNH: "hPa", SensorFault.ACCEL_STEP: "m/s^2", SensorFault.GYRO_STEP: "deg/s",
+    SensorFault.JUMP: "m", SensorFault.RAMP: "m/s", SensorFault.SIGMA: "times", SensorFault.HEIGHT: "m",
+    SensorFault.TIME_STEP: "s", SensorFault.BARO_STEP: "m", SensorFault.BARO_RAMP: "m/s", SensorFault.QNH: "hPa",
+    SensorFault.ACCEL_STEP: "m/s^2", SensorFault.GYRO_STEP: "deg/s",
     SensorFault.ACCEL_SATURATED: "m/s^2", SensorFault.GYRO_SATURATED: "deg/s",
 }  # fmt: skip
 
@@ -66,7 +67,7 @@ class Cell:
     """One cell.  ``magnitude`` in ``unit``; the other fields of a fault count for ramps alone.
 
     onset_m_s2 : acceleration with which a ramp grows, infinite when sharp;  with_velocity : the velocity follows it
-    receivers  : in the aircraft;  liars : receivers that the fault strikes, all alike
+    receivers  : in the aircraft;  faulty_receivers : how many of them have the fault, all alike
     pattern    : legs or turns while the fault lasts
     """
 
@@ -76,12 +77,12 @@ class Cell:
     onset_m_s2: float = SHARP
     with_velocity: bool = False
     receivers: int = 1
-    liars: int = 1
+    faulty_receivers: int = 1
     pattern: str = "legs"
 
     @property
     def unit(self) -> str:
-        """Of the magnitude; empty where there is none."""
+        """Unit of the magnitude; empty without one."""
         return UNITS.get(self.kind, "")
 
     @property
@@ -90,7 +91,7 @@ class Cell:
         kind = self.kind + ("-velocity" if self.with_velocity else "")
         size = f"-{self.magnitude:g}" if self.unit else ""
         onset = "" if math.isinf(self.onset_m_s2) else f"-onset-{self.onset_m_s2:g}"
-        return f"{self.grade}/{kind}{size}{onset}/{self.liars}-of-{self.receivers}/{self.pattern}"
+        return f"{self.grade}/{kind}{size}{onset}/{self.faulty_receivers}-of-{self.receivers}/{self.pattern}"
 
 
 #: Faults other than ramps: kind and magnitudes.
@@ -115,7 +116,7 @@ SIZES: tuple[tuple[SensorFault, tuple[float, ...]], ...] = (
     (SensorFault.GYRO_SATURATED, (3.0,)),
 )
 RATES_M_S = (0.1, 0.2, 0.3, 0.5, 1.0, 2.0, 3.0)
-#: What two receivers are tried with; every kind is one of a receiver.
+#: Faults with two receivers; each kind is one of a receiver.
 PAIR_SIZES: tuple[tuple[SensorFault, tuple[float, ...]], ...] = (
     (SensorFault.FROZEN, (0.0,)),
     (SensorFault.JUMP, (100.0,)),
@@ -137,20 +138,22 @@ def _single(grade: str) -> Iterator[Cell]:
 
 def _pairs(grade: str) -> Iterator[Cell]:
     yield Cell(grade, SensorFault.NONE, receivers=2)
-    for liars in (1, 2):
+    for faulty_receivers in (1, 2):
         for kind, sizes in PAIR_SIZES:
             for size in sizes:
-                yield Cell(grade, kind, size, receivers=2, liars=liars)
+                yield Cell(grade, kind, size, receivers=2, faulty_receivers=faulty_receivers)
         for rate, onset in PAIR_RAMPS:
-            yield Cell(grade, SensorFault.RAMP, rate, onset, with_velocity=True, receivers=2, liars=liars)
+            yield Cell(
+                grade, SensorFault.RAMP, rate, onset, with_velocity=True, receivers=2, faulty_receivers=faulty_receivers
+            )
 
 
 def _with_patterns(cells: Iterator[Cell]) -> Iterator[Cell]:
     for cell in cells:
         for pattern in PATTERNS:
             yield Cell(
-                cell.grade, cell.kind, cell.magnitude, cell.onset_m_s2, cell.with_velocity, cell.receivers, cell.liars,
-                pattern,
+                cell.grade, cell.kind, cell.magnitude, cell.onset_m_s2, cell.with_velocity, cell.receivers,
+                cell.faulty_receivers, pattern,
             )  # fmt: skip
 
 

@@ -1,4 +1,4 @@
-"""What the flights of the study come to: targets of fault detection, and figures that are told."""
+"""Results of the study's flights: targets of fault detection, and reported figures."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ VALID = 0.995
 #: HPL over sigma in the median, by number of receivers; over the formula at d = 0.
 SIZES, FORMULA = {1: 12.0, 2: 6.5}, 1.2
 RESAMPLINGS = 4000
-#: Axes of a separation whose mean squares are told, by quantity.
+#: Axes of a separation whose mean squares are reported, by quantity.
 CALIBRATED_AXES = {"position": [0, 1], "velocity": [3, 4]}
 CALIBRATED_HEIGHT_AXES = {"height": [2]}
 
@@ -30,10 +30,10 @@ CALIBRATED_HEIGHT_AXES = {"height": [2]}
 def judge(found: Sequence[TaskOutcome], rng: np.random.Generator) -> list[StudyResult]:
     """All of it."""
     faults = [fault for task in found for fault in task.faults]
-    judged = [fault for fault in faults if is_detectable(CELLS[fault.cell])]
+    detectable = [fault for fault in faults if is_detectable(CELLS[fault.cell])]
     nominal = [task.nominal for task in found]
     return [
-        *_judge_misled(judged, rng),
+        *_judge_misled(detectable, rng),
         *_judge_nominal(nominal),
         *_judge_sizes(nominal),
         *_calibration_results(nominal),
@@ -48,7 +48,7 @@ def share(faults: Iterable[FaultOutcome]) -> float:
 
 
 def bound(faults: Sequence[FaultOutcome], rng: np.random.Generator) -> float:
-    """Upper 95 % bound of the share: nominal flights, with all their faults, are drawn again (bootstrap)."""
+    """Upper 95 % bound of the share: nominal flights, with all their faults, are resampled (bootstrap)."""
     misled, seconds = defaultdict[int, int](int), defaultdict[int, int](int)
     for fault in faults:
         misled[fault.number] += fault.misled
@@ -83,7 +83,7 @@ def _judge_misled(faults: Sequence[FaultOutcome], rng: np.random.Generator) -> l
         _reported_result("misled.cells", f"cells above {CELL:g}: {', '.join(sorted(above)) or 'none'}", len(above)),
         _judge_max("hazardous", "seconds valid and beyond an alert limit", sum(f.hazardous for f in faults), 0),
         _reported_result(
-            "misled.after", "seconds valid and beyond a protection level in the 2 min behind faults", after
+            "misled.after", "seconds valid and beyond a protection level in the 2 min after faults", after
         ),
         _reported_result(
             "refused.share", "faults of the table after which a source was excluded", _excluded_share(faults)
@@ -97,7 +97,7 @@ def _judge_nominal(flights: Sequence[NominalOutcome]) -> list[StudyResult]:
     excluded = [(f, *event) for f in flights for event in f.exclusions]
     texts = "; ".join(f"flight {f.task.number} ({f.task.group.grade}) {t:.0f} s" for f, t, _ in excluded[:5])
     tactical = [f.valid for f in flights if f.task.group[:2] == ("tactical", 1) and np.isfinite(f.valid)]
-    share_misled = sum(f.misled for f in flights) / max(1, sum(f.judged for f in flights))
+    share_misled = sum(f.misled for f in flights) / max(1, sum(f.judged_count for f in flights))
     results = [
         _judge_max(
             "nominal.exclusions", f"false exclusions in {hours:.1f} h: {texts or 'none'}", len(excluded), allowed
@@ -137,7 +137,7 @@ def _mean(flights: Sequence[NominalOutcome], which: str) -> float:
 
 
 def _calibration_results(flights: Sequence[NominalOutcome]) -> list[StudyResult]:
-    """Mean square of d / sigma of d on the axes that a class tests."""
+    """Mean square of d / sigma of d on the axes of a class."""
     results = list[StudyResult]()
     for grade in GRADES:
         pooled = defaultdict[tuple[str, int], Array](lambda: np.zeros(6))
@@ -163,11 +163,11 @@ def _cell_results(faults: Sequence[FaultOutcome]) -> list[StudyResult]:
         merged[replace(CELLS[fault.cell], pattern="legs")].append(fault)
     results = list[StudyResult]()
     for cell in sorted(merged, key=lambda cell: cell.name):
-        of, place = merged[cell], "in the table" if is_detectable(cell) else "not in the table"
+        of, table_text = merged[cell], "in the table" if is_detectable(cell) else "not in the table"
         delays = [f.refused_s for f in of if f.refused_s is not None]
-        seen = f"{len(delays)} excluded" + (f" after {np.median(delays):.0f} s in the median" if delays else "")
+        exclusions = f"{len(delays)} excluded" + (f" after {np.median(delays):.0f} s in the median" if delays else "")
         hazard = sum(f.hazardous for f in of)
-        words = f"MI, share of fault time, {place}, {len(of)} flights, {seen}, HMI {hazard} s"
+        words = f"MI, share of fault time, {table_text}, {len(of)} flights, {exclusions}, HMI {hazard} s"
         results.append(_reported_result(f"cell.{cell.name.rpartition('/')[0]}", words, share(of)))
     return results
 
@@ -176,12 +176,12 @@ def _excluded_share(faults: Sequence[FaultOutcome]) -> float:
     return sum(f.refused_s is not None for f in faults) / max(1, len(faults))
 
 
-def _judge_min(name: str, quantity: str, value: float, least: float) -> StudyResult:
-    return StudyResult(name, quantity, value, f">= {least:g}", value >= least)
+def _judge_min(name: str, quantity: str, value: float, minimum: float) -> StudyResult:
+    return StudyResult(name, quantity, value, f">= {minimum:g}", value >= minimum)
 
 
-def _judge_max(name: str, quantity: str, value: float, most: float) -> StudyResult:
-    return StudyResult(name, quantity, value, f"<= {most:g}", value <= most)
+def _judge_max(name: str, quantity: str, value: float, maximum: float) -> StudyResult:
+    return StudyResult(name, quantity, value, f"<= {maximum:g}", value <= maximum)
 
 
 def _reported_result(name: str, quantity: str, value: float) -> StudyResult:

@@ -1,15 +1,15 @@
-"""The smallest ramps and accelerations that the ladder of copies sees, by the age at which the oldest copy is replaced.
+"""The smallest ramps and accelerations that the ladder of copies detects, by the age of replacement of the oldest copy.
 
     python -m fti.study.faults.curve [FILE.png]
 
-A fault of position and velocity moves the filter by m(t); a copy that began before the onset does not move.  Copies
-are renewed every quarter of the age T, so that one of an age of at most t + T/4 has seen the whole fault.  It suspects
+A fault of position and velocity moves the filter by m(t); a copy that began before the onset does not move.  Copies are
+renewed every quarter of the age T, so that a copy of an age of at most t + T/4 includes the whole fault.  It suspects
 the fault at k_fa = 4.2 sigma of d, and misses it with 1e-3 where it is k_md = 3.09 sigma larger:
 
     smallest(T) = 7.29 / max over t <= 3T/4, position and velocity, of |m(t)| / sigma_d(t + T/4)     m : of a fault of 1
 
-sigma_d : ``detectable.separation_sds``;  m : ``detectable.filter_response``.  A fault below the curve at the age of the
-oldest copy goes unseen, and is not in the protection level.  Measurements once a second, one receiver.
+sigma_d : ``detectability.separation_sds``;  m : ``detectability.filter_response``.  A fault below the curve at the age
+of the oldest copy is not detected, and is not in the protection level.  Measurements once a second, one receiver.
 Checked against: tests/study/test_faults_curve.py.
 """
 
@@ -37,14 +37,14 @@ from fti.study.faults.detectability import (
 Array = NDArray[np.float64]
 
 GRADES = ("navigation", "tactical", "mems")
-#: The largest age of the oldest copy [s].
+#: Maximum age of the oldest copy [s].
 MAX_AGE_S = 160
-#: Copies of a ring, which are replaced in turn.
+#: Copies of a ring, replaced in turn.
 RENEWALS = 4
 
 
 class Curve(NamedTuple):
-    """ages [s], ramp [m/s] and acceleration [m/s^2] that are seen at least with a copy so old, each shape (n,)."""
+    """ages [s], ramp [m/s] and acceleration [m/s^2] that are just detected with a copy of that age, each shape (n,)."""
 
     ages: Array
     ramp: Array
@@ -52,30 +52,32 @@ class Curve(NamedTuple):
 
 
 def smallest(grade: str) -> Curve:
-    """Of a grade of inertial unit with one receiver."""
+    """Curve of a grade of inertial unit with one receiver."""
     t = np.arange(MAX_AGE_S + 1.0)
     sds = separation_sds(grade, MAX_AGE_S)
     ramp = filter_response(grade, np.stack((t, np.ones_like(t)), axis=1))
     acceleration = filter_response(grade, np.stack((0.5 * t**2, t), axis=1))
     ages = np.arange(RENEWALS, MAX_AGE_S + 1, RENEWALS)
-    found = np.array([[smallest_detected(moved, sds, int(age)) for moved in (ramp, acceleration)] for age in ages])
+    found = np.array(
+        [[smallest_detected(response, sds, int(age)) for response in (ramp, acceleration)] for age in ages]
+    )
     return Curve(ages.astype(np.float64), found[:, 0], found[:, 1])
 
 
-def smallest_detected(moved: Array, sds: Array, age_s: int) -> float:
-    """The size of a fault that is seen by copies that are replaced at an age; infinite where none is.
+def smallest_detected(response: Array, sds: Array, age_s: int) -> float:
+    """Smallest fault that copies with a replacement age detect; infinite without detection.
 
-    moved : the filter by a fault of size 1 at 0, 1, ... s, shape (n, 2);  sds : of d at 1, 2, ... s, shape (m, 2)
+    response : of the filter to a fault of size 1 at 0, 1, ... s, shape (n, 2);  sds : of d at 1, 2, ... s, shape (m, 2)
     """
     step = age_s // RENEWALS
-    since = np.arange(1, age_s - step + 1)
-    largest = float(np.max(np.abs(moved[since]) / sds[since + step - 1], initial=0.0))
+    t = np.arange(1, age_s - step + 1)
+    largest = float(np.max(np.abs(response[t]) / sds[t + step - 1], initial=0.0))
     return (K_FA_SATELLITES + K_MD) / largest if largest > 0.0 else np.inf
 
 
 def table() -> str:
-    """At the configured age of the oldest copy; the error that such a fault has made by then; HPL without a fault."""
-    titles = ("unit", "oldest copy [s]", "ramp [m/s]", "made by then [m]", "acceleration [m/s^2]", "made by then [m]")
+    """Smallest faults at the configured age of the oldest copy, their error by then, and HPL without a fault."""
+    titles = ("unit", "oldest copy [s]", "ramp [m/s]", "error by then [m]", "acceleration [m/s^2]", "error by then [m]")
     rows = [f"| {' | '.join((*titles, 'HPL [sigma]'))} |", "|---|---|---|---|---|---|---|"]
     rows += [_row(grade, grade, AGE_S[grade]) for grade in GRADES]
     rows += [_row(f"{grade}, all of several receivers", grade, AGE_OF_SEVERAL_S[grade]) for grade in GRADES]
@@ -85,9 +87,9 @@ def table() -> str:
 def _row(title: str, grade: str, age: int) -> str:
     found, at = smallest(grade), age // RENEWALS - 1
     ramp, acceleration = float(found.ramp[at]), float(found.acceleration[at])
-    made = ramp * age, 0.5 * acceleration * age**2
+    errors = ramp * age, 0.5 * acceleration * age**2
     level = level_ratio(grade, age)
-    return f"| {title} | {age} | {ramp:.2f} | {made[0]:.0f} | {acceleration:.3f} | {made[1]:.0f} | {level:.1f} |"
+    return f"| {title} | {age} | {ramp:.2f} | {errors[0]:.0f} | {acceleration:.3f} | {errors[1]:.0f} | {level:.1f} |"
 
 
 def draw(file: Path) -> None:
@@ -107,7 +109,7 @@ def draw(file: Path) -> None:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Print the table; draw the curves where a file is named."""
+    """Print the table; plot the curves to a given file."""
     args = sys.argv[1:] if argv is None else argv
     sys.stdout.write(table() + "\n")
     if args:

@@ -1,26 +1,26 @@
-"""Which cells any test could detect by a margin: the bound of the generalised likelihood ratio, times 1.5.
+"""Cells that an ideal test detects with a margin: the bound of the generalised likelihood ratio, times 1.5.
 
-One axis, sampled once a second.  States: position, velocity, acceleration error (tilt and accelerometer bias, which
-straight flight does not tell apart), its rate (g times the gyro bias, or the bias's own change), slow error of the fix,
-error of the velocity, and vertically the offset of the barometer.  The filter is the optimal one (steady state of the
-Riccati equation).  A fault adds s(t) to a measurement from its onset on, and with it rho_k to the innovation k, whose
-covariance is S_k.  The likelihood ratio of "this fault, this onset" against "none" after a time T is Gaussian with the
-distance
+One axis, sampled once a second.  States: position, velocity, acceleration error (tilt and accelerometer bias, which are
+indistinguishable in straight flight), its rate (g times the gyro bias, or the bias's own change), slow error of the
+fix, error of the velocity, and vertically the offset of the barometer.  The filter is the optimal one (steady state of
+the Riccati equation).  A fault adds s(t) to a measurement from its onset on, and with it rho_k to the innovation k,
+whose covariance is S_k.  The likelihood ratio of "this fault, this onset" against "none" after a time T is Gaussian
+with the distance
 
     delta^2(T) = sum over k <= T of rho_k^T S_k^-1 rho_k
 
-No test that sees only these measurements does better.  A fault that a test with a false alarm at k_fa = 5.3 sigma
-misses with 1e-3 (k_md = 3.09) has delta = 8.39; it is in the table when two thirds of it have that:
+No test on these measurements does better.  A fault that a test with a false alarm at k_fa = 5.3 sigma
+misses with 1e-3 (k_md = 3.09) has delta = 8.39; it is in the table when two thirds of it reach that:
 
     delta(T) >= 1.5 x 8.39
 
-T: age of the oldest copy (tactical 28 s, navigation 60 s, industrial and MEMS 8 s; of several receivers that lie alike
-12, 36 and 4 s), within which the protection levels are to hold; where position and velocity of one receiver contradict
-each other (tests of one source) 60 s.
+T: age of the oldest copy (tactical 28 s, navigation 60 s, industrial and MEMS 8 s; of several receivers with the same
+fault 12, 36 and 4 s), within which the protection levels must hold; where position and velocity of one receiver
+contradict each other (tests of one source) 60 s.
 
-Numbers: the grade as the product is configured (``fti.nav.inertial.ins_error_model``: a test must allow for what it is told of
-the unit), a turn with 25 deg of bank, and the middle of what ``receiver`` draws; before any flight was flown.
-Not in the table, because the bound says nothing of them: a stated sigma that is too small (no signature in the mean),
+Numbers: the grade of the product's configuration (``fti.nav.inertial.ins_error_model``: a test must allow for the
+configured unit), a turn with 25 deg of bank, and the mean of the draws of ``receiver``; set before any simulation.
+Not in the table, because the bound does not cover them: a stated sigma that is too small (no signature in the mean),
 faults of the inertial unit (they contradict every aid at once; docs/safety.md lists them as not covered).
 Source: Willsky, Jones 1976 (GLR); Basseville, Nikiforov 1993, section 7.2.
 Checked against: tests/study/test_faults_study.py.
@@ -46,16 +46,16 @@ Array = NDArray[np.float64]
 
 MARGIN = 1.5
 K_FA, K_MD, K_MD_RADIAL = 5.3, 3.09, 3.72
-#: Ages of the oldest copy [s] (decision 41), with one receiver and with several; what tests of one source look back on.
+#: Ages of the oldest copy [s] (decision 41), with one receiver and with several; look-back time of tests of one source.
 AGE_S = {"navigation": 60, "tactical": 28, "industrial": 8, "mems": 8}
 AGE_OF_SEVERAL_S = {"navigation": 36, "tactical": 12, "industrial": 4, "mems": 4}
 ONE_SOURCE_S = 60
-SPEED_M_S = 53.0  # the slowest that is flown: 88 % of 60 m/s
+SPEED_M_S = 53.0  # minimum speed of the flights: 88 % of 60 m/s
 #: A turn with 25 deg of bank [m/s^2], and how long it lasts [s].
 TURN_M_S2, TURN_S = 4.6, 20.0
-UNDULATION_M = 20.0  # the smallest that is drawn
+UNDULATION_M = 20.0  # minimum of the draws
 STEADY_S = 600
-#: A barometer before the filter knows its offset [m].
+#: Sigma of the barometer offset before the filter estimates it [m].
 OFFSET_SD_M = 15.0
 
 
@@ -69,7 +69,7 @@ class _Axis(NamedTuple):
 
 
 def distance(cell: Cell) -> float:
-    """delta of the fault of a cell at T; 0 where the bound says nothing of it."""
+    """delta of the fault of a cell at T; 0 where the bound does not apply."""
     if cell.kind in {SensorFault.NONE, SensorFault.SIGMA} or cell.kind in INERTIAL_KINDS:
         return 0.0
     is_vertical = cell.kind in BARO_KINDS | {SensorFault.UNDULATION_ZERO, SensorFault.MSL_HEIGHT, SensorFault.HEIGHT}
@@ -80,8 +80,8 @@ def distance(cell: Cell) -> float:
 
 
 def oldest_age_s(cell: Cell) -> int:
-    """Age of the oldest copy; a fault of one of two receivers is seen for at least as long as with one receiver."""
-    return (AGE_OF_SEVERAL_S if cell.liars > 1 else AGE_S)[cell.grade]
+    """Age of the oldest copy; for a fault of one of two receivers at least that of one receiver."""
+    return (AGE_OF_SEVERAL_S if cell.faulty_receivers > 1 else AGE_S)[cell.grade]
 
 
 def is_detectable(cell: Cell) -> bool:
@@ -99,7 +99,7 @@ def smallest_ramp(grade: str, onset_m_s2: float, with_velocity: bool) -> float:
 def separation_sds(grade: str, ages_s: int) -> Array:
     """Sigma of d on a horizontal axis, position [m] and velocity [m/s], at ages 1, 2, ... of a copy, shape (n, 2).
 
-    Cov(d) = P_i - P_0, where the copy begins as the filter that has been aided for ten minutes and goes without fixes.
+    Cov(d) = P_i - P_0, where the copy starts from a filter with ten minutes of aiding and gets no fixes.
     """
     axis, P = _steady(grade, is_vertical=False)
     copied, found = P.copy(), np.empty((ages_s, 2))
@@ -110,30 +110,30 @@ def separation_sds(grade: str, ages_s: int) -> Array:
 
 
 def level_ratio(grade: str, age_s: int) -> float:
-    """HPL of a filter that does not differ from a copy so old, in sigmas of the filter: 3.72 sigma of the copy."""
+    """HPL of a filter equal to a copy of that age, in sigmas of the filter: 3.72 sigma of the copy."""
     _, P = _steady(grade, is_vertical=False)
     return float(K_MD_RADIAL * np.hypot(1.0, separation_sds(grade, age_s)[-1, 0] / np.sqrt(P[0, 0])))
 
 
 def filter_response(grade: str, added: Array) -> Array:
-    """How far a fault moves the filter on a horizontal axis, position [m] and velocity [m/s], shape (n, 2).
+    """Response of the filter to a fault on a horizontal axis, position [m] and velocity [m/s], shape (n, 2).
 
     added : to position and velocity of the fixes at 0, 1, ... s since its onset, shape (n, 2)
     """
     axis, P = _steady(grade, is_vertical=False)
-    moved, found = np.zeros(len(P)), np.empty((len(added), 2))
+    shift, found = np.zeros(len(P)), np.empty((len(added), 2))
     for k, fault in enumerate(np.pad(added, ((0, 0), (0, 1)))):
         P = axis.F @ P @ axis.F.T + axis.Q
-        moved = axis.F @ moved
+        shift = axis.F @ shift
         K = P @ axis.H.T @ np.linalg.inv(axis.H @ P @ axis.H.T + axis.R)
-        moved = moved + K @ (fault - axis.H @ moved)
+        shift = shift + K @ (fault - axis.H @ shift)
         P = P - K @ axis.H @ P
-        found[k] = moved[:2]
+        found[k] = shift[:2]
     return found
 
 
 def _signature(cell: Cell, t: Array) -> Array:
-    """What the fault adds to position, velocity, and barometer, at times since its onset, shape (n, 3)."""
+    """Errors that the fault adds to position, velocity and barometer, at times since its onset, shape (n, 3)."""
     found, size = np.zeros((len(t), 3)), cell.magnitude
     match cell.kind:
         case SensorFault.RAMP:
@@ -158,7 +158,7 @@ def _signature(cell: Cell, t: Array) -> Array:
 
 @cache
 def _steady(grade: str, is_vertical: bool) -> tuple[_Axis, Array]:
-    """The axis and the covariance of its filter, which has been aided for ten minutes."""
+    """The axis and the covariance of its filter after ten minutes of aiding."""
     axis = _axis(grade, is_vertical)
     P = np.diag([10.0, 1.0, 0.1, 1e-3, 3.0, 0.1, OFFSET_SD_M]) ** 2
     for _ in range(STEADY_S):
@@ -171,7 +171,7 @@ def _steady(grade: str, is_vertical: bool) -> tuple[_Axis, Array]:
 def _axis(grade: str, is_vertical: bool) -> _Axis:
     """States: position, velocity, acceleration error, its rate, slow error, velocity error, offset; steps of 1 s.
 
-    Densities of velocity and acceleration error: white noise; scale x what a turn adds, for the time of a turn;
+    Densities of velocity and acceleration error: white noise; scale x acceleration of a turn, for the time of a turn;
     level also turn rate x g.  Bias errors are Gauss-Markov processes of the grade.
     """
     unit, factor = IMU_ERROR_MODELS[UNIT_OF_GRADE.get(grade, grade)], HEIGHT_FACTOR if is_vertical else 1.0
@@ -189,20 +189,20 @@ def _axis(grade: str, is_vertical: bool) -> _Axis:
     Q = np.diag(stationary * (1.0 - np.diag(F) ** 2) + [0.0, velocity_noise, turn_noise, 0.0, 0.0, 0.0, 0.0])
     H = np.zeros((3, 7))
     H[0, 0] = H[0, 4] = H[1, 1] = H[1, 5] = H[2, 0] = H[2, 6] = 1.0
-    R = np.diag([WHITE_SD_M**2, 1e-4, BARO_WHITE_M**2 if is_vertical else 1e12])  # level: no barometer
+    R = np.diag([WHITE_SD_M**2, 1e-4, BARO_WHITE_M**2 if is_vertical else 1e12])  # horizontal: no barometer
     return _Axis(F, Q, H, R)
 
 
 def _distance(signature: Array, axis: _Axis, P: Array) -> float:
     """delta: the signature through the filter, innovation by innovation."""
-    moved, total = np.zeros(len(P)), 0.0
+    shift, total = np.zeros(len(P)), 0.0
     for added in signature:
         P = axis.F @ P @ axis.F.T + axis.Q
-        moved = axis.F @ moved
+        shift = axis.F @ shift
         S = axis.H @ P @ axis.H.T + axis.R
-        rho = added - axis.H @ moved
+        rho = added - axis.H @ shift
         total += float(rho @ np.linalg.solve(S, rho))
         K = P @ axis.H.T @ np.linalg.inv(S)
-        moved = moved + K @ rho
+        shift = shift + K @ rho
         P = P - K @ axis.H @ P
     return float(np.sqrt(total))

@@ -1,7 +1,7 @@
-"""One hour of a nominal flight through the product, and faults that branch off it: what is counted of them.
+"""One hour of a nominal flight through the product, faults that branch off it, and their counts.
 
-The filter has had the whole flight before a fault strikes; the hour is flown once for some ten faults, each of which
-goes on with a copy of the product.  A fault lasts 5 minutes (slow ramps 15), and 2 minutes behind it are flown.
+The filter processes the whole flight before a fault; one hour serves some ten faults, each of which continues with a
+copy of the product.  A fault lasts 5 minutes (slow ramps 15), and the flight ends 2 minutes after it.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ from fti.study.faults.product import LIMITS, Product, SeparationCalibration, Sol
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-#: An inertial unit of 10 Hz in place of 25: what is felt is interpolated with its bend (``fti.nav.filter.delayed_measurements``).
+#: An inertial unit of 10 Hz in place of 25: samples are interpolated (``fti.nav.filter.delayed_measurements``).
 RATES = Rates(imu=10, receivers=(1.0, 2.0, 5.0), baro=2.0, ahrs=2.0)
 HOUR_S = ONSET_S[1]
-#: Nominal flights are judged behind their alignment [s]; their validity from ten minutes on.
+#: Nominal flights are judged after their alignment [s]; their validity from ten minutes on.
 SETTLED_S, VALID_FROM_S = 60.0, 600.0
-#: What an exclusion says.
+#: Text of an exclusion.
 REFUSED = "refused: "
-#: So often ratios of a nominal flight are kept [s].
+#: Period of the ratios of a nominal flight [s].
 RATIO_PERIOD_S = 10
 
 
@@ -48,7 +48,7 @@ class AircraftGroup(NamedTuple):
 
     @classmethod
     def of(cls, cell: Cell) -> AircraftGroup:
-        """That of a cell."""
+        """The group of a cell."""
         return cls(cell.grade, cell.receivers, cell.pattern)
 
 
@@ -64,9 +64,9 @@ class FlightTask(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class NominalOutcome:
-    """Of a nominal flight.
+    """Outcome of a nominal flight.
 
-    hours; exclusions : time [s] and text of each;  misled : solutions beyond their levels, of ``judged``
+    hours; exclusions : time [s] and text of each;  misled : solutions beyond their levels, of ``judged_count``
     valid : share from ten minutes on, NaN where it is shorter;  levels, formulas : HPL over sigma, over the formula
     square_level, square_high : mean of (error / sigma)^2, horizontal (per axis) and vertical
     """
@@ -74,7 +74,7 @@ class NominalOutcome:
     task: FlightTask
     hours: float
     exclusions: tuple[tuple[float, str], ...]
-    judged: int
+    judged_count: int
     misled: int
     valid: float
     levels: Array
@@ -86,10 +86,10 @@ class NominalOutcome:
 
 @dataclass(frozen=True, eq=False)
 class FaultOutcome:
-    """Of a fault.
+    """Outcome of a fault.
 
     number : of the nominal flight;  seconds, valid : of the fault;  misled, misled_after : seconds valid and beyond a
-    protection level, during the fault and behind it;  hazardous : beyond an alert limit, in both
+    protection level, during the fault and after it;  hazardous : beyond an alert limit, in both
     refused_s : from the onset to the first exclusion, None: never;  worst : time and size of the largest error beyond
     """
 
@@ -107,14 +107,14 @@ class FaultOutcome:
 
 @dataclass(frozen=True, eq=False)
 class TaskOutcome:
-    """Of one task."""
+    """Outcome of one task."""
 
     nominal: NominalOutcome
     faults: tuple[FaultOutcome, ...]
 
 
 def fly(task: FlightTask) -> TaskOutcome:
-    """Fly it."""
+    """Simulate a task."""
     rng = np.random.default_rng([task.seed, task.number, 1])
     onsets_s = np.sort(rng.uniform(min(ONSET_S[0], 0.5 * task.duration_s), task.duration_s, len(task.faults)))
     flight = nominal_flight(task)
@@ -145,7 +145,7 @@ def strike_through(
 
 
 def join_records(records: list[SolutionRecord]) -> SolutionRecord:
-    """One record of several that follow each other."""
+    """Join consecutive records."""
     calibration = SeparationCalibration()
     for record in records:
         calibration.add(record.calibration)
@@ -159,7 +159,7 @@ def _nominal_cell(task: FlightTask) -> Cell:
 
 
 def exceedances(flight: SimulatedFlight, record: SolutionRecord) -> tuple[Mask, Mask]:
-    """Where a solution is valid and its error is beyond a protection level, and beyond an alert limit."""
+    """Masks of the valid solutions with an error beyond a protection level, and beyond an alert limit."""
     errors = errors_n(flight, record.rows)
     level, high = np.hypot(errors[:, 0], errors[:, 1]), np.abs(errors[:, 2])
     misled = record.is_valid & ((level > record["hpl"]) | (high > record["vpl"]))
@@ -172,16 +172,16 @@ def _nominal_outcome(task: FlightTask, flight: SimulatedFlight, record: Solution
     misled, _ = exceedances(flight, record)
     errors, level_sd, high_sd = errors_n(flight, record.rows), record["level_sd"], record["high_sd"]
     late = record["t"] >= VALID_FROM_S
-    asked = int(task.duration_s - VALID_FROM_S)
+    validity_s = int(task.duration_s - VALID_FROM_S)
     full = settled & (record["is_full"] > 0.0)
     hpl = record["hpl"][full][::RATIO_PERIOD_S]
     return NominalOutcome(
         task,
         hours=task.duration_s / 3600.0,
         exclusions=tuple((t, text) for t, text in record.events if REFUSED in text),
-        judged=int(settled.sum()),
+        judged_count=int(settled.sum()),
         misled=int((misled & settled).sum()),
-        valid=float((record.is_valid & late).sum() / asked) if asked > 0 else np.nan,
+        valid=float((record.is_valid & late).sum() / validity_s) if validity_s > 0 else np.nan,
         levels=hpl / level_sd[full][::RATIO_PERIOD_S],
         formulas=hpl / record["formula"][full][::RATIO_PERIOD_S],
         square_level=float(np.mean(((errors[:, :2] / level_sd[:, None]) ** 2)[settled])),
@@ -213,7 +213,7 @@ def _fault_outcome(
 
 
 def _describe_worst(flight: SimulatedFlight, record: SolutionRecord, misled: Mask, onset_s: float) -> str:
-    """The solution that is beyond its level by most; empty where there is none."""
+    """The solution with the largest excess over its level; empty without one."""
     if not misled.any():
         return ""
     errors = errors_n(flight, record.rows)

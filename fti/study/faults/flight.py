@@ -1,7 +1,7 @@
-"""One flight of a cell: truth, what every device measures, and the fault.
+"""One flight of a cell: truth, measurements of every device, and the fault.
 
 Devices: ``imu`` (25 Hz), ``gnss_a`` and with two receivers ``gnss_b`` (5 or 10 Hz, velocity after position), ``baro``
-(5 Hz), ``ahrs`` (attitude, 5 Hz), ``radar`` (2 Hz, below 1500 m and 30 deg of bank).  All lie at the reference point.
+(5 Hz), ``ahrs`` (attitude, 5 Hz), ``radar`` (2 Hz, below 1500 m and 30 deg of bank).  All are at the reference point.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from fti.study.faults.earth import radii
 from fti.study.faults.inertial_unit import RATE_HZ, UNITS, InertialSamples, measure_inertial
 from fti.study.faults.noise import gauss_markov, gauss_markov_n
 from fti.study.faults.receiver import RATES_HZ, Fixes, apply_fault, delay_fixes, draw_satellites, fixes, rows
-from fti.study.faults.shapes import FaultWindow, Mask, frozen
+from fti.study.faults.shapes import FaultWindow, Mask, repeated_indices
 from fti.study.faults.terrain import RELIEF_SD_M, WaveTerrain, terrain
 from fti.study.faults.trajectory import Trajectory, TrueMotion
 from fti.types import Attitude, ImuSample, Measurement, Position, PressureAltitude, RadioHeight, Stamp, Velocity
@@ -36,7 +36,7 @@ ONSET_S = (300.0, 3600.0)
 FAULT_S, SLOW_FAULT_S, AFTER_S = 300.0, 900.0, 120.0
 #: Ramps of this rate and below last ``SLOW_FAULT_S`` [m/s].
 SLOW_M_S = 0.5
-#: Turns begin so long before the fault.
+#: Time from the begin of the turns to the fault [s].
 TURNS_BEFORE_S = 60.0
 #: Height above the highest ground.
 CLEARANCE_M = (120.0, 1300.0)
@@ -60,7 +60,7 @@ class Rates:
 
 @dataclass(frozen=True, slots=True)
 class FlightFault:
-    """What goes wrong, when, and on which devices; without a fault there are no devices and both times are the end."""
+    """Kind, time and devices of a fault; a flight without a fault has no devices, and both times are its end."""
 
     kind: SensorFault
     onset_ns: int
@@ -70,7 +70,7 @@ class FlightFault:
 
 @dataclass(frozen=True, eq=False)
 class SimulatedFlight:
-    """Iterate it for (t_ns, device, measurement) in order of time; again for the same once more."""
+    """Iterates over (t_ns, device, measurement) in order of time; each iteration gives the same."""
 
     cell: Cell
     fault: FlightFault
@@ -107,7 +107,7 @@ class SimulatedFlight:
         return float(north), float(turned * (normal[0] + m.alt[0]) * np.cos(m.lat[0])), float(m.alt[0] - alt)
 
     def between(self, begin_s: float, end_s: float) -> SimulatedFlight:
-        """The same flight with the measurements of a part of it only, begin <= t < end."""
+        """The same flight with the measurements of begin <= t < end only."""
         part = FaultWindow(begin_s, end_s)
 
         def cut(t: Array, values: Array) -> tuple[Array, Array]:
@@ -128,7 +128,7 @@ class SimulatedFlight:
 
 @dataclass(frozen=True, eq=False)
 class _Scenario:
-    """What is decided before any device measures; ``window`` is that of the fault."""
+    """Plan of a flight before any measurement; ``window`` is that of the fault."""
 
     cell: Cell
     fault: FlightFault
@@ -149,7 +149,7 @@ def draw(cell: Cell, seed: int) -> SimulatedFlight:
 def draw_nominal(cell: Cell, seed: int, duration_s: float, rates: Rates) -> SimulatedFlight:
     """One flight of the grade, receivers and pattern of a cell without its fault, which ``strike`` adds to it.
 
-    Turns begin 60 s before the first fault.  Where the cell swaps latitude and longitude, the place is one of its own.
+    Turns begin 60 s before the first fault.  A cell that swaps latitude and longitude has its own place.
     """
     nominal = Cell(cell.grade, SensorFault.NONE, receivers=cell.receivers, pattern=cell.pattern)
     rng = np.random.default_rng([seed, *nominal.name.encode()])
@@ -159,14 +159,14 @@ def draw_nominal(cell: Cell, seed: int, duration_s: float, rates: Rates) -> Simu
 
 
 def fault_s(cell: Cell) -> float:
-    """How long the fault of a cell lasts [s]."""
+    """Duration of the fault of a cell [s]."""
     return SLOW_FAULT_S if cell.kind is SensorFault.RAMP and cell.magnitude <= SLOW_M_S else FAULT_S
 
 
 def strike(nominal: SimulatedFlight, cell: Cell, onset_s: float, seed: int) -> SimulatedFlight:
-    """A nominal flight with the fault of a cell from a time on: what is measured before it is the same.
+    """A nominal flight with the fault of a cell from a time on; earlier measurements are the same.
 
-    The flight ends ``AFTER_S`` behind the fault, and must be long enough.
+    The flight ends ``AFTER_S`` after the fault, and must be long enough.
     """
     rng = np.random.default_rng([seed, *cell.name.encode()])
     window = FaultWindow(onset_s, onset_s + fault_s(cell))
@@ -219,7 +219,7 @@ def _scenario(cell: Cell, seed: int, rng: Rng, frame: _Frame, rates: Rates) -> _
 
 
 def _place(cell: Cell, rng: Rng) -> tuple[float, float]:
-    """Where it begins; swapping latitude and longitude moves it by 5000 km and more."""
+    """Start position; swapping its latitude and longitude moves it by at least 5000 km."""
     if cell.kind is SensorFault.SWAPPED:
         return float(np.deg2rad(rng.uniform(45.0, 55.0))), float(np.deg2rad(rng.uniform(3.0, 12.0)))
     return float(np.deg2rad(rng.uniform(-60.0, 60.0))), float(np.deg2rad(rng.uniform(-150.0, 150.0)))
@@ -233,7 +233,7 @@ def _fault(cell: Cell, window: FaultWindow, duration_s: float) -> FlightFault:
     elif cell.kind in BARO_KINDS:
         devices = ("baro",)
     else:
-        devices = _names(cell.receivers)[-cell.liars :]
+        devices = _names(cell.receivers)[-cell.faulty_receivers :]
     return FlightFault(cell.kind, nanoseconds(window.begin_s), nanoseconds(window.end_s), devices)
 
 
@@ -268,7 +268,7 @@ def _faulty_inertial(found: InertialSamples, cell: Cell, window: FaultWindow, rn
 def _faulty_triad(true_b: Array, kind: SensorFault, size: float, axis: int, active: Mask) -> Array:
     changed = true_b.copy()
     if kind in {SensorFault.ACCEL_STUCK, SensorFault.GYRO_STUCK}:
-        changed[:, axis] = true_b[frozen(active), axis]
+        changed[:, axis] = true_b[repeated_indices(active), axis]
     elif kind in {SensorFault.ACCEL_SATURATED, SensorFault.GYRO_SATURATED}:
         changed[active] = np.clip(true_b[active], -abs(size), abs(size))
     else:
@@ -302,13 +302,13 @@ def _pressure_altitudes(s: _Scenario, rng: Rng) -> tuple[Array, Array]:
 
 
 def _baro_fault(cell: Cell, window: FaultWindow, t: Array, rng: Rng) -> Array:
-    """What a fault of the barometer adds at times [m]."""
+    """Error of a barometer fault at times [m]."""
     sign = float(rng.choice((-1.0, 1.0)))
     return np.asarray(sign * _baro_error(cell, t - window.begin_s) * window.covers(t))
 
 
 def _baro_error(cell: Cell, elapsed: Array) -> Array:
-    """What a fault of the barometer adds [m] at times since its onset [s]."""
+    """Error of a barometer fault [m] at times since its onset [s]."""
     match cell.kind:
         case SensorFault.BARO_STEP:
             return np.full(len(elapsed), cell.magnitude)
@@ -327,7 +327,7 @@ def _attitudes(s: _Scenario, rng: Rng) -> tuple[Array, Array]:
 
 
 def _heights(s: _Scenario, rng: Rng) -> tuple[Array, Array]:
-    """Heights straight above the ground, only where the altimeter reaches it."""
+    """Heights above the ground straight below, within the range of the altimeter."""
     t = _epochs(RADAR_HZ, s.duration_s, rng)
     m = s.trajectory.at(t)
     true = m.alt - s.terrain.elevation(m.lat, m.lon)

@@ -2,11 +2,11 @@
 
 Source: Groves, 2nd edition (2013), section 4.4 and tables 4.1, 4.2 for the classes (biases; in-run variation about a
 tenth of the constant part); IEEE Std 952 for angle random walk.  Where a class is a range, the values lie inside it
-and are those that the specification of the study states (navigation 0.01 deg/h, 0.002 deg/sqrt(h), 50 ug; tactical
+and equal the specification of the study (navigation 0.01 deg/h, 0.002 deg/sqrt(h), 50 ug; tactical
 1 deg/h, 0.1 deg/sqrt(h), 1 mg; industrial 7 deg/h, 2 mg; MEMS 100 deg/h).  Random walks of industrial and MEMS units,
 velocity random walks, scale factors and misalignments are chosen here as typical of each class.
-Deflection and anomaly of gravity: 2e-4 m/s^2 (20 mGal, about 4 arc seconds) over 40 km, of the size that Jordan,
-Self-consistent statistical models for the gravity anomaly (1972), and Groves, section 2.4.7, give for gentle country.
+Deflection and anomaly of gravity: 2e-4 m/s^2 (20 mGal, about 4 arc seconds) over 40 km, as in Jordan,
+Self-consistent statistical models for the gravity anomaly (1972), and Groves, section 2.4.7, for gentle terrain.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ def ideal_samples(m: TrueMotion) -> InertialSamples:
 def measure_inertial(
     m: TrueMotion, unit: InertialUnit, rng: np.random.Generator, rate_hz: int = RATE_HZ
 ) -> InertialSamples:
-    """What a unit drawn from its grade measures at the times of a motion, at a rate."""
+    """Measurements of a unit drawn from its grade on a motion, at a rate."""
     speed = float(np.mean(np.linalg.norm(m.vel_n, axis=1)))
     sds = (GRAVITY_SD,) * 3
     disturbance_n = gauss_markov_n(len(m.t), 1.0 / rate_hz, GRAVITY_LENGTH_M / speed, sds, rng)

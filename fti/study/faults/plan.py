@@ -1,4 +1,4 @@
-"""Which nominal flights are flown, and which faults branch off each."""
+"""Plan of the nominal flights and of the faults that branch off each."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from fti.study.faults.detectability import is_detectable
 from fti.study.faults.fault_flights import HOUR_S, AircraftGroup, FlightTask
 
 FAULTS_PER_FLIGHT = 12
-#: Cells outside the table are flown so many times less often.
+#: Divisor of the number of faults of cells outside the table.
 OTHER_CELLS_DIVISOR = 11
 
 

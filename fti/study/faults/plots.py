@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from matplotlib.figure import Figure
 
-from fti.plot_style import BLUE, GREY, ORANGE, VERMILION, add_legend, label, new_figure
+from fti.plot_style import BLUE, GREY, ORANGE, VERMILION, add_legend, label_axes, new_figure
 from fti.study.faults.cells import CELLS, SHARP, Cell, SensorFault
 from fti.study.faults.criteria import CELL, share
 from fti.study.faults.detectability import is_detectable
@@ -24,7 +24,7 @@ from fti.study.faults.product import LIMITS, Product, SolutionRecord, errors_n
 
 GRADES = ("navigation", "tactical")
 ONSET_S, RATE_M_S = 420.0, 1.0
-#: A share of zero stands here on the axis of logarithms.
+#: Position of a zero share on the logarithmic axis.
 NONE = 1e-4
 
 
@@ -46,13 +46,13 @@ def ramp(seed: int) -> Figure:
         refused = record["is_refused"] > 0.0
         axes.plot(t[refused], error[refused], ".", color=VERMILION, ms=3.0)
         axes.set_yscale("log")
-        label(axes, x="time [s]" if grade == GRADES[-1] else "", y="horizontal [m]", title=grade)
+        label_axes(axes, x="time [s]" if grade == GRADES[-1] else "", y="horizontal [m]", title=grade)
         add_legend(axes)
     return figure
 
 
 def _through(seed: int, cell: Cell) -> tuple[SolutionRecord, np.ndarray]:
-    """A nominal flight up to the fault and through it: the solutions, and their horizontal error."""
+    """Solutions of a nominal flight up to the fault and through it, and their horizontal error."""
     task = FlightTask(seed, 0, AircraftGroup.of(cell), (), ONSET_S)
     nominal, product = nominal_flight(task), Product(cell)
     before = product.fly(nominal.between(0.0, ONSET_S))
@@ -65,7 +65,7 @@ def _through(seed: int, cell: Cell) -> tuple[SolutionRecord, np.ndarray]:
 
 
 def cells(found: Sequence[TaskOutcome]) -> Figure:
-    """MI of every cell that was flown, legs and turns together, those of the table apart."""
+    """MI of every cell, legs and turns together; cells of the table are marked."""
     merged = dict[Cell, list[FaultOutcome]]()
     for fault in (fault for task in found for fault in task.faults):
         merged.setdefault(replace(CELLS[fault.cell], pattern="legs"), []).append(fault)
@@ -85,10 +85,10 @@ def cells(found: Sequence[TaskOutcome]) -> Figure:
     axes.axvline(CELL, color=VERMILION, lw=0.9)
     axes.set_xscale("log")
     axes.set_yticks(range(len(kinds)), kinds)
-    label(axes, x=f"share of fault time (none: {NONE:g})")
+    label_axes(axes, x=f"share of fault time (none: {NONE:g})")
     return figure
 
 
 def _kind(cell: Cell) -> str:
-    """What is wrong and how much, of any grade and number of receivers."""
+    """Fault and magnitude, without grade and number of receivers."""
     return cell.name.split("/")[1]

@@ -1,8 +1,8 @@
 """The product, fed with a simulated flight: tests of one source, then the filter with its tests between sources.
 
-What is judged is the solution of the filter, once a second: position, protection levels, and ``valid`` as the output
-of navigation has it, against the alert limits that a configuration has by default.  Altimeters do not aid here.
-Receivers state no undulation: that of the simulated Earth is not EGM96, by which the product would know it.
+The solution of the filter is judged once a second: position, protection levels, and ``valid`` as in the output of
+navigation, with the default alert limits of a configuration.  Altimeters do not aid here.  Receivers state no
+undulation: the simulated Earth does not have that of EGM96, which the product uses.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ from fti.types import Event, ImuSample, Measurement, Position, Velocity
 
 Array = NDArray[np.float64]
 
-#: The product has three grades; an industrial unit flies as the coarser one.
+#: The product has three grades; an industrial unit is configured as the coarser one.
 UNIT_OF_GRADE = {"industrial": "mems"}
 SECOND_NS = 1_000_000_000
-#: The tests between sources follow the filter, and the solution is taken, so often [ns].
+#: Period of the tests between sources and of the solutions [ns].
 FOLLOW_NS, SOLUTION_NS = SECOND_NS // 5, SECOND_NS
 LIMITS = AlertLimits()
 
@@ -49,7 +49,7 @@ class SeparationCalibration:
         self.counts[key] = self.counts.get(key, 0) + 1
 
     def add(self, other: SeparationCalibration) -> None:
-        """Take what another one has counted."""
+        """Add the counts of another one."""
         for key, sums in other.sums.items():
             self.sums[key] = self.sums.get(key, np.zeros(6)) + sums
             self.counts[key] = self.counts.get(key, 0) + other.counts[key]
@@ -101,7 +101,7 @@ def make_config(cell: Cell) -> Config:
 
 
 class Product:
-    """Of one aircraft; ``branch`` gives a second one that has had the same measurements."""
+    """The product of one aircraft; ``branch`` copies it with its state."""
 
     def __init__(self, cell: Cell) -> None:
         self._config = make_config(cell)
@@ -113,11 +113,11 @@ class Product:
         self._solution_ns = START_NS + SOLUTION_NS
 
     def branch(self) -> Product:
-        """Another one that goes on from here by itself; what nobody changes is shared."""
+        """Independent copy; immutable parts are shared."""
         return copy.deepcopy(self, {id(self._config): self._config})
 
     def fly(self, measurements: Iterable[Timed]) -> SolutionRecord:
-        """Take measurements in order; what was said meanwhile."""
+        """Feed measurements in order; returns solutions and events."""
         rows, events, calibration = list[tuple[float, ...]](), list[tuple[float, str]](), SeparationCalibration()
         for t_ns, device, m in measurements:
             while t_ns > self._follow_ns:
@@ -139,7 +139,7 @@ class Product:
             for admitted in self._plausibility.check(device, m, t_ns):
                 self._navigation.feed(device, admitted, t_ns)
             yield from _timed_texts(self._plausibility.drain_events())
-        elif self._navigation.wants(device, type(m)):
+        elif self._navigation.accepts(device, type(m)):
             self._navigation.feed(device, m, t_ns)
 
     def _follow(self, t_ns: int) -> list[tuple[float, str]]:
@@ -147,7 +147,7 @@ class Product:
         return list(_timed_texts(self._navigation.events(t_ns)))
 
     def _solution(self, t_ns: int, calibration: SeparationCalibration) -> list[tuple[float, ...]]:
-        """A row; none while the filter has no solution."""
+        """One row; empty while the filter has no solution."""
         found = self._navigation.solution(t_ns)
         if not found.valid or found.hpl is None or found.vpl is None:
             return []

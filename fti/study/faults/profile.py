@@ -18,7 +18,7 @@ class SmoothProfile:
         self._areas = np.concatenate(([0.0], np.cumsum(areas)))
 
     def _locate(self, t: Array) -> tuple[NDArray[np.intp], Array]:
-        """Span of each time and the share of it that has passed."""
+        """Index of the span of each time, and the elapsed share of it."""
         k = np.clip(np.searchsorted(self._times, t, side="right") - 1, 0, len(self._spans) - 1)
         return k, np.clip((t - self._times[k]) / self._spans[k], 0.0, 1.0)
 
@@ -33,7 +33,7 @@ class SmoothProfile:
         return np.asarray(self._steps[k] / self._spans[k] * 30.0 * (x * (1.0 - x)) ** 2)
 
     def integral(self, t: Array) -> Array:
-        """Integral from the first time on, which no time may lie before."""
+        """Integral from the first time on; earlier times are not allowed."""
         k, x = self._locate(t)
         inside = self._values[k] * x + self._steps[k] * x**4 * (2.5 + x * (x - 3.0))
         beyond = np.maximum(t - self._times[-1], 0.0) * self._values[-1]

@@ -1,4 +1,4 @@
-"""Satellite receivers: fixes with slow errors, partly common to all receivers, and what their faults make of them.
+"""Satellite receivers: fixes with slow errors, partly common to all receivers, and their faults.
 
 Nominal: each axis errs by a first-order Gauss-Markov process of 100-300 s and 0.7-2.5 m (height 1.5 times as much),
 80 % of its variance common to the receivers of one aircraft, by 0.2 m of white noise, and in velocity by a process of
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from fti.study.faults.cells import Cell, SensorFault
 from fti.study.faults.earth import displace
 from fti.study.faults.noise import gauss_markov_n
-from fti.study.faults.shapes import FaultWindow, Mask, direction, frozen, ramp
+from fti.study.faults.shapes import FaultWindow, Mask, direction, ramp, repeated_indices
 from fti.study.faults.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -25,13 +25,13 @@ Rng = np.random.Generator
 TAU_S, SD_M, VELOCITY_SD_M_S = (100.0, 300.0), (0.7, 2.5), (0.03, 0.1)
 HEIGHT_FACTOR, COMMON_SHARE, WHITE_SD_M, VELOCITY_TAU_S = 1.5, 0.8, 0.2, 5.0
 RATES_HZ = (5.0, 10.0)
-#: Errors that a receiver adds which states too small a sigma last so long.
+#: Correlation time of the errors of a receiver that states too small a sigma [s].
 SCATTER_TAU_S = 10.0
 
 
 @dataclass(frozen=True, eq=False)
 class Fixes:
-    """Of one receiver, at t (n,) [s]: lat, lon [rad], alt above WGS 84 and alt_msl [m], undulation [m], vel_n (n, 3).
+    """Fixes of one receiver at t (n,) [s]: lat, lon [rad]; alt (WGS 84), alt_msl, undulation [m]; vel_n (n, 3).
 
     horizontal_sd, vertical_sd [m], velocity_sd [m/s]: stated, one sigma of each axis
     """
@@ -48,7 +48,7 @@ class Fixes:
     velocity_sd: float
 
     def between(self, window: FaultWindow) -> Fixes:
-        """Those of a part of the flight."""
+        """Fixes of a part of the flight."""
         inside = window.covers(self.t)
         columns = ("t", "lat", "lon", "alt", "alt_msl", "undulation", "vel_n")
         return replace(self, **{name: getattr(self, name)[inside] for name in columns})
@@ -56,7 +56,7 @@ class Fixes:
 
 @dataclass(frozen=True, eq=False)
 class SatelliteErrors:
-    """What all receivers of one aircraft share: sigma and correlation time of their errors, and the common part."""
+    """Common to all receivers of one aircraft: sigma and correlation time of their errors, and the common part."""
 
     t: Array
     rate_hz: float
@@ -87,7 +87,7 @@ def draw_satellites(end_s: float, rng: Rng, rates_hz: tuple[float, ...] = RATES_
 
 
 def fixes(sky: SatelliteErrors, truth: Trajectory, undulation: float, delay_s: Array, rng: Rng) -> Fixes:
-    """Nominal fixes of one receiver; those of a moment delay_s (n,) earlier carry the time of now."""
+    """Nominal fixes of one receiver; those of delay_s (n,) earlier have the current time."""
     m = truth.at(np.maximum(sky.t - delay_s, 0.0))
     lat, lon, alt = displace(m.lat, m.lon, m.alt, sky.errors_n(rng))
     velocity = gauss_markov_n(len(sky.t), 1.0 / sky.rate_hz, VELOCITY_TAU_S, (sky.velocity_sd,) * 3, rng)
@@ -98,7 +98,7 @@ def fixes(sky: SatelliteErrors, truth: Trajectory, undulation: float, delay_s: A
 
 
 def delay_fixes(found: Fixes, cell: Cell, window: FaultWindow, truth: Trajectory) -> Fixes:
-    """Nominal fixes as a time step of a cell makes them: those of a moment earlier, with the errors of now."""
+    """Nominal fixes with the time step of a cell: earlier fixes with the current errors."""
     if cell.kind is not SensorFault.TIME_STEP:
         return found
     now = truth.at(found.t)
@@ -131,7 +131,7 @@ def apply_fault(found: Fixes, cell: Cell, window: FaultWindow, azimuth: float, r
 
 
 def _freeze(found: Fixes, active: Mask, with_velocity: bool) -> Fixes:
-    k = frozen(active)
+    k = repeated_indices(active)
     vel_n = found.vel_n[k] if with_velocity else found.vel_n
     return replace(
         found, lat=found.lat[k], lon=found.lon[k], alt=found.alt[k], alt_msl=found.alt_msl[k], vel_n=vel_n
@@ -146,14 +146,14 @@ def _displace(found: Fixes, active: Mask, by_n: Array) -> Fixes:
 
 def _ramp(found: Fixes, cell: Cell, active: Mask, elapsed: Array, azimuth: float) -> Fixes:
     length, rate = ramp(elapsed, cell.magnitude, cell.onset_m_s2)
-    moved = _displace(found, active, np.outer(length, direction(azimuth)))
+    displaced = _displace(found, active, np.outer(length, direction(azimuth)))
     if not cell.with_velocity:
-        return moved
-    return replace(moved, vel_n=found.vel_n + np.outer(np.where(active, rate, 0.0), direction(azimuth)))
+        return displaced
+    return replace(displaced, vel_n=found.vel_n + np.outer(np.where(active, rate, 0.0), direction(azimuth)))
 
 
 def _scatter(found: Fixes, times: float, rng: Rng) -> Array:
-    """Errors that make the true sigma so many times the stated one."""
+    """Errors that raise the true sigma to a multiple of the stated sigma."""
     stated = np.array([found.horizontal_sd, found.horizontal_sd, found.vertical_sd])
     sds = tuple((stated * np.sqrt(times**2 - 1.0)).tolist())
     step_s = float(found.t[1] - found.t[0])

@@ -28,15 +28,15 @@ def ramp(elapsed: Array, rate: float, onset: float) -> tuple[Array, Array]:
 
     The derivative grows with the acceleration ``onset`` [m/s^2] up to ``rate`` [m/s]; an infinite onset is sharp.
     """
-    since = np.maximum(elapsed, 0.0)
+    duration = np.maximum(elapsed, 0.0)
     if np.isinf(onset):
-        return rate * since, np.where(elapsed >= 0.0, rate, 0.0)
+        return rate * duration, np.where(elapsed >= 0.0, rate, 0.0)
     growth = min(rate / onset, np.inf)
-    growing = np.minimum(since, growth)
-    return 0.5 * onset * growing**2 + rate * (since - growing), onset * growing
+    growing = np.minimum(duration, growth)
+    return 0.5 * onset * growing**2 + rate * (duration - growing), onset * growing
 
 
-def frozen(active: Mask) -> NDArray[np.intp]:
+def repeated_indices(active: Mask) -> NDArray[np.intp]:
     """Index of the sample that each sample repeats: itself, and while active the last one before."""
     return np.asarray(np.maximum.accumulate(np.where(active, 0, np.arange(len(active)))))
 

@@ -49,12 +49,12 @@ class WaveTerrain:
         return self.base + self.truth.height(*self._plane(lat, lon))
 
     def map_elevation(self, lat: Array, lon: Array) -> Array:
-        """Height of the ground as the map has it."""
+        """Height of the ground in the map."""
         return self.elevation(lat, lon) + self.map_error.height(*self._plane(lat, lon))
 
     @property
     def peak(self) -> float:
-        """No ground is higher."""
+        """Upper limit of the ground height."""
         return self.base + float(self.truth.amplitudes.sum())
 
     def _plane(self, lat: Array, lon: Array) -> tuple[Array, Array]:
@@ -72,7 +72,7 @@ def relief(sd: float, wavelengths_m: tuple[float, float], rng: np.random.Generat
 
 
 def terrain(number: int, origin: tuple[float, float], base: float) -> WaveTerrain:
-    """Terrain 0 to 9, laid at an origin."""
+    """Terrain 0 to 9 at an origin."""
     rng = np.random.default_rng([7, number])
     truth = relief(RELIEF_SD_M[number], WAVELENGTHS_M, rng)
     return WaveTerrain(number, origin, base, truth, relief(MAP_SD_M, MAP_WAVELENGTHS_M, rng))

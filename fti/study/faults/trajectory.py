@@ -1,4 +1,4 @@
-"""True motion of the aircraft, and what an ideal inertial unit feels on it.
+"""True motion of the aircraft, and ideal inertial measurements on it.
 
 Speed, climb angle and rate of the track are profiles in time; velocity, its derivative and the attitude follow in
 closed form, and the position by integration on a grid of 25 Hz.  Bank is that of a coordinated turn.
@@ -43,7 +43,7 @@ class TrueMotion:
 
 @dataclass(frozen=True, eq=False)
 class Course:
-    """What is flown.  speed [m/s], climb angle [rad], track_rate [rad/s] over time; start: lat, lon, alt.
+    """Definition of a flight.  speed [m/s], climb angle [rad], track_rate [rad/s] over time; start: lat, lon, alt.
 
     track: at the start [rad]; angle_of_attack, drift_angle (heading minus track): constant [rad]
     """

@@ -1,1 +1,1 @@
-"""Elevation files: what they say of themselves, and how they become the layers of a terrain."""
+"""Elevation files: their metadata, and their conversion to layers of a terrain."""

@@ -1,7 +1,7 @@
-"""One elevation file: where its posts lie, what their heights mean, and reading a window of it.
+"""One elevation file: position of its posts, meaning of their heights, and reading a window.
 
-GDAL gives every format the same shape: pixels whose middle is the post, also where the file itself counts from the
-post.  A post without a height (no data, a mask, -32768, NaN, a block that was never written) is a hole.
+GDAL represents every format as pixels whose middle is the post, also where the file itself refers to the post.  A post
+without a height (no data, a mask, -32768, NaN, a block that was never written) is a hole.
 """
 
 from __future__ import annotations
@@ -34,27 +34,27 @@ from fti.terrain.files.vertical import find_datum, find_unit, split_crs
 
 Array = NDArray[np.float64]
 
-#: Heights of the ground on Earth lie between, with room for a canyon below and a mast above [m].
+#: Limits of ground heights on Earth, with a margin for canyons and masts [m].
 MIN_HEIGHT_M, MAX_HEIGHT_M = -500.0, 9000.0
-#: What no height is, whether the file says so or not.
+#: A void, whether declared in the file or not.
 VOID = -32768.0
 WGS84 = "EPSG:4326"
-#: Posts of a row, which is read whole: once around the Earth every 10 m.
+#: Maximum posts of a row, which is read as a whole: once around the Earth every 10 m.
 MAX_COLUMNS = 2**22
-#: What GDAL, rasterio and PROJ raise for a file that is damaged.
+#: Exceptions of GDAL, rasterio and PROJ for a damaged file.
 READ_ERRORS = (RasterioError, CPLE_BaseError, ProjError, ValueError, LookupError, TypeError, ArithmeticError)
 _EDGE_POINTS = 33
 
-if str(SYSTEM) not in get_data_dir():  # grids of horizontal datums, as Gauss-Krueger's: 1 m instead of 3
+if str(SYSTEM) not in get_data_dir():  # grids of horizontal datums, as for Gauss-Krueger: 1 m instead of 3
     append_data_dir(SYSTEM)
 
 
 class ElevationFile:
     """An open elevation file.
 
-    words      : what the caller says of vertical datums, as ``words_by_file`` gives it
+    words      : vertical datums by the caller, as from ``datum_names_by_file``
     local_only : a recording names the file (``fti.terrain.files.local_only``)
-    source  : what it says of itself
+    source  : its metadata
     affine  : (a, b, c, d, e, f), x = a column + b row + c, y = d column + e row + f at the posts
     crs     : the horizontal part of its coordinate system
     """
@@ -80,14 +80,14 @@ class ElevationFile:
             raise
 
     def close(self) -> None:
-        """Let go of the file."""
+        """Close the file."""
         self._dataset.close()
 
     def _describe(self, path: str, datum: str, by: str) -> ElevationFileInfo:
         tags = self._dataset.tags()
         lat, lon = self.outline()
         if not np.isfinite(lat + lon).all():
-            raise ConfigError(f"{path}: its edges are no places on Earth in {self.crs.name}")
+            raise ConfigError(f"{path}: its edges are not valid positions in {self.crs.name}")
         west, east = _sides(lon)
         accuracy = self._transformer.accuracy
         return ElevationFileInfo(
@@ -120,12 +120,12 @@ class ElevationFile:
 
     @property
     def operation(self) -> str:
-        """The step from WGS84 to its coordinates, in PROJ's words: the best one where the file lies."""
+        """The PROJ definition of the transformation from WGS84 to its coordinates: the best one in its area."""
         return self._transformer.definition
 
     @property
     def turn(self) -> float:
-        """A whole turn in the unit of the file's longitudes."""
+        """A full turn in the unit of the file's longitudes."""
         return 2.0 * math.pi / float(self.crs.axis_info[0].unit_conversion_factor)
 
     def places(self, row: ArrayLike, column: ArrayLike) -> tuple[Array, Array]:
@@ -137,10 +137,11 @@ class ElevationFile:
         return np.radians(lat), np.radians(lon)
 
     def indices(self, lat: Array, lon: Array) -> tuple[Array, Array]:
-        """Row and column, counted from the first post, of WGS84 places [rad]; NaN for what the file's CRS has not."""
+        """Row and column, counted from the first post, of WGS84 positions [rad]; NaN outside the validity of the file's
+        CRS."""
         a, b, c, d, e, f = self.affine
         x, y = self._transformer.transform(np.degrees(lon), np.degrees(lat))
-        if self.crs.is_geographic:  # the turn that lies nearest to the file
+        if self.crs.is_geographic:  # the turn nearest to the file
             middle = c + (a * (self.columns - 1) + b * (self.rows - 1)) / 2
             x = middle + nearest_turn(x - middle, self.turn)
         with np.errstate(invalid="ignore"):
@@ -159,7 +160,7 @@ class ElevationFile:
     def read(self, rows: tuple[int, int], columns: tuple[int, int]) -> Array:
         """Heights [m] of the posts from the first to before the second row and column; NaN in holes.
 
-        Raises ConfigError for heights that no ground has, or when the file breaks off.
+        Raises ConfigError for implausible heights, or when the file is truncated.
         """
         window = Window.from_slices(rows, columns)
         try:
@@ -176,15 +177,15 @@ class ElevationFile:
             wild = heights[(heights < MIN_HEIGHT_M) | (heights > MAX_HEIGHT_M)]
         if wild.size:
             raise ConfigError(
-                f"{self.source.path}: a height of {wild[0]:g} m; the ground has {MIN_HEIGHT_M:g} to {MAX_HEIGHT_M:g} m, and what "
-                f"is no height must be declared, as gdal_edit.py -a_nodata does"
+                f"{self.source.path}: a height of {wild[0]:g} m; must be {MIN_HEIGHT_M:g} to {MAX_HEIGHT_M:g} m; "
+                f"declare voids, for example with gdal_edit.py -a_nodata"
             )
         return np.asarray(heights)
 
     def _unwritten_blocks(self, rows: tuple[int, int], columns: tuple[int, int]) -> Iterator[tuple[slice, slice]]:
-        """Those blocks of a TIFF below a window that were never written, as parts of it: GDAL reads heights of 0 there.
+        """The blocks of a TIFF in a window that were never written, as parts of it: GDAL reads heights of 0 there.
 
-        What is declared as void, it reads as void.
+        Not needed with a declared void, which GDAL returns for such blocks.
         """
         if self._dataset.driver != "GTiff" or self._dataset.nodata is not None:
             return
@@ -197,21 +198,21 @@ class ElevationFile:
 
 def _sides(lon: Array) -> tuple[float, float]:
     """The westernmost and easternmost of longitudes once around a file [rad]; half a turn each where it goes around."""
-    around = np.unwrap(lon)
-    if np.ptp(around) > 2 * np.pi - 1e-9:
+    unwrapped = np.unwrap(lon)
+    if np.ptp(unwrapped) > 2 * np.pi - 1e-9:
         return -math.pi, math.pi
-    west, east = (float(nearest_turn(side, 2 * np.pi)) for side in (around.min(), around.max()))
+    west, east = (float(nearest_turn(side, 2 * np.pi)) for side in (unwrapped.min(), unwrapped.max()))
     return west, east
 
 
 def _blocks(begin: int, end: int, size: int) -> list[tuple[int, slice]]:
-    """Numbers of the blocks below a row of posts, and which part of it each one is."""
+    """Numbers of the blocks of a row of posts, and the part of each."""
     numbers = range(begin // size, -(-end // size))
     return [(n, slice(max(n * size - begin, 0), (n + 1) * size - begin)) for n in numbers]
 
 
 def nearest_turn(x: ArrayLike, turn: float) -> Array:
-    """A difference of longitudes by the shorter way around."""
+    """A difference of longitudes, reduced to half a turn."""
     return np.asarray(np.remainder(np.asarray(x) + turn / 2, turn) - turn / 2)
 
 
@@ -219,54 +220,54 @@ def _open(path: str, local_only: bool) -> Any:
     if local_only:
         return _open_without_warnings(open_local, path)
     if not path.startswith("/vsi") and not Path(path).exists():
-        raise MissingError(f"{path}: there is no such file")
+        raise MissingError(f"{path}: file not found")
     try:
         return _open_without_warnings(rasterio.open, path)
     except READ_ERRORS as error:
-        raise ConfigError(f"{path}: is no elevation file that GDAL reads: {_reason(error)}") from None
+        raise ConfigError(f"{path}: is not an elevation file that GDAL can read: {_reason(error)}") from None
 
 
 def _reason(error: Exception) -> str:
-    """What a library says, as one line."""
+    """The message of a library error, as one line."""
     return " ".join(str(error.__cause__ or error).split())[:300] or type(error).__name__
 
 
 def _open_without_warnings(opener: Callable[[str], Any], path: str) -> Any:
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", NotGeoreferencedWarning)  # said below, in our words
+        warnings.simplefilter("ignore", NotGeoreferencedWarning)  # reported by _read_crs
         return opener(path)
 
 
 def _read_crs(path: str, dataset: Any) -> pyproj.CRS:
     if dataset.count != 1:
-        raise ConfigError(f"{path}: has {dataset.count} bands; an elevation file has one")
+        raise ConfigError(f"{path}: has {dataset.count} bands; must have one")
     if dataset.dtypes[0].startswith("complex") or dataset.colorinterp[0] is ColorInterp.palette:
-        raise ConfigError(f"{path}: its values are complex or numbers of colours; an elevation file has heights")
+        raise ConfigError(f"{path}: its values are complex or colour indices; must be heights")
     if dataset.shape[1] > MAX_COLUMNS:
-        raise ConfigError(f"{path}: has {dataset.shape[1]} posts in a row; must be {MAX_COLUMNS} at most")
+        raise ConfigError(f"{path}: has {dataset.shape[1]} posts in a row; must be at most {MAX_COLUMNS}")
     if min(dataset.shape) < 2:
-        raise ConfigError(f"{path}: has {dataset.shape[0]} x {dataset.shape[1]} posts; must be 2 x 2 at least")
+        raise ConfigError(f"{path}: has {dataset.shape[0]} x {dataset.shape[1]} posts; must be at least 2 x 2")
     if dataset.crs is None:
-        raise ConfigError(f"{path}: has no coordinate system: nothing says where on Earth it lies")
+        raise ConfigError(f"{path}: has no coordinate system: its position on Earth is unknown")
     crs = pyproj.CRS.from_wkt(dataset.crs.to_wkt())
     if not (crs.is_geographic or crs.is_projected):
-        raise ConfigError(f"{path}: its coordinate system {crs.name!r} is neither geographic nor projected")
+        raise ConfigError(f"{path}: its coordinate system {crs.name!r} must be geographic or projected")
     if dataset.transform.is_identity or dataset.transform.determinant == 0.0:
-        raise ConfigError(f"{path}: has no place of its first post: nothing says where on Earth it lies")
+        raise ConfigError(f"{path}: has no position of its first post: its position on Earth is unknown")
     return crs
 
 
 def _make_transformer(path: str, crs: pyproj.CRS, outline: tuple[Array, Array] | None) -> pyproj.Transformer:
-    """WGS84 to the file's coordinates: the one best operation around the outline [rad], and never a guess."""
+    """WGS84 to the file's coordinates: the best operation in the outline [rad], without ballpark ones."""
     area = None
     if outline is not None and np.isfinite(outline).all():
         (south, north), (west, east) = (np.degrees((side.min(), side.max())) for side in outline)
         area = AreaOfInterest(west, south, east, north)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # a better one lacks its grid: the accuracy says what is left
+        warnings.simplefilter("ignore", UserWarning)  # for a better one without its grid; the accuracy is reported
         group = TransformerGroup(WGS84, crs, always_xy=True, area_of_interest=area, allow_ballpark=False)
     if not group.transformers:
-        raise ConfigError(f"{path}: PROJ knows no way from WGS84 to {crs.name!r} where the file lies")
+        raise ConfigError(f"{path}: PROJ has no transformation from WGS84 to {crs.name!r} in the area of the file")
     return group.transformers[0]
 
 

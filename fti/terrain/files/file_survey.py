@@ -1,4 +1,4 @@
-"""What elevation files hold, and the layers that a terrain would be made of, without making it."""
+"""Contents of elevation files, and the layers of the terrain that they would make."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from fti.terrain.files.resampling_error import measure_resampling
 from fti.terrain.files.vertical import datum_names_by_file
 from fti.terrain.resampling import ResamplingError
 
-#: Posts that are read at once.
+#: Posts that are read at a time.
 _PART = 2**22
 
 
@@ -28,7 +28,7 @@ _PART = 2**22
 class FileSurvey:
     """One file: lowest and highest height above its own vertical datum [m], None without any; posts without height.
 
-    used : it touches the area, and is in a layer
+    used : whether it touches the area and is in a layer
     """
 
     source: ElevationFileInfo
@@ -40,9 +40,9 @@ class FileSurvey:
 
 @dataclass(frozen=True, slots=True)
 class LayerSurvey:
-    """One layer to be: between its posts [m], rows and columns, its extent [m], and the numbers of its files.
+    """One planned layer: distance of posts [m], rows and columns, extent [m], and the numbers of its files.
 
-    resampling : how far it is off its files' own surfaces; None where a geoid is missing
+    resampling : its error against the surfaces of its files; None where a geoid is missing
     """
 
     cell_m: float
@@ -56,7 +56,7 @@ class LayerSurvey:
 
 @dataclass(frozen=True, slots=True)
 class TerrainSurvey:
-    """Files, layers to be (none, and why, when no terrain can be made), their frame, and the grid of each geoid."""
+    """Files, planned layers (empty, with the reason in ``refused``), their frame, and the grid of each geoid."""
 
     files: tuple[FileSurvey, ...]
     layers: tuple[LayerSurvey, ...]
@@ -74,9 +74,9 @@ def survey(
     vertical: str | Mapping[str, str] | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> TerrainSurvey:
-    """Read all posts of the files; the arguments are those of ``Terrain.open``, and so is what is raised.
+    """Read all posts of the files; arguments and exceptions are those of ``Terrain.open``.
 
-    A geoid that is missing, and an area that is too large or not touched, are told in the result.
+    A missing geoid, and an area that is too large or not touched, are reported in the result.
     """
     check_arguments(paths, centre, radius_m, cell_m)
     words = datum_names_by_file(vertical, paths)
@@ -94,9 +94,9 @@ def survey(
 
         layers = _describe_layers(plans, frame, files)
         used = {number for layer in layers for number in layer.files}
-        found = tuple(_survey_file(file, number in used, advance) for number, file in enumerate(files))
+        surveys = tuple(_survey_file(file, number in used, advance) for number, file in enumerate(files))
         geoids = {f.source.vertical: _grid_of(f.source.vertical) for f in files if f.source.vertical != "ellipsoid"}
-        return TerrainSurvey(found, layers, refused, frame, geoids)
+        return TerrainSurvey(surveys, layers, refused, frame, geoids)
 
 
 def survey_layers(
@@ -107,7 +107,7 @@ def survey_layers(
     cell_m: float | None = None,
     vertical: str | Mapping[str, str] | None = None,
 ) -> tuple[LayerSurvey, ...]:
-    """The layers alone, for which few posts are read; arguments and what is raised are those of ``Terrain.open``."""
+    """The layers alone, for which few posts are read; arguments and exceptions are those of ``Terrain.open``."""
     check_arguments(paths, centre, radius_m, cell_m)
     words = datum_names_by_file(vertical, paths)
     with contextlib.ExitStack() as stack:

@@ -1,9 +1,9 @@
-"""Which files make which layer of a terrain, and how large each is.
+"""Assigns files to the layers of a terrain, and determines their extent.
 
-Files whose posts are less than twice as far apart as a layer's cell make that layer, the finest file first, those about
-as fine (to 10 %) in the caller's order; a coarser file makes the next layer, with a cell that is a whole multiple.  A
-layer is the rectangle around what its files cover, cut to the area; its edges lie on posts of the next coarser layer,
-which holds it whole.
+A layer contains the files whose posts are less than twice as far apart as its cell, the finest file first, those of
+equal spacing (to 10 %) in the caller's order; a coarser file begins the next layer, with a cell that is a whole
+multiple.  A layer is the rectangle around the coverage of its files, cut to the area; its edges lie on posts of the
+next coarser layer, which contains it.
 """
 
 from __future__ import annotations
@@ -25,17 +25,17 @@ from fti.terrain.files.mosaic import Mosaic, assemble
 
 Array = NDArray[np.float64]
 
-#: Posts of all layers together: 0.5 GB, and as much again for the ray caster.
+#: Maximum posts of all layers together: 0.5 GB, and as much again for the ray caster.
 MAX_POSTS = 2**26
-#: Files of a coarser spacing than so many cells make a layer of their own.
+#: Files with a coarser spacing than this begin a new layer [cells].
 _NEW_LAYER_RATIO = 2.0
-#: Files whose spacings differ by less count as equally fine: the caller's order tells.
+#: Ratio of spacings up to which files count as equally fine and keep the caller's order.
 _EQUAL_RATIO = 1.1
-#: A cell may be larger than a file's spacing by so much: the smallest block still lies over 16 million posts, 0.5 GB.
+#: Maximum ratio of cell to file spacing: the smallest block then covers 16 million posts, 0.5 GB.
 _MAX_CELL_RATIO = 256.0
-#: A layer's cell may be larger than its file's spacing by so much, to be a multiple.
+#: Maximum ratio of a layer's cell to its file's spacing, for a multiple.
 _MULTIPLE_RATIO = 1.02
-#: A point this far below the frame's plane is on another side of the Earth [m].
+#: Minimum ``up`` [m]: a lower point is on another side of the Earth.
 _MIN_UP_M = -1e6
 
 
@@ -52,11 +52,11 @@ class Box(NamedTuple):
         return Box(*np.minimum(self[:2], other[:2]).tolist(), *np.maximum(self[2:], other[2:]).tolist())
 
     def contains(self, east: Array, north: Array) -> NDArray[np.bool_]:
-        """Which places lie in it."""
+        """Whether points lie in it."""
         return (east >= self.east0) & (east <= self.east1) & (north >= self.north0) & (north <= self.north1)
 
     def snap(self, cell: float) -> Box:
-        """The smallest one around it whose edges are multiples of a cell, one cell long at least."""
+        """The smallest rectangle around it with edges on multiples of a cell, at least one cell long."""
         east0, north0 = math.floor(self.east0 / cell + 1e-9), math.floor(self.north0 / cell + 1e-9)
         east1 = max(math.ceil(self.east1 / cell - 1e-9), east0 + 1)
         north1 = max(math.ceil(self.north1 / cell - 1e-9), north0 + 1)
@@ -65,7 +65,7 @@ class Box(NamedTuple):
 
 @dataclass(frozen=True)
 class LayerPlan:
-    """One layer to be: its mosaics in order of preference, its cell [m] and its rectangle."""
+    """One planned layer: its mosaics in order of preference, its cell [m] and its rectangle."""
 
     mosaics: tuple[Mosaic, ...]
     cell_m: float
@@ -91,13 +91,13 @@ class LayerPlan:
 def place_area(
     files: Sequence[ElevationFile], centre: tuple[float, float] | None, radius_m: float | None
 ) -> tuple[LocalFrame, Box | None]:
-    """The local frame, and the square that was asked for; None for all that the files cover."""
+    """The local frame, and the requested square; None for the whole coverage of the files."""
     frame = LocalFrame(*(centre or _middle(files)), 0.0)
     return frame, None if radius_m is None else Box(-radius_m, -radius_m, radius_m, radius_m)
 
 
 def _middle(files: Sequence[ElevationFile]) -> tuple[float, float]:
-    """Latitude and longitude [rad] of the middle of what the files cover."""
+    """Latitude and longitude [rad] of the middle of the coverage."""
     points = np.concatenate([ecef_from_geodetic(*file.outline(), 0.0) for file in files])
     lat, lon, _ = geodetic_from_ecef((points.min(axis=0) + points.max(axis=0)) / 2)
     return float(lat), float(lon)
@@ -106,20 +106,19 @@ def _middle(files: Sequence[ElevationFile]) -> tuple[float, float]:
 def make_plans(
     files: Sequence[ElevationFile], frame: LocalFrame, area: Box | None, cell_m: float | None
 ) -> tuple[LayerPlan, ...]:
-    """The layers to be, the finest first; a file beside the area is in none of them.
+    """The planned layers, the finest first; a file outside the area is in none of them.
 
-    Raises ConfigError when no file touches the area, for more posts than there is room for, and for a cell that leaves
-    out nearly all posts.
+    Raises ConfigError when no file touches the area, for too many posts, and for a cell much larger than the spacing.
     """
     covers = {n: cover for n, file in enumerate(files) if (cover := _cover(file, frame, area)) is not None}
     if not covers and area is not None:
         raise ConfigError(
-            f"{files[0].source.path}: does not touch the area of {area.east1 / 1000:g} km around "
+            f"{files[0].source.path}: does not touch the area within {area.east1 / 1000:g} km around "
             f"{math.degrees(frame.lat0):.5f}, {math.degrees(frame.lon0):.5f}; it covers {bounds_text(files[0].source)}"
             f"{f', and none of the {len(files) - 1} other files touches it' if len(files) > 1 else ''}"
         )
     if area is None and (far := next((file for n, file in enumerate(files) if n not in covers), None)):
-        raise ConfigError(f"{far.source.path}: covers {bounds_text(far.source)}: too much for one local frame")
+        raise ConfigError(f"{far.source.path}: covers {bounds_text(far.source)}: too large for one local frame")
     plans: list[LayerPlan] = []
     spacings = {n: min(files[n].source.spacing_m) for n in covers}
     left = _order(spacings)
@@ -128,7 +127,7 @@ def make_plans(
         cell = _cell(spacing, plans[-1].cell_m if plans else None, cell_m)
         if cell > _MAX_CELL_RATIO * spacing:
             raise ConfigError(
-                f"cell_m = {cell:g}: must be {_MAX_CELL_RATIO * spacing:.3g} m at most, {_MAX_CELL_RATIO:g} times the "
+                f"cell_m = {cell:g}: must be at most {_MAX_CELL_RATIO * spacing:.3g} m, {_MAX_CELL_RATIO:g} times the "
                 f"distance between the posts of the finest file in the area"
             )
         mine = [n for n in left if spacings[n] < _NEW_LAYER_RATIO * max(cell, spacing)]
@@ -140,7 +139,7 @@ def make_plans(
 
 
 def _order(spacings: Mapping[int, float]) -> list[int]:
-    """Numbers of files, the finest first; those that are about as fine as another in the caller's order."""
+    """Numbers of files, the finest first; those of about equal spacing in the caller's order."""
     left, order = dict(spacings), list[int]()
     while left:
         finest = min(left.values())
@@ -150,7 +149,7 @@ def _order(spacings: Mapping[int, float]) -> list[int]:
 
 
 def _cell(spacing: float, finer: float | None, wanted: float | None) -> float:
-    """The cell of a layer [m]: three digits of the spacing, or what was asked for, or a multiple of the finer cell."""
+    """The cell of a layer [m]: three digits of the spacing, or the wanted one, or a multiple of the finer cell."""
     if finer is not None:
         return finer * max(1, math.floor(_MULTIPLE_RATIO * spacing / finer))
     return wanted or float(f"{spacing:.3g}")
@@ -164,7 +163,7 @@ def _join_boxes(boxes: Sequence[Box]) -> Box:
 
 
 def _fit(plans: Sequence[LayerPlan]) -> tuple[LayerPlan, ...]:
-    """The layers with edges on posts of the next coarser one, each in the next coarser one; not too many posts."""
+    """The layers with edges on posts of the next coarser one, each inside it; checks the number of posts."""
     cells = [plan.cell_m for plan in plans]
     fitted: list[LayerPlan] = []
     for number, plan in enumerate(plans):
@@ -177,14 +176,14 @@ def _fit(plans: Sequence[LayerPlan]) -> tuple[LayerPlan, ...]:
         wide, high = worst.box.east1 - worst.box.east0, worst.box.north1 - worst.box.north0
         raise ConfigError(
             f"{posts / 1e6:.0f} million posts, most of them {worst.cell_m:g} m apart over {wide / 1000:.1f} x "
-            f"{high / 1000:.1f} km; must be {MAX_POSTS / 1e6:.0f} million at most: "
-            f"give a larger cell_m or a smaller area (centre, radius_m)"
+            f"{high / 1000:.1f} km; must be at most {MAX_POSTS / 1e6:.0f} million: "
+            f"use a larger cell_m or a smaller area (centre, radius_m)"
         )
     return tuple(fitted)
 
 
 def _cover(file: ElevationFile, frame: LocalFrame, area: Box | None) -> Box | None:
-    """The rectangle around what a file covers of the area; None where it does not touch it."""
+    """The rectangle around the part of the area that a file covers; None where it does not touch it."""
     east, north = _local_outline(file, frame)
     if area is None:
         inside = np.isfinite(east)
@@ -211,7 +210,7 @@ def _local_outline(file: ElevationFile, frame: LocalFrame) -> tuple[Array, Array
 
 
 def _coverage(file: ElevationFile, frame: LocalFrame, east: Array, north: Array) -> NDArray[np.bool_]:
-    """Which places of the frame lie on a file's pixels."""
+    """Whether points of the frame lie on a file's pixels."""
     lat, lon, _ = frame.to_geodetic(np.stack((east, north, np.zeros_like(east)), axis=-1))
     row, column = file.indices(lat, lon)
     on_rows = np.abs(row - (file.rows - 1) / 2) <= file.rows / 2
@@ -219,6 +218,6 @@ def _coverage(file: ElevationFile, frame: LocalFrame, east: Array, north: Array)
 
 
 def bounds_text(source: ElevationFileInfo) -> str:
-    """What a file covers, for people: latitudes and longitudes [deg]."""
+    """Text of the coverage of a file: latitudes and longitudes [deg]."""
     south, north, west, east = (math.degrees(side) for side in (source.south, source.north, source.west, source.east))
     return f"{south:.5f} to {north:.5f} deg north, {west:.5f} to {east:.5f} deg east"

@@ -1,8 +1,8 @@
-"""Elevation files that a recording names: only single local files of five formats are opened, and nothing else by them.
+"""Elevation files named by a recording: only single local files of five formats are opened.
 
-A recording may come from anybody.  GDAL follows what a path or a file names: ``/vsicurl/`` loads from an address, a VRT
-or an overview in a sidecar file names any other path.  So the path, the format and GDAL's own options are limited here.
-A user's configuration is his own choice and is not limited.
+A recording may come from anyone.  GDAL follows references in paths and files: ``/vsicurl/`` loads from an address, a
+VRT or an overview in a sidecar file names any other path.  Therefore the path, the format and GDAL's options are
+limited here.  A user's own configuration is not limited.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ from rasterio.errors import RasterioIOError
 
 from fti.errors import ConfigError, MissingError
 
-#: GDAL's names of the formats that are opened.
+#: GDAL's names of the allowed formats.
 DRIVERS = ("GTiff", "SRTMHGT", "DTED", "AAIGrid", "HFA")
 ZIP = "/vsizip/"
-_REMEDY = "give a configuration of your own that names it"
+_REMEDY = "give your own configuration with this file"
 #: ``http:``, ``file:``, ``GTIFF_DIR:``: addresses and GDAL's connection strings.
 _SCHEME = re.compile(r"^[A-Za-z][A-Za-z0-9+.\-_]*:")
 
@@ -30,9 +30,9 @@ def check_local(path: str) -> None:
     if str(file).startswith("/vsi") or _SCHEME.match(path) or not file.is_absolute():
         raise _refusal(path, "")
     if not file.exists():
-        raise MissingError(f"{file}: there is no such file; the recording names it; {_REMEDY}")
+        raise MissingError(f"{file}: file not found; the recording names it; {_REMEDY}")
     if not file.is_file():
-        raise _refusal(path, "it is not a regular file; ")
+        raise _refusal(path, "not a regular file; ")
 
 
 def _zip_of(path: str) -> str:
@@ -55,13 +55,13 @@ def open_local(path: str) -> Any:
 
 def _refusal(path: str, why: str) -> ConfigError:
     return ConfigError(
-        f"{path}: the recording names this elevation file, and it is not opened: {why}a recording may name local files "
-        f"of the formats {', '.join(DRIVERS)}, also in a local zip ({ZIP}); {_REMEDY}"
+        f"{path}: the recording names this elevation file, and it is not opened: {why}a recording may only name local "
+        f"files of the formats {', '.join(DRIVERS)}, also in a local zip ({ZIP}); {_REMEDY}"
     )
 
 
 def local_environment() -> Any:
-    """GDAL's options while such a file is read: no sidecar files, no address."""
+    """GDAL's options for reading such a file: no sidecar files, no addresses."""
     return rasterio.Env(
         GDAL_DISABLE_READDIR_ON_OPEN="EMPTY_DIR",
         GDAL_PAM_ENABLED="NO",

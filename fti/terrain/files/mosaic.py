@@ -1,7 +1,7 @@
-"""Files whose posts lie on one lattice, as tiles do: read as if they were one file.
+"""Files whose posts lie on one lattice, such as tiles, read as one file.
 
-A mosaic reaches half a post distance beyond its outermost posts, straight on from the last two: there its pixels end
-and the neighbour's begin, so that tiles that are not on one lattice leave no gap between them.
+A mosaic extends half a post distance beyond its outermost posts, extrapolated from the last two: there its pixels end
+and those of the neighbour begin, so that there is no gap between tiles on different lattices.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from fti.terrain.files.elevation_file import ElevationFile, nearest_turn
 Array = NDArray[np.float64]
 Numbers = NDArray[np.uint8]
 
-#: Posts of two files are one lattice when they agree to so many post distances over the whole of it.
+#: Maximum misalignment of two files on one lattice, over all posts [post distances].
 _ALIGNED = 0.01
 
 
@@ -39,7 +39,7 @@ class PostWindow:
 class Mosaic:
     """Elevation files on one lattice, counted from the first post of the first file.
 
-    rows, columns : from the first to behind the last post; the first file's own post [0, 0] is row 0, column 0
+    rows, columns : from the first to after the last post; the first file's own post [0, 0] is row 0, column 0
     """
 
     def __init__(self, number: int, file: ElevationFile) -> None:
@@ -58,9 +58,9 @@ class Mosaic:
         return tuple(number for number, *_ in self._tiles)
 
     def add_if_aligned(self, number: int, file: ElevationFile) -> bool:
-        """Add a file when its posts lie on this lattice and its heights are of the same datum; say whether.
+        """Add a file if its posts lie on this lattice and its heights have the same datum; returns whether.
 
-        Another step from WGS84 makes another lattice: it may lie metres beside this one.
+        Another transformation from WGS84 gives another lattice, which may be metres off.
         """
         if (
             file.crs != self.first.crs
@@ -85,7 +85,7 @@ class Mosaic:
         return True
 
     def read(self, rows: tuple[int, int], columns: tuple[int, int]) -> PostWindow:
-        """Posts from the first to before the second row and column; where files overlap the first one counts."""
+        """Posts from the first to before the second row and column; the first of overlapping files counts."""
         heights = np.full((rows[1] - rows[0], columns[1] - columns[0]), np.nan)
         origin = np.full(heights.shape, NO_SOURCE, dtype=np.uint8)
         for number, file, row, column in self._tiles:
@@ -102,7 +102,7 @@ class Mosaic:
 
 
 def assemble(files: Iterable[tuple[int, ElevationFile]]) -> list[Mosaic]:
-    """The files as mosaics, each file in the first one that takes it; the order of files is kept."""
+    """The files as mosaics, each file in the first one that it fits; the order of files is kept."""
     mosaics: list[Mosaic] = []
     for number, file in files:
         if not any(mosaic.add_if_aligned(number, file) for mosaic in mosaics):

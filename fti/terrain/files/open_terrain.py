@@ -1,7 +1,7 @@
 """Elevation files as the layers of a terrain.
 
-In a finer layer the outermost posts, and those that its files do not know, are taken from the coarser layers: no ray
-slips through the seam, and the ground goes on where a fine file ends.
+In a finer layer the outermost posts, and unknown ones, are taken from the coarser layers: no ray passes through the
+seam, and the ground continues where a fine file ends.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from fti.terrain.terrain import Terrain
 
 Array = NDArray[np.float64]
 
-#: A distance [m] over which no surface rises by what counts.
+#: A horizontal distance [m] over which the rise of a surface is negligible.
 _EDGE_STEP = 1e-6
 
 
@@ -62,13 +62,13 @@ def open_terrain(
 def check_arguments(
     paths: Sequence[str], centre: tuple[float, float] | None, radius_m: float | None, cell_m: float | None
 ) -> None:
-    """Raises ValueError for arguments that make no sense, ConfigError for more files than can be numbered."""
+    """Raises ValueError for invalid arguments, ConfigError for more files than can be numbered."""
     if not paths:
         raise ValueError("a terrain needs at least one file")
     if len(paths) > NO_SOURCE:
-        raise ConfigError(f"{len(paths)} files; must be {NO_SOURCE} at most: join tiles into one, as gdalbuildvrt does")
+        raise ConfigError(f"{len(paths)} files; must be at most {NO_SOURCE}: join tiles, for example with gdalbuildvrt")
     if (centre is None) != (radius_m is None):
-        raise ValueError("an area needs both centre and radius_m, or neither for all that the files cover")
+        raise ValueError("centre and radius_m: must be given together, or neither for the whole coverage")
     if centre is not None and not (abs(centre[0]) <= math.pi / 2 and abs(centre[1]) <= 2 * math.pi):
         raise ValueError(f"centre = {centre}: must be latitude and longitude in radians")
     for name, value in (("radius_m", radius_m), ("cell_m", cell_m)):
@@ -88,7 +88,7 @@ def _build(
     geoids: Mapping[str, Geoid | None],
     progress: Callable[[float], None] | None,
 ) -> tuple[Layer, ...]:
-    """The layers, made from the coarsest to the finest, which needs the coarser ones."""
+    """The layers, built from the coarsest to the finest, because finer ones need the coarser ones."""
     total = sum(math.prod(plan.shape) * len(plan.mosaics) for plan in plans)
     looked_at = 0
 
@@ -110,12 +110,12 @@ def _build(
         layers.insert(0, layer)
     if not any(np.isfinite(layer.heights).any() for layer in layers):
         first = plans[0].mosaics[0].first.source.path
-        raise ConfigError(f"{first}: no height at all in the area, nothing but holes")
+        raise ConfigError(f"{first}: no heights in the area, only holes")
     return tuple(layers)
 
 
 def _move_off_holes(coarser: Terrain, east: Array, north: Array) -> tuple[Array, Array]:
-    """The places [m], those on the edge of a hole moved by a hair to that side of it where the ground is known."""
+    """The points [m]; those on the edge of a hole are moved slightly to the side with known ground."""
     lost = np.flatnonzero(np.isnan(coarser.up(east, north)))
     for to_east, to_north in itertools.product((-_EDGE_STEP, _EDGE_STEP), repeat=2):
         there = np.isfinite(coarser.up(east[lost] + to_east, north[lost] + to_north))
@@ -126,7 +126,7 @@ def _move_off_holes(coarser: Terrain, east: Array, north: Array) -> tuple[Array,
 
 
 def _fill_from(layer: Layer, coarser: Terrain) -> None:
-    """Put the outermost posts of a layer on the coarser ones, and those that it does not know."""
+    """Set the outermost and the unknown posts of a layer from the coarser ones."""
     wanted = np.isnan(layer.heights)
     wanted[[0, -1], :] = wanted[:, [0, -1]] = True
     rows, columns = np.nonzero(wanted)

@@ -1,16 +1,16 @@
-"""A file's bilinear surface on posts of the local frame: met where each post's vertical pierces it.
+"""Resamples a file's bilinear surface to posts of the local frame, at the intersection with each post's vertical.
 
-A post at east, north has the ``up`` whose point lies as high above the ellipsoid as the file says at that point's
-latitude and longitude:
+A post at east, north has the ``up`` whose height above the ellipsoid equals that of the file at the latitude and
+longitude of this point:
 
-    alt(east, north, up) = height(row, column) + undulation,    row, column = where the file has (east, north, up)
+    alt(east, north, up) = height(row, column) + undulation,    row, column = position of (east, north, up) in the file
 
-solved by steps up += what is missing, which contract with slope x distance / R.
+solved by steps of ``up`` by the difference, which contract with slope x distance / R.
 
-Resampling costs, along each axis: nothing on a plane but the Earth's curvature, cell^2 / 8 R (2e-5 m at 30 m); where
-the ground has the curvature k [1/m], the bilinear surface through the new posts is off the one through the file's by
-k cell spacing / 4 at most (cell <= spacing), and off the ground by k (cell^2 + spacing^2) / 8.  A cell larger than
-the file's spacing leaves posts out; nothing is averaged.
+Resampling errors along each axis: on a plane only the Earth's curvature, cell^2 / 8 R (2e-5 m at 30 m); on ground of
+the curvature k [1/m], the bilinear surface through the new posts differs from that of the file by at most
+k cell spacing / 4 (cell <= spacing), and from the ground by k (cell^2 + spacing^2) / 8.  A cell larger than the file's
+spacing skips posts; nothing is averaged.
 """
 
 from __future__ import annotations
@@ -34,26 +34,26 @@ Extent = tuple[int, int]
 Places = tuple[Array, Array]
 Posts = tuple[Array, Numbers]
 
-#: The solution stands when a step is smaller than this [m]; at a wall of a city model it may not come to rest.
+#: Tolerance of the solution [m] and maximum steps; at a wall of a city model it may not converge.
 _MAX_STEP_M, _MAX_STEPS = 1e-6, 10
-#: Posts of a block along each side, at most and at least; posts of a file that are read at once.
+#: Maximum and minimum posts of a block along each side; maximum posts of a file per read.
 _BLOCK, _MIN_BLOCK, _MAX_WINDOW = 256, 8, 2**24
 
 
 @dataclass(frozen=True)
 class Resampler:
-    """Puts the heights of one mosaic on posts.  geoid : of its heights, None for the ellipsoid."""
+    """Resamples the heights of one mosaic.  geoid : of its heights, None for the ellipsoid."""
 
     frame: LocalFrame
     mosaic: Mosaic
     geoid: Geoid | None
 
     def fill(self, places: Places, posts: Posts, done: Callable[[int], None]) -> None:
-        """Fill the posts that are NaN yet.
+        """Fill the posts that are still NaN.
 
         places : east of the columns, north of the rows [m]
         posts  : ``up`` [m] and number of the source, ndarrays of shape (rows, columns), changed in place
-        done   : hears how many posts have been looked at
+        done   : receives the number of processed posts
         """
         (east, north), (ups, origin) = places, posts
         for rows, columns in itertools.product(_cuts(len(north), _BLOCK), _cuts(len(east), _BLOCK)):
@@ -72,36 +72,36 @@ class Resampler:
             halves = (_cuts(size, -(-size // 2) if size >= 2 * _MIN_BLOCK else size) for size in ups.shape)
             for rows, columns in itertools.product(*halves):
                 self._fill_block((east[columns], north[rows]), (ups[rows, columns], origin[rows, columns]))
-        elif holds:  # what does not hold in the smallest block, as on a pole, stays a hole
+        elif holds:  # posts of the smallest block that does not hold, as at a pole, stay holes
             self._put(block, self.mosaic.read(*needed), posts)
 
     def _put(self, block: PostBlock, window: PostWindow, posts: Posts) -> None:
         if np.isfinite(window.heights).any():
-            found, numbers = _solve(block, self.mosaic, window, self.geoid, self.frame.lon0)
-            new = np.isnan(posts[0]) & np.isfinite(found)
-            posts[0][new], posts[1][new] = found[new], numbers[new]
+            heights, numbers = _solve(block, self.mosaic, window, self.geoid, self.frame.lon0)
+            new = np.isnan(posts[0]) & np.isfinite(heights)
+            posts[0][new], posts[1][new] = heights[new], numbers[new]
 
 
-def _cuts(count: int, most: int) -> list[slice]:
-    """A row of posts in parts of at most so many, as equal as can be."""
-    ends = np.linspace(0, count, -(-count // most) + 1).astype(int)
+def _cuts(count: int, max_size: int) -> list[slice]:
+    """A row of posts in parts of at most ``max_size``, as equal as possible."""
+    ends = np.linspace(0, count, -(-count // max_size) + 1).astype(int)
     return [slice(begin, end) for begin, end in itertools.pairwise(ends)]
 
 
 def needed_posts(mosaic: Mosaic, block: PostBlock) -> tuple[Extent, Extent] | None:
-    """Rows and columns of the mosaic below a block, from the first to before the second; None when it has none there.
+    """Rows and columns of the mosaic below a block, from the first to before the second; None without any.
 
-    Where the mosaic's projection has no numbers for a part of the block, the whole mosaic: the block is cut up then.
+    The whole mosaic where its projection is undefined in a part of the block: the block is divided then.
     """
     extents = []
-    for quantity, (first, behind) in ((block.row, mosaic.rows), (block.column, mosaic.columns)):
+    for quantity, (first, end) in ((block.row, mosaic.rows), (block.column, mosaic.columns)):
         low, high = quantity.range()
         if np.isnan(low):
             return mosaic.rows, mosaic.columns
-        if high < first - 0.5 or low > behind - 0.5:
+        if high < first - 0.5 or low > end - 0.5:
             return None
-        begin = min(max(int(np.floor(low)) - 1, first), behind - 2)
-        extents.append((begin, max(min(int(np.ceil(high)) + 2, behind), begin + 2)))
+        begin = min(max(int(np.floor(low)) - 1, first), end - 2)
+        extents.append((begin, max(min(int(np.ceil(high)) + 2, end), begin + 2)))
     return extents[0], extents[1]
 
 
@@ -117,7 +117,7 @@ def _solve(
         row, column = block.row.at(t) - window.row, block.column.at(t) - window.column
         missing = bilinear(filled, row, column) + undulation - block.alt.at(t)
         t = t + missing / HALF
-        if step == 0 and geoid is not None:  # within metres of the place: the undulation is the final one
+        if step == 0 and geoid is not None:  # within metres of the point: the undulation is final
             undulation = geoid.undulation(block.lat.at(t), block.lon.at(t) + lon0)
         elif np.abs(missing).max() < _MAX_STEP_M:
             break
@@ -139,7 +139,7 @@ def _inside(index: Array, extent: Extent) -> NDArray[np.bool_]:
 
 
 def bilinear(heights: Array, row: Array, column: Array) -> Array:
-    """Heights at rows and columns of a window, straight on beyond its edge; NaN in a cell that touches a hole."""
+    """Heights at rows and columns of a window, extrapolated beyond its edge; NaN in a cell that touches a hole."""
     rows, columns = heights.shape
     i, j = np.clip(row.astype(np.intp), 0, rows - 2), np.clip(column.astype(np.intp), 0, columns - 2)
     v, u = row - i, column - j

@@ -1,12 +1,12 @@
-"""The error that the change of posts makes: the files' own surface against the layer's, at a sample of places.
+"""Resampling error: the surface of the files against that of the layer, at a sample of points.
 
-Blocks of a few cells, spread over the layer, are resampled as the layer is (``Resampler``); at places between their
-posts the file's surface is met in the same way, and the layer's is bilinear.  The RMS is over these places.  Both
-surfaces are bilinear, so they are farthest apart at posts of one of them, which are not on the other: the posts of the
-files in the block are compared, too, for the largest error.
+Blocks of a few cells, spread over the layer, are resampled like the layer (``Resampler``); at points between their
+posts the surface of the file is evaluated in the same way, and that of the layer is bilinear.  The RMS is over these
+points.  Both surfaces are bilinear, so their maximum distance is at posts of one of them: the posts of the files in the
+block are compared, too, for the maximum error.
 
-The sample depends on the layer's rectangle alone, so that opening a terrain, ``fti terrain info`` and ``fti check``
-find the same numbers.  It reads 256 small windows at most, whatever the size of the files.
+The sample depends only on the layer's rectangle, so that opening a terrain, ``fti terrain info`` and ``fti check`` give
+the same numbers.  It reads at most 256 small windows, for files of any size.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ from fti.terrain.resampling import ResamplingError
 
 Array = NDArray[np.float64]
 
-#: Blocks of a layer that are compared, and places in all of them together.
+#: Compared blocks of a layer, and points in all of them together.
 _BLOCKS, _PLACES = 256, 12_000
-#: Places along each side of a block, and posts of a file, at least and at most.
+#: Minimum and maximum points along each side of a block, and posts of a file.
 _MIN_ALONG, _MAX_ALONG = 7, 40
-#: Cells along each side of a block, where a cell is as large as the file's spacing or smaller.
+#: Maximum cells along each side of a block.
 _MAX_CELLS = 16
 #: Spacings of a file that a block with larger cells spans.
 _SPACINGS = 64.0
@@ -51,7 +51,7 @@ class _Cells:
     ups: Array
 
     def up(self, east: Array, north: Array) -> Array:
-        """``up`` of the layer at places [m]; NaN outside the block, and in a cell that touches a hole."""
+        """``up`` of the layer at points [m]; NaN outside the block, and in a cell that touches a hole."""
         cell = self.east[1] - self.east[0]
         row, column = (north - self.north[0]) / cell, (east - self.east[0]) / cell
         rows, columns = self.ups.shape
@@ -60,7 +60,7 @@ class _Cells:
 
 
 def measure_resampling(plan: LayerPlan, frame: LocalFrame, geoids: Mapping[str, Geoid | None]) -> ResamplingError:
-    """The error of one layer to be.  geoids : by vertical datum, None for the ellipsoid"""
+    """The error of one planned layer.  geoids : by vertical datum, None for the ellipsoid"""
     resamplers = [Resampler(frame, mosaic, geoids[mosaic.vertical]) for mosaic in plan.mosaics]
     chosen = _choose_blocks(plan)
     along = int(np.clip(math.ceil(math.sqrt(_PLACES / len(chosen))), _MIN_ALONG, _MAX_ALONG))
@@ -82,7 +82,7 @@ def _known(errors: Array) -> Array:
 
 
 def _choose_blocks(plan: LayerPlan) -> list[tuple[slice, slice]]:
-    """Rows and columns of the blocks: all where there are few, otherwise some that are spread evenly."""
+    """Rows and columns of the blocks: all if there are few, otherwise an evenly spread sample."""
     spacing = min(min(mosaic.first.source.spacing_m) for mosaic in plan.mosaics)
     cells = int(np.clip(_SPACINGS * spacing / plan.cell_m, 1, _MAX_CELLS))
     down, across = (max(1, (posts - 1) // cells) for posts in plan.shape)
@@ -114,7 +114,7 @@ def _fill(resamplers: Sequence[Resampler], east: Array, north: Array) -> Array:
 
 
 def _compare_places(block: _Cells, resamplers: Sequence[Resampler], along: int, number: int) -> Array:
-    """Layer less files [m] on a lattice of places in a block, which is another one in each block."""
+    """Layer minus files [m] on a lattice of points in a block, different in each block."""
     steps = np.arange(along)
     shifts = (_recurrence(np.array([number]), axis) for axis in (1, 2))
     east, north = (
@@ -125,7 +125,7 @@ def _compare_places(block: _Cells, resamplers: Sequence[Resampler], along: int, 
 
 
 def _compare_posts(block: _Cells, resamplers: Sequence[Resampler], along: int) -> Array:
-    """Layer less files [m] at posts of the first file that lies in a block; NaN beside the block."""
+    """Layer minus files [m] at posts of the first file in a block; NaN outside the block."""
     for resampler in resamplers:
         places = PostBlock(resampler.frame, resampler.mosaic, block.east, block.north)
         if places.holds() and (extents := needed_posts(resampler.mosaic, places)) is not None:

@@ -1,9 +1,9 @@
-"""Where a file has the posts of a block of the local frame: smooth functions of east, north and up, made cheap.
+"""Position in a file of the posts of a block of the local frame, by fast polynomials of east, north and up.
 
-Row and column in a file, latitude, longitude and the height above the ellipsoid go through the ellipsoid, a change of
-datum and a map projection.  Per block they are computed exactly at 6 x 6 x 3 nodes and interpolated between them by a
-polynomial; ``holds`` looks between the nodes whether that is good to 1e-4 of a post distance and 1e-4 m (it is to
-rounding, as a rule), and a block for which it is not is cut into four.
+Row and column in a file, latitude, longitude and the height above the ellipsoid need the ellipsoid, a change of datum
+and a map projection.  Per block they are computed exactly at 6 x 6 x 3 nodes and interpolated by a polynomial;
+``holds`` checks between the nodes that the error is below 1e-4 of a post distance and 1e-4 m (usually it is rounding),
+and a block for which it is not is divided into four.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ Array = NDArray[np.float64]
 
 #: Nodes of the polynomials along east and along north.
 _NODES = 6
-#: Middle and half of the heights above the ellipsoid for which they hold [m].
+#: Middle and half of the range of heights above the ellipsoid in which they are valid [m].
 _MIDDLE, HALF = 4250.0, 5000.0
-#: What the polynomials may be off: in post distances, and in height [m].
+#: Maximum error of the polynomials: in post distances, and in height [m].
 _OFF_POSTS, _OFF_ALT = 1e-4, 1e-4
 
 
@@ -41,7 +41,7 @@ class BlockParabola:
         return np.asarray(self.c0 + t * (self.c1 + t * self.c2))
 
     def range(self) -> tuple[float, float]:
-        """Least and greatest value; NaN where there is no value somewhere."""
+        """Minimum and maximum; NaN if any value is NaN."""
         ends = np.stack((self.c0, self.c0 + self.c1 + self.c2, self.c0 - self.c1 + self.c2))
         return float(ends.min()), float(ends.max())
 
@@ -73,12 +73,12 @@ class PostBlock:
         return np.asarray(self._middle + HALF * t)
 
     def holds(self) -> bool:
-        """Whether the polynomials are as good as is promised, between their nodes."""
+        """Whether the polynomials meet their accuracy between the nodes."""
         columns, rows = (np.arange(1, 8, 2) * (len(side) - 1) // 8 for side in (self._east, self._north))
         exact = self._exact(self._east[None, columns], self._north[rows, None], 0.5)
         half, at = np.full((), 0.5), np.ix_(rows, columns)
         pairs = zip((self.row, self.column, self.alt), (*exact[:2], exact[4]), strict=True)
-        off_row, off_column, off_alt = (np.abs(found.at(half)[at] - true).max() for found, true in pairs)
+        off_row, off_column, off_alt = (np.abs(parabola.at(half)[at] - true).max() for parabola, true in pairs)
         return bool(max(off_row, off_column) < _OFF_POSTS and off_alt < _OFF_ALT)
 
     def _exact(self, east: Array, north: Array, t: float) -> tuple[Array, ...]:
@@ -90,7 +90,7 @@ class PostBlock:
 
 
 def _basis(places: Array) -> tuple[Array, Array]:
-    """Nodes over the extent of the places, and the weights (places, nodes) that interpolate between them."""
+    """Nodes over the extent of the points, and the interpolation weights (points, nodes)."""
     low, high = places[0], places[-1]
     nodes = -np.cos(np.pi * np.arange(_NODES) / (_NODES - 1))
     chebyshev = np.polynomial.chebyshev.chebvander

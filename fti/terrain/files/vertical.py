@@ -1,7 +1,7 @@
-"""What the heights of an elevation file are counted from, and in which unit: its own word, its format's, the caller's.
+"""Vertical datum and unit of the heights of an elevation file: from the file, its format, or the caller.
 
-The caller's one word is for the files that do not say it themselves; where a file says something else, that is an error
-and not a matter of rank, because either may be wrong by 47 m.  A word for one file by its name wins over all.
+The caller's general datum is for files that do not state it.  A file that states another one is an error, because
+either may be wrong by 47 m.  A datum for one file by its name has precedence.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ from fti.constants import FOOT
 from fti.errors import ConfigError
 from fti.geodesy.wgs84 import SEMI_MAJOR, SEMI_MINOR
 
-#: What ``vertical`` may be.
+#: Allowed values of ``vertical``.
 DATUM_NAMES = ("egm96", "egm2008", "ellipsoid")
-#: The key of ``vertical`` that stands for the files without one of their own.
+#: The key of ``vertical`` for files without their own entry.
 OTHER_FILES = "*"
 
 _MODELS = {5773: "egm96", 3855: "egm2008"}
@@ -25,7 +25,7 @@ _FORMATS = {"DTED": "egm96", "SRTMHGT": "egm96"}
 #: Vertical datums of a DTED header that mean EGM96 (MIL-PRF-89020B).
 _DTED_DATUMS = ("MSL", "E96")
 _SURVEY_FOOT = 1200.0 / 3937.0
-#: GDAL calls both feet a foot here and there; they differ by 2e-6 of a height, 1.8 cm on the highest ground.
+#: GDAL sometimes calls both feet a foot; they differ by 2e-6 of a height, 1.8 cm on the highest ground.
 _SAME_UNIT = 1e-4
 _UNITS = {
     **dict.fromkeys(("m", "metre", "meter", "metres", "meters"), 1.0),
@@ -35,32 +35,32 @@ _UNITS = {
 
 
 def datum_names_by_file(vertical: str | Mapping[str, str] | None, paths: Collection[str]) -> Mapping[str, str]:
-    """The caller's words by file, ``OTHER_FILES`` for those without one of their own.
+    """The caller's datums by file, ``OTHER_FILES`` for those without their own entry.
 
-    Raises ConfigError for a word that is none of WORDS, and for a file that is not among the paths.
+    Raises ConfigError for a value that is not in DATUM_NAMES, and for a file that is not among the paths.
     """
     words = {OTHER_FILES: vertical} if isinstance(vertical, str) else dict(vertical or {})
     for file, word in words.items():
         if word not in DATUM_NAMES:
             raise ConfigError(f"vertical = {word!r}: must be one of {', '.join(DATUM_NAMES)}")
         if file != OTHER_FILES and file not in paths:
-            raise ConfigError(f"vertical: {file!r} is none of the files, which are named as they are opened")
+            raise ConfigError(f"vertical: {file!r}: not one of the files; use the same path")
     return words
 
 
 def split_crs(crs: pyproj.CRS) -> tuple[pyproj.CRS, pyproj.CRS | None]:
-    """The horizontal part, and the one that holds the third axis (None without)."""
+    """The horizontal part, and the part with the third axis (None without)."""
     if crs.is_compound:
         return crs.sub_crs_list[0], crs.sub_crs_list[1]
     return (crs.to_2d(), crs) if len(crs.axis_info) == 3 else (crs, None)
 
 
 def find_datum(path: str, upright: pyproj.CRS | None, dataset: Any, words: Mapping[str, str]) -> tuple[str, str]:
-    """The vertical datum of a file and who says so.
+    """The vertical datum of a file and its origin.
 
     path     : the file, as the caller named it; upright : the part of its coordinate system with the third axis
-    dataset  : the file, open; words : the caller's, by file
-    Raises ConfigError where nobody says it, where it is none of WORDS, where two contradict each other, and for depths.
+    dataset  : the file, open; words : the caller's datums, by file
+    Raises ConfigError where it is unknown, not in DATUM_NAMES or contradictory, and for depths.
     """
     if upright is not None and upright.axis_info[-1].direction == "down":
         raise ConfigError(
@@ -68,23 +68,21 @@ def find_datum(path: str, upright: pyproj.CRS | None, dataset: Any, words: Mappi
         )
     if path in words:
         return words[path], "the caller, for this file"
-    said, by = _file_datum(path, upright, dataset)
-    if said is None:
+    datum, by = _file_datum(path, upright, dataset)
+    if datum is None:
         if OTHER_FILES not in words:
-            raise ConfigError(
-                f"{path}: nothing says what its heights are counted from; say vertical = one of {', '.join(DATUM_NAMES)}"
-            )
+            raise ConfigError(f"{path}: its vertical datum is unknown; set vertical = one of {', '.join(DATUM_NAMES)}")
         return words[OTHER_FILES], "the caller"
-    if said not in DATUM_NAMES:
+    if datum not in DATUM_NAMES:
         raise ConfigError(
-            f"{path}: its heights are counted from {said}, which is none of {', '.join(DATUM_NAMES)}; "
-            f"say for this file which of them to take"
+            f"{path}: its vertical datum is {datum}; must be one of {', '.join(DATUM_NAMES)}; "
+            f"set vertical for this file"
         )
-    if words.get(OTHER_FILES, said) != said:
+    if words.get(OTHER_FILES, datum) != datum:
         raise ConfigError(
-            f"{path}: {by} says {said} and vertical says {words[OTHER_FILES]!r}; say it for this file by name"
+            f"{path}: {by} states {datum}, but vertical is {words[OTHER_FILES]!r}; set vertical for this file"
         )
-    return said, by
+    return datum, by
 
 
 def _file_datum(path: str, upright: pyproj.CRS | None, dataset: Any) -> tuple[str | None, str]:
@@ -107,7 +105,7 @@ def _datum_of(upright: pyproj.CRS) -> str:
 
 
 def _is_wgs84(ellipsoid: Any) -> bool:
-    """Whether it has the size of WGS84's, as GRS 1980 has to 0.1 mm; Bessel's is 740 m smaller."""
+    """Whether it has the size of WGS84, like GRS 1980 to 0.1 mm; that of Bessel is 740 m smaller."""
     sizes = (ellipsoid.semi_major_metre, SEMI_MAJOR), (ellipsoid.semi_minor_metre, SEMI_MINOR)
     return all(abs(size - wanted) < 1e-3 for size, wanted in sizes)
 
@@ -115,26 +113,26 @@ def _is_wgs84(ellipsoid: Any) -> bool:
 def find_unit(path: str, flat: pyproj.CRS, upright: pyproj.CRS | None, unit: str | None) -> float:
     """Metres in one unit of a file's heights.
 
-    flat, upright : the parts of its coordinate system; unit : what the file says of its values, None for nothing
-    Raises ConfigError for a unit that is not known, for two that contradict each other, and where feet on the ground
-    leave open what the heights are in.
+    flat, upright : the parts of its coordinate system; unit : of its values in the file, None if not stated
+    Raises ConfigError for an unknown unit, for two contradictory ones, and for horizontal feet without a unit of the
+    heights.
     """
     if unit and unit.lower() not in _UNITS:
         raise ConfigError(f"{path}: the unit of its heights is {unit!r}; must be metre, foot or US survey foot")
-    said = _UNITS[unit.lower()] if unit else None
+    factor = _UNITS[unit.lower()] if unit else None
     if upright is not None:
         axis = upright.axis_info[-1]
-        if said is not None and abs(said / axis.unit_conversion_factor - 1.0) > _SAME_UNIT:
+        if factor is not None and abs(factor / axis.unit_conversion_factor - 1.0) > _SAME_UNIT:
             raise ConfigError(
-                f"{path}: its coordinate system has heights in {axis.unit_name} and its values are in {unit}; "
-                f"correct the file, as gdal_edit.py -units does"
+                f"{path}: its coordinate system has heights in {axis.unit_name}, but its values are in {unit}; "
+                f"correct the file, for example with gdal_edit.py -units"
             )
         return float(axis.unit_conversion_factor)
-    if said is not None:
-        return said
+    if factor is not None:
+        return factor
     if flat.is_projected and flat.axis_info[0].unit_conversion_factor != 1.0:
         raise ConfigError(
-            f"{path}: its places are in {flat.axis_info[0].unit_name} and nothing says the unit of its heights; "
-            f"write it into the file, as gdal_edit.py -units does"
+            f"{path}: its coordinates are in {flat.axis_info[0].unit_name}, but the unit of its heights is unknown; "
+            f"set it in the file, for example with gdal_edit.py -units"
         )
     return 1.0

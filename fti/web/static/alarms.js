@@ -1,4 +1,4 @@
-// The alarms of the daemon: tiles of the most urgent, a list of all, and their acknowledgement.  Nothing is decided here.
+// The alarms of the daemon: tiles of the most urgent, a list of all, acknowledgement.
 
 import { clock, duration } from "./format.js";
 import { h, Keyed, setAttribute, setClass, setText } from "./dom.js";
@@ -9,7 +9,7 @@ const MOST_TILES = 3;
 const isLasting = (alarm) => alarm.end_ns === null;
 const isNew = (alarm) => !alarm.is_acknowledged;
 
-// When it began, for how long it has lasted or did last, and how often it has begun.
+// Begin, duration and count of an alarm.
 function times(alarm, tNs) {
   const lasted = duration((alarm.end_ns ?? tNs) - alarm.begin_ns);
   const parts = [clock(alarm.begin_ns)];
@@ -20,7 +20,7 @@ function times(alarm, tNs) {
 }
 
 export class Alarms {
-  // command : gives a command to the daemon, resolves to a fault or null
+  // command : sends a command to the daemon, resolves to a fault or null
   constructor(root, command) {
     this.command = command;
     this.tone = new Tone();

@@ -1,4 +1,4 @@
-// The page: one message of the server goes to every panel.
+// The page: every panel gets each message of the server.
 
 import { Alarms } from "./alarms.js";
 import { Attitude } from "./attitude.js";
@@ -14,7 +14,7 @@ import { Devices, Links } from "./tables.js";
 
 const place = (id) => document.getElementById(id);
 
-// The panels are there before the connection: a command waits for it.
+// The panels exist before the connection.
 let connection = null;
 const command = (fields) => connection?.command(fields) ?? Promise.resolve("no connection");
 

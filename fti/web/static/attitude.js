@@ -1,4 +1,4 @@
-// The artificial horizon with the heading, and the position that navigation uses.
+// The artificial horizon with the heading, and the position in use.
 
 import { Fallbacks } from "./fallbacks.js";
 import { degrees, fixed, isNumber, latLon, plusMinus, UNKNOWN } from "./format.js";
@@ -6,7 +6,7 @@ import { h, panelTitle, setAttribute, setClass, setText, svg } from "./dom.js";
 import { showValidity } from "./validity.js";
 
 const TOPIC = "/nav/nav_solution";
-// Sources that are no device: they are told as what they are.
+// Sources that are not devices.
 const NO_DEVICE = ["filter", "radio", "vertical"];
 const PER_DEGREE = 5.2; // drawing units
 const HEADING_STEP = 4.2;
@@ -35,7 +35,7 @@ export class Attitude {
   show({ outputs }) {
     const output = outputs[TOPIC];
     showValidity(output, [], this.verdict);
-    for (const value of this.values) setClass(value, "struck", Boolean(output?.late)); // what is missing is a dash
+    for (const value of this.values) setClass(value, "struck", Boolean(output?.late)); // a missing value is a dash
     this.horizon.show(output);
     this.#showState(output);
     for (const [name, text] of Object.entries(read(output ?? {}))) setText(this.cells[name].value, text);
@@ -48,7 +48,7 @@ export class Attitude {
     this.fallbacks.show(outputs);
   }
 
-  // Protection levels; why they rest on what the source says of itself stands in the title, and colours them.
+  // Protection levels; coloured if they depend on the stated accuracy of a source; the reasons are in the title.
   showLevels({ hpl, vpl, unchecked_text: unchecked = [], tilt_pl: tilt, heading_pl: heading, attitude_unchecked_text: alone = [] }) {
     this.#showLevel("lon", [level("HPL", hpl), level("VPL", vpl)].filter(Boolean).join(" · "), [LEVELS, ...unchecked]);
     for (const name of ["roll", "pitch"]) this.#showLevel(name, angle(tilt), [TILT_LEVEL, ...alone]);
@@ -70,7 +70,7 @@ export class Attitude {
   }
 }
 
-// Of the attitude alone.
+// Only of the attitude.
 function stateOf(output) {
   if (!output || output.late || output.attitude_valid === undefined) return { text: "", kind: "none", why: [] };
   if (!output.attitude_valid) return { text: "ATT NOT VALID", kind: "invalid", why: output.attitude_reasons_text };
@@ -80,13 +80,13 @@ function stateOf(output) {
 
 const metres = (sd) => (isNumber(sd) ? `± ${sd.toFixed(sd < 10 ? 1 : 0)} m` : "");
 
-const LEVELS = "horizontal and vertical protection level [m]: the error is larger with a probability below 0.001, even while a source is wrong";
+const LEVELS = "horizontal and vertical protection level [m]: the error exceeds it with a probability below 0.001, even with a faulty source";
 const TILT_LEVEL = "protection level of roll and pitch together [deg]";
 const HEADING_LEVEL = "protection level of the heading [deg]";
 const angle = (pl) => (isNumber(pl) ? `PL ${degrees(pl).toFixed(degrees(pl) < 10 ? 1 : 0)}` : "");
 const level = (name, value) => (isNumber(value) ? `${name} ${value.toFixed(0)}` : "");
 
-// One name where all is from one, else who gives what.
+// One name if all values are from one source, otherwise the source of each.
 function sourcesOf({ attitude_source: attitude, position_source: position, altitude_source: altitude }) {
   if (position && attitude === position && (altitude ?? position) === position) return position;
   const parts = [["pos", position], ["alt", altitude === position ? null : altitude], ["att", attitude]];

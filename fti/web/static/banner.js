@@ -1,4 +1,4 @@
-// Where the bytes come from, whether they are recorded, and where to.
+// Origin of the data, state and file of the recording.
 
 import { age, bytes, clock, duration, title, UNKNOWN } from "./format.js";
 import { h, Keyed, setAttribute, setText } from "./dom.js";
@@ -8,10 +8,10 @@ const ORIGINS = {
   replay: ["REPLAY", "bytes of an earlier session"],
   flight: ["FLIGHT", ""],
 };
-const MODES = { snapshot: ["SNAPSHOT", "only what is around a trigger is recorded"] };
+const MODES = { snapshot: ["SNAPSHOT", "only data around a trigger are recorded"] };
 const RECORDING = { waiting: "WAITING", recording: "RECORDING", storage_error: "NOT RECORDING", stopping: "STOPPING" };
 
-// In a snapshot session nothing is recorded between the triggers.
+// A snapshot session records nothing between the triggers.
 const stateOf = ({ state, mode }, snapshot) =>
   state === "recording" && mode === "snapshot" && snapshot?.state !== "writing" ? "waiting" : state;
 

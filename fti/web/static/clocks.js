@@ -1,12 +1,12 @@
-// The clock of a device against FTI time, below its row: offset, drift, and how many of its messages come late.
+// The clock of a device relative to FTI time, below its row: offset, drift, share of late messages.
 
 import { fixed, isNumber, plusMinus } from "./format.js";
 import { h, setAttribute, setText } from "./dom.js";
 
-const LAST_DATE_MS = 8.64e15; // what a Date can hold
-const LONG_MS = 10_000; // a larger offset is read in seconds
+const LAST_DATE_MS = 8.64e15; // limit of Date
+const LONG_MS = 10_000; // a larger offset is shown in seconds
 const NAMES = { gps: "GPS clock", utc: "UTC clock", boot: "own clock" };
-const STATES = { learning: "learning: arrival counts", away: "does not fit: arrival counts" };
+const STATES = { learning: "learning: arrival time used", away: "does not fit: arrival time used" };
 
 export class ClockRow {
   constructor(device, scale, columns) {
@@ -28,7 +28,7 @@ export class ClockRow {
   }
 }
 
-// A clock that counts from the moment of power-on says when that was; any other one, what it shows beside FTI time.
+// For a clock that counts from power-on, the time of power-on; otherwise the offset to FTI time.
 function offset({ scale, offset_ms: value, offset_sd_ms: sd }) {
   if (!isNumber(value) || Math.abs(value) > LAST_DATE_MS) return fixed(null);
   if (scale === "boot") return `on at ${new Date(-value).toISOString().slice(11, 23)}`;
@@ -41,7 +41,7 @@ function withSigma(value, sd) {
 }
 
 function explain({ messages, refused, used }) {
-  const share = "offset: device \u2212 FTI time (GPS time as UTC); drift: how much faster than FTI time; one sigma";
-  const use = used ? "validity times are taken from it" : "use_device_time = false: the arrival counts";
+  const share = "offset: device \u2212 FTI time (GPS time as UTC); drift: relative to FTI time; one sigma";
+  const use = used ? "validity times are taken from it" : "use_device_time = false: the arrival time is used";
   return `${share}\n${messages} messages, ${refused} refused; ${use}`;
 }

@@ -1,20 +1,20 @@
-// Commands to devices, where a link may transmit: what each takes, the button, and what became of the last ones.
-// The panel stands in the place of the links while it is open.
+// Commands to devices, if a link may transmit: arguments, send button, and the state of the last ones.
+// The open panel replaces the panel of the links.
 
 import { LOST } from "./connection.js";
 import { clock, title } from "./format.js";
 import { h, panelTitle, setAttribute, setText } from "./dom.js";
 
-const PATIENCE_MS = 15000; // longer than the daemon waits for a device
+const ANSWER_TIMEOUT_MS = 15000; // longer than the timeout of the daemon
 
 export class Commands {
-  // links : the panel whose place this one takes; command : gives a command to the daemon, resolves to a fault or null
+  // links : the panel that this one replaces; command : sends a command to the daemon, resolves to a fault or null
   constructor(root, links, command) {
     this.root = root;
     this.links = links;
     this.command = command;
     this.devices = [];
-    this.pending = null; // number of the request that the button waits for
+    this.pending = null; // number of the open request
     this.fault = ""; // why this page may not command; null when it may
     this.opener = h("button", { type: "button", class: "switch", "data-testid": "commands-open" }, "COMMANDS");
     this.opener.hidden = true;
@@ -59,13 +59,13 @@ export class Commands {
     }
     this.opener.hidden = devices.length === 0;
     this.answers.replaceChildren(...requests.map(makeAnswer));
-    const mine = requests.find(({ id }) => id === this.pending);
-    if (mine) this.#say(mine.ended ? mine.outcome : `${mine.state} …`, mine.state);
-    if (mine?.ended) this.#ready();
+    const current = requests.find(({ id }) => id === this.pending);
+    if (current) this.#showMessage(current.ended ? current.outcome : `${current.state} …`, current.state);
+    if (current?.ended) this.#ready();
   }
 
   permit(fault) {
-    if (fault !== null || this.fault !== null) this.#say(fault ?? "", "");
+    if (fault !== null || this.fault !== null) this.#showMessage(fault ?? "", "");
     this.fault = fault;
     this.#enable();
   }
@@ -89,28 +89,28 @@ export class Commands {
     this.args.replaceChildren(...Object.entries(command?.arguments ?? {}).map(makeArgument));
   }
 
-  // One request for each click, however often the button is pressed: it is dead until it is known what became of it.
+  // One request for each click: the button is disabled until the request has ended.
   async #send() {
     if (this.button.disabled) return;
     const request = makeNumber();
     this.pending = request;
     this.#enable();
-    this.timer = setTimeout(() => this.#giveUp(), PATIENCE_MS);
-    this.#say("asked …", "sending");
+    this.timer = setTimeout(() => this.#giveUp(), ANSWER_TIMEOUT_MS);
+    this.#showMessage("requested …", "sending");
     const filled = [...this.args.querySelectorAll("input")].filter(({ value }) => value.trim());
     const args = Object.fromEntries(filled.map(({ name, value }) => [name, value.trim()]));
     const fault = await this.command({ command: "send", device: this.device.value, name: this.name.value, args, request });
     if (!fault || this.pending !== request) return;
     if (fault === LOST) {
-      this.#say("the connection was lost: it may have been sent", "unknown"); // the daemon says it when it is heard again
+      this.#showMessage("the connection was lost: the command may have been sent", "unknown"); // updated after a reconnect
     } else {
-      this.#say(fault, "not sent");
+      this.#showMessage(fault, "not sent");
       this.#ready();
     }
   }
 
   #giveUp() {
-    this.#say("the daemon has not said what became of it: see the events", "unknown");
+    this.#showMessage("no result from the daemon: see the events", "unknown");
     this.#ready();
   }
 
@@ -120,7 +120,7 @@ export class Commands {
     this.#enable();
   }
 
-  #say(text, state) {
+  #showMessage(text, state) {
     setAttribute(this.word, "data-state", state);
     setAttribute(this.word, "title", text);
     setText(this.word, text);

@@ -1,4 +1,4 @@
-// The WebSocket: reconnects for ever; says at once when nothing arrives any more; carries the commands of the page.
+// The WebSocket: reconnects for ever, detects silence, sends the commands of the page.
 
 import { clock } from "./format.js";
 import { takeKey } from "./key.js";
@@ -6,21 +6,21 @@ import { setClass, setText } from "./dom.js";
 
 const SILENCE_MS = 2000;
 const RETRY_MS = 1000;
-const LONGEST = 2048; // bytes of a message; the server ends the connection at a longer one
+const MAX_MESSAGE_BYTES = 2048; // bytes of a message; the server closes the connection at a longer one
 
-// Why a command has no answer: it may have arrived, or not.
+// Why a command has no answer; it may have arrived.
 export const LOST = "the connection was lost";
 const NOT_CONNECTED = "no connection";
 
 export class Connection {
-  // onPermission : gets why this page may not command, or null when it may
+  // onPermission : called with the reason why this page may not command, or null
   constructor(onMessage, onPermission) {
     this.onMessage = onMessage;
     this.onPermission = onPermission;
     this.lastAt = null; // time of the last message, for the age
     this.open = false;
     this.key = takeKey();
-    this.waiting = new Map(); // number of a command to what takes its answer
+    this.waiting = new Map(); // resolver of the answer by command number
     this.commands = 0;
     setInterval(() => this.#watch(), 250);
     addEventListener("hashchange", () => {
@@ -30,13 +30,13 @@ export class Connection {
     this.#connect();
   }
 
-  // Gives a command; resolves to why it was refused, or to null.
+  // Sends a command; resolves to the reason of its refusal, or to null.
   command(fields) {
     if (!this.open || this.#isSilent()) return Promise.resolve(NOT_CONNECTED);
     this.commands += 1;
     const id = this.commands;
     const text = JSON.stringify({ ...fields, id, key: this.key });
-    if (new TextEncoder().encode(text).length > LONGEST) return Promise.resolve("that is too long");
+    if (new TextEncoder().encode(text).length > MAX_MESSAGE_BYTES) return Promise.resolve("the command is too long");
     this.socket.send(text);
     return new Promise((resolve) => this.waiting.set(id, resolve));
   }
@@ -67,7 +67,7 @@ export class Connection {
     };
   }
 
-  // Does the key fit?  A daemon that was started again has another one.
+  // Tests the key; a restarted daemon has another one.
   async #askPermission() {
     const fault = await this.command({ command: "check" });
     if (fault !== LOST && fault !== NOT_CONNECTED) this.onPermission(fault);
@@ -84,7 +84,7 @@ export class Connection {
   }
 
   #since() {
-    if (this.lastAt === null) return "connecting; nothing has been received yet";
+    if (this.lastAt === null) return "connecting; no data received yet";
     const seconds = Math.round((Date.now() - this.lastAt) / 1000);
     return `values are frozen since ${clock(this.lastAt * 1e6)} UTC (${seconds} s)`;
   }

@@ -1,4 +1,4 @@
-// Small helpers: elements are made once, afterwards only what changed is touched.
+// Helpers: elements are created once; later only changes are applied.
 
 const SVG = "http://www.w3.org/2000/svg";
 

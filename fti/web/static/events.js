@@ -1,4 +1,4 @@
-// What happened, the newest first; above it the field for marks.
+// The events, newest first; above them the field for marks.
 
 import { clock, title } from "./format.js";
 import { h, panelTitle } from "./dom.js";

@@ -1,5 +1,5 @@
-// What stands ready in place of devices, or has taken it: how good it is, and why it is not better.
-// Below it the provisional filters of unconfirmed sources: how far each is from the filter, and its protection level.
+// The fallback solutions: standard deviations, and reasons of invalid ones.
+// Below them the provisional filters of unconfirmed sources: distance from the filter, protection level.
 
 import { h, Keyed, setAttribute, setText } from "./dom.js";
 import { fixed, plusMinus } from "./format.js";
@@ -21,7 +21,7 @@ export class Fallbacks {
 
   show(outputs) {
     const topics = Object.keys(NAMES).filter((topic) => topic in outputs);
-    // One that has ended is not published any more.
+    // Filters that have ended are no longer published.
     const provisional = Object.keys(outputs).filter((topic) => topic.startsWith(PROVISIONAL) && !outputs[topic].late);
     const rows = this.rows.sync([...topics, ...provisional]);
     for (const topic of provisional) showProvisional(rows.get(topic), outputs[topic]);

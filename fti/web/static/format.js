@@ -1,4 +1,4 @@
-// Numbers as a person reads them.  Unknown is a dash, never a number that could be a value.
+// Number formats.  An unknown value is a dash.
 
 export const UNKNOWN = "–";
 const MINUS = "\u2212";

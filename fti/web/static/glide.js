@@ -1,4 +1,4 @@
-// The glide slope: the needle of the instrument (the diamond is where the path is), the figures, the history.
+// The glide slope: the needle (the diamond shows the path), the values, the history.
 
 import { degrees, fixed, isNumber, plusMinus, UNKNOWN } from "./format.js";
 import { h, panelTitle, setAttribute, setClass, setText, svg } from "./dom.js";
@@ -99,7 +99,7 @@ class Scale {
     );
   }
 
-  // Above the path (dots > 0) the path is below: the diamond goes down.
+  // Above the path (dots > 0) the diamond moves down.
   show(output) {
     const usable = output?.valid && isNumber(output.dots);
     if (usable) setAttribute(this.needle, "transform", `translate(40 ${(CENTRE + output.dots * DOT).toFixed(1)})`);

@@ -1,5 +1,5 @@
-// The height of the aircraft above the ground straight below it (large); what each altimeter makes of it (smaller), with
-// what it measured; and their history.
+// The height above the ground below the aircraft (large); the height and the raw range of each altimeter (smaller);
+// and their history.
 
 import { fixed, isNumber, plusMinus, title } from "./format.js";
 import { h, Keyed, panelTitle, setAttribute, setClass, setText } from "./dom.js";
@@ -12,7 +12,7 @@ const BELOW = "/nav/height_below_aircraft";
 const SOLUTION = "/nav/nav_solution";
 const COLOURS = ["#4cc9f0", "#f0a6ff", "#ffd23f", "#7ae582"];
 
-// The first is broad, so that those on top of it leave it visible.
+// The first is broad, so that it stays visible below the others.
 const widthOf = (place) => (place === 0 ? 4 : 1.5);
 
 const colourOf = (place) => COLOURS[place % COLOURS.length];
@@ -67,7 +67,7 @@ function plotted(output) {
   return [output.late ? null : output.raw, output.valid ? output.height_agl : null];
 }
 
-// The nearest return and what the sensor should say over known terrain, or why that is not known.
+// The nearest return and the range predicted from terrain, or why it is unknown.
 function overGround(output) {
   if (!isNumber(output.nearest)) return uncheckedOf(output);
   const predicted = isNumber(output.predicted) ? `, terrain predicts ${fixed(output.predicted, 1)}` : "";
@@ -103,7 +103,7 @@ class Below {
     showValidity(output, [this.value, this.sd], this.verdict);
   }
 
-  // Of the altitude above the ellipsoid, which the known ground is compared with.
+  // Protection level of the altitude above the ellipsoid, which is compared with the terrain.
   #showLevel({ vpl, late, unchecked_text: unchecked = [] }) {
     const known = isNumber(vpl) && !late;
     setText(this.level, known ? `alt VPL ${vpl.toFixed(0)} m` : "");

@@ -1,11 +1,11 @@
-// The ground-clearance integrity monitor: its state as a block, its tests against their limits, its estimates.
+// The ground-clearance integrity monitor: state, tests relative to their limits, estimates.
 
 import { fixed, isNumber, plusMinus, UNKNOWN } from "./format.js";
 import { h, panelTitle, setAttribute, setClass, setText } from "./dom.js";
 import { describe } from "./validity.js";
 
 const TOPIC = "/nav/clearance_integrity";
-const FULL_RATIO = 1.5; // the bars end here; the limit (1) stands at two thirds
+const FULL_RATIO = 1.5; // end of the bars; the limit (1) is at two thirds
 const TESTS = [
   ["t1", "T1", "absolute match"],
   ["t2", "T2", "position shift"],
@@ -41,7 +41,7 @@ export class Integrity {
     setAttribute(this.block, "data-state", kind === "stale" ? "stale" : state);
     setText(this.word, output ? (WORDS[state] ?? state.toUpperCase()) : "NO DATA");
     setClass(this.word, "struck", kind === "stale");
-    const words = output?.reasons_text.join(", ") || output?.state_text || "navigation has sent nothing yet";
+    const words = output?.reasons_text.join(", ") || output?.state_text || "no output of navigation yet";
     setText(this.text, kind === "stale" ? verdict : words);
   }
 }

@@ -1,8 +1,8 @@
-// The owner's key: it comes in the address (#key=...), leaves the address bar at once, and stays in this tab.
+// The command key: read from the address (#key=...), removed from the address bar, stored for this tab.
 
 const NAME = "fti-key";
 
-// Null: this page may only look.
+// Null: this page is read-only.
 export function takeKey() {
   const found = new URLSearchParams(location.hash.slice(1)).get("key");
   if (found !== null) {

@@ -1,4 +1,4 @@
-// What plays the sensors: its breakers, what it spoils just now, and whether it is on time.  There while an emulator talks.
+// The emulator of the sensors: breakers, active faults, lateness.  Shown while an emulator publishes.
 
 import { age, fixed, isNumber, title } from "./format.js";
 import { h, Keyed, panelTitle, setAttribute, setClass, setText } from "./dom.js";
@@ -7,20 +7,20 @@ import { makeNumber } from "./commands.js";
 const UNIT = "power_unit"; // driver of the device that takes the commands
 const PRESS = { on: "off", starting: "off", brown_out: "off", off: "on", tripped: "reset" }; // state to command
 const WORDS = { on: "ON", starting: "STARTS", off: "OFF", tripped: "TRIPPED", brown_out: "LOW V" };
-const MOST_LARGE = 9; // devices, with rate and count; more are shown small
-const PATIENCE_MS = 15000; // longer than the daemon waits for a device
-const SAID_MS = 6000; // how long a refusal stays
+const MAX_LARGE = 9; // devices, with rate and count; more are shown in small
+const ANSWER_TIMEOUT_MS = 15000; // longer than the timeout of the daemon
+const MESSAGE_MS = 6000; // how long a refusal is shown
 
 export class Laboratory {
-  // command : gives a command to the daemon, resolves to a fault or null
+  // command : sends a command to the daemon, resolves to a fault or null
   constructor(root, command) {
     this.root = root;
     this.command = command;
     this.unit = null;
     this.permitted = false;
-    this.asked = new Map(); // number of a request to its breaker
+    this.requests = new Map(); // breaker by request number
     const part = (testid, tag = "span") => h(tag, { "data-testid": `laboratory-${testid}` });
-    [this.scenario, this.time, this.faults, this.said] = ["scenario", "time", "faults", "said"].map((id) => part(id));
+    [this.scenario, this.time, this.faults, this.message] = ["scenario", "time", "faults", "said"].map((id) => part(id));
     [this.late, this.supply, this.holds] = ["lateness", "supply", "holds"].map((id) => part(id, "b"));
     this.bar = h("i");
     const { root: heading, side } = panelTitle("Laboratory");
@@ -28,7 +28,7 @@ export class Laboratory {
     const flight = h("div", { class: "lab-flight" }, heading, this.scenario, h("div", { class: "lab-bar" }, this.bar), this.time);
     const list = h("ul", { class: "breakers" });
     this.breakers = new Keyed(list, (name) => new Breaker(name, () => this.#press(name)));
-    const words = h("p", { class: "lab-words" }, this.faults, this.said);
+    const words = h("p", { class: "lab-words" }, this.faults, this.message);
     const figures = h("dl", { class: "lab-figures" }, ...[["late p50 · p99 · max", this.late], ["supply", this.supply], ["rates", this.holds]].map(makeFigure));
     root.append(flight, h("div", { class: "lab-middle" }, list, words), figures);
   }
@@ -36,8 +36,8 @@ export class Laboratory {
   take({ devices, requests }) {
     this.unit = devices.find(({ driver }) => driver === UNIT)?.name ?? null;
     for (const { id, ended, state, outcome, args } of requests) {
-      if (!ended || !this.asked.delete(id)) continue;
-      if (state !== "acknowledged") this.#say(`${title(args.breaker)}: ${outcome}`);
+      if (!ended || !this.requests.delete(id)) continue;
+      if (state !== "acknowledged") this.#showMessage(`${title(args.breaker)}: ${outcome}`);
     }
   }
 
@@ -52,7 +52,7 @@ export class Laboratory {
     setText(this.age, hil.late ? `silent for ${age(hil.age_ms)}` : "");
     setText(this.scenario, hil.scenario);
     const { flight_s: now, duration_s: whole } = hil;
-    setText(this.time, isNumber(now) ? `${fixed(Math.min(now, whole), 0)} s of ${fixed(whole, 0)} s` : "waits for the daemon");
+    setText(this.time, isNumber(now) ? `${fixed(Math.min(now, whole), 0)} s of ${fixed(whole, 0)} s` : "waiting for the daemon");
     this.bar.style.transform = `scaleX(${Math.min((now ?? 0) / whole, 1).toFixed(4)})`;
     this.#showBreakers(hil);
     this.#showFaults(hil.faults);
@@ -62,8 +62,8 @@ export class Laboratory {
   #showBreakers({ devices, faults, late }) {
     const names = Object.keys(devices);
     const items = this.breakers.sync(names);
-    setClass(this.root, "many", names.length > MOST_LARGE);
-    const waiting = new Set(this.asked.values());
+    setClass(this.root, "many", names.length > MAX_LARGE);
+    const waiting = new Set(this.requests.values());
     for (const [name, device] of Object.entries(devices)) {
       items.get(name).show(device, {
         usable: this.permitted && this.unit !== null && !late && !waiting.has(name),
@@ -73,7 +73,7 @@ export class Laboratory {
   }
 
   #showFaults(faults) {
-    setText(this.faults, faults.length ? faults.map(sentence).join("  ·  ") : "no fault acts");
+    setText(this.faults, faults.length ? faults.map(sentence).join("  ·  ") : "no active fault");
     setAttribute(this.faults, "data-acts", faults.length > 0);
     setAttribute(this.faults, "title", faults.map(sentence).join("\n"));
   }
@@ -86,22 +86,22 @@ export class Laboratory {
     setAttribute(this.holds, "title", why.join("\n"));
   }
 
-  // One request for each press: the button is dead until it is known what became of it.
+  // One request for each press: the button is disabled until the request has ended.
   async #press(name) {
     const { button, state } = this.breakers.items.get(name);
     const request = makeNumber();
-    this.asked.set(request, name);
+    this.requests.set(request, name);
     button.disabled = true;
-    setTimeout(() => this.asked.delete(request), PATIENCE_MS);
+    setTimeout(() => this.requests.delete(request), ANSWER_TIMEOUT_MS);
     const args = { breaker: name };
     const fault = await this.command({ command: "send", device: this.unit, name: PRESS[state], args, request });
-    if (fault && this.asked.delete(request)) this.#say(`${title(name)}: ${fault}`);
+    if (fault && this.requests.delete(request)) this.#showMessage(`${title(name)}: ${fault}`);
   }
 
-  #say(text) {
+  #showMessage(text) {
     clearTimeout(this.timer);
-    setText(this.said, text);
-    this.timer = setTimeout(() => setText(this.said, ""), SAID_MS);
+    setText(this.message, text);
+    this.timer = setTimeout(() => setText(this.message, ""), MESSAGE_MS);
   }
 }
 

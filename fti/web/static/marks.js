@@ -1,4 +1,4 @@
-// Marks: the field that sets one (m on the keyboard) or triggers a snapshot, and the marks among the events, for the plots.
+// Marks: the field that sets a mark (key m) or triggers a snapshot, and the marks in the events, for the plots.
 
 import { h, setText } from "./dom.js";
 
@@ -11,12 +11,12 @@ export const marksOf = (events) =>
   events.filter(({ source }) => source === "mark" || source === "trigger").map(({ t_ns: tNs, text }) => ({ t: tNs / 1e9, text }));
 
 export class MarkField {
-  // command : gives a command to the daemon, resolves to why it was refused or to null
+  // command : sends a command to the daemon, resolves to the reason of a refusal or to null
   constructor(command) {
     this.command = command;
     this.input = h("input", { type: "text", maxlength: LONGEST, placeholder: "mark (press m)", "aria-label": "text of the mark", autocomplete: "off", "data-testid": "mark-text" });
     this.button = h("button", { type: "submit", "data-testid": "mark-button" }, "MARK");
-    this.trigger = h("button", { type: "button", class: "trigger", title: "write what was around this moment", "data-testid": "snapshot-button" }, "SNAPSHOT");
+    this.trigger = h("button", { type: "button", class: "trigger", title: "record the data around this moment", "data-testid": "snapshot-button" }, "SNAPSHOT");
     this.viewOnly = h("p", { class: "view-only", title: WHY, "data-testid": "view-only" });
     this.answer = h("output", { "data-testid": "mark-answer" });
     this.root = h("form", { class: "mark" }, this.viewOnly, this.input, this.button, this.trigger, this.answer);
@@ -38,7 +38,7 @@ export class MarkField {
     this.input.focus();
   }
 
-  // fault : why this page may not command; null when it may
+  // fault : why this page may not command, or null
   permit(fault) {
     this.viewOnly.hidden = fault === null;
     setText(this.viewOnly, fault ?? "");
@@ -51,22 +51,22 @@ export class MarkField {
     this.#showTrigger();
   }
 
-  // The button for a snapshot is there when the daemon keeps the last minutes for one.
+  // The button for a snapshot is shown if the daemon has a snapshot memory.
   #showTrigger() {
     this.trigger.hidden = !this.keepsSnapshot || this.input.hidden;
   }
 
-  // An empty field is a mark too: there may be no time for words.
+  // An empty field sets a mark, too: there may be no time to type.
   async #send(command) {
     const text = this.input.value.trim() || command;
     this.input.value = "";
     const fault = await this.command({ command, text });
     if (fault) this.input.value = text;
     else this.input.blur();
-    this.#say(fault ?? DONE[command], fault ? "fault" : "done");
+    this.#showMessage(fault ?? DONE[command], fault ? "fault" : "done");
   }
 
-  #say(text, level) {
+  #showMessage(text, level) {
     this.answer.dataset.level = level;
     setText(this.answer, text);
     clearTimeout(this.timer);

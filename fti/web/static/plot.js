@@ -1,4 +1,4 @@
-// A history plot: the last two minutes on one time axis, with gaps where nothing valid was there, and with the marks.
+// A history plot: the last two minutes on one time axis, with gaps at invalid values, and with the marks.
 
 import uPlot from "./vendor/uplot-1.6.32/uPlot.esm.js";
 import { clock, fixed } from "./format.js";
@@ -39,7 +39,7 @@ export class HistoryPlot {
     };
   }
 
-  // The time axis moves also while nothing valid is there.
+  // The time axis also moves without valid values.
   #draw() {
     const end = this.data[0].at(-1) ?? 0;
     this.plot.batch(() => {
@@ -55,13 +55,13 @@ export class HistoryPlot {
 
   load(history) {
     this.data = [
-      [...history.t], // several plots are loaded from the same history, and each goes on by itself
+      [...history.t], // copied: several plots share the history
       ...this.series.map(({ key, scale = 1 }) => history.t.map((_, i) => scaled(history.series[key]?.[i], scale))),
     ];
     this.#draw();
   }
 
-  // Add one row; values in the order of the series, null where there is none.
+  // Adds a row; values in the order of the series, null if missing.
   add(t, values) {
     const times = this.data[0];
     const last = times.at(-1) ?? -Infinity;
@@ -77,7 +77,7 @@ export class HistoryPlot {
     values.forEach((value, i) => this.data[i + 1].push(scaled(value, this.series[i].scale ?? 1)));
   }
 
-  // Ends the plot and returns its history, for one that takes its place.
+  // Ends the plot and returns its history for its replacement.
   close() {
     this.observer.disconnect();
     this.plot.destroy();

@@ -1,4 +1,4 @@
-// What is plugged in (links) and what is understood (devices), each with one state, in a colour and in words.
+// Links and devices, each with a state as colour and text.
 
 import { age, bytes, fixed, isNumber, title } from "./format.js";
 import { ClockRow } from "./clocks.js";
@@ -50,11 +50,11 @@ export class Devices extends Table {
     const { lag_ms: lag, output_delay: delay, ring_lost_frames: lost } = navigation;
     const out = delay ? `outputs ${fixed(delay.p50_ms, 0)}, p99 ${fixed(delay.p99_ms, 0)} ms · ` : "";
     setText(this.heading.side, `${out}${fixed(lag, 0)} ms behind · ring lost ${lost}`);
-    setAttribute(this.heading.side, "title", "from a frame's stamp to what came of it; how far navigation is behind");
+    setAttribute(this.heading.side, "title", "latency from a frame's timestamp to its output; lag of navigation");
   }
 }
 
-// Name, state and the cells of one link or device; its hint stands below as long as something is wrong.
+// Name, state and cells of a link or device; its hint is below while its state is not good.
 class Row {
   constructor(kind, name, cells) {
     this.state = h("span", { class: "pill", "data-testid": `${kind}-${name}-state` });

@@ -1,4 +1,4 @@
-// A tone while a warning lasts that nobody has acknowledged; off until a person chooses it, in this browser.
+// A tone while a warning is not acknowledged; off until it is enabled in this browser.
 
 import { h, setAttribute, setText } from "./dom.js";
 
@@ -6,7 +6,7 @@ const NAME = "fti-tone";
 const PERIOD_MS = 1000;
 const HERTZ = 880;
 
-// A browser without storage forgets the choice with the page.
+// Without storage the choice is lost with the page.
 function remembered() {
   try {
     return localStorage.getItem(NAME) === "on";
@@ -19,7 +19,7 @@ function remember(on) {
   try {
     localStorage.setItem(NAME, on ? "on" : "off");
   } catch {
-    // it is chosen for this page alone
+    // the choice applies to this page only
   }
 }
 
@@ -30,7 +30,7 @@ export class Tone {
     this.due = 0;
     this.on = remembered();
     this.#show();
-    // A browser lets a page sound when a person has touched it.
+    // A browser permits sound after a user action.
     for (const kind of ["pointerdown", "keydown"]) addEventListener(kind, () => this.#start());
   }
 

@@ -1,4 +1,4 @@
-// How a value that must not be used is shown: struck out, grey, with the reason beside it.
+// Display of values that must not be used: struck out, grey, with the reason.
 
 import { age } from "./format.js";
 import { setAttribute, setClass, setText } from "./dom.js";

@@ -83,17 +83,17 @@ def test_reference_is_that_of_the_airfield_and_the_scene(reference: ApproachRefe
 
 @pytest.mark.parametrize("seed", range(3))
 def test_a_nominal_approach_becomes_good_and_stays(monitor: ClearanceMonitor, ground: TerrainGround, seed: int) -> None:
-    flown = simulate(ground, START, np.random.default_rng([FRESH, seed]))
-    judged = [o.state for o in run_monitor(monitor, flown) if o.valid]
-    assert len(judged) > 250
-    assert set(judged) <= {OK, MONITOR, IntegrityState.CAUTION}
-    assert judged.count(OK) > len(judged) / 2
+    approach = simulate(ground, START, np.random.default_rng([FRESH, seed]))
+    valid_outputs = [o.state for o in run_monitor(monitor, approach) if o.valid]
+    assert len(valid_outputs) > 250
+    assert set(valid_outputs) <= {OK, MONITOR, IntegrityState.CAUTION}
+    assert valid_outputs.count(OK) > len(valid_outputs) / 2
 
 
 def test_most_windows_are_observable(monitor: ClearanceMonitor, ground: TerrainGround) -> None:
-    flown = simulate(ground, START, np.random.default_rng([FRESH, 7]))
-    judged = [o for o in run_monitor(monitor, flown) if o.valid]
-    assert sum(Reason.NOT_OBSERVABLE not in o.reasons for o in judged) > len(judged) / 2
+    approach = simulate(ground, START, np.random.default_rng([FRESH, 7]))
+    valid_outputs = [o for o in run_monitor(monitor, approach) if o.valid]
+    assert sum(Reason.NOT_OBSERVABLE not in o.reasons for o in valid_outputs) > len(valid_outputs) / 2
 
 
 def test_glide_slope_is_inside_3_sigma(reference: ApproachReference, path: ApproachPath, ground: TerrainGround) -> None:
@@ -101,8 +101,8 @@ def test_glide_slope_is_inside_3_sigma(reference: ApproachReference, path: Appro
     inside = []
     for seed in range(4):
         monitor = ClearanceMonitor(reference, SETTINGS)
-        flown = simulate(ground, START, np.random.default_rng([FRESH, 10, seed]))
-        for x, s, alt in zip(samples(flown), flown.s, flown.alt, strict=True):
+        approach = simulate(ground, START, np.random.default_rng([FRESH, 10, seed]))
+        for x, s, alt in zip(samples(approach), approach.s, approach.alt, strict=True):
             output = monitor.step(x)
             if output is None or monitor.bins is None:
                 continue
@@ -139,14 +139,14 @@ def test_an_obstacle_is_an_alert_that_passes(
 @pytest.mark.parametrize("side", [-120.0, 120.0])
 def test_120_m_beside_the_track_is_seen(monitor: ClearanceMonitor, ground: TerrainGround, side: float) -> None:
     """Inside the 150 m of the off-track rule, while navigation says that all is well."""
-    beside: Callable[[np.ndarray], np.ndarray] = lambda s: np.full_like(s, side)  # noqa: E731
-    flown = simulate(ground, START, np.random.default_rng([FRESH, 30]), offset=beside)
-    assert IntegrityState.ALERT in {o.state for o in run_monitor(monitor, flown)}
+    offset: Callable[[np.ndarray], np.ndarray] = lambda s: np.full_like(s, side)  # noqa: E731
+    approach = simulate(ground, START, np.random.default_rng([FRESH, 30]), offset=offset)
+    assert IntegrityState.ALERT in {o.state for o in run_monitor(monitor, approach)}
 
 
 @dataclass
 class Plane:
-    """Level ground that remembers the poses that were asked for."""
+    """Level ground that records the requested poses."""
 
     path: ApproachPath
     altimeter: AltimeterModel = RA4500
@@ -158,19 +158,19 @@ class Plane:
 
 
 def test_the_sensor_turns_with_an_arc_of_the_track(path: ApproachPath) -> None:
-    """Poses bank as the track does; what the monitor is told is the roll beyond it."""
+    """Poses bank as the track does; the monitor receives the roll relative to the track."""
     leg = TrackLeg(length_m=3000.0, radius_m=-3000.0, bank_deg=7.0)
     bent = ApproachPath(path.airfield.model_copy(update={"leg": (leg,)}))
-    rolls, told = [], []
+    rolls, monitored_rolls = [], []
     for way in (path, bent):
         plane = Plane(way)
-        flown = simulate(plane, 2500.0, np.random.default_rng(1), s_end=500.0)
+        approach = simulate(plane, 2500.0, np.random.default_rng(1), s_end=500.0)
         draw_profile(plane, np.arange(500.0, 2500.0, 5.0), np.random.default_rng(2))
         rolls.append([pose[3] for pose in plane.poses])
-        told.append(flown.roll)
+        monitored_rolls.append(approach.roll)
     for straight, turning in zip(*rolls, strict=True):
         np.testing.assert_allclose(np.degrees(turning - straight), -7.0, atol=1e-9)
-    np.testing.assert_array_equal(told[0], told[1])
+    np.testing.assert_array_equal(monitored_rolls[0], monitored_rolls[1])
 
 
 def test_the_same_seed_is_the_same_flight(ground: TerrainGround) -> None:
@@ -178,18 +178,18 @@ def test_the_same_seed_is_the_same_flight(ground: TerrainGround) -> None:
     assert first.agl.tobytes() == second.agl.tobytes()
 
 
-def test_the_short_way_says_what_sample_by_sample_says(reference: ApproachReference, ground: TerrainGround) -> None:
+def test_skipping_samples_gives_the_same_outputs(reference: ApproachReference, ground: TerrainGround) -> None:
     """With refused samples, gaps, a window that is begun again, and a climb on the way."""
-    flown = simulate(ground, START, np.random.default_rng([FRESH, 40]))
-    flown.nav_y[300:400] = 200.0
-    flown.roll[700:760] = np.nan
-    flown.climb[900:1100] = 4.0
-    flown.nav_s[1400:] += 60.0
-    flown.agl[1500:1502] = np.nan
+    approach = simulate(ground, START, np.random.default_rng([FRESH, 40]))
+    approach.nav_y[300:400] = 200.0
+    approach.roll[700:760] = np.nan
+    approach.climb[900:1100] = 4.0
+    approach.nav_s[1400:] += 60.0
+    approach.agl[1500:1502] = np.nan
     plain, short = (ClearanceMonitor(reference, SETTINGS) for _ in "ab")
-    expected = [output for x in samples(flown) if (output := plain.step(x)) is not None]
+    expected = [output for x in samples(approach) if (output := plain.step(x)) is not None]
     assert len({output.state for output in expected}) > 2
-    assert repr(run_monitor(short, flown)) == repr(expected)
+    assert repr(run_monitor(short, approach)) == repr(expected)
 
 
 def test_the_ground_is_traced_often_enough(ground: TerrainGround, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -29,7 +29,7 @@ def ground() -> TerrainGround:
 
 def plan(s_max: float, runs: int) -> ReferenceOptions:
     return ReferenceOptions(
-        surface="demo", date="2018-06-01", s_max=s_max, draws=5, runs=runs, beside_runs=2, obstacle_runs=2
+        surface="demo", date="2018-06-01", s_max=s_max, draws=5, runs=runs, offset_runs=2, obstacle_runs=2
     )
 
 
@@ -59,7 +59,7 @@ def test_a_small_reference_is_made_and_reads_back(ground: TerrainGround) -> None
         "correlation",
         "nominal approaches",
         "verification",
-        "beside the track",
+        "off the track",
         "obstacles",
     ]
     assert list(dict.fromkeys(what for what, _ in done)) == stages
@@ -70,10 +70,10 @@ def test_the_limit_of_t4_is_that_of_the_templates_which_the_file_names(
     ground: TerrainGround, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Of the same approaches: the greatest of several is no less than that of single bins; others are alike."""
-    made, make_limits = list[np.ndarray](), calibration.make_limits
+    recorded_maxima, make_limits = list[np.ndarray](), calibration.make_limits
 
     def remembered(plan: ReferenceOptions, maxima: np.ndarray) -> Limits:
-        made.append(maxima)
+        recorded_maxima.append(maxima)
         return make_limits(plan, maxima)
 
     monkeypatch.setattr(calibration, "make_limits", remembered)
@@ -81,7 +81,7 @@ def test_the_limit_of_t4_is_that_of_the_templates_which_the_file_names(
         monkeypatch.setattr(calibration, "WIDTHS_M", widths)
         limits = make_reference(ground, plan(1200.0, 20), lambda *step: None).header.limits
         assert limits.t4_widths_m == (5.0, *widths)
-    templates, bins = made
+    templates, bins = recorded_maxima
     assert np.all(templates[:, 3] >= bins[:, 3])
     assert np.any(templates[:, 3] > bins[:, 3])
     np.testing.assert_array_equal(templates[:, :3], bins[:, :3])
@@ -100,14 +100,14 @@ def test_detection_counts_windows_over_a_limit_and_not_an_alert_that_lasts(
     ground: TerrainGround, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Of four windows of the last kilometre one is over T1 and one over T2, and the ALERT lasts through all."""
-    judged = partial(
+    make_output = partial(
         ClearanceIntegrity, t_ns=1, t_valid_ns=1, state=IntegrityState.ALERT, reasons=(), valid=True,
         t2_ratio=None, t3_ratio=0.1, t4_ratio=0.9,
     )  # fmt: skip
-    outputs = [judged(s_end=900.0, t1_ratio=t1) for t1 in (1.1, 0.7, 0.7)]
-    outputs.append(judged(s_end=100.0, t1_ratio=0.7, t2_ratio=1.2))
+    outputs = [make_output(s_end=900.0, t1_ratio=t1) for t1 in (1.1, 0.7, 0.7)]
+    outputs.append(make_output(s_end=100.0, t1_ratio=0.7, t2_ratio=1.2))
     reference = ApproachReference.parse(DEMO.read_text(), str(DEMO))
-    monkeypatch.setattr(calibration, "fly", lambda *given: outputs)
+    monkeypatch.setattr(calibration, "run_monitor", lambda *_: outputs)
     counts = calibration._off_track_detections(ground, plan(1500.0, 2), reference, (50.0, 0))
     np.testing.assert_array_equal(counts, [[0.0, 2.0], [0.0, 4.0]])
 
@@ -117,7 +117,7 @@ def test_the_same_seed_is_the_same_reference(ground: TerrainGround) -> None:
     assert first == second
 
 
-def test_a_profile_beyond_the_terrain_says_where_it_ends(ground: TerrainGround) -> None:
+def test_a_profile_beyond_the_terrain_reports_where_it_ends(ground: TerrainGround) -> None:
     """The terrain ends 7790 m before the intercept point; a beam of 40 deg needs the last 100 m."""
     with pytest.raises(ConfigError, match=r"no return from 'demo' between 76\d\d and 9200 m"):
         make_reference(ground, plan(9000.0, 6), lambda *step: None)

@@ -53,17 +53,17 @@ def test_a_laser_stays_one(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "message"),
     [
         ("beam_deg = 400\n", "receiver.toml: device.altimeter.beam_deg = 400"),
         ("width = 40\n", "receiver.toml: device.altimeter.width"),
         ('model = "wide"\n', "device.altimeter.model = 'wide'"),
     ],
 )
-def test_what_is_no_receiver_is_refused_with_its_key(tmp_path: Path, text: str, said: str) -> None:
+def test_what_is_no_receiver_is_refused_with_its_key(tmp_path: Path, text: str, message: str) -> None:
     with pytest.raises(ConfigError) as error:
         read_fitted(written(tmp_path, text))
-    assert said in str(error.value)
+    assert message in str(error.value)
 
 
 def test_a_file_without_the_table_and_one_that_is_not_there(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""The smallest obstacle that is seen: how it is looked for, and against closed forms over level ground."""
+"""The smallest detectable obstacle: its search, and closed forms over level ground."""
 
 import math
 
@@ -35,16 +35,16 @@ def test_so_few_misses_prove_the_pd(runs: int) -> None:
 
 @pytest.mark.parametrize("missed", [0, 1, 4])
 def test_the_least_rung_is_an_order_statistic_and_few_are_asked_twice(missed: int) -> None:
-    rng, asked = np.random.default_rng(missed), list[tuple[int, int]]()
+    rng, calls = np.random.default_rng(missed), list[tuple[int, int]]()
     needs = rng.integers(0, 9, 100)
 
-    def seen(run: int, rung: int) -> bool:
-        asked.append((run, rung))
+    def is_detected(run: int, rung: int) -> bool:
+        calls.append((run, rung))
         return bool(rung >= needs[run])
 
-    assert lowest_rung(seen, 12, 100, missed) == np.sort(needs)[-1 - missed]
-    assert len(asked) < 150
-    assert lowest_rung(seen, int(np.sort(needs)[-1 - missed]), 100, missed) == np.sort(needs)[-1 - missed]
+    assert lowest_rung(is_detected, 12, 100, missed) == np.sort(needs)[-1 - missed]
+    assert len(calls) < 150
+    assert lowest_rung(is_detected, int(np.sort(needs)[-1 - missed]), 100, missed) == np.sort(needs)[-1 - missed]
 
 
 def test_the_table_promises_what_stands_in_its_row_and_nothing_beside_it() -> None:
@@ -52,7 +52,7 @@ def test_the_table_promises_what_stands_in_its_row_and_nothing_beside_it() -> No
         pd=0.97, width_m=(30.0, 60.0), s_m=(2000.0, 1000.0), agl_m=(100.0, 50.0),
         height_m=((40.0, 15.0), (25.0, 10.0)), runs=100,
     )  # fmt: skip
-    asked = [
+    calls = [
         (1500.0, 30.0),
         (1500.0, 59.0),
         (1500.0, 150.0),
@@ -61,7 +61,7 @@ def test_the_table_promises_what_stands_in_its_row_and_nothing_beside_it() -> No
         (1500.0, 20.0),
         (2001.0, 60.0),
     ]
-    assert [table.least(*place) for place in asked] == [40.0, 40.0, 25.0, 10.0, 15.0, math.inf, math.inf]
+    assert [table.min_height(*place) for place in calls] == [40.0, 40.0, 25.0, 10.0, 15.0, math.inf, math.inf]
 
 
 # ---------------------------------------------------------------------------------------------------- level ground
@@ -80,7 +80,7 @@ def path() -> ApproachPath:
 @pytest.fixture
 def ground(path: ApproachPath) -> TerrainGround:
     """Level within the curvature of the Earth, 5 m between the posts, 4 km around."""
-    lat, lon = map(float, path.geodetic(1500.0, 0.0))
+    lat, lon = map(float, path.to_geodetic(1500.0, 0.0))
     flat = Terrain.from_array(np.zeros((1000, 1000)), 5.0, lat0=lat, lon0=lon, east0=-2500.0, north0=-2500.0)
     return TerrainGround(path, LASER, (flat,))
 
@@ -132,13 +132,15 @@ def test_a_table_has_a_figure_for_each_width_and_part(
 ) -> None:
     """None where no whole window lies before the obstacle; the aircraft is above the middle of each part."""
     monkeypatch.setattr(obstacles, "WIDTHS_M", (60.0,))
-    monkeypatch.setattr(obstacles, "least_height", lambda *given: 15.0 if given[-1] != (60.0, 3000.0) else math.inf)
-    told = list[float]()
-    table = detectable_obstacles(ground, PLAN, reference, lambda _, share: told.append(share))
+    monkeypatch.setattr(
+        obstacles, "min_obstacle_height", lambda *args: 15.0 if args[-1] != (60.0, 3000.0) else math.inf
+    )
+    shares = list[float]()
+    table = detectable_obstacles(ground, PLAN, reference, lambda _, share: shares.append(share))
     assert table is not None
     assert (table.s_m, table.height_m, table.runs) == ((3000.0, 2000.0, 1000.0), ((math.inf, 15.0, 15.0),), 100)
     assert table.agl_m == pytest.approx([s * math.tan(math.radians(3.0)) for s in (2500.0, 1500.0, 500.0)], abs=1.5)
-    assert told[-1] == 1.0
+    assert shares[-1] == 1.0
     bare = ReferenceOptions(surface="level", date="2024-01-01", obstacle_runs=0)
     assert detectable_obstacles(ground, bare, reference, lambda *step: None) is None
 
@@ -164,10 +166,10 @@ def test_a_limit_that_nothing_reaches_promises_nothing(ground: TerrainGround, re
 def test_a_piece_of_the_terrain_is_that_terrain(path: ApproachPath) -> None:
     """Also between the posts, about the way and 300 m beside it."""
     rng = np.random.default_rng(2)
-    lat, lon = map(float, path.geodetic(1500.0, 0.0))
+    lat, lon = map(float, path.to_geodetic(1500.0, 0.0))
     rough = Terrain.from_array(rng.normal(0.0, 5.0, (800, 800)), 5.0, lat0=lat, lon0=lon, east0=-1998.7, north0=-2003.1)
     piece = terrain_strip(rough, path, 1900.0, 1200.0)
     s, y = rng.uniform(1200.0, 1900.0, 500), rng.uniform(-300.0, 300.0, 500)
-    east, north = rough.frame.to_local(*path.geodetic(s, y), 0.0)[..., :2].T
+    east, north = rough.frame.to_local(*path.to_geodetic(s, y), 0.0)[..., :2].T
     np.testing.assert_allclose(piece.up(east, north), rough.up(east, north), atol=1e-9)
     assert piece.finest.heights.size < rough.finest.heights.size / 2

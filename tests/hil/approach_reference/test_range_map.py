@@ -37,9 +37,9 @@ def test_a_looked_up_approach_is_a_traced_one_within_three_quarters_of_a_metre(g
     assert abs(error.mean()) < 0.3
 
 
-def test_progress_is_told_for_each_terrain(ground: TerrainGround) -> None:
-    told: list[float] = []
+def test_progress_is_reported_for_each_terrain(ground: TerrainGround) -> None:
+    shares: list[float] = []
     two = dataclasses.replace(ground, terrains=ground.terrains * 2)
-    assert len(map_ground(two, 300.0, told.append).lattices) == 2
-    assert told == sorted(told)
-    assert told[-1] == 1.0
+    assert len(map_ground(two, 300.0, shares.append).lattices) == 2
+    assert shares == sorted(shares)
+    assert shares[-1] == 1.0

@@ -115,7 +115,7 @@ def test_what_level_flight_over_level_ground_does_not_show_is_marked() -> None:
     assert found.fit.unobservable == ("beam_deg",)
     assert found.fit["beam_deg"] == pytest.approx(45.0, abs=5.0)
     assert found.fit["bias_m"] == pytest.approx(BIAS_M, abs=0.3)
-    assert "hardly more than what was assumed" in as_toml(found, "altimeter", ["x"])
+    assert "not observable: close to the assumed value" in as_toml(found, "altimeter", ["x"])
 
 
 def test_what_navigation_does_not_know_of_its_height_is_not_known_of_the_bias() -> None:
@@ -136,7 +136,7 @@ def test_a_laser_has_bias_and_scale_alone() -> None:
     assert found.fit["scale"] == pytest.approx(SCALE, abs=5e-4)
 
 
-def test_a_leading_edge_is_told_from_a_nearest_return_and_its_threshold_found() -> None:
+def test_a_leading_edge_is_distinguished_from_a_nearest_return_with_its_threshold() -> None:
     """Over hills, by the instrument of the product: 50 deg wide, -12 dB."""
     side = np.arange(-8000.0, 8001.0, 40.0)
     ground = terrain(60.0 * np.sin(side / 60.0)[None, :] * np.cos(side / 75.0)[:, None])
@@ -171,9 +171,9 @@ def test_what_is_written_is_what_a_configuration_takes() -> None:
 
 
 def test_too_few_samples_and_ground_that_is_not_known_are_refused() -> None:
-    with pytest.raises(ConfigError, match="altimeter: 40 samples with a position; a fit needs 50"):
+    with pytest.raises(ConfigError, match="altimeter: only 40 samples with a position; a fit needs 50"):
         fit(measured(7, count=40))
-    beside = measured(8)
-    beside.lat[:] += 0.1
+    outside = measured(8)
+    outside.lat[:] += 0.1
     with pytest.raises(ConfigError, match="altimeter: half of the samples have no prediction"):
-        fit(beside)
+        fit(outside)

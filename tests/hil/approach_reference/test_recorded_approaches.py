@@ -50,13 +50,13 @@ def flights(ground: RecordedGround) -> list[SimulatedApproach]:
     return [simulate(ground, S_MAX, np.random.default_rng([8, run])) for run in range(8)]
 
 
-def as_pass(flown: SimulatedApproach) -> Pass:
-    return Pass(np.rint(flown.t * 1e9).astype(np.int64), flown.nav_s, flown.nav_alt - flown.agl)
+def as_pass(flight: SimulatedApproach) -> Pass:
+    return Pass(np.rint(flight.t * 1e9).astype(np.int64), flight.nav_s, flight.nav_alt - flight.agl)
 
 
 @pytest.fixture(scope="module")
 def reference(path: ApproachPath, flights: list[SimulatedApproach]) -> ApproachReference:
-    profiles = profiles_of([as_pass(flown) for flown in flights], S_MAX)
+    profiles = profiles_of([as_pass(flight) for flight in flights], S_MAX)
     plan = ReferenceOptions("radar", "2024-05-01", made_from="recordings", s_max=S_MAX, draws=len(profiles), runs=60)
     return reference_from_recordings(path, RA4500, profiles, plan, lambda *step: None)
 
@@ -87,20 +87,20 @@ def test_the_scatter_that_was_recorded_is_flown(ground: RecordedGround) -> None:
     drawn = np.array([500.0 - ground.ranges(pose, np.random.default_rng(k)) for k in range(60)])
     scatter = drawn - np.interp(s, ground.surface.s, ground.surface.z_ref)
     assert scatter.std() == pytest.approx(SCATTER_M, rel=0.1)
-    beside = np.mean(scatter[:, 6:] * scatter[:, :-6]) / scatter.var()
-    assert 0.2 < beside < 0.65  # exp(-1) at 30 m, drawn every 10 m
+    neighbours = np.mean(scatter[:, 6:] * scatter[:, :-6]) / scatter.var()
+    assert 0.2 < neighbours < 0.65  # exp(-1) at 30 m, drawn every 10 m
 
 
 def test_fewer_than_five_are_no_reference(flights: list[SimulatedApproach]) -> None:
-    passes = [as_pass(flown) for flown in flights[:5]]
+    passes = [as_pass(flight) for flight in flights[:5]]
     late = passes[0].s < S_MAX - 50.0
     passes[0] = Pass(passes[0].t_ns[late], passes[0].s[late], passes[0].z[late])
     assert len(profiles_of([*passes, as_pass(flights[5])], S_MAX)) == 5
-    with pytest.raises(ConfigError, match=r"4 of 5 recorded ways .* begin at 2000 m .* a reference needs 5"):
+    with pytest.raises(ConfigError, match=r"4 of 5 recorded passes start 2000 m .* a reference needs 5"):
         profiles_of(passes, S_MAX)
 
 
-# ------------------------------------------------------------------------------------------------- broken off at 250 m
+# ------------------------------------------------------------------------------------------------- aborted at 250 m
 
 BREAK_OFF_M = 250.0
 #: What each approach errs in height, all along [m]; the last two by much.
@@ -114,7 +114,7 @@ def wave(s: Array) -> Array:
 
 
 def way_down(offset_m: float, until_m: float, begin_m: float = 2150.0) -> Pass:
-    """A height every 3 m, exact but for the offset; broken off at so many metres before the intercept point."""
+    """A height every 3 m, exact but for the offset; aborted at so many metres before the intercept point."""
     s = np.arange(begin_m, until_m, -3.0)
     return Pass(np.arange(len(s), dtype=np.int64), s, wave(s) + offset_m)
 
@@ -139,9 +139,9 @@ def test_an_approach_that_was_broken_off_counts_as_far_as_it_went(path: Approach
     inside = (reference.s >= 0.0) & (reference.s <= S_MAX)
     assert np.abs(reference.z_ref - wave(reference.s))[inside].max() < 0.2
     there = reference.s >= BREAK_OFF_M + 10.0
-    behind = (reference.s >= 0.0) & (reference.s <= BREAK_OFF_M - 10.0)
+    after_abort = (reference.s >= 0.0) & (reference.s <= BREAK_OFF_M - 10.0)
     left = 6 - broken_off
-    for where, offsets in ((inside & there, OFFSETS_M), (behind, OFFSETS_M[:left])):
+    for where, offsets in ((inside & there, OFFSETS_M), (after_abort, OFFSETS_M[:left])):
         n = len(offsets)
         sigma = np.sqrt(np.sum(np.square(offsets)) / (n - 1)) * FACTORS[n]
         assert reference.s_ref[where] == pytest.approx(np.full(where.sum(), sigma), rel=0.05)
@@ -154,14 +154,14 @@ def test_five_of_which_one_is_broken_off_are_enough(path: ApproachPath) -> None:
 
 def test_a_gap_takes_away_its_own_places_alone(path: ApproachPath) -> None:
     passes = [way_down(offset, -200.0) for offset in OFFSETS_M[:5]]
-    beside = (passes[0].s > 900.0) | (passes[0].s < 850.0)
-    passes[0] = Pass(passes[0].t_ns[beside], passes[0].s[beside], passes[0].z[beside])
+    neighbours = (passes[0].s > 900.0) | (passes[0].s < 850.0)
+    passes[0] = Pass(passes[0].t_ns[neighbours], passes[0].s[neighbours], passes[0].z[neighbours])
     missing = np.isnan(profiles_of(passes, S_MAX)[0])
     assert 30.0 < 5.0 * missing.sum() <= 50.0
     assert np.isfinite(recorded_reference(path, passes).s_ref).all()
 
 
-def test_where_too_few_went_it_is_said_from_where_to_where() -> None:
+def test_places_with_too_few_approaches_are_reported() -> None:
     passes = [way_down(0.0, -200.0)] * 2 + [way_down(0.0, BREAK_OFF_M)] * 4
     with pytest.raises(ConfigError) as error:
         profiles_of(passes, S_MAX)
@@ -173,20 +173,20 @@ def test_where_too_few_went_it_is_said_from_where_to_where() -> None:
 
 def test_a_way_that_is_shorter_than_a_window_is_no_approach() -> None:
     passes = [way_down(0.0, -200.0)] * 4 + [way_down(0.0, S_MAX - 300.0)]
-    with pytest.raises(ConfigError, match=r"4 of 5 recorded ways .* for 400 m or more"):
+    with pytest.raises(ConfigError, match=r"4 of 5 recorded passes .* for 400 m or more"):
         profiles_of(passes, S_MAX)
 
 
-@pytest.mark.parametrize(("far", "said"), [(1300.0, "so many have one from 1300 m"), (800.0, None)])
+@pytest.mark.parametrize(("far", "message"), [(1300.0, "allowed: --s-max 1300 or less"), (800.0, None)])
 def test_a_shorter_profile_is_proposed_where_one_can_be_made(
-    flights: list[SimulatedApproach], far: float, said: str | None
+    flights: list[SimulatedApproach], far: float, message: str | None
 ) -> None:
     """``--s-max`` takes 1000 m and more."""
-    passes = [as_pass(flown) for flown in flights[:5]]
+    passes = [as_pass(flight) for flight in flights[:5]]
     near = [Pass(one.t_ns[one.s <= far], one.s[one.s <= far], one.z[one.s <= far]) for one in passes]
     with pytest.raises(ConfigError, match="a reference needs 5") as error:
         profiles_of(near, S_MAX)
-    assert (said in str(error.value)) if said else str(error.value).endswith("needs 5")
+    assert (message in str(error.value)) if message else str(error.value).endswith("needs 5")
 
 
 def test_a_flight_with_two_approaches_and_a_circuit_is_two_ways_down() -> None:
@@ -215,13 +215,13 @@ class FakeRecording:
 def test_sessions_are_read_at_the_times_of_the_heights(
     path: ApproachPath, flights: list[SimulatedApproach], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    flown, outputs = flights[0], list[tuple[str, dict[str, object]]]()
-    lat, lon = path.geodetic(flown.nav_s, flown.nav_y)
-    for k in range(0, len(flown.t), 5):
-        place = {"lat": lat[k], "lon": lon[k], "alt": flown.nav_alt[k], "roll": 0.01, "pitch": 0.02}
-        outputs.append(("/nav/nav_solution", {"t_valid_ns": 10**18 + int(flown.t[k] * 1e9), "valid": True, **place}))
-    for k in range(len(flown.t)):
-        stamp = {"t_valid_ns": 10**18 + int(flown.t[k] * 1e9), "height_agl": flown.agl[k]}
+    flight, outputs = flights[0], list[tuple[str, dict[str, object]]]()
+    lat, lon = path.to_geodetic(flight.nav_s, flight.nav_y)
+    for k in range(0, len(flight.t), 5):
+        place = {"lat": lat[k], "lon": lon[k], "alt": flight.nav_alt[k], "roll": 0.01, "pitch": 0.02}
+        outputs.append(("/nav/nav_solution", {"t_valid_ns": 10**18 + int(flight.t[k] * 1e9), "valid": True, **place}))
+    for k in range(len(flight.t)):
+        stamp = {"t_valid_ns": 10**18 + int(flight.t[k] * 1e9), "height_agl": flight.agl[k]}
         # one in 50 is refused; the known ground speaks against others, which the monitor takes all the same
         reasons = ["device_flag"] if k % 50 == 0 else ["deviation"] * (k % 10 == 0)
         outputs.append(("/nav/height_above_ground/radar", {**stamp, "valid": not reasons, "reasons": reasons}))
@@ -229,11 +229,13 @@ def test_sessions_are_read_at_the_times_of_the_heights(
     open_fake: Callable[[Path], FakeRecording] = lambda folder: fake  # noqa: E731
     monkeypatch.setattr("fti.hil.approach_reference.recorded_approaches.Recording.open", open_fake)
     (found,) = read_passes(Path("x"), "radar", path, S_MAX)
-    assert len(found.s) == pytest.approx(len(flown.t) * 0.98, abs=6)
-    wanted = np.interp(found.s[::-1], flown.nav_s[::-1], (flown.nav_alt - flown.agl)[::-1])[::-1]
+    assert len(found.s) == pytest.approx(len(flight.t) * 0.98, abs=6)
+    wanted = np.interp(found.s[::-1], flight.nav_s[::-1], (flight.nav_alt - flight.agl)[::-1])[::-1]
     assert np.median(np.abs(found.z - wanted)) < 0.2
-    rest = [({**said, "altitude_source": "filter"} if "solution" in topic else said) for topic, said in outputs]
-    fake.outputs = [(topic, said) for (topic, _), said in zip(outputs, rest, strict=True)]
+    rest = [
+        ({**message, "altitude_source": "filter"} if "solution" in topic else message) for topic, message in outputs
+    ]
+    fake.outputs = [(topic, message) for (topic, _), message in zip(outputs, rest, strict=True)]
     with pytest.raises(MissingError, match="no heights of 'radar' with a position"):
         read_passes(Path("x"), "radar", path, S_MAX)
     with pytest.raises(MissingError, match="no heights of 'laser'"):

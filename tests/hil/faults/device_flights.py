@@ -89,7 +89,7 @@ class RecordedModel:
 
 
 @cache
-def flown() -> Environment:
+def make_environment() -> Environment:
     return world(DURATION_S, sensor=TIMING)
 
 
@@ -102,24 +102,24 @@ def bind_device(name: str) -> BoundDevice:
     return BoundDevice(device, module, config.bind(module.Options, kind.options, "test"))
 
 
-def make_sensor(name: str, flown: Environment) -> SimulatedSensor:
+def make_sensor(name: str, environment: Environment) -> SimulatedSensor:
     """A device of ``DEVICES`` in another world."""
     bound = bind_device(name)
-    return SimulatedSensor(bound, MODELS[bound.device.driver], flown, seed=1)
+    return SimulatedSensor(bound, MODELS[bound.device.driver], environment, seed=1)
 
 
 @cache
 def _sensor(name: str) -> SimulatedSensor:
-    made = make_sensor(name, flown())
-    made.model = RecordedModel(made)
-    return made
+    sensor = make_sensor(name, make_environment())
+    sensor.model = RecordedModel(sensor)
+    return sensor
 
 
 def device(name: str) -> SimulatedSensor:
     """A device of ``DEVICES`` as it is when it is switched on."""
-    made = _sensor(name)
-    made.encoder = made.bound.driver.make_encoder(made.bound.options)
-    return made
+    sensor = _sensor(name)
+    sensor.encoder = sensor.bound.driver.make_encoder(sensor.bound.options)
+    return sensor
 
 
 def recorded_cycles(name: str) -> list[list[Measurement]]:

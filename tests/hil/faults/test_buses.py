@@ -57,7 +57,7 @@ def test_an_identifier_of_more_than_eleven_bits_is_extended() -> None:
 
 
 @pytest.mark.parametrize("links", [(), ("line",), ("line", "other")])
-def test_on_a_bus_that_is_off_no_device_is_heard(links: tuple[str, ...]) -> None:
+def test_on_a_bus_that_is_off_no_device_is_received(links: tuple[str, ...]) -> None:
     flight = fly("canaerospace", BusOff(kind="bus_off", links=links, from_s=2.0, to_s=4.0))
     assert flight == [(t, m) for t, m in nominal("canaerospace") if not 2.0 <= t < 4.0]
 
@@ -69,7 +69,7 @@ def test_other_buses_and_lines_are_not_touched() -> None:
     assert fly("nmea0183", BusOff(kind="bus_off", from_s=2.0, to_s=4.0)) == nominal("nmea0183")
 
 
-def test_an_adapter_says_that_its_bus_is_in_trouble() -> None:
+def test_an_adapter_reports_the_errors_of_its_bus() -> None:
     bus = Bus()
     stream = StatusStream(BusOff(kind="bus_off", from_s=2.0, to_s=3.0), cast(list[SlcanEndpoint], [bus]))
     assert run_out(stream) == [2.0, 2.25, 2.5, 2.75]

@@ -17,8 +17,8 @@ def times(name: str, flight: Flight) -> dict[float, int]:
     decoder = bound.driver.make_decoder(bound.options)
     found = {}
     for t, messages in flight:
-        told = [m.stamp.t_dev_ns for data in messages for m in decoder.feed(data, round(t * 1e9))]
-        if known := [t_ns for t_ns in told if t_ns is not None]:
+        times_ns = [m.stamp.t_dev_ns for data in messages for m in decoder.feed(data, round(t * 1e9))]
+        if known := [t_ns for t_ns in times_ns if t_ns is not None]:
             found[t] = known[0]
     return found
 
@@ -38,9 +38,9 @@ TICK_S = {"imar_ixcom": 1e-6, "mavlink": 1e-3, "novatel_oem6": 1e-3, "ublox_ubx"
 @pytest.mark.parametrize("name", TICK_S)
 @pytest.mark.parametrize("by_s", [-7.0, 0.25, 3600.0])
 def test_a_clock_jumps_in_the_interval_and_comes_back(name: str, by_s: float) -> None:
-    ahead = gained(name, ClockJump(kind="clock_jump", from_s=2.0, to_s=4.0, by_s=by_s))
-    inside = [s for t, s in ahead.items() if 2.01 <= t < 4.0]
-    outside = [s for t, s in ahead.items() if t < 2.0 or t > 4.1]
+    errors_s = gained(name, ClockJump(kind="clock_jump", from_s=2.0, to_s=4.0, by_s=by_s))
+    inside = [s for t, s in errors_s.items() if 2.01 <= t < 4.0]
+    outside = [s for t, s in errors_s.items() if t < 2.0 or t > 4.1]
     assert len(inside) >= 15
     np.testing.assert_allclose(inside, by_s, atol=1.1 * TICK_S[name])
     assert set(outside) == {0.0}
@@ -48,11 +48,11 @@ def test_a_clock_jumps_in_the_interval_and_comes_back(name: str, by_s: float) ->
 
 def test_what_a_drift_has_gained_stays() -> None:
     """1 % for two seconds is 20 ms."""
-    ahead = gained("imar_ixcom", ClockDrift(kind="clock_drift", from_s=2.0, to_s=4.0, ppm=1e4))
-    assert {s for t, s in ahead.items() if t < 2.0} == {0.0}
-    at_3_s = next(s for t, s in ahead.items() if t >= 3.0)
+    errors_s = gained("imar_ixcom", ClockDrift(kind="clock_drift", from_s=2.0, to_s=4.0, ppm=1e4))
+    assert {s for t, s in errors_s.items() if t < 2.0} == {0.0}
+    at_3_s = next(s for t, s in errors_s.items() if t >= 3.0)
     assert at_3_s == pytest.approx(0.0102, abs=2e-6)  # the first sample after it is that of 3.02 s
-    np.testing.assert_allclose([s for t, s in ahead.items() if t > 4.1], 0.020, atol=2e-6)
+    np.testing.assert_allclose([s for t, s in errors_s.items() if t > 4.1], 0.020, atol=2e-6)
 
 
 def test_faults_of_one_clock_add() -> None:

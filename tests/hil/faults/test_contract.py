@@ -110,7 +110,7 @@ NEEDS = {
 ALWAYS_THE_SAME = {"power_unit"}
 
 
-def made(kind: FaultKind, name: str, **changes: Any) -> Fault:
+def make_fault(kind: FaultKind, name: str, **changes: Any) -> Fault:
     """The fault of that kind for a device of ``DEVICES``."""
     table = {"kind": kind.value, "from_s": FROM_S, "to_s": TO_S, **ON_THE_LINE[kind], **changes}
     if kind in ON_QUANTITY:
@@ -121,7 +121,7 @@ def made(kind: FaultKind, name: str, **changes: Any) -> Fault:
 
 
 def can_be(kind: FaultKind, name: str) -> bool:
-    fault, bound = made(kind, name), bind_device(name)
+    fault, bound = make_fault(kind, name), bind_device(name)
     on_can = {"can"} == bound.driver.CARRIERS
     if kind is FaultKind.BUS_OFF:
         return on_can
@@ -151,7 +151,7 @@ def after(flight: Flight) -> Flight:
     return [(t, messages) for t, messages in flight if t > TO_S + BACK_S]
 
 
-def said(name: str, flight: Flight) -> list[Measurement]:
+def decoded(name: str, flight: Flight) -> list[Measurement]:
     """What a decoder makes of a flight, sorted, but for what it says of lost messages."""
     bound = bind_device(name)
     decoder = bound.driver.make_decoder(bound.options)
@@ -185,15 +185,15 @@ def test_every_kind_can_be_of_some_device(kind: FaultKind) -> None:
 
 @pytest.mark.parametrize(("kind", "name"), CASES)
 def test_a_fault_changes_what_leaves_in_its_interval_and_nothing_before_or_behind(kind: FaultKind, name: str) -> None:
-    without, spoiled = nominal(name), fly(name, made(kind, name))
+    without, spoiled = nominal(name), fly(name, make_fault(kind, name))
     assert inside(without)
     assert inside(spoiled) != inside(without)
     assert before(spoiled) == before(without)
     if kind in REACHES_ON:
         assert after(spoiled) != after(without)
     elif kind is FaultKind.INVALID and name in NUMBERS_WHAT_IT_SENDS:
-        assert said(name, after(spoiled)) == said(name, after(without))
-        assert said(name, after(spoiled))
+        assert decoded(name, after(spoiled)) == decoded(name, after(without))
+        assert decoded(name, after(spoiled))
     else:
         assert after(spoiled) == after(without)
 

@@ -39,11 +39,11 @@ WITH_CHECKSUM = [name for name in TALKING if checksum_change(DEVICES[name].drive
 WITH_LABEL = [name for name in TALKING if identifier_change(DEVICES[name].driver, bind_device(name).options)]
 
 
-def sent(name: str) -> list[bytes]:
+def sent_messages(name: str) -> list[bytes]:
     return [message for _, messages in nominal(name) for message in messages]
 
 
-def heard(name: str, messages: list[bytes]) -> Decoder:
+def decode(name: str, messages: list[bytes]) -> Decoder:
     """A decoder that was fed the messages."""
     bound = bind_device(name)
     decoder = bound.driver.make_decoder(bound.options)
@@ -74,14 +74,14 @@ def words_in(name: str, message: bytes) -> int:
 
 @pytest.mark.parametrize("name", WITH_CHECKSUM)
 def test_a_wrong_checksum_costs_just_the_message_that_has_it(name: str) -> None:
-    bound, messages = bind_device(name), sent(name)
+    bound, messages = bind_device(name), sent_messages(name)
     spoil = checksum_change(bound.device.driver, bound.options)
     assert spoil is not None
     places = spoiled_places(messages)
     wrong = [spoil(m) if k in places else m for k, m in enumerate(messages)]
     assert all(len(w) == len(m) for w, m in zip(wrong, messages, strict=True))
-    good = heard(name, messages)
-    decoder = heard(name, wrong)
+    good = decode(name, messages)
+    decoder = decode(name, wrong)
     lost = good.counters.messages - decoder.counters.messages
     assert sum(lost.values()) == sum(words_in(name, messages[k]) for k in places)
     assert {"bad_checksum", "bad_parity"} & {*decoder.counters.skipped, *decoder.counters.messages}
@@ -94,7 +94,7 @@ def test_only_the_checksum_is_wrong(name: str) -> None:
     bound = bind_device(name)
     spoil = checksum_change(bound.device.driver, bound.options)
     assert spoil is not None
-    for message in sent(name)[:20]:
+    for message in sent_messages(name)[:20]:
         differ = [a ^ b for a, b in zip(message, spoil(message), strict=True)]
         places = [at for at, difference in enumerate(differ) if difference]
         if bound.device.driver == "arinc429" and name != "arinc429_chapter10":
@@ -105,13 +105,13 @@ def test_only_the_checksum_is_wrong(name: str) -> None:
 
 @pytest.mark.parametrize("name", WITH_LABEL)
 def test_a_wrong_identifier_is_one_that_nobody_knows_and_everything_else_holds(name: str) -> None:
-    bound, messages = bind_device(name), sent(name)
+    bound, messages = bind_device(name), sent_messages(name)
     spoil = identifier_change(bound.device.driver, bound.options)
     assert spoil is not None
     places = spoiled_places(messages)
     wrong = [spoil(m) if k in places else m for k, m in enumerate(messages)]
-    good = heard(name, messages)
-    decoder = heard(name, wrong)
+    good = decode(name, messages)
+    decoder = decode(name, wrong)
     lost = good.counters.messages - decoder.counters.messages
     new = decoder.counters.messages - good.counters.messages
     assert sum(lost.values()) == sum(words_in(name, messages[k]) for k in places)

@@ -85,5 +85,5 @@ def test_what_has_only_satellites_must_say_that_there_are_none() -> None:
     found = {case.subject: case for case in flags_of_fault(scenario.fault[0], craft, truth)}
     assert {name for name, case in found.items() if case.expected_flags} == {"gnss", "autopilot"}
     assert {case.unknown for case in found.values() if not case.expected_flags} == {
-        "it goes on with what it has besides satellites"
+        "the device continues without satellites"
     }

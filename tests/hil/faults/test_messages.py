@@ -93,9 +93,9 @@ def test_messages_are_held_and_leave_at_once() -> None:
 def test_at_the_end_of_the_flight_nothing_is_held_back(kind: Burst | Reordered, until_s: float) -> None:
     """The interval ends a minute behind the flight; what is held leaves with the last message of the device."""
     held = fly("mavlink", kind, until_s=until_s)
-    sent = [(t, m) for t, m in nominal("mavlink") if t <= until_s]
+    nominal_messages = [(t, m) for t, m in nominal("mavlink") if t <= until_s]
     arrived = [(t, m) for t, m in held if t <= until_s]
-    assert sorted(messages(arrived)) == sorted(messages(sent))
+    assert sorted(messages(arrived)) == sorted(messages(nominal_messages))
     assert arrived[-1][0] <= min(until_s, nominal("mavlink")[-1][0])
 
 
@@ -115,7 +115,7 @@ def test_a_device_that_is_frozen_from_the_beginning_repeats_its_first_cycle() ->
     assert set(map(tuple, played(FreezeStage(fault), {float(t): [b"%d" % t] for t in range(4)}).values())) == {(b"0",)}
 
 
-def test_bits_are_wrong_as_often_as_it_says() -> None:
+def test_bits_are_wrong_with_the_configured_probability() -> None:
     become = bit_error_effect(BitErrors(kind="bit_errors", from_s=0.0, to_s=1.0, rate=0.01), rng(), on_can=False)
     (wrong,) = become(bytes(100_000))
     assert np.unpackbits(np.frombuffer(wrong, np.uint8)).mean() == pytest.approx(0.01, rel=0.05)
@@ -161,8 +161,8 @@ def test_twice_is_twice_at_once() -> None:
 
 
 def test_a_cut_cable_does_not_stop_the_device_from_counting() -> None:
-    behind = [m for t, m in fly("mavlink", Cut(kind="cut", from_s=1.0, to_s=3.0)) if t > 3.0]
-    assert behind == [m for t, m in nominal("mavlink") if t > 3.0]
+    later = [m for t, m in fly("mavlink", Cut(kind="cut", from_s=1.0, to_s=3.0)) if t > 3.0]
+    assert later == [m for t, m in nominal("mavlink") if t > 3.0]
 
 
 def test_faults_follow_each_other_in_the_order_of_the_scenario() -> None:

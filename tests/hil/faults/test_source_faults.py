@@ -328,14 +328,14 @@ def test_what_was_never_measured_so_long_ago_is_the_first_that_was() -> None:
 
 
 def refused(name: str, fault: Fault) -> str:
-    flown = world(DURATION_S, fault=(fault,), sensor=TIMING)
+    environment = world(DURATION_S, fault=(fault,), sensor=TIMING)
     with pytest.raises(ConfigError) as error:
-        check_fault_effects([make_sensor(name, flown)], flown)
+        check_fault_effects([make_sensor(name, environment)], environment)
     return str(error.value)
 
 
 @pytest.mark.parametrize(
-    ("name", "kind", "keys", "said"),
+    ("name", "kind", "keys", "message"),
     [
         ("lightware_ascii", "swapped_coordinates", {}, "does not send a latitude"),
         ("freeflight_ra4500", "gnss_ramp", {"up_mps": 1.0}, "does not send a position"),
@@ -348,23 +348,23 @@ def refused(name: str, fault: Fault) -> str:
         ("ublox_ubx", "inertial_bias", {"accel_mg": (0.0, 0.0, 1.0)}, "does not send a specific force of axis z"),
     ],
 )
-def test_what_a_device_does_not_send_is_refused(name: str, kind: str, keys: dict[str, Any], said: str) -> None:
-    assert refused(name, fault_of(kind, devices=("device",), **keys)).endswith(f"fault[0].devices: 'device' {said}")
-    assert said in refused(name, fault_of(kind, **keys))
+def test_what_a_device_does_not_send_is_refused(name: str, kind: str, keys: dict[str, Any], message: str) -> None:
+    assert refused(name, fault_of(kind, devices=("device",), **keys)).endswith(f"fault[0].devices: 'device' {message}")
+    assert message in refused(name, fault_of(kind, **keys))
 
 
 @pytest.mark.parametrize("name", PARSERS)
 def test_a_device_that_has_no_fix_in_the_beginning_is_not_refused(name: str) -> None:
     outage = MAKE.validate_python({"kind": "gnss_outage", "from_s": 0.0, "to_s": 5.0})
     faults = (fault_of("swapped_coordinates", devices=("device",)), fault_of("undulation"), outage)
-    flown = world(DURATION_S, fault=faults, sensor=TIMING)
-    check_fault_effects([make_sensor(name, flown)], flown)
+    environment = world(DURATION_S, fault=faults, sensor=TIMING)
+    check_fault_effects([make_sensor(name, environment)], environment)
 
 
 @pytest.mark.parametrize("name", ["arinc429", "freeflight_ra4500", "lightware_binary", "imar_ixcom"])
 def test_an_altimeter_or_a_navigation_system_can_be_mounted_elsewhere(name: str) -> None:
-    flown = world(DURATION_S, fault=(fault_of("lever_arm", devices=("device",), right_m=2.0),), sensor=TIMING)
-    check_fault_effects([make_sensor(name, flown)], flown)
+    environment = world(DURATION_S, fault=(fault_of("lever_arm", devices=("device",), right_m=2.0),), sensor=TIMING)
+    check_fault_effects([make_sensor(name, environment)], environment)
 
 
 def test_every_device_flies_with_every_one_of_them() -> None:
@@ -376,10 +376,10 @@ def test_every_device_flies_with_every_one_of_them() -> None:
         {"kind": "inertial_bias", "accel_mg": (1.0, 1.0, 1.0)}, {"kind": "latency", "by_s": 0.5},
     )  # fmt: skip
     faults = tuple(MAKE.validate_python({**table, **ever}) for table in tables)
-    flown = world(DURATION_S, fault=faults, sensor=TIMING)
+    environment = world(DURATION_S, fault=faults, sensor=TIMING)
     for name in DEVICES:
         ends = [
             flight[-1][0] if flight else 0.0
-            for flight in (fly(name, *faults, sensor=make_sensor(name, flown)), fly(name))
+            for flight in (fly(name, *faults, sensor=make_sensor(name, environment)), fly(name))
         ]
         assert ends[0] == pytest.approx(ends[1], abs=0.2), name

@@ -1,4 +1,4 @@
-"""Faults of devices: what is sent instead."""
+"""Faults of measured values: the changed measurements."""
 
 from __future__ import annotations
 
@@ -71,16 +71,16 @@ def test_a_stuck_device_goes_on_with_everything_that_it_sends_more_seldom() -> N
         speeds = [Airspeed(stamp=stamp, cas=t), Airspeed(stamp=stamp, tas=t + 0.5)]
         return [Attitude(stamp=stamp, roll=t), *ranges, *speeds]
 
-    sent = [faults.apply(t, cycle(t)) for t in (11.0, 12.0, 13.0, 14.0)]
-    assert [[type(m) for m in cycle] for cycle in sent] == [
+    cycles = [faults.apply(t, cycle(t)) for t in (11.0, 12.0, 13.0, 14.0)]
+    assert [[type(m) for m in cycle] for cycle in cycles] == [
         [type(m) for m in cycle(t)] for t in (11.0, 12.0, 13.0, 14.0)
     ]
-    assert [m.slant_range for cycle in sent for m in cycle if isinstance(m, Range)] == [12.0, 12.0]
-    assert [m.roll for cycle in sent for m in cycle if isinstance(m, Attitude)] == [11.0] * 4
-    assert [(m.cas, m.tas) for m in sent[3] if isinstance(m, Airspeed)] == [(11.0, None), (None, 11.5)]
+    assert [m.slant_range for cycle in cycles for m in cycle if isinstance(m, Range)] == [12.0, 12.0]
+    assert [m.roll for cycle in cycles for m in cycle if isinstance(m, Attitude)] == [11.0] * 4
+    assert [(m.cas, m.tas) for m in cycles[3] if isinstance(m, Airspeed)] == [(11.0, None), (None, 11.5)]
 
 
-def test_an_invalid_device_says_so_and_names_why() -> None:
+def test_an_invalid_device_reports_it_with_the_reason() -> None:
     fault = Invalid(kind="invalid", from_s=0.0, to_s=9.0, flags=("unlocked",))
     status, height, imu = applied(fault, "a", 1.0)
     assert status == DeviceStatus(stamp=status.stamp, ok=False, flags=("in_air", "unlocked"))
@@ -100,10 +100,10 @@ def test_faults_of_the_world_are_not_faults_of_a_device() -> None:
 
 
 def heights(fault: Fault, times: list[float], seed: int = 0) -> list[float | None]:
-    """What is said of the height, which is 100 m at all times."""
+    """The reported heights of a constant 100 m."""
     faults = DeviceFaults("a", [fault], seed)
-    told = [faults.apply(t, [RadioHeight(stamp=Stamp(round(t * 1e9)), height_agl=100.0)]) for t in times]
-    return [m.height_agl for cycle in told for m in cycle if isinstance(m, RadioHeight)]
+    measurements = [faults.apply(t, [RadioHeight(stamp=Stamp(round(t * 1e9)), height_agl=100.0)]) for t in times]
+    return [m.height_agl for cycle in measurements for m in cycle if isinstance(m, RadioHeight)]
 
 
 HEIGHT = {"quantity": "radio_height.height_agl", "from_s": 10.0, "to_s": 20.0}
@@ -122,7 +122,7 @@ def test_a_bias_is_added_and_a_ramp_grows() -> None:
     assert ramp == pytest.approx([100.0, 100.0, 110.0, 119.8, 100.0], abs=1e-9)
 
 
-def test_a_wrong_unit_multiplies_and_a_forced_number_is_said_whatever_is_measured() -> None:
+def test_a_wrong_unit_multiplies_and_a_forced_number_replaces_the_measured_one() -> None:
     times = [9.9, 15.0, 20.0]
     wrong = heights(MAKE.validate_python({"kind": "wrong_unit", **HEIGHT, "factor": 0.3048}), times)
     assert wrong == [100.0, pytest.approx(30.48, abs=1e-9), 100.0]
@@ -158,7 +158,7 @@ def test_what_is_not_measured_stays_away() -> None:
 
 
 def test_a_name_chooses_among_readings_surfaces_and_stations() -> None:
-    told: list[Measurement] = [
+    measurements: list[Measurement] = [
         Reading(stamp=Stamp(1), name="mach", value=0.2),
         Reading(stamp=Stamp(1), name="hdop", value=0.9),
         DmeRange(stamp=Stamp(1), station="dme_1", slant_range=100.0),
@@ -167,8 +167,8 @@ def test_a_name_chooses_among_readings_surfaces_and_stations() -> None:
 
     def changed(quantity: str, name: str | None) -> list[int]:
         table = {"kind": "bias", "quantity": quantity, "name": name, **EVER, "value": 1.0}
-        found = DeviceFaults("a", [MAKE.validate_python(table)]).apply(1.0, told)
-        return [k for k, (was, now) in enumerate(zip(told, found, strict=True)) if was != now]
+        found = DeviceFaults("a", [MAKE.validate_python(table)]).apply(1.0, measurements)
+        return [k for k, (was, now) in enumerate(zip(measurements, found, strict=True)) if was != now]
 
     assert changed("reading.value", None) == [0, 1]
     assert changed("reading.value", "hdop") == [1]

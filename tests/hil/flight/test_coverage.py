@@ -25,14 +25,14 @@ EAST = {"lat_deg": 48.0, "lon_deg": 11.103, "alt_m": 700, "speed_mps": 60}
 WEST = {"lat_deg": 48.0, "lon_deg": 11.05, "alt_m": 700, "speed_mps": 60}
 
 
-def flown(first: dict[str, float] = EAST, last: dict[str, float] = WEST) -> Environment:
+def environment(first: dict[str, float] = EAST, last: dict[str, float] = WEST) -> Environment:
     flight = {"kind": "waypoints", "waypoint": (first, last)}
     return Environment(scenario(flight=flight), path(), flat_terrain(100.0), undulation=47.0)
 
 
 @pytest.fixture(scope="module")
 def leaving() -> Environment:
-    return flown()
+    return environment()
 
 
 def heights(world: Environment, driver: str) -> dict[float, float | None]:
@@ -42,20 +42,20 @@ def heights(world: Environment, driver: str) -> dict[float, float | None]:
     sensor = SimulatedSensor(
         BoundDevice(device, module, config.bind(module.Options, {}, "test")), MODELS[driver], world, seed=1
     )
-    said: dict[float, float | None] = {}
+    values: dict[float, float | None] = {}
     for k, t in enumerate(sensor.t):
         for m in sensor.measure(k, 0):
             if isinstance(m, RadioHeight | Range):
-                said[float(t)] = m.height_agl if isinstance(m, RadioHeight) else m.slant_range
-    return said
+                values[float(t)] = m.height_agl if isinstance(m, RadioHeight) else m.slant_range
+    return values
 
 
 @pytest.mark.parametrize("driver", ["freeflight_ra4500", "lightware_ascii"])
 def test_an_altimeter_finds_no_ground_where_none_is_known(leaving: Environment, driver: str) -> None:
-    said = heights(leaving, driver)
+    values = heights(leaving, driver)
     edge = _edge(leaving)
-    before = [value for t, value in said.items() if t < edge - 3.0]
-    after = [value for t, value in said.items() if t > edge + 3.0]
+    before = [value for t, value in values.items() if t < edge - 3.0]
+    after = [value for t, value in values.items() if t > edge + 3.0]
     assert set(before) == {None}
     assert np.abs(np.array(after, dtype=float) - 200.0).max() < 5.0
 
@@ -66,12 +66,12 @@ def _edge(world: Environment) -> float:
     return float(t[np.argmax(np.isfinite(world.ground(world.state(t))))])
 
 
-def test_it_is_told_how_much_of_it(leaving: Environment) -> None:
-    told = re.fullmatch(
-        r"no terrain is known under (\d+) % of the flight, first at 0 s: no ranges there", leaving.remarks[0]
+def test_the_share_without_terrain_is_reported(leaving: Environment) -> None:
+    remark = re.fullmatch(
+        r"no terrain data below (\d+) % of the flight, first at 0 s: no ranges there", leaving.remarks[0]
     )
-    assert told is not None
-    assert int(told[1]) == pytest.approx(100.0 * _edge(leaving) / leaving.duration, abs=2.0)
+    assert remark is not None
+    assert int(remark[1]) == pytest.approx(100.0 * _edge(leaving) / leaving.duration, abs=2.0)
 
 
 def test_the_truth_leaves_out_what_nobody_knows(leaving: Environment, tmp_path: Path) -> None:
@@ -90,8 +90,8 @@ def test_the_truth_leaves_out_what_nobody_knows(leaving: Environment, tmp_path: 
 def test_below_the_ground_is_refused_with_when_and_how_deep() -> None:
     under = {**WEST, "alt_m": 400}
     with pytest.raises(ConfigError, match=r"test: flight: 9\d m below the ground at 6\d s"):
-        flown(EAST, under)
+        environment(EAST, under)
 
 
-def test_above_the_ground_nothing_is_told() -> None:
-    assert flown({**EAST, "lon_deg": 11.06}, WEST).remarks == ()
+def test_above_the_ground_there_is_no_remark() -> None:
+    assert environment({**EAST, "lon_deg": 11.06}, WEST).remarks == ()

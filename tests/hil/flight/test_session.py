@@ -100,26 +100,26 @@ def test_the_only_device_that_says_both_need_not_be_named(session: Path) -> None
 
 
 @pytest.mark.parametrize(
-    ("device", "said"),
+    ("device", "error"),
     [
         ("gnss", "no position with attitude from gnss"),
-        ("radar", "'radar' is no device of the session; there are ins, gnss"),
+        ("radar", "unknown device 'radar'; the session has ins, gnss"),
     ],
 )
-def test_what_a_device_does_not_say_is_told(session: Path, device: str, said: str) -> None:
-    with pytest.raises(ConfigError, match=said):
+def test_missing_measurements_of_a_device_are_reported(session: Path, device: str, error: str) -> None:
+    with pytest.raises(ConfigError, match=error):
         read_session(session, device)
 
 
-def test_two_devices_that_say_both_must_be_told_apart(tmp_path: Path) -> None:
+def test_with_two_devices_that_have_both_one_must_be_named(tmp_path: Path) -> None:
     second = CONFIG.replace(
         '"gnss_line"\ndriver = "nmea0183"\nrate_hz = 5', '"gnss_line"\ndriver = "imar_ixcom"\nrate_hz = 5'
     )
     folder = offline_run.fly(config_of(tmp_path, second), scenario(), tmp_path, world=world(2.0))
-    with pytest.raises(ConfigError, match="ins, gnss say position and attitude: name one of them"):
+    with pytest.raises(ConfigError, match="several devices have position and attitude; name one of ins, gnss"):
         read_session(folder, None)
 
 
-def test_a_folder_that_is_no_session_is_told(tmp_path: Path) -> None:
+def test_a_folder_that_is_not_a_session_is_reported(tmp_path: Path) -> None:
     with pytest.raises(MissingError):
         read_session(tmp_path, None)

@@ -40,7 +40,7 @@ def test_a_period_of_two_samples_is_refused() -> None:
         graduate(np.arange(20.0) / 10.0, np.zeros((20, 1)), 0.15)
 
 
-def test_the_smallest_angles_are_told() -> None:
+def test_the_smallest_angles_are_accurate() -> None:
     mats = mat_from_rpy([0.1, 0.2, 0.3], [0.5, 0.1, -0.4], [1.0, 2.0, 3.0])
     turned = mats @ mat_from_rpy([1e-12, 0.0, 3.0], [0.0, 1e-7, 0.0], [0.0, 0.0, 0.0])
     np.testing.assert_allclose(angle_between(mats, turned), [1e-12, 1e-7, 3.0], rtol=1e-3)
@@ -81,7 +81,7 @@ def test_without_a_filter_the_steps_shake_the_flight(recorded: tuple[FlightSampl
     np.testing.assert_array_equal(found.filter_m, 0.0)
 
 
-def test_the_errors_are_told_in_words(recorded: tuple[FlightSamples, FlightSamples]) -> None:
+def test_the_errors_are_reported_as_text(recorded: tuple[FlightSamples, FlightSamples]) -> None:
     error_text = fit(recorded[1], 2.0).error_text()
     assert error_text.startswith("filtered minus recorded: 0.")
     assert "; spline minus filtered: 0.00" in error_text

@@ -25,7 +25,7 @@ def fly(plan: ApproachPlan, seed: int = 1) -> SplineFlight:
 
 
 def along(state: FlightState) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    s, y = path().along(state.lat, state.lon)
+    s, y = path().to_path(state.lat, state.lon)
     return s, y, state.alt - path().alt_path(s)
 
 
@@ -49,8 +49,8 @@ def test_flight_levels_off_over_the_runway_and_crosses_the_threshold_at_its_heig
 
 def test_velocity_is_the_derivative_of_the_position() -> None:
     flight, h = fly(ApproachPlan(wind_n=(4.0, -3.0))), 1e-3
-    ahead, behind = flight.state(T + h), flight.state(T - h)
-    difference = (ecef(ahead) - ecef(behind)) / (2 * h)
+    after, before = flight.state(T + h), flight.state(T - h)
+    difference = (ecef(after) - ecef(before)) / (2 * h)
     np.testing.assert_allclose(earth_frame_velocity(flight.state(T)), difference, atol=2e-5)
 
 

@@ -101,5 +101,5 @@ def test_turns_without_room_are_refused_by_their_waypoints() -> None:
 
 @pytest.mark.parametrize("at", [(0.0, 0.0), (4000.0, 0.0)])
 def test_the_same_place_twice_is_refused(at: tuple[float, float]) -> None:
-    with pytest.raises(ValueError, match=r"waypoint\[\d\] and waypoint\[\d\] are at one place"):
+    with pytest.raises(ValueError, match=r"waypoint\[\d\] and waypoint\[\d\] are at the same position"):
         waypoint_flight([waypoint(0, 0), waypoint(*at), waypoint(4000, 0), waypoint(8000, 0)], BANK, (0.0, 0.0))

@@ -20,10 +20,10 @@ def craft() -> AircraftRoles:
 
 def due(craft: AircraftRoles, place: str, *words: str, until_s: float = 60.0) -> list[tuple[tuple[str, ...], float]]:
     """The alarms of a flag that is due from 20 s on within 1 s, and within what time each is."""
-    told = FaultFlags("subject", (ExpectedFlag(place, words, 20.0, until_s, 1.0, 2.0),), ())
+    flags = FaultFlags("subject", (ExpectedFlag(place, words, 20.0, until_s, 1.0, 2.0),), ())
     return [
         (expected_flag.words, expected_flag.within_s)
-        for _, one in flags_of_alarms([(0, told)], craft)
+        for _, one in flags_of_alarms([(0, flags)], craft)
         for expected_flag in one.expected_flags
     ]
 
@@ -70,5 +70,5 @@ def test_a_fault_that_is_too_short_for_the_alarm_has_none(craft: AircraftRoles) 
 
 def test_a_fault_from_the_start_on_has_none(craft: AircraftRoles) -> None:
     """A device that was never good is expected for 10 s, and a position that was never valid was not lost."""
-    told = FaultFlags("ins", (ExpectedFlag("/nav/nav_solution", ("position not from ins",), 5.0, 60.0, 1.0, 2.0),), ())
-    assert list(flags_of_alarms([(0, told)], craft)) == []
+    flags = FaultFlags("ins", (ExpectedFlag("/nav/nav_solution", ("position not from ins",), 5.0, 60.0, 1.0, 2.0),), ())
+    assert list(flags_of_alarms([(0, flags)], craft)) == []

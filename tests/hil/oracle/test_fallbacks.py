@@ -48,8 +48,8 @@ def test_the_filter_takes_the_place_of_a_receiver(config: Config) -> None:
 def test_radio_takes_over_when_the_inertial_unit_goes_and_keeps_it_until_the_satellites_are_back(
     config: Config,
 ) -> None:
-    told = [(0, "position from filter", 20.0, 25.0), (1, "position from radio", 25.0, 40.0)]
-    assert due(config, OUTAGE, CUT) == told
+    expected_flags = [(0, "position from filter", 20.0, 25.0), (1, "position from radio", 25.0, 40.0)]
+    assert due(config, OUTAGE, CUT) == expected_flags
 
 
 def test_radio_takes_over_at_once_where_the_inertial_unit_went_before(config: Config) -> None:

@@ -15,7 +15,7 @@ from fti import config as configuration
 from fti.devices import bind_devices
 from fti.hil import scenario as scenarios
 from fti.hil.faults.applicability import drivers_of, inapplicable_reason
-from fti.hil.oracle.fault_catalogue import kinds, limits
+from fti.hil.oracle.fault_catalogue import allowed_values, fault_kinds
 from fti.hil.oracle.fault_flags import flags_of_scenario
 from fti.hil.oracle.flag_definitions import ExpectedFlag, FaultFlags
 from fti.hil.oracle.flags_of_kinds import FLAGS
@@ -45,23 +45,23 @@ def test_every_key_has_a_description_and_a_unit_or_states_that_it_has_none(model
 
 
 def test_every_kind_is_described_once_with_all_of_its_keys() -> None:
-    assert list(kinds()) == [kind.value for kind in FaultKind]
+    assert list(fault_kinds()) == [kind.value for kind in FaultKind]
     for model in MODELS:
         (name,) = get_args(model.model_fields["kind"].annotation)
-        kind = kinds()[name]
+        kind = fault_kinds()[name]
         assert {key.name for key in kind.keys} == model.model_fields.keys() - {"kind"}
         assert {key.name for key in kind.keys if not key.default} == {
             key for key, field in model.model_fields.items() if key != "kind" and field.is_required()
         }
         for key in kind.keys:
             if key.default not in ("", "none"):
-                told = tomllib.loads(f"value = {key.default}")["value"]
+                value = tomllib.loads(f"value = {key.default}")["value"]
                 default = model.model_fields[key.name].default
-                assert told == (list(default) if isinstance(default, tuple) else default)
+                assert value == (list(default) if isinstance(default, tuple) else default)
 
 
 @pytest.mark.parametrize(
-    ("kind", "key", "said"),
+    ("kind", "key", "text"),
     [
         ("bit_errors", "rate", "number > 0, <= 1"),
         ("off_track", "right_m", "number >= -20000, <= 20000"),
@@ -72,13 +72,13 @@ def test_every_kind_is_described_once_with_all_of_its_keys() -> None:
         ("can_status", "flags", "list, not empty, each one of rx_fifo_full, tx_fifo_full, error_warning, "),
     ],
 )
-def test_limits_are_those_of_the_table(kind: str, key: str, said: str) -> None:
-    (found,) = (one.limits for one in kinds()[kind].keys if one.name == key)
-    assert found.startswith(said)
+def test_limits_are_those_of_the_table(kind: str, key: str, text: str) -> None:
+    (found,) = (one.limits for one in fault_kinds()[kind].keys if one.name == key)
+    assert found.startswith(text)
 
 
 def test_limits_of_an_optional_text() -> None:
-    assert limits({"anyOf": [{"type": "string"}, {"type": "null"}]}) == "text"
+    assert allowed_values({"anyOf": [{"type": "string"}, {"type": "null"}]}) == "text"
 
 
 # -------------------------------------------------------------------------------------------- subjects and examples
@@ -104,7 +104,7 @@ def test_the_drivers_that_can_have_a_kind_are_those_that_a_scenario_accepts() ->
 def test_every_example_is_valid_together_with_the_demonstration(tmp_path: Path) -> None:
     file = tmp_path / "examples.toml"
     head = f'title = "Examples"\ndescription = ""\nconfig = "{ROOT}/configs/demo.toml"\n'
-    file.write_text(head + "\n".join(kind.example for kind in kinds().values()))
+    file.write_text(head + "\n".join(kind.example for kind in fault_kinds().values()))
     scenario = scenarios.load(file)
     scenarios.load_config(scenario)
     assert [fault.kind for fault in scenario.fault] == [kind.value for kind in FaultKind]
@@ -226,7 +226,7 @@ def test_each_stated_flag_is_expected_of_some_fault_of_its_kind_and_no_other_is(
 
 
 def test_a_kind_without_flags_has_a_reason() -> None:
-    assert all(kind.flags or kind.no_flag for kind in kinds().values())
-    assert {name for name, kind in kinds().items() if not kind.flags} == {
+    assert all(kind.flags or kind.no_flag for kind in fault_kinds().values())
+    assert {name for name, kind in fault_kinds().items() if not kind.flags} == {
         "babbling", "clock_drift", "inertial_bias", "latency", "lever_arm", "reordered", "terrain_shift",
     }  # fmt: skip

@@ -34,15 +34,15 @@ def craft() -> AircraftRoles:
 
 
 def at(place: str, found: tuple[FlagAllowance, ...]) -> list[FlagAllowance]:
-    """What is not said of the ground itself, which is uneven in any flight."""
-    return [may for may in found if may.place == place and may.words != OF_GROUND]
+    """Allowances at a place, without those of uneven ground."""
+    return [allowance for allowance in found if allowance.place == place and allowance.words != OF_GROUND]
 
 
 def test_uneven_ground_explains_itself_and_nothing_else(craft: AircraftRoles) -> None:
-    (may,) = [may for may in flight_allowances(craft, LEVEL) if may.place == ALTIMETER]
-    assert may.words == OF_GROUND
-    assert may.explains(ALTIMETER, "incidence")
-    assert not may.explains(ALTIMETER, "deviation")
+    (allowance,) = [allowance for allowance in flight_allowances(craft, LEVEL) if allowance.place == ALTIMETER]
+    assert allowance.words == OF_GROUND
+    assert allowance.explains(ALTIMETER, "incidence")
+    assert not allowance.explains(ALTIMETER, "deviation")
 
 
 def beam(here: Array, aside: float | Array = 0.0) -> TruthSeries:
@@ -51,15 +51,15 @@ def beam(here: Array, aside: float | Array = 0.0) -> TruthSeries:
 
 
 def edges(found: tuple[FlagAllowance, ...]) -> list[tuple[float, float]]:
-    return [(may.from_s, may.until_s) for may in found if may.explains(LASER, "deviation")]
+    return [(a.from_s, a.until_s) for a in found if a.explains(LASER, "deviation")]
 
 
 def test_the_edge_of_a_wood_in_the_beam_explains_a_deviation_just_there(craft: AircraftRoles) -> None:
     (edge,) = edges(flight_allowances(craft, beam(np.where(T < 30.0, 180.0, 199.0))))
     assert 29.85 < edge[0] < 30.0 < edge[1] < 30.45
-    (beside,) = edges(flight_allowances(craft, beam(0.0 * T + 180.0, np.where(MIDDLE, 19.0, 0.0))))
-    assert 19.85 < beside[0] < 20.0
-    assert 40.0 < beside[1] < 40.45
+    (to_the_side,) = edges(flight_allowances(craft, beam(0.0 * T + 180.0, np.where(MIDDLE, 19.0, 0.0))))
+    assert 19.85 < to_the_side[0] < 20.0
+    assert 40.0 < to_the_side[1] < 40.45
 
 
 @pytest.mark.parametrize(
@@ -76,11 +76,11 @@ def test_ground_without_an_edge_explains_no_deviation(craft: AircraftRoles, here
 
 def test_the_edge_in_one_beam_explains_nothing_of_another(craft: AircraftRoles) -> None:
     found = flight_allowances(craft, beam(np.where(T < 30.0, 180.0, 199.0)))
-    assert not [may for may in found if may.explains(ALTIMETER, "deviation")]
-    assert not [may for may in found if may.explains(LASER, "stale") or may.explains(LASER, "not_nadir")]
+    assert not [allowance for allowance in found if allowance.explains(ALTIMETER, "deviation")]
+    assert not [a for a in found if a.explains(LASER, "stale") or a.explains(LASER, "not_nadir")]
 
 
-def test_a_height_that_stands_still_is_due_as_soon_as_the_ground_tells(craft: AircraftRoles) -> None:
+def test_a_height_that_stands_still_is_due_as_soon_as_the_ground_changes(craft: AircraftRoles) -> None:
     climbing = replace(LEVEL, height_agl=200.0 + 2.0 * T)
     fault = Stuck(kind="stuck", devices=("altimeter",), from_s=10.0, to_s=50.0)
     (one,) = flags_of_fault(fault, craft, climbing)
@@ -121,7 +121,7 @@ def test_what_is_beyond_a_limit_is_explained_for_as_long(
     assert 40.0 < integrity.until_s < 70.0
     heights = at(ALTIMETER, found)
     assert bool(heights) == altimeter
-    assert all(may.from_s == pytest.approx(20.0) and may.until_s < 41.0 for may in heights)
+    assert all(allowance.from_s == pytest.approx(20.0) and allowance.until_s < 41.0 for allowance in heights)
 
 
 @pytest.mark.parametrize("height", [800.0, np.nan, 0.1])
@@ -135,22 +135,22 @@ def test_ground_that_cannot_be_measured_is_explained(craft: AircraftRoles, heigh
 
 def test_an_obstacle_that_only_the_beam_has_reached_is_explained_and_not_due(craft: AircraftRoles) -> None:
     """The flight ends 45 m before the middle of it."""
-    ahead = LEVEL.before_threshold[-1] - 45.0
+    distance_m = LEVEL.before_threshold[-1] - 45.0
     (one,) = flags_of_fault(
-        Obstacle(kind="obstacle", before_threshold_m=ahead, height_m=60.0, length_m=40.0), craft, LEVEL
+        Obstacle(kind="obstacle", before_threshold_m=distance_m, height_m=60.0, length_m=40.0), craft, LEVEL
     )
     assert (one.expected_flags, one.unknown) == ((), "")
-    may, *heights = one.may
+    allowance, *heights = one.allowances
     events = {"/fti/event/altimeter", "/fti/event/autopilot"}  # of what is refused by its memory
-    assert {may.place for may in heights} == {ALTIMETER, "/nav/height_above_ground/autopilot", *events}
-    assert may.explains(INTEGRITY, "obstacle")
-    assert may.from_s > 50.0
+    assert {a.place for a in heights} == {ALTIMETER, "/nav/height_above_ground/autopilot", *events}
+    assert allowance.explains(INTEGRITY, "obstacle")
+    assert allowance.from_s > 50.0
 
 
 def test_an_obstacle_that_nothing_reaches_explains_nothing(craft: AircraftRoles) -> None:
     far = Obstacle(kind="obstacle", before_threshold_m=-3000.0, height_m=60.0)
     (one,) = flags_of_fault(far, craft, LEVEL)
-    assert (one.expected_flags, one.may) == ((), ())
+    assert (one.expected_flags, one.allowances) == ((), ())
 
 
 def test_the_edge_of_the_known_terrain_explains_itself_and_ground_that_runs_out(craft: AircraftRoles) -> None:
@@ -158,14 +158,12 @@ def test_the_edge_of_the_known_terrain_explains_itself_and_ground_that_runs_out(
         with_scene("demo"), bind_devices(with_scene("demo")), scenarios.load(scenarios.find("nominal"))
     )
     away = replace(LEVEL, before_threshold=0 * T + 2500.0, offset=50.0 * T)  # 1350 m beside it the strip ends
-    beyond = [may for may in flight_allowances(strip, away) if may.explains(ALTIMETER, "terrain_edge")]
-    assert [may.from_s for may in beyond] == [pytest.approx(22.0, abs=1.0)]
+    beyond = [a for a in flight_allowances(strip, away) if a.explains(ALTIMETER, "terrain_edge")]
+    assert [allowance.from_s for allowance in beyond] == [pytest.approx(22.0, abs=1.0)]
     assert beyond[0].until_s >= T[-1]
-    assert all(may.explains(ALTIMETER, "deviation") and not may.explains(ALTIMETER, "stale") for may in beyond)
-    assert not [
-        may for may in flight_allowances(craft, away) if may.explains(ALTIMETER, "terrain_edge")
-    ]  # country around
-    assert not [may for may in flight_allowances(strip, LEVEL) if may.explains(ALTIMETER, "terrain_edge")]
+    assert all(a.explains(ALTIMETER, "deviation") and not a.explains(ALTIMETER, "stale") for a in beyond)
+    assert not [a for a in flight_allowances(craft, away) if a.explains(ALTIMETER, "terrain_edge")]  # country around it
+    assert not [a for a in flight_allowances(strip, LEVEL) if a.explains(ALTIMETER, "terrain_edge")]
 
 
 def with_scene(scene: str) -> Config:

@@ -20,7 +20,7 @@ LEVEL = TruthSeries(T, 0 * T + 200.0, 4000.0 - 50.0 * T, *[0 * T] * 4)
 RADIO, LASER = "/nav/height_above_ground/altimeter", "/nav/height_above_ground/autopilot"
 WHEN: dict[str, Any] = {"from_s": 20.0, "to_s": 40.0}
 OF_LASER: dict[str, Any] = {"devices": ("autopilot",), "quantity": "range.slant_range", **WHEN}
-NOBODY, LITTLE = "nothing compares it", "not wrong by much"
+UNMONITORED, SMALL = "no monitor compares", "not wrong by more than"
 
 
 def craft_of(name: str) -> AircraftRoles:
@@ -83,10 +83,10 @@ def test_it_must_be_gone_a_second_and_a_message_after_the_fault(craft: AircraftR
 @pytest.mark.parametrize(
     ("fault", "unknown"),
     [
-        (Bias(kind="bias", value=20.0, **OF_LASER), LITTLE),
-        (Bias(kind="bias", value=150.0, **OF_LASER), LITTLE),  # beyond what the device may range: that is told instead
-        (Forced(kind="forced", value=190.0, **OF_LASER), LITTLE),
-        (Bias(kind="bias", devices=("ahrs",), quantity="attitude.roll", value=0.5, **WHEN), NOBODY),
+        (Bias(kind="bias", value=20.0, **OF_LASER), SMALL),
+        (Bias(kind="bias", value=150.0, **OF_LASER), SMALL),  # beyond the range of the device: another flag
+        (Forced(kind="forced", value=190.0, **OF_LASER), SMALL),
+        (Bias(kind="bias", devices=("ahrs",), quantity="attitude.roll", value=0.5, **WHEN), UNMONITORED),
     ],
 )
 def test_what_is_little_or_is_compared_with_nothing_is_not_due(craft: AircraftRoles, fault: Any, unknown: str) -> None:
@@ -99,7 +99,7 @@ def test_without_known_ground_nobody_knows() -> None:
     wrong = Bias(kind="bias", value=50.0, **{**OF_LASER, "devices": ("laser",)})
     (one,) = flags_of_fault(wrong, craft_of("gauntlet_serial"), LEVEL)
     assert one.expected_flags == ()
-    assert NOBODY in one.unknown
+    assert UNMONITORED in one.unknown
 
 
 def test_the_range_of_the_beam_counts_where_the_truth_has_it(craft: AircraftRoles) -> None:
@@ -117,11 +117,11 @@ def test_a_place_that_is_drawn_up_is_seen_by_the_altimeter_where_it_counts(craft
     above, alone = replace(LEVEL, offset=0 * T), craft_of("fallbacks")
     alone.filter_gnss = ()
     assert due(flags_of_fault(drawn, alone, above)) == [(RADIO, ("deviation",), 25.1, 39.9)]
-    (beside,) = flags_of_fault(
+    (unused,) = flags_of_fault(
         drawn.model_copy(update={"devices": ("gnss",)}), craft, LEVEL
     )  # the inertial system is preferred
-    assert beside.expected_flags == ()
-    assert "drawn away" in beside.unknown
+    assert unused.expected_flags == ()
+    assert "position offset" in unused.unknown
 
 
 def test_a_receiver_that_aids_the_filter_and_is_drawn_away_is_refused() -> None:
@@ -132,7 +132,7 @@ def test_a_receiver_that_aids_the_filter_and_is_drawn_away_is_refused() -> None:
     assert flags_of_fault(slow, craft_of("fallbacks"), LEVEL)[0].expected_flags == ()
 
 
-def test_a_receiver_says_how_bad_it_is_and_others_cannot(craft: AircraftRoles) -> None:
+def test_a_receiver_reports_its_accuracy_and_others_cannot(craft: AircraftRoles) -> None:
     worse = GnssDegraded(kind="gnss_degraded", horizontal_m=5.0, vertical_m=7.0, **WHEN)
     found = {one.subject: one for one in flags_of_fault(worse, craft, LEVEL)}
     assert {(d.place, d.value) for d in found["gnss"].expected_flags} == {

@@ -54,13 +54,13 @@ def test_every_role_of_the_demonstration_promises_its_topics() -> None:
 
 
 def test_heights_come_as_often_as_their_device_measures() -> None:
-    least, most = promised()["/nav/height_above_ground/altimeter"].rate_hz
-    assert least < 25.0 < most < 50.0
+    min_hz, max_hz = promised()["/nav/height_above_ground/altimeter"].rate_hz
+    assert min_hz < 25.0 < max_hz < 50.0
     old = {o.topic: o for o in required_outputs(CONFIG, REFERENCE, {})}
     assert old["/nav/height_above_ground/altimeter"].rate_hz[0] == 0.0
 
 
-def test_the_monitor_is_judged_with_the_radar_altimeter() -> None:
+def test_the_monitor_is_checked_with_the_radar_altimeter() -> None:
     """The reference of the demonstration was made for it."""
     assert "altimeter" in promised()["/nav/clearance_integrity"].devices
     assert "autopilot" in promised()["/nav/clearance_integrity"].devices  # for its position, behind others
@@ -88,13 +88,13 @@ def test_the_monitor_is_judged_with_the_radar_altimeter() -> None:
 def test_a_fault_explains_what_depends_on_its_device(fault: Any, topic: str, lost: bool, wrong: bool) -> None:
     output, effects = promised()[topic], affected(**fault)
     during = np.array([35.0])
-    assert interval_mask(during, effects.lost(output)).item() is lost
-    assert interval_mask(during, effects.wrong(output)).item() is wrong
+    assert interval_mask(during, effects.loss_intervals(output)).item() is lost
+    assert interval_mask(during, effects.error_intervals(output)).item() is wrong
 
 
 def test_a_change_of_sources_takes_a_moment() -> None:
     """The inertial system is 0.5 s old at most; then the satellite receiver takes over."""
-    lost = affected(kind="cut", devices=("ins",)).lost(promised()["/nav/nav_solution"])
+    lost = affected(kind="cut", devices=("ins",)).loss_intervals(promised()["/nav/nav_solution"])
     assert interval_mask(np.array([30.6, 40.5]), lost).all()
     assert not interval_mask(np.array([32.0, 39.9]), lost).any()
 
@@ -102,11 +102,11 @@ def test_a_change_of_sources_takes_a_moment() -> None:
 def test_a_fault_acts_neither_before_it_nor_long_after() -> None:
     output = promised()["/nav/nav_solution"]
     effects = affected(kind="stuck", devices=("ins",))
-    assert not interval_mask(np.array([29.9, 60.0]), effects.compared(output)).any()
+    assert not interval_mask(np.array([29.9, 60.0]), effects.truth_checked_intervals(output)).any()
     filtered = promised()["/nav/filter_solution"]
-    assert interval_mask(np.array([60.0]), effects.compared(filtered)).all()  # a filter remembers
+    assert interval_mask(np.array([60.0]), effects.truth_checked_intervals(filtered)).all()  # a filter remembers
     short = replace(filtered, memory_s=0.0)
-    assert not interval_mask(np.array([60.0]), effects.compared(short)).any()
+    assert not interval_mask(np.array([60.0]), effects.truth_checked_intervals(short)).any()
 
 
 def test_the_filter_may_exclude_an_altimeter_for_a_minute_after_a_wrong_value() -> None:
@@ -116,8 +116,8 @@ def test_the_filter_may_exclude_an_altimeter_for_a_minute_after_a_wrong_value() 
     for name in CONFIG.nav.altimeters:
         fault = {"kind": "stuck", "devices": (name,)}
         height = promised()[f"/nav/height_above_ground/{name}"]
-        assert interval_mask(later, affected(**fault).lost(height)).item() is (name in aids)
-        assert not interval_mask(later, affected(**fault).wrong(height)).any()
+        assert interval_mask(later, affected(**fault).loss_intervals(height)).item() is (name in aids)
+        assert not interval_mask(later, affected(**fault).error_intervals(height)).any()
 
 
 def test_a_second_source_counts_while_the_first_is_gone() -> None:
@@ -126,4 +126,4 @@ def test_a_second_source_counts_while_the_first_is_gone() -> None:
     stuck = {"kind": "stuck", "devices": ("gnss",), "from_s": 33.0, "to_s": 36.0}
     faults = [TypeAdapter[Any](Fault).validate_python(one) for one in (cut, stuck)]
     effects = OutputEffects(faults, AircraftRoles(CONFIG, bind_devices(CONFIG), SCENARIO), FLAT)
-    assert interval_mask(np.array([34.0]), effects.compared(promised()["/nav/nav_solution"])).all()
+    assert interval_mask(np.array([34.0]), effects.truth_checked_intervals(promised()["/nav/nav_solution"])).all()

@@ -1,4 +1,4 @@
-"""Flags of wrong sources: one table states which are due; wrong outputs are judged either way."""
+"""Flags of faulty sources: a table has the expected ones; outputs are compared with the truth in any case."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def craft() -> AircraftRoles:
     return AircraftRoles(config, bind_devices(config), scenario)
 
 
-def made(kind: FaultKind | str, **keys: Any) -> Fault:
+def make_fault(kind: FaultKind | str, **keys: Any) -> Fault:
     return MAKE.validate_python({"kind": str(kind), **WHEN, **keys})
 
 
@@ -54,10 +54,12 @@ def due(fault: Fault, craft: AircraftRoles) -> list[tuple[str, tuple[str, ...], 
 
 @pytest.mark.parametrize("kind", SOURCE_FLAGS, ids=str)
 def test_a_wrong_source_must_be_refused(kind: FaultKind, craft: AircraftRoles) -> None:
-    fault, role = made(kind, **KEYS[kind]), "attitude" if kind == "attitude_offset" else "position"
+    fault, role = make_fault(kind, **KEYS[kind]), "attitude" if kind == "attitude_offset" else "position"
     (device,) = KEYS[kind]["devices"]
     assert (SOLUTION, (f"{role} not from {device}",), SOURCE_FLAGS[kind].within_s) in due(fault, craft)
-    assert not [flag for flag in due(made(kind, **KEYS[kind] | {"devices": ("ahrs",)}), craft) if flag[0] == SOLUTION]
+    assert not [
+        flag for flag in due(make_fault(kind, **KEYS[kind] | {"devices": ("ahrs",)}), craft) if flag[0] == SOLUTION
+    ]
 
 
 @pytest.mark.parametrize(
@@ -69,11 +71,11 @@ def test_a_wrong_source_must_be_refused(kind: FaultKind, craft: AircraftRoles) -
     ],
 )  # fmt: skip
 def test_a_fault_below_what_can_be_seen_raises_nothing(craft: AircraftRoles, kind: str, keys: dict[str, Any]) -> None:
-    fault = made(kind, **{"devices": ("receiver",)} | keys)
+    fault = make_fault(kind, **{"devices": ("receiver",)} | keys)
     assert not [flag for flag in due(fault, craft) if flag[0] == SOLUTION]
 
 
-# ----------------------------------------------------------------------------------------- which outputs are judged
+# ----------------------------------------------------------------------------------------- which outputs are checked
 
 
 def output(topic: str, *devices: str) -> RequiredOutput:
@@ -89,19 +91,17 @@ def output(topic: str, *devices: str) -> RequiredOutput:
         ("inertial_bias", {"accel_mg": (1.0, 0.0, 0.0)}), ("scale", {"quantity": "position.alt", "percent": 1.0}),
     ],
 )  # fmt: skip
-def test_navigation_is_judged_and_what_the_device_states_is_not(
-    craft: AircraftRoles, kind: str, keys: dict[str, Any]
-) -> None:
-    affected = OutputEffects([made(kind, devices=("receiver",), **keys)], craft, TRUTH)
+def test_navigation_is_checked_and_the_device_is_not(craft: AircraftRoles, kind: str, keys: dict[str, Any]) -> None:
+    affected = OutputEffects([make_fault(kind, devices=("receiver",), **keys)], craft, TRUTH)
     navigated, stated = output(SOLUTION, "receiver"), output("/receiver/position", "receiver")
-    assert not affected.wrong(navigated)
-    ((from_s, until_s),) = affected.compared(navigated)
+    assert not affected.error_intervals(navigated)
+    ((from_s, until_s),) = affected.truth_checked_intervals(navigated)
     assert from_s == WHEN["from_s"]
     assert until_s >= WHEN["to_s"]
-    assert affected.wrong(stated) == [(from_s, until_s)]
-    assert not affected.compared(stated)
+    assert affected.error_intervals(stated) == [(from_s, until_s)]
+    assert not affected.truth_checked_intervals(stated)
     other = output(SOLUTION, "ins")
-    assert not affected.compared(other)
+    assert not affected.truth_checked_intervals(other)
 
 
 @pytest.mark.parametrize(
@@ -111,36 +111,38 @@ def test_navigation_is_judged_and_what_the_device_states_is_not(
 def test_on_a_source_they_excuse_nothing_and_on_an_altimeter_they_do(
     craft: AircraftRoles, kind: str, keys: dict[str, Any]
 ) -> None:
-    affected = OutputEffects([made(kind, devices=("receiver",), **keys)], craft, TRUTH)
-    assert not affected.wrong(output(SOLUTION, "receiver"))
-    assert affected.compared(output(SOLUTION, "receiver"))
+    affected = OutputEffects([make_fault(kind, devices=("receiver",), **keys)], craft, TRUTH)
+    assert not affected.error_intervals(output(SOLUTION, "receiver"))
+    assert affected.truth_checked_intervals(output(SOLUTION, "receiver"))
     if kind == "gnss_offset":
         return
-    affected = OutputEffects([made(kind, devices=("altimeter",), **keys)], craft, TRUTH)
-    assert affected.wrong(output(SOLUTION, "altimeter"))
-    assert not affected.compared(output(SOLUTION, "altimeter"))
+    affected = OutputEffects([make_fault(kind, devices=("altimeter",), **keys)], craft, TRUTH)
+    assert affected.error_intervals(output(SOLUTION, "altimeter"))
+    assert not affected.truth_checked_intervals(output(SOLUTION, "altimeter"))
 
 
 @pytest.mark.parametrize(("kind", "keys"), [("bias", {"quantity": "position.lat", "value": 0.1})])
 def test_other_faults_explain_wrong_values(craft: AircraftRoles, kind: str, keys: dict[str, Any]) -> None:
-    affected = OutputEffects([made(kind, devices=("receiver",), **keys)], craft, TRUTH)
-    assert affected.wrong(output(SOLUTION, "receiver"))
-    assert not affected.compared(output(SOLUTION, "receiver"))
+    affected = OutputEffects([make_fault(kind, devices=("receiver",), **keys)], craft, TRUTH)
+    assert affected.error_intervals(output(SOLUTION, "receiver"))
+    assert not affected.truth_checked_intervals(output(SOLUTION, "receiver"))
 
 
-def test_a_displaced_map_is_judged_where_the_ground_counts(craft: AircraftRoles) -> None:
+def test_a_displaced_map_is_checked_where_the_ground_counts(craft: AircraftRoles) -> None:
     affected = OutputEffects([MAKE.validate_python({"kind": "terrain_shift", "up_m": 9.0})], craft, TRUTH)
     for topic in ("/nav/height_above_ground/altimeter", "/nav/clearance_integrity", "/nav/filter_solution"):
-        assert affected.compared(output(topic, "altimeter")) == [(0.0, TRUTH.end_s)]
-        assert (0.0, TRUTH.end_s) in affected.lost(output(topic, "altimeter"))
-    assert not affected.compared(output(SOLUTION, "receiver"))
+        assert affected.truth_checked_intervals(output(topic, "altimeter")) == [(0.0, TRUTH.end_s)]
+        assert (0.0, TRUTH.end_s) in affected.loss_intervals(output(topic, "altimeter"))
+    assert not affected.truth_checked_intervals(output(SOLUTION, "receiver"))
 
 
 def test_until_its_flag_must_be_raised_a_fault_is_undetected(craft: AircraftRoles) -> None:
-    fault = made("swapped_coordinates", devices=("receiver",))
+    fault = make_fault("swapped_coordinates", devices=("receiver",))
     begin, within_s = WHEN["from_s"], SOURCE_FLAGS[FaultKind.SWAPPED_COORDINATES].within_s
-    assert OutputEffects([fault], craft, TRUTH).undetected() == [(begin, begin + within_s)]
-    assert not OutputEffects([made("latency", devices=("receiver",), by_s=1.0)], craft, TRUTH).undetected()
+    assert OutputEffects([fault], craft, TRUTH).undetected_intervals() == [(begin, begin + within_s)]
+    assert not OutputEffects(
+        [make_fault("latency", devices=("receiver",), by_s=1.0)], craft, TRUTH
+    ).undetected_intervals()
 
 
 def test_a_node_that_babbles_is_compared() -> None:

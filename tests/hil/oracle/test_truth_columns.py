@@ -1,4 +1,4 @@
-"""Expected flags see the same truth, whether the flight is planned or has been flown."""
+"""Expected flags depend on the same truth for a planned flight and for a recorded one."""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ from fti.hil.sensors.deflections import deflections, flap_angle_deg, raw_counts
 from fti.types import Ack, Calibration, DmeRange, Measurement, Reading, StaticPressure, SurfaceDeflection
 from tests.helpers import ROOT, until_async
 from tests.hil.test_emulator import decoded, fly, make
-from tests.hil.test_sensors import flown, sensor
+from tests.hil.test_sensors import environment, sensor
 from tests.links.bench import run_link
 
 FLIGHT_S = 1.5
@@ -83,18 +83,18 @@ def config(tmp_path: Path) -> Config:
 
 async def test_pickups_and_air_data_share_their_buses(tmp_path: Path, config: Config) -> None:
     emulator, world = make(tmp_path, config, duration_s=FLIGHT_S)
-    heard = await fly(emulator, config)
+    received = await fly(emulator, config)
     truth = deflections(world.state(np.array([0.0, FLIGHT_S])))
 
     def found(device: str, kind: type[Measurement]) -> list[Measurement]:
-        return [m for m in decoded(config, heard, device) if isinstance(m, kind)]
+        return [m for m in decoded(config, received, device) if isinstance(m, kind)]
 
     for device, count in (("pickups_1", 6), ("pickups_2", 4)):
-        seen = [m for m in found(device, SurfaceDeflection) if isinstance(m, SurfaceDeflection)]
-        assert len({m.surface for m in seen}) == count
-        assert len(seen) == pytest.approx(count * 10 * FLIGHT_S, abs=count)
-        assert all(m.raw is not None and m.valid for m in seen)
-        for m in seen:
+        surfaces = [m for m in found(device, SurfaceDeflection) if isinstance(m, SurfaceDeflection)]
+        assert len({m.surface for m in surfaces}) == count
+        assert len(surfaces) == pytest.approx(count * 10 * FLIGHT_S, abs=count)
+        assert all(m.raw is not None and m.valid for m in surfaces)
+        for m in surfaces:
             assert m.deflection == pytest.approx(truth[m.surface].mean(), abs=math.radians(2.0))
     assert not found("air_data", SurfaceDeflection)
     assert len(found("air_data", StaticPressure)) == pytest.approx(10 * FLIGHT_S, abs=1)
@@ -116,12 +116,12 @@ async def test_a_command_goes_over_the_bus_to_the_node_and_its_answer_comes_back
     async with AsyncExitStack() as stack:
         links = [await stack.enter_async_context(run_link(link)) for link in config.link]
         await emulator.wait_for_readers()
-        opened, heard = links[0]
+        opened, received = links[0]
         await opened.send(request)
-        await until_async(lambda: any(unpack_can(f).can_id == 129 for f in heard.frames), what="the answer")
+        await until_async(lambda: any(unpack_can(f).can_id == 129 for f in received.frames), what="the answer")
     stop.set()
     await flying
-    found = [m for data, t in zip(heard.frames, heard.times, strict=True) for m in decoder.feed(data, t)]
+    found = [m for data, t in zip(received.frames, received.times, strict=True) for m in decoder.feed(data, t)]
     ack = next(m for m in found if isinstance(m, Ack))
     calibration = next(m for m in found if isinstance(m, Calibration))
     assert (ack.command, ack.accepted, ack.detail) == ("insert_point", True, "flaps: raw 900 = 5.00 deg")
@@ -134,7 +134,7 @@ async def test_a_command_goes_over_the_bus_to_the_node_and_its_answer_comes_back
 def test_deflections_fit_the_flight() -> None:
     """A roll to the right: right aileron up (-), left down (+), stick to the right; flaps go down in two steps."""
     t = np.arange(0.0, 60.0, 0.1)
-    state = flown().state(t)
+    state = environment().state(t)
     angles = deflections(state)
     right = state.omega_nb_b[:, 0] > 0.002
     assert right.any()
@@ -157,7 +157,7 @@ def test_dme_ranges_are_slant_ranges_with_an_error_of_a_tenth_of_a_mile() -> Non
     made = sensor("canaerospace", rate_hz=2)
     samples = [m for k in range(len(made.t)) for m in made.measure(k, 0) if isinstance(m, DmeRange)]
     assert {m.station for m in samples} == {"dme_1", "dme_2", "dme_3", "dme_4"}
-    state = flown().state(made.t)
+    state = environment().state(made.t)
     expected = np.hypot(7000.0 - 60.0 * made.t, state.alt - 500.0)
     errors = np.array([m.slant_range for m in samples if m.station == "dme_1"]) - expected
     assert abs(errors.mean()) < 300.0  # three sigma of the slow part

@@ -18,7 +18,7 @@ FRAME = pack_can(0x123, b"12345678")
 
 
 class FailingBus:
-    """A bus of python-can that takes nothing while it is down."""
+    """A bus of python-can that accepts nothing while it is down."""
 
     def __init__(self) -> None:
         self.down = False
@@ -55,34 +55,34 @@ def bus(monkeypatch: pytest.MonkeyPatch) -> FailingBus:
     return made
 
 
-async def test_a_bus_that_goes_down_is_told_counted_and_used_again(
+async def test_a_bus_that_goes_down_is_reported_counted_and_used_again(
     bus: FailingBus, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    told: list[str] = []
-    monkeypatch.setattr(canbus, "REFUSED_S", 0.0)
+    messages: list[str] = []
+    monkeypatch.setattr(canbus, "REFUSAL_TIMEOUT_S", 0.0)
     node = CanBusEndpoint(
-        CanLink(name="bus", kind="can", interface="socketcan", channel="c0"), lambda _: [], told.append
+        CanLink(name="bus", kind="can", interface="socketcan", channel="c0"), lambda _: [], messages.append
     )
     await node.open()
     try:
         node.send(FRAME)
         bus.down = True
         bus.theirs.send(b"!")  # the socket is readable, and says why
-        await until_async(lambda: told)
+        await until_async(lambda: messages)
         node.send(FRAME)
-        assert told == ["bus: the bus takes nothing: Network is down [Error Code 100]; what is sent is dropped"]
+        assert messages == ["bus: the bus accepts no frames: Network is down [Error Code 100]; frames are dropped"]
         bus.down = False
         node.send(FRAME)
-        assert told[1:] == ["bus: the bus takes frames again"]
+        assert messages[1:] == ["bus: the bus accepts frames again"]
         assert (node.counters.messages, node.counters.dropped_messages) == (2, 1)
     finally:
         node.close()
 
 
 async def test_a_queue_that_is_full_for_a_moment_is_no_news(bus: FailingBus) -> None:
-    told: list[str] = []
+    messages: list[str] = []
     node = CanBusEndpoint(
-        CanLink(name="bus", kind="can", interface="socketcan", channel="c0"), lambda _: [], told.append
+        CanLink(name="bus", kind="can", interface="socketcan", channel="c0"), lambda _: [], messages.append
     )
     await node.open()
     try:
@@ -90,7 +90,7 @@ async def test_a_queue_that_is_full_for_a_moment_is_no_news(bus: FailingBus) -> 
         node.send(FRAME)
         bus.down = False
         node.send(FRAME)
-        assert told == []
+        assert messages == []
         assert node.counters.dropped_messages == 1
     finally:
         node.close()

@@ -1,4 +1,4 @@
-"""UDP, slcan and CAN ends, heard by the real links and by independent programs."""
+"""UDP, slcan and CAN endpoints, received by the real links and by independent programs."""
 
 from __future__ import annotations
 
@@ -46,21 +46,21 @@ def can_link(interface: str, channel: str) -> config.CanLink:
 async def test_datagrams_reach_a_link_that_accepts_only_the_source(tmp_path: Path) -> None:
     link = udp(source="127.0.0.3")
     end = make_endpoint(link, tmp_path, mute)
-    async with open_endpoints({"line": end}), run_link(link) as (_, heard):
+    async with open_endpoints({"line": end}), run_link(link) as (_, received):
         await end.wait_for_reader()
         for k in range(50):
             end.send(b"%d" % k)
-        await until_async(lambda: len(heard.frames) == 50)
-    assert heard.frames == [b"%d" % k for k in range(50)]
+        await until_async(lambda: len(received.frames) == 50)
+    assert received.frames == [b"%d" % k for k in range(50)]
     assert (end.counters.messages, end.counters.dropped_messages) == (50, 0)
 
 
 async def test_a_device_answers_at_the_peer_address(tmp_path: Path) -> None:
     link = udp(transmit=True, peer=f"127.0.0.1:{free_udp_port()}")
     end = make_endpoint(link, tmp_path, lambda data: [b"answer to " + data])
-    async with open_endpoints({"line": end}), run_link(link) as (opened_link, heard):
+    async with open_endpoints({"line": end}), run_link(link) as (opened_link, received):
         await opened_link.send(b"question")
-        await until_async(lambda: heard.frames == [b"answer to question"])
+        await until_async(lambda: received.frames == [b"answer to question"])
 
 
 async def test_nobody_listening_is_seen(tmp_path: Path) -> None:
@@ -83,7 +83,7 @@ async def test_addresses_of_other_machines_are_refused() -> None:
         end.close()
 
 
-async def test_a_port_that_another_program_has_is_said_to_be_taken(tmp_path: Path) -> None:
+async def test_a_port_that_another_program_has_is_reported_as_in_use(tmp_path: Path) -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
         other.bind(("127.0.0.1", 0))
         end = make_endpoint(udp(peer=f"127.0.0.1:{other.getsockname()[1]}"), tmp_path, mute)
@@ -107,12 +107,12 @@ async def test_any_address_is_reached_on_loopback(tmp_path: Path) -> None:
 
 async def test_the_slcan_link_hears_every_frame(tmp_path: Path) -> None:
     end = make_endpoint(can_link("slcan", "anywhere"), tmp_path, mute)
-    async with open_endpoints({"bus": end}), run_link(can_link("slcan", str(tmp_path / "bus"))) as (_, heard):
+    async with open_endpoints({"bus": end}), run_link(can_link("slcan", str(tmp_path / "bus"))) as (_, received):
         await end.wait_for_reader()
         for frame in FRAMES * 20:
             await end.send_all(frame)
-        await until_async(lambda: len(heard.frames) == 80)
-    assert heard.frames == FRAMES * 20
+        await until_async(lambda: len(received.frames) == 80)
+    assert received.frames == FRAMES * 20
 
 
 async def test_a_closed_channel_drops_and_counts(tmp_path: Path) -> None:
@@ -124,10 +124,10 @@ async def test_a_closed_channel_drops_and_counts(tmp_path: Path) -> None:
 
 async def test_python_can_opens_it_hears_it_and_is_answered(tmp_path: Path) -> None:
     """python-can's slcan is another implementation of the protocol."""
-    heard: list[bytes] = []
+    received: list[bytes] = []
 
     def respond(frame: bytes) -> list[bytes]:
-        heard.append(frame)
+        received.append(frame)
         return [FRAMES[1]]
 
     end = make_endpoint(can_link("slcan", "anywhere"), tmp_path, respond)
@@ -143,7 +143,7 @@ async def test_python_can_opens_it_hears_it_and_is_answered(tmp_path: Path) -> N
         await asyncio.to_thread(bus.shutdown)
     assert first is not None
     assert (first.arbitration_id, bytes(first.data), first.is_extended_id) == (0x123, b"\x01\x02\x03", False)
-    assert heard == [pack_can(0x55, b"\x09")]
+    assert received == [pack_can(0x55, b"\x09")]
     assert second is not None
     assert (second.arbitration_id, second.is_extended_id) == (0x1ABCDEF0, True)
 
@@ -165,14 +165,14 @@ def test_commands_are_answered_however_they_are_cut(cut: int) -> None:
 async def test_a_shared_bus_carries_frames_to_the_link(tmp_path: Path) -> None:
     link = can_link("virtual", "hil-test")
     end = make_endpoint(link, tmp_path, mute)
-    async with open_endpoints({"bus": end}), run_link(link) as (_, heard):
+    async with open_endpoints({"bus": end}), run_link(link) as (_, received):
         for frame in FRAMES:
             await end.send_all(frame)
-        await until_async(lambda: heard.frames == FRAMES)
+        await until_async(lambda: received.frames == FRAMES)
 
 
 def test_hardware_cannot_be_emulated(tmp_path: Path) -> None:
-    with pytest.raises(MissingError, match="interface 'vector' is hardware"):
+    with pytest.raises(MissingError, match="interface 'vector' needs CAN hardware"):
         make_endpoint(can_link("vector", "0"), tmp_path, mute)
 
 
@@ -188,9 +188,9 @@ async def test_a_bus_that_is_not_there_is_named(tmp_path: Path) -> None:
 
 async def test_until_passes_errors_on_and_leaves_work_at_a_stop() -> None:
     async def fail() -> None:
-        raise MissingError("told")
+        raise MissingError("error")
 
-    with pytest.raises(MissingError, match="told"):
+    with pytest.raises(MissingError, match="error"):
         await run_until(fail(), asyncio.Event())
     stop = asyncio.Event()
     stop.set()

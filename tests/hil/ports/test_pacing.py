@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from fti.canframe import pack_can
 from fti.config import CanLink, SerialLink
-from fti.hil.ports import serial_base as lines
+from fti.hil.ports import serial_base
 from fti.hil.ports.endpoints import make_endpoint, open_endpoints
 from fti.hil.ports.pacing import CHUNK_S, LinePacer, PacedMessage, byte_s, frame_s
 from tests.helpers import until_async
@@ -49,10 +49,10 @@ def drain(wire: LinePacer, now: float) -> bytes:
     st.lists(st.tuples(st.floats(0, 0.2), st.integers(1, 60)), min_size=1, max_size=12),
     st.floats(1e-5, 1e-3),
 )
-def test_no_byte_leaves_before_its_time_and_all_leave_in_order(sent: list[tuple[float, int]], each_s: float) -> None:
+def test_no_byte_leaves_before_its_time_and_all_leave_in_order(pieces: list[tuple[float, int]], each_s: float) -> None:
     """Woken whenever the wire asks to be: at no instant has more left than the wire can have carried."""
     wire, now, expected, left, begins = LinePacer(), 0.0, b"", b"", []
-    for gap, size in sent:
+    for gap, size in pieces:
         upto = now + gap
         while wire and (wake := wire.next_s(now)) < upto:
             assert wake > now or wire.due(wake)
@@ -69,12 +69,12 @@ def test_no_byte_leaves_before_its_time_and_all_leave_in_order(sent: list[tuple[
         now = wire.next_s(now) + 1e-9
         left += drain(wire, now)
     assert left == expected
-    assert now == pytest.approx(ideal_end(begins, sent, each_s), abs=CHUNK_S + 1e-6)
+    assert now == pytest.approx(ideal_end(begins, pieces, each_s), abs=CHUNK_S + 1e-6)
 
 
-def ideal_end(begins: list[tuple[float, int]], sent: list[tuple[float, int]], each_s: float) -> float:
+def ideal_end(begins: list[tuple[float, int]], pieces: list[tuple[float, int]], each_s: float) -> float:
     free = 0.0
-    for (begin, _), (_, size) in zip(begins, sent, strict=True):
+    for (begin, _), (_, size) in zip(begins, pieces, strict=True):
         free = max(free, begin) + size * each_s
     return free
 
@@ -131,22 +131,22 @@ async def test_a_paced_pty_carries_what_its_baud_rate_carries(tmp_path: Path) ->
         reader = os.open(tmp_path / "line", os.O_RDWR | os.O_NOCTTY)
         try:
             await end.wait_for_reader()
-            begin, data = lines.SerialEndpoint._now(), os.urandom(480)
+            begin, data = serial_base.SerialEndpoint._now(), os.urandom(480)
             end.send(data)
             got = b""
             while len(got) < len(data):
                 await until_async(lambda: end.counters.bytes > len(got))  # noqa: B023
                 got += os.read(reader, 4096)
-                assert len(got) <= (lines.SerialEndpoint._now() - begin) * 960 + 1
+                assert len(got) <= (serial_base.SerialEndpoint._now() - begin) * 960 + 1
             assert got == data
             assert end.counters.messages == 1
         finally:
             os.close(reader)
 
 
-async def test_a_line_that_is_too_slow_drops_the_oldest_counted_and_told_once(tmp_path: Path) -> None:
-    told: list[str] = []
-    end = make_endpoint(link(9600), tmp_path, lambda _: [], paced=True, notify=told.append)
+async def test_a_line_that_is_too_slow_drops_the_oldest_counted_and_reported_once(tmp_path: Path) -> None:
+    messages: list[str] = []
+    end = make_endpoint(link(9600), tmp_path, lambda _: [], paced=True, notify=messages.append)
     async with open_endpoints({"line": end}):
         reader = os.open(tmp_path / "line", os.O_RDWR | os.O_NOCTTY)
         try:
@@ -155,7 +155,7 @@ async def test_a_line_that_is_too_slow_drops_the_oldest_counted_and_told_once(tm
                 end.send(b"%09d\n" % k * 10)  # 10 kB at once on a line of 960 bytes a second
             assert 55 <= end.counters.too_slow_messages == end.counters.dropped_messages <= 60
             assert end.counters.dropped_bytes == 100 * end.counters.dropped_messages
-            assert told == [
+            assert messages == [
                 "line: 9600 baud carry 960 bytes a second, and its devices send more; the oldest messages are dropped"
             ]
         finally:
@@ -171,11 +171,11 @@ async def test_a_slow_bus_holds_its_frames_back(tmp_path: Path) -> None:
         try:
             os.write(reader, b"O\r")
             await end.wait_for_reader()
-            begin, before = lines.SerialEndpoint._now(), end.counters.messages
+            begin, before = serial_base.SerialEndpoint._now(), end.counters.messages
             for k in range(10):
                 end.send(pack_can(k, bytes(8)))
             await until_async(lambda: end.counters.messages == before + 10)
-            assert lines.SerialEndpoint._now() - begin >= 10 * 111 / 10_000 - 1e-6
+            assert serial_base.SerialEndpoint._now() - begin >= 10 * 111 / 10_000 - 1e-6
         finally:
             os.close(reader)
 

@@ -1,4 +1,4 @@
-"""Bytes that the kernel carries late are told, by a clock that this test moves."""
+"""Late bytes of the kernel are reported, with a clock that the test advances."""
 
 from __future__ import annotations
 
@@ -19,25 +19,25 @@ async def arrived(probe: PtyDelay) -> None:
     raise AssertionError("no byte came through the pty")
 
 
-async def test_a_byte_that_arrives_late_is_told_and_no_other() -> None:
-    clock, told = FakeClock(7 * SECOND_NS), list[tuple[int, int]]()
-    with PtyDelay(clock.now_ns, 1.0, lambda from_ns, until_ns: told.append((from_ns, until_ns))) as probe:
+async def test_only_a_byte_that_arrives_late_is_reported() -> None:
+    clock, delays = FakeClock(7 * SECOND_NS), list[tuple[int, int]]()
+    with PtyDelay(clock.now_ns, 1.0, lambda from_ns, until_ns: delays.append((from_ns, until_ns))) as probe:
         await probe.send()
         await arrived(probe)
-        assert told == []
+        assert delays == []
         await probe.send()
         clock.time_ns += SECOND_NS // 2
         await arrived(probe)
-        assert told == [(7 * SECOND_NS, 7 * SECOND_NS + SECOND_NS // 2)]
+        assert delays == [(7 * SECOND_NS, 7 * SECOND_NS + SECOND_NS // 2)]
 
 
-async def test_what_has_not_arrived_at_the_end_is_told() -> None:
-    clock, told = FakeClock(0), list[tuple[int, int]]()
-    with PtyDelay(clock.now_ns, 1.0, lambda from_ns, until_ns: told.append((from_ns, until_ns))) as probe:
+async def test_a_byte_that_has_not_arrived_at_the_end_is_reported() -> None:
+    clock, delays = FakeClock(0), list[tuple[int, int]]()
+    with PtyDelay(clock.now_ns, 1.0, lambda from_ns, until_ns: delays.append((from_ns, until_ns))) as probe:
         asyncio.get_running_loop().remove_reader(probe._slave)
         await probe.send()
         clock.time_ns += SECOND_NS
-    assert told == [(0, SECOND_NS)]
+    assert delays == [(0, SECOND_NS)]
 
 
 async def test_it_beats_until_the_flight_ends() -> None:

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from fti.hil.ports import pty as far_end
+from fti.hil.ports import pty
 from fti.hil.ports.pty import PtyEndpoint, link_atomically
 from tests.helpers import until_async
 
@@ -52,10 +52,10 @@ class Reader:
 
 
 async def test_the_line_is_raw_and_bytes_pass_unchanged_both_ways(tmp_path: Path) -> None:
-    heard: list[bytes] = []
+    received: list[bytes] = []
 
     def respond(data: bytes) -> list[bytes]:
-        heard.append(data)
+        received.append(data)
         return [b"<" + data + b">"]
 
     everything = bytes(range(256))
@@ -85,7 +85,9 @@ async def test_a_reader_that_stops_reading_costs_the_oldest_whole_messages(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Messages in flight are never cut: what arrives is whole messages, the last one included."""
-    monkeypatch.setattr(far_end, "STALE_S", math.inf)  # sending takes longer than that on a machine that stands still
+    monkeypatch.setattr(
+        pty, "STALE_TIMEOUT_S", math.inf
+    )  # sending takes longer than that on a machine that stands still
     async with endpoint(tmp_path / "line") as line:
         with Reader(tmp_path / "line") as reader:
             await line.wait_for_reader()
@@ -104,10 +106,10 @@ async def test_what_nobody_reads_for_long_is_read_away(tmp_path: Path, monkeypat
     async with endpoint(tmp_path / "line") as line:
         with Reader(tmp_path / "line") as reader:
             await line.wait_for_reader()
-            monkeypatch.setattr(far_end, "LOOK_S", 0.0)
+            monkeypatch.setattr(pty, "CHECK_PERIOD_S", 0.0)
             line.send(b"old")
-            monkeypatch.setattr(far_end, "STALE_S", -1.0)
-            await until_async(lambda: far_end._unread_bytes(reader.fd) == 3)
+            monkeypatch.setattr(pty, "STALE_TIMEOUT_S", -1.0)
+            await until_async(lambda: pty._unread_bytes(reader.fd) == 3)
             line.send(b"second")  # notes that something is unread
             line.send(b"new")  # finds it unread for too long
             assert line.counters.dropped_bytes >= 3
@@ -117,7 +119,7 @@ async def test_what_nobody_reads_for_long_is_read_away(tmp_path: Path, monkeypat
 
 async def test_a_reader_that_is_never_done_is_a_reader(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """On a busy machine something is unread at every look, for longer than what nobody reads may lie there."""
-    time = itertools.count(step=far_end.STALE_TIMEOUT_S / 20)
+    time = itertools.count(step=pty.STALE_TIMEOUT_S / 20)
     async with endpoint(tmp_path / "line") as line:
         with Reader(tmp_path / "line") as reader:
             await line.wait_for_reader()
@@ -125,7 +127,7 @@ async def test_a_reader_that_is_never_done_is_a_reader(tmp_path: Path, monkeypat
             line.send(b"0" * 10)
             for k in range(1, 100):
                 line.send(b"%d" % (k % 10) * 10)
-                await until_async(lambda: far_end._unread_bytes(reader.fd) == 20)
+                await until_async(lambda: pty._unread_bytes(reader.fd) == 20)
                 reader.data += os.read(reader.fd, 10)
             assert line.counters.dropped_bytes == 0
             assert reader.data == b"".join(b"%d" % (k % 10) * 10 for k in range(99))
@@ -174,15 +176,15 @@ async def test_a_new_emulator_replaces_the_link_and_an_old_one_leaves_it(tmp_pat
 def test_the_symlink_is_never_absent_while_it_is_replaced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     place = tmp_path / "deeper" / "line"
     link_atomically("first", place)
-    seen: list[str] = []
+    targets: list[str] = []
     replace = Path.replace
 
     def spying(self: Path, target: Path) -> Path:
-        seen.append(str(place.readlink()))
+        targets.append(str(place.readlink()))
         return replace(self, target)
 
     monkeypatch.setattr(Path, "replace", spying)
     link_atomically("second", place)
-    assert seen == ["first"]
+    assert targets == ["first"]
     assert str(place.readlink()) == "second"
     assert [p.name for p in place.parent.iterdir()] == ["line"]

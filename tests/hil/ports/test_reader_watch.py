@@ -1,4 +1,4 @@
-"""Who reads a line, and who should not: told, and nobody is disturbed."""
+"""Readers of a line: none, several and slow ones are reported without disturbing others."""
 
 from __future__ import annotations
 
@@ -12,8 +12,7 @@ from pathlib import Path
 import pytest
 
 from fti.errors import MissingError
-from fti.hil.ports import pty as far_end
-from fti.hil.ports import reader_watch
+from fti.hil.ports import pty, reader_watch
 from fti.hil.ports.endpoints import open_endpoints
 from fti.hil.ports.pty import PtyEndpoint
 from fti.hil.ports.serial_base import BACKLOG_BYTES
@@ -35,19 +34,19 @@ def program(place: Path) -> Iterator[int]:
         process.stdin.close()
 
 
-async def test_a_second_reader_is_told_with_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_a_second_reader_is_reported_with_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(reader_watch, "SETTLE_S", 0.01)
-    told: list[str] = []
-    line = PtyEndpoint(tmp_path / "line", lambda _: [], notify=told.append)
+    messages: list[str] = []
+    line = PtyEndpoint(tmp_path / "line", lambda _: [], notify=messages.append)
     async with open_endpoints({"line": line}):
         with program(tmp_path / "line") as first:
             await line.wait_for_reader()
             with program(tmp_path / "line") as second:
-                await until_async(lambda: told)
-                (said,) = told
-                assert said.startswith("line: 2 programs have it open, and each gets a part of the bytes: ")
-                assert f"(process {first})" in said
-                assert f"(process {second})" in said
+                await until_async(lambda: messages)
+                (message,) = messages
+                assert message.startswith("line: 2 programs have it open, and each gets a part of the bytes: ")
+                assert f"(process {first})" in message
+                assert f"(process {second})" in message
                 line.send(b"goes on")
                 assert line.counters.messages == 1
 
@@ -65,45 +64,45 @@ def test_holders_are_those_who_have_it_open(tmp_path: Path) -> None:
         os.close(slave)
 
 
-async def test_a_line_that_nobody_reads_is_told_and_so_is_its_reader(
+async def test_a_line_that_nobody_reads_is_reported_and_so_is_its_reader(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    told: list[str] = []
-    line = PtyEndpoint(tmp_path / "line", lambda _: [], notify=told.append)
+    messages: list[str] = []
+    line = PtyEndpoint(tmp_path / "line", lambda _: [], notify=messages.append)
     async with open_endpoints({"line": line}):
         reader = os.open(tmp_path / "line", os.O_RDWR | os.O_NOCTTY)
         try:
             await line.wait_for_reader()
-            monkeypatch.setattr(far_end, "STALE_S", -1.0)
-            monkeypatch.setattr(far_end, "LOOK_S", 0.0)
+            monkeypatch.setattr(pty, "STALE_TIMEOUT_S", -1.0)
+            monkeypatch.setattr(pty, "CHECK_PERIOD_S", 0.0)
             for _ in range(20):
                 line.send(b"old")
-                await until_async(lambda: far_end._unread_bytes(reader) > 0)
-            assert told == ["line: nobody has read it for -1 s; what is sent is dropped"]
+                await until_async(lambda: pty._unread_bytes(reader) > 0)
+            assert messages == ["line: nobody has read it for -1 s; messages are dropped"]
             assert line.counters.dropped_bytes > 0
-            monkeypatch.setattr(far_end, "STALE_S", 60.0)
+            monkeypatch.setattr(pty, "STALE_TIMEOUT_S", 60.0)
             line.send(b"new")
-            await until_async(lambda: far_end._unread_bytes(reader) > 0)
+            await until_async(lambda: pty._unread_bytes(reader) > 0)
             os.read(reader, 4096)
             line.send(b"newer")
-            await until_async(lambda: far_end._unread_bytes(reader) > 0)
+            await until_async(lambda: pty._unread_bytes(reader) > 0)
             os.read(reader, 4096)
             line.send(b"newest")
-            assert told[1:] == ["line: is read again"]
+            assert messages[1:] == ["line: is read again"]
         finally:
             os.close(reader)
 
 
-async def test_a_full_line_is_told_once_and_bounded(tmp_path: Path) -> None:
-    told: list[str] = []
-    line = PtyEndpoint(tmp_path / "line", lambda _: [], notify=told.append)
+async def test_a_full_line_is_reported_once_and_bounded(tmp_path: Path) -> None:
+    messages: list[str] = []
+    line = PtyEndpoint(tmp_path / "line", lambda _: [], notify=messages.append)
     async with open_endpoints({"line": line}):
         reader = os.open(tmp_path / "line", os.O_RDWR | os.O_NOCTTY)
         try:
             await line.wait_for_reader()
             for _ in range(1000):
                 line.send(bytes(100))
-            assert told == ["line: nobody reads it; the oldest messages are dropped"]
+            assert messages == ["line: nobody reads it; the oldest messages are dropped"]
             assert line.counters.bytes + line.counters.dropped_bytes >= 100_000 - BACKLOG_BYTES
             assert line.counters.too_slow_messages == 0
         finally:
@@ -113,7 +112,7 @@ async def test_a_full_line_is_told_once_and_bounded(tmp_path: Path) -> None:
 async def test_a_folder_that_cannot_be_written_is_one_sentence_and_nothing_stays(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     line = PtyEndpoint(tmp_path / "file" / "line", lambda _: [])
-    with pytest.raises(MissingError, match=r"file/line: no port can be put there: "):
+    with pytest.raises(MissingError, match=r"file/line: cannot create the port: "):
         async with open_endpoints({"line": line}):
             pass
 
@@ -122,7 +121,7 @@ async def test_a_file_that_stands_where_a_port_belongs_is_kept(tmp_path: Path) -
     place = tmp_path / "line"
     place.write_text("somebody's")
     line = PtyEndpoint(place, lambda _: [])
-    with pytest.raises(MissingError, match=r"line: no port can be put there: a file stands there"):
+    with pytest.raises(MissingError, match=r"line: cannot create the port: a file with this name exists"):
         async with open_endpoints({"line": line}):
             pass
     assert place.read_text() == "somebody's"

@@ -47,41 +47,41 @@ async def test_a_real_port_carries_both_ways_and_no_symlink_is_made(cable: tuple
 
 
 async def test_a_cable_that_takes_nothing_costs_the_oldest_and_closes(cable: tuple[int, str], tmp_path: Path) -> None:
-    told: list[str] = []
-    end = make_endpoint(LINE, tmp_path, lambda _: [], port=RealPort(device=cable[1]), notify=told.append)
+    messages: list[str] = []
+    end = make_endpoint(LINE, tmp_path, lambda _: [], port=RealPort(device=cable[1]), notify=messages.append)
     async with open_endpoints({"line": end}):
         for _ in range(1000):
             end.send(bytes(100))
         assert end.counters.dropped_messages > 0
-        assert told == ["line: nobody reads it; the oldest messages are dropped"]
+        assert messages == ["line: nobody reads it; the oldest messages are dropped"]
 
 
 @pytest.mark.parametrize("sends", [True, False])
-async def test_an_adapter_that_is_pulled_out_is_told_once_and_ends_no_flight(sends: bool, tmp_path: Path) -> None:
+async def test_a_pulled_adapter_is_reported_once_and_does_not_end_the_flight(sends: bool, tmp_path: Path) -> None:
     far, near = os.openpty()
-    told: list[str] = []
-    end = make_endpoint(LINE, tmp_path, lambda _: [], port=RealPort(device=os.ttyname(near)), notify=told.append)
+    messages: list[str] = []
+    end = make_endpoint(LINE, tmp_path, lambda _: [], port=RealPort(device=os.ttyname(near)), notify=messages.append)
     async with open_endpoints({"line": end}):
         os.close(near)
         os.close(far)
         if sends:
             end.send(bytes(100))
-        await until_async(lambda: len(told) > 0)
+        await until_async(lambda: len(messages) > 0)
         end.send(bytes(100))
         await end.drain()
         assert end.counters.dropped_bytes == (200 if sends else 100)
-    assert [news.partition(": the port is gone: ")[0] for news in told] == ["line"]
+    assert [message.partition(": the port is lost: ")[0] for message in messages] == ["line"]
 
 
-async def test_a_network_that_takes_nothing_is_told_once_and_ends_no_flight(tmp_path: Path) -> None:
-    told: list[str] = []
+async def test_a_network_that_accepts_nothing_is_reported_once_and_does_not_end_the_flight(tmp_path: Path) -> None:
+    messages: list[str] = []
     everybody = RealPort(to="255.255.255.255:4000")  # the kernel refuses it to a socket that did not ask for it
-    end = make_endpoint(ETH, tmp_path, lambda _: [], port=everybody, notify=told.append)
+    end = make_endpoint(ETH, tmp_path, lambda _: [], port=everybody, notify=messages.append)
     async with open_endpoints({"eth": end}):
         end.send(b"measured")
         end.send(b"measured")
         assert end.counters.dropped_messages == 2
-    assert told == ["eth: nothing goes to 255.255.255.255:4000: Permission denied; it is dropped"]
+    assert messages == ["eth: cannot send to 255.255.255.255:4000: Permission denied; data are dropped"]
 
 
 async def test_a_port_that_is_not_there_is_one_sentence(tmp_path: Path) -> None:
@@ -113,10 +113,10 @@ async def test_without_a_word_of_the_scenario_nothing_leaves_this_machine(tmp_pa
 @pytest.mark.parametrize(
     ("link", "port", "needs"),
     [
-        (LINE, RealPort(to="192.0.2.1:4000"), "a serial link needs device, and nothing else"),
-        (LINE, RealPort(device="/dev/ttyUSB0", interface="x"), "a serial link needs device, and nothing else"),
-        (ETH, RealPort(device="/dev/ttyUSB0"), "a udp link needs to, and nothing else"),
-        (BUS, RealPort(device="can0"), "a can link needs device and interface, and nothing else"),
+        (LINE, RealPort(to="192.0.2.1:4000"), "a serial link needs device; no other key is allowed"),
+        (LINE, RealPort(device="/dev/ttyUSB0", interface="x"), "a serial link needs device; no other key is allowed"),
+        (ETH, RealPort(device="/dev/ttyUSB0"), "a udp link needs to; no other key is allowed"),
+        (BUS, RealPort(device="can0"), "a can link needs device and interface; no other key is allowed"),
     ],
 )
 def test_a_port_of_the_wrong_kind_is_refused(link: Link, port: RealPort, needs: str) -> None:
@@ -132,10 +132,10 @@ def test_a_scenario_names_its_ports(tmp_path: Path) -> None:
     scenario = scenarios.load(file)
     scenarios.load_config(scenario)
     assert scenario.port["radalt_line"].device == "/dev/ttyUSB1"
-    for wrong, said in (
-        ('[port.radalt]\ndevice = "/dev/ttyUSB1"', "port: 'radalt' is no link"),
+    for wrong, error in (
+        ('[port.radalt]\ndevice = "/dev/ttyUSB1"', "port: unknown link 'radalt'"),
         ('[port.ins_eth]\ndevice = "/dev/ttyUSB1"', "port.ins_eth: a udp link needs to"),
     ):
         file.write_text(f"{moved}\n{wrong}\n")
-        with pytest.raises(ConfigError, match=said):
+        with pytest.raises(ConfigError, match=error):
             scenarios.load_config(scenarios.load(file))

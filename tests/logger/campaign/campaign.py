@@ -196,14 +196,14 @@ class Sum:
             self.failed[kind] += 1
             self.failures.append(outcome)
 
-    def lines(self, most: int = 60) -> Iterator[str]:
+    def lines(self, max_failures: int = 60) -> Iterator[str]:
         """For a person."""
         for kind, count in self.tries.items():
             notes = ", ".join(f"{name} {n}" for name, n in sorted(self.notes[kind].items()) if n)
             yield f"{kind}: {count} tries, {self.failed[kind]} failed; {notes}"
         sentences = Counter(_class_of(fault) for outcome in self.failures for fault in outcome.faults)
         yield from (f"{count:6} x {sentence}" for sentence, count in sentences.most_common())
-        for outcome in self.failures[:most]:
+        for outcome in self.failures[:max_failures]:
             yield f"{outcome.case.kind}: {outcome.place}"
             yield from (f"    {fault}" for fault in outcome.faults)
             yield f"    repeat: {outcome.case.repeat}"

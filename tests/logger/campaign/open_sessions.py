@@ -1,7 +1,7 @@
 """Sessions whose recorder was killed: the product's own writer, stopped at any of its writes, in simulated time.
 
 The system calls of the writer are watched: the killer stops it before, within or behind one of them, and knows what a
-power cut at that moment would have left on the medium for certain.  What was handed to the writer is noted beside it.
+power cut at that moment would have left on the medium for certain.  The data passed to the writer are recorded too.
 """
 
 from __future__ import annotations
@@ -212,10 +212,10 @@ class _Recorder:
 
     def _notes(self) -> None:
         second = (self.now_ns - STARTED_NS) // SECOND_NS
-        self._log.json("/fti/ledger", self.now_ns, self._ledger())
+        self._log.write_json("/fti/ledger", self.now_ns, self._ledger())
         for topic, size, period_s in NOTES:
             if second % period_s == 0:
-                self._log.json(topic, self.now_ns, self._note(topic, size))
+                self._log.write_json(topic, self.now_ns, self._note(topic, size))
 
     def _note(self, topic: str, size: int) -> dict[str, Any]:
         if topic == "/fti/event":

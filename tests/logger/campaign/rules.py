@@ -79,7 +79,7 @@ class Truth:
         return sorted(found)
 
     @cached_property
-    def tells_more(self) -> bool:
+    def checkpoints_cover_more(self) -> bool:
         """Is the file shorter than the head of its last chunk, or a record at its end, tells?"""
         if self.is_cut:
             size, ops = len(self.damaged.data), (CHUNK, ATTACHMENT, METADATA)
@@ -111,8 +111,8 @@ class Truth:
 
     def _is_before_late(self, record: Record) -> bool:
         """Is the next message of the last second?"""
-        behind = (m for m in self.session.parsed.messages if m.begin >= record.end)
-        return (late := next(behind, None)) is None or self.is_late(late.begin)
+        later = (m for m in self.session.parsed.messages if m.begin >= record.end)
+        return (late := next(later, None)) is None or self.is_late(late.begin)
 
     def _is_followed(self, record: Record) -> bool:
         """Is there a whole record behind it?  Else it may be a torn write."""
@@ -266,48 +266,47 @@ class ClosingCheck:
         """Check it.  reported : why the file was left alone, or what its closing cost; empty when nothing."""
         session, data = self.truth.session, self.truth.damaged.data
         path = self.folder / session.open_name
-        beside = sorted(p for p in self.folder.iterdir() if p.name not in session.files)
+        other_files = sorted(p for p in self.folder.iterdir() if p.name not in session.files)
         for name in session.finished:
             if (self.folder / name).read_bytes() != session.files[name]:
                 self.faults.append(f"closing: {name}, which was finished, is another")
         now = path.read_bytes()
         if now == data:
-            if beside:
-                self.faults.append(f"closing: the file was left alone, but there is {beside[0].name}")
+            if other_files:
+                self.faults.append(f"closing: the file was left alone, but there is {other_files[0].name}")
             if session.open_name not in reported:
                 self.faults.append("closing: the file was left alone, and nobody says so")
             return self.faults
         self.closed = True
-        self._check_bytes(now, beside)
+        self._check_bytes(now, other_files)
         self._check_content(path, now, reported)
         return self.faults
 
-    def _check_bytes(self, now: bytes, beside: list[Path]) -> None:
+    def _check_bytes(self, now: bytes, other_files: list[Path]) -> None:
         """Every byte is at its place, in the file beside, or zero; the head of the last chunk may be another."""
         data = self.truth.damaged.data
         kept: dict[int, bytes] = {}
-        for path in beside:
+        for path in other_files:
             begin = path.stem.rpartition(".rest-at-")[2]
             if not begin.isdigit() or not path.name.startswith(Path(self.truth.session.open_name).stem):
                 self.faults.append(f"closing: a strange file {path.name}")
                 continue
             kept[int(begin)] = path.read_bytes()
         heads = [record.begin for record in _parse_or_none(now).of(CHUNK)][-1:]
-        gone = []
+        removed = []
         for at in differences(data, now):
             in_head = any(head <= at < head + CHUNK_HEAD_BYTES for head in heads)
             in_rest = any(
                 begin <= at < begin + len(rest) and rest[at - begin] == data[at] for begin, rest in kept.items()
             )
             if not (in_head or in_rest or data[at] == 0):
-                gone.append(at)
-        if gone:
+                removed.append(at)
+        if removed:
             intact = {message.begin for message in self.truth.intact}
-            hit = (self.truth.session.parsed.message_at(at) for at in gone)
+            hit = (self.truth.session.parsed.message_at(at) for at in removed)
             lost = {message.begin for message in hit if message} & intact
-            self.faults.append(
-                f"closing: {len(gone)} bytes are gone from byte {gone[0]} on, {len(lost)} intact messages among them"
-            )
+            text = f"{len(removed)} bytes are missing from byte {removed[0]} on, {len(lost)} intact messages among them"
+            self.faults.append(f"closing: {text}")
         self.rest = sum(1 for m in self.truth.intact if any(b <= m.begin < b + len(r) for b, r in kept.items()))
 
     def _check_content(self, path: Path, now: bytes, reported: str) -> None:
@@ -354,7 +353,7 @@ class ClosingCheck:
             yield from check_open(self.truth, folder)
             return
         yield from check_command(folder, (1, 3))
-        unknown = not (self.altered or self.unproved or self.missing or self.rest or self.truth.tells_more)
+        unknown = not (self.altered or self.unproved or self.missing or self.rest or self.truth.checkpoints_cover_more)
         yield from check_command(file, (0, 1, 3) if self.complete or unknown else (1, 3))
         refuted = [r.command for r in (folder, file) if r.code == 1]
         if refuted and self.truth.damaged.natural and not self.altered:

@@ -81,7 +81,7 @@ def test_a_byte_that_is_gone_is_found(killed: OpenSession, tmp_path: Path) -> No
     data[message.end - 1] ^= 1
     path.write_bytes(data)
     faults = _check(path.parent, killed)
-    assert any("bytes are gone" in fault for fault in faults)
+    assert any("bytes are missing" in fault for fault in faults)
     assert any("official reader refuses" in fault for fault in faults)
 
 
@@ -92,7 +92,7 @@ def test_a_closed_file_that_ends_early_is_found(killed: OpenSession, tmp_path: P
     close_all(tmp_path)
     for path in folder.glob("*.bin"):
         path.unlink()
-    assert any("bytes are gone" in fault for fault in _check(folder, killed, "something"))
+    assert any("bytes are missing" in fault for fault in _check(folder, killed, "something"))
 
 
 def test_a_file_left_alone_without_a_word_is_found(killed: OpenSession, tmp_path: Path) -> None:

@@ -80,5 +80,5 @@ def test_every_number_has_a_unit(cls: type) -> None:
         ("/ins/attitude", "valid", "valid"),
     ],
 )
-def test_heads_tell_the_unit_once(topic: str, column: str, head: str) -> None:
+def test_heads_have_the_unit_once(topic: str, column: str, head: str) -> None:
     assert with_unit(column, unit_of(topic, column)) == head

@@ -40,8 +40,8 @@ def alone(path: Path) -> bool:
 
 def test_a_packed_file_reads_the_same_and_becomes_the_same_again(path: Path) -> None:
     path.chmod(0o640)
-    whole, messages, seen = path.read_bytes(), read_closed(path), McapFile(path)
-    items, head = list(seen.items()), seen.head()
+    whole, messages, file = path.read_bytes(), read_closed(path), McapFile(path)
+    items, head = list(file.items()), file.head()
     done = pack(path, progress)
     assert done and (done.before, done.after) == (len(whole), path.stat().st_size)
     assert done.after < done.before * 0.7
@@ -154,7 +154,7 @@ def test_a_full_medium_leaves_the_original(path: Path, monkeypatch: pytest.Monke
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     monkeypatch.setattr(os, "fsync", full)
-    with pytest.raises(StorageError, match=r"cannot be rewritten: No space left on device; it is as it was"):
+    with pytest.raises(StorageError, match=r"cannot be rewritten: No space left on device; the file is unchanged"):
         pack(path, progress)
     monkeypatch.setattr(os, "fsync", real)
     assert synced == [1] and path.read_bytes() == whole and alone(path)
@@ -241,8 +241,8 @@ def test_the_command(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     write_own(path.parent / "b_001.mcap", finish=False)
     assert main(["pack", str(path.parent), "--json"]) == 3
     out, err = capsys.readouterr()
-    told: dict[str, Any] = json.loads(out)
-    assert [entry["before"] for entry in told["files"]] == [len(whole)] and len(told["refused"]) == 1
+    report: dict[str, Any] = json.loads(out)
+    assert [entry["before"] for entry in report["files"]] == [len(whole)] and len(report["refused"]) == 1
     assert "b_001.mcap: is not finished" in err
     assert main(["pack", str(path), "--undo"]) == 0
     assert "times more" in capsys.readouterr().out

@@ -1,4 +1,4 @@
-"""What the commands say of files after a bad day: by exit code and output, judged by the official reader."""
+"""Exit codes and outputs of the commands for damaged files, checked by the official reader."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def write_session(folder: Path, seconds: int, *, finish: bool = False) -> Path:
     session = SessionFolder.create(folder, "da42", START_NS)
     log = RawLog(session, [RawTopic("ins", "udp", {})], split_s=3600, split_mb=1000)
     for seq in range(50 * seconds):
-        log.frame("ins", seq, START_NS + seq * 20_000_000, frame(seq))
+        log.write_frame("ins", seq, START_NS + seq * 20_000_000, frame(seq))
         log.flush()
         if seq % 50 == 49:
             log.sync()
@@ -64,12 +64,12 @@ def test_one_flipped_length_costs_no_record(tmp_path: Path, capsys: pytest.Captu
     flip(path, whole.index(frame(200)) - 30)  # the length of that message's record
     damaged = path.read_bytes()
     assert run(capsys, "verify", path.parent)[0] == 1
-    code, said = run(capsys, "recover", "--in-place", path.parent)
-    assert code == 3 and f"{path}: is damaged" in said and path.read_bytes() == damaged
-    code, said = run(capsys, "recover", path.parent, "--out", tmp_path / "copy")
+    code, output = run(capsys, "recover", "--in-place", path.parent)
+    assert code == 3 and f"{path}: is damaged" in output and path.read_bytes() == damaged
+    code, output = run(capsys, "recover", path.parent, "--out", tmp_path / "copy")
     found = read_closed(next((tmp_path / "copy").glob("*.mcap")))
     assert code == 3 and found == read_stream(whole)  # one bit, turned back
-    assert "(50 without a checksum that proves them)" in said
+    assert "(50 without a checksum that proves them)" in output
 
 
 def test_damage_costs_the_stretch_between_two_syncs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -110,13 +110,13 @@ def test_unproved_messages_are_counted_before_and_after_closing(
     data[data.index(frame(499)) + 5] ^= 0xFF
     data[data.index(frame(460)) + 5] ^= 0xFF
     path.write_bytes(data)
-    code, said = run(capsys, "verify", path.parent)
-    assert code == 3 and "50 messages from 03:04:14.000 on are unproved" in said
-    code, said = run(capsys, "recover", "--in-place", path.parent)
-    assert code == 3 and "50 messages at its end are unproved" in said
+    code, output = run(capsys, "verify", path.parent)
+    assert code == 3 and "50 messages from 03:04:14.000 on are unproved" in output
+    code, output = run(capsys, "recover", "--in-place", path.parent)
+    assert code == 3 and "50 messages at its end are unproved" in output
     assert read_closed(path)[:450] == log[:450]
-    code, said = run(capsys, "verify", path.parent)
-    assert code == 3 and "50 messages from 03:04:14.000 on are unproved" in said
+    code, output = run(capsys, "verify", path.parent)
+    assert code == 3 and "50 messages from 03:04:14.000 on are unproved" in output
 
 
 def test_flips_in_declarations_end_no_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -163,23 +163,23 @@ def test_a_file_without_a_footer_is_not_proved_complete(tmp_path: Path, capsys: 
     for name, size in cuts(whole).items():
         path = tmp_path / f"{size}_000.mcap"
         path.write_bytes(whole[:size])
-        code, said = run(capsys, "recover", path, "--out", tmp_path / f"{size}")
-        assert code == 3 and "nothing is missing" not in said, name
-        assert "not proved complete" in said, name
+        code, output = run(capsys, "recover", path, "--out", tmp_path / f"{size}")
+        assert code == 3 and "nothing is missing" not in output, name
+        assert "not proved complete" in output, name
         assert run(capsys, "verify", tmp_path / f"{size}")[0] == 3, name
 
 
 def test_altered_metadata_is_copied_and_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     session = SessionFolder.create(tmp_path, "da42", START_NS)
     log = RawLog(session, [], split_s=60, split_mb=10, metadata={"fti": {"aircraft": "D-EFTI"}})
-    log.tick(0, START_NS)
+    log.write_tick(0, START_NS)
     log.close()
     path = log.path
     path.write_bytes(path.read_bytes().replace(b"D-EFTI", b"D-EFTJ"))
-    code, said = run(capsys, "recover", path.parent, "--out", tmp_path / "copy")
-    assert code == 3 and "the checksum of its metadata fti does not match" in said and "nothing is missing;" in said
-    told = json.loads((tmp_path / "copy" / "recovered.json").read_text())
-    assert told["files"][0]["altered_metadata"] == ["fti"] and not told["complete"]
+    code, output = run(capsys, "recover", path.parent, "--out", tmp_path / "copy")
+    assert code == 3 and "the checksum of its metadata fti does not match" in output and "nothing is missing;" in output
+    report = json.loads((tmp_path / "copy" / "recovered.json").read_text())
+    assert report["files"][0]["altered_metadata"] == ["fti"] and not report["complete"]
     assert run(capsys, "verify", tmp_path / "copy")[0] == 1
 
 
@@ -216,8 +216,8 @@ def test_a_raw_file_that_is_finished_and_has_no_ledger_is_a_loss(
     path = write_session(tmp_path, 1)
     path.write_bytes(path.read_bytes()[: -60 * (PAYLOAD + 31)])
     run(capsys, "recover", "--in-place", path)
-    code, said = run(capsys, "verify", path)
-    assert code == 3 and "no ledger stands in these files" in said and "all holds" not in said
+    code, output = run(capsys, "verify", path)
+    assert code == 3 and "no ledger in these files" in output and "all holds" not in output
 
 
 def test_closing_does_not_make_a_cut_file_complete(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -226,10 +226,11 @@ def test_closing_does_not_make_a_cut_file_complete(tmp_path: Path, capsys: pytes
     for size in (0, 8, Original(whole).chunks[2][0][0] - 1033):
         path = tmp_path / f"{size}_000.mcap"
         path.write_bytes(whole[:size])
-        code, said = run(capsys, "recover", "--in-place", path)
-        assert code == 3 and "not proved complete" in said, size
-        code, said = run(capsys, "recover", path, "--out", tmp_path / f"{size}")
-        assert code == 3 and "no final ledger: not proved complete" in said and "nothing is missing\n" not in said, size
+        code, output = run(capsys, "recover", "--in-place", path)
+        assert code == 3 and "not proved complete" in output, size
+        code, output = run(capsys, "recover", path, "--out", tmp_path / f"{size}")
+        assert code == 3 and "nothing is missing\n" not in output, size
+        assert "no final ledger: not proved complete" in output, size
 
 
 def test_a_damaged_checkpoint_gives_one_answer_before_and_after(
@@ -239,8 +240,8 @@ def test_a_damaged_checkpoint_gives_one_answer_before_and_after(
     flip(path, path.read_bytes().index(b"\x81\x00\x04\0\0\0\0\0\0") + 9 + 3 * 16)
     damaged = path.read_bytes()
     assert run(capsys, "verify", path.parent)[0] == 1
-    code, said = run(capsys, "recover", "--in-place", path.parent)
-    assert code == 3 and "its checkpoints are damaged" in said and path.read_bytes() == damaged
+    code, output = run(capsys, "recover", "--in-place", path.parent)
+    assert code == 3 and "its checkpoints are damaged" in output and path.read_bytes() == damaged
     assert run(capsys, "verify", path.parent)[0] == 1
 
 
@@ -248,9 +249,9 @@ def test_a_table_before_a_damaged_attachment_is_copied(tmp_path: Path, capsys: p
     session = SessionFolder.create(tmp_path, "da42", START_NS)
     text = b"name = 1\n" * 20
     log = RawLog(session, [], split_s=60, split_mb=10, attachments=[("config.toml", "text/plain", text)])
-    log.tick(0, START_NS)
+    log.write_tick(0, START_NS)
     log.close()
     flip(log.path, log.path.read_bytes().index(text) + 5)
-    code, said = run(capsys, "recover", log.path.parent, "--out", tmp_path / "copy")
-    assert code == 3 and "metadata" not in said.replace("metadata records recovered", "")
+    code, output = run(capsys, "recover", log.path.parent, "--out", tmp_path / "copy")
+    assert code == 3 and "metadata" not in output.replace("metadata records recovered", "")
     assert json.loads((tmp_path / "copy" / "recovered.json").read_text())["files"][0]["altered_metadata"] == []

@@ -57,7 +57,7 @@ def test_what_is_no_record_behind_the_last_one_is_kept_beside_the_file(tmp_path:
         path.write_bytes(before + garbage)
         closed = close_unfinished(path)
         kept = list(tmp_path.glob(f"{len(garbage)}.rest-at-*.bin"))
-        assert closed and closed.kept == (kept[0] if any(garbage) else None)
+        assert closed and closed.rest_file == (kept[0] if any(garbage) else None)
         assert [file.read_bytes() for file in kept] == ([garbage] if any(garbage) else [])
         assert closed.describe_loss() and closed.missing_bytes == (0 if any(garbage) else len(garbage))
         assert read_closed(path) == read_stream(before)
@@ -74,8 +74,8 @@ def test_a_kept_rest_is_never_replaced_and_no_link_is_followed(tmp_path: Path) -
     other.write_bytes(b"of somebody else")
     (tmp_path / f".a.rest-at-{len(before)}-2.bin.part").symlink_to(other)
     closed = close_unfinished(path)
-    assert closed and closed.kept == tmp_path / f"a.rest-at-{len(before)}-2.bin"
-    assert closed.kept.read_bytes() == garbage and closed.kept.stat().st_mode & 0o777 == 0o640
+    assert closed and closed.rest_file == tmp_path / f"a.rest-at-{len(before)}-2.bin"
+    assert closed.rest_file.read_bytes() == garbage and closed.rest_file.stat().st_mode & 0o777 == 0o640
     assert (earlier.read_bytes(), other.read_bytes()) == (b"saved by an earlier repair", b"of somebody else")
 
 
@@ -113,8 +113,8 @@ def test_a_hole_behind_the_last_sync_costs_what_is_behind_it(tmp_path: Path) -> 
     found = read_closed(path)
     assert found == read_stream(whole)[:311] and closed
     assert (closed.unproved, closed.unproved_ns) == (11, 300)
-    kept = tmp_path / f"a.rest-at-{len(data) - closed.kept_bytes}.bin"
-    assert closed.kept == kept and bytes(data).endswith(kept.read_bytes()) and closed.kept_bytes > 900
+    kept = tmp_path / f"a.rest-at-{len(data) - closed.rest_bytes}.bin"
+    assert closed.rest_file == kept and bytes(data).endswith(kept.read_bytes()) and closed.rest_bytes > 900
 
 
 def test_zeros_to_the_end_are_counted_as_missing(tmp_path: Path) -> None:
@@ -129,7 +129,7 @@ def test_zeros_to_the_end_are_counted_as_missing(tmp_path: Path) -> None:
         f"{missing} bytes at its end are missing or damaged"
     ] and not proof.proved
     closed = close_unfinished(path)
-    assert closed and (closed.unproved, closed.missing_bytes, closed.kept) == (0, missing, None)
+    assert closed and (closed.unproved, closed.missing_bytes, closed.rest_file) == (0, missing, None)
     assert f"{missing} bytes at its end" in closed.describe_loss() and read_closed(path) == read_stream(whole)[:300]
     proof = FileCheck(path)
     assert [len(page.rows[0][1]) for page in proof.pages()] == [300]

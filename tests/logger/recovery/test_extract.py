@@ -60,7 +60,7 @@ def check(original: Original, damaged: bytes, damage: Span, folder: Path) -> Non
 def test_a_whole_file_is_copied_whole(original: Original, tmp_path: Path) -> None:
     found, report = recover(original.data, tmp_path)
     assert found == original.messages
-    assert report.complete and report.all_told and not report.damages and not report.unproved
+    assert report.complete and report.matches_summary and not report.damages and not report.unproved
 
 
 def test_random_bit_flips(original: Original, tmp_path: Path, scale: int) -> None:
@@ -169,7 +169,7 @@ def hostile() -> Iterator[bytes]:
             yield head + struct.pack("<BQ", op, length) + bytes(200)
         yield head + struct.pack("<BQQQQIIQ", Op.CHUNK, length, 0, 0, length - 40, 1, 0, length - 40) + bytes(200)
         yield head + records.packed_chunk((0, 1), length, 1, "zstd", zstandard.compress(b"x"))
-    for size in (2**28, -1):  # told in the frame, and not
+    for size in (2**28, -1):  # in the frame head, and not
         frame = zstandard.ZstdCompressor().compressobj(size=size)
         bomb = b"".join(frame.compress(bytes(2**20)) for _ in range(2**8)) + frame.flush()
         yield head + records.packed_chunk((0, 1), 100, 0, "zstd", bomb)
@@ -224,7 +224,7 @@ def test_a_hole_in_the_open_chunk_costs_the_message_before_it(tmp_path: Path) ->
         assert report.damages
 
 
-def test_the_names_of_channels_come_from_the_summary_or_are_said_to_be_lost(tmp_path: Path) -> None:
+def test_the_names_of_channels_come_from_the_summary_or_are_generated(tmp_path: Path) -> None:
     """Foreign writers name a channel once."""
     original = Original(write_foreign(tmp_path / "whole.mcap", ZSTD))
     (begin, end), held = original.chunks[0]
@@ -255,7 +255,7 @@ def test_messages_outside_of_chunks_are_taken_up_to_the_damage(tmp_path: Path) -
     assert report.missing_messages == 50 - len(found)
 
 
-def test_what_is_missing_is_told(tmp_path: Path) -> None:
+def test_what_is_missing_is_reported(tmp_path: Path) -> None:
     session = tmp_path / "s_0"
     session.mkdir()
     original = Original(write_own(session / "s_0_000.mcap", messages=300, chunk_bytes=3000))
@@ -281,7 +281,7 @@ def test_what_is_missing_is_told(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("place", [52, 90, 400, 690, 33])  # the first byte of the records, others, one of the checksum
-def test_one_flipped_bit_is_turned_back_and_told(tmp_path: Path, place: int) -> None:
+def test_one_flipped_bit_is_corrected_and_reported(tmp_path: Path, place: int) -> None:
     """The chunk is there, but not as proved, nor the file as complete."""
     original = Original(write_own(tmp_path / "whole.mcap"))
     (begin, _), held = original.chunks[2]
@@ -335,12 +335,12 @@ def test_numbers_go_on_past_32_bits(tmp_path: Path) -> None:
 
 def test_nothing_that_exists_is_written_over(tmp_path: Path) -> None:
     write_own(tmp_path / "a.mcap")
-    with pytest.raises(StorageError, match="holds something already; name another folder"):
+    with pytest.raises(StorageError, match="is not empty; choose another folder"):
         extract_session(tmp_path / "a.mcap", tmp_path, lambda _: None)
     with pytest.raises(MissingError, match="there is no such session folder or file"):
         extract_session(tmp_path / "b.mcap", tmp_path / "out", lambda _: None)
     (tmp_path / "file").write_bytes(b"")
-    with pytest.raises(StorageError, match=r"file: cannot be made: File exists"):
+    with pytest.raises(StorageError, match=r"file: cannot be created: File exists"):
         extract_session(tmp_path / "a.mcap", tmp_path / "file", lambda _: None)
 
 
@@ -364,18 +364,18 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
     assert "nothing is missing" in capsys.readouterr().out
     assert read_closed(tmp_path / "a_000_recovered" / "a_000.mcap") == read_stream(whole)
     assert main(["recover", str(tmp_path / "a_000.mcap")]) == 2
-    assert "holds something already" in capsys.readouterr().err
+    assert "is not empty" in capsys.readouterr().err
     at = Original(whole).chunks[1][0][0] + 200
     (tmp_path / "a_000.mcap").write_bytes(whole[:at] + bytes(60) + whole[at + 60 :])
     assert main(["recover", str(tmp_path / "a_000.mcap"), "--out", str(tmp_path / "b"), "--json"]) == 3
-    told = json.loads(capsys.readouterr().out)
-    assert not told["complete"] and told["missing_numbers"] and told["out"] == str(tmp_path / "b")
+    output = json.loads(capsys.readouterr().out)
+    assert not output["complete"] and output["missing_numbers"] and output["out"] == str(tmp_path / "b")
     assert main(["recover", str(tmp_path / "a_000.mcap"), "--out", str(tmp_path / "c")]) == 3
     lines = capsys.readouterr().out
-    assert "are lost, after 1970-01-01T00:00:01.0" in lines and "not everything is there" in lines
+    assert "are lost, after 1970-01-01T00:00:01.0" in lines and "data are missing" in lines
     assert main(["recover", str(tmp_path / "a_000.mcap"), "--in-place"]) == 0
     assert "is finished" in capsys.readouterr().out
     (tmp_path / "a_000.mcap").write_bytes(whole[:at] + bytes([whole[at] ^ 2]) + whole[at + 1 :])
     assert main(["recover", str(tmp_path / "a_000.mcap"), "--out", str(tmp_path / "d")]) == 3
     lines = capsys.readouterr().out
-    assert f"a bit of byte {at} was turned back" in lines and "nothing is missing; not everything is proved" in lines
+    assert f"a bit of byte {at} was flipped back" in lines and "nothing is missing; not everything is proved" in lines

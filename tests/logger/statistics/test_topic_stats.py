@@ -19,10 +19,10 @@ def regular(rate_hz: float, seconds: float, jitter_s: float = 0.0, seed: int = 0
 
 
 def intervals_of(times: NDArray[np.int64], piece: int = 1000) -> Intervals:
-    made = Intervals()
+    statistics = Intervals()
     for at in range(0, len(times), piece):
-        made.add(times[at : at + piece])
-    return made
+        statistics.add(times[at : at + piece])
+    return statistics
 
 
 def test_jitter_is_that_of_all_intervals_at_once() -> None:
@@ -88,33 +88,33 @@ def test_messages_of_one_moment_are_no_gaps() -> None:
 
 
 def test_activity_counts_everything_in_little_memory() -> None:
-    made = Activity()
+    statistics = Activity()
     for part in np.split(regular(100, 4000), 400):
-        made.add(part)
-    assert len(made._bins) <= MAX_BINS
-    counts = made.counts(BEGIN, BEGIN + 4000 * SECOND, 40)
+        statistics.add(part)
+    assert len(statistics._bins) <= MAX_BINS
+    counts = statistics.counts(BEGIN, BEGIN + 4000 * SECOND, 40)
     assert sum(counts) == 400_000
     assert counts == pytest.approx([10_000] * 40, rel=0.03)
 
 
 def test_silence_is_nothing_and_the_usual_rate_is_one() -> None:
     times = regular(100, 100)
-    made = Activity()
-    made.add(np.concatenate((times[:4000], times[6000:])))
-    rates = made.relative(BEGIN, BEGIN + 100 * SECOND, 50, 0.01 * SECOND)
+    statistics = Activity()
+    statistics.add(np.concatenate((times[:4000], times[6000:])))
+    rates = statistics.relative(BEGIN, BEGIN + 100 * SECOND, 50, 0.01 * SECOND)
     assert rates[21:30] == [0.0] * 9
     assert rates[20] == pytest.approx(0.0, abs=0.05)  # a bin stands on its edge
     assert rates[:20] + rates[30:] == pytest.approx([1.0] * 40, rel=0.05)
 
 
 def test_a_slow_topic_is_no_comb() -> None:
-    made = Activity()
-    made.add(regular(1, 30))
-    assert min(made.relative(BEGIN, BEGIN + 30 * SECOND, 150, 1.0 * SECOND)) > 0.5
+    statistics = Activity()
+    statistics.add(regular(1, 30))
+    assert min(statistics.relative(BEGIN, BEGIN + 30 * SECOND, 150, 1.0 * SECOND)) > 0.5
 
 
 def test_what_is_rare_stays_where_it_is() -> None:
-    made = Activity()
-    made.add(BEGIN + np.array([10, 50]) * SECOND)
-    rates = made.relative(BEGIN, BEGIN + 100 * SECOND, 100, 40.0 * SECOND)
+    statistics = Activity()
+    statistics.add(BEGIN + np.array([10, 50]) * SECOND)
+    rates = statistics.relative(BEGIN, BEGIN + 100 * SECOND, 100, 40.0 * SECOND)
     assert [n for n, rate in enumerate(rates) if rate] == [10, 50]

@@ -1,4 +1,4 @@
-"""The notes of gaps: each is counted, and only the first are told one by one."""
+"""The notes of gaps: each is counted, and only the first ones are described."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def test_an_overload_of_half_an_hour_is_no_thousand_lines() -> None:
     for number in range(1500):
         gaps.feed(0, note(number), raw=False)
     assert len(gaps.descriptions) == MAX_DESCRIBED_NOTES
-    assert gaps.descriptions[1].endswith("navigation has not seen numbers 11 to 14")
+    assert gaps.descriptions[1].endswith("navigation has missed numbers 11 to 14")
     assert gaps.omitted_notes == 1500 - MAX_DESCRIBED_NOTES
 
 

@@ -78,7 +78,7 @@ def run(
     return result
 
 
-def flown(
+def simulate(
     change: Change,
     *,
     receiver: Receiver = UBX1,

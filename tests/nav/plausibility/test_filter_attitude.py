@@ -29,7 +29,7 @@ def fly(
     the validities and the events.
     """
     of, refused = monitor(tuple(sources)), {name: list[float]() for name in sources}
-    told, events = list[SourceValidity](), list[Event]()
+    validities, events = list[SourceValidity](), list[Event]()
     for k in range(round(seconds * HZ)):
         t, t_ns = k / HZ, T0 + k * S // HZ
         for name, off in sources.items():
@@ -47,19 +47,19 @@ def fly(
             )  # fmt: skip
         for o in of.tick(t_ns):
             if isinstance(o, SourceValidity):
-                told.append(o)
+                validities.append(o)
             elif isinstance(o, Event):
                 events.append(o)
-    return refused, told, events
+    return refused, validities, events
 
 
 @pytest.mark.parametrize("off", [(3.0, 0.0, 0.0), (0.0, -3.0, 0.0), (0.0, 0.0, -8.0)])
 def test_an_attitude_beyond_the_limit_is_refused_after_5_s(off: Angles) -> None:
-    refused, told, events = fly({"ins": off, "ahrs": (0.0, 0.0, 0.0)}, 60.0)
+    refused, validities, events = fly({"ins": off, "ahrs": (0.0, 0.0, 0.0)}, 60.0)
     assert BEGIN + 5.0 <= refused["ins"][0] <= BEGIN + 6.0
     assert refused["ins"][-1] > 59.9
     assert refused["ahrs"] == []
-    assert {o.source: o for o in told}["ins"].reasons == (Reason.ATTITUDES_DISAGREE,)
+    assert {o.source: o for o in validities}["ins"].reasons == (Reason.ATTITUDES_DISAGREE,)
     assert any("beside that of the filter" in e.text and e.source == "ins" for e in events)
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from fti.types import Measurement, Position, Stamp, TimeScale, Velocity
 from tests.nav.healthy_receivers import RECEIVERS, Receiver, Truth, fly, measure
-from tests.nav.plausibility.receiver_runs import T0, UBX1, UBX10, S, flown, make_tests, run, straight
+from tests.nav.plausibility.receiver_runs import T0, UBX1, UBX10, S, make_tests, run, simulate, straight
 
 
 def unchanged(t: float, m: Measurement) -> Measurement:
@@ -20,7 +20,7 @@ def unchanged(t: float, m: Measurement) -> Measurement:
 @pytest.mark.parametrize("receiver", RECEIVERS, ids=lambda r: r.name)
 def test_legs_and_turns(receiver: Receiver) -> None:
     for seed in range(3):
-        result = flown(unchanged, receiver=receiver, seconds=900, seed=seed)
+        result = simulate(unchanged, receiver=receiver, seconds=900, seed=seed)
         assert result.events == []
         assert all(valid and whole for _, valid, whole in result.valid)
 
@@ -30,13 +30,13 @@ def test_turns_of_a_fighter(receiver: Receiver) -> None:
     """8 g, at up to 200 m/s, with the limits of such an aircraft."""
     rng = np.random.default_rng(11)
     truth = fly(rng, 600, 8.0)
-    assert flown(unchanged, receiver=receiver, truth=truth, limits={"acceleration_mps2": 100.0}).events == []
+    assert simulate(unchanged, receiver=receiver, truth=truth, limits={"acceleration_mps2": 100.0}).events == []
 
 
 @pytest.mark.parametrize("receiver", RECEIVERS, ids=lambda r: r.name)
 @pytest.mark.parametrize("speed", [0.0, 0.4, 3.0])
 def test_on_the_ground_in_hover_and_at_a_walk(receiver: Receiver, speed: float) -> None:
-    assert flown(unchanged, receiver=receiver, truth=straight(600, speed)).events == []
+    assert simulate(unchanged, receiver=receiver, truth=straight(600, speed)).events == []
 
 
 def test_a_receiver_that_holds_its_place_on_the_ground() -> None:
@@ -53,7 +53,7 @@ def test_a_receiver_that_holds_its_place_on_the_ground() -> None:
         still = replace(m, north=0.0, east=0.0, down=0.0) if isinstance(m, Velocity) else m
         return replace(held.setdefault(type(m), still), stamp=m.stamp)
 
-    assert flown(change, receiver=UBX10, truth=truth).events == []
+    assert simulate(change, receiver=UBX10, truth=truth).events == []
 
 
 @pytest.mark.parametrize("length_s", [2.0, 10.0, 59.0, 300.0])
@@ -62,14 +62,14 @@ def test_gaps(length_s: float) -> None:
         return None if 100.0 <= t < 100.0 + length_s else m
 
     for receiver in (UBX1, UBX10):
-        assert flown(change, receiver=receiver, seconds=600, seed=5).events == []
+        assert simulate(change, receiver=receiver, seconds=600, seed=5).events == []
 
 
 def test_positions_are_missing_and_velocities_are_not() -> None:
     def change(t: float, m: Measurement) -> Measurement | None:
         return None if 100.0 <= t < 160.0 and isinstance(m, Position) else m
 
-    assert flown(change, receiver=UBX10, seconds=400, seed=5).events == []
+    assert simulate(change, receiver=UBX10, seconds=400, seed=5).events == []
 
 
 def test_a_receiver_that_restarts() -> None:
@@ -78,13 +78,13 @@ def test_a_receiver_that_restarts() -> None:
     def change(t: float, m: Measurement) -> Measurement | None:
         if 100.0 <= t < 120.0:
             return None
-        told = t + 5000.0 if t < 100.0 else t - 118.0
-        stamp = replace(m.stamp, t_dev_ns=round(told * S), time_scale=TimeScale.BOOT)
+        device_time_s = t + 5000.0 if t < 100.0 else t - 118.0
+        stamp = replace(m.stamp, t_dev_ns=round(device_time_s * S), time_scale=TimeScale.BOOT)
         if isinstance(m, Position) and m.lat is not None and t >= 120.0:
             return replace(m, stamp=stamp, lat=m.lat + 5.0 / 6.37e6 * math.exp(-(t - 120.0) / 60.0))
         return replace(m, stamp=stamp)
 
-    assert flown(change, receiver=UBX1, seconds=400).events == []
+    assert simulate(change, receiver=UBX1, seconds=400).events == []
 
 
 @pytest.mark.parametrize("receiver", [UBX1, UBX10])
@@ -97,15 +97,15 @@ def test_a_receiver_that_loses_and_finds_its_corrections(receiver: Receiver) -> 
                 return m
             return replace(m, lat=m.lat + offset / 6.37e6, horizontal_sd=20.0)
 
-        assert flown(change, receiver=receiver, seconds=300, seed=seed).events == []
+        assert simulate(change, receiver=receiver, seconds=300, seed=seed).events == []
 
 
 def test_a_counter_of_32_bits_of_milliseconds_that_starts_again() -> None:
     def change(t: float, m: Measurement) -> Measurement:
-        told = (2**32 - 100_000 + round(1000.0 * t)) % 2**32
-        return replace(m, stamp=Stamp(m.stamp.t_rx_ns, told * 1_000_000, TimeScale.BOOT, m.stamp.t_valid_ns))
+        device_time_s = (2**32 - 100_000 + round(1000.0 * t)) % 2**32
+        return replace(m, stamp=Stamp(m.stamp.t_rx_ns, device_time_s * 1_000_000, TimeScale.BOOT, m.stamp.t_valid_ns))
 
-    assert flown(change, receiver=UBX10, seconds=200).events == []
+    assert simulate(change, receiver=UBX10, seconds=200).events == []
 
 
 def test_messages_that_come_late_together() -> None:
@@ -115,7 +115,7 @@ def test_messages_that_come_late_together() -> None:
         rx = T0 + round(101.5 * S) if 100.0 <= t < 101.5 else m.stamp.t_rx_ns
         return replace(m, stamp=Stamp(rx, round((t + 50.0) * S), TimeScale.GPS, m.stamp.t_valid_ns))
 
-    assert flown(change, receiver=UBX10, seconds=200).events == []
+    assert simulate(change, receiver=UBX10, seconds=200).events == []
 
 
 def test_position_and_velocity_in_messages_of_their_own() -> None:
@@ -153,5 +153,5 @@ def test_no_number_and_a_place_off_the_earth_change_nothing() -> None:
             return replace(m, lat=value)
         return replace(m, north=1e6 * value) if isinstance(m, Velocity) else m
 
-    result = flown(change, receiver=UBX1, seconds=200, truth=straight(200))
+    result = simulate(change, receiver=UBX1, seconds=200, truth=straight(200))
     assert [event for _, event in result.events if "impossible" not in event.text] == []

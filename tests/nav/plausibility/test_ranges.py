@@ -161,7 +161,7 @@ def test_one_wrong_range_of_many_is_found_and_named() -> None:
     """By size: how often one satellite in a sky of mid-latitudes is seen, and the right one stands first."""
     named = {}
     for metres in (60.0, 120.0, 240.0, 480.0):
-        seen = right = count = 0
+        detected = right = count = 0
         for sky, rng in skies(40, 3):
             m = observe(replace(sky, lat=math.copysign(0.8, sky.lat), iono=(5.0, 1.0, 1.0)), rng)
             bad = max(m.observations, key=lambda o: -(o.pseudorange or 0.0)).number  # the highest one
@@ -169,9 +169,9 @@ def test_one_wrong_range_of_many_is_found_and_named() -> None:
             if solution is None or solution.used < 7:
                 continue
             count += 1
-            seen += solution.ratio > 1.0
+            detected += solution.ratio > 1.0
             right += bool(solution.explanations) and solution.explanations[0].left_out == bad
-        named[metres] = (seen / count, right / count)
+        named[metres] = (detected / count, right / count)
     print(f"\none wrong range, seen and named first, by size [m]: {named}")
     assert min(named[480.0]) > 0.95
     assert min(named[120.0]) > 0.5
@@ -379,7 +379,7 @@ def unusable(m: Measurement) -> Measurement:
     ],
     ids=["ill", "no accuracy", "old", "no orbit", "other system", "no time", "weak"],
 )
-def test_what_cannot_be_used_says_nothing(change: Callable[[Measurement], Measurement]) -> None:
+def test_unusable_ranges_give_no_result(change: Callable[[Measurement], Measurement]) -> None:
     """The stated position is 150 m off; with these nobody knows."""
     assert run([change(m) for m in flight(30, moved(150.0, 0.0))]) == []
 

@@ -76,7 +76,7 @@ def test_a_clock_that_departs_from_its_rate_is_a_sign(step_s: float, is_sign: bo
     assert (test.feed_clock(5 * S, clock(5e-6 + step_s)) is not None) is is_sign
 
 
-def test_without_a_rate_or_across_a_gap_a_clock_says_nothing() -> None:
+def test_without_a_rate_or_across_a_gap_a_clock_gives_no_sign() -> None:
     test = SignalTest()
     test.feed_clock(0, clock(0.0, drift=None))
     assert test.feed_clock(S, clock(1e-5, drift=None)) is None

@@ -85,7 +85,7 @@ def daemon_config(folder: Path, text: str = CONFIG) -> Config:
     return config.load(file)
 
 
-def short(faults: tuple[dict[str, object], ...] = FAULTS, **keys: object) -> Scenario:
+def short_scenario(faults: tuple[dict[str, object], ...] = FAULTS, **keys: object) -> Scenario:
     """A scenario of these faults."""
     return scenario(flight={"kind": "approach", "duration_s": DURATION_S}, fault=faults, **keys)
 
@@ -96,8 +96,8 @@ def session_of(flight: Scenario, folder: Path, text: str = CONFIG) -> Path:
     return fly(daemon_config(folder, text), flight, folder / "out", world=world)
 
 
-def score_of(flight: Scenario, session: Path, given: Setup | None = None) -> Score:
+def score_of(flight: Scenario, session: Path, setup: Setup | None = None) -> Score:
     """Its score.  given : by this configuration"""
     recording = Recording.open(session)
-    (score,) = judge_session(recording, flight, recording.truth_files, given)
+    (score,) = judge_session(recording, flight, recording.truth_files, setup)
     return score

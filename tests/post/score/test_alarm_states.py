@@ -23,8 +23,8 @@ class Flight:
     """What was said, message by message."""
 
     def __init__(self) -> None:
-        self.said = ObservedFlags()
-        self._states = AlarmStates(CONFIG, self.said)
+        self.observed = ObservedFlags()
+        self._states = AlarmStates(CONFIG, self.observed)
 
     def output(self, t_s: float, topic: str, output: Any) -> None:
         self._states.feed_output(t_s, topic, asdict(output))
@@ -33,14 +33,14 @@ class Flight:
         self._states.feed_health(t_s, health(t_s, **changes))
 
     def alarm(self, identity: str, from_s: float, until_s: float) -> None:
-        self.said.feed(from_s, ALARM_TOPIC, frozenset({identity}))
-        self.said.feed(until_s, ALARM_TOPIC, frozenset())
+        self.observed.feed(from_s, ALARM_TOPIC, frozenset({identity}))
+        self.observed.feed(until_s, ALARM_TOPIC, frozenset())
 
     def missing(self) -> list[Any]:
-        return list(missing_alarms(self.said, 0.0, 100.0))
+        return list(missing_alarms(self.observed, 0.0, 100.0))
 
     def unexplained(self, identity: str, from_s: float, until_s: float, alarm_hold_s: float = 0.0) -> list[Any]:
-        return list(uncovered_parts(FlagInterval(from_s, until_s), explanations(self.said, identity, alarm_hold_s)))
+        return list(uncovered_parts(FlagInterval(from_s, until_s), explanations(self.observed, identity, alarm_hold_s)))
 
 
 def alert() -> Flight:
@@ -96,16 +96,16 @@ def test_a_lost_height_must_be_an_alarm_where_the_monitor_judges(state: Integrit
 
 
 def test_a_lost_position_must_be_an_alarm_and_a_lost_attitude_is_none_of_it() -> None:
-    def flown(**changes: Any) -> Flight:
+    def changed_flight(**changes: Any) -> Flight:
         flight = Flight()
         for t_s, output in ((1.0, solution(1)), (20.0, solution(20, valid=False, **changes))):
             flight.output(t_s, SOLUTION, output)
         return flight
 
-    lost = flown(reasons=(Reason.NO_POSITION,), position_source=None)
+    lost = changed_flight(reasons=(Reason.NO_POSITION,), position_source=None)
     assert [row[0] for row in lost.missing()] == ["position"]
     why = (Reason.ATTITUDE_LEVEL,)
-    tilted = flown(reasons=why, attitude_reasons=why, attitude_valid=False)
+    tilted = changed_flight(reasons=why, attitude_reasons=why, attitude_valid=False)
     assert tilted.missing() == []
     assert tilted.unexplained("attitude", 20.0, 30.0) == []
     assert tilted.unexplained("position", 20.0, 30.0) == [(20.0, 30.0)]
@@ -142,9 +142,9 @@ def test_a_refused_height_explains_the_alarm_of_its_altimeter_alone() -> None:
 def test_what_was_good_and_is_silent_must_be_an_alarm(changes: dict[str, Any], alarm: str) -> None:
     never_good, flight = Flight(), Flight()
     flight.health(1.0)
-    for flown in (never_good, flight):
+    for changed_flight in (never_good, flight):
         for t_s in (20.0, 40.0):
-            flown.health(t_s, **changes)
+            changed_flight.health(t_s, **changes)
     assert never_good.missing() == []
     assert flight.missing() == [(alarm, pytest.approx(20.0 + RECORDED_S), 100.0)]
     flight.alarm(alarm, 20.5, 100.0)

@@ -18,7 +18,7 @@ from fti.post.score.outcome import FlightOutcome
 from fti.post.score.outputs.row import OutputCheck
 from fti.post.score.rows import Verdict
 from tests.post.score.edited_sessions import DERIVED, copy_session, file_of, rewrite, with_content
-from tests.post.score.short_flight import score_of, session_of, short
+from tests.post.score.short_flight import score_of, session_of, short_scenario
 from tests.post.score.test_compared_outputs import SECOND_NS, WITH_ATTITUDE
 
 FROM_S, TO_S = 12.0, 26.0
@@ -28,7 +28,7 @@ OFFSET: dict[str, Any] = {"kind": "attitude_offset", "devices": ("ahrs",), "roll
 @pytest.fixture(scope="module")
 def flight(tmp_path_factory: pytest.TempPathFactory) -> tuple[Any, Path]:
     """The scenario and its session."""
-    scenario = short(({"from_s": FROM_S, "to_s": TO_S, **OFFSET},))
+    scenario = short_scenario(({"from_s": FROM_S, "to_s": TO_S, **OFFSET},))
     return scenario, session_of(scenario, tmp_path_factory.mktemp("flown"), WITH_ATTITUDE)
 
 
@@ -55,8 +55,8 @@ def test_a_wrong_attitude_within_its_level_holds(flight: tuple[Any, Path]) -> No
 def test_one_beyond_its_level_fails_from_a_second_of_the_fault_on(
     flight: tuple[Any, Path], tmp_path: Path, field: str, until_s: float, wrong: str | None
 ) -> None:
-    scenario, flown = flight
-    begin_ns = score_of(scenario, flown).flight_truth.begin_ns
+    scenario, recorded = flight
+    begin_ns = score_of(scenario, recorded).flight_truth.begin_ns
 
     def narrowed(item: McapMessage) -> McapMessage:
         t = (item.log_time - begin_ns) / SECOND_NS
@@ -64,7 +64,7 @@ def test_one_beyond_its_level_fails_from_a_second_of_the_fault_on(
             return item
         return with_content(item, **{field: math.radians(1.0)})
 
-    session = copy_session(flown, tmp_path)
+    session = copy_session(recorded, tmp_path)
     rewrite(file_of(session, DERIVED), narrowed)
     found = verdicts(score_of(scenario, session), OutputCheck.PROTECTED)
     assert [what for what, verdict in found.items() if verdict is not Verdict.HOLDS] == ([wrong] if wrong else [])

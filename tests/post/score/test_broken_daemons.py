@@ -25,7 +25,7 @@ from fti.service.navigation import device_monitor
 from fti.service.navigation.device_monitor import DeviceMonitor
 from fti.service.supervisor.health import HealthBoard
 from fti.types import LinkState, Reason, SourceValidity
-from tests.post.score.short_flight import score_of, session_of, short
+from tests.post.score.short_flight import score_of, session_of, short_scenario
 
 Break = Callable[[pytest.MonkeyPatch], None]
 HEIGHT = "/nav/height_above_ground/altimeter"
@@ -74,8 +74,8 @@ def tolerate_every_rate(patch: pytest.MonkeyPatch) -> None:
     patch.setattr(device_monitor, "RATE_TOLERANCE", 10.0)
 
 
-def never_hear_again(patch: pytest.MonkeyPatch) -> None:
-    real, silent = DeviceMonitor._judge, set[str]()
+def suppress_recovery(patch: pytest.MonkeyPatch) -> None:
+    real, silent = DeviceMonitor._assess, set[str]()
 
     def judge(self: DeviceMonitor, listener: Any, past: Any, rate: float) -> tuple[LinkState, str]:
         state, hint = real(self, listener, past, rate)
@@ -83,20 +83,20 @@ def never_hear_again(patch: pytest.MonkeyPatch) -> None:
             silent.add(listener.name)
         return (LinkState.SILENT if listener.name in silent else state), hint
 
-    patch.setattr(DeviceMonitor, "_judge", judge)
+    patch.setattr(DeviceMonitor, "_assess", judge)
 
 
 def alarm_of_every_source(patch: pytest.MonkeyPatch) -> None:
-    def take(self: OutputConditions, output: SourceValidity) -> None:
+    def feed(self: OutputConditions, output: SourceValidity) -> None:
         title = "SOURCE REFUSED"
         self._report(
             f"source {output.source}", output.t_ns, Condition(f"source:{output.source}", Severity.CAUTION, title)
         )
 
-    patch.setattr(OutputConditions, "_take_source", take)
+    patch.setattr(OutputConditions, "_feed_source", feed)
 
 
-def be_behind(patch: pytest.MonkeyPatch) -> None:
+def delay_navigation(patch: pytest.MonkeyPatch) -> None:
     real = HealthBoard.compose
     late = {"navigation": {"lag_ms": 600.0}}
     patch.setattr(HealthBoard, "compose", lambda self, *arguments: {**real(self, *arguments), **late})
@@ -112,7 +112,7 @@ def be_behind(patch: pytest.MonkeyPatch) -> None:
         (ignore_invalid_positions, "/nav/nav_solution position not from gnss", Verdict.LATE),
         (believe_every_clock, f"{HEALTH}/gnss clock away", Verdict.MISSING),
         (tolerate_every_rate, f"{HEALTH}/spare wrong rate", Verdict.MISSING),
-        (never_hear_again, f"{HEALTH}/altimeter silent or noise", Verdict.STAYS),
+        (suppress_recovery, f"{HEALTH}/altimeter silent or noise", Verdict.STAYS),
     ],
 )
 def test_a_broken_daemon_fails_where_it_is_broken(
@@ -133,7 +133,7 @@ def test_a_daemon_that_raises_what_nothing_explains_fails(broken: Callable[[Brea
 
 
 def test_a_daemon_that_raises_no_alarm_fails(tmp_path: Path) -> None:
-    flight = short(({"kind": "gnss_outage", "devices": ("gnss",), "from_s": 15, "to_s": 20},))
+    flight = short_scenario(({"kind": "gnss_outage", "devices": ("gnss",), "from_s": 15, "to_s": 20},))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(AlarmList, "report", lambda self, report: None)
         session = session_of(flight, tmp_path)
@@ -150,14 +150,14 @@ def test_a_daemon_with_an_alarm_that_nothing_explains_fails(broken: Callable[[Br
 
 def test_a_daemon_whose_navigation_is_always_behind_fails(broken: Callable[[Break], Score]) -> None:
     """Whatever else it does: no computer is too slow for a flight that is computed as fast as it can be."""
-    score = broken(be_behind)
+    score = broken(delay_navigation)
     assert score.outcome is FlightOutcome.FAILED
     assert re.search("behind for (9[7-9]|100)% of the flight", as_text(score)[-1])
     assert {row.verdict for row in score.rows} == {Verdict.FOUND}
 
 
 def test_a_whole_daemon_holds(tmp_path: Path) -> None:
-    flight = short()
+    flight = short_scenario()
     score = score_of(flight, session_of(flight, tmp_path))
     assert score.holds, (score.unexpected, [row for row in score.rows if row.verdict is not Verdict.FOUND])
     assert {row.verdict for row in score.rows} == {Verdict.FOUND}
@@ -171,7 +171,7 @@ def broken(tmp_path_factory: pytest.TempPathFactory) -> Callable[[Break], Score]
 
     def fly(breaks: Break) -> Score:
         if breaks not in found:
-            flight = short()
+            flight = short_scenario()
             with pytest.MonkeyPatch.context() as patch:
                 breaks(patch)
                 session = session_of(flight, tmp_path_factory.mktemp("broken"))

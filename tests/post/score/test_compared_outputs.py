@@ -18,7 +18,7 @@ from fti.post.score.outcome import FlightOutcome
 from fti.post.score.outputs.row import OutputCheck
 from fti.post.score.rows import Verdict
 from tests.post.score.edited_sessions import DERIVED, copy_session, file_of, rewrite, with_content
-from tests.post.score.short_flight import CONFIG, score_of, session_of, short
+from tests.post.score.short_flight import CONFIG, score_of, session_of, short_scenario
 
 FROM_S, TO_S = 12.0, 26.0
 SECOND_NS = 1_000_000_000
@@ -55,7 +55,7 @@ WRONG_RAD = 40.0 / 6.371e6  # 40 m
 @pytest.fixture(scope="module", params=ON_GNSS, ids=lambda table: str(table["kind"]))
 def flight(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> tuple[Any, Path]:
     """A scenario with one fault, and its session."""
-    scenario = short(({"devices": ("gnss",), "from_s": FROM_S, "to_s": TO_S, **request.param},))
+    scenario = short_scenario(({"devices": ("gnss",), "from_s": FROM_S, "to_s": TO_S, **request.param},))
     return scenario, session_of(scenario, tmp_path_factory.mktemp("flown"), WITH_ATTITUDE)
 
 
@@ -73,8 +73,8 @@ def test_a_flight_that_the_fault_does_not_reach_holds(flight: tuple[Any, Path]) 
 
 
 def test_a_wrong_position_that_calls_itself_valid_meanwhile_fails(flight: tuple[Any, Path], tmp_path: Path) -> None:
-    scenario, flown = flight
-    begin_ns = score_of(scenario, flown).flight_truth.begin_ns
+    scenario, recorded = flight
+    begin_ns = score_of(scenario, recorded).flight_truth.begin_ns
 
     def moved(item: McapMessage) -> McapMessage:
         t = (item.log_time - begin_ns) / SECOND_NS
@@ -82,7 +82,7 @@ def test_a_wrong_position_that_calls_itself_valid_meanwhile_fails(flight: tuple[
             return item
         return with_content(item, lat=json.loads(item.data)["lat"] + WRONG_RAD)
 
-    session = copy_session(flown, tmp_path)
+    session = copy_session(recorded, tmp_path)
     rewrite(file_of(session, DERIVED), moved)
     score = score_of(scenario, session)
     assert score.outcome is FlightOutcome.FAILED

@@ -21,7 +21,7 @@ from fti.post.score.report import as_json, as_text
 from fti.post.score.rows import Verdict
 from fti.post.score.truth_reader import FlightPause, FlightTruth, merge_pauses
 from fti.post.score.truth_table import TruthTable
-from tests.post.score.short_flight import daemon_config, short
+from tests.post.score.short_flight import daemon_config, short_scenario
 
 HEIGHT = "/nav/height_above_ground/altimeter"
 CUT = {"kind": "cut", "devices": ("altimeter",), "from_s": 20.0, "to_s": 23.0}  # too short for health
@@ -29,7 +29,7 @@ STALE = frozenset({"stale"})
 NOTHING: Words = frozenset()
 
 
-def flown(end_s: float = 40.0, *pauses: FlightPause, bank_s: tuple[float, float] = (0.0, 0.0)) -> FlightTruth:
+def flight_truth(end_s: float = 40.0, *pauses: FlightPause, bank_s: tuple[float, float] = (0.0, 0.0)) -> FlightTruth:
     t = np.arange(0.0, end_s + 0.02, 0.04)
     roll = np.where((t > bank_s[0]) & (t < bank_s[1]), math.radians(40.0), 0.0)
     table = TruthTable(np.rint(1e9 * t).astype(np.int64), {})
@@ -42,7 +42,7 @@ def flown(end_s: float = 40.0, *pauses: FlightPause, bank_s: tuple[float, float]
     )
 
 
-def said(*statements: tuple[float, str, Words]) -> ObservedFlags:
+def observe(*statements: tuple[float, str, Words]) -> ObservedFlags:
     found = ObservedFlags()
     for t, place, words in statements:
         found.feed(t, place, words)
@@ -57,11 +57,11 @@ def setup(tmp_path: Path) -> Setup:
 
 def score(
     setup: Setup,
-    heard: ObservedFlags,
+    observed: ObservedFlags,
     flight: FlightTruth | None = None,
     faults: tuple[dict[str, object], ...] = (CUT,),
 ) -> Score:
-    return judge(short(faults), setup, flight or flown(), heard)
+    return judge(short_scenario(faults), setup, flight or flight_truth(), observed)
 
 
 def height_verdict(found: Score) -> Verdict:
@@ -69,34 +69,34 @@ def height_verdict(found: Score) -> Verdict:
 
 
 def test_a_flag_in_time_and_gone_in_time_is_found(setup: Setup) -> None:
-    found = score(setup, said((20.6, HEIGHT, STALE), (23.1, HEIGHT, NOTHING)))
+    found = score(setup, observe((20.6, HEIGHT, STALE), (23.1, HEIGHT, NOTHING)))
     (row,) = found.rows
     assert found.holds
     assert row.verdict is Verdict.FOUND
     assert (row.after_s, row.clear_s) == pytest.approx((0.6, 0.1))
 
 
-def test_nothing_said_is_a_miss(setup: Setup) -> None:
-    found = score(setup, said())
+def test_nothing_reported_is_a_miss(setup: Setup) -> None:
+    found = score(setup, observe())
     assert not found.holds
     assert height_verdict(found) is Verdict.MISSING
 
 
 def test_a_flag_of_another_place_is_a_miss_and_not_expected(setup: Setup) -> None:
     other = "/nav/height_above_ground/laser"
-    found = score(setup, said((20.6, other, STALE), (23.1, other, NOTHING)))
+    found = score(setup, observe((20.6, other, STALE), (23.1, other, NOTHING)))
     assert height_verdict(found) is Verdict.MISSING
     assert [one.place for one in found.unexpected] == [other]
 
 
 def test_a_flag_after_its_time_is_late(setup: Setup) -> None:
-    found = score(setup, said((20.9, HEIGHT, STALE), (23.1, HEIGHT, NOTHING)))
+    found = score(setup, observe((20.9, HEIGHT, STALE), (23.1, HEIGHT, NOTHING)))
     assert height_verdict(found) is Verdict.LATE
     assert not found.holds
 
 
 def test_a_flag_that_stays_does_not_clear_and_is_not_expected(setup: Setup) -> None:
-    found = score(setup, said((20.6, HEIGHT, STALE)))
+    found = score(setup, observe((20.6, HEIGHT, STALE)))
     assert height_verdict(found) is Verdict.STAYS
     (rest,) = found.unexpected
     assert (rest.word, rest.until_s) == ("stale", float("inf"))
@@ -104,35 +104,35 @@ def test_a_flag_that_stays_does_not_clear_and_is_not_expected(setup: Setup) -> N
 
 
 def test_a_flag_that_the_next_fault_raises_goes_with_that(setup: Setup) -> None:
-    heard = said((20.6, HEIGHT, STALE), (26.1, HEIGHT, NOTHING))
+    observed = observe((20.6, HEIGHT, STALE), (26.1, HEIGHT, NOTHING))
     at_once, later = ({**CUT, "from_s": from_s, "to_s": from_s + 3.0} for from_s in (23.0, 25.5))
-    assert score(setup, heard, faults=(CUT, at_once)).holds
-    assert height_verdict(score(setup, heard, faults=(CUT, later))) is Verdict.STAYS
+    assert score(setup, observed, faults=(CUT, at_once)).holds
+    assert height_verdict(score(setup, observed, faults=(CUT, later))) is Verdict.STAYS
 
 
 def test_a_flag_without_a_cause_is_not_expected(setup: Setup) -> None:
-    found = score(setup, said((12.0, HEIGHT, STALE), (12.5, HEIGHT, NOTHING)), faults=())
+    found = score(setup, observe((12.0, HEIGHT, STALE), (12.5, HEIGHT, NOTHING)), faults=())
     assert not found.holds
     assert [(one.from_s, one.until_s) for one in found.unexpected] == [(12.0, 12.5)]
 
 
 def test_what_the_flight_explains_is_expected(setup: Setup) -> None:
-    roll, banked = frozenset({"roll"}), flown(bank_s=(30.0, 32.0))
-    assert score(setup, said((30.1, HEIGHT, roll), (32.1, HEIGHT, NOTHING)), banked, faults=()).holds
-    assert not score(setup, said((27.1, HEIGHT, roll), (29.1, HEIGHT, NOTHING)), banked, faults=()).holds
+    roll, banked = frozenset({"roll"}), flight_truth(bank_s=(30.0, 32.0))
+    assert score(setup, observe((30.1, HEIGHT, roll), (32.1, HEIGHT, NOTHING)), banked, faults=()).holds
+    assert not score(setup, observe((27.1, HEIGHT, roll), (29.1, HEIGHT, NOTHING)), banked, faults=()).holds
 
 
 def test_a_deviation_is_expected_at_the_edge_in_the_beam_and_nowhere_else(setup: Setup) -> None:
-    flight, deviation = flown(), frozenset({"deviation"})
+    flight, deviation = flight_truth(), frozenset({"deviation"})
     nav = setup.config.nav.model_copy(update={"terrain": TerrainFiles(scene="demo_country")})
     setup = replace(setup, config=setup.config.model_copy(update={"nav": nav}))
     here = np.where(flight.truth.t < 30.0, 160.0, 180.0)
     over_wood = replace(flight, truth=replace(flight.truth, ranges={"altimeter": (here, here, here)}))
     for at_s, holds in ((29.92, True), (27.0, False), (33.0, False)):
-        heard = said((at_s, HEIGHT, deviation), (at_s + 0.12, HEIGHT, NOTHING))
-        assert score(setup, heard, over_wood, faults=()).holds is holds
-        assert not score(setup, heard, faults=()).holds
-    stays = said((29.92, HEIGHT, deviation), (31.5, HEIGHT, NOTHING))
+        observed = observe((at_s, HEIGHT, deviation), (at_s + 0.12, HEIGHT, NOTHING))
+        assert score(setup, observed, over_wood, faults=()).holds is holds
+        assert not score(setup, observed, faults=()).holds
+    stays = observe((29.92, HEIGHT, deviation), (31.5, HEIGHT, NOTHING))
     assert not score(setup, stays, over_wood, faults=()).holds
 
 
@@ -142,15 +142,15 @@ def test_a_deviation_is_expected_at_the_edge_in_the_beam_and_nowhere_else(setup:
 )
 def test_a_number_that_must_be_stated_is_looked_for(setup: Setup, sd: float, at_s: float, verdict: Verdict) -> None:
     worse = {"kind": "gnss_degraded", "devices": ("gnss",), "from_s": 20.0, "to_s": 30.0}
-    heard = said()
+    observed = observe()
     for axis in ("horizontal", "vertical"):
-        heard.values[f"/gnss/position.{axis}_sd"] = [(19.0, 2.0), (at_s, sd), (31.0, 2.0)]
-    found = score(setup, heard, faults=({**worse, "horizontal_m": 5.0, "vertical_m": 5.0},))
+        observed.values[f"/gnss/position.{axis}_sd"] = [(19.0, 2.0), (at_s, sd), (31.0, 2.0)]
+    found = score(setup, observed, faults=({**worse, "horizontal_m": 5.0, "vertical_m": 5.0},))
     assert {row.verdict for row in found.rows} == {verdict}
 
 
-def test_what_is_said_before_the_daemon_knows_anything_is_no_flag(setup: Setup) -> None:
-    assert score(setup, said((-1.0, HEIGHT, STALE), (3.0, HEIGHT, NOTHING)), faults=()).holds
+def test_what_is_reported_before_the_daemon_knows_anything_is_no_flag(setup: Setup) -> None:
+    assert score(setup, observe((-1.0, HEIGHT, STALE), (3.0, HEIGHT, NOTHING)), faults=()).holds
 
 
 @pytest.mark.parametrize(
@@ -170,8 +170,8 @@ def test_a_fault_explains_its_own_words_of_health(
 ) -> None:
     fault = {"kind": kind, "devices": ("spare",), "from_s": 20.0, "to_s": 21.0, **keys}
     health = "/fti/health/devices/spare"
-    heard = said((20.5, health, frozenset({word})), (21.5, health, NOTHING))
-    assert score(setup, heard, faults=(fault,)).holds is holds
+    observed = observe((20.5, health, frozenset({word})), (21.5, health, NOTHING))
+    assert score(setup, observed, faults=(fault,)).holds is holds
 
 
 def test_a_fault_does_not_explain_what_only_has_a_name_like_its_device(setup: Setup) -> None:
@@ -179,26 +179,28 @@ def test_a_fault_does_not_explain_what_only_has_a_name_like_its_device(setup: Se
     fault = {"kind": "cut", "devices": ("gnss",), "from_s": 20.0, "to_s": 21.0}
     for name, holds in (("nav", True), ("navigation", False)):
         place = f"/fti/event/{name}"
-        heard = said((20.5, place, frozenset({"restarted"})), (20.5, place, NOTHING))
-        assert (not score(setup, heard, faults=(fault,)).unexpected) is holds, name
+        observed = observe((20.5, place, frozenset({"restarted"})), (20.5, place, NOTHING))
+        assert (not score(setup, observed, faults=(fault,)).unexpected) is holds, name
 
 
 def test_a_warning_without_a_cause_is_not_expected(setup: Setup) -> None:
     event = frozenset({"failed and goes on"})
-    found = score(setup, said((12.0, "/fti/event/pipeline", event), (12.0, "/fti/event/pipeline", NOTHING)), faults=())
+    found = score(
+        setup, observe((12.0, "/fti/event/pipeline", event), (12.0, "/fti/event/pipeline", NOTHING)), faults=()
+    )
     assert [one.word for one in found.unexpected] == ["failed and goes on"]
 
 
-def test_what_was_not_flown_is_not_judged(setup: Setup) -> None:
-    found = score(setup, said(), flown(20.5))
+def test_what_was_not_flown_is_not_scored(setup: Setup) -> None:
+    found = score(setup, observe(), flight_truth(20.5))
     assert found.holds
     assert height_verdict(found) is Verdict.NOT_FLOWN
 
 
 def test_a_pause_of_the_machine_is_allowed_for(setup: Setup) -> None:
-    late = said((20.9, HEIGHT, STALE), (23.1, HEIGHT, NOTHING))
-    assert height_verdict(score(setup, late, flown(40.0, FlightPause(20.2, 20.5)))) is Verdict.FOUND
-    assert height_verdict(score(setup, late, flown(40.0, FlightPause(2.0, 2.3)))) is Verdict.LATE
+    late = observe((20.9, HEIGHT, STALE), (23.1, HEIGHT, NOTHING))
+    assert height_verdict(score(setup, late, flight_truth(40.0, FlightPause(20.2, 20.5)))) is Verdict.FOUND
+    assert height_verdict(score(setup, late, flight_truth(40.0, FlightPause(2.0, 2.3)))) is Verdict.LATE
 
 
 @pytest.mark.parametrize(
@@ -210,15 +212,15 @@ def test_a_pause_of_the_machine_is_allowed_for(setup: Setup) -> None:
         ("/nav/clearance_integrity", "alert", 14.0),
     ],
 )
-def test_so_long_after_a_pause_flags_are_not_judged(setup: Setup, place: str, word: str, seconds: float) -> None:
-    late = flown(60.0, FlightPause(20.0, 20.5))
+def test_so_long_after_a_pause_flags_are_not_scored(setup: Setup, place: str, word: str, seconds: float) -> None:
+    late = flight_truth(60.0, FlightPause(20.0, 20.5))
     for until_s, holds in ((20.5 + seconds, True), (20.6 + seconds, False)):
-        heard = said((20.2, place, frozenset({word})), (until_s, place, NOTHING))
-        assert score(setup, heard, late, faults=()).holds is holds
+        observed = observe((20.2, place, frozenset({word})), (until_s, place, NOTHING))
+        assert score(setup, observed, late, faults=()).holds is holds
 
 
-def test_a_miss_in_a_pause_is_told_as_such_and_shows_nothing(setup: Setup) -> None:
-    found = score(setup, said(), flown(40.0, FlightPause(20.0, 22.0)))
+def test_a_miss_in_a_pause_is_reported_as_such_and_shows_nothing(setup: Setup) -> None:
+    found = score(setup, observe(), flight_truth(40.0, FlightPause(20.0, 22.0)))
     assert height_verdict(found) is Verdict.LATE_BENCH
     assert found.outcome is FlightOutcome.NOT_PROVED
     assert as_text(found)[-1].startswith("proves nothing: 0 of 0")
@@ -226,39 +228,39 @@ def test_a_miss_in_a_pause_is_told_as_such_and_shows_nothing(setup: Setup) -> No
 
 def test_a_pause_behind_the_time_of_a_flag_is_no_excuse(setup: Setup) -> None:
     cut = {**CUT, "to_s": 30.0}
-    for heard in (said(), said((25.0, HEIGHT, STALE), (30.1, HEIGHT, NOTHING))):
-        verdict = height_verdict(score(setup, heard, flown(40.0, FlightPause(22.0, 22.2)), faults=(cut,)))
-        assert verdict is (Verdict.LATE if heard.spans else Verdict.MISSING)
+    for observed in (observe(), observe((25.0, HEIGHT, STALE), (30.1, HEIGHT, NOTHING))):
+        verdict = height_verdict(score(setup, observed, flight_truth(40.0, FlightPause(22.0, 22.2)), faults=(cut,)))
+        assert verdict is (Verdict.LATE if observed.spans else Verdict.MISSING)
 
 
 def test_a_pause_before_a_cause_excuses_that_its_flag_is_late_and_not_that_it_never_comes(setup: Setup) -> None:
     """The flag is due 0.8 s after the cause, and a window of 5 s begins anew behind the pause."""
-    cut, late = {**CUT, "to_s": 30.0}, flown(40.0, FlightPause(19.0, 19.2))
+    cut, late = {**CUT, "to_s": 30.0}, flight_truth(40.0, FlightPause(19.0, 19.2))
     expected = {24.9: Verdict.LATE_BENCH, 25.2: Verdict.LATE}
     for came_s, verdict in expected.items():
-        heard = said((came_s, HEIGHT, STALE), (30.1, HEIGHT, NOTHING))
-        assert height_verdict(score(setup, heard, late, (cut,))) is verdict
-    assert height_verdict(score(setup, said(), late, (cut,))) is Verdict.MISSING
-    short = {**CUT, "to_s": 24.0}
-    assert height_verdict(score(setup, said(), late, (short,))) is Verdict.LATE_BENCH
+        observed = observe((came_s, HEIGHT, STALE), (30.1, HEIGHT, NOTHING))
+        assert height_verdict(score(setup, observed, late, (cut,))) is verdict
+    assert height_verdict(score(setup, observe(), late, (cut,))) is Verdict.MISSING
+    cut = {**CUT, "to_s": 24.0}
+    assert height_verdict(score(setup, observe(), late, (cut,))) is Verdict.LATE_BENCH
 
 
 def test_a_pause_before_a_cause_ends_excuses_that_its_flag_stays(setup: Setup) -> None:
-    heard = said((20.6, HEIGHT, STALE), (26.0, HEIGHT, NOTHING))
-    assert height_verdict(score(setup, heard, flown(40.0, FlightPause(22.5, 22.7)))) is Verdict.LATE_BENCH
-    assert height_verdict(score(setup, heard, flown(40.0, FlightPause(10.0, 10.2)))) is Verdict.STAYS
+    observed = observe((20.6, HEIGHT, STALE), (26.0, HEIGHT, NOTHING))
+    assert height_verdict(score(setup, observed, flight_truth(40.0, FlightPause(22.5, 22.7)))) is Verdict.LATE_BENCH
+    assert height_verdict(score(setup, observed, flight_truth(40.0, FlightPause(10.0, 10.2)))) is Verdict.STAYS
 
 
-def test_what_nobody_knows_yet_is_told(setup: Setup) -> None:
+def test_what_nobody_knows_yet_is_reported(setup: Setup) -> None:
     stuck = {"kind": "stuck", "devices": ("altimeter",), "from_s": 20.0, "to_s": 23.0}
-    found = score(setup, said(), faults=(stuck,))
+    found = score(setup, observe(), faults=(stuck,))
     assert found.holds
     assert [row.verdict for row in found.rows] == [Verdict.UNKNOWN]
     assert "not known yet" in "\n".join(as_text(found))
 
 
 @pytest.mark.parametrize(
-    ("value", "heard", "verdict"),
+    ("value", "observed", "verdict"),
     [
         (10.0, 10.4, Verdict.FOUND),
         (10.0, 10.6, Verdict.MISSING),
@@ -273,12 +275,12 @@ def test_what_nobody_knows_yet_is_told(setup: Setup) -> None:
         ("stale", [], Verdict.MISSING),
     ],
 )
-def test_expected_values(setup: Setup, value: object, heard: object, verdict: Verdict) -> None:
+def test_expected_values(setup: Setup, value: object, observed: object, verdict: Verdict) -> None:
     expectation = {"channel": "/nav/x.y", "at_s": 20.0, "value": value, "plus": 0.5, "minus": 0.25, "within_s": 1.0}
-    flight: Scenario = short((), expect=(expectation,))
-    heard_at_20 = ObservedFlags()
-    heard_at_20.values["/nav/x.y"] = [(19.9, value), (20.5, heard), (21.1, value)]
-    found = judge(flight, setup, flown(), heard_at_20)
+    flight: Scenario = short_scenario((), expect=(expectation,))
+    observed_at_20 = ObservedFlags()
+    observed_at_20.values["/nav/x.y"] = [(19.9, value), (20.5, observed), (21.1, value)]
+    found = judge(flight, setup, flight_truth(), observed_at_20)
     assert found.expected[0].verdict is verdict
     assert found.holds is (verdict is Verdict.FOUND)
 
@@ -289,20 +291,20 @@ def test_pauses_that_touch_are_one() -> None:
 
 
 def test_a_status_that_is_not_repeated_ends() -> None:
-    heard = said((20.0, "/pickups/device_status", frozenset({"lost"})), (30.0, "/pickups/device_status", NOTHING))
-    (span,) = heard.at("/pickups/", ["lost"])
+    observed = observe((20.0, "/pickups/device_status", frozenset({"lost"})), (30.0, "/pickups/device_status", NOTHING))
+    (span,) = observed.intervals("/pickups/", ["lost"])
     assert (span.from_s, span.until_s) == (20.0, 22.0)
 
 
 def test_for_programs_it_is_the_same(setup: Setup) -> None:
-    told = as_json(score(setup, said((20.6, HEIGHT, STALE))))
-    assert told["holds"] is False
-    assert [row["verdict"] for row in told["rows"]] == ["does not clear"]
-    assert told["unexpected"][0]["until_s"] is None
+    content = as_json(score(setup, observe((20.6, HEIGHT, STALE))))
+    assert content["holds"] is False
+    assert [row["verdict"] for row in content["rows"]] == ["does not clear"]
+    assert content["unexpected"][0]["until_s"] is None
 
 
 @pytest.mark.parametrize(
-    ("began_s", "real_time", "unexpected"),
+    ("first_report_s", "real_time", "unexpected"),
     [
         (1.0, True, True),
         (5.0, True, True),
@@ -318,22 +320,24 @@ def test_the_start_ends_a_window_after_navigation_began_or_had_to(
 ) -> None:
     """An accelerated flight has no start; no other takes longer than it may."""
     health, wrong = "/fti/health/devices/spare", frozenset({"wrong rate"})
-    heard = said((11.5, health, wrong), (12.5, health, NOTHING), (20.0, health, wrong), (21.0, health, NOTHING))
-    heard.first_report_s = first_report_s
-    found = score(setup, heard, replace(flown(), real_time=real_time), faults=())
+    observed = observe((11.5, health, wrong), (12.5, health, NOTHING), (20.0, health, wrong), (21.0, health, NOTHING))
+    observed.first_report_s = first_report_s
+    found = score(setup, observed, replace(flight_truth(), real_time=real_time), faults=())
     assert [one.from_s for one in found.unexpected] == ([11.5, 20.0] if unexpected else [20.0])
 
 
-def test_what_is_said_while_the_daemon_waits_for_the_flight_is_not_judged(setup: Setup) -> None:
+def test_what_is_reported_while_the_daemon_waits_for_the_flight_is_not_scored(setup: Setup) -> None:
     link, silent = "/fti/health/links/spare", frozenset({"silent"})
     for until_s, holds in ((1.0, True), (7.0, False)):
-        heard = said((-163.0, link, silent), (-92.0, link, NOTHING), (-5.0, link, silent), (until_s, link, NOTHING))
-        heard.first_report_s = -188.0
-        assert score(setup, heard, faults=()).holds is holds, until_s
+        observed = observe(
+            (-163.0, link, silent), (-92.0, link, NOTHING), (-5.0, link, silent), (until_s, link, NOTHING)
+        )
+        observed.first_report_s = -188.0
+        assert score(setup, observed, faults=()).holds is holds, until_s
 
 
 @pytest.mark.parametrize(
-    ("began_s", "from_s", "verdict"),
+    ("first_report_s", "from_s", "verdict"),
     [
         (6.0, 5.0, Verdict.START),
         (6.0, 6.5, Verdict.MISSING),
@@ -343,54 +347,54 @@ def test_what_is_said_while_the_daemon_waits_for_the_flight_is_not_judged(setup:
         (math.inf, 11.0, Verdict.MISSING),
     ],
 )
-def test_a_duty_in_the_start_is_not_judged_and_a_later_one_is(
+def test_a_required_flag_in_the_start_is_not_scored_and_a_later_one_is(
     setup: Setup, first_report_s: float, from_s: float, verdict: Verdict
 ) -> None:
     """However long the unit took: a start that is longer than it may be excuses nothing."""
-    heard = said()
-    heard.first_report_s = first_report_s
+    observed = observe()
+    observed.first_report_s = first_report_s
     cut = {**CUT, "from_s": from_s, "to_s": from_s + 3.0}
-    found = score(setup, heard, faults=(cut,))
+    found = score(setup, observed, faults=(cut,))
     assert height_verdict(found) is verdict
-    assert height_verdict(score(setup, heard, replace(flown(), real_time=False), (cut,))) is Verdict.MISSING
+    assert height_verdict(score(setup, observed, replace(flight_truth(), real_time=False), (cut,))) is Verdict.MISSING
 
 
 @pytest.mark.parametrize(
-    ("began_s", "real_time", "holds"), [(9.9, True, True), (10.1, True, False), (0.1, False, False)]
+    ("first_report_s", "real_time", "holds"), [(9.9, True, True), (10.1, True, False), (0.1, False, False)]
 )
 def test_a_unit_that_begins_too_late_fails(setup: Setup, first_report_s: float, real_time: bool, holds: bool) -> None:
-    heard = said()
-    heard.first_report_s = first_report_s
-    found = score(setup, heard, replace(flown(), real_time=real_time), faults=())
+    observed = observe()
+    observed.first_report_s = first_report_s
+    found = score(setup, observed, replace(flight_truth(), real_time=real_time), faults=())
     assert found.outcome is (FlightOutcome.HOLDS if holds else FlightOutcome.FAILED)
 
 
 def test_a_navigation_that_never_begins_fails(setup: Setup) -> None:
-    heard = said()
-    heard.first_report_s = math.inf
-    found = score(setup, heard, faults=())
+    observed = observe()
+    observed.first_report_s = math.inf
+    found = score(setup, observed, faults=())
     assert found.outcome is FlightOutcome.FAILED
-    assert "said nothing of itself" in as_text(found)[-1]
+    assert "no report of navigation" in as_text(found)[-1]
 
 
 @pytest.mark.parametrize(("behind_s", "holds"), [(7.9, True), (8.1, False), (40.0, False)])
 def test_navigation_that_is_behind_excuses_nothing_and_fails_by_itself(
     setup: Setup, behind_s: float, holds: bool
 ) -> None:
-    heard = said()
-    heard.lag_intervals.append(FlightPause(0.0, behind_s))
-    assert score(setup, heard, faults=()).holds is holds
-    assert height_verdict(score(setup, heard)) is Verdict.MISSING
+    observed = observe()
+    observed.lag_intervals.append(FlightPause(0.0, behind_s))
+    assert score(setup, observed, faults=()).holds is holds
+    assert height_verdict(score(setup, observed)) is Verdict.MISSING
 
 
 def test_navigation_may_be_behind_where_the_bench_was_late_and_while_it_starts(setup: Setup) -> None:
-    heard = said()
-    heard.lag_intervals.append(FlightPause(0.0, 14.9))
-    heard.first_report_s = 10.0
-    assert score(setup, heard, faults=()).holds
-    heard.lag_intervals.append(FlightPause(20.0, 29.0))
-    assert not score(setup, heard, faults=()).holds
-    assert score(setup, heard, flown(40.0, FlightPause(20.0, 24.0)), faults=()).holds
+    observed = observe()
+    observed.lag_intervals.append(FlightPause(0.0, 14.9))
+    observed.first_report_s = 10.0
+    assert score(setup, observed, faults=()).holds
+    observed.lag_intervals.append(FlightPause(20.0, 29.0))
+    assert not score(setup, observed, faults=()).holds
+    assert score(setup, observed, flight_truth(40.0, FlightPause(20.0, 24.0)), faults=()).holds
 
 
 @pytest.mark.parametrize(
@@ -409,17 +413,17 @@ def test_navigation_may_be_behind_where_the_bench_was_late_and_while_it_starts(s
 def test_missing_ticks_excuse_nothing_and_fail_by_themselves(
     setup: Setup, gaps: list[tuple[float, float]], ticks: tuple[float, float], holds: bool
 ) -> None:
-    heard = said()
-    heard.tick_gaps, heard.ticks = [FlightPause(*gap) for gap in gaps], ticks
-    assert score(setup, heard, faults=()).holds is holds
-    assert height_verdict(score(setup, heard)) is Verdict.MISSING
+    observed = observe()
+    observed.tick_gaps, observed.ticks = [FlightPause(*gap) for gap in gaps], ticks
+    assert score(setup, observed, faults=()).holds is holds
+    assert height_verdict(score(setup, observed)) is Verdict.MISSING
 
 
 def test_ticks_may_be_missing_where_the_bench_was_late(setup: Setup) -> None:
-    heard = said()
-    heard.tick_gaps = [FlightPause(20.0, 22.5)]
-    assert not score(setup, heard, faults=()).holds
-    assert score(setup, heard, flown(40.0, FlightPause(20.0, 22.4)), faults=()).holds
+    observed = observe()
+    observed.tick_gaps = [FlightPause(20.0, 22.5)]
+    assert not score(setup, observed, faults=()).holds
+    assert score(setup, observed, flight_truth(40.0, FlightPause(20.0, 22.4)), faults=()).holds
 
 
 @pytest.mark.parametrize(
@@ -437,42 +441,42 @@ def test_ticks_may_be_missing_where_the_bench_was_late(setup: Setup) -> None:
 def test_a_bench_that_is_late_for_too_much_proves_nothing(
     setup: Setup, pauses: list[FlightPause], outcome: FlightOutcome
 ) -> None:
-    assert score(setup, said(), flown(100.0, *pauses), faults=()).outcome is outcome
+    assert score(setup, observe(), flight_truth(100.0, *pauses), faults=()).outcome is outcome
 
 
 def test_a_miss_is_a_miss_however_late_the_bench_was_elsewhere(setup: Setup) -> None:
-    found = score(setup, said(), flown(40.0, FlightPause(26.0, 39.0)))
+    found = score(setup, observe(), flight_truth(40.0, FlightPause(26.0, 39.0)))
     assert height_verdict(found) is Verdict.MISSING
     assert found.outcome is FlightOutcome.FAILED
     assert found.bench.verdict is Verdict.LATE_BENCH
 
 
-def test_a_flight_in_which_nothing_is_judged_proves_nothing(setup: Setup) -> None:
-    assert score(setup, said(), flown(4.0), faults=()).outcome is FlightOutcome.NOT_PROVED
-    assert score(setup, said(), flown(6.0), faults=()).outcome is FlightOutcome.HOLDS
+def test_a_flight_in_which_nothing_is_scored_proves_nothing(setup: Setup) -> None:
+    assert score(setup, observe(), flight_truth(4.0), faults=()).outcome is FlightOutcome.NOT_PROVED
+    assert score(setup, observe(), flight_truth(6.0), faults=()).outcome is FlightOutcome.HOLDS
 
 
-def test_how_much_was_excused_is_told(setup: Setup) -> None:
-    found = score(setup, said(), flown(40.0, FlightPause(10.0, 11.0), FlightPause(15.0, 18.0)), faults=())
-    told = as_json(found)["excused"]
-    assert (told["share"], told["number"], told["longest_s"]) == (pytest.approx(0.1), 2, 3.0)
-    assert "late 2 times, at most for 3.00 s, together for 10.0% of the flight" in "\n".join(as_text(found))
+def test_how_much_was_excused_is_reported(setup: Setup) -> None:
+    found = score(setup, observe(), flight_truth(40.0, FlightPause(10.0, 11.0), FlightPause(15.0, 18.0)), faults=())
+    content = as_json(found)["excused"]
+    assert (content["share"], content["number"], content["longest_s"]) == (pytest.approx(0.1), 2, 3.0)
+    assert "late 2 times, at most 3.00 s, in total 10.0% of the flight" in "\n".join(as_text(found))
 
 
-def test_when_navigation_began_is_told(setup: Setup) -> None:
-    heard = said()
-    heard.first_report_s = 12.3
-    found = score(setup, heard, faults=())
-    assert "first word after 12.3 s" in "\n".join(as_text(found))
+def test_when_navigation_began_is_reported(setup: Setup) -> None:
+    observed = observe()
+    observed.first_report_s = 12.3
+    found = score(setup, observed, faults=())
+    assert "first report of navigation after 12.3 s" in "\n".join(as_text(found))
     assert as_json(found)["began_s"] == 12.3
 
 
-@pytest.mark.parametrize(("spoke_s", "holds"), [(39.0, True), (35.5, True), (24.0, False)])
+@pytest.mark.parametrize(("last_report_s", "holds"), [(39.0, True), (35.5, True), (24.0, False)])
 def test_a_navigation_that_is_gone_when_the_flight_ends_fails(setup: Setup, last_report_s: float, holds: bool) -> None:
     """However much of the flight was before; that it is behind since then excuses nothing."""
-    heard = said()
-    heard.last_report_s = last_report_s
-    heard.lag_intervals.append(FlightPause(last_report_s, 40.0))
-    found = score(setup, heard, faults=())
+    observed = observe()
+    observed.last_report_s = last_report_s
+    observed.lag_intervals.append(FlightPause(last_report_s, 40.0))
+    found = score(setup, observed, faults=())
     assert found.holds is holds
-    assert ("said nothing for the last 16 s" in as_text(found)[-1]) is not holds
+    assert ("no report of navigation in the last 16 s" in as_text(found)[-1]) is not holds

@@ -19,24 +19,24 @@ from fti.post.score.rows import Verdict
 from fti.post.score.truth_reader import read_flight_truth
 from fti.post.score.unit_findings import MAX_BEHIND_SHARE
 from tests.post.score.edited_sessions import DERIVED, RAW, TRUTH, Change, copy_session, file_of, rewrite, with_content
-from tests.post.score.short_flight import score_of, session_of, short
+from tests.post.score.short_flight import score_of, session_of, short_scenario
 
 FROM_S, TO_S = 10.0, 13.0
-SCENARIO = short(({"kind": "cut", "devices": ("altimeter",), "from_s": FROM_S, "to_s": TO_S},))
+SCENARIO = short_scenario(({"kind": "cut", "devices": ("altimeter",), "from_s": FROM_S, "to_s": TO_S},))
 SECOND_NS = 1_000_000_000
 Seconds = Callable[[McapMessage], float]
 
 
 @pytest.fixture(scope="module")
-def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The session of the flight."""
     return session_of(SCENARIO, tmp_path_factory.mktemp("flown"))
 
 
 @pytest.fixture
-def hidden(flown: Path, tmp_path: Path) -> Path:
+def hidden(recorded: Path, tmp_path: Path) -> Path:
     """The same without the flag."""
-    session = copy_session(flown, tmp_path)
+    session = copy_session(recorded, tmp_path)
     rewrite(file_of(session, DERIVED), without_stale)
     return session
 
@@ -74,8 +74,8 @@ def late_rows(seconds: Seconds, spans: list[tuple[float, float]]) -> Change:
     return change
 
 
-def test_the_flight_holds_and_is_known_to_be_accelerated(flown: Path) -> None:
-    score = score_of(SCENARIO, flown)
+def test_the_flight_holds_and_is_known_to_be_accelerated(recorded: Path) -> None:
+    score = score_of(SCENARIO, recorded)
     assert score.outcome is FlightOutcome.HOLDS
     assert not score.flight_truth.real_time
 
@@ -84,7 +84,7 @@ def test_a_hidden_flag_is_a_miss(hidden: Path) -> None:
     assert verdict(score_of(SCENARIO, hidden)) is Verdict.MISSING
 
 
-def test_a_unit_that_calls_itself_late_is_not_excused(flown: Path, hidden: Path) -> None:
+def test_a_unit_that_calls_itself_late_is_not_excused(recorded: Path, hidden: Path) -> None:
     """Throughout the flight: that is a failure of its own."""
 
     def late(item: McapMessage) -> McapMessage:
@@ -111,8 +111,8 @@ def test_missing_ticks_do_not_excuse(hidden: Path) -> None:
     assert [finding.name for finding in score.findings if finding.verdict is Verdict.FAILS] == ["recorder"]
 
 
-def test_a_session_without_any_tick_fails(flown: Path, tmp_path: Path) -> None:
-    session = copy_session(flown, tmp_path)
+def test_a_session_without_any_tick_fails(recorded: Path, tmp_path: Path) -> None:
+    session = copy_session(recorded, tmp_path)
     rewrite(file_of(session, RAW), lambda item: None if item.topic.name == "/fti/tick" else item)
     assert score_of(SCENARIO, session).outcome is FlightOutcome.FAILED
 
@@ -163,8 +163,8 @@ def test_an_accelerated_flight_has_no_excuse(hidden: Path) -> None:
     assert (score.flight_truth.real_time, score.flight_truth.pauses) == (False, ())
 
 
-def test_a_flight_that_goes_on_is_judged_as_far_as_its_truth_was_read(flown: Path, tmp_path: Path) -> None:
-    session = copy_session(flown, tmp_path)
+def test_a_flight_that_goes_on_is_scored_as_far_as_its_truth_was_read(recorded: Path, tmp_path: Path) -> None:
+    session = copy_session(recorded, tmp_path)
     truth, seconds = file_of(session, TRUTH), in_flight(session)
     whole = truth.read_bytes()
     rewrite(truth, lambda item: None if is_later(item, seconds) else item)
@@ -175,8 +175,8 @@ def test_a_flight_that_goes_on_is_judged_as_far_as_its_truth_was_read(flown: Pat
     assert evidence.table.duration_s == pytest.approx(evidence.truth.end_s)
 
 
-def test_a_flight_without_its_end_proves_nothing(flown: Path, tmp_path: Path) -> None:
-    session = copy_session(flown, tmp_path)
+def test_a_flight_without_its_end_proves_nothing(recorded: Path, tmp_path: Path) -> None:
+    session = copy_session(recorded, tmp_path)
     seconds = in_flight(session)
     rewrite(file_of(session, TRUTH), lambda item: None if is_later(item, seconds) else item)
     score = score_of(SCENARIO, session)

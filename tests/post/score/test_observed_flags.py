@@ -19,12 +19,12 @@ DAMAGED = "damaged bytes"
 def words(*skipped: dict[str, int]) -> list[bool]:
     """Whether each of a row of health reports calls the altimeter's bytes damaged."""
     reader = FlagReader(configuration.load(ROOT / "configs" / "demo.toml"))
-    said = []
+    observed = []
     for counts in skipped:
         device = {"state": "good", "clocks": [], "skipped": counts}
         ((_, found),) = reader._health({"devices": {"altimeter": device}, "links": {}})
-        said.append(DAMAGED in found)
-    return said
+        observed.append(DAMAGED in found)
+    return observed
 
 
 @pytest.mark.parametrize(
@@ -43,9 +43,9 @@ def test_damaged_is_what_is_refused_but_not_one_message_in_two_pieces(counts: di
 
 def test_navigation_began_with_its_first_word_and_was_behind_by_its_lag() -> None:
     reader = FlagReader(configuration.load(ROOT / "configs" / "demo.toml"))
-    said = ObservedFlags(first_report_s=math.inf)
+    observed = ObservedFlags(first_report_s=math.inf)
     silent = {"lag_ms": 4000.0, "hint": "navigation has said nothing for 4 s"}
     for t, navigation in ((1.0, {}), (9.0, {"lag_ms": 800.0}), (10.0, {"lag_ms": 20.0}), (14.0, silent)):
-        reader.lag(t, json.dumps({"navigation": navigation}).encode(), said)
-    assert (said.first_report_s, said.last_report_s) == (9.0, 10.0)
-    assert said.lag_intervals == [FlightPause(8.2, 9.0), FlightPause(10.0, 14.0)]
+        reader.lag(t, json.dumps({"navigation": navigation}).encode(), observed)
+    assert (observed.first_report_s, observed.last_report_s) == (9.0, 10.0)
+    assert observed.lag_intervals == [FlightPause(8.2, 9.0), FlightPause(10.0, 14.0)]

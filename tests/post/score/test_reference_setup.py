@@ -20,7 +20,7 @@ from fti.post.score.report import as_text
 from fti.post.score.rows import CONFIGURATION, Verdict
 from tests.helpers import ROOT
 from tests.post.score.edited_sessions import DERIVED, RAW, TRUTH, copy_session, file_of, rewrite
-from tests.post.score.short_flight import CONFIG, score_of, session_of, short
+from tests.post.score.short_flight import CONFIG, score_of, session_of, short_scenario
 
 CUT = ({"kind": "cut", "devices": ("altimeter",), "from_s": 10.0, "to_s": 13.0},)
 DOUBLED = ({"kind": "duplicated", "devices": ("spare",), "from_s": 8.0, "to_s": 15.5},)
@@ -29,9 +29,9 @@ SPARE = CONFIG[CONFIG.index('[[device]]\nname = "spare"') : CONFIG.index("[nav]"
 
 
 @pytest.fixture(scope="module")
-def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The session of a flight; the configuration that its scenario names is not to be had."""
-    return session_of(short(CUT), tmp_path_factory.mktemp("flown"))
+    return session_of(short_scenario(CUT), tmp_path_factory.mktemp("flown"))
 
 
 def recorded_with(session: Path, out: Path, text: str) -> Path:
@@ -47,8 +47,8 @@ def differing(score: Score) -> list[str]:
     return [one.name for one in score.findings if one.about == CONFIGURATION and one.verdict is Verdict.FAILS]
 
 
-def test_the_truth_has_the_configuration_that_was_played(flown: Path) -> None:
-    attachments = McapFile(file_of(flown, TRUTH)).head().attachments
+def test_the_truth_has_the_configuration_that_was_played(recorded: Path) -> None:
+    attachments = McapFile(file_of(recorded, TRUTH)).head().attachments
     assert attachments[CONFIG_ATTACHMENT].decode() == CONFIG
 
 
@@ -71,12 +71,12 @@ UNSTATED = ("nav.unstated_sd.inertial", "nav.unstated_sd.satellites")
     ],
 )
 def test_another_configuration_is_a_miss_and_its_keys_are_named(
-    flown: Path, tmp_path: Path, old: str, new: str, keys: list[str]
+    recorded: Path, tmp_path: Path, old: str, new: str, keys: list[str]
 ) -> None:
     text = CONFIG.replace(old, new)
     if '"other"' in new or old == SPARE:  # the roles go with the device
         text = text.replace('position = ["gnss", "spare"]', 'position = ["gnss"]')
-    score = score_of(short(CUT), recorded_with(flown, tmp_path, text))
+    score = score_of(short_scenario(CUT), recorded_with(recorded, tmp_path, text))
     assert differing(score) == keys
     assert score.outcome is FlightOutcome.FAILED
     assert f"{keys[0]}: " in as_text(score)[-1]
@@ -92,15 +92,15 @@ def test_another_configuration_is_a_miss_and_its_keys_are_named(
         ("rate_hz = 10\n", "rate_hz = 10.0\nlatency_ms = 0.0\n"),
     ],
 )
-def test_ports_names_and_pages_may_differ(flown: Path, tmp_path: Path, old: str, new: str) -> None:
+def test_ports_names_and_pages_may_differ(recorded: Path, tmp_path: Path, old: str, new: str) -> None:
     assert CONFIG.replace(old, new) != CONFIG
-    score = score_of(short(CUT), recorded_with(flown, tmp_path, CONFIG.replace(old, new)))
+    score = score_of(short_scenario(CUT), recorded_with(recorded, tmp_path, CONFIG.replace(old, new)))
     assert differing(score) == []
     assert score.outcome is FlightOutcome.HOLDS
 
 
-def test_a_configuration_that_is_wrong_is_a_miss(flown: Path, tmp_path: Path) -> None:
-    score = score_of(short(CUT), recorded_with(flown, tmp_path, CONFIG.replace("rate_hz", "rate")))
+def test_a_configuration_that_is_wrong_is_a_miss(recorded: Path, tmp_path: Path) -> None:
+    score = score_of(short_scenario(CUT), recorded_with(recorded, tmp_path, CONFIG.replace("rate_hz", "rate")))
     assert score.outcome is FlightOutcome.FAILED
 
 
@@ -136,10 +136,10 @@ def test_of_a_file_the_content_counts_and_not_where_it_lies(tmp_path: Path) -> N
     assert [key for key, *_ in differences(setup, config, texts)] == ["nav.approach.profile"]
 
 
-def test_the_configuration_that_the_user_gives_is_not_compared(flown: Path, tmp_path: Path) -> None:
+def test_the_configuration_that_the_user_gives_is_not_compared(recorded: Path, tmp_path: Path) -> None:
     (tmp_path / "given.toml").write_text(CONFIG)
-    session = recorded_with(flown, tmp_path, CONFIG.replace("rate_hz = 10\n", ""))
-    score = score_of(short(CUT), session, other_setup(str(tmp_path / "given.toml")))
+    session = recorded_with(recorded, tmp_path, CONFIG.replace("rate_hz = 10\n", ""))
+    score = score_of(short_scenario(CUT), session, other_setup(str(tmp_path / "given.toml")))
     assert score.outcome is FlightOutcome.HOLDS
     assert "--config" in as_text(score)[-1]
 
@@ -147,10 +147,10 @@ def test_the_configuration_that_the_user_gives_is_not_compared(flown: Path, tmp_
 # ------------------------------------------------------------------------------------------------ older truth files
 
 
-def test_an_older_truth_is_judged_by_the_configuration_of_the_scenario(flown: Path, tmp_path: Path) -> None:
+def test_an_older_truth_is_scored_by_the_configuration_of_the_scenario(recorded: Path, tmp_path: Path) -> None:
     (tmp_path / "own.toml").write_text(CONFIG)
-    scenario = short(CUT, config=str(tmp_path / "own.toml"))
-    session = recorded_with(flown, tmp_path, CONFIG)
+    scenario = short_scenario(CUT, config=str(tmp_path / "own.toml"))
+    session = recorded_with(recorded, tmp_path, CONFIG)
     rewrite(file_of(session, TRUTH), attachments={CONFIG_ATTACHMENT: None})
     assert score_of(scenario, session).outcome is FlightOutcome.HOLDS
     for kind in (RAW, DERIVED):
@@ -158,7 +158,7 @@ def test_an_older_truth_is_judged_by_the_configuration_of_the_scenario(flown: Pa
     score = score_of(scenario, session)
     assert differing(score) == ["nav.altimeters"]
     with pytest.raises(MissingError):
-        score_of(short(CUT), session)
+        score_of(short_scenario(CUT), session)
 
 
 # -------------------------------------------------------------------------------------------------- roles that vanish
@@ -167,7 +167,7 @@ def test_an_older_truth_is_judged_by_the_configuration_of_the_scenario(flown: Pa
 def own(tmp_path: Path, text: str, faults: tuple[dict[str, object], ...]) -> Scenario:
     """A scenario that names a configuration with this text."""
     (tmp_path / "own.toml").write_text(text)
-    return short(faults, config=str(tmp_path / "own.toml"))
+    return short_scenario(faults, config=str(tmp_path / "own.toml"))
 
 
 @pytest.mark.parametrize(
@@ -178,7 +178,7 @@ def own(tmp_path: Path, text: str, faults: tuple[dict[str, object], ...]) -> Sce
         (CUT, "max_age_ms = 500\n", "max_age_ms = 5000\n", "/nav/height_above_ground/altimeter stale"),
     ],
 )
-def test_a_duty_that_vanishes_is_a_miss_where_the_scenario_needs_it(
+def test_a_required_flag_that_vanishes_is_a_miss_where_the_scenario_needs_it(
     tmp_path: Path, faults: tuple[dict[str, object], ...], old: str, new: str, flag: str
 ) -> None:
     played = CONFIG.replace(old, new)
@@ -191,7 +191,7 @@ def test_a_duty_that_vanishes_is_a_miss_where_the_scenario_needs_it(
     assert score_of(own(tmp_path, played, faults), session).outcome is FlightOutcome.HOLDS
 
 
-def test_a_duty_that_vanishes_and_was_not_flown_is_no_miss(tmp_path: Path) -> None:
+def test_a_required_flag_that_vanishes_and_was_not_flown_is_no_miss(tmp_path: Path) -> None:
     late = ({**CUT[0], "from_s": 60.0, "to_s": 63.0},)
     scenario = own(tmp_path, CONFIG, late)
     assert score_of(scenario, session_of(scenario, tmp_path, NO_ALTIMETERS)).outcome is FlightOutcome.HOLDS

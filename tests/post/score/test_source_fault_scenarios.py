@@ -85,8 +85,8 @@ def test_a_lying_source_is_refused_and_announced_and_no_valid_output_is_wrong(na
     (refused,) = refusals
     assert refused.verdict is Verdict.FOUND
     assert refused.within_s is not None
-    said = [f"{row['name']}: {row['message']}" for row in events(recording)]
-    assert any("refused" in text and text.removeprefix("nav: ").startswith(f"{device}:") for text in said)
+    event_texts = [f"{row['name']}: {row['message']}" for row in events(recording)]
+    assert any("refused" in text and text.removeprefix("nav: ").startswith(f"{device}:") for text in event_texts)
     # A wrong attitude is valid until its refusal is due; a position never is beyond its protection level.
     shares = worst_shares(recording, fault.from_s + refused.within_s)
     assert shares
@@ -117,12 +117,12 @@ def tilt_levels_hold(recording: Recording, from_s: float) -> bool:
     return bool(valid)
 
 
-def test_the_score_says_what_is_true_of_the_outputs(flown: str, tmp_path: Path) -> None:
+def test_the_score_reports_what_is_true_of_the_outputs(flown: str, tmp_path: Path) -> None:
     scenario = scenarios.load(FOLDER / f"{flown}.toml")
     session = offline_run.fly(scenarios.load_config(scenario), scenario, tmp_path, until_s=END_S)
     recording = Recording.open(session)
     (score,) = judge_session(recording, scenario, recording.truth_files, None)
-    assert stated_faults(recording)[0] == json.loads(scenario.flown)["fault"][0]
+    assert stated_faults(recording)[0] == json.loads(scenario.flight_key)["fault"][0]
     assert {row.verdict for row in score.rows if row.fault == 0} <= {Verdict.COMPARED, Verdict.FOUND}
     rows = {
         row.what: row.verdict for row in score.outputs if (row.topic, row.check) == (SOLUTION, OutputCheck.FAULT_ERROR)

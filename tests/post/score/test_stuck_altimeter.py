@@ -21,7 +21,7 @@ FROM_S, TO_S, END_S = 20.0, 48.0, 54.0
 SECOND_NS = 1_000_000_000
 
 
-def test_it_is_refused_with_an_event_and_believed_again(tmp_path: Path) -> None:
+def test_it_is_refused_with_an_event_and_accepted_again(tmp_path: Path) -> None:
     loaded = scenarios.load(scenarios.find("nominal"))
     stuck = Stuck(kind="stuck", devices=("altimeter",), from_s=FROM_S, to_s=TO_S)
     flight = loaded.model_copy(update={"fault": (stuck,)})

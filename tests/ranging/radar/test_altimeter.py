@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from fti.geodesy.local import MAT_ENU_NED
 from fti.geodesy.rotations import mat_from_rpy
 from fti.ranging.error_model import RangeError
-from fti.ranging.radar.altimeter import RadarAltimeter, _strongest_at, quantised
+from fti.ranging.radar.altimeter import RadarAltimeter, _strongest_at, quantise_heights
 from fti.ranging.radar.antenna import NARROW, WIDE, cosine_antenna
 from fti.ranging.radar.beam import BeamEchoes, trace_beam
 from fti.ranging.radar.dome import random_turn
@@ -48,16 +48,16 @@ def along(sensor: RadarAltimeter, *where: Any, **how: Any) -> Returns:
 # -------------------------------------------------------------------------------------------- level ground and slopes
 
 
-@pytest.mark.parametrize(("order", "per_m", "most_m"), [(12, 0.0035, 2.5), (20, 0.0011, 0.85), (40, 0.0004, 0.4)])
+@pytest.mark.parametrize(("order", "per_m", "max_m"), [(12, 0.0035, 2.5), (20, 0.0011, 0.85), (40, 0.0004, 0.4)])
 @pytest.mark.parametrize("antenna", [WIDE, NARROW])
-def test_level_flight_over_level_ground_reads_the_height(antenna: Any, order: int, per_m: float, most_m: float) -> None:
+def test_level_flight_over_level_ground_reads_the_height(antenna: Any, order: int, per_m: float, max_m: float) -> None:
     """100 to 800 m.  Never short.  Long by the threshold, half a bin, and by the comb of the rays: a ray delta away
     from the nadir is h delta^2 / 2 farther, which is per_m of the height for a dome of that order.
     """
     heights = np.linspace(100.0, 800.0, 141)
     error = along(RadarAltimeter(antenna, order, max_range=1000.0), heights).slant_range - heights
     assert (error > 0.0).all()
-    assert (error < 0.35 + per_m * heights).all() and 0.6 * most_m < error.max() < most_m
+    assert (error < 0.35 + per_m * heights).all() and 0.6 * max_m < error.max() < max_m
 
 
 def test_a_slope_is_met_at_its_nearest_point() -> None:
@@ -106,7 +106,7 @@ def test_rays_farther_off_spread_the_ranges() -> None:
 # ----------------------------------------------------------------------------------------------- what it does not tell
 
 
-def test_nothing_is_told_beyond_the_limits() -> None:
+def test_nothing_is_reported_beyond_the_limits() -> None:
     found = along(RadarAltimeter(min_range=50.0, max_range=500.0), [30.0, 60.0, 499.0, 502.0, 900.0])
     assert found.validity.tolist() == [
         Validity.TOO_NEAR, Validity.VALID, Validity.VALID, Validity.TOO_FAR, Validity.NO_RETURN,
@@ -144,11 +144,11 @@ def test_ground_that_nobody_knows_is_no_height() -> None:
     under, aside = with_hole(slice(80, 86), slice(80, 86)), with_hole(slice(84, 86), slice(84, 86))
     assert sensor.measure(under, poses(200.0)).validity.tolist() == [Validity.HOLE]
     assert np.isnan(sensor.measure(under, poses(200.0)).slant_range[0])
-    beside = sensor.measure(aside, poses(200.0))
+    aside_returns = sensor.measure(aside, poses(200.0))
     assert (trace_beam(aside, poses(200.0), sensor.beam, sensor.ground, 500.0).outcomes == Validity.HOLE).any()
-    assert beside.validity.tolist() == [Validity.VALID]
-    assert beside.slant_range[0] == pytest.approx(200.0, abs=1.0)
-    edge = Poses.still(
+    assert aside_returns.validity.tolist() == [Validity.VALID]
+    assert aside_returns.slant_range[0] == pytest.approx(200.0, abs=1.0)
+    edge = Poses.stationary(
         [[7990.0, 0.0, 200.0], [7900.0, 0.0, 300.0], [7880.0, 0.0, 300.0]], np.tile(MAT_ENU_NED, (3, 1, 1))
     )
     outcomes = trace_beam(FLAT, edge, sensor.beam, sensor.ground, 778.0).outcomes
@@ -167,18 +167,18 @@ def test_a_beam_towards_the_sky_beyond_the_coverage_is_not_valid() -> None:
     """
     sensor, right = RadarAltimeter(), MAT_ENU_NED @ mat_from_rpy([-np.pi / 4], 0.0, 0.0)
     east = np.array([7700.0, 7000.0])
-    at = Poses.still(np.stack((east, 0.0 * east, np.full(2, 100.0)), axis=-1), np.tile(right, (2, 1, 1)))
+    at = Poses.stationary(np.stack((east, 0.0 * east, np.full(2, 100.0)), axis=-1), np.tile(right, (2, 1, 1)))
     assert (at.mats_ls[:, 0, 2] > 0.5).all()
     assert sensor.measure(FLAT, at).validity.tolist() == [Validity.OUTSIDE, Validity.VALID]
     echoes = trace_beam(FLAT, at, sensor.beam, sensor.ground, 778.0)
     rays = sensor.beam.rays_s @ right[0].T
-    gone = echoes.outcomes[0] == RayOutcome.OUTSIDE
-    border = 300.0 / rays[gone, 0]  # [m] along the ray
-    most = float((sensor.beam.weights[gone] / border**2).sum() / sensor.spectra(echoes)[0].max())
-    assert (rays[gone, 2] > 0.0).mean() > 0.5 and 0.7 < most < 0.9
+    outside = echoes.outcomes[0] == RayOutcome.OUTSIDE
+    border = 300.0 / rays[outside, 0]  # [m] along the ray
+    share = float((sensor.beam.weights[outside] / border**2).sum() / sensor.spectra(echoes)[0].max())
+    assert (rays[outside, 2] > 0.0).mean() > 0.5 and 0.7 < share < 0.9
 
 
-def test_heights_near_the_ground_are_told_as_well() -> None:
+def test_heights_near_the_ground_are_reported_as_well() -> None:
     """From one bin on; the range bins know no image at negative frequencies, which the beat signal has."""
     heights = np.array([0.5, 1.0, 2.0, 4.0, 10.0, 30.0])
     np.testing.assert_allclose(along(RadarAltimeter(), heights).slant_range, heights, atol=0.3)
@@ -218,7 +218,7 @@ def test_error_model_and_steps_come_last() -> None:
     noisy = RadarAltimeter(error=error).measure(FLAT, poses(heights), np.random.default_rng(4)).slant_range
     np.testing.assert_allclose(noisy, error.apply(plain, np.random.default_rng(4)), rtol=1e-14)
     stepped = along(RadarAltimeter(quantised=True, error=RangeError(bias=1.0)), heights).slant_range
-    np.testing.assert_allclose(stepped, quantised(plain + 1.0), rtol=1e-14)
+    np.testing.assert_allclose(stepped, quantise_heights(plain + 1.0), rtol=1e-14)
 
 
 def test_same_generator_same_bytes() -> None:

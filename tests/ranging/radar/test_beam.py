@@ -84,7 +84,7 @@ def test_power_depends_on_the_angle_to_the_ground_not_to_the_vertical() -> None:
     slope = np.radians(20.0)
     beam = make_beam(COSINE, half_dome(12).within(np.radians(60.0)), WAVE.wavelength)
     square = trace_beam(FLAT, looking(300.0 * np.cos(slope)), beam, Backscatter(), 5e3)
-    tilted = Poses.still(
+    tilted = Poses.stationary(
         [[0.0, 0.0, 300.0]], MAT_ENU_NED @ mat_from_rpy([0.0], 0.0, 0.0) @ mat_from_rpy([-slope], 0.0, 0.0)
     )
     along = trace_beam(plane(np.tan(slope)), tilted, beam, Backscatter(), 5e3)
@@ -135,7 +135,7 @@ def test_the_rim_of_a_hole_returns_a_number() -> None:
     terrain = Terrain.from_array(heights, 25.0, east0=-500.0, north0=-500.0)
     to_rim = np.stack((np.full(400, 75.0), np.linspace(-300.0, 300.0, 400), np.full(400, -50.0)), axis=-1)
     beam = Beam(to_rim / np.linalg.norm(to_rim, axis=-1, keepdims=True), np.ones(400))
-    found = trace_beam(terrain, Poses.still([[0.0, 0.0, 50.0]], np.eye(3)[None]), beam, Backscatter(), 500.0)
+    found = trace_beam(terrain, Poses.stationary([[0.0, 0.0, 50.0]], np.eye(3)[None]), beam, Backscatter(), 500.0)
     assert {RayOutcome.HIT, RayOutcome.HOLE} == set(found.outcomes[0].tolist())
     assert np.isfinite(found.powers).all()
 

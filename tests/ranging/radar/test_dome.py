@@ -109,7 +109,7 @@ def test_order_and_shared_arrays_are_guarded() -> None:
         with pytest.raises(ValueError, match="order"):
             sphere(order)
     for turn in (2.0 * np.eye(3), np.eye(2), np.full((3, 3), np.nan), np.diag([1.0, 1.0, -1.0])):
-        with pytest.raises(ValueError, match="no rotation"):
+        with pytest.raises(ValueError, match="rotation matrix"):
             half_dome(3, turn)
     with pytest.raises(ValueError, match="read-only"):
         half_dome(12).rays_s[0, 0] = 1.0

@@ -46,9 +46,9 @@ def edges(ranges: Array, rate: float) -> Array:
 
 def approach() -> tuple[Array, Array]:
     """Heights above ground and their rates: 70 m/s down three degrees, waves of 100 m from crest to trough."""
-    flown, length = np.linspace(0.0, 6000.0, 61), 2000.0
-    height = 380.0 - flown * np.tan(np.radians(3.0)) - 50.0 * np.sin(2.0 * np.pi * flown / length)
-    climbing = np.tan(np.radians(3.0)) + 50.0 * 2.0 * np.pi / length * np.cos(2.0 * np.pi * flown / length)
+    distance, length = np.linspace(0.0, 6000.0, 61), 2000.0
+    height = 380.0 - distance * np.tan(np.radians(3.0)) - 50.0 * np.sin(2.0 * np.pi * distance / length)
+    climbing = np.tan(np.radians(3.0)) + 50.0 * 2.0 * np.pi / length * np.cos(2.0 * np.pi * distance / length)
     near = (height > 20.0) & (height < 350.0)
     return height[near], -70.0 * np.cos(np.radians(3.0)) * climbing[near]
 

@@ -88,9 +88,9 @@ def test_any_level_finds_a_lone_scatterer_where_it_is(threshold: float) -> None:
 
 def test_echoes_between_two_bins_are_seen_from_1_4_db_over_the_level() -> None:
     at = 200.0 + np.array([0.0, 0.5])
-    for power, seen in ((0.26, [True, False]), (0.36, [True, True]), (0.24, [False, False])):
+    for power, detected in ((0.26, [True, False]), (0.36, [True, True]), (0.24, [False, False])):
         both = [RADAR.incoherent(RADAR.waveform.range_of_bin([a, 300.0]), [power, 1.0]) for a in at]
-        assert (EDGE.find(both).position < 202.0).tolist() == seen
+        assert (EDGE.find(both).position < 202.0).tolist() == detected
 
 
 def test_edge_of_speckle_lies_under_what_the_window_can_hide() -> None:
@@ -139,7 +139,7 @@ def test_noise_alone_is_no_edge() -> None:
     assert np.all(edges.validity == Validity.WEAK)
 
 
-def test_every_spectrum_is_judged_by_itself() -> None:
+def test_every_spectrum_is_evaluated_by_itself() -> None:
     near = np.r_[1.0, 0.5, np.zeros(RADAR.n_bin - 2)]
     edges = EDGE.find(
         np.stack((RADAR.incoherent(70.0, 1.0), np.zeros(RADAR.n_bin), near, RADAR.incoherent(90.0, 1e-20)))

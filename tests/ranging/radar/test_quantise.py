@@ -7,28 +7,28 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fti.constants import FOOT
-from fti.ranging.radar.altimeter import quantised
+from fti.ranging.radar.altimeter import quantise_heights
 from fti.ranging.radar.quantise import quantisation_step_ft, quantise_ft
 
 
 @given(st.lists(st.floats(-10.0, 70000.0), min_size=1, max_size=30))
 def test_an_array_is_quantised_like_its_heights(feet: list[float]) -> None:
     heights = np.array(feet) * FOOT
-    np.testing.assert_allclose(quantised(heights), [quantise_ft(h / FOOT) * FOOT for h in heights], rtol=1e-15)
+    np.testing.assert_allclose(quantise_heights(heights), [quantise_ft(h / FOOT) * FOOT for h in heights], rtol=1e-15)
 
 
 def test_nothing_is_farther_from_its_step_than_half() -> None:
     heights = np.linspace(0.0, 1000.0, 10_001)
     half = np.array([0.5 * quantisation_step_ft(h / FOOT) * FOOT for h in heights])
-    assert (np.abs(quantised(heights) - heights) <= half * (1 + 1e-12)).all()
+    assert (np.abs(quantise_heights(heights) - heights) <= half * (1 + 1e-12)).all()
 
 
 def test_the_corners_of_the_table() -> None:
     """The printed first column, 199 ft, would show 133 ft as 133; the instrument shows it as 132 or 134."""
     feet = np.array([-3.0, 0.4, 119.0, 120.9, 133.0, 199.0, 201.0, 490.0, 508.0, 1020.0, 2130.0, 70000.0])
     shown = [0, 0, 119, 120, 132, 200, 200, 490, 500, 1000, 2100, 65535]
-    np.testing.assert_allclose(quantised(feet * FOOT) / FOOT, shown, rtol=1e-14)
+    np.testing.assert_allclose(quantise_heights(feet * FOOT) / FOOT, shown, rtol=1e-14)
 
 
 def test_unknown_stays_unknown() -> None:
-    assert np.isnan(quantised([np.nan, 3.0])).tolist() == [True, False]
+    assert np.isnan(quantise_heights([np.nan, 3.0])).tolist() == [True, False]

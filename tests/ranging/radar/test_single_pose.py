@@ -52,17 +52,17 @@ def poses(n: int) -> Poses:
 
 @pytest.mark.parametrize("name", SENSORS)
 def test_the_same_to_the_last_bit(terrain: Terrain, name: str) -> None:
-    sensor, flown = SENSORS[name], poses(60 if name == "coherent" else 300)
-    many, one = sensor.measure(terrain, flown), SinglePoseRadar(sensor)
-    seen: Counter[Validity] = Counter()
-    for k in range(len(flown)):
-        found, ray, spread, validity = one.predict(terrain, flown.origins_l[k], flown.mats_ls[k], flown.vels_l[k])
+    sensor, at = SENSORS[name], poses(60 if name == "coherent" else 300)
+    many, one = sensor.measure(terrain, at), SinglePoseRadar(sensor)
+    counts: Counter[Validity] = Counter()
+    for k in range(len(at)):
+        found, ray, spread, validity = one.predict(terrain, at.origins_l[k], at.mats_ls[k], at.vels_l[k])
         assert validity == many.validity[k]
-        told = many.slant_range[k], *many.direction_s[k], many.dispersion[k]
-        assert np.array_equal(told, (found, *ray, spread), equal_nan=True), k
-        seen[validity] += 1
-    assert seen[Validity.VALID] > 20
-    assert len(seen) >= 3, seen
+        expected = many.slant_range[k], *many.direction_s[k], many.dispersion[k]
+        assert np.array_equal(expected, (found, *ray, spread), equal_nan=True), k
+        counts[validity] += 1
+    assert counts[Validity.VALID] > 20
+    assert len(counts) >= 3, counts
 
 
 @pytest.mark.parametrize("n", [*range(20), 127, 128, 129, 136, 137, 641, 751, 1000, 2051, 8101])

@@ -1,4 +1,4 @@
-"""Flights as their reader sees them: order, determinism, devices, every fault against the same flight without it."""
+"""Simulated flights: order, determinism, devices, every fault against the same flight without it."""
 
 from __future__ import annotations
 
@@ -30,17 +30,17 @@ def _early(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def twins(monkeypatch: pytest.MonkeyPatch, cell: Cell, seed: int = 3) -> tuple[SimulatedFlight, SimulatedFlight]:
-    """The flight of a cell, and the same one without what the fault does."""
+    """The flight of a cell, and the same one without the effect of the fault."""
     faulty = draw(cell, seed)
     with monkeypatch.context() as patch:
-        patch.setattr(flight, "faulty", lambda found, *_: found)
+        patch.setattr(flight, "apply_fault", lambda found, *_: found)
         patch.setattr(flight, "_faulty_triad", lambda true_b, *_: true_b)
         patch.setattr(flight, "_baro_error", lambda _, elapsed: np.zeros(len(elapsed)))
         return faulty, draw(cell, seed)
 
 
 def span(f: SimulatedFlight, t: Array) -> Mask:
-    """Where the fault acts."""
+    """Mask of the time of the fault."""
     begin, end = ((at - START_NS) / SECOND_NS for at in (f.fault.onset_ns, f.fault.end_ns))
     return np.asarray((t >= begin) & (t < end))
 
@@ -73,11 +73,13 @@ def test_names_are_unique_and_cover_the_table() -> None:
     assert {c.kind for c in CELLS} == set(SensorFault)
     ramps = {(c.magnitude, c.onset_m_s2) for c in CELLS if c.with_velocity and c.receivers == 1}
     assert {(r, a) for r in (0.1, 1.0, 3.0) for a in (SHARP, 0.02, 0.1, 0.3)} <= ramps
-    assert {(c.receivers, c.liars) for c in CELLS} == {(1, 1), (2, 1), (2, 2)}
+    assert {(c.receivers, c.faulty_receivers) for c in CELLS} == {(1, 1), (2, 1), (2, 2)}
 
 
 def test_the_name_of_a_cell_does_not_change() -> None:
-    cell = Cell("tactical", SensorFault.RAMP, 1.0, 0.1, with_velocity=True, receivers=2, liars=1, pattern="turns")
+    cell = Cell(
+        "tactical", SensorFault.RAMP, 1.0, 0.1, with_velocity=True, receivers=2, faulty_receivers=1, pattern="turns"
+    )
     assert cell.name == "tactical/ramp-velocity-1-onset-0.1/1-of-2/turns"
 
 
@@ -93,7 +95,7 @@ def test_every_cell_draws() -> None:
         assert (cell.kind is SensorFault.NONE) == (not f.fault.devices)
         assert f.fault.onset_ns <= f.fault.end_ns < START_NS + f.duration_s * SECOND_NS + 1
         if f.fault.devices and f.fault.devices[0] in f.fixes:
-            assert len(f.fault.devices) == cell.liars
+            assert len(f.fault.devices) == cell.faulty_receivers
 
 
 def test_measurements_are_in_order_and_at_their_rates() -> None:
@@ -303,14 +305,16 @@ def test_a_saturated_triad_stays_at_its_limit(monkeypatch: pytest.MonkeyPatch, k
     assert np.abs(a[beyond]) == pytest.approx(np.full(beyond.sum(), limit)) and (a[beyond] * b[beyond] > 0).all()
 
 
-@pytest.mark.parametrize("liars", [1, 2])
-def test_of_two_receivers_one_lies_or_both_alike(monkeypatch: pytest.MonkeyPatch, liars: int) -> None:
-    cell = Cell("tactical", SensorFault.RAMP, 1.0, 0.1, with_velocity=True, receivers=2, liars=liars)
+@pytest.mark.parametrize("faulty_receivers", [1, 2])
+def test_of_two_receivers_one_lies_or_both_alike(monkeypatch: pytest.MonkeyPatch, faulty_receivers: int) -> None:
+    cell = Cell(
+        "tactical", SensorFault.RAMP, 1.0, 0.1, with_velocity=True, receivers=2, faulty_receivers=faulty_receivers
+    )
     faulty, nominal = twins(monkeypatch, cell)
     moved = {name: apart_n(faulty.fixes[name], nominal.fixes[name]) for name in faulty.fixes}
-    assert faulty.fault.devices == (("gnss_b",) if liars == 1 else ("gnss_a", "gnss_b"))
+    assert faulty.fault.devices == (("gnss_b",) if faulty_receivers == 1 else ("gnss_a", "gnss_b"))
     assert np.abs(moved["gnss_b"]).max() > 100.0
-    if liars == 1:
+    if faulty_receivers == 1:
         assert (moved["gnss_a"] == 0.0).all()
     else:
         assert moved["gnss_a"] == pytest.approx(moved["gnss_b"], abs=0.01)

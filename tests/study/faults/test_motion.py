@@ -124,8 +124,8 @@ def test_ideal_samples_integrate_to_the_true_motion(seed: int) -> None:
     end_s = 400.0
     y = integrate(trajectory, end_s, 0.04)
     m = trajectory.at(np.array([end_s]))
-    flown = trajectory.at(np.arange(0.0, end_s))
-    assert np.ptp(flown.rpy[:, 0]) > 0.4 and np.ptp(flown.vel_n[:, 2]) > 1.0
+    motion = trajectory.at(np.arange(0.0, end_s))
+    assert np.ptp(motion.rpy[:, 0]) > 0.4 and np.ptp(motion.vel_n[:, 2]) > 1.0
     to_e = axes(m.lat[0], m.lon[0])
     assert np.linalg.norm(y[:3] - ecef(m.lat[0], m.lon[0], m.alt[0])) < 0.05
     assert np.linalg.norm(to_e.T @ y[3:6] - m.vel_n[0]) < 1e-3
@@ -160,10 +160,10 @@ def distances_with_held_height(trajectory: Trajectory, end_s: float, step_s: flo
         y = stepped(y, force[2 * k : 2 * k + 3], found.gyro_b[2 * k : 2 * k + 3], step_s)
         true = ecef(truth.lat[k + 1], truth.lon[k + 1], truth.alt[k + 1])
         up = true / np.linalg.norm(true)
-        held = y[:3] / np.linalg.norm(y[:3])
-        y[:3] = held * np.linalg.norm(true)
-        y[3:6] -= held * (held @ y[3:6])
-        distances.append(float(np.linalg.norm(true) * np.linalg.norm(held - up)))
+        direction = y[:3] / np.linalg.norm(y[:3])
+        y[:3] = direction * np.linalg.norm(true)
+        y[3:6] -= direction * (direction @ y[3:6])
+        distances.append(float(np.linalg.norm(true) * np.linalg.norm(direction - up)))
     return distances
 
 

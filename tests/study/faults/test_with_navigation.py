@@ -1,4 +1,4 @@
-"""Units, frames and signs of the simulated measurements are those that navigation takes."""
+"""Units, frames and signs of the simulated measurements match those of navigation."""
 
 from __future__ import annotations
 
@@ -31,17 +31,22 @@ def test_a_nominal_tactical_flight_through_the_filter_stays_within_its_sigma(mon
     tick_ns = next(ticks)
     for t_ns, device, m in flight:
         if t_ns > tick_ns:
-            told = navigation.solution(tick_ns)
+            solution = navigation.solution(tick_ns)
             if tick_ns > START_NS + 60 * SECOND_NS:
-                assert told.valid and told.lat is not None and told.lon is not None and told.alt is not None
-                assert told.horizontal_sd is not None and told.vertical_sd is not None and not told.rejected
-                error = np.array(flight.error(tick_ns, told.lat, told.lon, told.alt))
+                assert (
+                    solution.valid
+                    and solution.lat is not None
+                    and solution.lon is not None
+                    and solution.alt is not None
+                )
+                assert solution.horizontal_sd is not None and solution.vertical_sd is not None and not solution.rejected
+                error = np.array(flight.error(tick_ns, solution.lat, solution.lon, solution.alt))
                 assert np.linalg.norm(error) < 12.0
-                ratios.append(tuple(error / (told.horizontal_sd, told.horizontal_sd, told.vertical_sd)))
+                ratios.append(tuple(error / (solution.horizontal_sd, solution.horizontal_sd, solution.vertical_sd)))
             tick_ns = next(ticks)
         if t_ns > START_NS + END_S * SECOND_NS:
             break
-        if navigation.wants(device, type(m)):
+        if navigation.accepts(device, type(m)):
             navigation.feed(device, m, t_ns)
     assert len(ratios) > 330
     assert (np.sqrt(np.mean(np.square(ratios), axis=0)) < 3.0).all()

@@ -127,5 +127,5 @@ def test_no_address_in_a_file_or_beside_it_is_followed(tmp_path: Path, server: S
 
 
 def test_a_file_that_is_not_there_is_named_as_the_recordings(tmp_path: Path) -> None:
-    with pytest.raises(FtiError, match="there is no such file; the recording names it"):
+    with pytest.raises(FtiError, match="file not found; the recording names it"):
         _open(str(tmp_path / "lost.tif"), local_only=True)

@@ -50,7 +50,7 @@ def closed_form(spacing: float, cell: float) -> tuple[float, float]:
     ("along_rows", "spacing", "cell"),
     [(True, ACROSS_M, None), (False, DOWN_M, None), (False, DOWN_M, 300.0), (True, ACROSS_M, 150.0)],
 )
-def test_a_sine_costs_what_its_closed_form_says(
+def test_the_error_on_a_sine_matches_its_closed_form(
     tmp_path: Path, along_rows: bool, spacing: float, cell: float | None
 ) -> None:
     """The file of 600 x 927 m; 600 m is what opening it with defaults makes of it."""

@@ -1,11 +1,11 @@
-"""Flights from JSBSim: a flight dynamic model of other people, an autopilot of ours, four routes.
+"""Flights from the flight dynamics model JSBSim with an autopilot on four routes.
 
-    settings   [flight] kind = "jsbsim"            airframe   what we know of an aircraft; the gains of its autopilot
-    track      where it is flown over the ground    routes     approach, pattern, go-around, low level
-    terrain_following   how high, over hills        autopilot  from the route to the controls
-    fdm        JSBSim in SI units                   flight     flies, and gives what was flown
+    airframe   data of an aircraft, gains of the autopilot    track      ground track
+    routes     approach, pattern, go-around, low level        terrain_following   height over hills
+    route_guidance   commands of the route                    autopilot  from the route to the controls
+    fdm        JSBSim in SI units                             flight     runs a flight, returns its samples
 
-JSBSim flies on the same ellipsoid, over a rotating Earth, in the scenario's wind, pressure and temperature.  Only
-position, attitude, the flow of the air and the control surfaces are taken from it: what sensors say of the air comes
-from the world's own atmosphere.  The package ``jsbsim`` is loaded when a flight begins, not before.
+JSBSim uses the same ellipsoid, a rotating Earth, and the scenario's wind, pressure and temperature.  Position,
+attitude, wind and control surfaces come from JSBSim; sensors measure the air of ``Environment.atmosphere``.  The
+package ``jsbsim`` is imported when a flight begins.
 """

@@ -1,9 +1,9 @@
-"""What the autopilot has to know of an aircraft, and the gains it flies it with.
+"""Aircraft data and gains of the autopilot.
 
 The reference point P of the body frame is a point of the structure: 24 inches above the aerodynamic reference point of
-JSBSim's file, 1.61 m above the wheels.  (An antenna 0.6 m below P, as in the shipped configurations, then stands 0.9 m
-above the runway; altimeters have a least range.)  The centre of gravity, which JSBSim's equations move, is elsewhere,
-0.49 m below P in the C310, and wanders with the fuel; the way between the two is taken from JSBSim at every sample.
+JSBSim's file, 1.61 m above the wheels.  (An antenna 0.6 m below P, as in the shipped configurations, is 0.9 m above the
+runway; altimeters have a minimum range.)  JSBSim integrates the centre of gravity, which is 0.49 m below P in the C310
+and moves with the fuel; the vector between the two is read from JSBSim at every sample.
 """
 
 from __future__ import annotations
@@ -45,11 +45,11 @@ class Airframe:
 
     model         : its name there;  engines : how many
     reference     : P in JSBSim's structural axes (aft, right, up) [m]
-    wheels        : the lowest of the wheels below P [m]
+    wheels        : distance of the lowest wheel below P [m]
     elevator_up, elevator_down : deflection of a full command up and down [rad]
-    landing_flaps : command of the flaps on an approach, 1 : all the way
-    trim_aoa      : angle of attack, about, at the speed ``trim_speed`` [m/s]
-    climb_speed   : calibrated airspeed of a climb [m/s];  cruise_throttle : about level flight
+    landing_flaps : command of the flaps on an approach, 1 : full
+    trim_aoa      : approximate angle of attack at the speed ``trim_speed`` [m/s]
+    climb_speed   : calibrated airspeed of a climb [m/s];  cruise_throttle : approximate throttle of level flight
     """
 
     model: str
@@ -92,5 +92,5 @@ C310 = Airframe(
     ),
 )
 
-#: By the name that a scenario gives it.
+#: Airframes by their name in a scenario.
 AIRFRAMES: Mapping[str, Airframe] = MappingProxyType({"c310": C310})

@@ -1,4 +1,4 @@
-"""JSBSim in SI units: set up at a place, told the controls, asked where it is.
+"""JSBSim in SI units: initial conditions, controls and state.
 
 Source: JSBSim 1.3 (Berndt 2004); its turbulence is that of MIL-F-8785C, seeded.  Signs are JSBSim's for commands
 (elevator and rudder: a positive elevator lowers the nose) and those of ``fti.drivers.deflection_pickups`` in samples.
@@ -23,16 +23,16 @@ Array = NDArray[np.float64]
 
 PASCAL_PER_PSF = 47.880258980
 RANKINE = 1.8
-#: JSBSim's steps, and how many of them the controls are held.
+#: Integration steps of JSBSim, and number of steps per control command.
 STEPS_PER_SECOND, STEPS = 100, 2
-#: From one look at the state to the next: the autopilot's period, and that of the samples [s].
+#: Period of the autopilot and of the samples [s].
 PERIOD_S = STEPS / STEPS_PER_SECOND
-#: What MIL-F-8785C calls light, moderate and severe: wind 20 ft above the ground [m/s] for the low heights, and the
-#: number of the curve of exceedance for heights above 2000 ft.
+#: Turbulence intensities of MIL-F-8785C: wind 20 ft above the ground [m/s] for low heights, and the number of the
+#: exceedance curve for heights above 2000 ft.
 MILSPEC = 3
 INTENSITIES = {"light": (15.0 * 0.514444, 3), "moderate": (30.0 * 0.514444, 4), "severe": (45.0 * 0.514444, 6)}
 
-#: What is kept of a flight, and where JSBSim has it.
+#: Logged quantities of a flight, with their JSBSim properties.
 COLUMNS = {
     "x": "position/ecef-x-ft",
     "y": "position/ecef-y-ft",
@@ -75,7 +75,7 @@ Row = tuple[float, ...]
 
 
 def package() -> ModuleType:
-    """The package ``jsbsim``, told to be quiet.  Raises MissingError without it."""
+    """The package ``jsbsim``, with its log messages disabled.  Raises MissingError when it is not installed."""
     try:
         import jsbsim  # noqa: PLC0415 - an extra
     except ImportError:
@@ -87,7 +87,7 @@ def package() -> ModuleType:
 
 @dataclass(frozen=True, slots=True)
 class InitialConditions:
-    """Where and how the model begins: lat, lon, heading [rad], alt [m above the ellipsoid], airspeed [m/s true]."""
+    """Initial state of the model: lat, lon, heading [rad], alt [m above the ellipsoid], true airspeed [m/s]."""
 
     lat: float
     lon: float
@@ -98,7 +98,7 @@ class InitialConditions:
 
 @dataclass(frozen=True, slots=True)
 class Weather:
-    """The air: its velocity north, east [m/s], pressure and temperature; turbulence by its intensity, or "none"."""
+    """The air: velocity north, east [m/s], pressure and temperature; turbulence intensity, or "none"."""
 
     wind_n: tuple[float, float]
     atmosphere: Atmosphere
@@ -122,7 +122,7 @@ class Controls:
 
 @dataclass(frozen=True, slots=True)
 class AircraftState:
-    """What the autopilot knows; SI, radians, n axes; alt of P above the ellipsoid; ``pitch_rate`` is that of theta."""
+    """Input of the autopilot; SI, radians, n axes; alt of P above the ellipsoid; ``pitch_rate`` is that of theta."""
 
     position_e: tuple[float, float, float]
     alt: float
@@ -147,7 +147,7 @@ class Fdm:
         self._model: Any = package().FGFDMExec(None)
         self._model.set_debug_level(0)
         if not self._model.load_model(airframe.model):
-            raise MissingError(f"this JSBSim has no aircraft {airframe.model!r}")
+            raise MissingError(f"JSBSim has no aircraft {airframe.model!r}")
         self._model.set_dt(1.0 / STEPS_PER_SECOND)
         self._begin(start, ground)
         self._set_air(weather)
@@ -169,9 +169,10 @@ class Fdm:
         model.run_ic()
 
     def _set_air(self, weather: Weather) -> None:
-        """JSBSim's sea level is the ellipsoid, ``-undulation`` above mean sea level: it is given the air there.
+        """Set pressure, temperature, wind and turbulence.
 
-        Its temperature counts from the standard one of the height, ours from that of the pressure.
+        JSBSim's sea level is the ellipsoid, ``-undulation`` above mean sea level.  Its temperature offset is relative
+        to the standard temperature of the height, that of ``Atmosphere`` to the standard temperature of the pressure.
         """
         model, air, level = self._model, weather.atmosphere, -weather.undulation
         model["atmosphere/delta-T"] = (float(air.temperature(level)) - ISA_TEMPERATURE) * RANKINE
@@ -186,7 +187,7 @@ class Fdm:
             model["atmosphere/turbulence/milspec/severity"] = curve
 
     def set_ground(self, alt: float) -> None:
-        """Height of the ground below [m above the ellipsoid]: JSBSim's ground effect and turbulence ask for it."""
+        """Set the height of the ground below [m above the ellipsoid], for ground effect and turbulence."""
         self._model["position/terrain-elevation-asl-ft"] = alt / FOOT
 
     def step(self, controls: Controls) -> None:
@@ -203,7 +204,7 @@ class Fdm:
             model.run()
 
     def sense(self) -> AircraftState:
-        """The state now."""
+        """The current state."""
         model = self._model
         roll, pitch = model["attitude/phi-rad"], model["attitude/theta-rad"]
         below = self._airframe.reference[2] - model["inertia/cg-z-in"] * INCH
@@ -224,6 +225,6 @@ class Fdm:
         )
 
     def row(self) -> Row:
-        """The values of COLUMNS now, in JSBSim's units."""
+        """The current values of COLUMNS, in JSBSim's units."""
         model = self._model
         return tuple([model[name] for name in _LOGGED_PROPERTIES])

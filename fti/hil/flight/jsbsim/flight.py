@@ -1,4 +1,4 @@
-"""Flies a route with JSBSim and our autopilot, and gives the samples of the flight."""
+"""Flies a route with JSBSim and the autopilot, and returns the samples of the flight."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ from fti.terrain.terrain import Terrain
 
 Array = NDArray[np.float64]
 
-#: Rows before the begin and after the end of the route that belong to the samples: splines are poor at their ends.
+#: Additional samples before the begin and after the end of the route: splines are less accurate at their ends.
 MARGIN_ROWS = 100
-#: No route takes longer [s].
+#: Time limit of a route [s].
 MAX_DURATION_S = 1800.0
-#: Progress is told so often [s of the flight].
+#: Interval of progress messages [s of the flight].
 PROGRESS_PERIOD_S = 60.0
-#: P this far below the ground of the route: the aircraft is lost [m].
+#: The aircraft has crashed when P is this far below the ground of the route [m].
 GROUND_TOLERANCE_M = 1.0
 
 
@@ -40,8 +40,8 @@ GROUND_TOLERANCE_M = 1.0
 class JsbsimRun:
     """One flight of JSBSim.
 
-    samples  : position of P, attitude, wind with its gusts; 50 a second, t = 0 at the begin of the route
-    duration : to the end of the route [s]; the samples go on MARGIN_ROWS further
+    samples  : position of P, attitude, wind with gusts; 50 per second, t = 0 at the begin of the route
+    duration : time at the end of the route [s]; MARGIN_ROWS more samples follow
     columns  : ``fdm.COLUMNS`` at the times of the samples, in JSBSim's units
     """
 
@@ -52,7 +52,7 @@ class JsbsimRun:
     def surfaces(self) -> dict[str, Array]:
         """Deflections [rad] at the times of the samples, by the names of the deflection pickups: down and right are +.
 
-        Of the rudder, as of all, JSBSim's sign is the pickups': what yaws to the left is positive.
+        JSBSim's signs are those of the pickups, also for the rudder: a yaw to the left is positive.
         """
         names = ("left_aileron", "right_aileron", "elevator", "rudder")
         return {name: self.columns[name] for name in names} | {"flaps": np.deg2rad(self.columns["flaps"])}
@@ -65,7 +65,7 @@ def fly(
     terrain: Terrain,
     progress: Callable[[str], None] = lambda _: None,
 ) -> JsbsimRun:
-    """Fly a scenario's route.  The same arguments give the same bits, on one machine.
+    """Fly a scenario's route.  The result is bit-reproducible on one machine.
 
     Raises MissingError without JSBSim, and ConfigError for a route that the terrain or the aircraft does not allow.
     """
@@ -79,7 +79,7 @@ def fly(
 
 
 def _start(route: Route, path: ApproachPath) -> InitialConditions:
-    """On the track, at the height and about the speed that are wanted there."""
+    """Initial state on the track, at the commanded height and approximate speed."""
     (east, north), (next_east, next_north) = route.track.points[:2]
     lat, lon, _ = path.frame.to_geodetic((east, north, 0.0))
     heading = math.atan2(next_east - east, next_north - north) % (2.0 * math.pi)
@@ -87,7 +87,7 @@ def _start(route: Route, path: ApproachPath) -> InitialConditions:
 
 
 class _Pilot:
-    """One flight: the aircraft, its autopilot and its place on the route, step by step."""
+    """One flight: the aircraft, its autopilot and its guidance, step by step."""
 
     def __init__(self, airframe: Airframe, fdm: Fdm, route: Route, path: ApproachPath) -> None:
         self._fdm, self._route = fdm, route
@@ -102,11 +102,11 @@ class _Pilot:
 
     @property
     def progress_share(self) -> float:
-        """How much of the track is flown, 0 to 1."""
+        """Flown share of the track, 0 to 1."""
         return max(self._guidance.along / self._route.end, 0.0)
 
     def row(self) -> Row:
-        """Look, decide, fly on; where the aircraft is then.  Raises ConfigError where it is lost."""
+        """Advance by one step and return the row.  Raises ConfigError for a crash or a time-out."""
         now = self._fdm.sense()
         self._check(now)
         controls = self._autopilot.step(now, self._guidance.command(now))
@@ -123,7 +123,7 @@ class _Pilot:
         if not now.alt > self._guidance.at(self._route.ground) - GROUND_TOLERANCE_M:
             raise ConfigError(f"flight: the aircraft flew into the ground {after}: the air is too rough for this route")
         if self._steps * PERIOD_S > MAX_DURATION_S:
-            raise ConfigError(f"flight: the route is not at its end {after}, and none may take longer")
+            raise ConfigError(f"flight: the route is not complete {after}, which is the time limit")
 
 
 def _rows(pilot: _Pilot, progress: Callable[[str], None]) -> list[Row]:

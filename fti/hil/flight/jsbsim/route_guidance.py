@@ -1,4 +1,4 @@
-"""Where an aircraft is on its route, and what the route wants of the autopilot there."""
+"""Guidance along a route: position of the aircraft on the route, and commands for the autopilot."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from fti.hil.flight.jsbsim.routes import Route
 from fti.hil.flight.jsbsim.track import STEP_M
 from fti.nav.integrity.approach import ApproachPath
 
-#: The point that is steered for lies so far ahead on the track [s].
+#: Look-ahead time of the target point on the track [s].
 LOOKAHEAD_S = 6.0
 
 
 class RouteGuidance:
-    """One flight's place on its route.  path : in whose plane the track lies."""
+    """Guidance of one flight.  path : approach in whose local plane the track lies."""
 
     def __init__(self, route: Route, path: ApproachPath) -> None:
         self._route = route
@@ -28,9 +28,9 @@ class RouteGuidance:
         self.along = 0.0
 
     def command(self, now: AircraftState) -> GuidanceCommand:
-        """What the autopilot has to do; moves along the route.
+        """Commands for the autopilot; advances along the route.
 
-        The side acceleration leads on a circle to the point ahead:  2 V^2 / L sin(eta),  L = V LOOK_S.
+        The side acceleration gives a circle to the target point:  2 V^2 / L sin(eta),  L = V LOOKAHEAD_S.
         """
         from_origin = [x - x0 for x, x0 in zip(now.position_e, self._origin, strict=True)]
         east, north = (sum(m * x for m, x in zip(row, from_origin, strict=True)) for row in self._mat)
@@ -46,7 +46,7 @@ class RouteGuidance:
         )
 
     def at(self, values: NDArray[float64]) -> float:
-        """One of the route's arrays here."""
+        """Value of one of the route's arrays at the current station."""
         return values.item(self._station())
 
     def _station(self) -> int:

@@ -1,11 +1,11 @@
-"""The four routes: a track over the ground with height, speed and configuration along it.
+"""The four routes: a ground track with height, speed and configuration along it.
 
-approach   down the glide path and through the flare until the wheels touch; on the runway an altimeter is below its
-           least range
-pattern    a circuit: from abeam the threshold on the downwind leg over base and final down the glide path, away at
-           the height given, crosswind, and back to where it began
-go_around  down the glide path to the height given, then out on the runway course
-low_level  over places of the country at a clearance above the highest ground of the corridor
+approach   down the glide path and through the flare until touchdown; on the runway an altimeter is below its minimum
+           range
+pattern    a circuit: from abeam the threshold on the downwind leg over base and final down the glide path, go-around
+           at the given height, crosswind, and back to the start
+go_around  down the glide path to the given height, then climb on the runway course
+low_level  over given points at a clearance above the highest ground of the corridor
 """
 
 from __future__ import annotations
@@ -28,30 +28,30 @@ from fti.terrain.terrain import Terrain
 
 Array = NDArray[np.float64]
 
-#: Flown before the flight begins: engines are started, trims found, the track is joined [s].
+#: Run-in before the flight begins: engines start, the trim settles, the aircraft joins the track [s].
 RUN_IN_S = 35.0
-#: Turns are laid out for this bank, in air that makes the true airspeed so much more than the calibrated one.
+#: Turns are designed for this bank, and this ratio of true to calibrated airspeed.
 BANK, TAS_PER_CAS = math.radians(25.0), 1.08
-#: Levels are gone over to softly: within so much of their height [m].
+#: Height scale of the blend into level flight [m].
 BLEND_HEIGHT_M = 5.0
 #: Pattern: the downwind leg from the runway (at least), the base leg and the crosswind leg from the threshold [m].
 DOWNWIND_M, BASE_M, CROSSWIND_M = 1800.0, 3000.0, -2600.0
-#: A go-around ends so far behind the threshold, at most so high above it, and climbs with this slope [m, m, 1].
+#: Go-around: end beyond the threshold [m], maximum height above it [m], slope of the climb [1].
 GO_AROUND_END_M, GO_AROUND_MAX_HEIGHT_M, GO_AROUND_SLOPE = 5500.0, 450.0, 0.08
-#: Flare: it begins with the wheels so high [m], and ends with this slope.
+#: Flare: height of the wheels at its begin [m], and slope at its end.
 FLARE_M, TOUCHDOWN_SLOPE = 8.0, 0.01
-#: Speed at touchdown, as a share of that of the approach.
+#: Speed at touchdown as a share of the approach speed.
 TOUCHDOWN_SPEED_SHARE = 0.8
-#: Terrain following: half width of the corridor [m], limits of slope, and the way over which the slope changes [m].
+#: Terrain following: half width of the corridor [m], limits of slope, and distance over which the slope changes [m].
 CORRIDOR_M, MAX_CLIMB_SLOPE, MAX_DESCENT_SLOPE, SLOPE_CHANGE_M = 80.0, 0.07, 0.07, 500.0
 
 
 @dataclass(frozen=True, eq=False)
 class Route:
-    """What is to be flown; arrays by the stations of the track.
+    """Commands of a route; arrays by the stations of the track.
 
     begin, end  : distances along the track where the flight begins and ends [m]
-    alt, ground : wanted height of P, and of the ground as JSBSim has to know it, above the ellipsoid [m]
+    alt, ground : commanded height of P, and height of the ground for JSBSim, above the ellipsoid [m]
     cas [m/s];  flaps, gear : commands, 0 to 1
     """
 
@@ -76,16 +76,16 @@ def make_route(flight: JsbsimFlight, airframe: Airframe, path: ApproachPath, ter
     return make[flight.route]()
 
 
-def _line(path: ApproachPath, places: list[RoutePoint], radius: float) -> RouteTrack:
-    """The track through places; those are counted from the threshold, the path from its intercept point."""
+def _line(path: ApproachPath, points: list[RoutePoint], radius: float) -> RouteTrack:
+    """The track through points relative to the threshold; the path counts from its intercept point."""
     course = math.radians(path.airfield.course_deg)
     sin, cos = math.sin(course), math.cos(course)
-    along = [(before + path.x_gpi, right) for before, right in places]
+    along = [(before + path.x_gpi, right) for before, right in points]
     return RouteTrack([(-s * sin + y * cos, -s * cos - y * sin) for s, y in along], radius)
 
 
 def _path_length(track: RouteTrack, path: ApproachPath) -> Array:
-    """Path length before the intercept point of the stations [m]."""
+    """Path length of the stations before the intercept point [m]."""
     course = math.radians(path.airfield.course_deg)
     return np.asarray(-(track.points @ np.array([math.sin(course), math.cos(course)])))
 
@@ -100,7 +100,7 @@ def _radius(flight: JsbsimFlight) -> float:
 
 
 def _cap_height(alt: Array, top: Array | float) -> Array:
-    """Heights [m] kept below a level, softly."""
+    """Heights [m], blended into a maximum level."""
     return np.asarray(-BLEND_HEIGHT_M * np.logaddexp(-alt / BLEND_HEIGHT_M, -top / BLEND_HEIGHT_M))
 
 
@@ -126,14 +126,14 @@ def _approach(flight: JsbsimFlight, airframe: Airframe, path: ApproachPath) -> R
 
 
 def _runway(path: ApproachPath, s: Array) -> Array:
-    """The plane of the runway, followed in both directions [m]."""
+    """Height of the runway plane, extended in both directions [m]."""
     return path.alt_gpi - path.airfield.runway_slope * s
 
 
 def _flare_heights(path: ApproachPath, s: Array, wheels: float) -> tuple[Array, Array]:
-    """Height of P down the glide path and through the flare [m], and how much of the flare is done.
+    """Height of P on the glide path and in the flare [m], and completed share of the flare.
 
-    In the flare the wheels sink towards a line below the runway, exponentially: slope and height are in proportion.
+    In the flare the wheels approach a line below the runway exponentially: the slope is proportional to the height.
     """
     tangent = math.tan(path.glide)
     aim = TOUCHDOWN_SLOPE * FLARE_M / (tangent - TOUCHDOWN_SLOPE)
@@ -141,38 +141,38 @@ def _flare_heights(path: ApproachPath, s: Array, wheels: float) -> tuple[Array, 
     ground = _runway(path, s)
     into = np.maximum(path.alt_path(s)[:, None] - ground[:, None] - wheels - FLARE_M, 0.0)[:, 0]
     begin = float(s[np.argmax(into <= 0.0)])
-    flown = np.maximum(begin - s, 0.0)
-    flaring = ground + wheels + (FLARE_M + aim) * np.exp(-flown / way) - aim
+    distance = np.maximum(begin - s, 0.0)
+    flaring = ground + wheels + (FLARE_M + aim) * np.exp(-distance / way) - aim
     touch = way * math.log((FLARE_M + aim) / aim)
-    return np.where(s > begin, path.alt_path(s), flaring), np.clip(flown / touch, 0.0, 1.0)
+    return np.where(s > begin, path.alt_path(s), flaring), np.clip(distance / touch, 0.0, 1.0)
 
 
 def _go_around(flight: JsbsimFlight, airframe: Airframe, path: ApproachPath) -> Route:
     run_in = _run_in(flight)
     track = _line(path, [(flight.start_m + run_in, 0.0), (-GO_AROUND_END_M, 0.0)], 0.0)
-    alt, away = _go_around_heights(flight, path, track, path.alt_path(_path_length(track, path)))
+    alt, is_climb = _go_around_heights(flight, path, track, path.alt_path(_path_length(track, path)))
     top = path.airfield.threshold_alt_m + GO_AROUND_MAX_HEIGHT_M
     return Route(
         track=track,
         begin=run_in,
         end=track.length - 100.0,
-        alt=np.where(away, _cap_height(alt, top), alt),
+        alt=np.where(is_climb, _cap_height(alt, top), alt),
         ground=_level(track, path.airfield.threshold_alt_m),
-        cas=np.where(away, airframe.climb_speed, flight.speed_mps),
-        flaps=np.where(away, 0.0, airframe.landing_flaps),
-        gear=np.where(away, 0.0, 1.0),
+        cas=np.where(is_climb, airframe.climb_speed, flight.speed_mps),
+        flaps=np.where(is_climb, 0.0, airframe.landing_flaps),
+        gear=np.where(is_climb, 0.0, 1.0),
     )
 
 
 def _go_around_heights(
     flight: JsbsimFlight, path: ApproachPath, track: RouteTrack, alt: Array
 ) -> tuple[Array, NDArray[np.bool_]]:
-    """Heights that descend, made to climb from ``go_around_m`` above the threshold on; and where they do."""
+    """Descending heights that change to a climb at ``go_around_m`` above the threshold, and a mask of the climb."""
     decision = path.airfield.threshold_alt_m + flight.go_around_m
     first = int(np.argmax(alt <= decision))
-    away = np.arange(len(alt)) >= first
+    is_climb = np.arange(len(alt)) >= first
     climb = decision + GO_AROUND_SLOPE * (track.along - track.along[first])
-    return np.where(away, climb, alt), away
+    return np.where(is_climb, climb, alt), is_climb
 
 
 def _pattern(flight: JsbsimFlight, airframe: Airframe, path: ApproachPath) -> Route:
@@ -184,15 +184,15 @@ def _pattern(flight: JsbsimFlight, airframe: Airframe, path: ApproachPath) -> Ro
     final = int(np.argmin(np.abs(s) + np.linalg.norm(track.points, axis=1)))
     to_go = track.along[final] - track.along
     down = _cap_height(path.alt_path(to_go), top)
-    alt, away = _go_around_heights(flight, path, track, down)
-    approaching = (down < top - BLEND_HEIGHT_M) & ~away
+    alt, is_climb = _go_around_heights(flight, path, track, down)
+    approaching = (down < top - BLEND_HEIGHT_M) & ~is_climb
     return Route(
         track=track,
         begin=run_in,
         end=track.length - 200.0,
-        alt=np.where(away, _cap_height(alt, top), alt),
+        alt=np.where(is_climb, _cap_height(alt, top), alt),
         ground=_level(track, path.airfield.threshold_alt_m),
-        cas=np.where(away & (alt < top), airframe.climb_speed, flight.speed_mps),
+        cas=np.where(is_climb & (alt < top), airframe.climb_speed, flight.speed_mps),
         flaps=np.where(approaching, airframe.landing_flaps, 0.0),
         gear=np.where(approaching, 1.0, 0.0),
     )
@@ -216,12 +216,12 @@ def _low_level(flight: JsbsimFlight, path: ApproachPath, terrain: Terrain) -> Ro
 
 
 def _corridor(track: RouteTrack, path: ApproachPath, terrain: Terrain, flight: JsbsimFlight) -> tuple[Array, Array]:
-    """Height of the ground below the stations, and of the highest in the corridor [m]; level in the run-in."""
-    ahead = np.gradient(track.points, axis=0)
-    right = np.stack((ahead[:, 1], -ahead[:, 0]), axis=1) / np.linalg.norm(ahead, axis=1, keepdims=True)
+    """Height of the ground below the stations, and highest ground in the corridor [m]; constant in the run-in."""
+    tangent = np.gradient(track.points, axis=0)
+    right = np.stack((tangent[:, 1], -tangent[:, 0]), axis=1) / np.linalg.norm(tangent, axis=1, keepdims=True)
     across = np.linspace(-CORRIDOR_M, CORRIDOR_M, 9)
-    places = track.points[:, None, :] + across[None, :, None] * right[:, None, :]
-    lat, lon, _ = path.frame.to_geodetic(np.concatenate((places, np.zeros((*places.shape[:2], 1))), axis=-1))
+    points = track.points[:, None, :] + across[None, :, None] * right[:, None, :]
+    lat, lon, _ = path.frame.to_geodetic(np.concatenate((points, np.zeros((*points.shape[:2], 1))), axis=-1))
     height = terrain.height(lat, lon)
     begin = int(_run_in(flight) / STEP_M) + 1
     height[:begin] = height[begin]

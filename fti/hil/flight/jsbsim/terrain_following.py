@@ -1,8 +1,8 @@
-"""The height of a low-level route: a clearance above the ground, within slopes that an aeroplane climbs and descends.
+"""The height of a low-level route: a clearance above the ground, within the climb and descent limits of the aircraft.
 
-Of the highest ground of the corridor at each station and the clearance: first the lowest line above it that is nowhere
-steeper than the limits, then its greatest value within half a window, then the mean over the window.  The mean bends
-softly (pull-up and push-over) and stays above the line, since everything that it averages does.
+The input is the highest ground of the corridor at each station plus the clearance.  First the lowest line above it that
+keeps the slope limits, then its maximum within half a window, then the mean over the window.  The mean has smooth
+pull-ups and push-overs and stays above the line, because all averaged values do.
 """
 
 from __future__ import annotations
@@ -17,16 +17,16 @@ Array = NDArray[np.float64]
 def following_height(needed: Array, step: float, climb: float, descent: float, window: float) -> Array:
     """Height [m] at stations ``step`` [m] apart, shape (n,), nowhere below ``needed`` [m].
 
-    climb, descent : greatest slopes, both positive;  window : over which slopes change [m]
+    climb, descent : maximum slopes, both positive;  window : distance over which slopes change [m]
     """
     along = step * np.arange(len(needed))
-    ahead = np.maximum.accumulate((needed - climb * along)[::-1])[::-1] + climb * along
-    line = np.maximum.accumulate(ahead + descent * along) - descent * along
+    climb_line = np.maximum.accumulate((needed - climb * along)[::-1])[::-1] + climb * along
+    line = np.maximum.accumulate(climb_line + descent * along) - descent * along
     half = max(1, round(0.5 * window / step))
     highest = _windows(line, half).max(axis=1)
     return np.asarray(_windows(highest, half).mean(axis=1))
 
 
 def _windows(values: Array, half: int) -> Array:
-    """What lies within ``half`` stations of each, shape (n, 2 half + 1); beyond the ends the last value goes on."""
+    """Values within ``half`` stations of each one, shape (n, 2 half + 1); the end values are repeated."""
     return sliding_window_view(np.pad(values, half, mode="edge"), 2 * half + 1)

@@ -1,4 +1,4 @@
-"""Does the error of a quantity fit its limit, and the sigma that the messages state?"""
+"""Checks of the error of a quantity against its limit and the stated sigma."""
 
 from __future__ import annotations
 
@@ -13,25 +13,25 @@ from fti.post.score.outputs.row import OutputCheck, OutputRow, verdict_of
 from fti.post.score.rows import Verdict
 from fti.post.score.series import Array, Mask
 
-#: So many errors say something about a sigma.
+#: Minimum number of errors for a check of sigmas.
 MIN_COUNT = 20
-#: A sigma of more than fifty times the errors says nothing: RMS of error over sigma.
+#: Minimum RMS of error over sigma: sigmas of more than fifty times the errors are useless.
 MIN_SIGMA_RATIO = 0.02
-#: So large a share of the sigmas must be within the limit of the quantity: large ones excuse no error for long.
+#: Share of the sigmas that must be within the limit of the quantity: large sigmas excuse an error only briefly.
 SIGMA_QUANTILE = 0.7
-#: Behind an error that a fault explains: what navigation does not notice is told all the same.
+#: Appended to an error that a fault explains and navigation did not detect; it is reported, not judged.
 DURING_FAULT = ", called valid during a fault"
 
 
 def accuracy(
-    topic: str, quantity: QuantityError, judged: Mask, t: Array, limits: ScoreLimits, *, lost: Mask
+    topic: str, quantity: QuantityError, nominal: Mask, t: Array, limits: ScoreLimits, *, lost: Mask
 ) -> Iterator[OutputRow]:
     """Rows of one quantity.
 
-    judged : valid messages whose error no fault explains, shape (n,); t : their times [s]
-    lost   : messages without a device that they rest on, shape (n,): their sigma may be large, and must still fit
+    nominal : valid messages whose error no fault explains, shape (n,); t : their times [s]
+    lost    : messages while a device that they need is lost, shape (n,): their sigma may be large, but must be correct
     """
-    known = judged & np.isfinite(quantity.error)
+    known = nominal & np.isfinite(quantity.error)
     if not known.any():
         return
     yield _error(topic, quantity, known, t, limits)
@@ -45,7 +45,7 @@ def accuracy(
 def excused_error_row(
     topic: str, quantity: QuantityError, excused: Mask, t: Array, limits: ScoreLimits
 ) -> Iterator[OutputRow]:
-    """A row where values are wrong and called valid while a fault explains it; it is not judged.
+    """A row if values are wrong and flagged valid while a fault explains the error; it is not judged.
 
     excused : valid messages during such faults, shape (n,)
     """
@@ -56,13 +56,13 @@ def excused_error_row(
             yield replace(row, verdict=Verdict.NOT_JUDGED, found=f"{row.found}{DURING_FAULT}")
 
 
-def compared(
+def fault_error_rows(
     topic: str, quantity: QuantityError, during: Mask, t: Array, limits: ScoreLimits, *, level: Array
 ) -> Iterator[OutputRow]:
-    """A row that is judged: the largest error while a fault acts that explains no wrong value.
+    """A row for the largest error during a fault that excuses no wrong value.
 
     during : valid messages of that time, shape (n,); level : protection level of the quantity, NaN where none, shape
-    (n,): where one is stated it counts in place of sigmas
+    (n,); a stated level replaces the limit by sigmas
     """
     known = during & np.isfinite(quantity.error)
     if known.any():
@@ -71,7 +71,7 @@ def compared(
 
 
 def _error(topic: str, quantity: QuantityError, known: Mask, t: Array, limits: ScoreLimits) -> OutputRow:
-    """The largest error beside what is allowed to it."""
+    """The error with the largest ratio to its limit."""
     error = np.abs(quantity.error[known])
     allowed = np.fmax(quantity.limit, limits.worst_sigmas * np.nan_to_num(quantity.sd[known]))
     worst = int(np.argmax(error / allowed))
@@ -96,11 +96,11 @@ def _unstated(topic: str, quantity: QuantityError, missing: Mask, t: Array) -> O
 def _sigma(
     topic: str, quantity: QuantityError, stated: Mask, t: Array, limits: ScoreLimits, *, sharp: Mask
 ) -> OutputRow:
-    """The share of errors beyond some sigmas; most sigmas, of all or of the sharp ones, no larger than allowed."""
+    """The share of errors beyond some sigmas, and a quantile of all sigmas or of those without a lost device."""
     error, sd = np.abs(quantity.error[stated]), quantity.sd[stated]
     beyond = error > limits.sigmas * sd
     share, ratio = float(np.mean(beyond)), _rms_ratio(error, sd)
-    high = min(float(np.quantile(quantity.sd[of], SIGMA_QUANTILE)) if of.any() else 0.0 for of in (stated, sharp))
+    high = min(float(np.quantile(quantity.sd[mask], SIGMA_QUANTILE)) if mask.any() else 0.0 for mask in (stated, sharp))
     found = (
         f"{share:.1%} beyond {limits.sigmas:g} sigma, RMS {ratio:.2f} sigma, "
         f"{SIGMA_QUANTILE:.0%} of sigmas <= {high:.3g} {quantity.unit}"
@@ -109,13 +109,13 @@ def _sigma(
         f"<= {limits.beyond_share:.0%} beyond, RMS >= {MIN_SIGMA_RATIO:g} sigma, sigma > 0, "
         f"{SIGMA_QUANTILE:.0%} of sigmas <= {quantity.limit:.3g} {quantity.unit}"
     )
-    enough = len(error) >= MIN_COUNT
+    is_judged = len(error) >= MIN_COUNT
     verdict = verdict_of(
         bool(np.all(sd > 0.0)) and share <= limits.beyond_share and ratio >= MIN_SIGMA_RATIO and high <= quantity.limit
     )
     at = float(t[stated][int(np.argmax(beyond))]) if beyond.any() else None
     return OutputRow(
-        topic, OutputCheck.SIGMA, quantity.name, verdict if enough else Verdict.NOT_JUDGED, found, limit, at
+        topic, OutputCheck.SIGMA, quantity.name, verdict if is_judged else Verdict.NOT_JUDGED, found, limit, at
     )
 
 

@@ -1,7 +1,6 @@
-"""Is an output valid where it has all that it needs?
+"""Check that an output is valid where all of its inputs are available.
 
-An output that is never valid harms nobody and helps nobody: a score that asks only what is wrongly called valid would
-be met by it.  Where it must be valid follows from the truth and from the faults.
+Without it an output that is never valid would pass.  The required validity follows from the truth and the faults.
 """
 
 from __future__ import annotations
@@ -16,9 +15,9 @@ from fti.post.score.outputs.row import OutputCheck, OutputRow, verdict_of
 from fti.post.score.rows import Verdict
 from fti.post.score.series import Array, Mask, TopicSeries
 
-#: So many messages say something about a share.
+#: Minimum number of messages for a share.
 MIN_COUNT = 10
-#: Flags that a flight may raise at any time explain no larger share of it.
+#: Maximum share of invalid messages that the flight may explain.
 EXPLAINED_SHARE = 0.3
 
 
@@ -28,7 +27,7 @@ def availability(
     """One row.
 
     due : messages that must be valid, shape (n,); t : times of all messages [s of the flight], shape (n,)
-    may : flags that the flight explains
+    may : flags that the flight allows
     """
     if not any("valid" in row for row in series.rows):
         return

@@ -1,4 +1,4 @@
-"""All checks of all outputs that a configuration promises, for one flight."""
+"""All checks of all outputs that a configuration requires, for one flight."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from fti.hil.oracle.output_effects import Interval, OutputEffects, interval_mask
 from fti.hil.oracle.required_outputs import GLIDE, HEIGHT_BELOW, RequiredOutput, approach_altimeter, required_outputs
 from fti.hil.tables.fault_types import Duplicated
 from fti.logger.reading.recording import Recording
-from fti.post.score.outputs.accuracy import accuracy, compared, excused_error_row
+from fti.post.score.outputs.accuracy import accuracy, excused_error_row, fault_error_rows
 from fti.post.score.outputs.approach import approach_due
 from fti.post.score.outputs.availability import availability
 from fti.post.score.outputs.consistency import Consistency
@@ -37,16 +37,16 @@ from fti.post.score.outputs.value_check import unsent_intervals, value_rows
 from fti.post.score.series import Array, Mask, TopicSeries, read_series
 from fti.types import Reason
 
-#: What the emulator's lateness leaves behind in outputs [s].
+#: Lateness of the emulator affects outputs for this time after it [s].
 AFTER_LATE_S = 1.0
-#: A fix by DME alone is worse than its ranges by the geometry of the stations, and no more than that.
+#: Maximum ratio of the error of a DME fix to that of its ranges (station geometry).
 RANGES_OF_FIX = 3.0
-#: So many messages of a real line may come with the one before: 0.7 % did on a busy computer.
+#: Share of messages of a real line that may share one read: 0.7 % did on a busy computer.
 SAME_READ_SHARE = 0.02
 
 
 def check_outputs(recording: Recording, evidence: FlightEvidence) -> list[OutputRow]:
-    """Rows of every output that the configuration promises, topic by topic.  Raises RecordingError."""
+    """Rows of every output that the configuration requires, topic by topic.  Raises RecordingError."""
     required = required_outputs(evidence.config, evidence.reference, evidence.sent)
     series = read_series(recording, [output.topic for output in required])
     checks = _Checks(evidence, series)
@@ -74,7 +74,7 @@ class _Checks:
         evidence, series = self._evidence, self._series[output.topic]
         t = evidence.table.seconds(series.log_ns)
         flight = (evidence.start_s, evidence.truth.end_s)
-        lost = [*self._affected.lost(output), *self._late, *self._unsent_intervals(output)]
+        lost = [*self._affected.loss_intervals(output), *self._late, *self._unsent_intervals(output)]
         yield from presence(output, series, t, flight, lost, copies=self._copies(output))
         if not len(series):
             return
@@ -89,7 +89,7 @@ class _Checks:
         yield from self._values(output, series, t, during, interval_mask(t, lost))
 
     def _unsent_intervals(self, output: RequiredOutput) -> Iterator[Interval]:
-        """When the device had nothing of the kind to state, as a DME below the horizon of its stations."""
+        """Intervals in which the device had no such value, as a DME below the horizon of its stations."""
         evidence, (_, device, kind) = self._evidence, output.topic.split("/")[:3]
         if device in evidence.intended:
             yield from unsent_intervals(evidence.intended[device], kind, evidence.table.begin_ns)
@@ -99,62 +99,61 @@ class _Checks:
     ) -> Iterator[OutputRow]:
         evidence = self._evidence
         valid = during & series.valid
-        by_fault = valid & interval_mask(t, self._affected.compared(output))
-        free = valid & ~interval_mask(t, [*self._affected.wrong(output), *self._late])
-        judged, asked = free & ~by_fault, free & by_fault
-        limits, excused = evidence.scenario.limits, valid & ~judged & ~asked
-        undetected = interval_mask(
-            t, self._affected.undetected()
-        )  # what states no protection level may be wrong until then
-        begun = interval_mask(t, self._affected.begun(ANGLES_COMPARED_S))
+        by_fault = valid & interval_mask(t, self._affected.truth_checked_intervals(output))
+        free = valid & ~interval_mask(t, [*self._affected.error_intervals(output), *self._late])
+        nominal, faulted = free & ~by_fault, free & by_fault
+        limits, excused = evidence.scenario.limits, valid & ~nominal & ~faulted
+        # values without a protection level may be wrong until detection
+        undetected = interval_mask(t, self._affected.undetected_intervals())
+        begun = interval_mask(t, self._affected.onset_intervals(ANGLES_COMPARED_S))
         for quantity in Comparison(
             series, evidence.table, limits, self._arm_b(output), stated=self._stated, fix_m=self._fix_m
         ).errors():
-            yield from accuracy(output.topic, quantity, judged, t, limits, lost=lost)
+            yield from accuracy(output.topic, quantity, nominal, t, limits, lost=lost)
             level = stated_level(series, self._series, quantity.name)
-            held = ~begun if quantity.name in ANGLES else np.ones_like(begun)
-            due = asked & (np.isfinite(level) & held | ~undetected)
-            yield from compared(output.topic, quantity, due, t, limits, level=level)
-            yield from protection_row(output.topic, quantity, free & held, t, level)
+            protected = ~begun if quantity.name in ANGLES else np.ones_like(begun)
+            due = faulted & (np.isfinite(level) & protected | ~undetected)
+            yield from fault_error_rows(output.topic, quantity, due, t, limits, level=level)
+            yield from protection_row(output.topic, quantity, free & protected, t, level)
             yield from excused_error_row(output.topic, quantity, excused, t, limits)
         yield from self._value_rows(output, series)
-        yield from Consistency(series, judged, t, evidence.config, self._glide).rows(evidence.table)
+        yield from Consistency(series, nominal, t, evidence.config, self._glide).rows(evidence.table)
         if pair := PAIRS.get(output.topic):
             other, check = pair
             yield check(series, self._series[other])
         if output.topic == INTEGRITY:
             error = navigated_error(series, self._series[SOLUTION], evidence.table)
             height = height_error(series, error, limits.vertical_m)
-            yield from accuracy(output.topic, height, judged, t, limits, lost=lost)
-            yield from protection(series, error, judged | asked, t)
+            yield from accuracy(output.topic, height, nominal, t, limits, lost=lost)
+            yield from protection(series, error, nominal | faulted, t)
 
     def _value_rows(self, output: RequiredOutput, series: TopicSeries) -> Iterator[OutputRow]:
         evidence, device = self._evidence, output.topic.split("/")[1]
         if device in evidence.intended:
-            excused = [*self._affected.lost(output), *self._affected.wrong(output), *self._late]
+            excused = [*self._affected.loss_intervals(output), *self._affected.error_intervals(output), *self._late]
             span = (evidence.start_s, evidence.truth.end_s)
             yield from value_rows(series, evidence.intended[device], span, excused, evidence.table.begin_ns)
 
     def _arm_b(self, output: RequiredOutput) -> Vector:
-        """Where the device of a measurement is; outputs of navigation are those of P."""
+        """Lever arm of the device of a measurement; outputs of navigation refer to P."""
         device = self._evidence.config.find_device(output.topic.split("/")[1])
         return device.lever_arm_b if device else (0.0, 0.0, 0.0)
 
     def _copies(self, output: RequiredOutput) -> float:
-        """The share of messages that may be equal to the one before, time and all.
+        """The share of messages that may have content and time of the message before.
 
-        A fault sends them twice; and what a serial line brings with one read, late, has one time.
+        A fault may send messages twice; late messages of one serial read have one time.
         """
         evidence = self._evidence
-        own = output.topic.split("/")  # a measurement of the device, or a height of the altimeter
-        on_its_devices = (bound for bound in evidence.craft.devices if bound.device.name in own)
-        doubled = [fault for fault in evidence.scenario.fault if isinstance(fault, Duplicated)]
-        if any(applies_to(fault, bound) for bound in on_its_devices for fault in doubled):
+        owners = output.topic.split("/")  # a measurement of the device, or a height of the altimeter
+        bound_devices = (bound for bound in evidence.craft.devices if bound.device.name in owners)
+        duplicating = [fault for fault in evidence.scenario.fault if isinstance(fault, Duplicated)]
+        if any(applies_to(fault, bound) for bound in bound_devices for fault in duplicating):
             return 1.0
         return SAME_READ_SHARE if evidence.real_time else 0.0
 
     def _may_of(self, output: RequiredOutput) -> Sequence[FlagAllowance]:
-        """What the flight explains of an output; others need what the monitor, or an altimeter, needs."""
+        """The flags of an output that the flight allows; dependent outputs inherit those of monitor or altimeters."""
         if output.topic == HEIGHT_BELOW:
             of_heights = (may for may in self._may if may.place.startswith(HEIGHT))
             no_height = (Reason.NO_HEIGHT,)
@@ -164,7 +163,7 @@ class _Checks:
         return [FlagAllowance(GLIDE, may.from_s, may.until_s, may.words) for may in self._may if may.place == INTEGRITY]
 
     def _due(self, output: RequiredOutput, t: Array) -> Mask:
-        """When the flight lets the output be valid, faults aside."""
+        """Messages that must be valid by the flight, without regard to faults."""
         evidence = self._evidence
         if output.topic in (INTEGRITY, GLIDE):
             altimeter = approach_altimeter(evidence.config, evidence.reference)

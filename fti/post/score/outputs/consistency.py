@@ -1,4 +1,4 @@
-"""Fields of one message that must agree with each other, and with what the configuration has of them."""
+"""Fields of one message that must agree with each other and with the configuration."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ from fti.types import Datum, IntegrityState, Point, Reason
 #: Full scale, and one dot as a part of the glide angle (ICAO Annex 10; shared specification of the glide slope).
 FULL_SCALE_DOTS, DOT = 2.0, 0.12
 DOTS_EQUAL, ANGLES_EQUAL_DEG = 0.01, 0.005
-#: By roll and pitch the beam is turned by more than by their product, and the mounting adds to it.
+#: Margins for the tilt of the beam: cos(roll) cos(pitch) is approximate, and the mounting adds to it.
 TILT_FACTOR, TILT_MARGIN, HEIGHT_MARGIN_M = 1.5, 0.02, 1.0
 #: The window is counted in bins of the reference.
 WINDOW_SHARE = 0.05
-#: Outputs that name what they lack while they are valid.
+#: Outputs that may have reasons while they are valid.
 FILTERS = (FILTER_TOPIC, VERTICAL_TOPIC, FIX)
-#: Reasons with which nothing is valid.
+#: Reasons with which no output is valid.
 CONTRADICTIONS = frozenset((Reason.STALE, Reason.SILENT, Reason.NO_IMU, Reason.ALIGNING, Reason.DIVERGED))
-#: Reasons of what is measured against the profile of an approach; no other output has them.
+#: Reasons of outputs along the profile of an approach; no other output has them.
 PROFILE_REASONS = frozenset(
     (
         Reason.OUTSIDE_PROFILE,
@@ -41,7 +41,7 @@ PROFILE_REASONS = frozenset(
         Reason.BELOW_150_M,
     )
 )
-#: Fields without which a valid message says nothing.
+#: Required fields of valid messages.
 VALUES = {
     SOLUTION: ("lat", "lon", "alt", "vel_north", "vel_east", "vel_down", "roll", "pitch", "heading"),
     LOCATION: ("latitude", "longitude", "altitude"),
@@ -53,19 +53,19 @@ VALUES = {
     HEIGHT: ("raw", "nearest", "height_agl", "sd"),
     HEIGHT_BELOW: ("height_agl", "sd"),
 }
-#: States in which the monitor has judged.
-JUDGED_STATES = (IntegrityState.OK, IntegrityState.MONITOR, IntegrityState.CAUTION, IntegrityState.ALERT)
+#: States in which the monitor has a result.
+RESULT_STATES = (IntegrityState.OK, IntegrityState.MONITOR, IntegrityState.CAUTION, IntegrityState.ALERT)
 
 
 class Consistency:
     """Rows of one topic.
 
-    judged : valid messages, shape (n,); t : times of all messages [s of the flight], shape (n,); glide : glide angle
-    of the approach [rad]; None without one
+    nominal : valid messages without a fault, shape (n,); t : times of all messages [s of the flight], shape (n,)
+    glide : glide angle of the approach [rad]; None without one
     """
 
-    def __init__(self, series: TopicSeries, judged: Mask, t: Array, config: Config, glide: float | None) -> None:
-        self._series, self._judged, self._t = series, judged, t
+    def __init__(self, series: TopicSeries, nominal: Mask, t: Array, config: Config, glide: float | None) -> None:
+        self._series, self._nominal, self._t = series, nominal, t
         self._config, self._glide = config, glide
 
     def rows(self, truth: TruthTable) -> Iterator[OutputRow]:
@@ -91,13 +91,13 @@ class Consistency:
             yield from self._window(nav.approach.window_m)
 
     def _reasons(self) -> Iterator[OutputRow]:
-        """Reasons are there where it is not valid, and only there; filters and the monitor have some while they are."""
+        """Exactly the invalid messages have reasons; valid messages of filters and the monitor may have some."""
         rows, topic = self._series.rows, self._series.topic
         if not any("reasons" in row for row in rows):
             return
         fits = _fits_state if topic == INTEGRITY else _has_reason if topic in FILTERS else _has_reason_if_not_valid
         wrong = [i for i, row in enumerate(rows) if not fits(row)]
-        found = f"{len(wrong)} messages differ" if wrong else "as it should be"
+        found = f"{len(wrong)} messages differ" if wrong else "consistent"
         at_s = float(self._t[wrong[0]]) if wrong else None
         yield OutputRow(
             topic, OutputCheck.CONSISTENT, "valid and reasons", verdict_of(not wrong), found, LIMITS[fits], at_s
@@ -110,17 +110,17 @@ class Consistency:
             )
 
     def _values(self) -> Iterator[OutputRow]:
-        """What is valid has its values."""
+        """A valid message has its values."""
         series = self._series
         fields = VALUES.get(HEIGHT if series.topic.startswith(f"{HEIGHT}/") else series.topic, ())
-        lacking = [f for f in fields if (series.valid & ~np.isfinite(series.column(f))).any()]
+        missing = [f for f in fields if (series.valid & ~np.isfinite(series.column(f))).any()]
         if fields:
-            found = f"valid without {', '.join(lacking)}" if lacking else "as it should be"
+            found = f"valid without {', '.join(missing)}" if missing else "consistent"
             limit = "each value of a valid message"
-            yield OutputRow(series.topic, OutputCheck.CONSISTENT, "values", verdict_of(not lacking), found, limit)
+            yield OutputRow(series.topic, OutputCheck.CONSISTENT, "values", verdict_of(not missing), found, limit)
 
     def _named(self, field: str, names: tuple[str, ...], *, may_be_none: bool = True) -> OutputRow:
-        """A field that names a device must name one that the configuration has for it."""
+        """A field that names a device must name a configured one."""
         allowed = (*names, None) if may_be_none else names
         wrong = [i for i, name in enumerate(self._series.values(field)) if name not in allowed]
         found = f"{self._series.rows[wrong[0]].get(field)!r}" if wrong else "as configured"
@@ -130,7 +130,7 @@ class Consistency:
         )
 
     def _height_of_range(self, truth: TruthTable, name: str) -> Iterator[OutputRow]:
-        """Height of P from a range: turned by the attitude, less the lever arm; never by more than both together."""
+        """Height of P from a range: the correction is limited by attitude and lever arm."""
         series, device, wheels = self._series, self._config.find_device(name), self._config.nav.wheels_b
         raw = series.column("raw")
         tilt = np.cos(truth.at("roll", series.valid_ns)) * np.cos(truth.at("pitch", series.valid_ns))
@@ -150,14 +150,14 @@ class Consistency:
         yield from self._largest("dots of deviation", "dots", abs(self._series.column("dots") - dots), DOTS_EQUAL)
 
     def _window(self, window_m: float) -> Iterator[OutputRow]:
-        """The window lies behind the aircraft and is as long as configured."""
+        """The window is behind the aircraft and has the configured length."""
         length = self._series.column("s_begin") - self._series.column("s_end")
         yield from self._largest("window length", "m", abs(length - window_m), WINDOW_SHARE * window_m)
 
     def _largest(self, what: str, unit: str, value: Array, allowed: Array | float) -> Iterator[OutputRow]:
-        """The largest of some differences beside what is allowed; none where nothing can be compared."""
+        """The difference that exceeds its limit most; no row where nothing can be compared."""
         limit = np.broadcast_to(np.asarray(allowed, dtype=np.float64), value.shape)
-        known = np.flatnonzero(self._judged & np.isfinite(value) & np.isfinite(limit))
+        known = np.flatnonzero(self._nominal & np.isfinite(value) & np.isfinite(limit))
         if not len(known):
             return
         worst = int(known[np.argmax(value[known] - limit[known])])
@@ -182,18 +182,18 @@ def _has_reason(row: Mapping[str, Any]) -> bool:
 
 
 def _fits_state(row: Mapping[str, Any]) -> bool:
-    """Is the monitor valid where it has judged, and with a reason where it has not and does not wait for its window?"""
-    judged = row.get("state") in JUDGED_STATES
-    waits = row.get("state") == IntegrityState.ACQUIRE
-    if (row.get("valid") is True) is not judged:
+    """Is the monitor valid exactly with a result, and has it a reason otherwise, unless it fills its window?"""
+    has_result = row.get("state") in RESULT_STATES
+    is_acquiring = row.get("state") == IntegrityState.ACQUIRE
+    if (row.get("valid") is True) is not has_result:
         return False
-    if row.get("state") in (IntegrityState.OK, IntegrityState.MONITOR):  # T2 needs a shift that can be observed
+    if row.get("state") in (IntegrityState.OK, IntegrityState.MONITOR):  # T2 needs an observable shift
         return (row.get("t2_ratio") is None) is (row.get("state") == IntegrityState.MONITOR)
-    return judged or waits or bool(row.get("reasons"))
+    return has_result or is_acquiring or bool(row.get("reasons"))
 
 
 LIMITS = {
     _has_reason_if_not_valid: "a reason exactly where it is not valid",
     _has_reason: "a reason where it is not valid",
-    _fits_state: f"valid in {', '.join(JUDGED_STATES)}; {IntegrityState.MONITOR} exactly without T2",
+    _fits_state: f"valid in {', '.join(RESULT_STATES)}; {IntegrityState.MONITOR} exactly without T2",
 }

@@ -1,6 +1,6 @@
-"""Errors of the quantities of each topic against the ground truth, with the sigmas that the messages state.
+"""Errors of the quantities of each topic against the ground truth, with the stated sigmas.
 
-Truth: ``fti.hil.truth_log``.  Everything is compared at the time at which the message says that it was true.
+Truth: ``fti.hil.truth_log``.  Messages are compared at their time of validity.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from fti.hil.tables.limits import ScoreLimits
 from fti.post.score.series import Array, Times, TopicSeries
 from fti.post.score.truth_table import TruthTable
 
-#: Outputs that state a sigma with each of their values, where they have a field for it.
+#: Outputs that must state a sigma with each value that has a sigma field.
 STATE_SIGMAS = frozenset((FILTER, FIX, VERTICAL, GLIDE))
 
 
@@ -28,10 +28,10 @@ STATE_SIGMAS = frozenset((FILTER, FIX, VERTICAL, GLIDE))
 class QuantityError:
     """The error of one quantity in each message of a topic.
 
-    error : found minus true, or a distance, shape (n,), NaN where there is nothing to compare
-    sd    : stated one sigma, same shape, NaN where none is stated; limit : largest error where none is stated
-    must_state : a sigma belongs to each error
-    unit  : of all of them
+    error : measured minus true, or a distance, shape (n,), NaN where it is unknown
+    sd    : stated 1-sigma, same shape, NaN where none is stated; limit : maximum error where none is stated
+    must_state : each value must have a sigma
+    unit  : of error, sd and limit
     """
 
     name: str
@@ -45,8 +45,8 @@ class QuantityError:
 class Comparison:
     """One topic against the truth.
 
-    limits : of the scenario; arm_b : from P to where the topic's device measures, body frame [m]
-    stated : sigmas that every source of the navigation solution states; fix_m : largest one of a radio fix [m]
+    limits : of the scenario; arm_b : lever arm from P to the topic's device, body frame [m]
+    stated : sigmas that every source of the navigation solution states; fix_m : maximum error of a radio fix [m]
     """
 
     def __init__(
@@ -62,10 +62,10 @@ class Comparison:
         self._series, self._truth, self._limits, self._stated = series, truth, limits, stated
         self._horizontal_m = max(limits.horizontal_m, fix_m) if series.topic == FIX else limits.horizontal_m
         self._t: Times = series.valid_ns
-        self._arm_n = self._turned(arm_b)
+        self._arm_n = self._arm_ned(arm_b)
 
     def errors(self) -> list[QuantityError]:
-        """Every quantity of the topic that the truth has; what is said of a source is judged by its flags."""
+        """Every quantity of the topic that the truth has; validities of sources have none."""
         topic = self._series.topic
         if topic in (SOLUTION, FILTER, FIX, VERTICAL):
             return [*self._position(), *self._velocity(), *self._attitude()]
@@ -111,13 +111,12 @@ class Comparison:
         yield self._angle("deviation", "deviation", "sd", limits.deviation_deg)
 
     def _height(self, name: str) -> Iterator[QuantityError]:
-        """The height straight below; of an altimeter with that name also what it measures along its beam."""
+        """The height vertically below; for an altimeter of that name also its measured and predicted range."""
         error, limits = self._column("height_agl") - self._true("height_agl"), self._limits
         yield QuantityError("height below", "m", error, self._column("sd"), limits.vertical_m, must_state=True)
         if not name:
             return
-        # between two rows of the truth, and within the error of the place, the beam meets what is within the spread
-        # a sigma that is none stays as it is
+        # the spread covers terrain between two rows of the truth and within the position error; an invalid sigma stays
         here, spread = self._true("range_" + name), self._true("most_range_" + name) - self._true("least_range_" + name)
         stated = self._column("nearest_sd")
         sd = np.where(stated > 0.0, np.hypot(stated, np.nan_to_num(spread) / 2.0), stated)
@@ -150,11 +149,11 @@ class Comparison:
     # ------------------------------------------------------------------------------------------------------ tools
 
     def _must_state(self, sd: str) -> bool:
-        """Filters state a sigma of everything they give; devices, and what passes their values on, may not."""
+        """Must each value have a sigma?  Filters state one for each output; devices may state none."""
         topic = self._series.topic
         return bool(sd) and (topic in STATE_SIGMAS or (topic == SOLUTION and sd in self._stated))
 
-    def _turned(self, arm_b: Vector) -> Array:
+    def _arm_ned(self, arm_b: Vector) -> Array:
         """A lever arm north, east, down at each message [m], shape (n, 3); NaN outside the flight."""
         if not any(arm_b):
             return np.zeros((len(self._t), 3))
@@ -172,23 +171,23 @@ class Comparison:
 
     def _angle(self, name: str, field: str, sd: str, limit_deg: float) -> QuantityError:
         error = self._column(field) - self._true(field)
-        within_half_a_turn = np.rad2deg((error + math.pi) % (2.0 * math.pi) - math.pi)
+        wrapped = np.rad2deg((error + math.pi) % (2.0 * math.pi) - math.pi)
         sigma = np.rad2deg(self._column(sd))
-        return QuantityError(name, "deg", within_half_a_turn, sigma, limit_deg, self._must_state(sd))
+        return QuantityError(name, "deg", wrapped, sigma, limit_deg, self._must_state(sd))
 
     def _altitude(self, name: str, field: str) -> QuantityError:
-        """Altitude where the device measures, which lies above P by what its lever arm points up."""
+        """Altitude at the device, which is above P by the upward component of its lever arm."""
         error = self._column(field) - self._true(field) + self._arm_n[:, 2]
         must = self._must_state("vertical_sd")
         return QuantityError(name, "m", error, self._column("vertical_sd"), self._limits.vertical_m, must)
 
     def _horizontal(self, lat: Array, lon: Array, sd: Array) -> QuantityError:
-        """Distance over ground, of latitude and longitude [rad]."""
+        """Horizontal distance, from latitude and longitude [rad]."""
         true_lat, alt = self._true("lat"), np.nan_to_num(self._true("alt"))
         meridian, normal = radii(np.nan_to_num(true_lat))
         north = (lat - true_lat) * (meridian + alt)
-        turn = (lon - self._true("lon") + math.pi) % (2.0 * math.pi) - math.pi
-        east = turn * (normal + alt) * np.cos(np.nan_to_num(true_lat))
+        lon_error = (lon - self._true("lon") + math.pi) % (2.0 * math.pi) - math.pi
+        east = lon_error * (normal + alt) * np.cos(np.nan_to_num(true_lat))
         distance = np.hypot(north - self._arm_n[:, 0], east - self._arm_n[:, 1])
         must = self._must_state("horizontal_sd")
         return QuantityError("horizontal", "m", distance, sd, self._horizontal_m, must)

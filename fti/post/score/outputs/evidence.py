@@ -1,4 +1,4 @@
-"""What the outputs of a flight are judged by: configuration, truth, and what the emulator sent."""
+"""Reference for the outputs of a flight: configuration, truth, and the values that the emulator sent."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ from fti.post.score.truth_table import TruthTable
 
 @dataclass(frozen=True, slots=True)
 class FlightEvidence:
-    """What a flight is judged by.
+    """Reference for the outputs of a flight.
 
-    sent : rate [Hz] of each kind of measurement of each device; intended : what each device meant to state
-    late : when the emulator was late [s of the flight]
-    start_s : outputs are required from then on [s of the flight]; real_time : over ports, not accelerated
+    sent : rate [Hz] of each kind of measurement of each device; intended : values that each device sent
+    late : intervals in which the emulator was late [s of the flight]
+    start_s : outputs are required from this time on [s of the flight]; real_time : over ports, not accelerated
     """
 
     scenario: Scenario
@@ -47,7 +47,10 @@ class FlightEvidence:
 def flight_evidence(
     scenario: Scenario, setup: Setup, flight_truth: FlightTruth, observed_flags: ObservedFlags
 ) -> FlightEvidence:
-    """Of one flight.  setup : the configuration that is promised.  Raises ConfigError, MissingError, RecordingError."""
+    """The reference for one flight.  setup : configuration of the emulator.
+
+    Raises ConfigError, MissingError, RecordingError.
+    """
     return FlightEvidence(
         scenario,
         setup.config,
@@ -64,7 +67,7 @@ def flight_evidence(
 
 
 def _sent_rates(flight_truth: FlightTruth) -> dict[str, dict[str, float]]:
-    """Nothing in older truth files.  Raises RecordingError."""
+    """Rates in the truth file; empty for older files.  Raises RecordingError."""
     data = flight_truth.attached.get(RATES_ATTACHMENT)
     if data is None:
         return {}

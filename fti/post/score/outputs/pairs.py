@@ -1,6 +1,6 @@
-"""Outputs that belong together: each valid solution has its location, each judged window its glide slope.
+"""Pairs of outputs: each valid solution has a location, each message of the monitor a glide slope.
 
-Both are written with the same log time; neither faults nor lateness explain that one is there without the other.
+Both have the same log time; faults and lateness do not excuse one without the other.
 """
 
 from __future__ import annotations
@@ -15,20 +15,20 @@ from fti.post.score.series import TopicSeries
 from fti.types import IntegrityState
 
 MessageTable = Mapping[str, Any]
-#: Closer to the intercept point there is no angle [m]; a metre is left for the place itself.
+#: Closer to the intercept point there is no angle [m], with a margin of one metre.
 MIN_ALONG_TRACK_M = 151.0
 GOOD = (IntegrityState.OK, IntegrityState.MONITOR)
 
 
 def locations(location: TopicSeries, solution: TopicSeries) -> OutputRow:
     """A location for each valid solution, and for no other."""
-    wanted = {t_ns for t_ns, row in _by_time(solution).items() if row.get("valid") is True}
-    differing = wanted ^ set(location.log_ns.tolist())
+    expected = {t_ns for t_ns, row in _by_time(solution).items() if row.get("valid") is True}
+    differing = expected ^ set(location.log_ns.tolist())
     return _row(location.topic, "of valid solutions", len(differing), "a location for each valid solution")
 
 
 def glide_slopes(slope: TopicSeries, integrity: TopicSeries) -> OutputRow:
-    """Valid where the monitor is good, without an obstacle or a bad match, and far enough; nowhere else."""
+    """Valid exactly where the monitor is good, without an obstacle or a bad match, and far enough away."""
     monitor = _by_time(integrity)
     slopes = _by_time(slope)
     wrong = sum(not _belongs(row, monitor.get(t_ns)) for t_ns, row in slopes.items()) + len(
@@ -57,11 +57,11 @@ def _by_time(series: TopicSeries) -> dict[int, MessageTable]:
 
 
 def _row(topic: str, what: str, count: int, limit: str) -> OutputRow:
-    found = f"{count} messages differ" if count else "as it should be"
+    found = f"{count} messages differ" if count else "consistent"
     return OutputRow(topic, OutputCheck.CONSISTENT, what, verdict_of(not count), found, limit)
 
 
-#: Topic -> the one that it belongs to, and the check of both.
+#: Topic -> the topic that it belongs to, and the check of both.
 PAIRS: Mapping[str, tuple[str, Callable[[TopicSeries, TopicSeries], OutputRow]]] = {
     LOCATION: (SOLUTION, locations),
     GLIDE: (INTEGRITY, glide_slopes),

@@ -1,4 +1,4 @@
-"""Is a topic there at its rate, from the beginning of the flight to its end, in order and once?"""
+"""Checks that a topic is present at its rate during the whole flight, in order and without repetition."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from fti.post.score.outputs.row import OutputCheck, OutputRow, verdict_of
 from fti.post.score.rows import Verdict
 from fti.post.score.series import Array, Mask, TopicSeries
 
-#: A rate is told from so much time without a fault [s].
+#: Minimum time without a fault for a rate [s].
 MIN_INTERVAL_S = 2.0
-#: The first output needs the first measurements of all its devices [s].
+#: Time until the first output, which needs the first measurements of all its devices [s].
 FIRST_S = 1.0
-#: Content and log time state the same instant [ns]; a number of 64 bits has a step of 256 ns.
+#: Tolerance between the times in content and log [ns]; a 64-bit float has a step of 256 ns.
 SAME_NS = 1e3
-#: Nothing was true after it was said [s].
+#: Maximum time of validity after the log time [s].
 MAX_FUTURE_S = 0.05
-#: A message may be late by this much where devices are good: rates of a real bus, ticks [s].
+#: Tolerance of gaps while devices are good: rates of a real bus, ticks [s].
 MARGIN_S = 0.05
 
 
@@ -35,9 +35,9 @@ def presence(
 ) -> Iterator[OutputRow]:
     """Rows of one topic.
 
-    t : times of its messages [s of the flight], shape (n,); flight : from when until when it is required [s];
-    excused : faults and lateness of the emulator, when it may be missing;
-    copies : so large a share of the messages may have the bytes and the time of the one before
+    t : times of its messages [s of the flight], shape (n,); flight : interval in which it is required [s];
+    excused : intervals in which it may be missing, by faults and lateness of the emulator;
+    copies : maximum share of messages with the bytes and the time of the message before
     """
     flight = (flight[0] + FIRST_S, flight[1])
     during = (t >= flight[0]) & (t <= flight[1])
@@ -53,12 +53,12 @@ def presence(
 
 
 def _rate_limit(output: RequiredOutput) -> str:
-    least, most = output.rate_hz
-    return f">= {least:.3g} Hz" if most == float("inf") else f"{least:.3g} to {most:.3g} Hz"
+    min_hz, max_hz = output.rate_hz
+    return f">= {min_hz:.3g} Hz" if max_hz == float("inf") else f"{min_hz:.3g} to {max_hz:.3g} Hz"
 
 
 def _free(flight: Interval, excused: Sequence[Interval]) -> list[Interval]:
-    """The parts of a flight that no interval covers, those long enough for a rate."""
+    """The parts of a flight that no interval covers, if long enough for a rate."""
     free, at = list[Interval](), flight[0]
     for from_s, until_s in [*sorted(excused), (flight[1], flight[1])]:
         if from_s - at >= MIN_INTERVAL_S:
@@ -68,22 +68,27 @@ def _free(flight: Interval, excused: Sequence[Interval]) -> list[Interval]:
 
 
 def _rate(output: RequiredOutput, t: Array, free: Sequence[Interval]) -> OutputRow:
-    """The rate while nothing explains another one: over all of that, and in no part of it half or double."""
+    """The mean rate over all times without an excuse."""
     limit = _rate_limit(output)
     if not free:
         return OutputRow(output.topic, OutputCheck.RATE, "", Verdict.NOT_JUDGED, "faults all the time", limit)
-    least, most = output.rate_hz
+    min_hz, max_hz = output.rate_hz
     counts = [int(np.count_nonzero((t >= from_s) & (t < until_s))) for from_s, until_s in free]
     total_s = sum(until_s - from_s for from_s, until_s in free)
     rate = sum(counts) / total_s
     slack = len(free) / total_s  # a message more or less at each border
     return OutputRow(
-        output.topic, OutputCheck.RATE, "", verdict_of(least - slack <= rate <= most + slack), f"{rate:.2f} Hz", limit
+        output.topic,
+        OutputCheck.RATE,
+        "",
+        verdict_of(min_hz - slack <= rate <= max_hz + slack),
+        f"{rate:.2f} Hz",
+        limit,
     )
 
 
 def _gap(output: RequiredOutput, t: Array, flight: Interval, excused: Sequence[Interval]) -> OutputRow:
-    """The longest time without a message; the beginning and the end of the flight count as messages."""
+    """The longest gap; begin and end of the flight count as messages."""
     edges = np.concatenate(([flight[0]], t, [flight[1]]))
     gaps = np.diff(edges)
     free = ~_touches(edges[:-1], edges[1:], excused)
@@ -113,9 +118,9 @@ def _touches(begin: Array, end: Array, intervals: Sequence[Interval]) -> Mask:
 def _order(
     output: RequiredOutput, series: TopicSeries, t: Array, during_free: tuple[Mask, Mask], *, copies: float
 ) -> OutputRow:
-    """Messages in order of their log times, each once; valid ones not older than allowed, nor from the future.
+    """Messages have ascending log times, without repetition; valid ones have an age within the limits.
 
-    during_free : messages of the flight, and those of them that no fault explains; copies : share of equal messages
+    during_free : messages of the flight, and those of them without an excuse; copies : share of equal messages
     """
     during, free = during_free
     limit = f"ascending, each once, age {-MAX_FUTURE_S:g} to {output.age_s:g} s"
@@ -124,12 +129,12 @@ def _order(
     stamps, age_s = series.column("t_ns"), (series.log_ns - series.valid_ns) / 1e9
     other = np.isfinite(stamps) & (abs(stamps - series.log_ns) > SAME_NS)
     old = free & series.valid & ((age_s > output.age_s) | (age_s < -MAX_FUTURE_S))
-    if output.age_s <= OUTPUT_AGE_S:  # what is calculated for each tick
+    if output.age_s <= OUTPUT_AGE_S:  # outputs of each tick
         later[1:] |= np.diff(series.valid_ns) < 0
     findings = (
-        (later, "before the one behind it"),
-        (other, "t_ns differs from the log time"),
-        (old, "of another time"),
+        (later, "out of order"),
+        (other, "with a t_ns that differs from the log time"),
+        (old, "with an age beyond the limits"),
     )
     for where, text in findings:
         at = np.flatnonzero(where & during)
@@ -137,7 +142,7 @@ def _order(
             found = f"{len(at)} messages {text}" + (f": {age_s[at[0]]:.2f} s" if where is old else "")
             return _of_times(series, Verdict.FAILS, found, limit, float(t[at[0]]))
     if series.repeated > copies * len(series):
-        return _of_times(series, Verdict.FAILS, f"{series.repeated} messages twice", limit, None)
+        return _of_times(series, Verdict.FAILS, f"{series.repeated} repeated messages", limit, None)
     return _of_times(series, Verdict.HOLDS, "in order", limit, None)
 
 

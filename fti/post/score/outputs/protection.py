@@ -1,6 +1,4 @@
-"""Errors beside protection levels: position, altitude and attitude of navigation; its altitude beside what the monitor
-says.
-"""
+"""Errors of position, altitude and attitude against the protection levels of navigation and of the monitor."""
 
 from __future__ import annotations
 
@@ -15,11 +13,10 @@ from fti.post.score.outputs.row import OutputCheck, OutputRow, verdict_of
 from fti.post.score.series import Array, Mask, TopicSeries
 from fti.post.score.truth_table import TruthTable
 
-#: Where each quantity has its protection level.
+#: Field with the protection level of each quantity.
 LEVELS = {"horizontal": "hpl", "altitude": "vpl", "roll": "tilt_pl", "pitch": "tilt_pl", "heading": "heading_pl"}
 ANGLES = frozenset(("roll", "pitch", "heading"))
-#: Attitudes are compared five times a second, with what was there until 0.4 s before: so long their level may miss a
-#: fault [s].
+#: Attitudes are compared five times a second, with data of 0.4 s before: delay until their level covers a fault [s].
 ANGLES_COMPARED_S = 1.0
 
 
@@ -38,57 +35,57 @@ def stated_level(series: TopicSeries, others: Mapping[str, TopicSeries], quantit
     return np.array([levels.get(t_ns, np.nan) for t_ns in series.log_ns.tolist()], dtype=np.float64)
 
 
-def protection_row(topic: str, quantity: QuantityError, judged: Mask, t: Array, level: Array) -> Iterator[OutputRow]:
-    """One row: no valid value is wrong by more than the protection level that it states.
+def protection_row(topic: str, quantity: QuantityError, valid: Mask, t: Array, level: Array) -> Iterator[OutputRow]:
+    """One row: no valid value has an error beyond its stated protection level.
 
-    judged : valid messages, shape (n,); t : their times [s of the flight]; level : in the unit of the quantity, NaN
+    valid : valid messages, shape (n,); t : their times [s of the flight]; level : in the unit of the quantity, NaN
     where none, same shape
     """
     if topic != LOCATION:
-        yield from _level_row((topic, quantity.name, quantity.unit), quantity.error, level, judged, t)
+        yield from _level_row((topic, quantity.name, quantity.unit), quantity.error, level, valid, t)
 
 
 def navigated_error(integrity: TopicSeries, solution: TopicSeries, table: TruthTable) -> Array:
-    """Error of the altitude that navigation gave at the times of the monitor's messages [m], shape (n,)."""
+    """Error of the navigated altitude at the times of the monitor's messages [m], shape (n,)."""
     altitude = solution.column("alt")
     known = solution.valid & np.isfinite(altitude)
     if not known.any():
         return np.full(len(integrity), np.nan)
     times = table.seconds(solution.valid_ns[known])
     order = np.argsort(times, kind="stable")
-    wrong = (altitude - table.at("alt", solution.valid_ns))[known][order]
-    return np.interp(table.seconds(integrity.valid_ns), times[order], wrong)
+    error = (altitude - table.at("alt", solution.valid_ns))[known][order]
+    return np.interp(table.seconds(integrity.valid_ns), times[order], error)
 
 
 def height_error(integrity: TopicSeries, error: Array, limit_m: float) -> QuantityError:
-    """b(0) of the monitor, beside the error of the navigated altitude, which it estimates."""
+    """Error of b(0) of the monitor, its estimate of the error of the navigated altitude."""
     found = integrity.column("height_error")
     return QuantityError(
         "height error", "m", found - error, integrity.column("height_error_sd"), limit_m, must_state=True
     )
 
 
-def protection(integrity: TopicSeries, error: Array, judged: Mask, t: Array) -> Iterator[OutputRow]:
+def protection(integrity: TopicSeries, error: Array, valid: Mask, t: Array) -> Iterator[OutputRow]:
     """One row: hazardously misleading information is a valid state with an error beyond its protection level.
 
-    error : of the navigated altitude [m], shape (n,); judged : valid messages of the monitor; t : their times [s of the
+    error : of the navigated altitude [m], shape (n,); valid : valid messages of the monitor; t : their times [s of the
     flight]
     """
     level = integrity.column("protection_level_v")
-    yield from _level_row((integrity.topic, "navigated altitude", "m"), error, level, judged, t)
+    yield from _level_row((integrity.topic, "navigated altitude", "m"), error, level, valid, t)
 
 
-def _level_row(of: tuple[str, str, str], error: Array, level: Array, judged: Mask, t: Array) -> Iterator[OutputRow]:
-    at = np.flatnonzero(judged & np.isfinite(level) & np.isfinite(error))
+def _level_row(what: tuple[str, str, str], error: Array, level: Array, valid: Mask, t: Array) -> Iterator[OutputRow]:
+    at = np.flatnonzero(valid & np.isfinite(level) & np.isfinite(error))
     if not len(at):
         return
     excess = np.abs(error[at]) - level[at]
     worst = int(np.argmax(excess))
-    topic, what, unit = of
+    topic, name, unit = what
     yield OutputRow(
         topic,
         OutputCheck.PROTECTED,
-        what,
+        name,
         verdict_of(not bool(np.any(excess > 0.0))),
         f"error {abs(error[at][worst]):.3g} {unit}",
         f"<= {level[at][worst]:.3g} {unit}",

@@ -1,4 +1,4 @@
-"""Are the bytes that the emulator sent on each link in the raw file?"""
+"""Check that the raw file has the bytes that the emulator sent on each link."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from fti.post.score.truth_reader import FlightTruth, SentOnLink
 
 #: A recorded CAN frame [bytes]: the kernel's ``can_frame`` and ``canfd_frame``.
 CAN_BYTES, CAN_FD_BYTES = 16, 72
-#: So much of what was sent must be recorded: a computer that is overloaded loses some of it, one without ports nothing.
+#: Minimum recorded share: an overloaded computer loses some data, an accelerated flight none.
 MIN_SHARE, ACCELERATED_SHARE = 0.985, 0.999
-#: Bytes of the flight may arrive so long after it [ns].
+#: Bytes of the flight may arrive up to this time after it [ns].
 AFTER_NS = 3_000_000_000
 
 
 def recorded_links(recording: Recording, flight_truth: FlightTruth, config: Config) -> Iterator[OutputRow]:
-    """A row for each link; nothing where the truth does not state what was sent.  Raises RecordingError."""
+    """A row for each link; none where the truth does not state the sent bytes.  Raises RecordingError."""
     if not flight_truth.sent:
         return
     until_ns = flight_truth.begin_ns + round(flight_truth.truth.end_s * 1e9) + AFTER_NS
@@ -27,15 +27,15 @@ def recorded_links(recording: Recording, flight_truth: FlightTruth, config: Conf
     for topic, t_ns, _, _, data in recording.messages(RAW_PREFIX, kind="raw"):
         if flight_truth.begin_ns <= t_ns <= until_ns:
             recorded[topic.removeprefix(RAW_PREFIX)] += len(data)
-    least = MIN_SHARE if flight_truth.real_time else ACCELERATED_SHARE
+    min_share = MIN_SHARE if flight_truth.real_time else ACCELERATED_SHARE
     for link in config.link:
         if sent := flight_truth.sent.get(link.name):
             frame_bytes = 0 if not isinstance(link, CanLink) else CAN_FD_BYTES if link.fd else CAN_BYTES
-            yield _row(link.name, recorded[link.name], sent, frame_bytes, least)
+            yield _row(link.name, recorded[link.name], sent, frame_bytes, min_share)
 
 
-def _row(link: str, recorded: int, sent: SentOnLink, frame_bytes: int, least: float) -> OutputRow:
-    """In bytes; of a CAN bus in frames, for an adapter sends them in another form."""
+def _row(link: str, recorded: int, sent: SentOnLink, frame_bytes: int, min_share: float) -> OutputRow:
+    """Compare bytes; on a CAN bus frames, because an adapter sends them in another form."""
     found, expected, unit = (
         (recorded // frame_bytes, sent.messages, "frames") if frame_bytes else (recorded, sent.bytes, "bytes")
     )
@@ -44,7 +44,7 @@ def _row(link: str, recorded: int, sent: SentOnLink, frame_bytes: int, least: fl
         f"{RAW_PREFIX}{link}",
         OutputCheck.RECORDED,
         "",
-        verdict_of(share >= least),
-        f"{found} of {expected} {unit} that were sent",
-        f">= {least:.1%}",
+        verdict_of(share >= min_share),
+        f"{found} of {expected} sent {unit}",
+        f">= {min_share:.1%}",
     )

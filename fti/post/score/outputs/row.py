@@ -9,7 +9,7 @@ from fti.post.score.rows import Verdict
 
 
 class OutputCheck(StrEnum):
-    """What is checked of an output."""
+    """Kinds of output checks."""
 
     RATE = "rate"
     GAP = "longest gap"
@@ -28,8 +28,8 @@ class OutputCheck(StrEnum):
 class OutputRow:
     """One check of one topic.
 
-    what  : the quantity, where the check is of one
-    found, limit : as text with units; at_s : time of the worst [s of the flight], where there is one
+    what  : the quantity, if the check has one
+    found, limit : as text with units; at_s : time of the largest deviation [s of the flight], if any
     """
 
     topic: str

@@ -1,4 +1,4 @@
-"""The checks of outputs as lines for people: a line for each output of navigation and each device, then what fails."""
+"""Output checks as text: one line per output of navigation and per device, then the failed checks."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ HEAD = ("output", "rate", "longest gap", "valid", "checks that hold")
 
 
 def output_lines(rows: Sequence[OutputRow]) -> Iterator[str]:
-    """Lines of all rows; nothing where there is none."""
+    """Lines of all rows; none without rows."""
     if not rows:
         return
     yield from text_table([HEAD, *_cells(rows)])
@@ -30,14 +30,14 @@ def describe(row: OutputRow) -> str:
 
 
 def _cells(rows: Sequence[OutputRow]) -> Iterator[tuple[str, ...]]:
-    """Topics of navigation one by one, the measurements of a device together."""
+    """One row per topic of navigation, and one per device."""
     for name, group in _group_rows(rows).items():
-        judged = [row for row in group if row.verdict is not Verdict.NOT_JUDGED]
-        held = sum(row.verdict not in FAILURES for row in judged)
-        several = name.endswith("/*")
-        found = {row.check: row.found for row in group if not several and not row.what}
+        checks = [row for row in group if row.verdict is not Verdict.NOT_JUDGED]
+        passed = sum(row.verdict not in FAILURES for row in checks)
+        is_device = name.endswith("/*")
+        found = {row.check: row.found for row in group if not is_device and not row.what}
         valid = found.get(OutputCheck.VALID, "").partition(" ")[0]
-        yield name, found.get(OutputCheck.RATE, ""), found.get(OutputCheck.GAP, ""), valid, f"{held} of {len(judged)}"
+        yield name, found.get(OutputCheck.RATE, ""), found.get(OutputCheck.GAP, ""), valid, f"{passed} of {len(checks)}"
 
 
 def _group_rows(rows: Sequence[OutputRow]) -> Mapping[str, list[OutputRow]]:

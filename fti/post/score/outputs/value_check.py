@@ -1,8 +1,8 @@
-"""Do the decoded measurements of a device have the numbers that it meant to state?
+"""Compares the decoded measurements of a device with its intended values.
 
-The truth file has them once a second.  A recording may have left out that very sample, so each number must lie among
-those that were decoded within half a second of it, widened by their scatter and by the sigma that the messages state,
-which has the steps of a protocol in it.
+The truth file has intended values once a second.  The recording may have skipped that sample, so each value must be
+within the range of the values decoded within half a second of it, extended by their scatter and by the stated sigma,
+which includes the resolution of the protocol.
 """
 
 from __future__ import annotations
@@ -23,27 +23,26 @@ from fti.logger.reading.mcap_file import McapFile
 from fti.post.score.outputs.row import OutputCheck, OutputRow, verdict_of
 from fti.post.score.series import Array, Times, TopicSeries
 
-#: Samples so close to the one of the truth are compared with it [ns].
+#: Decoded samples within this time of the intended value are compared with it [ns].
 MATCH_WINDOW_NS = 500_000_000
-#: Beyond the decoded numbers: five times their scatter, which is that of some five samples, and shares of the span over
-#: the flight and of the number.
+#: Tolerances: multiples of the scatter of some five samples, shares of the span over the flight and of the value.
 SCATTERS, OF_SPAN, OF_VALUE, MIN_TOLERANCE = 5.0, 0.02, 0.005, 1e-6
-#: Beyond that so many stated sigmas, but no larger share of the number: a unit may state what it likes.
+#: Further tolerance: multiples of the stated sigma, limited to a share of the value.
 SIGMAS, MAX_SIGMA_SHARE = 3.0, 0.05
-#: Shares of the number where protocols send one decimal place of small numbers.
+#: Shares of the value where protocols send small numbers with one decimal place.
 COARSE = {"hdop": 0.1, "vdop": 0.1, "pdop": 0.1}
-#: So many of the numbers must be found again, all but one at least.
+#: Minimum share of the values that must be decoded; one may always be missing.
 FOUND_SHARE = 0.9
 MIN_COUNT = 5
-#: Angles that have no end [rad].
+#: Circular angles [rad].
 CIRCULAR = ("heading", "track", "lon")
 
-#: Of one device: the number by its name, and times [ns] with values.
+#: Of one device: name of the number -> times [ns] and values.
 IntendedValues = Mapping[str, tuple[Times, Array]]
 
 
 def read_intended_values(truth_file: Path) -> dict[str, IntendedValues]:
-    """What each device meant to state, by its name; nothing in older truth files.  Raises RecordingError."""
+    """The intended values of each device, by its name; empty in older truth files.  Raises RecordingError."""
     found: dict[str, dict[str, list[tuple[int, float]]]] = defaultdict(lambda: defaultdict(list))
     for item in McapFile(truth_file).items():
         if item.topic.name.startswith(MEASUREMENT):
@@ -63,7 +62,7 @@ def value_rows(
 ) -> Iterator[OutputRow]:
     """A row for each number of one kind of measurement.
 
-    excused : faults, and lateness of the emulator [s of the flight]; begin_ns : FTI time of its beginning
+    excused : faults, and lateness of the emulator [s of the flight]; begin_ns : FTI time of the begin of the flight
     """
     kind = series.topic.rpartition("/")[2]
     parts: dict[str, TopicSeries] = {}
@@ -73,23 +72,23 @@ def value_rows(
             continue
         part = parts.setdefault(of_kind, _select_label(series, of_kind))
         t = (times - begin_ns) / 1e9
-        asked = (t >= flight[0] + 1.0) & (t <= flight[1] - 1.0) & ~interval_mask(t, excused)
-        if np.count_nonzero(asked) >= MIN_COUNT:
-            asked_for = (times[asked], values[asked])
-            yield _row(series.topic, name, _decoded_values(part, field), asked_for, begin_ns, sd=_stated_sd(part))
+        is_due = (t >= flight[0] + 1.0) & (t <= flight[1] - 1.0) & ~interval_mask(t, excused)
+        if np.count_nonzero(is_due) >= MIN_COUNT:
+            due = (times[is_due], values[is_due])
+            yield _row(series.topic, name, _decoded_values(part, field), due, begin_ns, sd=_stated_sd(part))
 
 
 def unsent_intervals(intended: IntendedValues, kind: str, begin_ns: int) -> Iterator[Interval]:
-    """When the device stated other kinds of measurements, and not this one [s of the flight].
+    """Intervals in which the device sent other kinds of measurements, and not this one [s of the flight].
 
-    Nothing where the kind has no numbers: then the truth does not say when it was stated.
+    None where the kind has no numbers: then the truth has no times of it.
     """
     stated = {t for name, (times, _) in intended.items() if _kind_of(name) == kind for t in times.tolist()}
     every = sorted({t for times, _ in intended.values() for t in times.tolist()})
     for i, t_ns in enumerate(every):
         if stated and t_ns not in stated:
-            around = every[max(i - 1, 0)], every[min(i + 1, len(every) - 1)]
-            yield (around[0] - begin_ns) / 1e9, (around[1] - begin_ns) / 1e9
+            before, after = every[max(i - 1, 0)], every[min(i + 1, len(every) - 1)]
+            yield (before - begin_ns) / 1e9, (after - begin_ns) / 1e9
 
 
 def _kind_of(name: str) -> str:
@@ -97,7 +96,7 @@ def _kind_of(name: str) -> str:
 
 
 def _select_label(series: TopicSeries, of_kind: str) -> TopicSeries:
-    """The messages of one reading, surface or station; all where the kind has no names."""
+    """The messages of one named value, surface or station; all where the kind has no names."""
     label = of_kind.partition("[")[2].rstrip("]")
     if not label:
         return series
@@ -107,13 +106,13 @@ def _select_label(series: TopicSeries, of_kind: str) -> TopicSeries:
 
 
 def _row(
-    topic: str, name: str, decoded: tuple[Times, Array], asked: tuple[Times, Array], begin_ns: int, *, sd: float
+    topic: str, name: str, decoded: tuple[Times, Array], intended: tuple[Times, Array], begin_ns: int, *, sd: float
 ) -> OutputRow:
-    """decoded, asked : times [ns] and values; sd : one sigma of the values"""
-    times = asked[0]
+    """decoded, intended : times [ns] and values; sd : 1-sigma of the values"""
+    times = intended[0]
     field = name.rpartition(".")[2]
-    missed = _find_missing(decoded, asked, (COARSE.get(field, OF_VALUE), sd), circular=field in CIRCULAR)
-    count = int(np.count_nonzero(missed))
+    missing = _find_missing(decoded, intended, (COARSE.get(field, OF_VALUE), sd), circular=field in CIRCULAR)
+    count = int(np.count_nonzero(missing))
     return OutputRow(
         topic,
         OutputCheck.MEASURED,
@@ -121,7 +120,7 @@ def _row(
         verdict_of(count <= max(1.0, (1.0 - FOUND_SHARE) * len(times))),
         f"{len(times) - count} of {len(times)} intended values decoded",
         f">= {FOUND_SHARE:.0%}, or all but one",
-        float(times[int(np.argmax(missed))] - begin_ns) / 1e9 if count else None,
+        float(times[int(np.argmax(missing))] - begin_ns) / 1e9 if count else None,
     )
 
 
@@ -134,7 +133,7 @@ def _decoded_values(part: TopicSeries, field: str) -> tuple[Times, Array]:
 
 
 def _stated_sd(part: TopicSeries) -> float:
-    """The sigma that the messages state, in the middle; 0 where they state none."""
+    """The median of the stated sigmas; 0 where none is stated."""
     sd = part.column("sd")
     return float(np.median(sd[np.isfinite(sd)])) if np.isfinite(sd).any() else 0.0
 
@@ -155,10 +154,10 @@ def _entry(vector: object, index: int) -> float:
 
 
 def _find_missing(
-    decoded: tuple[Times, Array], asked: tuple[Times, Array], of_value_sd: tuple[float, float], *, circular: bool
+    decoded: tuple[Times, Array], intended: tuple[Times, Array], of_value_sd: tuple[float, float], *, circular: bool
 ) -> NDArray[np.bool_]:
-    """Which values that are asked for have nothing like them around, shape (n,)."""
-    (at, found), (times, values), (of_value, sd) = decoded, asked, of_value_sd
+    """Intended values without a matching decoded value, shape (n,)."""
+    (at, found), (times, values), (of_value, sd) = decoded, intended, of_value_sd
     widths = (
         OF_SPAN * float(np.ptp(np.unwrap(values) if circular else values)) + of_value * np.abs(values) + MIN_TOLERANCE
     )
@@ -167,12 +166,12 @@ def _find_missing(
         np.searchsorted(at, times - MATCH_WINDOW_NS, "left"),
         np.searchsorted(at, times + MATCH_WINDOW_NS, "right"),
     )
-    missed = np.ones(len(times), dtype=bool)
+    missing = np.ones(len(times), dtype=bool)
     for i, (begin, end) in enumerate(zip(first, beyond, strict=True)):
         if end > begin:
             difference = found[begin:end] - values[i]
             if circular:
                 difference = (difference + math.pi) % (2.0 * math.pi) - math.pi
             width = SCATTERS * float(np.std(difference)) + float(widths[i])
-            missed[i] = not (difference.min() - width <= 0.0 <= difference.max() + width)
-    return missed
+            missing[i] = not (difference.min() - width <= 0.0 <= difference.max() + width)
+    return missing

@@ -1,1 +1,1 @@
-"""The snapshot recorder: the latest frames in memory, written to a file on command."""
+"""The snapshot recorder: stores the latest frames in memory and writes them to a file on a trigger."""

@@ -1,7 +1,7 @@
-"""The memory of the snapshot sink: the last seconds of everything that was received and sent, packed.
+"""The memory of the snapshot sink: all frames of the last seconds, received and sent, packed.
 
-Frames are packed into blocks of bytes one behind the other: no object per frame that the collector of cycles would
-have to visit, and the bound holds for what they really occupy.  What leaves the memory is counted, by source.
+Frames are packed into blocks of bytes: the garbage collector has no object per frame to visit, and the limit applies
+to the memory that they really occupy.  Frames that leave the memory are counted by source.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from struct import Struct
 from fti.frame_batch import NumberedFrame
 from fti.service.recorder.link_ledger import FrameCount, SnapshotOutcome
 
-#: Source, seq, time of arrival [ns], length; the bytes follow.
+#: Source, seq, arrival time [ns], length; the bytes follow.
 _HEAD = Struct("<HQQI")
 HEAD_BYTES = _HEAD.size
 BLOCK_BYTES = 2**16
@@ -58,16 +58,16 @@ class FrameBlock:
 
     @property
     def is_full(self) -> bool:
-        """The next frames go into another block."""
+        """The next frames must go into a new block."""
         return len(self.data) >= BLOCK_BYTES or self.last_ns - self.first_ns >= BLOCK_NS
 
 
 class FrameMemory:
-    """Holds what is not older than a span; for a thread that keeps and one that takes.
+    """Holds the frames of the last ``span_ns``; one thread adds frames, another takes them.
 
-    span_ns    : what is so much older than the newest frame is let go
-    most_bytes : the packed frames are never more; the oldest go
-    outcomes   : of each source: what became of its frames
+    span_ns   : frames that are older than the newest frame by more than this are dropped
+    max_bytes : limit of the packed frames; the oldest are dropped
+    outcomes  : counters of each source
     """
 
     def __init__(self, span_ns: int, max_bytes: int, outcomes: Sequence[SnapshotOutcome]) -> None:
@@ -84,27 +84,27 @@ class FrameMemory:
 
     @property
     def held_bytes(self) -> int:
-        """What the packed frames occupy [B]."""
+        """Size of the packed frames [B]."""
         return self._bytes
 
     @property
     def held_ns(self) -> int:
-        """Time from the oldest to the newest frame that is held [ns]."""
+        """Time from the oldest to the newest held frame [ns]."""
         return max(self.newest_ns - self.oldest_ns, 0)
 
     @property
     def oldest_ns(self) -> int:
-        """Time of the oldest frame that is held; far ahead when there is none."""
+        """Time of the oldest held frame; 2**63 if none."""
         with self._lock:
             return (self._blocks[0] if self._blocks else self._open).first_ns
 
     @property
     def has_more(self) -> bool:
-        """Whole blocks wait to be taken."""
+        """Complete blocks wait to be taken."""
         return bool(self._blocks)
 
-    def keep(self, source: int, entries: Sequence[NumberedFrame]) -> None:
-        """Hold frames of a source, and let the oldest go."""
+    def add(self, source: int, entries: Sequence[NumberedFrame]) -> None:
+        """Add frames of a source, and drop the oldest."""
         with self._lock:
             block, before = self._open, len(self._open.data)
             block.add(source, entries)
@@ -113,31 +113,31 @@ class FrameMemory:
             if block.is_full:
                 self._blocks.append(block)
                 self._open = FrameBlock()
-            self._let_go()
+            self._drop_oldest()
 
-    def _let_go(self) -> None:
+    def _drop_oldest(self) -> None:
         limit_ns = self.newest_ns - self._span_ns
         if self._since_ns is not None:
             limit_ns = min(limit_ns, self._since_ns)
         while self._blocks and (self._blocks[0].last_ns < limit_ns or self._bytes > self._max_bytes):
-            gone = self._blocks.popleft()
-            self._bytes -= len(gone.data)
-            displaced = gone.last_ns >= limit_ns
+            dropped = self._blocks.popleft()
+            self._bytes -= len(dropped.data)
+            displaced = dropped.last_ns >= limit_ns
             self.overflows += displaced
             wanted = displaced and self._since_ns is not None
-            for source, loss in gone.amounts.items():
+            for source, loss in dropped.amounts.items():
                 outcome = self._outcomes[source]
                 (outcome.overflow if wanted else outcome.not_triggered).add(loss.frames, loss.bytes)
 
     # ---------------------------------------------------------------------------------------------------- for a trigger
 
     def hold_from(self, since_ns: int | None) -> None:
-        """Let nothing go that is not older than this, as long as there is space; None : as before."""
+        """Hold all frames from this time on, within the size limit; None : return to the normal span."""
         with self._lock:
             self._since_ns = since_ns
 
     def take(self) -> FrameBlock | None:
-        """The oldest block, which is not held any more; None when there is none."""
+        """Remove and return the oldest block; None if empty."""
         with self._lock:
             if self._blocks:
                 block = self._blocks.popleft()
@@ -149,23 +149,23 @@ class FrameMemory:
             return block
 
     def put_back(self, blocks: Sequence[FrameBlock]) -> None:
-        """Blocks that were taken, before all that is held."""
+        """Return taken blocks, as the oldest ones."""
         with self._lock:
             self._blocks.extendleft(reversed(blocks))
             self._bytes += sum(len(block.data) for block in blocks)
 
     def count_written(self, source: int, entries: Sequence[NumberedFrame]) -> None:
-        """Frames that were taken are in a file."""
+        """Count taken frames that are in a file."""
         with self._lock:
             self._outcomes[source].recorded.add(len(entries), sum(len(entry[2]) for entry in entries))
 
     def count_passed(self, source: int, entries: Sequence[NumberedFrame]) -> None:
-        """Frames that were taken, or could not be, are older than a trigger asks for."""
+        """Count frames outside the time of a trigger."""
         with self._lock:
             self._outcomes[source].not_triggered.add(len(entries), sum(len(entry[2]) for entry in entries))
 
     def clear(self) -> None:
-        """Nothing is held any more: no trigger will come."""
+        """Drop all frames: no trigger will come."""
         while block := self.take():
             with self._lock:
                 for source, loss in block.amounts.items():

@@ -1,10 +1,10 @@
-"""The snapshot sink: beside the continuous recording, or instead of it, what was around a trigger.
+"""The snapshot sink: records the data around a trigger, in addition to the continuous recording or instead of it.
 
-The memory gets what the writer has brought home; the readers know nothing of it.  A trigger opens a file of kind
-"snapshot", into which goes what the memory holds of the last ``before_s`` seconds, and then what comes until
-``after_s`` after the last trigger.  A thread of its own writes it, in slices with a pause behind each: minutes of data
-must neither hold up the recording nor take the interpreter from the readers, and a medium that hangs holds this thread
-alone.  A frame is written once: a trigger shortly behind another one's file goes on where that ends.
+The memory receives the frames after the writer has written them; the readers are not involved.  A trigger opens a file
+of kind "snapshot" and writes the frames of the last ``before_s`` seconds to it, and those until ``after_s`` after the
+last trigger.  A separate thread writes it in slices with pauses: minutes of data must neither delay the recording nor
+hold the interpreter lock, and a blocked medium blocks only this thread.  Each frame is written once: the file of a
+trigger that follows soon continues where the last file ends.
 """
 
 from __future__ import annotations
@@ -31,28 +31,28 @@ from fti.service.recorder.snapshot.writer import SnapshotWriter
 
 #: Level, source and text of an event.
 ReportEvent = Callable[[str, str, str], None]
-#: Takes the frames of one source.
+#: Receives the frames of one source.
 FrameConsumer = Callable[[Sequence[NumberedFrame]], None]
-#: Between two slices (a slice is a block of the memory), and while no whole block waits.
+#: Pause between two slices (a slice is a block of the memory), and while no complete block waits.
 PAUSE_S = 0.002
 WAIT_S = 0.02
 RETRY_S = 0.2
 IDLE_S = 1.0
-#: At the end, a medium that has taken nothing for so long gets no more chances; and when it hangs, for twice as long.
+#: At the end of the session, writing is given up after this time without progress, twice that if the medium hangs.
 FINAL_TIMEOUT_S = 5.0
 JOIN_PERIOD_S = 0.1
 SECOND_NS = 1_000_000_000
 
 
 class SnapshotSink:
-    """See the module.
+    """Writes a file on each trigger.
 
-    log      : of kind "snapshot", without a file
-    links    : their names
-    settings : what a trigger asks for
-    folder   : where files go now; None while there is no place
-    outcomes : what became of the frames of each source: ticks, received and sent of the first link, of the second ...
-    keepers  : take the frames of each source, when they need not be written any more
+    log       : of kind "snapshot", without a file
+    links     : names of the links
+    settings  : time before and after a trigger, memory size
+    folder    : returns the present session folder; None without a storage target
+    outcomes  : counters of each source: ticks, received and sent frames of the first link, of the second ...
+    consumers : receive the frames of each source, after they were written
     """
 
     def __init__(
@@ -62,7 +62,7 @@ class SnapshotSink:
         settings: Snapshot,
         folder: Callable[[], SessionFolder | None],
         *,
-        tell: ReportEvent,
+        report_event: ReportEvent,
         report: FailureHandler,
     ) -> None:
         self._log = log
@@ -70,9 +70,9 @@ class SnapshotSink:
         self._before_ns, self._after_ns = (round(s * SECOND_NS) for s in (settings.before_s, settings.after_s))
         self.outcomes = [SnapshotOutcome() for _ in self._channels]
         self._memory = FrameMemory(self._before_ns, round(settings.max_mb * MEGABYTE), self.outcomes)
-        self.consumers: list[FrameConsumer] = [partial(self._memory.keep, n) for n in range(len(self._channels))]
+        self.consumers: list[FrameConsumer] = [partial(self._memory.add, n) for n in range(len(self._channels))]
         self._folder = folder
-        self._report_event = tell
+        self._report_event = report_event
         self._report = report
         self._lock = threading.Lock()
         self._wake = threading.Event()
@@ -81,7 +81,7 @@ class SnapshotSink:
         self._file: Path | None = None
         self._refused = False
         self._overflow_reported = False
-        self._accepted = 0.0  # when the medium last took a slice, or was given its last chance
+        self._accepted = 0.0  # time of the last successful slice, or of ``stop``
         self._thread = threading.Thread(target=self._run, name="snapshot", daemon=True)
 
     # ------------------------------------------------------------------------------------------------ for the reader
@@ -91,7 +91,7 @@ class SnapshotSink:
         self._thread.start()
 
     def trigger(self, text: str, t_ns: int) -> None:
-        """Write what was before this FTI time, and go on until after it; while that lasts, another one prolongs it."""
+        """Write the frames around this FTI time; a trigger during that time extends it."""
         with self._lock:
             begin_ns, end_ns = t_ns - self._before_ns, t_ns + self._after_ns
             if self._writer is None:
@@ -100,9 +100,9 @@ class SnapshotSink:
         self._wake.set()
 
     def stop(self) -> None:
-        """After the writer's end: write what a trigger has asked for and was received, let the rest go.
+        """After the end of the writer: write the frames requested by triggers, drop the others.
 
-        As long as the medium goes on taking it; what it does not take stays held.
+        Ends early when the medium fails; unwritten frames then count as held.
         """
         self._accepted = time.monotonic()
         self._stopping.set()
@@ -116,7 +116,7 @@ class SnapshotSink:
         self._memory.clear()
 
     def health(self) -> dict[str, Any]:
-        """State (waiting or writing), what the memory holds, the last file."""
+        """State (waiting or writing), content of the memory, last file."""
         return {
             "state": "waiting" if self._writer is None else "writing",
             "held_s": self._memory.held_ns / SECOND_NS,
@@ -125,7 +125,7 @@ class SnapshotSink:
         }
 
     def report_overflow(self) -> None:
-        """Say it, once, when the memory is too small for what a trigger may ask for."""
+        """Report once that the memory is too small for the configured time."""
         if self._memory.overflows and not self._overflow_reported:
             held_s, wanted_s = self._memory.held_ns / SECOND_NS, self._before_ns / SECOND_NS
             self._report_event("warning", "snapshot", f"snapshot.max_mb holds {held_s:.1f} s, not {wanted_s:g} s")
@@ -139,11 +139,11 @@ class SnapshotSink:
         while not self._stopping.is_set() or (self._writer and time.monotonic() - self._accepted < FINAL_TIMEOUT_S):
             pause = RETRY_S
             with catch_failures("snapshot", self._report):
-                pause = self._turn()
+                pause = self._step()
             self._wake.wait(pause)
             self._wake.clear()
 
-    def _turn(self) -> float:
+    def _step(self) -> float:
         """One slice; returns how long to wait for the next [s]."""
         if self._writer is None:
             return IDLE_S
@@ -151,7 +151,7 @@ class SnapshotSink:
             self._write(self._writer)
         except StorageError as error:
             if not self._refused:
-                self._report_event("error", "snapshot", f"the medium refuses: {error}; it is tried again")
+                self._report_event("error", "snapshot", f"the medium refuses: {error}; retrying")
             self._refused = True
             return RETRY_S
         self._refused = False
@@ -161,16 +161,16 @@ class SnapshotSink:
     def _write(self, writer: SnapshotWriter) -> None:
         folder = self._folder()
         if folder is None:
-            raise StorageError("there is no place for a file now")
+            raise StorageError("no storage target available")
         self._file = writer.open(folder)
         with self._lock:
             writer.choose()
         writer.write()
         with self._lock:
-            over = writer.is_over(stopping=self._stopping.is_set())
-            if over:
+            is_over = writer.is_over(stopping=self._stopping.is_set())
+            if is_over:
                 writer.release()
                 self._writer = None
-        if over:
+        if is_over:
             writer.close()
             self._report_event("info", "snapshot", f"{self._file.name} holds {writer.frames} frames")

@@ -35,7 +35,7 @@ def hills() -> Terrain:
     )
 
 
-def flown(
+def jsbsim_run(
     wind_n: tuple[float, float] = (0.0, 0.0),
     seed: int = 1,
     atmosphere: Atmosphere | None = None,
@@ -55,7 +55,7 @@ def crosswind(speed: float) -> tuple[float, float]:
 
 def before_right(flight: JsbsimRun) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Path length before the intercept point and offset to the right of the track [m] of the samples."""
-    return path().along(flight.samples.lat, flight.samples.lon)
+    return path().to_path(flight.samples.lat, flight.samples.lon)
 
 
 def during(flight: JsbsimRun) -> NDArray[np.bool_]:

@@ -19,7 +19,7 @@ from fti.hil.flight.jsbsim.fdm import PASCAL_PER_PSF, RANKINE
 from fti.hil.flight.jsbsim.flight import JsbsimRun
 from fti.hil.flight.trajectory import FlightState, SplineFlight
 from fti.hil.sensors.inertial import specific_force_b
-from tests.hil.flight.jsbsim.flights import UNDULATION, before_right, crosswind, during, flown, hills
+from tests.hil.flight.jsbsim.flights import UNDULATION, before_right, crosswind, during, hills, jsbsim_run
 from tests.hil.worlds import AIRFIELD, path
 
 STANDARD_GRAVITY = 9.80665
@@ -29,13 +29,13 @@ LANDED_S = 12.0  # of the end of an approach: flare and runway
 @pytest.fixture(scope="module")
 def landing() -> JsbsimRun:
     """An approach in 5 m/s of crosswind and light turbulence."""
-    return flown(crosswind(5.0), route="approach", turbulence="light", start_m=3000)
+    return jsbsim_run(crosswind(5.0), route="approach", turbulence="light", start_m=3000)
 
 
 @pytest.fixture(scope="module")
 def calm() -> JsbsimRun:
     """An approach in still air of another pressure and temperature."""
-    return flown(atmosphere=Atmosphere(99000.0, 12.0, 453.0), route="approach", start_m=1500)
+    return jsbsim_run(atmosphere=Atmosphere(99000.0, 12.0, 453.0), route="approach", start_m=1500)
 
 
 def in_flight(flight: JsbsimRun) -> tuple[FlightState, dict[str, np.ndarray], np.ndarray]:
@@ -142,7 +142,7 @@ def test_the_yaw_damper_damps(landing: JsbsimRun) -> None:
 
 def test_go_around_sinks_no_more_than_ten_metres_and_climbs() -> None:
     """From 60 m above the threshold: never below 50 m, climbing after 5 s, 250 m higher a minute later."""
-    flight = flown(crosswind(-4.0), route="go_around", turbulence="light", start_m=1500, go_around_m=60)
+    flight = jsbsim_run(crosswind(-4.0), route="go_around", turbulence="light", start_m=1500, go_around_m=60)
     height = flight.samples.alt - AIRFIELD.threshold_alt_m
     decided = int(np.argmax(height < 60.0))
     climb = -FOOT * flight.columns["vel_down"]
@@ -154,7 +154,7 @@ def test_go_around_sinks_no_more_than_ten_metres_and_climbs() -> None:
 
 def test_pattern_closes() -> None:
     """It ends within 25 m of where it began, at the height of it; on the way it passes the runway low."""
-    flight = flown(crosswind(5.0), route="pattern", side="right", pattern_m=250, go_around_m=40)
+    flight = jsbsim_run(crosswind(5.0), route="pattern", side="right", pattern_m=250, go_around_m=40)
     s, y = before_right(flight)
     height = flight.samples.alt - AIRFIELD.threshold_alt_m
     there = np.flatnonzero(during(flight))
@@ -170,7 +170,7 @@ def test_pattern_closes() -> None:
 
 def test_low_level_keeps_its_clearance() -> None:
     """Across ridges of 120 m in light turbulence: 90 % of the clearance everywhere, and not just high above it all."""
-    flight = flown(
+    flight = jsbsim_run(
         route="low_level",
         turbulence="light",
         speed_mps=65,
@@ -187,7 +187,7 @@ def test_low_level_keeps_its_clearance() -> None:
 
 def test_the_same_seed_gives_the_same_bits_and_another_one_other_gusts() -> None:
     def gusts(seed: int) -> bytes:
-        flight = flown(seed=seed, route="low_level", turbulence="moderate", via_m=((3000, 0), (2500, 0)))
+        flight = jsbsim_run(seed=seed, route="low_level", turbulence="moderate", via_m=((3000, 0), (2500, 0)))
         return flight.samples.alt.tobytes() + flight.columns["wind_down"].tobytes() + flight.samples.roll.tobytes()
 
     first = gusts(5)
@@ -197,7 +197,7 @@ def test_the_same_seed_gives_the_same_bits_and_another_one_other_gusts() -> None
 
 def test_a_route_that_leaves_the_terrain_is_refused() -> None:
     with pytest.raises(ConfigError, match=r"flight\.via_m: the route leaves the terrain 8\d\d\d m after its begin"):
-        flown(route="low_level", via_m=((2000, 0), (-7000, 0)))
+        jsbsim_run(route="low_level", via_m=((2000, 0), (-7000, 0)))
 
 
 def test_without_jsbsim_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:

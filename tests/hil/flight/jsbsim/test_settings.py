@@ -15,23 +15,23 @@ SHIPPED = ("jsbsim_approach", "jsbsim_go_around", "jsbsim_low_level", "jsbsim_pa
 
 
 @pytest.mark.parametrize(
-    ("keys", "said"),
+    ("keys", "error"),
     [
         ('route = "approach"\naircraft = "a380"', r"flight\.aircraft.*c310"),
         ('route = "loop"', r"flight\.route.*low_level"),
         ('route = "approach"\nspeed_mps = 30', r"flight\.speed_mps.*48"),
-        ('route = "approach"\nclearance_m = 100', "clearance_m means nothing on the route 'approach', only on low_l"),
-        ('route = "pattern"\nspeed_mps = 70', "speed_mps = 70.*with wheels and flaps out.*65"),
-        ('route = "low_level"', "at least two places in via_m"),
+        ('route = "approach"\nclearance_m = 100', "clearance_m is not allowed on the route 'approach'"),
+        ('route = "pattern"\nspeed_mps = 70', "speed_mps = 70.*with gear and flaps down.*65"),
+        ('route = "low_level"', "at least two points in via_m"),
         ('route = "low_level"\nvia_m = [[0, 0], [0, 20000]]', r"flight\.via_m.*9000"),
         ('route = "approach"\nturbulence = "extreme"', r"flight\.turbulence.*severe"),
         ('route = "approach"\nwind = 3', r"flight\.wind"),
     ],
 )
-def test_what_is_wrong_in_the_table_is_named(tmp_path: Path, keys: str, said: str) -> None:
+def test_what_is_wrong_in_the_table_is_named(tmp_path: Path, keys: str, error: str) -> None:
     file = tmp_path / "s.toml"
     file.write_text(HEADER + keys)
-    with pytest.raises(ConfigError, match=said):
+    with pytest.raises(ConfigError, match=error):
         scenarios.load(file)
 
 

@@ -34,8 +34,8 @@ def messages(topic: str, t: Sequence[float], *, repeated: int = 0, **columns: An
 def truth(until_s: float, **columns: float | Sequence[float]) -> TruthTable:
     """Rows at 25 Hz; a column is one value, or the values at the beginning and at the end."""
     t = np.arange(0.0, until_s + 0.02, 0.04)
-    made: Mapping[str, Any] = {
+    content: Mapping[str, Any] = {
         name: np.interp(t, (0.0, until_s), np.broadcast_to(np.asarray(values, dtype=np.float64), 2))
         for name, values in columns.items()
     }
-    return TruthTable(stamp_ns(t), made)
+    return TruthTable(stamp_ns(t), content)

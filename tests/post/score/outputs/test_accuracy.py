@@ -65,11 +65,11 @@ def test_without_a_sigma_the_limit_counts() -> None:
     assert verdicts(quantity(np.full(COUNT, -15.1))) == {OutputCheck.ERROR: Verdict.FAILS}
 
 
-def test_what_is_not_known_is_not_judged() -> None:
+def test_what_is_not_known_is_not_scored() -> None:
     assert not verdicts(quantity(np.full(COUNT, np.nan), 2.0))
 
 
-def test_a_wrong_value_during_a_fault_is_told_and_not_judged() -> None:
+def test_a_wrong_value_during_a_fault_is_reported_and_not_scored() -> None:
     (row,) = excused_error_row("/nav/x", quantity(np.full(COUNT, 40.0)), EVERY, T, LIMITS)
     assert row.verdict is Verdict.NOT_JUDGED
     assert row.found.endswith(DURING_FAULT)

@@ -72,7 +72,7 @@ def test_a_fault_explains_a_lower_rate_and_no_silence() -> None:
     assert set(verdicts(of(silent), lost, measurement).values()) == {Verdict.HOLDS}
 
 
-def test_a_rate_is_not_told_from_faults_alone() -> None:
+def test_a_rate_is_not_estimated_from_faults_alone() -> None:
     assert verdicts(of(T), [(0.0, 39.0)])[OutputCheck.RATE] is Verdict.NOT_JUDGED
 
 

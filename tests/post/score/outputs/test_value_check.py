@@ -25,12 +25,14 @@ def intended(**columns: np.ndarray) -> IntendedValues:
     return {name.replace("__", "."): (stamp_ns(SECONDS), values) for name, values in columns.items()}
 
 
-def verdict(series: TopicSeries, asked: IntendedValues, excused: list[tuple[float, float]] | None = None) -> Verdict:
-    (row,) = value_rows(series, asked, FLIGHT, excused or [], BEGIN_NS)
+def verdict(
+    series: TopicSeries, intended_values: IntendedValues, excused: list[tuple[float, float]] | None = None
+) -> Verdict:
+    (row,) = value_rows(series, intended_values, FLIGHT, excused or [], BEGIN_NS)
     return row.verdict
 
 
-ASKED = intended(static_pressure__p_static=pressure(SECONDS))
+INTENDED = intended(static_pressure__p_static=pressure(SECONDS))
 
 
 def of(values: np.ndarray) -> TopicSeries:
@@ -39,7 +41,7 @@ def of(values: np.ndarray) -> TopicSeries:
 
 def test_what_was_meant_holds() -> None:
     noisy = pressure(T) + np.random.default_rng(1).normal(0.0, 3.0, len(T))
-    assert verdict(of(noisy), ASKED) is Verdict.HOLDS
+    assert verdict(of(noisy), INTENDED) is Verdict.HOLDS
 
 
 @pytest.mark.parametrize(
@@ -54,22 +56,22 @@ def test_what_was_meant_holds() -> None:
     ids=["bias", "scale", "frozen", "no number", "backwards"],
 )
 def test_other_numbers_fail(values: np.ndarray) -> None:
-    assert verdict(of(values), ASKED) is Verdict.FAILS
+    assert verdict(of(values), INTENDED) is Verdict.FAILS
 
 
 def test_a_fault_explains_other_numbers() -> None:
     wrong = pressure(T) + np.where(T > 20.0, 800.0, 0.0)
-    assert verdict(of(wrong), ASKED) is Verdict.FAILS
-    assert verdict(of(wrong), ASKED, [(19.0, 40.0)]) is Verdict.HOLDS
+    assert verdict(of(wrong), INTENDED) is Verdict.FAILS
+    assert verdict(of(wrong), INTENDED, [(19.0, 40.0)]) is Verdict.HOLDS
 
 
-def test_readings_are_told_apart_by_name_and_vectors_by_component() -> None:
+def test_readings_are_distinguished_by_name_and_vectors_by_component() -> None:
     names = ["volts", "amperes"] * (len(T) // 2)
     values = np.where(np.arange(len(T)) % 2 == 0, 28.0, 3.0)
     series = messages("/pdu/reading", T.tolist(), name=names, value=values)
-    asked = {"reading[amperes].value": (stamp_ns(SECONDS), np.full(len(SECONDS), 3.0))}
-    assert verdict(series, asked) is Verdict.HOLDS
-    assert verdict(series, {"reading[volts].value": asked["reading[amperes].value"]}) is Verdict.FAILS
+    intended_values = {"reading[amperes].value": (stamp_ns(SECONDS), np.full(len(SECONDS), 3.0))}
+    assert verdict(series, intended_values) is Verdict.HOLDS
+    assert verdict(series, {"reading[volts].value": intended_values["reading[amperes].value"]}) is Verdict.FAILS
     vector = messages("/ins/imu_sample", T.tolist(), accel_b=[[0.1, 0.2, -9.8]] * len(T))
     third = {"imu_sample.accel_b_2": (stamp_ns(SECONDS), np.full(len(SECONDS), -9.8))}
     assert verdict(vector, third) is Verdict.HOLDS
@@ -79,30 +81,30 @@ def test_readings_are_told_apart_by_name_and_vectors_by_component() -> None:
 def test_a_heading_through_north_is_no_jump() -> None:
     heading = np.where(T % 2.0 < 1.0, 0.01, 2.0 * math.pi - 0.01)
     series = messages("/ahrs/attitude", T.tolist(), heading=heading)
-    asked = intended(attitude__heading=np.full(len(SECONDS), 2.0 * math.pi - 0.005))
-    assert verdict(series, asked) is Verdict.HOLDS
+    intended_values = intended(attitude__heading=np.full(len(SECONDS), 2.0 * math.pi - 0.005))
+    assert verdict(series, intended_values) is Verdict.HOLDS
 
 
-def test_a_kind_is_not_asked_for_while_the_device_has_none() -> None:
+def test_a_kind_is_not_required_while_the_device_has_none() -> None:
     """The other kinds go on, so that the seconds without it are known."""
     some = SECONDS < 10.0
-    asked = {**ASKED, "dme_range[a].slant_range": (stamp_ns(SECONDS[some]), np.full(int(some.sum()), 3e4))}
-    gaps = list(unsent_intervals(asked, "dme_range", BEGIN_NS))
+    intended_values = {**INTENDED, "dme_range[a].slant_range": (stamp_ns(SECONDS[some]), np.full(int(some.sum()), 3e4))}
+    gaps = list(unsent_intervals(intended_values, "dme_range", BEGIN_NS))
     assert min(begin for begin, _ in gaps) == pytest.approx(9.5)
     assert max(end for _, end in gaps) == pytest.approx(39.5)
-    assert not list(unsent_intervals(asked, "static_pressure", BEGIN_NS))
-    assert not list(unsent_intervals(asked, "device_status", BEGIN_NS))
+    assert not list(unsent_intervals(intended_values, "static_pressure", BEGIN_NS))
+    assert not list(unsent_intervals(intended_values, "device_status", BEGIN_NS))
 
 
 def test_steps_of_a_protocol_are_in_its_sigma_and_a_wild_sigma_helps_nobody() -> None:
     """Heights in steps of 20 ft, of which the device states the sigma: 1.8 m."""
     true = 300.0 - 0.5 * T
     steps = np.round(true / 6.1) * 6.1
-    asked = {"radio_height.height_agl": (stamp_ns(SECONDS), 300.0 - 0.5 * SECONDS)}
+    intended_values = {"radio_height.height_agl": (stamp_ns(SECONDS), 300.0 - 0.5 * SECONDS)}
     for values, sd, verdict_is in (
         (steps, 1.8, Verdict.HOLDS),
         (steps + 30.0, 1.8, Verdict.FAILS),
         (steps + 30.0, 100.0, Verdict.FAILS),
     ):
         series = messages("/altimeter/radio_height", T.tolist(), height_agl=values, sd=sd)
-        assert verdict(series, asked) is verdict_is
+        assert verdict(series, intended_values) is verdict_is

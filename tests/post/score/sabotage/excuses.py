@@ -11,7 +11,7 @@ from typing import TypeVar
 import orjson
 
 from fti.logger.reading.mcap_file import McapMessage
-from tests.post.score.sabotage.falsification import Falsification, Sample, Target, judged_outputs
+from tests.post.score.sabotage.falsification import Falsification, Sample, Target, checked_outputs
 from tests.post.score.sabotage.flags import HEALTH, Flag, flags_of, hide
 from tests.post.score.sabotage.message_edits import Forgery, Table
 from tests.post.score.sabotage.session_copy import SECOND_NS
@@ -31,7 +31,7 @@ def _lag_of_health(forgery: Forgery, at_s: float) -> None:
     forgery.edit_notes(HEALTH, lambda note, t: note["navigation"].update(lag_ms=600.0))
 
 
-def _lag_around(forgery: Forgery, at_s: float) -> None:
+def _lag_during(forgery: Forgery, at_s: float) -> None:
     def change(note: Table, t: float) -> None:
         if abs(t - at_s) < EXCUSE_S:
             note["navigation"]["lag_ms"] = 600.0
@@ -68,8 +68,8 @@ def _busy_event(forgery: Forgery, at_s: float) -> None:
             forgery.rearrange(kind, "/fti/event", _insert(_event(events[0], at_ns)))
 
 
-def _insert(said: McapMessage) -> Callable[[list[McapMessage]], list[McapMessage]]:
-    return lambda items: sorted([*items, said], key=_log_time)
+def _insert(message: McapMessage) -> Callable[[list[McapMessage]], list[McapMessage]]:
+    return lambda items: sorted([*items, message], key=_log_time)
 
 
 def _event(like: McapMessage, at_ns: int) -> McapMessage:
@@ -110,7 +110,7 @@ def _all_excuses(forgery: Forgery, at_s: float) -> None:
 
 EXCUSES: Sequence[tuple[str, Excuse]] = (
     ("lag of 600 ms in each health", _lag_of_health),
-    ("lag of 600 ms around the fault", _lag_around),
+    ("lag of 600 ms around the fault", _lag_during),
     ("navigation that begins behind the fault", _begins_late),
     ("ticks missing around the fault", _remove_ticks),
     ("an event that says busy", _busy_event),
@@ -124,7 +124,7 @@ def _excuse_targets(excuse: Excuse) -> Callable[[Sample], Iterator[Target]]:
     def targets(sample: Sample) -> Iterator[Target]:
         flags = [flag for flag in flags_of(sample) if flag.value is None]
         if not flags:
-            yield from (_hole(topic, excuse) for topic in _pick(judged_outputs(sample)))
+            yield from (_hole(topic, excuse) for topic in _pick(checked_outputs(sample)))
         for flag in _pick(flags):
             yield Target(flag.name, lambda forgery, flag=flag: _hide_and_excuse(forgery, flag, excuse))  # type: ignore[misc]
 

@@ -94,6 +94,6 @@ def outputs(sample: Sample) -> list[str]:
     return sample.outputs
 
 
-def judged_outputs(sample: Sample) -> list[str]:
+def checked_outputs(sample: Sample) -> list[str]:
     """The outputs that are valid often enough to be judged by their values."""
     return [topic for topic in sample.outputs if sample.values(topic)]

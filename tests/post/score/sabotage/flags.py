@@ -39,7 +39,7 @@ class Flag:
     from_s: float
     until_s: float
     stands_s: float
-    gone_s: float | None
+    clear_limit_s: float | None
 
     @property
     def name(self) -> str:
@@ -54,7 +54,9 @@ def flags_of(sample: Sample) -> list[Flag]:
         for row in score["rows"]:
             if row.get("verdict") == "found" and isinstance(row.get("flag"), str):
                 flag = _parse(row)
-                if not sample.session.was_late(flag.from_s - BEFORE_S, (flag.gone_s or flag.stands_s) + BEFORE_S):
+                if not sample.session.was_late(
+                    flag.from_s - BEFORE_S, (flag.clear_limit_s or flag.stands_s) + BEFORE_S
+                ):
                     found.setdefault(flag.name, flag)
     return list(found.values())
 
@@ -63,8 +65,10 @@ def _parse(row: dict[str, Any]) -> Flag:
     place, _, rest = row["flag"].partition(" ")
     value = float(rest.removeprefix("= ")) if rest.startswith("= ") else None
     words = () if value is not None else tuple(rest.split(" or "))
-    gone_s = row["until_s"] + row["clears_s"] if row.get("clears_s") is not None else None
-    return Flag(place, words, value, row["from_s"], row["until_s"], row["from_s"] + (row["within_s"] or 0.0), gone_s)
+    clear_limit_s = row["until_s"] + row["clears_s"] if row.get("clears_s") is not None else None
+    return Flag(
+        place, words, value, row["from_s"], row["until_s"], row["from_s"] + (row["within_s"] or 0.0), clear_limit_s
+    )
 
 
 # --------------------------------------------------------------------------------------------------------- hidden
@@ -270,7 +274,7 @@ def _hide_targets(sample: Sample) -> Iterator[Target]:
 def _keep_targets(sample: Sample) -> Iterator[Target]:
     """Those whose end is judged: of a value, of an event and of what lasts to the end it is not."""
     for flag in flags_of(sample):
-        if flag.gone_s is not None and flag.gone_s < sample.session.end_s - BEFORE_END_S:
+        if flag.clear_limit_s is not None and flag.clear_limit_s < sample.session.end_s - BEFORE_END_S:
             yield Target(flag.name, lambda forgery, flag=flag: keep(forgery, flag))  # type: ignore[misc]
 
 

@@ -39,13 +39,13 @@ def shipped_sample(name: str, folder: Path, duration_s: float | None = None, *, 
     """A shipped scenario; another one and another seed of the same configuration beside it."""
     scenario = scenarios.load(scenarios.find(name))
     session = fly(scenario, folder / name, duration_s)
-    beside: dict[str, Path] = {}
+    other_sessions: dict[str, Path] = {}
     if others:
         seed = scenario.model_copy(update={"seed": scenario.seed + 100})
-        beside["other seed"] = fly(seed, folder / f"{name}_seed", duration_s)
+        other_sessions["other seed"] = fly(seed, folder / f"{name}_seed", duration_s)
         without = scenario.model_copy(update={"fault": (), "title": "another", "flight": _other_flight(scenario)})
-        beside["other scenario"] = fly(without, folder / f"{name}_other", duration_s)
-    return sample_of(name, session, beside)
+        other_sessions["other scenario"] = fly(without, folder / f"{name}_other", duration_s)
+    return sample_of(name, session, other_sessions)
 
 
 def _other_flight(scenario: Scenario) -> object:

@@ -13,7 +13,7 @@ from tests.post.score.sabotage.falsification import (
     Falsification,
     Sample,
     Target,
-    judged_outputs,
+    checked_outputs,
     of_topics,
     once,
 )
@@ -24,15 +24,15 @@ QUIET_STATES = ("acquire", "monitor", "unavailable")
 
 
 def _with_reasons(sample: Sample) -> list[str]:
-    return [topic for topic in judged_outputs(sample) if "reasons" in tables(sample.session, topic)[0]]
+    return [topic for topic in checked_outputs(sample) if "reasons" in tables(sample.session, topic)[0]]
 
 
 def _heights(sample: Sample) -> list[str]:
-    return [topic for topic in judged_outputs(sample) if topic.startswith(HEIGHT)]
+    return [topic for topic in checked_outputs(sample) if topic.startswith(HEIGHT)]
 
 
 def _solutions(sample: Sample) -> list[str]:
-    return [topic for topic in judged_outputs(sample) if "position_source" in tables(sample.session, topic)[0]]
+    return [topic for topic in checked_outputs(sample) if "position_source" in tables(sample.session, topic)[0]]
 
 
 def _often_invalid(sample: Sample) -> list[str]:
@@ -249,7 +249,7 @@ LABELS: Sequence[Falsification] = (
         "deviation without validity",
         "while the monitor vouches for the height, the deviation is valid",
         of_topics(
-            lambda sample: [topic for topic in judged_outputs(sample) if topic == GLIDE_SLOPE],
+            lambda sample: [topic for topic in checked_outputs(sample) if topic == GLIDE_SLOPE],
             _edit(_set_excuse("integrity")),
         ),
     ),

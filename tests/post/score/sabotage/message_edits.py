@@ -125,7 +125,7 @@ class _NoteWriter:
     def record(self, t_ns: int, note: Table) -> bytes:
         """The record of a note."""
         record = self._changes.record_of(self._file, t_ns, note)
-        self._changes.keep(self._file, t_ns, record)
+        self._changes.mark_recorded(self._file, t_ns, record)
         return orjson.dumps(record)
 
 

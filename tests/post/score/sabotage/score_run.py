@@ -69,8 +69,8 @@ def judge(scenario: str | Path, session: Path, truth: Path | None = None) -> Jud
 
     truth : its truth file where that lies elsewhere
     """
-    beside = () if truth is None else ("--truth", truth)
-    result = fti("score", scenario, session, "--json", *beside)
+    options = () if truth is None else ("--truth", truth)
+    result = fti("score", scenario, session, "--json", *options)
     assert result.crash is None, result.crash
     assert result.code in (0, 1, 2, 3), result
     report = json.loads(result.out) if result.out.strip() else []

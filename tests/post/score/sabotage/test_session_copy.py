@@ -42,7 +42,7 @@ def test_a_copy_holds_the_same_messages_declarations_and_attachments(sample: Sam
             assert ours.metadata == theirs.metadata
 
 
-def test_verify_says_of_a_copy_what_it_says_of_the_original(sample: Sample, tmp_path: Path) -> None:
+def test_verify_reports_the_same_for_a_copy_and_the_original(sample: Sample, tmp_path: Path) -> None:
     before, after = fti("verify", sample.session.folder), fti("verify", rewritten(sample, tmp_path))
     assert after.code == before.code
     assert after.text.replace(str(tmp_path), "") == before.text.replace(str(sample.session.folder.parent), "")

@@ -12,7 +12,7 @@ from tests.post.score.sabotage.falsification import (
     MIN_VALID,
     Falsification,
     Sample,
-    judged_outputs,
+    checked_outputs,
     of_topics,
     outputs,
 )
@@ -143,10 +143,10 @@ def _moving(sample: Sample) -> list[str]:
     """The judged outputs whose values change by more than any sigma during the flight: positions and heights."""
     return [
         topic
-        for topic in judged_outputs(sample)
+        for topic in checked_outputs(sample)
         if any(
-            len(values) >= MIN_VALID and max(values) - min(values) > least
-            for name, least in (("lat", 1e-4), ("latitude", 1e-3), ("s", 200.0), ("height_agl", 40.0), ("alt", 40.0))
+            len(values) >= MIN_VALID and max(values) - min(values) > minimum
+            for name, minimum in (("lat", 1e-4), ("latitude", 1e-3), ("s", 200.0), ("height_agl", 40.0), ("alt", 40.0))
             for values in [sample.values(topic).get(name, [])]
         )
     ]
@@ -168,7 +168,7 @@ def _moving_in_stretch(sample: Sample) -> list[str]:
 
 
 def _with_validity_time(sample: Sample) -> list[str]:
-    return [topic for topic in judged_outputs(sample) if topic != LOCATION]
+    return [topic for topic in checked_outputs(sample) if topic != LOCATION]
 
 
 AGE = "no output is valid for a time in the future, or for one longer ago than the device may be late (max_age_ms)"
@@ -178,7 +178,9 @@ MOVED = "the aircraft moves 60 m in a second and 600 m in ten, far more than eac
 TIMING: Sequence[Falsification] = (
     Falsification("every message of output twice", "the rate is doubled", of_topics(outputs, _repeat)),
     Falsification(
-        "stretch of output again with new times", f"twice the rate; {MOVED}", of_topics(judged_outputs, _repeat_stretch)
+        "stretch of output again with new times",
+        f"twice the rate; {MOVED}",
+        of_topics(checked_outputs, _repeat_stretch),
     ),
     Falsification("neighbours of output swapped", SAME, of_topics(outputs, _swap_neighbours)),
     Falsification("stretch of output backwards", MOVED, of_topics(_moving_in_stretch, _reverse_stretch)),

@@ -91,7 +91,7 @@ def _renamed_truth(sample: Sample) -> Iterator[Target]:
 def _is_elsewhere(session: Session, other: Session) -> bool:
     """Was the other flight somewhere else at the same time, or at another speed?"""
     rows = zip(_states(session), _states(other), strict=False)
-    return any(abs(one[name] - two[name]) > least for one, two in rows for name, least in ELSEWHERE)
+    return any(abs(one[name] - two[name]) > minimum for one, two in rows for name, minimum in ELSEWHERE)
 
 
 def _states(session: Session) -> list[dict[str, float]]:

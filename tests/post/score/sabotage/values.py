@@ -40,7 +40,7 @@ class _Attack:
     fields: tuple[str, ...]
     change: Change
     why: str
-    least: float = 0.0
+    minimum: float = 0.0
 
     def as_falsification(self) -> Falsification:
         return Falsification(self.name, self.why, self._targets)
@@ -54,7 +54,7 @@ class _Attack:
                     yield Target(f"{topic} {','.join(found)}", self._edit(topic, found))
 
     def _is_large(self, values: Sequence[float]) -> bool:
-        return sum(abs(value) >= self.least for value in values) >= MIN_VALID
+        return sum(abs(value) >= self.minimum for value in values) >= MIN_VALID
 
     def _edit(self, topic: str, fields: Sequence[str]) -> Callable[[Forgery], None]:
         def change(table: Table, t: float) -> None:
