@@ -89,14 +89,14 @@ def subscribe(kind: str, where: str) -> None:
     """Subscribe until the input ends; then print the delays [ns]."""
     delays: list[int] = []
 
-    def take(topic: str, payload: bytes, sent_ns: int = 0) -> None:
+    def on_message(topic: str, payload: bytes, sent_ns: int = 0) -> None:
         delays.append(time.monotonic_ns() - STAMP.unpack_from(payload)[0])
 
     if kind == "unix":
-        subscriber: Any = Subscriber(Path(where), "benchmark", take)
+        subscriber: Any = Subscriber(Path(where), "benchmark", on_message)
     else:
         subscriber = zenoh.open(zenoh_config("client", connect=where))
-        subscriber.declare_subscriber("fti/b/**", lambda sample: take("", sample.payload.to_bytes()))
+        subscriber.declare_subscriber("fti/b/**", lambda sample: on_message("", sample.payload.to_bytes()))
     print("ready", flush=True)
     sys.stdin.read()
     print(json.dumps(delays), flush=True)

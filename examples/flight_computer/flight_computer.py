@@ -62,16 +62,14 @@ class FlightComputer:
         angles = a.roll + bias["roll"], a.pitch + bias["pitch"], a.yaw + bias["heading"]
         yield mavlink.MAVLink_attitude_message(boot_ms, *angles, a.rollspeed, a.pitchspeed, a.yawspeed)
         range_s, d = self.messages["DISTANCE_SENSOR"]
-        is_valid = d.signal_quality != 1 and now_s - range_s < MAX_AGE_S
+        valid = d.signal_quality != 1 and now_s - range_s < MAX_AGE_S
         cm = max(0, round(d.current_distance * math.cos(a.roll) * math.cos(a.pitch) + 100 * bias["height"]))
-        yield mavlink.MAVLink_distance_sensor_message(
-            boot_ms, 1, 65534, cm, 3, 0, 25, 0, signal_quality=1 + 99 * is_valid
-        )
+        yield mavlink.MAVLink_distance_sensor_message(boot_ms, 1, 65534, cm, 3, 0, 25, 0, signal_quality=1 + 99 * valid)
         back = (lat - THRESHOLD_LAT) * METRES_PER_DEGREE, (lon - THRESHOLD_LON) * lon_metres
         s = CROSSING_HEIGHT / GLIDE - back[0] * math.cos(COURSE) - back[1] * math.sin(COURSE)
         dh = alt - (THRESHOLD_ALT + s * GLIDE + s * s / (2 * EARTH_RADIUS))
         yield mavlink.MAVLink_named_value_float_message(boot_ms, b"dh", dh + bias["dh"])
-        yield mavlink.MAVLink_heartbeat_message(1, 0, 0, 0, 4 if is_valid else 5, 3)  # active, or critical
+        yield mavlink.MAVLink_heartbeat_message(1, 0, 0, 0, 4 if valid else 5, 3)  # active, or critical
 
     def run(self, sensors, gnss, out, receiver):
         selector, due_s = selectors.DefaultSelector(), time.monotonic()

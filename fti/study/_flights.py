@@ -30,7 +30,7 @@ STEP_S = 0.02
 
 @dataclass(frozen=True, slots=True)
 class FlightLeg:
-    """seconds : how long; speed : over ground [m/s]; path : climb angle [rad]; extra : roll beside the turn's [rad].
+    """seconds : how long; speed : over ground [m/s]; path : climb angle [rad]; extra : additional roll [rad].
 
     bank : of the turn, right positive, 0 straight on [rad], below 90 degrees
     """
@@ -93,7 +93,7 @@ class CommandedTrack:
         return _integrate(self.speed * np.tan(self.path))
 
     def flight_at(self, up: Array, every_s: float) -> SampledFlight:
-        """The flight over this track at heights ``up`` [m], one sample every so many seconds."""
+        """The flight over this track at heights ``up`` [m], one sample every ``every_s`` seconds."""
         climb = np.gradient(up, STEP_S)
         roll = np.arctan(self.turn_rate * self.speed / STANDARD_GRAVITY) + self.extra
         load = np.minimum(1.0 / np.maximum(np.abs(np.cos(roll)), 1.0 / MAX_LOAD), MAX_LOAD)

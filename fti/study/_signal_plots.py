@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 APPROACH_SPEED, APPROACH_PATH, APPROACH_START = 70.0, np.radians(3.0), 8000.0
 GROUND_RISE, GROUND_WAVE = 50.0, 1500.0
 
-#: Samples at radio frequency behind a picture: 14 us, so that beats are 0.14 MHz wide.
+#: Samples at radio frequency of a plot: 14 us, so that beats are 0.14 MHz wide.
 SAMPLES = 1 << 18
 GHZ, MHZ = 1e9, 1e6
 FLOOR_DB = -70.0

@@ -23,7 +23,7 @@ MINUTE = 1.0 / 60.0
 
 
 def flight(fit: FlightFit) -> Figure:
-    """Position and attitude: what was recorded, and the spline through it."""
+    """Position and attitude: the recording and its spline."""
     figure = new_figure(
         "A recorded flight and its spline",
         "Recorded in radians of single precision, 10 Hz; filtered over 2 s, one knot in 0.5 s.",

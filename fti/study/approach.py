@@ -9,8 +9,8 @@ of noise; half power 35 and 26 deg off the boresight (the narrow antenna, 15 deg
 
     independent   the surface itself, and a beam of 2051 rays of another dome
     same          the surface and the same beam: the model inverts itself, and only the noise is left
-    dem           an elevation model with 1.5 m of noise (half of its variance over 30 m, half over 300 m), 10 m beside
-                  the truth in a random direction; the measurement in the steps of the instrument, 2 to 100 ft
+    dem           an elevation model with 1.5 m of noise (half of its variance over 30 m, half over 300 m), shifted by
+                  10 m in a random direction; the measurement in the steps of the instrument, 2 to 100 ft
 
 Application (fig. 7.8): the height of an inertial system that GNSS and the altimeter aid (``_approach_heights``): RMS
 error, and error over the stated sigma.

@@ -33,7 +33,7 @@ later, there had been neither an ALERT nor a CAUTION nor UNAVAILABLE (docs/safet
 ``again`` is the other hazard: approaches on which an ALERT ended while the error was still over its limit.
 
 T14, off the track and back on it, are two groups: without an ALERT before, it is trusted within 300 m; after one a
-whole calm window is needed, which takes 1100 m: what was beside the track leaves the window, a new one is calm, and a
+whole calm window is needed, which takes 1100 m: the off-track part leaves the window, then a new calm window and a
 turn.
 """
 

@@ -5,7 +5,7 @@ are drawn, anywhere between 60 deg south and north; the unit is the flight.
 
     fit      ten minutes, 10 Hz, radians in single precision (steps of up to 1.5 m: errata, 7.1); filtered over 2 s; one
              knot in 0.5 s.  The source: the filter moves positions by a few decimetres and attitudes by 0.02 deg; the
-             spline is within millimetres, and in attitude within half of what the filter did
+             spline is within millimetres, and in attitude within half of the filter's change
     closure  T12: ideal inertial samples of a flight (eq. 7.2, 7.3), 100 Hz, integrated over an hour without aid by an
              independent algorithm: ``fti.nav.inertial.strapdown``, earth frame, Runge-Kutta on samples; it uses neither
              the spline nor its derivatives.  The source states 1 um, 1 nm/s and 5e-12 deg, for increments that are the

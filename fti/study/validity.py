@@ -47,7 +47,7 @@ Array = NDArray[np.float64]
 RUNS = 20
 SEED = 20
 
-#: Half power of the radar's antenna off its boresight, across and along [deg]; of what altimeters of its kind tell [m].
+#: Half power of the radar's antenna off its boresight, across and along [deg]; maximum range of such altimeters [m].
 HALF_POWER_DEG, RADAR_M = (35.0, 26.0), 762.0
 LASER, RADAR = pencil_limits((0.0, FARTHEST_M)), wide_beam_limits((0.0, RADAR_M), *HALF_POWER_DEG)
 #: T20: maximum residual over raw, and maximum excluded share.

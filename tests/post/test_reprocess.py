@@ -190,7 +190,7 @@ def test_elevation_files_of_a_recording_are_local_ones_or_none(tmp_path: Path, b
     session = _record(tmp_path, {"config.toml": text})
     if by_note:
         _note_terrain(session, {"t_ns": START_NS, "after_seq": 99, "name": "a", "files": [str(vrt)]})
-    with pytest.raises(ConfigError, match=r"a\.vrt: the recording names this elevation file.*give a configuration"):
+    with pytest.raises(ConfigError, match=r"a\.vrt: the recording names this elevation file.*give your own"):
         _again(session, tmp_path / "again")
     own = tmp_path / "own.toml"
     own.write_text(text.replace("other.tif", str(vrt)))

@@ -165,7 +165,7 @@ def make_site(kind: str, seed: int, runs: int = 400) -> Site:
 
 
 def fly_approach(surface: Surface, rng: np.random.Generator, errors: Errors | None = None) -> list[ClearanceSample]:
-    """What the monitor is told on one approach."""
+    """Inputs of the monitor on one approach."""
     errors = errors or Errors()
     flight = _descend(rng, errors)
     radar = Radar(width=float(np.deg2rad(40.0 * rng.uniform(0.9, 1.1))), sweeps=2)
@@ -181,7 +181,7 @@ def fly_approach(surface: Surface, rng: np.random.Generator, errors: Errors | No
 
 
 def _descend(rng: np.random.Generator, errors: Errors) -> Flight:
-    """A nominal approach as it is flown."""
+    """A nominal approach."""
     speed = rng.normal(60.0, 3.0)
     t = np.arange(0.0, BEGIN_M / speed, 1.0 / LOOK_HZ)
     s, y = BEGIN_M - speed * t, wander(t, errors.track, 60.0, rng)

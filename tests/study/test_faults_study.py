@@ -57,7 +57,7 @@ def test_a_sample_of_flights_keeps_every_promise(found: TaskOutcome) -> None:
 
 
 def test_levels_cover_a_ramp_until_the_tests_of_its_receiver_find_it() -> None:
-    """0.5 m/s beside the velocity, in turns: found after a minute; copies of the filter must stay correct until then."""
+    """0.5 m/s without velocity, in turns: detected after a minute; filter copies must stay correct until then."""
     found = fly(
         FlightTask(17, 7, AircraftGroup("tactical", 1, "turns"), (BY_NAME["tactical/ramp-0.5/1-of-1/turns"],), 420.0)
     )

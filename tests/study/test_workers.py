@@ -65,14 +65,14 @@ def test_a_process_that_is_killed_is_no_wait_for_ever() -> None:
 SCRIPT = """
 import sys
 from fti.study import workers
-from tests.study.tasks import waits
+from tests.study.tasks import wait_minute
 import asyncio
 import functools
 workers.LOCAL_LIMIT_S = -1.0
 workers.os.sched_getaffinity = lambda _: {{0, 1}}
 if __name__ == "__main__":
     try:
-        workers.run_all(functools.partial(waits, {file!r}), range(4), print)
+        workers.run_all(functools.partial(wait_minute, {file!r}), range(4), print)
     except KeyboardInterrupt:
         sys.exit(130)
 """

@@ -27,7 +27,7 @@ class SensorFault(StrEnum):
     JUMP = "jump"  # of the position, horizontal, at once
     SWAPPED = "swapped"  # latitude and longitude
     RAMP = "ramp"  # of the position, horizontal
-    SIGMA = "sigma"  # the stated sigma is so many times too small: errors of 10 s are added
+    SIGMA = "sigma"  # the stated sigma is too small by this factor: errors of 10 s are added
     UNDULATION_ZERO = "undulation-zero"  # undulation 0, ellipsoidal height equal to that above mean sea level
     MSL_HEIGHT = "msl-height"  # height above mean sea level for that above the ellipsoid
     HEIGHT = "height"  # constant error

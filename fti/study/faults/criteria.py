@@ -16,7 +16,7 @@ from fti.study.faults.fault_flights import FaultOutcome, NominalOutcome, TaskOut
 
 Array = NDArray[np.float64]
 
-#: Of fault time on the cells of the table: pooled, and of one cell; nominal hours with so many false exclusions.
+#: Limits of MI over fault time on the cells of the table: pooled, one cell; false exclusions in nominal hours.
 POOLED, CELL, EXCLUSIONS, HOURS = 1e-3, 0.01, 2, 300.0
 VALID = 0.995
 #: HPL over sigma in the median, by number of receivers; over the formula at d = 0.

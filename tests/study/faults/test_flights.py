@@ -164,7 +164,7 @@ def test_frozen_repeats_the_last_fix(monkeypatch: pytest.MonkeyPatch, kind: Sens
         assert set(getattr(faulty, column)[active]) == {getattr(nominal, column)[last]}
     repeats = nominal.vel_n[last] if kind is SensorFault.FROZEN else nominal.vel_n[active]
     assert (faulty.vel_n[active] == repeats).all()
-    assert np.ptp(nominal.vel_n[active], axis=0).max() > 1.0, "it could not be told from a live one"
+    assert np.ptp(nominal.vel_n[active], axis=0).max() > 1.0, "a repeated velocity would equal a new one"
 
 
 def test_a_jump_is_as_long_as_it_says_and_level(monkeypatch: pytest.MonkeyPatch) -> None:
