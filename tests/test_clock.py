@@ -240,7 +240,7 @@ def test_stamps_are_accepted_again_after_a_step(monkeypatch: pytest.MonkeyPatch,
         assert stamp == (hands.monotonic - 100_000 if accepted else None)
 
 
-def test_a_step_casts_no_doubt_on_a_socket_that_was_empty_behind_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_step_does_not_affect_a_socket_that_was_empty_behind_it(monkeypatch: pytest.MonkeyPatch) -> None:
     """Set back by 5 s; one socket has been empty since, in the other one something may wait from before."""
     clock, hands, _ = _stepped(monkeypatch, -5 * SECOND_NS)
     clock.stamp_window(DETECTED_NS)

@@ -185,7 +185,7 @@ def test_frames_that_never_came_are_lost_too(ring: Ring) -> None:
     assert reader.lost_frames == 3
 
 
-def test_record_overwritten_while_it_is_copied_is_not_believed(ring: Ring, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_record_overwritten_while_it_is_copied_is_not_accepted(ring: Ring, monkeypatch: pytest.MonkeyPatch) -> None:
     reader = RingReader(ring)
     put(ring, *range(100))
     load, turn = ring.load, iter([range(100, 2000)])

@@ -147,7 +147,7 @@ def test_a_packet_and_each_channel_count_on() -> None:
 # ------------------------------------------------------------------------------------------------------- chapter 10
 
 
-def test_no_packet_is_believed_whose_checksum_does_not_hold() -> None:
+def test_no_packet_is_accepted_whose_checksum_does_not_hold() -> None:
     """Every bit of a packet that pychapter10 made, turned by itself."""
     vector = load("arinc429_chapter10")
     data = vector.data[:40]

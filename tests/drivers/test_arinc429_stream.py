@@ -41,7 +41,7 @@ OTHER = wire.encode_bnr("101", 5.0, 180.0, 12, state=BnrState.NORMAL)
 CLIMB = [100.0 + 0.5 * k for k in range(40)]
 
 
-def test_a_stream_that_begins_with_a_word_is_believed_after_three() -> None:
+def test_a_stream_that_begins_with_a_word_is_accepted_after_three() -> None:
     decoder = arinc429.make_decoder(options())
     for t in (1, 2):
         assert decoder.feed(words(HEIGHT_100), t) == []
@@ -65,7 +65,7 @@ def test_how_many_words_are_wanted(enabled: int, parity: wire.Parity, wanted: in
     assert required_words(enabled, parity) == wanted
 
 
-def test_noise_is_not_believed(scale: int) -> None:
+def test_noise_is_not_accepted(scale: int) -> None:
     """Two words would have been believed 40 times in the quick run."""
     decoder = arinc429.make_decoder(options(set="ahrs"))
     noise = random.Random(429)

@@ -281,7 +281,7 @@ def test_a_value_at_its_limit_is_within_it() -> None:
     assert [m.valid for m in found if isinstance(m, Reading) and m.name == "m.current"] == [True, False]
 
 
-def test_a_counter_tells_what_was_lost_and_what_came_twice() -> None:
+def test_a_counter_shows_what_was_lost_and_what_came_twice() -> None:
     codes = (13, 14, 14, 1, 2)  # four bits: 15 and 0 never came
     found, decoder = feed(FEATURES, *(engine(message_code=code) for code in codes))
     assert reported(found) == ["engine_repeated", "engine_lost_2"]

@@ -64,7 +64,7 @@ def test_sync_and_trailer_bytes_inside_the_data_do_no_harm(altitude: int) -> Non
 
 
 @pytest.mark.parametrize(("status", "flag"), [(0x02, "self_test"), (0x04, "failure"), (0x08, "unlocked")])
-def test_the_device_says_when_it_is_not_to_be_believed(status: int, flag: str) -> None:
+def test_the_device_says_when_it_is_not_to_be_used(status: int, flag: str) -> None:
     measurements = ra.make_decoder(ra.Options()).feed(frame(500, status), 1)
     assert [m.ok if isinstance(m, DeviceStatus) else getattr(m, "valid", None) for m in measurements] == [False, False]
     assert isinstance(measurements[0], DeviceStatus)
@@ -104,7 +104,7 @@ def test_a_lone_escape_in_a_stuffed_frame_is_not_a_frame() -> None:
     assert decoder.counters.messages["height"] == 1
 
 
-def test_the_encoder_tells_validity_by_the_flags() -> None:
+def test_the_encoder_states_validity_by_the_flags() -> None:
     encoder = ra.make_encoder(ra.Options())
     encoder.encode(DeviceStatus(stamp=S, ok=False, flags=("failure", "in_air")))
     (lost,) = encoder.encode(RadioHeight(stamp=S, height_agl=None, valid=False))
@@ -114,7 +114,7 @@ def test_the_encoder_tells_validity_by_the_flags() -> None:
 
 
 @pytest.mark.parametrize("at", [7, 8])
-def test_a_frame_without_its_trailer_is_not_believed(at: int) -> None:
+def test_a_frame_without_its_trailer_is_not_accepted(at: int) -> None:
     bad = bytearray(frame(500))
     bad[at] ^= 0x01
     decoder = ra.make_decoder(ra.Options())

@@ -179,7 +179,7 @@ def test_the_emulated_system_joins_only_what_is_of_the_same_time() -> None:
     assert [type(m) for m in found] == [DeviceStatus, Velocity, Position]
 
 
-def test_the_emulated_system_tells_the_time_and_validity() -> None:
+def test_the_emulated_system_sends_the_time_and_validity() -> None:
     stamp = Stamp(5, 2300 * 604_800 * 10**9 + 123_456_789_000, TimeScale.GPS)
     found = sent([
         DeviceStatus(stamp=stamp, ok=False, flags=("gnss_invalid",)),

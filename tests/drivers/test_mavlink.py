@@ -103,7 +103,7 @@ def test_the_signatures_of_the_c_library_hold_with_its_key_only() -> None:
     assert counters.skipped == {"bad_signature": len(SIGNED)}
 
 
-def test_with_a_key_nothing_else_is_believed() -> None:
+def test_with_a_key_nothing_else_is_accepted() -> None:
     """Neither what is not signed, nor version 1, nor what was recorded and is played again."""
     plain, old = pack(ATTITUDE), pack(ATTITUDE, force_mavlink1=True)
     found, counters = decode(plain + old + SIGNED + SIGNED, key=KEY.hex())
@@ -119,7 +119,7 @@ def test_each_link_of_a_source_has_its_own_time() -> None:
     assert not counters.skipped
 
 
-def test_an_old_record_of_a_link_that_was_not_received_yet_is_not_believed() -> None:
+def test_an_old_record_of_a_link_that_was_not_received_yet_is_not_accepted() -> None:
     """As the specification says: a new source or link may be a minute behind the others, not more."""
 
     def signed(link: int, time: int) -> bytes:

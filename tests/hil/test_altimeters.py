@@ -190,7 +190,7 @@ def test_the_fmcw_radar_looks_past_a_mast_that_the_nearest_return_sees() -> None
 
 
 @pytest.mark.parametrize("model", ["nearest", "fmcw"])
-def test_bias_and_scale_of_the_instrument_are_in_what_it_tells(model: str) -> None:
+def test_bias_and_scale_of_the_instrument_are_in_what_it_reports(model: str) -> None:
     bare, wrong = radar_heights(model), radar_heights(model, bias_m=2.0, scale=1.01)
     step = np.where(bare > 152.0, 20.0, 5.0) * 0.3048  # of the RA-4500, 499 ft
     assert (np.abs(wrong - (1.01 * bare + 2.0)) < 1.01 * step + 0.1).all()

@@ -344,13 +344,13 @@ def test_the_soonest_that_fits_is_made_first_and_each_once() -> None:
     streams = [
         Made(now, cost, shift, period=1.0, count=1) for cost, shift in ((4e-3, 0.01), (1e-3, 0.02), (1e-3, 0.09))
     ]
-    unmade = PreparationQueue(streams)
-    assert unmade.prepare_next(0.0, 0.002)
+    queue = PreparationQueue(streams)
+    assert queue.prepare_next(0.0, 0.002)
     assert [stream.made for stream in streams] == [0, 1, 0]
-    unmade.complete(0)
-    unmade.update(0)
+    queue.complete(0)
+    queue.update(0)
     assert [stream.made for stream in streams] == [1, 1, 0]
-    assert not unmade.prepare_next(0.02, 1.0)
-    assert unmade.prepare_next(0.04, 1.0)
-    assert not unmade.prepare_next(0.04, 1.0)
+    assert not queue.prepare_next(0.02, 1.0)
+    assert queue.prepare_next(0.04, 1.0)
+    assert not queue.prepare_next(0.04, 1.0)
     assert [stream.made for stream in streams] == [1, 1, 1]

@@ -277,7 +277,7 @@ def test_a_snapshot_session_is_sent_at_its_own_times(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("which", ["session", "file"])
-async def test_every_link_hears_what_the_snapshots_have(which: str, tmp_path: Path) -> None:
+async def test_every_link_receives_what_the_snapshots_have(which: str, tmp_path: Path) -> None:
     recorded = list(frames(1000))
     session = record_snapshots(tmp_path, with_free_ports(CONFIG), recorded)
     place, parts = (session, PARTS) if which == "session" else (SessionFolder(session).files("snapshot")[1], PARTS[1:])

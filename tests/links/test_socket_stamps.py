@@ -48,7 +48,7 @@ def read(arrival: Arrival, pair: tuple[socket.socket, socket.socket], stamps: li
         del arrival.batch.stamps
 
 
-def test_a_refused_stamp_is_not_later_than_the_believed_one_behind_it(
+def test_a_refused_stamp_is_not_later_than_the_accepted_one_behind_it(
     pair: tuple[socket.socket, socket.socket],
 ) -> None:
     """After a step some of a batch are from before it."""

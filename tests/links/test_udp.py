@@ -93,7 +93,7 @@ async def test_stamps_are_good_however_long_nobody_has_read(
     assert opened.status.stamp_refused == 0
 
 
-async def test_stamp_that_cannot_be_believed_is_replaced_and_counted(device: socket.socket) -> None:
+async def test_stamp_that_cannot_be_true_is_replaced_and_counted(device: socket.socket) -> None:
     clock = FakeClock(77)  # as if real time had stepped by decades
     async with run_link(link(), clock=clock) as (opened, received):
         device.sendto(b"x", opened.address)

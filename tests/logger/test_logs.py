@@ -342,11 +342,11 @@ def write_in_disorder(folder: SessionFolder) -> list[RawFrame]:
     return expected
 
 
-@pytest.mark.parametrize("patience", [50_000, 10])
+@pytest.mark.parametrize("waiting_frames", [50_000, 10])
 def test_frames_come_in_order_of_their_number(
-    folder: SessionFolder, monkeypatch: pytest.MonkeyPatch, patience: int
+    folder: SessionFolder, monkeypatch: pytest.MonkeyPatch, waiting_frames: int
 ) -> None:
-    monkeypatch.setattr("fti.logger.reading.recording.MAX_WAITING_FRAMES", patience)
+    monkeypatch.setattr("fti.logger.reading.recording.MAX_WAITING_FRAMES", waiting_frames)
     expected = write_in_disorder(folder)
     recording = Recording.open(folder.path)
     assert len(recording.raw_files) > 5

@@ -350,7 +350,7 @@ class SickSync:
 
 
 @pytest.mark.parametrize("places", [1, 2])
-def test_a_sync_that_failed_once_is_never_believed_again(
+def test_a_sync_that_failed_once_is_never_trusted_again(
     make: Callable[..., Rig], quick: pytest.MonkeyPatch, places: int
 ) -> None:
     """The kernel reports a failed write-back once, and then succeeds."""

@@ -151,7 +151,7 @@ def then_of(changes: Changes, name: str) -> tuple[Landscape, Landscape]:
     return now, changes.revert(now, np.random.default_rng(7))
 
 
-def test_trees_have_grown_and_stands_were_felled_and_planted() -> None:
+def test_trees_have_grown_and_stands_were_cut_and_planted() -> None:
     now, then = then_of(Changes(growth=3.0, cleared_forest=0.1, new_forest=0.2), "forest")
     forest_now, forest_then = now.cover == Cover.FOREST, then.cover == Cover.FOREST
     both = forest_now & forest_then

@@ -76,5 +76,5 @@ def test_a_cut_inertial_unit_alone_takes_no_position_away(config: Config) -> Non
     assert due(config, CUT) == []
 
 
-def test_an_outage_that_ends_before_it_is_noticed_is_no_duty(config: Config) -> None:
+def test_an_outage_that_ends_before_it_is_noticed_has_no_expected_flag(config: Config) -> None:
     assert due(config, {**OUTAGE, "to_s": 20.4}) == []

@@ -105,7 +105,7 @@ async def test_any_address_is_reached_on_loopback(tmp_path: Path) -> None:
 # --------------------------------------------------------------------------------------------------------- slcan
 
 
-async def test_the_slcan_link_hears_every_frame(tmp_path: Path) -> None:
+async def test_the_slcan_link_receives_every_frame(tmp_path: Path) -> None:
     end = make_endpoint(can_link("slcan", "anywhere"), tmp_path, mute)
     async with open_endpoints({"bus": end}), run_link(can_link("slcan", str(tmp_path / "bus"))) as (_, received):
         await end.wait_for_reader()
@@ -122,7 +122,7 @@ async def test_a_closed_channel_drops_and_counts(tmp_path: Path) -> None:
     assert (end.counters.dropped_messages, end.counters.dropped_bytes) == (1, 16)
 
 
-async def test_python_can_opens_it_hears_it_and_is_answered(tmp_path: Path) -> None:
+async def test_python_can_opens_it_receives_from_it_and_is_answered(tmp_path: Path) -> None:
     """python-can's slcan is another implementation of the protocol."""
     received: list[bytes] = []
 

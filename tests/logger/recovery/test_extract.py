@@ -298,7 +298,7 @@ def test_one_flipped_bit_is_corrected_and_reported(tmp_path: Path, place: int) -
     assert report.flipped == []
 
 
-def test_a_flipped_bit_behind_other_damage_is_turned_back_where_the_summary_tells_of_the_chunk(tmp_path: Path) -> None:
+def test_a_flipped_bit_behind_other_damage_is_turned_back_where_the_summary_names_the_chunk(tmp_path: Path) -> None:
     """Without the summary, what looks like a chunk with one wrong bit may be anything: it is lost with the rest."""
     original = Original(write_own(tmp_path / "whole.mcap"))
     (begin, end), lost = original.chunks[2]
