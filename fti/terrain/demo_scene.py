@@ -13,6 +13,7 @@ Ground, trees and houses above the limit are cut to it; the last 300 m are bare.
 
 from __future__ import annotations
 
+import functools
 import tomllib
 from dataclasses import dataclass
 from pathlib import Path
@@ -194,6 +195,7 @@ def strip_edges() -> tuple[float, float, float, float]:
     return float(east[0]), float(east[-1]), float(north[0]), float(north[-1])
 
 
+@functools.lru_cache(maxsize=2)  # a command, and many tests, need it several times
 def demo_scene(seed: int = 2018, vegetation: float = 1.0) -> Terrain:
     """The terrain around the demo airfield: posts of 5 m, 7.5 km before to 1.7 km behind the threshold, +-1 km.
 

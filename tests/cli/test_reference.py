@@ -20,6 +20,12 @@ from tests.terrain.elevation_files import write_ground
 DEMO = str(ROOT / "configs" / "profiles" / "demo.csv")
 
 
+@pytest.fixture(autouse=True)
+def _few_receivers(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A map of ranges for each of them is most of the time of a reference."""
+    monkeypatch.setattr("fti.hil.approach_reference.options.RECEIVERS", 6)
+
+
 def test_make_writes_a_reference_that_info_shows(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

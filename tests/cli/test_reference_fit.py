@@ -1,7 +1,9 @@
-"""``fti reference fit``: an emulated flight over hills tells the receiver that it was flown with."""
+"""``fti reference fit``: finds the receiver model of an emulated flight over hills."""
 
 from __future__ import annotations
 
+import contextlib
+import io
 import json
 from pathlib import Path
 
@@ -104,12 +106,19 @@ def session(folder: Path, config: Config) -> Path:
     return offline_run.fly(config, plan, folder, world=Environment(plan, path(), terrain, undulation=47.0))
 
 
-def test_the_receiver_that_was_flown_is_found(session: Path, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.fixture(scope="module")
+def fit_output(session: Path, folder: Path) -> str:
+    """What the command prints; it has written receiver.toml and fit.png."""
     out = folder / "receiver.toml"
     words = ["reference", "fit", str(session), "--model", "nearest", "--samples", "800", "--out", str(out)]
-    assert main([*words, "--json", "--plot", str(folder / "fit.png")]) == 0
-    output = capsys.readouterr().out
-    found = json.loads(output[: output.rindex("}") + 1])
+    with contextlib.redirect_stdout(io.StringIO()) as printed:
+        assert main([*words, "--json", "--plot", str(folder / "fit.png")]) == 0
+    return printed.getvalue()
+
+
+def test_the_receiver_that_was_flown_is_found(fit_output: str, folder: Path) -> None:
+    out = folder / "receiver.toml"
+    found = json.loads(fit_output[: fit_output.rindex("}") + 1])
     true = {"beam_deg": BEAM_DEG, "bias_m": BIAS_M, "scale": SCALE}
     for name, value in true.items():
         one = found["parameters"][name]
@@ -126,14 +135,12 @@ def test_the_receiver_that_was_flown_is_found(session: Path, folder: Path, capsy
     assert table["beam_deg"] == pytest.approx(parameters["beam_deg"]["value"], abs=0.006)
 
 
+@pytest.mark.usefixtures("fit_output")
 def test_what_is_written_makes_the_live_prediction_right(session: Path, folder: Path) -> None:
     """Reprocessed with the keys of the fit, measured minus predicted has no bias any more and is half as large."""
     from fti.logger.reading.recording import Recording
 
-    out = folder / "again.toml"
-    words = ["reference", "fit", str(session), "--model", "nearest", "--samples", "800", "--out", str(out)]
-    assert main(words) == 0
-    keys = out.read_text().split("[device.altimeter]\n")[1]
+    keys = (folder / "receiver.toml").read_text().split("[device.altimeter]\n")[1]
     (folder / "fitted.toml").write_text(CONFIG.replace("beam_deg = 40\n", keys.replace('model = "nearest"\n', "")))
     assert main(["reprocess", str(session), str(folder / "fitted.toml"), "--out", str(folder / "again")]) == 0
     (again,) = (folder / "again").iterdir()

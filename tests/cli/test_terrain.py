@@ -147,7 +147,7 @@ def test_a_picture_of_next_to_nothing(files: list[str]) -> None:
         if first == 201:
             assert texts_of(_terrain_map.draw_map(terrain, None).axes[1].get_legend()) == ["fine.tif"]
         else:
-            with pytest.raises(ConfigError, match=r"no height is known on the points of the picture"):
+            with pytest.raises(ConfigError, match=r"no height is known at the points of the map"):
                 _terrain_map.draw_map(terrain, None)
 
 
