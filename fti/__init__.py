@@ -12,7 +12,7 @@ Units
 
 Time
     ``int`` nanoseconds.  FTI time = CLOCK_MONOTONIC + session epoch (real time at the start rounded to 20 ms,
-    written once; it may be wrong and never changes).  Only ``fti.clock`` reads clocks.
+    written once; it may be wrong and never changes).  Only ``fti.clock`` reads it.
     ``t_rx_ns``     arrival of the first byte of a message, FTI time
     ``t_dev_ns``    time that the device reports, in its own ``time_scale``; None when it reports none
     ``t_valid_ns``  time of validity of the quantity, FTI time; set by the navigation process, never by a decoder

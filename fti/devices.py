@@ -83,7 +83,7 @@ def _read_named(config: Config, key: str, path: Path) -> str:
 def bind_devices(config: Config, texts: Mapping[str, str] | None = None) -> list[BoundDevice]:
     """Every device with driver and checked options.  texts : see ``read_texts``; None: read the files of options.
 
-    Raises ConfigError with file, key path, value and what is allowed.
+    Raises ConfigError with file, key path, value and the allowed values.
     """
     found = _read_option_texts(config) if texts is None else texts
     return [_bind(config, i, device, found) for i, device in enumerate(config.device)]

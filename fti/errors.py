@@ -2,7 +2,7 @@
 
     FtiError
         ConfigError        a configuration, scenario or option is wrong           exit 2
-        MissingError       a file, port, session or service does not exist        exit 2
+        MissingError       a file, port, session or service is not available     exit 2
         LinkError          a port cannot be opened now; the link retries
             PortAbsent     no such device
             PortDenied     no permission
@@ -24,7 +24,7 @@ class ConfigError(FtiError):
 
 
 class MissingError(FtiError):
-    """A file, port, session or service that the user named does not exist."""
+    """A file, port, session or service does not exist, or cannot be used as the user named it."""
 
 
 class LinkError(FtiError):

@@ -54,7 +54,7 @@ class StorageState(StrEnum):
     SLOW = "slow"  # has accepted nothing for SLOW_S
     GONE = "gone"  # accepts bytes, but the path no longer leads to the file
     FALLBACK = "fallback"
-    ERROR = "error"  # nothing is recorded; the buffers hold what they can
+    ERROR = "error"  # nothing is recorded; the buffers keep the newest frames
 
 
 #: States in which nothing is written: the content of the buffers is lost when the recorder ends.

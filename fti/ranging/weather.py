@@ -45,7 +45,7 @@ class Cloud:
 
     extinction : mean, at the laser's wavelength [1/m]; stratus 0.01 to 0.1
     variation  : its standard deviation from pulse to pulse over its mean; 0 is the same for all
-    Raises ValueError for a top that is not above the base, a negative figure and one that is no number.
+    Raises ValueError for a top that is not above the base, a negative figure and one that is not a number.
     """
 
     base: float

@@ -88,7 +88,7 @@ def _judge(name: str, errors: np.ndarray) -> list[StudyResult]:
         ),
         StudyResult(
             f"{name}.error",
-            f"error of the drift after an hour that {MIN_PERCENT} % of {len(size)} runs keep [ppm]",
+            f"drift error after an hour, percentile {MIN_PERCENT} of {len(size)} runs [ppm]",
             percentile_ppm,
             f"<= {LIMIT_PPM}",
             percentile_ppm <= LIMIT_PPM,

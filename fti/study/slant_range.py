@@ -185,7 +185,7 @@ def _reported_results(flights: list[Run]) -> list[StudyResult]:
 
 def drawings(seed: int) -> dict[str, DrawFigure]:
     """Pictures like fig. 2.54 to 2.59, of the flights with this seed."""
-    from fti.study import _slant_range_plots as plots  # noqa: PLC0415 - matplotlib is loaded by who draws
+    from fti.study import _slant_range_plots as plots  # noqa: PLC0415 - matplotlib is loaded for plots only
 
     scenarios = functools.cache(lambda kind: SCENARIOS[kind](seed, EVERY_S[kind] / 3.0))
     return {

@@ -46,7 +46,7 @@ _VALUE_SIZES = {1: 1, 2: 1, 3: 2, 4: 4, 5: 8}  # by the bits 28-30 of a key
 
 
 class Encoder:
-    """The emulated receiver; with ``messages`` in the options it is silent until it is asked.
+    """The emulated receiver; with ``messages`` in the options it is silent until it is polled.
 
     It sends NAV-PVT for a Position, with the Velocity, Satellites and DeviceStatus of the same t_rx_ns.
     """

@@ -80,7 +80,7 @@ class FaultTable(NamedTuple):
 
 
 def read(path: Path) -> FaultTable:
-    """Read and check a profile.  Raises MissingError; ConfigError that names file, line, column and what is allowed."""
+    """Read and check a profile.  Raises MissingError, or ConfigError with file, line, column and allowed values."""
     return parse(read_text(path), str(path))
 
 

@@ -1,1 +1,1 @@
-"""What may stand in a scenario: strict tables, and nothing that acts."""
+"""Tables of a scenario file: strictly validated, without behaviour."""

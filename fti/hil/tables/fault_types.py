@@ -280,7 +280,9 @@ class Undulation(DeviceFault):
     """
 
     kind: Literal["undulation"]
-    stated: Annotated[Literal["zero", "msl_as_ellipsoid"], key("what is stated", NO_UNIT)] = "zero"
+    stated: Annotated[Literal["zero", "msl_as_ellipsoid"], key("0, or MSL height as ellipsoid height", NO_UNIT)] = (
+        "zero"
+    )
 
 
 class LeverArm(DeviceFault):

@@ -209,7 +209,7 @@ class _SessionCheck:
     def ledgers(self) -> Check:
         """Does every ledger agree with the files?"""
         ledger = self._ledger
-        check = Check("ledger", f"{ledger.notes} ledgers agree with what the files hold")
+        check = Check("ledger", f"{ledger.notes} ledgers agree with the contents of the files")
         for finding in ledger.findings:
             check.add(CheckVerdict.REFUTED, finding)
         if ledger.unreadable:

@@ -106,9 +106,9 @@ class MismatchTest:
         self._samples: list[tuple[AltimeterObservation, float]] = []
         self._blocks: deque[_Block] = deque()
         self._contradictions = self._agreements = self._confirmations = 0
-        self._reference: _Block | None = None  # before what contradicted; kept as long as an offset from it remains
+        self._reference: _Block | None = None  # before the first contradiction; kept while an offset from it remains
         self._newest: _Block | None = None
-        self._joins = False
+        self._must_shift_reference = False
         self._known_ns = self._offset_ns = 0
 
     def reset(self, *, is_source_new: bool) -> None:
@@ -116,7 +116,7 @@ class MismatchTest:
         self._samples.clear()
         self._blocks.clear()
         self._contradictions = self._agreements = self._confirmations = 0
-        self._joins = self._joins or is_source_new
+        self._must_shift_reference = self._must_shift_reference or is_source_new
 
     def update(self, o: AltimeterObservation, climbed: float) -> bool:
         """Whether the altimeter is refused because its changes do not match."""
@@ -144,9 +144,9 @@ class MismatchTest:
     def _close(self, block: _Block) -> None:
         while self._blocks and block.t_ns - self._blocks[0].t_ns > MAX_AGE_NS:
             self._blocks.popleft()
-        if self._joins and self._reference is not None and self._newest is not None:
+        if self._must_shift_reference and self._reference is not None and self._newest is not None:
             self._reference = self._reference.shifted(self._newest, block)
-        self._joins = False
+        self._must_shift_reference = False
         if self._newest is not None and block.t_ns - self._newest.t_ns > MAX_HOLE_NS:
             self._contradictions = self._agreements = self._confirmations = 0
         if self._reference is not None:
@@ -177,7 +177,7 @@ class MismatchTest:
             self._leave_offset(block.t_ns, [*self._blocks, block])
         else:
             return
-        while len(self._blocks) >= END_BLOCKS:  # what contradicted is forgotten
+        while len(self._blocks) >= END_BLOCKS:  # discard the contradicting blocks
             self._blocks.popleft()
 
     def _agree(self) -> None:

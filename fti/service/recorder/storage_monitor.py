@@ -49,7 +49,7 @@ class StorageMonitor:
         self._dropped_before: Mapping[str, Dropped] = {}
 
     def report_changes(self) -> None:
-        """Events for what has changed since the last call."""
+        """Events for changes since the last call."""
         state, hint = self._writer.state()
         if state is self._state:
             return

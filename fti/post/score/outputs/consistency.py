@@ -29,7 +29,7 @@ WINDOW_SHARE = 0.05
 #: Outputs that may have reasons while they are valid.
 FILTERS = (FILTER_TOPIC, VERTICAL_TOPIC, FIX)
 #: Reasons with which no output is valid.
-CONTRADICTIONS = frozenset((Reason.STALE, Reason.SILENT, Reason.NO_IMU, Reason.ALIGNING, Reason.DIVERGED))
+ALWAYS_INVALID_REASONS = frozenset((Reason.STALE, Reason.SILENT, Reason.NO_IMU, Reason.ALIGNING, Reason.DIVERGED))
 #: Reasons of outputs along the profile of an approach; no other output has them.
 PROFILE_REASONS = frozenset(
     (
@@ -178,7 +178,7 @@ def _has_reason_if_not_valid(row: Mapping[str, Any]) -> bool:
 
 def _has_reason(row: Mapping[str, Any]) -> bool:
     reasons = row.get("reasons") or ()
-    return CONTRADICTIONS.isdisjoint(map(str, reasons)) if row.get("valid") is True else bool(reasons)
+    return ALWAYS_INVALID_REASONS.isdisjoint(map(str, reasons)) if row.get("valid") is True else bool(reasons)
 
 
 def _fits_state(row: Mapping[str, Any]) -> bool:
@@ -193,7 +193,7 @@ def _fits_state(row: Mapping[str, Any]) -> bool:
 
 
 LIMITS = {
-    _has_reason_if_not_valid: "a reason exactly where it is not valid",
+    _has_reason_if_not_valid: "a reason if and only if it is not valid",
     _has_reason: "a reason where it is not valid",
-    _fits_state: f"valid in {', '.join(RESULT_STATES)}; {IntegrityState.MONITOR} exactly without T2",
+    _fits_state: f"valid in {', '.join(RESULT_STATES)}; {IntegrityState.MONITOR} if and only if T2 is not tested",
 }
