@@ -152,7 +152,7 @@ def test_a_table_of_obstacles_that_is_no_table_is_refused(
 ) -> None:
     table = Obstacles(pd=0.97, width_m=(30.0, 60.0), s_m=(2000.0, 1000.0), agl_m=(100.0, 50.0), height_m=rows, runs=100)
     bad = dataclasses.replace(reference, header=reference.header.model_copy(update={"obstacles": table}))
-    with pytest.raises(ConfigError, match=r"x: obstacles.height_m: must have a row for each of 2 widths"):
+    with pytest.raises(ConfigError, match=r"x: obstacles.height_m: must have one row for each of 2 widths"):
         ApproachReference.parse(bad.to_text(), "x")
 
 
