@@ -91,7 +91,7 @@ class Decoder:
     def __init__(self, options: Options) -> None:
         self.counters = Counters()
         self._options = options
-        self._is_label_reversed = not options.label_reversed
+        self._must_reverse_label = not options.label_reversed
         self._handlers: dict[int, list[Handler]] = {}
         for entry in make_codecs(enabled_labels(options)):
             for handler in entry.handlers():
@@ -119,7 +119,7 @@ class Decoder:
 
     def _word(self, data: bytes | bytearray) -> int:
         word = int.from_bytes(data, self._options.byte_order)
-        return wire.reverse_label(word) if self._is_label_reversed else word
+        return wire.reverse_label(word) if self._must_reverse_label else word
 
     def _decode_word(self, word: int, stamp: Stamp) -> list[Measurement]:
         handler = self._handler(word)
@@ -137,7 +137,7 @@ class Decoder:
             self.counters.messages[name] += 1
         measurements: list[Measurement] = []
         for received in words:
-            word = wire.reverse_label(received.word) if self._is_label_reversed else received.word
+            word = wire.reverse_label(received.word) if self._must_reverse_label else received.word
             if self._options.bus is not None and received.bus != self._options.bus:
                 self.counters.messages["other_bus"] += 1
             elif received.error:

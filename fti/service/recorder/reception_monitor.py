@@ -21,8 +21,8 @@ PAUSE_EFFECT_NS = 2_000_000_000
 EVENT_PERIOD_NS = 10_000_000_000
 
 STAMPS_REFUSED = (
-    "they may be from before a step of the real-time clock, or precede the last frame; the frames have the time of the "
-    "read"
+    "they may be from before a step of the real-time clock, or are outside the time since the last frame; the frames "
+    "have the time of the read"
 )
 #: Level, source, text.
 EventFields = tuple[str, str, str]
