@@ -157,7 +157,7 @@ class Worker:
 def run_part(part: Part) -> int:
     """Run a part, print its progress, run a few failed tests again alone; returns the exit code."""
     begin = time.monotonic()
-    print(f"== {part.title}: {len(part.files)} files, expected {_minutes(_expected_s(part))}", flush=True)
+    print(f"== {part.title}: {len(part.files)} files, processes: {part.workers}", flush=True)
     with tempfile.TemporaryDirectory() as folder:
         shares = share_out(part.files, part.workers)
         options = ("-m", part.markers) if part.markers else ()
@@ -200,12 +200,6 @@ def _progress(title: str, states: Sequence[State], elapsed_s: float) -> str:
 
 def _sizes(state: State) -> tuple[int, int, int]:
     return state["ended"], state["count"], len(state["failed"])
-
-
-def _expected_s(part: Part) -> float:
-    times = known_times()
-    shares = share_out(part.files, part.workers)
-    return max((sum(times.get(file, UNKNOWN_FILE_S) for file in share) for share in shares), default=0.0)
 
 
 def _minutes(seconds: float) -> str:

@@ -16,7 +16,7 @@ HOLD = """
 import sys, time
 from pathlib import Path
 from fti.testing.slots import FlightSlots
-with FlightSlots(Path(sys.argv[1]), int(sys.argv[2])).taken():
+with FlightSlots(Path(sys.argv[1]), int(sys.argv[2])).hold():
     print("taken", flush=True)
     time.sleep(600)
 """
