@@ -44,7 +44,7 @@ from fti.terrain import kernel_warmup
 kernel_warmup.warm_up(), strapdown.warm_up(), ensure_kernels_compiled(config.load("configs/demo.toml"))
 """
 PASSED, FAILED, INTERRUPTED, NO_TESTS = 0, 1, 130, 5
-#: So many failed tests are run again at most.
+#: So many failed tests of a part are run again; of the flights, which two tests judge each, twice as many.
 MAX_RETRIES = 3
 PRINT_PERIOD_S, POLL_S = 10.0, 0.2
 #: Expected time of the tests of ``--quick`` on two workers [s].
@@ -57,7 +57,7 @@ class Part:
     """Some of the tests.
 
     files : paths or names of tests, relative to the root; workers : processes at a time; nice : their priority
-    retry : a few failed tests are run again alone
+    retries : so many failed tests are run again alone
     """
 
     title: str
@@ -65,7 +65,7 @@ class Part:
     markers: str = ""
     workers: int = 1
     nice: int = 0
-    retry: bool = True
+    retries: int = MAX_RETRIES
 
 
 # ------------------------------------------------------------------------------------------------------ which tests
@@ -88,11 +88,11 @@ def parts() -> list[list[Part]]:
     return [
         [Part("quick tests", tuple(quick), "not e2e", workers=4)],
         [
-            Part("flights", tuple(marked("flight")), "flight", nice=NICE),
+            Part("flights", tuple(marked("flight")), "flight", nice=NICE, retries=2 * MAX_RETRIES),
             Part("replays", tuple(marked("replay")), "replay", nice=NICE),
         ],
         [Part("end-to-end tests", tuple(marked("e2e")), waiting, workers=3)],
-        [Part("tests that run alone", tuple(marked("alone")), "alone", retry=False)],
+        [Part("tests that run alone", tuple(marked("alone")), "alone", retries=0)],
     ]
 
 
@@ -169,13 +169,13 @@ def run_part(part: Part) -> int:
         failed = sorted(nodeid for worker in workers for nodeid in worker.state()["failed"])
         _save_times({file: s for worker in workers for file, s in worker.state()["files"].items()})
     print(f"== {part.title}: {_minutes(time.monotonic() - begin)}, {len(failed)} failed", flush=True)
-    if codes == {FAILED} and part.retry and 0 < len(failed) <= MAX_RETRIES:
+    if codes == {FAILED} and 0 < len(failed) <= part.retries:
         return _retry(part, failed)
     return max(codes, default=PASSED)
 
 
 def _retry(part: Part, failed: list[str]) -> int:
-    code = run_part(Part(f"{part.title} that failed, alone", tuple(failed), part.markers, retry=False))
+    code = run_part(Part(f"{part.title} that failed, alone", tuple(failed), part.markers, retries=0))
     names = [nodeid.removeprefix(f"{ROOT}/") for nodeid in failed]
     if code == PASSED:
         print(f"== {part.title}: these failed beside others and passed alone: {', '.join(names)}", flush=True)

@@ -47,8 +47,8 @@ def kernel(function: Kernel) -> Kernel:
 
 
 def is_cached(compiled: Any) -> bool:
-    """Whether the compiled code of a kernel is in the cache on disk."""
-    return Path(compiled._cache._cache_file._index_path).exists()
+    """Whether the compiled code of a kernel, as its source is now, is in the cache on disk."""
+    return bool(compiled._cache._cache_file._load_index())
 
 
 @functools.cache

@@ -7,6 +7,7 @@ import pytest
 from numba import __version__ as numba_version
 
 from fti.terrain import kernel, ray_cast, surface
+from fti.terrain.kernel_warmup import warm_up
 
 #: The class ``fti.terrain.pyramid.Renamed``, which is not there: pickle refers to a class by its name.
 MISSING_CLASS = b"cfti.terrain.pyramid\nRenamed\n."
@@ -30,3 +31,10 @@ def test_an_unreadable_file_of_compiled_code_counts_as_missing(tmp_path: Path, p
     assert code.load("signature") is None
     code.save("signature", "machine code")
     assert code.load("signature") == "machine code"
+
+
+def test_code_of_another_version_of_the_source_is_not_cached(monkeypatch: pytest.MonkeyPatch) -> None:
+    warm_up()
+    assert kernel.is_cached(ray_cast.cast_rays)
+    monkeypatch.setattr(ray_cast.cast_rays._cache._cache_file, "_source_stamp", [("ray_cast.py", "0")])  # type: ignore[attr-defined]
+    assert not kernel.is_cached(ray_cast.cast_rays)
