@@ -262,7 +262,7 @@ def test_a_device_whose_own_time_is_not_used_is_reported(tmp_path: Path, capsys:
     assert "valid at arrival" in capsys.readouterr().out
     path.write_text(BENCH)
     main(["check", str(path)])
-    assert "valid as of" not in capsys.readouterr().out
+    assert "valid at arrival" not in capsys.readouterr().out
 
 
 UDP = '[[link]]\nname = "net"\nkind = "udp"\nbind = "127.0.0.1:47999"\n'

@@ -44,7 +44,7 @@ def test_a_stopped_recorder_is_replaced_and_the_recording_goes_on(tmp_path: Path
     for link in ("line", "eth"):
         assert b"".join(frame.data for frame in recording.frames() if frame.link == link).endswith(last)
     events = [json.loads(data)["message"] for *_, data in recording.messages("/fti/event", kind="raw")]
-    order = [next(i for i, text in enumerate(events) if words in text) for words in ("has not moved", "signal 9")]
+    order = [next(i for i, text in enumerate(events) if words in text) for words in ("no progress for", "signal 9")]
     assert order == sorted(order), events
     proof = fti("verify", str(session), "--json")
     checks = {check["name"]: check for check in json.loads(proof.stdout)["checks"]}
