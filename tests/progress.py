@@ -7,6 +7,7 @@ the weights; the longest files run first.
 from __future__ import annotations
 
 import collections
+import functools
 import json
 import time
 from pathlib import Path
@@ -33,9 +34,15 @@ class State(TypedDict):
     files: dict[str, float]
 
 
+@functools.cache
 def known_times() -> dict[str, float]:
     """Seconds of each test file, by its path."""
     return dict(json.loads(TIMES.read_text())) if TIMES.exists() else {}
+
+
+def expected_s(file: str) -> float:
+    """Time of a test file in an earlier run [s]."""
+    return known_times().get(file, UNKNOWN_FILE_S)
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -50,8 +57,7 @@ def pytest_configure(config: pytest.Config) -> None:
 @pytest.hookimpl(trylast=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Longest files first; the tests of a file keep their order."""
-    times = known_times()
-    items.sort(key=lambda item: -times.get(file_of(item.nodeid), UNKNOWN_FILE_S))
+    items.sort(key=lambda item: -expected_s(file_of(item.nodeid)))
 
 
 def file_of(nodeid: str) -> str:
@@ -65,16 +71,15 @@ class Progress:
     def __init__(self, file: Path, root: Path) -> None:
         self._file, self._root = file, root
         self._weights: dict[str, float] = {}
-        self._files: dict[str, float] = collections.defaultdict(float)
-        self._state = State(ended=0, count=0, ended_s=0.0, count_s=0.0, failed=[], files=self._files)
+        files: dict[str, float] = collections.defaultdict(float)
+        self._state = State(ended=0, count=0, ended_s=0.0, count_s=0.0, failed=[], files=files)
         self._written = 0.0
 
     def pytest_collection_finish(self, session: pytest.Session) -> None:
         counts = collections.Counter(file_of(item.nodeid) for item in session.items)
-        times = known_times()
-        self._weights = {file: times.get(file, UNKNOWN_FILE_S) / count for file, count in counts.items()}
+        self._weights = {file: expected_s(file) / count for file, count in counts.items()}
         self._state["count"] = len(session.items)
-        self._state["count_s"] = sum(self._weights[file] * count for file, count in counts.items())
+        self._state["count_s"] = sum(map(expected_s, counts))
         self._write()
 
     def pytest_collectreport(self, report: pytest.CollectReport) -> None:
@@ -82,7 +87,7 @@ class Progress:
             self._note_failure(report.nodeid)
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
-        self._files[file_of(report.nodeid)] += report.duration
+        self._state["files"][file_of(report.nodeid)] += report.duration
         if report.failed:
             self._note_failure(report.nodeid)
         if report.when == "teardown":

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import itertools
 import json
 import os
 import re
@@ -31,7 +32,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from tests.helpers import KERNELS, ROOT
-from tests.progress import TIMES, UNKNOWN_FILE_S, State, known_times
+from tests.progress import TIMES, State, expected_s
 
 PYTEST = [sys.executable, "-m", "pytest", "-q", "-o", "console_output_style=classic", "-p", "tests.progress"]
 #: Once, before several processes would do it side by side.
@@ -81,12 +82,16 @@ def marked(marker: str, *, wholly: bool = False) -> list[str]:
     return [file for file in test_files() if re.search(pattern, (ROOT / file).read_text(), re.MULTILINE)]
 
 
+def quick_files() -> list[str]:
+    """Files that have tests which are not end-to-end tests."""
+    return sorted({*test_files()} - {*marked("e2e", wholly=True)})
+
+
 def parts() -> list[list[Part]]:
     """All parts; those of one list run at the same time."""
-    quick = sorted({*test_files()} - {*marked("e2e", wholly=True)})
     waiting = "e2e and not flight and not replay and not alone"
     return [
-        [Part("quick tests", tuple(quick), "not e2e", workers=4)],
+        [Part("quick tests", tuple(quick_files()), "not e2e", workers=4)],
         [
             Part("flights", tuple(marked("flight")), "flight", nice=NICE, retries=2 * MAX_RETRIES),
             Part("replays", tuple(marked("replay")), "replay", nice=NICE),
@@ -98,26 +103,20 @@ def parts() -> list[list[Part]]:
 
 def fast_part() -> Part:
     """As many files as the limit of time allows, the fastest first."""
-    times = known_times()
-    files = sorted({*test_files()} - {*marked("e2e", wholly=True)}, key=lambda file: times.get(file, UNKNOWN_FILE_S))
-    chosen, left = [], 2 * QUICK_S
-    for file in files:
-        left -= times.get(file, UNKNOWN_FILE_S)
-        if left < 0:
-            break
-        chosen.append(file)
+    files = sorted(quick_files(), key=expected_s)
+    sums = itertools.accumulate(map(expected_s, files))
+    chosen = [file for file, total in zip(files, sums, strict=True) if total <= 2 * QUICK_S]
     return Part(f"fast tests ({len(chosen)} of {len(files)} files)", tuple(chosen), "not e2e", workers=2)
 
 
 def share_out(files: Sequence[str], workers: int) -> list[list[str]]:
     """Files of each worker: the longest first, each to the worker that has least so far."""
-    times = known_times()
     shares: list[list[str]] = [[] for _ in range(workers)]
     loads = [0.0] * workers
-    for file in sorted(files, key=lambda file: -times.get(file, UNKNOWN_FILE_S)):
+    for file in sorted(files, key=expected_s, reverse=True):
         worker = loads.index(min(loads))
         shares[worker].append(file)
-        loads[worker] += times.get(file, UNKNOWN_FILE_S)
+        loads[worker] += expected_s(file)
     return [share for share in shares if share]
 
 
@@ -167,7 +166,7 @@ def run_part(part: Part) -> int:
         for worker in workers:
             worker.print_output()
         failed = sorted(nodeid for worker in workers for nodeid in worker.state()["failed"])
-        _save_times({file: s for worker in workers for file, s in worker.state()["files"].items()})
+        _note_times({file: s for worker in workers for file, s in worker.state()["files"].items()})
     print(f"== {part.title}: {_minutes(time.monotonic() - begin)}, {len(failed)} failed", flush=True)
     if codes == {FAILED} and 0 < len(failed) <= part.retries:
         return _retry(part, failed)
@@ -211,7 +210,7 @@ def _minutes(seconds: float) -> str:
 _times: dict[str, float] = {}
 
 
-def _save_times(found: dict[str, float]) -> None:
+def _note_times(found: dict[str, float]) -> None:
     """For a file with tests in two parts the longer time."""
     _times.update({file: max(seconds, _times.get(file, 0.0)) for file, seconds in found.items()})
 

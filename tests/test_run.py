@@ -61,6 +61,6 @@ def test_an_error_that_is_no_failure_is_not_run_again(tmp_path: Path, capfd: pyt
 
 def test_the_longest_files_are_shared_out_first(monkeypatch: pytest.MonkeyPatch) -> None:
     times = {"long.py": 50.0, "a.py": 20.0, "b.py": 20.0, "c.py": 15.0}
-    monkeypatch.setattr("tests.run.known_times", lambda: times)
+    monkeypatch.setattr("tests.progress.known_times", lambda: times)
     assert share_out(sorted(times), 2) == [["long.py"], ["a.py", "b.py", "c.py"]]
     assert share_out(["new.py"], 4) == [["new.py"]]

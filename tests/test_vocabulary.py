@@ -45,11 +45,7 @@ def retired_names(text: str) -> set[str]:
 
 def words_of(name: str) -> list[str]:
     """The words of an identifier: ``report_toldByNobody`` -> report, told, by, nobody."""
-    return (
-        re.findall(r"[a-z]+", re.sub(r"([A-Z]+)", r"_\1", name).lower())
-        if not name.isupper()
-        else name.lower().split("_")
-    )
+    return [word.lower() for word in re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+", name)]
 
 
 @pytest.mark.parametrize("folder", FOLDERS)

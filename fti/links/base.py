@@ -88,7 +88,7 @@ class BaseLink(ABC):
     name      : of the configuration; transmit : sending is allowed
     sink      : see ``Sink``
     on_connect: sent after every connect, when the link may send
-    on_sent   : receives sent frames and their times; None: nobody
+    on_sent   : receives sent frames and their times; None: they are not reported
     urgent    : received frames trigger an early poll, unless the message rate is too high; set before ``run``
     receives_pieces : a read is a piece of a message, so reads do not count messages
     """
