@@ -1,7 +1,7 @@
 # Everything runs from .venv, which is made from requirements.lock on any machine with Python 3.11+, pip and make.
 #
 #   make demo     fly an emulated approach, record it, show it in the browser
-#   make test     every test; prints part, progress and the expected time
+#   make test     every test; prints part, progress and the time left
 #   make quick    the fast tests, in a minute
 #   make check    style, types, layers
 #   make bench    every benchmark; what they print goes into docs/benchmarks.md, too

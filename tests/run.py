@@ -49,7 +49,7 @@ PASSED, FAILED, INTERRUPTED, NO_TESTS = 0, 1, 130, 5
 MAX_RETRIES = 3
 PRINT_PERIOD_S, POLL_S = 10.0, 0.2
 #: Expected time of the tests of ``--quick`` on two workers [s].
-QUICK_S = 40.0
+QUICK_S = 30.0
 NICE = -5  # of flights and replays; only root may have it below 0
 
 
