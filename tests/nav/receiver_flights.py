@@ -10,8 +10,11 @@ The truth is a smooth flight with turns; unit and receivers are drawn here and s
 
 from __future__ import annotations
 
+import copy
+import itertools
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +23,7 @@ from numpy.typing import NDArray
 
 from fti.config import Config, parse
 from fti.geodesy.wgs84 import radii
-from fti.hil.flight.trajectory import SplineFlight
+from fti.hil.flight.trajectory import FlightState, SplineFlight
 from fti.hil.flight.waypoints import Waypoint, waypoint_flight
 from fti.hil.sensors.inertial import angular_rate_b, specific_force_b
 from fti.nav.carried_refusal import CarriedRefusal
@@ -44,6 +47,8 @@ Rng = np.random.Generator
 SECOND_NS = 1_000_000_000
 T0 = 1_000 * SECOND_NS
 SECONDS, STEP_S, FIX_S = 600.0, 0.04, 0.2
+#: The sound part of flights with faults is flown once, in whole multiples of this [s].
+SHARED_S = 20.0
 LAT, LON, ALT = 0.82, 0.15, 1500.0
 LEVEL_SD, HEIGHT_SD, WHITE_SD, VELOCITY_SD = 1.5, 2.5, 1.0, 0.1
 ACCEL_BIAS, GYRO_BIAS, ACCEL_WHITE, GYRO_WHITE = 8e-3, 5e-6, 5e-3, 1e-4
@@ -133,6 +138,7 @@ def config(receivers: tuple[str, ...], baro: bool) -> Config:
     return parse(table, "", Path("t.toml"))
 
 
+@lru_cache(maxsize=8)
 def draw(number: int, receivers: tuple[str, ...] = ("gnss",)) -> Flight:
     """Flight ``number``."""
     rng = np.random.default_rng([1700, number])
@@ -155,49 +161,115 @@ def fly(
     faults: Mapping[str, Fault] | None = None,
     baro: bool = True,
     restored: Sequence[CarriedRefusal] = (),
+    until_s: float = SECONDS,
 ) -> FlightResult:
-    """Through the live filter, with faults of receivers by name.  restored : refusals with which it begins"""
-    settings = config(tuple(flight.receivers), baro)
-    assert settings.nav.filter is not None
-    filtered = AidedNavigation(settings.nav.filter, {device.name: device for device in settings.device})
-    filtered.restore(restored, T0)
-    truth, found = flight.truth.state(flight.t), FlightResult()
-    queue = measurements(flight, faults or {}, baro)
-    at_s, device, m = next(queue)
-    for k, t in enumerate(flight.t.tolist()):
-        t_ns = T0 + round(t * SECOND_NS)
-        row = flight.imu[k].tolist()
-        filtered.feed("imu", ImuSample(stamp=Stamp(t_ns), accel_b=tuple(row[:3]), gyro_b=tuple(row[3:])), t_ns)
+    """Through the live filter, with faults of receivers by name.
+
+    restored : refusals with which it begins.  The time before the first faulty fix is flown once for all faults.
+    """
+    fixes = {
+        name: faults[name](sound) if faults and name in faults else sound for name, sound in flight.receivers.items()
+    }
+    shared_s = SHARED_S * (_first_difference(flight.receivers, fixes) // SHARED_S)
+    if restored or shared_s == 0.0:
+        run = FlightRun.begin(flight, baro, restored)
+    else:
+        run = copy.deepcopy(_sound_run(flight, baro, shared_s), {id(flight): flight})
+    run.advance(measurements(flight, fixes, baro), until_s)
+    return run.result
+
+
+@lru_cache(maxsize=4)
+def _sound_run(flight: Flight, baro: bool, until_s: float) -> FlightRun:
+    run = FlightRun.begin(flight, baro)
+    run.advance(measurements(flight, flight.receivers, baro), until_s)
+    return run
+
+
+def _first_difference(sound: Mapping[str, Fixes], faulty: Mapping[str, Fixes]) -> float:
+    """Time of the first fix that a fault changes, removes or adds [s]; the end of the flight without one."""
+    return min((_difference(sound[name], fixes) for name, fixes in faulty.items()), default=SECONDS)
+
+
+def _difference(sound: Fixes, faulty: Fixes) -> float:
+    if sound is faulty:
+        return SECONDS
+    n = min(len(sound.t), len(faulty.t))
+    pairs = [(getattr(sound, name)[:n], getattr(faulty, name)[:n]) for name in ("t", "lat", "lon", "alt")]
+    pairs += [(sound.vel[:n].T[axis], faulty.vel[:n].T[axis]) for axis in range(3)]
+    differs = np.any([one != other for one, other in pairs], axis=0)
+    at = int(np.argmax(differs)) if differs.any() else n
+    return min((float(fixes.t[at]) for fixes in (sound, faulty) if at < len(fixes.t)), default=SECONDS)
+
+
+@dataclass(eq=False)
+class FlightRun:
+    """A flight as far as it has been flown.  done : samples of the inertial unit that were fed"""
+
+    flight: Flight
+    filtered: AidedNavigation
+    truth: FlightState
+    done: int = 0
+    result: FlightResult = field(default_factory=FlightResult)
+
+    @classmethod
+    def begin(cls, flight: Flight, baro: bool, restored: Sequence[CarriedRefusal] = ()) -> FlightRun:
+        settings = config(tuple(flight.receivers), baro)
+        assert settings.nav.filter is not None
+        filtered = AidedNavigation(settings.nav.filter, {device.name: device for device in settings.device})
+        filtered.restore(restored, T0)
+        return cls(flight, filtered, flight.truth.state(flight.t))
+
+    def advance(self, queue: Iterator[tuple[float, str, Measurement]], until_s: float) -> None:
+        """Fly on with the measurements of a whole flight, of which those before now have been fed."""
+        now_s = float(self.flight.t[self.done - 1]) if self.done else -np.inf
+        left = itertools.dropwhile(lambda row: row[0] < now_s, queue)
+        end = next(left, None)
+        for k in range(self.done, int(np.searchsorted(self.flight.t, until_s))):
+            t = float(self.flight.t[k])
+            self._feed_unit(k)
+            while end is not None and end[0] < t:
+                at_s, device, m = end
+                self.filtered.feed(device, m, _ns(at_s))
+                end = next(left, None)
+            if k % 5 == 0:
+                self.result.events += [(t, event) for event in self.filtered.events(_ns(t))]
+            if k % 25 == 0:
+                self._record(k)
+            self.done = k + 1
+
+    def _feed_unit(self, k: int) -> None:
+        t_ns, row = _ns(self.flight.t[k]), self.flight.imu[k].tolist()
+        sample = ImuSample(stamp=Stamp(t_ns), accel_b=tuple(row[:3]), gyro_b=tuple(row[3:]))
+        self.filtered.feed("imu", sample, t_ns)
         if k < 25:
-            angles = float(truth.roll[k]), float(truth.pitch[k]), float(truth.heading[k])
-            filtered.feed("imu", Attitude(stamp=Stamp(t_ns), roll=angles[0], pitch=angles[1], heading=angles[2]), t_ns)
-        while at_s < t:
-            filtered.feed(device, m, T0 + round(at_s * SECOND_NS))
-            at_s, device, m = next(queue, (np.inf, device, m))
-        if k % 5 == 0:
-            found.events += [(t, event) for event in filtered.events(t_ns)]
-        if k % 25 == 0:
-            _record(found, filtered, flight, k, t_ns)
-    return found
+            roll, pitch, heading = (
+                float(angle[k]) for angle in (self.truth.roll, self.truth.pitch, self.truth.heading)
+            )
+            self.filtered.feed("imu", Attitude(stamp=Stamp(t_ns), roll=roll, pitch=pitch, heading=heading), t_ns)
+
+    def _record(self, k: int) -> None:
+        t_ns = _ns(self.flight.t[k])
+        output, found = self.filtered.solution(t_ns), self.result
+        if output.lat is None or output.lon is None or output.alt is None or output.hpl is None or output.vpl is None:
+            return
+        lat, lon, alt = (float(values[k]) for values in (self.truth.lat, self.truth.lon, self.truth.alt))
+        meridian, normal = (float(r) for r in radii(lat))
+        north, east = (output.lat - lat) * (meridian + ALT), (output.lon - lon) * (normal + ALT) * np.cos(lat)
+        found.t.append(float(self.flight.t[k]))
+        found.error.append((north, float(east), output.alt - alt))
+        found.hpl.append(output.hpl)
+        found.vpl.append(output.vpl)
+        found.sd.append(float(output.horizontal_sd or np.nan))
+        found.mode.append(output.mode)
+        found.refused.append(self.filtered.refused)
+        compared = self.filtered.filter_reference(t_ns)
+        found.unchecked.append(compared.unchecked if compared else ())
 
 
-def _record(found: FlightResult, filtered: AidedNavigation, flight: Flight, k: int, t_ns: int) -> None:
-    output = filtered.solution(t_ns)
-    if output.lat is None or output.lon is None or output.alt is None or output.hpl is None or output.vpl is None:
-        return
-    state = flight.truth.state(flight.t[k : k + 1])
-    meridian, normal = (float(r[0]) for r in radii(state.lat))
-    north = (output.lat - float(state.lat[0])) * (meridian + ALT)
-    east = (output.lon - float(state.lon[0])) * (normal + ALT) * float(np.cos(state.lat[0]))
-    found.t.append(float(flight.t[k]))
-    found.error.append((north, east, output.alt - float(state.alt[0])))
-    found.hpl.append(output.hpl)
-    found.vpl.append(output.vpl)
-    found.sd.append(float(output.horizontal_sd or np.nan))
-    found.mode.append(output.mode)
-    found.refused.append(filtered.refused)
-    compared = filtered.filter_reference(t_ns)
-    found.unchecked.append(compared.unchecked if compared else ())
+def _ns(t_s: float) -> int:
+    """FTI time [ns] of a time of the flight [s]."""
+    return T0 + round(t_s * SECOND_NS)
 
 
 # ---------------------------------------------------------------------------------------------------------- faults
@@ -286,18 +358,17 @@ def _receiver(rng: Rng, truth: SplineFlight, t: Array, common: Array, *, alone: 
     return sound.moved(slow + WHITE_SD * rng.standard_normal(slow.shape), vel)
 
 
-def measurements(flight: Flight, faults: Mapping[str, Fault], baro: bool) -> Iterator[tuple[float, str, Measurement]]:
-    """Time [s], device, measurement, in order."""
+def measurements(flight: Flight, fixes: Mapping[str, Fixes], baro: bool) -> Iterator[tuple[float, str, Measurement]]:
+    """Time [s], device, measurement, in order.  fixes : of each receiver, with its faults"""
     found: list[tuple[float, str, Measurement]] = []
-    for number, (name, sound) in enumerate(flight.receivers.items()):
-        fixes = faults[name](sound) if name in faults else sound
-        columns = (fixes.t + 0.011 * number, fixes.lat, fixes.lon, fixes.alt, fixes.vel)
+    for number, (name, received) in enumerate(fixes.items()):
+        times = received.t + 0.011 * number
+        columns = (times, received.lat, received.lon, received.alt, received.vel)
         for t, lat, lon, alt, vel in zip(*(column.tolist() for column in columns), strict=True):
-            stamp = Stamp(T0 + round(t * SECOND_NS))
+            stamp = Stamp(_ns(t))
             place = Position(stamp=stamp, lat=lat, lon=lon, alt=alt, horizontal_sd=1.8, vertical_sd=2.7)
             speed = Velocity(stamp=stamp, north=vel[0], east=vel[1], down=vel[2], sd=VELOCITY_SD)
             found += [(t, name, place), (t, name, speed)]
     for t, alt in flight.baro.tolist() if baro else ():
-        stamp = Stamp(T0 + round(t * SECOND_NS))
-        found.append((t, "air", PressureAltitude(stamp=stamp, alt_press=alt)))
+        found.append((t, "air", PressureAltitude(stamp=Stamp(_ns(t)), alt_press=alt)))
     return iter(sorted(found, key=lambda row: row[0]))

@@ -65,7 +65,7 @@ class FlightLog:
 def fly(flight: Flight, fault: Fault, until_s: float, readmit_s: float = np.inf) -> FlightLog:
     """Of a receiver gnss, inertial unit and barometer; the operator readmits the receiver at ``readmit_s``."""
     pipeline, log = Pipeline(config(tuple(flight.receivers), True), None), FlightLog()
-    truth, queue = flight.truth.state(flight.t), measurements(flight, {"gnss": fault}, True)
+    truth, queue = flight.truth.state(flight.t), measurements(flight, {"gnss": fault(flight.receivers["gnss"])}, True)
     at_s, device, m = next(queue)
     for k, t in enumerate(flight.t[flight.t < until_s].tolist()):
         t_ns = T0 + round(t * SECOND_NS)
@@ -79,21 +79,22 @@ def fly(flight: Flight, fault: Fault, until_s: float, readmit_s: float = np.inf)
         if t >= readmit_s:
             out, readmit_s = [*out, *pipeline.readmit("gnss", t_ns)], np.inf
         for each in (*out, *pipeline.tick(t_ns)):
-            _record(log, each, t, flight)
+            _record(log, each, t_ns, truth.lat[k], truth.lon[k], truth.alt[k])
     return log
 
 
-def _record(log: FlightLog, each: object, t: float, flight: Flight) -> None:
+def _record(log: FlightLog, each: object, t_ns: int, lat: float, lon: float, alt: float) -> None:
+    """Against the true place of that time."""
+    t = (t_ns - T0) / SECOND_NS
     if isinstance(each, Event):
         log.events.append((t, f"{each.source}: {each.text}"))
     elif isinstance(each, ProvisionalSolution | FilterSolution) and each.lat is not None:
+        assert each.t_ns == t_ns
         assert each.lon is not None
         assert each.alt is not None
-        state = flight.truth.state(np.array([(each.t_ns - T0) / SECOND_NS]))
-        meridian, normal = (float(r[0]) for r in radii(state.lat))
-        north = (each.lat - float(state.lat[0])) * meridian
-        east = (each.lon - float(state.lon[0])) * normal * float(np.cos(state.lat[0]))
-        log.rows.append(Row(t, float(np.hypot(north, east)), each.alt - float(state.alt[0]), each))
+        meridian, normal = (float(r) for r in radii(lat))
+        north, east = (each.lat - lat) * meridian, (each.lon - lon) * normal * np.cos(lat)
+        log.rows.append(Row(t, float(np.hypot(north, east)), float(each.alt - alt), each))
 
 
 def constant(*metres: float) -> Callable[[Array], Array]:

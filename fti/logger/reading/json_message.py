@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator
-from contextlib import contextmanager
+from types import TracebackType
 from typing import Any
+
+import orjson
 
 from fti.errors import RecordingError
 from fti.logger.reading.limits import MAX_DIGITS, MAX_JSON_BYTES, MAX_JSON_DEPTH, LimitError
@@ -14,6 +15,9 @@ from fti.logger.reading.limits import MAX_DIGITS, MAX_JSON_BYTES, MAX_JSON_DEPTH
 _BRACKETS = b"[]{}"
 _NO_BRACKETS = bytes(set(range(256)) - set(_BRACKETS))
 _CLOSING = b"]}"
+#: Twenty digits in a row: an integer beyond 64 bits would become a float.
+_DIGITS_AS_ZEROS = bytes.maketrans(b"123456789", b"0" * 9)
+_LONG_NUMBER = b"0" * 20
 _TEXT = re.compile(rb'"(?:[^"\\]|\\[\s\S])*+"')
 #: Exceptions that the use of a foreign or damaged message can raise.
 FAULTS = (KeyError, TypeError, AttributeError, ValueError, IndexError, OverflowError, RecursionError)
@@ -28,6 +32,11 @@ def parse_json(data: bytes) -> Any:
         raise LimitError(f"JSON of {len(data)} bytes; at most {MAX_JSON_BYTES} are read")
     if data.count(b"[") + data.count(b"{") > MAX_JSON_DEPTH and _depth(data) > MAX_JSON_DEPTH:
         raise LimitError(f"JSON is nested deeper than {MAX_JSON_DEPTH}")
+    if _LONG_NUMBER not in data.translate(_DIGITS_AS_ZEROS):
+        try:
+            return orjson.loads(data)
+        except orjson.JSONDecodeError:  # it may still be what the slower parser accepts: NaN, half a surrogate pair
+            pass
     value = _DECODER.decode(data.decode())
     return _without_halves(value) if b"\\ud" in data or b"\\uD" in data else value
 
@@ -46,15 +55,24 @@ def parse_table(data: bytes) -> dict[str, Any]:
     return value
 
 
-@contextmanager
-def using_message(topic: str, t_ns: int) -> Iterator[None]:
-    """Convert faults of a recorded message to a RecordingError with its topic and time [ns]."""
-    try:
-        yield
-    except KeyError as error:
-        raise RecordingError(f"{topic}: the message at {t_ns} ns has no {error}") from None
-    except FAULTS as error:
-        raise RecordingError(f"{topic}: the message at {t_ns} ns cannot be used: {error}") from None
+class using_message:  # noqa: N801  used as a function
+    """Context that converts faults of a recorded message to a RecordingError with its topic and time [ns]."""
+
+    __slots__ = ("_t_ns", "_topic")
+
+    def __init__(self, topic: str, t_ns: int) -> None:
+        self._topic, self._t_ns = topic, t_ns
+
+    def __enter__(self) -> None:
+        pass
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if isinstance(error, KeyError):
+            raise RecordingError(f"{self._topic}: the message at {self._t_ns} ns has no {error}") from None
+        if isinstance(error, FAULTS):
+            raise RecordingError(f"{self._topic}: the message at {self._t_ns} ns cannot be used: {error}") from None
 
 
 def whole_number(value: Any) -> int:

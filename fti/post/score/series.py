@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 from fti.logger.reading.json_message import parse_table, using_message
 from fti.logger.reading.recording import Recording
 
+Scalar = TypeVar("Scalar", bound=np.generic)
 Array = NDArray[np.float64]
 Times = NDArray[np.int64]
 Mask = NDArray[np.bool_]
@@ -22,39 +24,42 @@ Mask = NDArray[np.bool_]
 MAX_LOG_TIME_NS = 2**62
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class TopicSeries:
     """The messages of a topic, in the order of the file.
 
     log_ns : log times [ns], shape (n,); rows : content of each message; repeated : number of messages with the log time
-    and the bytes of the message before
+    and the bytes of the message before.  Arrays are computed once and cannot be written.
     """
 
     topic: str
     log_ns: Times
     rows: Sequence[dict[str, Any]]
     repeated: int = 0
+    _columns: dict[str, Array] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def __len__(self) -> int:
         return len(self.rows)
 
-    @property
+    @cached_property
     def valid_ns(self) -> Times:
         """Time of validity of each message [ns], shape (n,): its stamp, else its log time."""
         times = (row.get("t_valid_ns") or _stamp(row).get("t_valid_ns") or _time_ns(row) for row in self.rows)
         pairs = zip(times, self.log_ns.tolist(), strict=True)
-        return np.array(
-            [t if isinstance(t, int) and abs(t) <= MAX_LOG_TIME_NS else log_ns for t, log_ns in pairs], dtype=np.int64
-        )
+        valid_ns = [t if isinstance(t, int) and abs(t) <= MAX_LOG_TIME_NS else log_ns for t, log_ns in pairs]
+        return _read_only(np.array(valid_ns, dtype=np.int64))
 
-    @property
+    @cached_property
     def valid(self) -> Mask:
         """Messages that are flagged valid, or have no such field, shape (n,)."""
-        return np.array([row.get("valid", True) is True for row in self.rows], dtype=bool)
+        return _read_only(np.array([row.get("valid", True) is True for row in self.rows], dtype=bool))
 
     def column(self, name: str) -> Array:
         """A field as numbers, shape (n,); NaN where a message has none."""
-        return np.array([_number(row.get(name)) for row in self.rows], dtype=np.float64)
+        if name not in self._columns:
+            numbers = [_number(row.get(name)) for row in self.rows]
+            self._columns[name] = _read_only(np.array(numbers, dtype=np.float64))
+        return self._columns[name]
 
     def values(self, name: str) -> list[Any]:
         """The values of a field, None where a message has none."""
@@ -98,6 +103,11 @@ def _time_ns(row: dict[str, Any]) -> int | None:
     if not isinstance(time, dict) or not isinstance(time.get("sec"), int) or not isinstance(time.get("nsec"), int):
         return None
     return int(time["sec"]) * 1_000_000_000 + int(time["nsec"])
+
+
+def _read_only(array: NDArray[Scalar]) -> NDArray[Scalar]:
+    array.flags.writeable = False
+    return array
 
 
 def _number(value: Any) -> float:
