@@ -139,7 +139,11 @@ def draw_flight(number: int) -> Flight:
 
 
 def fly(
-    flight: Flight, fault: Fault = no_fault, aided: bool = True, lost: Callable[[float], bool] | None = None
+    flight: Flight,
+    fault: Fault = no_fault,
+    aided: bool = True,
+    lost: Callable[[float], bool] | None = None,
+    until_s: float = SECONDS,
 ) -> FlightResult:
     """Through the live filter.  aided : with the altimeter;  lost : whether satellites are gone at a time [s]"""
     settings = config().nav.filter
@@ -150,7 +154,7 @@ def fly(
     truth = flight.flight.state(flight.t)
     roll, pitch, heading = flight.attitude
     filtered.feed("imu", Attitude(stamp=Stamp(T0), roll=roll, pitch=pitch, heading=heading), T0)
-    for k, t in enumerate(flight.t.tolist()):
+    for k, t in enumerate(flight.t[flight.t < until_s].tolist()):
         t_ns = T0 + round(t * SECOND_NS)
         row = flight.imu[k].tolist()
         filtered.feed("imu", ImuSample(stamp=Stamp(t_ns), accel_b=tuple(row[:3]), gyro_b=tuple(row[3:])), t_ns)
@@ -178,8 +182,7 @@ def fly(
             heights += 1
         if k % 25 == 0:
             solution = filtered.solution(t_ns)
-            if hasattr(filtered, "events"):
-                events += filtered.events(t_ns)
+            events += filtered.events(t_ns)
             if solution.valid and solution.alt is not None and solution.vertical_sd is not None:
                 times.append(t)
                 errors.append(solution.alt - float(truth.alt[k]))

@@ -11,7 +11,7 @@ from tests.second_receiver.cases import HEIGHT_CASES
 from tests.second_receiver.heights import TITLE, Case, judge, lines, run_sites
 
 SEED = 1
-SITES, SITES_FULL = 8, 40
+SITES, SITES_FULL = 4, 40
 #: Of what is offered: a sigma that holds because nearly nothing is valid is of no use.
 MIN_VALID = 0.9
 

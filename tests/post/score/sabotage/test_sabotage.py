@@ -1,7 +1,7 @@
 """The score detects every falsification of a session, and holds every honest one.
 
-``--scale quick`` applies each falsification to the first of three flights that has something to falsify so, and to every
-flag of one of them; ``--scale full`` applies all of them to every shipped scenario, flown to its end.
+``--scale quick`` applies each falsification to the first of three flights that has something to falsify so, and to all
+flags of one of them; ``--scale full`` applies all of them to every shipped scenario, flown to its end.
 """
 
 from __future__ import annotations
