@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 from fti.drivers._fast_messages import fast_stamp
@@ -16,7 +17,7 @@ from fti.hil.sensors.base import SimulatedSensor
 from fti.hil.sensors.encoding_check import is_carried
 from fti.hil.sensors.quantity_check import first_cycles
 from fti.hil.sensors.sent_rates import encode_cycles
-from fti.hil.tables.quantity_names import NAME_FIELDS, quantities
+from fti.hil.tables.quantity_names import NAME_FIELDS, MeasurementField, quantities
 from fti.types import Measurement
 
 SAMPLE_PERIOD_S = 1.0
@@ -73,12 +74,23 @@ def numbers(measurements: Iterable[Measurement]) -> dict[str, float]:
     """The finite values of valid measurements, by name."""
     values = dict[str, float]()
     for m in measurements:
-        for kind, quantities_of in quantities().items():
-            for field, quantity in quantities_of.items():
-                if isinstance(m, quantity.kind) and getattr(m, "valid", True):
-                    value = _number(getattr(m, quantity.field), quantity.component)
-                    values |= {} if value is None else {f"{kind}{_name_of(m)}.{field}": value}
+        if getattr(m, "valid", True):
+            for kind, field, quantity in _quantities_of(type(m)):
+                value = _number(getattr(m, quantity.field), quantity.component)
+                if value is not None:
+                    values[f"{kind}{_name_of(m)}.{field}"] = value
     return values
+
+
+@cache
+def _quantities_of(kind: type[Any]) -> list[tuple[str, str, MeasurementField]]:
+    """Class, field and description of each number of a measurement of this class."""
+    return [
+        (name, field, quantity)
+        for name, fields in quantities().items()
+        for field, quantity in fields.items()
+        if issubclass(kind, quantity.kind)
+    ]
 
 
 def _name_of(m: Measurement) -> str:
