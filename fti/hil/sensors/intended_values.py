@@ -6,6 +6,7 @@ They are the ground truth for the recording of the device and include its own er
 from __future__ import annotations
 
 import math
+from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -72,10 +73,10 @@ def _encoded_names(sensor: SimulatedSensor, cycles: Sequence[Sequence[Measuremen
 
 def numbers(measurements: Iterable[Measurement]) -> dict[str, float]:
     """The finite values of valid measurements, by name."""
-    values = dict[str, float]()
+    values, quantities_by_class = dict[str, float](), _quantities_by_class()
     for m in measurements:
         if getattr(m, "valid", True):
-            for kind, field, quantity in _quantities_of(type(m)):
+            for kind, field, quantity in quantities_by_class[type(m)]:
                 value = _number(getattr(m, quantity.field), quantity.component)
                 if value is not None:
                     values[f"{kind}{_name_of(m)}.{field}"] = value
@@ -83,14 +84,13 @@ def numbers(measurements: Iterable[Measurement]) -> dict[str, float]:
 
 
 @cache
-def _quantities_of(kind: type[Any]) -> list[tuple[str, str, MeasurementField]]:
-    """Class, field and description of each number of a measurement of this class."""
-    return [
-        (name, field, quantity)
-        for name, fields in quantities().items()
-        for field, quantity in fields.items()
-        if issubclass(kind, quantity.kind)
-    ]
+def _quantities_by_class() -> dict[type, list[tuple[str, str, MeasurementField]]]:
+    """Class in snake case, field and description of each number, by class."""
+    found: dict[type, list[tuple[str, str, MeasurementField]]] = defaultdict(list)
+    for name, fields in quantities().items():
+        for field, quantity in fields.items():
+            found[quantity.kind].append((name, field, quantity))
+    return found
 
 
 def _name_of(m: Measurement) -> str:
