@@ -1,14 +1,10 @@
-"""Scenarios that need no real port, flown faster than time: the daemon's chain says what each expects, and no more."""
+"""More scenarios without a real port, flown faster than time: the daemon's chain says what each expects, and no more."""
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
-from typing import Any
 
-import numpy as np
 import pytest
-from mcap.reader import make_reader
 
 from fti.cli.main import main
 from fti.hil import scenario as scenarios
@@ -16,6 +12,7 @@ from fti.nav.fallbacks import Fallbacks
 from fti.nav.navigation import Navigation
 from tests.e2e.conftest import VCAN_SCENARIOS, flown
 from tests.e2e.flights import fly_faster
+from tests.e2e.test_accelerated_scenarios import SCENARIOS
 from tests.post.score.test_source_fault_scenarios import DETECTED
 
 pytestmark = pytest.mark.timeout(900)
@@ -65,29 +62,6 @@ def test_a_daemon_that_accepts_every_receiver_fails(
     assert any("position not from receiver" in row and "missing" in row for row in rows)
 
 
-def test_the_sigma_of_the_height_below_the_aircraft_covers_the_truth(tmp_path: Path) -> None:
-    """The demonstration's flight: 93 % of its heights lie within two of their sigmas of the true one."""
-    (truth_file,) = fly_faster("nominal", tmp_path, 45.0).session.glob("*_truth_000.mcap")
-    truth, heights = numbers(truth_file, "/truth/state"), numbers(truth_file.parent, "/nav/height_below_aircraft")
-    t, known = np.array([(row["t_valid_ns"], row["height_agl"], row["sd"]) for _, row in heights if row["valid"]]).T[:2]
-    sd = np.array([row["sd"] for _, row in heights if row["valid"]])
-    true = np.interp(t, [at for at, _ in truth], [row["height_agl"] for _, row in truth])
-    during = t >= truth[0][0]
-    within = np.abs(known - true)[during] <= 2.0 * sd[during]
-    assert np.count_nonzero(during) > 500
-    assert np.mean(within) >= 0.93
-
-
-def numbers(place: Path, topic: str) -> list[tuple[int, dict[str, Any]]]:
-    """Log time [ns] and fields of each message of a topic, with the official reader."""
-    found = []
-    for path in [place] if place.is_file() else sorted(place.glob("*_derived_*.mcap")):
-        with path.open("rb") as stream:
-            messages = make_reader(stream).iter_messages([topic])
-            found += [(message.log_time, json.loads(message.data)) for _, _, message in messages]
-    return found
-
-
 def test_every_shipped_scenario_is_flown(pytestconfig: pytest.Config) -> None:
-    known = DURATIONS.keys() | flown(pytestconfig).keys() | VCAN_SCENARIOS | set(DETECTED)
+    known = DURATIONS.keys() | SCENARIOS.keys() | flown(pytestconfig).keys() | VCAN_SCENARIOS | set(DETECTED)
     assert known == set(scenarios.shipped_names())
