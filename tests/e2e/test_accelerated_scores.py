@@ -1,4 +1,4 @@
-"""More scenarios without a real port, flown faster than time: the daemon's chain says what each expects, and no more."""
+"""More scenarios without a real port, flown faster than time: the daemon says what each expects, and no more."""
 
 from __future__ import annotations
 
