@@ -36,11 +36,12 @@ from fti.bus.frame import SOCKET_NAME
 from fti.bus.message import decode
 from fti.drivers import Decoder
 from fti.logger.reading.recording import Recording
+from fti.messages.frames import TICK_LINK, RawFrame
+from fti.messages.measurements import Measurement
 from fti.nav.kernel_warmup import warm_up
 from fti.nav.pipeline import Pipeline
 from fti.post.reprocess import Setup, infrequent_gc, recorded_setup, reprocess
 from fti.service.navigation.decode_chain import Chain
-from fti.types import TICK_LINK, Measurement, RawFrame
 
 ROOT = Path(__file__).resolve().parent.parent
 FTI = [str(Path(sys.executable).with_name("fti"))]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fti.types import Reason
+from fti.messages.reasons import Reason
 
 REASONS: dict[str, str] = {
     Reason.DEVICE_FLAG: "device says invalid",

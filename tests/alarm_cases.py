@@ -8,10 +8,11 @@ from typing import Any
 
 from fti.alarms.condition import Condition, Severity
 from fti.clock import FakeClock
+from fti.messages.outputs import FilterMode, FilterSolution, GlideSlope, IntegrityState, Output
+from fti.messages.reasons import Reason
 from fti.nav.alarm_conditions import OutputConditions
 from fti.service.supervisor.alarm_board import AlarmBoard
 from fti.service.supervisor.health_conditions import MIN_RESTARTS
-from fti.types import FilterMode, FilterSolution, GlideSlope, IntegrityState, Output, Reason
 from tests.nav.test_alarm_conditions import CONFIG, altimeter, height, integrity, solution, source
 from tests.service.test_health_conditions import device, health, link
 

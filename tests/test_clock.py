@@ -22,7 +22,7 @@ from fti.clock import (
     choose_epoch_ns,
     describe_wrong_time,
 )
-from fti.types import TICK_PERIOD_NS
+from fti.messages.frames import TICK_PERIOD_NS
 
 STALL_NS = 130 * SECOND_NS
 

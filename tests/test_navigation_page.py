@@ -11,12 +11,13 @@ import pytest
 
 from fti.clock import FakeClock
 from fti.config import Config, Session
+from fti.messages.outputs import NavSolution
+from fti.messages.reasons import Reason
 from fti.nav import navigation
 from fti.nav.alarm_conditions import OutputConditions
 from fti.nav.exclusion_events import describe_return
 from fti.reason_texts import REASONS
 from fti.service.supervisor.alarm_board import AlarmBoard
-from fti.types import NavSolution, Reason
 from tests.helpers import ROOT
 from tests.service.test_health_conditions import health
 

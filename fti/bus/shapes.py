@@ -2,12 +2,11 @@
 
 A shape is a set of JSON types, a list of one shape, or a table of shapes.  In a table, ``name?`` may be missing and
 ``*`` stands for every other name; unlisted names are allowed.  The shapes of outputs come from their classes in
-``fti.types``.
+``fti.messages``.
 """
 
 from __future__ import annotations
 
-import types
 import typing
 from collections.abc import Mapping
 from dataclasses import MISSING, fields
@@ -15,7 +14,8 @@ from functools import lru_cache
 from typing import Any, NamedTuple
 
 from fti.logger.derived_log import snake_case
-from fti.types import HeightAboveGround, Output, ProvisionalSolution, SourceValidity
+from fti.messages.outputs import HeightAboveGround, Output, ProvisionalSolution, SourceValidity
+from fti.messages.units import union_members
 
 
 class Nullable(NamedTuple):
@@ -154,9 +154,8 @@ def _outputs() -> dict[str, type]:
 def _shape_of_hint(hint: Any) -> Shape:
     if typing.get_origin(hint) is tuple:
         return [_shape_of_hint(typing.get_args(hint)[0])]
-    options = typing.get_args(hint) if isinstance(hint, types.UnionType) else (hint,)
     found: set[type] = set()
-    for option in options:
+    for option in union_members(hint):
         if option is float:
             found |= {int, float, NULL}  # NaN is null
         else:

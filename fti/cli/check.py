@@ -31,7 +31,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from fti.cli._printing import print_json, print_line, print_lines
-from fti.types import TICK_PERIOD_NS, Reason
+from fti.messages.frames import TICK_PERIOD_NS
+from fti.messages.reasons import Reason
 
 if TYPE_CHECKING:
     from fti.cli._checked_file import CheckedFile

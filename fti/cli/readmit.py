@@ -15,7 +15,7 @@ from __future__ import annotations
 import argparse
 
 from fti.cli._printing import print_line
-from fti.types import ALL_SOURCES
+from fti.messages.frames import ALL_SOURCES
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

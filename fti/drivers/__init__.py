@@ -36,7 +36,7 @@ from functools import cache
 from typing import Any, Protocol, runtime_checkable
 
 from fti.config import StrictModel
-from fti.types import Measurement
+from fti.messages.measurements import Measurement
 
 
 @dataclass(slots=True)

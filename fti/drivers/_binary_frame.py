@@ -13,7 +13,7 @@ from fti.config import StrictModel
 from fti.drivers._checksums import CHECKSUMS, ChecksumKind
 from fti.drivers._fields import Field, WireValue, decode_fields, make_field_codecs
 from fti.drivers._framing import Skip, skip_to
-from fti.types import Measurement, Stamp
+from fti.messages.measurements import Measurement, Stamp
 
 MAX_FRAME_BYTES = 2048
 CODES = {"u8": "B", "i8": "b", "u16": "H", "i16": "h", "u32": "I", "i32": "i", "u64": "Q", "i64": "q", "f32": "f",

@@ -8,7 +8,7 @@ from fti.drivers import Counters
 from fti.drivers._can import frame_head, skip_reason
 from fti.drivers._fast_messages import fast_stamp
 from fti.drivers._node_supervision import NodeSupervisor, node_status
-from fti.types import Measurement, Stamp
+from fti.messages.measurements import Measurement, Stamp
 
 
 class BusDecoder(ABC):

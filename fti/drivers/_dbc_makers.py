@@ -8,7 +8,7 @@ from dataclasses import replace
 from fti.drivers._dbc import DbcSignal
 from fti.drivers._fast_messages import fast_reading
 from fti.drivers._quantities import QUANTITIES, to_si
-from fti.types import Measurement, Reading, Stamp
+from fti.messages.measurements import Measurement, Reading, Stamp
 
 #: Makes the measurement of one signal from the two words of a frame.
 Maker = Callable[[Stamp, int, int], Measurement | None]

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import field, fields, make_dataclass
 from typing import Any, TypeVar, cast
 
-from fti.types import Reading, Stamp
+from fti.messages.measurements import Reading, Stamp
 
 T = TypeVar("T")
 _new = object.__new__

@@ -17,7 +17,7 @@ import pydantic
 
 from fti.config import StrictModel
 from fti.drivers._quantities import QUANTITIES, Quantity, to_si
-from fti.types import DmeRange, Measurement, Range, Reading, Stamp, StaticPressure, Temperature
+from fti.messages.measurements import DmeRange, Measurement, Range, Reading, Stamp, StaticPressure, Temperature
 
 WireValue = float | str | None  # value of a field: a number, text, or none
 #: Wire value of a word of ``lost`` or ``good``; ValueError if the field cannot carry it.

@@ -18,7 +18,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from fti.types import Ephemeris, Stamp
+from fti.messages.measurements import Ephemeris, Stamp
 
 PREAMBLE = 0x8B
 SUBFRAME_BITS = 240

@@ -5,7 +5,7 @@ from __future__ import annotations
 from datetime import date, timedelta
 
 from fti.drivers._times import SECOND_NS, utc_ns
-from fti.types import Stamp, TimeScale
+from fti.messages.measurements import Stamp, TimeScale
 
 DAY_NS = 86_400 * SECOND_NS
 HALF_DAY_NS = DAY_NS // 2

@@ -13,7 +13,7 @@ from fti.drivers._nmea_framing import split
 from fti.drivers._nmea_sky import SkyView
 from fti.drivers._times import SECOND_NS
 from fti.drivers._units import KNOT, wrap_heading
-from fti.types import (
+from fti.messages.measurements import (
     Attitude,
     DeviceStatus,
     DeviceTime,

@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from fti.drivers import _nmea_fields as fields
-from fti.types import Satellite, Satellites, Stamp
+from fti.messages.measurements import Satellite, Satellites, Stamp
 
 TALKERS = {
     "GP": "gps", "GL": "glonass", "GA": "galileo", "GB": "beidou", "BD": "beidou", "GQ": "qzss", "QZ": "qzss",

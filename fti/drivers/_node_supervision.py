@@ -17,7 +17,7 @@ from collections import Counter
 from collections.abc import Hashable
 from dataclasses import dataclass, field
 
-from fti.types import DeviceStatus, Stamp
+from fti.messages.measurements import DeviceStatus, Stamp
 
 MIN_INTERVALS = 4
 #: Limit of supervised messages; beyond it, messages received only once are discarded.

@@ -20,7 +20,7 @@ from fti.drivers._units import (
     KNOT,
     wrap_heading,
 )
-from fti.types import (
+from fti.messages.measurements import (
     Airspeed,
     Attitude,
     Deviation,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from fti.types import Range, Stamp
+from fti.messages.measurements import Range, Stamp
 
 #: Distances of LightWare products without a return [m]: 130.00 is in the SF11 manual (menu n), the others in
 #: ArduPilot's list of such distances, without models.

@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
 
-from fti.types import Measurement, RadioHeight, Range, Reading
+from fti.messages.measurements import Measurement, RadioHeight, Range, Reading
 
 #: Quantity -> priority of a message among those that carry it, 0: highest.
 Ranks = Mapping[type, int]

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from datetime import UTC, date, datetime, timedelta
 
-from fti.types import Stamp, TimeScale
+from fti.messages.measurements import Stamp, TimeScale
 
 SECOND_NS = 1_000_000_000
 WEEK_S = 604_800

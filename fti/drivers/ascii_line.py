@@ -32,7 +32,7 @@ from fti.drivers._line_framing import FirstLine, LineFramer
 from fti.drivers._line_template import CHECKSUM, Template
 from fti.drivers._polled_device import PolledDevice
 from fti.drivers._rangefinder import LOST_M
-from fti.types import Measurement, Stamp
+from fti.messages.measurements import Measurement, Stamp
 
 DOCUMENT = "none: the configuration describes the line; the default is an assumption for the ILM 500 laser altimeter"
 MESSAGES = {"line": "a line that matches the template", "lost_line": 'a line that means "no measurement"'}

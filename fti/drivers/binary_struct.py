@@ -31,7 +31,7 @@ from fti.drivers._binary_frame import MAX_FRAME_BYTES, BinaryField, FrameChecksu
 from fti.drivers._fields import FieldCodec, FieldCollector
 from fti.drivers._framing import Framer
 from fti.drivers._polled_device import PolledDevice
-from fti.types import Measurement, Stamp
+from fti.messages.measurements import Measurement, Stamp
 
 DOCUMENT = "none: the configuration describes the frame; the default is Benewake SJ-PM-TFmini Plus-T-01 A04"
 MESSAGES = {"frame": "a frame of this device", "(other)": "a frame with other values than ``where`` requires"}

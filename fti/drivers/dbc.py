@@ -45,7 +45,7 @@ from fti.drivers._fast_messages import fast_stamp
 from fti.drivers._no_commands import COMMANDS, command, on_connect, poll  # noqa: F401 - the rest of the contract
 from fti.drivers._node_supervision import NodeSupervisor, node_status
 from fti.drivers._quantities import QUANTITIES
-from fti.types import Measurement, Reading, Stamp
+from fti.messages.measurements import Measurement, Reading, Stamp
 
 DOCUMENT = "DBC file format 1.0.5 (Vector Informatik); messages of the configured DBC"
 MESSAGES = {"(other)": "every message of the DBC, by its name: quantities as measurements, other signals as readings"}

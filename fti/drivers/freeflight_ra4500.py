@@ -31,8 +31,8 @@ from fti.constants import FOOT
 from fti.drivers import Counters
 from fti.drivers._framing import Framer, Skip, skip_to
 from fti.drivers._no_commands import COMMANDS, command, on_connect, poll  # noqa: F401 - the rest of the contract
+from fti.messages.measurements import DeviceStatus, Measurement, RadioHeight, Stamp
 from fti.ranging.radar.quantise import quantisation_step_ft, quantise_ft
-from fti.types import DeviceStatus, Measurement, RadioHeight, Stamp
 
 DOCUMENT = "FreeFlight 84629 (interface); layout as decoded by a public airborne logger"
 MESSAGES = {"height": "radio height and status of the altimeter"}

@@ -35,7 +35,7 @@ from fti.drivers._arguments import check_complete
 from fti.drivers._line_framing import FirstLine, LineFramer
 from fti.drivers._polled_device import PolledDevice
 from fti.drivers._rangefinder import LOST_M, make_range, wire_distance
-from fti.types import Ack, Measurement, Range, Stamp
+from fti.messages.measurements import Ack, Measurement, Range, Stamp
 
 DOCUMENT = "LightWare SF11 product manual (menu n, command set); LW20 / SF20 product manual, appendix C"
 MESSAGES = {

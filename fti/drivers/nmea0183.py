@@ -48,7 +48,7 @@ from fti.drivers._nmea_sentences import Sentences
 from fti.drivers._no_commands import COMMANDS, command, on_connect, poll  # noqa: F401 - the rest of the contract
 from fti.drivers._times import device_time_ns, utc_date
 from fti.drivers._units import KNOT, wrap_heading
-from fti.types import Attitude, DeviceTime, Measurement, Position, Satellites, TimeScale, Velocity
+from fti.messages.measurements import Attitude, DeviceTime, Measurement, Position, Satellites, TimeScale, Velocity
 
 DOCUMENT = 'NMEA 0183 4.11 as publicly documented (gpsd, "NMEA Revealed")'
 MESSAGES = {

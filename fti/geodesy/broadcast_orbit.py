@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fti.constants import SPEED_OF_LIGHT
-from fti.types import Ephemeris
+from fti.messages.measurements import Ephemeris
 
 Array = NDArray[np.float64]
 

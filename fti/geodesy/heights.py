@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from fti.geodesy.atmosphere import ISA_PRESSURE, Atmosphere, pressure_altitude
 from fti.geodesy.geoid import Geoid
-from fti.types import Datum, Point
+from fti.messages.outputs import Datum, Point
 
 Array = NDArray[np.float64]
 

@@ -27,7 +27,7 @@ from fti.hil.faults.values import DeviceFaults
 from fti.hil.sensors.base import SimulatedSensor
 from fti.hil.tables.fault_types import PowerFault
 from fti.hil.tables.schema import Scenario
-from fti.types import Measurement
+from fti.messages.measurements import Measurement
 
 
 def _always(t: float | None) -> bool:

@@ -33,12 +33,13 @@ from fti.logger.derived_log import DerivedLog
 from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.schemas import ALARM_REPORT_TOPIC
 from fti.logger.session import CONFIG_ATTACHMENT, SessionFolder
+from fti.messages.frames import TICK_LINK, TICK_PERIOD_NS, LinkState, RawFrame
+from fti.messages.outputs import Event
 from fti.service.navigation.decode_chain import Chain, ChainOutput
 from fti.service.navigation.device_monitor import DeviceMonitor
 from fti.service.navigation.terrain_loader import load_terrain
 from fti.service.supervisor.alarm_board import AlarmBoard
 from fti.service.supervisor.health import HealthBoard
-from fti.types import TICK_LINK, TICK_PERIOD_NS, Event, LinkState, RawFrame
 
 SECOND_NS = 1_000_000_000
 #: FTI time at the beginning of every offline flight: 2026-01-01, 00:00 UTC.

@@ -24,7 +24,7 @@ from typing import IO
 
 from fti.errors import FtiError, RecordingError
 from fti.logger.reading.recording import Recording
-from fti.types import TICK_LINK, RawFrame
+from fti.messages.frames import TICK_LINK, RawFrame
 
 SECOND_NS = 1_000_000_000
 #: Frames per batch, and capacity of the pipe: seconds at usual rates.

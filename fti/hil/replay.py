@@ -25,7 +25,7 @@ from fti.hil.replay_clock import FrameStream, ReplayClock
 from fti.hil.report import TransmissionReport
 from fti.hil.scheduler import Scheduler
 from fti.logger.reading.recording import Recording
-from fti.types import RawFrame
+from fti.messages.frames import RawFrame
 
 #: A replay has held its speed when its last frame was late by at most this time, or this share of its duration.
 MAX_LATE_S, MAX_LATE_SHARE = 0.02, 0.001

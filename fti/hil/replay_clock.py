@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Mapping
 from fti.errors import MissingError
 from fti.hil.ports.endpoints import Endpoint
 from fti.latency_histogram import LatencyHistogram, LatencySummary
-from fti.types import RawFrame
+from fti.messages.frames import RawFrame
 
 SECOND_NS = 1_000_000_000
 #: A longer pause is reported: in a snapshot it may last until the next trigger.

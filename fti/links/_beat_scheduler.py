@@ -18,7 +18,7 @@ import select
 from collections.abc import Callable
 
 from fti.clock import next_beat
-from fti.types import TICK_PERIOD_NS
+from fti.messages.frames import TICK_PERIOD_NS
 
 BEAT_S = TICK_PERIOD_NS / 1e9
 BUSY_POLL_DELAY_S = 0.005

@@ -17,7 +17,7 @@ from typing import Any, ClassVar
 from fti.clock import SECOND_NS, Clock, next_beat
 from fti.errors import LinkError, PartialSendError
 from fti.links._beat_scheduler import schedule_early_poll
-from fti.types import LinkState
+from fti.messages.frames import LinkState
 
 #: Receives frames that arrived together (each a read, a datagram or a CAN frame; at least one) and their FTI times of
 #: arrival [ns].  The times do not decrease, also between calls.  Both are never changed afterwards.  It must not raise.

@@ -36,7 +36,7 @@ from fti.links._thread_reader import ThreadReader
 from fti.links.base import BaseLink, Sink
 from fti.links.can_errors import ControllerWatch, count_error, is_error
 from fti.links.ports import can_interfaces
-from fti.types import LinkState
+from fti.messages.frames import LinkState
 
 RETRY_S = 0.002  # CAN has no writable event for a full transmit queue (ENOBUFS)
 MAX_ERRORS = 100  # consecutive errors without a frame: then the bus is reopened

@@ -17,20 +17,8 @@ from fti.logger.log_layout import Attachment, LogLayout, Metadata
 from fti.logger.schemas import EVENT_TOPIC, Schema
 from fti.logger.session import SessionFolder
 from fti.logger.split_log import Log, SplitLog
-from fti.types import (
-    Ack,
-    Calibration,
-    DmeRange,
-    Event,
-    HeightAboveGround,
-    Measurement,
-    NavSolution,
-    Output,
-    ProvisionalSolution,
-    Reading,
-    SourceValidity,
-    SurfaceDeflection,
-)
+from fti.messages.measurements import Ack, Calibration, DmeRange, Measurement, Reading, SurfaceDeflection
+from fti.messages.outputs import Event, HeightAboveGround, NavSolution, Output, ProvisionalSolution, SourceValidity
 
 SECOND_NS = 1_000_000_000
 GAP_TOPIC = "/fti/gap"

@@ -11,7 +11,7 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from fti.types import Event, NavSolution
+from fti.messages.outputs import Event, NavSolution
 
 Json = dict[str, Any]
 SECOND_NS = 1_000_000_000

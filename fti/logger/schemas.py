@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import types
 import typing
 from dataclasses import dataclass
 from enum import StrEnum
@@ -17,7 +16,8 @@ from typing import Any
 
 from fti.logger import foxglove
 from fti.logger.encoding import encode
-from fti.types import Event, HeightAboveGround
+from fti.messages.outputs import Event, HeightAboveGround
+from fti.messages.units import union_members, units
 
 JSON_SCHEMA = "jsonschema"
 DRAFT = "http://json-schema.org/draft-07/schema#"
@@ -63,11 +63,13 @@ def _object_schema(cls: Any, definitions: Json) -> Json:
     hints = typing.get_type_hints(cls)
     names = [field.name for field in dataclasses.fields(cls)]
     properties = {name: _field_schema(hints[name], definitions) for name in names}
+    for name in properties.keys() & units(cls).keys():
+        properties[name]["description"] = f"[{units(cls)[name]}]"
     return {"type": "object", "properties": properties, "required": list(names)}
 
 
 def _field_schema(hint: Any, definitions: Json) -> Json:
-    members = typing.get_args(hint) if isinstance(hint, types.UnionType) else (hint,)
+    members = union_members(hint)
     bare = next(member for member in members if member is not type(None))
     schema = _bare_schema(bare, definitions)
     return _nullable(schema, bare, definitions) if len(members) > 1 or bare is float else schema

@@ -13,9 +13,7 @@ from typing import Any
 
 from fti.alarms.condition import Condition, ConditionReport, Severity, device_id, in_title
 from fti.config import Config, position_sources
-from fti.nav.time_series import SECOND_NS
-from fti.reason_texts import describe_reasons
-from fti.types import (
+from fti.messages.outputs import (
     ClearanceIntegrity,
     Event,
     FilterSolution,
@@ -25,9 +23,11 @@ from fti.types import (
     IntegrityState,
     NavSolution,
     Output,
-    Reason,
     SourceValidity,
 )
+from fti.messages.reasons import Reason
+from fti.nav.time_series import SECOND_NS
+from fti.reason_texts import describe_reasons
 
 #: Altimeter outside its range; no alarm, except on an approach.
 OUT_OF_RANGE = frozenset({Reason.ABOVE_RANGE, Reason.BELOW_RANGE, Reason.NO_RETURN, Reason.ROLL, Reason.PITCH})

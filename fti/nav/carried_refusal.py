@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
 
-from fti.types import Reason
+from fti.messages.reasons import Reason
 
 
 class RefusedPart(StrEnum):

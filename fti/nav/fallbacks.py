@@ -11,6 +11,8 @@ from functools import partial
 from typing import Any
 
 from fti.config import Config
+from fti.messages.measurements import Measurement
+from fti.messages.outputs import Event, HeightAboveGround, Output
 from fti.nav.carried_refusal import CarriedRefusal
 from fti.nav.inertial_aiding import AidedNavigation
 from fti.nav.navigation import FILTER, RADIO, VERTICAL, NavState
@@ -21,7 +23,6 @@ from fti.nav.source_interpolation import AttitudeState, PositionState
 from fti.nav.terrain_reference import Ground
 from fti.nav.vertical.vertical_channel import VerticalState
 from fti.nav.witnesses import Confirmation, Size
-from fti.types import Event, HeightAboveGround, Measurement, Output
 
 #: Ticks of 20 ms between outputs.
 FILTER_TICKS, VERTICAL_TICKS, FIX_TICKS = 10, 10, 25

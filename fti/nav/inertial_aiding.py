@@ -18,6 +18,18 @@ from typing import Any
 
 from fti.config import Device, Filter
 from fti.geodesy.rotations import down_row
+from fti.messages.measurements import (
+    Airspeed,
+    Attitude,
+    ImuSample,
+    MagneticField,
+    Measurement,
+    Position,
+    PressureAltitude,
+    Velocity,
+)
+from fti.messages.outputs import Event, FilterSolution, HeightAboveGround, ProvisionalSolution, VerticalSolution
+from fti.messages.reasons import Reason
 from fti.nav.altimetry.nadir_height import altitude_over_terrain
 from fti.nav.altitude_hold import HOLD_NS, HoldMonitor
 from fti.nav.carried_refusal import CarriedRefusal
@@ -59,22 +71,6 @@ from fti.nav.time_series import SECOND_NS, Series
 from fti.nav.vertical.inertial_height import HorizontalMotion
 from fti.nav.vertical.vertical_channel import HeightAiding, VerticalChannel, VerticalState
 from fti.nav.witnesses import Confirmation, Size
-from fti.types import (
-    Airspeed,
-    Attitude,
-    Event,
-    FilterSolution,
-    HeightAboveGround,
-    ImuSample,
-    MagneticField,
-    Measurement,
-    Position,
-    PressureAltitude,
-    ProvisionalSolution,
-    Reason,
-    Velocity,
-    VerticalSolution,
-)
 
 #: Sigmas if none is stated: position, height [m], velocity [m/s], pressure altitude [m].
 POSITION_SD, HEIGHT_SD, VELOCITY_SD, BARO_SD = 3.0, 5.0, 0.1, 1.0

@@ -18,6 +18,9 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from fti.config import Config
+from fti.messages.measurements import Attitude, Measurement, Position, RadioHeight, Range, Velocity
+from fti.messages.outputs import Event, FilterSolution, HeightAboveGround, Output
+from fti.messages.reasons import Reason
 from fti.nav.altimetry.agreement import AgreementCheck
 from fti.nav.altimetry.altimeter_channel import AltimeterChannel
 from fti.nav.altimetry.ground_check import GroundCheck
@@ -34,19 +37,6 @@ from fti.nav.source_interpolation import NavSource
 from fti.nav.terrain_reference import Ground
 from fti.nav.time_series import SECOND_NS
 from fti.nav.witnesses import Size, WitnessMonitor
-from fti.types import (
-    Attitude,
-    Event,
-    FilterSolution,
-    HeightAboveGround,
-    Measurement,
-    Output,
-    Position,
-    RadioHeight,
-    Range,
-    Reason,
-    Velocity,
-)
 
 if TYPE_CHECKING:
     from fti.nav.fallbacks import Fallbacks

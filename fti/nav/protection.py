@@ -15,8 +15,8 @@ from typing import NamedTuple
 
 from fti.config import AlertLimits, Config
 from fti.geodesy.one_point import radii
+from fti.messages.reasons import Reason
 from fti.nav.source_interpolation import PositionState
-from fti.types import Reason
 
 K_RADIAL, K_AXIS = 4.80, 4.42
 

@@ -8,6 +8,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from fti.config import Device, Radio
+from fti.messages.measurements import DmeRange, Measurement, Position, Satellites, Velocity
+from fti.messages.outputs import HeightAboveGround, PositionFix
 from fti.nav.altimetry.nadir_height import altitude_over_terrain
 from fti.nav.altitude_hold import HoldMonitor
 from fti.nav.navigation import NavState
@@ -15,7 +17,6 @@ from fti.nav.radio.observation_consistency import FIX
 from fti.nav.radio.radio_navigator import HEIGHT, GeodeticPoint, RadioNavigator, RadioSettings, RadioState
 from fti.nav.source_interpolation import PositionState, ellipsoidal_height, level_velocity
 from fti.nav.terrain_reference import Ground
-from fti.types import DmeRange, HeightAboveGround, Measurement, Position, PositionFix, Satellites, Velocity
 
 
 class RadioPosition:

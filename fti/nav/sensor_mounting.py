@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from fti.config import Device
 from fti.geodesy.rotations import mat_from_rpy
-from fti.types import ImuSample, MagneticField, Measurement
+from fti.messages.measurements import ImuSample, MagneticField, Measurement
 
 Vector = tuple[float, float, float]
 

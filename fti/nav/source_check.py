@@ -12,10 +12,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
+from fti.messages.outputs import Event
+from fti.messages.reasons import Reason
 from fti.nav.carried_refusal import CarriedRefusal, RefusedPart
 from fti.nav.protection import K_AXIS, K_RADIAL, FilterReference, differences
 from fti.nav.source_interpolation import PositionState
-from fti.types import Event, Reason
 
 HOLD_NS, AGREED_NS = 2_000_000_000, 30_000_000_000
 

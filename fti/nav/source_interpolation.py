@@ -16,8 +16,8 @@ from math import inf
 from fti.config import Device
 from fti.geodesy.one_point import radii
 from fti.geodesy.rotations import down_row
+from fti.messages.measurements import Attitude, Position, Velocity
 from fti.nav.time_series import SECOND_NS, Series, Value, wrap
-from fti.types import Attitude, Position, Velocity
 
 #: Limits of plausible values [rad, m, m/s]: some devices send larger ones if they are unknown, or after line errors.
 #: Angles in single precision exceed their limit by up to 2e-7.

@@ -20,9 +20,9 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from fti.config import AlertLimits, Config, position_sources
+from fti.messages.measurements import Measurement, Position, Velocity
 from fti.nav.protection import K_AXIS, K_RADIAL, FilterReference, differences
 from fti.nav.source_interpolation import AttitudeState, NavSource, PositionState
-from fti.types import Measurement, Position, Velocity
 
 WITNESS_NS, WITNESS_COUNT = 30_000_000_000, 30
 #: Dependence of a receiver without declaration.

@@ -15,7 +15,7 @@ from fti.logger.reading.recording import RAW_PREFIX, SENT_PREFIX, Recording
 from fti.logger.session import CONFIG_ATTACHMENT
 from fti.logger.statistics.interval_stats import TimeGap
 from fti.logger.statistics.topic_stats import RecordingStatistics, TopicStatistics, collect_statistics, time_span
-from fti.types import TimeScale
+from fti.messages.measurements import TimeScale
 
 SECOND_NS = 1_000_000_000
 CONTINUOUS = "continuous"

@@ -28,12 +28,12 @@ from fti.logger.reading.json_message import parse_table, using_message, whole_nu
 from fti.logger.reading.recording import Recording
 from fti.logger.schemas import READMISSION_TOPIC, TERRAIN_TOPIC
 from fti.logger.session import CONFIG_ATTACHMENT, SessionFolder
+from fti.messages.frames import ALL_SOURCES, RawFrame
 from fti.nav.carried_refusal import CarriedRefusal, parse_refusals
 from fti.nav.integrity.reference import ApproachReference
 from fti.nav.terrain_reference import Ground
 from fti.service.navigation.decode_chain import Chain, ChainOutput
 from fti.service.navigation.terrain_loader import load_terrain
-from fti.types import ALL_SOURCES, RawFrame
 
 Progress = Callable[[int], None]
 FLUSH_FRAMES = 5000

@@ -19,9 +19,10 @@ from fti.drivers import Decoder
 from fti.logger.reading.json_message import parse_table, using_message, whole_number
 from fti.logger.reading.recording import Recording
 from fti.logger.reading.session_metadata import session_metadata
+from fti.messages.frames import RawFrame
+from fti.messages.measurements import TimeScale
 from fti.nav.device_time.clock_estimator import ClockEstimator, ClockSegment
 from fti.nav.device_time.device_times import device_time_of
-from fti.types import RawFrame, TimeScale
 
 Ints = NDArray[np.int64]
 #: Called with the number of frames done.

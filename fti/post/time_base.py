@@ -36,7 +36,7 @@ class TimeBaseRow:
     """At the FTI time t_fti_ns the clock showed clock_ns, with a 1-sigma of sd_ns.
 
     device  : of the configuration, or "computer" for its real-time clock; link : its link
-    scale   : gps | utc | boot, see ``fti.types.TimeScale``; a counter that wraps is unwrapped
+    scale   : gps | utc | boot, see ``TimeScale``; a counter that wraps is unwrapped
     segment : interpolate only between rows of one segment, from 0
     """
 

@@ -11,11 +11,11 @@ from fti.clock import SystemClock, choose_epoch_ns
 from fti.config import Config
 from fti.devices import BoundDevice
 from fti.links import Link, Sink, open_link, per_frame_sink
+from fti.messages.frames import RawFrame
 from fti.service.fault_guard import keep_running
 from fti.service.navigation.decode_chain import Chain
 from fti.service.navigation.device_monitor import DeviceMonitor
 from fti.service.supervisor.health import merge_link
-from fti.types import RawFrame
 
 POLL_PERIOD_S = 0.5
 

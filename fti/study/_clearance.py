@@ -11,6 +11,7 @@ import numpy as np
 from fti.config import Approach
 from fti.hil.approach_reference.approaches import TYPICAL, SimulatedApproach, run_monitor, simulate, track_of
 from fti.hil.approach_reference.calibration import may_alarm
+from fti.messages.outputs import ClearanceIntegrity, IntegrityState
 from fti.nav.integrity.batch_monitor import BatchMonitor, WindowBatch
 from fti.nav.integrity.monitor import OBSERVABLE_MARGIN, ClearanceMonitor
 from fti.nav.integrity.protection import ProtectionCalculator
@@ -24,7 +25,6 @@ from fti.study._clearance_ground import (
     reference,
     strict_reference,
 )
-from fti.types import ClearanceIntegrity, IntegrityState
 
 #: Settings of the demonstration.
 SETTINGS = Approach(profile="", alert_v_m=50.0)

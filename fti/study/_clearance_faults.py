@@ -31,6 +31,8 @@ from fti.hil.approach_reference.approaches import (
     run_monitor,
     simulate,
 )
+from fti.messages.outputs import ClearanceIntegrity, IntegrityState
+from fti.messages.reasons import Reason
 from fti.nav.integrity.monitor import ClearanceMonitor
 from fti.nav.integrity.reference import ApproachReference
 from fti.study._clearance_ground import (
@@ -43,7 +45,6 @@ from fti.study._clearance_ground import (
     strict_reference,
     with_obstacle,
 )
-from fti.types import ClearanceIntegrity, IntegrityState, Reason
 
 Array = NDArray[np.float64]
 

@@ -10,12 +10,12 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 
 from fti.hil.approach_reference.approaches import SimulatedApproach, run_monitor, simulate, track_of
+from fti.messages.outputs import ClearanceIntegrity, IntegrityState
 from fti.nav.integrity.monitor import ClearanceMonitor
 from fti.plot_style import BLACK, BLUE, GREEN, GREY, GROUND, ORANGE, SKY, VERMILION, add_legend, label_axes, new_figure
 from fti.study import _clearance as cases
 from fti.study._clearance_faults import fly_with_fault
 from fti.study._clearance_ground import path, ray_traced_ground, reference
-from fti.types import ClearanceIntegrity, IntegrityState
 
 Array = NDArray[np.float64]
 

@@ -6,10 +6,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from fti.messages.reasons import Reason
 from fti.plot_style import BLACK, BLUE, CANOPY, GROUND, ORANGE, SKY, VERMILION, add_legend, label_axes, new_figure
 from fti.study import validity
 from fti.study._low_level import EVERY_S, Knowledge, Mix, orbit
-from fti.types import Reason
 
 #: Number of countries for the shares of the reasons.
 COUNTRIES = 4

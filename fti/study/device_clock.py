@@ -14,9 +14,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from fti.messages.measurements import TimeScale
 from fti.nav.device_time.clock_estimator import ClockEstimator
 from fti.study import Progress, StudyResult
-from fti.types import TimeScale
 
 RUNS = 100
 SEED = 11

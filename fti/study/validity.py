@@ -32,6 +32,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fti.config import Altimeter
+from fti.messages.reasons import Reason
 from fti.nav.altimetry.compensation import height_over_ground
 from fti.nav.altimetry.nadir_height import ground_sd
 from fti.nav.altimetry.range_prediction import Prediction
@@ -40,7 +41,6 @@ from fti.study import REPORTED, DrawFigure, Progress, StudyResult
 from fti.study._low_level import FARTHEST_M, PLACE_SD, Knowledge, Mix, add_cloud, fly, known_scene, predict
 from fti.study._statistics import mean_interval, pooled_ratio, ratio_interval
 from fti.study.workers import run_all
-from fti.types import Reason
 
 Array = NDArray[np.float64]
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fti.types import IntegrityState
+from fti.messages.outputs import IntegrityState
 
 STATES: dict[str, str] = {
     IntegrityState.NO_PROFILE: "no approach profile loaded",

@@ -15,7 +15,8 @@ from rich.console import Console
 
 from fti.bus import message
 from fti.cli._watch_view import render
-from fti.types import ClearanceIntegrity, Event, HeightAboveGround, IntegrityState, Reason
+from fti.messages.outputs import ClearanceIntegrity, Event, HeightAboveGround, IntegrityState
+from fti.messages.reasons import Reason
 from fti.web.live_state import LiveState
 from tests.web.fake_daemon import Approach, make_health, make_laboratory
 

@@ -9,7 +9,9 @@ from typing import Any
 from fti.logger.derived_log import DerivedLog
 from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.session import SessionFolder
-from fti.types import Attitude, Event, GlideSlope, ImuSample, Reason, Stamp
+from fti.messages.measurements import Attitude, ImuSample, Stamp
+from fti.messages.outputs import Event, GlideSlope
+from fti.messages.reasons import Reason
 
 STARTED = 1_767_323_045_000_000_000
 SECOND = 1_000_000_000

@@ -23,9 +23,9 @@ from fti.clock import FakeClock
 from fti.logger.export.names import table_names
 from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.session import SessionFolder
+from fti.messages.outputs import Event
 from fti.service.supervisor.event_publisher import EventPublisher
 from fti.terminal_text import escape_controls
-from fti.types import Event
 from fti.web.live_state import LiveState
 from tests.cli.sessions import SECOND, STARTED
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from fti.cli.main import main
 from fti.logger.derived_log import DerivedLog
-from fti.types import HeightAboveGround
+from fti.messages.outputs import HeightAboveGround
 from tests.cli.sessions import SECOND, STARTED, make_folder, record_raw
 
 RATE, LENGTH_S, LATE_S = 20, 150, 0.12

@@ -8,7 +8,7 @@ import ixcom.data
 
 from fti.drivers import imar_ixcom as ix
 from fti.drivers.imar_ixcom.options import NUMBERS
-from fti.types import Measurement, Reading
+from fti.messages.measurements import Measurement, Reading
 
 GOOD = 0xB400
 INSSOL: dict[str, Any] = {

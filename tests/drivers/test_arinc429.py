@@ -13,7 +13,15 @@ from fti.config import bind
 from fti.drivers import arinc429
 from fti.drivers.arinc429 import word as wire
 from fti.drivers.arinc429.word import BcdState, BnrState
-from fti.types import Attitude, DeviceStatus, Measurement, PressureAltitude, RadioHeight, Stamp, StaticPressure
+from fti.messages.measurements import (
+    Attitude,
+    DeviceStatus,
+    Measurement,
+    PressureAltitude,
+    RadioHeight,
+    Stamp,
+    StaticPressure,
+)
 
 FOOT = 0.3048
 S = Stamp(0)

@@ -20,8 +20,7 @@ from fti.drivers.arinc429.label_codec import NumberLabel, make_codecs
 from fti.drivers.arinc429.labels import Label, LabelSet, built_in_sets, choose, read_sets
 from fti.drivers.arinc429.word import BnrState, DiscreteState
 from fti.errors import ConfigError
-from fti.ranging.radar.quantise import quantisation_step_ft
-from fti.types import (
+from fti.messages.measurements import (
     Deviation,
     DeviceStatus,
     DmeRange,
@@ -33,6 +32,7 @@ from fti.types import (
     TimeScale,
     Velocity,
 )
+from fti.ranging.radar.quantise import quantisation_step_ft
 
 FOOT = 0.3048
 S = Stamp(7)

@@ -15,7 +15,7 @@ from fti.drivers.arinc429.apmp import Apmp
 from fti.drivers.arinc429.chapter10 import HEADER, Chapter10
 from fti.drivers.arinc429.packets import Packets
 from fti.drivers.arinc429.word import BnrState
-from fti.types import Attitude, Measurement, RadioHeight, Stamp, TimeScale
+from fti.messages.measurements import Attitude, Measurement, RadioHeight, Stamp, TimeScale
 from tests.drivers.vectorfiles import load
 
 FOOT = 0.3048

@@ -13,7 +13,7 @@ from fti.drivers import arinc429
 from fti.drivers.arinc429 import word as wire
 from fti.drivers.arinc429.stream import SEARCH_BYTES, required_words
 from fti.drivers.arinc429.word import BnrState
-from fti.types import Measurement, RadioHeight
+from fti.messages.measurements import Measurement, RadioHeight
 
 FOOT = 0.3048
 WANTED = required_words(2, "odd")  # label 164, and 377 of the equipment

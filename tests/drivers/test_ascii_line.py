@@ -12,7 +12,16 @@ from fti import config
 from fti.drivers import ascii_line as al
 from fti.drivers._line_template import Template
 from fti.errors import ConfigError
-from fti.types import Attitude, Measurement, Range, Reading, Stamp, StaticPressure, Temperature, Velocity
+from fti.messages.measurements import (
+    Attitude,
+    Measurement,
+    Range,
+    Reading,
+    Stamp,
+    StaticPressure,
+    Temperature,
+    Velocity,
+)
 
 S = Stamp(1)
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from fti import config, drivers
 from fti.drivers import binary_struct as bs
 from fti.errors import ConfigError
-from fti.types import Measurement, RadioHeight, Range, Reading, Stamp, Velocity
+from fti.messages.measurements import Measurement, RadioHeight, Range, Reading, Stamp, Velocity
 
 S = Stamp(1)
 ONE = {"sync": "a5", "length": 3, "fields": [{"name": "x", "at": 1, "type": "u16"}]}

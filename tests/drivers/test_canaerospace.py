@@ -14,7 +14,7 @@ from fti.canframe import pack_can
 from fti.cli.decode import candump_frames
 from fti.drivers import canaerospace as can
 from fti.drivers.canaerospace.data_types import TYPES, decode_values
-from fti.types import (
+from fti.messages.measurements import (
     Ack,
     Airspeed,
     Attitude,

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from fti import config, drivers
 from fti.errors import ConfigError
-from fti.types import ImuSample, Measurement, Stamp
+from fti.messages.measurements import ImuSample, Measurement, Stamp
 from tests.drivers.vectorfiles import (
     VECTORS,
     Vector,

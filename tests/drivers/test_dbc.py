@@ -27,7 +27,7 @@ from fti.drivers._dbc import read_layouts
 from fti.drivers._dbc_frames import FrameBuilder
 from fti.drivers._fast_messages import fast_maker, fast_reading, fast_stamp
 from fti.errors import ConfigError
-from fti.types import (
+from fti.messages.measurements import (
     Airspeed,
     DeviceStatus,
     DmeRange,

@@ -18,7 +18,7 @@ from fti.drivers import canaerospace
 from fti.drivers import deflection_pickups as pickups
 from fti.drivers.deflection_pickups import layout, service
 from fti.drivers.deflection_pickups.table import MAX_POINTS, MIN_POINTS, CalibrationTable, read_tables
-from fti.types import Ack, Calibration, DeviceStatus, Measurement, Stamp, SurfaceDeflection
+from fti.messages.measurements import Ack, Calibration, DeviceStatus, Measurement, Stamp, SurfaceDeflection
 from tests.helpers import ROOT
 
 MS = 1_000_000

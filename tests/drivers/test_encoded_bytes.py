@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from fti import config, drivers
-from fti.types import (
+from fti.messages.measurements import (
     Airspeed,
     Attitude,
     Deviation,

@@ -8,7 +8,7 @@ from typing import Any, get_args
 import pytest
 
 from fti.drivers._fast_messages import fast_class
-from fti.types import Measurement, Position, Stamp
+from fti.messages.measurements import Measurement, Position, Stamp
 
 
 @pytest.mark.parametrize("kind", [Stamp, *get_args(Measurement)])

@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fti.drivers import freeflight_ra4500 as ra
+from fti.messages.measurements import DeviceStatus, RadioHeight, Stamp
 from fti.ranging.radar.quantise import quantisation_step_ft, quantise_ft
-from fti.types import DeviceStatus, RadioHeight, Stamp
 
 FOOT = 0.3048
 S = Stamp(0)

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from fti.drivers import Counters
 from fti.drivers import honeywell_hmr2300 as hmr
 from fti.drivers.honeywell_hmr2300.framing import ENDS, MAX_JUMP_COUNTS, SAMPLE
-from fti.types import Ack, MagneticField, Measurement, Reading, Stamp
+from fti.messages.measurements import Ack, MagneticField, Measurement, Reading, Stamp
 
 Counts = tuple[int, int, int]
 S = Stamp(1)

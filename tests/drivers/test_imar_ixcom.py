@@ -20,7 +20,7 @@ from fti.drivers import imar_ixcom as ix
 from fti.drivers.imar_ixcom.options import NUMBERS
 from fti.drivers.imar_ixcom.status import STATUS_FLAGS, decode_status, encode_status
 from fti.drivers.imar_ixcom.wire import encode_frame
-from fti.types import (
+from fti.messages.measurements import (
     Attitude,
     DeviceStatus,
     ImuSample,

@@ -16,7 +16,17 @@ from fti.drivers import imar_ixcom as ix
 from fti.drivers.imar_ixcom.commands import COUNTERS, RESPONSES
 from fti.drivers.imar_ixcom.options import NUMBERS
 from fti.drivers.imar_ixcom.wire import encode_frame
-from fti.types import Ack, Attitude, ImuSample, Measurement, Position, Reading, Stamp, TimeScale, Velocity
+from fti.messages.measurements import (
+    Ack,
+    Attitude,
+    ImuSample,
+    Measurement,
+    Position,
+    Reading,
+    Stamp,
+    TimeScale,
+    Velocity,
+)
 
 LAT, LON = 0.84, 0.2
 

@@ -19,7 +19,7 @@ from fti.drivers.imar_ixcom.messages import TABLE, IxcomMessage
 from fti.drivers.imar_ixcom.options import NAMES, NUMBERS
 from fti.drivers.imar_ixcom.satellites import SOLUTIONS, TYPES
 from fti.drivers.imar_ixcom.wire import encode_frame
-from fti.types import (
+from fti.messages.measurements import (
     Airspeed,
     DeviceStatus,
     ImpactPressure,

@@ -12,13 +12,7 @@ from fti.drivers.imar_ixcom.messages import TABLE
 from fti.drivers.imar_ixcom.options import NUMBERS
 from fti.drivers.imar_ixcom.source_priority import PREFERRED
 from fti.drivers.imar_ixcom.wire import encode_frame
-from fti.types import (
-    Attitude,
-    ImuSample,
-    Position,
-    Reading,
-    Velocity,
-)
+from fti.messages.measurements import Attitude, ImuSample, Position, Reading, Velocity
 from tests.drivers.ixcom_frames import GNSS, GOOD, INSSOL, decode, frame, only
 
 

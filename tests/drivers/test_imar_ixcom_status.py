@@ -15,13 +15,7 @@ from fti.drivers.imar_ixcom import status
 from fti.drivers.imar_ixcom.deviations import StandardDeviations
 from fti.drivers.imar_ixcom.options import NUMBERS
 from fti.drivers.imar_ixcom.wire import encode_frame
-from fti.types import (
-    Attitude,
-    DeviceStatus,
-    Position,
-    Stamp,
-    Velocity,
-)
+from fti.messages.measurements import Attitude, DeviceStatus, Position, Stamp, Velocity
 from tests.drivers.ixcom_frames import GOOD, INSSOL, decode, frame, only
 
 # --------------------------------------------------------------------------------------------------- deviations

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fti.drivers import lightware_ascii as lw
-from fti.types import Ack, Range, Stamp
+from fti.messages.measurements import Ack, Range, Stamp
 
 S = Stamp(1)
 LDF = lw.Options(query="ldf")

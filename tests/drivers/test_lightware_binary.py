@@ -7,7 +7,7 @@ import struct
 import pytest
 
 from fti.drivers import lightware_binary as lw
-from fti.types import Ack, Measurement, Range, Reading, Stamp
+from fti.messages.measurements import Ack, Measurement, Range, Reading, Stamp
 
 S = Stamp(1)
 

@@ -12,7 +12,7 @@ import pytest
 
 from fti.drivers import novatel_oem6 as novatel
 from fti.drivers import ublox_ubx as ublox
-from fti.types import Ephemeris, Measurement
+from fti.messages.measurements import Ephemeris, Measurement
 from tests.helpers import ROOT
 
 CAPTURE = ROOT / "tests/captures/novatel_oemv_part1.gps"

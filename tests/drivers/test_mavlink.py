@@ -15,7 +15,7 @@ from pymavlink.dialects.v20 import common
 from fti.drivers import Counters, mavlink
 from fti.drivers.mavlink import READERS
 from fti.drivers.mavlink.wire import BASE_LENGTH, dialect_map, layout, signature
-from fti.types import (
+from fti.messages.measurements import (
     Ack,
     Attitude,
     DeviceStatus,

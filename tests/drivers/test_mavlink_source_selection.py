@@ -9,7 +9,7 @@ import pytest
 from pymavlink.dialects.v20 import common
 
 from fti.drivers import mavlink
-from fti.types import Measurement, Position, RadioHeight, Range, Reading, Velocity
+from fti.messages.measurements import Measurement, Position, RadioHeight, Range, Reading, Velocity
 
 S = 1_000_000_000
 LAT, LON = math.radians(48.0), math.radians(11.5)

@@ -17,7 +17,7 @@ import pynmeagps
 import pytest
 
 from fti.drivers import nmea0183 as nmea
-from fti.types import (
+from fti.messages.measurements import (
     Attitude,
     DeviceStatus,
     DeviceTime,

@@ -11,7 +11,7 @@ from fti.drivers import Encoder
 from fti.drivers import novatel_oem6 as novatel
 from fti.drivers.novatel_oem6 import clock, commands, messages
 from fti.drivers.novatel_oem6.framing import RESPONSE_BIT, SYNC, crc32, measure
-from fti.types import Ack, DeviceStatus, DeviceTime, Position, Reading, ReceiverClock, Stamp, TimeScale
+from fti.messages.measurements import Ack, DeviceStatus, DeviceTime, Position, Reading, ReceiverClock, Stamp, TimeScale
 from tests.drivers.test_novatel_oem6 import STAMP, T_GPS_NS, decode, frame, only
 
 # ------------------------------------------------------------------------------------------------------- commands

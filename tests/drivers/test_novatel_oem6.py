@@ -23,7 +23,7 @@ from fti.drivers.novatel_oem6.framing import (
     split,
 )
 from fti.drivers.novatel_oem6.signals import SIGNALS, decode_tracking
-from fti.types import (
+from fti.messages.measurements import (
     DeviceStatus,
     Measurement,
     Position,

@@ -19,7 +19,15 @@ from fti.drivers import novatel_oem6 as novatel
 from fti.drivers.novatel_oem6.messages import name_of
 from fti.drivers.novatel_oem6.status import BITS
 from fti.geodesy.wgs84 import SEMI_MAJOR
-from fti.types import DeviceTime, Measurement, Position, Pseudorange, Pseudoranges, ReceiverClock, Satellites
+from fti.messages.measurements import (
+    DeviceTime,
+    Measurement,
+    Position,
+    Pseudorange,
+    Pseudoranges,
+    ReceiverClock,
+    Satellites,
+)
 from tests.helpers import ROOT
 from tests.hil.test_sensors import START_NS, sensor
 

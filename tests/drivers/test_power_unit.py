@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from fti.drivers import power_unit as pdu
-from fti.types import Ack, DeviceStatus, Measurement, Reading, Stamp
+from fti.messages.measurements import Ack, DeviceStatus, Measurement, Reading, Stamp
 
 S = Stamp(0)
 OPTIONS = pdu.Options()

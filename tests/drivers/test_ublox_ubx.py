@@ -27,7 +27,7 @@ from fti.drivers.ublox_ubx.table import NAMES, OUTPUTS, PORTS
 from fti.errors import ConfigError
 from fti.geodesy.rotations import mat_en
 from fti.geodesy.wgs84 import ecef_from_geodetic
-from fti.types import (
+from fti.messages.measurements import (
     Ack,
     Attitude,
     DeviceStatus,

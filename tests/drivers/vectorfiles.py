@@ -19,10 +19,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import fti.types
 from fti import config, drivers
 from fti.drivers import Counters, Decoder, Driver
-from fti.types import Measurement, Stamp
+from fti.messages import measurements
+from fti.messages.measurements import Measurement, Stamp
 
 FOLDER = Path(__file__).parent / "vectors"
 CAN_FRAME = 16
@@ -90,7 +90,7 @@ def assert_accounted(counters: Counters, fed: int) -> None:
 def make(facts: dict[str, Any], stamp: Stamp) -> Measurement:
     """A measurement of plain facts: its class by name, its fields."""
     fields = {k: tuple(v) if isinstance(v, list) else v for k, v in facts.items() if k != "measurement"}
-    made: Measurement = getattr(fti.types, facts["measurement"])(stamp=stamp, **fields)
+    made: Measurement = getattr(measurements, facts["measurement"])(stamp=stamp, **fields)
     return made
 
 

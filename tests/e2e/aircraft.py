@@ -30,7 +30,7 @@ from fti.drivers.imar_ixcom.options import NUMBERS
 from fti.drivers.imar_ixcom.solution import encode_inssol
 from fti.drivers.imar_ixcom.status import HEALTHY, encode_status
 from fti.drivers.imar_ixcom.wire import encode_frame
-from fti.types import Attitude, ImuSample, Position, Stamp, Velocity
+from fti.messages.measurements import Attitude, ImuSample, Position, Stamp, Velocity
 from tests.e2e.flood import free_ports, read_stdin
 from tests.e2e.harness import END_S, Line
 from tests.e2e.test_captures import Lawicel

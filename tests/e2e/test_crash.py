@@ -17,7 +17,7 @@ from mcap.records import Message
 from mcap.stream_reader import StreamReader
 
 from fti.logger.reading.recording import Recording
-from fti.types import RawFrame
+from fti.messages.frames import RawFrame
 from tests.e2e.feeder import Feeder
 from tests.e2e.harness import END_S, Daemon, daemon, fti
 from tests.e2e.heartbeat import Heartbeats

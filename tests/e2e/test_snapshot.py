@@ -18,8 +18,8 @@ from fti import config as configuration
 from fti.cli.main import main
 from fti.errors import ConfigError
 from fti.logger.reading.recording import Recording
+from fti.messages.frames import TICK_LINK, RawFrame
 from fti.service import realtime
-from fti.types import TICK_LINK, RawFrame
 from tests.e2e.feeder import Feeder
 from tests.e2e.harness import Daemon, daemon, fti
 from tests.helpers import until

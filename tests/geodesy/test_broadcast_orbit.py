@@ -11,7 +11,7 @@ import pytest
 
 from fti.drivers import novatel_oem6 as novatel
 from fti.geodesy.broadcast_orbit import clock_offset, position_e, rotate_with_earth, seconds_after, transmission_time
-from fti.types import Ephemeris, Pseudoranges
+from fti.messages.measurements import Ephemeris, Pseudoranges
 from tests.helpers import ROOT
 
 #: Number: time of transmission after 23:06:59 [s], place [m], clock [ns].

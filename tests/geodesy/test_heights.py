@@ -29,7 +29,7 @@ from fti.geodesy.heights import (
     to_point,
 )
 from fti.geodesy.rotations import mat_from_rpy
-from fti.types import Point
+from fti.messages.outputs import Point
 from tests.grids import needs_egm96
 
 KINDS = [ELLIPSOID, MSL("egm96"), MSL("egm2008"), PRESSURE(), PRESSURE(100325.0), AGL(Point.P), AGL(Point.WHEELS)]

@@ -17,7 +17,7 @@ from fti.hil.flight.trajectory import FlightSamples, FlightState, SplineFlight
 from fti.hil.sensors.air_data import AirData, true_airspeed
 from fti.hil.sensors.errors import first_order_lag
 from fti.hil.tables.schema import AirConditions
-from fti.types import Airspeed, PressureAltitude, Stamp
+from fti.messages.measurements import Airspeed, PressureAltitude, Stamp
 from tests.hil.worlds import world
 
 Array = NDArray[np.float64]

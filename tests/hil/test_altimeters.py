@@ -20,8 +20,8 @@ from fti.hil.faults.values import DeviceFaults
 from fti.hil.sensors import MODELS, SimulatedSensor
 from fti.hil.tables.fault_types import Fog
 from fti.hil.tables.schema import AirConditions, SensorSettings
+from fti.messages.measurements import Attitude, Measurement, RadioHeight, Range, Reading, Stamp, Temperature
 from fti.terrain.terrain import Terrain
-from fti.types import Attitude, Measurement, RadioHeight, Range, Reading, Stamp, Temperature
 from tests.hil.worlds import flat_terrain, path, scenario, world
 
 START_NS = 1_700_000_000_000_000_000

@@ -15,8 +15,8 @@ from fti.drivers.arinc429.labels import built_in_sets
 from fti.hil.environment import Environment
 from fti.hil.sensors import SimulatedSensor
 from fti.hil.sensors.arinc_units import ArincUnit, IlsReceiver
+from fti.messages.measurements import Deviation, DmeRange, Measurement, Position, RadioHeight, Reading, Stamp, TimeScale
 from fti.ranging.radar.quantise import quantisation_step_ft
-from fti.types import Deviation, DmeRange, Measurement, Position, RadioHeight, Reading, Stamp, TimeScale
 from tests.hil.worlds import world
 
 START_NS = 1_700_000_000_000_000_000

@@ -17,7 +17,7 @@ from fti.drivers.deflection_pickups.factory_calibration import factory_tables
 from fti.hil.environment import Environment
 from fti.hil.sensors import MODELS, SimulatedSensor
 from fti.hil.sensors.deflections import DeflectionPickups, deflections, flap_angle_deg, raw_counts, table_error
-from fti.types import Stamp, SurfaceDeflection
+from fti.messages.measurements import Stamp, SurfaceDeflection
 from tests.hil.worlds import world
 
 Array = NDArray[np.float64]

@@ -24,7 +24,7 @@ from fti.hil.sensors import SimulatedSensor
 from fti.hil.tables.fault_types import BitErrors, Breaker, Burst, Cut, Duplicated, Fault, Freeze, Stuck
 from fti.hil.tables.flights import ApproachFlight
 from fti.hil.tables.schema import Scenario
-from fti.types import Measurement
+from fti.messages.measurements import Measurement
 from tests.hil.faults.device_flights import DEVICES, START_NS, Flight, device, fly, nominal
 from tests.hil.test_emulator import demo_config
 from tests.hil.worlds import flat_terrain, path, scenario

@@ -19,8 +19,8 @@ from fti.hil.sensors.dme import (
     sight,
     track_range,
 )
+from fti.messages.measurements import DmeRange, Stamp
 from fti.terrain.terrain import Terrain
-from fti.types import DmeRange, Stamp
 from tests.hil.worlds import flat_terrain, path, scenario, world
 
 Array = NDArray[np.float64]

@@ -27,7 +27,7 @@ from fti.hil.tables.fault_types import Babbling, BusOff, CanStatus, Cut, Fault
 from fti.hil.tables.flights import ApproachFlight
 from fti.hil.tables.schema import Scenario
 from fti.hil.truth_log import TOPIC
-from fti.types import Attitude, Measurement, Position, RadioHeight, Range, StaticPressure
+from fti.messages.measurements import Attitude, Measurement, Position, RadioHeight, Range, StaticPressure
 from tests.e2e.harness import with_free_ports
 from tests.helpers import ROOT, until_async
 from tests.hil.worlds import flat_terrain, path, scenario

@@ -25,7 +25,15 @@ from fti.hil.sensors import SimulatedSensor
 from fti.hil.sensors.constellation import GLONASS_CHANNELS, SYSTEMS, Constellation, dilution
 from fti.hil.sensors.gnss import RawReceiver
 from fti.hil.sensors.gnss_reception import sky_start_s
-from fti.types import Measurement, Position, Pseudoranges, ReceiverClock, Satellites, TimeScale, Velocity
+from fti.messages.measurements import (
+    Measurement,
+    Position,
+    Pseudoranges,
+    ReceiverClock,
+    Satellites,
+    TimeScale,
+    Velocity,
+)
 from tests.hil.worlds import world
 
 START_NS = 1_700_000_000_000_000_000

@@ -21,7 +21,7 @@ from fti.hil.environment import Environment
 from fti.hil.sensors import MODELS, SimulatedSensor
 from fti.hil.sensors.gnss_reception import REACQUIRE_S
 from fti.hil.tables.fault_types import GnssOutage
-from fti.types import DeviceStatus, Measurement, Position, Pseudoranges, Reading, Satellites, Velocity
+from fti.messages.measurements import DeviceStatus, Measurement, Position, Pseudoranges, Reading, Satellites, Velocity
 from tests.hil.worlds import world
 
 M = TypeVar("M")

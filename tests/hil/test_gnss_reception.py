@@ -23,8 +23,8 @@ from fti.hil.sensors.gnss_reception import (
     terrain_mask,
 )
 from fti.hil.tables.fault_types import Fault, GnssDegraded, GnssOffset, GnssOutage
+from fti.messages.measurements import Position, Stamp
 from fti.terrain.terrain import Terrain
-from fti.types import Position, Stamp
 from tests.hil.worlds import flat_terrain, path, scenario
 
 Array = NDArray[np.float64]

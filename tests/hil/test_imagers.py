@@ -20,7 +20,7 @@ from fti.hil.environment import Environment
 from fti.hil.sensors import SimulatedSensor, make_sensors
 from fti.hil.sensors.generic_devices import GenericDevice
 from fti.hil.tables.schema import SensorSettings
-from fti.types import Reading
+from fti.messages.measurements import Reading
 from tests.helpers import ROOT
 from tests.hil.worlds import world
 

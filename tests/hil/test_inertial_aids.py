@@ -19,7 +19,7 @@ from fti.hil.sensors import MODELS, SimulatedSensor
 from fti.hil.sensors.inertial_aids import AID_RATES_HZ
 from fti.hil.sensors.inertial_solution import drift_sigmas
 from fti.hil.sensors.magnetometer import earth_field_b
-from fti.types import (
+from fti.messages.measurements import (
     Airspeed,
     Attitude,
     DeviceStatus,

@@ -21,7 +21,7 @@ from fti.hil.sensors.imu_grades import GRADES, GradeName
 from fti.hil.sensors.inertial_solution import REACQUIRE_S, drift_sigmas
 from fti.hil.sensors.sensor_settings import check_settings
 from fti.hil.tables.fault_types import GnssOffset, GnssOutage
-from fti.types import DeviceStatus, Measurement, Position, Velocity
+from fti.messages.measurements import DeviceStatus, Measurement, Position, Velocity
 from tests.hil.worlds import scenario, world
 
 Array = NDArray[np.float64]

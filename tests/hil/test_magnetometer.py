@@ -20,8 +20,9 @@ from fti.hil.environment import Environment
 from fti.hil.sensors import MODELS, SimulatedSensor
 from fti.hil.sensors.autopilot import AutopilotUnit
 from fti.hil.sensors.magnetometer import Magnetometer, declination, earth_field_b
+from fti.messages.frames import RawFrame
+from fti.messages.measurements import DeviceStatus, MagneticField, Stamp
 from fti.service.navigation.decode_chain import Chain
-from fti.types import DeviceStatus, MagneticField, RawFrame, Stamp
 from tests.hil.worlds import world
 
 Array = NDArray[np.float64]

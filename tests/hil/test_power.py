@@ -10,7 +10,7 @@ from fti.hil.power import BreakerState as B
 from fti.hil.power import PowerFeed, PowerUnit
 from fti.hil.sensors.power_unit import connect_power
 from fti.hil.tables.fault_types import Breaker, BrownOut
-from fti.types import DeviceStatus
+from fti.messages.measurements import DeviceStatus
 from tests.hil.test_sensors import sensor
 from tests.hil.worlds import scenario
 

@@ -17,7 +17,7 @@ from fti.errors import MissingError, RecordingError
 from fti.hil.prefetch_process import BATCH_FRAMES, PIPE_BYTES, PrefetchProcess, PrefetchRequest, write_batches
 from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.session import SessionFolder
-from fti.types import RawFrame
+from fti.messages.frames import RawFrame
 from tests.helpers import until
 
 START_NS = 1_700_000_000_000_000_000

@@ -36,7 +36,7 @@ from fti.latency_histogram import LatencyHistogram
 from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.reading.recording import Recording
 from fti.logger.session import SessionFolder
-from fti.types import TICK_LINK, RawFrame
+from fti.messages.frames import TICK_LINK, RawFrame
 from fti.web.live_state import HIL_FIELDS
 from tests.e2e.harness import with_free_ports
 from tests.helpers import until_async

@@ -12,7 +12,7 @@ import pytest
 from fti.hil.prefetch_process import select_frames
 from fti.hil.replay_clock import FrameStream, ReplayClock
 from fti.hil.scheduler import Scheduler
-from fti.types import TICK_LINK, RawFrame
+from fti.messages.frames import TICK_LINK, RawFrame
 
 START_NS = 1_700_000_000_000_000_000
 MS = 1_000_000

@@ -22,8 +22,7 @@ from fti.hil.sensors.base import position_at, sample_times, velocity_at
 from fti.hil.sensors.errors import gauss_markov_noise
 from fti.hil.sensors.inertial import specific_force_b
 from fti.hil.tables.fault_types import OffTrack
-from fti.nav.sensor_mounting import Mountings
-from fti.types import (
+from fti.messages.measurements import (
     Airspeed,
     Attitude,
     ImpactPressure,
@@ -37,6 +36,7 @@ from fti.types import (
     TimeScale,
     Velocity,
 )
+from fti.nav.sensor_mounting import Mountings
 from tests.hil.worlds import world
 
 START_NS = 1_700_000_000_000_000_000

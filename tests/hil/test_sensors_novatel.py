@@ -12,7 +12,15 @@ from fti import drivers
 from fti.constants import SPEED_OF_LIGHT
 from fti.drivers import novatel_oem6
 from fti.geodesy.wgs84 import SEMI_MAJOR
-from fti.types import Measurement, Position, Pseudorange, Pseudoranges, ReceiverClock, Satellites, Velocity
+from fti.messages.measurements import (
+    Measurement,
+    Position,
+    Pseudorange,
+    Pseudoranges,
+    ReceiverClock,
+    Satellites,
+    Velocity,
+)
 from tests.hil.test_sensors import START_NS, environment, sensor
 
 Key = tuple[str, int, str]

@@ -20,7 +20,7 @@ from fti.errors import ConfigError, LinkError, PartialSendError
 from fti.links import _socket, open_link
 from fti.links._recvmmsg import ReceiveBatch
 from fti.links.can import pack_message, unpack_message
-from fti.types import LinkState
+from fti.messages.frames import LinkState
 from tests.helpers import until, until_async
 from tests.links.bench import run_link
 

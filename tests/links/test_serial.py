@@ -17,7 +17,7 @@ from fti.clock import FakeClock
 from fti.config import SerialLink
 from fti.errors import LinkError, PartialSendError, PortAbsent, PortBusy, PortDenied
 from fti.links.serial import open_port
-from fti.types import LinkState
+from fti.messages.frames import LinkState
 from tests.helpers import until_async
 from tests.links.bench import Peer, ReceivedFrames, run_link
 

@@ -19,7 +19,7 @@ from fti.errors import ConfigError, PartialSendError
 from fti.links import open_link
 from fti.links.slcan import MAX_LINE_BYTES, Lawicel, format_frame, parse_line
 from fti.links.slcan_status import StatusWatch
-from fti.types import LinkState
+from fti.messages.frames import LinkState
 from tests.helpers import until_async
 from tests.links.bench import Peer, ReceivedFrames, run_link
 

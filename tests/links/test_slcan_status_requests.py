@@ -15,7 +15,7 @@ from fti.errors import LinkError
 from fti.hil.ports.lawicel import Adapter
 from fti.links.slcan import format_frame
 from fti.links.slcan_status import FLAGS
-from fti.types import LinkState
+from fti.messages.frames import LinkState
 from tests.helpers import until_async
 from tests.links.bench import Peer, run_link
 

@@ -18,7 +18,8 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from fti.logger.encoding import encode
-from fti.types import Attitude, Event, ImuSample, Measurement, Output, Satellite, Satellites, Stamp, TimeScale
+from fti.messages.measurements import Attitude, ImuSample, Measurement, Satellite, Satellites, Stamp, TimeScale
+from fti.messages.outputs import Event, Output
 
 CLASSES: list[type] = [*typing.get_args(Measurement), *typing.get_args(Output), Event, Stamp]
 

@@ -12,16 +12,8 @@ from hypothesis import strategies as st
 
 from fti.logger import foxglove, schemas
 from fti.logger.encoding import encode
-from fti.types import (
-    Attitude,
-    Event,
-    HeightAboveGround,
-    Measurement,
-    NavSolution,
-    Output,
-    Stamp,
-    TimeScale,
-)
+from fti.messages.measurements import Attitude, Measurement, Stamp, TimeScale
+from fti.messages.outputs import Event, HeightAboveGround, NavSolution, Output
 
 CLASSES: list[type] = [*typing.get_args(Measurement), *typing.get_args(Output)]
 NOTES = ["/fti/clock", "/fti/ledger", "/fti/health", "/fti/gap", "/fti/event", "/fti/alarm", "/fti/alarm_report"]

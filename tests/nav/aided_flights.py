@@ -26,22 +26,13 @@ from fti.geodesy.wgs84 import radii
 from fti.hil.flight.trajectory import FlightState, SplineFlight
 from fti.hil.flight.waypoints import Waypoint, waypoint_flight
 from fti.hil.sensors.inertial import angular_rate_b, specific_force_b
+from fti.messages.measurements import Attitude, ImuSample, Measurement, Position, Stamp, Velocity
+from fti.messages.outputs import Compensation, Event, HeightAboveGround
 from fti.nav.inertial_aiding import AidedNavigation
 from fti.nav.navigation import NavState
 from fti.nav.source_interpolation import PositionState
 from fti.nav.terrain_reference import Ground
 from fti.terrain.terrain import Terrain
-from fti.types import (
-    Attitude,
-    Compensation,
-    Event,
-    HeightAboveGround,
-    ImuSample,
-    Measurement,
-    Position,
-    Stamp,
-    Velocity,
-)
 
 Array = NDArray[np.float64]
 Rng = np.random.Generator

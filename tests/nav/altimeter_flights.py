@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from fti.config import Device
 from fti.geodesy.local import MAT_ENU_NED
 from fti.geodesy.rotations import mat_from_rpy
+from fti.messages.outputs import HeightAboveGround
 from fti.nav.altimetry.altimeter_channel import AltimeterChannel, AltimeterReading
 from fti.nav.navigation import NavState
 from fti.nav.source_interpolation import AttitudeState, PositionState
@@ -29,7 +30,6 @@ from fti.ranging.sensor import Poses
 from fti.terrain.dem_error import correlated_noise
 from fti.terrain.synthetic import forest, fractal_relief
 from fti.terrain.terrain import Terrain
-from fti.types import HeightAboveGround
 
 Array = NDArray[np.float64]
 S = 1_000_000_000

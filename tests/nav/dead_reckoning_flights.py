@@ -33,12 +33,9 @@ from fti.hil.flight.waypoints import Waypoint, waypoint_flight
 from fti.hil.sensors.imu import Imu
 from fti.hil.sensors.imu_grades import GRADES, GradeName
 from fti.hil.sensors.inertial import angular_rate_b, specific_force_b
-from fti.nav.inertial_aiding import AidedNavigation
-from fti.types import (
+from fti.messages.measurements import (
     Airspeed,
     Attitude,
-    Event,
-    FilterSolution,
     ImuSample,
     MagneticField,
     Measurement,
@@ -46,6 +43,8 @@ from fti.types import (
     Stamp,
     Velocity,
 )
+from fti.messages.outputs import Event, FilterSolution
+from fti.nav.inertial_aiding import AidedNavigation
 
 Array = NDArray[np.float64]
 Rng = np.random.Generator

@@ -14,9 +14,9 @@ from pathlib import Path
 import numpy as np
 
 from fti.config import Config, parse
+from fti.messages.measurements import Position, Velocity
 from fti.nav.plausibility import axis, budget, motion
 from fti.nav.plausibility.source import SourceTests, UnstatedSigmas
-from fti.types import Position, Velocity
 from tests.nav.healthy_receivers import RECEIVERS, Receiver, fly, measure
 
 HOUR_S = 3600

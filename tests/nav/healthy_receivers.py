@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from fti.types import Measurement, Position, Stamp, Velocity
+from fti.messages.measurements import Measurement, Position, Stamp, Velocity
 
 Array = NDArray[np.float64]
 S = 1_000_000_000

@@ -26,20 +26,11 @@ from fti.geodesy.wgs84 import radii
 from fti.hil.flight.trajectory import FlightState, SplineFlight
 from fti.hil.flight.waypoints import Waypoint, waypoint_flight
 from fti.hil.sensors.inertial import angular_rate_b, specific_force_b
+from fti.messages.measurements import Attitude, ImuSample, Measurement, Position, PressureAltitude, Stamp, Velocity
+from fti.messages.outputs import Event, FilterMode
+from fti.messages.reasons import Reason
 from fti.nav.carried_refusal import CarriedRefusal
 from fti.nav.inertial_aiding import AidedNavigation
-from fti.types import (
-    Attitude,
-    Event,
-    FilterMode,
-    ImuSample,
-    Measurement,
-    Position,
-    PressureAltitude,
-    Reason,
-    Stamp,
-    Velocity,
-)
 
 Array = NDArray[np.float64]
 Rng = np.random.Generator

@@ -9,11 +9,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from fti.messages.reasons import Reason
 from fti.nav.filter.aiding import GnssPosition
 from fti.nav.filter.innovation_gate import GateDecision
 from fti.nav.filter.segment import AidingEntry, FilterSegment
 from fti.nav.separation.absence import AbsenceMonitor
-from fti.types import Reason
 from tests.nav.receiver_flights import Fault, Fixes, FlightResult, draw, fly, offset_after, silent
 
 LOST, BACK = 300.0, 350.0

@@ -9,8 +9,7 @@ import pytest
 from fti.alarms.alarm_list import AlarmList
 from fti.alarms.condition import ConditionReport
 from fti.config import Approach, Config, Nav, Session
-from fti.nav.alarm_conditions import ALTIMETER_FAULT_NS, OutputConditions
-from fti.types import (
+from fti.messages.outputs import (
     ClearanceIntegrity,
     FilterMode,
     FilterSolution,
@@ -20,9 +19,10 @@ from fti.types import (
     IntegrityState,
     NavSolution,
     Output,
-    Reason,
     SourceValidity,
 )
+from fti.messages.reasons import Reason
+from fti.nav.alarm_conditions import ALTIMETER_FAULT_NS, OutputConditions
 
 CONFIG = Config(
     session=Session(name="s"),

@@ -5,8 +5,9 @@ from collections.abc import Iterable
 
 import pytest
 
+from fti.messages.outputs import IntegrityState
+from fti.messages.reasons import Reason
 from fti.nav.integrity.alarm_logic import AlarmLogic, Ratios
-from fti.types import IntegrityState, Reason
 
 GOOD = Ratios(0.5, 0.5, 0.5, 0.5)
 T1 = Ratios(1.1, 0.5, 0.5, 0.5)

@@ -10,20 +10,11 @@ from typing import Any
 import pytest
 
 from fti.config import Altimeter, parse
+from fti.messages.measurements import Attitude, Position, RadioHeight, Range, Stamp, Velocity
+from fti.messages.outputs import Compensation, Event, HeightAboveGround
+from fti.messages.reasons import Reason
 from fti.nav.altimetry.agreement import AgreementCheck
 from fti.nav.pipeline import Pipeline
-from fti.types import (
-    Attitude,
-    Compensation,
-    Event,
-    HeightAboveGround,
-    Position,
-    RadioHeight,
-    Range,
-    Reason,
-    Stamp,
-    Velocity,
-)
 
 S = 1_000_000_000
 T0 = 45_000 * S + 300_000_000  # 12:30:00.3 of a day

@@ -9,10 +9,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fti.messages.reasons import Reason
 from fti.nav.altimetry.change import ChangeCheck
 from fti.nav.altimetry.observation import AltimeterObservation, Resolution
 from fti.ranging.radar.quantise import quantise_ft
-from fti.types import Reason
 
 S = 1_000_000_000
 HZ = 25

@@ -10,8 +10,9 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
+from fti.messages.outputs import HeightAboveGround
+from fti.messages.reasons import Reason
 from fti.nav.altimetry.agreement import AgreementCheck
-from fti.types import HeightAboveGround, Reason
 from tests.nav.altimeter_flights import DEVICES, Flight, S, channel, fly, outputs, stuck
 
 pytestmark = pytest.mark.timeout(3600)

@@ -14,23 +14,13 @@ import numpy as np
 import pytest
 
 from fti.config import parse
+from fti.messages.measurements import Attitude, Position, RadioHeight, Range, Stamp, Velocity
+from fti.messages.outputs import Event, HeightAboveGround, HeightBelowAircraft, Output
+from fti.messages.reasons import Reason
 from fti.nav.altimetry.deviation import DeviationMemory
 from fti.nav.pipeline import Pipeline
 from fti.nav.terrain_reference import Ground
 from fti.terrain.terrain import Terrain
-from fti.types import (
-    Attitude,
-    Event,
-    HeightAboveGround,
-    HeightBelowAircraft,
-    Output,
-    Position,
-    RadioHeight,
-    Range,
-    Reason,
-    Stamp,
-    Velocity,
-)
 
 S = 1_000_000_000
 HZ, SPEED_MPS = 10, 40.0

@@ -17,23 +17,12 @@ import pytest
 
 from fti.config import Config, parse
 from fti.geodesy.wgs84 import EARTH_RATE
+from fti.messages.measurements import Attitude, ImuSample, Measurement, Position, RadioHeight, Stamp, Velocity
+from fti.messages.outputs import Event, FilterSolution, HeightAboveGround, Output
+from fti.messages.reasons import Reason
 from fti.nav.pipeline import Pipeline
 from fti.nav.terrain_reference import Ground
 from fti.terrain.terrain import Terrain
-from fti.types import (
-    Attitude,
-    Event,
-    FilterSolution,
-    HeightAboveGround,
-    ImuSample,
-    Measurement,
-    Output,
-    Position,
-    RadioHeight,
-    Reason,
-    Stamp,
-    Velocity,
-)
 
 S, STEP_NS = 1_000_000_000, 40_000_000
 T0 = 1_000 * S

@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 
 from fti.config import parse
+from fti.messages.measurements import Attitude, Position, Range, Stamp, Velocity
+from fti.messages.outputs import Event, HeightAboveGround, Output
 from fti.nav.pipeline import Pipeline
 from fti.nav.terrain_reference import Ground
 from fti.terrain.terrain import Terrain
-from fti.types import Attitude, Event, HeightAboveGround, Output, Position, Range, Stamp, Velocity
 
 S = 1_000_000_000
 T0 = 1000 * S

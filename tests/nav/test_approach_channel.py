@@ -7,13 +7,14 @@ from collections.abc import Callable, Iterator
 import pytest
 
 from fti.config import Approach
+from fti.messages.outputs import ClearanceIntegrity, GlideSlope, HeightAboveGround, IntegrityState
+from fti.messages.reasons import Reason
 from fti.nav.integrity.approach import ApproachPath
 from fti.nav.integrity.approach_channel import ApproachChannel
 from fti.nav.integrity.monitor import ClearanceSample
 from fti.nav.integrity.reference import ApproachReference
 from fti.nav.navigation import NavState
 from fti.nav.source_interpolation import AttitudeState, PositionState
-from fti.types import ClearanceIntegrity, GlideSlope, HeightAboveGround, IntegrityState, Reason
 
 Flight = Callable[..., Iterator[ClearanceSample]]
 Inputs = list[tuple[HeightAboveGround, NavState]]

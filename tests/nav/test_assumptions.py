@@ -10,6 +10,8 @@ import pytest
 
 from fti.config import Altimeter, Approach, Device, UnstatedSd
 from fti.errors import ConfigError
+from fti.messages.outputs import ClearanceIntegrity, Event, IntegrityState
+from fti.messages.reasons import Reason
 from fti.nav.integrity.approach import ApproachPath
 from fti.nav.integrity.approach_channel import ApproachChannel
 from fti.nav.integrity.assumptions import Assumptions, receiver_holds
@@ -17,7 +19,6 @@ from fti.nav.integrity.monitor import ClearanceMonitor, ClearanceSample
 from fti.nav.integrity.reference import ApproachReference, check_alert_limit, min_level_v
 from fti.nav.integrity.statistics import Matcher
 from fti.nav.integrity.window import Bins
-from fti.types import ClearanceIntegrity, Event, IntegrityState, Reason
 from tests.nav.test_approach_channel import inputs
 
 Flight = Callable[..., Iterator[ClearanceSample]]

@@ -11,10 +11,12 @@ import pytest
 from scipy.stats import norm, rayleigh
 
 from fti.config import AlertLimits, parse
+from fti.messages.measurements import Attitude, Stamp
+from fti.messages.outputs import FilterMode, FilterSolution, NavSolution
+from fti.messages.reasons import Reason
 from fti.nav.attitude_protection import AssumedSigmas, AttitudeLevels, AttitudeProtection, levels
 from fti.nav.pipeline import Pipeline
 from fti.nav.source_interpolation import AttitudeState, NavSource
-from fti.types import Attitude, FilterMode, FilterSolution, NavSolution, Reason, Stamp
 
 S = 1_000_000_000
 T0 = 1000 * S

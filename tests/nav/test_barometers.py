@@ -12,8 +12,9 @@ import pytest
 
 from fti.config import Config, parse
 from fti.errors import ConfigError
+from fti.messages.measurements import Measurement, PressureAltitude, Stamp
+from fti.messages.outputs import FilterSolution
 from fti.nav.pipeline import Pipeline
-from fti.types import FilterSolution, Measurement, PressureAltitude, Stamp
 from tests.nav.test_inertial_aiding import ALT, MS, T0, measurements
 
 OFFSETS = {"first": 40.0, "second": -25.0}

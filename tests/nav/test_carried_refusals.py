@@ -5,13 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from fti.messages.measurements import Attitude, Measurement, Position, Stamp, Velocity
+from fti.messages.outputs import Event, FilterMode, NavSolution, Output
+from fti.messages.reasons import Reason
 from fti.nav.carried_refusal import CarriedRefusal, RefusedPart
 from fti.nav.pipeline import Pipeline
 from fti.nav.plausibility.finding import PlausibilityFinding
 from fti.nav.protection import FilterReference
 from fti.nav.source_check import SourceCheck
 from fti.nav.source_interpolation import PositionState
-from fti.types import Attitude, Event, FilterMode, Measurement, NavSolution, Output, Position, Reason, Stamp, Velocity
 from tests.nav.healthy_receivers import fly as fly_truth
 from tests.nav.healthy_receivers import measure
 from tests.nav.plausibility.receiver_runs import T0, UBX1, Result, S, make_tests, run

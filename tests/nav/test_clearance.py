@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 
 from fti.config import Approach
+from fti.messages.outputs import ClearanceIntegrity, IntegrityState
+from fti.messages.reasons import Reason
 from fti.nav.integrity.approach import ApproachPath
 from fti.nav.integrity.go_around import GoAround
 from fti.nav.integrity.monitor import ClearanceMonitor, ClearanceSample
 from fti.nav.integrity.reference import ApproachReference
 from fti.nav.integrity.statistics import Matcher
 from fti.nav.integrity.window import Bins
-from fti.types import ClearanceIntegrity, IntegrityState, Reason
 
 Flight = Callable[..., Iterator[ClearanceSample]]
 Ground = Callable[[np.ndarray], np.ndarray]

@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from fti.messages.measurements import TimeScale
 from fti.nav.device_time.clock_estimator import (
     MAX_LATENESS_NS,
     MIN_OUTLIERS,
@@ -19,7 +20,6 @@ from fti.nav.device_time.clock_estimator import (
     ClockEstimator,
     ClockState,
 )
-from fti.types import TimeScale
 
 SECOND_NS = 1_000_000_000
 MS = 1_000_000

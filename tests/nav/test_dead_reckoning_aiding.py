@@ -13,6 +13,7 @@ import pytest
 from fti.config import Config, parse
 from fti.errors import ConfigError
 from fti.geodesy.rotations import mat_from_rpy
+from fti.messages.measurements import Airspeed, MagneticField, Stamp
 from fti.nav.dead_reckoning_aids import DeadReckoningAids
 from fti.nav.filter import kernels
 from fti.nav.filter.dead_reckoning import MagneticHeading, TrueAirspeed
@@ -21,7 +22,6 @@ from fti.nav.filter.estimate import Estimate, InitialState
 from fti.nav.filter.innovation_gate import GateState
 from fti.nav.filter.measurement_update import update_estimate
 from fti.nav.inertial.ins_error_model import TURN
-from fti.types import Airspeed, MagneticField, Stamp
 
 MODEL = FilterModel(extras={**AIRSPEED_DRIFTS, **HEADING_DRIFTS})
 SECOND_NS = 1_000_000_000

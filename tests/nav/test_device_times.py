@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from fti.config import Device
+from fti.messages.measurements import Attitude, ImuSample, Measurement, Stamp, TimeScale
 from fti.nav.device_time.clock_estimator import ClockEstimator
 from fti.nav.device_time.device_times import DeviceTimes, restamp
-from fti.types import Attitude, ImuSample, Measurement, Stamp, TimeScale
 
 SECOND_NS = 1_000_000_000
 MS = 1_000_000

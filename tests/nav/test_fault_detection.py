@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from fti.types import FilterMode
+from fti.messages.outputs import FilterMode
 from tests.nav.receiver_flights import (
     Fault,
     Fixes,

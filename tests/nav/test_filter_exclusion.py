@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from fti.hil.flight.trajectory import FlightState
 from fti.hil.sensors.inertial import angular_rate_b, specific_force_b
+from fti.messages.reasons import Reason
 from fti.nav.filter.aiding import GnssPosition, GnssVelocity, TerrainAltitude
 from fti.nav.filter.error_states import (
     ALTIMETER_BIAS,
@@ -24,7 +25,6 @@ from fti.nav.filter.estimate import Estimate, InitialState
 from fti.nav.filter.exclusion import HOLD_NS, READMISSION_NS, Cause, consider_update, inconsistency, reset_states
 from fti.nav.filter.navigator import InertialNavigator
 from fti.study._closure import random_flight
-from fti.types import Reason
 
 Array = NDArray[np.float64]
 

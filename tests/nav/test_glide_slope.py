@@ -5,9 +5,10 @@ from dataclasses import replace
 
 import pytest
 
+from fti.messages.outputs import ClearanceIntegrity, IntegrityState
+from fti.messages.reasons import Reason
 from fti.nav.integrity.approach import ApproachPath
 from fti.nav.integrity.glide_slope import HeightDeviation, PathPosition, deviation, dots, glide_slope
-from fti.types import ClearanceIntegrity, IntegrityState, Reason
 
 GLIDE = math.radians(3.0)
 OK = ClearanceIntegrity(

@@ -9,6 +9,8 @@ import pytest
 
 from fti.config import Approach
 from fti.errors import ConfigError
+from fti.messages.outputs import ClearanceIntegrity, IntegrityState
+from fti.messages.reasons import Reason
 from fti.nav.integrity.approach import Airfield, ApproachPath, load_airfield
 from fti.nav.integrity.approach_channel import ApproachChannel
 from fti.nav.integrity.ground_track import GroundTrack, TrackLeg
@@ -16,7 +18,6 @@ from fti.nav.integrity.monitor import ClearanceSample
 from fti.nav.integrity.reference import ApproachReference
 from fti.nav.navigation import NavState
 from fti.nav.source_interpolation import AttitudeState, PositionState
-from fti.types import ClearanceIntegrity, IntegrityState, Reason
 from tests.nav.test_approach import TEXT
 from tests.nav.test_approach_channel import height_of
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from fti.messages.outputs import Compensation, HeightAboveGround, HeightBelowAircraft
+from fti.messages.reasons import Reason
 from fti.nav.altimetry.selection import HeightSelector
-from fti.types import Compensation, HeightAboveGround, HeightBelowAircraft, Reason
 
 STEP = 40_000_000
 

@@ -9,6 +9,17 @@ from pathlib import Path
 import pytest
 
 from fti.config import Approach, Config, Device, parse
+from fti.messages.measurements import Attitude, Measurement, Position, RadioHeight, Stamp, Velocity
+from fti.messages.outputs import (
+    ClearanceIntegrity,
+    Event,
+    GlideSlope,
+    HeightAboveGround,
+    IntegrityState,
+    NavSolution,
+    Output,
+)
+from fti.messages.reasons import Reason
 from fti.nav.altimetry.altimeter_channel import AltimeterChannel
 from fti.nav.integrity.approach import ApproachPath
 from fti.nav.integrity.monitor import ClearanceMonitor, ClearanceSample
@@ -16,22 +27,6 @@ from fti.nav.integrity.reference import ApproachReference
 from fti.nav.navigation import NavState
 from fti.nav.pipeline import Pipeline
 from fti.nav.source_interpolation import AttitudeState, PositionState
-from fti.types import (
-    Attitude,
-    ClearanceIntegrity,
-    Event,
-    GlideSlope,
-    HeightAboveGround,
-    IntegrityState,
-    Measurement,
-    NavSolution,
-    Output,
-    Position,
-    RadioHeight,
-    Reason,
-    Stamp,
-    Velocity,
-)
 
 MS = 1_000_000
 S = 1_000_000_000

@@ -14,6 +14,19 @@ import pytest
 from fti.config import Config, parse
 from fti.geodesy.local import LocalFrame
 from fti.geodesy.wgs84 import EARTH_RATE, ecef_from_geodetic
+from fti.messages.measurements import Attitude, DmeRange, ImuSample, Measurement, Position, Range, Stamp, Velocity
+from fti.messages.outputs import (
+    Compensation,
+    Event,
+    FilterMode,
+    FilterSolution,
+    HeightAboveGround,
+    NavSolution,
+    Output,
+    PositionFix,
+    VerticalSolution,
+)
+from fti.messages.reasons import Reason
 from fti.nav.filter.aiding import TerrainAltitude
 from fti.nav.filter.error_states import DEM_DRIFT
 from fti.nav.inertial_aiding import AidedNavigation
@@ -22,26 +35,6 @@ from fti.nav.pipeline import Pipeline
 from fti.nav.source_interpolation import PositionState
 from fti.nav.terrain_reference import Ground
 from fti.terrain.terrain import Terrain
-from fti.types import (
-    Attitude,
-    Compensation,
-    DmeRange,
-    Event,
-    FilterMode,
-    FilterSolution,
-    HeightAboveGround,
-    ImuSample,
-    Measurement,
-    NavSolution,
-    Output,
-    Position,
-    PositionFix,
-    Range,
-    Reason,
-    Stamp,
-    Velocity,
-    VerticalSolution,
-)
 
 MS, S = 1_000_000, 1_000_000_000
 T0 = 1_000 * S

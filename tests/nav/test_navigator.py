@@ -15,13 +15,14 @@ from fti.geodesy.rotations import mat_en, mat_from_rpy
 from fti.geodesy.wgs84 import radii
 from fti.hil.flight.trajectory import FlightState
 from fti.hil.sensors.inertial import angular_rate_b, specific_force_b
+from fti.messages.outputs import FilterMode
+from fti.messages.reasons import Reason
 from fti.nav.filter.aiding import BaroAltitude, GnssPosition, GnssVelocity, SlantRange
 from fti.nav.filter.error_states import BARO_DRIFT, GNSS_DRIFTS, Extra, FilterModel
 from fti.nav.filter.estimate import InitialState
 from fti.nav.filter.innovation_gate import GateDecision
 from fti.nav.filter.navigator import InertialNavigator, warm_up
 from fti.study._closure import random_flight
-from fti.types import FilterMode, Reason
 
 Array = NDArray[np.float64]
 

@@ -10,13 +10,14 @@ import pytest
 from fti.config import Approach
 from fti.constants import FOOT
 from fti.errors import ConfigError
+from fti.messages.outputs import IntegrityState
+from fti.messages.reasons import Reason
 from fti.nav.integrity.approach import ApproachPath
 from fti.nav.integrity.batch_monitor import BatchMonitor
 from fti.nav.integrity.monitor import ClearanceMonitor, ClearanceSample
 from fti.nav.integrity.reference import ApproachReference, Obstacles, grid
 from fti.nav.integrity.statistics import Matcher
 from fti.nav.integrity.window import Bins, ClearanceSeries
-from fti.types import IntegrityState, Reason
 
 Flight = Callable[..., Iterator[ClearanceSample]]
 

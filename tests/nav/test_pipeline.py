@@ -9,21 +9,10 @@ from typing import Any
 import pytest
 
 from fti.config import Config, parse
+from fti.messages.measurements import Attitude, Measurement, Position, RadioHeight, Range, Stamp, Velocity
+from fti.messages.outputs import Event, HeightAboveGround, NavSolution, Output
+from fti.messages.reasons import Reason
 from fti.nav.pipeline import Pipeline
-from fti.types import (
-    Attitude,
-    Event,
-    HeightAboveGround,
-    Measurement,
-    NavSolution,
-    Output,
-    Position,
-    RadioHeight,
-    Range,
-    Reason,
-    Stamp,
-    Velocity,
-)
 
 MS = 1_000_000
 S = 1_000_000_000

@@ -11,25 +11,13 @@ import pytest
 
 from fti.config import Config, parse
 from fti.errors import ConfigError
+from fti.messages.measurements import Attitude, Measurement, Position, RadioHeight, Stamp, Velocity
+from fti.messages.outputs import ClearanceIntegrity, Event, GlideSlope, IntegrityState, NavSolution, Output
+from fti.messages.reasons import Reason
 from fti.nav.integrity.approach import ApproachPath
 from fti.nav.integrity.monitor import ClearanceSample
 from fti.nav.integrity.reference import ApproachReference
 from fti.nav.pipeline import Pipeline
-from fti.types import (
-    Attitude,
-    ClearanceIntegrity,
-    Event,
-    GlideSlope,
-    IntegrityState,
-    Measurement,
-    NavSolution,
-    Output,
-    Position,
-    RadioHeight,
-    Reason,
-    Stamp,
-    Velocity,
-)
 
 MS = 1_000_000
 S = 1_000_000_000

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from fti.messages.measurements import Measurement, Stamp
+from fti.messages.outputs import Event, Output
 from fti.nav.pipeline import Pipeline
-from fti.types import Event, Measurement, Output, Stamp
 from tests.nav.test_inertial_aiding import MS, T0, S, config, level, measurements
 
 STEPS = 400

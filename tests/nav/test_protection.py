@@ -10,6 +10,7 @@ from scipy.stats import norm, rayleigh
 
 from fti.config import AlertLimits
 from fti.geodesy.wgs84 import radii
+from fti.messages.reasons import Reason
 from fti.nav.attitude_protection import AttitudeLevels
 from fti.nav.navigation import NavState, solution
 from fti.nav.protection import (
@@ -26,7 +27,6 @@ from fti.nav.protection import (
 from fti.nav.separation.protection import K_MD_AXIS, K_MD_RADIAL
 from fti.nav.source_check import SourceCheck
 from fti.nav.source_interpolation import AttitudeState, PositionState
-from fti.types import Reason
 
 SECOND = 1_000_000_000
 HERE = PositionState(0.8, 0.2, 700.0, 1.0, 2.0, 50.0, 0.0, 0.0, 0)

@@ -13,8 +13,10 @@ import pytest
 from numpy.typing import NDArray
 
 from fti.geodesy.wgs84 import radii
+from fti.messages.measurements import Attitude, ImuSample, Stamp
+from fti.messages.outputs import Event, FilterSolution, ProvisionalSolution
+from fti.messages.reasons import Reason
 from fti.nav.pipeline import Pipeline
-from fti.types import Attitude, Event, FilterSolution, ImuSample, ProvisionalSolution, Reason, Stamp
 from tests.nav.receiver_flights import (
     SECOND_NS,
     T0,

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 from fti.geodesy.rotations import mat_en
 from fti.geodesy.wgs84 import ecef_from_geodetic, geodetic_from_ecef
+from fti.messages.reasons import Reason
 from fti.nav.radio.altitude_accuracy import AltitudeSource, fix_covariance
 from fti.nav.radio.radio_navigator import GeodeticPoint, RadioNavigator, RadioState
-from fti.types import Reason
 
 S = 1_000_000_000
 T = 100 * S

@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 
 from fti.config import Device, Radio
+from fti.messages.measurements import Position, Satellite, Satellites, Stamp
+from fti.messages.outputs import Compensation, HeightAboveGround, PositionFix
 from fti.nav.navigation import NavState
 from fti.nav.radio_positioning import RadioPosition
 from fti.nav.source_interpolation import PositionState
 from fti.nav.terrain_reference import Ground
 from fti.terrain.terrain import Terrain
-from fti.types import Compensation, HeightAboveGround, Position, PositionFix, Satellite, Satellites, Stamp
 
 T0, LAT = 10**12, 0.8
 DEVICES = {"gnss": Device(name="gnss", link="l", driver="d", lever_arm_b=(1.0, 0.0, -1.5))}

@@ -11,6 +11,7 @@ import pytest
 
 from fti.config import Altimeter, Device
 from fti.geodesy.rotations import mat_from_rpy
+from fti.messages.reasons import Reason
 from fti.nav.altimetry.expected_range import HEADING_SD, AltimeterPredictor, warm_up
 from fti.nav.altimetry.expected_sample import ExpectedSample, ExpectedSampleOrReason, NoGround
 from fti.nav.altimetry.nadir_height import ground_sd
@@ -26,7 +27,6 @@ from fti.ranging.radar.antenna import cosine_antenna
 from fti.ranging.radar.single_pose import SinglePoseRadar
 from fti.ranging.sensor import RangingSensor
 from fti.terrain.terrain import Terrain
-from fti.types import Reason
 
 LAT, LON = 0.84, 0.19
 LEVER, MOUNTED_DEG = (-1.2, 0.3, 0.6), (2.0, -3.0, 10.0)

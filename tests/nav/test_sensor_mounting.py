@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from fti.config import Device
+from fti.messages.measurements import Attitude, ImuSample, MagneticField, Measurement, Stamp
 from fti.nav.sensor_mounting import Mountings
-from fti.types import Attitude, ImuSample, MagneticField, Measurement, Stamp
 
 FIELD = MagneticField(stamp=Stamp(1), field_b=(20e-6, 3e-6, 40e-6))
 

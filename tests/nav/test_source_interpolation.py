@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from fti.config import Device
+from fti.messages.measurements import Attitude, Position, Stamp, Velocity
 from fti.nav.source_interpolation import AttitudeState, NavSource, PositionState, level_velocity
-from fti.types import Attitude, Position, Stamp, Velocity
 
 MS = 1_000_000
 NOW = 1_000_000_000_000

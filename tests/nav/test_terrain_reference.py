@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from fti.config import Device
+from fti.messages.outputs import Compensation, HeightAboveGround
+from fti.messages.reasons import Reason
 from fti.nav.altimetry.expected_range import AltimeterPredictor
 from fti.nav.altimetry.expected_sample import ExpectedSample
 from fti.nav.altimetry.nadir_height import altitude_over_terrain
@@ -16,7 +18,6 @@ from fti.nav.terrain_reference import Ground
 from fti.terrain.layer import Layer
 from fti.terrain.resampling import ResamplingError
 from fti.terrain.terrain import Terrain
-from fti.types import Compensation, HeightAboveGround, Reason
 
 SD_M, FINE_M, COARSE_M = 1.5, 0.5, 4.4
 ALTITUDE_M = 100.0

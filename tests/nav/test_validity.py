@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fti.config import Altimeter
+from fti.messages.reasons import Reason
 from fti.nav.altimetry.validity import RULES, Sample, pencil_limits, reasons_against, wide_beam_limits
-from fti.types import Reason
 
 LIMITS = Altimeter(
     kind="radar",

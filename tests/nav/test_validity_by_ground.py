@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 
 from fti.config import Device
+from fti.messages.outputs import Compensation, HeightAboveGround
+from fti.messages.reasons import Reason
 from fti.nav.altimetry.altimeter_channel import AltimeterChannel, AltimeterReading
 from fti.nav.navigation import NavState
 from fti.nav.source_interpolation import AttitudeState, PositionState
 from fti.nav.terrain_reference import Ground
 from fti.terrain.terrain import Terrain
-from fti.types import Compensation, HeightAboveGround, Reason
 
 LAT0, LON0 = math.radians(48.0), math.radians(11.5)
 HEIGHT_M = 150.0

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 from fti.geodesy.gravity import normal_gravity
 from fti.geodesy.rotations import down_row
+from fti.messages.reasons import Reason
 from fti.nav.vertical.inertial_height import HorizontalMotion, InertialHeight, vertical_acceleration
 from fti.nav.vertical.vertical_channel import HeightAiding, VerticalChannel, VerticalSettings, VerticalState
-from fti.types import Reason
 
 S = 1_000_000_000
 LAT = math.radians(48.0)

@@ -16,22 +16,12 @@ import pytest
 
 from fti.config import AlertLimits, Config, parse
 from fti.geodesy.wgs84 import radii
+from fti.messages.measurements import Attitude, ImuSample, Measurement, Position, PressureAltitude, Stamp, Velocity
+from fti.messages.outputs import Event, FilterSolution, SourceValidity
 from fti.nav.pipeline import Pipeline
 from fti.nav.protection import FilterReference
 from fti.nav.source_interpolation import PositionState
 from fti.nav.witnesses import Size, WitnessMonitor, find_tolerance
-from fti.types import (
-    Attitude,
-    Event,
-    FilterSolution,
-    ImuSample,
-    Measurement,
-    Position,
-    PressureAltitude,
-    SourceValidity,
-    Stamp,
-    Velocity,
-)
 from tests.nav.receiver_flights import SECOND_NS, T0, VELOCITY_SD, Fault, Fixes, Flight, draw, offset_after, silent
 
 LAT, RADIUS = 0.8, 6_366_000.0

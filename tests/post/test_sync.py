@@ -18,8 +18,8 @@ from fti.drivers import nmea0183
 from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.reading.recording import Recording
 from fti.logger.session import SessionFolder
+from fti.messages.measurements import DeviceTime, Stamp, TimeScale
 from fti.post.reprocess import recorded_setup, reprocess
-from fti.types import DeviceTime, Stamp, TimeScale
 from tests.small_config import LINE, device
 from tests.web.chromium import Chromium
 

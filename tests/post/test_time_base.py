@@ -8,10 +8,10 @@ from itertools import pairwise
 import numpy as np
 
 from fti.config import Device
+from fti.messages.measurements import TimeScale
 from fti.nav.device_time.clock_estimator import ClockEstimator
 from fti.post.sync import ComputerClock, DeviceClockSeries, Sync
 from fti.post.time_base import STEP_NS, time_base
-from fti.types import TimeScale
 
 SECOND_NS = 1_000_000_000
 MS = 1_000_000

@@ -19,10 +19,10 @@ from fti.config import Approach
 from fti.hil.approach_reference.approaches import RA4500, TerrainGround
 from fti.hil.approach_reference.calibration import make_reference
 from fti.hil.approach_reference.options import ReferenceOptions
+from fti.messages.outputs import ClearanceIntegrity, IntegrityState
 from fti.nav.integrity.approach import Airfield, ApproachPath
 from fti.nav.integrity.monitor import ClearanceMonitor, ClearanceSample
 from fti.nav.integrity.reference import ApproachReference
-from fti.types import ClearanceIntegrity, IntegrityState
 from tests.second_receiver.flights import Flight, wander
 from tests.second_receiver.geometry import LAT0, LON0, to_geodetic
 from tests.second_receiver.ground import POST_M, Surface, make_surface, survey

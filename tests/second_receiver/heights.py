@@ -22,7 +22,7 @@ from tests.second_receiver.laser import Laser
 from tests.second_receiver.radar import Radar
 
 if TYPE_CHECKING:
-    from fti.types import HeightAboveGround
+    from fti.messages.outputs import HeightAboveGround
 
 Array = NDArray[np.float64]
 

@@ -25,13 +25,14 @@ from fti.drivers.imar_ixcom.wire import encode_frame
 from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.reading.recording import Recording
 from fti.logger.session import SessionFolder
+from fti.messages.frames import TICK_LINK, TICK_PERIOD_NS, RawFrame
+from fti.messages.measurements import Attitude, ImuSample, Position, Stamp, Velocity
 from fti.post.reprocess import recorded_setup, reprocess
 from fti.service.control_channel import ControlChannel
 from fti.service.navigation import process
 from fti.service.navigation.decode_chain import Chain, ChainOutput
 from fti.service.navigation.process import NavigationProcess
 from fti.service.startup import NavigationStartup
-from fti.types import TICK_LINK, TICK_PERIOD_NS, Attitude, ImuSample, Position, RawFrame, Stamp, Velocity
 
 START_NS = 1_700_000_000_000_000_000
 GPS_EPOCH_NS = 315_964_800 * 10**9

@@ -8,11 +8,12 @@ import pytest
 
 from fti.devices import bind_devices
 from fti.drivers import nmea0183
+from fti.messages.frames import RawFrame
+from fti.messages.measurements import DeviceTime, Stamp, TimeScale
 from fti.service.navigation.clock_status import clock_status
 from fti.service.navigation.decode_chain import Chain
 from fti.service.navigation.device_monitor import DeviceMonitor
 from fti.service.supervisor.health import LATE_NS, HealthBoard
-from fti.types import DeviceTime, RawFrame, Stamp, TimeScale
 from tests.small_config import LINE, device, parsed
 
 SECOND_NS = 1_000_000_000

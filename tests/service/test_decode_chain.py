@@ -12,8 +12,10 @@ from fti import config as configuration
 from fti.devices import bind_devices
 from fti.drivers import deflection_pickups
 from fti.drivers import freeflight_ra4500 as ra
+from fti.messages.frames import ALL_SOURCES, RawFrame
+from fti.messages.measurements import Measurement, RadioHeight, Stamp, SurfaceDeflection, TimeScale
+from fti.messages.outputs import Event
 from fti.service.navigation.decode_chain import GAP, Chain
-from fti.types import ALL_SOURCES, Event, Measurement, RadioHeight, RawFrame, Stamp, SurfaceDeflection, TimeScale
 from tests.drivers.test_deflection_pickups import FLAPS, RAW_FLAPS
 from tests.service.slow_navigation import CONFIG
 

@@ -9,9 +9,9 @@ import pytest
 from fti.logger.derived_log import DerivedLog
 from fti.logger.reading.recording import Recording
 from fti.logger.storage_target import StorageTarget
+from fti.messages.measurements import RadioHeight, Stamp
 from fti.service.navigation import derived_writer
 from fti.service.navigation.derived_writer import DerivedWriter
-from fti.types import RadioHeight, Stamp
 
 START_NS = 1_700_000_000_000_000_000
 

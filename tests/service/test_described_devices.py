@@ -7,9 +7,10 @@ from pathlib import Path
 
 from fti import config
 from fti.devices import bind_devices
+from fti.messages.frames import LinkState, RawFrame
+from fti.messages.measurements import Range
 from fti.service.navigation.decode_chain import Chain
 from fti.service.navigation.device_monitor import WINDOW, DeviceMonitor
-from fti.types import LinkState, Range, RawFrame
 
 SHARED = """
 session = { name = "bench" }

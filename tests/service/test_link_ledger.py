@@ -15,8 +15,8 @@ from fti.buffers.triple_buffer import TripleBuffer
 from fti.links import LinkStatus
 from fti.logger.schemas import note_schema
 from fti.logger.verify.ledger import LedgerNote
+from fti.messages.frames import LinkState
 from fti.service.recorder.link_ledger import BufferedLink, LinkLedger, link_health
-from fti.types import LinkState
 
 
 class FakeLink:

@@ -17,9 +17,9 @@ from fti.clock import choose_epoch_ns
 from fti.config import Altimeter, Config, Device, Nav, SerialLink, Session, UdpLink
 from fti.logger.reading.recording import Recording
 from fti.logger.session import SessionFolder
+from fti.messages.frames import TICK_PERIOD_NS
 from fti.service.children import Child
 from fti.service.startup import LinkStartup, RecorderStartup
-from fti.types import TICK_PERIOD_NS
 from tests.e2e.harness import Line, free_udp_port
 from tests.helpers import until
 

@@ -10,9 +10,9 @@ from typing import Any, NamedTuple
 import pytest
 
 from fti.logger.reading.recording import Recording
+from fti.messages.reasons import Reason
 from fti.nav.carried_refusal import CarriedRefusal, RefusedPart, parse_refusals
 from fti.service.startup import NavigationStartup
-from fti.types import Reason
 from tests.service.slow_navigation import LAT_0, RADIUS, RATE, START_NS, World, north_at, outputs, reprocessed
 
 FAST = 0.1 / RATE

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from fti.messages.reasons import Reason
 from fti.plot_style import write_figure
 from fti.ranging.radar.altimeter import RadarAltimeter
 from fti.study import REPORTED, _low_level, validity
@@ -28,7 +29,6 @@ from fti.study._low_level import (
 from fti.study._statistics import mean_interval
 from fti.study.validity import ValidityScore, judge, reasons_by_variant, score_variant
 from fti.terrain.landscape import Cover
-from fti.types import Reason
 
 SEED, POSES = 7, 40
 

@@ -18,7 +18,7 @@ from fti.clock import SystemClock, choose_epoch_ns
 from fti.config import CanLink
 from fti.errors import LinkError
 from fti.links import Link, open_link, per_frame_sink
-from fti.types import LinkState
+from fti.messages.frames import LinkState
 from tests.helpers import until_async
 
 BURST = 3000  # what a default socket buffer does not hold

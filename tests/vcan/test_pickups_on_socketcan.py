@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from fti.drivers import Decoder, canaerospace, deflection_pickups
-from fti.types import Ack, Calibration, Measurement, StaticPressure, SurfaceDeflection
+from fti.messages.measurements import Ack, Calibration, Measurement, StaticPressure, SurfaceDeflection
 from tests.vcan.probe_pickups import FLIGHT_S
 
 pytestmark = [pytest.mark.e2e, pytest.mark.alone, pytest.mark.socketcan]

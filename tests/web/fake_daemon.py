@@ -23,9 +23,7 @@ from fti.bus.client import Publisher
 from fti.bus.message import encode, encode_with_age
 from fti.clock import SystemClock, choose_epoch_ns
 from fti.config import Config, Nav, Session
-from fti.nav.alarm_conditions import OutputConditions
-from fti.service.supervisor.alarm_board import ALARMS_TOPIC, AlarmBoard
-from fti.types import (
+from fti.messages.outputs import (
     ClearanceIntegrity,
     Compensation,
     Event,
@@ -39,9 +37,11 @@ from fti.types import (
     Output,
     PositionFix,
     ProvisionalSolution,
-    Reason,
     VerticalSolution,
 )
+from fti.messages.reasons import Reason
+from fti.nav.alarm_conditions import OutputConditions
+from fti.service.supervisor.alarm_board import ALARMS_TOPIC, AlarmBoard
 from tests.bus.running_hub import RunningHub
 
 SESSION = "da42_20260412T093107_1"

@@ -9,7 +9,8 @@ import pytest
 from fti.alarms.alarm_list import Alarm
 from fti.alarms.condition import Condition, Severity
 from fti.bus.message import encode_with_age
-from fti.types import ClearanceIntegrity, HeightAboveGround, IntegrityState, Reason
+from fti.messages.outputs import ClearanceIntegrity, HeightAboveGround, IntegrityState
+from fti.messages.reasons import Reason
 from fti.web.live_state import MAX_EVENTS, MAX_TOPICS, LiveState
 from tests.web.fake_daemon import make_laboratory
 

@@ -1,7 +1,8 @@
 """Every reason and state has words."""
 
+from fti.messages.outputs import IntegrityState
+from fti.messages.reasons import Reason
 from fti.reason_texts import REASONS, describe_reasons
-from fti.types import IntegrityState, Reason
 from fti.web.texts import STATES, describe_mode
 
 

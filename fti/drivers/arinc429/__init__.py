@@ -42,7 +42,7 @@ from fti.drivers.arinc429.label_codec import Handler, LabelCodec, SourceKey, mak
 from fti.drivers.arinc429.labels import Label, LabelSet, choose
 from fti.drivers.arinc429.packets import Packets, boot_ns
 from fti.drivers.arinc429.stream import SEARCH_BYTES, WORD_BYTES, WordStream, required_words
-from fti.types import Measurement, Stamp, TimeScale
+from fti.messages.measurements import Measurement, Stamp, TimeScale
 
 DOCUMENT = "ARINC 429 part 1 (word) and part 2 (labels); bare words, Alta APMP, IRIG 106-22 chapter 11 type 0x38"
 MESSAGES = dict.fromkeys(QUANTITIES, "BNR or BCD word of this quantity") | {

@@ -16,8 +16,8 @@ from fti.drivers._quantities import DIMENSIONS, QUANTITIES, UNITS, Quantity
 from fti.drivers.arinc429 import word as wire
 from fti.drivers.arinc429.labels import EQUIPMENT_LABEL, Label, LabelSet
 from fti.drivers.arinc429.word import BcdState, BnrState, DiscreteState
+from fti.messages.measurements import DeviceStatus, Measurement, RadioHeight, Reading, Stamp
 from fti.ranging.radar.quantise import quantisation_step_ft, quantise_ft
-from fti.types import DeviceStatus, Measurement, RadioHeight, Reading, Stamp
 
 Decode = Callable[[int, Stamp], list[Measurement]]
 #: A class of measurements, or the name of a Reading.

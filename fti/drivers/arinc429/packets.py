@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import NamedTuple, Protocol
 
 from fti.drivers._framing import Skip
-from fti.types import Stamp, TimeScale
+from fti.messages.measurements import Stamp, TimeScale
 
 
 class ReceivedWord(NamedTuple):

@@ -9,7 +9,7 @@ from fti.drivers._bus_decoder import BusDecoder
 from fti.drivers._node_supervision import node_status
 from fti.drivers.canaerospace.data_types import DOUBLEH, DOUBLEL, ERROR, UCHAR4, decode_values, join_double
 from fti.drivers.canaerospace.parameters import Parameter, unknown_parameter
-from fti.types import Ack, DeviceStatus, Measurement, Reading, Stamp
+from fti.messages.measurements import Ack, DeviceStatus, Measurement, Reading, Stamp
 
 #: Identifiers of section 2.1: emergency events, node services (high and low priority), normal operation data.
 EMERGENCY = range(128)

@@ -12,7 +12,7 @@ from fti.canframe import EXTENDED, EXTENDED_MASK, pack_can, unpack_can
 from fti.drivers.canaerospace.data_types import FLOAT, NODATA, UCHAR4
 from fti.drivers.canaerospace.decoder import HEADER_SIZE, IDS, NODE_SERVICES
 from fti.drivers.canaerospace.parameters import Parameter
-from fti.types import Measurement, Reading
+from fti.messages.measurements import Measurement, Reading
 
 MESSAGE_SIZE = 8
 CODE_AND_VALUE = struct.Struct(">Bf")

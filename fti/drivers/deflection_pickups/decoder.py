@@ -9,7 +9,7 @@ from fti.drivers._node_supervision import node_status
 from fti.drivers.deflection_pickups.layout import REQUEST, PickupBus, PickupMessage
 from fti.drivers.deflection_pickups.live_tables import LiveTables
 from fti.drivers.deflection_pickups.table import CalibrationTable
-from fti.types import Measurement, Stamp, SurfaceDeflection
+from fti.messages.measurements import Measurement, Stamp, SurfaceDeflection
 
 
 class Decoder(BusDecoder):

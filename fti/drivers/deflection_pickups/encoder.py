@@ -15,7 +15,7 @@ from fti.drivers.deflection_pickups import service as wire
 from fti.drivers.deflection_pickups.layout import COUNTER, DEFLECTION, NODE_ID, RAW, Pickup, PickupBus, PickupMessage
 from fti.drivers.deflection_pickups.service import Service
 from fti.drivers.deflection_pickups.table import MAX_POINTS, MIN_POINTS, CalibrationTable
-from fti.types import Measurement, SurfaceDeflection
+from fti.messages.measurements import Measurement, SurfaceDeflection
 
 MILLISECOND_NS = 1_000_000
 MIN_RATE_HZ, MAX_RATE_HZ = 1, 100

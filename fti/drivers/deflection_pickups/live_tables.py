@@ -25,7 +25,7 @@ from fti.drivers.deflection_pickups.service import (
     unpack_service,
 )
 from fti.drivers.deflection_pickups.table import CalibrationTable
-from fti.types import Ack, Calibration, DeviceStatus, Measurement, Stamp
+from fti.messages.measurements import Ack, Calibration, DeviceStatus, Measurement, Stamp
 
 NamedMeasurements = tuple[str, list[Measurement]]
 

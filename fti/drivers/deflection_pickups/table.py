@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from fti.drivers._units import DEGREE
-from fti.types import CalibrationPoint
+from fti.messages.measurements import CalibrationPoint
 
 MAX_RAW = 65_535
 #: Range of hundredths of a degree in 16 bits.

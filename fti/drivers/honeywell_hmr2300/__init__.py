@@ -30,7 +30,7 @@ from fti.drivers._framing import Framer
 from fti.drivers.honeywell_hmr2300.commands import COMMANDS, Options, command, on_connect, poll
 from fti.drivers.honeywell_hmr2300.encoder import Encoder
 from fti.drivers.honeywell_hmr2300.framing import FULL_SCALE, LIMIT, SAMPLE, TEXT, Boundaries, counts_at
-from fti.types import Ack, MagneticField, Measurement, Reading, Stamp
+from fti.messages.measurements import Ack, MagneticField, Measurement, Reading, Stamp
 
 DOCUMENT = "Honeywell, Smart Digital Magnetometer HMR2300, data sheet 900139"
 MESSAGES = {

@@ -6,7 +6,7 @@ import re
 
 from fti.drivers.honeywell_hmr2300.commands import BROADCAST_ID, ESCAPE, RATES, Options
 from fti.drivers.honeywell_hmr2300.framing import FULL_SCALE
-from fti.types import MagneticField, Measurement
+from fti.messages.measurements import MagneticField, Measurement
 
 COUNTS_PER_TESLA = 15_000 / 1e-4
 MAX_COMMAND_LETTERS = 10

@@ -28,7 +28,7 @@ from fti.drivers import Command
 from fti.drivers.imar_ixcom.environment_messages import encode_extheight
 from fti.drivers.imar_ixcom.options import CHANNELS, NUMBERS, REQUESTABLE, Options, check_name
 from fti.drivers.imar_ixcom.wire import IxcomFrame, encode_frame
-from fti.types import Ack
+from fti.messages.measurements import Ack
 
 LOG, CONF, EKF, XCOM, EXTAID = 0, 3, 4, 5, 7
 ADD, CLEAR, CLEAR_ALL = 0, 3, 4

@@ -12,7 +12,7 @@ from fti.drivers.imar_ixcom.options import NUMBERS, RESERVED, Options
 from fti.drivers.imar_ixcom.source_priority import RANKS
 from fti.drivers.imar_ixcom.system_status import MIN_PAYLOAD_BYTES
 from fti.drivers.imar_ixcom.wire import FRAME_MAX, IxcomFrame, measure, read_frame
-from fti.types import Measurement
+from fti.messages.measurements import Measurement
 
 
 class Decoder:

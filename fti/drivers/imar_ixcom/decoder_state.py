@@ -10,7 +10,7 @@ from fti.drivers.imar_ixcom.deviations import UNKNOWN, StandardDeviations
 from fti.drivers.imar_ixcom.options import Options
 from fti.drivers.imar_ixcom.status import SYSTEM_ERRORS
 from fti.drivers.imar_ixcom.wire import IxcomFrame
-from fti.types import DeviceStatus, Stamp
+from fti.messages.measurements import DeviceStatus, Stamp
 
 #: Maximum age of sigmas and status words [ns].
 MAX_AGE_NS = 5_000_000_000

@@ -18,7 +18,7 @@ from fti.drivers.imar_ixcom.generic_values import encode_generic_values
 from fti.drivers.imar_ixcom.options import CHANNELS, NAMES, NUMBERS, Options
 from fti.drivers.imar_ixcom.status import ALIGNMENT, QUALITY, encode_status
 from fti.drivers.imar_ixcom.wire import FRAME_MAX, IxcomFrame, encode_frame, measure, read_frame
-from fti.types import (
+from fti.messages.measurements import (
     Airspeed,
     Attitude,
     DeviceStatus,

@@ -6,7 +6,7 @@ from typing import Any, TypeVar
 
 from fti.drivers.imar_ixcom.generic_values import nan_if_none
 from fti.drivers.imar_ixcom.status import HEALTHY
-from fti.types import DeviceStatus, Measurement, Reading, Stamp
+from fti.messages.measurements import DeviceStatus, Measurement, Reading, Stamp
 
 M = TypeVar("M", bound=Measurement)
 

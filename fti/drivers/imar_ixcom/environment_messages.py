@@ -30,7 +30,7 @@ from fti.drivers.imar_ixcom.generic_values import (
 from fti.drivers.imar_ixcom.options import TESLA
 from fti.drivers.imar_ixcom.status import decode_word, encode_word, word_names
 from fti.drivers.imar_ixcom.wire import IxcomFrame
-from fti.types import (
+from fti.messages.measurements import (
     Airspeed,
     ImpactPressure,
     MagneticField,

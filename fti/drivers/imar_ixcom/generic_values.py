@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
-from fti.types import Reading, Stamp
+from fti.messages.measurements import Reading, Stamp
 
 
 class GenericValue(NamedTuple):

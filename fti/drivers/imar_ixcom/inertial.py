@@ -23,7 +23,7 @@ from fti.drivers.imar_ixcom.decoder_state import DecoderState
 from fti.drivers.imar_ixcom.frame_rotation import Triple
 from fti.drivers.imar_ixcom.generic_values import all_finite, decode_generic_values, xyz
 from fti.drivers.imar_ixcom.wire import IxcomFrame
-from fti.types import ImuSample, Measurement, Stamp
+from fti.messages.measurements import ImuSample, Measurement, Stamp
 
 IMU = struct.Struct("<3f3f")
 new_sample = fast_class(ImuSample)

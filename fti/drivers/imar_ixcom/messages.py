@@ -11,7 +11,7 @@ from fti.drivers.imar_ixcom.deviations import EKFSTDDEV, ITEMS, decode_deviation
 from fti.drivers.imar_ixcom.generic_values import decode_generic_values
 from fti.drivers.imar_ixcom.options import NAMES
 from fti.drivers.imar_ixcom.wire import IxcomFrame
-from fti.types import Measurement
+from fti.messages.measurements import Measurement
 
 
 class IxcomMessage(NamedTuple):

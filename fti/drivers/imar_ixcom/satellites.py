@@ -28,7 +28,7 @@ from fti.drivers.imar_ixcom.generic_values import (
 )
 from fti.drivers.imar_ixcom.status import GNSS, decode_word, encode_word
 from fti.drivers.imar_ixcom.wire import IxcomFrame
-from fti.types import Measurement, Position, Satellites, Velocity
+from fti.messages.measurements import Measurement, Position, Satellites, Velocity
 
 GNSSSOL = struct.Struct("<ddff3f3f3fHHfBBHffI")
 SOLUTIONS = {

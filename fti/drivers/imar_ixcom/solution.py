@@ -37,7 +37,7 @@ from fti.drivers.imar_ixcom.frame_rotation import Triple, ned_from_body, ned_fro
 from fti.drivers.imar_ixcom.generic_values import all_finite, nan_if_none
 from fti.drivers.imar_ixcom.inertial import LOST, decode_imu
 from fti.drivers.imar_ixcom.wire import IxcomFrame
-from fti.types import Attitude, ImuSample, Measurement, Position, PressureAltitude, Velocity
+from fti.messages.measurements import Attitude, ImuSample, Measurement, Position, PressureAltitude, Velocity
 
 INSSOL = struct.Struct("<3f3f3f3fddfhH")
 THREE = struct.Struct("<3f")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from fti.drivers._source_priority import ranks_of
-from fti.types import ImuSample, Position, PressureAltitude, Velocity
+from fti.messages.measurements import ImuSample, Position, PressureAltitude, Velocity
 
 #: The messages that carry a quantity, highest priority first; the messages of a group come from the same filter.
 PREFERRED: dict[type, tuple[tuple[str, ...], ...]] = {

@@ -28,7 +28,7 @@ from fti.drivers.imar_ixcom.status import (
     word_names,
 )
 from fti.drivers.imar_ixcom.wire import IxcomFrame
-from fti.types import Measurement
+from fti.messages.measurements import Measurement
 
 WORD = struct.Struct("<I")
 SECONDS = struct.Struct("<f")

@@ -10,7 +10,7 @@ from fti.drivers._fast_messages import fast_class
 from fti.drivers._framing import Skip, skip_to
 from fti.drivers._times import SECOND_NS, gps_ns, gps_week
 from fti.drivers.imar_ixcom.status import Footer, decode_footer
-from fti.types import Stamp, TimeScale
+from fti.messages.measurements import Stamp, TimeScale
 
 SYNC = b"\x7e"
 HEADER = struct.Struct("<BBBBHHII")

@@ -64,7 +64,7 @@ from fti.drivers.mavlink.encoder import Encoder
 from fti.drivers.mavlink.fields import Settings
 from fti.drivers.mavlink.source_selection import SourceSelector
 from fti.drivers.mavlink.wire import FRAME_MAX, Frames, MavlinkHeader, crc, header, layout, message_id, payload
-from fti.types import Measurement, Reading, Stamp
+from fti.messages.measurements import Measurement, Reading, Stamp
 
 DOCUMENT = "MAVLink 2 serialization, message signing and common.xml (mavlink.io)"
 MESSAGES = {

@@ -30,7 +30,7 @@ from fti.drivers.mavlink.sensors import (
 )
 from fti.drivers.mavlink.system import MODES, STATES
 from fti.drivers.mavlink.wire import FRAME_MAX, Frames, header, layout, payload
-from fti.types import (
+from fti.messages.measurements import (
     Attitude,
     DeviceStatus,
     DeviceTime,

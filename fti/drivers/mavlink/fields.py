@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from fti.types import Measurement, Stamp, TimeScale
+from fti.messages.measurements import Measurement, Stamp, TimeScale
 
 UNKNOWN_U16 = 0xFFFF
 #: A time above this [us] is UNIX time, below it time since boot (MAVLink rule).

@@ -16,7 +16,7 @@ from fti.drivers.mavlink.fields import (
     stamp_from_ns,
     stamp_from_us,
 )
-from fti.types import (
+from fti.messages.measurements import (
     Airspeed,
     Attitude,
     DeviceStatus,

@@ -9,7 +9,7 @@ from fti.constants import STANDARD_GRAVITY
 from fti.drivers._quantities import STANDARD_PA
 from fti.drivers._units import HECTOPASCAL
 from fti.drivers.mavlink.fields import Reader, Settings, all_finite, stamp_from_boot_ms, stamp_from_us
-from fti.types import (
+from fti.messages.measurements import (
     ImpactPressure,
     ImuSample,
     MagneticField,

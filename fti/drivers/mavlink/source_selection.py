@@ -12,7 +12,7 @@ from dataclasses import replace
 from typing import Any
 
 from fti.drivers._source_priority import SOURCE_TIMEOUT_NS, SourcePriority, ranks_of
-from fti.types import Measurement, Position, RadioHeight, Range, Reading, Stamp, Velocity
+from fti.messages.measurements import Measurement, Position, RadioHeight, Range, Reading, Stamp, Velocity
 
 RECEIVER = ("GPS_RAW_INT", "HIL_GPS")
 ORDER = (("GLOBAL_POSITION_INT",), ("LOCAL_POSITION_NED",), RECEIVER)

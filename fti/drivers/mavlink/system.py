@@ -6,7 +6,7 @@ from typing import Any
 
 from fti.drivers._units import DEGREE
 from fti.drivers.mavlink.fields import Reader, Settings, all_finite, stamp_from_boot_ms
-from fti.types import Ack, DeviceStatus, Measurement, Reading, Stamp
+from fti.messages.measurements import Ack, DeviceStatus, Measurement, Reading, Stamp
 
 NO_AUTOPILOT = 8  # MAV_AUTOPILOT_INVALID: a ground station, a camera, a radio
 STATES = ("uninit", "boot", "calibrating", "standby", "active", "critical", "emergency", "poweroff", "termination")

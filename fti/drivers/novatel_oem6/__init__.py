@@ -52,7 +52,7 @@ from fti.drivers.novatel_oem6.framing import (
     split,
 )
 from fti.drivers.novatel_oem6.messages import NAMES, NUMBERS, READERS, name_of, number_of
-from fti.types import Measurement, Stamp
+from fti.messages.measurements import Measurement, Stamp
 
 DOCUMENT = "NovAtel OEM6 Family Firmware Reference Manual, OM-20000129; binary messages and commands"
 MESSAGES = {

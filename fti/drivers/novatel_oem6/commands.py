@@ -21,7 +21,7 @@ from fti.drivers import Command
 from fti.drivers._arguments import check_names
 from fti.drivers.novatel_oem6 import messages
 from fti.drivers.novatel_oem6.framing import RESPONSE_BIT, NovatelHeader, encode_frame, encode_text
-from fti.types import Ack, Stamp
+from fti.messages.measurements import Ack, Stamp
 
 LOG = struct.Struct("<IHBBIddI")
 UNLOG = struct.Struct("<IHBB")

@@ -22,7 +22,7 @@ from fti.drivers.novatel_oem6.observations import encode_range
 from fti.drivers.novatel_oem6.sky import encode_psrdop, encode_satvis2
 from fti.drivers.novatel_oem6.solution import encode_bestpos, encode_bestvel
 from fti.drivers.novatel_oem6.status import encode_rxstatus, encode_words
-from fti.types import (
+from fti.messages.measurements import (
     DeviceStatus,
     DeviceTime,
     Measurement,

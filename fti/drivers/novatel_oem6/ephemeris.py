@@ -10,7 +10,7 @@ import struct
 
 from fti.drivers._lnav import Subframe, read_ephemeris
 from fti.drivers.novatel_oem6.framing import NovatelHeader
-from fti.types import Measurement, Stamp
+from fti.messages.measurements import Measurement, Stamp
 
 RAWEPHEM = struct.Struct("<III30s30s30s")
 MAX_GPS = 32

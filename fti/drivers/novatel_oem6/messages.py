@@ -11,7 +11,7 @@ from fti.drivers.novatel_oem6.observations import decode_range, decode_rangecmp
 from fti.drivers.novatel_oem6.sky import decode_psrdop, decode_satvis, decode_satvis2
 from fti.drivers.novatel_oem6.solution import decode_bestpos, decode_bestvel
 from fti.drivers.novatel_oem6.status import decode_rxstatus
-from fti.types import Measurement, Stamp
+from fti.messages.measurements import Measurement, Stamp
 
 Reader = Callable[[bytes, NovatelHeader, Stamp], list[Measurement]]
 

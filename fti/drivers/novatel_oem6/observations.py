@@ -30,7 +30,7 @@ from fti.drivers.novatel_oem6.signals import (
     glonass_channel,
 )
 from fti.drivers.novatel_oem6.sky import number_in_system, satellite_number
-from fti.types import Measurement, Pseudorange, Pseudoranges, Stamp
+from fti.messages.measurements import Measurement, Pseudorange, Pseudoranges, Stamp
 
 COUNT = struct.Struct("<I")
 RANGE = struct.Struct("<HHdfdffffI")

@@ -20,7 +20,7 @@ from collections.abc import Iterable
 from fti.drivers._units import DEGREE
 from fti.drivers.novatel_oem6.clock import finite_or_none
 from fti.drivers.novatel_oem6.framing import NovatelHeader
-from fti.types import Measurement, Satellite, Satellites, Stamp
+from fti.messages.measurements import Measurement, Satellite, Satellites, Stamp
 
 PSRDOP = struct.Struct("<6fI")
 SATVIS = struct.Struct("<III")

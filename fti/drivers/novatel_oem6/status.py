@@ -14,7 +14,7 @@ import struct
 from collections.abc import Iterable
 
 from fti.drivers.novatel_oem6.framing import NovatelHeader
-from fti.types import DeviceStatus, Measurement, Stamp
+from fti.messages.measurements import DeviceStatus, Measurement, Stamp
 
 HEAD = struct.Struct("<II")
 WORD = struct.Struct("<IIII")

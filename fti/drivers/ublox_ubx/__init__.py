@@ -49,7 +49,7 @@ from fti.drivers.ublox_ubx.commands import COMMANDS, Options, command, on_connec
 from fti.drivers.ublox_ubx.encoder import Encoder
 from fti.drivers.ublox_ubx.frames import HEADER, MAX_HELD_BYTES, RTCM_START, SYNC, PayloadShape, PortFraming, rtcm_name
 from fti.drivers.ublox_ubx.receiver_state import ReceiverState
-from fti.types import Measurement
+from fti.messages.measurements import Measurement
 
 DOCUMENT = "u-blox 8 / M8 protocol specification UBX-13003221 R28; u-blox F9 HPG 1.32 interface UBX-22008968"
 CARRIERS = frozenset({"serial", "udp"})

@@ -5,7 +5,7 @@ from __future__ import annotations
 from fti.drivers.ublox_ubx.frames import frame
 from fti.drivers.ublox_ubx.receiver_state import ReceiverState
 from fti.drivers.ublox_ubx.table import CLASS_NAMES, NAMES
-from fti.types import Ack, Measurement, Stamp
+from fti.messages.measurements import Ack, Measurement, Stamp
 
 SOFTWARE, HARDWARE, EXTENSION = 30, 10, 30
 #: Command of a configuration message; CFG-VALSET may belong to several.

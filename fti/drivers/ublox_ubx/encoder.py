@@ -18,7 +18,7 @@ from fti.drivers.ublox_ubx.receiver_state import UNKNOWN_U32, WEEK_MS
 from fti.drivers.ublox_ubx.sky import make_sat
 from fti.drivers.ublox_ubx.table import NAMES, OUTPUTS, PORTS
 from fti.drivers.ublox_ubx.times import make_clock
-from fti.types import (
+from fti.messages.measurements import (
     Ack,
     DeviceStatus,
     Measurement,

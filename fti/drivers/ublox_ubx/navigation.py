@@ -9,7 +9,16 @@ from datetime import date
 from fti.drivers._times import GPS_EPOCH_UTC_NS, LEAP_NS, SECOND_NS, WEEK_S, gps_ns, utc_ns
 from fti.drivers._units import wrap_heading
 from fti.drivers.ublox_ubx.receiver_state import UNKNOWN_U32, WEEK_MS, ReceiverState, metres
-from fti.types import Attitude, DeviceStatus, Measurement, Position, Satellites, Stamp, TimeScale, Velocity
+from fti.messages.measurements import (
+    Attitude,
+    DeviceStatus,
+    Measurement,
+    Position,
+    Satellites,
+    Stamp,
+    TimeScale,
+    Velocity,
+)
 
 #                     iTOW year.. tAcc nano fix.. lon lat h hMSL  acc  NED,g,hd  acc pDOP
 PVT = struct.Struct("<I H5BB      I    i    4B    i   i   i i     2I   5i        2I  H")

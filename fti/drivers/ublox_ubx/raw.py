@@ -13,7 +13,7 @@ from fti.drivers._times import SECOND_NS, WEEK_S, gps_ns, gps_week
 from fti.drivers.ublox_ubx.frames import PayloadShape, frame
 from fti.drivers.ublox_ubx.receiver_state import ReceiverState
 from fti.drivers.ublox_ubx.sky import SYSTEMS, system
-from fti.types import Measurement, Pseudorange, Pseudoranges, Stamp, TimeScale
+from fti.messages.measurements import Measurement, Pseudorange, Pseudoranges, Stamp, TimeScale
 
 HEAD = struct.Struct("<dHbBBBxx")
 SIGNAL = struct.Struct("<ddfBBBBHBBBBBx")

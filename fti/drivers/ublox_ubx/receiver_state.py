@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from fti.drivers._lnav import Subframe
 from fti.drivers._times import SECOND_NS, WEEK_S, gps_ns
-from fti.types import Stamp, TimeScale
+from fti.messages.measurements import Stamp, TimeScale
 
 WEEK_MS = WEEK_S * 1000
 _HALF_WEEK_MS = WEEK_MS // 2

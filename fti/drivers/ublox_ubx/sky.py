@@ -8,7 +8,7 @@ import struct
 from fti.drivers.ublox_ubx.frames import PayloadShape, frame
 from fti.drivers.ublox_ubx.navigation import dop
 from fti.drivers.ublox_ubx.receiver_state import ReceiverState
-from fti.types import Measurement, Satellite, Satellites
+from fti.messages.measurements import Measurement, Satellite, Satellites
 
 HEAD = struct.Struct("<IBBxx")
 SAT = struct.Struct("<BBBbhhI")

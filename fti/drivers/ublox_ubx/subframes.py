@@ -13,7 +13,7 @@ import struct
 from fti.drivers._lnav import PREAMBLE, Subframe, read_ephemeris
 from fti.drivers.ublox_ubx.frames import PayloadShape
 from fti.drivers.ublox_ubx.receiver_state import ReceiverState
-from fti.types import Measurement, Stamp
+from fti.messages.measurements import Measurement, Stamp
 
 HEAD = struct.Struct("<BBBxBxxx")
 WORDS = struct.Struct("<10I")

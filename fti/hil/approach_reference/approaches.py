@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from fti.constants import FOOT
 from fti.hil.approach_reference.receivers import ReceiverVariant, measure
 from fti.hil.sensors.errors import gauss_markov_noise, white_noise
+from fti.messages.outputs import ClearanceIntegrity
 from fti.nav.integrity.approach import ApproachPath
 from fti.nav.integrity.monitor import ClearanceMonitor, ClearanceSample
 from fti.nav.integrity.reference import ReferenceSensor
@@ -27,7 +28,6 @@ from fti.ranging.nearest import NearestReturn
 from fti.ranging.radar.quantise import QUANTISATION_FT
 from fti.ranging.sensor import Poses, sensor_poses
 from fti.terrain.terrain import Terrain
-from fti.types import ClearanceIntegrity
 
 Array = NDArray[np.float64]
 

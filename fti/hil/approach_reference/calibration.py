@@ -36,12 +36,12 @@ from fti.hil.approach_reference.profile import (
 from fti.hil.approach_reference.range_map import map_ground
 from fti.hil.approach_reference.receivers import draw_receivers
 from fti.hil.approach_reference.tail_quantiles import bootstrap_interval, upper_quantile
+from fti.messages.outputs import IntegrityState
 from fti.nav.integrity.assumptions import Assumptions
 from fti.nav.integrity.batch_monitor import BatchMonitor, WindowBatch
 from fti.nav.integrity.monitor import OBSERVABLE_MARGIN, ClearanceMonitor
 from fti.nav.integrity.reference import ApproachReference, Detection, Limits, ReferenceHeader, ReferenceProfile
 from fti.nav.integrity.statistics import WIDTHS_M
-from fti.types import IntegrityState
 
 Array = NDArray[np.float64]
 

@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 from fti.errors import MissingError
 from fti.logger.reading.json_message import parse_table, using_message
 from fti.logger.reading.recording import Recording
+from fti.messages.reasons import Reason
 from fti.nav.altimetry.altimeter_channel import TERRAIN_REASONS
 from fti.nav.altimetry.sigmas import POSITION_SD_UNKNOWN
 from fti.nav.navigation import FILTER, RADIO, VERTICAL
-from fti.types import Reason
 
 Array = NDArray[np.float64]
 

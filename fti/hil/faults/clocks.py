@@ -9,7 +9,7 @@ from fti.devices import BoundDevice
 from fti.hil.faults.applicability import applies_to
 from fti.hil.faults.values import is_active
 from fti.hil.tables.fault_types import ClockDrift, ClockJump, Fault
-from fti.types import Measurement, Stamp, TimeScale
+from fti.messages.measurements import Measurement, Stamp, TimeScale
 
 SECOND_NS = 1_000_000_000
 

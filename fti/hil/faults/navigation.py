@@ -9,7 +9,7 @@ from dataclasses import replace
 
 from fti.hil.tables.fault_types import AttitudeOffset, Latency, SwappedCoordinates, Undulation
 from fti.hil.tables.quantity_names import NAME_FIELDS
-from fti.types import Attitude, Measurement, Position, Reading
+from fti.messages.measurements import Attitude, Measurement, Position, Reading
 
 NavigationFault = SwappedCoordinates | Undulation | AttitudeOffset
 MAGNETIC_HEADING = "magnetic_heading"

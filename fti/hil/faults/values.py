@@ -26,7 +26,7 @@ from fti.hil.tables.fault_types import (
     WrongUnit,
 )
 from fti.hil.tables.quantity_names import change_quantity, matches_quantity, parse
-from fti.types import (
+from fti.messages.measurements import (
     Ack,
     Calibration,
     DeviceStatus,

@@ -18,9 +18,9 @@ from fti.errors import ConfigError
 from fti.hil.flight.trajectory import FlightSamples
 from fti.hil.session_config import recorded_config
 from fti.logger.reading.recording import Recording
+from fti.messages.measurements import Attitude, Measurement, Position
 from fti.nav.device_time.device_times import DeviceTimes
 from fti.nav.source_interpolation import NavSource
-from fti.types import Attitude, Measurement, Position
 
 SECOND_NS = 1_000_000_000
 #: A position is joined with attitudes that follow within this time [ns].

@@ -25,9 +25,10 @@ from fti.hil.oracle.flag_definitions import (
 )
 from fti.hil.oracle.roles import AircraftRoles
 from fti.logger.schemas import ALARM_TOPIC
+from fti.messages.frames import LinkState
+from fti.messages.reasons import Reason
 from fti.nav.alarm_conditions import ALTIMETER_FAULTS, INTEGRITY_IDS
 from fti.nav.navigation import FILTER, RADIO
-from fti.types import LinkState, Reason
 
 #: Maximum latency from a flag to its alarm, at begin and end [s]: health is evaluated at 2 Hz and recorded at 1 Hz; an
 #: altimeter must be wrong for 0.5 s; a wrong rate must last for 5 s.

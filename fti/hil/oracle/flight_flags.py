@@ -21,9 +21,9 @@ from fti.hil.oracle.flag_definitions import (
     monitor_recovery_s,
 )
 from fti.hil.oracle.roles import AircraftRoles, Mask, TruthSeries
+from fti.messages.reasons import Reason
 from fti.nav.altimetry.validity import DEVIATION_M
 from fti.nav.integrity.go_around import GO_AROUND_CLIMB
-from fti.types import Reason
 
 MARGIN = 0.85
 #: Maximum latency of the flag of a device, at its begin and end [s].

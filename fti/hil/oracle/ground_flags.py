@@ -33,7 +33,7 @@ from fti.hil.oracle.flag_definitions import (
 from fti.hil.oracle.roles import Array, Mask
 from fti.hil.tables.fault_base import QuantityFault
 from fti.hil.tables.fault_types import Bias, Fog, Forced, GnssOffset, Noise, Ramp, Scale, Stuck, WrongUnit
-from fti.types import Reason
+from fti.messages.reasons import Reason
 
 #: Quantities of an altimeter.
 RANGE_QUANTITIES = frozenset({"range.slant_range", "radio_height.height_agl"})

@@ -34,10 +34,7 @@ from fti.hil.sensors.fast_messages import (
     new_temperature,
 )
 from fti.hil.sensors.sensor_settings import DeviceSettings, settings_of
-from fti.types import (
-    Measurement,
-    Stamp,
-)
+from fti.messages.measurements import Measurement, Stamp
 
 Array = NDArray[np.float64]
 Lag = Annotated[float, Field(ge=0, le=10)]

@@ -14,10 +14,10 @@ from fti.hil.environment import Environment
 from fti.hil.sensors.errors import white_noise
 from fti.hil.sensors.fast_messages import new_radio_height, new_range, new_reading, new_status
 from fti.hil.sensors.sensor_settings import DeviceSettings, settings_of
+from fti.messages.measurements import Measurement, Stamp
 from fti.ranging.radar.altimeter import RadarAltimeter as FmcwAltimeter
 from fti.ranging.radar.antenna import cosine_antenna
 from fti.ranging.radar.edge import edge_at
-from fti.types import Measurement, Stamp
 
 Array = NDArray[np.float64]
 

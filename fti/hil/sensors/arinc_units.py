@@ -24,11 +24,7 @@ from fti.hil.sensors.imu_grades import ImuSettings
 from fti.hil.sensors.inertial import inertial_samples
 from fti.hil.sensors.magnetometer import declination
 from fti.hil.sensors.sensor_settings import settings_of
-from fti.types import (
-    Measurement,
-    Stamp,
-    TimeScale,
-)
+from fti.messages.measurements import Measurement, Stamp, TimeScale
 
 Array = NDArray[np.float64]
 

@@ -15,13 +15,7 @@ from fti.hil.sensors.imu_grades import ImuSettings
 from fti.hil.sensors.inertial import inertial_samples
 from fti.hil.sensors.magnetometer import earth_field_b
 from fti.hil.sensors.sensor_settings import settings_of
-from fti.types import (
-    DeviceStatus,
-    Measurement,
-    Range,
-    Stamp,
-    TimeScale,
-)
+from fti.messages.measurements import DeviceStatus, Measurement, Range, Stamp, TimeScale
 
 
 class AutopilotUnit:

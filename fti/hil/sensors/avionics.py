@@ -16,14 +16,7 @@ from fti.hil.sensors.altimeters import RadarAltimeterModel
 from fti.hil.sensors.errors import gauss_markov_noise
 from fti.hil.sensors.fast_messages import new_attitude
 from fti.hil.sensors.gnss_reception import NAVIGATION, Reception
-from fti.types import (
-    Attitude,
-    Measurement,
-    Position,
-    Satellites,
-    Stamp,
-    Velocity,
-)
+from fti.messages.measurements import Attitude, Measurement, Position, Satellites, Stamp, Velocity
 
 Array = NDArray[np.float64]
 

@@ -24,7 +24,7 @@ from fti.hil.sensors.fast_messages import new_stamp
 from fti.hil.sensors.model import SensorModelType
 from fti.hil.sensors.mounting_error import make_model
 from fti.hil.tables.schema import SensorSettings
-from fti.types import Measurement, Stamp, TimeScale
+from fti.messages.measurements import Measurement, Stamp, TimeScale
 
 Array = NDArray[np.float64]
 

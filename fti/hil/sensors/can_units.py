@@ -17,7 +17,7 @@ from fti.hil.sensors.avionics import Avionics
 from fti.hil.sensors.deflections import deflections
 from fti.hil.sensors.dme import Interrogator
 from fti.hil.sensors.errors import gauss_markov_noise
-from fti.types import Measurement, Reading, Stamp, SurfaceDeflection
+from fti.messages.measurements import Measurement, Reading, Stamp, SurfaceDeflection
 
 Array = NDArray[np.float64]
 

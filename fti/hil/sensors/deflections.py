@@ -39,7 +39,7 @@ from fti.hil.flight.trajectory import FlightState
 from fti.hil.sensors.errors import backlash, white_noise
 from fti.hil.sensors.fast_messages import new_deflection
 from fti.hil.sensors.sensor_settings import DeviceSettings, settings_of
-from fti.types import Measurement, Stamp
+from fti.messages.measurements import Measurement, Stamp
 
 Array = NDArray[np.float64]
 

@@ -29,8 +29,8 @@ from fti.hil.environment import Environment
 from fti.hil.flight.trajectory import FlightState
 from fti.hil.sensors.errors import gauss_markov_noise
 from fti.hil.sensors.fast_messages import new_dme_range
+from fti.messages.measurements import Measurement, Stamp
 from fti.terrain.ray_outcome import RayOutcome
-from fti.types import Measurement, Stamp
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

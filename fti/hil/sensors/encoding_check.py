@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from fti.hil.sensors.base import SimulatedSensor
 from fti.hil.sensors.sent_rates import encode_cycles
 from fti.hil.tables.quantity_names import change_quantity, matches_quantity, parse
-from fti.types import Measurement
+from fti.messages.measurements import Measurement
 
 Cycles = Sequence[Sequence[Measurement]]
 

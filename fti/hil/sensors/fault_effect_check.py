@@ -13,7 +13,7 @@ from fti.hil.sensors.encoding_check import Cycles, is_carried
 from fti.hil.sensors.quantity_check import first_cycles
 from fti.hil.sensors.sent_rates import encode_cycles, sent_kinds
 from fti.hil.tables.fault_types import AttitudeOffset, GnssRamp, InertialBias, LeverArm, SwappedCoordinates, Undulation
-from fti.types import Position, RadioHeight, Range, Reading, Velocity
+from fti.messages.measurements import Position, RadioHeight, Range, Reading, Velocity
 
 OutputFault = GnssRamp | SwappedCoordinates | Undulation | LeverArm | AttitudeOffset | InertialBias
 #: Two periods of the rarest measurement, which is sent once a second [s].

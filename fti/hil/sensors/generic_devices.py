@@ -17,7 +17,7 @@ from fti.hil.sensors.avionics import HeadingReference
 from fti.hil.sensors.errors import gauss_markov_noise
 from fti.hil.sensors.imagers import ImagerModel, pixel_indices
 from fti.hil.sensors.model import SensorModel
-from fti.types import Attitude, Measurement, Position, RadioHeight, Range, Reading, Stamp, Velocity
+from fti.messages.measurements import Attitude, Measurement, Position, RadioHeight, Range, Reading, Stamp, Velocity
 
 Array = NDArray[np.float64]
 

@@ -14,7 +14,7 @@ from fti.hil.environment import Environment
 from fti.hil.sensors.constellation import SatellitesInView
 from fti.hil.sensors.errors import gauss_markov_noise
 from fti.hil.sensors.gnss_reception import NAVIGATION, ReceiverSpec, Reception
-from fti.types import (
+from fti.messages.measurements import (
     DeviceStatus,
     Measurement,
     Pseudorange,

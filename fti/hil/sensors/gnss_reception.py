@@ -33,9 +33,9 @@ from fti.hil.faults.gnss import GnssFaults
 from fti.hil.sensors.base import position_at, velocity_at
 from fti.hil.sensors.constellation import Constellation, dilution
 from fti.hil.sensors.fast_messages import new_position, new_satellites, new_velocity
+from fti.messages.measurements import Position, Satellites, Stamp, Velocity
 from fti.terrain.ray_outcome import RayOutcome
 from fti.terrain.terrain import Terrain
-from fti.types import Position, Satellites, Stamp, Velocity
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

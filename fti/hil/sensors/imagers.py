@@ -22,11 +22,11 @@ from fti.drivers._quantities import UNITS
 from fti.errors import ConfigError
 from fti.hil.environment import Environment
 from fti.hil.sensors.sensor_settings import DeviceSettings, settings_of
+from fti.messages.measurements import Measurement, Reading, Stamp
 from fti.ranging.imager import RangeImager
 from fti.ranging.laser import Laser
 from fti.ranging.scanner import RangeScanner
 from fti.ranging.sensor import RangingSensor
-from fti.types import Measurement, Reading, Stamp
 
 Array = NDArray[np.float64]
 

@@ -33,7 +33,7 @@ from fti.hil.sensors.inertial_solution import (
     free_mask,
 )
 from fti.hil.sensors.sensor_settings import settings_of
-from fti.types import Measurement, Position, Stamp, TimeScale
+from fti.messages.measurements import Measurement, Position, Stamp, TimeScale
 
 Array = NDArray[np.float64]
 

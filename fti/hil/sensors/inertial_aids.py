@@ -22,7 +22,7 @@ from fti.hil.sensors.avionics import HeadingReference
 from fti.hil.sensors.errors import gauss_markov_noise
 from fti.hil.sensors.inertial_solution import InsOutput
 from fti.hil.sensors.magnetometer import earth_field_b
-from fti.types import (
+from fti.messages.measurements import (
     Airspeed,
     DeviceStatus,
     MagneticField,

@@ -19,7 +19,7 @@ from fti.hil.sensors.encoding_check import is_carried
 from fti.hil.sensors.quantity_check import first_cycles
 from fti.hil.sensors.sent_rates import encode_cycles
 from fti.hil.tables.quantity_names import NAME_FIELDS, MeasurementField, quantities
-from fti.types import Measurement
+from fti.messages.measurements import Measurement
 
 SAMPLE_PERIOD_S = 1.0
 #: The messages of this time contain every value that a device sends [s].

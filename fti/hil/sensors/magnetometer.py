@@ -26,7 +26,7 @@ from fti.hil.flight.trajectory import FlightState
 from fti.hil.sensors.fast_messages import new_field
 from fti.hil.sensors.sensor_settings import DeviceSettings, settings_of
 from fti.hil.tables.fault_base import NotNegative
-from fti.types import Measurement, Stamp
+from fti.messages.measurements import Measurement, Stamp
 
 Array = NDArray[np.float64]
 

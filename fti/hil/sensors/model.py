@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from fti.devices import BoundDevice
 from fti.hil.environment import Environment
-from fti.types import Measurement, Stamp, TimeScale
+from fti.messages.measurements import Measurement, Stamp, TimeScale
 
 Array = NDArray[np.float64]
 

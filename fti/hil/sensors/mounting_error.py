@@ -13,7 +13,7 @@ from fti.hil.environment import Environment
 from fti.hil.faults.applicability import applies_to
 from fti.hil.sensors.model import Array, SensorModel, SensorModelType
 from fti.hil.tables.fault_types import LeverArm
-from fti.types import Measurement, Stamp
+from fti.messages.measurements import Measurement, Stamp
 
 
 class MisplacedModel:

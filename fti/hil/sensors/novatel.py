@@ -24,7 +24,7 @@ from fti.hil.environment import Environment
 from fti.hil.sensors.constellation import GLONASS_CHANNELS, L1_STEP_HZ, SatellitesInView
 from fti.hil.sensors.errors import gauss_markov_noise
 from fti.hil.sensors.gnss_reception import ReceiverSpec, Reception
-from fti.types import (
+from fti.messages.measurements import (
     DeviceStatus,
     DeviceTime,
     Measurement,

@@ -15,7 +15,7 @@ from fti.hil.scenario import Scenario
 from fti.hil.sensors.base import Array, SimulatedSensor
 from fti.hil.tables.fault_types import PowerFault
 from fti.hil.tables.schema import SensorSettings
-from fti.types import Measurement, Reading, Stamp
+from fti.messages.measurements import Measurement, Reading, Stamp
 
 
 class PowerPanel:

@@ -14,7 +14,7 @@ from fti.hil.sensors import MODELS, SimulatedSensor
 from fti.hil.sensors.power_unit import PowerPanel
 from fti.hil.tables.fault_base import QuantityFault
 from fti.hil.tables.quantity_names import NAME_FIELDS, matches_quantity, parse, quantities
-from fti.types import Measurement, Reading, Stamp, TimeScale
+from fti.messages.measurements import Measurement, Reading, Stamp, TimeScale
 
 #: Checked time of the flight [s]: some measurements are sent once a second.
 CHECK_DURATION_S = 1.5

@@ -9,7 +9,7 @@ from fti.hil.environment import Environment
 from fti.hil.sensors.base import SimulatedSensor
 from fti.hil.sensors.quantity_check import first_cycles
 from fti.logger.derived_log import snake_case
-from fti.types import Measurement
+from fti.messages.measurements import Measurement
 
 #: Checked time of the flight [s]; the rarest measurement is sent once a second.
 CHECK_DURATION_S = 2.0

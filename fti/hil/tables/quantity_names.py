@@ -1,7 +1,7 @@
 """Names of the numbers of measurements that faults change: ``range.slant_range``, ``imu_sample.gyro_b_2``.
 
-The first part is a class of ``fti.types.Measurement`` in snake case, the second one of its fields; for a vector the
-index of the component follows.  SI units and radians, as in ``fti.types``.
+The first part is a class of measurements in snake case, the second one of its fields; for a vector the index of the
+component follows.  SI units and radians, as in ``fti.messages``.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from collections.abc import Callable
 from functools import cache
 from typing import Any, NamedTuple, get_args, get_type_hints
 
-from fti.types import Measurement
+from fti.messages.measurements import Measurement
 
 #: Fields that name a Reading, a SurfaceDeflection or a DmeRange.
 NAME_FIELDS = ("name", "surface", "station")

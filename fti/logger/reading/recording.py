@@ -16,7 +16,7 @@ from fti.logger.raw_log import LINKS_METADATA, TICK_TOPIC
 from fti.logger.reading.mcap_file import Head, McapFile, McapMessage
 from fti.logger.reading.session_locator import check_session_path
 from fti.logger.session import Kind, SessionFolder, name_parts
-from fti.types import TICK_LINK, RawFrame
+from fti.messages.frames import TICK_LINK, RawFrame
 
 RAW_PREFIX, SENT_PREFIX = "/raw/", "/tx/"
 #: Number of frames that wait for an earlier one before the files are searched for it.

@@ -10,7 +10,7 @@ import hashlib
 from dataclasses import dataclass
 
 from fti.logger.reading.recording import Recording
-from fti.types import TICK_LINK
+from fti.messages.frames import TICK_LINK
 
 LENGTH_BYTES = 8
 

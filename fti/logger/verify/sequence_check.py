@@ -19,7 +19,7 @@ from fti.logger.reading.mcap_file import McapChannel
 from fti.logger.reading.recording import RAW_PREFIX, SENT_PREFIX, unwrap
 from fti.logger.records import MESSAGE, MESSAGE_BODY
 from fti.logger.verify.file_check import MessageRow, Page
-from fti.types import TICK_PERIOD_NS
+from fti.messages.frames import TICK_PERIOD_NS
 
 #: Error of a kernel timestamp: two clock readings convert it to FTI time, and the reader may be interrupted between.
 STAMP_TOLERANCE_NS = 1_000_000

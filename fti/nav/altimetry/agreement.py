@@ -30,8 +30,9 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from fti.config import Altimeter
+from fti.messages.outputs import HeightAboveGround
+from fti.messages.reasons import Reason
 from fti.nav.altimetry.sigmas import RANGE_SD_UNKNOWN
-from fti.types import HeightAboveGround, Reason
 
 #: Limit [m] below 200 ft [m].
 LIMIT_M, LOW_M = 4.572, 60.96

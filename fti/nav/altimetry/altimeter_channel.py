@@ -8,6 +8,9 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from fti.config import Device, Vector
+from fti.messages.measurements import RadioHeight, Range
+from fti.messages.outputs import Compensation, HeightAboveGround
+from fti.messages.reasons import Reason
 from fti.nav.altimetry.change import ChangeCheck
 from fti.nav.altimetry.compensation import (
     CompensatedHeight,
@@ -26,7 +29,6 @@ from fti.nav.altimetry.validity import Sample, is_conclusive, is_within_limit, r
 from fti.nav.navigation import NavState
 from fti.nav.source_interpolation import ATTITUDE_SD_UNKNOWN
 from fti.nav.terrain_reference import Ground
-from fti.types import Compensation, HeightAboveGround, RadioHeight, Range, Reason
 
 if TYPE_CHECKING:
     from fti.nav.altimetry.expected_range import AltimeterPredictor

@@ -19,12 +19,12 @@ import math
 from collections.abc import Mapping
 from dataclasses import replace
 
+from fti.messages.reasons import Reason
 from fti.nav.altimetry.mismatch import MismatchTest
 from fti.nav.altimetry.observation import AltimeterObservation, Resolution
 from fti.nav.altimetry.scatter import ResidualScatter
 from fti.nav.altimetry.stuck_value import StuckTest
 from fti.nav.time_series import SECOND_NS
-from fti.types import Reason
 
 #: Maximum time between samples without a gap [ns].
 MAX_GAP_NS = 3 * SECOND_NS

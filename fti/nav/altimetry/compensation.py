@@ -10,8 +10,7 @@ the excess of the tilt over half the beam is used.  The full tilt makes a radar 
 full width of its beam, 20 deg for 10 deg, 60 deg for 30 deg, and at any bank for 45 deg and more (``fti study
 compensation``).
 
-The reference point is P for any lever arm of the sensor.  Navigation refers to P; ``fti.types.Point`` is in each
-output.
+The reference point is P for any lever arm of the sensor.  Navigation refers to P; ``Point`` is in each output.
 """
 
 from __future__ import annotations

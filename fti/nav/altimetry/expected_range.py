@@ -18,6 +18,8 @@ from numpy.typing import NDArray
 
 from fti.config import Altimeter, Device
 from fti.geodesy.rotations import mat_from_rpy
+from fti.messages.outputs import Compensation
+from fti.messages.reasons import Reason
 from fti.nav.altimetry import scalar_kernels
 from fti.nav.altimetry.compensation import mounting_of, nonlinear_tilt_sd, tilt_of
 from fti.nav.altimetry.expected_sample import ExpectedSample, ExpectedSampleOrReason, NoGround
@@ -41,7 +43,6 @@ from fti.ranging.receiver_error import PossibleReceivers, model_error
 from fti.ranging.sensor import Validity
 from fti.terrain.pyramid import Pyramid
 from fti.terrain.terrain import Terrain
-from fti.types import Compensation, Reason
 
 Array = NDArray[np.float64]
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from fti.types import Compensation, Reason
+from fti.messages.outputs import Compensation
+from fti.messages.reasons import Reason
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,11 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from fti.messages.outputs import HeightAboveGround
+from fti.messages.reasons import Reason
 from fti.nav.altimetry.sigmas import POSITION_SD_UNKNOWN, stated_sd
 from fti.nav.source_interpolation import PositionState
 from fti.nav.terrain_reference import Ground
 from fti.terrain.terrain import Terrain
-from fti.types import HeightAboveGround, Reason
 
 Array = NDArray[np.float64]
 

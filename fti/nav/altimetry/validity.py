@@ -34,7 +34,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from fti.config import Altimeter
-from fti.types import Reason
+from fti.messages.reasons import Reason
 
 #: Limits of a laser and of a radar [m], [deg]: table 3.2; a quarter of the power.
 DEVIATION_M = {"laser": 5.0, "radar": 10.0}

@@ -22,8 +22,8 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from fti.messages.measurements import TimeScale
 from fti.nav.device_time.delay_envelope import MIN_SAMPLES, Array, EnvelopeLine, fit_line
-from fti.types import TimeScale
 
 Ints = NDArray[np.int64]
 

@@ -12,9 +12,10 @@ from functools import cache
 from typing import Any
 
 from fti.config import Device
+from fti.messages.measurements import Measurement, Stamp, TimeScale
+from fti.messages.outputs import Event
 from fti.nav.device_time.clock_estimator import ARRIVAL_SD_NS, WINDOW_S, ClockEstimator, ClockState
 from fti.nav.device_time.delay_envelope import Z95
-from fti.types import Event, Measurement, Stamp, TimeScale
 
 SECOND_NS = 1_000_000_000
 #: Scales that are common to all devices, the better one first.

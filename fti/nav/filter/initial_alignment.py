@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from fti.geodesy.rotations import rpy_from_mat
 from fti.geodesy.wgs84 import radii
+from fti.messages.reasons import Reason
 from fti.nav.filter.aiding import GnssHeight, GnssPosition, GnssVelocity, Vector
 from fti.nav.filter.estimate import InitialState
 from fti.nav.inertial.alignment import HEADING_SD, MIN_TRACK_SPEED_MPS, TILT_SD, attitude_in_flight
-from fti.types import Reason
 
 Array = NDArray[np.float64]
 

@@ -26,6 +26,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from fti.messages.outputs import FilterMode, FilterSolution
+from fti.messages.reasons import Reason
 from fti.nav.filter import antenna, geodetic_kernels, kernels
 from fti.nav.filter.aiding import Aiding, GnssHeight, GnssPosition, SlantRange
 from fti.nav.filter.delayed_measurements import InnovationRecord, Timeline
@@ -36,7 +38,6 @@ from fti.nav.filter.initial_alignment import Aligner
 from fti.nav.filter.innovation_gate import LIMITS, excluded_names, rejected_names
 from fti.nav.filter.measurement_update import compute_nis
 from fti.nav.filter.segment import FilterSegment
-from fti.types import FilterMode, FilterSolution, Reason
 
 Array = NDArray[np.float64]
 

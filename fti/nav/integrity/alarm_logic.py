@@ -15,7 +15,8 @@ from __future__ import annotations
 from collections import deque
 from dataclasses import dataclass
 
-from fti.types import IntegrityState, Reason
+from fti.messages.outputs import IntegrityState
+from fti.messages.reasons import Reason
 
 CALM_RATIO = 0.8
 MEMORY = 3

@@ -8,6 +8,8 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 from fti.config import Approach, Config, Device
+from fti.messages.outputs import ClearanceIntegrity, Event, GlideSlope, HeightAboveGround, IntegrityState
+from fti.messages.reasons import Reason
 from fti.nav.altimetry.altimeter_channel import is_monitorable
 from fti.nav.integrity.assumptions import receiver_holds
 from fti.nav.integrity.glide_slope import PathPosition, glide_slope, mean_deviation
@@ -16,7 +18,6 @@ from fti.nav.integrity.reference import ApproachReference, check_settings, fits
 from fti.nav.navigation import FILTER, RADIO, VERTICAL, NavState
 from fti.nav.protection import unstated_sigmas
 from fti.nav.source_interpolation import PositionState
-from fti.types import ClearanceIntegrity, Event, GlideSlope, HeightAboveGround, IntegrityState, Reason
 
 #: For a source without a stated or configured sigma.
 NO_SIGMA = (None, None)

@@ -18,10 +18,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fti.messages.outputs import ClearanceIntegrity, GlideSlope, IntegrityState
+from fti.messages.reasons import Reason
 from fti.nav.integrity.approach import ApproachPath
 from fti.nav.integrity.reference import ApproachReference
 from fti.nav.integrity.window import Bins
-from fti.types import ClearanceIntegrity, GlideSlope, IntegrityState, Reason
 
 MEAN_M = 50.0
 MIN_S_M = 150.0

@@ -26,6 +26,8 @@ from types import MappingProxyType
 import numpy as np
 
 from fti.config import Approach
+from fti.messages.outputs import ClearanceIntegrity, IntegrityState
+from fti.messages.reasons import Reason
 from fti.nav.integrity.alarm_logic import AlarmLogic, Ratios
 from fti.nav.integrity.approach import ApproachPath
 from fti.nav.integrity.assumptions import navigation_holds
@@ -34,7 +36,6 @@ from fti.nav.integrity.protection import ClearanceProtection, ProtectionCalculat
 from fti.nav.integrity.reference import ApproachReference
 from fti.nav.integrity.statistics import Matcher, Statistics
 from fti.nav.integrity.window import Bins, ClearanceSeries, ClearanceWindow, has_gaps, interpolate
-from fti.types import ClearanceIntegrity, IntegrityState, Reason
 
 UPDATE_NS = 200_000_000
 UPDATE_M = 10.0

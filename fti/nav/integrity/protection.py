@@ -18,9 +18,9 @@ from dataclasses import dataclass
 from statistics import NormalDist
 
 from fti.config import Approach
+from fti.messages.reasons import Reason
 from fti.nav.integrity.reference import Limits
 from fti.nav.integrity.statistics import Statistics
-from fti.types import Reason
 
 
 @dataclass(frozen=True, slots=True)

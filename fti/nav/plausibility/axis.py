@@ -20,6 +20,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from fti.config import SourceLimits
+from fti.messages.reasons import Reason
 from fti.nav.plausibility import scatter
 from fti.nav.plausibility.budget import K_CLOSURE, K_FALSE, K_JUMP
 from fti.nav.plausibility.finding import PlausibilityFinding
@@ -28,7 +29,6 @@ from fti.nav.plausibility.resolution import ResolutionEstimator
 from fti.nav.plausibility.sigmas import VELOCITY_TAU_S, WHITE_SHARE, FixInterval, FixSigma, difference_variance
 from fti.nav.plausibility.velocity_integral import Integral, VelocityIntegral
 from fti.nav.time_series import SECOND_NS, wrap
-from fti.types import Reason
 
 #: Minimum time between tested fixes [ns].
 MIN_STEP_NS = 80_000_000

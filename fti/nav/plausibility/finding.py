@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from fti.types import Reason
+from fti.messages.reasons import Reason
 
 
 @dataclass(frozen=True, slots=True)

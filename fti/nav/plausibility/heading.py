@@ -10,11 +10,12 @@ from __future__ import annotations
 
 import math
 
+from fti.messages.measurements import Attitude
+from fti.messages.reasons import Reason
 from fti.nav.plausibility.attitude import HEADING_SD_UNKNOWN
 from fti.nav.plausibility.budget import K_FALSE
 from fti.nav.plausibility.finding import PlausibilityFinding
 from fti.nav.time_series import SECOND_NS, wrap
-from fti.types import Attitude, Reason
 
 LEVEL = math.radians(5.0)
 SIDESLIP = math.radians(3.0)

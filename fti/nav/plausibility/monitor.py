@@ -8,6 +8,18 @@ from dataclasses import replace
 from typing import TypeVar
 
 from fti.config import Config, Device, position_sources
+from fti.messages.measurements import (
+    Attitude,
+    Ephemeris,
+    Measurement,
+    Position,
+    Pseudoranges,
+    ReceiverClock,
+    Satellites,
+    Velocity,
+)
+from fti.messages.outputs import Event, FilterSolution, Output, SourceValidity
+from fti.messages.reasons import Reason
 from fti.nav.carried_refusal import CarriedRefusal, RefusedPart
 from fti.nav.plausibility.admission import Admission
 from fti.nav.plausibility.attitude import AttitudeComparison
@@ -19,21 +31,6 @@ from fti.nav.plausibility.signals import HOLD_NS, SignalTest
 from fti.nav.plausibility.source import SourceTests, UnconfirmedSource, UnstatedSigmas
 from fti.nav.source_interpolation import level_velocity
 from fti.nav.time_series import SECOND_NS
-from fti.types import (
-    Attitude,
-    Ephemeris,
-    Event,
-    FilterSolution,
-    Measurement,
-    Output,
-    Position,
-    Pseudoranges,
-    Reason,
-    ReceiverClock,
-    Satellites,
-    SourceValidity,
-    Velocity,
-)
 
 T = TypeVar("T", Position, Velocity, Attitude)
 #: Period of source validities [ns], and of their repetition without a change [periods].

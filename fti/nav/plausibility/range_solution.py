@@ -29,9 +29,9 @@ from fti.constants import SPEED_OF_LIGHT
 from fti.geodesy.broadcast_orbit import clock_offset, position_e, rotate_with_earth, transmission_time
 from fti.geodesy.rotations import mat_en
 from fti.geodesy.wgs84 import geodetic_from_ecef
+from fti.messages.measurements import Ephemeris
 from fti.nav.least_squares import LeastSquaresSolution, RangeObservation, solve
 from fti.nav.plausibility.scatter import variance_ratio_limit
-from fti.types import Ephemeris
 
 Array = NDArray[np.float64]
 

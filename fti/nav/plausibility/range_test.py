@@ -26,11 +26,12 @@ import numpy as np
 
 from fti.geodesy.broadcast_orbit import seconds_after
 from fti.geodesy.wgs84 import ecef_from_geodetic, geodetic_from_ecef, radii
+from fti.messages.measurements import Ephemeris, Pseudorange, Pseudoranges, Stamp, TimeScale
+from fti.messages.reasons import Reason
 from fti.nav.plausibility.budget import K_FALSE
 from fti.nav.plausibility.finding import PlausibilityFinding
 from fti.nav.plausibility.range_solution import MeasuredRange, RangePosition, RangeSolution, solve_ranges
 from fti.nav.time_series import SECOND_NS
-from fti.types import Ephemeris, Pseudorange, Pseudoranges, Reason, Stamp, TimeScale
 
 SYSTEM, SIGNAL = "gps", "L1C"
 #: Minimum time between tested epochs [ns]: clocks of 1 Hz jitter.

@@ -14,6 +14,8 @@ from typing import NamedTuple
 
 from fti.config import Device, SourceLimits
 from fti.geodesy.one_point import radii
+from fti.messages.measurements import Ephemeris, Position, Pseudoranges, Stamp, TimeScale, Velocity
+from fti.messages.outputs import Event
 from fti.nav.plausibility.admission import Admission, AdmissionChange
 from fti.nav.plausibility.axis import AxisFix, AxisTests
 from fti.nav.plausibility.device_time import DeviceTimeTest
@@ -36,7 +38,6 @@ from fti.nav.plausibility.undulation import UndulationTest
 from fti.nav.plausibility.velocity_integral import MIN_STEP_NS
 from fti.nav.source_interpolation import MAX_PART_VALUES, ellipsoidal_height, level_velocity
 from fti.nav.time_series import SECOND_NS
-from fti.types import Ephemeris, Event, Position, Pseudoranges, Stamp, TimeScale, Velocity
 
 #: Maximum time between ground speed and track of different messages for a velocity [ns].
 MAX_PAIRING_NS = SECOND_NS // 2

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 
 from fti.geodesy.coarse_geoid import undulation
+from fti.messages.measurements import Position
+from fti.messages.reasons import Reason
 from fti.nav.plausibility.finding import PlausibilityFinding
-from fti.types import Position, Reason
 
 #: Consecutive fixes that make a finding.
 MIN_FIXES = 3

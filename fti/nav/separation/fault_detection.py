@@ -18,6 +18,8 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from fti.config import Filter
+from fti.messages.outputs import Event
+from fti.messages.reasons import Reason
 from fti.nav.carried_refusal import CarriedRefusal, RefusedPart
 from fti.nav.filter.aiding import Aiding
 from fti.nav.filter.estimate import Estimate
@@ -54,7 +56,6 @@ from fti.nav.separation.source_class import (
     receiver_names,
 )
 from fti.nav.witnesses import Confirmation, Size
-from fti.types import Event, Reason
 
 #: Ratio of the separation without a wrong receiver to that without any other one.
 SINGLE_FAULT_RATIO = 1.5

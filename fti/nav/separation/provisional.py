@@ -27,6 +27,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fti.geodesy.one_point import radii
+from fti.messages.outputs import FilterSolution, ProvisionalSolution
+from fti.messages.reasons import Reason
 from fti.nav.filter.aiding import Aiding
 from fti.nav.filter.estimate import Estimate, inflate_covariance
 from fti.nav.filter.exclusion import NOT_EXCLUDED
@@ -36,7 +38,6 @@ from fti.nav.separation.copies import FilterCopy
 from fti.nav.separation.monitor import QUANTITY_AXES, REFUSED_NS
 from fti.nav.separation.protection import ProtectionLevels
 from fti.nav.separation.readmission import AGREED_NS, MAX_GAP_NS
-from fti.types import FilterSolution, ProvisionalSolution, Reason
 
 Array = NDArray[np.float64]
 

@@ -28,11 +28,11 @@ from enum import StrEnum
 
 import numpy as np
 
+from fti.messages.reasons import Reason
 from fti.nav.time_series import SECOND_NS
 from fti.nav.vertical.error_model import ALTIMETER, CLIMB, HEIGHT, STATES, VerticalModel
 from fti.nav.vertical.inertial_height import HorizontalMotion, InertialHeight, Vector, vertical_acceleration
 from fti.nav.vertical.kalman_filter import GATE, ErrorFilter, Innovation
-from fti.types import Reason
 
 #: A larger error is subtracted from the channel [m].
 FOLD_M = 100.0

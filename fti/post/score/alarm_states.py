@@ -16,11 +16,13 @@ from fti.config import Config
 from fti.hil.oracle.flag_definitions import HEIGHT, INTEGRITY, SOLUTION
 from fti.hil.oracle.required_outputs import FILTER, GLIDE, HEIGHT_BELOW, VALIDITY
 from fti.logger.schemas import ALARM_TOPIC
+from fti.messages.frames import LinkState
+from fti.messages.outputs import IntegrityState
+from fti.messages.reasons import Reason
 from fti.nav.alarm_conditions import FALLBACKS
 from fti.post.score.observed_flags import MOMENT_S, FlagInterval, ObservedFlags, uncovered_parts
 from fti.post.score.outputs.consistency import PROFILE_REASONS
 from fti.service.supervisor.health_conditions import STOPPED_LINK_STATES
-from fti.types import IntegrityState, LinkState, Reason
 
 #: Health is recorded once a second and evaluated twice a second: tolerance between health and alarm [s].
 RECORDED_S = 1.5

@@ -19,13 +19,14 @@ from fti.logger.reading.json_message import parse_table, using_message
 from fti.logger.reading.note_states import NoteStates
 from fti.logger.reading.recording import Recording
 from fti.logger.schemas import ALARM_TOPIC
+from fti.messages.outputs import IntegrityState
+from fti.messages.reasons import Reason
 from fti.nav.navigation import FILTER, RADIO
 from fti.post.score.alarm_states import AlarmStates, has_states
 from fti.post.score.observed_flags import NOTHING, STATUS, ObservedFlags, Words
 from fti.post.score.outputs.consistency import PROFILE_REASONS
 from fti.post.score.truth_reader import PAUSE_S, FlightPause, FlightTruth
 from fti.service.navigation.device_monitor import NO_FRAME_REASONS
-from fti.types import IntegrityState, Reason
 
 EVENT, HEALTH, TICK = "/fti/event", "/fti/health", "/fti/tick"
 #: Reasons that depend on the position only and are not flags: of heights, and of outputs along a profile.

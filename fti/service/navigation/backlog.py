@@ -8,7 +8,7 @@
 
 from __future__ import annotations
 
-from fti.types import Event
+from fti.messages.outputs import Event
 
 SECOND_NS = 1_000_000_000
 #: Outputs of frames that have waited longer are late for every consumer.

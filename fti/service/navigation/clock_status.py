@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from fti.drivers._times import GPS_EPOCH_UTC_NS, LEAP_NS
-from fti.types import TimeScale
+from fti.messages.measurements import TimeScale
 
 NS_PER_MS = 1e6
 

@@ -14,6 +14,9 @@ from fti.config import Config
 from fti.devices import BoundDevice
 from fti.drivers import Counters, Decoder, StatefulDecoder
 from fti.logger.schemas import ALARM_REPORT_TOPIC, DEVICE_CLOCK_TOPIC, READMISSION_TOPIC, TERRAIN_TOPIC
+from fti.messages.frames import ALL_SOURCES, TICK_LINK, RawFrame
+from fti.messages.measurements import Measurement
+from fti.messages.outputs import Event, Output
 from fti.nav.alarm_conditions import OutputConditions
 from fti.nav.carried_refusal import CarriedRefusal
 from fti.nav.device_time.device_times import DeviceTimes
@@ -22,7 +25,6 @@ from fti.nav.pipeline import Pipeline
 from fti.nav.sensor_mounting import Mountings
 from fti.nav.terrain_reference import Ground
 from fti.service.fault_guard import Guard
-from fti.types import ALL_SOURCES, TICK_LINK, Event, Measurement, Output, RawFrame
 
 #: Reasons for skipping the bytes that a decoder held: frames were missing, or the decoder failed.
 GAP, FAILURE = "gap", "failure"

@@ -17,8 +17,9 @@ from fti.errors import StorageError
 from fti.logger.derived_log import DerivedLog
 from fti.logger.log_segment import LogSegment
 from fti.logger.storage_target import StorageTarget
+from fti.messages.measurements import Measurement
+from fti.messages.outputs import Event, Output
 from fti.service.fault_guard import FailureHandler, catch_failures
-from fti.types import Event, Measurement, Output
 
 FLUSH_PERIOD_S = 0.05
 SYNC_PERIOD_S = 1.0

@@ -10,9 +10,9 @@ from typing import Any, NamedTuple
 from fti import drivers
 from fti.config import Config
 from fti.drivers import Decoder
+from fti.messages.frames import LinkState, RawFrame
 from fti.service.navigation.clock_status import clock_status
 from fti.service.navigation.decode_chain import GAP, Chain, DeviceDecoder
-from fti.types import LinkState, RawFrame
 
 #: Number of health reports (twice a second) for the assessment of a state.
 WINDOW = 8

@@ -15,6 +15,9 @@ from fti.clock import SystemClock
 from fti.devices import bind_devices, parse_reference
 from fti.logger.derived_log import DerivedLog, output_topic
 from fti.logger.schemas import ALARM_REPORT_TOPIC
+from fti.messages.frames import TICK_LINK, RawFrame
+from fti.messages.measurements import Ack
+from fti.messages.outputs import Event, HeightAboveGround, HeightBelowAircraft, Output
 from fti.nav.carried_refusal import parse_refusals
 from fti.service import terrain_retry
 from fti.service.control_channel import ControlChannel
@@ -25,7 +28,6 @@ from fti.service.navigation.device_monitor import DeviceMonitor
 from fti.service.navigation.output_latency import OutputLatency
 from fti.service.navigation.terrain_loader import TerrainLoader
 from fti.service.startup import NavigationStartup
-from fti.types import TICK_LINK, Ack, Event, HeightAboveGround, HeightBelowAircraft, Output, RawFrame
 
 #: Name of the process on the bus and in health.
 PROCESS = "navigation"

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from fti.buffers.ring import Ring
 from fti.buffers.triple_buffer import TripleBuffer
 from fti.links import Sink
-from fti.types import TICK_PERIOD_NS
+from fti.messages.frames import TICK_PERIOD_NS
 
 #: With this amount the frames are passed on before the beat, so that a fast line fills its buffer evenly [B].
 MAX_WAITING_BYTES = 2**16

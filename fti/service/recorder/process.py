@@ -14,6 +14,7 @@ from fti.config import altimeter_links
 from fti.links import Link, add_beat_callbacks, open_link, remove_beat_callbacks
 from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.session import Kind, Numbering, SessionFolder
+from fti.messages.frames import TICK_LINK
 from fti.service.control_channel import ControlChannel, ControlMessage
 from fti.service.fault_guard import catch_failures, keep_running
 from fti.service.recorder.clock_monitor import report_clocks
@@ -26,7 +27,6 @@ from fti.service.recorder.snapshot.sink import SnapshotSink
 from fti.service.recorder.storage_monitor import Dropped, StorageMonitor
 from fti.service.recorder.transmitter import Transmitter
 from fti.service.startup import LinkStartup, RecorderStartup
-from fti.types import TICK_LINK
 
 LEDGER_PERIOD_S = 1.0
 #: Maximum wait for the first file.

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from fti.logger.storage import StorageState
+from fti.messages.frames import LinkState
 from fti.service.children import Child
-from fti.types import LinkState
 
 #: Recorder and navigation report twice a second; an older report is not valid.
 LATE_NS = 3_000_000_000

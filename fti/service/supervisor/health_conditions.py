@@ -13,9 +13,9 @@ from typing import Any
 
 from fti.alarms.condition import Condition, ConditionReport, Severity, device_id, in_title
 from fti.clock import SECOND_NS
+from fti.messages.frames import LinkState
 from fti.service.children import ProcessState
 from fti.service.supervisor.health import MAX_LAG_MS
-from fti.types import LinkState
 
 Fields = Mapping[str, Any]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from fti.types import LinkState
+from fti.messages.frames import LinkState
 
 #: A state is reported after this time; a device that is switched on with the computer needs a moment.
 MIN_DURATION_NS = 2_000_000_000

@@ -7,13 +7,13 @@ from typing import Any
 
 from fti.clock import Clock
 from fti.config import Config, position_sources
+from fti.messages.frames import ALL_SOURCES
 from fti.service.control_channel import ControlMessage
 from fti.service.supervisor.alarm_board import AlarmBoard
 from fti.service.supervisor.child_monitor import RecorderOutbox
 from fti.service.supervisor.command_tracker import CommandTracker
 from fti.service.supervisor.control_socket import Answer
 from fti.service.supervisor.event_publisher import EventPublisher
-from fti.types import ALL_SOURCES
 
 
 class OperatorRequests:

@@ -20,6 +20,7 @@ from fti.bus.hub import Hub
 from fti.bus.loopback import choose_port, describe_endpoint
 from fti.clock import SystemClock, describe_wrong_time
 from fti.config import Config
+from fti.messages.frames import ALL_SOURCES
 from fti.service import control_channel, run_directory
 from fti.service.children import Child, ProcessState
 from fti.service.control_channel import ControlMessage
@@ -42,7 +43,6 @@ from fti.service.supervisor.shutdown import SessionShutdown
 from fti.service.supervisor.startup_checks import ValidatedConfig
 from fti.service.supervisor.watchdog import Watchdog
 from fti.service.terrain_retry import TerrainRetry
-from fti.types import ALL_SOURCES
 
 HEALTH_PERIOD_S = 0.5
 LATENESS_PERIOD_S = 0.1

@@ -14,6 +14,16 @@ from operator import itemgetter
 import numpy as np
 from numpy.typing import NDArray
 
+from fti.messages.measurements import (
+    Attitude,
+    ImuSample,
+    Measurement,
+    Position,
+    PressureAltitude,
+    RadioHeight,
+    Stamp,
+    Velocity,
+)
 from fti.study.faults.cells import BARO_KINDS, INERTIAL_KINDS, Cell, SensorFault
 from fti.study.faults.course import draw_course
 from fti.study.faults.earth import radii
@@ -23,7 +33,6 @@ from fti.study.faults.receiver import RATES_HZ, Fixes, apply_fault, delay_fixes,
 from fti.study.faults.shapes import FaultWindow, Mask, repeated_indices
 from fti.study.faults.terrain import RELIEF_SD_M, WaveTerrain, terrain
 from fti.study.faults.trajectory import Trajectory, TrueMotion
-from fti.types import Attitude, ImuSample, Measurement, Position, PressureAltitude, RadioHeight, Stamp, Velocity
 
 Array = NDArray[np.float64]
 Rng = np.random.Generator

@@ -16,6 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fti.config import AlertLimits, Config, parse
+from fti.messages.measurements import ImuSample, Measurement, Position, Velocity
+from fti.messages.outputs import Event
 from fti.nav.inertial_aiding import AidedNavigation
 from fti.nav.plausibility.monitor import PlausibilityMonitor
 from fti.nav.protection import K_RADIAL
@@ -23,7 +25,6 @@ from fti.nav.separation.protection import K_MD_RADIAL
 from fti.study.faults.cells import Cell
 from fti.study.faults.earth import radii
 from fti.study.faults.flight import START_NS, SimulatedFlight, Timed
-from fti.types import Event, ImuSample, Measurement, Position, Velocity
 
 Array = NDArray[np.float64]
 

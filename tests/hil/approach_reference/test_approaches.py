@@ -23,6 +23,8 @@ from fti.hil.approach_reference.calibration import with_receivers
 from fti.hil.approach_reference.options import ReferenceOptions
 from fti.hil.environment import add_obstacles
 from fti.hil.tables.fault_types import Obstacle
+from fti.messages.outputs import ClearanceIntegrity, IntegrityState
+from fti.messages.reasons import Reason
 from fti.nav.integrity.approach import ApproachPath, load_airfield
 from fti.nav.integrity.glide_slope import PathPosition, glide_slope, mean_deviation
 from fti.nav.integrity.ground_track import TrackLeg
@@ -31,7 +33,6 @@ from fti.nav.integrity.reference import ApproachReference
 from fti.ranging.radar.quantise import quantise_ft
 from fti.terrain.demo_scene import DEMO_AIRFIELD, demo_scene
 from fti.terrain.terrain import Terrain
-from fti.types import ClearanceIntegrity, IntegrityState, Reason
 from tests.helpers import ROOT
 
 PROFILE = ROOT / "configs" / "profiles" / "demo.csv"

@@ -12,10 +12,10 @@ from fti.hil.approach_reference.approaches import RA4500, TerrainGround
 from fti.hil.approach_reference.calibration import make_reference
 from fti.hil.approach_reference.options import ReferenceOptions
 from fti.hil.approach_reference.profile import few_draws_factor
+from fti.messages.outputs import ClearanceIntegrity, IntegrityState
 from fti.nav.integrity.approach import ApproachPath, load_airfield
 from fti.nav.integrity.reference import ApproachReference, Limits
 from fti.terrain.demo_scene import DEMO_AIRFIELD, demo_scene
-from fti.types import ClearanceIntegrity, IntegrityState
 from tests.helpers import ROOT
 
 DEMO = ROOT / "configs" / "profiles" / "demo.csv"

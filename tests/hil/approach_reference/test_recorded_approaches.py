@@ -23,10 +23,10 @@ from fti.hil.approach_reference.recorded_approaches import (
     reference_from_recordings,
     split_passes,
 )
+from fti.messages.outputs import IntegrityState
 from fti.nav.integrity.approach import ApproachPath, load_airfield
 from fti.nav.integrity.reference import ApproachReference, grid
 from fti.terrain.demo_scene import DEMO_AIRFIELD
-from fti.types import IntegrityState
 
 S_MAX = 2000.0
 SCATTER_M = 0.8

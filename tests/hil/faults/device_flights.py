@@ -14,7 +14,7 @@ from fti.hil.device_pipeline import DevicePipeline
 from fti.hil.environment import Environment
 from fti.hil.sensors import MODELS, SimulatedSensor
 from fti.hil.tables.fault_types import Fault
-from fti.types import Measurement, Stamp
+from fti.messages.measurements import Measurement, Stamp
 from tests.helpers import ROOT
 from tests.hil.worlds import scenario, world
 

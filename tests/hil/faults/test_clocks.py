@@ -7,7 +7,7 @@ import pytest
 
 from fti.hil.faults.clocks import ClockFaults
 from fti.hil.tables.fault_types import ClockDrift, ClockJump, Fault
-from fti.types import Range, Stamp, TimeScale
+from fti.messages.measurements import Range, Stamp, TimeScale
 from tests.hil.faults.device_flights import Flight, bind_device, fly, nominal
 
 

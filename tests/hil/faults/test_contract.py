@@ -15,7 +15,7 @@ from fti.hil.faults.applicability import inapplicable_reason
 from fti.hil.tables.fault_base import DeviceFault
 from fti.hil.tables.fault_types import Fault, FaultKind
 from fti.hil.tables.quantity_names import quantities
-from fti.types import DeviceStatus, Measurement, Reading
+from fti.messages.measurements import DeviceStatus, Measurement, Reading
 from tests.helpers import ROOT
 from tests.hil.faults.device_flights import (
     DEVICES,

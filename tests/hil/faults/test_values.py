@@ -8,7 +8,7 @@ from pydantic import TypeAdapter
 
 from fti.hil.faults.values import DeviceFaults
 from fti.hil.tables.fault_types import Fault, Invalid, Stuck
-from fti.types import (
+from fti.messages.measurements import (
     Airspeed,
     Attitude,
     DeviceStatus,

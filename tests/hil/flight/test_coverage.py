@@ -17,7 +17,7 @@ from fti.hil.environment import Environment
 from fti.hil.sensors import MODELS, SimulatedSensor
 from fti.hil.truth_log import TruthLog, TruthRows
 from fti.logger.reading.mcap_file import McapFile
-from fti.types import RadioHeight, Range
+from fti.messages.measurements import RadioHeight, Range
 from tests.hil.worlds import flat_terrain, path, scenario
 
 #: Westwards at 60 m/s and 700 m: over the terrain, which is 6 km to each side of 11 deg east, from about 28 s on.

@@ -17,7 +17,15 @@ from fti.devices import bind_devices
 from fti.drivers import deflection_pickups
 from fti.drivers.deflection_pickups.table import CalibrationTable
 from fti.hil.sensors.deflections import deflections, flap_angle_deg, raw_counts
-from fti.types import Ack, Calibration, DmeRange, Measurement, Reading, StaticPressure, SurfaceDeflection
+from fti.messages.measurements import (
+    Ack,
+    Calibration,
+    DmeRange,
+    Measurement,
+    Reading,
+    StaticPressure,
+    SurfaceDeflection,
+)
 from tests.helpers import ROOT, until_async
 from tests.hil.test_emulator import decoded, fly, make
 from tests.hil.test_sensors import environment, sensor

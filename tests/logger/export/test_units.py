@@ -1,15 +1,17 @@
 """Units: every recorded number has one, and heads of columns tell it once."""
 
-import dataclasses
-import types as python_types
 import typing
-from collections.abc import Iterator
+from typing import Any
 
 import pytest
 
-from fti import types
 from fti.logger.derived_log import snake_case
 from fti.logger.export.units import unit_of, with_unit
+from fti.messages.measurements import CalibrationPoint, Measurement, Pseudorange, Satellite, Stamp
+from fti.messages.outputs import Event, Output
+from fti.messages.units import units
+
+MESSAGES: list[type] = [*typing.get_args(Measurement), *typing.get_args(Output)]
 
 UNITS = {
     "rad",
@@ -35,28 +37,27 @@ UNITS = {
 
 
 def topic_of(cls: type) -> str:
-    return f"/{'nav' if cls in typing.get_args(types.Output) else 'device'}/{snake_case(cls.__name__)}"
+    return f"/{'nav' if cls in typing.get_args(Output) else 'device'}/{snake_case(cls.__name__)}"
 
 
-def numbers_of(cls: type, prefix: str = "") -> Iterator[str]:
-    """Paths of the fields that are numbers, also in what the fields are made of."""
-    for name, hint in typing.get_type_hints(cls).items():
-        members = typing.get_args(hint) if isinstance(hint, python_types.UnionType) else (hint,)
-        for member in members:
-            inner = typing.get_args(member)[0] if typing.get_origin(member) is tuple else member
-            if inner in (int, float):
-                yield f"{prefix}{name}" + (".0" if inner is not member else "")
-            elif dataclasses.is_dataclass(inner):
-                yield from numbers_of(typing.cast(type, inner), f"{prefix}{name}.")
+def bare_numbers(hint: Any) -> bool:
+    """Is there a float or int without a unit in a type?"""
+    if hint in (int, float):
+        return True
+    return typing.get_origin(hint) is not typing.Annotated and any(map(bare_numbers, typing.get_args(hint)))
 
 
-@pytest.mark.parametrize(
-    "cls", [*typing.get_args(types.Measurement), *typing.get_args(types.Output)], ids=lambda cls: cls.__name__
-)
-def test_every_number_has_a_unit(cls: type) -> None:
-    units = {name: unit_of(topic_of(cls), name) for name in numbers_of(cls)}
-    assert units
-    assert {name: unit for name, unit in units.items() if unit not in UNITS} == {}
+def test_every_number_of_a_message_has_a_unit_in_its_type() -> None:
+    classes = [*MESSAGES, CalibrationPoint, Satellite, Pseudorange, Stamp, Event]
+    hints = {(c.__name__, k): h for c in classes for k, h in typing.get_type_hints(c, include_extras=True).items()}
+    assert [name for name, hint in hints.items() if bare_numbers(hint)] == []
+
+
+@pytest.mark.parametrize("cls", MESSAGES, ids=lambda cls: cls.__name__)
+def test_columns_have_the_units_of_the_fields(cls: type) -> None:
+    found = {name: unit_of(topic_of(cls), name) for name in units(cls)}
+    assert found == units(cls)
+    assert set(found.values()) <= UNITS
 
 
 @pytest.mark.parametrize(
@@ -73,6 +74,13 @@ def test_every_number_has_a_unit(cls: type) -> None:
         ("/nav/location", "latitude", "latitude [deg]"),
         ("/ins/attitude", "stamp.t_rx_ns", "stamp.t_rx_ns"),
         ("/gnss/satellites", "hdop", "hdop"),
+        ("/gnss/satellites", "satellites.3.cn0_dbhz", "satellites.3.cn0_dbhz"),
+        ("/gnss/satellites", "satellites.3.azimuth", "satellites.3.azimuth [rad]"),
+        ("/gnss/temperature", "static", "static [K]"),
+        ("/gnss/ephemeris", "af2", "af2 [s/s^2]"),
+        ("/flap/calibration", "points.0.deflection", "points.0.deflection [rad]"),
+        ("/truth/state", "lat", "lat [rad]"),
+        ("/fti/alarm_report", "value", "value"),
         ("/ils/deviation", "localizer_ddm", "localizer_ddm"),
         ("/fti/health", "links.ins.rate_hz", "links.ins.rate_hz"),
         ("/fti/health", "storage.free_mb", "storage.free_mb"),

@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 
 from fti.config import parse
+from fti.messages.measurements import Measurement, Position, Velocity
+from fti.messages.outputs import Event
 from fti.nav.plausibility.source import SourceTests, UnstatedSigmas
-from fti.types import Event, Measurement, Position, Velocity
 from tests.nav.healthy_receivers import RECEIVERS, Receiver, Truth, fly, measure
 
 S = 1_000_000_000

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pyproj import Transformer
 
-from fti.types import Ephemeris, Pseudorange, Pseudoranges, Stamp, TimeScale
+from fti.messages.measurements import Ephemeris, Pseudorange, Pseudoranges, Stamp, TimeScale
 
 Array = NDArray[np.float64]
 

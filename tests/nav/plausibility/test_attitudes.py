@@ -9,8 +9,10 @@ from typing import Any
 import pytest
 
 from fti.config import parse
+from fti.messages.measurements import Attitude, Measurement, Position, Stamp, Velocity
+from fti.messages.outputs import Event, SourceValidity
+from fti.messages.reasons import Reason
 from fti.nav.plausibility.monitor import PlausibilityMonitor
-from fti.types import Attitude, Event, Measurement, Position, Reason, SourceValidity, Stamp, Velocity
 
 S = 1_000_000_000
 T0 = 1000 * S

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fti.types import Measurement, Position, Stamp, TimeScale, Velocity
+from fti.messages.measurements import Measurement, Position, Stamp, TimeScale, Velocity
 from tests.nav.healthy_receivers import Receiver, measure
 from tests.nav.plausibility.receiver_runs import (
     ARINC,

@@ -7,7 +7,9 @@ from collections.abc import Mapping
 
 import pytest
 
-from fti.types import Attitude, Event, FilterMode, FilterSolution, Reason, SourceValidity, Stamp
+from fti.messages.measurements import Attitude, Stamp
+from fti.messages.outputs import Event, FilterMode, FilterSolution, SourceValidity
+from fti.messages.reasons import Reason
 from tests.nav.plausibility.test_attitudes import DEG, HZ, T0, S, monitor
 
 Angles = tuple[float, float, float]

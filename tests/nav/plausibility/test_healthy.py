@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fti.types import Measurement, Position, Stamp, TimeScale, Velocity
+from fti.messages.measurements import Measurement, Position, Stamp, TimeScale, Velocity
 from tests.nav.healthy_receivers import RECEIVERS, Receiver, Truth, fly, measure
 from tests.nav.plausibility.receiver_runs import T0, UBX1, UBX10, S, make_tests, run, simulate, straight
 

@@ -14,22 +14,21 @@ import numpy as np
 import pytest
 
 from fti.drivers import novatel_oem6 as novatel
-from fti.nav.pipeline import Pipeline
-from fti.nav.plausibility.range_solution import MeasuredRange, RangeSolution, solve_ranges
-from fti.nav.plausibility.source import SourceTests
-from fti.types import (
+from fti.messages.measurements import (
     Ephemeris,
-    Event,
     Measurement,
     Position,
     Pseudorange,
     Pseudoranges,
-    Reason,
-    SourceValidity,
     Stamp,
     TimeScale,
     Velocity,
 )
+from fti.messages.outputs import Event, SourceValidity
+from fti.messages.reasons import Reason
+from fti.nav.pipeline import Pipeline
+from fti.nav.plausibility.range_solution import MeasuredRange, RangeSolution, solve_ranges
+from fti.nav.plausibility.source import SourceTests
 from tests.helpers import ROOT
 from tests.nav.plausibility.receiver_runs import make_tests
 from tests.nav.plausibility.simulated_ranges import TO_ECEF, TOE, Sky, ephemerides, observe

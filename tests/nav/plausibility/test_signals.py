@@ -7,10 +7,11 @@ from dataclasses import replace
 
 import pytest
 
+from fti.messages.measurements import Position, ReceiverClock, Satellite, Satellites, Stamp, Velocity
+from fti.messages.outputs import Event
 from fti.nav.pipeline import Pipeline
 from fti.nav.plausibility.monitor import PlausibilityMonitor
 from fti.nav.plausibility.signals import SignalTest
-from fti.types import Event, Position, ReceiverClock, Satellite, Satellites, Stamp, Velocity
 from tests.nav.receiver_flights import config
 
 S = 1_000_000_000

@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from fti.config import parse
+from fti.messages.measurements import Attitude, Stamp
+from fti.messages.outputs import SourceValidity
 from fti.nav.plausibility.monitor import PlausibilityMonitor
-from fti.types import Attitude, SourceValidity, Stamp
 
 S, MS = 1_000_000_000, 1_000_000
 SECONDS = 60

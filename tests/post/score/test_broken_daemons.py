@@ -12,6 +12,9 @@ import pytest
 from fti.alarms.alarm_list import AlarmList
 from fti.alarms.condition import Condition, Severity
 from fti.drivers import freeflight_ra4500
+from fti.messages.frames import LinkState
+from fti.messages.outputs import SourceValidity
+from fti.messages.reasons import Reason
 from fti.nav.alarm_conditions import OutputConditions
 from fti.nav.altimetry import validity
 from fti.nav.altimetry.altimeter_channel import AltimeterChannel
@@ -24,7 +27,6 @@ from fti.post.score.rows import Verdict
 from fti.service.navigation import device_monitor
 from fti.service.navigation.device_monitor import DeviceMonitor
 from fti.service.supervisor.health import HealthBoard
-from fti.types import LinkState, Reason, SourceValidity
 from tests.post.score.short_flight import score_of, session_of, short_scenario
 
 Break = Callable[[pytest.MonkeyPatch], None]

@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from fti.messages.measurements import Attitude, ImuSample, Position, PressureAltitude, RadioHeight, Velocity
 from fti.study.faults import CELLS, START_NS, Cell, SensorFault, SimulatedFlight, draw, flight
 from fti.study.faults.cells import GRADES, SHARP
 from fti.study.faults.receiver import Fixes
-from fti.types import Attitude, ImuSample, Position, PressureAltitude, RadioHeight, Velocity
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

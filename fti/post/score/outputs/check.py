@@ -15,6 +15,7 @@ from fti.hil.oracle.output_effects import Interval, OutputEffects, interval_mask
 from fti.hil.oracle.required_outputs import GLIDE, HEIGHT_BELOW, RequiredOutput, approach_altimeter, required_outputs
 from fti.hil.tables.fault_types import Duplicated
 from fti.logger.reading.recording import Recording
+from fti.messages.reasons import Reason
 from fti.post.score.outputs.accuracy import accuracy, excused_error_row, fault_error_rows
 from fti.post.score.outputs.approach import approach_due
 from fti.post.score.outputs.availability import availability
@@ -35,7 +36,6 @@ from fti.post.score.outputs.protection import (
 from fti.post.score.outputs.row import OutputRow
 from fti.post.score.outputs.value_check import unsent_intervals, value_rows
 from fti.post.score.series import Array, Mask, TopicSeries, read_series
-from fti.types import Reason
 
 #: Lateness of the emulator affects outputs for this time after it [s].
 AFTER_LATE_S = 1.0

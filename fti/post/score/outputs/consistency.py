@@ -13,11 +13,12 @@ from fti.hil.oracle.flag_definitions import HEIGHT, INTEGRITY, SOLUTION
 from fti.hil.oracle.required_outputs import FILTER as FILTER_TOPIC
 from fti.hil.oracle.required_outputs import FIX, GLIDE, HEIGHT_BELOW, LOCATION
 from fti.hil.oracle.required_outputs import VERTICAL as VERTICAL_TOPIC
+from fti.messages.outputs import Datum, IntegrityState, Point
+from fti.messages.reasons import Reason
 from fti.nav.navigation import FILTER, RADIO, VERTICAL
 from fti.post.score.outputs.row import OutputCheck, OutputRow, verdict_of
 from fti.post.score.series import Array, Mask, TopicSeries
 from fti.post.score.truth_table import TruthTable
-from fti.types import Datum, IntegrityState, Point, Reason
 
 #: Full scale, and one dot as a part of the glide angle (ICAO Annex 10; shared specification of the glide slope).
 FULL_SCALE_DOTS, DOT = 2.0, 0.12

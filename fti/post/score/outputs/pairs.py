@@ -10,9 +10,9 @@ from typing import Any
 
 from fti.hil.oracle.flag_definitions import INTEGRITY, SOLUTION
 from fti.hil.oracle.required_outputs import GLIDE, LOCATION
+from fti.messages.outputs import IntegrityState
 from fti.post.score.outputs.row import OutputCheck, OutputRow, verdict_of
 from fti.post.score.series import TopicSeries
-from fti.types import IntegrityState
 
 MessageTable = Mapping[str, Any]
 #: Closer to the intercept point there is no angle [m], with a margin of one metre.

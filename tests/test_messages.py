@@ -1,4 +1,4 @@
-"""The central types: frozen, closed, without numbers for "unknown"."""
+"""The messages: frozen, closed, without numbers for "unknown"."""
 
 from __future__ import annotations
 
@@ -10,15 +10,26 @@ import typing
 
 import pytest
 
-import fti.types
-from fti.types import Attitude, LinkState, Measurement, Output, RadioHeight, RawFrame, Reason, Stamp
+from fti.messages import frames, measurements, outputs, reasons
+from fti.messages.frames import LinkState, RawFrame
+from fti.messages.measurements import Attitude, Measurement, RadioHeight, Stamp
+from fti.messages.outputs import Output
+from fti.messages.reasons import Reason
+from fti.messages.units import union_members
 
 MEASUREMENTS = typing.get_args(Measurement)
 OUTPUTS = typing.get_args(Output)
-CLASSES = [c for _, c in inspect.getmembers(fti.types, dataclasses.is_dataclass)]
-ENUMS = [
-    c for _, c in inspect.getmembers(fti.types, inspect.isclass) if issubclass(c, enum.Enum) and c is not enum.StrEnum
-]
+MODULES = (frames, measurements, outputs, reasons)
+CLASSES = [c for m in MODULES for _, c in inspect.getmembers(m, dataclasses.is_dataclass)]
+ENUMS = sorted(
+    {
+        c
+        for m in MODULES
+        for _, c in inspect.getmembers(m, inspect.isclass)
+        if issubclass(c, enum.Enum) and c is not enum.StrEnum
+    },
+    key=lambda c: c.__name__,
+)
 
 
 @pytest.mark.parametrize("cls", CLASSES, ids=lambda c: c.__name__)
@@ -46,7 +57,7 @@ def test_a_quantity_that_may_be_absent_defaults_to_none(cls: type) -> None:
     """Never to a number: a default of 0.0 would be a value."""
     hints = typing.get_type_hints(cls)
     for field in dataclasses.fields(cls):
-        numeric = {int, float} & set(typing.get_args(hints[field.name]) or [hints[field.name]])
+        numeric = {int, float} & set(union_members(hints[field.name]))
         if numeric and field.default is not dataclasses.MISSING:
             assert field.default is None, field.name
 

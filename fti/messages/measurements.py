@@ -1,0 +1,430 @@
+"""Decoded measurements of devices: frozen, without numpy."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+from fti.messages.units import (
+    Count,
+    Cycles,
+    Ddm,
+    DecibelHertz,
+    Hertz,
+    InStatedUnit,
+    Kelvins,
+    Metres,
+    MetresPerSecond,
+    MetresPerSecond2,
+    Nanoseconds,
+    Pascals,
+    Radians,
+    RadiansPerSecond,
+    Ratio,
+    RootMetres,
+    Seconds,
+    SecondsPerSecond,
+    SecondsPerSecond2,
+    Teslas,
+)
+
+
+class TimeScale(StrEnum):
+    """Scale of a device's own time."""
+
+    GPS = "gps"  # ns since 1980-01-06, no leap seconds
+    UTC = "utc"  # ns since 1970-01-01
+    BOOT = "boot"  # ns since the device was switched on
+
+
+@dataclass(frozen=True, slots=True)
+class Stamp:
+    """Times of a message: arrival, device time and time of validity [ns].
+
+    t_valid_ns is None until the navigation process sets it.
+    """
+
+    t_rx_ns: Nanoseconds
+    t_dev_ns: Nanoseconds | None = None
+    time_scale: TimeScale | None = None
+    t_valid_ns: Nanoseconds | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Attitude:
+    """Orientation of the body [rad]; a message may carry only a part of it."""
+
+    stamp: Stamp
+    roll: Radians | None = None
+    pitch: Radians | None = None
+    heading: Radians | None = None
+    roll_sd: Radians | None = None
+    pitch_sd: Radians | None = None
+    heading_sd: Radians | None = None
+    valid: bool = True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Position:
+    """Position: lat, lon [rad], alt above WGS84 [m], alt_msl [m] and the undulation [m] of the same message.
+
+    horizontal_sd : one sigma of each horizontal axis [m].  Of two that differ the root mean square, of an inertial
+                    system the larger one; a horizontal accuracy that the device states is used unchanged
+    """
+
+    stamp: Stamp
+    lat: Radians | None = None
+    lon: Radians | None = None
+    alt: Metres | None = None
+    alt_msl: Metres | None = None
+    undulation: Metres | None = None
+    horizontal_sd: Metres | None = None
+    vertical_sd: Metres | None = None
+    valid: bool = True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Velocity:
+    """Velocity north, east, down [m/s], or ground speed [m/s] and track [rad]; a message may carry only a part."""
+
+    stamp: Stamp
+    north: MetresPerSecond | None = None
+    east: MetresPerSecond | None = None
+    down: MetresPerSecond | None = None
+    ground_speed: MetresPerSecond | None = None
+    track: Radians | None = None
+    sd: MetresPerSecond | None = None
+    valid: bool = True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ImuSample:
+    """Specific force accel_b [m/s^2] and angular rate gyro_b [rad/s], forward, right, down."""
+
+    stamp: Stamp
+    accel_b: tuple[MetresPerSecond2, MetresPerSecond2, MetresPerSecond2] | None = None
+    gyro_b: tuple[RadiansPerSecond, RadiansPerSecond, RadiansPerSecond] | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Range:
+    """Slant range along the beam [m] of a laser; None without a return."""
+
+    stamp: Stamp
+    slant_range: Metres | None
+    sd: Metres | None = None
+    valid: bool = True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RadioHeight:
+    """Height above ground at the antenna [m], as a radar altimeter reports it (leading edge)."""
+
+    stamp: Stamp
+    height_agl: Metres | None
+    sd: Metres | None = None
+    valid: bool = True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StaticPressure:
+    """Static pressure [Pa]."""
+
+    stamp: Stamp
+    p_static: Pascals
+    sd: Pascals | None = None
+    valid: bool = True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ImpactPressure:
+    """Impact pressure q_c = total - static [Pa]."""
+
+    stamp: Stamp
+    q_c: Pascals
+    sd: Pascals | None = None
+    valid: bool = True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Airspeed:
+    """Calibrated (cas), indicated (ias) and true (tas) airspeed [m/s]; a message may carry only a part."""
+
+    stamp: Stamp
+    cas: MetresPerSecond | None = None
+    ias: MetresPerSecond | None = None
+    tas: MetresPerSecond | None = None
+    valid: bool = True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Temperature:
+    """Air temperature [K]."""
+
+    stamp: Stamp
+    static: Kelvins | None = None
+    total: Kelvins | None = None
+    valid: bool = True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlowAngles:
+    """Angle of attack (aoa, positive nose above the flow) and of sideslip (aos, wind from the right) [rad]."""
+
+    stamp: Stamp
+    aoa: Radians | None = None
+    aos: Radians | None = None
+    valid: bool = True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PressureAltitude:
+    """Altitude from static pressure [m]; ``setting_pa`` 101325 is the standard setting, None is unknown."""
+
+    stamp: Stamp
+    alt_press: Metres
+    setting_pa: Pascals | None = None
+    valid: bool = True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MagneticField:
+    """Magnetic flux density in the body frame [T]."""
+
+    stamp: Stamp
+    field_b: tuple[Teslas, Teslas, Teslas]
+    valid: bool = True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SurfaceDeflection:
+    """Deflection of a control surface [rad] and its raw count."""
+
+    stamp: Stamp
+    surface: str
+    deflection: Radians | None
+    raw: Count | None = None
+    valid: bool = True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CalibrationPoint:
+    """One point of a calibration table: raw count and deflection [rad]."""
+
+    raw: Count
+    deflection: Radians
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Calibration:
+    """The calibration table of a deflection pickup from now on, piecewise linear between its points.
+
+    points : ascending in raw, deflections strictly monotone; change : description of the change
+    """
+
+    stamp: Stamp
+    surface: str
+    points: tuple[CalibrationPoint, ...]
+    change: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DmeRange:
+    """Slant range to a DME station [m]."""
+
+    stamp: Stamp
+    station: str
+    slant_range: Metres | None
+    valid: bool = True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Satellite:
+    """One satellite: azimuth and elevation [rad], carrier-to-noise density [dB-Hz]."""
+
+    system: str
+    number: Count
+    azimuth: Radians | None = None
+    elevation: Radians | None = None
+    cn0_dbhz: DecibelHertz | None = None
+    used: bool | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Satellites:
+    """The satellites of one epoch and the dilution of precision that the receiver states."""
+
+    stamp: Stamp
+    satellites: tuple[Satellite, ...] = ()
+    used: Count | None = None
+    hdop: Ratio | None = None
+    vdop: Ratio | None = None
+    pdop: Ratio | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pseudorange:
+    """Observations of one signal of one satellite.
+
+    pseudorange, pseudorange_sd [m]; carrier_phase, carrier_phase_sd [cycles]; doppler [Hz], positive when approaching;
+    cn0_dbhz [dB-Hz]; lock_time [s]: duration of carrier tracking without a cycle slip; carrier_hz [Hz]: nominal
+    carrier frequency, if the message identifies it
+    """
+
+    system: str
+    number: Count
+    signal: str
+    pseudorange: Metres | None = None
+    pseudorange_sd: Metres | None = None
+    carrier_phase: Cycles | None = None
+    carrier_phase_sd: Cycles | None = None
+    doppler: Hertz | None = None
+    cn0_dbhz: DecibelHertz | None = None
+    lock_time: Seconds | None = None
+    carrier_hz: Hertz | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pseudoranges:
+    """Raw observations of one epoch of a GNSS receiver; the stamp holds the time of the epoch."""
+
+    stamp: Stamp
+    observations: tuple[Pseudorange, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ephemeris:
+    """Broadcast orbit and clock of a GPS satellite: IS-GPS-200, tables 20-I and 20-III.
+
+    week : week of transmission, modulo 1024;  issue : IODE
+    toc, toe : reference times of clock and orbit [s of the week];  af0 [s], af1 [s/s], af2 [s/s^2];  tgd [s]
+    sqrt_a [m^0.5], e [1];  m0, omega0, i0, omega [rad];  delta_n, omega_dot, idot [rad/s]
+    cuc, cus, cic, cis [rad];  crc, crs [m]
+    accuracy : upper bound of the stated accuracy [m]; None if it predicts none
+    healthy  : neither its health nor its alert flag is set
+    """
+
+    stamp: Stamp
+    system: str
+    number: Count
+    week: Count
+    issue: Count
+    toc: Seconds
+    af0: Seconds
+    af1: SecondsPerSecond
+    af2: SecondsPerSecond2
+    tgd: Seconds
+    toe: Seconds
+    sqrt_a: RootMetres
+    e: Ratio
+    m0: Radians
+    delta_n: RadiansPerSecond
+    omega0: Radians
+    omega_dot: RadiansPerSecond
+    i0: Radians
+    idot: RadiansPerSecond
+    omega: Radians
+    cuc: Radians
+    cus: Radians
+    cic: Radians
+    cis: Radians
+    crc: Metres
+    crs: Metres
+    accuracy: Metres | None
+    healthy: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReceiverClock:
+    """Clock of a GNSS receiver: receiver time minus the time of the scale [s], its rate [s/s], and their sigma."""
+
+    stamp: Stamp
+    offset: Seconds | None = None
+    drift: SecondsPerSecond | None = None
+    offset_sd: Seconds | None = None
+    drift_sd: SecondsPerSecond | None = None
+    valid: bool = True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Deviation:
+    """Approach deviation as a receiver states it [DDM]: localizer (fly right positive), glide slope (fly down)."""
+
+    stamp: Stamp
+    localizer_ddm: Ddm | None = None
+    glide_slope_ddm: Ddm | None = None
+    valid: bool = True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reading:
+    """A value without a class of its own, named by the configuration or the document of the device.
+
+    value : in ``unit``, which is SI or that of the document ("" for a count or a discrete: 0 or 1)
+    text  : name of the value in the document, or a value of characters; "" for none
+    """
+
+    stamp: Stamp
+    name: str
+    value: InStatedUnit | None
+    unit: str = ""
+    valid: bool = True
+    text: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DeviceStatus:
+    """Status of a device; ``flags`` are the names of the conditions that it reports."""
+
+    stamp: Stamp
+    ok: bool
+    flags: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DeviceTime:
+    """Device time of a message that carries only the time; the stamp holds it."""
+
+    stamp: Stamp
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ack:
+    """A device's answer to a command.
+
+    command : its name in the driver's ``COMMANDS``; "" if the answer does not identify it (then the oldest one)
+    """
+
+    stamp: Stamp
+    command: str
+    accepted: bool
+    detail: str = ""
+
+
+Measurement = (
+    Attitude
+    | Position
+    | Velocity
+    | ImuSample
+    | Range
+    | RadioHeight
+    | StaticPressure
+    | ImpactPressure
+    | Airspeed
+    | Temperature
+    | FlowAngles
+    | PressureAltitude
+    | MagneticField
+    | SurfaceDeflection
+    | Calibration
+    | DmeRange
+    | Satellites
+    | Pseudoranges
+    | Ephemeris
+    | ReceiverClock
+    | Deviation
+    | Reading
+    | DeviceStatus
+    | DeviceTime
+    | Ack
+)
