@@ -5,7 +5,7 @@
 #   make quick    the fast tests, in a minute
 #   make check    style, types, layers
 #   make bench    every benchmark; what they print goes into docs/benchmarks.md, too
-#   make docs     generate docs/faults.md
+#   make docs     generate docs/faults.md and docs/topics.md
 #   make soak     the tests again, at full scale
 #   make lock     choose the versions anew from pyproject.toml (needs uv)
 
@@ -38,6 +38,7 @@ bench: $(BESIDE)
 
 docs: $(READY)
 	$(BIN)/python -m fti.hil.oracle.fault_page docs/faults.md
+	$(BIN)/python -m fti.messages.topics_page docs/topics.md
 
 soak: $(READY)
 	$(PYTEST) --scale full --timeout 3600

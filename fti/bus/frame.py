@@ -19,6 +19,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
+from fti.messages.topics import BUS_ALARMS, BUS_EMULATOR, BUS_HEALTH
 from fti.peer_credentials import Peer
 
 #: Name of the socket in the run directory.
@@ -27,7 +28,7 @@ PUBLISH, SUBSCRIBE, ALIVE = "@publish", "@subscribe", "@alive/"
 EVENT = "/event"
 MAX_TOPIC_BYTES = 200
 #: Largest payload by topic [B]; health has a table for each link, a display stores 256 outputs and 50 events.
-MAX_BYTES = {"/health": 4 * 2**20, "/alarms": 4 * 2**20, "/hil": 2**20}
+MAX_BYTES = {BUS_HEALTH: 4 * 2**20, BUS_ALARMS: 4 * 2**20, BUS_EMULATOR: 2**20}
 MAX_OTHER_BYTES = 2**16
 RECEIVE_BYTES = 2**18
 _HEAD = struct.Struct("<IHq")

@@ -22,10 +22,11 @@ from pathlib import Path
 from fti.bus.frame import ALIVE, PUBLISH, RECEIVE_BYTES, SUBSCRIBE, BusFrame, FrameError, FrameReader, make_frame
 from fti.bus.outbox import Outbox
 from fti.errors import MissingError
+from fti.messages.topics import BUS_EMULATOR
 from fti.peer_credentials import Peer
 
 #: Publishers, and the prefix of their topics.
-PUBLISHERS = {"navigation": "/nav/", "emulator": "/hil"}
+PUBLISHERS = {"navigation": "/nav/", "emulator": BUS_EMULATOR}
 MAX_CONNECTIONS = 64
 #: Maximum number of warnings in a period.
 MAX_WARNINGS, WARNING_PERIOD_S = 5, 10.0

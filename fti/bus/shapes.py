@@ -13,8 +13,8 @@ from dataclasses import MISSING, fields
 from functools import lru_cache
 from typing import Any, NamedTuple
 
-from fti.logger.derived_log import snake_case
 from fti.messages.outputs import HeightAboveGround, Output, ProvisionalSolution, SourceValidity
+from fti.messages.topics import BUS_ALARMS, BUS_EMULATOR, BUS_EVENT, BUS_HEALTH, snake_case
 from fti.messages.units import union_members
 
 
@@ -126,7 +126,7 @@ NAMED = (HeightAboveGround, SourceValidity, ProvisionalSolution)
 @lru_cache(TOPICS_CACHED)
 def shape_of(topic: str) -> Shape | None:
     """The shape of a topic's messages; None for an unknown topic."""
-    fixed = {"/health": HEALTH, "/alarms": ALARMS, "/event": EVENT, "/hil": HIL}
+    fixed = {BUS_HEALTH: HEALTH, BUS_ALARMS: ALARMS, BUS_EVENT: EVENT, BUS_EMULATOR: HIL}
     if topic in fixed:
         return fixed[topic]
     if not topic.startswith("/nav/"):

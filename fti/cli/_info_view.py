@@ -9,11 +9,10 @@ from datetime import UTC, datetime
 from typing import Any
 
 from fti.alarms.condition import Severity
-from fti.logger.raw_log import TICK_TOPIC
-from fti.logger.reading.recording import RAW_PREFIX
 from fti.logger.reading.session_metadata import remarks
 from fti.logger.statistics.interval_stats import TimeGap
 from fti.logger.statistics.topic_stats import MARKS, EventNote, TopicStatistics
+from fti.messages.topics import RAW_PREFIX, TICK_TOPIC
 from fti.post.overview import CONTINUOUS, SECOND_NS, FileState, Overview
 
 BARS = "·▁▂▃▄▅▆▇█"

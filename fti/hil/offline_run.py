@@ -31,10 +31,10 @@ from fti.hil.scenario import Scenario
 from fti.hil.scheduler import Stream
 from fti.logger.derived_log import DerivedLog
 from fti.logger.raw_log import RawLog, RawTopic
-from fti.logger.schemas import ALARM_REPORT_TOPIC
 from fti.logger.session import CONFIG_ATTACHMENT, SessionFolder
 from fti.messages.frames import TICK_LINK, TICK_PERIOD_NS, LinkState, RawFrame
 from fti.messages.outputs import Event
+from fti.messages.topics import ALARM_REPORT_TOPIC, EVENT_TOPIC, HEALTH_TOPIC
 from fti.service.navigation.decode_chain import Chain, ChainOutput
 from fti.service.navigation.device_monitor import DeviceMonitor
 from fti.service.navigation.terrain_loader import load_terrain
@@ -203,7 +203,7 @@ class OfflineSession:
         for output in products.outputs:
             self._derived.write_output(output)
             if isinstance(output, Event):
-                self._raw.write_json("/fti/event", output.t_ns, asdict(output))
+                self._raw.write_json(EVENT_TOPIC, output.t_ns, asdict(output))
 
     def _publish_health(self, t_ns: int) -> None:
         """Compose health twice a second and record it once a second, as the daemon does."""
@@ -213,7 +213,7 @@ class OfflineSession:
         self._alarms.handle_health(health)
         self._health_count += 1
         if self._health_count % 2 == 0:
-            self._raw.write_json("/fti/health", t_ns, health)
+            self._raw.write_json(HEALTH_TOPIC, t_ns, health)
 
     def _link(self, name: str, t_ns: int) -> dict[str, Any]:
         last_ns = self._last_ns.get(name)

@@ -4,25 +4,22 @@ from __future__ import annotations
 
 import dataclasses
 import operator
-import re
 import typing
 from collections.abc import Callable, Mapping, Sequence
-from functools import cache
 from pathlib import Path
 from typing import Any
 
 from fti.logger import foxglove, schemas
 from fti.logger.encoding import encode
 from fti.logger.log_layout import Attachment, LogLayout, Metadata
-from fti.logger.schemas import EVENT_TOPIC, Schema
+from fti.logger.schemas import Schema
 from fti.logger.session import SessionFolder
 from fti.logger.split_log import Log, SplitLog
-from fti.messages.measurements import Ack, Calibration, DmeRange, Measurement, Reading, SurfaceDeflection
-from fti.messages.outputs import Event, HeightAboveGround, NavSolution, Output, ProvisionalSolution, SourceValidity
+from fti.messages.measurements import DmeRange, Measurement, Reading, SurfaceDeflection
+from fti.messages.outputs import Event, NavSolution, Output
+from fti.messages.topics import EVENT_TOPIC, GAP_TOPIC, LOCATION_TOPIC, UNDECIMATED, measurement_topic, output_topic
 
 SECOND_NS = 1_000_000_000
-GAP_TOPIC = "/fti/gap"
-LOCATION_TOPIC = "/nav/location"
 #: Limit of buffered bytes: reprocessing at full speed never flushes.
 PENDING_LIMIT = 2**20
 
@@ -44,23 +41,7 @@ def _make_stream_key(kind: Any) -> Callable[[Any], object]:
 
 #: The field that names the object measured, for classes with several objects per device.
 STREAM_FIELD = {SurfaceDeflection: "surface", Reading: "name", DmeRange: "station"}
-#: Classes that are never decimated.
-UNDECIMATED = (Ack, Calibration)
 STREAM_KEY = {kind: _make_stream_key(kind) for kind in typing.get_args(Measurement) if kind not in UNDECIMATED}
-
-
-@cache
-def snake_case(name: str) -> str:
-    """``HeightAboveGround`` -> ``height_above_ground``."""
-    return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name).lower()
-
-
-def output_topic(output: Output) -> str:
-    """``/nav/<class>``, with the sensor or source appended where there are several; the bus uses it too."""
-    topic = f"/nav/{snake_case(type(output).__name__)}"
-    if isinstance(output, SourceValidity | ProvisionalSolution):
-        return f"{topic}/{output.source}"
-    return f"{topic}/{output.sensor}" if isinstance(output, HeightAboveGround) else topic
 
 
 class Decimator:
@@ -132,7 +113,7 @@ class DerivedLog(Log):
         kind = type(measurement)
         channel = self._channels_of.get((device, kind))
         if channel is None:
-            channel = self._channel(f"/{device}/{snake_case(kind.__name__)}", schemas.schema_of(kind))
+            channel = self._channel(measurement_topic(device, kind), schemas.schema_of(kind))
             self._channels_of[device, kind] = channel
         stamp = measurement.stamp
         self._write(channel, (stamp.t_rx_ns, stamp.t_valid_ns), encode(measurement))

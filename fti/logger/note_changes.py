@@ -12,9 +12,10 @@ from __future__ import annotations
 
 from typing import Any
 
+from fti.messages.topics import HEALTH_TOPIC, LEDGER_TOPIC
+
 #: The tables of each topic whose unchanged entries are omitted.
-LEDGER_TOPIC = "/fti/ledger"
-ENTRY_TABLES = {"/fti/health": ("links", "devices", "processes"), LEDGER_TOPIC: ("links",)}
+ENTRY_TABLES = {HEALTH_TOPIC: ("links", "devices", "processes"), LEDGER_TOPIC: ("links",)}
 COMPLETE, SINCE, AGE, CLOCKS = "complete", "since_ns", "age_ms", "clocks"
 #: Values of an entry and of its clocks that change without new messages.
 VOLATILE_FIELDS = frozenset({AGE, "offset_ms", "offset_sd_ms", "drift_ppm", "drift_sd_ppm", "late_share"})

@@ -13,9 +13,9 @@ from fti.logger.log_layout import Attachment, LogLayout, Metadata
 from fti.logger.note_changes import ENTRY_TABLES, NoteChanges
 from fti.logger.session import Kind, Numbering, SessionFolder
 from fti.logger.split_log import Log, SplitLog
+from fti.messages.topics import TICK_TOPIC
 
 RAW_ENCODING = "x-fti-raw"
-TICK_TOPIC = "/fti/tick"
 LINKS_METADATA = "fti.links"
 
 

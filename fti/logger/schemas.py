@@ -17,6 +17,18 @@ from typing import Any
 from fti.logger import foxglove
 from fti.logger.encoding import encode
 from fti.messages.outputs import Event, HeightAboveGround
+from fti.messages.topics import (
+    ALARM_REPORT_TOPIC,
+    ALARM_TOPIC,
+    CLOCK_TOPIC,
+    DEVICE_CLOCK_TOPIC,
+    EVENT_TOPIC,
+    GAP_TOPIC,
+    HEALTH_TOPIC,
+    LEDGER_TOPIC,
+    READMISSION_TOPIC,
+    TERRAIN_TOPIC,
+)
 from fti.messages.units import union_members, units
 
 JSON_SCHEMA = "jsonschema"
@@ -138,49 +150,45 @@ _CHANGES: Json = {
     },
 }
 _NOTES: dict[str, tuple[str, Json]] = {
-    "/fti/clock": (
+    CLOCK_TOPIC: (
         "fti.Clock",
         {"t_ns": _INTEGER, "monotonic_ns": _INTEGER, "monotonic_raw_ns": _INTEGER, "realtime_ns": _INTEGER}
         | {"width_ns": _INTEGER},
     ),
-    "/fti/ledger": (
+    LEDGER_TOPIC: (
         "fti.Ledger",
         {"t_ns": _INTEGER, **_CHANGES}
         | {"recorder": _RECORDER, "next_seq": _INTEGER, "final": {"type": "boolean"}}
         | {"ticks": _ACCOUNT, "links": {**_TABLE, "additionalProperties": _LINK_ACCOUNT}},
     ),
-    "/fti/health": (
+    HEALTH_TOPIC: (
         "fti.Health",
         {"t_ns": _INTEGER, **_CHANGES}
         | {"session": _TABLE, "processes": _TABLE, "links": _TABLE, "devices": _TABLE}
         | {"storage": _TABLE, "navigation": _TABLE},
     ),
-    "/fti/device_clock": ("fti.DeviceClock", {"t_ns": _INTEGER, "clocks": _TABLE, "gnss": _TABLE}),
-    "/fti/terrain": (
+    DEVICE_CLOCK_TOPIC: ("fti.DeviceClock", {"t_ns": _INTEGER, "clocks": _TABLE, "gnss": _TABLE}),
+    TERRAIN_TOPIC: (
         "fti.Terrain",
         {"t_ns": _INTEGER, "after_seq": _INTEGER, "name": _STRING, "sha256": _STRING, "fault": _STRING},
     ),
-    "/fti/readmission": ("fti.Readmission", {"t_ns": _INTEGER, "after_seq": _INTEGER, "source": _STRING}),
-    "/fti/gap": ("fti.Gap", {"t_ns": _INTEGER, "text": _STRING}),
-    "/fti/alarm_report": (
+    READMISSION_TOPIC: ("fti.Readmission", {"t_ns": _INTEGER, "after_seq": _INTEGER, "source": _STRING}),
+    GAP_TOPIC: ("fti.Gap", {"t_ns": _INTEGER, "text": _STRING}),
+    ALARM_REPORT_TOPIC: (
         "fti.AlarmReport",
         {"t_ns": _INTEGER, "subject": _STRING, "id": _MAYBE_STRING, "severity": _MAYBE_STRING}
         | {"title": _MAYBE_STRING, "cause": _MAYBE_STRING, "value": _MAYBE_NUMBER, "explained_by": _STRINGS}
         | {"is_latched": {"type": "boolean"}},
     ),
-    "/fti/alarm": (
+    ALARM_TOPIC: (
         "fti.Alarm",
         {"t_ns": _INTEGER, "change": _STRING, "id": _STRING, "severity": _STRING, "title": _STRING, "cause": _STRING}
         | {"value": _MAYBE_NUMBER, "first_ns": _INTEGER, "begin_ns": _INTEGER, "end_ns": _MAYBE_INTEGER}
         | {"count": _INTEGER, "acknowledged_ns": _MAYBE_INTEGER, "acknowledged_by": _MAYBE_STRING},
     ),
 }
-EVENT_TOPIC = "/fti/event"
-DEVICE_CLOCK_TOPIC = "/fti/device_clock"
-TERRAIN_TOPIC = "/fti/terrain"
-READMISSION_TOPIC = "/fti/readmission"
-#: Reports of navigation, in derived files; alarms of the daemon, in raw files.
-ALARM_REPORT_TOPIC, ALARM_TOPIC = WITH_NULLS = "/fti/alarm_report", "/fti/alarm"
+#: Topics whose fields may be null.
+WITH_NULLS = (ALARM_REPORT_TOPIC, ALARM_TOPIC)
 
 
 @cache

@@ -11,11 +11,12 @@ from fti.config import decode_text, parse_toml
 from fti.drivers._times import GPS_EPOCH_UTC_NS, LEAP_NS
 from fti.errors import ConfigError
 from fti.logger.reading.mcap_file import McapFile
-from fti.logger.reading.recording import RAW_PREFIX, SENT_PREFIX, Recording
+from fti.logger.reading.recording import Recording
 from fti.logger.session import CONFIG_ATTACHMENT
 from fti.logger.statistics.interval_stats import TimeGap
 from fti.logger.statistics.topic_stats import RecordingStatistics, TopicStatistics, collect_statistics, time_span
 from fti.messages.measurements import TimeScale
+from fti.messages.topics import RAW_PREFIX, SENT_PREFIX
 
 SECOND_NS = 1_000_000_000
 CONTINUOUS = "continuous"

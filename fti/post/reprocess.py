@@ -26,9 +26,9 @@ from fti.errors import MissingError, RecordingError
 from fti.logger.derived_log import DerivedLog
 from fti.logger.reading.json_message import parse_table, using_message, whole_number
 from fti.logger.reading.recording import Recording
-from fti.logger.schemas import READMISSION_TOPIC, TERRAIN_TOPIC
 from fti.logger.session import CONFIG_ATTACHMENT, SessionFolder
 from fti.messages.frames import ALL_SOURCES, RawFrame
+from fti.messages.topics import GAP_TOPIC, READMISSION_TOPIC, TERRAIN_TOPIC
 from fti.nav.carried_refusal import CarriedRefusal, parse_refusals
 from fti.nav.integrity.reference import ApproachReference
 from fti.nav.terrain_reference import Ground
@@ -238,7 +238,7 @@ def read_navigation_runs(recording: Recording) -> list[NavigationRun]:
 
 def _gaps(recording: Recording) -> Iterator[tuple[str, int, int, Restored]]:
     """Kind of each gap of navigation, the frames before and after it, and the refusals restored after it."""
-    for topic, t_ns, _, _, data in recording.messages("/fti/gap", kind="derived"):
+    for topic, t_ns, _, _, data in recording.messages(GAP_TOPIC, kind="derived"):
         with using_message(topic, t_ns):
             note = parse_table(data)
             refusals = parse_refusals(note.get("refusals", ()))

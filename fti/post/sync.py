@@ -21,6 +21,7 @@ from fti.logger.reading.recording import Recording
 from fti.logger.reading.session_metadata import session_metadata
 from fti.messages.frames import RawFrame
 from fti.messages.measurements import TimeScale
+from fti.messages.topics import CLOCK_TOPIC
 from fti.nav.device_time.clock_estimator import ClockEstimator, ClockSegment
 from fti.nav.device_time.device_times import device_time_of
 
@@ -170,7 +171,7 @@ def read_computer_clock(recording: Recording) -> ComputerClock:
 
 
 def _clock_rows(recording: Recording) -> Iterator[tuple[int, int, int, int]]:
-    for topic, t_ns, _, _, data in recording.messages("/fti/clock", kind="raw"):
+    for topic, t_ns, _, _, data in recording.messages(CLOCK_TOPIC, kind="raw"):
         with using_message(topic, t_ns):
             row = {"width_ns": STEP_NS, **parse_table(data)}
             t, raw, real, width = (whole_number(row[f"{key}_ns"]) for key in CLOCKS)

@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from fti.logger.derived_log import snake_case
 from fti.logger.encoding import encode
 from fti.logger.reading.recording import Recording
+from fti.messages.topics import snake_case
 from fti.post.reprocess import recorded_setup
 from fti.post.score.series import TopicSeries, read_series
 

@@ -17,6 +17,7 @@ from typing import Any
 
 from fti.alarms.alarm_list import Alarm
 from fti.alarms.condition import Condition, Severity
+from fti.messages.topics import BUS_ALARMS, BUS_HEALTH
 from fti.reason_texts import describe_reasons
 from fti.web.history import History
 from fti.web.texts import STATES
@@ -85,9 +86,9 @@ class LiveState:
     def update(self, topic: str, fields: Fields, now_ns: int) -> None:
         """Handle a message of the bus.  now_ns : its publication time, used as arrival time"""
         with self._lock:
-            if topic == "/health":
+            if topic == BUS_HEALTH:
                 self._health = ReceivedMessage(fields, now_ns)
-            elif topic == "/alarms":
+            elif topic == BUS_ALARMS:
                 self._alarms = list(fields["alarms"])
             elif topic == "/event":
                 self._events.append(fields)

@@ -13,7 +13,7 @@ from fti.hil.sensors import SimulatedSensor, make_sensors
 from fti.hil.sensors.intended_values import intended_values
 from fti.hil.sensors.power_unit import connect_power
 from fti.hil.sensors.sent_rates import sent_rates
-from fti.logger.derived_log import snake_case
+from fti.messages.topics import snake_case
 
 Made = tuple[list[SimulatedSensor], Environment]
 

@@ -15,7 +15,7 @@ import pytest
 from mcap.reader import make_reader
 
 from fti.errors import StorageError
-from fti.logger.derived_log import Decimator, DerivedLog, snake_case
+from fti.logger.derived_log import Decimator, DerivedLog
 from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.reading.recording import Recording
 from fti.logger.session import SessionFolder
@@ -23,6 +23,7 @@ from fti.messages.frames import TICK_LINK, RawFrame
 from fti.messages.measurements import Ack, Calibration, CalibrationPoint, RadioHeight, Stamp, SurfaceDeflection
 from fti.messages.outputs import ClearanceIntegrity, Event, GlideSlope, HeightAboveGround, IntegrityState, NavSolution
 from fti.messages.reasons import Reason
+from fti.messages.topics import snake_case
 from tests.logger.official_reader import read_closed, read_stream
 
 STARTED = 1_767_323_045_000_000_000

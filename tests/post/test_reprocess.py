@@ -17,8 +17,8 @@ from fti.errors import ConfigError, RecordingError
 from fti.logger.derived_log import DerivedLog
 from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.reading.recording import Recording
-from fti.logger.schemas import READMISSION_TOPIC, TERRAIN_TOPIC
 from fti.logger.session import SessionFolder
+from fti.messages.topics import READMISSION_TOPIC, TERRAIN_TOPIC
 from fti.post.reprocess import NavigationRun, other_setup, read_navigation_runs, recorded_setup, reprocess
 from fti.service.navigation.terrain_loader import load_terrain
 from tests.small_config import LINE, radar_altimeter

@@ -24,9 +24,9 @@ from fti.hil.oracle.flag_definitions import (
     monitor_recovery_s,
 )
 from fti.hil.oracle.roles import AircraftRoles
-from fti.logger.schemas import ALARM_TOPIC
 from fti.messages.frames import LinkState
 from fti.messages.reasons import Reason
+from fti.messages.topics import ALARM_TOPIC
 from fti.nav.alarm_conditions import ALTIMETER_FAULTS, INTEGRITY_IDS
 from fti.nav.navigation import FILTER, RADIO
 

@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any, get_args
 
 from fti.config import Config
-from fti.logger.derived_log import snake_case
 from fti.messages.measurements import Measurement
 from fti.messages.outputs import HeightAboveGround, Output, ProvisionalSolution
+from fti.messages.topics import snake_case
 
 OUTPUTS: Mapping[str, Any] = {snake_case(kind.__name__): kind for kind in get_args(Output)}
 MEASUREMENTS: Mapping[str, Any] = {snake_case(kind.__name__): kind for kind in get_args(Measurement)}

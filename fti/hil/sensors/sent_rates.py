@@ -8,8 +8,8 @@ from fti.devices import BoundDevice
 from fti.hil.environment import Environment
 from fti.hil.sensors.base import SimulatedSensor
 from fti.hil.sensors.quantity_check import first_cycles
-from fti.logger.derived_log import snake_case
 from fti.messages.measurements import Measurement
+from fti.messages.topics import snake_case
 
 #: Checked time of the flight [s]; the rarest measurement is sent once a second.
 CHECK_DURATION_S = 2.0

@@ -7,9 +7,9 @@ from collections import defaultdict
 from collections.abc import Mapping
 from functools import cache
 
-from fti.logger.derived_log import LOCATION_TOPIC, snake_case
 from fti.messages.measurements import Airspeed, Attitude, Measurement, Position, Velocity
 from fti.messages.outputs import Output
+from fti.messages.topics import LOCATION_TOPIC, snake_case
 from fti.messages.units import units
 
 NONE = "1"

@@ -12,13 +12,13 @@ from typing import NamedTuple
 
 from fti.errors import MissingError, RecordingError
 from fti.logger.log_layout import FILE_METADATA, STORAGE_TARGET_KEY
-from fti.logger.raw_log import LINKS_METADATA, TICK_TOPIC
+from fti.logger.raw_log import LINKS_METADATA
 from fti.logger.reading.mcap_file import Head, McapFile, McapMessage
 from fti.logger.reading.session_locator import check_session_path
 from fti.logger.session import Kind, SessionFolder, name_parts
 from fti.messages.frames import TICK_LINK, RawFrame
+from fti.messages.topics import RAW_PREFIX, SENT_PREFIX, TICK_TOPIC
 
-RAW_PREFIX, SENT_PREFIX = "/raw/", "/tx/"
 #: Number of frames that wait for an earlier one before the files are searched for it.
 MAX_WAITING_FRAMES = 50_000
 _SEQ = itemgetter(0)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from fti.logger.note_changes import LEDGER_TOPIC
 from fti.logger.reading.chunk_content import Content, channel_name
 from fti.logger.reading.json_message import parse_table
 from fti.logger.records import HEAD, MESSAGE
+from fti.messages.topics import LEDGER_TOPIC
 
 
 class FinalLedger:

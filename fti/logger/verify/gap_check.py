@@ -10,7 +10,6 @@ from fti.logger.reading.limits import MAX_TEXT_LENGTH
 from fti.logger.reading.text_format import clock_text
 from fti.logger.verify.sequence_check import SequenceRange
 
-GAP_TOPIC = "/fti/gap"
 OVERFLOW = "buffer_overflow"
 MAX_DESCRIBED_NOTES = 20
 

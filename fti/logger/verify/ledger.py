@@ -12,11 +12,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-from fti.logger.note_changes import LEDGER_TOPIC
-from fti.logger.raw_log import TICK_TOPIC
 from fti.logger.reading.json_message import parse_table
 from fti.logger.reading.note_states import NoteStates
-from fti.logger.reading.recording import RAW_PREFIX, SENT_PREFIX
+from fti.messages.topics import LEDGER_TOPIC, RAW_PREFIX, SENT_PREFIX, TICK_TOPIC
 
 #: Frames dropped for this reason have no number.
 SOCKET_QUEUE = "socket_queue"

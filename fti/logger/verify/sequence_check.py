@@ -14,12 +14,12 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from operator import attrgetter
 
-from fti.logger.raw_log import TICK_TOPIC
 from fti.logger.reading.mcap_file import McapChannel
-from fti.logger.reading.recording import RAW_PREFIX, SENT_PREFIX, unwrap
+from fti.logger.reading.recording import unwrap
 from fti.logger.records import MESSAGE, MESSAGE_BODY
 from fti.logger.verify.file_check import MessageRow, Page
 from fti.messages.frames import TICK_PERIOD_NS
+from fti.messages.topics import RAW_PREFIX, SENT_PREFIX, TICK_TOPIC
 
 #: Error of a kernel timestamp: two clock readings convert it to FTI time, and the reader may be interrupted between.
 STAMP_TOLERANCE_NS = 1_000_000

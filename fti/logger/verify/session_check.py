@@ -7,7 +7,6 @@ from itertools import zip_longest
 from pathlib import Path
 
 from fti.logger.lock import is_being_written
-from fti.logger.raw_log import TICK_TOPIC
 from fti.logger.reading.file_numbers import absent_numbers
 from fti.logger.reading.recording import Recording
 from fti.logger.reading.text_format import clock_text, ranges_text
@@ -16,6 +15,7 @@ from fti.logger.verify.ledger import SOCKET_QUEUE, Amount
 from fti.logger.verify.ledger_check import LedgerCheck, RecorderRun
 from fti.logger.verify.report import Check, CheckVerdict, LinkAccount, VerifyReport
 from fti.logger.verify.sequence_check import TICK_HOLE_NS, SequenceCheck, SequenceRange
+from fti.messages.topics import TICK_TOPIC
 
 NOT_TRIGGERED = "not_triggered"
 #: Received by a recorder that was killed before it could write.

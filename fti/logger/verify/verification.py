@@ -21,8 +21,6 @@ from mcap.stream_reader import StreamReader, breakup_chunk
 
 from fti.errors import RecordingError
 from fti.logger.lock import is_being_written
-from fti.logger.note_changes import LEDGER_TOPIC
-from fti.logger.raw_log import TICK_TOPIC
 from fti.logger.reading.compression import decompress
 from fti.logger.reading.limits import MAX_GAP_NOTES, MAX_HOLES, check_topic_count
 from fti.logger.reading.mcap_file import McapChannel
@@ -31,12 +29,13 @@ from fti.logger.reading.recording import Recording
 from fti.logger.records import MESSAGE_BODY
 from fti.logger.session import name_parts
 from fti.logger.verify.file_check import FileCheck, MessageRow, Page
-from fti.logger.verify.gap_check import GAP_TOPIC, GapNotes
+from fti.logger.verify.gap_check import GapNotes
 from fti.logger.verify.ledger_check import LedgerCheck
 from fti.logger.verify.report import Check, CheckVerdict, TopicTotals, VerifyReport
 from fti.logger.verify.sequence_check import SequenceCheck
 from fti.logger.verify.session_check import conclude, frames_are_separate
 from fti.logger.verify.snapshot_check import SnapshotCheck
+from fti.messages.topics import GAP_TOPIC, LEDGER_TOPIC, TICK_TOPIC
 
 #: Receives the processed and the total size [B].
 Progress = Callable[[int, int], None]

@@ -15,10 +15,10 @@ from typing import Any
 from fti.config import Config
 from fti.hil.oracle.flag_definitions import HEIGHT, INTEGRITY, SOLUTION
 from fti.hil.oracle.required_outputs import FILTER, GLIDE, HEIGHT_BELOW, VALIDITY
-from fti.logger.schemas import ALARM_TOPIC
 from fti.messages.frames import LinkState
 from fti.messages.outputs import IntegrityState
 from fti.messages.reasons import Reason
+from fti.messages.topics import ALARM_TOPIC
 from fti.nav.alarm_conditions import FALLBACKS
 from fti.post.score.observed_flags import MOMENT_S, FlagInterval, ObservedFlags, uncovered_parts
 from fti.post.score.outputs.consistency import PROFILE_REASONS

@@ -18,9 +18,9 @@ from fti.hil.oracle.flag_definitions import DEVICES, HEIGHT, INTEGRITY, LEDGER, 
 from fti.logger.reading.json_message import parse_table, using_message
 from fti.logger.reading.note_states import NoteStates
 from fti.logger.reading.recording import Recording
-from fti.logger.schemas import ALARM_TOPIC
 from fti.messages.outputs import IntegrityState
 from fti.messages.reasons import Reason
+from fti.messages.topics import ALARM_TOPIC
 from fti.nav.navigation import FILTER, RADIO
 from fti.post.score.alarm_states import AlarmStates, has_states
 from fti.post.score.observed_flags import NOTHING, STATUS, ObservedFlags, Words

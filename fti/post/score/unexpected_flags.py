@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from fti.hil.oracle.alarm_flags import alarm_hold_s
 from fti.hil.oracle.flag_definitions import DEVICES, INTEGRITY, FaultFlags, FlagAllowance
 from fti.hil.oracle.roles import AircraftRoles
-from fti.logger.schemas import ALARM_TOPIC
+from fti.messages.topics import ALARM_TOPIC
 from fti.post.score.alarm_states import explanations
 from fti.post.score.evidence import ScoreEvidence
 from fti.post.score.observed_flags import uncovered_parts

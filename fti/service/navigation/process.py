@@ -13,11 +13,11 @@ from fti.bus.client import Publisher
 from fti.bus.message import encode_with_age
 from fti.clock import SystemClock
 from fti.devices import bind_devices, parse_reference
-from fti.logger.derived_log import DerivedLog, output_topic
-from fti.logger.schemas import ALARM_REPORT_TOPIC
+from fti.logger.derived_log import DerivedLog
 from fti.messages.frames import TICK_LINK, RawFrame
 from fti.messages.measurements import Ack
 from fti.messages.outputs import Event, HeightAboveGround, HeightBelowAircraft, Output
+from fti.messages.topics import ALARM_REPORT_TOPIC, OUTPUT_MAX_AGE_MS, output_topic
 from fti.nav.carried_refusal import parse_refusals
 from fti.service import terrain_retry
 from fti.service.control_channel import ControlChannel
@@ -38,7 +38,6 @@ READ_LIMIT = 200
 HEALTH_PERIOD_S = 0.5
 #: Maximum wait for the end of the ring after the end of the supervisor; the recorder ends the ring.
 ORPHAN_S = 10.0
-OUTPUT_MAX_AGE_MS = 500.0
 
 
 class NavigationProcess:

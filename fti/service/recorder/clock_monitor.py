@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from fti.clock import SECOND_NS, SystemClock
+from fti.messages.topics import CLOCK_TOPIC
 
 #: Topic, FTI time [ns] and content of a note.
 RecordNote = Callable[[str, int, dict[str, Any]], None]
@@ -20,7 +21,7 @@ def report_clocks(clock: SystemClock, record_note: RecordNote, report_event: Rep
     send : sends a message to the supervisor, which raises the alarm
     """
     sample = clock.sample()
-    record_note("/fti/clock", sample["t_ns"], sample)
+    record_note(CLOCK_TOPIC, sample["t_ns"], sample)
     for step in clock.take_steps():
         text = f"the real-time clock was stepped by {step.size_ns / SECOND_NS:+.3f} s; FTI time is not affected"
         report_event("warning", "clock", text)

@@ -8,8 +8,8 @@ from typing import Any
 
 from fti.buffers.triple_buffer import TripleBuffer
 from fti.frame_batch import FrameBatch, NumberedFrame, iter_frames
+from fti.messages.topics import GAP_TOPIC
 
-GAP_TOPIC = "/fti/gap"
 #: Topic, time [ns] and content of a note.
 RecordNote = Callable[[str, int, dict[str, Any]], None]
 

@@ -6,10 +6,11 @@ from collections import deque
 from typing import Any
 
 from fti.logger.raw_log import RawLog
+from fti.messages.topics import ALARM_TOPIC, EVENT_TOPIC, GAP_TOPIC
 from fti.service.fault_guard import FailureHandler, catch_failures
 
 #: Events and losses are queued longest.
-EVENT_TOPICS = ("/fti/event", "/fti/alarm", "/fti/gap")
+EVENT_TOPICS = (EVENT_TOPIC, ALARM_TOPIC, GAP_TOPIC)
 #: Maximum number of queued events and of other notes while no medium works; then the oldest are dropped.
 MAX_EVENTS = 10_000
 MAX_OTHER_NOTES = 1_000

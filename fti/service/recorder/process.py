@@ -15,6 +15,7 @@ from fti.links import Link, add_beat_callbacks, open_link, remove_beat_callbacks
 from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.session import Kind, Numbering, SessionFolder
 from fti.messages.frames import TICK_LINK
+from fti.messages.topics import LEDGER_TOPIC
 from fti.service.control_channel import ControlChannel, ControlMessage
 from fti.service.fault_guard import catch_failures, keep_running
 from fti.service.recorder.clock_monitor import report_clocks
@@ -195,7 +196,7 @@ class RecorderProcess:
             self._report_reception(now)
             self._channel.send({"health": self._health(now)})
             if cycle % round(LEDGER_PERIOD_S / HEALTH_PERIOD_S) == 0:
-                self._writer.add_note("/fti/ledger", now, self._ledger.read(now))
+                self._writer.add_note(LEDGER_TOPIC, now, self._ledger.read(now))
                 report_clocks(self._clock, self._writer.add_note, self._send_event, self._channel.send)
             cycle += 1
             await _until_beat(HEALTH_PERIOD_S)
@@ -272,7 +273,7 @@ class RecorderProcess:
         if self._snapshot:
             await asyncio.to_thread(self._snapshot.stop)
         now = self._clock.now_ns()
-        self._writer.add_note("/fti/ledger", now, self._ledger.read(now, final=True))
+        self._writer.add_note(LEDGER_TOPIC, now, self._ledger.read(now, final=True))
         await asyncio.to_thread(self._writer.finish)
         self._ring.end()
         self._channel.send({"health": self._health(now)})

@@ -14,7 +14,7 @@ from fti.alarms.alarm_list import AlarmList
 from fti.alarms.condition import Condition, ConditionReport, Json, Severity
 from fti.bus.message import encode
 from fti.clock import SECOND_NS, Clock
-from fti.logger.schemas import ALARM_TOPIC
+from fti.messages.topics import ALARM_TOPIC
 from fti.service.supervisor.event_publisher import Publish, RecordNote
 from fti.service.supervisor.health_conditions import SYSTEM_CONDITIONS, HealthConditions, find_losses
 

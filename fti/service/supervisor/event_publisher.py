@@ -7,6 +7,7 @@ from typing import Any
 
 from fti.bus.message import encode, encode_event
 from fti.clock import Clock
+from fti.messages.topics import BUS_HEALTH, EVENT_TOPIC, HEALTH_TOPIC
 from fti.service.supervisor.link_events import LinkEvents
 
 Announce = Callable[[str], None]
@@ -35,7 +36,7 @@ class EventPublisher:
         if event["level"] != "info":
             self._announce(f"{event['level']}: {event['source']}: {event['text']}")
         self._publish("/event", encode_event(event))
-        self._record_note("/fti/event", event["t_ns"], {**event, "who": who} if who else event)
+        self._record_note(EVENT_TOPIC, event["t_ns"], {**event, "who": who} if who else event)
 
     def report(self, unit: str, error: Exception) -> None:
         """Publish the failure of a guarded unit."""
@@ -43,8 +44,8 @@ class EventPublisher:
 
     def health(self, health: dict[str, Any], *, record: bool) -> None:
         """Publish health, and record it if record is set; publish the link events."""
-        self._publish("/health", encode(health))
+        self._publish(BUS_HEALTH, encode(health))
         if record:
-            self._record_note("/fti/health", health["t_ns"], health)
+            self._record_note(HEALTH_TOPIC, health["t_ns"], health)
         for level, source, text in self._links.update(health["links"], health["t_ns"]):
             self.publish_event(level, source, text)

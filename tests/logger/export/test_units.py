@@ -5,10 +5,10 @@ from typing import Any
 
 import pytest
 
-from fti.logger.derived_log import snake_case
 from fti.logger.export.units import unit_of, with_unit
 from fti.messages.measurements import CalibrationPoint, Measurement, Pseudorange, Satellite, Stamp
 from fti.messages.outputs import Event, Output
+from fti.messages.topics import snake_case
 from fti.messages.units import units
 
 MESSAGES: list[type] = [*typing.get_args(Measurement), *typing.get_args(Output)]

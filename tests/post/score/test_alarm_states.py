@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
-from fti.logger.schemas import ALARM_TOPIC
 from fti.messages.outputs import IntegrityState, NavSolution
 from fti.messages.reasons import Reason
+from fti.messages.topics import ALARM_TOPIC
 from fti.post.score.alarm_states import RECORDED_S, AlarmStates, explanations, missing_alarms
 from fti.post.score.observed_flags import FlagInterval, ObservedFlags, uncovered_parts
 from tests.nav.test_alarm_conditions import CONFIG, altimeter, height, integrity, solution

@@ -6,7 +6,8 @@ from collections import Counter
 from collections.abc import Iterator
 
 from fti.config import CanLink, Config
-from fti.logger.reading.recording import RAW_PREFIX, Recording
+from fti.logger.reading.recording import Recording
+from fti.messages.topics import RAW_PREFIX
 from fti.post.score.outputs.row import OutputCheck, OutputRow, verdict_of
 from fti.post.score.truth_reader import FlightTruth, SentOnLink
 

@@ -10,13 +10,13 @@ from fti.frame_batch import NumberedFrame, single_frame_batch
 from fti.logger.log_segment import LogSegment
 from fti.logger.raw_log import RawLog
 from fti.logger.session import SessionFolder
+from fti.messages.topics import EVENT_TOPIC
 from fti.service.recorder.snapshot.frame_memory import FrameBlock, FrameMemory
 
 #: Number of further checks of the memory, because ticks may arrive before frames of the same time.  Checks and not a
 #: time, so that a standstill of the machine does not count.
 SETTLE_CHECKS = 25
 SYNC_PERIOD_S = 1.0
-EVENT_TOPIC = "/fti/event"
 
 
 class SnapshotWriter:
