@@ -224,7 +224,7 @@ def _read_records(stream: IO[bytes], size: int) -> Iterator[McapRecord | None]:
             raise RecordLengthLimitExceeded(op, length, size)
         body = _read(stream, length)
         parse = _PARSERS.get(op)
-        yield parse(ReadDataStream(BytesIO(body)), length) if parse else None
+        yield parse(ReadDataStream(_Body(body)), length) if parse else None
     _check_magic(stream)
 
 
@@ -233,10 +233,27 @@ def _check_magic(stream: IO[bytes]) -> None:
         raise InvalidMagic(tuple(magic))
 
 
-def _read(stream: IO[bytes], length: int) -> bytes:
-    """Read exactly so many bytes.  Raises EndOfFile, LimitError."""
+class _Body(BytesIO):
+    """The body of a record, from which no more can be read than it has."""
+
+    def read(self, length: int | None = -1) -> bytes:
+        """Read exactly so many bytes.  Raises LimitError, ValueError."""
+        _check_length(length or 0)
+        data = super().read(length)
+        if len(data) < (length or 0):
+            raise ValueError("a field is longer than its record")
+        return data
+
+
+def _check_length(length: int) -> None:
+    """Check a length that a file states, before so much is read.  Raises LimitError."""
     if length > MAX_RECORD:
         raise LimitError(f"a length of {length} bytes; at most {MAX_RECORD} are read at once")
+
+
+def _read(stream: IO[bytes], length: int) -> bytes:
+    """Read exactly so many bytes.  Raises EndOfFile, LimitError."""
+    _check_length(length)
     data = stream.read(length)
     if len(data) < length:
         raise EndOfFile
