@@ -16,7 +16,9 @@ import pytest
 from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
 
-from fti.drivers import _binary_frame, _checksums, _fields, _quantities, ascii_line, binary_struct
+from fti.drivers import _binary_frame, _checksums, ascii_line, binary_struct
+from fti.formats import described_fields
+from fti.formats.quantities import DIMENSIONS, QUANTITIES
 from tests.helpers import ROOT
 
 PAGE = (ROOT / "docs" / "add-a-sensor.md").read_text(encoding="utf-8")
@@ -129,7 +131,7 @@ def documented_default(text: str) -> Any:
 @pytest.mark.parametrize(
     ("heading", "number", "model", "without"),
     [
-        ("A field, of a line or of a frame", 0, _fields.Field, ()),
+        ("A field, of a line or of a frame", 0, described_fields.Field, ()),
         ("A field, of a line or of a frame", 1, _binary_frame.NumberLocation, ()),
         ("`ascii_line`", 0, ascii_line.Options, ("fields",)),
         ("`binary_struct`", 0, binary_struct.Options, ("fields", "sync")),
@@ -151,8 +153,8 @@ def test_every_key_is_documented_with_its_default(
 
 def test_checksums_types_and_units_are_documented() -> None:
     names = {*_checksums.CHECKSUMS, *_binary_frame.CODES}
-    units = {unit for q in _quantities.QUANTITIES.values() for g in _quantities.DIMENSIONS if q.unit in g for unit in g}
+    units = {unit for q in QUANTITIES.values() for g in DIMENSIONS if q.unit in g for unit in g}
     for name in names | units - {"ddm"}:
         assert f"`{name}`" in PAGE, name
     quantities = PAGE.partition("Quantities are ")[2].partition(" and others")[0]
-    assert set(re.findall(r"`(\w+)`", quantities)) <= set(_quantities.QUANTITIES)
+    assert set(re.findall(r"`(\w+)`", quantities)) <= set(QUANTITIES)

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import ast
 import json
 import subprocess
 import sys
+from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
@@ -15,7 +18,7 @@ BYTES_ONLY = ["fti.messages", "fti.errors", "fti.clock", "fti.config", "fti.canf
 BYTES_ONLY += ["fti.buffers.triple_buffer", "fti.buffers.ring", "fti.logger.raw_log"]
 HEAVY = ["numpy", "numba", "llvmlite", "scipy", "zenoh", "aiohttp", "aiomqtt", "foxglove", "pyproj", "pymavlink"]
 HEAVY += ["pyarrow"]
-UNDERSTANDING = ["fti.drivers", "fti.nav", "fti.ranging", "fti.terrain", "fti.web", "fti.bus", "fti.hil"]
+UNDERSTANDING = ["fti.drivers", "fti.formats", "fti.nav", "fti.ranging", "fti.terrain", "fti.web", "fti.bus", "fti.hil"]
 
 SHOW_MODULES = (
     "import importlib, json, sys; importlib.import_module(sys.argv[1]); print(json.dumps(sorted(sys.modules)))"
@@ -34,6 +37,23 @@ def test_every_contract_holds() -> None:
     """The contracts are in pyproject.toml."""
     run = "from importlinter.cli import lint_imports_command; lint_imports_command()"
     assert " 0 broken" in python("-c", run, "--no-cache").stdout
+
+
+def private_imports(source: Path) -> Iterator[str]:
+    """Modules and names with ``_`` that a file imports from another package than its own."""
+    package = ".".join(source.relative_to(ROOT).parent.parts)
+    for node in ast.walk(ast.parse(source.read_text())):
+        if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith("fti"):
+            for name in node.names:
+                parts = [*node.module.split("."), name.name]
+                first = next((i for i, part in enumerate(parts) if part.startswith("_")), None)
+                if first is not None and not f"{package}.".startswith(".".join(parts[:first]) + "."):
+                    yield f"{source.relative_to(ROOT)}: {'.'.join(parts)}"
+
+
+def test_no_module_imports_what_is_private_to_another_package() -> None:
+    found = [text for source in sorted((ROOT / "fti").rglob("*.py")) for text in private_imports(source)]
+    assert found == []
 
 
 @pytest.mark.parametrize("module", [*BYTES_ONLY, "fti.service.recorder.__main__"])

@@ -6,7 +6,7 @@ import socket
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from fti.links._socket import RECEIVE_BUFFER, prepare
+from fti.links.sockets import RECEIVE_BUFFER, prepare
 
 if TYPE_CHECKING:
     from fti.config import Config

@@ -11,8 +11,8 @@ import pydantic
 
 from fti.config import StrictModel
 from fti.drivers._checksums import CHECKSUMS, ChecksumKind
-from fti.drivers._fields import Field, WireValue, decode_fields, make_field_codecs
 from fti.drivers._framing import Skip, skip_to
+from fti.formats.described_fields import Field, WireValue, decode_fields, make_field_codecs
 from fti.messages.measurements import Measurement, Stamp
 
 MAX_FRAME_BYTES = 2048

@@ -5,9 +5,9 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 
 from fti.drivers import Counters
-from fti.drivers._can import frame_head, skip_reason
-from fti.drivers._fast_messages import fast_stamp
 from fti.drivers._node_supervision import NodeSupervisor, node_status
+from fti.formats.can_identifiers import frame_head, skip_reason
+from fti.formats.fast_messages import fast_stamp
 from fti.messages.measurements import Measurement, Stamp
 
 

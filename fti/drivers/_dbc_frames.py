@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from fti.canframe import pack_can
-from fti.drivers._dbc import DbcMessage, DbcSignal
+from fti.formats.dbc_messages import DbcMessage, DbcSignal
 
 HEAD_SIZE = 8
 

@@ -23,7 +23,7 @@ import string
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
-from fti.drivers._fields import WireValue
+from fti.formats.described_fields import WireValue
 
 CHECKSUM = "checksum"
 SPEC = re.compile(r"(\+?)(0?)(\d{0,2})(?:\.(\d))?([dfgsxX]?)")

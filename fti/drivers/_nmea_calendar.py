@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from datetime import date, timedelta
 
-from fti.drivers._times import SECOND_NS, utc_ns
+from fti.formats.device_time import SECOND_NS, utc_ns
 from fti.messages.measurements import Stamp, TimeScale
 
 DAY_NS = 86_400 * SECOND_NS

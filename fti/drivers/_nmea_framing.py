@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import re
 
-from fti.drivers import _nmea_fields as fields
 from fti.drivers._framing import Skip
+from fti.formats import nmea_fields as fields
 
 #: The standard allows 82; receivers with more digits send up to about 100.
 MAX_SENTENCE = 160

@@ -7,12 +7,12 @@ import re
 from collections.abc import Callable
 from datetime import date
 
-from fti.drivers import _nmea_fields as fields
 from fti.drivers._nmea_calendar import DAY_NS, Calendar
 from fti.drivers._nmea_framing import split
 from fti.drivers._nmea_sky import SkyView
-from fti.drivers._times import SECOND_NS
-from fti.drivers._units import KNOT, wrap_heading
+from fti.formats import nmea_fields as fields
+from fti.formats.device_time import SECOND_NS
+from fti.formats.unit_factors import KNOT, wrap_heading
 from fti.messages.measurements import (
     Attitude,
     DeviceStatus,

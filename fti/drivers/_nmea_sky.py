@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 from typing import NamedTuple
 
-from fti.drivers import _nmea_fields as fields
+from fti.formats import nmea_fields as fields
 from fti.messages.measurements import Satellite, Satellites, Stamp
 
 TALKERS = {

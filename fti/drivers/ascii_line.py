@@ -1,7 +1,7 @@
 r"""Any device that sends text lines; the configuration describes their format and meaning.
 
 Document: none; the options are the description (docs/add-a-sensor.md).  ``_line_template`` documents the template
-of a line, ``_fields`` the fields.
+of a line, ``fti.formats.described_fields`` the fields.
 
     line         "$WIMTA,{static_air_temperature:.1f},C*{checksum:02X}"       fields: name, unit, scale, lost, ...
     terminator   each of its characters ends a line; all of them are sent
@@ -27,11 +27,11 @@ from fti.config import Positive, StrictModel
 from fti.drivers import Command, Counters
 from fti.drivers._arguments import check_complete
 from fti.drivers._checksums import CHECKSUMS, ChecksumKind
-from fti.drivers._fields import Field, FieldCodec, FieldCollector, decode_fields, make_field_codecs
 from fti.drivers._line_framing import FirstLine, LineFramer
 from fti.drivers._line_template import CHECKSUM, Template
 from fti.drivers._polled_device import PolledDevice
 from fti.drivers._rangefinder import LOST_M
+from fti.formats.described_fields import Field, FieldCodec, FieldCollector, decode_fields, make_field_codecs
 from fti.messages.measurements import Measurement, Stamp
 
 DOCUMENT = "none: the configuration describes the line; the default is an assumption for the ILM 500 laser altimeter"

@@ -1,7 +1,7 @@
 """Any device that sends binary frames; the configuration describes their format and meaning.
 
-Document: none; the options are the description (docs/add-a-sensor.md).  ``_fields`` documents the fields; ``at`` is
-the offset of a field from the first sync byte, 0.
+Document: none; the options are the description (docs/add-a-sensor.md).  ``fti.formats.described_fields`` documents the
+fields; ``at`` is the offset of a field from the first sync byte, 0.
 
     sync | ... | checksum | trailer         sync and trailer in hexadecimal, "5959"
 
@@ -28,9 +28,9 @@ from fti.config import Positive, StrictModel
 from fti.drivers import Command, Counters
 from fti.drivers._arguments import check_complete
 from fti.drivers._binary_frame import MAX_FRAME_BYTES, BinaryField, FrameChecksum, FrameCodec, FrameOptions, Hex
-from fti.drivers._fields import FieldCodec, FieldCollector
 from fti.drivers._framing import Framer
 from fti.drivers._polled_device import PolledDevice
+from fti.formats.described_fields import FieldCodec, FieldCollector
 from fti.messages.measurements import Measurement, Stamp
 
 DOCUMENT = "none: the configuration describes the frame; the default is Benewake SJ-PM-TFmini Plus-T-01 A04"

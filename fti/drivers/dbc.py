@@ -11,7 +11,7 @@ DBC contains the layout of every message.
 
 Conversion of a signal:
 
-    its name is a quantity (``_quantities``) and its unit fits      the measurement, in SI
+    its name is a quantity (``fti.formats.quantities``) and its unit fits      the measurement, in SI
     any other                                                       Reading "MESSAGE.SIGNAL" in the unit of the DBC
 
 Big- and little-endian, signed, float, multiplexed (also one in the other, ranges of selectors), extended identifiers,
@@ -37,14 +37,14 @@ from pydantic import Field
 from fti.canframe import EXTENDED
 from fti.config import StrictModel
 from fti.drivers import Counters
-from fti.drivers._can import frame_head, skip_reason
-from fti.drivers._dbc import DbcMessage, DbcSignal, read_layouts
 from fti.drivers._dbc_frames import FrameBuilder
-from fti.drivers._dbc_makers import Maker, maker_of, quantity_scale
-from fti.drivers._fast_messages import fast_stamp
 from fti.drivers._no_commands import COMMANDS, command, on_connect, poll  # noqa: F401 - the rest of the contract
 from fti.drivers._node_supervision import NodeSupervisor, node_status
-from fti.drivers._quantities import QUANTITIES
+from fti.formats.can_identifiers import frame_head, skip_reason
+from fti.formats.dbc_makers import Maker, maker_of, quantity_scale
+from fti.formats.dbc_messages import DbcMessage, DbcSignal, read_layouts
+from fti.formats.fast_messages import fast_stamp
+from fti.formats.quantities import QUANTITIES
 from fti.messages.measurements import Measurement, Reading, Stamp
 
 DOCUMENT = "DBC file format 1.0.5 (Vector Informatik); messages of the configured DBC"

@@ -47,7 +47,7 @@ from fti.drivers import Command, Counters
 from fti.drivers._arguments import check_complete
 from fti.drivers._framing import Framer, Skip, skip_to
 from fti.drivers._rangefinder import LOST_M, make_range, wire_distance
-from fti.drivers._units import DEGREE
+from fti.formats.unit_factors import DEGREE
 from fti.messages.measurements import Ack, Measurement, Range, Reading, Stamp
 
 DOCUMENT = "LightWare LW20 product guide (LWNX serial interface, commands); LW24 product guide version 0, p. 21-32"

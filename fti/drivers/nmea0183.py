@@ -41,13 +41,13 @@ from typing import Literal
 
 from fti.config import StrictModel
 from fti.drivers import Counters
-from fti.drivers import _nmea_fields as fields
 from fti.drivers._framing import Framer, Skip
 from fti.drivers._nmea_framing import MAX_SENTENCE, measure_sentence
 from fti.drivers._nmea_sentences import Sentences
 from fti.drivers._no_commands import COMMANDS, command, on_connect, poll  # noqa: F401 - the rest of the contract
-from fti.drivers._times import device_time_ns, utc_date
-from fti.drivers._units import KNOT, wrap_heading
+from fti.formats import nmea_fields as fields
+from fti.formats.device_time import device_time_ns, utc_date
+from fti.formats.unit_factors import KNOT, wrap_heading
 from fti.messages.measurements import Attitude, DeviceTime, Measurement, Position, Satellites, TimeScale, Velocity
 
 DOCUMENT = 'NMEA 0183 4.11 as publicly documented (gpsd, "NMEA Revealed")'

@@ -32,8 +32,8 @@ from fti.config import StrictModel
 from fti.drivers import Command, Counters
 from fti.drivers._arguments import check_complete
 from fti.drivers._framing import Framer, Skip, skip_to
-from fti.drivers._nmea_fields import sentence
 from fti.drivers._nmea_framing import MAX_SENTENCE, measure_sentence, split
+from fti.formats.nmea_fields import sentence
 from fti.messages.measurements import Ack, DeviceStatus, Measurement, Reading, Stamp
 
 DOCUMENT = "our own protocol for the laboratory: docstring of fti/drivers/power_unit.py"

@@ -31,11 +31,11 @@ from fti.config import CanLink
 from fti.errors import ConfigError, LinkError, PortAbsent, PortBusy, PortDenied
 from fti.links._beat_scheduler import unwatch, watch
 from fti.links._recvmmsg import MAX_DATAGRAMS
-from fti.links._socket import Arrival, enlarge, prepare
 from fti.links._thread_reader import ThreadReader
 from fti.links.base import BaseLink, Sink
 from fti.links.can_errors import ControllerWatch, count_error, is_error
 from fti.links.ports import can_interfaces
+from fti.links.sockets import Arrival, enlarge, prepare
 from fti.messages.frames import LinkState
 
 RETRY_S = 0.002  # CAN has no writable event for a full transmit queue (ENOBUFS)

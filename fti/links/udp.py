@@ -20,9 +20,9 @@ from fti.config import UdpLink as UdpConfig
 from fti.errors import ConfigError, LinkError, PortAbsent, PortBusy, PortDenied
 from fti.links._beat_scheduler import unwatch, watch
 from fti.links._recvmmsg import MAX_DATAGRAMS
-from fti.links._socket import Arrival, prepare
 from fti.links.base import BaseLink, Sink
 from fti.links.ports import ipv4_addresses
+from fti.links.sockets import Arrival, prepare
 
 Address = tuple[str, int]
 OTHER_SOURCE = "udp_other_source"

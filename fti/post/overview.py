@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from fti.config import decode_text, parse_toml
-from fti.drivers._times import GPS_EPOCH_UTC_NS, LEAP_NS
 from fti.errors import ConfigError
+from fti.formats.device_time import GPS_EPOCH_UTC_NS, LEAP_NS
 from fti.logger.reading.mcap_file import McapFile
 from fti.logger.reading.recording import Recording
 from fti.logger.session import CONFIG_ATTACHMENT

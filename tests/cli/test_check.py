@@ -14,7 +14,7 @@ from fti import config
 from fti.cli import _receive_buffer
 from fti.cli.check import worst_load
 from fti.cli.main import main
-from fti.links._socket import RECEIVE_BUFFER
+from fti.links.sockets import RECEIVE_BUFFER
 from tests.helpers import ROOT
 from tests.terrain.elevation_files import Array, write_ground
 

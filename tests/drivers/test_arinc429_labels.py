@@ -14,12 +14,12 @@ from fti import config
 from fti.config import bind
 from fti.devices import bind_devices
 from fti.drivers import arinc429
-from fti.drivers._quantities import DIMENSIONS, QUANTITIES, UNITS
 from fti.drivers.arinc429 import word as wire
 from fti.drivers.arinc429.label_codec import NumberLabel, make_codecs
 from fti.drivers.arinc429.labels import Label, LabelSet, built_in_sets, choose, read_sets
 from fti.drivers.arinc429.word import BnrState, DiscreteState
 from fti.errors import ConfigError
+from fti.formats.quantities import DIMENSIONS, QUANTITIES, UNITS
 from fti.messages.measurements import (
     Deviation,
     DeviceStatus,

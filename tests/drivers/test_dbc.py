@@ -23,10 +23,10 @@ from fti.cli.decode import candump_frames
 from fti.config import bind
 from fti.devices import bind_devices
 from fti.drivers import dbc
-from fti.drivers._dbc import read_layouts
 from fti.drivers._dbc_frames import FrameBuilder
-from fti.drivers._fast_messages import fast_maker, fast_reading, fast_stamp
 from fti.errors import ConfigError
+from fti.formats.dbc_messages import read_layouts
+from fti.formats.fast_messages import fast_maker, fast_reading, fast_stamp
 from fti.messages.measurements import (
     Airspeed,
     DeviceStatus,

@@ -7,7 +7,7 @@ from typing import Any, get_args
 
 import pytest
 
-from fti.drivers._fast_messages import fast_class
+from fti.formats.fast_messages import fast_class
 from fti.messages.measurements import Measurement, Position, Stamp
 
 

@@ -12,7 +12,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fti.drivers import novatel_oem6 as novatel
-from fti.drivers._times import gps_ns
 from fti.drivers.novatel_oem6 import clock, messages, observations, sky, solution, status
 from fti.drivers.novatel_oem6.framing import (
     SHORT_HEADER,
@@ -23,6 +22,7 @@ from fti.drivers.novatel_oem6.framing import (
     split,
 )
 from fti.drivers.novatel_oem6.signals import SIGNALS, decode_tracking
+from fti.formats.device_time import gps_ns
 from fti.messages.measurements import (
     DeviceStatus,
     Measurement,

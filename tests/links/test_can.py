@@ -17,7 +17,7 @@ from fti.canframe import pack_can
 from fti.clock import FakeClock, SystemClock, choose_epoch_ns
 from fti.config import CanLink
 from fti.errors import ConfigError, LinkError, PartialSendError
-from fti.links import _socket, open_link
+from fti.links import open_link, sockets
 from fti.links._recvmmsg import ReceiveBatch
 from fti.links.can import pack_message, unpack_message
 from fti.messages.frames import LinkState
@@ -270,7 +270,7 @@ def own_socket(monkeypatch: pytest.MonkeyPatch) -> FakeBus:
 
 
 async def test_frames_that_the_kernel_drops_are_counted(own_socket: FakeBus, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(_socket, "RECEIVE_BUFFER", 4096)
+    monkeypatch.setattr(sockets, "RECEIVE_BUFFER", 4096)
     async with run_link(link("udp_multicast")) as (opened, received):
         for _ in range(500):
             own_socket.other.send(FRAMES[0])

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 import pytest
 
 from fti.links._recvmmsg import MAX_DATAGRAMS, NO_STAMP, ReceiveBatch
-from fti.links._socket import SO_RCVBUFFORCE, prepare
+from fti.links.sockets import SO_RCVBUFFORCE, prepare
 
 
 @pytest.fixture

@@ -9,8 +9,8 @@ import pytest
 
 from fti.clock import FakeClock, StampWindow
 from fti.links._recvmmsg import MAX_DATAGRAMS
-from fti.links._socket import Arrival, prepare
 from fti.links.base import LinkStatus
+from fti.links.sockets import Arrival, prepare
 
 NOW = 10**18
 MS = 1_000_000

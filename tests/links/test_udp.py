@@ -14,8 +14,8 @@ from fti.clock import FakeClock, SystemClock, choose_epoch_ns
 from fti.config import UdpLink
 from fti.errors import ConfigError, LinkError
 from fti.links import open_link
-from fti.links._socket import SO_RCVBUFFORCE, Arrival
 from fti.links.base import OVERFLOW_HOLD_NS, LinkStatus
+from fti.links.sockets import SO_RCVBUFFORCE, Arrival
 from fti.messages.frames import LinkState
 from tests.helpers import until_async
 from tests.links.bench import run_link

@@ -14,7 +14,7 @@ from fti.study import StudyResult, _clearance, _clearance_faults, _clearance_gro
 from fti.study._clearance import LateJoin, NominalApproach
 from fti.study._clearance_faults import FAULTS, FaultyApproach, fly_faulty
 from fti.study._clearance_ground import reference, strict_reference
-from fti.study._proportions import max_failures_by_chance, wilson
+from fti.study.proportions import max_failures_by_chance, wilson
 
 
 def by_id(results: list[StudyResult]) -> dict[str, StudyResult]:

@@ -31,10 +31,8 @@ from pydantic import Discriminator, Field, Tag
 
 from fti.config import StrictModel
 from fti.drivers import Counters
-from fti.drivers._fast_messages import fast_stamp
 from fti.drivers._framing import Framer
 from fti.drivers._no_commands import COMMANDS, command, on_connect, poll  # noqa: F401 - the rest of the contract
-from fti.drivers._quantities import QUANTITIES
 from fti.drivers.arinc429 import word as wire
 from fti.drivers.arinc429.apmp import Apmp
 from fti.drivers.arinc429.chapter10 import Chapter10
@@ -42,6 +40,8 @@ from fti.drivers.arinc429.label_codec import Handler, LabelCodec, SourceKey, mak
 from fti.drivers.arinc429.labels import Label, LabelSet, choose
 from fti.drivers.arinc429.packets import Packets, boot_ns
 from fti.drivers.arinc429.stream import SEARCH_BYTES, WORD_BYTES, WordStream, required_words
+from fti.formats.fast_messages import fast_stamp
+from fti.formats.quantities import QUANTITIES
 from fti.messages.measurements import Measurement, Stamp, TimeScale
 
 DOCUMENT = "ARINC 429 part 1 (word) and part 2 (labels); bare words, Alta APMP, IRIG 106-22 chapter 11 type 0x38"

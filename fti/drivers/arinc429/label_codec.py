@@ -12,10 +12,10 @@ from collections.abc import Callable, Collection, Sequence
 from typing import Any, NamedTuple, Protocol
 
 from fti.constants import FOOT
-from fti.drivers._quantities import DIMENSIONS, QUANTITIES, UNITS, Quantity
 from fti.drivers.arinc429 import word as wire
 from fti.drivers.arinc429.labels import EQUIPMENT_LABEL, Label, LabelSet
 from fti.drivers.arinc429.word import BcdState, BnrState, DiscreteState
+from fti.formats.quantities import DIMENSIONS, QUANTITIES, UNITS, Quantity
 from fti.messages.measurements import DeviceStatus, Measurement, RadioHeight, Reading, Stamp
 from fti.ranging.radar.quantise import quantisation_step_ft, quantise_ft
 

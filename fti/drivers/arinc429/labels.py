@@ -23,9 +23,9 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from fti.config import StrictModel, bind, parse_toml
-from fti.drivers._quantities import QUANTITIES, to_si
 from fti.drivers.arinc429.word import BNR_BITS_WITH_SDI, DISCRETE_HIGH, DISCRETE_LOW
 from fti.errors import ConfigError
+from fti.formats.quantities import QUANTITIES, to_si
 
 Bit = Annotated[int, Field(ge=DISCRETE_LOW, le=DISCRETE_HIGH)]
 Octal = Annotated[str, Field(pattern=r"^[0-3][0-7]{2}$")]
@@ -39,7 +39,7 @@ class Label(StrictModel):
     """One enabled label.
 
     label      : octal digits; sdi : only this source; none : any
-    quantity   : see ``_quantities``; or reading : name of a ``Reading``
+    quantity   : see ``fti.formats.quantities``; or reading : name of a ``Reading``
     unit       : of the wire; range [unit] and bits of a BNR word; resolution [unit] of a BCD word's last digit
     sign       : -1 if this equipment uses the opposite sign
     fine_label : label with the next ``fine_bits`` bits below those of this label

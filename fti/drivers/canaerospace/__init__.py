@@ -17,8 +17,8 @@ Document: CANaerospace interface specification 1.7 (Stock Flight Systems, 2006),
     325 differential, 326 static pressure [hPa]   328 angle of attack [deg]   1070 radio height, 1071-1074 DME [m]
 
 A DBC defines the identifiers (``parameters.dbc``, or that of option ``dbc_file``): a name of a quantity
-(``_quantities``) becomes its measurement, any other a Reading, and normal operation data that are not in the DBC a
-Reading ``nod_<identifier>``.  For a layout without this header use the driver ``dbc``.
+(``fti.formats.quantities``) becomes its measurement, any other a Reading, and normal operation data that are not in the
+DBC a Reading ``nod_<identifier>``.  For a layout without this header use the driver ``dbc``.
 
 Message codes and silent nodes: ``_node_supervision``; lost messages are counted and reported as a DeviceStatus.  A node
 counts as alive while it sends any message, and identifies itself on request (command ``identify``).
@@ -38,10 +38,10 @@ from pydantic import Field
 from fti.config import StrictModel
 from fti.drivers import Command
 from fti.drivers._no_commands import on_connect, poll  # noqa: F401 - the rest of the contract
-from fti.drivers._quantities import QUANTITIES
 from fti.drivers.canaerospace.decoder import Decoder
 from fti.drivers.canaerospace.encoder import Encoder, identification_request
 from fti.drivers.canaerospace.parameters import read_parameters
+from fti.formats.quantities import QUANTITIES
 
 DOCUMENT = "CANaerospace interface specification 1.7 (Stock Flight Systems, 2006); identifiers by DBC"
 MESSAGES = {

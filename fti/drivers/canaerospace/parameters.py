@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from functools import cache
 
 from fti.canframe import EXTENDED
-from fti.drivers._dbc import DbcMessage, DbcSignal, read_layouts
-from fti.drivers._quantities import QUANTITIES, Quantity, to_si
+from fti.formats.dbc_messages import DbcMessage, DbcSignal, read_layouts
+from fti.formats.quantities import QUANTITIES, Quantity, to_si
 from fti.messages.measurements import Measurement, Stamp
 
 HEADER = ("node_id", "data_type", "service_code", "message_code")

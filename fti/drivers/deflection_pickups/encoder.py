@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from fti.drivers._can import frame_head
 from fti.drivers._dbc_frames import FrameBuilder
 from fti.drivers.canaerospace.data_types import UCHAR4
 from fti.drivers.canaerospace.encoder import IDENTIFICATION
@@ -15,6 +14,7 @@ from fti.drivers.deflection_pickups import service as wire
 from fti.drivers.deflection_pickups.layout import COUNTER, DEFLECTION, NODE_ID, RAW, Pickup, PickupBus, PickupMessage
 from fti.drivers.deflection_pickups.service import Service
 from fti.drivers.deflection_pickups.table import MAX_POINTS, MIN_POINTS, CalibrationTable
+from fti.formats.can_identifiers import frame_head
 from fti.messages.measurements import Measurement, SurfaceDeflection
 
 MILLISECOND_NS = 1_000_000

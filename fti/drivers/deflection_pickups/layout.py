@@ -18,8 +18,8 @@ from dataclasses import dataclass
 from functools import cache
 
 from fti.canframe import EXTENDED
-from fti.drivers._dbc import DbcMessage, DbcSignal, read_dbc, read_layouts
-from fti.drivers._quantities import UNITS
+from fti.formats.dbc_messages import DbcMessage, DbcSignal, read_dbc, read_layouts
+from fti.formats.quantities import UNITS
 
 RAW, DEFLECTION = "_raw", "_deflection"
 REQUEST, RESPONSE = "node_service_request", "node_service_response"

@@ -17,7 +17,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import pairwise
 
-from fti.drivers._units import DEGREE
+from fti.formats.unit_factors import DEGREE
 from fti.messages.measurements import CalibrationPoint
 
 MAX_RAW = 65_535

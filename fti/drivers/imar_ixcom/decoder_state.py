@@ -5,11 +5,11 @@ from __future__ import annotations
 from functools import lru_cache
 from itertools import chain
 
-from fti.drivers._fast_messages import fast_class
 from fti.drivers.imar_ixcom.deviations import UNKNOWN, StandardDeviations
 from fti.drivers.imar_ixcom.options import Options
 from fti.drivers.imar_ixcom.status import SYSTEM_ERRORS
 from fti.drivers.imar_ixcom.wire import IxcomFrame
+from fti.formats.fast_messages import fast_class
 from fti.messages.measurements import DeviceStatus, Stamp
 
 #: Maximum age of sigmas and status words [ns].

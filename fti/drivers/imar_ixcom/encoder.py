@@ -9,7 +9,6 @@ from typing import Any
 
 from fti.drivers import Counters
 from fti.drivers._framing import Framer
-from fti.drivers._times import device_time_ns
 from fti.drivers.imar_ixcom import commands, environment_messages, inertial, satellites, solution, system_status
 from fti.drivers.imar_ixcom.commands import RESPONSE, RESPONSES
 from fti.drivers.imar_ixcom.deviations import EKFSTDDEV, ITEMS
@@ -18,6 +17,7 @@ from fti.drivers.imar_ixcom.generic_values import encode_generic_values
 from fti.drivers.imar_ixcom.options import CHANNELS, NAMES, NUMBERS, Options
 from fti.drivers.imar_ixcom.status import ALIGNMENT, QUALITY, encode_status
 from fti.drivers.imar_ixcom.wire import FRAME_MAX, IxcomFrame, encode_frame, measure, read_frame
+from fti.formats.device_time import device_time_ns
 from fti.messages.measurements import (
     Airspeed,
     Attitude,

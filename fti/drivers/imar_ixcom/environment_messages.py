@@ -17,7 +17,6 @@ from __future__ import annotations
 
 import struct
 
-from fti.drivers._units import HECTOPASCAL, KELVIN_AT_0_C
 from fti.drivers.imar_ixcom.decoder_state import DecoderState
 from fti.drivers.imar_ixcom.encoder_state import EncoderState
 from fti.drivers.imar_ixcom.generic_values import (
@@ -30,6 +29,7 @@ from fti.drivers.imar_ixcom.generic_values import (
 from fti.drivers.imar_ixcom.options import TESLA
 from fti.drivers.imar_ixcom.status import decode_word, encode_word, word_names
 from fti.drivers.imar_ixcom.wire import IxcomFrame
+from fti.formats.unit_factors import HECTOPASCAL, KELVIN_AT_0_C
 from fti.messages.measurements import (
     Airspeed,
     ImpactPressure,

@@ -17,12 +17,12 @@ from __future__ import annotations
 import math
 import struct
 
-from fti.drivers._fast_messages import fast_class
 from fti.drivers.imar_ixcom.data_selection import IMU_CORRECTED, IMU_GRAVITY_FREE, IMU_RAW
 from fti.drivers.imar_ixcom.decoder_state import DecoderState
 from fti.drivers.imar_ixcom.frame_rotation import Triple
 from fti.drivers.imar_ixcom.generic_values import all_finite, decode_generic_values, xyz
 from fti.drivers.imar_ixcom.wire import IxcomFrame
+from fti.formats.fast_messages import fast_class
 from fti.messages.measurements import ImuSample, Measurement, Stamp
 
 IMU = struct.Struct("<3f3f")

@@ -17,8 +17,6 @@ from __future__ import annotations
 import math
 import struct
 
-from fti.drivers._fast_messages import fast_class
-from fti.drivers._units import wrap_heading
 from fti.drivers.imar_ixcom.data_selection import (
     ALT_BARO,
     ALT_MSL,
@@ -37,6 +35,8 @@ from fti.drivers.imar_ixcom.frame_rotation import Triple, ned_from_body, ned_fro
 from fti.drivers.imar_ixcom.generic_values import all_finite, nan_if_none
 from fti.drivers.imar_ixcom.inertial import LOST, decode_imu
 from fti.drivers.imar_ixcom.wire import IxcomFrame
+from fti.formats.fast_messages import fast_class
+from fti.formats.unit_factors import wrap_heading
 from fti.messages.measurements import Attitude, ImuSample, Measurement, Position, PressureAltitude, Velocity
 
 INSSOL = struct.Struct("<3f3f3f3fddfhH")

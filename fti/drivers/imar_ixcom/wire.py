@@ -6,10 +6,10 @@ import binascii
 import struct
 from typing import NamedTuple
 
-from fti.drivers._fast_messages import fast_class
 from fti.drivers._framing import Skip, skip_to
-from fti.drivers._times import SECOND_NS, gps_ns, gps_week
 from fti.drivers.imar_ixcom.status import Footer, decode_footer
+from fti.formats.device_time import SECOND_NS, gps_ns, gps_week
+from fti.formats.fast_messages import fast_class
 from fti.messages.measurements import Stamp, TimeScale
 
 SYNC = b"\x7e"

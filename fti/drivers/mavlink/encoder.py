@@ -10,8 +10,6 @@ from pymavlink.dialects.v20 import common
 
 from fti.drivers import Counters
 from fti.drivers._framing import Framer
-from fti.drivers._times import device_time_ns
-from fti.drivers._units import DEGREE, HECTOPASCAL, wrap_half_turn, wrap_heading
 from fti.drivers.mavlink.commands import REQUEST_MESSAGE, SET_MESSAGE_INTERVAL, Options
 from fti.drivers.mavlink.fields import UNKNOWN_U16, all_finite
 from fti.drivers.mavlink.motion import FIX_3D, NO_SATELLITES
@@ -30,6 +28,8 @@ from fti.drivers.mavlink.sensors import (
 )
 from fti.drivers.mavlink.system import MODES, STATES
 from fti.drivers.mavlink.wire import FRAME_MAX, Frames, header, layout, payload
+from fti.formats.device_time import device_time_ns
+from fti.formats.unit_factors import DEGREE, HECTOPASCAL, wrap_half_turn, wrap_heading
 from fti.messages.measurements import (
     Attitude,
     DeviceStatus,

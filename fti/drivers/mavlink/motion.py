@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from fti.drivers._units import DEGREE, wrap_heading
 from fti.drivers.mavlink.fields import (
     UNKNOWN_U16,
     Reader,
@@ -16,6 +15,7 @@ from fti.drivers.mavlink.fields import (
     stamp_from_ns,
     stamp_from_us,
 )
+from fti.formats.unit_factors import DEGREE, wrap_heading
 from fti.messages.measurements import (
     Airspeed,
     Attitude,

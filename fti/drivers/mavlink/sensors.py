@@ -6,9 +6,9 @@ import math
 from typing import Any
 
 from fti.constants import STANDARD_GRAVITY
-from fti.drivers._quantities import STANDARD_PA
-from fti.drivers._units import HECTOPASCAL
 from fti.drivers.mavlink.fields import Reader, Settings, all_finite, stamp_from_boot_ms, stamp_from_us
+from fti.formats.quantities import STANDARD_PA
+from fti.formats.unit_factors import HECTOPASCAL
 from fti.messages.measurements import (
     ImpactPressure,
     ImuSample,

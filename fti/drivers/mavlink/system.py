@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from fti.drivers._units import DEGREE
 from fti.drivers.mavlink.fields import Reader, Settings, all_finite, stamp_from_boot_ms
+from fti.formats.unit_factors import DEGREE
 from fti.messages.measurements import Ack, DeviceStatus, Measurement, Reading, Stamp
 
 NO_AUTOPILOT = 8  # MAV_AUTOPILOT_INVALID: a ground station, a camera, a radio

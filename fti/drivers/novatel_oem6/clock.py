@@ -16,8 +16,8 @@ import struct
 from dataclasses import replace
 
 from fti.constants import SPEED_OF_LIGHT
-from fti.drivers._times import GPS_EPOCH_UTC_NS, SECOND_NS, gps_ns, gps_week, utc_date
 from fti.drivers.novatel_oem6.framing import NovatelHeader
+from fti.formats.device_time import GPS_EPOCH_UTC_NS, SECOND_NS, gps_ns, gps_week, utc_date
 from fti.messages.measurements import DeviceTime, Measurement, Reading, ReceiverClock, Stamp, TimeScale
 
 TIME = struct.Struct("<IdddIBBBBII")

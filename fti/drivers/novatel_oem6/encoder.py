@@ -13,7 +13,6 @@ from typing import Any, NamedTuple
 
 from fti.drivers import Counters
 from fti.drivers._framing import Framer, Skip
-from fti.drivers._times import SECOND_NS, device_time_ns, gps_week
 from fti.drivers.novatel_oem6 import commands, messages
 from fti.drivers.novatel_oem6.clock import FINE_STEERING, UTC_OFFSET, encode_clockmodel, encode_time
 from fti.drivers.novatel_oem6.commands import TRIGGERS
@@ -22,6 +21,7 @@ from fti.drivers.novatel_oem6.observations import encode_range
 from fti.drivers.novatel_oem6.sky import encode_psrdop, encode_satvis2
 from fti.drivers.novatel_oem6.solution import encode_bestpos, encode_bestvel
 from fti.drivers.novatel_oem6.status import encode_rxstatus, encode_words
+from fti.formats.device_time import SECOND_NS, device_time_ns, gps_week
 from fti.messages.measurements import (
     DeviceStatus,
     DeviceTime,

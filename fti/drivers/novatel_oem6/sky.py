@@ -17,9 +17,9 @@ import math
 import struct
 from collections.abc import Iterable
 
-from fti.drivers._units import DEGREE
 from fti.drivers.novatel_oem6.clock import finite_or_none
 from fti.drivers.novatel_oem6.framing import NovatelHeader
+from fti.formats.unit_factors import DEGREE
 from fti.messages.measurements import Measurement, Satellite, Satellites, Stamp
 
 PSRDOP = struct.Struct("<6fI")

@@ -16,9 +16,9 @@ from __future__ import annotations
 import math
 import struct
 
-from fti.drivers._units import DEGREE, wrap_heading
 from fti.drivers.novatel_oem6.clock import finite_or_none, subtract_latency
 from fti.drivers.novatel_oem6.framing import NovatelHeader
+from fti.formats.unit_factors import DEGREE, wrap_heading
 from fti.messages.measurements import Measurement, Position, Stamp, Velocity
 
 BESTPOS = struct.Struct("<IIdddfI3f4s2f8B")

@@ -6,9 +6,9 @@ import math
 import struct
 from datetime import date
 
-from fti.drivers._times import GPS_EPOCH_UTC_NS, LEAP_NS, SECOND_NS, WEEK_S, gps_ns, utc_ns
-from fti.drivers._units import wrap_heading
 from fti.drivers.ublox_ubx.receiver_state import UNKNOWN_U32, WEEK_MS, ReceiverState, metres
+from fti.formats.device_time import GPS_EPOCH_UTC_NS, LEAP_NS, SECOND_NS, WEEK_S, gps_ns, utc_ns
+from fti.formats.unit_factors import wrap_heading
 from fti.messages.measurements import (
     Attitude,
     DeviceStatus,

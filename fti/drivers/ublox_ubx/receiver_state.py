@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from fti.drivers._lnav import Subframe
-from fti.drivers._times import SECOND_NS, WEEK_S, gps_ns
+from fti.formats.device_time import SECOND_NS, WEEK_S, gps_ns
 from fti.messages.measurements import Stamp, TimeScale
 
 WEEK_MS = WEEK_S * 1000

@@ -14,7 +14,6 @@ from typing import Literal
 
 from fti.canframe import STANDARD_MASK
 from fti.drivers import arinc429, canaerospace, dbc, deflection_pickups, lightware_ascii, mavlink
-from fti.drivers._nmea_fields import sentence
 from fti.drivers.arinc429 import apmp, chapter10, word
 from fti.drivers.arinc429.stream import WORD_BYTES
 from fti.drivers.canaerospace.decoder import kind_of
@@ -26,6 +25,7 @@ from fti.drivers.novatel_oem6.framing import CRC_SIZE, crc32
 from fti.drivers.ublox_ubx.frames import HEADER as UBX_HEADER
 from fti.drivers.ublox_ubx.frames import SYNC as UBX
 from fti.drivers.ublox_ubx.frames import frame as ubx_frame
+from fti.formats.nmea_fields import sentence
 
 MessageChange = Callable[[bytes], bytes]
 

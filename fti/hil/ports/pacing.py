@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from fti.canframe import EXTENDED
 from fti.config import SerialLink
-from fti.drivers._can import frame_head
+from fti.formats.can_identifiers import frame_head
 
 CHUNK_S = 0.001
 #: Times within this tolerance are equal, because sums of floats have rounding errors.

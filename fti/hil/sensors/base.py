@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from fti.devices import BoundDevice
 from fti.drivers import Encoder
-from fti.drivers._fast_messages import fast_stamp
 from fti.errors import ConfigError
+from fti.formats.fast_messages import fast_stamp
 from fti.geodesy.rotations import mat_from_rpy
 from fti.geodesy.wgs84 import radii
 from fti.hil.environment import Environment

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fti.devices import BoundDevice
-from fti.drivers._dbc import DbcMessage, DbcSignal, read_layouts
-from fti.drivers._dbc_makers import quantity_scale
-from fti.drivers._quantities import QUANTITIES
 from fti.drivers.dbc import Options, text_of
+from fti.formats.dbc_makers import quantity_scale
+from fti.formats.dbc_messages import DbcMessage, DbcSignal, read_layouts
+from fti.formats.quantities import QUANTITIES
 from fti.hil.environment import Environment
 from fti.hil.sensors.avionics import Avionics
 from fti.hil.sensors.deflections import deflections

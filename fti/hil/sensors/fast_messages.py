@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fti.drivers._fast_messages import fast_class
+from fti.formats.fast_messages import fast_class
 from fti.messages import measurements
 
 new_airspeed = fast_class(measurements.Airspeed)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fti.devices import BoundDevice
-from fti.drivers._fields import Field, FieldCodec
+from fti.formats.described_fields import Field, FieldCodec
 from fti.hil.environment import Environment
 from fti.hil.sensors.air_data import AirData
 from fti.hil.sensors.altimeters import LaserAltimeterModel, RadarAltimeterModel

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from fti.constants import SPEED_OF_LIGHT
 from fti.devices import BoundDevice
-from fti.drivers._times import GPS_EPOCH_UTC_NS, LEAP_NS, SECOND_NS
+from fti.formats.device_time import GPS_EPOCH_UTC_NS, LEAP_NS, SECOND_NS
 from fti.geodesy.rotations import mat_en
 from fti.geodesy.wgs84 import ecef_from_geodetic
 from fti.hil.environment import Environment

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from pydantic import Field as Limited
 
 from fti.devices import BoundDevice
-from fti.drivers._quantities import UNITS
 from fti.errors import ConfigError
+from fti.formats.quantities import UNITS
 from fti.hil.environment import Environment
 from fti.hil.sensors.sensor_settings import DeviceSettings, settings_of
 from fti.messages.measurements import Measurement, Reading, Stamp

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
-from fti.drivers._fast_messages import fast_stamp
+from fti.formats.fast_messages import fast_stamp
 from fti.hil.environment import Environment
 from fti.hil.sensors.base import SimulatedSensor
 from fti.hil.sensors.encoding_check import is_carried

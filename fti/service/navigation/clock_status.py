@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from fti.drivers._times import GPS_EPOCH_UTC_NS, LEAP_NS
+from fti.formats.device_time import GPS_EPOCH_UTC_NS, LEAP_NS
 from fti.messages.measurements import TimeScale
 
 NS_PER_MS = 1e6

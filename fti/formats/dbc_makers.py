@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-from fti.drivers._dbc import DbcSignal
-from fti.drivers._fast_messages import fast_reading
-from fti.drivers._quantities import QUANTITIES, to_si
+from fti.formats.dbc_messages import DbcSignal
+from fti.formats.fast_messages import fast_reading
+from fti.formats.quantities import QUANTITIES, to_si
 from fti.messages.measurements import Measurement, Reading, Stamp
 
 #: Makes the measurement of one signal from the two words of a frame.

@@ -2,8 +2,8 @@
 
     value = number * scale + offset        [unit]
 
-A field with the name of a quantity of ``_quantities`` (or with one in ``quantity``) becomes the measurement that
-carries it, in SI; any other name becomes a ``Reading`` in its unit.  A field whose name begins with "_" is ignored.
+A field with the name of a quantity of ``quantities`` (or with one in ``quantity``) becomes the measurement that carries
+it, in SI; any other name becomes a ``Reading`` in its unit.  A field whose name begins with "_" is ignored.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import Annotated
 import pydantic
 
 from fti.config import StrictModel
-from fti.drivers._quantities import QUANTITIES, Quantity, to_si
+from fti.formats.quantities import QUANTITIES, Quantity, to_si
 from fti.messages.measurements import DmeRange, Measurement, Range, Reading, Stamp, StaticPressure, Temperature
 
 WireValue = float | str | None  # value of a field: a number, text, or none
@@ -30,7 +30,7 @@ FieldName = Annotated[str, pydantic.Field(pattern=r"^(_?[a-z][a-z0-9_]*|_)$", ma
 class Field(StrictModel):
     """Meaning of a field.
 
-    quantity : of ``_quantities``, if the name is not one; unit : of the value; SI when empty
+    quantity : of ``fti.formats.quantities``, if the name is not one; unit : of the value; SI when empty
     lost     : values without a measurement: numbers as on the wire, or text
     limits   : minimum and maximum of a valid value [unit]
     good     : required values; all others are not valid

@@ -10,8 +10,8 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 from fti.constants import FOOT, NAUTICAL_MILE, STANDARD_GRAVITY
-from fti.drivers._fast_messages import fast_maker
-from fti.drivers._units import (
+from fti.formats.fast_messages import fast_maker
+from fti.formats.unit_factors import (
     DEGREE,
     FOOT_PER_MINUTE,
     HECTOPASCAL,

@@ -1,0 +1,1 @@
+"""Formats that drivers and emulated sensors share: fields of messages, quantities, units, device times."""
