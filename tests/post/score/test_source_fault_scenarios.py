@@ -50,7 +50,7 @@ STATED = {"roll": "tilt_sd", "pitch": "tilt_sd", "heading": "heading_sd"}
 #: Attitudes are compared five times a second.
 COMPARED_S = 0.5
 #: In quick tests a flight ends so long after its fault begins [s], after slow ones later; at full scale at its end.
-AFTER_S, AFTER_SLOW_S = 16.0, 32.0
+AFTER_S, AFTER_SLOW_S = 16.0, 40.0
 SLOW = ("attitude_offset", "gnss_ramp", "gnss_spoofed")
 #: So close to the limit the two computations may differ.
 CLOSE = 0.02
