@@ -1,7 +1,8 @@
 """Receivers with faults and a tactical inertial unit: they are refused, and the protection levels stay valid.
 
-Truth, unit and receivers are those of ``receiver_flights``; a fault begins after five minutes.  One flight of each
-fault, ten with ``--scale full``.  Misleading: an error larger than the protection level.
+Truth, unit and receivers are those of ``receiver_flights``; a fault begins after five minutes and is observed for two,
+or, with ``--scale full``, for five.  One flight of each fault, ten with ``--scale full``.  Misleading: an error larger
+than the protection level.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 
 from fti.messages.outputs import FilterMode
 from tests.nav.receiver_flights import (
+    SECONDS,
     Fault,
     Fixes,
     Flight,
@@ -30,6 +32,8 @@ from tests.nav.receiver_flights import (
 Array = NDArray[np.float64]
 
 BEGIN, END = 300.0, 360.0
+#: Flights with one fault end then in quick tests [s].
+QUICK_END_S = 420.0
 FLIGHTS, FLIGHTS_FULL = 1, 10
 #: Alignment, and until all copies exist [s].
 SETTLED = 60.0
@@ -60,6 +64,12 @@ def numbers(request: pytest.FixtureRequest) -> range:
     return range(FLIGHTS_FULL if request.config.getoption("--scale") == "full" else FLIGHTS)
 
 
+@pytest.fixture
+def until_s(scale: int) -> float:
+    """End of the flights with one fault [s]."""
+    return QUICK_END_S if scale == 1 else SECONDS
+
+
 STANDING: dict[str, tuple[Fault, float]] = {
     "small step": (offset_after(BEGIN, constant(0.0, 20.0, 0.0)), 12.0),
     "step": (offset_after(BEGIN, constant(0.0, 100.0, 0.0)), 8.0),
@@ -74,11 +84,13 @@ STANDING: dict[str, tuple[Fault, float]] = {
 
 
 @pytest.mark.parametrize("name", STANDING)
-def test_a_receiver_that_lies_is_refused_and_nobody_is_misled(name: str, request: pytest.FixtureRequest) -> None:
+def test_a_receiver_that_lies_is_refused_and_nobody_is_misled(
+    name: str, until_s: float, request: pytest.FixtureRequest
+) -> None:
     """Without the tests the filter followed all of them, the step after 5 s, with a sigma of 1.6 m."""
     fault, limit_s = STANDING[name]
     for number in numbers(request):
-        found = fly(draw(number), {"gnss": fault})
+        found = fly(draw(number), {"gnss": fault}, until_s=until_s)
         refused = found.refused_at("gnss")
         print(f"{name} #{number}: refused after {refused[:1] - BEGIN} s\n{found.texts()}")
         assert refused[0] > BEGIN
@@ -89,11 +101,11 @@ def test_a_receiver_that_lies_is_refused_and_nobody_is_misled(name: str, request
         assert any(event.level == "warning" and "gnss: refused" in event.text for _, event in found.events)
 
 
-def test_a_ramp_soon_after_the_first_copy_is_within_the_protection_level() -> None:
+def test_a_ramp_soon_after_the_first_copy_is_within_the_protection_level(until_s: float) -> None:
     """The copy is too young to be certain of it, and is not replaced any more: nothing is refused, and it counts."""
     begin = 23.0
     offset, velocity = ramp(1.0, 100.0)
-    found = fly(draw(0), {"gnss": offset_after(begin, offset, velocity)})
+    found = fly(draw(0), {"gnss": offset_after(begin, offset, velocity)}, until_s=until_s)
     print(found.texts())
     assert found.radial.max() > 30.0
     assert found.misled(begin) == 0.0
@@ -107,9 +119,11 @@ ENDING: dict[str, Fault] = {
 
 
 @pytest.mark.parametrize("name", ENDING)
-def test_a_contradiction_that_ends_by_a_step_is_forgiven_after_30_s(name: str, request: pytest.FixtureRequest) -> None:
+def test_a_contradiction_that_ends_by_a_step_is_forgiven_after_30_s(
+    name: str, until_s: float, request: pytest.FixtureRequest
+) -> None:
     for number in numbers(request):
-        found = fly(draw(number), {"gnss": ENDING[name]})
+        found = fly(draw(number), {"gnss": ENDING[name]}, until_s=until_s)
         refused = found.refused_at("gnss")
         assert END + 29.0 <= refused[-1] <= END + 34.0, found.texts()
         assert found.misled(SETTLED) == 0.0
@@ -127,9 +141,10 @@ def test_a_lie_of_the_size_that_the_filter_has_drifted_stays_unconfirmed() -> No
     assert found.misled(SETTLED) == 0.0
 
 
-def test_a_wrong_height_leaves_the_position_in() -> None:
+def test_a_wrong_height_leaves_the_position_in(until_s: float) -> None:
     """47 m of undulation from a moment on, and back: beside a barometer the height alone is refused."""
-    found = fly(draw(0), {"gnss": offset_after(BEGIN, until(END - BEGIN, constant(0.0, 0.0, 47.0)))})
+    fault = offset_after(BEGIN, until(END - BEGIN, constant(0.0, 0.0, 47.0)))
+    found = fly(draw(0), {"gnss": fault}, until_s=until_s)
     assert "gnss height: refused" in found.texts()
     assert "gnss height: aids the filter again" in found.texts()
     assert len(found.refused_at("gnss")) == 0
@@ -137,8 +152,8 @@ def test_a_wrong_height_leaves_the_position_in() -> None:
     assert max(abs(e[2]) for t, e in zip(found.t, found.error, strict=True) if t > SETTLED) < 12.0
 
 
-def test_without_a_barometer_a_wrong_height_refuses_the_receiver() -> None:
-    found = fly(draw(0), {"gnss": offset_after(BEGIN, constant(0.0, 0.0, 47.0))}, baro=False)
+def test_without_a_barometer_a_wrong_height_refuses_the_receiver(until_s: float) -> None:
+    found = fly(draw(0), {"gnss": offset_after(BEGIN, constant(0.0, 0.0, 47.0))}, baro=False, until_s=until_s)
     assert found.refused_at("gnss")[0] - BEGIN <= 8.0
     assert found.misled(SETTLED) == 0.0
 
@@ -158,10 +173,10 @@ def test_of_two_receivers_the_one_that_lies_is_refused(name: str) -> None:
 
 
 @pytest.mark.parametrize("rate", [1.0, 3.0])
-def test_two_receivers_that_lie_alike_are_both_refused(rate: float) -> None:
+def test_two_receivers_that_lie_alike_are_both_refused(rate: float, until_s: float) -> None:
     """One spoofer: the other one is no witness.  Refusing one of them let the filter follow the other."""
     fault = offset_after(BEGIN, *ramp(rate, 100.0))
-    found = fly(draw(0, ("gnss", "second")), {"gnss": fault, "second": fault})
+    found = fly(draw(0, ("gnss", "second")), {"gnss": fault, "second": fault}, until_s=until_s)
     for name in ("gnss", "second"):
         assert found.refused_at(name)[0] - BEGIN <= 20.0
         assert found.refused_at(name)[-1] == pytest.approx(max(found.t))

@@ -28,7 +28,7 @@ def ground() -> TerrainGround:
 
 
 #: A map of ranges for each receiver is most of the time.
-RECEIVERS = 12
+RECEIVERS = 8
 
 
 def plan(s_max: float, runs: int, receivers: int = RECEIVERS) -> ReferenceOptions:
