@@ -10,6 +10,7 @@ import time
 from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from types import SimpleNamespace
 from typing import NamedTuple
 
 import pytest
@@ -27,6 +28,7 @@ REAL_TIME = {
 }
 #: Flown where there is such a bus: tests/vcan.
 VCAN_SCENARIOS = {"gauntlet_socketcan"}
+NO_PARAMETERS = SimpleNamespace(params={})
 #: So many at a time; with three, navigation was behind for a fifth of the flight on a slow machine of two cores.
 FLIGHTS_AT_A_TIME = 2
 
@@ -47,9 +49,11 @@ def flown(config: pytest.Config) -> dict[str, float | None]:
 
 
 @pytest.fixture(scope="session")
-def flights(tmp_path_factory: pytest.TempPathFactory, pytestconfig: pytest.Config) -> dict[str, Flight]:
-    """Every scenario; again, while a core stood still during it."""
-    durations = flown(pytestconfig)
+def flights(tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRequest) -> dict[str, Flight]:
+    """Every scenario that a test asks for; again, while a core stood still during it."""
+    parameters = [getattr(item, "callspec", NO_PARAMETERS).params for item in request.session.items]
+    asked = {value for table in parameters for value in table.values() if isinstance(value, str)}
+    durations = {name: until_s for name, until_s in flown(request.config).items() if name in asked}
     found, wanted = dict[str, Flight](), durations
     for _ in range(ATTEMPTS):
         hearts = Heartbeats()

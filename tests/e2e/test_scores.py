@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from fti.cli.main import main
+from fti.hil import scenario as scenarios
 from tests.e2e.conftest import flown
 from tests.e2e.flights import Flight
 from tests.post.score.sabotage.campaign import Sum, run
@@ -60,6 +61,6 @@ def test_a_falsified_recording_of_the_daemon_fails(flights: dict[str, Flight], f
     sample = sample_of(falsified, flight.session, truth=flight.truth)
     assert sample.honest.holds, sample.honest.failures
     chosen = [CATALOGUE[one] for one in FALSIFICATIONS]
-    found = Sum(list(run(sample, chosen, tmp_path, every=False, turn=sorted(flights).index(falsified))))
+    found = Sum(list(run(sample, chosen, tmp_path, every=False, turn=scenarios.shipped_names().index(falsified))))
     assert len(found.applied()) > 1
     assert not found.undetected, "\n".join(found.lines())
