@@ -15,7 +15,7 @@ from tests.e2e.harness import START_S, Daemon, daemon, fti
 from tests.helpers import until
 from tests.web.chromium import Chromium, Page, by_testid
 
-pytestmark = [pytest.mark.e2e, pytest.mark.browser, pytest.mark.timeout(300)]
+pytestmark = [pytest.mark.e2e, pytest.mark.alone, pytest.mark.browser, pytest.mark.timeout(300)]
 HEIGHT = "height-altimeter-agl"
 BREAKER = "breaker-altimeter"
 BOOT_S = 1.0
