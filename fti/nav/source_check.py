@@ -77,9 +77,9 @@ class SourceCheck:
         for name, position in positions.items():
             state, size = self._states[name], self._contradiction(name, position, reference)
             if size > 0.0:
-                events += _differ(state, t_ns, name, size)
+                events += _note_difference(state, t_ns, name, size)
             else:
-                events += _agree(state, t_ns, name, reference)
+                events += _note_agreement(state, t_ns, name, reference)
         return events
 
     def _contradiction(self, name: str, position: PositionState, reference: FilterReference) -> float:
@@ -92,7 +92,7 @@ class SourceCheck:
         return vertical if vertical is not None and vertical > limit else 0.0
 
 
-def _differ(state: _DeviceState, t_ns: int, name: str, size: float) -> list[Event]:
+def _note_difference(state: _DeviceState, t_ns: int, name: str, size: float) -> list[Event]:
     state.agrees_ns, state.size = None, size
     if state.differs_ns is None:
         state.differs_ns = t_ns
@@ -103,7 +103,7 @@ def _differ(state: _DeviceState, t_ns: int, name: str, size: float) -> list[Even
     return [Event(t_ns=t_ns, level="warning", source="nav", text=text)]
 
 
-def _agree(state: _DeviceState, t_ns: int, name: str, reference: FilterReference) -> list[Event]:
+def _note_agreement(state: _DeviceState, t_ns: int, name: str, reference: FilterReference) -> list[Event]:
     state.differs_ns = None
     if state.agrees_ns is None:
         state.agrees_ns = t_ns

@@ -58,7 +58,7 @@ async def serve(
     from fti.clock import choose_epoch_ns  # noqa: PLC0415 - while this is loaded, the recorder starts
     from fti.service.supervisor.process import Supervisor  # noqa: PLC0415
 
-    config = limits.fit(config, announce)
+    config = limits.adapt_to_limits(config, announce)
     supervisor = Supervisor(
         config, choose_epoch_ns(), run_dir, recorder, _suppress_output_errors(announce), shows_key=shows_key
     )

@@ -27,7 +27,7 @@ def raise_open_files() -> None:
     resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))
 
 
-def fit(config: Config, announce: Callable[[str], None]) -> Config:
+def adapt_to_limits(config: Config, announce: Callable[[str], None]) -> Config:
     """The configuration with ``split_mb`` below the limit.  Raises MissingError for a limit that is too low."""
     _check_open_files(len(config.link))
     size, _ = resource.getrlimit(resource.RLIMIT_FSIZE)

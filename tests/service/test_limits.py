@@ -17,7 +17,7 @@ from fti.errors import MissingError, StorageError
 from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.reading.recording import Recording
 from fti.logger.session import SessionFolder
-from fti.service.limits import MIB, fit, raise_open_files
+from fti.service.limits import MIB, adapt_to_limits, raise_open_files
 
 CONFIG = Config(
     session=Session(name="s"), link=tuple(UdpLink(name=f"l{i}", kind="udp", bind="127.0.0.1:0") for i in range(2))
@@ -36,7 +36,7 @@ def limited(what: int, soft: int) -> Iterator[None]:
 
 def test_without_limits_nothing_changes() -> None:
     warnings: list[str] = []
-    assert fit(CONFIG, warnings.append) is CONFIG
+    assert adapt_to_limits(CONFIG, warnings.append) is CONFIG
     assert warnings == []
 
 
@@ -45,7 +45,7 @@ def test_too_few_open_files_are_one_sentence() -> None:
         limited(resource.RLIMIT_NOFILE, 20),
         pytest.raises(MissingError, match=r"ulimit -n.* is 20; must be at least 72"),
     ):
-        fit(CONFIG, print)
+        adapt_to_limits(CONFIG, print)
 
 
 def test_as_many_open_files_as_are_allowed() -> None:
@@ -57,14 +57,14 @@ def test_as_many_open_files_as_are_allowed() -> None:
 
 def test_no_file_for_the_ring_is_one_sentence() -> None:
     with limited(resource.RLIMIT_FSIZE, 64 * 1024), pytest.raises(MissingError, match=r"ulimit -f\) is 65536 bytes"):
-        fit(CONFIG, print)
+        adapt_to_limits(CONFIG, print)
 
 
 @pytest.mark.parametrize(("limit_mb", "split_mb"), [(40, 24), (100, 84), (2048, 1024)])
 def test_files_are_split_before_they_are_too_large(limit_mb: int, split_mb: int) -> None:
     warnings: list[str] = []
     with limited(resource.RLIMIT_FSIZE, limit_mb * MIB):
-        assert fit(CONFIG, warnings.append).session.split_mb == split_mb
+        assert adapt_to_limits(CONFIG, warnings.append).session.split_mb == split_mb
     assert len(warnings) == (split_mb != 1024)
 
 

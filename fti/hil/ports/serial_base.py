@@ -87,7 +87,7 @@ class SerialEndpoint(ABC):
         if not self._is_full:
             self.counters.too_slow_messages += 1
         if not self._is_behind:
-            reason = "nobody reads it" if self._is_full else f"{self._capacity_text}, and its devices send more"
+            reason = "no program reads it" if self._is_full else f"{self._capacity_text}, and its devices send more"
             self._notify(f"{self._name}: {reason}; the oldest messages are dropped")
             self._is_behind = True
 

@@ -123,7 +123,7 @@ class MismatchTest:
         if self._samples and o.t_ns - self._samples[-1][0].t_ns > MAX_HOLE_NS:
             self._samples.clear()
         if self._reference is not None and not self._is_refused and o.t_ns - self._offset_ns > MAX_OFFSET_NS:
-            self._agree()
+            self._end_without_offset()
         if o.predicted is None or o.alt is None:
             self._miss_ground(o.t_ns)
             return self._is_refused
@@ -139,7 +139,7 @@ class MismatchTest:
             self._blocks.clear()
         if self._is_refused and t_ns - self._known_ns > MAX_UNKNOWN_NS:
             assert self._newest is not None
-            self._leave_offset(t_ns, [self._newest])
+            self._end_with_offset(t_ns, [self._newest])
 
     def _close(self, block: _Block) -> None:
         while self._blocks and block.t_ns - self._blocks[0].t_ns > MAX_AGE_NS:
@@ -172,26 +172,26 @@ class MismatchTest:
         self._agreements = self._agreements + 1 if agrees else 0
         self._confirmations = self._confirmations + 1 if block.is_confirmed else 0
         if self._agreements >= END_BLOCKS:
-            self._agree()
-        elif self._is_refused and (self._is_proved(block) or self._confirmations >= CONFIRM_BLOCKS):
-            self._leave_offset(block.t_ns, [*self._blocks, block])
+            self._end_without_offset()
+        elif self._is_refused and (self._window_agrees(block) or self._confirmations >= CONFIRM_BLOCKS):
+            self._end_with_offset(block.t_ns, [*self._blocks, block])
         else:
             return
         while len(self._blocks) >= END_BLOCKS:  # discard the contradicting blocks
             self._blocks.popleft()
 
-    def _agree(self) -> None:
+    def _end_without_offset(self) -> None:
         """End a refusal without a remaining offset."""
         self._is_refused, self._reference, self._contradictions, self.offset_sd = False, None, 0, 0.0
 
-    def _leave_offset(self, t_ns: int, blocks: list[_Block]) -> None:
+    def _end_with_offset(self, t_ns: int, blocks: list[_Block]) -> None:
         """The refusal ends; the mean offset of these blocks from the reference, or from the prediction, remains."""
         assert self._reference is not None
         offsets = [b.change(self._reference) for b in blocks], [b.residuals[0] for b in blocks]
         self._is_refused, self._contradictions, self._offset_ns = False, 0, t_ns
         self.offset_sd = min(abs(sum(each)) for each in offsets) / len(blocks)
 
-    def _is_proved(self, block: _Block) -> bool:
+    def _window_agrees(self, block: _Block) -> bool:
         """Whether a complete window without a gap agrees in which the prediction changes enough."""
         blocks = [*self._blocks, block]
         if block.t_ns - blocks[0].t_ns < MAX_AGE_NS - BLOCK_NS:

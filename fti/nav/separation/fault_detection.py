@@ -349,7 +349,7 @@ class FaultDetection:
         if not group.monitor.copy_ring.copies:
             return ()
         ratios, k_fa = ({device: self._ratios_without(device, group) for device in devices}, group.monitor.k_fa)
-        if self._agree(devices) and all(max(separation_ratios) >= k_fa for separation_ratios in ratios.values()):
+        if self._receivers_agree(devices) and all(max(of_copies) >= k_fa for of_copies in ratios.values()):
             return devices
         still = tuple(device for device in devices if ratios[device][0] >= k_fa)
         ending = tuple(device for device in devices if ratios[device][0] < HALF_K_FA)
@@ -357,7 +357,7 @@ class FaultDetection:
             return devices
         return ending if len(ending) == 1 and len(still) == len(devices) - 1 else ()
 
-    def _agree(self, devices: tuple[str, ...]) -> bool:
+    def _receivers_agree(self, devices: tuple[str, ...]) -> bool:
         """Whether receivers are compared with each other, and no one contradicts."""
         monitors = [group.monitor for group in self._classes if group.label in devices]
         return all(monitor.separations and monitor.ratio < monitor.k_fa for monitor in monitors)

@@ -102,7 +102,7 @@ async def test_a_full_line_is_reported_once_and_bounded(tmp_path: Path) -> None:
             await line.wait_for_reader()
             for _ in range(1000):
                 line.send(bytes(100))
-            assert messages == ["line: nobody reads it; the oldest messages are dropped"]
+            assert messages == ["line: no program reads it; the oldest messages are dropped"]
             assert line.counters.bytes + line.counters.dropped_bytes >= 100_000 - BACKLOG_BYTES
             assert line.counters.too_slow_messages == 0
         finally:

@@ -53,7 +53,7 @@ async def test_a_cable_that_takes_nothing_costs_the_oldest_and_closes(cable: tup
         for _ in range(1000):
             end.send(bytes(100))
         assert end.counters.dropped_messages > 0
-        assert messages == ["line: nobody reads it; the oldest messages are dropped"]
+        assert messages == ["line: no program reads it; the oldest messages are dropped"]
 
 
 @pytest.mark.parametrize("sends", [True, False])

@@ -58,7 +58,7 @@ class _Checks:
         self._evidence, self._series = evidence, series
         self._affected = OutputEffects(evidence.scenario.fault, evidence.craft, evidence.truth)
         self._late = [(from_s, until_s + AFTER_LATE_S) for from_s, until_s in evidence.late]
-        self._may = flight_allowances(evidence.craft, evidence.truth)
+        self._allowances = flight_allowances(evidence.craft, evidence.truth)
         header = evidence.reference.header if evidence.reference else None
         self._stated = frozenset(
             sd
@@ -83,7 +83,7 @@ class _Checks:
             series,
             during & self._due(output, t) & ~interval_mask(t, lost),
             t,
-            self._may_of(output),
+            self._allowances_of(output),
             evidence.scenario.limits,
         )
         yield from self._values(output, series, t, during, interval_mask(t, lost))
@@ -152,15 +152,16 @@ class _Checks:
             return 1.0
         return SAME_READ_SHARE if evidence.real_time else 0.0
 
-    def _may_of(self, output: RequiredOutput) -> Sequence[FlagAllowance]:
+    def _allowances_of(self, output: RequiredOutput) -> Sequence[FlagAllowance]:
         """The flags of an output that the flight allows; dependent outputs inherit those of monitor or altimeters."""
         if output.topic == HEIGHT_BELOW:
-            of_heights = (may for may in self._may if may.place.startswith(HEIGHT))
+            of_heights = (one for one in self._allowances if one.place.startswith(HEIGHT))
             no_height = (Reason.NO_HEIGHT,)
-            return [FlagAllowance(HEIGHT_BELOW, may.from_s, may.until_s, may.words and no_height) for may in of_heights]
+            return [FlagAllowance(HEIGHT_BELOW, one.from_s, one.until_s, one.words and no_height) for one in of_heights]
         if output.topic != GLIDE:
-            return self._may
-        return [FlagAllowance(GLIDE, may.from_s, may.until_s, may.words) for may in self._may if may.place == INTEGRITY]
+            return self._allowances
+        of_integrity = (one for one in self._allowances if one.place == INTEGRITY)
+        return [FlagAllowance(GLIDE, one.from_s, one.until_s, one.words) for one in of_integrity]
 
     def _due(self, output: RequiredOutput, t: Array) -> Mask:
         """Messages that must be valid by the flight, without regard to faults."""
@@ -177,8 +178,8 @@ class _Checks:
             return np.zeros(len(t), dtype=bool)
         after = t >= evidence.start_s + output.lead_s
         blind = [
-            (may.from_s, may.until_s)
-            for may in self._may_of(output)
-            if not may.words and may.explains(output.topic, "")
+            (one.from_s, one.until_s)
+            for one in self._allowances_of(output)
+            if not one.words and one.explains(output.topic, "")
         ]
         return np.asarray(after & ~interval_mask(t, blind))
