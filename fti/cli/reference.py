@@ -110,7 +110,7 @@ def _make(args: argparse.Namespace) -> int:
 
 def _limit_warnings(limits: Limits) -> Iterator[str]:
     """Warnings on the limits of a reference."""
-    from fti.study.proportions import max_failures_by_chance
+    from fti.proportions import max_failures_by_chance
 
     max_alarms = max_failures_by_chance(limits.verified_runs, limits.pfa)
     if limits.verified_alarms > max_alarms:

@@ -10,11 +10,11 @@ from scipy.stats import binom
 from fti.hil.approach_reference.approaches import START_NS, SimulatedApproach
 from fti.messages.outputs import ClearanceIntegrity, IntegrityState
 from fti.nav.integrity.reference import Obstacles
+from fti.proportions import max_failures_by_chance, wilson
 from fti.study import StudyResult, _clearance, _clearance_faults, _clearance_ground, clearance, workers
 from fti.study._clearance import LateJoin, NominalApproach
 from fti.study._clearance_faults import FAULTS, FaultyApproach, fly_faulty
 from fti.study._clearance_ground import reference, strict_reference
-from fti.study.proportions import max_failures_by_chance, wilson
 
 
 def by_id(results: list[StudyResult]) -> dict[str, StudyResult]:
