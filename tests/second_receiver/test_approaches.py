@@ -13,7 +13,7 @@ from tests.second_receiver.approaches import Site
 
 SEED = 1
 RUNS, RUNS_FULL = 8, 200
-REFERENCE_RUNS, REFERENCE_RUNS_FULL = 200, 2000
+REFERENCE_RUNS, REFERENCE_RUNS_FULL = 100, 2000
 
 
 #: A reference takes most of the time: quickly, the ground over which receivers differ most in what they see.
