@@ -13,8 +13,7 @@ from dataclasses import MISSING, fields
 from functools import lru_cache
 from typing import Any, NamedTuple
 
-from fti.messages.outputs import HeightAboveGround, Output, ProvisionalSolution, SourceValidity
-from fti.messages.topics import BUS_ALARMS, BUS_EMULATOR, BUS_EVENT, BUS_HEALTH, snake_case
+from fti.messages.topics import BUS_ALARMS, BUS_EMULATOR, BUS_EVENT, BUS_HEALTH, OUTPUT_CLASSES, SOURCE_FIELDS
 from fti.messages.units import union_members
 
 
@@ -119,9 +118,6 @@ ALARMS: Table = {
     "alarms": [{**_ALARM, "is_acknowledged": FLAG, "consequences": [_ALARM]}],
 }
 
-#: Outputs whose topics end with the name of an altimeter or a source.
-NAMED = (HeightAboveGround, SourceValidity, ProvisionalSolution)
-
 
 @lru_cache(TOPICS_CACHED)
 def shape_of(topic: str) -> Shape | None:
@@ -132,8 +128,8 @@ def shape_of(topic: str) -> Shape | None:
     if not topic.startswith("/nav/"):
         return None
     name, _, sensor = topic.removeprefix("/nav/").partition("/")
-    cls = _outputs().get(name)
-    if cls is None or bool(sensor) != (cls in NAMED):
+    cls = OUTPUT_CLASSES.get(name)
+    if cls is None or bool(sensor) != (cls in SOURCE_FIELDS):
         return ANY_OUTPUT
     hints = typing.get_type_hints(cls)
     shapes = {f.name + ("" if f.default is MISSING else "?"): _shape_of_hint(hints[f.name]) for f in fields(cls)}
@@ -143,12 +139,8 @@ def shape_of(topic: str) -> Shape | None:
 @lru_cache(TOPICS_CACHED)
 def defaults_of(topic: str) -> Mapping[str, Any]:
     """Default values of fields that a publisher of an earlier version may omit."""
-    cls = _outputs().get(topic.removeprefix("/nav/").partition("/")[0])
+    cls = OUTPUT_CLASSES.get(topic.removeprefix("/nav/").partition("/")[0])
     return {f.name: f.default for f in fields(cls) if f.default is not MISSING} if cls else {}
-
-
-def _outputs() -> dict[str, type]:
-    return {snake_case(cls.__name__): cls for cls in typing.get_args(Output)}
 
 
 def _shape_of_hint(hint: Any) -> Shape:

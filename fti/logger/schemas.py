@@ -17,6 +17,7 @@ from typing import Any
 from fti.logger import foxglove
 from fti.logger.encoding import encode
 from fti.messages.outputs import Event, HeightAboveGround
+from fti.messages.topic_fields import units
 from fti.messages.topics import (
     ALARM_REPORT_TOPIC,
     ALARM_TOPIC,
@@ -29,7 +30,7 @@ from fti.messages.topics import (
     READMISSION_TOPIC,
     TERRAIN_TOPIC,
 )
-from fti.messages.units import union_members, units
+from fti.messages.units import union_members
 
 JSON_SCHEMA = "jsonschema"
 DRAFT = "http://json-schema.org/draft-07/schema#"

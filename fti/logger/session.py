@@ -11,15 +11,17 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from itertools import count
 from pathlib import Path
-from typing import Literal, cast
+from typing import cast
 
 from fti.errors import FtiError, MissingError, StorageError
 from fti.logger.file_mode import make_folder
 from fti.logger.regular_file import why_not_regular
+from fti.messages.topics import FileKind
 
 #: The attachment of every file that holds the configuration of the session.
 CONFIG_ATTACHMENT = "config.toml"
-Kind = Literal["raw", "derived", "truth", "snapshot"]
+#: Kind of a file of a session.
+Kind = FileKind
 _SECOND_NS = 1_000_000_000
 _FILE = re.compile(r"(?:_(?P<kind>derived|truth|snapshot))?_(?P<number>\d{3,})\.mcap$")
 

@@ -1,4 +1,4 @@
-"""Fields of the messages of a topic, for people: name, type, unit."""
+"""Fields of the messages of a topic: name, type in words, unit."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import dataclasses
 import types
 import typing
 from enum import StrEnum
+from functools import cache
 from typing import Annotated, Any, NamedTuple
 
 from fti.messages.units import union_members, unit_symbol
@@ -34,6 +35,12 @@ def fields(cls: type) -> list[Field]:
     return found
 
 
+@cache
+def units(cls: type) -> dict[str, str]:
+    """Unit of each number of a message: path of the field (``satellites.azimuth``) -> symbol."""
+    return {field.name: field.unit for field in fields(cls) if field.unit}
+
+
 def _content(hint: Any) -> Any:
     """The type of a value, or of the values of a list."""
     bare = next(member for member in union_members(hint) if member is not types.NoneType)
@@ -41,7 +48,7 @@ def _content(hint: Any) -> Any:
 
 
 def _words(hint: Any) -> str:
-    """``list of number``, ``number or null``, ``text: gps, utc, boot``."""
+    """``list of number``, ``number or null``, ``text: TimeScale``."""
     if len(members := union_members(hint)) > 1:
         return " or ".join(map(_words, members))
     if typing.get_origin(hint) is Annotated:

@@ -55,6 +55,11 @@ def snake_case(name: str) -> str:
     return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name).lower()
 
 
+#: The classes by their names in topics.
+MEASUREMENT_CLASSES: dict[str, type] = {snake_case(cls.__name__): cls for cls in typing.get_args(Measurement)}
+OUTPUT_CLASSES: dict[str, type] = {snake_case(cls.__name__): cls for cls in typing.get_args(Output)}
+
+
 def measurement_topic(device: str, kind: type) -> str:
     """``/<device>/<class>``."""
     return f"/{device}/{snake_case(kind.__name__)}"
@@ -119,7 +124,7 @@ def _frame_topics() -> Iterator[Topic]:
 
 
 def _measurement_topics() -> Iterator[Topic]:
-    for kind in typing.get_args(Measurement):
+    for kind in MEASUREMENT_CLASSES.values():
         yield Topic(
             name=measurement_topic("<device>", kind),
             text=_subject(kind),
@@ -139,7 +144,7 @@ def _subject(kind: type) -> str:
 
 def _output_topics() -> Iterator[Topic]:
     names = {"sensor": "<altimeter>", "source": "<source>"}
-    for kind in typing.get_args(Output):
+    for kind in OUTPUT_CLASSES.values():
         topic, (rate, text) = measurement_topic("nav", kind), _OUTPUTS[kind]
         if kind in SOURCE_FIELDS:
             topic += f"/{names[SOURCE_FIELDS[kind]]}"

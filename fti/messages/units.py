@@ -5,11 +5,9 @@ Units are SI; an angle is in radians.  A field of a message has one of these typ
 
 from __future__ import annotations
 
-import dataclasses
 import types
 import typing
 from dataclasses import dataclass
-from functools import cache
 from typing import Annotated, Any
 
 
@@ -44,20 +42,6 @@ Count = Annotated[int, Unit("1")]
 InStatedUnit = Annotated[float, Unit("unit")]
 
 
-@cache
-def units(cls: type) -> dict[str, str]:
-    """Unit of each number of a message: path of the field (``satellites.azimuth``) -> symbol."""
-    found: dict[str, str] = {}
-    for name, hint in typing.get_type_hints(cls, include_extras=True).items():
-        for part in _parts(hint):
-            if isinstance(part, type) and dataclasses.is_dataclass(part):
-                nested: type = part
-                found |= {f"{name}.{inner}": unit for inner, unit in units(nested).items()}
-            elif unit := unit_symbol(part):
-                found[name] = unit
-    return found
-
-
 def unit_symbol(hint: Any) -> str | None:
     """Unit of a type; None without one."""
     marks = getattr(hint, "__metadata__", ())
@@ -68,10 +52,3 @@ def union_members(hint: Any) -> tuple[Any, ...]:
     """The members of a union; of another type itself."""
     is_union = typing.get_origin(hint) in (typing.Union, types.UnionType)
     return typing.get_args(hint) if is_union else (hint,)
-
-
-def _parts(hint: Any) -> list[Any]:
-    """The types of which a hint is made: ``X | None`` and ``tuple[X, ...]`` are made of X."""
-    if typing.get_origin(hint) is Annotated or not typing.get_args(hint):
-        return [hint]
-    return [part for argument in dict.fromkeys(typing.get_args(hint)) for part in _parts(argument)]

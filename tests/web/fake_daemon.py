@@ -40,8 +40,9 @@ from fti.messages.outputs import (
     VerticalSolution,
 )
 from fti.messages.reasons import Reason
+from fti.messages.topics import BUS_ALARMS
 from fti.nav.alarm_conditions import OutputConditions
-from fti.service.supervisor.alarm_board import ALARMS_TOPIC, AlarmBoard
+from fti.service.supervisor.alarm_board import AlarmBoard
 from tests.bus.running_hub import RunningHub
 
 SESSION = "da42_20260412T093107_1"
@@ -416,7 +417,7 @@ class FakeDaemon:
                 fields = {**fields, **self.solution}
             if navigation and topic not in self.muted:
                 navigation.publish(topic, encode_with_age(fields, t_ns, t_ns + 4_000_000, MAX_AGE_MS))
-            if navigation and not self.muted & {topic, ALARMS_TOPIC}:
+            if navigation and not self.muted & {topic, BUS_ALARMS}:
                 for report in self._conditions.feed((_as_output(output, fields),)):
                     self.alarms.handle_report(report.as_json())
 
@@ -433,7 +434,7 @@ class FakeDaemon:
         self.change_health(health)
         if "/health" not in self.muted:
             self.hub.publish("/health", encode(health))
-        if not self.muted & {"/health", ALARMS_TOPIC}:
+        if not self.muted & {"/health", BUS_ALARMS}:
             self.alarms.handle_health(health)
 
     def _send_laboratory(self, t: float) -> None:

@@ -13,7 +13,7 @@ from urllib.parse import urlsplit
 import pytest
 
 from fti.bus.message import encode
-from fti.service.supervisor.alarm_board import ALARMS_TOPIC
+from fti.messages.topics import BUS_ALARMS
 from tests.alarm_cases import CASES, Daemon, daemon_with
 from tests.run_dirs import running_daemon
 from tests.web.chromium import Chromium, Page, by_testid
@@ -371,12 +371,12 @@ async def test_an_alarm_that_lasts_is_acknowledged_alone_and_stays(
 
 
 async def test_every_alarm_is_shown_until_it_has_ended_and_was_acknowledged(page: Page, daemon: FakeDaemon) -> None:
-    daemon.muted.add(ALARMS_TOPIC)
+    daemon.muted.add(BUS_ALARMS)
     for case in CASES:
         case_daemon = daemon_with(case)
 
         def publish(case_daemon: Daemon = case_daemon) -> None:
-            daemon.hub.publish(ALARMS_TOPIC, encode({"t_ns": case_daemon.clock.time_ns, "alarms": case_daemon.rows}))
+            daemon.hub.publish(BUS_ALARMS, encode({"t_ns": case_daemon.clock.time_ns, "alarms": case_daemon.rows}))
 
         publish()
         tile = f"alarm-{case.identity}"

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
-from typing import Any, get_args
+from collections.abc import Sequence
+from typing import Any
 
 from fti.config import Config
-from fti.messages.measurements import Measurement
-from fti.messages.outputs import HeightAboveGround, Output, ProvisionalSolution
-from fti.messages.topics import snake_case
+from fti.messages.outputs import HeightAboveGround, ProvisionalSolution
+from fti.messages.topics import MEASUREMENT_CLASSES, OUTPUT_CLASSES
 
-OUTPUTS: Mapping[str, Any] = {snake_case(kind.__name__): kind for kind in get_args(Output)}
-MEASUREMENTS: Mapping[str, Any] = {snake_case(kind.__name__): kind for kind in get_args(Measurement)}
 #: Health, ledger, clock, events: their content depends on the flight, so they are not checked.
 DAEMON_NAMESPACE = "fti"
 
@@ -26,7 +23,7 @@ def channel_error(channel: str, config: Config) -> str:
     devices = [device.name for device in config.device]
     if begin not in ("nav", *devices):
         return f"unknown topic /{begin}; allowed: nav, {DAEMON_NAMESPACE}, {_join_names(devices)}"
-    kinds = OUTPUTS if begin == "nav" else MEASUREMENTS
+    kinds = OUTPUT_CLASSES if begin == "nav" else MEASUREMENT_CLASSES
     kind = kinds.get(rest[0]) if rest else None
     if kind is None:
         return f"unknown topic {'/'.join(rest)!r} of /{begin}; allowed: {_join_names(kinds)}"

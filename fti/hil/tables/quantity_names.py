@@ -7,12 +7,12 @@ component follows.  SI units and radians, as in ``fti.messages``.
 from __future__ import annotations
 
 import dataclasses
-import re
 from collections.abc import Callable
 from functools import cache
 from typing import Any, NamedTuple, get_args, get_type_hints
 
 from fti.messages.measurements import Measurement
+from fti.messages.topics import MEASUREMENT_CLASSES
 
 #: Fields that name a Reading, a SurfaceDeflection or a DmeRange.
 NAME_FIELDS = ("name", "surface", "station")
@@ -30,12 +30,8 @@ class MeasurementField(NamedTuple):
 @cache
 def quantities() -> dict[str, dict[str, MeasurementField]]:
     """Every number that a fault can change, by class and field."""
-    found = {_snake(kind.__name__): _numbers(kind) for kind in get_args(Measurement)}
+    found = {name: _numbers(kind) for name, kind in MEASUREMENT_CLASSES.items()}
     return {name: numbers for name, numbers in found.items() if numbers}
-
-
-def _snake(name: str) -> str:
-    return re.sub(r"(?<!^)(?=[A-Z])", "_", name).lower()
 
 
 def _numbers(kind: type[Measurement]) -> dict[str, MeasurementField]:

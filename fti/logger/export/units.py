@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import typing
 from collections import defaultdict
 from collections.abc import Mapping
 from functools import cache
 
-from fti.messages.measurements import Airspeed, Attitude, Measurement, Position, Velocity
-from fti.messages.outputs import Output
-from fti.messages.topics import LOCATION_TOPIC, snake_case
-from fti.messages.units import units
+from fti.messages.measurements import Airspeed, Attitude, Position, Velocity
+from fti.messages.topic_fields import units
+from fti.messages.topics import LOCATION_TOPIC, MEASUREMENT_CLASSES, OUTPUT_CLASSES
 
 NONE = "1"
 
@@ -21,12 +19,10 @@ _BY_TOPIC: dict[str, dict[str, str]] = {
 _BY_SUFFIX = {"ns": "ns", "nsec": "ns", "ms": "ms", "s": "s", "sec": "s", "hz": "Hz", "mb": "MB", "bytes": "B"}
 _UNITS_BY_SUFFIX = {"ddm": "DDM", "dbhz": "dB-Hz", "pa": "Pa"}
 #: Classes whose names other topics, as those of the truth, use in the same meaning.
-STATE_CLASSES: tuple[type, ...] = (Attitude, Position, Velocity, Airspeed, *typing.get_args(Output))
+STATE_CLASSES: tuple[type, ...] = (Attitude, Position, Velocity, Airspeed, *OUTPUT_CLASSES.values())
 #: Fields of heights above the ground in recordings of fti 0.1.
 _EARLIER = {"compensated": "m", "compensated_sd": "m"}
-_CLASSES: dict[str, type] = {
-    snake_case(cls.__name__): cls for union in (Measurement, Output) for cls in typing.get_args(union)
-}
+_CLASSES = {**MEASUREMENT_CLASSES, **OUTPUT_CLASSES}
 
 
 def unit_of(topic: str, column: str) -> str | None:

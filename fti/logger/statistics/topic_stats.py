@@ -19,12 +19,12 @@ from fti.logger.session import Kind
 from fti.logger.statistics.activity import Activity
 from fti.logger.statistics.alarm_spans import AlarmSpans
 from fti.logger.statistics.interval_stats import Intervals
-from fti.messages.topics import ALARM_TOPIC, CLOCK_TOPIC, DEVICE_CLOCK_TOPIC, EVENT_TOPIC
+from fti.messages.topics import ALARM_TOPIC, CLOCK_TOPIC, DEVICE_CLOCK_TOPIC, EVENT_TOPIC, RAW_PREFIX, SENT_PREFIX
 
 SECOND_NS = 1_000_000_000
 KINDS: tuple[Kind, ...] = ("raw", "derived", "truth", "snapshot")
 #: The order of the topics in tables: links first.
-PREFIXES = ("/raw/", "/tx/", "/fti/")
+PREFIXES = (RAW_PREFIX, SENT_PREFIX, "/fti/")
 MAX_EVENTS = 1000
 #: Sources of events that the user has set.
 MARKS = ("mark", "trigger")

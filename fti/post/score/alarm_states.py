@@ -18,7 +18,7 @@ from fti.hil.oracle.required_outputs import FILTER, GLIDE, HEIGHT_BELOW, VALIDIT
 from fti.messages.frames import LinkState
 from fti.messages.outputs import IntegrityState
 from fti.messages.reasons import Reason
-from fti.messages.topics import ALARM_TOPIC
+from fti.messages.topics import ALARM_TOPIC, HEALTH_TOPIC
 from fti.nav.alarm_conditions import FALLBACKS
 from fti.post.score.observed_flags import MOMENT_S, FlagInterval, ObservedFlags, uncovered_parts
 from fti.post.score.outputs.consistency import PROFILE_REASONS
@@ -72,7 +72,7 @@ class AlarmStates:
             before = self._dropped.get(name, counts)
             self._dropped[name] = counts
             may |= {word for word, old, new in zip(("losses", "stamps"), before, counts, strict=True) if new > old}
-        self._note(t, "/fti/health", may, must)
+        self._note(t, HEALTH_TOPIC, may, must)
 
     def _note(self, t: float, topic: str, may: set[str], must: set[str]) -> None:
         self._observed_flags.may_alarm.feed(t, topic, frozenset(may))

@@ -20,7 +20,7 @@ from fti.logger.reading.note_states import NoteStates
 from fti.logger.reading.recording import Recording
 from fti.messages.outputs import IntegrityState
 from fti.messages.reasons import Reason
-from fti.messages.topics import ALARM_TOPIC
+from fti.messages.topics import ALARM_TOPIC, EVENT_TOPIC, HEALTH_TOPIC, TICK_TOPIC
 from fti.nav.navigation import FILTER, RADIO
 from fti.post.score.alarm_states import AlarmStates, has_states
 from fti.post.score.observed_flags import NOTHING, STATUS, ObservedFlags, Words
@@ -28,7 +28,6 @@ from fti.post.score.outputs.consistency import PROFILE_REASONS
 from fti.post.score.truth_reader import PAUSE_S, FlightPause, FlightTruth
 from fti.service.navigation.device_monitor import NO_FRAME_REASONS
 
-EVENT, HEALTH, TICK = "/fti/event", "/fti/health", "/fti/tick"
 #: Reasons that depend on the position only and are not flags: of heights, and of outputs along a profile.
 RANGE = frozenset((Reason.ABOVE_RANGE, Reason.BELOW_RANGE))
 POSITION_REASONS = RANGE | PROFILE_REASONS
@@ -71,16 +70,16 @@ def read_observed_flags(
         data = states.complete(topic, t_ns, record)
         if t > flight_truth.truth.end_s:
             continue
-        if topic == TICK:
+        if topic == TICK_TOPIC:
             reader.tick(t, observed_flags)
             continue
         with using_message(topic, t_ns):
-            if topic == HEALTH:
+            if topic == HEALTH_TOPIC:
                 reader.lag(t, data, observed_flags)
             statements = list(reader.read(topic, data))
             _check_words(statements)
-            content = parse_table(data) if topic in wanted or topic == HEALTH or has_states(topic) else {}
-            if topic == HEALTH:
+            content = parse_table(data) if topic in wanted or topic == HEALTH_TOPIC or has_states(topic) else {}
+            if topic == HEALTH_TOPIC:
                 alarms.feed_health(t, content)
             elif has_states(topic):
                 alarms.feed_output(t, topic, content)
@@ -150,11 +149,11 @@ class FlagReader:
         """The flags of a message at each of its places."""
         if topic.startswith("/nav/"):
             yield from self._navigation(topic, data)
-        elif topic in (HEALTH, LEDGER, EVENT, ALARM_TOPIC):
+        elif topic in (HEALTH_TOPIC, LEDGER, EVENT_TOPIC, ALARM_TOPIC):
             rules: Mapping[str, Callable[[Any], Iterator[Statement]]] = {
-                HEALTH: self._health,
+                HEALTH_TOPIC: self._health,
                 LEDGER: self._ledger,
-                EVENT: _event,
+                EVENT_TOPIC: _event,
                 ALARM_TOPIC: self._alarm,
             }
             yield from rules[topic](parse_table(data))
@@ -225,7 +224,7 @@ class FlagReader:
 def _event(content: Mapping[str, Any]) -> Iterator[Statement]:
     """Warnings and errors; each is a flag for a moment."""
     if content["level"] >= WARNING:
-        place = f"{EVENT}/{content['name']}"
+        place = f"{EVENT_TOPIC}/{content['name']}"
         yield place, frozenset((content["message"],))
         yield place, NOTHING
 

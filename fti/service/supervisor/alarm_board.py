@@ -14,14 +14,13 @@ from fti.alarms.alarm_list import AlarmList
 from fti.alarms.condition import Condition, ConditionReport, Json, Severity
 from fti.bus.message import encode
 from fti.clock import SECOND_NS, Clock
-from fti.messages.topics import ALARM_TOPIC
+from fti.messages.topics import ALARM_TOPIC, BUS_ALARMS
 from fti.service.supervisor.event_publisher import Publish, RecordNote
 from fti.service.supervisor.health_conditions import SYSTEM_CONDITIONS, HealthConditions, find_losses
 
 #: Frames that wait longer make navigation late; below the second limit it is in time again [ns].
 LATE_NS, IN_TIME_NS = 500_000_000, 250_000_000
 NO_FRAME_TAKEN = -1
-ALARMS_TOPIC = "/alarms"
 #: Subjects of navigation that do not depend on devices.
 GROUND_SUBJECTS = frozenset({"terrain"})
 #: Alarms that began within this time before a new flight belong to the end of the last one [ns].
@@ -135,7 +134,7 @@ class AlarmBoard:
 
     def publish(self) -> None:
         """Publish the list on the bus."""
-        self._publish(ALARMS_TOPIC, encode({"t_ns": self._clock.now_ns(), "alarms": self._alarms.rows()}))
+        self._publish(BUS_ALARMS, encode({"t_ns": self._clock.now_ns(), "alarms": self._alarms.rows()}))
 
     def _publish_changes(self) -> None:
         if self._record_changes():

@@ -8,8 +8,8 @@ import pytest
 from fti.logger.export.units import unit_of, with_unit
 from fti.messages.measurements import CalibrationPoint, Measurement, Pseudorange, Satellite, Stamp
 from fti.messages.outputs import Event, Output
+from fti.messages.topic_fields import units
 from fti.messages.topics import snake_case
-from fti.messages.units import units
 
 MESSAGES: list[type] = [*typing.get_args(Measurement), *typing.get_args(Output)]
 
