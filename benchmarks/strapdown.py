@@ -28,11 +28,13 @@ from benchmarks.parts.machine import Verdict, machine
 from fti.geodesy.gravity import normal_gravity
 from fti.geodesy.rotations import mat_from_rpy
 from fti.geodesy.wgs84 import ecef_from_geodetic, geodetic_from_ecef, radii
+from fti.hil.flight.random_routes import calm_flight, random_flight
 from fti.hil.flight.trajectory import FlightState, SplineFlight
+from fti.hil.sensors.free_inertial import true_motion
 from fti.hil.sensors.inertial import angular_rate_b, specific_force_b
 from fti.nav.inertial.strapdown import Motion, integrate
 from fti.nav.inertial.strapdown_fast import integrate_fast
-from fti.study._closure import Integrator, calm_flight, motion, random_flight
+from fti.study._closure import Integrator
 
 try:
     import pandas as pd
@@ -64,7 +66,7 @@ def samples(flight: SplineFlight, seconds: float, step: float) -> Samples:
     """Of ideal sensors."""
     t = step * np.arange(round(seconds / step) + 1, dtype=np.float64)
     state = flight.state(t)
-    first = motion(flight.state(t[:1]))
+    first = true_motion(flight.state(t[:1]))
     start = Motion(first.pos_e[0], first.vel_e[0], first.quat_eb[0])
     return Samples(t, state, start, specific_force_b(state), angular_rate_b(state))
 

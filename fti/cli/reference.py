@@ -126,7 +126,7 @@ def _from_terrain(
     from fti.hil.approach_reference.approaches import TerrainGround
     from fti.hil.approach_reference.calibration import make_reference
     from fti.hil.approach_reference.options import RECEIVERS, ReferenceOptions
-    from fti.study.workers import run_all
+    from fti.parallel_runs import run_all
 
     altimeter, receivers = _apply_fit(args, altimeter)
     options = ReferenceOptions(
@@ -172,7 +172,7 @@ def _from_recordings(
         read_passes,
         reference_from_recordings,
     )
-    from fti.study.workers import run_all
+    from fti.parallel_runs import run_all
 
     passes = []
     for number, folder in enumerate(args.recorded, start=1):

@@ -43,7 +43,7 @@ def run(args: argparse.Namespace) -> int:
     from fti import study
     from fti.cli._read_report import progress_bar
     from fti.errors import MissingError
-    from fti.study.workers import on_cluster
+    from fti.parallel_runs import on_cluster
 
     if args.list:
         print_lines(f"{name}  {study.title(study.load(name))}" for name in study.names())

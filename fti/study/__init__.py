@@ -1,6 +1,6 @@
 """Studies: each reproduces a published result and compares it with a target.
 
-A study is a module or package of this package whose name does not begin with ``_``, except ``HELPERS``.  A study has:
+A study is a module or package of this package whose name does not begin with ``_``.  A study has:
 
     docstring   first line: the result that is shown; then the source, and why the comparison is fair
     ``RUNS``    default number of runs
@@ -23,18 +23,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 from fti.errors import MissingError
+from fti.parallel_runs import Progress
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: Called with the completed share, 0 to 1.
-Progress = Callable[[float], None]
 #: Draws one figure.
 DrawFigure = Callable[[], "Figure"]
 
-
-#: Modules that studies share.
-HELPERS = {"workers"}
 #: Target of a result that is reported and not judged.
 REPORTED = "reported"
 
@@ -70,8 +66,7 @@ class PlottedStudy(Study, Protocol):
 
 def names() -> list[str]:
     """Names of all studies, sorted."""
-    modules = (m.name for m in pkgutil.iter_modules(__path__) if not m.name.startswith("_"))
-    return sorted(set(modules) - HELPERS)
+    return sorted(m.name for m in pkgutil.iter_modules(__path__) if not m.name.startswith("_"))
 
 
 def load(name: str) -> Study:

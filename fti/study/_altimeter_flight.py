@@ -9,11 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from fti.hil.flight.leg_flight import SampledFlight
 from fti.ranging.laser import Laser
 from fti.ranging.radar.altimeter import RadarAltimeter
 from fti.ranging.radar.antenna import NARROW, WIDE
 from fti.ranging.sensor import RangingSensor
-from fti.study._flights import SampledFlight
 from fti.terrain.terrain import Terrain
 
 Array = NDArray[np.float64]

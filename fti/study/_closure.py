@@ -1,4 +1,4 @@
-"""Flights of the study of trajectories, ideal inertial measurements on them, and the errors of their integration."""
+"""Ideal inertial measurements on flights, and the errors of their integration."""
 
 from __future__ import annotations
 
@@ -8,28 +8,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fti.geodesy.quaternions import mat_from_quat, quat_from_mat
-from fti.geodesy.rotations import mat_en, mat_from_rpy
-from fti.geodesy.wgs84 import ecef_from_geodetic
+from fti.geodesy.quaternions import mat_from_quat
+from fti.geodesy.rotations import mat_en
 from fti.hil.flight.smoothing import angle_between
-from fti.hil.flight.trajectory import FlightSamples, FlightState, SplineFlight, earth_frame_velocity
-from fti.hil.flight.waypoints import Waypoint, waypoint_flight
+from fti.hil.flight.trajectory import FlightSamples, SplineFlight
+from fti.hil.sensors.free_inertial import true_motion
 from fti.hil.sensors.inertial import angular_rate_b, specific_force_b
 from fti.nav.inertial.strapdown import Motion, integrate
-from fti.nav.integrity.approach import EARTH_RADIUS
 
 Array = NDArray[np.float64]
-Rng = np.random.Generator
 #: Of samples: start, accel_b, gyro_b, step [s], of how many one is returned.
 Integrator = Callable[[Motion, Array, Array, float, int], Motion]
 
-BANK = np.deg2rad(25.0)
-#: Of the routes: length of a leg [m], change of course [rad], height [m], speed [m/s], wind [m/s], latitude [deg].
-LEG_M, TURN, HEIGHT_M, SPEED, WIND_SD, LAT_DEG = (3000.0, 6000.0), 1.5, (800.0, 1000.0), (50.0, 70.0), 5.0, 60.0
-#: Of the S-turns: from one side to the other [m along, m to each side], how often.
-S_ALONG_M, S_ASIDE_M, S_TURNS = 3000.0, 1200.0, 12
-#: Of the calm track: legs [m], change of course and bank [rad], speed [m/s].
-CALM_LEG_M, CALM_TURN, CALM_BANK, CALM_SPEED = (15_000.0, 30_000.0), 0.3, np.deg2rad(10.0), 60.0
 STEP_S = 0.01
 
 
@@ -61,52 +51,12 @@ class Closure:
         return float(np.linalg.norm(self.vel_n, axis=1).max())
 
 
-def random_flight(rng: Rng, duration: float) -> SplineFlight:
-    """Legs in all directions, with climbs, descents and wind, from anywhere between 60 deg south and north."""
-    place = np.array([np.deg2rad(rng.uniform(-LAT_DEG, LAT_DEG)), rng.uniform(-np.pi, np.pi)])
-    course, waypoints, way = rng.uniform(0.0, 2.0 * np.pi), [], 0.0
-    while way < duration * SPEED[1] + LEG_M[1]:
-        waypoints.append(_waypoint(place, rng.uniform(*HEIGHT_M), rng.uniform(*SPEED)))
-        length, course = rng.uniform(*LEG_M), course + rng.uniform(-TURN, TURN)
-        place = _displaced(place, length * np.cos(course), length * np.sin(course))
-        way += length
-    north, east = rng.normal(0.0, WIND_SD, 2)
-    return waypoint_flight(waypoints, BANK, (float(north), float(east))).section(0.0, duration)
-
-
-def calm_flight(rng: Rng, duration: float) -> SplineFlight:
-    """Long legs with small turns of 10 deg bank, slow climbs, no wind."""
-    place = np.array([np.deg2rad(rng.uniform(-LAT_DEG, LAT_DEG)), rng.uniform(-np.pi, np.pi)])
-    course, waypoints, way = rng.uniform(0.0, 2.0 * np.pi), [], 0.0
-    while way < duration * CALM_SPEED + CALM_LEG_M[1]:
-        waypoints.append(_waypoint(place, rng.uniform(*HEIGHT_M), CALM_SPEED))
-        length, course = rng.uniform(*CALM_LEG_M), course + rng.uniform(-CALM_TURN, CALM_TURN)
-        place = _displaced(place, length * np.cos(course), length * np.sin(course))
-        way += length
-    return waypoint_flight(waypoints, CALM_BANK, (0.0, 0.0)).section(0.0, duration)
-
-
-def s_turn_flight(rng: Rng) -> SplineFlight:
-    """S-turns at constant height for ten minutes."""
-    start = np.array([np.deg2rad(rng.uniform(-LAT_DEG, LAT_DEG)), rng.uniform(-np.pi, np.pi)])
-    places = [_displaced(start, k * S_ALONG_M, (-1) ** k * S_ASIDE_M) for k in range(S_TURNS)]
-    return waypoint_flight([_waypoint(place, 1000.0, 60.0) for place in places], BANK, (0.0, 0.0))
-
-
-def _waypoint(place: Array, alt: float, speed: float) -> Waypoint:
-    return Waypoint(float(place[0]), float(place[1]), alt, speed)
-
-
-def _displaced(place: Array, north: float, east: float) -> Array:
-    return place + np.array([north, east / np.cos(place[0])]) / EARTH_RADIUS
-
-
 def close(flight: SplineFlight, step: float, duration: float, by: Integrator = integrate) -> Closure:
     """Integrate ideal inertial samples of a flight, ``step`` [s] apart, and compare about once a second."""
     t = step * np.arange(round(duration / step) + 1, dtype=np.float64)
     every = max(1, round(1.0 / step))
     state = flight.state(t)
-    true = motion(flight.state(t[::every]))
+    true = true_motion(flight.state(t[::every]))
     start = Motion(true.pos_e[0], true.vel_e[0], true.quat_eb[0])
     found = by(start, specific_force_b(state), angular_rate_b(state), step, every)
     mat_ne = np.swapaxes(mat_en(state.lat[::every], state.lon[::every]), 1, 2)
@@ -116,13 +66,6 @@ def close(flight: SplineFlight, step: float, duration: float, by: Integrator = i
         np.einsum("nij,nj->ni", mat_ne, found.vel_e - true.vel_e),
         angle_between(mat_from_quat(true.quat_eb), mat_from_quat(_unit(found.quat_eb))),
     )
-
-
-def motion(state: FlightState) -> Motion:
-    """Truth in e."""
-    mat_eb = mat_en(state.lat, state.lon) @ mat_from_rpy(state.roll, state.pitch, state.heading)
-    position_e = ecef_from_geodetic(state.lat, state.lon, state.alt)
-    return Motion(position_e, earth_frame_velocity(state), quat_from_mat(mat_eb))
 
 
 def _unit(quats: Array) -> Array:

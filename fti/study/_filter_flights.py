@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fti.geodesy.wgs84 import radii
+from fti.hil.flight.random_routes import random_flight
 from fti.hil.flight.trajectory import FlightState, SplineFlight
 from fti.hil.sensors.errors import gauss_markov_noise, recursion
 from fti.hil.sensors.imu import Imu
@@ -29,7 +30,6 @@ from fti.nav.filter.aiding import Aiding, BaroAltitude, GnssPosition, GnssVeloci
 from fti.nav.filter.error_states import ALTIMETER_DRIFT, DEM_DRIFT, GNSS_DRIFTS, SCALE_DRIFT, Drift, Extra, FilterModel
 from fti.nav.filter.estimate import InitialState
 from fti.nav.inertial.ins_error_model import IMU_ERROR_MODELS, ImuErrorModel, TriadErrorModel
-from fti.study._closure import random_flight
 
 Array = NDArray[np.float64]
 Rng = np.random.Generator

@@ -30,6 +30,7 @@ from numpy.typing import NDArray
 
 from fti.geodesy.local import MAT_ENU_NED
 from fti.geodesy.rotations import mat_from_rpy
+from fti.hil.flight.leg_flight import FlightLeg, track, turn
 from fti.nav.altimetry.range_prediction import Prediction, Predictor
 from fti.ranging.error_model import RangeError
 from fti.ranging.laser import Laser
@@ -39,7 +40,6 @@ from fti.ranging.radar.antenna import WIDE
 from fti.ranging.radar.dome import random_turn
 from fti.ranging.sensor import Poses, RangingSensor
 from fti.ranging.weather import Cloud, fog_extinction
-from fti.study._flights import FlightLeg, track, turn
 from fti.terrain.dem_error import DemError
 from fti.terrain.landscape import Cover, Landscape
 from fti.terrain.synthetic import buildings, forest, fractal_relief

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fti.study._flights import STEP_S, CommandedTrack, FlightLeg, SampledFlight, track, turn
+from fti.hil.flight.leg_flight import STEP_S, CommandedTrack, FlightLeg, SampledFlight, track, turn
 from fti.terrain.synthetic_landscape import synthetic_terrain
 from fti.terrain.terrain import Terrain
 

@@ -20,8 +20,8 @@ from fti.nav.time_series import SECOND_NS
 from fti.nav.vertical.error_model import VerticalModel
 from fti.nav.vertical.inertial_height import HorizontalMotion, vertical_acceleration
 from fti.nav.vertical.vertical_channel import VerticalChannel
-from fti.study import REPORTED, Progress, StudyResult
-from fti.study.workers import run_all
+from fti.parallel_runs import Progress, run_all
+from fti.study import REPORTED, StudyResult
 
 Array = NDArray[np.float64]
 

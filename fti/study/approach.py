@@ -25,13 +25,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fti.nav.altimetry.compensation import height_over_ground
+from fti.parallel_runs import Progress, run_all
 from fti.ranging.radar.altimeter import RadarAltimeter
 from fti.ranging.radar.antenna import NARROW, WIDE
-from fti.study import REPORTED, DrawFigure, Progress, StudyResult
+from fti.study import REPORTED, DrawFigure, StudyResult
 from fti.study._approach_heights import WAYS, HeightChannel, channels
 from fti.study._pattern import MODEL_ORDER, Pattern, instrument, make_pattern, remove_errors
 from fti.study._statistics import pooled_ratio, ratio_bound
-from fti.study.workers import run_all
 from fti.terrain.dem_error import DemError
 from fti.terrain.terrain import Terrain
 

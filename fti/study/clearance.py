@@ -48,12 +48,12 @@ from typing import Literal
 import numpy as np
 
 from fti.hil.approach_reference.options import WINDOW_M
+from fti.parallel_runs import Progress, run_all
 from fti.proportions import max_failures_by_chance, wilson
-from fti.study import REPORTED, DrawFigure, Progress, StudyResult
+from fti.study import REPORTED, DrawFigure, StudyResult
 from fti.study._clearance import LATE_JOIN, NOMINAL, LateJoin, NominalApproach, fly_one
 from fti.study._clearance_faults import FAULTS, FaultyApproach
 from fti.study._clearance_ground import OBSTACLES, reference, strict_reference
-from fti.study.workers import run_all
 
 RUNS = 3000
 SEED = 31

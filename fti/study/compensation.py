@@ -47,13 +47,13 @@ from fti.nav.altimetry.variance import (
     sampled_height_variance,
     sampled_range_variance,
 )
+from fti.parallel_runs import Progress, run_all
 from fti.ranging.radar.altimeter import RadarAltimeter
 from fti.ranging.radar.antenna import cosine_antenna
 from fti.ranging.sensor import Poses
-from fti.study import REPORTED, DrawFigure, Progress, StudyResult, _level_run, _low_level
+from fti.study import REPORTED, DrawFigure, StudyResult, _level_run, _low_level
 from fti.study._low_level import Knowledge, Mix
 from fti.study._statistics import LEVEL, min_positive
-from fti.study.workers import run_all
 
 Array = NDArray[np.float64]
 

@@ -16,7 +16,8 @@ import numpy as np
 
 from fti.messages.measurements import TimeScale
 from fti.nav.device_time.clock_estimator import ClockEstimator
-from fti.study import Progress, StudyResult
+from fti.parallel_runs import Progress
+from fti.study import StudyResult
 
 RUNS = 100
 SEED = 11

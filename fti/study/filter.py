@@ -21,12 +21,12 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from fti.study import REPORTED, DrawFigure, Progress, StudyResult
+from fti.parallel_runs import Progress, run_all
+from fti.study import REPORTED, DrawFigure, StudyResult
 from fti.study._filter_flights import CASES
 from fti.study._filter_runs import INSTANTS_S, FilterRun, run
 from fti.study._filter_terrain import COUNTRIES, SCENARIOS, SPELLS_S, HeightPair, fly_pairs, spell_rms
 from fti.study._statistics import LEVEL, pooled_ratio, ratio_interval, sign_test
-from fti.study.workers import run_all
 
 Array = NDArray[np.float64]
 

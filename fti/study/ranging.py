@@ -18,8 +18,9 @@ from __future__ import annotations
 import numpy as np
 
 from fti.constants import SPEED_OF_LIGHT
+from fti.parallel_runs import Progress
 from fti.ranging.radar.dome import half_dome, sphere
-from fti.study import DrawFigure, Progress, StudyResult, _level_run
+from fti.study import DrawFigure, StudyResult, _level_run
 from fti.study._signals import receivers
 from fti.study._sweep import attitude
 from fti.terrain.terrain import Terrain

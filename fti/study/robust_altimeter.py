@@ -29,7 +29,8 @@ from numpy.typing import NDArray
 
 from fti.nav.vertical.error_model import HEIGHT, STATES
 from fti.nav.vertical.kalman_filter import GATE
-from fti.study import REPORTED, DrawFigure, Progress, StudyResult
+from fti.parallel_runs import Progress
+from fti.study import REPORTED, DrawFigure, StudyResult
 from fti.study._statistics import RESAMPLINGS
 from fti.study._vertical_channel import (
     FAULT_STEPS,

@@ -19,11 +19,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fti.study import REPORTED, DrawFigure, Progress, StudyResult
+from fti.parallel_runs import Progress, run_all
+from fti.study import REPORTED, DrawFigure, StudyResult
 from fti.study._altimeter_flight import AltimeterFlight, fly
 from fti.study._scenarios import RangingScenario, approach, low_level
 from fti.study._statistics import LEVEL, min_positive
-from fti.study.workers import run_all
 
 RUNS = 15
 SEED = 23

@@ -18,12 +18,13 @@ import functools
 import numpy as np
 from numpy.typing import NDArray
 
+from fti.hil.flight.random_routes import calm_flight, random_flight, s_turn_flight
 from fti.nav.inertial.strapdown import integrate
 from fti.nav.inertial.strapdown_fast import integrate_fast
-from fti.study import REPORTED, DrawFigure, Progress, StudyResult
-from fti.study._closure import STEP_S, Closure, Integrator, calm_flight, close, random_flight, s_turn_flight
+from fti.parallel_runs import Progress, run_all
+from fti.study import REPORTED, DrawFigure, StudyResult
+from fti.study._closure import STEP_S, Closure, Integrator, close
 from fti.study.trajectory import FACTOR, HOUR_S, STEPS_S, TURNS_S, judge_closures
-from fti.study.workers import run_all
 
 Array = NDArray[np.float64]
 

@@ -24,10 +24,11 @@ import functools
 import numpy as np
 from numpy.typing import NDArray
 
+from fti.hil.flight.random_routes import random_flight, s_turn_flight
 from fti.hil.flight.smoothing import FlightFit, fit
-from fti.study import REPORTED, DrawFigure, Progress, StudyResult
-from fti.study._closure import STEP_S, Closure, close, random_flight, s_turn_flight, sample_recording
-from fti.study.workers import run_all
+from fti.parallel_runs import Progress, run_all
+from fti.study import REPORTED, DrawFigure, StudyResult
+from fti.study._closure import STEP_S, Closure, close, sample_recording
 
 Array = NDArray[np.float64]
 

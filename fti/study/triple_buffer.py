@@ -15,7 +15,8 @@ import numpy as np
 from fti.buffers.triple_buffer import TripleBuffer
 from fti.config import LinkTable
 from fti.frame_batch import iter_frames
-from fti.study import Progress, StudyResult
+from fti.parallel_runs import Progress
+from fti.study import StudyResult
 
 RUNS = 10
 SEED = 10

@@ -37,10 +37,10 @@ from fti.nav.altimetry.compensation import height_over_ground
 from fti.nav.altimetry.nadir_height import ground_sd
 from fti.nav.altimetry.range_prediction import Prediction
 from fti.nav.altimetry.validity import Sample, pencil_limits, reasons_against, wide_beam_limits
-from fti.study import REPORTED, DrawFigure, Progress, StudyResult
+from fti.parallel_runs import Progress, run_all
+from fti.study import REPORTED, DrawFigure, StudyResult
 from fti.study._low_level import FARTHEST_M, PLACE_SD, Knowledge, Mix, add_cloud, fly, known_scene, predict
 from fti.study._statistics import mean_interval, pooled_ratio, ratio_interval
-from fti.study.workers import run_all
 
 Array = NDArray[np.float64]
 

@@ -17,7 +17,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from fti.study import REPORTED, DrawFigure, Progress, StudyResult
+from fti.parallel_runs import Progress
+from fti.study import REPORTED, DrawFigure, StudyResult
 from fti.study._radio_flight import Geometry, Heights, measure
 
 Array = NDArray[np.float64]

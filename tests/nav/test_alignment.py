@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from fti.geodesy.rotations import mat_en, rpy_from_mat
+from fti.hil.flight.random_routes import random_flight
 from fti.hil.sensors.inertial import specific_force_b
 from fti.nav.inertial.alignment import HEADING_SD, TILT_SD, attitude_in_flight
-from fti.study._closure import random_flight
 
 
 @pytest.mark.parametrize("seed", range(4))

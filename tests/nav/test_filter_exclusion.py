@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from fti.hil.flight.random_routes import random_flight
 from fti.hil.flight.trajectory import FlightState
 from fti.hil.sensors.inertial import angular_rate_b, specific_force_b
 from fti.messages.reasons import Reason
@@ -24,7 +25,6 @@ from fti.nav.filter.error_states import (
 from fti.nav.filter.estimate import Estimate, InitialState
 from fti.nav.filter.exclusion import HOLD_NS, READMISSION_NS, Cause, consider_update, inconsistency, reset_states
 from fti.nav.filter.navigator import InertialNavigator
-from fti.study._closure import random_flight
 
 Array = NDArray[np.float64]
 

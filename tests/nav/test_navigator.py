@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from fti.geodesy.rotations import mat_en, mat_from_rpy
 from fti.geodesy.wgs84 import radii
+from fti.hil.flight.random_routes import random_flight
 from fti.hil.flight.trajectory import FlightState
 from fti.hil.sensors.inertial import angular_rate_b, specific_force_b
 from fti.messages.outputs import FilterMode
@@ -22,7 +23,6 @@ from fti.nav.filter.error_states import BARO_DRIFT, GNSS_DRIFTS, Extra, FilterMo
 from fti.nav.filter.estimate import InitialState
 from fti.nav.filter.innovation_gate import GateDecision
 from fti.nav.filter.navigator import InertialNavigator, warm_up
-from fti.study._closure import random_flight
 
 Array = NDArray[np.float64]
 

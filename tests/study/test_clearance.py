@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
+from fti import parallel_runs
 from fti.hil.approach_reference.approaches import START_NS, SimulatedApproach
 from fti.messages.outputs import ClearanceIntegrity, IntegrityState
 from fti.nav.integrity.reference import Obstacles
 from fti.proportions import max_failures_by_chance, wilson
-from fti.study import StudyResult, _clearance, _clearance_faults, _clearance_ground, clearance, workers
+from fti.study import StudyResult, _clearance, _clearance_faults, _clearance_ground, clearance
 from fti.study._clearance import LateJoin, NominalApproach
 from fti.study._clearance_faults import FAULTS, FaultyApproach, fly_faulty
 from fti.study._clearance_ground import reference, strict_reference
@@ -318,7 +319,7 @@ def test_few_runs_over_the_demonstration(monkeypatch: pytest.MonkeyPatch) -> Non
     some = ("obstacle_150", "along_60", "wrong_reference")
     monkeypatch.setattr(clearance, "FAULTS", {name: FAULTS[name] for name in some})
     monkeypatch.setattr(_clearance_ground, "VEGETATION", (0.85,))
-    monkeypatch.setattr(workers, "LOCAL_LIMIT_S", math.inf)  # each process would make its own map of the ground
+    monkeypatch.setattr(parallel_runs, "LOCAL_LIMIT_S", math.inf)  # each process would make its own map of the ground
     shares: list[float] = []
     results = by_id(clearance.study(10, 5, shares.append))
     assert results["nominal.alarms"].holds

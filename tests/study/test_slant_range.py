@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from fti.constants import FOOT, STANDARD_GRAVITY
+from fti.hil.flight.leg_flight import MAX_LOAD, STEP_S, TRIM_AOA, FlightLeg, track, turn
 from fti.plot_style import write_figure
 from fti.study import _scenarios, slant_range
 from fti.study._altimeter_flight import AltimeterFlight, fly
-from fti.study._flights import MAX_LOAD, STEP_S, TRIM_AOA, FlightLeg, track, turn
 from fti.study._statistics import min_positive, ratio_interval, sign_test
 from fti.study.slant_range import ORDERINGS, Run
 from fti.terrain.terrain import Terrain

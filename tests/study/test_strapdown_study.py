@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 
 from fti.cli.main import main
+from fti.hil.flight.random_routes import calm_flight
 from fti.hil.sensors.inertial import specific_force_b
 from fti.nav.inertial.strapdown_fast import integrate_fast
 from fti.plot_style import write_figure
 from fti.study import _closure, _strapdown_plots, strapdown, trajectory
-from fti.study._closure import Closure, calm_flight, close
+from fti.study._closure import Closure, close
 from fti.study.strapdown import judge_live, judge_turns, s_turn_errors
 
 

@@ -154,4 +154,4 @@ def test_a_study_is_a_module_or_a_package_and_nothing_else() -> None:
     folder = Path(study.__file__).parent
     modules = {path.stem for path in folder.glob("[!_]*.py")}
     packages = {path.parent.name for path in folder.glob("[!_]*/__init__.py")}
-    assert modules | packages == set(study.names()) | study.HELPERS
+    assert modules | packages == set(study.names())

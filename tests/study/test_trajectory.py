@@ -10,9 +10,10 @@ import pytest
 
 from fti.cli.main import main
 from fti.geodesy.gravity import normal_gravity
+from fti.hil.flight.random_routes import random_flight
 from fti.hil.sensors import inertial
-from fti.study import _closure, trajectory
-from fti.study._closure import Closure, close, random_flight
+from fti.study import trajectory
+from fti.study._closure import Closure, close
 from fti.study.trajectory import drawings, fit_flight, judge_closures, judge_fits, s_turn_errors
 
 TEN_MINUTES = 600.0
@@ -81,7 +82,7 @@ def test_pictures_are_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ten
 def test_the_flights_are_all_over_the_world_and_repeat_themselves() -> None:
     places = [random_flight(np.random.default_rng([9, k]), 60.0).state([0.0]) for k in range(8)]
     assert np.ptp([float(place.lat[0]) for place in places]) > 1.0
-    again = _closure.random_flight(np.random.default_rng([9, 0]), 60.0).state([0.0])
+    again = random_flight(np.random.default_rng([9, 0]), 60.0).state([0.0])
     assert again.lat[0] == places[0].lat[0]
 
 

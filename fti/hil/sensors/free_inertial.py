@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 from fti.geodesy.quaternions import mat_from_quat, quat_from_mat
 from fti.geodesy.rotations import mat_en, mat_from_rpy, rpy_from_mat
 from fti.geodesy.wgs84 import ecef_from_geodetic, geodetic_from_ecef
+from fti.hil.flight.trajectory import FlightState, earth_frame_velocity
 from fti.nav.inertial.strapdown import POINTS, Motion, integrate
 
 Array = NDArray[np.float64]
@@ -62,6 +63,14 @@ class InertialSolution:
             mat @ self.vel_n[0],
             quat_from_mat((mat @ mat_from_rpy(*self.rpy[0]))[None])[0],
         )
+
+
+def true_motion(state: FlightState) -> Motion:
+    """Motion of a flight at its samples."""
+    mat_eb = mat_en(state.lat, state.lon) @ mat_from_rpy(state.roll, state.pitch, state.heading)
+    return Motion(
+        ecef_from_geodetic(state.lat, state.lon, state.alt), earth_frame_velocity(state), quat_from_mat(mat_eb)
+    )
 
 
 def solution_of(motion: Motion) -> InertialSolution:

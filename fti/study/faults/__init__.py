@@ -30,10 +30,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fti.study import DrawFigure, Progress, StudyResult
+from fti.parallel_runs import Progress, run_all
+from fti.study import DrawFigure, StudyResult
 from fti.study.faults.cells import CELLS, Cell, SensorFault
 from fti.study.faults.flight import START_NS, FlightFault, SimulatedFlight, draw
-from fti.study.workers import run_all
 
 if TYPE_CHECKING:
     from fti.study.faults.fault_flights import TaskOutcome

@@ -1,4 +1,4 @@
-"""Runs of a study over all cores of this machine, or over a cluster: ``run_all``.
+"""Independent runs of one function over all cores of this machine, or over a cluster: ``run_all``.
 
 A run is a function of its argument alone (a seed, a tuple with one), so its process does not affect the result, and
 results have the order of the arguments.  Function and argument must be picklable: a function of a module, or a
@@ -28,8 +28,9 @@ from multiprocessing.context import SpawnProcess
 from typing import Any, NamedTuple, TypeVar
 
 from fti.errors import FtiError, MissingError
-from fti.study import Progress
 
+#: Called with the completed share, 0 to 1.
+Progress = Callable[[float], None]
 Argument = TypeVar("Argument")
 Output = TypeVar("Output")
 
@@ -127,7 +128,7 @@ class _Worker(NamedTuple):
             number, result = self.pipe.recv()
         except (EOFError, ConnectionResetError):
             self.process.join(END_TIMEOUT_S)
-            raise RuntimeError(f"a process of the study ended by itself ({self.process.exitcode})") from None
+            raise RuntimeError(f"a worker process ended by itself ({self.process.exitcode})") from None
         if isinstance(result, FtiError):
             raise result
         return number, result
@@ -206,7 +207,7 @@ def _work(task: Callable[[Any], Any], pipe: Connection) -> None:
 
 
 def _end_with_parent() -> None:
-    """End also in the middle of a run: workers of a killed study would load the machine for minutes."""
+    """End also in the middle of a run: workers of a killed command would load the machine for minutes."""
     parent = multiprocessing.parent_process()
     assert parent is not None
     parent.join()

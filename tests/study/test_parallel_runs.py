@@ -16,10 +16,11 @@ from typing import Any
 
 import pytest
 
+from fti import parallel_runs
 from fti.cli.main import main
 from fti.errors import ConfigError, MissingError
-from fti.study import StudyResult, triple_buffer, workers
-from fti.study.workers import on_cluster, run_all
+from fti.parallel_runs import on_cluster, run_all
+from fti.study import StudyResult, triple_buffer
 from tests.helpers import ROOT, until
 from tests.processes import command_of
 from tests.study.tasks import kill_on_second, raise_on_third, square
@@ -28,7 +29,7 @@ from tests.study.tasks import kill_on_second, raise_on_third, square
 @pytest.fixture(autouse=True)
 def _at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """Two processes from the second argument on."""
-    monkeypatch.setattr(workers, "LOCAL_LIMIT_S", 0.0)
+    monkeypatch.setattr(parallel_runs, "LOCAL_LIMIT_S", 0.0)
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0, 1})
 
 
@@ -44,7 +45,7 @@ def test_results_come_in_the_order_of_the_arguments_from_other_processes() -> No
 
 
 def test_short_work_is_done_here(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(workers, "LOCAL_LIMIT_S", 3600.0)
+    monkeypatch.setattr(parallel_runs, "LOCAL_LIMIT_S", 3600.0)
     assert {pid for _, pid, _ in run_all(square, range(5), lambda _: None)} == {os.getpid()}
     assert run_all(square, [], lambda _: None) == []
 
@@ -64,15 +65,15 @@ def test_a_process_that_is_killed_is_no_wait_for_ever() -> None:
 
 SCRIPT = """
 import sys
-from fti.study import workers
+from fti import parallel_runs
 from tests.study.tasks import wait_minute
 import asyncio
 import functools
-workers.LOCAL_LIMIT_S = -1.0
-workers.os.sched_getaffinity = lambda _: {{0, 1}}
+parallel_runs.LOCAL_LIMIT_S = -1.0
+parallel_runs.os.sched_getaffinity = lambda _: {{0, 1}}
 if __name__ == "__main__":
     try:
-        workers.run_all(functools.partial(wait_minute, {file!r}), range(4), print)
+        parallel_runs.run_all(functools.partial(wait_minute, {file!r}), range(4), print)
     except KeyboardInterrupt:
         sys.exit(130)
 """
@@ -171,7 +172,7 @@ def cluster(monkeypatch: pytest.MonkeyPatch) -> None:
     ],
 )
 def test_a_cluster_that_is_not_there_is_a_sentence(address: str, message: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(workers, "CLUSTER_TIMEOUT_S", 0.05)
+    monkeypatch.setattr(parallel_runs, "CLUSTER_TIMEOUT_S", 0.05)
     with pytest.raises(MissingError, match=re.escape(message)), on_cluster(address):
         pytest.fail("there is no cluster")
 
