@@ -23,10 +23,10 @@ ALL = "all"
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """Flights to score.  name : of the scenario or session; judge : raises FtiError"""
+    """Flights to score.  name : of the scenario or session; score : raises FtiError"""
 
     name: str
-    judge: Callable[[], list[Score]]
+    score: Callable[[], list[Score]]
 
 
 def split_names(names: Iterable[str], flying: bool) -> tuple[list[str], list[str]]:
@@ -56,16 +56,16 @@ def flight_jobs(names: Sequence[str], out: Path, config: Path | None, open_: Cal
     from fti.hil import scenario as scenarios
     from fti.post.reprocess import other_setup
 
-    def judge(file: Path) -> list[Score]:
+    def score(file: Path) -> list[Score]:
         from fti.hil.offline_run import fly
 
         scenario = scenarios.load(file)
         folder = out if len(names) == 1 else out / file.stem
         recording = open_(fly(scenarios.load_config(scenario, config), scenario, folder))
-        return _judge(recording, scenario, recording.truth_files, other_setup(str(config)) if config else None)
+        return _score_session(recording, scenario, recording.truth_files, other_setup(str(config)) if config else None)
 
     files = [scenarios.find(name) for name in names]
-    return [Job(file.stem, partial(judge, file)) for file in files]
+    return [Job(file.stem, partial(score, file)) for file in files]
 
 
 def session_jobs(
@@ -80,7 +80,7 @@ def session_jobs(
     named = {name: scenarios.load(scenarios.find(name)) for name in names}
     if len(named) == len(recordings) == 1:
         (name, scenario), (recording,) = *named.items(), recordings
-        return [Job(name, lambda: _judge(recording, scenario, _truths(recording, truth), setup))]
+        return [Job(name, lambda: _score_session(recording, scenario, _truths(recording, truth), setup))]
     jobs, missing = list[Job](), set(named)
     for recording in recordings:
         for job, scenario_names in _match_flights(recording, named, truth, setup):
@@ -109,7 +109,7 @@ def _match_flights(
     for file, scenarios in flights:
         for name, scenario in named.items():
             if any(scenario is one for one in scenarios):
-                yield Job(name, partial(_judge, recording, scenario, [file], setup)), {name}
+                yield Job(name, partial(_score_session, recording, scenario, [file], setup)), {name}
 
 
 def _fail(error: FtiError) -> list[Score]:
@@ -122,8 +122,10 @@ def _truths(recording: Recording, setup: Path | None) -> list[Path]:
     return find_truths(recording, setup)
 
 
-def _judge(recording: Recording, scenario: Scenario, truths: Sequence[Path], setup: Setup | None) -> list[Score]:
+def _score_session(
+    recording: Recording, scenario: Scenario, truths: Sequence[Path], setup: Setup | None
+) -> list[Score]:
     from fti.cli._read_report import show_read_progress
-    from fti.post.score.session_score import judge_session
+    from fti.post.score.session_score import score_session
 
-    return list(judge_session(recording, scenario, truths, setup, lambda: show_read_progress(recording, "score")))
+    return list(score_session(recording, scenario, truths, setup, lambda: show_read_progress(recording, "score")))

@@ -27,19 +27,19 @@ A session of fti demo contains its truth files; it may hold several flights, and
   outputs compared   no flag is expected; a wrong output of navigation that is flagged valid fails
   not flown       the flight ended before        needs real ports   an accelerated flight has no ports
   nothing is due  too short or too small to be detected; or of a device that navigation does not use
-  not judged: start   the unit was starting, which may take 10 s, and no time in an accelerated flight
+  not compared: start   the unit was starting, which may take 10 s, and no time in an accelerated flight
   bench was late  the emulator was late at that time, according to its truth file; never in an accelerated flight
   not configured  expected with the configuration of the scenario, not with the emulated one: a miss
 
 The expected flags follow from the configuration of the emulator, which its truth file contains; a session recorded with
 other devices, links or roles fails, with the differing keys.  --config takes another configuration, without comparison.
 
-Late navigation and missing ticks of the recorder excuse nothing.  Misses are: navigation is behind for more than a
+Late navigation and missing ticks of the recorder explain no miss.  Misses are: navigation is behind for more than a
 fifth of a flight, starts after 10 s, or publishes nothing for the last 5 s; the recorder stalls.  If the emulator was
-late for more than a fifth of the flight, and there is no miss, the flight proves nothing: exit code 1.
+late for more than a fifth of the flight, and there is no miss, the flight is inconclusive: exit code 1.
 
 The truth file holds the start time of the flight and its scenario: another scenario is rejected.
-Exit code 0: all holds; 1: it does not, or proves nothing; 2: usage error, no truth, another scenario; 3: the recording
+Exit code 0: all holds; 1: it does not, or is inconclusive; 2: usage error, no truth, another scenario; 3: the recording
 has losses.  With several flights all are scored, even if one cannot be; the exit code is 1 where any does not hold.
 """
 
@@ -88,7 +88,7 @@ def run(args: argparse.Namespace) -> int:
     opened: list[Recording] = []
     jobs = _jobs(args, opened)
     scores: list[Score | UnscoredFlight] = []
-    for score in _judge(jobs):
+    for score in _scores(jobs):
         scores.append(score)
         if not args.json:
             _print(score, first=len(scores) == 1)
@@ -149,17 +149,17 @@ def _reject(args: argparse.Namespace, is_wrong: object, text: str) -> None:
         args.parser.error(text)
 
 
-def _judge(jobs: Sequence[Job]) -> Iterator[Score | UnscoredFlight]:
+def _scores(jobs: Sequence[Job]) -> Iterator[Score | UnscoredFlight]:
     """Score the flights in turn; with several jobs an error of one does not stop the others."""
     from fti.post.score.unscored_flight import UnscoredFlight
 
     if len(jobs) == 1:
-        yield from jobs[0].judge()
+        yield from jobs[0].score()
         return
     for number, job in enumerate(jobs, 1):
         print_line(f"{number} of {len(jobs)}: {job.name}", error=True, flush=True)
         try:
-            yield from job.judge()
+            yield from job.score()
         except FtiError as error:
             print_line(f"fti: {job.name}: {error}", error=True)
             yield UnscoredFlight(job.name, str(error), EXIT_LOSSES if isinstance(error, RecordingError) else EXIT_WRONG)

@@ -112,7 +112,7 @@ class Topic:
         """
         __tracebackhide__ = True
         found = self._compare(quantity, truth)
-        self._judge(quantity, found, np.full(len(found.error), float(limit)), share)
+        self._assert_within(quantity, found, np.full(len(found.error), float(limit)), share)
 
     def assert_error_within_sigma(
         self, quantity: str, sd: str, k: float = 3.0, *, truth: str | None = None, share: float = 1.0
@@ -124,7 +124,7 @@ class Topic:
         missing = np.flatnonzero(~(stated > 0.0))
         if len(missing):
             self._fail(f"{quantity}: {len(missing)} messages state no {sd}, the first at {found.t_s[missing[0]]:.2f} s")
-        self._judge(quantity, found, k * stated, share, f"{k:g} {sd} = ")
+        self._assert_within(quantity, found, k * stated, share, f"{k:g} {sd} = ")
 
     def _compare(self, quantity: str, truth: str | None) -> TruthDeviations:
         __tracebackhide__ = True
@@ -141,7 +141,9 @@ class Topic:
             self._fail(f"{quantity}: nothing to compare: {valid} of {len(self)} messages are valid, none with a number")
         return found
 
-    def _judge(self, quantity: str, found: TruthDeviations, limits: Array, share: float, factor: str = "") -> None:
+    def _assert_within(
+        self, quantity: str, found: TruthDeviations, limits: Array, share: float, factor: str = ""
+    ) -> None:
         """limits : of each message, shape (n,); factor : text of the factor, where they differ"""
         __tracebackhide__ = True
         beyond = ~(np.abs(found.error) <= limits)

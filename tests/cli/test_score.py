@@ -227,12 +227,12 @@ def test_a_flight_that_cannot_be_scored_does_not_hide_the_others(
     names = (several["scenario"], several["later"], several["session"], str(blind))
     assert main(["score", *names, "--json", "--junit", str(tmp_path / "all.xml")]) == 2
     good, wrong = json.loads(capsys.readouterr().out)
-    assert (good["outcome"], wrong["outcome"], wrong["scenario"]) == ("holds", "not judged", str(blind))
+    assert (good["outcome"], wrong["outcome"], wrong["scenario"]) == ("holds", "not compared", str(blind))
     assert "contains no truth file" in wrong["error"]
     assert len(list(ElementTree.parse(tmp_path / "all.xml").iter("error"))) == 1
     assert main(["score", *names]) == 2
     printed = capsys.readouterr()
-    assert printed.out.splitlines()[-1] == "2 flights: 1 holds, 1 not judged"
+    assert printed.out.splitlines()[-1] == "2 flights: 1 holds, 1 not compared"
     assert "contains no truth file" in printed.err
 
 
@@ -259,7 +259,7 @@ def test_a_flight_that_cannot_be_flown_does_not_hide_the_others(
     files = [str(tmp_path / "wrong.toml"), str(tmp_path / "good.toml")]
     assert main(["score", *files, "--fly", str(tmp_path / "out")]) == 2
     printed = capsys.readouterr()
-    assert printed.out.splitlines()[-1] == "2 flights: 1 holds, 1 not judged"
+    assert printed.out.splitlines()[-1] == "2 flights: 1 holds, 1 not compared"
     assert "fault[0].devices" in printed.err
 
 

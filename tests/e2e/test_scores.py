@@ -28,8 +28,8 @@ FALSIFICATIONS = (
     "never valid, stale",
     "expected flag hidden",
     "flag never clears",
-    "excused by ticks missing around the fault",
-    "excused by all of these",
+    "explained by ticks missing around the fault",
+    "explained by all of these",
     "configuration with half the rate",
 )
 

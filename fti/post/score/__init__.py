@@ -5,6 +5,6 @@ observed_flags.py   from the session (messages.py): flags and their intervals
 reference_setup.py  the configuration of the emulator, and how the recorded one differs
 comparison.py       the score: expected flags (flag_rows.py), other flags (unexpected_flags.py), ``[[expect]]``
                     (expectations.py); rows.py has the rows
-outcome.py          holds, failed or not proved; unit_findings.py  checks of every flight
+outcome.py          holds, failed or inconclusive; unit_findings.py  checks of every flight
 results.py          all rows as a flat list; report.py  text and JSON; junit.py  JUnit XML; plot.py  over time
 """

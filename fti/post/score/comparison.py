@@ -12,13 +12,13 @@ from fti.hil.oracle.flight_flags import flight_allowances
 from fti.hil.oracle.roles import AircraftRoles
 from fti.hil.scenario import Scenario
 from fti.post.reprocess import Setup
-from fti.post.score.evidence import ScoreEvidence, start_limit_s
 from fti.post.score.expectations import meet_expectation
 from fti.post.score.flag_rows import flag_rows, unconfigured_rows
+from fti.post.score.flight_observation import FlightObservation, start_limit_s
 from fti.post.score.observed_flags import ObservedFlags
-from fti.post.score.outcome import BenchLateness, FlightOutcome, bench_finding, decide, measure_excused, truth_finding
+from fti.post.score.outcome import BenchLateness, FlightOutcome, bench_finding, decide, measure_lateness, truth_finding
 from fti.post.score.outputs.row import OutputRow
-from fti.post.score.rows import ExpectationRow, FlagRow, FlightFinding, UnexpectedFlag, Verdict
+from fti.post.score.rows import ExpectationRow, FlagRow, FlightFinding, Result, UnexpectedFlag
 from fti.post.score.truth_reader import FlightTruth
 from fti.post.score.unexpected_flags import allowed_flags, unexpected_flags
 from fti.post.score.unit_findings import unit_findings
@@ -36,24 +36,24 @@ class Score:
     expected: tuple[ExpectationRow, ...]
     findings: tuple[FlightFinding, ...]
     bench: FlightFinding
-    excused: BenchLateness
+    lateness: BenchLateness
     outputs: tuple[OutputRow, ...] = ()
 
     @property
-    def verdicts(self) -> list[Verdict]:
-        """The verdicts of all flags, rows of ``[[expect]]``, findings and outputs."""
+    def results(self) -> list[Result]:
+        """The results of all flags, rows of ``[[expect]]``, findings and outputs."""
         rows: list[FlagRow | ExpectationRow | FlightFinding | OutputRow] = [
             *self.rows,
             *self.expected,
             *self.findings,
             *self.outputs,
         ]
-        return [row.verdict for row in rows]
+        return [row.result for row in rows]
 
     @property
     def outcome(self) -> FlightOutcome:
         """The outcome of the flight."""
-        return decide(self.verdicts, bool(self.unexpected), self.bench)
+        return decide(self.results, bool(self.unexpected), self.bench)
 
     @property
     def holds(self) -> bool:
@@ -61,7 +61,7 @@ class Score:
         return self.outcome is FlightOutcome.HOLDS
 
 
-def judge(
+def score_flight(
     scenario: Scenario,
     setup: Setup,
     flight_truth: FlightTruth,
@@ -78,30 +78,30 @@ def judge(
     """
     craft = AircraftRoles(setup.config, setup.devices, scenario)
     fault_flags = flags_of_scenario(scenario.fault, craft, flight_truth.truth)
-    evidence = ScoreEvidence.of_flight(flight_truth, observed_flags, scenario.limits)
+    observation = FlightObservation.of_flight(flight_truth, observed_flags, scenario.limits)
     may = [
         *flight_allowances(craft, flight_truth.truth),
         *allowed_flags([one for _, one in fault_flags], flight_truth.pauses),
     ]
     due = sorted([*fault_flags, *flags_of_alarms(fault_flags, craft)], key=operator.itemgetter(0))
-    rows = list(flag_rows(due, scenario.fault, craft.sources, evidence))
+    rows = list(flag_rows(due, scenario.fault, craft.sources, observation))
     if own:
         own_flags = flags_of_scenario(
             scenario.fault, AircraftRoles(own.config, own.devices, scenario), flight_truth.truth
         )
-        rows += unconfigured_rows(own_flags, fault_flags, scenario.fault, evidence)
-    expected = tuple(meet_expectation(expectation, evidence) for expectation in scenario.expect)
+        rows += unconfigured_rows(own_flags, fault_flags, scenario.fault, observation)
+    expected = tuple(meet_expectation(expectation, observation) for expectation in scenario.expect)
     flags: list[FlagRow | ExpectationRow] = [*rows, *expected]
-    excused = measure_excused(evidence)
+    lateness = measure_lateness(observation)
     return Score(
         scenario,
         flight_truth,
         observed_flags,
         tuple(rows),
-        tuple(unexpected_flags(evidence, may, craft)),
+        tuple(unexpected_flags(observation, may, craft)),
         expected,
-        (*configuration, *unit_findings(evidence, start_limit_s(flight_truth, scenario.limits))),
-        truth_finding(flight_truth.complete) or bench_finding(excused, [flag.verdict for flag in flags]),
-        excused,
+        (*configuration, *unit_findings(observation, start_limit_s(flight_truth, scenario.limits))),
+        truth_finding(flight_truth.complete) or bench_finding(lateness, [flag.result for flag in flags]),
+        lateness,
         tuple(outputs),
     )

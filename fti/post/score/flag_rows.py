@@ -10,13 +10,16 @@ from fti.hil.faults.descriptions import describe
 from fti.hil.oracle.flag_definitions import ExpectedFlag, FaultFlags
 from fti.hil.oracle.truth_checked_faults import is_truth_checked
 from fti.hil.tables.fault_types import Fault
-from fti.post.score.evidence import BEFORE_S, ScoreEvidence
+from fti.post.score.flight_observation import BEFORE_S, FlightObservation
 from fti.post.score.observed_flags import FlagInterval
-from fti.post.score.rows import FAILURES, FlagRow, Verdict
+from fti.post.score.rows import FAILURES, FlagRow, Result
 
 
 def flag_rows(
-    due: Sequence[tuple[int, FaultFlags]], faults: Sequence[Fault], sources: Container[str], evidence: ScoreEvidence
+    due: Sequence[tuple[int, FaultFlags]],
+    faults: Sequence[Fault],
+    sources: Container[str],
+    observation: FlightObservation,
 ) -> Iterator[FlagRow]:
     """One row for each flag.
 
@@ -24,15 +27,15 @@ def flag_rows(
     """
     for i, one in _extend_overlapping(due):
         is_compared = is_truth_checked(faults[i], on_source=one.subject in sources)
-        unknown = Verdict.COMPARED if is_compared else Verdict.UNKNOWN
-        yield from _fault_rows(i, faults[i], one, evidence, unknown=unknown)
+        unknown = Result.COMPARED if is_compared else Result.UNKNOWN
+        yield from _fault_rows(i, faults[i], one, observation, unknown=unknown)
 
 
 def unconfigured_rows(
     own: Sequence[tuple[int, FaultFlags]],
     emulated: Sequence[tuple[int, FaultFlags]],
     faults: Sequence[Fault],
-    evidence: ScoreEvidence,
+    observation: FlightObservation,
 ) -> Iterator[FlagRow]:
     """Flags expected with the scenario's own configuration, not with the emulated one: a role is missing.
 
@@ -43,9 +46,9 @@ def unconfigured_rows(
         for expected_flag in one.expected_flags:
             row = _row(i, faults[i], one, expected_flag)
             is_missing = _identity(i, expected_flag) not in known
-            verdict = _judge_row(row, expected_flag, evidence).verdict
-            if is_missing and verdict not in (Verdict.NOT_FLOWN, Verdict.PORTS):
-                yield replace(row, verdict=Verdict.NOT_CONFIGURED)
+            result = _compare_row(row, expected_flag, observation).result
+            if is_missing and result not in (Result.NOT_FLOWN, Result.PORTS):
+                yield replace(row, result=Result.NOT_CONFIGURED)
 
 
 def _identity(fault: int, expected_flag: ExpectedFlag) -> tuple[int, str, tuple[str, ...]]:
@@ -84,81 +87,81 @@ def _until_s(expected_flag: ExpectedFlag, expected_flags: Sequence[ExpectedFlag]
 
 
 def _fault_rows(
-    index: int, fault: Fault, one: FaultFlags, evidence: ScoreEvidence, *, unknown: Verdict
+    index: int, fault: Fault, one: FaultFlags, observation: FlightObservation, *, unknown: Result
 ) -> Iterator[FlagRow]:
     what = describe(fault)
-    span = getattr(fault, "from_s", 0.0), getattr(fault, "to_s", evidence.end_s)
+    span = getattr(fault, "from_s", 0.0), getattr(fault, "to_s", observation.end_s)
     if one.unknown:
         yield FlagRow(index, what, one.subject, one.unknown, *span, unknown)
     elif not one.expected_flags:
-        yield FlagRow(index, what, one.subject, "too short, too small, or of no role", *span, Verdict.NOT_DUE)
+        yield FlagRow(index, what, one.subject, "too short, too small, or of no role", *span, Result.NOT_DUE)
     for expected_flag in one.expected_flags:
         row = _row(index, fault, one, expected_flag)
-        scored = _judge_row(row, expected_flag, evidence)
-        yield replace(scored, verdict=_excuse(scored, expected_flag, evidence))
+        scored = _compare_row(row, expected_flag, observation)
+        yield replace(scored, result=_tolerate_lateness(scored, expected_flag, observation))
 
 
 def _row(index: int, fault: Fault, one: FaultFlags, expected_flag: ExpectedFlag) -> FlagRow:
     words = " or ".join(expected_flag.words) if expected_flag.value is None else f"= {expected_flag.value:g}"
     flag, span = f"{expected_flag.place} {words}", (expected_flag.from_s, expected_flag.until_s)
-    return FlagRow(index, describe(fault), one.subject, flag, *span, Verdict.FOUND, within_s=expected_flag.within_s)
+    return FlagRow(index, describe(fault), one.subject, flag, *span, Result.FOUND, within_s=expected_flag.within_s)
 
 
-def _excuse(row: FlagRow, expected_flag: ExpectedFlag, evidence: ScoreEvidence) -> Verdict:
-    """The verdict, unless the unit was starting or the bench was late when the flag had to be raised or cleared.
+def _tolerate_lateness(row: FlagRow, expected_flag: ExpectedFlag, observation: FlightObservation) -> Result:
+    """The result, unless the unit was starting or the bench was late when the flag had to be raised or cleared.
 
     After a pause of the bench the time limit starts again.  A flag that is not raised then is missing.
     """
-    if row.verdict not in FAILURES:
-        return row.verdict
-    stays = row.verdict is Verdict.STAYS
+    if row.result not in FAILURES:
+        return row.result
+    stays = row.result is Result.STAYS
     cause_s, allowed_s = (row.until_s, row.clears_s) if stays else (row.from_s, row.within_s)
-    if cause_s < evidence.start_s:
-        return Verdict.START
-    last_pause_end_s = evidence.last_pause_end_s(cause_s - BEFORE_S, cause_s + (allowed_s or 0.0))
+    if cause_s < observation.start_s:
+        return Result.START
+    last_pause_end_s = observation.last_pause_end_s(cause_s - BEFORE_S, cause_s + (allowed_s or 0.0))
     if last_pause_end_s is None:
-        return row.verdict
-    came_s = cause_s + row.after_s if row.verdict is Verdict.LATE and row.after_s is not None else expected_flag.until_s
+        return row.result
+    came_s = cause_s + row.after_s if row.result is Result.LATE and row.after_s is not None else expected_flag.until_s
     in_time = stays or came_s <= last_pause_end_s + (allowed_s or 0.0) + BEFORE_S
-    return Verdict.LATE_BENCH if in_time else row.verdict
+    return Result.LATE_BENCH if in_time else row.result
 
 
-def _judge_row(row: FlagRow, expected_flag: ExpectedFlag, evidence: ScoreEvidence) -> FlagRow:
-    if expected_flag.from_s + expected_flag.within_s > evidence.end_s:
-        return replace(row, verdict=Verdict.NOT_FLOWN)
-    if expected_flag.needs_ports and not evidence.has_ports:
-        return replace(row, verdict=Verdict.PORTS)
-    if expected_flag.clock and not evidence.observed_flags.knows_clock(expected_flag.clock, expected_flag.from_s):
-        return replace(row, verdict=Verdict.NOT_DUE)
-    observed_flags = evidence.observed_flags
+def _compare_row(row: FlagRow, expected_flag: ExpectedFlag, observation: FlightObservation) -> FlagRow:
+    if expected_flag.from_s + expected_flag.within_s > observation.end_s:
+        return replace(row, result=Result.NOT_FLOWN)
+    if expected_flag.needs_ports and not observation.has_ports:
+        return replace(row, result=Result.PORTS)
+    if expected_flag.clock and not observation.observed_flags.knows_clock(expected_flag.clock, expected_flag.from_s):
+        return replace(row, result=Result.NOT_DUE)
+    observed_flags = observation.observed_flags
     spans = (
         observed_flags.intervals(expected_flag.place, expected_flag.words)
         if expected_flag.value is None
         else observed_flags.intervals_near_value(expected_flag.place, expected_flag.value)
     )
     raised = [span for span in spans if span.until_s > expected_flag.from_s and span.from_s < expected_flag.until_s]
-    return _measure_times(row, expected_flag, raised, evidence) if raised else replace(row, verdict=Verdict.MISSING)
+    return _measure_times(row, expected_flag, raised, observation) if raised else replace(row, result=Result.MISSING)
 
 
 def _measure_times(
-    row: FlagRow, expected_flag: ExpectedFlag, raised: Sequence[FlagInterval], evidence: ScoreEvidence
+    row: FlagRow, expected_flag: ExpectedFlag, raised: Sequence[FlagInterval], observation: FlightObservation
 ) -> FlagRow:
-    """Measure the times to raise and to clear; excused time extends their limits."""
+    """Measure the times to raise and to clear; exempt time extends their limits."""
     after_s = max(raised[0].from_s - expected_flag.from_s, 0.0)
     if expected_flag.value is not None:
-        within_s = expected_flag.within_s + evidence.excused_time_s(
+        within_s = expected_flag.within_s + observation.exempt_time_s(
             expected_flag.from_s, expected_flag.from_s + after_s
         )
-        return replace(row, verdict=Verdict.LATE if after_s > within_s else Verdict.FOUND, after_s=after_s)
+        return replace(row, result=Result.LATE if after_s > within_s else Result.FOUND, after_s=after_s)
     cleared_s = max(max(span.until_s for span in raised) - expected_flag.until_s, 0.0)
-    within_s = expected_flag.within_s + evidence.excused_time_s(expected_flag.from_s, expected_flag.from_s + after_s)
-    clears_s = expected_flag.clears_s + evidence.excused_time_s(
+    within_s = expected_flag.within_s + observation.exempt_time_s(expected_flag.from_s, expected_flag.from_s + after_s)
+    clears_s = expected_flag.clears_s + observation.exempt_time_s(
         expected_flag.until_s, expected_flag.until_s + cleared_s
     )
-    verdict = Verdict.FOUND
+    result = Result.FOUND
     if after_s > within_s:
-        verdict = Verdict.LATE
-    elif cleared_s > clears_s and expected_flag.until_s + clears_s <= evidence.end_s:
-        verdict = Verdict.STAYS
+        result = Result.LATE
+    elif cleared_s > clears_s and expected_flag.until_s + clears_s <= observation.end_s:
+        result = Result.STAYS
     clear_s = cleared_s if math.isfinite(cleared_s) else None
-    return replace(row, verdict=verdict, after_s=after_s, within_s=within_s, clear_s=clear_s, clears_s=clears_s)
+    return replace(row, result=result, after_s=after_s, within_s=within_s, clear_s=clear_s, clears_s=clears_s)

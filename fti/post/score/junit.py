@@ -1,6 +1,6 @@
 """Scores as JUnit XML for Jenkins, GitLab and others: one suite per flight, one case per row.
 
-A miss is a failure, a late bench an error; rows that are not judged are skipped.
+A miss is a failure, a late bench an error; rows that are not compared are skipped.
 """
 
 from __future__ import annotations
@@ -13,12 +13,12 @@ from xml.etree import ElementTree as ET
 
 from fti.errors import StorageError
 from fti.post.score.comparison import Score
-from fti.post.score.results import ScoreResult, results
-from fti.post.score.rows import FAILURES, Verdict
+from fti.post.score.results import ResultRow, result_rows
+from fti.post.score.rows import FAILURES, Result
 from fti.post.score.unscored_flight import UnscoredFlight
 
 FAILURE, ERROR, SKIPPED = "failure", "error", "skipped"
-PASSED = (Verdict.FOUND, Verdict.HOLDS)
+PASSED = (Result.FOUND, Result.HOLDS)
 #: What XML 1.0 does not allow in a text (section 2.2), half of a surrogate pair among it.
 _FORBIDDEN = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
@@ -37,7 +37,7 @@ def as_junit(scores: Iterable[Score | UnscoredFlight]) -> bytes:
     """The document, UTF-8."""
     root = ET.Element("testsuites", name="fti score")
     for score in scores:
-        root.append(_flight(score) if isinstance(score, Score) else _not_judged(score))
+        root.append(_flight(score) if isinstance(score, Score) else _unscored(score))
     _count(root)
     ET.indent(root)
     return bytes(ET.tostring(root, encoding="utf-8", xml_declaration=True))
@@ -54,38 +54,31 @@ def _flight(score: Score) -> ET.Element:
     ):
         ET.SubElement(properties, "property", name=name, value=_strip_forbidden(str(value)))
     names = Counter[str]()
-    for result in results(score):
-        names[result.name] += 1
-        suffix = f" ({names[result.name]})" if names[result.name] > 1 else ""  # viewers merge cases of one name
-        _case(suite, score.scenario.title, result._replace(name=result.name + suffix))
+    for row in result_rows(score):
+        names[row.name] += 1
+        suffix = f" ({names[row.name]})" if names[row.name] > 1 else ""  # viewers merge cases of one name
+        _case(suite, score.scenario.title, row._replace(name=row.name + suffix))
     _count(suite)
     suite.set("time", f"{flight_truth.truth.end_s:.3f}")
     return suite
 
 
-def _not_judged(one: UnscoredFlight) -> ET.Element:
+def _unscored(one: UnscoredFlight) -> ET.Element:
     suite = ET.Element("testsuite", name=_strip_forbidden(one.name))
     case = ET.SubElement(suite, "testcase", name="flight", classname=_strip_forbidden(one.name), time="0")
-    _add(case, ERROR, "not judged", one.reason)
+    _add(case, ERROR, "not compared", one.reason)
     _count(suite)
     return suite
 
 
-def _case(suite: ET.Element, title: str, result: ScoreResult) -> None:
-    classname = f"{title.replace('.', ' ')}.{result.group}"  # viewers take a dot for a folder
+def _case(suite: ET.Element, title: str, row: ResultRow) -> None:
+    classname = f"{title.replace('.', ' ')}.{row.group}"  # viewers take a dot for a folder
     case = ET.SubElement(
-        suite, "testcase", name=_strip_forbidden(result.name), classname=_strip_forbidden(classname), time="0"
+        suite, "testcase", name=_strip_forbidden(row.name), classname=_strip_forbidden(classname), time="0"
     )
-    if kind := _kind(result.verdict):
-        _add(case, kind, result.verdict, result.text)
-
-
-def _kind(verdict: Verdict) -> str:
-    if verdict in FAILURES:
-        return FAILURE
-    if verdict is Verdict.LATE_BENCH:
-        return ERROR
-    return "" if verdict in PASSED else SKIPPED
+    if row.result not in PASSED:
+        kind = FAILURE if row.result in FAILURES else ERROR if row.result is Result.LATE_BENCH else SKIPPED
+        _add(case, kind, row.result, row.text)
 
 
 def _add(case: ET.Element, kind: str, type_: str, text: str) -> None:

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from fti import plot_style
 from fti.plot_style import BLUE, GREEN, ORANGE, VERMILION
 from fti.post.score.comparison import Score
-from fti.post.score.rows import FAILURES, FlagRow, UnexpectedFlag, Verdict
+from fti.post.score.rows import FAILURES, FlagRow, Result, UnexpectedFlag
 
 ROW_INCH = 0.24
 BAR = 0.62
@@ -67,10 +67,10 @@ def _draw_line(axes: Axes, y: int, one: FlagRow | UnexpectedFlag | None, score: 
         if one.after_s is not None:
             begin = one.from_s + one.after_s
             cleared_s = end_s if one.clear_s is None else one.until_s + one.clear_s
-            _bar(axes, y, (begin, min(cleared_s, end_s)), VERMILION if one.verdict in FAILURES else GREEN, BAR / 2)
-        elif one.verdict is not Verdict.FOUND:
-            colour = VERMILION if one.verdict in FAILURES else BLUE
-            axes.text(one.from_s, y, one.verdict, va="center", fontsize=7, color=colour)
+            _bar(axes, y, (begin, min(cleared_s, end_s)), VERMILION if one.result in FAILURES else GREEN, BAR / 2)
+        elif one.result is not Result.FOUND:
+            colour = VERMILION if one.result in FAILURES else BLUE
+            axes.text(one.from_s, y, one.result, va="center", fontsize=7, color=colour)
 
 
 def _bar(axes: Axes, y: int, span: tuple[float, float], colour: str, height: float = BAR) -> None:

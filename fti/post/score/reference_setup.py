@@ -20,7 +20,7 @@ from fti.hil.truth_log import RATES_ATTACHMENT
 from fti.logger.reading.recording import Recording
 from fti.logger.session import CONFIG_ATTACHMENT
 from fti.post.reprocess import Setup, attached_config, other_setup
-from fti.post.score.rows import CONFIGURATION, FlightFinding, Verdict
+from fti.post.score.rows import CONFIGURATION, FlightFinding, Result
 from fti.post.score.truth_reader import FlightTruth
 
 NAME = "as the emulator played it"
@@ -52,22 +52,22 @@ def compare_recorded(reference_setup: Setup, recording: Recording) -> list[Fligh
     try:
         config, texts = attached_config(recording.attachments(), recording.path)
     except ConfigError as error:
-        return [FlightFinding(CONFIGURATION, NAME, Verdict.FAILS, f"the recorded configuration is invalid: {error}")]
+        return [FlightFinding(CONFIGURATION, NAME, Result.FAILS, f"the recorded configuration is invalid: {error}")]
     found = [FlightFinding(CONFIGURATION, *one) for one in differences(reference_setup, config, texts)]
-    return found or [FlightFinding(CONFIGURATION, NAME, Verdict.HOLDS, "the recorded configuration is the same")]
+    return found or [FlightFinding(CONFIGURATION, NAME, Result.HOLDS, "the recorded configuration is the same")]
 
 
 def user_setup_finding() -> list[FlightFinding]:
     """The finding where --config replaces the comparison."""
     return [
         FlightFinding(
-            CONFIGURATION, NAME, Verdict.NOT_DUE, "the configuration of --config is used, and was not compared"
+            CONFIGURATION, NAME, Result.NOT_DUE, "the configuration of --config is used, and was not compared"
         )
     ]
 
 
-def differences(reference_setup: Setup, config: Config, texts: Mapping[str, str]) -> Iterator[tuple[str, Verdict, str]]:
-    """Key, verdict and text of each difference; a missing table is one difference."""
+def differences(reference_setup: Setup, config: Config, texts: Mapping[str, str]) -> Iterator[tuple[str, Result, str]]:
+    """Key, result and text of each difference; a missing table is one difference."""
     emulated = _flatten(_relevant_settings(reference_setup.config, reference_setup.texts))
     recorded = _flatten(_relevant_settings(config, texts))
     keys = [key for key in sorted(emulated.keys() | recorded.keys()) if emulated.get(key) != recorded.get(key)]
@@ -75,7 +75,7 @@ def differences(reference_setup: Setup, config: Config, texts: Mapping[str, str]
         if not any(parent in keys for parent in _parents(key)):
             yield (
                 key,
-                Verdict.FAILS,
+                Result.FAILS,
                 f"{key}: {_value_text(recorded.get(key))} is recorded, {_value_text(emulated.get(key))} was played",
             )
 

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import asdict
 from typing import Any
 
 from fti.post.score.comparison import Score
-from fti.post.score.outcome import MAX_EXCUSED_SHARE, FlightOutcome
+from fti.post.score.outcome import MAX_LATE_SHARE, FlightOutcome
+from fti.post.score.outputs.row import OutputRow
 from fti.post.score.outputs.table import output_lines
 from fti.post.score.results import describe_unexpected, name_expectation
-from fti.post.score.rows import FAILURES, ExpectationRow, FlagRow, FlightFinding, Verdict
+from fti.post.score.rows import FAILURES, ExpectationRow, FlagRow, FlightFinding, Result
 from fti.post.score.text_table import text_table
 from fti.post.score.unexpected_flags import AFTER_PAUSE_S, WINDOW_S
 
@@ -19,7 +19,7 @@ from fti.post.score.unexpected_flags import AFTER_PAUSE_S, WINDOW_S
 CONCLUSIONS = {
     FlightOutcome.HOLDS: "holds",
     FlightOutcome.FAILED: "does not hold",
-    FlightOutcome.NOT_PROVED: "proves nothing",
+    FlightOutcome.INCONCLUSIVE: "inconclusive",
 }
 HEAD = ("fault", "on", "flag", "", "after", "allowed", "cleared", "allowed")
 
@@ -32,24 +32,25 @@ def as_text(score: Score) -> list[str]:
     ]
     if score.rows:
         lines += [*text_table([HEAD, *(_cells(row) for row in score.rows)]), ""]
-    lines += (
-        [_start(score), ""]
-        if score.flight_truth.real_time and 0.0 < score.observed_flags.first_report_s < math.inf
-        else []
-    )
-    lines += [_pauses(score), ""] if score.flight_truth.pauses else []
-    lines += (
-        [*(f"not expected: {describe_unexpected(one)}" for one in score.unexpected), ""] if score.unexpected else []
-    )
-    lines += [*(_expectation(met) for met in score.expected), ""] if score.expected else []
-    lines += [*output_lines(score.outputs), ""] if score.outputs else []
-    return [*lines, _conclusion(score)]
+    if score.flight_truth.real_time and 0.0 < score.observed_flags.first_report_s < math.inf:
+        lines += [_start(score), ""]
+    if score.flight_truth.pauses:
+        lines += [_pauses(score), ""]
+    if score.unexpected:
+        lines += [*(f"not expected: {describe_unexpected(one)}" for one in score.unexpected), ""]
+    if score.expected:
+        lines += [*(_expectation(met) for met in score.expected), ""]
+    if score.outputs:
+        lines += [*output_lines(score.outputs), ""]
+    found, due = count_flags(score)
+    begin = f"{CONCLUSIONS[score.outcome]}: {found} of {due} expected flags found in time"
+    return [*lines, "; ".join([begin, *remarks(score)])]
 
 
 def _cells(row: FlagRow) -> tuple[str, ...]:
     span = f"{row.from_s:.1f}-{row.until_s:.1f} s"
     times = (_s(row.after_s), _s(row.within_s), _s(row.clear_s), _s(row.clears_s))
-    return (f"{row.fault + 1} {row.what}, {span}", row.subject, row.flag, row.verdict, *times)
+    return (f"{row.fault + 1} {row.what}, {span}", row.subject, row.flag, row.result, *times)
 
 
 def _s(seconds: float | None) -> str:
@@ -58,66 +59,52 @@ def _s(seconds: float | None) -> str:
 
 def _start(score: Score) -> str:
     first_report_s = score.observed_flags.first_report_s
-    excused_s = min(first_report_s, score.scenario.limits.start_s)
+    start_s = min(first_report_s, score.scenario.limits.start_s)
     return (
-        f"first report of navigation after {first_report_s:.1f} s: flags missing until {excused_s:.1f} s, and flags "
-        f"raised until {excused_s + WINDOW_S:.1f} s, are not judged"
+        f"first report of navigation after {first_report_s:.1f} s: flags missing until {start_s:.1f} s, and flags "
+        f"raised until {start_s + WINDOW_S:.1f} s, are not compared"
     )
 
 
 def _pauses(score: Score) -> str:
-    bench = score.excused
+    bench = score.lateness
     return (
         f"the bench was late {bench.number} times, at most {bench.longest_s:.2f} s, in total {bench.share:.1%} of the "
-        f"flight ({MAX_EXCUSED_SHARE:.0%} are allowed): this is excused, and unexplained flags are not judged until "
-        f"{AFTER_PAUSE_S:g} s after it, {bench.unjudged_share:.0%} of the flight"
+        f"flight ({MAX_LATE_SHARE:.0%} are allowed): missing flags are tolerated then, and unexplained flags are not "
+        f"compared until {AFTER_PAUSE_S:g} s after it, {bench.uncompared_share:.0%} of the flight"
     )
 
 
 def _expectation(met: ExpectationRow) -> str:
-    begin = f"expect {name_expectation(met)}: {met.verdict}"
-    if met.verdict is Verdict.FOUND:
+    begin = f"expect {name_expectation(met)}: {met.result}"
+    if met.result is Result.FOUND:
         return f"{begin} after {met.after_s:.2f} s ({met.value})"
-    return f"{begin}; it was {met.value}" if met.verdict is Verdict.MISSING else begin
-
-
-def _conclusion(score: Score) -> str:
-    """The outcome and the remarks in one line."""
-    found, due = count_flags(score)
-    begin = f"{CONCLUSIONS[score.outcome]}: {found} of {due} expected flags found in time"
-    return "; ".join([begin, *remarks(score)])
+    return f"{begin}; it was {met.value}" if met.result is Result.MISSING else begin
 
 
 def count_flags(score: Score) -> tuple[int, int]:
-    """Number of expected flags and values that were found in time, and that were judged."""
-    verdicts = _flag_verdicts(score)
-    found = verdicts.count(Verdict.FOUND)
-    return found, found + sum(verdict in FAILURES for verdict in verdicts)
+    """Number of expected flags and values that were found in time, and that were compared."""
+    results = _flag_results(score)
+    found = results.count(Result.FOUND)
+    return found, found + sum(result in FAILURES for result in results)
 
 
 def remarks(score: Score) -> list[str]:
     """Short remarks on a score."""
-    verdicts = _flag_verdicts(score)
-    counts = [f"{verdicts.count(v)} {v}" for v in Verdict if v in verdicts and v is not Verdict.FOUND]
-    failing = [finding.text for finding in (*score.findings, score.bench) if _is_reported(finding)]
+    results = _flag_results(score)
+    counts = [f"{results.count(v)} {v}" for v in Result if v in results and v is not Result.FOUND]
+    checks = [row.result for row in score.outputs if row.result is not Result.NOT_COMPARED]
+    if checks:
+        failed = sum(result in FAILURES for result in checks)
+        counts.append(f"{len(checks) - failed} of {len(checks)} checks of outputs hold")
+    failing = [finding.text for finding in (*score.findings, score.bench) if finding.result is not Result.HOLDS]
     unexpected = f"{len(score.unexpected)} not expected" if score.unexpected else "no unexpected flags"
-    return [*counts, *_outputs(score), *failing, unexpected]
+    return [*counts, *failing, unexpected]
 
 
-def _flag_verdicts(score: Score) -> list[Verdict]:
+def _flag_results(score: Score) -> list[Result]:
     flags: list[FlagRow | ExpectationRow] = [*score.rows, *score.expected]
-    return [flag.verdict for flag in flags]
-
-
-def _outputs(score: Score) -> Iterator[str]:
-    """Number of output checks that hold."""
-    verdicts = [row.verdict for row in score.outputs if row.verdict is not Verdict.NOT_JUDGED]
-    if verdicts:
-        yield f"{len(verdicts) - sum(v in FAILURES for v in verdicts)} of {len(verdicts)} checks of outputs hold"
-
-
-def _is_reported(finding: FlightFinding) -> bool:
-    return finding.verdict is not Verdict.HOLDS
+    return [flag.result for flag in flags]
 
 
 def as_json(score: Score) -> dict[str, Any]:
@@ -130,20 +117,31 @@ def as_json(score: Score) -> dict[str, Any]:
         "real_time": score.flight_truth.real_time,
         "outcome": score.outcome,
         "holds": score.holds,
-        "rows": [asdict(row) for row in score.rows],
-        "unexpected": [_finite(asdict(one)) for one in score.unexpected],
+        "rows": [_row(row) for row in score.rows],
+        "unexpected": [{**asdict(one), "until_s": _finite(one.until_s)} for one in score.unexpected],
         "expected": [
-            {**met.expectation.model_dump(), "verdict": met.verdict, "after_s": met.after_s, "found": met.value}
+            {**met.expectation.model_dump(), "verdict": met.result, "after_s": met.after_s, "found": met.value}
             for met in score.expected
         ],
-        "outputs": [asdict(row) for row in score.outputs],
-        "findings": [asdict(finding) for finding in (*score.findings, score.bench)],
-        "excused": {**asdict(score.excused), "allowed_share": MAX_EXCUSED_SHARE},
+        "outputs": [_row(row) for row in score.outputs],
+        "findings": [_row(finding) for finding in (*score.findings, score.bench)],
+        "excused": {
+            "share": score.lateness.share,
+            "number": score.lateness.number,
+            "longest_s": score.lateness.longest_s,
+            "total_s": score.lateness.total_s,
+            "unjudged_share": score.lateness.uncompared_share,
+            "judged_s": score.lateness.compared_s,
+            "allowed_share": MAX_LATE_SHARE,
+        },
         "pauses": [asdict(pause) for pause in score.flight_truth.pauses],
-        **_finite({"began_s": score.observed_flags.first_report_s}),
+        "began_s": _finite(score.observed_flags.first_report_s),
     }
 
 
-def _finite(table: dict[str, Any]) -> dict[str, Any]:
-    """Infinite times as None."""
-    return {key: None if value == float("inf") else value for key, value in table.items()}
+def _row(row: FlagRow | OutputRow | FlightFinding) -> dict[str, Any]:
+    return {"verdict" if key == "result" else key: value for key, value in asdict(row).items()}
+
+
+def _finite(seconds: float) -> float | None:
+    return None if seconds == math.inf else seconds

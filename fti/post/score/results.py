@@ -8,19 +8,19 @@ from typing import NamedTuple
 from fti.post.score.comparison import Score
 from fti.post.score.outputs.row import OutputRow
 from fti.post.score.outputs.table import describe
-from fti.post.score.rows import ExpectationRow, FlagRow, FlightFinding, UnexpectedFlag, Verdict
+from fti.post.score.rows import ExpectationRow, FlagRow, FlightFinding, Result, UnexpectedFlag
 
 
-class ScoreResult(NamedTuple):
-    """One result.  group : kind of row; name : the expectation; text : the finding, one sentence"""
+class ResultRow(NamedTuple):
+    """One row of a score.  group : kind of row; name : the expectation; text : the finding, one sentence"""
 
     group: str
     name: str
-    verdict: Verdict
+    result: Result
     text: str
 
 
-def results(score: Score) -> Iterator[ScoreResult]:
+def result_rows(score: Score) -> Iterator[ResultRow]:
     """Every row of a score: faults, unexpected flags, ``[[expect]]``, outputs, checks of every flight."""
     yield from map(_flag_result, score.rows)
     yield from map(_unexpected_result, score.unexpected)
@@ -29,7 +29,7 @@ def results(score: Score) -> Iterator[ScoreResult]:
     yield from map(_finding_result, (*score.findings, score.bench))
 
 
-def _flag_result(row: FlagRow) -> ScoreResult:
+def _flag_result(row: FlagRow) -> ResultRow:
     name = f"{row.fault + 1} {row.what}, {row.from_s:.1f}-{row.until_s:.1f} s: {row.subject} {row.flag}"
     times = (
         ("after", row.after_s),
@@ -38,26 +38,26 @@ def _flag_result(row: FlagRow) -> ScoreResult:
         ("allowed", row.clears_s),
     )
     parts = [f"{what} {seconds:.2f} s" for what, seconds in times if seconds is not None]
-    return ScoreResult("fault", name, row.verdict, ", ".join([row.verdict, *parts]))
+    return ResultRow("fault", name, row.result, ", ".join([row.result, *parts]))
 
 
-def _unexpected_result(one: UnexpectedFlag) -> ScoreResult:
-    return ScoreResult(
-        "not expected", f"{one.place} {one.word}", Verdict.FAILS, f"not expected: {describe_unexpected(one)}"
+def _unexpected_result(one: UnexpectedFlag) -> ResultRow:
+    return ResultRow(
+        "not expected", f"{one.place} {one.word}", Result.FAILS, f"not expected: {describe_unexpected(one)}"
     )
 
 
-def _expectation_result(met: ExpectationRow) -> ScoreResult:
-    return ScoreResult("expect", name_expectation(met), met.verdict, f"{met.verdict}; it was {met.value}")
+def _expectation_result(met: ExpectationRow) -> ResultRow:
+    return ResultRow("expect", name_expectation(met), met.result, f"{met.result}; it was {met.value}")
 
 
-def _output_result(row: OutputRow) -> ScoreResult:
+def _output_result(row: OutputRow) -> ResultRow:
     name = " ".join(part for part in (row.topic, row.what, row.check) if part)
-    return ScoreResult("output", name, row.verdict, f"{row.verdict}: {describe(row)}")
+    return ResultRow("output", name, row.result, f"{row.result}: {describe(row)}")
 
 
-def _finding_result(finding: FlightFinding) -> ScoreResult:
-    return ScoreResult(finding.about, finding.name, finding.verdict, finding.text)
+def _finding_result(finding: FlightFinding) -> ResultRow:
+    return ResultRow(finding.about, finding.name, finding.result, finding.text)
 
 
 def describe_unexpected(one: UnexpectedFlag) -> str:

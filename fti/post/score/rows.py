@@ -8,7 +8,7 @@ from enum import StrEnum
 from fti.hil.tables.schema import Expectation
 
 
-class Verdict(StrEnum):
+class Result(StrEnum):
     """The result of an expectation."""
 
     FOUND = "found"
@@ -21,14 +21,14 @@ class Verdict(StrEnum):
     PORTS = "needs real ports"
     NOT_DUE = "nothing is due"
     NOT_CONFIGURED = "not configured"
-    START = "not judged: start"
+    START = "not compared: start"
     LATE_BENCH = "bench was late"
     HOLDS = "holds"
     FAILS = "does not hold"
-    NOT_JUDGED = "not judged"
+    NOT_COMPARED = "not compared"
 
 
-FAILURES = frozenset((Verdict.LATE, Verdict.MISSING, Verdict.STAYS, Verdict.NOT_CONFIGURED, Verdict.FAILS))
+FAILURES = frozenset((Result.LATE, Result.MISSING, Result.STAYS, Result.NOT_CONFIGURED, Result.FAILS))
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +45,7 @@ class FlagRow:
     flag: str
     from_s: float
     until_s: float
-    verdict: Verdict
+    result: Result
     after_s: float | None = None
     within_s: float | None = None
     clear_s: float | None = None
@@ -67,7 +67,7 @@ class ExpectationRow:
     """A row of ``[[expect]]``.  after_s : delay until it was met; value : last value until then"""
 
     expectation: Expectation
-    verdict: Verdict
+    result: Result
     after_s: float | None
     value: object
 
@@ -81,7 +81,7 @@ class FlightFinding:
 
     about: str
     name: str
-    verdict: Verdict
+    result: Result
     text: str
 
 

@@ -9,16 +9,16 @@ from pathlib import Path
 from fti.hil.scenario import Scenario
 from fti.logger.reading.recording import Recording
 from fti.post.reprocess import Setup
-from fti.post.score.comparison import Score, judge
+from fti.post.score.comparison import Score, score_flight
 from fti.post.score.messages import read_observed_flags
 from fti.post.score.outputs.check import check_outputs
-from fti.post.score.outputs.evidence import flight_evidence
+from fti.post.score.outputs.flight_reference import flight_reference
 from fti.post.score.outputs.recorded_links import recorded_links
 from fti.post.score.reference_setup import compare_recorded, read_reference_setup, scenario_setup, user_setup_finding
 from fti.post.score.truth_reader import read_flight_truth
 
 
-def judge_session(
+def score_session(
     recording: Recording,
     scenario: Scenario,
     truths: Iterable[Path],
@@ -37,10 +37,10 @@ def judge_session(
         with reading():
             observed_flags = read_observed_flags(recording, reference_setup.config, flight_truth, channels)
             outputs = [
-                *check_outputs(recording, flight_evidence(scenario, reference_setup, flight_truth, observed_flags)),
+                *check_outputs(recording, flight_reference(scenario, reference_setup, flight_truth, observed_flags)),
                 *recorded_links(recording, flight_truth, reference_setup.config),
             ]
-        yield judge(
+        yield score_flight(
             scenario,
             reference_setup,
             flight_truth,

@@ -12,13 +12,13 @@ from fti.post.score.text_table import text_table
 from fti.post.score.unscored_flight import UnscoredFlight
 
 HEAD = ("scenario", "outcome", "flags in time", "")
-NOT_JUDGED = "not judged"
+NOT_COMPARED = "not compared"
 
 
 def as_summary(scores: Sequence[Score | UnscoredFlight]) -> list[str]:
     """A line for each flight, and the number of each outcome."""
-    outcomes = [score.outcome if isinstance(score, Score) else NOT_JUDGED for score in scores]
-    counts = [f"{outcomes.count(one)} {one}" for one in (*FlightOutcome, NOT_JUDGED) if one in outcomes]
+    outcomes = [score.outcome if isinstance(score, Score) else NOT_COMPARED for score in scores]
+    counts = [f"{outcomes.count(one)} {one}" for one in (*FlightOutcome, NOT_COMPARED) if one in outcomes]
     return [
         *text_table([HEAD, *(_cells(score) for score in scores)]),
         "",
@@ -28,7 +28,7 @@ def as_summary(scores: Sequence[Score | UnscoredFlight]) -> list[str]:
 
 def _cells(score: Score | UnscoredFlight) -> tuple[str, ...]:
     if isinstance(score, UnscoredFlight):
-        return score.name, NOT_JUDGED, "", score.reason
+        return score.name, NOT_COMPARED, "", score.reason
     found, due = count_flags(score)
     return score.scenario.title, score.outcome, f"{found} of {due}", "; ".join(remarks(score))
 
@@ -39,4 +39,4 @@ def as_json_list(scores: Sequence[Score | UnscoredFlight]) -> Iterator[dict[str,
         if isinstance(score, Score):
             yield as_json(score)
         else:
-            yield {"scenario": score.name, "outcome": NOT_JUDGED, "holds": False, "error": score.reason}
+            yield {"scenario": score.name, "outcome": NOT_COMPARED, "holds": False, "error": score.reason}

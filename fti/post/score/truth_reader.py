@@ -21,7 +21,7 @@ from fti.post.score.truth_table import TruthTable
 from fti.terrain.demo_scene import DEMO_AIRFIELD
 
 SECOND_NS = 1_000_000_000
-#: A longer lateness is a pause of the bench, which excuses the daemon [s].
+#: A longer lateness is a pause of the bench, in which flags may be missing [s].
 PAUSE_S = 0.15
 #: Rounding of the times of an accelerated flight [ns].
 ROUNDING_NS = 1000

@@ -10,7 +10,7 @@ from fti.hil.oracle.flag_definitions import DEVICES, INTEGRITY, FaultFlags, Flag
 from fti.hil.oracle.roles import AircraftRoles
 from fti.messages.topics import ALARM_TOPIC
 from fti.post.score.alarm_states import explanations
-from fti.post.score.evidence import ScoreEvidence
+from fti.post.score.flight_observation import FlightObservation
 from fti.post.score.observed_flags import uncovered_parts
 from fti.post.score.rows import UnexpectedFlag
 from fti.post.score.truth_reader import FlightPause
@@ -38,19 +38,19 @@ def allowed_flags(fault_flags: Sequence[FaultFlags], pauses: Sequence[FlightPaus
 
 
 def unexpected_flags(
-    evidence: ScoreEvidence, may: Sequence[FlagAllowance], craft: AircraftRoles
+    observation: FlightObservation, may: Sequence[FlagAllowance], craft: AircraftRoles
 ) -> Iterator[UnexpectedFlag]:
     """The parts of every flag that nothing explains.
 
     Flags before the flight are allowed, because nothing is sent then.
     """
-    begin_s = evidence.start_s + WINDOW_S
-    for (place, word), spans in sorted(evidence.observed_flags.spans.items()):
+    begin_s = observation.start_s + WINDOW_S
+    for (place, word), spans in sorted(observation.observed_flags.spans.items()):
         if place == ALARM_TOPIC:
-            allowed = list(explanations(evidence.observed_flags, word, alarm_hold_s(word, craft)))
+            allowed = list(explanations(observation.observed_flags, word, alarm_hold_s(word, craft)))
         else:
             allowed = [(m.from_s, m.until_s) for m in may if m.explains(place, word)]
         for span in spans:
             for from_s, until_s in uncovered_parts(span, [(-math.inf, begin_s), *allowed]):
-                if from_s < evidence.end_s:
+                if from_s < observation.end_s:
                     yield UnexpectedFlag(place, word, from_s, until_s)

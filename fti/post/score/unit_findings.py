@@ -7,8 +7,8 @@ from collections.abc import Iterable, Iterator
 
 from fti.hil.oracle.alarm_flags import STARTUP_S
 from fti.post.score.alarm_states import missing_alarms
-from fti.post.score.evidence import ScoreEvidence
-from fti.post.score.rows import UNIT, FlightFinding, Verdict
+from fti.post.score.flight_observation import FlightObservation
+from fti.post.score.rows import UNIT, FlightFinding, Result
 from fti.post.score.truth_reader import FlightPause, length_s, merge_pauses, overlap_s
 
 #: Navigation may be behind for this part of a flight.  On a busy computer with two cores it is behind at times, and
@@ -24,78 +24,78 @@ MAX_TICK_GAP_S, MAX_TICK_GAP_SHARE = 1.0, 0.02
 MAX_END_S = 3.0
 
 
-def unit_findings(evidence: ScoreEvidence, start_limit_s: float) -> Iterator[FlightFinding]:
+def unit_findings(observation: FlightObservation, start_limit_s: float) -> Iterator[FlightFinding]:
     """The five findings.  start_limit_s : time that the unit may take until its first report [s]"""
-    yield _start(evidence, start_limit_s)
-    yield _keeps_up(evidence)
-    yield _until_the_end(evidence)
-    yield _ticks(evidence, start_limit_s)
-    yield _alarms(evidence)
+    yield _start(observation, start_limit_s)
+    yield _keeps_up(observation)
+    yield _until_the_end(observation)
+    yield _ticks(observation, start_limit_s)
+    yield _alarms(observation)
 
 
-def _start(evidence: ScoreEvidence, limit_s: float) -> FlightFinding:
-    first_report_s = evidence.observed_flags.first_report_s
+def _start(observation: FlightObservation, limit_s: float) -> FlightFinding:
+    first_report_s = observation.observed_flags.first_report_s
     if math.isinf(first_report_s):
         return _finding("start", False, "no report of navigation during the flight")
     text = f"first report of navigation after {first_report_s:.1f} s; {limit_s:g} s are allowed"
     return _finding("start", first_report_s <= limit_s, text)
 
 
-def behind_share(evidence: ScoreEvidence) -> float:
-    """Part of the flight in which navigation was behind without an excuse by bench or start, 0 to 1."""
-    excused = [FlightPause(p.from_s, p.until_s + CATCH_UP_S) for p in evidence.pauses]
-    if evidence.start_s:
-        excused.append(FlightPause(0.0, evidence.start_s + CATCH_UP_S))
-    return _unexcused_s(evidence.observed_flags.lag_intervals, excused, evidence.end_s) / evidence.end_s
+def behind_share(observation: FlightObservation) -> float:
+    """Part of the flight in which navigation was behind that neither bench nor start explains, 0 to 1."""
+    exempt = [FlightPause(p.from_s, p.until_s + CATCH_UP_S) for p in observation.pauses]
+    if observation.start_s:
+        exempt.append(FlightPause(0.0, observation.start_s + CATCH_UP_S))
+    return _counted_s(observation.observed_flags.lag_intervals, exempt, observation.end_s) / observation.end_s
 
 
-def _keeps_up(evidence: ScoreEvidence) -> FlightFinding:
-    share = behind_share(evidence)
+def _keeps_up(observation: FlightObservation) -> FlightFinding:
+    share = behind_share(observation)
     text = f"navigation was behind for {share:.0%} of the flight; {MAX_BEHIND_SHARE:.0%} are allowed"
     return _finding("navigation in time", share <= MAX_BEHIND_SHARE, text)
 
 
-def silent_s(evidence: ScoreEvidence) -> float:
+def silent_s(observation: FlightObservation) -> float:
     """Time from the last report of navigation to the end of the flight [s]."""
-    return max(evidence.end_s - evidence.observed_flags.last_report_s, 0.0)
+    return max(observation.end_s - observation.observed_flags.last_report_s, 0.0)
 
 
-def _until_the_end(evidence: ScoreEvidence) -> FlightFinding:
-    silence = silent_s(evidence)
+def _until_the_end(observation: FlightObservation) -> FlightFinding:
+    silence = silent_s(observation)
     text = f"no report of navigation in the last {silence:.0f} s; {MAX_SILENT_S:g} s are allowed"
     return _finding("navigation until the end", silence <= MAX_SILENT_S, text)
 
 
-def _ticks(evidence: ScoreEvidence, start_limit_s: float) -> FlightFinding:
-    """Gaps of the recorder's ticks without an excuse by the bench."""
-    first_s, last_s = evidence.observed_flags.ticks
+def _ticks(observation: FlightObservation, start_limit_s: float) -> FlightFinding:
+    """Gaps of the recorder's ticks that no pause of the bench explains."""
+    first_s, last_s = observation.observed_flags.ticks
     if math.isinf(first_s) and first_s > 0.0:
         return _finding("recorder", False, "no tick of the recorder during the flight")
-    end = FlightPause(min(last_s + MAX_END_S, evidence.end_s), evidence.end_s)
-    gaps = [*evidence.observed_flags.tick_gaps, FlightPause(start_limit_s, max(first_s, start_limit_s)), end]
-    excused = [FlightPause(p.from_s, p.until_s + CATCH_UP_S) for p in evidence.pauses]
-    missing = _unexcused_s(gaps, excused, evidence.end_s)
-    max_gap = max((_unexcused_s([gap], excused, evidence.end_s) for gap in gaps), default=0.0)
-    holds = max_gap <= MAX_TICK_GAP_S and missing <= MAX_TICK_GAP_SHARE * evidence.end_s
+    end = FlightPause(min(last_s + MAX_END_S, observation.end_s), observation.end_s)
+    gaps = [*observation.observed_flags.tick_gaps, FlightPause(start_limit_s, max(first_s, start_limit_s)), end]
+    exempt = [FlightPause(p.from_s, p.until_s + CATCH_UP_S) for p in observation.pauses]
+    missing = _counted_s(gaps, exempt, observation.end_s)
+    max_gap = max((_counted_s([gap], exempt, observation.end_s) for gap in gaps), default=0.0)
+    holds = max_gap <= MAX_TICK_GAP_S and missing <= MAX_TICK_GAP_SHARE * observation.end_s
     allowed = f"{MAX_TICK_GAP_S:g} s at once and {MAX_TICK_GAP_SHARE:.0%} of the flight are allowed"
     return _finding("recorder", holds, f"ticks are missing for {missing:.2f} s, at most {max_gap:.2f} s; {allowed}")
 
 
-def _alarms(evidence: ScoreEvidence) -> FlightFinding:
+def _alarms(observation: FlightObservation) -> FlightFinding:
     """Required alarms of outputs, devices and links that are missing."""
-    missing = list(missing_alarms(evidence.observed_flags, evidence.start_s + STARTUP_S, evidence.end_s))
+    missing = list(missing_alarms(observation.observed_flags, observation.start_s + STARTUP_S, observation.end_s))
     parts = "; ".join(f"{alarm} from {from_s:.1f} to {until_s:.1f} s" for alarm, from_s, until_s in missing[:3])
     more = f" and {len(missing) - 3} more" if len(missing) > 3 else ""
     return _finding("alarms", not missing, f"alarms are missing: {parts}{more}" if missing else "no alarm is missing")
 
 
-def _unexcused_s(intervals: Iterable[FlightPause], excused: Iterable[FlightPause], end_s: float) -> float:
-    """Part of these intervals that is in the flight and not excused [s]."""
+def _counted_s(intervals: Iterable[FlightPause], exempt: Iterable[FlightPause], end_s: float) -> float:
+    """Part of these intervals that is in the flight and not exempt [s]."""
     clipped = [FlightPause(max(p.from_s, 0.0), min(p.until_s, end_s)) for p in merge_pauses(intervals)]
     remaining = [p for p in clipped if p.until_s > p.from_s]
-    excuses = list(merge_pauses(excused))
-    return length_s(remaining) - sum(overlap_s(excuses, p.from_s, p.until_s) for p in remaining)
+    exempt_intervals = list(merge_pauses(exempt))
+    return length_s(remaining) - sum(overlap_s(exempt_intervals, p.from_s, p.until_s) for p in remaining)
 
 
 def _finding(name: str, holds: bool, text: str) -> FlightFinding:
-    return FlightFinding(UNIT, name, Verdict.HOLDS if holds else Verdict.FAILS, text)
+    return FlightFinding(UNIT, name, Result.HOLDS if holds else Result.FAILS, text)

@@ -12,7 +12,7 @@ from fti.hil.scenario import Scenario
 from fti.logger.reading.recording import Recording
 from fti.post.reprocess import Setup
 from fti.post.score.comparison import Score
-from fti.post.score.session_score import judge_session
+from fti.post.score.session_score import score_session
 from tests.hil.worlds import flat_terrain, path, scenario
 
 DURATION_S = 38.0
@@ -99,5 +99,5 @@ def session_of(flight: Scenario, folder: Path, text: str = CONFIG) -> Path:
 def score_of(flight: Scenario, session: Path, setup: Setup | None = None) -> Score:
     """Its score.  given : by this configuration"""
     recording = Recording.open(session)
-    (score,) = judge_session(recording, flight, recording.truth_files, setup)
+    (score,) = score_session(recording, flight, recording.truth_files, setup)
     return score

@@ -77,9 +77,7 @@ def test_an_alarm_without_its_state_is_not_explained() -> None:
 @pytest.mark.parametrize(
     ("reason", "is_due"), [(Reason.STALE, True), (Reason.END, False), (Reason.OUTSIDE_PROFILE, False)]
 )
-def test_a_monitor_that_stops_to_judge_must_be_an_alarm_unless_its_place_is_the_reason(
-    reason: Reason, is_due: bool
-) -> None:
+def test_a_monitor_that_stops_must_be_an_alarm_unless_its_place_is_the_reason(reason: Reason, is_due: bool) -> None:
     flight = Flight()
     flight.output(1.0, INTEGRITY, integrity(1, STATES.OK))
     flight.output(20.0, INTEGRITY, integrity(20, STATES.UNAVAILABLE, reason))
@@ -88,7 +86,7 @@ def test_a_monitor_that_stops_to_judge_must_be_an_alarm_unless_its_place_is_the_
 
 
 @pytest.mark.parametrize(("state", "is_due"), [(STATES.OK, True), (STATES.NO_PROFILE, False)])
-def test_a_lost_height_must_be_an_alarm_where_the_monitor_judges(state: IntegrityState, is_due: bool) -> None:
+def test_a_lost_height_must_be_an_alarm_where_the_monitor_works(state: IntegrityState, is_due: bool) -> None:
     flight = Flight()
     flight.output(1.0, INTEGRITY, integrity(1, state))
     flight.output(1.0, HEIGHT_BELOW, height(1))

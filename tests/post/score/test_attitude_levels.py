@@ -16,7 +16,7 @@ from fti.logger.reading.mcap_file import McapMessage
 from fti.post.score.comparison import Score
 from fti.post.score.outcome import FlightOutcome
 from fti.post.score.outputs.row import OutputCheck
-from fti.post.score.rows import Verdict
+from fti.post.score.rows import Result
 from tests.post.score.edited_sessions import DERIVED, copy_session, file_of, rewrite, with_content
 from tests.post.score.short_flight import score_of, session_of, short_scenario
 from tests.post.score.test_compared_outputs import SECOND_NS, WITH_ATTITUDE
@@ -32,20 +32,20 @@ def flight(tmp_path_factory: pytest.TempPathFactory) -> tuple[Any, Path]:
     return scenario, session_of(scenario, tmp_path_factory.mktemp("flown"), WITH_ATTITUDE)
 
 
-def verdicts(score: Score, check: OutputCheck) -> dict[str, Verdict]:
+def results(score: Score, check: OutputCheck) -> dict[str, Result]:
     """Of the angles of the solution."""
     rows = [row for row in score.outputs if row.topic == "/nav/nav_solution" and row.check is check]
-    return {row.what: row.verdict for row in rows if row.what in {"roll", "pitch", "heading"}}
+    return {row.what: row.result for row in rows if row.what in {"roll", "pitch", "heading"}}
 
 
-HOLDS = dict.fromkeys(("roll", "pitch", "heading"), Verdict.HOLDS)
+HOLDS = dict.fromkeys(("roll", "pitch", "heading"), Result.HOLDS)
 
 
 def test_a_wrong_attitude_within_its_level_holds(flight: tuple[Any, Path]) -> None:
     score = score_of(*flight)
     assert score.outcome is FlightOutcome.HOLDS
-    assert verdicts(score, OutputCheck.PROTECTED) == HOLDS
-    assert verdicts(score, OutputCheck.FAULT_ERROR) == HOLDS
+    assert results(score, OutputCheck.PROTECTED) == HOLDS
+    assert results(score, OutputCheck.FAULT_ERROR) == HOLDS
 
 
 @pytest.mark.parametrize(
@@ -66,5 +66,5 @@ def test_one_beyond_its_level_fails_from_a_second_of_the_fault_on(
 
     session = copy_session(recorded, tmp_path)
     rewrite(file_of(session, DERIVED), narrowed)
-    found = verdicts(score_of(scenario, session), OutputCheck.PROTECTED)
-    assert [what for what, verdict in found.items() if verdict is not Verdict.HOLDS] == ([wrong] if wrong else [])
+    found = results(score_of(scenario, session), OutputCheck.PROTECTED)
+    assert [what for what, result in found.items() if result is not Result.HOLDS] == ([wrong] if wrong else [])

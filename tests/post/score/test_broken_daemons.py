@@ -23,7 +23,7 @@ from fti.nav.source_interpolation import NavSource
 from fti.post.score.comparison import Score
 from fti.post.score.outcome import FlightOutcome
 from fti.post.score.report import as_text
-from fti.post.score.rows import Verdict
+from fti.post.score.rows import Result
 from fti.service.navigation import device_monitor
 from fti.service.navigation.device_monitor import DeviceMonitor
 from fti.service.supervisor.health import HealthBoard
@@ -79,13 +79,13 @@ def tolerate_every_rate(patch: pytest.MonkeyPatch) -> None:
 def suppress_recovery(patch: pytest.MonkeyPatch) -> None:
     real, silent = DeviceMonitor._assess, set[str]()
 
-    def judge(self: DeviceMonitor, listener: Any, past: Any, rate: float) -> tuple[LinkState, str]:
+    def assess(self: DeviceMonitor, listener: Any, past: Any, rate: float) -> tuple[LinkState, str]:
         state, hint = real(self, listener, past, rate)
         if state is LinkState.SILENT and listener.messages:
             silent.add(listener.name)
         return (LinkState.SILENT if listener.name in silent else state), hint
 
-    patch.setattr(DeviceMonitor, "_assess", judge)
+    patch.setattr(DeviceMonitor, "_assess", assess)
 
 
 def alarm_of_every_source(patch: pytest.MonkeyPatch) -> None:
@@ -105,24 +105,24 @@ def delay_navigation(patch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize(
-    ("breaks", "place", "verdict"),
+    ("breaks", "place", "result"),
     [
-        (accept_checksums, f"{HEALTH}/altimeter damaged bytes", Verdict.MISSING),
-        (accept_checksums, f"{HEIGHT} stale", Verdict.MISSING),
-        (never_stale, f"{HEIGHT} stale", Verdict.MISSING),
-        (ignore_device_flags, f"{HEIGHT} device_flag or no_return", Verdict.MISSING),
-        (ignore_invalid_positions, "/nav/nav_solution position not from gnss", Verdict.LATE),
-        (believe_every_clock, f"{HEALTH}/gnss clock away", Verdict.MISSING),
-        (tolerate_every_rate, f"{HEALTH}/spare wrong rate", Verdict.MISSING),
-        (suppress_recovery, f"{HEALTH}/altimeter silent or noise", Verdict.STAYS),
+        (accept_checksums, f"{HEALTH}/altimeter damaged bytes", Result.MISSING),
+        (accept_checksums, f"{HEIGHT} stale", Result.MISSING),
+        (never_stale, f"{HEIGHT} stale", Result.MISSING),
+        (ignore_device_flags, f"{HEIGHT} device_flag or no_return", Result.MISSING),
+        (ignore_invalid_positions, "/nav/nav_solution position not from gnss", Result.LATE),
+        (believe_every_clock, f"{HEALTH}/gnss clock away", Result.MISSING),
+        (tolerate_every_rate, f"{HEALTH}/spare wrong rate", Result.MISSING),
+        (suppress_recovery, f"{HEALTH}/altimeter silent or noise", Result.STAYS),
     ],
 )
 def test_a_broken_daemon_fails_where_it_is_broken(
-    broken: Callable[[Break], Score], breaks: Break, place: str, verdict: Verdict
+    broken: Callable[[Break], Score], breaks: Break, place: str, result: Result
 ) -> None:
     score = broken(breaks)
     assert not score.holds
-    assert verdict in {row.verdict for row in score.rows if row.flag == place}
+    assert result in {row.result for row in score.rows if row.flag == place}
 
 
 def test_a_daemon_that_raises_what_nothing_explains_fails(broken: Callable[[Break], Score]) -> None:
@@ -140,7 +140,7 @@ def test_a_daemon_that_raises_no_alarm_fails(tmp_path: Path) -> None:
         patch.setattr(AlarmList, "report", lambda self, report: None)
         session = session_of(flight, tmp_path)
     score = score_of(flight, session)
-    assert {row.flag: row.verdict for row in score.rows}[POSITION_ALARM] is Verdict.MISSING
+    assert {row.flag: row.result for row in score.rows}[POSITION_ALARM] is Result.MISSING
     assert not score.holds
 
 
@@ -155,14 +155,14 @@ def test_a_daemon_whose_navigation_is_always_behind_fails(broken: Callable[[Brea
     score = broken(delay_navigation)
     assert score.outcome is FlightOutcome.FAILED
     assert re.search("behind for (9[7-9]|100)% of the flight", as_text(score)[-1])
-    assert {row.verdict for row in score.rows} == {Verdict.FOUND}
+    assert {row.result for row in score.rows} == {Result.FOUND}
 
 
 def test_a_whole_daemon_holds(tmp_path: Path) -> None:
     flight = short_scenario()
     score = score_of(flight, session_of(flight, tmp_path))
-    assert score.holds, (score.unexpected, [row for row in score.rows if row.verdict is not Verdict.FOUND])
-    assert {row.verdict for row in score.rows} == {Verdict.FOUND}
+    assert score.holds, (score.unexpected, [row for row in score.rows if row.result is not Result.FOUND])
+    assert {row.result for row in score.rows} == {Result.FOUND}
     assert {row.fault for row in score.rows} == set(range(len(flight.fault)))
 
 

@@ -16,7 +16,7 @@ from fti.logger.reading.mcap_file import McapMessage
 from fti.post.score.comparison import Score
 from fti.post.score.outcome import FlightOutcome
 from fti.post.score.outputs.row import OutputCheck
-from fti.post.score.rows import Verdict
+from fti.post.score.rows import Result
 from tests.post.score.edited_sessions import DERIVED, copy_session, file_of, rewrite, with_content
 from tests.post.score.short_flight import CONFIG, score_of, session_of, short_scenario
 
@@ -59,17 +59,17 @@ def flight(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFact
     return scenario, session_of(scenario, tmp_path_factory.mktemp("flown"), WITH_ATTITUDE)
 
 
-def of_position(score: Score, check: OutputCheck) -> list[Verdict]:
+def of_position(score: Score, check: OutputCheck) -> list[Result]:
     rows = [row for row in score.outputs if row.topic == "/nav/nav_solution" and row.what == "horizontal"]
-    return [row.verdict for row in rows if row.check is check]
+    return [row.result for row in rows if row.check is check]
 
 
 def test_a_flight_that_the_fault_does_not_reach_holds(flight: tuple[Any, Path]) -> None:
     score = score_of(*flight)
     assert score.outcome is FlightOutcome.HOLDS
-    assert Verdict.UNKNOWN not in {row.verdict for row in score.rows}
-    assert of_position(score, OutputCheck.ERROR) == [Verdict.HOLDS]
-    assert of_position(score, OutputCheck.FAULT_ERROR) == [Verdict.HOLDS]
+    assert Result.UNKNOWN not in {row.result for row in score.rows}
+    assert of_position(score, OutputCheck.ERROR) == [Result.HOLDS]
+    assert of_position(score, OutputCheck.FAULT_ERROR) == [Result.HOLDS]
 
 
 def test_a_wrong_position_that_calls_itself_valid_meanwhile_fails(flight: tuple[Any, Path], tmp_path: Path) -> None:
@@ -86,5 +86,5 @@ def test_a_wrong_position_that_calls_itself_valid_meanwhile_fails(flight: tuple[
     rewrite(file_of(session, DERIVED), moved)
     score = score_of(scenario, session)
     assert score.outcome is FlightOutcome.FAILED
-    assert of_position(score, OutputCheck.ERROR) == [Verdict.HOLDS]
-    assert of_position(score, OutputCheck.FAULT_ERROR) == [Verdict.FAILS]
+    assert of_position(score, OutputCheck.ERROR) == [Result.HOLDS]
+    assert of_position(score, OutputCheck.FAULT_ERROR) == [Result.FAILS]

@@ -14,11 +14,11 @@ from fti.devices import bind_devices
 from fti.hil.oracle.roles import TruthSeries
 from fti.hil.scenario import Scenario
 from fti.post.reprocess import Setup
-from fti.post.score.comparison import Score, judge
+from fti.post.score.comparison import Score, score_flight
 from fti.post.score.observed_flags import ObservedFlags, Words
 from fti.post.score.outcome import FlightOutcome
 from fti.post.score.report import as_json, as_text
-from fti.post.score.rows import Verdict
+from fti.post.score.rows import Result
 from fti.post.score.truth_reader import FlightPause, FlightTruth, merge_pauses
 from fti.post.score.truth_table import TruthTable
 from tests.post.score.short_flight import daemon_config, short_scenario
@@ -61,43 +61,43 @@ def score(
     flight: FlightTruth | None = None,
     faults: tuple[dict[str, object], ...] = (CUT,),
 ) -> Score:
-    return judge(short_scenario(faults), setup, flight or flight_truth(), observed)
+    return score_flight(short_scenario(faults), setup, flight or flight_truth(), observed)
 
 
-def height_verdict(found: Score) -> Verdict:
-    return next(row.verdict for row in found.rows if row.flag == f"{HEIGHT} stale")
+def height_result(found: Score) -> Result:
+    return next(row.result for row in found.rows if row.flag == f"{HEIGHT} stale")
 
 
 def test_a_flag_in_time_and_gone_in_time_is_found(setup: Setup) -> None:
     found = score(setup, observe((20.6, HEIGHT, STALE), (23.1, HEIGHT, NOTHING)))
     (row,) = found.rows
     assert found.holds
-    assert row.verdict is Verdict.FOUND
+    assert row.result is Result.FOUND
     assert (row.after_s, row.clear_s) == pytest.approx((0.6, 0.1))
 
 
 def test_nothing_reported_is_a_miss(setup: Setup) -> None:
     found = score(setup, observe())
     assert not found.holds
-    assert height_verdict(found) is Verdict.MISSING
+    assert height_result(found) is Result.MISSING
 
 
 def test_a_flag_of_another_place_is_a_miss_and_not_expected(setup: Setup) -> None:
     other = "/nav/height_above_ground/laser"
     found = score(setup, observe((20.6, other, STALE), (23.1, other, NOTHING)))
-    assert height_verdict(found) is Verdict.MISSING
+    assert height_result(found) is Result.MISSING
     assert [one.place for one in found.unexpected] == [other]
 
 
 def test_a_flag_after_its_time_is_late(setup: Setup) -> None:
     found = score(setup, observe((20.9, HEIGHT, STALE), (23.1, HEIGHT, NOTHING)))
-    assert height_verdict(found) is Verdict.LATE
+    assert height_result(found) is Result.LATE
     assert not found.holds
 
 
 def test_a_flag_that_stays_does_not_clear_and_is_not_expected(setup: Setup) -> None:
     found = score(setup, observe((20.6, HEIGHT, STALE)))
-    assert height_verdict(found) is Verdict.STAYS
+    assert height_result(found) is Result.STAYS
     (rest,) = found.unexpected
     assert (rest.word, rest.until_s) == ("stale", float("inf"))
     assert rest.from_s > 24.0
@@ -107,7 +107,7 @@ def test_a_flag_that_the_next_fault_raises_goes_with_that(setup: Setup) -> None:
     observed = observe((20.6, HEIGHT, STALE), (26.1, HEIGHT, NOTHING))
     at_once, later = ({**CUT, "from_s": from_s, "to_s": from_s + 3.0} for from_s in (23.0, 25.5))
     assert score(setup, observed, faults=(CUT, at_once)).holds
-    assert height_verdict(score(setup, observed, faults=(CUT, later))) is Verdict.STAYS
+    assert height_result(score(setup, observed, faults=(CUT, later))) is Result.STAYS
 
 
 def test_a_flag_without_a_cause_is_not_expected(setup: Setup) -> None:
@@ -137,16 +137,16 @@ def test_a_deviation_is_expected_at_the_edge_in_the_beam_and_nowhere_else(setup:
 
 
 @pytest.mark.parametrize(
-    ("sd", "at_s", "verdict"),
-    [(5.0, 20.1, Verdict.FOUND), (5.2, 20.1, Verdict.FOUND), (3.0, 20.1, Verdict.MISSING), (5.0, 24.0, Verdict.LATE)],
+    ("sd", "at_s", "result"),
+    [(5.0, 20.1, Result.FOUND), (5.2, 20.1, Result.FOUND), (3.0, 20.1, Result.MISSING), (5.0, 24.0, Result.LATE)],
 )
-def test_a_number_that_must_be_stated_is_looked_for(setup: Setup, sd: float, at_s: float, verdict: Verdict) -> None:
+def test_a_number_that_must_be_stated_is_looked_for(setup: Setup, sd: float, at_s: float, result: Result) -> None:
     worse = {"kind": "gnss_degraded", "devices": ("gnss",), "from_s": 20.0, "to_s": 30.0}
     observed = observe()
     for axis in ("horizontal", "vertical"):
         observed.values[f"/gnss/position.{axis}_sd"] = [(19.0, 2.0), (at_s, sd), (31.0, 2.0)]
     found = score(setup, observed, faults=({**worse, "horizontal_m": 5.0, "vertical_m": 5.0},))
-    assert {row.verdict for row in found.rows} == {verdict}
+    assert {row.result for row in found.rows} == {result}
 
 
 def test_what_is_reported_before_the_daemon_knows_anything_is_no_flag(setup: Setup) -> None:
@@ -194,13 +194,13 @@ def test_a_warning_without_a_cause_is_not_expected(setup: Setup) -> None:
 def test_what_was_not_flown_is_not_scored(setup: Setup) -> None:
     found = score(setup, observe(), flight_truth(20.5))
     assert found.holds
-    assert height_verdict(found) is Verdict.NOT_FLOWN
+    assert height_result(found) is Result.NOT_FLOWN
 
 
 def test_a_pause_of_the_machine_is_allowed_for(setup: Setup) -> None:
     late = observe((20.9, HEIGHT, STALE), (23.1, HEIGHT, NOTHING))
-    assert height_verdict(score(setup, late, flight_truth(40.0, FlightPause(20.2, 20.5)))) is Verdict.FOUND
-    assert height_verdict(score(setup, late, flight_truth(40.0, FlightPause(2.0, 2.3)))) is Verdict.LATE
+    assert height_result(score(setup, late, flight_truth(40.0, FlightPause(20.2, 20.5)))) is Result.FOUND
+    assert height_result(score(setup, late, flight_truth(40.0, FlightPause(2.0, 2.3)))) is Result.LATE
 
 
 @pytest.mark.parametrize(
@@ -221,68 +221,68 @@ def test_so_long_after_a_pause_flags_are_not_scored(setup: Setup, place: str, wo
 
 def test_a_miss_in_a_pause_is_reported_as_such_and_shows_nothing(setup: Setup) -> None:
     found = score(setup, observe(), flight_truth(40.0, FlightPause(20.0, 22.0)))
-    assert height_verdict(found) is Verdict.LATE_BENCH
-    assert found.outcome is FlightOutcome.NOT_PROVED
-    assert as_text(found)[-1].startswith("proves nothing: 0 of 0")
+    assert height_result(found) is Result.LATE_BENCH
+    assert found.outcome is FlightOutcome.INCONCLUSIVE
+    assert as_text(found)[-1].startswith("inconclusive: 0 of 0")
 
 
-def test_a_pause_behind_the_time_of_a_flag_is_no_excuse(setup: Setup) -> None:
+def test_a_pause_behind_the_time_of_a_flag_explains_nothing(setup: Setup) -> None:
     cut = {**CUT, "to_s": 30.0}
     for observed in (observe(), observe((25.0, HEIGHT, STALE), (30.1, HEIGHT, NOTHING))):
-        verdict = height_verdict(score(setup, observed, flight_truth(40.0, FlightPause(22.0, 22.2)), faults=(cut,)))
-        assert verdict is (Verdict.LATE if observed.spans else Verdict.MISSING)
+        result = height_result(score(setup, observed, flight_truth(40.0, FlightPause(22.0, 22.2)), faults=(cut,)))
+        assert result is (Result.LATE if observed.spans else Result.MISSING)
 
 
-def test_a_pause_before_a_cause_excuses_that_its_flag_is_late_and_not_that_it_never_comes(setup: Setup) -> None:
+def test_a_pause_before_a_cause_explains_a_late_flag_and_not_a_missing_one(setup: Setup) -> None:
     """The flag is due 0.8 s after the cause, and a window of 5 s begins anew behind the pause."""
     cut, late = {**CUT, "to_s": 30.0}, flight_truth(40.0, FlightPause(19.0, 19.2))
-    expected = {24.9: Verdict.LATE_BENCH, 25.2: Verdict.LATE}
-    for came_s, verdict in expected.items():
+    expected = {24.9: Result.LATE_BENCH, 25.2: Result.LATE}
+    for came_s, result in expected.items():
         observed = observe((came_s, HEIGHT, STALE), (30.1, HEIGHT, NOTHING))
-        assert height_verdict(score(setup, observed, late, (cut,))) is verdict
-    assert height_verdict(score(setup, observe(), late, (cut,))) is Verdict.MISSING
+        assert height_result(score(setup, observed, late, (cut,))) is result
+    assert height_result(score(setup, observe(), late, (cut,))) is Result.MISSING
     cut = {**CUT, "to_s": 24.0}
-    assert height_verdict(score(setup, observe(), late, (cut,))) is Verdict.LATE_BENCH
+    assert height_result(score(setup, observe(), late, (cut,))) is Result.LATE_BENCH
 
 
-def test_a_pause_before_a_cause_ends_excuses_that_its_flag_stays(setup: Setup) -> None:
+def test_a_pause_before_the_end_of_a_cause_explains_that_its_flag_stays(setup: Setup) -> None:
     observed = observe((20.6, HEIGHT, STALE), (26.0, HEIGHT, NOTHING))
-    assert height_verdict(score(setup, observed, flight_truth(40.0, FlightPause(22.5, 22.7)))) is Verdict.LATE_BENCH
-    assert height_verdict(score(setup, observed, flight_truth(40.0, FlightPause(10.0, 10.2)))) is Verdict.STAYS
+    assert height_result(score(setup, observed, flight_truth(40.0, FlightPause(22.5, 22.7)))) is Result.LATE_BENCH
+    assert height_result(score(setup, observed, flight_truth(40.0, FlightPause(10.0, 10.2)))) is Result.STAYS
 
 
 def test_what_nobody_knows_yet_is_reported(setup: Setup) -> None:
     stuck = {"kind": "stuck", "devices": ("altimeter",), "from_s": 20.0, "to_s": 23.0}
     found = score(setup, observe(), faults=(stuck,))
     assert found.holds
-    assert [row.verdict for row in found.rows] == [Verdict.UNKNOWN]
+    assert [row.result for row in found.rows] == [Result.UNKNOWN]
     assert "not known yet" in "\n".join(as_text(found))
 
 
 @pytest.mark.parametrize(
-    ("value", "observed", "verdict"),
+    ("value", "observed", "result"),
     [
-        (10.0, 10.4, Verdict.FOUND),
-        (10.0, 10.6, Verdict.MISSING),
-        (10.0, 9.8, Verdict.FOUND),
-        (10.0, 9.7, Verdict.MISSING),
-        (10.0, None, Verdict.MISSING),
-        (True, True, Verdict.FOUND),
-        (True, False, Verdict.MISSING),
-        ("ok", "ok", Verdict.FOUND),
-        ("ok", "alert", Verdict.MISSING),
-        ("stale", ["roll", "stale"], Verdict.FOUND),
-        ("stale", [], Verdict.MISSING),
+        (10.0, 10.4, Result.FOUND),
+        (10.0, 10.6, Result.MISSING),
+        (10.0, 9.8, Result.FOUND),
+        (10.0, 9.7, Result.MISSING),
+        (10.0, None, Result.MISSING),
+        (True, True, Result.FOUND),
+        (True, False, Result.MISSING),
+        ("ok", "ok", Result.FOUND),
+        ("ok", "alert", Result.MISSING),
+        ("stale", ["roll", "stale"], Result.FOUND),
+        ("stale", [], Result.MISSING),
     ],
 )
-def test_expected_values(setup: Setup, value: object, observed: object, verdict: Verdict) -> None:
+def test_expected_values(setup: Setup, value: object, observed: object, result: Result) -> None:
     expectation = {"channel": "/nav/x.y", "at_s": 20.0, "value": value, "plus": 0.5, "minus": 0.25, "within_s": 1.0}
     flight: Scenario = short_scenario((), expect=(expectation,))
     observed_at_20 = ObservedFlags()
     observed_at_20.values["/nav/x.y"] = [(19.9, value), (20.5, observed), (21.1, value)]
-    found = judge(flight, setup, flight_truth(), observed_at_20)
-    assert found.expected[0].verdict is verdict
-    assert found.holds is (verdict is Verdict.FOUND)
+    found = score_flight(flight, setup, flight_truth(), observed_at_20)
+    assert found.expected[0].result is result
+    assert found.holds is (result is Result.FOUND)
 
 
 def test_pauses_that_touch_are_one() -> None:
@@ -337,26 +337,26 @@ def test_what_is_reported_while_the_daemon_waits_for_the_flight_is_not_scored(se
 
 
 @pytest.mark.parametrize(
-    ("first_report_s", "from_s", "verdict"),
+    ("first_report_s", "from_s", "result"),
     [
-        (6.0, 5.0, Verdict.START),
-        (6.0, 6.5, Verdict.MISSING),
-        (9.9, 9.0, Verdict.START),
-        (19.0, 9.0, Verdict.START),
-        (19.0, 11.0, Verdict.MISSING),
-        (math.inf, 11.0, Verdict.MISSING),
+        (6.0, 5.0, Result.START),
+        (6.0, 6.5, Result.MISSING),
+        (9.9, 9.0, Result.START),
+        (19.0, 9.0, Result.START),
+        (19.0, 11.0, Result.MISSING),
+        (math.inf, 11.0, Result.MISSING),
     ],
 )
 def test_a_required_flag_in_the_start_is_not_scored_and_a_later_one_is(
-    setup: Setup, first_report_s: float, from_s: float, verdict: Verdict
+    setup: Setup, first_report_s: float, from_s: float, result: Result
 ) -> None:
-    """However long the unit took: a start that is longer than it may be excuses nothing."""
+    """However long the unit took: a start that is longer than allowed explains nothing."""
     observed = observe()
     observed.first_report_s = first_report_s
     cut = {**CUT, "from_s": from_s, "to_s": from_s + 3.0}
     found = score(setup, observed, faults=(cut,))
-    assert height_verdict(found) is verdict
-    assert height_verdict(score(setup, observed, replace(flight_truth(), real_time=False), (cut,))) is Verdict.MISSING
+    assert height_result(found) is result
+    assert height_result(score(setup, observed, replace(flight_truth(), real_time=False), (cut,))) is Result.MISSING
 
 
 @pytest.mark.parametrize(
@@ -378,13 +378,13 @@ def test_a_navigation_that_never_begins_fails(setup: Setup) -> None:
 
 
 @pytest.mark.parametrize(("behind_s", "holds"), [(7.9, True), (8.1, False), (40.0, False)])
-def test_navigation_that_is_behind_excuses_nothing_and_fails_by_itself(
+def test_navigation_that_is_behind_explains_nothing_and_fails_by_itself(
     setup: Setup, behind_s: float, holds: bool
 ) -> None:
     observed = observe()
     observed.lag_intervals.append(FlightPause(0.0, behind_s))
     assert score(setup, observed, faults=()).holds is holds
-    assert height_verdict(score(setup, observed)) is Verdict.MISSING
+    assert height_result(score(setup, observed)) is Result.MISSING
 
 
 def test_navigation_may_be_behind_where_the_bench_was_late_and_while_it_starts(setup: Setup) -> None:
@@ -410,13 +410,13 @@ def test_navigation_may_be_behind_where_the_bench_was_late_and_while_it_starts(s
         ([], (math.inf, -math.inf), False),
     ],
 )
-def test_missing_ticks_excuse_nothing_and_fail_by_themselves(
+def test_missing_ticks_explain_nothing_and_fail_by_themselves(
     setup: Setup, gaps: list[tuple[float, float]], ticks: tuple[float, float], holds: bool
 ) -> None:
     observed = observe()
     observed.tick_gaps, observed.ticks = [FlightPause(*gap) for gap in gaps], ticks
     assert score(setup, observed, faults=()).holds is holds
-    assert height_verdict(score(setup, observed)) is Verdict.MISSING
+    assert height_result(score(setup, observed)) is Result.MISSING
 
 
 def test_ticks_may_be_missing_where_the_bench_was_late(setup: Setup) -> None:
@@ -430,12 +430,12 @@ def test_ticks_may_be_missing_where_the_bench_was_late(setup: Setup) -> None:
     ("pauses", "outcome"),
     [
         ([FlightPause(10.0, 29.9)], FlightOutcome.HOLDS),
-        ([FlightPause(10.0, 30.1)], FlightOutcome.NOT_PROVED),  # a fifth of the flight
+        ([FlightPause(10.0, 30.1)], FlightOutcome.INCONCLUSIVE),  # a fifth of the flight
         ([FlightPause(t, t + 0.2) for t in range(6, 66, 10)], FlightOutcome.HOLDS),
         (
             [FlightPause(t, t + 0.2) for t in range(6, 76, 10)],
-            FlightOutcome.NOT_PROVED,
-        ),  # half of it is not judged then
+            FlightOutcome.INCONCLUSIVE,
+        ),  # half of it is not compared then
     ],
 )
 def test_a_bench_that_is_late_for_too_much_proves_nothing(
@@ -446,17 +446,17 @@ def test_a_bench_that_is_late_for_too_much_proves_nothing(
 
 def test_a_miss_is_a_miss_however_late_the_bench_was_elsewhere(setup: Setup) -> None:
     found = score(setup, observe(), flight_truth(40.0, FlightPause(26.0, 39.0)))
-    assert height_verdict(found) is Verdict.MISSING
+    assert height_result(found) is Result.MISSING
     assert found.outcome is FlightOutcome.FAILED
-    assert found.bench.verdict is Verdict.LATE_BENCH
+    assert found.bench.result is Result.LATE_BENCH
 
 
 def test_a_flight_in_which_nothing_is_scored_proves_nothing(setup: Setup) -> None:
-    assert score(setup, observe(), flight_truth(4.0), faults=()).outcome is FlightOutcome.NOT_PROVED
+    assert score(setup, observe(), flight_truth(4.0), faults=()).outcome is FlightOutcome.INCONCLUSIVE
     assert score(setup, observe(), flight_truth(6.0), faults=()).outcome is FlightOutcome.HOLDS
 
 
-def test_how_much_was_excused_is_reported(setup: Setup) -> None:
+def test_the_lateness_of_the_bench_is_reported(setup: Setup) -> None:
     found = score(setup, observe(), flight_truth(40.0, FlightPause(10.0, 11.0), FlightPause(15.0, 18.0)), faults=())
     content = as_json(found)["excused"]
     assert (content["share"], content["number"], content["longest_s"]) == (pytest.approx(0.1), 2, 3.0)
@@ -473,7 +473,7 @@ def test_when_navigation_began_is_reported(setup: Setup) -> None:
 
 @pytest.mark.parametrize(("last_report_s", "holds"), [(39.0, True), (35.5, True), (24.0, False)])
 def test_a_navigation_that_is_gone_when_the_flight_ends_fails(setup: Setup, last_report_s: float, holds: bool) -> None:
-    """However much of the flight was before; that it is behind since then excuses nothing."""
+    """However much of the flight was before; that it is behind since then explains nothing."""
     observed = observe()
     observed.last_report_s = last_report_s
     observed.lag_intervals.append(FlightPause(last_report_s, 40.0))

@@ -12,9 +12,9 @@ from fti.devices import bind_devices
 from fti.errors import StorageError
 from fti.hil.tables.schema import Expectation
 from fti.post.reprocess import Setup
-from fti.post.score.comparison import Score, judge
+from fti.post.score.comparison import Score, score_flight
 from fti.post.score.junit import as_junit, write
-from fti.post.score.rows import ExpectationRow, UnexpectedFlag, Verdict
+from fti.post.score.rows import ExpectationRow, Result, UnexpectedFlag
 from fti.post.score.truth_reader import FlightPause
 from fti.post.score.unscored_flight import UnscoredFlight
 from tests.post.score.short_flight import daemon_config, short_scenario
@@ -76,7 +76,7 @@ def kind_of(root: ET.Element, part: str) -> str:
 
 
 def test_a_flight_that_holds_has_passed(setup: Setup) -> None:
-    score = judge(
+    score = score_flight(
         short_scenario((CUT,)), setup, flight_truth(), observe((20.6, HEIGHT, STALE), (23.1, HEIGHT, NOTHING))
     )
     root = checked(as_junit([score]))
@@ -86,11 +86,11 @@ def test_a_flight_that_holds_has_passed(setup: Setup) -> None:
 
 
 def test_a_miss_is_a_failure_and_a_late_bench_is_an_error(setup: Setup) -> None:
-    missed = checked(as_junit([judge(short_scenario((CUT,)), setup, flight_truth(), observe())]))
+    missed = checked(as_junit([score_flight(short_scenario((CUT,)), setup, flight_truth(), observe())]))
     assert kind_of(missed, "altimeter stale") == "failure"
     assert (missed.attrib["failures"], missed.attrib["errors"]) == ("1", "0")
     late = checked(
-        as_junit([judge(short_scenario((CUT,)), setup, flight_truth(40.0, FlightPause(20.0, 22.0)), observe())])
+        as_junit([score_flight(short_scenario((CUT,)), setup, flight_truth(40.0, FlightPause(20.0, 22.0)), observe())])
     )
     assert kind_of(late, "altimeter stale") == "error"
     assert kind_of(late, "bench in time") == "error"
@@ -99,28 +99,28 @@ def test_a_miss_is_a_failure_and_a_late_bench_is_an_error(setup: Setup) -> None:
 
 def test_what_nobody_expected_is_a_failure_each_time(setup: Setup) -> None:
     observed = observe((12.0, HEIGHT, STALE), (12.5, HEIGHT, NOTHING), (30.0, HEIGHT, STALE), (30.5, HEIGHT, NOTHING))
-    root = checked(as_junit([judge(short_scenario(()), setup, flight_truth(), observed)]))
+    root = checked(as_junit([score_flight(short_scenario(()), setup, flight_truth(), observed)]))
     assert root.attrib["failures"] == "2"
 
 
-@pytest.mark.parametrize("verdict", [Verdict.UNKNOWN, Verdict.NOT_FLOWN, Verdict.PORTS, Verdict.NOT_DUE, Verdict.START])
-def test_what_cannot_be_scored_is_skipped(setup: Setup, verdict: Verdict) -> None:
-    score = judge(short_scenario((CUT,)), setup, flight_truth(), observe())
-    root = checked(as_junit([replace(score, rows=(replace(score.rows[0], verdict=verdict),))]))
+@pytest.mark.parametrize("result", [Result.UNKNOWN, Result.NOT_FLOWN, Result.PORTS, Result.NOT_DUE, Result.START])
+def test_what_cannot_be_scored_is_skipped(setup: Setup, result: Result) -> None:
+    score = score_flight(short_scenario((CUT,)), setup, flight_truth(), observe())
+    root = checked(as_junit([replace(score, rows=(replace(score.rows[0], result=result),))]))
     assert (root.attrib["skipped"], root.attrib["failures"]) == ("1", "0")
 
 
 def test_rows_of_expectations_are_cases(setup: Setup) -> None:
     expectation = Expectation(channel="/nav/x.y", at_s=3.0, value=1.0)
-    score = judge(short_scenario(()), setup, flight_truth(), observe())
-    root = checked(as_junit([replace(score, expected=(ExpectationRow(expectation, Verdict.MISSING, None, 2.0),))]))
+    score = score_flight(short_scenario(()), setup, flight_truth(), observe())
+    root = checked(as_junit([replace(score, expected=(ExpectationRow(expectation, Result.MISSING, None, 2.0),))]))
     assert kind_of(root, "/nav/x.y = 1.0 at 3 s") == "failure"
 
 
 def test_texts_are_escaped_and_have_no_forbidden_character(setup: Setup) -> None:
     """A parser reads the same again; what XML cannot carry is replaced."""
     word = '<a> & "b" \x00\x1b[2J \ud800 \ufffe ü\N{AIRPLANE}'
-    score = judge(short_scenario(()), setup, flight_truth(), observe())
+    score = score_flight(short_scenario(()), setup, flight_truth(), observe())
     root = checked(as_junit([replace(score, unexpected=(UnexpectedFlag("/x", word, 1.0, 2.0),))]))
     (name,) = (name for name, kind in kinds(root).items() if kind == "failure")
     assert name == '/x <a> & "b" \ufffd\ufffd[2J \ufffd \ufffd ü\N{AIRPLANE}'
@@ -128,7 +128,7 @@ def test_texts_are_escaped_and_have_no_forbidden_character(setup: Setup) -> None
 
 def test_every_flight_has_a_suite_and_one_that_was_not_scored_an_error(setup: Setup) -> None:
     scores: list[Score | UnscoredFlight] = [
-        judge(short_scenario(()), setup, flight_truth(), observe()),
+        score_flight(short_scenario(()), setup, flight_truth(), observe()),
         UnscoredFlight("silence", "truth.mcap: has no rows", 2),
     ]
     root = checked(as_junit(scores))
@@ -140,7 +140,7 @@ def test_every_flight_has_a_suite_and_one_that_was_not_scored_an_error(setup: Se
 
 def test_a_file_that_exists_is_not_overwritten(setup: Setup, tmp_path: Path) -> None:
     file = tmp_path / "new" / "score.xml"
-    write([judge(short_scenario(()), setup, flight_truth(), observe())], file)
+    write([score_flight(short_scenario(()), setup, flight_truth(), observe())], file)
     checked(file.read_bytes())
     with pytest.raises(StorageError, match=r"score\.xml: cannot be written: File exists"):
         write([], file)

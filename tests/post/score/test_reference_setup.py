@@ -1,4 +1,4 @@
-"""By which configuration a flight is judged, and what becomes of a session that has another one."""
+"""The configuration for the score of a flight, and sessions that have another one."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from fti.post.score.comparison import Score
 from fti.post.score.outcome import FlightOutcome
 from fti.post.score.reference_setup import differences
 from fti.post.score.report import as_text
-from fti.post.score.rows import CONFIGURATION, Verdict
+from fti.post.score.rows import CONFIGURATION, Result
 from tests.helpers import ROOT
 from tests.post.score.edited_sessions import DERIVED, RAW, TRUTH, copy_session, file_of, rewrite
 from tests.post.score.short_flight import CONFIG, score_of, session_of, short_scenario
@@ -44,7 +44,7 @@ def recorded_with(session: Path, out: Path, text: str) -> Path:
 
 def differing(score: Score) -> list[str]:
     """The keys that differ."""
-    return [one.name for one in score.findings if one.about == CONFIGURATION and one.verdict is Verdict.FAILS]
+    return [one.name for one in score.findings if one.about == CONFIGURATION and one.result is Result.FAILS]
 
 
 def test_the_truth_has_the_configuration_that_was_played(recorded: Path) -> None:
@@ -80,7 +80,7 @@ def test_another_configuration_is_a_miss_and_its_keys_are_named(
     assert differing(score) == keys
     assert score.outcome is FlightOutcome.FAILED
     assert f"{keys[0]}: " in as_text(score)[-1]
-    assert [row.verdict for row in score.rows] == [Verdict.FOUND]  # by what was played, whatever is recorded
+    assert [row.result for row in score.rows] == [Result.FOUND]  # by what was played, whatever is recorded
 
 
 @pytest.mark.parametrize(
@@ -186,7 +186,7 @@ def test_a_required_flag_that_vanishes_is_a_miss_where_the_scenario_needs_it(
     session = session_of(scenario, tmp_path, played)
     score = score_of(scenario, session)
     assert differing(score) == []
-    assert (flag, Verdict.NOT_CONFIGURED) in [(row.flag, row.verdict) for row in score.rows]
+    assert (flag, Result.NOT_CONFIGURED) in [(row.flag, row.result) for row in score.rows]
     assert score.outcome is FlightOutcome.FAILED
     assert score_of(own(tmp_path, played, faults), session).outcome is FlightOutcome.HOLDS
 

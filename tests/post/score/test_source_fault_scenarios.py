@@ -1,6 +1,6 @@
 """Scenarios of wrong sources: each can be flown, and the score says of its outputs what is true.
 
-The verdict must agree with the errors that this file computes from the recorded messages and the truth, on a sphere and
+The result must agree with the errors that this file computes from the recorded messages and the truth, on a sphere and
 in degrees.  Of the shipped scenarios the receiver must be refused, and the score must hold; of those in
 configs/scenarios/source_faults the daemon does not detect each one.
 """
@@ -26,8 +26,8 @@ from fti.hil.tables.fault_base import DeviceFault
 from fti.logger.reading.recording import Recording
 from fti.post.score.outcome import FlightOutcome
 from fti.post.score.outputs.row import OutputCheck
-from fti.post.score.rows import Verdict
-from fti.post.score.session_score import judge_session
+from fti.post.score.rows import Result
+from fti.post.score.session_score import score_session
 from tests.helpers import ROOT
 
 Row = dict[str, Any]
@@ -117,12 +117,12 @@ def test_a_lying_source_is_refused_and_announced_and_no_valid_output_is_wrong(
     until_s = fault.from_s + (AFTER_SLOW_S if name in SLOW else AFTER_S) if scale == 1 else None
     session = offline_run.fly(scenarios.load_config(scenario), scenario, tmp_path, until_s=until_s)
     recording = Recording.open(session)
-    (score,) = judge_session(recording, scenario, recording.truth_files, None)
-    assert score.outcome is FlightOutcome.HOLDS, [row for row in score.rows if row.verdict is not Verdict.FOUND]
+    (score,) = score_session(recording, scenario, recording.truth_files, None)
+    assert score.outcome is FlightOutcome.HOLDS, [row for row in score.rows if row.result is not Result.FOUND]
     (device,) = fault.devices
     refusals = [row for row in score.rows if row.flag.startswith(SOLUTION) and row.flag.endswith(f"not from {device}")]
     (refused,) = refusals
-    assert refused.verdict is Verdict.FOUND
+    assert refused.result is Result.FOUND
     assert refused.within_s is not None
     event_texts = [f"{row['name']}: {row['message']}" for row in events(recording)]
     assert any("refused" in text and text.removeprefix("nav: ").startswith(f"{device}:") for text in event_texts)
@@ -161,16 +161,16 @@ def test_the_score_reports_what_is_true_of_the_outputs(flown: str, tmp_path: Pat
     scenario = scenarios.load(FOLDER / f"{flown}.toml")
     session = offline_run.fly(scenarios.load_config(scenario), scenario, tmp_path, until_s=END_S)
     recording = Recording.open(session)
-    (score,) = judge_session(recording, scenario, recording.truth_files, None)
+    (score,) = score_session(recording, scenario, recording.truth_files, None)
     assert stated_faults(recording)[0] == json.loads(scenario.flight_key)["fault"][0]
-    assert {row.verdict for row in score.rows if row.fault == 0} <= {Verdict.COMPARED, Verdict.FOUND}
+    assert {row.result for row in score.rows if row.fault == 0} <= {Result.COMPARED, Result.FOUND}
     rows = {
-        row.what: row.verdict for row in score.outputs if (row.topic, row.check) == (SOLUTION, OutputCheck.FAULT_ERROR)
+        row.what: row.result for row in score.outputs if (row.topic, row.check) == (SOLUTION, OutputCheck.FAULT_ERROR)
     }
     from_s = getattr(scenario.fault[0], "from_s", math.inf)
     for quantity, share in worst_shares(FlightRows.read(recording), from_s).items():
         if abs(share - 1.0) > CLOSE:
-            assert rows[quantity] is (Verdict.FAILS if share > 1.0 else Verdict.HOLDS), quantity
+            assert rows[quantity] is (Result.FAILS if share > 1.0 else Result.HOLDS), quantity
 
 
 def stated_faults(recording: Recording) -> list[dict[str, Any]]:

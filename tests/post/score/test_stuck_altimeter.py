@@ -1,4 +1,4 @@
-"""A stuck radar altimeter, through bytes: flown by the emulator past the daemon's chain, and judged by the score."""
+"""A stuck radar altimeter, through bytes: flown by the emulator past the daemon's chain, and compared by the score."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from fti.hil import offline_run
 from fti.hil import scenario as scenarios
 from fti.hil.tables.fault_types import Stuck
 from fti.logger.reading.recording import Recording
-from fti.post.score.rows import Verdict
-from fti.post.score.session_score import judge_session
+from fti.post.score.rows import Result
+from fti.post.score.session_score import score_session
 
 pytestmark = pytest.mark.timeout(900)
 HEIGHT = "/nav/height_above_ground/altimeter"
@@ -35,8 +35,8 @@ def test_it_is_refused_with_an_event_and_accepted_again(tmp_path: Path) -> None:
     events = [row["message"] for row in read(recording, "/fti/event") if row["name"] == "altimeter"]
     assert len([text for text in events if "its value is stuck at" in text]) == 1
     assert len([text for text in events if "its value changes again" in text]) == 1
-    (score,) = judge_session(recording, flight, recording.truth_files, None)
-    assert {row.verdict for row in score.rows if row.subject == "altimeter" and "stuck" in row.flag} == {Verdict.FOUND}
+    (score,) = score_session(recording, flight, recording.truth_files, None)
+    assert {row.result for row in score.rows if row.subject == "altimeter" and "stuck" in row.flag} == {Result.FOUND}
     assert score.unexpected == ()
 
 

@@ -1,6 +1,6 @@
 """Checks of every output that the configuration requires: present, at its rate, and correct.
 
-row.py           one check of one output and its verdict
+row.py           one check of one output and its result
 presence.py      rate, gaps, order and times of a topic
 availability.py  validity where it is required
 errors.py        errors of each quantity against the ground truth

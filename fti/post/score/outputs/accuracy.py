@@ -9,17 +9,17 @@ import numpy as np
 
 from fti.hil.tables.limits import ScoreLimits
 from fti.post.score.outputs.errors import QuantityError
-from fti.post.score.outputs.row import OutputCheck, OutputRow, verdict_of
-from fti.post.score.rows import Verdict
+from fti.post.score.outputs.row import OutputCheck, OutputRow, result_of
+from fti.post.score.rows import Result
 from fti.post.score.series import Array, Mask
 
 #: Minimum number of errors for a check of sigmas.
 MIN_COUNT = 20
 #: Minimum RMS of error over sigma: sigmas of more than fifty times the errors are useless.
 MIN_SIGMA_RATIO = 0.02
-#: Share of the sigmas that must be within the limit of the quantity: large sigmas excuse an error only briefly.
+#: Share of the sigmas that must be within the limit of the quantity: sigmas may be large only briefly.
 SIGMA_QUANTILE = 0.7
-#: Appended to an error that a fault explains and navigation did not detect; it is reported, not judged.
+#: Appended to an error that a fault explains and navigation did not detect; it is reported, and does not fail.
 DURING_FAULT = ", called valid during a fault"
 
 
@@ -42,24 +42,24 @@ def accuracy(
         yield _sigma(topic, quantity, stated, t, limits, sharp=stated & ~lost)
 
 
-def excused_error_row(
-    topic: str, quantity: QuantityError, excused: Mask, t: Array, limits: ScoreLimits
+def explained_error_row(
+    topic: str, quantity: QuantityError, explained: Mask, t: Array, limits: ScoreLimits
 ) -> Iterator[OutputRow]:
-    """A row if values are wrong and flagged valid while a fault explains the error; it is not judged.
+    """A row if values are wrong and flagged valid while a fault explains the error; it does not fail.
 
-    excused : valid messages during such faults, shape (n,)
+    explained : valid messages during such faults, shape (n,)
     """
-    known = excused & np.isfinite(quantity.error)
+    known = explained & np.isfinite(quantity.error)
     if known.any():
         row = _error(topic, quantity, known, t, limits)
-        if row.verdict is Verdict.FAILS:
-            yield replace(row, verdict=Verdict.NOT_JUDGED, found=f"{row.found}{DURING_FAULT}")
+        if row.result is Result.FAILS:
+            yield replace(row, result=Result.NOT_COMPARED, found=f"{row.found}{DURING_FAULT}")
 
 
 def fault_error_rows(
     topic: str, quantity: QuantityError, during: Mask, t: Array, limits: ScoreLimits, *, level: Array
 ) -> Iterator[OutputRow]:
-    """A row for the largest error during a fault that excuses no wrong value.
+    """A row for the largest error during a fault that explains no wrong value.
 
     during : valid messages of that time, shape (n,); level : protection level of the quantity, NaN where none, shape
     (n,); a stated level replaces the limit by sigmas
@@ -79,7 +79,7 @@ def _error(topic: str, quantity: QuantityError, known: Mask, t: Array, limits: S
         topic,
         OutputCheck.ERROR,
         quantity.name,
-        verdict_of(bool(error[worst] <= allowed[worst])),
+        result_of(bool(error[worst] <= allowed[worst])),
         f"{error[worst]:.3g} {quantity.unit} at most, RMS {np.sqrt(np.mean(error**2)):.3g} {quantity.unit}",
         f"<= {allowed[worst]:.3g} {quantity.unit}",
         float(t[known][worst]),
@@ -89,7 +89,7 @@ def _error(topic: str, quantity: QuantityError, known: Mask, t: Array, limits: S
 def _unstated(topic: str, quantity: QuantityError, missing: Mask, t: Array) -> OutputRow:
     found = f"{np.count_nonzero(missing)} values without a sigma"
     return OutputRow(
-        topic, OutputCheck.SIGMA, quantity.name, Verdict.FAILS, found, "a sigma with each value", float(t[missing][0])
+        topic, OutputCheck.SIGMA, quantity.name, Result.FAILS, found, "a sigma with each value", float(t[missing][0])
     )
 
 
@@ -109,13 +109,13 @@ def _sigma(
         f"<= {limits.beyond_share:.0%} beyond, RMS >= {MIN_SIGMA_RATIO:g} sigma, sigma > 0, "
         f"{SIGMA_QUANTILE:.0%} of sigmas <= {quantity.limit:.3g} {quantity.unit}"
     )
-    is_judged = len(error) >= MIN_COUNT
-    verdict = verdict_of(
+    is_compared = len(error) >= MIN_COUNT
+    result = result_of(
         bool(np.all(sd > 0.0)) and share <= limits.beyond_share and ratio >= MIN_SIGMA_RATIO and high <= quantity.limit
     )
     at = float(t[stated][int(np.argmax(beyond))]) if beyond.any() else None
     return OutputRow(
-        topic, OutputCheck.SIGMA, quantity.name, verdict if is_judged else Verdict.NOT_JUDGED, found, limit, at
+        topic, OutputCheck.SIGMA, quantity.name, result if is_compared else Result.NOT_COMPARED, found, limit, at
     )
 
 

@@ -11,8 +11,8 @@ import numpy as np
 
 from fti.hil.oracle.flag_definitions import FlagAllowance
 from fti.hil.tables.limits import ScoreLimits
-from fti.post.score.outputs.row import OutputCheck, OutputRow, verdict_of
-from fti.post.score.rows import Verdict
+from fti.post.score.outputs.row import OutputCheck, OutputRow, result_of
+from fti.post.score.rows import Result
 from fti.post.score.series import Array, Mask, TopicSeries
 
 #: Minimum number of messages for a share.
@@ -37,15 +37,16 @@ def availability(
         explained[i] = _is_explained(series.topic, series.rows[i].get("reasons"), float(t[i]), may)
     count = int(np.count_nonzero(due))
     share = 1.0 - int(np.count_nonzero(invalid & ~explained)) / max(count, 1)
-    excuse = int(np.count_nonzero(explained)) / max(count, 1)
-    verdict = verdict_of(share >= limits.valid_share and excuse <= EXPLAINED_SHARE)
+    explained_share = int(np.count_nonzero(explained)) / max(count, 1)
+    result = result_of(share >= limits.valid_share and explained_share <= EXPLAINED_SHARE)
     at = np.flatnonzero(invalid & ~explained)
     yield OutputRow(
         series.topic,
         OutputCheck.VALID,
         "",
-        verdict if count >= MIN_COUNT else Verdict.NOT_JUDGED,
-        f"{share:.1%} of {count} messages" + (f", {excuse:.1%} not, as the flight explains" if excuse else ""),
+        result if count >= MIN_COUNT else Result.NOT_COMPARED,
+        f"{share:.1%} of {count} messages"
+        + (f", {explained_share:.1%} not, as the flight explains" if explained_share else ""),
         f">= {limits.valid_share:.0%}",
         float(t[at[0]]) if len(at) else None,
     )

@@ -16,12 +16,12 @@ from fti.hil.oracle.required_outputs import GLIDE, HEIGHT_BELOW, RequiredOutput,
 from fti.hil.tables.fault_types import Duplicated
 from fti.logger.reading.recording import Recording
 from fti.messages.reasons import Reason
-from fti.post.score.outputs.accuracy import accuracy, excused_error_row, fault_error_rows
+from fti.post.score.outputs.accuracy import accuracy, explained_error_row, fault_error_rows
 from fti.post.score.outputs.approach import approach_due
 from fti.post.score.outputs.availability import availability
 from fti.post.score.outputs.consistency import Consistency
 from fti.post.score.outputs.errors import Comparison
-from fti.post.score.outputs.evidence import FlightEvidence
+from fti.post.score.outputs.flight_reference import FlightReference
 from fti.post.score.outputs.pairs import PAIRS
 from fti.post.score.outputs.presence import presence
 from fti.post.score.outputs.protection import (
@@ -45,35 +45,35 @@ RANGES_OF_FIX = 3.0
 SAME_READ_SHARE = 0.02
 
 
-def check_outputs(recording: Recording, evidence: FlightEvidence) -> list[OutputRow]:
+def check_outputs(recording: Recording, reference: FlightReference) -> list[OutputRow]:
     """Rows of every output that the configuration requires, topic by topic.  Raises RecordingError."""
-    required = required_outputs(evidence.config, evidence.reference, evidence.sent)
+    required = required_outputs(reference.config, reference.reference, reference.sent)
     series = read_series(recording, [output.topic for output in required])
-    checks = _Checks(evidence, series)
+    checks = _Checks(reference, series)
     return [row for output in required for row in checks.of(output)]
 
 
 class _Checks:
-    def __init__(self, evidence: FlightEvidence, series: Mapping[str, TopicSeries]) -> None:
-        self._evidence, self._series = evidence, series
-        self._affected = OutputEffects(evidence.scenario.fault, evidence.craft, evidence.truth)
-        self._late = [(from_s, until_s + AFTER_LATE_S) for from_s, until_s in evidence.late]
-        self._allowances = flight_allowances(evidence.craft, evidence.truth)
-        header = evidence.reference.header if evidence.reference else None
+    def __init__(self, reference: FlightReference, series: Mapping[str, TopicSeries]) -> None:
+        self._reference, self._series = reference, series
+        self._affected = OutputEffects(reference.scenario.fault, reference.craft, reference.truth)
+        self._late = [(from_s, until_s + AFTER_LATE_S) for from_s, until_s in reference.late]
+        self._allowances = flight_allowances(reference.craft, reference.truth)
+        header = reference.reference.header if reference.reference else None
         self._stated = frozenset(
             sd
             for sd in ("horizontal_sd", "vertical_sd")
-            if all(f"position.{sd}" in evidence.intended.get(name, {}) for name in evidence.config.nav.position)
+            if all(f"position.{sd}" in reference.intended.get(name, {}) for name in reference.config.nav.position)
         )
-        radio = evidence.config.nav.radio
+        radio = reference.config.nav.radio
         self._fix_m = RANGES_OF_FIX * radio.dme_sd_m if radio else 0.0
         self._glide = math.radians(header.airfield.glide_deg) if header else None
 
     def of(self, output: RequiredOutput) -> Iterator[OutputRow]:
         """Every check of one output."""
-        evidence, series = self._evidence, self._series[output.topic]
-        t = evidence.table.seconds(series.log_ns)
-        flight = (evidence.start_s, evidence.truth.end_s)
+        reference, series = self._reference, self._series[output.topic]
+        t = reference.table.seconds(series.log_ns)
+        flight = (reference.start_s, reference.truth.end_s)
         lost = [*self._affected.loss_intervals(output), *self._late, *self._unsent_intervals(output)]
         yield from presence(output, series, t, flight, lost, copies=self._copies(output))
         if not len(series):
@@ -84,30 +84,30 @@ class _Checks:
             during & self._due(output, t) & ~interval_mask(t, lost),
             t,
             self._allowances_of(output),
-            evidence.scenario.limits,
+            reference.scenario.limits,
         )
         yield from self._values(output, series, t, during, interval_mask(t, lost))
 
     def _unsent_intervals(self, output: RequiredOutput) -> Iterator[Interval]:
         """Intervals in which the device had no such value, as a DME below the horizon of its stations."""
-        evidence, (_, device, kind) = self._evidence, output.topic.split("/")[:3]
-        if device in evidence.intended:
-            yield from unsent_intervals(evidence.intended[device], kind, evidence.table.begin_ns)
+        reference, (_, device, kind) = self._reference, output.topic.split("/")[:3]
+        if device in reference.intended:
+            yield from unsent_intervals(reference.intended[device], kind, reference.table.begin_ns)
 
     def _values(
         self, output: RequiredOutput, series: TopicSeries, t: Array, during: Mask, lost: Mask
     ) -> Iterator[OutputRow]:
-        evidence = self._evidence
+        reference = self._reference
         valid = during & series.valid
         by_fault = valid & interval_mask(t, self._affected.truth_checked_intervals(output))
         free = valid & ~interval_mask(t, [*self._affected.error_intervals(output), *self._late])
         nominal, faulted = free & ~by_fault, free & by_fault
-        limits, excused = evidence.scenario.limits, valid & ~nominal & ~faulted
+        limits, explained = reference.scenario.limits, valid & ~nominal & ~faulted
         # values without a protection level may be wrong until detection
         undetected = interval_mask(t, self._affected.undetected_intervals())
         begun = interval_mask(t, self._affected.onset_intervals(ANGLES_COMPARED_S))
         for quantity in Comparison(
-            series, evidence.table, limits, self._arm_b(output), stated=self._stated, fix_m=self._fix_m
+            series, reference.table, limits, self._arm_b(output), stated=self._stated, fix_m=self._fix_m
         ).errors():
             yield from accuracy(output.topic, quantity, nominal, t, limits, lost=lost)
             level = stated_level(series, self._series, quantity.name)
@@ -115,28 +115,28 @@ class _Checks:
             due = faulted & (np.isfinite(level) & protected | ~undetected)
             yield from fault_error_rows(output.topic, quantity, due, t, limits, level=level)
             yield from protection_row(output.topic, quantity, free & protected, t, level)
-            yield from excused_error_row(output.topic, quantity, excused, t, limits)
+            yield from explained_error_row(output.topic, quantity, explained, t, limits)
         yield from self._value_rows(output, series)
-        yield from Consistency(series, nominal, t, evidence.config, self._glide).rows(evidence.table)
+        yield from Consistency(series, nominal, t, reference.config, self._glide).rows(reference.table)
         if pair := PAIRS.get(output.topic):
             other, check = pair
             yield check(series, self._series[other])
         if output.topic == INTEGRITY:
-            error = navigated_error(series, self._series[SOLUTION], evidence.table)
+            error = navigated_error(series, self._series[SOLUTION], reference.table)
             height = height_error(series, error, limits.vertical_m)
             yield from accuracy(output.topic, height, nominal, t, limits, lost=lost)
             yield from protection(series, error, nominal | faulted, t)
 
     def _value_rows(self, output: RequiredOutput, series: TopicSeries) -> Iterator[OutputRow]:
-        evidence, device = self._evidence, output.topic.split("/")[1]
-        if device in evidence.intended:
-            excused = [*self._affected.loss_intervals(output), *self._affected.error_intervals(output), *self._late]
-            span = (evidence.start_s, evidence.truth.end_s)
-            yield from value_rows(series, evidence.intended[device], span, excused, evidence.table.begin_ns)
+        reference, device = self._reference, output.topic.split("/")[1]
+        if device in reference.intended:
+            exempt = [*self._affected.loss_intervals(output), *self._affected.error_intervals(output), *self._late]
+            span = (reference.start_s, reference.truth.end_s)
+            yield from value_rows(series, reference.intended[device], span, exempt, reference.table.begin_ns)
 
     def _arm_b(self, output: RequiredOutput) -> Vector:
         """Lever arm of the device of a measurement; outputs of navigation refer to P."""
-        device = self._evidence.config.find_device(output.topic.split("/")[1])
+        device = self._reference.config.find_device(output.topic.split("/")[1])
         return device.lever_arm_b if device else (0.0, 0.0, 0.0)
 
     def _copies(self, output: RequiredOutput) -> float:
@@ -144,13 +144,13 @@ class _Checks:
 
         A fault may send messages twice; late messages of one serial read have one time.
         """
-        evidence = self._evidence
+        reference = self._reference
         owners = output.topic.split("/")  # a measurement of the device, or a height of the altimeter
-        bound_devices = (bound for bound in evidence.craft.devices if bound.device.name in owners)
-        duplicating = [fault for fault in evidence.scenario.fault if isinstance(fault, Duplicated)]
+        bound_devices = (bound for bound in reference.craft.devices if bound.device.name in owners)
+        duplicating = [fault for fault in reference.scenario.fault if isinstance(fault, Duplicated)]
         if any(applies_to(fault, bound) for bound in bound_devices for fault in duplicating):
             return 1.0
-        return SAME_READ_SHARE if evidence.real_time else 0.0
+        return SAME_READ_SHARE if reference.real_time else 0.0
 
     def _allowances_of(self, output: RequiredOutput) -> Sequence[FlagAllowance]:
         """The flags of an output that the flight allows; dependent outputs inherit those of monitor or altimeters."""
@@ -165,18 +165,18 @@ class _Checks:
 
     def _due(self, output: RequiredOutput, t: Array) -> Mask:
         """Messages that must be valid by the flight, without regard to faults."""
-        evidence = self._evidence
+        reference = self._reference
         if output.topic in (INTEGRITY, GLIDE):
-            altimeter = approach_altimeter(evidence.config, evidence.reference)
-            if altimeter is None or evidence.reference is None:
+            altimeter = approach_altimeter(reference.config, reference.reference)
+            if altimeter is None or reference.reference is None:
                 return np.zeros(len(t), dtype=bool)
-            due = approach_due(evidence.table, evidence.reference, evidence.craft, altimeter, evidence.start_s)
-            return np.asarray(np.interp(t, evidence.truth.t, due.astype(float)) >= 1.0)
-        nav = evidence.config.nav
+            due = approach_due(reference.table, reference.reference, reference.craft, altimeter, reference.start_s)
+            return np.asarray(np.interp(t, reference.truth.t, due.astype(float)) >= 1.0)
+        nav = reference.config.nav
         of_navigation = output.topic.startswith("/nav/")
         if of_navigation and not (nav.attitude and (nav.position or output.topic.startswith(HEIGHT))):
             return np.zeros(len(t), dtype=bool)
-        after = t >= evidence.start_s + output.lead_s
+        after = t >= reference.start_s + output.lead_s
         blind = [
             (one.from_s, one.until_s)
             for one in self._allowances_of(output)

@@ -16,7 +16,7 @@ from fti.hil.oracle.required_outputs import VERTICAL as VERTICAL_TOPIC
 from fti.messages.outputs import Datum, IntegrityState, Point
 from fti.messages.reasons import Reason
 from fti.nav.navigation import FILTER, RADIO, VERTICAL
-from fti.post.score.outputs.row import OutputCheck, OutputRow, verdict_of
+from fti.post.score.outputs.row import OutputCheck, OutputRow, result_of
 from fti.post.score.series import Array, Mask, TopicSeries
 from fti.post.score.truth_table import TruthTable
 
@@ -101,14 +101,12 @@ class Consistency:
         found = f"{len(wrong)} messages differ" if wrong else "consistent"
         at_s = float(self._t[wrong[0]]) if wrong else None
         yield OutputRow(
-            topic, OutputCheck.CONSISTENT, "valid and reasons", verdict_of(not wrong), found, LIMITS[fits], at_s
+            topic, OutputCheck.CONSISTENT, "valid and reasons", result_of(not wrong), found, LIMITS[fits], at_s
         )
         if topic not in (INTEGRITY, GLIDE):
             foreign = sorted(PROFILE_REASONS & {str(reason) for row in rows for reason in row.get("reasons") or ()})
             limit = "none that belongs to an approach"
-            yield OutputRow(
-                topic, OutputCheck.CONSISTENT, "reasons", verdict_of(not foreign), ", ".join(foreign), limit
-            )
+            yield OutputRow(topic, OutputCheck.CONSISTENT, "reasons", result_of(not foreign), ", ".join(foreign), limit)
 
     def _values(self) -> Iterator[OutputRow]:
         """A valid message has its values."""
@@ -118,7 +116,7 @@ class Consistency:
         if fields:
             found = f"valid without {', '.join(missing)}" if missing else "consistent"
             limit = "each value of a valid message"
-            yield OutputRow(series.topic, OutputCheck.CONSISTENT, "values", verdict_of(not missing), found, limit)
+            yield OutputRow(series.topic, OutputCheck.CONSISTENT, "values", result_of(not missing), found, limit)
 
     def _named(self, field: str, names: tuple[str, ...], *, may_be_none: bool = True) -> OutputRow:
         """A field that names a device must name a configured one."""
@@ -127,7 +125,7 @@ class Consistency:
         found = f"{self._series.rows[wrong[0]].get(field)!r}" if wrong else "as configured"
         at_s = float(self._t[wrong[0]]) if wrong else None
         return OutputRow(
-            self._series.topic, OutputCheck.CONSISTENT, field, verdict_of(not wrong), found, ", ".join(names), at_s
+            self._series.topic, OutputCheck.CONSISTENT, field, result_of(not wrong), found, ", ".join(names), at_s
         )
 
     def _height_of_range(self, truth: TruthTable, name: str) -> Iterator[OutputRow]:
@@ -166,7 +164,7 @@ class Consistency:
             self._series.topic,
             OutputCheck.CONSISTENT,
             what,
-            verdict_of(bool(value[worst] <= limit[worst])),
+            result_of(bool(value[worst] <= limit[worst])),
             f"{value[worst]:.3g} {unit}",
             f"<= {limit[worst]:.3g} {unit}",
             float(self._t[worst]),

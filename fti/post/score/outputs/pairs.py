@@ -1,6 +1,6 @@
 """Pairs of outputs: each valid solution has a location, each message of the monitor a glide slope.
 
-Both have the same log time; faults and lateness do not excuse one without the other.
+Both have the same log time; faults and lateness explain none without the other.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from typing import Any
 from fti.hil.oracle.flag_definitions import INTEGRITY, SOLUTION
 from fti.hil.oracle.required_outputs import GLIDE, LOCATION
 from fti.messages.outputs import IntegrityState
-from fti.post.score.outputs.row import OutputCheck, OutputRow, verdict_of
+from fti.post.score.outputs.row import OutputCheck, OutputRow, result_of
 from fti.post.score.series import TopicSeries
 
 MessageTable = Mapping[str, Any]
@@ -58,7 +58,7 @@ def _by_time(series: TopicSeries) -> dict[int, MessageTable]:
 
 def _row(topic: str, what: str, count: int, limit: str) -> OutputRow:
     found = f"{count} messages differ" if count else "consistent"
-    return OutputRow(topic, OutputCheck.CONSISTENT, what, verdict_of(not count), found, limit)
+    return OutputRow(topic, OutputCheck.CONSISTENT, what, result_of(not count), found, limit)
 
 
 #: Topic -> the topic that it belongs to, and the check of both.

@@ -8,8 +8,8 @@ import numpy as np
 
 from fti.hil.oracle.output_effects import Interval, interval_mask
 from fti.hil.oracle.required_outputs import OUTPUT_AGE_S, RequiredOutput
-from fti.post.score.outputs.row import OutputCheck, OutputRow, verdict_of
-from fti.post.score.rows import Verdict
+from fti.post.score.outputs.row import OutputCheck, OutputRow, result_of
+from fti.post.score.rows import Result
 from fti.post.score.series import Array, Mask, TopicSeries
 
 #: Minimum time without a fault for a rate [s].
@@ -29,27 +29,27 @@ def presence(
     series: TopicSeries,
     t: Array,
     flight: Interval,
-    excused: Sequence[Interval],
+    exempt: Sequence[Interval],
     *,
     copies: float,
 ) -> Iterator[OutputRow]:
     """Rows of one topic.
 
     t : times of its messages [s of the flight], shape (n,); flight : interval in which it is required [s];
-    excused : intervals in which it may be missing, by faults and lateness of the emulator;
+    exempt : intervals in which it may be missing, by faults and lateness of the emulator;
     copies : maximum share of messages with the bytes and the time of the message before
     """
     flight = (flight[0] + FIRST_S, flight[1])
     during = (t >= flight[0]) & (t <= flight[1])
-    free = _free(flight, excused)
+    free = _free(flight, exempt)
     if not during.any():
         needed = bool(free)
-        verdict = Verdict.FAILS if needed else Verdict.NOT_JUDGED
-        yield OutputRow(output.topic, OutputCheck.RATE, "", verdict, "no message", _rate_limit(output), flight[0])
+        result = Result.FAILS if needed else Result.NOT_COMPARED
+        yield OutputRow(output.topic, OutputCheck.RATE, "", result, "no message", _rate_limit(output), flight[0])
         return
     yield _rate(output, t[during], free)
-    yield _gap(output, t[during], flight, excused)
-    yield _order(output, series, t, (during, during & ~interval_mask(t, excused)), copies=copies)
+    yield _gap(output, t[during], flight, exempt)
+    yield _order(output, series, t, (during, during & ~interval_mask(t, exempt)), copies=copies)
 
 
 def _rate_limit(output: RequiredOutput) -> str:
@@ -57,10 +57,10 @@ def _rate_limit(output: RequiredOutput) -> str:
     return f">= {min_hz:.3g} Hz" if max_hz == float("inf") else f"{min_hz:.3g} to {max_hz:.3g} Hz"
 
 
-def _free(flight: Interval, excused: Sequence[Interval]) -> list[Interval]:
+def _free(flight: Interval, exempt: Sequence[Interval]) -> list[Interval]:
     """The parts of a flight that no interval covers, if long enough for a rate."""
     free, at = list[Interval](), flight[0]
-    for from_s, until_s in [*sorted(excused), (flight[1], flight[1])]:
+    for from_s, until_s in [*sorted(exempt), (flight[1], flight[1])]:
         if from_s - at >= MIN_INTERVAL_S:
             free.append((at, min(from_s, flight[1])))
         at = max(at, until_s)
@@ -68,10 +68,10 @@ def _free(flight: Interval, excused: Sequence[Interval]) -> list[Interval]:
 
 
 def _rate(output: RequiredOutput, t: Array, free: Sequence[Interval]) -> OutputRow:
-    """The mean rate over all times without an excuse."""
+    """The mean rate over all times that are not exempt."""
     limit = _rate_limit(output)
     if not free:
-        return OutputRow(output.topic, OutputCheck.RATE, "", Verdict.NOT_JUDGED, "faults all the time", limit)
+        return OutputRow(output.topic, OutputCheck.RATE, "", Result.NOT_COMPARED, "faults all the time", limit)
     min_hz, max_hz = output.rate_hz
     counts = [int(np.count_nonzero((t >= from_s) & (t < until_s))) for from_s, until_s in free]
     total_s = sum(until_s - from_s for from_s, until_s in free)
@@ -81,17 +81,17 @@ def _rate(output: RequiredOutput, t: Array, free: Sequence[Interval]) -> OutputR
         output.topic,
         OutputCheck.RATE,
         "",
-        verdict_of(min_hz - slack <= rate <= max_hz + slack),
+        result_of(min_hz - slack <= rate <= max_hz + slack),
         f"{rate:.2f} Hz",
         limit,
     )
 
 
-def _gap(output: RequiredOutput, t: Array, flight: Interval, excused: Sequence[Interval]) -> OutputRow:
+def _gap(output: RequiredOutput, t: Array, flight: Interval, exempt: Sequence[Interval]) -> OutputRow:
     """The longest gap; begin and end of the flight count as messages."""
     edges = np.concatenate(([flight[0]], t, [flight[1]]))
     gaps = np.diff(edges)
-    free = ~_touches(edges[:-1], edges[1:], excused)
+    free = ~_touches(edges[:-1], edges[1:], exempt)
     limits = np.full(len(gaps), np.inf if output.always_gap_s is None else output.always_gap_s)
     limits[free] = output.gap_s
     over = gaps - limits
@@ -100,7 +100,7 @@ def _gap(output: RequiredOutput, t: Array, flight: Interval, excused: Sequence[I
         output.topic,
         OutputCheck.GAP,
         "",
-        verdict_of(bool(over[worst] <= MARGIN_S)),
+        result_of(bool(over[worst] <= MARGIN_S)),
         f"{gaps[worst]:.2f} s",
         f"<= {limits[worst]:.2f} s",
         float(edges[worst]),
@@ -120,7 +120,7 @@ def _order(
 ) -> OutputRow:
     """Messages have ascending log times, without repetition; valid ones have an age within the limits.
 
-    during_free : messages of the flight, and those of them without an excuse; copies : share of equal messages
+    during_free : messages of the flight, and those of them that are not exempt; copies : share of equal messages
     """
     during, free = during_free
     limit = f"ascending, each once, age {-MAX_FUTURE_S:g} to {output.age_s:g} s"
@@ -140,11 +140,11 @@ def _order(
         at = np.flatnonzero(where & during)
         if len(at):
             found = f"{len(at)} messages {text}" + (f": {age_s[at[0]]:.2f} s" if where is old else "")
-            return _of_times(series, Verdict.FAILS, found, limit, float(t[at[0]]))
+            return _of_times(series, Result.FAILS, found, limit, float(t[at[0]]))
     if series.repeated > copies * len(series):
-        return _of_times(series, Verdict.FAILS, f"{series.repeated} repeated messages", limit, None)
-    return _of_times(series, Verdict.HOLDS, "in order", limit, None)
+        return _of_times(series, Result.FAILS, f"{series.repeated} repeated messages", limit, None)
+    return _of_times(series, Result.HOLDS, "in order", limit, None)
 
 
-def _of_times(series: TopicSeries, verdict: Verdict, found: str, limit: str, at_s: float | None) -> OutputRow:
-    return OutputRow(series.topic, OutputCheck.TIMES, "", verdict, found, limit, at_s)
+def _of_times(series: TopicSeries, result: Result, found: str, limit: str, at_s: float | None) -> OutputRow:
+    return OutputRow(series.topic, OutputCheck.TIMES, "", result, found, limit, at_s)

@@ -9,7 +9,7 @@ import numpy as np
 from fti.hil.oracle.flag_definitions import SOLUTION
 from fti.hil.oracle.required_outputs import LOCATION
 from fti.post.score.outputs.errors import QuantityError
-from fti.post.score.outputs.row import OutputCheck, OutputRow, verdict_of
+from fti.post.score.outputs.row import OutputCheck, OutputRow, result_of
 from fti.post.score.series import Array, Mask, TopicSeries
 from fti.post.score.truth_table import TruthTable
 
@@ -86,7 +86,7 @@ def _level_row(what: tuple[str, str, str], error: Array, level: Array, valid: Ma
         topic,
         OutputCheck.PROTECTED,
         name,
-        verdict_of(not bool(np.any(excess > 0.0))),
+        result_of(not bool(np.any(excess > 0.0))),
         f"error {abs(error[at][worst]):.3g} {unit}",
         f"<= {level[at][worst]:.3g} {unit}",
         float(t[at[worst]]),

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from fti.config import CanLink, Config
 from fti.logger.reading.recording import Recording
 from fti.messages.topics import RAW_PREFIX
-from fti.post.score.outputs.row import OutputCheck, OutputRow, verdict_of
+from fti.post.score.outputs.row import OutputCheck, OutputRow, result_of
 from fti.post.score.truth_reader import FlightTruth, SentOnLink
 
 #: A recorded CAN frame [bytes]: the kernel's ``can_frame`` and ``canfd_frame``.
@@ -45,7 +45,7 @@ def _row(link: str, recorded: int, sent: SentOnLink, frame_bytes: int, min_share
         f"{RAW_PREFIX}{link}",
         OutputCheck.RECORDED,
         "",
-        verdict_of(share >= min_share),
+        result_of(share >= min_share),
         f"{found} of {expected} sent {unit}",
         f">= {min_share:.1%}",
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import StrEnum
 
-from fti.post.score.rows import Verdict
+from fti.post.score.rows import Result
 
 
 class OutputCheck(StrEnum):
@@ -35,12 +35,12 @@ class OutputRow:
     topic: str
     check: OutputCheck
     what: str
-    verdict: Verdict
+    result: Result
     found: str
     limit: str
     at_s: float | None = None
 
 
-def verdict_of(holds: bool) -> Verdict:
+def result_of(holds: bool) -> Result:
     """HOLDS or FAILS."""
-    return Verdict.HOLDS if holds else Verdict.FAILS
+    return Result.HOLDS if holds else Result.FAILS

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from fti.post.score.outputs.accuracy import DURING_FAULT
 from fti.post.score.outputs.row import OutputCheck, OutputRow
-from fti.post.score.rows import FAILURES, Verdict
+from fti.post.score.rows import FAILURES, Result
 from fti.post.score.text_table import text_table
 
 HEAD = ("output", "rate", "longest gap", "valid", "checks that hold")
@@ -18,8 +18,8 @@ def output_lines(rows: Sequence[OutputRow]) -> Iterator[str]:
     if not rows:
         return
     yield from text_table([HEAD, *_cells(rows)])
-    yield from (f"does not hold: {describe(row)}" for row in rows if row.verdict in FAILURES)
-    yield from (f"not judged: {describe(row)}" for row in rows if row.found.endswith(DURING_FAULT))
+    yield from (f"does not hold: {describe(row)}" for row in rows if row.result in FAILURES)
+    yield from (f"not compared: {describe(row)}" for row in rows if row.found.endswith(DURING_FAULT))
 
 
 def describe(row: OutputRow) -> str:
@@ -32,8 +32,8 @@ def describe(row: OutputRow) -> str:
 def _cells(rows: Sequence[OutputRow]) -> Iterator[tuple[str, ...]]:
     """One row per topic of navigation, and one per device."""
     for name, group in _group_rows(rows).items():
-        checks = [row for row in group if row.verdict is not Verdict.NOT_JUDGED]
-        passed = sum(row.verdict not in FAILURES for row in checks)
+        checks = [row for row in group if row.result is not Result.NOT_COMPARED]
+        passed = sum(row.result not in FAILURES for row in checks)
         is_device = name.endswith("/*")
         found = {row.check: row.found for row in group if not is_device and not row.what}
         valid = found.get(OutputCheck.VALID, "").partition(" ")[0]

@@ -20,7 +20,7 @@ from fti.hil.tables.quantity_names import NAME_FIELDS
 from fti.hil.truth_log import MEASUREMENT
 from fti.logger.reading.json_message import parse_table, using_message
 from fti.logger.reading.mcap_file import McapFile
-from fti.post.score.outputs.row import OutputCheck, OutputRow, verdict_of
+from fti.post.score.outputs.row import OutputCheck, OutputRow, result_of
 from fti.post.score.series import Array, Times, TopicSeries
 
 #: Decoded samples within this time of the intended value are compared with it [ns].
@@ -58,11 +58,11 @@ def _columns(pairs: Sequence[tuple[int, float]]) -> tuple[Times, Array]:
 
 
 def value_rows(
-    series: TopicSeries, intended: IntendedValues, flight: Interval, excused: Sequence[Interval], begin_ns: int
+    series: TopicSeries, intended: IntendedValues, flight: Interval, exempt: Sequence[Interval], begin_ns: int
 ) -> Iterator[OutputRow]:
     """A row for each number of one kind of measurement.
 
-    excused : faults, and lateness of the emulator [s of the flight]; begin_ns : FTI time of the begin of the flight
+    exempt : faults, and lateness of the emulator [s of the flight]; begin_ns : FTI time of the begin of the flight
     """
     kind = series.topic.rpartition("/")[2]
     parts: dict[str, TopicSeries] = {}
@@ -72,7 +72,7 @@ def value_rows(
             continue
         part = parts.setdefault(of_kind, _select_label(series, of_kind))
         t = (times - begin_ns) / 1e9
-        is_due = (t >= flight[0] + 1.0) & (t <= flight[1] - 1.0) & ~interval_mask(t, excused)
+        is_due = (t >= flight[0] + 1.0) & (t <= flight[1] - 1.0) & ~interval_mask(t, exempt)
         if np.count_nonzero(is_due) >= MIN_COUNT:
             due = (times[is_due], values[is_due])
             yield _row(series.topic, name, _decoded_values(part, field), due, begin_ns, sd=_stated_sd(part))
@@ -117,7 +117,7 @@ def _row(
         topic,
         OutputCheck.MEASURED,
         name,
-        verdict_of(count <= max(1.0, (1.0 - FOUND_SHARE) * len(times))),
+        result_of(count <= max(1.0, (1.0 - FOUND_SHARE) * len(times))),
         f"{len(times) - count} of {len(times)} intended values decoded",
         f">= {FOUND_SHARE:.0%}, or all but one",
         float(times[int(np.argmax(missing))] - begin_ns) / 1e9 if count else None,

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from fti.hil.tables.limits import ScoreLimits
-from fti.post.score.outputs.accuracy import DURING_FAULT, accuracy, excused_error_row
+from fti.post.score.outputs.accuracy import DURING_FAULT, accuracy, explained_error_row
 from fti.post.score.outputs.errors import QuantityError
 from fti.post.score.outputs.row import OutputCheck
-from fti.post.score.rows import Verdict
+from fti.post.score.rows import Result
 
 COUNT = 1000
 T = np.linspace(0.0, 40.0, COUNT)
@@ -21,8 +21,8 @@ def quantity(error: np.ndarray, sd: float | np.ndarray = np.nan) -> QuantityErro
     return QuantityError("altitude", "m", error, np.broadcast_to(sd, error.shape).astype(float), 15.0)
 
 
-def verdicts(one: QuantityError) -> dict[OutputCheck, Verdict]:
-    return {row.check: row.verdict for row in accuracy("/nav/x", one, EVERY, T, LIMITS, lost=~EVERY)}
+def results(one: QuantityError) -> dict[OutputCheck, Result]:
+    return {row.check: row.result for row in accuracy("/nav/x", one, EVERY, T, LIMITS, lost=~EVERY)}
 
 
 def normal(sd: float) -> np.ndarray:
@@ -30,54 +30,54 @@ def normal(sd: float) -> np.ndarray:
 
 
 def test_errors_of_their_sigma_hold() -> None:
-    assert verdicts(quantity(normal(2.0), 2.0)) == {OutputCheck.ERROR: Verdict.HOLDS, OutputCheck.SIGMA: Verdict.HOLDS}
+    assert results(quantity(normal(2.0), 2.0)) == {OutputCheck.ERROR: Result.HOLDS, OutputCheck.SIGMA: Result.HOLDS}
 
 
 @pytest.mark.parametrize("stated", [0.2, 0.0, -2.0, 200.0])
 def test_another_sigma_fails(stated: float) -> None:
     """Ten times too small, zero, negative, a hundred times too large."""
-    assert verdicts(quantity(normal(2.0), stated))[OutputCheck.SIGMA] is Verdict.FAILS
+    assert results(quantity(normal(2.0), stated))[OutputCheck.SIGMA] is Result.FAILS
 
 
-def test_a_large_sigma_is_no_excuse_for_a_large_error() -> None:
-    assert verdicts(quantity(normal(300.0), 300.0))[OutputCheck.SIGMA] is Verdict.FAILS
+def test_a_large_sigma_does_not_hide_a_large_error() -> None:
+    assert results(quantity(normal(300.0), 300.0))[OutputCheck.SIGMA] is Result.FAILS
 
 
 def test_without_a_device_a_sigma_may_be_large_and_must_fit() -> None:
     late = T > 20.0
     large = np.where(late, 200.0, 2.0)
-    for error, verdict in ((normal(1.0) * large, Verdict.HOLDS), (normal(5.0) * large, Verdict.FAILS)):
+    for error, result in ((normal(1.0) * large, Result.HOLDS), (normal(5.0) * large, Result.FAILS)):
         rows = {r.check: r for r in accuracy("/nav/x", quantity(error, large), EVERY, T, LIMITS, lost=late)}
-        assert rows[OutputCheck.SIGMA].verdict is verdict
-        assert verdicts(quantity(error, large))[OutputCheck.SIGMA] is Verdict.FAILS  # nothing was lost
+        assert rows[OutputCheck.SIGMA].result is result
+        assert results(quantity(error, large))[OutputCheck.SIGMA] is Result.FAILS  # nothing was lost
 
 
 def test_one_wild_error_fails_with_its_time() -> None:
     error = normal(2.0)
     error[500] = 50.0
     rows = {row.check: row for row in accuracy("/nav/x", quantity(error, 2.0), EVERY, T, LIMITS, lost=~EVERY)}
-    assert rows[OutputCheck.ERROR].verdict is Verdict.FAILS
+    assert rows[OutputCheck.ERROR].result is Result.FAILS
     assert rows[OutputCheck.ERROR].at_s == T[500]
 
 
 def test_without_a_sigma_the_limit_counts() -> None:
-    assert verdicts(quantity(np.full(COUNT, 14.9))) == {OutputCheck.ERROR: Verdict.HOLDS}
-    assert verdicts(quantity(np.full(COUNT, -15.1))) == {OutputCheck.ERROR: Verdict.FAILS}
+    assert results(quantity(np.full(COUNT, 14.9))) == {OutputCheck.ERROR: Result.HOLDS}
+    assert results(quantity(np.full(COUNT, -15.1))) == {OutputCheck.ERROR: Result.FAILS}
 
 
 def test_what_is_not_known_is_not_scored() -> None:
-    assert not verdicts(quantity(np.full(COUNT, np.nan), 2.0))
+    assert not results(quantity(np.full(COUNT, np.nan), 2.0))
 
 
 def test_a_wrong_value_during_a_fault_is_reported_and_not_scored() -> None:
-    (row,) = excused_error_row("/nav/x", quantity(np.full(COUNT, 40.0)), EVERY, T, LIMITS)
-    assert row.verdict is Verdict.NOT_JUDGED
+    (row,) = explained_error_row("/nav/x", quantity(np.full(COUNT, 40.0)), EVERY, T, LIMITS)
+    assert row.result is Result.NOT_COMPARED
     assert row.found.endswith(DURING_FAULT)
-    assert not list(excused_error_row("/nav/x", quantity(np.full(COUNT, 4.0)), EVERY, T, LIMITS))
+    assert not list(explained_error_row("/nav/x", quantity(np.full(COUNT, 4.0)), EVERY, T, LIMITS))
 
 
-def test_a_large_sigma_where_the_error_is_excuses_it_for_a_short_time_alone() -> None:
+def test_a_large_sigma_may_cover_a_large_error_only_briefly() -> None:
     """In two fifths of the flight 500 m are wrong, with a sigma of 1000 m."""
     wrong = T > 24.0
     error, sd = np.where(wrong, 500.0, normal(2.0)), np.where(wrong, 1000.0, 2.0)
-    assert verdicts(quantity(error, sd))[OutputCheck.SIGMA] is Verdict.FAILS
+    assert results(quantity(error, sd))[OutputCheck.SIGMA] is Result.FAILS

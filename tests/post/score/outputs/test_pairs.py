@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from fti.post.score.outputs.pairs import glide_slopes, locations
-from fti.post.score.rows import Verdict
+from fti.post.score.rows import Result
 from tests.post.score.outputs.synthetic_messages import messages
 
 T = np.arange(0.0, 4.0, 0.2).tolist()
@@ -19,22 +19,22 @@ def test_each_valid_solution_has_its_location() -> None:
     valid = [t < 2.0 for t in T]
     solution = messages("/nav/nav_solution", T, valid=valid)
     there = [t for t in T if t < 2.0]
-    assert locations(messages("/nav/location", there), solution).verdict is Verdict.HOLDS
-    assert locations(messages("/nav/location", there[:-1]), solution).verdict is Verdict.FAILS
-    assert locations(messages("/nav/location", T), solution).verdict is Verdict.FAILS
+    assert locations(messages("/nav/location", there), solution).result is Result.HOLDS
+    assert locations(messages("/nav/location", there[:-1]), solution).result is Result.FAILS
+    assert locations(messages("/nav/location", T), solution).result is Result.FAILS
 
 
 @pytest.mark.parametrize(
-    ("monitor", "slope", "verdict"),
+    ("monitor", "slope", "result"),
     [
-        (GOOD, {"valid": True, "s": 900.0}, Verdict.HOLDS),
-        (GOOD, {"valid": False, "s": 900.0}, Verdict.FAILS),
-        (GOOD, {"valid": False, "s": 120.0}, Verdict.HOLDS),  # too close for an angle
-        ({**GOOD, "t4_ratio": 1.3}, {"valid": False, "s": 900.0}, Verdict.HOLDS),
-        ({**GOOD, "state": "unavailable"}, {"valid": True, "s": 900.0}, Verdict.FAILS),
+        (GOOD, {"valid": True, "s": 900.0}, Result.HOLDS),
+        (GOOD, {"valid": False, "s": 900.0}, Result.FAILS),
+        (GOOD, {"valid": False, "s": 120.0}, Result.HOLDS),  # too close for an angle
+        ({**GOOD, "t4_ratio": 1.3}, {"valid": False, "s": 900.0}, Result.HOLDS),
+        ({**GOOD, "state": "unavailable"}, {"valid": True, "s": 900.0}, Result.FAILS),
     ],
 )
-def test_a_glide_slope_is_valid_with_a_good_monitor(monitor: Any, slope: Any, verdict: Verdict) -> None:
+def test_a_glide_slope_is_valid_with_a_good_monitor(monitor: Any, slope: Any, result: Result) -> None:
     integrity = messages("/nav/clearance_integrity", T, **monitor)
-    assert glide_slopes(messages("/nav/glide_slope", T, **slope), integrity).verdict is verdict
-    assert glide_slopes(messages("/nav/glide_slope", T[:-3], **slope), integrity).verdict is Verdict.FAILS
+    assert glide_slopes(messages("/nav/glide_slope", T, **slope), integrity).result is result
+    assert glide_slopes(messages("/nav/glide_slope", T[:-3], **slope), integrity).result is Result.FAILS

@@ -1,4 +1,4 @@
-"""Applies falsifications to sessions and lets the score judge each."""
+"""Applies falsifications to sessions and scores each."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pathlib import Path
 
 from tests.post.score.sabotage.falsification import Falsification, Sample, Target
 from tests.post.score.sabotage.message_edits import Forgery
-from tests.post.score.sabotage.score_run import judge
+from tests.post.score.sabotage.score_run import run_score
 
 NOTHING_THERE = "the session has nothing that could be falsified so"
 NO_CHANGE = "it changes nothing in this session"
@@ -35,7 +35,7 @@ class Outcome:
 
 
 def attack(sample: Sample, falsification: Falsification, target: Target, folder: Path) -> Outcome:
-    """Falsify a session in one way and let it be judged.  folder : for the falsified session, which is removed"""
+    """Falsify a session in one way and score it.  folder : for the falsified session, which is removed"""
     begin = time.perf_counter()
     forgery = Forgery(sample.session)
     target.apply(forgery)
@@ -44,11 +44,11 @@ def attack(sample: Sample, falsification: Falsification, target: Target, folder:
         return Outcome(*place, None, NO_CHANGE)
     directory = Path(tempfile.mkdtemp(prefix="falsified_", dir=folder))
     try:
-        judgement = judge(sample.scenario, forgery.session.save(directory))
+        report = run_score(sample.scenario, forgery.session.save(directory))
     finally:
         shutil.rmtree(directory, ignore_errors=True)
-    by = "" if judgement.holds else judgement.detected_by(sample.honest)
-    return Outcome(*place, not judgement.holds, by, time.perf_counter() - begin)
+    by = "" if report.holds else report.detected_by(sample.honest)
+    return Outcome(*place, not report.holds, by, time.perf_counter() - begin)
 
 
 def attacks(
@@ -111,6 +111,6 @@ class Sum:
 
 
 def _cells(outcome: Outcome) -> str:
-    verdict = {True: "detected", False: "NOT DETECTED", None: "skipped"}[outcome.detected]
-    begin = f"{outcome.scenario:20}  {verdict:12}  {outcome.falsification} {outcome.target}".rstrip()
+    result = {True: "detected", False: "NOT DETECTED", None: "skipped"}[outcome.detected]
+    begin = f"{outcome.scenario:20}  {result:12}  {outcome.falsification} {outcome.target}".rstrip()
     return f"{begin}  <- {outcome.by}" if outcome.by else begin

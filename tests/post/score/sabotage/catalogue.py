@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from tests.post.score.sabotage.configurations import CONFIGURATIONS
-from tests.post.score.sabotage.excuses import OWN_EXCUSES
 from tests.post.score.sabotage.falsification import Falsification
 from tests.post.score.sabotage.flags import FLAGS
 from tests.post.score.sabotage.labels import LABELS
+from tests.post.score.sabotage.own_explanations import OWN_EXPLANATIONS
 from tests.post.score.sabotage.removals import REMOVALS
 from tests.post.score.sabotage.timing import TIMING
 from tests.post.score.sabotage.truths import TRUTHS
@@ -20,7 +20,7 @@ GROUPS: Mapping[str, Sequence[Falsification]] = {
     "values": VALUES,
     "labels": LABELS,
     "flags": FLAGS,
-    "excuses": OWN_EXCUSES,
+    "explanations": OWN_EXPLANATIONS,
     "configurations": CONFIGURATIONS,
     "truths": TRUTHS,
 }

@@ -1,4 +1,4 @@
-"""Falsifications of the attached configuration: it promises less, or judges more mildly, than that of the scenario."""
+"""Falsifications of the attached configuration: it promises less, or allows more, than that of the scenario."""
 
 from __future__ import annotations
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from tests.post.score.sabotage.message_edits import Forgery, valid_values
-from tests.post.score.sabotage.score_run import Judgement
+from tests.post.score.sabotage.score_run import ScoreReport
 from tests.post.score.sabotage.session_copy import Session
 
 #: An output is attacked in its values when it has been valid for so many messages at least.
@@ -22,13 +22,13 @@ VERTICAL, LOCATION = "/nav/vertical_solution", "/nav/location"
 class Sample:
     """A session that is attacked.
 
-    scenario : its name or file; session : its content; honest : its judgement; others : session folders of other
+    scenario : its name or file; session : its content; honest : its score; others : session folders of other
     flights, by a name that says which: ``other scenario``, ``other seed``; title : of the scenario in tables
     """
 
     scenario: str
     session: Session
-    honest: Judgement
+    honest: ScoreReport
     others: Mapping[str, Path] = field(default_factory=dict)
     title: str = ""
     _values: dict[str, dict[str, list[float]]] = field(default_factory=dict, repr=False)
@@ -44,7 +44,7 @@ class Sample:
         return self.session.topics("derived", "/nav/")
 
     def values(self, topic: str) -> dict[str, list[float]]:
-        """Field -> the numbers of valid messages, of fields that are there often enough to be judged."""
+        """Field -> the numbers of valid messages, of fields that are there often enough for a comparison."""
         if topic not in self._values:
             found = valid_values(self.session, topic)
             self._values[topic] = {name: values for name, values in found.items() if len(values) >= MIN_VALID}
@@ -95,5 +95,5 @@ def outputs(sample: Sample) -> list[str]:
 
 
 def checked_outputs(sample: Sample) -> list[str]:
-    """The outputs that are valid often enough to be judged by their values."""
+    """The outputs that are valid often enough for a comparison of values."""
     return [topic for topic in sample.outputs if sample.values(topic)]

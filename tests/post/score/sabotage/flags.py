@@ -21,7 +21,7 @@ HEALTH = "/fti/health"
 STATES = ("silent", "noise", "invalid", "wrong rate")
 #: A flag that must have gone less than this before the end may stand to the end [s].
 BEFORE_END_S = 3.0
-#: A bench that was late so long before or after a flag excuses it [s].
+#: A bench that was late so long before or after a flag explains it [s].
 BEFORE_S = 6.0
 
 
@@ -30,7 +30,7 @@ class Flag:
     """An expected flag that stands in the honest session.
 
     place, words : as the score names them; value : a number instead of words
-    from_s, until_s : of its cause [s]; stands_s, gone_s : when it must stand, and must have gone [s]; None: not judged
+    from_s, until_s : of its cause [s]; stands_s, gone_s : when it must stand, and must have gone [s]; None: unchecked
     """
 
     place: str
@@ -48,7 +48,7 @@ class Flag:
 
 
 def flags_of(sample: Sample) -> list[Flag]:
-    """Every flag that the honest session raises in time, and no late bench excuses; of several faults the first."""
+    """Every flag that the honest session raises in time, and no late bench explains; of several faults the first."""
     found: dict[str, Flag] = {}
     for score in sample.honest.report:
         for row in score["rows"]:
@@ -272,7 +272,7 @@ def _hide_targets(sample: Sample) -> Iterator[Target]:
 
 
 def _keep_targets(sample: Sample) -> Iterator[Target]:
-    """Those whose end is judged: of a value, of an event and of what lasts to the end it is not."""
+    """Those whose end is compared: not that of a value, of an event, or of a flag that lasts to the end."""
     for flag in flags_of(sample):
         if flag.clear_limit_s is not None and flag.clear_limit_s < sample.session.end_s - BEFORE_END_S:
             yield Target(flag.name, lambda forgery, flag=flag: keep(forgery, flag))  # type: ignore[misc]

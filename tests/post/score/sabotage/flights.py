@@ -13,7 +13,7 @@ from fti.hil.tables.flights import ApproachFlight
 from tests.hil.worlds import flat_terrain, path
 from tests.post.score.sabotage.configurations import as_toml
 from tests.post.score.sabotage.falsification import Sample
-from tests.post.score.sabotage.score_run import judge
+from tests.post.score.sabotage.score_run import run_score
 from tests.post.score.sabotage.session_copy import Session
 from tests.post.score.short_flight import CONFIG, DURATION_S, FAULTS
 
@@ -30,9 +30,9 @@ def fly(scenario: Scenario, folder: Path, duration_s: float | None = None) -> Pa
 
 
 def sample_of(scenario: str, session: Path, others: dict[str, Path] | None = None, truth: Path | None = None) -> Sample:
-    """A session as it is attacked.  The honest one is judged at first."""
+    """A session for falsification; the original is scored first."""
     content = Session.read(session, truth)
-    return Sample(scenario, content, judge(scenario, session, truth), others or {})
+    return Sample(scenario, content, run_score(scenario, session, truth), others or {})
 
 
 def shipped_sample(name: str, folder: Path, duration_s: float | None = None, *, others: bool = True) -> Sample:

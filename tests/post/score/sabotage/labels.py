@@ -74,8 +74,8 @@ def _set_values(**keys: object) -> Callable[[Table], None]:
     return change
 
 
-def _set_excuse(reason: str) -> Callable[[Table], None]:
-    """The output is not valid, and the reason is one that excuses it elsewhere."""
+def _set_reason(reason: str) -> Callable[[Table], None]:
+    """The output is not valid, and the reason explains it elsewhere."""
 
     def change(table: Table) -> None:
         table["valid"], table["reasons"] = False, [reason]
@@ -145,12 +145,12 @@ LABELS: Sequence[Falsification] = (
     Falsification(
         "never valid, no reason", ALWAYS, of_topics(_with_reasons, _edit(_set_values(valid=False, reasons=[])))
     ),
-    Falsification("never valid, stale", ALWAYS, of_topics(_with_reasons, _edit(_set_excuse("stale")))),
+    Falsification("never valid, stale", ALWAYS, of_topics(_with_reasons, _edit(_set_reason("stale")))),
     *(
         Falsification(
-            f"never valid, excused by {reason}",
-            "a reason excuses an output where the truth has its cause, and nowhere else",
-            of_topics(_with_reasons, _edit(_set_excuse(reason))),
+            f"never valid, explained by {reason}",
+            "a reason explains an output where the truth has its cause, and nowhere else",
+            of_topics(_with_reasons, _edit(_set_reason(reason))),
         )
         for reason in (
             "no_profile",
@@ -167,9 +167,9 @@ LABELS: Sequence[Falsification] = (
         )
     ),
     Falsification(
-        "not valid from half of the flight on, excused by outside_profile",
-        "a reason excuses an output where the truth has its cause, and nowhere else",
-        of_topics(_with_reasons, _edit(_set_excuse("outside_profile"), from_share=0.5)),
+        "not valid from half of the flight on, explained by outside_profile",
+        "a reason explains an output where the truth has its cause, and nowhere else",
+        of_topics(_with_reasons, _edit(_set_reason("outside_profile"), from_share=0.5)),
     ),
     Falsification(
         "always valid",
@@ -250,7 +250,7 @@ LABELS: Sequence[Falsification] = (
         "while the monitor vouches for the height, the deviation is valid",
         of_topics(
             lambda sample: [topic for topic in checked_outputs(sample) if topic == GLIDE_SLOPE],
-            _edit(_set_excuse("integrity")),
+            _edit(_set_reason("integrity")),
         ),
     ),
 )

@@ -13,12 +13,12 @@ from tests.logger.campaign.commands import fti
 #: What an entry of the report may say about itself without a failure.
 NAMES = ("place", "flag", "topic", "check", "name", "what", "quantity", "word", "channel", "subject")
 SHOWN = 3
-#: Verdicts of rows that fail; an unexpected flag has none, and stands in a table of its own.
+#: Results of rows that fail; an unexpected flag has none, and is in a table of its own.
 FAILURES = frozenset(("late", "missing", "does not clear", "does not hold", "bench was late", "unexpected"))
 
 
 @dataclass(frozen=True, slots=True)
-class Judgement:
+class ScoreReport:
     """Of a session.  code : exit code; report : what ``--json`` printed; error : what stood on standard error"""
 
     code: int
@@ -31,8 +31,8 @@ class Judgement:
         return self.code == 0
 
     @property
-    def verdicts(self) -> dict[str, str]:
-        """Row -> its verdict, of all tables of the report."""
+    def results(self) -> dict[str, str]:
+        """Row -> its result, of all tables of the report."""
         return dict(self._rows())
 
     def _rows(self) -> Iterator[tuple[str, str]]:
@@ -46,15 +46,15 @@ class Judgement:
     @property
     def failures(self) -> list[str]:
         """The rows that fail, and what stood on standard error."""
-        rows = [f"{row}: {verdict}" for row, verdict in self.verdicts.items() if verdict in FAILURES]
+        rows = [f"{row}: {result}" for row, result in self.results.items() if result in FAILURES]
         return rows + ([self.error.strip()] if self.error.strip() else [])
 
-    def detected_by(self, honest: Judgement) -> str:
-        """The first rows whose verdict is another one than in the honest session, or the refusal."""
+    def detected_by(self, honest: ScoreReport) -> str:
+        """The first rows whose result is another one than in the honest session, or the refusal."""
         if self.error and self.code not in (0, 1):
             return f"exit {self.code}: {self.error.strip().splitlines()[-1][-160:]}"
-        before = honest.verdicts
-        rows = [row for row, verdict in self.verdicts.items() if before.get(row) != verdict and verdict in FAILURES]
+        before = honest.results
+        rows = [row for row, result in self.results.items() if before.get(row) != result and result in FAILURES]
         more = f" and {len(rows) - SHOWN} more" if len(rows) > SHOWN else ""
         return "; ".join(rows[:SHOWN]) + more or f"exit {self.code}"
 
@@ -64,7 +64,7 @@ def _name(table: str, row: dict[str, Any]) -> str:
     return f"{table}: {' '.join(words)}" if words else f"{table}: {json.dumps(row)[:80]}"
 
 
-def judge(scenario: str | Path, session: Path, truth: Path | None = None) -> Judgement:
+def run_score(scenario: str | Path, session: Path, truth: Path | None = None) -> ScoreReport:
     """Run ``fti score SCENARIO SESSION --json``.  Raises AssertionError when it crashes or prints something else.
 
     truth : its truth file where that lies elsewhere
@@ -74,4 +74,4 @@ def judge(scenario: str | Path, session: Path, truth: Path | None = None) -> Jud
     assert result.crash is None, result.crash
     assert result.code in (0, 1, 2, 3), result
     report = json.loads(result.out) if result.out.strip() else []
-    return Judgement(result.code, report, result.err)
+    return ScoreReport(result.code, report, result.err)

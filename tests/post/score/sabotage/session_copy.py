@@ -150,7 +150,7 @@ class Session:
         return self.seconds(self._states[-1].log_time)
 
     def was_late(self, from_s: float, until_s: float) -> bool:
-        """Was the emulator late in this interval, as the truth file has it?  That excuses what is missing then."""
+        """Was the emulator late in this interval, by the truth file?  Then flags and outputs may be missing."""
         return any(begin <= until_s and end >= from_s for begin, end in self._late)
 
     @cached_property

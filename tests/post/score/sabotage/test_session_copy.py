@@ -13,7 +13,7 @@ from tests.logger.campaign.commands import fti
 from tests.post.score.sabotage.falsification import Sample
 from tests.post.score.sabotage.flights import fly_short, sample_of, short_file
 from tests.post.score.sabotage.message_edits import Forgery
-from tests.post.score.sabotage.score_run import judge
+from tests.post.score.sabotage.score_run import run_score
 from tests.post.score.sabotage.session_copy import KINDS, Session
 
 
@@ -49,10 +49,10 @@ def test_verify_reports_the_same_for_a_copy_and_the_original(sample: Sample, tmp
 
 
 def test_a_copy_holds_its_score_with_the_same_rows(sample: Sample, tmp_path: Path) -> None:
-    judgement = judge(sample.scenario, rewritten(sample, tmp_path))
+    report = run_score(sample.scenario, rewritten(sample, tmp_path))
     assert sample.honest.holds
-    assert judgement.holds
-    assert judgement.verdicts == sample.honest.verdicts
+    assert report.holds
+    assert report.results == sample.honest.results
 
 
 def test_files_without_changes_are_the_same_files(sample: Sample, tmp_path: Path) -> None:

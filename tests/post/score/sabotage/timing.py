@@ -140,7 +140,7 @@ def _shift_everything(by_s: float) -> Callable[[Forgery, str], None]:
 
 
 def _moving(sample: Sample) -> list[str]:
-    """The judged outputs whose values change by more than any sigma during the flight: positions and heights."""
+    """The compared outputs whose values change by more than any sigma during the flight: positions and heights."""
     return [
         topic
         for topic in checked_outputs(sample)

@@ -159,7 +159,7 @@ SIGMAS = (
     "horizontal_sd", "vertical_sd", "vel_sd", "tilt_sd", "heading_sd", "vel_down_sd", "sd", "nearest_sd", "dh_sd",
     "height_error_sd",
 )  # fmt: skip
-#: Of which nothing but the promise is judged; an optimistic one is seen by the errors of what it belongs to.
+#: Only their presence is checked; an optimistic one is detected by the errors of its quantity.
 CLAIM = (
     "a sigma is positive, stated for each valid value, and the errors fit it: neither 5 times it nor a fortieth of it"
 )

@@ -1,4 +1,4 @@
-"""Falsifications with an excuse that the unit under test writes itself: a flag is hidden, or an output has a hole.
+"""Falsifications with an explanation that the unit under test writes itself: a flag is hidden, or an output has a hole.
 
 Only the emulator knows whether the bench was late; it says so in the truth file.
 """
@@ -18,11 +18,11 @@ from tests.post.score.sabotage.session_copy import SECOND_NS
 
 #: What is falsified where a session has no expected flag: a hole of this length [s], at this part of the flight.
 HOLE_S, HOLE_AT = 5.0, 0.45
-#: An excuse stands from so long before the fault until so long after [s].
-EXCUSE_S = 4.0
-#: So many flags of a session are hidden, or so many outputs have a hole, with each excuse.
+#: An explanation stands from so long before the fault until so long after [s].
+EXPLANATION_S = 4.0
+#: So many flags of a session are hidden, or so many outputs have a hole, with each explanation.
 MAX_PICKED = 3
-Excuse = Callable[[Forgery, float], None]
+Explanation = Callable[[Forgery, float], None]
 T = TypeVar("T")
 
 
@@ -33,7 +33,7 @@ def _lag_of_health(forgery: Forgery, at_s: float) -> None:
 
 def _lag_during(forgery: Forgery, at_s: float) -> None:
     def change(note: Table, t: float) -> None:
-        if abs(t - at_s) < EXCUSE_S:
+        if abs(t - at_s) < EXPLANATION_S:
             note["navigation"]["lag_ms"] = 600.0
 
     forgery.edit_notes(HEALTH, change)
@@ -43,7 +43,7 @@ def _begins_late(forgery: Forgery, at_s: float) -> None:
     """Navigation says nothing of itself until the fault is over."""
 
     def change(note: Table, t: float) -> None:
-        if t < at_s + EXCUSE_S:
+        if t < at_s + EXPLANATION_S:
             note["navigation"]["lag_ms"] = None
 
     forgery.edit_notes(HEALTH, change)
@@ -54,7 +54,7 @@ def _remove_ticks(forgery: Forgery, at_s: float) -> None:
     forgery.edit(
         "raw",
         ["/fti/tick"],
-        lambda item: [] if abs(forgery.session.seconds(item.log_time) - at_s) < EXCUSE_S else [item],
+        lambda item: [] if abs(forgery.session.seconds(item.log_time) - at_s) < EXPLANATION_S else [item],
     )
     forgery.renumber()
 
@@ -102,13 +102,13 @@ def _late_publish_times(forgery: Forgery, at_s: float) -> None:
         )
 
 
-def _all_excuses(forgery: Forgery, at_s: float) -> None:
-    """All excuses of navigation at a time."""
-    for excuse in (_lag_of_health, _remove_ticks, _busy_event, _late_publish_times, _other_kind_of_flight):
-        excuse(forgery, at_s)
+def _all_explanations(forgery: Forgery, at_s: float) -> None:
+    """All explanations of navigation at a time."""
+    for explain in (_lag_of_health, _remove_ticks, _busy_event, _late_publish_times, _other_kind_of_flight):
+        explain(forgery, at_s)
 
 
-EXCUSES: Sequence[tuple[str, Excuse]] = (
+EXPLANATIONS: Sequence[tuple[str, Explanation]] = (
     ("lag of 600 ms in each health", _lag_of_health),
     ("lag of 600 ms around the fault", _lag_during),
     ("navigation that begins behind the fault", _begins_late),
@@ -116,17 +116,17 @@ EXCUSES: Sequence[tuple[str, Excuse]] = (
     ("an event that says busy", _busy_event),
     ("another kind of flight", _other_kind_of_flight),
     ("late publish times", _late_publish_times),
-    ("all of these", _all_excuses),
+    ("all of these", _all_explanations),
 )
 
 
-def _excuse_targets(excuse: Excuse) -> Callable[[Sample], Iterator[Target]]:
+def _targets(explain: Explanation) -> Callable[[Sample], Iterator[Target]]:
     def targets(sample: Sample) -> Iterator[Target]:
         flags = [flag for flag in flags_of(sample) if flag.value is None]
         if not flags:
-            yield from (_hole(topic, excuse) for topic in _pick(checked_outputs(sample)))
+            yield from (_hole(topic, explain) for topic in _pick(checked_outputs(sample)))
         for flag in _pick(flags):
-            yield Target(flag.name, lambda forgery, flag=flag: _hide_and_excuse(forgery, flag, excuse))  # type: ignore[misc]
+            yield Target(flag.name, lambda forgery, flag=flag: _hide_and_explain(forgery, flag, explain))  # type: ignore[misc]
 
     return targets
 
@@ -136,12 +136,12 @@ def _pick(things: Sequence[T]) -> Sequence[T]:
     return things[:: max(1, len(things) // MAX_PICKED)][:MAX_PICKED]
 
 
-def _hide_and_excuse(forgery: Forgery, flag: Flag, excuse: Excuse) -> None:
+def _hide_and_explain(forgery: Forgery, flag: Flag, explain: Explanation) -> None:
     hide(forgery, flag)
-    excuse(forgery, flag.from_s)
+    explain(forgery, flag.from_s)
 
 
-def _hole(topic: str, excuse: Excuse) -> Target:
+def _hole(topic: str, explain: Explanation) -> Target:
     def apply(forgery: Forgery) -> None:
         begin_s = HOLE_AT * forgery.session.end_s
         forgery.edit(
@@ -149,16 +149,16 @@ def _hole(topic: str, excuse: Excuse) -> Target:
             [topic],
             lambda item: [] if 0.0 <= forgery.session.seconds(item.log_time) - begin_s < HOLE_S else [item],
         )
-        excuse(forgery, begin_s)
+        explain(forgery, begin_s)
 
     return Target(f"hole in {topic}", apply)
 
 
-OWN_EXCUSES: Sequence[Falsification] = tuple(
+OWN_EXPLANATIONS: Sequence[Falsification] = tuple(
     Falsification(
-        f"excused by {name}",
-        "only the emulator says when the bench was late; what the unit under test writes excuses nothing",
-        _excuse_targets(excuse),
+        f"explained by {name}",
+        "only the emulator knows when the bench was late; what the unit under test writes explains nothing",
+        _targets(explain),
     )
-    for name, excuse in EXCUSES
+    for name, explain in EXPLANATIONS
 )

@@ -15,7 +15,7 @@ from fti.hil.truth_log import RATES_ATTACHMENT
 from fti.logger.reading.json_message import parse_table
 from fti.nav.integrity.reference import ApproachReference
 from fti.post.reprocess import Setup
-from fti.post.score.evidence import ScoreEvidence
+from fti.post.score.flight_observation import FlightObservation
 from fti.post.score.observed_flags import ObservedFlags
 from fti.post.score.outputs.value_check import IntendedValues, read_intended_values
 from fti.post.score.truth_reader import FlightTruth
@@ -23,7 +23,7 @@ from fti.post.score.truth_table import TruthTable
 
 
 @dataclass(frozen=True, slots=True)
-class FlightEvidence:
+class FlightReference:
     """Reference for the outputs of a flight.
 
     sent : rate [Hz] of each kind of measurement of each device; intended : values that each device sent
@@ -44,14 +44,14 @@ class FlightEvidence:
     real_time: bool
 
 
-def flight_evidence(
+def flight_reference(
     scenario: Scenario, setup: Setup, flight_truth: FlightTruth, observed_flags: ObservedFlags
-) -> FlightEvidence:
+) -> FlightReference:
     """The reference for one flight.  setup : configuration of the emulator.
 
     Raises ConfigError, MissingError, RecordingError.
     """
-    return FlightEvidence(
+    return FlightReference(
         scenario,
         setup.config,
         setup.reference or parse_reference(setup.config, setup.texts),
@@ -61,7 +61,7 @@ def flight_evidence(
         _sent_rates(flight_truth),
         read_intended_values(flight_truth.file),
         [(pause.from_s, pause.until_s) for pause in flight_truth.pauses],
-        ScoreEvidence.of_flight(flight_truth, observed_flags, scenario.limits).start_s,
+        FlightObservation.of_flight(flight_truth, observed_flags, scenario.limits).start_s,
         flight_truth.real_time,
     )
 

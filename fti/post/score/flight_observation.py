@@ -1,6 +1,6 @@
-"""The observed flags of a flight, and the times that excuse a missing flag: pauses of the bench, start of the unit.
+"""The observed flags of a flight, and the times in which a flag may be missing: pauses of the bench, start of the unit.
 
-The unit under test cannot excuse itself: its stated lateness, and gaps of its recorder, are not an excuse.
+Lateness that the unit under test states, and gaps of its recorder, are no such times.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ BEFORE_S = 5.0
 
 
 @dataclass(frozen=True, slots=True)
-class ScoreEvidence:
-    """Observed flags of a flight, and the excuses.
+class FlightObservation:
+    """Observed flags of a flight, and the exempt times.
 
     pauses    : of the bench, in order
     start_s   : end of the allowed start of the unit [s]
@@ -32,8 +32,10 @@ class ScoreEvidence:
     has_ports: bool
 
     @classmethod
-    def of_flight(cls, flight_truth: FlightTruth, observed_flags: ObservedFlags, limits: ScoreLimits) -> ScoreEvidence:
-        """Make the evidence of one flight."""
+    def of_flight(
+        cls, flight_truth: FlightTruth, observed_flags: ObservedFlags, limits: ScoreLimits
+    ) -> FlightObservation:
+        """Make the observation of one flight."""
         start_s = min(max(observed_flags.first_report_s, 0.0), start_limit_s(flight_truth, limits))
         return cls(observed_flags, flight_truth.truth.end_s, flight_truth.pauses, start_s, flight_truth.real_time)
 
@@ -45,7 +47,7 @@ class ScoreEvidence:
         """End of the last pause of the bench in an interval [s]; None without a pause."""
         return max((p.until_s for p in self.pauses if p.from_s < until_s and p.until_s > from_s), default=None)
 
-    def excused_time_s(self, from_s: float, until_s: float) -> float:
+    def exempt_time_s(self, from_s: float, until_s: float) -> float:
         """Part of an interval in which the bench was late or the unit was starting [s]."""
         return overlap_s(merge_pauses((*self.pauses, FlightPause(0.0, self.start_s))), from_s, until_s)
 
