@@ -8,7 +8,8 @@ A driver is a module of this package whose name does not begin with ``_``.  In t
     ``CARRIERS``     the supported kinds of link: "serial", "udp", "can"
     ``Options``      options of the configuration (strict, frozen; ``fti.config.StrictModel``)
     ``make_decoder(options) -> Decoder``    bytes of the link to measurements; never raises on bad bytes
-    ``make_encoder(options) -> Encoder``    measurements to bytes, for the emulator
+    ``make_encoder(options) -> Encoder``    measurements to bytes, for the emulator; both raise ValueError for wrong
+                                            options
     ``on_connect(options) -> [bytes]``      messages to the device after every connect
     ``poll(options) -> (period_s, bytes) | None``   a request that is sent periodically
     ``COMMANDS``     {command name: ``Command``}: the commands for ``fti send``

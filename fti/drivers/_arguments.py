@@ -1,7 +1,11 @@
-"""Checks the names of command arguments against the ``COMMANDS`` of a driver; the driver checks the values."""
+"""Checks the names of command arguments against the ``COMMANDS`` of a driver, and reads numbers.
+
+The driver checks the values.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 from fti.drivers import Command
@@ -23,3 +27,11 @@ def check_complete(commands: Mapping[str, Command], name: str, args: Mapping[str
     for key, meaning in commands[name].arguments.items():
         if key not in args:
             raise ValueError(f"{name}: {key} is missing: {meaning}")
+
+
+def number_or_nan(text: str) -> float:
+    """The number in a text; NaN, which is outside every range, if it has none."""
+    try:
+        return float(text)
+    except ValueError:
+        return math.nan

@@ -98,10 +98,14 @@ class LineCodec:
         names = [name for name in self.template.names if name != CHECKSUM]
         if not names:
             raise ValueError("line: has no {field}")
-        self.codecs: dict[str, FieldCodec] = make_field_codecs(
-            names, _field_descriptions(options, names), self.template.to_wire
-        )
-        self._check_text()
+        fields = options.fields
+        if "fields" not in options.model_fields_set:
+            fields = tuple(f for f in fields if f.name in names)
+        self.codecs: dict[str, FieldCodec] = make_field_codecs(names, fields, self.template.to_wire)
+        for name, is_text in self.template.is_text.items():
+            meaning = self.codecs.get(name)
+            if is_text and meaning and (meaning.quantity or meaning.field.limits):
+                raise ValueError(f"fields: {name}: is text in the line; a quantity and limits need a number")
         if (CHECKSUM in self.template.names) != (options.checksum is not None):
             raise ValueError("checksum: must be configured if the line has {checksum}, and only then")
         if options.checksum:
@@ -109,12 +113,6 @@ class LineCodec:
         for text in (options.line, *options.lost_lines):
             if any(end in text for end in options.terminator):
                 raise ValueError(f"line: {text!r} contains a character of the terminator {options.terminator!r}")
-
-    def _check_text(self) -> None:
-        for name, is_text in self.template.is_text.items():
-            meaning = self.codecs.get(name)
-            if is_text and meaning and (meaning.quantity or meaning.field.limits):
-                raise ValueError(f"fields: {name}: is text in the line; a quantity and limits need a number")
 
     def _is_lost(self, line: bytes) -> bool:
         return any(lost.match(line) for lost in self.lost)
@@ -154,13 +152,6 @@ def _lost_line(text: str) -> Template:
         raise ValueError(f"lost_lines: {text!r}: {str(error).removeprefix('line: ')}") from None
 
 
-def _field_descriptions(options: Options, names: list[str]) -> tuple[Field, ...]:
-    """The fields of the options; of the default fields those in the line."""
-    if "fields" in options.model_fields_set:
-        return options.fields
-    return tuple(f for f in options.fields if f.name in names)
-
-
 def _check_checksum(rule: LineChecksum, template: Template) -> None:
     """Raises ValueError if the line does not fit the checksum."""
     at = template.names.index(CHECKSUM)
@@ -174,7 +165,7 @@ def _check_checksum(rule: LineChecksum, template: Template) -> None:
 
 
 class Decoder:
-    """Lines to measurements."""
+    """Lines to measurements.  Raises ValueError for wrong options."""
 
     def __init__(self, options: Options) -> None:
         self.counters = Counters()
@@ -221,14 +212,7 @@ class Encoder:
         return self._polled_device.respond(data)
 
 
-def make_decoder(options: Options) -> Decoder:
-    """A fresh decoder.  Raises ValueError for wrong options."""
-    return Decoder(options)
-
-
-def make_encoder(options: Options) -> Encoder:
-    """A fresh encoder.  Raises ValueError for wrong options."""
-    return Encoder(options)
+make_decoder, make_encoder = Decoder, Encoder
 
 
 def on_connect(options: Options) -> list[bytes]:

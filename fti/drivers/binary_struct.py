@@ -79,7 +79,7 @@ def make_frame_codec(options: Options) -> FrameCodec:
 
 
 class Decoder:
-    """Frames to measurements."""
+    """Frames to measurements.  Raises ValueError for wrong options."""
 
     def __init__(self, options: Options) -> None:
         self.counters = Counters()
@@ -116,14 +116,7 @@ class Encoder:
         return self._polled_device.respond(data)
 
 
-def make_decoder(options: Options) -> Decoder:
-    """A fresh decoder.  Raises ValueError for wrong options."""
-    return Decoder(options)
-
-
-def make_encoder(options: Options) -> Encoder:
-    """A fresh encoder.  Raises ValueError for wrong options."""
-    return Encoder(options)
+make_decoder, make_encoder = Decoder, Encoder
 
 
 def on_connect(options: Options) -> list[bytes]:

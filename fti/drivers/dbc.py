@@ -104,7 +104,7 @@ def read_plans(text: str, counter: str) -> dict[int, MessagePlan]:
 
 
 class Decoder:
-    """CAN frames, one per feed, to measurements."""
+    """CAN frames, one per feed, to measurements.  Raises ValueError for a wrong DBC."""
 
     def __init__(self, options: Options) -> None:
         self.counters = Counters()
@@ -130,18 +130,14 @@ class Decoder:
     def _decode(self, plan: MessagePlan, data: bytes, stamp: Stamp) -> list[Measurement]:
         little, big = int.from_bytes(data, "little"), int.from_bytes(data, "big")
         measurements = [m for make in plan.makers(little, big) if (m := make(stamp, little, big)) is not None]
-        if conditions := self._update_supervision(plan, stamp.t_rx_ns, little, big):
+        code = int(plan.counter.extract(little, big)) if plan.counter else None
+        modulus = plan.counter.modulus if plan.counter else 0
+        conditions = self._watch.handle_message(
+            stamp.t_rx_ns, plan.node, plan.name, code=code, modulus=modulus, cycle_ns=plan.layout.cycle_ns
+        )
+        if conditions:
             measurements.append(node_status(stamp, conditions))
         return measurements
-
-    def _update_supervision(self, plan: MessagePlan, t_rx_ns: int, little: int, big: int) -> tuple[str, ...]:
-        counter = plan.counter
-        if counter is None:
-            return self._watch.handle_message(t_rx_ns, plan.node, plan.name, cycle_ns=plan.layout.cycle_ns)
-        code = int(counter.extract(little, big))
-        return self._watch.handle_message(
-            t_rx_ns, plan.node, plan.name, code=code, modulus=counter.modulus, cycle_ns=plan.layout.cycle_ns
-        )
 
 
 class Encoder:
@@ -202,16 +198,7 @@ def raw_of(signal: DbcSignal, reading: Reading) -> float | None:
     """The raw value of a reading, from its text or its number; None without both."""
     if reading.text in signal.states.values():
         return next(raw for raw, name in signal.states.items() if name == reading.text)
-    if reading.value is None:
-        return None
-    return signal.raw(reading.value)
+    return None if reading.value is None else signal.raw(reading.value)
 
 
-def make_decoder(options: Options) -> Decoder:
-    """A fresh decoder.  Raises ValueError for a wrong DBC."""
-    return Decoder(options)
-
-
-def make_encoder(options: Options) -> Encoder:
-    """A fresh encoder.  Raises ValueError for a wrong DBC."""
-    return Encoder(options)
+make_decoder, make_encoder = Decoder, Encoder

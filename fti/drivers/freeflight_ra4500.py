@@ -109,18 +109,15 @@ class Decoder:
     def feed(self, data: bytes, t_rx_ns: int) -> list[Measurement]:
         measurements: list[Measurement] = []
         if self.counters.held and t_rx_ns - self._last_ns >= FRAME_TIMEOUT_NS:
-            self._discard_partial()
+            # Discard a partial frame before a pause: its rest may be missing.
+            self.counters.skipped["pause"] += self.counters.held
+            self.counters.held = 0
+            self._framer = Framer(self._measure, self.counters, limit=64)
         self._last_ns = t_rx_ns
         for stamp, frame in self._framer.feed(data, t_rx_ns):
             self.counters.messages["height"] += 1
             measurements += decode_height(self._body(frame)[:BODY], stamp, self._options)
         return measurements
-
-    def _discard_partial(self) -> None:
-        """Discard a partial frame before a pause: its rest may be missing."""
-        self.counters.skipped["pause"] += self.counters.held
-        self.counters.held = 0
-        self._framer = Framer(self._measure, self.counters, limit=64)
 
     def _body(self, buffer: bytes | bytearray) -> bytes:
         """The received part of the body, without stuffing."""
@@ -180,11 +177,4 @@ class Encoder:
         return []
 
 
-def make_decoder(options: Options) -> Decoder:
-    """A fresh decoder."""
-    return Decoder(options)
-
-
-def make_encoder(options: Options) -> Encoder:
-    """A fresh encoder."""
-    return Encoder(options)
+make_decoder, make_encoder = Decoder, Encoder

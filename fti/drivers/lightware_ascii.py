@@ -31,7 +31,7 @@ from pydantic import Field
 
 from fti.config import Positive, StrictModel
 from fti.drivers import Command, Counters
-from fti.drivers._arguments import check_complete
+from fti.drivers._arguments import check_complete, number_or_nan
 from fti.drivers._line_framing import FirstLine, LineFramer
 from fti.drivers._polled_device import PolledDevice
 from fti.drivers._rangefinder import LOST_M, make_range, wire_distance
@@ -167,14 +167,7 @@ def _execute(line: bytes) -> list[bytes]:
     return []
 
 
-def make_decoder(options: Options) -> Decoder:
-    """A fresh decoder."""
-    return Decoder(options)
-
-
-def make_encoder(options: Options) -> Encoder:
-    """A fresh encoder."""
-    return Encoder(options)
+make_decoder, make_encoder = Decoder, Encoder
 
 
 def on_connect(options: Options) -> list[bytes]:
@@ -193,23 +186,12 @@ def command(name: str, args: Mapping[str, str], options: Options | None = None) 
     if options is not None and options.query != "ldf":
         raise ValueError(f"{name}: needs query = 'ldf' (LW20, SF20); it is {options.query!r}")
     if name == "laser":
-        return b"#LF,%d\r\n" % _switch(args["state"])
+        if args["state"] not in ("on", "off"):
+            raise ValueError(f"laser: state = {args['state']!r}: must be on or off")
+        return b"#LF,%d\r\n" % (args["state"] == "on")
     if name == "zero_offset":
-        return f"#LO,{_metres(args['metres']):.2f}\r\n".encode("ascii")
+        metres = number_or_nan(args["metres"])
+        if not -10.0 <= metres <= 10.0:
+            raise ValueError(f"zero_offset: metres = {args['metres']!r}: must be -10 to 10")
+        return f"#LO,{metres:.2f}\r\n".encode("ascii")
     return b"?P\r\n" if name == "identify" else b"%P\r\n"
-
-
-def _switch(text: str) -> bool:
-    if text not in ("on", "off"):
-        raise ValueError(f"laser: state = {text!r}: must be on or off")
-    return text == "on"
-
-
-def _metres(text: str) -> float:
-    try:
-        metres = float(text)
-    except ValueError:
-        metres = float("nan")
-    if not -10.0 <= metres <= 10.0:
-        raise ValueError(f"zero_offset: metres = {text!r}: must be -10 to 10")
-    return metres

@@ -46,6 +46,7 @@ from fti.config import StrictModel
 from fti.drivers import Command, Counters
 from fti.drivers._arguments import check_complete
 from fti.drivers._framing import Framer, Skip, skip_to
+from fti.drivers._no_commands import poll  # noqa: F401 - the device streams
 from fti.drivers._rangefinder import LOST_M, make_range, wire_distance
 from fti.formats.unit_factors import DEGREE
 from fti.messages.measurements import Ack, Measurement, Range, Reading, Stamp
@@ -170,7 +171,7 @@ def measure(buffer: bytearray) -> int | Skip:
 
 
 class Decoder:
-    """Packets to Range, Reading and Ack."""
+    """Packets to Range, Reading and Ack.  Raises ValueError if the outputs do not fit the family."""
 
     def __init__(self, options: Options) -> None:
         self.counters = Counters()
@@ -225,14 +226,7 @@ def _answer(packet: bytes) -> bytes:
     return make_packet(NAME, b"SF20".ljust(16, b"\0")) if packet[3] == NAME else make_packet(packet[3], packet[4:-2])
 
 
-def make_decoder(options: Options) -> Decoder:
-    """A fresh decoder.  Raises ValueError if the outputs do not fit the family."""
-    return Decoder(options)
-
-
-def make_encoder(options: Options) -> Encoder:
-    """A fresh encoder.  Raises ValueError if the outputs do not fit the family."""
-    return Encoder(options)
+make_decoder, make_encoder = Decoder, Encoder
 
 
 def on_connect(options: Options) -> list[bytes]:
@@ -247,10 +241,6 @@ def on_connect(options: Options) -> list[bytes]:
 
 def _stream(options: Options) -> int:
     return 5 if options.unit == "cm" else 6
-
-
-def poll(options: Options) -> None:
-    """The device streams."""
 
 
 def command(name: str, args: Mapping[str, str], options: Options | None = None) -> bytes:

@@ -162,7 +162,10 @@ class Encoder:
         here = f"{fields.format_angle(position.lat, 'NS', 2)},{fields.format_angle(position.lon, 'EW', 3)}"
         speed, track = self._speed_and_track(position.stamp.t_rx_ns)
         status, mode, quality = ("A", "A", 1) if position.valid else ("V", "N", 0)
-        height = f"{fields.format_number(_alt_msl(position), 3)},M,{fields.format_number(position.undulation, 3)},M"
+        alt_msl = position.alt_msl
+        if alt_msl is None and position.alt is not None and position.undulation is not None:
+            alt_msl = position.alt - position.undulation
+        height = f"{fields.format_number(alt_msl, 3)},M,{fields.format_number(position.undulation, 3)},M"
         sky = self._quality(position.stamp.t_rx_ns)
         return [
             *_sigma(time, position),
@@ -197,21 +200,8 @@ def _sigma(time: str, position: Position) -> list[bytes]:
     return [fields.sentence(f"GNGST,{time},,,,,{horizontal},{horizontal},{vertical}")]
 
 
-def _alt_msl(position: Position) -> float | None:
-    if position.alt_msl is None and position.alt is not None and position.undulation is not None:
-        return position.alt - position.undulation
-    return position.alt_msl
-
-
 def _degrees(heading: float) -> str:
     return f"{round(math.degrees(heading) * 1000) % 360_000 / 1000:.3f}"
 
 
-def make_decoder(options: Options) -> Decoder:
-    """A fresh decoder."""
-    return Decoder(options)
-
-
-def make_encoder(options: Options) -> Encoder:
-    """A fresh encoder."""
-    return Encoder(options)
+make_decoder, make_encoder = Decoder, Encoder

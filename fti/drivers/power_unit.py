@@ -33,6 +33,7 @@ from fti.drivers import Command, Counters
 from fti.drivers._arguments import check_complete
 from fti.drivers._framing import Framer, Skip, skip_to
 from fti.drivers._nmea_framing import MAX_SENTENCE, measure_sentence, split
+from fti.drivers._no_commands import on_connect, poll  # noqa: F401 - the unit sends by itself
 from fti.formats.nmea_fields import sentence
 from fti.messages.measurements import Ack, DeviceStatus, Measurement, Reading, Stamp
 
@@ -154,24 +155,7 @@ class Encoder:
         return sentence(f"PFTI,ACK,{name},{breaker},{done:d},{words[:MAX_TEXT_LENGTH]}")
 
 
-def make_decoder(options: Options) -> Decoder:
-    """A fresh decoder."""
-    return Decoder(options)
-
-
-def make_encoder(options: Options) -> Encoder:
-    """A fresh encoder."""
-    return Encoder(options)
-
-
-def on_connect(options: Options) -> list[bytes]:
-    """No messages."""
-    return []
-
-
-def poll(options: Options) -> tuple[float, bytes] | None:
-    """No request: the unit sends by itself."""
-    return None
+make_decoder, make_encoder = Decoder, Encoder
 
 
 def command(name: str, args: Mapping[str, str], options: Options | None = None) -> bytes:

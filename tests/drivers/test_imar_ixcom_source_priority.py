@@ -8,9 +8,9 @@ from typing import Any
 import pytest
 
 from fti.drivers import imar_ixcom as ix
+from fti.drivers.imar_ixcom.decoder import PREFERRED
 from fti.drivers.imar_ixcom.messages import TABLE
 from fti.drivers.imar_ixcom.options import NUMBERS
-from fti.drivers.imar_ixcom.source_priority import PREFERRED
 from fti.drivers.imar_ixcom.wire import encode_frame
 from fti.messages.measurements import Attitude, ImuSample, Position, Reading, Velocity
 from tests.drivers.ixcom_frames import GNSS, GOOD, INSSOL, decode, frame, only

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import common
 
 from fti.drivers import Counters, mavlink
-from fti.drivers.mavlink import READERS
+from fti.drivers.mavlink import READERS, wire
 from fti.drivers.mavlink.wire import BASE_LENGTH, dialect_map, layout, signature
 from fti.messages.measurements import (
     Ack,
@@ -60,7 +60,7 @@ def distance(**changes: Any) -> Any:
 
 @given(st.binary(max_size=300))
 def test_crc_is_that_of_pymavlink(data: bytes) -> None:
-    assert mavlink.crc(data) == common.x25crc(data).crc
+    assert wire.crc(data) == common.x25crc(data).crc
 
 
 def test_a_message_that_the_dialect_does_not_know_is_refused() -> None:
@@ -148,7 +148,7 @@ def seal(frame: bytearray, number: int) -> bytes:
     """The frame with the right checksum at its end."""
     known = layout("common", number)
     assert known is not None
-    return bytes(frame) + mavlink.crc(bytes(frame[1:]) + known.seed).to_bytes(2, "little")
+    return bytes(frame) + wire.crc(bytes(frame[1:]) + known.seed).to_bytes(2, "little")
 
 
 def test_a_version_1_payload_of_another_length_is_refused() -> None:
@@ -243,7 +243,7 @@ def test_a_dialect_is_an_option() -> None:
     known = layout("ardupilotmega", number)
     assert known is not None
     frame = bytearray([0xFD, 1, 0, 0, 0, 1, 1, *number.to_bytes(3, "little"), 7])
-    data = bytes(frame) + mavlink.crc(bytes(frame[1:]) + known.seed).to_bytes(2, "little")
+    data = bytes(frame) + wire.crc(bytes(frame[1:]) + known.seed).to_bytes(2, "little")
     assert decode(data, dialect="ardupilotmega")[1].messages == {name: 1}
     assert not decode(data)[1].messages
 
@@ -562,7 +562,7 @@ def test_the_emulated_autopilot_refuses_parameters_that_are_no_numbers(number: i
 
 
 def names(frames: list[bytes]) -> list[str]:
-    return [str(common.mavlink_map[mavlink.message_id(frame)].msgname) for frame in frames]
+    return [str(common.mavlink_map[wire.message_id(frame)].msgname) for frame in frames]
 
 
 def test_the_emulated_autopilot_sends_what_it_can_say() -> None:

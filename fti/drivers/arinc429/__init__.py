@@ -86,7 +86,7 @@ def enabled_labels(options: Options) -> LabelSet:
 
 
 class Decoder:
-    """Words to measurements."""
+    """Words to measurements.  Raises ValueError if no label is enabled or the set does not exist."""
 
     def __init__(self, options: Options) -> None:
         self.counters = Counters()
@@ -186,11 +186,4 @@ class Encoder:
         return word if self._options.label_reversed else wire.reverse_label(word)
 
 
-def make_decoder(options: Options) -> Decoder:
-    """A fresh decoder.  Raises ValueError if no label is enabled or the set does not exist."""
-    return Decoder(options)
-
-
-def make_encoder(options: Options) -> Encoder:
-    """A fresh encoder.  Raises ValueError if no label is enabled or the set does not exist."""
-    return Encoder(options)
+make_decoder, make_encoder = Decoder, Encoder

@@ -232,7 +232,8 @@ class DiscreteLabel:
         at = self.label
         if isinstance(measurement, Reading) and measurement.name in at.fields:
             self._bits[measurement.name] = round(measurement.value or 0.0)
-            self._state = _state_of(measurement)
+            invalid = DiscreteState.NO_COMPUTED_DATA if measurement.value is None else DiscreteState.FUNCTIONAL_TEST
+            self._state = DiscreteState.NORMAL if measurement.valid else invalid
             return [] if at.flags or measurement.name != [*at.fields][-1] else [self._word(())]
         if isinstance(measurement, DeviceStatus) and at.flags:
             return self._encode_flags(measurement.flags)
@@ -252,12 +253,6 @@ class DiscreteLabel:
         data = sum(1 << bit - 1 for name, bit in at.flags.items() if name in flags)
         data |= sum(wire.encode_field(self._bits[name], *bits) for name, bits in at.fields.items())
         return wire.encode_discrete(at.label, data, state=self._state, sdi=at.sdi or 0)
-
-
-def _state_of(reading: Reading) -> DiscreteState:
-    if reading.valid:
-        return DiscreteState.NORMAL
-    return DiscreteState.NO_COMPUTED_DATA if reading.value is None else DiscreteState.FUNCTIONAL_TEST
 
 
 class EquipmentLabel:

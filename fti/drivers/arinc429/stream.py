@@ -96,14 +96,12 @@ class WordStream:
             return 0
         if evidence.good is False:
             return Skip(1, "no_sync")
-        if self._is_ambiguous(buffer[: evidence.end], evidence.enabled_words):
+        # Does another offset have at most one enabled label less, and no wrong parity?
+        searched, enough = buffer[: evidence.end], max(evidence.enabled_words - 1, 1)
+        if any(self._evidence(searched, at, enough).good for at in OTHER_OFFSETS):
             return Skip(1, "ambiguous")
         self._in_step, self._confirmed_words = True, evidence.end // WORD_BYTES - 1
         return WORD_BYTES
-
-    def _is_ambiguous(self, buffer: bytearray, enabled_words: int) -> bool:
-        """Does another offset have at most one enabled label less, and no wrong parity?"""
-        return any(self._evidence(buffer, at, max(enabled_words - 1, 1)).good for at in OTHER_OFFSETS)
 
     def _check_following(self, buffer: bytearray, good: bool) -> int | Skip:
         """After a word that is not enabled or not intact: is the offset still right?  The first evidence decides."""

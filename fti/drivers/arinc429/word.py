@@ -18,7 +18,6 @@ from fti.drivers._bits import REVERSED
 
 Parity = Literal["odd", "even", "none"]
 
-WORD_BITS = 32
 BNR_TOP = 28  # bit of the most significant data bit
 BNR_BITS_WITH_SDI = 18
 DISCRETE_LOW, DISCRETE_HIGH = 11, 29

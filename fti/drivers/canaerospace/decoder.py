@@ -113,7 +113,9 @@ class Decoder(BusDecoder):
                 measurements.append(decode_emergency(data, stamp))
                 self.counters.messages["emergency_event"] += 1
             else:
-                measurements += self._service(word, data, stamp)
+                is_identification = data[2] == IDS and word % 2 == 1
+                measurements += decode_identification(data, stamp) if is_identification else []
+                self.counters.messages[service_name(word, data[2])] += 1
         except ValueError:
             return "bad_data"
         return ""
@@ -139,9 +141,3 @@ class Decoder(BusDecoder):
             return ()
         high = self._halves.pop((word, node), None)
         return () if high is None else (join_double(high, half),)
-
-    def _service(self, can_id: int, data: bytes, stamp: Stamp) -> list[Measurement]:
-        is_identification = data[2] == IDS and can_id % 2 == 1
-        measurements = decode_identification(data, stamp) if is_identification else []
-        self.counters.messages[service_name(can_id, data[2])] += 1
-        return measurements

@@ -54,14 +54,10 @@ class Encoder:
     def encode(self, measurement: Measurement) -> list[bytes]:
         if not getattr(measurement, "valid", True):
             return []
-        carrying = self._parameters_for(measurement)
-        return [self._frame(p, v) for p in carrying if (v := _value_of(p, measurement)) is not None]
-
-    def _parameters_for(self, measurement: Measurement) -> Sequence[Parameter]:
-        """The parameters that may carry a part of it."""
+        carrying: Sequence[Parameter] = self._by_class.get(type(measurement), ())
         if isinstance(measurement, Reading):
-            return self._by_name.get(measurement.name, ())
-        return self._by_class.get(type(measurement), ())
+            carrying = self._by_name.get(measurement.name, ())
+        return [self._frame(p, v) for p in carrying if (v := _value_of(p, measurement)) is not None]
 
     def respond(self, data: bytes) -> list[bytes]:
         """The answer to a request for identification, on the channel of the request."""

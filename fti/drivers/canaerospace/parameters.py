@@ -38,7 +38,8 @@ class Parameter:
 @cache
 def read_parameters(text: str) -> dict[int, Parameter]:
     """The identifiers of a DBC (empty: the built-in one) by word.  Raises ValueError with the error."""
-    parameters = [_parameter(layout) for layout in read_layouts(text or _built_in())]
+    built_in = importlib.resources.files(__package__).joinpath("parameters.dbc")
+    parameters = [_parameter(layout) for layout in read_layouts(text or built_in.read_text(encoding="utf-8"))]
     if not parameters:
         raise ValueError("dbc: contains no message")
     return {p.word: p for p in parameters}
@@ -47,10 +48,6 @@ def read_parameters(text: str) -> dict[int, Parameter]:
 def unknown_parameter(can_id: int) -> Parameter:
     """An identifier that is not in the DBC: a reading by its number."""
     return Parameter(can_id, f"nod_{can_id}", "", 1.0, 0.0, float("-inf"), float("inf"))
-
-
-def _built_in() -> str:
-    return importlib.resources.files(__package__).joinpath("parameters.dbc").read_text(encoding="utf-8")
 
 
 def _parameter(layout: DbcMessage) -> Parameter:

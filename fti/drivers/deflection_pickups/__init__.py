@@ -26,7 +26,6 @@ the decoder changes only with acknowledgements of a node (``live_tables``); each
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
 from typing import Annotated
 
@@ -34,7 +33,7 @@ from pydantic import Field
 
 from fti.config import StrictModel
 from fti.drivers import Command
-from fti.drivers._arguments import check_complete
+from fti.drivers._arguments import check_complete, number_or_nan
 from fti.drivers.deflection_pickups import service as wire
 from fti.drivers.deflection_pickups.decoder import Decoder
 from fti.drivers.deflection_pickups.encoder import MAX_RATE_HZ, MIN_RATE_HZ, Encoder
@@ -74,6 +73,8 @@ COMMANDS = {
     ),
 }
 READ_EVERY_S = 60.0
+#: Makes the request of a command from the bus, the sensor and the arguments.
+Request = Callable[[PickupBus, Pickup, Mapping[str, str]], Service]
 
 
 class Options(StrictModel):
@@ -147,7 +148,7 @@ def _sensor(bus: PickupBus, surface: str) -> Pickup:
     return bus.sensors[surface]
 
 
-def _point_request(service: int) -> Callable[[PickupBus, Pickup, Mapping[str, str]], Service]:
+def _point_request(service: int) -> Request:
     def request(_: PickupBus, sensor: Pickup, args: Mapping[str, str]) -> Service:
         point = wire.pack_point(read_raw(args["raw"]), read_degrees(args.get("deg", "0")))
         return Service(sensor.node_id, service, sensor.number, wire.POINT_TYPE, point)
@@ -155,30 +156,18 @@ def _point_request(service: int) -> Callable[[PickupBus, Pickup, Mapping[str, st
     return request
 
 
-def _read_request(_: PickupBus, sensor: Pickup, args: Mapping[str, str]) -> Service:
-    return Service(sensor.node_id, wire.READ, sensor.number)
-
-
-def _rate(text: str) -> float:
-    try:
-        rate = float(text)
-    except ValueError:
-        rate = math.nan
-    if not MIN_RATE_HZ <= rate <= MAX_RATE_HZ:
-        raise ValueError(f"rate_hz = {text!r}; allowed is {MIN_RATE_HZ} to {MAX_RATE_HZ}")
-    return rate
-
-
 def _rate_request(bus: PickupBus, sensor: Pickup, args: Mapping[str, str]) -> Service:
-    interval_ms = round(1000.0 / _rate(args["rate_hz"]))
+    rate = number_or_nan(args["rate_hz"])
+    if not MIN_RATE_HZ <= rate <= MAX_RATE_HZ:
+        raise ValueError(f"rate_hz = {args['rate_hz']!r}; allowed is {MIN_RATE_HZ} to {MAX_RATE_HZ}")
     carrying = (m for m in bus.messages.values() if sensor.surface in m.deflection or sensor.surface in m.raw)
-    return wire.interval_request(sensor.node_id, next(carrying).layout.can_id, interval_ms)
+    return wire.interval_request(sensor.node_id, next(carrying).layout.can_id, round(1000.0 / rate))
 
 
-_REQUESTS = {
+_REQUESTS: dict[str, Request] = {
     "insert_point": _point_request(wire.INSERT),
     "modify_point": _point_request(wire.MODIFY),
     "delete_point": _point_request(wire.DELETE),
-    "read_table": _read_request,
+    "read_table": lambda _bus, sensor, _args: Service(sensor.node_id, wire.READ, sensor.number),
     "set_rate": _rate_request,
 }

@@ -80,7 +80,12 @@ class Decoder(BusDecoder):
                 count = int(signal.extract(*words))
                 self._raw[surface] = count, code
                 if self._bus.sensors[surface].raw_only:
-                    measurements.append(self._calibrated(surface, count, stamp))
+                    angle = self._tables.deflection(surface, count)
+                    measurements.append(
+                        SurfaceDeflection(
+                            stamp=stamp, surface=surface, deflection=angle, raw=count, valid=angle is not None
+                        )
+                    )
         for surface, (signal, factor) in message.deflection.items():
             if signal in present:
                 is_ours = True
@@ -101,11 +106,4 @@ class Decoder(BusDecoder):
             deflection=None if value is None else value * factor,
             raw=raw if counted == code else None,
             valid=valid,
-        )
-
-    def _calibrated(self, surface: str, raw: int, stamp: Stamp) -> SurfaceDeflection:
-        """Deflection from the table, for a node that sends raw counts only."""
-        deflection = self._tables.deflection(surface, raw)
-        return SurfaceDeflection(
-            stamp=stamp, surface=surface, deflection=deflection, raw=raw, valid=deflection is not None
         )

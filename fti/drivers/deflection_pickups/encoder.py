@@ -46,9 +46,9 @@ class Encoder:
         sensor = self._bus.sensors.get(measurement.surface)
         if sensor is None or not self._is_due(sensor.surface, measurement.stamp.t_rx_ns):
             return []
-        deflection = measurement.deflection
-        if deflection is None and measurement.raw is not None:
-            deflection = self._calibrated(sensor.surface, measurement.raw)
+        deflection, table = measurement.deflection, self._tables.get(sensor.surface)
+        if deflection is None and measurement.raw is not None and table is not None:
+            deflection = table.deflection(measurement.raw)
         updated = self._set_raw(sensor.surface, measurement.raw) + self._set_deflection(sensor.surface, deflection)
         frames = [self._frame(*self._builders[name]) for name in dict.fromkeys(updated)]
         return [frame for frame in frames if frame is not None]
@@ -62,10 +62,6 @@ class Encoder:
             return False
         self._due_ns[surface] = max(due, t_ns) + interval
         return True
-
-    def _calibrated(self, surface: str, raw: int) -> float | None:
-        table = self._tables.get(surface)
-        return None if table is None else table.deflection(raw)
 
     def _set_raw(self, surface: str, raw: int | None) -> list[str]:
         if raw is None:
@@ -126,17 +122,17 @@ class Encoder:
 
     def _set_interval(self, node: int, request: Service) -> list[Service]:
         interval = wire.unpack_interval(request)
-        surfaces = self._surfaces_of(node, interval[0]) if interval else set()
+        surfaces = {
+            surface
+            for m, _ in self._builders.values()
+            if interval and m.node_id == node and m.layout.can_id & 0xFFFF == interval[0]
+            for surface in (*m.raw, *m.deflection)
+        }
         if interval is None or not surfaces or interval[1] not in INTERVALS_MS:
             return [Service(node, wire.TIS, wire.OUT_OF_RANGE)]
         for surface in surfaces:
             self._intervals_ns[surface] = interval[1] * MILLISECOND_NS
         return [Service(node, wire.TIS, 0, request.kind, request.data)]
-
-    def _surfaces_of(self, node: int, can_id: int) -> set[str]:
-        """The surfaces in a message of a node."""
-        messages = (m for m, _ in self._builders.values() if m.node_id == node and m.layout.can_id & 0xFFFF == can_id)
-        return {surface for m in messages for surface in (*m.raw, *m.deflection)}
 
     def _edit(self, sensor: Pickup, request: Service) -> list[Service]:
         """Insert, modify or delete a point; the answer echoes the stored point."""

@@ -28,8 +28,8 @@ ANY_DEG = (-30.0, 30.0)
 
 def factory_tables(surfaces: Iterable[str]) -> dict[str, CalibrationTable]:
     """A table for each surface; an unknown one gets a travel of +-30 degrees."""
-    return {surface: _line(*TRAVEL_DEG.get(surface, ANY_DEG)) for surface in surfaces}
-
-
-def _line(low: float, high: float) -> CalibrationTable:
-    return CalibrationTable(((RAW[0], round(100.0 * low)), (RAW[1], round(100.0 * high))))
+    return {
+        surface: CalibrationTable(((RAW[0], round(100.0 * low)), (RAW[1], round(100.0 * high))))
+        for surface in surfaces
+        for low, high in [TRAVEL_DEG.get(surface, ANY_DEG)]
+    }

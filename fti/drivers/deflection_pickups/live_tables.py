@@ -90,19 +90,17 @@ class LiveTables:
             surface = sensor.surface if sensor else f"node {self._nodes[service.node]}, sensor {service.sensor}"
             return [Ack(stamp=stamp, command=command, accepted=False, detail=f"{surface}: {service.result}")]
         if service.number == READ:
-            return self._begin_transfer(sensor.surface, unpack_count(service), stamp)
+            count = unpack_count(service)
+            self._transfers.pop(sensor.surface, None)
+            if not count:
+                return [self._read_ack(sensor.surface, False, "the node has no table", stamp)]
+            self._transfers[sensor.surface] = _TableTransfer(count)
+            return []
         raw, hundredths = unpack_point(service)
         description = f"raw {raw}" if service.number == DELETE else f"raw {raw} = {hundredths / 100:.2f} deg"
         ack = Ack(stamp=stamp, command=command, accepted=True, detail=f"{sensor.surface}: {description}")
         self._transfers.pop(sensor.surface, None)  # the edit makes an active transfer invalid
         return [ack, *self._apply_node_edit(sensor, service, (raw, hundredths), f"{command} {description}", stamp)]
-
-    def _begin_transfer(self, surface: str, count: int, stamp: Stamp) -> list[Measurement]:
-        self._transfers.pop(surface, None)
-        if not count:
-            return [self._read_ack(surface, False, "the node has no table", stamp)]
-        self._transfers[surface] = _TableTransfer(count)
-        return []
 
     def _apply_node_edit(
         self, sensor: Pickup, service: Service, point: tuple[int, int], change: str, stamp: Stamp

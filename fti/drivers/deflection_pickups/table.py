@@ -17,6 +17,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import pairwise
 
+from fti.drivers._arguments import number_or_nan
 from fti.formats.unit_factors import DEGREE
 from fti.messages.measurements import CalibrationPoint
 
@@ -117,10 +118,7 @@ def read_raw(text: str) -> int:
 
 def read_degrees(text: str) -> int:
     """Degrees as hundredths.  Raises ValueError with the allowed values."""
-    try:
-        degrees = float(text)
-    except ValueError:
-        degrees = float("nan")
+    degrees = number_or_nan(text)
     if not MIN_DEG <= degrees <= MAX_DEG:
         raise ValueError(f"deg = {text!r}; allowed is {MIN_DEG} to {MAX_DEG}")
     return round(100.0 * degrees)

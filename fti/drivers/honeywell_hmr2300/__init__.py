@@ -32,6 +32,11 @@ from fti.drivers.honeywell_hmr2300.encoder import Encoder
 from fti.drivers.honeywell_hmr2300.framing import FULL_SCALE, LIMIT, SAMPLE, TEXT, Boundaries, counts_at
 from fti.messages.measurements import Ack, MagneticField, Measurement, Reading, Stamp
 
+__all__ = [
+    "CARRIERS", "COMMANDS", "DOCUMENT", "MESSAGES", "Options", "command", "make_decoder", "make_encoder", "on_connect",
+    "poll",
+]  # fmt: skip
+
 DOCUMENT = "Honeywell, Smart Digital Magnetometer HMR2300, data sheet 900139"
 MESSAGES = {
     "binary": "magnetic field, three axes",
@@ -64,11 +69,6 @@ ANSWER_PREFIXES = (
 )
 
 
-def decode_binary(frame: bytes) -> tuple[int, int, int]:
-    """Counts of a binary sample."""
-    return counts_at(frame, 0)
-
-
 def decode_ascii(frame: bytes) -> tuple[int, int, int]:
     """Counts of an ASCII sample."""
     x, y, z = (int(re.sub(rb"[ ,]", b"", frame[at : at + 9])) for at in (0, 9, 18))
@@ -97,7 +97,7 @@ class Decoder:
         for t_ns, frame in self._framer.feed(data, t_rx_ns):
             text = TEXT.fullmatch(frame)
             if text is None and len(frame) == SAMPLE:
-                measurements.append(self._sample("binary", decode_binary(frame), Stamp(t_ns)))
+                measurements.append(self._sample("binary", counts_at(frame, 0), Stamp(t_ns)))
             elif text and text["sample"]:
                 measurements.append(self._sample("ascii", decode_ascii(frame), Stamp(t_ns)))
             else:
@@ -135,25 +135,4 @@ class Decoder:
         return [] if self._with_enable else [Ack(stamp=stamp, command="write_enable", accepted=True)]
 
 
-def make_decoder(options: Options) -> Decoder:
-    """A fresh decoder."""
-    return Decoder(options)
-
-
-def make_encoder(options: Options) -> Encoder:
-    """A fresh encoder."""
-    return Encoder(options)
-
-
-__all__ = [
-    "CARRIERS",
-    "COMMANDS",
-    "DOCUMENT",
-    "MESSAGES",
-    "Options",
-    "command",
-    "make_decoder",
-    "make_encoder",
-    "on_connect",
-    "poll",
-]
+make_decoder, make_encoder = Decoder, Encoder

@@ -101,7 +101,10 @@ class Encoder:
         answers = self._answer_query(letters, to_all=to_all)
         if answers is None:
             enabled, self._enabled = self._enabled, False
-            answers = self._set(letters, to_all=to_all) if enabled else self._refuse_disabled(letters, to_all=to_all)
+            if enabled:
+                return self._set(letters, to_all=to_all)
+            is_known = re.fullmatch(r"[ABDYN]|RST|SP|[TZV][NF]?|ZR|R=\d+|ID=\d\d|!BR=[SF]", letters)
+            return [b"WE OFF\r"] if is_known else self._refuse()
         return answers
 
     def _answer_query(self, letters: str, *, to_all: bool) -> list[bytes] | None:
@@ -110,25 +113,18 @@ class Encoder:
             self._enabled = True
             return [b"OK\r"]
         if letters.startswith("]"):
-            return self._give_pulse(letters[1:])
+            other = "RST" if self._pulse == "SET" else "SET"
+            self._pulse = {"S": "SET", "R": "RST", "": other}.get(letters[1:], "")
+            return [self._pulse.encode("ascii") + b"\r"] if self._pulse else self._refuse()
         if letters == "ID=" and to_all:
             return [b"ID= %02d\r" % self._id]
         texts = {"#": "SER# 0001", "F": "S/W vers: 1.0", "H": "H/W vers: 1.0", "Q": self._settings()}
         return [texts[letters].encode("ascii") + b"\r"] if letters in texts else None
 
-    def _give_pulse(self, which: str) -> list[bytes]:
-        other = "RST" if self._pulse == "SET" else "SET"
-        self._pulse = {"S": "SET", "R": "RST", "": other}.get(which, "")
-        return [self._pulse.encode("ascii") + b"\r"] if self._pulse else self._refuse()
-
     def _settings(self) -> str:
         switches = ", ".join(f"{name} {'ON' if on else 'OFF'}" for name, on in self._switches.items())
         mode, answers = "CONT" if self._streams else "POLLED", "ON" if self._re_enter else "OFF"
         return f"{self._format.upper()}, {mode}, {switches}, R {answers}, ID={self._id:02d}, {self._rate} sps"
-
-    def _refuse_disabled(self, letters: str, *, to_all: bool) -> list[bytes]:
-        is_known = re.fullmatch(r"[ABDYN]|RST|SP|[TZV][NF]?|ZR|R=\d+|ID=\d\d|!BR=[SF]", letters)
-        return [b"WE OFF\r"] if is_known else self._refuse()
 
     def _set(self, letters: str, *, to_all: bool) -> list[bytes]:
         """A command that changes a setting, after its write enable."""
@@ -138,9 +134,13 @@ class Encoder:
         if match := re.fullmatch(r"([TZV])([NF]?)|(ZR)", letters):
             return self._switch({"T": "S/R", "Z": "ZERO", "V": "AVG"}[letters[0]], match[2] or "")
         if match := re.fullmatch(r"R=(\d{1,3})", letters):
-            return self._set_rate(int(match[1]))
+            is_allowed = int(match[1]) in RATES
+            self._rate = int(match[1]) if is_allowed else self._rate
+            return [b"OK\r"] if is_allowed else self._refuse()
         if match := re.fullmatch(r"ID=(\d\d)", letters):
-            return self._set_id(int(match[1]))
+            is_allowed = int(match[1]) != BROADCAST_ID
+            self._id = int(match[1]) if is_allowed else self._id
+            return [b"OK\r"] if is_allowed else self._refuse()
         if match := re.fullmatch(r"!BR=([SF])", letters) if to_all else None:
             self._baud = "9600" if match[1] == "S" else "19,200"
             return [b"OK\r", self._baud_bytes()]
@@ -152,18 +152,6 @@ class Encoder:
         if name == "ZERO":
             self._zero = self._raw if on else (0, 0, 0)
         return [f"{name} {'ON' if on else 'OFF'}\r".encode("ascii")]
-
-    def _set_rate(self, rate: int) -> list[bytes]:
-        if rate not in RATES:
-            return self._refuse()
-        self._rate = rate
-        return [b"OK\r"]
-
-    def _set_id(self, number: int) -> list[bytes]:
-        if number == BROADCAST_ID:
-            return self._refuse()
-        self._id = number
-        return [b"OK\r"]
 
     def _keep(self, letters: str) -> list[bytes]:
         """Store and restore settings, factory settings, answers to unknown commands."""

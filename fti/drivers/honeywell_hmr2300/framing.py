@@ -118,7 +118,10 @@ class Boundaries:
         window = self._bytes_to_confirm(buffer)
         if len(buffer) < window:
             return 0
-        return None if window and _is_elsewhere(buffer, window) else self._accept_sample(buffer)
+        if window and _is_elsewhere(buffer, window):
+            return None
+        self._last = counts_at(buffer, 0)
+        return SAMPLE
 
     def _bytes_to_confirm(self, buffer: bytearray) -> int:
         """Bytes needed to confirm the sample at the start; 0 if no confirmation is needed."""
@@ -158,10 +161,6 @@ class Boundaries:
             return None
         self._is_locked = False
         return Skip(size, "no_boundary")
-
-    def _accept_sample(self, buffer: bytearray) -> int:
-        self._last = counts_at(buffer, 0)
-        return SAMPLE
 
     def _accept_text(self, text: re.Match[bytes]) -> int:
         if text["sample"] or text["ascii"]:

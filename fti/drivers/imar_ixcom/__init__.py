@@ -24,7 +24,7 @@ convention, an undulation of exactly 0 means "no geoid model", and there is no d
 (status bit 9).
 
 Several messages may carry the same quantity.  Only one source per device is used, so that solutions are never mixed
-(see ``source_priority``): for five seconds after a valid message of higher priority the others become Readings.  To get
+(see ``decoder``): for five seconds after a valid message of higher priority the others become Readings.  To get
 the solution of the receiver as well, configure a second device on the link with ``only = ["GNSSSOL"]``.
 
 The system sends nothing until a channel is opened and messages are requested, unless it is configured to start by
@@ -34,7 +34,7 @@ only sends).  The emulated device sends ``logs`` from measurements of one stamp;
 
 from __future__ import annotations
 
-from fti.config import StrictModel
+from fti.drivers._no_commands import poll
 from fti.drivers.imar_ixcom.commands import COMMANDS, command, on_connect
 from fti.drivers.imar_ixcom.decoder import Decoder
 from fti.drivers.imar_ixcom.encoder import Encoder
@@ -57,16 +57,4 @@ CARRIERS = frozenset({"serial", "udp"})
 INERTIAL = True
 
 
-def make_decoder(options: Options) -> Decoder:
-    """A fresh decoder."""
-    return Decoder(options)
-
-
-def make_encoder(options: Options) -> Encoder:
-    """A fresh encoder."""
-    return Encoder(options)
-
-
-def poll(options: StrictModel) -> None:
-    """No periodic request."""
-    return
+make_decoder, make_encoder = Decoder, Encoder

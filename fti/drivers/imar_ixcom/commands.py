@@ -19,12 +19,12 @@ response.  The maker's package aids with a height by ``aid_height``, which has a
 
 from __future__ import annotations
 
-import math
 import struct
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 from fti.drivers import Command
+from fti.drivers._arguments import number_or_nan
 from fti.drivers.imar_ixcom.environment_messages import encode_extheight
 from fti.drivers.imar_ixcom.options import CHANNELS, NUMBERS, REQUESTABLE, Options, check_name
 from fti.drivers.imar_ixcom.wire import IxcomFrame, encode_frame
@@ -97,10 +97,7 @@ class Arguments:
         if default is not None and name not in self._values:
             return default
         text = self.text(name)
-        try:
-            value = float(text)
-        except ValueError:
-            value = math.nan
+        value = number_or_nan(text)
         if not low <= value <= high:
             raise ValueError(f"{self._command}: {name} = {text!r}: must be a number from {low:g} to {high:g}")
         return value
@@ -119,10 +116,6 @@ class Arguments:
         except ValueError as error:
             raise ValueError(f"{self._command}: {error}") from None
 
-    def optional(self, name: str, low: float, high: float) -> float | None:
-        """A number in [low, high], or None if missing."""
-        return self.real(name, low, high) if name in self._values else None
-
 
 def _request(arguments: Arguments) -> Payload:
     arguments.message()
@@ -136,8 +129,8 @@ def _external_height(arguments: Arguments) -> Payload:
 
 def _aid_height(arguments: Arguments) -> Payload:
     height, sd = arguments.real("height", -1000.0, 100_000.0), arguments.real("sd", 1e-3, 10_000.0)
-    time = arguments.optional("time", 0.0, WEEK_S)
-    mode, seconds = (LATENCY, 0.0) if time is None else (ABSOLUTE, time)
+    time = arguments.real("time", 0.0, WEEK_S, -1.0)
+    mode, seconds = (LATENCY, 0.0) if time < 0.0 else (ABSOLUTE, time)
     return NUMBERS["COMMAND"], struct.pack("<HHdHHdd", EXTAID, 0, seconds, mode, HEIGHT_AIDING, height, sd)
 
 

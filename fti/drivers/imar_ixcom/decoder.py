@@ -4,15 +4,23 @@ from __future__ import annotations
 
 from fti.drivers import Counters
 from fti.drivers._framing import Framer
-from fti.drivers._source_priority import SourcePriority
+from fti.drivers._source_priority import SourcePriority, ranks_of
 from fti.drivers.imar_ixcom.commands import decode_response
 from fti.drivers.imar_ixcom.decoder_state import DecoderState
 from fti.drivers.imar_ixcom.messages import BY_NUMBER, IxcomMessage
 from fti.drivers.imar_ixcom.options import NUMBERS, RESERVED, Options
-from fti.drivers.imar_ixcom.source_priority import RANKS
 from fti.drivers.imar_ixcom.system_status import MIN_PAYLOAD_BYTES
 from fti.drivers.imar_ixcom.wire import FRAME_MAX, IxcomFrame, measure, read_frame
-from fti.messages.measurements import Measurement
+from fti.messages.measurements import ImuSample, Measurement, Position, PressureAltitude, Velocity
+
+#: The messages that carry a quantity, highest priority first; the messages of a group come from the same filter.
+PREFERRED: dict[type, tuple[tuple[str, ...], ...]] = {
+    ImuSample: (("IMUCORR",), ("INSSOL",), ("IMURAW",)),
+    Velocity: (("INSSOL", "INSVELNED", "INSVELENU", "INSGNDSPEED"), ("GNSSSOL",)),
+    Position: (("INSSOL", "INSPOSLLH"), ("GNSSSOL",)),
+    PressureAltitude: (("AIRDATA",), ("INSSOL",)),
+}
+RANKS = ranks_of(PREFERRED)
 
 
 class Decoder:
@@ -42,13 +50,10 @@ class Decoder:
             return []
         self.counters.messages[name] += 1
         if frame.number in RESERVED:
-            return self._answers(frame) if is_enabled else []
+            ack = decode_response(frame) if is_enabled and frame.number == NUMBERS["RESPONSE"] else None
+            return [ack] if ack else []
         self._count(name, frame.counter)
         return measurements
-
-    def _answers(self, frame: IxcomFrame) -> list[Measurement]:
-        ack = decode_response(frame) if frame.number == NUMBERS["RESPONSE"] else None
-        return [ack] if ack else []
 
     def _count(self, name: str, counter: int) -> None:
         """Each message has a rolling counter of its own; a step backwards is a restart of the device."""

@@ -43,14 +43,6 @@ def _inssol(position: Position, encoder_state: EncoderState) -> bytes:
     )
 
 
-def _ekfstddev(reading: Reading, encoder_state: EncoderState) -> bytes:
-    return EKFSTDDEV.pack(*encode_generic_values(ITEMS, encoder_state.readings))
-
-
-def _imucomp(reading: Reading, encoder_state: EncoderState) -> bytes:
-    return inertial.IMU.pack(*encode_generic_values(inertial.GRAVITY_FREE, encoder_state.readings))
-
-
 def _wheeldata(reading: Reading, encoder_state: EncoderState) -> bytes:
     speed, pulses = encode_generic_values(environment_messages.WHEEL, encoder_state.readings)
     return environment_messages.WHEELDATA.pack(speed, round(pulses))
@@ -76,8 +68,11 @@ BY_MEASUREMENT: dict[type, tuple[tuple[str, Make], ...]] = {
     DeviceStatus: (("SYSSTAT", lambda _, encoder_state: system_status.encode_sysstat(encoder_state)),),
 }
 BY_READING: dict[str, tuple[str, Make]] = {
-    ITEMS[-1].name: ("EKFSTDDEV", _ekfstddev),
-    inertial.GRAVITY_FREE[-1].name: ("IMUCOMP", _imucomp),
+    ITEMS[-1].name: ("EKFSTDDEV", lambda _, state: EKFSTDDEV.pack(*encode_generic_values(ITEMS, state.readings))),
+    inertial.GRAVITY_FREE[-1].name: (
+        "IMUCOMP",
+        lambda _, state: inertial.IMU.pack(*encode_generic_values(inertial.GRAVITY_FREE, state.readings)),
+    ),
     environment_messages.WHEEL[-1].name: ("WHEELDATA", _wheeldata),
     environment_messages.HEIGHT[-1].name: ("EXTHEIGHT", _extheight),
 }
@@ -174,18 +169,15 @@ class Encoder:
             if number == commands.LOG:
                 return self._execute_log(*struct.unpack_from("<BBHH", payload, 4))
             if number == commands.XCOM:
-                return self._execute_xcom(*struct.unpack_from("<HH", payload, 4))
+                mode, channel = struct.unpack_from("<HH", payload, 4)
+                if channel >= CHANNELS:
+                    return RESPONSES.index("invalid channel")
+                self._open = {commands.OPEN: True, commands.CLOSE: False}.get(mode, self._open)
+                return 0
         except struct.error:
             return RESPONSES.index("invalid parameter")
         accepted = (commands.CONF, commands.EKF, commands.EXTAID)
         return 0 if number in accepted else RESPONSES.index("invalid command")
-
-    def _execute_xcom(self, mode: int, channel: int) -> int:
-        if channel >= CHANNELS:
-            return RESPONSES.index("invalid channel")
-        if mode in (commands.OPEN, commands.CLOSE):
-            self._open = mode == commands.OPEN
-        return 0
 
     def _execute_log(self, message: int, trigger: int, action: int, divider: int) -> int:
         name = NAMES.get(message, "")

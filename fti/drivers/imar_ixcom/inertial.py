@@ -18,7 +18,6 @@ import math
 import struct
 
 from fti.drivers.imar_ixcom.data_selection import IMU_CORRECTED, IMU_GRAVITY_FREE, IMU_RAW
-from fti.drivers.imar_ixcom.decoder_state import DecoderState
 from fti.drivers.imar_ixcom.frame_rotation import Triple
 from fti.drivers.imar_ixcom.generic_values import all_finite, decode_generic_values, xyz
 from fti.drivers.imar_ixcom.wire import IxcomFrame
@@ -41,22 +40,10 @@ def decode_imu(stamp: Stamp, accel: Triple, gyro: Triple, selection: int) -> lis
     return [new_sample(stamp=stamp, accel_b=accel, gyro_b=gyro)]
 
 
-def decode_imuraw(frame: IxcomFrame, decoder_state: DecoderState) -> list[Measurement]:
-    """Specific force and inertial rate, as measured."""
+def decode_message(frame: IxcomFrame, selection: int) -> list[Measurement]:
+    """The inertial sample, or the Readings, of IMURAW, IMUCORR or IMUCOMP.  selection : as in ``decode_imu``"""
     v = IMU.unpack(frame.payload)
-    return decode_imu(frame.stamp, v[0:3], v[3:6], IMU_RAW)
-
-
-def decode_imucorr(frame: IxcomFrame, decoder_state: DecoderState) -> list[Measurement]:
-    """Specific force and inertial rate, corrected by the filter."""
-    v = IMU.unpack(frame.payload)
-    return decode_imu(frame.stamp, v[0:3], v[3:6], IMU_CORRECTED)
-
-
-def decode_imucomp(frame: IxcomFrame, decoder_state: DecoderState) -> list[Measurement]:
-    """Acceleration without gravity and rate without the Earth's: Readings."""
-    v = IMU.unpack(frame.payload)
-    return decode_imu(frame.stamp, v[0:3], v[3:6], IMU_GRAVITY_FREE)
+    return decode_imu(frame.stamp, v[0:3], v[3:6], selection)
 
 
 def encode_imu(imu: ImuSample) -> bytes:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 from fti.drivers.imar_ixcom import environment_messages, inertial, satellites, solution, system_status
+from fti.drivers.imar_ixcom.data_selection import IMU_CORRECTED, IMU_GRAVITY_FREE, IMU_RAW
 from fti.drivers.imar_ixcom.decoder_state import DecoderState
 from fti.drivers.imar_ixcom.deviations import EKFSTDDEV, ITEMS, decode_deviations
 from fti.drivers.imar_ixcom.generic_values import decode_generic_values
@@ -36,10 +37,12 @@ def decode_ekfstddev(frame: IxcomFrame, decoder_state: DecoderState) -> list[Mea
 
 
 TABLE = (
-    IxcomMessage("IMURAW", "inertial sample, calibrated", inertial.IMU.size, inertial.decode_imuraw),
-    IxcomMessage("IMUCORR", "inertial sample, corrected by the filter", inertial.IMU.size, inertial.decode_imucorr),
+    IxcomMessage("IMURAW", "inertial sample, calibrated", inertial.IMU.size,
+            lambda frame, _: inertial.decode_message(frame, IMU_RAW)),
+    IxcomMessage("IMUCORR", "inertial sample, corrected by the filter", inertial.IMU.size,
+            lambda frame, _: inertial.decode_message(frame, IMU_CORRECTED)),
     IxcomMessage("IMUCOMP", "acceleration without gravity, rate without the Earth's: readings, no inertial sample",
-            inertial.IMU.size, inertial.decode_imucomp),
+            inertial.IMU.size, lambda frame, _: inertial.decode_message(frame, IMU_GRAVITY_FREE)),
     IxcomMessage("INSSOL", "inertial sample, attitude, velocity, position and status of the navigation solution",
             solution.INSSOL.size, solution.decode_inssol, emits_status=True),
     IxcomMessage("INSRPY", "attitude", solution.THREE.size, solution.decode_insrpy),

@@ -147,11 +147,9 @@ def decode_insvelned(frame: IxcomFrame, decoder_state: DecoderState) -> list[Mea
 def decode_insvelenu(frame: IxcomFrame, decoder_state: DecoderState) -> list[Measurement]:
     """The velocity, sent in east, north, up."""
     east, north, up = THREE.unpack(frame.payload)
-    return (
-        [_velocity(frame, (north, east, -up), decoder_state.deviations(frame.stamp))]
-        if all_finite(north, east, up)
-        else []
-    )
+    if not all_finite(north, east, up):
+        return []
+    return [_velocity(frame, (north, east, -up), decoder_state.deviations(frame.stamp))]
 
 
 def decode_insgndspeed(frame: IxcomFrame, decoder_state: DecoderState) -> list[Measurement]:

@@ -63,8 +63,13 @@ from fti.drivers.mavlink.commands import COMMANDS, Options, command, poll
 from fti.drivers.mavlink.encoder import Encoder
 from fti.drivers.mavlink.fields import Settings
 from fti.drivers.mavlink.source_selection import SourceSelector
-from fti.drivers.mavlink.wire import FRAME_MAX, Frames, MavlinkHeader, crc, header, layout, message_id, payload
+from fti.drivers.mavlink.wire import FRAME_MAX, Frames, MavlinkHeader, header, layout, payload
 from fti.messages.measurements import Measurement, Reading, Stamp
+
+__all__ = [
+    "CARRIERS", "COMMANDS", "DOCUMENT", "MESSAGES", "Options", "command", "make_decoder", "make_encoder", "on_connect",
+    "poll",
+]  # fmt: skip
 
 DOCUMENT = "MAVLink 2 serialization, message signing and common.xml (mavlink.io)"
 MESSAGES = {
@@ -152,27 +157,4 @@ class Decoder:
         return missing
 
 
-def make_decoder(options: Options) -> Decoder:
-    """A fresh decoder."""
-    return Decoder(options)
-
-
-def make_encoder(options: Options) -> Encoder:
-    """A fresh encoder."""
-    return Encoder(options)
-
-
-__all__ = [
-    "CARRIERS",
-    "COMMANDS",
-    "DOCUMENT",
-    "MESSAGES",
-    "Options",
-    "command",
-    "crc",
-    "make_decoder",
-    "make_encoder",
-    "message_id",
-    "on_connect",
-    "poll",
-]
+make_decoder, make_encoder = Decoder, Encoder

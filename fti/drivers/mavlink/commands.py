@@ -14,7 +14,7 @@ from pymavlink.dialects.v20 import common
 
 from fti.config import Positive, StrictModel
 from fti.drivers import Command
-from fti.drivers._arguments import check_complete
+from fti.drivers._arguments import check_complete, number_or_nan
 from fti.drivers.mavlink.wire import dialect_map
 
 SET_MESSAGE_INTERVAL, REQUEST_MESSAGE = 511, 512
@@ -27,7 +27,6 @@ COMMANDS: Mapping[str, Command] = {
     ),
     "request_message": Command("send a message once", {"message": _MESSAGE}),
 }
-KEY_DIGITS = 64
 
 
 def _check_name(name: str) -> str:
@@ -82,10 +81,16 @@ def command(name: str, args: Mapping[str, str], options: Options | None = None) 
     number = _number(name, args["message"], options.dialect)
     if name == "request_message":
         return _long(REQUEST_MESSAGE, number, 0.0, options)
-    return _long(SET_MESSAGE_INTERVAL, number, _interval_us(args["rate_hz"]), options)
+    if args["rate_hz"] == "off":
+        return _long(SET_MESSAGE_INTERVAL, number, -1.0, options)
+    rate = number_or_nan(args["rate_hz"])
+    if not 0.0 <= rate <= MAX_RATE_HZ:
+        raise ValueError(f"message_interval: rate_hz = {args['rate_hz']!r}: must be 0 to {MAX_RATE_HZ:g}, or off")
+    return _long(SET_MESSAGE_INTERVAL, number, float(round(1e6 / rate)) if rate else 0.0, options)
 
 
 def _long(number: int, first: float, second: float, options: Options) -> bytes:
+    """COMMAND_LONG; of SET_MESSAGE_INTERVAL the second parameter is the interval [us], -1 off, 0 default."""
     target = (options.system or 1, options.component or common.MAV_COMP_ID_AUTOPILOT1)
     return _pack(common.MAVLink_command_long_message(*target, number, 0, first, second, 0, 0, 0, 0, 0), options)
 
@@ -98,16 +103,3 @@ def _number(name: str, text: str, dialect: str) -> int:
         if message.msgname == text.upper():
             return number
     raise ValueError(f"{name}: message = {text!r}: must be the {_MESSAGE} {dialect}")
-
-
-def _interval_us(text: str) -> float:
-    """Parameter 2: interval [us], -1 off, 0 default."""
-    if text == "off":
-        return -1.0
-    try:
-        rate = float(text)
-    except ValueError:
-        rate = float("nan")
-    if not 0.0 <= rate <= MAX_RATE_HZ:
-        raise ValueError(f"message_interval: rate_hz = {text!r}: must be 0 to {MAX_RATE_HZ:g}, or off")
-    return float(round(1e6 / rate)) if rate else 0.0

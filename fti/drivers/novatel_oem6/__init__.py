@@ -29,7 +29,6 @@ BESTVEL, BESTPOS, CLOCKMODEL, TIME, PSRDOP, SATVIS2 and RANGE.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Annotated, Any
 
 from pydantic import AfterValidator, Field
@@ -71,7 +70,7 @@ MESSAGES = {
     "(other)": "framed and counted by name or number",
 }
 CARRIERS = frozenset({"serial", "udp"})
-COMMANDS = commands.COMMANDS
+COMMANDS, command = commands.COMMANDS, commands.command
 
 #: Default logs: position and velocity at 10 Hz, others at lower rates.
 AIRCRAFT_LOGS = {
@@ -143,9 +142,7 @@ def _read_binary(frame: bytes, t_rx_ns: int) -> tuple[str, list[Any]]:
     return name, reader(body, header, stamp) if reader else []
 
 
-def make_decoder(options: Options) -> Decoder:
-    """A fresh decoder."""
-    return Decoder(options)
+make_decoder = Decoder
 
 
 def make_encoder(options: Options) -> Encoder:
@@ -162,8 +159,3 @@ def poll(options: Options) -> tuple[float, bytes] | None:
     """The same periodically, for a receiver that was restarted."""
     requests = b"".join(on_connect(options))
     return (options.ask_again_s, requests) if requests and options.ask_again_s else None
-
-
-def command(name: str, args: Mapping[str, str], options: Options | None = None) -> bytes:
-    """The bytes of a command.  Raises ValueError with the error and the allowed values."""
-    return commands.command(name, args)

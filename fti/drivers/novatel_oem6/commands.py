@@ -17,6 +17,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Callable, Mapping
 
+from fti.config import StrictModel
 from fti.drivers import Command
 from fti.drivers._arguments import check_names
 from fti.drivers.novatel_oem6 import messages
@@ -77,7 +78,7 @@ COMMAND_HEADER = NovatelHeader(b"", 0, 0, 0, PORTS["thisport"], 0, 0, 0, 0xFF, 0
 ASCII_LOG = "LOGA,THISPORT,0,0,UNKNOWN,0,0.0,0,0,0"
 
 
-def command(name: str, args: Mapping[str, str]) -> bytes:
+def command(name: str, args: Mapping[str, str], options: StrictModel | None = None) -> bytes:
     """The bytes of a command.  Raises ValueError with the error and the allowed values."""
     check_names(COMMANDS, name, args)
     return encode_frame(COMMAND_HEADER._replace(message_id=NUMBERS[name]), _BODIES[name](args))
@@ -123,14 +124,6 @@ def _log(args: Mapping[str, str]) -> bytes:
     return LOG.pack(_choice(args, "port", PORTS, "thisport"), _message(args), 0, 0, trigger, period, 0.0, 0)
 
 
-def _unlog(args: Mapping[str, str]) -> bytes:
-    return UNLOG.pack(_choice(args, "port", PORTS, "thisport"), _message(args), 0, 0)
-
-
-def _unlogall(args: Mapping[str, str]) -> bytes:
-    return UNLOGALL.pack(_choice(args, "port", GROUPS, "thisport"), 0)
-
-
 def _reset(args: Mapping[str, str]) -> bytes:
     delay = _number(args, "delay") if "delay" in args else 0.0
     if not 0 <= delay <= MAX_DELAY or delay != int(delay):
@@ -138,16 +131,12 @@ def _reset(args: Mapping[str, str]) -> bytes:
     return ONE.pack(int(delay))
 
 
-def _antennapower(args: Mapping[str, str]) -> bytes:
-    return ONE.pack(_choice(args, "state", SWITCH))
-
-
 _BODIES: dict[str, Callable[[Mapping[str, str]], bytes]] = {
     "log": _log,
-    "unlog": _unlog,
-    "unlogall": _unlogall,
+    "unlog": lambda args: UNLOG.pack(_choice(args, "port", PORTS, "thisport"), _message(args), 0, 0),
+    "unlogall": lambda args: UNLOGALL.pack(_choice(args, "port", GROUPS, "thisport"), 0),
     "reset": _reset,
-    "antennapower": _antennapower,
+    "antennapower": lambda args: ONE.pack(_choice(args, "state", SWITCH)),
 }
 
 

@@ -83,7 +83,7 @@ class Encoder:
         self._framer = Framer(measure_commands, Counters(), limit=PLAIN_MAX)
         self._makers: dict[type, Callable[[Any], Bodies]] = {
             DeviceStatus: self._device_status,
-            DeviceTime: self._device_time,
+            DeviceTime: lambda _: [(messages.TIME, [encode_time(self._clock, self._utc_offset, self._now_ns)])],
             Position: lambda m: [(messages.BESTPOS, [encode_bestpos(self._without_antenna(m), self._used)])],
             Pseudoranges: lambda m: [(messages.RANGE, [encode_range(m)])],
             Reading: self._reading,
@@ -142,9 +142,6 @@ class Encoder:
             status = replace(status, flags=(*status.flags, UNPOWERED))
         self._status = encode_words(status.flags)[1]
         return [(messages.RXSTATUS, [encode_rxstatus(status)])]
-
-    def _device_time(self, time: DeviceTime) -> Bodies:
-        return [(messages.TIME, [encode_time(self._clock, self._utc_offset, self._now_ns)])]
 
     def _reading(self, reading: Reading) -> Bodies:
         if reading.name == UTC_OFFSET:
@@ -238,7 +235,9 @@ def parse_abbreviated(words: list[str]) -> bytes:
         if rest and rest[0] in commands.PORTS:
             args["port"] = rest.pop(0)
         if rest:
-            args["message"] = _without_format(rest.pop(0))
+            message = rest.pop(0).upper()  # its last letter may be its format
+            has_format = message not in messages.NUMBERS and message[:-1] in messages.NUMBERS
+            args["message"] = message[:-1] if has_format else message
         if name == "log":
             args["trigger"] = rest.pop(0) if rest else "once"
             if rest and args["trigger"] == "ontime":
@@ -246,9 +245,3 @@ def parse_abbreviated(words: list[str]) -> bytes:
     elif rest and name in commands.COMMANDS:
         args[next(iter(commands.COMMANDS[name].arguments))] = rest[0]
     return commands.command(name, args)
-
-
-def _without_format(message: str) -> str:
-    """The name of a message without the letter of its format."""
-    upper = message.upper()
-    return upper[:-1] if upper not in messages.NUMBERS and upper[:-1] in messages.NUMBERS else upper

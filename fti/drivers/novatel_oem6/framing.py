@@ -108,15 +108,12 @@ def measure(buffer: bytearray) -> int | Skip:
 def _measure_binary(buffer: bytearray) -> int | Skip:
     if len(buffer) < HEADER.size // 2:  # the length fields are in the first half of both headers
         return 0
-    length = _short_length(buffer) if buffer[2] == SHORT_SYNC[2] else _long_length(buffer)
+    is_short = buffer[2] == SHORT_SYNC[2]
+    length = SHORT_HEADER.size + buffer[3] + CRC_SIZE if is_short else _long_length(buffer)
     if isinstance(length, Skip) or len(buffer) < length:
         return length if isinstance(length, Skip) else 0
     good = crc32(buffer[: length - CRC_SIZE]) == int.from_bytes(buffer[length - CRC_SIZE : length], "little")
     return length if good else Skip(1, "bad_checksum")
-
-
-def _short_length(buffer: bytearray) -> int:
-    return SHORT_HEADER.size + buffer[3] + CRC_SIZE
 
 
 def _long_length(buffer: bytearray) -> int | Skip:
@@ -147,31 +144,23 @@ def measure_text(buffer: bytearray) -> int | Skip:
     match = _LINE.match(buffer, 1)
     assert match is not None
     end = match.end()
-    named = _could_be_response(buffer) if is_response else end < NAME_MAX or b"," in buffer[:NAME_MAX]
+    head = buffer[: len(ERROR)]
+    if is_response:
+        named = OK.startswith(head) or ERROR.startswith(head) or head.startswith(OK)
+    else:
+        named = end < NAME_MAX or b"," in buffer[:NAME_MAX]
     if end > (RESPONSE_MAX if is_response else TEXT_MAX) or not named:
         return Skip(1, "bad_text")
     if end == len(buffer) or (buffer[end] == ord("\r") and end + 1 == len(buffer)):
         return 0
-    return _measure_response(buffer) if is_response else _measure_ascii(buffer)
-
-
-def _measure_response(buffer: bytearray) -> int | Skip:
-    match = _RESPONSE.match(buffer)
-    return match.end() if match else Skip(1, "bad_text")
-
-
-def _measure_ascii(buffer: bytearray) -> int | Skip:
-    match = _ASCII.match(buffer)
+    match = (_RESPONSE if is_response else _ASCII).match(buffer)
     if match is None:
         return Skip(1, "bad_text")
+    if is_response:
+        return match.end()
     star = buffer.index(b"*")
     good = crc32(buffer[1:star]) == int(buffer[star + 1 : star + 9], 16)
     return match.end() if good else Skip(1, "bad_checksum")
-
-
-def _could_be_response(buffer: bytearray) -> bool:
-    head = buffer[: len(ERROR)]
-    return (OK.startswith(head) or ERROR.startswith(head)) or head.startswith(OK)
 
 
 def _measure_prompt(buffer: bytearray) -> int | Skip:

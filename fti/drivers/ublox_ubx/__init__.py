@@ -51,6 +51,11 @@ from fti.drivers.ublox_ubx.frames import HEADER, MAX_HELD_BYTES, RTCM_START, SYN
 from fti.drivers.ublox_ubx.receiver_state import ReceiverState
 from fti.messages.measurements import Measurement
 
+__all__ = [
+    "CARRIERS", "COMMANDS", "DOCUMENT", "MESSAGES", "Options", "command", "make_decoder", "make_encoder", "on_connect",
+    "poll",
+]  # fmt: skip
+
 DOCUMENT = "u-blox 8 / M8 protocol specification UBX-13003221 R28; u-blox F9 HPG 1.32 interface UBX-22008968"
 CARRIERS = frozenset({"serial", "udp"})
 
@@ -134,17 +139,4 @@ class Decoder:
             return f"{message.name} malformed", []
 
 
-def make_decoder(options: Options) -> Decoder:
-    """A fresh decoder."""
-    return Decoder(options)
-
-
-def make_encoder(options: Options) -> Encoder:
-    """A fresh encoder."""
-    return Encoder(options)
-
-
-__all__ = [
-    "CARRIERS", "COMMANDS", "DOCUMENT", "MESSAGES", "Options", "command", "make_decoder", "make_encoder", "on_connect",
-    "poll",
-]  # fmt: skip
+make_decoder, make_encoder = Decoder, Encoder

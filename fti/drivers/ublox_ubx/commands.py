@@ -6,7 +6,7 @@ They change the RAM configuration of the receiver, never the stored one.
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field
@@ -109,11 +109,12 @@ def _reset(args: Mapping[str, str], options: Options) -> bytes:
     return frame(*CFG_RST, struct.pack("<HBx", RESET_MASKS[kind], GNSS_ONLY))
 
 
-def _version(args: Mapping[str, str], options: Options) -> bytes:
-    return frame(*MON_VER, b"")
-
-
-_MAKERS = {"message": _message, "rate": _rate, "reset": _reset, "version": _version}
+_MAKERS: dict[str, Callable[[Mapping[str, str], Options], bytes]] = {
+    "message": _message,
+    "rate": _rate,
+    "reset": _reset,
+    "version": lambda _args, _options: frame(*MON_VER, b""),
+}
 
 
 def _choice(name: str, key: str, args: Mapping[str, str], allowed: Mapping[str, object]) -> str:

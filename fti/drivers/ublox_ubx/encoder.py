@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Callable, Mapping
+from typing import Any
 
 from fti.drivers import Counters
 from fti.drivers._framing import Framer
@@ -58,10 +59,12 @@ class Encoder:
         self._last_solutions: dict[str, int] = {}  # number of the solution of the last message
         self._latest: dict[type, Measurement] = {}
         self._command_framer = Framer(PortFraming({}).measure, Counters(), limit=MAX_HELD_BYTES)
-        self._makers: Mapping[type, Callable[[Measurement], list[bytes]]] = {
+        self._makers: Mapping[type, Callable[[Any], list[bytes]]] = {
             Position: self._solution, Satellites: self._satellites, Ack: _answer,
-            ReceiverClock: lambda m: self._due("NAV-CLOCK", m, _clock),
-            Pseudoranges: lambda m: self._due("RXM-RAWX", m, _rawx),
+            ReceiverClock: lambda m: self._due("NAV-CLOCK", lambda: make_clock(_itow_ms(m.stamp), m)),
+            Pseudoranges: lambda m: self._due(
+                "RXM-RAWX", lambda: make_rawx(device_time_ns(m.stamp, TimeScale.GPS), m.observations)
+            ),
         }  # fmt: skip
 
     def encode(self, measurement: Measurement) -> list[bytes]:
@@ -72,40 +75,34 @@ class Encoder:
             return []
         return maker(measurement)
 
-    def _due(self, name: str, measurement: Measurement, make: Callable[[Measurement], bytes]) -> list[bytes]:
+    def _due(self, name: str, make: Callable[[], bytes]) -> list[bytes]:
         rate = self._rates.get(name, 0)
         if not rate:
             return []
         if rate > 1 and self._solutions - self._last_solutions.get(name, -rate) < rate:
             return []
         self._last_solutions[name] = self._solutions
-        return [make(measurement)]
+        return [make()]
 
-    def _satellites(self, measurement: Measurement) -> list[bytes]:
-        assert isinstance(measurement, Satellites)
-        if measurement.satellites:
-            return self._due("NAV-SAT", measurement, _sat)
-        self._latest[Satellites] = measurement
+    def _satellites(self, sky: Satellites) -> list[bytes]:
+        if sky.satellites:
+            return self._due("NAV-SAT", lambda: make_sat(_itow_ms(sky.stamp), sky.satellites))
+        self._latest[Satellites] = sky
         return []
 
-    def _solution(self, measurement: Measurement) -> list[bytes]:
+    def _solution(self, position: Position) -> list[bytes]:
         self._solutions += 1
-        return self._due("NAV-PVT", measurement, self._pvt)
+        return self._due("NAV-PVT", lambda: self._pvt(position))
 
-    def _pvt(self, measurement: Measurement) -> bytes:
-        assert isinstance(measurement, Position)
-        same = {
-            kind: m for kind, m in self._latest.items() if m.stamp.t_rx_ns == measurement.stamp.t_rx_ns
-        }  # fmt: skip
-        velocity, satellites, status = (same.get(kind) for kind in (Velocity, Satellites, DeviceStatus))
-        assert velocity is None or isinstance(velocity, Velocity)
-        assert satellites is None or isinstance(satellites, Satellites)
-        assert status is None or isinstance(status, DeviceStatus)
-        if status is None or status.ok != measurement.valid:
-            status = DeviceStatus(
-                stamp=measurement.stamp, ok=measurement.valid, flags=("fix_3d",) if measurement.valid else ("no_fix",)
-            )  # fmt: skip
-        return make_pvt(measurement, velocity, satellites, status)
+    def _pvt(self, position: Position) -> bytes:
+        same: dict[type, Any] = {
+            kind: m for kind, m in self._latest.items() if m.stamp.t_rx_ns == position.stamp.t_rx_ns
+        }
+        status: DeviceStatus | None = same.get(DeviceStatus)
+        if status is None or status.ok != position.valid:
+            flag = "fix_3d" if position.valid else "no_fix"
+            status = DeviceStatus(stamp=position.stamp, ok=position.valid, flags=(flag,))
+        return make_pvt(position, same.get(Velocity), same.get(Satellites), status)
 
     # --------------------------------------------------------------------------------------------------- answers
 
@@ -167,23 +164,7 @@ def _itow_ms(stamp: Stamp) -> int:
     return (device_time_ns(stamp, TimeScale.GPS) + 500_000) // 1_000_000 % WEEK_MS
 
 
-def _sat(m: Measurement) -> bytes:
-    assert isinstance(m, Satellites)
-    return make_sat(_itow_ms(m.stamp), m.satellites)
-
-
-def _clock(m: Measurement) -> bytes:
-    assert isinstance(m, ReceiverClock)
-    return make_clock(_itow_ms(m.stamp), m)
-
-
-def _rawx(m: Measurement) -> bytes:
-    assert isinstance(m, Pseudoranges)
-    return make_rawx(device_time_ns(m.stamp, TimeScale.GPS), m.observations)
-
-
-def _answer(m: Measurement) -> list[bytes]:
-    assert isinstance(m, Ack)
+def _answer(m: Ack) -> list[bytes]:
     if m.command == "version" and m.accepted:
         return [make_version(m.detail)]
     return [make_answer(m.accepted, IDS[m.detail])] if m.detail in IDS else []
@@ -202,19 +183,16 @@ def make_pvt(
     refused = "beyond_limits" in status.flags or (FIXES[kind] in MEASURED_FIXES and not status.ok)
     flags = FIX_OK if kind and not refused else 0
     flags |= (DIFFERENTIAL if "dgps" in status.flags else 0) | carrier << 6
-    here, has_position = _geodetic_fields(position), position.lat is not None
+    lat, lon = (round(math.degrees(angle or 0.0) * 1e7) for angle in (position.lat, position.lon))
+    heights = (round(height * 1000) for height in _heights(position))
+    sds = _mm(position.horizontal_sd), _mm(position.vertical_sd)
     head = PVT.pack(
         itow_ms, day.year, day.month, day.day, second // 3600, second // 60 % 60, second % 60, TIME_KNOWN, T_ACC_NS,
-        nano - 5_000_000, kind, flags, 0, (satellites and satellites.used) or 0, *here, *_motion(velocity),
+        nano - 5_000_000, kind, flags, 0, (satellites and satellites.used) or 0, lon, lat, *heights, *sds,
+        *_motion(velocity),
         9999 if satellites is None or satellites.pdop is None else min(round(satellites.pdop * 100), 9999),
     )  # fmt: skip
-    return frame(0x01, 0x07, head + TAIL.pack(0 if has_position else INVALID_LLH, 0, 0, 0))
-
-
-def _geodetic_fields(position: Position) -> tuple[int, ...]:
-    lat, lon = (round(math.degrees(angle or 0.0) * 1e7) for angle in (position.lat, position.lon))
-    alt, alt_msl = _heights(position)
-    return lon, lat, round(alt * 1000), round(alt_msl * 1000), _mm(position.horizontal_sd), _mm(position.vertical_sd)
+    return frame(0x01, 0x07, head + TAIL.pack(INVALID_LLH if position.lat is None else 0, 0, 0, 0))
 
 
 def _heights(position: Position) -> tuple[float, float]:

@@ -78,17 +78,14 @@ def _may_be(buffer: bytearray, size: int, shape: PayloadShape | None) -> bool:
 # ---------------------------------------------------------------------------------------------------------- RTCM 3
 
 
-def _crc24q_table() -> tuple[int, ...]:
-    table = []
-    for byte in range(256):
-        value = byte << 16
-        for _ in range(8):
-            value = value << 1 ^ (0x1864CFB if value & 0x800000 else 0)
-        table.append(value)
-    return tuple(table)
+def _crc24q_entry(byte: int) -> int:
+    value = byte << 16
+    for _ in range(8):
+        value = value << 1 ^ (0x1864CFB if value & 0x800000 else 0)
+    return value
 
 
-_CRC24Q = _crc24q_table()
+_CRC24Q = tuple(map(_crc24q_entry, range(256)))
 
 
 def crc24q(data: bytes | bytearray) -> int:
@@ -138,9 +135,6 @@ class PortFraming:
             return measure_sentence(buffer)
         if first == RTCM_START:
             return measure_rtcm(buffer)
-        return self._measure_gap(buffer)
-
-    def _measure_gap(self, buffer: bytearray) -> Skip:
         self._comment = self._comment or buffer[0] == ord("#")
         match = (_COMMENT if self._comment else _NO_START).match(buffer)
         assert match is not None

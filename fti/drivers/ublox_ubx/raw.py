@@ -41,6 +41,8 @@ SIGNALS = {
     "glonass": {0: "L1C", 2: "L2C"},
     "navic": {0: "L5A"},
 }
+#: The lowest sigId of each signal.
+SIGNAL_IDS = {(name, signal): i for name, signals in SIGNALS.items() for i, signal in reversed(signals.items())}
 #: Carriers by band; exceptions; GLONASS by its channel (freqId - 7): carrier of channel 0 and step.
 BANDS = {"1": 1575.42e6, "2": 1227.60e6, "5": 1176.45e6, "6": 1278.75e6, "7": 1207.14e6}
 SPECIAL_CARRIERS_HZ = {("beidou", "L2I"): 1561.098e6, ("beidou", "L6I"): 1268.52e6}
@@ -132,13 +134,9 @@ def _raw(wires: Iterable[tuple[float, float, float, int, int, int, int]]) -> Ite
 def make_rawx(t_gps_ns: int, observations: tuple[Pseudorange, ...]) -> bytes:
     """RXM-RAWX of these observations; unknown signals are omitted."""
     week, of_week_ns = gps_week(t_gps_ns)
-    encodable = [(o, i) for o in observations if (i := _signal_id(o)) is not None]
+    encodable = [(o, i) for o in observations if (i := SIGNAL_IDS.get((o.system, o.signal))) is not None]
     head = HEAD.pack(of_week_ns / SECOND_NS, week, LEAP_S, len(encodable), LEAP_KNOWN, 1)
     return frame(0x02, 0x15, head + b"".join(_pack(o, i) for o, i in encodable))
-
-
-def _signal_id(o: Pseudorange) -> int | None:
-    return next((i for i, name in SIGNALS.get(o.system, {}).items() if name == o.signal), None)
 
 
 def _pack(o: Pseudorange, signal_id: int) -> bytes:
