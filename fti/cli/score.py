@@ -59,7 +59,7 @@ if TYPE_CHECKING:
     from fti.cli._score_jobs import Job
     from fti.logger.reading.recording import Recording
     from fti.post.score.comparison import Score
-    from fti.post.score.unscored_flight import UnscoredFlight
+    from fti.post.score.outcome import UnscoredFlight
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -82,7 +82,7 @@ def run(args: argparse.Namespace) -> int:
     """Score every flight; 1 when one does not hold."""
     from fti.cli._read_report import report_faults
     from fti.post.score import junit
-    from fti.post.score.summary import as_json_list, as_summary
+    from fti.post.score.report import as_json_list, as_summary
 
     _check_files(args)
     opened: list[Recording] = []
@@ -151,7 +151,7 @@ def _reject(args: argparse.Namespace, is_wrong: object, text: str) -> None:
 
 def _scores(jobs: Sequence[Job]) -> Iterator[Score | UnscoredFlight]:
     """Score the flights in turn; with several jobs an error of one does not stop the others."""
-    from fti.post.score.unscored_flight import UnscoredFlight
+    from fti.post.score.outcome import UnscoredFlight
 
     if len(jobs) == 1:
         yield from jobs[0].score()

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from fti.canframe import STANDARD_MASK, pack_can
 from fti.hil.device_pipeline import DevicePipeline
 from fti.hil.ports.endpoints import Endpoint, SlcanEndpoint
-from fti.hil.rate_statistics import Meter
+from fti.hil.report import Meter
 from fti.hil.tables.fault_types import Babbling, BusOff, CanStatus
 from fti.links.slcan_status import FLAGS
 

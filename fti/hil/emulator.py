@@ -11,6 +11,7 @@ import asyncio
 import contextlib
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -154,7 +155,8 @@ class Emulator:
         self.prepare()
         assert self._sensors is not None
         ended = stop or asyncio.Event()
-        lines = [self._line(s, float("inf") if duration_s is None else duration_s) for s in self._sensors]
+        until_s = float("inf") if duration_s is None else duration_s
+        lines = [DevicePipeline(s, self.scenario, until_s, partial(self.power.is_on, s.name)) for s in self._sensors]
         self._endpoints = self._make_endpoints(lines)
         with self._truth_log() as truth:
             async with open_endpoints(self._endpoints):
@@ -183,9 +185,6 @@ class Emulator:
             async with asyncio.timeout(DRAIN_S):
                 await asyncio.gather(*(endpoint.drain() for endpoint in self._endpoints.values()))
 
-    def _line(self, sensor: SimulatedSensor, until_s: float) -> DevicePipeline:
-        return DevicePipeline(sensor, self.scenario, until_s, lambda t: self.power.is_on(sensor.name, t))
-
     def _make_endpoints(self, lines: list[DevicePipeline]) -> dict[str, Endpoint]:
         def respond(link: str) -> Callable[[bytes], list[bytes]]:
             on_link = [line for line in lines if line.sensor.link == link]
@@ -199,9 +198,13 @@ class Emulator:
         return {link.name: self.backend.make_endpoint(link, respond(link.name)) for link in self.config.link}
 
     def _truth_log(self) -> contextlib.AbstractContextManager[TruthLog | None]:
+        """The truth file with the configuration and the readable files that it names, as in a session."""
         if self._truth is None or self._truth_rows is None:
             return contextlib.nullcontext()
-        real_time, texts = self.backend.is_real_time, _config_texts(self.config)
+        texts = {CONFIG_ATTACHMENT: self.config.text} if self.config.text else {}
+        with contextlib.suppress(MissingError):  # the emulator does not need the daemon's approach file
+            texts |= read_texts(self.config)
+        real_time = self.backend.is_real_time
         return contextlib.closing(TruthLog(self._truth, self._truth_rows, real_time=real_time, texts=texts))
 
     def _line_faults(self) -> list[Stream]:
@@ -239,14 +242,6 @@ class Emulator:
                     end_s = self._world.duration if self._world else 0.0
                     streams.append(stack.enter_context(PtyDelay(clock.now_ns, end_s, truth.note_late)))
             await self._scheduler.run(streams, stop, float("inf") if duration_s is None else duration_s)
-
-
-def _config_texts(config: Config) -> dict[str, str]:
-    """A configuration and the files that it names, as attached to a session; unreadable files are left out."""
-    texts = {CONFIG_ATTACHMENT: config.text} if config.text else {}
-    with contextlib.suppress(MissingError):  # the emulator does not need the daemon's approach file
-        texts |= read_texts(config)
-    return texts
 
 
 #: Geoid above the ellipsoid at the demo airfield [m] (EGM96, rounded).

@@ -17,9 +17,8 @@ from fti.geodesy.local import LocalFrame
 from fti.geodesy.rotations import mat_from_rpy
 from fti.geodesy.wgs84 import radii
 from fti.hil.faults.descriptions import describe
-from fti.hil.flight.coverage import check_coverage
 from fti.hil.flight.factory import FlightSite, make_flight
-from fti.hil.flight.trajectory import FlightState
+from fti.hil.flight.trajectory import FlightState, SplineFlight
 from fti.hil.scenario import Scenario
 from fti.hil.tables.fault_types import Obstacle, TerrainShift, WholeFlightFault
 from fti.nav.integrity.approach import ApproachPath
@@ -31,6 +30,7 @@ from fti.terrain.terrain import Terrain
 
 Array = NDArray[np.float64]
 
+CHECK_PERIOD_S = 1.0
 HEAT_RATIO = 1.4
 LASER_RANGE = 2000.0
 #: Reflectance for which data sheets state the range of a laser, and a common pulse length [s].
@@ -86,7 +86,7 @@ class Environment:
         #: Remarks on the flight, for the user before it begins.
         self.remarks = (
             build.remarks
-            + check_coverage(build.flight, ground, scenario.source_name)
+            + _check_coverage(build.flight, ground, scenario.source_name)
             + _unreached_faults(scenario, self.duration)
         )
         self._radars = functools.cache(NearestReturn)
@@ -157,6 +157,26 @@ def _unreached_faults(scenario: Scenario, duration: float) -> tuple[str, ...]:
         for i, fault in enumerate(scenario.fault)
         if not isinstance(fault, WholeFlightFault) and fault.from_s >= duration
     )
+
+
+def _check_coverage(flight: SplineFlight, terrain: Terrain, title: str) -> tuple[str, ...]:
+    """Remarks on the terrain below a flight, checked once a second.
+
+    A flight may leave the terrain data: altimeters have no return there, as over a hole of an elevation model.
+    title : of the scenario, for the message.  Raises ConfigError for a flight below the ground.
+    """
+    t = np.arange(flight.begin, flight.end, CHECK_PERIOD_S)
+    state = flight.state(t)
+    height = state.alt - terrain.height(state.lat, state.lon)
+    unknown = np.isnan(height)
+    if np.any(height < 0.0):
+        k = int(np.nanargmin(height))
+        raise ConfigError(f"{title}: flight: {-height[k]:.0f} m below the ground at {t[k]:.0f} s")
+    if not unknown.any():
+        return ()
+    first = t[int(np.argmax(unknown))]
+    share = 100.0 * float(np.mean(unknown))
+    return (f"no terrain data below {share:.0f} % of the flight, first at {first:.0f} s: no ranges there",)
 
 
 def mounting(device: Device) -> Array:

@@ -14,14 +14,18 @@ SPAN_S, SAMPLES = 5.0, 200
 
 def overloads(config: Config, sensors: Iterable[SimulatedSensor]) -> list[str]:
     """A warning for each line whose devices exceed its capacity."""
-    every = list(sensors)
-    loads = ((link, _share(link, [s for s in every if s.link == link.name])) for link in config.link)
-    return [_sentence(link, share) for link, share in loads if share > 1.0]
-
-
-def _share(link: Link, sensors: list[SimulatedSensor]) -> float:
-    """Load of a line; 1 : its devices use its whole capacity."""
-    return sum(_duration_s(link, message) * per_s for sensor in sensors for message, per_s in _messages(sensor))
+    found, every = [], list(sensors)
+    for link in config.link:
+        messages = [message for sensor in every if sensor.link == link.name for message in _messages(sensor)]
+        share = sum(_duration_s(link, message) * per_s for message, per_s in messages)
+        if share <= 1.0:
+            continue
+        load = f"its devices send {100 * share:.0f} % of the capacity of the bus"
+        if isinstance(link, SerialLink):
+            capacity = 1.0 / byte_s(link)
+            load = f"{link.baud} baud carry {capacity:.0f} bytes a second, its devices send {share * capacity:.0f}"
+        found.append(f"{link.name}: {load}; the oldest messages will be dropped")
+    return found
 
 
 def _messages(sensor: SimulatedSensor) -> list[tuple[bytes, float]]:
@@ -38,12 +42,3 @@ def _duration_s(link: Link, message: bytes) -> float:
     if isinstance(link, CanLink) and link.bitrate:
         return frame_s(message, link.bitrate)
     return 0.0
-
-
-def _sentence(link: Link, share: float) -> str:
-    if isinstance(link, SerialLink):
-        capacity = 1.0 / byte_s(link)
-        load = f"{link.baud} baud carry {capacity:.0f} bytes a second, its devices send {share * capacity:.0f}"
-    else:
-        load = f"its devices send {100 * share:.0f} % of the capacity of the bus"
-    return f"{link.name}: {load}; the oldest messages will be dropped"

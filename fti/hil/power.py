@@ -55,10 +55,6 @@ REFUSAL_TEXTS = {
 }
 
 
-def _ignore_restart(t: float) -> None:
-    """Do nothing."""
-
-
 @dataclass(frozen=True, slots=True)
 class PowerFeed:
     """A device behind its breaker.
@@ -70,7 +66,7 @@ class PowerFeed:
     name: str
     boot_s: float
     minimum_v: float
-    restart: Callable[[float], None] = _ignore_restart
+    restart: Callable[[float], None] = lambda _: None
 
 
 @dataclass(slots=True)
@@ -145,16 +141,14 @@ class PowerUnit:
     def _step(self, t: float) -> None:
         """Apply the power faults of the scenario up to t [s], each at its own time."""
         while self._edges and self._edges[0] <= t:
-            self._change(self._edges.popleft())
+            at = self._edges.popleft()
+            for name, line in self._circuits.items():
+                if not line.is_manual:
+                    tripped = any(_acts(trip, at, name) for trip in self._trips)
+                    line.position = BreakerState.TRIPPED if tripped else BreakerState.ON
+                line.volts = min((sag.supply_v for sag in self._sags if _acts(sag, at, name)), default=SUPPLY_V)
+                line.settle(at)
         self._t = max(self._t, t)
-
-    def _change(self, at: float) -> None:
-        for name, line in self._circuits.items():
-            if not line.is_manual:
-                tripped = any(_acts(trip, at, name) for trip in self._trips)
-                line.position = BreakerState.TRIPPED if tripped else BreakerState.ON
-            line.volts = min((sag.supply_v for sag in self._sags if _acts(sag, at, name)), default=SUPPLY_V)
-            line.settle(at)
 
 
 def _acts(fault: Breaker | BrownOut, t: float, device: str = "") -> bool:

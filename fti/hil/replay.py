@@ -78,10 +78,6 @@ class Replay:
         counters = {name: endpoint.counters for name, endpoint in self._endpoints.items()}
         return TransmissionReport(counters, self._scheduler.lateness, link_lateness, remarks=self._speed_problem())
 
-    @property
-    def _request(self) -> PrefetchRequest:
-        return PrefetchRequest(str(self._recording.path), self._from_s, self._only, self._loop)
-
     async def run(
         self, stop: asyncio.Event | None = None, progress: Callable[[str], None] = lambda _: None
     ) -> TransmissionReport:
@@ -89,7 +85,8 @@ class Replay:
         ended = stop or asyncio.Event()
         ends = {link.name: make_endpoint(link, self._folder, lambda _: [], notify=progress) for link in self._links}
         self._endpoints = ends
-        with PrefetchProcess(self._request) as frames:
+        request = PrefetchRequest(str(self._recording.path), self._from_s, self._only, self._loop)
+        with PrefetchProcess(request) as frames:
             async with open_endpoints(ends):
                 self.ready.set()
                 await run_until(self._play(frames, ended, progress), ended)

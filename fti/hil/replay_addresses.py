@@ -19,7 +19,8 @@ VIRTUAL_CAN = "vcan"
 def check_links(links: Sequence[Link], session: str) -> None:
     """Raises ConfigError for a link that leaves this machine; session : the recording, for the message."""
     for link in links:
-        for key, value in _addresses(link):
+        addresses = _udp_addresses(link) if isinstance(link, UdpLink) else _can_addresses(link)
+        for key, value in addresses:
             raise ConfigError(
                 f"{session}: link {link.name!r}: the recording names {key} = {value!r}; a recording may name loopback "
                 f"addresses, multicast groups and {VIRTUAL_CAN}* only: use --allow-remote to send there, or --config "
@@ -27,15 +28,8 @@ def check_links(links: Sequence[Link], session: str) -> None:
             )
 
 
-def _addresses(link: Link) -> Iterator[tuple[str, str]]:
-    """Keys and values of a link that may lead beyond this machine."""
-    if isinstance(link, UdpLink):
-        yield from _udp_addresses(link)
-    elif isinstance(link, CanLink):
-        yield from _can_addresses(link)
-
-
 def _udp_addresses(link: UdpLink) -> Iterator[tuple[str, str]]:
+    """Keys and values of a link that may lead beyond this machine."""
     for key, value in (("bind", link.bind), ("peer", link.peer)):
         if value is not None and not _is_here(value.rpartition(":")[0].strip("[]")):
             yield key, value
@@ -45,12 +39,12 @@ def _udp_addresses(link: UdpLink) -> Iterator[tuple[str, str]]:
         yield "group", link.group
 
 
-def _can_addresses(link: CanLink) -> Iterator[tuple[str, str]]:
-    if link.interface == "slcan":
+def _can_addresses(link: Link) -> Iterator[tuple[str, str]]:
+    if not isinstance(link, CanLink) or link.interface == "slcan":
         return
     is_here = {
         "socketcan": link.channel.startswith(VIRTUAL_CAN),
-        "udp_multicast": _is_group(link.channel) or _is_group6(link.channel),
+        "udp_multicast": _is_group(link.channel) or _is_group(link.channel, version=6),
         "virtual": True,
     }
     if not is_here.get(link.interface, False):
@@ -72,13 +66,7 @@ def _is_here(text: str) -> bool:
     return address is not None and (address.is_loopback or address.is_unspecified)
 
 
-def _is_group(text: str) -> bool:
-    """A multicast group of IPv4: datagrams have hop limit 0 and do not leave this machine."""
+def _is_group(text: str, version: int = 4) -> bool:
+    """A multicast group: datagrams have hop limit 0 and stay here (IPv6: of python-can, not of UDP links)."""
     address = _address(text)
-    return address is not None and address.version == 4 and address.is_multicast
-
-
-def _is_group6(text: str) -> bool:
-    """A multicast group of IPv6: python-can sends with hop limit 0, a udp link does not."""
-    address = _address(text)
-    return address is not None and address.version == 6 and address.is_multicast
+    return address is not None and address.version == version and address.is_multicast

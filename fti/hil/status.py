@@ -123,11 +123,14 @@ class StatusPublisher:
 
     def _join(self) -> bool:
         """Connect to the bus of a running daemon, also after its restart.  Returns whether a daemon runs."""
-        if not _is_running(self._run_dir):
+        try:
+            find_daemon(self._run_dir)
+        except MissingError:
             self._leave()
-        elif self._publisher is None:
+            return False
+        if self._publisher is None:
             self._publisher = Publisher(Path(self._run_dir) / SOCKET_NAME, PROCESS)
-        return self._publisher is not None
+        return True
 
     def _publish(self) -> None:
         assert self._publisher is not None
@@ -138,11 +141,3 @@ class StatusPublisher:
         if self._publisher is not None:
             self._publisher.close()
         self._publisher = None
-
-
-def _is_running(run_dir: str) -> bool:
-    try:
-        find_daemon(run_dir)
-    except MissingError:
-        return False
-    return True

@@ -126,12 +126,12 @@ class _Plot:
     def _axis(self) -> Iterator[str]:
         """Grid, seconds and UTC."""
         step = next((s for s in STEPS if s >= self._view.duration_s / 14), STEPS[-1])
-        clock = _seconds if self._view.duration_s < 60 else _clock
         for n in range(int(self._view.duration_s / step) + 1):
             t_ns = self._view.begin_ns + round(n * step * SECOND_NS)
             x = self._x(t_ns)
+            since = f"{n * step:g} s" if self._view.duration_s < 60 else _clock(n * step)
             yield f'<line x1="{x:.1f}" x2="{x:.1f}" y1="{self._top}" y2="{self._bottom + 5}" stroke="{LINE}"/>'
-            yield f'<text class="middle" x="{x:.1f}" y="{self._bottom + 20}">{clock(n * step)}</text>'
+            yield f'<text class="middle" x="{x:.1f}" y="{self._bottom + 20}">{since}</text>'
             at = f"{datetime.fromtimestamp(t_ns / SECOND_NS, UTC):%H:%M:%S}"
             yield f'<text class="small middle" x="{x:.1f}" y="{self._bottom + 35}">{at}</text>'
         yield f'<text class="small end" x="{LEFT - 38}" y="{self._bottom + 20}">since the start</text>'
@@ -163,8 +163,9 @@ class _Plot:
         """Adjacent cells of one colour are one rectangle."""
         usual_ns = (topic.intervals.usual_s or 0.0) * SECOND_NS
         rates = topic.activity.relative(self._view.begin_ns, self._view.end_ns, CELLS, usual_ns)
+        colours = (next((colour for low, colour in reversed(COLOURS) if rate >= low), None) for rate in rates)
         place, width = 0, (RIGHT - LEFT) / CELLS
-        for colour, run in groupby(rates, _colour):
+        for colour, run in groupby(colours):
             cells = len(list(run))
             if colour:
                 x = LEFT + place * width
@@ -216,10 +217,6 @@ class _Plot:
             yield f'<text class="small" x="{x + 88}" y="{y + 10}">warning or error</text>'
 
 
-def _colour(rate: float) -> str | None:
-    return next((colour for low, colour in reversed(COLOURS) if rate >= low), None)
-
-
 def _place_labels(marks: list[tuple[float, EventNote]]) -> list[tuple[float, EventNote, str, int]]:
     """Labels in the first lane in which they overlap no other label: x, mark, side of the text, lane."""
     ends = [0.0] * MAX_LANES
@@ -232,10 +229,6 @@ def _place_labels(marks: list[tuple[float, EventNote]]) -> list[tuple[float, Eve
         ends[lane] = begin + width
         placed.append((x, note, side, lane))
     return placed
-
-
-def _seconds(seconds: float) -> str:
-    return f"{seconds:g} s"
 
 
 def _clock(seconds: float) -> str:

@@ -18,8 +18,7 @@ from fti.cli._emulator_run import claim_ports, run_until_stopped
 from fti.cli.hil import FLIGHT_END
 from fti.cli.main import main
 from fti.errors import MissingError
-from fti.hil.rate_statistics import Rate
-from fti.hil.report import TransmissionReport
+from fti.hil.report import Rate, TransmissionReport
 from fti.hil.tables.fault_types import FaultKind
 from fti.latency_histogram import LatencyHistogram
 from tests.e2e.harness import FTI, fti, with_free_ports

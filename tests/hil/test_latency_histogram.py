@@ -14,8 +14,7 @@ from fti.hil.device_pipeline import DevicePipeline
 from fti.hil.device_streams import SensorStream
 from fti.hil.ports.counters import EndpointCounters
 from fti.hil.ports.endpoints import Endpoint
-from fti.hil.rate_statistics import Meter
-from fti.hil.report import TransmissionReport, lateness_by_link
+from fti.hil.report import Meter, TransmissionReport, lateness_by_link
 from fti.hil.tables.fault_types import Burst
 from fti.latency_histogram import BINS, LatencyHistogram
 from tests.hil.faults.device_flights import device

@@ -60,19 +60,12 @@ def active_faults(faults: Sequence[Fault], t: float) -> Iterator[dict[str, Any]]
     """
     for fault in faults:
         if isinstance(fault, WholeFlightFault) or fault.from_s <= t < fault.to_s:
-            yield {"kind": fault.kind, "words": describe(fault), "on": list(_subjects(fault)), "until_s": _end_s(fault)}
+            names = fault.devices if isinstance(fault, DeviceFault) else ()
+            names = fault.links if isinstance(fault, LinkFault) else names
+            until_s = None if isinstance(fault, WholeFlightFault) else fault.to_s
+            yield {"kind": fault.kind, "words": describe(fault), "on": list(names), "until_s": until_s}
 
 
 def describe(fault: Fault) -> str:
     """Text of a fault."""
     return DESCRIPTIONS[FaultKind(fault.kind)].format_map(fault.model_dump())
-
-
-def _subjects(fault: Fault) -> tuple[str, ...]:
-    if isinstance(fault, DeviceFault):
-        return fault.devices
-    return fault.links if isinstance(fault, LinkFault) else ()
-
-
-def _end_s(fault: Fault) -> float | None:
-    return None if isinstance(fault, WholeFlightFault) else fault.to_s

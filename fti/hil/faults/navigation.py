@@ -21,16 +21,12 @@ def misstate(m: Measurement, fault: NavigationFault) -> Measurement:
     """The measurement with the error of the fault; unchanged if it has neither position nor attitude."""
     if isinstance(fault, AttitudeOffset):
         return _turn_attitude(m, fault)
-    if isinstance(fault, Undulation):
-        return _without_undulation(m, fault)
-    return replace(m, lat=m.lon, lon=m.lat) if isinstance(m, Position) else m
-
-
-def _without_undulation(m: Measurement, fault: Undulation) -> Measurement:
-    """A position with the height above mean sea level as the height above the ellipsoid."""
-    if not isinstance(m, Position) or m.alt_msl is None:
+    if not isinstance(m, Position):
         return m
-    return replace(m, alt=m.alt_msl, undulation=0.0 if fault.stated == "zero" else m.undulation)
+    if isinstance(fault, SwappedCoordinates):
+        return replace(m, lat=m.lon, lon=m.lat)
+    undulation = 0.0 if fault.stated == "zero" else m.undulation
+    return m if m.alt_msl is None else replace(m, alt=m.alt_msl, undulation=undulation)
 
 
 def _turn_attitude(m: Measurement, fault: AttitudeOffset) -> Measurement:
@@ -43,14 +39,10 @@ def _turn_attitude(m: Measurement, fault: AttitudeOffset) -> Measurement:
     roll, pitch = math.radians(fault.roll_deg), math.radians(fault.pitch_deg)
     return replace(
         m,
-        roll=None if m.roll is None else _wrap_angle(m.roll + roll),
+        roll=None if m.roll is None else (m.roll + roll + math.pi) % math.tau - math.pi,
         pitch=None if m.pitch is None else m.pitch + pitch,
         heading=None if m.heading is None else (m.heading + heading) % math.tau,
     )
-
-
-def _wrap_angle(angle: float) -> float:
-    return (angle + math.pi) % math.tau - math.pi
 
 
 class DelayLine:

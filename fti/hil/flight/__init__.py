@@ -7,6 +7,5 @@ waypoints           straight legs and turns of a bank limit
 recorded_flight     from a table (``csv_flight``) or a session (``session``), filtered (``smoothing``)
 jsbsim              a flight dynamics model with an autopilot
 coordinated_flight  attitude without sideslip for a given path
-coverage            checks whether terrain data are available below the flight
 spline              quintic splines; banded_solver: their systems of equations
 """

@@ -44,20 +44,12 @@ class Adapter:
             self.is_open = letter != b"C"
             return OK
         if letter and letter[0] in FORMS:
-            return self._take_frame(line)
-        if line == b"F":
-            return self._report_flags()
+            frame = parse_line(line)
+            if frame is None or not self.is_open:
+                return ERROR
+            self._on_frame(frame)
+            return b"Z\r" if letter.isupper() else b"z\r"
+        if line == b"F" and self.is_open:
+            flags, self.flags = self.flags, 0
+            return b"F%02X\r" % flags
         return ANSWERS.get(letter, ERROR)
-
-    def _take_frame(self, line: bytes) -> bytes:
-        frame = parse_line(line)
-        if frame is None or not self.is_open:
-            return ERROR
-        self._on_frame(frame)
-        return b"Z\r" if line[:1].isupper() else b"z\r"
-
-    def _report_flags(self) -> bytes:
-        if not self.is_open:
-            return ERROR
-        flags, self.flags = self.flags, 0
-        return b"F%02X\r" % flags

@@ -12,6 +12,7 @@ without a reader are lost, and counted:
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import errno
 import fcntl
 import os
@@ -141,7 +142,11 @@ class PtyEndpoint(SerialEndpoint):
             self._discard_unread()
 
     def _discard_unread(self) -> None:
-        self._drop(_discard_bytes(self._slave))
+        count = 0
+        with contextlib.suppress(BlockingIOError):
+            while data := os.read(self._slave, 4096):
+                count += len(data)
+        self._drop(count)
         if self._stale_at is None:
             self._notify(f"{self._name}: nobody has read it for {STALE_TIMEOUT_S:g} s; messages are dropped")
         self._stale_at = self._read = self.counters.bytes
@@ -151,17 +156,6 @@ class PtyEndpoint(SerialEndpoint):
 def _unread_bytes(slave: int) -> int:
     """Number of bytes that a reader of the slave could read now."""
     count: int = struct.unpack("i", fcntl.ioctl(slave, termios.FIONREAD, bytes(4)))[0]
-    return count
-
-
-def _discard_bytes(slave: int) -> int:
-    """Read and discard all bytes; returns their number."""
-    count = 0
-    try:
-        while data := os.read(slave, 4096):
-            count += len(data)
-    except BlockingIOError:
-        pass
     return count
 
 

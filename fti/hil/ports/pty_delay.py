@@ -38,7 +38,7 @@ class PtyDelay:
         tty.setraw(self._slave, termios.TCSANOW)
         os.set_blocking(self._master, False)
         os.set_blocking(self._slave, False)
-        asyncio.get_running_loop().add_reader(self._slave, self._on_arrival)
+        asyncio.get_running_loop().add_reader(self._slave, lambda: self._check_delay(len(os.read(self._slave, 4096))))
         return self
 
     def __exit__(
@@ -59,9 +59,6 @@ class PtyDelay:
         self._k += 1
         os.write(self._master, b".")
         self._sent.append(self._now_ns())
-
-    def _on_arrival(self) -> None:
-        self._check_delay(len(os.read(self._slave, 4096)))
 
     def _check_delay(self, count: int) -> None:
         """Handle the arrival of the oldest bytes; of several at once the oldest has the largest delay."""

@@ -9,6 +9,7 @@ out) is notified and its messages are dropped; the other devices continue.
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import os
 import time
 from abc import ABC, abstractmethod
@@ -116,8 +117,11 @@ class SerialEndpoint(ABC):
 
     def _hand_over(self, now: float) -> bool:
         """Write the bytes that are due; True when the buffer of the kernel is full."""
-        due = self._pacer.due(now)
-        written = self._write(due) if due else 0
+        due, written = self._pacer.due(now), 0
+        if due:
+            with contextlib.suppress(BlockingIOError):
+                written = os.write(self._fd, due)
+        self.counters.bytes += written
         self.counters.messages += self._pacer.mark_written(written)
         return written < len(due)
 
@@ -130,14 +134,6 @@ class SerialEndpoint(ABC):
         while self._pacer:
             self._drop(len(self._pacer.drop_oldest().data))
         self._space.set()
-
-    def _write(self, data: bytes) -> int:
-        try:
-            written = os.write(self._fd, data)
-        except BlockingIOError:
-            return 0
-        self.counters.bytes += written
-        return written
 
     def _set_full(self, full: bool) -> None:
         if full != self._is_full:

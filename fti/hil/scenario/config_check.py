@@ -1,17 +1,27 @@
-"""Check of a scenario against the configuration: its names must exist, its faults must apply to their devices."""
+"""Check of a scenario against the configuration.
+
+Its names must exist, its faults must apply to their devices, and each channel of ``[[expect]]`` must be a field of a
+message that the daemon records.
+"""
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterable, Sequence
+from typing import Any
 
 from fti.config import CanLink, Config
 from fti.devices import BoundDevice, bind_devices
 from fti.errors import ConfigError
 from fti.hil.faults.applicability import inapplicable_reason
-from fti.hil.scenario import expect_channels
 from fti.hil.tables.fault_base import DeviceFault, LinkFault
 from fti.hil.tables.fault_types import ByteFault, CanStatus, ClockFault
 from fti.hil.tables.schema import Scenario
+from fti.messages.outputs import HeightAboveGround, ProvisionalSolution
+from fti.messages.topics import MEASUREMENT_CLASSES, OUTPUT_CLASSES
+
+#: Health, ledger, clock, events: their content depends on the flight, so they are not checked.
+DAEMON_NAMESPACE = "fti"
 
 
 def check(scenario: Scenario, config: Config) -> None:
@@ -30,20 +40,14 @@ def check(scenario: Scenario, config: Config) -> None:
             if isinstance(fault, ByteFault | ClockFault):
                 _check_applicability(where, fault, bound)
         elif isinstance(fault, LinkFault):
-            _check_links(f"{where}.links", fault, config)
+            # only slcan adapters report controller errors
+            buses = [link for link in config.link if isinstance(link, CanLink)]
+            adapters = [link for link in buses if link.interface == "slcan"]
+            kind, able = ("slcan link", adapters) if isinstance(fault, CanStatus) else ("CAN link", buses)
+            _check_names(f"{where}.links", kind, fault.links, [link.name for link in able], config)
     for i, expectation in enumerate(scenario.expect):
-        if wrong := expect_channels.channel_error(expectation.channel, config):
+        if wrong := _channel_error(expectation.channel, config):
             raise ConfigError(f"{scenario.source_name}: expect[{i}].channel = {expectation.channel!r}: {wrong}")
-
-
-def _check_links(where: str, fault: LinkFault, config: Config) -> None:
-    """Only slcan adapters report controller errors; the other faults apply to any CAN link."""
-    buses = [link for link in config.link if isinstance(link, CanLink)]
-    if isinstance(fault, CanStatus):
-        adapters = [link.name for link in buses if link.interface == "slcan"]
-        _check_names(where, "slcan link", fault.links, adapters, config)
-    else:
-        _check_names(where, "CAN link", fault.links, [link.name for link in buses], config)
 
 
 def _check_applicability(where: str, fault: DeviceFault, devices: Sequence[BoundDevice]) -> None:
@@ -66,3 +70,38 @@ def _check_names(where: str, kind: str, names: Iterable[str], known: Sequence[st
         if name not in known:
             allowed = ", ".join(known) or "none"
             raise ConfigError(f"{where}: unknown {kind} {name!r}; {config.path} has: {allowed}")
+
+
+def _channel_error(channel: str, config: Config) -> str:
+    """The error in a topic and its field, with the allowed names; "" if there is none."""
+    topic, _, field = channel.rpartition(".")
+    begin, *rest = topic.strip("/").split("/")
+    if begin == DAEMON_NAMESPACE:
+        return ""
+    devices = [device.name for device in config.device]
+    if begin not in ("nav", *devices):
+        return f"unknown topic /{begin}; allowed: nav, {DAEMON_NAMESPACE}, {_join_names(devices)}"
+    kinds = OUTPUT_CLASSES if begin == "nav" else MEASUREMENT_CLASSES
+    kind = kinds.get(rest[0]) if rest else None
+    if kind is None:
+        return f"unknown topic {'/'.join(rest)!r} of /{begin}; allowed: {_join_names(kinds)}"
+    fields = [one.name for one in dataclasses.fields(kind)]
+    field_error = "" if field in fields else f"unknown field {field!r}; allowed: {_join_names(fields)}"
+    return _part_error(kind, rest[1:], config) or field_error
+
+
+def _part_error(kind: Any, parts: Sequence[str], config: Config) -> str:
+    """Topics of heights and provisional solutions end with a device name; other topics have no further part."""
+    receivers = config.nav.filter.gnss if config.nav.filter else ()
+    device_roles = {
+        HeightAboveGround: ("nav.altimeters", config.nav.altimeters),
+        ProvisionalSolution: ("nav.filter.gnss", receivers),
+    }
+    role, names = device_roles.get(kind, ("", ()))
+    if role and (len(parts) != 1 or parts[0] not in names):
+        return f"must end with one of {role}: {_join_names(names)}"
+    return f"unknown part {'/'.join(parts)!r}; allowed: none" if parts and not role else ""
+
+
+def _join_names(names: Any) -> str:
+    return ", ".join(names) or "none"

@@ -12,7 +12,7 @@ from fti.errors import ConfigError, MissingError
 from fti.hil.scenario.config_check import check
 from fti.hil.scenario.fault_table import read as read_profile
 from fti.hil.tables.fault_types import OffTrack, WholeFlightFault
-from fti.hil.tables.flights import AnyFlight, ApproachFlight, RecordedFlight
+from fti.hil.tables.flights import ApproachFlight, RecordedFlight
 from fti.hil.tables.schema import Scenario
 
 FOLDER = Path(__file__).resolve().parents[3] / "configs" / "scenarios"
@@ -27,41 +27,26 @@ def load(path: Path) -> Scenario:
 def parse(table: Mapping[str, Any], path: Path) -> Scenario:
     """The scenario in a TOML table; path : its file (for messages and relative paths).  Raises ConfigError."""
     scenario = configuration.bind(Scenario, table, str(path)).with_file(str(path))
-    _check(scenario, path)
-    found = {"config": _resolve_path(path, scenario.config), "flight": _with_absolute_file(path, scenario.flight)}
-    return _with_profile(scenario.model_copy(update=found), path)
-
-
-def _check(scenario: Scenario, path: Path) -> None:
-    """Conditions between tables.  Raises ConfigError."""
     for i, fault in enumerate(scenario.fault):
         if not isinstance(fault, WholeFlightFault) and fault.from_s >= fault.to_s:
             raise ConfigError(f"{path}: fault[{i}].to_s = {fault.to_s}: must be after from_s = {fault.from_s}")
         if isinstance(fault, OffTrack) and not isinstance(scenario.flight, ApproachFlight):
             raise ConfigError(f"{path}: fault[{i}].kind = 'off_track': needs flight.kind = 'approach'")
-
-
-def _with_profile(scenario: Scenario, path: Path) -> Scenario:
-    """The scenario with the faults and expectations of its profile."""
-    if scenario.profile is None:
-        return scenario
-    file = _resolve_path(path, scenario.profile)
-    profile = read_profile(Path(file))
-    merged = {"fault": scenario.fault + profile.faults, "expect": scenario.expect + profile.expectations}
-    return scenario.model_copy(update={"profile": file, **merged})
+    found: dict[str, Any] = {"config": _resolve_path(path, scenario.config)}
+    if isinstance(flight := scenario.flight, RecordedFlight):
+        found["flight"] = flight.model_copy(update={"file": _resolve_path(path, flight.file)})
+    if scenario.profile is not None:
+        file = _resolve_path(path, scenario.profile)
+        profile = read_profile(Path(file))
+        found |= {"fault": scenario.fault + profile.faults, "expect": scenario.expect + profile.expectations}
+        found["profile"] = file
+    return scenario.model_copy(update=found)
 
 
 def _resolve_path(path: Path, name: str) -> str:
     if "\0" in name:
         raise ConfigError(f"{path}: {name!r}: is not a file name")
     return str((path.parent / name).resolve())
-
-
-def _with_absolute_file(path: Path, flight: AnyFlight) -> AnyFlight:
-    """The flight with an absolute path; a relative one starts at the folder of the scenario."""
-    if not isinstance(flight, RecordedFlight):
-        return flight
-    return flight.model_copy(update={"file": _resolve_path(path, flight.file)})
 
 
 def load_config(scenario: Scenario, path: Path | None = None) -> Config:

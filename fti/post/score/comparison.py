@@ -11,10 +11,10 @@ from fti.hil.oracle.fault_flags import flags_of_scenario
 from fti.hil.oracle.flight_flags import flight_allowances
 from fti.hil.oracle.roles import AircraftRoles
 from fti.hil.scenario import Scenario
+from fti.hil.tables.schema import Expectation
 from fti.post.reprocess import Setup
-from fti.post.score.expectations import meet_expectation
 from fti.post.score.flag_rows import flag_rows, unconfigured_rows
-from fti.post.score.flight_observation import FlightObservation, start_limit_s
+from fti.post.score.flight_observation import BEFORE_S, FlightObservation, start_limit_s
 from fti.post.score.observed_flags import ObservedFlags
 from fti.post.score.outcome import BenchLateness, FlightOutcome, bench_finding, decide, measure_lateness, truth_finding
 from fti.post.score.outputs.row import OutputRow
@@ -90,7 +90,7 @@ def score_flight(
             scenario.fault, AircraftRoles(own.config, own.devices, scenario), flight_truth.truth
         )
         rows += unconfigured_rows(own_flags, fault_flags, scenario.fault, observation)
-    expected = tuple(meet_expectation(expectation, observation) for expectation in scenario.expect)
+    expected = tuple(_meet_expectation(expectation, observation) for expectation in scenario.expect)
     flags: list[FlagRow | ExpectationRow] = [*rows, *expected]
     lateness = measure_lateness(observation)
     return Score(
@@ -105,3 +105,29 @@ def score_flight(
         lateness,
         tuple(outputs),
     )
+
+
+def _meet_expectation(expectation: Expectation, observation: FlightObservation) -> ExpectationRow:
+    """Score a row of ``[[expect]]``."""
+    begin, end = expectation.at_s, expectation.at_s + expectation.within_s
+    if end > observation.end_s:
+        return ExpectationRow(expectation, Result.NOT_FLOWN, None, None)
+    during = [(t, value) for t, value in observation.observed_flags.values[expectation.channel] if begin <= t <= end]
+    for t, value in during:
+        if _is_met(expectation, value):
+            return ExpectationRow(expectation, Result.FOUND, t - begin, value)
+    result = Result.MISSING
+    if begin < observation.start_s:
+        result = Result.START
+    elif observation.pause_time_s(begin - BEFORE_S, end):
+        result = Result.LATE_BENCH
+    return ExpectationRow(expectation, result, None, during[-1][1] if during else None)
+
+
+def _is_met(expectation: Expectation, value: object) -> bool:
+    expected = expectation.value
+    if isinstance(value, list):
+        return expected in value
+    if isinstance(expected, bool | str) or isinstance(value, bool) or not isinstance(value, int | float):
+        return value == expected
+    return expected - expectation.minus <= value <= expected + expectation.plus

@@ -13,9 +13,9 @@ from xml.etree import ElementTree as ET
 
 from fti.errors import StorageError
 from fti.post.score.comparison import Score
+from fti.post.score.outcome import UnscoredFlight
 from fti.post.score.results import ResultRow, result_rows
 from fti.post.score.rows import FAILURES, Result
-from fti.post.score.unscored_flight import UnscoredFlight
 
 FAILURE, ERROR, SKIPPED = "failure", "error", "skipped"
 PASSED = (Result.FOUND, Result.HOLDS)

@@ -50,7 +50,13 @@ class FlagTimeline:
         if place.endswith(STATUS) and t - last_s > HOLD_S:
             self._end(place, before, last_s + HOLD_S)
             before = NOTHING
-        self._change(t, place, before, words)
+        self._end(place, before - words, t)
+        for word in words - before:
+            spans = self.spans[place, word]
+            if spans and t - spans[-1].until_s < MERGE_S:
+                spans[-1].until_s = math.inf
+            else:
+                spans.append(FlagInterval(t))
         self._current[place] = t, words
 
     def finish(self) -> None:
@@ -63,20 +69,16 @@ class FlagTimeline:
         for word in words:
             self.spans[place, word][-1].until_s = t
 
-    def _change(self, t: float, place: str, before: Words, words: Words) -> None:
-        self._end(place, before - words, t)
-        for word in words - before:
-            spans = self.spans[place, word]
-            if spans and t - spans[-1].until_s < MERGE_S:
-                spans[-1].until_s = math.inf
-            else:
-                spans.append(FlagInterval(t))
-
     def intervals(self, place: str, words: Iterable[str]) -> list[FlagInterval]:
         """Intervals of any of these words at this place, or at all places below it when it ends with a slash."""
         wanted = set(words)
-        found = [spans for (where, word), spans in self.spans.items() if word in wanted and _is_at(where, place)]
-        return sorted((span for spans in found for span in spans), key=lambda span: span.from_s)
+        intervals = [
+            span
+            for (where, word), spans in self.spans.items()
+            if word in wanted and (where.startswith(place) if place.endswith("/") else where == place)
+            for span in spans
+        ]
+        return sorted(intervals, key=lambda span: span.from_s)
 
 
 @dataclass(slots=True)
@@ -129,7 +131,3 @@ def uncovered_parts(span: FlagInterval, intervals: Iterable[tuple[float, float]]
             at = max(at, math.nextafter(until_s, math.inf))
     if at <= span.until_s and span.until_s - at >= min_s:
         yield at, span.until_s
-
-
-def _is_at(where: str, place: str) -> bool:
-    return where.startswith(place) if place.endswith("/") else where == place

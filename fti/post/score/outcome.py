@@ -27,6 +27,18 @@ class FlightOutcome(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
+class UnscoredFlight:
+    """Why there is no score.
+
+    name : of the scenario or session; reason : one sentence; exit_code : of the command
+    """
+
+    name: str
+    reason: str
+    exit_code: int
+
+
+@dataclass(frozen=True, slots=True)
 class BenchLateness:
     """Pauses of the bench in a flight.
 

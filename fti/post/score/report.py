@@ -1,13 +1,14 @@
-"""A score as text and as JSON."""
+"""One score, or those of several flights, as text and as JSON."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from typing import Any
 
 from fti.post.score.comparison import Score
-from fti.post.score.outcome import MAX_LATE_SHARE, FlightOutcome
+from fti.post.score.outcome import MAX_LATE_SHARE, FlightOutcome, UnscoredFlight
 from fti.post.score.outputs.row import OutputRow
 from fti.post.score.outputs.table import output_lines
 from fti.post.score.results import describe_unexpected, name_expectation
@@ -21,6 +22,8 @@ CONCLUSIONS = {
     FlightOutcome.FAILED: "does not hold",
     FlightOutcome.INCONCLUSIVE: "inconclusive",
 }
+SUMMARY_HEAD = ("scenario", "outcome", "flags in time", "")
+NOT_COMPARED = "not compared"
 HEAD = ("fault", "on", "flag", "", "after", "allowed", "cleared", "allowed")
 
 
@@ -145,3 +148,33 @@ def _row(row: FlagRow | OutputRow | FlightFinding) -> dict[str, Any]:
 
 def _finite(seconds: float) -> float | None:
     return None if seconds == math.inf else seconds
+
+
+# ------------------------------------------------------------------------------------------------- several flights
+
+
+def as_summary(scores: Sequence[Score | UnscoredFlight]) -> list[str]:
+    """A line for each flight, and the number of each outcome."""
+    outcomes = [score.outcome if isinstance(score, Score) else NOT_COMPARED for score in scores]
+    counts = [f"{outcomes.count(one)} {one}" for one in (*FlightOutcome, NOT_COMPARED) if one in outcomes]
+    return [
+        *text_table([SUMMARY_HEAD, *(_summary_cells(score) for score in scores)]),
+        "",
+        f"{len(scores)} flights: {', '.join(counts)}",
+    ]
+
+
+def _summary_cells(score: Score | UnscoredFlight) -> tuple[str, ...]:
+    if isinstance(score, UnscoredFlight):
+        return score.name, NOT_COMPARED, "", score.reason
+    found, due = count_flags(score)
+    return score.scenario.title, score.outcome, f"{found} of {due}", "; ".join(remarks(score))
+
+
+def as_json_list(scores: Sequence[Score | UnscoredFlight]) -> Iterator[dict[str, Any]]:
+    """One table for each flight."""
+    for score in scores:
+        if isinstance(score, Score):
+            yield as_json(score)
+        else:
+            yield {"scenario": score.name, "outcome": NOT_COMPARED, "holds": False, "error": score.reason}

@@ -6,9 +6,8 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from fti.post.score.comparison import Score
-from fti.post.score.outputs.row import OutputRow
 from fti.post.score.outputs.table import describe
-from fti.post.score.rows import ExpectationRow, FlagRow, FlightFinding, Result, UnexpectedFlag
+from fti.post.score.rows import ExpectationRow, FlagRow, Result, UnexpectedFlag
 
 
 class ResultRow(NamedTuple):
@@ -23,10 +22,16 @@ class ResultRow(NamedTuple):
 def result_rows(score: Score) -> Iterator[ResultRow]:
     """Every row of a score: faults, unexpected flags, ``[[expect]]``, outputs, checks of every flight."""
     yield from map(_flag_result, score.rows)
-    yield from map(_unexpected_result, score.unexpected)
-    yield from map(_expectation_result, score.expected)
-    yield from map(_output_result, score.outputs)
-    yield from map(_finding_result, (*score.findings, score.bench))
+    for one in score.unexpected:
+        text = f"not expected: {describe_unexpected(one)}"
+        yield ResultRow("not expected", f"{one.place} {one.word}", Result.FAILS, text)
+    for met in score.expected:
+        yield ResultRow("expect", name_expectation(met), met.result, f"{met.result}; it was {met.value}")
+    for row in score.outputs:
+        name = " ".join(part for part in (row.topic, row.what, row.check) if part)
+        yield ResultRow("output", name, row.result, f"{row.result}: {describe(row)}")
+    for finding in (*score.findings, score.bench):
+        yield ResultRow(finding.about, finding.name, finding.result, finding.text)
 
 
 def _flag_result(row: FlagRow) -> ResultRow:
@@ -39,25 +44,6 @@ def _flag_result(row: FlagRow) -> ResultRow:
     )
     parts = [f"{what} {seconds:.2f} s" for what, seconds in times if seconds is not None]
     return ResultRow("fault", name, row.result, ", ".join([row.result, *parts]))
-
-
-def _unexpected_result(one: UnexpectedFlag) -> ResultRow:
-    return ResultRow(
-        "not expected", f"{one.place} {one.word}", Result.FAILS, f"not expected: {describe_unexpected(one)}"
-    )
-
-
-def _expectation_result(met: ExpectationRow) -> ResultRow:
-    return ResultRow("expect", name_expectation(met), met.result, f"{met.result}; it was {met.value}")
-
-
-def _output_result(row: OutputRow) -> ResultRow:
-    name = " ".join(part for part in (row.topic, row.what, row.check) if part)
-    return ResultRow("output", name, row.result, f"{row.result}: {describe(row)}")
-
-
-def _finding_result(finding: FlightFinding) -> ResultRow:
-    return ResultRow(finding.about, finding.name, finding.result, finding.text)
 
 
 def describe_unexpected(one: UnexpectedFlag) -> str:

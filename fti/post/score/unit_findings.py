@@ -26,44 +26,27 @@ MAX_END_S = 3.0
 
 def unit_findings(observation: FlightObservation, start_limit_s: float) -> Iterator[FlightFinding]:
     """The five findings.  start_limit_s : time that the unit may take until its first report [s]"""
-    yield _start(observation, start_limit_s)
-    yield _keeps_up(observation)
-    yield _until_the_end(observation)
+    first_report_s = observation.observed_flags.first_report_s
+    text = f"first report of navigation after {first_report_s:.1f} s; {start_limit_s:g} s are allowed"
+    if math.isinf(first_report_s):
+        text = "no report of navigation during the flight"
+    yield _finding("start", first_report_s <= start_limit_s, text)
+    share = _behind_share(observation)
+    text = f"navigation was behind for {share:.0%} of the flight; {MAX_BEHIND_SHARE:.0%} are allowed"
+    yield _finding("navigation in time", share <= MAX_BEHIND_SHARE, text)
+    silent_s = max(observation.end_s - observation.observed_flags.last_report_s, 0.0)
+    text = f"no report of navigation in the last {silent_s:.0f} s; {MAX_SILENT_S:g} s are allowed"
+    yield _finding("navigation until the end", silent_s <= MAX_SILENT_S, text)
     yield _ticks(observation, start_limit_s)
     yield _alarms(observation)
 
 
-def _start(observation: FlightObservation, limit_s: float) -> FlightFinding:
-    first_report_s = observation.observed_flags.first_report_s
-    if math.isinf(first_report_s):
-        return _finding("start", False, "no report of navigation during the flight")
-    text = f"first report of navigation after {first_report_s:.1f} s; {limit_s:g} s are allowed"
-    return _finding("start", first_report_s <= limit_s, text)
-
-
-def behind_share(observation: FlightObservation) -> float:
+def _behind_share(observation: FlightObservation) -> float:
     """Part of the flight in which navigation was behind that neither bench nor start explains, 0 to 1."""
     exempt = [FlightPause(p.from_s, p.until_s + CATCH_UP_S) for p in observation.pauses]
     if observation.start_s:
         exempt.append(FlightPause(0.0, observation.start_s + CATCH_UP_S))
     return _counted_s(observation.observed_flags.lag_intervals, exempt, observation.end_s) / observation.end_s
-
-
-def _keeps_up(observation: FlightObservation) -> FlightFinding:
-    share = behind_share(observation)
-    text = f"navigation was behind for {share:.0%} of the flight; {MAX_BEHIND_SHARE:.0%} are allowed"
-    return _finding("navigation in time", share <= MAX_BEHIND_SHARE, text)
-
-
-def silent_s(observation: FlightObservation) -> float:
-    """Time from the last report of navigation to the end of the flight [s]."""
-    return max(observation.end_s - observation.observed_flags.last_report_s, 0.0)
-
-
-def _until_the_end(observation: FlightObservation) -> FlightFinding:
-    silence = silent_s(observation)
-    text = f"no report of navigation in the last {silence:.0f} s; {MAX_SILENT_S:g} s are allowed"
-    return _finding("navigation until the end", silence <= MAX_SILENT_S, text)
 
 
 def _ticks(observation: FlightObservation, start_limit_s: float) -> FlightFinding:

@@ -14,9 +14,9 @@ from fti.hil.tables.schema import Expectation
 from fti.post.reprocess import Setup
 from fti.post.score.comparison import Score, score_flight
 from fti.post.score.junit import as_junit, write
+from fti.post.score.outcome import UnscoredFlight
 from fti.post.score.rows import ExpectationRow, Result, UnexpectedFlag
 from fti.post.score.truth_reader import FlightPause
-from fti.post.score.unscored_flight import UnscoredFlight
 from tests.post.score.short_flight import daemon_config, short_scenario
 from tests.post.score.test_comparison import CUT, HEIGHT, NOTHING, STALE, flight_truth, observe
 

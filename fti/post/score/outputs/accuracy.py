@@ -37,7 +37,9 @@ def accuracy(
     yield _error(topic, quantity, known, t, limits)
     stated = known & np.isfinite(quantity.sd)
     if quantity.must_state and not stated[known].all():
-        yield _unstated(topic, quantity, known & ~stated, t)
+        missing = known & ~stated
+        found, limit = f"{np.count_nonzero(missing)} values without a sigma", "a sigma with each value"
+        yield OutputRow(topic, OutputCheck.SIGMA, quantity.name, Result.FAILS, found, limit, float(t[missing][0]))
     elif stated.any():
         yield _sigma(topic, quantity, stated, t, limits, sharp=stated & ~lost)
 
@@ -83,13 +85,6 @@ def _error(topic: str, quantity: QuantityError, known: Mask, t: Array, limits: S
         f"{error[worst]:.3g} {quantity.unit} at most, RMS {np.sqrt(np.mean(error**2)):.3g} {quantity.unit}",
         f"<= {allowed[worst]:.3g} {quantity.unit}",
         float(t[known][worst]),
-    )
-
-
-def _unstated(topic: str, quantity: QuantityError, missing: Mask, t: Array) -> OutputRow:
-    found = f"{np.count_nonzero(missing)} values without a sigma"
-    return OutputRow(
-        topic, OutputCheck.SIGMA, quantity.name, Result.FAILS, found, "a sigma with each value", float(t[missing][0])
     )
 
 

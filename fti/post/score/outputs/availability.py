@@ -10,13 +10,22 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from fti.hil.oracle.flag_definitions import FlagAllowance
+from fti.hil.oracle.flight_flags import MARGIN
+from fti.hil.oracle.roles import AircraftRoles
 from fti.hil.tables.limits import ScoreLimits
+from fti.nav.integrity.go_around import GO_AROUND_CLIMB
+from fti.nav.integrity.reference import ApproachReference
 from fti.post.score.outputs.row import OutputCheck, OutputRow, result_of
 from fti.post.score.rows import Result
 from fti.post.score.series import Array, Mask, TopicSeries
+from fti.post.score.truth_table import TruthTable
 
 #: Minimum number of messages for a share.
 MIN_COUNT = 10
+#: Closer to the intercept point there is no glide slope angle, and the profile ends [m].
+MIN_ALONG_TRACK_M = 170.0
+#: Windows of the monitor: one must be full, and a quarter more for delays.
+WINDOWS = 1.25
 #: Maximum share of invalid messages that the flight may explain.
 EXPLAINED_SHARE = 0.3
 
@@ -58,3 +67,41 @@ def _is_explained(topic: str, reasons: object, t: float, may: Sequence[FlagAllow
         return False
     now = [one for one in may if one.from_s <= t <= one.until_s]
     return all(any(one.explains(topic, str(reason)) for one in now) for reason in reasons)
+
+
+def approach_due(
+    table: TruthTable, reference: ApproachReference, craft: AircraftRoles, altimeter: str, start_s: float
+) -> Mask:
+    """Rows of the truth at which integrity monitor and glide slope must be valid, shape (n,).
+
+    For a window and a quarter the aircraft has been on the profile, near the track, at small roll and pitch, not
+    climbing, and within the range of the altimeter.
+    """
+    limits = craft.approach
+    t = table.seconds(table.t_ns)
+    if limits is None:
+        return np.zeros(len(t), dtype=bool)
+    columns = table.columns
+    s, roll, pitch = columns["s"], columns["roll"], columns["pitch"]
+    on_profile = (s >= MIN_ALONG_TRACK_M) & (s <= reference.header.profile.s_max_m)
+    on_track = abs(columns["y"]) <= MARGIN * limits.y_max_m
+    wings_level = (abs(np.rad2deg(roll)) <= MARGIN * limits.max_roll_deg) & (
+        abs(np.rad2deg(pitch)) <= MARGIN * limits.max_pitch_deg
+    )
+    not_climbing = columns["vel_down"] >= -MARGIN * GO_AROUND_CLIMB
+    in_range = columns["height_agl"] <= MARGIN * craft.range_m(altimeter)
+    return _holds_along_track(
+        on_profile & on_track & wings_level & not_climbing & in_range & (t >= start_s), s, WINDOWS * limits.window_m
+    )
+
+
+def _holds_along_track(good: Mask, s: Array, distance_m: float) -> Mask:
+    """Rows at which a condition has held for a distance along the track, shape (n,)."""
+    found, begin = np.zeros(len(good), dtype=bool), np.nan
+    for i in range(len(good)):
+        if not good[i]:
+            begin = np.nan
+        elif np.isnan(begin):
+            begin = s[i]
+        found[i] = bool(begin - s[i] >= distance_m)
+    return found

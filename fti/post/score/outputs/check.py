@@ -17,8 +17,7 @@ from fti.hil.tables.fault_types import Duplicated
 from fti.logger.reading.recording import Recording
 from fti.messages.reasons import Reason
 from fti.post.score.outputs.accuracy import accuracy, explained_error_row, fault_error_rows
-from fti.post.score.outputs.approach import approach_due
-from fti.post.score.outputs.availability import availability
+from fti.post.score.outputs.availability import approach_due, availability
 from fti.post.score.outputs.consistency import Consistency
 from fti.post.score.outputs.errors import Comparison
 from fti.post.score.outputs.flight_reference import FlightReference

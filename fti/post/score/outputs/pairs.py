@@ -43,13 +43,10 @@ def _belongs(slope: MessageTable, monitor: MessageTable | None) -> bool:
     good = monitor.get("state") in GOOD
     if slope.get("valid") is True:
         return good
-    clear = all(_is_below_one(monitor.get(name)) for name in ("t1_ratio", "t4_ratio"))
+    ratios = (monitor.get("t1_ratio"), monitor.get("t4_ratio"))
+    clear = not any(isinstance(ratio, int | float) and not ratio < 1.0 for ratio in ratios)
     s = slope.get("s")
     return not (good and clear and isinstance(s, int | float) and s >= MIN_ALONG_TRACK_M)
-
-
-def _is_below_one(ratio: object) -> bool:
-    return not isinstance(ratio, int | float) or ratio < 1.0
 
 
 def _by_time(series: TopicSeries) -> dict[int, MessageTable]:

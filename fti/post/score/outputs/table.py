@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 
 from fti.post.score.outputs.accuracy import DURING_FAULT
 from fti.post.score.outputs.row import OutputCheck, OutputRow
@@ -31,18 +31,14 @@ def describe(row: OutputRow) -> str:
 
 def _cells(rows: Sequence[OutputRow]) -> Iterator[tuple[str, ...]]:
     """One row per topic of navigation, and one per device."""
-    for name, group in _group_rows(rows).items():
+    groups: dict[str, list[OutputRow]] = defaultdict(list)
+    for row in rows:
+        device = row.topic.split("/")[1]
+        groups[row.topic if device == "nav" else f"/{device}/*"].append(row)
+    for name, group in groups.items():
         checks = [row for row in group if row.result is not Result.NOT_COMPARED]
         passed = sum(row.result not in FAILURES for row in checks)
         is_device = name.endswith("/*")
         found = {row.check: row.found for row in group if not is_device and not row.what}
         valid = found.get(OutputCheck.VALID, "").partition(" ")[0]
         yield name, found.get(OutputCheck.RATE, ""), found.get(OutputCheck.GAP, ""), valid, f"{passed} of {len(checks)}"
-
-
-def _group_rows(rows: Sequence[OutputRow]) -> Mapping[str, list[OutputRow]]:
-    groups: dict[str, list[OutputRow]] = defaultdict(list)
-    for row in rows:
-        device = row.topic.split("/")[1]
-        groups[row.topic if device == "nav" else f"/{device}/*"].append(row)
-    return groups
