@@ -184,10 +184,6 @@ def refine(problem: Problem, start: Array, sd: float) -> ReceiverFit:
         if better is None:
             break
         p = better
-    return _refined_fit(problem, p, sd)
-
-
-def _refined_fit(problem: Problem, p: Array, sd: float) -> ReceiverFit:
     return _build_fit(problem, p, sd, _sandwich(problem, p, sd, slice(None)))
 
 

@@ -4,7 +4,7 @@ trajectory          ``SplineFlight.from_samples(FlightSamples(t, lat, lon, alt, 
 factory             creates the flight from the table ``[flight]`` of a scenario: one function for each kind
 approach            the published approach, with wander, gusts and side steps
 waypoints           straight legs and turns of a bank limit
-recorded_flight     from a table (``csv_flight``) or a session (``session``), filtered (``smoothing``)
+recorded_flight     from a table or a session (``session``), filtered (``smoothing``)
 jsbsim              a flight dynamics model with an autopilot
 coordinated_flight  attitude without sideslip for a given path
 spline              quintic splines; banded_solver: their systems of equations

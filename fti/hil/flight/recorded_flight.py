@@ -1,15 +1,24 @@
-"""A recorded flight from a table or a session, filtered on request, and checked for plausibility."""
+"""A recorded flight from a table or a session, filtered on request, and checked for plausibility.
+
+A table is a CSV file with one line per sample and column names in the first line:
+
+    t_s, lat_deg, lon_deg, alt_m (above the ellipsoid), roll_deg, pitch_deg, heading_deg
+
+Columns may be in any order; other columns are ignored.  Lines that begin with ``#`` are comments.
+"""
 
 from __future__ import annotations
 
+import csv
+import math
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fti.errors import ConfigError
-from fti.hil.flight.csv_flight import read_table
+from fti.errors import ConfigError, MissingError
 from fti.hil.flight.session import read_session
 from fti.hil.flight.smoothing import FlightFit, fit
 from fti.hil.flight.trajectory import FlightSamples, SplineFlight
@@ -17,6 +26,11 @@ from fti.hil.tables.flights import RecordedFlight
 
 Array = NDArray[np.float64]
 
+TIME, ALTITUDE = "t_s", "alt_m"
+ANGLES = ("lat_deg", "lon_deg", "roll_deg", "pitch_deg", "heading_deg")
+COLUMNS = (TIME, "lat_deg", "lon_deg", ALTITUDE, "roll_deg", "pitch_deg", "heading_deg")
+#: Largest allowed absolute values by column.
+MAX_VALUES_DEG = {"lat_deg": 90.0, "lon_deg": 360.0, "roll_deg": 180.0, "pitch_deg": 90.0, "heading_deg": 360.0}
 #: Larger accelerations [m/s^2] come from steps or noise in the samples.
 MAX_ACCEL_MPS2 = 150.0
 #: Points of the acceleration check per sample.
@@ -61,3 +75,55 @@ def _check_acceleration(fitted: FlightFit, file: Path, smooth_s: float | None) -
             f"{file}: acceleration of {accel[k]:.0f} m/s^2 at {t[k]:.2f} s: the samples have steps or noise; "
             f"set or increase flight.smooth_s (now {now})"
         )
+
+
+# ---------------------------------------------------------------------------------------------------------------- table
+
+
+def read_table(file: Path) -> FlightSamples:
+    """The samples of a file.  Raises MissingError, and ConfigError with the line that is wrong."""
+    try:
+        text = file.read_text(encoding="utf-8-sig")  # spreadsheets write a byte order mark
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "is not UTF-8 text"
+        raise MissingError(f"{file}: cannot be read: {reason}") from None
+    lines = [(number, line) for number, line in enumerate(text.splitlines(), 1) if line.strip() and line[0] != "#"]
+    if not lines:
+        raise ConfigError(f"{file}: no table found; the first line must name the columns {', '.join(COLUMNS)}")
+    header = [name.strip() for name in lines[0][1].split(",")]
+    missing = [name for name in COLUMNS if name not in header]
+    if missing:
+        raise ConfigError(f"{file}: line {lines[0][0]}: missing columns {', '.join(missing)}")
+    rows = np.array([_numbers(file, number, line, header) for number, line in lines[1:]]).reshape(-1, len(COLUMNS))
+    column = dict(zip(COLUMNS, rows.T, strict=True))
+    lat, lon, roll, pitch, heading = (np.deg2rad(column[name]) for name in ANGLES)
+    return FlightSamples(column[TIME], lat, lon, column[ALTITUDE], roll, pitch, heading)
+
+
+def write_table(samples: FlightSamples, file: Path, remarks: Iterable[str]) -> None:
+    """Write samples in the format of ``read_table``, with a resolution of 1e-9 deg (0.1 mm), 1 mm and 1e-5 deg."""
+    angles = [np.rad2deg(a) for a in (samples.lat, samples.lon, samples.roll, samples.pitch, samples.heading)]
+    lat, lon, roll, pitch, heading = angles
+    lines = [f"# {remark}" for remark in remarks] + [",".join(COLUMNS)]
+    for t, *position, a, b, c in zip(samples.t, lat, lon, samples.alt, roll, pitch, heading, strict=True):
+        lines.append(f"{t:.3f},{position[0]:.9f},{position[1]:.9f},{position[2]:.3f},{a:.5f},{b:.5f},{c:.5f}")
+    file.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def _numbers(file: Path, number: int, line: str, header: list[str]) -> list[float]:
+    cells = next(csv.reader([line]))
+    if len(cells) != len(header):
+        raise ConfigError(f"{file}: line {number}: {len(cells)} values under {len(header)} columns")
+    values = dict(zip(header, cells, strict=True))
+    return [_number(file, number, name, values[name]) for name in COLUMNS]
+
+
+def _number(file: Path, number: int, name: str, text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        raise ConfigError(f"{file}: line {number}: {name} = {text!r}: is not a number") from None
+    max_value = MAX_VALUES_DEG.get(name, math.inf)
+    if not math.isfinite(value) or abs(value) > max_value:
+        raise ConfigError(f"{file}: line {number}: {name} = {text}: must be a number up to {max_value:g}")
+    return value

@@ -70,7 +70,9 @@ def fit(samples: FlightSamples, period: float | None) -> FlightFit:
     if period is None:
         filtered_samples, knots = samples, np.arange(len(samples.t))
     else:
-        filtered_samples, knots = smooth(samples, period), _decimate(samples.t, period / KNOTS_PER_PERIOD)
+        filtered_samples = smooth(samples, period)
+        intervals = np.floor((samples.t - samples.t[0]) / (period / KNOTS_PER_PERIOD) + 1e-6)
+        knots = np.unique(intervals, return_index=True)[1]  # the first sample in each interval
     flight = SplineFlight.from_samples(_select_rows(filtered_samples, knots))
     intermediate = _select_rows(filtered_samples, np.setdiff1d(np.flatnonzero(filtered_samples.t <= flight.end), knots))
     splined = displacements(intermediate, flight.state(intermediate.t))
@@ -135,11 +137,6 @@ def angle_between(mats: Array, others: Array) -> Array:
 
 def _attitude(of: FlightSamples | FlightState) -> Array:
     return mat_from_rpy(of.roll, of.pitch, of.heading)
-
-
-def _decimate(t: Array, step: float) -> NDArray[np.intp]:
-    """Indices of the first sample in each interval of ``step`` [s]."""
-    return np.unique(np.floor((t - t[0]) / step + 1e-6), return_index=True)[1]
 
 
 def _select_rows(samples: FlightSamples, rows: NDArray[np.intp]) -> FlightSamples:

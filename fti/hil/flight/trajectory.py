@@ -168,7 +168,8 @@ class SplineFlight:
         mat_nb = mat_ne @ mat_from_quat(quat_eb / np.linalg.norm(quat_eb, axis=1, keepdims=True))
         roll, pitch, heading = rpy_from_mat(mat_nb)
         turn_b = np.einsum("nji,nj->ni", mat_nb, transport_rate(lat, alt, vel_n))
-        air_b = np.einsum("nji,nj->ni", mat_nb, vel_n - self._wind(times))
+        wind_n = np.array(self._wind_n) if isinstance(self._wind_n, tuple) else self._wind_n(times)
+        air_b = np.einsum("nji,nj->ni", mat_nb, vel_n - wind_n)
         tas = np.linalg.norm(air_b, axis=1)
         return FlightState(
             t=times,
@@ -185,9 +186,6 @@ class SplineFlight:
             aoa=np.arctan2(air_b[:, 2], air_b[:, 0]),
             aos=np.arcsin(air_b[:, 1] / np.maximum(tas, MIN_AIRSPEED_MPS)),
         )
-
-    def _wind(self, times: Array) -> Array:
-        return np.array(self._wind_n) if isinstance(self._wind_n, tuple) else self._wind_n(times)
 
 
 def check_times(t: ArrayLike) -> Array:

@@ -64,7 +64,9 @@ def waypoint_flight(waypoints: Sequence[Waypoint], bank: float, wind_n: tuple[fl
     for a flight of more than ``MAX_DURATION_S``.
     """
     turns = _route(waypoints, bank)
-    t, positions_e, end = _time_path(_add_margins(waypoints), turns)
+    first = _extrapolated_waypoint(waypoints[1], waypoints[0])
+    last = _extrapolated_waypoint(waypoints[-2], waypoints[-1])
+    t, positions_e, end = _time_path([first, *waypoints, last], turns)
     if not end <= MAX_DURATION_S:
         raise ValueError(
             f"waypoint: {end:.0f} s from the first to the last; at most {MAX_DURATION_S:.0f} s are allowed"
@@ -132,15 +134,6 @@ def _course(frame: LocalFrame, here: Waypoint, there: Waypoint) -> Array:
 
 def _angle(a: Array, b: Array) -> float:
     return float(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b))
-
-
-def _add_margins(waypoints: Sequence[Waypoint]) -> list[Waypoint]:
-    """The waypoints, with one more before the first and beyond the last on the extended legs."""
-    return [
-        _extrapolated_waypoint(waypoints[1], waypoints[0]),
-        *waypoints,
-        _extrapolated_waypoint(waypoints[-2], waypoints[-1]),
-    ]
 
 
 def _extrapolated_waypoint(before: Waypoint, last: Waypoint) -> Waypoint:

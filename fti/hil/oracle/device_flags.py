@@ -71,6 +71,9 @@ from fti.hil.tables.fault_types import (
     WrongLabel,
 )
 
+#: Shortest message, to estimate the number of wrong bits.
+MESSAGE_BITS = 64.0
+
 
 def flags_on_device(fault: DeviceFault, case: FaultCase) -> FaultFlags:
     """The flags of one fault on one device."""
@@ -79,14 +82,9 @@ def flags_on_device(fault: DeviceFault, case: FaultCase) -> FaultFlags:
             expected_flags, unknown = rule(fault, case)
             expected_flags = [*expected_flags, *expected_source_flags(fault, case)]
             unknown = "" if expected_flags else unknown
-            return FaultFlags.from_flags(
-                case.name, expected_flags, tuple(consequences(case, *_health_words(fault))), unknown
-            )
+            health = next((words for kinds, words in HEALTH_WORDS if isinstance(fault, kinds)), ())
+            return FaultFlags.from_flags(case.name, expected_flags, tuple(consequences(case, *health)), unknown)
     raise AssertionError(f"no rule for {type(fault).__name__}")
-
-
-def _cut_flags(fault: Cut, case: FaultCase) -> RuleResult:
-    return silence_flags(case), ""
 
 
 def silence_flags(case: FaultCase) -> list[ExpectedFlag]:
@@ -196,23 +194,15 @@ def _clock_jump_flags(fault: ClockJump, case: FaultCase) -> RuleResult:
     return [_clock_away_flag(case)], ""
 
 
-def _clock_drift_flags(fault: ClockDrift, case: FaultCase) -> RuleResult:
-    return [], "a slow drift is taken as the drift of the clock itself"
-
-
 def _damage_flags(fault: Any, case: FaultCase) -> RuleResult:
     """Damaged bytes are rejected; data become stale only with share = 1.  On CAN only short frames are rejected."""
     if case.craft.is_on_can(case.name) and not isinstance(fault, Truncated):
         return [], "wrong data in a CAN frame with a correct checksum"
-    if isinstance(fault, BitErrors) and _wrong_bits(fault, case) < MIN_WRONG_BITS:
+    bits = MESSAGE_BITS * (case.until_s - case.from_s) / case.craft.period_s(case.name)
+    if isinstance(fault, BitErrors) and fault.rate * bits < MIN_WRONG_BITS:
         return [], f"fewer than {MIN_WRONG_BITS:g} wrong bits"
     rejected = case.expected_flag(case.health, "damaged bytes", within_s=HEALTH_S + 1.0, clears_s=HEALTH_S + 1.0)
     return [rejected, *(_stale_flags(case) if getattr(fault, "share", 0.0) >= 1.0 else [])], ""
-
-
-def _wrong_bits(fault: BitErrors, case: FaultCase) -> float:
-    bits_per_message = 64.0
-    return fault.rate * bits_per_message * (case.until_s - case.from_s) / case.craft.period_s(case.name)
 
 
 def _wrong_label_flags(fault: WrongLabel, case: FaultCase) -> RuleResult:
@@ -245,7 +235,7 @@ def _undetected_rule(reason: str) -> Callable[[Any, FaultCase], RuleResult]:
 
 #: Kinds of device faults and their rules.
 RULES: Sequence[tuple[Any, Callable[[Any, FaultCase], RuleResult]]] = (
-    (Cut, _cut_flags),
+    (Cut, lambda fault, case: (silence_flags(case), "")),
     (Breaker | BrownOut, _power_flags),
     (Freeze, _freeze_flags),
     (Stuck, stuck_flags),
@@ -261,7 +251,7 @@ RULES: Sequence[tuple[Any, Callable[[Any, FaultCase], RuleResult]]] = (
     ),
     (Fog, fog_flags),
     (ClockJump, _clock_jump_flags),
-    (ClockDrift, _clock_drift_flags),
+    (ClockDrift, _undetected_rule("a slow drift is taken as the drift of the clock itself")),
     (BitErrors | LostHeader | Truncated | WrongChecksum, _damage_flags),
     (WrongLabel, _wrong_label_flags),
     (Duplicated, _duplicate_flags),
@@ -270,7 +260,8 @@ RULES: Sequence[tuple[Any, Callable[[Any, FaultCase], RuleResult]]] = (
 )
 
 
-#: Allowed health states per fault.  A wrong number may be outside the range of its field: then no message is sent.
+#: Allowed health states per fault; other faults: any.  A wrong number may be outside the range of its field: then no
+#: message is sent.
 NO_MESSAGE_WORDS = ("silent", "noise", "wrong rate")
 HEALTH_WORDS: Sequence[tuple[Any, tuple[str, ...]]] = (
     (QuantityFault | SwappedCoordinates, ("invalid", *NO_MESSAGE_WORDS)),
@@ -280,11 +271,6 @@ HEALTH_WORDS: Sequence[tuple[Any, tuple[str, ...]]] = (
     (Duplicated, ("wrong rate",)),
     (Cut | Breaker | BrownOut, ("invalid", "clock away", *NO_MESSAGE_WORDS)),
 )
-
-
-def _health_words(fault: DeviceFault) -> tuple[str, ...]:
-    """Allowed health states of the device because of the fault; none: any."""
-    return next((words for kinds, words in HEALTH_WORDS if isinstance(fault, kinds)), ())
 
 
 def consequences(case: FaultCase, *in_health: str) -> Iterator[FlagAllowance]:

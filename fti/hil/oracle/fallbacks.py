@@ -78,13 +78,14 @@ def _losses(faults: tuple[Fault, ...], craft: AircraftRoles, names: tuple[str | 
     for index, fault in enumerate(faults):
         for bound in craft.devices:
             name = bound.device.name
-            if (
-                name in names
-                and isinstance(fault, DeviceFault)
-                and applies_to(fault, bound)
-                and _causes_loss(fault, craft, name)
-            ):
-                yield _loss(index, fault, craft, name)
+            if name not in names or not isinstance(fault, DeviceFault):
+                continue
+            if applies_to(fault, bound) and _causes_loss(fault, craft, name):
+                is_declared = isinstance(fault, GnssOutage | Invalid)  # no age limit to wait for
+                within_s = (craft.period_s(name) if is_declared else craft.max_age_s(name)) + NAV_S
+                fix_s = craft.FIX_S if isinstance(fault, GnssOutage) else craft.boot_s(name)
+                clears_s = 2 * craft.period_s(name) + NAV_S + fix_s
+                yield _DeviceLoss(index, name, fault.from_s, fault.to_s, within_s, clears_s)
 
 
 def _causes_loss(fault: DeviceFault, craft: AircraftRoles, name: str) -> bool:
@@ -93,10 +94,3 @@ def _causes_loss(fault: DeviceFault, craft: AircraftRoles, name: str) -> bool:
     if isinstance(fault, Invalid):
         return craft.can_declare_invalid(name)
     return isinstance(fault, Cut | Breaker) or (isinstance(fault, BrownOut) and craft.stops_at(name, fault.supply_v))
-
-
-def _loss(index: int, fault: DeviceFault, craft: AircraftRoles, name: str) -> _DeviceLoss:
-    is_declared = isinstance(fault, GnssOutage | Invalid)  # no age limit to wait for
-    within_s = (craft.period_s(name) if is_declared else craft.max_age_s(name)) + NAV_S
-    fix_s = craft.FIX_S if isinstance(fault, GnssOutage) else craft.boot_s(name)
-    return _DeviceLoss(index, name, fault.from_s, fault.to_s, within_s, 2 * craft.period_s(name) + NAV_S + fix_s)

@@ -128,13 +128,9 @@ def _kind(kind: FaultKind, model: type[StrictModel]) -> FaultDescription:
         drivers_of(model),
         tuple(_key(name, table[name], name in schema["required"]) for name in ordered),
         FLAGS[kind],
-        _no_flag(kind),
+        NO_FLAG.get(kind, "") if FLAGS[kind] else "the daemon does not detect it",
         "\n".join(_example(kind, table, ordered)),
     )
-
-
-def _no_flag(kind: FaultKind) -> str:
-    return NO_FLAG.get(kind, "") if FLAGS[kind] else "the daemon does not detect it"
 
 
 def _example(kind: FaultKind, table: Mapping[str, Any], ordered: list[str]) -> Iterator[str]:

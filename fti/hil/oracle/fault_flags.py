@@ -55,7 +55,7 @@ from fti.hil.oracle.flag_definitions import (
 )
 from fti.hil.oracle.roles import AircraftRoles, TruthSeries
 from fti.hil.tables.fault_base import LinkFault
-from fti.hil.tables.fault_types import Babbling, BusOff, CanStatus, Fault, Obstacle, OffTrack, TerrainShift
+from fti.hil.tables.fault_types import Babbling, CanStatus, Fault, Obstacle, OffTrack, TerrainShift
 
 
 def flags_of_fault(fault: Fault, craft: AircraftRoles, truth: TruthSeries) -> list[FaultFlags]:
@@ -160,24 +160,17 @@ def _link_flags(fault: LinkFault, craft: AircraftRoles, truth: TruthSeries, link
     if isinstance(fault, Babbling):
         return FaultFlags(link, (), tuple(allowances), "an additional node on a bus raises no certain flag")
     case = FaultCase(craft, truth, link, fault.from_s, fault.to_s)
-    expected_flags = _bus_off_flags(case) if isinstance(fault, BusOff) else _status_flags(fault, case)
-    if isinstance(fault, BusOff):
+    if isinstance(fault, CanStatus):  # the ledger counts every flag that the adapter reports
+        place = f"{LEDGER}/{link}"
+        expected_flags = [
+            case.expected_flag(place, f"slcan_{flag}", within_s=LEDGER_S, clears_s=LEDGER_CLEARS_S, needs_ports=True)
+            for flag in fault.flags
+        ]
+    else:
+        within_s, clears_s = SILENT_S + HEALTH_S, HEALTH_S + 1.0
+        expected_flags = [case.expected_flag(f"{LINKS}/{link}", "silent", within_s=within_s, clears_s=clears_s)]
         for device in craft.devices_on_link(link):
             one = FaultCase(craft, truth, device, fault.from_s, fault.to_s)
             expected_flags += silence_flags(one)
             allowances += consequences(one)
     return FaultFlags.from_flags(link, expected_flags, allowances)
-
-
-def _bus_off_flags(case: FaultCase) -> list[ExpectedFlag]:
-    return [case.expected_flag(f"{LINKS}/{case.name}", "silent", within_s=SILENT_S + HEALTH_S, clears_s=HEALTH_S + 1.0)]
-
-
-def _status_flags(fault: LinkFault, case: FaultCase) -> list[ExpectedFlag]:
-    """The ledger counts every flag that the adapter reports."""
-    assert isinstance(fault, CanStatus)
-    place = f"{LEDGER}/{case.name}"
-    return [
-        case.expected_flag(place, f"slcan_{flag}", within_s=LEDGER_S, clears_s=LEDGER_CLEARS_S, needs_ports=True)
-        for flag in fault.flags
-    ]

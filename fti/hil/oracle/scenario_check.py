@@ -21,7 +21,6 @@ from fti.hil.oracle.truth_columns import planned_truth
 from fti.hil.scenario import Scenario
 from fti.hil.sensors.sent_rates import sent_rates
 from fti.hil.tables.fault_types import Fault, FaultKind
-from fti.nav.integrity.reference import ApproachReference
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,18 +58,14 @@ def check_scenario(
     progress("expected flags")
     truth = planned_truth(world, [device for device in config.device if device.altimeter])
     flags = flags_of_scenario(scenario.fault, AircraftRoles(config, bind_devices(config), scenario), truth)
-    reference, missing = _reference(config)
-    warnings = (*world.remarks, *overloads(config, emulator.sensors), *missing)
-    outputs = required_outputs(config, reference, sent_rates(emulator.sensors, world))
-    return ScenarioCheck(scenario, config, world.duration, tuple(flags), tuple(outputs), warnings)
-
-
-def _reference(config: Config) -> tuple[ApproachReference | None, tuple[str, ...]]:
-    """The published approach, or a warning: the daemon needs its file, the emulator does not."""
+    warnings = [*world.remarks, *overloads(config, emulator.sensors)]
     try:
-        return parse_reference(config, read_texts(config)), ()
-    except MissingError as error:
-        return None, (f"{error}: the daemon needs it",)
+        reference = parse_reference(config, read_texts(config))
+    except MissingError as error:  # the emulator does not need the file of the published approach
+        reference = None
+        warnings.append(f"{error}: the daemon needs it")
+    outputs = required_outputs(config, reference, sent_rates(emulator.sensors, world))
+    return ScenarioCheck(scenario, config, world.duration, tuple(flags), tuple(outputs), tuple(warnings))
 
 
 def no_flag_reason(fault: Fault, one: FaultFlags) -> str:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from fti.hil import scenario as scenarios
 from fti.hil.emulator import make_environment
-from fti.hil.flight.csv_flight import write_table
+from fti.hil.flight.recorded_flight import write_table
 from fti.hil.flight.trajectory import FlightSamples, FlightState
 
 Array = NDArray[np.float64]

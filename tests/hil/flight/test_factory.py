@@ -11,8 +11,8 @@ import pytest
 from fti.errors import ConfigError
 from fti.hil import scenario as scenarios
 from fti.hil.environment import Environment
-from fti.hil.flight.csv_flight import read_table, write_table
 from fti.hil.flight.factory import MAKERS
+from fti.hil.flight.recorded_flight import read_table, write_table
 from fti.hil.flight.smoothing import displacements
 from fti.hil.flight.trajectory import FlightSamples
 from fti.hil.tables.flights import AnyFlight

@@ -1,9 +1,8 @@
 """Flights from the flight dynamics model JSBSim with an autopilot on four routes.
 
     airframe   data of an aircraft, gains of the autopilot    track      ground track
-    routes     approach, pattern, go-around, low level        terrain_following   height over hills
-    route_guidance   commands of the route                    autopilot  from the route to the controls
-    fdm        JSBSim in SI units                             flight     runs a flight, returns its samples
+    routes     approach, pattern, go-around, low level        autopilot  from the route to the controls
+    fdm        JSBSim in SI units                             flight     guidance, run of a flight, its samples
 
 JSBSim uses the same ellipsoid, a rotating Earth, and the scenario's wind, pressure and temperature.  Position,
 attitude, wind and control surfaces come from JSBSim; sensors measure the air of ``Environment.atmosphere``.  The

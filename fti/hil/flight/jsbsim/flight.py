@@ -15,10 +15,10 @@ from fti.errors import ConfigError
 from fti.geodesy.rotations import mat_en, mat_from_rpy
 from fti.geodesy.wgs84 import geodetic_from_ecef
 from fti.hil.flight.jsbsim.airframe import AIRFRAMES, INCH, Airframe
-from fti.hil.flight.jsbsim.autopilot import Autopilot
+from fti.hil.flight.jsbsim.autopilot import Autopilot, GuidanceCommand
 from fti.hil.flight.jsbsim.fdm import COLUMNS, PERIOD_S, AircraftState, Fdm, InitialConditions, Row, Weather
-from fti.hil.flight.jsbsim.route_guidance import RouteGuidance
 from fti.hil.flight.jsbsim.routes import Route, make_route
+from fti.hil.flight.jsbsim.track import STEP_M
 from fti.hil.flight.trajectory import FlightSamples
 from fti.hil.tables.jsbsim_options import JsbsimFlight
 from fti.nav.integrity.approach import ApproachPath
@@ -28,6 +28,8 @@ Array = NDArray[np.float64]
 
 #: Additional samples before the begin and after the end of the route: splines are less accurate at their ends.
 MARGIN_ROWS = 100
+#: Look-ahead time of the target point on the track [s].
+LOOKAHEAD_S = 6.0
 #: Time limit of a route [s].
 MAX_DURATION_S = 1800.0
 #: Interval of progress messages [s of the flight].
@@ -86,12 +88,54 @@ def _start(route: Route, path: ApproachPath) -> InitialConditions:
     return InitialConditions(float(lat), float(lon), route.alt.item(0), heading, route.cas.item(0))
 
 
+class _RouteGuidance:
+    """Guidance along a route: position of the aircraft on it, and commands for the autopilot.
+
+    path : approach in whose local plane the track lies
+    """
+
+    def __init__(self, route: Route, path: ApproachPath) -> None:
+        self._route = route
+        self._mat = [[float(x) for x in row] for row in path.frame.mat_le[:2]]
+        self._origin = [float(x) for x in path.frame.origin_e]
+        #: Distance along the track [m].
+        self.along = 0.0
+
+    def command(self, now: AircraftState) -> GuidanceCommand:
+        """Commands for the autopilot; advances along the route.
+
+        The side acceleration gives a circle to the target point:  2 V^2 / L sin(eta),  L = V LOOKAHEAD_S.
+        """
+        from_origin = [x - x0 for x, x0 in zip(now.position_e, self._origin, strict=True)]
+        east, north = (sum(m * x for m, x in zip(row, from_origin, strict=True)) for row in self._mat)
+        self.along = self._route.track.along_at(east, north, self.along)
+        v_north, v_east, _ = now.vel_n
+        speed = max(math.hypot(v_north, v_east), 1.0)
+        at_east, at_north = self._route.track.point(self.along + LOOKAHEAD_S * speed)
+        to_east, to_north = at_east - east, at_north - north
+        eta = math.atan2(v_north * to_east - v_east * to_north, v_east * to_east + v_north * to_north)
+        k = self._station()
+        low, high = self._route.alt.item(k), self._route.alt.item(k + 1)
+        slope = (high - low) / STEP_M
+        alt = low + slope * (self.along - k * STEP_M)
+        return GuidanceCommand(
+            2.0 * speed / LOOKAHEAD_S * math.sin(eta), now.alt - alt, slope * speed, self.at(self._route.cas)
+        )
+
+    def at(self, values: Array) -> float:
+        """Value of one of the route's arrays at the current station."""
+        return values.item(self._station())
+
+    def _station(self) -> int:
+        return min(max(int(self.along / STEP_M), 0), len(self._route.alt) - 2)
+
+
 class _Pilot:
     """One flight: the aircraft, its autopilot and its guidance, step by step."""
 
     def __init__(self, airframe: Airframe, fdm: Fdm, route: Route, path: ApproachPath) -> None:
         self._fdm, self._route = fdm, route
-        self._autopilot, self._guidance = Autopilot(airframe, PERIOD_S), RouteGuidance(route, path)
+        self._autopilot, self._guidance = Autopilot(airframe, PERIOD_S), _RouteGuidance(route, path)
         self._steps = 0
         self.has_ended = False
 

@@ -15,12 +15,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from fti.constants import STANDARD_GRAVITY
 from fti.errors import ConfigError
 from fti.hil.flight.jsbsim.airframe import Airframe
-from fti.hil.flight.jsbsim.terrain_following import following_height
 from fti.hil.flight.jsbsim.track import STEP_M, RouteTrack
 from fti.hil.tables.jsbsim_options import JsbsimFlight, RoutePoint
 from fti.nav.integrity.approach import ApproachPath
@@ -231,3 +231,24 @@ def _corridor(track: RouteTrack, path: ApproachPath, terrain: Terrain, flight: J
             f"flight.via_m: the route leaves the terrain {track.along[missed] - _run_in(flight):.0f} m after its begin"
         )
     return height[:, len(across) // 2], height.max(axis=1)
+
+
+def following_height(needed: Array, step: float, climb: float, descent: float, window: float) -> Array:
+    """Height [m] of a low-level route at stations ``step`` [m] apart, shape (n,), nowhere below ``needed`` [m].
+
+    First the lowest line above it that keeps the slope limits, then its maximum within half a window, then the mean
+    over the window.  The mean has smooth pull-ups and push-overs, and stays above the line as all averaged values do.
+
+    climb, descent : maximum slopes, both positive;  window : distance over which slopes change [m]
+    """
+    along = step * np.arange(len(needed))
+    climb_line = np.maximum.accumulate((needed - climb * along)[::-1])[::-1] + climb * along
+    line = np.maximum.accumulate(climb_line + descent * along) - descent * along
+    half = max(1, round(0.5 * window / step))
+    highest = _windows(line, half).max(axis=1)
+    return np.asarray(_windows(highest, half).mean(axis=1))
+
+
+def _windows(values: Array, half: int) -> Array:
+    """Values within ``half`` stations of each one, shape (n, 2 half + 1); the end values are repeated."""
+    return sliding_window_view(np.pad(values, half, mode="edge"), 2 * half + 1)

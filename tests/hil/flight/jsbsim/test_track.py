@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fti.hil.flight.jsbsim.terrain_following import following_height
+from fti.hil.flight.jsbsim.routes import following_height
 from fti.hil.flight.jsbsim.track import STEP_M, RouteTrack
 
 CORNER = ((0.0, 0.0), (0.0, 2000.0), (3000.0, 2000.0))  # north, then right to the east

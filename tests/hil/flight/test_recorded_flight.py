@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from fti.errors import ConfigError, MissingError
-from fti.hil.flight.csv_flight import read_table, write_table
+from fti.hil.flight.recorded_flight import read_table, write_table
 from fti.hil.flight.trajectory import FlightSamples
 
 HEADER = "t_s,lat_deg,lon_deg,alt_m,roll_deg,pitch_deg,heading_deg\n"
