@@ -2,7 +2,7 @@
 
 The emulator reads the daemon's configuration (named in the scenario) and emulates the devices on each link.  Serial
 and slcan ports appear as symlinks in a folder; give the same folder to the daemon.  It prints "ready" when every
-port exists, and "over" before it closes them.  [port.LINK] in the scenario selects a real port, for external
+port exists, and "finished" before it closes them.  [port.LINK] in the scenario selects a real port, for external
 equipment.
 
 A port sends no faster than the baud or bit rate of its link.  On exit the emulator prints requested and sent rates per
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from fti.hil.emulator import Emulator
 
 #: Printed when the flight has ended, before the ports are closed.
-FLIGHT_END = "over"
+FLIGHT_END = "finished"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

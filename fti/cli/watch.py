@@ -49,12 +49,12 @@ def run(args: argparse.Namespace) -> int:
 
     info = _find(args)
     clock = SystemClock(0)
-    feed = LiveState(clock.now_ns())
-    subscriber = subscribe(feed, Path(info.sock).with_name(SOCKET_NAME), "watch", clock)
+    live = LiveState(clock.now_ns())
+    subscriber = subscribe(live, Path(info.sock).with_name(SOCKET_NAME), "watch", clock)
     try:
-        _collect(lambda: feed.state(clock.now_ns()), info.name)
+        _collect(lambda: live.state(clock.now_ns()), info.name)
         show = _show_json if args.json else _show_table
-        show(lambda: feed.state(clock.now_ns()), args.once)
+        show(lambda: live.state(clock.now_ns()), args.once)
     finally:
         subscriber.close()
     return 0

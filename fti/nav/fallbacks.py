@@ -14,6 +14,7 @@ from fti.config import Config
 from fti.messages.measurements import Measurement
 from fti.messages.outputs import Event, HeightAboveGround, Output
 from fti.nav.carried_refusal import CarriedRefusal
+from fti.nav.confirmation import Confirmation, Size
 from fti.nav.inertial_aiding import AidedNavigation
 from fti.nav.navigation import FILTER, RADIO, VERTICAL, NavState
 from fti.nav.plausibility.source import UnconfirmedSource
@@ -22,7 +23,6 @@ from fti.nav.radio_positioning import RadioPosition
 from fti.nav.source_interpolation import AttitudeState, PositionState
 from fti.nav.terrain_reference import Ground
 from fti.nav.vertical.vertical_channel import VerticalState
-from fti.nav.witnesses import Confirmation, Size
 
 #: Ticks of 20 ms between outputs.
 FILTER_TICKS, VERTICAL_TICKS, FIX_TICKS = 10, 10, 25

@@ -33,6 +33,7 @@ from fti.messages.reasons import Reason
 from fti.nav.altimetry.nadir_height import altitude_over_terrain
 from fti.nav.altitude_hold import HOLD_NS, HoldMonitor
 from fti.nav.carried_refusal import CarriedRefusal
+from fti.nav.confirmation import Confirmation, Size
 from fti.nav.dead_reckoning_aids import DeadReckoningAids
 from fti.nav.exclusion_events import ExclusionEvents, altitude_name, own_states
 from fti.nav.filter.aiding import BaroAltitude, GnssPosition, GnssVelocity, TerrainAltitude, Vector
@@ -70,7 +71,6 @@ from fti.nav.terrain_reference import Ground
 from fti.nav.time_series import SECOND_NS, Series
 from fti.nav.vertical.inertial_height import HorizontalMotion
 from fti.nav.vertical.vertical_channel import HeightAiding, VerticalChannel, VerticalState
-from fti.nav.witnesses import Confirmation, Size
 
 #: Sigmas if none is stated: position, height [m], velocity [m/s], pressure altitude [m].
 POSITION_SD, HEIGHT_SD, VELOCITY_SD, BARO_SD = 3.0, 5.0, 0.1, 1.0

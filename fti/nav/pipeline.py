@@ -28,6 +28,7 @@ from fti.nav.altimetry.refusals import RefusalEvents
 from fti.nav.altimetry.selection import HeightSelector
 from fti.nav.attitude_protection import AttitudeProtection
 from fti.nav.carried_refusal import CarriedRefusal
+from fti.nav.confirmation import ConfirmationMonitor, Size
 from fti.nav.integrity.approach_channel import make_channel
 from fti.nav.integrity.reference import ApproachReference
 from fti.nav.navigation import Navigation, NavState, solution
@@ -36,7 +37,6 @@ from fti.nav.protection import Protection, extrapolate_levels, unstated_sigmas
 from fti.nav.source_interpolation import NavSource
 from fti.nav.terrain_reference import Ground
 from fti.nav.time_series import SECOND_NS
-from fti.nav.witnesses import Size, WitnessMonitor
 
 if TYPE_CHECKING:
     from fti.nav.fallbacks import Fallbacks
@@ -75,7 +75,7 @@ class Pipeline:
         self._protection_state = NavState(0, None, None, None, None, None)  # the state that the levels belong to
         self._attitude_protection = AttitudeProtection(config, self._sources)
         self._plausibility = PlausibilityMonitor(config)
-        self._witnesses = WitnessMonitor(config, unstated_sigmas(config))
+        self._confirmation = ConfirmationMonitor(config, unstated_sigmas(config))
         self._approach = make_channel(config, reference)
         self._ticks = 0
         self._handlers: dict[tuple[str, type[Measurement]], tuple[MeasurementHandler, ...]] = {}
@@ -152,8 +152,8 @@ class Pipeline:
         """Pass the parts of a measurement that the tests of one source admit to all handlers."""
         out: list[Output | Event] = []
         passed = self._plausibility.check(device, m, t_valid_ns)
-        if self._witnesses.is_useful:
-            self._witnesses.feed(device, m, passed, t_valid_ns)
+        if self._confirmation.is_useful:
+            self._confirmation.feed(device, m, passed, t_valid_ns)
         if self._fallbacks and (unconfirmed := self._plausibility.find_unconfirmed(device)):
             self._fallbacks.feed_unconfirmed(device, m, unconfirmed, t_valid_ns)
         for admitted in passed:
@@ -163,7 +163,7 @@ class Pipeline:
 
     def _confirm(self, nav: NavState) -> list[Event]:
         """Readmit receivers with a lasting contradiction with which an independent source agrees."""
-        if not self._witnesses.is_useful:
+        if not self._confirmation.is_useful:
             return []
         filtered = self._fallbacks
         sizes = {name: Size(size) for name, size in self._plausibility.contradiction_sizes.items()}
@@ -171,9 +171,9 @@ class Pipeline:
         refused = {refusal.source: refusal.is_standing for refusal in self._plausibility.refusals}
         sizes = {name: size for name, size in sizes.items() if refused.get(name, True)}
         reference = filtered.filter_reference(nav.t_ns) if filtered and sizes else None
-        fix = filtered.fix(nav.t_ns) if filtered and sizes and self._witnesses.has_dme_fix else None
+        fix = filtered.fix(nav.t_ns) if filtered and sizes and self._confirmation.has_dme_fix else None
         events = list[Event]()
-        for confirmation in self._witnesses.update(nav.t_ns, sizes, nav.attitude, reference, fix):
+        for confirmation in self._confirmation.update(nav.t_ns, sizes, nav.attitude, reference, fix):
             if confirmation.is_against_filter and confirmation.device in refused:
                 continue
             events += self._plausibility.confirm(confirmation.device, nav.t_ns)

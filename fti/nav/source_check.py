@@ -4,7 +4,7 @@
     used again it is smaller for AGREED_NS, while the filter's level is below half of the former difference; or the
                operator commands it
 
-A device that is aided by a receiver follows that receiver's faults: it is never a witness for it.
+A device that is aided by a receiver follows that receiver's faults: it never confirms it.
 """
 
 from __future__ import annotations

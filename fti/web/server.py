@@ -103,8 +103,8 @@ class PageServer:
     user_of : returns the user of the program that is connected from one address to another
     """
 
-    def __init__(self, feed: LiveState, now_ns: Callable[[], int], gate: CommandGate, user_of: UserLookup) -> None:
-        self._feed = feed
+    def __init__(self, live: LiveState, now_ns: Callable[[], int], gate: CommandGate, user_of: UserLookup) -> None:
+        self._live = live
         self._now_ns = now_ns
         self.board = CommandStatus()
         self._gate = gate
@@ -159,13 +159,13 @@ class PageServer:
         self._sockets.add(socket)
         client = self._describe_client(request)
         try:
-            await socket.send_str(_to_json(self._feed.history()))
+            await socket.send_str(_to_json(self._live.history()))
             sent_version = 0
             while not socket.closed:
                 if sent_version != self.board.version:
                     sent_version = self.board.version
                     await socket.send_str(_to_json(self.board.message()))
-                await socket.send_str(_to_json(self._feed.state(self._now_ns())))
+                await socket.send_str(_to_json(self._live.state(self._now_ns())))
                 await self._pause(socket, client)
         except ConnectionResetError:
             pass  # the browser has closed the connection

@@ -174,19 +174,19 @@ def show(topic: str, payload: bytes, *, is_printed: bool = True) -> None:
 
     is_printed : the terminal's view is laid out and printed, too, which takes most of the time
     """
-    feed = LiveState(0)
+    live = LiveState(0)
     for known, good in TOPICS.items():
-        feed.update(known, message.decode(known, message.encode_with_age(good, 0, 0, MAX_AGE_MS)), 0)
+        live.update(known, message.decode(known, message.encode_with_age(good, 0, 0, MAX_AGE_MS)), 0)
     try:
-        feed.update(topic, message.decode(topic, payload), 0)
+        live.update(topic, message.decode(topic, payload), 0)
     except message.MessageError:
         return
     for now_ns in (0, 10**12):
-        json.dumps(feed.state(now_ns), allow_nan=False).encode()
-    view = render(feed.state(0))
+        json.dumps(live.state(now_ns), allow_nan=False).encode()
+    view = render(live.state(0))
     if is_printed:
         Console(file=io.StringIO()).print(view)
-    json.dumps(feed.history(), allow_nan=False)
+    json.dumps(live.history(), allow_nan=False)
 
 
 NASTY: tuple[Any, ...] = (None, True, -(2**63), 2**63, 1e18, -1e18, -1e-300, "", "x", [], {}, [None], {"x": {}})

@@ -126,18 +126,18 @@ def test_lines_json_and_states_are_escaped(capsys: pytest.CaptureFixture[str]) -
 
 
 def test_the_terminal_picture_takes_no_text_as_a_command_or_as_markup() -> None:
-    feed = LiveState(0)
+    live = LiveState(0)
     health: dict[str, Any] = {
         "t_ns": 0,
         "session": {"name": EVIL, "origin": EVIL, "state": EVIL},
         "links": {EVIL: {"state": EVIL, "hint": EVIL, "ledger": {"errors": {EVIL: 1}}}},
     }
-    feed.update("/health", health, 0)
+    live.update("/health", health, 0)
     console = Console(width=400, force_terminal=False, record=True)
     with console.capture() as shown:
         alarm = Alarm(Condition(EVIL, Severity.WARNING, EVIL, EVIL), 0, 0, acknowledged_by=EVIL).as_json()
         row = {**alarm, "severity": EVIL, "is_acknowledged": False, "consequences": []}
-        console.print(render(feed.state(0) | {"alarms": [row]}))
+        console.print(render(live.state(0) | {"alarms": [row]}))
     assert "[bold red]m[/]" in shown.get()
     assert FORBIDDEN.search(shown.get()) is None
     with console.capture() as shown:

@@ -90,33 +90,33 @@ def test_json_goes_on_until_interrupted(run_dir: Path) -> None:
 # ------------------------------------------------------------------------------------------------------ the tables
 
 
-def rendered(feed: LiveState, now_ns: int) -> str:
+def rendered(live: LiveState, now_ns: int) -> str:
     console = Console(width=140, force_terminal=True, color_system="standard", file=io.StringIO(), record=True)
-    console.print(render(feed.state(now_ns)))
+    console.print(render(live.state(now_ns)))
     return console.export_text(styles=True)
 
 
-def make_feed(**height: Any) -> LiveState:
-    feed = LiveState(0)
+def make_live_state(**height: Any) -> LiveState:
+    live = LiveState(0)
     fields: dict[str, Any] = {"t_ns": 0, "raw": 123.0, "height_agl": 120.04, "sd": 0.5, "valid": True, "reasons": []}
-    feed.update("/nav/height_above_ground/ra", fields | height, 0)
-    feed.update("/health", make_health(10.0, 0, 0), 0)
-    return feed
+    live.update("/nav/height_above_ground/ra", fields | height, 0)
+    live.update("/health", make_health(10.0, 0, 0), 0)
+    return live
 
 
 def test_a_provisional_filter_is_shown_struck_out_until_it_is_late() -> None:
-    feed = make_feed()
+    live = make_live_state()
     fields = {"distance": 103.8, "height_difference": -1.2, "horizontal_sd": 1.8, "hpl": 154.4, "quantities": []}
     status = {"t_ns": 0, "valid": False, "reasons": ["unconfirmed"], "readmission": "", "max_age_ms": 500.0}
-    feed.update("/nav/provisional_solution/gnss", fields | status, 0)
-    text = rendered(feed, 0)
+    live.update("/nav/provisional_solution/gnss", fields | status, 0)
+    text = rendered(live, 0)
     for words in ("gnss, provisional", "\x1b[9;90m104 m off, height -1 m", "HPL 154 m", "not confirmed after a fault"):
         assert words in text
-    assert "provisional" not in rendered(feed, 600_000_000)
+    assert "provisional" not in rendered(live, 600_000_000)
 
 
 def test_values_links_and_origin_are_shown() -> None:
-    text = rendered(make_feed(), 0)
+    text = rendered(make_live_state(), 0)
     for words in ("HIL", "recording", "120.0 m", "± 0.50 m", "raw 123.0 m", "gnss_line", "/dev/ttyUSB3 does not exist"):
         assert words in text
     assert "outputs p50 9, p99 17 ms" in text
@@ -124,12 +124,12 @@ def test_values_links_and_origin_are_shown() -> None:
 
 
 def test_what_a_controller_has_counted_is_shown_beside_the_hint() -> None:
-    feed, health = make_feed(), make_health(10.0, 0, 0)
+    live, health = make_live_state(), make_health(10.0, 0, 0)
     health["links"]["airdata_can"]["ledger"] = {"errors": {"slcan_data_overrun": 2, "slcan_bus_error": 0}}
     health["links"]["gnss_line"]["ledger"] = {"errors": {"uart_overrun": 3}}
-    feed.update("/health", health, 0)
+    live.update("/health", health, 0)
     console = Console(width=200, file=io.StringIO(), record=True)
-    console.print(render(feed.state(0)))
+    console.print(render(live.state(0)))
     text = console.export_text()
     assert "slcan_data_overrun 2" in text
     assert "slcan_bus_error" not in text
@@ -138,33 +138,33 @@ def test_what_a_controller_has_counted_is_shown_beside_the_hint() -> None:
 
 def test_what_the_terrain_reports_of_a_height_is_shown_or_why_it_is_unknown() -> None:
     known = {"predicted": 122.4, "nearest": 118.26, "nearest_sd": 0.8, "compensation": "beam", "unchecked": []}
-    text = rendered(make_feed(**known), 0)
+    text = rendered(make_live_state(**known), 0)
     for words in ("nearest return", "118.3 m", "± 0.80 m", "predicts 122.4 m", "beam"):
         assert words in text
-    assert "beam, too uncertain to compare" in rendered(make_feed(**{**known, "unchecked": ["uncertain"]}), 0)
+    assert "beam, too uncertain to compare" in rendered(make_live_state(**{**known, "unchecked": ["uncertain"]}), 0)
     unknown = {**dict.fromkeys(known), "unchecked": ["terrain_edge"]}
-    text = rendered(make_feed(**unknown), 0)
+    text = rendered(make_live_state(**unknown), 0)
     assert "beyond the terrain" in text
     assert "predicts" not in text
 
 
 def test_what_takes_the_place_of_devices_is_shown_with_its_mode() -> None:
-    feed = make_feed()
+    live = make_live_state()
     fields = {"t_ns": 0, "valid": True, "reasons": ["coasting"], "mode": "coasting", "alt": 431.2, "vertical_sd": 2.5}
-    feed.update("/nav/filter_solution", fields, 0)
-    text = rendered(feed, 0)
+    live.update("/nav/filter_solution", fields, 0)
+    text = rendered(live, 0)
     for words in ("filter", "431.2 m", "± 2.50 m", "coasting", "inertial alone"):
         assert words in text
 
 
 def test_the_sources_of_navigation_are_shown_with_their_sigmas_and_nothing_known_is_struck_out() -> None:
-    feed = make_feed()
+    live = make_live_state()
     sources = {"position_source": "radio", "altitude_source": "radio", "attitude_source": "ahrs"}
     numbers = {"alt": 431.2, "horizontal_sd": 222.0, "vertical_sd": 2.5, "hpl": 1066.0, "vpl": 11.05}
     numbers |= {"tilt_pl": math.radians(0.42), "heading_pl": math.radians(6.4)}
     fields = {"t_ns": 0, "valid": False, "reasons": ["no_velocity"], **sources, **numbers}
-    feed.update("/nav/nav_solution", fields, 0)
-    text = rendered(feed, 0)
+    live.update("/nav/nav_solution", fields, 0)
+    text = rendered(live, 0)
     for words in ("position", "from radio", "from ahrs", "431.2 m", "± 222.00 m", "no velocity"):
         assert words in text
     assert "HPL 1066 m" in text
@@ -177,16 +177,16 @@ STRUCK_OUT = "\x1b[9;90m120.0 m"
 
 
 def test_stale_and_invalid_values_are_struck_out_with_the_reason() -> None:
-    stale = rendered(make_feed(), 1_500_000_000)
+    stale = rendered(make_live_state(), 1_500_000_000)
     assert STRUCK_OUT in stale
     assert "STALE 1.5 s" in stale
-    invalid = rendered(make_feed(valid=False, reasons=["roll"]), 0)
+    invalid = rendered(make_live_state(valid=False, reasons=["roll"]), 0)
     assert STRUCK_OUT in invalid
     assert "roll limit" in invalid
 
 
 def test_alarms_are_shown_with_their_times_and_whether_somebody_has_seen_them() -> None:
-    alarms, feed = AlarmList(), make_feed()
+    alarms, live = AlarmList(), make_live_state()
     link = Condition("link:a", Severity.CAUTION, "LINK A SILENT", "is the device on?")
     alert = Condition("integrity_alert", Severity.WARNING, "GROUND CLEARANCE ALERT", "obstacle")
     for t_s, condition in ((1, link), (2, alert)):
@@ -195,14 +195,14 @@ def test_alarms_are_shown_with_their_times_and_whether_somebody_has_seen_them() 
     alarms.report(
         ConditionReport(5 * 10**9, "device", Condition("device:a", Severity.CAUTION, "A", explained_by=("link:a",)))
     )
-    feed.update("/alarms", {"t_ns": 0, "alarms": alarms.rows()}, 0)
-    text = rendered(feed, 0)
+    live.update("/alarms", {"t_ns": 0, "alarms": alarms.rows()}, 0)
+    text = rendered(live, 0)
     assert "GROUND CLEARANCE ALERT – obstacle – 00:00:02, ended after 2.0 s" in text
     assert "LINK A SILENT (+1) – is the device on? – since 00:00:01" in text
     assert "fti acknowledge" in text
     alarms.acknowledge("anna", 6 * 10**9)
-    feed.update("/alarms", {"t_ns": 0, "alarms": alarms.rows()}, 0)
-    text = rendered(feed, 0)
+    live.update("/alarms", {"t_ns": 0, "alarms": alarms.rows()}, 0)
+    text = rendered(live, 0)
     assert "since 00:00:01, acknowledged by anna" in text
     assert "GROUND" not in text
     assert "fti acknowledge" not in text
@@ -210,11 +210,11 @@ def test_alarms_are_shown_with_their_times_and_whether_somebody_has_seen_them() 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.title.lower().replace(" ", "-"))
 def test_every_alarm_is_shown_until_it_has_ended_and_was_acknowledged(case: Case) -> None:
-    daemon, feed = daemon_with(case), make_feed()
+    daemon, live = daemon_with(case), make_live_state()
 
     def shown() -> str:
-        feed.update("/alarms", {"t_ns": 0, "alarms": daemon.rows}, 0)
-        return rendered(feed, 0)
+        live.update("/alarms", {"t_ns": 0, "alarms": daemon.rows}, 0)
+        return rendered(live, 0)
 
     assert case.title in shown()
     assert ("since" in shown()) is not case.is_moment
@@ -227,27 +227,27 @@ def test_every_alarm_is_shown_until_it_has_ended_and_was_acknowledged(case: Case
 
 
 def test_a_snapshot_session_is_reported() -> None:
-    feed, health = make_feed(), make_health(10.0, 0, 0)
+    live, health = make_live_state(), make_health(10.0, 0, 0)
     health["session"]["mode"] = "snapshot"
-    feed.update("/health", health, 0)
-    text = rendered(feed, 0)
+    live.update("/health", health, 0)
+    text = rendered(live, 0)
     assert "SNAPSHOT: only data around a trigger are recorded" in text
-    assert "SNAPSHOT" not in rendered(make_feed(), 0)
+    assert "SNAPSHOT" not in rendered(make_live_state(), 0)
 
 
 def test_the_clocks_of_devices_are_shown_as_far_as_they_are_known() -> None:
-    feed, health = make_feed(), make_health(10.0, 0, 0)
+    live, health = make_live_state(), make_health(10.0, 0, 0)
     on_ms = 1_775_986_267_125.0  # 2026-04-12 09:31:07.125 UTC
     health["devices"]["air_data"]["clocks"] = [make_clock("utc", 1.5, used=False), make_clock("boot", -on_ms)]
     health["devices"]["gnss"]["clocks"] = [make_clock("utc", 1.0, state="away")]
-    feed.update("/health", health, 0)
-    text = " ".join(rendered(feed, 0).split())
+    live.update("/health", health, 0)
+    text = " ".join(rendered(live, 0).split())
     for words in ("-213.46 ± 0.04 ms", "+1.10 ± 0.02 ppm", "1.2 %", "not used", "on at 09:31:07.125", "does not fit"):
         assert words in text
     for device in health["devices"].values():
         device.pop("clocks", None)
-    feed.update("/health", health, 0)
-    assert "clock of" not in rendered(feed, 0)
+    live.update("/health", health, 0)
+    assert "clock of" not in rendered(live, 0)
 
 
 def test_before_the_first_health_there_is_a_picture() -> None:
@@ -255,11 +255,11 @@ def test_before_the_first_health_there_is_a_picture() -> None:
 
 
 def test_what_plays_the_sensors_is_reported_and_struck_out_when_it_is_silent() -> None:
-    feed = make_feed()
-    assert "LABORATORY" not in rendered(feed, 0)
+    live = make_live_state()
+    assert "LABORATORY" not in rendered(live, 0)
     laboratory = make_laboratory(75.0, gnss="tripped", arinc="brown_out") | {"age_ms": 0.0, "max_age_ms": 1500.0}
-    feed.update("/hil", laboratory | {"holds": False, "not_held": ["ins: late"]}, 0)
-    text = rendered(feed, 0)
+    live.update("/hil", laboratory | {"holds": False, "not_held": ["ins: late"]}, 0)
+    text = rendered(live, 0)
     for words in (
         "Fog over the threshold, 75 s of 240 s",
         "late p50 0.1, p99 0.9 ms",
@@ -268,6 +268,6 @@ def test_what_plays_the_sensors_is_reported_and_struck_out_when_it_is_silent() -
     ):
         assert words in text
     assert "\x1b[9;90m   arinc" not in text
-    silent = rendered(feed, 4_000_000_000)
+    silent = rendered(live, 4_000_000_000)
     assert "SILENT for 4 s" in silent
     assert "\x1b[9;90m   arinc" in silent

@@ -174,7 +174,7 @@ def test_of_two_receivers_the_one_that_lies_is_refused(name: str) -> None:
 
 @pytest.mark.parametrize("rate", [1.0, 3.0])
 def test_two_receivers_that_lie_alike_are_both_refused(rate: float, until_s: float) -> None:
-    """One spoofer: the other one is no witness.  Refusing one of them let the filter follow the other."""
+    """One spoofer: the other one confirms nothing.  Refusing one of them let the filter follow the other."""
     fault = offset_after(BEGIN, *ramp(rate, 100.0))
     found = fly(draw(0, ("gnss", "second")), {"gnss": fault, "second": fault}, until_s=until_s)
     for name in ("gnss", "second"):

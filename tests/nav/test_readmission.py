@@ -123,7 +123,7 @@ def test_a_contradiction_within_the_noise_of_the_source_is_not_ended_by_agreemen
 
 
 def test_what_would_readmit_it_is_named_as_far_as_it_is_known() -> None:
-    """An eighth of 100 m; a height is confirmed by no witness; without a size the operator alone."""
+    """An eighth of 100 m; a height is confirmed by no source; without a size the operator alone."""
     check = returning()
     feed(check, {0.0: 100.0}, sd=5.0)
     outside = describe_readmission(ExcludedReceiver("gnss", "gnss", 0, check))

@@ -24,20 +24,20 @@ OUTSIDE = re.compile(
 )
 
 
-def make_server(feed: LiveState, now_ns: Callable[[], int], send: Send) -> PageServer:
-    return PageServer(feed, now_ns, CommandGate(KEY, send, now_ns), lambda peer, here: f"alice:{peer[1] != here[1]}")
+def make_server(live: LiveState, now_ns: Callable[[], int], send: Send) -> PageServer:
+    return PageServer(live, now_ns, CommandGate(KEY, send, now_ns), lambda peer, here: f"alice:{peer[1] != here[1]}")
 
 
 class Site:
-    """A served feed whose clock stands where the test puts it."""
+    """A served live state whose clock the test sets."""
 
     def __init__(self, client: aiohttp.ClientSession) -> None:
         self.now_ns = 0
         self.taken: list[Any] = []
         self.listens = True
-        self.feed = LiveState(0)
+        self.live = LiveState(0)
         self.client = client
-        self.server = make_server(self.feed, lambda: self.now_ns, self.update)
+        self.server = make_server(self.live, lambda: self.now_ns, self.update)
         self.port = 0
 
     def update(self, command: Any) -> bool:
@@ -120,8 +120,8 @@ async def test_the_socket_demands_an_origin(site: Site) -> None:
 
 
 async def test_the_socket_sends_history_and_then_states(site: Site) -> None:
-    site.feed.update("/health", {"t_ns": 7}, 0)
-    site.feed.update("/nav/glide_slope", {"valid": True, "t_ns": 7, "dh": 1.0}, 0)
+    site.live.update("/health", {"t_ns": 7}, 0)
+    site.live.update("/nav/glide_slope", {"valid": True, "t_ns": 7, "dh": 1.0}, 0)
     async with site.connect() as ws:
         assert (await ws.receive_json())["type"] == "history"
         first = await ws.receive_json()

@@ -38,12 +38,12 @@ class AdmissionChange(StrEnum):
 class Admission:
     """State of one quantity.  finding : first one of the refusal in force, None while valid
 
-    is_standing, is_restored : see the module;  has_witness : whether agreement of an independent source ends its
+    is_standing, is_restored : see the module;  may_be_confirmed : whether agreement of an independent source ends its
     contradiction
     """
 
-    def __init__(self, *, has_witness: bool = False) -> None:
-        self._has_witness = has_witness
+    def __init__(self, *, may_be_confirmed: bool = False) -> None:
+        self._may_be_confirmed = may_be_confirmed
         self.finding: PlausibilityFinding | None = None
         self.reasons: tuple[Reason, ...] = ()
         self.is_standing = False
@@ -68,8 +68,8 @@ class Admission:
             return PASSES
         if self.is_restored:
             return f"fti readmit; then {PASSES}"
-        witness = ", an independent source that agrees" if self._has_witness else ""
-        return f"a step back that cancels it{witness}, or fti readmit; then {PASSES}"
+        other = ", an independent source that agrees" if self._may_be_confirmed else ""
+        return f"a step back that cancels it{other}, or fti readmit; then {PASSES}"
 
     @property
     def is_unconfirmed(self) -> bool:

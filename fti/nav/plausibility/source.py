@@ -74,7 +74,7 @@ class SourceTests:
 
     def __init__(self, device: Device, limits: SourceLimits, unstated: UnstatedSigmas) -> None:
         self.name = device.name
-        self.position, self.altitude = Admission(has_witness=True), Admission()
+        self.position, self.altitude = Admission(may_be_confirmed=True), Admission()
         self.newest_ns: int | None = None
         self._latency_ns = round(device.latency_ms * 1e6)
         self._arm = math.hypot(*device.lever_arm_b)

@@ -21,6 +21,7 @@ from fti.config import Filter
 from fti.messages.outputs import Event
 from fti.messages.reasons import Reason
 from fti.nav.carried_refusal import CarriedRefusal, RefusedPart
+from fti.nav.confirmation import Confirmation, Size
 from fti.nav.filter.aiding import Aiding
 from fti.nav.filter.estimate import Estimate
 from fti.nav.filter.innovation_gate import LIMITS, GateDecision
@@ -55,7 +56,6 @@ from fti.nav.separation.source_class import (
     names_of,
     receiver_names,
 )
-from fti.nav.witnesses import Confirmation, Size
 
 #: Ratio of the separation without a wrong receiver to that without any other one.
 SINGLE_FAULT_RATIO = 1.5
@@ -500,15 +500,15 @@ class FaultDetection:
             self._provisional.end(confirmation.device)
             return
         if confirmation.is_against_filter:
-            self._restart_with(receiver, confirmation.witness, t_ns)
+            self._restart_with(receiver, confirmation.source, t_ns)
         elif self._end_ns is not None and receiver.readmission_check.has_agreed(self._end_ns):
-            reason = f"{confirmation.witness} agrees with it to {confirmation.tolerance:.0f} m"
+            reason = f"{confirmation.source} agrees with it to {confirmation.tolerance:.0f} m"
             self._readmit(receiver, t_ns, confirmation.tolerance, reason)
 
-    def _restart_with(self, receiver: ExcludedReceiver, witness: str, t_ns: int) -> None:
+    def _restart_with(self, receiver: ExcludedReceiver, source: str, t_ns: int) -> None:
         del self._refused[receiver.label]
         self._navigator.restart(Reason.DIVERGED)
-        text = f"filter: begins anew: {receiver.label} and {witness} agree, and contradict it"
+        text = f"filter: begins anew: {receiver.label} and {source} agree, and contradict it"
         self._add_event(t_ns, "warning", text)
 
     def _add_event(self, t_ns: int, level: str, text: str) -> None:

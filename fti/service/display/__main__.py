@@ -73,9 +73,9 @@ async def serve(bus: Path, port: int, channel: ControlChannel) -> None:
     if key is None:
         return
     clock = SystemClock(0)  # only time differences are needed
-    feed = LiveState(clock.now_ns())
-    server = PageServer(feed, clock.now_ns, CommandGate(key, channel.send, clock.now_ns), user_of_connection)
-    subscriber = await asyncio.to_thread(subscribe, feed, bus, PROCESS, clock)
+    live = LiveState(clock.now_ns())
+    server = PageServer(live, clock.now_ns, CommandGate(key, channel.send, clock.now_ns), user_of_connection)
+    subscriber = await asyncio.to_thread(subscribe, live, bus, PROCESS, clock)
     starting = asyncio.create_task(start_page(server, port, channel.send), name="start-page")
     try:
         await wait_for_end(channel, server.board.update)

@@ -14,12 +14,12 @@ from fti.web.live_state import LiveState
 WARNING_PERIOD_NS = 10_000_000_000
 
 
-def subscribe(feed: LiveState, bus: Path, process: str, clock: Clock) -> Subscriber:
+def subscribe(live: LiveState, bus: Path, process: str, clock: Clock) -> Subscriber:
     """Feed the live state until the subscriber is closed.  Raises MissingError when there is no bus.
 
     bus : its socket; process : name of the subscriber; clock : CLOCK_MONOTONIC
     """
-    refused = RefusedMessages(feed, clock)
+    refused = RefusedMessages(live, clock)
 
     def update(topic: str, payload: bytes, sent_ns: int) -> None:
         with catch_failures("bus", lambda unit, error: refused.add(topic, f"{type(error).__name__}: {error}")):
@@ -28,16 +28,16 @@ def subscribe(feed: LiveState, bus: Path, process: str, clock: Clock) -> Subscri
             except MessageError as error:
                 refused.add(topic, str(error))
             else:
-                feed.update(topic, fields, sent_ns)
+                live.update(topic, fields, sent_ns)
 
-    return Subscriber(bus, process, update, feed.set_alive)
+    return Subscriber(bus, process, update, live.set_alive)
 
 
 class RefusedMessages:
     """Counts invalid messages of the bus, and reports them as events of the display."""
 
-    def __init__(self, feed: LiveState, clock: Clock) -> None:
-        self._feed, self._clock = feed, clock
+    def __init__(self, live: LiveState, clock: Clock) -> None:
+        self._live, self._clock = live, clock
         self._count = 0
         self._due_ns: int | None = None
 
@@ -48,4 +48,4 @@ class RefusedMessages:
         if self._due_ns is None or now_ns >= self._due_ns:
             self._due_ns = now_ns + WARNING_PERIOD_NS
             text = f"{self._count} messages refused, the last on {topic[:100]!a}: {why}"
-            self._feed.warn("bus", shorten(text), now_ns)
+            self._live.warn("bus", shorten(text), now_ns)

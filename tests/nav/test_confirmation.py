@@ -1,6 +1,6 @@
 """An independent source confirms a receiver: it is readmitted, or the filter restarts.
 
-Truth, unit and receivers are those of ``receiver_flights``, through the whole pipeline; the witness is drawn here: 1
+Truth, unit and receivers are those of ``receiver_flights``, through the whole pipeline; the source is drawn here: 1
 Hz, errors of 8 m of which it states 10 m.
 """
 
@@ -18,10 +18,10 @@ from fti.config import AlertLimits, Config, parse
 from fti.geodesy.wgs84 import radii
 from fti.messages.measurements import Attitude, ImuSample, Measurement, Position, PressureAltitude, Stamp, Velocity
 from fti.messages.outputs import Event, FilterSolution, SourceValidity
+from fti.nav.confirmation import ConfirmationMonitor, Size, find_tolerance
 from fti.nav.pipeline import Pipeline
 from fti.nav.protection import FilterReference
 from fti.nav.source_interpolation import PositionState
-from fti.nav.witnesses import Size, WitnessMonitor, find_tolerance
 from tests.nav.receiver_flights import SECOND_NS, T0, VELOCITY_SD, Fault, Fixes, Flight, draw, offset_after, silent
 
 LAT, RADIUS = 0.8, 6_366_000.0
@@ -29,9 +29,9 @@ LIMITS = AlertLimits()
 
 
 def config(depends: dict[str, list[str] | None], filtered: bool) -> Config:
-    """gnss, and witnesses by name with what they depend on."""
+    """gnss, and independent sources by name with what they depend on."""
     device = {"link": "l", "driver": "d"}
-    witnesses = [
+    sources = [
         {"name": n, "max_age_ms": 1500, **device, **({} if on is None else {"depends_on": on})}
         for n, on in depends.items()
     ]
@@ -39,7 +39,7 @@ def config(depends: dict[str, list[str] | None], filtered: bool) -> Config:
     table: dict[str, Any] = {
         "session": {"name": "t"},
         "link": [{"name": "l", "kind": "serial", "port": "/dev/null"}],
-        "device": [{"name": name, **device} for name in ("imu", "air", "gnss")] + witnesses,
+        "device": [{"name": name, **device} for name in ("imu", "air", "gnss")] + sources,
         "nav": nav | ({"filter": {"imu": "imu", "gnss": ["gnss"], "baro": "air"}} if filtered else {}),
     }
     return parse(table, "", Path("t.toml"))
@@ -53,7 +53,7 @@ def at(north_m: float, sd: float = 2.0, up_m: float = 0.0, newest_ns: int = 0) -
 
 
 @pytest.mark.parametrize(
-    ("apart_m", "witness_sd", "size_m", "tolerance"),
+    ("apart_m", "source_sd", "size_m", "tolerance"),
     [
         (10.0, 10.0, 200.0, 58.0),  # 10 + 4.8 * 10
         (10.0, 10.0, 110.0, None),  # half of the contradiction is 55 m
@@ -63,15 +63,15 @@ def at(north_m: float, sd: float = 2.0, up_m: float = 0.0, newest_ns: int = 0) -
         (0.0, 0.0, 200.0, None),  # no sigma
     ],
 )
-def test_a_witness_proves_what_half_of_the_contradiction_needs(
-    apart_m: float, witness_sd: float, size_m: float, tolerance: float | None
+def test_a_source_confirms_half_of_the_contradiction(
+    apart_m: float, source_sd: float, size_m: float, tolerance: float | None
 ) -> None:
     """By hand, with K = 4.80."""
-    found = find_tolerance(at(0.0), at(apart_m, witness_sd), Size(size_m), LIMITS)
+    found = find_tolerance(at(0.0), at(apart_m, source_sd), Size(size_m), LIMITS)
     assert found == (None if tolerance is None else pytest.approx(tolerance, abs=0.2))
 
 
-def test_a_height_that_contradicts_needs_a_height_of_the_witness() -> None:
+def test_a_height_that_contradicts_needs_a_height_of_the_source() -> None:
     """By hand: 3 m + 4.42 * 4 m are less than half of 47 m, and than the 30 m of the alert limit."""
     size = Size(200.0, 47.0)
     assert find_tolerance(at(0.0), at(0.0, 4.0, up_m=3.0), size, LIMITS) == pytest.approx(20.7, abs=0.1)
@@ -79,14 +79,14 @@ def test_a_height_that_contradicts_needs_a_height_of_the_witness() -> None:
     assert find_tolerance(at(0.0), at(0.0, 4.0, up_m=3.0), Size(None, 47.0), LIMITS) is None
 
 
-def agreements(depends: list[str] | None, *, witness_s: Sequence[int], seconds: int = 45) -> list[int]:
-    """Seconds at which a witness confirms a receiver at the same place; it gives a position at ``witness_s``."""
-    monitor, found = WitnessMonitor(config({"box": depends}, filtered=False), {}), []
+def agreements(depends: list[str] | None, *, source_s: Sequence[int], seconds: int = 45) -> list[int]:
+    """Seconds at which a source confirms a receiver at the same place; it gives a position at ``source_s``."""
+    monitor, found = ConfirmationMonitor(config({"box": depends}, filtered=False), {}), []
     for second in range(seconds):
         t_ns = second * SECOND_NS
         place = Position(stamp=Stamp(t_ns), lat=LAT, lon=0.2, alt=100.0, horizontal_sd=3.0, vertical_sd=3.0)
         monitor.feed("gnss", place, [place], t_ns)
-        if second in witness_s:
+        if second in source_s:
             monitor.feed("box", place, [place], t_ns)
         if monitor.update(t_ns, {"gnss": Size(200.0)}, None, None, None):
             found.append(second)
@@ -94,19 +94,19 @@ def agreements(depends: list[str] | None, *, witness_s: Sequence[int], seconds: 
 
 
 def test_it_takes_30_s_without_a_break() -> None:
-    assert agreements(["map"], witness_s=range(45))[0] == 30
+    assert agreements(["map"], source_s=range(45))[0] == 30
     broken = [*range(20), *range(24, 60)]
-    assert agreements(["map"], witness_s=broken, seconds=60)[0] == 54
+    assert agreements(["map"], source_s=broken, seconds=60)[0] == 54
 
 
 def test_who_shares_an_entry_or_declares_nothing_confirms_nothing() -> None:
-    assert not agreements(["satellites", "inertial"], witness_s=range(45))
-    assert not agreements(None, witness_s=range(45))
-    assert agreements([], witness_s=range(45))
+    assert not agreements(["satellites", "inertial"], source_s=range(45))
+    assert not agreements(None, source_s=range(45))
+    assert agreements([], source_s=range(45))
 
 
-def test_a_witness_that_its_own_tests_refuse_confirms_nothing() -> None:
-    monitor = WitnessMonitor(config({"box": ["map"]}, filtered=False), {})
+def test_a_source_that_its_own_tests_refuse_confirms_nothing() -> None:
+    monitor = ConfirmationMonitor(config({"box": ["map"]}, filtered=False), {})
     for second in range(45):
         place = Position(stamp=Stamp(0), lat=LAT, lon=0.2, alt=100.0, horizontal_sd=3.0, vertical_sd=3.0)
         refused = Position(stamp=Stamp(0), lat=LAT, lon=0.2, alt=100.0, valid=False)
@@ -118,7 +118,7 @@ def test_a_witness_that_its_own_tests_refuse_confirms_nothing() -> None:
 def test_one_of_the_two_against_the_filter_is_nothing_and_both_are_distinguished() -> None:
     """The filter is 90 m away: beyond its 50 m and 4.8 * 3 m of the receiver, not beyond 4.8 * 10 m of the box."""
     for sd, expected in ((10.0, []), (3.0, [True])):
-        monitor = WitnessMonitor(config({"box": ["map"]}, filtered=False), {})
+        monitor = ConfirmationMonitor(config({"box": ["map"]}, filtered=False), {})
         found = []
         for second in range(31):
             t_ns = second * SECOND_NS
@@ -152,10 +152,11 @@ class FlightLog:
         return next(t for t, event in self.events if text in event)
 
 
-def fly(flight: Flight, fault: Fault, witness: list[str] | None, *, filtered: bool, until_s: float) -> FlightLog:
-    pipeline, log = Pipeline(config({"box": witness}, filtered), None), FlightLog()
+def fly(flight: Flight, fault: Fault, source: list[str] | None, *, filtered: bool, until_s: float) -> FlightLog:
+    pipeline, log = Pipeline(config({"box": source}, filtered), None), FlightLog()
     truth = flight.truth.state(flight.t)
-    rows = sorted([*_receiver(fault(flight.receivers["gnss"])), *_witness(flight), *_air(flight)], key=lambda r: r[0])
+    receiver = _receiver(fault(flight.receivers["gnss"]))
+    rows = sorted([*receiver, *_independent_source(flight), *_air(flight)], key=lambda r: r[0])
     taken = 0
     for k, t in enumerate(flight.t[flight.t < until_s].tolist()):
         t_ns = T0 + round(t * SECOND_NS)
@@ -194,7 +195,7 @@ def _receiver(fixes: Fixes) -> list[tuple[float, str, Measurement]]:
     return found
 
 
-def _witness(flight: Flight) -> list[tuple[float, str, Measurement]]:
+def _independent_source(flight: Flight) -> list[tuple[float, str, Measurement]]:
     rng, t = np.random.default_rng(7), np.arange(0.6, flight.t[-1], 1.0)
     state = flight.truth.state(t)
     errors = rng.normal(0.0, 8.0, (len(t), 3)) / [RADIUS, RADIUS * np.cos(LAT), 1.0]
@@ -226,21 +227,21 @@ def hidden(size_m: float, *, ends: bool) -> Fault:
     return lambda fixes: silent(80.0, 86.0)(lie(fixes))
 
 
-def test_a_receiver_that_is_right_again_is_back_in_beside_a_witness() -> None:
+def test_a_receiver_that_is_right_again_is_back_in_with_an_independent_source() -> None:
     """400 m of contradiction; 30 s after its return."""
     log = fly(draw(0), hidden(400.0, ends=True), ["map"], filtered=False, until_s=130.0)
     assert not log.is_valid_at(114.0)
     assert log.is_valid_at(120.0), log.texts()
 
 
-def test_without_a_witness_it_stays_unconfirmed() -> None:
+def test_without_an_independent_source_it_stays_unconfirmed() -> None:
     log = fly(draw(0), hidden(400.0, ends=True), None, filtered=False, until_s=130.0)
     assert not log.is_valid_at(129.0)
 
 
 @pytest.mark.parametrize(("size_m", "ends"), [(400.0, False), (80.0, True)])
-def test_a_lie_that_lasts_and_one_that_the_witness_cannot_see_stay_out(size_m: float, ends: bool) -> None:
-    """80 m: 4.8 sigma of the witness are 48 m, more than half."""
+def test_a_lie_that_lasts_and_one_that_the_source_cannot_detect_stay_out(size_m: float, ends: bool) -> None:
+    """80 m: 4.8 sigma of the source are 48 m, more than half."""
     log = fly(draw(0), hidden(size_m, ends=ends), ["map"], filtered=False, until_s=150.0)
     assert not log.is_valid_at(149.0), log.texts()
 
@@ -258,14 +259,16 @@ def spoofed() -> Fault:
     return lambda fixes: silent(150.0, 156.0)(lie(fixes))
 
 
-@pytest.mark.parametrize("witness", [["map"], None])
-def test_a_receiver_that_the_filter_has_excluded_aids_again_beside_a_witness(witness: list[str] | None) -> None:
-    log = fly(draw(0), spoofed(), witness, filtered=True, until_s=260.0)
+@pytest.mark.parametrize("source", [["map"], None])
+def test_a_receiver_that_the_filter_has_excluded_aids_again_when_a_source_confirms_it(
+    source: list[str] | None,
+) -> None:
+    log = fly(draw(0), spoofed(), source, filtered=True, until_s=260.0)
     assert log.time_of("gnss: refused") < 130.0
     print(log.texts())
     late = [error for t, error, _ in log.filtered if t > 250.0]
     assert all(error < hpl for t, error, hpl in log.filtered if t > 60.0)
-    if witness is None:
+    if source is None:
         assert "aids the filter again" not in log.texts()
     else:
         assert 186.0 < log.time_of("gnss: aids the filter again: box agrees with it") < 225.0
@@ -279,16 +282,16 @@ def pushed(flight: Flight, acceleration: float) -> Flight:
     return replace(flight, imu=imu)
 
 
-@pytest.mark.parametrize("witness", [["map"], None])
-def test_two_that_agree_against_the_filter_begin_it_anew(witness: list[str] | None) -> None:
+@pytest.mark.parametrize("source", [["map"], None])
+def test_two_that_agree_against_the_filter_begin_it_anew(source: list[str] | None) -> None:
     """0.5 m/s^2 for 20 s: 10 m/s, in which the filter believes; it refuses the receiver."""
-    log = fly(pushed(draw(0), 0.5), lambda fixes: fixes, witness, filtered=True, until_s=260.0)
+    log = fly(pushed(draw(0), 0.5), lambda fixes: fixes, source, filtered=True, until_s=260.0)
     print(log.texts())
     assert log.time_of("gnss: refused") < 130.0
     before = [error for t, error, _ in log.filtered if 145.0 < t < 150.0]
     late = [error for t, error, _ in log.filtered if t > 250.0]
     assert min(before) > 50.0
-    if witness is None:
+    if source is None:
         assert "begins anew" not in log.texts()
         assert min(late) > 200.0
     else:
