@@ -5,7 +5,7 @@ vertical channel and of the radio fix.  Each of its samples is then compared wit
 samples: a slow drift passes, and the altitude follows.  With a radar 100 m above level ground the fastest drift that
 passed for a minute was 1 m/s with an inertial unit of navigation grade, 1.5 m/s of tactical grade and 3.5 m/s of MEMS;
 a radio fix follows any drift.  The sigmas of height and altitude remain those of sound altimeters, as over unknown
-ground.  An event reports the altimeters; NOT_INDEPENDENT in ``unchecked`` marks that the comparison proves nothing.
+ground.  An event reports the altimeters; NOT_INDEPENDENT in ``unchecked`` marks that the comparison is no test.
 """
 
 from __future__ import annotations

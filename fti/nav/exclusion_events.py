@@ -12,7 +12,7 @@ from fti.nav.time_series import SECOND_NS
 
 
 def altitude_name(sensor: str) -> str:
-    """Name under which the gate judges altitudes of an altimeter."""
+    """Name under which the gate tests altitudes of an altimeter."""
     return f"{sensor}.altitude"
 
 

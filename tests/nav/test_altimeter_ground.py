@@ -159,7 +159,7 @@ def test_who_agreed_before_the_position_was_lost_is_valid() -> None:
     flight = list(fly(40.0, ranges, 150.0, has_position=lambda t: t < 15.0))
     assert valid_share(flight, "laser", 5.0, 10.0) == 0.0
     assert valid_share(flight, "laser", 14.0, 40.0) == 1.0
-    ends = [t for t, out in flight for text in events(out, "laser") if "the known ground does not refuse it" in text]
+    ends = [t for t, out in flight for text in events(out, "laser") if "it agrees with the known ground" in text]
     assert len(ends) == 1
     assert 10.9 <= ends[0] <= 11.5
 

@@ -156,7 +156,7 @@ def test_a_step_is_not_trusted_and_then_starts_a_new_segment(step_s: float) -> N
     learned = next(true for true, valid_ns in tail if valid_ns is not None) - FTI_0 - 60 * SECOND_NS
     assert TIMEOUT_SEGMENT_NS < learned < 3 * TIMEOUT_SEGMENT_NS
     news = clock.drain_event_texts()
-    match = re.search(r"has gone by ([-+.0-9]+) s", news[0])
+    match = re.search(r"stepped by ([-+.0-9]+) s", news[0])
     assert match
     assert float(match[1]) == pytest.approx(step_s, abs=0.03)
     assert all("is known" in text for text in news[1:])

@@ -283,7 +283,7 @@ def pushed(flight: Flight, acceleration: float) -> Flight:
 
 
 @pytest.mark.parametrize("source", [["map"], None])
-def test_two_that_agree_against_the_filter_begin_it_anew(source: list[str] | None) -> None:
+def test_two_that_agree_against_the_filter_restart_it(source: list[str] | None) -> None:
     """0.5 m/s^2 for 20 s: 10 m/s, in which the filter believes; it refuses the receiver."""
     log = fly(pushed(draw(0), 0.5), lambda fixes: fixes, source, filtered=True, until_s=260.0)
     print(log.texts())
@@ -292,8 +292,8 @@ def test_two_that_agree_against_the_filter_begin_it_anew(source: list[str] | Non
     late = [error for t, error, _ in log.filtered if t > 250.0]
     assert min(before) > 50.0
     if source is None:
-        assert "begins anew" not in log.texts()
+        assert "restarts" not in log.texts()
         assert min(late) > 200.0
     else:
-        assert log.time_of("filter: begins anew: gnss and box agree, and contradict it") < 200.0
+        assert log.time_of("filter: restarts: gnss and box agree, and contradict it") < 200.0
         assert max(late) < 6.0

@@ -248,7 +248,7 @@ def test_a_filter_that_begins_again_with_another_height_still_refuses_the_one_th
     flight = without_samples(draw(0, ("gnss", "second")), 400.0, 400.5)
     found = fly(flight, {"gnss": offset_after(BEGIN, constant(0.0, 0.0, 47.0))})
     assert max(found.t) == pytest.approx(599.0, abs=1.1)
-    assert "gnss height: still refused after the filter began again" in found.texts()
+    assert "gnss height: still refused after a restart of the filter" in found.texts()
     assert found.misled(SETTLED) == 0.0
 
 
@@ -257,7 +257,7 @@ def test_a_filter_that_begins_again_with_another_receiver_still_refuses_the_one_
     found = fly(flight, {"gnss": STANDING["step"][0]})
     assert found.refused_at("gnss")[-1] == pytest.approx(max(found.t))
     assert max(found.t) == pytest.approx(599.0, abs=1.1)
-    assert "gnss: still refused after the filter began again" in found.texts()
+    assert "gnss: still refused after a restart of the filter" in found.texts()
     assert found.misled(SETTLED) == 0.0
 
 

@@ -224,7 +224,7 @@ def test_navigation_learned_the_same_clock(session: Path, tmp_path: Path) -> Non
     assert (known["state"], known["late"]) == ("good", pytest.approx(17, abs=3))
     assert known["drift_ppm"] == pytest.approx(DRIFT_PPM, abs=4 * known["drift_sd_ppm"])
     device_time = [json.loads(data)["message"] for topic, *_, data in first if topic == "/fti/event"]
-    assert any("receiver (utc) has gone by -1.0" in text for text in device_time)
+    assert any("receiver (utc) stepped by -1.0" in text for text in device_time)
 
 
 @pytest.mark.browser

@@ -106,7 +106,7 @@ def test_without_a_fresh_start_of_decoders_a_wrong_height_would_be_valid(tmp_pat
         _assert_nothing_wrong_is_valid(world)
 
 
-@pytest.mark.parametrize(("source", "text"), [("ins", "nothing to readmit"), ("*", "begins anew")])
+@pytest.mark.parametrize(("source", "text"), [("ins", "nothing to readmit"), ("*", "restarts")])
 def test_a_readmission_by_the_operator_is_recorded_and_repeated(source: str, text: str, tmp_path: Path) -> None:
     commands = [json.dumps({"readmit": source}).encode() + b"\n"]
 

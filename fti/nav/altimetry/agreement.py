@@ -47,7 +47,7 @@ END_SHARE = 0.8
 MAX_GAP_NS, MAX_PAUSE_NS = 1_000_000_000, 2_500_000_000
 #: Without a disagreement a refusal ends after this multiple of its duration, within these limits [ns].
 UNCOMPARED_SHARE, MIN_UNCOMPARED_NS, MAX_UNCOMPARED_NS = 20, 2_000_000_000, 600_000_000_000
-#: Reasons for which a prediction proves nothing: wrong ground, a gate of twice its limit, its own altitude.
+#: Reasons for which a prediction is no test: wrong ground, a gate of twice its limit, its own altitude.
 UNPROVEN_REASONS = frozenset({Reason.GROUND_CONTRADICTED, Reason.UNCERTAIN, Reason.NOT_INDEPENDENT})
 #: Reasons against one altimeter that decide which of two is the wrong one.
 DECISIVE_REASONS = frozenset({Reason.STUCK, Reason.CHANGE_MISMATCH, Reason.DEVIATION})
@@ -152,7 +152,7 @@ class _Pair:
         if now_ns - since_ns >= END_NS:
             self.wrong -= {name}
 
-    def accuse(self, now_ns: int, name: str) -> None:
+    def set_wrong(self, now_ns: int, name: str) -> None:
         """One of two that disagree is refused for another, decisive reason: it is the wrong one."""
         if self.wrong:
             self.wrong = frozenset({name})
@@ -223,7 +223,7 @@ class AgreementCheck:
         if comparable is None:
             if not DECISIVE_REASONS.isdisjoint(refusals):
                 for pair in pairs:
-                    pair.accuse(height.t_ns, height.sensor)
+                    pair.set_wrong(height.t_ns, height.sensor)
         elif not samples or comparable.t_ns > samples[-1].t_ns:
             samples.append(comparable)
             if len(samples) > 2 and samples[-1].t_ns - samples[-3].t_ns < SPACING_NS:

@@ -163,7 +163,7 @@ class GroundCheck:
 
 
 def _end(t_ns: int, name: str) -> Event:
-    return Event(t_ns=t_ns, level="info", source=name, text="altitude or terrain is not called wrong any more")
+    return Event(t_ns=t_ns, level="info", source=name, text="altitude and terrain are consistent again")
 
 
 def _names(pairs: Iterable[_Pair]) -> frozenset[str]:

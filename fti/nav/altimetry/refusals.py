@@ -17,7 +17,7 @@ BEGINS: Mapping[Reason, str] = {
     Reason.ALTIMETERS_DISAGREE: "it disagrees with another altimeter",
 }
 ENDS: Mapping[Reason, str] = {
-    Reason.DEVIATION: "the known ground does not refuse it",
+    Reason.DEVIATION: "it agrees with the known ground",
     Reason.STUCK: "its value changes again",
     Reason.CHANGE_MISMATCH: "it changes as the known ground predicts",
     Reason.ALTIMETERS_DISAGREE: "no other altimeter disagrees with it",

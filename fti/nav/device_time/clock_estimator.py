@@ -309,7 +309,7 @@ class ClockEstimator:
         if previous.is_known:
             step = (t_dev_ns - previous.device_ns(t_rx_ns)) / SECOND_NS
             self._event_texts.append(
-                f"the clock of {self._name} ({self.scale}) has gone by {step:+.3f} s; it is learned anew"
+                f"the clock of {self._name} ({self.scale}) stepped by {step:+.3f} s; it is estimated again"
             )
 
     def _unwrap(self, segment: ClockSegment, t_rx_ns: int, t_dev_ns: int) -> tuple[int, float]:
@@ -323,7 +323,7 @@ class ClockEstimator:
             if abs(jumped) <= self._max_age_ns:
                 self.unwrap_ns += jump
                 self._event_texts.append(
-                    f"the counter of {self._name} ({self.scale}) has gone by {-jump / SECOND_NS:+.0f} s"
+                    f"the counter of {self._name} ({self.scale}) stepped by {-jump / SECOND_NS:+.0f} s"
                 )
                 return unwrapped + jump, jumped
         return unwrapped, late

@@ -208,7 +208,7 @@ class ClearanceMonitor:
         t_ns, s = self._updated
         return x.t_valid_ns - t_ns >= UPDATE_NS and abs(s - x.s) >= UPDATE_M
 
-    # -------------------------------------------------------------------------------------------------- judging
+    # -------------------------------------------------------------------------------------------------- tests
 
     def _evaluate(self, x: ClearanceSample) -> ClearanceIntegrity:
         self.bins = self._window.bins(x.s)

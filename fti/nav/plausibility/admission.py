@@ -30,7 +30,7 @@ class AdmissionChange(StrEnum):
     """The change made by an update."""
 
     REFUSED = "refused"
-    STANDING = "standing"  # was refused; now the contradiction stands
+    STANDING = "standing"  # was refused; now the contradiction persists
     CLOSED = "closed"  # a step back has ended the contradiction
     VALID = "valid"
 
@@ -73,7 +73,7 @@ class Admission:
 
     @property
     def is_unconfirmed(self) -> bool:
-        """Whether a contradiction stands and all tests have since passed long enough."""
+        """Whether a contradiction persists and all tests have since passed long enough."""
         return self.is_standing and self._has_passed
 
     @property
@@ -132,5 +132,5 @@ class Admission:
 
     @property
     def all_reasons(self) -> tuple[Reason, ...]:
-        """Reasons of the refusal in force, with UNCONFIRMED while a contradiction stands."""
+        """Reasons of the refusal in force, with UNCONFIRMED while a contradiction persists."""
         return (*self.reasons, Reason.UNCONFIRMED) if self.is_standing else self.reasons

@@ -183,7 +183,7 @@ class AxisTests:
         self._restart()
         self._lose_contradiction()
 
-    # ----------------------------------------------------------------------------------------------------- judging
+    # ----------------------------------------------------------------------------------------------------- tests
 
     def _evaluate(self, fix: AxisFix) -> list[PlausibilityFinding] | None:
         """Findings of a fix; None while it waits for a different one."""
@@ -332,7 +332,7 @@ class AxisTests:
         elif contradiction is None:
             contradiction = StandingContradiction(fix.t_ns, residual, at.path)
         self._restart()
-        text = f"{self.name}: {residual:+.1f} m beside the path of its velocity, limit {limit:.1f} m"
+        text = f"{self.name}: {residual:+.1f} m from the path of its velocity, limit {limit:.1f} m"
         finding = PlausibilityFinding(Reason.JUMP, fix.t_ns, text, is_standing=True)
         self.contradiction = contradiction
         return [finding]
@@ -376,7 +376,7 @@ class AxisTests:
             allowance = acceleration * self.velocity.interval_s**2 / 6.0
             self.is_suspected = self.is_suspected or abs(drift) > 0.5 * K_FALSE * sd + allowance
             if abs(drift) > K_FALSE * sd + allowance:
-                text = f"{self.name}: {drift:+.1f} m in {seconds:.0f} s beside the path of its velocity, "
+                text = f"{self.name}: {drift:+.1f} m in {seconds:.0f} s from the path of its velocity, "
                 text += f"limit {K_FALSE * sd + allowance:.1f} m"
                 finding = PlausibilityFinding(Reason.DRIFT, past.t_ns, text, is_standing=True)
                 return [self._open_contradiction(finding, drift, past.t_ns, past.path)]

@@ -35,7 +35,7 @@ def describe(t_ns: int, source: str, quantity: str, admission: Admission, change
     finding = admission.finding
     assert finding is not None
     if change is AdmissionChange.STANDING:
-        text = f"{quantity} unconfirmed: a contradiction stands; valid after {admission.readmission_condition}"
+        text = f"{quantity} unconfirmed: a contradiction persists; valid after {admission.readmission_condition}"
         return Event(t_ns=t_ns, level="warning", source=source, text=text)
     text = f"{quantity} refused: {finding.reason}: {finding.text}; since {clock_text(finding.onset_ns)} UTC; "
     return Event(t_ns=t_ns, level="warning", source=source, text=f"{text}valid after {admission.readmission_condition}")

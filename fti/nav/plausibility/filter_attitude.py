@@ -77,9 +77,7 @@ class FilterAttitudeTest:
             compared = True
             allowed, off = limit + K_FALSE * math.hypot(sd, rate * TIME_SD_S), wrap(value.value - own)
             if abs(off) > allowed:
-                return (
-                    f"{name} {math.degrees(off):+.1f} deg beside that of the filter, limit {math.degrees(allowed):.1f}"
-                )
+                return f"{name} {math.degrees(off):+.1f} deg from that of the filter, limit {math.degrees(allowed):.1f}"
         return "" if compared else None
 
     def finding(self, source: str) -> PlausibilityFinding | None:

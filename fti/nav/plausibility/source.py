@@ -52,7 +52,7 @@ ELLIPSOID, SEA = "ellipsoid", "sea"
 
 
 class UnconfirmedSource(NamedTuple):
-    """A source whose contradiction stands while its tests pass again.
+    """A source whose contradiction persists while its tests pass again.
 
     quantities : position, height, velocity, unless refused otherwise;  readmission : condition that would end it
     """
@@ -135,11 +135,11 @@ class SourceTests:
     def readmit(self, t_ns: int) -> list[Event]:
         """End the contradiction by order of the operator."""
         if self._ranges.release():
-            text = "what its pseudoranges have found does not count any more"
+            text = "findings of its pseudoranges are dismissed"
             released = [Event(t_ns=t_ns, level="info", source=self.name, text=text)]
             return released + (self.readmit(t_ns) if self.is_unconfirmed else [])
         if not self.is_unconfirmed:
-            text = "nothing to readmit: no contradiction stands against it"
+            text = "nothing to readmit: it has no contradiction"
             return [Event(t_ns=t_ns, level="info", source=self.name, text=text)]
         for axis in (self._north, self._east, *self._ups.values()):
             axis.readmit()
@@ -164,7 +164,7 @@ class SourceTests:
 
     @property
     def is_unconfirmed(self) -> bool:
-        """Whether a contradiction stands."""
+        """Whether a contradiction persists."""
         return self.position.is_standing or self.altitude.is_standing
 
     @property

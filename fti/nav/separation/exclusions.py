@@ -60,7 +60,7 @@ def describe_exclusion(device: str, label: str, finding: SourceFault, t_ns: int)
         age_s = (t_ns - finding.copy.began_ns) / SECOND_NS
         remark = "" if finding.onset_ns >= finding.copy.began_ns else "; it may have contradicted before that"
     return (
-        f"{label}: refused: {finding.text}, for {since_s:.0f} s; the filter goes on as it was without it for"
+        f"{label}: refused: {finding.text}, for {since_s:.0f} s; the filter continues as it was without it for"
         f" {age_s:.0f} s{remark}; it aids again when the contradiction ends by a step, or by 'fti readmit {device}'"
     )
 
@@ -71,7 +71,7 @@ def describe_misled(group: SourceClass, names: Iterable[str], finding: SourceFau
     age_s = (t_ns - finding.copy.began_ns) / SECOND_NS
     return (
         f"{' and '.join(sorted(names))}: excluded: {' and '.join(group.devices)} came back outside the gate of the"
-        f" filter, and agrees with the filter without them; it goes on as it was without them for {age_s:.0f} s"
+        f" filter, and agrees with the filter without them; it continues as it was without them for {age_s:.0f} s"
     )
 
 
@@ -84,7 +84,7 @@ def describe_return(group: SourceClass) -> str:
 
 
 def describe_unconfirmed(receiver: ExcludedReceiver) -> str:
-    """Text when a receiver agrees again without proof."""
+    """Text when a receiver agrees again and its contradiction persists."""
     return (
         f"{receiver.label}: agrees again for {AGREED_NS // SECOND_NS} s and {AGREED_COUNT} fixes, unconfirmed; it aids"
         f" again after {describe_readmission(receiver)}"

@@ -275,7 +275,7 @@ class FaultDetection:
         self._is_restarted = False
         for receiver in self._refused.values():
             self._navigator.exclude(receiver.names, receiver.onset_ns, None)
-            text = f"{receiver.label}: still refused after the filter began again"
+            text = f"{receiver.label}: still refused after a restart of the filter"
             text += f"; it aids again after {describe_readmission(receiver)}"
             self._add_event(t_ns, "warning", text)
 
@@ -508,7 +508,7 @@ class FaultDetection:
     def _restart_with(self, receiver: ExcludedReceiver, source: str, t_ns: int) -> None:
         del self._refused[receiver.label]
         self._navigator.restart(Reason.DIVERGED)
-        text = f"filter: begins anew: {receiver.label} and {source} agree, and contradict it"
+        text = f"filter: restarts: {receiver.label} and {source} agree, and contradict it"
         self._add_event(t_ns, "warning", text)
 
     def _add_event(self, t_ns: int, level: str, text: str) -> None:

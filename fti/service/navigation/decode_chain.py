@@ -111,7 +111,7 @@ class Chain:
         self._pipeline, self._conditions = Pipeline(self._config, self._reference), OutputConditions(self._config)
         if self._terrain:
             self._pipeline.set_terrain(*self._terrain)
-        text = "begins anew: the operator readmits all sources"
+        text = "restarts: the operator readmits all sources"
         return Event(t_ns=t_ns, level="info", source="nav", text=text)
 
     @property

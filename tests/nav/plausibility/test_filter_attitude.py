@@ -62,7 +62,7 @@ def test_an_attitude_beyond_the_limit_is_refused_after_5_s(off: Angles) -> None:
     assert refused["ins"][-1] > 59.9
     assert refused["ahrs"] == []
     assert {o.source: o for o in validities}["ins"].reasons == (Reason.ATTITUDES_DISAGREE,)
-    assert any("beside that of the filter" in e.text and e.source == "ins" for e in events)
+    assert any("from that of the filter" in e.text and e.source == "ins" for e in events)
 
 
 def test_a_single_source_is_refused_too() -> None:

@@ -354,7 +354,7 @@ def test_without_ranges_a_finding_stays_until_the_operator_ends_it() -> None:
     run(flight(90, lambda t, m: None if isinstance(m, Pseudoranges) and t > 15.0 else wrong(t, m)), tests)
     assert not tests.position.is_valid
     (event,) = tests.readmit(91 * S)
-    assert event.text == "what its pseudoranges have found does not count any more"
+    assert event.text == "findings of its pseudoranges are dismissed"
     assert "nothing to readmit" in tests.readmit(92 * S)[0].text
 
 
