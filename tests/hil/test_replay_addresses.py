@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import re
 import socket
 from pathlib import Path
 
@@ -41,7 +42,9 @@ REFUSED: list[tuple[Link, str]] = [
 
 @pytest.mark.parametrize("link", ALLOWED, ids=lambda link: link.name)
 def test_what_stays_here_is_allowed(link: Link) -> None:
-    check_links([link], "session")
+    refused, named = REFUSED[0]
+    with pytest.raises(ConfigError, match=re.escape(f"link {refused.name!r}: the recording names {named}")):
+        check_links([link, refused], "session")
 
 
 @pytest.mark.parametrize(("link", "named"), REFUSED, ids=lambda value: getattr(value, "name", ""))

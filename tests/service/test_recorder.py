@@ -199,7 +199,10 @@ def test_it_finishes_when_the_supervisor_is_gone(rig: Rig) -> None:
 def test_a_child_without_an_order_ends_when_it_is_let_go() -> None:
     child = Child("recorder")
     child.prepare()
+    assert child._waiting
+    process = child._waiting.process
     child.dismiss()
+    assert process.returncode == 0
 
 
 def test_linear_algebra_of_a_child_has_one_thread() -> None:

@@ -53,15 +53,15 @@ def test_slots_are_free_after_use(tmp_path: Path) -> None:
     slots = FlightSlots(tmp_path / "new", 1)
     for _ in range(3):
         with slots.hold():
-            pass
+            assert len(_locks(os.getpid())) == 1
+        assert not _locks(os.getpid())
 
 
 def test_a_process_does_not_wait_for_itself(tmp_path: Path) -> None:
     slots = FlightSlots(tmp_path, 1)
     with slots.hold(), slots.hold():
-        pass
-    with slots.hold():
-        pass
+        assert len(_locks(os.getpid())) == 1
+    assert not _locks(os.getpid())
 
 
 def test_there_is_always_one(tmp_path: Path) -> None:
